@@ -1,0 +1,17 @@
+// Everything of lockstep that an application needs. SPDX-License-Identifier: Apache-2.0
+//
+//     Model model = import_urdf_file("gripper.urdf").model;      // or fill a Model in code
+//     Plan plan = compile(model, {.dt = 1.0 / 240});             // plan.describe() says what a step does
+//     Batch<float> batch(plan, 4096);
+//     batch.position_targets().row(plan.dof("driver")) = 0.4f;
+//     batch.step(4);                                             // four sub-steps for one control
+#pragma once
+
+#include "lockstep/batch.h"
+#include "lockstep/error.h"
+#include "lockstep/import.h"
+#include "lockstep/model.h"
+#include "lockstep/plan.h"
+#include "lockstep/softness.h"
+#include "lockstep/step.h"
+#include "lockstep/version.h"

@@ -1,0 +1,139 @@
+// Model: one environment's mechanism, in names, doubles and SI units. SPDX-License-Identifier: Apache-2.0
+//
+// A Model is plain data. Fill it in code or read it from a file (import.h); either way compile()
+// (plan.h) checks it and turns it into the tables that a Batch steps. Units: m, kg, s, rad, N, N m.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "lockstep/softness.h"
+
+namespace lockstep {
+
+inline constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// Mass and its distribution, in the axes of the link's own frame.
+struct Inertia {
+  double mass = 0.0;                                             ///< kg
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();              ///< centre of mass in the link frame, m
+  Eigen::Matrix3d about_center = Eigen::Matrix3d::Zero();        ///< rotational inertia about it, kg m^2
+
+  /// A solid box of uniform density, its centre at `center`.
+  static Inertia box(double mass, const Eigen::Vector3d& size, const Eigen::Vector3d& center);
+};
+
+struct Link {
+  std::string name;
+  Inertia inertia;
+};
+
+enum class JointKind {
+  fixed,       ///< the child is part of its parent: merged when compiling
+  revolute,    ///< turns about the axis, rad
+  continuous,  ///< the same without position limits; its angle is not wrapped
+  prismatic,   ///< slides along the axis, m
+};
+
+/// A position-velocity servo, integrated implicitly (docs/mathematics.md, section 3):
+/// effort = kp (target - q) + kd (target velocity - v).
+struct Drive {
+  double kp = 0.0;               ///< N m/rad or N/m, >= 0
+  double kd = 0.0;               ///< N m s/rad or N s/m, >= 0
+  double position_target = 0.0;  ///< rad or m, the value that a Batch starts with
+  double velocity_target = 0.0;  ///< rad/s or m/s
+};
+
+struct Joint {
+  std::string name;
+  JointKind kind = JointKind::fixed;
+  std::string parent;                                            ///< link that carries the joint
+  std::string child;                                             ///< link that it moves
+  Eigen::Isometry3d origin = Eigen::Isometry3d::Identity();      ///< child frame in the parent's at q = 0
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitX();               ///< in the child frame; any length > 0
+
+  double damping = 0.0;   ///< N m s/rad or N s/m, >= 0
+  double armature = 0.0;  ///< rotor inertia seen at the joint, kg m^2 or kg, >= 0
+  Drive drive;
+  double effort = 0.0;    ///< feed-forward effort, N m or N
+
+  // Stored for those who read the model; a step does not enforce them yet, and Plan::describe() says so.
+  double lower = -infinity, upper = infinity;  ///< position range, rad or m
+  double velocity_limit = infinity;            ///< rad/s or m/s
+  double effort_limit = infinity;              ///< N m or N
+  double friction = 0.0;                       ///< dry friction, N m or N
+
+  double position = 0.0;  ///< where reset() puts the joint, rad or m
+  double velocity = 0.0;  ///< rad/s or m/s
+
+  bool moves() const { return kind != JointKind::fixed; }
+};
+
+struct CouplingTerm {
+  std::string joint;
+  double ratio = 1.0;  ///< G of (3) and (17) of the note; finite, not 0
+};
+
+/// A linear relation of joint positions, (17) of the note:
+///     C = q_joint + ratio_1 q_1 + ... + ratio_k q_k + offset = 0.
+/// With one term it is the mimic joint (3). The joints may lie anywhere in the tree.
+/// URDF's q_joint = multiplier * q_leader + offset is ratio = -multiplier, offset = -offset.
+struct Coupling {
+  std::string joint;
+  std::vector<CouplingTerm> terms;
+  double offset = 0.0;  ///< gamma
+  Softness softness;
+
+  static Coupling mimic(std::string joint, std::string other, double ratio, double offset = 0.0,
+                        Softness softness = {}) {
+    return {std::move(joint), {{std::move(other), ratio}}, offset, softness};
+  }
+};
+
+/// A named frame on a link: a fingertip, a sensor.
+struct Site {
+  std::string name;
+  std::string link;
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  ///< in the link frame
+};
+
+/// The first link is the root: bolted to the world, or floating in it.
+///
+/// Conventions of a floating root, here and wherever a Batch shows them:
+/// - its pose maps coordinates of the root link's frame to world coordinates (p_world = R p + t);
+/// - quaternions are unit, stored w, x, y, z, and stand for that same R;
+/// - its velocity is a twist in the axes of the root link's own frame: first the angular velocity
+///   (rad/s), then the velocity of the frame's origin (m/s), as in Featherstone (2008), section 2.
+struct Root {
+  bool floating = false;
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  Eigen::Matrix<double, 6, 1> velocity = Eigen::Matrix<double, 6, 1>::Zero();
+};
+
+struct Model {
+  std::string name = "model";
+  std::vector<Link> links;         ///< links[0] is the root of the tree
+  std::vector<Joint> joints;
+  std::vector<Coupling> couplings;
+  std::vector<Site> sites;
+  Root root;
+  Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< m/s^2, world axes
+
+  /// Throws ModelError for the first rule that is broken: names unique and known, one tree, finite
+  /// numbers in their ranges, inertias that a body can have, couplings between moving joints.
+  /// compile() calls it.
+  void validate() const;
+
+  /// Index of the element of that name; throws ModelError where there is none.
+  int link_index(const std::string& link) const;
+  int joint_index(const std::string& joint) const;
+  int site_index(const std::string& site) const;
+};
+
+/// Names of the couplings as files and reports show them: that of the coupling's first joint, with
+/// "#2", "#3" ... behind it where several couplings have the same one. Length: couplings.
+std::vector<std::string> coupling_names(const Model& model);
+
+}  // namespace lockstep

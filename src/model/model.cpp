@@ -1,0 +1,41 @@
+// Look-ups and small makers of Model. SPDX-License-Identifier: Apache-2.0
+#include "lockstep/model.h"
+
+#include <map>
+
+#include "lockstep/error.h"
+
+namespace lockstep {
+namespace {
+
+template <class Elements>
+int index_of(const Elements& elements, const std::string& name, const char* kind, const Model& model) {
+  for (std::size_t i = 0; i < elements.size(); ++i)
+    if (elements[i].name == name) return static_cast<int>(i);
+  throw ModelError(std::string(kind) + " '" + name + "'", std::string("no such ") + kind + " in model '" + model.name + "'",
+                   "check the spelling");
+}
+
+}  // namespace
+
+Inertia Inertia::box(double mass, const Eigen::Vector3d& size, const Eigen::Vector3d& center) {
+  const Eigen::Vector3d squares = size.cwiseProduct(size);
+  const Eigen::Vector3d diagonal = mass / 12.0 * (Eigen::Vector3d::Constant(squares.sum()) - squares);
+  return {mass, center, diagonal.asDiagonal()};
+}
+
+int Model::link_index(const std::string& link) const { return index_of(links, link, "link", *this); }
+int Model::joint_index(const std::string& joint) const { return index_of(joints, joint, "joint", *this); }
+int Model::site_index(const std::string& site) const { return index_of(sites, site, "site", *this); }
+
+std::vector<std::string> coupling_names(const Model& model) {
+  std::vector<std::string> names;
+  std::map<std::string, int> seen;
+  for (const Coupling& coupling : model.couplings) {
+    const int count = ++seen[coupling.joint];
+    names.push_back(count == 1 ? coupling.joint : coupling.joint + "#" + std::to_string(count));
+  }
+  return names;
+}
+
+}  // namespace lockstep

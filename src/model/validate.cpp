@@ -1,0 +1,197 @@
+// The rules that a Model keeps: one rule, one function. SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <Eigen/Eigenvalues>
+#include <set>
+
+#include "lockstep/error.h"
+#include "tree.h"
+
+namespace lockstep {
+namespace {
+
+using std::string;
+
+// Gear ratios beyond this leave no digits of the smaller side even in double.
+constexpr double largest_ratio = 1e9;
+// Real files round their tensors: how far, relative to the largest moment, an inertia may miss the rules.
+constexpr double inertia_slack = 1e-6;
+
+string quoted(const char* kind, const string& name) { return string(kind) + " '" + name + "'"; }
+
+void require(bool holds, const string& element, const string& rule, const string& remedy) {
+  if (!holds) throw ModelError(element, rule, remedy);
+}
+
+void finite(double value, const string& element, const string& what) {
+  require(std::isfinite(value), element, what + " is not a finite number", "give a finite number");
+}
+
+void finite(const Eigen::Ref<const Eigen::MatrixXd>& values, const string& element, const string& what) {
+  require(values.allFinite(), element, what + " has an entry that is not a finite number", "give finite numbers");
+}
+
+void not_negative(double value, const string& element, const string& what) {
+  finite(value, element, what);
+  require(value >= 0.0, element, what + " is negative (" + std::to_string(value) + ")", "give 0 or more");
+}
+
+void rigid(const Eigen::Isometry3d& pose, const string& element, const string& what) {
+  finite(pose.matrix(), element, what);
+  const Eigen::Matrix3d rotation = pose.linear();
+  require((rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < 1e-9 &&
+              rotation.determinant() > 0.0,
+          element, what + " is no rigid placement: its 3x3 part is no rotation",
+          "use a rotation matrix or a unit quaternion");
+}
+
+template <class Elements>
+void unique_names(const Elements& elements, const char* kind) {
+  std::set<string> seen;
+  for (const auto& element : elements) {
+    require(!element.name.empty(), string("a ") + kind, "has no name", "name it");
+    require(seen.insert(element.name).second, quoted(kind, element.name), "appears twice", "give every one its own name");
+  }
+}
+
+void possible_inertia(const Link& link) {
+  const string element = quoted("link", link.name);
+  const Inertia& inertia = link.inertia;
+  not_negative(inertia.mass, element, "mass");
+  finite(inertia.center, element, "centre of mass");
+  finite(inertia.about_center, element, "inertia");
+  const double size = inertia.about_center.cwiseAbs().maxCoeff();
+  require((inertia.about_center - inertia.about_center.transpose()).cwiseAbs().maxCoeff() <= inertia_slack * size,
+          element, "inertia is not symmetric", "give ixy = iyx and so on");
+  require(inertia.mass > 0.0 || size == 0.0, element, "has inertia but mass 0", "give it its mass");
+  const Eigen::Vector3d moments =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia.about_center, Eigen::EigenvaluesOnly).eigenvalues();
+  require(moments[0] >= -inertia_slack * size, element, "inertia is impossible: a principal moment is negative",
+          "check the signs of the products of inertia");
+  require(moments[0] + moments[1] >= moments[2] * (1.0 - inertia_slack), element,
+          "inertia is impossible: one principal moment exceeds the sum of the others (no distribution of mass has that)",
+          "check the units and that it is about the centre of mass");
+}
+
+void proper_joint(const Joint& joint) {
+  const string element = quoted("joint", joint.name);
+  rigid(joint.origin, element, "origin");
+  if (!joint.moves()) return;
+  finite(joint.axis, element, "axis");
+  require(joint.axis.norm() > 1e-9, element, "axis has no length", "give a direction such as 0 0 1");
+  not_negative(joint.damping, element, "damping");
+  not_negative(joint.armature, element, "armature");
+  not_negative(joint.friction, element, "friction");
+  not_negative(joint.drive.kp, element, "drive kp");
+  not_negative(joint.drive.kd, element, "drive kd");
+  finite(joint.drive.position_target, element, "position target");
+  finite(joint.drive.velocity_target, element, "velocity target");
+  finite(joint.effort, element, "effort");
+  finite(joint.position, element, "position");
+  finite(joint.velocity, element, "velocity");
+  require(joint.effort_limit >= 0.0, element, "effort limit is negative or no number", "give 0 or more");
+  require(joint.velocity_limit >= 0.0, element, "velocity limit is negative or no number", "give 0 or more");
+  require(joint.lower <= joint.upper, element, "position range is empty (lower > upper)", "swap the limits");
+}
+
+// Sufficient for a positive definite mass matrix: no joint, moving alone, moves nothing.
+void moves_some_inertia(const Model& model, const Tree& tree, int link) {
+  Inertia body;
+  for (std::size_t i = 0; i < model.links.size(); ++i)
+    if (tree.carrier[i] == link) body = body + transformed(model.links[i].inertia, tree.in_carrier[i]);
+  const string element = quoted("link", model.links[link].name);
+  const int j = tree.parent_joint[link];
+  if (j < 0) {
+    const double least =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(body.about_center, Eigen::EigenvaluesOnly).eigenvalues()[0];
+    require(body.mass > 0.0 && least > 0.0, element, "floats but has no mass or no inertia",
+            "give it an inertia, or fix the root");
+    return;
+  }
+  const Joint& joint = model.joints[j];
+  if (joint.armature > 0.0) return;
+  require(body.mass > 0.0, element, "moves (joint '" + joint.name + "') but has no mass",
+          "give it an inertia, or make the joint fixed");
+  if (joint.kind == JointKind::prismatic) return;
+  const Eigen::Vector3d axis = joint.axis.normalized();
+  const double about_axis =
+      axis.dot(body.about_center * axis) + body.mass * axis.cross(body.center).squaredNorm();
+  require(about_axis > 1e-12 * body.about_center.trace() && about_axis > 0.0, element,
+          "turns (joint '" + joint.name + "') but has no inertia about the axis",
+          "give it an inertia, or the joint an armature");
+}
+
+void proper_softness(const Softness& softness, const string& element) {
+  const double first = softness.first, second = softness.second;
+  finite(first, element, "softness");
+  finite(second, element, "softness");
+  switch (softness.kind) {
+    case Softness::Kind::hard:
+      require(first >= 0.0 && first < 2.0, element, "erp of a hard coupling is " + std::to_string(first) + ", outside [0, 2)",
+              "at 2 the error would change its sign forever; give 0.2");
+      break;
+    case Softness::Kind::mixing:
+      require(first >= 0.0 && first <= 1.0, element, "erp is outside [0, 1]", "give a share between 0 and 1");
+      require(second >= 0.0, element, "cfm is negative", "give 0 (hard) or more");
+      break;
+    case Softness::Kind::spring:
+      require(first >= 0.0 && second >= 0.0, element, "kp or kd is negative", "give 0 or more");
+      break;
+    case Softness::Kind::frequency:
+      require(first >= 0.0 && second >= 0.0, element, "natural frequency or damping ratio is negative",
+              "give 0 or more (rad/s; Hz times 2 pi)");
+      break;
+  }
+}
+
+void proper_coupling(const Model& model, const Coupling& coupling, const string& name) {
+  const string element = quoted("coupling", name);
+  finite(coupling.offset, element, "offset gamma");
+  require(!coupling.terms.empty(), element, "has only one joint", "name the joints that it follows");
+  proper_softness(coupling.softness, element);
+  std::set<string> seen;
+  const auto moving = [&](const string& joint) {
+    for (const Joint& candidate : model.joints)
+      if (candidate.name == joint) {
+        require(candidate.moves(), element, "couples joint '" + joint + "', which is fixed", "couple moving joints");
+        require(seen.insert(joint).second, element, "names joint '" + joint + "' twice", "add the ratios up");
+        return;
+      }
+    throw ModelError(element, "couples joint '" + joint + "', which does not exist", "correct the name");
+  };
+  moving(coupling.joint);
+  for (const CouplingTerm& term : coupling.terms) {
+    moving(term.joint);
+    finite(term.ratio, element, "gear ratio of joint '" + term.joint + "'");
+    require(term.ratio != 0.0, element, "gear ratio of joint '" + term.joint + "' is 0",
+            "remove the term; a joint that stands still is a fixed joint");
+    require(std::abs(term.ratio) <= largest_ratio && std::abs(term.ratio) >= 1.0 / largest_ratio, element,
+            "gear ratio of joint '" + term.joint + "' is beyond 1e-9 to 1e9: rounding leaves nothing of the smaller side",
+            "check the ratio; write the coupling the other way round if need be");
+  }
+}
+
+}  // namespace
+
+void Model::validate() const {
+  unique_names(links, "link");
+  unique_names(joints, "joint");
+  unique_names(sites, "site");
+  for (const Link& link : links) possible_inertia(link);
+  for (const Joint& joint : joints) proper_joint(joint);
+
+  const Tree tree(*this);
+  for (std::size_t i = 0; i < links.size(); ++i)
+    if (tree.carrier[i] == static_cast<int>(i) && (i > 0 || root.floating)) moves_some_inertia(*this, tree, static_cast<int>(i));
+
+  const std::vector<string> names = coupling_names(*this);
+  for (std::size_t c = 0; c < couplings.size(); ++c) proper_coupling(*this, couplings[c], names[c]);
+  for (const Site& site : sites) {
+    link_index(site.link);
+    rigid(site.pose, quoted("site", site.name), "pose");
+  }
+  rigid(root.pose, "root", "pose");
+  finite(root.velocity, "root", "velocity");
+  finite(gravity, quoted("model", name), "gravity");
+}
+
+}  // namespace lockstep

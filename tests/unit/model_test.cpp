@@ -1,0 +1,112 @@
+// Every rule of Model::validate refuses what breaks it, and says what. SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <functional>
+
+#include "lockstep/error.h"
+#include "lockstep/model.h"
+
+namespace lockstep {
+namespace {
+
+// A root with two joints one behind the other, coupled.
+Model two_joints() {
+  Model model;
+  const Inertia box = Inertia::box(0.2, {0.1, 0.04, 0.04}, {0.05, 0, 0});
+  model.links = {{"base", {}}, {"upper", box}, {"lower", box}};
+  Joint shoulder, elbow;
+  shoulder.name = "shoulder", shoulder.kind = JointKind::revolute;
+  shoulder.parent = "base", shoulder.child = "upper", shoulder.axis = Eigen::Vector3d::UnitY();
+  elbow = shoulder;
+  elbow.name = "elbow", elbow.parent = "upper", elbow.child = "lower";
+  elbow.origin.translation() = Eigen::Vector3d(0.1, 0, 0);
+  model.joints = {shoulder, elbow};
+  model.couplings = {Coupling::mimic("elbow", "shoulder", -1.0)};
+  model.sites = {{"tip", "lower", Eigen::Isometry3d::Identity()}};
+  return model;
+}
+
+struct Rule {
+  const char* name;
+  std::function<void(Model&)> break_it;
+  const char* element;
+  const char* said;
+};
+
+class BrokenRule : public testing::TestWithParam<Rule> {};
+
+TEST_P(BrokenRule, is_refused_and_named) {
+  Model model = two_joints();
+  ASSERT_NO_THROW(model.validate());
+  GetParam().break_it(model);
+  try {
+    model.validate();
+    FAIL() << "accepted";
+  } catch (const ModelError& error) {
+    EXPECT_EQ(error.element(), GetParam().element);
+    EXPECT_NE(error.rule().find(GetParam().said), std::string::npos) << error.what();
+    EXPECT_FALSE(error.remedy().empty());
+  }
+}
+
+const double nan = std::numeric_limits<double>::quiet_NaN();
+
+INSTANTIATE_TEST_SUITE_P(
+    model, BrokenRule,
+    testing::Values(
+        Rule{"twice", [](Model& m) { m.links[2].name = "upper"; }, "link 'upper'", "twice"},
+        Rule{"nameless", [](Model& m) { m.joints[0].name = ""; }, "a joint", "no name"},
+        Rule{"unknown_link", [](Model& m) { m.joints[0].parent = "bsae"; }, "joint 'shoulder'", "does not exist"},
+        Rule{"loop", [](Model& m) { m.joints[1].parent = "lower"; }, "joint 'elbow'", "to itself"},
+        Rule{"two_parents", [](Model& m) { m.joints[1].child = "upper", m.joints[1].parent = "base"; }, "link 'upper'",
+             "child of two joints"},
+        Rule{"apart", [](Model& m) { m.links.push_back({"alone", {}}); }, "link 'alone'", "not connected"},
+        Rule{"root_not_first", [](Model& m) { std::swap(m.links[0], m.links[1]); }, "link 'upper'", "root"},
+        Rule{"massless", [](Model& m) { m.links[2].inertia = {}; }, "link 'lower'", "no mass"},
+        Rule{"no_inertia_about_axis",
+             [](Model& m) { m.links[2].inertia = {1.0, Eigen::Vector3d::Zero(), Eigen::Matrix3d::Zero()}; },
+             "link 'lower'", "no inertia about the axis"},
+        Rule{"triangle", [](Model& m) { m.links[1].inertia.about_center(0, 0) = 1.0; }, "link 'upper'", "impossible"},
+        Rule{"negative_moment", [](Model& m) { m.links[1].inertia.about_center(0, 0) = -1.0; }, "link 'upper'",
+             "impossible"},
+        Rule{"asymmetric", [](Model& m) { m.links[1].inertia.about_center(0, 1) = 1e-5; }, "link 'upper'", "symmetric"},
+        Rule{"negative_mass", [](Model& m) { m.links[1].inertia.mass = -1; }, "link 'upper'", "negative"},
+        Rule{"floating_massless_root", [](Model& m) { m.root.floating = true; }, "link 'base'", "floats"},
+        Rule{"axis", [](Model& m) { m.joints[0].axis.setZero(); }, "joint 'shoulder'", "axis"},
+        Rule{"no_rotation", [](Model& m) { m.joints[0].origin.linear() *= 2; }, "joint 'shoulder'", "no rotation"},
+        Rule{"damping", [](Model& m) { m.joints[0].damping = -1; }, "joint 'shoulder'", "damping"},
+        Rule{"nan_gain", [](Model& m) { m.joints[0].drive.kp = nan; }, "joint 'shoulder'", "finite"},
+        Rule{"range", [](Model& m) { m.joints[0].lower = 1, m.joints[0].upper = 0; }, "joint 'shoulder'", "range"},
+        Rule{"nan_offset", [](Model& m) { m.couplings[0].offset = nan; }, "coupling 'elbow'", "gamma"},
+        Rule{"zero_ratio", [](Model& m) { m.couplings[0].terms[0].ratio = 0; }, "coupling 'elbow'", "is 0"},
+        Rule{"huge_ratio", [](Model& m) { m.couplings[0].terms[0].ratio = 1e20; }, "coupling 'elbow'", "beyond"},
+        Rule{"self", [](Model& m) { m.couplings[0].terms[0].joint = "elbow"; }, "coupling 'elbow'", "twice"},
+        Rule{"unknown_joint", [](Model& m) { m.couplings[0].terms[0].joint = "knee"; }, "coupling 'elbow'",
+             "does not exist"},
+        Rule{"lonely", [](Model& m) { m.couplings[0].terms.clear(); }, "coupling 'elbow'", "only one joint"},
+        Rule{"fixed_joint", [](Model& m) { m.joints[0].kind = JointKind::fixed; }, "coupling 'elbow'", "fixed"},
+        Rule{"erp", [](Model& m) { m.couplings[0].softness = Softness::hard(2.0); }, "coupling 'elbow'", "erp"},
+        Rule{"cfm", [](Model& m) { m.couplings[0].softness = Softness::mixing(0.2, -1); }, "coupling 'elbow'", "cfm"},
+        Rule{"site", [](Model& m) { m.sites[0].link = "hand"; }, "link 'hand'", "no such link"},
+        Rule{"gravity", [](Model& m) { m.gravity[1] = nan; }, "model 'model'", "gravity"}),
+    [](const auto& info) { return std::string(info.param.name); });
+
+// One rigid body whether its mass sits on the moving link or on one fixed to it.
+TEST(Model, inertia_of_links_fixed_to_a_moving_one_counts) {
+  Model model = two_joints();
+  model.links.push_back({"tool", model.links[2].inertia});
+  model.links[2].inertia = {};
+  Joint weld;
+  weld.name = "weld", weld.parent = "lower", weld.child = "tool";
+  model.joints.push_back(weld);
+  EXPECT_NO_THROW(model.validate());
+}
+
+TEST(Model, couplings_of_the_same_first_joint_get_names_of_their_own) {
+  Model model = two_joints();
+  model.couplings.push_back(Coupling::mimic("elbow", "shoulder", -1.0));
+  EXPECT_EQ(coupling_names(model), (std::vector<std::string>{"elbow", "elbow#2"}));
+}
+
+}  // namespace
+}  // namespace lockstep
