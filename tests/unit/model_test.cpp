@@ -89,7 +89,7 @@ INSTANTIATE_TEST_SUITE_P(
         Rule{"cfm", [](Model& m) { m.couplings[0].softness = Softness::mixing(0.2, -1); }, "coupling 'elbow'", "cfm"},
         Rule{"site", [](Model& m) { m.sites[0].link = "hand"; }, "link 'hand'", "no such link"},
         Rule{"gravity", [](Model& m) { m.gravity[1] = nan; }, "model 'model'", "gravity"}),
-    [](const auto& info) { return std::string(info.param.name); });
+    [](const auto& rule) { return std::string(rule.param.name); });
 
 // One rigid body whether its mass sits on the moving link or on one fixed to it.
 TEST(Model, inertia_of_links_fixed_to_a_moving_one_counts) {
