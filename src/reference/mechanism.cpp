@@ -227,12 +227,12 @@ VectorXd Mechanism::wrench_forces(const State& state, const MatrixXd& wrenches) 
   return forces;
 }
 
-VectorXd Mechanism::applied_forces(const State& state, const Inputs& inputs) const {
-  VectorXd forces = wrench_forces(state, inputs.wrenches);
-  const auto v = state.v.tail(dofs()).array();
-  forces.tail(dofs()).array() += inputs.efforts.array() - damping_.tail(dofs()).array() * v -
-                                 kp_.tail(dofs()).array() * (state.q - inputs.position_targets).array() -
-                                 kd_.tail(dofs()).array() * (v - inputs.velocity_targets.array());
+VectorXd Mechanism::joint_forces(const State& state, const Inputs& inputs) const {
+  VectorXd forces = VectorXd::Zero(velocities());
+  const VectorXd v = state.v.tail(dofs());
+  forces.tail(dofs()) = inputs.efforts - damping_.tail(dofs()).cwiseProduct(v) -
+                        kp_.tail(dofs()).cwiseProduct(state.q - inputs.position_targets) -
+                        kd_.tail(dofs()).cwiseProduct(v - inputs.velocity_targets);
   return forces;
 }
 

@@ -69,8 +69,8 @@ class Mechanism {
   /// twist's components in root axes, so a single body gives I dw/dt + w x I w = 0.
   Eigen::VectorXd bias(const State& state) const;
   Eigen::VectorXd wrench_forces(const State& state, const Eigen::MatrixXd& wrenches) const;
-  /// Efforts, drives and wrenches, and what the joints' damping takes.
-  Eigen::VectorXd applied_forces(const State& state, const Inputs& inputs) const;
+  /// Efforts and drives, less what the joints' damping takes.
+  Eigen::VectorXd joint_forces(const State& state, const Inputs& inputs) const;
 
   double kinetic_energy(const State& state) const;    ///< with the armatures' share
   double potential_energy(const State& state) const;  ///< gravity alone, zero at the world's origin
