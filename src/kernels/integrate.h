@@ -12,10 +12,9 @@ void solved_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* fr
   const Rows<ScalarOf<T>>& rows = t.rows;
   for (int z = 0; z < t.solver.n; ++z) v[z] = free[z] * share;
   for (int r = 0; r < rows.count; ++r)
-    for (int s = rows.support_start[r]; s < rows.support_start[r + 1]; ++s) {
-      const int z = rows.support[s].index;
-      v[z] = fma(x.scaled[r * t.solver.n + z], impulse[r], v[z]);
-    }
+    for (int i = rows.run_start[r]; i < rows.run_start[r + 1]; ++i)
+      for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z)
+        v[z] = fma(x.scaled[r * t.solver.n + z], impulse[r], v[z]);
   solve_downwards(t.solver, x.reduced, v);
   for (int z = 0; z < t.solver.n; ++z) v[z] += x.start[z];
 }
