@@ -79,6 +79,32 @@ void add_follower_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const
   }
 }
 
+/// A_r = S^T A S, as the sums of products that the plan listed.
+template <class T>
+void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  const int* source = r.product_source.data;
+  const int* first = r.product_start.data;
+  if (!declared<T>(t, 0)) {
+    const ScalarOf<T>* value = r.product_value.data;
+    for (int e = 0; e < t.solver.entries; ++e) {
+      T sum = T(0);
+      for (int p = first[e], last = first[e + 1]; p < last; ++p) sum = fma(T(value[p]), x.matrix[source[p]], sum);
+      x.reduced[e] = sum;
+    }
+    return;
+  }
+  for (int e = 0; e < t.solver.entries; ++e) {
+    T sum = T(0);
+    for (int p = first[e], last = first[e + 1]; p < last; ++p) {
+      const int left = r.product_left[p], right = r.product_right[p];
+      const T product = left < 0 ? x.matrix[source[p]] : x.shares[left] * x.matrix[source[p]];
+      sum = right < 0 ? sum + product : fma(x.shares[right], product, sum);
+    }
+    x.reduced[e] = sum;
+  }
+}
+
 /// A_r and the reduced forces: what a step starts from, what errors its followers have.
 template <class T>
 void eliminate(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
@@ -86,19 +112,7 @@ void eliminate(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
   const int root = t.velocities - t.joints;
   if (declared<T>(t, 0)) follow_gear_ratios(t, lanes, x);
 
-  for (int e = 0; e < t.solver.entries; ++e) {
-    T sum = T(0);
-    for (int p = r.product_start[e]; p < r.product_start[e + 1]; ++p) {
-      T factor = T(r.product_value[p]);
-      if (declared<T>(t, 0)) {
-        factor = r.product_left[p] < 0 ? T(1) : x.shares[r.product_left[p]];
-        if (r.product_right[p] >= 0) factor *= x.shares[r.product_right[p]];
-      }
-      sum = fma(factor, x.matrix[r.product_source[p]], sum);
-    }
-    x.reduced[e] = sum;
-  }
-
+  reduce_matrix(t, x);
   for (int z = 0; z < t.solver.n; ++z) x.start[z] = x.v[r.independent[z]];
   for (int f = 0; f < r.followers; ++f) {
     T correction = T(0);

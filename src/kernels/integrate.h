@@ -41,7 +41,7 @@ void move_root(const Tables<ScalarOf<T>>& t, const T* twist, const T* pose, T* n
   using S = ScalarOf<T>;
   const T h = T(t.dt);
   const Mat3<T> rotation = rotation_of_quaternion(pose + 3);
-  const Vec3<T> w = {{twist[0], twist[1], twist[2]}}, v = {{twist[3], twist[4], twist[5]}};
+  const Vec3<T> w = {twist[0], twist[1], twist[2]}, v = {twist[3], twist[4], twist[5]};
   const Vec3<T> moved = multiply(rotation, v);
   for (int k = 0; k < 3; ++k) next[k] = fma(h, moved[k], pose[k]);
 

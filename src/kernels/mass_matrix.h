@@ -17,9 +17,9 @@ LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, 
   if (body.rotated) {
     Vec3<T> columns[3];
     for (int k = 0; k < 3; ++k)
-      columns[k] = to_parent(joint, body, s, c, {{from.pair(0, k), from.pair(1, k), from.pair(2, k)}});
+      columns[k] = to_parent(joint, body, s, c, {from.pair(0, k), from.pair(1, k), from.pair(2, k)});
     for (int k = 0; k < 3; ++k) {
-      const Vec3<T> row = to_parent(joint, body, s, c, {{columns[0][k], columns[1][k], columns[2][k]}});
+      const Vec3<T> row = to_parent(joint, body, s, c, {columns[0][k], columns[1][k], columns[2][k]});
       turned[k] = row[k];
       if (k == 0) turned[5] = row[1], turned[4] = row[2];
       if (k == 1) turned[3] = row[2];
