@@ -48,7 +48,8 @@ class Truth : public testing::TestWithParam<Case> {
     for (int n = 1; n <= 240 * steps_per_row; ++n) {
       inputs.position_targets = scene_.targets((n - 1) * settings.dt);
       state = step(mechanism, settings, state, inputs).state;
-      if (n % steps_per_row == 0) squares += (state.q.transpose() - truth_.positions.row(n / steps_per_row)).squaredNorm();
+      if (n % steps_per_row > 0) continue;
+      squares += (state.q.transpose() - truth_.positions.row(n / steps_per_row)).squaredNorm();
     }
     return std::sqrt(squares / static_cast<double>(truth_.positions.size()));
   }
@@ -60,7 +61,8 @@ class Truth : public testing::TestWithParam<Case> {
 TEST_P(Truth, is_what_runge_kutta_gives) {
   const Mechanism mechanism(scene_.model);
   const auto targets = [&](double t, Inputs& inputs) { inputs.position_targets = scene_.targets(t); };
-  const Motion motion = integrate_with_error(mechanism, mechanism.initial_state(), targets, 1.0 / 240, 240, GetParam().steps);
+  const Motion motion =
+      integrate_with_error(mechanism, mechanism.initial_state(), targets, 1.0 / 240, 240, GetParam().steps);
   EXPECT_LT((motion.positions - truth_.positions).cwiseAbs().maxCoeff(), GetParam().tolerance);
   EXPECT_LT(motion.error, GetParam().tolerance);
 }
