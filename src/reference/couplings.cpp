@@ -85,7 +85,10 @@ Row substep_row(const Softness& softness, double r, double h, int n) {
 
 VectorXd inverse_inertias(const Couplings& couplings, const MatrixXd& mass) {
   const MatrixXd j = couplings.velocity_jacobian();
-  return (j * mass.llt().solve(j.transpose())).diagonal();
+  const Eigen::LLT<MatrixXd> factor(mass);
+  VectorXd r(couplings.count());
+  for (int i = 0; i < r.size(); ++i) r[i] = j.row(i).dot(factor.solve(j.row(i).transpose()));
+  return r;
 }
 
 }  // namespace lockstep::reference

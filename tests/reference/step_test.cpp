@@ -267,6 +267,16 @@ TEST(methods, tgs_is_as_many_small_steps) {
   }
 }
 
+TEST(methods, couplings_may_leave_nothing_free) {
+  Model model = two_sliders(Softness::hard(), 0.0, 0.5);
+  model.gravity = {0, 0, -9.81};
+  model.couplings.push_back(Coupling::mimic("A", "B", 1.0));
+  const Mechanism sliders(model);
+  for (const Method method : every_method)
+    EXPECT_LT(once(sliders, with(method)).state.v.norm(), 1e-15);
+  EXPECT_LT(acceleration(sliders, sliders.initial_state(), sliders.initial_inputs()).norm(), 1e-15);
+}
+
 // What defines the solution: A (v - v*) = J^T L, and J v + b + cfm L = 0 in every row.
 TEST(methods, direct_satisfies_every_row) {
   for (int seed = 0; seed < 50; ++seed) {
