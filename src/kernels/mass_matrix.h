@@ -82,11 +82,14 @@ LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, Tile<T>
   Vec3<T>* moment = x.column_moment + b;
   T* row = x.matrix + t.matrix.offset[velocity];
   unit_column(joint, x.composite[b], sign, force[0], moment[0]);
-  for (int k = 0; k < carried; ++k) row[k] = (J::prismatic ? force[k][J::k] : moment[k][J::k]) * sign;
-  if (body.parent < 0) return;
+  if (body.parent < 0) {
+    for (int k = 0; k < carried; ++k) row[k] = (J::prismatic ? force[k][J::k] : moment[k][J::k]) * sign;
+    return;
+  }
   const Vec3<T> r = origin(joint, body, J::prismatic ? x.q[joint_of(t, b)] : T(0));
   add_to_parent(joint, body, s, c, r, x.composite[b], x.composite[body.parent]);
   for (int k = 0; k < carried; ++k) {
+    row[k] = (J::prismatic ? force[k][J::k] : moment[k][J::k]) * sign;
     const Vec3<T> passed = to_parent(joint, body, s, c, force[k]);
     moment[k] = cross_add(r, passed, to_parent(joint, body, s, c, moment[k]));
     force[k] = passed;

@@ -209,12 +209,13 @@ void read(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::pt
   Tile<T> x;
   Motion<T> m;
   lay_out(t, scratch, x, m);
+  uniform_ratios(t, x);
   for (std::ptrdiff_t environment = first; environment < last; environment += T::lanes) {
     const Lanes<ScalarOf<T>> own = at(lanes, environment);
     const Output<T> out{rows + environment, stride};
     load(t, own, x);
     if (request.quantity == Quantity::coupling_errors) {
-      coupling_errors(t, own, x.q, x.coupling_error);
+      coupling_errors(t, own, x);
       for (int c = 0; c < t.couplings; ++c) out.put(c, x.coupling_error[c]);
       continue;
     }

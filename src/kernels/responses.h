@@ -8,25 +8,6 @@
 
 namespace lockstep::kernels {
 
-/// The row's coefficient, where gear ratios differ per environment: made of the couplings' terms and S.
-template <class T>
-void follow_row_ratios(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-  const Rows<ScalarOf<T>>& rows = t.rows;
-  for (int k = 0; k < rows.term_value.count; ++k) {
-    T sum = T(0);
-    for (int c = rows.contribution_start[k]; c < rows.contribution_start[k + 1]; ++c) {
-      const T term = coefficient<T>(t, lanes, rows.contribution[c].term);
-      sum = rows.contribution[c].value < 0 ? sum + term : fma(term, share(t, x, rows.contribution[c].value), sum);
-    }
-    x.row_value[k] = sum;
-  }
-}
-
-template <class T>
-LOCKSTEP_INLINE T row_value(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int k) {
-  return declared<T>(t, 0) ? x.row_value[k] : T(t.rows.term_value[k]);
-}
-
 /// a . b over the velocities that the row moves.
 template <class T>
 LOCKSTEP_INLINE T supported_dot(const Rows<ScalarOf<T>>& rows, int row, const T* a, const T* b) {
@@ -49,15 +30,14 @@ LOCKSTEP_INLINE void respond(const Rows<ScalarOf<T>>& rows, int row, const Colum
 }
 
 template <class T>
-void responses(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+void responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const int n = t.solver.n;
-  if (declared<T>(t, 0)) follow_row_ratios(t, lanes, x);
   for (int r = 0; r < rows.count; ++r) {
     T* response = x.response + r * n;
     T* scaled = x.scaled + r * n;
     for (int z = 0; z < n; ++z) response[z] = scaled[z] = T(0);
-    for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k) response[rows.term_index[k]] = row_value(t, x, k);
+    for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k) response[rows.term_index[k]] = x.row_value[k];
     respond(rows, r, t.solver, x.reduced, response);
     for (int i = rows.run_start[r]; i < rows.run_start[r + 1]; ++i)
       for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z) scaled[z] = response[z] * x.inverse[z];
@@ -73,13 +53,13 @@ void responses(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
 
 /// r = J (M + armature)^-1 J^T, the inertia that (24) and (25) refer to, where A holds more than that.
 template <class T>
-void natural_responses(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+void natural_responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.natural;
   factor(t.matrix, x.natural_matrix, x.natural_inverse, T(0), x.scratch);
   for (int r = 0; r < rows.count; ++r) {
     for (int z = 0; z < t.velocities; ++z) x.natural_response[z] = T(0);
     for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k)
-      x.natural_response[rows.term_index[k]] = coefficient<T>(t, lanes, rows.contribution[k].term);
+      x.natural_response[rows.term_index[k]] = x.coefficient[rows.contribution[k].term];
     respond(rows, r, t.matrix, x.natural_matrix, x.natural_response);
     for (int z = 0; z < t.velocities; ++z) x.scratch[z] = x.natural_response[z] * x.natural_inverse[z];
     x.natural_compliance[r] = supported_dot(rows, r, x.natural_response, x.scratch);

@@ -70,7 +70,7 @@ void row_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
     // J v now, and J v* as the free motion leaves it.
     T now = T(0);
     for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k)
-      now = fma(row_value(t, x, k), x.start[rows.term_index[k]], now);
+      now = fma(x.row_value[k], x.start[rows.term_index[k]], now);
     const T free = supported_dot(rows, r, x.response + r * n, x.free_position);
     const T closed =
         x.free_velocity == x.free_position ? free : supported_dot(rows, r, x.response + r * n, x.free_velocity);
@@ -82,7 +82,7 @@ void row_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
     for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k) {
       const int f = t.reduction.follower_of[t.term_joint[k]];
       if (f < 0) continue;
-      const T pushed = coefficient<T>(t, lanes, k) * x.correction[f];
+      const T pushed = x.coefficient[k] * x.correction[f];
       x.row_speed[r] += pushed;
       if (!t.solve_twice) x.row_speed_closed[r] += pushed;
     }

@@ -170,6 +170,11 @@ Rows<double> build(Program& program, const std::vector<RowForm>& forms, const Co
   return rows;
 }
 
+// Redundant by the model's gear ratios; where these differ per environment, each lane finds out for itself.
+bool takes_no_impulse(const Program& program, int coupling) {
+  return is_redundant(program, coupling) && !declared(program, Parameter::gear_ratio);
+}
+
 // True where A holds more of the joints than M + armature, so that (24) needs a factorisation of its own.
 bool matrix_holds_more(const Program& program) {
   const Tables<double>& t = program.f64;
@@ -186,7 +191,7 @@ void lay_out_rows(Program& program) {
   const bool factored = program.method == Method::direct || program.method == Method::reduced;
   std::vector<RowForm> forms;
   for (int c = 0; c < t.couplings; ++c) {
-    if (is_absent(program, c) || (factored && is_redundant(program, c))) continue;
+    if (is_absent(program, c) || takes_no_impulse(program, c)) continue;
     if (program.method == Method::reduced && always_hard(program, c)) continue;
     forms.push_back(row_form(t, t.reduction, c));
   }
