@@ -109,8 +109,8 @@ void eliminate(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
   for (int i = 0; i < t.velocities; ++i) x.product[i] = x.drive[i];
   add_follower_momentum(t, x, x.mismatch, x.product);
   if (t.solve_twice) collect(t, x, x.product, x.free_velocity);
-  for (int f = 0; f < r.followers; ++f) x.solution[f] = -x.correction[f];
-  add_follower_momentum(t, x, x.solution, x.product);
+  for (int f = 0; f < r.followers; ++f) x.mismatch[f] = -x.correction[f];
+  add_follower_momentum(t, x, x.mismatch, x.product);
   collect(t, x, x.product, x.free_position);
 }
 
