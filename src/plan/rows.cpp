@@ -178,7 +178,7 @@ void lay_out_rows(Program& program) {
   const bool factored = program.method == Method::direct || program.method == Method::reduced;
   std::vector<RowForm> forms;
   for (int c = 0; c < t.couplings; ++c) {
-    if (is_absent(program, c) || (factored && is_redundant(program, c))) continue;
+    if (is_absent(program, c) || (is_redundant(program, c) && !declared(program, Parameter::gear_ratio))) continue;
     if (program.method == Method::reduced && always_hard(program, c)) continue;
     forms.push_back(row_form(t, t.reduction, c));
   }
