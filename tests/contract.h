@@ -14,10 +14,6 @@
 
 namespace lockstep::contract {
 
-constexpr Method every_method[] = {Method::pgs, Method::tgs, Method::direct, Method::reduced};
-
-inline std::string method_name(const testing::TestParamInfo<Method>& info) { return name(info.param); }
-
 /// Every field that environments may differ in; `reduced` takes hard couplings for hard in all of them.
 inline ParameterSet all_parameters(Method method) {
   ParameterSet set;
@@ -27,8 +23,7 @@ inline ParameterSet all_parameters(Method method) {
 }
 
 inline StepSettings settings(Method method, ParameterSet per_environment = {}) {
-  StepSettings result;
-  result.method = method;
+  StepSettings result = physics::settings(method);
   result.per_environment = per_environment;
   result.record_impulses = true;
   return result;

@@ -1,82 +1,19 @@
 // With one thread a step allocates nothing, and it never throws. SPDX-License-Identifier: Apache-2.0
-//
-// A program of its own: it puts its counters in the place of operator new and of malloc.
-#include "contract.h"
-
 #include <cstdlib>
 #include <new>
 #include <utility>
 
-namespace {
-
-std::size_t allocations = 0;
-
-}  // namespace
-
-#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__)
-#define LOCKSTEP_COUNTS_MALLOC 1
-// What the C library calls its own, so that ours can count and pass on. (A sanitizer has its own in that place.)
-extern "C" {
-void* __libc_malloc(std::size_t);
-void* __libc_calloc(std::size_t, std::size_t);
-void* __libc_realloc(void*, std::size_t);
-void* __libc_memalign(std::size_t, std::size_t);
-
-void* malloc(std::size_t size) {
-  ++allocations;
-  return __libc_malloc(size);
-}
-void* calloc(std::size_t count, std::size_t size) {
-  ++allocations;
-  return __libc_calloc(count, size);
-}
-void* realloc(void* block, std::size_t size) {
-  ++allocations;
-  return __libc_realloc(block, size);
-}
-void* aligned_alloc(std::size_t alignment, std::size_t size) {
-  ++allocations;
-  return __libc_memalign(alignment, size);
-}
-int posix_memalign(void** block, std::size_t alignment, std::size_t size) {
-  ++allocations;
-  *block = __libc_memalign(alignment, size);
-  return *block ? 0 : 12;  // ENOMEM
-}
-}
-#endif
-
-// The forms that the library does not define by way of these go through malloc.
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* block = std::malloc(size > 0 ? size : 1)) return block;
-  throw std::bad_alloc();
-}
-void* operator new(std::size_t size, std::align_val_t alignment) {
-  ++allocations;
-  const std::size_t unit = static_cast<std::size_t>(alignment);
-  if (void* block = std::aligned_alloc(unit, (size + unit - 1) / unit * unit)) return block;
-  throw std::bad_alloc();
-}
-void* operator new[](std::size_t size) { return operator new(size); }
-void* operator new[](std::size_t size, std::align_val_t alignment) { return operator new(size, alignment); }
-void operator delete(void* block) noexcept { std::free(block); }
-void operator delete(void* block, std::size_t) noexcept { std::free(block); }
-void operator delete(void* block, std::align_val_t) noexcept { std::free(block); }
-void operator delete(void* block, std::size_t, std::align_val_t) noexcept { std::free(block); }
-void operator delete[](void* block) noexcept { std::free(block); }
-void operator delete[](void* block, std::size_t) noexcept { std::free(block); }
-void operator delete[](void* block, std::align_val_t) noexcept { std::free(block); }
-void operator delete[](void* block, std::size_t, std::align_val_t) noexcept { std::free(block); }
+#include "contract.h"
+#include "contract/allocation_counter.h"
 
 namespace lockstep {
 namespace {
 
 template <class Act>
 std::size_t allocated_by(Act act) {
-  const std::size_t before = allocations;
+  const std::size_t before = contract::allocations();
   act();
-  return allocations - before;
+  return contract::allocations() - before;
 }
 
 // Called directly: the compiler may not leave these pairs out, as it may new-expressions.
@@ -145,7 +82,7 @@ TEST_P(Allocation, none_in_resets_and_views) {
             0u);
 }
 
-INSTANTIATE_TEST_SUITE_P(method, Allocation, testing::ValuesIn(contract::every_method), contract::method_name);
+INSTANTIATE_TEST_SUITE_P(method, Allocation, testing::ValuesIn(physics::methods), physics::method_name);
 
 static_assert(noexcept(std::declval<Batch<float>&>().step()));
 static_assert(noexcept(std::declval<Batch<double>&>().step(12)));

@@ -16,6 +16,10 @@ using contract::same_bits;
 using contract::scattered;
 
 constexpr BatchOptions serial = {.threads = 1};
+constexpr Target twins[][2] = {{Target::baseline, Target::baseline_scalar}, {Target::avx2, Target::avx2_scalar}};
+constexpr int several = 9;           // a tile of eight and one begun
+constexpr int a_task_each = 2100;    // more than one task for each of eight threads
+constexpr std::uint64_t same = 4242;  // seed of the environment that changes its place
 
 std::vector<Model> scenes_and_random_models(int random_models) {
   std::vector<Model> models = {scenes::chain8(), scenes::gripper13(), scenes::chain32()};
@@ -42,7 +46,6 @@ void for_every_plan(Method method, int random_models, Check check) {
 class Determinism : public testing::TestWithParam<Method> {};
 
 TEST_P(Determinism, wide_kernels_and_their_scalar_twins_agree_to_the_last_bit) {
-  constexpr Target twins[][2] = {{Target::baseline, Target::baseline_scalar}, {Target::avx2, Target::avx2_scalar}};
   for_every_plan(GetParam(), 30, [](const Plan& plan, auto scalar) {
     for (const auto& [wide, narrow] : twins) {
       if (!supported(wide)) continue;
@@ -56,12 +59,11 @@ TEST_P(Determinism, wide_kernels_and_their_scalar_twins_agree_to_the_last_bit) {
 }
 
 TEST_P(Determinism, thread_count_does_not_change_a_bit) {
-  constexpr int environments = 2100;  // more than one task for each of eight threads
   for_every_plan(GetParam(), 2, [](const Plan& plan, auto scalar) {
-    auto one = scattered<decltype(scalar)>(plan, environments, serial);
+    auto one = scattered<decltype(scalar)>(plan, a_task_each, serial);
     one.step(2);
     for (int threads : {0, 2, 3, 8}) {
-      auto many = scattered<decltype(scalar)>(plan, environments, {.threads = threads});
+      auto many = scattered<decltype(scalar)>(plan, a_task_each, {.threads = threads});
       many.step(2);
       EXPECT_TRUE(same_bits(one, many)) << threads << " threads";
     }
@@ -81,16 +83,14 @@ TEST_P(Determinism, batch_size_does_not_change_a_bit) {
 }
 
 TEST_P(Determinism, place_in_the_batch_does_not_change_a_bit) {
-  constexpr int environments = 17;  // two tiles of eight and one begun
-  constexpr std::uint64_t seed = 4242;
   for_every_plan(GetParam(), 12, [](const Plan& plan, auto scalar) {
     using S = decltype(scalar);
     Batch<S> alone(plan, 1, serial);
-    contract::scatter(alone, 0, seed);
+    contract::scatter(alone, 0, same);
     alone.step(3);
-    for (int place = 0; place < environments; ++place) {
-      Batch<S> batch(plan, environments, serial);
-      for (int e = 0; e < environments; ++e) contract::scatter(batch, e, e == place ? seed : static_cast<std::uint64_t>(e));
+    for (int place = 0; place < several; ++place) {
+      Batch<S> batch(plan, several, serial);
+      for (int e = 0; e < several; ++e) contract::scatter(batch, e, e == place ? same : static_cast<std::uint64_t>(e));
       batch.step(3);
       EXPECT_TRUE(same_bits(batch, place, alone, 0));
     }
@@ -99,7 +99,7 @@ TEST_P(Determinism, place_in_the_batch_does_not_change_a_bit) {
 
 TEST_P(Determinism, twelve_steps_at_once_are_twelve_steps) {
   for_every_plan(GetParam(), 30, [](const Plan& plan, auto scalar) {
-    auto once = scattered<decltype(scalar)>(plan, 9), often = scattered<decltype(scalar)>(plan, 9);
+    auto once = scattered<decltype(scalar)>(plan, several), often = scattered<decltype(scalar)>(plan, several);
     once.step(12);
     for (int i = 0; i < 12; ++i) often.step();
     EXPECT_TRUE(same_bits(once, often));
@@ -108,13 +108,12 @@ TEST_P(Determinism, twelve_steps_at_once_are_twelve_steps) {
 }
 
 TEST_P(Determinism, a_neighbour_without_numbers_does_not_change_a_bit) {
-  constexpr int environments = 9;
   for_every_plan(GetParam(), 12, [](const Plan& plan, auto scalar) {
     using S = decltype(scalar);
-    Batch<S> sound = scattered<S>(plan, environments);
+    Batch<S> sound = scattered<S>(plan, several);
     sound.step(4);
-    for (int sick = 0; sick < environments; ++sick) {
-      Batch<S> batch = scattered<S>(plan, environments);
+    for (int sick = 0; sick < several; ++sick) {
+      Batch<S> batch = scattered<S>(plan, several);
       batch.positions().col(sick).setConstant(std::numeric_limits<S>::quiet_NaN());
       batch.velocities().col(sick).setConstant(std::numeric_limits<S>::infinity());
       batch.step(4);
@@ -155,7 +154,7 @@ TEST_P(Determinism, arithmetic_classes_agree_to_rounding) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(method, Determinism, testing::ValuesIn(contract::every_method), contract::method_name);
+INSTANTIATE_TEST_SUITE_P(method, Determinism, testing::ValuesIn(physics::methods), physics::method_name);
 
 }  // namespace
 }  // namespace lockstep

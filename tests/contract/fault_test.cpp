@@ -115,7 +115,7 @@ TEST_P(Faults, are_flagged_and_leave_the_neighbours_alone) {
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(method, Faults, testing::ValuesIn(contract::every_method), contract::method_name);
+INSTANTIATE_TEST_SUITE_P(method, Faults, testing::ValuesIn(physics::methods), physics::method_name);
 
 // A constant push that passes the bound in the middle of a step(12): what stays is the last substep within it.
 TEST(Fault, freezes_at_the_last_good_substep) {
