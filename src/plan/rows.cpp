@@ -52,7 +52,7 @@ bool share_any(const std::vector<int>& a, const std::vector<int>& b) {
 RowSoftness<double> row_softness(const Program& program, int coupling, double h, int substeps) {
   const Softness& softness = program.model.couplings[coupling].softness;
   const double first = softness.first, second = softness.second, dt = program.settings.dt;
-  RowSoftness<double> row{static_cast<int>(softness.kind), always_hard(program, coupling), 0, 0, 0};
+  RowSoftness<double> row{static_cast<int>(softness.kind), 0, 0, 0};
   const auto spring = [&](double kp, double kd) {
     row.rate = kp / (h * kp + kd);
     row.cfm = 1.0 / (h * (h * kp + kd));
