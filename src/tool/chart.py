@@ -13,138 +13,165 @@ import matplotlib
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt  # noqa: E402
 from matplotlib.lines import Line2D  # noqa: E402
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: E402
 
-# Okabe and Ito's palette: told apart by all eyes, and the markers differ too.
+# Okabe and Ito's palette: told apart by all eyes, and the markers differ too. The best method is drawn last.
 METHODS = {
     "reduced": ("#0072B2", "o"),
     "direct": ("#D55E00", "s"),
-    "tgs": ("#009E73", "D"),
     "pgs": ("#CC79A7", "^"),
+    "tgs": ("#009E73", "D"),
 }
-INK, FAINT = "#222222", "#8a8a8a"
+INK, GREY = "#222222", "#5c5c5c"
+# Less of a difference in error than this does not put a point on the front.
+NOTICEABLE = 0.02
+COST = "cost_us_per_env_second"
 
 
 def read(path):
     with open(path, newline="") as file:
         rows = list(csv.DictReader(file))
     for row in rows:
-        for key, value in row.items():
-            if key not in ("method", "precision"):
-                row[key] = float(value)
+        for key in set(row) - {"method", "precision"}:
+            row[key] = float(row[key])
     return rows
 
 
 def families(rows):
-    """Lines to draw: methods with sweeps by step size, the others by precision."""
+    """The lines: a method that sweeps has one per step size, along the sweeps; the others one, along the steps."""
     groups = {}
     for row in rows:
-        swept = row["iterations"] > 0
-        groups.setdefault((row["method"], row["precision"], row["dt"] if swept else None), []).append(row)
-    for key, members in groups.items():
-        yield key, sorted(members, key=lambda row: (row["iterations"], -row["dt"]))
+        step = row["dt"] if row["iterations"] > 0 else None
+        groups.setdefault((row["method"], row["precision"], step), []).append(row)
+    for members in groups.values():
+        members.sort(key=lambda row: (row["iterations"], -row["dt"]))
+    return groups
 
 
 def front(points):
-    """Those that no other point beats in both cost and error."""
+    """Those that no other beats in both cost and error, from cheap to dear."""
     best, result = math.inf, []
     for cost, error in sorted(points):
-        if error < best:
+        if error < best * (1 - NOTICEABLE):
             best = error
             result.append((cost, error))
     return result
 
 
-def floor_of(values):
-    """Where exact zeros are shown on a logarithmic axis: a decade and a half below the smallest other."""
-    positive = [value for value in values if value > 0]
-    return 10 ** (math.floor(math.log10(min(positive))) - 1.5) if positive else 1e-16
+def tidy_log_axis(axis, decades):
+    """Few decades: numbers at 2 and 5 too, or the axis would say nothing."""
+    def plain(value, _):
+        if value >= 0.01:
+            return f"{value:,.10g}"
+        power = math.floor(math.log10(value) + 1e-9)
+        lead = round(value / 10.0 ** power)
+        return f"$10^{{{power}}}$" if lead == 1 else f"${lead}\\cdot 10^{{{power}}}$"
+
+    if decades < 2.7:
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(FuncFormatter(plain))
+    axis.set_minor_formatter(NullFormatter())
 
 
-def draw_panel(axes, rows, column):
-    floor = floor_of([row[column] for row in rows])
-    zeros = any(row[column] == 0 for row in rows)
+class Panel:
+    """One quantity against cost."""
 
-    def height(row):
-        return row[column] if row[column] > 0 else floor
+    def __init__(self, axes, rows, column):
+        self.axes, self.rows, self.column = axes, rows, column
+        positive = [row[column] for row in rows if row[column] > 0]
+        lowest = min(positive, default=1e-16)
+        # Where exact zeros are shown on a logarithmic axis: well below all others.
+        self.zero = 10.0 ** (math.floor(math.log10(lowest)) - 1.5)
+        self.taken = []
+        self.draw_lines()
+        self.draw_front()
+        self.dress()
 
-    for (method, precision, dt), members in families(rows):
-        color, marker = METHODS[method]
-        hollow = precision == "f64"
-        axes.plot([row["cost_us_per_env_second"] for row in members], [height(row) for row in members],
-                  color=color, marker=marker, linewidth=1.0 if dt else 1.8, linestyle="--" if hollow else "-",
-                  markersize=4 if dt else 6, markerfacecolor="white" if hollow else color, alpha=0.75 if dt else 1.0,
-                  zorder=2 if dt else 3)
-    points = front([(row["cost_us_per_env_second"], height(row)) for row in rows])
-    axes.plot(*zip(*points), linestyle="none", marker="o", markersize=12, markerfacecolor="none",
-              markeredgecolor=INK, markeredgewidth=0.9, zorder=4)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.grid(True, which="major", color="#e4e4e4", linewidth=0.7)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    axes.set_xlabel("CPU time per environment and simulated second, one thread (\u00b5s)")
-    if zeros:
-        axes.axhline(floor, color=FAINT, linewidth=0.8, linestyle=":", zorder=1)
-        axes.annotate("exactly 0", (1, floor), xycoords=("axes fraction", "data"), xytext=(0, 3),
-                      textcoords="offset points", ha="right", fontsize=8, color=FAINT)
-    return height
+    def at(self, row):
+        return row[COST], row[self.column] if row[self.column] > 0 else self.zero
+
+    def draw_lines(self):
+        for (method, precision, step), members in families(self.rows).items():
+            color, marker = METHODS[method]
+            double = precision == "f64"
+            order = 10 - list(METHODS).index(method) - (0.5 if double else 0)
+            self.axes.plot(*zip(*map(self.at, members)), color=color, marker=marker,
+                           markersize=4.5 if step else 6.5, markerfacecolor="white" if double else color,
+                           linewidth=1.0 if step else 1.9, linestyle="--" if double else "-", zorder=order)
+
+    def draw_front(self):
+        self.axes.plot(*zip(*front(map(self.at, self.rows))), linestyle="none", marker="o", markersize=12.5,
+                       markerfacecolor="none", markeredgecolor=INK, markeredgewidth=1.0, zorder=12)
+
+    def dress(self):
+        axes = self.axes
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        costs, heights = zip(*map(self.at, self.rows))
+        axes.set_xlim(min(costs) / 1.9, max(costs) * 1.35)
+        span = math.log10(max(heights) / min(heights)) if max(heights) > min(heights) else 0.0
+        margin = 10.0 ** max(0.07 * span, 0.12)
+        axes.set_ylim(min(heights) / margin, max(heights) * margin)
+        tidy_log_axis(axes.xaxis, math.log10(max(costs) / min(costs)) + 0.4)
+        tidy_log_axis(axes.yaxis, span + 0.25)
+        axes.grid(True, which="major", color="#e6e6e6", linewidth=0.7)
+        axes.set_axisbelow(True)
+        for side in ("top", "right"):
+            axes.spines[side].set_visible(False)
+        axes.set_xlabel("CPU time per environment and simulated second, one thread (\u00b5s)")
+        if self.zero in heights:
+            axes.axhline(self.zero, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
+            self.write("exactly 0", (axes.get_xlim()[0], self.zero), (4, 3), "left", "bottom", GREY)
+
+    def write(self, text, point, offset, across, along, color):
+        """Text beside a point, left out where it would cover other text."""
+        label = self.axes.annotate(text, point, xytext=offset, textcoords="offset points", ha=across, va=along,
+                                   fontsize=8.5, color=color, zorder=13)
+        box = label.get_window_extent(self.axes.figure.canvas.get_renderer())
+        if any(box.overlaps(other) for other in self.taken):
+            label.remove()
+        else:
+            self.taken.append(box)
+
+    def label_steps(self):
+        """The step sizes, once: beside the points of the first method that has all of them."""
+        groups = families(self.rows)
+        whole = [key for key in groups if key[2] is None]
+        if not whole:
+            return
+        for row in groups[whole[0]]:
+            self.write(f"1/{1 / row['dt']:.0f} s", self.at(row), (-9, -3), "right", "top", METHODS[row["method"]][0])
+
+    def label_sweeps(self, tgs_below):
+        """The numbers of sweeps: of pgs along its largest step, of tgs along its smallest, out of each other's way."""
+        for method, pick, offset, along in (("pgs", max, (0, 8), "bottom"),
+                                            ("tgs", min, (0, -8) if tgs_below else (7, 5), "top" if tgs_below else "bottom")):
+            swept = [row for row in self.rows if row["method"] == method]
+            for row in swept:
+                if row["dt"] == pick(other["dt"] for other in swept):
+                    self.write(f"{row['iterations']:.0f}", self.at(row), offset, "center", along, METHODS[method][0])
 
 
-def step_name(dt):
-    return f"1/{round(1 / dt)} s"
-
-
-def label_steps(axes, rows, height):
-    """The step sizes, once, beside the points of the best method there is."""
-    for method in METHODS:
-        members = [row for row in rows if row["method"] == method and row["precision"] == "f32"]
-        if members:
-            break
-    least = min(row["iterations"] for row in members)
-    for row in members:
-        if row["iterations"] == least:
-            axes.annotate(step_name(row["dt"]), (row["cost_us_per_env_second"], height(row)), xytext=(-9, -4),
-                          textcoords="offset points", ha="right", va="top", fontsize=8, color=METHODS[method][0])
-
-
-def label_sweeps(axes, rows, height):
-    """The numbers of sweeps, along the largest step of each method that sweeps."""
-    for method, offset in (("pgs", 7), ("tgs", 7)):
-        members = [row for row in rows if row["method"] == method]
-        if not members:
-            continue
-        largest = max(row["dt"] for row in members)
-        for row in members:
-            if row["dt"] == largest:
-                axes.annotate(f"{row['iterations']:.0f}", (row["cost_us_per_env_second"], height(row)),
-                              xytext=(0, offset), textcoords="offset points", ha="center", fontsize=7.5,
-                              color=METHODS[method][0])
-
-
-def legend(figure, rows):
+def legend(figure, rows, left, top):
     present = {row["method"] for row in rows}
-    handles = [Line2D([], [], color=color, marker=marker, linewidth=1.8, label=method)
+    handles = [Line2D([], [], color=color, marker=marker, linewidth=1.9, label=method)
                for method, (color, marker) in METHODS.items() if method in present]
     if any(row["precision"] == "f64" for row in rows):
-        handles.append(Line2D([], [], color=INK, marker="o", markerfacecolor="white", linestyle="--", label="f64"))
-    handles.append(Line2D([], [], linestyle="none", marker="o", markersize=12, markerfacecolor="none",
-                          markeredgecolor=INK, label="front: nothing is both cheaper and better"))
-    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.06, 0.88), ncol=len(handles), frameon=False,
-                  fontsize=9.5, handletextpad=0.5, columnspacing=1.6)
+        handles.append(Line2D([], [], color=INK, marker="o", markerfacecolor="white", linestyle="--", label="in f64"))
+    handles.append(Line2D([], [], linestyle="none", marker="o", markersize=12.5, markerfacecolor="none",
+                          markeredgecolor=INK, label="front: none is cheaper and better"))
+    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(left, top), ncol=len(handles), frameon=False,
+                  fontsize=10, handletextpad=0.6, columnspacing=1.7, borderaxespad=0, borderpad=0)
 
 
 def failures(rows):
-    """One phrase per method and number of sweeps: which steps failed."""
+    """One phrase per method and number of sweeps: at which steps it failed."""
     groups = {}
     for row in rows:
-        name = row["method"] + (f" {row['iterations']:.0f}" if row["iterations"] else "")
-        groups.setdefault(name + (" f64" if row["precision"] == "f64" else ""), []).append(row)
-    phrases = []
-    for name, members in groups.items():
-        steps = ", ".join(step_name(row["dt"])[:-2] for row in members)
-        phrases.append(f"{name} at {steps}")
-    return phrases
+        sweeps = f" {row['iterations']:.0f}" if row["iterations"] else ""
+        name = row["method"] + sweeps + (" f64" if row["precision"] == "f64" else "")
+        groups.setdefault(name, []).append(f"1/{1 / row['dt']:.0f}")
+    return "; ".join(f"{name} at {', '.join(steps)}" for name, steps in groups.items())
 
 
 def main(table, picture, caption):
@@ -152,35 +179,53 @@ def main(table, picture, caption):
     rows = read(table)
     failed = [row for row in rows if row["faulted"] or not row["rms_error"] <= caption["largest_error"]]
     good = [row for row in rows if row not in failed]
-    coupled = caption["couplings"] > 0
+    unit, coupled = caption["unit"], caption["couplings"] > 0
+
+    swept = any(row["iterations"] for row in good)
+    notes = [("Small numbers: sweeps, one line per step size. " if swept else "")
+             + f"Error against a run of {caption['truth_steps_per_second']:,} steps/s in f64, extrapolated; "
+             f"its own error is about {caption['truth_error']:.0e} {unit}."]
+    if failed:
+        notes.append(f"Failed (faulted or off by more than {caption['largest_error']:g}): {failures(failed)}.")
+    notes = [line for note in notes for line in textwrap.wrap(note, 165 if coupled else 105)]
+
+    width, height = (13.0 if coupled else 8.4), 6.4 + 0.17 * len(notes)
+    left, right = 0.9 / width, 1 - 0.25 / width
+
+    def down(inches):
+        return 1 - inches / height
 
     plt.rcParams.update({"font.family": "DejaVu Sans", "font.size": 10, "svg.hashsalt": "lockstep",
-                         "axes.edgecolor": FAINT, "axes.labelcolor": INK, "xtick.color": INK, "ytick.color": INK})
-    figure, panels = plt.subplots(1, 2 if coupled else 1, figsize=(13, 6.6) if coupled else (8.5, 6.6), squeeze=False)
-    panels = panels[0]
-    figure.subplots_adjust(left=0.07, right=0.98, top=0.76, bottom=0.17, wspace=0.18)
-    figure.text(0.065, 0.945, f"{caption['model']}: error against cost", fontsize=16, fontweight="bold", color=INK)
-    figure.text(0.065, 0.905, f"{caption['joints']} joints, {caption['couplings']} couplings, {caption['base']} base, "
-                f"{caption['seconds']:g} s; {caption['cpu']}, {caption['target']}, "
-                f"{caption['environments']} environments", fontsize=10, color="#555555")
-    if good:
-        height = draw_panel(panels[0], good, "rms_error")
-        label_steps(panels[0], good, height)
-        label_sweeps(panels[0], good, height)
-        if coupled:
-            height = draw_panel(panels[1], good, "coupling_error_max")
-            label_sweeps(panels[1], good, height)
-        legend(figure, good)
-    panels[0].set_title(f"Error of the joint positions, RMS ({caption['unit']})", loc="left", fontsize=11, color=INK)
-    if coupled:
-        panels[1].set_title(f"Largest coupling error |C| ({caption['unit']})", loc="left", fontsize=11, color=INK)
+                         "axes.edgecolor": "#9a9a9a", "axes.labelcolor": INK, "xtick.color": INK, "ytick.color": INK})
+    figure, panels = plt.subplots(1, 2 if coupled else 1, figsize=(width, height), squeeze=False)
+    figure.subplots_adjust(left=left, right=right, top=down(1.62), bottom=(0.75 + 0.17 * len(notes)) / height,
+                           wspace=0.17)
+    figure.text(left, down(0.42), f"{caption['model']}: error against cost", fontsize=17, fontweight="bold", color=INK)
+    seconds = f"{caption['seconds']:g} s simulated"
+    machine = f"{caption['cpu']} ({caption['target']}), {caption['environments']} environments at once"
+    mechanism = f"{caption['joints']} joints, {caption['couplings']} couplings, {caption['base']} base"
+    separator = "  \u00b7  " if coupled else "\n"
+    figure.text(left, down(0.52), f"{mechanism}, {seconds}{separator}{machine}", fontsize=10, color=GREY, va="top")
+    figure.text(left, 0.12 / height, "\n".join(notes), fontsize=8.8, color=GREY, va="bottom", linespacing=1.3)
 
-    notes = [f"Numbers beside points: sweeps. Errors are against a run of {caption['truth_steps_per_second']:,} steps/s "
-             f"in f64, extrapolated, itself within about {caption['truth_error']:.0e} {caption['unit']}."]
-    if failed:
-        notes.append("Failed (faulted or off by more than %g): " % caption["largest_error"] + "; ".join(failures(failed)))
-    text = "\n".join(textwrap.fill(note, 190 if coupled else 120) for note in notes)
-    figure.text(0.065, 0.02, text, fontsize=8.5, color="#555555", va="bottom")
+    columns = [("rms_error", f"Error of the joint positions, RMS ({unit})")]
+    if coupled:
+        columns.append(("coupling_error_max", f"Largest coupling error |C| ({unit})"))
+    for axes, (column, title) in zip(panels[0], columns):
+        axes.set_title(title, loc="left", fontsize=11.5, color=INK, pad=9)
+        if not good:
+            axes.text(0.5, 0.5, "all runs failed", transform=axes.transAxes, ha="center", color=GREY)
+            continue
+        panel = Panel(axes, good, column)
+        if column == "rms_error":
+            panel.label_steps()
+        panel.label_sweeps(tgs_below=column == "rms_error")
+        if column == "rms_error" and caption["truth_error"] > axes.get_ylim()[0]:
+            axes.axhspan(axes.get_ylim()[0], caption["truth_error"], color="#eeeeee", zorder=0)
+            panel.write("below the error of the truth", (axes.get_xlim()[1], caption["truth_error"]), (-4, -3), "right",
+                        "top", GREY)
+    if good:
+        legend(figure, good, left, down(0.95))
     figure.savefig(picture, metadata={"Date": None} if picture.endswith(".svg") else None, dpi=110)
 
 
