@@ -1,0 +1,41 @@
+// Last look before the state changes: an environment that failed keeps its last good state. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "tile.h"
+
+namespace lockstep::kernels {
+
+// The codes of Fault in batch.h.
+constexpr Fault fault_none{0}, fault_not_finite{1}, fault_diverged{2}, fault_singular{3};
+
+/// First fault of a lane, sticky.
+template <class T>
+void flag(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, typename T::Mask failed) {
+  const T largest = T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 3.4028234e38 : 1.7976931348623157e308));
+  typename T::Mask infinite = T::none();
+  for (int j = 0; j < t.joints; ++j) infinite = infinite | beyond(x.next_q[j], largest);
+  for (int i = 0; i < t.velocities; ++i) infinite = infinite | beyond(x.next_v[i], largest);
+  for (int i = 0; t.floating && i < 7; ++i) infinite = infinite | beyond(x.next_root_pose[i], largest);
+  for (int i = 0; i < T::lanes; ++i) {
+    if (!lane(failed, i) || lanes.fault[i] != fault_none) continue;
+    lanes.fault[i] = lane(infinite, i) ? fault_not_finite : lane(x.singular, i) ? fault_singular : fault_diverged;
+  }
+}
+
+/// Moves good lanes on, freezes the others.
+template <class T>
+void check(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  typename T::Mask failed = x.singular;
+  const T far = T(t.position_bound), fast = T(t.velocity_bound);
+  for (int j = 0; j < t.joints; ++j) failed = failed | beyond(x.next_q[j], far);
+  for (int i = 0; i < t.velocities; ++i) failed = failed | beyond(x.next_v[i], fast);
+  for (int i = 0; t.floating && i < 7; ++i) failed = failed | beyond(x.next_root_pose[i], far);
+  if (any(failed & ~x.frozen)) flag(t, lanes, x, failed & ~x.frozen);
+  x.frozen = x.frozen | failed;
+
+  for (int j = 0; j < t.joints; ++j) x.q[j] = select(x.frozen, x.q[j], x.next_q[j]);
+  for (int i = 0; i < t.velocities; ++i) x.v[i] = select(x.frozen, x.v[i], x.next_v[i]);
+  for (int i = 0; t.floating && i < 7; ++i) x.root_pose[i] = select(x.frozen, x.root_pose[i], x.next_root_pose[i]);
+}
+
+}  // namespace lockstep::kernels

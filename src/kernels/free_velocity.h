@@ -1,0 +1,30 @@
+// The motion without rows: A factored, its forces half solved. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "ldlt.h"
+
+namespace lockstep::kernels {
+
+/// D^-1 L^-T b, in place.
+template <class T>
+void half_solve(const Columns& columns, const T* factored, const T* inverse, T* b) {
+  solve_upwards(columns, factored, b);
+  for (int z = 0; z < columns.n; ++z) b[z] *= inverse[z];
+}
+
+/// The free velocity is v* = v + L^-1 y with the y that this leaves in x.free_position and x.free_velocity:
+/// the other half of the solve is done once, when the rows' impulses have been added (integrate.h).
+template <class T>
+void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Columns& columns = t.solver;
+  x.singular = factor(columns, x.reduced, x.inverse, T(0));
+  if (t.reduction.followers == 0)
+    for (int z = 0; z < columns.n; ++z) {
+      x.start[z] = x.v[z];
+      x.free_position[z] = x.drive[z];
+    }
+  half_solve(columns, x.reduced, x.inverse, x.free_position);
+  if (x.free_velocity != x.free_position) half_solve(columns, x.reduced, x.inverse, x.free_velocity);
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,80 @@
+// Positions and velocities after the step, by semi-implicit Euler. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "../simd/sincos.h"
+#include "elimination.h"
+
+namespace lockstep::kernels {
+
+/// v = start + L^-1 (share y + D^-1 X impulse), over the solver's velocities.
+template <class T>
+void solved_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* free, T share, const T* impulse, T* v) {
+  const Rows<ScalarOf<T>>& rows = t.rows;
+  for (int z = 0; z < t.solver.n; ++z) v[z] = free[z] * share;
+  for (int r = 0; r < rows.count; ++r)
+    for (int s = rows.support_start[r]; s < rows.support_start[r + 1]; ++s) {
+      const int z = rows.support[s].index;
+      v[z] = fma(x.scaled[r * t.solver.n + z], impulse[r], v[z]);
+    }
+  solve_downwards(t.solver, x.reduced, v);
+  for (int z = 0; z < t.solver.n; ++z) v[z] += x.start[z];
+}
+
+/// All velocities from the solver's: followers follow, by S, and are corrected where asked to.
+template <class T>
+void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, bool corrected, T* v) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  if (r.followers == 0) {
+    for (int i = 0; i < t.velocities; ++i) v[i] = z[i];
+    return;
+  }
+  const int root = t.velocities - t.joints;
+  for (int i = 0; i < t.solver.n; ++i) v[r.independent[i]] = z[i];
+  for (int f = 0; f < r.followers; ++f) {
+    const T following = followed(t, x, f, z);
+    v[root + r.follower[f]] = corrected ? following + x.correction[f] : following;
+  }
+}
+
+/// The root's pose after turning and moving with its twist for dt: q <- q exp(dt w / 2), p <- p + dt R v.
+template <class T>
+void move_root(const Tables<ScalarOf<T>>& t, const T* twist, const T* pose, T* next) {
+  using S = ScalarOf<T>;
+  const T h = T(t.dt);
+  const Mat3<T> rotation = rotation_of_quaternion(pose + 3);
+  const Vec3<T> w = {{twist[0], twist[1], twist[2]}}, v = {{twist[3], twist[4], twist[5]}};
+  const Vec3<T> moved = multiply(rotation, v);
+  for (int k = 0; k < 3; ++k) next[k] = fma(h, moved[k], pose[k]);
+
+  // exp of the half turn: cos |u|, sin |u| / |u| u with u = dt w / 2; at rest the ratio is 1.
+  const T half = h * T(S(0.5));
+  const T squared = dot(w, w) * half * half;
+  const T angle = sqrt(squared);
+  T sine, cosine;
+  sincos(angle, sine, cosine);
+  const auto tiny = less(squared, T(S(1e-12)));
+  const T ratio = select(tiny, T(1), sine / select(tiny, T(1), angle)) * half;
+  const T a = pose[3], b = pose[4], c = pose[5], d = pose[6];
+  const T e = w[0] * ratio, f = w[1] * ratio, g = w[2] * ratio;
+  const T turned[4] = {fnma(b, e, fnma(c, f, fnma(d, g, a * cosine))), fma(a, e, fma(c, g, fnma(d, f, b * cosine))),
+                       fma(a, f, fma(d, e, fnma(b, g, c * cosine))), fma(a, g, fma(b, f, fnma(c, e, d * cosine)))};
+  // One Newton step for 1 / |q| keeps it unit: rounding moves it by far less than the step's reach.
+  T norm = turned[0] * turned[0];
+  for (int k = 1; k < 4; ++k) norm = fma(turned[k], turned[k], norm);
+  const T scale = fnma(T(S(0.5)), norm, T(S(1.5)));
+  for (int k = 0; k < 4; ++k) next[3 + k] = turned[k] * scale;
+}
+
+template <class T>
+void integrate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const int root = t.velocities - t.joints;
+  solved_velocity(t, x, x.free_position, T(t.free_share), x.position_impulse, x.solution);
+  expand(t, x, x.solution, true, x.next_v);
+  for (int j = 0; j < t.joints; ++j) x.next_q[j] = fma(T(t.dt), x.next_v[root + j], x.q[j]);
+  if (t.floating) move_root(t, x.next_v, x.root_pose, x.next_root_pose);
+  if (!t.solve_twice) return;
+  solved_velocity(t, x, x.free_velocity, T(1), x.velocity_impulse, x.solution);
+  expand(t, x, x.solution, false, x.next_v);
+}
+
+}  // namespace lockstep::kernels

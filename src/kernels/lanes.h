@@ -1,0 +1,27 @@
+// What a kernel is handed: the state of a batch, by plain pointers. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace lockstep {
+
+enum class Fault : std::uint32_t;  // batch.h
+
+/// Rows [dof][environment], `stride` numbers apart. Environments are padded to whole tiles.
+template <class S>
+struct Lanes {
+  std::ptrdiff_t stride = 0;
+  S* position = nullptr;
+  S* velocity = nullptr;
+  S* root_pose = nullptr;      ///< 7 rows, null if fixed
+  S* root_velocity = nullptr;  ///< 6 rows, null if fixed
+  const S* position_target = nullptr;
+  const S* velocity_target = nullptr;
+  const S* effort = nullptr;
+  const S* field[8] = {};      ///< by Parameter, null if not declared
+  S* impulse = nullptr;        ///< rows by coupling, null unless recorded
+  Fault* fault = nullptr;
+};
+
+}  // namespace lockstep

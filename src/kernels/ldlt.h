@@ -1,0 +1,78 @@
+// Sparse H = L^T D L and its solves (Featherstone 2008, section 6.5). SPDX-License-Identifier: Apache-2.0
+//
+// Column j holds the rows of j's subtree, a contiguous run (plan/tables.h), so every inner loop below is a
+// run through one or two arrays. No fill-in: eliminating from the leaves to the root stays in the tree.
+#pragma once
+
+#include "tile.h"
+
+namespace lockstep::kernels {
+
+/// H becomes L below the diagonal; inverse = 1 / D. A pivot not above `tolerance` times the diagonal that it
+/// came from is taken for none: its inverse is 0, so that its unknown is 0. Returns the lanes where that happened.
+template <class T>
+typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T tolerance) {
+  typename T::Mask weak = T::none();
+  for (int i = columns.n - 1; i >= 0; --i) {
+    T* own = matrix + columns.offset[i];
+    const int below = columns.size[i];
+    T pivot = own[0];
+    const T least = tolerance * pivot;
+    for (int k = 1; k < below; ++k) {
+      const T scaled = own[k] * inverse[i + k];
+      pivot = fnma(scaled, own[k], pivot);
+      own[k] = scaled;
+    }
+    own[0] = pivot;
+    const typename T::Mask good = less(least, pivot);
+    inverse[i] = select(good, T(1) / pivot, T(0));
+    weak = weak | ~good;
+    // Row i of every ancestor's column, four ancestors at a time.
+    int j = columns.parent[i];
+    while (j >= 0) {
+      T* above[4];
+      int count = 0;
+      for (; count < 4 && j >= 0; j = columns.parent[j]) above[count++] = matrix + columns.offset[j] + (i - j);
+      if (count == 4) {
+        T a = above[0][0], b = above[1][0], c = above[2][0], d = above[3][0];
+        for (int k = 1; k < below; ++k) {
+          a = fnma(own[k], above[0][k], a);
+          b = fnma(own[k], above[1][k], b);
+          c = fnma(own[k], above[2][k], c);
+          d = fnma(own[k], above[3][k], d);
+        }
+        above[0][0] = a, above[1][0] = b, above[2][0] = c, above[3][0] = d;
+        continue;
+      }
+      for (int n = 0; n < count; ++n) {
+        T a = above[n][0];
+        for (int k = 1; k < below; ++k) a = fnma(own[k], above[n][k], a);
+        above[n][0] = a;
+      }
+    }
+  }
+  return weak;
+}
+
+/// b <- L^-T b
+template <class T>
+void solve_upwards(const Columns& columns, const T* factor, T* b) {
+  for (int j = columns.n - 1; j >= 0; --j) {
+    const T* own = factor + columns.offset[j];
+    T sum = b[j];
+    for (int k = 1; k < columns.size[j]; ++k) sum = fnma(own[k], b[j + k], sum);
+    b[j] = sum;
+  }
+}
+
+/// b <- L^-1 b
+template <class T>
+void solve_downwards(const Columns& columns, const T* factor, T* b) {
+  for (int j = 0; j < columns.n; ++j) {
+    const T* own = factor + columns.offset[j];
+    const T value = b[j];
+    for (int k = 1; k < columns.size[j]; ++k) b[j + k] = fnma(own[k], value, b[j + k]);
+  }
+}
+
+}  // namespace lockstep::kernels

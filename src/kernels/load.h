@@ -1,0 +1,36 @@
+// First stage: the tile's state out of the batch's rows. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "frame.h"
+
+namespace lockstep::kernels {
+
+template <class T>
+void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  for (int j = 0; j < t.joints; ++j) {
+    const std::ptrdiff_t row = t.joint_row[j] * lanes.stride;
+    x.q[j] = T::load(lanes.position + row);
+    x.v[t.velocities - t.joints + j] = T::load(lanes.velocity + row);
+  }
+  if (t.floating) {
+    for (int i = 0; i < 7; ++i) x.root_pose[i] = T::load(lanes.root_pose + i * lanes.stride);
+    for (int i = 0; i < 6; ++i) x.v[i] = T::load(lanes.root_velocity + i * lanes.stride);
+  }
+  x.frozen = T::none();
+  for (int i = 0; i < T::lanes; ++i) x.frozen.bits[i] = lanes.fault[i] == Fault{} ? 0 : -1;
+
+  // Masses per environment: a body is the sum of its links, each by the kilogram.
+  if (!declared<T>(t, 5)) return;
+  for (int b = 0; b < t.bodies; ++b) x.inertia[b] = {T(0), Vec3<T>::zero(), {T(0), T(0), T(0), T(0), T(0), T(0)}};
+  for (int l = 0; l < t.links; ++l) {
+    const LinkPlace<ScalarOf<T>>& place = t.link[l];
+    if (place.body < 0) continue;
+    const T mass = T::load(lanes.field[5] + l * lanes.stride);
+    PseudoInertia<T>& sum = x.inertia[place.body];
+    sum.mass += mass;
+    for (int k = 0; k < 3; ++k) sum.moment[k] = fma(mass, T(place.unit_moment[k]), sum.moment[k]);
+    for (int k = 0; k < 6; ++k) sum.second[k] = fma(mass, T(place.unit_second[k]), sum.second[k]);
+  }
+}
+
+}  // namespace lockstep::kernels

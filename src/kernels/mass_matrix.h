@@ -1,0 +1,132 @@
+// Mass matrix M(q) by composite rigid bodies (Featherstone 2008, table 6.2). SPDX-License-Identifier: Apache-2.0
+//
+// Composites are pseudo-inertias (docs/mathematics.md, section 2); column b is the force that a unit
+// acceleration of joint b takes, passed down to every joint that carries it.
+#pragma once
+
+#include "frame.h"
+
+namespace lockstep::kernels {
+
+/// Adds a body's composite, given in its own frame, to its parent's.
+template <class J, class T>
+LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, T c, const Vec3<T>& r,
+                                   const PseudoInertia<T>& from, PseudoInertia<T>& to) {
+  // Second moment as E^T Sigma E: columns, then rows.
+  T turned[6];
+  if (body.rotated) {
+    Vec3<T> columns[3];
+    for (int k = 0; k < 3; ++k)
+      columns[k] = to_parent(joint, body, s, c, {{from.pair(0, k), from.pair(1, k), from.pair(2, k)}});
+    for (int k = 0; k < 3; ++k) {
+      const Vec3<T> row = to_parent(joint, body, s, c, {{columns[0][k], columns[1][k], columns[2][k]}});
+      turned[k] = row[k];
+      if (k == 0) turned[5] = row[1], turned[4] = row[2];
+      if (k == 1) turned[3] = row[2];
+    }
+  } else if constexpr (J::prismatic) {
+    for (int k = 0; k < 6; ++k) turned[k] = from.second[k];
+  } else {
+    const T ii = from.second[J::i], jj = from.second[J::j], ij = from.second[3 + J::k];
+    const T ik = from.second[3 + J::j], jk = from.second[3 + J::i];
+    const T shift = s * fma(s, jj - ii, T(ScalarOf<T>(-2)) * (c * ij));  // s^2 (jj - ii) - 2 s c ij
+    turned[J::i] = ii + shift;
+    turned[J::j] = jj - shift;
+    turned[J::k] = from.second[J::k];
+    turned[3 + J::k] = fma(c, fma(s, ii - jj, c * ij), -(s * (s * ij)));
+    turned[3 + J::j] = fnma(s, jk, c * ik);
+    turned[3 + J::i] = fma(s, ik, c * jk);
+  }
+  const Vec3<T> h = to_parent(joint, body, s, c, from.moment);
+  to.mass += from.mass;
+  Vec3<T> u;  // h + m r / 2, so that r u^T + u r^T is all that the shift adds
+  for (int k = 0; k < 3; ++k) {
+    const T mr = from.mass * r[k];
+    to.moment[k] += h[k] + mr;
+    u[k] = fma(T(ScalarOf<T>(0.5)), mr, h[k]);
+  }
+  for (int k = 0; k < 3; ++k) {
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    to.second[k] += fma(r[k] + r[k], u[k], turned[k]);
+    to.second[3 + k] += fma(r[i], u[j], fma(r[j], u[i], turned[3 + k]));
+  }
+}
+
+/// Force and moment of the composite under a unit acceleration of the joint's coordinate.
+template <class J, class T>
+LOCKSTEP_INLINE void unit_column(J, const PseudoInertia<T>& c, T sign, Vec3<T>& force, Vec3<T>& moment) {
+  if constexpr (J::prismatic) {
+    force = Vec3<T>::zero();
+    force[J::k] = c.mass * sign;
+    moment[J::k] = T(0);
+    moment[J::i] = c.moment[J::j] * sign;
+    moment[J::j] = -(c.moment[J::i] * sign);
+  } else {
+    force[J::k] = T(0);
+    force[J::i] = -(c.moment[J::j] * sign);
+    force[J::j] = c.moment[J::i] * sign;
+    moment[J::k] = (c.second[J::i] + c.second[J::j]) * sign;
+    moment[J::i] = -(c.second[3 + J::j] * sign);
+    moment[J::j] = -(c.second[3 + J::i] * sign);
+  }
+}
+
+template <class T>
+void mass_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int b = 0; b < t.bodies; ++b) x.composite[b] = inertia_of(t, x, b);
+  for (int b = t.bodies - 1; b >= 0; --b) {
+    const Body<ScalarOf<T>>& body = t.body[b];
+    if (body.root) continue;
+    const int column = velocity_of(t, b);
+    Vec3<T> force, moment;
+    with_joint(body, [&](auto joint) {
+      using J = decltype(joint);
+      const T s = x.sine[b], c = x.cosine[b];
+      unit_column(joint, x.composite[b], T(body.sign), force, moment);
+      x.matrix[t.matrix.offset[column]] = (J::prismatic ? force[J::k] : moment[J::k]) * T(body.sign);
+      if (body.parent < 0) return;
+      const Vec3<T> r = origin(joint, body, J::prismatic ? x.q[joint_of(t, b)] : T(0));
+      add_to_parent(joint, body, s, c, r, x.composite[b], x.composite[body.parent]);
+      force = to_parent(joint, body, s, c, force);
+      moment = cross_add(r, force, to_parent(joint, body, s, c, moment));
+    });
+    for (int p = body.parent; p >= 0; p = t.body[p].parent) {
+      const Body<ScalarOf<T>>& carrier = t.body[p];
+      if (carrier.root) {
+        for (int k = 0; k < 3; ++k) {
+          x.matrix[t.matrix.offset[k] + column - k] = moment[k];
+          x.matrix[t.matrix.offset[3 + k] + column - 3 - k] = force[k];
+        }
+        break;
+      }
+      with_joint(carrier, [&](auto joint) {
+        using J = decltype(joint);
+        const int row = velocity_of(t, p);
+        const T s = x.sine[p], c = x.cosine[p];
+        x.matrix[t.matrix.offset[row] + column - row] = (J::prismatic ? force[J::k] : moment[J::k]) * T(carrier.sign);
+        if (carrier.parent < 0) return;
+        const Vec3<T> r = origin(joint, carrier, J::prismatic ? x.q[joint_of(t, p)] : T(0));
+        force = to_parent(joint, carrier, s, c, force);
+        moment = cross_add(r, force, to_parent(joint, carrier, s, c, moment));
+      });
+    }
+  }
+  if (!t.floating) return;
+  // The root's own six: its composite, in the order angular, linear.
+  const PseudoInertia<T>& c = x.composite[0];
+  const auto entry = [&](int row, int column) -> T& { return x.matrix[t.matrix.offset[column] + row - column]; };
+  for (int k = 0; k < 3; ++k) {
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    entry(k, k) = c.second[i] + c.second[j];
+    entry(3 + k, 3 + k) = c.mass;
+    entry(3 + k, k) = T(0);
+    entry(3 + i, k) = -c.moment[j];  // e_k x h
+    entry(3 + j, k) = c.moment[i];
+  }
+  entry(1, 0) = -c.second[5];
+  entry(2, 0) = -c.second[4];
+  entry(2, 1) = -c.second[3];
+  entry(4, 3) = entry(5, 3) = entry(5, 4) = T(0);
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,22 @@
+// Projected Gauss-Seidel: (16) of the note, q and the biases fixed over the sweeps. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "sweep.h"
+
+namespace lockstep::kernels {
+
+template <class T>
+void pgs(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Rows<ScalarOf<T>>& rows = t.rows;
+  row_denominators(rows, x);
+  for (int r = 0; r < rows.count; ++r) x.row_impulse[r] = T(0);
+  for (int i = 0; i < t.iterations; ++i) sweep(rows, x);
+  for (int r = 0; r < rows.count; ++r) {
+    x.position_impulse[r] = x.row_impulse[r];
+    x.row_bias[r] = closing_bias(x, r);
+  }
+  for (int i = 0; i < t.velocity_iterations; ++i) sweep(rows, x);
+  for (int r = 0; r < rows.count; ++r) x.velocity_impulse[r] = x.row_impulse[r];
+}
+
+}  // namespace lockstep::kernels

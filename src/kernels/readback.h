@@ -1,0 +1,239 @@
+// What users ask of a state: poses, velocities, Jacobians, energies, momentum. SPDX-License-Identifier: Apache-2.0
+//
+// Not part of a step; computed anew on request, by the same templates. docs/mathematics.md, section 10.
+#pragma once
+
+#include "bias_forces.h"
+#include "coupling_error.h"
+#include "kinematics.h"
+#include "load.h"
+#include "orientation.h"
+
+namespace lockstep::kernels {
+
+enum class Quantity { coupling_errors, frame, frame_velocity, frame_position, frame_jacobian, kinetic_energy, potential_energy, momentum };
+
+/// A quantity, and for the frame_ ones which link and which frame on it.
+template <class S>
+struct Request {
+  Quantity quantity;
+  int link = 0;
+  S offset[3] = {};  ///< frame's origin in the link
+};
+
+/// Where bodies are and how they move: world for places, own axes for twists.
+template <class T>
+struct Motion {
+  Mat3<T>* world;
+  Vec3<T>* place;
+  Vec3<T>* angular;
+  Vec3<T>* linear;
+};
+
+template <class T>
+inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x, Motion<T>& motion) {
+  const std::size_t used = lay_out(t, block, x);
+  Carver c(static_cast<char*>(block) + used);
+  motion.world = c.take<Mat3<T>>(t.bodies);
+  motion.place = c.take<Vec3<T>>(t.bodies);
+  motion.angular = c.take<Vec3<T>>(t.bodies);
+  motion.linear = c.take<Vec3<T>>(t.bodies);
+  return used + c.used();
+}
+
+template <class T>
+void motions(const Tables<ScalarOf<T>>& t, Tile<T>& x, Motion<T>& m) {
+  kinematics(t, x);
+  orientations(t, x, m.world);
+  for (int b = 0; b < t.bodies; ++b) {
+    const Body<ScalarOf<T>>& body = t.body[b];
+    if (body.root) {
+      m.place[b] = {{x.root_pose[0], x.root_pose[1], x.root_pose[2]}};
+      m.angular[b] = {{x.v[0], x.v[1], x.v[2]}};
+      m.linear[b] = {{x.v[3], x.v[4], x.v[5]}};
+      continue;
+    }
+    const int p = body.parent;
+    const Mat3<T> parent_world = p < 0 ? root_orientation<T>(t) : m.world[p];
+    const Vec3<T> parent_place = p < 0 ? Vec3<T>::constant(t.root_offset) : m.place[p];
+    const Vec3<T> zero = Vec3<T>::zero();
+    with_joint(body, [&](auto joint) {
+      using J = decltype(joint);
+      const T s = x.sine[b], c = x.cosine[b], speed = x.v[velocity_of(t, b)] * T(body.sign);
+      const Vec3<T> r = origin(joint, body, J::prismatic ? x.q[joint_of(t, b)] : T(0));
+      m.place[b] = multiply_add(parent_world, r, parent_place);
+      m.angular[b] = to_body(joint, body, s, c, p < 0 ? zero : m.angular[p]);
+      m.linear[b] = to_body(joint, body, s, c, p < 0 ? zero : cross_add(m.angular[p], r, m.linear[p]));
+      (J::prismatic ? m.linear : m.angular)[b][J::k] += speed;
+    });
+  }
+}
+
+/// Momentum of body b in its own axes, about its origin.
+template <class T>
+LOCKSTEP_INLINE void body_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m, int b,
+                                   Vec3<T>& linear, Vec3<T>& angular) {
+  const PseudoInertia<T> body = inertia_of(t, x, b);
+  const Vec3<T> w = m.angular[b], v = m.linear[b];
+  linear = cross_add(w, body.moment, {{body.mass * v[0], body.mass * v[1], body.mass * v[2]}});
+  const T trace = body.second[0] + body.second[1] + body.second[2];
+  for (int k = 0; k < 3; ++k) {
+    T sum = trace * w[k];
+    for (int l = 0; l < 3; ++l) sum = fnma(body.pair(k, l), w[l], sum);
+    angular[k] = sum;
+  }
+  angular = cross_add(body.moment, v, angular);
+}
+
+template <class T>
+struct Output {
+  ScalarOf<T>* rows;
+  std::ptrdiff_t stride;
+  LOCKSTEP_INLINE void put(int row, T value) const { store(rows + row * stride, value); }
+  LOCKSTEP_INLINE void put(int row, const Vec3<T>& value) const {
+    for (int k = 0; k < 3; ++k) put(row + k, value[k]);
+  }
+};
+
+/// A point and an orientation on a link: in its body, or in the world if the link is bolted to it.
+template <class T>
+struct Place {
+  Mat3<T> rotation;
+  Vec3<T> position;
+};
+
+template <class T>
+Place<T> place_of(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Request<ScalarOf<T>>& request) {
+  const LinkPlace<ScalarOf<T>>& link = t.link[request.link];
+  Mat3<T> own;
+  for (int k = 0; k < 9; ++k) own.m[k] = T(link.rotation[k]);
+  const Vec3<T> in_body = multiply_add(own, Vec3<T>::constant(request.offset), Vec3<T>::constant(link.offset));
+  const Mat3<T> world = link.body < 0 ? root_orientation<T>(t) : m.world[link.body];
+  const Vec3<T> origin = link.body < 0 ? Vec3<T>::constant(t.root_offset) : m.place[link.body];
+  Place<T> place;
+  place.position = multiply_add(world, in_body, origin);
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c)
+      place.rotation(r, c) = fma(world(r, 0), own(0, c), fma(world(r, 1), own(1, c), world(r, 2) * own(2, c)));
+  return place;
+}
+
+template <class T>
+void put_velocity(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Request<ScalarOf<T>>& request, const Output<T>& out) {
+  const int b = t.link[request.link].body;
+  Vec3<T> w = Vec3<T>::zero(), v = w;
+  if (b >= 0) {
+    const Vec3<T> arm = place_of(t, m, request).position - m.place[b];
+    w = multiply(m.world[b], m.angular[b]);
+    v = cross_add(w, arm, multiply(m.world[b], m.linear[b]));
+  }
+  out.put(0, w);
+  out.put(3, v);
+}
+
+template <class T>
+void put_jacobian(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Request<ScalarOf<T>>& request, const Output<T>& out) {
+  const int root = t.velocities - t.joints;
+  for (int row = 0; row < 6 * t.velocities; ++row) out.put(row, T(0));
+  const Vec3<T> point = place_of(t, m, request).position;
+  for (int b = t.link[request.link].body; b >= 0; b = t.body[b].parent) {
+    const Body<ScalarOf<T>>& body = t.body[b];
+    const Vec3<T> arm = point - m.place[b];
+    const auto axis = [&](int k) { return Vec3<T>{{m.world[b](0, k), m.world[b](1, k), m.world[b](2, k)}}; };
+    const auto turning = [&](int column, const Vec3<T>& e) {
+      out.put(6 * column, e);
+      out.put(6 * column + 3, cross(e, arm));
+    };
+    if (body.root) {
+      for (int k = 0; k < 3; ++k) {
+        turning(k, axis(k));
+        out.put(6 * (3 + k) + 3, axis(k));
+      }
+      continue;
+    }
+    Vec3<T> e = axis(body.axis);
+    for (int k = 0; k < 3; ++k) e[k] *= T(body.sign);
+    const int column = root + t.joint_row[joint_of(t, b)];
+    if (body.prismatic)
+      out.put(6 * column + 3, e);
+    else
+      turning(column, e);
+  }
+}
+
+template <class T>
+void put_kinetic_energy(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m, const Output<T>& out) {
+  T twice = T(0);
+  for (int b = 0; b < t.bodies; ++b) {
+    Vec3<T> linear, angular;
+    body_momentum(t, x, m, b, linear, angular);
+    twice += dot(m.linear[b], linear) + dot(m.angular[b], angular);
+  }
+  for (int j = 0; j < t.joints; ++j) {
+    const T v = x.v[t.velocities - t.joints + j];
+    twice = fma(T(t.armature[j]) * v, v, twice);
+  }
+  out.put(0, twice * T(ScalarOf<T>(0.5)));
+}
+
+template <class T>
+void put_potential_energy(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x,
+                          const Motion<T>& m, const Output<T>& out) {
+  Vec3<T> g;
+  for (int k = 0; k < 3; ++k) g[k] = field<T>(lanes, 6, t.world_gravity).at(k, k);
+  T sum = T(0);
+  for (int b = 0; b < t.bodies; ++b) {
+    const PseudoInertia<T> body = inertia_of(t, x, b);
+    sum = sum - dot(g, fma(m.place[b], body.mass, multiply(m.world[b], body.moment)));
+  }
+  out.put(0, sum);
+}
+
+template <class T>
+void put_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m, const Output<T>& out) {
+  Vec3<T> total_linear = Vec3<T>::zero(), total_angular = total_linear;
+  for (int b = 0; b < t.bodies; ++b) {
+    Vec3<T> linear, angular;
+    body_momentum(t, x, m, b, linear, angular);
+    const Vec3<T> in_world = multiply(m.world[b], linear);
+    total_linear = total_linear + in_world;
+    total_angular = cross_add(m.place[b], in_world, multiply_add(m.world[b], angular, total_angular));
+  }
+  out.put(0, total_angular);
+  out.put(3, total_linear);
+}
+
+template <class T>
+void read(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::ptrdiff_t first, std::ptrdiff_t last,
+          const Request<ScalarOf<T>>& request, ScalarOf<T>* rows, std::ptrdiff_t stride, void* scratch) {
+  Tile<T> x;
+  Motion<T> m;
+  lay_out(t, scratch, x, m);
+  for (std::ptrdiff_t environment = first; environment < last; environment += T::lanes) {
+    const Lanes<ScalarOf<T>> own = at(lanes, environment);
+    const Output<T> out{rows + environment, stride};
+    load(t, own, x);
+    if (request.quantity == Quantity::coupling_errors) {
+      coupling_errors(t, own, x.q, x.coupling_error);
+      for (int c = 0; c < t.couplings; ++c) out.put(c, x.coupling_error[c]);
+      continue;
+    }
+    motions(t, x, m);
+    switch (request.quantity) {
+      case Quantity::frame: {
+        const Place<T> place = place_of(t, m, request);
+        out.put(0, place.position);
+        for (int k = 0; k < 9; ++k) out.put(3 + k, place.rotation.m[k]);
+        break;
+      }
+      case Quantity::frame_velocity: put_velocity(t, m, request, out); break;
+      case Quantity::frame_position: out.put(0, place_of(t, m, request).position); break;
+      case Quantity::frame_jacobian: put_jacobian(t, m, request, out); break;
+      case Quantity::kinetic_energy: put_kinetic_energy(t, x, m, out); break;
+      case Quantity::potential_energy: put_potential_energy(t, own, x, m, out); break;
+      default: put_momentum(t, x, m, out); break;
+    }
+  }
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,100 @@
+// Error, softness, bias and speed of each row, before it is solved. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "responses.h"
+
+namespace lockstep::kernels {
+
+/// A row that is absent in some lanes (kp = kd = 0) yields to everything there.
+template <class T>
+LOCKSTEP_INLINE T yields_to_everything() {
+  return T(ScalarOf<T>(1e30));
+}
+template <class T>
+LOCKSTEP_INLINE T smallest() {
+  return T(ScalarOf<T>(1e-30));
+}
+
+/// 1 - (1 - erp)^(1/N), and mixing as the spring that it is, for a sub-step: lane by lane, since only
+/// tgs with a softness per environment asks for it.
+template <class T>
+void share_out(const Tables<ScalarOf<T>>& t, T erp, T cfm, T& rate, T& row_cfm) {
+  const double dt = double(t.dt), n = t.iterations, h = dt / n;
+  for (int i = 0; i < T::lanes; ++i) {
+    const double e = double(erp.v[i]), c = double(cfm.v[i]);
+    const double kp = e / (dt * dt * c), kd = (1 - e) / (dt * c);
+    rate.v[i] = ScalarOf<T>(c > 0 ? kp / (h * kp + kd) : (1 - __builtin_pow(1 - e, 1 / n)) / h);
+    row_cfm.v[i] = ScalarOf<T>(c > 0 ? 1 / (h * (h * kp + kd)) : c);
+  }
+}
+
+/// rate and cfm from this tile's own softness: (22), (23), (26) to (29) of the note.
+template <class T>
+void follow_softness(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int row, T response, Tile<T>& x) {
+  const int coupling = t.rows.coupling[row], kind = t.rows.softness[row].kind;
+  const T first = T::load(lanes.field[2] + 2 * coupling * lanes.stride);
+  const T second = T::load(lanes.field[2] + (2 * coupling + 1) * lanes.stride);
+  const T h = t.renewed ? T(t.dt) / T(ScalarOf<T>(t.iterations)) : T(t.dt);
+  if (kind <= 1) {
+    if (t.renewed) return share_out(t, first, second, x.row_rate[row], x.row_cfm[row]);
+    x.row_rate[row] = first / h;
+    x.row_cfm[row] = second;
+    return;
+  }
+  const bool spring = kind == 2;
+  const T yielding = spring ? fma(h, first, second) : fma(h, first, second + second);
+  const auto absent = less(spring ? yielding : first, smallest<T>());
+  const T cfm = spring ? T(1) / (h * yielding) : response / (h * first * yielding);
+  x.row_rate[row] = select(absent, T(0), first / yielding);
+  x.row_cfm[row] = select(absent, yields_to_everything<T>(), cfm);
+}
+
+template <class T>
+void row_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  const Rows<ScalarOf<T>>& rows = t.rows;
+  const int n = t.solver.n;
+  const bool factored = rows.columns.n > 0;
+  for (int r = 0; r < rows.count; ++r) {
+    const T response = x.coupled[factored ? rows.columns.offset[r] : r * rows.count + r];
+    const T natural = t.natural_row[r] < 0 ? response : x.natural_compliance[t.natural_row[r]];
+    if (declared<T>(t, 2)) {
+      follow_softness(t, lanes, r, natural, x);
+    } else {
+      const RowSoftness<ScalarOf<T>>& softness = rows.softness[r];
+      x.row_rate[r] = T(softness.rate);
+      x.row_cfm[r] = fma(T(softness.cfm_per_response), natural, T(softness.cfm));
+    }
+    x.row_error[r] = x.coupling_error[rows.coupling[r]];
+    x.row_bias[r] = x.row_rate[r] * x.row_error[r];
+
+    // J v now, and J v* as the free motion leaves it.
+    T now = T(0), free = T(0), closed = T(0);
+    for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k)
+      now = fma(row_value(t, x, k), x.start[rows.term_index[k]], now);
+    for (int s = rows.support_start[r]; s < rows.support_start[r + 1]; ++s) {
+      const int z = rows.support[s].index;
+      free = fma(x.response[r * n + z], x.free_position[z], free);
+      if (x.free_velocity != x.free_position) closed = fma(x.response[r * n + z], x.free_velocity[z], closed);
+    }
+    x.row_start[r] = now;
+    x.row_speed[r] = now + free;
+    x.row_speed_closed[r] = x.free_velocity != x.free_position ? now + closed : now + free;
+    if (t.reduction.followers == 0) continue;
+    const int coupling = rows.coupling[r];
+    for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k) {
+      const int f = t.reduction.follower_of[t.term_joint[k]];
+      if (f < 0) continue;
+      const T pushed = coefficient<T>(t, lanes, k) * x.correction[f];
+      x.row_speed[r] += pushed;
+      if (!t.solve_twice) x.row_speed_closed[r] += pushed;
+    }
+  }
+}
+
+/// The bias of the velocity phase: hard rows drop theirs, soft ones keep it (they are springs).
+template <class T>
+LOCKSTEP_INLINE T closing_bias(const Tile<T>& x, int r) {
+  return select(less(x.row_cfm[r], smallest<T>()), T(0), x.row_bias[r]);
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,68 @@
+// The step of one tile: the main path, stage by stage. SPDX-License-Identifier: Apache-2.0
+//
+//     M(q) dv/dt + c(q, v) = tau,   C = J q + gamma = 0
+//
+// docs/mathematics.md has the formulas, one section per stage. A stage whose table is empty does not run.
+#pragma once
+
+#include "bias_forces.h"
+#include "check.h"
+#include "coupling_error.h"
+#include "direct.h"
+#include "elimination.h"
+#include "free_velocity.h"
+#include "impulses.h"
+#include "integrate.h"
+#include "joint_terms.h"
+#include "kinematics.h"
+#include "load.h"
+#include "mass_matrix.h"
+#include "pgs.h"
+#include "responses.h"
+#include "row_terms.h"
+#include "store.h"
+#include "tgs.h"
+
+namespace lockstep::kernels {
+
+enum MethodCode { method_pgs = 1, method_tgs = 2, method_direct = 3, method_reduced = 4 };
+
+template <class T>
+void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  kinematics(t, x);
+  bias_forces(t, lanes, x);
+  mass_matrix(t, x);
+  joint_terms(t, lanes, x);
+  if (t.couplings > 0) coupling_errors(t, lanes, x.q, x.coupling_error);
+  if (t.reduction.followers > 0) eliminate(t, lanes, x);
+  free_velocity(t, x);
+  if (t.rows.count > 0) {
+    if (t.natural.count > 0) natural_responses(t, lanes, x);
+    responses(t, lanes, x);
+    row_terms(t, lanes, x);
+    switch (t.method) {
+      case method_pgs: pgs(t, x); break;
+      case method_tgs: tgs(t, x); break;
+      default: direct(t, x); break;  // direct, and what reduced leaves to solve
+    }
+  }
+  integrate(t, x);
+  if (t.record_impulses) couplings_impulses(t, lanes, x);
+  check(t, lanes, x);
+}
+
+/// `substeps` steps of environments [first, last), whole tiles, in the scratch block.
+template <class T>
+void advance(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::ptrdiff_t first, std::ptrdiff_t last,
+             int substeps, void* scratch) {
+  Tile<T> x;
+  lay_out(t, scratch, x);
+  for (std::ptrdiff_t environment = first; environment < last; environment += T::lanes) {
+    const Lanes<ScalarOf<T>> own = at(lanes, environment);
+    load(t, own, x);
+    for (int i = 0; i < substeps; ++i) step(t, own, x);
+    store(t, own, x);
+  }
+}
+
+}  // namespace lockstep::kernels

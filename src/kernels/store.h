@@ -1,0 +1,20 @@
+// Last stage: the tile's state back into the batch's rows. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "tile.h"
+
+namespace lockstep::kernels {
+
+template <class T>
+void store(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x) {
+  for (int j = 0; j < t.joints; ++j) {
+    const std::ptrdiff_t row = t.joint_row[j] * lanes.stride;
+    store(lanes.position + row, x.q[j]);
+    store(lanes.velocity + row, x.v[t.velocities - t.joints + j]);
+  }
+  for (int i = 0; t.floating && i < 7; ++i) store(lanes.root_pose + i * lanes.stride, x.root_pose[i]);
+  for (int i = 0; t.floating && i < 6; ++i) store(lanes.root_velocity + i * lanes.stride, x.v[i]);
+  for (int c = 0; t.record_impulses && c < t.couplings; ++c) store(lanes.impulse + c * lanes.stride, x.impulse[c]);
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,30 @@
+// One projected Gauss-Seidel sweep over the rows, on impulses. SPDX-License-Identifier: Apache-2.0
+//
+// (16) and (18) of the note with the memory that makes a soft row the spring (21) however often it is visited:
+// docs/mathematics.md, section 5. Working on J v through K, no sweep walks the tree.
+#pragma once
+
+#include "row_terms.h"
+
+namespace lockstep::kernels {
+
+/// 1 / (r + cfm)
+template <class T>
+LOCKSTEP_INLINE void row_denominators(const Rows<ScalarOf<T>>& rows, Tile<T>& x) {
+  for (int r = 0; r < rows.count; ++r) x.row_inverse[r] = T(1) / (x.coupled[r * rows.count + r] + x.row_cfm[r]);
+}
+
+template <class T>
+LOCKSTEP_INLINE void sweep(const Rows<ScalarOf<T>>& rows, Tile<T>& x) {
+  for (int r = 0; r < rows.count; ++r) {
+    const T residual = fma(x.row_cfm[r], x.row_impulse[r], x.row_speed[r] + x.row_bias[r]);
+    const T change = -(residual * x.row_inverse[r]);
+    x.row_impulse[r] += change;
+    for (int i = rows.neighbour_start[r]; i < rows.neighbour_start[r + 1]; ++i) {
+      const Neighbour neighbour = rows.neighbours[i];
+      x.row_speed[neighbour.row] = fma(x.coupled[neighbour.entry], change, x.row_speed[neighbour.row]);
+    }
+  }
+}
+
+}  // namespace lockstep::kernels

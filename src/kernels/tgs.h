@@ -1,0 +1,44 @@
+// Temporal Gauss-Seidel: N sub-steps of one sweep, C renewed in each, A and r frozen. SPDX-License-Identifier: Apache-2.0
+//
+// docs/mathematics.md, section 6. The free motion is shared out over the sub-steps; positions follow the mean of
+// the sub-steps' velocities, so they see the mean of the running impulses.
+#pragma once
+
+#include "sweep.h"
+
+namespace lockstep::kernels {
+
+template <class T>
+void tgs(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const Rows<S>& rows = t.rows;
+  const T share = T(S(1) / S(t.iterations)), h = T(t.dt) * share;
+  row_denominators(rows, x);
+  for (int r = 0; r < rows.count; ++r) {
+    x.row_speed_closed[r] = (x.row_speed[r] - x.row_start[r]) * share;  // the free motion's part of a sub-step
+    x.row_speed[r] = x.row_start[r];
+    x.position_impulse[r] = x.velocity_impulse[r] = T(0);
+  }
+  for (int i = 0; i < t.iterations; ++i) {
+    for (int r = 0; r < rows.count; ++r) {
+      x.row_speed[r] += x.row_speed_closed[r];
+      x.row_bias[r] = x.row_rate[r] * x.row_error[r];
+      x.row_impulse[r] = T(0);
+    }
+    sweep(rows, x);
+    for (int r = 0; r < rows.count; ++r) {
+      x.velocity_impulse[r] += x.row_impulse[r];
+      x.position_impulse[r] = fma(share, x.velocity_impulse[r], x.position_impulse[r]);
+      x.row_error[r] = fma(h, x.row_speed[r], x.row_error[r]);
+    }
+  }
+  // Velocity iterations go on from the last sub-step's impulses, which the sum already holds.
+  for (int r = 0; r < rows.count; ++r) {
+    x.velocity_impulse[r] -= x.row_impulse[r];
+    x.row_bias[r] = closing_bias(x, r);
+  }
+  for (int i = 0; i < t.velocity_iterations; ++i) sweep(rows, x);
+  for (int r = 0; r < rows.count; ++r) x.velocity_impulse[r] += x.row_impulse[r];
+}
+
+}  // namespace lockstep::kernels

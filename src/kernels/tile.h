@@ -1,0 +1,200 @@
+// Tile: the W environments that a kernel advances together, and its scratch memory. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "../plan/tables.h"
+#include "../simd/vec3.h"
+#include "lanes.h"
+
+namespace lockstep::kernels {
+
+using simd::Mat3;
+using simd::PseudoInertia;
+using simd::ScalarOf;
+using simd::Vec3;
+
+/// Everything one tile computes with, as arrays of wide numbers in one block of scratch memory.
+/// An array that the scene has no use for has length 0.
+template <class T>
+struct Tile {
+  // state
+  T* q;                    // [joints]
+  T* v;                    // [velocities] root twist, then joints
+  T* root_pose;            // [7]
+  T* next_q;               // the same after the step, before it is checked
+  T* next_v;
+  T* next_root_pose;
+  // kinematics and bias forces, by body
+  T* sine;
+  T* cosine;
+  Vec3<T>* angular;        // angular velocity
+  Vec3<T>* alpha;          // angular acceleration
+  Mat3<T>* tensor;         // angular acceleration tensor
+  Vec3<T>* linear;         // acceleration of the origin
+  Vec3<T>* force;
+  Vec3<T>* moment;
+  Mat3<T>* world;          // orientation in the world: only with link wrenches
+  PseudoInertia<T>* inertia;    // per-environment masses
+  PseudoInertia<T>* composite;
+  // equations of motion
+  T* matrix;               // A (packed)
+  T* drive;                // [velocities] dt times the forces: dt (tau - c - ...)
+  T* reduced;              // A_r (packed): only where followers are eliminated
+  T* inverse;              // [solver] 1 / D
+  T* free_position;        // [solver] D^-1 L^-T of the drive, for positions
+  T* free_velocity;        // and for velocities: the same array unless they differ
+  T* start;                // [solver] the velocities that a step starts from
+  T* solution;             // [solver]
+  T* product;              // [velocities]
+  // elimination with per-environment gear ratios
+  T* forms;
+  T* shares;               // entries of S
+  T* inverse_forms;
+  T* correction;           // [joints] velocity that corrects followers' errors
+  T* mismatch;             // [joints] what followers' velocities are off by
+  // rows
+  T* row_value;            // terms, with per-environment gear ratios
+  T* response;             // [rows][solver] X = L^-T J^T
+  T* scaled;               // [rows][solver] D^-1 X
+  T* coupled;              // K
+  T* row_error;            // C
+  T* row_rate;             // bias = rate C
+  T* row_cfm;
+  T* row_bias;
+  T* row_start;            // J v at the start of the step
+  T* row_speed;            // J v as the sweeps see it
+  T* row_speed_closed;     // the same for the velocity phase
+  T* row_inverse;          // 1 / (r + cfm), or of D where K is factored
+  T* row_impulse;
+  T* position_impulse;
+  T* velocity_impulse;
+  T* coupling_error;       // [couplings]
+  T* impulse;              // [couplings]: only if recorded
+  // inertia that soft rows feel, where A holds more than that
+  T* natural_matrix;
+  T* natural_inverse;
+  T* natural_response;     // [velocities]
+  T* natural_compliance;   // [natural rows]
+
+  typename T::Mask frozen;
+  typename T::Mask singular;
+};
+
+/// Hands out consecutive pieces of the scratch block; with a null block it only measures.
+class Carver {
+ public:
+  explicit Carver(void* block) : base_(static_cast<char*>(block)) {}
+  template <class E>
+  E* take(int count) {
+    E* piece = reinterpret_cast<E*>(base_ + used_);
+    used_ += sizeof(E) * static_cast<std::size_t>(count);
+    return piece;
+  }
+  std::size_t used() const { return used_; }
+
+ private:
+  char* base_;
+  std::size_t used_ = 0;
+};
+
+template <class T>
+LOCKSTEP_INLINE bool declared(const Tables<ScalarOf<T>>& t, int parameter) {
+  return (t.per_environment >> parameter) & 1u;
+}
+
+/// Lays the tile out in `block`; returns its size in bytes.
+template <class T>
+inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x) {
+  Carver c(block);
+  const int joints = t.joints, velocities = t.velocities, solver = t.solver.n, rows = t.rows.count;
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  const bool gears = declared<T>(t, 0), masses = declared<T>(t, 5), wrenches = declared<T>(t, 7);
+  x.q = c.take<T>(joints);
+  x.v = c.take<T>(velocities);
+  x.root_pose = c.take<T>(7);
+  x.next_q = c.take<T>(joints);
+  x.next_v = c.take<T>(velocities);
+  x.next_root_pose = c.take<T>(7);
+  x.sine = c.take<T>(t.bodies);
+  x.cosine = c.take<T>(t.bodies);
+  x.angular = c.take<Vec3<T>>(t.bodies);
+  x.alpha = c.take<Vec3<T>>(t.bodies);
+  x.tensor = c.take<Mat3<T>>(t.bodies);
+  x.linear = c.take<Vec3<T>>(t.bodies);
+  x.force = c.take<Vec3<T>>(t.bodies);
+  x.moment = c.take<Vec3<T>>(t.bodies);
+  x.world = c.take<Mat3<T>>(wrenches ? t.bodies : 0);
+  x.inertia = c.take<PseudoInertia<T>>(masses ? t.bodies : 0);
+  x.composite = c.take<PseudoInertia<T>>(t.bodies);
+  x.matrix = c.take<T>(t.matrix.entries);
+  x.drive = c.take<T>(velocities);
+  x.reduced = r.followers ? c.take<T>(t.solver.entries) : x.matrix;
+  x.inverse = c.take<T>(solver);
+  x.free_position = c.take<T>(solver);
+  x.free_velocity = r.followers && t.solve_twice ? c.take<T>(solver) : x.free_position;
+  x.start = c.take<T>(solver);
+  x.solution = c.take<T>(solver);
+  x.product = c.take<T>(velocities);
+  x.forms = c.take<T>(gears ? r.entries : 0);
+  x.shares = c.take<T>(gears ? r.value.count : 0);
+  x.inverse_forms = c.take<T>(gears ? r.inverse_value.count : 0);
+  x.correction = c.take<T>(r.followers);
+  x.mismatch = c.take<T>(r.followers);
+  x.row_value = c.take<T>(gears ? t.rows.term_value.count : 0);
+  x.response = c.take<T>(rows * solver);
+  x.scaled = c.take<T>(rows * solver);
+  x.coupled = c.take<T>(t.rows.response_entries);
+  x.row_error = c.take<T>(rows);
+  x.row_rate = c.take<T>(rows);
+  x.row_cfm = c.take<T>(rows);
+  x.row_bias = c.take<T>(rows);
+  x.row_start = c.take<T>(rows);
+  x.row_speed = c.take<T>(rows);
+  x.row_speed_closed = c.take<T>(rows);
+  x.row_inverse = c.take<T>(rows);
+  x.row_impulse = c.take<T>(rows);
+  x.position_impulse = c.take<T>(rows);
+  x.velocity_impulse = c.take<T>(rows);
+  x.coupling_error = c.take<T>(t.couplings);
+  x.impulse = c.take<T>(t.record_impulses ? t.couplings : 0);
+  const bool natural = t.natural.count > 0;
+  x.natural_matrix = c.take<T>(natural ? t.matrix.entries : 0);
+  x.natural_inverse = c.take<T>(natural ? velocities : 0);
+  x.natural_response = c.take<T>(natural ? velocities : 0);
+  x.natural_compliance = c.take<T>(t.natural.count);
+  return c.used();
+}
+
+/// A number that is the table's for all environments, or a row of a declared field.
+template <class T>
+struct Field {
+  const ScalarOf<T>* table;
+  const ScalarOf<T>* lanes;  // null: the table's
+  std::ptrdiff_t stride;
+  LOCKSTEP_INLINE T at(int table_index, int row) const {
+    return lanes ? T::load(lanes + row * stride) : T(table[table_index]);
+  }
+};
+
+/// Pointers of this tile's first environment.
+template <class T>
+LOCKSTEP_INLINE Field<T> field(const Lanes<ScalarOf<T>>& lanes, int parameter, const ScalarOf<T>* table) {
+  return {table, lanes.field[parameter], lanes.stride};
+}
+
+/// The same lanes, moved to begin at environment `first`.
+template <class S>
+LOCKSTEP_INLINE Lanes<S> at(Lanes<S> lanes, std::ptrdiff_t first) {
+  lanes.position += first;
+  lanes.velocity += first;
+  if (lanes.root_pose) lanes.root_pose += first, lanes.root_velocity += first;
+  lanes.position_target += first;
+  lanes.velocity_target += first;
+  lanes.effort += first;
+  for (const S*& f : lanes.field)
+    if (f) f += first;
+  if (lanes.impulse) lanes.impulse += first;
+  lanes.fault += first;
+  return lanes;
+}
+
+}  // namespace lockstep::kernels

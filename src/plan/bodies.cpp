@@ -1,0 +1,191 @@
+// Bodies in frames whose joint axis is a coordinate axis. SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
+#include "layout.h"
+
+namespace lockstep {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+// An axis this close to a coordinate axis is taken for one: below what any step can tell apart.
+constexpr double axis_tolerance = 1e-12;
+
+void copy(const Matrix3d& from, double (&to)[9]) {
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 3; ++c) to[3 * r + c] = from(r, c);
+}
+
+void copy(const Vector3d& from, double (&to)[3]) {
+  for (int r = 0; r < 3; ++r) to[r] = from[r];
+}
+
+// xx, yy, zz, yz, xz, xy
+void copy_symmetric(const Matrix3d& from, double (&to)[6]) {
+  for (int k = 0; k < 3; ++k) {
+    to[k] = from(k, k);
+    to[3 + k] = from((k + 1) % 3, (k + 2) % 3);
+  }
+}
+
+// Integral of p p^T dm about the frame's origin, from the rotational inertia about the centre.
+Matrix3d second_moment(const Inertia& inertia) {
+  return 0.5 * inertia.about_center.trace() * Matrix3d::Identity() - inertia.about_center +
+         inertia.mass * inertia.center * inertia.center.transpose();
+}
+
+// Chooses the frame of a body: `placement` is the child link's frame in the parent body at q = 0.
+// Returns the body frame's axes as columns in parent body coordinates.
+Matrix3d choose_frame(const Vector3d& axis, Body<double>& body) {
+  for (int k = 0; k < 3; ++k) {
+    const double along = axis[k];
+    if (std::abs(std::abs(along) - 1.0) > axis_tolerance ||
+        (axis - along * Vector3d::Unit(k)).norm() > axis_tolerance)
+      continue;
+    body.axis = k;
+    body.sign = along > 0.0 ? 1.0 : -1.0;
+    body.rotated = false;
+    return Matrix3d::Identity();
+  }
+  body.axis = 2;
+  body.sign = 1.0;
+  body.rotated = true;
+  Matrix3d axes;
+  axes.col(2) = axis;
+  axes.col(0) = axis.unitOrthogonal();
+  axes.col(1) = axes.col(2).cross(axes.col(0));
+  return axes;
+}
+
+struct Frames {
+  std::vector<int> body_of_link;            // by carrier link
+  std::vector<Isometry3d> link_in_body;     // by carrier link: its frame in the body's
+};
+
+}  // namespace
+
+void lay_out_bodies(Program& program, const Tree& tree) {
+  const Model& model = program.model;
+  Tables<double>& t = program.f64;
+  const int links = static_cast<int>(model.links.size());
+  const bool floating = model.root.floating;
+
+  program.dof_of_joint.assign(model.joints.size(), -1);
+  program.solver_joint.assign(model.joints.size(), -1);
+  for (std::size_t j = 0; j < model.joints.size(); ++j)
+    if (model.joints[j].moves()) {
+      program.dof_of_joint[j] = static_cast<int>(program.dof_names.size());
+      program.dof_names.push_back(model.joints[j].name);
+    }
+
+  Frames frames{std::vector<int>(links, -1), std::vector<Isometry3d>(links, Isometry3d::Identity())};
+  std::vector<Body<double>> bodies;
+  std::vector<int> parents, joint_row;  // structure of the mass matrix
+  if (floating) {
+    Body<double> root{};
+    root.parent = -1;
+    root.root = true;
+    root.sign = 1.0;
+    copy(Matrix3d::Identity(), root.rotation);
+    bodies.push_back(root);
+    parents = {-1, 0, 1, 2, 3, 4};
+    frames.body_of_link[0] = 0;
+  }
+  const int root_velocities = floating ? 6 : 0;
+  for (int j : tree.joints_depth_first) {
+    const Joint& joint = model.joints[j];
+    if (!joint.moves()) continue;
+    const int parent_link = tree.joint_parent[j], child = tree.joint_child[j];
+    const int carrier = tree.carrier[parent_link];
+    const Isometry3d placement =
+        frames.link_in_body[carrier] * tree.in_carrier[parent_link] * joint.origin;
+    Body<double> body{};
+    body.parent = frames.body_of_link[carrier];
+    body.prismatic = joint.kind == JointKind::prismatic;
+    const Matrix3d axes = choose_frame((placement.linear() * joint.axis.normalized()).eval(), body);
+    copy(axes.transpose(), body.rotation);
+    copy(placement.translation(), body.offset);
+    frames.link_in_body[child].linear() = axes.transpose() * placement.linear();
+    frames.body_of_link[child] = static_cast<int>(bodies.size());
+
+    program.solver_joint[j] = static_cast<int>(joint_row.size());
+    const int parent_velocity =
+        body.parent < 0 ? -1 : (floating ? body.parent + 5 : body.parent);
+    parents.push_back(parent_velocity);
+    joint_row.push_back(program.dof_of_joint[j]);
+    bodies.push_back(body);
+  }
+
+  // Links: where they are in their bodies, and what they weigh there.
+  std::vector<LinkPlace<double>> places(links);
+  std::vector<double> masses(links);
+  std::vector<Inertia> sums(bodies.size());
+  for (int i = 0; i < links; ++i) {
+    const int carrier = tree.carrier[i];
+    const Isometry3d pose = frames.link_in_body[carrier] * tree.in_carrier[i];
+    LinkPlace<double>& place = places[i];
+    place.body = frames.body_of_link[carrier];
+    copy(pose.linear(), place.rotation);
+    copy(pose.translation(), place.offset);
+    masses[i] = model.links[i].inertia.mass;
+    if (carrier != i) ++program.merged_links;
+    if (place.body < 0) continue;
+    const Inertia inertia = transformed(model.links[i].inertia, pose);
+    sums[place.body] = sums[place.body] + inertia;
+    Inertia unit = inertia;
+    unit.about_center /= inertia.mass > 0.0 ? inertia.mass : 1.0;
+    unit.mass = 1.0;
+    copy(unit.center, place.unit_moment);
+    copy_symmetric(second_moment(unit), place.unit_second);
+  }
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    bodies[b].mass = sums[b].mass;
+    copy(sums[b].mass * sums[b].center, bodies[b].moment);
+    copy_symmetric(second_moment(sums[b]), bodies[b].second);
+  }
+
+  t.floating = floating;
+  t.bodies = static_cast<int>(bodies.size());
+  t.joints = static_cast<int>(joint_row.size());
+  t.velocities = t.joints + root_velocities;
+  t.links = links;
+  t.body = program.store.keep(std::move(bodies));
+  t.link = program.store.keep(std::move(places));
+  t.link_mass = program.store.keep(std::move(masses));
+  t.joint_row = program.store.keep(std::move(joint_row));
+  t.matrix = t.solver = make_columns(parents, program.store);
+  const Matrix3d root_rotation = model.root.pose.linear();
+  copy(floating ? model.gravity : (root_rotation.transpose() * model.gravity).eval(), t.gravity);
+  copy(model.gravity, t.world_gravity);
+  copy(root_rotation, t.root_rotation);
+  copy(model.root.pose.translation(), t.root_offset);
+}
+
+void lay_out_joint_terms(Program& program) {
+  Tables<double>& t = program.f64;
+  const double h = program.settings.dt;
+  std::vector<double> armature(t.joints), damping(t.joints), kp(t.joints), kd(t.joints), implicit(t.joints);
+  std::vector<int> driven;
+  for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
+    const int i = program.solver_joint[j];
+    if (i < 0) continue;
+    const Joint& joint = program.model.joints[j];
+    armature[i] = joint.armature;
+    damping[i] = joint.damping;
+    kp[i] = joint.drive.kp;
+    kd[i] = joint.drive.kd;
+    implicit[i] = joint.armature + h * (joint.damping + joint.drive.kd) + h * h * joint.drive.kp;
+  }
+  for (int i = 0; i < t.joints; ++i)
+    if (declared(program, Parameter::drive_gains) || kp[i] > 0.0 || kd[i] > 0.0) driven.push_back(i);
+  t.armature = program.store.keep(std::move(armature));
+  t.damping = program.store.keep(std::move(damping));
+  t.kp = program.store.keep(std::move(kp));
+  t.kd = program.store.keep(std::move(kd));
+  t.implicit = program.store.keep(std::move(implicit));
+  t.driven = program.store.keep(std::move(driven));
+}
+
+}  // namespace lockstep

@@ -1,0 +1,108 @@
+// compile(): from a Model to the tables of a step. SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <fmt/format.h>
+
+#include "layout.h"
+#include "lockstep/error.h"
+#include "lockstep/plan.h"
+
+namespace lockstep {
+namespace {
+
+void require(bool holds, const char* setting, const std::string& rule, const char* remedy) {
+  if (!holds) throw SettingsError(setting, rule, remedy);
+}
+
+void check(const StepSettings& s) {
+  require(std::isfinite(s.dt) && s.dt > 0.0, "dt", fmt::format("is {}, not a positive number of seconds", s.dt),
+          "give for instance 1.0 / 240");
+  require(s.iterations >= 1 && s.iterations <= 1000, "iterations", fmt::format("is {}, outside 1 to 1000", s.iterations),
+          "give for instance 4");
+  require(s.velocity_iterations >= 0 && s.velocity_iterations <= 1000, "velocity_iterations",
+          fmt::format("is {}, outside 0 to 1000", s.velocity_iterations), "give for instance 1");
+  require(s.position_bound > 0.0 && s.position_bound <= 1e30, "position_bound", "is outside (0, 1e30]", "give for instance 1e5");
+  require(s.velocity_bound > 0.0 && s.velocity_bound <= 1e30, "velocity_bound", "is outside (0, 1e30]", "give for instance 1e5");
+}
+
+void check_substeps(const Program& program) {
+  if (program.method != Method::tgs || program.settings.iterations == 1) return;
+  for (const Coupling& coupling : program.model.couplings)
+    require(!(coupling.softness.is_hard() && coupling.softness.first > 1.0), "method",
+            fmt::format("tgs with {} sub-steps cannot share out the erp {} of coupling '{}': it is above 1",
+                        program.settings.iterations, coupling.softness.first, coupling.joint),
+            "lower the erp, or use one iteration or another method");
+}
+
+}  // namespace
+
+const char* name(Method method) noexcept {
+  switch (method) {
+    case Method::pgs: return "pgs";
+    case Method::tgs: return "tgs";
+    case Method::direct: return "direct";
+    case Method::reduced: return "reduced";
+    case Method::automatic: break;
+  }
+  return "automatic";
+}
+
+const char* name(Parameter parameter) noexcept {
+  constexpr const char* names[parameter_count] = {"gear_ratio", "offset",  "softness", "drive_gains",
+                                                  "damping",    "mass",    "gravity",  "link_wrench"};
+  return names[static_cast<unsigned>(parameter)];
+}
+
+void choose_method(Program& program) {
+  program.method = program.settings.method;
+  int hard = 0;
+  for (int c = 0; c < program.f64.couplings; ++c) hard += always_hard(program, c);
+  std::string obstacle;
+  if (declared(program, Parameter::softness) && program.f64.couplings > 0)
+    obstacle = "the softness differs per environment, so no coupling is always hard";
+  else if (declared(program, Parameter::gear_ratio) && !program.redundant.empty())
+    obstacle = "gear ratios differ per environment and some couplings are redundant";
+  if (program.method == Method::reduced && !obstacle.empty())
+    throw SettingsError("method", "reduced does not apply: " + obstacle, "use direct");
+  if (program.method != Method::automatic) {
+    program.method_reason = "as asked for";
+  } else if (obstacle.empty() && (hard > 0 || program.f64.couplings == 0)) {
+    program.method = Method::reduced;
+    program.method_reason = hard > 0 ? "hard couplings hold exactly and cost least when their followers are eliminated"
+                                     : "there is nothing to solve";
+  } else {
+    program.method = Method::direct;
+    program.method_reason = obstacle.empty() ? "all couplings are soft" : obstacle;
+  }
+}
+
+Plan compile(const Model& model, const StepSettings& settings) {
+  check(settings);
+  model.validate();
+  auto program = std::make_shared<Program>();
+  program->model = model;
+  program->settings = settings;
+  Tables<double>& t = program->f64;
+
+  lay_out_bodies(*program, Tree(model));
+  lay_out_joint_terms(*program);
+  lay_out_couplings(*program);
+  find_redundant_couplings(*program);
+  choose_method(*program);
+  check_substeps(*program);
+  if (program->method == Method::reduced) eliminate_followers(*program);
+  lay_out_rows(*program);
+
+  t.dt = settings.dt;
+  t.method = static_cast<int>(program->method);
+  t.iterations = settings.iterations;
+  t.velocity_iterations = settings.velocity_iterations;
+  t.position_bound = settings.position_bound;
+  t.velocity_bound = settings.velocity_bound;
+  t.record_impulses = settings.record_impulses;
+  for (unsigned p = 0; p < parameter_count; ++p)
+    if (settings.per_environment.contains(static_cast<Parameter>(p))) t.per_environment |= 1u << p;
+  narrow(*program);
+  return Plan(std::move(program));
+}
+
+}  // namespace lockstep

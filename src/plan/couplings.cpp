@@ -1,0 +1,113 @@
+// Couplings as linear forms over the joints, and which of them say something new. SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <Eigen/Core>
+#include <fmt/format.h>
+
+#include "layout.h"
+#include "lockstep/error.h"
+
+namespace lockstep {
+namespace {
+
+// Relative size below which what is left of a row after elimination is rounding.
+constexpr double rank_tolerance = 1e-9;
+
+}  // namespace
+
+bool declared(const Program& program, Parameter parameter) {
+  return program.settings.per_environment.contains(parameter);
+}
+
+bool always_hard(const Program& program, int coupling) {
+  return program.model.couplings[coupling].softness.is_hard() && !declared(program, Parameter::softness);
+}
+
+bool is_redundant(const Program& program, int coupling) {
+  for (int c : program.redundant)
+    if (c == coupling) return true;
+  return false;
+}
+
+bool is_absent(const Program& program, int coupling) {
+  for (int c : program.absent)
+    if (c == coupling) return true;
+  return false;
+}
+
+void lay_out_couplings(Program& program) {
+  const Model& model = program.model;
+  Tables<double>& t = program.f64;
+  std::vector<int> start{0}, joint, gear;
+  std::vector<double> value, offset, first, second;
+  int gear_row = 0;
+  for (std::size_t c = 0; c < model.couplings.size(); ++c) {
+    const Coupling& coupling = model.couplings[c];
+    joint.push_back(program.solver_joint[model.joint_index(coupling.joint)]);
+    gear.push_back(-1);
+    value.push_back(1.0);
+    for (const CouplingTerm& term : coupling.terms) {
+      joint.push_back(program.solver_joint[model.joint_index(term.joint)]);
+      gear.push_back(gear_row++);
+      value.push_back(term.ratio);
+    }
+    start.push_back(static_cast<int>(joint.size()));
+    offset.push_back(coupling.offset);
+    const Softness& softness = coupling.softness;
+    first.push_back(softness.first);
+    second.push_back(softness.second);
+    const bool slack = (softness.kind == Softness::Kind::spring && softness.first == 0.0 && softness.second == 0.0) ||
+                       (softness.kind == Softness::Kind::frequency && softness.first == 0.0);
+    if (slack && !declared(program, Parameter::softness)) program.absent.push_back(static_cast<int>(c));
+  }
+  t.couplings = static_cast<int>(model.couplings.size());
+  t.term_start = program.store.keep(std::move(start));
+  t.term_joint = program.store.keep(std::move(joint));
+  t.term_gear = program.store.keep(std::move(gear));
+  t.term_value = program.store.keep(std::move(value));
+  t.offset = program.store.keep(std::move(offset));
+  t.softness_first = program.store.keep(std::move(first));
+  t.softness_second = program.store.keep(std::move(second));
+}
+
+// Gaussian elimination of the hard rows in the model's order, remembering what each came from.
+void find_redundant_couplings(Program& program) {
+  const Tables<double>& t = program.f64;
+  const std::vector<std::string> names = coupling_names(program.model);
+  struct Reduced {
+    Eigen::VectorXd row, origin;
+    double offset;
+    int pivot;
+  };
+  std::vector<Reduced> basis;
+  for (int c = 0; c < t.couplings; ++c) {
+    if (!always_hard(program, c)) continue;
+    Reduced r{Eigen::VectorXd::Zero(t.joints), Eigen::VectorXd::Unit(t.couplings, c), t.offset[c], 0};
+    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) r.row[t.term_joint[k]] += t.term_value[k];
+    const double scale = r.row.cwiseAbs().maxCoeff();
+    double offset_scale = std::abs(r.offset);
+    for (const Reduced& b : basis) {
+      const double factor = r.row[b.pivot] / b.row[b.pivot];
+      if (factor == 0.0) continue;
+      r.row -= factor * b.row;
+      r.row[b.pivot] = 0.0;
+      r.origin -= factor * b.origin;
+      r.offset -= factor * b.offset;
+      offset_scale = std::max(offset_scale, std::abs(factor * b.offset));
+    }
+    if (r.row.cwiseAbs().maxCoeff(&r.pivot) > rank_tolerance * scale) {
+      basis.push_back(r);
+      continue;
+    }
+    program.redundant.push_back(c);
+    if (std::abs(r.offset) <= rank_tolerance * std::max(offset_scale, scale)) continue;
+    std::string others;
+    for (int i = 0; i < c; ++i)
+      if (std::abs(r.origin[i]) > rank_tolerance) others += (others.empty() ? "'" : "', '") + names[i];
+    throw ModelError("coupling '" + names[c] + "'",
+                     fmt::format("contradicts couplings {}': together they leave an error of {:.6g} whatever the joints do",
+                                 others, std::abs(r.offset)),
+                     "correct an offset, remove one of them, or make one soft");
+  }
+}
+
+}  // namespace lockstep

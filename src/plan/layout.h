@@ -1,0 +1,58 @@
+// The stages of compile(), one file each. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "../model/tree.h"
+#include "program.h"
+
+namespace lockstep {
+
+/// Bodies, frames, joints and the structure of the mass matrix (bodies.cpp).
+void lay_out_bodies(Program& program, const Tree& tree);
+
+/// Damping, drives, armature and what of them stands in the matrix (bodies.cpp).
+void lay_out_joint_terms(Program& program);
+
+/// Couplings as linear forms over the joints (couplings.cpp).
+void lay_out_couplings(Program& program);
+
+/// Hard couplings that follow from earlier ones go to program.redundant; throws ModelError, naming both
+/// sides, where they contradict each other (couplings.cpp).
+void find_redundant_couplings(Program& program);
+
+/// Which method a step uses, and why; throws SettingsError where the one asked for does not apply (compile.cpp).
+void choose_method(Program& program);
+
+/// S, its products and its per-environment elimination for `reduced` (elimination.cpp).
+void eliminate_followers(Program& program);
+
+/// The couplings that are left to solve as rows over the solver's velocities (rows.cpp).
+void lay_out_rows(Program& program);
+
+/// f32 from f64 (narrow.cpp).
+void narrow(Program& program);
+
+/// Couplings that no environment can soften.
+bool always_hard(const Program& program, int coupling);
+bool is_redundant(const Program& program, int coupling);
+bool is_absent(const Program& program, int coupling);
+bool declared(const Program& program, Parameter parameter);
+
+/// A symmetric pattern, square; only [i][j] with j <= i is read.
+using Pattern = std::vector<std::vector<char>>;
+
+/// Elimination from the last to the first with its fill-in, renumbered depth first (columns.cpp).
+struct Elimination {
+  std::vector<int> order;           ///< by new number: the old one
+  std::vector<int> parent;          ///< by new number
+};
+Elimination elimination_tree(Pattern pattern);
+
+/// Sizes and offsets from the parents of a depth-first numbering (columns.cpp).
+Columns make_columns(const std::vector<int>& parent, Store& store);
+
+/// Where H_ij stands, or -1 where neither is the other's ancestor (columns.cpp).
+int entry_of(const Columns& columns, int i, int j);
+
+}  // namespace lockstep

@@ -1,0 +1,55 @@
+// Look-ups of a Plan. SPDX-License-Identifier: Apache-2.0
+#include "lockstep/plan.h"
+
+#include "lockstep/error.h"
+#include "program.h"
+
+namespace lockstep {
+
+const Model& Plan::model() const { return program_->model; }
+const StepSettings& Plan::settings() const { return program_->settings; }
+Method Plan::method() const { return program_->method; }
+int Plan::dofs() const { return program_->f64.joints; }
+int Plan::couplings() const { return program_->f64.couplings; }
+bool Plan::floating() const { return program_->f64.floating; }
+const std::vector<std::string>& Plan::dof_names() const { return program_->dof_names; }
+const std::vector<int>& Plan::redundant_couplings() const { return program_->redundant; }
+const std::vector<int>& Plan::eliminated_dofs() const { return program_->eliminated; }
+
+namespace {
+
+template <class Elements, class Name>
+int find(const Elements& elements, const std::string& wanted, Name name, const char* kind, const char* remedy) {
+  for (std::size_t i = 0; i < elements.size(); ++i)
+    if (name(elements[i]) == wanted) return static_cast<int>(i);
+  throw UsageError(std::string(kind) + " '" + wanted + "'", "is not part of the plan", remedy);
+}
+
+}  // namespace
+
+int Plan::dof(const std::string& joint) const {
+  return find(program_->dof_names, joint, [](const std::string& n) { return n; }, "dof", "see Plan::dof_names()");
+}
+int Plan::link(const std::string& wanted) const {
+  return find(program_->model.links, wanted, [](const Link& l) { return l.name; }, "link", "see Model::links");
+}
+int Plan::site(const std::string& wanted) const {
+  return find(program_->model.sites, wanted, [](const Site& s) { return s.name; }, "site", "see Model::sites");
+}
+
+int Plan::parameter_rows(Parameter parameter) const {
+  const Tables<double>& t = program_->f64;
+  switch (parameter) {
+    case Parameter::gear_ratio: return t.term_gear.count - t.couplings;
+    case Parameter::offset: return t.couplings;
+    case Parameter::softness: return 2 * t.couplings;
+    case Parameter::drive_gains: return 2 * t.joints;
+    case Parameter::damping: return t.joints;
+    case Parameter::mass: return t.links;
+    case Parameter::gravity: return 3;
+    case Parameter::link_wrench: return 6 * t.links;
+  }
+  return 0;
+}
+
+}  // namespace lockstep

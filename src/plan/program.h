@@ -1,0 +1,52 @@
+// Program: what compile() makes of a Model. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "lockstep/model.h"
+#include "lockstep/step.h"
+#include "tables.h"
+
+namespace lockstep {
+
+/// Owns the arrays that the Spans of Tables point into.
+class Store {
+ public:
+  template <class E>
+  Span<E> keep(std::vector<E> values) {
+    auto owned = std::make_shared<const std::vector<E>>(std::move(values));
+    arrays_.push_back(owned);
+    return {owned->data(), static_cast<int>(owned->size())};
+  }
+
+ private:
+  std::vector<std::shared_ptr<const void>> arrays_;
+};
+
+struct Program {
+  Model model;
+  StepSettings settings;
+  Method method = Method::automatic;
+  std::string method_reason;
+  std::vector<std::string> dof_names;
+  std::vector<int> dof_of_joint;   ///< by joint of the model: its row in the views, -1 if fixed
+  std::vector<int> solver_joint;   ///< by joint of the model: its place in the solver's order, -1 if fixed
+  std::vector<int> redundant;      ///< couplings that follow from others
+  std::vector<int> absent;         ///< couplings of no stiffness and no damping
+  std::vector<int> eliminated;     ///< dofs
+  int merged_links = 0;
+  Store store;
+  Tables<double> f64;
+  Tables<float> f32;
+};
+
+template <class S>
+const Tables<S>& tables(const Program& program);
+template <>
+inline const Tables<double>& tables(const Program& program) { return program.f64; }
+template <>
+inline const Tables<float>& tables(const Program& program) { return program.f32; }
+
+}  // namespace lockstep

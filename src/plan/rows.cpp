@@ -1,0 +1,207 @@
+// The couplings that a step still solves, as rows over the solver's velocities. SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "layout.h"
+
+namespace lockstep {
+namespace {
+
+struct RowForm {
+  int coupling;
+  std::map<int, std::vector<Contribution>> terms;  // by solver velocity
+};
+
+// A coupling as a linear form over the solver's velocities: of S where followers were eliminated.
+RowForm row_form(const Tables<double>& t, const Reduction<double>& reduction, int coupling) {
+  const int root = t.velocities - t.joints;
+  RowForm form{coupling, {}};
+  for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k) {
+    const int joint = t.term_joint[k];
+    if (reduction.followers == 0) {
+      form.terms[root + joint].push_back({k, -1});
+      continue;
+    }
+    for (int z = 0; z < reduction.independent.count; ++z)
+      if (reduction.independent[z] == root + joint) form.terms[z].push_back({k, -1});
+    for (int f = 0; f < reduction.followers; ++f)
+      if (reduction.follower[f] == joint)
+        for (int s = reduction.start[f]; s < reduction.start[f + 1]; ++s)
+          form.terms[reduction.column[s]].push_back({k, s});
+  }
+  return form;
+}
+
+// Velocities that an impulse on the row moves on the way down L^-T: its terms and all their ancestors.
+std::vector<int> support_of(const RowForm& form, const Columns& columns) {
+  std::set<int> support;
+  for (const auto& [index, contributions] : form.terms)
+    for (int j = index; j >= 0; j = columns.parent[j]) support.insert(j);
+  return {support.begin(), support.end()};
+}
+
+bool share_any(const std::vector<int>& a, const std::vector<int>& b) {
+  std::vector<int> common;
+  std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(common));
+  return !common.empty();
+}
+
+// rate = erp / h and cfm of (22), (23), (26) to (29) of the note, for a step or sub-step of length h.
+RowSoftness<double> row_softness(const Program& program, int coupling, double h, int substeps) {
+  const Softness& softness = program.model.couplings[coupling].softness;
+  const double first = softness.first, second = softness.second, dt = program.settings.dt;
+  RowSoftness<double> row{static_cast<int>(softness.kind), always_hard(program, coupling), 0, 0, 0};
+  const auto spring = [&](double kp, double kd) {
+    row.rate = kp / (h * kp + kd);
+    row.cfm = 1.0 / (h * (h * kp + kd));
+  };
+  switch (softness.kind) {
+    case Softness::Kind::hard:
+    case Softness::Kind::mixing:
+      if (softness.is_hard())
+        row.rate = (substeps == 1 ? first : 1.0 - std::pow(1.0 - first, 1.0 / substeps)) / h;
+      else
+        spring(first / (dt * dt * second), (1.0 - first) / (dt * second));
+      break;
+    case Softness::Kind::spring:
+      if (first > 0.0 || second > 0.0) spring(first, second);
+      break;
+    case Softness::Kind::frequency:
+      if (first > 0.0) {
+        row.rate = first / (h * first + 2.0 * second);
+        row.cfm_per_response = 1.0 / (h * first * (h * first + 2.0 * second));
+      }
+      break;
+  }
+  return row;
+}
+
+Rows<double> build(Program& program, const std::vector<RowForm>& forms, const Columns& columns, bool factored) {
+  const Tables<double>& t = program.f64;
+  const int count = static_cast<int>(forms.size());
+  std::vector<std::vector<int>> supports;
+  for (const RowForm& form : forms) supports.push_back(support_of(form, columns));
+
+  // Rows that are factored are numbered by their elimination tree; swept ones keep the model's order.
+  Rows<double> rows;
+  std::vector<int> order(count);
+  for (int r = 0; r < count; ++r) order[r] = r;
+  if (factored) {
+    Pattern pattern(count, std::vector<char>(count, 0));
+    for (int r = 0; r < count; ++r)
+      for (int s = 0; s <= r; ++s) pattern[r][s] = share_any(supports[r], supports[s]);
+    const Elimination tree = elimination_tree(pattern);
+    order = tree.order;
+    rows.columns = make_columns(tree.parent, program.store);
+  }
+
+  std::vector<int> coupling, term_start{0}, term_index, contribution_start{0}, support_start{0};
+  std::vector<double> term_value;
+  std::vector<Contribution> contributions;
+  std::vector<SupportRange> support;
+  std::vector<RowSoftness<double>> softness;
+  const bool tgs = program.method == Method::tgs;
+  const int substeps = tgs ? program.settings.iterations : 1;
+  for (int r = 0; r < count; ++r) {
+    const RowForm& form = forms[order[r]];
+    coupling.push_back(form.coupling);
+    for (const auto& [index, shares] : form.terms) {
+      double value = 0.0;
+      for (const Contribution& share : shares)
+        value += t.term_value[share.term] * (share.value < 0 ? 1.0 : t.reduction.value[share.value]);
+      term_index.push_back(index);
+      term_value.push_back(value);
+      contributions.insert(contributions.end(), shares.begin(), shares.end());
+      contribution_start.push_back(static_cast<int>(contributions.size()));
+    }
+    term_start.push_back(static_cast<int>(term_index.size()));
+    const std::vector<int>& velocities = supports[order[r]];
+    for (int j : velocities) {
+      const auto past = std::lower_bound(velocities.begin(), velocities.end(), j + columns.size[j]);
+      support.push_back({j, *std::prev(past) + 1});
+    }
+    support_start.push_back(static_cast<int>(support.size()));
+    softness.push_back(row_softness(program, form.coupling, program.settings.dt / substeps, substeps));
+  }
+
+  std::vector<RowPair> pairs;
+  std::vector<std::vector<Neighbour>> neighbours(count);
+  for (int r = 0; r < count; ++r)
+    for (int s = 0; s <= r; ++s) {
+      if (!share_any(supports[order[r]], supports[order[s]])) continue;
+      const int entry = factored ? entry_of(rows.columns, r, s) : r * count + s;
+      pairs.push_back({r, s, entry, factored ? entry : s * count + r});
+      if (factored) continue;
+      neighbours[r].push_back({s, r * count + s});
+      if (s != r) neighbours[s].push_back({r, s * count + r});
+    }
+  std::vector<int> neighbour_start{0};
+  std::vector<Neighbour> all_neighbours;
+  for (const auto& list : neighbours) {
+    all_neighbours.insert(all_neighbours.end(), list.begin(), list.end());
+    neighbour_start.push_back(static_cast<int>(all_neighbours.size()));
+  }
+
+  Store& store = program.store;
+  rows.count = count;
+  rows.response_entries = factored ? rows.columns.entries : count * count;
+  rows.coupling = store.keep(std::move(coupling));
+  rows.term_start = store.keep(std::move(term_start));
+  rows.term_index = store.keep(std::move(term_index));
+  rows.term_value = store.keep(std::move(term_value));
+  rows.contribution_start = store.keep(std::move(contribution_start));
+  rows.contribution = store.keep(std::move(contributions));
+  rows.support_start = store.keep(std::move(support_start));
+  rows.support = store.keep(std::move(support));
+  rows.pairs = store.keep(std::move(pairs));
+  rows.neighbour_start = store.keep(std::move(neighbour_start));
+  rows.neighbours = store.keep(std::move(all_neighbours));
+  rows.softness = store.keep(std::move(softness));
+  return rows;
+}
+
+// True where A holds more of the joints than M + armature, so that (24) needs a factorisation of its own.
+bool matrix_holds_more(const Program& program) {
+  const Tables<double>& t = program.f64;
+  if (declared(program, Parameter::drive_gains) || declared(program, Parameter::damping)) return true;
+  for (int j = 0; j < t.joints; ++j)
+    if (t.implicit[j] != t.armature[j]) return true;
+  return t.reduction.followers > 0;
+}
+
+}  // namespace
+
+void lay_out_rows(Program& program) {
+  Tables<double>& t = program.f64;
+  const bool factored = program.method == Method::direct || program.method == Method::reduced;
+  std::vector<RowForm> forms;
+  for (int c = 0; c < t.couplings; ++c) {
+    if (is_absent(program, c) || (factored && is_redundant(program, c))) continue;
+    if (program.method == Method::reduced && always_hard(program, c)) continue;
+    forms.push_back(row_form(t, t.reduction, c));
+  }
+  t.rows = build(program, forms, t.solver, factored);
+
+  std::vector<RowForm> natural;
+  std::vector<int> natural_row(t.rows.count, -1);
+  bool any_hard = false;
+  for (int r = 0; r < t.rows.count; ++r) {
+    const int c = t.rows.coupling[r];
+    any_hard |= program.model.couplings[c].softness.is_hard() || declared(program, Parameter::softness);
+    if (program.model.couplings[c].softness.kind != Softness::Kind::frequency || !matrix_holds_more(program)) continue;
+    natural_row[r] = static_cast<int>(natural.size());
+    natural.push_back(row_form(t, {}, c));
+  }
+  t.natural = build(program, natural, t.matrix, false);
+  t.natural_row = program.store.keep(std::move(natural_row));
+
+  const StepSettings& settings = program.settings;
+  t.renewed = program.method == Method::tgs && settings.iterations > 1;
+  t.free_share = t.renewed ? (settings.iterations + 1.0) / (2.0 * settings.iterations) : 1.0;
+  const bool closed = settings.velocity_iterations > 0;
+  t.solve_twice = t.renewed || (closed && (factored ? any_hard || t.reduction.followers > 0 : t.rows.count > 0));
+}
+
+}  // namespace lockstep

@@ -1,0 +1,168 @@
+// The tables that kernels read: flat, constant, shared by all environments. SPDX-License-Identifier: Apache-2.0
+//
+// A Program (program.h) owns them; kernels see only this header, which knows no container.
+// Indices: `joint` counts the moving joints in the solver's depth-first order; `velocity` counts the
+// generalised velocities, a floating root's six first, then the joints; `row of a field` is what the
+// user sees, in the Model's order.
+#pragma once
+
+#include <cstdint>
+
+namespace lockstep {
+
+template <class E>
+struct Span {
+  const E* data = nullptr;
+  int count = 0;
+  inline __attribute__((always_inline)) const E& operator[](int i) const { return data[i]; }
+};
+
+/// Structure of a sparse symmetric matrix H = L^T D L whose column j holds the rows j to j + size[j] - 1,
+/// contiguous from offset[j]: an elimination tree numbered depth first, in which subtrees are ranges.
+/// The mass matrix has that structure without fill-in (Featherstone 2008, section 6.5).
+struct Columns {
+  int n = 0;
+  int entries = 0;
+  Span<int> parent;  ///< -1 for a root of the tree
+  Span<int> size;    ///< of the subtree, itself included
+  Span<int> offset;  ///< of column j's diagonal
+};
+
+/// One rigid body and the joint that carries it, in frames in which the joint's axis is a coordinate axis.
+template <class S>
+struct Body {
+  int parent;       ///< body, -1 for the fixed world
+  int axis;         ///< 0, 1, 2
+  bool prismatic;
+  bool rotated;     ///< there is a constant rotation before the joint's own
+  bool root;        ///< the floating root: no joint
+  S sign;           ///< the joint's axis is sign times the coordinate axis
+  S rotation[9];    ///< parent coordinates to joint coordinates at q = 0, row-major
+  S offset[3];      ///< origin in the parent frame at q = 0
+  S mass, moment[3], second[6];  ///< pseudo-inertia about the origin, see simd/vec3.h
+};
+
+/// A link of the model in its body: where it is, and what a kilogram of it contributes.
+template <class S>
+struct LinkPlace {
+  int body;         ///< -1: part of the fixed world
+  S rotation[9];    ///< link coordinates to body coordinates, row-major
+  S offset[3];
+  S unit_moment[3], unit_second[6];  ///< per kg, about the body's origin
+};
+
+struct SupportRange {
+  int index;  ///< a velocity that the row's impulse moves
+  int end;    ///< one past the last such velocity in index's subtree
+};
+
+struct RowPair {
+  int row, other;  ///< other <= row; rows that feel each other
+  int entry;       ///< where their K stands
+  int mirror;      ///< and its mirror image (the same for packed storage)
+};
+
+struct Neighbour {
+  int row, entry;
+};
+
+/// A share of a row's term: term of a coupling, times an entry of S (-1 stands for 1).
+struct Contribution {
+  int term, value;
+};
+
+/// How soft a row is: cfm + cfm_per_response * r, and bias = rate * C. Made of Softness and the step.
+template <class S>
+struct RowSoftness {
+  int kind;           ///< Softness::Kind, for fields that change it per environment
+  bool hard;          ///< never yields, in any environment
+  S rate, cfm, cfm_per_response;
+};
+
+/// Linear forms over the solver's velocities: the couplings that are left to solve.
+template <class S>
+struct Rows {
+  int count = 0;
+  Span<int> coupling;                 ///< by row
+  Span<int> term_start;               ///< by row, count + 1
+  Span<int> term_index;               ///< solver velocity
+  Span<S> term_value;
+  Span<int> contribution_start;       ///< by term, terms + 1; what term_value is made of, for gear ratios
+  Span<Contribution> contribution;    ///< that differ per environment
+  Span<int> support_start;            ///< by row, count + 1
+  Span<SupportRange> support;         ///< ascending
+  Span<RowPair> pairs;
+  Span<int> neighbour_start;          ///< by row, count + 1
+  Span<Neighbour> neighbours;
+  int response_entries = 0;           ///< size of K's storage
+  Columns columns;                    ///< structure of K, for the methods that factor it
+  Span<RowSoftness<S>> softness;      ///< by row
+};
+
+/// Elimination of the followers: v = S z, A_r = S^T A S. Empty unless the method is `reduced`.
+template <class S>
+struct Reduction {
+  int followers = 0;
+  Span<int> follower;                 ///< joint, by follower
+  Span<int> follower_of;              ///< by joint: its number among the followers, -1 if independent
+  Span<int> independent;              ///< velocity, by solver velocity
+  Span<int> start, column;            ///< rows of S that belong to followers, sparse
+  Span<S> value;
+  Span<int> inverse_start, inverse_coupling;  ///< inverse of J's follower columns: error by follower
+  Span<S> inverse_value;
+  Span<S> rate;                       ///< erp / dt by coupling
+  Span<int> product_start;            ///< by entry of A_r
+  Span<int> product_source;           ///< entry of A
+  Span<S> product_value;
+  Span<int> product_left, product_right;      ///< the two entries of S whose product it is; -1 stands for 1
+  // With gear ratios per environment, S is found lane by lane by this Gauss-Jordan elimination.
+  struct Fill { int entry, gear; S value; };  ///< initial entry: field row, or the value where gear is -1
+  struct Elimination { int factor, pivot, first, last; };  ///< one row minus factor/pivot times the pivot's row
+  struct Update { int target, source; };
+  int entries = 0;
+  Span<Fill> fills;
+  Span<Elimination> eliminations;
+  Span<Update> updates;
+  Span<int> pivot;                    ///< by follower: entry of its pivot
+  Span<int> value_entry;              ///< by value: entry that it is minus pivot's share of
+  Span<int> inverse_entry;
+};
+
+template <class S>
+struct Tables {
+  S dt = 0;
+  int method = 0;                 ///< Method
+  int iterations = 0, velocity_iterations = 0;
+  bool floating = false;
+  int bodies = 0, joints = 0, velocities = 0, couplings = 0, links = 0;
+  S position_bound = 0, velocity_bound = 0;
+  S gravity[3] = {};              ///< in the root's frame if the root is fixed, else in the world's
+  S world_gravity[3] = {};
+  S root_rotation[9] = {};        ///< of a fixed root: its coordinates to the world's
+  S root_offset[3] = {};
+  Span<Body<S>> body;
+  Span<LinkPlace<S>> link;
+  Span<S> link_mass;
+  Span<int> joint_row;            ///< by joint: the dof's row in the views
+  Columns matrix;                 ///< structure of the mass matrix
+  Columns solver;                 ///< structure of the matrix that is factored: of A or of A_r
+  Span<S> armature, damping, kp, kd;  ///< by joint
+  Span<S> implicit;               ///< armature + dt (damping + kd) + dt^2 kp, by joint
+  Span<int> driven;               ///< by joint: it has a drive
+  // couplings in joint space
+  Span<int> term_start, term_joint, term_gear;  ///< gear: row of the gear_ratio field, -1 for the leading 1
+  Span<S> term_value;
+  Span<S> offset, softness_first, softness_second;
+  Rows<S> rows;
+  Reduction<S> reduction;
+  // rows whose softness refers to the mechanism's own inertia where A holds more than that
+  Rows<S> natural;
+  Span<int> natural_row;          ///< by row of `rows`: its row in `natural`, -1 if none
+  bool solve_twice = false;       ///< position and velocity want different solutions
+  bool renewed = false;           ///< tgs: rows are renewed in every sub-step
+  S free_share = 1;               ///< share of the free motion that moves positions: (N + 1) / 2N in tgs
+  unsigned per_environment = 0;   ///< declared fields, bit by Parameter
+  bool record_impulses = false;
+};
+
+}  // namespace lockstep

@@ -1,0 +1,89 @@
+// Small spatial algebra on wide numbers. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "wide.h"
+
+namespace lockstep::simd {
+
+template <class T>
+struct Vec3 {
+  T x[3];
+
+  LOCKSTEP_INLINE T& operator[](int i) { return x[i]; }
+  LOCKSTEP_INLINE const T& operator[](int i) const { return x[i]; }
+  LOCKSTEP_INLINE friend Vec3 operator+(const Vec3& a, const Vec3& b) {
+    return {{a[0] + b[0], a[1] + b[1], a[2] + b[2]}};
+  }
+  LOCKSTEP_INLINE friend Vec3 operator-(const Vec3& a, const Vec3& b) {
+    return {{a[0] - b[0], a[1] - b[1], a[2] - b[2]}};
+  }
+  LOCKSTEP_INLINE static Vec3 zero() { return {{T(0), T(0), T(0)}}; }
+  LOCKSTEP_INLINE static Vec3 constant(const ScalarOf<T>* s) { return {{T(s[0]), T(s[1]), T(s[2])}}; }
+};
+
+// a s + b
+template <class T>
+LOCKSTEP_INLINE Vec3<T> fma(const Vec3<T>& a, T s, const Vec3<T>& b) {
+  return {{fma(a[0], s, b[0]), fma(a[1], s, b[1]), fma(a[2], s, b[2])}};
+}
+
+template <class T>
+LOCKSTEP_INLINE T dot(const Vec3<T>& a, const Vec3<T>& b) {
+  return fma(a[0], b[0], fma(a[1], b[1], a[2] * b[2]));
+}
+
+// a x b + c
+template <class T>
+LOCKSTEP_INLINE Vec3<T> cross_add(const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& c) {
+  return {{fma(a[1], b[2], fnma(a[2], b[1], c[0])), fma(a[2], b[0], fnma(a[0], b[2], c[1])),
+           fma(a[0], b[1], fnma(a[1], b[0], c[2]))}};
+}
+
+template <class T>
+LOCKSTEP_INLINE Vec3<T> cross(const Vec3<T>& a, const Vec3<T>& b) {
+  return {{fnma(a[2], b[1], a[1] * b[2]), fnma(a[0], b[2], a[2] * b[0]), fnma(a[1], b[0], a[0] * b[1])}};
+}
+
+// Row-major 3x3.
+template <class T>
+struct Mat3 {
+  T m[9];
+  LOCKSTEP_INLINE T& operator()(int r, int c) { return m[3 * r + c]; }
+  LOCKSTEP_INLINE const T& operator()(int r, int c) const { return m[3 * r + c]; }
+};
+
+// M a + b
+template <class T>
+LOCKSTEP_INLINE Vec3<T> multiply_add(const Mat3<T>& m, const Vec3<T>& a, const Vec3<T>& b) {
+  Vec3<T> r;
+  for (int i = 0; i < 3; ++i) r[i] = fma(m(i, 0), a[0], fma(m(i, 1), a[1], fma(m(i, 2), a[2], b[i])));
+  return r;
+}
+
+template <class T>
+LOCKSTEP_INLINE Vec3<T> multiply(const Mat3<T>& m, const Vec3<T>& a) {
+  Vec3<T> r;
+  for (int i = 0; i < 3; ++i) r[i] = fma(m(i, 0), a[0], fma(m(i, 1), a[1], m(i, 2) * a[2]));
+  return r;
+}
+
+template <class T>
+LOCKSTEP_INLINE Vec3<T> multiply_transposed(const Mat3<T>& m, const Vec3<T>& a) {
+  Vec3<T> r;
+  for (int i = 0; i < 3; ++i) r[i] = fma(m(0, i), a[0], fma(m(1, i), a[1], m(2, i) * a[2]));
+  return r;
+}
+
+// A body's mass, first moment h = m c and second moment, all about its frame's origin; the second
+// moment is the integral of p p^T dm (the pseudo-inertia of Balafoutis and Patel 1991), stored
+// xx, yy, zz, yz, xz, xy so that entry 3 + k belongs to the two axes other than k.
+template <class T>
+struct PseudoInertia {
+  T mass;
+  Vec3<T> moment;
+  T second[6];
+
+  LOCKSTEP_INLINE T pair(int i, int j) const { return i == j ? second[i] : second[6 - i - j]; }
+};
+
+}  // namespace lockstep::simd

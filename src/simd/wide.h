@@ -1,0 +1,123 @@
+// Wide<S, W, Arithmetic>: W numbers in one register, one per environment. SPDX-License-Identifier: Apache-2.0
+//
+// A struct over the compiler's vector extension. W = 1 is the scalar twin: the same code, one lane.
+// Arithmetic says whether fma() rounds once (Fused) or twice (Unfused); everything else rounds alike
+// in all of them, so lanes and twins agree to the last bit. It also keeps the instantiations of
+// translation units with different instruction sets apart: no symbol of one can stand in for another's.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#define LOCKSTEP_INLINE inline __attribute__((always_inline))
+
+namespace lockstep::simd {
+
+struct Fused {
+  static constexpr bool fused = true;
+};
+struct Unfused {
+  static constexpr bool fused = false;
+};
+
+template <class S>
+struct IntegerOf;
+template <>
+struct IntegerOf<float> {
+  using type = std::int32_t;
+};
+template <>
+struct IntegerOf<double> {
+  using type = std::int64_t;
+};
+
+template <class S, int W>
+struct VectorOf {
+  typedef S type __attribute__((vector_size(W * sizeof(S)), may_alias));
+};
+
+template <class S, int W, class Arithmetic>
+struct Wide {
+  using Scalar = S;
+  using Integer = typename IntegerOf<S>::type;
+  static constexpr int lanes = W;
+  using Vector = typename VectorOf<S, W>::type;
+  using Bits = typename VectorOf<Integer, W>::type;
+  struct Mask {
+    Bits bits;  // all ones in the lanes where it is true
+  };
+
+  Vector v;
+
+  LOCKSTEP_INLINE Wide() = default;
+  LOCKSTEP_INLINE Wide(Vector vector) : v(vector) {}
+  LOCKSTEP_INLINE Wide(S scalar) : v(scalar - Vector{}) {}
+
+  LOCKSTEP_INLINE friend Wide operator+(Wide a, Wide b) { return a.v + b.v; }
+  LOCKSTEP_INLINE friend Wide operator-(Wide a, Wide b) { return a.v - b.v; }
+  LOCKSTEP_INLINE friend Wide operator*(Wide a, Wide b) { return a.v * b.v; }
+  LOCKSTEP_INLINE friend Wide operator/(Wide a, Wide b) { return a.v / b.v; }
+  LOCKSTEP_INLINE friend Wide operator-(Wide a) { return -a.v; }
+  LOCKSTEP_INLINE Wide& operator+=(Wide b) { return *this = *this + b; }
+  LOCKSTEP_INLINE Wide& operator-=(Wide b) { return *this = *this - b; }
+  LOCKSTEP_INLINE Wide& operator*=(Wide b) { return *this = *this * b; }
+
+  // a b + c
+  LOCKSTEP_INLINE friend Wide fma(Wide a, Wide b, Wide c) {
+    if constexpr (!Arithmetic::fused) {
+      return a.v * b.v + c.v;
+    } else {
+#ifdef __FMA__
+      if constexpr (sizeof(Vector) == 32 && sizeof(S) == 4) return __builtin_ia32_vfmaddps256(a.v, b.v, c.v);
+      if constexpr (sizeof(Vector) == 32 && sizeof(S) == 8) return __builtin_ia32_vfmaddpd256(a.v, b.v, c.v);
+#endif
+      Wide result;
+      for (int i = 0; i < W; ++i) {
+        if constexpr (sizeof(S) == 4) result.v[i] = __builtin_fmaf(a.v[i], b.v[i], c.v[i]);
+        if constexpr (sizeof(S) == 8) result.v[i] = __builtin_fma(a.v[i], b.v[i], c.v[i]);
+      }
+      return result;
+    }
+  }
+  // c - a b
+  LOCKSTEP_INLINE friend Wide fnma(Wide a, Wide b, Wide c) { return fma(-a, b, c); }
+
+  LOCKSTEP_INLINE friend Wide sqrt(Wide a) {
+    Wide result;
+    for (int i = 0; i < W; ++i) {
+      if constexpr (sizeof(S) == 4) result.v[i] = __builtin_sqrtf(a.v[i]);
+      if constexpr (sizeof(S) == 8) result.v[i] = __builtin_sqrt(a.v[i]);
+    }
+    return result;
+  }
+
+  LOCKSTEP_INLINE friend Bits bits(Wide a) { return (Bits)a.v; }
+  LOCKSTEP_INLINE static Wide from_bits(Bits b) { return (Vector)b; }
+
+  LOCKSTEP_INLINE friend Mask less(Wide a, Wide b) { return {(Bits)(a.v < b.v)}; }
+  // |a| > bound, and true for NaN whatever the compiler believes of NaN: an integer comparison.
+  LOCKSTEP_INLINE friend Mask beyond(Wide a, Wide bound) {
+    const Bits magnitude = (Bits)a.v & (Bits{} + Integer(~(Integer(1) << (8 * sizeof(S) - 1))));
+    return {(Bits)(magnitude > (Bits)bound.v)};
+  }
+  LOCKSTEP_INLINE friend Wide select(Mask m, Wide yes, Wide no) { return m.bits ? yes.v : no.v; }
+  LOCKSTEP_INLINE friend Mask operator|(Mask a, Mask b) { return {a.bits | b.bits}; }
+  LOCKSTEP_INLINE friend Mask operator&(Mask a, Mask b) { return {a.bits & b.bits}; }
+  LOCKSTEP_INLINE friend Mask operator~(Mask a) { return {~a.bits}; }
+  LOCKSTEP_INLINE friend bool lane(Mask m, int i) { return m.bits[i] != 0; }
+  LOCKSTEP_INLINE friend bool any(Mask m) {
+    Integer all = 0;
+    for (int i = 0; i < W; ++i) all |= m.bits[i];
+    return all != 0;
+  }
+  LOCKSTEP_INLINE static Mask none() { return {Bits{}}; }
+
+  LOCKSTEP_INLINE static Wide load(const S* p) { return *reinterpret_cast<const Vector*>(p); }
+  LOCKSTEP_INLINE friend void store(S* p, Wide a) { *reinterpret_cast<Vector*>(p) = a.v; }
+};
+
+// A number for all environments, as the tables hold it, or lanes that are already wide.
+template <class T>
+using ScalarOf = typename T::Scalar;
+
+}  // namespace lockstep::simd

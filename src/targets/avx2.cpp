@@ -1,0 +1,14 @@
+// AVX2 and FMA, and its scalar twin: multiply-adds round once. SPDX-License-Identifier: Apache-2.0
+#include "instantiate.h"
+
+namespace lockstep {
+
+using simd::Fused;
+using simd::Wide;
+
+const KernelSet<float> avx2_f32 = kernel_set<Wide<float, 8, Fused>>();
+const KernelSet<double> avx2_f64 = kernel_set<Wide<double, 4, Fused>>();
+const KernelSet<float> avx2_scalar_f32 = kernel_set<Wide<float, 1, Fused>>();
+const KernelSet<double> avx2_scalar_f64 = kernel_set<Wide<double, 1, Fused>>();
+
+}  // namespace lockstep

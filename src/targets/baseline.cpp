@@ -1,0 +1,14 @@
+// Every x86-64 (SSE2), and its scalar twin: multiply-adds round twice. SPDX-License-Identifier: Apache-2.0
+#include "instantiate.h"
+
+namespace lockstep {
+
+using simd::Unfused;
+using simd::Wide;
+
+const KernelSet<float> baseline_f32 = kernel_set<Wide<float, 4, Unfused>>();
+const KernelSet<double> baseline_f64 = kernel_set<Wide<double, 2, Unfused>>();
+const KernelSet<float> baseline_scalar_f32 = kernel_set<Wide<float, 1, Unfused>>();
+const KernelSet<double> baseline_scalar_f64 = kernel_set<Wide<double, 1, Unfused>>();
+
+}  // namespace lockstep

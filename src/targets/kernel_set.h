@@ -1,0 +1,25 @@
+// KernelSet: what one instruction set offers, as plain functions. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+
+#include "../kernels/readback.h"
+
+namespace lockstep {
+
+template <class S>
+struct KernelSet {
+  int lanes;
+  /// Bytes of scratch memory, aligned to 64, that the functions below want for these tables.
+  std::size_t (*scratch_bytes)(const Tables<S>&);
+  /// Environments [first, last): whole tiles.
+  void (*advance)(const Tables<S>&, const Lanes<S>&, std::ptrdiff_t first, std::ptrdiff_t last, int substeps, void* scratch);
+  void (*read)(const Tables<S>&, const Lanes<S>&, std::ptrdiff_t first, std::ptrdiff_t last,
+               const kernels::Request<S>&, S* rows, std::ptrdiff_t stride, void* scratch);
+};
+
+// One translation unit each, compiled for its instruction set.
+extern const KernelSet<float> baseline_f32, baseline_scalar_f32, avx2_f32, avx2_scalar_f32;
+extern const KernelSet<double> baseline_f64, baseline_scalar_f64, avx2_f64, avx2_scalar_f64;
+
+}  // namespace lockstep
