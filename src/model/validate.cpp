@@ -2,6 +2,7 @@
 #include <cmath>
 #include <Eigen/Eigenvalues>
 #include <set>
+#include <unordered_map>
 
 #include "lockstep/error.h"
 #include "tree.h"
@@ -93,11 +94,18 @@ void proper_joint(const Joint& joint) {
   require(joint.lower <= joint.upper, element, "position range is empty (lower > upper)", "swap the limits");
 }
 
+// By carrier: the inertia of the rigid body that it and the links fixed to it form.
+std::vector<Inertia> bodies(const Model& model, const Tree& tree) {
+  std::vector<Inertia> sums(model.links.size());
+  for (std::size_t i = 0; i < model.links.size(); ++i) {
+    Inertia& sum = sums[tree.carrier[i]];
+    sum = sum + transformed(model.links[i].inertia, tree.in_carrier[i]);
+  }
+  return sums;
+}
+
 // Sufficient for a positive definite mass matrix: no joint, moving alone, moves nothing.
-void moves_some_inertia(const Model& model, const Tree& tree, int link) {
-  Inertia body;
-  for (std::size_t i = 0; i < model.links.size(); ++i)
-    if (tree.carrier[i] == link) body = body + transformed(model.links[i].inertia, tree.in_carrier[i]);
+void moves_some_inertia(const Model& model, const Tree& tree, int link, const Inertia& body) {
   const string element = quoted("link", model.links[link].name);
   const int j = tree.parent_joint[link];
   if (j < 0) {
@@ -109,15 +117,16 @@ void moves_some_inertia(const Model& model, const Tree& tree, int link) {
   }
   const Joint& joint = model.joints[j];
   if (joint.armature > 0.0) return;
-  require(body.mass > 0.0, element, "moves (joint '" + joint.name + "') but has no mass",
-          "give it an inertia, or make the joint fixed");
+  require(body.mass > 0.0, element, "moves (joint '" + joint.name + "') but has no mass: its inertia is missing or 0",
+          "give it, or a link fixed to it, a mass and an inertia (<inertial> in URDF), or make the joint fixed");
   if (joint.kind == JointKind::prismatic) return;
   const Eigen::Vector3d axis = joint.axis.normalized();
   const double about_axis =
       axis.dot(body.about_center * axis) + body.mass * axis.cross(body.center).squaredNorm();
+  finite(about_axis, element, "inertia about the axis of joint '" + joint.name + "'");
   require(about_axis > 1e-12 * body.about_center.trace() && about_axis > 0.0, element,
           "turns (joint '" + joint.name + "') but has no inertia about the axis",
-          "give it an inertia, or the joint an armature");
+          "give it an inertia (<inertia> in URDF), or the joint an armature");
 }
 
 void proper_softness(const Softness& softness, const string& element) {
@@ -143,20 +152,19 @@ void proper_softness(const Softness& softness, const string& element) {
   }
 }
 
-void proper_coupling(const Model& model, const Coupling& coupling, const string& name) {
+using JointsByName = std::unordered_map<string, const Joint*>;
+
+void proper_coupling(const JointsByName& joints, const Coupling& coupling, const string& name) {
   const string element = quoted("coupling", name);
   finite(coupling.offset, element, "offset gamma");
   require(!coupling.terms.empty(), element, "has only one joint", "name the joints that it follows");
   proper_softness(coupling.softness, element);
   std::set<string> seen;
   const auto moving = [&](const string& joint) {
-    for (const Joint& candidate : model.joints)
-      if (candidate.name == joint) {
-        require(candidate.moves(), element, "couples joint '" + joint + "', which is fixed", "couple moving joints");
-        require(seen.insert(joint).second, element, "names joint '" + joint + "' twice", "add the ratios up");
-        return;
-      }
-    throw ModelError(element, "couples joint '" + joint + "', which does not exist", "correct the name");
+    const auto found = joints.find(joint);
+    require(found != joints.end(), element, "couples joint '" + joint + "', which does not exist", "correct the name");
+    require(found->second->moves(), element, "couples joint '" + joint + "', which is fixed", "couple moving joints");
+    require(seen.insert(joint).second, element, "names joint '" + joint + "' twice", "add the ratios up");
   };
   moving(coupling.joint);
   for (const CouplingTerm& term : coupling.terms) {
@@ -180,11 +188,15 @@ void Model::validate() const {
   for (const Joint& joint : joints) proper_joint(joint);
 
   const Tree tree(*this);
+  const std::vector<Inertia> body = bodies(*this, tree);
   for (std::size_t i = 0; i < links.size(); ++i)
-    if (tree.carrier[i] == static_cast<int>(i) && (i > 0 || root.floating)) moves_some_inertia(*this, tree, static_cast<int>(i));
+    if (tree.carrier[i] == static_cast<int>(i) && (i > 0 || root.floating))
+      moves_some_inertia(*this, tree, static_cast<int>(i), body[i]);
 
+  JointsByName joints_by_name;
+  for (const Joint& joint : joints) joints_by_name.emplace(joint.name, &joint);
   const std::vector<string> names = coupling_names(*this);
-  for (std::size_t c = 0; c < couplings.size(); ++c) proper_coupling(*this, couplings[c], names[c]);
+  for (std::size_t c = 0; c < couplings.size(); ++c) proper_coupling(joints_by_name, couplings[c], names[c]);
   for (const Site& site : sites) {
     link_index(site.link);
     rigid(site.pose, quoted("site", site.name), "pose");

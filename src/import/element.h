@@ -1,0 +1,79 @@
+// One element of a URDF file, its attributes read strictly. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <tinyxml2.h>
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "report.h"
+
+namespace lockstep::urdf {
+
+/// What all elements of one file share.
+struct File {
+  std::string name;  ///< in errors
+  Report report;
+};
+
+/// Enough of a text to find it by, whatever a file may hold: one line, 40 characters.
+std::string shortened(std::string_view text);
+
+/// Remembers which attributes and children were asked for, so that tally_rest() can report the others:
+/// what the importer does not read cannot be overlooked. Every failure is an ImportError that names the
+/// file, the line and the element.
+class Element {
+ public:
+  /// `title` names it in errors: "joint 'elbow'", "origin of joint 'elbow'".
+  Element(const tinyxml2::XMLElement& xml, File& file, std::string title)
+      : xml_(&xml), file_(&file), title_(std::move(title)) {}
+
+  const std::string& title() const { return title_; }
+  Report& report() const { return file_->report; }
+  void rename(std::string title) { title_ = std::move(title); }
+
+  // --- attributes: those without a fallback must be there ---------------------------------------
+  bool has(const char* attribute) const { return xml_->Attribute(attribute) != nullptr; }
+  std::string name(const char* attribute);
+  double number(const char* attribute);
+  double number(const char* attribute, double fallback);
+  Eigen::Vector3d triple(const char* attribute);
+  Eigen::Vector3d triple(const char* attribute, const Eigen::Vector3d& fallback);
+
+  // --- children ---------------------------------------------------------------------------------
+  std::optional<Element> child(const char* name);  ///< at most one
+  Element only_child(const char* name);            ///< exactly one
+  /// All of that name, in order; their titles are their tags.
+  template <class Use>
+  void each_child(const char* name, Use use);
+
+  /// Reports every attribute, child and text that nobody asked for; `owner` ends each ("... of fixed joints").
+  /// The last thing to call. Throws where xacro is left in the file.
+  void tally_rest(const std::string& owner = "");
+
+  /// "file:line: title", and an error there.
+  std::string place() const;
+  [[noreturn]] void fail(const std::string& rule, const std::string& remedy) const;
+
+ private:
+  std::string_view required(const char* attribute);
+  void numbers(const char* attribute, std::string_view text, double* values, int count) const;
+  bool asked(std::string_view name) const;
+
+  const tinyxml2::XMLElement* xml_;
+  File* file_;
+  std::string title_;
+  std::vector<std::string_view> asked_;  // string literals; no element has an attribute and a child of one name
+};
+
+template <class Use>
+void Element::each_child(const char* name, Use use) {
+  asked_.push_back(name);
+  for (auto* xml = xml_->FirstChildElement(name); xml; xml = xml->NextSiblingElement(name))
+    use(Element(*xml, *file_, std::string("<") + name + ">"));
+}
+
+}  // namespace lockstep::urdf

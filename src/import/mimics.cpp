@@ -1,0 +1,133 @@
+// Chains of mimics resolved, their rules checked. SPDX-License-Identifier: Apache-2.0
+#include "mimics.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_map>
+
+#include "lockstep/error.h"
+
+namespace lockstep::urdf {
+namespace {
+
+constexpr std::size_t nobody = static_cast<std::size_t>(-1);
+
+// Files round their limits: a mapped range may miss them by this share of their width.
+constexpr double limit_slack = 1e-5;
+
+// What a joint follows, directly or in the end.
+struct Relation {
+  std::size_t leader = nobody;
+  double multiplier = 1.0, offset = 0.0;
+};
+
+// a = m b + o with b = inner.m c + inner.o.
+Relation composed(const Relation& outer, const Relation& inner) {
+  return {inner.leader, outer.multiplier * inner.multiplier, outer.multiplier * inner.offset + outer.offset};
+}
+
+[[noreturn]] void refuse(const Joint& follower, const std::string& rule, const std::string& remedy) {
+  throw ModelError("joint '" + follower.name + "'", rule, remedy);
+}
+
+std::vector<Relation> direct_relations(const std::vector<Mimic>& mimics, const Model& model) {
+  std::unordered_map<std::string, std::size_t> index_of;
+  for (std::size_t j = 0; j < model.joints.size(); ++j) index_of.emplace(model.joints[j].name, j);
+  std::vector<Relation> direct(model.joints.size());
+  for (const Mimic& mimic : mimics) {
+    const Joint& follower = model.joints[mimic.follower];
+    const auto leader = index_of.find(mimic.leader);
+    if (leader == index_of.end())
+      refuse(follower, "mimics joint '" + mimic.leader + "', which does not exist", "correct the name");
+    if (leader->second == mimic.follower) refuse(follower, "mimics itself", "name another joint, or drop the mimic");
+    if (!model.joints[leader->second].moves())
+      refuse(follower, "mimics joint '" + mimic.leader + "', which is fixed",
+             "name a moving joint, or make this one fixed too");
+    if (mimic.multiplier == 0.0)
+      refuse(follower, "mimics joint '" + mimic.leader + "' with multiplier 0, so it would stand still",
+             "give a multiplier, or make the joint fixed");
+    direct[mimic.follower] = {leader->second, mimic.multiplier, mimic.offset};
+  }
+  return direct;
+}
+
+// Each follower's last leader. Every joint is walked over once or twice, however long the chains are.
+std::vector<Relation> last_relations(const std::vector<Relation>& direct, const Model& model) {
+  std::vector<Relation> last(direct.size());
+  std::vector<bool> on_path(direct.size(), false);
+  std::vector<std::size_t> path;
+  const auto follows = [](const Relation& relation) { return relation.leader != nobody; };
+  for (std::size_t start = 0; start < direct.size(); ++start) {
+    path.clear();
+    std::size_t joint = start;
+    for (; follows(direct[joint]) && !follows(last[joint]); joint = direct[joint].leader) {
+      if (on_path[joint]) {
+        std::vector<std::string> names;
+        for (auto at = std::find(path.begin(), path.end(), joint); at != path.end(); ++at)
+          names.push_back(model.joints[*at].name);
+        names.push_back(model.joints[joint].name);
+        refuse(model.joints[joint], "mimics in a circle: " + listed(names, " <- "),
+               "let one of them be free to lead the others");
+      }
+      on_path[joint] = true;
+      path.push_back(joint);
+    }
+    for (; !path.empty(); path.pop_back()) {
+      const Relation& relation = direct[path.back()];
+      const Relation& above = last[relation.leader];
+      last[path.back()] = follows(above) ? composed(relation, above) : relation;
+      on_path[path.back()] = false;
+    }
+  }
+  return last;
+}
+
+void report_chain(std::size_t follower, const std::vector<Relation>& direct, const Relation& last, const Model& model,
+                  Report& report) {
+  if (direct[follower].leader == last.leader) return;
+  std::string chain = model.joints[follower].name;
+  int shown = 0;
+  for (std::size_t joint = direct[follower].leader; joint != last.leader && shown < 4; joint = direct[joint].leader, ++shown)
+    chain += " <- " + model.joints[joint].name;
+  if (shown == 4) chain += " <- ...";
+  const std::string& leader = model.joints[last.leader].name;
+  report.remark("chains of mimics resolved", fmt::format("{} <- {} is {:.6g} {} {} {:.6g}", chain, leader, last.multiplier,
+                                                         leader, last.offset < 0.0 ? '-' : '+', std::abs(last.offset)));
+}
+
+// Whether the follower stays in its limits while its leader does.
+void report_range(const Joint& follower, const Joint& leader, const Relation& last, Report& report) {
+  const double one = last.multiplier * leader.lower + last.offset, other = last.multiplier * leader.upper + last.offset;
+  const double beyond = std::max(follower.lower - std::min(one, other), std::max(one, other) - follower.upper);
+  const double slack = std::isfinite(follower.upper - follower.lower) ? limit_slack * (follower.upper - follower.lower) : 0.0;
+  if (beyond == infinity)
+    report.remark("limited followers of a leader without limits", follower.name);
+  else if (beyond > slack)
+    report.remark("followers that leave their limits while their leader keeps its own",
+                  fmt::format("{} by {:.4g} {}", follower.name, beyond,
+                              follower.kind == JointKind::prismatic ? "m" : "rad"));
+}
+
+}  // namespace
+
+void couple_mimics(const std::vector<Mimic>& mimics, Model& model, Report& report) {
+  const std::vector<Relation> direct = direct_relations(mimics, model);
+  const std::vector<Relation> last = last_relations(direct, model);
+  for (const Mimic& mimic : mimics) {
+    const Relation& relation = last[mimic.follower];
+    Joint& follower = model.joints[mimic.follower];
+    const Joint& leader = model.joints[relation.leader];
+    // 0 - x and not -x: an offset of 0 stays without a sign.
+    model.couplings.push_back(Coupling::mimic(follower.name, leader.name, -relation.multiplier, 0.0 - relation.offset));
+    follower.position = relation.offset;  // the leader starts at 0
+    report_chain(mimic.follower, direct, relation, model, report);
+    report_range(follower, leader, relation, report);
+    if (relation.offset != 0.0)
+      report.remark("followers that start where their coupling puts them",
+                    fmt::format("{} at {:.6g}", follower.name, relation.offset));
+  }
+}
+
+}  // namespace lockstep::urdf

@@ -1,0 +1,174 @@
+// URDF text to Model: import_urdf is the main path. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <filesystem>
+#include <fstream>
+#include <system_error>
+#include <unordered_set>
+
+#include "lockstep/error.h"
+#include "lockstep/import.h"
+#include "robot.h"
+
+namespace lockstep {
+namespace urdf {
+namespace {
+
+// No robot needs more text; it keeps a path such as /dev/zero from filling the memory.
+constexpr std::size_t largest_file = std::size_t{256} << 20;
+
+const char* const convert_remedy = "convert it to URDF, or fill a Model in code";
+
+std::string text_of(const std::string& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) throw ImportError(path, "is a folder", "name a URDF file in it");
+  errno = 0;
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream)
+    throw ImportError(path, "cannot be opened: " + std::generic_category().message(errno), "check the path and its rights");
+  std::string text;
+  std::vector<char> piece(std::size_t{1} << 16);
+  while (stream.read(piece.data(), static_cast<std::streamsize>(piece.size())) || stream.gcount() > 0) {
+    text.append(piece.data(), static_cast<std::size_t>(stream.gcount()));
+    if (text.size() > largest_file)
+      throw ImportError(path, fmt::format("is larger than {} MB", largest_file >> 20), "a robot description is not");
+  }
+  if (stream.bad()) throw ImportError(path, "cannot be read to its end", "check the file and the disk");
+  return text;
+}
+
+// The document's <robot>, once it is certain that there is nothing beside it.
+Element parsed(const std::string& text, File& file, tinyxml2::XMLDocument& document) {
+  if (text.find('\0') != std::string::npos)
+    throw ImportError(file.name, "is no UTF-8 text (it holds a zero byte)", "save it as UTF-8");
+  if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
+    const std::string place = fmt::format("{}:{}", file.name, document.ErrorLineNum());
+    if (document.ErrorID() == tinyxml2::XML_ERROR_EMPTY_DOCUMENT)
+      throw ImportError(file.name, "is empty", "give a URDF file, <robot name=\"...\"> ... </robot>");
+    if (document.ErrorID() == tinyxml2::XML_ELEMENT_DEPTH_EXCEEDED)
+      throw ImportError(place, fmt::format("nests elements deeper than {}", TINYXML2_MAX_ELEMENT_DEPTH),
+                        "no robot does");
+    throw ImportError(place, fmt::format("is not well-formed XML ({})", document.ErrorName()),
+                      "check the tags and quotes there");
+  }
+  const tinyxml2::XMLElement* root = document.RootElement();
+  for (auto* node = document.FirstChild(); node; node = node->NextSibling()) {
+    const std::string place = fmt::format("{}:{}", file.name, node->GetLineNum());
+    if (node->ToText() || (node->ToElement() && node != root))
+      throw ImportError(place, "has text or elements outside of the root element", "keep one <robot> ... </robot>");
+    if (node->ToUnknown() && std::string_view(node->Value()).find("ENTITY") != std::string_view::npos)
+      throw ImportError(place, "declares entities, which are not expanded", "write their texts out");
+  }
+  if (!root) throw ImportError(file.name, "has no XML element", "give a URDF file, <robot name=\"...\"> ... </robot>");
+  const Element element(*root, file, fmt::format("<{}>", shortened(root->Name())));
+  const std::string_view tag = root->Name();
+  if (tag == "sdf") element.fail("is SDF, not URDF", convert_remedy);
+  if (tag == "mujoco") element.fail("is MJCF (MuJoCo), not URDF", convert_remedy);
+  if (tag != "robot") element.fail("is no URDF: the root element is not <robot>", convert_remedy);
+  return element;
+}
+
+// The rules that must hold before one can ask which link is the root; the others are those of Model::validate.
+void check_names(const Robot& robot) {
+  std::unordered_set<std::string> links;
+  for (const Link& link : robot.model.links)
+    if (!links.insert(link.name).second)
+      throw ModelError("link '" + link.name + "'", "appears twice", "give every one its own name");
+  const auto check = [&](const Joint& joint) {
+    for (const std::string& end : {joint.parent, joint.child})
+      if (!links.count(end))
+        throw ImportError(robot.joint_places.at(joint.name), "refers to link '" + end + "', which does not exist",
+                          "add the link or correct the name");
+  };
+  for (const Joint& joint : robot.model.joints) check(joint);
+  if (robot.floating) check(robot.floating->joint);
+}
+
+std::size_t root_of(const Robot& robot) {
+  std::unordered_set<std::string> children;
+  for (const Joint& joint : robot.model.joints) children.insert(joint.child);
+  if (robot.floating) children.insert(robot.floating->joint.child);
+  std::vector<std::string> names;
+  std::size_t root = 0;
+  for (std::size_t i = 0; i < robot.model.links.size(); ++i) {
+    if (children.count(robot.model.links[i].name)) continue;
+    names.push_back(robot.model.links[i].name);
+    root = i;
+  }
+  const std::string element = "robot '" + robot.model.name + "'";
+  if (names.empty())
+    throw ModelError(element, "has no root: each of its links is the child of a joint", "cut the loop of joints");
+  if (names.size() > 1)
+    throw ModelError(element, "has several roots, links that no joint carries: " + listed(names),
+                     "connect them with joints, or remove all but one");
+  return root;
+}
+
+// A world that carries the robot by nothing but a floating joint is what Root::floating stands for.
+void float_root(Robot& robot, Report& report) {
+  const Joint& joint = robot.floating->joint;
+  Model& model = robot.model;
+  bool alone = joint.parent == model.links[0].name && model.links[0].inertia.mass == 0.0;
+  for (const Joint& other : model.joints) alone = alone && other.parent != joint.parent;
+  if (!alone)
+    throw ImportError(robot.floating->place, "floats, but not alone below a root without mass",
+                      "lockstep has one floating link, the root: cut the robot there, or use single joints");
+  model.root.floating = true;
+  model.root.pose = joint.origin;
+  report.remark("a floating root instead of a floating joint",
+                fmt::format("{}, without its parent {}", joint.name, joint.parent));
+  model.links.erase(model.links.begin());
+  const std::size_t root = static_cast<std::size_t>(model.link_index(joint.child));
+  std::rotate(model.links.begin(), model.links.begin() + root, model.links.begin() + root + 1);
+}
+
+void report_joints(const Model& model, Report& report) {
+  for (const Joint& joint : model.joints) {
+    if (!joint.moves()) {
+      report.remark("fixed joints, merged when compiling", joint.name);
+      continue;
+    }
+    if (joint.position < joint.lower || joint.position > joint.upper)
+      report.remark("joints that start outside of their limits",
+                    fmt::format("{} at {:.4g}, not {:.4g} to {:.4g}", joint.name, joint.position, joint.lower, joint.upper));
+    if (joint.lower > -infinity || joint.upper < infinity) report.kept("position limits");
+    if (joint.velocity_limit < infinity) report.kept("velocity limits");
+    if (joint.effort_limit < infinity) report.kept("effort limits");
+    if (joint.friction > 0.0) report.kept("dry friction");
+  }
+}
+
+std::string summary(const Model& model) {
+  std::size_t moving = 0;
+  for (const Joint& joint : model.joints) moving += joint.moves();
+  return fmt::format("read {}, {}, {}", counted(model.links.size(), "link"), counted(moving, "moving joint"),
+                     counted(model.couplings.size(), "coupling"));
+}
+
+}  // namespace
+}  // namespace urdf
+
+Import import_urdf(const std::string& text, const std::string& source) {
+  urdf::File file{source, {}};
+  tinyxml2::XMLDocument document(/*processEntities=*/false);
+  urdf::Robot robot = urdf::read_robot(urdf::parsed(text, file, document));
+  urdf::check_names(robot);
+
+  std::vector<Link>& links = robot.model.links;
+  const auto root = links.begin() + static_cast<std::ptrdiff_t>(urdf::root_of(robot));
+  std::rotate(links.begin(), root, root + 1);  // to the front; the others keep their order
+  if (robot.floating) urdf::float_root(robot, file.report);
+  urdf::couple_mimics(robot.mimics, robot.model, file.report);
+  robot.model.validate();
+
+  urdf::report_joints(robot.model, file.report);
+  Import result{std::move(robot.model), file.report.lines()};
+  result.report.insert(result.report.begin(), urdf::summary(result.model));
+  return result;
+}
+
+Import import_urdf_file(const std::string& path) { return import_urdf(urdf::text_of(path), path); }
+
+}  // namespace lockstep

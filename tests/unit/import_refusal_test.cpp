@@ -1,0 +1,240 @@
+// What is no URDF, or no possible mechanism, is refused by name. SPDX-License-Identifier: Apache-2.0
+#include "import_helpers.h"
+#include "lockstep/error.h"
+
+namespace lockstep {
+namespace {
+
+using std::string;
+
+// --- numbers -----------------------------------------------------------------------------------
+
+// One revolute joint with `damping` as its dynamics say, `more` inside of it and `around` beside it.
+string one_joint(const string& damping, const string& more = "", const string& around = "") {
+  return "<robot name='r'>\n<link name='a'/>\n<link name='b'><inertial><mass value='1'/>"
+         "<inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link>\n"
+         "<joint name='j' type='revolute'><parent link='a'/><child link='b'/>\n"
+         "<dynamics damping='" + damping + "'/>" + more + "</joint>\n" + around + "</robot>";
+}
+
+TEST(Import, numbers_of_every_plain_form_are_read) {
+  const std::pair<const char*, double> forms[] = {{"0.5", 0.5},   {".5", 0.5},     {"5.", 5.0}, {"+0.5", 0.5},
+                                                  {"1e-3", 1e-3}, {"1.5E+2", 150}, {" 2\t", 2}, {"00.25", 0.25}};
+  for (const auto& [text, value] : forms) EXPECT_EQ(import_urdf(one_joint(text)).model.joints[0].damping, value) << text;
+}
+
+TEST(Import, anything_else_is_no_number) {
+  for (const char* text : {"", " ", "nan", "inf", "-inf", "+", "-", "+-1", "++1", "0x10", "0x1p3", "1,5", "1.5f", "1e", "1 2",
+                           "1e999", "-1e999", "one", "${d}", "1;", "&#49;", "\xc2\xb2", "1_000", "1e-999"}) {
+    try {
+      import_urdf(one_joint(text), "numbers.urdf");
+      ADD_FAILURE() << "accepted '" << text << "'";
+    } catch (const ImportError& error) {
+      EXPECT_EQ(error.element(), "numbers.urdf:5: dynamics of joint 'j'") << text;
+      EXPECT_NE(error.rule().find("damping="), string::npos) << error.what();
+    }
+  }
+}
+
+// --- what is refused ---------------------------------------------------------------------------
+
+enum class Kind { text, model };  // ImportError, ModelError
+
+struct Refusal {
+  const char* name;
+  Kind kind;
+  string text;
+  const char* element;  // its end
+  const char* said;
+};
+
+class Refused : public testing::TestWithParam<Refusal> {};
+
+TEST_P(Refused, is_refused_and_named) {
+  const Refusal& refusal = GetParam();
+  try {
+    const Import import = import_urdf(refusal.text, "bad.urdf");
+    FAIL() << "accepted\n" << report_of(import);
+  } catch (const Error& error) {
+    EXPECT_EQ(dynamic_cast<const ImportError*>(&error) ? Kind::text : Kind::model, refusal.kind) << error.what();
+    EXPECT_TRUE(error.element().ends_with(refusal.element)) << error.what();
+    EXPECT_NE(error.rule().find(refusal.said), string::npos) << error.what();
+    EXPECT_FALSE(error.remedy().empty());
+    EXPECT_EQ(error.element().starts_with("bad.urdf"), refusal.kind == Kind::text) << error.what();
+  }
+}
+
+string mimic(const string& attributes) { return one_joint("0", "<mimic " + attributes + "/>"); }
+
+// Three free joints j, k, l with the given mimics, and a fixed one, f.
+string three_joints(const string& j, const string& k, const string& l) {
+  string text = "<robot name='r'><link name='a'/>";
+  const std::pair<const char*, string> joints[] = {{"j", j}, {"k", k}, {"l", l}, {"f", ""}};
+  for (const auto& [name, inside] : joints) {
+    text += string("<link name='") + name + "'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/>" +
+            "</inertial></link><joint name='" + name + "' type='" + (name[0] == 'f' ? "fixed" : "continuous") +
+            "'><parent link='a'/><child link='" + name + "'/>" + inside + "</joint>";
+  }
+  return text + "</robot>";
+}
+
+string inertial(const string& mass, const string& inertia) {
+  return "<robot name='r'><link name='a'><inertial>" + mass + inertia + "</inertial></link></robot>";
+}
+
+string moments(const string& xx, const string& yy, const string& zz) {
+  return "<inertia ixx='" + xx + "' ixy='0' ixz='0' iyy='" + yy + "' iyz='0' izz='" + zz + "'/>";
+}
+
+string joint_text(const string& type, const string& inside) {
+  return "<robot name='r'><link name='a'/><link name='b'/><joint name='j'" + type + ">" + inside + "</joint></robot>";
+}
+
+string nested(int depth) {
+  string text = "<robot name='r'><link name='a'>";
+  for (int i = 0; i < depth; ++i) text += "<x>";
+  for (int i = 0; i < depth; ++i) text += "</x>";
+  return text + "</link></robot>";
+}
+
+const string ends = "<parent link='a'/><child link='b'/>";
+
+INSTANTIATE_TEST_SUITE_P(
+    text, Refused,
+    testing::Values(
+        Refusal{"empty", Kind::text, "", "bad.urdf", "is empty"},
+        Refusal{"blank", Kind::text, " \n\t", "bad.urdf", "is empty"},
+        Refusal{"words", Kind::text, "no robot at all", "bad.urdf:1", "well-formed"},
+        Refusal{"comment_alone", Kind::text, "<!-- robot -->", "bad.urdf", "no XML element"},
+        Refusal{"zero_byte", Kind::text, string("<robot name='r'>\0<link name='a'/></robot>", 40), "bad.urdf", "zero byte"},
+        Refusal{"unclosed", Kind::text, "<robot name='r'>\n<link name='a'>\n</robot>", "bad.urdf:2", "well-formed"},
+        Refusal{"attribute_twice", Kind::text, "<robot name='r' name='s'/>", "bad.urdf:1", "well-formed"},
+        Refusal{"deep", Kind::text, nested(100000), "bad.urdf:1", "deeper than 100"},
+        Refusal{"two_robots", Kind::text, "<robot name='r'><link name='a'/></robot>\n<robot name='s'/>", "bad.urdf:2",
+                "outside of the root"},
+        Refusal{"entities", Kind::text, "<!DOCTYPE r [<!ENTITY a 'b'>]>\n<robot name='r'><link name='a'/></robot>",
+                "bad.urdf:1", ""},
+        Refusal{"entity", Kind::text, "<robot name='r'><link name='&lol;'/></robot>", "<link>", "entity"},
+        Refusal{"sdf", Kind::text, "<sdf version='1.7'><model name='m'/></sdf>", "bad.urdf:1: <sdf>", "is SDF"},
+        Refusal{"mjcf", Kind::text, "\n<mujoco/>", "bad.urdf:2: <mujoco>", "MJCF"},
+        Refusal{"html", Kind::text, "<html/>", "bad.urdf:1: <html>", "not <robot>"},
+        Refusal{"xacro", Kind::text, "<robot name='r'>\n<xacro:include filename='x'/><link name='a'/></robot>",
+                "bad.urdf:2: <xacro:include>", "xacro"},
+        Refusal{"xacro_in_link", Kind::text, "<robot name='r'><link name='a'><xacro:box/></link></robot>",
+                "<xacro:box>", "xacro"},
+        Refusal{"no_links", Kind::text, "<robot name='r'/>", "robot 'r'", "no links"},
+        Refusal{"nameless_link", Kind::text, "<robot name='r'><link/></robot>", "<link>", "no attribute 'name'"},
+        Refusal{"empty_name", Kind::text, "<robot name='r'><link name=' '/></robot>", "<link>", "empty"}),
+    [](const auto& refusal) { return string(refusal.param.name); });
+
+INSTANTIATE_TEST_SUITE_P(
+    elements, Refused,
+    testing::Values(
+        Refusal{"no_type", Kind::text, joint_text("", ends), "joint 'j'", "no attribute 'type'"},
+        Refusal{"odd_type", Kind::text, joint_text(" type='screw'", ends), "joint 'j'", "'screw'"},
+        Refusal{"planar", Kind::text, joint_text(" type='planar'", ends), "joint 'j'", "type planar"},
+        Refusal{"floating_not_alone", Kind::text,
+                one_joint("0", "", "<link name='c'/><joint name='k' type='floating'><parent link='a'/><child link='c'/></joint>"),
+                "joint 'k'", "not alone"},
+        Refusal{"floating_below", Kind::text,
+                one_joint("0", "", "<link name='c'/><joint name='k' type='floating'><parent link='b'/><child link='c'/></joint>"),
+                "joint 'k'", "not alone"},
+        Refusal{"no_parent", Kind::text, joint_text(" type='fixed'", "<child link='b'/>"), "joint 'j'", "no <parent>"},
+        Refusal{"two_children", Kind::text, joint_text(" type='fixed'", ends + "<child link='a'/>"), "child of joint 'j'",
+                "already"},
+        Refusal{"no_child_link", Kind::text, joint_text(" type='fixed'", "<parent link='a'/><child name='b'/>"),
+                "child of joint 'j'", "no attribute 'link'"},
+        Refusal{"unknown_link", Kind::text, joint_text(" type='fixed'", "<parent link='a'/><child link='bb'/>"), "joint 'j'",
+                "'bb', which does not exist"},
+        Refusal{"two_numbers", Kind::text, joint_text(" type='fixed'", ends + "<origin xyz='1 2'/>"), "origin of joint 'j'",
+                "2 numbers, not 3"},
+        Refusal{"four_numbers", Kind::text, joint_text(" type='fixed'", ends + "<origin rpy='1 2 3 4'/>"),
+                "origin of joint 'j'", "4 numbers, not 3"},
+        Refusal{"axis_without_xyz", Kind::text, one_joint("0", "<axis/>"), "axis of joint 'j'", "no attribute 'xyz'"},
+        Refusal{"long_number", Kind::text, one_joint(string(1 << 20, '1')), "dynamics of joint 'j'", "1111..."},
+        Refusal{"long_word", Kind::text, one_joint(string(1 << 20, 'x')), "dynamics of joint 'j'", "xxxx..."},
+        Refusal{"no_mass", Kind::text, inertial("", moments("1", "1", "1")), "inertial of link 'a'", "no <mass>"},
+        Refusal{"no_inertia", Kind::text, inertial("<mass value='1'/>", ""), "inertial of link 'a'", "no <inertia>"},
+        Refusal{"no_ixy", Kind::text, inertial("<mass value='1'/>", "<inertia ixx='1'/>"), "inertia of inertial of link 'a'",
+                "no attribute 'ixy'"},
+        Refusal{"two_inertials", Kind::text, "<robot name='r'><link name='a'>\n<inertial/>\n<inertial/></link></robot>",
+                "bad.urdf:3: inertial of link 'a'", "already, in line 2"}),
+    [](const auto& refusal) { return string(refusal.param.name); });
+
+INSTANTIATE_TEST_SUITE_P(
+    mechanism, Refused,
+    testing::Values(
+        Refusal{"link_twice", Kind::model, "<robot name='r'><link name='a'/><link name='a'/></robot>", "link 'a'", "twice"},
+        Refusal{"joint_twice", Kind::model,
+                one_joint("0", "", "<link name='c'/><joint name='j' type='fixed'><parent link='a'/><child link='c'/></joint>"),
+                "joint 'j'", "twice"},
+        Refusal{"two_roots", Kind::model, "<robot name='r'><link name='a'/><link name='b'/></robot>", "robot 'r'", "a, b"},
+        Refusal{"no_root", Kind::model,
+                "<robot name='r'><link name='a'/><link name='b'/><joint name='j' type='fixed'><parent link='a'/><child link='b'/>"
+                "</joint><joint name='k' type='fixed'><parent link='b'/><child link='a'/></joint></robot>",
+                "robot 'r'", "no root"},
+        Refusal{"cycle_apart", Kind::model,
+                "<robot name='r'><link name='o'/><link name='a'/><link name='b'/><joint name='j' type='fixed'><parent link='a'/>"
+                "<child link='b'/></joint><joint name='k' type='fixed'><parent link='b'/><child link='a'/></joint></robot>",
+                "link 'a'", "not connected to the root 'o'"},
+        Refusal{"two_parents", Kind::model,
+                one_joint("0", "", "<joint name='k' type='fixed'><parent link='a'/><child link='b'/></joint>"), "link 'b'",
+                "child of two joints, 'j' and 'k'"},
+        Refusal{"joint_to_itself", Kind::model,
+                one_joint("0", "", "<link name='c'/><joint name='k' type='fixed'><parent link='c'/><child link='c'/></joint>"),
+                "joint 'k'", "to itself"},
+        Refusal{"zero_axis", Kind::model, one_joint("0", "<axis xyz='0 0 0'/>"), "joint 'j'", "no length"},
+        Refusal{"negative_damping", Kind::model, one_joint("-1"), "joint 'j'", "negative"},
+        Refusal{"swapped_limits", Kind::model, one_joint("0", "<limit lower='1' upper='0' effort='1' velocity='1'/>"),
+                "joint 'j'", "range is empty"},
+        Refusal{"negative_effort", Kind::model, one_joint("0", "<limit lower='0' upper='1' effort='-1' velocity='1'/>"),
+                "joint 'j'", "effort limit"},
+        Refusal{"moving_without_inertial", Kind::model, joint_text(" type='revolute'", ends), "link 'b'",
+                "inertia is missing or 0"},
+        Refusal{"negative_mass", Kind::model, inertial("<mass value='-1'/>", moments("1", "1", "1")), "link 'a'", "negative"},
+        Refusal{"triangle", Kind::model, inertial("<mass value='1'/>", moments("1", "1", "3")), "link 'a'", "impossible"},
+        Refusal{"inertia_without_mass", Kind::model, inertial("<mass value='0'/>", moments("1", "1", "1")), "link 'a'", "mass 0"},
+        Refusal{"overflow", Kind::model,
+                "<robot name='r'><link name='a'/><link name='b'><inertial><origin xyz='0 1e200 0'/><mass value='1e200'/>" +
+                    moments("1", "1", "1") + "</inertial></link><joint name='j' type='continuous'>" + ends + "</joint></robot>",
+                "link 'b'", "not a finite number"},
+        Refusal{"mimic_of_nothing", Kind::model, mimic("joint='ghost'"), "joint 'j'", "'ghost', which does not exist"},
+        Refusal{"mimic_of_itself", Kind::model, mimic("joint='j'"), "joint 'j'", "itself"},
+        Refusal{"mimic_of_fixed", Kind::model, three_joints("<mimic joint='f'/>", "", ""), "joint 'j'", "'f', which is fixed"},
+        Refusal{"mimic_by_zero", Kind::model, three_joints("<mimic joint='k' multiplier='0'/>", "", ""), "joint 'j'",
+                "multiplier 0"},
+        Refusal{"mimic_by_nearly_zero", Kind::model, three_joints("<mimic joint='k' multiplier='1e-12'/>", "", ""),
+                "coupling 'j'", "beyond"},
+        Refusal{"mimic_circle", Kind::model,
+                three_joints("<mimic joint='k'/>", "<mimic joint='l'/>", "<mimic joint='j'/>"), "joint 'j'",
+                "circle: j <- k <- l <- j"},
+        Refusal{"mimic_into_circle", Kind::model,
+                three_joints("<mimic joint='k'/>", "<mimic joint='l'/>", "<mimic joint='k'/>"), "joint 'k'",
+                "circle: k <- l <- k"},
+        Refusal{"mimic_chain_vanishes", Kind::model,
+                three_joints("<mimic joint='k' multiplier='1e-200'/>", "<mimic joint='l' multiplier='1e-200'/>", ""),
+                "coupling 'j'", "is 0"}),
+    [](const auto& refusal) { return string(refusal.param.name); });
+
+TEST(Import, xacro_left_in_a_number_is_named_as_such) {
+  try {
+    import_urdf(one_joint("${width}"));
+    FAIL();
+  } catch (const ImportError& error) {
+    EXPECT_NE(error.remedy().find("xacro"), string::npos) << error.what();
+  }
+}
+
+TEST(Import, paths_that_are_no_files_are_refused_by_name) {
+  for (const string path : {"/", "/no/such/robot.urdf", "", "/dev/null"}) {
+    try {
+      import_urdf_file(path);
+      ADD_FAILURE() << path;
+    } catch (const ImportError& error) {
+      EXPECT_EQ(error.element(), path) << error.what();
+    }
+  }
+}
+
+}  // namespace
+}  // namespace lockstep

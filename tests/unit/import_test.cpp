@@ -1,0 +1,255 @@
+// URDF in, Model out: numbers against hand calculations. SPDX-License-Identifier: Apache-2.0
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+
+#include "import_helpers.h"
+
+namespace lockstep {
+namespace {
+
+using std::string;
+
+TEST(Import, gripper_is_read_with_its_couplings) {
+  const Import import = model_file("gripper");
+  const Model& model = import.model;
+  EXPECT_EQ(model.name, "gripper");
+  EXPECT_EQ(model.links.size(), 11u);
+  EXPECT_EQ(model.links[0].name, "base");
+  ASSERT_EQ(model.couplings.size(), 5u);
+  for (const Coupling& coupling : model.couplings) {
+    const bool is_tip = coupling.joint.find("tip") != string::npos;
+    ASSERT_EQ(coupling.terms.size(), 1u);
+    EXPECT_EQ(coupling.terms[0].joint, "driver");
+    EXPECT_EQ(coupling.terms[0].ratio, is_tip ? 1.0 : -1.0);  // the tips turn back: multiplier -1
+    EXPECT_EQ(coupling.offset, 0.0);
+    EXPECT_EQ(coupling.softness.kind, Softness::Kind::hard);
+  }
+  const Joint& driver = joint(model, "driver");
+  EXPECT_EQ(driver.kind, JointKind::revolute);
+  EXPECT_EQ(driver.axis, Eigen::Vector3d::UnitX());
+  EXPECT_EQ(driver.lower, 0.0);
+  EXPECT_EQ(driver.upper, 0.73);
+  EXPECT_EQ(driver.effort_limit, 8.0);
+  EXPECT_EQ(driver.velocity_limit, 4.0);
+  EXPECT_EQ(driver.damping, 0.05);
+  EXPECT_EQ(driver.position, 0.0);
+  expect_reports(import, "read 11 links, 9 moving joints, 5 couplings");
+  expect_reports(import, "fixed joints, merged when compiling (1): wrist");
+  expect_reports(import, "not used: 11 visual");
+}
+
+TEST(Import, gripper_weighs_what_its_boxes_weigh) {
+  const Model model = model_file("gripper").model;
+  const Inertia knuckle = Inertia::box(0.06, {0.02, 0.014, 0.06}, {0, 0, 0.03});
+  for (const char* name : {"left_knuckle", "right_knuckle"}) {
+    const Inertia& inertia = link(model, name).inertia;
+    EXPECT_EQ(inertia.mass, 0.06);
+    EXPECT_EQ(inertia.center, knuckle.center);
+    EXPECT_LT((inertia.about_center - knuckle.about_center).norm(), 1e-3 * knuckle.about_center.norm());
+  }
+}
+
+// The fingers' parallelograms close, open and shut: knuckle plus tip end where the bar does, beside the tip.
+TEST(Import, gripper_tips_keep_their_direction_and_meet) {
+  const Model model = model_file("gripper").model;
+  const auto pose = [&](const string& name, double q) -> Eigen::Isometry3d {
+    const Joint& found = joint(model, name);
+    return found.origin * Eigen::AngleAxisd(q, found.axis);
+  };
+  for (const double q : {0.0, 0.4, 0.73})
+    for (const string side : {"left", "right"}) {
+      const Eigen::Isometry3d tip =
+          pose(side == "left" ? "driver" : "right_knuckle_joint", q) * pose(side + "_tip_joint", -q);
+      const Eigen::Vector3d bar_end = pose(side + "_bar_joint", q) * Eigen::Vector3d(0, 0, 0.06);
+      EXPECT_LT((tip.linear() * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitZ()).norm(), 1e-12);
+      EXPECT_LT((tip * Eigen::Vector3d(0, 0.016, 0) - bar_end).norm(), 1e-12);
+      const double half_gap = (side == "left" ? 1.0 : -1.0) * tip.translation().y() - 0.006;
+      if (q == 0.0) {
+        EXPECT_NEAR(2.0 * half_gap, 0.0855, 1e-4);
+      }
+      if (q == 0.73) {
+        EXPECT_NEAR(half_gap, 0.0, 5e-4);
+      }
+    }
+}
+
+// rpy turns about fixed axes, yaw last: R = Rz(yaw) Ry(pitch) Rx(roll), written out by hand.
+TEST(Import, roll_pitch_yaw_are_about_fixed_axes) {
+  const Model model = model_file("fixed_links").model;
+  const double r = 0.3, p = -0.4, y = 1.1;
+  const double sr = std::sin(r), cr = std::cos(r), sp = std::sin(p), cp = std::cos(p), sy = std::sin(y), cy = std::cos(y);
+  Eigen::Matrix3d expected;
+  expected << cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr,  //
+      sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,          //
+      -sp, cp * sr, cp * cr;
+  const Eigen::Isometry3d& origin = joint(model, "weld").origin;
+  EXPECT_LT((origin.linear() - expected).norm(), 1e-15);
+  EXPECT_EQ(origin.translation(), Eigen::Vector3d(0.1, 0, 0));
+
+  // By the image of one point: roll 90 takes y to z, then yaw 90 leaves z alone.
+  const Import turned = import_urdf(R"(<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="fixed">
+      <parent link="a"/><child link="b"/><origin rpy="1.5707963267948966 0 1.5707963267948966"/></joint></robot>)");
+  EXPECT_LT((turned.model.joints[0].origin * Eigen::Vector3d::UnitY() - Eigen::Vector3d::UnitZ()).norm(), 1e-15);
+}
+
+TEST(Import, inertia_is_turned_into_the_axes_of_the_link) {
+  const Model model = model_file("rotated_inertials").model;
+  const auto expect = [&](const char* name, const Eigen::Matrix3d& tensor) {
+    const Inertia& inertia = link(model, name).inertia;
+    EXPECT_LT((inertia.about_center - tensor).norm(), 1e-17) << name << "\n" << inertia.about_center;
+    EXPECT_EQ(inertia.center, Eigen::Vector3d(0.01, 0.02, 0.03));
+    EXPECT_EQ(inertia.mass, 0.5);
+  };
+  // Principal moments 1, 2, 2.5 g m^2 along the turned axes; quarter turns swap them.
+  expect("quarter_yaw", Eigen::Vector3d(0.002, 0.001, 0.0025).asDiagonal());
+  expect("quarter_roll", Eigen::Vector3d(0.001, 0.0025, 0.002).asDiagonal());
+  // An eighth: the mean on the diagonal, half the difference beside it, (a - b) / 2.
+  Eigen::Matrix3d eighth;
+  eighth << 0.0015, -0.0005, 0, -0.0005, 0.0015, 0, 0, 0, 0.0025;
+  expect("eighth_yaw", eighth);
+
+  // Any turn: spin energy about a direction fixed in the body is the same in both axes.
+  Eigen::Matrix3d given;
+  given << 0.001, 0.0001, -0.0002, 0.0001, 0.002, 0.0003, -0.0002, 0.0003, 0.0025;
+  const Eigen::Matrix3d turn = joint(model_file("fixed_links").model, "weld").origin.linear();  // the same rpy
+  const Eigen::Vector3d direction(0.2, -0.7, 0.5);
+  EXPECT_NEAR((turn * direction).dot(link(model, "any").inertia.about_center * (turn * direction)),
+              direction.dot(given * direction), 1e-17);
+}
+
+TEST(Import, a_mimic_without_attributes_is_one_to_one) {
+  const Model model = model_file("prismatic_pair").model;
+  ASSERT_EQ(model.couplings.size(), 1u);
+  EXPECT_EQ(model.couplings[0].joint, "right_slide");
+  EXPECT_EQ(model.couplings[0].terms[0].joint, "left_slide");
+  EXPECT_EQ(model.couplings[0].terms[0].ratio, -1.0);
+  EXPECT_FALSE(std::signbit(model.couplings[0].offset));
+  EXPECT_EQ(joint(model, "left_slide").kind, JointKind::prismatic);
+}
+
+TEST(Import, a_leader_may_lie_below_its_follower_and_later_in_the_file) {
+  const Import import = model_file("leader_below");
+  ASSERT_EQ(import.model.couplings.size(), 1u);
+  const Coupling& coupling = import.model.couplings[0];
+  EXPECT_EQ(coupling.joint, "inner_joint");
+  EXPECT_EQ(coupling.terms[0].joint, "outer_joint");
+  EXPECT_EQ(coupling.terms[0].ratio, 0.5);
+  EXPECT_EQ(coupling.offset, -0.2);
+  EXPECT_EQ(joint(import.model, "inner_joint").position, 0.2);
+  expect_reports(import, "followers that start where their coupling puts them (1): inner_joint at 0.2");
+}
+
+// distal = 0.5 middle - 0.3 and middle = 2 proximal + 0.1 make distal = proximal - 0.25.
+TEST(Import, a_mimic_of_a_mimic_follows_the_last_leader) {
+  const Import import = model_file("mimic_chain");
+  ASSERT_EQ(import.model.couplings.size(), 2u);
+  const Coupling& distal = import.model.couplings[0];
+  EXPECT_EQ(distal.joint, "distal");
+  EXPECT_EQ(distal.terms[0].joint, "proximal");
+  EXPECT_DOUBLE_EQ(distal.terms[0].ratio, -1.0);
+  EXPECT_DOUBLE_EQ(distal.offset, 0.25);
+  EXPECT_EQ(import.model.couplings[1].joint, "middle");
+  EXPECT_EQ(import.model.couplings[1].terms[0].ratio, -2.0);
+  for (const Coupling& coupling : import.model.couplings) EXPECT_EQ(error_at_start(import.model, coupling), 0.0);
+  expect_reports(import, "chains of mimics resolved (1): distal <- middle <- proximal is 1 proximal - 0.25");
+  EXPECT_EQ(import.model.links[0].name, "palm");  // the root, though last in the file; the others keep their order
+  EXPECT_EQ(import.model.links[1].name, "distal_link");
+  EXPECT_EQ(import.model.links[3].name, "proximal_link");
+}
+
+TEST(Import, a_slide_follows_a_crank_with_an_offset) {
+  const Import import = model_file("slide_follows_turn");
+  const Coupling& coupling = import.model.couplings.at(0);
+  EXPECT_EQ(coupling.terms[0].ratio, 0.002);
+  EXPECT_EQ(coupling.offset, -0.007);
+  EXPECT_EQ(joint(import.model, "slide").position, 0.007);
+  EXPECT_EQ(joint(import.model, "crank").position, 0.0);
+  EXPECT_EQ(joint(import.model, "crank").friction, 0.1);
+  EXPECT_EQ(joint(import.model, "crank").damping, 0.02);
+  // The crank's 1.5 rad put the slide at 4 mm, 1 mm below its lower limit.
+  expect_reports(import, "followers that leave their limits while their leader keeps its own (1): slide by 0.001 m");
+  expect_reports(import, "joints that start outside of their limits (1): crank at 0, not 0.1 to 1.5");
+  expect_reports(import, "axes not of length 1, taken as directions (1): slide");
+  expect_reports(import, "kept, but not enforced by a step: dry friction of 1 joint, effort limits of 2 joints, "
+                         "position limits of 2 joints, velocity limits of 2 joints");
+}
+
+TEST(Import, a_follower_may_lie_in_another_subtree_and_a_continuous_joint_has_no_range) {
+  const Import import = model_file("other_subtree");
+  EXPECT_EQ(import.model.couplings.at(0).joint, "lift");
+  EXPECT_EQ(import.model.couplings.at(0).terms[0].joint, "wheel");
+  EXPECT_EQ(joint(import.model, "wheel").kind, JointKind::continuous);
+  EXPECT_EQ(joint(import.model, "wheel").lower, -infinity);
+  EXPECT_EQ(joint(import.model, "wheel").upper, infinity);
+  EXPECT_EQ(joint(import.model, "wheel").velocity_limit, 2.0);
+  expect_reports(import, "no <limit>, taken as unlimited (1): right_turn");
+  expect_reports(import, "limited followers of a leader without limits (1): lift");
+  expect_reports(import, "not used: 1 'lower' of limit of continuous joints, 1 'upper' of limit of continuous joints");
+}
+
+TEST(Import, mass_behind_fixed_joints_counts_and_their_axes_and_mimics_do_not) {
+  const Import import = model_file("fixed_links");
+  EXPECT_EQ(link(import.model, "arm").inertia.mass, 0.0);
+  EXPECT_TRUE(import.model.couplings.empty());
+  expect_reports(import, "fixed joints, merged when compiling (2): weld, bolt");
+  expect_reports(import, "not used: 1 axis of fixed joints, 1 mimic of fixed joints");
+}
+
+TEST(Import, a_floating_joint_below_an_empty_root_makes_the_root_float) {
+  const Import import = model_file("floating_root");
+  const Model& model = import.model;
+  EXPECT_TRUE(model.root.floating);
+  ASSERT_EQ(model.links.size(), 2u);
+  EXPECT_EQ(model.links[0].name, "body");
+  EXPECT_EQ(model.joints.size(), 1u);
+  EXPECT_EQ(model.root.pose.translation(), Eigen::Vector3d(0, 0, 0.5));
+  EXPECT_LT((model.root.pose.linear() * Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitY()).norm(), 1e-15);
+  expect_reports(import, "a floating root instead of a floating joint (1): free, without its parent world");
+}
+
+TEST(Import, what_is_not_used_is_counted_and_misspellings_stand_apart) {
+  const Import import = model_file("decorated");
+  expect_reports(import, "not used: 1 calibration, 1 collision, 1 gazebo, 1 material, 1 ros2_control, "
+                         "1 safety_controller, 1 transmission, 2 visual");
+  expect_reports(import, "unknown, not used (check the spelling): 1 'speed' of joint, 1 inertal, "
+                         "1 text 'stray words' in robot");
+  EXPECT_EQ(joint(import.model, "turn").axis, Eigen::Vector3d::UnitX());  // URDF's default
+  EXPECT_EQ(joint(import.model, "turn").upper, 0.0);                      // the same
+  EXPECT_EQ(joint(import.model, "turn").effort_limit, 1.0);
+  EXPECT_EQ(joint(import.model, "turn").velocity_limit, infinity);
+}
+
+TEST(Import, every_model_of_the_tests_is_valid) {
+  int files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(LOCKSTEP_MODELS)) {
+    if (entry.path().extension() != ".urdf") continue;
+    ++files;
+    EXPECT_NO_THROW(import_urdf_file(entry.path()).model.validate()) << entry.path();
+  }
+  EXPECT_GE(files, 10);
+}
+
+// A chain of links, each joint a mimic of the next one: deep in the tree and deep in followers.
+TEST(Import, time_grows_with_the_size_of_the_file_and_no_faster) {
+  const int links = 20000;
+  string text = "<robot name='r'><link name='l0'/>";
+  for (int i = 1; i < links; ++i) {
+    const string n = std::to_string(i);
+    text += "<link name='l" + n + "'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/>" +
+            "</inertial></link><joint name='j" + n + "' type='continuous'><parent link='l" + std::to_string(i - 1) +
+            "'/><child link='l" + n + "'/>" +
+            (i + 1 < links ? "<mimic joint='j" + std::to_string(i + 1) + "'/>" : "") + "</joint>";
+  }
+  const auto start = std::chrono::steady_clock::now();
+  const Import import = import_urdf(text + "</robot>");
+  const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+  EXPECT_LT(seconds.count(), 2.0);
+  RecordProperty("milliseconds", static_cast<int>(1e3 * seconds.count()));
+  ASSERT_EQ(import.model.couplings.size(), links - 2u);
+  EXPECT_EQ(import.model.couplings[0].terms[0].joint, "j19999");
+  for (const string& line : import.report) EXPECT_LT(line.size(), 2000u);
+}
+
+}  // namespace
+}  // namespace lockstep
