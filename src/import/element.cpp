@@ -17,10 +17,9 @@ constexpr std::string_view blanks = " \t\r\n";
 
 // What URDF and the tools around it put into files and a step has no use for. Anything else is unknown.
 constexpr std::array known = {
-    "visual",  "collision",    "material",     "gazebo",      "transmission", "sensor",
-    "mujoco",  "ros2_control", "ros_control",  "calibration", "plugin",       "safety_controller",
-    "axis",    "limit",        "dynamics",     "mimic",       "lower",        "upper",
-    "version", "contact",      "verbose",      "drake",       "self_collision_checking",
+    "visual", "collision", "material", "gazebo", "transmission", "sensor", "mujoco", "ros_control", "ros2_control",
+    "calibration", "safety_controller", "plugin", "self_collision_checking", "contact", "verbose", "version",
+    "axis", "limit", "dynamics", "mimic", "lower", "upper",  // of joints that have no use for them
 };
 
 bool is_known(std::string_view name) {
@@ -113,8 +112,8 @@ std::optional<Element> Element::child(const char* name) {
   if (!xml) return std::nullopt;
   Element found(*xml, *file_, std::string(name) + " of " + title_);
   if (const auto* second = xml->NextSiblingElement(name))
-    Element(*second, *file_, found.title_).fail(fmt::format("is there already, in line {}", xml->GetLineNum()),
-                                                "keep one of them");
+    Element(*second, *file_, found.title_)
+        .fail(fmt::format("is there already, in line {}", xml->GetLineNum()), "keep one of them");
   return found;
 }
 

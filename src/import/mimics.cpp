@@ -89,25 +89,29 @@ void report_chain(std::size_t follower, const std::vector<Relation>& direct, con
   if (direct[follower].leader == last.leader) return;
   std::string chain = model.joints[follower].name;
   int shown = 0;
-  for (std::size_t joint = direct[follower].leader; joint != last.leader && shown < 4; joint = direct[joint].leader, ++shown)
-    chain += " <- " + model.joints[joint].name;
-  if (shown == 4) chain += " <- ...";
+  std::size_t between = direct[follower].leader;
+  for (; between != last.leader && shown < 4; between = direct[between].leader, ++shown)
+    chain += " <- " + model.joints[between].name;
+  if (between != last.leader) chain += " <- ...";
   const std::string& leader = model.joints[last.leader].name;
-  report.remark("chains of mimics resolved", fmt::format("{} <- {} is {:.6g} {} {} {:.6g}", chain, leader, last.multiplier,
-                                                         leader, last.offset < 0.0 ? '-' : '+', std::abs(last.offset)));
+  report.remark("chains of mimics resolved",
+                fmt::format("{} <- {} is {:.6g} {} {} {:.6g}", chain, leader, last.multiplier, leader,
+                            last.offset < 0.0 ? '-' : '+', std::abs(last.offset)));
 }
 
 // Whether the follower stays in its limits while its leader does.
 void report_range(const Joint& follower, const Joint& leader, const Relation& last, Report& report) {
-  const double one = last.multiplier * leader.lower + last.offset, other = last.multiplier * leader.upper + last.offset;
+  const double one = last.multiplier * leader.lower + last.offset;
+  const double other = last.multiplier * leader.upper + last.offset;
   const double beyond = std::max(follower.lower - std::min(one, other), std::max(one, other) - follower.upper);
-  const double slack = std::isfinite(follower.upper - follower.lower) ? limit_slack * (follower.upper - follower.lower) : 0.0;
+  const double width = follower.upper - follower.lower;
+  const double slack = std::isfinite(width) ? limit_slack * width : 0.0;
   if (beyond == infinity)
     report.remark("limited followers of a leader without limits", follower.name);
   else if (beyond > slack)
-    report.remark("followers that leave their limits while their leader keeps its own",
-                  fmt::format("{} by {:.4g} {}", follower.name, beyond,
-                              follower.kind == JointKind::prismatic ? "m" : "rad"));
+    report.remark(
+        "followers that leave their limits while their leader keeps its own",
+        fmt::format("{} by {:.4g} {}", follower.name, beyond, follower.kind == JointKind::prismatic ? "m" : "rad"));
 }
 
 }  // namespace

@@ -40,8 +40,10 @@ std::vector<std::string> Report::lines() const {
 
 std::string listed(const std::vector<std::string>& items, const char* between, std::size_t longest) {
   if (items.size() <= longest) return fmt::format("{}", fmt::join(items, between));
-  return fmt::format("{}{}... {} more ...{}{}", fmt::join(items.begin(), items.begin() + (longest - 1), between), between,
-                     items.size() - longest, between, items.back());
+  std::vector<std::string> shown(items.begin(), items.begin() + static_cast<std::ptrdiff_t>(longest - 1));
+  shown.push_back(fmt::format("... {} more ...", items.size() - longest));
+  shown.push_back(items.back());
+  return fmt::format("{}", fmt::join(shown, between));
 }
 
 std::string counted(std::size_t number, const char* noun) {

@@ -12,10 +12,9 @@ Eigen::Isometry3d read_origin(Element& owner) {
   if (!origin) return pose;
   pose.translation() = origin->triple("xyz", Eigen::Vector3d::Zero());
   const Eigen::Vector3d rpy = origin->triple("rpy", Eigen::Vector3d::Zero());
-  // Roll, pitch, yaw about the parent's fixed axes: the yaw is applied last.
-  pose.linear() = (Eigen::AngleAxisd(rpy[2], Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(rpy[1], Eigen::Vector3d::UnitY()) *
-                   Eigen::AngleAxisd(rpy[0], Eigen::Vector3d::UnitX()))
-                      .toRotationMatrix();
+  const Eigen::AngleAxisd roll(rpy[0], Eigen::Vector3d::UnitX()), pitch(rpy[1], Eigen::Vector3d::UnitY()),
+      yaw(rpy[2], Eigen::Vector3d::UnitZ());
+  pose.linear() = (yaw * pitch * roll).toRotationMatrix();  // about the parent's fixed axes: the roll comes first
   origin->tally_rest();
   return pose;
 }

@@ -27,7 +27,8 @@ std::string text_of(const std::string& path) {
   errno = 0;
   std::ifstream stream(path, std::ios::binary);
   if (!stream)
-    throw ImportError(path, "cannot be opened: " + std::generic_category().message(errno), "check the path and its rights");
+    throw ImportError(path, "cannot be opened: " + std::generic_category().message(errno),
+                      "check the path and its rights");
   std::string text;
   std::vector<char> piece(std::size_t{1} << 16);
   while (stream.read(piece.data(), static_cast<std::streamsize>(piece.size())) || stream.gcount() > 0) {
@@ -131,8 +132,9 @@ void report_joints(const Model& model, Report& report) {
       continue;
     }
     if (joint.position < joint.lower || joint.position > joint.upper)
-      report.remark("joints that start outside of their limits",
-                    fmt::format("{} at {:.4g}, not {:.4g} to {:.4g}", joint.name, joint.position, joint.lower, joint.upper));
+      report.remark(
+          "joints that start outside of their limits",
+          fmt::format("{} at {:.4g}, not {:.4g} to {:.4g}", joint.name, joint.position, joint.lower, joint.upper));
     if (joint.lower > -infinity || joint.upper < infinity) report.kept("position limits");
     if (joint.velocity_limit < infinity) report.kept("velocity limits");
     if (joint.effort_limit < infinity) report.kept("effort limits");

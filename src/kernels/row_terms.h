@@ -21,10 +21,10 @@ template <class T>
 void share_out(const Tables<ScalarOf<T>>& t, T erp, T cfm, T& rate, T& row_cfm) {
   const double dt = double(t.dt), n = t.iterations, h = dt / n;
   for (int i = 0; i < T::lanes; ++i) {
-    const double e = double(erp.v[i]), c = double(cfm.v[i]);
+    const double e = double(erp.lane(i)), c = double(cfm.lane(i));
     const double kp = e / (dt * dt * c), kd = (1 - e) / (dt * c);
-    rate.v[i] = ScalarOf<T>(c > 0 ? kp / (h * kp + kd) : (1 - __builtin_pow(1 - e, 1 / n)) / h);
-    row_cfm.v[i] = ScalarOf<T>(c > 0 ? 1 / (h * (h * kp + kd)) : c);
+    rate.set_lane(i, ScalarOf<T>(c > 0 ? kp / (h * kp + kd) : (1 - __builtin_pow(1 - e, 1 / n)) / h));
+    row_cfm.set_lane(i, ScalarOf<T>(c > 0 ? 1 / (h * (h * kp + kd)) : c));
   }
 }
 

@@ -35,6 +35,10 @@ struct SincosConstants<double> {
                                        -1.38888888888730564116e-3,  4.16666666666665929218e-2};
 };
 
+/// What one sincos() takes: reduction 10, two polynomials, their closing terms 11.
+template <class S>
+inline constexpr int sincos_flops = 10 + 4 * (SincosConstants<S>::terms - 1) + 11;
+
 template <class S, int W, class A>
 LOCKSTEP_INLINE void sincos(Wide<S, W, A> x, Wide<S, W, A>& sine, Wide<S, W, A>& cosine) {
   using T = Wide<S, W, A>;

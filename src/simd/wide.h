@@ -112,6 +112,9 @@ struct Wide {
   }
   LOCKSTEP_INLINE static Mask none() { return {Bits{}}; }
 
+  LOCKSTEP_INLINE S lane(int i) const { return v[i]; }
+  LOCKSTEP_INLINE void set_lane(int i, S value) { v[i] = value; }
+
   LOCKSTEP_INLINE static Wide load(const S* p) { return *reinterpret_cast<const Vector*>(p); }
   LOCKSTEP_INLINE friend void store(S* p, Wide a) { *reinterpret_cast<Vector*>(p) = a.v; }
 };

@@ -41,8 +41,8 @@ class Damage {
   explicit Damage(unsigned seed) : random_(seed) {}
 
   string operator()(string text) {
-    const int times = 1 + below(3);
-    for (int i = 0; i < times && !text.empty(); ++i) (this->*kinds[below(std::size(kinds))])(text);
+    const std::size_t times = below(3) ? 1 : 1 + below(4);
+    for (std::size_t i = 0; i < times && !text.empty(); ++i) (this->*kinds[below(std::size(kinds))])(text);
     return text;
   }
 
@@ -61,8 +61,9 @@ class Damage {
   // One of the quoted values becomes another one, or a nasty one.
   void swap_values(string& text) { replace_value(text, value_of(text)); }
   void spoil_value(string& text) {
-    static const string nasty[] = {"",      "nan",  "-inf", "1e308", "-1e308",           "1e-310", "0",     "-0", "1 2 3 4", "base",
-                                   "driver", "&lt;", "%s",   "0x7f",  string(5000, '9'), "fixed",  "floating", "revolute", "9999999999", "-1"};
+    static const string nasty[] = {"",        "nan",    "-inf", "1e308", "-1e308", "1e-310",          "0",
+                                   "1 2 3 4", "base",   "&lt;", "%s",    "0x7f",   string(5000, '9'), "-0",
+                                   "fixed",   "driver", "-1",   "1e200", "{}",     "floating",        "continuous"};
     replace_value(text, nasty[below(std::size(nasty))]);
   }
 
@@ -90,9 +91,9 @@ class Damage {
     return {equals + 2, std::min(text.find('"', equals + 2), text.size())};
   }
 
-  static constexpr void (Damage::*kinds[])(string&) = {&Damage::flip,        &Damage::truncate,    &Damage::erase,
-                                                       &Damage::duplicate,   &Damage::swap_values, &Damage::swap_values,
-                                                       &Damage::spoil_value, &Damage::spoil_value, &Damage::move_element};
+  static constexpr void (Damage::*kinds[])(string&) = {
+      &Damage::flip,        &Damage::truncate,    &Damage::erase,       &Damage::duplicate,    &Damage::swap_values,
+      &Damage::swap_values, &Damage::spoil_value, &Damage::spoil_value, &Damage::move_element, &Damage::flip};
   std::mt19937 random_;
 };
 

@@ -10,6 +10,10 @@
 
 namespace lockstep {
 
+/// Mass 1 kg, moments 1 kg m^2.
+inline const std::string unit_body =
+    "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
+
 inline Import model_file(const std::string& name) {
   return import_urdf_file(std::string(LOCKSTEP_MODELS) + "/" + name + ".urdf");
 }
@@ -25,13 +29,14 @@ inline std::string report_of(const Import& import) {
 
 inline void expect_reports(const Import& import, const std::string& line) {
   EXPECT_NE(std::find(import.report.begin(), import.report.end(), line), import.report.end())
-      << "no line: " << line << "\nbut:\n" << report_of(import);
+      << "no line: " << line << "\nbut:\n"
+      << report_of(import);
 }
 
 /// C of a coupling with one term at the model's starting positions.
 inline double error_at_start(const Model& model, const Coupling& coupling) {
-  return joint(model, coupling.joint).position + coupling.terms[0].ratio * joint(model, coupling.terms[0].joint).position +
-         coupling.offset;
+  const CouplingTerm& term = coupling.terms[0];
+  return joint(model, coupling.joint).position + term.ratio * joint(model, term.joint).position + coupling.offset;
 }
 
 }  // namespace lockstep

@@ -11,21 +11,24 @@ using std::string;
 
 // One revolute joint with `damping` as its dynamics say, `more` inside of it and `around` beside it.
 string one_joint(const string& damping, const string& more = "", const string& around = "") {
-  return "<robot name='r'>\n<link name='a'/>\n<link name='b'><inertial><mass value='1'/>"
-         "<inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link>\n"
+  return "<robot name='r'>\n<link name='a'/>\n<link name='b'>" + unit_body +
+         "</link>\n"
          "<joint name='j' type='revolute'><parent link='a'/><child link='b'/>\n"
-         "<dynamics damping='" + damping + "'/>" + more + "</joint>\n" + around + "</robot>";
+         "<dynamics damping='" +
+         damping + "'/>" + more + "</joint>\n" + around + "</robot>";
 }
 
 TEST(Import, numbers_of_every_plain_form_are_read) {
   const std::pair<const char*, double> forms[] = {{"0.5", 0.5},   {".5", 0.5},     {"5.", 5.0}, {"+0.5", 0.5},
                                                   {"1e-3", 1e-3}, {"1.5E+2", 150}, {" 2\t", 2}, {"00.25", 0.25}};
-  for (const auto& [text, value] : forms) EXPECT_EQ(import_urdf(one_joint(text)).model.joints[0].damping, value) << text;
+  for (const auto& [text, value] : forms)
+    EXPECT_EQ(import_urdf(one_joint(text)).model.joints[0].damping, value) << text;
 }
 
 TEST(Import, anything_else_is_no_number) {
-  for (const char* text : {"", " ", "nan", "inf", "-inf", "+", "-", "+-1", "++1", "0x10", "0x1p3", "1,5", "1.5f", "1e", "1 2",
-                           "1e999", "-1e999", "one", "${d}", "1;", "&#49;", "\xc2\xb2", "1_000", "1e-999"}) {
+  for (const char* text :
+       {"",     " ",  "nan", "inf",   "-inf",   "+",   "-",    "+-1", "++1",   "0x10",     "0x1p3", "1,5",
+        "1.5f", "1e", "1 2", "1e999", "-1e999", "one", "${d}", "1;",  "&#49;", "\xc2\xb2", "1_000"}) {
     try {
       import_urdf(one_joint(text), "numbers.urdf");
       ADD_FAILURE() << "accepted '" << text << "'";
@@ -48,6 +51,8 @@ struct Refusal {
   const char* said;
 };
 
+void PrintTo(const Refusal& refusal, std::ostream* stream) { *stream << refusal.name; }
+
 class Refused : public testing::TestWithParam<Refusal> {};
 
 TEST_P(Refused, is_refused_and_named) {
@@ -64,6 +69,14 @@ TEST_P(Refused, is_refused_and_named) {
   }
 }
 
+string joint_text(const string& name, const string& type, const string& parent, const string& child,
+                  const string& inside = "") {
+  return "<joint name='" + name + "' type='" + type + "'><parent link='" + parent + "'/><child link='" + child + "'/>" +
+         inside + "</joint>";
+}
+
+string robot(const string& inside) { return "<robot name='r'>" + inside + "</robot>"; }
+
 string mimic(const string& attributes) { return one_joint("0", "<mimic " + attributes + "/>"); }
 
 // Three free joints j, k, l with the given mimics, and a fixed one, f.
@@ -71,9 +84,8 @@ string three_joints(const string& j, const string& k, const string& l) {
   string text = "<robot name='r'><link name='a'/>";
   const std::pair<const char*, string> joints[] = {{"j", j}, {"k", k}, {"l", l}, {"f", ""}};
   for (const auto& [name, inside] : joints) {
-    text += string("<link name='") + name + "'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/>" +
-            "</inertial></link><joint name='" + name + "' type='" + (name[0] == 'f' ? "fixed" : "continuous") +
-            "'><parent link='a'/><child link='" + name + "'/>" + inside + "</joint>";
+    text += string("<link name='") + name + "'>" + unit_body + "</link>" +
+            joint_text(name, name[0] == 'f' ? "fixed" : "continuous", "a", name, inside);
   }
   return text + "</robot>";
 }
@@ -86,8 +98,9 @@ string moments(const string& xx, const string& yy, const string& zz) {
   return "<inertia ixx='" + xx + "' ixy='0' ixz='0' iyy='" + yy + "' iyz='0' izz='" + zz + "'/>";
 }
 
-string joint_text(const string& type, const string& inside) {
-  return "<robot name='r'><link name='a'/><link name='b'/><joint name='j'" + type + ">" + inside + "</joint></robot>";
+// Links a and b without bodies, and joint j.
+string bare_joint(const string& type, const string& inside) {
+  return robot("<link name='a'/><link name='b'/><joint name='j'" + type + ">" + inside + "</joint>");
 }
 
 string nested(int depth) {
@@ -106,7 +119,8 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"blank", Kind::text, " \n\t", "bad.urdf", "is empty"},
         Refusal{"words", Kind::text, "no robot at all", "bad.urdf:1", "well-formed"},
         Refusal{"comment_alone", Kind::text, "<!-- robot -->", "bad.urdf", "no XML element"},
-        Refusal{"zero_byte", Kind::text, string("<robot name='r'>\0<link name='a'/></robot>", 40), "bad.urdf", "zero byte"},
+        Refusal{"zero_byte", Kind::text, string("<robot name='r'>\0<link name='a'/></robot>", 40), "bad.urdf",
+                "zero byte"},
         Refusal{"unclosed", Kind::text, "<robot name='r'>\n<link name='a'>\n</robot>", "bad.urdf:2", "well-formed"},
         Refusal{"attribute_twice", Kind::text, "<robot name='r' name='s'/>", "bad.urdf:1", "well-formed"},
         Refusal{"deep", Kind::text, nested(100000), "bad.urdf:1", "deeper than 100"},
@@ -130,33 +144,33 @@ INSTANTIATE_TEST_SUITE_P(
 INSTANTIATE_TEST_SUITE_P(
     elements, Refused,
     testing::Values(
-        Refusal{"no_type", Kind::text, joint_text("", ends), "joint 'j'", "no attribute 'type'"},
-        Refusal{"odd_type", Kind::text, joint_text(" type='screw'", ends), "joint 'j'", "'screw'"},
-        Refusal{"planar", Kind::text, joint_text(" type='planar'", ends), "joint 'j'", "type planar"},
+        Refusal{"no_type", Kind::text, bare_joint("", ends), "joint 'j'", "no attribute 'type'"},
+        Refusal{"odd_type", Kind::text, bare_joint(" type='screw'", ends), "joint 'j'", "'screw'"},
+        Refusal{"planar", Kind::text, bare_joint(" type='planar'", ends), "joint 'j'", "type planar"},
         Refusal{"floating_not_alone", Kind::text,
-                one_joint("0", "", "<link name='c'/><joint name='k' type='floating'><parent link='a'/><child link='c'/></joint>"),
-                "joint 'k'", "not alone"},
+                one_joint("0", "", "<link name='c'/>" + joint_text("k", "floating", "a", "c")), "joint 'k'",
+                "not alone"},
         Refusal{"floating_below", Kind::text,
-                one_joint("0", "", "<link name='c'/><joint name='k' type='floating'><parent link='b'/><child link='c'/></joint>"),
-                "joint 'k'", "not alone"},
-        Refusal{"no_parent", Kind::text, joint_text(" type='fixed'", "<child link='b'/>"), "joint 'j'", "no <parent>"},
-        Refusal{"two_children", Kind::text, joint_text(" type='fixed'", ends + "<child link='a'/>"), "child of joint 'j'",
-                "already"},
-        Refusal{"no_child_link", Kind::text, joint_text(" type='fixed'", "<parent link='a'/><child name='b'/>"),
+                one_joint("0", "", "<link name='c'/>" + joint_text("k", "floating", "b", "c")), "joint 'k'",
+                "not alone"},
+        Refusal{"no_parent", Kind::text, bare_joint(" type='fixed'", "<child link='b'/>"), "joint 'j'", "no <parent>"},
+        Refusal{"two_children", Kind::text, bare_joint(" type='fixed'", ends + "<child link='a'/>"),
+                "child of joint 'j'", "already"},
+        Refusal{"no_child_link", Kind::text, bare_joint(" type='fixed'", "<parent link='a'/><child name='b'/>"),
                 "child of joint 'j'", "no attribute 'link'"},
-        Refusal{"unknown_link", Kind::text, joint_text(" type='fixed'", "<parent link='a'/><child link='bb'/>"), "joint 'j'",
-                "'bb', which does not exist"},
-        Refusal{"two_numbers", Kind::text, joint_text(" type='fixed'", ends + "<origin xyz='1 2'/>"), "origin of joint 'j'",
-                "2 numbers, not 3"},
-        Refusal{"four_numbers", Kind::text, joint_text(" type='fixed'", ends + "<origin rpy='1 2 3 4'/>"),
+        Refusal{"unknown_link", Kind::text, bare_joint(" type='fixed'", "<parent link='a'/><child link='bb'/>"),
+                "joint 'j'", "'bb', which does not exist"},
+        Refusal{"two_numbers", Kind::text, bare_joint(" type='fixed'", ends + "<origin xyz='1 2'/>"),
+                "origin of joint 'j'", "2 numbers, not 3"},
+        Refusal{"four_numbers", Kind::text, bare_joint(" type='fixed'", ends + "<origin rpy='1 2 3 4'/>"),
                 "origin of joint 'j'", "4 numbers, not 3"},
         Refusal{"axis_without_xyz", Kind::text, one_joint("0", "<axis/>"), "axis of joint 'j'", "no attribute 'xyz'"},
         Refusal{"long_number", Kind::text, one_joint(string(1 << 20, '1')), "dynamics of joint 'j'", "1111..."},
         Refusal{"long_word", Kind::text, one_joint(string(1 << 20, 'x')), "dynamics of joint 'j'", "xxxx..."},
         Refusal{"no_mass", Kind::text, inertial("", moments("1", "1", "1")), "inertial of link 'a'", "no <mass>"},
         Refusal{"no_inertia", Kind::text, inertial("<mass value='1'/>", ""), "inertial of link 'a'", "no <inertia>"},
-        Refusal{"no_ixy", Kind::text, inertial("<mass value='1'/>", "<inertia ixx='1'/>"), "inertia of inertial of link 'a'",
-                "no attribute 'ixy'"},
+        Refusal{"no_ixy", Kind::text, inertial("<mass value='1'/>", "<inertia ixx='1'/>"),
+                "inertia of inertial of link 'a'", "no attribute 'ixy'"},
         Refusal{"two_inertials", Kind::text, "<robot name='r'><link name='a'>\n<inertial/>\n<inertial/></link></robot>",
                 "bad.urdf:3: inertial of link 'a'", "already, in line 2"}),
     [](const auto& refusal) { return string(refusal.param.name); });
@@ -164,43 +178,46 @@ INSTANTIATE_TEST_SUITE_P(
 INSTANTIATE_TEST_SUITE_P(
     mechanism, Refused,
     testing::Values(
-        Refusal{"link_twice", Kind::model, "<robot name='r'><link name='a'/><link name='a'/></robot>", "link 'a'", "twice"},
-        Refusal{"joint_twice", Kind::model,
-                one_joint("0", "", "<link name='c'/><joint name='j' type='fixed'><parent link='a'/><child link='c'/></joint>"),
+        Refusal{"link_twice", Kind::model, "<robot name='r'><link name='a'/><link name='a'/></robot>", "link 'a'",
+                "twice"},
+        Refusal{"joint_twice", Kind::model, one_joint("0", "", "<link name='c'/>" + joint_text("j", "fixed", "a", "c")),
                 "joint 'j'", "twice"},
-        Refusal{"two_roots", Kind::model, "<robot name='r'><link name='a'/><link name='b'/></robot>", "robot 'r'", "a, b"},
+        Refusal{"two_roots", Kind::model, "<robot name='r'><link name='a'/><link name='b'/></robot>", "robot 'r'",
+                "a, b"},
         Refusal{"no_root", Kind::model,
-                "<robot name='r'><link name='a'/><link name='b'/><joint name='j' type='fixed'><parent link='a'/><child link='b'/>"
-                "</joint><joint name='k' type='fixed'><parent link='b'/><child link='a'/></joint></robot>",
+                robot("<link name='a'/><link name='b'/>" + joint_text("j", "fixed", "a", "b") +
+                      joint_text("k", "fixed", "b", "a")),
                 "robot 'r'", "no root"},
         Refusal{"cycle_apart", Kind::model,
-                "<robot name='r'><link name='o'/><link name='a'/><link name='b'/><joint name='j' type='fixed'><parent link='a'/>"
-                "<child link='b'/></joint><joint name='k' type='fixed'><parent link='b'/><child link='a'/></joint></robot>",
+                robot("<link name='o'/><link name='a'/><link name='b'/>" + joint_text("j", "fixed", "a", "b") +
+                      joint_text("k", "fixed", "b", "a")),
                 "link 'a'", "not connected to the root 'o'"},
-        Refusal{"two_parents", Kind::model,
-                one_joint("0", "", "<joint name='k' type='fixed'><parent link='a'/><child link='b'/></joint>"), "link 'b'",
+        Refusal{"two_parents", Kind::model, one_joint("0", "", joint_text("k", "fixed", "a", "b")), "link 'b'",
                 "child of two joints, 'j' and 'k'"},
         Refusal{"joint_to_itself", Kind::model,
-                one_joint("0", "", "<link name='c'/><joint name='k' type='fixed'><parent link='c'/><child link='c'/></joint>"),
-                "joint 'k'", "to itself"},
+                one_joint("0", "", "<link name='c'/>" + joint_text("k", "fixed", "c", "c")), "joint 'k'", "to itself"},
         Refusal{"zero_axis", Kind::model, one_joint("0", "<axis xyz='0 0 0'/>"), "joint 'j'", "no length"},
         Refusal{"negative_damping", Kind::model, one_joint("-1"), "joint 'j'", "negative"},
         Refusal{"swapped_limits", Kind::model, one_joint("0", "<limit lower='1' upper='0' effort='1' velocity='1'/>"),
                 "joint 'j'", "range is empty"},
         Refusal{"negative_effort", Kind::model, one_joint("0", "<limit lower='0' upper='1' effort='-1' velocity='1'/>"),
                 "joint 'j'", "effort limit"},
-        Refusal{"moving_without_inertial", Kind::model, joint_text(" type='revolute'", ends), "link 'b'",
+        Refusal{"moving_without_inertial", Kind::model, bare_joint(" type='revolute'", ends), "link 'b'",
                 "inertia is missing or 0"},
-        Refusal{"negative_mass", Kind::model, inertial("<mass value='-1'/>", moments("1", "1", "1")), "link 'a'", "negative"},
-        Refusal{"triangle", Kind::model, inertial("<mass value='1'/>", moments("1", "1", "3")), "link 'a'", "impossible"},
-        Refusal{"inertia_without_mass", Kind::model, inertial("<mass value='0'/>", moments("1", "1", "1")), "link 'a'", "mass 0"},
+        Refusal{"negative_mass", Kind::model, inertial("<mass value='-1'/>", moments("1", "1", "1")), "link 'a'",
+                "negative"},
+        Refusal{"triangle", Kind::model, inertial("<mass value='1'/>", moments("1", "1", "3")), "link 'a'",
+                "impossible"},
+        Refusal{"inertia_without_mass", Kind::model, inertial("<mass value='0'/>", moments("1", "1", "1")), "link 'a'",
+                "mass 0"},
         Refusal{"overflow", Kind::model,
-                "<robot name='r'><link name='a'/><link name='b'><inertial><origin xyz='0 1e200 0'/><mass value='1e200'/>" +
-                    moments("1", "1", "1") + "</inertial></link><joint name='j' type='continuous'>" + ends + "</joint></robot>",
+                robot("<link name='a'/><link name='b'><inertial><origin xyz='0 1e200 0'/><mass value='1e200'/>" +
+                      moments("1", "1", "1") + "</inertial></link>" + joint_text("j", "continuous", "a", "b")),
                 "link 'b'", "not a finite number"},
         Refusal{"mimic_of_nothing", Kind::model, mimic("joint='ghost'"), "joint 'j'", "'ghost', which does not exist"},
         Refusal{"mimic_of_itself", Kind::model, mimic("joint='j'"), "joint 'j'", "itself"},
-        Refusal{"mimic_of_fixed", Kind::model, three_joints("<mimic joint='f'/>", "", ""), "joint 'j'", "'f', which is fixed"},
+        Refusal{"mimic_of_fixed", Kind::model, three_joints("<mimic joint='f'/>", "", ""), "joint 'j'",
+                "'f', which is fixed"},
         Refusal{"mimic_by_zero", Kind::model, three_joints("<mimic joint='k' multiplier='0'/>", "", ""), "joint 'j'",
                 "multiplier 0"},
         Refusal{"mimic_by_nearly_zero", Kind::model, three_joints("<mimic joint='k' multiplier='1e-12'/>", "", ""),

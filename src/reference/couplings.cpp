@@ -1,0 +1,90 @@
+// Couplings of the reference. SPDX-License-Identifier: Apache-2.0
+#include "reference/couplings.h"
+
+#include <cmath>
+#include <stdexcept>
+
+#include "lockstep/error.h"
+
+namespace lockstep::reference {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// What is left of a row, relative to it, when what earlier rows span is taken off, counts as nothing below this.
+constexpr double dependence = 1e-9;
+
+// Gram-Schmidt over the hard rows in order; twice per row, so that the basis is orthonormal to rounding.
+std::vector<bool> dependent_rows(const MatrixXd& jacobian, const std::vector<Softness>& softness) {
+  std::vector<bool> dependent(softness.size(), false);
+  MatrixXd basis(jacobian.cols(), 0);
+  for (Eigen::Index i = 0; i < jacobian.rows(); ++i) {
+    if (!is_hard(softness[i])) continue;
+    VectorXd rest = jacobian.row(i).transpose().normalized();
+    for (int pass = 0; pass < 2; ++pass) rest -= basis * (basis.transpose() * rest);
+    dependent[i] = rest.norm() < dependence;
+    if (dependent[i]) continue;
+    basis.conservativeResize(Eigen::NoChange, basis.cols() + 1);
+    basis.rightCols(1) = rest.normalized();
+  }
+  return dependent;
+}
+
+Row spring_row(const Spring& spring, double h) {
+  const double stiffness = h * spring.kp + spring.kd;
+  if (stiffness == 0.0) return {false, false, 0.0, 0.0};
+  return {true, false, h * spring.kp / stiffness, 1.0 / (h * stiffness)};  // (23), (22)
+}
+
+}  // namespace
+
+bool is_hard(const Softness& softness) { return softness.is_hard() && softness.second == 0.0; }
+
+Couplings::Couplings(const Mechanism& mechanism) : velocities_(mechanism.velocities()) {
+  const std::vector<Coupling>& all = mechanism.model().couplings;
+  jacobian = MatrixXd::Zero(all.size(), mechanism.dofs());
+  gamma.resize(all.size());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    jacobian(i, mechanism.dof(all[i].joint)) = 1.0;
+    for (const CouplingTerm& term : all[i].terms) jacobian(i, mechanism.dof(term.joint)) = term.ratio;
+    gamma[i] = all[i].offset;
+    softness.push_back(all[i].softness);
+  }
+  redundant = dependent_rows(jacobian, softness);
+}
+
+MatrixXd Couplings::velocity_jacobian() const {
+  MatrixXd result = MatrixXd::Zero(jacobian.rows(), velocities_);
+  result.rightCols(jacobian.cols()) = jacobian;
+  return result;
+}
+
+Spring spring(const Softness& softness, double r, double h) {
+  const double first = softness.first, second = softness.second;
+  switch (softness.kind) {
+    case Softness::Kind::spring: return {first, second};
+    case Softness::Kind::frequency: return {first * first / r, 2.0 * first * second / r};           // (26), (27)
+    default: return {first / (h * h * second), (1.0 - first) / (h * second)};                       // (22), (23) solved
+  }
+}
+
+Row row(const Softness& softness, double r, double h) {
+  const bool mixing = softness.kind == Softness::Kind::hard || softness.kind == Softness::Kind::mixing;
+  if (mixing) return {true, is_hard(softness), softness.first, softness.second};
+  return spring_row(spring(softness, r, h), h);
+}
+
+Row substep_row(const Softness& softness, double r, double h, int n) {
+  if (!is_hard(softness)) return n == 1 ? row(softness, r, h) : spring_row(spring(softness, r, h), h / n);
+  if (n > 1 && softness.first > 1.0)
+    throw SettingsError("erp", "exceeds 1 in a coupling, which sub-steps cannot share", "give 1 or less, or one iteration");
+  return {true, true, 1.0 - std::pow(1.0 - softness.first, 1.0 / n), 0.0};
+}
+
+VectorXd inverse_inertias(const Couplings& couplings, const MatrixXd& mass) {
+  const MatrixXd j = couplings.velocity_jacobian();
+  return (j * mass.llt().solve(j.transpose())).diagonal();
+}
+
+}  // namespace lockstep::reference

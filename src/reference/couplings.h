@@ -1,0 +1,57 @@
+// Couplings of the reference: Jacobian, error, softness, rank. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Dense>
+#include <vector>
+
+#include "lockstep/softness.h"
+#include "reference/mechanism.h"
+
+namespace lockstep::reference {
+
+/// (17) for all couplings of a model: C = J q + gamma.
+struct Couplings {
+  explicit Couplings(const Mechanism& mechanism);
+
+  int count() const { return static_cast<int>(gamma.size()); }
+  Eigen::VectorXd error(const Eigen::VectorXd& q) const { return jacobian * q + gamma; }
+  /// J over all generalised velocities: zero for a floating root's six.
+  Eigen::MatrixXd velocity_jacobian() const;
+
+  Eigen::MatrixXd jacobian;        ///< [couplings][dofs]
+  Eigen::VectorXd gamma;           ///< [couplings]
+  std::vector<Softness> softness;
+  /// Hard rows that depend linearly on earlier hard rows. They take no impulse.
+  std::vector<bool> redundant;
+
+ private:
+  int velocities_;
+};
+
+/// Cannot yield: the states of is_hard() without a compliance in the second number.
+bool is_hard(const Softness& softness);
+
+/// Spring constants of a coupling, (26) and (27) for frequencies. A mixing softness means different springs at
+/// different steps; they are the ones that (22), (23) give it at steps of h. Not for hard ones.
+struct Spring {
+  double kp, kd;
+};
+Spring spring(const Softness& softness, double r, double h);
+
+/// A coupling as a row of the solver.
+struct Row {
+  bool active;      ///< takes an impulse: neither absent (kp = kd = 0) nor redundant
+  bool hard;        ///< cfm = 0
+  double erp, cfm;  ///< per step
+};
+
+/// erp and cfm at steps of h, (22), (23), (26) to (29); `r` is the inverse of the inertia that the coupling feels.
+Row row(const Softness& softness, double r, double h);
+
+/// The same at each of n sub-steps of h. The n shares of a hard row's error that are corrected make up its erp.
+Row substep_row(const Softness& softness, double r, double h, int n);
+
+/// r of (19) for each coupling alone, with the mass matrix that it is given.
+Eigen::VectorXd inverse_inertias(const Couplings& couplings, const Eigen::MatrixXd& mass);
+
+}  // namespace lockstep::reference

@@ -1,0 +1,280 @@
+// Kinematics and dynamics of the reference. SPDX-License-Identifier: Apache-2.0
+#include "reference/mechanism.h"
+
+#include <cmath>
+#include <complex>
+
+namespace lockstep::reference {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using Complex = std::complex<double>;
+
+template <class T> using Vec3 = Eigen::Matrix<T, 3, 1>;
+template <class T> using Mat3 = Eigen::Matrix<T, 3, 3>;
+template <class T> using VecX = Eigen::Matrix<T, Eigen::Dynamic, 1>;
+template <class T> using MatX = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
+
+// The kinematics are templates because complex numbers differentiate them: for analytic f,
+// Im f(x + i e dx) / e is the derivative along dx to rounding, with no difference of near equals.
+constexpr double complex_step = 1e-20;
+
+template <class T>
+struct Pose {
+  Mat3<T> rotation;
+  Vec3<T> position;
+};
+
+template <class T>
+Mat3<T> skew(const Vec3<T>& a) {
+  Mat3<T> matrix;
+  matrix << T(0), -a[2], a[1], a[2], T(0), -a[0], -a[1], a[0], T(0);
+  return matrix;
+}
+
+// Rodrigues' formula.
+template <class T>
+Mat3<T> turn(const Vector3d& axis, T angle) {
+  using std::cos, std::sin;
+  const Mat3<T> k = skew<T>(axis.cast<T>());
+  return Mat3<T>::Identity() + sin(angle) * k + (T(1) - cos(angle)) * (k * k);
+}
+
+Pose<double> root_pose(const State& state) { return {state.orientation.normalized().toRotationMatrix(), state.position}; }
+
+template <class T>
+std::vector<Pose<T>> forward(const Mechanism& mechanism, const Pose<T>& root, const VecX<T>& q) {
+  std::vector<Pose<T>> poses(mechanism.links());
+  poses[0] = root;
+  for (const int j : mechanism.tree().joints_depth_first) {
+    const Joint& joint = mechanism.model().joints[j];
+    const Pose<T>& parent = poses[mechanism.tree().joint_parent[j]];
+    Pose<T> child;
+    child.rotation = parent.rotation * joint.origin.linear().template cast<T>();
+    child.position = parent.rotation * joint.origin.translation().template cast<T>() + parent.position;
+    if (joint.moves()) {
+      const Vector3d axis = joint.axis.normalized();
+      const T value = q[mechanism.dof_of_joint(j)];
+      if (joint.kind == JointKind::prismatic)
+        child.position += child.rotation * (axis.cast<T>() * value);
+      else
+        child.rotation = (child.rotation * turn<T>(axis, value)).eval();
+    }
+    poses[mechanism.tree().joint_child[j]] = child;
+  }
+  return poses;
+}
+
+// Column by column: what a unit of each generalised velocity does to the link's angular velocity and to the
+// velocity of a point (world) that moves with the link.
+template <class T>
+MatX<T> point_jacobian(const Mechanism& mechanism, const std::vector<Pose<T>>& poses, int link, const Vec3<T>& point) {
+  MatX<T> jacobian = MatX<T>::Zero(6, mechanism.velocities());
+  const auto turning = [&](int column, const Vec3<T>& axis, const Vec3<T>& origin) {
+    jacobian.col(column) << axis, skew<T>(axis) * (point - origin);
+  };
+  const Tree& tree = mechanism.tree();
+  for (int l = link; tree.parent_joint[l] >= 0; l = tree.joint_parent[tree.parent_joint[l]]) {
+    const Joint& joint = mechanism.model().joints[tree.parent_joint[l]];
+    if (!joint.moves()) continue;
+    const int column = mechanism.root_velocities() + mechanism.dof_of_joint(tree.parent_joint[l]);
+    const Vec3<T> axis = poses[l].rotation * joint.axis.normalized().cast<T>();
+    if (joint.kind == JointKind::prismatic)
+      jacobian.col(column).tail(3) = axis;
+    else
+      turning(column, axis, poses[l].position);
+  }
+  if (mechanism.root_velocities() > 0)
+    for (int k = 0; k < 3; ++k) {
+      turning(k, poses[0].rotation.col(k), poses[0].position);
+      jacobian.col(3 + k).tail(3) = poses[0].rotation.col(k);
+    }
+  return jacobian;
+}
+
+template <class T>
+Vec3<T> center_of_mass(const Pose<T>& pose, const Inertia& inertia) {
+  return pose.rotation * inertia.center.cast<T>() + pose.position;
+}
+
+Matrix3d world_inertia(const Matrix3d& rotation, const Inertia& inertia) {
+  return rotation * inertia.about_center * rotation.transpose();
+}
+
+}  // namespace
+
+Mechanism::Mechanism(const Model& model) : model_((model.validate(), model)), tree_(model) {
+  dof_of_joint_.assign(model.joints.size(), -1);
+  for (std::size_t j = 0; j < model.joints.size(); ++j)
+    if (model.joints[j].moves()) {
+      dof_of_joint_[j] = dofs();
+      joint_of_dof_.push_back(static_cast<int>(j));
+    }
+  for (VectorXd* constants : {&armature_, &damping_, &kp_, &kd_}) *constants = VectorXd::Zero(velocities());
+  for (int i = 0; i < dofs(); ++i) {
+    const int row = root_velocities() + i;
+    armature_[row] = joint(i).armature;
+    damping_[row] = joint(i).damping;
+    kp_[row] = joint(i).drive.kp;
+    kd_[row] = joint(i).drive.kd;
+  }
+}
+
+State Mechanism::initial_state() const {
+  State state;
+  state.position = model_.root.pose.translation();
+  state.orientation = Eigen::Quaterniond(model_.root.pose.linear()).normalized();
+  state.q.resize(dofs());
+  state.v.resize(velocities());
+  if (model_.root.floating) state.v.head(6) = model_.root.velocity;
+  for (int i = 0; i < dofs(); ++i) {
+    state.q[i] = joint(i).position;
+    state.v[root_velocities() + i] = joint(i).velocity;
+  }
+  return state;
+}
+
+Inputs Mechanism::initial_inputs() const {
+  Inputs inputs;
+  inputs.position_targets.resize(dofs());
+  inputs.velocity_targets.resize(dofs());
+  inputs.efforts.resize(dofs());
+  inputs.wrenches = MatrixXd::Zero(6, links());
+  for (int i = 0; i < dofs(); ++i) {
+    inputs.position_targets[i] = joint(i).drive.position_target;
+    inputs.velocity_targets[i] = joint(i).drive.velocity_target;
+    inputs.efforts[i] = joint(i).effort;
+  }
+  return inputs;
+}
+
+std::vector<Isometry3d> Mechanism::link_poses(const State& state) const {
+  std::vector<Isometry3d> result;
+  for (const Pose<double>& pose : forward<double>(*this, root_pose(state), state.q)) {
+    Isometry3d isometry = Isometry3d::Identity();
+    isometry.linear() = pose.rotation;
+    isometry.translation() = pose.position;
+    result.push_back(isometry);
+  }
+  return result;
+}
+
+MatrixXd Mechanism::jacobian(const State& state, int link, const Vector3d& point) const {
+  const auto poses = forward<double>(*this, root_pose(state), state.q);
+  return point_jacobian<double>(*this, poses, link, poses[link].rotation * point + poses[link].position);
+}
+
+Vector6d Mechanism::link_velocity(const State& state, int link) const { return jacobian(state, link) * state.v; }
+
+Vector3d Mechanism::site_position(const State& state, int site) const {
+  const Site& s = model_.sites[site];
+  return link_poses(state)[model_.link_index(s.link)] * s.pose.translation();
+}
+
+MatrixXd Mechanism::site_jacobian(const State& state, int site) const {
+  const Site& s = model_.sites[site];
+  return jacobian(state, model_.link_index(s.link), s.pose.translation());
+}
+
+MatrixXd Mechanism::mass_matrix(const State& state) const {
+  const auto poses = forward<double>(*this, root_pose(state), state.q);
+  MatrixXd mass = MatrixXd::Zero(velocities(), velocities());
+  for (int l = 0; l < links(); ++l) {
+    const Inertia& inertia = model_.links[l].inertia;
+    const MatrixXd j = point_jacobian<double>(*this, poses, l, center_of_mass(poses[l], inertia));
+    const auto angular = j.topRows<3>(), linear = j.bottomRows<3>();
+    mass += inertia.mass * linear.transpose() * linear +
+            angular.transpose() * world_inertia(poses[l].rotation, inertia) * angular;
+  }
+  return mass;
+}
+
+VectorXd Mechanism::bias(const State& state) const {
+  const Pose<double> root = root_pose(state);
+  // q + i e dq/dt, and the root's pose moved to first order by its own twist.
+  const Complex step(0.0, complex_step);
+  Pose<Complex> moved_root = {root.rotation.cast<Complex>(), root.position.cast<Complex>()};
+  if (model_.root.floating) {
+    moved_root.rotation += step * (root.rotation * skew<double>(state.v.head<3>())).cast<Complex>();
+    moved_root.position += step * (root.rotation * state.v.segment<3>(3)).cast<Complex>();
+  }
+  const VecX<Complex> moved_q = state.q.cast<Complex>() + step * state.v.tail(dofs()).cast<Complex>();
+  const auto poses = forward<Complex>(*this, moved_root, moved_q);
+
+  VectorXd result = VectorXd::Zero(velocities());
+  for (int l = 0; l < links(); ++l) {
+    const Inertia& inertia = model_.links[l].inertia;
+    const MatX<Complex> j = point_jacobian<Complex>(*this, poses, l, center_of_mass(poses[l], inertia));
+    const VecX<Complex> velocity = j * state.v.cast<Complex>();
+    const Vector6d acceleration = velocity.imag() / complex_step;  // dJ/dt v
+    const Vector3d omega = velocity.real().head<3>();
+    const Matrix3d tensor = world_inertia(poses[l].rotation.real(), inertia);
+    const Vector3d force = inertia.mass * (acceleration.tail<3>() - model_.gravity);
+    const Vector3d torque = tensor * acceleration.head<3>() + omega.cross(tensor * omega);
+    result += j.topRows<3>().real().transpose() * torque + j.bottomRows<3>().real().transpose() * force;
+  }
+  return result;
+}
+
+VectorXd Mechanism::wrench_forces(const State& state, const MatrixXd& wrenches) const {
+  VectorXd forces = VectorXd::Zero(velocities());
+  for (int l = 0; l < links(); ++l)
+    if (!wrenches.col(l).isZero(0.0)) forces += jacobian(state, l).transpose() * wrenches.col(l);
+  return forces;
+}
+
+VectorXd Mechanism::joint_forces(const State& state, const Inputs& inputs) const {
+  VectorXd forces = VectorXd::Zero(velocities());
+  const VectorXd v = state.v.tail(dofs());
+  forces.tail(dofs()) = inputs.efforts - damping_.tail(dofs()).cwiseProduct(v) -
+                        kp_.tail(dofs()).cwiseProduct(state.q - inputs.position_targets) -
+                        kd_.tail(dofs()).cwiseProduct(v - inputs.velocity_targets);
+  return forces;
+}
+
+double Mechanism::kinetic_energy(const State& state) const {
+  return 0.5 * state.v.dot(mass_matrix(state) * state.v) + 0.5 * state.v.dot(armature_.cwiseProduct(state.v));
+}
+
+double Mechanism::potential_energy(const State& state) const {
+  const auto poses = forward<double>(*this, root_pose(state), state.q);
+  double energy = 0.0;
+  for (int l = 0; l < links(); ++l) {
+    const Inertia& inertia = model_.links[l].inertia;
+    energy -= inertia.mass * model_.gravity.dot(center_of_mass(poses[l], inertia));
+  }
+  return energy;
+}
+
+Vector6d Mechanism::momentum(const State& state) const {
+  const auto poses = forward<double>(*this, root_pose(state), state.q);
+  Vector6d momentum = Vector6d::Zero();
+  for (int l = 0; l < links(); ++l) {
+    const Inertia& inertia = model_.links[l].inertia;
+    const Vector3d center = center_of_mass(poses[l], inertia);
+    const Vector6d velocity = point_jacobian<double>(*this, poses, l, center) * state.v;
+    const Vector3d linear = inertia.mass * velocity.tail<3>();
+    momentum.head<3>() += center.cross(linear) + world_inertia(poses[l].rotation, inertia) * velocity.head<3>();
+    momentum.tail<3>() += linear;
+  }
+  return momentum;
+}
+
+State Mechanism::advanced(const State& state, const VectorXd& v, double h) const {
+  State next = state;
+  next.q += h * v.tail(dofs());
+  if (model_.root.floating) {
+    const Vector3d rotation = h * v.head<3>();
+    const double angle = rotation.norm();
+    const Vector3d axis = angle > 0.0 ? Vector3d(rotation / angle) : Vector3d::UnitX();
+    next.position += h * (state.orientation * v.segment<3>(3));
+    next.orientation = (state.orientation * Eigen::Quaterniond(Eigen::AngleAxisd(angle, axis))).normalized();
+  }
+  return next;
+}
+
+}  // namespace lockstep::reference

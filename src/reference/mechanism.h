@@ -1,0 +1,90 @@
+// The scalar reference: a mechanism's dynamics, dense and as in a textbook. SPDX-License-Identifier: Apache-2.0
+//
+// Everything here is plain double arithmetic on dense matrices, link by link from world-frame Jacobians and
+// d'Alembert's principle. It shares nothing with the kernels, which it exists to check: only the Model and its
+// Tree. Fixed joints are not merged, a link is a body whatever carries it.
+#pragma once
+
+#include <Eigen/Dense>
+#include <vector>
+
+#include "lockstep/model.h"
+#include "model/tree.h"
+
+namespace lockstep::reference {
+
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+
+/// Where a mechanism is and how it moves. Generalised velocities are a floating root's six first (angular, then
+/// linear, in root-link axes, as at Root in model.h), then the moving joints in the order of Model::joints.
+struct State {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();                 ///< of the root link's frame, world, m
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();    ///< of the same
+  Eigen::VectorXd q;                                                  ///< [dofs] joint positions
+  Eigen::VectorXd v;                                                  ///< [velocities] generalised velocities
+};
+
+/// What acts on a mechanism during a step.
+struct Inputs {
+  Eigen::VectorXd position_targets, velocity_targets;  ///< [dofs] of the drives
+  Eigen::VectorXd efforts;                             ///< [dofs] feed-forward
+  Eigen::MatrixXd wrenches;  ///< [6][links] torque about the link frame's origin, then force, both in world axes
+};
+
+class Mechanism {
+ public:
+  explicit Mechanism(const Model& model);  ///< throws ModelError where the model is not valid
+
+  const Model& model() const { return model_; }
+  const Tree& tree() const { return tree_; }
+  int dofs() const { return static_cast<int>(joint_of_dof_.size()); }
+  int root_velocities() const { return model_.root.floating ? 6 : 0; }
+  int velocities() const { return root_velocities() + dofs(); }
+  int links() const { return static_cast<int>(model_.links.size()); }
+  const Joint& joint(int dof) const { return model_.joints[joint_of_dof_[dof]]; }
+  int dof_of_joint(int joint) const { return dof_of_joint_[joint]; }  ///< -1 for a fixed one
+  int dof(const std::string& joint) const { return dof_of_joint_[model_.joint_index(joint)]; }
+
+  /// Joint-space constants, one per generalised velocity, 0 for a floating root's.
+  const Eigen::VectorXd& armature() const { return armature_; }
+  const Eigen::VectorXd& damping() const { return damping_; }
+  const Eigen::VectorXd& kp() const { return kp_; }
+  const Eigen::VectorXd& kd() const { return kd_; }
+
+  State initial_state() const;   ///< the model's
+  Inputs initial_inputs() const; ///< the model's targets and efforts, no wrenches
+
+  // --- kinematics, all in world axes -----------------------------------------------------------------
+  std::vector<Eigen::Isometry3d> link_poses(const State& state) const;
+  /// [6][velocities]: angular velocity of the link, then velocity of a point given in the link's frame.
+  Eigen::MatrixXd jacobian(const State& state, int link, const Eigen::Vector3d& point = Eigen::Vector3d::Zero()) const;
+  Vector6d link_velocity(const State& state, int link) const;  ///< angular, then that of the frame's origin
+  Eigen::Vector3d site_position(const State& state, int site) const;
+  Eigen::MatrixXd site_jacobian(const State& state, int site) const;
+
+  // --- dynamics: M dv/dt + c = generalised forces, armature apart ------------------------------------
+  /// Sum over the links of J^T I J, without armature.
+  Eigen::MatrixXd mass_matrix(const State& state) const;
+  /// c(q, v): what holds the mechanism to dv/dt = 0, gravity included. For the root these are rates of the
+  /// twist's components in root axes, so a single body gives I dw/dt + w x I w = 0.
+  Eigen::VectorXd bias(const State& state) const;
+  Eigen::VectorXd wrench_forces(const State& state, const Eigen::MatrixXd& wrenches) const;
+  /// Efforts and drives, less what the joints' damping takes.
+  Eigen::VectorXd joint_forces(const State& state, const Inputs& inputs) const;
+
+  double kinetic_energy(const State& state) const;    ///< with the armatures' share
+  double potential_energy(const State& state) const;  ///< gravity alone, zero at the world's origin
+  Vector6d momentum(const State& state) const;        ///< angular about the world's origin, then linear
+
+  /// The state moved for a time h with constant generalised velocities v: exactly for the joints and the root's
+  /// rotation, the root's translation along R v of the start. Velocities stay as they are.
+  State advanced(const State& state, const Eigen::VectorXd& v, double h) const;
+
+ private:
+  Model model_;
+  Tree tree_;
+  std::vector<int> joint_of_dof_, dof_of_joint_;
+  Eigen::VectorXd armature_, damping_, kp_, kd_;
+};
+
+}  // namespace lockstep::reference

@@ -1,0 +1,70 @@
+// What all methods of the reference have in common. SPDX-License-Identifier: Apache-2.0
+#include "reference/step.h"
+
+#include "lockstep/error.h"
+
+namespace lockstep::reference {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+Stage::Stage(const Mechanism& mechanism, double step, const State& start, const Inputs& inputs)
+    : h(step), state(start), couplings(mechanism) {
+  const int dofs = mechanism.dofs(), nv = mechanism.velocities();
+  mass = mechanism.mass_matrix(state);
+  bias = mechanism.bias(state);
+
+  // Damping and drives are linear, so they are taken at the end of the step:
+  // A (v* - v) = h (tau - c - d v - kp (q + h v - q_t) - kd (v - v_t)).
+  const VectorXd &a = mechanism.armature(), &d = mechanism.damping(), &kp = mechanism.kp(), &kd = mechanism.kd();
+  implicit = mass;
+  implicit.diagonal() += a + h * (d + kd) + h * h * kp;
+  inverse = implicit.llt().solve(MatrixXd::Identity(nv, nv));
+  State ahead = state;
+  ahead.q += h * state.v.tail(dofs);
+  const VectorXd forces = mechanism.joint_forces(ahead, inputs) + mechanism.wrench_forces(state, inputs.wrenches);
+  free = state.v + h * inverse * (forces - bias);
+
+  jacobian = couplings.velocity_jacobian();
+  response = jacobian * inverse * jacobian.transpose();
+  MatrixXd with_armature = mass;
+  with_armature.diagonal() += a;
+  inertia = inverse_inertias(couplings, with_armature);
+  error = couplings.error(state.q);
+  correction.resize(couplings.count());
+  for (int i = 0; i < couplings.count(); ++i) {
+    rows.push_back(row(couplings.softness[i], inertia[i], h));
+    if (couplings.redundant[i]) rows[i].active = false;
+    correction[i] = rows[i].erp * error[i] / h;
+  }
+}
+
+void visit(const Stage& stage, int i, double b, double cfm, double& impulse, VectorXd& v) {
+  const double change = -(stage.jacobian.row(i).dot(v) + b + cfm * impulse) / (stage.response(i, i) + cfm);
+  impulse += change;
+  v += stage.inverse * stage.jacobian.row(i).transpose() * change;
+}
+
+void velocity_sweeps(const Stage& stage, int count, const std::vector<Row>& rows, const VectorXd& b,
+                     VectorXd& impulses, VectorXd& v) {
+  for (int sweep = 0; sweep < count; ++sweep)
+    for (int i = 0; i < impulses.size(); ++i)
+      if (rows[i].active) visit(stage, i, rows[i].hard ? 0.0 : b[i], rows[i].cfm, impulses[i], v);
+}
+
+Step step(const Mechanism& mechanism, const StepSettings& settings, const State& state, const Inputs& inputs) {
+  Stage stage(mechanism, settings.dt, state, inputs);
+  Solution solution;
+  switch (settings.method) {
+    case Method::pgs: solution = pgs(stage, settings); break;
+    case Method::tgs: solution = tgs(stage, settings); break;
+    case Method::direct: solution = direct(stage, settings); break;
+    case Method::reduced: solution = reduced(stage, settings); break;
+    case Method::automatic: throw SettingsError("method", "is automatic", "name the method that the reference shall use");
+  }
+  State next = mechanism.advanced(state, solution.position_velocity, settings.dt);
+  next.v = solution.velocity;
+  return {std::move(next), std::move(solution.impulses), std::move(stage)};
+}
+
+}  // namespace lockstep::reference

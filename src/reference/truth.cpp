@@ -1,0 +1,154 @@
+// The exactly constrained continuous motion, by Runge-Kutta 4. SPDX-License-Identifier: Apache-2.0
+#include "reference/truth.h"
+
+#include "lockstep/error.h"
+#include "reference/couplings.h"
+
+namespace lockstep::reference {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+// The generalised velocities that the hard couplings allow, as the columns of an orthonormal matrix. J is constant,
+// so a motion whose accelerations lie in it stays on the couplings: no drift but rounding.
+MatrixXd allowed_velocities(const Mechanism& mechanism, const Couplings& couplings) {
+  std::vector<int> hard;
+  for (int i = 0; i < couplings.count(); ++i)
+    if (is_hard(couplings.softness[i]) && !couplings.redundant[i]) hard.push_back(i);
+  const int nv = mechanism.velocities();
+  if (hard.empty()) return MatrixXd::Identity(nv, nv);
+  const MatrixXd rows = couplings.velocity_jacobian()(hard, Eigen::all);
+  const MatrixXd q = rows.transpose().colPivHouseholderQr().householderQ();
+  return q.rightCols(nv - rows.rows());
+}
+
+// A mechanism with what does not change over a motion.
+struct Constrained {
+  explicit Constrained(const Mechanism& m)
+      : mechanism(m), couplings(m), jacobian(couplings.velocity_jacobian()), allowed(allowed_velocities(m, couplings)) {
+    for (int i = 0; i < couplings.count(); ++i) {
+      if (is_hard(couplings.softness[i])) continue;
+      const Softness::Kind kind = couplings.softness[i].kind;
+      if (kind != Softness::Kind::spring && kind != Softness::Kind::frequency)
+        throw SettingsError("softness", "is given by erp and cfm, which is no spring without a step",
+                            "give kp and kd or a frequency");
+    }
+  }
+
+  MatrixXd mass(const State& state) const {
+    MatrixXd mass = mechanism.mass_matrix(state);
+    mass.diagonal() += mechanism.armature();
+    return mass;
+  }
+
+  VectorXd soft_forces(const State& state, const MatrixXd& mass) const {
+    VectorXd forces = VectorXd::Zero(mechanism.velocities());
+    const VectorXd error = couplings.error(state.q), rate = jacobian * state.v;
+    const VectorXd r = inverse_inertias(couplings, mass);
+    for (int i = 0; i < couplings.count(); ++i) {
+      if (is_hard(couplings.softness[i])) continue;
+      const Spring s = spring(couplings.softness[i], r[i], 0.0);
+      forces -= jacobian.row(i).transpose() * (s.kp * error[i] + s.kd * rate[i]);
+    }
+    return forces;
+  }
+
+  // N^T (M dv/dt + c - forces) = 0 and dv/dt = N y: the couplings' forces do no work on what they allow.
+  VectorXd acceleration(const State& state, const Inputs& inputs) const {
+    const MatrixXd m = mass(state);
+    const VectorXd forces = mechanism.joint_forces(state, inputs) + mechanism.wrench_forces(state, inputs.wrenches) +
+                            soft_forces(state, m) - mechanism.bias(state);
+    return allowed * (allowed.transpose() * m * allowed).llt().solve(allowed.transpose() * forces);
+  }
+
+  const Mechanism& mechanism;
+  Couplings couplings;
+  MatrixXd jacobian, allowed;
+};
+
+// State and its time derivative as one vector: root position, quaternion x y z w, q, v.
+VectorXd packed(const State& state) {
+  VectorXd y(7 + state.q.size() + state.v.size());
+  y << state.position, state.orientation.coeffs(), state.q, state.v;
+  return y;
+}
+
+State unpacked(const VectorXd& y, const State& like) {
+  State state = like;
+  state.position = y.head<3>();
+  state.orientation.coeffs() = y.segment<4>(3);
+  state.q = y.segment(7, like.q.size());
+  state.v = y.tail(like.v.size());
+  return state;
+}
+
+VectorXd derivative(const Constrained& system, const State& state, const Inputs& inputs) {
+  State rate = state;
+  rate.position.setZero();
+  rate.orientation.coeffs().setZero();
+  if (system.mechanism.root_velocities() > 0) {
+    // dp/dt = R v and dQ/dt = 1/2 Q w with w in root axes; only the direction of Q counts, so it need not be unit.
+    const Eigen::Vector3d w = state.v.head<3>();
+    rate.position = state.orientation.normalized() * state.v.segment<3>(3);
+    rate.orientation.coeffs() = 0.5 * (state.orientation * Eigen::Quaterniond(0.0, w[0], w[1], w[2])).coeffs();
+  }
+  rate.q = state.v.tail(state.q.size());
+  rate.v = system.acceleration(state, inputs);
+  return packed(rate);
+}
+
+}  // namespace
+
+VectorXd acceleration(const Mechanism& mechanism, const State& state, const Inputs& inputs) {
+  return Constrained(mechanism).acceleration(state, inputs);
+}
+
+Motion integrate(const Mechanism& mechanism, const State& start, const InputsOverTime& inputs, double interval,
+                 int intervals, int steps) {
+  const Constrained system(mechanism);
+  State state = start;
+  const VectorXd error = system.couplings.error(state.q);
+  for (int i = 0; i < system.couplings.count(); ++i)
+    if (is_hard(system.couplings.softness[i]) && std::abs(error[i]) > 1e-9)
+      throw SettingsError("start", "violates a hard coupling", "start where C = 0");
+  const MatrixXd &n = system.allowed, m = system.mass(state);
+  state.v = n * (n.transpose() * m * n).llt().solve(n.transpose() * m * state.v);
+
+  Motion motion;
+  motion.times = VectorXd::LinSpaced(intervals + 1, 0.0, interval * intervals);
+  motion.positions.resize(intervals + 1, mechanism.dofs());
+  motion.positions.row(0) = state.q;
+  Inputs acting = mechanism.initial_inputs();
+  const auto slope = [&](double t, const VectorXd& y) {
+    inputs(t, acting);
+    return derivative(system, unpacked(y, start), acting);
+  };
+  const double h = interval / steps;
+  for (int i = 0; i < intervals; ++i) {
+    for (int k = 0; k < steps; ++k) {
+      const double t = (i * steps + k) * h;
+      const VectorXd y = packed(state);
+      const VectorXd k1 = slope(t, y);
+      const VectorXd k2 = slope(t + h / 2, y + h / 2 * k1);
+      const VectorXd k3 = slope(t + h / 2, y + h / 2 * k2);
+      const VectorXd k4 = slope(t + h, y + h * k3);
+      state = unpacked(y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), start);
+      state.orientation.normalize();
+    }
+    motion.positions.row(i + 1) = state.q;
+  }
+  motion.end = state;
+  return motion;
+}
+
+Motion integrate_with_error(const Mechanism& mechanism, const State& start, const InputsOverTime& inputs,
+                            double interval, int intervals, int steps) {
+  const Motion coarse = integrate(mechanism, start, inputs, interval, intervals, steps);
+  Motion fine = integrate(mechanism, start, inputs, interval, intervals, 2 * steps);
+  // Halving the step takes the error of order 4 to a sixteenth.
+  fine.error = (fine.positions - coarse.positions).cwiseAbs().maxCoeff() / 15.0;
+  return fine;
+}
+
+}  // namespace lockstep::reference

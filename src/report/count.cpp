@@ -1,0 +1,49 @@
+// Flops and bytes of a step: the kernel itself, run once on a counting number. SPDX-License-Identifier: Apache-2.0
+#include <vector>
+
+#include "../kernels/step.h"
+#include "../plan/program.h"
+#include "counted.h"
+#include "lockstep/batch.h"
+#include "lockstep/plan.h"
+
+namespace lockstep {
+namespace {
+
+OperationCount count(const Program& program) {
+  const Tables<float>& t = program.f32;
+  Lanes<float> lanes;
+  lanes.stride = 1;
+  std::vector<std::vector<float>> blocks;
+  const auto block = [&](int count) { return blocks.emplace_back(static_cast<std::size_t>(count) + 1, 0.0f).data(); };
+  lanes.position = block(t.joints);
+  lanes.velocity = block(t.joints);
+  lanes.position_target = block(t.joints);
+  lanes.velocity_target = block(t.joints);
+  lanes.effort = block(t.joints);
+  if (t.floating) lanes.root_pose = block(7), lanes.root_velocity = block(6);
+  if (t.record_impulses) lanes.impulse = block(t.couplings);
+  const int field_rows[parameter_count] = {t.term_gear.count, t.couplings, 2 * t.couplings, 2 * t.joints,
+                                           t.joints, t.links, 3, 6 * t.links};
+  for (int f = 0; f < parameter_count; ++f)
+    if ((t.per_environment >> f) & 1u) lanes.field[f] = block(field_rows[f]);
+  std::vector<Fault> fault(1, Fault::none);
+  lanes.fault = fault.data();
+
+  kernels::Tile<Counted> x;
+  std::vector<std::max_align_t> scratch(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
+  operation_count = {};
+  kernels::advance<Counted>(t, lanes, 0, 1, 1, scratch.data());
+  return operation_count;
+}
+
+}  // namespace
+
+long Plan::flops_per_step() const { return count(*program_).flops; }
+
+long Plan::bytes_per_step(int scalar_bytes) const {
+  const OperationCount done = count(*program_);
+  return (done.loads + done.stores) * scalar_bytes + static_cast<long>(sizeof(Fault));
+}
+
+}  // namespace lockstep
