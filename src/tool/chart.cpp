@@ -1,4 +1,4 @@
-// lockstep chart: error against cost of the methods on one model, measured here and now. SPDX-License-Identifier: Apache-2.0
+// lockstep chart: error against cost of the methods on a model, measured at once. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -8,6 +8,7 @@
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <numeric>
 
 #include "chart_runs.h"
 #include "chart_script.h"
@@ -23,23 +24,18 @@ namespace lockstep::tool {
 namespace {
 
 constexpr double largest_error = 10.0;  // rad or m; beyond it a run has failed
+constexpr double longest_motion = 60.0;  // s
 constexpr int rounds = 5;               // cost measurements of every setting, far apart in time
+constexpr int fewest_environments = 64, most_environments = 4096;
+constexpr double predictable = 0.1;     // the truth's own error against the smallest error charted
 constexpr double truth_share = 0.2;     // of the work, as the progress bar shows it
 
 struct ChartOptions {
   ModelOptions model;
   std::string out, csv, python, state;
-  int environments = 0;  // 0: by the size of the model
-  double seconds = 1.0, budget = 30.0;
+  int environments = 0;  // 0: as many as fit the budget
+  double seconds = 1.0, budget = 25.0;
 };
-
-// Enough that a cost is stable, few enough that a large model's state stays in the cache.
-int environment_count(const ChartOptions& options, const Model& model) {
-  if (options.environments > 0) return options.environments;
-  const int dofs = static_cast<int>(std::count_if(model.joints.begin(), model.joints.end(),
-                                                  [](const Joint& joint) { return joint.moves(); }));
-  return std::clamp(65536 / std::max(dofs, 1) / 64 * 64, 256, 4096);
-}
 
 // The model with its start from the file, or with one that moves.
 Model with_start(const ChartOptions& options, Model model) {
@@ -84,26 +80,45 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-std::vector<ChartPoint> measure(const Model& model, int environments, double budget, const Truth& truth,
-                                const std::function<void(double)>& tick) {
-  const std::vector<ChartSetting> settings = possible_settings(model);
+struct Measured {
   std::vector<ChartPoint> points;
+  int environments;
+};
+
+Measured measure(const ChartOptions& options, const Model& model, const Truth& truth,
+                 const std::function<void(double)>& tick) {
+  const int samples = static_cast<int>(truth.positions.cols());
+  const std::vector<ChartSetting> settings = possible_settings(model);
+  Measured result{{}, options.environments};
   std::vector<Plan> plans;
+  std::vector<double> expected;
   for (const ChartSetting& setting : settings) {
-    points.push_back(measure_error(model, setting, truth));
+    result.points.push_back(measure_error(model, setting, truth));
     plans.push_back(compile_setting(model, setting));
+    expected.push_back(measure_cost(plans.back(), setting.f64, samples, fewest_environments, 1e-4));
   }
+  // As many environments as let every setting run the whole motion in each round.
+  const double expected_sum = std::accumulate(expected.begin(), expected.end(), 0.0);
+  const double round_time = options.budget / rounds;
+  const double simulated = static_cast<double>(samples) / samples_per_second;
+  const double affordable = round_time / (expected_sum * simulated);
+  if (result.environments == 0)
+    result.environments = static_cast<int>(std::clamp(affordable, 1.0 * fewest_environments, 1.0 * most_environments)) /
+                          fewest_environments * fewest_environments;
+
+  const double shortest = std::min(0.01, round_time / 100.0);  // s: less would be all noise
   // Round by round, so that a slow minute of the machine falls on all settings alike.
   std::vector<std::vector<double>> costs(settings.size());
-  const double work = static_cast<double>(settings.size()) * rounds, slice = budget / work;
   double done = 0.0;
   for (int round = 0; round < rounds; ++round)
     for (std::size_t i = 0; i < settings.size(); ++i) {
-      costs[i].push_back(measure_cost(plans[i], settings[i], environments, slice));
-      tick(++done / work);
+      const double share = expected[i] / expected_sum;
+      costs[i].push_back(measure_cost(plans[i], settings[i].f64, samples, result.environments,
+                                      std::max(share * round_time, shortest)));
+      tick((done += share) / rounds);
     }
-  for (std::size_t i = 0; i < settings.size(); ++i) points[i].cost = median(costs[i]);
-  return points;
+  for (std::size_t i = 0; i < settings.size(); ++i) result.points[i].cost = median(costs[i]);
+  return result;
 }
 
 std::string csv_line(const ChartPoint& point) {
@@ -157,8 +172,8 @@ std::string last_line(std::string text) {
 void draw(const ChartOptions& options, const std::string& csv, const std::string& out, const std::string& caption) {
   const std::optional<std::string> python = find_python(options.python);
   if (!python) {
-    fmt::print("picture  none: {} has no matplotlib (Debian: python3-matplotlib); name one that has with --python\n",
-               options.python.empty() ? "no python3 here" : options.python);
+    const std::string who = options.python.empty() ? "no Python here has" : options.python + " does not have";
+    fmt::print("picture  none: {} matplotlib (Debian: python3-matplotlib); name one that has it with --python\n", who);
     return;
   }
   const ProcessResult result = run_process({*python, "-c", chart_script, csv, out, caption});
@@ -167,35 +182,48 @@ void draw(const ChartOptions& options, const std::string& csv, const std::string
   fmt::print("picture  {}\n", out);
 }
 
+void report(const Model& model, const Truth& truth, const std::vector<ChartPoint>& points) {
+  double least = infinity;
+  for (const ChartPoint& point : points) least = std::min(least, point.rms_error);
+  const auto failed = std::count_if(points.begin(), points.end(),
+                                    [](const ChartPoint& p) { return p.faulted || !(p.rms_error <= largest_error); });
+  fmt::print("model    {}\n", model.name);
+  fmt::print("truth    {} steps/s, f64, extrapolated; estimated error {:.1e}\n", truth.steps_per_second, truth.error);
+  if (truth.error > std::max(predictable * least, 1e-6))
+    fmt::print("         (too much to tell the methods apart: this motion grows small differences; a shorter\n"
+               "         --seconds, a gentler --state or a --drive would help)\n");
+  fmt::print("points   {}, {} of them failed (faulted, or off by more than {:g})\n", points.size(), failed,
+             largest_error);
+}
+
 void run(const ChartOptions& options) {
   const std::filesystem::path stem = std::filesystem::path(options.model.file).stem();
   const std::string out = options.out.empty() ? stem.string() + "_chart.svg" : options.out;
   const std::string csv =
       options.csv.empty() ? std::filesystem::path(out).replace_extension(".csv").string() : options.csv;
-  if (csv == out) throw InputError(fmt::format("--out: '{}' is the table's name; name the picture .svg, .png or .pdf", out));
+  if (csv == out)
+    throw InputError(fmt::format("--out: '{}' is the table's name; name the picture .svg, .png or .pdf", out));
+  if (options.seconds > longest_motion)
+    throw InputError(fmt::format("--seconds: {} s are too long for a chart; give at most {}", options.seconds,
+                                 longest_motion));
   const int samples = std::max(1, static_cast<int>(std::lround(options.seconds * samples_per_second)));
 
   const Model model = with_start(options, options.model.load().model);
-  const int environments = environment_count(options, model);
   OutputFile(csv).close();  // a bad name should not cost the measurement
 
   Truth truth;
-  std::vector<ChartPoint> points;
+  Measured measured;
   {
     Progress progress(100.0, "%");
     truth = find_truth(model, samples, [&](double share) { progress.update(100.0 * truth_share * share); });
-    points = measure(model, environments, options.budget, truth, [&](double share) {
+    measured = measure(options, model, truth, [&](double share) {
       progress.update(100.0 * (truth_share + (1.0 - truth_share) * share));
     });
   }
-  write_csv(csv, points);
-  const auto failed = std::count_if(points.begin(), points.end(),
-                                    [](const ChartPoint& p) { return p.faulted || !(p.rms_error <= largest_error); });
-  fmt::print("model    {}\n", model.name);
-  fmt::print("truth    {} steps/s, f64, extrapolated; estimated error {:.1e}\n", truth.steps_per_second, truth.error);
-  fmt::print("points   {}, {} of them failed (faulted, or off by more than {:g})\n", points.size(), failed, largest_error);
+  write_csv(csv, measured.points);
+  report(model, truth, measured.points);
   fmt::print("table    {}\n", csv);
-  draw(options, csv, out, caption(model, truth, environments, samples));
+  draw(options, csv, out, caption(model, truth, measured.environments, samples));
 }
 
 }  // namespace
@@ -210,10 +238,10 @@ void add_chart(CLI::App& app, int& exit_code) {
   add_parsed(*command, "--seconds", options->seconds,
              [](const std::string& text) { return seconds_of(text, "--seconds"); }, "Simulated time in s")
       ->type_name("T")->default_str("1");
-  command->add_option("--envs", options->environments, "Environments while measuring cost; 0: by the model's size")
+  command->add_option("--envs", options->environments, "Environments while measuring cost; 0: as the budget allows")
       ->type_name("N")->capture_default_str()->check(CLI::Range(0, 1 << 24));
   command->add_option("--budget", options->budget, "CPU seconds to spend on measuring cost")
-      ->type_name("S")->capture_default_str()->check(CLI::Range(0.0, 1e5));
+      ->type_name("S")->capture_default_str()->check(CLI::Range(0.01, 1e5));
   command->add_option("--state", options->state, "CSV with the start state, one row")->type_name("FILE");
   command->add_option("--python", options->python, "A Python that has matplotlib")->type_name("PATH");
   command->callback([options, &exit_code] {

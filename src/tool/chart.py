@@ -13,7 +13,9 @@ import matplotlib
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt  # noqa: E402
 from matplotlib.lines import Line2D  # noqa: E402
+from matplotlib.patheffects import withStroke  # noqa: E402
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: E402
+from matplotlib.transforms import Bbox  # noqa: E402
 
 # Okabe and Ito's palette: told apart by all eyes, and the markers differ too. The best method is drawn last.
 METHODS = {
@@ -26,6 +28,15 @@ INK, GREY = "#222222", "#5c5c5c"
 # Less of a difference in error than this does not put a point on the front.
 NOTICEABLE = 0.02
 COST = "cost_us_per_env_second"
+# Where a label stands by its point: offset in points, alignment.
+PLACES = {
+    "above": ((0, 7), "center", "bottom"),
+    "below": ((0, -7), "center", "top"),
+    "left": ((-7, 0), "right", "center"),
+    "right": ((7, 0), "left", "center"),
+    "below left": ((-8, -3), "right", "top"),
+    "above right": ((5, 4), "left", "bottom"),
+}
 
 
 def read(path):
@@ -103,6 +114,13 @@ class Panel:
         self.axes.plot(*zip(*front(map(self.at, self.rows))), linestyle="none", marker="o", markersize=12.5,
                        markerfacecolor="none", markeredgecolor=INK, markeredgewidth=1.0, zorder=12)
 
+    def shade_below(self, height, text):
+        """Marks what lies too low to be meant, where that can be seen."""
+        (left, right), (low, high) = self.axes.get_xlim(), self.axes.get_ylim()
+        if math.log(height / low) > 0.06 * math.log(high / low):
+            self.axes.axhspan(low, height, color="#eeeeee", zorder=0)
+            self.write(text, (right, height), ("below left",), GREY)
+
     def dress(self):
         axes = self.axes
         axes.set_xscale("log")
@@ -110,7 +128,7 @@ class Panel:
         costs, heights = zip(*map(self.at, self.rows))
         axes.set_xlim(min(costs) / 1.9, max(costs) * 1.35)
         span = math.log10(max(heights) / min(heights)) if max(heights) > min(heights) else 0.0
-        margin = 10.0 ** max(0.07 * span, 0.12)
+        margin = 10.0 ** max(0.07 * span, 0.12, 0.5 - span / 2)
         axes.set_ylim(min(heights) / margin, max(heights) * margin)
         tidy_log_axis(axes.xaxis, math.log10(max(costs) / min(costs)) + 0.4)
         tidy_log_axis(axes.yaxis, span + 0.25)
@@ -121,35 +139,42 @@ class Panel:
         axes.set_xlabel("CPU time per environment and simulated second, one thread (\u00b5s)")
         if self.zero in heights:
             axes.axhline(self.zero, color=GREY, linewidth=0.8, linestyle=":", zorder=1)
-            self.write("exactly 0", (axes.get_xlim()[0], self.zero), (4, 3), "left", "bottom", GREY)
+            self.write("exactly 0", (axes.get_xlim()[0], self.zero), ("above right",), GREY)
 
-    def write(self, text, point, offset, across, along, color):
-        """Text beside a point, left out where it would cover other text."""
-        label = self.axes.annotate(text, point, xytext=offset, textcoords="offset points", ha=across, va=along,
-                                   fontsize=8.5, color=color, zorder=13)
-        box = label.get_window_extent(self.axes.figure.canvas.get_renderer())
-        if any(box.overlaps(other) for other in self.taken):
+    def write(self, text, point, places, color):
+        """Text beside a point, at the first place where it covers no other text and no marker, or nowhere."""
+        to_pixels = self.axes.transData.transform
+        here = to_pixels(point)
+        markers = [Bbox.from_bounds(x - 3, y - 3, 6, 6) for x, y in to_pixels([self.at(row) for row in self.rows])
+                   if math.hypot(x - here[0], y - here[1]) > 1]
+        for place in places:
+            offset, across, along = PLACES[place]
+            label = self.axes.annotate(text, point, xytext=offset, textcoords="offset points", ha=across, va=along,
+                                       fontsize=8.5, color=color, zorder=13,
+                                       path_effects=[withStroke(linewidth=2.2, foreground="white")])
+            box = label.get_window_extent(self.axes.figure.canvas.get_renderer()).padded(1.5)
+            if not any(box.overlaps(other) for other in self.taken + markers):
+                self.taken.append(box)
+                return
             label.remove()
-        else:
-            self.taken.append(box)
 
     def label_steps(self):
         """The step sizes, once: beside the points of the first method that has all of them."""
-        groups = families(self.rows)
-        whole = [key for key in groups if key[2] is None]
-        if not whole:
-            return
-        for row in groups[whole[0]]:
-            self.write(f"1/{1 / row['dt']:.0f} s", self.at(row), (-9, -3), "right", "top", METHODS[row["method"]][0])
+        whole = [members for key, members in families(self.rows).items() if key[2] is None]
+        for row in whole[0] if whole else []:
+            self.write(f"1/{1 / row['dt']:.0f} s", self.at(row), ("below left", "left", "below", "above"),
+                       METHODS[row["method"]][0])
 
-    def label_sweeps(self, tgs_below):
-        """The numbers of sweeps: of pgs along its largest step, of tgs along its smallest, out of each other's way."""
-        for method, pick, offset, along in (("pgs", max, (0, 8), "bottom"),
-                                            ("tgs", min, (0, -8) if tgs_below else (7, 5), "top" if tgs_below else "bottom")):
+    def label_sweeps(self, flat):
+        """The numbers of sweeps: of pgs along its largest step, of tgs along its smallest, out of each other's way.
+        `flat`: sweeps change the cost more than the height."""
+        places = {"pgs": ("above", "below") if flat else ("below left", "left", "below"),
+                  "tgs": ("below", "above") if flat else ("above right", "right")}
+        for method, pick in (("pgs", max), ("tgs", min)):
             swept = [row for row in self.rows if row["method"] == method]
             for row in swept:
                 if row["dt"] == pick(other["dt"] for other in swept):
-                    self.write(f"{row['iterations']:.0f}", self.at(row), offset, "center", along, METHODS[method][0])
+                    self.write(f"{row['iterations']:.0f}", self.at(row), places[method], METHODS[method][0])
 
 
 def legend(figure, rows, left, top):
@@ -219,11 +244,9 @@ def main(table, picture, caption):
         panel = Panel(axes, good, column)
         if column == "rms_error":
             panel.label_steps()
-        panel.label_sweeps(tgs_below=column == "rms_error")
-        if column == "rms_error" and caption["truth_error"] > axes.get_ylim()[0]:
-            axes.axhspan(axes.get_ylim()[0], caption["truth_error"], color="#eeeeee", zorder=0)
-            panel.write("below the error of the truth", (axes.get_xlim()[1], caption["truth_error"]), (-4, -3), "right",
-                        "top", GREY)
+        panel.label_sweeps(flat=column == "rms_error")
+        if column == "rms_error" and caption["truth_error"] > 0:
+            panel.shade_below(caption["truth_error"], "below the error of the truth")
     if good:
         legend(figure, good, left, down(0.95))
     figure.savefig(picture, metadata={"Date": None} if picture.endswith(".svg") else None, dpi=110)

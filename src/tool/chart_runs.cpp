@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "chart_runs.h"
 
 #include <fmt/format.h>
@@ -77,16 +78,26 @@ int truth_rate(const Model& model, int samples) {
   return rate;
 }
 
+// The charted motion again and again, or its beginning if the time is short.
 template <class S>
-double cost(const Plan& plan, int environments, double seconds) {
+double cost(const Plan& plan, int samples, int environments, double seconds) {
+  constexpr int block = 16;  // so that looking at the clock costs nothing
+  const int steps = static_cast<int>(std::lround(samples / (samples_per_second * plan.settings().dt)));
   Batch<S> batch(plan, environments, {.threads = 1});
-  double start = thread_seconds();
-  batch.step();
-  const double one = thread_seconds() - start;
-  const int steps = static_cast<int>(std::clamp(seconds / std::max(one, 1e-9), 1.0, 1e6));
-  start = thread_seconds();
-  batch.step(steps);
-  return (thread_seconds() - start) / steps / environments / plan.settings().dt;
+  batch.step();  // touches the memory, outside the clock
+  double spent = 0.0;
+  long taken = 0;
+  while (spent < seconds) {
+    batch.reset();
+    for (int done = 0; done < steps && spent < seconds; done += block) {
+      const int count = std::min(block, steps - done);
+      const double start = thread_seconds();
+      batch.step(count);
+      spent += thread_seconds() - start;
+      taken += count;
+    }
+  }
+  return spent / static_cast<double>(taken) / environments / plan.settings().dt;
 }
 
 }  // namespace
@@ -127,7 +138,9 @@ std::vector<ChartSetting> chart_settings(const Model& model) {
   return settings;
 }
 
-double rms(const Eigen::ArrayXXd& difference) { return difference.size() == 0 ? 0.0 : std::sqrt(difference.square().mean()); }
+double rms(const Eigen::ArrayXXd& difference) {
+  return difference.size() == 0 ? 0.0 : std::sqrt(difference.square().mean());
+}
 
 Truth find_truth(const Model& model, int samples, const std::function<void(double)>& tick) {
   const int rate = truth_rate(model, samples);
@@ -138,7 +151,7 @@ Truth find_truth(const Model& model, int samples, const std::function<void(doubl
     const Plan plan = truth_plan(model, rate >> (2 - level));
     Trajectory run = trajectory<double>(plan, samples, [&](double of_run) { tick(done + share * of_run); }, false);
     if (run.fault != Fault::none)
-      throw InputError(fmt::format("model '{}': the run with small steps that errors are measured against faulted ({}); "
+      throw InputError(fmt::format("model '{}': the small-step run that errors are measured against faulted ({}); "
                                    "give another start with --state", model.name, name(run.fault)));
     runs[level] = std::move(run.positions);
     done += share;
@@ -162,8 +175,8 @@ ChartPoint measure_error(const Model& model, const ChartSetting& setting, const 
   return point;
 }
 
-double measure_cost(const Plan& plan, const ChartSetting& setting, int environments, double seconds) {
-  return setting.f64 ? cost<double>(plan, environments, seconds) : cost<float>(plan, environments, seconds);
+double measure_cost(const Plan& plan, bool f64, int samples, int environments, double seconds) {
+  return f64 ? cost<double>(plan, samples, environments, seconds) : cost<float>(plan, samples, environments, seconds);
 }
 
 Plan compile_setting(const Model& model, const ChartSetting& setting) {

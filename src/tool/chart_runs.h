@@ -58,8 +58,9 @@ Truth find_truth(const Model& model, int samples, const std::function<void(doubl
 /// Error of a setting against the truth; the cost stays 0.
 ChartPoint measure_error(const Model& model, const ChartSetting& setting, const Truth& truth);
 
-/// CPU seconds per environment and simulated second on this thread, measured over about `seconds`.
-double measure_cost(const Plan& plan, const ChartSetting& setting, int environments, double seconds);
+/// CPU seconds per environment and simulated second on this thread: `seconds` > 0 of the charted motion, which
+/// starts anew after `samples`.
+double measure_cost(const Plan& plan, bool f64, int samples, int environments, double seconds);
 
 /// The plan of a setting.
 Plan compile_setting(const Model& model, const ChartSetting& setting);

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "csv.h"
 
 #include <fmt/format.h>
@@ -52,7 +53,8 @@ void read_header(const std::vector<std::string>& names, const std::string& where
 
 void read_row(const std::vector<std::string>& cells, int line, const std::string& where, Table& table) {
   if (cells.size() != table.columns.size())
-    throw InputError(fmt::format("{}: the row has {} fields, the header {}", where, cells.size(), table.columns.size()));
+    throw InputError(
+        fmt::format("{}: the row has {} fields, the header {}", where, cells.size(), table.columns.size()));
   std::vector<double> row;
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const std::optional<double> number = to_number(cells[i]);

@@ -34,7 +34,8 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
     const std::vector<std::string> extras = app.remaining();
-    if (!extras.empty()) return complain(fmt::format("there is no command '{}'; give info, simulate or chart", extras[0]));
+    if (!extras.empty())
+      return complain(fmt::format("there is no command '{}'; give info, simulate or chart", extras[0]));
     if (app.get_subcommands().empty()) return complain("give a command: info, simulate or chart; --help says more");
     return exit_code;
   } catch (const CLI::ParseError& error) {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "options.h"
 
 #include <fmt/format.h>
@@ -97,7 +98,8 @@ void StepOptions::add_to(CLI::App& app) {
              "Step size in s, a number or a fraction")
       ->type_name("H")
       ->default_str("1/240");
-  add_parsed(app, "--method", settings.method, method_of, "How couplings are solved: automatic, pgs, tgs, direct, reduced")
+  add_parsed(app, "--method", settings.method, method_of,
+             "How couplings are solved: automatic, pgs, tgs, direct, reduced")
       ->type_name("M")
       ->default_str("automatic");
   app.add_option("--iterations", settings.iterations, "Sweeps of pgs, sub-steps of tgs")

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "progress.h"
 
 #include <fmt/format.h>
@@ -14,7 +15,8 @@ namespace {
 
 std::string duration(double seconds) {
   if (seconds < 60.0) return fmt::format("{:.0f} s", seconds);
-  if (seconds < 3600.0) return fmt::format("{:.0f} min {:02.0f} s", std::floor(seconds / 60.0), std::fmod(seconds, 60.0));
+  if (seconds < 3600.0)
+    return fmt::format("{:.0f} min {:02.0f} s", std::floor(seconds / 60.0), std::floor(std::fmod(seconds, 60.0)));
   return fmt::format("{:.1f} h", seconds / 3600.0);
 }
 

@@ -44,7 +44,8 @@ struct Outcome {
 
 long step_count(double seconds, double dt) {
   const double steps = std::round(seconds / dt);
-  if (steps < 1.0) throw InputError(fmt::format("--seconds: {} s is less than half a step of {} s", seconds, fraction(dt)));
+  if (steps < 1.0)
+    throw InputError(fmt::format("--seconds: {} s is less than half a step of {} s", seconds, fraction(dt)));
   if (steps > 1e12) throw InputError(fmt::format("--seconds: {} s are {} steps, too many to take", seconds, steps));
   return static_cast<long>(steps);
 }

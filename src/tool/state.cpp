@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "state.h"
 
 #include <fmt/format.h>
@@ -33,8 +34,9 @@ std::vector<StateColumn> columns_of(const Table& table, const Plan& plan) {
   for (std::size_t i = 0; i < table.columns.size(); ++i) {
     const auto found = known.find(table.columns[i]);
     if (found == known.end())
-      throw InputError(fmt::format("{}:1:{}: model '{}' has no moving joint (or state) '{}'", table.file, i + 1,
-                                   plan.model().name, table.columns[i]));
+      throw InputError(fmt::format("{}:1:{}: unknown column '{}': {}-base model '{}' has no such moving joint or state",
+                                   table.file, i + 1, table.columns[i], plan.floating() ? "floating" : "fixed",
+                                   plan.model().name));
     columns.push_back(found->second);
   }
   int quaternion = 0;

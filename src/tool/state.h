@@ -1,4 +1,4 @@
-// States of environments: their columns in files, starts that satisfy the couplings. SPDX-License-Identifier: Apache-2.0
+// States of environments: columns in files, starts that satisfy the couplings. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>

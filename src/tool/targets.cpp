@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "targets.h"
 
 #include <fmt/format.h>
@@ -28,7 +29,8 @@ Targets::Targets(Table table, const Plan& plan) : table_(std::move(table)) {
     columns_.push_back({-1, false});
     if (c == time_) continue;
     const std::string where = fmt::format("{}:1:{}", table_.file, c + 1), &name = table_.columns[c];
-    const auto found = std::find_if(known.begin(), known.end(), [&](const auto& column) { return column.name == name; });
+    const auto found =
+        std::find_if(known.begin(), known.end(), [&](const auto& column) { return column.name == name; });
     if (found == known.end())
       throw InputError(fmt::format("{}: model '{}' has no moving joint '{}'", where, plan.model().name, name));
     const Drive& drive = joint_of(plan, found->row).drive;

@@ -1,108 +1,17 @@
 // The built command as a user meets it: exit codes, messages, files. SPDX-License-Identifier: Apache-2.0
-#include <fcntl.h>
-#include <gtest/gtest.h>
-#include <spawn.h>
-#include <sys/wait.h>
+#include "tool/command.h"
 
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "tool/csv.h"
-#include "tool/python.h"
-
-extern char** environ;
 
 namespace lockstep::tool {
 namespace {
 
-using Arguments = std::vector<std::string>;
-
-const std::string model = LOCKSTEP_LINKAGE;
-
-std::string contents(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
-// Each test works in a folder of its own, whose name holds what shells stumble over.
-class Command : public testing::Test {
- protected:
-  struct Ran {
-    int status;
-    std::string out, err;
-  };
-
-  void SetUp() override {
-    const testing::TestInfo& test = *testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::temp_directory_path() /
-              ("lockstep it's " + std::string(test.name()) + std::to_string(getpid()));
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
-  std::string path(const std::string& name) const { return (folder_ / name).string(); }
-
-  std::string write(const std::string& name, const std::string& text) const {
-    std::ofstream(path(name), std::ios::binary) << text;
-    return path(name);
-  }
-
-  Ran run(Arguments arguments) const {
-    arguments.insert(arguments.begin(), LOCKSTEP_COMMAND);
-    std::vector<char*> argv;
-    for (std::string& argument : arguments) argv.push_back(argument.data());
-    argv.push_back(nullptr);
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    for (const auto& [descriptor, name] : {std::pair(1, "out"), std::pair(2, "err")})
-      posix_spawn_file_actions_addopen(&actions, descriptor, path(name).c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600);
-    pid_t child = 0;
-    EXPECT_EQ(posix_spawn(&child, argv[0], &actions, nullptr, argv.data(), environ), 0);
-    posix_spawn_file_actions_destroy(&actions);
-    int status = 0;
-    waitpid(child, &status, 0);
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, contents(path("out")), contents(path("err"))};
-  }
-
-  // Runs `simulate` on the model and expects it to succeed.
-  Ran simulate(Arguments arguments) const {
-    arguments.insert(arguments.begin(), {"simulate", model, "--envs", "9"});
-    Ran ran = run(arguments);
-    EXPECT_EQ(ran.status, 0) << ran.err;
-    return ran;
-  }
-
-  // The trajectory of a run, as it was written.
-  std::string recorded(Arguments arguments, const std::string& name = "record.csv") const {
-    arguments.insert(arguments.end(), {"--record", path(name)});
-    simulate(arguments);
-    return contents(path(name));
-  }
-
-  std::filesystem::path folder_;
-};
-
-std::vector<std::string> lines(const std::string& text) {
-  std::vector<std::string> result;
-  std::istringstream stream(text);
-  for (std::string line; std::getline(stream, line);) result.push_back(line);
-  return result;
-}
-
-void expect_one_complaint(const std::string& err, const std::string& said) {
-  EXPECT_EQ(lines(err).size(), 1u) << err;
-  EXPECT_TRUE(err.starts_with("lockstep: ")) << err;
-  EXPECT_NE(err.find(said), std::string::npos) << err << " does not say: " << said;
-}
-
 TEST_F(Command, help_is_no_error) {
-  for (const Arguments& arguments : {Arguments{"--help"}, {"simulate", "--help"}, {"chart", "--help"}, {"info", "--help"},
-                                     {"--version"}}) {
+  for (const Arguments& arguments : {Arguments{"--help"}, {"--version"}, {"info", "--help"}, {"simulate", "--help"},
+                                     {"chart", "--help"}}) {
     const Ran ran = run(arguments);
     EXPECT_EQ(ran.status, 0);
     EXPECT_FALSE(ran.out.empty());
@@ -196,8 +105,6 @@ TEST_F(Command, record_reads_back_to_the_same_bits) {
     Arguments first = how, second = how;
     first.insert(first.end(), {"--seconds", "40/240", "--perturb", "0.3"});
     const std::vector<std::string> rows = lines(recorded(first));
-    const Table table = read_csv(path("record.csv"));
-    std::vector<std::string> names, numbers;
     std::istringstream header(rows[0]), row(rows[1 + 25]);
     std::string state_header, state_row;
     for (std::string name, number; std::getline(header, name, ',') && std::getline(row, number, ',');) {
@@ -205,7 +112,8 @@ TEST_F(Command, record_reads_back_to_the_same_bits) {
       state_header += (state_header.empty() ? "" : ",") + name;
       state_row += (state_row.empty() ? "" : ",") + number;
     }
-    second.insert(second.end(), {"--seconds", "15/240", "--state", write("state.csv", state_header + "\n" + state_row)});
+    const std::string state = write("state.csv", state_header + "\n" + state_row);
+    second.insert(second.end(), {"--seconds", "15/240", "--state", state});
     const std::vector<std::string> continued = lines(recorded(second));
     ASSERT_EQ(continued.size(), 1u + 1 + 15);
     for (int i = 0; i <= 15; ++i) {
@@ -237,7 +145,8 @@ TEST_F(Command, state_of_a_floating_root) {
   EXPECT_EQ(table.rows[0][13], 2.0);
   EXPECT_NEAR(table.rows[0][15], 0.6, 1e-6);
   EXPECT_EQ(table.rows[0][21], 3.0);
-  for (const auto& [text, said] : {std::pair("root.qw\n1\n", "all four"), {"root.qw,root.qx,root.qy,root.qz\n1,1,0,0\n", "unit"}}) {
+  for (const auto& [text, said] : {std::pair("root.qw\n1\n", "all four"),
+                                   {"root.qw,root.qx,root.qy,root.qz\n1,1,0,0\n", "unit"}}) {
     const Ran ran = run({"simulate", model, "--floating-base", "--state", write("bad.csv", text)});
     EXPECT_EQ(ran.status, 2);
     expect_one_complaint(ran.err, said);
@@ -313,53 +222,6 @@ TEST_F(Command, faults_are_exit_code_1_and_one_line) {
   EXPECT_EQ(json.at("faulted_environments"), 2);
   EXPECT_EQ(json.at("first_fault").at("environment"), 2);
   EXPECT_TRUE(std::isfinite(json.at("coupling_error_max").get<double>()));
-}
-
-class Chart : public Command {
- protected:
-  Ran chart(Arguments arguments) const {
-    arguments.insert(arguments.begin(), {"chart", model, "--budget", "0.2", "--seconds", "0.1", "--envs", "8"});
-    return run(arguments);
-  }
-  std::string picture() const { return path("a 'chart'.svg"); }
-};
-
-TEST_F(Chart, without_a_python_is_a_table) {
-  const Ran ran = chart({"--out", picture(), "--python", "/no/such/python"});
-  EXPECT_EQ(ran.status, 0) << ran.err;
-  EXPECT_NE(ran.out.find("/no/such/python has no matplotlib"), std::string::npos) << ran.out;
-  EXPECT_FALSE(std::filesystem::exists(picture()));
-  const std::vector<std::string> rows = lines(contents(path("a 'chart'.csv")));
-  ASSERT_GT(rows.size(), 1u);
-  EXPECT_EQ(rows[0], "method,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,"
-                     "env_steps_per_second,faulted");
-}
-
-// On a smooth scene semi-implicit Euler is of first order: a chart that shows anything else is wrong.
-TEST_F(Chart, shows_first_order_and_couplings_at_rounding_for_reduced) {
-  ASSERT_EQ(chart({"--out", picture(), "--python", "/no/such/python"}).status, 0);
-  std::vector<double> errors;
-  for (const std::string& row : lines(contents(path("a 'chart'.csv")))) {
-    if (!row.starts_with("reduced,") || row.find(",f64,") == std::string::npos) continue;
-    std::vector<std::string> cells;
-    std::istringstream stream(row);
-    for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(cell);
-    errors.push_back(std::stod(cells[4]));
-    EXPECT_LT(std::stod(cells[5]), 1e-12) << row;
-    EXPECT_GT(std::stod(cells[6]), 0.0) << row;
-  }
-  ASSERT_EQ(errors.size(), 5u);
-  EXPECT_NEAR(errors[3] / errors[4], 2.0, 0.1);
-}
-
-TEST_F(Chart, with_a_python_is_a_picture_too) {
-  if (!find_python("")) GTEST_SKIP() << "no python with matplotlib here";
-  const Ran ran = chart({"--out", picture()});
-  EXPECT_EQ(ran.status, 0) << ran.err;
-  EXPECT_NE(contents(picture()).find("<svg"), std::string::npos);
-  const Ran refused = chart({"--out", path("a.chart")});
-  EXPECT_EQ(refused.status, 2);
-  expect_one_complaint(refused.err, "a.chart");
 }
 
 }  // namespace
