@@ -60,17 +60,48 @@ void collect(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* b, T* y) {
       y[r.column[s]] = fma(share(t, x, s), b[root + r.follower[f]], y[r.column[s]]);
 }
 
-/// y += A w, for a w that is zero but for the followers.
+/// y += A d and z = y - A w, for d and w that are zero but for the followers.
 template <class T>
-void add_follower_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* w, T* y) {
+void add_follower_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* d, const T* w, T* y, T* z) {
   const Columns& columns = t.matrix;
   const int root = t.velocities - t.joints;
+  for (int i = 0; i < t.velocities; ++i) z[i] = y[i];
+  const auto add = [&](int i, T entry, T own_d, T own_w) {
+    y[i] = fma(entry, own_d, y[i]);
+    z[i] = fma(entry, own_d - own_w, z[i]);
+  };
   for (int f = 0; f < t.reduction.followers; ++f) {
     const int i = root + t.reduction.follower[f];
+    const T own_d = d[f], own_w = w[f];
     const T* own = x.matrix + columns.offset[i];
-    for (int k = 0; k < columns.size[i]; ++k) y[i + k] = fma(own[k], w[f], y[i + k]);
-    for (int j = columns.parent[i]; j >= 0; j = columns.parent[j])
-      y[j] = fma(x.matrix[columns.offset[j] + i - j], w[f], y[j]);
+    for (int k = 0; k < columns.size[i]; ++k) add(i + k, own[k], own_d, own_w);
+    for (int j = columns.parent[i]; j >= 0; j = columns.parent[j]) add(j, x.matrix[columns.offset[j] + i - j], own_d, own_w);
+  }
+}
+
+/// A_r = S^T A S, as the sums of products that the plan listed.
+template <class T>
+void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  const int* source = r.product_source.data;
+  const int* first = r.product_start.data;
+  if (!declared<T>(t, 0)) {
+    const ScalarOf<T>* value = r.product_value.data;
+    for (int e = 0; e < t.solver.entries; ++e) {
+      T sum = T(0);
+      for (int p = first[e], last = first[e + 1]; p < last; ++p) sum = fma(T(value[p]), x.matrix[source[p]], sum);
+      x.reduced[e] = sum;
+    }
+    return;
+  }
+  for (int e = 0; e < t.solver.entries; ++e) {
+    T sum = T(0);
+    for (int p = first[e], last = first[e + 1]; p < last; ++p) {
+      const int left = r.product_left[p], right = r.product_right[p];
+      const T product = left < 0 ? x.matrix[source[p]] : x.shares[left] * x.matrix[source[p]];
+      sum = right < 0 ? sum + product : fma(x.shares[right], product, sum);
+    }
+    x.reduced[e] = sum;
   }
 }
 
@@ -81,19 +112,7 @@ void eliminate(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
   const int root = t.velocities - t.joints;
   if (declared<T>(t, 0)) follow_gear_ratios(t, lanes, x);
 
-  for (int e = 0; e < t.solver.entries; ++e) {
-    T sum = T(0);
-    for (int p = r.product_start[e]; p < r.product_start[e + 1]; ++p) {
-      T factor = T(r.product_value[p]);
-      if (declared<T>(t, 0)) {
-        factor = r.product_left[p] < 0 ? T(1) : x.shares[r.product_left[p]];
-        if (r.product_right[p] >= 0) factor *= x.shares[r.product_right[p]];
-      }
-      sum = fma(factor, x.matrix[r.product_source[p]], sum);
-    }
-    x.reduced[e] = sum;
-  }
-
+  reduce_matrix(t, x);
   for (int z = 0; z < t.solver.n; ++z) x.start[z] = x.v[r.independent[z]];
   for (int f = 0; f < r.followers; ++f) {
     T correction = T(0);
@@ -105,13 +124,11 @@ void eliminate(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
     x.mismatch[f] = x.v[root + r.follower[f]] - followed(t, x, f, x.start);
   }
 
-  // S^T (dt forces + A (mismatch - correction)); the velocity phase does without the correction.
+  // S^T (dt forces + A mismatch) for velocities; positions are to be corrected as well.
   for (int i = 0; i < t.velocities; ++i) x.product[i] = x.drive[i];
-  add_follower_momentum(t, x, x.mismatch, x.product);
+  add_follower_momentum(t, x, x.mismatch, x.correction, x.product, x.corrected_product);
   if (t.solve_twice) collect(t, x, x.product, x.free_velocity);
-  for (int f = 0; f < r.followers; ++f) x.solution[f] = -x.correction[f];
-  add_follower_momentum(t, x, x.solution, x.product);
-  collect(t, x, x.product, x.free_position);
+  collect(t, x, x.corrected_product, x.free_position);
 }
 
 }  // namespace lockstep::kernels

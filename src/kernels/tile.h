@@ -35,6 +35,8 @@ struct Tile {
   Mat3<T>* world;          // orientation in the world: only with link wrenches
   PseudoInertia<T>* inertia;    // per-environment masses
   PseudoInertia<T>* composite;
+  Vec3<T>* column_force;   // of the mass matrix, on their way inwards
+  Vec3<T>* column_moment;
   // equations of motion
   T* matrix;               // A (packed)
   T* drive;                // [velocities] dt times the forces: dt (tau - c - ...)
@@ -44,7 +46,9 @@ struct Tile {
   T* free_velocity;        // and for velocities: the same array unless they differ
   T* start;                // [solver] the velocities that a step starts from
   T* solution;             // [solver]
-  T* product;              // [velocities]
+  T* scratch;              // as long as the longest vector, for one stage at a time
+  T* product;              // [velocities] momentum to gain, S^T still to come
+  T* corrected_product;    // the same less that of the correction
   // elimination with per-environment gear ratios
   T* forms;
   T* shares;               // entries of S
@@ -116,6 +120,9 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   x.next_root_pose = c.take<T>(7);
   x.sine = c.take<T>(t.bodies);
   x.cosine = c.take<T>(t.bodies);
+  x.inertia = c.take<PseudoInertia<T>>(masses ? t.bodies : 0);
+  // Bias forces are done with theirs when the mass matrix begins: they share the room, for the cache's sake.
+  Carver shared = c;
   x.angular = c.take<Vec3<T>>(t.bodies);
   x.alpha = c.take<Vec3<T>>(t.bodies);
   x.tensor = c.take<Mat3<T>>(t.bodies);
@@ -123,8 +130,9 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   x.force = c.take<Vec3<T>>(t.bodies);
   x.moment = c.take<Vec3<T>>(t.bodies);
   x.world = c.take<Mat3<T>>(wrenches ? t.bodies : 0);
-  x.inertia = c.take<PseudoInertia<T>>(masses ? t.bodies : 0);
-  x.composite = c.take<PseudoInertia<T>>(t.bodies);
+  x.composite = shared.take<PseudoInertia<T>>(t.bodies);
+  x.column_force = shared.take<Vec3<T>>(t.bodies);
+  x.column_moment = shared.take<Vec3<T>>(t.bodies);
   x.matrix = c.take<T>(t.matrix.entries);
   x.drive = c.take<T>(velocities);
   x.reduced = r.followers ? c.take<T>(t.solver.entries) : x.matrix;
@@ -133,7 +141,9 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   x.free_velocity = r.followers && t.solve_twice ? c.take<T>(solver) : x.free_position;
   x.start = c.take<T>(solver);
   x.solution = c.take<T>(solver);
+  x.scratch = c.take<T>(velocities > rows ? velocities : rows);
   x.product = c.take<T>(velocities);
+  x.corrected_product = c.take<T>(velocities);
   x.forms = c.take<T>(gears ? r.entries : 0);
   x.shares = c.take<T>(gears ? r.value.count : 0);
   x.inverse_forms = c.take<T>(gears ? r.inverse_value.count : 0);

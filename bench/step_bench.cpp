@@ -1,0 +1,143 @@
+// Throughput of the step: step/<scene>/<method>/<iterations>/<precision>[/words]. SPDX-License-Identifier: Apache-2.0
+//
+// One thread, 4096 environments, 4 sub-steps per call unless the words behind say otherwise. The ladder adds one
+// feature at a time to a chain of eight. Counter env_steps_per_second is per second of CPU time (wall time where
+// threads > 1).
+#include <benchmark/benchmark.h>
+#include <fmt/format.h>
+
+#include "lockstep/lockstep.h"
+#include "scenes/scenes.h"
+
+namespace lockstep {
+namespace {
+
+struct Load {
+  Model model;
+  StepSettings settings;
+  int environments = 4096;
+  int substeps = 4;
+  int threads = 1;
+};
+
+template <class S>
+void run(benchmark::State& state, const Load& load) {
+  const Plan plan = compile(load.model, load.settings);
+  Batch<S> batch(plan, load.environments, {.threads = load.threads});
+  batch.step(load.substeps);
+  int steps = 0;
+  for (auto _ : state) {
+    batch.step(load.substeps);
+    if (++steps % 64 == 0) {  // near the start of the motion, where nothing has blown up or come to rest
+      state.PauseTiming();
+      batch.reset();
+      state.ResumeTiming();
+    }
+  }
+  if (batch.faulted() > 0) state.SkipWithError("environments faulted");
+  const double done = static_cast<double>(state.iterations()) * load.environments * load.substeps;
+  state.counters["env_steps_per_second"] = benchmark::Counter(done, benchmark::Counter::kIsRate);
+  state.counters["flops_per_step"] = static_cast<double>(plan.flops_per_step());
+  state.counters["gflops"] =
+      benchmark::Counter(done * static_cast<double>(plan.flops_per_step()) * 1e-9, benchmark::Counter::kIsRate);
+}
+
+void add(const std::string& name, const Load& load, bool single) {
+  auto* b = benchmark::RegisterBenchmark(
+      ("step/" + name).c_str(), [load, single](benchmark::State& s) { single ? run<float>(s, load) : run<double>(s, load); });
+  if (load.threads != 1) b->UseRealTime();
+}
+
+Load of(const std::string& scene, Method method, int iterations) {
+  Load load;
+  load.model = scenes::scene(scene).model;
+  load.settings.method = method;
+  load.settings.iterations = iterations;
+  return load;
+}
+
+void add_methods() {
+  for (const char* scene : {"chain8", "gripper13", "chain32"})
+    for (bool single : {true, false}) {
+      const char* precision = single ? "f32" : "f64";
+      for (Method method : {Method::reduced, Method::direct})
+        add(fmt::format("{}/{}/1/{}", scene, name(method), precision), of(scene, method, 1), single);
+      for (Method method : {Method::pgs, Method::tgs})
+        for (int iterations : {1, 4, 16})
+          add(fmt::format("{}/{}/{}/{}", scene, name(method), iterations, precision), of(scene, method, iterations), single);
+    }
+}
+
+void add_scaling() {
+  for (int environments : {64, 256, 1024, 4096, 16384, 65536, 262144}) {
+    Load load = of("chain8", Method::reduced, 1);
+    load.environments = environments;
+    add(fmt::format("chain8/reduced/1/f32/environments:{}", environments), load, true);
+  }
+  for (int substeps : {1, 2, 4, 16}) {
+    Load load = of("chain8", Method::reduced, 1);
+    load.substeps = substeps;
+    add(fmt::format("chain8/reduced/1/f32/substeps:{}", substeps), load, true);
+  }
+  for (const char* scene : {"chain8", "gripper13", "chain32"})
+    for (int threads : {1, 2}) {
+      Load load = of(scene, Method::reduced, 1);
+      load.environments = 16384;
+      load.threads = threads;
+      add(fmt::format("{}/reduced/1/f32/threads:{}", scene, threads), load, true);
+    }
+}
+
+// What each feature costs: the same chain with more and more of them.
+void add_ladder() {
+  const auto rung = [](const char* words, auto&& change) {
+    Load load = of("chain8", Method::direct, 1);
+    load.model.couplings.clear();
+    for (Joint& joint : load.model.joints) joint.damping = 0.0;
+    change(load);
+    add(fmt::format("chain8/{}/1/f32/ladder:{}", name(load.settings.method), words), load, true);
+  };
+  const auto damped = [](Load& load) {
+    for (Joint& joint : load.model.joints) joint.damping = 0.05;
+  };
+  const auto coupled = [](Load& load, Softness softness) {
+    load.model.couplings = scenes::chain8().couplings;
+    for (Coupling& coupling : load.model.couplings) coupling.softness = softness;
+  };
+  rung("bare", [](Load&) {});
+  rung("damping", damped);
+  rung("drives", [&](Load& load) {
+    for (Joint& joint : load.model.joints) joint.drive = {20.0, 1.0, 0.3, 0.0};
+  });
+  rung("hard-reduced", [&](Load& load) { coupled(load, Softness::hard()), load.settings.method = Method::reduced; });
+  rung("hard-direct", [&](Load& load) { coupled(load, Softness::hard()); });
+  rung("soft-spring", [&](Load& load) { coupled(load, Softness::spring(20.0, 1.0)); });
+  rung("soft-frequency", [&](Load& load) { coupled(load, Softness::frequency(30.0, 1.0)); });
+  rung("soft-frequency-damping", [&](Load& load) { damped(load), coupled(load, Softness::frequency(30.0, 1.0)); });
+  rung("hard-reduced-impulses", [&](Load& load) {
+    coupled(load, Softness::hard()), load.settings.method = Method::reduced, load.settings.record_impulses = true;
+  });
+  rung("gear_ratio-reduced", [&](Load& load) {
+    coupled(load, Softness::hard()), load.settings.method = Method::reduced;
+    load.settings.per_environment = {Parameter::gear_ratio};
+  });
+  for (int p = 0; p < parameter_count; ++p) {
+    const auto parameter = static_cast<Parameter>(p);
+    rung(name(parameter), [&](Load& load) {
+      coupled(load, Softness::hard());
+      load.settings.per_environment = {parameter};
+    });
+  }
+}
+
+}  // namespace
+}  // namespace lockstep
+
+int main(int argc, char** argv) {
+  lockstep::add_methods();
+  lockstep::add_scaling();
+  lockstep::add_ladder();
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  benchmark::RunSpecifiedBenchmarks();
+}
