@@ -201,8 +201,7 @@ void run(const ChartOptions& options) {
   const std::string out = options.out.empty() ? stem.string() + "_chart.svg" : options.out;
   const std::string csv =
       options.csv.empty() ? std::filesystem::path(out).replace_extension(".csv").string() : options.csv;
-  if (csv == out)
-    throw InputError(fmt::format("--out: '{}' is the table's name; name the picture .svg, .png or .pdf", out));
+  keep_apart({options.model.file, options.state}, {out, csv});
   if (options.seconds > longest_motion)
     throw InputError(fmt::format("--seconds: {} s are too long for a chart; give at most {}", options.seconds,
                                  longest_motion));

@@ -5,6 +5,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <set>
 #include <sstream>
@@ -104,6 +105,19 @@ std::string csv_field(const std::string& text) {
   std::string quoted = "\"";
   for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
   return quoted + '"';
+}
+
+void keep_apart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs) {
+  std::set<std::filesystem::path> taken;
+  const auto place = [](const std::string& file) {
+    std::error_code none;  // a path that cannot be resolved is refused where it is opened
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(file), none);
+  };
+  for (const std::string& file : inputs)
+    if (!file.empty()) taken.insert(place(file));
+  for (const std::string& file : outputs)
+    if (!file.empty() && !taken.insert(place(file)).second)
+      throw InputError(fmt::format("{}: would be overwritten, but is another input or output; give another name", file));
 }
 
 OutputFile::OutputFile(std::string path)

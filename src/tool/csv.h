@@ -27,6 +27,9 @@ Table parse_csv(const std::string& text, const std::string& file);
 /// A field as CSV wants it: in quotes where it holds a comma, a quote or a line end.
 std::string csv_field(const std::string& text);
 
+/// Throws InputError where writing an output would overwrite an input or another output. Empty names are none.
+void keep_apart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs);
+
 /// A text file being written. Nothing is lost silently: a full disk throws InputError.
 class OutputFile {
  public:

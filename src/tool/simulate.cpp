@@ -171,6 +171,7 @@ int run(const SimulateOptions& options) {
   if (options.recorded >= options.environments)
     throw InputError(fmt::format("--record-env: {} is not below the number of environments, {}", options.recorded,
                                  options.environments));
+  keep_apart({options.model.file, options.state, options.targets}, {options.record, options.json});
   const Plan plan = compile(options.model.load().model, options.step.settings);
   const long steps = step_count(options.seconds, plan.settings().dt);
   std::optional<OutputFile> json;  // opened before the work: a bad name should not cost a run

@@ -30,6 +30,7 @@ TEST_F(Command, bad_input_is_one_line_and_exit_code_2) {
   const std::string unknown_column = write("unknown.csv", "shoulder,knee\n1,2\n");
   const std::string no_number = write("letters.csv", "shoulder,wrist\n1,2\n1,x\n");
   const std::string two_rows = write("two.csv", "shoulder\n1\n2\n");
+  const std::string one = write("one.csv", "shoulder\n1\n");
   const std::string backwards = write("backwards.csv", "time,wrist\n1,0\n0.5,0\n");
   const std::string no_time = write("timeless.csv", "wrist\n1\n");
   const std::string undriven = write("undriven.csv", "time,wrist\n0,1\n");
@@ -75,7 +76,10 @@ TEST_F(Command, bad_input_is_one_line_and_exit_code_2) {
       {{"simulate", model, "--targets", backwards, "--drive", "wrist=1,1"}, "backwards.csv:3:1"},
       {{"simulate", model, "--targets", no_time, "--drive", "wrist=1,1"}, "no column 'time'"},
       {{"simulate", model, "--targets", undriven}, "has no drive"},
-      {{"chart", model, "--out", path("same.csv")}, "same.csv"},
+      {{"simulate", model, "--state", one, "--record", one}, "would be overwritten"},
+      {{"simulate", model, "--record", path("same"), "--json", path("same")}, "would be overwritten"},
+      {{"chart", model, "--out", path("same.csv")}, "would be overwritten"},
+      {{"chart", model, "--state", one, "--out", path("one.svg")}, "would be overwritten"},
   };
   for (const auto& [arguments, said] : cases) {
     const Ran ran = run(arguments);
