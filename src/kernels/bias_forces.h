@@ -24,7 +24,7 @@ LOCKSTEP_INLINE Mat3<T> acceleration_tensor(const Vec3<T>& w, const Vec3<T>& alp
 template <class T>
 LOCKSTEP_INLINE void inertial_forces(const PseudoInertia<T>& body, const Mat3<T>& tensor, const Vec3<T>& a,
                                      Vec3<T>& force, Vec3<T>& moment) {
-  force = multiply_add(tensor, body.moment, {{body.mass * a[0], body.mass * a[1], body.mass * a[2]}});
+  force = multiply_add(tensor, body.moment, {body.mass * a[0], body.mass * a[1], body.mass * a[2]});
   Vec3<T> axial;
   for (int k = 0; k < 3; ++k) {
     const int i = (k + 1) % 3, j = (k + 2) % 3;
@@ -51,13 +51,13 @@ LOCKSTEP_INLINE Vec3<T> gravity_at_root(const Tables<ScalarOf<T>>& t, const Lane
 template <class T>
 void bias_forces(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   const Vec3<T> g = gravity_at_root(t, lanes, x);
-  const Vec3<T> upwards = {{-g[0], -g[1], -g[2]}};
+  const Vec3<T> upwards = {-g[0], -g[1], -g[2]};
 
   // Outwards: gravity is an acceleration of the root against it.
   for (int b = 0; b < t.bodies; ++b) {
     const Body<ScalarOf<T>>& body = t.body[b];
     if (body.root) {
-      const Vec3<T> w = {{x.v[0], x.v[1], x.v[2]}}, v = {{x.v[3], x.v[4], x.v[5]}};
+      const Vec3<T> w = {x.v[0], x.v[1], x.v[2]}, v = {x.v[3], x.v[4], x.v[5]};
       x.angular[b] = w;
       x.alpha[b] = Vec3<T>::zero();
       x.tensor[b] = acceleration_tensor(w, x.alpha[b]);

@@ -34,7 +34,7 @@ void direct(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     x.position_impulse[r] = -(x.row_speed[r] + x.row_bias[r]);
     x.velocity_impulse[r] = -(x.row_speed_closed[r] + closing_bias(x, r));
   }
-  factor(rows.columns, x.coupled, x.row_inverse, T(RankTolerance<ScalarOf<T>>::value));
+  factor(rows.columns, x.coupled, x.row_inverse, T(RankTolerance<ScalarOf<T>>::value), x.scratch);
   solve_rows(rows, x, x.position_impulse);
   if (t.solve_twice) solve_rows(rows, x, x.velocity_impulse);
 }

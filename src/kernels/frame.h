@@ -30,9 +30,8 @@ template <class J, class T>
 LOCKSTEP_INLINE Vec3<T> to_body(J, const Body<ScalarOf<T>>& body, T s, T c, Vec3<T> p) {
   if (body.rotated) {
     const ScalarOf<T>* r = body.rotation;
-    Vec3<T> turned;
-    for (int a = 0; a < 3; ++a) turned[a] = fma(T(r[3 * a]), p[0], fma(T(r[3 * a + 1]), p[1], T(r[3 * a + 2]) * p[2]));
-    p = turned;
+    const auto row = [&](int a) { return fma(T(r[3 * a]), p.x, fma(T(r[3 * a + 1]), p.y, T(r[3 * a + 2]) * p.z)); };
+    p = {row(0), row(1), row(2)};
   }
   if constexpr (!J::prismatic) {
     const T pi = p[J::i], pj = p[J::j];
@@ -52,9 +51,8 @@ LOCKSTEP_INLINE Vec3<T> to_parent(J, const Body<ScalarOf<T>>& body, T s, T c, Ve
   }
   if (body.rotated) {
     const ScalarOf<T>* r = body.rotation;
-    Vec3<T> turned;
-    for (int a = 0; a < 3; ++a) turned[a] = fma(T(r[a]), p[0], fma(T(r[3 + a]), p[1], T(r[6 + a]) * p[2]));
-    p = turned;
+    const auto row = [&](int a) { return fma(T(r[a]), p.x, fma(T(r[3 + a]), p.y, T(r[6 + a]) * p.z)); };
+    p = {row(0), row(1), row(2)};
   }
   return p;
 }

@@ -12,10 +12,9 @@ void solved_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* fr
   const Rows<ScalarOf<T>>& rows = t.rows;
   for (int z = 0; z < t.solver.n; ++z) v[z] = free[z] * share;
   for (int r = 0; r < rows.count; ++r)
-    for (int s = rows.support_start[r]; s < rows.support_start[r + 1]; ++s) {
-      const int z = rows.support[s].index;
-      v[z] = fma(x.scaled[r * t.solver.n + z], impulse[r], v[z]);
-    }
+    for (int i = rows.run_start[r]; i < rows.run_start[r + 1]; ++i)
+      for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z)
+        v[z] = fma(x.scaled[r * t.solver.n + z], impulse[r], v[z]);
   solve_downwards(t.solver, x.reduced, v);
   for (int z = 0; z < t.solver.n; ++z) v[z] += x.start[z];
 }
@@ -42,7 +41,7 @@ void move_root(const Tables<ScalarOf<T>>& t, const T* twist, const T* pose, T* n
   using S = ScalarOf<T>;
   const T h = T(t.dt);
   const Mat3<T> rotation = rotation_of_quaternion(pose + 3);
-  const Vec3<T> w = {{twist[0], twist[1], twist[2]}}, v = {{twist[3], twist[4], twist[5]}};
+  const Vec3<T> w = {twist[0], twist[1], twist[2]}, v = {twist[3], twist[4], twist[5]};
   const Vec3<T> moved = multiply(rotation, v);
   for (int k = 0; k < 3; ++k) next[k] = fma(h, moved[k], pose[k]);
 

@@ -17,9 +17,9 @@ LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, 
   if (body.rotated) {
     Vec3<T> columns[3];
     for (int k = 0; k < 3; ++k)
-      columns[k] = to_parent(joint, body, s, c, {{from.pair(0, k), from.pair(1, k), from.pair(2, k)}});
+      columns[k] = to_parent(joint, body, s, c, {from.pair(0, k), from.pair(1, k), from.pair(2, k)});
     for (int k = 0; k < 3; ++k) {
-      const Vec3<T> row = to_parent(joint, body, s, c, {{columns[0][k], columns[1][k], columns[2][k]}});
+      const Vec3<T> row = to_parent(joint, body, s, c, {columns[0][k], columns[1][k], columns[2][k]});
       turned[k] = row[k];
       if (k == 0) turned[5] = row[1], turned[4] = row[2];
       if (k == 1) turned[3] = row[2];
@@ -82,11 +82,14 @@ LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, Tile<T>
   Vec3<T>* moment = x.column_moment + b;
   T* row = x.matrix + t.matrix.offset[velocity];
   unit_column(joint, x.composite[b], sign, force[0], moment[0]);
-  for (int k = 0; k < carried; ++k) row[k] = (J::prismatic ? force[k][J::k] : moment[k][J::k]) * sign;
-  if (body.parent < 0) return;
+  if (body.parent < 0) {
+    for (int k = 0; k < carried; ++k) row[k] = (J::prismatic ? force[k][J::k] : moment[k][J::k]) * sign;
+    return;
+  }
   const Vec3<T> r = origin(joint, body, J::prismatic ? x.q[joint_of(t, b)] : T(0));
   add_to_parent(joint, body, s, c, r, x.composite[b], x.composite[body.parent]);
   for (int k = 0; k < carried; ++k) {
+    row[k] = (J::prismatic ? force[k][J::k] : moment[k][J::k]) * sign;
     const Vec3<T> passed = to_parent(joint, body, s, c, force[k]);
     moment[k] = cross_add(r, passed, to_parent(joint, body, s, c, moment[k]));
     force[k] = passed;

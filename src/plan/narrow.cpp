@@ -51,7 +51,7 @@ auto narrowed(Span<E> from, Store& store) {
 
 Rows<float> narrowed(const Rows<double>& from, Store& store) {
   return {from.count, from.coupling, from.term_start, from.term_index, narrowed(from.term_value, store),
-          from.contribution_start, from.contribution, from.support_start, from.support, from.pairs,
+          from.contribution_start, from.contribution, from.support_start, from.support, from.run_start, from.runs, from.pairs,
           from.neighbour_start, from.neighbours, from.response_entries, from.columns, narrowed(from.softness, store)};
 }
 

@@ -56,6 +56,11 @@ struct SupportRange {
   int end;    ///< one past the last such velocity in index's subtree
 };
 
+/// Consecutive velocities that a row's impulse moves.
+struct SupportRun {
+  int first, last;  ///< last is one past
+};
+
 struct RowPair {
   int row, other;  ///< other <= row; rows that feel each other
   int entry;       ///< where their K stands
@@ -91,6 +96,8 @@ struct Rows {
   Span<Contribution> contribution;    ///< that differ per environment
   Span<int> support_start;            ///< by row, count + 1
   Span<SupportRange> support;         ///< ascending
+  Span<int> run_start;                ///< by row, count + 1
+  Span<SupportRun> runs;              ///< the same velocities as runs
   Span<RowPair> pairs;
   Span<int> neighbour_start;          ///< by row, count + 1
   Span<Neighbour> neighbours;
