@@ -37,7 +37,8 @@ Matrix3d second_moment(const Inertia& inertia) {
 }
 
 // Chooses the frame of a body: `placement` is the child link's frame in the parent body at q = 0.
-// Returns the body frame's axes as columns in parent body coordinates.
+// Returns the body frame's axes as columns in parent body coordinates. The axis must be unit to rounding: the
+// transpose is taken for the inverse, so that what it lacks would double from joint to joint.
 Matrix3d choose_frame(const Vector3d& axis, Body<double>& body) {
   for (int k = 0; k < 3; ++k) {
     const double along = axis[k];
@@ -104,7 +105,7 @@ void lay_out_bodies(Program& program, const Tree& tree) {
     Body<double> body{};
     body.parent = frames.body_of_link[carrier];
     body.prismatic = joint.kind == JointKind::prismatic;
-    const Matrix3d axes = choose_frame((placement.linear() * joint.axis.normalized()).eval(), body);
+    const Matrix3d axes = choose_frame((placement.linear() * joint.axis).normalized(), body);
     copy(axes.transpose(), body.rotation);
     copy(placement.translation(), body.offset);
     frames.link_in_body[child].linear() = axes.transpose() * placement.linear();

@@ -1,0 +1,45 @@
+// What the tests of the physics share. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <limits>
+
+#include "lockstep/batch.h"
+#include "reference/mechanism.h"
+
+namespace lockstep::physics {
+
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
+
+/// One environment of a batch as the reference sees it.
+template <class S>
+reference::State state_of(const Batch<S>& batch, int environment = 0) {
+  reference::State state;
+  const int dofs = batch.plan().dofs(), root = batch.plan().floating() ? 6 : 0;
+  state.q = batch.positions().col(environment).matrix().template cast<double>();
+  state.v.resize(root + dofs);
+  state.v.tail(dofs) = batch.velocities().col(environment).matrix().template cast<double>();
+  if (root > 0) {
+    const Eigen::VectorXd pose = batch.root_poses().col(environment).matrix().template cast<double>();
+    state.position = pose.head<3>();
+    state.orientation = Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6]);
+    state.v.head(6) = batch.root_velocities().col(environment).matrix().template cast<double>();
+  } else {
+    const Eigen::Isometry3d& pose = batch.plan().model().root.pose;
+    state.position = pose.translation();
+    state.orientation = Eigen::Quaterniond(pose.linear());
+  }
+  return state;
+}
+
+/// Largest difference of two arrays; NaN where either has one.
+template <class A, class B>
+double distance(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
+  return a.size() == 0 ? 0.0 : (a - b).template lpNorm<Eigen::Infinity>() + 0.0 * (a - b).sum();
+}
+
+inline double size(const Eigen::MatrixXd& a) { return a.size() == 0 ? 0.0 : a.lpNorm<Eigen::Infinity>(); }
+
+}  // namespace lockstep::physics

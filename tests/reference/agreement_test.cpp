@@ -1,0 +1,288 @@
+// The kernels agree with the scalar reference, stage by stage and method by method. SPDX-License-Identifier: Apache-2.0
+//
+// Random trees, fixed and floating, of 1 to 24 dofs with couplings of 2 to 5 joints of every softness. The two sides
+// share no arithmetic, so that a difference beyond rounding is a mistake in one of them.
+//
+// How far rounding may take them apart: sums and products keep 1e-12 of a quantity's natural scale. A solve with a
+// symmetric positive definite H multiplies rounding by at most n times the condition number of H after scaling its
+// diagonal to 1, up to a small factor (Demmel 1989; Higham 2002, section 10.1), so what comes out of solves is
+// allowed 1e-11, or that where it is more.
+#include "kernels/step.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "lockstep/plan.h"
+#include "physics.h"
+#include "plan/layout.h"
+#include "plan/program.h"
+#include "reference/step.h"
+#include "scenes/scenes.h"
+
+namespace lockstep {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using physics::distance;
+using physics::size;
+using Scalar = simd::Wide<double, 1, simd::Unfused>;
+
+constexpr int seeds = 1000;
+constexpr double close = 1e-12, solved_close = 1e-11;
+
+double condition(const MatrixXd& h) {
+  if (h.size() == 0) return 1.0;
+  const VectorXd scale = h.diagonal().cwiseSqrt().cwiseInverse();
+  const VectorXd values = Eigen::SelfAdjointEigenSolver<MatrixXd>(scale.asDiagonal() * h * scale.asDiagonal()).eigenvalues();
+  return values.maxCoeff() / std::max(values.minCoeff(), physics::epsilon * values.maxCoeff());
+}
+
+double solved(double condition, int n) { return std::max(solved_close, n * physics::epsilon * condition); }
+
+template <class A, class B>
+void expect_close(const char* what, const A& ours, const B& theirs, double scale, double tolerance = close) {
+  EXPECT_LE(distance(ours, theirs), tolerance * scale) << what;
+}
+
+// The kernels' stages on one environment, without a Batch.
+struct Kernel {
+  Kernel(const Plan& compiled, const reference::State& state, const reference::Inputs& inputs)
+      : plan(compiled), t(plan.program().f64), q(state.q), v(state.v.tail(t.joints)), root_velocity(state.v.head(t.velocities - t.joints)),
+        position_targets(inputs.position_targets), velocity_targets(inputs.velocity_targets), efforts(inputs.efforts) {
+    const Eigen::Quaterniond& turn = state.orientation;
+    root_pose << state.position, turn.w(), turn.x(), turn.y(), turn.z();
+    lanes.stride = 1;
+    lanes.position = q.data(), lanes.velocity = v.data();
+    lanes.root_pose = root_pose.data(), lanes.root_velocity = root_velocity.data();
+    lanes.position_target = position_targets.data(), lanes.velocity_target = velocity_targets.data();
+    lanes.effort = efforts.data(), lanes.fault = &fault;
+    scratch.resize(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
+    kernels::lay_out(t, scratch.data(), x);
+    kernels::uniform_ratios(t, x);
+    kernels::load(t, lanes, x);
+  }
+
+  // The model's number of one of the kernels' generalised velocities.
+  int outer(int i) const {
+    const int root = t.velocities - t.joints;
+    return i < root ? i : root + t.joint_row[i - root];
+  }
+  VectorXd velocities(const Scalar* values) const {
+    VectorXd result(t.velocities);
+    for (int i = 0; i < t.velocities; ++i) result[outer(i)] = values[i].lane(0);
+    return result;
+  }
+  VectorXd numbers(const Scalar* values, int count) const {
+    VectorXd result(count);
+    for (int i = 0; i < count; ++i) result[i] = values[i].lane(0);
+    return result;
+  }
+  MatrixXd unpacked(const Columns& columns, const Scalar* packed) const {
+    MatrixXd result = MatrixXd::Zero(columns.n, columns.n);
+    for (int i = 0; i < columns.n; ++i)
+      for (int j = 0; j < columns.n; ++j)
+        if (const int entry = entry_of(columns, i, j); entry >= 0) result(i, j) = packed[entry].lane(0);
+    return result;
+  }
+  MatrixXd joint_matrix() const {
+    const MatrixXd inner = unpacked(t.matrix, x.matrix);
+    MatrixXd result(t.velocities, t.velocities);
+    for (int i = 0; i < t.velocities; ++i)
+      for (int j = 0; j < t.velocities; ++j) result(outer(i), outer(j)) = inner(i, j);
+    return result;
+  }
+  MatrixXd coupled() const {  // K
+    const Rows<double>& rows = t.rows;
+    if (rows.columns.n > 0) return unpacked(rows.columns, x.coupled);
+    MatrixXd result(rows.count, rows.count);
+    for (int r = 0; r < rows.count; ++r)
+      for (int s = 0; s < rows.count; ++s) result(r, s) = x.coupled[r * rows.count + s].lane(0);
+    return result;
+  }
+
+  Plan plan;
+  const Tables<double>& t;
+  VectorXd q, v, root_velocity, position_targets, velocity_targets, efforts;
+  Eigen::Matrix<double, 7, 1> root_pose;
+  Fault fault = Fault::none;
+  Lanes<double> lanes;
+  kernels::Tile<Scalar> x;
+  std::vector<std::max_align_t> scratch;
+};
+
+StepSettings settings_of(Method method, int seed) {
+  constexpr int iterations[] = {1, 2, 4, 16}, velocity_iterations[] = {0, 1, 3};
+  StepSettings settings;
+  settings.method = method;
+  settings.iterations = iterations[seed % 4];
+  settings.velocity_iterations = velocity_iterations[seed / 4 % 3];
+  settings.record_impulses = true;
+  return settings;
+}
+
+// What `reduced` knows of the hard couplings, from J alone: v = S z + w with J S = 0 and J w = -erp C / h.
+struct Elimination {
+  Elimination(const Kernel& kernel, const reference::Stage& stage, const std::vector<int>& eliminated) {
+    const Reduction<double>& reduction = kernel.t.reduction;
+    const int nv = kernel.t.velocities, root = nv - kernel.t.joints, n = kernel.t.solver.n;
+    const bool none = eliminated.empty();
+    std::vector<int> hard, followers, independents;
+    for (int c = 0; c < stage.couplings.count(); ++c)
+      if (stage.rows[c].active && stage.rows[c].hard) hard.push_back(c);
+    for (int dof : eliminated) followers.push_back(root + dof);
+    for (int z = 0; z < n; ++z) independents.push_back(none ? kernel.outer(z) : kernel.outer(reduction.independent[z]));
+    s = MatrixXd::Zero(nv, n);
+    w = VectorXd::Zero(nv);
+    for (int z = 0; z < n; ++z) s(independents[z], z) = 1.0;
+    if (none) return;
+    const MatrixXd j = stage.jacobian(hard, Eigen::all), of_followers = j(Eigen::all, followers);
+    const Eigen::FullPivLU<MatrixXd> lu(of_followers);
+    s(followers, Eigen::all) = -lu.solve(j(Eigen::all, independents));
+    w(followers) = -lu.solve(stage.correction(hard));
+    condition = of_followers.norm() * lu.inverse().norm();
+  }
+  MatrixXd s;
+  VectorXd w;
+  double condition = 1.0;  // of J's columns of the followers
+};
+
+// The equations of motion of one random mechanism.
+void expect_same_equations(int seed, const scenes::RandomOptions& options) {
+  SCOPED_TRACE(seed);
+  const Model model = scenes::random_model(seed, options);
+  const reference::Mechanism mechanism(model);
+  const reference::State state = mechanism.initial_state();
+  const reference::Inputs inputs = mechanism.initial_inputs();
+  const StepSettings settings = settings_of(Method::direct, seed);
+  const reference::Stage stage(mechanism, settings.dt, state, inputs);
+  Kernel kernel(compile(model, settings), state, inputs);
+
+  kernels::kinematics(kernel.t, kernel.x);
+  kernels::bias_forces(kernel.t, kernel.lanes, kernel.x);
+  kernels::mass_matrix(kernel.t, kernel.x);
+  expect_close("M", kernel.joint_matrix(), stage.mass, size(stage.mass));
+  expect_close("c", kernel.velocities(kernel.x.drive), stage.bias, size(stage.bias));
+
+  kernels::joint_terms(kernel.t, kernel.lanes, kernel.x);
+  reference::State ahead = state;
+  ahead.q += settings.dt * state.v.tail(mechanism.dofs());
+  const VectorXd forces = mechanism.joint_forces(ahead, inputs) - stage.bias;
+  expect_close("A", kernel.joint_matrix(), stage.implicit, size(stage.implicit));
+  expect_close("forces", kernel.velocities(kernel.x.drive), settings.dt * forces, settings.dt * size(forces));
+}
+
+TEST(Kernels, agree_with_the_reference_up_to_the_equations_of_motion) {
+  for (int seed = 0; seed < seeds && !HasFailure(); ++seed) expect_same_equations(seed, {});
+}
+
+// What rounding does to one link's frame must not grow with the links behind it.
+TEST(Kernels, agree_with_the_reference_on_trees_of_a_hundred_joints) {
+  scenes::RandomOptions deep;
+  deep.min_dofs = 80, deep.max_dofs = 120;
+  for (int seed = 0; seed < 10 && !HasFailure(); ++seed) expect_same_equations(seed, deep);
+}
+
+class Agreement : public testing::TestWithParam<Method> {};
+
+TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
+  for (int seed = 0; seed < seeds; ++seed) {
+    SCOPED_TRACE(seed);
+    const Model model = scenes::random_model(seed);
+    const reference::Mechanism mechanism(model);
+    const reference::State state = mechanism.initial_state();
+    const reference::Inputs inputs = mechanism.initial_inputs();
+    const StepSettings settings = settings_of(GetParam(), seed);
+    const Plan plan = compile(model, settings);
+    const reference::Stage stage(mechanism, settings.dt, state, inputs);
+    Kernel kernel(plan, state, inputs);
+    const Tables<double>& t = kernel.t;
+    kernels::Tile<Scalar>& x = kernel.x;
+    kernels::kinematics(t, x);
+    kernels::bias_forces(t, kernel.lanes, x);
+    kernels::mass_matrix(t, x);
+    kernels::joint_terms(t, kernel.lanes, x);
+    kernels::coupling_errors(t, kernel.lanes, x);
+    if (t.reduction.followers > 0) kernels::eliminate(t, x);
+
+    // Without followers S is a permutation, w is 0, A_r is A and the velocity below is v*.
+    const Elimination e(kernel, stage, plan.eliminated_dofs());
+    const MatrixXd reduced = e.s.transpose() * stage.implicit * e.s;
+    expect_close("A_r", kernel.unpacked(t.solver, x.reduced), reduced, size(reduced));
+    kernels::free_velocity(t, x);
+    const Eigen::LLT<MatrixXd> factored(reduced);
+    const VectorXd z = factored.solve(e.s.transpose() * stage.implicit * (stage.free - e.w));
+    const std::vector<Scalar> none(t.rows.count, Scalar(0.0));
+    for (int r = 0; r < t.rows.count * t.solver.n; ++r) x.scaled[r] = Scalar(0.0);
+    kernels::solved_velocity(t, x, x.free_position, Scalar(1.0), none.data(), x.solution);
+    const double kappa = condition(reduced) * e.condition, rounding = solved(kappa, t.solver.n);
+    expect_close("v*", kernel.numbers(x.solution, t.solver.n), z, std::max(1.0, size(z)), rounding);
+    if (t.rows.count == 0) continue;
+
+    if (t.natural.count > 0) kernels::natural_responses(t, x);
+    kernels::responses(t, x);
+    kernels::row_terms(t, kernel.lanes, x);
+    std::vector<int> couplings(t.rows.coupling.data, t.rows.coupling.data + t.rows.count);
+    const MatrixXd j = stage.jacobian(couplings, Eigen::all) * e.s;
+    const MatrixXd k = j * factored.solve(j.transpose());
+    expect_close("K", kernel.coupled(), k, size(k), rounding);
+    const VectorXd speed = stage.jacobian(couplings, Eigen::all) * (e.s * z + e.w);
+    expect_close("J v*", kernel.numbers(x.row_speed, t.rows.count), speed, std::max(1.0, size(speed)), rounding);
+    expect_close("C", kernel.numbers(x.row_error, t.rows.count), stage.error(couplings), std::max(1.0, size(stage.error)));
+
+    const int n = settings.method == Method::tgs ? settings.iterations : 1;
+    for (int r = 0; r < t.rows.count; ++r) {
+      const int c = couplings[r];
+      ASSERT_TRUE(stage.rows[c].active) << "coupling " << c << " takes no impulse";
+      const reference::Row row = reference::substep_row(stage.couplings.softness[c], stage.inertia[c], settings.dt, n);
+      const double rate = row.erp / settings.dt * n;
+      EXPECT_NEAR(x.row_rate[r].lane(0), rate, close * rate);
+      EXPECT_NEAR(x.row_cfm[r].lane(0), row.cfm, rounding * row.cfm);
+    }
+    if (HasFailure()) return;
+  }
+}
+
+TEST_P(Agreement, of_impulses_and_states_after_one_step_and_after_ten) {
+  for (int seed = 0; seed < seeds; ++seed) {
+    SCOPED_TRACE(seed);
+    const Model model = scenes::random_model(seed);
+    const reference::Mechanism mechanism(model);
+    const StepSettings settings = settings_of(GetParam(), seed);
+    Batch<double> batch(compile(model, settings), 1, {.threads = 1});
+    reference::State state = mechanism.initial_state();
+    double rounding = 0.0;
+    for (int step = 0; step < 10; ++step) {
+      const reference::Step next = reference::step(mechanism, settings, state, mechanism.initial_inputs());
+      const double before = size(state.v);
+      state = next.state;
+      batch.step();
+
+      // Rows are solved with K + cfm, whatever the method: they multiply what A has made of the rounding.
+      std::vector<int> active;
+      for (int c = 0; c < next.stage.couplings.count(); ++c)
+        if (next.stage.rows[c].active) active.push_back(c);
+      MatrixXd k = next.stage.response(active, active);
+      for (std::size_t r = 0; r < active.size(); ++r) k(r, r) += next.stage.rows[active[r]].cfm;
+      rounding += solved(condition(next.stage.implicit) * condition(k), mechanism.velocities());
+      if (step > 0 && step < 9) continue;
+
+      const reference::State ours = physics::state_of(batch);
+      const double moving = std::max({1.0, before, size(state.v)});
+      expect_close("q", ours.q, state.q, std::max(1.0, size(state.q)), rounding);
+      expect_close("v", ours.v, state.v, moving, rounding);
+      expect_close("position", ours.position, state.position, std::max(1.0, size(state.position)), rounding);
+      const double sign = ours.orientation.dot(state.orientation) < 0.0 ? -1.0 : 1.0;
+      expect_close("orientation", ours.orientation.coeffs(), (sign * state.orientation.coeffs()).eval(), 1.0, rounding);
+      const VectorXd impulses = batch.coupling_impulses().matrix().col(0);
+      expect_close("impulses", impulses, next.impulses, std::max(size(next.stage.implicit) * moving, size(next.impulses)), rounding);
+    }
+    if (HasFailure()) return;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(method, Agreement, testing::Values(Method::pgs, Method::tgs, Method::direct, Method::reduced),
+                         [](const auto& method) { return std::string(name(method.param)); });
+
+}  // namespace
+}  // namespace lockstep
