@@ -1,6 +1,6 @@
 // All rows at once: (K + cfm) L = -(J v* + b) by L^T D L. SPDX-License-Identifier: Apache-2.0
 //
-// docs/mathematics.md, section 7. Exact for chains and stars of couplings, where sweeps converge slowly or not at all.
+// (M34). Exact for chains and stars of couplings, where sweeps converge slowly or not at all.
 #pragma once
 
 #include "row_terms.h"

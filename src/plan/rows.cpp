@@ -48,7 +48,7 @@ bool share_any(const std::vector<int>& a, const std::vector<int>& b) {
   return !common.empty();
 }
 
-// rate = erp / h and cfm of (22), (23), (26) to (29) of the note, for a step or sub-step of length h.
+// (M23), (M24), (M32): rate and cfm, (22), (23), (26) to (29) of the note, for a step or sub-step of length h.
 RowSoftness<double> row_softness(const Program& program, int coupling, double h, int substeps) {
   const Softness& softness = program.model.couplings[coupling].softness;
   const double first = softness.first, second = softness.second, dt = program.settings.dt;
