@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <limits>
+#include <string>
 
 #include "lockstep/batch.h"
 #include "reference/mechanism.h"
@@ -41,5 +43,27 @@ double distance(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
 }
 
 inline double size(const Eigen::MatrixXd& a) { return a.size() == 0 ? 0.0 : a.lpNorm<Eigen::Infinity>(); }
+
+/// Of a symmetric positive definite matrix after scaling its diagonal to 1: what a solve multiplies rounding by.
+inline double condition(const Eigen::MatrixXd& h) {
+  if (h.size() == 0) return 1.0;
+  const Eigen::VectorXd scale = h.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * h * scale.asDiagonal();
+  const Eigen::VectorXd values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(scaled).eigenvalues();
+  return values.maxCoeff() / std::max(values.minCoeff(), epsilon * values.maxCoeff());
+}
+
+inline StepSettings settings(Method method, int iterations = 4, int velocity_iterations = 1, double dt = 1.0 / 240) {
+  StepSettings result;
+  result.dt = dt;
+  result.method = method;
+  result.iterations = iterations;
+  result.velocity_iterations = velocity_iterations;
+  return result;
+}
+
+constexpr Method methods[] = {Method::pgs, Method::tgs, Method::direct, Method::reduced};
+
+inline std::string method_name(const testing::TestParamInfo<Method>& info) { return name(info.param); }
 
 }  // namespace lockstep::physics
