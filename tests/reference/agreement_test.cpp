@@ -43,7 +43,8 @@ void expect_close(const char* what, const A& ours, const B& theirs, double scale
 struct Kernel {
   Kernel(const Plan& compiled, const reference::State& state, const reference::Inputs& inputs)
       : plan(compiled), t(plan.program().f64), q(state.q), v(state.v.tail(t.joints)),
-        root_velocity(state.v.head(t.velocities - t.joints)), position_targets(inputs.position_targets), velocity_targets(inputs.velocity_targets), efforts(inputs.efforts) {
+        root_velocity(state.v.head(t.velocities - t.joints)), position_targets(inputs.position_targets),
+        velocity_targets(inputs.velocity_targets), efforts(inputs.efforts) {
     const Eigen::Quaterniond& turn = state.orientation;
     root_pose << state.position, turn.w(), turn.x(), turn.y(), turn.z();
     lanes.stride = 1;

@@ -1,4 +1,4 @@
-// An environment with parameters of its own moves as a model with those numbers does. SPDX-License-Identifier: Apache-2.0
+// Parameters of one environment act as a model's own numbers do. SPDX-License-Identifier: Apache-2.0
 //
 // Random trees with random sets of declared parameters; in one environment of three each declared number is changed.
 // The reference steps a model that says the changed numbers. Bounds on rounding as in agreement_test.cpp.
@@ -96,7 +96,8 @@ ParameterSet some_parameters(int seed) {
   return set;
 }
 
-void expect_same_motion(const Batch<double>& batch, int environment, const Model& model, const reference::Inputs& inputs) {
+void expect_same_motion(const Batch<double>& batch, int environment, const Model& model,
+                        const reference::Inputs& inputs) {
   SCOPED_TRACE("environment " + std::to_string(environment));
   StepSettings settings = batch.plan().settings();
   settings.method = batch.plan().method();
