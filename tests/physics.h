@@ -5,8 +5,10 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <cstdlib>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "lockstep/batch.h"
 #include "reference/mechanism.h"
@@ -60,6 +62,53 @@ inline StepSettings settings(Method method, int iterations = 4, int velocity_ite
   result.iterations = iterations;
   result.velocity_iterations = velocity_iterations;
   return result;
+}
+
+inline std::string numbered(const char* word, std::size_t number) {
+  return std::string(word).append(std::to_string(number));
+}
+
+/// Bodies that slide along world x on a fixed base, each a tree of its own: joints s0, s1, ..., no gravity.
+inline Model sliders(const std::vector<double>& masses) {
+  Model model;
+  model.name = "sliders";
+  model.links = {{"base", {}}};
+  model.gravity.setZero();
+  for (std::size_t i = 0; i < masses.size(); ++i) {
+    Joint joint;
+    joint.name = numbered("s", i);
+    joint.kind = JointKind::prismatic;
+    joint.parent = "base";
+    joint.child = numbered("body", i);
+    model.links.push_back({joint.child, Inertia::box(masses[i], {0.1, 0.1, 0.1}, Eigen::Vector3d::Zero())});
+    model.joints.push_back(joint);
+  }
+  return model;
+}
+
+/// The link of the scenes, 0.1 x 0.04 x 0.04 m: its frame in the centre of the left end face.
+inline Inertia link_box(double mass) { return Inertia::box(mass, {0.1, 0.04, 0.04}, {0.05, 0, 0}); }
+
+/// Appends a link with a revolute joint j0, j1, ... behind the link `parent`.
+inline Joint& append_link(Model& model, const std::string& parent, const Eigen::Vector3d& offset,
+                          const Eigen::Vector3d& axis, double mass = 0.2) {
+  const std::size_t number = model.joints.size();
+  model.links.push_back({numbered("l", number), link_box(mass)});
+  Joint joint;
+  joint.name = numbered("j", number);
+  joint.kind = JointKind::revolute;
+  joint.parent = parent;
+  joint.child = numbered("l", number);
+  joint.origin.translation() = offset;
+  joint.axis = axis;
+  model.joints.push_back(joint);
+  return model.joints.back();
+}
+
+/// Folder of files that are not part of the project; empty where there is none.
+inline std::string test_data() {
+  const char* folder = std::getenv("LOCKSTEP_TEST_DATA");
+  return folder ? folder : LOCKSTEP_TEST_DATA;
 }
 
 constexpr Method methods[] = {Method::pgs, Method::tgs, Method::direct, Method::reduced};

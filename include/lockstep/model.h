@@ -42,7 +42,7 @@ enum class JointKind {
   prismatic,   ///< slides along the axis, m
 };
 
-/// A position-velocity servo, integrated implicitly (docs/mathematics.md, section 3):
+/// A position-velocity servo, integrated implicitly, (M13) of docs/mathematics.md:
 /// effort = kp (target - q) + kd (target velocity - v).
 struct Drive {
   double kp = 0.0;               ///< N m/rad or N/m, >= 0

@@ -1,4 +1,4 @@
-// C = J q + gamma of every coupling, (3) and (17) of the note. SPDX-License-Identifier: Apache-2.0
+// C = J q + gamma of every coupling, (M2), (3) and (17) of the note. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "tile.h"

@@ -1,6 +1,6 @@
 // The followers of hard couplings eliminated: v = S z + w, A_r = S^T A S. SPDX-License-Identifier: Apache-2.0
 //
-// docs/mathematics.md, section 8. Only scenes whose plan says `reduced` and that have hard couplings come here.
+// (M35) and (M36). Only scenes whose plan says `reduced` and that have hard couplings come here.
 #pragma once
 
 #include "ldlt.h"
@@ -46,7 +46,7 @@ void add_follower_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const
   }
 }
 
-/// A_r = S^T A S, as the sums of products that the plan listed.
+/// A_r = S^T A S of (M36), as the sums of products that the plan listed.
 template <class T>
 void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;

@@ -25,7 +25,7 @@ LOCKSTEP_INLINE void with_joint(const Body<S>& body, Act&& act) {
   }
 }
 
-/// Parent coordinates to body coordinates: E p.
+/// Parent coordinates to body coordinates: E p of (M3).
 template <class J, class T>
 LOCKSTEP_INLINE Vec3<T> to_body(J, const Body<ScalarOf<T>>& body, T s, T c, Vec3<T> p) {
   if (body.rotated) {
@@ -57,7 +57,7 @@ LOCKSTEP_INLINE Vec3<T> to_parent(J, const Body<ScalarOf<T>>& body, T s, T c, Ve
   return p;
 }
 
-/// Origin of the body in its parent's frame.
+/// Origin of the body in its parent's frame: r of (M3).
 template <class J, class T>
 LOCKSTEP_INLINE Vec3<T> origin(J, const Body<ScalarOf<T>>& body, T q) {
   Vec3<T> r = Vec3<T>::constant(body.offset);

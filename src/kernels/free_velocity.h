@@ -5,7 +5,7 @@
 
 namespace lockstep::kernels {
 
-/// D^-1 L^-T b, in place.
+/// D^-1 L^-T b of (M18), in place.
 template <class T>
 void half_solve(const Columns& columns, const T* factored, const T* inverse, T* b) {
   solve_upwards(columns, factored, b);

@@ -1,7 +1,7 @@
 // What follows from the gear ratios: the couplings' coefficients, S of the elimination, the rows. SPDX-License-Identifier: Apache-2.0
 //
 // The same for all environments unless the field is declared, and then the same for all sub-steps: either way no
-// step asks. docs/mathematics.md, section 8.
+// step asks.
 #pragma once
 
 #include "tile.h"
@@ -22,7 +22,7 @@ void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   spread(t.rows.term_value, x.row_value);
 }
 
-/// This tile's own, by the elimination that the plan recorded.
+/// This tile's own, by the elimination (M38) that the plan recorded.
 template <class T>
 void own_ratios(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   const ScalarOf<T>* gears = lanes.field[0];

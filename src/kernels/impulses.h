@@ -5,7 +5,7 @@
 
 namespace lockstep::kernels {
 
-/// Swept and solved rows have theirs at hand. An eliminated coupling's is what its followers' momentum lacks:
+/// Swept and solved rows have theirs at hand. An eliminated coupling's (M39) is what its followers' momentum lacks:
 /// J_F^T L = (A (v' - v) - dt forces - other rows' J^T L) on the followers.
 template <class T>
 void coupling_impulses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {

@@ -1,4 +1,4 @@
-// Sparse H = L^T D L and its solves (Featherstone 2008, section 6.5). SPDX-License-Identifier: Apache-2.0
+// Sparse H = L^T D L (M17) and its solves (Featherstone 2008, section 6.5). SPDX-License-Identifier: Apache-2.0
 //
 // Column j holds the rows of j's subtree, a contiguous run (plan/tables.h), so every inner loop below is a
 // run through one or two arrays. No fill-in: eliminating from the leaves to the root stays in the tree.

@@ -1,6 +1,6 @@
 // Mass matrix M(q) by composite rigid bodies (Featherstone 2008, table 6.2). SPDX-License-Identifier: Apache-2.0
 //
-// Composites are pseudo-inertias (docs/mathematics.md, section 2); column b is the force that a unit
+// Composites are pseudo-inertias (M4); column b is the force that a unit
 // acceleration of joint b takes, passed inwards to every joint that carries it.
 #pragma once
 
@@ -8,7 +8,7 @@
 
 namespace lockstep::kernels {
 
-/// Adds a body's composite, given in its own frame, to its parent's.
+/// Adds a body's composite, given in its own frame, to its parent's (M10).
 template <class J, class T>
 LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, T c, const Vec3<T>& r,
                                    const PseudoInertia<T>& from, PseudoInertia<T>& to) {
@@ -52,7 +52,7 @@ LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, 
   }
 }
 
-/// Force and moment of the composite under a unit acceleration of the joint's coordinate.
+/// Force and moment of the composite under a unit acceleration of the joint's coordinate (M11).
 template <class J, class T>
 LOCKSTEP_INLINE void unit_column(J, const PseudoInertia<T>& c, T sign, Vec3<T>& force, Vec3<T>& moment) {
   if constexpr (J::prismatic) {
@@ -96,7 +96,7 @@ LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, Tile<T>
   }
 }
 
-/// Rows of a floating root: all columns, and its own six from its composite, in the order angular, linear.
+/// Rows of a floating root: all columns, and its own six from its composite, in the order angular, linear (M12).
 template <class T>
 LOCKSTEP_INLINE void rows_of_root(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const PseudoInertia<T>& c = x.composite[0];

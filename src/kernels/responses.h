@@ -1,6 +1,6 @@
 // What a unit impulse on each row does: (10), (15) and (19) of the note. SPDX-License-Identifier: Apache-2.0
 //
-// X = L^-T J^T and K = X^T D^-1 X = J A^-1 J^T (docs/mathematics.md, section 4). A row reaches only the joints
+// X = L^-T J^T and K = X^T D^-1 X = J A^-1 J^T, (M19). A row reaches only the joints
 // of its own trees, so K is zero between rows whose paths meet in the fixed root alone, and not stored there.
 #pragma once
 

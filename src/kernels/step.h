@@ -2,7 +2,7 @@
 //
 //     M(q) dv/dt + c(q, v) = tau,   C = J q + gamma = 0
 //
-// docs/mathematics.md has the formulas, one section per stage. A stage whose table is empty does not run.
+// docs/mathematics.md has the formulas; comments cite them as (M12). A stage whose table is empty does not run.
 #pragma once
 
 #include "bias_forces.h"

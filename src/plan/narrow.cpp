@@ -31,7 +31,7 @@ LinkPlace<float> narrowed(const LinkPlace<double>& from) {
 }
 
 RowSoftness<float> narrowed(const RowSoftness<double>& from) {
-  return {from.kind, from.hard, narrowed(from.rate), narrowed(from.cfm), narrowed(from.cfm_per_response)};
+  return {from.kind, narrowed(from.rate), narrowed(from.cfm), narrowed(from.cfm_per_response)};
 }
 
 Reduction<float>::Fill narrowed(const Reduction<double>::Fill& from) {

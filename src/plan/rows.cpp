@@ -48,11 +48,11 @@ bool share_any(const std::vector<int>& a, const std::vector<int>& b) {
   return !common.empty();
 }
 
-// rate = erp / h and cfm of (22), (23), (26) to (29) of the note, for a step or sub-step of length h.
+// (M23), (M24), (M32): rate and cfm, (22), (23), (26) to (29) of the note, for a step or sub-step of length h.
 RowSoftness<double> row_softness(const Program& program, int coupling, double h, int substeps) {
   const Softness& softness = program.model.couplings[coupling].softness;
   const double first = softness.first, second = softness.second, dt = program.settings.dt;
-  RowSoftness<double> row{static_cast<int>(softness.kind), always_hard(program, coupling), 0, 0, 0};
+  RowSoftness<double> row{static_cast<int>(softness.kind), 0, 0, 0};
   const auto spring = [&](double kp, double kd) {
     row.rate = kp / (h * kp + kd);
     row.cfm = 1.0 / (h * (h * kp + kd));

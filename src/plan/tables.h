@@ -80,7 +80,6 @@ struct Contribution {
 template <class S>
 struct RowSoftness {
   int kind;           ///< Softness::Kind, for fields that change it per environment
-  bool hard;          ///< never yields, in any environment
   S rate, cfm, cfm_per_response;
 };
 

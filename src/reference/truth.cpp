@@ -147,7 +147,7 @@ Motion integrate_with_error(const Mechanism& mechanism, const State& start, cons
   const Motion coarse = integrate(mechanism, start, inputs, interval, intervals, steps);
   Motion fine = integrate(mechanism, start, inputs, interval, intervals, 2 * steps);
   // Halving the step takes the error of order 4 to a sixteenth.
-  fine.error = (fine.positions - coarse.positions).cwiseAbs().maxCoeff() / 15.0;
+  fine.error = (fine.positions - coarse.positions).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / 15.0;
   return fine;
 }
 

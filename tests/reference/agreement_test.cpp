@@ -24,19 +24,13 @@ namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using physics::condition;
 using physics::distance;
 using physics::size;
 using Scalar = simd::Wide<double, 1, simd::Unfused>;
 
 constexpr int seeds = 1000;
 constexpr double close = 1e-12, solved_close = 1e-11;
-
-double condition(const MatrixXd& h) {
-  if (h.size() == 0) return 1.0;
-  const VectorXd scale = h.diagonal().cwiseSqrt().cwiseInverse();
-  const VectorXd values = Eigen::SelfAdjointEigenSolver<MatrixXd>(scale.asDiagonal() * h * scale.asDiagonal()).eigenvalues();
-  return values.maxCoeff() / std::max(values.minCoeff(), physics::epsilon * values.maxCoeff());
-}
 
 double solved(double condition, int n) { return std::max(solved_close, n * physics::epsilon * condition); }
 
@@ -48,8 +42,9 @@ void expect_close(const char* what, const A& ours, const B& theirs, double scale
 // The kernels' stages on one environment, without a Batch.
 struct Kernel {
   Kernel(const Plan& compiled, const reference::State& state, const reference::Inputs& inputs)
-      : plan(compiled), t(plan.program().f64), q(state.q), v(state.v.tail(t.joints)), root_velocity(state.v.head(t.velocities - t.joints)),
-        position_targets(inputs.position_targets), velocity_targets(inputs.velocity_targets), efforts(inputs.efforts) {
+      : plan(compiled), t(plan.program().f64), q(state.q), v(state.v.tail(t.joints)),
+        root_velocity(state.v.head(t.velocities - t.joints)), position_targets(inputs.position_targets),
+        velocity_targets(inputs.velocity_targets), efforts(inputs.efforts) {
     const Eigen::Quaterniond& turn = state.orientation;
     root_pose << state.position, turn.w(), turn.x(), turn.y(), turn.z();
     lanes.stride = 1;
@@ -228,7 +223,8 @@ TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
     expect_close("K", kernel.coupled(), k, size(k), rounding);
     const VectorXd speed = stage.jacobian(couplings, Eigen::all) * (e.s * z + e.w);
     expect_close("J v*", kernel.numbers(x.row_speed, t.rows.count), speed, std::max(1.0, size(speed)), rounding);
-    expect_close("C", kernel.numbers(x.row_error, t.rows.count), stage.error(couplings), std::max(1.0, size(stage.error)));
+    const VectorXd error = stage.error(couplings);
+    expect_close("C", kernel.numbers(x.row_error, t.rows.count), error, std::max(1.0, size(error)));
 
     const int n = settings.method == Method::tgs ? settings.iterations : 1;
     for (int r = 0; r < t.rows.count; ++r) {
@@ -275,14 +271,14 @@ TEST_P(Agreement, of_impulses_and_states_after_one_step_and_after_ten) {
       const double sign = ours.orientation.dot(state.orientation) < 0.0 ? -1.0 : 1.0;
       expect_close("orientation", ours.orientation.coeffs(), (sign * state.orientation.coeffs()).eval(), 1.0, rounding);
       const VectorXd impulses = batch.coupling_impulses().matrix().col(0);
-      expect_close("impulses", impulses, next.impulses, std::max(size(next.stage.implicit) * moving, size(next.impulses)), rounding);
+      const double momentum = std::max(size(next.stage.implicit) * moving, size(next.impulses));
+      expect_close("impulses", impulses, next.impulses, momentum, rounding);
     }
     if (HasFailure()) return;
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(method, Agreement, testing::Values(Method::pgs, Method::tgs, Method::direct, Method::reduced),
-                         [](const auto& method) { return std::string(name(method.param)); });
+INSTANTIATE_TEST_SUITE_P(method, Agreement, testing::ValuesIn(physics::methods), physics::method_name);
 
 }  // namespace
 }  // namespace lockstep

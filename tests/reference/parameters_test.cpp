@@ -1,0 +1,167 @@
+// Parameters of one environment act as a model's own numbers do. SPDX-License-Identifier: Apache-2.0
+//
+// Random trees with random sets of declared parameters; in one environment of three each declared number is changed.
+// The reference steps a model that says the changed numbers. Bounds on rounding as in agreement_test.cpp.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "lockstep/plan.h"
+#include "physics.h"
+#include "reference/step.h"
+#include "scenes/scenes.h"
+
+namespace lockstep {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using physics::condition;
+using physics::distance;
+using physics::size;
+
+constexpr int changed = 1, environments = 3;
+
+// Changes the declared numbers of a model and of one environment alike.
+class Changes {
+ public:
+  Changes(int seed, Batch<double>& batch, Model& model, reference::Inputs& inputs)
+      : engine_(seed), batch_(batch), model_(model), inputs_(inputs) {}
+
+  void apply() {
+    int gear = 0, dof = 0;
+    for (std::size_t c = 0; c < model_.couplings.size(); ++c) {
+      Coupling& coupling = model_.couplings[c];
+      const int row = static_cast<int>(c);
+      for (CouplingTerm& term : coupling.terms) change(Parameter::gear_ratio, gear++, term.ratio, 0.8, 1.2);
+      change(Parameter::offset, row, coupling.offset, 0.9, 1.1);
+      change(Parameter::softness, 2 * row, coupling.softness.first, 0.5, 1.0);
+      change(Parameter::softness, 2 * row + 1, coupling.softness.second, 0.5, 2.0);
+      if (coupling.softness.is_hard()) soften(row, coupling);
+    }
+    for (Joint& joint : model_.joints) {
+      if (!joint.moves()) continue;
+      change(Parameter::drive_gains, 2 * dof, joint.drive.kp, 0.5, 2.0);
+      change(Parameter::drive_gains, 2 * dof + 1, joint.drive.kd, 0.5, 2.0);
+      change(Parameter::damping, dof++, joint.damping, 0.5, 2.0);
+    }
+    for (std::size_t l = 0; l < model_.links.size(); ++l) {
+      Inertia& inertia = model_.links[l].inertia;
+      const double before = inertia.mass;
+      change(Parameter::mass, static_cast<int>(l), inertia.mass, 0.5, 2.0);
+      if (before > 0.0) inertia.about_center *= inertia.mass / before;
+    }
+    for (int k = 0; k < 3; ++k) change(Parameter::gravity, k, model_.gravity[k], -1.0, 1.0);
+    for (Eigen::Index i = 0; i < inputs_.wrenches.size(); ++i) {
+      double& component = inputs_.wrenches(i % 6, i / 6);  // six rows per link
+      component = declared(Parameter::link_wrench) ? 1.0 : 0.0;
+      change(Parameter::link_wrench, static_cast<int>(i), component, -1.0, 1.0);
+    }
+  }
+
+ private:
+  bool declared(Parameter parameter) const {
+    return batch_.plan().settings().per_environment.contains(parameter);
+  }
+  double uniform(double low, double high) {
+    return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
+  }
+  void change(Parameter parameter, int row, double& number, double low, double high) {
+    if (!declared(parameter)) return;
+    number *= uniform(low, high);
+    batch_.parameter(parameter)(row, changed) = number;
+  }
+  // The second number of a hard coupling is its cfm.
+  void soften(int row, Coupling& coupling) {
+    if (!declared(Parameter::softness) || uniform(0.0, 1.0) < 0.5) return;
+    coupling.softness.second = uniform(0.01, 1.0);
+    batch_.parameter(Parameter::softness)(2 * row + 1, changed) = coupling.softness.second;
+  }
+
+  std::mt19937_64 engine_;
+  Batch<double>& batch_;
+  Model& model_;
+  reference::Inputs& inputs_;
+};
+
+ParameterSet some_parameters(int seed) {
+  std::mt19937_64 engine(static_cast<std::uint64_t>(seed));
+  ParameterSet set;
+  const auto chosen = engine() >> 32;
+  for (unsigned p = 0; p < parameter_count; ++p)
+    if ((chosen >> p) & 1u) set.insert(static_cast<Parameter>(p));
+  return set;
+}
+
+void expect_same_motion(const Batch<double>& batch, int environment, const Model& model,
+                        const reference::Inputs& inputs) {
+  SCOPED_TRACE("environment " + std::to_string(environment));
+  StepSettings settings = batch.plan().settings();
+  settings.method = batch.plan().method();
+  const reference::Mechanism mechanism(model);
+  const reference::Step next = reference::step(mechanism, settings, mechanism.initial_state(), inputs);
+  MatrixXd k = next.stage.response;
+  for (Eigen::Index r = 0; r < k.rows(); ++r) k(r, r) += next.stage.rows[r].cfm;
+  const double kappa = condition(next.stage.implicit) * condition(k);
+  const double rounding = std::max(1e-11, mechanism.velocities() * physics::epsilon * kappa);
+  const reference::State ours = physics::state_of(batch, environment);
+  EXPECT_LE(distance(ours.q, next.state.q), rounding * std::max(1.0, size(next.state.q)));
+  EXPECT_LE(distance(ours.v, next.state.v), rounding * std::max(1.0, size(next.state.v)));
+  const VectorXd impulses = batch.coupling_impulses().matrix().col(environment);
+  const double momentum = std::max(size(next.stage.implicit) * std::max(1.0, size(next.state.v)), size(next.impulses));
+  EXPECT_LE(distance(impulses, next.impulses), rounding * momentum);
+}
+
+class Parameters : public testing::TestWithParam<Method> {};
+
+TEST_P(Parameters, of_one_environment_act_as_those_of_a_model) {
+  scenes::RandomOptions options;
+  options.redundant = false;  // who follows from whom depends on the numbers: a test of its own below
+  for (int seed = 0; seed < 500 && !HasFailure(); ++seed) {
+    SCOPED_TRACE(seed);
+    StepSettings settings;
+    settings.method = GetParam();
+    settings.iterations = 1 + seed % 5;
+    settings.velocity_iterations = seed % 3;
+    settings.record_impulses = true;
+    settings.per_environment = some_parameters(seed);
+    Model model = scenes::random_model(static_cast<std::uint64_t>(seed), options);
+    if (settings.method == Method::reduced && settings.per_environment.contains(Parameter::softness)) continue;
+    const Plan plan = compile(model, settings);
+    if (!plan.redundant_couplings().empty()) continue;
+    Batch<double> batch(plan, environments, {.threads = 1});
+    const Model original = model;
+    reference::Inputs inputs = reference::Mechanism(model).initial_inputs();
+    const reference::Inputs held = inputs;
+    Changes(seed, batch, model, inputs).apply();
+    batch.step();
+    expect_same_motion(batch, 0, original, held);
+    expect_same_motion(batch, changed, model, inputs);
+    expect_same_motion(batch, 2, original, held);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(method, Parameters, testing::ValuesIn(physics::methods), physics::method_name);
+
+// By the model's ratios j0 = j4 follows from j0 = j2 and j2 = j4; by another environment's it does not.
+TEST(OwnGearRatios, decide_in_each_environment_which_couplings_follow_from_others) {
+  Model model = scenes::redundant();
+  Batch<double> batch(compile(model, {.per_environment = {Parameter::gear_ratio}}), 2, {.threads = 1});
+  ASSERT_EQ(batch.plan().method(), Method::direct);
+  ASSERT_EQ(batch.plan().redundant_couplings(), std::vector<int>{2});
+  batch.parameter(Parameter::gear_ratio)(2, 1) = -2.0;  // j0 = 2 j4: only 0 is left for the three
+  for (int joint : {0, 2, 4}) batch.positions()(joint, 1) = 0.0;
+  for (int step = 0; step < 240; ++step) batch.step();
+  EXPECT_LE(batch.coupling_errors().abs().maxCoeff(), 1e-12);
+  for (int joint : {0, 2, 4}) EXPECT_NEAR(batch.positions()(joint, 1), 0.0, 1e-12);
+
+  Batch<double> alone(compile(model, physics::settings(Method::direct)), 1, {.threads = 1});
+  for (int step = 0; step < 240; ++step) alone.step();
+  EXPECT_LE((batch.positions().col(0) - alone.positions().col(0)).abs().maxCoeff(), 1e-10);
+}
+
+}  // namespace
+}  // namespace lockstep
