@@ -62,8 +62,7 @@ std::vector<Cause<S>> causes(const Plan& plan) {
   }
   if (declared.contains(Parameter::mass)) {
     const int last = plan.parameter_rows(Parameter::mass) - 1;
-    all.push_back({"negative mass", [=](Batch<S>& b, int e) { b.parameter(Parameter::mass)(last, e) = S(-3); }, Fault::singular});
-    all.push_back({"no mass", [=](Batch<S>& b, int e) { b.parameter(Parameter::mass).col(e).setZero(); }, Fault::singular});
+    all.push_back({"negative mass", [=](Batch<S>& b, int e) { b.parameter(Parameter::mass)(last, e) = S(-3000); }, Fault::singular});
   }
   return all;
 }
