@@ -5,6 +5,7 @@
 // docs/mathematics.md has the formulas; comments cite them as (M12). A stage whose table is empty does not run.
 #pragma once
 
+#include "../simd/denormals.h"
 #include "bias_forces.h"
 #include "check.h"
 #include "coupling_error.h"
@@ -55,6 +56,7 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
 template <class T>
 void advance(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::ptrdiff_t first, std::ptrdiff_t last,
              int substeps, void* scratch) {
+  const simd::FlushDenormals flush;
   Tile<T> x;
   lay_out(t, scratch, x);
   uniform_ratios(t, x);
