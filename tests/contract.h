@@ -18,7 +18,8 @@ namespace lockstep::contract {
 inline ParameterSet all_parameters(Method method) {
   ParameterSet set;
   for (unsigned p = 0; p < parameter_count; ++p)
-    if (method != Method::reduced || static_cast<Parameter>(p) != Parameter::softness) set.insert(static_cast<Parameter>(p));
+    if (const Parameter parameter{p}; method != Method::reduced || parameter != Parameter::softness)
+      set.insert(parameter);
   return set;
 }
 
@@ -146,7 +147,8 @@ testing::AssertionResult same_bits(const Batch<S>& a, int i, const Batch<S>& b, 
   for (std::size_t k = 0; k < left.size(); ++k)
     if (std::memcmp(&left[k], &right[k], sizeof(S)) != 0)
       return testing::AssertionFailure() << "environments " << i << " and " << j << " differ: number " << k << " is "
-                                         << testing::PrintToString(left[k]) << " and " << testing::PrintToString(right[k]);
+                                         << testing::PrintToString(left[k]) << " and "
+                                         << testing::PrintToString(right[k]);
   return testing::AssertionFailure();
 }
 
@@ -163,7 +165,8 @@ testing::AssertionResult same_bits(const Batch<S>& a, const Batch<S>& b, int exc
 inline Model model_of(Batch<double>& batch, int environment) {
   Model model = batch.plan().model();
   const auto own = [&](Parameter parameter, int row, double& number) {
-    if (batch.plan().settings().per_environment.contains(parameter)) number = batch.parameter(parameter)(row, environment);
+    if (batch.plan().settings().per_environment.contains(parameter))
+      number = batch.parameter(parameter)(row, environment);
   };
   int gear = 0, dof = 0;
   for (std::size_t c = 0; c < model.couplings.size(); ++c) {

@@ -19,7 +19,8 @@ std::size_t allocated_by(Act act) {
 // Called directly: the compiler may not leave these pairs out, as it may new-expressions.
 TEST(allocation_counter, sees_every_kind_of_allocation) {
   EXPECT_GT(allocated_by([] { ::operator delete(::operator new(8)); }), 0u);
-  EXPECT_GT(allocated_by([] { ::operator delete(::operator new(64, std::align_val_t{64}), std::align_val_t{64}); }), 0u);
+  constexpr std::align_val_t line{64};
+  EXPECT_GT(allocated_by([&] { ::operator delete(::operator new(64, line), line); }), 0u);
   EXPECT_GT(allocated_by([] { ::operator delete[](::operator new[](8)); }), 0u);
 #ifdef LOCKSTEP_COUNTS_MALLOC
   void* volatile block = nullptr;

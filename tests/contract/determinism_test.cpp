@@ -2,11 +2,10 @@
 //
 // Every comparison here is of bits. Only across arithmetic classes, where a multiply-add rounds once or twice,
 // results agree to rounding instead; how far that may take them apart is said there.
-#include "contract.h"
-
 #include <cmath>
 #include <limits>
 
+#include "contract.h"
 #include "reference/step.h"
 
 namespace lockstep {
@@ -17,15 +16,16 @@ using contract::scattered;
 
 constexpr BatchOptions serial = {.threads = 1};
 constexpr Target twins[][2] = {{Target::baseline, Target::baseline_scalar}, {Target::avx2, Target::avx2_scalar}};
-constexpr int several = 9;           // a tile of eight and one begun
-constexpr int a_task_each = 2100;    // more than one task for each of eight threads
+constexpr int several = 9;            // a tile of eight and one begun
+constexpr int a_task_each = 2100;     // more than one task for each of eight threads
 constexpr std::uint64_t same = 4242;  // seed of the environment that changes its place
 
 std::vector<Model> scenes_and_random_models(int random_models) {
   std::vector<Model> models = {scenes::chain8(), scenes::gripper13(), scenes::chain32()};
   scenes::RandomOptions options;
   options.redundant = false;  // reduced refuses them under gear ratios per environment
-  for (int seed = 0; seed < random_models; ++seed) models.push_back(scenes::random_model(static_cast<std::uint64_t>(seed), options));
+  for (std::uint64_t seed = 0; seed < static_cast<std::uint64_t>(random_models); ++seed)
+    models.push_back(scenes::random_model(seed, options));
   return models;
 }
 
@@ -128,7 +128,8 @@ TEST_P(Determinism, a_neighbour_without_numbers_does_not_change_a_bit) {
 // as in the reference's tests); the kernels' sums have some ten terms in each entry of A.
 template <class S>
 void expect_classes_agree(const Plan& plan) {
-  Batch<S> fused(plan, 1, {.threads = 1, .target = Target::avx2}), unfused(plan, 1, {.threads = 1, .target = Target::baseline});
+  Batch<S> fused(plan, 1, {.threads = 1, .target = Target::avx2});
+  Batch<S> unfused(plan, 1, {.threads = 1, .target = Target::baseline});
   const reference::Mechanism mechanism(plan.model());
   const reference::Stage stage(mechanism, plan.settings().dt, mechanism.initial_state(), mechanism.initial_inputs());
   Eigen::MatrixXd k = stage.response;

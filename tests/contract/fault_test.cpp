@@ -1,9 +1,8 @@
 // An environment that fails is flagged, frozen and alone in it. SPDX-License-Identifier: Apache-2.0
-#include "contract.h"
-
 #include <functional>
 #include <limits>
 
+#include "contract.h"
 #include "lockstep/error.h"
 
 namespace lockstep {
@@ -47,8 +46,10 @@ std::vector<Cause<S>> causes(const Plan& plan) {
   }
   const ParameterSet& declared = plan.settings().per_environment;
   if (declared.contains(Parameter::drive_gains)) {  // targets are read for driven joints alone
-    all.push_back({"NaN target", [=](Batch<S>& b, int e) { b.position_targets()(0, e) = no_number; }, Fault::not_finite});
-    all.push_back({"NaN target speed", [=](Batch<S>& b, int e) { b.velocity_targets()(7, e) = no_number; }, Fault::not_finite});
+    all.push_back(
+        {"NaN target", [=](Batch<S>& b, int e) { b.position_targets()(0, e) = no_number; }, Fault::not_finite});
+    all.push_back(
+        {"NaN target speed", [=](Batch<S>& b, int e) { b.velocity_targets()(7, e) = no_number; }, Fault::not_finite});
   }
   for (unsigned p = 0; p < parameter_count; ++p) {
     const Parameter parameter = static_cast<Parameter>(p);
@@ -62,7 +63,8 @@ std::vector<Cause<S>> causes(const Plan& plan) {
   }
   if (declared.contains(Parameter::mass)) {
     const int last = plan.parameter_rows(Parameter::mass) - 1;
-    all.push_back({"negative mass", [=](Batch<S>& b, int e) { b.parameter(Parameter::mass)(last, e) = S(-3000); }, Fault::singular});
+    all.push_back({"negative mass", [=](Batch<S>& b, int e) { b.parameter(Parameter::mass)(last, e) = S(-3000); },
+                   Fault::singular});
   }
   return all;
 }

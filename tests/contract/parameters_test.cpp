@@ -3,7 +3,6 @@
 // Here every declared field differs in every environment, over several steps, and the truth comes from two sides: the
 // reference's step, which shares no arithmetic with the kernels, and a plan compiled anew from the changed model.
 #include "contract.h"
-
 #include "reference/step.h"
 
 namespace lockstep {
@@ -104,12 +103,12 @@ TEST_P(OwnSoftness, of_zero_switches_a_coupling_off) {
     model.couplings[1].softness = Softness::spring(80.0, 2.0);
     model.couplings[2].softness = Softness::frequency(25.0, 0.7);
     if (driven) model.joints[3].drive = {30.0, 1.0, 0.4, 0.0};
-    Batch<double> batch = contract::scattered<double>(
-        compile(model, contract::settings(GetParam(), {Parameter::softness})), 4);
+    Batch<double> batch =
+        contract::scattered<double>(compile(model, contract::settings(GetParam(), {Parameter::softness})), 4);
     auto softness = batch.parameter(Parameter::softness);
-    softness(2, 1) = 7.0;                        // softer
-    softness(2, 2) = softness(3, 2) = 0.0;       // kp = kd = 0
-    softness(4, 3) = 0.0;                        // mu = 0
+    softness(2, 1) = 7.0;                   // softer
+    softness(2, 2) = softness(3, 2) = 0.0;  // kp = kd = 0
+    softness(4, 3) = 0.0;                   // mu = 0
     std::vector<Model> starts;
     for (int e = 0; e < 4; ++e) starts.push_back(contract::model_of(batch, e));
     batch.step(6);
@@ -130,16 +129,17 @@ TEST_P(OwnSoftness, softens_a_hard_coupling_in_some_environments) {
   EXPECT_GT(batch.coupling_errors().col(1).abs().maxCoeff(), batch.coupling_errors().col(0).abs().maxCoeff());
 }
 
-INSTANTIATE_TEST_SUITE_P(method, OwnSoftness, testing::Values(Method::pgs, Method::tgs, Method::direct), physics::method_name);
+INSTANTIATE_TEST_SUITE_P(method, OwnSoftness, testing::Values(Method::pgs, Method::tgs, Method::direct),
+                         physics::method_name);
 
 // The same coupling twice. Whatever ratio an environment gives both, the second follows from the first there.
 TEST(OwnGearRatio, of_a_redundant_pair_leaves_one_of_them_without_impulse) {
   Model model = scenes::chain8();
   model.couplings.push_back(model.couplings[1]);
-  const Plan plan = compile(model, contract::settings(Method::direct, {Parameter::gear_ratio}));
+  const StepSettings settings = contract::settings(Method::direct, {Parameter::gear_ratio});
+  const Plan plan = compile(model, settings);
   ASSERT_EQ(plan.redundant_couplings(), std::vector<int>{4});
-  Batch<double> pair(plan, 3, serial);
-  Batch<double> single(compile(scenes::chain8(), contract::settings(Method::direct, {Parameter::gear_ratio})), 3, serial);
+  Batch<double> pair(plan, 3, serial), single(compile(scenes::chain8(), settings), 3, serial);
   const double ratios[] = {-1.0, -1.3, 0.7};
   for (int e = 0; e < 3; ++e) {
     pair.parameter(Parameter::gear_ratio)(1, e) = ratios[e];

@@ -2,10 +2,9 @@
 //
 // On random trees with links merged into others, links on the fixed base, roots with a pose and models in any order,
 // environments with masses and gravity of their own. Sums of products keep far more than the 1e-10 asked for here.
-#include "contract.h"
-
 #include <functional>
 
+#include "contract.h"
 #include "reference/step.h"
 
 namespace lockstep {
@@ -14,6 +13,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
+using reference::Mechanism;
+using reference::State;
 
 constexpr double close = 1e-10;
 constexpr int environments = 3, seeds = 100;
@@ -23,23 +24,22 @@ void expect_close(const MatrixXd& ours, const MatrixXd& theirs, const char* what
 }
 
 // Calls check(batch, environment, mechanism of that environment, its state) after two steps.
-void for_random_environments(
-    const std::function<void(Batch<double>&, int, const reference::Mechanism&, const reference::State&)>& check) {
+void for_random_environments(const std::function<void(Batch<double>&, int, const Mechanism&, const State&)>& check) {
   for (std::uint64_t seed = 0; seed < seeds && !testing::Test::HasFailure(); ++seed) {
     SCOPED_TRACE(seed);
-    const Plan plan = compile(scenes::random_model(seed),
-                              contract::settings(Method::direct, {Parameter::mass, Parameter::gravity, Parameter::offset}));
+    const ParameterSet fields = {Parameter::mass, Parameter::gravity, Parameter::offset};
+    const Plan plan = compile(scenes::random_model(seed), contract::settings(Method::direct, fields));
     Batch<double> batch = contract::scattered<double>(plan, environments);
     batch.step(2);
     for (int e = 0; e < environments; ++e) {
       SCOPED_TRACE(e);
-      check(batch, e, reference::Mechanism(contract::model_of(batch, e)), physics::state_of(batch, e));
+      check(batch, e, Mechanism(contract::model_of(batch, e)), physics::state_of(batch, e));
     }
   }
 }
 
 TEST(Readback, of_links_is_where_they_are_and_how_they_move) {
-  for_random_environments([](Batch<double>& batch, int e, const reference::Mechanism& mechanism, const reference::State& state) {
+  for_random_environments([](Batch<double>& batch, int e, const Mechanism& mechanism, const State& state) {
     const std::vector<Eigen::Isometry3d> poses = mechanism.link_poses(state);
     for (int link = 0; link < mechanism.links(); ++link) {
       const VectorXd pose = batch.link_poses(link).col(e).matrix();
@@ -54,7 +54,7 @@ TEST(Readback, of_links_is_where_they_are_and_how_they_move) {
 }
 
 TEST(Readback, of_sites_is_where_they_are_and_what_moves_them) {
-  for_random_environments([](Batch<double>& batch, int e, const reference::Mechanism& mechanism, const reference::State& state) {
+  for_random_environments([](Batch<double>& batch, int e, const Mechanism& mechanism, const State& state) {
     for (int site = 0; site < 2; ++site) {
       expect_close(batch.site_positions(site).col(e).matrix(), mechanism.site_position(state, site), "position");
       const VectorXd packed = batch.site_jacobians(site).col(e).matrix();
@@ -66,7 +66,7 @@ TEST(Readback, of_sites_is_where_they_are_and_what_moves_them) {
 }
 
 TEST(Readback, of_energies_and_momenta) {
-  for_random_environments([](Batch<double>& batch, int e, const reference::Mechanism& mechanism, const reference::State& state) {
+  for_random_environments([](Batch<double>& batch, int e, const Mechanism& mechanism, const State& state) {
     EXPECT_NEAR(batch.kinetic_energies()(0, e), mechanism.kinetic_energy(state),
                 close * std::max(1.0, mechanism.kinetic_energy(state)));
     // A fixed root and what is bolted to it lie in the field of gravity as well, but never move.
@@ -77,7 +77,7 @@ TEST(Readback, of_energies_and_momenta) {
 }
 
 TEST(Readback, of_coupling_errors) {
-  for_random_environments([](Batch<double>& batch, int e, const reference::Mechanism& mechanism, const reference::State& state) {
+  for_random_environments([](Batch<double>& batch, int e, const Mechanism& mechanism, const State& state) {
     expect_close(batch.coupling_errors().col(e).matrix(), reference::Couplings(mechanism).error(state.q), "C");
   });
 }
@@ -89,14 +89,15 @@ void displace(Batch<double>& batch, int environment, int velocity, double amount
     batch.positions()(velocity - root, environment) += amount;
     return;
   }
-  reference::State state = physics::state_of(batch, environment);
+  const State state = physics::state_of(batch, environment);
   auto pose = batch.root_poses().col(environment);
   if (velocity >= 3) {
     const Vector3d moved = state.position + state.orientation * Vector3d(amount * Vector3d::Unit(velocity - 3));
     for (int k = 0; k < 3; ++k) pose[k] = moved[k];
     return;
   }
-  const Eigen::Quaterniond turn = state.orientation * Eigen::Quaterniond(Eigen::AngleAxisd(amount, Vector3d::Unit(velocity)));
+  const Eigen::AngleAxisd small(amount, Vector3d::Unit(velocity));
+  const Eigen::Quaterniond turn = state.orientation * small;
   pose[3] = turn.w(), pose[4] = turn.x(), pose[5] = turn.y(), pose[6] = turn.z();
 }
 
@@ -140,7 +141,7 @@ TEST_P(Impulses, are_those_of_the_last_step) {
     const MatrixXd impulses = batch.coupling_impulses().matrix();
     ASSERT_EQ(impulses.rows(), plan.couplings());
     for (int e = 0; e < environments; ++e) {
-      const reference::Mechanism mechanism(before[static_cast<std::size_t>(e)]);
+      const Mechanism mechanism(before[static_cast<std::size_t>(e)]);
       const reference::Step step =
           reference::step(mechanism, plan.settings(), mechanism.initial_state(), mechanism.initial_inputs());
       MatrixXd k = step.stage.response;
@@ -148,7 +149,8 @@ TEST_P(Impulses, are_those_of_the_last_step) {
       const double kappa = physics::condition(step.stage.implicit) * physics::condition(k);
       const double rounding = std::max(close, mechanism.velocities() * physics::epsilon * kappa);
       const double momentum = physics::size(step.stage.implicit) * std::max(1.0, physics::size(step.state.v));
-      EXPECT_LE(physics::distance(impulses.col(e), step.impulses), rounding * std::max(momentum, physics::size(step.impulses)));
+      const double scale = std::max(momentum, physics::size(step.impulses));
+      EXPECT_LE(physics::distance(impulses.col(e), step.impulses), rounding * scale);
       for (int c : plan.redundant_couplings()) EXPECT_EQ(impulses(c, e), 0.0);
     }
   }

@@ -1,4 +1,4 @@
-// The operations with AVX2 and FMA; compiled for them, and called where the machine has them. SPDX-License-Identifier: Apache-2.0
+// Wide numbers with AVX2 and FMA, for machines that have them. SPDX-License-Identifier: Apache-2.0
 #include "unit/simd_operations.h"
 
 namespace lockstep::simd_test {

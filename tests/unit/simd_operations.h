@@ -1,6 +1,7 @@
-// Wide numbers behind plain functions, so that a test need not be compiled for their instruction set. SPDX-License-Identifier: Apache-2.0
+// Wide numbers behind plain functions. SPDX-License-Identifier: Apache-2.0
 //
-// Knows no standard library: what an AVX2 file shares with others, the linker might take from it.
+// So a test need not be compiled for the instruction set that it calls. Knows no standard library: of what an AVX2
+// file shares with others, the linker might take the copy that not every machine can run.
 #pragma once
 
 #include "simd/sincos.h"
@@ -70,8 +71,18 @@ struct Wrapped {
 template <class S, int W, class Arithmetic>
 constexpr Operations<S> operations(const char* name) {
   using Own = Wrapped<simd::Wide<S, W, Arithmetic>>;
-  return {name,           W,                   Arithmetic::fused, Own::sincos_of,   Own::fma_of,  Own::fnma_of, Own::arithmetic_of,
-          Own::sqrt_of, Own::select_less_of, Own::beyond_of,    Own::any_less_of, Own::masks_of};
+  return {name,
+          W,
+          Arithmetic::fused,
+          Own::sincos_of,
+          Own::fma_of,
+          Own::fnma_of,
+          Own::arithmetic_of,
+          Own::sqrt_of,
+          Own::select_less_of,
+          Own::beyond_of,
+          Own::any_less_of,
+          Own::masks_of};
 }
 
 }  // namespace lockstep::simd_test

@@ -41,7 +41,7 @@ void for_every_wide_type(Check check) {
   constexpr auto scalar_f64 = simd_test::operations<double, 1, simd::Unfused>("baseline_scalar");
   const auto each = [&](const auto&... operations) {
     const auto one = [&](const auto& own) {
-      SCOPED_TRACE(std::string(own.name) + (sizeof(own) && own.lanes > 1 ? ", wide" : ""));
+      SCOPED_TRACE(std::string(own.name) + (own.lanes > 1 ? ", wide" : ""));
       check(own);
     };
     (one(operations), ...);
@@ -156,7 +156,8 @@ TEST(Wide, works_lane_by_lane) {
     const std::size_t lanes = static_cast<std::size_t>(own.lanes);
     for (int shift = 0; shift < 3; ++shift) {
       Numbers<S> a, b, arithmetic, root, selected;
-      for (std::size_t i = 0; i < most_lanes; ++i) a[i] = S(1.5) + S(i + 1), b[i] = S(0.75) * S((i + shift) % 5) - S(1.6);
+      for (std::size_t i = 0; i < most_lanes; ++i)
+        a[i] = S(1.5) + S(i + 1), b[i] = S(0.75) * S((i + shift) % 5) - S(1.6);
       own.arithmetic(a.data(), b.data(), arithmetic.data());
       own.sqrt(a.data(), root.data());
       own.select_less(b.data(), all(S(0)).data(), a.data(), b.data(), selected.data());
