@@ -77,7 +77,7 @@ class Changes {
   // The second number of a hard coupling is its cfm.
   void soften(int row, Coupling& coupling) {
     if (!declared(Parameter::softness) || uniform(0.0, 1.0) < 0.5) return;
-    coupling.softness.second = uniform(0.01, 1.0);
+    coupling.softness = Softness::mixing(coupling.softness.first, uniform(0.01, 1.0));  // hard and with a cfm
     batch_.parameter(Parameter::softness)(2 * row + 1, changed) = coupling.softness.second;
   }
 
