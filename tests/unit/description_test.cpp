@@ -8,13 +8,6 @@
 namespace lockstep {
 namespace {
 
-StepSettings with(Method method, ParameterSet per_environment = {}) {
-  StepSettings settings;
-  settings.method = method;
-  settings.per_environment = per_environment;
-  return settings;
-}
-
 // ---------------------------------------------------------------- describe()
 
 void expect_said(const Plan& plan, std::initializer_list<const char*> parts) {
@@ -34,10 +27,11 @@ TEST(Description, names_the_method_its_reason_and_what_it_costs) {
   expect_said(plan, {(std::to_string(plan.flops_per_step()) + " flops").c_str(),
                      (std::to_string(plan.bytes_per_step(4)) + " bytes").c_str(),
                      (std::to_string(plan.bytes_per_step(8)) + " in f64").c_str()});
-  expect_said(compile(scenes::gripper13(), with(Method::tgs)),
+  expect_said(compile(scenes::gripper13(), {.method = Method::tgs}),
               {"Method: tgs (as asked for)", "5 rows, 4 sub-steps of one sweep, then 1 velocity iteration"});
-  expect_said(compile(scenes::gripper13(), with(Method::pgs)), {"Method: pgs (as asked for)", "5 rows, 4 sweeps"});
-  expect_said(compile(scenes::chain8(), with(Method::automatic, {Parameter::softness})),
+  expect_said(compile(scenes::gripper13(), {.method = Method::pgs}),
+              {"Method: pgs (as asked for)", "5 rows, 4 sweeps"});
+  expect_said(compile(scenes::chain8(), {.per_environment = {Parameter::softness}}),
               {"Method: direct (the softness differs per environment", "4 rows are solved together"});
 }
 
@@ -58,7 +52,8 @@ TEST(Description, lists_what_was_left_out) {
   const Plan bare = compile(scenes::chain8());
   expect_said(bare, {"Left out, as the scene has none:", "solver rows", "drives", "armature",
                      "gear_ratio per environment", "link_wrench per environment"});
-  const Plan full = compile(scenes::gripper13(), with(Method::direct, {Parameter::gear_ratio, Parameter::link_wrench}));
+  const Plan full = compile(scenes::gripper13(), {.method = Method::direct,
+                                                  .per_environment = {Parameter::gear_ratio, Parameter::link_wrench}});
   expect_unsaid(full, {"solver rows", "drives,", "gear_ratio per environment", "link_wrench per environment"});
   expect_said(full, {"damping", "armature", "mass per environment"});
 }
@@ -95,18 +90,19 @@ TEST(Flops, of_a_feature_that_a_scene_has_not_are_not_spent) {
   for (Method method : {Method::pgs, Method::tgs, Method::direct}) {
     Model coupled = bare;
     coupled.couplings = {scenes::chain8().couplings[0]};
-    const long one = costs(coupled, with(method));
+    const long one = costs(coupled, {.method = method});
     if (method != Method::tgs) {  // which shares out the free motion over its sub-steps, couplings or not
-      EXPECT_EQ(costs(bare, with(method)), none) << name(method) << " without couplings";
+      EXPECT_EQ(costs(bare, {.method = method}), none) << name(method) << " without couplings";
     }
     EXPECT_GT(one, none);
-    EXPECT_GT(costs(scenes::chain8(), with(method)), one);
+    EXPECT_GT(costs(scenes::chain8(), {.method = method}), one);
   }
   for (Parameter parameter :
        {Parameter::drive_gains, Parameter::damping, Parameter::mass, Parameter::gravity, Parameter::link_wrench})
-    EXPECT_GT(costs(bare, with(Method::automatic, {parameter})), none) << name(parameter);
+    EXPECT_GT(costs(bare, {.per_environment = {parameter}}), none) << name(parameter);
   for (Parameter parameter : {Parameter::gear_ratio, Parameter::offset, Parameter::softness})
-    EXPECT_EQ(costs(bare, with(Method::direct, {parameter})), none) << name(parameter) << " of no couplings";
+    EXPECT_EQ(costs(bare, {.method = Method::direct, .per_environment = {parameter}}), none)
+        << name(parameter) << " of no couplings";
   Model limited = bare;
   limited.joints[0].lower = -1.0, limited.joints[0].friction = 0.5;
   EXPECT_EQ(costs(limited), none) << "what is not enforced costs nothing";
@@ -114,7 +110,7 @@ TEST(Flops, of_a_feature_that_a_scene_has_not_are_not_spent) {
 
 TEST(Flops, of_sweeps_grow_by_the_sweep) {
   const auto costs = [](Method method, int iterations, int velocity_iterations) {
-    StepSettings settings = with(method);
+    StepSettings settings = {.method = method};
     settings.iterations = iterations, settings.velocity_iterations = velocity_iterations;
     return compile(scenes::gripper13(), settings).flops_per_step();
   };
@@ -135,7 +131,7 @@ TEST(Bytes, are_those_of_the_state_the_inputs_and_the_fault) {
   const Plan plan = compile(scenes::gripper13());
   EXPECT_EQ(plan.bytes_per_step(4), 4 * numbers + static_cast<long>(sizeof(Fault)));
   EXPECT_EQ(plan.bytes_per_step(8), 8 * numbers + static_cast<long>(sizeof(Fault)));
-  const Plan fields = compile(scenes::gripper13(), with(Method::automatic, {Parameter::damping, Parameter::gravity}));
+  const Plan fields = compile(scenes::gripper13(), {.per_environment = {Parameter::damping, Parameter::gravity}});
   EXPECT_EQ(fields.bytes_per_step(4), plan.bytes_per_step(4) + 4 * (13 + 3));
 }
 

@@ -15,13 +15,6 @@ namespace {
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-StepSettings with(Method method, ParameterSet per_environment = {}) {
-  StepSettings settings;
-  settings.method = method;
-  settings.per_environment = per_environment;
-  return settings;
-}
-
 // ---------------------------------------------------------------- settings
 
 struct Rule {
@@ -61,7 +54,8 @@ INSTANTIATE_TEST_SUITE_P(
         Rule{"nan_position_bound", [](StepSettings& s) { s.position_bound = nan; }, "position_bound"},
         Rule{"infinite_velocity_bound", [](StepSettings& s) { s.velocity_bound = infinity; }, "velocity_bound"},
         Rule{"negative_velocity_bound", [](StepSettings& s) { s.velocity_bound = -1.0; }, "velocity_bound"},
-        Rule{"reduced_with_own_softness", [](StepSettings& s) { s = with(Method::reduced, {Parameter::softness}); },
+        Rule{"reduced_with_own_softness",
+             [](StepSettings& s) { s = {.method = Method::reduced, .per_environment = {Parameter::softness}}; },
              "method"}),
     [](const auto& rule) { return std::string(rule.param.name); });
 
@@ -78,17 +72,18 @@ TEST(Settings, at_their_limits_are_accepted) {
 TEST(Settings, tgs_refuses_to_share_out_an_erp_above_1) {
   Model model = scenes::chain8();
   model.couplings[2].softness = Softness::hard(1.5);
-  StepSettings settings = with(Method::tgs);
+  StepSettings settings = {.method = Method::tgs};
   EXPECT_THROW(compile(model, settings), SettingsError);
   settings.iterations = 1;
   EXPECT_NO_THROW(compile(model, settings));
-  EXPECT_NO_THROW(compile(model, with(Method::pgs)));
+  EXPECT_NO_THROW(compile(model, {.method = Method::pgs}));
 }
 
 TEST(Settings, reduced_refuses_own_gear_ratios_where_couplings_are_redundant) {
-  EXPECT_THROW(compile(scenes::redundant(), with(Method::reduced, {Parameter::gear_ratio})), SettingsError);
-  EXPECT_NO_THROW(compile(scenes::chain8(), with(Method::reduced, {Parameter::gear_ratio})));
-  EXPECT_NO_THROW(compile(scenes::redundant(), with(Method::reduced)));
+  EXPECT_THROW(compile(scenes::redundant(), {.method = Method::reduced, .per_environment = {Parameter::gear_ratio}}),
+               SettingsError);
+  EXPECT_NO_THROW(compile(scenes::chain8(), {.method = Method::reduced, .per_environment = {Parameter::gear_ratio}}));
+  EXPECT_NO_THROW(compile(scenes::redundant(), {.method = Method::reduced}));
 }
 
 TEST(compile, refuses_impossible_models) {
@@ -104,7 +99,7 @@ TEST(Couplings, that_contradict_each_other_are_named) {
   model.couplings[2].offset = 0.25;
   for (Method method : {Method::pgs, Method::tgs, Method::direct, Method::reduced}) {
     try {
-      compile(model, with(method));
+      compile(model, {.method = method});
       FAIL() << name(method);
     } catch (const ModelError& error) {
       const std::vector<std::string> names = coupling_names(model);
@@ -129,16 +124,16 @@ TEST(Couplings, that_follow_from_others_are_listed) {
 }
 
 TEST(Plan, says_which_dofs_were_eliminated) {
-  const Plan chain = compile(scenes::chain8(), with(Method::reduced));
+  const Plan chain = compile(scenes::chain8(), {.method = Method::reduced});
   EXPECT_EQ(chain.eliminated_dofs(), (std::vector<int>{0, 1, 4, 5}));
   EXPECT_EQ(compile(scenes::gripper13()).eliminated_dofs(), (std::vector<int>{8, 9, 10, 11, 12}));
-  EXPECT_TRUE(compile(scenes::chain8(), with(Method::direct)).eliminated_dofs().empty());
+  EXPECT_TRUE(compile(scenes::chain8(), {.method = Method::direct}).eliminated_dofs().empty());
 }
 
 TEST(Plan, chooses_reduced_where_it_applies_and_direct_elsewhere) {
   EXPECT_EQ(compile(scenes::chain8()).method(), Method::reduced);
-  EXPECT_EQ(compile(scenes::chain8(), with(Method::automatic, {Parameter::softness})).method(), Method::direct);
-  EXPECT_EQ(compile(scenes::redundant(), with(Method::automatic, {Parameter::gear_ratio})).method(), Method::direct);
+  EXPECT_EQ(compile(scenes::chain8(), {.per_environment = {Parameter::softness}}).method(), Method::direct);
+  EXPECT_EQ(compile(scenes::redundant(), {.per_environment = {Parameter::gear_ratio}}).method(), Method::direct);
   Model model = scenes::chain8();
   for (Coupling& coupling : model.couplings) coupling.softness = Softness::frequency(10.0, 1.0);
   EXPECT_EQ(compile(model).method(), Method::direct);
@@ -147,7 +142,7 @@ TEST(Plan, chooses_reduced_where_it_applies_and_direct_elsewhere) {
   model.couplings.clear();
   EXPECT_EQ(compile(model).method(), Method::reduced);
   for (Method method : {Method::pgs, Method::tgs, Method::direct})
-    EXPECT_EQ(compile(model, with(method)).method(), method);
+    EXPECT_EQ(compile(model, {.method = method}).method(), method);
 }
 
 TEST(Plan, looks_names_up_and_refuses_unknown_ones) {
