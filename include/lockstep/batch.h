@@ -6,6 +6,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "lockstep/plan.h"
@@ -55,9 +56,12 @@ struct BatchOptions {
 /// The same bits result for any number of threads, batch size and place in the batch.
 template <class S>
 class Batch {
+  static_assert(std::is_same_v<S, float> || std::is_same_v<S, double>, "a Batch holds float or double");
+
  public:
   using Scalar = S;
-  using Array = Eigen::Array<S, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  /// Plain malloc and free, so that library and application may be compiled with other -m flags.
+  using Array = Eigen::Array<S, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor | Eigen::DontAlign>;
   using View = Eigen::Map<Array, Eigen::Unaligned, Eigen::OuterStride<>>;
   using ConstView = Eigen::Map<const Array, Eigen::Unaligned, Eigen::OuterStride<>>;
 

@@ -15,6 +15,11 @@ namespace lockstep {
 
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
+// Without Eigen's alignment, which depends on the compiler's -m flags: a Model looks the same to an application
+// compiled for AVX and to a library that was not.
+using Pose = Eigen::Transform<double, 3, Eigen::Isometry, Eigen::DontAlign>;
+using Twist = Eigen::Matrix<double, 6, 1, Eigen::DontAlign>;
+
 /// Mass and its distribution, in the axes of the link's own frame.
 struct Inertia {
   double mass = 0.0;                                             ///< kg
@@ -37,7 +42,7 @@ enum class JointKind {
   prismatic,   ///< slides along the axis, m
 };
 
-/// A position-velocity servo, integrated implicitly (docs/mathematics.md, section 3):
+/// A position-velocity servo, integrated implicitly, (M13) of docs/mathematics.md:
 /// effort = kp (target - q) + kd (target velocity - v).
 struct Drive {
   double kp = 0.0;               ///< N m/rad or N/m, >= 0
@@ -51,7 +56,7 @@ struct Joint {
   JointKind kind = JointKind::fixed;
   std::string parent;                                            ///< link that carries the joint
   std::string child;                                             ///< link that it moves
-  Eigen::Isometry3d origin = Eigen::Isometry3d::Identity();      ///< child frame in the parent's at q = 0
+  Pose origin = Pose::Identity();                                ///< child frame in the parent's at q = 0
   Eigen::Vector3d axis = Eigen::Vector3d::UnitX();               ///< in the child frame; any length > 0
 
   double damping = 0.0;   ///< N m s/rad or N s/m, >= 0
@@ -96,7 +101,7 @@ struct Coupling {
 struct Site {
   std::string name;
   std::string link;
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  ///< in the link frame
+  Pose pose = Pose::Identity();  ///< in the link frame
 };
 
 /// The first link is the root: bolted to the world, or floating in it.
@@ -108,8 +113,8 @@ struct Site {
 ///   (rad/s), then the velocity of the frame's origin (m/s), as in Featherstone (2008), section 2.
 struct Root {
   bool floating = false;
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  Eigen::Matrix<double, 6, 1> velocity = Eigen::Matrix<double, 6, 1>::Zero();
+  Pose pose = Pose::Identity();
+  Twist velocity = Twist::Zero();
 };
 
 struct Model {

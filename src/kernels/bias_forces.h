@@ -1,7 +1,7 @@
 // Bias forces c(q, v): Newton-Euler without joint accelerations. SPDX-License-Identifier: Apache-2.0
 //
 // In the links' own frames, with the angular acceleration tensor of Balafoutis and Patel (1991):
-// docs/mathematics.md, section 2. One pass outwards for motion, one inwards for forces.
+// (M5) to (M9). One pass outwards for motion, one inwards for forces.
 #pragma once
 
 #include "frame.h"
@@ -9,7 +9,7 @@
 
 namespace lockstep::kernels {
 
-/// Omega = [alpha]x + [omega]x [omega]x: acceleration of a point p of the body is a + Omega p.
+/// (M5) Omega = [alpha]x + [omega]x [omega]x: acceleration of a point p of the body is a + Omega p.
 template <class T>
 LOCKSTEP_INLINE Mat3<T> acceleration_tensor(const Vec3<T>& w, const Vec3<T>& alpha) {
   const T xx = w[0] * w[0], yy = w[1] * w[1], zz = w[2] * w[2];
@@ -19,12 +19,12 @@ LOCKSTEP_INLINE Mat3<T> acceleration_tensor(const Vec3<T>& w, const Vec3<T>& alp
            xz - alpha[1], yz + alpha[0], -(xx + yy)}};
 }
 
-/// Force and moment about the origin that the motion of the mass takes: F = m a + Omega h,
+/// (M7) Force and moment about the origin that the motion of the mass takes: F = m a + Omega h,
 /// N = h x a + the axial part of Omega Sigma.
 template <class T>
 LOCKSTEP_INLINE void inertial_forces(const PseudoInertia<T>& body, const Mat3<T>& tensor, const Vec3<T>& a,
                                      Vec3<T>& force, Vec3<T>& moment) {
-  force = multiply_add(tensor, body.moment, {{body.mass * a[0], body.mass * a[1], body.mass * a[2]}});
+  force = multiply_add(tensor, body.moment, {body.mass * a[0], body.mass * a[1], body.mass * a[2]});
   Vec3<T> axial;
   for (int k = 0; k < 3; ++k) {
     const int i = (k + 1) % 3, j = (k + 2) % 3;
@@ -51,13 +51,13 @@ LOCKSTEP_INLINE Vec3<T> gravity_at_root(const Tables<ScalarOf<T>>& t, const Lane
 template <class T>
 void bias_forces(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   const Vec3<T> g = gravity_at_root(t, lanes, x);
-  const Vec3<T> upwards = {{-g[0], -g[1], -g[2]}};
+  const Vec3<T> upwards = {-g[0], -g[1], -g[2]};
 
-  // Outwards: gravity is an acceleration of the root against it.
+  // Outwards (M6): gravity is an acceleration of the root against it.
   for (int b = 0; b < t.bodies; ++b) {
     const Body<ScalarOf<T>>& body = t.body[b];
     if (body.root) {
-      const Vec3<T> w = {{x.v[0], x.v[1], x.v[2]}}, v = {{x.v[3], x.v[4], x.v[5]}};
+      const Vec3<T> w = {x.v[0], x.v[1], x.v[2]}, v = {x.v[3], x.v[4], x.v[5]};
       x.angular[b] = w;
       x.alpha[b] = Vec3<T>::zero();
       x.tensor[b] = acceleration_tensor(w, x.alpha[b]);
@@ -98,7 +98,7 @@ void bias_forces(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, 
 
   if (declared<T>(t, 7)) subtract_link_wrenches(t, lanes, x);
 
-  // Inwards: what a joint carries beyond its own axis goes to its parent.
+  // Inwards (M9): what a joint carries beyond its own axis goes to its parent.
   for (int b = t.bodies - 1; b >= 0; --b) {
     const Body<ScalarOf<T>>& body = t.body[b];
     const Vec3<T> force = x.force[b], moment = x.moment[b];

@@ -1,23 +1,21 @@
 // All rows at once: (K + cfm) L = -(J v* + b) by L^T D L. SPDX-License-Identifier: Apache-2.0
 //
-// docs/mathematics.md, section 7. Exact for chains and stars of couplings, where sweeps converge slowly or not at all.
+// (M34). Exact for chains and stars of couplings, where sweeps converge slowly or not at all.
 #pragma once
 
 #include "row_terms.h"
 
 namespace lockstep::kernels {
 
-/// Pivots below this share of their row's own response are rounding: such a row repeats others and takes no impulse.
-template <class S>
-struct RankTolerance;
-template <>
-struct RankTolerance<float> {
-  static constexpr float value = 4e-6f;
-};
-template <>
-struct RankTolerance<double> {
-  static constexpr double value = 1e-12;
-};
+/// A pivot below this share of its row's own response is rounding: the row repeats others and takes no impulse.
+/// Rows that repeat others in every environment are gone since compiling, so only scenes whose gear ratios or
+/// softness differ have to look closely; the others would lose steep gears to it.
+template <class T>
+LOCKSTEP_INLINE T rank_tolerance(const Tables<ScalarOf<T>>& t) {
+  const bool rank_may_differ = declared<T>(t, 0) || declared<T>(t, 2);
+  const ScalarOf<T> rounding = sizeof(ScalarOf<T>) == 4 ? ScalarOf<T>(1.2e-7) : ScalarOf<T>(2.3e-16);
+  return T(rank_may_differ ? 32 * rounding : rounding);
+}
 
 template <class T>
 LOCKSTEP_INLINE void solve_rows(const Rows<ScalarOf<T>>& rows, const Tile<T>& x, T* impulse) {
@@ -34,7 +32,7 @@ void direct(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     x.position_impulse[r] = -(x.row_speed[r] + x.row_bias[r]);
     x.velocity_impulse[r] = -(x.row_speed_closed[r] + closing_bias(x, r));
   }
-  factor(rows.columns, x.coupled, x.row_inverse, T(RankTolerance<ScalarOf<T>>::value));
+  factor(rows.columns, x.coupled, x.row_inverse, rank_tolerance<T>(t), x.scratch);
   solve_rows(rows, x, x.position_impulse);
   if (t.solve_twice) solve_rows(rows, x, x.velocity_impulse);
 }

@@ -1,51 +1,18 @@
 // The followers of hard couplings eliminated: v = S z + w, A_r = S^T A S. SPDX-License-Identifier: Apache-2.0
 //
-// docs/mathematics.md, section 8. Only scenes whose plan says `reduced` and that have hard couplings come here.
+// (M35) and (M36). Only scenes whose plan says `reduced` and that have hard couplings come here.
 #pragma once
 
-#include "coupling_error.h"
 #include "ldlt.h"
 
 namespace lockstep::kernels {
-
-/// S from this tile's own gear ratios, by the elimination that the plan recorded.
-template <class T>
-void follow_gear_ratios(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-  const Reduction<ScalarOf<T>>& r = t.reduction;
-  for (int i = 0; i < r.fills.count; ++i)
-    x.forms[r.fills[i].entry] =
-        r.fills[i].gear < 0 ? T(r.fills[i].value) : T::load(lanes.field[0] + r.fills[i].gear * lanes.stride);
-  for (int e = 0; e < r.eliminations.count; ++e) {
-    const auto& step = r.eliminations[e];
-    const T factor = x.forms[step.factor] / x.forms[step.pivot];
-    for (int u = step.first; u < step.last; ++u)
-      x.forms[r.updates[u].target] = fnma(factor, x.forms[r.updates[u].source], x.forms[r.updates[u].target]);
-  }
-  for (int f = 0; f < r.followers; ++f) {
-    const T inverse = T(1) / x.forms[r.pivot[f]];
-    for (int s = r.start[f]; s < r.start[f + 1]; ++s) x.shares[s] = -(x.forms[r.value_entry[s]] * inverse);
-    for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s)
-      x.inverse_forms[s] = x.forms[r.inverse_entry[s]] * inverse;
-  }
-}
-
-/// Entry s of S: the same for all environments, or the lanes' own.
-template <class T>
-LOCKSTEP_INLINE T share(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int s) {
-  return declared<T>(t, 0) ? x.shares[s] : T(t.reduction.value[s]);
-}
-
-template <class T>
-LOCKSTEP_INLINE T inverse_form(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int s) {
-  return declared<T>(t, 0) ? x.inverse_forms[s] : T(t.reduction.inverse_value[s]);
-}
 
 /// Sum of S's row of follower f over the solver's velocities z.
 template <class T>
 LOCKSTEP_INLINE T followed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int f, const T* z) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   T sum = T(0);
-  for (int s = r.start[f]; s < r.start[f + 1]; ++s) sum = fma(share(t, x, s), z[r.column[s]], sum);
+  for (int s = r.start[f]; s < r.start[f + 1]; ++s) sum = fma(x.share[s], z[r.column[s]], sum);
   return sum;
 }
 
@@ -57,61 +24,76 @@ void collect(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* b, T* y) {
   for (int z = 0; z < t.solver.n; ++z) y[z] = b[r.independent[z]];
   for (int f = 0; f < r.followers; ++f)
     for (int s = r.start[f]; s < r.start[f + 1]; ++s)
-      y[r.column[s]] = fma(share(t, x, s), b[root + r.follower[f]], y[r.column[s]]);
+      y[r.column[s]] = fma(x.share[s], b[root + r.follower[f]], y[r.column[s]]);
 }
 
-/// y += A w, for a w that is zero but for the followers.
+/// y += A d and z = y - A w, for d and w that are zero but for the followers.
 template <class T>
-void add_follower_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* w, T* y) {
+void add_follower_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* d, const T* w, T* y, T* z) {
   const Columns& columns = t.matrix;
   const int root = t.velocities - t.joints;
+  for (int i = 0; i < t.velocities; ++i) z[i] = y[i];
+  const auto add = [&](int i, T entry, T own_d, T own_w) {
+    y[i] = fma(entry, own_d, y[i]);
+    z[i] = fma(entry, own_d - own_w, z[i]);
+  };
   for (int f = 0; f < t.reduction.followers; ++f) {
     const int i = root + t.reduction.follower[f];
+    const T own_d = d[f], own_w = w[f];
     const T* own = x.matrix + columns.offset[i];
-    for (int k = 0; k < columns.size[i]; ++k) y[i + k] = fma(own[k], w[f], y[i + k]);
-    for (int j = columns.parent[i]; j >= 0; j = columns.parent[j])
-      y[j] = fma(x.matrix[columns.offset[j] + i - j], w[f], y[j]);
+    for (int k = 0; k < columns.size[i]; ++k) add(i + k, own[k], own_d, own_w);
+    for (int j = columns.parent[i]; j >= 0; j = columns.parent[j]) add(j, x.matrix[columns.offset[j] + i - j], own_d, own_w);
+  }
+}
+
+/// A_r = S^T A S of (M36), as the sums of products that the plan listed.
+template <class T>
+void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  const int* source = r.product_source.data;
+  const int* first = r.product_start.data;
+  if (!declared<T>(t, 0)) {
+    const ScalarOf<T>* value = r.product_value.data;
+    for (int e = 0; e < t.solver.entries; ++e) {
+      T sum = T(0);
+      for (int p = first[e], last = first[e + 1]; p < last; ++p) sum = fma(T(value[p]), x.matrix[source[p]], sum);
+      x.reduced[e] = sum;
+    }
+    return;
+  }
+  for (int e = 0; e < t.solver.entries; ++e) {
+    T sum = T(0);
+    for (int p = first[e], last = first[e + 1]; p < last; ++p) {
+      const int left = r.product_left[p], right = r.product_right[p];
+      const T product = left < 0 ? x.matrix[source[p]] : x.share[left] * x.matrix[source[p]];
+      sum = right < 0 ? sum + product : fma(x.share[right], product, sum);
+    }
+    x.reduced[e] = sum;
   }
 }
 
 /// A_r and the reduced forces: what a step starts from, what errors its followers have.
 template <class T>
-void eliminate(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+void eliminate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   const int root = t.velocities - t.joints;
-  if (declared<T>(t, 0)) follow_gear_ratios(t, lanes, x);
-
-  for (int e = 0; e < t.solver.entries; ++e) {
-    T sum = T(0);
-    for (int p = r.product_start[e]; p < r.product_start[e + 1]; ++p) {
-      T factor = T(r.product_value[p]);
-      if (declared<T>(t, 0)) {
-        factor = r.product_left[p] < 0 ? T(1) : x.shares[r.product_left[p]];
-        if (r.product_right[p] >= 0) factor *= x.shares[r.product_right[p]];
-      }
-      sum = fma(factor, x.matrix[r.product_source[p]], sum);
-    }
-    x.reduced[e] = sum;
-  }
-
+  reduce_matrix(t, x);
   for (int z = 0; z < t.solver.n; ++z) x.start[z] = x.v[r.independent[z]];
   for (int f = 0; f < r.followers; ++f) {
     T correction = T(0);
     for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s) {
       const int c = r.inverse_coupling[s];
-      correction = fnma(inverse_form(t, x, s) * T(r.rate[c]), x.coupling_error[c], correction);
+      correction = fnma(x.inverse_form[s] * T(r.rate[c]), x.coupling_error[c], correction);
     }
     x.correction[f] = correction;
     x.mismatch[f] = x.v[root + r.follower[f]] - followed(t, x, f, x.start);
   }
 
-  // S^T (dt forces + A (mismatch - correction)); the velocity phase does without the correction.
+  // S^T (dt forces + A mismatch) for velocities; positions are to be corrected as well.
   for (int i = 0; i < t.velocities; ++i) x.product[i] = x.drive[i];
-  add_follower_momentum(t, x, x.mismatch, x.product);
+  add_follower_momentum(t, x, x.mismatch, x.correction, x.product, x.corrected_product);
   if (t.solve_twice) collect(t, x, x.product, x.free_velocity);
-  for (int f = 0; f < r.followers; ++f) x.mismatch[f] = -x.correction[f];
-  add_follower_momentum(t, x, x.mismatch, x.product);
-  collect(t, x, x.product, x.free_position);
+  collect(t, x, x.corrected_product, x.free_position);
 }
 
 }  // namespace lockstep::kernels

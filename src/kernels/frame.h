@@ -25,14 +25,13 @@ LOCKSTEP_INLINE void with_joint(const Body<S>& body, Act&& act) {
   }
 }
 
-/// Parent coordinates to body coordinates: E p.
+/// Parent coordinates to body coordinates: E p of (M3).
 template <class J, class T>
 LOCKSTEP_INLINE Vec3<T> to_body(J, const Body<ScalarOf<T>>& body, T s, T c, Vec3<T> p) {
   if (body.rotated) {
     const ScalarOf<T>* r = body.rotation;
-    Vec3<T> turned;
-    for (int a = 0; a < 3; ++a) turned[a] = fma(T(r[3 * a]), p[0], fma(T(r[3 * a + 1]), p[1], T(r[3 * a + 2]) * p[2]));
-    p = turned;
+    const auto row = [&](int a) { return fma(T(r[3 * a]), p.x, fma(T(r[3 * a + 1]), p.y, T(r[3 * a + 2]) * p.z)); };
+    p = {row(0), row(1), row(2)};
   }
   if constexpr (!J::prismatic) {
     const T pi = p[J::i], pj = p[J::j];
@@ -52,14 +51,13 @@ LOCKSTEP_INLINE Vec3<T> to_parent(J, const Body<ScalarOf<T>>& body, T s, T c, Ve
   }
   if (body.rotated) {
     const ScalarOf<T>* r = body.rotation;
-    Vec3<T> turned;
-    for (int a = 0; a < 3; ++a) turned[a] = fma(T(r[a]), p[0], fma(T(r[3 + a]), p[1], T(r[6 + a]) * p[2]));
-    p = turned;
+    const auto row = [&](int a) { return fma(T(r[a]), p.x, fma(T(r[3 + a]), p.y, T(r[6 + a]) * p.z)); };
+    p = {row(0), row(1), row(2)};
   }
   return p;
 }
 
-/// Origin of the body in its parent's frame.
+/// Origin of the body in its parent's frame: r of (M3).
 template <class J, class T>
 LOCKSTEP_INLINE Vec3<T> origin(J, const Body<ScalarOf<T>>& body, T q) {
   Vec3<T> r = Vec3<T>::constant(body.offset);

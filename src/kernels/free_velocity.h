@@ -5,7 +5,7 @@
 
 namespace lockstep::kernels {
 
-/// D^-1 L^-T b, in place.
+/// D^-1 L^-T b of (M18), in place.
 template <class T>
 void half_solve(const Columns& columns, const T* factored, const T* inverse, T* b) {
   solve_upwards(columns, factored, b);
@@ -17,7 +17,7 @@ void half_solve(const Columns& columns, const T* factored, const T* inverse, T* 
 template <class T>
 void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Columns& columns = t.solver;
-  x.singular = factor(columns, x.reduced, x.inverse, T(0));
+  x.singular = factor(columns, x.reduced, x.inverse, T(0), x.scratch);
   if (t.reduction.followers == 0)
     for (int z = 0; z < columns.n; ++z) {
       x.start[z] = x.v[z];

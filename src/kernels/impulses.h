@@ -5,10 +5,10 @@
 
 namespace lockstep::kernels {
 
-/// Swept and solved rows have theirs at hand. An eliminated coupling's is what its followers' momentum lacks:
+/// Swept and solved rows have theirs at hand. An eliminated coupling's (M39) is what its followers' momentum lacks:
 /// J_F^T L = (A (v' - v) - dt forces - other rows' J^T L) on the followers.
 template <class T>
-void couplings_impulses(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+void coupling_impulses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const Reduction<ScalarOf<T>>& r = t.reduction;
   const int root = t.velocities - t.joints;
@@ -22,7 +22,7 @@ void couplings_impulses(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& 
     const int c = rows.coupling[i];
     for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) {
       T& sum = x.product[root + t.term_joint[k]];
-      sum = fnma(coefficient<T>(t, lanes, k), solved[i], sum);
+      sum = fnma(x.coefficient[k], solved[i], sum);
     }
   }
   const Columns& columns = t.matrix;
@@ -35,7 +35,7 @@ void couplings_impulses(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& 
       lacking = fma(x.matrix[columns.offset[j] + i - j], x.next_v[j] - x.v[j], lacking);
     for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s) {
       T& sum = x.impulse[r.inverse_coupling[s]];
-      sum = fma(inverse_form(t, x, s), lacking, sum);
+      sum = fma(x.inverse_form[s], lacking, sum);
     }
   }
 }

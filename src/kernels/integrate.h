@@ -1,4 +1,4 @@
-// Positions and velocities after the step, by semi-implicit Euler. SPDX-License-Identifier: Apache-2.0
+// Positions and velocities after the step, by semi-implicit Euler (M40). SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "../simd/sincos.h"
@@ -6,16 +6,15 @@
 
 namespace lockstep::kernels {
 
-/// v = start + L^-1 (share y + D^-1 X impulse), over the solver's velocities.
+/// (M21) v = start + L^-1 (share y + D^-1 X impulse), over the solver's velocities.
 template <class T>
 void solved_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* free, T share, const T* impulse, T* v) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   for (int z = 0; z < t.solver.n; ++z) v[z] = free[z] * share;
   for (int r = 0; r < rows.count; ++r)
-    for (int s = rows.support_start[r]; s < rows.support_start[r + 1]; ++s) {
-      const int z = rows.support[s].index;
-      v[z] = fma(x.scaled[r * t.solver.n + z], impulse[r], v[z]);
-    }
+    for (int i = rows.run_start[r]; i < rows.run_start[r + 1]; ++i)
+      for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z)
+        v[z] = fma(x.scaled[r * t.solver.n + z], impulse[r], v[z]);
   solve_downwards(t.solver, x.reduced, v);
   for (int z = 0; z < t.solver.n; ++z) v[z] += x.start[z];
 }
@@ -36,13 +35,13 @@ void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, bool cor
   }
 }
 
-/// The root's pose after turning and moving with its twist for dt: q <- q exp(dt w / 2), p <- p + dt R v.
+/// The root's pose after turning and moving with its twist for dt: q <- q exp(dt w / 2), p <- p + dt R v, (M41).
 template <class T>
 void move_root(const Tables<ScalarOf<T>>& t, const T* twist, const T* pose, T* next) {
   using S = ScalarOf<T>;
   const T h = T(t.dt);
   const Mat3<T> rotation = rotation_of_quaternion(pose + 3);
-  const Vec3<T> w = {{twist[0], twist[1], twist[2]}}, v = {{twist[3], twist[4], twist[5]}};
+  const Vec3<T> w = {twist[0], twist[1], twist[2]}, v = {twist[3], twist[4], twist[5]};
   const Vec3<T> moved = multiply(rotation, v);
   for (int k = 0; k < 3; ++k) next[k] = fma(h, moved[k], pose[k]);
 
@@ -58,7 +57,7 @@ void move_root(const Tables<ScalarOf<T>>& t, const T* twist, const T* pose, T* n
   const T e = w[0] * ratio, f = w[1] * ratio, g = w[2] * ratio;
   const T turned[4] = {fnma(b, e, fnma(c, f, fnma(d, g, a * cosine))), fma(a, e, fma(c, g, fnma(d, f, b * cosine))),
                        fma(a, f, fma(d, e, fnma(b, g, c * cosine))), fma(a, g, fma(b, f, fnma(c, e, d * cosine)))};
-  // One Newton step for 1 / |q| keeps it unit: rounding moves it by far less than the step's reach.
+  // (M42) One Newton step for 1 / |q| keeps it unit: rounding moves it by far less than the step's reach.
   T norm = turned[0] * turned[0];
   for (int k = 1; k < 4; ++k) norm = fma(turned[k], turned[k], norm);
   const T scale = fnma(T(S(0.5)), norm, T(S(1.5)));

@@ -1,6 +1,6 @@
 // Damping, drives, armature and efforts: their forces, and what of them stands in the matrix. SPDX-License-Identifier: Apache-2.0
 //
-// docs/mathematics.md, section 3: terms linear in the joints' positions and velocities are integrated
+// (M13) to (M15): terms linear in the joints' positions and velocities are integrated
 // implicitly, so A = M + diag(a + h (d + kd) + h^2 kp) and the step needs no iterations for them.
 #pragma once
 
@@ -8,7 +8,7 @@
 
 namespace lockstep::kernels {
 
-/// Turns the bias forces in x.drive into dt times all forces, and M in x.matrix into A. Keeps M + armature
+/// Turns the bias forces in x.drive into dt times all forces (M15), and M in x.matrix into A (M14). Keeps M + armature
 /// where soft rows are stated by natural frequency and A holds more than that.
 template <class T>
 void joint_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {

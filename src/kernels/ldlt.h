@@ -1,4 +1,4 @@
-// Sparse H = L^T D L and its solves (Featherstone 2008, section 6.5). SPDX-License-Identifier: Apache-2.0
+// Sparse H = L^T D L (M17) and its solves (Featherstone 2008, section 6.5). SPDX-License-Identifier: Apache-2.0
 //
 // Column j holds the rows of j's subtree, a contiguous run (plan/tables.h), so every inner loop below is a
 // run through one or two arrays. No fill-in: eliminating from the leaves to the root stays in the tree.
@@ -8,21 +8,38 @@
 
 namespace lockstep::kernels {
 
+/// start - a . b, in four sums that need not wait for each other where it is long enough to matter.
+template <class T>
+LOCKSTEP_INLINE T subtract_dot(const T* a, const T* b, int count, T start) {
+  if (count < 4) {
+    for (int k = 0; k < count; ++k) start = fnma(a[k], b[k], start);
+    return start;
+  }
+  T second = T(0), third = T(0), fourth = T(0);
+  int k = 0;
+  for (; k + 4 <= count; k += 4) {
+    start = fnma(a[k], b[k], start);
+    second = fnma(a[k + 1], b[k + 1], second);
+    third = fnma(a[k + 2], b[k + 2], third);
+    fourth = fnma(a[k + 3], b[k + 3], fourth);
+  }
+  for (; k < count; ++k) start = fnma(a[k], b[k], start);
+  return (start + second) + (third + fourth);
+}
+
 /// H becomes L below the diagonal; inverse = 1 / D. A pivot not above `tolerance` times the diagonal that it
 /// came from is taken for none: its inverse is 0, so that its unknown is 0. Returns the lanes where that happened.
+/// `scaled` is room for n numbers.
 template <class T>
-typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T tolerance) {
+typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T tolerance, T* scaled) {
   typename T::Mask weak = T::none();
   for (int i = columns.n - 1; i >= 0; --i) {
     T* own = matrix + columns.offset[i];
     const int below = columns.size[i];
-    T pivot = own[0];
-    const T least = tolerance * pivot;
-    for (int k = 1; k < below; ++k) {
-      const T scaled = own[k] * inverse[i + k];
-      pivot = fnma(scaled, own[k], pivot);
-      own[k] = scaled;
-    }
+    const T least = tolerance * own[0];
+    for (int k = 1; k < below; ++k) scaled[k] = own[k] * inverse[i + k];
+    const T pivot = subtract_dot(scaled + 1, own + 1, below - 1, own[0]);
+    for (int k = 1; k < below; ++k) own[k] = scaled[k];
     own[0] = pivot;
     const typename T::Mask good = less(least, pivot);
     inverse[i] = select(good, T(1) / pivot, T(0));
@@ -44,11 +61,7 @@ typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T toleran
         above[0][0] = a, above[1][0] = b, above[2][0] = c, above[3][0] = d;
         continue;
       }
-      for (int n = 0; n < count; ++n) {
-        T a = above[n][0];
-        for (int k = 1; k < below; ++k) a = fnma(own[k], above[n][k], a);
-        above[n][0] = a;
-      }
+      for (int n = 0; n < count; ++n) above[n][0] = subtract_dot(own + 1, above[n] + 1, below - 1, above[n][0]);
     }
   }
   return weak;
@@ -57,12 +70,8 @@ typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T toleran
 /// b <- L^-T b
 template <class T>
 void solve_upwards(const Columns& columns, const T* factor, T* b) {
-  for (int j = columns.n - 1; j >= 0; --j) {
-    const T* own = factor + columns.offset[j];
-    T sum = b[j];
-    for (int k = 1; k < columns.size[j]; ++k) sum = fnma(own[k], b[j + k], sum);
-    b[j] = sum;
-  }
+  for (int j = columns.n - 1; j >= 0; --j)
+    b[j] = subtract_dot(factor + columns.offset[j] + 1, b + j + 1, columns.size[j] - 1, b[j]);
 }
 
 /// b <- L^-1 b

@@ -5,7 +5,7 @@
 
 namespace lockstep::kernels {
 
-/// Takes them off the forces that the joints must carry. Only scenes that declare the field come here.
+/// (M8): takes them off the forces that the joints must carry. Only scenes that declare the field come here.
 template <class T>
 void subtract_link_wrenches(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   orientations(t, x, x.world);

@@ -2,8 +2,24 @@
 #pragma once
 
 #include "frame.h"
+#include "gear_ratios.h"
 
 namespace lockstep::kernels {
+
+/// Masses per environment: a body is the sum of its links, each by the kilogram.
+template <class T>
+void own_masses(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  for (int b = 0; b < t.bodies; ++b) x.inertia[b] = {T(0), Vec3<T>::zero(), {T(0), T(0), T(0), T(0), T(0), T(0)}};
+  for (int l = 0; l < t.links; ++l) {
+    const LinkPlace<ScalarOf<T>>& place = t.link[l];
+    if (place.body < 0) continue;
+    const T mass = T::load(lanes.field[5] + l * lanes.stride);
+    PseudoInertia<T>& sum = x.inertia[place.body];
+    sum.mass += mass;
+    for (int k = 0; k < 3; ++k) sum.moment[k] = fma(mass, T(place.unit_moment[k]), sum.moment[k]);
+    for (int k = 0; k < 6; ++k) sum.second[k] = fma(mass, T(place.unit_second[k]), sum.second[k]);
+  }
+}
 
 template <class T>
 void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
@@ -19,18 +35,8 @@ void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
   x.frozen = T::none();
   for (int i = 0; i < T::lanes; ++i) x.frozen.bits[i] = lanes.fault[i] == Fault{} ? 0 : -1;
 
-  // Masses per environment: a body is the sum of its links, each by the kilogram.
-  if (!declared<T>(t, 5)) return;
-  for (int b = 0; b < t.bodies; ++b) x.inertia[b] = {T(0), Vec3<T>::zero(), {T(0), T(0), T(0), T(0), T(0), T(0)}};
-  for (int l = 0; l < t.links; ++l) {
-    const LinkPlace<ScalarOf<T>>& place = t.link[l];
-    if (place.body < 0) continue;
-    const T mass = T::load(lanes.field[5] + l * lanes.stride);
-    PseudoInertia<T>& sum = x.inertia[place.body];
-    sum.mass += mass;
-    for (int k = 0; k < 3; ++k) sum.moment[k] = fma(mass, T(place.unit_moment[k]), sum.moment[k]);
-    for (int k = 0; k < 6; ++k) sum.second[k] = fma(mass, T(place.unit_second[k]), sum.second[k]);
-  }
+  if (declared<T>(t, 0)) own_ratios(t, lanes, x);
+  if (declared<T>(t, 5)) own_masses(t, lanes, x);
 }
 
 }  // namespace lockstep::kernels

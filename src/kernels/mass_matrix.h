@@ -1,14 +1,14 @@
 // Mass matrix M(q) by composite rigid bodies (Featherstone 2008, table 6.2). SPDX-License-Identifier: Apache-2.0
 //
-// Composites are pseudo-inertias (docs/mathematics.md, section 2); column b is the force that a unit
-// acceleration of joint b takes, passed down to every joint that carries it.
+// Composites are pseudo-inertias (M4); column b is the force that a unit
+// acceleration of joint b takes, passed inwards to every joint that carries it.
 #pragma once
 
 #include "frame.h"
 
 namespace lockstep::kernels {
 
-/// Adds a body's composite, given in its own frame, to its parent's.
+/// Adds a body's composite, given in its own frame, to its parent's (M10).
 template <class J, class T>
 LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, T c, const Vec3<T>& r,
                                    const PseudoInertia<T>& from, PseudoInertia<T>& to) {
@@ -17,9 +17,9 @@ LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, 
   if (body.rotated) {
     Vec3<T> columns[3];
     for (int k = 0; k < 3; ++k)
-      columns[k] = to_parent(joint, body, s, c, {{from.pair(0, k), from.pair(1, k), from.pair(2, k)}});
+      columns[k] = to_parent(joint, body, s, c, {from.pair(0, k), from.pair(1, k), from.pair(2, k)});
     for (int k = 0; k < 3; ++k) {
-      const Vec3<T> row = to_parent(joint, body, s, c, {{columns[0][k], columns[1][k], columns[2][k]}});
+      const Vec3<T> row = to_parent(joint, body, s, c, {columns[0][k], columns[1][k], columns[2][k]});
       turned[k] = row[k];
       if (k == 0) turned[5] = row[1], turned[4] = row[2];
       if (k == 1) turned[3] = row[2];
@@ -52,7 +52,7 @@ LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, 
   }
 }
 
-/// Force and moment of the composite under a unit acceleration of the joint's coordinate.
+/// Force and moment of the composite under a unit acceleration of the joint's coordinate (M11).
 template <class J, class T>
 LOCKSTEP_INLINE void unit_column(J, const PseudoInertia<T>& c, T sign, Vec3<T>& force, Vec3<T>& moment) {
   if constexpr (J::prismatic) {
@@ -71,62 +71,65 @@ LOCKSTEP_INLINE void unit_column(J, const PseudoInertia<T>& c, T sign, Vec3<T>& 
   }
 }
 
+/// Rows of body b: what the unit columns of b and of all bodies that it carries ask of b's joint. Then these columns
+/// and b's composite go on to its parent. One dispatch serves the whole subtree, whose columns are independent.
+template <class J, class T>
+LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, Tile<T>& x, int b) {
+  const Body<ScalarOf<T>>& body = t.body[b];
+  const int velocity = velocity_of(t, b), carried = t.matrix.size[velocity];
+  const T s = x.sine[b], c = x.cosine[b], sign = T(body.sign);
+  Vec3<T>* force = x.column_force + b;
+  Vec3<T>* moment = x.column_moment + b;
+  T* row = x.matrix + t.matrix.offset[velocity];
+  unit_column(joint, x.composite[b], sign, force[0], moment[0]);
+  if (body.parent < 0) {
+    for (int k = 0; k < carried; ++k) row[k] = (J::prismatic ? force[k][J::k] : moment[k][J::k]) * sign;
+    return;
+  }
+  const Vec3<T> r = origin(joint, body, J::prismatic ? x.q[joint_of(t, b)] : T(0));
+  add_to_parent(joint, body, s, c, r, x.composite[b], x.composite[body.parent]);
+  for (int k = 0; k < carried; ++k) {
+    row[k] = (J::prismatic ? force[k][J::k] : moment[k][J::k]) * sign;
+    const Vec3<T> passed = to_parent(joint, body, s, c, force[k]);
+    moment[k] = cross_add(r, passed, to_parent(joint, body, s, c, moment[k]));
+    force[k] = passed;
+  }
+}
+
+/// Rows of a floating root: all columns, and its own six from its composite, in the order angular, linear (M12).
+template <class T>
+LOCKSTEP_INLINE void rows_of_root(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const PseudoInertia<T>& c = x.composite[0];
+  const auto row = [&](int velocity) { return x.matrix + t.matrix.offset[velocity] - velocity; };
+  for (int k = 0; k < 3; ++k) {
+    T* angular = row(k);
+    T* linear = row(3 + k);
+    for (int b = 1; b < t.bodies; ++b) {
+      angular[5 + b] = x.column_moment[b][k];
+      linear[5 + b] = x.column_force[b][k];
+    }
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    angular[k] = c.second[i] + c.second[j];
+    angular[3 + k] = T(0);
+    angular[3 + i] = -c.moment[j];  // e_k x h
+    angular[3 + j] = c.moment[i];
+    linear[3 + k] = c.mass;
+    for (int l = k + 1; l < 3; ++l) {
+      angular[l] = -c.pair(k, l);
+      linear[3 + l] = T(0);
+    }
+  }
+}
+
 template <class T>
 void mass_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int b = 0; b < t.bodies; ++b) x.composite[b] = inertia_of(t, x, b);
   for (int b = t.bodies - 1; b >= 0; --b) {
-    const Body<ScalarOf<T>>& body = t.body[b];
-    if (body.root) continue;
-    const int column = velocity_of(t, b);
-    Vec3<T> force, moment;
-    with_joint(body, [&](auto joint) {
-      using J = decltype(joint);
-      const T s = x.sine[b], c = x.cosine[b];
-      unit_column(joint, x.composite[b], T(body.sign), force, moment);
-      x.matrix[t.matrix.offset[column]] = (J::prismatic ? force[J::k] : moment[J::k]) * T(body.sign);
-      if (body.parent < 0) return;
-      const Vec3<T> r = origin(joint, body, J::prismatic ? x.q[joint_of(t, b)] : T(0));
-      add_to_parent(joint, body, s, c, r, x.composite[b], x.composite[body.parent]);
-      force = to_parent(joint, body, s, c, force);
-      moment = cross_add(r, force, to_parent(joint, body, s, c, moment));
-    });
-    for (int p = body.parent; p >= 0; p = t.body[p].parent) {
-      const Body<ScalarOf<T>>& carrier = t.body[p];
-      if (carrier.root) {
-        for (int k = 0; k < 3; ++k) {
-          x.matrix[t.matrix.offset[k] + column - k] = moment[k];
-          x.matrix[t.matrix.offset[3 + k] + column - 3 - k] = force[k];
-        }
-        break;
-      }
-      with_joint(carrier, [&](auto joint) {
-        using J = decltype(joint);
-        const int row = velocity_of(t, p);
-        const T s = x.sine[p], c = x.cosine[p];
-        x.matrix[t.matrix.offset[row] + column - row] = (J::prismatic ? force[J::k] : moment[J::k]) * T(carrier.sign);
-        if (carrier.parent < 0) return;
-        const Vec3<T> r = origin(joint, carrier, J::prismatic ? x.q[joint_of(t, p)] : T(0));
-        force = to_parent(joint, carrier, s, c, force);
-        moment = cross_add(r, force, to_parent(joint, carrier, s, c, moment));
-      });
-    }
+    if (t.body[b].root)
+      rows_of_root(t, x);
+    else
+      with_joint(t.body[b], [&](auto joint) { rows_of_body(joint, t, x, b); });
   }
-  if (!t.floating) return;
-  // The root's own six: its composite, in the order angular, linear.
-  const PseudoInertia<T>& c = x.composite[0];
-  const auto entry = [&](int row, int column) -> T& { return x.matrix[t.matrix.offset[column] + row - column]; };
-  for (int k = 0; k < 3; ++k) {
-    const int i = (k + 1) % 3, j = (k + 2) % 3;
-    entry(k, k) = c.second[i] + c.second[j];
-    entry(3 + k, 3 + k) = c.mass;
-    entry(3 + k, k) = T(0);
-    entry(3 + i, k) = -c.moment[j];  // e_k x h
-    entry(3 + j, k) = c.moment[i];
-  }
-  entry(1, 0) = -c.second[5];
-  entry(2, 0) = -c.second[4];
-  entry(2, 1) = -c.second[3];
-  entry(4, 3) = entry(5, 3) = entry(5, 4) = T(0);
 }
 
 }  // namespace lockstep::kernels

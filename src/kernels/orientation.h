@@ -25,7 +25,7 @@ void orientations(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Mat3<T>* world
     const Mat3<T> parent = body.parent < 0 ? root_orientation<T>(t) : world[body.parent];
     with_joint(body, [&](auto joint) {  // each world axis, seen from the parent, seen from the body
       for (int r = 0; r < 3; ++r) {
-        const Vec3<T> axis = to_body(joint, body, x.sine[b], x.cosine[b], {{parent(r, 0), parent(r, 1), parent(r, 2)}});
+        const Vec3<T> axis = to_body(joint, body, x.sine[b], x.cosine[b], {parent(r, 0), parent(r, 1), parent(r, 2)});
         for (int c = 0; c < 3; ++c) world[b](r, c) = axis[c];
       }
     });

@@ -1,6 +1,6 @@
 // What users ask of a state: poses, velocities, Jacobians, energies, momentum. SPDX-License-Identifier: Apache-2.0
 //
-// Not part of a step; computed anew on request, by the same templates. docs/mathematics.md, section 10.
+// Not part of a step; computed anew on request, by the same templates: (M43) to (M47).
 #pragma once
 
 #include "bias_forces.h"
@@ -48,9 +48,9 @@ void motions(const Tables<ScalarOf<T>>& t, Tile<T>& x, Motion<T>& m) {
   for (int b = 0; b < t.bodies; ++b) {
     const Body<ScalarOf<T>>& body = t.body[b];
     if (body.root) {
-      m.place[b] = {{x.root_pose[0], x.root_pose[1], x.root_pose[2]}};
-      m.angular[b] = {{x.v[0], x.v[1], x.v[2]}};
-      m.linear[b] = {{x.v[3], x.v[4], x.v[5]}};
+      m.place[b] = {x.root_pose[0], x.root_pose[1], x.root_pose[2]};
+      m.angular[b] = {x.v[0], x.v[1], x.v[2]};
+      m.linear[b] = {x.v[3], x.v[4], x.v[5]};
       continue;
     }
     const int p = body.parent;
@@ -69,13 +69,13 @@ void motions(const Tables<ScalarOf<T>>& t, Tile<T>& x, Motion<T>& m) {
   }
 }
 
-/// Momentum of body b in its own axes, about its origin.
+/// Momentum of body b in its own axes, about its origin (M45).
 template <class T>
 LOCKSTEP_INLINE void body_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m, int b,
                                    Vec3<T>& linear, Vec3<T>& angular) {
   const PseudoInertia<T> body = inertia_of(t, x, b);
   const Vec3<T> w = m.angular[b], v = m.linear[b];
-  linear = cross_add(w, body.moment, {{body.mass * v[0], body.mass * v[1], body.mass * v[2]}});
+  linear = cross_add(w, body.moment, {body.mass * v[0], body.mass * v[1], body.mass * v[2]});
   const T trace = body.second[0] + body.second[1] + body.second[2];
   for (int k = 0; k < 3; ++k) {
     T sum = trace * w[k];
@@ -139,7 +139,7 @@ void put_jacobian(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Reques
   for (int b = t.link[request.link].body; b >= 0; b = t.body[b].parent) {
     const Body<ScalarOf<T>>& body = t.body[b];
     const Vec3<T> arm = point - m.place[b];
-    const auto axis = [&](int k) { return Vec3<T>{{m.world[b](0, k), m.world[b](1, k), m.world[b](2, k)}}; };
+    const auto axis = [&](int k) { return Vec3<T>{m.world[b](0, k), m.world[b](1, k), m.world[b](2, k)}; };
     const auto turning = [&](int column, const Vec3<T>& e) {
       out.put(6 * column, e);
       out.put(6 * column + 3, cross(e, arm));
@@ -209,12 +209,13 @@ void read(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::pt
   Tile<T> x;
   Motion<T> m;
   lay_out(t, scratch, x, m);
+  uniform_ratios(t, x);
   for (std::ptrdiff_t environment = first; environment < last; environment += T::lanes) {
     const Lanes<ScalarOf<T>> own = at(lanes, environment);
     const Output<T> out{rows + environment, stride};
     load(t, own, x);
     if (request.quantity == Quantity::coupling_errors) {
-      coupling_errors(t, own, x.q, x.coupling_error);
+      coupling_errors(t, own, x);
       for (int c = 0; c < t.couplings; ++c) out.put(c, x.coupling_error[c]);
       continue;
     }

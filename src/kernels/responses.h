@@ -1,6 +1,6 @@
 // What a unit impulse on each row does: (10), (15) and (19) of the note. SPDX-License-Identifier: Apache-2.0
 //
-// X = L^-T J^T and K = X^T D^-1 X = J A^-1 J^T (docs/mathematics.md, section 4). A row reaches only the joints
+// X = L^-T J^T and K = X^T D^-1 X = J A^-1 J^T, (M19). A row reaches only the joints
 // of its own trees, so K is zero between rows whose paths meet in the fixed root alone, and not stored there.
 #pragma once
 
@@ -8,23 +8,15 @@
 
 namespace lockstep::kernels {
 
-/// The row's coefficient, where gear ratios differ per environment: made of the couplings' terms and S.
+/// a . b over the velocities that the row moves.
 template <class T>
-void follow_row_ratios(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-  const Rows<ScalarOf<T>>& rows = t.rows;
-  for (int k = 0; k < rows.term_value.count; ++k) {
-    T sum = T(0);
-    for (int c = rows.contribution_start[k]; c < rows.contribution_start[k + 1]; ++c) {
-      const T term = coefficient<T>(t, lanes, rows.contribution[c].term);
-      sum = rows.contribution[c].value < 0 ? sum + term : fma(term, share(t, x, rows.contribution[c].value), sum);
-    }
-    x.row_value[k] = sum;
+LOCKSTEP_INLINE T supported_dot(const Rows<ScalarOf<T>>& rows, int row, const T* a, const T* b) {
+  T sum = T(0);
+  for (int i = rows.run_start[row]; i < rows.run_start[row + 1]; ++i) {
+    const SupportRun run = rows.runs[i];
+    sum = subtract_dot(a + run.first, b + run.first, run.last - run.first, sum);
   }
-}
-
-template <class T>
-LOCKSTEP_INLINE T row_value(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int k) {
-  return declared<T>(t, 0) ? x.row_value[k] : T(t.rows.term_value[k]);
+  return -sum;
 }
 
 /// x <- L^-T x for a vector that is zero outside the row's support.
@@ -32,60 +24,45 @@ template <class T>
 LOCKSTEP_INLINE void respond(const Rows<ScalarOf<T>>& rows, int row, const Columns& columns, const T* factored, T* x) {
   for (int s = rows.support_start[row + 1] - 1; s >= rows.support_start[row]; --s) {
     const SupportRange range = rows.support[s];
-    const T* own = factored + columns.offset[range.index];
-    T sum = x[range.index];
-    for (int k = range.index + 1; k < range.end; ++k) sum = fnma(own[k - range.index], x[k], sum);
-    x[range.index] = sum;
+    x[range.index] = subtract_dot(factored + columns.offset[range.index] + 1, x + range.index + 1,
+                                  range.end - range.index - 1, x[range.index]);
   }
 }
 
 template <class T>
-void responses(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+void responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const int n = t.solver.n;
-  if (declared<T>(t, 0)) follow_row_ratios(t, lanes, x);
   for (int r = 0; r < rows.count; ++r) {
     T* response = x.response + r * n;
     T* scaled = x.scaled + r * n;
     for (int z = 0; z < n; ++z) response[z] = scaled[z] = T(0);
-    for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k) response[rows.term_index[k]] = row_value(t, x, k);
+    for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k) response[rows.term_index[k]] = x.row_value[k];
     respond(rows, r, t.solver, x.reduced, response);
-    for (int s = rows.support_start[r]; s < rows.support_start[r + 1]; ++s) {
-      const int z = rows.support[s].index;
-      scaled[z] = response[z] * x.inverse[z];
-    }
+    for (int i = rows.run_start[r]; i < rows.run_start[r + 1]; ++i)
+      for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z) scaled[z] = response[z] * x.inverse[z];
   }
   if (rows.response_entries != rows.pairs.count)
     for (int e = 0; e < rows.response_entries; ++e) x.coupled[e] = T(0);
   for (int p = 0; p < rows.pairs.count; ++p) {
     const RowPair pair = rows.pairs[p];
-    const T* response = x.response + pair.row * n;
-    const T* scaled = x.scaled + pair.other * n;
-    T sum = T(0);
-    for (int s = rows.support_start[pair.other]; s < rows.support_start[pair.other + 1]; ++s) {
-      const int z = rows.support[s].index;
-      sum = fma(response[z], scaled[z], sum);
-    }
+    const T sum = supported_dot(rows, pair.other, x.response + pair.row * n, x.scaled + pair.other * n);
     x.coupled[pair.entry] = x.coupled[pair.mirror] = sum;
   }
 }
 
 /// r = J (M + armature)^-1 J^T, the inertia that (24) and (25) refer to, where A holds more than that.
 template <class T>
-void natural_responses(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+void natural_responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.natural;
-  factor(t.matrix, x.natural_matrix, x.natural_inverse, T(0));
+  factor(t.matrix, x.natural_matrix, x.natural_inverse, T(0), x.scratch);
   for (int r = 0; r < rows.count; ++r) {
     for (int z = 0; z < t.velocities; ++z) x.natural_response[z] = T(0);
     for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k)
-      x.natural_response[rows.term_index[k]] = coefficient<T>(t, lanes, rows.contribution[k].term);
+      x.natural_response[rows.term_index[k]] = x.coefficient[rows.contribution[k].term];
     respond(rows, r, t.matrix, x.natural_matrix, x.natural_response);
-    T sum = T(0);
-    for (int s = rows.support_start[r]; s < rows.support_start[r + 1]; ++s) {
-      const int z = rows.support[s].index;
-      sum = fma(x.natural_response[z] * x.natural_response[z], x.natural_inverse[z], sum);
-    }
-    x.natural_compliance[r] = sum;
+    for (int z = 0; z < t.velocities; ++z) x.scratch[z] = x.natural_response[z] * x.natural_inverse[z];
+    x.natural_compliance[r] = supported_dot(rows, r, x.natural_response, x.scratch);
   }
 }
 

@@ -15,7 +15,7 @@ LOCKSTEP_INLINE T smallest() {
   return T(ScalarOf<T>(1e-30));
 }
 
-/// 1 - (1 - erp)^(1/N), and mixing as the spring that it is, for a sub-step: lane by lane, since only
+/// (M32) 1 - (1 - erp)^(1/N), and by (M25) mixing as the spring that it is, for a sub-step: lane by lane, since only
 /// tgs with a softness per environment asks for it.
 template <class T>
 void share_out(const Tables<ScalarOf<T>>& t, T erp, T cfm, T& rate, T& row_cfm) {
@@ -28,7 +28,7 @@ void share_out(const Tables<ScalarOf<T>>& t, T erp, T cfm, T& rate, T& row_cfm) 
   }
 }
 
-/// rate and cfm from this tile's own softness: (22), (23), (26) to (29) of the note.
+/// rate and cfm from this tile's own softness: (M23), (M24); (22), (23), (26) to (29) of the note.
 template <class T>
 void follow_softness(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int row, T response, Tile<T>& x) {
   const int coupling = t.rows.coupling[row], kind = t.rows.softness[row].kind;
@@ -67,31 +67,29 @@ void row_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
     x.row_error[r] = x.coupling_error[rows.coupling[r]];
     x.row_bias[r] = x.row_rate[r] * x.row_error[r];
 
-    // J v now, and J v* as the free motion leaves it.
-    T now = T(0), free = T(0), closed = T(0);
+    // J v now, and J v* (M20) as the free motion leaves it.
+    T now = T(0);
     for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k)
-      now = fma(row_value(t, x, k), x.start[rows.term_index[k]], now);
-    for (int s = rows.support_start[r]; s < rows.support_start[r + 1]; ++s) {
-      const int z = rows.support[s].index;
-      free = fma(x.response[r * n + z], x.free_position[z], free);
-      if (x.free_velocity != x.free_position) closed = fma(x.response[r * n + z], x.free_velocity[z], closed);
-    }
+      now = fma(x.row_value[k], x.start[rows.term_index[k]], now);
+    const T free = supported_dot(rows, r, x.response + r * n, x.free_position);
+    const T closed =
+        x.free_velocity == x.free_position ? free : supported_dot(rows, r, x.response + r * n, x.free_velocity);
     x.row_start[r] = now;
     x.row_speed[r] = now + free;
-    x.row_speed_closed[r] = x.free_velocity != x.free_position ? now + closed : now + free;
+    x.row_speed_closed[r] = now + closed;
     if (t.reduction.followers == 0) continue;
     const int coupling = rows.coupling[r];
     for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k) {
       const int f = t.reduction.follower_of[t.term_joint[k]];
       if (f < 0) continue;
-      const T pushed = coefficient<T>(t, lanes, k) * x.correction[f];
+      const T pushed = x.coefficient[k] * x.correction[f];
       x.row_speed[r] += pushed;
       if (!t.solve_twice) x.row_speed_closed[r] += pushed;
     }
   }
 }
 
-/// The bias of the velocity phase: hard rows drop theirs, soft ones keep it (they are springs).
+/// The bias of the velocity phase (M29): hard rows drop theirs, soft ones keep it (they are springs).
 template <class T>
 LOCKSTEP_INLINE T closing_bias(const Tile<T>& x, int r) {
   return select(less(x.row_cfm[r], smallest<T>()), T(0), x.row_bias[r]);

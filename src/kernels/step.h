@@ -2,7 +2,7 @@
 //
 //     M(q) dv/dt + c(q, v) = tau,   C = J q + gamma = 0
 //
-// docs/mathematics.md has the formulas, one section per stage. A stage whose table is empty does not run.
+// docs/mathematics.md has the formulas; comments cite them as (M12). A stage whose table is empty does not run.
 #pragma once
 
 #include "bias_forces.h"
@@ -33,12 +33,12 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
   bias_forces(t, lanes, x);
   mass_matrix(t, x);
   joint_terms(t, lanes, x);
-  if (t.couplings > 0) coupling_errors(t, lanes, x.q, x.coupling_error);
-  if (t.reduction.followers > 0) eliminate(t, lanes, x);
+  if (t.couplings > 0) coupling_errors(t, lanes, x);
+  if (t.reduction.followers > 0) eliminate(t, x);
   free_velocity(t, x);
   if (t.rows.count > 0) {
-    if (t.natural.count > 0) natural_responses(t, lanes, x);
-    responses(t, lanes, x);
+    if (t.natural.count > 0) natural_responses(t, x);
+    responses(t, x);
     row_terms(t, lanes, x);
     switch (t.method) {
       case method_pgs: pgs(t, x); break;
@@ -47,7 +47,7 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
     }
   }
   integrate(t, x);
-  if (t.record_impulses) couplings_impulses(t, lanes, x);
+  if (t.record_impulses) coupling_impulses(t, x);
   check(t, lanes, x);
 }
 
@@ -57,6 +57,7 @@ void advance(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std:
              int substeps, void* scratch) {
   Tile<T> x;
   lay_out(t, scratch, x);
+  uniform_ratios(t, x);
   for (std::ptrdiff_t environment = first; environment < last; environment += T::lanes) {
     const Lanes<ScalarOf<T>> own = at(lanes, environment);
     load(t, own, x);

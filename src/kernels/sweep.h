@@ -1,7 +1,7 @@
 // One projected Gauss-Seidel sweep over the rows, on impulses. SPDX-License-Identifier: Apache-2.0
 //
 // (16) and (18) of the note with the memory that makes a soft row the spring (21) however often it is visited:
-// docs/mathematics.md, section 5. Working on J v through K, no sweep walks the tree.
+// (M26), and (M27) for what becomes of it without. Working on J v through K, no sweep walks the tree.
 #pragma once
 
 #include "row_terms.h"
@@ -14,6 +14,7 @@ LOCKSTEP_INLINE void row_denominators(const Rows<ScalarOf<T>>& rows, Tile<T>& x)
   for (int r = 0; r < rows.count; ++r) x.row_inverse[r] = T(1) / (x.coupled[r * rows.count + r] + x.row_cfm[r]);
 }
 
+/// (M30)
 template <class T>
 LOCKSTEP_INLINE void sweep(const Rows<ScalarOf<T>>& rows, Tile<T>& x) {
   for (int r = 0; r < rows.count; ++r) {

@@ -35,6 +35,8 @@ struct Tile {
   Mat3<T>* world;          // orientation in the world: only with link wrenches
   PseudoInertia<T>* inertia;    // per-environment masses
   PseudoInertia<T>* composite;
+  Vec3<T>* column_force;   // of the mass matrix, on their way inwards
+  Vec3<T>* column_moment;
   // equations of motion
   T* matrix;               // A (packed)
   T* drive;                // [velocities] dt times the forces: dt (tau - c - ...)
@@ -44,15 +46,18 @@ struct Tile {
   T* free_velocity;        // and for velocities: the same array unless they differ
   T* start;                // [solver] the velocities that a step starts from
   T* solution;             // [solver]
-  T* product;              // [velocities]
-  // elimination with per-environment gear ratios
-  T* forms;
-  T* shares;               // entries of S
-  T* inverse_forms;
+  T* scratch;              // as long as the longest vector, for one stage at a time
+  T* product;              // [velocities] momentum to gain, S^T still to come
+  T* corrected_product;    // the same less that of the correction
+  // what gear ratios make, the same for all environments or this tile's own
+  T* coefficient;          // [coupling terms]
+  T* share;                // entries of S
+  T* inverse_form;         // entries of J_F^-1
+  T* row_value;            // [row terms]
+  T* form;                 // room for the lanes' own elimination
   T* correction;           // [joints] velocity that corrects followers' errors
   T* mismatch;             // [joints] what followers' velocities are off by
   // rows
-  T* row_value;            // terms, with per-environment gear ratios
   T* response;             // [rows][solver] X = L^-T J^T
   T* scaled;               // [rows][solver] D^-1 X
   T* coupled;              // K
@@ -116,6 +121,9 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   x.next_root_pose = c.take<T>(7);
   x.sine = c.take<T>(t.bodies);
   x.cosine = c.take<T>(t.bodies);
+  x.inertia = c.take<PseudoInertia<T>>(masses ? t.bodies : 0);
+  // Bias forces are done with theirs when the mass matrix begins: they share the room, for the cache's sake.
+  Carver shared = c;
   x.angular = c.take<Vec3<T>>(t.bodies);
   x.alpha = c.take<Vec3<T>>(t.bodies);
   x.tensor = c.take<Mat3<T>>(t.bodies);
@@ -123,8 +131,9 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   x.force = c.take<Vec3<T>>(t.bodies);
   x.moment = c.take<Vec3<T>>(t.bodies);
   x.world = c.take<Mat3<T>>(wrenches ? t.bodies : 0);
-  x.inertia = c.take<PseudoInertia<T>>(masses ? t.bodies : 0);
-  x.composite = c.take<PseudoInertia<T>>(t.bodies);
+  x.composite = shared.take<PseudoInertia<T>>(t.bodies);
+  x.column_force = shared.take<Vec3<T>>(t.bodies);
+  x.column_moment = shared.take<Vec3<T>>(t.bodies);
   x.matrix = c.take<T>(t.matrix.entries);
   x.drive = c.take<T>(velocities);
   x.reduced = r.followers ? c.take<T>(t.solver.entries) : x.matrix;
@@ -133,13 +142,16 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   x.free_velocity = r.followers && t.solve_twice ? c.take<T>(solver) : x.free_position;
   x.start = c.take<T>(solver);
   x.solution = c.take<T>(solver);
+  x.scratch = c.take<T>(velocities > rows ? velocities : rows);
   x.product = c.take<T>(velocities);
-  x.forms = c.take<T>(gears ? r.entries : 0);
-  x.shares = c.take<T>(gears ? r.value.count : 0);
-  x.inverse_forms = c.take<T>(gears ? r.inverse_value.count : 0);
+  x.corrected_product = c.take<T>(velocities);
+  x.coefficient = c.take<T>(t.term_value.count);
+  x.share = c.take<T>(r.value.count);
+  x.inverse_form = c.take<T>(r.inverse_value.count);
+  x.row_value = c.take<T>(t.rows.term_value.count);
+  x.form = c.take<T>(gears ? r.entries : 0);
   x.correction = c.take<T>(r.followers);
   x.mismatch = c.take<T>(r.followers);
-  x.row_value = c.take<T>(gears ? t.rows.term_value.count : 0);
   x.response = c.take<T>(rows * solver);
   x.scaled = c.take<T>(rows * solver);
   x.coupled = c.take<T>(t.rows.response_entries);

@@ -137,6 +137,7 @@ void proper_softness(const Softness& softness, const string& element) {
     case Softness::Kind::hard:
       require(first >= 0.0 && first < 2.0, element, "erp of a hard coupling is " + std::to_string(first) + ", outside [0, 2)",
               "at 2 the error would change its sign forever; give 0.2");
+      require(second == 0.0, element, "is hard and yet has a second number", "use Softness::mixing for a cfm");
       break;
     case Softness::Kind::mixing:
       require(first >= 0.0 && first <= 1.0, element, "erp is outside [0, 1]", "give a share between 0 and 1");

@@ -1,4 +1,4 @@
-// Bodies in frames whose joint axis is a coordinate axis. SPDX-License-Identifier: Apache-2.0
+// Bodies in frames whose joint axis is a coordinate axis, (M3). SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 
 #include "layout.h"
@@ -30,7 +30,7 @@ void copy_symmetric(const Matrix3d& from, double (&to)[6]) {
   }
 }
 
-// Integral of p p^T dm about the frame's origin, from the rotational inertia about the centre.
+// (M4): integral of p p^T dm about the frame's origin, from the rotational inertia about the centre.
 Matrix3d second_moment(const Inertia& inertia) {
   return 0.5 * inertia.about_center.trace() * Matrix3d::Identity() - inertia.about_center +
          inertia.mass * inertia.center * inertia.center.transpose();

@@ -31,7 +31,7 @@ LinkPlace<float> narrowed(const LinkPlace<double>& from) {
 }
 
 RowSoftness<float> narrowed(const RowSoftness<double>& from) {
-  return {from.kind, from.hard, narrowed(from.rate), narrowed(from.cfm), narrowed(from.cfm_per_response)};
+  return {from.kind, narrowed(from.rate), narrowed(from.cfm), narrowed(from.cfm_per_response)};
 }
 
 Reduction<float>::Fill narrowed(const Reduction<double>::Fill& from) {
@@ -51,7 +51,7 @@ auto narrowed(Span<E> from, Store& store) {
 
 Rows<float> narrowed(const Rows<double>& from, Store& store) {
   return {from.count, from.coupling, from.term_start, from.term_index, narrowed(from.term_value, store),
-          from.contribution_start, from.contribution, from.support_start, from.support, from.pairs,
+          from.contribution_start, from.contribution, from.support_start, from.support, from.run_start, from.runs, from.pairs,
           from.neighbour_start, from.neighbours, from.response_entries, from.columns, narrowed(from.softness, store)};
 }
 

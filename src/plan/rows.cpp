@@ -48,11 +48,11 @@ bool share_any(const std::vector<int>& a, const std::vector<int>& b) {
   return !common.empty();
 }
 
-// rate = erp / h and cfm of (22), (23), (26) to (29) of the note, for a step or sub-step of length h.
+// (M23), (M24), (M32): rate and cfm, (22), (23), (26) to (29) of the note, for a step or sub-step of length h.
 RowSoftness<double> row_softness(const Program& program, int coupling, double h, int substeps) {
   const Softness& softness = program.model.couplings[coupling].softness;
   const double first = softness.first, second = softness.second, dt = program.settings.dt;
-  RowSoftness<double> row{static_cast<int>(softness.kind), always_hard(program, coupling), 0, 0, 0};
+  RowSoftness<double> row{static_cast<int>(softness.kind), 0, 0, 0};
   const auto spring = [&](double kp, double kd) {
     row.rate = kp / (h * kp + kd);
     row.cfm = 1.0 / (h * (h * kp + kd));
@@ -97,10 +97,11 @@ Rows<double> build(Program& program, const std::vector<RowForm>& forms, const Co
     rows.columns = make_columns(tree.parent, program.store);
   }
 
-  std::vector<int> coupling, term_start{0}, term_index, contribution_start{0}, support_start{0};
+  std::vector<int> coupling, term_start{0}, term_index, contribution_start{0}, support_start{0}, run_start{0};
   std::vector<double> term_value;
   std::vector<Contribution> contributions;
   std::vector<SupportRange> support;
+  std::vector<SupportRun> runs;
   std::vector<RowSoftness<double>> softness;
   const bool tgs = program.method == Method::tgs;
   const int substeps = tgs ? program.settings.iterations : 1;
@@ -121,7 +122,12 @@ Rows<double> build(Program& program, const std::vector<RowForm>& forms, const Co
     for (int j : velocities) {
       const auto past = std::lower_bound(velocities.begin(), velocities.end(), j + columns.size[j]);
       support.push_back({j, *std::prev(past) + 1});
+      if (static_cast<int>(runs.size()) > run_start.back() && runs.back().last == j)
+        ++runs.back().last;
+      else
+        runs.push_back({j, j + 1});
     }
+    run_start.push_back(static_cast<int>(runs.size()));
     support_start.push_back(static_cast<int>(support.size()));
     softness.push_back(row_softness(program, form.coupling, program.settings.dt / substeps, substeps));
   }
@@ -155,11 +161,18 @@ Rows<double> build(Program& program, const std::vector<RowForm>& forms, const Co
   rows.contribution = store.keep(std::move(contributions));
   rows.support_start = store.keep(std::move(support_start));
   rows.support = store.keep(std::move(support));
+  rows.run_start = store.keep(std::move(run_start));
+  rows.runs = store.keep(std::move(runs));
   rows.pairs = store.keep(std::move(pairs));
   rows.neighbour_start = store.keep(std::move(neighbour_start));
   rows.neighbours = store.keep(std::move(all_neighbours));
   rows.softness = store.keep(std::move(softness));
   return rows;
+}
+
+// Redundant by the model's gear ratios; where these differ per environment, each lane finds out for itself.
+bool takes_no_impulse(const Program& program, int coupling) {
+  return is_redundant(program, coupling) && !declared(program, Parameter::gear_ratio);
 }
 
 // True where A holds more of the joints than M + armature, so that (24) needs a factorisation of its own.
@@ -178,7 +191,7 @@ void lay_out_rows(Program& program) {
   const bool factored = program.method == Method::direct || program.method == Method::reduced;
   std::vector<RowForm> forms;
   for (int c = 0; c < t.couplings; ++c) {
-    if (is_absent(program, c) || (is_redundant(program, c) && !declared(program, Parameter::gear_ratio))) continue;
+    if (is_absent(program, c) || takes_no_impulse(program, c)) continue;
     if (program.method == Method::reduced && always_hard(program, c)) continue;
     forms.push_back(row_form(t, t.reduction, c));
   }

@@ -56,6 +56,11 @@ struct SupportRange {
   int end;    ///< one past the last such velocity in index's subtree
 };
 
+/// Consecutive velocities that a row's impulse moves.
+struct SupportRun {
+  int first, last;  ///< last is one past
+};
+
 struct RowPair {
   int row, other;  ///< other <= row; rows that feel each other
   int entry;       ///< where their K stands
@@ -75,7 +80,6 @@ struct Contribution {
 template <class S>
 struct RowSoftness {
   int kind;           ///< Softness::Kind, for fields that change it per environment
-  bool hard;          ///< never yields, in any environment
   S rate, cfm, cfm_per_response;
 };
 
@@ -91,6 +95,8 @@ struct Rows {
   Span<Contribution> contribution;    ///< that differ per environment
   Span<int> support_start;            ///< by row, count + 1
   Span<SupportRange> support;         ///< ascending
+  Span<int> run_start;                ///< by row, count + 1
+  Span<SupportRun> runs;              ///< the same velocities as runs
   Span<RowPair> pairs;
   Span<int> neighbour_start;          ///< by row, count + 1
   Span<Neighbour> neighbours;

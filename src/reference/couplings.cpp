@@ -64,8 +64,8 @@ Spring spring(const Softness& softness, double r, double h) {
   const double first = softness.first, second = softness.second;
   switch (softness.kind) {
     case Softness::Kind::spring: return {first, second};
-    case Softness::Kind::frequency: return {first * first / r, 2.0 * first * second / r};           // (26), (27)
-    default: return {first / (h * h * second), (1.0 - first) / (h * second)};                       // (22), (23) solved
+    case Softness::Kind::frequency: return {first * first / r, 2.0 * first * second / r};  // (26), (27)
+    default: return {first / (h * h * second), (1.0 - first) / (h * second)};              // (22), (23) solved
   }
 }
 
@@ -78,13 +78,17 @@ Row row(const Softness& softness, double r, double h) {
 Row substep_row(const Softness& softness, double r, double h, int n) {
   if (!is_hard(softness)) return n == 1 ? row(softness, r, h) : spring_row(spring(softness, r, h), h / n);
   if (n > 1 && softness.first > 1.0)
-    throw SettingsError("erp", "exceeds 1 in a coupling, which sub-steps cannot share", "give 1 or less, or one iteration");
+    throw SettingsError("erp", "exceeds 1 in a coupling, which sub-steps cannot share",
+                        "give 1 or less, or one iteration");
   return {true, true, 1.0 - std::pow(1.0 - softness.first, 1.0 / n), 0.0};
 }
 
 VectorXd inverse_inertias(const Couplings& couplings, const MatrixXd& mass) {
   const MatrixXd j = couplings.velocity_jacobian();
-  return (j * mass.llt().solve(j.transpose())).diagonal();
+  const Eigen::LLT<MatrixXd> factor(mass);
+  VectorXd r(couplings.count());
+  for (int i = 0; i < r.size(); ++i) r[i] = j.row(i).dot(factor.solve(j.row(i).transpose()));
+  return r;
 }
 
 }  // namespace lockstep::reference

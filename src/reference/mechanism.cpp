@@ -44,7 +44,9 @@ Mat3<T> turn(const Vector3d& axis, T angle) {
   return Mat3<T>::Identity() + sin(angle) * k + (T(1) - cos(angle)) * (k * k);
 }
 
-Pose<double> root_pose(const State& state) { return {state.orientation.normalized().toRotationMatrix(), state.position}; }
+Pose<double> root_pose(const State& state) {
+  return {state.orientation.normalized().toRotationMatrix(), state.position};
+}
 
 template <class T>
 std::vector<Pose<T>> forward(const Mechanism& mechanism, const Pose<T>& root, const VecX<T>& q) {

@@ -60,7 +60,7 @@ Step step(const Mechanism& mechanism, const StepSettings& settings, const State&
     case Method::tgs: solution = tgs(stage, settings); break;
     case Method::direct: solution = direct(stage, settings); break;
     case Method::reduced: solution = reduced(stage, settings); break;
-    case Method::automatic: throw SettingsError("method", "is automatic", "name the method that the reference shall use");
+    case Method::automatic: throw SettingsError("method", "is automatic", "name one that the reference shall use");
   }
   State next = mechanism.advanced(state, solution.position_velocity, settings.dt);
   next.v = solution.velocity;

@@ -5,26 +5,37 @@
 
 namespace lockstep::simd {
 
+// Three members that are assigned one by one: left to itself the compiler copies such a struct through memory
+// in halves of a register, and whoever reads it back whole waits.
 template <class T>
 struct Vec3 {
-  T x[3];
+  T x, y, z;
 
-  LOCKSTEP_INLINE T& operator[](int i) { return x[i]; }
-  LOCKSTEP_INLINE const T& operator[](int i) const { return x[i]; }
+  LOCKSTEP_INLINE Vec3() = default;
+  LOCKSTEP_INLINE Vec3(T a, T b, T c) : x(a), y(b), z(c) {}
+  LOCKSTEP_INLINE Vec3(const Vec3& other) : x(other.x), y(other.y), z(other.z) {}
+  LOCKSTEP_INLINE Vec3& operator=(const Vec3& other) {
+    x = other.x;
+    y = other.y;
+    z = other.z;
+    return *this;
+  }
+  LOCKSTEP_INLINE T& operator[](int i) { return i == 0 ? x : i == 1 ? y : z; }
+  LOCKSTEP_INLINE const T& operator[](int i) const { return i == 0 ? x : i == 1 ? y : z; }
   LOCKSTEP_INLINE friend Vec3 operator+(const Vec3& a, const Vec3& b) {
-    return {{a[0] + b[0], a[1] + b[1], a[2] + b[2]}};
+    return {a[0] + b[0], a[1] + b[1], a[2] + b[2]};
   }
   LOCKSTEP_INLINE friend Vec3 operator-(const Vec3& a, const Vec3& b) {
-    return {{a[0] - b[0], a[1] - b[1], a[2] - b[2]}};
+    return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
   }
-  LOCKSTEP_INLINE static Vec3 zero() { return {{T(0), T(0), T(0)}}; }
-  LOCKSTEP_INLINE static Vec3 constant(const ScalarOf<T>* s) { return {{T(s[0]), T(s[1]), T(s[2])}}; }
+  LOCKSTEP_INLINE static Vec3 zero() { return {T(0), T(0), T(0)}; }
+  LOCKSTEP_INLINE static Vec3 constant(const ScalarOf<T>* s) { return {T(s[0]), T(s[1]), T(s[2])}; }
 };
 
 // a s + b
 template <class T>
 LOCKSTEP_INLINE Vec3<T> fma(const Vec3<T>& a, T s, const Vec3<T>& b) {
-  return {{fma(a[0], s, b[0]), fma(a[1], s, b[1]), fma(a[2], s, b[2])}};
+  return {fma(a[0], s, b[0]), fma(a[1], s, b[1]), fma(a[2], s, b[2])};
 }
 
 template <class T>
@@ -35,13 +46,13 @@ LOCKSTEP_INLINE T dot(const Vec3<T>& a, const Vec3<T>& b) {
 // a x b + c
 template <class T>
 LOCKSTEP_INLINE Vec3<T> cross_add(const Vec3<T>& a, const Vec3<T>& b, const Vec3<T>& c) {
-  return {{fma(a[1], b[2], fnma(a[2], b[1], c[0])), fma(a[2], b[0], fnma(a[0], b[2], c[1])),
-           fma(a[0], b[1], fnma(a[1], b[0], c[2]))}};
+  return {fma(a[1], b[2], fnma(a[2], b[1], c[0])), fma(a[2], b[0], fnma(a[0], b[2], c[1])),
+          fma(a[0], b[1], fnma(a[1], b[0], c[2]))};
 }
 
 template <class T>
 LOCKSTEP_INLINE Vec3<T> cross(const Vec3<T>& a, const Vec3<T>& b) {
-  return {{fnma(a[2], b[1], a[1] * b[2]), fnma(a[0], b[2], a[2] * b[0]), fnma(a[1], b[0], a[0] * b[1])}};
+  return {fnma(a[2], b[1], a[1] * b[2]), fnma(a[0], b[2], a[2] * b[0]), fnma(a[1], b[0], a[0] * b[1])};
 }
 
 // Row-major 3x3.
@@ -55,23 +66,20 @@ struct Mat3 {
 // M a + b
 template <class T>
 LOCKSTEP_INLINE Vec3<T> multiply_add(const Mat3<T>& m, const Vec3<T>& a, const Vec3<T>& b) {
-  Vec3<T> r;
-  for (int i = 0; i < 3; ++i) r[i] = fma(m(i, 0), a[0], fma(m(i, 1), a[1], fma(m(i, 2), a[2], b[i])));
-  return r;
+  const auto row = [&](int i) { return fma(m(i, 0), a.x, fma(m(i, 1), a.y, fma(m(i, 2), a.z, b[i]))); };
+  return {row(0), row(1), row(2)};
 }
 
 template <class T>
 LOCKSTEP_INLINE Vec3<T> multiply(const Mat3<T>& m, const Vec3<T>& a) {
-  Vec3<T> r;
-  for (int i = 0; i < 3; ++i) r[i] = fma(m(i, 0), a[0], fma(m(i, 1), a[1], m(i, 2) * a[2]));
-  return r;
+  const auto row = [&](int i) { return fma(m(i, 0), a.x, fma(m(i, 1), a.y, m(i, 2) * a.z)); };
+  return {row(0), row(1), row(2)};
 }
 
 template <class T>
 LOCKSTEP_INLINE Vec3<T> multiply_transposed(const Mat3<T>& m, const Vec3<T>& a) {
-  Vec3<T> r;
-  for (int i = 0; i < 3; ++i) r[i] = fma(m(0, i), a[0], fma(m(1, i), a[1], m(2, i) * a[2]));
-  return r;
+  const auto row = [&](int i) { return fma(m(0, i), a.x, fma(m(1, i), a.y, m(2, i) * a.z)); };
+  return {row(0), row(1), row(2)};
 }
 
 // A body's mass, first moment h = m c and second moment, all about its frame's origin; the second

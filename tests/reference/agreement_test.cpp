@@ -54,6 +54,7 @@ struct Kernel {
     lanes.effort = efforts.data(), lanes.fault = &fault;
     scratch.resize(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
     kernels::lay_out(t, scratch.data(), x);
+    kernels::uniform_ratios(t, x);
     kernels::load(t, lanes, x);
   }
 
@@ -196,8 +197,8 @@ TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
     kernels::bias_forces(t, kernel.lanes, x);
     kernels::mass_matrix(t, x);
     kernels::joint_terms(t, kernel.lanes, x);
-    kernels::coupling_errors(t, kernel.lanes, x.q, x.coupling_error);
-    if (t.reduction.followers > 0) kernels::eliminate(t, kernel.lanes, x);
+    kernels::coupling_errors(t, kernel.lanes, x);
+    if (t.reduction.followers > 0) kernels::eliminate(t, x);
 
     // Without followers S is a permutation, w is 0, A_r is A and the velocity below is v*.
     const Elimination e(kernel, stage, plan.eliminated_dofs());
@@ -213,8 +214,8 @@ TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
     expect_close("v*", kernel.numbers(x.solution, t.solver.n), z, std::max(1.0, size(z)), rounding);
     if (t.rows.count == 0) continue;
 
-    if (t.natural.count > 0) kernels::natural_responses(t, kernel.lanes, x);
-    kernels::responses(t, kernel.lanes, x);
+    if (t.natural.count > 0) kernels::natural_responses(t, x);
+    kernels::responses(t, x);
     kernels::row_terms(t, kernel.lanes, x);
     std::vector<int> couplings(t.rows.coupling.data, t.rows.coupling.data + t.rows.count);
     const MatrixXd j = stage.jacobian(couplings, Eigen::all) * e.s;

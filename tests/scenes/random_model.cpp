@@ -15,7 +15,8 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// The engine's numbers are the same everywhere, those of the standard distributions are not.
+// The engine's numbers are the same everywhere, those of the standard distributions are not. Nor is the order in
+// which the arguments of a call are evaluated, so no expression here draws two numbers outside of braces.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
@@ -28,6 +29,10 @@ class Random {
   }
   bool chance(double probability) { return uniform(0.0, 1.0) < probability; }
   double sign() { return chance(0.5) ? 1.0 : -1.0; }
+  double either_sign(double low, double high) {
+    const double size = uniform(low, high);
+    return sign() * size;
+  }
   Vector3d vector(double size) {
     Vector3d result;
     for (double& component : result) component = uniform(-size, size);
@@ -41,7 +46,7 @@ class Random {
   }
   Eigen::Isometry3d pose(double distance, bool turned) {
     Eigen::Isometry3d result = Eigen::Isometry3d::Identity();
-    if (turned) result.rotate(Eigen::AngleAxisd(uniform(-std::numbers::pi, std::numbers::pi), direction()));
+    if (turned) result.rotate(Eigen::AngleAxisd{uniform(-std::numbers::pi, std::numbers::pi), direction()});
     result.translation() = vector(distance);
     return result;
   }
@@ -67,15 +72,20 @@ Inertia random_inertia(Random& random) {
 }
 
 Vector3d random_axis(Random& random) {
-  if (random.chance(0.5)) return random.direction() * random.uniform(0.5, 2.0);  // axes may have any length
-  return random.sign() * Vector3d::Unit(random.integer(0, 2));
+  if (random.chance(0.5)) {
+    const double length = random.uniform(0.5, 2.0);  // axes may have any
+    return length * random.direction();
+  }
+  const Vector3d axis = Vector3d::Unit(random.integer(0, 2));
+  return random.sign() * axis;
 }
 
 void fill_joint(Joint& joint, Random& random, const RandomOptions& options) {
   if (options.damping && random.chance(0.5)) joint.damping = random.uniform(0.0, 0.5);
   if (options.armature && random.chance(0.5)) joint.armature = random.uniform(0.0, 0.1);
   if (options.drives && random.chance(0.4))
-    joint.drive = {random.uniform(0.0, 50.0), random.uniform(0.0, 5.0), random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0)};
+    joint.drive = {random.uniform(0.0, 50.0), random.uniform(0.0, 5.0), random.uniform(-1.0, 1.0),
+                   random.uniform(-1.0, 1.0)};
   if (options.efforts && random.chance(0.3)) joint.effort = random.uniform(-1.0, 1.0);
   joint.position = random.uniform(-1.0, 1.0) * (joint.kind == JointKind::prismatic ? 0.2 : 1.0);
   joint.velocity = random.uniform(-1.0, 1.0);
@@ -110,15 +120,16 @@ void add_tree(Model& model, int dofs, Random& random, const RandomOptions& optio
 }
 
 Softness random_softness(Random& random, RandomOptions::Soft soft) {
-  const bool hard = soft == RandomOptions::Soft::never || (soft == RandomOptions::Soft::sometimes && random.chance(0.5));
+  const bool hard =
+      soft == RandomOptions::Soft::never || (soft == RandomOptions::Soft::sometimes && random.chance(0.5));
   if (hard) {
-    if (random.chance(0.2)) return Softness::mixing(random.uniform(0.0, 0.5), 0.0);
-    return Softness::hard(random.uniform(0.0, 0.5));
+    const double erp = random.uniform(0.0, 0.5);
+    return random.chance(0.2) ? Softness::mixing(erp, 0.0) : Softness::hard(erp);
   }
   switch (random.integer(0, 2)) {
-    case 0: return Softness::mixing(random.uniform(0.0, 0.9), random.uniform(0.01, 1.0));
-    case 1: return Softness::spring(random.uniform(0.0, 100.0), random.uniform(0.0, 2.0));
-    default: return Softness::frequency(random.uniform(1.0, 40.0), random.uniform(0.0, 1.5));
+    case 0: return {Softness::Kind::mixing, random.uniform(0.0, 0.9), random.uniform(0.01, 1.0)};
+    case 1: return {Softness::Kind::spring, random.uniform(0.0, 100.0), random.uniform(0.0, 2.0)};
+    default: return {Softness::Kind::frequency, random.uniform(1.0, 40.0), random.uniform(0.0, 1.5)};
   }
 }
 
@@ -127,7 +138,9 @@ MatrixXd coupling_rows(const Model& model) {
   std::vector<std::string> moving;
   for (const Joint& joint : model.joints)
     if (joint.moves()) moving.push_back(joint.name);
-  const auto dof = [&](const std::string& name) { return std::find(moving.begin(), moving.end(), name) - moving.begin(); };
+  const auto dof = [&](const std::string& name) {
+    return std::find(moving.begin(), moving.end(), name) - moving.begin();
+  };
   MatrixXd rows = MatrixXd::Zero(model.couplings.size(), moving.size());
   for (std::size_t c = 0; c < model.couplings.size(); ++c) {
     rows(c, dof(model.couplings[c].joint)) = 1.0;
@@ -148,14 +161,14 @@ void add_couplings(Model& model, Random& random, const RandomOptions& options) {
     Coupling coupling;
     coupling.joint = moving[0];
     const int joints = std::min(dofs, random.chance(0.6) ? 2 : random.integer(3, 5));
-    for (int k = 1; k < joints; ++k) coupling.terms.push_back({moving[k], random.sign() * random.uniform(0.3, 3.0)});
+    for (int k = 1; k < joints; ++k) coupling.terms.push_back({moving[k], random.either_sign(0.3, 3.0)});
     coupling.softness = random_softness(random, options.soft);
     model.couplings.push_back(coupling);
   }
   // a = -g b and b = -h c make a = g h c.
   if (options.redundant && dofs >= 4 && random.chance(0.3)) {
     random.shuffle(moving);
-    const double g = random.sign() * random.uniform(0.5, 2.0), h = random.sign() * random.uniform(0.5, 2.0);
+    const double g = random.either_sign(0.5, 2.0), h = random.either_sign(0.5, 2.0);
     const Softness softness = random_softness(random, options.soft);
     model.couplings.push_back(Coupling::mimic(moving[0], moving[1], g, 0.0, softness));
     model.couplings.push_back(Coupling::mimic(moving[1], moving[2], h, 0.0, softness));

@@ -23,7 +23,7 @@ Model chain8();
 Model gripper13();
 
 /// Floating box with 32 links, axes y, z, y, z ..., no gravity, damping 0.05, v_i = (-1)^i;
-/// mimics (4k, 4k+2), (4k+1, 4k+3), G = -1. The start is a whip of 906 J.
+/// mimics (4k, 4k+2), (4k+1, 4k+3), G = -1. The start is a whip of 908 J.
 Model chain32();
 
 Model gear100();    ///< chain8 with q_A = 100 q_B, q_A(0) = 0.3

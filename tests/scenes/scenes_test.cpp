@@ -21,7 +21,8 @@ TEST(scenes, are_valid_and_complete) {
 
 double coupling_error(const Model& model, const Coupling& coupling, double Joint::*field, double offset) {
   double error = model.joints[model.joint_index(coupling.joint)].*field + offset;
-  for (const CouplingTerm& term : coupling.terms) error += term.ratio * (model.joints[model.joint_index(term.joint)].*field);
+  for (const CouplingTerm& term : coupling.terms)
+    error += term.ratio * (model.joints[model.joint_index(term.joint)].*field);
   return error;
 }
 

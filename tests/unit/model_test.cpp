@@ -86,6 +86,8 @@ INSTANTIATE_TEST_SUITE_P(
         Rule{"lonely", [](Model& m) { m.couplings[0].terms.clear(); }, "coupling 'elbow'", "only one joint"},
         Rule{"fixed_joint", [](Model& m) { m.joints[0].kind = JointKind::fixed; }, "coupling 'elbow'", "fixed"},
         Rule{"erp", [](Model& m) { m.couplings[0].softness = Softness::hard(2.0); }, "coupling 'elbow'", "erp"},
+        Rule{"hard_and_soft", [](Model& m) { m.couplings[0].softness = {Softness::Kind::hard, 0.2, 1.0}; },
+             "coupling 'elbow'", "second number"},
         Rule{"cfm", [](Model& m) { m.couplings[0].softness = Softness::mixing(0.2, -1); }, "coupling 'elbow'", "cfm"},
         Rule{"site", [](Model& m) { m.sites[0].link = "hand"; }, "link 'hand'", "no such link"},
         Rule{"gravity", [](Model& m) { m.gravity[1] = nan; }, "model 'model'", "gravity"}),

@@ -1,0 +1,60 @@
+// What follows from the gear ratios: the couplings' coefficients, S of the elimination, the rows. SPDX-License-Identifier: Apache-2.0
+//
+// The same for all environments unless the field is declared, and then the same for all sub-steps: either way no
+// step asks.
+#pragma once
+
+#include "tile.h"
+
+namespace lockstep::kernels {
+
+template <class T>
+LOCKSTEP_INLINE void spread(Span<ScalarOf<T>> table, T* values) {
+  for (int i = 0; i < table.count; ++i) values[i] = T(table[i]);
+}
+
+/// The table's, for all tiles.
+template <class T>
+void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  spread(t.term_value, x.coefficient);
+  spread(t.reduction.value, x.share);
+  spread(t.reduction.inverse_value, x.inverse_form);
+  spread(t.rows.term_value, x.row_value);
+}
+
+/// This tile's own, by the elimination (M38) that the plan recorded.
+template <class T>
+void own_ratios(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  const ScalarOf<T>* gears = lanes.field[0];
+  for (int k = 0; k < t.term_gear.count; ++k)
+    if (t.term_gear[k] >= 0) x.coefficient[k] = T::load(gears + t.term_gear[k] * lanes.stride);
+
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  for (int i = 0; i < r.fills.count; ++i)
+    x.form[r.fills[i].entry] = r.fills[i].gear < 0 ? T(r.fills[i].value) : T::load(gears + r.fills[i].gear * lanes.stride);
+  for (int e = 0; e < r.eliminations.count; ++e) {
+    const auto& step = r.eliminations[e];
+    const T factor = x.form[step.factor] / x.form[step.pivot];
+    for (int u = step.first; u < step.last; ++u)
+      x.form[r.updates[u].target] = fnma(factor, x.form[r.updates[u].source], x.form[r.updates[u].target]);
+  }
+  for (int f = 0; f < r.followers; ++f) {
+    const T inverse = T(1) / x.form[r.pivot[f]];
+    for (int s = r.start[f]; s < r.start[f + 1]; ++s) x.share[s] = -(x.form[r.value_entry[s]] * inverse);
+    for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s)
+      x.inverse_form[s] = x.form[r.inverse_entry[s]] * inverse;
+  }
+
+  const Rows<ScalarOf<T>>& rows = t.rows;
+  for (int k = 0; k < rows.term_value.count; ++k) {
+    T sum = T(0);
+    for (int c = rows.contribution_start[k]; c < rows.contribution_start[k + 1]; ++c) {
+      const Contribution part = rows.contribution[c];
+      const T term = x.coefficient[part.term];
+      sum = part.value < 0 ? sum + term : fma(term, x.share[part.value], sum);
+    }
+    x.row_value[k] = sum;
+  }
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,252 @@
+// lockstep chart: error against cost of the methods on a model, measured at once. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <numeric>
+
+#include "chart_runs.h"
+#include "chart_script.h"
+#include "lockstep/error.h"
+#include "options.h"
+#include "progress.h"
+#include "python.h"
+#include "state.h"
+#include "text.h"
+#include "tool.h"
+
+namespace lockstep::tool {
+namespace {
+
+constexpr double largest_error = 10.0;  // rad or m; beyond it a run has failed
+constexpr double longest_motion = 60.0;  // s
+constexpr int rounds = 5;               // cost measurements of every setting, far apart in time
+constexpr int fewest_environments = 64, most_environments = 4096;
+constexpr double predictable = 0.1;     // the truth's own error against the smallest error charted
+constexpr double truth_share = 0.2;     // of the work, as the progress bar shows it
+
+struct ChartOptions {
+  ModelOptions model;
+  std::string out, csv, python, state;
+  int environments = 0;  // 0: as many as fit the budget
+  double seconds = 1.0, budget = 25.0;
+};
+
+// The model with its start from the file, or with one that moves.
+Model with_start(const ChartOptions& options, Model model) {
+  model.validate();
+  if (options.state.empty()) return with_moving_start(std::move(model));
+  Batch<double> batch(compile(model), 1, {.threads = 1});
+  apply_state(read_csv(options.state), batch);
+  int dof = 0;
+  for (Joint& joint : model.joints)
+    if (joint.moves()) {
+      joint.position = batch.positions()(dof, 0);
+      joint.velocity = batch.velocities()(dof++, 0);
+    }
+  if (model.root.floating) {
+    const Eigen::ArrayXd pose = batch.root_poses().col(0);
+    model.root.pose.translation() = pose.head<3>();
+    model.root.pose.linear() = Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6]).normalized().toRotationMatrix();
+    model.root.velocity = batch.root_velocities().col(0).matrix();
+  }
+  return model;
+}
+
+// The settings that the model allows, and a line about each method that it does not.
+std::vector<ChartSetting> possible_settings(const Model& model) {
+  std::vector<ChartSetting> possible;
+  Method refused = Method::automatic;
+  for (const ChartSetting& setting : chart_settings(model)) {
+    if (setting.method == refused) continue;
+    try {
+      compile_setting(model, setting);
+      possible.push_back(setting);
+    } catch (const SettingsError& error) {
+      refused = setting.method;
+      fmt::print("left out: {}: {}\n", name(setting.method), error.what());
+    }
+  }
+  return possible;
+}
+
+double median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
+  return values[values.size() / 2];
+}
+
+struct Measured {
+  std::vector<ChartPoint> points;
+  int environments;
+};
+
+Measured measure(const ChartOptions& options, const Model& model, const Truth& truth,
+                 const std::function<void(double)>& tick) {
+  const int samples = static_cast<int>(truth.positions.cols());
+  const std::vector<ChartSetting> settings = possible_settings(model);
+  Measured result{{}, options.environments};
+  std::vector<Plan> plans;
+  std::vector<double> expected;
+  for (const ChartSetting& setting : settings) {
+    result.points.push_back(measure_error(model, setting, truth));
+    plans.push_back(compile_setting(model, setting));
+    expected.push_back(measure_cost(plans.back(), setting.f64, samples, fewest_environments, 1e-4));
+  }
+  // As many environments as let every setting run the whole motion in each round.
+  const double expected_sum = std::accumulate(expected.begin(), expected.end(), 0.0);
+  const double round_time = options.budget / rounds;
+  const double simulated = static_cast<double>(samples) / samples_per_second;
+  const double affordable = round_time / (expected_sum * simulated);
+  if (result.environments == 0)
+    result.environments = static_cast<int>(std::clamp(affordable, 1.0 * fewest_environments, 1.0 * most_environments)) /
+                          fewest_environments * fewest_environments;
+
+  const double shortest = std::min(0.01, round_time / 100.0);  // s: less would be all noise
+  // Round by round, so that a slow minute of the machine falls on all settings alike.
+  std::vector<std::vector<double>> costs(settings.size());
+  double done = 0.0;
+  for (int round = 0; round < rounds; ++round)
+    for (std::size_t i = 0; i < settings.size(); ++i) {
+      const double share = expected[i] / expected_sum;
+      costs[i].push_back(measure_cost(plans[i], settings[i].f64, samples, result.environments,
+                                      std::max(share * round_time, shortest)));
+      tick((done += share) / rounds);
+    }
+  for (std::size_t i = 0; i < settings.size(); ++i) result.points[i].cost = median(costs[i]);
+  return result;
+}
+
+std::string csv_line(const ChartPoint& point) {
+  const ChartSetting& setting = point.setting;
+  return fmt::format("{},{},{},{},{},{},{},{},{}\n", name(setting.method), setting.iterations,
+                     1.0 / setting.steps_per_second, setting.f64 ? "f64" : "f32", point.rms_error,
+                     point.coupling_error_max, 1e6 * point.cost, setting.steps_per_second / point.cost,
+                     point.faulted ? 1 : 0);
+}
+
+void write_csv(const std::string& path, const std::vector<ChartPoint>& points) {
+  OutputFile file(path);
+  file.write("method,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,"
+             "env_steps_per_second,faulted\n");
+  for (const ChartPoint& point : points) file.write(csv_line(point));
+  file.close();
+}
+
+std::string cpu_name() {
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);)
+    if (line.starts_with("model name")) return line.substr(std::min(line.find(':') + 2, line.size()));
+  return "unknown processor";
+}
+
+// What the picture says beside the points.
+std::string caption(const Model& model, const Truth& truth, int environments, int samples) {
+  bool slides = false;
+  for (const Joint& joint : model.joints) slides = slides || joint.kind == JointKind::prismatic;
+  const nlohmann::json caption = {
+      {"model", model.name},
+      {"cpu", cpu_name()},
+      {"target", name(Batch<float>(compile(model), 1, {.threads = 1}).target())},
+      {"joints", std::count_if(model.joints.begin(), model.joints.end(), [](const Joint& j) { return j.moves(); })},
+      {"couplings", model.couplings.size()},
+      {"base", model.root.floating ? "floating" : "fixed"},
+      {"environments", environments},
+      {"seconds", static_cast<double>(samples) / samples_per_second},
+      {"unit", slides ? "rad, m" : "rad"},
+      {"truth_error", truth.error},
+      {"truth_steps_per_second", truth.steps_per_second},
+      {"largest_error", largest_error}};
+  return caption.dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+}
+
+std::string last_line(std::string text) {
+  while (text.ends_with('\n')) text.pop_back();
+  return text.substr(text.rfind('\n') + 1);
+}
+
+void draw(const ChartOptions& options, const std::string& csv, const std::string& out, const std::string& caption) {
+  const std::optional<std::string> python = find_python(options.python);
+  if (!python) {
+    const std::string who = options.python.empty() ? "no Python here has" : options.python + " does not have";
+    fmt::print("picture  none: {} matplotlib (Debian: python3-matplotlib); name one that has it with --python\n", who);
+    return;
+  }
+  const ProcessResult result = run_process({*python, "-c", chart_script, csv, out, caption});
+  if (result.status != 0)
+    throw InputError(fmt::format("{}: cannot be drawn by {}: {}", out, *python, last_line(result.errors)));
+  fmt::print("picture  {}\n", out);
+}
+
+void report(const Model& model, const Truth& truth, const std::vector<ChartPoint>& points) {
+  double least = infinity;
+  for (const ChartPoint& point : points) least = std::min(least, point.rms_error);
+  const auto failed = std::count_if(points.begin(), points.end(),
+                                    [](const ChartPoint& p) { return p.faulted || !(p.rms_error <= largest_error); });
+  fmt::print("model    {}\n", model.name);
+  fmt::print("truth    {} steps/s, f64, extrapolated; estimated error {:.1e}\n", truth.steps_per_second, truth.error);
+  if (truth.error > std::max(predictable * least, 1e-6))
+    fmt::print("         (too much to tell the methods apart: this motion grows small differences; a shorter\n"
+               "         --seconds, a gentler --state or a --drive would help)\n");
+  fmt::print("points   {}, {} of them failed (faulted, or off by more than {:g})\n", points.size(), failed,
+             largest_error);
+}
+
+void run(const ChartOptions& options) {
+  const std::filesystem::path stem = std::filesystem::path(options.model.file).stem();
+  const std::string out = options.out.empty() ? stem.string() + "_chart.svg" : options.out;
+  const std::string csv =
+      options.csv.empty() ? std::filesystem::path(out).replace_extension(".csv").string() : options.csv;
+  keep_apart({options.model.file, options.state}, {out, csv});
+  if (options.seconds > longest_motion)
+    throw InputError(fmt::format("--seconds: {} s are too long for a chart; give at most {}", options.seconds,
+                                 longest_motion));
+  const int samples = std::max(1, static_cast<int>(std::lround(options.seconds * samples_per_second)));
+
+  const Model model = with_start(options, options.model.load().model);
+  OutputFile(csv).close();  // a bad name should not cost the measurement
+
+  Truth truth;
+  Measured measured;
+  {
+    Progress progress(100.0, "%");
+    truth = find_truth(model, samples, [&](double share) { progress.update(100.0 * truth_share * share); });
+    measured = measure(options, model, truth, [&](double share) {
+      progress.update(100.0 * (truth_share + (1.0 - truth_share) * share));
+    });
+  }
+  write_csv(csv, measured.points);
+  report(model, truth, measured.points);
+  fmt::print("table    {}\n", csv);
+  draw(options, csv, out, caption(model, truth, measured.environments, samples));
+}
+
+}  // namespace
+
+void add_chart(CLI::App& app, int& exit_code) {
+  CLI::App* command = app.add_subcommand("chart", "Measures and draws error against cost of the methods on a model");
+  const auto options = std::make_shared<ChartOptions>();
+  options->model.add_to(*command);
+  command->add_option("--out", options->out, "The picture (default MODEL_chart.svg); .png and .pdf work too")
+      ->type_name("FILE");
+  command->add_option("--csv", options->csv, "The table (default: the picture's name with .csv)")->type_name("FILE");
+  add_parsed(*command, "--seconds", options->seconds,
+             [](const std::string& text) { return seconds_of(text, "--seconds"); }, "Simulated time in s")
+      ->type_name("T")->default_str("1");
+  command->add_option("--envs", options->environments, "Environments while measuring cost; 0: as the budget allows")
+      ->type_name("N")->capture_default_str()->check(CLI::Range(0, 1 << 24));
+  command->add_option("--budget", options->budget, "CPU seconds to spend on measuring cost")
+      ->type_name("S")->capture_default_str()->check(CLI::Range(0.01, 1e5));
+  command->add_option("--state", options->state, "CSV with the start state, one row")->type_name("FILE");
+  command->add_option("--python", options->python, "A Python that has matplotlib")->type_name("PATH");
+  command->callback([options, &exit_code] {
+    run(*options);
+    exit_code = fine;
+  });
+}
+
+}  // namespace lockstep::tool

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "chart_runs.h"
+
+#include <fmt/format.h>
+#include <time.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "state.h"
+#include "tool.h"
+
+namespace lockstep::tool {
+namespace {
+
+constexpr double start_angle = 0.3, start_slide = 0.03;         // rad, m
+constexpr double start_turning = 1.0, start_sliding = 0.1;      // rad/s, m/s
+constexpr int sweep_counts[] = {1, 2, 4, 8, 16, 32};
+constexpr int step_rates[] = {60, 120, 240, 480, 960};
+// Step rates of the truth: the most that fits its time. Each is a multiple of the sample rate.
+constexpr int finest_truth = 60 * 2048, coarsest_truth = 60 * 128;
+constexpr double truth_seconds = 6.0;
+
+double thread_seconds() {
+  timespec now;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+// q plus or minus `by`, whichever the limits let go further.
+double moved_within_limits(const Joint& joint, double by) {
+  const double up = std::min(joint.position + by, std::max(joint.upper, joint.position));
+  const double down = std::max(joint.position - by, std::min(joint.lower, joint.position));
+  return up - joint.position >= joint.position - down ? up : down;
+}
+
+template <class S>
+Trajectory trajectory(const Plan& plan, int samples, const std::function<void(double)>& tick, bool watch_couplings) {
+  Batch<S> batch(plan, 1, {.threads = 1});
+  const int substeps = static_cast<int>(std::lround(1.0 / (samples_per_second * plan.settings().dt)));
+  Trajectory result;
+  result.positions.resize(plan.dofs(), samples);
+  for (int sample = 0; sample < samples; ++sample) {
+    if (watch_couplings && plan.couplings() > 0) {
+      for (int step = 0; step < substeps; ++step) {
+        batch.step();
+        const double error = static_cast<double>(batch.coupling_errors().abs().maxCoeff());
+        result.coupling_error_max = std::max(result.coupling_error_max, error);
+      }
+    } else {
+      batch.step(substeps);
+    }
+    result.positions.col(sample) = batch.positions().col(0).template cast<double>();
+    if (batch.faulted() > 0) break;
+    tick((sample + 1.0) / samples);
+  }
+  result.fault = batch.faults()[0];
+  return result;
+}
+
+Plan truth_plan(const Model& model, int steps_per_second) {
+  StepSettings settings;
+  settings.dt = 1.0 / steps_per_second;
+  return compile(model, settings);
+}
+
+// The most steps per second whose three runs (of 1, 1/2 and 1/4 of them) fit the time for the truth.
+int truth_rate(const Model& model, int samples) {
+  Batch<double> batch(truth_plan(model, finest_truth), 1, {.threads = 1});
+  constexpr int steps = 256;
+  batch.step(steps);
+  const double start = thread_seconds();
+  batch.step(steps);
+  const double per_step = (thread_seconds() - start) / steps;
+  const double simulated = static_cast<double>(samples) / samples_per_second;
+  int rate = finest_truth;
+  while (rate > coarsest_truth && 1.75 * rate * simulated * per_step > truth_seconds) rate /= 2;
+  return rate;
+}
+
+// The charted motion again and again, or its beginning if the time is short.
+template <class S>
+double cost(const Plan& plan, int samples, int environments, double seconds) {
+  constexpr int block = 16;  // so that looking at the clock costs nothing
+  const int steps = static_cast<int>(std::lround(samples / (samples_per_second * plan.settings().dt)));
+  Batch<S> batch(plan, environments, {.threads = 1});
+  batch.step();  // touches the memory, outside the clock
+  double spent = 0.0;
+  long taken = 0;
+  while (spent < seconds) {
+    batch.reset();
+    for (int done = 0; done < steps && spent < seconds; done += block) {
+      const int count = std::min(block, steps - done);
+      const double start = thread_seconds();
+      batch.step(count);
+      spent += thread_seconds() - start;
+      taken += count;
+    }
+  }
+  return spent / static_cast<double>(taken) / environments / plan.settings().dt;
+}
+
+}  // namespace
+
+Model with_moving_start(Model model) {
+  const CouplingSolver solver(model);
+  std::vector<Joint*> joints;
+  bool moves = model.root.floating && !model.root.velocity.isZero(0.0);
+  for (Joint& joint : model.joints)
+    if (joint.moves()) joints.push_back(&joint), moves = moves || joint.velocity != 0.0;
+  if (moves) return model;
+  Eigen::VectorXd q(joints.size()), v = Eigen::VectorXd::Zero(joints.size());
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    const bool slides = joints[i]->kind == JointKind::prismatic;
+    q[i] = joints[i]->position;
+    if (!solver.independent()[i]) continue;
+    q[i] = moved_within_limits(*joints[i], slides ? start_slide : start_angle);
+    v[i] = slides ? start_sliding : start_turning;
+  }
+  solver.settle_positions(q);
+  solver.settle_velocities(v);
+  for (std::size_t i = 0; i < joints.size(); ++i) joints[i]->position = q[i], joints[i]->velocity = v[i];
+  return model;
+}
+
+std::vector<ChartSetting> chart_settings(const Model& model) {
+  std::vector<ChartSetting> settings;
+  const auto add = [&](Method method, int iterations, bool f64) {
+    for (const int rate : step_rates) settings.push_back({method, iterations, rate, f64});
+  };
+  for (const bool f64 : {false, true}) {
+    if (!model.couplings.empty()) add(Method::reduced, 0, f64);
+    add(Method::direct, 0, f64);
+  }
+  if (model.couplings.empty()) return settings;
+  for (const Method method : {Method::pgs, Method::tgs})
+    for (const int sweeps : sweep_counts) add(method, sweeps, false);
+  return settings;
+}
+
+double rms(const Eigen::ArrayXXd& difference) {
+  return difference.size() == 0 ? 0.0 : std::sqrt(difference.square().mean());
+}
+
+Truth find_truth(const Model& model, int samples, const std::function<void(double)>& tick) {
+  const int rate = truth_rate(model, samples);
+  Eigen::ArrayXXd runs[3];
+  double done = 0.0;
+  for (int level = 0; level < 3; ++level) {
+    const double share = std::ldexp(4.0 / 7.0, level - 2);  // each run takes twice the steps of the one before
+    const Plan plan = truth_plan(model, rate >> (2 - level));
+    Trajectory run = trajectory<double>(plan, samples, [&](double of_run) { tick(done + share * of_run); }, false);
+    if (run.fault != Fault::none)
+      throw InputError(fmt::format("model '{}': the small-step run that errors are measured against faulted ({}); "
+                                   "give another start with --state", model.name, name(run.fault)));
+    runs[level] = std::move(run.positions);
+    done += share;
+  }
+  // The error is c1 h + c2 h^2 + ...: the first pair of extrapolations removes c1, the second c2. Their
+  // difference is the error of the first kind, an upper estimate of what is left.
+  const Eigen::ArrayXXd coarse = 2.0 * runs[1] - runs[0], fine = 2.0 * runs[2] - runs[1];
+  return {(4.0 * fine - coarse) / 3.0, rms((fine - coarse) / 3.0), rate};
+}
+
+ChartPoint measure_error(const Model& model, const ChartSetting& setting, const Truth& truth) {
+  const Plan plan = compile_setting(model, setting);
+  const int samples = static_cast<int>(truth.positions.cols());
+  const auto quiet = [](double) {};
+  const Trajectory run = setting.f64 ? trajectory<double>(plan, samples, quiet, true)
+                                     : trajectory<float>(plan, samples, quiet, true);
+  ChartPoint point{.setting = setting};
+  point.faulted = run.fault != Fault::none;
+  point.rms_error = point.faulted ? infinity : rms(run.positions - truth.positions);
+  point.coupling_error_max = point.faulted ? infinity : run.coupling_error_max;
+  return point;
+}
+
+double measure_cost(const Plan& plan, bool f64, int samples, int environments, double seconds) {
+  return f64 ? cost<double>(plan, samples, environments, seconds) : cost<float>(plan, samples, environments, seconds);
+}
+
+Plan compile_setting(const Model& model, const ChartSetting& setting) {
+  StepSettings settings;
+  settings.dt = 1.0 / setting.steps_per_second;
+  settings.method = setting.method;
+  settings.iterations = std::max(setting.iterations, 1);
+  return compile(model, settings);
+}
+
+}  // namespace lockstep::tool

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "csv.h"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "text.h"
+#include "tool.h"
+
+namespace lockstep::tool {
+namespace {
+
+// The fields of one line; a quote inside a quoted field is written twice.
+std::vector<std::string> fields(const std::string& line, const std::string& where) {
+  std::vector<std::string> result(1);
+  bool quoted = false;
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    const char c = line[i];
+    if (c == '"' && quoted && i + 1 < line.size() && line[i + 1] == '"') {
+      result.back() += line[++i];
+    } else if (c == '"') {
+      quoted = !quoted;
+    } else if (c == ',' && !quoted) {
+      result.emplace_back();
+    } else {
+      result.back() += c;
+    }
+  }
+  if (quoted) throw InputError(where + ": a quote is opened and not closed");
+  return result;
+}
+
+std::string without_blanks_around(const std::string& text) {
+  const std::size_t first = text.find_first_not_of(" \t");
+  return first == std::string::npos ? "" : text.substr(first, text.find_last_not_of(" \t") - first + 1);
+}
+
+void read_header(const std::vector<std::string>& names, const std::string& where, Table& table) {
+  std::set<std::string> seen;
+  for (const std::string& name : names) {
+    table.columns.push_back(without_blanks_around(name));
+    const std::string cell = fmt::format("{}:{}", where, table.columns.size());
+    if (table.columns.back().empty()) throw InputError(cell + ": the column has no name");
+    if (!seen.insert(table.columns.back()).second)
+      throw InputError(fmt::format("{}: column '{}' appears twice", cell, table.columns.back()));
+  }
+}
+
+void read_row(const std::vector<std::string>& cells, int line, const std::string& where, Table& table) {
+  if (cells.size() != table.columns.size())
+    throw InputError(
+        fmt::format("{}: the row has {} fields, the header {}", where, cells.size(), table.columns.size()));
+  std::vector<double> row;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const std::optional<double> number = to_number(cells[i]);
+    if (!number)
+      throw InputError(fmt::format("{}:{}: '{}' in column '{}' is not a finite number", where, i + 1, cells[i],
+                                   table.columns[i]));
+    row.push_back(*number);
+  }
+  table.rows.push_back(std::move(row));
+  table.lines.push_back(line);
+}
+
+}  // namespace
+
+std::string Table::at(std::size_t row, std::size_t column) const {
+  return fmt::format("{}:{}:{}", file, lines.at(row), column + 1);
+}
+
+Table read_csv(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  if (file) text << file.rdbuf();
+  if (!file || file.bad()) throw InputError(fmt::format("{}: cannot be read: {}", path, std::strerror(errno)));
+  return parse_csv(text.str(), path);
+}
+
+Table parse_csv(const std::string& text, const std::string& file) {
+  Table table;
+  table.file = file;
+  std::istringstream stream(text.starts_with("\xEF\xBB\xBF") ? text.substr(3) : text);  // a byte order mark
+  std::string line;
+  for (int number = 1; std::getline(stream, line); ++number) {
+    if (line.ends_with('\r')) line.pop_back();
+    if (without_blanks_around(line).empty()) continue;
+    const std::string where = fmt::format("{}:{}", file, number);
+    if (table.columns.empty())
+      read_header(fields(line, where), where, table);
+    else
+      read_row(fields(line, where), number, where, table);
+  }
+  if (table.rows.empty()) throw InputError(file + ": has no rows; the first line names the columns, numbers follow");
+  return table;
+}
+
+std::string csv_field(const std::string& text) {
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return text;
+  std::string quoted = "\"";
+  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
+  return quoted + '"';
+}
+
+void keep_apart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs) {
+  std::set<std::filesystem::path> taken;
+  const auto place = [](const std::string& file) {
+    std::error_code none;  // a path that cannot be resolved is refused where it is opened
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(file), none);
+  };
+  for (const std::string& file : inputs)
+    if (!file.empty()) taken.insert(place(file));
+  for (const std::string& file : outputs)
+    if (!file.empty() && !taken.insert(place(file)).second)
+      throw InputError(fmt::format("{}: would be overwritten, but is another input or output; give another name", file));
+}
+
+OutputFile::OutputFile(std::string path)
+    : path_(std::move(path)), file_(std::fopen(path_.c_str(), "w"), [](std::FILE* file) { return std::fclose(file); }) {
+  if (!file_) fail();
+}
+
+void OutputFile::write(const std::string& text) {
+  if (std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size()) fail();
+}
+
+void OutputFile::close() {
+  if (std::fclose(file_.release()) != 0) fail();
+}
+
+void OutputFile::fail() const {
+  throw InputError(fmt::format("{}: cannot be written: {}", path_, std::strerror(errno)));
+}
+
+}  // namespace lockstep::tool

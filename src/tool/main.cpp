@@ -1,0 +1,49 @@
+// The lockstep command: info, simulate, chart. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <new>
+
+#include "lockstep/version.h"
+#include "tool.h"
+
+namespace {
+
+// One line, whatever the message holds: scripts read it.
+int complain(std::string message) {
+  std::replace(message.begin(), message.end(), '\n', ' ');
+  fmt::print(stderr, "lockstep: {}\n", message);
+  return lockstep::tool::bad_input;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace lockstep::tool;
+  CLI::App app("Steps thousands of identical mechanisms with mimic joints at once.", "lockstep");
+  app.set_version_flag("--version", std::string("lockstep ") + lockstep::version());
+  app.get_formatter()->column_width(36);
+  int exit_code = fine;
+  add_info(app, exit_code);
+  add_simulate(app, exit_code);
+  add_chart(app, exit_code);
+  app.require_subcommand(0, 1);
+  app.allow_extras();  // so that a misspelt command is named below
+  try {
+    app.parse(argc, argv);
+    const std::vector<std::string> extras = app.remaining();
+    if (!extras.empty())
+      return complain(fmt::format("there is no command '{}'; give info, simulate or chart", extras[0]));
+    if (app.get_subcommands().empty()) return complain("give a command: info, simulate or chart; --help says more");
+    return exit_code;
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
+    return complain(error.what());
+  } catch (const std::bad_alloc&) {
+    return complain("not enough memory; ask for fewer environments");
+  } catch (const std::exception& error) {  // lockstep::Error, InputError
+    return complain(error.what());
+  }
+}

@@ -1,0 +1,54 @@
+// Options that several subcommands have: the mechanism and the step. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lockstep/import.h"
+#include "lockstep/step.h"
+
+namespace CLI {
+class App;
+class Option;
+}
+
+namespace lockstep::tool {
+
+/// Which mechanism, and what is changed in it before it is compiled.
+struct ModelOptions {
+  std::string file;
+  bool floating = false;
+  Eigen::Vector3d gravity{0.0, 0.0, -9.81};
+  std::optional<double> erp;          ///< of every hard coupling
+  std::vector<std::string> softness;  ///< "JOINT=MU,ZETA"
+  std::vector<std::string> drives;    ///< "JOINT=KP,KD"
+
+  void add_to(CLI::App& app);
+  /// Reads the file and applies the rest. Throws InputError and lockstep::Error.
+  Import load() const;
+};
+
+/// Applies them to a model: the part of ModelOptions::load that needs no file.
+void apply(const ModelOptions& options, Model& model);
+
+/// How it is stepped.
+struct StepOptions {
+  StepSettings settings;
+  void add_to(CLI::App& app);
+};
+
+/// Throws InputError, which lists the methods that there are.
+Method method_of(const std::string& name);
+
+/// An option whose text `parse` turns into `value`; it throws InputError.
+template <class App, class Value, class Parse>
+CLI::Option* add_parsed(App& app, const std::string& names, Value& value, Parse parse, const std::string& help) {
+  return app.template add_option_function<std::string>(
+      names, [&value, parse](const std::string& text) { value = parse(text); }, help);
+}
+
+/// A time in s, more than 0, as a number or a fraction. Throws InputError, which starts with `what`.
+double seconds_of(const std::string& text, const std::string& what);
+
+}  // namespace lockstep::tool

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "record.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "state.h"
+
+namespace lockstep::tool {
+
+Recorder::Recorder(const std::string& path, int environment, const Plan& plan)
+    : file_(std::in_place, path), environment_(environment) {
+  std::vector<std::string> names = {"time"};
+  for (const StateColumn& column : joint_columns(plan.dof_names())) names.push_back(csv_field(column.name));
+  for (const std::string& coupling : coupling_names(plan.model())) names.push_back(csv_field("C." + coupling));
+  if (plan.floating())
+    for (const StateColumn& column : root_columns()) names.push_back(column.name);
+  file_->write(fmt::format("{}\n", fmt::join(names, ",")));
+}
+
+template <class S>
+void Recorder::add(double time, Batch<S>& batch, const typename Batch<S>::Array& coupling_errors) {
+  fmt::memory_buffer line;
+  const auto append = [&line](auto number) { fmt::format_to(std::back_inserter(line), ",{}", number); };
+  fmt::format_to(std::back_inserter(line), "{}", time);
+  const auto positions = batch.positions(), velocities = batch.velocities();
+  for (Eigen::Index i = 0; i < positions.rows(); ++i) {
+    append(positions(i, environment_));
+    append(velocities(i, environment_));
+  }
+  for (Eigen::Index c = 0; c < coupling_errors.rows(); ++c) append(coupling_errors(c, environment_));
+  for (const auto& root : {batch.root_poses(), batch.root_velocities()})
+    for (Eigen::Index i = 0; i < root.rows(); ++i) append(root(i, environment_));
+  line.push_back('\n');
+  file_->write(fmt::to_string(line));
+}
+
+void Recorder::close() {
+  if (file_) file_->close();
+}
+
+template void Recorder::add(double, Batch<float>&, const Batch<float>::Array&);
+template void Recorder::add(double, Batch<double>&, const Batch<double>::Array&);
+
+}  // namespace lockstep::tool

@@ -1,0 +1,30 @@
+// Recording one environment to CSV. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "csv.h"
+#include "lockstep/batch.h"
+
+namespace lockstep::tool {
+
+/// Columns: time; NAME, NAME.v by joint; C.NAME by coupling; the root's pose and velocity if it floats.
+/// Every number is written with as many digits as it takes to read back the same bits.
+class Recorder {
+ public:
+  Recorder() = default;  ///< records nothing
+  /// Throws InputError where the file cannot be written.
+  Recorder(const std::string& path, int environment, const Plan& plan);
+
+  bool active() const { return file_.has_value(); }
+  /// Adds the environment's state as it is now; `coupling_errors` as the Batch returns them.
+  template <class S>
+  void add(double time, Batch<S>& batch, const typename Batch<S>::Array& coupling_errors);
+  void close();
+
+ private:
+  std::optional<OutputFile> file_;
+  int environment_ = 0;
+};
+
+}  // namespace lockstep::tool

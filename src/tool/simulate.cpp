@@ -1,0 +1,223 @@
+// lockstep simulate: many environments of one model over a time span. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "lockstep/batch.h"
+#include "options.h"
+#include "progress.h"
+#include "record.h"
+#include "state.h"
+#include "targets.h"
+#include "text.h"
+#include "tool.h"
+
+namespace lockstep::tool {
+namespace {
+
+// The coupling errors are looked at after so many steps at the latest: each look costs about a step.
+constexpr long longest_sampling_interval = 8;
+
+struct SimulateOptions {
+  ModelOptions model;
+  StepOptions step;
+  int environments = 1024, threads = 0, recorded = 0;
+  double seconds = 1.0, sigma = 0.0;
+  std::uint64_t seed = 1;
+  bool f64 = false;
+  std::string state, targets, record, json;
+};
+
+struct Outcome {
+  long steps = 0;
+  double stepping_seconds = 0.0;  ///< wall clock, in Batch::step alone
+  Target target = Target::automatic;
+  double coupling_error_max = 0.0, coupling_error_rms = 0.0;  ///< no number where every environment faulted
+  int faulted = 0, first_faulted = -1;
+  Fault first_fault = Fault::none;
+};
+
+long step_count(double seconds, double dt) {
+  const double steps = std::round(seconds / dt);
+  if (steps < 1.0)
+    throw InputError(fmt::format("--seconds: {} s is less than half a step of {} s", seconds, fraction(dt)));
+  if (steps > 1e12) throw InputError(fmt::format("--seconds: {} s are {} steps, too many to take", seconds, steps));
+  return static_cast<long>(steps);
+}
+
+// Largest and root mean square error over the environments that have not faulted.
+template <class S>
+void sample(const Batch<S>& batch, const typename Batch<S>::Array& errors, Outcome& outcome) {
+  double sum = 0.0;
+  long count = 0;
+  for (int e = 0; e < batch.environments(); ++e) {
+    if (batch.faults()[e] != Fault::none) continue;
+    for (Eigen::Index c = 0; c < errors.rows(); ++c) {
+      const double error = std::abs(static_cast<double>(errors(c, e)));
+      outcome.coupling_error_max = std::max(outcome.coupling_error_max, error);
+      sum += error * error;
+    }
+    count += errors.rows();
+  }
+  outcome.coupling_error_rms = count > 0 ? std::sqrt(sum / static_cast<double>(count)) : 0.0;
+}
+
+template <class S>
+void note_faults(const Batch<S>& batch, Outcome& outcome) {
+  outcome.faulted = batch.faulted();
+  for (int e = batch.environments() - 1; e >= 0; --e)
+    if (batch.faults()[e] != Fault::none) outcome.first_faulted = e, outcome.first_fault = batch.faults()[e];
+  if (outcome.faulted == batch.environments())
+    outcome.coupling_error_max = outcome.coupling_error_rms = std::numeric_limits<double>::quiet_NaN();
+}
+
+template <class S>
+Outcome run(const SimulateOptions& options, const Plan& plan, long steps) {
+  using Clock = std::chrono::steady_clock;
+  const double dt = plan.settings().dt;
+  const Targets targets = options.targets.empty() ? Targets() : Targets(read_csv(options.targets), plan);
+  Batch<S> batch(plan, options.environments, {.threads = options.threads});
+  batch.step();  // wakes the threads and touches the memory, outside the clock
+  batch.reset();
+  if (!options.state.empty()) apply_state(read_csv(options.state), batch);
+  if (options.sigma > 0.0) perturb(options.sigma, options.seed, batch);
+  Recorder recorder = options.record.empty() ? Recorder() : Recorder(options.record, options.recorded, plan);
+  if (recorder.active()) recorder.add(0.0, batch, batch.coupling_errors());
+
+  Outcome outcome{.steps = steps, .target = batch.target()};
+  const long interval = recorder.active() ? 1 : longest_sampling_interval;
+  Progress progress(static_cast<double>(steps) * options.environments, "env-steps");
+  int target_row = -1;
+  for (long done = 0; done < steps;) {
+    if (const int row = targets.row_at(done, dt); row != target_row) targets.apply(target_row = row, batch);
+    int count = 1;
+    while (count < interval && done + count < steps && targets.row_at(done + count, dt) == target_row) ++count;
+
+    const Clock::time_point start = Clock::now();
+    batch.step(count);
+    outcome.stepping_seconds += std::chrono::duration<double>(Clock::now() - start).count();
+    done += count;
+
+    const typename Batch<S>::Array errors = batch.coupling_errors();
+    sample(batch, errors, outcome);
+    if (recorder.active()) recorder.add(static_cast<double>(done) * dt, batch, errors);
+    progress.update(static_cast<double>(done) * options.environments);
+  }
+  recorder.close();
+  note_faults(batch, outcome);
+  return outcome;
+}
+
+int thread_count(const SimulateOptions& options) {
+  return options.threads > 0 ? options.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+}
+
+double speed(const SimulateOptions& options, const Outcome& outcome) {
+  return static_cast<double>(outcome.steps) * options.environments / std::max(outcome.stepping_seconds, 1e-9);
+}
+
+void print(const SimulateOptions& options, const Plan& plan, const Outcome& outcome) {
+  const double simulated = static_cast<double>(outcome.steps) * plan.settings().dt;
+  const bool sweeps = plan.method() == Method::pgs || plan.method() == Method::tgs;
+  fmt::print("model    {}: {} joints, {} couplings, {} base\n", plan.model().name, plan.dofs(), plan.couplings(),
+             plan.floating() ? "floating" : "fixed");
+  fmt::print("method   {}{}, {}, step {} s, {} thread{}, {}\n", name(plan.method()),
+             sweeps ? fmt::format(" {}+{}", plan.settings().iterations, plan.settings().velocity_iterations) : "",
+             options.f64 ? "f64" : "f32", fraction(plan.settings().dt), thread_count(options),
+             thread_count(options) == 1 ? "" : "s", name(outcome.target));
+  fmt::print("run      {} environments x {} steps = {:.6g} s each\n", options.environments, outcome.steps, simulated);
+  if (std::abs(simulated - options.seconds) > 1e-9 * options.seconds)
+    fmt::print("         ({:.6g} s is not a whole number of steps: rounded)\n", options.seconds);
+  fmt::print("speed    {} env-steps/s in {:.3g} s of stepping\n", with_prefix(speed(options, outcome)),
+             outcome.stepping_seconds);
+  if (outcome.faulted == options.environments)
+    fmt::print("|C|      no environment left to measure\n");
+  else
+    fmt::print("|C|      max {:.2e}, rms at the end {:.2e} (rad, m)\n", outcome.coupling_error_max,
+               outcome.coupling_error_rms);
+  fmt::print("faults   {}\n", outcome.faulted == 0 ? "none" : fmt::format("{} environments", outcome.faulted));
+}
+
+std::string as_json(const SimulateOptions& options, const Plan& plan, const Outcome& outcome) {
+  nlohmann::ordered_json json;
+  json["model"] = plan.model().name;
+  json["file"] = options.model.file;
+  json["env_steps_per_second"] = speed(options, outcome);
+  json["coupling_error_max"] = outcome.coupling_error_max;  // null where it is no number
+  json["coupling_error_rms"] = outcome.coupling_error_rms;
+  json["faulted_environments"] = outcome.faulted;
+  if (outcome.faulted > 0)
+    json["first_fault"] = {{"environment", outcome.first_faulted}, {"fault", name(outcome.first_fault)}};
+  json["method"] = name(plan.method());
+  json["iterations"] = plan.settings().iterations;
+  json["velocity_iterations"] = plan.settings().velocity_iterations;
+  json["precision"] = options.f64 ? "f64" : "f32";
+  json["threads"] = thread_count(options);
+  json["target"] = name(outcome.target);
+  json["dt"] = plan.settings().dt;
+  json["envs"] = options.environments;
+  json["steps"] = outcome.steps;
+  json["seconds"] = static_cast<double>(outcome.steps) * plan.settings().dt;
+  json["stepping_seconds"] = outcome.stepping_seconds;
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
+int run(const SimulateOptions& options) {
+  if (options.recorded >= options.environments)
+    throw InputError(fmt::format("--record-env: {} is not below the number of environments, {}", options.recorded,
+                                 options.environments));
+  keep_apart({options.model.file, options.state, options.targets}, {options.record, options.json});
+  const Plan plan = compile(options.model.load().model, options.step.settings);
+  const long steps = step_count(options.seconds, plan.settings().dt);
+  std::optional<OutputFile> json;  // opened before the work: a bad name should not cost a run
+  if (!options.json.empty()) json.emplace(options.json);
+  const Outcome outcome = options.f64 ? run<double>(options, plan, steps) : run<float>(options, plan, steps);
+  print(options, plan, outcome);
+  if (json) json->write(as_json(options, plan, outcome)), json->close();
+  if (outcome.faulted == 0) return fine;
+  std::fflush(stdout);
+  fmt::print(stderr, "lockstep: {} of {} environments faulted; the first is number {}: {}\n", outcome.faulted,
+             options.environments, outcome.first_faulted, name(outcome.first_fault));
+  return some_faulted;
+}
+
+}  // namespace
+
+void add_simulate(CLI::App& app, int& exit_code) {
+  CLI::App* command = app.add_subcommand("simulate", "Steps many environments and says how fast and how well");
+  const auto options = std::make_shared<SimulateOptions>();
+  options->model.add_to(*command);
+  options->step.add_to(*command);
+  command->add_option("--envs", options->environments, "Environments")
+      ->type_name("N")->capture_default_str()->check(CLI::Range(1, 1 << 24));
+  add_parsed(*command, "--seconds", options->seconds,
+             [](const std::string& text) { return seconds_of(text, "--seconds"); }, "Simulated time in s")
+      ->type_name("T")->default_str("1");
+  add_parsed(*command, "--precision", options->f64,
+             [](const std::string& text) {
+               if (text != "f32" && text != "f64")
+                 throw InputError(fmt::format("--precision: there is no '{}'; give f32 or f64", text));
+               return text == "f64";
+             }, "f32 or f64")
+      ->type_name("P")->default_str("f32");
+  command->add_option("--threads", options->threads, "Threads; 0: all cores")
+      ->type_name("N")->capture_default_str()->check(CLI::Range(0, 1024));
+  command->add_option("--state", options->state, "CSV of start states, one row for all environments or one each")
+      ->type_name("FILE");
+  command->add_option("--targets", options->targets, "CSV of drive targets over time")->type_name("FILE");
+  command->add_option("--perturb", options->sigma, "Normal noise on the independent joints' start, rad or m")
+      ->type_name("SIGMA")->check(CLI::Range(0.0, 1e3));
+  command->add_option("--seed", options->seed, "Of the noise")->type_name("S")->capture_default_str();
+  command->add_option("--record", options->record, "Writes one environment's trajectory as CSV")->type_name("FILE");
+  command->add_option("--record-env", options->recorded, "Which environment, from 0")
+      ->type_name("I")->capture_default_str()->check(CLI::Range(0, (1 << 24) - 1));
+  command->add_option("--json", options->json, "Writes the results as JSON")->type_name("FILE");
+  command->callback([options, &exit_code] { exit_code = run(*options); });
+}
+
+}  // namespace lockstep::tool

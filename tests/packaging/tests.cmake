@@ -1,0 +1,21 @@
+# The library as applications get it: installed and found, with other compiler flags, as a subdirectory.
+function(lockstep_packaging_test name labels)
+  add_test(NAME packaging.${name}
+           COMMAND ${CMAKE_COMMAND} -DCONSUMER=${CMAKE_CURRENT_FUNCTION_LIST_DIR} -DBUILD=${PROJECT_BINARY_DIR}
+                   -DWORK=${CMAKE_CURRENT_BINARY_DIR}/packaging/${name} -DGENERATOR=${CMAKE_GENERATOR}
+                   -DCOMPILER=${CMAKE_CXX_COMPILER} -DBUILD_TYPE=${CMAKE_BUILD_TYPE} ${ARGN}
+                   -P ${CMAKE_CURRENT_FUNCTION_LIST_DIR}/consume.cmake)
+  set_tests_properties(packaging.${name} PROPERTIES LABELS "packaging;${labels}")
+endfunction()
+
+set(flags "")
+if(LOCKSTEP_SANITIZE)
+  set(flags -fsanitize=address,undefined)
+endif()
+lockstep_packaging_test(installed "" "-DFLAGS=${flags}")
+# Eigen aligns more strictly under AVX: nothing that crosses the library's border may depend on it.
+file(STRINGS /proc/cpuinfo avx2 REGEX avx2 LIMIT_COUNT 1)
+if(avx2)
+  lockstep_packaging_test(installed_for_avx "" "-DFLAGS=${flags} -mavx2 -mfma")
+endif()
+lockstep_packaging_test(subdirectory slow -DSOURCE=${PROJECT_SOURCE_DIR} "-DFLAGS=${flags}")

@@ -1,0 +1,232 @@
+// The built command as a user meets it: exit codes, messages, files. SPDX-License-Identifier: Apache-2.0
+#include "tool/command.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "tool/csv.h"
+
+namespace lockstep::tool {
+namespace {
+
+TEST_F(Command, help_is_no_error) {
+  for (const Arguments& arguments : {Arguments{"--help"}, {"--version"}, {"info", "--help"}, {"simulate", "--help"},
+                                     {"chart", "--help"}}) {
+    const Ran ran = run(arguments);
+    EXPECT_EQ(ran.status, 0);
+    EXPECT_FALSE(ran.out.empty());
+    EXPECT_TRUE(ran.err.empty()) << ran.err;
+  }
+}
+
+TEST_F(Command, info_says_what_was_read_and_what_a_step_does) {
+  const Ran ran = run({"info", model, "--method", "tgs", "--dt", "1/480"});
+  EXPECT_EQ(ran.status, 0) << ran.err;
+  EXPECT_NE(ran.out.find("tgs"), std::string::npos) << ran.out;
+  EXPECT_GT(lines(ran.out).size(), 3u);
+}
+
+TEST_F(Command, bad_input_is_one_line_and_exit_code_2) {
+  const std::string unknown_column = write("unknown.csv", "shoulder,knee\n1,2\n");
+  const std::string no_number = write("letters.csv", "shoulder,wrist\n1,2\n1,x\n");
+  const std::string two_rows = write("two.csv", "shoulder\n1\n2\n");
+  const std::string one = write("one.csv", "shoulder\n1\n");
+  const std::string backwards = write("backwards.csv", "time,wrist\n1,0\n0.5,0\n");
+  const std::string no_time = write("timeless.csv", "wrist\n1\n");
+  const std::string undriven = write("undriven.csv", "time,wrist\n0,1\n");
+  const std::string no_urdf = write("text.urdf", "hello");
+  const struct {
+    Arguments arguments;
+    const char* said;
+  } cases[] = {
+      {{}, "info, simulate or chart"},
+      {{"simulat", model}, "'simulat'"},
+      {{"--fast"}, "'--fast'"},
+      {{"simulate"}, "MODEL"},
+      {{"simulate", model, "--hurry"}, "--hurry"},
+      {{"simulate", "/no/such.urdf"}, "/no/such.urdf"},
+      {{"simulate", no_urdf}, "text.urdf"},
+      {{"info", "/no/such.urdf"}, "/no/such.urdf"},
+      {{"chart", "/no/such.urdf"}, "/no/such.urdf"},
+      {{"simulate", model, "--envs", "0"}, "--envs"},
+      {{"simulate", model, "--envs", "many"}, "--envs"},
+      {{"simulate", model, "--iterations", "1001"}, "--iterations"},
+      {{"simulate", model, "--velocity-iterations", "-1"}, "--velocity-iterations"},
+      {{"simulate", model, "--threads", "-1"}, "--threads"},
+      {{"simulate", model, "--dt", "0"}, "--dt"},
+      {{"simulate", model, "--dt", "1/0"}, "--dt"},
+      {{"simulate", model, "--seconds", "soon"}, "--seconds"},
+      {{"simulate", model, "--seconds", "0.001"}, "less than half a step"},
+      {{"simulate", model, "--method", "magic"}, "automatic, pgs, tgs, direct, reduced"},
+      {{"simulate", model, "--precision", "f16"}, "f32 or f64"},
+      {{"simulate", model, "--gravity", "0,0"}, "--gravity"},
+      {{"simulate", model, "--erp", "2"}, "erp"},
+      {{"simulate", model, "--fixed-base", "--floating-base"}, "base"},
+      {{"simulate", model, "--softness", "knee=1,2"}, "knee"},
+      {{"simulate", model, "--drive", "knee=1,2"}, "knee"},
+      {{"simulate", model, "--drive", "wrist=1"}, "wrist"},
+      {{"simulate", model, "--perturb", "-1"}, "--perturb"},
+      {{"simulate", model, "--record-env", "1024"}, "--record-env"},
+      {{"simulate", model, "--record", "/no/such/folder/r.csv"}, "/no/such/folder/r.csv"},
+      {{"simulate", model, "--json", "/no/such/folder/r.json"}, "/no/such/folder/r.json"},
+      {{"simulate", model, "--state", "/no/such.csv"}, "/no/such.csv"},
+      {{"simulate", model, "--state", unknown_column}, "unknown.csv:1:2"},
+      {{"simulate", model, "--state", no_number}, "letters.csv:3:2"},
+      {{"simulate", model, "--envs", "3", "--state", two_rows}, "2 rows for 3 environments"},
+      {{"simulate", model, "--targets", backwards, "--drive", "wrist=1,1"}, "backwards.csv:3:1"},
+      {{"simulate", model, "--targets", no_time, "--drive", "wrist=1,1"}, "no column 'time'"},
+      {{"simulate", model, "--targets", undriven}, "has no drive"},
+      {{"simulate", model, "--state", one, "--record", one}, "would be overwritten"},
+      {{"simulate", model, "--record", path("same"), "--json", path("same")}, "would be overwritten"},
+      {{"chart", model, "--out", path("same.csv")}, "would be overwritten"},
+      {{"chart", model, "--state", one, "--out", path("one.svg")}, "would be overwritten"},
+  };
+  for (const auto& [arguments, said] : cases) {
+    const Ran ran = run(arguments);
+    EXPECT_EQ(ran.status, 2) << said;
+    expect_one_complaint(ran.err, said);
+    EXPECT_TRUE(ran.out.empty()) << ran.out;
+  }
+}
+
+TEST_F(Command, record_has_the_documented_columns_and_a_row_per_step) {
+  const std::vector<std::string> rows = lines(recorded({"--seconds", "0.1", "--dt", "1/60"}));
+  ASSERT_EQ(rows.size(), 1u + 1 + 6);
+  EXPECT_EQ(rows[0], "time,shoulder,shoulder.v,elbow,elbow.v,wrist,wrist.v,slide,slide.v,C.elbow,C.slide");
+  EXPECT_TRUE(rows[1].starts_with("0,0,0,0,0,0,0,"));
+  recorded({"--floating-base", "--seconds", "0.1"}, "floating.csv");
+  const Table table = read_csv(path("floating.csv"));
+  ASSERT_EQ(table.columns.size(), 11u + 13);
+  EXPECT_EQ(table.columns[11], "root.x");
+  EXPECT_EQ(table.columns[14], "root.qw");
+  EXPECT_EQ(table.columns[23], "root.vz");
+  EXPECT_EQ(table.rows[0][14], 1.0);
+}
+
+// What was recorded, put back as a state, is the same state to the bit: the runs coincide from there on.
+TEST_F(Command, record_reads_back_to_the_same_bits) {
+  for (const Arguments& how : {Arguments{}, {"--precision", "f64"}, {"--floating-base"}, {"--method", "pgs"}}) {
+    Arguments first = how, second = how;
+    first.insert(first.end(), {"--seconds", "40/240", "--perturb", "0.3"});
+    const std::vector<std::string> rows = lines(recorded(first));
+    std::istringstream header(rows[0]), row(rows[1 + 25]);
+    std::string state_header, state_row;
+    for (std::string name, number; std::getline(header, name, ',') && std::getline(row, number, ',');) {
+      if (name == "time" || name.starts_with("C.")) continue;
+      state_header += (state_header.empty() ? "" : ",") + name;
+      state_row += (state_row.empty() ? "" : ",") + number;
+    }
+    const std::string state = write("state.csv", state_header + "\n" + state_row);
+    second.insert(second.end(), {"--seconds", "15/240", "--state", state});
+    const std::vector<std::string> continued = lines(recorded(second));
+    ASSERT_EQ(continued.size(), 1u + 1 + 15);
+    for (int i = 0; i <= 15; ++i) {
+      const std::string &was = rows[1 + 25 + i], &is = continued[1 + i];
+      EXPECT_EQ(was.substr(was.find(',')), is.substr(is.find(','))) << "step " << i;
+    }
+  }
+}
+
+TEST_F(Command, state_of_one_row_is_for_all_and_of_many_for_each) {
+  const std::string one = write("one.csv", "wrist,wrist.v\n0.25,-1\n");
+  std::string text = "wrist.v,wrist\n";
+  for (int e = 0; e < 9; ++e) text += "0," + std::to_string(e) + "\n";
+  const std::string each = write("each.csv", text);
+  recorded({"--state", one, "--record-env", "7"});
+  Table table = read_csv(path("record.csv"));
+  EXPECT_EQ(table.rows[0][5], 0.25);
+  EXPECT_EQ(table.rows[0][6], -1.0);
+  EXPECT_EQ(table.rows[0][1], 0.0);  // not named: the model's
+  recorded({"--state", each, "--record-env", "7"});
+  table = read_csv(path("record.csv"));
+  EXPECT_EQ(table.rows[0][5], 7.0);
+}
+
+TEST_F(Command, state_of_a_floating_root) {
+  const std::string state = write("root.csv", "root.z,root.qw,root.qx,root.qy,root.qz,root.vx\n2,0,0.6,0,0.8,3\n");
+  recorded({"--floating-base", "--state", state});
+  const Table table = read_csv(path("record.csv"));
+  EXPECT_EQ(table.rows[0][13], 2.0);
+  EXPECT_NEAR(table.rows[0][15], 0.6, 1e-6);
+  EXPECT_EQ(table.rows[0][21], 3.0);
+  for (const auto& [text, said] : {std::pair("root.qw\n1\n", "all four"),
+                                   {"root.qw,root.qx,root.qy,root.qz\n1,1,0,0\n", "unit"}}) {
+    const Ran ran = run({"simulate", model, "--floating-base", "--state", write("bad.csv", text)});
+    EXPECT_EQ(ran.status, 2);
+    expect_one_complaint(ran.err, said);
+  }
+  expect_one_complaint(run({"simulate", model, "--state", state}).err, "root.z");  // a fixed base has no such state
+}
+
+// h = 0.01: a row at 0.02 or less than h/1000 behind it holds from the step that starts at 0.02, which leaves
+// the third row after the start.
+TEST_F(Command, targets_hold_from_the_step_that_starts_at_their_time) {
+  const Arguments how = {"--dt", "0.01", "--seconds", "0.05", "--drive", "wrist=5,0.1"};
+  const auto with_targets = [&](const std::string& text) {
+    Arguments arguments = how;
+    arguments.insert(arguments.end(), {"--targets", write("targets.csv", text)});
+    return lines(recorded(arguments));
+  };
+  const std::vector<std::string> without = lines(recorded(how));
+  for (const char* time : {"0.02", "0.020009", "0.0101"}) {
+    const std::vector<std::string> with = with_targets(std::string("time,wrist\n") + time + ",0.5\n");
+    ASSERT_EQ(with.size(), without.size());
+    for (std::size_t i = 0; i <= 3; ++i) EXPECT_EQ(with[i], without[i]) << time;
+    EXPECT_NE(with[4], without[4]) << time;
+  }
+  EXPECT_EQ(with_targets("time,wrist\n0.020011,0.5\n")[4], without[4]);
+  EXPECT_NE(with_targets("time,wrist\n0.020011,0.5\n")[5], without[5]);
+  // Of several rows that are due the last one holds; without a recording nothing is different.
+  EXPECT_EQ(with_targets("time,wrist\n-1,3\n0,1\n0,0.5\n"), with_targets("time,wrist\n0,0.5\n"));
+}
+
+TEST_F(Command, json_has_the_documented_keys) {
+  simulate({"--json", path("r.json"), "--method", "pgs", "--iterations", "7", "--threads", "2", "--precision", "f64"});
+  const auto json = nlohmann::json::parse(contents(path("r.json")));
+  for (const char* key : {"env_steps_per_second", "coupling_error_max", "coupling_error_rms", "stepping_seconds"})
+    EXPECT_TRUE(json.at(key).is_number()) << key;
+  EXPECT_GT(json.at("env_steps_per_second"), 0.0);
+  EXPECT_GE(json.at("coupling_error_max"), json.at("coupling_error_rms"));
+  EXPECT_EQ(json.at("faulted_environments"), 0);
+  EXPECT_EQ(json.at("method"), "pgs");
+  EXPECT_EQ(json.at("iterations"), 7);
+  EXPECT_EQ(json.at("precision"), "f64");
+  EXPECT_EQ(json.at("threads"), 2);
+  EXPECT_EQ(json.at("dt"), 1.0 / 240);
+  EXPECT_EQ(json.at("envs"), 9);
+  EXPECT_EQ(json.at("steps"), 240);
+}
+
+TEST_F(Command, odd_times_are_rounded_and_said) {
+  EXPECT_NE(simulate({"--seconds", "1", "--dt", "0.3"}).out.find("rounded"), std::string::npos);
+  EXPECT_EQ(simulate({"--seconds", "1", "--dt", "0.1"}).out.find("rounded"), std::string::npos);
+}
+
+TEST_F(Command, perturbed_starts_differ_satisfy_the_couplings_and_can_be_had_again) {
+  const auto start = [&](Arguments arguments) {
+    arguments.insert(arguments.end(), {"--perturb", "0.2", "--seconds", "0.1"});
+    return recorded(arguments);
+  };
+  const std::string one = start({"--threads", "1", "--record-env", "5"});
+  EXPECT_EQ(one, start({"--threads", "2", "--record-env", "5"}));
+  EXPECT_NE(one, start({"--threads", "1", "--record-env", "4"}));
+  EXPECT_NE(one, start({"--threads", "1", "--record-env", "5", "--seed", "2"}));
+  start({"--precision", "f64"});
+  const Table table = read_csv(path("record.csv"));
+  EXPECT_NE(table.rows[0][1], 0.0);
+  for (const int coupling : {9, 10}) EXPECT_LT(std::abs(table.rows[0][coupling]), 1e-15);
+}
+
+TEST_F(Command, faults_are_exit_code_1_and_one_line) {
+  const std::string state = write("wild.csv", "wrist.v\n0\n0\n1e9\n0\n1e9\n0\n0\n0\n0\n");
+  const Ran ran = run({"simulate", model, "--envs", "9", "--state", state, "--json", path("r.json")});
+  EXPECT_EQ(ran.status, 1);
+  expect_one_complaint(ran.err, "2 of 9 environments faulted; the first is number 2: diverged");
+  const auto json = nlohmann::json::parse(contents(path("r.json")));
+  EXPECT_EQ(json.at("faulted_environments"), 2);
+  EXPECT_EQ(json.at("first_fault").at("environment"), 2);
+  EXPECT_TRUE(std::isfinite(json.at("coupling_error_max").get<double>()));
+}
+
+}  // namespace
+}  // namespace lockstep::tool

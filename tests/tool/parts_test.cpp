@@ -1,0 +1,239 @@
+// The command's parts, each by itself: numbers, tables, options, starts. SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "lockstep/error.h"
+#include "tool/chart_runs.h"
+#include "tool/csv.h"
+#include "tool/options.h"
+#include "tool/progress.h"
+#include "tool/python.h"
+#include "tool/state.h"
+#include "tool/text.h"
+#include "tool/tool.h"
+
+namespace lockstep::tool {
+namespace {
+
+// What `action` throws, as the user would read it.
+template <class Action>
+std::string complaint(Action action) {
+  try {
+    action();
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "nothing";
+}
+
+// Four joints in a row; c follows b, which follows a; d is free.
+Model chain() {
+  Model model;
+  model.name = "chain";
+  const Inertia box = Inertia::box(0.2, {0.1, 0.04, 0.04}, {0.05, 0, 0});
+  model.links = {{"base", box}};
+  for (const char* name : {"a", "b", "c", "d"}) {
+    Joint joint;
+    joint.name = name, joint.kind = JointKind::revolute;
+    joint.parent = model.links.back().name, joint.child = std::string("link_") + name;
+    model.links.push_back({joint.child, box});
+    model.joints.push_back(joint);
+  }
+  model.couplings = {Coupling::mimic("b", "a", -2.0, 0.1), Coupling::mimic("c", "b", 0.5)};
+  return model;
+}
+
+Eigen::VectorXd errors(const Model& model, const Eigen::VectorXd& q) {
+  Eigen::VectorXd result(model.couplings.size());
+  for (std::size_t c = 0; c < model.couplings.size(); ++c) {
+    const Coupling& coupling = model.couplings[c];
+    result[c] = q[model.joint_index(coupling.joint)] + coupling.offset;
+    for (const CouplingTerm& term : coupling.terms) result[c] += term.ratio * q[model.joint_index(term.joint)];
+  }
+  return result;
+}
+
+TEST(Numbers, whole_text_or_nothing) {
+  EXPECT_EQ(to_number(" -1.5e-3\t"), -1.5e-3);
+  EXPECT_EQ(to_number("+2"), 2.0);
+  for (const char* text : {"", " ", "1.5x", "1,5", "nan", "inf", "1e999", "+-1", "0x10", "1 2"})
+    EXPECT_FALSE(to_number(text)) << text;
+}
+
+TEST(Numbers, fractions) {
+  EXPECT_EQ(to_fraction("1/240"), 1.0 / 240.0);
+  EXPECT_EQ(to_fraction("0.5"), 0.5);
+  for (const char* text : {"1/0", "/2", "1/", "1/2/3", "a/b"}) EXPECT_FALSE(to_fraction(text)) << text;
+  EXPECT_EQ(seconds_of("1/60", "--dt"), 1.0 / 60.0);
+  EXPECT_EQ(complaint([] { seconds_of("-1", "--dt"); }), "--dt: '-1' is not a time in s, a number or fraction above 0");
+}
+
+TEST(Numbers, lists) {
+  EXPECT_EQ(to_numbers("0, -1,2.5", 3, "--gravity"), (std::vector{0.0, -1.0, 2.5}));
+  EXPECT_EQ(complaint([] { to_numbers("0,1", 3, "--gravity"); }),
+            "--gravity: '0,1' should be 3 numbers with commas between them");
+  EXPECT_EQ(complaint([] { to_numbers("0,1,up", 3, "--gravity"); }), "--gravity: 'up' is not a finite number");
+}
+
+TEST(Numbers, for_people) {
+  EXPECT_EQ(with_prefix(950), "950");
+  EXPECT_EQ(with_prefix(1234), "1.23 k");
+  EXPECT_EQ(with_prefix(999.9), "1.00 k");
+  EXPECT_EQ(with_prefix(12.34e6), "12.3 M");
+  EXPECT_EQ(fraction(1.0 / 240), "1/240");
+  EXPECT_EQ(fraction(0.3), "0.3");
+  EXPECT_EQ(progress_line(30, 120, 10, "steps"), "[#######.......................]  25 %  3.00 steps/s  30 s left");
+}
+
+TEST(Csv, reads_what_programs_write) {
+  const Table table = parse_csv("\xEF\xBB\xBFtime, \"a,\"\"b\"\"\" ,c\r\n\r\n0,1,-2e-3\r\n\n1, 2 ,\"3\"\n", "t.csv");
+  EXPECT_EQ(table.columns, (std::vector<std::string>{"time", "a,\"b\"", "c"}));
+  EXPECT_EQ(table.rows, (std::vector<std::vector<double>>{{0, 1, -2e-3}, {1, 2, 3}}));
+  EXPECT_EQ(table.at(1, 2), "t.csv:5:3");
+}
+
+TEST(Csv, names_file_line_and_column_of_what_it_refuses) {
+  const auto refused = [](const char* text) { return complaint([text] { parse_csv(text, "t.csv"); }); };
+  EXPECT_EQ(refused("a,b\n1,2\n3,x\n"), "t.csv:3:2: 'x' in column 'b' is not a finite number");
+  EXPECT_EQ(refused("a,b\n1,\n"), "t.csv:2:2: '' in column 'b' is not a finite number");
+  EXPECT_EQ(refused("a,b\n1,nan\n"), "t.csv:2:2: 'nan' in column 'b' is not a finite number");
+  EXPECT_EQ(refused("a,b\n1\n"), "t.csv:2: the row has 1 fields, the header 2");
+  EXPECT_EQ(refused("a,a\n1,2\n"), "t.csv:1:2: column 'a' appears twice");
+  EXPECT_EQ(refused("a,,b\n1,2,3\n"), "t.csv:1:2: the column has no name");
+  EXPECT_EQ(refused("a,\"b\n1,2\n"), "t.csv:1: a quote is opened and not closed");
+  EXPECT_EQ(refused("a,b\n"), "t.csv: has no rows; the first line names the columns, numbers follow");
+  EXPECT_EQ(complaint([] { read_csv("/no/such/file.csv"); }),
+            "/no/such/file.csv: cannot be read: No such file or directory");
+  EXPECT_EQ(complaint([] { OutputFile("/no/such/file.csv"); }),
+            "/no/such/file.csv: cannot be written: No such file or directory");
+}
+
+TEST(Csv, a_folder_is_no_table) { EXPECT_NE(complaint([] { read_csv("/"); }), "nothing"); }
+
+TEST(Csv, a_full_disk_is_noticed) {
+  EXPECT_EQ(complaint([] {
+              OutputFile file("/dev/full");
+              file.write("something\n");
+              file.close();
+            }),
+            "/dev/full: cannot be written: No space left on device");
+}
+
+TEST(Csv, fields_survive_being_written) {
+  for (const char* name : {"plain", "with,comma", "with\"quote", "both\",\""})
+    EXPECT_EQ(parse_csv(csv_field(name) + "\n1\n", "t").columns.at(0), name);
+}
+
+TEST(Options, change_the_model) {
+  Model model = chain();
+  ModelOptions options;
+  options.floating = true;
+  options.gravity = {1, 2, 3};
+  options.erp = 0.5;
+  options.softness = {"c=30,0.7"};
+  options.drives = {"d=100,5"};
+  apply(options, model);
+  EXPECT_TRUE(model.root.floating);
+  EXPECT_EQ(model.gravity, Eigen::Vector3d(1, 2, 3));
+  EXPECT_EQ(model.couplings[0].softness.kind, Softness::Kind::hard);
+  EXPECT_EQ(model.couplings[0].softness.first, 0.5);
+  EXPECT_EQ(model.couplings[1].softness.kind, Softness::Kind::frequency);
+  EXPECT_EQ(model.couplings[1].softness.first, 30.0);
+  EXPECT_EQ(model.couplings[1].softness.second, 0.7);
+  EXPECT_EQ(model.joints[3].drive.kp, 100.0);
+  EXPECT_EQ(model.joints[3].drive.kd, 5.0);
+}
+
+TEST(Options, second_coupling_of_a_joint) {
+  Model model = chain();
+  model.couplings.push_back(Coupling::mimic("b", "d", 1.0));
+  ModelOptions options;
+  options.softness = {"b#2=1,2"};
+  apply(options, model);
+  EXPECT_TRUE(model.couplings[0].softness.is_hard());
+  EXPECT_EQ(model.couplings[2].softness.first, 1.0);
+}
+
+TEST(Options, name_what_is_unknown) {
+  const auto refused = [](const char* softness, const char* drive) {
+    ModelOptions options;
+    if (*softness) options.softness = {softness};
+    if (*drive) options.drives = {drive};
+    Model model = chain();
+    return complaint([&] { apply(options, model); });
+  };
+  EXPECT_EQ(refused("x=1,2", ""), "--softness: no coupling has 'x' as its first joint; the couplings are: b, c");
+  EXPECT_EQ(refused("b=1", ""), "--softness b: '1' should be 2 numbers with commas between them");
+  EXPECT_EQ(refused("b", ""), "--softness: 'b' should be JOINT=NUMBER,NUMBER");
+  EXPECT_EQ(refused("", "x=1,2"), "--drive: model 'chain' has no joint 'x'");
+  EXPECT_EQ(refused("", "a=-1,2"), "--drive a: 'a=-1,2' is negative");
+  EXPECT_EQ(complaint([] { method_of("fast"); }),
+            "--method: there is no 'fast'; the methods are automatic, pgs, tgs, direct, reduced");
+}
+
+TEST(States, columns_of_joints_must_differ) {
+  EXPECT_EQ(joint_columns({"a", "b"})[3].name, "b.v");
+  EXPECT_EQ(complaint([] { joint_columns({"a", "a.v"}); }),
+            "joints 'a' and 'a.v' both claim the column 'a.v'; rename one of them");
+}
+
+TEST(Couplings, settle_by_their_first_joints_along_a_chain) {
+  const Model model = chain();
+  const CouplingSolver solver(model);
+  EXPECT_EQ(solver.independent(), (std::vector{true, false, false, true}));
+  Eigen::VectorXd q(4);
+  q << 0.3, 0.0, 0.7, -0.4;
+  solver.settle_positions(q);
+  EXPECT_EQ(q[0], 0.3);
+  EXPECT_NEAR(q[1], 0.5, 1e-15);
+  EXPECT_NEAR(q[2], -0.25, 1e-15);
+  EXPECT_EQ(q[3], -0.4);
+  solver.settle_velocities(q = Eigen::Vector4d(1, 0, 0, 5));
+  EXPECT_LT((q - Eigen::Vector4d(1, 2, -1, 5)).norm(), 1e-14);
+}
+
+TEST(Couplings, settle_where_two_have_the_same_first_joint_or_one_is_redundant) {
+  Model model = chain();
+  model.couplings.push_back(Coupling::mimic("b", "d", 1.0));    // a differential: no first joint is left for it
+  model.couplings.push_back(Coupling::mimic("c", "a", -1.0, 0.05));  // follows from the first two
+  Eigen::VectorXd q(4);
+  q << 0.3, 0.1, 0.7, -0.4;
+  CouplingSolver(model).settle_positions(q);
+  EXPECT_LT(errors(model, q).norm(), 1e-14);
+}
+
+TEST(Chart, start_moves_within_the_limits_and_keeps_the_couplings) {
+  Model model = chain();
+  model.joints[0].upper = 0.1, model.joints[3].kind = JointKind::prismatic;
+  const Model started = with_moving_start(model);
+  EXPECT_DOUBLE_EQ(started.joints[0].position, -0.3);  // the other way: there the limit is farther
+  EXPECT_DOUBLE_EQ(started.joints[0].velocity, 1.0);
+  EXPECT_NEAR(started.joints[1].velocity, 2.0, 1e-14);
+  EXPECT_DOUBLE_EQ(started.joints[3].position, 0.03);
+  Eigen::VectorXd q(4);
+  for (int i = 0; i < 4; ++i) q[i] = started.joints[i].position;
+  EXPECT_LT(errors(model, q).norm(), 1e-14);
+
+  model.joints[2].velocity = 0.1;  // who moves already is left alone
+  EXPECT_EQ(with_moving_start(model).joints[0].position, 0.0);
+}
+
+TEST(Chart, compares_all_methods_where_there_is_something_to_solve) {
+  EXPECT_EQ(chart_settings(chain()).size(), 5u * (2 + 2 + 6 + 6));
+  Model model = chain();
+  model.couplings.clear();
+  for (const ChartSetting& setting : chart_settings(model)) EXPECT_EQ(setting.method, Method::direct);
+}
+
+TEST(Processes, report_how_they_end) {
+  const ProcessResult result = run_process({"/bin/sh", "-c", "echo \"$0\" >&2; exit 3", "a 'b\" c"});
+  EXPECT_EQ(result.status, 3);
+  EXPECT_EQ(result.errors, "a 'b\" c\n");
+  EXPECT_EQ(run_process({"/no/such/program"}).status, 127);
+  EXPECT_EQ(run_process({"/bin/sh", "-c", "kill -9 $$"}).status, 128 + 9);
+  EXPECT_FALSE(find_python("/no/such/python"));
+}
+
+}  // namespace
+}  // namespace lockstep::tool
