@@ -59,7 +59,7 @@ struct StepSettings {
   int velocity_iterations = 1;       ///< 0 to 1000; after the position update, so that the velocity that
                                      ///< corrects positions stays out of the state. For direct and reduced any
                                      ///< number >= 1 means the same solve once more
-  ParameterSet per_environment;      ///< fields that differ from environment to environment
+  ParameterSet per_environment = {};  ///< fields that differ from environment to environment
   bool record_impulses = false;      ///< keep the couplings' impulses for Batch::coupling_impulses()
   double position_bound = 1e5;       ///< rad or m; beyond it an environment is frozen, Fault::diverged.
                                      ///< Angles in float lose 6e-8 of their size, so keep them small

@@ -33,22 +33,6 @@ int checked_environments(int environments) {
   return environments;
 }
 
-// A double table and what single precision made of it must both be finite.
-void require_representable(const Program& program) {
-  const auto finite = [](Span<float> values) {
-    for (int i = 0; i < values.count; ++i)
-      if (!std::isfinite(values[i])) return false;
-    return true;
-  };
-  const Tables<float>& t = program.f32;
-  bool all = finite(t.implicit) && finite(t.kp) && finite(t.kd) && finite(t.damping) && finite(t.armature) &&
-             finite(t.link_mass) && finite(t.offset) && finite(t.term_value);
-  for (int b = 0; b < t.bodies; ++b)
-    for (float value : t.body[b].second) all = all && std::isfinite(value);
-  if (!all)
-    throw UsageError("model '" + program.model.name + "'", "has numbers beyond single precision", "use Batch<double>");
-}
-
 }  // namespace
 
 template <class S>
@@ -59,7 +43,6 @@ struct Batch<S>::Impl {
         stride(row_stride<S>(count)), workers(options.threads, kernels.scratch_bytes(tables)) {
     if (options.threads < 0)
       throw SettingsError("threads", "is negative", "give 0 for all, or a number");
-    if constexpr (sizeof(S) == 4) require_representable(plan.program());
     const int dofs = tables.joints;
     position = rows(dofs);
     velocity = rows(dofs);
@@ -75,6 +58,7 @@ struct Batch<S>::Impl {
     fill_inputs();
     fill_parameters();
     for (int e = 0; e < stride; ++e) reset(e);  // the padding as well: it is stepped, so it must be sound
+    require_representable();
   }
 
   AlignedBlock<S> rows(int count) const { return AlignedBlock<S>(static_cast<std::size_t>(count * stride)); }
@@ -121,6 +105,17 @@ struct Batch<S>::Impl {
     for (std::size_t l = 0; l < model.links.size(); ++l)
       fill(Parameter::mass, static_cast<int>(l), model.links[l].inertia.mass);
     for (int k = 0; k < 3; ++k) fill(Parameter::gravity, k, model.gravity[k]);
+  }
+
+  // The model's numbers are finite, so what is not was too large for S.
+  void require_representable() const {
+    bool all = sizeof(S) > 4 || plan.program().fits_single;
+    for (const AlignedBlock<S>* block : {&position, &velocity, &root_pose, &root_velocity, &position_target,
+                                         &velocity_target, &effort})
+      all = all && view(*block).col(0).isFinite().all();
+    for (const AlignedBlock<S>& block : field) all = all && view(block).col(0).isFinite().all();
+    if (!all)
+      throw UsageError("model '" + plan.model().name + "'", "has numbers beyond single precision", "use Batch<double>");
   }
 
   // To the model's state.

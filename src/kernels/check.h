@@ -8,7 +8,7 @@ namespace lockstep::kernels {
 // The codes of Fault in batch.h.
 constexpr Fault fault_none{0}, fault_not_finite{1}, fault_diverged{2}, fault_singular{3};
 
-/// First fault of a lane, sticky.
+/// First fault of a lane, sticky. A matrix that cannot be factored explains whatever numbers came of it.
 template <class T>
 void flag(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, typename T::Mask failed) {
   const T largest = T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 3.4028234e38 : 1.7976931348623157e308));
@@ -18,7 +18,7 @@ void flag(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const T
   for (int i = 0; t.floating && i < 7; ++i) infinite = infinite | beyond(x.next_root_pose[i], largest);
   for (int i = 0; i < T::lanes; ++i) {
     if (!lane(failed, i) || lanes.fault[i] != fault_none) continue;
-    lanes.fault[i] = lane(infinite, i) ? fault_not_finite : lane(x.singular, i) ? fault_singular : fault_diverged;
+    lanes.fault[i] = lane(x.singular, i) ? fault_singular : lane(infinite, i) ? fault_not_finite : fault_diverged;
   }
 }
 

@@ -29,7 +29,7 @@ LOCKSTEP_INLINE T subtract_dot(const T* a, const T* b, int count, T start) {
 
 /// H becomes L below the diagonal; inverse = 1 / D. A pivot not above `tolerance` times the diagonal that it
 /// came from is taken for none: its inverse is 0, so that its unknown is 0. Returns the lanes where that happened.
-/// `scaled` is room for n numbers.
+/// What is no number stays none, for check() to find. `scaled` is room for n numbers.
 template <class T>
 typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T tolerance, T* scaled) {
   typename T::Mask weak = T::none();
@@ -41,7 +41,7 @@ typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T toleran
     const T pivot = subtract_dot(scaled + 1, own + 1, below - 1, own[0]);
     for (int k = 1; k < below; ++k) own[k] = scaled[k];
     own[0] = pivot;
-    const typename T::Mask good = less(least, pivot);
+    const typename T::Mask good = less(least, pivot) | beyond(pivot, T(ScalarOf<T>(__builtin_inf())));
     inverse[i] = select(good, T(1) / pivot, T(0));
     weak = weak | ~good;
     // Row i of every ancestor's column, four ancestors at a time.

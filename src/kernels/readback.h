@@ -186,6 +186,13 @@ void put_potential_energy(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>
     const PseudoInertia<T> body = inertia_of(t, x, b);
     sum = sum - dot(g, fma(m.place[b], body.mass, multiply(m.world[b], body.moment)));
   }
+  const Vec3<T> root = Vec3<T>::constant(t.root_offset);
+  for (int l = 0; l < t.links; ++l) {  // links of the fixed root never move, yet they hang where they are
+    const LinkPlace<ScalarOf<T>>& place = t.link[l];
+    if (place.body >= 0) continue;
+    const Vec3<T> center = multiply_add(root_orientation<T>(t), Vec3<T>::constant(place.unit_moment), root);
+    sum = fnma(field<T>(lanes, 5, t.link_mass.data).at(l, l), dot(g, center), sum);
+  }
   out.put(0, sum);
 }
 

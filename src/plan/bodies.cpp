@@ -132,9 +132,8 @@ void lay_out_bodies(Program& program, const Tree& tree) {
     copy(pose.translation(), place.offset);
     masses[i] = model.links[i].inertia.mass;
     if (carrier != i) ++program.merged_links;
-    if (place.body < 0) continue;
     const Inertia inertia = transformed(model.links[i].inertia, pose);
-    sums[place.body] = sums[place.body] + inertia;
+    if (place.body >= 0) sums[place.body] = sums[place.body] + inertia;
     Inertia unit = inertia;
     unit.about_center /= inertia.mass > 0.0 ? inertia.mass : 1.0;
     unit.mass = 1.0;

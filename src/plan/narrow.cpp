@@ -1,75 +1,87 @@
 // The tables in single precision. SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
 #include "layout.h"
 
 namespace lockstep {
 namespace {
 
-float narrowed(double value) { return static_cast<float>(value); }
+// Single precision of everything, remembering whether it could hold it all.
+struct Narrowing {
+  Store& store;
+  bool all_fit = true;
 
-template <int N>
-void copy(const double (&from)[N], float (&to)[N]) {
-  for (int i = 0; i < N; ++i) to[i] = narrowed(from[i]);
-}
+  float narrowed(double value) {
+    const float single = static_cast<float>(value);
+    all_fit = all_fit && std::isfinite(single);
+    return single;
+  }
 
-Body<float> narrowed(const Body<double>& from) {
-  Body<float> to{from.parent, from.axis, from.prismatic, from.rotated, from.root, narrowed(from.sign), {}, {},
-                 narrowed(from.mass), {}, {}};
-  copy(from.rotation, to.rotation);
-  copy(from.offset, to.offset);
-  copy(from.moment, to.moment);
-  copy(from.second, to.second);
-  return to;
-}
+  template <int N>
+  void copy(const double (&from)[N], float (&to)[N]) {
+    for (int i = 0; i < N; ++i) to[i] = narrowed(from[i]);
+  }
 
-LinkPlace<float> narrowed(const LinkPlace<double>& from) {
-  LinkPlace<float> to{from.body, {}, {}, {}, {}};
-  copy(from.rotation, to.rotation);
-  copy(from.offset, to.offset);
-  copy(from.unit_moment, to.unit_moment);
-  copy(from.unit_second, to.unit_second);
-  return to;
-}
+  Body<float> narrowed(const Body<double>& from) {
+    Body<float> to{from.parent, from.axis, from.prismatic, from.rotated, from.root, narrowed(from.sign), {}, {},
+                   narrowed(from.mass), {}, {}};
+    copy(from.rotation, to.rotation);
+    copy(from.offset, to.offset);
+    copy(from.moment, to.moment);
+    copy(from.second, to.second);
+    return to;
+  }
 
-RowSoftness<float> narrowed(const RowSoftness<double>& from) {
-  return {from.kind, narrowed(from.rate), narrowed(from.cfm), narrowed(from.cfm_per_response)};
-}
+  LinkPlace<float> narrowed(const LinkPlace<double>& from) {
+    LinkPlace<float> to{from.body, {}, {}, {}, {}};
+    copy(from.rotation, to.rotation);
+    copy(from.offset, to.offset);
+    copy(from.unit_moment, to.unit_moment);
+    copy(from.unit_second, to.unit_second);
+    return to;
+  }
 
-Reduction<float>::Fill narrowed(const Reduction<double>::Fill& from) {
-  return {from.entry, from.gear, narrowed(from.value)};
-}
-Reduction<float>::Elimination narrowed(const Reduction<double>::Elimination& from) {
-  return {from.factor, from.pivot, from.first, from.last};
-}
-Reduction<float>::Update narrowed(const Reduction<double>::Update& from) { return {from.target, from.source}; }
+  RowSoftness<float> narrowed(const RowSoftness<double>& from) {
+    return {from.kind, narrowed(from.rate), narrowed(from.cfm), narrowed(from.cfm_per_response)};
+  }
 
-template <class E>
-auto narrowed(Span<E> from, Store& store) {
-  std::vector<decltype(narrowed(from[0]))> to;
-  for (int i = 0; i < from.count; ++i) to.push_back(narrowed(from[i]));
-  return store.keep(std::move(to));
-}
+  Reduction<float>::Fill narrowed(const Reduction<double>::Fill& from) {
+    return {from.entry, from.gear, narrowed(from.value)};
+  }
+  Reduction<float>::Elimination narrowed(const Reduction<double>::Elimination& from) {
+    return {from.factor, from.pivot, from.first, from.last};
+  }
+  Reduction<float>::Update narrowed(const Reduction<double>::Update& from) { return {from.target, from.source}; }
 
-Rows<float> narrowed(const Rows<double>& from, Store& store) {
-  return {from.count, from.coupling, from.term_start, from.term_index, narrowed(from.term_value, store),
-          from.contribution_start, from.contribution, from.support_start, from.support, from.run_start, from.runs, from.pairs,
-          from.neighbour_start, from.neighbours, from.response_entries, from.columns, narrowed(from.softness, store)};
-}
+  template <class E>
+  auto narrowed(Span<E> from) {
+    std::vector<decltype(narrowed(from[0]))> to;
+    for (int i = 0; i < from.count; ++i) to.push_back(narrowed(from[i]));
+    return store.keep(std::move(to));
+  }
 
-Reduction<float> narrowed(const Reduction<double>& from, Store& store) {
-  return {from.followers, from.follower, from.follower_of, from.independent, from.start, from.column, narrowed(from.value, store),
-          from.inverse_start, from.inverse_coupling, narrowed(from.inverse_value, store), narrowed(from.rate, store),
-          from.product_start, from.product_source, narrowed(from.product_value, store), from.product_left,
-          from.product_right, from.entries, narrowed(from.fills, store), narrowed(from.eliminations, store),
-          narrowed(from.updates, store), from.pivot, from.value_entry, from.inverse_entry};
-}
+  Rows<float> narrowed(const Rows<double>& from) {
+    return {from.count, from.coupling, from.term_start, from.term_index, narrowed(from.term_value),
+            from.contribution_start, from.contribution, from.support_start, from.support, from.run_start, from.runs, from.pairs,
+            from.neighbour_start, from.neighbours, from.response_entries, from.columns, narrowed(from.softness)};
+  }
+
+  Reduction<float> narrowed(const Reduction<double>& from) {
+    return {from.followers, from.follower, from.follower_of, from.independent, from.start, from.column, narrowed(from.value),
+            from.inverse_start, from.inverse_coupling, narrowed(from.inverse_value), narrowed(from.rate),
+            from.product_start, from.product_source, narrowed(from.product_value), from.product_left,
+            from.product_right, from.entries, narrowed(from.fills), narrowed(from.eliminations),
+            narrowed(from.updates), from.pivot, from.value_entry, from.inverse_entry};
+  }
+};
 
 }  // namespace
 
 void narrow(Program& program) {
   const Tables<double>& from = program.f64;
   Tables<float>& to = program.f32;
-  Store& store = program.store;
-  to.dt = narrowed(from.dt);
+  Narrowing n{program.store};
+  to.dt = n.narrowed(from.dt);
   to.method = from.method;
   to.iterations = from.iterations;
   to.velocity_iterations = from.velocity_iterations;
@@ -79,40 +91,41 @@ void narrow(Program& program) {
   to.velocities = from.velocities;
   to.couplings = from.couplings;
   to.links = from.links;
-  to.position_bound = narrowed(from.position_bound);
-  to.velocity_bound = narrowed(from.velocity_bound);
-  copy(from.gravity, to.gravity);
-  copy(from.world_gravity, to.world_gravity);
-  copy(from.root_rotation, to.root_rotation);
-  copy(from.root_offset, to.root_offset);
-  to.body = narrowed(from.body, store);
-  to.link = narrowed(from.link, store);
-  to.link_mass = narrowed(from.link_mass, store);
+  to.position_bound = n.narrowed(from.position_bound);
+  to.velocity_bound = n.narrowed(from.velocity_bound);
+  n.copy(from.gravity, to.gravity);
+  n.copy(from.world_gravity, to.world_gravity);
+  n.copy(from.root_rotation, to.root_rotation);
+  n.copy(from.root_offset, to.root_offset);
+  to.body = n.narrowed(from.body);
+  to.link = n.narrowed(from.link);
+  to.link_mass = n.narrowed(from.link_mass);
   to.joint_row = from.joint_row;
   to.matrix = from.matrix;
   to.solver = from.solver;
-  to.armature = narrowed(from.armature, store);
-  to.damping = narrowed(from.damping, store);
-  to.kp = narrowed(from.kp, store);
-  to.kd = narrowed(from.kd, store);
-  to.implicit = narrowed(from.implicit, store);
+  to.armature = n.narrowed(from.armature);
+  to.damping = n.narrowed(from.damping);
+  to.kp = n.narrowed(from.kp);
+  to.kd = n.narrowed(from.kd);
+  to.implicit = n.narrowed(from.implicit);
   to.driven = from.driven;
   to.term_start = from.term_start;
   to.term_joint = from.term_joint;
   to.term_gear = from.term_gear;
-  to.term_value = narrowed(from.term_value, store);
-  to.offset = narrowed(from.offset, store);
-  to.softness_first = narrowed(from.softness_first, store);
-  to.softness_second = narrowed(from.softness_second, store);
-  to.rows = narrowed(from.rows, store);
-  to.reduction = narrowed(from.reduction, store);
-  to.natural = narrowed(from.natural, store);
+  to.term_value = n.narrowed(from.term_value);
+  to.offset = n.narrowed(from.offset);
+  to.softness_first = n.narrowed(from.softness_first);
+  to.softness_second = n.narrowed(from.softness_second);
+  to.rows = n.narrowed(from.rows);
+  to.reduction = n.narrowed(from.reduction);
+  to.natural = n.narrowed(from.natural);
   to.natural_row = from.natural_row;
   to.solve_twice = from.solve_twice;
   to.renewed = from.renewed;
-  to.free_share = narrowed(from.free_share);
+  to.free_share = n.narrowed(from.free_share);
   to.per_environment = from.per_environment;
   to.record_impulses = from.record_impulses;
+  program.fits_single = n.all_fit && to.dt > 0.0f;
 }
 
 }  // namespace lockstep

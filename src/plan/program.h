@@ -40,6 +40,7 @@ struct Program {
   Store store;
   Tables<double> f64;
   Tables<float> f32;
+  bool fits_single = true;         ///< no number of f64 is too large for f32
 };
 
 template <class S>

@@ -48,7 +48,7 @@ struct LinkPlace {
   int body;         ///< -1: part of the fixed world
   S rotation[9];    ///< link coordinates to body coordinates, row-major
   S offset[3];
-  S unit_moment[3], unit_second[6];  ///< per kg, about the body's origin
+  S unit_moment[3], unit_second[6];  ///< per kg, about the body's origin, or the fixed root's
 };
 
 struct SupportRange {

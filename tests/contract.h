@@ -1,0 +1,218 @@
+// What the contract tests share. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <cstring>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "physics.h"
+#include "scenes/scenes.h"
+
+namespace lockstep::contract {
+
+/// Every field that environments may differ in; `reduced` takes hard couplings for hard in all of them.
+inline ParameterSet all_parameters(Method method) {
+  ParameterSet set;
+  for (unsigned p = 0; p < parameter_count; ++p)
+    if (const Parameter parameter{p}; method != Method::reduced || parameter != Parameter::softness)
+      set.insert(parameter);
+  return set;
+}
+
+inline StepSettings settings(Method method, ParameterSet per_environment = {}) {
+  StepSettings result = physics::settings(method);
+  result.per_environment = per_environment;
+  result.record_impulses = true;
+  return result;
+}
+
+/// The same numbers with every standard library.
+class Random {
+ public:
+  explicit Random(std::uint64_t seed) : engine_(seed) {}
+  double uniform(double low, double high) {
+    return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
+  }
+  bool chance(double probability) { return uniform(0.0, 1.0) < probability; }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+/// A random softness of the kind that the model states; the second number of a hard one is its cfm.
+inline Softness another(Softness softness, Random& random) {
+  switch (softness.kind) {
+    case Softness::Kind::hard:
+      softness = {softness.kind, random.uniform(0.0, 0.5), random.chance(0.5) ? 0.0 : random.uniform(0.01, 1.0)};
+      break;
+    case Softness::Kind::mixing:
+      softness = {softness.kind, random.uniform(0.0, 0.9), random.uniform(0.01, 1.0)};
+      break;
+    case Softness::Kind::spring:
+      softness = {softness.kind, random.uniform(0.0, 100.0), random.uniform(0.0, 2.0)};
+      break;
+    case Softness::Kind::frequency:
+      softness = {softness.kind, random.uniform(1.0, 40.0), random.uniform(0.0, 1.5)};
+      break;
+  }
+  return softness;
+}
+
+/// Gives a fresh environment a state, inputs and declared parameters of its own. They depend on the plan and the
+/// seed alone, not on where the environment stands.
+template <class S>
+void scatter(Batch<S>& batch, int environment, std::uint64_t seed) {
+  Random random(seed);
+  const Plan& plan = batch.plan();
+  const auto shift = [&](auto view, double reach) {
+    for (Eigen::Index row = 0; row < view.rows(); ++row)
+      view(row, environment) += static_cast<S>(random.uniform(-reach, reach));
+  };
+  shift(batch.positions(), 0.2);
+  shift(batch.velocities(), 0.5);
+  shift(batch.root_velocities(), 0.5);
+  shift(batch.position_targets(), 0.5);
+  shift(batch.velocity_targets(), 0.5);
+  shift(batch.efforts(), 0.5);
+  if (plan.floating()) {
+    Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
+    for (double& component : turn.coeffs()) component += random.uniform(-1.0, 1.0);
+    turn.normalize();
+    auto pose = batch.root_poses().col(environment);
+    for (int k = 0; k < 3; ++k) pose[k] += static_cast<S>(random.uniform(-1.0, 1.0));
+    pose[3] = static_cast<S>(turn.w()), pose[4] = static_cast<S>(turn.x());
+    pose[5] = static_cast<S>(turn.y()), pose[6] = static_cast<S>(turn.z());
+  }
+
+  const auto each = [&](Parameter parameter, auto change) {
+    if (!plan.settings().per_environment.contains(parameter)) return;
+    auto view = batch.parameter(parameter);
+    for (Eigen::Index row = 0; row < view.rows(); ++row)
+      view(row, environment) = static_cast<S>(change(static_cast<double>(view(row, environment))));
+  };
+  each(Parameter::gear_ratio, [&](double x) { return x * random.uniform(0.8, 1.25); });
+  each(Parameter::offset, [&](double x) { return x + random.uniform(-0.05, 0.05); });
+  each(Parameter::drive_gains, [&](double) { return random.chance(0.3) ? 0.0 : random.uniform(0.0, 20.0); });
+  each(Parameter::damping, [&](double) { return random.uniform(0.0, 0.5); });
+  each(Parameter::mass, [&](double x) { return x * random.uniform(0.5, 2.0); });
+  each(Parameter::gravity, [&](double x) { return x + random.uniform(-3.0, 3.0); });
+  each(Parameter::link_wrench, [&](double) { return random.uniform(-1.0, 1.0); });
+  if (!plan.settings().per_environment.contains(Parameter::softness)) return;
+  auto softness = batch.parameter(Parameter::softness);
+  for (int c = 0; c < plan.couplings(); ++c) {
+    const Softness own = another(plan.model().couplings[static_cast<std::size_t>(c)].softness, random);
+    softness(2 * c, environment) = static_cast<S>(own.first);
+    softness(2 * c + 1, environment) = static_cast<S>(own.second);
+  }
+}
+
+/// A batch whose environment e is scattered by seed e.
+template <class S>
+Batch<S> scattered(const Plan& plan, int environments, const BatchOptions& options = {.threads = 1}) {
+  Batch<S> batch(plan, environments, options);
+  for (int e = 0; e < environments; ++e) scatter(batch, e, static_cast<std::uint64_t>(e));
+  return batch;
+}
+
+/// All that a step leaves behind in one environment.
+template <class S>
+std::vector<S> outcome(const Batch<S>& batch, int environment) {
+  std::vector<S> numbers;
+  const auto append = [&](const auto& rows) {
+    for (Eigen::Index row = 0; row < rows.rows(); ++row) numbers.push_back(rows(row, environment));
+  };
+  append(batch.positions());
+  append(batch.velocities());
+  append(batch.root_poses());
+  append(batch.root_velocities());
+  return numbers;
+}
+
+/// To the last bit: 0 is not -0, and one NaN is another if its bits are.
+template <class S>
+bool same_bits(const std::vector<S>& a, const std::vector<S>& b) {
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(S)) == 0);
+}
+
+template <class S>
+testing::AssertionResult same_bits(const Batch<S>& a, int i, const Batch<S>& b, int j) {
+  if (a.faults()[i] != b.faults()[j])
+    return testing::AssertionFailure() << "environments " << i << " and " << j << " have other faults";
+  const std::vector<S> left = outcome(a, i), right = outcome(b, j);
+  if (same_bits(left, right)) return testing::AssertionSuccess();
+  for (std::size_t k = 0; k < left.size(); ++k)
+    if (std::memcmp(&left[k], &right[k], sizeof(S)) != 0)
+      return testing::AssertionFailure() << "environments " << i << " and " << j << " differ: number " << k << " is "
+                                         << testing::PrintToString(left[k]) << " and "
+                                         << testing::PrintToString(right[k]);
+  return testing::AssertionFailure();
+}
+
+/// Environment by environment, but for `except`.
+template <class S>
+testing::AssertionResult same_bits(const Batch<S>& a, const Batch<S>& b, int except = -1) {
+  for (int e = 0; e < std::min(a.environments(), b.environments()); ++e)
+    if (e != except)
+      if (const auto same = same_bits(a, e, b, e); !same) return same;
+  return testing::AssertionSuccess();
+}
+
+/// The model that says what one environment has in its fields, its state and its inputs.
+inline Model model_of(Batch<double>& batch, int environment) {
+  Model model = batch.plan().model();
+  const auto own = [&](Parameter parameter, int row, double& number) {
+    if (batch.plan().settings().per_environment.contains(parameter))
+      number = batch.parameter(parameter)(row, environment);
+  };
+  int gear = 0, dof = 0;
+  for (std::size_t c = 0; c < model.couplings.size(); ++c) {
+    Coupling& coupling = model.couplings[c];
+    const int row = static_cast<int>(c);
+    for (CouplingTerm& term : coupling.terms) own(Parameter::gear_ratio, gear++, term.ratio);
+    own(Parameter::offset, row, coupling.offset);
+    own(Parameter::softness, 2 * row, coupling.softness.first);
+    own(Parameter::softness, 2 * row + 1, coupling.softness.second);
+    if (coupling.softness.second != 0.0 && coupling.softness.kind == Softness::Kind::hard)
+      coupling.softness.kind = Softness::Kind::mixing;  // a model says so
+  }
+  for (Joint& joint : model.joints) {
+    if (!joint.moves()) continue;
+    joint.position = batch.positions()(dof, environment);
+    joint.velocity = batch.velocities()(dof, environment);
+    joint.drive.position_target = batch.position_targets()(dof, environment);
+    joint.drive.velocity_target = batch.velocity_targets()(dof, environment);
+    joint.effort = batch.efforts()(dof, environment);
+    own(Parameter::drive_gains, 2 * dof, joint.drive.kp);
+    own(Parameter::drive_gains, 2 * dof + 1, joint.drive.kd);
+    own(Parameter::damping, dof++, joint.damping);
+  }
+  for (std::size_t l = 0; l < model.links.size(); ++l) {
+    Inertia& inertia = model.links[l].inertia;
+    const double before = inertia.mass;
+    own(Parameter::mass, static_cast<int>(l), inertia.mass);
+    if (before > 0.0) inertia.about_center *= inertia.mass / before;
+  }
+  for (int k = 0; k < 3; ++k) own(Parameter::gravity, k, model.gravity[k]);
+  if (model.root.floating) {
+    const reference::State state = physics::state_of(batch, environment);
+    model.root.pose.linear() = state.orientation.normalized().toRotationMatrix();
+    model.root.pose.translation() = state.position;
+    model.root.velocity = state.v.head(6);
+  }
+  return model;
+}
+
+/// [6][links] of one environment; zero where the field is not declared.
+inline Eigen::MatrixXd wrenches_of(Batch<double>& batch, int environment) {
+  Eigen::MatrixXd wrenches = Eigen::MatrixXd::Zero(6, static_cast<Eigen::Index>(batch.plan().model().links.size()));
+  if (!batch.plan().settings().per_environment.contains(Parameter::link_wrench)) return wrenches;
+  const auto field = batch.parameter(Parameter::link_wrench);
+  for (Eigen::Index i = 0; i < wrenches.size(); ++i) wrenches(i % 6, i / 6) = field(i, environment);
+  return wrenches;
+}
+
+}  // namespace lockstep::contract

@@ -1,0 +1,103 @@
+// With one thread a step allocates nothing, and it never throws. SPDX-License-Identifier: Apache-2.0
+#include <cstdlib>
+#include <new>
+#include <utility>
+
+#include "contract.h"
+#include "contract/allocation_counter.h"
+
+namespace lockstep {
+namespace {
+
+template <class Act>
+std::size_t allocated_by(Act act) {
+  const std::size_t before = contract::allocations();
+  act();
+  return contract::allocations() - before;
+}
+
+// Called directly: the compiler may not leave these pairs out, as it may new-expressions.
+TEST(allocation_counter, sees_every_kind_of_allocation) {
+  EXPECT_GT(allocated_by([] { ::operator delete(::operator new(8)); }), 0u);
+  constexpr std::align_val_t line{64};
+  EXPECT_GT(allocated_by([&] { ::operator delete(::operator new(64, line), line); }), 0u);
+  EXPECT_GT(allocated_by([] { ::operator delete[](::operator new[](8)); }), 0u);
+#ifdef LOCKSTEP_COUNTS_MALLOC
+  void* volatile block = nullptr;
+  EXPECT_GT(allocated_by([&] { block = std::malloc(8); }), 0u);
+  EXPECT_GT(allocated_by([&] { block = std::realloc(block, 4096); }), 0u);
+  std::free(block);
+  EXPECT_GT(allocated_by([&] { block = std::calloc(4, 4); }), 0u);
+  std::free(block);
+  EXPECT_GT(allocated_by([&] { block = std::aligned_alloc(64, 64); }), 0u);
+  std::free(block);
+#endif
+  const Plan plan = compile(scenes::chain8());
+  Batch<double> batch(plan, 4, {.threads = 1});
+  EXPECT_GT(allocated_by([&] { batch.coupling_errors(); }), 0u) << "a readback allocates its result";
+}
+
+class Allocation : public testing::TestWithParam<Method> {};
+
+template <class S>
+void expect_no_allocation(const Plan& plan, Target target) {
+  Batch<S> batch(plan, 19, {.threads = 1, .target = target});
+  for (int e = 0; e < batch.environments(); ++e) contract::scatter(batch, e, static_cast<std::uint64_t>(e));
+  EXPECT_EQ(allocated_by([&] { batch.step(); }), 0u) << "the first step";
+  EXPECT_EQ(allocated_by([&] { batch.step(4); }), 0u) << "later ones";
+  batch.velocities().col(3).setConstant(std::numeric_limits<S>::quiet_NaN());
+  EXPECT_EQ(allocated_by([&] { batch.step(2); }), 0u) << "one that fails";
+  EXPECT_GT(batch.faulted(), 0);
+}
+
+TEST_P(Allocation, none_in_a_step_of_one_thread) {
+  scenes::RandomOptions options;
+  options.redundant = false;
+  std::vector<Model> models = {scenes::chain8(), scenes::gripper13(), scenes::chain32()};
+  for (std::uint64_t seed = 0; seed < 10; ++seed) models.push_back(scenes::random_model(seed, options));
+  for (const Model& model : models)
+    for (const ParameterSet& fields : {ParameterSet{}, contract::all_parameters(GetParam())}) {
+      SCOPED_TRACE(model.name);
+      const Plan plan = compile(model, contract::settings(GetParam(), fields));
+      for (Target target : {Target::baseline, Target::baseline_scalar, Target::avx2, Target::avx2_scalar}) {
+        if (!supported(target)) continue;
+        expect_no_allocation<float>(plan, target);
+        expect_no_allocation<double>(plan, target);
+      }
+    }
+}
+
+TEST_P(Allocation, none_in_resets_and_views) {
+  Batch<float> batch(compile(scenes::chain32(), contract::settings(GetParam())), 19, {.threads = 1});
+  const int ids[] = {3, 5, 18};
+  const bool mask[19] = {true, false, true};
+  EXPECT_EQ(allocated_by([&] {
+              batch.reset();
+              batch.reset(std::span<const int>(ids));
+              batch.reset(std::span<const bool>(mask));
+              batch.positions().row(2) = 0.25f;
+              batch.root_poses().row(0) += 1.0f;
+              batch.faults();
+              batch.faulted();
+            }),
+            0u);
+}
+
+INSTANTIATE_TEST_SUITE_P(method, Allocation, testing::ValuesIn(physics::methods), physics::method_name);
+
+static_assert(noexcept(std::declval<Batch<float>&>().step()));
+static_assert(noexcept(std::declval<Batch<double>&>().step(12)));
+
+TEST(step, of_no_or_negative_substeps_does_nothing) {
+  const Plan plan = compile(scenes::gripper13());
+  Batch<double> stepped = contract::scattered<double>(plan, 9), untouched = contract::scattered<double>(plan, 9);
+  for (int substeps : {0, -1, -12, std::numeric_limits<int>::min()}) {
+    stepped.step(substeps);
+    EXPECT_TRUE(contract::same_bits(stepped, untouched)) << substeps;
+  }
+  stepped.step();
+  EXPECT_FALSE(contract::same_bits(stepped, untouched));
+}
+
+}  // namespace
+}  // namespace lockstep

@@ -1,0 +1,151 @@
+// What a Batch refuses, by which error, and with which remedy. SPDX-License-Identifier: Apache-2.0
+#include <cstdlib>
+#include <functional>
+#include <optional>
+
+#include "contract.h"
+#include "lockstep/error.h"
+
+namespace lockstep {
+namespace {
+
+using contract::same_bits;
+using contract::scattered;
+
+constexpr BatchOptions serial = {.threads = 1};
+
+// Runs act() and hands the error of type E that it throws to the caller.
+template <class E, class Act>
+std::optional<E> thrown_by(Act act) {
+  try {
+    act();
+  } catch (const E& error) {
+    return error;
+  }
+  return std::nullopt;
+}
+
+template <class E, class Act>
+void expect_refused(Act act, const std::string& element, const std::string& remedy) {
+  const auto error = thrown_by<E>(act);
+  ASSERT_TRUE(error) << "accepted: " << element;
+  EXPECT_EQ(error->element(), element);
+  EXPECT_NE(error->remedy().find(remedy), std::string::npos) << error->what();
+}
+
+TEST(Reset, refuses_what_does_not_fit_and_changes_nothing) {
+  Batch<double> batch = scattered<double>(compile(scenes::chain8()), 6);
+  const Batch<double> untouched = scattered<double>(compile(scenes::chain8()), 6);
+  const bool short_mask[5] = {true, true, true, true, true};
+  const std::vector<int> beyond = {1, 6}, negative = {0, -1}, good = {0, 1};
+  const Batch<double>::Array two = Batch<double>::Array::Zero(8, 2), three = Batch<double>::Array::Zero(8, 3),
+                             few = Batch<double>::Array::Zero(7, 2);
+  expect_refused<UsageError>([&] { batch.reset(short_mask); }, "reset mask", "one per environment");
+  expect_refused<UsageError>([&] { batch.reset(beyond); }, "environment 6", "0 to 5");
+  expect_refused<UsageError>([&] { batch.reset(negative); }, "environment -1", "0 to 5");
+  expect_refused<UsageError>([&] { batch.reset(good, three, three); }, "reset state", "8 dofs x 2 environments");
+  expect_refused<UsageError>([&] { batch.reset(good, two, few); }, "reset state", "8 dofs x 2 environments");
+  expect_refused<UsageError>([&] { batch.reset(beyond, two, two); }, "environment 6", "0 to 5");
+  EXPECT_TRUE(same_bits(batch, untouched));
+}
+
+TEST(Batch, refuses_fields_that_were_not_declared_and_says_where_to_declare_them) {
+  Batch<double> batch(compile(scenes::chain8(), {.per_environment = {Parameter::damping}}), 2, serial);
+  EXPECT_NO_THROW(batch.parameter(Parameter::damping));
+  for (unsigned p = 0; p < parameter_count; ++p) {
+    const Parameter parameter = static_cast<Parameter>(p);
+    if (parameter == Parameter::damping) continue;
+    expect_refused<UsageError>([&] { batch.parameter(parameter); }, std::string("field ") + name(parameter),
+                               "StepSettings::per_environment");
+  }
+  expect_refused<UsageError>([&] { batch.coupling_impulses(); }, "coupling impulses", "StepSettings::record_impulses");
+}
+
+TEST(Batch, refuses_links_and_sites_that_do_not_exist) {
+  const Batch<double> batch(compile(scenes::random_model(7)), 2, serial);
+  const int links = static_cast<int>(batch.plan().model().links.size());
+  for (int link : {-1, links}) {
+    expect_refused<UsageError>([&] { batch.link_poses(link); }, "link " + std::to_string(link), "Plan::link()");
+    expect_refused<UsageError>([&] { batch.link_velocities(link); }, "link " + std::to_string(link), "Plan::link()");
+  }
+  for (int site : {-1, 2}) {
+    expect_refused<UsageError>([&] { batch.site_positions(site); }, "site " + std::to_string(site), "Plan::site()");
+    expect_refused<UsageError>([&] { batch.site_jacobians(site); }, "site " + std::to_string(site), "Plan::site()");
+  }
+}
+
+TEST(Batch, refuses_less_than_one_environment_and_negative_threads) {
+  const Plan plan = compile(scenes::chain8());
+  expect_refused<SettingsError>([&] { Batch<float>(plan, 0); }, "environments", "1 or more");
+  expect_refused<SettingsError>([&] { Batch<float>(plan, -7); }, "environments", "1 or more");
+  expect_refused<SettingsError>([&] { Batch<float>(plan, 1, {.threads = -1}); }, "threads", "0 for all");
+}
+
+struct TooLarge {
+  const char* name;
+  std::function<void(Model&)> write;
+};
+
+class SinglePrecision : public testing::TestWithParam<TooLarge> {};
+
+// 1e300 is a fine double.
+TEST_P(SinglePrecision, refuses_numbers_that_it_cannot_hold) {
+  Model model = scenes::chain8();
+  model.root.floating = true;
+  model.links[0].inertia = model.links[1].inertia;
+  GetParam().write(model);
+  std::optional<Plan> plan;
+  ASSERT_NO_THROW(plan = compile(model, {.method = Method::direct}));
+  EXPECT_NO_THROW(Batch<double>(*plan, 1, serial));
+  expect_refused<UsageError>([&] { Batch<float>(*plan, 1, serial); }, "model 'chain8'", "Batch<double>");
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    batch, SinglePrecision,
+    testing::Values(TooLarge{"kp", [](Model& m) { m.joints[0].drive.kp = 1e300; }},
+                    TooLarge{"damping", [](Model& m) { m.joints[0].damping = 1e300; }},
+                    TooLarge{"armature", [](Model& m) { m.joints[0].armature = 1e300; }},
+                    TooLarge{"position", [](Model& m) { m.joints[0].position = 1e300; }},
+                    TooLarge{"velocity", [](Model& m) { m.joints[0].velocity = -1e300; }},
+                    TooLarge{"effort", [](Model& m) { m.joints[0].effort = 1e300; }},
+                    TooLarge{"target", [](Model& m) { m.joints[0].drive.position_target = 1e300; }},
+                    TooLarge{"place", [](Model& m) { m.joints[0].origin.translation().x() = 1e60; }},
+                    TooLarge{"mass", [](Model& m) { m.links[3].inertia.mass = 1e60; }},
+                    TooLarge{"gravity", [](Model& m) { m.gravity.z() = -1e300; }},
+                    TooLarge{"offset", [](Model& m) { m.couplings[0].offset = 1e300; }},
+                    TooLarge{"stiffness", [](Model& m) { m.couplings[0].softness = Softness::spring(1e300, 0.0); }},
+                    TooLarge{"root", [](Model& m) { m.root.pose.translation().y() = 1e300; }},
+                    TooLarge{"twist", [](Model& m) { m.root.velocity[4] = 1e300; }}),
+    [](const auto& info) { return std::string(info.param.name); });
+
+class TargetVariable : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (const char* value = std::getenv("LOCKSTEP_TARGET")) before_ = value;
+  }
+  void TearDown() override { before_ ? setenv("LOCKSTEP_TARGET", before_->c_str(), 1) : unsetenv("LOCKSTEP_TARGET"); }
+
+ private:
+  std::optional<std::string> before_;
+};
+
+TEST_F(TargetVariable, chooses_where_the_options_leave_it_open) {
+  const Plan plan = compile(scenes::chain8());
+  for (Target target : {Target::baseline, Target::baseline_scalar, Target::avx2, Target::avx2_scalar}) {
+    if (!supported(target)) continue;
+    setenv("LOCKSTEP_TARGET", name(target), 1);
+    EXPECT_EQ(Batch<float>(plan, 1).target(), target);
+    EXPECT_EQ(Batch<float>(plan, 1, {.target = Target::baseline}).target(), Target::baseline);
+  }
+  const Target best = supported(Target::avx2) ? Target::avx2 : Target::baseline;
+  setenv("LOCKSTEP_TARGET", "", 1);
+  EXPECT_EQ(Batch<float>(plan, 1).target(), best);
+  unsetenv("LOCKSTEP_TARGET");
+  EXPECT_EQ(Batch<float>(plan, 1).target(), best);
+  setenv("LOCKSTEP_TARGET", "sse9", 1);
+  expect_refused<SettingsError>([&] { Batch<float>(plan, 1); }, "LOCKSTEP_TARGET", "baseline_scalar");
+  EXPECT_NO_THROW(Batch<float>(plan, 1, {.target = Target::baseline}));
+}
+
+}  // namespace
+}  // namespace lockstep

@@ -1,0 +1,223 @@
+// An environment that fails is flagged, frozen and alone in it. SPDX-License-Identifier: Apache-2.0
+#include <functional>
+#include <limits>
+
+#include "contract.h"
+#include "lockstep/error.h"
+
+namespace lockstep {
+namespace {
+
+using contract::outcome;
+using contract::same_bits;
+using contract::scattered;
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+constexpr int environments = 21;  // two tiles of eight lanes and one begun
+constexpr int sick = 11;          // within a tile, for every width
+
+// A cause of failure: what is written into one environment, and the code that it must lead to.
+template <class S>
+struct Cause {
+  std::string name;
+  std::function<void(Batch<S>&, int)> write;
+  Fault fault;
+};
+
+template <class S>
+std::vector<Cause<S>> causes(const Plan& plan) {
+  const S no_number = std::numeric_limits<S>::quiet_NaN(), infinite = std::numeric_limits<S>::infinity();
+  const S largest = std::numeric_limits<S>::max();
+  std::vector<Cause<S>> all = {
+      {"NaN position", [=](Batch<S>& b, int e) { b.positions()(1, e) = no_number; }, Fault::not_finite},
+      {"infinite position", [=](Batch<S>& b, int e) { b.positions()(0, e) = infinite; }, Fault::not_finite},
+      {"NaN velocity", [=](Batch<S>& b, int e) { b.velocities()(2, e) = no_number; }, Fault::not_finite},
+      {"infinite velocity", [=](Batch<S>& b, int e) { b.velocities()(2, e) = -infinite; }, Fault::not_finite},
+      {"overflowing velocity", [=](Batch<S>& b, int e) { b.velocities()(2, e) = largest; }, Fault::not_finite},
+      {"NaN effort", [=](Batch<S>& b, int e) { b.efforts()(3, e) = no_number; }, Fault::not_finite},
+      {"infinite effort", [=](Batch<S>& b, int e) { b.efforts()(3, e) = infinite; }, Fault::not_finite},
+      {"far position", [=](Batch<S>& b, int e) { b.positions()(0, e) = S(2e5); }, Fault::diverged},
+      {"high speed", [=](Batch<S>& b, int e) { b.efforts()(3, e) = S(1e12); }, Fault::diverged}};
+  if (plan.floating()) {
+    all.push_back({"NaN root", [=](Batch<S>& b, int e) { b.root_poses()(1, e) = no_number; }, Fault::not_finite});
+    all.push_back({"NaN turn", [=](Batch<S>& b, int e) { b.root_poses()(4, e) = no_number; }, Fault::not_finite});
+    all.push_back({"NaN twist", [=](Batch<S>& b, int e) { b.root_velocities()(5, e) = no_number; }, Fault::not_finite});
+    all.push_back({"far root", [=](Batch<S>& b, int e) { b.root_poses()(2, e) = S(-3e5); }, Fault::diverged});
+  }
+  const ParameterSet& declared = plan.settings().per_environment;
+  if (declared.contains(Parameter::drive_gains)) {  // targets are read for driven joints alone
+    all.push_back(
+        {"NaN target", [=](Batch<S>& b, int e) { b.position_targets()(0, e) = no_number; }, Fault::not_finite});
+    all.push_back(
+        {"NaN target speed", [=](Batch<S>& b, int e) { b.velocity_targets()(7, e) = no_number; }, Fault::not_finite});
+  }
+  for (unsigned p = 0; p < parameter_count; ++p) {
+    const Parameter parameter = static_cast<Parameter>(p);
+    if (!declared.contains(parameter)) continue;
+    for (int row : {0, plan.parameter_rows(parameter) - 1}) {
+      if (parameter == Parameter::mass && row == 0) continue;  // the fixed root's
+      if (parameter == Parameter::link_wrench && row == 0) row = 6;
+      all.push_back({std::string("NaN ") + name(parameter) + " " + std::to_string(row),
+                     [=](Batch<S>& b, int e) { b.parameter(parameter)(row, e) = no_number; }, Fault::not_finite});
+    }
+  }
+  if (declared.contains(Parameter::mass)) {
+    const int last = plan.parameter_rows(Parameter::mass) - 1;
+    all.push_back({"negative mass", [=](Batch<S>& b, int e) { b.parameter(Parameter::mass)(last, e) = S(-3000); },
+                   Fault::singular});
+  }
+  return all;
+}
+
+template <class S>
+void expect_contained(const Plan& plan, Target target) {
+  const BatchOptions options = {.threads = 1, .target = target};
+  Batch<S> sound = scattered<S>(plan, environments, options);
+  sound.step(3);
+  ASSERT_EQ(sound.faulted(), 0);
+  for (const Cause<S>& cause : causes<S>(plan)) {
+    SCOPED_TRACE(cause.name);
+    Batch<S> batch = scattered<S>(plan, environments, options);
+    cause.write(batch, sick);
+    const std::vector<S> before = outcome(batch, sick);
+    batch.step(3);
+    EXPECT_EQ(name(batch.faults()[sick]), std::string(name(cause.fault)));
+    EXPECT_EQ(batch.faulted(), 1);
+    EXPECT_TRUE(same_bits(outcome(batch, sick), before)) << "a first step that fails changes nothing";
+    EXPECT_TRUE(same_bits(batch, sound, sick));
+
+    // Sticky, whatever becomes of the cause.
+    batch.efforts().col(sick).setZero();
+    const std::vector<S> frozen = outcome(batch, sick);
+    batch.step(2);
+    EXPECT_EQ(batch.faults()[sick], cause.fault);
+    EXPECT_TRUE(same_bits(outcome(batch, sick), frozen));
+  }
+}
+
+class Faults : public testing::TestWithParam<Method> {};
+
+TEST_P(Faults, are_flagged_and_leave_the_neighbours_alone) {
+  const ParameterSet fields = contract::all_parameters(GetParam());
+  Model springs = scenes::chain8();
+  springs.couplings[0].softness = Softness::spring(40.0, 1.0);
+  springs.couplings[1].softness = Softness::frequency(20.0, 0.5);
+  springs.couplings[3].softness = Softness::mixing(0.3, 0.1);
+  for (const Model& model : {scenes::chain8(), springs, scenes::chain32()})
+    for (const ParameterSet& declared : {ParameterSet{}, fields}) {
+      SCOPED_TRACE(model.name + (declared.empty() ? "" : " with all fields"));
+      const Plan plan = compile(model, contract::settings(GetParam(), declared));
+      for (Target target : {Target::baseline, Target::avx2, Target::avx2_scalar}) {
+        if (!supported(target)) continue;
+        SCOPED_TRACE(name(target));
+        expect_contained<float>(plan, target);
+        expect_contained<double>(plan, target);
+      }
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(method, Faults, testing::ValuesIn(physics::methods), physics::method_name);
+
+// A constant push that passes the bound in the middle of a step(12): what stays is the last substep within it.
+TEST(Fault, freezes_at_the_last_good_substep) {
+  StepSettings settings;
+  settings.velocity_bound = 10.0;
+  const Plan plan = compile(scenes::chain8(), settings);
+  Batch<double> at_once(plan, 9, {.threads = 1}), one_by_one(plan, 9, {.threads = 1});
+  for (Batch<double>* batch : {&at_once, &one_by_one}) batch->efforts()(0, 4) = 60.0;
+  int good = 0;
+  std::vector<double> last;
+  for (int i = 0; i < 40; ++i) {
+    last = outcome(one_by_one, 4);
+    one_by_one.step();
+    if (one_by_one.faulted() > 0) break;
+    ++good;
+  }
+  ASSERT_GT(good, 2);
+  ASSERT_LT(good, 40);
+  EXPECT_EQ(one_by_one.faults()[4], Fault::diverged);
+  EXPECT_TRUE(same_bits(outcome(one_by_one, 4), last));
+  EXPECT_LE(one_by_one.velocities().col(4).abs().maxCoeff(), 10.0);
+  at_once.step(good + 5);
+  EXPECT_EQ(at_once.faults()[4], Fault::diverged);
+  EXPECT_TRUE(same_bits(outcome(at_once, 4), last));
+}
+
+TEST(Fault, keeps_its_first_code) {
+  Batch<double> batch(compile(scenes::chain8()), 3, {.threads = 1});
+  batch.positions()(0, 1) = 1e6;
+  batch.step();
+  EXPECT_EQ(batch.faults()[1], Fault::diverged);
+  batch.positions()(0, 1) = nan;
+  batch.step();
+  EXPECT_EQ(batch.faults()[1], Fault::diverged);
+}
+
+TEST(Fault, is_cleared_by_every_kind_of_reset) {
+  constexpr int count = 10;
+  const Plan plan = compile(scenes::chain8());
+  Batch<double> batch(plan, count, {.threads = 1}), fresh(plan, count, {.threads = 1});
+  const auto fail_all = [&] {
+    batch.positions().setConstant(nan);
+    batch.step();
+    EXPECT_EQ(batch.faulted(), count);
+    for (Fault fault : batch.faults()) EXPECT_EQ(fault, Fault::not_finite);
+  };
+  const auto expect_only = [&](const std::vector<int>& cleared) {
+    for (int e = 0; e < count; ++e) {
+      const bool clear = std::find(cleared.begin(), cleared.end(), e) != cleared.end();
+      EXPECT_EQ(batch.faults()[e] == Fault::none, clear) << e;
+      if (clear) {
+        EXPECT_TRUE(same_bits(batch, e, fresh, 0)) << e;
+      }
+    }
+    EXPECT_EQ(batch.faulted(), count - static_cast<int>(cleared.size()));
+  };
+  fail_all();
+  batch.reset();
+  expect_only({0, 1, 2, 3, 4, 5, 6, 7, 8, 9});
+
+  fail_all();
+  const bool mask[count] = {false, true, false, false, false, false, false, false, true, false};
+  batch.reset(std::span<const bool>(mask));
+  expect_only({1, 8});
+
+  fail_all();
+  const std::vector<int> ids = {9, 0, 4};
+  batch.reset(ids);
+  expect_only(ids);
+
+  fail_all();
+  const auto start = fresh.positions().leftCols(3).eval(), still = fresh.velocities().leftCols(3).eval();
+  batch.reset(ids, start, still);
+  expect_only(ids);
+  batch.step();
+  fresh.step();
+  for (int e : ids) EXPECT_TRUE(same_bits(batch, e, fresh, 0)) << "it goes on as if nothing had been";
+}
+
+// The model's own effort tears it apart at once, and so the padding lanes of the last tile; the one environment that
+// there is has none.
+TEST(Fault, of_padding_lanes_never_counts) {
+  Model model = scenes::chain8();
+  model.joints[2].effort = 1e15;
+  Batch<float> batch(compile(model), 1);
+  ASSERT_EQ(batch.faults().size(), 1u);
+  batch.efforts().setZero();
+  batch.step(5);
+  EXPECT_EQ(batch.faulted(), 0);
+  EXPECT_EQ(batch.faults()[0], Fault::none);
+  Batch<float> doomed(compile(model), 1);
+  doomed.step();
+  EXPECT_EQ(doomed.faulted(), 1);
+}
+
+TEST(Fault, has_a_name) {
+  EXPECT_STREQ(name(Fault::none), "none");
+  EXPECT_STREQ(name(Fault::not_finite), "not_finite");
+  EXPECT_STREQ(name(Fault::diverged), "diverged");
+  EXPECT_STREQ(name(Fault::singular), "singular");
+}
+
+}  // namespace
+}  // namespace lockstep

@@ -1,0 +1,192 @@
+// What compile() refuses and decides, and what a Plan looks up. SPDX-License-Identifier: Apache-2.0
+#include "lockstep/plan.h"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+
+#include "lockstep/batch.h"
+#include "lockstep/error.h"
+#include "scenes/scenes.h"
+
+namespace lockstep {
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+
+StepSettings with(Method method, ParameterSet per_environment = {}) {
+  StepSettings settings;
+  settings.method = method;
+  settings.per_environment = per_environment;
+  return settings;
+}
+
+// ---------------------------------------------------------------- settings
+
+struct Rule {
+  const char* name;
+  std::function<void(StepSettings&)> break_it;
+  const char* setting;
+};
+
+class BrokenSetting : public testing::TestWithParam<Rule> {};
+
+TEST_P(BrokenSetting, is_refused_and_named) {
+  StepSettings settings;
+  GetParam().break_it(settings);
+  try {
+    compile(scenes::chain8(), settings);
+    FAIL() << "accepted";
+  } catch (const SettingsError& error) {
+    EXPECT_EQ(error.element(), GetParam().setting);
+    EXPECT_FALSE(error.rule().empty());
+    EXPECT_FALSE(error.remedy().empty());
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    settings, BrokenSetting,
+    testing::Values(
+        Rule{"dt_zero", [](StepSettings& s) { s.dt = 0.0; }, "dt"},
+        Rule{"dt_negative", [](StepSettings& s) { s.dt = -1e-3; }, "dt"},
+        Rule{"dt_nan", [](StepSettings& s) { s.dt = nan; }, "dt"},
+        Rule{"dt_infinite", [](StepSettings& s) { s.dt = infinity; }, "dt"},
+        Rule{"no_iterations", [](StepSettings& s) { s.iterations = 0; }, "iterations"},
+        Rule{"many_iterations", [](StepSettings& s) { s.iterations = 1001; }, "iterations"},
+        Rule{"negative_velocity_iterations", [](StepSettings& s) { s.velocity_iterations = -1; },
+             "velocity_iterations"},
+        Rule{"many_velocity_iterations", [](StepSettings& s) { s.velocity_iterations = 1001; }, "velocity_iterations"},
+        Rule{"no_position_bound", [](StepSettings& s) { s.position_bound = 0.0; }, "position_bound"},
+        Rule{"nan_position_bound", [](StepSettings& s) { s.position_bound = nan; }, "position_bound"},
+        Rule{"infinite_velocity_bound", [](StepSettings& s) { s.velocity_bound = infinity; }, "velocity_bound"},
+        Rule{"negative_velocity_bound", [](StepSettings& s) { s.velocity_bound = -1.0; }, "velocity_bound"},
+        Rule{"reduced_with_own_softness", [](StepSettings& s) { s = with(Method::reduced, {Parameter::softness}); },
+             "method"}),
+    [](const auto& rule) { return std::string(rule.param.name); });
+
+TEST(Settings, at_their_limits_are_accepted) {
+  StepSettings settings;
+  settings.method = Method::pgs;
+  for (int iterations : {1, 1000})
+    for (int velocity_iterations : {0, 1000}) {
+      settings.iterations = iterations, settings.velocity_iterations = velocity_iterations;
+      EXPECT_NO_THROW(compile(scenes::chain8(), settings));
+    }
+}
+
+TEST(Settings, tgs_refuses_to_share_out_an_erp_above_1) {
+  Model model = scenes::chain8();
+  model.couplings[2].softness = Softness::hard(1.5);
+  StepSettings settings = with(Method::tgs);
+  EXPECT_THROW(compile(model, settings), SettingsError);
+  settings.iterations = 1;
+  EXPECT_NO_THROW(compile(model, settings));
+  EXPECT_NO_THROW(compile(model, with(Method::pgs)));
+}
+
+TEST(Settings, reduced_refuses_own_gear_ratios_where_couplings_are_redundant) {
+  EXPECT_THROW(compile(scenes::redundant(), with(Method::reduced, {Parameter::gear_ratio})), SettingsError);
+  EXPECT_NO_THROW(compile(scenes::chain8(), with(Method::reduced, {Parameter::gear_ratio})));
+  EXPECT_NO_THROW(compile(scenes::redundant(), with(Method::reduced)));
+}
+
+TEST(compile, refuses_impossible_models) {
+  Model model = scenes::chain8();
+  model.links[3].inertia.mass = -1.0;
+  EXPECT_THROW(compile(model), ModelError);
+}
+
+// ---------------------------------------------------------------- couplings
+
+TEST(Couplings, that_contradict_each_other_are_named) {
+  Model model = scenes::redundant();  // (0,2), (2,4), (0,4)
+  model.couplings[2].offset = 0.25;
+  for (Method method : {Method::pgs, Method::tgs, Method::direct, Method::reduced}) {
+    try {
+      compile(model, with(method));
+      FAIL() << name(method);
+    } catch (const ModelError& error) {
+      const std::vector<std::string> names = coupling_names(model);
+      EXPECT_EQ(error.element(), "coupling '" + names[2] + "'");
+      for (std::size_t other : {0, 1})
+        EXPECT_NE(error.rule().find("'" + names[other] + "'"), std::string::npos) << error.what();
+      EXPECT_NE(error.rule().find("0.25"), std::string::npos) << error.what();
+    }
+  }
+  model.couplings[1].softness = Softness::spring(10.0, 1.0);  // yields
+  EXPECT_NO_THROW(compile(model));
+}
+
+TEST(Couplings, that_follow_from_others_are_listed) {
+  EXPECT_EQ(compile(scenes::redundant()).redundant_couplings(), std::vector<int>{2});
+  EXPECT_TRUE(compile(scenes::chain8()).redundant_couplings().empty());
+  Model twice = scenes::chain8();
+  twice.couplings.insert(twice.couplings.begin() + 1, twice.couplings[0]);
+  EXPECT_EQ(compile(twice).redundant_couplings(), std::vector<int>{1});
+  twice.couplings[1].softness = Softness::spring(10.0, 1.0);  // says something of its own
+  EXPECT_TRUE(compile(twice).redundant_couplings().empty());
+}
+
+TEST(Plan, says_which_dofs_were_eliminated) {
+  const Plan chain = compile(scenes::chain8(), with(Method::reduced));
+  EXPECT_EQ(chain.eliminated_dofs(), (std::vector<int>{0, 1, 4, 5}));
+  EXPECT_EQ(compile(scenes::gripper13()).eliminated_dofs(), (std::vector<int>{8, 9, 10, 11, 12}));
+  EXPECT_TRUE(compile(scenes::chain8(), with(Method::direct)).eliminated_dofs().empty());
+}
+
+TEST(Plan, chooses_reduced_where_it_applies_and_direct_elsewhere) {
+  EXPECT_EQ(compile(scenes::chain8()).method(), Method::reduced);
+  EXPECT_EQ(compile(scenes::chain8(), with(Method::automatic, {Parameter::softness})).method(), Method::direct);
+  EXPECT_EQ(compile(scenes::redundant(), with(Method::automatic, {Parameter::gear_ratio})).method(), Method::direct);
+  Model model = scenes::chain8();
+  for (Coupling& coupling : model.couplings) coupling.softness = Softness::frequency(10.0, 1.0);
+  EXPECT_EQ(compile(model).method(), Method::direct);
+  model.couplings[0].softness = Softness::hard();
+  EXPECT_EQ(compile(model).method(), Method::reduced);
+  model.couplings.clear();
+  EXPECT_EQ(compile(model).method(), Method::reduced);
+  for (Method method : {Method::pgs, Method::tgs, Method::direct})
+    EXPECT_EQ(compile(model, with(method)).method(), method);
+}
+
+TEST(Plan, looks_names_up_and_refuses_unknown_ones) {
+  const Model model = scenes::random_model(3);
+  const Plan plan = compile(model);
+  for (int dof = 0; dof < plan.dofs(); ++dof) EXPECT_EQ(plan.dof(plan.dof_names()[static_cast<std::size_t>(dof)]), dof);
+  for (std::size_t l = 0; l < model.links.size(); ++l) EXPECT_EQ(plan.link(model.links[l].name), static_cast<int>(l));
+  EXPECT_EQ(plan.site("site1"), 1);
+  EXPECT_EQ(plan.floating(), model.root.floating);
+  EXPECT_EQ(plan.couplings(), static_cast<int>(model.couplings.size()));
+  EXPECT_THROW(plan.dof("elbow"), UsageError);
+  EXPECT_THROW(plan.link("elbow"), UsageError);
+  EXPECT_THROW(plan.site("elbow"), UsageError);
+  Model welded = scenes::chain8();
+  welded.links.push_back({"tool", {}});
+  Joint weld;
+  weld.name = "weld", weld.parent = "l7", weld.child = "tool";
+  welded.joints.push_back(weld);
+  EXPECT_THROW(compile(welded).dof("weld"), UsageError) << "a fixed joint is no dof";
+  EXPECT_EQ(compile(welded).link("tool"), 9);
+}
+
+TEST(Plan, is_shared_by_its_copies) {
+  const Plan plan = compile(scenes::chain8());
+  const Plan copy = plan;
+  EXPECT_EQ(&copy.model(), &plan.model());
+  EXPECT_EQ(&copy.program(), &plan.program());
+}
+
+TEST(names, of_methods_and_parameters) {
+  EXPECT_STREQ(name(Method::automatic), "automatic");
+  EXPECT_STREQ(name(Method::pgs), "pgs");
+  EXPECT_STREQ(name(Method::tgs), "tgs");
+  EXPECT_STREQ(name(Method::direct), "direct");
+  EXPECT_STREQ(name(Method::reduced), "reduced");
+  const char* parameters[parameter_count] = {"gear_ratio", "offset", "softness", "drive_gains",
+                                             "damping",    "mass",   "gravity",  "link_wrench"};
+  for (unsigned p = 0; p < parameter_count; ++p) EXPECT_STREQ(name(static_cast<Parameter>(p)), parameters[p]);
+}
+
+}  // namespace
+}  // namespace lockstep
