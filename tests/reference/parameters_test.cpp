@@ -74,10 +74,10 @@ class Changes {
     number *= uniform(low, high);
     batch_.parameter(parameter)(row, changed) = number;
   }
-  // The second number of a hard coupling is its cfm.
+  // The second row of a hard coupling is its cfm: not 0, it makes a mixing one of it.
   void soften(int row, Coupling& coupling) {
     if (!declared(Parameter::softness) || uniform(0.0, 1.0) < 0.5) return;
-    coupling.softness = Softness::mixing(coupling.softness.first, uniform(0.01, 1.0));  // hard and with a cfm
+    coupling.softness = Softness::mixing(coupling.softness.first, uniform(0.01, 1.0));
     batch_.parameter(Parameter::softness)(2 * row + 1, changed) = coupling.softness.second;
   }
 
@@ -145,6 +145,24 @@ TEST_P(Parameters, of_one_environment_act_as_those_of_a_model) {
 }
 
 INSTANTIATE_TEST_SUITE_P(method, Parameters, testing::ValuesIn(physics::methods), physics::method_name);
+
+// Couplings that follow from others stay in where ratios or softness may differ: then the pivots tell, and what they
+// leave of an impulse without effect on the joints is rounding that the joints do not feel.
+TEST(OwnGearRatiosAndSoftness, leave_mechanisms_with_redundant_couplings_their_motion) {
+  for (const Parameter parameter : {Parameter::gear_ratio, Parameter::softness})
+    for (int seed = 0; seed < 500 && !HasFailure(); ++seed) {
+      SCOPED_TRACE(seed);
+      const Model model = scenes::random_model(static_cast<std::uint64_t>(seed));
+      StepSettings settings = physics::settings(Method::direct);
+      Batch<double> without(compile(model, settings), 1, {.threads = 1});
+      if (without.plan().redundant_couplings().empty()) continue;
+      settings.per_environment = {parameter};
+      Batch<double> with(compile(model, settings), 1, {.threads = 1});
+      with.step(10), without.step(10);
+      EXPECT_LE((with.positions() - without.positions()).abs().maxCoeff(), 1e-9);
+      EXPECT_LE((with.velocities() - without.velocities()).abs().maxCoeff(), 1e-7);
+    }
+}
 
 // By the model's ratios j0 = j4 follows from j0 = j2 and j2 = j4; by another environment's it does not.
 TEST(OwnGearRatios, decide_in_each_environment_which_couplings_follow_from_others) {

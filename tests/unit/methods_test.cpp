@@ -84,7 +84,10 @@ TEST(Tgs, refuses_to_share_out_an_erp_above_1) {
 TEST(DirectAndReduced, take_every_error_down_by_erp_in_every_step_of_a_moving_arm) {
   for (Method method : {Method::direct, Method::reduced}) {
     Model model = scenes::chain8();
-    for (int i = 0; i < 8; ++i) model.joints[i].position = std::sin(1.0 + 2.0 * i), model.joints[i].velocity = 1.0 - 0.3 * i;
+    for (int i = 0; i < 8; ++i) {
+      model.joints[i].position = std::sin(1.0 + 2.0 * i);
+      model.joints[i].velocity = 1.0 - 0.3 * i;
+    }
     Batch<double> batch(compile(model, settings(method)), 1, {.threads = 1});
     VectorXd expected = batch.coupling_errors().matrix().col(0);
     ASSERT_GT(expected.lpNorm<Eigen::Infinity>(), 1.0);

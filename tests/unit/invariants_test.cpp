@@ -1,0 +1,277 @@
+// What mechanics keeps, a step keeps: exactly or to first order in dt. SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <functional>
+#include <numbers>
+
+#include "lockstep/plan.h"
+#include "physics.h"
+#include "scenes/scenes.h"
+
+namespace lockstep {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using physics::settings;
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+
+// What `measure` finds in a batch after each step of `duration` seconds.
+void watch(const Model& model, double dt, double duration, const std::function<void(const Batch<double>&)>& measure,
+           Method method = Method::reduced) {
+  Batch<double> batch(compile(model, settings(method, 4, 1, dt)), 1, {.threads = 1});
+  measure(batch);
+  for (int step = 0; step < std::lround(duration / dt); ++step) {
+    batch.step();
+    measure(batch);
+  }
+}
+
+// Of first order: half the step, half the error; e(h) = a h + b h^2 leaves the ratio some room.
+void expect_first_order(const std::function<double(double dt)>& error, double dt) {
+  const double whole = error(dt), half = error(dt / 2), quarter = error(dt / 4);
+  EXPECT_NEAR(whole / half, 2.0, 0.4);
+  EXPECT_NEAR(half / quarter, 2.0, 0.2);
+}
+
+// --- energy ------------------------------------------------------------------------------------------
+
+double energy(const Batch<double>& batch) { return batch.kinetic_energies()(0, 0) + batch.potential_energies()(0, 0); }
+
+TEST(Energy, of_a_passive_arm_without_damping_drifts_with_the_step_only) {
+  for (Method method : {Method::direct, Method::reduced}) {
+    Model model = scenes::chain8();
+    for (Joint& joint : model.joints) joint.damping = 0.0;
+    const auto drift = [&](double dt) {
+      double start = NAN, worst = 0.0;
+      watch(model, dt, 0.5, [&](const Batch<double>& batch) {
+        if (std::isnan(start)) start = energy(batch);
+        worst = std::max(worst, std::abs(energy(batch) - start));
+      }, method);
+      return worst;
+    };
+    expect_first_order(drift, 1.0 / 960);
+  }
+}
+
+// Damping takes energy faster than the step's first order could give it.
+TEST(Energy, of_a_damped_arm_never_grows) {
+  double last = infinity, highest = -infinity, lowest = infinity;
+  watch(scenes::chain8(), 1.0 / 240, 5.0, [&](const Batch<double>& batch) {
+    const double now = energy(batch);
+    EXPECT_LE(now, last);
+    highest = std::max(highest, now), lowest = std::min(lowest, now), last = now;
+  });
+  EXPECT_GT(highest - lowest, 0.1);
+}
+
+// --- momentum ----------------------------------------------------------------------------------------
+
+scenes::RandomOptions floating() {
+  scenes::RandomOptions options;
+  options.root = scenes::RandomOptions::Root::floating;
+  options.coupling_error = false;
+  return options;
+}
+
+Vector6d momentum_after(const Model& model, double dt, int steps) {
+  Batch<double> batch(compile(model, settings(Method::direct, 4, 1, dt)), 1, {.threads = 1});
+  batch.step(steps);
+  return batch.momenta().col(0).matrix();
+}
+
+// Damping, drives, efforts and couplings are all internal. One step's change over the step, (P(h) - P) / h, is the
+// rate of change plus a h + b h^2, as long as no velocity jumps in it: springs by erp and cfm would be stiffer ones at
+// smaller steps, so that they are given by kp and kd here. Taking twice the value at h / 2 less the one at h removes
+// a h. At 1e-7 s b h^2 is 1e-6 even for drives of a rate of 1e4 /s, and the rounding of P over h is 1e-8 of P.
+TEST(Momentum, of_a_floating_mechanism_has_no_rate_of_change) {
+  for (int seed = 0; seed < 50; ++seed) {
+    Model model = scenes::random_model(static_cast<std::uint64_t>(seed), floating());
+    model.gravity.setZero();
+    for (Coupling& coupling : model.couplings)
+      if (coupling.softness.kind == Softness::Kind::mixing && !coupling.softness.is_hard())
+        coupling.softness = Softness::spring(50.0, 1.0);
+    constexpr double h = 1e-7;
+    const Vector6d start = momentum_after(model, h, 0);
+    const auto rate = [&](double dt) -> Vector6d { return (momentum_after(model, dt, 1) - start) / dt; };
+    const Vector6d extrapolated = 2.0 * rate(h / 2) - rate(h);
+    EXPECT_LE(extrapolated.norm(), 1e-6 * std::max(1.0, start.norm())) << seed;
+  }
+}
+
+TEST(Momentum, of_a_floating_chain_drifts_with_the_step_only) {
+  Model model = scenes::chain32();
+  model.root.velocity << 0.3, -0.2, 0.5, 1.0, 0.0, -1.0;
+  for (int part : {0, 3})  // angular, linear
+    expect_first_order(
+        [&](double dt) {
+          const int steps = static_cast<int>(std::lround(0.25 / dt));
+          return (momentum_after(model, dt, steps) - momentum_after(model, dt, 0)).segment<3>(part).norm();
+        },
+        1.0 / 1920);
+}
+
+// --- symmetries --------------------------------------------------------------------------------------
+
+// A floating palm with two fingers that mirror each other in y: turns about x change their sign.
+TEST(Symmetry, of_a_mirrored_gripper_is_kept) {
+  Model model;
+  model.links = {{"palm", Inertia::box(0.5, {0.1, 0.1, 0.05}, Vector3d(0.01, 0, 0.02))}};
+  model.root.floating = true;
+  for (double side : {1.0, -1.0})
+    for (int i = 0; i < 3; ++i) {
+      const std::string parent = i == 0 ? "palm" : model.links.back().name;
+      const std::string before = i == 0 ? "" : model.joints.back().name;
+      Joint& joint = physics::append_link(model, parent, {0.0, side * (i == 0 ? 0.05 : 0.02), 0.04}, Vector3d::UnitX());
+      model.links.back().inertia = Inertia::box(0.05, {0.02, 0.02, 0.04}, {0.0, side * 0.003, 0.02});
+      joint.position = side * (0.3 - 0.1 * i);
+      joint.damping = 1e-3;
+      if (i == 0) joint.drive = {2.0, 0.05, side * -0.5, 0.0};
+      if (i > 0) model.couplings.push_back(Coupling::mimic(joint.name, before, -0.7));
+    }
+  for (Method method : {Method::direct, Method::reduced})
+    watch(model, 1.0 / 240, 1.0, [&](const Batch<double>& batch) {
+      const auto q = batch.positions().col(0);
+      EXPECT_LE((q.head(3) + q.tail(3)).abs().maxCoeff(), 1e-12);
+      EXPECT_NEAR(batch.root_poses()(1, 0), 0.0, 1e-12);  // y
+      for (int turned : {4, 6}) EXPECT_NEAR(batch.root_poses()(turned, 0), 0.0, 1e-12);  // about x and z
+    }, method);
+}
+
+// The same mechanism elsewhere and turned, gravity with it: its joints move the same.
+TEST(Symmetry, of_space_leaves_the_joints_motion_alone) {
+  const Eigen::Isometry3d moved = Eigen::Translation3d(3.0, -2.0, 7.0) *
+                                  Eigen::AngleAxisd(2.0, Vector3d(1.0, -2.0, 0.5).normalized());
+  for (int seed = 0; seed < 30; ++seed) {
+    const Model here = scenes::random_model(static_cast<std::uint64_t>(seed));
+    Model there = here;
+    there.root.pose = moved * here.root.pose;
+    there.gravity = moved.linear() * here.gravity;
+    Batch<double> a(compile(here, settings(Method::direct)), 1, {.threads = 1});
+    Batch<double> b(compile(there, settings(Method::direct)), 1, {.threads = 1});
+    a.step(24), b.step(24);
+    const double speed = std::max(1.0, a.velocities().abs().maxCoeff());
+    EXPECT_LE((a.positions() - b.positions()).abs().maxCoeff(), 1e-10) << seed;
+    EXPECT_LE((a.velocities() - b.velocities()).abs().maxCoeff(), 1e-10 * speed) << seed;
+  }
+}
+
+// And the same for an observer who moves uniformly: a root's acceleration is formed from its twist and its rate before
+// anything else, so that not even the step's error depends on its speed.
+TEST(Symmetry, of_uniform_motion_leaves_the_joints_motion_alone) {
+  for (int seed = 0; seed < 30; ++seed) {
+    const Model still = scenes::random_model(static_cast<std::uint64_t>(seed), floating());
+    Model moving = still;
+    moving.root.velocity.tail<3>() += still.root.pose.linear().transpose() * Vector3d(2.0, -1.0, 0.5);
+    Batch<double> a(compile(still, settings(Method::direct)), 1, {.threads = 1});
+    Batch<double> b(compile(moving, settings(Method::direct)), 1, {.threads = 1});
+    a.step(24), b.step(24);
+    EXPECT_LE((a.positions() - b.positions()).abs().maxCoeff(), 1e-10) << seed;
+    EXPECT_LE((a.root_poses() - b.root_poses()).bottomRows(4).abs().maxCoeff(), 1e-10) << seed;
+    EXPECT_GT((a.root_poses() - b.root_poses()).topRows(3).abs().maxCoeff(), 0.1) << seed;
+  }
+}
+
+// --- bodies that textbooks know ----------------------------------------------------------------------
+
+Model free_body(const Vector3d& spin) {
+  Model model;
+  model.links = {{"body", Inertia::box(1.0, {0.3, 0.2, 0.1}, Vector3d::Zero())}};
+  model.root.floating = true;
+  model.root.velocity.head<3>() = spin;
+  model.gravity.setZero();
+  return model;
+}
+
+// I dw/dt + w x I w = 0, by Runge-Kutta 4 at steps far below those compared.
+Vector3d euler_spin(const Matrix3d& inertia, Vector3d w, double duration) {
+  const auto slope = [&](const Vector3d& at) -> Vector3d { return -inertia.inverse() * at.cross(inertia * at); };
+  constexpr int steps = 4000;
+  const double h = duration / steps;
+  for (int i = 0; i < steps; ++i) {
+    const Vector3d k1 = slope(w), k2 = slope(w + h / 2 * k1), k3 = slope(w + h / 2 * k2), k4 = slope(w + h * k3);
+    w += h / 6 * (k1 + 2 * k2 + 2 * k3 + k4);
+  }
+  return w;
+}
+
+TEST(FreeBody, turns_by_eulers_equations) {
+  const Model model = free_body({0.3, 4.0, -0.5});  // near the axis of the middle moment: it tumbles
+  const Vector3d exact = euler_spin(model.links[0].inertia.about_center, model.root.velocity.head<3>(), 1.0);
+  ASSERT_GT((exact - model.root.velocity.head<3>()).norm(), 0.5);
+  expect_first_order(
+      [&](double dt) {
+        Vector3d spin;
+        watch(model, dt, 1.0, [&](const Batch<double>& b) { spin = b.root_velocities().col(0).head(3).matrix(); });
+        return (spin - exact).norm();
+      },
+      1.0 / 960);
+}
+
+TEST(FreeBody, turns_about_a_principal_axis_for_ever) {
+  for (int axis = 0; axis < 3; ++axis) {
+    const double rate = 2.0 * std::numbers::pi;  // a turn in a second
+    const Model model = free_body(rate * Vector3d::Unit(axis));
+    Batch<double> batch(compile(model, settings(Method::direct)), 1, {.threads = 1});
+    batch.step(2400);
+    EXPECT_LE((batch.root_velocities().col(0).matrix() - model.root.velocity).norm(), 1e-12);
+    // Ten turns lead back; the quaternion of an even number of turns is that of none.
+    EXPECT_NEAR(batch.root_poses()(3, 0), 1.0, 1e-12);
+    EXPECT_NEAR(batch.root_poses()(4 + axis, 0), 0.0, 1e-11);
+  }
+}
+
+TEST(FreeBody, falls_as_the_sum_of_its_steps) {
+  Model model = free_body(Vector3d::Zero());
+  model.gravity = {0.5, 0.0, -9.81};
+  Batch<double> batch(compile(model, settings(Method::direct)), 1, {.threads = 1});
+  constexpr int n = 240;
+  batch.step(n);  // semi-implicit Euler: g h^2 (1 + 2 + ... + n)
+  const Vector3d fallen = model.gravity / (240.0 * 240.0) * (n * (n + 1) / 2.0);
+  EXPECT_LE((batch.root_poses().col(0).head(3).matrix() - fallen).norm(), 1e-12);
+}
+
+// A rotor on a joint of the base is inertia of its link about the joint's axis.
+TEST(Armature, of_the_first_joint_is_inertia_about_its_axis) {
+  Model rotor = scenes::chain8(), heavier = rotor;
+  rotor.joints[0].armature = 4e-5;
+  heavier.links[1].inertia.about_center(1, 1) += 4e-5;  // j0 turns about y
+  for (Method method : {Method::direct, Method::reduced}) {
+    Batch<double> a(compile(rotor, settings(method)), 1, {.threads = 1});
+    Batch<double> b(compile(heavier, settings(method)), 1, {.threads = 1});
+    a.step(240), b.step(240);
+    EXPECT_LE((a.positions() - b.positions()).abs().maxCoeff(), 1e-10);
+    EXPECT_NEAR(a.kinetic_energies()(0, 0), b.kinetic_energies()(0, 0), 1e-10);
+  }
+}
+
+// T = 4 sqrt(L / g) K(sin(a / 2)) for an amplitude a, L = I / (m l). Semi-implicit Euler swings a harmonic oscillator
+// at w (1 + (w h)^2 / 24 + ...), and a pendulum slower than that one.
+TEST(Pendulum, swings_in_the_period_of_its_amplitude) {
+  constexpr double g = 9.81, l = 0.05, h = 1.0 / 1920;
+  const double length = ((0.1 * 0.1 + 0.04 * 0.04) / 12.0 + l * l) / l, w = std::sqrt(g / length);
+  for (double amplitude : {0.1, 1.0, 2.5}) {
+    Model model;  // two pendulums that swing as one
+    model.links = {{"base", {}}};
+    for (int i = 0; i < 2; ++i) {
+      Joint& joint = physics::append_link(model, "base", {0, 0.2 * i, 0}, Vector3d::UnitY());
+      joint.origin.rotate(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3d::UnitY()));  // hangs down at 0
+      joint.position = amplitude;
+    }
+    model.couplings = {Coupling::mimic("j1", "j0", -1.0)};
+    std::vector<double> crossings;
+    double t = -h, before = amplitude;
+    watch(model, h, 5.0, [&](const Batch<double>& batch) {
+      const double q = batch.positions()(0, 0);
+      if (before > 0.0 && q <= 0.0) crossings.push_back(t + h * before / (before - q));
+      before = q, t += h;
+    });
+    ASSERT_GE(crossings.size(), 4u);
+    const double period = (crossings.back() - crossings.front()) / static_cast<double>(crossings.size() - 1);
+    const double exact = 4.0 / w * std::comp_ellint_1(std::sin(amplitude / 2));
+    EXPECT_NEAR(period, exact, 2.0 * (w * h) * (w * h) / 24.0 * exact) << amplitude;
+  }
+}
+
+}  // namespace
+}  // namespace lockstep
