@@ -1,20 +1,21 @@
 # Code of one instruction set must never run on a machine that lacks it. SPDX-License-Identifier: Apache-2.0
 #
 # Of functions that two object files define as weak (inline functions, templates) the linker keeps either. So
-# kernels must have no weak symbol in common with each other, and those with special instructions none with any
-# other object; nor may those run anything before main(). cmake -P with:
+# kernels must have no weak function in common with each other, and those with special instructions none with any
+# other object; nor may those run anything before main(). Constants may be shared: they are the same everywhere.
+# cmake -P with:
 #   NM, OBJECTS (a list separated by commas)
 cmake_minimum_required(VERSION 3.22)
 string(REPLACE "," ";" objects "${OBJECTS}")
 
-# Weak symbols of an object file, in `symbols`, demangled ('#' for ';', of which a list is made).
+# Weak functions of an object file, in `symbols`, demangled ('#' for ';', of which a list is made).
 function(weak_symbols object)
   execute_process(COMMAND ${NM} -C --defined-only ${object} OUTPUT_VARIABLE text COMMAND_ERROR_IS_FATAL ANY)
   string(REGEX REPLACE "[][;]" "#" text "${text}")
   if(object MATCHES "/targets/avx" AND text MATCHES "_GLOBAL__sub_I")
     message(SEND_ERROR "${object} runs code before main()")
   endif()
-  string(REGEX MATCHALL "[0-9a-f]+ [VWuvw] [^\n]+" lines "${text}")
+  string(REGEX MATCHALL "[0-9a-f]+ W [^\n]+" lines "${text}")
   list(TRANSFORM lines REPLACE "^[0-9a-f]+ . " "")
   set(symbols "${lines}" PARENT_SCOPE)
 endfunction()
