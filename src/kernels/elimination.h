@@ -16,36 +16,6 @@ LOCKSTEP_INLINE T followed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int f
   return sum;
 }
 
-/// y = S^T b
-template <class T>
-void collect(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* b, T* y) {
-  const Reduction<ScalarOf<T>>& r = t.reduction;
-  const int root = t.velocities - t.joints;
-  for (int z = 0; z < t.solver.n; ++z) y[z] = b[r.independent[z]];
-  for (int f = 0; f < r.followers; ++f)
-    for (int s = r.start[f]; s < r.start[f + 1]; ++s)
-      y[r.column[s]] = fma(x.share[s], b[root + r.follower[f]], y[r.column[s]]);
-}
-
-/// y += A d and z = y - A w, for d and w that are zero but for the followers.
-template <class T>
-void add_follower_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* d, const T* w, T* y, T* z) {
-  const Columns& columns = t.matrix;
-  const int root = t.velocities - t.joints;
-  for (int i = 0; i < t.velocities; ++i) z[i] = y[i];
-  const auto add = [&](int i, T entry, T own_d, T own_w) {
-    y[i] = fma(entry, own_d, y[i]);
-    z[i] = fma(entry, own_d - own_w, z[i]);
-  };
-  for (int f = 0; f < t.reduction.followers; ++f) {
-    const int i = root + t.reduction.follower[f];
-    const T own_d = d[f], own_w = w[f];
-    const T* own = x.matrix + columns.offset[i];
-    for (int k = 0; k < columns.size[i]; ++k) add(i + k, own[k], own_d, own_w);
-    for (int j = columns.parent[i]; j >= 0; j = columns.parent[j]) add(j, x.matrix[columns.offset[j] + i - j], own_d, own_w);
-  }
-}
-
 /// A_r = S^T A S of (M36), as the sums of products that the plan listed.
 template <class T>
 void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
@@ -72,6 +42,34 @@ void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
+/// Momentum to gain: S^T (dt forces + A d) for velocities, and for positions, which are to be corrected as well,
+/// S^T (dt forces + A (d - w)). The mismatch d and the correction w are zero but for the followers.
+template <class T>
+void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  for (int f = 0; f < r.followers; ++f) x.scratch[f] = x.mismatch[f] - x.correction[f];
+  for (int i = 0; i < t.velocities; ++i) {
+    T free = x.drive[i], corrected = free;
+    for (int m = r.momentum_start[i], last = r.momentum_start[i + 1]; m < last; ++m) {
+      const Momentum momentum = r.momentum[m];
+      free = fma(x.matrix[momentum.entry], x.mismatch[momentum.follower], free);
+      corrected = fma(x.matrix[momentum.entry], x.scratch[momentum.follower], corrected);
+    }
+    x.product[i] = free;
+    x.corrected_product[i] = corrected;
+  }
+  for (int z = 0; z < t.solver.n; ++z) {
+    T free = x.product[r.independent[z]], corrected = x.corrected_product[r.independent[z]];
+    for (int c = r.collect_start[z], last = r.collect_start[z + 1]; c < last; ++c) {
+      const Collected collected = r.collected[c];
+      free = fma(x.share[collected.value], x.product[collected.velocity], free);
+      corrected = fma(x.share[collected.value], x.corrected_product[collected.velocity], corrected);
+    }
+    if (t.solve_twice) x.free_velocity[z] = free;
+    x.free_position[z] = corrected;
+  }
+}
+
 /// A_r and the reduced forces: what a step starts from, what errors its followers have.
 template <class T>
 void eliminate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
@@ -88,12 +86,7 @@ void eliminate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     x.correction[f] = correction;
     x.mismatch[f] = x.v[root + r.follower[f]] - followed(t, x, f, x.start);
   }
-
-  // S^T (dt forces + A mismatch) for velocities; positions are to be corrected as well.
-  for (int i = 0; i < t.velocities; ++i) x.product[i] = x.drive[i];
-  add_follower_momentum(t, x, x.mismatch, x.correction, x.product, x.corrected_product);
-  if (t.solve_twice) collect(t, x, x.product, x.free_velocity);
-  collect(t, x, x.corrected_product, x.free_position);
+  reduce_forces(t, x);
 }
 
 }  // namespace lockstep::kernels

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <Eigen/Core>
-#include <map>
+#include <tuple>
 
 #include "layout.h"
 
@@ -96,6 +96,18 @@ Eigen::MatrixXi record_elimination(Program& program, const HardRows& rows) {
   return entry;
 }
 
+// Lists one behind the other, and where each begins.
+template <class E>
+std::tuple<Span<int>, Span<E>> flattened(const std::vector<std::vector<E>>& lists, Store& store) {
+  std::vector<int> start{0};
+  std::vector<E> all;
+  for (const std::vector<E>& list : lists) {
+    all.insert(all.end(), list.begin(), list.end());
+    start.push_back(static_cast<int>(all.size()));
+  }
+  return {store.keep(std::move(start)), store.keep(std::move(all))};
+}
+
 struct Share {  // one entry of S
   int column;
   double value;
@@ -169,6 +181,17 @@ void eliminate_followers(Program& program) {
     }
     inverse_start.push_back(static_cast<int>(inverse_coupling.size()));
   }
+
+  std::vector<std::vector<Collected>> by_solver(n);
+  std::vector<std::vector<Momentum>> by_velocity(t.velocities);
+  for (int f = 0; f < followers; ++f) {
+    const int velocity = root + rows.pivot[f];
+    for (int s = start[f]; s < start[f + 1]; ++s) by_solver[column[s]].push_back({velocity, s});
+    for (int i = 0; i < t.velocities; ++i)
+      if (const int shared = entry_of(t.matrix, i, velocity); shared >= 0) by_velocity[i].push_back({shared, f});
+  }
+  std::tie(reduction.collect_start, reduction.collected) = flattened(by_solver, store);
+  std::tie(reduction.momentum_start, reduction.momentum) = flattened(by_velocity, store);
 
   // A_r = S^T A S, entry by entry: sums of entries of A with products of two entries of S.
   struct Product {

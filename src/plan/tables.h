@@ -105,6 +105,14 @@ struct Rows {
   Span<RowSoftness<S>> softness;      ///< by row
 };
 
+struct Collected {  ///< by S^T: a follower's velocity, times an entry of S
+  int velocity, value;
+};
+
+struct Momentum {  ///< an entry of A, times a follower's number
+  int entry, follower;
+};
+
 /// Elimination of the followers: v = S z, A_r = S^T A S. Empty unless the method is `reduced`.
 template <class S>
 struct Reduction {
@@ -114,6 +122,10 @@ struct Reduction {
   Span<int> independent;              ///< velocity, by solver velocity
   Span<int> start, column;            ///< rows of S that belong to followers, sparse
   Span<S> value;
+  Span<int> collect_start;            ///< by solver velocity: S^T, as followers' velocities and entries of S
+  Span<Collected> collected;
+  Span<int> momentum_start;           ///< by velocity: the followers that it shares entries of A with
+  Span<Momentum> momentum;
   Span<int> inverse_start, inverse_coupling;  ///< inverse of J's follower columns: error by follower
   Span<S> inverse_value;
   Span<S> rate;                       ///< erp / dt by coupling
