@@ -90,7 +90,7 @@ void add_scaling() {
 
 // What each feature costs: the same chain with more and more of them.
 void add_ladder() {
-  const auto rung = [](const char* words, auto&& change) {
+  const auto rung = [](const std::string& words, auto&& change) {
     Load load = of("chain8", Method::direct, 1);
     load.model.couplings.clear();
     for (Joint& joint : load.model.joints) joint.damping = 0.0;
@@ -117,13 +117,13 @@ void add_ladder() {
   rung("hard-reduced-impulses", [&](Load& load) {
     coupled(load, Softness::hard()), load.settings.method = Method::reduced, load.settings.record_impulses = true;
   });
-  rung("gear_ratio-reduced", [&](Load& load) {
+  rung("hard-reduced-gear_ratio-per-environment", [&](Load& load) {
     coupled(load, Softness::hard()), load.settings.method = Method::reduced;
     load.settings.per_environment = {Parameter::gear_ratio};
   });
   for (int p = 0; p < parameter_count; ++p) {
     const auto parameter = static_cast<Parameter>(p);
-    rung(name(parameter), [&](Load& load) {
+    rung(fmt::format("{}-per-environment", name(parameter)), [&](Load& load) {
       coupled(load, Softness::hard());
       load.settings.per_environment = {parameter};
     });
