@@ -42,13 +42,19 @@ enum class JointKind {
   prismatic,   ///< slides along the axis, m
 };
 
-/// A position-velocity servo, integrated implicitly, (M13) of docs/mathematics.md:
-/// effort = kp (target - q) + kd (target velocity - v).
+/// What moves a joint towards its targets.
+///
+/// A servo is integrated implicitly, (M13) of docs/mathematics.md: effort = kp (target - q) + kd (target velocity - v),
+/// held within the joint's effort limit. A kinematic drive prescribes the motion instead, whatever it takes, (M52):
+/// hard(1) puts the joint on its target at the end of each step, hard(erp) goes there by that share of the error per
+/// step on top of the target velocity, soft ones pull like a soft coupling. Its joint's effort limit does not apply.
 struct Drive {
   double kp = 0.0;               ///< N m/rad or N/m, >= 0
   double kd = 0.0;               ///< N m s/rad or N s/m, >= 0
   double position_target = 0.0;  ///< rad or m, the value that a Batch starts with
   double velocity_target = 0.0;  ///< rad/s or m/s
+  bool kinematic = false;        ///< the position is prescribed; kp and kd are 0 then
+  Softness softness = Softness::hard(1.0);  ///< of a kinematic drive
 };
 
 struct Joint {
@@ -64,11 +70,13 @@ struct Joint {
   Drive drive;
   double effort = 0.0;    ///< feed-forward effort, N m or N
 
-  // Stored for those who read the model; a step does not enforce them yet, and Plan::describe() says so.
-  double lower = -infinity, upper = infinity;  ///< position range, rad or m
-  double velocity_limit = infinity;            ///< rad/s or m/s
-  double effort_limit = infinity;              ///< N m or N
-  double friction = 0.0;                       ///< dry friction, N m or N
+  // Bounds, section 12 of docs/mathematics.md; StepSettings::ignore leaves them out of a step.
+  double lower = -infinity, upper = infinity;  ///< position range, rad or m; lower <= upper
+  Softness limit_softness = Softness::hard();  ///< of both ends of the range
+  double restitution = 0.0;                    ///< share of the speed that a hard end gives back, 0 to 1
+  double velocity_limit = infinity;            ///< rad/s or m/s, > 0; hard
+  double effort_limit = infinity;              ///< N m or N, >= 0: of servo and feed-forward effort together
+  double friction = 0.0;                       ///< dry friction, N m or N, >= 0
 
   double position = 0.0;  ///< where reset() puts the joint, rad or m
   double velocity = 0.0;  ///< rad/s or m/s
@@ -90,10 +98,11 @@ struct Coupling {
   std::vector<CouplingTerm> terms;
   double offset = 0.0;  ///< gamma
   Softness softness;
+  double force_limit = infinity;  ///< > 0, of the force along the first joint, N m or N; beyond it the coupling slips
 
   static Coupling mimic(std::string joint, std::string other, double ratio, double offset = 0.0,
                         Softness softness = {}) {
-    return {std::move(joint), {{std::move(other), ratio}}, offset, softness};
+    return {std::move(joint), {{std::move(other), ratio}}, offset, softness, infinity};
   }
 };
 

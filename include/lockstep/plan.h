@@ -33,6 +33,11 @@ class Plan {
   int site(const std::string& name) const;            ///< throws UsageError
   int parameter_rows(Parameter parameter) const;      ///< rows of that field, declared or not
 
+  /// Everything that a step holds or bounds, in the order of Batch::row_residuals() and row_states(): "coupling NAME"
+  /// for each coupling, then by dof what it has of "position limit NAME", "velocity limit NAME", "friction NAME",
+  /// "kinematic drive NAME", "effort limit NAME".
+  const std::vector<std::string>& row_names() const;
+
   /// Couplings that follow from others and therefore take no impulse (indices), found by rank.
   const std::vector<int>& redundant_couplings() const;
   /// Joints whose motion follows from the others' when the method is reduced (dofs).

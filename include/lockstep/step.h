@@ -30,8 +30,9 @@ enum class Parameter : unsigned {
   gravity,       ///< three rows: x, y, z in m/s^2, world axes
   link_wrench,   ///< six rows per link of the model: torque about the link frame's origin (N m), then force (N),
                  ///< both in world axes; zero at the start, held until changed
+  coupling_switch,  ///< one row per coupling: 0 is off, anything else on; 1 at the start
 };
-inline constexpr int parameter_count = 8;
+inline constexpr int parameter_count = 9;
 
 /// "gear_ratio", "offset", ...
 const char* name(Parameter parameter) noexcept;
@@ -51,6 +52,11 @@ class ParameterSet {
   unsigned bits_ = 0;
 };
 
+/// Bounds that a step leaves out although the model states them.
+struct Ignored {
+  bool position_limits = false, velocity_limits = false, effort_limits = false, friction = false;
+};
+
 /// Everything that compile() must know beside the Model. The defaults are what most users want.
 struct StepSettings {
   double dt = 1.0 / 240.0;           ///< s, > 0
@@ -60,7 +66,9 @@ struct StepSettings {
                                      ///< corrects positions stays out of the state. For direct and reduced any
                                      ///< number >= 1 means the same solve once more
   ParameterSet per_environment = {};  ///< fields that differ from environment to environment
+  Ignored ignore = {};
   bool record_impulses = false;      ///< keep the couplings' impulses for Batch::coupling_impulses()
+  bool record_diagnostics = false;   ///< keep what Batch::row_residuals(), energy_balances() and conflicts() show
   double position_bound = 1e5;       ///< rad or m; beyond it an environment is frozen, Fault::diverged.
                                      ///< Angles in float lose 6e-8 of their size, so keep them small
   double velocity_bound = 1e5;       ///< rad/s or m/s; the same

@@ -19,7 +19,7 @@ struct Lanes {
   const S* position_target = nullptr;
   const S* velocity_target = nullptr;
   const S* effort = nullptr;
-  const S* field[8] = {};      ///< by Parameter, null if not declared
+  const S* field[9] = {};      ///< by Parameter, null if not declared
   S* impulse = nullptr;        ///< rows by coupling, null unless recorded
   Fault* fault = nullptr;
 };

@@ -47,8 +47,8 @@ const char* name(Method method) noexcept {
 }
 
 const char* name(Parameter parameter) noexcept {
-  constexpr const char* names[parameter_count] = {"gear_ratio", "offset",  "softness", "drive_gains",
-                                                  "damping",    "mass",    "gravity",  "link_wrench"};
+  constexpr const char* names[parameter_count] = {"gear_ratio", "offset",  "softness", "drive_gains",    "damping",
+                                                  "mass",       "gravity", "link_wrench", "coupling_switch"};
   return names[static_cast<unsigned>(parameter)];
 }
 

@@ -41,7 +41,8 @@ int Plan::parameter_rows(Parameter parameter) const {
   const Tables<double>& t = program_->f64;
   switch (parameter) {
     case Parameter::gear_ratio: return t.term_gear.count - t.couplings;
-    case Parameter::offset: return t.couplings;
+    case Parameter::offset:
+    case Parameter::coupling_switch: return t.couplings;
     case Parameter::softness: return 2 * t.couplings;
     case Parameter::drive_gains: return 2 * t.joints;
     case Parameter::damping: return t.joints;

@@ -24,7 +24,7 @@ OperationCount count(const Program& program) {
   if (t.floating) lanes.root_pose = block(7), lanes.root_velocity = block(6);
   if (t.record_impulses) lanes.impulse = block(t.couplings);
   const int field_rows[parameter_count] = {t.term_gear.count, t.couplings, 2 * t.couplings, 2 * t.joints,
-                                           t.joints, t.links, 3, 6 * t.links};
+                                           t.joints, t.links, 3, 6 * t.links, t.couplings};
   for (int f = 0; f < parameter_count; ++f)
     if ((t.per_environment >> f) & 1u) lanes.field[f] = block(field_rows[f]);
   std::vector<Fault> fault(1, Fault::none);
