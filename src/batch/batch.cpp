@@ -51,6 +51,8 @@ struct Batch<S>::Impl {
     effort = rows(dofs);
     if (tables.floating) root_pose = rows(7), root_velocity = rows(6);
     if (tables.record_impulses) impulse = rows(tables.couplings);
+    if (tables.record_diagnostics)
+      residual = rows(tables.reported.count), row_state = rows(tables.reported.count), energy = rows(4);
     for (int f = 0; f < parameter_count; ++f)
       if (plan.settings().per_environment.contains(static_cast<Parameter>(f)))
         field[f] = rows(plan.parameter_rows(static_cast<Parameter>(f)));
@@ -92,6 +94,7 @@ struct Batch<S>::Impl {
       const int row = static_cast<int>(c);
       for (const CouplingTerm& term : coupling.terms) fill(Parameter::gear_ratio, gear++, term.ratio);
       fill(Parameter::offset, row, coupling.offset);
+      fill(Parameter::coupling_switch, row, 1.0);
       fill(Parameter::softness, 2 * row, coupling.softness.first);
       fill(Parameter::softness, 2 * row + 1, coupling.softness.second);
     }
@@ -167,6 +170,9 @@ struct Batch<S>::Impl {
     l.effort = effort.data();
     for (int f = 0; f < parameter_count; ++f) l.field[f] = field[f].data();
     l.impulse = impulse.data();
+    l.residual = residual.data();
+    l.row_state = row_state.data();
+    l.energy = energy.data();
     l.fault = fault.data();
     return l;
   }
@@ -216,7 +222,7 @@ struct Batch<S>::Impl {
   std::ptrdiff_t stride;
   Workers workers;
   AlignedBlock<S> position, velocity, root_pose, root_velocity;
-  AlignedBlock<S> position_target, velocity_target, effort, impulse;
+  AlignedBlock<S> position_target, velocity_target, effort, impulse, residual, row_state, energy;
   AlignedBlock<S> field[parameter_count];
   AlignedBlock<Fault> fault;
 };

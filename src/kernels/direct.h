@@ -9,10 +9,10 @@ namespace lockstep::kernels {
 
 /// A pivot below this share of its row's own response is rounding: the row repeats others and takes no impulse.
 /// Rows that repeat others in every environment are gone since compiling, so only scenes whose gear ratios or
-/// softness differ have to look closely; the others would lose steep gears to it.
+/// softness differ, or that are switched, have to look closely; the others would lose steep gears to it.
 template <class T>
 LOCKSTEP_INLINE T rank_tolerance(const Tables<ScalarOf<T>>& t) {
-  const bool rank_may_differ = declared<T>(t, 0) || declared<T>(t, 2);
+  const bool rank_may_differ = declared<T>(t, 0) || declared<T>(t, 2) || declared<T>(t, 8);
   const ScalarOf<T> rounding = sizeof(ScalarOf<T>) == 4 ? ScalarOf<T>(1.2e-7) : ScalarOf<T>(2.3e-16);
   return T(rank_may_differ ? 32 * rounding : rounding);
 }

@@ -13,9 +13,30 @@ LOCKSTEP_INLINE void spread(Span<ScalarOf<T>> table, T* values) {
   for (int i = 0; i < table.count; ++i) values[i] = T(table[i]);
 }
 
+/// Values of rows' terms: sums of couplings' coefficients times entries of S.
+template <class T>
+void combine(const Rows<ScalarOf<T>>& rows, const Tile<T>& x, T* value) {
+  for (int k = 0; k < rows.term_value.count; ++k) {
+    T sum = T(0);
+    for (int c = rows.contribution_start[k]; c < rows.contribution_start[k + 1]; ++c) {
+      const Contribution part = rows.contribution[c];
+      const T term = part.term < 0 ? T(1) : x.coefficient[part.term];
+      sum = part.value < 0 ? sum + term : fma(term, x.share[part.value], sum);
+    }
+    value[k] = sum;
+  }
+}
+
 /// The table's, for all tiles.
 template <class T>
 void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Bounds<ScalarOf<T>>& bounds = t.bounds;
+  if (bounds.form.count > 0) {
+    spread(bounds.member_share, x.member_share);
+    spread(bounds.form.term_value, x.bound_value);
+    for (int m = 0; m < bounds.member.count; ++m) x.member_inverse[m] = T(ScalarOf<T>(1) / bounds.member_share[m]);
+    for (int r = 0; r < bounds.form.count; ++r) x.bound_fresh[r] = 0;
+  }
   spread(t.term_value, x.coefficient);
   spread(t.reduction.value, x.share);
   spread(t.reduction.inverse_value, x.inverse_form);
@@ -45,15 +66,15 @@ void own_ratios(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, T
       x.inverse_form[s] = x.form[r.inverse_entry[s]] * inverse;
   }
 
-  const Rows<ScalarOf<T>>& rows = t.rows;
-  for (int k = 0; k < rows.term_value.count; ++k) {
-    T sum = T(0);
-    for (int c = rows.contribution_start[k]; c < rows.contribution_start[k + 1]; ++c) {
-      const Contribution part = rows.contribution[c];
-      const T term = x.coefficient[part.term];
-      sum = part.value < 0 ? sum + term : fma(term, x.share[part.value], sum);
-    }
-    x.row_value[k] = sum;
+  combine(t.rows, x, x.row_value);
+
+  const Bounds<ScalarOf<T>>& bounds = t.bounds;
+  if (bounds.form.count == 0) return;
+  combine(bounds.form, x, x.bound_value);
+  for (int m = 0; m < bounds.member.count; ++m) {
+    if (bounds.member[m].share < 0) continue;
+    x.member_share[m] = x.share[bounds.member[m].share];
+    x.member_inverse[m] = T(1) / x.member_share[m];
   }
 }
 

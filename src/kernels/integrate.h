@@ -2,21 +2,30 @@
 #pragma once
 
 #include "../simd/sincos.h"
-#include "elimination.h"
+#include "bounded_rows.h"
 
 namespace lockstep::kernels {
 
 /// (M21) v = start + L^-1 (share y + D^-1 X impulse), over the solver's velocities.
 template <class T>
-void solved_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* free, T share, const T* impulse, T* v) {
+void solved_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, const T* free, T share,
+                     const T* impulse, T* v) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   for (int z = 0; z < t.solver.n; ++z) v[z] = free[z] * share;
   for (int r = 0; r < rows.count; ++r)
     for (int i = rows.run_start[r]; i < rows.run_start[r + 1]; ++i)
       for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z)
         v[z] = fma(x.scaled[r * t.solver.n + z], impulse[r], v[z]);
+  if (t.bounds.form.count > 0) add_bounds(t, x, phase, v);
   solve_downwards(t.solver, x.reduced, v);
   for (int z = 0; z < t.solver.n; ++z) v[z] += x.start[z];
+}
+
+/// Of both phases, over the solver's velocities.
+template <class T>
+void solved_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  solved_velocity(t, x, position_phase, x.free_position, T(t.free_share), x.position_impulse, x.solution);
+  if (t.solve_twice) solved_velocity(t, x, velocity_phase, x.free_velocity, T(1), x.velocity_impulse, x.closing_solution);
 }
 
 /// All velocities from the solver's: followers follow, by S, and are corrected where asked to.
@@ -67,13 +76,12 @@ void move_root(const Tables<ScalarOf<T>>& t, const T* twist, const T* pose, T* n
 template <class T>
 void integrate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const int root = t.velocities - t.joints;
-  solved_velocity(t, x, x.free_position, T(t.free_share), x.position_impulse, x.solution);
   expand(t, x, x.solution, true, x.next_v);
   for (int j = 0; j < t.joints; ++j) x.next_q[j] = fma(T(t.dt), x.next_v[root + j], x.q[j]);
   if (t.floating) move_root(t, x.next_v, x.root_pose, x.next_root_pose);
+  for (int i = 0; t.record_diagnostics && i < t.velocities; ++i) x.moved_velocity[i] = x.next_v[i];
   if (!t.solve_twice) return;
-  solved_velocity(t, x, x.free_velocity, T(1), x.velocity_impulse, x.solution);
-  expand(t, x, x.solution, false, x.next_v);
+  expand(t, x, x.closing_solution, false, x.next_v);
 }
 
 }  // namespace lockstep::kernels

@@ -8,11 +8,45 @@
 
 namespace lockstep::kernels {
 
+template <class T>
+LOCKSTEP_INLINE T smaller(T a, T b) {
+  return select(less(b, a), b, a);
+}
+template <class T>
+LOCKSTEP_INLINE T larger(T a, T b) {
+  return select(less(a, b), b, a);
+}
+template <class T>
+LOCKSTEP_INLINE T clamp(T a, T lo, T hi) {
+  return smaller(larger(a, lo), hi);
+}
+
+/// A joint's gains and where its servo pulls it, without and with the speed it has.
+template <class T>
+struct Servo {
+  T kp, kd, position, velocity;
+  /// Force at the end of the step, if the joint then has the speed v: the servo's part of (M13).
+  LOCKSTEP_INLINE T force(T h, T q, T v) const { return -fma(kp, fma(h, v, q) - position, kd * (v - velocity)); }
+};
+
+template <class T>
+LOCKSTEP_INLINE Servo<T> servo(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int j) {
+  const int row = t.joint_row[j];
+  const ScalarOf<T>* gains = lanes.field[3];
+  return {gains ? T::load(gains + 2 * row * lanes.stride) : T(t.kp[j]),
+          gains ? T::load(gains + (2 * row + 1) * lanes.stride) : T(t.kd[j]),
+          T::load(lanes.position_target + row * lanes.stride), T::load(lanes.velocity_target + row * lanes.stride)};
+}
+
+template <class T>
+LOCKSTEP_INLINE T feed_forward(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int j) {
+  return T::load(lanes.effort + t.joint_row[j] * lanes.stride);
+}
+
 /// Turns the bias forces in x.drive into dt times all forces (M15), and M in x.matrix into A (M14). Keeps M + armature
 /// where soft rows are stated by natural frequency and A holds more than that.
 template <class T>
 void joint_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-  using S = ScalarOf<T>;
   const int root = t.velocities - t.joints;
   const T h = T(t.dt), h_squared = T(t.dt * t.dt);
   if (t.natural.count > 0) {
@@ -30,17 +64,18 @@ void joint_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, 
     x.drive[root + j] = h * (fnma(d, x.v[root + j], effort) - x.drive[root + j]);
     x.matrix[t.matrix.offset[root + j]] += own_terms ? fma(h, d, T(t.armature[j])) : T(t.implicit[j]);
   }
+  for (int i = 0; i < t.clamped.count; ++i) {  // (M56) without a servo
+    const int j = t.clamped[i];
+    const T effort = feed_forward<T>(t, lanes, j), most = T(t.effort_limit[j]);
+    x.drive[root + j] = fma(h, clamp(effort, -most, most) - effort, x.drive[root + j]);
+  }
   for (int i = 0; i < t.driven.count; ++i) {
-    const int j = t.driven[i], row = t.joint_row[j];
-    const S* gains = lanes.field[3];
-    const T kp = gains ? T::load(gains + 2 * row * lanes.stride) : T(t.kp[j]);
-    const T kd = gains ? T::load(gains + (2 * row + 1) * lanes.stride) : T(t.kd[j]);
-    const T position = T::load(lanes.position_target + row * lanes.stride);
-    const T velocity = T::load(lanes.velocity_target + row * lanes.stride);
+    const int j = t.driven[i];
+    const Servo<T> own = servo<T>(t, lanes, j);
     const T v = x.v[root + j];
-    const T ahead = fma(h, v, x.q[j]) - position;  // kp acts on where the joint is going
-    x.drive[root + j] = fnma(h * kp, ahead, fnma(h * kd, v - velocity, x.drive[root + j]));
-    if (own_terms) x.matrix[t.matrix.offset[root + j]] += fma(h, kd, h_squared * kp);
+    const T ahead = fma(h, v, x.q[j]) - own.position;  // kp acts on where the joint is going
+    x.drive[root + j] = fnma(h * own.kp, ahead, fnma(h * own.kd, v - own.velocity, x.drive[root + j]));
+    if (own_terms) x.matrix[t.matrix.offset[root + j]] += fma(h, own.kd, h_squared * own.kp);
   }
 }
 

@@ -21,6 +21,9 @@ struct Lanes {
   const S* effort = nullptr;
   const S* field[9] = {};      ///< by Parameter, null if not declared
   S* impulse = nullptr;        ///< rows by coupling, null unless recorded
+  S* residual = nullptr;       ///< rows by name, null unless diagnostics are recorded
+  S* row_state = nullptr;      ///< the same
+  S* energy = nullptr;         ///< 4 rows, the same
   Fault* fault = nullptr;
 };
 

@@ -35,6 +35,7 @@ void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
   x.frozen = T::none();
   for (int i = 0; i < T::lanes; ++i) x.frozen.bits[i] = lanes.fault[i] == Fault{} ? 0 : -1;
 
+  for (int k = 0; t.record_diagnostics && k < 4; ++k) x.energy[k] = T(0);
   if (declared<T>(t, 0)) own_ratios(t, lanes, x);
   if (declared<T>(t, 5)) own_masses(t, lanes, x);
 }

@@ -3,11 +3,9 @@
 // Not part of a step; computed anew on request, by the same templates: (M43) to (M47).
 #pragma once
 
-#include "bias_forces.h"
 #include "coupling_error.h"
-#include "kinematics.h"
+#include "energies.h"
 #include "load.h"
-#include "orientation.h"
 
 namespace lockstep::kernels {
 
@@ -20,70 +18,6 @@ struct Request {
   int link = 0;
   S offset[3] = {};  ///< frame's origin in the link
 };
-
-/// Where bodies are and how they move: world for places, own axes for twists.
-template <class T>
-struct Motion {
-  Mat3<T>* world;
-  Vec3<T>* place;
-  Vec3<T>* angular;
-  Vec3<T>* linear;
-};
-
-template <class T>
-inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x, Motion<T>& motion) {
-  const std::size_t used = lay_out(t, block, x);
-  Carver c(static_cast<char*>(block) + used);
-  motion.world = c.take<Mat3<T>>(t.bodies);
-  motion.place = c.take<Vec3<T>>(t.bodies);
-  motion.angular = c.take<Vec3<T>>(t.bodies);
-  motion.linear = c.take<Vec3<T>>(t.bodies);
-  return used + c.used();
-}
-
-template <class T>
-void motions(const Tables<ScalarOf<T>>& t, Tile<T>& x, Motion<T>& m) {
-  kinematics(t, x);
-  orientations(t, x, m.world);
-  for (int b = 0; b < t.bodies; ++b) {
-    const Body<ScalarOf<T>>& body = t.body[b];
-    if (body.root) {
-      m.place[b] = {x.root_pose[0], x.root_pose[1], x.root_pose[2]};
-      m.angular[b] = {x.v[0], x.v[1], x.v[2]};
-      m.linear[b] = {x.v[3], x.v[4], x.v[5]};
-      continue;
-    }
-    const int p = body.parent;
-    const Mat3<T> parent_world = p < 0 ? root_orientation<T>(t) : m.world[p];
-    const Vec3<T> parent_place = p < 0 ? Vec3<T>::constant(t.root_offset) : m.place[p];
-    const Vec3<T> zero = Vec3<T>::zero();
-    with_joint(body, [&](auto joint) {
-      using J = decltype(joint);
-      const T s = x.sine[b], c = x.cosine[b], speed = x.v[velocity_of(t, b)] * T(body.sign);
-      const Vec3<T> r = origin(joint, body, J::prismatic ? x.q[joint_of(t, b)] : T(0));
-      m.place[b] = multiply_add(parent_world, r, parent_place);
-      m.angular[b] = to_body(joint, body, s, c, p < 0 ? zero : m.angular[p]);
-      m.linear[b] = to_body(joint, body, s, c, p < 0 ? zero : cross_add(m.angular[p], r, m.linear[p]));
-      (J::prismatic ? m.linear : m.angular)[b][J::k] += speed;
-    });
-  }
-}
-
-/// Momentum of body b in its own axes, about its origin (M45).
-template <class T>
-LOCKSTEP_INLINE void body_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m, int b,
-                                   Vec3<T>& linear, Vec3<T>& angular) {
-  const PseudoInertia<T> body = inertia_of(t, x, b);
-  const Vec3<T> w = m.angular[b], v = m.linear[b];
-  linear = cross_add(w, body.moment, {body.mass * v[0], body.mass * v[1], body.mass * v[2]});
-  const T trace = body.second[0] + body.second[1] + body.second[2];
-  for (int k = 0; k < 3; ++k) {
-    T sum = trace * w[k];
-    for (int l = 0; l < 3; ++l) sum = fnma(body.pair(k, l), w[l], sum);
-    angular[k] = sum;
-  }
-  angular = cross_add(body.moment, v, angular);
-}
 
 template <class T>
 struct Output {
@@ -162,41 +96,6 @@ void put_jacobian(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Reques
 }
 
 template <class T>
-void put_kinetic_energy(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m, const Output<T>& out) {
-  T twice = T(0);
-  for (int b = 0; b < t.bodies; ++b) {
-    Vec3<T> linear, angular;
-    body_momentum(t, x, m, b, linear, angular);
-    twice += dot(m.linear[b], linear) + dot(m.angular[b], angular);
-  }
-  for (int j = 0; j < t.joints; ++j) {
-    const T v = x.v[t.velocities - t.joints + j];
-    twice = fma(T(t.armature[j]) * v, v, twice);
-  }
-  out.put(0, twice * T(ScalarOf<T>(0.5)));
-}
-
-template <class T>
-void put_potential_energy(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x,
-                          const Motion<T>& m, const Output<T>& out) {
-  Vec3<T> g;
-  for (int k = 0; k < 3; ++k) g[k] = field<T>(lanes, 6, t.world_gravity).at(k, k);
-  T sum = T(0);
-  for (int b = 0; b < t.bodies; ++b) {
-    const PseudoInertia<T> body = inertia_of(t, x, b);
-    sum = sum - dot(g, fma(m.place[b], body.mass, multiply(m.world[b], body.moment)));
-  }
-  const Vec3<T> root = Vec3<T>::constant(t.root_offset);
-  for (int l = 0; l < t.links; ++l) {  // links of the fixed root never move, yet they hang where they are
-    const LinkPlace<ScalarOf<T>>& place = t.link[l];
-    if (place.body >= 0) continue;
-    const Vec3<T> center = multiply_add(root_orientation<T>(t), Vec3<T>::constant(place.unit_moment), root);
-    sum = fnma(field<T>(lanes, 5, t.link_mass.data).at(l, l), dot(g, center), sum);
-  }
-  out.put(0, sum);
-}
-
-template <class T>
 void put_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m, const Output<T>& out) {
   Vec3<T> total_linear = Vec3<T>::zero(), total_angular = total_linear;
   for (int b = 0; b < t.bodies; ++b) {
@@ -237,8 +136,8 @@ void read(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::pt
       case Quantity::frame_velocity: put_velocity(t, m, request, out); break;
       case Quantity::frame_position: out.put(0, place_of(t, m, request).position); break;
       case Quantity::frame_jacobian: put_jacobian(t, m, request, out); break;
-      case Quantity::kinetic_energy: put_kinetic_energy(t, x, m, out); break;
-      case Quantity::potential_energy: put_potential_energy(t, own, x, m, out); break;
+      case Quantity::kinetic_energy: out.put(0, kinetic_energy(t, x, m)); break;
+      case Quantity::potential_energy: out.put(0, potential_energy(t, own, x, m)); break;
       default: put_momentum(t, x, m, out); break;
     }
   }

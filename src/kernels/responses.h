@@ -59,7 +59,7 @@ void natural_responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int r = 0; r < rows.count; ++r) {
     for (int z = 0; z < t.velocities; ++z) x.natural_response[z] = T(0);
     for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k)
-      x.natural_response[rows.term_index[k]] = x.coefficient[rows.contribution[k].term];
+      x.natural_response[rows.term_index[k]] = rows.coupling[r] < 0 ? T(1) : x.coefficient[rows.contribution[k].term];
     respond(rows, r, t.matrix, x.natural_matrix, x.natural_response);
     for (int z = 0; z < t.velocities; ++z) x.scratch[z] = x.natural_response[z] * x.natural_inverse[z];
     x.natural_compliance[r] = supported_dot(rows, r, x.natural_response, x.scratch);

@@ -64,6 +64,12 @@ void row_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
       x.row_rate[r] = T(softness.rate);
       x.row_cfm[r] = fma(T(softness.cfm_per_response), natural, T(softness.cfm));
     }
+    if (declared<T>(t, 8)) {
+      const T switched = T::load(lanes.field[8] + rows.coupling[r] * lanes.stride);
+      const auto on = less(T(0), switched) | less(switched, T(0));
+      x.row_rate[r] = select(on, x.row_rate[r], T(0));
+      x.row_cfm[r] = select(on, x.row_cfm[r], yields_to_everything<T>());
+    }
     x.row_error[r] = x.coupling_error[rows.coupling[r]];
     x.row_bias[r] = x.row_rate[r] * x.row_error[r];
 

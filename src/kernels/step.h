@@ -8,7 +8,9 @@
 #include "../simd/denormals.h"
 #include "bias_forces.h"
 #include "check.h"
+#include "compete.h"
 #include "coupling_error.h"
+#include "diagnostics.h"
 #include "direct.h"
 #include "elimination.h"
 #include "free_velocity.h"
@@ -21,12 +23,11 @@
 #include "pgs.h"
 #include "responses.h"
 #include "row_terms.h"
+#include "saturation.h"
 #include "store.h"
 #include "tgs.h"
 
 namespace lockstep::kernels {
-
-enum MethodCode { method_pgs = 1, method_tgs = 2, method_direct = 3, method_reduced = 4 };
 
 template <class T>
 void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
@@ -35,20 +36,28 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
   mass_matrix(t, x);
   joint_terms(t, lanes, x);
   if (t.couplings > 0) coupling_errors(t, lanes, x);
-  if (t.reduction.followers > 0) eliminate(t, x);
-  free_velocity(t, x);
-  if (t.rows.count > 0) {
-    if (t.natural.count > 0) natural_responses(t, x);
-    responses(t, x);
-    row_terms(t, lanes, x);
-    switch (t.method) {
-      case method_pgs: pgs(t, x); break;
-      case method_tgs: tgs(t, x); break;
-      default: direct(t, x); break;  // direct, and what reduced leaves to solve
+  if (t.natural.count > 0) natural_responses(t, x);
+  if (t.limited.count > 0) guess_saturation(t, lanes, x);
+  do {
+    if (t.limited.count > 0) limited_drives(t, lanes, x);
+    if (t.reduction.followers > 0) eliminate(t, x);
+    free_velocity(t, x);
+    if (t.rows.count > 0) {
+      responses(t, x);
+      row_terms(t, lanes, x);
+      switch (t.method) {
+        case method_pgs: pgs(t, x); break;
+        case method_tgs: tgs(t, x); break;
+        default: direct(t, x); break;  // direct, and what reduced leaves to solve
+      }
     }
-  }
+    if (t.bounds.form.count > 0) open_bounds(t, lanes, x);
+    solved_velocities(t, x);
+    if (t.bounds.form.count > 0) compete(t, lanes, x);
+  } while (t.limited.count > 0 && saturation_differs(t, lanes, x));
   integrate(t, x);
   if (t.record_impulses) coupling_impulses(t, x);
+  if (t.record_diagnostics) diagnose(t, lanes, x);
   check(t, lanes, x);
 }
 

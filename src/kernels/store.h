@@ -15,6 +15,12 @@ void store(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const 
   for (int i = 0; t.floating && i < 7; ++i) store(lanes.root_pose + i * lanes.stride, x.root_pose[i]);
   for (int i = 0; t.floating && i < 6; ++i) store(lanes.root_velocity + i * lanes.stride, x.v[i]);
   for (int c = 0; t.record_impulses && c < t.couplings; ++c) store(lanes.impulse + c * lanes.stride, x.impulse[c]);
+  if (!t.record_diagnostics) return;
+  for (int r = 0; r < t.reported.count; ++r) {
+    store(lanes.residual + r * lanes.stride, x.residual[r]);
+    store(lanes.row_state + r * lanes.stride, x.row_state[r]);
+  }
+  for (int k = 0; k < 4; ++k) store(lanes.energy + k * lanes.stride, x.energy[k]);
 }
 
 }  // namespace lockstep::kernels

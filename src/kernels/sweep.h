@@ -14,18 +14,22 @@ LOCKSTEP_INLINE void row_denominators(const Rows<ScalarOf<T>>& rows, Tile<T>& x)
   for (int r = 0; r < rows.count; ++r) x.row_inverse[r] = T(1) / (x.coupled[r * rows.count + r] + x.row_cfm[r]);
 }
 
-/// (M30)
+/// One visit (M30); returns the change of the row's impulse.
+template <class T>
+LOCKSTEP_INLINE T visit(const Rows<ScalarOf<T>>& rows, int r, Tile<T>& x) {
+  const T residual = fma(x.row_cfm[r], x.row_impulse[r], x.row_speed[r] + x.row_bias[r]);
+  const T change = -(residual * x.row_inverse[r]);
+  x.row_impulse[r] += change;
+  for (int i = rows.neighbour_start[r]; i < rows.neighbour_start[r + 1]; ++i) {
+    const Neighbour neighbour = rows.neighbours[i];
+    x.row_speed[neighbour.row] = fma(x.coupled[neighbour.entry], change, x.row_speed[neighbour.row]);
+  }
+  return change;
+}
+
 template <class T>
 LOCKSTEP_INLINE void sweep(const Rows<ScalarOf<T>>& rows, Tile<T>& x) {
-  for (int r = 0; r < rows.count; ++r) {
-    const T residual = fma(x.row_cfm[r], x.row_impulse[r], x.row_speed[r] + x.row_bias[r]);
-    const T change = -(residual * x.row_inverse[r]);
-    x.row_impulse[r] += change;
-    for (int i = rows.neighbour_start[r]; i < rows.neighbour_start[r + 1]; ++i) {
-      const Neighbour neighbour = rows.neighbours[i];
-      x.row_speed[neighbour.row] = fma(x.coupled[neighbour.entry], change, x.row_speed[neighbour.row]);
-    }
-  }
+  for (int r = 0; r < rows.count; ++r) visit(rows, r, x);
 }
 
 }  // namespace lockstep::kernels

@@ -12,6 +12,21 @@ using simd::PseudoInertia;
 using simd::ScalarOf;
 using simd::Vec3;
 
+/// The codes of Method in step.h.
+enum MethodCode { method_pgs = 1, method_tgs = 2, method_direct = 3, method_reduced = 4 };
+
+template <class T>
+struct Branch;  // projection.h
+
+/// Where bodies are and how they move: world for places, own axes for twists.
+template <class T>
+struct Motion {
+  Mat3<T>* world;
+  Vec3<T>* place;
+  Vec3<T>* angular;
+  Vec3<T>* linear;
+};
+
 /// Everything one tile computes with, as arrays of wide numbers in one block of scratch memory.
 /// An array that the scene has no use for has length 0.
 template <class T>
@@ -45,7 +60,8 @@ struct Tile {
   T* free_position;        // [solver] D^-1 L^-T of the drive, for positions
   T* free_velocity;        // and for velocities: the same array unless they differ
   T* start;                // [solver] the velocities that a step starts from
-  T* solution;             // [solver]
+  T* solution;             // [solver] the velocities that move positions
+  T* closing_solution;     // [solver] those that stay: only if they differ
   T* scratch;              // as long as the longest vector, for one stage at a time
   T* product;              // [velocities] momentum to gain, S^T still to come
   T* corrected_product;    // the same less that of the correction
@@ -80,6 +96,51 @@ struct Tile {
   T* natural_response;     // [velocities]
   T* natural_compliance;   // [natural rows]
 
+  // bounded rows; those marked 2 hold one for each phase
+  T* member_share;         // [members] s of (M53)
+  T* member_inverse;
+  T* bound_value;          // [terms]
+  T* bound_lo;             // 2 [rows]
+  T* bound_hi;             // 2 [rows]
+  T* bound_centre;         // 2 [rows]
+  T* bound_force;
+  T* bound_rate;
+  T* bound_cfm;
+  T* bound_own;            // r before the couplings have their say
+  T* bound_free;           // 2 [rows] speed without bounded rows
+  T* bound_now;            // speed in a sweep
+  T* bound_gain;           // of the free motion in a sub-step
+  T* bound_moved;          // way in earlier sub-steps
+  T* bound_impulse;        // 2 [rows]
+  T* bound_response;       // [rows][solver]
+  T* bound_scaled;         // [rows][solver]
+  T* bound_through;        // [rows][coupling rows] K_BE, half solved where these are solved
+  T* bound_through_scaled;
+  T* bound_coupled;        // [rows][rows] of (M54)
+  T* row_alone;            // 2 [coupling rows] impulses without bounded rows
+  T* search_matrix;
+  T* search_inverse;
+  T* search_impulse;
+  Branch<T>* search_branch;
+  typename T::Mask* bound_touched;  // lanes in which the row takes part
+  int* bound_fresh;        // it has begun to in some lane
+  int* bound_listed;       // rows that take part in some lane, ascending
+  int bound_count;         // how many
+  // drives with an effort limit
+  T* saturation;           // [limited] -1, 0, 1
+  int saturation_pass;
+  T* unlimited_matrix;     // A and the forces without them
+  T* unlimited_drive;
+
+  // only if diagnostics are recorded
+  Motion<T> motion;
+  T* moved_velocity;       // [velocities] that moved the positions
+  T* other_q;              // [joints] where positions would be without corrections
+  T* other_root_pose;      // [7]
+  T* residual;             // [reported]
+  T* row_state;            // [reported]
+  T* energy;               // [4], summed over sub-steps
+
   typename T::Mask frozen;
   typename T::Mask singular;
 };
@@ -94,6 +155,8 @@ class Carver {
     used_ += sizeof(E) * static_cast<std::size_t>(count);
     return piece;
   }
+  /// Indices, in whole lines of the cache so that what follows stays aligned.
+  int* take_indices(int count) { return take<int>((count + 15) / 16 * 16); }
   std::size_t used() const { return used_; }
 
  private:
@@ -104,6 +167,50 @@ class Carver {
 template <class T>
 LOCKSTEP_INLINE bool declared(const Tables<ScalarOf<T>>& t, int parameter) {
   return (t.per_environment >> parameter) & 1u;
+}
+
+template <class T>
+inline void lay_out_bounds(const Tables<ScalarOf<T>>& t, Carver& c, Tile<T>& x) {
+  const Bounds<ScalarOf<T>>& b = t.bounds;
+  const int bounds = b.form.count, solver = t.solver.n, rows = t.rows.count;
+  x.member_share = c.take<T>(b.member.count);
+  x.member_inverse = c.take<T>(b.member.count);
+  x.bound_value = c.take<T>(b.form.term_value.count);
+  T** const twice[] = {&x.bound_lo, &x.bound_hi, &x.bound_centre, &x.bound_free, &x.bound_impulse};
+  T** const once[] = {&x.bound_force, &x.bound_rate, &x.bound_cfm, &x.bound_own, &x.bound_now, &x.bound_gain,
+                      &x.bound_moved, &x.search_inverse, &x.search_impulse};
+  for (T** array : twice) *array = c.take<T>(2 * bounds);
+  for (T** array : once) *array = c.take<T>(bounds);
+  x.bound_response = c.take<T>(bounds * solver);
+  x.bound_scaled = c.take<T>(bounds * solver);
+  x.bound_through = c.take<T>(bounds * rows);
+  x.bound_through_scaled = c.take<T>(bounds * rows);
+  x.bound_coupled = c.take<T>(bounds * bounds);
+  x.row_alone = c.take<T>(2 * rows);
+  x.search_matrix = c.take<T>(bounds * bounds);
+  x.search_branch = c.take<Branch<T>>(bounds);
+  x.bound_touched = c.take<typename T::Mask>(bounds);
+  x.bound_fresh = c.take_indices(bounds);
+  x.bound_listed = c.take_indices(bounds);
+}
+
+template <class T>
+inline void lay_out_motion(const Tables<ScalarOf<T>>& t, Carver& c, Motion<T>& motion) {
+  motion.world = c.take<Mat3<T>>(t.bodies);
+  motion.place = c.take<Vec3<T>>(t.bodies);
+  motion.angular = c.take<Vec3<T>>(t.bodies);
+  motion.linear = c.take<Vec3<T>>(t.bodies);
+}
+
+template <class T>
+inline void lay_out_diagnostics(const Tables<ScalarOf<T>>& t, Carver& c, Tile<T>& x) {
+  lay_out_motion(t, c, x.motion);
+  x.moved_velocity = c.take<T>(t.velocities);
+  x.other_q = c.take<T>(t.joints);
+  x.other_root_pose = c.take<T>(7);
+  x.residual = c.take<T>(t.reported.count);
+  x.row_state = c.take<T>(t.reported.count);
+  x.energy = c.take<T>(4);
 }
 
 /// Lays the tile out in `block`; returns its size in bytes.
@@ -142,6 +249,7 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   x.free_velocity = r.followers && t.solve_twice ? c.take<T>(solver) : x.free_position;
   x.start = c.take<T>(solver);
   x.solution = c.take<T>(solver);
+  x.closing_solution = c.take<T>(t.solve_twice ? solver : 0);
   x.scratch = c.take<T>(velocities > rows ? velocities : rows);
   x.product = c.take<T>(velocities);
   x.corrected_product = c.take<T>(velocities);
@@ -173,7 +281,22 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   x.natural_inverse = c.take<T>(natural ? velocities : 0);
   x.natural_response = c.take<T>(natural ? velocities : 0);
   x.natural_compliance = c.take<T>(t.natural.count);
+  if (t.bounds.form.count > 0) lay_out_bounds(t, c, x);
+  const bool limited = t.limited.count > 0;
+  x.saturation = c.take<T>(t.limited.count);
+  x.unlimited_matrix = c.take<T>(limited ? t.matrix.entries : 0);
+  x.unlimited_drive = c.take<T>(limited ? velocities : 0);
+  if (t.record_diagnostics) lay_out_diagnostics(t, c, x);
   return c.used();
+}
+
+/// The tile and room for a Motion beside it.
+template <class T>
+inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x, Motion<T>& motion) {
+  const std::size_t used = lay_out(t, block, x);
+  Carver c(static_cast<char*>(block) + used);
+  lay_out_motion(t, c, motion);
+  return used + c.used();
 }
 
 /// A number that is the table's for all environments, or a row of a declared field.
@@ -205,6 +328,7 @@ LOCKSTEP_INLINE Lanes<S> at(Lanes<S> lanes, std::ptrdiff_t first) {
   for (const S*& f : lanes.field)
     if (f) f += first;
   if (lanes.impulse) lanes.impulse += first;
+  if (lanes.residual) lanes.residual += first, lanes.row_state += first, lanes.energy += first;
   lanes.fault += first;
   return lanes;
 }

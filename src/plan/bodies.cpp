@@ -1,4 +1,5 @@
 // Bodies in frames whose joint axis is a coordinate axis, (M3). SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <cmath>
 
 #include "layout.h"
@@ -167,7 +168,8 @@ void lay_out_joint_terms(Program& program) {
   Tables<double>& t = program.f64;
   const double h = program.settings.dt;
   std::vector<double> armature(t.joints), damping(t.joints), kp(t.joints), kd(t.joints), implicit(t.joints);
-  std::vector<int> driven;
+  std::vector<double> effort_limit(t.joints, unlimited);
+  std::vector<int> driven, limited, clamped;
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const int i = program.solver_joint[j];
     if (i < 0) continue;
@@ -176,16 +178,27 @@ void lay_out_joint_terms(Program& program) {
     damping[i] = joint.damping;
     kp[i] = joint.drive.kp;
     kd[i] = joint.drive.kd;
-    implicit[i] = joint.armature + h * (joint.damping + joint.drive.kd) + h * h * joint.drive.kp;
+    implicit[i] = joint.armature + h * joint.damping;
+    const bool holds = joint.effort_limit < infinity && !program.settings.ignore.effort_limits;
+    const bool servo = !joint.drive.kinematic && (declared(program, Parameter::drive_gains) || kp[i] > 0.0 || kd[i] > 0.0);
+    if (holds) effort_limit[i] = std::min(joint.effort_limit, unlimited);
+    // What an effort limit takes away is decided lane by lane, so it does not stand in the table.
+    if (servo && !holds) implicit[i] += h * kd[i] + h * h * kp[i];
+    if (servo)
+      (holds ? limited : driven).push_back(i);
+    else if (holds)
+      clamped.push_back(i);
   }
-  for (int i = 0; i < t.joints; ++i)
-    if (declared(program, Parameter::drive_gains) || kp[i] > 0.0 || kd[i] > 0.0) driven.push_back(i);
+  for (std::vector<int>* list : {&driven, &limited, &clamped}) std::sort(list->begin(), list->end());
   t.armature = program.store.keep(std::move(armature));
   t.damping = program.store.keep(std::move(damping));
   t.kp = program.store.keep(std::move(kp));
   t.kd = program.store.keep(std::move(kd));
   t.implicit = program.store.keep(std::move(implicit));
   t.driven = program.store.keep(std::move(driven));
+  t.limited = program.store.keep(std::move(limited));
+  t.clamped = program.store.keep(std::move(clamped));
+  t.effort_limit = program.store.keep(std::move(effort_limit));
 }
 
 }  // namespace lockstep

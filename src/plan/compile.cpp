@@ -59,6 +59,8 @@ void choose_method(Program& program) {
   std::string obstacle;
   if (declared(program, Parameter::softness) && program.f64.couplings > 0)
     obstacle = "the softness differs per environment, so no coupling is always hard";
+  else if (declared(program, Parameter::coupling_switch) && program.f64.couplings > 0)
+    obstacle = "couplings are switched per environment, so none is always hard";
   else if (declared(program, Parameter::gear_ratio) && !program.redundant.empty())
     obstacle = "gear ratios differ per environment and some couplings are redundant";
   if (program.method == Method::reduced && !obstacle.empty())
@@ -71,7 +73,7 @@ void choose_method(Program& program) {
                                      : "there is nothing to solve";
   } else {
     program.method = Method::direct;
-    program.method_reason = obstacle.empty() ? "all couplings are soft" : obstacle;
+    program.method_reason = obstacle.empty() ? "no coupling is always hard" : obstacle;
   }
 }
 
@@ -91,6 +93,7 @@ Plan compile(const Model& model, const StepSettings& settings) {
   check_substeps(*program);
   if (program->method == Method::reduced) eliminate_followers(*program);
   lay_out_rows(*program);
+  lay_out_report(*program);
 
   t.dt = settings.dt;
   t.method = static_cast<int>(program->method);
@@ -99,6 +102,7 @@ Plan compile(const Model& model, const StepSettings& settings) {
   t.position_bound = settings.position_bound;
   t.velocity_bound = settings.velocity_bound;
   t.record_impulses = settings.record_impulses;
+  t.record_diagnostics = settings.record_diagnostics;
   for (unsigned p = 0; p < parameter_count; ++p)
     if (settings.per_environment.contains(static_cast<Parameter>(p))) t.per_environment |= 1u << p;
   narrow(*program);

@@ -19,7 +19,9 @@ bool declared(const Program& program, Parameter parameter) {
 }
 
 bool always_hard(const Program& program, int coupling) {
-  return program.model.couplings[coupling].softness.is_hard() && !declared(program, Parameter::softness);
+  const Coupling& c = program.model.couplings[coupling];
+  return c.softness.is_hard() && !(c.force_limit < infinity) && !declared(program, Parameter::softness) &&
+         !declared(program, Parameter::coupling_switch);
 }
 
 bool is_redundant(const Program& program, int coupling) {
@@ -99,10 +101,15 @@ void find_redundant_couplings(Program& program) {
       continue;
     }
     program.redundant.push_back(c);
+    std::vector<int> follows;
+    for (int i = 0; i < c; ++i)
+      if (std::abs(r.origin[i]) > rank_tolerance) follows.push_back(i);
+    program.follows_from.push_back(std::move(follows));
+    // Offsets per environment may contradict each other at any time: then the first ones hold, and the batch says so.
+    if (declared(program, Parameter::offset)) continue;
     if (std::abs(r.offset) <= rank_tolerance * std::max(offset_scale, scale)) continue;
     std::string others;
-    for (int i = 0; i < c; ++i)
-      if (std::abs(r.origin[i]) > rank_tolerance) others += (others.empty() ? "'" : "', '") + names[i];
+    for (int i : program.follows_from.back()) others += (others.empty() ? "'" : "', '") + names[i];
     throw ModelError("coupling '" + names[c] + "'",
                      fmt::format("contradicts couplings {}': together they leave an error of {:.6g} whatever the joints do",
                                  others, std::abs(r.offset)),

@@ -1,6 +1,7 @@
 // The stages of compile(), one file each. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <vector>
 
 #include "../model/tree.h"
@@ -27,8 +28,32 @@ void choose_method(Program& program);
 /// S, its products and its per-environment elimination for `reduced` (elimination.cpp).
 void eliminate_followers(Program& program);
 
-/// The couplings that are left to solve as rows over the solver's velocities (rows.cpp).
+/// The couplings that are left to solve as rows over the solver's velocities, and the bounds (rows.cpp).
 void lay_out_rows(Program& program);
+
+/// A row as a linear form over the solver's velocities.
+struct RowForm {
+  int coupling;  ///< -1: a joint's
+  Softness softness;
+  std::map<int, std::vector<Contribution>> terms;  ///< by solver velocity
+};
+
+/// Adds a joint's velocity, times a term of a coupling, to the form: by S where the joint was eliminated (rows.cpp).
+void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int joint, int term, RowForm& form);
+RowForm coupling_form(const Program& program, const Reduction<double>& reduction, int coupling);
+
+/// The tables of rows with these forms; `factored` ones are numbered by their elimination tree (rows.cpp).
+Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, const Columns& columns, bool factored);
+
+/// Limits, frictions, kinematic drives, force limits as bounded rows (bounds.cpp).
+struct BoundForms {
+  std::vector<RowForm> forms;  ///< by row
+  std::vector<int> joint;      ///< by row, -1 for a coupling's
+};
+BoundForms lay_out_bounds(Program& program);
+
+/// The rows of a report, by name too (bounds.cpp).
+void lay_out_report(Program& program);
 
 /// f32 from f64 (narrow.cpp).
 void narrow(Program& program);

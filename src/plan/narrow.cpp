@@ -66,6 +66,13 @@ struct Narrowing {
             from.neighbour_start, from.neighbours, from.response_entries, from.columns, narrowed(from.softness)};
   }
 
+  Bounds<float> narrowed(const Bounds<double>& from) {
+    return {narrowed(from.form), from.kind, from.member_start, from.member, narrowed(from.member_share),
+            from.compliance > 0.0 ? 1e-5f : 0.0f, from.has, narrowed(from.lower), narrowed(from.upper),
+            narrowed(from.limit_rate), narrowed(from.restitution), narrowed(from.speed_limit), narrowed(from.friction),
+            narrowed(from.drive_rate), narrowed(from.force_limit), from.natural_row};
+  }
+
   Reduction<float> narrowed(const Reduction<double>& from) {
     return {from.followers, from.follower, from.follower_of, from.independent, from.start, from.column, narrowed(from.value),
             from.collect_start, from.collected, from.momentum_start, from.momentum,
@@ -110,6 +117,9 @@ void narrow(Program& program) {
   to.kd = n.narrowed(from.kd);
   to.implicit = n.narrowed(from.implicit);
   to.driven = from.driven;
+  to.limited = from.limited;
+  to.clamped = from.clamped;
+  to.effort_limit = n.narrowed(from.effort_limit);
   to.term_start = from.term_start;
   to.term_joint = from.term_joint;
   to.term_gear = from.term_gear;
@@ -118,7 +128,11 @@ void narrow(Program& program) {
   to.softness_first = n.narrowed(from.softness_first);
   to.softness_second = n.narrowed(from.softness_second);
   to.rows = n.narrowed(from.rows);
+  to.bounds = n.narrowed(from.bounds);
   to.reduction = n.narrowed(from.reduction);
+  to.reported = from.reported;
+  to.hard_rate = n.narrowed(from.hard_rate);
+  to.follows = from.follows;
   to.natural = n.narrowed(from.natural);
   to.natural_row = from.natural_row;
   to.solve_twice = from.solve_twice;
@@ -126,6 +140,7 @@ void narrow(Program& program) {
   to.free_share = n.narrowed(from.free_share);
   to.per_environment = from.per_environment;
   to.record_impulses = from.record_impulses;
+  to.record_diagnostics = from.record_diagnostics;
   program.fits_single = n.all_fit && to.dt > 0.0f;
 }
 

@@ -13,6 +13,7 @@ int Plan::dofs() const { return program_->f64.joints; }
 int Plan::couplings() const { return program_->f64.couplings; }
 bool Plan::floating() const { return program_->f64.floating; }
 const std::vector<std::string>& Plan::dof_names() const { return program_->dof_names; }
+const std::vector<std::string>& Plan::row_names() const { return program_->row_names; }
 const std::vector<int>& Plan::redundant_couplings() const { return program_->redundant; }
 const std::vector<int>& Plan::eliminated_dofs() const { return program_->eliminated; }
 

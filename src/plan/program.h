@@ -34,8 +34,11 @@ struct Program {
   std::vector<int> dof_of_joint;   ///< by joint of the model: its row in the views, -1 if fixed
   std::vector<int> solver_joint;   ///< by joint of the model: its place in the solver's order, -1 if fixed
   std::vector<int> redundant;      ///< couplings that follow from others
+  std::vector<std::vector<int>> follows_from;  ///< by redundant coupling: from which others
   std::vector<int> absent;         ///< couplings of no stiffness and no damping
   std::vector<int> eliminated;     ///< dofs
+  std::vector<std::string> row_names;
+  std::vector<Reported> reported;  ///< by row name
   int merged_links = 0;
   Store store;
   Tables<double> f64;

@@ -7,32 +7,30 @@
 #include "layout.h"
 
 namespace lockstep {
-namespace {
 
-struct RowForm {
-  int coupling;
-  std::map<int, std::vector<Contribution>> terms;  // by solver velocity
-};
-
-// A coupling as a linear form over the solver's velocities: of S where followers were eliminated.
-RowForm row_form(const Tables<double>& t, const Reduction<double>& reduction, int coupling) {
+void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int joint, int term, RowForm& form) {
   const int root = t.velocities - t.joints;
-  RowForm form{coupling, {}};
-  for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k) {
-    const int joint = t.term_joint[k];
-    if (reduction.followers == 0) {
-      form.terms[root + joint].push_back({k, -1});
-      continue;
-    }
-    for (int z = 0; z < reduction.independent.count; ++z)
-      if (reduction.independent[z] == root + joint) form.terms[z].push_back({k, -1});
-    for (int f = 0; f < reduction.followers; ++f)
-      if (reduction.follower[f] == joint)
-        for (int s = reduction.start[f]; s < reduction.start[f + 1]; ++s)
-          form.terms[reduction.column[s]].push_back({k, s});
+  if (reduction.followers == 0) {
+    form.terms[root + joint].push_back({term, -1});
+    return;
   }
+  for (int z = 0; z < reduction.independent.count; ++z)
+    if (reduction.independent[z] == root + joint) form.terms[z].push_back({term, -1});
+  for (int f = 0; f < reduction.followers; ++f)
+    if (reduction.follower[f] == joint)
+      for (int s = reduction.start[f]; s < reduction.start[f + 1]; ++s)
+        form.terms[reduction.column[s]].push_back({term, s});
+}
+
+RowForm coupling_form(const Program& program, const Reduction<double>& reduction, int coupling) {
+  const Tables<double>& t = program.f64;
+  RowForm form{coupling, program.model.couplings[coupling].softness, {}};
+  for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k)
+    add_joint(t, reduction, t.term_joint[k], k, form);
   return form;
 }
+
+namespace {
 
 // Velocities that an impulse on the row moves on the way down L^-T: its terms and all their ancestors.
 std::vector<int> support_of(const RowForm& form, const Columns& columns) {
@@ -49,8 +47,7 @@ bool share_any(const std::vector<int>& a, const std::vector<int>& b) {
 }
 
 // (M23), (M24), (M32): rate and cfm, (22), (23), (26) to (29) of the note, for a step or sub-step of length h.
-RowSoftness<double> row_softness(const Program& program, int coupling, double h, int substeps) {
-  const Softness& softness = program.model.couplings[coupling].softness;
+RowSoftness<double> row_softness(const Program& program, const Softness& softness, double h, int substeps) {
   const double first = softness.first, second = softness.second, dt = program.settings.dt;
   RowSoftness<double> row{static_cast<int>(softness.kind), 0, 0, 0};
   const auto spring = [&](double kp, double kd) {
@@ -78,7 +75,9 @@ RowSoftness<double> row_softness(const Program& program, int coupling, double h,
   return row;
 }
 
-Rows<double> build(Program& program, const std::vector<RowForm>& forms, const Columns& columns, bool factored) {
+}  // namespace
+
+Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, const Columns& columns, bool factored) {
   const Tables<double>& t = program.f64;
   const int count = static_cast<int>(forms.size());
   std::vector<std::vector<int>> supports;
@@ -111,7 +110,8 @@ Rows<double> build(Program& program, const std::vector<RowForm>& forms, const Co
     for (const auto& [index, shares] : form.terms) {
       double value = 0.0;
       for (const Contribution& share : shares)
-        value += t.term_value[share.term] * (share.value < 0 ? 1.0 : t.reduction.value[share.value]);
+        value += (share.term < 0 ? 1.0 : t.term_value[share.term]) *
+                 (share.value < 0 ? 1.0 : t.reduction.value[share.value]);
       term_index.push_back(index);
       term_value.push_back(value);
       contributions.insert(contributions.end(), shares.begin(), shares.end());
@@ -129,7 +129,7 @@ Rows<double> build(Program& program, const std::vector<RowForm>& forms, const Co
     }
     run_start.push_back(static_cast<int>(runs.size()));
     support_start.push_back(static_cast<int>(support.size()));
-    softness.push_back(row_softness(program, form.coupling, program.settings.dt / substeps, substeps));
+    softness.push_back(row_softness(program, form.softness, program.settings.dt / substeps, substeps));
   }
 
   std::vector<RowPair> pairs;
@@ -170,7 +170,10 @@ Rows<double> build(Program& program, const std::vector<RowForm>& forms, const Co
   return rows;
 }
 
-// Redundant by the model's gear ratios; where these differ per environment, each lane finds out for itself.
+namespace {
+
+// Redundant by the model's gear ratios; where these differ per environment, each lane finds out for itself. (Where
+// couplings are switched none is always hard, and so none is redundant.)
 bool takes_no_impulse(const Program& program, int coupling) {
   return is_redundant(program, coupling) && !declared(program, Parameter::gear_ratio);
 }
@@ -184,37 +187,53 @@ bool matrix_holds_more(const Program& program) {
   return t.reduction.followers > 0;
 }
 
+// Rows whose softness is a natural frequency go to `natural`; by row: their place there, -1 for the others.
+std::vector<int> find_natural(const Program& program, const std::vector<RowForm>& forms, std::vector<RowForm>& natural,
+                              const std::vector<int>& joint) {
+  std::vector<int> place;
+  for (std::size_t r = 0; r < forms.size(); ++r) {
+    const bool by_frequency = forms[r].softness.kind == Softness::Kind::frequency && matrix_holds_more(program);
+    place.push_back(by_frequency ? static_cast<int>(natural.size()) : -1);
+    if (!by_frequency) continue;
+    RowForm whole{forms[r].coupling, forms[r].softness, {}};
+    if (whole.coupling >= 0)
+      whole = coupling_form(program, {}, whole.coupling);
+    else
+      add_joint(program.f64, {}, joint[r], -1, whole);
+    natural.push_back(std::move(whole));
+  }
+  return place;
+}
+
 }  // namespace
 
 void lay_out_rows(Program& program) {
   Tables<double>& t = program.f64;
   const bool factored = program.method == Method::direct || program.method == Method::reduced;
   std::vector<RowForm> forms;
-  for (int c = 0; c < t.couplings; ++c) {
-    if (is_absent(program, c) || takes_no_impulse(program, c)) continue;
-    if (program.method == Method::reduced && always_hard(program, c)) continue;
-    forms.push_back(row_form(t, t.reduction, c));
-  }
-  t.rows = build(program, forms, t.solver, factored);
-
-  std::vector<RowForm> natural;
-  std::vector<int> natural_row(t.rows.count, -1);
   bool any_hard = false;
-  for (int r = 0; r < t.rows.count; ++r) {
-    const int c = t.rows.coupling[r];
-    any_hard |= program.model.couplings[c].softness.is_hard() || declared(program, Parameter::softness);
-    if (program.model.couplings[c].softness.kind != Softness::Kind::frequency || !matrix_holds_more(program)) continue;
-    natural_row[r] = static_cast<int>(natural.size());
-    natural.push_back(row_form(t, {}, c));
+  for (int c = 0; c < t.couplings; ++c) {
+    const Coupling& coupling = program.model.couplings[c];
+    if (is_absent(program, c) || takes_no_impulse(program, c) || coupling.force_limit < infinity) continue;
+    if (program.method == Method::reduced && always_hard(program, c)) continue;
+    any_hard |= coupling.softness.is_hard() || declared(program, Parameter::softness);
+    forms.push_back(coupling_form(program, t.reduction, c));
   }
-  t.natural = build(program, natural, t.matrix, false);
-  t.natural_row = program.store.keep(std::move(natural_row));
+  t.rows = lay_out_forms(program, forms, t.solver, factored);
+
+  std::vector<RowForm> natural, ordered;  // rows are numbered by their elimination tree
+  for (int r = 0; r < t.rows.count; ++r) ordered.push_back(coupling_form(program, t.reduction, t.rows.coupling[r]));
+  t.natural_row = program.store.keep(find_natural(program, ordered, natural, {}));
+  const BoundForms bounds = lay_out_bounds(program);
+  t.bounds.natural_row = program.store.keep(find_natural(program, bounds.forms, natural, bounds.joint));
+  t.natural = lay_out_forms(program, natural, t.matrix, false);
 
   const StepSettings& settings = program.settings;
   t.renewed = program.method == Method::tgs && settings.iterations > 1;
   t.free_share = t.renewed ? (settings.iterations + 1.0) / (2.0 * settings.iterations) : 1.0;
   const bool closed = settings.velocity_iterations > 0;
-  t.solve_twice = t.renewed || (closed && (factored ? any_hard || t.reduction.followers > 0 : t.rows.count > 0));
+  const bool differs = factored ? any_hard || t.reduction.followers > 0 : t.rows.count > 0;
+  t.solve_twice = t.renewed || (closed && (differs || t.bounds.form.count > 0));
 }
 
 }  // namespace lockstep

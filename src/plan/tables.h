@@ -10,6 +10,9 @@
 
 namespace lockstep {
 
+/// Stands for infinity in tables, where it can be scaled by any step size or gear ratio in single precision.
+constexpr double unlimited = 1e25;
+
 template <class E>
 struct Span {
   const E* data = nullptr;
@@ -71,7 +74,7 @@ struct Neighbour {
   int row, entry;
 };
 
-/// A share of a row's term: term of a coupling, times an entry of S (-1 stands for 1).
+/// A share of a row's term: term of a coupling, times an entry of S; -1 stands for 1 in both.
 struct Contribution {
   int term, value;
 };
@@ -87,7 +90,7 @@ struct RowSoftness {
 template <class S>
 struct Rows {
   int count = 0;
-  Span<int> coupling;                 ///< by row
+  Span<int> coupling;                 ///< by row; -1 where the row is a joint's
   Span<int> term_start;               ///< by row, count + 1
   Span<int> term_index;               ///< solver velocity
   Span<S> term_value;
@@ -103,6 +106,45 @@ struct Rows {
   int response_entries = 0;           ///< size of K's storage
   Columns columns;                    ///< structure of K, for the methods that factor it
   Span<RowSoftness<S>> softness;      ///< by row
+};
+
+/// What a bounded row is made of: the hard bounds of one joint (or of all that move with one velocity), or one of
+/// the others.
+enum class BoundKind : int { joint, soft_limit, soft_drive, coupling };
+
+/// What a joint has, as bits.
+enum JointBound : int { has_range = 1, has_speed_limit = 2, has_friction = 4, has_kinematic_drive = 8, has_restitution = 16 };
+
+/// A joint whose bounds are in a row.
+struct Member {
+  int joint, follower;  ///< follower: -1 if it moves with a velocity of its own
+  int share;            ///< entry of S, -1 stands for 1
+};
+
+/// Rows with an interval or a box (M48).
+template <class S>
+struct Bounds {
+  Rows<S> form;                 ///< directions, and the softness of those that have one
+  Span<BoundKind> kind;         ///< by row
+  Span<int> member_start;       ///< by row, rows + 1
+  Span<Member> member;
+  Span<S> member_share;         ///< the values of S
+  S compliance = 0;             ///< epsilon of hard intervals that depend on each other, else 0
+  // by joint; what it has not is not read
+  Span<int> has;                ///< JointBound
+  Span<S> lower, upper, limit_rate, restitution, speed_limit, friction, drive_rate;
+  Span<S> force_limit;          ///< by coupling
+  Span<int> natural_row;        ///< by row, as Tables::natural_row
+};
+
+/// A line of a report: a row as users know it.
+struct Reported {
+  enum Kind : int { coupling, position_limit, velocity_limit, friction, kinematic_drive, effort_limit };
+  int kind;
+  int index;    ///< coupling, or joint
+  int row;      ///< of Rows for couplings, -1 if none; of Bounds for the others
+  int bounded;  ///< row of Bounds, -1 if none
+  int member;   ///< for couplings 1 if it is hard; for effort limits the place among the limited drives, or -1
 };
 
 struct Collected {  ///< by S^T: a follower's velocity, times an entry of S
@@ -166,13 +208,20 @@ struct Tables {
   Columns solver;                 ///< structure of the matrix that is factored: of A or of A_r
   Span<S> armature, damping, kp, kd;  ///< by joint
   Span<S> implicit;               ///< armature + dt (damping + kd) + dt^2 kp, by joint
-  Span<int> driven;               ///< by joint: it has a drive
+  Span<int> driven;               ///< joints that have a servo without an effort limit
+  Span<int> limited;              ///< joints that have a servo with an effort limit
+  Span<int> clamped;              ///< joints without a servo whose effort is limited
+  Span<S> effort_limit;           ///< by joint
   // couplings in joint space
   Span<int> term_start, term_joint, term_gear;  ///< gear: row of the gear_ratio field, -1 for the leading 1
   Span<S> term_value;
   Span<S> offset, softness_first, softness_second;
   Rows<S> rows;
+  Bounds<S> bounds;
   Reduction<S> reduction;
+  Span<Reported> reported;        ///< only if diagnostics are recorded
+  Span<S> hard_rate;              ///< erp / dt by coupling, 0 for soft ones: the same
+  Span<int> follows;              ///< by coupling: 1 if it is redundant and takes no impulse; the same
   // rows whose softness refers to the mechanism's own inertia where A holds more than that
   Rows<S> natural;
   Span<int> natural_row;          ///< by row of `rows`: its row in `natural`, -1 if none
@@ -181,6 +230,7 @@ struct Tables {
   S free_share = 1;               ///< share of the free motion that moves positions: (N + 1) / 2N in tgs
   unsigned per_environment = 0;   ///< declared fields, bit by Parameter
   bool record_impulses = false;
+  bool record_diagnostics = false;
 };
 
 }  // namespace lockstep

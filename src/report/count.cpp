@@ -23,6 +23,8 @@ OperationCount count(const Program& program) {
   lanes.effort = block(t.joints);
   if (t.floating) lanes.root_pose = block(7), lanes.root_velocity = block(6);
   if (t.record_impulses) lanes.impulse = block(t.couplings);
+  if (t.record_diagnostics)
+    lanes.residual = block(t.reported.count), lanes.row_state = block(t.reported.count), lanes.energy = block(4);
   const int field_rows[parameter_count] = {t.term_gear.count, t.couplings, 2 * t.couplings, 2 * t.joints,
                                            t.joints, t.links, 3, 6 * t.links, t.couplings};
   for (int f = 0; f < parameter_count; ++f)

@@ -1,0 +1,147 @@
+// Bounded rows: which of them an environment has come to violate, and what these feel. SPDX-License-Identifier: Apache-2.0
+//
+// Section 12. Rows take part lane by lane: a row that no lane of the tile violates costs a comparison, and a lane's
+// result does not depend on which rows its neighbours need.
+#pragma once
+
+#include "projection.h"
+
+namespace lockstep::kernels {
+
+/// J z of a bounded row, from velocities of the solver.
+template <class T>
+LOCKSTEP_INLINE T bound_speed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r, const T* z) {
+  const Rows<ScalarOf<T>>& form = t.bounds.form;
+  int k = form.term_start[r];
+  T sum = x.bound_value[k] * z[form.term_index[k]];
+  while (++k < form.term_start[r + 1]) sum = fma(x.bound_value[k], z[form.term_index[k]], sum);
+  return sum;
+}
+
+template <class T>
+LOCKSTEP_INLINE int phases(const Tables<ScalarOf<T>>& t) {
+  return t.solve_twice ? 2 : 1;
+}
+
+/// Softness of the rows that have one: (M23), (M24).
+template <class T>
+LOCKSTEP_INLINE void soften_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
+  const RowSoftness<ScalarOf<T>>& softness = t.bounds.form.softness[r];
+  const int natural = t.bounds.natural_row[r];
+  x.bound_rate[r] = T(softness.rate);
+  x.bound_cfm[r] = T(softness.cfm);
+  if (softness.cfm_per_response == 0) return;
+  const T response = natural >= 0 ? x.natural_compliance[natural] : x.bound_own[r];
+  x.bound_cfm[r] = fma(T(softness.cfm_per_response), response, x.bound_cfm[r]);
+}
+
+/// The row as one phase asks it.
+template <class T>
+LOCKSTEP_INLINE Bound<T> bound(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r, Phase phase) {
+  const Bounds<ScalarOf<T>>& b = t.bounds;
+  const int count = b.form.count, i = phase * count + r;
+  if (b.kind[r] == BoundKind::joint)
+    return {x.bound_lo[i], x.bound_hi[i], T(0), x.bound_force[r], T(b.compliance) * x.bound_coupled[r * count + r], T(0)};
+  return {x.bound_lo[i], x.bound_hi[i], x.bound_centre[i], x.bound_force[r], x.bound_cfm[r], x.bound_cfm[r]};
+}
+
+/// Intervals and boxes of all rows for both phases, before any of them has an impulse.
+template <class T>
+void open_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const Bounds<S>& b = t.bounds;
+  for (int r = 0; r < b.form.count; ++r) {
+    x.bound_touched[r] = T::none();
+    x.bound_rate[r] = T(b.form.softness[r].rate);
+    for (int p = 0; p < phases<T>(t); ++p) {
+      const Moment<T> at{p == velocity_phase && t.velocity_iterations > 0, S(1) / t.dt};
+      bounded_row(t, lanes, r, Phase(p), at, T(0), x);
+      x.bound_impulse[p * b.form.count + r] = T(0);
+    }
+  }
+  x.bound_count = 0;
+}
+
+/// X and D^-1 X of a row that begins to take part, and what it feels of the others that do, couplings included.
+template <class T>
+void respond_to_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
+  const Rows<ScalarOf<T>>&form = t.bounds.form, &rows = t.rows;
+  const int n = t.solver.n, count = form.count;
+  T* response = x.bound_response + r * n;
+  T* scaled = x.bound_scaled + r * n;
+  for (int z = 0; z < n; ++z) response[z] = scaled[z] = T(0);
+  for (int k = form.term_start[r]; k < form.term_start[r + 1]; ++k) response[form.term_index[k]] = x.bound_value[k];
+  respond(form, r, t.solver, x.reduced, response);
+  for (int i = form.run_start[r]; i < form.run_start[r + 1]; ++i)
+    for (int z = form.runs[i].first; z < form.runs[i].last; ++z) scaled[z] = response[z] * x.inverse[z];
+  x.bound_own[r] = supported_dot(form, r, response, scaled);
+  soften_bound(t, r, x);
+
+  const bool solved = rows.columns.n > 0;  // (M54): through couplings that are solved, not swept
+  T* through = x.bound_through + r * rows.count;
+  T* through_scaled = x.bound_through_scaled + r * rows.count;
+  for (int e = 0; e < rows.count; ++e) through[e] = supported_dot(rows, e, x.response + e * n, scaled);
+  if (solved) {
+    solve_upwards(rows.columns, x.coupled, through);
+    for (int e = 0; e < rows.count; ++e) through_scaled[e] = through[e] * x.row_inverse[e];
+  }
+  const auto felt = [&](int other) {
+    T sum = supported_dot(form, other, x.bound_response + other * n, scaled);
+    if (solved)
+      for (int e = 0; e < rows.count; ++e) sum = fnma(through[e], x.bound_through_scaled[other * rows.count + e], sum);
+    x.bound_coupled[r * count + other] = x.bound_coupled[other * count + r] = sum;
+  };
+  for (int i = 0; i < x.bound_count; ++i) felt(x.bound_listed[i]);
+  felt(r);
+}
+
+/// Finds the rows that velocities z of a phase violate; true if a lane has a row to take part that did not.
+template <class T>
+bool touch(const Tables<ScalarOf<T>>& t, Phase phase, const T* z, Tile<T>& x) {
+  const Bounds<ScalarOf<T>>& b = t.bounds;
+  const int count = b.form.count;
+  bool found = false;
+  for (int r = 0; r < count; ++r) {
+    const int i = phase * count + r;
+    const T u = bound_speed(t, x, r, z);
+    const auto violated = less(u, x.bound_lo[i]) | less(x.bound_hi[i], u) | less(T(0), x.bound_force[r]);
+    const auto fresh = violated & ~x.bound_touched[r] & ~x.frozen;
+    if (!any(fresh)) continue;
+    found = true;
+    x.bound_touched[r] = x.bound_touched[r] | fresh;
+    x.bound_fresh[r] = 1;
+  }
+  return found;
+}
+
+/// Lists the rows that a lane of the tile needs, in their order.
+template <class T>
+void list_bounds(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const int count = t.bounds.form.count;
+  for (int r = 0; r < count; ++r) {
+    if (!x.bound_fresh[r]) continue;
+    x.bound_fresh[r] = 0;
+    bool listed = false;
+    for (int i = 0; i < x.bound_count; ++i) listed |= x.bound_listed[i] == r;
+    if (listed) continue;
+    respond_to_bound(t, r, x);
+    int place = x.bound_count++;
+    for (; place > 0 && x.bound_listed[place - 1] > r; --place) x.bound_listed[place] = x.bound_listed[place - 1];
+    x.bound_listed[place] = r;
+  }
+}
+
+/// Adds the bounded rows' impulses to half-solved velocities, where lanes have any.
+template <class T>
+LOCKSTEP_INLINE void add_bounds(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, T* v) {
+  const Rows<ScalarOf<T>>& form = t.bounds.form;
+  for (int i = 0; i < x.bound_count; ++i) {
+    const int r = x.bound_listed[i];
+    const T impulse = x.bound_impulse[phase * form.count + r];
+    for (int k = form.run_start[r]; k < form.run_start[r + 1]; ++k)
+      for (int z = form.runs[k].first; z < form.runs[k].last; ++z)
+        v[z] = select(x.bound_touched[r], fma(x.bound_scaled[r * t.solver.n + z], impulse, v[z]), v[z]);
+  }
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,61 @@
+// What competes with couplings: limits, friction, kinematic drives, force limits. SPDX-License-Identifier: Apache-2.0
+//
+// Section 12. The step has been solved without bounds; where the result violates some, these rows are solved with the
+// couplings, by the method's own way, until nothing more is violated. Lanes that violate nothing keep what they have.
+#pragma once
+
+#include "active_set.h"
+#include "bounded_sweeps.h"
+#include "integrate.h"
+
+namespace lockstep::kernels {
+
+/// The coupling rows' impulses again where no bound acts: sweeps were made for lanes that have none as well.
+template <class T>
+void keep_untouched(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const int rows = t.rows.count;
+  typename T::Mask touched = T::none();
+  for (int i = 0; i < x.bound_count; ++i) touched = touched | x.bound_touched[x.bound_listed[i]];
+  for (int e = 0; e < rows; ++e) {
+    x.position_impulse[e] = select(touched, x.position_impulse[e], x.row_alone[e]);
+    if (t.solve_twice) x.velocity_impulse[e] = select(touched, x.velocity_impulse[e], x.row_alone[rows + e]);
+  }
+}
+
+template <class T>
+void solve_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  switch (t.method) {
+    case method_pgs: pgs_with_bounds(t, lanes, x); return keep_untouched(t, x);
+    case method_tgs: t.renewed ? tgs_with_bounds(t, lanes, x) : pgs_with_bounds(t, lanes, x); return keep_untouched(t, x);
+    default:
+      find_active_set(t, position_phase, x);
+      yield_to_bounds(t, position_phase, x, x.position_impulse);
+      if (!t.solve_twice) return;
+      find_active_set(t, velocity_phase, x);
+      yield_to_bounds(t, velocity_phase, x, x.velocity_impulse);
+  }
+}
+
+template <class T>
+void compete(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  const int rows = t.rows.count, count = t.bounds.form.count;
+  T* solution[2] = {x.solution, x.closing_solution};
+  const auto touched = [&] {
+    bool found = false;
+    for (int p = 0; p < phases<T>(t); ++p) found = touch(t, Phase(p), solution[p], x) || found;
+    return found;
+  };
+  if (!touched()) return;
+  for (int p = 0; p < phases<T>(t); ++p) {
+    const T* alone = p == position_phase ? x.position_impulse : x.velocity_impulse;
+    for (int e = 0; e < rows; ++e) x.row_alone[p * rows + e] = alone[e];
+    for (int r = 0; r < count; ++r) x.bound_free[p * count + r] = bound_speed(t, x, r, solution[p]);
+  }
+  do {
+    list_bounds(t, x);
+    solve_with_bounds(t, lanes, x);
+    solved_velocities(t, x);
+  } while (touched());
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,189 @@
+// What a step did with its rows, and with the energy, for those who asked. SPDX-License-Identifier: Apache-2.0
+//
+// (M57), (M58). Runs between the step's solution and the check, while all that it came from is still there.
+#pragma once
+
+#include "energies.h"
+#include "saturation.h"
+
+namespace lockstep::kernels {
+
+/// The codes of Batch::row_states().
+template <class T>
+LOCKSTEP_INLINE T state(typename T::Mask acts, float code) {
+  return select(acts, T(code), T(0));
+}
+
+template <class T>
+void look_at_coupling(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Reported& row, T& residual, T& acts) {
+  const int root = t.velocities - t.joints, c = row.index;
+  const bool hard = row.member == 1;
+  T rate = T(t.hard_rate[c]), cfm = T(0), impulse = T(0);
+  auto present = ~T::none();
+  acts = hard ? T(1) : T(0);
+  residual = T(0);
+  if (row.row >= 0) {
+    cfm = x.row_cfm[row.row];
+    impulse = x.position_impulse[row.row];
+    if (!t.renewed) rate = x.row_rate[row.row];
+    present = less(cfm, yields_to_everything<T>());
+    if (t.renewed) present = present & less(cfm, smallest<T>());  // a sub-step's softness is not the step's
+    acts = state<T>(less(cfm, yields_to_everything<T>()), 1);
+  } else if (row.bounded >= 0) {
+    const T force = x.bound_force[row.bounded], slack = force * T(ScalarOf<T>(1e-5));
+    impulse = x.bound_impulse[row.bounded];
+    cfm = x.bound_cfm[row.bounded];
+    rate = x.bound_rate[row.bounded];
+    const auto up = less(force - slack, impulse), down = less(impulse, slack - force);
+    present = ~(up | down);
+    acts = select(up, T(2), select(down, T(-2), T(1)));
+  } else if (!hard || t.follows[c]) {
+    acts = T(0);
+    if (!hard) return;
+  }
+  T speed = fma(rate, x.coupling_error[c], cfm * impulse);
+  for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
+    speed = fma(x.coefficient[k], x.moved_velocity[root + t.term_joint[k]], speed);
+  residual = select(present, T(t.dt) * larger(speed, -speed), T(0));
+}
+
+template <class T>
+void look_at_bound(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, const Reported& row,
+                   T& residual, T& acts) {
+  using S = ScalarOf<T>;
+  const Bounds<S>& b = t.bounds;
+  const int j = row.index, r = row.bounded;
+  const T h = T(t.dt), zero = T(0), u = x.moved_velocity[t.velocities - t.joints + j];
+  residual = acts = zero;
+  if (row.kind == Reported::effort_limit) {
+    const T most = T(t.effort_limit[j]), effort = feed_forward<T>(t, lanes, j);
+    acts = row.member >= 0 ? x.saturation[row.member] : saturated(effort, most);
+    acts = acts + acts;
+    return;
+  }
+  if (r < 0) return;
+  const T impulse = x.bound_impulse[r], force = x.bound_force[r];
+  const auto held = x.bound_touched[r] & (less(force, impulse) | less(impulse, -force));
+  const T slack = T(S(1e-5));
+  const auto reaches = [&](T bound, T speed) { return held & ~less(fma(slack, T(1) + larger(speed, -speed), bound), speed); };
+  const bool hard = b.kind[r] == BoundKind::joint;
+  const Moment<T> at{false, S(1) / t.dt};
+  switch (row.kind) {
+    case Reported::position_limit: {
+      if (!hard) {
+        acts = select(less(zero, impulse), T(1), select(less(impulse, zero), T(-1), zero));
+        return;
+      }
+      const Interval<T> own = joint_interval(t, x, j, at, zero);
+      residual = h * larger(zero, larger(own.lo - u, u - own.hi));
+      acts = select(reaches(own.lo, u), T(1), select(reaches(-own.hi, -u), T(-1), zero));
+      return;
+    }
+    case Reported::velocity_limit: {
+      const T most = T(b.speed_limit[j]);
+      residual = h * larger(zero, larger(u, -u) - most);
+      acts = select(reaches(-most, u), T(1), select(reaches(-most, -u), T(-1), zero));
+      return;
+    }
+    case Reported::friction: {
+      const auto up = ~less(impulse, force), down = ~less(-force, impulse);
+      acts = select(x.bound_touched[r], select(up, T(2), select(down, T(-2), T(1))), zero);
+      return;
+    }
+    default:
+      acts = T(1);
+      if (!hard) return;
+      residual = prescribed_speed(t, lanes, x, j) - u;
+      residual = h * larger(residual, -residual);
+  }
+}
+
+/// (M58) but for the change of energy: work of the joints' drives and of soft rows, what damping and friction take.
+template <class T>
+void add_work(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, T& work, T& dissipated) {
+  const Bounds<ScalarOf<T>>& b = t.bounds;
+  const int root = t.velocities - t.joints;
+  const Phase phase = t.solve_twice ? velocity_phase : position_phase;
+  const T h = T(t.dt), zero = T(0);
+  const Field<T> damping = field<T>(lanes, 4, t.damping.data);
+  const auto force = [&](int j) { return servo<T>(t, lanes, j).force(h, x.q[j], x.next_v[root + j]); };
+  for (int j = 0; j < t.joints; ++j) {
+    const T v = x.next_v[root + j], way = h * v, most = T(t.effort_limit[j]);
+    dissipated = fma(damping.at(j, t.joint_row[j]) * v, way, dissipated);
+    T effort = feed_forward<T>(t, lanes, j);
+    bool has_servo = false;
+    for (int i = 0; i < t.driven.count; ++i) has_servo |= t.driven[i] == j;
+    for (int i = 0; i < t.limited.count; ++i) has_servo |= t.limited[i] == j;
+    if (has_servo) effort += force(j);
+    work = fma(clamp(effort, -most, most), way, work);
+  }
+  const auto moved = [&](int c) {
+    T speed = zero;
+    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
+      speed = fma(x.coefficient[k], x.next_v[root + t.term_joint[k]], speed);
+    return speed;
+  };
+  const T* solved = phase == velocity_phase ? x.velocity_impulse : x.position_impulse;
+  for (int e = 0; e < t.rows.count; ++e) {
+    const T soft = select(less(smallest<T>(), x.row_cfm[e]), solved[e], zero);
+    work = fma(soft, moved(t.rows.coupling[e]), work);
+  }
+  for (int i = 0; i < x.bound_count; ++i) {
+    const int r = x.bound_listed[i], m = b.member_start[r];
+    const T impulse = x.bound_impulse[phase * b.form.count + r];
+    if (b.kind[r] == BoundKind::coupling) {
+      work = fma(impulse, moved(b.form.coupling[r]), work);
+      continue;
+    }
+    const T done = impulse * x.next_v[root + b.member[m].joint] * x.member_inverse[m];
+    bool driven = b.kind[r] != BoundKind::joint;
+    for (int k = m; k < b.member_start[r + 1]; ++k) driven |= (b.has[b.member[k].joint] & has_kinematic_drive) != 0;
+    if (driven)
+      work += done;
+    else
+      dissipated -= select(less(zero, x.bound_force[r]), smaller(done, zero), zero);
+  }
+}
+
+/// Gravity's energy at other positions than the step's.
+template <class T>
+T energy_at(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, T* q, T* v, T* root_pose,
+            bool kinetic) {
+  Tile<T> there = x;
+  there.q = q;
+  there.v = v;
+  there.root_pose = root_pose;
+  motions(t, there, there.motion);
+  const T potential = potential_energy(t, lanes, there, there.motion);
+  return kinetic ? potential + kinetic_energy(t, there, there.motion) : potential;
+}
+
+template <class T>
+void diagnose(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  for (int i = 0; i < t.reported.count; ++i) {
+    const Reported& row = t.reported[i];
+    T residual, acts;
+    if (row.kind == Reported::coupling)
+      look_at_coupling(t, x, row, residual, acts);
+    else
+      look_at_bound(t, lanes, x, row, residual, acts);
+    x.residual[i] = residual;
+    x.row_state[i] = acts;
+  }
+
+  T work = T(0), dissipated = T(0), corrected = T(0);
+  add_work(t, lanes, x, work, dissipated);
+  const T before = energy_at(t, lanes, x, x.q, x.v, x.root_pose, true);
+  const T after = energy_at(t, lanes, x, x.next_q, x.next_v, x.next_root_pose, true);
+  if (t.solve_twice && !t.renewed) {  // tgs moves positions by a mean, which is no correction
+    const int root = t.velocities - t.joints;
+    for (int j = 0; j < t.joints; ++j) x.other_q[j] = fma(T(t.dt), x.next_v[root + j], x.q[j]);
+    if (t.floating) move_root(t, x.next_v, x.root_pose, x.other_root_pose);
+    corrected = energy_at(t, lanes, x, x.next_q, x.next_v, x.next_root_pose, false) -
+                energy_at(t, lanes, x, x.other_q, x.next_v, x.other_root_pose, false);
+  }
+  const T change[4] = {work, dissipated, corrected, after - before};
+  for (int k = 0; k < 4; ++k) x.energy[k] += select(x.frozen, T(0), change[k]);
+}
+
+}  // namespace lockstep::kernels

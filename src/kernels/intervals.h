@@ -1,0 +1,153 @@
+// What bounded rows ask for in this step: intervals and boxes. SPDX-License-Identifier: Apache-2.0
+//
+// (M50) to (M53).
+#pragma once
+
+#include "joint_terms.h"
+#include "row_terms.h"
+
+namespace lockstep::kernels {
+
+enum Phase { position_phase = 0, velocity_phase = 1 };
+
+template <class T>
+struct Interval {
+  T lo, hi;
+};
+
+/// Where in the step a row is looked at: at its start, or in one of the sub-steps of tgs.
+template <class T>
+struct Moment {
+  bool closing;         ///< the velocity phase: nothing is corrected any more
+  ScalarOf<T> inverse;  ///< 1 / step, or sub-step
+};
+
+/// (M50), (M51) and the limits of velocity: what joint j may do, when its position is `moved` from the step's start.
+template <class T>
+LOCKSTEP_INLINE Interval<T> joint_interval(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, const Moment<T>& at, T moved) {
+  const Bounds<ScalarOf<T>>& b = t.bounds;
+  const T zero = T(0), far = T(ScalarOf<T>(unlimited));
+  Interval<T> i{-far, far};
+  if (b.has[j] & has_range) {
+    const T q = x.q[j] + moved, below = T(b.lower[j]) - q, above = T(b.upper[j]) - q;
+    const T inside = T(at.inverse), beyond = at.closing ? zero : T(b.limit_rate[j]);
+    i.lo = below * select(less(zero, below), beyond, inside);
+    i.hi = above * select(less(above, zero), beyond, inside);
+    if (at.closing && (b.has[j] & has_restitution)) {
+      const T v = x.v[t.velocities - t.joints + j], back = -(T(b.restitution[j]) * v);
+      const auto hits_lower = less(v, i.lo), hits_upper = less(i.hi, v);
+      i.lo = select(hits_lower, larger(i.lo, back), i.lo);
+      i.hi = select(hits_upper, smaller(i.hi, back), i.hi);
+    }
+  }
+  if (b.has[j] & has_speed_limit) {
+    const T most = T(b.speed_limit[j]);
+    i = {clamp(i.lo, -most, most), clamp(i.hi, -most, most)};
+  }
+  return i;
+}
+
+/// (M52)
+template <class T>
+LOCKSTEP_INLINE T prescribed_speed(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, int j) {
+  const std::ptrdiff_t row = t.joint_row[j] * lanes.stride;
+  const T target = T::load(lanes.position_target + row), speed = T::load(lanes.velocity_target + row);
+  return fma(T(t.bounds.drive_rate[j]), fnma(T(t.dt), speed, target - x.q[j]), speed);
+}
+
+/// (M53) The hard bounds of all joints that move with the row's velocity.
+template <class T>
+void joint_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int r, Phase phase, const Moment<T>& at,
+               T moved, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const Bounds<S>& b = t.bounds;
+  const T far = T(S(unlimited));
+  T lo = -far, hi = far, force = T(0), prescribed = T(0);
+  int drives = 0;
+  for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m) {
+    const Member member = b.member[m];
+    const int has = b.has[member.joint];
+    const T share = x.member_share[m], inverse = x.member_inverse[m];
+    const bool corrected = phase == position_phase && member.follower >= 0;
+    const T correction = corrected ? x.correction[member.follower] : T(0);
+    if (has & (has_range | has_speed_limit)) {
+      const Interval<T> own = joint_interval(t, x, member.joint, at, moved);
+      const T one = (own.lo - correction) * inverse, other = (own.hi - correction) * inverse;
+      lo = larger(lo, smaller(one, other));
+      hi = smaller(hi, larger(one, other));
+    }
+    if (has & has_friction) force = fma(larger(share, -share), T(b.friction[member.joint]), force);
+    if (has & has_kinematic_drive) {
+      prescribed = fma(prescribed_speed(t, lanes, x, member.joint) - correction, inverse, prescribed);
+      ++drives;
+    }
+  }
+  const T middle = T(S(0.5)) * (lo + hi);
+  const auto empty = less(hi, lo);
+  lo = select(empty, middle, lo);
+  hi = select(empty, middle, hi);
+  if (drives > 0) lo = hi = clamp(prescribed * T(S(1) / S(drives)), lo, hi);
+  const int i = phase * b.form.count + r;
+  x.bound_lo[i] = lo;
+  x.bound_hi[i] = hi;
+  x.bound_force[r] = force;
+}
+
+/// J w of (M37): what followers' corrections add to the speed of a row over the joints of a coupling.
+template <class T>
+LOCKSTEP_INLINE T pushed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int coupling) {
+  T sum = T(0);
+  if (t.reduction.followers == 0) return sum;
+  for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k) {
+    const int f = t.reduction.follower_of[t.term_joint[k]];
+    if (f >= 0) sum = fma(x.coefficient[k], x.correction[f], sum);
+  }
+  return sum;
+}
+
+/// A soft limit, a soft kinematic drive, or a coupling with a force limit.
+template <class T>
+void other_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int r, Phase phase, const Moment<T>& at,
+               T moved, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const Bounds<S>& b = t.bounds;
+  const int i = phase * b.form.count + r;
+  const T zero = T(0), far = T(S(unlimited)), rate = x.bound_rate[r];
+  x.bound_lo[i] = -far;
+  x.bound_hi[i] = far;
+  x.bound_centre[i] = zero;
+  if (b.kind[r] == BoundKind::coupling) {
+    const int c = b.form.coupling[r];
+    const bool drops = at.closing && b.form.softness[r].cfm == 0 && b.form.softness[r].cfm_per_response == 0;
+    const T bias = drops ? zero : rate * (x.coupling_error[c] + moved);
+    x.bound_centre[i] = phase == position_phase ? bias + pushed(t, x, c) : bias;
+    x.bound_force[r] = T(t.dt) * T(b.force_limit[c]);
+    return;
+  }
+  const Member member = b.member[b.member_start[r]];
+  const int j = member.joint;
+  const T correction = phase == position_phase && member.follower >= 0 ? x.correction[member.follower] : zero;
+  const T q = x.q[j] + moved;
+  if (b.kind[r] == BoundKind::soft_limit) {
+    const T below = T(b.lower[j]) - q, above = T(b.upper[j]) - q, inside = T(at.inverse);
+    x.bound_lo[i] = fnma(T(1), correction, below * select(less(zero, below), rate, inside));
+    x.bound_hi[i] = fnma(T(1), correction, above * select(less(above, zero), rate, inside));
+    x.bound_force[r] = zero;
+  } else {
+    const std::ptrdiff_t row = t.joint_row[j] * lanes.stride;
+    const T target = T::load(lanes.position_target + row), speed = T::load(lanes.velocity_target + row);
+    x.bound_centre[i] = fma(rate, fma(T(t.dt), speed, q - target), correction - speed);
+    x.bound_force[r] = far;
+  }
+}
+
+template <class T>
+void bounded_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int r, Phase phase, const Moment<T>& at,
+                 T moved, Tile<T>& x) {
+  if (t.bounds.kind[r] == BoundKind::joint)
+    joint_row(t, lanes, r, phase, at, moved, x);
+  else
+    other_row(t, lanes, r, phase, at, moved, x);
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,250 @@
+// Limits, frictions, kinematic drives and force limits as bounded rows, section 12. SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <Eigen/QR>
+#include <fmt/format.h>
+
+#include "layout.h"
+
+namespace lockstep {
+namespace {
+
+struct Row {
+  BoundKind kind;
+  int coupling;
+  std::vector<Member> members;
+};
+
+// A spring without stiffness and damping, (M23) would be 0/0.
+bool is_slack(const Softness& softness) {
+  return (softness.kind == Softness::Kind::spring && softness.first == 0.0 && softness.second == 0.0) ||
+         (softness.kind == Softness::Kind::frequency && softness.first == 0.0);
+}
+
+bool has_range_of(const Program& program, const Joint& joint) {
+  return !program.settings.ignore.position_limits && (joint.lower > -infinity || joint.upper < infinity);
+}
+
+// JointBound bits of what is hard.
+int hard_bounds(const Program& program, const Joint& joint) {
+  const Ignored& ignore = program.settings.ignore;
+  int has = 0;
+  if (has_range_of(program, joint) && joint.limit_softness.is_hard()) has |= has_range;
+  if (has & has_range && joint.restitution > 0.0) has |= has_restitution;
+  if (joint.velocity_limit < infinity && !ignore.velocity_limits) has |= has_speed_limit;
+  if (joint.friction > 0.0 && !ignore.friction) has |= has_friction;
+  if (joint.drive.kinematic && joint.drive.softness.is_hard()) has |= has_kinematic_drive;
+  return has;
+}
+
+Member member_of(const Tables<double>& t, int joint) {
+  const Reduction<double>& r = t.reduction;
+  const int follower = r.followers > 0 ? r.follower_of[joint] : -1;
+  const bool simple = follower >= 0 && r.start[follower + 1] - r.start[follower] == 1;
+  return {joint, follower, simple ? r.start[follower] : -1};
+}
+
+// The one solver velocity that the joint moves with, or -1.
+int velocity_of(const RowForm& form) { return form.terms.size() == 1 ? form.terms.begin()->first : -1; }
+
+// Share of its error that a hard row corrects, as a rate: per step, or so that N sub-steps make up that share (M32).
+double hard_rate(const StepSettings& s, double erp, bool substeps) {
+  const int n = substeps ? s.iterations : 1;
+  return (n == 1 ? erp : 1.0 - std::pow(1.0 - erp, 1.0 / n)) * n / s.dt;
+}
+
+void lay_out_joint_bounds(Program& program) {
+  Tables<double>& t = program.f64;
+  Bounds<double>& b = t.bounds;
+  const StepSettings& s = program.settings;
+  const bool substeps = program.method == Method::tgs;
+  const auto zeros = [&] { return std::vector<double>(t.joints, 0.0); };
+  std::vector<int> has(t.joints, 0);
+  std::vector<double> lower = zeros(), upper = zeros(), limit_rate = zeros(), restitution = zeros(), speed = zeros(),
+                      friction = zeros(), drive_rate = zeros();
+  for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
+    const int i = program.solver_joint[j];
+    if (i < 0) continue;
+    const Joint& joint = program.model.joints[j];
+    has[i] = hard_bounds(program, joint);
+    lower[i] = std::max(joint.lower, -unlimited);
+    upper[i] = std::min(joint.upper, unlimited);
+    limit_rate[i] = hard_rate(s, joint.limit_softness.first, substeps);
+    restitution[i] = joint.restitution;
+    speed[i] = std::min(joint.velocity_limit, unlimited);
+    friction[i] = s.dt * joint.friction;
+    drive_rate[i] = joint.drive.softness.first / s.dt;
+  }
+  std::vector<double> force_limit;
+  for (const Coupling& coupling : program.model.couplings) force_limit.push_back(std::min(coupling.force_limit, unlimited));
+  Store& store = program.store;
+  b.has = store.keep(std::move(has));
+  b.lower = store.keep(std::move(lower));
+  b.upper = store.keep(std::move(upper));
+  b.limit_rate = store.keep(std::move(limit_rate));
+  b.restitution = store.keep(std::move(restitution));
+  b.speed_limit = store.keep(std::move(speed));
+  b.friction = store.keep(std::move(friction));
+  b.drive_rate = store.keep(std::move(drive_rate));
+  b.force_limit = store.keep(std::move(force_limit));
+}
+
+// Whether directions of hard rows depend on each other, couplings that are left to solve included.
+bool depend(const Program& program, const std::vector<Row>& rows, const std::vector<RowForm>& forms) {
+  const Tables<double>& t = program.f64;
+  std::vector<const RowForm*> hard;
+  for (std::size_t r = 0; r < rows.size(); ++r)
+    if (rows[r].kind == BoundKind::joint || forms[r].softness.is_hard()) hard.push_back(&forms[r]);
+  if (hard.empty()) return false;
+  std::vector<RowForm> couplings;
+  for (int r = 0; r < t.rows.count; ++r)
+    if (const int c = t.rows.coupling[r]; program.model.couplings[c].softness.is_hard() || declared(program, Parameter::softness))
+      couplings.push_back(coupling_form(program, t.reduction, c));
+  for (const RowForm& coupling : couplings) hard.push_back(&coupling);
+  Eigen::MatrixXd directions = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(hard.size()), t.solver.n);
+  for (std::size_t r = 0; r < hard.size(); ++r) {
+    for (const auto& [index, shares] : hard[r]->terms)
+      for (const Contribution& share : shares)
+        directions(static_cast<Eigen::Index>(r), index) += (share.term < 0 ? 1.0 : t.term_value[share.term]) *
+                                                           (share.value < 0 ? 1.0 : t.reduction.value[share.value]);
+    directions.row(static_cast<Eigen::Index>(r)).normalize();
+  }
+  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> factored(directions.transpose());
+  factored.setThreshold(1e-9);
+  return factored.rank() < directions.rows();
+}
+
+}  // namespace
+
+BoundForms lay_out_bounds(Program& program) {
+  Tables<double>& t = program.f64;
+  Bounds<double>& b = t.bounds;
+  const Model& model = program.model;
+  lay_out_joint_bounds(program);
+
+  std::vector<Row> rows;
+  BoundForms result;
+  const auto joint_form = [&](int i) {
+    RowForm form{-1, {}, {}};
+    add_joint(t, t.reduction, i, -1, form);
+    return form;
+  };
+  const auto add = [&](Row row, RowForm form) {
+    result.joint.push_back(row.kind == BoundKind::coupling ? -1 : row.members[0].joint);
+    rows.push_back(std::move(row));
+    result.forms.push_back(std::move(form));
+  };
+  const auto each_joint = [&](auto&& act) {
+    for (std::size_t j = 0; j < model.joints.size(); ++j)
+      if (const int i = program.solver_joint[j]; i >= 0) act(model.joints[j], i);
+  };
+  // (M53): what moves with one velocity is one row. Its form is that velocity itself.
+  std::vector<int> row_of_velocity(t.solver.n, -1);
+  each_joint([&](const Joint&, int i) {
+    if (b.has[i] == 0) return;
+    RowForm form = joint_form(i);
+    const Member member = member_of(t, i);
+    const int z = velocity_of(form);
+    if (z >= 0 && row_of_velocity[z] >= 0) return rows[row_of_velocity[z]].members.push_back(member);
+    if (z >= 0) {
+      row_of_velocity[z] = static_cast<int>(rows.size());
+      form.terms[z] = {{-1, -1}};
+    }
+    add({BoundKind::joint, -1, {member}}, std::move(form));
+  });
+  const auto add_soft = [&](BoundKind kind, const Softness& softness, int i) {
+    RowForm form = joint_form(i);
+    form.softness = softness;
+    Member member = member_of(t, i);
+    member.share = -1;
+    add({kind, -1, {member}}, std::move(form));
+  };
+  each_joint([&](const Joint& joint, int i) {
+    if (has_range_of(program, joint) && !joint.limit_softness.is_hard() && !is_slack(joint.limit_softness))
+      add_soft(BoundKind::soft_limit, joint.limit_softness, i);
+  });
+  each_joint([&](const Joint& joint, int i) {
+    if (joint.drive.kinematic && !joint.drive.softness.is_hard() && !is_slack(joint.drive.softness))
+      add_soft(BoundKind::soft_drive, joint.drive.softness, i);
+  });
+  for (int c = 0; c < t.couplings; ++c)
+    if (model.couplings[c].force_limit < infinity && !is_absent(program, c))
+      add({BoundKind::coupling, c, {}}, coupling_form(program, t.reduction, c));
+
+  b.form = lay_out_forms(program, result.forms, t.solver, false);
+  b.compliance = depend(program, rows, result.forms) ? 1e-10 : 0.0;
+  std::vector<BoundKind> kind;
+  std::vector<int> member_start{0};
+  std::vector<Member> members;
+  std::vector<double> shares;
+  for (const Row& row : rows) {
+    kind.push_back(row.kind);
+    for (const Member& member : row.members) {
+      members.push_back(member);
+      shares.push_back(member.share < 0 ? 1.0 : t.reduction.value[member.share]);
+    }
+    member_start.push_back(static_cast<int>(members.size()));
+  }
+  b.kind = program.store.keep(std::move(kind));
+  b.member_start = program.store.keep(std::move(member_start));
+  b.member = program.store.keep(std::move(members));
+  b.member_share = program.store.keep(std::move(shares));
+  return result;
+}
+
+void lay_out_report(Program& program) {
+  Tables<double>& t = program.f64;
+  const Bounds<double>& b = t.bounds;
+  const auto add = [&](Reported row, const std::string& name) {
+    program.reported.push_back(row);
+    program.row_names.push_back(name);
+  };
+  const auto place = [](const auto& list, int wanted) {
+    for (int i = 0; i < list.count; ++i)
+      if (list[i] == wanted) return i;
+    return -1;
+  };
+  const auto bounded = [&](BoundKind kind, int index) {
+    for (int r = 0; r < b.form.count; ++r) {
+      if (b.kind[r] != kind) continue;
+      if (kind == BoundKind::coupling && b.form.coupling[r] == index) return r;
+      for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m)
+        if (b.member[m].joint == index) return r;
+    }
+    return -1;
+  };
+  const std::vector<std::string> couplings = coupling_names(program.model);
+  std::vector<double> hard(t.couplings, 0.0);
+  for (int c = 0; c < t.couplings; ++c) {
+    const Coupling& coupling = program.model.couplings[c];
+    if (coupling.softness.is_hard()) hard[c] = coupling.softness.first / program.settings.dt;
+    add({Reported::coupling, c, place(t.rows.coupling, c), bounded(BoundKind::coupling, c), coupling.softness.is_hard() ? 1 : -1},
+        "coupling " + couplings[c]);
+  }
+  for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
+    const int i = program.solver_joint[j];
+    if (i < 0) continue;
+    const Joint& joint = program.model.joints[j];
+    const auto joint_row = [&](Reported::Kind kind, const char* what, BoundKind bound) {
+      add({kind, i, -1, bounded(bound, i), -1}, fmt::format("{} {}", what, joint.name));
+    };
+    const int has = b.has[i];
+    const auto kind_of = [](bool hard) { return hard ? BoundKind::joint : BoundKind::soft_limit; };
+    if (has_range_of(program, joint))
+      joint_row(Reported::position_limit, "position limit", kind_of(joint.limit_softness.is_hard()));
+    if (has & has_speed_limit) joint_row(Reported::velocity_limit, "velocity limit", BoundKind::joint);
+    if (has & has_friction) joint_row(Reported::friction, "friction", BoundKind::joint);
+    if (joint.drive.kinematic)
+      joint_row(Reported::kinematic_drive, "kinematic drive",
+                joint.drive.softness.is_hard() ? BoundKind::joint : BoundKind::soft_drive);
+    if (t.effort_limit[i] < unlimited)
+      add({Reported::effort_limit, i, -1, -1, place(t.limited, i)}, "effort limit " + joint.name);
+  }
+  if (program.settings.record_diagnostics) t.reported = program.store.keep(program.reported);
+  t.hard_rate = program.store.keep(std::move(hard));
+  std::vector<int> follows(t.couplings, 0);
+  for (int c : program.redundant) follows[c] = 1;
+  t.follows = program.store.keep(std::move(follows));
+}
+
+}  // namespace lockstep
