@@ -1,6 +1,6 @@
 // What users ask of a state: poses, velocities, Jacobians, energies, momentum. SPDX-License-Identifier: Apache-2.0
 //
-// Not part of a step; computed anew on request, by the same templates: (M43) to (M47).
+// Not part of a step; computed anew on request, by the same templates: (M44) to (M48).
 #pragma once
 
 #include "bias_forces.h"
@@ -69,7 +69,7 @@ void motions(const Tables<ScalarOf<T>>& t, Tile<T>& x, Motion<T>& m) {
   }
 }
 
-/// Momentum of body b in its own axes, about its origin (M45).
+/// Momentum of body b in its own axes, about its origin (M46).
 template <class T>
 LOCKSTEP_INLINE void body_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m, int b,
                                    Vec3<T>& linear, Vec3<T>& angular) {

@@ -48,7 +48,8 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
     }
   }
   integrate(t, x);
-  if (t.record_impulses) coupling_impulses(t, x);
+  if (t.record_impulses) coupling_impulses(t, x);  // in the axes of the step's start
+  if (t.floating) turn_root_twist(x);
   check(t, lanes, x);
 }
 

@@ -23,6 +23,7 @@ struct Tile {
   T* next_q;               // the same after the step, before it is checked
   T* next_v;
   T* next_root_pose;
+  T* half_turn;            // [4] quaternion of half the root's turn over the step
   // kinematics and bias forces, by body
   T* sine;
   T* cosine;
@@ -119,6 +120,7 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   x.next_q = c.take<T>(joints);
   x.next_v = c.take<T>(velocities);
   x.next_root_pose = c.take<T>(7);
+  x.half_turn = c.take<T>(4);
   x.sine = c.take<T>(t.bodies);
   x.cosine = c.take<T>(t.bodies);
   x.inertia = c.take<PseudoInertia<T>>(masses ? t.bodies : 0);
