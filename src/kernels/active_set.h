@@ -1,6 +1,6 @@
 // Bounded rows solved exactly, through the couplings: semi-smooth Newton on the active set. SPDX-License-Identifier: Apache-2.0
 //
-// (M54), (M55). Lanes that have come to rest keep what they found while others go on, so no lane sees another's search.
+// (M55), (M56). Lanes that have come to rest keep what they found while others go on, so no lane sees another's search.
 #pragma once
 
 #include "bounded_rows.h"
@@ -25,7 +25,7 @@ LOCKSTEP_INLINE T felt_speed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int
   return free;
 }
 
-/// Dense L^T D L of the rows that are held, the others' impulses known: (M55). Answers in `impulse`.
+/// Dense L^T D L of the rows that are held, the others' impulses known: (M56). Answers in `impulse`.
 template <class T>
 void solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impulse) {
   using S = ScalarOf<T>;
@@ -65,7 +65,7 @@ void solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impuls
   }
 }
 
-/// Sweeps of (M49) over the listed rows, from impulses that their bounds allow.
+/// Sweeps of (M50) over the listed rows, from impulses that their bounds allow.
 template <class T>
 void sweep_bounds(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impulse) {
   const int count = t.bounds.form.count;
@@ -79,7 +79,7 @@ void sweep_bounds(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impu
     }
 }
 
-/// What (M49) says of every row at these impulses. Returns the lanes in which it is what was assumed.
+/// What (M50) says of every row at these impulses. Returns the lanes in which it is what was assumed.
 template <class T>
 typename T::Mask look(const Tables<ScalarOf<T>>& t, Phase phase, const T* impulse, Tile<T>& x) {
   const int count = t.bounds.form.count;

@@ -1,5 +1,6 @@
 // Bias forces c(q, v): Newton-Euler without joint accelerations. SPDX-License-Identifier: Apache-2.0
 //
+// A floating root's velocity is stepped in inertial axes, so that its origin goes straight on without acceleration.
 // In the links' own frames, with the angular acceleration tensor of Balafoutis and Patel (1991):
 // (M5) to (M9). One pass outwards for motion, one inwards for forces.
 #pragma once
@@ -57,11 +58,11 @@ void bias_forces(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, 
   for (int b = 0; b < t.bodies; ++b) {
     const Body<ScalarOf<T>>& body = t.body[b];
     if (body.root) {
-      const Vec3<T> w = {x.v[0], x.v[1], x.v[2]}, v = {x.v[3], x.v[4], x.v[5]};
+      const Vec3<T> w = {x.v[0], x.v[1], x.v[2]};
       x.angular[b] = w;
       x.alpha[b] = Vec3<T>::zero();
       x.tensor[b] = acceleration_tensor(w, x.alpha[b]);
-      x.linear[b] = cross_add(w, v, upwards);
+      x.linear[b] = upwards;
     } else {
       with_joint(body, [&](auto joint) {
         using J = decltype(joint);

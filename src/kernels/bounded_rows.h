@@ -77,7 +77,7 @@ void respond_to_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
   x.bound_own[r] = supported_dot(form, r, response, scaled);
   soften_bound(t, r, x);
 
-  const bool solved = rows.columns.n > 0;  // (M54): through couplings that are solved, not swept
+  const bool solved = rows.columns.n > 0;  // (M55): through couplings that are solved, not swept
   T* through = x.bound_through + r * rows.count;
   T* through_scaled = x.bound_through_scaled + r * rows.count;
   for (int e = 0; e < rows.count; ++e) through[e] = supported_dot(rows, e, x.response + e * n, scaled);

@@ -8,7 +8,7 @@
 
 namespace lockstep::kernels {
 
-/// One sweep: couplings by (M30), bounded rows by (M49). In sub-steps a box holds `share` of its force.
+/// One sweep: couplings by (M30), bounded rows by (M50). In sub-steps a box holds `share` of its force.
 template <class T>
 void sweep_with_bounds(const Tables<ScalarOf<T>>& t, Phase phase, T share, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;

@@ -1,6 +1,6 @@
 // What a step did with its rows, and with the energy, for those who asked. SPDX-License-Identifier: Apache-2.0
 //
-// (M57), (M58). Runs between the step's solution and the check, while all that it came from is still there.
+// (M58), (M59). Runs between the step's solution and the check, while all that it came from is still there.
 #pragma once
 
 #include "energies.h"
@@ -98,7 +98,7 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes
   }
 }
 
-/// (M58) but for the change of energy: work of the joints' drives and of soft rows, what damping and friction take.
+/// (M59) but for the change of energy: work of the joints' drives and of soft rows, what damping and friction take.
 template <class T>
 void add_work(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, T& work, T& dissipated) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
@@ -177,10 +177,12 @@ void diagnose(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Til
   const T after = energy_at(t, lanes, x, x.next_q, x.next_v, x.next_root_pose, true);
   if (t.solve_twice && !t.renewed) {  // tgs moves positions by a mean, which is no correction
     const int root = t.velocities - t.joints;
-    for (int j = 0; j < t.joints; ++j) x.other_q[j] = fma(T(t.dt), x.next_v[root + j], x.q[j]);
-    if (t.floating) move_root(t, x.next_v, x.root_pose, x.other_root_pose);
+    T half_turn[4];
+    expand(t, x, x.closing_solution, false, x.other_v);
+    for (int j = 0; j < t.joints; ++j) x.other_q[j] = fma(T(t.dt), x.other_v[root + j], x.q[j]);
+    if (t.floating) move_root(t, x.other_v, x.root_pose, half_turn, x.other_root_pose);
     corrected = energy_at(t, lanes, x, x.next_q, x.next_v, x.next_root_pose, false) -
-                energy_at(t, lanes, x, x.other_q, x.next_v, x.other_root_pose, false);
+                energy_at(t, lanes, x, x.other_q, x.other_v, x.other_root_pose, false);
   }
   const T change[4] = {work, dissipated, corrected, after - before};
   for (int k = 0; k < 4; ++k) x.energy[k] += select(x.frozen, T(0), change[k]);

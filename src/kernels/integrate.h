@@ -45,8 +45,9 @@ void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, bool cor
 }
 
 /// The root's pose after turning and moving with its twist for dt: q <- q exp(dt w / 2), p <- p + dt R v, (M41).
+/// Keeps the half turn exp(dt w / 2).
 template <class T>
-void move_root(const Tables<ScalarOf<T>>& t, const T* twist, const T* pose, T* next) {
+void move_root(const Tables<ScalarOf<T>>& t, const T* twist, const T* pose, T* half_turn, T* next) {
   using S = ScalarOf<T>;
   const T h = T(t.dt);
   const Mat3<T> rotation = rotation_of_quaternion(pose + 3);
@@ -64,6 +65,7 @@ void move_root(const Tables<ScalarOf<T>>& t, const T* twist, const T* pose, T* n
   const T ratio = select(tiny, T(1), sine / select(tiny, T(1), angle)) * half;
   const T a = pose[3], b = pose[4], c = pose[5], d = pose[6];
   const T e = w[0] * ratio, f = w[1] * ratio, g = w[2] * ratio;
+  half_turn[0] = cosine, half_turn[1] = e, half_turn[2] = f, half_turn[3] = g;
   const T turned[4] = {fnma(b, e, fnma(c, f, fnma(d, g, a * cosine))), fma(a, e, fma(c, g, fnma(d, f, b * cosine))),
                        fma(a, f, fma(d, e, fnma(b, g, c * cosine))), fma(a, g, fma(b, f, fnma(c, e, d * cosine)))};
   // (M42) One Newton step for 1 / |q| keeps it unit: rounding moves it by far less than the step's reach.
@@ -73,12 +75,25 @@ void move_root(const Tables<ScalarOf<T>>& t, const T* twist, const T* pose, T* n
   for (int k = 0; k < 4; ++k) next[3 + k] = turned[k] * scale;
 }
 
+/// (M43) The root's new twist, solved in the axes that it had before it moved, in those that it has now. By the half
+/// turn (c, s) backwards, a + 2 s x (s x a - c a): rounding is that of the small change alone.
+template <class T>
+void turn_root_twist(Tile<T>& x) {
+  const T c = x.half_turn[0], two = T(ScalarOf<T>(2));
+  const Vec3<T> s = {x.half_turn[1], x.half_turn[2], x.half_turn[3]};
+  for (T* part = x.next_v; part < x.next_v + 6; part += 3) {
+    const Vec3<T> a = {part[0], part[1], part[2]};
+    const Vec3<T> turned = fma(cross(s, cross_add(s, a, {-c * a[0], -c * a[1], -c * a[2]})), two, a);
+    for (int k = 0; k < 3; ++k) part[k] = turned[k];
+  }
+}
+
 template <class T>
 void integrate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const int root = t.velocities - t.joints;
   expand(t, x, x.solution, true, x.next_v);
   for (int j = 0; j < t.joints; ++j) x.next_q[j] = fma(T(t.dt), x.next_v[root + j], x.q[j]);
-  if (t.floating) move_root(t, x.next_v, x.root_pose, x.next_root_pose);
+  if (t.floating) move_root(t, x.next_v, x.root_pose, x.half_turn, x.next_root_pose);
   for (int i = 0; t.record_diagnostics && i < t.velocities; ++i) x.moved_velocity[i] = x.next_v[i];
   if (!t.solve_twice) return;
   expand(t, x, x.closing_solution, false, x.next_v);

@@ -1,6 +1,6 @@
 // What bounded rows ask for in this step: intervals and boxes. SPDX-License-Identifier: Apache-2.0
 //
-// (M50) to (M53).
+// (M51) to (M54).
 #pragma once
 
 #include "joint_terms.h"
@@ -22,7 +22,7 @@ struct Moment {
   ScalarOf<T> inverse;  ///< 1 / step, or sub-step
 };
 
-/// (M50), (M51) and the limits of velocity: what joint j may do, when its position is `moved` from the step's start.
+/// (M51), (M52) and the limits of velocity: what joint j may do, when its position is `moved` from the step's start.
 template <class T>
 LOCKSTEP_INLINE Interval<T> joint_interval(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, const Moment<T>& at, T moved) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
@@ -47,7 +47,7 @@ LOCKSTEP_INLINE Interval<T> joint_interval(const Tables<ScalarOf<T>>& t, const T
   return i;
 }
 
-/// (M52)
+/// (M53)
 template <class T>
 LOCKSTEP_INLINE T prescribed_speed(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, int j) {
   const std::ptrdiff_t row = t.joint_row[j] * lanes.stride;
@@ -55,7 +55,7 @@ LOCKSTEP_INLINE T prescribed_speed(const Tables<ScalarOf<T>>& t, const Lanes<Sca
   return fma(T(t.bounds.drive_rate[j]), fnma(T(t.dt), speed, target - x.q[j]), speed);
 }
 
-/// (M53) The hard bounds of all joints that move with the row's velocity.
+/// (M54) The hard bounds of all joints that move with the row's velocity.
 template <class T>
 void joint_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int r, Phase phase, const Moment<T>& at,
                T moved, Tile<T>& x) {

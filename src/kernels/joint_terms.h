@@ -64,7 +64,7 @@ void joint_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, 
     x.drive[root + j] = h * (fnma(d, x.v[root + j], effort) - x.drive[root + j]);
     x.matrix[t.matrix.offset[root + j]] += own_terms ? fma(h, d, T(t.armature[j])) : T(t.implicit[j]);
   }
-  for (int i = 0; i < t.clamped.count; ++i) {  // (M56) without a servo
+  for (int i = 0; i < t.clamped.count; ++i) {  // (M57) without a servo
     const int j = t.clamped[i];
     const T effort = feed_forward<T>(t, lanes, j), most = T(t.effort_limit[j]);
     x.drive[root + j] = fma(h, clamp(effort, -most, most) - effort, x.drive[root + j]);

@@ -1,4 +1,4 @@
-// One bounded row alone: which of its conditions it is held by, and by what impulse (M49). SPDX-License-Identifier: Apache-2.0
+// One bounded row alone: which of its conditions it is held by, and by what impulse (M50). SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "intervals.h"

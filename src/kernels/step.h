@@ -56,7 +56,8 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
     if (t.bounds.form.count > 0) compete(t, lanes, x);
   } while (t.limited.count > 0 && saturation_differs(t, lanes, x));
   integrate(t, x);
-  if (t.record_impulses) coupling_impulses(t, x);
+  if (t.record_impulses) coupling_impulses(t, x);  // in the axes of the step's start
+  if (t.floating) turn_root_twist(x);
   if (t.record_diagnostics) diagnose(t, lanes, x);
   check(t, lanes, x);
 }

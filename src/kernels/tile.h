@@ -38,6 +38,7 @@ struct Tile {
   T* next_q;               // the same after the step, before it is checked
   T* next_v;
   T* next_root_pose;
+  T* half_turn;            // [4] quaternion of half the root's turn over the step
   // kinematics and bias forces, by body
   T* sine;
   T* cosine;
@@ -97,7 +98,7 @@ struct Tile {
   T* natural_compliance;   // [natural rows]
 
   // bounded rows; those marked 2 hold one for each phase
-  T* member_share;         // [members] s of (M53)
+  T* member_share;         // [members] s of (M54)
   T* member_inverse;
   T* bound_value;          // [terms]
   T* bound_lo;             // 2 [rows]
@@ -116,7 +117,7 @@ struct Tile {
   T* bound_scaled;         // [rows][solver]
   T* bound_through;        // [rows][coupling rows] K_BE, half solved where these are solved
   T* bound_through_scaled;
-  T* bound_coupled;        // [rows][rows] of (M54)
+  T* bound_coupled;        // [rows][rows] of (M55)
   T* row_alone;            // 2 [coupling rows] impulses without bounded rows
   T* search_matrix;
   T* search_inverse;
@@ -135,7 +136,8 @@ struct Tile {
   // only if diagnostics are recorded
   Motion<T> motion;
   T* moved_velocity;       // [velocities] that moved the positions
-  T* other_q;              // [joints] where positions would be without corrections
+  T* other_v;              // [velocities] those that would have moved them without corrections
+  T* other_q;              // [joints] and where to
   T* other_root_pose;      // [7]
   T* residual;             // [reported]
   T* row_state;            // [reported]
@@ -206,6 +208,7 @@ template <class T>
 inline void lay_out_diagnostics(const Tables<ScalarOf<T>>& t, Carver& c, Tile<T>& x) {
   lay_out_motion(t, c, x.motion);
   x.moved_velocity = c.take<T>(t.velocities);
+  x.other_v = c.take<T>(t.velocities);
   x.other_q = c.take<T>(t.joints);
   x.other_root_pose = c.take<T>(7);
   x.residual = c.take<T>(t.reported.count);
@@ -226,6 +229,7 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   x.next_q = c.take<T>(joints);
   x.next_v = c.take<T>(velocities);
   x.next_root_pose = c.take<T>(7);
+  x.half_turn = c.take<T>(4);
   x.sine = c.take<T>(t.bodies);
   x.cosine = c.take<T>(t.bodies);
   x.inertia = c.take<PseudoInertia<T>>(masses ? t.bodies : 0);

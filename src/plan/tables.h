@@ -121,7 +121,7 @@ struct Member {
   int share;            ///< entry of S, -1 stands for 1
 };
 
-/// Rows with an interval or a box (M48).
+/// Rows with an interval or a box (M49).
 template <class S>
 struct Bounds {
   Rows<S> form;                 ///< directions, and the softness of those that have one

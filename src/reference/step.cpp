@@ -13,6 +13,11 @@ Stage::Stage(const Mechanism& mechanism, double step, const State& start, const 
   const int dofs = mechanism.dofs(), nv = mechanism.velocities();
   mass = mechanism.mass_matrix(state);
   bias = mechanism.bias(state);
+  if (mechanism.root_velocities() > 0) {
+    // The root is stepped in inertial axes. Seen from its own, a velocity u that keeps to those turns by -w x u.
+    const Eigen::Vector3d w = state.v.head<3>(), u = state.v.segment<3>(3);
+    bias += mass.middleCols<3>(3) * -w.cross(u);
+  }
 
   // Damping and drives are linear, so they are taken at the end of the step:
   // A (v* - v) = h (tau - c - d v - kp (q + h v - q_t) - kd (v - v_t)).
@@ -64,6 +69,11 @@ Step step(const Mechanism& mechanism, const StepSettings& settings, const State&
   }
   State next = mechanism.advanced(state, solution.position_velocity, settings.dt);
   next.v = solution.velocity;
+  if (mechanism.root_velocities() > 0) {
+    const Eigen::Matrix3d axes = (next.orientation.conjugate() * state.orientation.normalized()).toRotationMatrix();
+    next.v.head<3>() = axes * solution.velocity.head<3>();
+    next.v.segment<3>(3) = axes * solution.velocity.segment<3>(3);
+  }
   return {std::move(next), std::move(solution.impulses), std::move(stage)};
 }
 

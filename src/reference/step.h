@@ -10,7 +10,8 @@
 
 namespace lockstep::reference {
 
-/// What a step knows before any coupling is solved. v means all generalised velocities.
+/// What a step knows before any coupling is solved. v means all generalised velocities, those of a floating root along
+/// the axes that it has at the start: inertial axes, in which its velocity is stepped.
 struct Stage {
   Stage(const Mechanism& mechanism, double h, const State& state, const Inputs& inputs);
 
@@ -18,7 +19,7 @@ struct Stage {
   State state;                ///< at its start
   Couplings couplings;
   Eigen::MatrixXd mass;       ///< M
-  Eigen::VectorXd bias;       ///< c
+  Eigen::VectorXd bias;       ///< c, at constant joint velocities and a constant velocity of the root in the world
   Eigen::MatrixXd implicit;   ///< A = M + diag(a + h (d + kd) + h^2 kp)
   Eigen::MatrixXd inverse;    ///< A^-1
   Eigen::VectorXd free;       ///< v*, where the couplings take no impulse

@@ -1,0 +1,102 @@
+// Batch: what the last step did with its rows and with the energy. SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "impl.h"
+
+namespace lockstep {
+
+namespace {
+
+void require_recorded(bool recorded) {
+  if (!recorded)
+    throw UsageError("diagnostics", "are not kept by this plan", "set StepSettings::record_diagnostics");
+}
+
+// A residual up to this is rounding, rad or m.
+template <class S>
+constexpr double rounding = sizeof(S) == 4 ? 1e-5 : 1e-8;
+
+}  // namespace
+
+template <class S>
+auto Batch<S>::limit_violations() const -> Array {
+  const Model& model = impl_->plan.model();
+  const ConstView q = positions();
+  Array worst = Array::Zero(1, environments());
+  for (std::size_t j = 0; j < model.joints.size(); ++j) {
+    const int dof = impl_->plan.program().dof_of_joint[j];
+    if (dof < 0) continue;
+    const S lower = static_cast<S>(model.joints[j].lower), upper = static_cast<S>(model.joints[j].upper);
+    worst = worst.max((lower - q.row(dof)).max(q.row(dof) - upper));
+  }
+  return worst;
+}
+
+template <class S>
+auto Batch<S>::speeds() const -> Array {
+  Array fastest = Array::Zero(1, environments());
+  for (Eigen::Index dof = 0; dof < impl_->tables.joints; ++dof) fastest = fastest.max(velocities().row(dof).abs());
+  return fastest;
+}
+
+template <class S>
+auto Batch<S>::row_residuals() const -> Array {
+  require_recorded(impl_->tables.record_diagnostics);
+  return impl_->view(impl_->residual);
+}
+
+template <class S>
+auto Batch<S>::row_states() const -> Array {
+  require_recorded(impl_->tables.record_diagnostics);
+  return impl_->view(impl_->row_state);
+}
+
+template <class S>
+auto Batch<S>::energy_balances() const -> Array {
+  require_recorded(impl_->tables.record_diagnostics);
+  return impl_->view(impl_->energy);
+}
+
+// A row that was not met, and what stood in its way: rows that act on the same velocity, or the couplings that a
+// redundant one follows from.
+template <class S>
+std::vector<std::string> Batch<S>::conflicts(int environment) const {
+  require_recorded(impl_->tables.record_diagnostics);
+  impl_->check_id(environment);
+  const Program& program = impl_->plan.program();
+  const auto residual = impl_->view(impl_->residual).col(environment);
+  const auto state = impl_->view(impl_->row_state).col(environment);
+  std::vector<bool> named(program.row_names.size(), false);
+  for (std::size_t r = 0; r < named.size(); ++r) {
+    if (!(residual[static_cast<Eigen::Index>(r)] > rounding<S>)) continue;
+    named[r] = true;
+    const Reported& row = program.reported[r];
+    for (std::size_t other = 0; other < named.size(); ++other)
+      if (row.bounded >= 0 && program.reported[other].bounded == row.bounded &&
+          std::abs(state[static_cast<Eigen::Index>(other)]) == S(1))
+        named[other] = true;
+    if (row.kind != Reported::coupling) continue;
+    const auto redundant = std::find(program.redundant.begin(), program.redundant.end(), row.index);
+    if (redundant == program.redundant.end()) continue;
+    for (int c : program.follows_from[redundant - program.redundant.begin()]) named[c] = true;
+  }
+  std::vector<std::string> names;
+  for (std::size_t r = 0; r < named.size(); ++r)
+    if (named[r]) names.push_back(program.row_names[r]);
+  return names;
+}
+
+template auto Batch<float>::limit_violations() const -> Array;
+template auto Batch<double>::limit_violations() const -> Array;
+template auto Batch<float>::speeds() const -> Array;
+template auto Batch<double>::speeds() const -> Array;
+template auto Batch<float>::row_residuals() const -> Array;
+template auto Batch<double>::row_residuals() const -> Array;
+template auto Batch<float>::row_states() const -> Array;
+template auto Batch<double>::row_states() const -> Array;
+template auto Batch<float>::energy_balances() const -> Array;
+template auto Batch<double>::energy_balances() const -> Array;
+template std::vector<std::string> Batch<float>::conflicts(int) const;
+template std::vector<std::string> Batch<double>::conflicts(int) const;
+
+}  // namespace lockstep

@@ -1,0 +1,214 @@
+// Batch::Impl: storage, stepping over tiles. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <limits>
+
+#include "../plan/program.h"
+#include "../targets/dispatch.h"
+#include "lockstep/batch.h"
+#include "lockstep/error.h"
+#include "workers.h"
+
+namespace lockstep {
+
+inline int checked_environments(int environments) {
+  if (environments < 1)
+    throw SettingsError("environments", "is " + std::to_string(environments) + ", not a positive number", "give 1 or more");
+  return environments;
+}
+
+template <class S>
+struct Batch<S>::Impl {
+  Impl(const Plan& p, int count, const BatchOptions& options)
+      : plan(p), environments(checked_environments(count)), target(resolve(options.target)),
+        tables(lockstep::tables<S>(p.program())), kernels(kernels_for<S>(target)),
+        stride(row_stride<S>(count)), workers(options.threads, kernels.scratch_bytes(tables)) {
+    if (options.threads < 0)
+      throw SettingsError("threads", "is negative", "give 0 for all, or a number");
+    const int dofs = tables.joints;
+    position = rows(dofs);
+    velocity = rows(dofs);
+    position_target = rows(dofs);
+    velocity_target = rows(dofs);
+    effort = rows(dofs);
+    if (tables.floating) root_pose = rows(7), root_velocity = rows(6);
+    if (tables.record_impulses) impulse = rows(tables.couplings);
+    if (tables.record_diagnostics)
+      residual = rows(tables.reported.count), row_state = rows(tables.reported.count), energy = rows(4);
+    for (int f = 0; f < parameter_count; ++f)
+      if (plan.settings().per_environment.contains(static_cast<Parameter>(f)))
+        field[f] = rows(plan.parameter_rows(static_cast<Parameter>(f)));
+    fault = AlignedBlock<Fault>(static_cast<std::size_t>(stride));
+    fill_inputs();
+    fill_parameters();
+    for (int e = 0; e < stride; ++e) reset(e);  // the padding as well: it is stepped, so it must be sound
+    require_representable();
+  }
+
+  AlignedBlock<S> rows(int count) const { return AlignedBlock<S>(static_cast<std::size_t>(count * stride)); }
+
+  void fill_row(AlignedBlock<S>& block, int row, double value) const {
+    std::fill_n(block.data() + row * stride, stride, static_cast<S>(value));
+  }
+
+  void fill_inputs() {
+    const Program& program = plan.program();
+    for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
+      const int row = program.dof_of_joint[j];
+      if (row < 0) continue;
+      const Joint& joint = program.model.joints[j];
+      fill_row(position_target, row, joint.drive.position_target);
+      fill_row(velocity_target, row, joint.drive.velocity_target);
+      fill_row(effort, row, joint.effort);
+    }
+  }
+
+  void fill_parameters() {
+    const Program& program = plan.program();
+    const Model& model = program.model;
+    const auto fill = [&](Parameter p, int row, double value) {
+      AlignedBlock<S>& block = field[static_cast<int>(p)];
+      if (block.size() > 0) fill_row(block, row, value);
+    };
+    int gear = 0;
+    for (std::size_t c = 0; c < model.couplings.size(); ++c) {
+      const Coupling& coupling = model.couplings[c];
+      const int row = static_cast<int>(c);
+      for (const CouplingTerm& term : coupling.terms) fill(Parameter::gear_ratio, gear++, term.ratio);
+      fill(Parameter::offset, row, coupling.offset);
+      fill(Parameter::coupling_switch, row, 1.0);
+      fill(Parameter::softness, 2 * row, coupling.softness.first);
+      fill(Parameter::softness, 2 * row + 1, coupling.softness.second);
+    }
+    for (std::size_t j = 0; j < model.joints.size(); ++j) {
+      const int row = program.dof_of_joint[j];
+      if (row < 0) continue;
+      fill(Parameter::drive_gains, 2 * row, model.joints[j].drive.kp);
+      fill(Parameter::drive_gains, 2 * row + 1, model.joints[j].drive.kd);
+      fill(Parameter::damping, row, model.joints[j].damping);
+    }
+    for (std::size_t l = 0; l < model.links.size(); ++l)
+      fill(Parameter::mass, static_cast<int>(l), model.links[l].inertia.mass);
+    for (int k = 0; k < 3; ++k) fill(Parameter::gravity, k, model.gravity[k]);
+  }
+
+  // The model's numbers are finite, so what is not was too large for S.
+  void require_representable() const {
+    bool all = sizeof(S) > 4 || plan.program().fits_single;
+    for (const AlignedBlock<S>* block : {&position, &velocity, &root_pose, &root_velocity, &position_target,
+                                         &velocity_target, &effort})
+      all = all && view(*block).col(0).isFinite().all();
+    for (const AlignedBlock<S>& block : field) all = all && view(block).col(0).isFinite().all();
+    if (!all)
+      throw UsageError("model '" + plan.model().name + "'", "has numbers beyond single precision", "use Batch<double>");
+  }
+
+  // To the model's state.
+  void reset(int e) {
+    const Program& program = plan.program();
+    for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
+      const int row = program.dof_of_joint[j];
+      if (row < 0) continue;
+      position.data()[row * stride + e] = static_cast<S>(program.model.joints[j].position);
+      velocity.data()[row * stride + e] = static_cast<S>(program.model.joints[j].velocity);
+    }
+    if (tables.floating) {
+      const Root& root = program.model.root;
+      const Eigen::Quaterniond turn(root.pose.linear());
+      const double pose[7] = {root.pose.translation().x(), root.pose.translation().y(), root.pose.translation().z(),
+                              turn.w(), turn.x(), turn.y(), turn.z()};
+      for (int i = 0; i < 7; ++i) root_pose.data()[i * stride + e] = static_cast<S>(pose[i]);
+      for (int i = 0; i < 6; ++i) root_velocity.data()[i * stride + e] = static_cast<S>(root.velocity[i]);
+    }
+    fault.data()[e] = Fault::none;
+  }
+
+  void check_id(int id) const {
+    if (id < 0 || id >= environments)
+      throw UsageError("environment " + std::to_string(id), "is outside the batch of " + std::to_string(environments),
+                       "give 0 to " + std::to_string(environments - 1));
+  }
+
+  void check_link(int link) const {
+    if (link < 0 || link >= tables.links)
+      throw UsageError("link " + std::to_string(link), "is not part of the plan", "see Plan::link()");
+  }
+
+  const Site& site(int index) const {
+    if (index < 0 || index >= static_cast<int>(plan.model().sites.size()))
+      throw UsageError("site " + std::to_string(index), "is not part of the plan", "see Plan::site()");
+    return plan.model().sites[index];
+  }
+
+  Lanes<S> lanes() const {
+    Lanes<S> l;
+    l.stride = stride;
+    l.position = position.data();
+    l.velocity = velocity.data();
+    l.root_pose = root_pose.data();
+    l.root_velocity = root_velocity.data();
+    l.position_target = position_target.data();
+    l.velocity_target = velocity_target.data();
+    l.effort = effort.data();
+    for (int f = 0; f < parameter_count; ++f) l.field[f] = field[f].data();
+    l.impulse = impulse.data();
+    l.residual = residual.data();
+    l.row_state = row_state.data();
+    l.energy = energy.data();
+    l.fault = fault.data();
+    return l;
+  }
+
+  int tiles() const { return (environments + kernels.lanes - 1) / kernels.lanes; }
+
+  void step(int substeps) {
+    const Lanes<S> l = lanes();
+    workers.for_tiles(tiles(), [&](int first, int last, void* scratch) {
+      kernels.advance(tables, l, static_cast<std::ptrdiff_t>(first) * kernels.lanes,
+                      static_cast<std::ptrdiff_t>(last) * kernels.lanes, substeps, scratch);
+    });
+  }
+
+  Array read(const kernels::Request<S>& request, int row_count) {
+    AlignedBlock<S> result = rows(row_count);
+    const Lanes<S> l = lanes();
+    workers.for_tiles(tiles(), [&](int first, int last, void* scratch) {
+      kernels.read(tables, l, static_cast<std::ptrdiff_t>(first) * kernels.lanes,
+                   static_cast<std::ptrdiff_t>(last) * kernels.lanes, request, result.data(), stride, scratch);
+    });
+    return View(result.data(), row_count, environments, Eigen::OuterStride<>(stride));
+  }
+
+  Array read(kernels::Quantity quantity, int row_count) { return read(kernels::Request<S>{quantity}, row_count); }
+
+  Array read_frame(kernels::Quantity quantity, int link, const Eigen::Vector3d& offset, int row_count) {
+    kernels::Request<S> request{quantity, link};
+    for (int k = 0; k < 3; ++k) request.offset[k] = static_cast<S>(offset[k]);
+    return read(request, row_count);
+  }
+
+  View view(const AlignedBlock<S>& block) const {
+    return View(block.data(), static_cast<Eigen::Index>(block.size()) / stride, environments, Eigen::OuterStride<>(stride));
+  }
+
+  ConstView const_view(const AlignedBlock<S>& block) const {
+    return ConstView(block.data(), static_cast<Eigen::Index>(block.size()) / stride, environments,
+                     Eigen::OuterStride<>(stride));
+  }
+
+  Plan plan;
+  int environments;
+  Target target;
+  const Tables<S>& tables;
+  const KernelSet<S>& kernels;
+  std::ptrdiff_t stride;
+  Workers workers;
+  AlignedBlock<S> position, velocity, root_pose, root_velocity;
+  AlignedBlock<S> position_target, velocity_target, effort, impulse, residual, row_state, energy;
+  AlignedBlock<S> field[parameter_count];
+  AlignedBlock<Fault> fault;
+};
+
+}  // namespace lockstep
