@@ -104,14 +104,22 @@ void report_range(const Joint& follower, const Joint& leader, const Relation& la
   const double one = last.multiplier * leader.lower + last.offset;
   const double other = last.multiplier * leader.upper + last.offset;
   const double beyond = std::max(follower.lower - std::min(one, other), std::max(one, other) - follower.upper);
-  const double width = follower.upper - follower.lower;
-  const double slack = std::isfinite(width) ? limit_slack * width : 0.0;
+  const auto slack_of = [](double width) { return std::isfinite(width) ? limit_slack * width : 0.0; };
+  const double slack = slack_of(follower.upper - follower.lower);
   if (beyond == infinity)
     report.remark("limited followers of a leader without limits", follower.name);
   else if (beyond > slack)
     report.remark(
         "followers that leave their limits while their leader keeps its own",
         fmt::format("{} by {:.4g} {}", follower.name, beyond, follower.kind == JointKind::prismatic ? "m" : "rad"));
+
+  // What the follower's limits leave of the leader's range. Some published grippers have the follower's sign wrong.
+  const double at_lower = (follower.lower - last.offset) / last.multiplier;
+  const double at_upper = (follower.upper - last.offset) / last.multiplier;
+  const double left = std::min(leader.upper, std::max(at_lower, at_upper)) -
+                      std::max(leader.lower, std::min(at_lower, at_upper));
+  if (beyond > slack && left <= slack_of(leader.upper - leader.lower))
+    report.remark("followers whose limits leave their leader no room to move", follower.name);
 }
 
 }  // namespace

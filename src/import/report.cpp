@@ -32,7 +32,7 @@ std::vector<std::string> Report::lines() const {
   std::vector<std::string> kept;
   for (const auto& [kind, number] : kept_)
     kept.push_back(fmt::format("{} of {}", kind, counted(static_cast<std::size_t>(number), "joint")));
-  if (!kept.empty()) lines.push_back("kept, but not enforced by a step: " + listed(kept));
+  if (!kept.empty()) lines.push_back("kept and enforced by a step: " + listed(kept));
   if (!not_used_.empty()) lines.push_back("not used: " + tallied(not_used_));
   if (!unknown_.empty()) lines.push_back("unknown, not used (check the spelling): " + tallied(unknown_));
   return lines;

@@ -12,7 +12,7 @@ class Report {
  public:
   /// "what (2): item, item". Lines come in the order in which they were first remarked.
   void remark(const std::string& what, const std::string& item);
-  void kept(const std::string& kind) { ++kept_[kind]; }          ///< of a joint: a step does not enforce it
+  void kept(const std::string& kind) { ++kept_[kind]; }          ///< of a joint: a bound that a step enforces
   void not_used(const std::string& kind) { ++not_used_[kind]; }  ///< URDF has it, lockstep has no use for it
   void unknown(const std::string& kind) { ++unknown_[kind]; }    ///< URDF has it not: perhaps a misspelling
 

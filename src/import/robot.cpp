@@ -62,6 +62,12 @@ void read_limit(Element& owner, Joint& joint) {
     owner.report().remark("<limit> without effort or velocity, taken as unlimited", joint.name);
   joint.effort_limit = limit->number("effort", infinity);
   joint.velocity_limit = limit->number("velocity", infinity);
+  // Files write 0 where nobody knew the number, since URDF demands both. Taken at its word, an effort of 0 would leave
+  // the joint without a drive, a velocity of 0 would lock it.
+  if (joint.effort_limit == 0.0 || joint.velocity_limit == 0.0)
+    owner.report().remark("<limit> with effort or velocity 0, taken as unlimited", joint.name);
+  if (joint.effort_limit == 0.0) joint.effort_limit = infinity;
+  if (joint.velocity_limit == 0.0) joint.velocity_limit = infinity;
   limit->tally_rest(has_range ? "" : " of continuous joints");
 }
 

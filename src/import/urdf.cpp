@@ -135,6 +135,7 @@ void report_joints(const Model& model, Report& report) {
       report.remark(
           "joints that start outside of their limits",
           fmt::format("{} at {:.4g}, not {:.4g} to {:.4g}", joint.name, joint.position, joint.lower, joint.upper));
+    if (joint.lower == joint.upper) report.remark("joints that cannot move, lower = upper", joint.name);
     if (joint.lower > -infinity || joint.upper < infinity) report.kept("position limits");
     if (joint.velocity_limit < infinity) report.kept("velocity limits");
     if (joint.effort_limit < infinity) report.kept("effort limits");

@@ -73,6 +73,92 @@ void possible_inertia(const Link& link) {
           "check the units and that it is about the centre of mass");
 }
 
+// `what` names what is soft: a coupling, a limit, a kinematic drive.
+void proper_softness(const Softness& softness, const string& element, const string& what) {
+  const double first = softness.first, second = softness.second;
+  finite(first, element, "softness of the " + what);
+  finite(second, element, "softness of the " + what);
+  switch (softness.kind) {
+    case Softness::Kind::hard:
+      require(first >= 0.0 && first < 2.0, element,
+              "erp of a hard " + what + " is " + std::to_string(first) + ", outside [0, 2)",
+              "at 2 the error would change its sign forever; give 0.2");
+      require(second == 0.0, element, "has a hard " + what + " with a second number", "use Softness::mixing for a cfm");
+      break;
+    case Softness::Kind::mixing:
+      require(first >= 0.0 && first <= 1.0, element, "erp of the " + what + " is outside [0, 1]",
+              "give a share between 0 and 1");
+      require(second >= 0.0, element, "cfm of the " + what + " is negative", "give 0 (hard) or more");
+      break;
+    case Softness::Kind::spring:
+      require(first >= 0.0 && second >= 0.0, element, "kp or kd of the soft " + what + " is negative",
+              "give 0 or more");
+      break;
+    case Softness::Kind::frequency:
+      require(first >= 0.0 && second >= 0.0, element,
+              "natural frequency or damping ratio of the " + what + " is negative",
+              "give 0 or more (rad/s; Hz times 2 pi)");
+      break;
+  }
+}
+
+// A spring that never pulls. A coupling may have one, since its softness may differ from environment to environment.
+bool is_slack(const Softness& softness) {
+  return (softness.kind == Softness::Kind::spring && softness.first == 0.0 && softness.second == 0.0) ||
+         (softness.kind == Softness::Kind::frequency && softness.first == 0.0);
+}
+
+void proper_range(const Joint& joint, const string& element) {
+  require(!std::isnan(joint.lower) && !std::isnan(joint.upper), element, "position limit is no number",
+          "give a number, or an infinity where there is no limit");
+  require(joint.lower <= joint.upper, element, "position range is empty (lower > upper)", "swap the limits");
+  require(joint.lower < infinity && joint.upper > -infinity, element, "position range lies at infinity",
+          "give lower = -infinity and upper = infinity where there is no limit");
+  require(joint.kind != JointKind::continuous || (joint.lower == -infinity && joint.upper == infinity), element,
+          "is continuous and yet has a position range", "make it revolute, or remove the range");
+}
+
+void proper_bounds(const Joint& joint, const string& element) {
+  proper_range(joint, element);
+  proper_softness(joint.limit_softness, element, "limit");
+  require(!is_slack(joint.limit_softness), element, "softness of the limit is a spring that never pulls",
+          "give it stiffness or damping, or remove the position range");
+  require(joint.restitution >= 0.0 && joint.restitution <= 1.0, element,
+          "restitution is " + std::to_string(joint.restitution) + ", outside [0, 1]", "give a share between 0 and 1");
+  require(joint.restitution == 0.0 || joint.limit_softness.is_hard(), element, "has a restitution, but soft limits",
+          "set it to 0 (a soft limit gives back what its damping leaves), or make the limits hard");
+  require(joint.velocity_limit >= 0.0, element, "velocity limit is negative or no number",
+          "give more than 0, infinity for none");
+  require(joint.velocity_limit > 0.0, element, "velocity limit is 0, which locks the joint",
+          "make the joint fixed or its drive kinematic, or give infinity for no limit");
+  require(joint.effort_limit >= 0.0, element, "effort limit is negative or no number",
+          "give 0 or more, infinity for none");
+  not_negative(joint.friction, element, "friction");
+}
+
+// What the other kind of drive would silently pass over is an error.
+void proper_drive(const Drive& drive, const string& element) {
+  not_negative(drive.kp, element, "drive kp");
+  not_negative(drive.kd, element, "drive kd");
+  finite(drive.position_target, element, "position target");
+  finite(drive.velocity_target, element, "velocity target");
+  const Softness &softness = drive.softness, standard = Drive().softness;
+  if (!drive.kinematic) {
+    require(softness.kind == standard.kind && softness.first == standard.first && softness.second == standard.second,
+            element, "drive has a softness, which only kinematic ones have",
+            "make the drive kinematic, or leave its softness as it is and set kp and kd");
+    return;
+  }
+  require(drive.kp == 0.0 && drive.kd == 0.0, element, "kinematic drive has kp or kd",
+          "set both to 0 and give Drive::softness, or make the drive a servo (kinematic = false)");
+  proper_softness(softness, element, "kinematic drive");
+  require(!is_slack(softness), element, "softness of the kinematic drive is a spring that never pulls",
+          "give it stiffness or damping, or make the drive not kinematic");
+  require(!softness.is_hard() || (softness.first > 0.0 && softness.first <= 1.0), element,
+          "erp of a hard kinematic drive is " + std::to_string(softness.first) + ", outside (0, 1]",
+          "give 1 to be at the target after each step, less to approach it");
+}
+
 void proper_joint(const Joint& joint) {
   const string element = quoted("joint", joint.name);
   rigid(joint.origin, element, "origin");
@@ -81,17 +167,11 @@ void proper_joint(const Joint& joint) {
   require(joint.axis.norm() > 1e-9, element, "axis has no length", "give a direction such as 0 0 1");
   not_negative(joint.damping, element, "damping");
   not_negative(joint.armature, element, "armature");
-  not_negative(joint.friction, element, "friction");
-  not_negative(joint.drive.kp, element, "drive kp");
-  not_negative(joint.drive.kd, element, "drive kd");
-  finite(joint.drive.position_target, element, "position target");
-  finite(joint.drive.velocity_target, element, "velocity target");
+  proper_drive(joint.drive, element);
   finite(joint.effort, element, "effort");
   finite(joint.position, element, "position");
   finite(joint.velocity, element, "velocity");
-  require(joint.effort_limit >= 0.0, element, "effort limit is negative or no number", "give 0 or more");
-  require(joint.velocity_limit >= 0.0, element, "velocity limit is negative or no number", "give 0 or more");
-  require(joint.lower <= joint.upper, element, "position range is empty (lower > upper)", "swap the limits");
+  proper_bounds(joint, element);
 }
 
 // By carrier: the inertia of the rigid body that it and the links fixed to it form.
@@ -129,37 +209,17 @@ void moves_some_inertia(const Model& model, const Tree& tree, int link, const In
           "give it an inertia (<inertia> in URDF), or the joint an armature");
 }
 
-void proper_softness(const Softness& softness, const string& element) {
-  const double first = softness.first, second = softness.second;
-  finite(first, element, "softness");
-  finite(second, element, "softness");
-  switch (softness.kind) {
-    case Softness::Kind::hard:
-      require(first >= 0.0 && first < 2.0, element, "erp of a hard coupling is " + std::to_string(first) + ", outside [0, 2)",
-              "at 2 the error would change its sign forever; give 0.2");
-      require(second == 0.0, element, "is hard and yet has a second number", "use Softness::mixing for a cfm");
-      break;
-    case Softness::Kind::mixing:
-      require(first >= 0.0 && first <= 1.0, element, "erp is outside [0, 1]", "give a share between 0 and 1");
-      require(second >= 0.0, element, "cfm is negative", "give 0 (hard) or more");
-      break;
-    case Softness::Kind::spring:
-      require(first >= 0.0 && second >= 0.0, element, "kp or kd is negative", "give 0 or more");
-      break;
-    case Softness::Kind::frequency:
-      require(first >= 0.0 && second >= 0.0, element, "natural frequency or damping ratio is negative",
-              "give 0 or more (rad/s; Hz times 2 pi)");
-      break;
-  }
-}
-
 using JointsByName = std::unordered_map<string, const Joint*>;
 
 void proper_coupling(const JointsByName& joints, const Coupling& coupling, const string& name) {
   const string element = quoted("coupling", name);
   finite(coupling.offset, element, "offset gamma");
   require(!coupling.terms.empty(), element, "has only one joint", "name the joints that it follows");
-  proper_softness(coupling.softness, element);
+  proper_softness(coupling.softness, element, "coupling");
+  require(coupling.force_limit >= 0.0, element, "force limit is negative or no number",
+          "give more than 0, infinity for none");
+  require(coupling.force_limit > 0.0, element, "force limit is 0: the coupling would hold nothing",
+          "remove the coupling, or switch it off by Parameter::coupling_switch");
   std::set<string> seen;
   const auto moving = [&](const string& joint) {
     const auto found = joints.find(joint);

@@ -32,6 +32,7 @@ constexpr double truth_share = 0.2;     // of the work, as the progress bar show
 
 struct ChartOptions {
   ModelOptions model;
+  Ignored ignore;
   std::string out, csv, python, state;
   int environments = 0;  // 0: as many as fit the budget
   double seconds = 1.0, budget = 25.0;
@@ -59,10 +60,10 @@ Model with_start(const ChartOptions& options, Model model) {
 }
 
 // The settings that the model allows, and a line about each method that it does not.
-std::vector<ChartSetting> possible_settings(const Model& model) {
+std::vector<ChartSetting> possible_settings(const Model& model, const Ignored& ignore) {
   std::vector<ChartSetting> possible;
   Method refused = Method::automatic;
-  for (const ChartSetting& setting : chart_settings(model)) {
+  for (const ChartSetting& setting : chart_settings(model, ignore)) {
     if (setting.method == refused) continue;
     try {
       compile_setting(model, setting);
@@ -88,7 +89,7 @@ struct Measured {
 Measured measure(const ChartOptions& options, const Model& model, const Truth& truth,
                  const std::function<void(double)>& tick) {
   const int samples = static_cast<int>(truth.positions.cols());
-  const std::vector<ChartSetting> settings = possible_settings(model);
+  const std::vector<ChartSetting> settings = possible_settings(model, options.ignore);
   Measured result{{}, options.environments};
   std::vector<Plan> plans;
   std::vector<double> expected;
@@ -214,7 +215,8 @@ void run(const ChartOptions& options) {
   Measured measured;
   {
     Progress progress(100.0, "%");
-    truth = find_truth(model, samples, [&](double share) { progress.update(100.0 * truth_share * share); });
+    truth = find_truth(model, options.ignore, samples,
+                       [&](double share) { progress.update(100.0 * truth_share * share); });
     measured = measure(options, model, truth, [&](double share) {
       progress.update(100.0 * (truth_share + (1.0 - truth_share) * share));
     });
@@ -231,6 +233,7 @@ void add_chart(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("chart", "Measures and draws error against cost of the methods on a model");
   const auto options = std::make_shared<ChartOptions>();
   options->model.add_to(*command);
+  add_ignore(*command, options->ignore);
   command->add_option("--out", options->out, "The picture (default MODEL_chart.svg); .png and .pdf work too")
       ->type_name("FILE");
   command->add_option("--csv", options->csv, "The table (default: the picture's name with .csv)")->type_name("FILE");

@@ -58,15 +58,16 @@ Trajectory trajectory(const Plan& plan, int samples, const std::function<void(do
   return result;
 }
 
-Plan truth_plan(const Model& model, int steps_per_second) {
+Plan truth_plan(const Model& model, const Ignored& ignore, int steps_per_second) {
   StepSettings settings;
+  settings.ignore = ignore;
   settings.dt = 1.0 / steps_per_second;
   return compile(model, settings);
 }
 
 // The most steps per second whose three runs (of 1, 1/2 and 1/4 of them) fit the time for the truth.
-int truth_rate(const Model& model, int samples) {
-  Batch<double> batch(truth_plan(model, finest_truth), 1, {.threads = 1});
+int truth_rate(const Model& model, const Ignored& ignore, int samples) {
+  Batch<double> batch(truth_plan(model, ignore, finest_truth), 1, {.threads = 1});
   constexpr int steps = 256;
   batch.step(steps);
   const double start = thread_seconds();
@@ -123,10 +124,10 @@ Model with_moving_start(Model model) {
   return model;
 }
 
-std::vector<ChartSetting> chart_settings(const Model& model) {
+std::vector<ChartSetting> chart_settings(const Model& model, const Ignored& ignore) {
   std::vector<ChartSetting> settings;
   const auto add = [&](Method method, int iterations, bool f64) {
-    for (const int rate : step_rates) settings.push_back({method, iterations, rate, f64});
+    for (const int rate : step_rates) settings.push_back({method, iterations, rate, f64, ignore});
   };
   for (const bool f64 : {false, true}) {
     if (!model.couplings.empty()) add(Method::reduced, 0, f64);
@@ -142,13 +143,13 @@ double rms(const Eigen::ArrayXXd& difference) {
   return difference.size() == 0 ? 0.0 : std::sqrt(difference.square().mean());
 }
 
-Truth find_truth(const Model& model, int samples, const std::function<void(double)>& tick) {
-  const int rate = truth_rate(model, samples);
+Truth find_truth(const Model& model, const Ignored& ignore, int samples, const std::function<void(double)>& tick) {
+  const int rate = truth_rate(model, ignore, samples);
   Eigen::ArrayXXd runs[3];
   double done = 0.0;
   for (int level = 0; level < 3; ++level) {
     const double share = std::ldexp(4.0 / 7.0, level - 2);  // each run takes twice the steps of the one before
-    const Plan plan = truth_plan(model, rate >> (2 - level));
+    const Plan plan = truth_plan(model, ignore, rate >> (2 - level));
     Trajectory run = trajectory<double>(plan, samples, [&](double of_run) { tick(done + share * of_run); }, false);
     if (run.fault != Fault::none)
       throw InputError(fmt::format("model '{}': the small-step run that errors are measured against faulted ({}); "
@@ -184,6 +185,7 @@ Plan compile_setting(const Model& model, const ChartSetting& setting) {
   settings.dt = 1.0 / setting.steps_per_second;
   settings.method = setting.method;
   settings.iterations = std::max(setting.iterations, 1);
+  settings.ignore = setting.ignore;
   return compile(model, settings);
 }
 

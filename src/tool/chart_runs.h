@@ -15,6 +15,7 @@ struct ChartSetting {
   int iterations;        ///< 0 for direct and reduced, which have none
   int steps_per_second;
   bool f64;
+  Ignored ignore = {};   ///< bounds that no run of the chart has
 };
 
 struct ChartPoint {
@@ -47,13 +48,13 @@ struct Truth {
 Model with_moving_start(Model model);
 
 /// All that are to be compared. A model without couplings has nothing to solve and only one method.
-std::vector<ChartSetting> chart_settings(const Model& model);
+std::vector<ChartSetting> chart_settings(const Model& model, const Ignored& ignore = {});
 
 double rms(const Eigen::ArrayXXd& difference);
 
 /// Romberg extrapolation over three small steps, f64, method automatic. `tick` is called now and then with
 /// the share that is done. Throws InputError where the run faults.
-Truth find_truth(const Model& model, int samples, const std::function<void(double)>& tick);
+Truth find_truth(const Model& model, const Ignored& ignore, int samples, const std::function<void(double)>& tick);
 
 /// Error of a setting against the truth; the cost stays 0.
 ChartPoint measure_error(const Model& model, const ChartSetting& setting, const Truth& truth);

@@ -15,41 +15,63 @@ namespace {
 
 constexpr Method all_methods[] = {Method::automatic, Method::pgs, Method::tgs, Method::direct, Method::reduced};
 
-struct NamedPair {
+struct Named {
   std::string name;
-  double first, second;
+  std::vector<double> numbers;
 };
 
-// "NAME=X,Y". The name may hold an equals sign, numbers do not.
-NamedPair named_pair(const std::string& text, const std::string& option) {
+// "NAME=X" or "NAME=X,Y", none negative. The name may hold an equals sign, numbers do not.
+Named named_numbers(const std::string& text, std::size_t count, const std::string& option) {
   const std::size_t equals = text.rfind('=');
   if (equals == std::string::npos || equals == 0)
-    throw InputError(fmt::format("{}: '{}' should be JOINT=NUMBER,NUMBER", option, text));
+    throw InputError(
+        fmt::format("{}: '{}' should be JOINT=NUMBER{}", option, text, count == 2 ? ",NUMBER" : ""));
   const std::string what = option + " " + text.substr(0, equals);
-  const std::vector<double> numbers = to_numbers(text.substr(equals + 1), 2, what);
-  if (numbers[0] < 0.0 || numbers[1] < 0.0) throw InputError(fmt::format("{}: '{}' is negative", what, text));
-  return {text.substr(0, equals), numbers[0], numbers[1]};
+  const std::vector<double> numbers = to_numbers(text.substr(equals + 1), count, what);
+  for (const double number : numbers)
+    if (number < 0.0) throw InputError(fmt::format("{}: '{}' is negative", what, text));
+  return {text.substr(0, equals), numbers};
 }
 
-void soften(const NamedPair& softness, Model& model) {
+Coupling& coupling_of(Model& model, const std::string& name, const char* option) {
   const std::vector<std::string> names = coupling_names(model);
   for (std::size_t c = 0; c < names.size(); ++c)
-    if (names[c] == softness.name) {
-      model.couplings[c].softness = Softness::frequency(softness.first, softness.second);
-      return;
-    }
-  throw InputError(fmt::format("--softness: no coupling has '{}' as its first joint; the couplings are: {}",
-                               softness.name, names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+    if (names[c] == name) return model.couplings[c];
+  throw InputError(fmt::format("{}: no coupling has '{}' as its first joint; the couplings are: {}", option, name,
+                               names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
 }
 
-void drive(const NamedPair& gains, Model& model) {
-  for (Joint& joint : model.joints)
-    if (joint.name == gains.name) {
-      if (!joint.moves()) throw InputError(fmt::format("--drive: joint '{}' is fixed; name a moving one", gains.name));
-      joint.drive.kp = gains.first, joint.drive.kd = gains.second;
-      return;
-    }
-  throw InputError(fmt::format("--drive: model '{}' has no joint '{}'", model.name, gains.name));
+Joint& moving_joint(Model& model, const std::string& name, const char* option) {
+  for (Joint& joint : model.joints) {
+    if (joint.name != name) continue;
+    if (!joint.moves()) throw InputError(fmt::format("{}: joint '{}' is fixed; name a moving one", option, name));
+    return joint;
+  }
+  throw InputError(fmt::format("{}: model '{}' has no joint '{}'", option, model.name, name));
+}
+
+void soften(const std::string& text, Model& model) {
+  const Named softness = named_numbers(text, 2, "--softness");
+  coupling_of(model, softness.name, "--softness").softness =
+      Softness::frequency(softness.numbers[0], softness.numbers[1]);
+}
+
+void limit_force(const std::string& text, Model& model) {
+  const Named limit = named_numbers(text, 1, "--force-limit");
+  coupling_of(model, limit.name, "--force-limit").force_limit = limit.numbers[0];
+}
+
+void drive(const std::string& text, Model& model) {
+  const Named gains = named_numbers(text, 2, "--drive");
+  Drive& drive = moving_joint(model, gains.name, "--drive").drive;
+  drive.kp = gains.numbers[0], drive.kd = gains.numbers[1];
+}
+
+void prescribe(const std::string& name, Model& model) {
+  Drive& drive = moving_joint(model, name, "--kinematic").drive;
+  if (drive.kp != 0.0 || drive.kd != 0.0)
+    throw InputError(fmt::format("--kinematic: joint '{}' has a --drive too; give it one of them", name));
+  drive.kinematic = true;
 }
 
 }  // namespace
@@ -72,8 +94,16 @@ void ModelOptions::add_to(CLI::App& app) {
                  "Repeatable; JOINT#2 is the second coupling of that first joint")
       ->type_name("JOINT=MU,ZETA")
       ->allow_extra_args(false);
+  app.add_option("--force-limit", force_limits,
+                 "Lets the coupling whose first joint is JOINT slip beyond this force along it, N m or N. Repeatable; "
+                 "names as for --softness")
+      ->type_name("JOINT=F")
+      ->allow_extra_args(false);
   app.add_option("--drive", drives, "Gives a joint a position drive with these gains. Repeatable")
       ->type_name("JOINT=KP,KD")
+      ->allow_extra_args(false);
+  app.add_option("--kinematic", kinematic, "Puts a joint on its target in each step, whatever it takes. Repeatable")
+      ->type_name("JOINT")
       ->allow_extra_args(false);
 }
 
@@ -83,8 +113,10 @@ void apply(const ModelOptions& options, Model& model) {
   if (options.erp)
     for (Coupling& coupling : model.couplings)
       if (coupling.softness.kind == Softness::Kind::hard) coupling.softness = Softness::hard(*options.erp);
-  for (const std::string& text : options.softness) soften(named_pair(text, "--softness"), model);
-  for (const std::string& text : options.drives) drive(named_pair(text, "--drive"), model);
+  for (const std::string& text : options.softness) soften(text, model);
+  for (const std::string& text : options.force_limits) limit_force(text, model);
+  for (const std::string& text : options.drives) drive(text, model);
+  for (const std::string& name : options.kinematic) prescribe(name, model);
 }
 
 Import ModelOptions::load() const {
@@ -110,6 +142,13 @@ void StepOptions::add_to(CLI::App& app) {
       ->type_name("K")
       ->capture_default_str()
       ->check(CLI::Range(0, 1000));
+  add_ignore(app, settings.ignore);
+}
+
+void add_ignore(CLI::App& app, Ignored& ignore) {
+  add_parsed(app, "--ignore", ignore, ignored_of,
+             "Bounds of the model to leave out: position, velocity, effort, friction, with commas between them")
+      ->type_name("LIST");
 }
 
 Method method_of(const std::string& text) {
@@ -119,6 +158,24 @@ Method method_of(const std::string& text) {
     known += std::string(known.empty() ? "" : ", ") + name(method);
   }
   throw InputError(fmt::format("--method: there is no '{}'; the methods are {}", text, known));
+}
+
+Ignored ignored_of(const std::string& list) {
+  Ignored ignored;
+  for (const std::string& part : split(list, ',')) {
+    if (part == "position")
+      ignored.position_limits = true;
+    else if (part == "velocity")
+      ignored.velocity_limits = true;
+    else if (part == "effort")
+      ignored.effort_limits = true;
+    else if (part == "friction")
+      ignored.friction = true;
+    else
+      throw InputError(
+          fmt::format("--ignore: there is no '{}'; give some of position,velocity,effort,friction", part));
+  }
+  return ignored;
 }
 
 double seconds_of(const std::string& text, const std::string& what) {

@@ -20,9 +20,11 @@ struct ModelOptions {
   std::string file;
   bool floating = false;
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};
-  std::optional<double> erp;          ///< of every hard coupling
-  std::vector<std::string> softness;  ///< "JOINT=MU,ZETA"
-  std::vector<std::string> drives;    ///< "JOINT=KP,KD"
+  std::optional<double> erp;              ///< of every hard coupling
+  std::vector<std::string> softness;      ///< "JOINT=MU,ZETA"
+  std::vector<std::string> force_limits;  ///< "JOINT=F"
+  std::vector<std::string> drives;        ///< "JOINT=KP,KD"
+  std::vector<std::string> kinematic;     ///< "JOINT"
 
   void add_to(CLI::App& app);
   /// Reads the file and applies the rest. Throws InputError and lockstep::Error.
@@ -38,8 +40,14 @@ struct StepOptions {
   void add_to(CLI::App& app);
 };
 
+/// --ignore, which StepOptions has too.
+void add_ignore(CLI::App& app, Ignored& ignore);
+
 /// Throws InputError, which lists the methods that there are.
 Method method_of(const std::string& name);
+
+/// From "position,velocity,effort,friction" or some of them. Throws InputError, which lists what there is.
+Ignored ignored_of(const std::string& list);
 
 /// An option whose text `parse` turns into `value`; it throws InputError.
 template <class App, class Value, class Parse>

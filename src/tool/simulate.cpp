@@ -1,5 +1,6 @@
 // lockstep simulate: many environments of one model over a time span. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <chrono>
@@ -8,6 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "diagnose.h"
 #include "lockstep/batch.h"
 #include "options.h"
 #include "progress.h"
@@ -76,16 +78,35 @@ void note_faults(const Batch<S>& batch, Outcome& outcome) {
     outcome.coupling_error_max = outcome.coupling_error_rms = std::numeric_limits<double>::quiet_NaN();
 }
 
+// Read once, though applied twice: a file may be a pipe.
+struct Inputs {
+  std::optional<Table> state, targets;
+  explicit Inputs(const SimulateOptions& options) {
+    if (!options.targets.empty()) targets = read_csv(options.targets);
+    if (!options.state.empty()) state = read_csv(options.state);
+  }
+  Targets targets_of(const Plan& plan) const { return targets ? Targets(*targets, plan) : Targets(); }
+};
+
+// The start of the first environments of the run, as many as the batch has.
 template <class S>
-Outcome run(const SimulateOptions& options, const Plan& plan, long steps) {
+void put_to_start(const SimulateOptions& options, std::optional<Table> state, Batch<S>& batch) {
+  if (state) {
+    if (state->rows.size() == static_cast<std::size_t>(options.environments)) state->rows.resize(batch.environments());
+    apply_state(*state, batch);
+  }
+  if (options.sigma > 0.0) perturb(options.sigma, options.seed, batch);
+}
+
+template <class S>
+Outcome run(const SimulateOptions& options, const Inputs& inputs, const Plan& plan, long steps) {
   using Clock = std::chrono::steady_clock;
   const double dt = plan.settings().dt;
-  const Targets targets = options.targets.empty() ? Targets() : Targets(read_csv(options.targets), plan);
+  const Targets targets = inputs.targets_of(plan);
   Batch<S> batch(plan, options.environments, {.threads = options.threads});
   batch.step();  // wakes the threads and touches the memory, outside the clock
   batch.reset();
-  if (!options.state.empty()) apply_state(read_csv(options.state), batch);
-  if (options.sigma > 0.0) perturb(options.sigma, options.seed, batch);
+  put_to_start(options, inputs.state, batch);
   Recorder recorder = options.record.empty() ? Recorder() : Recorder(options.record, options.recorded, plan);
   if (recorder.active()) recorder.add(0.0, batch, batch.coupling_errors());
 
@@ -111,6 +132,18 @@ Outcome run(const SimulateOptions& options, const Plan& plan, long steps) {
   recorder.close();
   note_faults(batch, outcome);
   return outcome;
+}
+
+// The same run once more, outside of the clock: what is recorded for it would make the speed shown less than that of
+// the plan that was asked for.
+template <class S>
+Diagnosis diagnosed(const SimulateOptions& options, const Inputs& inputs, const Plan& plan, long steps) {
+  StepSettings settings = plan.settings();
+  settings.record_diagnostics = true;
+  const Plan recording = compile(plan.model(), settings);
+  Batch<S> batch(recording, std::min(options.environments, most_diagnosed), {.threads = options.threads});
+  put_to_start(options, inputs.state, batch);
+  return diagnose(batch, inputs.targets_of(recording), steps);
 }
 
 int thread_count(const SimulateOptions& options) {
@@ -143,7 +176,17 @@ void print(const SimulateOptions& options, const Plan& plan, const Outcome& outc
   fmt::print("faults   {}\n", outcome.faulted == 0 ? "none" : fmt::format("{} environments", outcome.faulted));
 }
 
-std::string as_json(const SimulateOptions& options, const Plan& plan, const Outcome& outcome) {
+void warn(const Diagnosis& diagnosis) {
+  if (diagnosis.conflict_count == 0) return;
+  const Conflict& first = diagnosis.conflicts.front();
+  fmt::print("warning  bounds and couplings could not all be met in {} of the {} environments looked at; "
+             "first in number {} at {:.4g} s: {}\n",
+             diagnosis.conflict_count, diagnosis.environments, first.environment, first.time,
+             fmt::join(first.rows, ", "));
+}
+
+std::string as_json(const SimulateOptions& options, const Plan& plan, const Outcome& outcome,
+                    const Diagnosis& diagnosis) {
   nlohmann::ordered_json json;
   json["model"] = plan.model().name;
   json["file"] = options.model.file;
@@ -153,6 +196,15 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   json["faulted_environments"] = outcome.faulted;
   if (outcome.faulted > 0)
     json["first_fault"] = {{"environment", outcome.first_faulted}, {"fault", name(outcome.first_fault)}};
+  json["diagnosed_environments"] = diagnosis.environments;
+  json["energy_excess_max"] = diagnosis.energy_excess_max;
+  json["limit_violation_max"] = diagnosis.limit_violation_max;
+  json["speed_max"] = diagnosis.speed_max;
+  json["conflict_count"] = diagnosis.conflict_count;
+  json["conflicts"] = nlohmann::ordered_json::array();
+  for (const Conflict& conflict : diagnosis.conflicts)
+    json["conflicts"].push_back(
+        {{"environment", conflict.environment}, {"time", conflict.time}, {"rows", conflict.rows}});
   json["method"] = name(plan.method());
   json["iterations"] = plan.settings().iterations;
   json["velocity_iterations"] = plan.settings().velocity_iterations;
@@ -176,9 +228,17 @@ int run(const SimulateOptions& options) {
   const long steps = step_count(options.seconds, plan.settings().dt);
   std::optional<OutputFile> json;  // opened before the work: a bad name should not cost a run
   if (!options.json.empty()) json.emplace(options.json);
-  const Outcome outcome = options.f64 ? run<double>(options, plan, steps) : run<float>(options, plan, steps);
+  const Inputs inputs(options);
+  const Outcome outcome =
+      options.f64 ? run<double>(options, inputs, plan, steps) : run<float>(options, inputs, plan, steps);
   print(options, plan, outcome);
-  if (json) json->write(as_json(options, plan, outcome)), json->close();
+  if (json) {
+    const Diagnosis diagnosis =
+        options.f64 ? diagnosed<double>(options, inputs, plan, steps) : diagnosed<float>(options, inputs, plan, steps);
+    warn(diagnosis);
+    json->write(as_json(options, plan, outcome, diagnosis));
+    json->close();
+  }
   if (outcome.faulted == 0) return fine;
   std::fflush(stdout);
   fmt::print(stderr, "lockstep: {} of {} environments faulted; the first is number {}: {}\n", outcome.faulted,

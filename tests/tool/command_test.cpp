@@ -65,6 +65,12 @@ TEST_F(Command, bad_input_is_one_line_and_exit_code_2) {
       {{"simulate", model, "--softness", "knee=1,2"}, "knee"},
       {{"simulate", model, "--drive", "knee=1,2"}, "knee"},
       {{"simulate", model, "--drive", "wrist=1"}, "wrist"},
+      {{"simulate", model, "--kinematic", "knee"}, "knee"},
+      {{"simulate", model, "--kinematic", "wrist", "--drive", "wrist=1,1"}, "--kinematic"},
+      {{"simulate", model, "--force-limit", "wrist=1"}, "the couplings are: elbow, slide"},
+      {{"simulate", model, "--force-limit", "slide=0"}, "force limit is 0"},
+      {{"info", model, "--ignore", "gravity"}, "position,velocity,effort,friction"},
+      {{"chart", model, "--ignore", "gravity"}, "position,velocity,effort,friction"},
       {{"simulate", model, "--perturb", "-1"}, "--perturb"},
       {{"simulate", model, "--record-env", "1024"}, "--record-env"},
       {{"simulate", model, "--record", "/no/such/folder/r.csv"}, "/no/such/folder/r.csv"},
@@ -188,6 +194,12 @@ TEST_F(Command, json_has_the_documented_keys) {
   EXPECT_GT(json.at("env_steps_per_second"), 0.0);
   EXPECT_GE(json.at("coupling_error_max"), json.at("coupling_error_rms"));
   EXPECT_EQ(json.at("faulted_environments"), 0);
+  EXPECT_EQ(json.at("diagnosed_environments"), 9);
+  EXPECT_GE(json.at("energy_excess_max"), 0.0);
+  EXPECT_GE(json.at("limit_violation_max"), 0.0);
+  EXPECT_GT(json.at("speed_max"), 0.0);
+  EXPECT_GE(json.at("conflict_count"), 0);
+  EXPECT_TRUE(json.at("conflicts").is_array());
   EXPECT_EQ(json.at("method"), "pgs");
   EXPECT_EQ(json.at("iterations"), 7);
   EXPECT_EQ(json.at("precision"), "f64");
@@ -195,6 +207,46 @@ TEST_F(Command, json_has_the_documented_keys) {
   EXPECT_EQ(json.at("dt"), 1.0 / 240);
   EXPECT_EQ(json.at("envs"), 9);
   EXPECT_EQ(json.at("steps"), 240);
+}
+
+// The elbow mimics the shoulder with multiplier -1: both cannot be at 0.5.
+TEST_F(Command, json_names_what_could_not_be_met) {
+  const std::string targets = write("targets.csv", "time,shoulder,elbow\n0.1,0.5,0.5\n");
+  const Arguments how = {"--dt", "0.01", "--seconds", "0.2", "--targets", targets, "--kinematic", "shoulder",
+                         "--kinematic", "elbow"};
+  Arguments with_json = how;
+  with_json.insert(with_json.end(), {"--envs", "70", "--json", path("r.json")});
+  with_json.insert(with_json.begin(), {"simulate", model});
+  const Ran ran = run(with_json);
+  EXPECT_EQ(ran.status, 0) << ran.err;
+  EXPECT_NE(ran.out.find("warning  bounds and couplings could not all be met in 64 of the 64 environments"),
+            std::string::npos)
+      << ran.out;
+  const auto json = nlohmann::json::parse(contents(path("r.json")));
+  EXPECT_EQ(json.at("diagnosed_environments"), 64);
+  EXPECT_EQ(json.at("conflict_count"), 64);
+  ASSERT_EQ(json.at("conflicts").size(), 16u);
+  for (int e = 0; e < 16; ++e) {
+    const auto& conflict = json.at("conflicts").at(e);
+    EXPECT_EQ(conflict.at("environment"), e);
+    EXPECT_NEAR(conflict.at("time").get<double>(), 0.11, 1e-9);  // the end of the first step that has the targets
+    EXPECT_NE(conflict.at("rows").dump().find("kinematic drive"), std::string::npos) << conflict;
+  }
+  EXPECT_EQ(simulate(how).out.find("warning"), std::string::npos);  // nobody looked
+}
+
+// A state file has a row for each environment, also for those that are not looked at again.
+TEST_F(Command, json_looks_at_the_first_environments_of_many) {
+  std::string states = "wrist.v\n";
+  for (int e = 0; e < 70; ++e) states += e == 63 ? "2\n" : e == 64 ? "50\n" : "0\n";
+  const Ran ran = run({"simulate", model, "--envs", "70", "--state", write("each.csv", states), "--seconds", "1/240",
+                       "--gravity", "0,0,0", "--json", path("r.json")});
+  EXPECT_EQ(ran.status, 0) << ran.err;
+  const auto json = nlohmann::json::parse(contents(path("r.json")));
+  EXPECT_LE(json.at("speed_max"), 2.0);  // of number 63, which its damping slows; number 64 is faster
+  EXPECT_GT(json.at("speed_max"), 0.5);
+  EXPECT_EQ(json.at("conflict_count"), 0);
+  EXPECT_TRUE(json.at("conflicts").empty());
 }
 
 TEST_F(Command, odd_times_are_rounded_and_said) {

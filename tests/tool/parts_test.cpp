@@ -1,6 +1,7 @@
 // The command's parts, each by itself: numbers, tables, options, starts. SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "lockstep/error.h"
@@ -10,6 +11,7 @@
 #include "tool/progress.h"
 #include "tool/python.h"
 #include "tool/state.h"
+#include "tool/targets.h"
 #include "tool/text.h"
 #include "tool/tool.h"
 
@@ -132,7 +134,9 @@ TEST(Options, change_the_model) {
   options.gravity = {1, 2, 3};
   options.erp = 0.5;
   options.softness = {"c=30,0.7"};
+  options.force_limits = {"b=2.5"};
   options.drives = {"d=100,5"};
+  options.kinematic = {"a", "c"};
   apply(options, model);
   EXPECT_TRUE(model.root.floating);
   EXPECT_EQ(model.gravity, Eigen::Vector3d(1, 2, 3));
@@ -141,8 +145,26 @@ TEST(Options, change_the_model) {
   EXPECT_EQ(model.couplings[1].softness.kind, Softness::Kind::frequency);
   EXPECT_EQ(model.couplings[1].softness.first, 30.0);
   EXPECT_EQ(model.couplings[1].softness.second, 0.7);
+  EXPECT_EQ(model.couplings[0].force_limit, 2.5);
+  EXPECT_EQ(model.couplings[1].force_limit, infinity);
   EXPECT_EQ(model.joints[3].drive.kp, 100.0);
   EXPECT_EQ(model.joints[3].drive.kd, 5.0);
+  for (const int joint : {0, 1, 2, 3}) EXPECT_EQ(model.joints[joint].drive.kinematic, joint == 0 || joint == 2);
+  EXPECT_NO_THROW(model.validate());
+}
+
+TEST(Options, bounds_are_ignored_by_name) {
+  const auto ignored = [](const char* list) {
+    const Ignored i = ignored_of(list);
+    return std::array{i.position_limits, i.velocity_limits, i.effort_limits, i.friction};
+  };
+  EXPECT_EQ(ignored("position"), (std::array{true, false, false, false}));
+  EXPECT_EQ(ignored("effort,velocity"), (std::array{false, true, true, false}));
+  EXPECT_EQ(ignored("position,velocity,effort,friction"), (std::array{true, true, true, true}));
+  for (const auto& [list, unknown] : {std::pair("speed", "speed"), {"position,", ""}, {"", ""}, {"friction;effort",
+                                                                                               "friction;effort"}})
+    EXPECT_EQ(complaint([&] { ignored_of(list); }), std::string("--ignore: there is no '") + unknown +
+                                                        "'; give some of position,velocity,effort,friction");
 }
 
 TEST(Options, second_coupling_of_a_joint) {
@@ -150,9 +172,12 @@ TEST(Options, second_coupling_of_a_joint) {
   model.couplings.push_back(Coupling::mimic("b", "d", 1.0));
   ModelOptions options;
   options.softness = {"b#2=1,2"};
+  options.force_limits = {"b#2=3"};
   apply(options, model);
   EXPECT_TRUE(model.couplings[0].softness.is_hard());
   EXPECT_EQ(model.couplings[2].softness.first, 1.0);
+  EXPECT_EQ(model.couplings[0].force_limit, infinity);
+  EXPECT_EQ(model.couplings[2].force_limit, 3.0);
 }
 
 TEST(Options, name_what_is_unknown) {
@@ -170,6 +195,35 @@ TEST(Options, name_what_is_unknown) {
   EXPECT_EQ(refused("", "a=-1,2"), "--drive a: 'a=-1,2' is negative");
   EXPECT_EQ(complaint([] { method_of("fast"); }),
             "--method: there is no 'fast'; the methods are automatic, pgs, tgs, direct, reduced");
+}
+
+TEST(Options, name_what_is_unknown_about_bounds) {
+  const auto refused = [](auto option, const char* text, const char* gains = "b=0,0") {
+    Model model = chain();
+    model.joints[3].kind = JointKind::fixed;
+    ModelOptions options;
+    options.*option = {text};
+    options.drives = {gains};
+    return complaint([&] { apply(options, model); });
+  };
+  const auto force = &ModelOptions::force_limits, kinematic = &ModelOptions::kinematic;
+  EXPECT_EQ(refused(force, "d=1"), "--force-limit: no coupling has 'd' as its first joint; the couplings are: b, c");
+  EXPECT_EQ(refused(force, "b"), "--force-limit: 'b' should be JOINT=NUMBER");
+  EXPECT_EQ(refused(force, "b=1,2"), "--force-limit b: '1,2' should be one number");
+  EXPECT_EQ(refused(force, "b=-1"), "--force-limit b: 'b=-1' is negative");
+  EXPECT_EQ(refused(kinematic, "x"), "--kinematic: model 'chain' has no joint 'x'");
+  EXPECT_EQ(refused(kinematic, "d"), "--kinematic: joint 'd' is fixed; name a moving one");
+  EXPECT_EQ(refused(kinematic, "a", "a=1,1"), "--kinematic: joint 'a' has a --drive too; give it one of them");
+}
+
+// One may follow the targets of a file without being a servo.
+TEST(Targets, are_for_joints_with_a_drive_of_either_kind) {
+  Model model = chain();
+  const Table table = parse_csv("time,a\n0,0.5\n", "t.csv");
+  EXPECT_EQ(complaint([&] { Targets(table, compile(model)); }),
+            "t.csv:1:2: joint 'a' has no drive that could follow a target; give it one with --drive or --kinematic");
+  model.joints[0].drive.kinematic = true;
+  EXPECT_EQ(complaint([&] { Targets(table, compile(model)); }), "nothing");
 }
 
 TEST(States, columns_of_joints_must_differ) {
@@ -224,6 +278,13 @@ TEST(Chart, compares_all_methods_where_there_is_something_to_solve) {
   Model model = chain();
   model.couplings.clear();
   for (const ChartSetting& setting : chart_settings(model)) EXPECT_EQ(setting.method, Method::direct);
+}
+
+TEST(Chart, ignores_the_same_bounds_in_every_run) {
+  for (const ChartSetting& setting : chart_settings(chain(), {.velocity_limits = true, .friction = true})) {
+    const Ignored ignore = compile_setting(chain(), setting).settings().ignore;
+    EXPECT_TRUE(ignore.velocity_limits && ignore.friction && !ignore.position_limits && !ignore.effort_limits);
+  }
 }
 
 TEST(Processes, report_how_they_end) {

@@ -173,8 +173,24 @@ TEST(Import, a_slide_follows_a_crank_with_an_offset) {
   expect_reports(import, "joints that start outside of their limits (1): crank at 0, not 0.1 to 1.5");
   expect_reports(import, "axes not of length 1, taken as directions (1): slide");
   expect_reports(import,
-                 "kept, but not enforced by a step: dry friction of 1 joint, effort limits of 2 joints, "
+                 "kept and enforced by a step: dry friction of 1 joint, effort limits of 2 joints, "
                  "position limits of 2 joints, velocity limits of 2 joints");
+}
+
+// A follower that turns backwards within 0 to 1, while its leader does too: only 0 is left to both.
+TEST(Import, a_follower_that_locks_its_leader_is_named) {
+  const auto imported = [](const string& range) {
+    return import_urdf("<robot name='r'><link name='a'/><link name='b'>" + unit_body + "</link><link name='c'>" +
+                       unit_body +
+                       "</link><joint name='lead' type='revolute'><parent link='a'/><child link='b'/>"
+                       "<limit lower='0' upper='1' effort='1' velocity='1'/></joint>"
+                       "<joint name='back' type='revolute'><parent link='b'/><child link='c'/><limit " +
+                       range + " effort='1' velocity='1'/><mimic joint='lead' multiplier='-1'/></joint></robot>");
+  };
+  const string line = "followers whose limits leave their leader no room to move (1): back";
+  expect_reports(imported("lower='0' upper='1'"), line);
+  for (const char* range : {"lower='-1' upper='0'", "lower='-0.1' upper='1'"})
+    EXPECT_EQ(report_of(imported(range)).find("no room"), string::npos) << range;
 }
 
 TEST(Import, a_follower_may_lie_in_another_subtree_and_a_continuous_joint_has_no_range) {
@@ -187,7 +203,28 @@ TEST(Import, a_follower_may_lie_in_another_subtree_and_a_continuous_joint_has_no
   EXPECT_EQ(joint(import.model, "wheel").velocity_limit, 2.0);
   expect_reports(import, "no <limit>, taken as unlimited (1): right_turn");
   expect_reports(import, "limited followers of a leader without limits (1): lift");
+  EXPECT_EQ(report_of(import).find("no room"), string::npos);
   expect_reports(import, "not used: 1 'lower' of limit of continuous joints, 1 'upper' of limit of continuous joints");
+}
+
+// Real files have 0 in effort and velocity where nobody knew better: such a joint is not meant to be locked.
+TEST(Import, limits_of_0_are_none) {
+  const Import import = model_file("placeholder_limits");
+  const auto expect = [&](const char* name, double effort, double velocity) {
+    EXPECT_EQ(joint(import.model, name).effort_limit, effort) << name;
+    EXPECT_EQ(joint(import.model, name).velocity_limit, velocity) << name;
+  };
+  expect("pan", infinity, infinity);
+  expect("tilt", 4.0, infinity);
+  expect("lens", infinity, 0.5);
+  expect("roll", 4.0, 2.0);
+  expect_reports(import, "<limit> with effort or velocity 0, taken as unlimited (3): pan, tilt, lens");
+  expect_reports(import, "joints that cannot move, lower = upper (1): roll");
+  expect_reports(import,
+                 "kept and enforced by a step: effort limits of 2 joints, position limits of 4 joints, "
+                 "velocity limits of 2 joints");
+  expect_reports(import, "not used: 1 safety_controller");
+  EXPECT_EQ(joint(import.model, "pan").upper, 1.5);  // and not the safety controller's
 }
 
 TEST(Import, mass_behind_fixed_joints_counts_and_their_axes_and_mimics_do_not) {

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "diagnose.h"
+
+#include <algorithm>
+
+#include "progress.h"
+
+namespace lockstep::tool {
+namespace {
+
+// Rows of Batch::energy_balances().
+enum Balance { work_of_drives, dissipated, work_of_corrections, energy_change };
+
+// One environment on its way.
+struct Watched {
+  double energy_excess = 0.0;  // since the start
+  bool had_conflict = false;
+};
+
+template <class S>
+void look(const Batch<S>& batch, double time, std::vector<Watched>& watched, Diagnosis& diagnosis) {
+  const typename Batch<S>::Array violations = batch.limit_violations(), speeds = batch.speeds();
+  const typename Batch<S>::Array balances = batch.energy_balances();
+  for (int e = 0; e < batch.environments(); ++e) {
+    if (batch.faults()[e] != Fault::none) continue;
+    Watched& environment = watched[e];
+    // In double: each step's share is small against the sum.
+    const auto joules = [&](Balance row) { return static_cast<double>(balances(row, e)); };
+    environment.energy_excess += joules(energy_change) - joules(work_of_drives) - joules(work_of_corrections);
+    diagnosis.energy_excess_max = std::max(diagnosis.energy_excess_max, environment.energy_excess);
+    diagnosis.limit_violation_max = std::max(diagnosis.limit_violation_max, static_cast<double>(violations(0, e)));
+    diagnosis.speed_max = std::max(diagnosis.speed_max, static_cast<double>(speeds(0, e)));
+
+    if (environment.had_conflict) continue;
+    std::vector<std::string> rows = batch.conflicts(e);
+    if (rows.empty()) continue;
+    environment.had_conflict = true;
+    if (++diagnosis.conflict_count <= most_conflicts_listed)
+      diagnosis.conflicts.push_back({e, time, std::move(rows)});
+  }
+}
+
+}  // namespace
+
+template <class S>
+Diagnosis diagnose(Batch<S>& batch, const Targets& targets, long steps) {
+  const double dt = batch.plan().settings().dt;
+  Diagnosis diagnosis;
+  diagnosis.environments = batch.environments();
+  std::vector<Watched> watched(batch.environments());
+  Progress progress(static_cast<double>(steps), "steps");
+  int target_row = -1;
+  for (long done = 0; done < steps; ++done) {
+    if (const int row = targets.row_at(done, dt); row != target_row) targets.apply(target_row = row, batch);
+    batch.step();
+    look(batch, static_cast<double>(done + 1) * dt, watched, diagnosis);
+    progress.update(static_cast<double>(done + 1));
+  }
+  return diagnosis;
+}
+
+template Diagnosis diagnose(Batch<float>&, const Targets&, long);
+template Diagnosis diagnose(Batch<double>&, const Targets&, long);
+
+}  // namespace lockstep::tool
