@@ -99,12 +99,14 @@ std::string stage_lines(const Program& program) {
   stages.push_back("free velocity (L^T D L)");
   if (t.natural.count > 0) stages.push_back("natural responses (a second factorisation, for softness by frequency)");
   if (t.rows.count > 0) stages.insert(stages.end(), {"responses", "row terms", name(t.rows.columns.n > 0 ? Method::direct : program.method)});
+  if (t.bounds.form.count > 0) stages.push_back("bounds");
+  if (t.limited.count > 0) stages.push_back("saturation of servos");
   stages.insert(stages.end(), {"integration", "check"});
   std::string text = fmt::format("Stages: {}.\n", fmt::join(stages, ", "));
 
   std::vector<std::string> absent;
   if (t.rows.count == 0) absent.push_back("solver rows");
-  if (t.driven.count == 0) absent.push_back("drives");
+  if (t.driven.count + t.limited.count == 0) absent.push_back("drives");
   bool damped = false, rotors = false;
   for (int j = 0; j < t.joints; ++j) damped |= t.damping[j] != 0.0, rotors |= t.armature[j] != 0.0;
   if (!damped && !declared(program, Parameter::damping)) absent.push_back("damping");
@@ -115,22 +117,52 @@ std::string stage_lines(const Program& program) {
   return text;
 }
 
-// What the model states and a step does not act on.
-std::string not_enforced_line(const Program& program) {
-  int positions = 0, velocities = 0, efforts = 0, frictions = 0;
-  for (const Joint& joint : program.model.joints) {
+struct Stated {  // bounds of the model that a step holds or, as asked, leaves out
+  int position = 0, velocity = 0, effort = 0, friction = 0, kinematic = 0, force = 0;
+};
+
+Stated stated(const Model& model) {
+  Stated s;
+  for (const Joint& joint : model.joints) {
     if (!joint.moves()) continue;
-    positions += joint.lower > -infinity || joint.upper < infinity;
-    velocities += joint.velocity_limit < infinity;
-    efforts += joint.effort_limit < infinity;
-    frictions += joint.friction > 0.0;
+    s.position += joint.lower > -infinity || joint.upper < infinity;
+    s.velocity += joint.velocity_limit < infinity;
+    s.effort += joint.effort_limit < infinity;
+    s.friction += joint.friction > 0.0;
+    s.kinematic += joint.drive.kinematic;
   }
-  std::vector<std::string> stored;
-  if (positions) stored.push_back(counted(positions, "position range", "position ranges"));
-  if (velocities) stored.push_back(counted(velocities, "velocity limit", "velocity limits"));
-  if (efforts) stored.push_back(counted(efforts, "effort limit", "effort limits"));
-  if (frictions) stored.push_back(counted(frictions, "dry friction", "dry frictions"));
-  return stored.empty() ? "" : fmt::format("Stored but not enforced by a step: {}.\n", fmt::join(stored, ", "));
+  for (const Coupling& coupling : model.couplings) s.force += coupling.force_limit < infinity;
+  return s;
+}
+
+std::string bounds_lines(const Program& program) {
+  const Stated all = stated(program.model);
+  const Ignored& ignore = program.settings.ignore;
+  const Bounds<double>& b = program.f64.bounds;
+  std::vector<std::string> held, ignored;
+  const auto say = [&](int count, bool left_out, const char* one, const char* many) {
+    if (count > 0) (left_out ? ignored : held).push_back(counted(count, one, many));
+  };
+  say(all.position, ignore.position_limits, "position range", "position ranges");
+  say(all.velocity, ignore.velocity_limits, "velocity limit", "velocity limits");
+  say(all.effort, ignore.effort_limits, "effort limit", "effort limits");
+  say(all.friction, ignore.friction, "dry friction", "dry frictions");
+  say(all.kinematic, false, "kinematic drive", "kinematic drives");
+  say(all.force, false, "coupling with a force limit", "couplings with a force limit");
+  std::string text;
+  if (!held.empty()) {
+    text = fmt::format("Bounds: {}", fmt::join(held, ", "));
+    if (b.form.count > 0) {
+      const bool exact = program.method == Method::direct || program.method == Method::reduced;
+      text += fmt::format("; {}, {}", counted(b.form.count, "row", "rows"),
+                          exact ? "those that act solved exactly through the couplings"
+                                : "those that act swept after the couplings");
+    }
+    if (b.compliance > 0.0) text += "; hard ones that oppose each other share the violation";
+    text += ".\n";
+  }
+  if (!ignored.empty()) text += fmt::format("Ignored, as asked for: {}.\n", fmt::join(ignored, ", "));
+  return text;
 }
 
 }  // namespace
@@ -138,7 +170,7 @@ std::string not_enforced_line(const Program& program) {
 std::string Plan::describe() const {
   const Program& p = *program_;
   const long flops = flops_per_step();
-  return mechanism_line(p) + coupling_lines(p) + method_lines(p) + stage_lines(p) + not_enforced_line(p) +
+  return mechanism_line(p) + coupling_lines(p) + method_lines(p) + stage_lines(p) + bounds_lines(p) +
          fmt::format("Cost of a step of one environment: {} flops; {} bytes read and written in f32, {} in f64.\n", flops,
                      bytes_per_step(4), bytes_per_step(8));
 }
