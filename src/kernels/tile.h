@@ -285,6 +285,7 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   x.natural_inverse = c.take<T>(natural ? velocities : 0);
   x.natural_response = c.take<T>(natural ? velocities : 0);
   x.natural_compliance = c.take<T>(t.natural.count);
+  x.bound_count = 0;
   if (t.bounds.form.count > 0) lay_out_bounds(t, c, x);
   const bool limited = t.limited.count > 0;
   x.saturation = c.take<T>(t.limited.count);
