@@ -12,8 +12,8 @@ using Array = Eigen::ArrayXXd;
 
 constexpr double tight = 1e-5, ignored = 1e-2;  // |C|, rad
 constexpr double gained = 0.1;        // of the span: what semi-implicit Euler's own rise and fall is allowed
-constexpr double noticeable = 0.1;    // frequency and damping ratio shown, against those stated
-constexpr double followed = 0.02;     // distance from the closed form, by the first error
+constexpr double noticeable = 0.1;    // change of the root, by its size: of frequency and damping ratio
+constexpr double followed = 0.05;     // distance from the closed form, by the first error
 
 StepSettings settings(const Map& map, Method method, const Setup& setup) {
   StepSettings result;
@@ -43,6 +43,9 @@ void load(Batch<float>& batch, const std::vector<Setup>& setups) {
   });
   fill(Parameter::drive_gains, [](const Model& model, auto&& put) {
     for (const Joint& joint : model.joints) put(joint.drive.kp), put(joint.drive.kd);
+  });
+  fill(Parameter::damping, [](const Model& model, auto&& put) {
+    for (const Joint& joint : model.joints) put(joint.damping);
   });
   for (std::size_t e = 0; e < setups.size(); ++e)
     for (std::size_t j = 0; j < setups[e].model.joints.size(); ++j)  // no joint of these models is fixed

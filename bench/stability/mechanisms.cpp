@@ -28,7 +28,7 @@ Joint& append(Model& model, const std::string& parent, const Eigen::Vector3d& of
 Joint& append_bar(Model& model, const std::string& parent, const Eigen::Vector3d& offset, double mass) {
   Joint& joint = append(model, parent, offset, JointKind::revolute, Eigen::Vector3d::UnitY(),
                         Inertia::box(mass, {0.1, 0.04, 0.04}, {0.05, 0, 0}));
-  joint.damping = 0.01;
+  joint.damping = 1e-3;
   return joint;
 }
 
@@ -42,11 +42,12 @@ Model on_a_base() {
 
 Model hand(int followers) {
   Model model = on_a_base();
-  append_bar(model, "base", Eigen::Vector3d::Zero(), 0.2).drive = {.kp = 10.0, .kd = 0.1, .position_target = 0.5};
+  append_bar(model, "base", Eigen::Vector3d::Zero(), 0.2).drive = {.kp = 1.0, .position_target = 0.5};
   for (int i = 0; i < followers; ++i) {
-    append_bar(model, "base", {0.1, 0.05 * i, 0}, 0.05);
+    append_bar(model, "base", {0.1, 0.05 * i, 0}, 0.2);
     model.couplings.push_back(Coupling::mimic(model.joints.back().name, "j0", i % 2 == 0 ? -1.0 : 0.5));
   }
+  for (Joint& joint : model.joints) joint.damping = 1e-4;  // it is to be moving to the end
   return model;
 }
 
@@ -67,16 +68,25 @@ Model geared_arm(double gear_ratio, double mass_ratio) {
     coupling.terms[0].ratio = -gear_ratio;
     model.joints[model.joint_index(coupling.joint)].position = gear_ratio * slow;
   }
-  for (std::size_t i = 5; i < model.links.size(); ++i) {
-    model.links[i].inertia.mass *= mass_ratio;
-    model.links[i].inertia.about_center *= mass_ratio;
+  double carried = 0.0;
+  for (int i = 8; i > 0; --i) {
+    Inertia& inertia = model.links[i].inertia;
+    if (i > 4) inertia.mass *= mass_ratio, inertia.about_center *= mass_ratio;
+    carried += inertia.mass;
+    model.joints[i - 1].damping = 0.02 * carried / (0.2 * (9 - i));
   }
+  return model;
+}
+
+Model damped_arm(double damping) {
+  Model model = scenes::chain8();
+  for (Joint& joint : model.joints) joint.damping = damping;
   return model;
 }
 
 Model driven_arm(double kp) {
   Model model = scenes::chain8();
-  for (const int joint : {0, 1, 4, 5}) model.joints[joint].drive = {.kp = kp, .kd = 1e-3 * kp};
+  model.joints[0].drive = {.kp = kp, .kd = 1e-3 * kp};
   return model;
 }
 

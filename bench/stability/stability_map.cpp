@@ -48,7 +48,7 @@ void run(const Map& map, const std::filesystem::path& folder) {
       const std::vector<Verdict> verdicts = judge(map, method, setups);
       for (std::size_t i = 0; i < points.size(); ++i) {
         const Verdict& verdict = verdicts[i];
-        file.write(fmt::format("{:.4g},{:.4g},{},{},{:.1e},{:.1e},{}\n", points[i].x, points[i].y, name(method),
+        file.write(fmt::format("{:.4g},{:.4g},{},{},{:.2g},{:.2g},{}\n", points[i].x, points[i].y, name(method),
                                name(verdict.kind), verdict.error, verdict.excess,
                                verdict.fault == Fault::none ? "" : name(verdict.fault)));
       }
