@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "judgement.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+
+namespace lockstep::stability {
+namespace {
+
+using Array = Eigen::ArrayXXd;
+
+constexpr double tight = 1e-5, ignored = 1e-2;  // |C|, rad
+constexpr double gained = 0.1;        // of the span: what semi-implicit Euler's own rise and fall is allowed
+constexpr double noticeable = 0.1;    // change of the root, by its size: of frequency and damping ratio
+constexpr double followed = 0.05;     // distance from the closed form, by the first error
+
+StepSettings settings(const Map& map, Method method, const Setup& setup) {
+  StepSettings result;
+  result.dt = setup.dt;
+  result.method = method;
+  result.iterations = std::max(1, setup.sweeps);
+  result.per_environment = map.per_environment;
+  return result;
+}
+
+// What the models of the environments have of their own.
+void load(Batch<float>& batch, const std::vector<Setup>& setups) {
+  const auto fill = [&](Parameter field, auto&& values_of) {
+    if (!batch.plan().settings().per_environment.contains(field)) return;
+    auto view = batch.parameter(field);
+    for (std::size_t e = 0; e < setups.size(); ++e) {
+      int row = 0;
+      values_of(setups[e].model, [&](double value) { view(row++, e) = static_cast<float>(value); });
+    }
+  };
+  fill(Parameter::gear_ratio, [](const Model& model, auto&& put) {
+    for (const Coupling& coupling : model.couplings)
+      for (const CouplingTerm& term : coupling.terms) put(term.ratio);
+  });
+  fill(Parameter::mass, [](const Model& model, auto&& put) {
+    for (const Link& link : model.links) put(link.inertia.mass);
+  });
+  fill(Parameter::drive_gains, [](const Model& model, auto&& put) {
+    for (const Joint& joint : model.joints) put(joint.drive.kp), put(joint.drive.kd);
+  });
+  fill(Parameter::damping, [](const Model& model, auto&& put) {
+    for (const Joint& joint : model.joints) put(joint.damping);
+  });
+  for (std::size_t e = 0; e < setups.size(); ++e)
+    for (std::size_t j = 0; j < setups[e].model.joints.size(); ++j)  // no joint of these models is fixed
+      batch.positions()(j, e) = static_cast<float>(setups[e].model.joints[j].position);
+}
+
+// Of the springs of servos, J.
+double spring_energy(const Model& model, const Eigen::ArrayXd& q) {
+  double sum = 0.0;
+  for (std::size_t j = 0; j < model.joints.size(); ++j) {
+    const Drive& drive = model.joints[j].drive;
+    sum += 0.5 * drive.kp * (q[j] - drive.position_target) * (q[j] - drive.position_target);
+  }
+  return sum;
+}
+
+// From the lowest to the highest that every link can be, J: twice the length of the chain that carries it.
+double span_of_heights(const Model& model) {
+  double sum = 0.0;
+  std::vector<double> reach(model.links.size(), 0.0);
+  for (const Joint& joint : model.joints) {
+    const int child = model.link_index(joint.child);
+    const Inertia& inertia = model.links[child].inertia;
+    reach[child] = reach[model.link_index(joint.parent)] + joint.origin.translation().norm();
+    sum += 2.0 * model.gravity.norm() * inertia.mass * (reach[child] + inertia.center.norm());
+  }
+  return sum;
+}
+
+// Energies now, and what bounds them.
+class Budget {
+ public:
+  Budget(const Batch<float>& batch, const std::vector<Setup>& setups) : setups_(setups) {
+    start_ = energies(batch);
+    const Array errors = batch.coupling_errors().abs().cast<double>();
+    for (std::size_t e = 0; e < setups.size(); ++e) {
+      const Model& model = setups[e].model;
+      const double heights = span_of_heights(model), error = errors.col(e).maxCoeff();
+      span_.push_back(heights + spring_energy(model, batch.positions().col(e).cast<double>()));
+      // Correcting an error moves every link, at most by its reach, and none where there is none.
+      start_[e] += heights * std::min(1.0, error);
+    }
+    excess_.assign(setups.size(), 0.0);
+  }
+
+  void look_at(const Batch<float>& batch) {
+    const std::vector<double> now = energies(batch);
+    for (std::size_t e = 0; e < now.size(); ++e) excess_[e] = std::max(excess_[e], (now[e] - start_[e]) / span_[e]);
+  }
+
+  const std::vector<double>& excess() const { return excess_; }
+
+ private:
+  std::vector<double> energies(const Batch<float>& batch) const {
+    const Array mechanical = batch.kinetic_energies().cast<double>() + batch.potential_energies().cast<double>();
+    const Array q = batch.positions().cast<double>();
+    std::vector<double> sum;
+    for (std::size_t e = 0; e < setups_.size(); ++e)
+      sum.push_back(mechanical(0, e) + spring_energy(setups_[e].model, q.col(e)));
+    return sum;
+  }
+
+  const std::vector<Setup>& setups_;
+  std::vector<double> start_, span_, excess_;
+};
+
+Class classify(const Verdict& verdict) {
+  if (verdict.fault != Fault::none) return Class::fault;
+  if (verdict.excess > gained) return Class::energy;
+  return verdict.error <= tight ? Class::holds : verdict.error <= ignored ? Class::loose : Class::open;
+}
+
+std::vector<Verdict> energy_and_errors(Batch<float>& batch, const std::vector<Setup>& setups) {
+  const double dt = setups[0].dt;
+  const int stride = std::max(1, static_cast<int>(std::lround(0.05 / dt)));
+  const int steps = static_cast<int>(std::lround(seconds / dt)), last_second = steps - static_cast<int>(1.0 / dt);
+  std::vector<Verdict> verdicts(setups.size());
+  Budget budget(batch, setups);
+  for (int done = stride; done <= steps; done += stride) {
+    batch.step(stride);
+    budget.look_at(batch);
+    if (done < last_second) continue;
+    const Array errors = batch.coupling_errors().abs().cast<double>();
+    for (std::size_t e = 0; e < setups.size(); ++e)
+      verdicts[e].error = std::max(verdicts[e].error, errors.col(e).maxCoeff());
+  }
+  for (std::size_t e = 0; e < setups.size(); ++e) {
+    verdicts[e].excess = budget.excess()[e];
+    verdicts[e].fault = batch.faults()[e];
+    verdicts[e].kind = classify(verdicts[e]);
+  }
+  return verdicts;
+}
+
+// The mode in which all couplings of the star go together: K's eigenvalue over its diagonal (M24) is that of the
+// driver and all followers over the driver and one, which makes the spring of each as much stiffer.
+struct Mode {
+  double frequency, damping;  // rad/s, 1/s: of x'' + 2 damping x' + frequency^2 x = 0
+
+  explicit Mode(const Model& model) {
+    const double n = static_cast<double>(model.couplings.size()), stiffer = (1.0 + n) / 2.0;
+    const Softness& softness = model.couplings[0].softness;
+    frequency = softness.first * std::sqrt(stiffer);
+    damping = softness.first * softness.second * stiffer;
+  }
+
+  // By how much implicit Euler with steps of h changes it: the farther root of (M28) against that of the mode itself.
+  double change(double h) const {
+    const std::complex<double> width = std::sqrt(std::complex<double>(damping * damping - frequency * frequency));
+    double worst = 0.0;
+    for (const double sign : {1.0, -1.0}) {
+      const std::complex<double> stated = -damping + sign * width, shown = -std::log(1.0 - h * stated) / h;
+      worst = std::max(worst, std::abs(shown - stated) / std::abs(stated));
+    }
+    return worst;
+  }
+};
+
+std::vector<Verdict> closed_form(Batch<float>& batch, const Setup& setup) {
+  const bool tgs = batch.plan().method() == Method::tgs;
+  const int substeps = tgs ? setup.sweeps : 1;
+  const double h = setup.dt / substeps;
+  const Mode mode(setup.model);
+  const double w2 = h * h * mode.frequency * mode.frequency, d = 2.0 * h * mode.damping;
+  const double first = batch.coupling_errors()(0, 0);
+  double c = first, speed = 0.0;  // of implicit Euler; the speed by h
+  Verdict verdict;
+  const int steps = static_cast<int>(std::lround(seconds / setup.dt));
+  for (int i = 0; i < steps; ++i) {
+    batch.step();
+    for (int k = 0; k < substeps; ++k) {
+      speed = (speed - w2 * c) / (1.0 + d + w2);
+      c += speed;
+    }
+    const Array errors = batch.coupling_errors().cast<double>();
+    verdict.error = std::max(verdict.error, (errors - c).abs().maxCoeff() / std::abs(first));
+    verdict.excess = std::max(verdict.excess, errors.square().maxCoeff() / (first * first) - 1.0);
+  }
+  verdict.fault = batch.faults()[0];
+  verdict.kind = verdict.fault != Fault::none  ? Class::fault
+                 : verdict.excess > gained     ? Class::energy
+                 : verdict.error > followed    ? Class::off
+                 : mode.change(h) > noticeable ? Class::damped
+                                               : Class::holds;
+  return {verdict};
+}
+
+}  // namespace
+
+const char* name(Class kind) {
+  constexpr const char* names[] = {"holds", "loose", "open", "damped", "off", "energy", "fault"};
+  return names[static_cast<int>(kind)];
+}
+
+std::vector<Verdict> judge(const Map& map, Method method, const std::vector<Setup>& setups) {
+  const Plan plan = compile(setups[0].model, settings(map, method, setups[0]));
+  Batch<float> batch(plan, static_cast<int>(setups.size()), {.threads = 1});
+  load(batch, setups);
+  return map.judge == Judge::closed_form ? closed_form(batch, setups[0]) : energy_and_errors(batch, setups);
+}
+
+}  // namespace lockstep::stability

@@ -1,0 +1,82 @@
+// Where each method is stable, accurate, or fails, and how: one CSV file per map. SPDX-License-Identifier: Apache-2.0
+//
+// docs/stability.md tells of them, stability_map.py draws them.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "judgement.h"
+#include "tool/csv.h"
+#include "tool/progress.h"
+
+namespace lockstep::stability {
+namespace {
+
+struct Point {
+  double x, y;
+};
+
+// Points that one Batch can step together, for each plan that the map needs.
+std::vector<std::vector<Point>> batches(const Map& map, Method method) {
+  const bool once = map.sweeps() && (method == Method::direct || method == Method::reduced);
+  const std::vector<double> xs = once ? std::vector<double>{0} : map.x.values;
+  std::vector<std::vector<Point>> result;
+  for (std::size_t i = 0; i < xs.size(); ++i)
+    for (std::size_t k = 0; k < map.y.values.size(); ++k) {
+      const bool starts_row = k == 0 && !map.x.in_environments;
+      if (result.empty() || starts_row || !map.y.in_environments) result.emplace_back();
+      result.back().push_back({xs[i], map.y.values[k]});
+    }
+  return result;
+}
+
+void run(const Map& map, const std::filesystem::path& folder) {
+  constexpr Method methods[] = {Method::pgs, Method::tgs, Method::direct, Method::reduced};
+  double total = 0.0, done = 0.0;
+  for (const Method method : methods) total += static_cast<double>(batches(map, method).size());
+  fmt::print(stderr, "{}\n", map.name);
+  tool::Progress progress(total, "batches");
+  tool::OutputFile file((folder / (map.name + ".csv")).string());
+  file.write(fmt::format("{},{},method,class,error,energy_excess,fault\n", map.x.name, map.y.name));
+  for (const Method method : methods)
+    for (const std::vector<Point>& points : batches(map, method)) {
+      std::vector<Setup> setups;
+      for (const Point& point : points) setups.push_back(map.at(point.x, point.y));
+      const std::vector<Verdict> verdicts = judge(map, method, setups);
+      for (std::size_t i = 0; i < points.size(); ++i) {
+        const Verdict& verdict = verdicts[i];
+        file.write(fmt::format("{:.4g},{:.4g},{},{},{:.2g},{:.2g},{}\n", points[i].x, points[i].y, name(method),
+                               name(verdict.kind), verdict.error, verdict.excess,
+                               verdict.fault == Fault::none ? "" : name(verdict.fault)));
+      }
+      progress.update(++done);
+    }
+  file.close();
+}
+
+}  // namespace
+}  // namespace lockstep::stability
+
+int main(int argc, char** argv) {
+  using namespace lockstep::stability;
+  CLI::App app("Maps where each method is stable, accurate, or fails.", "stability_map");
+  std::string folder;
+  std::vector<std::string> names, known;
+  bool quick = false;
+  for (const Map& map : all_maps(false)) known.push_back(map.name);
+  app.add_option("--out", folder, "Folder for the CSV files")->required();
+  app.add_option("--maps", names, "These alone")->delimiter(',')->check(CLI::IsMember(known));
+  app.add_flag("--quick", quick, "A coarse grid");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    std::filesystem::create_directories(folder);
+    for (const Map& map : all_maps(quick))
+      if (names.empty() || std::count(names.begin(), names.end(), map.name) > 0) run(map, folder);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "stability_map: {}\n", error.what());
+    return 1;
+  }
+}
