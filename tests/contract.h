@@ -14,12 +14,16 @@
 
 namespace lockstep::contract {
 
-/// Every field that environments may differ in; `reduced` takes hard couplings for hard in all of them.
+/// `reduced` takes hard couplings for hard in all environments, so it refuses fields that say otherwise.
+inline bool allows(Method method, Parameter parameter) {
+  return method != Method::reduced || (parameter != Parameter::softness && parameter != Parameter::coupling_switch);
+}
+
+/// Every field that environments may differ in.
 inline ParameterSet all_parameters(Method method) {
   ParameterSet set;
   for (unsigned p = 0; p < parameter_count; ++p)
-    if (const Parameter parameter{p}; method != Method::reduced || parameter != Parameter::softness)
-      set.insert(parameter);
+    if (const Parameter parameter{p}; allows(method, parameter)) set.insert(parameter);
   return set;
 }
 
@@ -101,6 +105,7 @@ void scatter(Batch<S>& batch, int environment, std::uint64_t seed) {
   each(Parameter::mass, [&](double x) { return x * random.uniform(0.5, 2.0); });
   each(Parameter::gravity, [&](double x) { return x + random.uniform(-3.0, 3.0); });
   each(Parameter::link_wrench, [&](double) { return random.uniform(-1.0, 1.0); });
+  each(Parameter::coupling_switch, [&](double) { return random.chance(0.3) ? 0.0 : 1.0; });
   if (!plan.settings().per_environment.contains(Parameter::softness)) return;
   auto softness = batch.parameter(Parameter::softness);
   for (int c = 0; c < plan.couplings(); ++c) {
@@ -178,6 +183,9 @@ inline Model model_of(Batch<double>& batch, int environment) {
     own(Parameter::softness, 2 * row + 1, coupling.softness.second);
     if (coupling.softness.second != 0.0 && coupling.softness.kind == Softness::Kind::hard)
       coupling.softness.kind = Softness::Kind::mixing;  // a model says so
+    double on = 1.0;
+    own(Parameter::coupling_switch, row, on);
+    if (on == 0.0) coupling.softness = Softness::spring(0.0, 0.0);
   }
   for (Joint& joint : model.joints) {
     if (!joint.moves()) continue;

@@ -67,7 +67,7 @@ void row_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
     if (declared<T>(t, 8)) {
       const T switched = T::load(lanes.field[8] + rows.coupling[r] * lanes.stride);
       const auto on = less(T(0), switched) | less(switched, T(0));
-      x.row_rate[r] = select(on, x.row_rate[r], T(0));
+      x.row_rate[r] = fma(switched, T(0), select(on, x.row_rate[r], T(0)));  // what is no number shall be a fault
       x.row_cfm[r] = select(on, x.row_cfm[r], yields_to_everything<T>());
     }
     x.row_error[r] = x.coupling_error[rows.coupling[r]];

@@ -78,6 +78,8 @@ void expect_contained(const Plan& plan, Target target) {
   for (const Cause<S>& cause : causes<S>(plan)) {
     SCOPED_TRACE(cause.name);
     Batch<S> batch = scattered<S>(plan, environments, options);
+    if (plan.settings().per_environment.contains(Parameter::coupling_switch))
+      batch.parameter(Parameter::coupling_switch).col(sick).setOnes();  // a coupling that is off has no numbers
     cause.write(batch, sick);
     const std::vector<S> before = outcome(batch, sick);
     batch.step(3);

@@ -129,7 +129,9 @@ TEST_P(Parameters, of_one_environment_act_as_those_of_a_model) {
     settings.record_impulses = true;
     settings.per_environment = some_parameters(seed);
     Model model = scenes::random_model(static_cast<std::uint64_t>(seed), options);
-    if (settings.method == Method::reduced && settings.per_environment.contains(Parameter::softness)) continue;
+    if (settings.method == Method::reduced && (settings.per_environment.contains(Parameter::softness) ||
+                                               settings.per_environment.contains(Parameter::coupling_switch)))
+      continue;
     const Plan plan = compile(model, settings);
     if (!plan.redundant_couplings().empty()) continue;
     Batch<double> batch(plan, environments, {.threads = 1});

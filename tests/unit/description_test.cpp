@@ -58,16 +58,22 @@ TEST(Description, lists_what_was_left_out) {
   expect_said(full, {"damping", "armature", "mass per environment"});
 }
 
-TEST(Description, tells_of_limits_that_are_stored_but_not_enforced) {
+TEST(Description, tells_of_bounds_and_of_those_to_be_ignored) {
   Model model = scenes::chain8();
-  expect_unsaid(compile(model), {"not enforced"});
+  expect_unsaid(compile(model), {"Bounds", "Ignored"});
   model.joints[0].lower = -1.0;
   model.joints[1].upper = 1.0;
   model.joints[2].velocity_limit = 3.0;
   model.joints[3].effort_limit = 5.0;
   model.joints[4].friction = 0.1;
-  expect_said(compile(model), {"Stored but not enforced by a step: 2 position ranges, 1 velocity limit, "
-                               "1 effort limit, 1 dry friction"});
+  // j0 to j3 move with the velocities of j2 and j3, so their bounds are two rows; j4 goes with j6.
+  expect_said(compile(model), {"Bounds: 2 position ranges, 1 velocity limit, 1 effort limit, 1 dry friction; 3 rows",
+                               "solved exactly through the couplings"});
+  expect_said(compile(model, {.method = Method::pgs}), {"4 rows", "swept after the couplings"});
+  StepSettings some;
+  some.ignore.friction = some.ignore.position_limits = true;
+  expect_said(compile(model, some), {"Bounds: 1 velocity limit, 1 effort limit; 1 row",
+                                     "Ignored, as asked for: 2 position ranges, 1 dry friction"});
 }
 
 // ---------------------------------------------------------------- cost
@@ -100,12 +106,18 @@ TEST(Flops, of_a_feature_that_a_scene_has_not_are_not_spent) {
   for (Parameter parameter :
        {Parameter::drive_gains, Parameter::damping, Parameter::mass, Parameter::gravity, Parameter::link_wrench})
     EXPECT_GT(costs(bare, {.per_environment = {parameter}}), none) << name(parameter);
-  for (Parameter parameter : {Parameter::gear_ratio, Parameter::offset, Parameter::softness})
+  for (Parameter parameter :
+       {Parameter::gear_ratio, Parameter::offset, Parameter::softness, Parameter::coupling_switch})
     EXPECT_EQ(costs(bare, {.method = Method::direct, .per_environment = {parameter}}), none)
         << name(parameter) << " of no couplings";
   Model limited = bare;
-  limited.joints[0].lower = -1.0, limited.joints[0].friction = 0.5;
-  EXPECT_EQ(costs(limited), none) << "what is not enforced costs nothing";
+  for (Joint& joint : limited.joints) joint.lower = -1.0, joint.upper = 1.0;
+  EXPECT_GT(costs(limited), none);
+  EXPECT_LT(costs(limited), none + none / 10) << "limits that do not act";
+  limited.joints[0].friction = limited.joints[0].effort_limit = limited.joints[0].velocity_limit = 0.5;
+  StepSettings without;
+  without.ignore = {true, true, true, true};
+  EXPECT_EQ(costs(limited, without), none) << "what is ignored costs nothing";
 }
 
 TEST(Flops, of_sweeps_grow_by_the_sweep) {

@@ -179,7 +179,7 @@ TEST(names, of_methods_and_parameters) {
   EXPECT_STREQ(name(Method::direct), "direct");
   EXPECT_STREQ(name(Method::reduced), "reduced");
   const char* parameters[parameter_count] = {"gear_ratio", "offset", "softness", "drive_gains",
-                                             "damping",    "mass",   "gravity",  "link_wrench"};
+                                             "damping",    "mass",   "gravity",  "link_wrench", "coupling_switch"};
   for (unsigned p = 0; p < parameter_count; ++p) EXPECT_STREQ(name(static_cast<Parameter>(p)), parameters[p]);
 }
 
