@@ -23,7 +23,7 @@ bool is_bounded(const Joint& joint) {
                            joint.effort_limit < infinity);
 }
 
-// (M50): what is left to an end of the range, all of it inside and a share beyond. `beyond` is the distance's sign there.
+// (M50): the way to an end of the range, all of it inside and a share beyond, where the distance has the sign `beyond`.
 double end_speed(double distance, double beyond, double share, double h) {
   return (distance * beyond > 0.0 ? share : 1.0) * distance / h;
 }
