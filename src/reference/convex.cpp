@@ -16,8 +16,10 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 constexpr double aim = 1e-13, enough = 1e-11;  // violations: the search goes on while it comes nearer to the first
 constexpr double slack = 1e-13;                // by which a piece may be left before it is another's turn
+constexpr double hopeless = 1e-7;              // violation: impulses of a round have grown by a hundred times the speeds
+constexpr int first_rounds = 20;               // before which none is called that
 constexpr double compliance = 1e-9;            // of each curve during the search, relative to its own response
-constexpr int proximal_rounds = 40, joint_moves = 30, single_moves = 1000;
+constexpr int proximal_rounds = 1000, joint_moves = 30, single_moves = 1000;
 
 // Curves that hold speeds may depend on each other, and then their impulses are not unique. So each search is made
 // with u + delta (L - L_before) in place of u, which makes them so, and is repeated with the impulses that it found:
@@ -44,11 +46,10 @@ class Search {
       const double now = violation(problem_, found);
       if (least <= enough && now > 0.5 * least) break;
       if (now < least) least = now, best = found;
+      if (round >= first_rounds && least > hopeless) throw std::logic_error("bounds contradict each other");
       before_ = impulses_;
     }
-    if (!(least <= enough))
-      throw std::logic_error("bounds contradict each other, or the solution is not exact: violation " +
-                             std::to_string(least));
+    if (!(least <= enough)) throw std::logic_error("the solution is not exact");
     return best;
   }
 

@@ -32,11 +32,11 @@ class RandomBounds {
     options.min_dofs = 1, options.max_dofs = 9;
     Model model = scenes::random_model(scene, options);
     left_ = most;
-    for (int round = 0; round < 3; ++round)
+    for (int round = 0; round < 5; ++round)
       for (Joint& joint : model.joints)
         if (joint.moves() && chance(0.5)) bound(joint);
     for (Coupling& coupling : model.couplings)
-      if (chance(0.3) && take(1)) coupling.force_limit = size(0.02, 20.0);
+      if (chance(0.3) && take(1)) coupling.force_limit = size(0.05, 100.0);
     return model;
   }
 
@@ -88,7 +88,7 @@ class RandomBounds {
         if (joint.lower == -infinity && joint.upper == infinity && take(1)) range(joint);
         break;
       case 1:
-        if (joint.friction == 0.0 && take(1)) joint.friction = size(0.01, 5.0);
+        if (joint.friction == 0.0 && take(1)) joint.friction = size(0.05, 200.0);
         break;
       case 2:
         if (joint.velocity_limit == infinity && take(1)) joint.velocity_limit = uniform(0.2, 1.5);
@@ -100,7 +100,7 @@ class RandomBounds {
           joint.drive.position_target = joint.position + uniform(-0.5, 0.5);
           joint.drive.velocity_target = uniform(-1.0, 1.0);
         }
-        joint.effort_limit = size(0.05, 20.0);
+        joint.effort_limit = size(0.2, 50.0);
         break;
       default:
         if (!joint.drive.kinematic && chance(0.4) && take(1)) prescribe(joint);
