@@ -16,7 +16,7 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 
 constexpr double aim = 1e-13, enough = 1e-11;  // violations: the search goes on while it comes nearer to the first
 constexpr double slack = 1e-13;                // by which a piece may be left before it is another's turn
-constexpr double hopeless = 1e-7;              // violation: impulses of a round have grown by a hundred times the speeds
+constexpr double hopeless = 1e-7;              // violation: a round adds a hundred times the speeds to impulses
 constexpr int first_rounds = 20;               // before which none is called that
 constexpr double compliance = 1e-9;            // of each curve during the search, relative to its own response
 constexpr int proximal_rounds = 1000, joint_moves = 30, single_moves = 1000;
