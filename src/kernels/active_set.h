@@ -1,20 +1,22 @@
-// Bounded rows solved exactly, through the couplings: semi-smooth Newton on the active set. SPDX-License-Identifier: Apache-2.0
+// Bounded rows solved exactly, through the couplings, by principal pivoting. SPDX-License-Identifier: Apache-2.0
 //
-// (M55), (M56). Lanes that have come to rest keep what they found while others go on, so no lane sees another's search.
+// (M55), (M56). Each round assumes for every row which part of (M49) it is on, solves, and moves rows on that say
+// otherwise: all of them at first, then the first one only (Murty), which cannot go round in circles. Lanes that have
+// come to rest keep what they found while others go on, so no lane sees another's search.
 #pragma once
 
 #include "bounded_rows.h"
 
 namespace lockstep::kernels {
 
-constexpr int newton_rounds = 6;   ///< before sweeps give a new start
-constexpr int search_rounds = 24;  ///< altogether; then the last sweep's impulses stand
-constexpr int restart_sweeps = 8;
+constexpr int block_rounds = 8;     ///< in which all rows move at once
+constexpr int rounds_per_row = 4;   ///< and then, for each row that takes part; what is open after them is swept
+constexpr int rescue_sweeps = 50;
 
 /// Relative size below which a row's condition is met.
 template <class T>
 LOCKSTEP_INLINE T rounding() {
-  return T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 2e-5 : 1e-13));
+  return T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 4e-6 : 1e-14));
 }
 
 /// Speed of listed row i with all impulses.
@@ -34,22 +36,24 @@ void solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impuls
   T* h = x.search_matrix;
   for (int i = 0; i < m; ++i) {
     const int r = x.bound_listed[i];
+    const Bound<T> row = bound(t, x, r, phase);
     const Branch<T>& own = x.search_branch[i];
-    T right = own.target - x.bound_free[phase * count + r];
+    const auto holds = held(own);
+    T right = target(row, own) - x.bound_free[phase * count + r];
     for (int k = 0; k < m; ++k) {
       const Branch<T>& other = x.search_branch[k];
       const T coupled = x.bound_coupled[r * count + x.bound_listed[k]];
-      right = select(other.held, right, fnma(coupled, other.impulse, right));
-      if (k < i) h[i * m + k] = select(own.held & other.held, coupled, zero);
+      right = select(held(other), right, fnma(coupled, other.impulse, right));
+      if (k < i) h[i * m + k] = select(holds & held(other), coupled, zero);
     }
-    h[i * m + i] = select(own.held, x.bound_coupled[r * count + r] + own.cfm, one);
-    impulse[i] = select(own.held, right, own.impulse);
+    h[i * m + i] = select(holds, x.bound_coupled[r * count + r] + compliance(row, own), one);
+    impulse[i] = select(holds, right, own.impulse);
   }
   // From the last row to the first, as in (M17); a pivot of nothing but rounding takes no impulse.
   const T least = T(S(sizeof(S) == 4 ? 3e-7 : 1e-15));
   for (int i = m - 1; i >= 0; --i) {
     const T pivot = h[i * m + i];
-    const auto sound = less(least * x.bound_own[x.bound_listed[i]], pivot) | ~x.search_branch[i].held;
+    const auto sound = less(least * x.bound_own[x.bound_listed[i]], pivot) | ~held(x.search_branch[i]);
     const T inverse = select(sound, one / pivot, zero);
     x.search_inverse[i] = inverse;
     for (int a = i - 1; a >= 0; --a) {
@@ -65,68 +69,85 @@ void solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impuls
   }
 }
 
-/// Sweeps of (M50) over the listed rows, from impulses that their bounds allow.
+/// Moves rows on whose part of (M49) the impulses contradict. Returns the lanes in which none does.
+template <class T>
+typename T::Mask pivot(const Tables<ScalarOf<T>>& t, Phase phase, const T* impulse, bool one_by_one, Tile<T>& x) {
+  const int count = t.bounds.form.count;
+  T scale = T(0);
+  for (int i = 0; i < x.bound_count; ++i) {
+    const int r = x.bound_listed[i];
+    const T speed = felt_speed(t, x, i, x.bound_free[phase * count + r], impulse);
+    const T weight = x.bound_coupled[r * count + r] * impulse[i];
+    x.search_speed[i] = speed;
+    scale = larger(scale, larger(larger(weight, -weight), larger(speed, -speed)));
+  }
+  typename T::Mask moved = T::none();
+  for (int i = 0; i < x.bound_count; ++i) {
+    const int r = x.bound_listed[i];
+    const Bound<T> row = bound(t, x, r, phase);
+    const T yielding = fma(compliance(row, x.search_branch[i]), impulse[i], x.search_speed[i]);
+    const T slack = rounding<T>() * scale;
+    typename T::Mask changed;
+    const Branch<T> next = advance_branch(row, x.search_branch[i], yielding, impulse[i], slack,
+                                          slack / x.bound_coupled[r * count + r], changed);
+    changed = changed & x.bound_touched[r];
+    if (one_by_one) changed = changed & ~moved;
+    moved = moved | changed;
+    Branch<T>& own = x.search_branch[i];
+    own.low = (own.low & ~changed) | (next.low & changed);
+    own.high = (own.high & ~changed) | (next.high & changed);
+    own.stuck = (own.stuck & ~changed) | (next.stuck & changed);
+    own.impulse = select(changed, next.impulse, own.impulse);
+  }
+  return ~moved;
+}
+
+/// Sweeps of (M50) over the listed rows, which always converge, and keep to all bounds on the way.
 template <class T>
 void sweep_bounds(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impulse) {
   const int count = t.bounds.form.count;
-  for (int s = 0; s < restart_sweeps; ++s)
+  for (int i = 0; i < x.bound_count; ++i) impulse[i] = T(0);
+  for (int s = 0; s < rescue_sweeps; ++s)
     for (int i = 0; i < x.bound_count; ++i) {
       const int r = x.bound_listed[i];
       const T response = x.bound_coupled[r * count + r];
       const T speed = felt_speed(t, x, i, x.bound_free[phase * count + r], impulse);
-      const Branch<T> branch = project(bound(t, x, r, phase), fnma(response, impulse[i], speed), response);
-      impulse[i] = select(x.bound_touched[r], branch.impulse, T(0));
+      const T wanted = project(bound(t, x, r, phase), fnma(response, impulse[i], speed), response).impulse;
+      impulse[i] = select(x.bound_touched[r], wanted, T(0));
     }
-}
-
-/// What (M50) says of every row at these impulses. Returns the lanes in which it is what was assumed.
-template <class T>
-typename T::Mask look(const Tables<ScalarOf<T>>& t, Phase phase, const T* impulse, Tile<T>& x) {
-  const int count = t.bounds.form.count;
-  T worst = T(0), scale = T(0);
-  for (int i = 0; i < x.bound_count; ++i) {
-    const int r = x.bound_listed[i];
-    const T response = x.bound_coupled[r * count + r];
-    const T speed = felt_speed(t, x, i, x.bound_free[phase * count + r], impulse);
-    Branch<T> branch = project(bound(t, x, r, phase), fnma(response, impulse[i], speed), response);
-    const auto out = ~x.bound_touched[r];
-    branch.held = branch.held & ~out;
-    branch.impulse = select(out, T(0), branch.impulse);
-    const T missing = (response + branch.cfm) * (branch.impulse - impulse[i]);
-    const T weight = response * impulse[i];
-    worst = larger(worst, larger(missing, -missing));
-    scale = larger(scale, larger(larger(weight, -weight), larger(speed, -speed)));
-    x.search_branch[i] = branch;
-  }
-  return ~less(rounding<T>() * scale, worst);
 }
 
 template <class T>
 void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
   const int count = t.bounds.form.count, m = x.bound_count;
   T* impulse = x.search_impulse;
-  for (int i = 0; i < m; ++i) impulse[i] = T(0);
-  typename T::Mask open = ~look(t, phase, impulse, x);
-  for (int i = 0; i < m; ++i) x.bound_impulse[phase * count + x.bound_listed[i]] = T(0);
-  for (int round = 0; round < search_rounds && any(open); ++round) {
-    if (round >= newton_rounds) {
-      for (int i = 0; i < m; ++i) impulse[i] = x.search_branch[i].impulse;
-      sweep_bounds(t, phase, x, impulse);
-      const auto rested = look(t, phase, impulse, x);
-      for (int i = 0; i < m; ++i) {
-        T& found = x.bound_impulse[phase * count + x.bound_listed[i]];
-        found = select(open, impulse[i], found);
-      }
-      open = open & ~rested;
-    }
-    solve_held(t, phase, x, impulse);
-    const auto rested = look(t, phase, impulse, x) & open;
+  typename T::Mask open = T::none();
+  for (int i = 0; i < m; ++i) {
+    const int r = x.bound_listed[i];
+    const auto touched = x.bound_touched[r];
+    Branch<T> first = project(bound(t, x, r, phase), x.bound_free[phase * count + r], x.bound_coupled[r * count + r]);
+    first.low = first.low & touched;
+    first.high = first.high & touched;
+    first.stuck = first.stuck & touched;
+    first.impulse = select(touched & ~held(first), first.impulse, T(0));
+    x.search_branch[i] = first;
+    open = open | touched;
+  }
+  const auto keep = [&](typename T::Mask lanes) {
     for (int i = 0; i < m; ++i) {
       T& found = x.bound_impulse[phase * count + x.bound_listed[i]];
-      found = select(rested, impulse[i], found);
+      found = select(lanes, impulse[i], found);
     }
+  };
+  for (int round = 0; round < block_rounds + rounds_per_row * m && any(open); ++round) {
+    solve_held(t, phase, x, impulse);
+    const auto rested = pivot(t, phase, impulse, round >= block_rounds, x) & open;
+    keep(rested);
     open = open & ~rested;
   }
+  if (!any(open)) return;
+  sweep_bounds(t, phase, x, impulse);
+  keep(open);
 }
 
 /// What the couplings' impulses give way to the bounded rows': (K_EE + cfm) dL_E = -K_EB L_B.

@@ -28,7 +28,6 @@ template <class T>
 LOCKSTEP_INLINE void soften_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
   const RowSoftness<ScalarOf<T>>& softness = t.bounds.form.softness[r];
   const int natural = t.bounds.natural_row[r];
-  x.bound_rate[r] = T(softness.rate);
   x.bound_cfm[r] = T(softness.cfm);
   if (softness.cfm_per_response == 0) return;
   const T response = natural >= 0 ? x.natural_compliance[natural] : x.bound_own[r];
@@ -40,8 +39,10 @@ template <class T>
 LOCKSTEP_INLINE Bound<T> bound(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r, Phase phase) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
   const int count = b.form.count, i = phase * count + r;
-  if (b.kind[r] == BoundKind::joint)
-    return {x.bound_lo[i], x.bound_hi[i], T(0), x.bound_force[r], T(b.compliance) * x.bound_coupled[r * count + r], T(0)};
+  if (b.kind[r] == BoundKind::joint) {
+    const T shared = T(b.compliance) * x.bound_coupled[r * count + r];
+    return {x.bound_lo[i], x.bound_hi[i], T(0), x.bound_force[r], shared, shared};
+  }
   return {x.bound_lo[i], x.bound_hi[i], x.bound_centre[i], x.bound_force[r], x.bound_cfm[r], x.bound_cfm[r]};
 }
 
@@ -52,7 +53,6 @@ void open_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, 
   const Bounds<S>& b = t.bounds;
   for (int r = 0; r < b.form.count; ++r) {
     x.bound_touched[r] = T::none();
-    x.bound_rate[r] = T(b.form.softness[r].rate);
     for (int p = 0; p < phases<T>(t); ++p) {
       const Moment<T> at{p == velocity_phase && t.velocity_iterations > 0, S(1) / t.dt};
       bounded_row(t, lanes, r, Phase(p), at, T(0), x);

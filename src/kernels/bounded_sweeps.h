@@ -8,9 +8,15 @@
 
 namespace lockstep::kernels {
 
-/// One sweep: couplings by (M30), bounded rows by (M50). In sub-steps a box holds `share` of its force.
 template <class T>
-void sweep_with_bounds(const Tables<ScalarOf<T>>& t, Phase phase, T share, Tile<T>& x) {
+LOCKSTEP_INLINE bool is_hard(const Bounds<ScalarOf<T>>& b, int r) {
+  return b.form.softness[r].cfm == 0 && b.form.softness[r].cfm_per_response == 0;
+}
+
+/// One sweep: couplings by (M30), bounded rows by (M50). In sub-steps boxes hold a share of their force: of joints, whose
+/// rows keep their impulse over all sub-steps, what is due by then.
+template <class T>
+void sweep_with_bounds(const Tables<ScalarOf<T>>& t, Phase phase, T due, T share, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const int count = t.bounds.form.count;
   const auto change_bounds = [&](auto coupled, T change) {
@@ -26,8 +32,9 @@ void sweep_with_bounds(const Tables<ScalarOf<T>>& t, Phase phase, T share, Tile<
   for (int i = 0; i < x.bound_count; ++i) {
     const int r = x.bound_listed[i];
     const T response = x.bound_coupled[r * count + r];
-    Bound<T> row = bound(t, x, r, phase);
-    row.force *= share;
+    const bool joint = t.bounds.kind[r] == BoundKind::joint;
+    Bound<T> row = bound(t, x, r, t.renewed && !is_hard<T>(t.bounds, r) ? position_phase : phase);
+    row.force *= joint ? due : share;
     const T speed = fnma(response, x.search_impulse[r], x.bound_now[r]);
     const T impulse = select(x.bound_touched[r], project(row, speed, response).impulse, T(0));
     const T change = impulse - x.search_impulse[r];
@@ -62,20 +69,23 @@ void pgs_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lan
     for (int i = 0; i < x.bound_count; ++i)
       x.bound_impulse[phase * count + x.bound_listed[i]] = x.search_impulse[x.bound_listed[i]];
   };
-  for (int s = 0; s < t.iterations; ++s) sweep_with_bounds(t, position_phase, T(1), x);
+  for (int s = 0; s < t.iterations; ++s) sweep_with_bounds(t, position_phase, T(1), T(1), x);
   keep(position_phase, x.position_impulse);
   for (int e = 0; e < rows.count; ++e) x.row_bias[e] = closing_bias(x, e);
-  for (int s = 0; s < t.velocity_iterations; ++s) sweep_with_bounds(t, velocity_phase, T(1), x);
+  for (int s = 0; s < t.velocity_iterations; ++s) sweep_with_bounds(t, velocity_phase, T(1), T(1), x);
   if (t.solve_twice) keep(velocity_phase, x.velocity_impulse);
 }
 
+/// Joints' rows are hard and push one way only: what one sub-step gave another must be able to take back, so theirs is
+/// one impulse for the whole step. Others begin each sub-step with none, as couplings do.
 template <class T>
 void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   using S = ScalarOf<T>;
   const Rows<S>& rows = t.rows;
   const int count = t.bounds.form.count;
   const T share = T(S(1) / S(t.iterations)), h = T(t.dt) * share;
-  const Moment<T> sub_step{false, S(t.iterations) / t.dt}, whole_step{false, S(1) / t.dt};
+  const Moment<T> whole_step{false, S(1) / t.dt};
+  const auto kept = [&](int r) { return t.bounds.kind[r] == BoundKind::joint; };
   begin_sweeps(t, lanes, x);
   for (int e = 0; e < rows.count; ++e) {
     x.row_speed_closed[e] = (x.row_speed[e] - x.row_start[e]) * share;
@@ -89,6 +99,7 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lan
     x.bound_moved[r] = x.bound_impulse[r] = x.bound_impulse[count + r] = T(0);
   }
   for (int s = 0; s < t.iterations; ++s) {
+    const Moment<T> sub_step{false, S(t.iterations) / t.dt, S(s) / S(t.iterations) * t.dt, true};
     for (int e = 0; e < rows.count; ++e) {
       x.row_speed[e] += x.row_speed_closed[e];
       x.row_bias[e] = x.row_rate[e] * x.row_error[e];
@@ -97,10 +108,10 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lan
     for (int i = 0; i < x.bound_count; ++i) {
       const int r = x.bound_listed[i];
       x.bound_now[r] += x.bound_gain[r];
-      x.search_impulse[r] = T(0);
+      if (!kept(r)) x.search_impulse[r] = T(0);
       bounded_row(t, lanes, r, position_phase, sub_step, x.bound_moved[r], x);
     }
-    sweep_with_bounds(t, position_phase, share, x);
+    sweep_with_bounds(t, position_phase, T(S(s + 1)) * share, share, x);
     const auto sum = [&](T impulse, T& closed, T& mean) {
       closed += impulse;
       mean = fma(share, closed, mean);
@@ -111,6 +122,7 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lan
     }
     for (int i = 0; i < x.bound_count; ++i) {
       const int r = x.bound_listed[i];
+      if (kept(r)) x.bound_impulse[count + r] = T(0);
       sum(x.search_impulse[r], x.bound_impulse[count + r], x.bound_impulse[r]);
       x.bound_moved[r] = fma(h, x.bound_now[r], x.bound_moved[r]);
     }
@@ -120,7 +132,7 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lan
     x.row_bias[e] = closing_bias(x, e);
   }
   for (int i = 0; i < x.bound_count; ++i) x.bound_impulse[count + x.bound_listed[i]] -= x.search_impulse[x.bound_listed[i]];
-  for (int s = 0; s < t.velocity_iterations; ++s) sweep_with_bounds(t, velocity_phase, share, x);
+  for (int s = 0; s < t.velocity_iterations; ++s) sweep_with_bounds(t, velocity_phase, T(1), share, x);
   for (int e = 0; e < rows.count; ++e) x.velocity_impulse[e] += x.row_impulse[e];
   for (int i = 0; i < x.bound_count; ++i) {
     const int r = x.bound_listed[i];

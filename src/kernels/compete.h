@@ -51,7 +51,11 @@ bool bounds_act(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     const Watched<ScalarOf<T>>& joint = b.watched[i];
     const T q = x.q[joint.joint], moved = x.next_q[joint.joint];
     const T coasted = fma(T(t.dt), x.next_v[root + joint.joint], q);  // with the velocity that stays
-    const T least = smaller(moved, coasted), most = larger(moved, coasted);
+    T least = smaller(moved, coasted), most = larger(moved, coasted);
+    if (joint.bounces) {  // by the speed that it comes with (M52)
+      const T arriving = fma(T(t.dt), x.v[root + joint.joint], q);
+      least = smaller(least, arriving), most = larger(most, arriving);
+    }
     x.suspect = x.suspect | less(least, T(joint.lower)) | less(T(joint.upper), most);
     if (joint.way > 0) x.suspect = x.suspect | less(T(joint.way), larger(most - q, q - least));
   }
@@ -63,9 +67,10 @@ void compete(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile
   const int rows = t.rows.count, count = t.bounds.form.count;
   T* solution[2] = {x.solution, x.closing_solution};
   open_bounds(t, lanes, x);
+  const int looked_at = t.velocity_iterations > 0 ? phases<T>(t) : 1;  // without, tgs leaves its last velocity alone
   const auto touched = [&] {
     bool found = false;
-    for (int p = 0; p < phases<T>(t); ++p) found = touch(t, Phase(p), solution[p], x) || found;
+    for (int p = 0; p < looked_at; ++p) found = touch(t, Phase(p), solution[p], x) || found;
     return found;
   };
   if (!touched()) return;

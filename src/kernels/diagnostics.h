@@ -33,7 +33,7 @@ void look_at_coupling(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Repo
     const T force = x.bound_force[row.bounded], slack = force * T(ScalarOf<T>(1e-5));
     impulse = x.bound_impulse[row.bounded];
     cfm = x.bound_cfm[row.bounded];
-    rate = x.bound_rate[row.bounded];
+    rate = T(t.bounds.soft_rate[row.bounded]);
     const auto up = less(force - slack, impulse), down = less(impulse, slack - force);
     present = ~(up | down);
     acts = select(up, T(2), select(down, T(-2), T(1)));

@@ -20,6 +20,8 @@ template <class T>
 struct Moment {
   bool closing;         ///< the velocity phase: nothing is corrected any more
   ScalarOf<T> inverse;  ///< 1 / step, or sub-step
+  ScalarOf<T> elapsed = 0;  ///< of the step
+  bool sub_step = false;
 };
 
 /// (M51), (M52) and the limits of velocity: what joint j may do, when its position is `moved` from the step's start.
@@ -30,7 +32,7 @@ LOCKSTEP_INLINE Interval<T> joint_interval(const Tables<ScalarOf<T>>& t, const T
   Interval<T> i{-far, far};
   if (b.has[j] & has_range) {
     const T q = x.q[j] + moved, below = T(b.lower[j]) - q, above = T(b.upper[j]) - q;
-    const T inside = T(at.inverse), beyond = at.closing ? zero : T(b.limit_rate[j]);
+    const T inside = T(at.inverse), beyond = at.closing ? zero : T(at.sub_step ? b.sub_step_rate[j] : b.limit_rate[j]);
     i.lo = below * select(less(zero, below), beyond, inside);
     i.hi = above * select(less(above, zero), beyond, inside);
     if (at.closing && (b.has[j] & has_restitution)) {
@@ -112,7 +114,7 @@ void other_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, in
   using S = ScalarOf<T>;
   const Bounds<S>& b = t.bounds;
   const int i = phase * b.form.count + r;
-  const T zero = T(0), far = T(S(unlimited)), rate = x.bound_rate[r];
+  const T zero = T(0), far = T(S(unlimited)), rate = T(at.sub_step ? b.form.softness[r].rate : b.soft_rate[r]);
   x.bound_lo[i] = -far;
   x.bound_hi[i] = far;
   x.bound_centre[i] = zero;
@@ -122,6 +124,7 @@ void other_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, in
     const T bias = drops ? zero : rate * (x.coupling_error[c] + moved);
     x.bound_centre[i] = phase == position_phase ? bias + pushed(t, x, c) : bias;
     x.bound_force[r] = T(t.dt) * T(b.force_limit[c]);
+    if (declared<T>(t, 8)) x.bound_force[r] *= switched_on<T>(lanes, c);
     return;
   }
   const Member member = b.member[b.member_start[r]];
@@ -136,7 +139,7 @@ void other_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, in
   } else {
     const std::ptrdiff_t row = t.joint_row[j] * lanes.stride;
     const T target = T::load(lanes.position_target + row), speed = T::load(lanes.velocity_target + row);
-    x.bound_centre[i] = fma(rate, fma(T(t.dt), speed, q - target), correction - speed);
+    x.bound_centre[i] = fma(rate, fma(T(t.dt - at.elapsed), speed, q - target), correction - speed);
     x.bound_force[r] = far;
   }
 }

@@ -15,6 +15,13 @@ LOCKSTEP_INLINE T smallest() {
   return T(ScalarOf<T>(1e-30));
 }
 
+/// 1 where the coupling is on, 0 where it is off; no number stays none, for check() to find.
+template <class T>
+LOCKSTEP_INLINE T switched_on(const Lanes<ScalarOf<T>>& lanes, int coupling) {
+  const T value = T::load(lanes.field[8] + coupling * lanes.stride);
+  return fma(value, T(0), select(less(T(0), value) | less(value, T(0)), T(1), T(0)));
+}
+
 /// (M32) 1 - (1 - erp)^(1/N), and by (M25) mixing as the spring that it is, for a sub-step: lane by lane, since only
 /// tgs with a softness per environment asks for it.
 template <class T>
@@ -65,10 +72,9 @@ void row_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
       x.row_cfm[r] = fma(T(softness.cfm_per_response), natural, T(softness.cfm));
     }
     if (declared<T>(t, 8)) {
-      const T switched = T::load(lanes.field[8] + rows.coupling[r] * lanes.stride);
-      const auto on = less(T(0), switched) | less(switched, T(0));
-      x.row_rate[r] = fma(switched, T(0), select(on, x.row_rate[r], T(0)));  // what is no number shall be a fault
-      x.row_cfm[r] = select(on, x.row_cfm[r], yields_to_everything<T>());
+      const T on = switched_on<T>(lanes, rows.coupling[r]);
+      x.row_rate[r] *= on;
+      x.row_cfm[r] = select(less(on, T(1)), yields_to_everything<T>(), x.row_cfm[r]);
     }
     x.row_error[r] = x.coupling_error[rows.coupling[r]];
     x.row_bias[r] = x.row_rate[r] * x.row_error[r];

@@ -48,11 +48,13 @@ bool saturation_differs(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& 
   for (int i = 0; i < t.limited.count; ++i) {
     const int j = t.limited[i];
     const T force = servo<T>(t, lanes, j).force(T(t.dt), x.q[j], x.next_v[root + j]) + feed_forward<T>(t, lanes, j);
-    const T found = saturated(force, T(t.effort_limit[j])), guess = x.saturation[i];
+    // From one end to the other by way of the middle: a servo that jumps may jump back for ever.
+    const T guess = x.saturation[i], found = saturated(force, T(t.effort_limit[j]));
+    const T next = guess + clamp(found - guess, T(-1), T(1));
     auto differs = (less(found, guess) | less(guess, found)) & ~x.frozen;
     if (one_by_one) differs = differs & ~changed;
     changed = changed | differs;
-    x.saturation[i] = select(differs, found, guess);
+    x.saturation[i] = select(differs, next, guess);
   }
   return any(changed);
 }

@@ -105,7 +105,6 @@ struct Tile {
   T* bound_hi;             // 2 [rows]
   T* bound_centre;         // 2 [rows]
   T* bound_force;
-  T* bound_rate;
   T* bound_cfm;
   T* bound_own;            // r before the couplings have their say
   T* bound_free;           // 2 [rows] speed without bounded rows
@@ -122,6 +121,7 @@ struct Tile {
   T* search_matrix;
   T* search_inverse;
   T* search_impulse;
+  T* search_speed;
   Branch<T>* search_branch;
   typename T::Mask* bound_touched;  // lanes in which the row takes part
   typename T::Mask suspect;         // lanes in which bounds may act at all
@@ -178,8 +178,8 @@ inline void lay_out_bounds(const Tables<ScalarOf<T>>& t, Carver& c, Tile<T>& x) 
   x.member_inverse = c.take<T>(b.member.count);
   x.bound_value = c.take<T>(b.form.term_value.count);
   T** const twice[] = {&x.bound_lo, &x.bound_hi, &x.bound_centre, &x.bound_free, &x.bound_impulse};
-  T** const once[] = {&x.bound_force, &x.bound_rate, &x.bound_cfm, &x.bound_own, &x.bound_now, &x.bound_gain,
-                      &x.bound_moved, &x.search_inverse, &x.search_impulse};
+  T** const once[] = {&x.bound_force, &x.bound_cfm, &x.bound_own, &x.bound_now, &x.bound_gain,
+                      &x.bound_moved, &x.search_inverse, &x.search_impulse, &x.search_speed};
   for (T** array : twice) *array = c.take<T>(2 * bounds);
   for (T** array : once) *array = c.take<T>(bounds);
   x.bound_response = c.take<T>(bounds * solver);

@@ -179,7 +179,8 @@ void lay_out_joint_terms(Program& program) {
     kp[i] = joint.drive.kp;
     kd[i] = joint.drive.kd;
     implicit[i] = joint.armature + h * joint.damping;
-    const bool holds = joint.effort_limit < infinity && !program.settings.ignore.effort_limits;
+    const bool holds =
+        joint.effort_limit < infinity && !joint.drive.kinematic && !program.settings.ignore.effort_limits;
     const bool servo = !joint.drive.kinematic && (declared(program, Parameter::drive_gains) || kp[i] > 0.0 || kd[i] > 0.0);
     if (holds) effort_limit[i] = std::min(joint.effort_limit, unlimited);
     // What an effort limit takes away is decided lane by lane, so it does not stand in the table.

@@ -47,21 +47,19 @@ Member member_of(const Tables<double>& t, int joint) {
 // The one solver velocity that the joint moves with, or -1.
 int velocity_of(const RowForm& form) { return form.terms.size() == 1 ? form.terms.begin()->first : -1; }
 
-// Share of its error that a hard row corrects, as a rate: per step, or so that N sub-steps make up that share (M32).
-double hard_rate(const StepSettings& s, double erp, bool substeps) {
-  const int n = substeps ? s.iterations : 1;
-  return (n == 1 ? erp : 1.0 - std::pow(1.0 - erp, 1.0 / n)) * n / s.dt;
+// Share of its error that a hard row corrects in one of N sub-steps, which make up that of the step (M32), as a rate.
+double hard_rate(const StepSettings& s, double erp) {
+  return (1.0 - std::pow(1.0 - erp, 1.0 / s.iterations)) * s.iterations / s.dt;
 }
 
 void lay_out_joint_bounds(Program& program) {
   Tables<double>& t = program.f64;
   Bounds<double>& b = t.bounds;
   const StepSettings& s = program.settings;
-  const bool substeps = program.method == Method::tgs;
   const auto zeros = [&] { return std::vector<double>(t.joints, 0.0); };
   std::vector<int> has(t.joints, 0);
   std::vector<double> lower = zeros(), upper = zeros(), limit_rate = zeros(), restitution = zeros(), speed = zeros(),
-                      friction = zeros(), drive_rate = zeros();
+                      friction = zeros(), drive_rate = zeros(), sub_step_rate = zeros();
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const int i = program.solver_joint[j];
     if (i < 0) continue;
@@ -69,7 +67,8 @@ void lay_out_joint_bounds(Program& program) {
     has[i] = hard_bounds(program, joint);
     lower[i] = std::max(joint.lower, -unlimited);
     upper[i] = std::min(joint.upper, unlimited);
-    limit_rate[i] = hard_rate(s, joint.limit_softness.first, substeps);
+    limit_rate[i] = joint.limit_softness.first / s.dt;
+    sub_step_rate[i] = hard_rate(s, joint.limit_softness.first);
     restitution[i] = joint.restitution;
     speed[i] = std::min(joint.velocity_limit, unlimited);
     friction[i] = s.dt * joint.friction;
@@ -86,7 +85,26 @@ void lay_out_joint_bounds(Program& program) {
   b.speed_limit = store.keep(std::move(speed));
   b.friction = store.keep(std::move(friction));
   b.drive_rate = store.keep(std::move(drive_rate));
+  b.sub_step_rate = store.keep(std::move(sub_step_rate));
   b.force_limit = store.keep(std::move(force_limit));
+}
+
+double value_of(const Tables<double>& t, const Contribution& share) {
+  return (share.term < 0 ? 1.0 : t.term_value[share.term]) * (share.value < 0 ? 1.0 : t.reduction.value[share.value]);
+}
+
+// Whether what the eliminated couplings say leaves nothing of this one.
+bool follows_from_eliminated(const Program& program, const RowForm& form) {
+  if (program.f64.reduction.followers == 0 || declared(program, Parameter::gear_ratio)) return false;
+  for (const auto& [index, shares] : form.terms) {
+    double sum = 0.0, size = 0.0;
+    for (const Contribution& share : shares) {
+      sum += value_of(program.f64, share);
+      size += std::abs(value_of(program.f64, share));
+    }
+    if (std::abs(sum) > 1e-9 * size) return false;
+  }
+  return true;
 }
 
 // Whether directions of hard rows depend on each other, couplings that are left to solve included.
@@ -105,8 +123,7 @@ bool depend(const Program& program, const std::vector<Row>& rows, const std::vec
   for (std::size_t r = 0; r < hard.size(); ++r) {
     for (const auto& [index, shares] : hard[r]->terms)
       for (const Contribution& share : shares)
-        directions(static_cast<Eigen::Index>(r), index) += (share.term < 0 ? 1.0 : t.term_value[share.term]) *
-                                                           (share.value < 0 ? 1.0 : t.reduction.value[share.value]);
+        directions(static_cast<Eigen::Index>(r), index) += value_of(t, share);
     directions.row(static_cast<Eigen::Index>(r)).normalize();
   }
   Eigen::ColPivHouseholderQR<Eigen::MatrixXd> factored(directions.transpose());
@@ -130,6 +147,7 @@ BoundForms lay_out_bounds(Program& program) {
     return form;
   };
   const auto add = [&](Row row, RowForm form) {
+    if (form.terms.empty()) return;  // couplings leave the joint no freedom, so there is nothing to bound
     result.joint.push_back(row.kind == BoundKind::coupling ? -1 : row.members[0].joint);
     rows.push_back(std::move(row));
     result.forms.push_back(std::move(form));
@@ -167,19 +185,23 @@ BoundForms lay_out_bounds(Program& program) {
     if (joint.drive.kinematic && !joint.drive.softness.is_hard() && !is_slack(joint.drive.softness))
       add_soft(BoundKind::soft_drive, joint.drive.softness, i);
   });
-  for (int c = 0; c < t.couplings; ++c)
-    if (model.couplings[c].force_limit < infinity && !is_absent(program, c))
-      add({BoundKind::coupling, c, {}}, coupling_form(program, t.reduction, c));
+  for (int c = 0; c < t.couplings; ++c) {
+    if (!(model.couplings[c].force_limit < infinity) || is_absent(program, c)) continue;
+    RowForm form = coupling_form(program, t.reduction, c);
+    if (follows_from_eliminated(program, form)) form.terms.clear();
+    add({BoundKind::coupling, c, {}}, std::move(form));
+  }
 
   b.form = lay_out_forms(program, result.forms, t.solver, false);
-  b.compliance = depend(program, rows, result.forms) ? 1e-10 : 0.0;
+  b.compliance = depend(program, rows, result.forms) ? 1e-12 : 0.0;
   std::vector<Watched<double>> watched;
   each_joint([&](const Joint& joint, int i) {
     const bool fast = b.has[i] & has_speed_limit, ranged = has_range_of(program, joint);
     b.always |= (b.has[i] & (has_friction | has_kinematic_drive)) != 0;
     if (fast || ranged)
       watched.push_back({i, ranged ? b.lower[i] : -unlimited, ranged ? b.upper[i] : unlimited,
-                         fast ? program.settings.dt * b.speed_limit[i] : 0.0});
+                         fast ? program.settings.dt * b.speed_limit[i] : 0.0,
+                         (b.has[i] & has_restitution) != 0});
   });
   for (const Row& row : rows) b.always |= row.kind == BoundKind::soft_drive || row.kind == BoundKind::coupling;
   b.watched = program.store.keep(std::move(watched));
@@ -187,6 +209,10 @@ BoundForms lay_out_bounds(Program& program) {
   std::vector<int> member_start{0};
   std::vector<Member> members;
   std::vector<double> shares;
+  std::vector<double> soft_rate;
+  for (std::size_t r = 0; r < rows.size(); ++r)
+    soft_rate.push_back(row_softness(program, result.forms[r].softness, program.settings.dt, 1).rate);
+  b.soft_rate = program.store.keep(std::move(soft_rate));
   for (const Row& row : rows) {
     kind.push_back(row.kind);
     for (const Member& member : row.members) {

@@ -33,6 +33,14 @@ void check_substeps(const Program& program) {
             "lower the erp, or use one iteration or another method");
 }
 
+void check_force_limits(const Program& program) {
+  for (const Coupling& coupling : program.model.couplings)
+    require(!(coupling.force_limit < infinity && declared(program, Parameter::softness)), "per_environment",
+            fmt::format("has the softness, while coupling '{}' has a force limit, which goes with one softness only",
+                        coupling.joint),
+            "leave the softness out, or the force limit");
+}
+
 }  // namespace
 
 const char* name(Method method) noexcept {
@@ -91,6 +99,7 @@ Plan compile(const Model& model, const StepSettings& settings) {
   find_redundant_couplings(*program);
   choose_method(*program);
   check_substeps(*program);
+  check_force_limits(*program);
   if (program->method == Method::reduced) eliminate_followers(*program);
   lay_out_rows(*program);
   lay_out_report(*program);

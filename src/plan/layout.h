@@ -42,6 +42,10 @@ struct RowForm {
 void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int joint, int term, RowForm& form);
 RowForm coupling_form(const Program& program, const Reduction<double>& reduction, int coupling);
 
+/// (M23), (M24), (M32): rate and cfm, (22), (23), (26) to (29) of the note, for a step or one of its sub-steps of
+/// length h (rows.cpp).
+RowSoftness<double> row_softness(const Program& program, const Softness& softness, double h, int substeps);
+
 /// The tables of rows with these forms; `factored` ones are numbered by their elimination tree (rows.cpp).
 Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, const Columns& columns, bool factored);
 

@@ -67,14 +67,15 @@ struct Narrowing {
   }
 
   Watched<float> narrowed(const Watched<double>& from) {
-    return {from.joint, narrowed(from.lower), narrowed(from.upper), narrowed(from.way)};
+    return {from.joint, narrowed(from.lower), narrowed(from.upper), narrowed(from.way), from.bounces};
   }
 
   Bounds<float> narrowed(const Bounds<double>& from) {
     return {narrowed(from.form), from.kind, from.member_start, from.member, narrowed(from.member_share),
             from.compliance > 0.0 ? 1e-5f : 0.0f, from.always, narrowed(from.watched), from.has, narrowed(from.lower), narrowed(from.upper),
             narrowed(from.limit_rate), narrowed(from.restitution), narrowed(from.speed_limit), narrowed(from.friction),
-            narrowed(from.drive_rate), narrowed(from.force_limit), from.natural_row};
+            narrowed(from.drive_rate), narrowed(from.sub_step_rate), narrowed(from.force_limit), narrowed(from.soft_rate),
+            from.natural_row};
   }
 
   Reduction<float> narrowed(const Reduction<double>& from) {

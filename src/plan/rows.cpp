@@ -46,7 +46,8 @@ bool share_any(const std::vector<int>& a, const std::vector<int>& b) {
   return !common.empty();
 }
 
-// (M23), (M24), (M32): rate and cfm, (22), (23), (26) to (29) of the note, for a step or sub-step of length h.
+}  // namespace
+
 RowSoftness<double> row_softness(const Program& program, const Softness& softness, double h, int substeps) {
   const double first = softness.first, second = softness.second, dt = program.settings.dt;
   RowSoftness<double> row{static_cast<int>(softness.kind), 0, 0, 0};
@@ -74,8 +75,6 @@ RowSoftness<double> row_softness(const Program& program, const Softness& softnes
   }
   return row;
 }
-
-}  // namespace
 
 Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, const Columns& columns, bool factored) {
   const Tables<double>& t = program.f64;
@@ -182,6 +181,7 @@ bool takes_no_impulse(const Program& program, int coupling) {
 bool matrix_holds_more(const Program& program) {
   const Tables<double>& t = program.f64;
   if (declared(program, Parameter::drive_gains) || declared(program, Parameter::damping)) return true;
+  if (t.limited.count > 0) return true;
   for (int j = 0; j < t.joints; ++j)
     if (t.implicit[j] != t.armature[j]) return true;
   return t.reduction.followers > 0;

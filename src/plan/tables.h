@@ -126,7 +126,8 @@ template <class S>
 struct Watched {
   int joint;
   S lower, upper;
-  S way;  ///< that it may go in a step, 0 where its speed has no limit
+  S way;          ///< that it may go in a step, 0 where its speed has no limit
+  bool bounces;
 };
 
 /// Rows with an interval or a box (M49).
@@ -143,7 +144,9 @@ struct Bounds {
   // by joint; what it has not is not read
   Span<int> has;                ///< JointBound
   Span<S> lower, upper, limit_rate, restitution, speed_limit, friction, drive_rate;
+  Span<S> sub_step_rate;        ///< limit_rate in the sub-steps of tgs
   Span<S> force_limit;          ///< by coupling
+  Span<S> soft_rate;            ///< by row, of the whole step; its softness in `form` is that of a sub-step of tgs
   Span<int> natural_row;        ///< by row, as Tables::natural_row
 };
 

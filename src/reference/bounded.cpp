@@ -14,12 +14,6 @@ using Eigen::VectorXd;
 
 constexpr int most_guesses = 100;  // of the servos at their limits
 
-Step finished(const Mechanism& mechanism, Stage stage, Solution solution) {
-  State next = mechanism.advanced(stage.state, solution.position_velocity, stage.h);
-  next.v = solution.velocity;
-  return {std::move(next), std::move(solution.impulses), std::move(stage)};
-}
-
 // The last phase decides on the servos, each of which is a curve there; the position phase takes them as they are then.
 Step exact_step(const Mechanism& mechanism, const StepSettings& settings, const State& state, const Inputs& inputs) {
   const bool two_phases = settings.velocity_iterations > 0;

@@ -1,4 +1,4 @@
-// pgs and tgs with bounds: rows one after the other, by (M49). SPDX-License-Identifier: Apache-2.0
+// pgs and tgs with bounds: rows one after the other, by (M50). SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <functional>
 
@@ -10,7 +10,7 @@ namespace {
 using Eigen::VectorXd;
 using Rows = std::vector<BoundedRow>;
 
-// (M49): the impulse of a row for the speed that it would have without it.
+// (M50): the impulse of a row for the speed that it would have without it.
 void visit_bounded(const Stage& stage, const BoundedRow& row, double& impulse, VectorXd& v) {
   const VectorXd response = stage.inverse * row.direction;
   const double yield = row.direction.dot(response) + row.cfm;
@@ -125,7 +125,10 @@ Solution bounded_tgs(const Bounded& step) {
       v += (stage.free - stage.state.v) / n;
       impulse_sum += gathered(impulses, rows);
       rows = bounded_rows(step.mechanism, stage, step.inputs, {Phase::position, q, k * h, n});
-      impulses = Impulses(stage, rows);
+      Impulses next(stage, rows);  // joints' hard rows push one way only, and keep theirs to be able to take it back
+      for (std::size_t i = 0; i < rows.size(); ++i)
+        if (rows[i].dof >= 0 && rows[i].cfm == 0.0) next.bounded[i] = impulses.bounded[i];
+      impulses = next;
       const VectorXd error = stage.couplings.error(q);
       for (int i = 0; i < count; ++i) coupled.bias[i] = coupled.rows[i].erp * error[i] / h;
       sweep(stage, coupled, rows, touched, impulses, v);

@@ -59,6 +59,17 @@ void velocity_sweeps(const Stage& stage, int count, const std::vector<Row>& rows
       if (rows[i].active) visit(stage, i, rows[i].hard ? 0.0 : b[i], rows[i].cfm, impulses[i], v);
 }
 
+Step finished(const Mechanism& mechanism, Stage stage, Solution solution) {
+  State next = mechanism.advanced(stage.state, solution.position_velocity, stage.h);
+  next.v = solution.velocity;
+  if (mechanism.root_velocities() > 0) {
+    const Eigen::Matrix3d axes = (next.orientation.conjugate() * stage.state.orientation.normalized()).toRotationMatrix();
+    next.v.head<3>() = axes * solution.velocity.head<3>();
+    next.v.segment<3>(3) = axes * solution.velocity.segment<3>(3);
+  }
+  return {std::move(next), std::move(solution.impulses), std::move(stage)};
+}
+
 Step step(const Mechanism& mechanism, const StepSettings& settings, const State& state, const Inputs& inputs) {
   if (has_bounds(mechanism.model(), settings.ignore)) return bounded_step(mechanism, settings, state, inputs);
   Stage stage(mechanism, settings.dt, state, inputs);
@@ -70,14 +81,7 @@ Step step(const Mechanism& mechanism, const StepSettings& settings, const State&
     case Method::reduced: solution = reduced(stage, settings); break;
     case Method::automatic: throw SettingsError("method", "is automatic", "name one that the reference shall use");
   }
-  State next = mechanism.advanced(state, solution.position_velocity, settings.dt);
-  next.v = solution.velocity;
-  if (mechanism.root_velocities() > 0) {
-    const Eigen::Matrix3d axes = (next.orientation.conjugate() * state.orientation.normalized()).toRotationMatrix();
-    next.v.head<3>() = axes * solution.velocity.head<3>();
-    next.v.segment<3>(3) = axes * solution.velocity.segment<3>(3);
-  }
-  return {std::move(next), std::move(solution.impulses), std::move(stage)};
+  return finished(mechanism, std::move(stage), std::move(solution));
 }
 
 }  // namespace lockstep::reference

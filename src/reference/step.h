@@ -54,6 +54,9 @@ struct Step {
 /// One step of settings.dt. The method must be named: automatic is refused (SettingsError).
 Step step(const Mechanism& mechanism, const StepSettings& settings, const State& state, const Inputs& inputs);
 
+/// The state that a solution leads to: moved, and the root's twist in its new axes.
+Step finished(const Mechanism& mechanism, Stage stage, Solution solution);
+
 /// Shared by pgs and tgs: one visit to a row, velocity and impulse updated.
 void visit(const Stage& stage, int i, double b, double cfm, double& impulse, Eigen::VectorXd& v);
 /// Shared by pgs and tgs: the sweeps after the position update. Hard rows drop their bias b, soft ones keep all.

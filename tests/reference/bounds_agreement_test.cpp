@@ -27,7 +27,7 @@ using Eigen::VectorXd;
 using physics::distance;
 using physics::size;
 
-constexpr int seeds = 400;
+constexpr int seeds = 800;
 constexpr double close = 1e-8;
 
 StepSettings settings_of(Method method, int seed) {
@@ -36,6 +36,8 @@ StepSettings settings_of(Method method, int seed) {
   settings.record_impulses = true;
   return settings;
 }
+
+bool sweeps(Method method) { return method == Method::pgs || method == Method::tgs; }
 
 // Whether velocities say who bears how much: not where bounds repeat what couplings hold already.
 bool independent(const reference::Mechanism& mechanism, const reference::Stage& stage) {
@@ -62,13 +64,12 @@ int limited_servos(const reference::Mechanism& mechanism) {
 
 void expect_agreement(const Model& model, const StepSettings& settings) {
   const reference::Mechanism mechanism(model);
-  const bool sweeps = settings.method == Method::pgs || settings.method == Method::tgs;
   std::optional<reference::Step> found;
   try {
     found = reference::step(mechanism, settings, mechanism.initial_state(), mechanism.initial_inputs());
   } catch (const std::logic_error&) {
     // Few sweeps may come to velocities that agree with no choice of servos at their limits.
-    ASSERT_TRUE(sweeps && limited_servos(mechanism) > 0);
+    ASSERT_TRUE(sweeps(settings.method) && limited_servos(mechanism) > 0);
     return;
   }
   const reference::Step& theirs = *found;
@@ -85,7 +86,7 @@ void expect_agreement(const Model& model, const StepSettings& settings) {
 
   const VectorXd impulses = batch.coupling_impulses().matrix().col(0);
   const double momentum = std::max(size(theirs.stage.implicit) * moving, size(theirs.impulses));
-  if (sweeps || independent(mechanism, theirs.stage)) {
+  if (sweeps(settings.method) || independent(mechanism, theirs.stage)) {
     EXPECT_LE(distance(impulses, theirs.impulses), close * momentum) << "impulses";
   }
 }
@@ -95,7 +96,12 @@ class BoundsAgreement : public testing::TestWithParam<Method> {};
 TEST_P(BoundsAgreement, of_states_after_one_step) {
   for (int seed = 0; seed < seeds; ++seed) {
     SCOPED_TRACE(seed);
-    expect_agreement(physics::random_bounds(seed), settings_of(GetParam(), seed));
+    Model model = physics::random_bounds(seed);
+    // A few sweeps are no minimum: beside other bounds more than one choice of servos at their limits may agree with the
+    // velocities after it. Alone they are compared below.
+    if (sweeps(GetParam()))
+      for (Joint& joint : model.joints) joint.effort_limit = infinity;
+    expect_agreement(model, settings_of(GetParam(), seed));
     if (HasFailure()) return;
   }
 }

@@ -64,6 +64,7 @@ class RandomBounds {
     const double near = uniform(-0.002, 0.005);
     const bool below = chance(0.5), closed = chance(0.6);
     const double far = chance(0.2) ? uniform(0.005, 0.02) : uniform(0.5, 2.0);
+    if (joint.kind == JointKind::continuous) joint.kind = JointKind::revolute;
     if (below || closed) joint.lower = joint.position - (below ? near : far);
     if (!below || closed) joint.upper = joint.position + (below ? far : near);
     if (chance(0.35)) {
