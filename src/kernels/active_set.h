@@ -9,6 +9,7 @@
 
 namespace lockstep::kernels {
 
+constexpr int first_sweeps = 2;     ///< that the search begins with
 constexpr int block_rounds = 8;     ///< in which all rows move at once
 constexpr int rounds_per_row = 4;   ///< and then, for each row that takes part; what is open after them is swept
 constexpr int rescue_sweeps = 50;
@@ -27,42 +28,51 @@ LOCKSTEP_INLINE T felt_speed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int
   return free;
 }
 
-/// Dense L^T D L of the rows that are held, the others' impulses known: (M56). Answers in `impulse`.
+/// Dense L^T D L of the rows that are held, the others' impulses known: (M56). Answers in `impulse`. Rows that no lane
+/// holds have nothing to eliminate.
 template <class T>
 void solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impulse) {
   using S = ScalarOf<T>;
   const int count = t.bounds.form.count, m = x.bound_count;
   const T zero = T(0), one = T(1);
   T* h = x.search_matrix;
+  T* known = x.search_speed;
   for (int i = 0; i < m; ++i) {
+    const Branch<T>& own = x.search_branch[phase * count + x.bound_listed[i]];
+    x.search_held[i] = held(own);
+    known[i] = select(x.search_held[i], zero, own.impulse);
+  }
+  for (int i = 0; i < m; ++i) {
+    const auto holds = x.search_held[i];
+    impulse[i] = known[i];
+    if (!any(holds)) continue;
     const int r = x.bound_listed[i];
     const Bound<T> row = bound(t, x, r, phase);
-    const Branch<T>& own = x.search_branch[i];
-    const auto holds = held(own);
+    const Branch<T>& own = x.search_branch[phase * count + r];
+    const T* coupled = x.bound_coupled + r * count;
     T right = target(row, own) - x.bound_free[phase * count + r];
-    for (int k = 0; k < m; ++k) {
-      const Branch<T>& other = x.search_branch[k];
-      const T coupled = x.bound_coupled[r * count + x.bound_listed[k]];
-      right = select(held(other), right, fnma(coupled, other.impulse, right));
-      if (k < i) h[i * m + k] = select(holds & held(other), coupled, zero);
-    }
-    h[i * m + i] = select(holds, x.bound_coupled[r * count + r] + compliance(row, own), one);
-    impulse[i] = select(holds, right, own.impulse);
+    for (int k = 0; k < m; ++k) right = fnma(coupled[x.bound_listed[k]], known[k], right);
+    for (int k = 0; k < i; ++k) h[i * m + k] = select(holds & x.search_held[k], coupled[x.bound_listed[k]], zero);
+    h[i * m + i] = select(holds, coupled[r] + compliance(row, own), one);
+    impulse[i] = select(holds, right, known[i]);
   }
   // From the last row to the first, as in (M17); a pivot of nothing but rounding takes no impulse.
   const T least = T(S(sizeof(S) == 4 ? 3e-7 : 1e-15));
   for (int i = m - 1; i >= 0; --i) {
+    if (!any(x.search_held[i])) continue;
     const T pivot = h[i * m + i];
-    const auto sound = less(least * x.bound_own[x.bound_listed[i]], pivot) | ~held(x.search_branch[i]);
+    const auto sound = less(least * x.bound_own[x.bound_listed[i]], pivot) | ~x.search_held[i];
     const T inverse = select(sound, one / pivot, zero);
     x.search_inverse[i] = inverse;
     for (int a = i - 1; a >= 0; --a) {
+      if (!any(x.search_held[a])) continue;
       const T factor = h[i * m + a] * inverse;
       for (int b = 0; b <= a; ++b) h[a * m + b] = fnma(factor, h[i * m + b], h[a * m + b]);
       impulse[a] = fnma(factor, impulse[i], impulse[a]);
     }
   }
   for (int i = 0; i < m; ++i) {
+    if (!any(x.search_held[i])) continue;
     T sum = impulse[i];
     for (int k = 0; k < i; ++k) sum = fnma(h[i * m + k], impulse[k], sum);
     impulse[i] = sum * x.search_inverse[i];
@@ -85,15 +95,15 @@ typename T::Mask pivot(const Tables<ScalarOf<T>>& t, Phase phase, const T* impul
   for (int i = 0; i < x.bound_count; ++i) {
     const int r = x.bound_listed[i];
     const Bound<T> row = bound(t, x, r, phase);
-    const T yielding = fma(compliance(row, x.search_branch[i]), impulse[i], x.search_speed[i]);
+    Branch<T>& own = x.search_branch[phase * count + r];
+    const T yielding = fma(compliance(row, own), impulse[i], x.search_speed[i]);
     const T slack = rounding<T>() * scale;
     typename T::Mask changed;
-    const Branch<T> next = advance_branch(row, x.search_branch[i], yielding, impulse[i], slack,
-                                          slack / x.bound_coupled[r * count + r], changed);
+    const Branch<T> next =
+        advance_branch(row, own, yielding, impulse[i], slack, slack / x.bound_coupled[r * count + r], changed);
     changed = changed & x.bound_touched[r];
     if (one_by_one) changed = changed & ~moved;
     moved = moved | changed;
-    Branch<T>& own = x.search_branch[i];
     own.low = (own.low & ~changed) | (next.low & changed);
     own.high = (own.high & ~changed) | (next.high & changed);
     own.stuck = (own.stuck & ~changed) | (next.stuck & changed);
@@ -102,52 +112,77 @@ typename T::Mask pivot(const Tables<ScalarOf<T>>& t, Phase phase, const T* impul
   return ~moved;
 }
 
-/// Sweeps of (M50) over the listed rows, which always converge, and keep to all bounds on the way.
+/// Sweeps of (M50) over the listed rows, which always converge, and keep to all bounds on the way. Leaves in
+/// x.search_branch, where lanes have none yet, which part of (M49) each row came to.
 template <class T>
-void sweep_bounds(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impulse) {
+void sweep_bounds(const Tables<ScalarOf<T>>& t, Phase phase, int sweeps, Tile<T>& x, T* impulse) {
   const int count = t.bounds.form.count;
   for (int i = 0; i < x.bound_count; ++i) impulse[i] = T(0);
-  for (int s = 0; s < rescue_sweeps; ++s)
+  for (int s = 0; s < sweeps; ++s)
     for (int i = 0; i < x.bound_count; ++i) {
       const int r = x.bound_listed[i];
       const T response = x.bound_coupled[r * count + r];
       const T speed = felt_speed(t, x, i, x.bound_free[phase * count + r], impulse);
-      const T wanted = project(bound(t, x, r, phase), fnma(response, impulse[i], speed), response).impulse;
-      impulse[i] = select(x.bound_touched[r], wanted, T(0));
+      const auto touched = x.bound_touched[r];
+      Branch<T> found = project(bound(t, x, r, phase), fnma(response, impulse[i], speed), response);
+      impulse[i] = select(touched, found.impulse, T(0));
+      Branch<T>& own = x.search_branch[phase * count + r];
+      const auto fresh = ~x.bound_known[phase * count + r];
+      own.low = (own.low & ~fresh) | (found.low & touched & fresh);
+      own.high = (own.high & ~fresh) | (found.high & touched & fresh);
+      own.stuck = (own.stuck & ~fresh) | (found.stuck & touched & fresh);
+      own.impulse = select(fresh, select(held(own), T(0), impulse[i]), own.impulse);
     }
+}
+
+/// Where the search begins: for the velocity phase with what the position phase ended with; else, and for rows that have
+/// just begun to take part, with a few sweeps. A search that is repeated for a neighbour's sake begins with its own end.
+template <class T>
+void begin_search(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
+  const int count = t.bounds.form.count;
+  bool all_known = true;
+  for (int i = 0; i < x.bound_count; ++i) {
+    const int r = x.bound_listed[i];
+    auto& known = x.bound_known[phase * count + r];
+    if (phase == velocity_phase) {
+      const auto taken = x.bound_known[r] & ~known;
+      Branch<T>& own = x.search_branch[count + r];
+      const Branch<T>& before = x.search_branch[r];
+      const T kept = x.bound_force[r];
+      own.low = (own.low & ~taken) | (before.low & taken);
+      own.high = (own.high & ~taken) | (before.high & taken);
+      own.stuck = (own.stuck & ~taken) | (before.stuck & taken);
+      own.impulse = select(taken, clamp(before.impulse, -kept, kept), own.impulse);
+      known = known | taken;
+    }
+    all_known = all_known && !any(x.bound_touched[r] & ~known);
+  }
+  if (!all_known) sweep_bounds(t, phase, first_sweeps, x, x.search_impulse);
 }
 
 template <class T>
 void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
   const int count = t.bounds.form.count, m = x.bound_count;
   T* impulse = x.search_impulse;
+  begin_search(t, phase, x);
   typename T::Mask open = T::none();
-  for (int i = 0; i < m; ++i) {
-    const int r = x.bound_listed[i];
-    const auto touched = x.bound_touched[r];
-    Branch<T> first = project(bound(t, x, r, phase), x.bound_free[phase * count + r], x.bound_coupled[r * count + r]);
-    first.low = first.low & touched;
-    first.high = first.high & touched;
-    first.stuck = first.stuck & touched;
-    first.impulse = select(touched & ~held(first), first.impulse, T(0));
-    x.search_branch[i] = first;
-    open = open | touched;
-  }
-  const auto keep = [&](typename T::Mask lanes) {
+  for (int i = 0; i < m; ++i) open = open | x.bound_touched[x.bound_listed[i]];
+  const auto keep = [&](typename T::Mask lanes, typename T::Mask known) {
     for (int i = 0; i < m; ++i) {
-      T& found = x.bound_impulse[phase * count + x.bound_listed[i]];
-      found = select(lanes, impulse[i], found);
+      const int r = phase * count + x.bound_listed[i];
+      x.bound_impulse[r] = select(lanes, impulse[i], x.bound_impulse[r]);
+      x.bound_known[r] = (x.bound_known[r] & ~lanes) | (known & x.bound_touched[x.bound_listed[i]]);
     }
   };
   for (int round = 0; round < block_rounds + rounds_per_row * m && any(open); ++round) {
     solve_held(t, phase, x, impulse);
     const auto rested = pivot(t, phase, impulse, round >= block_rounds, x) & open;
-    keep(rested);
+    keep(rested, rested);
     open = open & ~rested;
   }
   if (!any(open)) return;
-  sweep_bounds(t, phase, x, impulse);
-  keep(open);
+  sweep_bounds(t, phase, rescue_sweeps, x, impulse);
+  keep(open, T::none());
 }
 
 /// What the couplings' impulses give way to the bounded rows': (K_EE + cfm) dL_E = -K_EB L_B.

@@ -52,7 +52,7 @@ void open_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, 
   using S = ScalarOf<T>;
   const Bounds<S>& b = t.bounds;
   for (int r = 0; r < b.form.count; ++r) {
-    x.bound_touched[r] = T::none();
+    x.bound_touched[r] = x.bound_known[r] = x.bound_known[b.form.count + r] = T::none();
     for (int p = 0; p < phases<T>(t); ++p) {
       const Moment<T> at{p == velocity_phase && t.velocity_iterations > 0, S(1) / t.dt};
       bounded_row(t, lanes, r, Phase(p), at, T(0), x);

@@ -122,7 +122,9 @@ struct Tile {
   T* search_inverse;
   T* search_impulse;
   T* search_speed;
-  Branch<T>* search_branch;
+  Branch<T>* search_branch;         // 2 [rows]
+  typename T::Mask* search_held;    // [rows]
+  typename T::Mask* bound_known;    // 2 [rows] lanes that have a branch to begin with
   typename T::Mask* bound_touched;  // lanes in which the row takes part
   typename T::Mask suspect;         // lanes in which bounds may act at all
   int* bound_fresh;        // it has begun to in some lane
@@ -189,7 +191,9 @@ inline void lay_out_bounds(const Tables<ScalarOf<T>>& t, Carver& c, Tile<T>& x) 
   x.bound_coupled = c.take<T>(bounds * bounds);
   x.row_alone = c.take<T>(2 * rows);
   x.search_matrix = c.take<T>(bounds * bounds);
-  x.search_branch = c.take<Branch<T>>(bounds);
+  x.search_branch = c.take<Branch<T>>(2 * bounds);
+  x.search_held = c.take<typename T::Mask>(bounds);
+  x.bound_known = c.take<typename T::Mask>(2 * bounds);
   x.bound_touched = c.take<typename T::Mask>(bounds);
   x.bound_fresh = c.take_indices(bounds);
   x.bound_listed = c.take_indices(bounds);
