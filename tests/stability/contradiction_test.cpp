@@ -1,0 +1,134 @@
+// What cannot be is refused by name; what cannot be met is shared, quiet and named. SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "lockstep/error.h"
+#include "mechanisms.h"
+#include "scenes/scenes.h"
+#include "watch.h"
+
+namespace lockstep::stability {
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+using Names = std::vector<std::string>;
+
+std::string refusal(const Model& model) {
+  try {
+    compile(model);
+  } catch (const ModelError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Contradiction, couplings_that_are_no_numbers_are_refused_by_name) {
+  for (double offset : {nan, infinity, -infinity}) {
+    Model model = scenes::chain8();
+    model.couplings[1].offset = offset;
+    EXPECT_NE(refusal(model).find("coupling 'j1'"), std::string::npos) << refusal(model);
+  }
+  for (double ratio : {nan, infinity, 0.0, 1e20, -1e20, 1e-20}) {
+    Model model = scenes::chain8();
+    model.couplings[1].terms[0].ratio = ratio;
+    EXPECT_NE(refusal(model).find("coupling 'j1'"), std::string::npos) << ratio << ": " << refusal(model);
+  }
+}
+
+TEST(Contradiction, loop_that_cannot_close_is_refused_with_both_sides) {
+  EXPECT_EQ(refusal(loop(0.0)), "");
+  const std::string said = refusal(loop(0.1));
+  for (const char* side : {"j0", "j2", "j0#2"}) EXPECT_NE(said.find(side), std::string::npos) << said;
+}
+
+// The same loop where only one environment cannot close it: the third coupling is the one that follows, so the others
+// hold; the neighbour is untouched.
+TEST(Contradiction, loop_that_cannot_close_in_one_environment_stays_quiet_there) {
+  with_exact_methods([](auto scalar, double dt, Method method) {
+    using S = decltype(scalar);
+    Model model = loop(0.0);
+    for (Joint& joint : model.joints) joint.damping = 0.3;
+    StepSettings settings = recorded(dt, method);
+    settings.per_environment = {Parameter::offset};
+    Watch<S> watch(model, settings, 2), alone(model, settings);
+    watch.batch.parameter(Parameter::offset)(2, 1) = S(0.1);
+    watch.run(20.0), alone.run(20.0);
+    const auto errors = watch.batch.coupling_errors();
+    EXPECT_TRUE(watch.finite());
+    EXPECT_EQ(watch.batch.faulted(), 0);
+    EXPECT_LE(errors.topRows(2).abs().maxCoeff(), held<S>);
+    EXPECT_NEAR(errors(2, 1), 0.1, 1e-4);
+    EXPECT_LE(std::abs(errors(2, 0)), held<S>);
+    EXPECT_LE(watch.speed(), 1e-3);
+    EXPECT_EQ(watch.batch.conflicts(1), (Names{"coupling j0", "coupling j2", "coupling j0#2"}));
+    EXPECT_EQ(watch.batch.conflicts(0), Names{});
+    EXPECT_TRUE((watch.batch.positions().col(0) == alone.batch.positions().col(0)).all());
+  });
+}
+
+// The scene `limitbad`, and beside it a neighbour that starts where its limits can be met: joint 0 <= 0.2 and joint
+// 2 >= 0.25 with q_0 = q_2 + gamma.
+TEST(Contradiction, limits_that_contradict_through_a_coupling_share_the_violation) {
+  with_exact_methods([](auto scalar, double dt, Method method) {
+    using S = decltype(scalar);
+    Model model = scenes::chain8();
+    for (Joint& joint : model.joints) joint.damping = 0.3;
+    model.joints[0].upper = 0.2;
+    model.joints[2].lower = 0.25;
+    StepSettings settings = recorded(dt, method);
+    settings.per_environment = {Parameter::offset};
+    Watch<S> watch(model, settings, 2);
+    watch.batch.parameter(Parameter::offset)(0, 1) = S(0.1);  // q_0 = q_2 - 0.1
+    watch.run(20.0);
+    EXPECT_TRUE(watch.finite());
+    EXPECT_EQ(watch.batch.faulted(), 0);
+    EXPECT_LE(watch.batch.coupling_errors().abs().maxCoeff(), held<S> * (method == Method::direct ? 10.0 : 1.0));
+    EXPECT_NEAR(watch.position(0), 0.225, 1e-3);
+    EXPECT_LE(watch.speed(), 1e-3);
+    EXPECT_LE(watch.batch.limit_violations()(0, 1), 1e-5);
+    EXPECT_EQ(watch.batch.conflicts(0), (Names{"position limit j0", "position limit j2"}));
+    EXPECT_EQ(watch.batch.conflicts(1), Names{});
+  });
+}
+
+// Two prescribed motions of joints that a coupling ties together: it holds, they meet in the middle.
+TEST(Contradiction, kinematic_drives_that_contradict_through_a_coupling_meet_in_the_middle) {
+  with_exact_methods([](auto scalar, double dt, Method method) {
+    using S = decltype(scalar);
+    if (method == Method::direct && sizeof(S) == 4) return;  // both drives and the coupling in one inverse (M55)
+    Model model = pair(Arrangement::second_on_first);
+    for (Joint& joint : model.joints) joint.drive.kinematic = true;
+    Watch<S> watch(model, recorded(dt, method), 2);
+    watch.batch.position_targets() << S(0.3), S(0.2), S(-0.3), S(0.2);
+    watch.run(3.0);
+    EXPECT_TRUE(watch.finite());
+    EXPECT_EQ(watch.batch.faulted(), 0);
+    EXPECT_LE(watch.late_error(), method == Method::direct ? 1e-4 : held<S>);
+    EXPECT_NEAR(watch.position(0, 0), 0.0, 1e-4);
+    EXPECT_NEAR(watch.position(0, 1), 0.2, 1e-4);
+    EXPECT_LE(watch.speed(), 1e-3);
+    EXPECT_EQ(watch.batch.conflicts(0), (Names{"kinematic drive j0", "kinematic drive j1"}));
+    EXPECT_EQ(watch.batch.conflicts(1), Names{});
+  });
+}
+
+// Limits win over a prescribed motion, and the step says so.
+TEST(Contradiction, kinematic_drive_beyond_the_limit_of_its_follower_stops_there) {
+  with_exact_methods([](auto scalar, double dt, Method method) {
+    using S = decltype(scalar);
+    if (method == Method::direct && sizeof(S) == 4) return;
+    Model model = pair(Arrangement::second_on_first);
+    model.joints[0].upper = 0.1;
+    model.joints[1].drive.kinematic = true;
+    Watch<S> watch(model, recorded(dt, method), 2);
+    watch.batch.position_targets().row(1) << S(0.5), S(-0.5);
+    watch.run(2.0);
+    EXPECT_NEAR(watch.position(0, 0), 0.1, 1e-4);
+    EXPECT_NEAR(watch.position(0, 1), -0.5, 1e-4);
+    EXPECT_LE(watch.speed(), 1e-3);
+    EXPECT_EQ(watch.batch.conflicts(0), (Names{"position limit j0", "kinematic drive j1"}));
+    EXPECT_EQ(watch.batch.conflicts(1), Names{});
+  });
+}
+
+}  // namespace
+}  // namespace lockstep::stability
