@@ -130,6 +130,27 @@ void add_ladder() {
   }
 }
 
+// What competes with couplings: bounds that are stated and do not act, and bounds that do.
+void add_bounds() {
+  const auto rung = [](const std::string& words, const std::string& scene, Method method, auto&& change) {
+    Load load = of(scene.c_str(), method, 1);
+    for (Joint& joint : load.model.joints) change(joint);
+    add(fmt::format("{}/{}/1/f32/bounds:{}", scene, name(load.settings.method), words), load, true);
+  };
+  for (const char* scene : {"chain8", "gripper13"})
+    for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
+      rung("none", scene, method, [](Joint&) {});
+      rung("limits-idle", scene, method, [](Joint& j) { j.lower = -1e3, j.upper = 1e3; });
+      rung("velocity-limits-idle", scene, method, [](Joint& j) { j.velocity_limit = 1e3; });
+      rung("efforts-idle", scene, method, [](Joint& j) { j.effort_limit = 1e9; });
+      rung("limits-acting", scene, method, [](Joint& j) { j.lower = -0.35, j.upper = 0.35; });
+      rung("friction", scene, method, [](Joint& j) { j.friction = 0.1; });
+      rung("efforts-acting", scene, method, [](Joint& j) { j.effort_limit = 0.5; });
+      rung("all-acting", scene, method,
+           [](Joint& j) { j.lower = -0.35, j.upper = 0.35, j.velocity_limit = 2.0, j.effort_limit = 0.5, j.friction = 0.1; });
+    }
+}
+
 }  // namespace
 }  // namespace lockstep
 
@@ -137,6 +158,7 @@ int main(int argc, char** argv) {
   lockstep::add_methods();
   lockstep::add_scaling();
   lockstep::add_ladder();
+  lockstep::add_bounds();
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();

@@ -105,7 +105,7 @@ bool touch(const Tables<ScalarOf<T>>& t, Phase phase, const T* z, Tile<T>& x) {
     const int i = phase * count + r;
     const T u = bound_speed(t, x, r, z);
     const auto violated = less(u, x.bound_lo[i]) | less(x.bound_hi[i], u) | less(T(0), x.bound_force[r]);
-    const auto fresh = violated & ~x.bound_touched[r] & ~x.frozen;
+    const auto fresh = violated & x.suspect & ~x.bound_touched[r] & ~x.frozen;
     if (!any(fresh)) continue;
     found = true;
     x.bound_touched[r] = x.bound_touched[r] | fresh;

@@ -36,10 +36,33 @@ void solve_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& l
   }
 }
 
+/// A first look at where the step has come to, joint by joint and without regard to what exactly is asked of it: whether
+/// some lane has to look closer, and which. Idle bounds cost no more than this.
+template <class T>
+bool bounds_act(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Bounds<ScalarOf<T>>& b = t.bounds;
+  const int root = t.velocities - t.joints;
+  if (b.always || t.record_diagnostics) {
+    x.suspect = ~T::none();
+    return true;
+  }
+  x.suspect = T::none();
+  for (int i = 0; i < b.watched.count; ++i) {
+    const Watched<ScalarOf<T>>& joint = b.watched[i];
+    const T q = x.q[joint.joint], moved = x.next_q[joint.joint];
+    const T coasted = fma(T(t.dt), x.next_v[root + joint.joint], q);  // with the velocity that stays
+    const T least = smaller(moved, coasted), most = larger(moved, coasted);
+    x.suspect = x.suspect | less(least, T(joint.lower)) | less(T(joint.upper), most);
+    if (joint.way > 0) x.suspect = x.suspect | less(T(joint.way), larger(most - q, q - least));
+  }
+  return any(x.suspect);
+}
+
 template <class T>
 void compete(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   const int rows = t.rows.count, count = t.bounds.form.count;
   T* solution[2] = {x.solution, x.closing_solution};
+  open_bounds(t, lanes, x);
   const auto touched = [&] {
     bool found = false;
     for (int p = 0; p < phases<T>(t); ++p) found = touch(t, Phase(p), solution[p], x) || found;
@@ -56,6 +79,7 @@ void compete(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile
     solve_with_bounds(t, lanes, x);
     solved_velocities(t, x);
   } while (touched());
+  integrate(t, x);
 }
 
 }  // namespace lockstep::kernels

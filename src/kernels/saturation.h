@@ -17,40 +17,23 @@ LOCKSTEP_INLINE T saturated(T force, T most) {
   return select(less(slack, force), T(1), select(less(force, -slack), T(-1), T(0)));
 }
 
-/// Keeps the step as it is without these servos, and guesses from A's diagonal alone how far they would be from their
-/// targets at the end of it.
-template <class T>
-void guess_saturation(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-  const int root = t.velocities - t.joints;
-  const T h = T(t.dt);
-  for (int i = 0; i < t.limited.count; ++i) {
-    const int j = t.limited[i];
-    const Servo<T> own = servo<T>(t, lanes, j);
-    const T effort = feed_forward<T>(t, lanes, j), inertia = x.matrix[t.matrix.offset[root + j]];
-    const T force = own.force(h, x.q[j], x.v[root + j]) + effort;
-    x.drive[root + j] = fnma(h, effort, x.drive[root + j]);
-    x.saturation[i] = saturated(force * inertia / fma(h, fma(h, own.kp, own.kd), inertia), T(t.effort_limit[j]));
-  }
-  for (int e = 0; e < t.matrix.entries; ++e) x.unlimited_matrix[e] = x.matrix[e];
-  for (int i = 0; i < t.velocities; ++i) x.unlimited_drive[i] = x.drive[i];
-  x.saturation_pass = 0;
-}
-
-/// A and the forces with these servos, as constants or by their gains.
+/// Adds these servos to A and the forces, as constants or by their gains. In the first pass guesses which, from A's
+/// diagonal alone: how much of the force will be left once the joint has given way to it.
 template <class T>
 void limited_drives(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   const int root = t.velocities - t.joints;
   const T h = T(t.dt), zero = T(0);
-  for (int e = 0; e < t.matrix.entries; ++e) x.matrix[e] = x.unlimited_matrix[e];
-  for (int i = 0; i < t.velocities; ++i) x.drive[i] = x.unlimited_drive[i];
   for (int i = 0; i < t.limited.count; ++i) {
     const int j = t.limited[i];
     const Servo<T> own = servo<T>(t, lanes, j);
-    const T free = own.force(h, x.q[j], x.v[root + j]) + feed_forward<T>(t, lanes, j);
+    const T effort = feed_forward<T>(t, lanes, j), most = T(t.effort_limit[j]);
+    T& inertia = x.matrix[t.matrix.offset[root + j]];
+    const T gain = h * fma(h, own.kp, own.kd);
+    const T free = own.force(h, x.q[j], x.v[root + j]) + effort;
+    if (x.saturation_pass == 0) x.saturation[i] = saturated(free * inertia / (inertia + gain), most);
     const auto linear = ~(less(zero, x.saturation[i]) | less(x.saturation[i], zero));
-    const T force = select(linear, free, x.saturation[i] * T(t.effort_limit[j]));
-    x.drive[root + j] = fma(h, force, x.drive[root + j]);
-    x.matrix[t.matrix.offset[root + j]] += select(linear, h * fma(h, own.kp, own.kd), zero);
+    x.drive[root + j] = fma(h, select(linear, free, x.saturation[i] * most) - effort, x.drive[root + j]);
+    inertia += select(linear, gain, zero);
   }
 }
 
@@ -61,7 +44,6 @@ bool saturation_differs(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& 
   if (x.saturation_pass == saturation_passes) return false;
   const bool one_by_one = 2 * x.saturation_pass++ >= saturation_passes;
   const int root = t.velocities - t.joints;
-  expand(t, x, t.solve_twice ? x.closing_solution : x.solution, !t.solve_twice, x.next_v);
   typename T::Mask changed = T::none();
   for (int i = 0; i < t.limited.count; ++i) {
     const int j = t.limited[i];

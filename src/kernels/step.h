@@ -32,14 +32,14 @@ namespace lockstep::kernels {
 template <class T>
 void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   kinematics(t, x);
-  bias_forces(t, lanes, x);
-  mass_matrix(t, x);
-  joint_terms(t, lanes, x);
   if (t.couplings > 0) coupling_errors(t, lanes, x);
-  if (t.natural.count > 0) natural_responses(t, x);
-  if (t.limited.count > 0) guess_saturation(t, lanes, x);
+  x.saturation_pass = 0;
   do {
+    bias_forces(t, lanes, x);
+    mass_matrix(t, x);
+    joint_terms(t, lanes, x);
     if (t.limited.count > 0) limited_drives(t, lanes, x);
+    if (t.natural.count > 0) natural_responses(t, x);
     if (t.reduction.followers > 0) eliminate(t, x);
     free_velocity(t, x);
     if (t.rows.count > 0) {
@@ -51,11 +51,10 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
         default: direct(t, x); break;  // direct, and what reduced leaves to solve
       }
     }
-    if (t.bounds.form.count > 0) open_bounds(t, lanes, x);
     solved_velocities(t, x);
-    if (t.bounds.form.count > 0) compete(t, lanes, x);
+    integrate(t, x);
+    if (t.bounds.form.count > 0 && bounds_act(t, x)) compete(t, lanes, x);
   } while (t.limited.count > 0 && saturation_differs(t, lanes, x));
-  integrate(t, x);
   if (t.record_impulses) coupling_impulses(t, x);  // in the axes of the step's start
   if (t.floating) turn_root_twist(x);
   if (t.record_diagnostics) diagnose(t, lanes, x);

@@ -124,14 +124,13 @@ struct Tile {
   T* search_impulse;
   Branch<T>* search_branch;
   typename T::Mask* bound_touched;  // lanes in which the row takes part
+  typename T::Mask suspect;         // lanes in which bounds may act at all
   int* bound_fresh;        // it has begun to in some lane
   int* bound_listed;       // rows that take part in some lane, ascending
   int bound_count;         // how many
   // drives with an effort limit
   T* saturation;           // [limited] -1, 0, 1
   int saturation_pass;
-  T* unlimited_matrix;     // A and the forces without them
-  T* unlimited_drive;
 
   // only if diagnostics are recorded
   Motion<T> motion;
@@ -287,10 +286,7 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   x.natural_compliance = c.take<T>(t.natural.count);
   x.bound_count = 0;
   if (t.bounds.form.count > 0) lay_out_bounds(t, c, x);
-  const bool limited = t.limited.count > 0;
   x.saturation = c.take<T>(t.limited.count);
-  x.unlimited_matrix = c.take<T>(limited ? t.matrix.entries : 0);
-  x.unlimited_drive = c.take<T>(limited ? velocities : 0);
   if (t.record_diagnostics) lay_out_diagnostics(t, c, x);
   return c.used();
 }

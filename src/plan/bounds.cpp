@@ -173,6 +173,16 @@ BoundForms lay_out_bounds(Program& program) {
 
   b.form = lay_out_forms(program, result.forms, t.solver, false);
   b.compliance = depend(program, rows, result.forms) ? 1e-10 : 0.0;
+  std::vector<Watched<double>> watched;
+  each_joint([&](const Joint& joint, int i) {
+    const bool fast = b.has[i] & has_speed_limit, ranged = has_range_of(program, joint);
+    b.always |= (b.has[i] & (has_friction | has_kinematic_drive)) != 0;
+    if (fast || ranged)
+      watched.push_back({i, ranged ? b.lower[i] : -unlimited, ranged ? b.upper[i] : unlimited,
+                         fast ? program.settings.dt * b.speed_limit[i] : 0.0});
+  });
+  for (const Row& row : rows) b.always |= row.kind == BoundKind::soft_drive || row.kind == BoundKind::coupling;
+  b.watched = program.store.keep(std::move(watched));
   std::vector<BoundKind> kind;
   std::vector<int> member_start{0};
   std::vector<Member> members;

@@ -66,9 +66,13 @@ struct Narrowing {
             from.neighbour_start, from.neighbours, from.response_entries, from.columns, narrowed(from.softness)};
   }
 
+  Watched<float> narrowed(const Watched<double>& from) {
+    return {from.joint, narrowed(from.lower), narrowed(from.upper), narrowed(from.way)};
+  }
+
   Bounds<float> narrowed(const Bounds<double>& from) {
     return {narrowed(from.form), from.kind, from.member_start, from.member, narrowed(from.member_share),
-            from.compliance > 0.0 ? 1e-5f : 0.0f, from.has, narrowed(from.lower), narrowed(from.upper),
+            from.compliance > 0.0 ? 1e-5f : 0.0f, from.always, narrowed(from.watched), from.has, narrowed(from.lower), narrowed(from.upper),
             narrowed(from.limit_rate), narrowed(from.restitution), narrowed(from.speed_limit), narrowed(from.friction),
             narrowed(from.drive_rate), narrowed(from.force_limit), from.natural_row};
   }

@@ -121,6 +121,14 @@ struct Member {
   int share;            ///< entry of S, -1 stands for 1
 };
 
+/// A joint whose limits are looked at in every step.
+template <class S>
+struct Watched {
+  int joint;
+  S lower, upper;
+  S way;  ///< that it may go in a step, 0 where its speed has no limit
+};
+
 /// Rows with an interval or a box (M49).
 template <class S>
 struct Bounds {
@@ -130,6 +138,8 @@ struct Bounds {
   Span<Member> member;
   Span<S> member_share;         ///< the values of S
   S compliance = 0;             ///< epsilon of hard intervals that depend on each other, else 0
+  bool always = false;          ///< some row acts in every step: friction, a kinematic drive, a force limit
+  Span<Watched<S>> watched;     ///< the joints with limits
   // by joint; what it has not is not read
   Span<int> has;                ///< JointBound
   Span<S> lower, upper, limit_rate, restitution, speed_limit, friction, drive_rate;

@@ -16,11 +16,11 @@ using Eigen::VectorXd;
 constexpr double dependence = 1e-9;
 
 // Gram-Schmidt over the hard rows in order; twice per row, so that the basis is orthonormal to rounding.
-std::vector<bool> dependent_rows(const MatrixXd& jacobian, const std::vector<Softness>& softness) {
-  std::vector<bool> dependent(softness.size(), false);
+std::vector<bool> dependent_rows(const MatrixXd& jacobian, const std::vector<bool>& hold) {
+  std::vector<bool> dependent(hold.size(), false);
   MatrixXd basis(jacobian.cols(), 0);
   for (Eigen::Index i = 0; i < jacobian.rows(); ++i) {
-    if (!is_hard(softness[i])) continue;
+    if (!hold[i]) continue;
     VectorXd rest = jacobian.row(i).transpose().normalized();
     for (int pass = 0; pass < 2; ++pass) rest -= basis * (basis.transpose() * rest);
     dependent[i] = rest.norm() < dependence;
@@ -41,17 +41,22 @@ Row spring_row(const Spring& spring, double h) {
 
 bool is_hard(const Softness& softness) { return softness.is_hard() && softness.second == 0.0; }
 
-Couplings::Couplings(const Mechanism& mechanism) : velocities_(mechanism.velocities()) {
+Couplings::Couplings(const Mechanism& mechanism, const std::vector<bool>& switched_off)
+    : off(switched_off), velocities_(mechanism.velocities()) {
   const std::vector<Coupling>& all = mechanism.model().couplings;
   jacobian = MatrixXd::Zero(all.size(), mechanism.dofs());
   gamma.resize(all.size());
+  off.resize(all.size(), false);
+  std::vector<bool> hold;  // whatever it takes
   for (std::size_t i = 0; i < all.size(); ++i) {
     jacobian(i, mechanism.dof(all[i].joint)) = 1.0;
     for (const CouplingTerm& term : all[i].terms) jacobian(i, mechanism.dof(term.joint)) = term.ratio;
     gamma[i] = all[i].offset;
     softness.push_back(all[i].softness);
+    force_limit.push_back(all[i].force_limit);
+    hold.push_back(is_hard(softness[i]) && !off[i] && force_limit[i] == infinity);
   }
-  redundant = dependent_rows(jacobian, softness);
+  redundant = dependent_rows(jacobian, hold);
 }
 
 MatrixXd Couplings::velocity_jacobian() const {

@@ -11,7 +11,8 @@ namespace lockstep::reference {
 
 /// (17) for all couplings of a model: C = J q + gamma.
 struct Couplings {
-  explicit Couplings(const Mechanism& mechanism);
+  /// `off` are couplings that shall not act, as flags by coupling; empty: all act.
+  explicit Couplings(const Mechanism& mechanism, const std::vector<bool>& off = {});
 
   int count() const { return static_cast<int>(gamma.size()); }
   Eigen::VectorXd error(const Eigen::VectorXd& q) const { return jacobian * q + gamma; }
@@ -21,7 +22,10 @@ struct Couplings {
   Eigen::MatrixXd jacobian;        ///< [couplings][dofs]
   Eigen::VectorXd gamma;           ///< [couplings]
   std::vector<Softness> softness;
-  /// Hard rows that depend linearly on earlier hard rows. They take no impulse.
+  std::vector<double> force_limit;
+  std::vector<bool> off;
+  /// Hard rows that depend linearly on earlier hard rows. They take no impulse. Couplings that are off or that can
+  /// slip neither make others redundant nor are redundant themselves.
   std::vector<bool> redundant;
 
  private:
@@ -40,9 +44,10 @@ Spring spring(const Softness& softness, double r, double h);
 
 /// A coupling as a row of the solver.
 struct Row {
-  bool active;      ///< takes an impulse: neither absent (kp = kd = 0) nor redundant
+  bool active;      ///< takes an impulse: neither absent (kp = kd = 0), nor redundant, nor off
   bool hard;        ///< cfm = 0
   double erp, cfm;  ///< per step
+  bool limited = false;  ///< in its force: a bounded row, bounds.h, and none of the couplings' rows
 };
 
 /// erp and cfm at steps of h, (22), (23), (26) to (29); `r` is the inverse of the inertia that the coupling feels.

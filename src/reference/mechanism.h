@@ -29,6 +29,7 @@ struct Inputs {
   Eigen::VectorXd position_targets, velocity_targets;  ///< [dofs] of the drives
   Eigen::VectorXd efforts;                             ///< [dofs] feed-forward
   Eigen::MatrixXd wrenches;  ///< [6][links] torque about the link frame's origin, then force, both in world axes
+  std::vector<bool> off;     ///< [couplings] switched off; empty: none
 };
 
 class Mechanism {

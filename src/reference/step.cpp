@@ -2,6 +2,7 @@
 #include "reference/step.h"
 
 #include "lockstep/error.h"
+#include "reference/bounded.h"
 
 namespace lockstep::reference {
 
@@ -9,7 +10,7 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 Stage::Stage(const Mechanism& mechanism, double step, const State& start, const Inputs& inputs)
-    : h(step), state(start), couplings(mechanism) {
+    : h(step), state(start), couplings(mechanism, inputs.off) {
   const int dofs = mechanism.dofs(), nv = mechanism.velocities();
   mass = mechanism.mass_matrix(state);
   bias = mechanism.bias(state);
@@ -39,7 +40,8 @@ Stage::Stage(const Mechanism& mechanism, double step, const State& start, const 
   correction.resize(couplings.count());
   for (int i = 0; i < couplings.count(); ++i) {
     rows.push_back(row(couplings.softness[i], inertia[i], h));
-    if (couplings.redundant[i]) rows[i].active = false;
+    if (couplings.redundant[i] || couplings.off[i]) rows[i].active = false;
+    rows[i].limited = couplings.force_limit[i] != infinity;
     correction[i] = rows[i].erp * error[i] / h;
   }
 }
@@ -58,6 +60,7 @@ void velocity_sweeps(const Stage& stage, int count, const std::vector<Row>& rows
 }
 
 Step step(const Mechanism& mechanism, const StepSettings& settings, const State& state, const Inputs& inputs) {
+  if (has_bounds(mechanism.model(), settings.ignore)) return bounded_step(mechanism, settings, state, inputs);
   Stage stage(mechanism, settings.dt, state, inputs);
   Solution solution;
   switch (settings.method) {

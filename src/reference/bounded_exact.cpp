@@ -1,0 +1,45 @@
+// direct and reduced with bounds: each phase one convex minimum. SPDX-License-Identifier: Apache-2.0
+#include "reference/bounded.h"
+#include "reference/convex.h"
+#include "reference/followers.h"
+
+namespace lockstep::reference {
+
+using Eigen::VectorXd;
+
+// Couplings are curves too: boxes without bound. All hold together, so how followers are eliminated does not matter,
+// but for what friction acts on: in reduced that is a follower's velocity without its correction w, (M53).
+Exact exact_phase(const Bounded& step, Phase phase, const std::vector<Curve>& apart) {
+  const Stage& stage = step.stage;
+  Convex problem{stage.implicit, stage.implicit * stage.free, {}};
+  std::vector<int> coupling;  // by curve, -1 for others
+  const auto add = [&](int c, Curve curve) {
+    coupling.push_back(c);
+    problem.curves.push_back(std::move(curve));
+  };
+  for (int c = 0; c < stage.couplings.count(); ++c) {
+    const Row& row = stage.rows[c];
+    if (!row.active || row.limited) continue;
+    const double bias = row.hard && phase == Phase::velocity ? 0.0 : stage.correction[c];  // (M29)
+    add(c, {stage.jacobian.row(c).transpose(), box_pieces(bias, infinity, row.cfm)});
+  }
+  VectorXd w = VectorXd::Zero(stage.free.size());
+  if (step.settings.method == Method::reduced && phase == Phase::position)
+    w = follower_corrections(step.mechanism, stage, step.settings);
+  const Moment start{phase, stage.state.q};
+  for (const BoundedRow& row : bounded_rows(step.mechanism, stage, step.inputs, start)) {
+    if (row.lo > -infinity || row.hi < infinity)
+      add(-1, {row.direction, interval_pieces(row.lo, row.hi, row.cfm)});
+    const double bias = row.dof >= 0 && row.cfm == 0.0 ? -row.direction.dot(w) : row.bias;
+    if (row.box > 0.0) add(row.coupling, {row.direction, box_pieces(bias, row.box, row.cfm)});
+  }
+  for (const Curve& curve : apart) add(-1, curve);
+
+  const Minimum found = minimum(problem);
+  Exact result{found.v, VectorXd::Zero(stage.couplings.count()), found.impulses.tail(apart.size())};
+  for (std::size_t i = 0; i < coupling.size(); ++i)
+    if (coupling[i] >= 0) result.impulses[coupling[i]] = found.impulses[i];
+  return result;
+}
+
+}  // namespace lockstep::reference

@@ -1,0 +1,169 @@
+// Bounded rows of the reference, (M48) and (M50) to (M52). SPDX-License-Identifier: Apache-2.0
+#include "reference/bounds.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace lockstep::reference {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+bool has_range(const Joint& joint) { return joint.lower > -infinity || joint.upper < infinity; }
+bool hard_range(const Joint& joint) { return has_range(joint) && is_hard(joint.limit_softness); }
+bool hard_drive(const Joint& joint) { return joint.drive.kinematic && is_hard(joint.drive.softness); }
+
+bool has_hard_row(const Joint& joint) {
+  return hard_range(joint) || hard_drive(joint) || joint.velocity_limit < infinity || joint.friction > 0.0;
+}
+
+bool is_bounded(const Joint& joint) {
+  return joint.moves() && (has_hard_row(joint) || has_range(joint) || joint.drive.kinematic ||
+                           joint.effort_limit < infinity);
+}
+
+// (M50): the way to an end of the range, all of it inside and a share beyond, where the distance has the sign `beyond`.
+double end_speed(double distance, double beyond, double share, double h) {
+  return (distance * beyond > 0.0 ? share : 1.0) * distance / h;
+}
+
+// One moment of one step, from which each kind of row is made.
+class Maker {
+ public:
+  Maker(const Mechanism& mechanism, const Stage& stage, const Inputs& inputs, const Moment& moment)
+      : mechanism_(mechanism), stage_(stage), inputs_(inputs), moment_(moment), h_(stage.h / moment.substeps) {
+    MatrixXd with_armature = stage.mass;
+    with_armature.diagonal() += mechanism.armature();
+    const MatrixXd inverse = with_armature.llt().solve(MatrixXd::Identity(stage.mass.rows(), stage.mass.cols()));
+    inertia_ = inverse.diagonal().tail(mechanism.dofs());
+  }
+
+  std::vector<BoundedRow> rows() const {
+    std::vector<BoundedRow> rows;
+    const int dofs = mechanism_.dofs();
+    for (int dof = 0; dof < dofs; ++dof)
+      if (has_hard_row(mechanism_.joint(dof))) rows.push_back(hard_row(dof));
+    for (int dof = 0; dof < dofs; ++dof) {
+      const Joint& joint = mechanism_.joint(dof);
+      if (has_range(joint) && !hard_range(joint) && terms(joint.limit_softness, inertia_[dof]).active)
+        rows.push_back(soft_range(dof));
+    }
+    for (int dof = 0; dof < dofs; ++dof) {
+      const Joint& joint = mechanism_.joint(dof);
+      if (joint.drive.kinematic && !hard_drive(joint) && terms(joint.drive.softness, inertia_[dof]).active)
+        rows.push_back(soft_drive(dof));
+    }
+    for (int c = 0; c < stage_.couplings.count(); ++c)
+      if (stage_.rows[c].active && stage_.rows[c].limited) rows.push_back(limited_coupling(c));
+    return rows;
+  }
+
+ private:
+  Row terms(const Softness& softness, double r) const { return substep_row(softness, r, stage_.h, moment_.substeps); }
+
+  BoundedRow along(int dof) const {
+    BoundedRow row;
+    row.direction = VectorXd::Unit(mechanism_.velocities(), mechanism_.root_velocities() + dof);
+    row.dof = dof;
+    return row;
+  }
+
+  BoundedRow hard_row(int dof) const {
+    const Joint& joint = mechanism_.joint(dof);
+    const double speed = stage_.state.v[mechanism_.root_velocities() + dof], q = moment_.q[dof];
+    const bool closing = moment_.phase == Phase::velocity;
+    BoundedRow row = along(dof);
+    if (hard_range(joint)) {
+      const double share = closing ? 0.0 : terms(joint.limit_softness, inertia_[dof]).erp;
+      row.lo = end_speed(joint.lower - q, 1.0, share, h_);
+      row.hi = end_speed(joint.upper - q, -1.0, share, h_);
+      const double e = joint.restitution;
+      if (closing && e > 0.0) {  // (M51)
+        const double lo = row.lo, hi = row.hi;
+        if (speed < lo) row.lo = std::max(lo, -e * speed);
+        if (speed > hi) row.hi = std::min(hi, -e * speed);
+      }
+    }
+    row.lo = std::clamp(row.lo, -joint.velocity_limit, joint.velocity_limit);
+    row.hi = std::clamp(row.hi, -joint.velocity_limit, joint.velocity_limit);
+    if (row.lo > row.hi) row.lo = row.hi = 0.5 * (row.lo + row.hi);  // as in (M53)
+    if (hard_drive(joint)) {  // (M52)
+      const double erp = terms(joint.drive.softness, inertia_[dof]).erp;
+      const double k = inputs_.velocity_targets[dof] + erp * (target(dof) - q) / h_;
+      row.lo = row.hi = std::clamp(k, row.lo, row.hi);
+    }
+    row.box = h_ * joint.friction;
+    return row;
+  }
+
+  BoundedRow soft_range(int dof) const {
+    const Joint& joint = mechanism_.joint(dof);
+    const Row soft = terms(joint.limit_softness, inertia_[dof]);
+    BoundedRow row = along(dof);
+    row.lo = end_speed(joint.lower - moment_.q[dof], 1.0, soft.erp, h_);
+    row.hi = end_speed(joint.upper - moment_.q[dof], -1.0, soft.erp, h_);
+    row.cfm = soft.cfm;
+    return row;
+  }
+
+  BoundedRow soft_drive(int dof) const {
+    const Row soft = terms(mechanism_.joint(dof).drive.softness, inertia_[dof]);
+    BoundedRow row = along(dof);
+    row.box = infinity;
+    row.bias = soft.erp / h_ * (moment_.q[dof] - target(dof)) - inputs_.velocity_targets[dof];
+    row.cfm = soft.cfm;
+    return row;
+  }
+
+  BoundedRow limited_coupling(int c) const {
+    const Couplings& couplings = stage_.couplings;
+    const Row soft = terms(couplings.softness[c], stage_.inertia[c]);
+    BoundedRow row;
+    row.direction = stage_.jacobian.row(c).transpose();
+    row.coupling = c;
+    row.box = h_ * couplings.force_limit[c];
+    const bool dropped = soft.hard && moment_.phase == Phase::velocity;  // (M29)
+    row.bias = dropped ? 0.0 : soft.erp / h_ * couplings.error(moment_.q)[c];
+    row.cfm = soft.cfm;
+    return row;
+  }
+
+  // Where a kinematic drive's target is at this moment: it moves with its velocity and is in place after the step.
+  double target(int dof) const {
+    return inputs_.position_targets[dof] - (stage_.h - moment_.elapsed) * inputs_.velocity_targets[dof];
+  }
+
+  const Mechanism& mechanism_;
+  const Stage& stage_;
+  const Inputs& inputs_;
+  const Moment& moment_;
+  double h_;          // of the step or sub-step
+  VectorXd inertia_;  // r of each joint alone
+};
+
+}  // namespace
+
+std::vector<BoundedRow> bounded_rows(const Mechanism& mechanism, const Stage& stage, const Inputs& inputs,
+                                     const Moment& moment) {
+  return Maker(mechanism, stage, inputs, moment).rows();
+}
+
+Model without(const Ignored& ignored, Model model) {
+  for (Joint& joint : model.joints) {
+    if (ignored.position_limits) joint.lower = -infinity, joint.upper = infinity;
+    if (ignored.velocity_limits) joint.velocity_limit = infinity;
+    if (ignored.effort_limits) joint.effort_limit = infinity;
+    if (ignored.friction) joint.friction = 0.0;
+  }
+  return model;
+}
+
+bool has_bounds(const Model& model, const Ignored& ignored) {
+  const Model left = without(ignored, model);
+  return std::any_of(left.joints.begin(), left.joints.end(), is_bounded) ||
+         std::any_of(left.couplings.begin(), left.couplings.end(),
+                     [](const Coupling& coupling) { return coupling.force_limit < infinity; });
+}
+
+}  // namespace lockstep::reference

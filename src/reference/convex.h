@@ -1,0 +1,49 @@
+// The minimum of a strictly convex function that is quadratic in pieces. SPDX-License-Identifier: Apache-2.0
+//
+// A Curve is the derivative of one convex term, with its sign turned: the impulse L that it takes at a speed
+// u = direction . v. It falls (or stays) from left to right, upright where it holds a speed exactly. The minimum of
+//     1/2 v^T H v - p^T v + sum of the terms
+// is where H v = p + sum of direction L, each (u, L) on its curve: (M48) for all rows at once.
+#pragma once
+
+#include <Eigen/Dense>
+#include <vector>
+
+namespace lockstep::reference {
+
+/// A straight part of a curve. Where it holds a speed, u + cfm L = value for L in [from, to]; otherwise L = value for
+/// u in [from, to].
+struct Piece {
+  bool holds;
+  double value, cfm, from, to;
+};
+
+struct Curve {
+  Eigen::VectorXd direction;
+  std::vector<Piece> pieces;  ///< from the lowest speeds to the highest
+};
+
+/// The interval of (M48). lo = hi holds that speed.
+std::vector<Piece> interval_pieces(double lo, double hi, double cfm);
+/// The box of (M48), F > 0 and possibly infinite.
+std::vector<Piece> box_pieces(double bias, double box, double cfm);
+
+struct Convex {
+  Eigen::MatrixXd hessian;   ///< H, symmetric and positive definite
+  Eigen::VectorXd momentum;  ///< p
+  std::vector<Curve> curves;
+};
+
+struct Minimum {
+  Eigen::VectorXd v;
+  Eigen::VectorXd impulses;  ///< L of each curve; where curves depend on each other, one of the possible choices
+  std::vector<int> pieces;   ///< on which each of them is
+};
+
+/// Throws std::logic_error where there is none: where curves that hold speeds contradict each other.
+Minimum minimum(const Convex& problem);
+
+/// The largest violation of the conditions above, each relative to the size of its terms (speeds below 1 count as 1).
+double violation(const Convex& problem, const Minimum& found);
+
+}  // namespace lockstep::reference

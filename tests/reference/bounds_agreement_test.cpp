@@ -1,0 +1,134 @@
+// The kernels' bounds agree with the scalar reference, method by method. SPDX-License-Identifier: Apache-2.0
+//
+// Random small mechanisms with up to eight bounds of every kind, about half of which are in the way: one step from
+// the same state. The reference's direct and reduced find the minimum of a convex function and check it; its pgs and
+// tgs are the sweeps of the document on dense matrices.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "lockstep/plan.h"
+#include "physics.h"
+#include "random_bounds.h"
+#include "reference/bounds.h"
+#include "reference/servos.h"
+#include "reference/step.h"
+
+namespace lockstep {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using physics::distance;
+using physics::size;
+
+constexpr int seeds = 400;
+constexpr double close = 1e-8;
+
+StepSettings settings_of(Method method, int seed) {
+  constexpr int iterations[] = {1, 2, 4, 16}, velocity_iterations[] = {1, 0, 3};
+  StepSettings settings = physics::settings(method, iterations[seed % 4], velocity_iterations[seed / 4 % 3]);
+  settings.record_impulses = true;
+  return settings;
+}
+
+// Whether velocities say who bears how much: not where bounds repeat what couplings hold already.
+bool independent(const reference::Mechanism& mechanism, const reference::Stage& stage) {
+  std::vector<VectorXd> directions;
+  for (int c = 0; c < stage.couplings.count(); ++c)
+    if (stage.rows[c].active) directions.push_back(stage.jacobian.row(c).transpose());
+  std::vector<bool> bounded(mechanism.velocities(), false);
+  for (const reference::BoundedRow& row : reference::bounded_rows(
+           mechanism, stage, mechanism.initial_inputs(), {reference::Phase::position, stage.state.q}))
+    if (row.dof >= 0) bounded[mechanism.root_velocities() + row.dof] = true;
+  for (int i = 0; i < mechanism.velocities(); ++i)
+    if (bounded[i]) directions.push_back(VectorXd::Unit(mechanism.velocities(), i));
+  if (directions.empty()) return true;
+  MatrixXd all(mechanism.velocities(), directions.size());
+  for (std::size_t i = 0; i < directions.size(); ++i) all.col(i) = directions[i];
+  return all.fullPivLu().rank() == all.cols();
+}
+
+int limited_servos(const reference::Mechanism& mechanism) {
+  int count = 0;
+  for (int dof = 0; dof < mechanism.dofs(); ++dof) count += reference::limited_servo(mechanism.joint(dof));
+  return count;
+}
+
+void expect_agreement(const Model& model, const StepSettings& settings) {
+  const reference::Mechanism mechanism(model);
+  const bool sweeps = settings.method == Method::pgs || settings.method == Method::tgs;
+  std::optional<reference::Step> found;
+  try {
+    found = reference::step(mechanism, settings, mechanism.initial_state(), mechanism.initial_inputs());
+  } catch (const std::logic_error&) {
+    // Few sweeps may come to velocities that agree with no choice of servos at their limits.
+    ASSERT_TRUE(sweeps && limited_servos(mechanism) > 0);
+    return;
+  }
+  const reference::Step& theirs = *found;
+  Batch<double> batch(compile(model, settings), 1, {.threads = 1});
+  batch.step();
+  EXPECT_EQ(batch.faults()[0], Fault::none);
+  const reference::State ours = physics::state_of(batch), &exact = theirs.state;
+  const double moving = std::max({1.0, size(mechanism.initial_state().v), size(exact.v)});
+  EXPECT_LE(distance(ours.v, exact.v), close * moving) << "v";
+  EXPECT_LE(distance(ours.q, exact.q), close * std::max(1.0, size(exact.q))) << "q";
+  EXPECT_LE(distance(ours.position, exact.position), close * std::max(1.0, size(exact.position))) << "position";
+  const double sign = ours.orientation.dot(exact.orientation) < 0.0 ? -1.0 : 1.0;
+  EXPECT_LE(distance(ours.orientation.coeffs(), (sign * exact.orientation.coeffs()).eval()), close) << "orientation";
+
+  const VectorXd impulses = batch.coupling_impulses().matrix().col(0);
+  const double momentum = std::max(size(theirs.stage.implicit) * moving, size(theirs.impulses));
+  if (sweeps || independent(mechanism, theirs.stage)) {
+    EXPECT_LE(distance(impulses, theirs.impulses), close * momentum) << "impulses";
+  }
+}
+
+class BoundsAgreement : public testing::TestWithParam<Method> {};
+
+TEST_P(BoundsAgreement, of_states_after_one_step) {
+  for (int seed = 0; seed < seeds; ++seed) {
+    SCOPED_TRACE(seed);
+    expect_agreement(physics::random_bounds(seed), settings_of(GetParam(), seed));
+    if (HasFailure()) return;
+  }
+}
+
+// One kind of bound at a time, so that a failure above has a name.
+class BoundsAgreementByKind : public testing::TestWithParam<std::tuple<Method, int>> {};
+
+TEST_P(BoundsAgreementByKind, of_states_after_one_step) {
+  const auto [method, kind] = GetParam();
+  for (int seed = 0; seed < seeds / 4; ++seed) {
+    SCOPED_TRACE(seed);
+    Model model = physics::random_bounds(seed);
+    for (Joint& joint : model.joints) {
+      if (kind != 0) joint.lower = -infinity, joint.upper = infinity;
+      if (kind != 1) joint.velocity_limit = infinity;
+      if (kind != 2) joint.effort_limit = infinity;
+      if (kind != 3) joint.friction = 0.0;
+      if (kind != 4 && joint.drive.kinematic) joint.drive = {};
+    }
+    if (kind != 5)
+      for (Coupling& coupling : model.couplings) coupling.force_limit = infinity;
+    expect_agreement(model, settings_of(method, seed));
+    if (HasFailure()) return;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(method, BoundsAgreement, testing::ValuesIn(physics::methods), physics::method_name);
+std::string method_and_kind(const testing::TestParamInfo<std::tuple<Method, int>>& info) {
+  constexpr const char* kinds[] = {"range", "velocity", "effort", "friction", "kinematic", "force"};
+  return std::string(name(std::get<0>(info.param))).append("_").append(kinds[std::get<1>(info.param)]);
+}
+INSTANTIATE_TEST_SUITE_P(method, BoundsAgreementByKind,
+                         testing::Combine(testing::ValuesIn(physics::methods), testing::Range(0, 6)), method_and_kind);
+
+}  // namespace
+}  // namespace lockstep
