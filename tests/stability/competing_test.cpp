@@ -109,6 +109,7 @@ TEST(Competing, friction_never_breaks_the_coupling) {
         rough.joints[1 - rubbed].drive = {100.0, 10.0, 1.0, 0.0};
         with_exact_methods([&](auto scalar, double dt, Method method) {
           using S = decltype(scalar);
+          if (!promised<S>(method, 1.0, friction)) return;
           Watch<S> watch(rough, recorded(dt, method));
           watch.run(1.0);
           expect_sound(watch, 0.1 * height_range(rough));

@@ -63,8 +63,14 @@ class Watch {
 
   Watch(const Model& model, const StepSettings& settings, int environments = 1)
       : batch(compile(model, settings), environments, {.threads = 1}) {
-    remaining_ = batch.coupling_errors().template cast<double>();
     excess_ = Eigen::ArrayXd::Zero(environments);
+    start();
+  }
+
+  /// Counts from the errors that the batch has now: for those who change its state or fields first.
+  void start() {
+    remaining_ = batch.coupling_errors().template cast<double>();
+    error_ = late_error_ = 0.0;
     look();
   }
 
