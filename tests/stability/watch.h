@@ -61,16 +61,18 @@ class Watch {
  public:
   Batch<S> batch;
 
-  Watch(const Model& model, const StepSettings& settings, int environments = 1)
-      : batch(compile(model, settings), environments, {.threads = 1}) {
+  explicit Watch(const Plan& plan, int environments = 1) : batch(plan, environments, {.threads = 1}) {
     excess_ = Eigen::ArrayXd::Zero(environments);
     start();
   }
 
+  Watch(const Model& model, const StepSettings& settings, int environments = 1)
+      : Watch(compile(model, settings), environments) {}
+
   /// Counts from the errors that the batch has now: for those who change its state or fields first.
   void start() {
     remaining_ = batch.coupling_errors().template cast<double>();
-    error_ = late_error_ = 0.0;
+    error_ = late_error_ = beyond_rounding_ = 0.0;
     look();
   }
 
@@ -97,6 +99,8 @@ class Watch {
   double error() const { return error_; }
   /// The same where less than 1e-6 is left.
   double late_error() const { return late_error_; }
+  /// error() less four units in the last place of the positions and offset that C is the sum of.
+  double error_beyond_rounding() const { return beyond_rounding_; }
   /// Largest energy, J, that came from nowhere up to some time: what it changed by less all work and corrections.
   double excess() const { return excess_most_; }
   double speed() const { return batch.speeds().maxCoeff(); }
@@ -117,21 +121,33 @@ class Watch {
               batch.root_poses().isFinite().all() && batch.root_velocities().isFinite().all();
     const Eigen::ArrayXXd errors = batch.coupling_errors().template cast<double>();
     const Model& model = batch.plan().model();
-    for (Eigen::Index c = 0; c < errors.rows(); ++c)
+    for (Eigen::Index c = 0; c < errors.rows(); ++c) {
+      const Coupling& coupling = model.couplings[static_cast<std::size_t>(c)];
+      if (!coupling.softness.is_hard() || coupling.force_limit < infinity) continue;
       for (Eigen::Index e = 0; e < errors.cols(); ++e) {
-        if (!model.couplings[static_cast<std::size_t>(c)].softness.is_hard() ||
-            batch.faults()[static_cast<std::size_t>(e)] != Fault::none)
-          continue;
-        error_ = std::max(error_, std::abs(errors(c, e) - remaining_(c, e)));
-        if (std::abs(remaining_(c, e)) < 1e-6) late_error_ = std::max(late_error_, std::abs(errors(c, e) - remaining_(c, e)));
+        if (batch.faults()[static_cast<std::size_t>(e)] != Fault::none) continue;
+        const double error = std::abs(errors(c, e) - remaining_(c, e));
+        error_ = std::max(error_, error);
+        beyond_rounding_ = std::max(beyond_rounding_, error - last_places(coupling, e));
+        if (std::abs(remaining_(c, e)) < 1e-6) late_error_ = std::max(late_error_, error);
       }
+    }
+  }
+
+  double last_places(const Coupling& coupling, Eigen::Index environment) const {
+    const auto size = [&](const std::string& joint) {
+      return std::abs(static_cast<double>(batch.positions()(batch.plan().dof(joint), environment)));
+    };
+    double sum = size(coupling.joint) + std::abs(coupling.offset);
+    for (const CouplingTerm& term : coupling.terms) sum += std::abs(term.ratio) * size(term.joint);
+    return 4.0 * std::numeric_limits<S>::epsilon() * sum;
   }
 
   Eigen::ArrayXXd remaining_;
   Eigen::ArrayXd excess_;
   bool finite_ = true;
   int taken_ = 0;
-  double error_ = 0.0, late_error_ = 0.0, excess_most_ = 0.0;
+  double error_ = 0.0, late_error_ = 0.0, beyond_rounding_ = 0.0, excess_most_ = 0.0;
 };
 
 /// The promises of every scene that is possible: numbers, no fault, couplings that hold, energy within its budget.
