@@ -161,7 +161,7 @@ void add_couplings(Model& model, Random& random, const RandomOptions& options) {
     Coupling coupling;
     coupling.joint = moving[0];
     const int joints = std::min(dofs, random.chance(0.6) ? 2 : random.integer(3, 5));
-    for (int k = 1; k < joints; ++k) coupling.terms.push_back({moving[k], random.either_sign(0.3, 3.0)});
+    for (int k = 1; k < joints; ++k) coupling.terms.push_back({moving[k], random.either_sign(options.min_ratio, options.max_ratio)});
     coupling.softness = random_softness(random, options.soft);
     model.couplings.push_back(coupling);
   }

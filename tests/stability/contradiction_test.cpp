@@ -1,0 +1,165 @@
+// What cannot be is refused by name; what cannot be met is shared, quiet and named. SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "lockstep/error.h"
+#include "mechanisms.h"
+#include "scenes/scenes.h"
+#include "watch.h"
+
+namespace lockstep::stability {
+namespace {
+
+constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+using Names = std::vector<std::string>;
+
+std::string refusal(const Model& model) {
+  try {
+    compile(model);
+  } catch (const ModelError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Contradiction, couplings_that_are_no_numbers_are_refused_by_name) {
+  for (double offset : {nan, infinity, -infinity}) {
+    Model model = scenes::chain8();
+    model.couplings[1].offset = offset;
+    EXPECT_NE(refusal(model).find("coupling 'j1'"), std::string::npos) << refusal(model);
+  }
+  for (double ratio : {nan, infinity, 0.0, 1e20, -1e20, 1e-20}) {
+    Model model = scenes::chain8();
+    model.couplings[1].terms[0].ratio = ratio;
+    EXPECT_NE(refusal(model).find("coupling 'j1'"), std::string::npos) << ratio << ": " << refusal(model);
+  }
+}
+
+TEST(Contradiction, loop_that_cannot_close_is_refused_with_both_sides) {
+  EXPECT_EQ(refusal(loop(0.0)), "");
+  const std::string said = refusal(loop(0.1));
+  for (const char* side : {"j0", "j2", "j0#2"}) EXPECT_NE(said.find(side), std::string::npos) << said;
+}
+
+// The same loop where only one environment cannot close it: the third coupling is the one that follows, so the others
+// hold; the neighbour is untouched.
+TEST(Contradiction, loop_that_cannot_close_in_one_environment_stays_quiet_there) {
+  with_exact_methods([](auto scalar, double dt, Method method) {
+    using S = decltype(scalar);
+    Model model = loop(0.0);
+    for (Joint& joint : model.joints) joint.damping = 0.3;
+    StepSettings settings = recorded(dt, method);
+    settings.per_environment = {Parameter::offset};
+    Watch<S> watch(model, settings, 2), alone(model, settings);
+    watch.batch.parameter(Parameter::offset)(2, 1) = S(0.1);
+    watch.run(20.0), alone.run(20.0);
+    const auto errors = watch.batch.coupling_errors();
+    EXPECT_TRUE(watch.finite());
+    EXPECT_EQ(watch.batch.faulted(), 0);
+    EXPECT_LE(errors.topRows(2).abs().maxCoeff(), held<S>);
+    EXPECT_NEAR(errors(2, 1), 0.1, 1e-4);
+    EXPECT_LE(std::abs(errors(2, 0)), held<S>);
+    EXPECT_LE(watch.speed(), 1e-3);
+    EXPECT_EQ(watch.batch.conflicts(1), (Names{"coupling j0", "coupling j2", "coupling j0#2"}));
+    EXPECT_EQ(watch.batch.conflicts(0), Names{});
+    EXPECT_TRUE((watch.batch.positions().col(0) == alone.batch.positions().col(0)).all());
+  });
+}
+
+// What `direct` makes of a contradiction through a coupling: both sides stay in an inverse that can hardly tell them
+// apart (M55), and share by a compliance. Asked in double precision, for an end without faults, the couplings to 1e-3,
+// and both names.
+void expect_named(const Watch<double>& watch, const Names& both, int environment) {
+  EXPECT_TRUE(watch.finite());
+  EXPECT_EQ(watch.batch.faulted(), 0);
+  EXPECT_LE(watch.late_error(), 1e-3);
+  const Names named = watch.batch.conflicts(environment);
+  for (const std::string& side : both) EXPECT_NE(std::find(named.begin(), named.end(), side), named.end()) << side;
+}
+
+template <class S>
+void expect_quiet_and_named(const Watch<S>& watch, const Names& both, int environment = 0) {
+  EXPECT_TRUE(watch.finite());
+  EXPECT_EQ(watch.batch.faulted(), 0);
+  EXPECT_LE(watch.error(), held<S>);
+  EXPECT_LE(watch.speed(), 1e-3);
+  EXPECT_EQ(watch.batch.conflicts(environment), both);
+}
+
+// The scene `limitbad`, and beside it a neighbour whose limits can be met: joint 0 <= 0.2 and joint 2 >= 0.25 with
+// q_0 = q_2, in the neighbour q_0 = q_2 - 0.1.
+TEST(Contradiction, limits_that_contradict_through_a_coupling_share_the_violation) {
+  Model model = scenes::chain8();
+  for (Joint& joint : model.joints) joint.damping = 0.3;
+  model.joints[0].upper = 0.2;
+  model.joints[2].lower = 0.25;
+  const Names both = {"position limit j0", "position limit j2"};
+  at_all_steps([&](auto scalar, double dt) {
+    using S = decltype(scalar);
+    StepSettings settings = recorded(dt);
+    settings.per_environment = {Parameter::offset};
+    Watch<S> watch(model, settings, 2);
+    watch.batch.parameter(Parameter::offset)(0, 1) = S(0.1);
+    watch.start();
+    watch.run(2.0);
+    EXPECT_NEAR(watch.position(0), 0.225, 1e-5);
+    EXPECT_NEAR(watch.velocity(0), 0.0, 1e-3);
+    watch.run(20.0);
+    expect_quiet_and_named(watch, both);
+    EXPECT_NEAR(watch.position(0), 0.225, 1e-5);
+    EXPECT_LE(watch.batch.limit_violations()(0, 1), 1e-5);
+    EXPECT_EQ(watch.batch.conflicts(1), Names{});
+  });
+  Watch<double> direct(model, recorded(1.0 / 240, Method::direct));
+  direct.run(20.0);
+  expect_named(direct, both, 0);
+}
+
+// Two prescribed motions of joints that a coupling ties together: it holds, they meet in the middle.
+TEST(Contradiction, kinematic_drives_that_contradict_through_a_coupling_meet_in_the_middle) {
+  Model model = pair(Arrangement::second_on_first);
+  for (Joint& joint : model.joints) joint.drive.kinematic = true;
+  const Names both = {"kinematic drive j0", "kinematic drive j1"};
+  const auto prescribe = [](auto& watch) { watch.batch.position_targets() << 0.3, 0.2, -0.3, 0.2; };
+  at_all_steps([&](auto scalar, double dt) {
+    using S = decltype(scalar);
+    Watch<S> watch(model, recorded(dt), 2);
+    prescribe(watch);
+    watch.run(3.0);
+    expect_quiet_and_named(watch, both);
+    EXPECT_NEAR(watch.position(0, 0), 0.0, 1e-5);
+    EXPECT_NEAR(watch.position(0, 1), 0.2, 1e-5);
+    EXPECT_EQ(watch.batch.conflicts(1), Names{});
+  });
+  Watch<double> direct(model, recorded(1.0 / 240, Method::direct), 2);
+  prescribe(direct);
+  direct.run(3.0);
+  expect_named(direct, both, 0);
+  EXPECT_EQ(direct.batch.conflicts(1), Names{});
+}
+
+// Limits win over a prescribed motion, and the step says so.
+TEST(Contradiction, kinematic_drive_beyond_the_limit_of_its_follower_stops_there) {
+  Model model = pair(Arrangement::second_on_first);
+  model.joints[0].upper = 0.1;
+  model.joints[1].drive.kinematic = true;
+  const Names both = {"position limit j0", "kinematic drive j1"};
+  const auto prescribe = [](auto& watch) { watch.batch.position_targets().row(1) << 0.5, -0.5; };
+  at_all_steps([&](auto scalar, double dt) {
+    using S = decltype(scalar);
+    Watch<S> watch(model, recorded(dt), 2);
+    prescribe(watch);
+    watch.run(2.0);
+    expect_quiet_and_named(watch, both);
+    EXPECT_NEAR(watch.position(0, 0), 0.1, 1e-5);
+    EXPECT_NEAR(watch.position(0, 1), -0.5, 1e-5);
+    EXPECT_EQ(watch.batch.conflicts(1), Names{});
+  });
+  Watch<double> direct(model, recorded(1.0 / 240, Method::direct), 2);
+  prescribe(direct);
+  direct.run(2.0);
+  expect_named(direct, both, 0);
+  EXPECT_EQ(direct.batch.conflicts(1), Names{});
+}
+
+}  // namespace
+}  // namespace lockstep::stability

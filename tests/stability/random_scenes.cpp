@@ -1,0 +1,184 @@
+// Random mechanisms with random bounds. SPDX-License-Identifier: Apache-2.0
+#include "random_scenes.h"
+
+#include <fmt/format.h>
+
+#include "contract.h"
+#include "mechanisms.h"
+#include "plan/program.h"
+#include "watch.h"
+
+namespace lockstep::stability {
+namespace {
+
+using contract::Random;
+
+constexpr int environments = 4;  // with other targets
+
+double logarithmic(Random& random, double low, double high) {
+  return low * std::pow(high / low, random.uniform(0.0, 1.0));
+}
+
+void add_bounds(Joint& joint, Random& random, bool bounces) {
+  // Enough that the integrator, which takes gyroscopic forces from the start of a step, keeps its energy at 1/30 s.
+  joint.damping = random.uniform(0.5, 2.0);
+  if (random.chance(0.4)) {
+    joint.lower = joint.position - random.uniform(0.0, 0.5);
+    joint.upper = joint.position + random.uniform(0.0, 0.5);
+    if (joint.kind == JointKind::continuous) joint.kind = JointKind::revolute;
+    if (random.chance(0.2))
+      joint.limit_softness = Softness::spring(logarithmic(random, 10.0, 1e4), random.uniform(0.1, 10.0));
+    else if (bounces)
+      joint.restitution = random.uniform(0.0, 0.9);
+  }
+  if (random.chance(0.15)) joint.velocity_limit = logarithmic(random, 0.3, 10.0);
+  if (random.chance(0.3)) joint.friction = logarithmic(random, 0.01, 30.0);
+  joint.drive = {};
+  if (random.chance(0.1)) {
+    joint.drive.kinematic = true;
+    joint.drive.position_target = joint.position;
+    if (random.chance(0.3)) joint.drive.softness = Softness::hard(random.uniform(0.1, 1.0));
+  } else if (random.chance(0.4)) {
+    const double kp = logarithmic(random, 1.0, 1e6);
+    joint.drive = {kp, kp * random.uniform(0.05, 0.3), joint.position + random.uniform(-0.5, 0.5), 0.0};
+  }
+  if (random.chance(0.3)) joint.effort_limit = logarithmic(random, 0.1, 100.0);
+}
+
+// Directions of the couplings over the moving joints, one row each.
+Eigen::MatrixXd coupling_rows(const Model& model, const std::function<bool(const Coupling&)>& wanted) {
+  std::vector<const Coupling*> kept;
+  for (const Coupling& coupling : model.couplings)
+    if (wanted(coupling)) kept.push_back(&coupling);
+  Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(kept.size()),
+                                               static_cast<Eigen::Index>(model.joints.size()));
+  for (std::size_t r = 0; r < kept.size(); ++r) {
+    const auto row = static_cast<Eigen::Index>(r);
+    rows(row, model.joint_index(kept[r]->joint)) = 1.0;
+    for (const CouplingTerm& term : kept[r]->terms) rows(row, model.joint_index(term.joint)) = term.ratio;
+  }
+  return rows;
+}
+
+bool depends(const Eigen::MatrixXd& rows, const Eigen::VectorXd& direction) {
+  if (rows.rows() == 0) return false;
+  const Eigen::VectorXd unit = direction.normalized();
+  return (rows.transpose().colPivHouseholderQr().solve(unit).transpose() * rows - unit.transpose()).norm() < 1e-6;
+}
+
+// Tests of their own in known_test.cpp: joints that couplings lock altogether and that have a bound, and couplings with
+// a force limit that follow from others.
+void leave_out_what_is_known(Model& model) {
+  for (Coupling& coupling : model.couplings) {
+    if (coupling.force_limit == infinity) continue;
+    const Eigen::MatrixXd own = coupling_rows(model, [&](const Coupling& c) { return &c == &coupling; });
+    if (depends(coupling_rows(model, [&](const Coupling& c) { return &c != &coupling; }), own.row(0).transpose()))
+      coupling.force_limit = infinity;
+  }
+  const Eigen::MatrixXd rows = coupling_rows(model, [](const Coupling&) { return true; });
+  for (std::size_t j = 0; j < model.joints.size(); ++j) {
+    Joint& joint = model.joints[j];
+    if (!joint.moves() || !depends(rows, Eigen::VectorXd::Unit(rows.cols(), static_cast<Eigen::Index>(j)))) continue;
+    joint.lower = -infinity, joint.upper = infinity, joint.velocity_limit = infinity;
+    joint.friction = joint.restitution = 0.0;
+    joint.drive.kinematic = false, joint.drive.softness = Softness::hard(1.0);
+    joint.limit_softness = Softness::hard();
+  }
+}
+
+// Hard bounds whose directions depend on each other through couplings may contradict each other, as may kinematic drives
+// and bounds: limits are shared then, and energy is spent on the contradiction. Couplings hold and numbers stay finite.
+// That no such scene is frozen is asked in known_test.cpp.
+bool contested(const Plan& plan) {
+  bool kinematic = false, limited = false;
+  for (const Joint& joint : plan.model().joints) {
+    kinematic |= joint.drive.kinematic;
+    limited |= joint.lower > -infinity || joint.velocity_limit < infinity;
+  }
+  return plan.program().f64.bounds.compliance > 0.0 || (kinematic && limited);
+}
+
+// Farthest that a joint with hard ends is beyond them, in any environment.
+double hard_limit_violation(const Batch<float>& batch) {
+  double worst = 0.0;
+  for (const Joint& joint : batch.plan().model().joints) {
+    if (!joint.moves() || !joint.limit_softness.is_hard()) continue;
+    const auto q = batch.positions().row(batch.plan().dof(joint.name)).cast<double>();
+    worst = std::max({worst, joint.lower - q.minCoeff(), q.maxCoeff() - joint.upper});
+  }
+  return worst;
+}
+
+}  // namespace
+
+RandomScene random_scene(std::uint64_t seed) {
+  Random random(seed * 7919 + 1);
+  scenes::RandomOptions options;
+  options.max_dofs = 12;
+  options.min_ratio = 0.1, options.max_ratio = 10.0;
+  options.soft = random.chance(0.7) ? scenes::RandomOptions::Soft::never : scenes::RandomOptions::Soft::sometimes;
+  options.coupling_error = random.chance(0.3);
+  options.redundant = !options.coupling_error;
+  RandomScene scene{scenes::random_model(seed, options), 0.0, 0.0, false, options.coupling_error};
+  scene.bounces = random.chance(0.2);
+  for (Joint& joint : scene.model.joints)
+    if (joint.moves()) add_bounds(joint, random, scene.bounces);
+  for (Coupling& coupling : scene.model.couplings)
+    if (random.chance(0.1)) coupling.force_limit = logarithmic(random, 0.1, 100.0);
+  leave_out_what_is_known(scene.model);
+  scene.dt = logarithmic(random, 1.0 / 1000, 1.0 / 30);
+  scene.seconds = scene.dt < 1.0 / 400 ? 0.5 : 1.0;
+  return scene;
+}
+
+std::string broken_promise(const RandomScene& scene) {
+  const Model& model = scene.model;
+  const Plan plan = compile(model, recorded(scene.dt));
+  Watch<float> watch(plan, environments);
+  Random random(1);
+  auto targets = watch.batch.position_targets();
+  for (Eigen::Index dof = 0; dof < targets.rows(); ++dof)
+    for (int e = 1; e < environments; ++e) targets(dof, e) += static_cast<float>(random.uniform(-0.2, 0.2));
+  const auto middle = targets.eval();
+  double kinetic = watch.batch.kinetic_energies().maxCoeff(), beyond = 0.0;
+  watch.run(
+      scene.seconds,
+      [&](double t) {
+        for (const Joint& joint : model.joints)
+          if (joint.drive.kinematic)
+            for (int e = 0; e < environments; ++e) {
+              const int dof = plan.dof(joint.name);
+              targets(dof, e) = static_cast<float>(model.joints[model.joint_index(joint.name)].drive.position_target +
+                                                   (0.1 + 0.05 * e) * std::sin(2.0 * t));
+            }
+      },
+      [&] {
+        kinetic = std::max<double>(kinetic, watch.batch.kinetic_energies().maxCoeff());
+        beyond = std::max(beyond, hard_limit_violation(watch.batch));
+      });
+
+  if (!watch.finite()) return "a number is none";
+  for (Fault fault : watch.batch.faults())
+    if (fault != Fault::none && !(contested(plan) && fault == Fault::diverged))
+      return std::string("fault ") + name(fault);
+  // Rows that follow from others, and from their start decay at other rates, contradict them on the way.
+  const bool contradicts = scene.displaced && !plan.redundant_couplings().empty();
+  if (!contradicts && watch.error_beyond_rounding() > 1e-5)
+    return fmt::format("|C| {:.2g}", watch.error_beyond_rounding());
+  if (contested(plan)) return "";
+  if (!scene.displaced && beyond > 1e-3) return fmt::format("a limit is passed by {:.2g}", beyond);
+  const double energy = 0.1 * (height_range(model) + kinetic);
+  if (!scene.bounces && watch.excess() > energy)
+    return fmt::format("energy {:.3g} J from nowhere, {:.3g} J allowed", watch.excess(), energy);
+  return "";
+}
+
+void search(std::uint64_t first, int count) {
+  for (std::uint64_t seed = first; seed < first + static_cast<std::uint64_t>(count); ++seed) {
+    if (std::find(std::begin(known_seeds), std::end(known_seeds), seed) != std::end(known_seeds)) continue;
+    const std::string broken = broken_promise(random_scene(seed));
+    EXPECT_EQ(broken, "") << "seed " << seed;
+  }
+}
+
+}  // namespace lockstep::stability
