@@ -56,13 +56,15 @@ void solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impuls
     h[i * m + i] = select(holds, coupled[r] + compliance(row, own), one);
     impulse[i] = select(holds, right, known[i]);
   }
-  // From the last row to the first, as in (M17); a pivot of nothing but rounding takes no impulse.
-  const T least = T(S(sizeof(S) == 4 ? 3e-7 : 1e-15));
+  // From the last row to the first, as in (M17). A pivot of nothing but rounding takes no impulse; but where rows may
+  // depend on each other it keeps the compliance, so that joints that cannot all stick find out.
+  const T least = T(S(sizeof(S) == 4 ? 3e-7 : 1e-15)), shared = T(t.bounds.compliance);
   for (int i = m - 1; i >= 0; --i) {
     if (!any(x.search_held[i])) continue;
-    const T pivot = h[i * m + i];
-    const auto sound = less(least * x.bound_own[x.bound_listed[i]], pivot) | ~x.search_held[i];
-    const T inverse = select(sound, one / pivot, zero);
+    const int r = x.bound_listed[i];
+    const T pivot = h[i * m + i], floor = larger(least * x.bound_own[r], shared * x.bound_coupled[r * count + r]);
+    const auto weak = x.search_held[i] & ~less(floor, pivot);
+    const T inverse = select(weak, t.bounds.compliance > 0 ? one / floor : zero, one / pivot);
     x.search_inverse[i] = inverse;
     for (int a = i - 1; a >= 0; --a) {
       if (!any(x.search_held[a])) continue;
@@ -89,7 +91,8 @@ typename T::Mask pivot(const Tables<ScalarOf<T>>& t, Phase phase, const T* impul
     const T speed = felt_speed(t, x, i, x.bound_free[phase * count + r], impulse);
     const T weight = x.bound_coupled[r * count + r] * impulse[i];
     x.search_speed[i] = speed;
-    scale = larger(scale, larger(larger(weight, -weight), larger(speed, -speed)));
+    const T size = larger(larger(weight, -weight), larger(speed, -speed));
+    scale = select(x.bound_touched[r], larger(scale, size), scale);
   }
   typename T::Mask moved = T::none();
   for (int i = 0; i < x.bound_count; ++i) {

@@ -39,10 +39,8 @@ template <class T>
 LOCKSTEP_INLINE Bound<T> bound(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r, Phase phase) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
   const int count = b.form.count, i = phase * count + r;
-  if (b.kind[r] == BoundKind::joint) {
-    const T shared = T(b.compliance) * x.bound_coupled[r * count + r];
-    return {x.bound_lo[i], x.bound_hi[i], T(0), x.bound_force[r], shared, shared};
-  }
+  if (b.kind[r] == BoundKind::joint)
+    return {x.bound_lo[i], x.bound_hi[i], T(0), x.bound_force[r], T(b.compliance) * x.bound_coupled[r * count + r], T(0)};
   return {x.bound_lo[i], x.bound_hi[i], x.bound_centre[i], x.bound_force[r], x.bound_cfm[r], x.bound_cfm[r]};
 }
 
@@ -57,6 +55,7 @@ void open_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, 
       const Moment<T> at{p == velocity_phase && t.velocity_iterations > 0, S(1) / t.dt};
       bounded_row(t, lanes, r, Phase(p), at, T(0), x);
       x.bound_impulse[p * b.form.count + r] = T(0);
+      x.search_branch[p * b.form.count + r] = {T::none(), T::none(), T::none(), T(0)};
     }
   }
   x.bound_count = 0;
@@ -85,14 +84,17 @@ void respond_to_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
     solve_upwards(rows.columns, x.coupled, through);
     for (int e = 0; e < rows.count; ++e) through_scaled[e] = through[e] * x.row_inverse[e];
   }
-  const auto felt = [&](int other) {
-    T sum = supported_dot(form, other, x.bound_response + other * n, scaled);
-    if (solved)
-      for (int e = 0; e < rows.count; ++e) sum = fnma(through[e], x.bound_through_scaled[other * rows.count + e], sum);
-    x.bound_coupled[r * count + other] = x.bound_coupled[other * count + r] = sum;
+  const auto felt = [&](int a, int b) {
+    T sum = supported_dot(form, a, x.bound_response + a * n, x.bound_scaled + b * n);
+    for (int e = 0; solved && e < rows.count; ++e)
+      sum = fnma(x.bound_through[b * rows.count + e], x.bound_through_scaled[a * rows.count + e], sum);
+    x.bound_coupled[a * count + b] = x.bound_coupled[b * count + a] = sum;
   };
-  for (int i = 0; i < x.bound_count; ++i) felt(x.bound_listed[i]);
-  felt(r);
+  for (int i = 0; i < x.bound_count; ++i) {  // the same way round whichever of two rows came first
+    const int other = x.bound_listed[i];
+    other < r ? felt(other, r) : felt(r, other);
+  }
+  felt(r, r);
 }
 
 /// Finds the rows that velocities z of a phase violate; true if a lane has a row to take part that did not.

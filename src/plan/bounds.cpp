@@ -67,12 +67,14 @@ void lay_out_joint_bounds(Program& program) {
     has[i] = hard_bounds(program, joint);
     lower[i] = std::max(joint.lower, -unlimited);
     upper[i] = std::min(joint.upper, unlimited);
-    limit_rate[i] = joint.limit_softness.first / s.dt;
-    sub_step_rate[i] = hard_rate(s, joint.limit_softness.first);
+    if (has[i] & has_range) {
+      limit_rate[i] = joint.limit_softness.first / s.dt;
+      sub_step_rate[i] = hard_rate(s, joint.limit_softness.first);
+    }
     restitution[i] = joint.restitution;
     speed[i] = std::min(joint.velocity_limit, unlimited);
     friction[i] = s.dt * joint.friction;
-    drive_rate[i] = joint.drive.softness.first / s.dt;
+    if (has[i] & has_kinematic_drive) drive_rate[i] = joint.drive.softness.first / s.dt;
   }
   std::vector<double> force_limit;
   for (const Coupling& coupling : program.model.couplings) force_limit.push_back(std::min(coupling.force_limit, unlimited));
@@ -193,7 +195,7 @@ BoundForms lay_out_bounds(Program& program) {
   }
 
   b.form = lay_out_forms(program, result.forms, t.solver, false);
-  b.compliance = depend(program, rows, result.forms) ? 1e-12 : 0.0;
+  b.compliance = depend(program, rows, result.forms) ? 3e-11 : 0.0;
   std::vector<Watched<double>> watched;
   each_joint([&](const Joint& joint, int i) {
     const bool fast = b.has[i] & has_speed_limit, ranged = has_range_of(program, joint);
