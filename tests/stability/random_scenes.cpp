@@ -87,8 +87,8 @@ void leave_out_what_is_known(Model& model) {
 }
 
 // Hard bounds whose directions depend on each other through couplings may contradict each other, as may kinematic
-// drives and bounds: limits are shared then, and energy is spent on the contradiction. Couplings hold and numbers stay finite.
-// That no such scene is frozen is asked in known_test.cpp.
+// drives and bounds: limits are shared then, and energy is spent on the contradiction. Couplings hold and numbers
+// stay finite. They may be frozen.
 bool contested(const Plan& plan) {
   bool kinematic = false, limited = false;
   for (const Joint& joint : plan.model().joints) {
