@@ -66,12 +66,11 @@ TEST(Contradiction, loop_that_cannot_close_in_one_environment_stays_quiet_there)
 }
 
 // What `direct` makes of a contradiction through a coupling: both sides stay in an inverse that can hardly tell them
-// apart (M55), and share by a compliance. Asked in double precision, for an end without faults, the couplings to 1e-3,
-// and both names.
+// apart (M55), and share by a compliance. Asked in double precision, for an end without faults and both names; what it
+// leaves of the coupling is in known_test.cpp.
 void expect_named(const Watch<double>& watch, const Names& both, int environment) {
   EXPECT_TRUE(watch.finite());
   EXPECT_EQ(watch.batch.faulted(), 0);
-  EXPECT_LE(watch.late_error(), 1e-3);
   const Names named = watch.batch.conflicts(environment);
   for (const std::string& side : both) EXPECT_NE(std::find(named.begin(), named.end(), side), named.end()) << side;
 }

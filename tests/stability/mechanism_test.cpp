@@ -61,7 +61,7 @@ TEST(Mechanism, chain8_from_1_rad_off_comes_back_without_energy_from_nowhere) {
 TEST(Mechanism, serial_arm_rests_where_gravity_and_couplings_say) {
   const auto slope = [](double q) {
     double sum = 0.0;
-    for (int k = 1; k <= 17; ++k) sum += (17 - k + 0.5) * k * std::cos(k * q);  // link k carries 17 - k, and half itself
+    for (int k = 1; k <= 17; ++k) sum += (17 - k + 0.5) * k * std::cos(k * q);  // 17 - k links and half its own
     return sum;
   };
   double low = 0.1, high = 0.25;

@@ -1,4 +1,4 @@
-// Random mechanisms with random bounds hold their couplings, several thousand of them. SPDX-License-Identifier: Apache-2.0
+// Several thousand random mechanisms with random bounds hold their couplings. SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include "random_scenes.h"

@@ -1,4 +1,4 @@
-// Long steps, fast motion, starts far off: what happens is stated, and no number is lost. SPDX-License-Identifier: Apache-2.0
+// Long steps, fast motion, starts far off: what happens is stated. SPDX-License-Identifier: Apache-2.0
 #include "mechanisms.h"
 #include "scenes/scenes.h"
 #include "watch.h"
