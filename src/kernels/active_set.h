@@ -28,10 +28,21 @@ LOCKSTEP_INLINE T felt_speed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int
   return free;
 }
 
-/// Dense L^T D L of the rows that are held, the others' impulses known: (M56). Answers in `impulse`. Rows that no lane
-/// holds have nothing to eliminate.
+/// Compliance by which a joint's row that is held at an end of its interval shares what it cannot have with others, in
+/// the lanes where rows have turned out to depend on each other.
 template <class T>
-void solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impulse) {
+LOCKSTEP_INLINE T sharing(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, int r, const Branch<T>& own) {
+  const Bounds<ScalarOf<T>>& b = t.bounds;
+  if (b.kind[r] != BoundKind::joint || b.compliance == 0) return T(0);
+  const T share = T(b.driven[r] ? b.drive_compliance : b.compliance) * x.bound_coupled[r * b.form.count + r];
+  return select(x.search_shared[phase] & (own.low | own.high), share, T(0));
+}
+
+/// Dense L^T D L of the rows that are held, the others' impulses known: (M56). Answers in `impulse`. Rows that no lane
+/// holds have nothing to eliminate. Returns the lanes whose rows were found to depend on each other: they have no answer
+/// yet, and share from the next time on.
+template <class T>
+typename T::Mask solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impulse) {
   using S = ScalarOf<T>;
   const int count = t.bounds.form.count, m = x.bound_count;
   const T zero = T(0), one = T(1);
@@ -53,11 +64,12 @@ void solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impuls
     T right = target(row, own) - x.bound_free[phase * count + r];
     for (int k = 0; k < m; ++k) right = fnma(coupled[x.bound_listed[k]], known[k], right);
     for (int k = 0; k < i; ++k) h[i * m + k] = select(holds & x.search_held[k], coupled[x.bound_listed[k]], zero);
-    h[i * m + i] = select(holds, coupled[r] + compliance(row, own), one);
+    h[i * m + i] = select(holds, coupled[r] + row.cfm + sharing(t, x, phase, r, own), one);
     impulse[i] = select(holds, right, known[i]);
   }
   // From the last row to the first, as in (M17). A pivot of nothing but rounding takes no impulse; but where rows may
   // depend on each other it keeps the compliance, so that joints that cannot all stick find out.
+  typename T::Mask dependent = T::none();
   const T least = T(S(sizeof(S) == 4 ? 3e-7 : 1e-15)), shared = T(t.bounds.compliance);
   for (int i = m - 1; i >= 0; --i) {
     if (!any(x.search_held[i])) continue;
@@ -65,6 +77,7 @@ void solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impuls
     const T pivot = h[i * m + i], floor = larger(least * x.bound_own[r], shared * x.bound_coupled[r * count + r]);
     const auto weak = x.search_held[i] & ~less(floor, pivot);
     const T inverse = select(weak, t.bounds.compliance > 0 ? one / floor : zero, one / pivot);
+    dependent = dependent | weak;
     x.search_inverse[i] = inverse;
     for (int a = i - 1; a >= 0; --a) {
       if (!any(x.search_held[a])) continue;
@@ -79,11 +92,17 @@ void solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* impuls
     for (int k = 0; k < i; ++k) sum = fnma(h[i * m + k], impulse[k], sum);
     impulse[i] = sum * x.search_inverse[i];
   }
+  if (t.bounds.compliance == 0) return T::none();
+  const auto found = dependent & ~x.search_shared[phase];
+  x.search_shared[phase] = x.search_shared[phase] | found;
+  return found;
 }
 
 /// Moves rows on whose part of (M49) the impulses contradict. Returns the lanes in which none does.
+/// Lanes that are `waiting` for an answer stay where they are.
 template <class T>
-typename T::Mask pivot(const Tables<ScalarOf<T>>& t, Phase phase, const T* impulse, bool one_by_one, Tile<T>& x) {
+typename T::Mask pivot(const Tables<ScalarOf<T>>& t, Phase phase, const T* impulse, bool one_by_one,
+                       typename T::Mask waiting, Tile<T>& x) {
   const int count = t.bounds.form.count;
   T scale = T(0);
   for (int i = 0; i < x.bound_count; ++i) {
@@ -99,12 +118,12 @@ typename T::Mask pivot(const Tables<ScalarOf<T>>& t, Phase phase, const T* impul
     const int r = x.bound_listed[i];
     const Bound<T> row = bound(t, x, r, phase);
     Branch<T>& own = x.search_branch[phase * count + r];
-    const T yielding = fma(compliance(row, own), impulse[i], x.search_speed[i]);
+    const T yielding = fma(row.cfm, impulse[i], x.search_speed[i]);
     const T slack = rounding<T>() * scale;
     typename T::Mask changed;
     const Branch<T> next =
         advance_branch(row, own, yielding, impulse[i], slack, slack / x.bound_coupled[r * count + r], changed);
-    changed = changed & x.bound_touched[r];
+    changed = changed & x.bound_touched[r] & ~waiting;
     if (one_by_one) changed = changed & ~moved;
     moved = moved | changed;
     own.low = (own.low & ~changed) | (next.low & changed);
@@ -112,7 +131,7 @@ typename T::Mask pivot(const Tables<ScalarOf<T>>& t, Phase phase, const T* impul
     own.stuck = (own.stuck & ~changed) | (next.stuck & changed);
     own.impulse = select(changed, next.impulse, own.impulse);
   }
-  return ~moved;
+  return ~moved & ~waiting;
 }
 
 /// Sweeps of (M50) over the listed rows, which always converge, and keep to all bounds on the way. Leaves in
@@ -178,8 +197,8 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
     }
   };
   for (int round = 0; round < block_rounds + rounds_per_row * m && any(open); ++round) {
-    solve_held(t, phase, x, impulse);
-    const auto rested = pivot(t, phase, impulse, round >= block_rounds, x) & open;
+    const auto waiting = solve_held(t, phase, x, impulse);
+    const auto rested = pivot(t, phase, impulse, round >= block_rounds, waiting, x) & open;
     keep(rested, rested);
     open = open & ~rested;
   }

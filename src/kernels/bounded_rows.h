@@ -39,9 +39,8 @@ template <class T>
 LOCKSTEP_INLINE Bound<T> bound(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r, Phase phase) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
   const int count = b.form.count, i = phase * count + r;
-  if (b.kind[r] == BoundKind::joint)
-    return {x.bound_lo[i], x.bound_hi[i], T(0), x.bound_force[r], T(b.compliance) * x.bound_coupled[r * count + r], T(0)};
-  return {x.bound_lo[i], x.bound_hi[i], x.bound_centre[i], x.bound_force[r], x.bound_cfm[r], x.bound_cfm[r]};
+  if (b.kind[r] == BoundKind::joint) return {x.bound_lo[i], x.bound_hi[i], T(0), x.bound_force[r], T(0)};
+  return {x.bound_lo[i], x.bound_hi[i], x.bound_centre[i], x.bound_force[r], x.bound_cfm[r]};
 }
 
 /// Intervals and boxes of all rows for both phases, before any of them has an impulse.
@@ -59,6 +58,7 @@ void open_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, 
     }
   }
   x.bound_count = 0;
+  x.search_shared[position_phase] = x.search_shared[velocity_phase] = T::none();
 }
 
 /// X and D^-1 X of a row that begins to take part, and what it feels of the others that do, couplings included.

@@ -136,9 +136,7 @@ void add_work(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, con
       continue;
     }
     const T done = impulse * x.next_v[root + b.member[m].joint] * x.member_inverse[m];
-    bool driven = b.kind[r] != BoundKind::joint;
-    for (int k = m; k < b.member_start[r + 1]; ++k) driven |= (b.has[b.member[k].joint] & has_kinematic_drive) != 0;
-    if (driven)
+    if (b.kind[r] != BoundKind::joint || b.driven[r])
       work += done;
     else
       dissipated -= select(less(zero, x.bound_force[r]), smaller(done, zero), zero);

@@ -9,7 +9,7 @@ namespace lockstep::kernels {
 template <class T>
 struct Bound {
   T lo, hi, centre, force;
-  T interval_cfm, box_cfm;
+  T cfm;
 };
 
 /// Which part of (M49) the row is on: an end of its interval, the box's centre, or neither, where its impulse is known.
@@ -29,15 +29,10 @@ template <class T>
 LOCKSTEP_INLINE T target(const Bound<T>& row, const Branch<T>& b) {
   return select(b.low, row.lo, select(b.high, row.hi, -row.centre));
 }
-template <class T>
-LOCKSTEP_INLINE T compliance(const Bound<T>& row, const Branch<T>& b) {
-  return select(b.stuck, row.box_cfm, row.interval_cfm);
-}
-
 /// (M50): `speed` is what the row would have without its own impulse, `response` its r.
 template <class T>
 LOCKSTEP_INLINE Branch<T> project(const Bound<T>& row, T speed, T response) {
-  const T inside = response + row.interval_cfm, wanted = -((speed + row.centre) / (response + row.box_cfm));
+  const T inside = response + row.cfm, wanted = -((speed + row.centre) / inside);
   const T slipping = clamp(wanted, -row.force, row.force);
   const T reached = fma(inside, slipping, speed);
   Branch<T> b;

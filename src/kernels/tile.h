@@ -127,6 +127,7 @@ struct Tile {
   typename T::Mask* bound_known;    // 2 [rows] lanes that have a branch to begin with
   typename T::Mask* bound_touched;  // lanes in which the row takes part
   typename T::Mask suspect;         // lanes in which bounds may act at all
+  typename T::Mask search_shared[2];  // by phase: lanes in which rows depend on each other
   int* bound_fresh;        // it has begun to in some lane
   int* bound_listed;       // rows that take part in some lane, ascending
   int bound_count;         // how many

@@ -195,7 +195,9 @@ BoundForms lay_out_bounds(Program& program) {
   }
 
   b.form = lay_out_forms(program, result.forms, t.solver, false);
-  b.compliance = depend(program, rows, result.forms) ? 3e-11 : 0.0;
+  const bool dependent = depend(program, rows, result.forms);
+  b.compliance = dependent ? 3e-11 : 0.0;
+  b.drive_compliance = dependent ? 1e-9 : 0.0;
   std::vector<Watched<double>> watched;
   each_joint([&](const Joint& joint, int i) {
     const bool fast = b.has[i] & has_speed_limit, ranged = has_range_of(program, joint);
@@ -211,6 +213,13 @@ BoundForms lay_out_bounds(Program& program) {
   std::vector<int> member_start{0};
   std::vector<Member> members;
   std::vector<double> shares;
+  std::vector<int> driven;
+  for (const Row& row : rows) {
+    bool drives = false;
+    for (const Member& member : row.members) drives |= (b.has[member.joint] & has_kinematic_drive) != 0;
+    driven.push_back(drives && row.kind == BoundKind::joint);
+  }
+  b.driven = program.store.keep(std::move(driven));
   std::vector<double> soft_rate;
   for (std::size_t r = 0; r < rows.size(); ++r)
     soft_rate.push_back(row_softness(program, result.forms[r].softness, program.settings.dt, 1).rate);

@@ -139,6 +139,8 @@ struct Bounds {
   Span<Member> member;
   Span<S> member_share;         ///< the values of S
   S compliance = 0;             ///< epsilon of hard intervals that depend on each other, else 0
+  S drive_compliance = 0;       ///< the same of kinematic drives, which are to give way to limits
+  Span<int> driven;             ///< by row: it holds a hard kinematic drive
   bool always = false;          ///< some row acts in every step: friction, a kinematic drive, a force limit
   Span<Watched<S>> watched;     ///< the joints with limits
   // by joint; what it has not is not read

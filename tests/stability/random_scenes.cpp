@@ -26,8 +26,10 @@ void add_bounds(Joint& joint, Random& random, bool bounces) {
     joint.lower = joint.position - random.uniform(0.0, 0.5);
     joint.upper = joint.position + random.uniform(0.0, 0.5);
     if (joint.kind == JointKind::continuous) joint.kind = JointKind::revolute;
-    if (random.chance(0.2))  // not a spring: known_test.cpp
-      joint.limit_softness = Softness::mixing(random.uniform(0.1, 0.9), logarithmic(random, 1e-4, 0.1));
+    if (random.chance(0.2))
+      joint.limit_softness = random.chance(0.5)
+                                 ? Softness::mixing(random.uniform(0.1, 0.9), logarithmic(random, 1e-4, 0.1))
+                                 : Softness::spring(logarithmic(random, 1.0, 1e5), logarithmic(random, 0.1, 1e3));
     else if (bounces)
       joint.restitution = random.uniform(0.0, 0.9);
   }
@@ -99,14 +101,59 @@ bool contested(const Plan& plan) {
 }
 
 // Farthest that a joint with hard ends is beyond them, in any environment.
-double hard_limit_violation(const Batch<float>& batch) {
+template <class S>
+double hard_limit_violation(const Batch<S>& batch) {
   double worst = 0.0;
   for (const Joint& joint : batch.plan().model().joints) {
     if (!joint.moves() || !joint.limit_softness.is_hard()) continue;
-    const auto q = batch.positions().row(batch.plan().dof(joint.name)).cast<double>();
+    const auto q = batch.positions().row(batch.plan().dof(joint.name)).template cast<double>();
     worst = std::max({worst, joint.lower - q.minCoeff(), q.maxCoeff() - joint.upper});
   }
   return worst;
+}
+
+// The scene's run, as far as a promise goes.
+template <class S>
+std::string broken_at(const RandomScene& scene, Method method, double dt) {
+  const Model& model = scene.model;
+  const Plan plan = compile(model, recorded(dt, method));
+  Watch<S> watch(plan, environments);
+  Random random(1);
+  auto targets = watch.batch.position_targets();
+  for (Eigen::Index dof = 0; dof < targets.rows(); ++dof)
+    for (int e = 1; e < environments; ++e) targets(dof, e) += static_cast<S>(random.uniform(-0.2, 0.2));
+  const auto middle = targets.eval();
+  double kinetic = watch.batch.kinetic_energies().maxCoeff(), beyond = 0.0;
+  watch.run(
+      scene.seconds,
+      [&](double t) {
+        for (const Joint& joint : model.joints)
+          if (joint.drive.kinematic)
+            for (int e = 0; e < environments; ++e) {
+              const int dof = plan.dof(joint.name);
+              targets(dof, e) = static_cast<S>(model.joints[model.joint_index(joint.name)].drive.position_target +
+                                                   (0.1 + 0.05 * e) * std::sin(2.0 * t));
+            }
+      },
+      [&] {
+        kinetic = std::max<double>(kinetic, watch.batch.kinetic_energies().maxCoeff());
+        beyond = std::max(beyond, hard_limit_violation(watch.batch));
+      });
+
+  if (!watch.finite()) return "a number is none";
+  for (Fault fault : watch.batch.faults())
+    if (fault != Fault::none && !(contested(plan) && (fault == Fault::diverged || fault == Fault::not_finite)))
+      return std::string("fault ") + name(fault);
+  // Rows that follow from others, and from their start decay at other rates, contradict them on the way.
+  const bool contradicts = scene.displaced && !plan.redundant_couplings().empty();
+  if (!contradicts && watch.error_beyond_rounding() > 1e-5)
+    return fmt::format("|C| {:.2g}", watch.error_beyond_rounding());
+  if (contested(plan)) return "";
+  if (!scene.displaced && beyond > 1e-3) return fmt::format("a limit is passed by {:.2g}", beyond);
+  const double energy = 0.1 * (height_range(model) + kinetic);
+  if (!scene.bounces && watch.excess() > energy)
+    return fmt::format("energy {:.3g} J from nowhere, {:.3g} J allowed", watch.excess(), energy);
+  return "";
 }
 
 }  // namespace
@@ -131,46 +178,13 @@ RandomScene random_scene(std::uint64_t seed) {
   return scene;
 }
 
+// Two findings are no broken promise: energy that is gone at a quarter of the step was the integrator's, and a matrix
+// that only double precision can factor was reported as such.
 std::string broken_promise(const RandomScene& scene, Method method) {
-  const Model& model = scene.model;
-  const Plan plan = compile(model, recorded(scene.dt, method));
-  Watch<float> watch(plan, environments);
-  Random random(1);
-  auto targets = watch.batch.position_targets();
-  for (Eigen::Index dof = 0; dof < targets.rows(); ++dof)
-    for (int e = 1; e < environments; ++e) targets(dof, e) += static_cast<float>(random.uniform(-0.2, 0.2));
-  const auto middle = targets.eval();
-  double kinetic = watch.batch.kinetic_energies().maxCoeff(), beyond = 0.0;
-  watch.run(
-      scene.seconds,
-      [&](double t) {
-        for (const Joint& joint : model.joints)
-          if (joint.drive.kinematic)
-            for (int e = 0; e < environments; ++e) {
-              const int dof = plan.dof(joint.name);
-              targets(dof, e) = static_cast<float>(model.joints[model.joint_index(joint.name)].drive.position_target +
-                                                   (0.1 + 0.05 * e) * std::sin(2.0 * t));
-            }
-      },
-      [&] {
-        kinetic = std::max<double>(kinetic, watch.batch.kinetic_energies().maxCoeff());
-        beyond = std::max(beyond, hard_limit_violation(watch.batch));
-      });
-
-  if (!watch.finite()) return "a number is none";
-  for (Fault fault : watch.batch.faults())
-    if (fault != Fault::none && !(contested(plan) && fault == Fault::diverged))
-      return std::string("fault ") + name(fault);
-  // Rows that follow from others, and from their start decay at other rates, contradict them on the way.
-  const bool contradicts = scene.displaced && !plan.redundant_couplings().empty();
-  if (!contradicts && watch.error_beyond_rounding() > 1e-5)
-    return fmt::format("|C| {:.2g}", watch.error_beyond_rounding());
-  if (contested(plan)) return "";
-  if (!scene.displaced && beyond > 1e-3) return fmt::format("a limit is passed by {:.2g}", beyond);
-  const double energy = 0.1 * (height_range(model) + kinetic);
-  if (!scene.bounces && watch.excess() > energy)
-    return fmt::format("energy {:.3g} J from nowhere, {:.3g} J allowed", watch.excess(), energy);
-  return "";
+  const std::string broken = broken_at<float>(scene, method, scene.dt);
+  if (broken.starts_with("energy") && broken_at<float>(scene, method, scene.dt / 4).empty()) return "";
+  if (broken == "fault singular" && broken_at<double>(scene, method, scene.dt).empty()) return "";
+  return broken;
 }
 
 void search(std::uint64_t first, int count) {
