@@ -67,12 +67,15 @@ void lay_out_joint_bounds(Program& program) {
     has[i] = hard_bounds(program, joint);
     lower[i] = std::max(joint.lower, -unlimited);
     upper[i] = std::min(joint.upper, unlimited);
-    limit_rate[i] = joint.limit_softness.first / s.dt;
-    sub_step_rate[i] = hard_rate(s, joint.limit_softness.first);
+    if (has[i] & has_range) {  // a soft one's first number is no erp
+      const double erp = joint.limit_softness.first;
+      limit_rate[i] = erp / s.dt;
+      if (program.method == Method::tgs) sub_step_rate[i] = hard_rate(s, erp);
+    }
     restitution[i] = joint.restitution;
     speed[i] = std::min(joint.velocity_limit, unlimited);
     friction[i] = s.dt * joint.friction;
-    drive_rate[i] = joint.drive.softness.first / s.dt;
+    if (has[i] & has_kinematic_drive) drive_rate[i] = joint.drive.softness.first / s.dt;
   }
   std::vector<double> force_limit;
   for (const Coupling& coupling : program.model.couplings) force_limit.push_back(std::min(coupling.force_limit, unlimited));
