@@ -85,11 +85,13 @@ void respond_to_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
     solve_upwards(rows.columns, x.coupled, through);
     for (int e = 0; e < rows.count; ++e) through_scaled[e] = through[e] * x.row_inverse[e];
   }
+  // Which of two rows came first is a matter of the neighbours as well, so sums may not depend on it.
   const auto felt = [&](int other) {
-    T sum = supported_dot(form, other, x.bound_response + other * n, scaled);
-    if (solved)
-      for (int e = 0; e < rows.count; ++e) sum = fnma(through[e], x.bound_through_scaled[other * rows.count + e], sum);
-    x.bound_coupled[r * count + other] = x.bound_coupled[other * count + r] = sum;
+    const int a = other < r ? other : r, b = other < r ? r : other;
+    T sum = supported_dot(form, a, x.bound_response + a * n, x.bound_scaled + b * n);
+    for (int e = 0; solved && e < rows.count; ++e)
+      sum = fnma(x.bound_through[b * rows.count + e], x.bound_through_scaled[a * rows.count + e], sum);
+    x.bound_coupled[a * count + b] = x.bound_coupled[b * count + a] = sum;
   };
   for (int i = 0; i < x.bound_count; ++i) felt(x.bound_listed[i]);
   felt(r);
