@@ -79,7 +79,8 @@ typename T::Mask pivot(const Tables<ScalarOf<T>>& t, Phase phase, const T* impul
     const T speed = felt_speed(t, x, i, x.bound_free[phase * count + r], impulse);
     const T weight = x.bound_coupled[r * count + r] * impulse[i];
     x.search_speed[i] = speed;
-    scale = larger(scale, larger(larger(weight, -weight), larger(speed, -speed)));
+    const T size = larger(larger(weight, -weight), larger(speed, -speed));
+    scale = select(x.bound_touched[r], larger(scale, size), scale);  // rows of neighbours have no say
   }
   typename T::Mask moved = T::none();
   for (int i = 0; i < x.bound_count; ++i) {
@@ -122,9 +123,11 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
   const int count = t.bounds.form.count, m = x.bound_count;
   T* impulse = x.search_impulse;
   typename T::Mask open = T::none();
+  T rounds = T(ScalarOf<T>(block_rounds));  // of each lane, by the rows that it has itself
   for (int i = 0; i < m; ++i) {
     const int r = x.bound_listed[i];
     const auto touched = x.bound_touched[r];
+    rounds += select(touched, T(ScalarOf<T>(rounds_per_row)), T(0));
     Branch<T> first = project(bound(t, x, r, phase), x.bound_free[phase * count + r], x.bound_coupled[r * count + r]);
     first.low = first.low & touched;
     first.high = first.high & touched;
@@ -139,15 +142,19 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
       found = select(lanes, impulse[i], found);
     }
   };
-  for (int round = 0; round < block_rounds + rounds_per_row * m && any(open); ++round) {
+  typename T::Mask lost = T::none();
+  for (int round = 0; any(open); ++round) {
+    const auto late = open & ~less(T(ScalarOf<T>(round)), rounds);
+    lost = lost | late;
+    open = open & ~late;
     solve_held(t, phase, x, impulse);
     const auto rested = pivot(t, phase, impulse, round >= block_rounds, x) & open;
     keep(rested);
     open = open & ~rested;
   }
-  if (!any(open)) return;
+  if (!any(lost)) return;
   sweep_bounds(t, phase, x, impulse);
-  keep(open);
+  keep(lost);
 }
 
 /// What the couplings' impulses give way to the bounded rows': (K_EE + cfm) dL_E = -K_EB L_B.
