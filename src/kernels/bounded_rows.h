@@ -51,12 +51,17 @@ template <class T>
 void open_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   using S = ScalarOf<T>;
   const Bounds<S>& b = t.bounds;
+  const T largest = T(S(sizeof(S) == 4 ? 3.4028234e38 : 1.7976931348623157e308));
+  x.senseless = T::none();
   for (int r = 0; r < b.form.count; ++r) {
     x.bound_touched[r] = T::none();
     for (int p = 0; p < phases<T>(t); ++p) {
       const Moment<T> at{p == velocity_phase && t.velocity_iterations > 0, S(1) / t.dt};
       bounded_row(t, lanes, r, Phase(p), at, T(0), x);
-      x.bound_impulse[p * b.form.count + r] = T(0);
+      const int i = p * b.form.count + r;
+      x.bound_impulse[i] = T(0);
+      const T demand = x.bound_lo[i] + x.bound_hi[i] + x.bound_force[r];
+      x.senseless = x.senseless | beyond(b.kind[r] == BoundKind::joint ? demand : demand + x.bound_centre[i], largest);
     }
   }
   x.bound_count = 0;

@@ -125,6 +125,7 @@ struct Tile {
   Branch<T>* search_branch;
   typename T::Mask* bound_touched;  // lanes in which the row takes part
   typename T::Mask suspect;         // lanes in which bounds may act at all
+  typename T::Mask senseless;       // lanes in which a row asks for what is no number
   int* bound_fresh;        // it has begun to in some lane
   int* bound_listed;       // rows that take part in some lane, ascending
   int bound_count;         // how many
