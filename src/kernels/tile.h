@@ -142,6 +142,7 @@ struct Tile {
   T* residual;             // [reported]
   T* row_state;            // [reported]
   T* energy;               // [4], summed over sub-steps
+  T* energy_change;        // [4] of this one
 
   typename T::Mask frozen;
   typename T::Mask singular;
@@ -214,6 +215,7 @@ inline void lay_out_diagnostics(const Tables<ScalarOf<T>>& t, Carver& c, Tile<T>
   x.residual = c.take<T>(t.reported.count);
   x.row_state = c.take<T>(t.reported.count);
   x.energy = c.take<T>(4);
+  x.energy_change = c.take<T>(4);
 }
 
 /// Lays the tile out in `block`; returns its size in bytes.
