@@ -19,11 +19,14 @@ inline bool allows(Method method, Parameter parameter) {
   return method != Method::reduced || (parameter != Parameter::softness && parameter != Parameter::coupling_switch);
 }
 
-/// Every field that environments may differ in.
-inline ParameterSet all_parameters(Method method) {
+/// Every field that environments may differ in. A force limit goes with one softness only.
+inline ParameterSet all_parameters(Method method, const Model& model = {}) {
+  bool limited = false;
+  for (const Coupling& coupling : model.couplings) limited |= coupling.force_limit < infinity;
   ParameterSet set;
   for (unsigned p = 0; p < parameter_count; ++p)
-    if (const Parameter parameter{p}; allows(method, parameter)) set.insert(parameter);
+    if (const Parameter parameter{p}; allows(method, parameter) && !(limited && parameter == Parameter::softness))
+      set.insert(parameter);
   return set;
 }
 

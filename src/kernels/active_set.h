@@ -111,7 +111,7 @@ typename T::Mask pivot(const Tables<ScalarOf<T>>& t, Phase phase, const T* impul
     const T weight = x.bound_coupled[r * count + r] * impulse[i];
     x.search_speed[i] = speed;
     const T size = larger(larger(weight, -weight), larger(speed, -speed));
-    scale = select(x.bound_touched[r], larger(scale, size), scale);
+    scale = select(x.bound_touched[r], larger(scale, size), scale);  // rows of neighbours have no say
   }
   typename T::Mask moved = T::none();
   for (int i = 0; i < x.bound_count; ++i) {
@@ -188,7 +188,12 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
   T* impulse = x.search_impulse;
   begin_search(t, phase, x);
   typename T::Mask open = T::none();
-  for (int i = 0; i < m; ++i) open = open | x.bound_touched[x.bound_listed[i]];
+  T rounds = T(ScalarOf<T>(block_rounds));  // of each lane, by the rows that it has itself
+  for (int i = 0; i < m; ++i) {
+    const auto touched = x.bound_touched[x.bound_listed[i]];
+    rounds += select(touched, T(ScalarOf<T>(rounds_per_row)), T(0));
+    open = open | touched;
+  }
   const auto keep = [&](typename T::Mask lanes, typename T::Mask known) {
     for (int i = 0; i < m; ++i) {
       const int r = phase * count + x.bound_listed[i];
@@ -196,15 +201,19 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
       x.bound_known[r] = (x.bound_known[r] & ~lanes) | (known & x.bound_touched[x.bound_listed[i]]);
     }
   };
-  for (int round = 0; round < block_rounds + rounds_per_row * m && any(open); ++round) {
+  typename T::Mask lost = T::none();
+  for (int round = 0; any(open); ++round) {
+    const auto late = open & ~less(T(ScalarOf<T>(round)), rounds);
+    lost = lost | late;
+    open = open & ~late;
     const auto waiting = solve_held(t, phase, x, impulse);
     const auto rested = pivot(t, phase, impulse, round >= block_rounds, waiting, x) & open;
     keep(rested, rested);
     open = open & ~rested;
   }
-  if (!any(open)) return;
+  if (!any(lost)) return;
   sweep_bounds(t, phase, rescue_sweeps, x, impulse);
-  keep(open, T::none());
+  keep(lost, T::none());
 }
 
 /// What the couplings' impulses give way to the bounded rows': (K_EE + cfm) dL_E = -K_EB L_B.

@@ -48,13 +48,18 @@ template <class T>
 void open_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   using S = ScalarOf<T>;
   const Bounds<S>& b = t.bounds;
+  const T largest = T(S(sizeof(S) == 4 ? 3.4028234e38 : 1.7976931348623157e308));
+  x.senseless = T::none();
   for (int r = 0; r < b.form.count; ++r) {
     x.bound_touched[r] = x.bound_known[r] = x.bound_known[b.form.count + r] = T::none();
     for (int p = 0; p < phases<T>(t); ++p) {
       const Moment<T> at{p == velocity_phase && t.velocity_iterations > 0, S(1) / t.dt};
       bounded_row(t, lanes, r, Phase(p), at, T(0), x);
-      x.bound_impulse[p * b.form.count + r] = T(0);
-      x.search_branch[p * b.form.count + r] = {T::none(), T::none(), T::none(), T(0)};
+      const int i = p * b.form.count + r;
+      x.bound_impulse[i] = T(0);
+      x.search_branch[i] = {T::none(), T::none(), T::none(), T(0)};
+      const T demand = x.bound_lo[i] + x.bound_hi[i] + x.bound_force[r];
+      x.senseless = x.senseless | beyond(b.kind[r] == BoundKind::joint ? demand : demand + x.bound_centre[i], largest);
     }
   }
   x.bound_count = 0;
@@ -84,13 +89,14 @@ void respond_to_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
     solve_upwards(rows.columns, x.coupled, through);
     for (int e = 0; e < rows.count; ++e) through_scaled[e] = through[e] * x.row_inverse[e];
   }
+  // Which of two rows came first is a matter of the neighbours as well, so sums may not depend on it.
   const auto felt = [&](int a, int b) {
     T sum = supported_dot(form, a, x.bound_response + a * n, x.bound_scaled + b * n);
     for (int e = 0; solved && e < rows.count; ++e)
       sum = fnma(x.bound_through[b * rows.count + e], x.bound_through_scaled[a * rows.count + e], sum);
     x.bound_coupled[a * count + b] = x.bound_coupled[b * count + a] = sum;
   };
-  for (int i = 0; i < x.bound_count; ++i) {  // the same way round whichever of two rows came first
+  for (int i = 0; i < x.bound_count; ++i) {
     const int other = x.bound_listed[i];
     other < r ? felt(other, r) : felt(r, other);
   }

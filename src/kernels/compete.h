@@ -42,7 +42,7 @@ template <class T>
 bool bounds_act(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
   const int root = t.velocities - t.joints;
-  if (b.always || t.record_diagnostics) {
+  if (b.always) {
     x.suspect = ~T::none();
     return true;
   }
@@ -59,7 +59,14 @@ bool bounds_act(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     x.suspect = x.suspect | less(least, T(joint.lower)) | less(T(joint.upper), most);
     if (joint.way > 0) x.suspect = x.suspect | less(T(joint.way), larger(most - q, q - least));
   }
-  return any(x.suspect);
+  return any(x.suspect) || t.record_diagnostics;  // what is recorded of rows comes from a closer look
+}
+
+/// Where a row's demand is no number, no velocity meets it: one that is none either is found by check().
+template <class T>
+void spoil_senseless(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  T& last = x.next_v[t.velocities - 1];
+  last = select(x.senseless, T(ScalarOf<T>(__builtin_nan(""))), last);
 }
 
 template <class T>
@@ -73,7 +80,8 @@ void compete(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile
     for (int p = 0; p < looked_at; ++p) found = touch(t, Phase(p), solution[p], x) || found;
     return found;
   };
-  if (!touched()) return;
+  x.suspect = x.suspect & ~x.senseless;
+  if (!touched()) return spoil_senseless(t, x);
   for (int p = 0; p < phases<T>(t); ++p) {
     const T* alone = p == position_phase ? x.position_impulse : x.velocity_impulse;
     for (int e = 0; e < rows; ++e) x.row_alone[p * rows + e] = alone[e];
@@ -85,6 +93,7 @@ void compete(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile
     solved_velocities(t, x);
   } while (touched());
   integrate(t, x);
+  spoil_senseless(t, x);
 }
 
 }  // namespace lockstep::kernels

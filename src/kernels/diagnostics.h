@@ -14,6 +14,12 @@ LOCKSTEP_INLINE T state(typename T::Mask acts, float code) {
   return select(acts, T(code), T(0));
 }
 
+/// The impulse that a row's force is the limit of: tgs moves positions by a mean of the sub-steps', which is less.
+template <class T>
+LOCKSTEP_INLINE T whole_impulse(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r) {
+  return x.bound_impulse[t.renewed ? t.bounds.form.count + r : r];
+}
+
 template <class T>
 void look_at_coupling(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Reported& row, T& residual, T& acts) {
   const int root = t.velocities - t.joints, c = row.index;
@@ -31,11 +37,12 @@ void look_at_coupling(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Repo
     acts = state<T>(less(cfm, yields_to_everything<T>()), 1);
   } else if (row.bounded >= 0) {
     const T force = x.bound_force[row.bounded], slack = force * T(ScalarOf<T>(1e-5));
-    impulse = x.bound_impulse[row.bounded];
+    impulse = whole_impulse(t, x, row.bounded);
     cfm = x.bound_cfm[row.bounded];
     rate = T(t.bounds.soft_rate[row.bounded]);
     const auto up = less(force - slack, impulse), down = less(impulse, slack - force);
     present = ~(up | down);
+    if (t.renewed) present = present & less(cfm, smallest<T>());
     acts = select(up, T(2), select(down, T(-2), T(1)));
   } else if (!hard || t.follows[c]) {
     acts = T(0);
@@ -62,7 +69,7 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes
     return;
   }
   if (r < 0) return;
-  const T impulse = x.bound_impulse[r], force = x.bound_force[r];
+  const T impulse = whole_impulse(t, x, r), force = x.bound_force[r];
   const auto held = x.bound_touched[r] & (less(force, impulse) | less(impulse, -force));
   const T slack = T(S(1e-5));
   const auto reaches = [&](T bound, T speed) { return held & ~less(fma(slack, T(1) + larger(speed, -speed), bound), speed); };
@@ -182,8 +189,16 @@ void diagnose(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Til
     corrected = energy_at(t, lanes, x, x.next_q, x.next_v, x.next_root_pose, false) -
                 energy_at(t, lanes, x, x.other_q, x.other_v, x.other_root_pose, false);
   }
-  const T change[4] = {work, dissipated, corrected, after - before};
-  for (int k = 0; k < 4; ++k) x.energy[k] += select(x.frozen, T(0), change[k]);
+  x.energy_change[0] = work;
+  x.energy_change[1] = dissipated;
+  x.energy_change[2] = corrected;
+  x.energy_change[3] = after - before;
+}
+
+/// After check(): a step that failed was not taken.
+template <class T>
+void add_energies(Tile<T>& x) {
+  for (int k = 0; k < 4; ++k) x.energy[k] += select(x.frozen, T(0), x.energy_change[k]);
 }
 
 }  // namespace lockstep::kernels

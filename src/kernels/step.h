@@ -59,6 +59,7 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
   if (t.floating) turn_root_twist(x);
   if (t.record_diagnostics) diagnose(t, lanes, x);
   check(t, lanes, x);
+  if (t.record_diagnostics) add_energies(x);
 }
 
 /// `substeps` steps of environments [first, last), whole tiles, in the scratch block.

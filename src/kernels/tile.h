@@ -128,6 +128,7 @@ struct Tile {
   typename T::Mask* bound_touched;  // lanes in which the row takes part
   typename T::Mask suspect;         // lanes in which bounds may act at all
   typename T::Mask search_shared[2];  // by phase: lanes in which rows depend on each other
+  typename T::Mask senseless;       // lanes in which a row asks for what is no number
   int* bound_fresh;        // it has begun to in some lane
   int* bound_listed;       // rows that take part in some lane, ascending
   int bound_count;         // how many
@@ -144,6 +145,7 @@ struct Tile {
   T* residual;             // [reported]
   T* row_state;            // [reported]
   T* energy;               // [4], summed over sub-steps
+  T* energy_change;        // [4] of this one
 
   typename T::Mask frozen;
   typename T::Mask singular;
@@ -218,6 +220,7 @@ inline void lay_out_diagnostics(const Tables<ScalarOf<T>>& t, Carver& c, Tile<T>
   x.residual = c.take<T>(t.reported.count);
   x.row_state = c.take<T>(t.reported.count);
   x.energy = c.take<T>(4);
+  x.energy_change = c.take<T>(4);
 }
 
 /// Lays the tile out in `block`; returns its size in bytes.

@@ -67,9 +67,10 @@ void lay_out_joint_bounds(Program& program) {
     has[i] = hard_bounds(program, joint);
     lower[i] = std::max(joint.lower, -unlimited);
     upper[i] = std::min(joint.upper, unlimited);
-    if (has[i] & has_range) {
-      limit_rate[i] = joint.limit_softness.first / s.dt;
-      sub_step_rate[i] = hard_rate(s, joint.limit_softness.first);
+    if (has[i] & has_range) {  // a soft one's first number is no erp
+      const double erp = joint.limit_softness.first;
+      limit_rate[i] = erp / s.dt;
+      if (program.method == Method::tgs) sub_step_rate[i] = hard_rate(s, erp);
     }
     restitution[i] = joint.restitution;
     speed[i] = std::min(joint.velocity_limit, unlimited);

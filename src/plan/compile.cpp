@@ -26,11 +26,16 @@ void check(const StepSettings& s) {
 
 void check_substeps(const Program& program) {
   if (program.method != Method::tgs || program.settings.iterations == 1) return;
-  for (const Coupling& coupling : program.model.couplings)
-    require(!(coupling.softness.is_hard() && coupling.softness.first > 1.0), "method",
-            fmt::format("tgs with {} sub-steps cannot share out the erp {} of coupling '{}': it is above 1",
-                        program.settings.iterations, coupling.softness.first, coupling.joint),
+  const auto check = [&](const Softness& softness, const char* kind, const std::string& name) {
+    require(!(softness.is_hard() && softness.first > 1.0), "method",
+            fmt::format("tgs with {} sub-steps cannot share out the erp {} of {} '{}': it is above 1",
+                        program.settings.iterations, softness.first, kind, name),
             "lower the erp, or use one iteration or another method");
+  };
+  for (const Coupling& coupling : program.model.couplings) check(coupling.softness, "coupling", coupling.joint);
+  if (program.settings.ignore.position_limits) return;
+  for (const Joint& joint : program.model.joints)
+    if (joint.lower > -infinity || joint.upper < infinity) check(joint.limit_softness, "the limits of joint", joint.name);
 }
 
 void check_force_limits(const Program& program) {

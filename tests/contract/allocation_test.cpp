@@ -3,7 +3,7 @@
 #include <new>
 #include <utility>
 
-#include "contract.h"
+#include "bounded_scenes.h"
 #include "contract/allocation_counter.h"
 
 namespace lockstep {
@@ -55,10 +55,13 @@ TEST_P(Allocation, none_in_a_step_of_one_thread) {
   options.redundant = false;
   std::vector<Model> models = {scenes::chain8(), scenes::gripper13(), scenes::chain32()};
   for (std::uint64_t seed = 0; seed < 10; ++seed) models.push_back(scenes::random_model(seed, options));
+  for (Model& model : contract::bounded_scenes()) models.push_back(std::move(model));
   for (const Model& model : models)
-    for (const ParameterSet& fields : {ParameterSet{}, contract::all_parameters(GetParam())}) {
+    for (const ParameterSet& fields : {ParameterSet{}, contract::all_parameters(GetParam(), model)}) {
       SCOPED_TRACE(model.name);
-      const Plan plan = compile(model, contract::settings(GetParam(), fields));
+      StepSettings settings = contract::settings(GetParam(), fields);
+      settings.record_diagnostics = !fields.empty();
+      const Plan plan = compile(model, settings);
       for (Target target : {Target::baseline, Target::baseline_scalar, Target::avx2, Target::avx2_scalar}) {
         if (!supported(target)) continue;
         expect_no_allocation<float>(plan, target);

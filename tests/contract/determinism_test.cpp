@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "contract.h"
+#include "bounded_scenes.h"
 #include "reference/step.h"
 
 namespace lockstep {
@@ -29,12 +29,14 @@ std::vector<Model> scenes_and_random_models(int random_models) {
   return models;
 }
 
-// Calls check(plan, scalar) for the scenes and random models, without and with all fields per environment, in
-// single and double precision.
+// Calls check(plan, scalar) for the scenes without and with bounds and random models, without and with all fields per
+// environment, in single and double precision.
 template <class Check>
-void for_every_plan(Method method, int random_models, Check check) {
-  for (const Model& model : scenes_and_random_models(random_models))
-    for (const ParameterSet& fields : {ParameterSet{}, contract::all_parameters(method)}) {
+void for_every_plan(Method method, int random_models, const std::vector<Model>& bounded, Check check) {
+  std::vector<Model> models = scenes_and_random_models(random_models);
+  for (const Model& model : bounded) models.push_back(model);
+  for (const Model& model : models)
+    for (const ParameterSet& fields : {ParameterSet{}, contract::all_parameters(method, model)}) {
       SCOPED_TRACE(model.name + (fields.empty() ? "" : " with all fields"));
       const Plan plan = compile(model, contract::settings(method, fields));
       check(plan, float());
@@ -46,7 +48,7 @@ void for_every_plan(Method method, int random_models, Check check) {
 class Determinism : public testing::TestWithParam<Method> {};
 
 TEST_P(Determinism, wide_kernels_and_their_scalar_twins_agree_to_the_last_bit) {
-  for_every_plan(GetParam(), 30, [](const Plan& plan, auto scalar) {
+  for_every_plan(GetParam(), 30, contract::bounded_scenes(), [](const Plan& plan, auto scalar) {
     for (const auto& [wide, narrow] : twins) {
       if (!supported(wide)) continue;
       auto a = scattered<decltype(scalar)>(plan, 19, {.threads = 1, .target = wide});
@@ -59,7 +61,7 @@ TEST_P(Determinism, wide_kernels_and_their_scalar_twins_agree_to_the_last_bit) {
 }
 
 TEST_P(Determinism, thread_count_does_not_change_a_bit) {
-  for_every_plan(GetParam(), 2, [](const Plan& plan, auto scalar) {
+  for_every_plan(GetParam(), 2, contract::small_bounded_scenes(), [](const Plan& plan, auto scalar) {
     auto one = scattered<decltype(scalar)>(plan, a_task_each, serial);
     one.step(2);
     for (int threads : {0, 2, 3, 8}) {
@@ -71,7 +73,7 @@ TEST_P(Determinism, thread_count_does_not_change_a_bit) {
 }
 
 TEST_P(Determinism, batch_size_does_not_change_a_bit) {
-  for_every_plan(GetParam(), 2, [](const Plan& plan, auto scalar) {
+  for_every_plan(GetParam(), 2, contract::small_bounded_scenes(), [](const Plan& plan, auto scalar) {
     auto largest = scattered<decltype(scalar)>(plan, 4096);
     largest.step(2);
     for (int environments : {1, 7, 9}) {
@@ -83,7 +85,7 @@ TEST_P(Determinism, batch_size_does_not_change_a_bit) {
 }
 
 TEST_P(Determinism, place_in_the_batch_does_not_change_a_bit) {
-  for_every_plan(GetParam(), 12, [](const Plan& plan, auto scalar) {
+  for_every_plan(GetParam(), 12, contract::bounded_scenes(), [](const Plan& plan, auto scalar) {
     using S = decltype(scalar);
     Batch<S> alone(plan, 1, serial);
     contract::scatter(alone, 0, same);
@@ -98,7 +100,7 @@ TEST_P(Determinism, place_in_the_batch_does_not_change_a_bit) {
 }
 
 TEST_P(Determinism, twelve_steps_at_once_are_twelve_steps) {
-  for_every_plan(GetParam(), 30, [](const Plan& plan, auto scalar) {
+  for_every_plan(GetParam(), 30, contract::bounded_scenes(), [](const Plan& plan, auto scalar) {
     auto once = scattered<decltype(scalar)>(plan, several), often = scattered<decltype(scalar)>(plan, several);
     once.step(12);
     for (int i = 0; i < 12; ++i) often.step();
@@ -108,7 +110,7 @@ TEST_P(Determinism, twelve_steps_at_once_are_twelve_steps) {
 }
 
 TEST_P(Determinism, a_neighbour_without_numbers_does_not_change_a_bit) {
-  for_every_plan(GetParam(), 12, [](const Plan& plan, auto scalar) {
+  for_every_plan(GetParam(), 12, contract::bounded_scenes(), [](const Plan& plan, auto scalar) {
     using S = decltype(scalar);
     Batch<S> sound = scattered<S>(plan, several);
     sound.step(4);

@@ -2,7 +2,7 @@
 #include <functional>
 #include <limits>
 
-#include "contract.h"
+#include "bounded_scenes.h"
 #include "lockstep/error.h"
 
 namespace lockstep {
@@ -44,6 +44,14 @@ std::vector<Cause<S>> causes(const Plan& plan) {
     all.push_back({"NaN twist", [=](Batch<S>& b, int e) { b.root_velocities()(5, e) = no_number; }, Fault::not_finite});
     all.push_back({"far root", [=](Batch<S>& b, int e) { b.root_poses()(2, e) = S(-3e5); }, Fault::diverged});
   }
+  for (const Joint& joint : plan.model().joints) {
+    if (!joint.drive.kinematic) continue;
+    const int dof = plan.dof(joint.name);
+    all.push_back({"NaN position for " + joint.name,
+                   [=](Batch<S>& b, int e) { b.position_targets()(dof, e) = no_number; }, Fault::not_finite});
+    all.push_back({"NaN speed for " + joint.name,
+                   [=](Batch<S>& b, int e) { b.velocity_targets()(dof, e) = no_number; }, Fault::not_finite});
+  }
   const ParameterSet& declared = plan.settings().per_environment;
   if (declared.contains(Parameter::drive_gains)) {  // targets are read for driven joints alone
     all.push_back(
@@ -54,7 +62,10 @@ std::vector<Cause<S>> causes(const Plan& plan) {
   for (unsigned p = 0; p < parameter_count; ++p) {
     const Parameter parameter = static_cast<Parameter>(p);
     if (!declared.contains(parameter)) continue;
-    for (int row : {0, plan.parameter_rows(parameter) - 1}) {
+    const bool by_coupling = parameter == Parameter::offset || parameter == Parameter::coupling_switch;
+    std::vector<int> rows = {0, plan.parameter_rows(parameter) - 1};
+    if (by_coupling) rows.push_back(contract::limited_coupling);  // a bounded row where there are bounds
+    for (int row : rows) {
       if (parameter == Parameter::mass && row == 0) continue;  // the fixed root's
       if (parameter == Parameter::link_wrench && row == 0) row = 6;
       all.push_back({std::string("NaN ") + name(parameter) + " " + std::to_string(row),
@@ -100,13 +111,14 @@ void expect_contained(const Plan& plan, Target target) {
 class Faults : public testing::TestWithParam<Method> {};
 
 TEST_P(Faults, are_flagged_and_leave_the_neighbours_alone) {
-  const ParameterSet fields = contract::all_parameters(GetParam());
   Model springs = scenes::chain8();
   springs.couplings[0].softness = Softness::spring(40.0, 1.0);
   springs.couplings[1].softness = Softness::frequency(20.0, 0.5);
   springs.couplings[3].softness = Softness::mixing(0.3, 0.1);
-  for (const Model& model : {scenes::chain8(), springs, scenes::chain32()})
-    for (const ParameterSet& declared : {ParameterSet{}, fields}) {
+  std::vector<Model> models = {scenes::chain8(), springs, scenes::chain32()};
+  for (Model& model : contract::small_bounded_scenes()) models.push_back(std::move(model));
+  for (const Model& model : models)
+    for (const ParameterSet& declared : {ParameterSet{}, contract::all_parameters(GetParam(), model)}) {
       SCOPED_TRACE(model.name + (declared.empty() ? "" : " with all fields"));
       const Plan plan = compile(model, contract::settings(GetParam(), declared));
       for (Target target : {Target::baseline, Target::avx2, Target::avx2_scalar}) {

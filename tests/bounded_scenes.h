@@ -1,0 +1,85 @@
+// The scenes with every kind of bound at once. SPDX-License-Identifier: Apache-2.0
+//
+// Tight enough that scatter() of contract.h puts environments into different corners: some beyond a range, some at a
+// limit of speed or effort, some held by friction, and their neighbours free.
+#pragma once
+
+#include <vector>
+
+#include "contract.h"
+
+namespace lockstep::contract {
+
+constexpr int limited_coupling = 2;   ///< the one with a force limit
+constexpr int hard_drive = 5, soft_drive = 6;  ///< joints with a kinematic drive
+
+/// The bounds of joint `i`, the kinds in turn. Joint 3 has none that keeps it from being torn away by an effort, and
+/// joint 0 none that keeps its servo from acting: causes of faults that tests of unbounded scenes know stay causes.
+inline void bound(Joint& joint, int i) {
+  const auto range = [&](Softness softness) {
+    joint.lower = joint.position - 0.1, joint.upper = joint.position + 0.12;
+    joint.limit_softness = softness;
+  };
+  const auto servo = [&](double most) {
+    if (joint.drive.kp == 0.0) joint.drive.kp = 20.0, joint.drive.kd = 1.0;
+    joint.effort_limit = most;
+  };
+  switch (i % 8) {
+    case 0:
+      range(Softness::hard());
+      joint.restitution = 0.5;
+      servo(4.0);
+      break;
+    case 1:
+      range(Softness::spring(60.0, 1.0));
+      joint.friction = 0.1;
+      break;
+    case 2:
+      range(Softness::hard(0.5));
+      joint.velocity_limit = 0.6;
+      break;
+    case 3:
+      range(Softness::mixing(0.3, 0.5));
+      joint.friction = 0.02;
+      break;
+    case 4:
+      range(Softness::frequency(20.0, 0.7));
+      servo(1.0);
+      break;
+    case 5: joint.friction = 0.05; break;
+    case 6: range(Softness::hard()); break;
+    default:
+      range(Softness::hard());
+      joint.velocity_limit = 0.8;
+  }
+}
+
+/// The model with all of that.
+inline Model bounded(Model model) {
+  model.name = "bounded " + model.name;
+  for (std::size_t j = 0; j < model.joints.size(); ++j) bound(model.joints[j], static_cast<int>(j));
+  const auto prescribe = [&](int j, Softness softness) {
+    Joint& joint = model.joints[static_cast<std::size_t>(j)];
+    joint.drive = {};
+    joint.drive.position_target = joint.position;
+    joint.drive.kinematic = true, joint.drive.softness = softness;
+  };
+  prescribe(hard_drive, Softness::hard(0.05));  // scattered targets are some 0.5 away
+  prescribe(soft_drive, Softness::spring(30.0, 1.0));
+  const bool fingers = model.couplings[limited_coupling].joint == "j10";  // light ones
+  model.couplings[limited_coupling].force_limit = fingers ? 0.6 : 2.0;
+  return model;
+}
+
+inline std::vector<Model> small_bounded_scenes() {
+  return {bounded(scenes::chain8()), bounded(scenes::gripper13())};
+}
+
+/// One of them floats, and takes its time.
+inline std::vector<Model> bounded_scenes() {
+  std::vector<Model> all = small_bounded_scenes();
+  all.push_back(bounded(scenes::chain32()));
+  return all;
+}
+
+}  // namespace lockstep::contract

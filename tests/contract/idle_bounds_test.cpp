@@ -1,0 +1,138 @@
+// Bounds that are ignored or never reached leave no trace; some are refused. SPDX-License-Identifier: Apache-2.0
+#include "bounded_scenes.h"
+#include "lockstep/error.h"
+
+namespace lockstep {
+namespace {
+
+using contract::same_bits;
+using contract::scattered;
+
+class IdleBounds : public testing::TestWithParam<Method> {};
+
+template <class S>
+void expect_same_steps(const Plan& one, const Plan& other) {
+  auto a = scattered<S>(one, 19), b = scattered<S>(other, 19);
+  for (int step = 0; step < 20; ++step) {
+    a.step(), b.step();
+    ASSERT_TRUE(same_bits(a, b)) << step;
+  }
+  EXPECT_TRUE((a.coupling_impulses() == b.coupling_impulses()).all());
+  EXPECT_EQ(a.faulted(), 0);
+}
+
+// One kind at a time and all together.
+TEST_P(IdleBounds, that_are_ignored_are_as_good_as_absent) {
+  for (const Model& model : contract::bounded_scenes())
+    for (int kind = 0; kind < 5; ++kind) {
+      SCOPED_TRACE(model.name + " " + std::to_string(kind));
+      const auto is = [&](int which) { return kind == which || kind == 4; };
+      Model without = model;
+      for (Joint& joint : without.joints) {
+        if (is(0)) joint.lower = -infinity, joint.upper = infinity;
+        if (is(1)) joint.velocity_limit = infinity;
+        if (is(2)) joint.effort_limit = infinity;
+        if (is(3)) joint.friction = 0.0;
+      }
+      StepSettings settings = contract::settings(GetParam());
+      const Plan bare = compile(without, settings), bounded = compile(model, settings);
+      settings.ignore = {is(0), is(1), is(2), is(3)};
+      const Plan ignoring = compile(model, settings);
+      expect_same_steps<float>(ignoring, bare);
+      expect_same_steps<double>(ignoring, bare);
+      auto a = scattered<double>(ignoring, 9), b = scattered<double>(bounded, 9);
+      a.step(), b.step();
+      EXPECT_FALSE(same_bits(a, b)) << "there is nothing to ignore";
+    }
+}
+
+// Far away, and of every softness: idle limits cost a look, no bits. Efforts are limited where no servo acts; a servo's
+// limit changes the order of a sum.
+TEST_P(IdleBounds, that_are_never_reached_do_not_change_a_bit) {
+  const Softness kinds[] = {Softness::hard(), Softness::spring(60.0, 1.0), Softness::mixing(0.3, 0.5),
+                            Softness::frequency(20.0, 0.7), Softness::hard(0.0)};
+  std::vector<Model> models = {scenes::chain8(), scenes::gripper13(), scenes::chain32(), scenes::redundant()};
+  scenes::RandomOptions options;
+  options.efforts = false;
+  for (std::uint64_t seed = 0; seed < 40; ++seed) models.push_back(scenes::random_model(seed, options));
+  Model soft = scenes::chain8();
+  for (Coupling& coupling : soft.couplings) coupling.softness = Softness::spring(40.0, 1.0);
+  models.push_back(soft);
+  for (const Model& model : models) {
+    SCOPED_TRACE(model.name);
+    Model limited = model;
+    int number = 0;
+    for (Joint& joint : limited.joints) {
+      if (!joint.moves()) continue;
+      if (joint.kind == JointKind::continuous) joint.kind = JointKind::revolute;
+      joint.lower = -1000.0, joint.upper = 1000.0, joint.velocity_limit = 1e5;
+      joint.limit_softness = kinds[++number % 5];
+      if (joint.drive.kp == 0.0 && joint.drive.kd == 0.0) joint.effort_limit = 1e5;
+    }
+    for (int velocity_iterations : {1, 0}) {
+      StepSettings settings = contract::settings(GetParam());
+      settings.velocity_iterations = velocity_iterations;
+      const Plan bare = compile(model, settings);
+      for (const bool recorded : {false, true}) {
+        settings.record_diagnostics = recorded;
+        expect_same_steps<float>(compile(limited, settings), bare);
+        expect_same_steps<double>(compile(limited, settings), bare);
+      }
+    }
+    if (HasFailure()) return;
+  }
+}
+
+void expect_refused(const Model& model, const StepSettings& settings, const std::string& setting,
+                    const std::string& rule, const std::string& remedy) {
+  try {
+    compile(model, settings);
+    FAIL() << "accepted";
+  } catch (const SettingsError& error) {
+    EXPECT_EQ(error.element(), setting);
+    EXPECT_NE(error.rule().find(rule), std::string::npos) << error.what();
+    EXPECT_NE(error.remedy().find(remedy), std::string::npos) << error.what();
+  }
+}
+
+TEST_P(IdleBounds, a_force_limit_goes_with_one_softness) {
+  Model model = contract::bounded(scenes::chain8());
+  const Method method = GetParam() == Method::reduced ? Method::automatic : GetParam();
+  const StepSettings settings = contract::settings(method, {Parameter::softness});
+  expect_refused(model, settings, "per_environment", "'j4' has a force limit", "leave the softness out");
+  model.couplings[contract::limited_coupling].force_limit = infinity;
+  EXPECT_NO_THROW(compile(model, settings));
+}
+
+TEST_P(IdleBounds, switches_are_refused_by_reduced_alone) {
+  const Model model = contract::bounded(scenes::chain8());
+  const StepSettings settings = contract::settings(GetParam(), {Parameter::coupling_switch});
+  if (GetParam() == Method::reduced)
+    expect_refused(model, settings, "method", "couplings are switched per environment", "use direct");
+  else
+    EXPECT_NO_THROW(compile(model, settings));
+}
+
+// Of the first numbers of softness, only that of a hard end is a share of an error.
+TEST_P(IdleBounds, an_erp_above_1_is_refused_where_sub_steps_share_it) {
+  Model model = scenes::chain8();
+  model.joints[2].lower = 0.0;
+  model.joints[2].limit_softness = Softness::hard(1.5);
+  StepSettings settings = contract::settings(GetParam());
+  if (GetParam() == Method::tgs)
+    expect_refused(model, settings, "method", "erp 1.5 of the limits of joint 'j2'", "lower the erp");
+  else
+    EXPECT_NO_THROW(Batch<float>(compile(model, settings), 1));
+  settings.iterations = 1;
+  EXPECT_NO_THROW(Batch<float>(compile(model, settings), 1));
+  settings.iterations = 4, settings.ignore.position_limits = true;
+  EXPECT_NO_THROW(compile(model, settings));
+  settings.ignore.position_limits = false;
+  model.joints[2].limit_softness = Softness::spring(1e6, 10.0);
+  EXPECT_NO_THROW(Batch<float>(compile(model, settings), 1));
+}
+
+INSTANTIATE_TEST_SUITE_P(method, IdleBounds, testing::ValuesIn(physics::methods), physics::method_name);
+
+}  // namespace
+}  // namespace lockstep
