@@ -212,6 +212,7 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
     open = open & ~rested;
   }
   if (!any(lost)) return;
+  x.search_shared[phase] = x.search_shared[phase] & ~lost;  // a repeated search begins as this one did
   sweep_bounds(t, phase, rescue_sweeps, x, impulse);
   keep(lost, T::none());
 }

@@ -81,8 +81,9 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes
         acts = select(less(zero, impulse), T(1), select(less(impulse, zero), T(-1), zero));
         return;
       }
-      const Interval<T> own = joint_interval(t, x, j, at, zero);
-      residual = h * larger(zero, larger(own.lo - u, u - own.hi));
+      // What the range asks for within the limit of velocity; beyond that the joint comes back as fast as it may.
+      const Interval<T> own = range_interval(t, x, j, at, zero), within = joint_interval(t, x, j, at, zero);
+      residual = h * larger(zero, larger(smaller(own.lo, within.lo) - u, u - larger(own.hi, within.hi)));
       acts = select(reaches(own.lo, u), T(1), select(reaches(-own.hi, -u), T(-1), zero));
       return;
     }

@@ -24,29 +24,31 @@ struct Moment {
   bool sub_step = false;
 };
 
-/// (M51), (M52) and the limits of velocity: what joint j may do, when its position is `moved` from the step's start.
+/// (M51), (M52): how the range of joint j bounds its speed, when its position is `moved` from the step's start.
+template <class T>
+LOCKSTEP_INLINE Interval<T> range_interval(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, const Moment<T>& at, T moved) {
+  const Bounds<ScalarOf<T>>& b = t.bounds;
+  const T zero = T(0), q = x.q[j] + moved, below = T(b.lower[j]) - q, above = T(b.upper[j]) - q;
+  const T inside = T(at.inverse), beyond = at.closing ? zero : T(at.sub_step ? b.sub_step_rate[j] : b.limit_rate[j]);
+  Interval<T> i{below * select(less(zero, below), beyond, inside), above * select(less(above, zero), beyond, inside)};
+  if (at.closing && (b.has[j] & has_restitution)) {
+    const T v = x.v[t.velocities - t.joints + j], back = -(T(b.restitution[j]) * v);
+    const auto hits_lower = less(v, i.lo), hits_upper = less(i.hi, v);
+    i.lo = select(hits_lower, larger(i.lo, back), i.lo);
+    i.hi = select(hits_upper, smaller(i.hi, back), i.hi);
+  }
+  return i;
+}
+
+/// The same within the limit of velocity.
 template <class T>
 LOCKSTEP_INLINE Interval<T> joint_interval(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, const Moment<T>& at, T moved) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
-  const T zero = T(0), far = T(ScalarOf<T>(unlimited));
-  Interval<T> i{-far, far};
-  if (b.has[j] & has_range) {
-    const T q = x.q[j] + moved, below = T(b.lower[j]) - q, above = T(b.upper[j]) - q;
-    const T inside = T(at.inverse), beyond = at.closing ? zero : T(at.sub_step ? b.sub_step_rate[j] : b.limit_rate[j]);
-    i.lo = below * select(less(zero, below), beyond, inside);
-    i.hi = above * select(less(above, zero), beyond, inside);
-    if (at.closing && (b.has[j] & has_restitution)) {
-      const T v = x.v[t.velocities - t.joints + j], back = -(T(b.restitution[j]) * v);
-      const auto hits_lower = less(v, i.lo), hits_upper = less(i.hi, v);
-      i.lo = select(hits_lower, larger(i.lo, back), i.lo);
-      i.hi = select(hits_upper, smaller(i.hi, back), i.hi);
-    }
-  }
-  if (b.has[j] & has_speed_limit) {
-    const T most = T(b.speed_limit[j]);
-    i = {clamp(i.lo, -most, most), clamp(i.hi, -most, most)};
-  }
-  return i;
+  const T far = T(ScalarOf<T>(unlimited));
+  const Interval<T> i = b.has[j] & has_range ? range_interval(t, x, j, at, moved) : Interval<T>{-far, far};
+  if (!(b.has[j] & has_speed_limit)) return i;
+  const T most = T(b.speed_limit[j]);
+  return {clamp(i.lo, -most, most), clamp(i.hi, -most, most)};
 }
 
 /// (M53)

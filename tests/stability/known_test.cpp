@@ -41,7 +41,7 @@ TEST(Known, coupling_with_a_force_limit_may_follow_from_others) {
 }
 
 // s_0 + s_1 + s_2 = 0 and a limit of each velocity: a push on s_1 ends at |v_1| = 0.76, and the others share that.
-TEST(Known, DISABLED_velocity_limits_of_three_joints_of_one_coupling_hold) {
+TEST(Known, velocity_limits_of_three_joints_of_one_coupling_hold) {
   for (double push : {1.0, 100.0, 5000.0})
     with_exact_methods([&](auto scalar, double dt, Method method) {
       using S = decltype(scalar);
