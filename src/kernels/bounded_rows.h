@@ -73,11 +73,7 @@ void respond_to_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
   const int n = t.solver.n, count = form.count;
   T* response = x.bound_response + r * n;
   T* scaled = x.bound_scaled + r * n;
-  for (int z = 0; z < n; ++z) response[z] = scaled[z] = T(0);
-  for (int k = form.term_start[r]; k < form.term_start[r + 1]; ++k) response[form.term_index[k]] = x.bound_value[k];
-  respond(form, r, t.solver, x.reduced, response);
-  for (int i = form.run_start[r]; i < form.run_start[r + 1]; ++i)
-    for (int z = form.runs[i].first; z < form.runs[i].last; ++z) scaled[z] = response[z] * x.inverse[z];
+  row_response(t, x, form, r, x.bound_value, response, scaled);
   x.bound_own[r] = supported_dot(form, r, response, scaled);
   soften_bound(t, r, x);
 

@@ -29,19 +29,23 @@ LOCKSTEP_INLINE void respond(const Rows<ScalarOf<T>>& rows, int row, const Colum
   }
 }
 
+/// X and D^-1 X of one row with these values of its terms.
+template <class T>
+LOCKSTEP_INLINE void row_response(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Rows<ScalarOf<T>>& rows, int row,
+                                  const T* value, T* response, T* scaled) {
+  for (int z = 0; z < t.solver.n; ++z) response[z] = scaled[z] = T(0);
+  for (int k = rows.term_start[row]; k < rows.term_start[row + 1]; ++k) response[rows.term_index[k]] = value[k];
+  respond(rows, row, t.solver, x.reduced, response);
+  for (int i = rows.run_start[row]; i < rows.run_start[row + 1]; ++i)
+    for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z) scaled[z] = response[z] * x.inverse[z];
+}
+
 template <class T>
 void responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const int n = t.solver.n;
-  for (int r = 0; r < rows.count; ++r) {
-    T* response = x.response + r * n;
-    T* scaled = x.scaled + r * n;
-    for (int z = 0; z < n; ++z) response[z] = scaled[z] = T(0);
-    for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k) response[rows.term_index[k]] = x.row_value[k];
-    respond(rows, r, t.solver, x.reduced, response);
-    for (int i = rows.run_start[r]; i < rows.run_start[r + 1]; ++i)
-      for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z) scaled[z] = response[z] * x.inverse[z];
-  }
+  for (int r = 0; r < rows.count; ++r)
+    row_response(t, x, rows, r, x.row_value, x.response + r * n, x.scaled + r * n);
   if (rows.response_entries != rows.pairs.count)
     for (int e = 0; e < rows.response_entries; ++e) x.coupled[e] = T(0);
   for (int p = 0; p < rows.pairs.count; ++p) {

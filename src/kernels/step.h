@@ -34,7 +34,7 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
   kinematics(t, x);
   if (t.couplings > 0) coupling_errors(t, lanes, x);
   x.saturation_pass = 0;
-  do {
+  do {  // once, and again where a servo turns out to be at its limit of effort, or not to be
     bias_forces(t, lanes, x);
     mass_matrix(t, x);
     joint_terms(t, lanes, x);
