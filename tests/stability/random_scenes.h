@@ -23,9 +23,6 @@ RandomScene random_scene(std::uint64_t seed);
 /// targets. Returns what promise it broke, or nothing.
 std::string broken_promise(const RandomScene& scene, Method method = Method::automatic);
 
-/// Seeds that break a promise, see known_test.cpp: the search leaves them out.
-inline constexpr std::uint64_t known_seeds[] = {5093};
-
 /// Searches seeds first ... first + count - 1, fails for each that breaks a promise, and names it.
 void search(std::uint64_t first, int count);
 
