@@ -113,6 +113,16 @@ TEST(Contradiction, limits_that_contradict_through_a_coupling_share_the_violatio
   expect_named(direct, both, 0);
 }
 
+// What `direct` is asked for as well, in doubles: no fault, both names, and a neighbour without a conflict.
+template <class Prescribe>
+void expect_named_by_direct(const Model& model, const Prescribe& prescribe, const Names& both) {
+  Watch<double> direct(model, recorded(1.0 / 240, Method::direct), 2);
+  prescribe(direct);
+  direct.run(3.0);
+  expect_named(direct, both, 0);
+  EXPECT_EQ(direct.batch.conflicts(1), Names{});
+}
+
 // Two prescribed motions of joints that a coupling ties together: it holds, they meet in the middle.
 TEST(Contradiction, kinematic_drives_that_contradict_through_a_coupling_meet_in_the_middle) {
   Model model = pair(Arrangement::second_on_first);
@@ -129,11 +139,7 @@ TEST(Contradiction, kinematic_drives_that_contradict_through_a_coupling_meet_in_
     EXPECT_NEAR(watch.position(0, 1), 0.2, 1e-5);
     EXPECT_EQ(watch.batch.conflicts(1), Names{});
   });
-  Watch<double> direct(model, recorded(1.0 / 240, Method::direct), 2);
-  prescribe(direct);
-  direct.run(3.0);
-  expect_named(direct, both, 0);
-  EXPECT_EQ(direct.batch.conflicts(1), Names{});
+  expect_named_by_direct(model, prescribe, both);
 }
 
 // Limits win over a prescribed motion, and the step says so.
@@ -153,11 +159,7 @@ TEST(Contradiction, kinematic_drive_beyond_the_limit_of_its_follower_stops_there
     EXPECT_NEAR(watch.position(0, 1), -0.5, 1e-5);
     EXPECT_EQ(watch.batch.conflicts(1), Names{});
   });
-  Watch<double> direct(model, recorded(1.0 / 240, Method::direct), 2);
-  prescribe(direct);
-  direct.run(2.0);
-  expect_named(direct, both, 0);
-  EXPECT_EQ(direct.batch.conflicts(1), Names{});
+  expect_named_by_direct(model, prescribe, both);
 }
 
 }  // namespace
