@@ -7,14 +7,21 @@ install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/lockstep TYPE INCLUDE)
 if(TARGET lockstep_tool)
   file(RELATIVE_PATH to_libraries ${CMAKE_INSTALL_FULL_BINDIR} ${CMAKE_INSTALL_FULL_LIBDIR})
   set_target_properties(lockstep_tool PROPERTIES INSTALL_RPATH "$ORIGIN/${to_libraries}")
-  install(TARGETS lockstep_tool)
+  install(TARGETS lockstep_tool EXPORT lockstepTargets)
 endif()
 
 configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/lockstepConfig.cmake.in ${CMAKE_CURRENT_BINARY_DIR}/lockstepConfig.cmake
-                              INSTALL_DESTINATION ${package_dir})
+                              INSTALL_DESTINATION ${package_dir} PATH_VARS CMAKE_INSTALL_INCLUDEDIR)
 # Before 1.0 a new minor version may break what uses the last one.
 write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/lockstepConfigVersion.cmake
                                  COMPATIBILITY SameMinorVersion)
+# What generated kernels are compiled from, and the function that does it.
+foreach(folder simd kernels targets)
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lockstep/kernel
+          FILES_MATCHING PATTERN "*.h")
+endforeach()
+install(FILES ${PROJECT_SOURCE_DIR}/src/plan/tables.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lockstep/kernel/plan)
+install(FILES ${PROJECT_SOURCE_DIR}/src/generate/lockstep_add_kernel.cmake DESTINATION ${package_dir})
 install(EXPORT lockstepTargets NAMESPACE lockstep:: DESTINATION ${package_dir})
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/lockstepConfig.cmake
               ${CMAKE_CURRENT_BINARY_DIR}/lockstepConfigVersion.cmake DESTINATION ${package_dir})

@@ -44,6 +44,7 @@ struct BatchOptions {
   int threads = 0;  ///< 1: the calling thread, no allocation in step; 0: the oneTBB arena of the caller
                     ///< (all cores unless the caller limits it); n > 1: an arena of n of its own
   Target target = Target::automatic;
+  bool generated = true;  ///< take the kernel that was generated for the plan (generate.h), if this program holds one
 };
 
 /// State and inputs of many environments, structure of arrays, and the step over them.
@@ -75,6 +76,7 @@ class Batch {
   const Plan& plan() const;
   int environments() const;
   Target target() const;  ///< the one in use
+  std::string kernel() const;  ///< what steps it: "tables", or "generated NAME"
 
   // --- state, to read and to write -------------------------------------------------------------
   View positions();       ///< [dofs][environments] rad or m

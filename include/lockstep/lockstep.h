@@ -9,6 +9,7 @@
 
 #include "lockstep/batch.h"
 #include "lockstep/error.h"
+#include "lockstep/generate.h"
 #include "lockstep/import.h"
 #include "lockstep/model.h"
 #include "lockstep/plan.h"

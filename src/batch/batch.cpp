@@ -30,6 +30,10 @@ const Plan& Batch<S>::plan() const { return impl_->plan; }
 template <class S>
 int Batch<S>::environments() const { return impl_->environments; }
 template <class S>
+std::string Batch<S>::kernel() const {
+  return impl_->generated ? std::string("generated ") + impl_->generated->name : "tables";
+}
+template <class S>
 Target Batch<S>::target() const { return impl_->target; }
 
 template <class S>

@@ -7,8 +7,10 @@
 
 #include "../plan/program.h"
 #include "../targets/dispatch.h"
+#include "../targets/registry.h"
 #include "lockstep/batch.h"
 #include "lockstep/error.h"
+#include "lockstep/generate.h"
 #include "workers.h"
 
 namespace lockstep {
@@ -24,6 +26,7 @@ struct Batch<S>::Impl {
   Impl(const Plan& p, int count, const BatchOptions& options)
       : plan(p), environments(checked_environments(count)), target(resolve(options.target)),
         tables(lockstep::tables<S>(p.program())), kernels(kernels_for<S>(target)),
+        generated(options.generated ? generated_for(p, target) : nullptr), advance(generated ? function(*generated) : kernels.advance),
         stride(row_stride<S>(count)), workers(options.threads, kernels.scratch_bytes(tables)) {
     if (options.threads < 0)
       throw SettingsError("threads", "is negative", "give 0 for all, or a number");
@@ -45,6 +48,18 @@ struct Batch<S>::Impl {
     fill_parameters();
     for (int e = 0; e < stride; ++e) reset(e);  // the padding as well: it is stepped, so it must be sound
     require_representable();
+  }
+
+  static Advance<S> function(const GeneratedKernel& kernel) {
+    if constexpr (sizeof(S) == 4) return kernel.f32;
+    else return kernel.f64;
+  }
+
+  // Null if this program holds none for the plan.
+  static const GeneratedKernel* generated_for(const Plan& plan, Target target) {
+    if (!any_kernel_registered()) return nullptr;
+    const GeneratedKernel* found = find_kernel(kernel_hash(plan), target);
+    return found && function(*found) ? found : nullptr;
   }
 
   AlignedBlock<S> rows(int count) const { return AlignedBlock<S>(static_cast<std::size_t>(count * stride)); }
@@ -166,7 +181,7 @@ struct Batch<S>::Impl {
   void step(int substeps) {
     const Lanes<S> l = lanes();
     workers.for_tiles(tiles(), [&](int first, int last, void* scratch) {
-      kernels.advance(tables, l, static_cast<std::ptrdiff_t>(first) * kernels.lanes,
+      advance(tables, l, static_cast<std::ptrdiff_t>(first) * kernels.lanes,
                       static_cast<std::ptrdiff_t>(last) * kernels.lanes, substeps, scratch);
     });
   }
@@ -203,6 +218,8 @@ struct Batch<S>::Impl {
   Target target;
   const Tables<S>& tables;
   const KernelSet<S>& kernels;
+  const GeneratedKernel* generated;
+  Advance<S> advance;
   std::ptrdiff_t stride;
   Workers workers;
   AlignedBlock<S> position, velocity, root_pose, root_velocity;

@@ -22,6 +22,21 @@ void flag(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const T
   }
 }
 
+/// Flags what failed just now, and lets the frozen lanes end the step as they began it.
+template <class T>
+void hold(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, typename T::Mask failed) {
+  if (any(failed)) flag(t, lanes, x, failed);
+  for (int j = 0; j < t.joints; ++j) x.next_q[j] = select(x.frozen, x.q[j], x.next_q[j]);
+  for (int i = 0; i < t.velocities; ++i) x.next_v[i] = select(x.frozen, x.v[i], x.next_v[i]);
+  for (int i = 0; t.floating && i < 7; ++i) x.next_root_pose[i] = select(x.frozen, x.root_pose[i], x.next_root_pose[i]);
+}
+
+template <class T>
+LOCKSTEP_INLINE void hold_frozen(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x,
+                                 typename T::Mask failed) {
+  if (any(x.frozen)) hold(t, lanes, x, failed);
+}
+
 /// Moves good lanes on, freezes the others.
 template <class T>
 void check(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
@@ -30,12 +45,13 @@ void check(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T
   for (int j = 0; j < t.joints; ++j) failed = failed | beyond(x.next_q[j], far);
   for (int i = 0; i < t.velocities; ++i) failed = failed | beyond(x.next_v[i], fast);
   for (int i = 0; t.floating && i < 7; ++i) failed = failed | beyond(x.next_root_pose[i], far);
-  if (any(failed & ~x.frozen)) flag(t, lanes, x, failed & ~x.frozen);
+  failed = failed & ~x.frozen;
   x.frozen = x.frozen | failed;
+  hold_frozen(t, lanes, x, failed);
 
-  for (int j = 0; j < t.joints; ++j) x.q[j] = select(x.frozen, x.q[j], x.next_q[j]);
-  for (int i = 0; i < t.velocities; ++i) x.v[i] = select(x.frozen, x.v[i], x.next_v[i]);
-  for (int i = 0; t.floating && i < 7; ++i) x.root_pose[i] = select(x.frozen, x.root_pose[i], x.next_root_pose[i]);
+  for (int j = 0; j < t.joints; ++j) x.q[j] = x.next_q[j];
+  for (int i = 0; i < t.velocities; ++i) x.v[i] = x.next_v[i];
+  for (int i = 0; t.floating && i < 7; ++i) x.root_pose[i] = x.next_root_pose[i];
 }
 
 }  // namespace lockstep::kernels

@@ -10,6 +10,12 @@
 
 namespace lockstep::kernels {
 
+/// No bounded row takes part yet.
+template <class T>
+LOCKSTEP_INLINE void forget_bounds(Tile<T>& x) {
+  x.bound_count = 0;
+}
+
 /// The coupling rows' impulses again where no bound acts: sweeps were made for lanes that have none as well.
 template <class T>
 void keep_untouched(const Tables<ScalarOf<T>>& t, Tile<T>& x) {

@@ -13,8 +13,7 @@ namespace lockstep::kernels {
 template <class T>
 LOCKSTEP_INLINE T rank_tolerance(const Tables<ScalarOf<T>>& t) {
   const bool rank_may_differ = declared<T>(t, 0) || declared<T>(t, 2) || declared<T>(t, 8);
-  const ScalarOf<T> rounding = sizeof(ScalarOf<T>) == 4 ? ScalarOf<T>(1.2e-7) : ScalarOf<T>(2.3e-16);
-  return T(rank_may_differ ? 32 * rounding : rounding);
+  return T(ScalarOf<T>(rank_may_differ ? 32 : 1)) * T::rounding();
 }
 
 template <class T>

@@ -17,7 +17,6 @@ void half_solve(const Columns& columns, const T* factored, const T* inverse, T* 
 template <class T>
 void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Columns& columns = t.solver;
-  x.bound_count = 0;  // no bounded row takes part yet
   x.singular = factor(columns, x.reduced, x.inverse, T(0), x.scratch);
   if (t.reduction.followers == 0)
     for (int z = 0; z < columns.n; ++z) {

@@ -10,12 +10,12 @@ void pgs(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   row_denominators(rows, x);
   for (int r = 0; r < rows.count; ++r) x.row_impulse[r] = T(0);
-  for (int i = 0; i < t.iterations; ++i) sweep(rows, x);
+  sweeps(rows, t.iterations, x);
   for (int r = 0; r < rows.count; ++r) {
     x.position_impulse[r] = x.row_impulse[r];
     x.row_bias[r] = closing_bias(x, r);
   }
-  for (int i = 0; i < t.velocity_iterations; ++i) sweep(rows, x);
+  sweeps(rows, t.velocity_iterations, x);
   for (int r = 0; r < rows.count; ++r) x.velocity_impulse[r] = x.row_impulse[r];
 }
 

@@ -10,6 +10,11 @@ namespace lockstep::kernels {
 
 constexpr int saturation_passes = 12;  ///< more are never needed but for servos at the very edge of their limit
 
+template <class T>
+LOCKSTEP_INLINE void first_pass(Tile<T>& x) {
+  x.saturation_pass = 0;
+}
+
 /// -1, 0 or 1: which end of the limit the force is beyond.
 template <class T>
 LOCKSTEP_INLINE T saturated(T force, T most) {

@@ -18,6 +18,7 @@
 #include "integrate.h"
 #include "joint_terms.h"
 #include "kinematics.h"
+#include "lay_out.h"
 #include "load.h"
 #include "mass_matrix.h"
 #include "pgs.h"
@@ -33,7 +34,7 @@ template <class T>
 void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   kinematics(t, x);
   if (t.couplings > 0) coupling_errors(t, lanes, x);
-  x.saturation_pass = 0;
+  if (t.limited.count > 0) first_pass(x);
   do {  // once, and again where a servo turns out to be at its limit of effort, or not to be
     bias_forces(t, lanes, x);
     mass_matrix(t, x);
@@ -41,6 +42,7 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
     if (t.limited.count > 0) limited_drives(t, lanes, x);
     if (t.natural.count > 0) natural_responses(t, x);
     if (t.reduction.followers > 0) eliminate(t, x);
+    if (t.bounds.form.count > 0) forget_bounds(x);
     free_velocity(t, x);
     if (t.rows.count > 0) {
       responses(t, x);
@@ -62,8 +64,16 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
   if (t.record_diagnostics) add_energies(x);
 }
 
+/// Tables's way of a step. Generated code for one plan is another (generate/).
+struct ByTables {
+  template <class T>
+  LOCKSTEP_INLINE static void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+    kernels::step(t, lanes, x);
+  }
+};
+
 /// `substeps` steps of environments [first, last), whole tiles, in the scratch block.
-template <class T>
+template <class T, class Way = ByTables>
 void advance(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::ptrdiff_t first, std::ptrdiff_t last,
              int substeps, void* scratch) {
   const simd::FlushDenormals flush;
@@ -73,7 +83,7 @@ void advance(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std:
   for (std::ptrdiff_t environment = first; environment < last; environment += T::lanes) {
     const Lanes<ScalarOf<T>> own = at(lanes, environment);
     load(t, own, x);
-    for (int i = 0; i < substeps; ++i) step(t, own, x);
+    for (int i = 0; i < substeps; ++i) Way::step(t, own, x);
     store(t, own, x);
   }
 }

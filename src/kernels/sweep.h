@@ -27,9 +27,22 @@ LOCKSTEP_INLINE T visit(const Rows<ScalarOf<T>>& rows, int r, Tile<T>& x) {
   return change;
 }
 
+/// Does `turn` so many times. What one turn hands to the next stands in the arrays `handed`, each as long as there are
+/// rows: whoever writes the loop down as code (generate/) must know.
+template <class T, int N, class Turn>
+LOCKSTEP_INLINE void repeat(int times, const Tile<T>&, T* const (&)[N], int, Turn&& turn) {
+  for (int i = 0; i < times; ++i) turn();
+}
+
 template <class T>
 LOCKSTEP_INLINE void sweep(const Rows<ScalarOf<T>>& rows, Tile<T>& x) {
   for (int r = 0; r < rows.count; ++r) visit(rows, r, x);
+}
+
+template <class T>
+LOCKSTEP_INLINE void sweeps(const Rows<ScalarOf<T>>& rows, int times, Tile<T>& x) {
+  T* const handed[] = {x.row_speed, x.row_impulse};
+  repeat(times, x, handed, rows.count, [&] { sweep(rows, x); });
 }
 
 }  // namespace lockstep::kernels

@@ -19,7 +19,8 @@ void tgs(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     x.row_speed[r] = x.row_start[r];
     x.position_impulse[r] = x.velocity_impulse[r] = T(0);
   }
-  for (int i = 0; i < t.iterations; ++i) {
+  T* const handed[] = {x.row_speed, x.row_bias, x.row_impulse, x.velocity_impulse, x.position_impulse, x.row_error};
+  repeat(t.iterations, x, handed, rows.count, [&] {
     for (int r = 0; r < rows.count; ++r) {
       x.row_speed[r] += x.row_speed_closed[r];
       x.row_bias[r] = x.row_rate[r] * x.row_error[r];
@@ -31,13 +32,13 @@ void tgs(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
       x.position_impulse[r] = fma(share, x.velocity_impulse[r], x.position_impulse[r]);
       x.row_error[r] = fma(h, x.row_speed[r], x.row_error[r]);
     }
-  }
+  });
   // Velocity iterations go on from the last sub-step's impulses, which the sum already holds.
   for (int r = 0; r < rows.count; ++r) {
     x.velocity_impulse[r] -= x.row_impulse[r];
     x.row_bias[r] = closing_bias(x, r);
   }
-  for (int i = 0; i < t.velocity_iterations; ++i) sweep(rows, x);
+  sweeps(rows, t.velocity_iterations, x);
   for (int r = 0; r < rows.count; ++r) x.velocity_impulse[r] += x.row_impulse[r];
 }
 

@@ -1,7 +1,9 @@
 // Program: what compile() makes of a Model. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -25,6 +27,12 @@ class Store {
   std::vector<std::shared_ptr<const void>> arrays_;
 };
 
+/// What generate/ finds out of a program, the first time that somebody asks.
+struct KernelHash {
+  std::once_flag once;
+  std::uint64_t value = 0;
+};
+
 struct Program {
   Model model;
   StepSettings settings;
@@ -43,6 +51,7 @@ struct Program {
   Store store;
   Tables<double> f64;
   Tables<float> f32;
+  std::shared_ptr<KernelHash> kernel_hash = std::make_shared<KernelHash>();
   bool fits_single = true;         ///< no number of f64 is too large for f32
 };
 

@@ -48,6 +48,7 @@ struct Counted {
   friend Mask beyond(Counted a, Counted b) { return beyond(a.v, b.v); }
   friend Counted select(Mask m, Counted yes, Counted no) { return select(m, yes.v, no.v); }
   static Mask none() { return Plain::none(); }
+  static Counted rounding() { return Plain::rounding(); }
   float lane(int i) const { return v.lane(i); }
   void set_lane(int i, float value) { v.set_lane(i, value); }
   static Counted load(const float* p) {

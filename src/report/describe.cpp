@@ -5,6 +5,8 @@
 #include <numbers>
 
 #include "../plan/layout.h"
+#include "../targets/registry.h"
+#include "lockstep/generate.h"
 #include "lockstep/plan.h"
 
 namespace lockstep {
@@ -165,12 +167,24 @@ std::string bounds_lines(const Program& program) {
   return text;
 }
 
+std::string kernel_line(const Plan& plan) {
+  const std::uint64_t hash = kernel_hash(plan);
+  if (hash == 0) return "Kernel: tables; no straight-line code is generated where softness is worked out lane by lane.\n";
+  std::vector<std::string> generated;
+  for (const GeneratedKernel* kernel : find_kernels(hash)) {
+    if (kernel->f32) generated.push_back(fmt::format("{} for {} in f32", kernel->name, kernel->target));
+    if (kernel->f64) generated.push_back(fmt::format("{} for {} in f64", kernel->name, kernel->target));
+  }
+  if (generated.empty()) return fmt::format("Kernel: tables; none is generated for this step ({:016x}).\n", hash);
+  return fmt::format("Kernel: generated for this step ({:016x}): {}; tables otherwise.\n", hash, fmt::join(generated, ", "));
+}
+
 }  // namespace
 
 std::string Plan::describe() const {
   const Program& p = *program_;
   const long flops = flops_per_step();
-  return mechanism_line(p) + coupling_lines(p) + method_lines(p) + stage_lines(p) + bounds_lines(p) +
+  return mechanism_line(p) + coupling_lines(p) + method_lines(p) + stage_lines(p) + bounds_lines(p) + kernel_line(*this) +
          fmt::format("Cost of a step of one environment: {} flops; {} bytes read and written in f32, {} in f64.\n", flops,
                      bytes_per_step(4), bytes_per_step(8));
 }

@@ -56,12 +56,13 @@ LOCKSTEP_INLINE void sincos(Wide<S, W, A> x, Wide<S, W, A>& sine, Wide<S, W, A>&
   }
   s = fma(s * z, r, r);
   c = fma(z * z, c, fnma(T(S(0.5)), z, T(S(1))));
-  const typename T::Mask odd = {(typename T::Bits)((quadrant & 1) != 0)};
-  constexpr int to_sign = 8 * sizeof(S) - 2;
-  const typename T::Bits sine_sign = (quadrant & 2) << to_sign;
-  const typename T::Bits cosine_sign = ((quadrant + 1) & 2) << to_sign;
-  sine = T::from_bits(bits(select(odd, c, s)) ^ sine_sign);
-  cosine = T::from_bits(bits(select(odd, s, c)) ^ cosine_sign);
+  // Bit 0 of the quadrant swaps the two, bit 1 turns the sine's sign, both bits together the cosine's.
+  constexpr int top = 8 * sizeof(S) - 1;
+  const typename T::Bits sign = (typename T::Bits{} + 1) << top;
+  const typename T::Bits odd = quadrant << top, sine_sign = (quadrant << (top - 1)) & sign;
+  const typename T::Bits swap = (bits(s) ^ bits(c)) & (odd >> top);
+  sine = T::from_bits(bits(s) ^ swap ^ sine_sign);
+  cosine = T::from_bits(bits(c) ^ swap ^ odd ^ sine_sign);
 }
 
 }  // namespace lockstep::simd

@@ -6,8 +6,8 @@ namespace lockstep {
 using simd::Fused;
 using simd::Wide;
 
-const KernelSet<float> avx2_f32 = kernel_set<Wide<float, 8, Fused>>();
-const KernelSet<double> avx2_f64 = kernel_set<Wide<double, 4, Fused>>();
+const KernelSet<float> avx2_f32 = kernel_set<registers::avx2::f32>();
+const KernelSet<double> avx2_f64 = kernel_set<registers::avx2::f64>();
 const KernelSet<float> avx2_scalar_f32 = kernel_set<Wide<float, 1, Fused>>();
 const KernelSet<double> avx2_scalar_f64 = kernel_set<Wide<double, 1, Fused>>();
 

@@ -6,8 +6,8 @@ namespace lockstep {
 using simd::Unfused;
 using simd::Wide;
 
-const KernelSet<float> baseline_f32 = kernel_set<Wide<float, 4, Unfused>>();
-const KernelSet<double> baseline_f64 = kernel_set<Wide<double, 2, Unfused>>();
+const KernelSet<float> baseline_f32 = kernel_set<registers::baseline::f32>();
+const KernelSet<double> baseline_f64 = kernel_set<registers::baseline::f64>();
 const KernelSet<float> baseline_scalar_f32 = kernel_set<Wide<float, 1, Unfused>>();
 const KernelSet<double> baseline_scalar_f64 = kernel_set<Wide<double, 1, Unfused>>();
 

@@ -3,6 +3,7 @@
 
 #include "../kernels/step.h"
 #include "kernel_set.h"
+#include "registers.h"
 
 namespace lockstep {
 

@@ -1,4 +1,4 @@
-// The lockstep command: info, simulate, chart. SPDX-License-Identifier: Apache-2.0
+// The lockstep command: info, simulate, chart, generate. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -29,14 +29,15 @@ int main(int argc, char** argv) {
   add_info(app, exit_code);
   add_simulate(app, exit_code);
   add_chart(app, exit_code);
+  add_generate(app, exit_code);
   app.require_subcommand(0, 1);
   app.allow_extras();  // so that a misspelt command is named below
   try {
     app.parse(argc, argv);
     const std::vector<std::string> extras = app.remaining();
     if (!extras.empty())
-      return complain(fmt::format("there is no command '{}'; give info, simulate or chart", extras[0]));
-    if (app.get_subcommands().empty()) return complain("give a command: info, simulate or chart; --help says more");
+      return complain(fmt::format("there is no command '{}'; give info, simulate, chart or generate", extras[0]));
+    if (app.get_subcommands().empty()) return complain("give a command: info, simulate, chart or generate; --help says more");
     return exit_code;
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version

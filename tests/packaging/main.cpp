@@ -37,6 +37,12 @@ int main() {
     std::printf("the package says %s, the library %s\n", expected.c_str(), lockstep::version());
     return 1;
   }
+  const lockstep::Plan from_file = lockstep::compile(lockstep::import_urdf_file(LINKAGE).model, {.dt = 1.0 / 240});
+  const std::string kernel = lockstep::Batch<float>(from_file, 1).kernel();
+  if (kernel != "generated linkage") {
+    std::printf("the kernel is '%s', not the one that was generated\n%s", kernel.c_str(), from_file.describe().c_str());
+    return 1;
+  }
   const lockstep::Plan plan = lockstep::compile(linkage(), {.dt = 1.0 / 240});
   lockstep::Batch<float> batch(plan, 1000);
   batch.step(60);

@@ -1,0 +1,251 @@
+#include "graph.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace lockstep::generate {
+
+Id Graph::put(Node node) {
+  for (Id o : node.operand)
+    if (o >= 0 && nodes_[o].item >= 0 && nodes_[o].item != open_loop_ && items_[nodes_[o].item].kind == Item::loop)
+      throw std::logic_error("a kernel takes from inside a loop what the loop does not hand on: see kernels::repeat");
+  const bool inside = open_loop_ >= 0 && std::any_of(node.operand.begin(), node.operand.end(), [&](Id o) {
+                        return o >= 0 && nodes_[o].item == open_loop_;
+                      });
+  if (inside)
+    node.item = open_loop_;
+  else if (open_loop_ >= 0)
+    node.item = open_loop_ - 1;  // what does not depend on the loop stands before it
+  else {
+    if (items_.empty() || items_.back().kind != Item::straight) items_.emplace_back();
+    node.item = static_cast<int>(items_.size()) - 1;
+  }
+  const Id id = static_cast<Id>(nodes_.size());
+  items_[node.item].nodes.push_back(id);
+  nodes_.push_back(std::move(node));
+  return id;
+}
+
+Id Graph::constant(double value) {
+  const auto [known, fresh] = constants_.try_emplace(value == 0.0 ? 0.0 : value, 0);
+  if (fresh) {
+    Node node;
+    node.op = Op::constant;
+    node.value = known->first;
+    known->second = static_cast<Id>(nodes_.size());
+    nodes_.push_back(node);
+  }
+  return known->second;
+}
+
+Id Graph::input(const std::string& text, bool mask) {
+  const auto [known, fresh] = inputs_.try_emplace(text, 0);
+  if (fresh) {
+    Node node;
+    node.op = Op::input;
+    node.text = text;
+    node.mask = mask;
+    known->second = put(std::move(node));
+  }
+  return known->second;
+}
+
+Id Graph::found_or_put(Op op, Id a, Id b, Id c) {
+  const bool swaps = op == Op::add || op == Op::multiply || op == Op::fma || op == Op::fnma || op == Op::either || op == Op::both;
+  const auto rank = [&](Id id) { return is(id, Op::constant) ? -1 : id; };
+  if (swaps && rank(b) < rank(a)) std::swap(a, b);
+  const Key key{static_cast<Id>(op), a, b, c};
+  if (const auto known = known_.find(key); known != known_.end()) return known->second;
+  Node node;
+  node.op = op;
+  node.operand = {a, b, c};
+  node.mask = op == Op::none || op == Op::less || op == Op::beyond || op == Op::either || op == Op::both || op == Op::invert;
+  const Id id = put(std::move(node));
+  known_.emplace(key, id);
+  return id;
+}
+
+Id Graph::negated(Id a) {
+  const Node n = nodes_[a];
+  switch (n.op) {
+    case Op::constant: return constant(-n.value);
+    case Op::negate: return n.operand[0];
+    case Op::subtract: return difference(n.operand[1], n.operand[0]);
+    default: return found_or_put(Op::negate, a, -1, -1);
+  }
+}
+
+Id Graph::sum(Id a, Id b) {
+  if (is(a, Op::constant) && is(b, Op::constant)) return constant(nodes_[a].value + nodes_[b].value);
+  if (is(a, 0.0)) return b;
+  if (is(b, 0.0)) return a;
+  if (is(b, Op::negate)) return difference(a, nodes_[b].operand[0]);
+  if (is(a, Op::negate)) return difference(b, nodes_[a].operand[0]);
+  // constants of nested sums go together
+  if (is(b, Op::constant)) std::swap(a, b);
+  if (is(a, Op::constant) && is(b, Op::add) && is(nodes_[b].operand[0], Op::constant))
+    return sum(sum(a, nodes_[b].operand[0]), nodes_[b].operand[1]);
+  if (is(a, Op::constant) && is(b, Op::subtract) && is(nodes_[b].operand[0], Op::constant))
+    return difference(sum(a, nodes_[b].operand[0]), nodes_[b].operand[1]);
+  return found_or_put(Op::add, a, b, -1);
+}
+
+Id Graph::difference(Id a, Id b) {
+  if (is(a, Op::constant) && is(b, Op::constant)) return constant(nodes_[a].value - nodes_[b].value);
+  if (is(b, 0.0)) return a;
+  if (is(a, 0.0)) return negated(b);
+  if (a == b) return constant(0.0);
+  if (is(b, Op::negate)) return sum(a, nodes_[b].operand[0]);
+  if (is(a, Op::negate)) return negated(sum(nodes_[a].operand[0], b));
+  return found_or_put(Op::subtract, a, b, -1);
+}
+
+Id Graph::product(Id a, Id b) {
+  if (is(a, Op::constant) && is(b, Op::constant)) return constant(nodes_[a].value * nodes_[b].value);
+  if (is(b, Op::constant)) std::swap(a, b);
+  if (is(a, 0.0)) return a;
+  if (is(a, 1.0)) return b;
+  if (is(a, -1.0)) return negated(b);
+  if (is(a, Op::negate)) return negated(product(nodes_[a].operand[0], b));
+  if (is(b, Op::negate)) return negated(product(a, nodes_[b].operand[0]));
+  if (is(a, Op::constant) && nodes_[a].value < 0.0) return negated(product(constant(-nodes_[a].value), b));
+  return found_or_put(Op::multiply, a, b, -1);
+}
+
+Id Graph::quotient(Id a, Id b) {
+  if (is(a, Op::constant) && is(b, Op::constant)) return constant(nodes_[a].value / nodes_[b].value);
+  if (is(b, 1.0) || is(a, 0.0)) return a;
+  if (is(b, Op::constant)) return product(a, constant(1.0 / nodes_[b].value));
+  if (is(a, Op::negate)) return negated(quotient(nodes_[a].operand[0], b));
+  if (is(b, Op::negate)) return negated(quotient(a, nodes_[b].operand[0]));
+  return found_or_put(Op::divide, a, b, -1);
+}
+
+// fma: a b + c, fnma: c - a b
+Id Graph::product_and(Op op, Id a, Id b, Id c) {
+  const Op other = op == Op::fma ? Op::fnma : Op::fma;
+  if (is(b, Op::constant)) std::swap(a, b);
+  if (is(a, 0.0)) return c;
+  const bool plain = is(c, 0.0) || is(a, 1.0) || is(a, -1.0) || (is(a, Op::constant) && is(b, Op::constant));
+  if (plain) return op == Op::fma ? sum(c, product(a, b)) : difference(c, product(a, b));
+  if (is(a, Op::negate)) return product_and(other, nodes_[a].operand[0], b, c);
+  if (is(b, Op::negate)) return product_and(other, a, nodes_[b].operand[0], c);
+  if (is(a, Op::constant) && nodes_[a].value < 0.0) return product_and(other, constant(-nodes_[a].value), b, c);
+  if (op == Op::fnma && is(c, Op::negate)) return negated(product_and(Op::fma, a, b, nodes_[c].operand[0]));
+  return found_or_put(op, a, b, c);
+}
+
+bool Graph::everywhere(Id mask) const { return is(mask, Op::invert) && is(nodes_[mask].operand[0], Op::none); }
+
+Id Graph::inverted(Id mask) {
+  if (is(mask, Op::invert)) return nodes_[mask].operand[0];
+  return found_or_put(Op::invert, mask, -1, -1);
+}
+
+Id Graph::of_masks(Op op, Id a, Id b) {
+  const auto neutral = [&](Id mask) { return op == Op::either ? is(mask, Op::none) : everywhere(mask); };
+  const auto decisive = [&](Id mask) { return op == Op::both ? is(mask, Op::none) : everywhere(mask); };
+  if (neutral(a) || decisive(b) || a == b) return b;
+  if (neutral(b) || decisive(a)) return a;
+  return found_or_put(op, a, b, -1);
+}
+
+Id Graph::compared(Id a, Id b) {
+  if (!is(a, Op::constant) || !is(b, Op::constant)) return found_or_put(Op::less, a, b, -1);
+  const Id nowhere = operation(Op::none);
+  return nodes_[a].value < nodes_[b].value ? inverted(nowhere) : nowhere;
+}
+
+Id Graph::selected(Id mask, Id yes, Id no) {
+  if (yes == no || is(mask, Op::none)) return no;
+  if (everywhere(mask)) return yes;
+  return found_or_put(Op::select, mask, yes, no);
+}
+
+Id Graph::operation(Op op, Id a, Id b, Id c) {
+  switch (op) {
+    case Op::negate: return negated(a);
+    case Op::add: return sum(a, b);
+    case Op::subtract: return difference(a, b);
+    case Op::multiply: return product(a, b);
+    case Op::divide: return quotient(a, b);
+    case Op::fma:
+    case Op::fnma: return product_and(op, a, b, c);
+    case Op::either:
+    case Op::both: return of_masks(op, a, b);
+    case Op::select: return selected(a, b, c);
+    case Op::less: return compared(a, b);
+    case Op::invert: return inverted(a);
+    case Op::sqrt:
+      if (is(a, Op::constant)) return constant(std::sqrt(nodes_[a].value));
+      return found_or_put(op, a, b, c);
+    default: return found_or_put(op, a, b, c);
+  }
+}
+
+std::vector<Id> Graph::begin_loop(int times, const std::vector<Id>& start) {
+  if (items_.empty() || items_.back().kind != Item::straight) items_.emplace_back();
+  open_loop_ = static_cast<int>(items_.size());
+  Item& loop = items_.emplace_back();
+  loop.kind = Item::loop;
+  loop.times = times;
+  loop.start = start;
+  for (std::size_t i = 0; i < start.size(); ++i) items_[open_loop_].variable.push_back(variable(open_loop_));
+  return items_[open_loop_].variable;
+}
+
+Id Graph::variable(int item) {
+  Node node;
+  node.op = Op::variable;
+  node.item = item;
+  nodes_.push_back(node);
+  return static_cast<Id>(nodes_.size()) - 1;
+}
+
+std::vector<Id> Graph::end_loop(const std::vector<Id>& next) {
+  Item& loop = items_[open_loop_];
+  loop.next = next;
+  open_loop_ = -1;
+  // The same names, but other nodes: what was computed of them inside belongs to the turn before.
+  std::vector<Id> after;
+  for (Id variable : loop.variable) {
+    Node node;
+    node.op = Op::variable;
+    node.operand[0] = variable;
+    after.push_back(static_cast<Id>(nodes_.size()));
+    nodes_.push_back(node);
+  }
+  return after;
+}
+
+void Graph::effect(std::vector<Store> stores, const std::string& code) {
+  Item& item = items_.emplace_back();
+  item.kind = Item::effect;
+  item.stores = std::move(stores);
+  item.code = code;
+}
+
+std::vector<Id> Graph::effect_if(Id condition, std::vector<Store> stores, const std::string& code,
+                                 const std::vector<Store>& changed) {
+  effect(std::move(stores), code);
+  Item& item = items_.back();
+  item.condition = condition;
+  for (const Store& store : changed) {
+    item.variable.push_back(variable(static_cast<int>(items_.size()) - 1));
+    item.start.push_back(store.value);
+    item.place.push_back(store.place);
+  }
+  return item.variable;
+}
+
+void Graph::forget() {
+  known_.clear();
+  inputs_.clear();
+}
+
+void Graph::name(Id id, const std::string& name) {
+  if (!is(id, Op::constant)) names_.try_emplace(id, name);
+}
+
+}  // namespace lockstep::generate

@@ -1,0 +1,77 @@
+# Straight-line kernels at build time. SPDX-License-Identifier: Apache-2.0
+#
+#   lockstep_add_kernel(target MODEL robot.urdf [NAME name] [PRECISION f32|f64|both] [OPTIONS --dt 1/240 ...])
+#
+# has `lockstep generate` write the step of that model, compiles it for every instruction set that the library has and
+# links it to the target, whose batches of that very plan use it. OPTIONS are those of the command; NAME, the file's by
+# default, must be unlike that of any other kernel of the program.
+#
+#   lockstep_add_kernel_source(target NAME name SOURCE file.cpp)
+#
+# is the second half, for a file that generate_kernel() wrote.
+
+function(lockstep_add_kernel target)
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "MODEL;NAME;PRECISION" "OPTIONS")
+  if(NOT arg_MODEL OR arg_UNPARSED_ARGUMENTS)
+    message(FATAL_ERROR "lockstep_add_kernel(${target}): give MODEL, and beside it only NAME, PRECISION, OPTIONS")
+  endif()
+  get_filename_component(model ${arg_MODEL} ABSOLUTE)
+  if(NOT arg_NAME)
+    get_filename_component(arg_NAME ${arg_MODEL} NAME_WE)
+  endif()
+  string(MAKE_C_IDENTIFIER ${arg_NAME} name)
+  if(NOT arg_PRECISION)
+    set(arg_PRECISION both)
+  endif()
+  if(TARGET lockstep_tool)
+    set(command lockstep_tool)
+  else()
+    set(command lockstep::lockstep_tool)
+  endif()
+  set(source ${CMAKE_CURRENT_BINARY_DIR}/${target}_kernels/${name}.cpp)
+  file(MAKE_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR}/${target}_kernels)
+  add_custom_command(OUTPUT ${source} DEPENDS ${model} ${command} VERBATIM
+    COMMAND ${command} generate ${model} --out ${source} --name ${name} --precision ${arg_PRECISION} ${arg_OPTIONS})
+  lockstep_add_kernel_source(${target} NAME ${name} SOURCE ${source})
+endfunction()
+
+function(lockstep_add_kernel_source target)
+  cmake_parse_arguments(PARSE_ARGV 1 arg "" "NAME;SOURCE" "")
+  set(targets baseline)
+  set(flags_baseline "")
+  if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+    list(APPEND targets avx2)
+    set(flags_avx2 -mavx2 -mfma)
+  endif()
+  set(declared "")
+  set(registered "")
+  foreach(isa ${targets})
+    set(object ${target}_${arg_NAME}_${isa})
+    add_library(${object} OBJECT ${arg_SOURCE})
+    target_compile_features(${object} PRIVATE cxx_std_20)
+    target_include_directories(${object} PRIVATE ${LOCKSTEP_KERNEL_INCLUDE_DIR})
+    target_compile_definitions(${object} PRIVATE LOCKSTEP_KERNEL_TARGET=${isa})
+    # The flags of the library's own kernels: no errno, no traps, no multiply-add that the code does not ask for.
+    target_compile_options(${object} PRIVATE -O3 -ffp-contract=off -fno-math-errno -fno-trapping-math ${flags_${isa}})
+    target_sources(${target} PRIVATE $<TARGET_OBJECTS:${object}>)
+    string(APPEND declared "extern const GeneratedKernel ${arg_NAME}_${isa};\n")
+    list(APPEND registered ${arg_NAME}_${isa})
+  endforeach()
+  list(JOIN registered ", " registered)
+  set(registration ${CMAKE_CURRENT_BINARY_DIR}/${target}_kernels/${arg_NAME}_registered.cpp)
+  file(CONFIGURE OUTPUT ${registration} @ONLY CONTENT [=[
+// Makes the generated kernels known before main(): compiled for every machine, as they are not.
+#include "targets/generated_kernel.h"
+
+namespace lockstep {
+
+@declared@
+namespace {
+const RegisterKernels registered{@registered@};
+}  // namespace
+
+}  // namespace lockstep
+]=])
+  target_sources(${target} PRIVATE ${registration})
+  set_source_files_properties(${registration} PROPERTIES INCLUDE_DIRECTORIES ${LOCKSTEP_KERNEL_INCLUDE_DIR})
+endfunction()

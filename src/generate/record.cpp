@@ -1,0 +1,104 @@
+#include "record.h"
+
+#include <fmt/format.h>
+
+#include "../kernels/gear_ratios.h"
+#include "recorder.h"
+
+// Stages that look at what is in the lanes before they know what to do have no straight-line code: generated code
+// calls them as the tables do. Declared before step.h, which finds them in place of its own.
+namespace lockstep::kernels {
+
+using generate::Recorded;
+using generate::recorder;
+
+inline void first_pass(Tile<Recorded>&) { recorder->run("first_pass(x);\ndo {"); }
+inline void limited_drives(const Tables<double>&, const Lanes<double>&, Tile<Recorded>&) {
+  recorder->run("limited_drives(t, lanes, x);");
+}
+inline bool saturation_differs(const Tables<double>&, const Lanes<double>&, Tile<Recorded>&) {
+  recorder->run("} while (saturation_differs(t, lanes, x));");
+  return false;
+}
+inline void forget_bounds(Tile<Recorded>&) { recorder->run("forget_bounds(x);"); }
+inline bool bounds_act(const Tables<double>&, Tile<Recorded>&) {
+  recorder->run("if (bounds_act(t, x)) compete(t, lanes, x);");
+  return false;
+}
+inline void compete(const Tables<double>&, const Lanes<double>&, Tile<Recorded>&) {}  // in the line above
+inline void diagnose(const Tables<double>&, const Lanes<double>&, Tile<Recorded>&) {
+  recorder->run("diagnose(t, lanes, x);");
+}
+inline void hold_frozen(const Tables<double>&, const Lanes<double>&, Tile<Recorded>& x, Recorded::Mask failed) {
+  recorder->hold_if(x.frozen.id, failed.id);
+}
+inline void coupling_impulses(const Tables<double>& t, Tile<Recorded>& x);
+
+template <int N, class Turn>
+void repeat(int times, const Tile<Recorded>&, Recorded* const (&handed)[N], int length, Turn&& turn) {
+  if (times < 2) {
+    for (int i = 0; i < times; ++i) turn();
+    return;
+  }
+  const auto gather = [&] {
+    std::vector<generate::Id> all;
+    for (Recorded* array : handed)
+      for (int i = 0; i < length; ++i) all.push_back(array[i].id);
+    return all;
+  };
+  const auto spread = [&](const std::vector<generate::Id>& all) {
+    for (int a = 0; a < N; ++a)
+      for (int i = 0; i < length; ++i) handed[a][i] = Recorded::of(all[a * length + i]);
+  };
+  spread(recorder->graph.begin_loop(times, gather()));
+  turn();
+  spread(recorder->graph.end_loop(gather()));
+}
+
+}  // namespace lockstep::kernels
+
+#include "../kernels/step.h"
+
+namespace lockstep::kernels {
+
+inline void coupling_impulses(const Tables<double>& t, Tile<Recorded>& x) {
+  if (t.bounds.form.count > 0) return recorder->run("coupling_impulses(t, x);");
+  coupling_impulses<Recorded>(t, x);
+}
+
+}  // namespace lockstep::kernels
+
+namespace lockstep::generate {
+
+Graph record_step(const Program& program) {
+  const Tables<double>& t = program.f64;
+  Lanes<double> lanes;
+  lanes.stride = 1;
+  RecordedTile x{};
+  Recorder recording(t, x);
+  std::vector<std::vector<double>> blocks;
+  const auto rows = [&](int count, const std::string& name) {
+    double* first = blocks.emplace_back(static_cast<std::size_t>(count) + 1).data();
+    recording.add_rows(first, count, name);
+    return first;
+  };
+  lanes.position_target = rows(t.joints, "position_target");
+  lanes.velocity_target = rows(t.joints, "velocity_target");
+  lanes.effort = rows(t.joints, "effort");
+  const int field_rows[parameter_count] = {t.term_gear.count, t.couplings, 2 * t.couplings, 2 * t.joints,
+                                           t.joints, t.links, 3, 6 * t.links, t.couplings};
+  for (int f = 0; f < parameter_count; ++f)
+    if ((t.per_environment >> f) & 1u) lanes.field[f] = rows(field_rows[f], fmt::format("field[{}]", f));
+
+  if (!kernels::declared<Recorded>(t, 0)) {
+    kernels::spread(t.term_value, x.coefficient);
+    kernels::spread(t.reduction.value, x.share);
+    kernels::spread(t.reduction.inverse_value, x.inverse_form);
+    kernels::spread(t.rows.term_value, x.row_value);
+  }
+  kernels::step(t, lanes, x);
+  recording.finish();
+  return std::move(recording.graph);
+}
+
+}  // namespace lockstep::generate

@@ -1,0 +1,147 @@
+#include "recorder.h"
+
+#include <fmt/format.h>
+
+#include "../kernels/projection.h"
+
+namespace lockstep::generate {
+
+using kernels::Lasts;
+
+Id record_constant(double value) { return recorder->graph.constant(value); }
+Id record(Op op, Id a, Id b, Id c) { return recorder->graph.operation(op, a, b, c); }
+Id record_load(const double* p) { return recorder->load(p); }
+void record_name(const void* place, Id id) { recorder->name(place, id); }
+
+namespace {
+
+using Part = std::pair<std::string, std::string>;  // of an element: in C++, in a name
+
+std::vector<Part> parts(const Recorded*) { return {{"", ""}}; }
+std::vector<Part> parts(const simd::Vec3<Recorded>*) { return {{".x", "_x"}, {".y", "_y"}, {".z", "_z"}}; }
+std::vector<Part> parts(const simd::Mat3<Recorded>*) {
+  std::vector<Part> all;
+  for (int k = 0; k < 9; ++k) all.push_back({fmt::format(".m[{}]", k), fmt::format("_{}{}", "xyz"[k / 3], "xyz"[k % 3])});
+  return all;
+}
+std::vector<Part> parts(const simd::PseudoInertia<Recorded>*) {
+  std::vector<Part> all{{".mass", "_mass"}, {".moment.x", "_hx"}, {".moment.y", "_hy"}, {".moment.z", "_hz"}};
+  const char* const pairs[] = {"xx", "yy", "zz", "yz", "xz", "xy"};
+  for (int k = 0; k < 6; ++k) all.push_back({fmt::format(".second[{}]", k), fmt::format("_{}", pairs[k])});
+  return all;
+}
+std::vector<Part> parts(const void*) { return {}; }  // what only code that is not recorded looks at
+
+}  // namespace
+
+/// Takes the place of Carver. No two arrays share their room.
+struct Take {
+  Recorder* recorder;
+  template <class E>
+  void operator()(const char* name, E*& array, int count, Lasts lasts = Lasts::step) {
+    const std::size_t first = recorder->used_;
+    array = reinterpret_cast<E*>(recorder->block_.get() + first);
+    recorder->used_ += sizeof(E) * static_cast<std::size_t>(count);
+    const std::vector<Part> all = parts(array);
+    Id* number = reinterpret_cast<Id*>(array);
+    for (int i = 0; i < count; ++i)
+      for (const auto& [in_code, in_name] : all)
+        recorder->add_slot(number++, fmt::format("x.{}[{}]{}", name, i, in_code), fmt::format("{}_{}{}", name, i, in_name), lasts);
+  }
+};
+
+namespace {
+
+struct Measure {
+  std::size_t* bytes;
+  template <class E>
+  void operator()(const char*, E*& array, int count, Lasts = Lasts::step) {
+    array = nullptr;
+    *bytes += sizeof(E) * static_cast<std::size_t>(count);
+  }
+};
+
+}  // namespace
+
+Recorder::Recorder(const Tables<double>& tables, RecordedTile& tile) {
+  recorder = this;
+  std::size_t bytes = 0;
+  Measure measure{&bytes};
+  kernels::arrays(tables, tile, measure);
+  block_ = std::make_unique<std::byte[]>(bytes + 1);
+  slot_at_.assign(bytes / sizeof(Id) + 1, -1);
+  Take take{this};
+  kernels::arrays(tables, tile, take);
+  add_slot(&tile.frozen.id, "x.frozen", "frozen", Lasts::state, true);
+  add_slot(&tile.singular.id, "x.singular", "singular", Lasts::step, true);
+}
+
+void Recorder::add_slot(Id* now, const std::string& place, const std::string& name, Lasts lasts, bool mask) {
+  slots_.push_back({now, -1, place, name, lasts, mask});
+  read(slots_.back());
+  const auto offset = reinterpret_cast<std::byte*>(now) - block_.get();
+  if (!mask) slot_at_[static_cast<std::size_t>(offset) / sizeof(Id)] = static_cast<int>(slots_.size()) - 1;
+}
+
+void Recorder::read(Slot& slot) {
+  slot.stored = *slot.now = graph.input(slot.place, slot.mask);
+  graph.name(slot.stored, slot.name);
+}
+
+void Recorder::add_rows(const double* first, int count, const std::string& name) { rows_.push_back({first, count, name}); }
+
+Id Recorder::load(const double* p) {
+  for (const Rows& rows : rows_)
+    if (p >= rows.first && p < rows.first + rows.count) {
+      const auto row = p - rows.first;
+      return graph.input(row == 0 ? fmt::format("T::load(lanes.{})", rows.name)
+                                  : fmt::format("T::load(lanes.{} + {} * lanes.stride)", rows.name, row), false);
+    }
+  throw Error("a kernel", "reads a row of the batch that nobody declared", "report this as a bug");
+}
+
+void Recorder::name(const void* place, Id id) {
+  const auto offset = static_cast<const std::byte*>(place) - block_.get();
+  if (offset < 0 || static_cast<std::size_t>(offset) >= used_) return;
+  const int slot = slot_at_[static_cast<std::size_t>(offset) / sizeof(Id)];
+  if (slot >= 0) graph.name(id, slots_[slot].name);
+}
+
+template <class Wanted>
+std::vector<Store> Recorder::changed(Wanted wanted) {
+  std::vector<Store> stores;
+  for (const Slot& slot : slots_)
+    if (wanted(slot.lasts) && *slot.now != slot.stored) stores.push_back({slot.place, *slot.now});
+  return stores;
+}
+
+void Recorder::run(const std::string& code) {
+  const auto shared = [](Lasts lasts) { return lasts == Lasts::step || lasts == Lasts::state; };
+  graph.effect(changed(shared), code);
+  graph.forget();
+  for (Slot& slot : slots_)
+    if (shared(slot.lasts)) read(slot);
+}
+
+void Recorder::hold_if(Id condition, Id failed) {
+  std::vector<Store> flags, ends;
+  std::vector<Slot*> end_slots;
+  for (Slot& slot : slots_) {
+    if (slot.name == "singular" || slot.name == "frozen") flags.push_back({slot.place, *slot.now});
+    if (!slot.name.starts_with("next_")) continue;
+    ends.push_back({slot.place, *slot.now});
+    end_slots.push_back(&slot);
+  }
+  flags.push_back({"const typename T::Mask failed", failed});
+  const std::vector<Id> after = graph.effect_if(condition, std::move(flags), "hold(t, lanes, x, failed);", ends);
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    *end_slots[i]->now = after[i];
+    graph.name(after[i], end_slots[i]->name);
+  }
+}
+
+void Recorder::finish() {
+  graph.effect(changed([](Lasts lasts) { return lasts == Lasts::state; }), "");
+}
+
+}  // namespace lockstep::generate

@@ -1,0 +1,66 @@
+// Recorder: the graph of a step and the tile that it is written down in. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <memory>
+
+#include "../kernels/lay_out.h"
+#include "recorded.h"
+
+namespace lockstep::generate {
+
+using RecordedTile = kernels::Tile<Recorded>;
+
+class Recorder {
+ public:
+  /// Lays out the tile, every number of it read from the kernel's own memory, and becomes the thread's recorder.
+  Recorder(const Tables<double>& tables, RecordedTile& tile);
+  ~Recorder() { recorder = nullptr; }
+  Recorder(const Recorder&) = delete;
+
+  /// A row of the batch, of which numbers are loaded: `count` of them, `name` in C++.
+  void add_rows(const double* first, int count, const std::string& name);
+
+  /// Code that works on the tile in memory: what has changed is stored before, and read again afterwards.
+  void run(const std::string& code);
+  /// hold(): stores what the step came to and what it flags by, and reads again where the step ends.
+  void hold_if(Id condition, Id failed);
+  /// What the next step starts from goes to memory.
+  void finish();
+
+  Id load(const double* p);
+  void name(const void* place, Id id);
+
+  Graph graph;
+
+ private:
+  /// A number of the tile.
+  struct Slot {
+    Id* now;             ///< the node that stands there
+    Id stored;           ///< the node that the kernel's own memory holds
+    std::string place;   ///< how C++ says it
+    std::string name;
+    kernels::Lasts lasts;
+    bool mask;
+  };
+  struct Rows {
+    const double* first;
+    int count;
+    std::string name;
+  };
+
+  friend struct Take;
+  void add_slot(Id* now, const std::string& place, const std::string& name, kernels::Lasts lasts, bool mask = false);
+  template <class Wanted>
+  std::vector<Store> changed(Wanted wanted);
+  void read(Slot& slot);
+
+  std::unique_ptr<std::byte[]> block_;
+  std::size_t used_ = 0;
+  std::vector<Slot> slots_;
+  std::vector<int> slot_at_;  ///< by place in the block, -1 for none
+  std::vector<Rows> rows_;
+};
+
+}  // namespace lockstep::generate

@@ -1,0 +1,278 @@
+#include "write.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <set>
+
+#include "../simd/sincos.h"
+
+namespace lockstep::generate {
+namespace {
+
+constexpr int deepest = 5;  // of expressions within each other: a line that one can still read
+
+class Writer {
+ public:
+  explicit Writer(const Graph& graph) : graph_(graph), nodes_(graph.nodes()), uses_(nodes_.size(), 0), live_(nodes_.size(), false),
+        absorbed_(nodes_.size(), false), nested_(nodes_.size(), false) {}
+
+  Written write() {
+    find_live();
+    find_fused();
+    find_nested();
+    for (const Item& item : graph_.items()) {
+      if (item.kind == Item::straight) lines(item, 0);
+      if (item.kind == Item::loop) loop(item);
+      if (item.kind == Item::effect) effect(item);
+    }
+    return std::move(out_);
+  }
+
+ private:
+  void find_live() {
+    for (const Item& item : graph_.items()) {
+      for (const Store& store : item.stores) use(store.value);
+      if (item.condition < 0) continue;
+      use(item.condition);
+      for (Id variable : item.variable) use(variable);
+    }
+  }
+
+  void use(Id id) {
+    ++uses_[id];
+    if (live_[id]) return;
+    live_[id] = true;
+    const Node& node = nodes_[id];
+    if (node.op == Op::variable && node.operand[0] < 0) {
+      for (const Item& item : graph_.items())
+        for (std::size_t i = 0; i < item.variable.size(); ++i)
+          if (item.variable[i] == id) {
+            use(item.start[i]);
+            if (item.kind == Item::loop) use(item.next[i]), ++uses_[item.next[i]];
+          }
+    }
+    for (Id o : node.operand)
+      if (o >= 0) use(o);
+  }
+
+  // A product that only one sum wants becomes part of it.
+  void find_fused() {
+    for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id) {
+      const Node& node = nodes_[id];
+      if (!live_[id] || (node.op != Op::add && node.op != Op::subtract)) continue;
+      for (int i : {1, 0}) {
+        const Id o = node.operand[i];
+        if (nodes_[o].op != Op::multiply || uses_[o] != 1 || nodes_[o].item != node.item) continue;
+        product_of_[id] = o;
+        absorbed_[o] = true;
+        break;
+      }
+    }
+  }
+
+  // A value that only one other wants, next to it, needs no name - unless the line would get too long.
+  void find_nested() {
+    std::vector<int> user(nodes_.size(), -1), depth(nodes_.size(), 0);  // item of the last to use it
+    for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id)
+      for (Id o : nodes_[id].operand)
+        if (live_[id] && o >= 0) user[o] = nodes_[id].item;
+    for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id) {
+      if (!live_[id]) continue;
+      const Node& node = nodes_[id];
+      for (Id o : operands(id)) depth[id] = std::max(depth[id], nested_[o] ? depth[o] + 1 : 0);
+      const bool named = node.op == Op::input || node.op == Op::variable || node.op == Op::sine || node.op == Op::cosine;
+      const bool nameless = node.op == Op::constant || node.op == Op::none || node.op == Op::rounding;
+      nested_[id] = nameless || (!named && uses_[id] == 1 && !absorbed_[id] && depth[id] < deepest &&
+                                 (user[id] < 0 || user[id] == node.item));
+    }
+  }
+
+  // As they are written: those of the product that a sum has become one with are its own.
+  std::vector<Id> operands(Id id) const {
+    std::vector<Id> all;
+    for (Id o : nodes_[id].operand) {
+      if (o < 0) continue;
+      if (absorbed_[o])
+        all.insert(all.end(), nodes_[o].operand.begin(), nodes_[o].operand.begin() + 2);
+      else
+        all.push_back(o);
+    }
+    return all;
+  }
+
+  static std::string number(double value) {
+    return std::isinf(value) ? fmt::format("n({}__builtin_inf())", value < 0 ? "-" : "") : fmt::format("n({})", value);
+  }
+
+  std::string name(Id id) {
+    if (nodes_[id].op == Op::variable && nodes_[id].operand[0] >= 0) id = nodes_[id].operand[0];
+    if (const auto known = given_.find(id); known != given_.end()) return known->second;
+    const auto wanted = graph_.names().find(id);
+    std::string base = wanted != graph_.names().end() ? wanted->second : "a", full = base;
+    int& count = taken_[base];
+    if (wanted == graph_.names().end() || count > 0) full = fmt::format("{}_{}", base, count);
+    ++count;
+    return given_[id] = full;
+  }
+
+  const Item& home(Id id) const { return graph_.items()[std::max(0, nodes_[id].item)]; }
+  std::string operand(Id id) { return operand(id, home(id)); }
+  std::string operand(Id id, const Item& item) { return nested_[id] ? expression(id, item) : name(id); }
+
+  void count(const Item& item, int flops) {
+    ++out_.operations;
+    out_.flops += static_cast<long>(flops) * (item.kind == Item::loop ? item.times : 1);
+  }
+
+  std::string sum(Id id, const Item& item) {
+    const Node& node = nodes_[id];
+    const bool adds = node.op == Op::add;
+    const Id a = node.operand[0], b = node.operand[1];
+    const auto product = product_of_.find(id);
+    if (product == product_of_.end())
+      return count(item, 1), fmt::format("({} {} {})", operand(a, item), adds ? '+' : '-', operand(b, item));
+    count(item, 2);
+    const bool first = product->second == a;
+    const Node& factors = nodes_[product->second];
+    return fmt::format("{}({}, {}, {}{})", adds || first ? "fma" : "fnma", operand(factors.operand[0], item),
+                       operand(factors.operand[1], item), !adds && first ? "-" : "", operand(first ? b : a, item));
+  }
+
+  std::string expression(Id id, const Item& item) {
+    const Node& node = nodes_[id];
+    const auto arg = [&](int i) { return operand(node.operand[i], item); };
+    switch (node.op) {
+      case Op::constant: return number(node.value);
+      case Op::input: return node.text;
+      case Op::rounding: return "T::rounding()";
+      case Op::none: return "T::none()";
+      case Op::negate: return fmt::format("-{}", arg(0));
+      case Op::add:
+      case Op::subtract: return sum(id, item);
+      case Op::multiply: return count(item, 1), fmt::format("{} * {}", arg(0), arg(1));
+      case Op::divide: return count(item, 1), fmt::format("({} / {})", arg(0), arg(1));
+      case Op::fma: return count(item, 2), fmt::format("fma({}, {}, {})", arg(0), arg(1), arg(2));
+      case Op::fnma: return count(item, 2), fmt::format("fnma({}, {}, {})", arg(0), arg(1), arg(2));
+      case Op::sqrt: return count(item, 1), fmt::format("sqrt({})", arg(0));
+      case Op::less: return count(item, 0), fmt::format("less({}, {})", arg(0), arg(1));
+      case Op::beyond: return count(item, 0), fmt::format("beyond({}, {})", arg(0), arg(1));
+      case Op::either: return count(item, 0), fmt::format("({} | {})", arg(0), arg(1));
+      case Op::both: return count(item, 0), fmt::format("({} & {})", arg(0), arg(1));
+      case Op::invert: return count(item, 0), fmt::format("~{}", arg(0));
+      case Op::select: return count(item, 0), fmt::format("select({}, {}, {})", arg(0), arg(1), arg(2));
+      default: return name(id);
+    }
+  }
+
+  // An input is read where it is first wanted.
+  void read_inputs(Id id, int indent) {
+    if (nodes_[id].op == Op::input) return read_input(id, indent);
+    for (Id o : operands(id))
+      if (nodes_[o].op == Op::input || nested_[o]) read_inputs(o, indent);
+  }
+  void read_input(Id id, int indent) {
+    if (defined_.insert(id).second) line(indent, fmt::format("const {} {} = {};", type(id), name(id), nodes_[id].text));
+  }
+
+  const char* type(Id id) const { return nodes_[id].mask ? "auto" : "T"; }
+
+  void lines(const Item& item, int indent) {
+    for (Id id : item.nodes) {
+      const Node& node = nodes_[id];
+      if (!live_[id] || nested_[id] || absorbed_[id] || defined_.contains(id) || node.op == Op::input) continue;
+      read_inputs(id, indent);
+      if (node.op == Op::sine || node.op == Op::cosine) {
+        both(id, item, indent);
+        continue;
+      }
+      defined_.insert(id);
+      const std::string text = bare(expression(id, item));
+      line(indent, fmt::format("const {} {} = {};", type(id), name(id), text));
+    }
+  }
+
+  static std::string bare(std::string text) {
+    if (text.front() != '(') return text;
+    int open = 0;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+      open += text[i] == '(' ? 1 : text[i] == ')' ? -1 : 0;
+      if (open == 0) return i + 1 == text.size() ? text.substr(1, text.size() - 2) : text;
+    }
+    return text;
+  }
+
+  // sincos gives two.
+  void both(Id id, const Item& item, int indent) {
+    const Node& node = nodes_[id];
+    Id other = -1;
+    for (Id candidate : item.nodes)
+      if (candidate != id && (nodes_[candidate].op == Op::sine || nodes_[candidate].op == Op::cosine) &&
+          nodes_[candidate].operand[0] == node.operand[0])
+        other = candidate;
+    const Id sine = node.op == Op::sine ? id : other, cosine = node.op == Op::sine ? other : id;
+    defined_.insert(sine), defined_.insert(cosine);
+    line(indent, fmt::format("T {}, {};", name(sine), name(cosine)));
+    line(indent, fmt::format("sincos({}, {}, {});", bare(operand(node.operand[0], item)), name(sine), name(cosine)));
+    out_.operations += 20;
+    out_.flops += simd::sincos_flops<float>;
+  }
+
+  void loop(const Item& item) {
+    std::vector<std::size_t> kept;
+    for (std::size_t i = 0; i < item.variable.size(); ++i)
+      if (live_[item.variable[i]]) kept.push_back(i);
+    if (kept.empty()) return;
+    for (Id id : item.nodes)
+      if (live_[id]) read_inputs(id, 0);
+    for (std::size_t i : kept) {
+      read_inputs(item.start[i], 0);
+      line(0, fmt::format("T {} = {};", name(item.variable[i]), bare(operand(item.start[i], item))));
+    }
+    line(0, fmt::format("for (int i = 0; i < {}; ++i) {{", item.times));
+    lines(item, 1);
+    for (std::size_t i : kept) line(1, fmt::format("{} = {};", name(item.variable[i]), bare(operand(item.next[i], item))));
+    line(0, "}");
+  }
+
+  void effect(const Item& item) {
+    const bool guarded = item.condition >= 0;
+    const int indent = guarded ? 1 : 0;
+    for (std::size_t i = 0; i < item.variable.size(); ++i) {
+      read_inputs(item.start[i], 0);
+      line(0, fmt::format("T {} = {};", name(item.variable[i]), bare(operand(item.start[i]))));
+    }
+    for (const Store& store : item.stores) read_inputs(store.value, 0);
+    if (guarded) {
+      read_inputs(item.condition, 0);
+      line(0, fmt::format("if (any({})) {{", bare(operand(item.condition))));
+    }
+    for (std::size_t i = 0; i < item.variable.size(); ++i)
+      line(indent, fmt::format("{} = {};", item.place[i], name(item.variable[i])));
+    for (const Store& store : item.stores) line(indent, fmt::format("{} = {};", store.place, bare(operand(store.value))));
+    if (!item.code.empty()) line(indent, item.code);
+    if (!guarded) return;
+    for (std::size_t i = 0; i < item.variable.size(); ++i)
+      line(1, fmt::format("{} = {};", name(item.variable[i]), item.place[i]));
+    line(0, "}");
+  }
+
+  void line(int indent, const std::string& text) { out_.code += std::string(2 * (indent + 2), ' ') + text + '\n'; }
+
+  const Graph& graph_;
+  const std::vector<Node>& nodes_;
+  std::vector<int> uses_;
+  std::vector<char> live_;
+  std::map<Id, std::string> given_;
+  std::map<std::string, int> taken_;
+  std::set<Id> defined_;
+  std::vector<char> absorbed_, nested_;
+  std::map<Id, Id> product_of_;  ///< by sum
+  Written out_;
+};
+
+}  // namespace
+
+Written write(const Graph& graph) { return Writer(graph).write(); }
+
+}  // namespace lockstep::generate

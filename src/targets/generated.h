@@ -1,0 +1,31 @@
+// What a generated file is compiled from: once per instruction set. SPDX-License-Identifier: Apache-2.0
+//
+// LOCKSTEP_KERNEL_TARGET names the instruction set, whose flags the file is compiled with.
+#pragma once
+
+#include "generated_kernel.h"
+#include "instantiate.h"
+
+#ifndef LOCKSTEP_KERNEL_TARGET
+#define LOCKSTEP_KERNEL_TARGET baseline
+#endif
+#define LOCKSTEP_JOINED_(a, b) a##_##b
+#define LOCKSTEP_JOINED(a, b) LOCKSTEP_JOINED_(a, b)
+#define LOCKSTEP_QUOTED_(a) #a
+#define LOCKSTEP_QUOTED(a) LOCKSTEP_QUOTED_(a)
+/// The kernel's name for the linker: one for each instruction set.
+#define LOCKSTEP_KERNEL(id) LOCKSTEP_JOINED(id, LOCKSTEP_KERNEL_TARGET)
+
+namespace lockstep {
+
+/// Step::step stands in for the tables' way of a step.
+template <class Step, bool f32, bool f64>
+constexpr GeneratedKernel generated_kernel(const char* name, const char* version, std::uint64_t hash) {
+  using Registers = registers::LOCKSTEP_KERNEL_TARGET;
+  GeneratedKernel kernel{name, version, LOCKSTEP_QUOTED(LOCKSTEP_KERNEL_TARGET), hash, nullptr, nullptr};
+  if constexpr (f32) kernel.f32 = kernels::advance<typename Registers::f32, Step>;
+  if constexpr (f64) kernel.f64 = kernels::advance<typename Registers::f64, Step>;
+  return kernel;
+}
+
+}  // namespace lockstep

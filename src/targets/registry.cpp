@@ -1,0 +1,50 @@
+#include "registry.h"
+
+#include <mutex>
+
+#include "lockstep/version.h"
+
+namespace lockstep {
+namespace {
+
+struct Registry {
+  std::mutex mutex;
+  std::vector<const GeneratedKernel*> kernels;
+};
+
+// Made by whoever comes first: kernels register themselves before main().
+Registry& registry() {
+  static Registry all;
+  return all;
+}
+
+}  // namespace
+
+void register_kernel(const GeneratedKernel& kernel) {
+  Registry& all = registry();
+  const std::lock_guard lock(all.mutex);
+  all.kernels.push_back(&kernel);
+}
+
+bool any_kernel_registered() {
+  Registry& all = registry();
+  const std::lock_guard lock(all.mutex);
+  return !all.kernels.empty();
+}
+
+std::vector<const GeneratedKernel*> find_kernels(std::uint64_t hash) {
+  Registry& all = registry();
+  const std::lock_guard lock(all.mutex);
+  std::vector<const GeneratedKernel*> found;
+  for (const GeneratedKernel* kernel : all.kernels)
+    if (kernel->hash == hash && std::string(kernel->version) == version()) found.push_back(kernel);
+  return found;
+}
+
+const GeneratedKernel* find_kernel(std::uint64_t hash, Target target) {
+  for (const GeneratedKernel* kernel : find_kernels(hash))
+    if (std::string(kernel->target) == name(target)) return kernel;
+  return nullptr;
+}
+
+}  // namespace lockstep

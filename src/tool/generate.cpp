@@ -1,0 +1,73 @@
+// lockstep generate: the step of one model as C++ code. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <sstream>
+
+#include "csv.h"
+#include "lockstep/generate.h"
+#include "options.h"
+#include "tool.h"
+
+namespace lockstep::tool {
+namespace {
+
+struct GenerateOptions {
+  ModelOptions model;
+  StepOptions step;
+  KernelOptions kernel;
+  std::string precision = "both", out;
+};
+
+// From "damping,mass" or so. Throws InputError, which lists what there is.
+ParameterSet parameters_of(const std::string& list) {
+  ParameterSet set;
+  std::stringstream names(list);
+  for (std::string wanted; std::getline(names, wanted, ',');) {
+    std::string known;
+    bool found = false;
+    for (int p = 0; p < parameter_count; ++p) {
+      const auto parameter = static_cast<Parameter>(p);
+      known += std::string(known.empty() ? "" : ", ") + name(parameter);
+      if (wanted == name(parameter)) set.insert(parameter), found = true;
+    }
+    if (!found) throw InputError(fmt::format("--per-environment: there is no '{}'; there are {}", wanted, known));
+  }
+  return set;
+}
+
+void run(GenerateOptions& options) {
+  options.kernel.f32 = options.precision != "f64";
+  options.kernel.f64 = options.precision != "f32";
+  const Plan plan = compile(options.model.load().model, options.step.settings);
+  const KernelSource source = generate_kernel(plan, options.kernel);
+  keep_apart({options.model.file}, {options.out});
+  OutputFile file(options.out);
+  file.write(source.code);
+  file.close();
+  fmt::print("{}: {} operations, {} flops a step; kernel {:016x}\n", options.out, source.operations, source.flops, source.hash);
+}
+
+}  // namespace
+
+void add_generate(CLI::App& app, int& exit_code) {
+  CLI::App* command = app.add_subcommand("generate", "Writes the step of one model as straight-line C++ code");
+  const auto options = std::make_shared<GenerateOptions>();
+  options->model.add_to(*command);
+  options->step.add_to(*command);
+  add_parsed(*command, "--per-environment", options->step.settings.per_environment, parameters_of,
+             "Fields that differ from environment to environment, with commas between them")
+      ->type_name("LIST");
+  command->add_flag("--record-impulses", options->step.settings.record_impulses, "For batches that keep impulses");
+  command->add_flag("--record-diagnostics", options->step.settings.record_diagnostics, "For batches that keep diagnostics");
+  command->add_option("--out", options->out, "The C++ file to write")->required();
+  command->add_option("--name", options->kernel.name, "Name of the kernel; the model's if left out");
+  command->add_option("--precision", options->precision, "f32, f64 or both")->check(CLI::IsMember({"f32", "f64", "both"}));
+  command->callback([options, &exit_code] {
+    run(*options);
+    exit_code = fine;
+  });
+}
+
+}  // namespace lockstep::tool

@@ -1,0 +1,144 @@
+// Promises of generated kernels: those of the tables' kernels, and agreement with them. SPDX-License-Identifier: Apache-2.0
+#include <limits>
+#include <sstream>
+
+#include "contract.h"
+#include "plans.h"
+
+namespace lockstep {
+namespace {
+
+using contract::same_bits;
+using contract::scattered;
+
+constexpr Target targets[] = {Target::baseline, Target::avx2};
+constexpr int several = 19;  // tiles of four and eight, and one begun
+
+std::vector<std::string> names() {
+  std::vector<std::string> all;
+  std::stringstream list(LOCKSTEP_KERNELS);
+  for (std::string name; std::getline(list, name, ',');) all.push_back(name);
+  return all;
+}
+
+class Generated : public testing::TestWithParam<std::string> {
+ protected:
+  const Plan plan = generated::plan_of(GetParam());
+
+  // check(options, scalar) for every target that this machine has, in both precisions.
+  template <class Check>
+  void for_every_kernel(Check check) {
+    for (const Target target : targets) {
+      if (!supported(target)) continue;
+      SCOPED_TRACE(name(target));
+      check(BatchOptions{.threads = 1, .target = target}, float());
+      check(BatchOptions{.threads = 1, .target = target}, double());
+    }
+  }
+};
+
+TEST_P(Generated, is_found_and_said) {
+  for_every_kernel([&](const BatchOptions& options, auto scalar) {
+    EXPECT_EQ(Batch<decltype(scalar)>(plan, 1, options).kernel(), "generated " + GetParam());
+    BatchOptions without = options;
+    without.generated = false;
+    EXPECT_EQ(Batch<decltype(scalar)>(plan, 1, without).kernel(), "tables");
+  });
+  EXPECT_NE(plan.describe().find(GetParam() + " for avx2 in f64"), std::string::npos) << plan.describe();
+}
+
+// In one step rounding has no time to grow. Errors of a solve are as large as its condition: velocities of light links
+// behind heavy ones, and impulses of seconds per kilogram, are compared with the largest number beside them.
+TEST_P(Generated, agrees_with_the_tables_to_rounding) {
+  for_every_kernel([&](BatchOptions options, auto scalar) {
+    using S = decltype(scalar);
+    Batch<S> straight = scattered<S>(plan, several, options);
+    options.generated = false;
+    Batch<S> tables = scattered<S>(plan, several, options);
+    straight.step(), tables.step();
+    EXPECT_EQ(straight.faulted(), tables.faulted());
+    const auto agree = [&](const auto& a, const auto& b, const char* what) {
+      if (a.size() == 0) return;
+      const double scale = std::max(1.0, static_cast<double>(b.abs().maxCoeff()));
+      const double off = static_cast<double>((a - b).abs().maxCoeff()) / scale;
+      EXPECT_LE(off, 2000 * static_cast<double>(std::numeric_limits<S>::epsilon())) << what;
+    };
+    agree(straight.positions(), tables.positions(), "positions");
+    agree(straight.velocities(), tables.velocities(), "velocities");
+    agree(straight.root_poses(), tables.root_poses(), "root poses");
+    agree(straight.root_velocities(), tables.root_velocities(), "root velocities");
+    if (plan.settings().record_impulses) agree(straight.coupling_impulses(), tables.coupling_impulses(), "impulses");
+  });
+}
+
+TEST_P(Generated, has_the_same_bits_in_any_batch_and_place) {
+  for_every_kernel([&](const BatchOptions& options, auto scalar) {
+    using S = decltype(scalar);
+    Batch<S> many = scattered<S>(plan, several, options), one_by_one = scattered<S>(plan, several, options);
+    many.step(6);
+    for (int i = 0; i < 6; ++i) one_by_one.step();
+    EXPECT_TRUE(same_bits(many, one_by_one));
+    for (const int place : {0, 5, several - 1}) {
+      Batch<S> alone(plan, 1, options);
+      contract::scatter(alone, 0, static_cast<std::uint64_t>(place));
+      alone.step(6);
+      EXPECT_TRUE(same_bits(many, place, alone, 0));
+    }
+  });
+}
+
+TEST_P(Generated, freezes_what_fails_and_leaves_its_neighbours_alone) {
+  for_every_kernel([&](const BatchOptions& options, auto scalar) {
+    using S = decltype(scalar);
+    Batch<S> sound = scattered<S>(plan, several, options), spoilt = scattered<S>(plan, several, options);
+    spoilt.velocities()(0, 3) = std::numeric_limits<S>::quiet_NaN();
+    spoilt.positions()(0, 9) = std::numeric_limits<S>::infinity();
+    sound.step(3), spoilt.step(3);
+    EXPECT_EQ(spoilt.faults()[3], Fault::not_finite);
+    EXPECT_EQ(spoilt.faults()[9], Fault::not_finite);
+    EXPECT_TRUE(std::isnan(spoilt.velocities()(0, 3)));
+    for (int e = 0; e < several; ++e)
+      if (e != 3 && e != 9) {
+        EXPECT_TRUE(same_bits(sound, e, spoilt, e));
+      }
+  });
+}
+
+INSTANTIATE_TEST_SUITE_P(Plans, Generated, testing::ValuesIn(names()), [](const auto& info) { return info.param; });
+
+TEST(GeneratedKernel, of_another_plan_is_not_taken) {
+  Model model = generated::plan_of("chain8_reduced").model();
+  model.links.back().inertia.mass *= 1.01;
+  const Plan plan = compile(model, generated::plan_of("chain8_reduced").settings());
+  EXPECT_NE(kernel_hash(plan), kernel_hash(generated::plan_of("chain8_reduced")));
+  EXPECT_EQ(Batch<float>(plan, 1).kernel(), "tables");
+}
+
+TEST(GeneratedKernel, depends_on_what_a_step_does_and_on_nothing_else) {
+  Model model = generated::plan_of("chain8_reduced").model();
+  const StepSettings settings = generated::plan_of("chain8_reduced").settings();
+  const std::uint64_t hash = kernel_hash(compile(model, settings));
+  model.joints[0].position += 0.1;  // where environments begin
+  model.name = "another";
+  EXPECT_EQ(kernel_hash(compile(model, settings)), hash);
+  StepSettings other = settings;
+  other.dt *= 2;
+  EXPECT_NE(kernel_hash(compile(model, other)), hash);
+  other = settings;
+  other.per_environment.insert(Parameter::damping);
+  EXPECT_NE(kernel_hash(compile(model, other)), hash);
+}
+
+TEST(GeneratedKernel, refuses_what_is_worked_out_lane_by_lane) {
+  Model model = scenes::chain8();
+  StepSettings settings;
+  settings.method = Method::tgs;
+  settings.per_environment.insert(Parameter::softness);
+  const Plan plan = compile(model, settings);
+  EXPECT_EQ(kernel_hash(plan), 0u);
+  EXPECT_THROW(generate_kernel(plan), SettingsError);
+  EXPECT_NE(plan.describe().find("lane by lane"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace lockstep

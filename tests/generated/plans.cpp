@@ -1,0 +1,50 @@
+#include "plans.h"
+
+#include <stdexcept>
+
+#include "bounded_scenes.h"
+
+namespace lockstep::generated {
+namespace {
+
+constexpr Method methods[] = {Method::reduced, Method::direct, Method::pgs, Method::tgs};
+
+Method method_in(const std::string& name) {
+  for (const Method method : methods)
+    if (name.find(lockstep::name(method)) != std::string::npos) return method;
+  throw std::invalid_argument("no method in the name " + name);
+}
+
+// tgs with a softness per environment is left to the tables.
+ParameterSet fields(Method method, const Model& model) {
+  ParameterSet set;
+  for (int p = 0; p < parameter_count; ++p)
+    if (const auto parameter = static_cast<Parameter>(p); contract::all_parameters(method, model).contains(parameter) &&
+                                                          !(method == Method::tgs && parameter == Parameter::softness))
+      set.insert(parameter);
+  return set;
+}
+
+}  // namespace
+
+Plan plan_of(const std::string& name) {
+  const auto has = [&](const char* word) { return name.find(word) != std::string::npos; };
+  Model model;
+  StepSettings settings;
+  if (has("random_")) {
+    scenes::RandomOptions options;
+    options.max_dofs = 8;
+    options.redundant = false;  // reduced refuses them under gear ratios per environment
+    const auto seed = std::stoull(name.substr(name.find("random_") + 7));
+    model = scenes::random_model(seed, options);
+    settings.method = methods[seed % 4];
+  } else {
+    model = scenes::scene(name.substr(0, name.find('_'))).model;
+    settings.method = method_in(name);
+  }
+  if (has("_bounds")) model = contract::bounded(model), settings.record_diagnostics = true;
+  if (has("_fields")) settings.per_environment = fields(settings.method, model), settings.record_impulses = true;
+  return compile(model, settings);
+}
+
+}  // namespace lockstep::generated
