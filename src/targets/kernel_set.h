@@ -19,7 +19,7 @@ struct KernelSet {
 };
 
 // One translation unit each, compiled for its instruction set.
-extern const KernelSet<float> baseline_f32, baseline_scalar_f32, avx2_f32, avx2_scalar_f32;
-extern const KernelSet<double> baseline_f64, baseline_scalar_f64, avx2_f64, avx2_scalar_f64;
+extern const KernelSet<float> baseline_f32, baseline_scalar_f32, avx2_f32, avx2_scalar_f32, avx512_f32;
+extern const KernelSet<double> baseline_f64, baseline_scalar_f64, avx2_f64, avx2_scalar_f64, avx512_f64;
 
 }  // namespace lockstep
