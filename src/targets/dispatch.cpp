@@ -16,18 +16,27 @@ struct Choice {
 };
 
 bool always() { return true; }
+
+#ifdef __x86_64__
 bool has_avx2() { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
 bool has_avx512() {
   return has_avx2() && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
          __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
 }
+#endif
 
 // What automatic takes first stands first.
 const Choice choices[] = {
+#ifdef __x86_64__
     {Target::avx512, has_avx512, avx512_f32, avx512_f64},
     {Target::avx2, has_avx2, avx2_f32, avx2_f64},
-    {Target::baseline, always, baseline_f32, baseline_f64},
     {Target::avx2_scalar, has_avx2, avx2_scalar_f32, avx2_scalar_f64},
+#endif
+#ifdef __aarch64__
+    {Target::neon, always, neon_f32, neon_f64},
+    {Target::neon_scalar, always, neon_scalar_f32, neon_scalar_f64},
+#endif
+    {Target::baseline, always, baseline_f32, baseline_f64},
     {Target::baseline_scalar, always, baseline_scalar_f32, baseline_scalar_f64},
 };
 
@@ -59,6 +68,8 @@ const char* name(Target target) noexcept {
     case Target::avx2: return "avx2";
     case Target::avx2_scalar: return "avx2_scalar";
     case Target::avx512: return "avx512";
+    case Target::neon: return "neon";
+    case Target::neon_scalar: return "neon_scalar";
     case Target::automatic: break;
   }
   return "automatic";

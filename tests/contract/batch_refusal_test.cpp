@@ -139,6 +139,7 @@ TEST_F(TargetVariable, chooses_where_the_options_leave_it_open) {
   }
   const Target best = supported(Target::avx512) ? Target::avx512
                       : supported(Target::avx2) ? Target::avx2
+                      : supported(Target::neon) ? Target::neon
                                                 : Target::baseline;
   setenv("LOCKSTEP_TARGET", "", 1);
   EXPECT_EQ(Batch<float>(plan, 1).target(), best);

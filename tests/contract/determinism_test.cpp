@@ -20,10 +20,11 @@ struct ArithmeticClass {
   std::vector<Target> wide;
 };
 const ArithmeticClass classes[] = {{Target::baseline_scalar, {Target::baseline}},
-                                   {Target::avx2_scalar, {Target::avx2, Target::avx512}}};
+                                   {Target::avx2_scalar, {Target::avx2, Target::avx512}},
+                                   {Target::neon_scalar, {Target::neon}}};
 constexpr int several = 17;           // one more than the lanes of the widest tile
 constexpr int places[] = {0, 3, 7, 8, 12, 15, 16};
-constexpr int a_task_each = 2100;     // more than one task for each of eight threads
+constexpr int a_task_each = 2100;     // more lines of the cache, the least tasks, than eight threads take at once
 constexpr std::uint64_t same = 4242;  // seed of the environment that changes its place
 
 std::vector<Model> scenes_and_random_models(int random_models) {

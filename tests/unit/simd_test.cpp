@@ -47,9 +47,13 @@ void for_every_wide_type(Check check) {
     (one(operations), ...);
   };
   each(baseline_f32, baseline_f64, scalar_f32, scalar_f64);
+#ifdef __aarch64__
+  each(simd_test::neon_f32, simd_test::neon_f64, simd_test::neon_scalar_f32, simd_test::neon_scalar_f64);
+#else
   if (supported(Target::avx2))
     each(simd_test::avx2_f32, simd_test::avx2_f64, simd_test::avx2_scalar_f32, simd_test::avx2_scalar_f64);
   if (supported(Target::avx512)) each(simd_test::avx512_f32, simd_test::avx512_f64);
+#endif
 }
 
 // What sincos.h promises, against the long double of the C library.
