@@ -32,7 +32,7 @@ const std::vector<Area> areas = {
     // What chooses among the kernels is not compiled for any of them, and may know more than they do.
     {"src/targets/dispatch", {"include/lockstep/batch.h", "include/lockstep/error.h", "src/targets/kernel_set.h", "std"}},
     {"src/targets/", {"src/kernels/", "cstdint", "cstddef"}},
-    {"src/batch/", {"include/lockstep/", "src/plan/", "src/targets/", "std", "Eigen/", "tbb/"}},
+    {"src/batch/", {"include/lockstep/", "src/plan/", "src/targets/", "std", "Eigen/", "tbb/", "sys/mman.h"}},
     {"src/reference/", {"include/lockstep/", "src/model/", "std", "Eigen/"}},
     {"src/report/", {"include/lockstep/", "src/plan/", "src/kernels/", "src/simd/", "std", "Eigen/", "fmt/"}},
     {"src/tool/", {"include/lockstep/", "std", "Eigen/", "fmt/", "CLI/", "nlohmann/", "fcntl.h", "spawn.h", "sys/",
