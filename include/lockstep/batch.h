@@ -26,17 +26,24 @@ enum class Fault : std::uint32_t {
 const char* name(Fault fault) noexcept;
 
 /// The instruction set that the kernels use. All give the same answers to rounding; those of one
-/// arithmetic class (fused: avx2 and its scalar twin; unfused: baseline and its twin) the same bits.
+/// arithmetic class (fused: avx2, avx512, neon and the scalar twins; unfused: baseline and its twin) the same bits.
 enum class Target {
   automatic,       ///< the best this machine has; the environment variable LOCKSTEP_TARGET, set to one of
                    ///< the names below, takes precedence
-  baseline,        ///< SSE2, every x86-64
+  baseline,        ///< what every processor has: SSE2 or NEON, multiply-adds as two instructions
   baseline_scalar, ///< its scalar twin: one environment at a time, the same bits
   avx2,            ///< AVX2 and FMA
   avx2_scalar,     ///< its scalar twin
+  avx512,          ///< AVX-512 F, BW, DQ and VL; avx2_scalar is its scalar twin as well
+  neon,            ///< AArch64
+  neon_scalar,     ///< its scalar twin
 };
 
-/// "baseline", "baseline_scalar", "avx2", "avx2_scalar", "automatic".
+/// Every one but automatic, whether this machine supports it or not.
+inline constexpr Target all_targets[] = {Target::baseline, Target::baseline_scalar, Target::avx2, Target::avx2_scalar,
+                                         Target::avx512, Target::neon, Target::neon_scalar};
+
+/// "baseline", "baseline_scalar", "avx2", "avx2_scalar", "avx512", "neon", "neon_scalar", "automatic".
 const char* name(Target target) noexcept;
 bool supported(Target target) noexcept;  ///< by this machine
 

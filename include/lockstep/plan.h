@@ -51,6 +51,8 @@ class Plan {
   long flops_per_step() const;
   /// Bytes that one environment's step(1) reads and writes in memory, at the given scalar size.
   long bytes_per_step(int scalar_bytes) const;
+  /// Bytes that a Batch holds for one environment, at the given scalar size.
+  long bytes_per_environment(int scalar_bytes) const;
 
   const Program& program() const { return *program_; }
 

@@ -26,8 +26,10 @@ struct Batch<S>::Impl {
   Impl(const Plan& p, int count, const BatchOptions& options)
       : plan(p), environments(checked_environments(count)), target(resolve(options.target)),
         tables(lockstep::tables<S>(p.program())), kernels(kernels_for<S>(target)),
-        generated(options.generated ? generated_for(p, target) : nullptr), advance(generated ? function(*generated) : kernels.advance),
-        stride(row_stride<S>(count)), workers(options.threads, kernels.scratch_bytes(tables)) {
+        generated(options.generated ? generated_for(p, target) : nullptr),
+        advance(generated ? function(*generated) : kernels.advance), stride(row_stride<S>(count)),
+        step_nanoseconds(static_cast<double>(p.flops_per_step()) / (flop_rate * kernels.lanes * (generated ? 3 : 1))),
+        workers(options.threads, kernels.scratch_bytes(tables)) {
     if (options.threads < 0)
       throw SettingsError("threads", "is negative", "give 0 for all, or a number");
     const int dofs = tables.joints;
@@ -176,23 +178,26 @@ struct Batch<S>::Impl {
     return l;
   }
 
-  int tiles() const { return (environments + kernels.lanes - 1) / kernels.lanes; }
+  /// Environments in whole tiles.
+  std::ptrdiff_t stepped() const {
+    return static_cast<std::ptrdiff_t>((environments + kernels.lanes - 1) / kernels.lanes) * kernels.lanes;
+  }
 
   void step(int substeps) {
     const Lanes<S> l = lanes();
-    workers.for_tiles(tiles(), [&](int first, int last, void* scratch) {
-      advance(tables, l, static_cast<std::ptrdiff_t>(first) * kernels.lanes,
-                      static_cast<std::ptrdiff_t>(last) * kernels.lanes, substeps, scratch);
-    });
+    workers.for_environments(stepped(), step_nanoseconds * substeps,
+                              [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
+                                advance(tables, l, first, last, substeps, scratch);
+                              });
   }
 
   Array read(const kernels::Request<S>& request, int row_count) {
     AlignedBlock<S> result = rows(row_count);
     const Lanes<S> l = lanes();
-    workers.for_tiles(tiles(), [&](int first, int last, void* scratch) {
-      kernels.read(tables, l, static_cast<std::ptrdiff_t>(first) * kernels.lanes,
-                   static_cast<std::ptrdiff_t>(last) * kernels.lanes, request, result.data(), stride, scratch);
-    });
+    workers.for_environments(stepped(), step_nanoseconds,
+                             [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
+                               kernels.read(tables, l, first, last, request, result.data(), stride, scratch);
+                             });
     return View(result.data(), row_count, environments, Eigen::OuterStride<>(stride));
   }
 
@@ -218,9 +223,11 @@ struct Batch<S>::Impl {
   Target target;
   const Tables<S>& tables;
   const KernelSet<S>& kernels;
+  static constexpr double flop_rate = 8.0;  // of tables, per lane and nanosecond, about: for the size of tasks
   const GeneratedKernel* generated;
   Advance<S> advance;
   std::ptrdiff_t stride;
+  double step_nanoseconds;  // of one environment
   Workers workers;
   AlignedBlock<S> position, velocity, root_pose, root_velocity;
   AlignedBlock<S> position_target, velocity_target, effort, impulse, residual, row_state, energy;

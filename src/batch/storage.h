@@ -1,6 +1,8 @@
 // Memory of a batch: rows of environments. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <sys/mman.h>
+
 #include <algorithm>
 #include <cstddef>
 #include <memory>
@@ -9,15 +11,20 @@
 namespace lockstep {
 
 inline constexpr std::size_t cache_line = 64;
+inline constexpr std::size_t huge_page = 2u << 20;
 
-/// A zeroed block aligned to cache lines.
+/// A zeroed block aligned to cache lines, or to huge pages where it fills one: a tile touches every row, and in a large
+/// batch each row lies in another small page, more of them than the processor keeps translations for.
 template <class E>
 class AlignedBlock {
  public:
   AlignedBlock() = default;
   explicit AlignedBlock(std::size_t count) : count_(count) {
     if (count == 0) return;
-    block_.reset(static_cast<E*>(::operator new(count * sizeof(E), std::align_val_t{cache_line})));
+    const std::size_t bytes = count * sizeof(E);
+    const std::align_val_t alignment{bytes < huge_page ? cache_line : huge_page};
+    block_ = {static_cast<E*>(::operator new(bytes, alignment)), Free{alignment}};
+    if (bytes >= huge_page) madvise(block_.get(), bytes / huge_page * huge_page, MADV_HUGEPAGE);  // a wish, no more
     std::fill_n(block_.get(), count, E{});
   }
   E* data() const { return block_.get(); }
@@ -25,7 +32,8 @@ class AlignedBlock {
 
  private:
   struct Free {
-    void operator()(E* p) const { ::operator delete(p, std::align_val_t{cache_line}); }
+    std::align_val_t alignment{};
+    void operator()(E* p) const { ::operator delete(p, alignment); }
   };
   std::unique_ptr<E, Free> block_;
   std::size_t count_ = 0;

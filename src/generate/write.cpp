@@ -135,13 +135,16 @@ class Writer {
     count(item, 2);
     const bool first = product->second == a;
     const Node& factors = nodes_[product->second];
-    return fmt::format("{}({}, {}, {}{})", adds || first ? "fma" : "fnma", operand(factors.operand[0], item),
-                       operand(factors.operand[1], item), !adds && first ? "-" : "", operand(first ? b : a, item));
+    const auto bare_operand = [&](Id o) { return bare(operand(o, item)); };
+    const std::string rest = !adds && first ? "-" + operand(b, item) : bare_operand(first ? b : a);
+    return fmt::format("{}({}, {}, {})", adds || first ? "fma" : "fnma", bare_operand(factors.operand[0]),
+                       bare_operand(factors.operand[1]), rest);
   }
 
   std::string expression(Id id, const Item& item) {
     const Node& node = nodes_[id];
-    const auto arg = [&](int i) { return operand(node.operand[i], item); };
+    const auto arg = [&](int i) { return operand(node.operand[i], item); };  // in brackets, unless it is one word
+    const auto bare_arg = [&](int i) { return bare(arg(i)); };               // between commas
     switch (node.op) {
       case Op::constant: return number(node.value);
       case Op::input: return node.text;
@@ -150,17 +153,17 @@ class Writer {
       case Op::negate: return fmt::format("-{}", arg(0));
       case Op::add:
       case Op::subtract: return sum(id, item);
-      case Op::multiply: return count(item, 1), fmt::format("{} * {}", arg(0), arg(1));
+      case Op::multiply: return count(item, 1), fmt::format("({} * {})", arg(0), arg(1));
       case Op::divide: return count(item, 1), fmt::format("({} / {})", arg(0), arg(1));
-      case Op::fma: return count(item, 2), fmt::format("fma({}, {}, {})", arg(0), arg(1), arg(2));
-      case Op::fnma: return count(item, 2), fmt::format("fnma({}, {}, {})", arg(0), arg(1), arg(2));
-      case Op::sqrt: return count(item, 1), fmt::format("sqrt({})", arg(0));
-      case Op::less: return count(item, 0), fmt::format("less({}, {})", arg(0), arg(1));
-      case Op::beyond: return count(item, 0), fmt::format("beyond({}, {})", arg(0), arg(1));
+      case Op::fma: return count(item, 2), fmt::format("fma({}, {}, {})", bare_arg(0), bare_arg(1), bare_arg(2));
+      case Op::fnma: return count(item, 2), fmt::format("fnma({}, {}, {})", bare_arg(0), bare_arg(1), bare_arg(2));
+      case Op::sqrt: return count(item, 1), fmt::format("sqrt({})", bare_arg(0));
+      case Op::less: return count(item, 0), fmt::format("less({}, {})", bare_arg(0), bare_arg(1));
+      case Op::beyond: return count(item, 0), fmt::format("beyond({}, {})", bare_arg(0), bare_arg(1));
       case Op::either: return count(item, 0), fmt::format("({} | {})", arg(0), arg(1));
       case Op::both: return count(item, 0), fmt::format("({} & {})", arg(0), arg(1));
       case Op::invert: return count(item, 0), fmt::format("~{}", arg(0));
-      case Op::select: return count(item, 0), fmt::format("select({}, {}, {})", arg(0), arg(1), arg(2));
+      case Op::select: return count(item, 0), fmt::format("select({}, {}, {})", bare_arg(0), bare_arg(1), bare_arg(2));
       default: return name(id);
     }
   }

@@ -10,12 +10,21 @@
 namespace lockstep {
 namespace {
 
-OperationCount count(const Program& program) {
+struct Count {
+  OperationCount done;
+  long rows = 0;  // of a batch
+};
+
+Count count(const Program& program) {
+  Count result;
   const Tables<float>& t = program.f32;
   Lanes<float> lanes;
   lanes.stride = 1;
   std::vector<std::vector<float>> blocks;
-  const auto block = [&](int count) { return blocks.emplace_back(static_cast<std::size_t>(count) + 1, 0.0f).data(); };
+  const auto block = [&](int rows) {
+    result.rows += rows;
+    return blocks.emplace_back(static_cast<std::size_t>(rows) + 1, 0.0f).data();
+  };
   lanes.position = block(t.joints);
   lanes.velocity = block(t.joints);
   lanes.position_target = block(t.joints);
@@ -36,16 +45,21 @@ OperationCount count(const Program& program) {
   std::vector<std::max_align_t> scratch(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
   operation_count = {};
   kernels::advance<Counted>(t, lanes, 0, 1, 1, scratch.data());
-  return operation_count;
+  result.done = operation_count;
+  return result;
 }
 
 }  // namespace
 
-long Plan::flops_per_step() const { return count(*program_).flops; }
+long Plan::flops_per_step() const { return count(*program_).done.flops; }
 
 long Plan::bytes_per_step(int scalar_bytes) const {
-  const OperationCount done = count(*program_);
+  const OperationCount done = count(*program_).done;
   return (done.loads + done.stores) * scalar_bytes + static_cast<long>(sizeof(Fault));
+}
+
+long Plan::bytes_per_environment(int scalar_bytes) const {
+  return count(*program_).rows * scalar_bytes + static_cast<long>(sizeof(Fault));
 }
 
 }  // namespace lockstep

@@ -186,7 +186,9 @@ std::string Plan::describe() const {
   const long flops = flops_per_step();
   return mechanism_line(p) + coupling_lines(p) + method_lines(p) + stage_lines(p) + bounds_lines(p) + kernel_line(*this) +
          fmt::format("Cost of a step of one environment: {} flops; {} bytes read and written in f32, {} in f64.\n", flops,
-                     bytes_per_step(4), bytes_per_step(8));
+                     bytes_per_step(4), bytes_per_step(8)) +
+         fmt::format("Memory of one environment: {} bytes in f32, {} in f64.\n", bytes_per_environment(4),
+                     bytes_per_environment(8));
 }
 
 }  // namespace lockstep

@@ -71,6 +71,17 @@ struct Wide {
       if constexpr (sizeof(Vector) == 32 && sizeof(S) == 4) return __builtin_ia32_vfmaddps256(a.v, b.v, c.v);
       if constexpr (sizeof(Vector) == 32 && sizeof(S) == 8) return __builtin_ia32_vfmaddpd256(a.v, b.v, c.v);
 #endif
+#ifdef __AVX512F__
+      constexpr int all = -1, current_rounding = 4;
+      if constexpr (sizeof(Vector) == 64 && sizeof(S) == 4)
+        return __builtin_ia32_vfmaddps512_mask(a.v, b.v, c.v, all, current_rounding);
+      if constexpr (sizeof(Vector) == 64 && sizeof(S) == 8)
+        return __builtin_ia32_vfmaddpd512_mask(a.v, b.v, c.v, all, current_rounding);
+#endif
+#ifdef __aarch64__
+      if constexpr (sizeof(Vector) == 16 && sizeof(S) == 4) return __builtin_aarch64_fmav4sf(a.v, b.v, c.v);
+      if constexpr (sizeof(Vector) == 16 && sizeof(S) == 8) return __builtin_aarch64_fmav2df(a.v, b.v, c.v);
+#endif
       Wide result;
       for (int i = 0; i < W; ++i) {
         if constexpr (sizeof(S) == 4) result.v[i] = __builtin_fmaf(a.v[i], b.v[i], c.v[i]);

@@ -1,4 +1,4 @@
-// Every x86-64 (SSE2), and its scalar twin: multiply-adds round twice. SPDX-License-Identifier: Apache-2.0
+// What every processor has, and its scalar twin: multiply-adds round twice. SPDX-License-Identifier: Apache-2.0
 #include "instantiate.h"
 
 namespace lockstep {

@@ -18,8 +18,10 @@ struct KernelSet {
                const kernels::Request<S>&, S* rows, std::ptrdiff_t stride, void* scratch);
 };
 
-// One translation unit each, compiled for its instruction set.
-extern const KernelSet<float> baseline_f32, baseline_scalar_f32, avx2_f32, avx2_scalar_f32;
-extern const KernelSet<double> baseline_f64, baseline_scalar_f64, avx2_f64, avx2_scalar_f64;
+// One translation unit each, compiled for its instruction set; avx ones on x86-64, neon on AArch64.
+extern const KernelSet<float> baseline_f32, baseline_scalar_f32, avx2_f32, avx2_scalar_f32, avx512_f32;
+extern const KernelSet<double> baseline_f64, baseline_scalar_f64, avx2_f64, avx2_scalar_f64, avx512_f64;
+extern const KernelSet<float> neon_f32, neon_scalar_f32;
+extern const KernelSet<double> neon_f64, neon_scalar_f64;
 
 }  // namespace lockstep

@@ -34,7 +34,7 @@ const std::vector<Area> areas = {
     {"src/targets/registry", {"include/lockstep/", "src/targets/generated_kernel.h", "std"}},
     {"src/targets/", {"src/kernels/", "src/plan/tables.h", "src/simd/", "cstdint", "cstddef"}},
     {"src/generate/", {"include/lockstep/", "src/plan/", "src/kernels/", "src/simd/", "std", "fmt/"}},
-    {"src/batch/", {"include/lockstep/", "src/plan/", "src/targets/", "std", "Eigen/", "tbb/"}},
+    {"src/batch/", {"include/lockstep/", "src/plan/", "src/targets/", "std", "Eigen/", "tbb/", "sys/mman.h"}},
     {"src/reference/", {"include/lockstep/", "src/model/", "std", "Eigen/"}},
     {"src/report/", {"include/lockstep/", "src/plan/", "src/kernels/", "src/simd/", "src/targets/registry.h", "std", "Eigen/", "fmt/"}},
     {"src/tool/", {"include/lockstep/", "std", "Eigen/", "fmt/", "CLI/", "nlohmann/", "fcntl.h", "spawn.h", "sys/",

@@ -62,7 +62,7 @@ TEST_P(Allocation, none_in_a_step_of_one_thread) {
       StepSettings settings = contract::settings(GetParam(), fields);
       settings.record_diagnostics = !fields.empty();
       const Plan plan = compile(model, settings);
-      for (Target target : {Target::baseline, Target::baseline_scalar, Target::avx2, Target::avx2_scalar}) {
+      for (Target target : all_targets) {
         if (!supported(target)) continue;
         expect_no_allocation<float>(plan, target);
         expect_no_allocation<double>(plan, target);

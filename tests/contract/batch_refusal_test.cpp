@@ -131,13 +131,16 @@ class TargetVariable : public testing::Test {
 
 TEST_F(TargetVariable, chooses_where_the_options_leave_it_open) {
   const Plan plan = compile(scenes::chain8());
-  for (Target target : {Target::baseline, Target::baseline_scalar, Target::avx2, Target::avx2_scalar}) {
+  for (Target target : all_targets) {
     if (!supported(target)) continue;
     setenv("LOCKSTEP_TARGET", name(target), 1);
     EXPECT_EQ(Batch<float>(plan, 1).target(), target);
     EXPECT_EQ(Batch<float>(plan, 1, {.target = Target::baseline}).target(), Target::baseline);
   }
-  const Target best = supported(Target::avx2) ? Target::avx2 : Target::baseline;
+  const Target best = supported(Target::avx512) ? Target::avx512
+                      : supported(Target::avx2) ? Target::avx2
+                      : supported(Target::neon) ? Target::neon
+                                                : Target::baseline;
   setenv("LOCKSTEP_TARGET", "", 1);
   EXPECT_EQ(Batch<float>(plan, 1).target(), best);
   unsetenv("LOCKSTEP_TARGET");

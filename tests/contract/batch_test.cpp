@@ -65,6 +65,22 @@ TEST(Views, have_a_row_per_dof_in_the_order_of_the_models_joints) {
   }
 }
 
+TEST(Views, are_all_that_an_environment_takes_in_memory) {
+  StepSettings settings;
+  settings.per_environment = {Parameter::mass, Parameter::gravity};
+  settings.record_impulses = settings.record_diagnostics = true;
+  const Plan plan = compile(scenes::chain32(), settings);
+  Batch<double> batch(plan, 2, serial);
+  Eigen::Index rows = batch.coupling_impulses().rows() + batch.row_residuals().rows() + batch.row_states().rows() +
+                      batch.energy_balances().rows();
+  for (auto view : {batch.positions(), batch.velocities(), batch.root_poses(), batch.root_velocities(),
+                    batch.position_targets(), batch.velocity_targets(), batch.efforts(),
+                    batch.parameter(Parameter::mass), batch.parameter(Parameter::gravity)})
+    rows += view.rows();
+  EXPECT_EQ(plan.bytes_per_environment(8), 8 * rows + 4);
+  EXPECT_EQ(plan.bytes_per_environment(4), 4 * rows + 4);
+}
+
 TEST(Views, stay_where_they_are_and_have_contiguous_rows) {
   Batch<float> batch(compile(scenes::chain8()), 37, serial);
   auto positions = batch.positions();

@@ -40,11 +40,13 @@ TEST_P(BoundsContract, lanes_with_other_active_sets_do_not_change_a_bit) {
   for_every_scene(GetParam(), [](const Model& model, const ParameterSet& fields, auto scalar) {
     using S = decltype(scalar);
     const Plan plan = compile(model, contract::settings(GetParam(), fields));
-    const bool wide = supported(Target::avx2);
+    const Target twin = supported(Target::avx2_scalar)   ? Target::avx2_scalar
+                        : supported(Target::neon_scalar) ? Target::neon_scalar
+                                                         : Target::baseline_scalar;
     Batch<S> crowd = scattered<S>(plan, environments);
     std::vector<Batch<S>> alone, amid_rest;
     for (int e = 0; e < environments; ++e) {
-      const Target target = e % 2 == 0 ? crowd.target() : wide ? Target::avx2_scalar : Target::baseline_scalar;
+      const Target target = e % 2 == 0 ? crowd.target() : twin;
       contract::scatter(alone.emplace_back(plan, 1, BatchOptions{1, target}), 0, static_cast<std::uint64_t>(e));
       contract::scatter(amid_rest.emplace_back(plan, 8, serial), e % 8, static_cast<std::uint64_t>(e));
     }

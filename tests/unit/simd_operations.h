@@ -25,8 +25,10 @@ struct Operations {
   void (*masks)(const S* a, const S* b, bool* both, bool* either, bool* neither);  ///< of a < 0 and b < 0
 };
 
-extern const Operations<float> avx2_f32, avx2_scalar_f32;
-extern const Operations<double> avx2_f64, avx2_scalar_f64;
+extern const Operations<float> avx2_f32, avx2_scalar_f32, avx512_f32;
+extern const Operations<double> avx2_f64, avx2_scalar_f64, avx512_f64;
+extern const Operations<float> neon_f32, neon_scalar_f32;
+extern const Operations<double> neon_f64, neon_scalar_f64;
 
 template <class T>
 struct Wrapped {

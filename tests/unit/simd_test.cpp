@@ -15,7 +15,7 @@ namespace {
 
 using simd_test::Operations;
 
-constexpr int most_lanes = 8;
+constexpr int most_lanes = 16;
 template <class S>
 using Numbers = std::array<S, most_lanes>;
 using Truths = std::array<bool, most_lanes>;
@@ -47,8 +47,13 @@ void for_every_wide_type(Check check) {
     (one(operations), ...);
   };
   each(baseline_f32, baseline_f64, scalar_f32, scalar_f64);
-  if (!supported(Target::avx2)) return;
-  each(simd_test::avx2_f32, simd_test::avx2_f64, simd_test::avx2_scalar_f32, simd_test::avx2_scalar_f64);
+#ifdef __aarch64__
+  each(simd_test::neon_f32, simd_test::neon_f64, simd_test::neon_scalar_f32, simd_test::neon_scalar_f64);
+#else
+  if (supported(Target::avx2))
+    each(simd_test::avx2_f32, simd_test::avx2_f64, simd_test::avx2_scalar_f32, simd_test::avx2_scalar_f64);
+  if (supported(Target::avx512)) each(simd_test::avx512_f32, simd_test::avx512_f64);
+#endif
 }
 
 // What sincos.h promises, against the long double of the C library.

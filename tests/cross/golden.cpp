@@ -1,0 +1,73 @@
+// Prints a hash of what each class of arithmetic comes to, to the bit. SPDX-License-Identifier: Apache-2.0
+#include <cstdint>
+#include <cstring>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "lockstep/batch.h"
+#include "scenes/scenes.h"
+
+namespace lockstep {
+namespace {
+
+struct ArithmeticClass {
+  const char* name;
+  std::vector<Target> targets;
+};
+const ArithmeticClass classes[] = {
+    {"fused", {Target::avx2, Target::avx2_scalar, Target::avx512, Target::neon, Target::neon_scalar}},
+    {"unfused", {Target::baseline, Target::baseline_scalar}}};
+
+// FNV-1a.
+template <class View>
+void add(std::uint64_t& hash, const View& view) {
+  for (Eigen::Index r = 0; r < view.rows(); ++r)
+    for (Eigen::Index e = 0; e < view.cols(); ++e) {
+      const auto number = view(r, e);
+      unsigned char bytes[sizeof(number)];
+      std::memcpy(bytes, &number, sizeof(number));
+      for (unsigned char byte : bytes) hash = (hash ^ byte) * 0x100000001b3u;
+    }
+}
+
+// Nine environments that begin and are pushed differently, after a quarter of a second.
+template <class S>
+std::uint64_t outcome(const Plan& plan, Target target) {
+  Batch<S> batch(plan, 9, {.threads = 1, .target = target});
+  for (int e = 0; e < batch.environments(); ++e) {
+    batch.velocities().col(e) += S(0.125) * S(e);
+    batch.efforts().col(e) = S(0.0625) * S(e);
+  }
+  batch.step(60);
+  std::uint64_t hash = 0xcbf29ce484222325u;
+  for (auto view : {batch.positions(), batch.velocities(), batch.root_poses(), batch.root_velocities()})
+    add(hash, view);
+  return hash;
+}
+
+// A line per class; more where its targets disagree.
+void print(const std::string& scene, Method method) {
+  Model model = scenes::scene(scene).model;
+  for (Joint& joint : model.joints) joint.lower = -0.35, joint.upper = 0.35, joint.friction = 0.01;
+  const Plan plan = compile(model, {.method = method, .iterations = 4});
+  for (const ArithmeticClass& own : classes) {
+    std::set<std::string> lines;
+    for (Target target : own.targets)
+      if (supported(target))
+        lines.insert(fmt::format("{} {} {} f32 {:016x} f64 {:016x}\n", own.name, scene, name(method),
+                                 outcome<float>(plan, target), outcome<double>(plan, target)));
+    for (const std::string& line : lines) fmt::print("{}", line);
+  }
+}
+
+}  // namespace
+}  // namespace lockstep
+
+int main() {
+  using lockstep::Method;
+  for (const char* scene : {"chain8", "gripper13", "chain32"})
+    for (Method method : {Method::reduced, Method::direct, Method::pgs, Method::tgs}) lockstep::print(scene, method);
+}
