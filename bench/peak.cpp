@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Each function is compiled for the instructions that it measures, so the file needs no flags of its own. Twelve chains:
-// four cycles of latency times two or three units, and with their two factors they still fit sixteen registers.
+// Each function is compiled for the instructions that it measures, so the file needs no flags of its own. Twelve
+// chains: more than four cycles of latency times two units, and with their two factors they fit sixteen registers.
 #include "peak.h"
 
 #include <immintrin.h>

@@ -1,4 +1,4 @@
-// What this machine can do at best, measured: what every figure of speed is set beside. SPDX-License-Identifier: Apache-2.0
+// What this machine can do at best, measured. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 namespace lockstep::bench {
@@ -19,7 +19,7 @@ double run_peak(Peak peak, long rounds);
 /// Gflop/s of CPU time over about `seconds`; 0 where the machine has no such instructions.
 double measured_peak(Peak peak, double seconds = 0.02);
 
-/// Bytes moved by one pass of a = b + s c over arrays of `floats` numbers, far more than the caches have if so chosen.
+/// Arrays of so many numbers; pass() takes a = b + s c over them and returns the bytes moved.
 class Stream {
  public:
   explicit Stream(long floats);

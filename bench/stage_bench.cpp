@@ -1,7 +1,8 @@
 // Where the time of a step goes: each stage on one tile, beside the machine's peak. SPDX-License-Identifier: Apache-2.0
 //
-// The beginning of a step is timed up to each stage, and a stage's time is what it adds: with hot caches, on the data of
-// a real step, and stages sum up to the step. Medians over repeats in which all beginnings take turns.
+// The beginning of a step is timed up to each stage, and a stage's time is what it adds: with hot caches, on the data
+// of a real step, and stages sum up to the step. Medians over repeats in which all beginnings take turns. A stage that
+// runs while the one before is still finishing may add nearly nothing.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

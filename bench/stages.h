@@ -53,7 +53,8 @@ struct Stages {
   static constexpr NamedStage<T> all[] = {
       {"load", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::load(t, l, x); }},
       {"kinematics", always, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::kinematics(t, x); }},
-      {"coupling errors", coupled, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::coupling_errors(t, l, x); }},
+      {"coupling errors", coupled,
+       [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::coupling_errors(t, l, x); }},
       {"bias forces", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::bias_forces(t, l, x); }},
       {"mass matrix", always, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::mass_matrix(t, x); }},
       {"joint terms", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::joint_terms(t, l, x); }},

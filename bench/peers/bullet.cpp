@@ -1,4 +1,4 @@
-// Bullet as a peer: a btMultiBody per environment, gear constraints, servos as torques. SPDX-License-Identifier: Apache-2.0
+// Bullet as a peer: a multibody and its gears per environment, servos as torques. SPDX-License-Identifier: Apache-2.0
 //
 // Its motors know no stiffness and damping in physical units, so servos and joint damping are the caller's torques, and
 // therefore explicit: Bullet's own way (its URDF importer leaves damping to the caller as well).
@@ -35,7 +35,8 @@ class World {
  public:
   World(Shared& shared, const Model& model, int sweeps) : model_(model) {
     build_body();
-    world_ = std::make_unique<btMultiBodyDynamicsWorld>(&shared.dispatcher, &broadphase_, &solver_, &shared.configuration);
+    world_ = std::make_unique<btMultiBodyDynamicsWorld>(&shared.dispatcher, &broadphase_, &solver_,
+                                                        &shared.configuration);
     world_->setGravity(vector(model_.gravity));
     world_->getSolverInfo().m_numIterations = sweeps;
     world_->addMultiBody(body_.get());
@@ -144,7 +145,9 @@ class BulletPeer : public Peer {
     for (auto& world : worlds_) world->step(targets_, btScalar(dt_));
   }
   Eigen::VectorXd positions() const override {
-    return Eigen::VectorXd::NullaryExpr(joints_, [&](Eigen::Index j) { return worlds_[0]->position(static_cast<int>(j)); });
+    Eigen::VectorXd q(joints_);
+    for (int j = 0; j < joints_; ++j) q[j] = worlds_[0]->position(j);
+    return q;
   }
 
  private:

@@ -23,8 +23,8 @@ Yardstick::Yardstick(const std::string& name, int intervals) : scene_(scenes::sc
   for (const Joint& joint : scene_.model.joints) driven_ = driven_ || joint.drive.kp > 0.0;
   const reference::Mechanism mechanism(scene_.model);
   const auto targets = [&](double t, reference::Inputs& inputs) { inputs.position_targets = scene_.targets(t); };
-  truth_ = reference::integrate(mechanism, mechanism.initial_state(), targets, interval, intervals, steps_of_truth(name))
-               .positions;
+  const reference::State start = mechanism.initial_state();
+  truth_ = reference::integrate(mechanism, start, targets, interval, intervals, steps_of_truth(name)).positions;
 }
 
 double Yardstick::coupling_error(const Eigen::VectorXd& positions) const {
@@ -83,14 +83,14 @@ double distance_at_small_steps(const Contender& contender, const Yardstick& yard
   return far / moved;
 }
 
-Stopwatch::Stopwatch(const Contender& contender, const Yardstick& yardstick, int environments)
-    : yardstick_(&yardstick), environments_(environments), steps_per_call_(contender.steps_per_call),
-      peer_(contender.make(yardstick.scene().model, interval, environments)) {}
+Stopwatch::Stopwatch(const Contender& contender, const Yardstick& yardstick)
+    : yardstick_(&yardstick), environments_(contender.environments), steps_per_call_(contender.steps_per_call),
+      peer_(contender.make(yardstick.scene().model, interval, contender.environments)) {}
 
 double Stopwatch::measure(double seconds) {
   double spent = 0.0;
   long calls = 0;
-  for (; spent < seconds; ++calls, done_ += steps_per_call_) {
+  for (; calls == 0 || spent < seconds; ++calls, done_ += steps_per_call_) {
     if (done_ >= yardstick_->intervals()) {  // the motion whose accuracy is told, once more
       peer_->reset();
       done_ = 0;

@@ -31,8 +31,8 @@ struct Verdict {
   bool diverged = false;   ///< no number, or beyond 100 rad, or the engine gave up
 };
 
-/// Targets are renewed for each call of step(). Past the yardstick's end it is only |C| that is looked at, for `seconds`
-/// in all or as long as `patience`, CPU time in s, lasts.
+/// Targets are renewed for each call of step(). Past the yardstick's end it is only |C| that is looked at, until
+/// `seconds` in all or as long as `patience`, CPU time in s, lasts.
 Verdict judge(const Contender& contender, const Yardstick& yardstick, double seconds, double patience);
 
 /// Largest distance from the yardstick with steps 64 times as small, as a share of the way that its joints move: small
@@ -42,7 +42,7 @@ double distance_at_small_steps(const Contender& contender, const Yardstick& yard
 /// Environment-steps per second of CPU time, one thread; keeps its environments from one measurement to the next.
 class Stopwatch {
  public:
-  Stopwatch(const Contender& contender, const Yardstick& yardstick, int environments);
+  Stopwatch(const Contender& contender, const Yardstick& yardstick);
   double measure(double seconds);
 
  private:

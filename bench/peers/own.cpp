@@ -1,4 +1,4 @@
-// This library as one of the peers: each method, one control per step or four steps per control. SPDX-License-Identifier: Apache-2.0
+// This library as one of the peers, its methods side by side. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
 #include "lockstep/batch.h"
@@ -7,6 +7,7 @@
 namespace lockstep::peers {
 namespace {
 
+template <class S>
 class OwnPeer : public Peer {
  public:
   OwnPeer(const Model& model, const StepSettings& settings, int environments, int steps)
@@ -15,33 +16,39 @@ class OwnPeer : public Peer {
   void reset() override { batch_.reset(); }
   void set_targets(const Eigen::VectorXd& targets) override {
     auto rows = batch_.position_targets();
-    for (int dof = 0; dof < rows.rows(); ++dof) rows.row(dof) = static_cast<float>(targets[dof]);
+    for (int dof = 0; dof < rows.rows(); ++dof) rows.row(dof) = static_cast<S>(targets[dof]);
   }
   void step() override { batch_.step(steps_); }
-  Eigen::VectorXd positions() const override { return batch_.positions().col(0).matrix().cast<double>(); }
+  Eigen::VectorXd positions() const override { return batch_.positions().col(0).matrix().template cast<double>(); }
   bool failed() const override { return batch_.faulted() > 0; }
 
  private:
-  Batch<float> batch_;
+  Batch<S> batch_;
   int steps_;
 };
+
+template <class S>
+Contender contender(Method method, int steps) {
+  const std::string words = method == Method::pgs ? "pgs 4" : name(method);
+  return {.engine = "lockstep",
+          .settings = fmt::format("{}, {}, {}", words, sizeof(S) == 4 ? "f32" : "f64",
+                                  steps == 1 ? "1 step per call" : fmt::format("{} steps per call", steps)),
+          .steps_per_call = steps,
+          .exact = method != Method::pgs,
+          .make = [method, steps](const Model& model, double dt, int environments) {
+            const StepSettings settings{.dt = dt, .method = method};
+            return std::make_unique<OwnPeer<S>>(model, settings, environments, steps);
+          }};
+}
 
 }  // namespace
 
 std::vector<Contender> own_contenders() {
   std::vector<Contender> all;
   for (const int steps : {4, 1})
-    for (const Method method : {Method::reduced, Method::direct, Method::pgs}) {
-      const std::string words = method == Method::pgs ? "pgs 4" : name(method);
-      all.push_back({.engine = "lockstep",
-                     .settings = fmt::format("{}, f32, {} per call", words, steps == 1 ? "1 step" : "4 steps"),
-                     .steps_per_call = steps,
-                     .exact = method != Method::pgs,
-                     .make = [method, steps](const Model& model, double dt, int environments) {
-                       return std::make_unique<OwnPeer>(model, StepSettings{.dt = dt, .method = method}, environments,
-                                                        steps);
-                     }});
-    }
+    for (const Method method : {Method::reduced, Method::direct, Method::pgs})
+      all.push_back(contender<float>(method, steps));
+  all.push_back(contender<double>(Method::reduced, 1));
   return all;
 }
 

@@ -1,4 +1,4 @@
-// Peer: one engine, with one choice of its settings, stepping many environments of a Model. SPDX-License-Identifier: Apache-2.0
+// Peer: an engine with settings of its own, stepping environments of a Model. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Core>
@@ -28,6 +28,7 @@ struct Contender {
   std::string settings;
   int steps_per_call = 1;  ///< steps that Peer::step() makes, targets held
   bool exact = true;       ///< its couplings are meant to hold, so with small steps it comes to the exact motion
+  int environments = 256;  ///< fewer where each takes so long that they are no matter
   std::function<std::unique_ptr<Peer>(const Model&, double dt, int environments)> make = {};
 };
 

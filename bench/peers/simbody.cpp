@@ -80,8 +80,8 @@ class SimbodyPeer : public Peer {
     mobod_.resize(model_.links.size());
     const bool floating = model_.root.floating;
     if (floating) {
-      MobilizedBody::Free root(matter_.Ground(), transform(model_.root.pose), Body::Rigid(mass(model_.links[0].inertia)),
-                               Transform());
+      const Body::Rigid base(mass(model_.links[0].inertia));
+      MobilizedBody::Free root(matter_.Ground(), transform(model_.root.pose), base, Transform());
       mobod_[0] = root.getMobilizedBodyIndex();
     }
     for (const Joint& joint : model_.joints) {  // pins turn about z
@@ -151,6 +151,7 @@ std::vector<Contender> simbody_contenders() {
   for (const auto& [words, options] : choices)
     all.push_back({.engine = "Simbody",
                    .settings = words,
+                   .environments = 16,
                    .make = [options = options](const Model& model, double dt, int environments) {
                      return std::make_unique<SimbodyPeer>(model, dt, environments, options);
                    }});
