@@ -4,7 +4,6 @@ import csv
 import re
 import sys
 from collections import defaultdict
-from itertools import dropwhile
 from pathlib import Path
 
 import matplotlib
@@ -28,7 +27,8 @@ ROWS = [
     ("lockstep", "reduced, f32, 4 steps per call"), ("lockstep", "reduced, f32, 1 step per call"),
     ("lockstep", "reduced, f64, 1 step per call"), ("lockstep", "direct, f32, 4 steps per call"),
     ("lockstep", "pgs 4, f32, 4 steps per call"),
-    ("MuJoCo", "default"), ("MuJoCo", "Euler, PGS, dense"), ("MuJoCo", "stiff: Euler, Newton once, dense"),
+    ("MuJoCo", "default"), ("MuJoCo", "firm: Euler, Newton once, dense"),
+    ("MuJoCo", "stiff: Euler, Newton once, dense"),
     ("MuJoCo", "stiff: RK4, Newton once, dense"),
     ("Bullet", "pgs 10, f64"), ("Bullet", "pgs 50, f64"),
     ("Simbody", "semi-explicit Euler, f64"), ("Simbody", "Runge-Kutta-Merson, 1e-3, f64"),
@@ -40,8 +40,8 @@ plt.rcParams.update({"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgec
 
 
 def read(path):
-    with open(path, newline="") as file:  # Google Benchmark writes about the machine before the header
-        return list(csv.DictReader(dropwhile(lambda line: not line.startswith(("name,", "scene,", "engine,")), file)))
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
 
 
 def rate(value):
@@ -126,7 +126,7 @@ def draw_stages(table, picture):
             for stage, color in STAGE_COLORS.items():
                 width = sums[stage] / 8
                 panel.barh(place, width, left=left, color=color, height=0.7, edgecolor="white", linewidth=0.4)
-                if sums[stage] > 0.08 * total:
+                if sums[stage] > 0.1 * total:
                     panel.text(left + width / 2, place, f"{sums[stage] / total:.0%}", ha="center", va="center",
                                fontsize=8.5, color=INK)
                 left += width
@@ -144,11 +144,11 @@ def draw_stages(table, picture):
 
 
 def speeds(table):
-    """Million steps per second by name; of repeats the median."""
+    """Million steps per second by name."""
     found = {}
     for row in table:
         name = re.sub("(/real_time)?(_median)?$", "", row["name"])
-        if not re.search("_(mean|stddev|cv)$", name) and row["error_occurred"] != "true":
+        if row["error_occurred"] != "true":
             found[name] = float(row["env_steps_per_second"]) * 1e-6
     return found
 
@@ -185,9 +185,9 @@ def draw_scaling(table, picture):
         line(threads, found, rf"step/{scene}/reduced/1/f32/threads:(\d+)", scene, SCENE_COLORS[scene],
              lambda _, one=one: 1 / one)
     threads.plot([1, 2], [1, 2], ":", color=GREY, linewidth=1, label="as many times")
-    threads.set(title="Threads", xlabel="threads", ylabel="times one thread", xticks=[1, 2], ylim=(0, 2.2))
-    threads.legend(frameon=False, fontsize=8.5, loc="lower right")
-    environments.set_ylim(0, None)
+    threads.set(title="Threads", xlabel="threads", ylabel="times one thread", xticks=[1, 2], ylim=(0, 2.5))
+    threads.legend(frameon=False, fontsize=8.5, loc="upper left")
+    environments.set_ylim(0, 1.2 * environments.get_ylim()[1])
     for panel in panels:
         panel.set_title(panel.get_title(), loc="left", fontsize=10.5, color=INK)
         panel.set_title("", loc="center")

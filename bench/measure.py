@@ -1,6 +1,8 @@
 # Runs all measurements of a build and draws them. SPDX-License-Identifier: Apache-2.0
 """Tables go to bench/results/MACHINE, pictures to docs/performance. Builds nothing."""
 import argparse
+import os
+import re
 import subprocess
 import sys
 import time
@@ -11,11 +13,18 @@ RESULTS = BENCH / "results"
 
 
 def machine():
-    """The folder of results whose name ends as the compiler calls this processor, or that name itself."""
-    target = subprocess.run(["c++", "-march=native", "-Q", "--help=target"], capture_output=True, text=True, check=True)
-    march = next(line.split()[1] for line in target.stdout.splitlines() if line.strip().startswith("-march="))
-    known = [folder.name for folder in RESULTS.iterdir() if folder.name.replace("-", "").endswith(march)]
-    return known[0] if known else march
+    """The folder of results whose machine.txt tells of this processor, or a new one named after it."""
+    with open("/proc/cpuinfo") as file:
+        lines = file.read().split("\n\n")[0].splitlines()
+    facts = dict(re.split(r"\s*:\s*", line.strip(), maxsplit=1) for line in lines if ":" in line)
+    text = "{model name}, family {cpu family}, model {model}\n".format(**facts)
+    for known in RESULTS.glob("*/machine.txt"):
+        if known.read_text() == text:
+            return known.parent
+    folder = RESULTS / re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
+    folder.mkdir(parents=True)
+    (folder / "machine.txt").write_text(text)
+    return folder
 
 
 def python_that_draws():
@@ -40,20 +49,25 @@ def step_bench(program, table, quick):
          f"--benchmark_report_aggregates_only={'false' if quick else 'true'}",
          f"--benchmark_out={table}", "--benchmark_out_format=csv"],
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    # Medians are enough, and before the header come words about the machine.
+    rows = table.read_text()[table.read_text().index("name,"):].splitlines(keepends=True)
+    table.write_text("".join(row for row in rows if not re.search('_(mean|stddev|cv)"', row)))
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", type=Path, default=BENCH.parent / "build", help="folder of a Release build")
-    parser.add_argument("--machine", default=None, help="folder in bench/results; default: named after the processor")
     parser.add_argument("--pictures", type=Path, default=BENCH.parent / "docs" / "performance")
     parser.add_argument("--quick", action="store_true", help="a look in under a minute; its figures are no results")
     choices = parser.parse_args()
     python = python_that_draws()
-    results = RESULTS / (choices.machine or machine())
+    if os.getloadavg()[0] > 0.5:
+        print("This machine is at work: ratios will do, but two threads will not be seen to gain anything.")
     if choices.quick:
         results = choices.pictures = choices.build / "bench" / "quick"
-    results.mkdir(parents=True, exist_ok=True)
+        results.mkdir(parents=True, exist_ok=True)
+    else:
+        results = machine()
     programs = choices.build / "bench"
     step_bench(programs / "step_bench", results / "step_bench.csv", choices.quick)
     run([programs / "stage_bench", "--csv", results / "stage_bench.csv"]

@@ -91,7 +91,7 @@ double Stopwatch::measure(double seconds) {
   double spent = 0.0;
   long calls = 0;
   for (; calls == 0 || spent < seconds; ++calls, done_ += steps_per_call_) {
-    if (done_ >= yardstick_->intervals()) {  // the motion whose accuracy is told, once more
+    if (done_ >= yardstick_->intervals() || peer_->failed()) {  // the motion whose accuracy is told, once more
       peer_->reset();
       done_ = 0;
     }

@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 
+#include "../median.h"
 #include "../peak.h"
 #include "judgement.h"
 #include "tool/csv.h"
@@ -44,16 +45,8 @@ std::vector<Contender> contenders(const std::vector<std::string>& engines) {
   return all;
 }
 
-double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-  return values[values.size() / 2];
-}
-
-// From the lower to the upper quarter, as a share of the median.
-double spread(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return (values[values.size() * 3 / 4] - values[values.size() / 4]) / values[values.size() / 2];
-}
+using bench::median;
+using bench::spread;
 
 // True where all converted models are the scene itself. Those that are soft by choice show nothing of it.
 bool same_mechanism(const Yardstick& yardstick, const std::vector<Contender>& all) {
@@ -61,7 +54,7 @@ bool same_mechanism(const Yardstick& yardstick, const std::vector<Contender>& al
   for (const Contender& contender : all) {
     if (!contender.exact) continue;
     const double distance = distance_at_small_steps(contender, yardstick);
-    const bool fits = distance < 0.01;
+    const bool fits = distance < 0.003;
     same = same && fits;
     fmt::print("{:10} {:14} {:36} off by {:7.1e} of the way{}\n", yardstick.scene().name, contender.engine,
                contender.settings, distance, fits ? "" : ": ANOTHER MECHANISM");
