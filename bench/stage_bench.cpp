@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <memory>
 #include <numeric>
+#include <stdexcept>
 
 #include "lockstep/plan.h"
 #include "median.h"
@@ -71,6 +72,15 @@ struct Times {
   double peak = 0.0;                // Gflop/s
 };
 
+// Stages that no longer do what a step does would be noticed here.
+void require_whole_step(const Plan& plan) {
+  const TileState state(plan);
+  const long counted = stage_flops(plan.program().f32, state.lanes(), stage_count());
+  if (counted != plan.flops_per_step())
+    throw std::logic_error(fmt::format("stages of {} have {} flops together, its step {}", plan.model().name, counted,
+                                       plan.flops_per_step()));
+}
+
 Times measure(const Plan& plan, const Choices& choices) {
   const Tables<float>& t = plan.program().f32;
   const TileState start(plan), state(plan);
@@ -113,6 +123,7 @@ int run(const Choices& choices) {
     for (const Method method : {Method::reduced, Method::direct, Method::pgs}) {
       const Plan plan = compile(scenes::scene(scene).model, {.method = method});
       const Tables<float>& t = plan.program().f32;
+      require_whole_step(plan);
       const Times times = measure(plan, choices);
       const TileState state(plan);
       const auto row = [&](const char* stage, double ns, long flops) {
