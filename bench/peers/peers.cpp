@@ -27,7 +27,9 @@ struct Choices {
 
 std::vector<Contender> contenders(const std::vector<std::string>& engines) {
   std::vector<Contender> all = own_contenders();
-  const auto add = [&](std::vector<Contender> more) { all.insert(all.end(), more.begin(), more.end()); };
+  [[maybe_unused]] const auto add = [&](const std::vector<Contender>& more) {
+    all.insert(all.end(), more.begin(), more.end());
+  };
 #ifdef LOCKSTEP_PEER_MUJOCO
   add(mujoco_contenders());
 #endif
