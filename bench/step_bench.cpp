@@ -2,11 +2,12 @@
 //
 // One thread, 4096 environments, 4 sub-steps per call unless the words behind say otherwise. The ladder adds one
 // feature at a time to a chain of eight. Counter env_steps_per_second is per second of CPU time (wall time where
-// threads > 1).
+// threads > 1). Rows peak/<instructions> and peak/memory are what the machine can do at best.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
 #include "lockstep/lockstep.h"
+#include "peak.h"
 #include "scenes/scenes.h"
 
 namespace lockstep {
@@ -43,8 +44,9 @@ void run(benchmark::State& state, const Load& load) {
 }
 
 void add(const std::string& name, const Load& load, bool single) {
-  auto* b = benchmark::RegisterBenchmark(
-      ("step/" + name).c_str(), [load, single](benchmark::State& s) { single ? run<float>(s, load) : run<double>(s, load); });
+  auto* b = benchmark::RegisterBenchmark(("step/" + name).c_str(), [load, single](benchmark::State& s) {
+    single ? run<float>(s, load) : run<double>(s, load);
+  });
   if (load.threads != 1) b->UseRealTime();
 }
 
@@ -64,27 +66,86 @@ void add_methods() {
         add(fmt::format("{}/{}/1/{}", scene, name(method), precision), of(scene, method, 1), single);
       for (Method method : {Method::pgs, Method::tgs})
         for (int iterations : {1, 4, 16})
-          add(fmt::format("{}/{}/{}/{}", scene, name(method), iterations, precision), of(scene, method, iterations), single);
+          add(fmt::format("{}/{}/{}/{}", scene, name(method), iterations, precision), of(scene, method, iterations),
+              single);
     }
 }
 
+// All benchmarks have the same counters, or there is no table.
+void add_peaks() {
+  const auto count = [](benchmark::State& state, double flops) {
+    state.counters["env_steps_per_second"] = 0.0;
+    state.counters["flops_per_step"] = 0.0;
+    state.counters["gflops"] = benchmark::Counter(flops * 1e-9, benchmark::Counter::kIsRate);
+  };
+  for (const bench::Peak peak : bench::all_peaks) {
+    if (!bench::supported(peak)) continue;
+    benchmark::RegisterBenchmark(fmt::format("peak/{}", bench::name(peak)).c_str(),
+                                 [count, peak](benchmark::State& state) {
+                                   double flops = 0.0;
+                                   for (auto _ : state) flops += bench::run_peak(peak, 1000);
+                                   count(state, flops);
+                                 });
+  }
+  benchmark::RegisterBenchmark("peak/memory", [count](benchmark::State& state) {
+    bench::Stream stream(1 << 25);
+    double bytes = 0.0;
+    for (auto _ : state) bytes += stream.pass();
+    state.SetBytesProcessed(static_cast<std::int64_t>(bytes));
+    count(state, 0.0);
+  });
+}
+
 void add_scaling() {
-  for (int environments : {64, 256, 1024, 4096, 16384, 65536, 262144}) {
-    Load load = of("chain8", Method::reduced, 1);
-    load.environments = environments;
-    add(fmt::format("chain8/reduced/1/f32/environments:{}", environments), load, true);
+  const auto scaled = [](const char* scene, const std::string& words, auto&& change) {
+    Load load = of(scene, Method::reduced, 1);
+    change(load);
+    add(fmt::format("{}/reduced/1/f32/{}", scene, words), load, true);
+  };
+  for (int environments : {64, 256, 1024, 4096, 16384, 65536, 262144})
+    scaled("chain8", fmt::format("environments:{}", environments), [=](Load& l) { l.environments = environments; });
+  for (const char* scene : {"chain8", "gripper13", "chain32"}) {
+    for (int substeps : {1, 2, 4, 16})
+      scaled(scene, fmt::format("substeps:{}", substeps), [=](Load& l) { l.substeps = substeps; });
+    for (int threads : {1, 2})
+      scaled(scene, fmt::format("threads:{}", threads), [=](Load& l) { l.environments = 16384, l.threads = threads; });
   }
-  for (int substeps : {1, 2, 4, 16}) {
-    Load load = of("chain8", Method::reduced, 1);
-    load.substeps = substeps;
-    add(fmt::format("chain8/reduced/1/f32/substeps:{}", substeps), load, true);
+}
+
+// A chain like chain8, of any length, the first joints of which are coupled as there.
+Model chain(int joints, int couplings) {
+  const Model eight = scenes::chain8();
+  Model model = eight;
+  model.links.resize(1);
+  model.joints.clear();
+  model.couplings.clear();
+  for (int i = 0; i < joints; ++i) {
+    Joint joint = eight.joints[i == 0 ? 0 : 2 - i % 2];
+    joint.name = fmt::format("j{}", i);
+    joint.parent = model.links.back().name;
+    joint.child = fmt::format("l{}", i);
+    model.links.push_back({joint.child, eight.links[1].inertia});
+    model.joints.push_back(joint);
   }
-  for (const char* scene : {"chain8", "gripper13", "chain32"})
-    for (int threads : {1, 2}) {
-      Load load = of(scene, Method::reduced, 1);
-      load.environments = 16384;
-      load.threads = threads;
-      add(fmt::format("{}/reduced/1/f32/threads:{}", scene, threads), load, true);
+  for (int c = 0; c < couplings; ++c) {
+    const int first = 4 * (c / 2) + c % 2;
+    model.couplings.push_back(Coupling::mimic(fmt::format("j{}", first), fmt::format("j{}", first + 2), -1.0));
+  }
+  return model;
+}
+
+void add_sizes() {
+  for (int joints : {1, 2, 4, 8, 16, 32, 64})
+    for (const bool coupled : {false, true}) {
+      if (coupled && joints < 4) continue;
+      Load load{.model = chain(joints, coupled ? joints / 2 : 0), .settings = {.method = Method::reduced}};
+      add(fmt::format("chain/reduced/1/f32/{}dofs:{}", coupled ? "coupled/" : "", joints), load, true);
+    }
+  for (int couplings = 0; couplings <= 8; ++couplings)
+    for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
+      Load load{.model = chain(16, couplings), .settings = {.method = method}};
+      add(fmt::format("chain16/{}/{}/f32/couplings:{}", name(method), method == Method::pgs ? 4 : 1, couplings), load,
+          true);
     }
 }
 
@@ -146,8 +207,9 @@ void add_bounds() {
       rung("limits-acting", scene, method, [](Joint& j) { j.lower = -0.35, j.upper = 0.35; });
       rung("friction", scene, method, [](Joint& j) { j.friction = 0.1; });
       rung("efforts-acting", scene, method, [](Joint& j) { j.effort_limit = 0.5; });
-      rung("all-acting", scene, method,
-           [](Joint& j) { j.lower = -0.35, j.upper = 0.35, j.velocity_limit = 2.0, j.effort_limit = 0.5, j.friction = 0.1; });
+      rung("all-acting", scene, method, [](Joint& j) {
+        j.lower = -0.35, j.upper = 0.35, j.velocity_limit = 2.0, j.effort_limit = 0.5, j.friction = 0.1;
+      });
     }
 }
 
@@ -155,8 +217,10 @@ void add_bounds() {
 }  // namespace lockstep
 
 int main(int argc, char** argv) {
+  lockstep::add_peaks();
   lockstep::add_methods();
   lockstep::add_scaling();
+  lockstep::add_sizes();
   lockstep::add_ladder();
   lockstep::add_bounds();
   benchmark::Initialize(&argc, argv);

@@ -1,0 +1,237 @@
+# Draws the tables of measure.py. SPDX-License-Identifier: Apache-2.0
+"""python3 charts.py FOLDER_OF_CSV FOLDER_OF_PICTURES"""
+import csv
+import re
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt  # noqa: E402
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator, PercentFormatter  # noqa: E402
+
+SCENES = ["chain8", "gripper13", "chain32"]
+INK, GREY, LINE = "#222222", "#5c5c5c", "#d5d5d5"
+OURS, THEIRS, LOST = "#d39200", "#4f9ccb", "#c9c9c9"
+SCENE_COLORS = {"chain8": "#1f6fa5", "gripper13": "#d39200", "chain32": "#a8430a"}
+METHOD_COLORS = {"reduced": "#d39200", "direct": "#1f6fa5", "pgs": "#7a7a7a"}
+STAGE_COLORS = {
+    "kinematics": "#c7e0f0", "bias forces": "#8cc6ea", "mass matrix": "#4f9ccb", "elimination": "#f2cf7f",
+    "free velocity": "#d39200", "responses and row terms": "#c9703c", "rows solved": "#a8430a",
+    "integration": "#8a8a8a", "others": "#d5d5d5",
+}
+# What is shown of peers.csv, in this order: the engine's beginning, and all its settings.
+ROWS = [
+    ("lockstep", "reduced, f32, 4 steps per call"), ("lockstep", "reduced, f32, 1 step per call"),
+    ("lockstep", "reduced, f64, 1 step per call"), ("lockstep", "direct, f32, 4 steps per call"),
+    ("lockstep", "pgs 4, f32, 4 steps per call"),
+    ("MuJoCo", "default"), ("MuJoCo", "firm: Euler, Newton once, dense"),
+    ("MuJoCo", "stiff: Euler, Newton once, dense"),
+    ("MuJoCo", "stiff: RK4, Newton once, dense"),
+    ("Bullet", "pgs 10, f64"), ("Bullet", "pgs 50, f64"),
+    ("Simbody", "semi-explicit Euler, f64"), ("Simbody", "Runge-Kutta-Merson, 1e-3, f64"),
+]
+
+plt.rcParams.update({"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgecolor": "#9a9a9a",
+                     "axes.labelcolor": INK, "xtick.color": INK, "ytick.color": INK,
+                     "axes.spines.top": False, "axes.spines.right": False})
+
+
+def read(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def rate(value):
+    for size, letter in ((1e6, " M"), (1e3, " k")):
+        if value >= size:
+            return f"{value / size:.3g}{letter}"
+    return f"{value:.0f}"
+
+
+def heading(figure, title, words, left=0.02):
+    height = figure.get_figheight()
+    figure.text(left, 1 - 0.22 / height, title, fontsize=12.5, fontweight="bold", color=INK, va="top")
+    figure.text(left, 1 - 0.50 / height, words, fontsize=9.5, color=GREY, va="top")
+
+
+def save(figure, path):
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+
+
+def sound(row):
+    """An engine's row that stands for a simulation of the scene: it did not diverge, and is not far off."""
+    return row["diverged"] == "0" and float(row["rms"]) < 0.05
+
+
+def lead(table, scene):
+    """One step per call, as others make them, beside the fastest other that does not diverge, however far off."""
+    own = next(row for row in table if (row["scene"], row["settings"]) == (scene, ROWS[1][1]))
+    return float(own["steps_per_second"]) / max(
+        float(row["steps_per_second"]) for row in table
+        if row["scene"] == scene and row["engine"] != "lockstep" and row["diverged"] == "0")
+
+
+def draw_peers(table, picture):
+    found = {(row["engine"].split()[0], row["settings"], row["scene"]): row for row in table}
+    names = {row["engine"].split()[0]: row["engine"] for row in table}
+    rows = [row for row in ROWS if row + (SCENES[0],) in found]
+    figure, panels = plt.subplots(1, 3, figsize=(13.2, 1.5 + 0.31 * len(rows)), sharey=True)
+    figure.subplots_adjust(left=0.225, right=0.99, top=1 - 1.12 / figure.get_figheight(), bottom=0.1, wspace=0.06)
+    for panel, scene in zip(panels, SCENES):
+        for place, key in enumerate(rows):
+            row = found[key + (scene,)]
+            speed, lost = float(row["steps_per_second"]), not sound(row)
+            color = LOST if lost else OURS if key[0] == "lockstep" else THEIRS
+            panel.barh(place, speed, color=color, height=0.72)
+            error = "diverges" if row["diverged"] == "1" else f"{float(row['rms']):.1e}".replace("e-0", "e-")
+            panel.text(speed * 1.15, place, f"{rate(speed)}/s · {error}", va="center", fontsize=8.5,
+                       color=GREY if lost else INK)
+        panel.set_xscale("log")
+        panel.set_xlim(20, 2e9)
+        panel.xaxis.set_major_locator(FixedLocator([1e2, 1e4, 1e6]))
+        panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: rate(value)))
+        panel.xaxis.set_minor_locator(NullLocator())
+        panel.tick_params(axis="y", length=0)
+        panel.set_title(f"{scene}: {lead(table, scene):.0f} times the fastest other", loc="left", fontsize=10.5,
+                        color=INK)
+    panels[0].set_yticks(range(len(rows)), [f"{names[engine]}: {words}" for engine, words in rows], fontsize=8.5)
+    panels[0].invert_yaxis()
+    figure.supxlabel("environment-steps per second of one core", fontsize=9.5, color=INK, x=0.6, y=0.005)
+    heading(figure, "Steps per second, and the joints' error in the first second (rad), at 1/240 s",
+            "One core, all take turns in one run. Grey: diverges, or is off by more than 0.05 rad. Times: one step per "
+            "call beside the fastest other that does not diverge.")
+    save(figure, picture)
+
+
+def grouped(stages):
+    """Stages by the names of STAGE_COLORS; what is small goes together."""
+    sums = defaultdict(float)
+    for row in stages:
+        sums[row["stage"] if row["stage"] in STAGE_COLORS else "others"] += max(0.0, float(row["ns_per_tile"]))
+    return sums
+
+
+def draw_stages(table, picture):
+    figure, panels = plt.subplots(1, 3, figsize=(13.2, 3.3))
+    figure.subplots_adjust(left=0.06, right=0.99, top=0.70, bottom=0.27, wspace=0.2)
+    for panel, scene in zip(panels, SCENES):
+        for place, method in enumerate(METHOD_COLORS):
+            sums = grouped([row for row in table if (row["scene"], row["method"]) == (scene, method)
+                            and row["stage"] != "step"])
+            left, total = 0.0, sum(sums.values())
+            for stage, color in STAGE_COLORS.items():
+                width = sums[stage] / 8
+                panel.barh(place, width, left=left, color=color, height=0.7, edgecolor="white", linewidth=0.4)
+                if sums[stage] > 0.1 * total:
+                    panel.text(left + width / 2, place, f"{sums[stage] / total:.0%}", ha="center", va="center",
+                               fontsize=8.5, color=INK)
+                left += width
+        panel.set_yticks(range(len(METHOD_COLORS)), METHOD_COLORS)
+        panel.tick_params(axis="y", length=0)
+        panel.invert_yaxis()
+        panel.set_title(scene, loc="left", fontsize=10.5, color=INK)
+        panel.set_xlabel("ns per environment-step")
+    handles = [plt.Rectangle((0, 0), 1, 1, color=color) for color in STAGE_COLORS.values()]
+    figure.legend(handles, STAGE_COLORS, loc="lower left", bbox_to_anchor=(0.05, -0.01), ncol=len(STAGE_COLORS),
+                  frameon=False, fontsize=9, handlelength=1.1, columnspacing=1.3)
+    heading(figure, "Where the time of a step goes", "One core, f32, eight environments in a register, pgs with 4 "
+            "sweeps. What a stage adds to the step before it.")
+    save(figure, picture)
+
+
+def speeds(table):
+    """Million steps per second by name."""
+    found = {}
+    for row in table:
+        name = re.sub("(/real_time)?(_median)?$", "", row["name"])
+        if row["error_occurred"] != "true":
+            found[name] = float(row["env_steps_per_second"]) * 1e-6
+    return found
+
+
+def line(panel, found, pattern, label, color, scale=lambda n: 1.0, **style):
+    points = sorted((int(match[1]), value) for name, value in found.items()
+                    if (match := re.fullmatch(pattern, name)))
+    panel.plot([n for n, _ in points], [value * scale(n) for n, value in points], "o-", color=color, label=label,
+               markersize=4, **style)
+
+
+def draw_scaling(table, picture):
+    found = speeds(table)
+    figure, panels = plt.subplots(1, 4, figsize=(13.2, 3.9))
+    figure.subplots_adjust(left=0.045, right=0.99, top=0.73, bottom=0.15, wspace=0.24)
+    environments, dofs, couplings, threads = panels
+    line(environments, found, r"step/chain8/reduced/1/f32/environments:(\d+)", "chain8", SCENE_COLORS["chain8"])
+    environments.set_xscale("log", base=4)
+    environments.set_xticks([64, 1024, 16384, 262144], ["64", "1024", "16384", "262144"])
+    environments.set(title="Any number of environments", xlabel="environments", ylabel="million steps per second")
+    line(dofs, found, r"step/chain/reduced/1/f32/coupled/dofs:(\d+)", "half of them coupled", METHOD_COLORS["reduced"])
+    line(dofs, found, r"step/chain/reduced/1/f32/dofs:(\d+)", "free", METHOD_COLORS["direct"])
+    dofs.set_xscale("log", base=2)
+    dofs.set_yscale("log")
+    dofs.set_xticks([1, 2, 4, 8, 16, 32, 64], [1, 2, 4, 8, 16, 32, 64])
+    dofs.set(title="Longer chains", xlabel="joints")
+    dofs.legend(frameon=False, fontsize=8.5)
+    for method, color in METHOD_COLORS.items():
+        line(couplings, found, rf"step/chain16/{method}/\d+/f32/couplings:(\d+)", method, color)
+    couplings.set(title="More couplings, 16 joints", xlabel="couplings", ylim=(0, None))
+    couplings.legend(frameon=False, fontsize=8.5, loc="lower left")
+    for scene in SCENES:
+        one = found[f"step/{scene}/reduced/1/f32/threads:1"]
+        line(threads, found, rf"step/{scene}/reduced/1/f32/threads:(\d+)", scene, SCENE_COLORS[scene],
+             lambda _, one=one: 1 / one)
+    threads.plot([1, 2], [1, 2], ":", color=GREY, linewidth=1, label="as many times")
+    threads.set(title="Threads", xlabel="threads", ylabel="times one thread", xticks=[1, 2], ylim=(0, 2.5))
+    threads.legend(frameon=False, fontsize=8.5, loc="upper left")
+    environments.set_ylim(0, 1.2 * environments.get_ylim()[1])
+    for panel in panels:
+        panel.set_title(panel.get_title(), loc="left", fontsize=10.5, color=INK)
+        panel.set_title("", loc="center")
+        panel.grid(color=LINE, linewidth=0.5)
+        panel.xaxis.set_minor_locator(NullLocator())
+    heading(figure, "How the speed scales", "reduced unless said otherwise, f32, one core but for the threads, "
+            "4 steps per call; wall time for threads, CPU time for the rest.")
+    save(figure, picture)
+
+
+def draw_peak(table, picture):
+    stages = [stage for stage in list(STAGE_COLORS) if stage != "others"] + ["step"]
+    stages = [stage for stage in stages if any(row["stage"] == stage for row in table)]
+    figure, panel = plt.subplots(figsize=(8.6, 1.6 + 0.32 * len(stages)))
+    figure.subplots_adjust(left=0.23, right=0.98, top=1 - 0.95 / figure.get_figheight(), bottom=0.13)
+    for row in table:
+        # With reduced, as it is the default; stages that it has not, with direct.
+        method = "direct" if row["stage"] in ("responses and row terms", "rows solved") else "reduced"
+        if row["stage"] in stages and row["method"] == method:
+            panel.plot(float(row["share_of_peak"]), stages.index(row["stage"]), "o", color=SCENE_COLORS[row["scene"]],
+                       markersize=9 if row["stage"] == "step" else 6.5)
+    panel.set_yticks(range(len(stages)), [{"step": "the whole step"}.get(s, s) for s in stages])
+    panel.get_yticklabels()[-1].set_fontweight("bold")
+    panel.invert_yaxis()
+    panel.set_xlim(0, 1)
+    panel.xaxis.set_major_formatter(PercentFormatter(1))
+    panel.grid(color=LINE, linewidth=0.5)
+    panel.set_axisbelow(True)
+    for scene, color in SCENE_COLORS.items():
+        panel.plot([], [], "o", color=color, label=scene)
+    panel.legend(frameon=False, loc="center right")
+    panel.set_xlabel("share of the fused multiply-adds that the core can do")
+    peak = sorted(float(row["peak_gflops"]) for row in table)[len(table) // 2]
+    heading(figure, "How near to the peak",
+            f"{peak:.0f} Gflop/s of independent AVX2 multiply-adds, measured in the same run")
+    save(figure, picture)
+
+
+def draw_all(tables, pictures):
+    Path(pictures).mkdir(parents=True, exist_ok=True)
+    for name, source, draw in (("peers", "peers", draw_peers), ("stages", "stage_bench", draw_stages),
+                               ("scaling", "step_bench", draw_scaling), ("peak", "stage_bench", draw_peak)):
+        draw(read(Path(tables) / (source + ".csv")), Path(pictures) / (name + ".png"))
+
+
+if __name__ == "__main__":
+    draw_all(*sys.argv[1:])

@@ -1,0 +1,82 @@
+# Runs all measurements of a build and draws them. SPDX-License-Identifier: Apache-2.0
+"""Tables go to bench/results/MACHINE, pictures to docs/performance. Builds nothing."""
+import argparse
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+BENCH = Path(__file__).resolve().parent
+RESULTS = BENCH / "results"
+
+
+def machine():
+    """The folder of results whose machine.txt tells of this processor, or a new one named after it."""
+    with open("/proc/cpuinfo") as file:
+        lines = file.read().split("\n\n")[0].splitlines()
+    facts = dict(re.split(r"\s*:\s*", line.strip(), maxsplit=1) for line in lines if ":" in line)
+    text = "{model name}, family {cpu family}, model {model}\n".format(**facts)
+    for known in RESULTS.glob("*/machine.txt"):
+        if known.read_text() == text:
+            return known.parent
+    folder = RESULTS / re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")
+    folder.mkdir(parents=True)
+    (folder / "machine.txt").write_text(text)
+    return folder
+
+
+def python_that_draws():
+    """This one, or the system's where this has no matplotlib."""
+    for python in (sys.executable, "/usr/bin/python3"):
+        if subprocess.run([python, "-c", "import matplotlib"], capture_output=True).returncode == 0:
+            return python
+    sys.exit("measure.py: no matplotlib (Debian: python3-matplotlib)")
+
+
+def run(words, **more):
+    print("  " + " ".join(str(word) for word in words), flush=True)
+    start = time.monotonic()
+    subprocess.run([str(word) for word in words], check=True, **more)
+    print(f"  {time.monotonic() - start:.0f} s", flush=True)
+
+
+def step_bench(program, table, quick):
+    chosen = "peak|reduced/1/f32/(coupled/)?(dofs|threads|environments)|couplings" if quick else "."
+    run([program, f"--benchmark_filter={chosen}", f"--benchmark_min_time={0.003 if quick else 0.03}",
+         f"--benchmark_repetitions={1 if quick else 5}", "--benchmark_enable_random_interleaving=true",
+         f"--benchmark_report_aggregates_only={'false' if quick else 'true'}",
+         f"--benchmark_out={table}", "--benchmark_out_format=csv"],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    # Medians are enough, and before the header come words about the machine.
+    rows = table.read_text()[table.read_text().index("name,"):].splitlines(keepends=True)
+    table.write_text("".join(row for row in rows if not re.search('_(mean|stddev|cv)"', row)))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--build", type=Path, default=BENCH.parent / "build", help="folder of a Release build")
+    parser.add_argument("--pictures", type=Path, default=BENCH.parent / "docs" / "performance")
+    parser.add_argument("--quick", action="store_true", help="a look in under a minute; its figures are no results")
+    choices = parser.parse_args()
+    python = python_that_draws()
+    if os.getloadavg()[0] > 0.5:
+        print("This machine is at work: ratios will do, but two threads will not be seen to gain anything.")
+    if choices.quick:
+        results = choices.pictures = choices.build / "bench" / "quick"
+        results.mkdir(parents=True, exist_ok=True)
+    else:
+        results = machine()
+    programs = choices.build / "bench"
+    step_bench(programs / "step_bench", results / "step_bench.csv", choices.quick)
+    run([programs / "stage_bench", "--csv", results / "stage_bench.csv"]
+        + (["--repeats", 3, "--seconds", 0.001] if choices.quick else []))
+    run([programs / "peers" / "peers", "--csv", results / "peers.csv"]
+        + (["--repeats", 1, "--seconds", 0.01, "--horizon", 1] if choices.quick else []))
+    run([python, BENCH / "charts.py", results, choices.pictures])
+    print(f"tables: {results}\npictures: {choices.pictures}")
+
+
+if __name__ == "__main__":
+    main()

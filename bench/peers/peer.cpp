@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "peer.h"
+
+#include <stdexcept>
+
+namespace lockstep::peers {
+
+void require_plain(const Model& model) {
+  const auto require = [&](bool fits, const char* what) {
+    if (!fits) throw std::invalid_argument("peers: model '" + model.name + "' has " + what);
+  };
+  for (const Link& link : model.links) {
+    const Eigen::Matrix3d& tensor = link.inertia.about_center;
+    require(tensor.isDiagonal(), "principal axes that are not the link's");
+  }
+  for (const Joint& joint : model.joints) {
+    require(joint.kind == JointKind::revolute, "joints that are not revolute");
+    require(joint.armature == 0.0 && joint.effort == 0.0, "armatures or efforts");
+    require(!joint.drive.kinematic && joint.drive.velocity_target == 0.0, "drives that are no plain servos");
+    require(joint.lower == -infinity && joint.upper == infinity && joint.friction == 0.0, "bounds");
+  }
+  for (const Coupling& coupling : model.couplings)
+    require(coupling.terms.size() == 1 && coupling.softness.is_hard(), "couplings that are no hard mimics");
+  require(!model.root.floating || model.root.velocity.isZero(), "a root that moves at the start");
+}
+
+int joint_of_link(const Model& model, const std::string& link) {
+  for (std::size_t j = 0; j < model.joints.size(); ++j)
+    if (model.joints[j].child == link) return static_cast<int>(j);
+  return -1;
+}
+
+}  // namespace lockstep::peers

@@ -1,0 +1,26 @@
+// Flops of each stage, and what stages there are. SPDX-License-Identifier: Apache-2.0
+#include <vector>
+
+#include "report/counted.h"
+#include "stage_kernels.h"
+#include "stages.h"
+
+namespace lockstep::bench {
+
+using CountedStages = Stages<Counted>;
+
+int stage_count() { return CountedStages::count; }
+const char* stage_name(int stage) { return CountedStages::all[stage].name; }
+bool stage_present(const Tables<float>& t, int stage) { return CountedStages::all[stage].present(t); }
+
+long stage_flops(const Tables<float>& t, const Lanes<float>& lanes, int stages) {
+  kernels::Tile<Counted> x;
+  std::vector<std::max_align_t> scratch(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
+  kernels::lay_out(t, scratch.data(), x);
+  kernels::uniform_ratios(t, x);
+  operation_count = {};
+  CountedStages::run(t, lanes, x, stages);
+  return operation_count.flops;
+}
+
+}  // namespace lockstep::bench

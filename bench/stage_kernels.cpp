@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "stage_kernels.h"
+
+#include "simd/denormals.h"
+#include "stages.h"
+
+namespace lockstep::bench {
+namespace {
+
+// A wide type of its own, so that these kernels are instantiated here and none is shared with the library's.
+struct Timed : simd::Fused {};
+using Wide = simd::Wide<float, StageKernels::lanes, Timed>;
+
+}  // namespace
+
+std::size_t StageKernels::scratch_bytes(const Tables<float>& t) {
+  kernels::Tile<Wide> x;
+  return kernels::lay_out(t, nullptr, x);
+}
+
+void StageKernels::run(const Tables<float>& t, const Lanes<float>& start, const Lanes<float>& lanes, void* scratch,
+                       int stages, long repeats) {
+  const simd::FlushDenormals flush;
+  kernels::Tile<Wide> x;
+  kernels::lay_out(t, scratch, x);
+  kernels::uniform_ratios(t, x);
+  for (long r = 0; r < repeats; ++r) {
+    const auto restore = [&](float* to, const float* from, int rows) {
+      for (int i = 0; i < rows; ++i) store(to + i * lanes.stride, Wide::load(from + i * start.stride));
+    };
+    restore(lanes.position, start.position, t.joints);
+    restore(lanes.velocity, start.velocity, t.joints);
+    if (t.floating) restore(lanes.root_pose, start.root_pose, 7), restore(lanes.root_velocity, start.root_velocity, 6);
+    Stages<Wide>::run(t, lanes, x, stages);
+  }
+}
+
+}  // namespace lockstep::bench

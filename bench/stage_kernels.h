@@ -1,0 +1,26 @@
+// The beginning of a step as plain functions: to be timed, and to be counted. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+
+#include "kernels/lanes.h"
+#include "plan/tables.h"
+
+namespace lockstep::bench {
+
+/// In AVX2, eight environments to a tile; compiled with the flags of the library's own kernels.
+struct StageKernels {
+  static constexpr int lanes = 8;
+  static std::size_t scratch_bytes(const Tables<float>& t);
+  /// `repeats` times the first `stages` of a step, beginning each time with the state of `start`.
+  static void run(const Tables<float>& t, const Lanes<float>& start, const Lanes<float>& lanes, void* scratch,
+                  int stages, long repeats);
+};
+
+int stage_count();
+const char* stage_name(int stage);
+bool stage_present(const Tables<float>& t, int stage);
+/// Flops of the first `stages` for one environment, counted by running them on a number that counts.
+long stage_flops(const Tables<float>& t, const Lanes<float>& lanes, int stages);
+
+}  // namespace lockstep::bench

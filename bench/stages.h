@@ -1,0 +1,78 @@
+// The stages of a step one by one, as src/kernels/step.h calls them. SPDX-License-Identifier: Apache-2.0
+//
+// For scenes without bounds, effort limits, recordings and softness of their own: what runs in the plainest steps.
+#pragma once
+
+#include "kernels/step.h"
+
+namespace lockstep::bench {
+
+template <class T>
+using Stage = void (*)(const Tables<simd::ScalarOf<T>>&, const Lanes<simd::ScalarOf<T>>&, kernels::Tile<T>&);
+
+template <class T>
+struct NamedStage {
+  const char* name;
+  bool (*present)(const Tables<simd::ScalarOf<T>>&);
+  Stage<T> run;
+};
+
+template <class T>
+struct Stages {
+  using S = simd::ScalarOf<T>;
+  using Table = Tables<S>;
+  using Tile = kernels::Tile<T>;
+
+  static bool always(const Table&) { return true; }
+  static bool coupled(const Table& t) { return t.couplings > 0; }
+  static bool eliminates(const Table& t) { return t.reduction.followers > 0; }
+  static bool has_rows(const Table& t) { return t.rows.count > 0; }
+
+  static void rows(const Table& t, const Lanes<S>& lanes, Tile& x) {
+    kernels::responses(t, x);
+    kernels::row_terms(t, lanes, x);
+  }
+  static void solve(const Table& t, const Lanes<S>&, Tile& x) {
+    switch (t.method) {
+      case kernels::method_pgs: kernels::pgs(t, x); break;
+      case kernels::method_tgs: kernels::tgs(t, x); break;
+      default: kernels::direct(t, x); break;
+    }
+  }
+  static void integrate(const Table& t, const Lanes<S>&, Tile& x) {
+    kernels::solved_velocities(t, x);
+    kernels::integrate(t, x);
+    if (t.floating) kernels::turn_root_twist(x);
+  }
+
+  static void finish(const Table& t, const Lanes<S>& lanes, Tile& x) {
+    kernels::check(t, lanes, x);
+    kernels::store(t, lanes, x);
+  }
+
+  static constexpr NamedStage<T> all[] = {
+      {"load", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::load(t, l, x); }},
+      {"kinematics", always, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::kinematics(t, x); }},
+      {"coupling errors", coupled,
+       [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::coupling_errors(t, l, x); }},
+      {"bias forces", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::bias_forces(t, l, x); }},
+      {"mass matrix", always, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::mass_matrix(t, x); }},
+      {"joint terms", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::joint_terms(t, l, x); }},
+      {"elimination", eliminates, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::eliminate(t, x); }},
+      {"free velocity", always, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::free_velocity(t, x); }},
+      {"responses and row terms", has_rows, rows},
+      {"rows solved", has_rows, solve},
+      {"integration", always, integrate},
+      {"check and store", always, finish},
+  };
+  static constexpr int count = sizeof(all) / sizeof(*all);
+
+  /// The first `stages` of a step of one tile that is laid out.
+  static void run(const Table& t, const Lanes<S>& lanes, Tile& x, int stages) {
+    x.saturation_pass = 0;
+    for (int s = 0; s < stages; ++s)
+      if (all[s].present(t)) all[s].run(t, lanes, x);
+  }
+};
+
+}  // namespace lockstep::bench
