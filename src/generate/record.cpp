@@ -90,12 +90,9 @@ Graph record_step(const Program& program) {
   for (int f = 0; f < parameter_count; ++f)
     if ((t.per_environment >> f) & 1u) lanes.field[f] = rows(field_rows[f], fmt::format("field[{}]", f));
 
-  if (!kernels::declared<Recorded>(t, 0)) {
-    kernels::spread(t.term_value, x.coefficient);
-    kernels::spread(t.reduction.value, x.share);
-    kernels::spread(t.reduction.inverse_value, x.inverse_form);
-    kernels::spread(t.rows.term_value, x.row_value);
-  }
+  // What advance() makes once per call: known numbers, unless each environment has its own.
+  if (!kernels::declared<Recorded>(t, 0)) kernels::uniform_ratios(t, x);
+  if (!kernels::declared<Recorded>(t, 5)) kernels::uniform_masses(t, x);
   kernels::step(t, lanes, x);
   recording.finish();
   return std::move(recording.graph);

@@ -23,8 +23,12 @@ void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
       x.start[z] = x.v[z];
       x.free_position[z] = x.drive[z];
     }
-  half_solve(columns, x.reduced, x.inverse, x.free_position);
-  if (x.free_velocity != x.free_position) half_solve(columns, x.reduced, x.inverse, x.free_velocity);
+  if (x.free_velocity == x.free_position) return half_solve(columns, x.reduced, x.inverse, x.free_position);
+  solve_upwards(columns, x.reduced, x.free_position, x.free_velocity);
+  for (int z = 0; z < columns.n; ++z) {
+    x.free_position[z] *= x.inverse[z];
+    x.free_velocity[z] *= x.inverse[z];
+  }
 }
 
 }  // namespace lockstep::kernels

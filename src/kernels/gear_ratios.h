@@ -27,7 +27,18 @@ void combine(const Rows<ScalarOf<T>>& rows, const Tile<T>& x, T* value) {
   }
 }
 
-/// The table's, for all tiles.
+/// The table's masses, for all tiles.
+template <class T>
+void uniform_masses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int b = 0; b < t.bodies; ++b) {
+    const Body<ScalarOf<T>>& body = t.body[b];
+    x.felt[b].mass = T(body.felt_mass);
+    for (int k = 0; k < 3; ++k) x.felt[b].moment[k] = T(body.felt_moment[k]);
+    for (int k = 0; k < 6; ++k) x.felt[b].second[k] = T(body.felt_second[k]);
+  }
+}
+
+/// The table's ratios, for all tiles.
 template <class T>
 void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Bounds<ScalarOf<T>>& bounds = t.bounds;

@@ -6,10 +6,10 @@
 
 namespace lockstep::kernels {
 
-/// (M21) v = start + L^-1 (share y + D^-1 X impulse), over the solver's velocities.
+/// share y + D^-1 X impulse of (M21), over the solver's velocities.
 template <class T>
-void solved_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, const T* free, T share,
-                     const T* impulse, T* v) {
+void impel(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, const T* free, T share, const T* impulse,
+           T* v) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   for (int z = 0; z < t.solver.n; ++z) v[z] = free[z] * share;
   for (int r = 0; r < rows.count; ++r)
@@ -17,15 +17,30 @@ void solved_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase
       for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z)
         v[z] = fma(x.scaled[r * t.solver.n + z], impulse[r], v[z]);
   if (t.bounds.form.count > 0) add_bounds(t, x, phase, v);
+}
+
+/// (M21) v = start + L^-1 (share y + D^-1 X impulse).
+template <class T>
+void solved_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, const T* free, T share,
+                     const T* impulse, T* v) {
+  impel(t, x, phase, free, share, impulse, v);
   solve_downwards(t.solver, x.reduced, v);
   for (int z = 0; z < t.solver.n; ++z) v[z] += x.start[z];
 }
 
-/// Of both phases, over the solver's velocities.
+/// Of both phases, which share their way down the tree.
 template <class T>
 void solved_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  solved_velocity(t, x, position_phase, x.free_position, T(t.free_share), x.position_impulse, x.solution);
-  if (t.solve_twice) solved_velocity(t, x, velocity_phase, x.free_velocity, T(1), x.velocity_impulse, x.closing_solution);
+  const T share = T(t.free_share);
+  if (!t.solve_twice)
+    return solved_velocity(t, x, position_phase, x.free_position, share, x.position_impulse, x.solution);
+  impel(t, x, position_phase, x.free_position, share, x.position_impulse, x.solution);
+  impel(t, x, velocity_phase, x.free_velocity, T(1), x.velocity_impulse, x.closing_solution);
+  solve_downwards(t.solver, x.reduced, x.solution, x.closing_solution);
+  for (int z = 0; z < t.solver.n; ++z) {
+    x.solution[z] += x.start[z];
+    x.closing_solution[z] += x.start[z];
+  }
 }
 
 /// All velocities from the solver's: followers follow, by S, and are corrected where asked to.

@@ -74,6 +74,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("sine", x.sine, t.bodies);
   take("cosine", x.cosine, t.bodies);
   take("inertia", x.inertia, masses ? t.bodies : 0, Lasts::call);
+  take("felt", x.felt, t.bodies, Lasts::call);
   // Bias forces are done with theirs when the mass matrix begins: they share the room, for the cache's sake.
   Take shared = take;
   take("angular", x.angular, t.bodies, Lasts::stage);

@@ -74,13 +74,51 @@ void solve_upwards(const Columns& columns, const T* factor, T* b) {
     b[j] = subtract_dot(factor + columns.offset[j] + 1, b + j + 1, columns.size[j] - 1, b[j]);
 }
 
+/// The same for two right-hand sides at once.
+template <class T>
+void solve_upwards(const Columns& columns, const T* factor, T* a, T* b) {
+  for (int j = columns.n - 1; j >= 0; --j) {
+    const T* const own = factor + columns.offset[j];
+    const int below = columns.size[j];
+    T first = a[j], second = b[j], odd_first = T(0), odd_second = T(0);
+    int k = 1;
+    for (; k + 2 <= below; k += 2) {
+      const T left = own[k], right = own[k + 1];
+      first = fnma(left, a[j + k], first);
+      second = fnma(left, b[j + k], second);
+      odd_first = fnma(right, a[j + k + 1], odd_first);
+      odd_second = fnma(right, b[j + k + 1], odd_second);
+    }
+    if (k < below) {
+      first = fnma(own[k], a[j + k], first);
+      second = fnma(own[k], b[j + k], second);
+    }
+    a[j] = first + odd_first;
+    b[j] = second + odd_second;
+  }
+}
+
 /// b <- L^-1 b
 template <class T>
 void solve_downwards(const Columns& columns, const T* factor, T* b) {
   for (int j = 0; j < columns.n; ++j) {
     const T* own = factor + columns.offset[j];
     const T value = b[j];
-    for (int k = 1; k < columns.size[j]; ++k) b[j + k] = fnma(own[k], value, b[j + k]);
+    for (int k = 1, below = columns.size[j]; k < below; ++k) b[j + k] = fnma(own[k], value, b[j + k]);
+  }
+}
+
+/// The same for two right-hand sides at once.
+template <class T>
+void solve_downwards(const Columns& columns, const T* factor, T* a, T* b) {
+  for (int j = 0; j < columns.n; ++j) {
+    const T* const own = factor + columns.offset[j];
+    const T first = a[j], second = b[j];
+    for (int k = 1, below = columns.size[j]; k < below; ++k) {
+      const T entry = own[k];
+      a[j + k] = fnma(entry, first, a[j + k]);
+      b[j + k] = fnma(entry, second, b[j + k]);
+    }
   }
 }
 

@@ -21,6 +21,31 @@ void own_masses(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, T
   }
 }
 
+/// (M10) What lies on revolute joints' axes moves inwards: mass m, first moment h and second moment z along the axis e
+/// at the origin r.
+template <class T>
+void move_masses_inwards(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int b = 0; b < t.bodies; ++b) x.felt[b] = x.inertia[b];
+  for (int b = t.bodies - 1; b >= 0; --b) {
+    const Body<ScalarOf<T>>& body = t.body[b];
+    if (body.root || body.prismatic) continue;
+    PseudoInertia<T>& felt = x.felt[b];
+    const int k = body.axis;
+    const T mass = felt.mass, h = felt.moment[k], z = felt.second[k];
+    felt.mass = felt.moment[k] = felt.second[k] = T(0);
+    if (body.parent < 0) continue;
+    PseudoInertia<T>& parent = x.felt[body.parent];
+    const Vec3<T> r = Vec3<T>::constant(body.offset), e = Vec3<T>::constant(body.rotation + 3 * k);
+    parent.mass += mass;
+    for (int i = 0; i < 3; ++i) {
+      const int j = (i + 1) % 3, l = (i + 2) % 3;
+      parent.moment[i] += fma(mass, r[i], h * e[i]);
+      parent.second[i] += fma(fma(mass, r[i], (h + h) * e[i]), r[i], z * e[i] * e[i]);
+      parent.second[3 + i] += fma(fma(mass, r[j], h * e[j]), r[l], fma(h, r[j], z * e[j]) * e[l]);
+    }
+  }
+}
+
 template <class T>
 void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   for (int j = 0; j < t.joints; ++j) {
@@ -41,7 +66,10 @@ void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
 
   for (int k = 0; t.record_diagnostics && k < 4; ++k) x.energy[k] = T(0);
   if (declared<T>(t, 0)) own_ratios(t, lanes, x);
-  if (declared<T>(t, 5)) own_masses(t, lanes, x);
+  if (declared<T>(t, 5)) {
+    own_masses(t, lanes, x);
+    move_masses_inwards(t, x);
+  }
 }
 
 }  // namespace lockstep::kernels

@@ -8,98 +8,122 @@
 
 namespace lockstep::kernels {
 
-/// Adds a body's composite, given in its own frame, to its parent's (M10).
+/// E^T Sigma E, as xx, yy, zz, yz, xz, xy.
 template <class J, class T>
-LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, T c, const Vec3<T>& r,
-                                   const PseudoInertia<T>& from, PseudoInertia<T>& to) {
-  // Second moment as E^T Sigma E: columns, then rows.
-  T turned[6];
-  if (body.rotated) {
+LOCKSTEP_INLINE void turn_second(J joint, const Body<ScalarOf<T>>& body, T s, T c, const PseudoInertia<T>& from,
+                                 T* turned) {
+  if constexpr (J::rotated) {  // columns, then rows
     Vec3<T> columns[3];
-    for (int k = 0; k < 3; ++k)
+    each_axis([&](int k) LOCKSTEP_INLINED {
       columns[k] = to_parent(joint, body, s, c, {from.pair(0, k), from.pair(1, k), from.pair(2, k)});
-    for (int k = 0; k < 3; ++k) {
+    });
+    each_axis([&](int k) LOCKSTEP_INLINED {
       const Vec3<T> row = to_parent(joint, body, s, c, {columns[0][k], columns[1][k], columns[2][k]});
       turned[k] = row[k];
       if (k == 0) turned[5] = row[1], turned[4] = row[2];
       if (k == 1) turned[3] = row[2];
-    }
+    });
   } else if constexpr (J::prismatic) {
     for (int k = 0; k < 6; ++k) turned[k] = from.second[k];
   } else {
     const T ii = from.second[J::i], jj = from.second[J::j], ij = from.second[3 + J::k];
     const T ik = from.second[3 + J::j], jk = from.second[3 + J::i];
-    const T shift = s * fma(s, jj - ii, T(ScalarOf<T>(-2)) * (c * ij));  // s^2 (jj - ii) - 2 s c ij
-    turned[J::i] = ii + shift;
-    turned[J::j] = jj - shift;
+    const T cross = c * ij, across = fma(s, ii - jj, cross);
+    const T shift = s * (across + cross);  // s^2 (ii - jj) + 2 s c ij
+    turned[J::i] = ii - shift;
+    turned[J::j] = jj + shift;
     turned[J::k] = from.second[J::k];
-    turned[3 + J::k] = fma(c, fma(s, ii - jj, c * ij), -(s * (s * ij)));
+    turned[3 + J::k] = fnma(s, s * ij, c * across);
     turned[3 + J::j] = fnma(s, jk, c * ik);
     turned[3 + J::i] = fma(s, ik, c * jk);
   }
-  const Vec3<T> h = to_parent(joint, body, s, c, from.moment);
-  to.mass += from.mass;
-  Vec3<T> u;  // h + m r / 2, so that r u^T + u r^T is all that the shift adds
-  for (int k = 0; k < 3; ++k) {
-    const T mr = from.mass * r[k];
-    to.moment[k] += h[k] + mr;
-    u[k] = fma(T(ScalarOf<T>(0.5)), mr, h[k]);
-  }
-  for (int k = 0; k < 3; ++k) {
+}
+
+/// Adds a body's composite, given in its own frame, to what its parent's was `before` (M10).
+template <class J, class T>
+LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, T c, const Vec3<T>& r,
+                                   const PseudoInertia<T>& from, const PseudoInertia<T>& before, PseudoInertia<T>& to) {
+  T turned[6];
+  turn_second(joint, body, s, c, from, turned);
+  Vec3<T> u = to_parent(joint, body, s, c, from.moment);  // + m r / 2, so that r u^T + u r^T is all that the shift adds
+  Vec3<T> moved = u;
+  if (body.heavy)
+    each_axis([&](int k) LOCKSTEP_INLINED {
+      if (!J::off(k)) return;
+      const T mr = from.mass * r[k];
+      u[k] = fma(T(ScalarOf<T>(0.5)), mr, u[k]);
+      moved[k] += mr;
+    });
+  to.mass = body.heavy ? before.mass + from.mass : before.mass;
+  each_axis([&](int k) LOCKSTEP_INLINED {
     const int i = (k + 1) % 3, j = (k + 2) % 3;
-    to.second[k] += fma(r[k] + r[k], u[k], turned[k]);
-    to.second[3 + k] += fma(r[i], u[j], fma(r[j], u[i], turned[3 + k]));
-  }
+    if (J::off(k)) turned[k] = fma(r[k] + r[k], u[k], turned[k]);
+    if (J::off(j)) turned[3 + k] = fma(r[j], u[i], turned[3 + k]);
+    if (J::off(i)) turned[3 + k] = fma(r[i], u[j], turned[3 + k]);
+  });
+  each_axis([&](int k) LOCKSTEP_INLINED {
+    to.moment[k] = before.moment[k] + moved[k];
+    to.second[k] = before.second[k] + turned[k];
+    to.second[3 + k] = before.second[3 + k] + turned[3 + k];
+  });
 }
 
 /// Force and moment of the composite under a unit acceleration of the joint's coordinate (M11).
 template <class J, class T>
-LOCKSTEP_INLINE void unit_column(J, const PseudoInertia<T>& c, T sign, Vec3<T>& force, Vec3<T>& moment) {
+LOCKSTEP_INLINE void unit_column(J, const PseudoInertia<T>& c, bool reversed, Vec3<T>& force, Vec3<T>& moment) {
+  Vec3<T> f, n;
+  f[J::k] = n[J::k] = T(0);
   if constexpr (J::prismatic) {
-    force = Vec3<T>::zero();
-    force[J::k] = c.mass * sign;
-    moment[J::k] = T(0);
-    moment[J::i] = c.moment[J::j] * sign;
-    moment[J::j] = -(c.moment[J::i] * sign);
+    f[J::i] = f[J::j] = T(0);
+    f[J::k] = c.mass;
+    n[J::i] = c.moment[J::j];
+    n[J::j] = -c.moment[J::i];
   } else {
-    force[J::k] = T(0);
-    force[J::i] = -(c.moment[J::j] * sign);
-    force[J::j] = c.moment[J::i] * sign;
-    moment[J::k] = (c.second[J::i] + c.second[J::j]) * sign;
-    moment[J::i] = -(c.second[3 + J::j] * sign);
-    moment[J::j] = -(c.second[3 + J::i] * sign);
+    f[J::i] = -c.moment[J::j];
+    f[J::j] = c.moment[J::i];
+    n[J::k] = c.second[J::i] + c.second[J::j];
+    n[J::i] = -c.second[3 + J::j];
+    n[J::j] = -c.second[3 + J::i];
   }
+  if (reversed)
+    each_axis([&](int a) LOCKSTEP_INLINED { f[a] = -f[a], n[a] = -n[a]; });
+  force = f;
+  moment = n;
 }
 
 /// Rows of body b: what the unit columns of b and of all bodies that it carries ask of b's joint. Then these columns
 /// and b's composite go on to its parent. One dispatch serves the whole subtree, whose columns are independent.
 template <class J, class T>
-LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, Tile<T>& x, int b) {
+LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
   const Body<ScalarOf<T>>& body = t.body[b];
-  const int velocity = velocity_of(t, b), carried = t.matrix.size[velocity];
-  const T s = x.sine[b], c = x.cosine[b], sign = T(body.sign);
+  const int velocity = velocity_of(t, b), carried = t.matrix.size[velocity], parent = body.parent;
+  const bool reversed = body.sign < 0;
   Vec3<T>* force = x.column_force + b;
   Vec3<T>* moment = x.column_moment + b;
   T* row = x.matrix + t.matrix.offset[velocity];
-  unit_column(joint, x.composite[b], sign, force[0], moment[0]);
-  if (body.parent < 0) {
-    for (int k = 0; k < carried; ++k) row[k] = (J::prismatic ? force[k][J::k] : moment[k][J::k]) * sign;
-    return;
+  const PseudoInertia<T>& composite = body.leaf ? x.felt[b] : x.composite[b];
+  unit_column(joint, composite, reversed, force[0], moment[0]);
+  if (parent < 0) {
+    for (int k = 0; k < carried; ++k) row[k] = J::prismatic ? force[k][J::k] : moment[k][J::k];
+  } else {
+    const T s = x.sine[b], c = x.cosine[b];
+    Vec3<T> r = origin(joint, body, J::prismatic ? x.q[joint_of(t, b)] : T(0));
+    add_to_parent(joint, body, s, c, r, composite, body.first ? x.felt[parent] : x.composite[parent], x.composite[parent]);
+    for (int k = 0; k < carried; ++k) {
+      row[k] = J::prismatic ? force[k][J::k] : moment[k][J::k];
+      Vec3<T> passed = to_parent(joint, body, s, c, force[k]);
+      moment[k] = cross_origin_add(joint, r, passed, to_parent(joint, body, s, c, moment[k]));
+      force[k] = passed;
+    }
   }
-  const Vec3<T> r = origin(joint, body, J::prismatic ? x.q[joint_of(t, b)] : T(0));
-  add_to_parent(joint, body, s, c, r, x.composite[b], x.composite[body.parent]);
-  for (int k = 0; k < carried; ++k) {
-    row[k] = (J::prismatic ? force[k][J::k] : moment[k][J::k]) * sign;
-    const Vec3<T> passed = to_parent(joint, body, s, c, force[k]);
-    moment[k] = cross_add(r, passed, to_parent(joint, body, s, c, moment[k]));
-    force[k] = passed;
-  }
+  if (reversed)
+    for (int k = 0; k < carried; ++k) row[k] = -row[k];
 }
 
 /// Rows of a floating root: all columns, and its own six from its composite, in the order angular, linear (M12).
 template <class T>
-LOCKSTEP_INLINE void rows_of_root(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  const PseudoInertia<T>& c = x.composite[0];
+LOCKSTEP_INLINE void rows_of_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  const PseudoInertia<T>& c = t.body[0].leaf ? x.felt[0] : x.composite[0];
   const auto row = [&](int velocity) { return x.matrix + t.matrix.offset[velocity] - velocity; };
   for (int k = 0; k < 3; ++k) {
     T* angular = row(k);
@@ -123,12 +147,11 @@ LOCKSTEP_INLINE void rows_of_root(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 
 template <class T>
 void mass_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  for (int b = 0; b < t.bodies; ++b) x.composite[b] = inertia_of(t, x, b);
   for (int b = t.bodies - 1; b >= 0; --b) {
     if (t.body[b].root)
       rows_of_root(t, x);
     else
-      with_joint(t.body[b], [&](auto joint) { rows_of_body(joint, t, x, b); });
+      with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED { rows_of_body(joint, t, x, b); });
   }
 }
 

@@ -8,9 +8,7 @@ namespace lockstep::kernels {
 /// Rotation of the frame that the first bodies hang in: the fixed root's.
 template <class T>
 LOCKSTEP_INLINE Mat3<T> root_orientation(const Tables<ScalarOf<T>>& t) {
-  Mat3<T> rotation;
-  for (int k = 0; k < 9; ++k) rotation.m[k] = T(t.root_rotation[k]);
-  return rotation;
+  return Mat3<T>::constant(t.root_rotation);
 }
 
 /// world[b]: coordinates of body b to world coordinates. Needs kinematics().

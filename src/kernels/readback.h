@@ -39,8 +39,7 @@ struct Place {
 template <class T>
 Place<T> place_of(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Request<ScalarOf<T>>& request) {
   const LinkPlace<ScalarOf<T>>& link = t.link[request.link];
-  Mat3<T> own;
-  for (int k = 0; k < 9; ++k) own.m[k] = T(link.rotation[k]);
+  const Mat3<T> own = Mat3<T>::constant(link.rotation);
   const Vec3<T> in_body = multiply_add(own, Vec3<T>::constant(request.offset), Vec3<T>::constant(link.offset));
   const Mat3<T> world = link.body < 0 ? root_orientation<T>(t) : m.world[link.body];
   const Vec3<T> origin = link.body < 0 ? Vec3<T>::constant(t.root_offset) : m.place[link.body];
@@ -130,7 +129,7 @@ void read(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::pt
       case Quantity::frame: {
         const Place<T> place = place_of(t, m, request);
         out.put(0, place.position);
-        for (int k = 0; k < 9; ++k) out.put(3 + k, place.rotation.m[k]);
+        for (int k = 0; k < 9; ++k) out.put(3 + k, place.rotation(k / 3, k % 3));
         break;
       }
       case Quantity::frame_velocity: put_velocity(t, m, request, out); break;

@@ -79,6 +79,7 @@ void advance(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std:
   const simd::FlushDenormals flush;
   Tile<T> x;
   lay_out(t, scratch, x);
+  uniform_masses(t, x);
   uniform_ratios(t, x);
   for (std::ptrdiff_t environment = first; environment < last; environment += T::lanes) {
     const Lanes<ScalarOf<T>> own = at(lanes, environment);

@@ -11,6 +11,7 @@ using simd::Mat3;
 using simd::PseudoInertia;
 using simd::ScalarOf;
 using simd::Vec3;
+using simd::each_axis;
 
 /// The codes of Method in step.h.
 enum MethodCode { method_pgs = 1, method_tgs = 2, method_direct = 3, method_reduced = 4 };
@@ -50,6 +51,7 @@ struct Tile {
   Vec3<T>* moment;
   Mat3<T>* world;          // orientation in the world: only with link wrenches
   PseudoInertia<T>* inertia;    // per-environment masses
+  PseudoInertia<T>* felt;       // what a step takes for the bodies' masses (M10)
   PseudoInertia<T>* composite;
   Vec3<T>* column_force;   // of the mass matrix, on their way inwards
   Vec3<T>* column_moment;

@@ -1,5 +1,6 @@
 // Bodies in frames whose joint axis is a coordinate axis, (M3). SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "layout.h"
@@ -8,6 +9,8 @@ namespace lockstep {
 namespace {
 
 using Eigen::Isometry3d;
+using Eigen::Matrix;
+using Eigen::Matrix4d;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
@@ -61,6 +64,64 @@ Matrix3d choose_frame(const Vector3d& axis, Body<double>& body) {
   return axes;
 }
 
+// Puts the body's origin where its offset from the parent's has fewest components: anywhere on the axis of a revolute
+// joint. What is rounding becomes zero. Returns how far it went along the axis.
+double choose_origin(const Vector3d& placed, Body<double>& body) {
+  Vector3d offset = placed;
+  double along = 0.0;
+  if (!body.prismatic && !body.rotated) {
+    along = offset[body.axis];
+    offset[body.axis] = 0.0;
+  }
+  for (double& component : offset)
+    if (std::abs(component) < axis_tolerance * placed.norm()) component = 0.0;
+  copy(offset, body.offset);
+  return along;
+}
+
+int kind_of(const Body<double>& body) {
+  if (body.prismatic) return body.rotated ? turned_sliding_joint : sliding_joint + body.axis;
+  if (body.rotated) return turned_joint;
+  const bool next = body.offset[(body.axis + 1) % 3] != 0.0, last = body.offset[(body.axis + 2) % 3] != 0.0;
+  return 3 * body.axis + (next && last ? both_axes : last ? last_axis : next_axis);
+}
+
+// (M10): what lies on a revolute joint's axis moves like the parent, and is moved there. Of a link that turns about a
+// coordinate axis, mass, one first and one second moment are gone from every product of a step.
+void move_masses_inwards(std::vector<Body<double>>& bodies, bool masses_differ) {
+  std::vector<Matrix4d> inertia;  // second moment, first moment; first moment, mass
+  for (const Body<double>& b : bodies) {
+    const double(&s)[6] = b.second, (&h)[3] = b.moment;
+    inertia.emplace_back() << s[0], s[5], s[4], h[0], s[5], s[1], s[3], h[1], s[4], s[3], s[2], h[2], h[0], h[1], h[2], b.mass;
+  }
+  for (int b = static_cast<int>(bodies.size()) - 1; b >= 0; --b) {
+    Body<double>& body = bodies[b];
+    Matrix4d& own = inertia[b];
+    if (!body.root && !body.prismatic) {
+      const std::array<int, 2> on_axis = {body.axis, 3};
+      Matrix<double, 4, 2> line = Matrix<double, 4, 2>::Zero();  // axis and origin in the parent's frame
+      line.col(0).head<3>() = Vector3d(body.rotation + 3 * body.axis);
+      line.col(1) << Vector3d(body.offset), 1.0;
+      if (body.parent >= 0) inertia[body.parent] += line * own(on_axis, on_axis) * line.transpose();
+      own(on_axis, on_axis).setZero();
+    }
+    body.felt_mass = own(3, 3);
+    copy(Vector3d(own.topRightCorner<3, 1>()), body.felt_moment);
+    copy_symmetric(own.topLeftCorner<3, 3>(), body.felt_second);
+    const double* off = body.felt_second + 3;
+    body.diagonal = !masses_differ && off[0] == 0.0 && off[1] == 0.0 && off[2] == 0.0;
+    body.leaf = true;
+    body.heavy = body.root || body.prismatic;
+  }
+  for (int b = static_cast<int>(bodies.size()) - 1; b >= 0; --b) {
+    if (bodies[b].parent < 0) continue;
+    Body<double>& parent = bodies[bodies[b].parent];
+    bodies[b].first = parent.leaf;
+    parent.leaf = false;
+    parent.heavy = parent.heavy || bodies[b].heavy;
+  }
+}
+
 struct Frames {
   std::vector<int> body_of_link;            // by carrier link
   std::vector<Isometry3d> link_in_body;     // by carrier link: its frame in the body's
@@ -108,8 +169,10 @@ void lay_out_bodies(Program& program, const Tree& tree) {
     body.prismatic = joint.kind == JointKind::prismatic;
     const Matrix3d axes = choose_frame((placement.linear() * joint.axis).normalized(), body);
     copy(axes.transpose(), body.rotation);
-    copy(placement.translation(), body.offset);
+    const double along = choose_origin(placement.translation(), body);
+    body.kind = kind_of(body);
     frames.link_in_body[child].linear() = axes.transpose() * placement.linear();
+    frames.link_in_body[child].translation()[body.axis] = along;
     frames.body_of_link[child] = static_cast<int>(bodies.size());
 
     program.solver_joint[j] = static_cast<int>(joint_row.size());
@@ -146,6 +209,7 @@ void lay_out_bodies(Program& program, const Tree& tree) {
     copy(sums[b].mass * sums[b].center, bodies[b].moment);
     copy_symmetric(second_moment(sums[b]), bodies[b].second);
   }
+  move_masses_inwards(bodies, declared(program, Parameter::mass));
 
   t.floating = floating;
   t.bodies = static_cast<int>(bodies.size());

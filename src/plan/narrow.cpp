@@ -23,12 +23,15 @@ struct Narrowing {
   }
 
   Body<float> narrowed(const Body<double>& from) {
-    Body<float> to{from.parent, from.axis, from.prismatic, from.rotated, from.root, narrowed(from.sign), {}, {},
-                   narrowed(from.mass), {}, {}};
+    Body<float> to{from.parent, from.axis, from.prismatic, from.rotated, from.root, from.kind, from.first, from.leaf,
+                   from.heavy, from.diagonal, narrowed(from.sign), {}, {}, narrowed(from.mass), {}, {},
+                   narrowed(from.felt_mass), {}, {}};
     copy(from.rotation, to.rotation);
     copy(from.offset, to.offset);
     copy(from.moment, to.moment);
     copy(from.second, to.second);
+    copy(from.felt_moment, to.felt_moment);
+    copy(from.felt_second, to.felt_second);
     return to;
   }
 

@@ -39,11 +39,21 @@ struct Body {
   bool prismatic;
   bool rotated;     ///< there is a constant rotation before the joint's own
   bool root;        ///< the floating root: no joint
+  int kind;         ///< of all these and of the offset: what kernels::with_joint() looks at
+  bool first;       ///< of its parent's children it is the first to be added, from the leaves to the root
+  bool leaf;        ///< it carries no others
+  bool heavy;       ///< there is mass in `felt_mass` of it or of those that it carries
+  bool diagonal;    ///< felt_second is, in every environment
   S sign;           ///< the joint's axis is sign times the coordinate axis
   S rotation[9];    ///< parent coordinates to joint coordinates at q = 0, row-major
   S offset[3];      ///< origin in the parent frame at q = 0
   S mass, moment[3], second[6];  ///< pseudo-inertia about the origin, see simd/vec3.h
+  S felt_mass, felt_moment[3], felt_second[6];  ///< with what lies on joints' axes moved inwards (M10)
 };
+
+/// What is known of a joint and its body's offset when compiling. A revolute joint without a constant rotation has
+/// 3 axis + one of the first three: the offset is along the next axis, the last one, or both.
+enum BodyKind : int { next_axis, last_axis, both_axes, turned_joint = 9, sliding_joint = 10, turned_sliding_joint = 13 };
 
 /// A link of the model in its body: where it is, and what a kilogram of it contributes.
 template <class S>

@@ -32,6 +32,14 @@ struct Vec3 {
   LOCKSTEP_INLINE static Vec3 constant(const ScalarOf<T>* s) { return {T(s[0]), T(s[1]), T(s[2])}; }
 };
 
+// act(0), act(1), act(2). A loop would do, but what a loop indexes the compiler puts into memory.
+template <class Act>
+LOCKSTEP_INLINE void each_axis(Act&& act) {
+  act(0);
+  act(1);
+  act(2);
+}
+
 // a s + b
 template <class T>
 LOCKSTEP_INLINE Vec3<T> fma(const Vec3<T>& a, T s, const Vec3<T>& b) {
@@ -55,12 +63,15 @@ LOCKSTEP_INLINE Vec3<T> cross(const Vec3<T>& a, const Vec3<T>& b) {
   return {fnma(a[2], b[1], a[1] * b[2]), fnma(a[0], b[2], a[2] * b[0]), fnma(a[1], b[0], a[0] * b[1])};
 }
 
-// Row-major 3x3.
+// 3x3, by rows.
 template <class T>
 struct Mat3 {
-  T m[9];
-  LOCKSTEP_INLINE T& operator()(int r, int c) { return m[3 * r + c]; }
-  LOCKSTEP_INLINE const T& operator()(int r, int c) const { return m[3 * r + c]; }
+  Vec3<T> x, y, z;
+  LOCKSTEP_INLINE T& operator()(int r, int c) { return r == 0 ? x[c] : r == 1 ? y[c] : z[c]; }
+  LOCKSTEP_INLINE const T& operator()(int r, int c) const { return r == 0 ? x[c] : r == 1 ? y[c] : z[c]; }
+  LOCKSTEP_INLINE static Mat3 constant(const ScalarOf<T>* s) {
+    return {Vec3<T>::constant(s), Vec3<T>::constant(s + 3), Vec3<T>::constant(s + 6)};
+  }
 };
 
 // M a + b

@@ -10,6 +10,7 @@
 #include <cstdint>
 
 #define LOCKSTEP_INLINE inline __attribute__((always_inline))
+#define LOCKSTEP_INLINED __attribute__((always_inline))  // the same for lambdas
 
 namespace lockstep::simd {
 
