@@ -17,6 +17,7 @@ long stage_flops(const Tables<float>& t, const Lanes<float>& lanes, int stages) 
   kernels::Tile<Counted> x;
   std::vector<std::max_align_t> scratch(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
   kernels::lay_out(t, scratch.data(), x);
+  kernels::uniform_masses(t, x);
   kernels::uniform_ratios(t, x);
   operation_count = {};
   CountedStages::run(t, lanes, x, stages);

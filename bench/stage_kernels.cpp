@@ -23,6 +23,7 @@ void StageKernels::run(const Tables<float>& t, const Lanes<float>& start, const 
   const simd::FlushDenormals flush;
   kernels::Tile<Wide> x;
   kernels::lay_out(t, scratch, x);
+  kernels::uniform_masses(t, x);
   kernels::uniform_ratios(t, x);
   for (long r = 0; r < repeats; ++r) {
     const auto restore = [&](float* to, const float* from, int rows) {

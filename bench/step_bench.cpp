@@ -6,25 +6,20 @@
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
-#include "lockstep/lockstep.h"
+#include "loads.h"
 #include "peak.h"
 #include "scenes/scenes.h"
 
 namespace lockstep {
 namespace {
 
-struct Load {
-  Model model;
-  StepSettings settings;
-  int environments = 4096;
-  int substeps = 4;
-  int threads = 1;
-};
+using bench::Load;
 
 template <class S>
 void run(benchmark::State& state, const Load& load) {
   const Plan plan = compile(load.model, load.settings);
-  Batch<S> batch(plan, load.environments, {.threads = load.threads});
+  Batch<S> batch(plan, load.environments, {.threads = load.threads, .generated = load.generated});
+  if (load.generated && batch.kernel() == "tables") return state.SkipWithError("no kernel was generated");
   batch.step(load.substeps);
   int steps = 0;
   for (auto _ : state) {
@@ -50,25 +45,46 @@ void add(const std::string& name, const Load& load, bool single) {
   if (load.threads != 1) b->UseRealTime();
 }
 
-Load of(const std::string& scene, Method method, int iterations) {
-  Load load;
-  load.model = scenes::scene(scene).model;
-  load.settings.method = method;
-  load.settings.iterations = iterations;
-  return load;
-}
-
 void add_methods() {
   for (const char* scene : {"chain8", "gripper13", "chain32"})
     for (bool single : {true, false}) {
       const char* precision = single ? "f32" : "f64";
       for (Method method : {Method::reduced, Method::direct})
-        add(fmt::format("{}/{}/1/{}", scene, name(method), precision), of(scene, method, 1), single);
+        add(fmt::format("{}/{}/1/{}", scene, name(method), precision), bench::scene(scene, method, 1), single);
       for (Method method : {Method::pgs, Method::tgs})
         for (int iterations : {1, 4, 16})
-          add(fmt::format("{}/{}/{}/{}", scene, name(method), iterations, precision), of(scene, method, iterations),
-              single);
+          add(fmt::format("{}/{}/{}/{}", scene, name(method), iterations, precision),
+            bench::scene(scene, method, iterations), single);
     }
+}
+
+// Straight-line code beside the tables, where the build has it (LOCKSTEP_BENCH_KERNELS).
+[[maybe_unused]] void add_generated() {
+  const auto add_kernel = [](const std::string& name, Load load) {
+    for (const int substeps : {4, 1}) {
+      load.substeps = substeps;
+      load.generated = true;
+      const std::string words = substeps == 4 ? "" : fmt::format("/substeps:{}", substeps);
+      add(name + words + "/kernel:generated", load, true);
+    }
+  };
+  for (const char* scene : {"chain8", "gripper13", "chain32"})
+    for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
+      const int iterations = method == Method::pgs ? 4 : 1;
+      add_kernel(fmt::format("{}/{}/{}/f32", scene, name(method), iterations), bench::scene(scene, method, iterations));
+    }
+  for (int joints : {4, 8, 16, 32, 64})
+    add_kernel(fmt::format("chain/reduced/1/f32/coupled/dofs:{}", joints), bench::chain(joints, joints / 2, Method::reduced));
+  for (int threads : {1, 2}) {
+    Load load = bench::scene("chain8", Method::reduced, 1);
+    load.environments = 16384, load.threads = threads;
+    add_kernel(fmt::format("chain8/reduced/1/f32/threads:{}", threads), load);
+  }
+  for (int environments : {64, 1024, 16384, 262144}) {
+    Load load = bench::scene("chain8", Method::reduced, 1);
+    load.environments = environments;
+    add_kernel(fmt::format("chain8/reduced/1/f32/environments:{}", environments), load);
+  }
 }
 
 // All benchmarks have the same counters, or there is no table.
@@ -98,7 +114,7 @@ void add_peaks() {
 
 void add_scaling() {
   const auto scaled = [](const char* scene, const std::string& words, auto&& change) {
-    Load load = of(scene, Method::reduced, 1);
+    Load load = bench::scene(scene, Method::reduced, 1);
     change(load);
     add(fmt::format("{}/reduced/1/f32/{}", scene, words), load, true);
   };
@@ -112,38 +128,16 @@ void add_scaling() {
   }
 }
 
-// A chain like chain8, of any length, the first joints of which are coupled as there.
-Model chain(int joints, int couplings) {
-  const Model eight = scenes::chain8();
-  Model model = eight;
-  model.links.resize(1);
-  model.joints.clear();
-  model.couplings.clear();
-  for (int i = 0; i < joints; ++i) {
-    Joint joint = eight.joints[i == 0 ? 0 : 2 - i % 2];
-    joint.name = fmt::format("j{}", i);
-    joint.parent = model.links.back().name;
-    joint.child = fmt::format("l{}", i);
-    model.links.push_back({joint.child, eight.links[1].inertia});
-    model.joints.push_back(joint);
-  }
-  for (int c = 0; c < couplings; ++c) {
-    const int first = 4 * (c / 2) + c % 2;
-    model.couplings.push_back(Coupling::mimic(fmt::format("j{}", first), fmt::format("j{}", first + 2), -1.0));
-  }
-  return model;
-}
-
 void add_sizes() {
   for (int joints : {1, 2, 4, 8, 16, 32, 64})
     for (const bool coupled : {false, true}) {
       if (coupled && joints < 4) continue;
-      Load load{.model = chain(joints, coupled ? joints / 2 : 0), .settings = {.method = Method::reduced}};
+      const Load load = bench::chain(joints, coupled ? joints / 2 : 0, Method::reduced);
       add(fmt::format("chain/reduced/1/f32/{}dofs:{}", coupled ? "coupled/" : "", joints), load, true);
     }
   for (int couplings = 0; couplings <= 8; ++couplings)
     for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
-      Load load{.model = chain(16, couplings), .settings = {.method = method}};
+      const Load load = bench::chain(16, couplings, method);
       add(fmt::format("chain16/{}/{}/f32/couplings:{}", name(method), method == Method::pgs ? 4 : 1, couplings), load,
           true);
     }
@@ -152,7 +146,7 @@ void add_sizes() {
 // What each feature costs: the same chain with more and more of them.
 void add_ladder() {
   const auto rung = [](const std::string& words, auto&& change) {
-    Load load = of("chain8", Method::direct, 1);
+    Load load = bench::scene("chain8", Method::direct, 1);
     load.model.couplings.clear();
     for (Joint& joint : load.model.joints) joint.damping = 0.0;
     change(load);
@@ -194,7 +188,7 @@ void add_ladder() {
 // What competes with couplings: bounds that are stated and do not act, and bounds that do.
 void add_bounds() {
   const auto rung = [](const std::string& words, const std::string& scene, Method method, auto&& change) {
-    Load load = of(scene.c_str(), method, 1);
+    Load load = bench::scene(scene, method, 1);
     for (Joint& joint : load.model.joints) change(joint);
     add(fmt::format("{}/{}/1/f32/bounds:{}", scene, name(load.settings.method), words), load, true);
   };
@@ -219,6 +213,9 @@ void add_bounds() {
 int main(int argc, char** argv) {
   lockstep::add_peaks();
   lockstep::add_methods();
+#ifdef LOCKSTEP_BENCH_KERNELS
+  lockstep::add_generated();
+#endif
   lockstep::add_scaling();
   lockstep::add_sizes();
   lockstep::add_ladder();

@@ -136,7 +136,7 @@ class Writer {
     const bool first = product->second == a;
     const Node& factors = nodes_[product->second];
     const auto bare_operand = [&](Id o) { return bare(operand(o, item)); };
-    const std::string rest = !adds && first ? "-" + operand(b, item) : bare_operand(first ? b : a);
+    const std::string rest = !adds && first ? fmt::format("-{}", operand(b, item)) : bare_operand(first ? b : a);
     return fmt::format("{}({}, {}, {})", adds || first ? "fma" : "fnma", bare_operand(factors.operand[0]),
                        bare_operand(factors.operand[1]), rest);
   }

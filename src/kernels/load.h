@@ -62,7 +62,7 @@ void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
     for (int i = 0; i < 6; ++i) x.v[i] = T::load(lanes.root_velocity + i * lanes.stride);
   }
   x.frozen = T::none();
-  for (int i = 0; i < T::lanes; ++i) x.frozen.bits[i] = lanes.fault[i] == Fault{} ? 0 : -1;
+  for (int i = 0; i < T::lanes; ++i) x.frozen.set_lane(i, lanes.fault[i] != Fault{});
 
   for (int k = 0; t.record_diagnostics && k < 4; ++k) x.energy[k] = T(0);
   if (declared<T>(t, 0)) own_ratios(t, lanes, x);

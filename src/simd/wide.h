@@ -46,6 +46,8 @@ struct Wide {
   using Bits = typename VectorOf<Integer, W>::type;
   struct Mask {
     Bits bits;  // all ones in the lanes where it is true
+    LOCKSTEP_INLINE bool lane(int i) const { return bits[i] != 0; }
+    LOCKSTEP_INLINE void set_lane(int i, bool value) { bits[i] = value ? -1 : 0; }
   };
 
   Vector v;
@@ -116,7 +118,7 @@ struct Wide {
   LOCKSTEP_INLINE friend Mask operator|(Mask a, Mask b) { return {a.bits | b.bits}; }
   LOCKSTEP_INLINE friend Mask operator&(Mask a, Mask b) { return {a.bits & b.bits}; }
   LOCKSTEP_INLINE friend Mask operator~(Mask a) { return {~a.bits}; }
-  LOCKSTEP_INLINE friend bool lane(Mask m, int i) { return m.bits[i] != 0; }
+  LOCKSTEP_INLINE friend bool lane(Mask m, int i) { return m.lane(i); }
   LOCKSTEP_INLINE friend bool any(Mask m) {
     Integer all = 0;
     for (int i = 0; i < W; ++i) all |= m.bits[i];

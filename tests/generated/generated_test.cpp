@@ -25,11 +25,15 @@ class Generated : public testing::TestWithParam<std::string> {
  protected:
   const Plan plan = generated::plan_of(GetParam());
 
-  // check(options, scalar) for every target that this machine has, in both precisions.
+  bool is_compiled_for(Target target) const {
+    return plan.describe().find(GetParam() + " for " + name(target) + " in f64") != std::string::npos;
+  }
+
+  // check(options, scalar) for every target that there is a kernel for and that this machine has, in both precisions.
   template <class Check>
   void for_every_kernel(Check check) {
     for (const Target target : targets) {
-      if (!supported(target)) continue;
+      if (!supported(target) || !is_compiled_for(target)) continue;
       SCOPED_TRACE(name(target));
       check(BatchOptions{.threads = 1, .target = target}, float());
       check(BatchOptions{.threads = 1, .target = target}, double());
@@ -44,7 +48,7 @@ TEST_P(Generated, is_found_and_said) {
     without.generated = false;
     EXPECT_EQ(Batch<decltype(scalar)>(plan, 1, without).kernel(), "tables");
   });
-  EXPECT_NE(plan.describe().find(GetParam() + " for baseline in f64"), std::string::npos) << plan.describe();
+  EXPECT_TRUE(is_compiled_for(Target::avx2) || is_compiled_for(Target::neon)) << plan.describe();
 }
 
 // In one step rounding has no time to grow, but some steps are ill-conditioned: what the tables' kernels of the two

@@ -54,6 +54,7 @@ struct Kernel {
     lanes.effort = efforts.data(), lanes.fault = &fault;
     scratch.resize(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
     kernels::lay_out(t, scratch.data(), x);
+    kernels::uniform_masses(t, x);
     kernels::uniform_ratios(t, x);
     kernels::load(t, lanes, x);
   }

@@ -31,7 +31,7 @@ TEST(Mechanism, star_of_32_followers_stays_bounded) {
 }
 
 TEST(Mechanism, serial_arm_whose_joints_mimic_each_the_one_before_holds) {
-  expect_passive_and_held(serial(), 3.0, 2.0);  // 1.4e-5 on the way back from 1 rad; 2e-6 after it
+  expect_passive_and_held(serial(), 3.0, 2.5);  // `direct` in float: 2.0e-5 on the way back from 1 rad; 2e-6 after it
 }
 
 TEST(Mechanism, last_four_links_of_200_mg_stay_with_their_leaders) {

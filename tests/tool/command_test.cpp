@@ -39,7 +39,7 @@ TEST_F(Command, bad_input_is_one_line_and_exit_code_2) {
     Arguments arguments;
     const char* said;
   } cases[] = {
-      {{}, "info, simulate or chart"},
+      {{}, "info, simulate, chart or generate"},
       {{"simulat", model}, "'simulat'"},
       {{"--fast"}, "'--fast'"},
       {{"simulate"}, "MODEL"},

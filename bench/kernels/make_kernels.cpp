@@ -1,0 +1,36 @@
+// Writes kernels for the benchmarks: make_kernels FOLDER NAME... SPDX-License-Identifier: Apache-2.0
+//
+// A name is scene_method, or chainN_coupled for a chain of N joints.
+#include <fmt/format.h>
+
+#include <fstream>
+#include <sstream>
+#include <string>
+
+#include "loads.h"
+
+namespace {
+
+lockstep::bench::Load load_of(const std::string& name) {
+  using namespace lockstep;
+  const std::string scene = name.substr(0, name.find('_')), method = name.substr(name.find('_') + 1);
+  if (method == "coupled") {
+    const int joints = std::stoi(scene.substr(5));
+    return bench::chain(joints, joints / 2, Method::reduced);
+  }
+  for (const Method m : {Method::reduced, Method::direct, Method::pgs})
+    if (method == lockstep::name(m)) return bench::scene(scene, m, 4);
+  throw std::invalid_argument("no such kernel: " + name);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  using namespace lockstep;
+  for (int i = 2; i < argc; ++i) {
+    const bench::Load load = load_of(argv[i]);
+    const KernelSource source = generate_kernel(compile(load.model, load.settings), {.name = argv[i], .f64 = false});
+    std::ofstream(fmt::format("{}/{}.cpp", argv[1], argv[i])) << source.code;
+    fmt::print("{}: {} operations, {} flops a step\n", argv[i], source.operations, source.flops);
+  }
+}

@@ -1,0 +1,25 @@
+// What is measured: mechanisms and settings that several programs must have alike. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "lockstep/lockstep.h"
+
+namespace lockstep::bench {
+
+struct Load {
+  Model model;
+  StepSettings settings;
+  int environments = 4096;
+  int substeps = 4;
+  int threads = 1;
+  bool generated = false;  ///< by the kernel that was generated for it, else by the tables
+};
+
+/// A scene of tests/scenes.
+Load scene(const std::string& name, Method method, int iterations);
+
+/// A chain like chain8, of any length, the first joints of which are coupled as there.
+Load chain(int joints, int couplings, Method method);
+
+}  // namespace lockstep::bench
