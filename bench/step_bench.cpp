@@ -70,10 +70,11 @@ void add_methods() {
   };
   for (const char* scene : {"chain8", "gripper13", "chain32"})
     for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
+      if (method != Method::reduced && scene == std::string("chain32")) continue;  // see kernels/CMakeLists.txt
       const int iterations = method == Method::pgs ? 4 : 1;
       add_kernel(fmt::format("{}/{}/{}/f32", scene, name(method), iterations), bench::scene(scene, method, iterations));
     }
-  for (int joints : {4, 8, 16, 32, 64})
+  for (int joints : {4, 8, 16, 32})
     add_kernel(fmt::format("chain/reduced/1/f32/coupled/dofs:{}", joints), bench::chain(joints, joints / 2, Method::reduced));
   for (int threads : {1, 2}) {
     Load load = bench::scene("chain8", Method::reduced, 1);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "kernels.h"
 #include "lockstep/plan.h"
 #include "physics.h"
 
@@ -61,7 +62,8 @@ class Watch {
  public:
   Batch<S> batch;
 
-  explicit Watch(const Plan& plan, int environments = 1) : batch(plan, environments, {.threads = 1}) {
+  explicit Watch(const Plan& plan, int environments = 1) : batch(noted(plan), environments, {.threads = 1}) {
+    expect_kernel(batch);
     excess_ = Eigen::ArrayXd::Zero(environments);
     start();
   }
