@@ -24,9 +24,14 @@ STAGE_COLORS = {
 }
 # What is shown of peers.csv, in this order: the engine's beginning, and all its settings.
 ROWS = [
-    ("lockstep", "reduced, f32, 4 steps per call"), ("lockstep", "reduced, f32, 1 step per call"),
-    ("lockstep", "reduced, f64, 1 step per call"), ("lockstep", "direct, f32, 4 steps per call"),
-    ("lockstep", "pgs 4, f32, 4 steps per call"),
+    ("lockstep", "reduced, f32, avx512, generated, 4 steps per call"),
+    ("lockstep", "reduced, f32, avx2, generated, 4 steps per call"),
+    ("lockstep", "reduced, f32, avx2, generated, 1 step per call"),
+    ("lockstep", "reduced, f32, avx2, tables, 4 steps per call"),
+    ("lockstep", "reduced, f32, avx2, tables, 1 step per call"),
+    ("lockstep", "reduced, f64, avx2, tables, 1 step per call"),
+    ("lockstep", "direct, f32, avx2, tables, 4 steps per call"),
+    ("lockstep", "pgs 4, f32, avx2, tables, 4 steps per call"),
     ("MuJoCo", "default"), ("MuJoCo", "firm: Euler, Newton once, dense"),
     ("MuJoCo", "stiff: Euler, Newton once, dense"),
     ("MuJoCo", "stiff: RK4, Newton once, dense"),

@@ -10,8 +10,8 @@ namespace {
 template <class S>
 class OwnPeer : public Peer {
  public:
-  OwnPeer(const Model& model, const StepSettings& settings, int environments, int steps)
-      : batch_(compile(model, settings), environments, {.threads = 1}), steps_(steps) {}
+  OwnPeer(const Model& model, const StepSettings& settings, int environments, int steps, const BatchOptions& options)
+      : batch_(compile(model, settings), environments, options), steps_(steps) {}
 
   void reset() override { batch_.reset(); }
   void set_targets(const Eigen::VectorXd& targets) override {
@@ -27,17 +27,21 @@ class OwnPeer : public Peer {
   int steps_;
 };
 
+// What runs everywhere by default, or one instruction set, by tables or by generated code.
 template <class S>
-Contender contender(Method method, int steps) {
+Contender contender(Method method, int steps, Target target = Target::avx2, bool generated = false) {
+  if (!supported(target)) target = Target::automatic;
   const std::string words = method == Method::pgs ? "pgs 4" : name(method);
+  const BatchOptions options{.threads = 1, .target = target, .generated = generated};
   return {.engine = "lockstep",
-          .settings = fmt::format("{}, {}, {}", words, sizeof(S) == 4 ? "f32" : "f64",
+          .settings = fmt::format("{}, {}, {}, {}, {}", words, sizeof(S) == 4 ? "f32" : "f64", name(target),
+                                  generated ? "generated" : "tables",
                                   steps == 1 ? "1 step per call" : fmt::format("{} steps per call", steps)),
           .steps_per_call = steps,
           .exact = method != Method::pgs,
-          .make = [method, steps](const Model& model, double dt, int environments) {
+          .make = [method, steps, options](const Model& model, double dt, int environments) {
             const StepSettings settings{.dt = dt, .method = method};
-            return std::make_unique<OwnPeer<S>>(model, settings, environments, steps);
+            return std::make_unique<OwnPeer<S>>(model, settings, environments, steps, options);
           }};
 }
 
@@ -49,6 +53,11 @@ std::vector<Contender> own_contenders() {
     for (const Method method : {Method::reduced, Method::direct, Method::pgs})
       all.push_back(contender<float>(method, steps));
   all.push_back(contender<double>(Method::reduced, 1));
+  if (supported(Target::avx512)) all.push_back(contender<float>(Method::reduced, 4, Target::avx512));
+#ifdef LOCKSTEP_BENCH_KERNELS
+  for (const int steps : {4, 1}) all.push_back(contender<float>(Method::reduced, steps, Target::avx2, true));
+  if (supported(Target::avx512)) all.push_back(contender<float>(Method::reduced, 4, Target::avx512, true));
+#endif
   return all;
 }
 

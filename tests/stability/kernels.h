@@ -1,6 +1,7 @@
 // The suite's plans, for a run of it on generated kernels: tests/generated/stability.cmake. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -16,7 +17,7 @@ namespace lockstep::stability {
 inline const Plan& noted(const Plan& plan) {
   const char* folder = std::getenv("LOCKSTEP_COLLECT_KERNELS");
   if (!folder || kernel_hash(plan) == 0) return plan;
-  const std::string name = "k" + std::to_string(kernel_hash(plan));
+  const std::string name = fmt::format("k{:016x}", kernel_hash(plan));
   const std::filesystem::path file = std::filesystem::path(folder) / (name + ".cpp");
   if (!std::filesystem::exists(file)) std::ofstream(file) << generate_kernel(plan, {.name = name}).code;
   return plan;
