@@ -4,17 +4,22 @@
 
 #include <cmath>
 #include <set>
+#include <stdexcept>
 
 #include "../simd/sincos.h"
 
 namespace lockstep::generate {
 namespace {
 
+constexpr int sincos_operations = 20;
 constexpr int deepest = 5;  // of expressions within each other: a line that one can still read
 
+// Goes through the items twice: first who needs what, then line by line in the order of recording. Compilers keep that
+// order, and with it values live shortly: sorting operations by their way to the end made steps a tenth slower.
 class Writer {
  public:
-  explicit Writer(const Graph& graph) : graph_(graph), nodes_(graph.nodes()), uses_(nodes_.size(), 0), live_(nodes_.size(), false),
+  explicit Writer(const Graph& graph)
+      : graph_(graph), nodes_(graph.nodes()), uses_(nodes_.size(), 0), live_(nodes_.size(), false),
         absorbed_(nodes_.size(), false), nested_(nodes_.size(), false) {}
 
   Written write() {
@@ -49,7 +54,11 @@ class Writer {
         for (std::size_t i = 0; i < item.variable.size(); ++i)
           if (item.variable[i] == id) {
             use(item.start[i]);
-            if (item.kind == Item::loop) use(item.next[i]), ++uses_[item.next[i]];
+            if (item.kind != Item::loop) continue;
+            use(item.next[i]);
+            ++uses_[item.next[i]];  // named before any variable changes
+            if (nodes_[item.next[i]].op == Op::variable && item.next[i] != id)
+              throw std::logic_error("a loop hands one variable's value on as another's, which the code would overwrite");
           }
     }
     for (Id o : node.operand)
@@ -217,7 +226,7 @@ class Writer {
     defined_.insert(sine), defined_.insert(cosine);
     line(indent, fmt::format("T {}, {};", name(sine), name(cosine)));
     line(indent, fmt::format("sincos({}, {}, {});", bare(operand(node.operand[0], item)), name(sine), name(cosine)));
-    out_.operations += 20;
+    out_.operations += sincos_operations;
     out_.flops += simd::sincos_flops<float>;
   }
 
@@ -265,12 +274,11 @@ class Writer {
   const Graph& graph_;
   const std::vector<Node>& nodes_;
   std::vector<int> uses_;
-  std::vector<char> live_;
-  std::map<Id, std::string> given_;
-  std::map<std::string, int> taken_;
+  std::vector<char> live_, absorbed_, nested_;  // wanted; part of a multiply-add; written where it is used
+  std::map<Id, Id> product_of_;                 // by sum
+  std::map<Id, std::string> given_;             // names
+  std::map<std::string, int> taken_;            // how often each has been wanted
   std::set<Id> defined_;
-  std::vector<char> absorbed_, nested_;
-  std::map<Id, Id> product_of_;  ///< by sum
   Written out_;
 };
 

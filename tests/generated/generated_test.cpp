@@ -3,6 +3,7 @@
 #include <sstream>
 
 #include "contract.h"
+#include "contract/allocation_counter.h"
 #include "plans.h"
 
 namespace lockstep {
@@ -112,6 +113,15 @@ TEST_P(Generated, freezes_what_fails_and_leaves_its_neighbours_alone) {
       if (e != 3 && e != 9) {
         EXPECT_TRUE(same_bits(sound, e, spoilt, e));
       }
+  });
+}
+
+TEST_P(Generated, allocates_nothing_in_a_step_of_one_thread) {
+  for_every_kernel([&](const BatchOptions& options, auto scalar) {
+    auto batch = scattered<decltype(scalar)>(plan, several, options);
+    const std::size_t before = contract::allocations();
+    batch.step(3);
+    EXPECT_EQ(contract::allocations() - before, 0u);
   });
 }
 

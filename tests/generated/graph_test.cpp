@@ -1,0 +1,87 @@
+// What is left of operations when they are written down. SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <stdexcept>
+
+#include "generate/write.h"
+
+namespace lockstep::generate {
+namespace {
+
+// The one line of code that stores f(x, y, z).
+template <class F>
+std::string written(F f) {
+  Graph graph;
+  const Id x = graph.input("x", false), y = graph.input("y", false), z = graph.input("z", false);
+  for (const Id id : {x, y, z}) graph.name(id, graph.nodes()[id].text + std::string("_0"));
+  graph.effect({{"result", f(graph, x, y, z)}}, "");
+  const std::string code = write(graph).code;
+  const std::size_t at = code.find("result = ");
+  return code.substr(at + 9, code.find(';', at) - at - 9);
+}
+
+TEST(Graph, leaves_nothing_of_what_is_nothing) {
+  const auto with = [](double number, Op op) {
+    return written([=](Graph& g, Id x, Id, Id) { return g.operation(op, x, g.constant(number)); });
+  };
+  EXPECT_EQ(with(0.0, Op::add), "x_0");
+  EXPECT_EQ(with(0.0, Op::subtract), "x_0");
+  EXPECT_EQ(with(1.0, Op::multiply), "x_0");
+  EXPECT_EQ(with(-1.0, Op::multiply), "-x_0");
+  EXPECT_EQ(with(0.0, Op::multiply), "n(0)");
+  EXPECT_EQ(with(1.0, Op::divide), "x_0");
+  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id) { return g.operation(Op::fma, x, g.constant(0.0), y); }), "y_0");
+  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id) { return g.operation(Op::fnma, g.constant(1.0), x, y); }), "y_0 - x_0");
+  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id) {
+    return g.operation(Op::select, g.operation(Op::less, g.constant(1.0), g.constant(2.0)), x, y);
+  }), "x_0");
+}
+
+TEST(Graph, takes_signs_to_where_they_cost_nothing) {
+  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id z) { return g.operation(Op::fma, g.operation(Op::negate, x), y, z); }),
+            "fnma(x_0, y_0, z_0)");
+  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id) { return g.operation(Op::add, x, g.operation(Op::negate, y)); }),
+            "x_0 - y_0");
+  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id) {
+    return g.operation(Op::negate, g.operation(Op::subtract, x, y));
+  }), "y_0 - x_0");
+}
+
+TEST(Graph, makes_one_operation_of_a_product_and_a_sum) {
+  const auto with = [](Op op, bool product_first) {
+    return written([=](Graph& g, Id x, Id y, Id z) {
+      const Id product = g.operation(Op::multiply, x, y);
+      return product_first ? g.operation(op, product, z) : g.operation(op, z, product);
+    });
+  };
+  EXPECT_EQ(with(Op::add, true), "fma(x_0, y_0, z_0)");
+  EXPECT_EQ(with(Op::subtract, true), "fma(x_0, y_0, -z_0)");
+  EXPECT_EQ(with(Op::subtract, false), "fnma(x_0, y_0, z_0)");
+}
+
+TEST(Graph, keeps_products_and_quotients_together) {
+  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id z) { return g.operation(Op::divide, x, g.operation(Op::multiply, y, z)); }),
+            "x_0 / (y_0 * z_0)");
+  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id z) { return g.operation(Op::multiply, x, g.operation(Op::add, y, z)); }),
+            "x_0 * (y_0 + z_0)");
+}
+
+TEST(Graph, finds_what_was_computed_before) {
+  Graph graph;
+  const Id x = graph.input("x", false), y = graph.input("y", false);
+  EXPECT_EQ(graph.operation(Op::multiply, x, y), graph.operation(Op::multiply, y, x));
+  EXPECT_NE(graph.operation(Op::subtract, x, y), graph.operation(Op::subtract, y, x));
+}
+
+TEST(Graph, takes_nothing_from_inside_a_loop_that_it_does_not_hand_on) {
+  Graph graph;
+  const Id x = graph.input("x", false);
+  const Id variable = graph.begin_loop(4, {x})[0];
+  const Id inside = graph.operation(Op::add, variable, x);
+  const Id after = graph.end_loop({inside})[0];
+  EXPECT_NO_THROW(graph.operation(Op::add, after, x));
+  EXPECT_THROW(graph.operation(Op::add, inside, graph.input("y", false)), std::logic_error);
+}
+
+}  // namespace
+}  // namespace lockstep::generate
