@@ -52,7 +52,8 @@ Id Graph::input(const std::string& text, bool mask) {
 }
 
 Id Graph::found_or_put(Op op, Id a, Id b, Id c) {
-  const bool swaps = op == Op::add || op == Op::multiply || op == Op::fma || op == Op::fnma || op == Op::either || op == Op::both;
+  const bool swaps = op == Op::add || op == Op::multiply || op == Op::fma || op == Op::fnma || op == Op::either ||
+                     op == Op::both;
   const auto rank = [&](Id id) { return is(id, Op::constant) ? -1 : id; };
   if (swaps && rank(b) < rank(a)) std::swap(a, b);
   const Key key{static_cast<Id>(op), a, b, c};
@@ -60,7 +61,8 @@ Id Graph::found_or_put(Op op, Id a, Id b, Id c) {
   Node node;
   node.op = op;
   node.operand = {a, b, c};
-  node.mask = op == Op::none || op == Op::less || op == Op::beyond || op == Op::either || op == Op::both || op == Op::invert;
+  node.mask = op == Op::none || op == Op::less || op == Op::beyond || op == Op::either || op == Op::both ||
+              op == Op::invert;
   const Id id = put(std::move(node));
   known_.emplace(key, id);
   return id;
