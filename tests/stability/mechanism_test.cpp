@@ -13,9 +13,11 @@ namespace {
 //
 // `direct` adds impulses to what joints do without them, so its couplings are as exact as that is rounded: `slack` is
 // how much worse than 1e-5 a scene may be for it in single precision.
-void expect_passive_and_held(const Model& model, double seconds = 3.0, double slack = 1.0) {
+void expect_passive_and_held(const Model& model, double seconds = 3.0, double slack = 1.0,
+                             bool (*left_out)(int bytes, double dt, Method method) = nullptr) {
   with_exact_methods([&](auto scalar, double dt, Method method) {
     using S = decltype(scalar);
+    if (left_out && left_out(sizeof(S), dt, method)) return;
     Watch<S> watch(model, recorded(dt, method));
     watch.run(seconds);
     expect_sound(watch, 0.1 * height_range(model), held<S> * (method == Method::direct ? slack : 1.0));
@@ -31,7 +33,10 @@ TEST(Mechanism, star_of_32_followers_stays_bounded) {
 }
 
 TEST(Mechanism, serial_arm_whose_joints_mimic_each_the_one_before_holds) {
-  expect_passive_and_held(serial(), 3.0, 2.5);  // `direct` in float: 2.0e-5 on the way back from 1 rad; 2e-6 after it
+  const auto known = [](int bytes, double dt, Method method) {  // to be 2.015e-5 off: see known_test.cpp
+    return bytes == 4 && dt == 1.0 / 30 && method == Method::direct;
+  };
+  expect_passive_and_held(serial(), 3.0, 2.0, known);  // on the way back from 1 rad; 2e-6 after it
 }
 
 TEST(Mechanism, last_four_links_of_200_mg_stay_with_their_leaders) {

@@ -101,8 +101,7 @@ class Watch {
   double error() const { return error_; }
   /// The same where less than 1e-6 is left.
   double late_error() const { return late_error_; }
-  /// error() less the rounding of the positions and the offset that C is the sum of: four units in their last place, or
-  /// what a slow correction lets come together, as it takes back a share erp of half a unit per step.
+  /// error() less four units in the last place of the positions and offset that C is the sum of.
   double error_beyond_rounding() const { return beyond_rounding_; }
   /// Largest energy, J, that came from nowhere up to some time: what it changed by less all work and corrections.
   double excess() const { return excess_most_; }
@@ -143,7 +142,7 @@ class Watch {
     };
     double sum = size(coupling.joint) + std::abs(coupling.offset);
     for (const CouplingTerm& term : coupling.terms) sum += std::abs(term.ratio) * size(term.joint);
-    return std::max(4.0, 0.5 / coupling.softness.first) * std::numeric_limits<S>::epsilon() * sum;
+    return 4.0 * std::numeric_limits<S>::epsilon() * sum;
   }
 
   Eigen::ArrayXXd remaining_;
