@@ -10,6 +10,7 @@ Load scene(const std::string& name, Method method, int iterations) {
   Load load;
   load.model = scenes::scene(name).model;
   load.settings.method = method;
+  load.settings.integrator = Integrator::euler;
   load.settings.iterations = iterations;
   return load;
 }
@@ -35,6 +36,7 @@ Load chain(int joints, int couplings, Method method) {
     model.couplings.push_back(Coupling::mimic(fmt::format("j{}", first), fmt::format("j{}", first + 2), -1.0));
   }
   load.settings.method = method;
+  load.settings.integrator = Integrator::euler;
   return load;
 }
 

@@ -121,7 +121,7 @@ int run(const Choices& choices) {
   double done = 0.0;
   for (const char* scene : {"chain8", "gripper13", "chain32"})
     for (const Method method : {Method::reduced, Method::direct, Method::pgs}) {
-      const Plan plan = compile(scenes::scene(scene).model, {.method = method});
+      const Plan plan = compile(scenes::scene(scene).model, {.method = method, .integrator = Integrator::euler});
       const Tables<float>& t = plan.program().f32;
       require_whole_step(plan);
       const Times times = measure(plan, choices);

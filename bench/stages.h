@@ -30,7 +30,9 @@ struct Stages {
 
   static void rows(const Table& t, const Lanes<S>& lanes, Tile& x) {
     kernels::responses(t, x);
-    kernels::row_terms(t, lanes, x);
+    kernels::row_softness(t, lanes, x);
+    if (t.rows.columns.n > 0) kernels::factor_rows(t, x);
+    kernels::row_terms(t, x);
   }
   static void solve(const Table& t, const Lanes<S>&, Tile& x) {
     switch (t.method) {
@@ -42,7 +44,7 @@ struct Stages {
   static void integrate(const Table& t, const Lanes<S>&, Tile& x) {
     kernels::solved_velocities(t, x);
     kernels::integrate(t, x);
-    if (t.floating) kernels::turn_root_twist(x);
+    if (t.floating) kernels::turn_root_twist(x.half_turn, x.next_v);
   }
 
   static void finish(const Table& t, const Lanes<S>& lanes, Tile& x) {
@@ -58,8 +60,11 @@ struct Stages {
       {"bias forces", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::bias_forces(t, l, x); }},
       {"mass matrix", always, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::mass_matrix(t, x); }},
       {"joint terms", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::joint_terms(t, l, x); }},
-      {"elimination", eliminates, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::eliminate(t, x); }},
-      {"free velocity", always, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::free_velocity(t, x); }},
+      {"elimination", eliminates, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::reduce_matrix(t, x); }},
+      {"free velocity", always, [](const Table& t, const Lanes<S>&, Tile& x) {
+         kernels::factor_matrix(t, x);
+         kernels::free_velocity(t, x);
+       }},
       {"responses and row terms", has_rows, rows},
       {"rows solved", has_rows, solve},
       {"integration", always, integrate},

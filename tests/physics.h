@@ -59,6 +59,7 @@ inline StepSettings settings(Method method, int iterations = 4, int velocity_ite
   StepSettings result;
   result.dt = dt;
   result.method = method;
+  result.integrator = Integrator::euler;
   result.iterations = iterations;
   result.velocity_iterations = velocity_iterations;
   return result;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "judgement.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "../peak.h"
 #include "reference/truth.h"
@@ -16,15 +18,41 @@ constexpr double lost = 100.0;  // rad: no scene comes near it
 // Runge-Kutta 4 has to resolve the servos of the gripper, 2e4 /s.
 int steps_of_truth(const std::string& scene) { return scene == "gripper13" ? 64 : 8; }
 
+void weigh(const Peer& peer, const Yardstick& yardstick, Verdict& verdict) {
+  const reference::Mechanism& mechanism = yardstick.mechanism();
+  const std::optional<reference::State> state = peer.state();
+  constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+  verdict.energy = verdict.momentum = unknown;
+  if (!state) return;
+  const auto energy = [&](const reference::State& s) { return mechanism.kinetic_energy(s) + mechanism.potential_energy(s); };
+  const reference::State start = mechanism.initial_state();
+  const double exact = energy(yardstick.truth_end());
+  verdict.energy = std::abs(energy(*state) - exact) / std::max(std::abs(exact), std::abs(energy(start)));
+  if (mechanism.root_velocities() > 0)
+    verdict.momentum = (mechanism.momentum(*state) - mechanism.momentum(start)).cwiseAbs().maxCoeff();
+}
+
 }  // namespace
 
-Yardstick::Yardstick(const std::string& name, int intervals) : scene_(scenes::scene(name)) {
+Yardstick::Yardstick(const std::string& name, int intervals) : scene_(scenes::scene(name)), mechanism_(scene_.model) {
   require_plain(scene_.model);
   for (const Joint& joint : scene_.model.joints) driven_ = driven_ || joint.drive.kp > 0.0;
-  const reference::Mechanism mechanism(scene_.model);
   const auto targets = [&](double t, reference::Inputs& inputs) { inputs.position_targets = scene_.targets(t); };
-  const reference::State start = mechanism.initial_state();
-  truth_ = reference::integrate(mechanism, start, targets, interval, intervals, steps_of_truth(name)).positions;
+  const reference::State start = mechanism_.initial_state();
+  reference::Motion motion = reference::integrate(mechanism_, start, targets, interval, intervals, steps_of_truth(name));
+  truth_ = std::move(motion.positions);
+  end_ = std::move(motion.end);
+}
+
+std::vector<Eigen::VectorXd> Yardstick::targets(double time, double dt, const Peer& peer) const {
+  std::vector<Eigen::VectorXd> all;
+  if (!driven_) return all;
+  for (const double share : peer.target_times()) all.push_back(scene_.targets(time + share * dt));
+  return all;
+}
+
+void set_targets(const std::vector<Eigen::VectorXd>& targets, Peer& peer) {
+  for (std::size_t i = 0; i < targets.size(); ++i) peer.set_targets_at(static_cast<int>(i), targets[i]);
 }
 
 double Yardstick::coupling_error(const Eigen::VectorXd& positions) const {
@@ -38,30 +66,37 @@ double Yardstick::coupling_error(const Eigen::VectorXd& positions) const {
   return largest;
 }
 
-Verdict judge(const Contender& contender, const Yardstick& yardstick, double seconds, double patience) {
-  const double begun = cpu_seconds();
-  const auto peer = contender.make(yardstick.scene().model, interval, 1);
-  const int steps = static_cast<int>(std::lround(seconds / interval));
+Verdict judge(const Contender& contender, const Yardstick& yardstick, double seconds, double patience,
+              int steps_per_second) {
+  const double begun = cpu_seconds(), dt = 1.0 / steps_per_second;
+  const auto peer = contender.make(yardstick.scene().model, dt, 1);
+  const int steps = static_cast<int>(std::lround(seconds * steps_per_second));
+  // Rows are compared where a step ends on one.
+  const auto row_after = [&](int done) {
+    return done * rows_per_second % steps_per_second == 0 ? done * rows_per_second / steps_per_second : -1;
+  };
   Verdict verdict;
   double squares = 0.0;
   long compared = 0;
   for (int done = 0; done < steps;) {
-    if (yardstick.driven()) peer->set_targets(yardstick.scene().targets(done * interval));
+    set_targets(yardstick.targets(done * dt, dt, *peer), *peer);
     peer->step();
     done += contender.steps_per_call;
     const Eigen::VectorXd q = peer->positions();
     verdict.diverged = peer->failed() || !q.allFinite() || q.cwiseAbs().maxCoeff() > lost;
     if (verdict.diverged) break;
     verdict.largest_c = std::max(verdict.largest_c, yardstick.coupling_error(q));
-    if (done > yardstick.intervals()) {
-      if (cpu_seconds() - begun > patience) break;
+    const int row = row_after(done);
+    if (row > yardstick.intervals() || row < 0) {
+      if (row > 0 && cpu_seconds() - begun > patience) break;
       continue;
     }
-    squares += (q - yardstick.truth(done)).squaredNorm();
+    squares += (q - yardstick.truth(row)).squaredNorm();
     compared += q.size();
+    if (row == yardstick.intervals()) weigh(*peer, yardstick, verdict);
   }
-  const bool whole = compared >= yardstick.intervals() / contender.steps_per_call * yardstick.truth(0).size();
-  verdict.rms = whole ? std::sqrt(squares / static_cast<double>(compared)) : infinity;
+  const int rows = yardstick.intervals() / (contender.steps_per_call * std::max(1, rows_per_second / steps_per_second));
+  verdict.rms = compared >= rows * yardstick.truth(0).size() ? std::sqrt(squares / static_cast<double>(compared)) : infinity;
   return verdict;
 }
 
@@ -83,21 +118,24 @@ double distance_at_small_steps(const Contender& contender, const Yardstick& yard
   return far / moved;
 }
 
-Stopwatch::Stopwatch(const Contender& contender, const Yardstick& yardstick)
+Stopwatch::Stopwatch(const Contender& contender, const Yardstick& yardstick, int steps_per_second)
     : yardstick_(&yardstick), environments_(contender.environments), steps_per_call_(contender.steps_per_call),
-      peer_(contender.make(yardstick.scene().model, interval, contender.environments)) {}
+      rate_(steps_per_second),
+      peer_(contender.make(yardstick.scene().model, 1.0 / steps_per_second, contender.environments)) {}
 
 double Stopwatch::measure(double seconds) {
   double spent = 0.0;
   long calls = 0;
   for (; calls == 0 || spent < seconds; ++calls, done_ += steps_per_call_) {
-    if (done_ >= yardstick_->intervals() || peer_->failed()) {  // the motion whose accuracy is told, once more
+    // The motion whose accuracy is told, once more.
+    if (done_ * rows_per_second >= yardstick_->intervals() * rate_ || peer_->failed()) {
       peer_->reset();
       done_ = 0;
     }
-    const Eigen::VectorXd targets = yardstick_->scene().targets(done_ * interval);
+    const double dt = 1.0 / rate_;
+    const std::vector<Eigen::VectorXd> targets = yardstick_->targets(done_ * dt, dt, *peer_);
     const double start = cpu_seconds();
-    if (yardstick_->driven()) peer_->set_targets(targets);
+    set_targets(targets, *peer_);
     peer_->step();
     spent += cpu_seconds() - start;
   }

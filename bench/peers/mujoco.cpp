@@ -148,6 +148,20 @@ class MujocoPeer : public Peer {
     for (std::size_t j = 0; j < position_.size(); ++j) q[j] = data_[0]->qpos[position_[j]];
     return q;
   }
+  std::optional<reference::State> state() const override {
+    const mjData& data = *data_[0];
+    reference::State state = reference::Mechanism(source_).initial_state();
+    state.q = positions();
+    for (std::size_t j = 0; j < velocity_.size(); ++j)
+      state.v[state.v.size() - state.q.size() + static_cast<Eigen::Index>(j)] = data.qvel[velocity_[j]];
+    if (!source_.root.floating) return state;
+    // Its free joint comes first: linear velocity along the world's axes, angular along the body's.
+    state.position = Eigen::Map<const Eigen::Vector3d>(data.qpos);
+    state.orientation = Eigen::Quaterniond(data.qpos[3], data.qpos[4], data.qpos[5], data.qpos[6]);
+    state.v.head<3>() = Eigen::Map<const Eigen::Vector3d>(data.qvel + 3);
+    state.v.segment<3>(3) = state.orientation.conjugate() * Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(data.qvel));
+    return state;
+  }
   bool failed() const override {
     for (const int warning : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC})
       if (data_[0]->warning[warning].number > 0) return true;

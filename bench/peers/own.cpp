@@ -18,6 +18,25 @@ class OwnPeer : public Peer {
     auto rows = batch_.position_targets();
     for (int dof = 0; dof < rows.rows(); ++dof) rows.row(dof) = static_cast<S>(targets[dof]);
   }
+  std::vector<double> target_times() const override {
+    return batch_.plan().settings().stage_inputs ? batch_.plan().stage_times() : std::vector<double>{0.0};
+  }
+  void set_targets_at(int time, const Eigen::VectorXd& targets) override {
+    auto rows = batch_.position_targets();
+    const auto first = time * targets.size();
+    for (Eigen::Index dof = 0; dof < targets.size(); ++dof) rows.row(first + dof) = static_cast<S>(targets[dof]);
+  }
+  std::optional<reference::State> state() const override {
+    reference::State state = reference::Mechanism(batch_.plan().model()).initial_state();
+    state.q = positions();
+    state.v.tail(state.q.size()) = batch_.velocities().col(0).matrix().template cast<double>();
+    if (!batch_.plan().floating()) return state;
+    const Eigen::VectorXd pose = batch_.root_poses().col(0).matrix().template cast<double>();
+    state.position = pose.head<3>();
+    state.orientation = Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6]);
+    state.v.head(6) = batch_.root_velocities().col(0).matrix().template cast<double>();
+    return state;
+  }
   void step() override { batch_.step(steps_); }
   Eigen::VectorXd positions() const override { return batch_.positions().col(0).matrix().template cast<double>(); }
   bool failed() const override { return batch_.faulted() > 0; }
@@ -40,12 +59,44 @@ Contender contender(Method method, int steps, Target target = Target::avx2, bool
           .steps_per_call = steps,
           .exact = method != Method::pgs,
           .make = [method, steps, options](const Model& model, double dt, int environments) {
-            const StepSettings settings{.dt = dt, .method = method};
+            const StepSettings settings{.dt = dt, .method = method, .integrator = Integrator::euler};
             return std::make_unique<OwnPeer<S>>(model, settings, environments, steps, options);
           }};
 }
 
+// One of the integrators, with targets of each stage's time, or a method of Euler's steps.
+template <class S>
+Contender integrated(Integrator integrator, Method method = Method::automatic, int iterations = 4) {
+  const Target target = supported(Target::avx2) ? Target::avx2 : Target::automatic;
+  const bool sweeps = method == Method::pgs || method == Method::tgs;
+  const std::string words = method == Method::automatic ? name(integrator)
+                            : sweeps ? fmt::format("{} {}", name(method), iterations) : name(method);
+  return {.engine = "lockstep",
+          .settings = fmt::format("{}, {}", words, sizeof(S) == 4 ? "f32" : "f64"),
+          .exact = !sweeps,
+          .environments = 1024,
+          .make = [=](const Model& model, double dt, int environments) {
+            const StepSettings settings{.dt = dt, .method = method, .integrator = integrator, .iterations = iterations,
+                                        .stage_inputs = integrator != Integrator::euler};
+            return std::make_unique<OwnPeer<S>>(model, settings, environments, 1,
+                                                BatchOptions{.threads = 1, .target = target, .generated = false});
+          }};
+}
+
 }  // namespace
+
+std::vector<Contender> own_integrators() {
+  std::vector<Contender> all;
+  for (const Integrator integrator :
+       {Integrator::euler, Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta}) {
+    all.push_back(integrated<float>(integrator));
+    all.push_back(integrated<double>(integrator));
+  }
+  all.push_back(integrated<float>(Integrator::euler, Method::direct));
+  for (const Method method : {Method::pgs, Method::tgs})
+    for (const int iterations : {4, 16}) all.push_back(integrated<float>(Integrator::euler, method, iterations));
+  return all;
+}
 
 std::vector<Contender> own_contenders() {
   std::vector<Contender> all;

@@ -4,10 +4,12 @@
 #include <Eigen/Core>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "lockstep/model.h"
+#include "reference/mechanism.h"
 
 namespace lockstep::peers {
 
@@ -20,6 +22,13 @@ class Peer {
   virtual void step() = 0;   ///< all environments, one after the other or however the engine likes
   virtual Eigen::VectorXd positions() const = 0;  ///< of the first environment's joints
   virtual bool failed() const { return false; }   ///< the engine itself has noticed that its state is lost
+
+  /// When in a step it looks at targets, as shares of the step; most engines hold what they have at its start.
+  virtual std::vector<double> target_times() const { return {0.0}; }
+  /// Those of target_times()[time].
+  virtual void set_targets_at(int, const Eigen::VectorXd& targets) { set_targets(targets); }
+  /// Of the first environment, where the engine tells: for energy and momentum.
+  virtual std::optional<reference::State> state() const { return std::nullopt; }
 };
 
 /// What is measured: an engine with settings.
@@ -40,8 +49,17 @@ void require_plain(const Model& model);
 int joint_of_link(const Model& model, const std::string& link);
 
 std::vector<Contender> own_contenders();
+/// Integrators, precisions and sweeps by tables, one step a call; targets of each stage where there are several.
+std::vector<Contender> own_integrators();
 std::vector<Contender> mujoco_contenders();
 std::vector<Contender> bullet_contenders();
 std::vector<Contender> simbody_contenders();
+
+/// Position targets at a time, by dof.
+using TargetsOverTime = std::function<Eigen::VectorXd(double t)>;
+/// Simbody's error-controlled motion, whose servos follow the targets within a step too (set_targets() does nothing):
+/// step() goes on by `interval`, in as many steps as the accuracy asks for.
+std::unique_ptr<Peer> simbody_motion(const Model& model, double interval, const TargetsOverTime& targets,
+                                     double accuracy);
 
 }  // namespace lockstep::peers

@@ -11,6 +11,7 @@ using namespace SimTK;
 
 struct Options {
   double accuracy = 0.0;  // of the error-controlled integrator; 0: semi-explicit Euler with the step as given
+  TargetsOverTime targets = {};  // of the servos, at the integrator's own times; none: those of set_targets(), held
 };
 
 Vec3 vector(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
@@ -26,13 +27,37 @@ MassProperties mass(const lockstep::Inertia& inertia) {
   return {inertia.mass, center, central.shiftFromMassCenter(center, inertia.mass)};
 }
 
+// Springs towards targets that move with time; a MobilityLinearSpring's stay where they are put.
+class MovingServos : public Force::Custom::Implementation {
+ public:
+  struct Servo {
+    int joint;
+    MobilizedBody body;
+    double kp;
+  };
+  MovingServos(std::vector<Servo> servos, TargetsOverTime targets)
+      : servos_(std::move(servos)), targets_(std::move(targets)) {}
+
+  void calcForce(const State& state, Vector_<SpatialVec>&, Vector_<Vec3>&, Vector& mobility_forces) const override {
+    const Eigen::VectorXd targets = targets_(state.getTime());
+    for (const Servo& servo : servos_)
+      servo.body.applyOneMobilityForce(state, 0, servo.kp * (targets[servo.joint] - servo.body.getOneQ(state, 0)),
+                                       mobility_forces);
+  }
+  Real calcPotentialEnergy(const State&) const override { return 0.0; }  // nobody asks
+
+ private:
+  std::vector<Servo> servos_;
+  TargetsOverTime targets_;
+};
+
 // The system, and a State and an integrator per environment.
 class SimbodyPeer : public Peer {
  public:
   SimbodyPeer(const Model& model, double dt, int environments, const Options& options)
       : model_(model), dt_(dt), accuracy_(options.accuracy) {
     Force::UniformGravity(forces_, matter_, vector(model.gravity));
-    build_bodies();
+    build_bodies(options.targets);
     for (const Coupling& coupling : model.couplings) build_coupler(coupling);
     start_ = system_.realizeTopology();
     system_.realizeModel(start_);
@@ -76,7 +101,7 @@ class SimbodyPeer : public Peer {
     return matter_.getMobilizedBody(mobod_[model_.link_index(link)]);
   }
 
-  void build_bodies() {
+  void build_bodies(const TargetsOverTime& targets) {
     mobod_.resize(model_.links.size());
     const bool floating = model_.root.floating;
     if (floating) {
@@ -84,6 +109,7 @@ class SimbodyPeer : public Peer {
       MobilizedBody::Free root(matter_.Ground(), transform(model_.root.pose), base, Transform());
       mobod_[0] = root.getMobilizedBodyIndex();
     }
+    std::vector<MovingServos::Servo> servos;
     for (const Joint& joint : model_.joints) {  // pins turn about z
       const Rotation to_axis(UnitVec3(vector(joint.axis)), ZAxis);
       const bool on_ground = !floating && joint.parent == model_.links[0].name;
@@ -96,10 +122,15 @@ class SimbodyPeer : public Peer {
       mobod_[child] = pin.getMobilizedBodyIndex();
       const double damping = joint.damping + joint.drive.kd;  // the same, as the velocity target is zero
       if (damping > 0.0) Force::MobilityLinearDamper(forces_, pin, MobilizerUIndex(0), damping);
-      if (joint.drive.kp > 0.0)
-        springs_.emplace_back(joint_of_link(model_, joint.child),
-                              Force::MobilityLinearSpring(forces_, pin, MobilizerQIndex(0), joint.drive.kp, 0.0));
+      if (!(joint.drive.kp > 0.0)) continue;
+      const int number = joint_of_link(model_, joint.child);
+      if (targets)
+        servos.push_back({number, pin, joint.drive.kp});
+      else
+        springs_.emplace_back(
+            number, Force::MobilityLinearSpring(forces_, pin, MobilizerQIndex(0), joint.drive.kp, 0.0));
     }
+    if (!servos.empty()) Force::Custom(forces_, new MovingServos(std::move(servos), targets));  // theirs to delete
   }
 
   void build_coupler(const Coupling& coupling) {
@@ -156,6 +187,12 @@ std::vector<Contender> simbody_contenders() {
                      return std::make_unique<SimbodyPeer>(model, dt, environments, options);
                    }});
   return all;
+}
+
+std::unique_ptr<Peer> simbody_motion(const Model& model, double interval, const TargetsOverTime& targets,
+                                     double accuracy) {
+  require_plain(model);
+  return std::make_unique<SimbodyPeer>(model, interval, 1, Options{.accuracy = accuracy, .targets = targets});
 }
 
 }  // namespace lockstep::peers

@@ -16,7 +16,7 @@ constexpr double noticeable = 0.1;    // change of the root, by its size: of fre
 constexpr double followed = 0.05;     // distance from the closed form, by the first error
 
 StepSettings settings(const Map& map, Method method, const Setup& setup) {
-  StepSettings result;
+  StepSettings result{.integrator = Integrator::euler};
   result.dt = setup.dt;
   result.method = method;
   result.iterations = std::max(1, setup.sweeps);

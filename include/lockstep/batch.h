@@ -96,6 +96,7 @@ class Batch {
   ConstView root_velocities() const;
 
   // --- inputs, held until changed --------------------------------------------------------------
+  // With StepSettings::stage_inputs rows come once for each of Plan::stage_times(): [times x dofs], times outside.
   View position_targets();  ///< [dofs][environments]; read only for joints with a drive
   View velocity_targets();  ///< [dofs][environments]; the same
   View efforts();           ///< [dofs][environments] feed-forward, N m or N

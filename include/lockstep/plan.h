@@ -24,6 +24,13 @@ class Plan {
   /// The method that a step really uses: never Method::automatic.
   Method method() const;
 
+  /// The integrator that a step really uses: never Integrator::automatic.
+  Integrator integrator() const;
+
+  /// When in a step targets and efforts are looked at, as shares of dt, in the order of the rows that
+  /// StepSettings::stage_inputs asks for. Some times come twice.
+  std::vector<double> stage_times() const;
+
   int dofs() const;                                   ///< moving joints; a floating root's six are apart
   int couplings() const;
   bool floating() const;

@@ -17,6 +17,20 @@ enum class Method {
 /// "pgs", "tgs", "direct", "reduced", "automatic".
 const char* name(Method method) noexcept;
 
+/// How positions and velocities are taken through time, docs/mathematics.md sections 9 and 13; docs/accuracy.md says
+/// which to choose. All but `euler` are for smooth scenes: no bounds (limits, friction, kinematic drives, force limits)
+/// but those that StepSettings::ignore leaves out, the methods direct or reduced, no recordings.
+enum class Integrator {
+  automatic,    ///< leapfrog where it applies, else euler
+  euler,        ///< semi-implicit Euler, (M40): first order, for every scene
+  leapfrog,     ///< second order, linear terms implicit, (M60) to (M64): about 1.5 to 2 times the cost
+  extrapolated, ///< from leapfrogs of one and of half a step, (M65): about three times the cost of leapfrog
+  runge_kutta,  ///< the classical one of fourth order, (M66): every coupling hard and eliminated, no stiff drives
+};
+
+/// "automatic", "euler", "leapfrog", "extrapolated", "runge_kutta".
+const char* name(Integrator integrator) noexcept;
+
 /// What may differ from environment to environment; each is a field that must be declared when compiling.
 /// The rows of each field in Batch::parameter():
 enum class Parameter : unsigned {
@@ -61,12 +75,16 @@ struct Ignored {
 struct StepSettings {
   double dt = 1.0 / 240.0;           ///< s, > 0
   Method method = Method::automatic;
+  Integrator integrator = Integrator::automatic;
   int iterations = 4;                ///< sweeps of pgs, sub-steps of tgs, 1 to 1000; direct and reduced ignore it
   int velocity_iterations = 1;       ///< 0 to 1000; after the position update, so that the velocity that
                                      ///< corrects positions stays out of the state. For direct and reduced any
                                      ///< number >= 1 means the same solve once more
   ParameterSet per_environment = {};  ///< fields that differ from environment to environment
   Ignored ignore = {};
+  bool stage_inputs = false;         ///< position_targets(), velocity_targets() and efforts() of a Batch have the dofs'
+                                     ///< rows once for each of Plan::stage_times(), in that order; else what they
+                                     ///< hold is held over the step
   bool record_impulses = false;      ///< keep the couplings' impulses for Batch::coupling_impulses()
   bool record_diagnostics = false;   ///< keep what Batch::row_residuals(), energy_balances() and conflicts() show
   double position_bound = 1e5;       ///< rad or m; beyond it an environment is frozen, Fault::diverged.

@@ -35,9 +35,9 @@ struct Batch<S>::Impl {
     const int dofs = tables.joints;
     position = rows(dofs);
     velocity = rows(dofs);
-    position_target = rows(dofs);
-    velocity_target = rows(dofs);
-    effort = rows(dofs);
+    position_target = rows(dofs * tables.input_times);
+    velocity_target = rows(dofs * tables.input_times);
+    effort = rows(dofs * tables.input_times);
     if (tables.floating) root_pose = rows(7), root_velocity = rows(6);
     if (tables.record_impulses) impulse = rows(tables.couplings);
     if (tables.record_diagnostics)
@@ -76,9 +76,12 @@ struct Batch<S>::Impl {
       const int row = program.dof_of_joint[j];
       if (row < 0) continue;
       const Joint& joint = program.model.joints[j];
-      fill_row(position_target, row, joint.drive.position_target);
-      fill_row(velocity_target, row, joint.drive.velocity_target);
-      fill_row(effort, row, joint.effort);
+      for (int time = 0; time < tables.input_times; ++time) {
+        const int at = time * tables.joints + row;
+        fill_row(position_target, at, joint.drive.position_target);
+        fill_row(velocity_target, at, joint.drive.velocity_target);
+        fill_row(effort, at, joint.effort);
+      }
     }
   }
 

@@ -82,13 +82,16 @@ Graph record_step(const Program& program) {
     recording.add_rows(first, count, name);
     return first;
   };
-  lanes.position_target = rows(t.joints, "position_target");
-  lanes.velocity_target = rows(t.joints, "velocity_target");
-  lanes.effort = rows(t.joints, "effort");
+  lanes.position_target = rows(t.joints * t.input_times, "position_target");
+  lanes.velocity_target = rows(t.joints * t.input_times, "velocity_target");
+  lanes.effort = rows(t.joints * t.input_times, "effort");
   const int field_rows[parameter_count] = {t.term_gear.count, t.couplings, 2 * t.couplings, 2 * t.joints,
                                            t.joints, t.links, 3, 6 * t.links, t.couplings};
   for (int f = 0; f < parameter_count; ++f)
     if ((t.per_environment >> f) & 1u) lanes.field[f] = rows(field_rows[f], fmt::format("field[{}]", f));
+
+  x.corrects = true;  // as lay_out() has it
+  x.solves_twice = t.solve_twice;
 
   // What advance() makes once per call: known numbers, unless each environment has its own.
   if (!kernels::declared<Recorded>(t, 0)) kernels::uniform_ratios(t, x);

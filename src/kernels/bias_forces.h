@@ -124,7 +124,7 @@ template <class J, class T>
 LOCKSTEP_INLINE void pass_force(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
   const Body<ScalarOf<T>>& body = t.body[b];
   Vec3<T> force = x.force[b], moment = x.moment[b];
-  x.drive[velocity_of(t, b)] = (J::prismatic ? force[J::k] : moment[J::k]) * T(body.sign);
+  x.bias[velocity_of(t, b)] = (J::prismatic ? force[J::k] : moment[J::k]) * T(body.sign);
   if (body.parent < 0) return;
   const T s = x.sine[b], c = x.cosine[b];
   Vec3<T> r = origin(joint, body, J::prismatic ? x.q[joint_of(t, b)] : T(0));
@@ -157,7 +157,7 @@ void bias_forces(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, 
   for (int b = t.bodies - 1; b >= first; --b)
     with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED { pass_force(joint, t, x, b); });
   if (t.floating)
-    for (int k = 0; k < 3; ++k) x.drive[k] = x.moment[0][k], x.drive[3 + k] = x.force[0][k];
+    for (int k = 0; k < 3; ++k) x.bias[k] = x.moment[0][k], x.bias[3 + k] = x.force[0][k];
 }
 
 }  // namespace lockstep::kernels

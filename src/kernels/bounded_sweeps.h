@@ -47,8 +47,8 @@ void sweep_with_bounds(const Tables<ScalarOf<T>>& t, Phase phase, T due, T share
 
 /// Begins anew with the free motion: x.bound_now holds its part per step, not yet the speed at the start.
 template <class T>
-void begin_sweeps(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-  row_terms(t, lanes, x);
+void begin_sweeps(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  row_terms(t, x);
   row_denominators(t.rows, x);
   for (int e = 0; e < t.rows.count; ++e) x.row_impulse[e] = T(0);
   for (int i = 0; i < x.bound_count; ++i) {
@@ -59,10 +59,10 @@ void begin_sweeps(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes,
 }
 
 template <class T>
-void pgs_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+void pgs_with_bounds(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const int count = t.bounds.form.count;
-  begin_sweeps(t, lanes, x);
+  begin_sweeps(t, x);
   for (int i = 0; i < x.bound_count; ++i) x.bound_now[x.bound_listed[i]] += bound_speed(t, x, x.bound_listed[i], x.start);
   const auto keep = [&](Phase phase, T* row_impulse) {
     for (int e = 0; e < rows.count; ++e) row_impulse[e] = x.row_impulse[e];
@@ -86,7 +86,7 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lan
   const T share = T(S(1) / S(t.iterations)), h = T(t.dt) * share;
   const Moment<T> whole_step{false, S(1) / t.dt};
   const auto kept = [&](int r) { return t.bounds.kind[r] == BoundKind::joint; };
-  begin_sweeps(t, lanes, x);
+  begin_sweeps(t, x);
   for (int e = 0; e < rows.count; ++e) {
     x.row_speed_closed[e] = (x.row_speed[e] - x.row_start[e]) * share;
     x.row_speed[e] = x.row_start[e];

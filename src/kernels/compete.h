@@ -31,8 +31,8 @@ void keep_untouched(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 template <class T>
 void solve_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   switch (t.method) {
-    case method_pgs: pgs_with_bounds(t, lanes, x); return keep_untouched(t, x);
-    case method_tgs: t.renewed ? tgs_with_bounds(t, lanes, x) : pgs_with_bounds(t, lanes, x); return keep_untouched(t, x);
+    case method_pgs: pgs_with_bounds(t, x); return keep_untouched(t, x);
+    case method_tgs: t.renewed ? tgs_with_bounds(t, lanes, x) : pgs_with_bounds(t, x); return keep_untouched(t, x);
     default:
       find_active_set(t, position_phase, x);
       yield_to_bounds(t, position_phase, x, x.position_impulse);

@@ -186,7 +186,7 @@ void diagnose(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Til
     T half_turn[4];
     expand(t, x, x.closing_solution, false, x.other_v);
     for (int j = 0; j < t.joints; ++j) x.other_q[j] = fma(T(t.dt), x.other_v[root + j], x.q[j]);
-    if (t.floating) move_root(t, x.other_v, x.root_pose, half_turn, x.other_root_pose);
+    if (t.floating) move_root(t.dt, x.other_v, x.root_pose, half_turn, x.other_root_pose);
     corrected = energy_at(t, lanes, x, x.next_q, x.next_v, x.next_root_pose, false) -
                 energy_at(t, lanes, x, x.other_q, x.other_v, x.other_root_pose, false);
   }

@@ -23,17 +23,23 @@ LOCKSTEP_INLINE void solve_rows(const Rows<ScalarOf<T>>& rows, const Tile<T>& x,
   solve_downwards(rows.columns, x.coupled, impulse);
 }
 
+/// K + cfm to its factors.
+template <class T>
+void factor_rows(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Rows<ScalarOf<T>>& rows = t.rows;
+  for (int r = 0; r < rows.count; ++r) x.coupled[rows.columns.offset[r]] += x.row_cfm[r];
+  factor(rows.columns, x.coupled, x.row_inverse, rank_tolerance<T>(t), x.scratch);
+}
+
 template <class T>
 void direct(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   for (int r = 0; r < rows.count; ++r) {
-    x.coupled[rows.columns.offset[r]] += x.row_cfm[r];
     x.position_impulse[r] = -(x.row_speed[r] + x.row_bias[r]);
     x.velocity_impulse[r] = -(x.row_speed_closed[r] + closing_bias(x, r));
   }
-  factor(rows.columns, x.coupled, x.row_inverse, rank_tolerance<T>(t), x.scratch);
   solve_rows(rows, x, x.position_impulse);
-  if (t.solve_twice) solve_rows(rows, x, x.velocity_impulse);
+  if (x.solves_twice) solve_rows(rows, x, x.velocity_impulse);
 }
 
 }  // namespace lockstep::kernels

@@ -65,25 +65,31 @@ void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
       free = fma(x.share[collected.value], x.product[collected.velocity], free);
       corrected = fma(x.share[collected.value], x.corrected_product[collected.velocity], corrected);
     }
-    if (t.solve_twice) x.free_velocity[z] = free;
+    if (x.solves_twice) x.free_velocity[z] = free;
     x.free_position[z] = corrected;
   }
 }
 
-/// A_r and the reduced forces: what a step starts from, what errors its followers have.
+/// w of (M35): the velocity that corrects follower f's error.
 template <class T>
-void eliminate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+LOCKSTEP_INLINE T correcting_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int f) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  T correction = T(0);
+  for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s) {
+    const int c = r.inverse_coupling[s];
+    correction = fnma(x.inverse_form[s] * T(r.rate[c]), x.coupling_error[c], correction);
+  }
+  return correction;
+}
+
+/// What a solve starts from, what its followers are off by, and the reduced forces.
+template <class T>
+void start_reduced(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   const int root = t.velocities - t.joints;
-  reduce_matrix(t, x);
   for (int z = 0; z < t.solver.n; ++z) x.start[z] = x.v[r.independent[z]];
   for (int f = 0; f < r.followers; ++f) {
-    T correction = T(0);
-    for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s) {
-      const int c = r.inverse_coupling[s];
-      correction = fnma(x.inverse_form[s] * T(r.rate[c]), x.coupling_error[c], correction);
-    }
-    x.correction[f] = correction;
+    x.correction[f] = x.corrects ? correcting_velocity(t, x, f) : T(0);
     x.mismatch[f] = x.v[root + r.follower[f]] - followed(t, x, f, x.start);
   }
   reduce_forces(t, x);

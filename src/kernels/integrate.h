@@ -1,4 +1,4 @@
-// Positions and velocities after the step, by semi-implicit Euler (M40). SPDX-License-Identifier: Apache-2.0
+// From solved velocities to positions, the root's pose among them. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "../simd/sincos.h"
@@ -32,7 +32,7 @@ void solved_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase
 template <class T>
 void solved_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const T share = T(t.free_share);
-  if (!t.solve_twice)
+  if (!x.solves_twice)
     return solved_velocity(t, x, position_phase, x.free_position, share, x.position_impulse, x.solution);
   impel(t, x, position_phase, x.free_position, share, x.position_impulse, x.solution);
   impel(t, x, velocity_phase, x.free_velocity, T(1), x.velocity_impulse, x.closing_solution);
@@ -59,12 +59,26 @@ void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, bool cor
   }
 }
 
-/// The root's pose after turning and moving with its twist for dt: q <- q exp(dt w / 2), p <- p + dt R v, (M41).
-/// Keeps the half turn exp(dt w / 2).
 template <class T>
-void move_root(const Tables<ScalarOf<T>>& t, const T* twist, const T* pose, T* half_turn, T* next) {
+LOCKSTEP_INLINE T squared_length(const T* quaternion) {
+  T sum = quaternion[0] * quaternion[0];
+  for (int k = 1; k < 4; ++k) sum = fma(quaternion[k], quaternion[k], sum);
+  return sum;
+}
+
+/// A unit quaternion from one that is not far off: another integrator's sum of changes.
+template <class T>
+LOCKSTEP_INLINE void make_unit(const T* quaternion, T* unit) {
+  const T scale = T(1) / sqrt(squared_length(quaternion));
+  for (int k = 0; k < 4; ++k) unit[k] = quaternion[k] * scale;
+}
+
+/// The root's pose after turning and moving with its twist for the time h: q <- q exp(h w / 2), p <- p + h R v, (M41).
+/// Keeps the half turn exp(h w / 2). `next` may be `pose`.
+template <class T>
+void move_root(ScalarOf<T> time, const T* twist, const T* pose, T* half_turn, T* next) {
   using S = ScalarOf<T>;
-  const T h = T(t.dt);
+  const T h = T(time);
   const Mat3<T> rotation = rotation_of_quaternion(pose + 3);
   const Vec3<T> w = {twist[0], twist[1], twist[2]}, v = {twist[3], twist[4], twist[5]};
   const Vec3<T> moved = multiply(rotation, v);
@@ -84,33 +98,32 @@ void move_root(const Tables<ScalarOf<T>>& t, const T* twist, const T* pose, T* h
   const T turned[4] = {fnma(b, e, fnma(c, f, fnma(d, g, a * cosine))), fma(a, e, fma(c, g, fnma(d, f, b * cosine))),
                        fma(a, f, fma(d, e, fnma(b, g, c * cosine))), fma(a, g, fma(b, f, fnma(c, e, d * cosine)))};
   // (M42) One Newton step for 1 / |q| keeps it unit: rounding moves it by far less than the step's reach.
-  T norm = turned[0] * turned[0];
-  for (int k = 1; k < 4; ++k) norm = fma(turned[k], turned[k], norm);
-  const T scale = fnma(T(S(0.5)), norm, T(S(1.5)));
+  const T scale = fnma(T(S(0.5)), squared_length(turned), T(S(1.5)));
   for (int k = 0; k < 4; ++k) next[3 + k] = turned[k] * scale;
 }
 
 /// (M43) The root's new twist, solved in the axes that it had before it moved, in those that it has now. By the half
 /// turn (c, s) backwards, a + 2 s x (s x a - c a): rounding is that of the small change alone.
 template <class T>
-void turn_root_twist(Tile<T>& x) {
-  const T c = x.half_turn[0], two = T(ScalarOf<T>(2));
-  const Vec3<T> s = {x.half_turn[1], x.half_turn[2], x.half_turn[3]};
-  for (T* part = x.next_v; part < x.next_v + 6; part += 3) {
+void turn_root_twist(const T* half_turn, T* twist) {
+  const T c = half_turn[0], two = T(ScalarOf<T>(2));
+  const Vec3<T> s = {half_turn[1], half_turn[2], half_turn[3]};
+  for (T* part = twist; part < twist + 6; part += 3) {
     const Vec3<T> a = {part[0], part[1], part[2]};
     const Vec3<T> turned = fma(cross(s, cross_add(s, a, {-c * a[0], -c * a[1], -c * a[2]})), two, a);
     for (int k = 0; k < 3; ++k) part[k] = turned[k];
   }
 }
 
+/// Semi-implicit Euler (M40).
 template <class T>
 void integrate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const int root = t.velocities - t.joints;
   expand(t, x, x.solution, true, x.next_v);
   for (int j = 0; j < t.joints; ++j) x.next_q[j] = fma(T(t.dt), x.next_v[root + j], x.q[j]);
-  if (t.floating) move_root(t, x.next_v, x.root_pose, x.half_turn, x.next_root_pose);
+  if (t.floating) move_root(t.dt, x.next_v, x.root_pose, x.half_turn, x.next_root_pose);
   for (int i = 0; t.record_diagnostics && i < t.velocities; ++i) x.moved_velocity[i] = x.next_v[i];
-  if (!t.solve_twice) return;
+  if (!x.solves_twice) return;
   expand(t, x, x.closing_solution, false, x.next_v);
 }
 

@@ -29,53 +29,65 @@ struct Servo {
   LOCKSTEP_INLINE T force(T h, T q, T v) const { return -fma(kp, fma(h, v, q) - position, kd * (v - velocity)); }
 };
 
+/// Row of the joint's target or effort at one of the step's times. What is held has one row for all of them.
+template <class S>
+LOCKSTEP_INLINE std::ptrdiff_t input_row(const Tables<S>& t, int j, int time) {
+  return t.joint_row[j] + (t.input_times > 1 ? time * t.joints : 0);
+}
+
 template <class T>
-LOCKSTEP_INLINE Servo<T> servo(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int j) {
+LOCKSTEP_INLINE Servo<T> servo(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int j, int time = 0) {
   const int row = t.joint_row[j];
+  const std::ptrdiff_t input = input_row(t, j, time) * lanes.stride;
   const ScalarOf<T>* gains = lanes.field[3];
   return {gains ? T::load(gains + 2 * row * lanes.stride) : T(t.kp[j]),
           gains ? T::load(gains + (2 * row + 1) * lanes.stride) : T(t.kd[j]),
-          T::load(lanes.position_target + row * lanes.stride), T::load(lanes.velocity_target + row * lanes.stride)};
+          T::load(lanes.position_target + input), T::load(lanes.velocity_target + input)};
 }
 
 template <class T>
-LOCKSTEP_INLINE T feed_forward(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int j) {
-  return T::load(lanes.effort + t.joint_row[j] * lanes.stride);
+LOCKSTEP_INLINE T feed_forward(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int j, int time = 0) {
+  return T::load(lanes.effort + input_row(t, j, time) * lanes.stride);
 }
 
-/// Turns the bias forces in x.drive into dt times all forces (M15), and M in x.matrix into A (M14). Keeps M + armature
-/// where soft rows are stated by natural frequency and A holds more than that.
-template <class T>
-void joint_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+/// What a call of joint_terms() is for: solves with one matrix need their forces alone.
+enum class Terms { both, matrix, forces };
+
+/// M in x.matrix becomes A (M14), and the bias forces dt times all forces (M15), with what acts at this of the step's
+/// times. Keeps M + armature where soft rows are stated by natural frequency and A holds more than that.
+template <Terms terms = Terms::both, class T>
+void joint_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, int time = 0) {
+  constexpr bool to_matrix = terms != Terms::forces, to_forces = terms != Terms::matrix;
   const int root = t.velocities - t.joints;
-  const T h = T(t.dt), h_squared = T(t.dt * t.dt);
-  if (t.natural.count > 0) {
+  const T h = T(t.dt), ahead = T(t.ahead), ahead_squared = T(t.ahead * t.ahead);
+  if (to_matrix && t.natural.count > 0) {
     for (int e = 0; e < t.matrix.entries; ++e) x.natural_matrix[e] = x.matrix[e];
     for (int j = 0; j < t.joints; ++j) x.natural_matrix[t.matrix.offset[root + j]] += T(t.armature[j]);
   }
 
   const bool own_terms = declared<T>(t, 3) || declared<T>(t, 4);
   const Field<T> damping = field<T>(lanes, 4, t.damping.data);
-  for (int i = 0; i < root; ++i) x.drive[i] = -(h * x.drive[i]);
+  for (int i = 0; to_forces && i < root; ++i) x.drive[i] = -(h * x.bias[i]);
   for (int j = 0; j < t.joints; ++j) {
-    const int row = t.joint_row[j];
-    const T d = damping.at(j, row);
-    const T effort = T::load(lanes.effort + row * lanes.stride);
-    x.drive[root + j] = h * (fnma(d, x.v[root + j], effort) - x.drive[root + j]);
-    x.matrix[t.matrix.offset[root + j]] += own_terms ? fma(h, d, T(t.armature[j])) : T(t.implicit[j]);
+    const T d = damping.at(j, t.joint_row[j]);
+    if constexpr (to_forces)
+      x.drive[root + j] = h * (fnma(d, x.v[root + j], feed_forward<T>(t, lanes, j, time)) - x.bias[root + j]);
+    if constexpr (to_matrix)
+      x.matrix[t.matrix.offset[root + j]] += own_terms ? fma(ahead, d, T(t.armature[j])) : T(t.implicit[j]);
   }
-  for (int i = 0; i < t.clamped.count; ++i) {  // (M57) without a servo
+  for (int i = 0; to_forces && i < t.clamped.count; ++i) {  // (M57) without a servo
     const int j = t.clamped[i];
-    const T effort = feed_forward<T>(t, lanes, j), most = T(t.effort_limit[j]);
+    const T effort = feed_forward<T>(t, lanes, j, time), most = T(t.effort_limit[j]);
     x.drive[root + j] = fma(h, clamp(effort, -most, most) - effort, x.drive[root + j]);
   }
   for (int i = 0; i < t.driven.count; ++i) {
     const int j = t.driven[i];
-    const Servo<T> own = servo<T>(t, lanes, j);
+    const Servo<T> own = servo<T>(t, lanes, j, time);
     const T v = x.v[root + j];
-    const T ahead = fma(h, v, x.q[j]) - own.position;  // kp acts on where the joint is going
-    x.drive[root + j] = fnma(h * own.kp, ahead, fnma(h * own.kd, v - own.velocity, x.drive[root + j]));
-    if (own_terms) x.matrix[t.matrix.offset[root + j]] += fma(h, own.kd, h_squared * own.kp);
+    const T reached = fma(ahead, v, x.q[j]) - own.position;  // kp acts on where the joint is going
+    if constexpr (to_forces)
+      x.drive[root + j] = fnma(h * own.kp, reached, fnma(h * own.kd, v - own.velocity, x.drive[root + j]));
+    if (to_matrix && own_terms) x.matrix[t.matrix.offset[root + j]] += fma(ahead, own.kd, ahead_squared * own.kp);
   }
 }
 

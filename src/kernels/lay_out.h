@@ -58,6 +58,29 @@ inline void motion_arrays(const Tables<ScalarOf<T>>& t, Motion<T>& motion, Take&
   take("motion.linear", motion.linear, t.bodies);
 }
 
+/// Names the arrays of integrators with more than one stage to `take`, as arrays() does.
+template <class T, class Take>
+inline void stage_arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
+  const int joints = t.joints, velocities = t.velocities, pose = t.floating ? 7 : 0;
+  const bool explicitly = t.integrator == integrator_runge_kutta, twice = t.integrator == integrator_extrapolated;
+  take("begin_q", x.begin_q, joints);
+  take("begin_v", x.begin_v, velocities);
+  take("begin_pose", x.begin_pose, pose);
+  take("midpoint_q", x.midpoint_q, explicitly ? 0 : joints);
+  take("midpoint_v", x.midpoint_v, explicitly ? 0 : velocities);
+  take("stage_v", x.stage_v, explicitly ? 0 : leapfrog_stages * velocities);
+  take("stage_change", x.stage_change, explicitly ? velocities : (leapfrog_stages - 1) * velocities);
+  take("mean_v", x.mean_v, explicitly ? 0 : velocities);
+  take("stage_pose", x.stage_pose, explicitly ? pose : 0);
+  take("pose_rate", x.pose_rate, explicitly ? pose : 0);
+  take("first_q", x.first_q, twice ? joints : 0);
+  take("first_v", x.first_v, twice ? velocities : 0);
+  take("first_pose", x.first_pose, twice ? pose : 0);
+  take("change_q", x.change_q, explicitly || twice ? joints : 0);
+  take("change_v", x.change_v, explicitly || twice ? velocities : 0);
+  take("change_pose", x.change_pose, explicitly || twice ? pose : 0);
+}
+
 /// Names every array of the tile to `take`, in their order in memory: take(name, pointer, count, Lasts).
 template <class T, class Take>
 inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
@@ -71,6 +94,8 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("next_v", x.next_v, velocities);
   take("next_root_pose", x.next_root_pose, t.floating ? 7 : 0);
   take("half_turn", x.half_turn, t.floating ? 4 : 0);
+  const bool stages = t.integrator > integrator_euler;
+  if (stages) stage_arrays(t, x, take);
   take("sine", x.sine, t.bodies);
   take("cosine", x.cosine, t.bodies);
   take("inertia", x.inertia, masses ? t.bodies : 0, Lasts::call);
@@ -89,6 +114,8 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   shared("column_moment", x.column_moment, t.bodies, Lasts::stage);
   take("matrix", x.matrix, t.matrix.entries);
   take("drive", x.drive, velocities);
+  take("bias", x.bias, stages ? velocities : 0);
+  if (!stages) x.bias = x.drive;
   take("reduced", x.reduced, r.followers ? t.solver.entries : 0);
   if (r.followers == 0) x.reduced = x.matrix;
   take("inverse", x.inverse, solver);
@@ -171,6 +198,8 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   Carver carver(block);
   arrays(t, x, carver);
   x.bound_count = 0;
+  x.corrects = true;
+  x.solves_twice = t.solve_twice;
   return carver.used();
 }
 

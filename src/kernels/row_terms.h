@@ -56,10 +56,10 @@ void follow_softness(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lan
   x.row_cfm[row] = select(absent, yields_to_everything<T>(), cfm);
 }
 
+/// rate and cfm of each row, for as long as the matrix stays.
 template <class T>
-void row_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+void row_softness(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
-  const int n = t.solver.n;
   const bool factored = rows.columns.n > 0;
   for (int r = 0; r < rows.count; ++r) {
     const T response = x.coupled[factored ? rows.columns.offset[r] : r * rows.count + r];
@@ -76,16 +76,32 @@ void row_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
       x.row_rate[r] *= on;
       x.row_cfm[r] = select(less(on, T(1)), yields_to_everything<T>(), x.row_cfm[r]);
     }
+  }
+}
+
+/// The bias of the velocity phase (M29): hard rows drop theirs, soft ones keep it (they are springs).
+template <class T>
+LOCKSTEP_INLINE T closing_bias(const Tile<T>& x, int r) {
+  return select(less(x.row_cfm[r], smallest<T>()), T(0), x.row_bias[r]);
+}
+
+/// Error, bias and speeds of each row, as the free motion leaves it.
+template <class T>
+void row_terms(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Rows<ScalarOf<T>>& rows = t.rows;
+  const int n = t.solver.n;
+  const bool one_motion = !x.solves_twice || x.free_velocity == x.free_position;
+  for (int r = 0; r < rows.count; ++r) {
     x.row_error[r] = x.coupling_error[rows.coupling[r]];
     x.row_bias[r] = x.row_rate[r] * x.row_error[r];
+    if (!x.corrects) x.row_bias[r] = closing_bias(x, r);
 
     // J v now, and J v* (M20) as the free motion leaves it.
     T now = T(0);
     for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k)
       now = fma(x.row_value[k], x.start[rows.term_index[k]], now);
     const T free = supported_dot(rows, r, x.response + r * n, x.free_position);
-    const T closed =
-        x.free_velocity == x.free_position ? free : supported_dot(rows, r, x.response + r * n, x.free_velocity);
+    const T closed = one_motion ? free : supported_dot(rows, r, x.response + r * n, x.free_velocity);
     x.row_start[r] = now;
     x.row_speed[r] = now + free;
     x.row_speed_closed[r] = now + closed;
@@ -96,15 +112,9 @@ void row_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
       if (f < 0) continue;
       const T pushed = x.coefficient[k] * x.correction[f];
       x.row_speed[r] += pushed;
-      if (!t.solve_twice) x.row_speed_closed[r] += pushed;
+      if (!x.solves_twice) x.row_speed_closed[r] += pushed;
     }
   }
-}
-
-/// The bias of the velocity phase (M29): hard rows drop theirs, soft ones keep it (they are springs).
-template <class T>
-LOCKSTEP_INLINE T closing_bias(const Tile<T>& x, int r) {
-  return select(less(x.row_cfm[r], smallest<T>()), T(0), x.row_bias[r]);
 }
 
 }  // namespace lockstep::kernels

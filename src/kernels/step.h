@@ -2,63 +2,30 @@
 //
 //     M(q) dv/dt + c(q, v) = tau,   C = J q + gamma = 0
 //
-// docs/mathematics.md has the formulas; comments cite them as (M12). A stage whose table is empty does not run.
+// docs/mathematics.md has the formulas; comments cite them as (M12). An integrator says in which order the stages come:
+// euler.h is the one to read first. A stage whose table is empty does not run.
 #pragma once
 
 #include "../simd/denormals.h"
-#include "bias_forces.h"
 #include "check.h"
-#include "compete.h"
-#include "coupling_error.h"
 #include "diagnostics.h"
-#include "direct.h"
-#include "elimination.h"
-#include "free_velocity.h"
-#include "impulses.h"
-#include "integrate.h"
-#include "joint_terms.h"
-#include "kinematics.h"
+#include "euler.h"
 #include "lay_out.h"
+#include "leapfrog.h"
 #include "load.h"
-#include "mass_matrix.h"
-#include "pgs.h"
-#include "responses.h"
-#include "row_terms.h"
-#include "saturation.h"
+#include "runge_kutta.h"
 #include "store.h"
-#include "tgs.h"
 
 namespace lockstep::kernels {
 
 template <class T>
 void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-  kinematics(t, x);
-  if (t.couplings > 0) coupling_errors(t, lanes, x);
-  if (t.limited.count > 0) first_pass(x);
-  do {  // once, and again where a servo turns out to be at its limit of effort, or not to be
-    bias_forces(t, lanes, x);
-    mass_matrix(t, x);
-    joint_terms(t, lanes, x);
-    if (t.limited.count > 0) limited_drives(t, lanes, x);
-    if (t.natural.count > 0) natural_responses(t, x);
-    if (t.reduction.followers > 0) eliminate(t, x);
-    if (t.bounds.form.count > 0) forget_bounds(x);
-    free_velocity(t, x);
-    if (t.rows.count > 0) {
-      responses(t, x);
-      row_terms(t, lanes, x);
-      switch (t.method) {
-        case method_pgs: pgs(t, x); break;
-        case method_tgs: tgs(t, x); break;
-        default: direct(t, x); break;  // direct, and what reduced leaves to solve
-      }
-    }
-    solved_velocities(t, x);
-    integrate(t, x);
-    if (t.bounds.form.count > 0 && bounds_act(t, x)) compete(t, lanes, x);
-  } while (t.limited.count > 0 && saturation_differs(t, lanes, x));
-  if (t.record_impulses) coupling_impulses(t, x);  // in the axes of the step's start
-  if (t.floating) turn_root_twist(x);
+  switch (t.integrator) {
+    case integrator_leapfrog: leapfrog_step(t, lanes, x); break;
+    case integrator_extrapolated: extrapolated_step(t, lanes, x); break;
+    case integrator_runge_kutta: runge_kutta_step(t, lanes, x); break;
+    default: euler(t, lanes, x); break;
+  }
   if (t.record_diagnostics) diagnose(t, lanes, x);
   check(t, lanes, x);
   if (t.record_diagnostics) add_energies(x);

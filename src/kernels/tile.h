@@ -15,6 +15,9 @@ using simd::each_axis;
 
 /// The codes of Method in step.h.
 enum MethodCode { method_pgs = 1, method_tgs = 2, method_direct = 3, method_reduced = 4 };
+/// The codes of Integrator in step.h.
+enum IntegratorCode { integrator_euler = 1, integrator_leapfrog = 2, integrator_extrapolated = 3, integrator_runge_kutta = 4 };
+constexpr int leapfrog_stages = 3;
 
 template <class T>
 struct Branch;  // projection.h
@@ -40,6 +43,23 @@ struct Tile {
   T* next_v;
   T* next_root_pose;
   T* half_turn;            // [4] quaternion of half the root's turn over the step
+  // of integrators with more than one stage
+  T* begin_q;              // where the step began: q and v are the stage's meanwhile
+  T* begin_v;
+  T* begin_pose;
+  T* midpoint_q;
+  T* midpoint_v;           // [velocities] those of the begin, a root's along the midpoint's axes
+  T* stage_v;              // [stages][velocities]
+  T* stage_change;         // [stages][velocities]
+  T* mean_v;               // [velocities] what moves the positions
+  T* stage_pose;           // [7]
+  T* pose_rate;            // [7]
+  T* first_q;              // where the first of several steps began
+  T* first_v;
+  T* first_pose;
+  T* change_q;             // of the step
+  T* change_v;
+  T* change_pose;
   // kinematics and bias forces, by body
   T* sine;
   T* cosine;
@@ -57,6 +77,7 @@ struct Tile {
   Vec3<T>* column_moment;
   // equations of motion
   T* matrix;               // A (packed)
+  T* bias;                 // [velocities] c: the same array as drive unless it is used more than once
   T* drive;                // [velocities] dt times the forces: dt (tau - c - ...)
   T* reduced;              // A_r (packed): only where followers are eliminated
   T* inverse;              // [solver] 1 / D
@@ -151,6 +172,8 @@ struct Tile {
 
   typename T::Mask frozen;
   typename T::Mask singular;
+  bool corrects;           // solutions for positions correct the couplings' errors
+  bool solves_twice;       // and velocities want another one
 };
 
 template <class T>

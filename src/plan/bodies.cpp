@@ -230,7 +230,7 @@ void lay_out_bodies(Program& program, const Tree& tree) {
 
 void lay_out_joint_terms(Program& program) {
   Tables<double>& t = program.f64;
-  const double h = program.settings.dt;
+  const double h = t.ahead;
   std::vector<double> armature(t.joints), damping(t.joints), kp(t.joints), kd(t.joints), implicit(t.joints);
   std::vector<double> effort_limit(t.joints, unlimited);
   std::vector<int> driven, limited, clamped;

@@ -59,6 +59,17 @@ const char* name(Method method) noexcept {
   return "automatic";
 }
 
+const char* name(Integrator integrator) noexcept {
+  switch (integrator) {
+    case Integrator::euler: return "euler";
+    case Integrator::leapfrog: return "leapfrog";
+    case Integrator::extrapolated: return "extrapolated";
+    case Integrator::runge_kutta: return "runge_kutta";
+    case Integrator::automatic: break;
+  }
+  return "automatic";
+}
+
 const char* name(Parameter parameter) noexcept {
   constexpr const char* names[parameter_count] = {"gear_ratio", "offset",  "softness", "drive_gains",    "damping",
                                                   "mass",       "gravity", "link_wrench", "coupling_switch"};
@@ -90,14 +101,15 @@ void choose_method(Program& program) {
   }
 }
 
-Plan compile(const Model& model, const StepSettings& settings) {
-  check(settings);
-  model.validate();
+namespace {
+
+std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settings, Integrator integrator) {
   auto program = std::make_shared<Program>();
   program->model = model;
   program->settings = settings;
   Tables<double>& t = program->f64;
 
+  lay_out_times(*program, integrator);
   lay_out_bodies(*program, Tree(model));
   lay_out_joint_terms(*program);
   lay_out_couplings(*program);
@@ -108,8 +120,6 @@ Plan compile(const Model& model, const StepSettings& settings) {
   if (program->method == Method::reduced) eliminate_followers(*program);
   lay_out_rows(*program);
   lay_out_report(*program);
-
-  t.dt = settings.dt;
   t.method = static_cast<int>(program->method);
   t.iterations = settings.iterations;
   t.velocity_iterations = settings.velocity_iterations;
@@ -120,6 +130,41 @@ Plan compile(const Model& model, const StepSettings& settings) {
   for (unsigned p = 0; p < parameter_count; ++p)
     if (settings.per_environment.contains(static_cast<Parameter>(p))) t.per_environment |= 1u << p;
   narrow(*program);
+  return program;
+}
+
+// Two steps of half the length for one of the integrator's: the same springs, which erp and cfm state by the whole step.
+std::shared_ptr<const Program> compiled_half(Model model, StepSettings settings) {
+  for (Coupling& coupling : model.couplings) {
+    Softness& softness = coupling.softness;
+    if (softness.kind != Softness::Kind::mixing || softness.is_hard()) continue;
+    const double erp = softness.first, cfm = softness.second, dt = settings.dt;
+    softness = Softness::spring(erp / (dt * dt * cfm), (1.0 - erp) / (dt * cfm));  // (M25)
+  }
+  settings.dt /= 2.0;
+  return compiled(model, settings, Integrator::leapfrog);
+}
+
+}  // namespace
+
+Plan compile(const Model& model, const StepSettings& settings) {
+  check(settings);
+  model.validate();
+  const bool automatic = settings.integrator == Integrator::automatic;
+  std::shared_ptr<Program> program = compiled(model, settings, automatic ? Integrator::leapfrog : settings.integrator);
+  program->integrator_reason = automatic ? "the scene is smooth" : "as asked for";
+  if (const std::optional<Obstacle> obstacle = obstacle_of(*program)) {
+    if (!automatic)
+      throw SettingsError("integrator", fmt::format("{} does not apply: {}", name(settings.integrator), obstacle->reason),
+                          obstacle->remedy);
+    program = compiled(model, settings, Integrator::euler);
+    program->integrator_reason = obstacle->reason;
+  }
+  if (program->integrator == Integrator::extrapolated) {
+    program->half = compiled_half(model, settings);
+    program->f64.half = &program->half->f64;
+    program->f32.half = &program->half->f32;
+  }
   return Plan(std::move(program));
 }
 

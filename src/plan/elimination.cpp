@@ -226,7 +226,7 @@ void eliminate_followers(Program& program) {
     }
     product_start.push_back(static_cast<int>(product_source.size()));
   }
-  for (int c : rows.coupling) rate[c] = t.softness_first[c] / program.settings.dt;
+  for (int c : rows.coupling) rate[c] = t.softness_first[c] / program.length;
   for (int joint : rows.pivot) program.eliminated.push_back(t.joint_row[joint]);
 
   reduction.followers = followers;

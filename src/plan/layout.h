@@ -2,12 +2,27 @@
 #pragma once
 
 #include <map>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "../model/tree.h"
 #include "program.h"
 
 namespace lockstep {
+
+/// How far the solves of this integrator go, and when it looks at its inputs (integrator.cpp).
+void lay_out_times(Program& program, Integrator integrator);
+
+/// Why a compiled scene is not one for its integrator, if so, and what to do about it (integrator.cpp).
+struct Obstacle {
+  std::string reason, remedy;
+};
+std::optional<Obstacle> obstacle_of(const Program& program);
+
+/// Of the scene's linear motion about its start, the largest |lambda| of (M69), 1/s (report/stiffness.cpp: it takes
+/// the kernels' mass matrix). For programs whose terms are explicit.
+double largest_rate(const Program& program);
 
 /// Bodies, frames, joints and the structure of the mass matrix (bodies.cpp).
 void lay_out_bodies(Program& program, const Tree& tree);

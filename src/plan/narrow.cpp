@@ -98,7 +98,11 @@ void narrow(Program& program) {
   Tables<float>& to = program.f32;
   Narrowing n{program.store};
   to.dt = n.narrowed(from.dt);
+  to.step = n.narrowed(from.step);
+  to.ahead = n.narrowed(from.ahead);
   to.method = from.method;
+  to.integrator = from.integrator;
+  to.input_times = from.input_times;
   to.iterations = from.iterations;
   to.velocity_iterations = from.velocity_iterations;
   to.floating = from.floating;

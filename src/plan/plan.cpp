@@ -9,6 +9,8 @@ namespace lockstep {
 const Model& Plan::model() const { return program_->model; }
 const StepSettings& Plan::settings() const { return program_->settings; }
 Method Plan::method() const { return program_->method; }
+Integrator Plan::integrator() const { return program_->integrator; }
+std::vector<double> Plan::stage_times() const { return program_->stage_times; }
 int Plan::dofs() const { return program_->f64.joints; }
 int Plan::couplings() const { return program_->f64.couplings; }
 bool Plan::floating() const { return program_->f64.floating; }

@@ -37,6 +37,10 @@ struct Program {
   Model model;
   StepSettings settings;
   Method method = Method::automatic;
+  Integrator integrator = Integrator::automatic;
+  std::string integrator_reason;
+  double length = 0.0;             ///< Tables::dt
+  std::vector<double> stage_times;
   std::string method_reason;
   std::vector<std::string> dof_names;
   std::vector<int> dof_of_joint;   ///< by joint of the model: its row in the views, -1 if fixed
@@ -52,6 +56,7 @@ struct Program {
   Tables<double> f64;
   Tables<float> f32;
   std::shared_ptr<KernelHash> kernel_hash = std::make_shared<KernelHash>();
+  std::shared_ptr<const Program> half;  ///< what Tables::half points into
   bool fits_single = true;         ///< no number of f64 is too large for f32
 };
 

@@ -128,7 +128,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
     }
     run_start.push_back(static_cast<int>(runs.size()));
     support_start.push_back(static_cast<int>(support.size()));
-    softness.push_back(row_softness(program, form.softness, program.settings.dt / substeps, substeps));
+    softness.push_back(row_softness(program, form.softness, program.length / substeps, substeps));
   }
 
   std::vector<RowPair> pairs;

@@ -215,8 +215,13 @@ struct Reduction {
 
 template <class S>
 struct Tables {
-  S dt = 0;
+  S dt = 0;                       ///< how far a solve goes: the step, or gamma of it (M62)
+  S step = 0;                     ///< the step
+  S ahead = 0;                    ///< how far ahead linear terms are taken: dt, or 0 where they are explicit
   int method = 0;                 ///< Method
+  int integrator = 0;             ///< Integrator
+  int input_times = 1;            ///< so many of the step's times have targets and efforts of their own
+  const Tables* half = nullptr;   ///< of half the step, for the integrator that takes both
   int iterations = 0, velocity_iterations = 0;
   bool floating = false;
   int bodies = 0, joints = 0, velocities = 0, couplings = 0, links = 0;

@@ -27,9 +27,9 @@ Count count(const Program& program) {
   };
   lanes.position = block(t.joints);
   lanes.velocity = block(t.joints);
-  lanes.position_target = block(t.joints);
-  lanes.velocity_target = block(t.joints);
-  lanes.effort = block(t.joints);
+  lanes.position_target = block(t.joints * t.input_times);
+  lanes.velocity_target = block(t.joints * t.input_times);
+  lanes.effort = block(t.joints * t.input_times);
   if (t.floating) lanes.root_pose = block(7), lanes.root_velocity = block(6);
   if (t.record_impulses) lanes.impulse = block(t.couplings);
   if (t.record_diagnostics)
@@ -55,7 +55,7 @@ long Plan::flops_per_step() const { return count(*program_).done.flops; }
 
 long Plan::bytes_per_step(int scalar_bytes) const {
   const OperationCount done = count(*program_).done;
-  return (done.loads + done.stores) * scalar_bytes + static_cast<long>(sizeof(Fault));
+  return static_cast<long>(done.loaded.size() + done.stored.size()) * scalar_bytes + static_cast<long>(sizeof(Fault));
 }
 
 long Plan::bytes_per_environment(int scalar_bytes) const {

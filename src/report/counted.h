@@ -1,13 +1,15 @@
 // A number that counts what is done to it, for kernels to run on. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <set>
+
 #include "../simd/sincos.h"
 
 namespace lockstep {
 
 struct OperationCount {
   long flops = 0;
-  long loads = 0, stores = 0;  ///< numbers read from and written to a batch's rows
+  std::set<const void*> loaded, stored;  ///< rows of a batch that were read and written, each once however often
 };
 inline thread_local OperationCount operation_count;
 
@@ -52,11 +54,11 @@ struct Counted {
   float lane(int i) const { return v.lane(i); }
   void set_lane(int i, float value) { v.set_lane(i, value); }
   static Counted load(const float* p) {
-    ++operation_count.loads;
+    operation_count.loaded.insert(p);
     return Plain::load(p);
   }
   friend void store(float* p, Counted a) {
-    ++operation_count.stores;
+    operation_count.stored.insert(p);
     store(p, a.v);
   }
 };

@@ -34,6 +34,25 @@ std::string said(const Softness& softness) {
   return "";
 }
 
+const char* said(Integrator integrator) {
+  switch (integrator) {
+    case Integrator::leapfrog: return "leapfrog with an implicit linear part";
+    case Integrator::extrapolated: return "extrapolated from leapfrogs of one step and of two halves";
+    case Integrator::runge_kutta: return "Runge-Kutta 4";
+    default: return "semi-implicit Euler";
+  }
+}
+
+// How often a step runs which of its stages, where not once.
+const char* said_of_evaluations(Integrator integrator) {
+  switch (integrator) {
+    case Integrator::leapfrog: return " (at the midpoint; bias forces twice, solved four times)";
+    case Integrator::extrapolated: return " (of three leapfrogs, each with bias forces twice and four solves)";
+    case Integrator::runge_kutta: return " (four times over)";
+    default: return "";
+  }
+}
+
 std::string said(const Coupling& coupling, const std::string& name) {
   std::string form = coupling.joint;
   for (const CouplingTerm& term : coupling.terms)
@@ -70,8 +89,8 @@ std::string method_lines(const Program& program) {
   const StepSettings& s = program.settings;
   const int rows = t.rows.count;
   const std::string once_more = s.velocity_iterations > 0 ? "" : ", without the closing solve (velocity_iterations 0)";
-  std::string text = fmt::format("Method: {} ({}), semi-implicit Euler, dt {:.6g} s ({:.4g} Hz).\n", name(program.method),
-                                 program.method_reason, s.dt, 1.0 / s.dt);
+  std::string text = fmt::format("Method: {} ({}).\nIntegrator: {} ({}), dt {:.6g} s ({:.4g} Hz).\n", name(program.method),
+                                 program.method_reason, said(program.integrator), program.integrator_reason, s.dt, 1.0 / s.dt);
   switch (program.method) {
     case Method::reduced:
       if (!program.eliminated.empty()) {
@@ -104,7 +123,7 @@ std::string stage_lines(const Program& program) {
   if (t.bounds.form.count > 0) stages.push_back("bounds");
   if (t.limited.count > 0) stages.push_back("saturation of servos");
   stages.insert(stages.end(), {"integration", "check"});
-  std::string text = fmt::format("Stages: {}.\n", fmt::join(stages, ", "));
+  std::string text = fmt::format("Stages{}: {}.\n", said_of_evaluations(program.integrator), fmt::join(stages, ", "));
 
   std::vector<std::string> absent;
   if (t.rows.count == 0) absent.push_back("solver rows");

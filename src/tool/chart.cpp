@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numeric>
@@ -27,6 +28,7 @@ constexpr double largest_error = 10.0;  // rad or m; beyond it a run has failed
 constexpr double longest_motion = 60.0;  // s
 constexpr int rounds = 5;               // cost measurements of every setting, far apart in time
 constexpr int fewest_environments = 64, most_environments = 4096;
+constexpr double predictable_from = 3.0;  // times the truth's own error, an error says something
 constexpr double predictable = 0.1;     // the truth's own error against the smallest error charted
 constexpr double truth_share = 0.2;     // of the work, as the progress bar shows it
 
@@ -42,37 +44,23 @@ struct ChartOptions {
 Model with_start(const ChartOptions& options, Model model) {
   model.validate();
   if (options.state.empty()) return with_moving_start(std::move(model));
-  Batch<double> batch(compile(model), 1, {.threads = 1});
-  apply_state(read_csv(options.state), batch);
-  int dof = 0;
-  for (Joint& joint : model.joints)
-    if (joint.moves()) {
-      joint.position = batch.positions()(dof, 0);
-      joint.velocity = batch.velocities()(dof++, 0);
-    }
-  if (model.root.floating) {
-    const Eigen::ArrayXd pose = batch.root_poses().col(0);
-    model.root.pose.translation() = pose.head<3>();
-    model.root.pose.linear() = Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6]).normalized().toRotationMatrix();
-    model.root.velocity = batch.root_velocities().col(0).matrix();
-  }
-  return model;
+  return with_state(std::move(model), read_csv(options.state));
 }
 
-// The settings that the model allows, and a line about each method that it does not.
+// The settings that the model allows, and a line about each method and integrator that it does not.
 std::vector<ChartSetting> possible_settings(const Model& model, const Ignored& ignore) {
   std::vector<ChartSetting> possible;
-  Method refused = Method::automatic;
+  std::map<std::string, std::pair<int, std::string>> refused;  // how often, and why the last time
   for (const ChartSetting& setting : chart_settings(model, ignore)) {
-    if (setting.method == refused) continue;
     try {
       compile_setting(model, setting);
       possible.push_back(setting);
     } catch (const SettingsError& error) {
-      refused = setting.method;
-      fmt::print("left out: {}: {}\n", name(setting.method), error.what());
+      auto& [times, reason] = refused[family(setting)];
+      ++times, reason = error.what();
     }
   }
+  for (const auto& [what, why] : refused) fmt::print("left out: {} ({} settings): {}\n", what, why.first, why.second);
   return possible;
 }
 
@@ -124,7 +112,7 @@ Measured measure(const ChartOptions& options, const Model& model, const Truth& t
 
 std::string csv_line(const ChartPoint& point) {
   const ChartSetting& setting = point.setting;
-  return fmt::format("{},{},{},{},{},{},{},{},{}\n", name(setting.method), setting.iterations,
+  return fmt::format("{},{},{},{},{},{},{},{},{},{}\n", name(setting.method), name(setting.integrator), setting.iterations,
                      1.0 / setting.steps_per_second, setting.f64 ? "f64" : "f32", point.rms_error,
                      point.coupling_error_max, 1e6 * point.cost, setting.steps_per_second / point.cost,
                      point.faulted ? 1 : 0);
@@ -132,7 +120,7 @@ std::string csv_line(const ChartPoint& point) {
 
 void write_csv(const std::string& path, const std::vector<ChartPoint>& points) {
   OutputFile file(path);
-  file.write("method,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,"
+  file.write("method,integrator,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,"
              "env_steps_per_second,faulted\n");
   for (const ChartPoint& point : points) file.write(csv_line(point));
   file.close();
@@ -145,10 +133,14 @@ std::string cpu_name() {
   return "unknown processor";
 }
 
+const char* unit_of(const Model& model) {
+  for (const Joint& joint : model.joints)
+    if (joint.kind == JointKind::prismatic) return "rad, m";
+  return "rad";
+}
+
 // What the picture says beside the points.
 std::string caption(const Model& model, const Truth& truth, int environments, int samples) {
-  bool slides = false;
-  for (const Joint& joint : model.joints) slides = slides || joint.kind == JointKind::prismatic;
   const nlohmann::json caption = {
       {"model", model.name},
       {"cpu", cpu_name()},
@@ -158,7 +150,7 @@ std::string caption(const Model& model, const Truth& truth, int environments, in
       {"base", model.root.floating ? "floating" : "fixed"},
       {"environments", environments},
       {"seconds", static_cast<double>(samples) / samples_per_second},
-      {"unit", slides ? "rad, m" : "rad"},
+      {"unit", unit_of(model)},
       {"truth_error", truth.error},
       {"truth_steps_per_second", truth.steps_per_second},
       {"largest_error", largest_error}};
@@ -197,6 +189,31 @@ void report(const Model& model, const Truth& truth, const std::vector<ChartPoint
              largest_error);
 }
 
+// For powers of ten that some setting reaches and the truth can tell: the cheapest that does, each with the last of
+// its powers.
+void advise(const Truth& truth, const std::vector<ChartPoint>& points, const char* unit) {
+  const double seconds = static_cast<double>(truth.positions.cols()) / samples_per_second;
+  const ChartPoint* last = nullptr;
+  int last_power = 0;
+  const auto say = [&] {
+    if (!last) return;
+    fmt::print("advice   for 1e{} {} over {:g} s: {}, {} env-steps/s ({:.2g} us per simulated second), off by {:.1e}\n",
+               last_power, unit, seconds, described(last->setting),
+               with_prefix(last->setting.steps_per_second / last->cost), 1e6 * last->cost, last->rms_error);
+  };
+  for (int power = -1; power >= -12; --power) {
+    const double tolerance = std::pow(10.0, power);
+    if (tolerance < predictable_from * truth.error) break;
+    const ChartPoint* best = nullptr;
+    for (const ChartPoint& point : points)
+      if (!point.faulted && point.rms_error <= tolerance && (!best || point.cost < best->cost)) best = &point;
+    if (!best) break;
+    if (best != last) say();
+    last = best, last_power = power;
+  }
+  say();
+}
+
 void run(const ChartOptions& options) {
   const std::filesystem::path stem = std::filesystem::path(options.model.file).stem();
   const std::string out = options.out.empty() ? stem.string() + "_chart.svg" : options.out;
@@ -223,6 +240,7 @@ void run(const ChartOptions& options) {
   }
   write_csv(csv, measured.points);
   report(model, truth, measured.points);
+  advise(truth, measured.points, unit_of(model));
   fmt::print("table    {}\n", csv);
   draw(options, csv, out, caption(model, truth, measured.environments, samples));
 }

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "lockstep/error.h"
 #include "state.h"
 #include "tool.h"
 
@@ -17,8 +18,10 @@ constexpr double start_angle = 0.3, start_slide = 0.03;         // rad, m
 constexpr double start_turning = 1.0, start_sliding = 0.1;      // rad/s, m/s
 constexpr int sweep_counts[] = {1, 2, 4, 8, 16, 32};
 constexpr int step_rates[] = {60, 120, 240, 480, 960};
+constexpr int tolerance_rates[] = {60, 120, 180, 240, 360, 480, 720, 960, 1440, 1920, 2880, 3840, 5760, 7680};
 // Step rates of the truth: the most that fits its time. Each is a multiple of the sample rate.
 constexpr int finest_truth = 60 * 2048, coarsest_truth = 60 * 128;
+constexpr int finest_smooth_truth = 60 * 512, coarsest_smooth_truth = 60 * 32;
 constexpr double truth_seconds = 6.0;
 
 double thread_seconds() {
@@ -34,22 +37,27 @@ double moved_within_limits(const Joint& joint, double by) {
   return up - joint.position >= joint.position - down ? up : down;
 }
 
+void act(const Drive& drive, long step, double dt, Batch<float>& batch) { if (drive.f32) drive.f32(step, dt, batch); }
+void act(const Drive& drive, long step, double dt, Batch<double>& batch) { if (drive.f64) drive.f64(step, dt, batch); }
+
 template <class S>
-Trajectory trajectory(const Plan& plan, int samples, const std::function<void(double)>& tick, bool watch_couplings) {
+Trajectory trajectory(const Plan& plan, int samples, const std::function<void(double)>& tick, bool watch_couplings,
+                      const Drive& drive) {
   Batch<S> batch(plan, 1, {.threads = 1});
-  const int substeps = static_cast<int>(std::lround(1.0 / (samples_per_second * plan.settings().dt)));
+  const double dt = plan.settings().dt;
+  const int substeps = static_cast<int>(std::lround(1.0 / (samples_per_second * dt)));
+  const bool driven = drive.f32 || drive.f64, watched = watch_couplings && plan.couplings() > 0;
   Trajectory result;
   result.positions.resize(plan.dofs(), samples);
   for (int sample = 0; sample < samples; ++sample) {
-    if (watch_couplings && plan.couplings() > 0) {
-      for (int step = 0; step < substeps; ++step) {
-        batch.step();
-        const double error = static_cast<double>(batch.coupling_errors().abs().maxCoeff());
-        result.coupling_error_max = std::max(result.coupling_error_max, error);
-      }
-    } else {
-      batch.step(substeps);
+    for (int step = 0; (driven || watched) && step < substeps; ++step) {
+      act(drive, static_cast<long>(sample) * substeps + step, dt, batch);
+      batch.step();
+      if (!watched) continue;
+      const double error = static_cast<double>(batch.coupling_errors().abs().maxCoeff());
+      result.coupling_error_max = std::max(result.coupling_error_max, error);
     }
+    if (!driven && !watched) batch.step(substeps);
     result.positions.col(sample) = batch.positions().col(0).template cast<double>();
     if (batch.faulted() > 0) break;
     tick((sample + 1.0) / samples);
@@ -58,24 +66,37 @@ Trajectory trajectory(const Plan& plan, int samples, const std::function<void(do
   return result;
 }
 
-Plan truth_plan(const Model& model, const Ignored& ignore, int steps_per_second) {
+Plan truth_plan(const Model& model, const Ignored& ignore, Integrator integrator, int steps_per_second) {
   StepSettings settings;
   settings.ignore = ignore;
+  settings.integrator = integrator;
   settings.dt = 1.0 / steps_per_second;
   return compile(model, settings);
 }
 
-// The most steps per second whose three runs (of 1, 1/2 and 1/4 of them) fit the time for the truth.
-int truth_rate(const Model& model, const Ignored& ignore, int samples) {
-  Batch<double> batch(truth_plan(model, ignore, finest_truth), 1, {.threads = 1});
+// The one with which a truth costs least: of the highest order that is possible.
+Integrator truth_integrator(const Model& model, const Ignored& ignore) {
+  try {
+    truth_plan(model, ignore, Integrator::extrapolated, coarsest_truth);
+    return Integrator::extrapolated;
+  } catch (const SettingsError&) {
+    return Integrator::euler;
+  }
+}
+
+// The most steps per second whose runs, of all of them, half of them and so on, fit the time for the truth.
+int truth_rate(const Model& model, const Ignored& ignore, Integrator integrator, int samples) {
+  const bool smooth = integrator != Integrator::euler;
+  int rate = smooth ? finest_smooth_truth : finest_truth;
+  Batch<double> batch(truth_plan(model, ignore, integrator, rate), 1, {.threads = 1});
   constexpr int steps = 256;
   batch.step(steps);
   const double start = thread_seconds();
   batch.step(steps);
   const double per_step = (thread_seconds() - start) / steps;
   const double simulated = static_cast<double>(samples) / samples_per_second;
-  int rate = finest_truth;
-  while (rate > coarsest_truth && 1.75 * rate * simulated * per_step > truth_seconds) rate /= 2;
+  const int coarsest = smooth ? coarsest_smooth_truth : coarsest_truth;
+  while (rate > coarsest && 1.75 * rate * simulated * per_step > truth_seconds) rate /= 2;
   return rate;
 }
 
@@ -124,14 +145,25 @@ Model with_moving_start(Model model) {
   return model;
 }
 
+std::string family(const ChartSetting& setting) {
+  return setting.integrator == Integrator::euler ? name(setting.method) : name(setting.integrator);
+}
+
+std::string described(const ChartSetting& setting) {
+  const std::string sweeps = setting.iterations > 0 ? fmt::format(" with {} sweeps", setting.iterations) : "";
+  return fmt::format("{}{} at 1/{} s in {}", family(setting), sweeps, setting.steps_per_second, setting.f64 ? "f64" : "f32");
+}
+
 std::vector<ChartSetting> chart_settings(const Model& model, const Ignored& ignore) {
   std::vector<ChartSetting> settings;
-  const auto add = [&](Method method, int iterations, bool f64) {
-    for (const int rate : step_rates) settings.push_back({method, iterations, rate, f64, ignore});
+  const auto add = [&](Method method, int iterations, bool f64, Integrator integrator = Integrator::euler) {
+    for (const int rate : step_rates) settings.push_back({method, iterations, rate, f64, ignore, integrator});
   };
   for (const bool f64 : {false, true}) {
     if (!model.couplings.empty()) add(Method::reduced, 0, f64);
     add(Method::direct, 0, f64);
+    for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
+      add(Method::automatic, 0, f64, integrator);
   }
   if (model.couplings.empty()) return settings;
   for (const Method method : {Method::pgs, Method::tgs})
@@ -139,23 +171,40 @@ std::vector<ChartSetting> chart_settings(const Model& model, const Ignored& igno
   return settings;
 }
 
+std::vector<ChartSetting> tolerance_settings(Method method, bool f64, const Ignored& ignore) {
+  std::vector<ChartSetting> settings;
+  for (const Integrator integrator :
+       {Integrator::euler, Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
+    for (const int rate : tolerance_rates) settings.push_back({method, 0, rate, f64, ignore, integrator});
+  return settings;
+}
+
 double rms(const Eigen::ArrayXXd& difference) {
   return difference.size() == 0 ? 0.0 : std::sqrt(difference.square().mean());
 }
 
-Truth find_truth(const Model& model, const Ignored& ignore, int samples, const std::function<void(double)>& tick) {
-  const int rate = truth_rate(model, ignore, samples);
+Truth find_truth(const Model& model, const Ignored& ignore, int samples, const std::function<void(double)>& tick,
+                 const Drive& drive) {
+  const Integrator integrator = truth_integrator(model, ignore);
+  const int levels = integrator == Integrator::euler ? 3 : 2;
+  const int rate = truth_rate(model, ignore, integrator, samples);
   Eigen::ArrayXXd runs[3];
   double done = 0.0;
-  for (int level = 0; level < 3; ++level) {
-    const double share = std::ldexp(4.0 / 7.0, level - 2);  // each run takes twice the steps of the one before
-    const Plan plan = truth_plan(model, ignore, rate >> (2 - level));
-    Trajectory run = trajectory<double>(plan, samples, [&](double of_run) { tick(done + share * of_run); }, false);
+  for (int level = 0; level < levels; ++level) {
+    // Each run takes twice the steps of the one before.
+    const double share = std::ldexp(1.0 / (2.0 - std::ldexp(1.0, 1 - levels)), level + 1 - levels);
+    const Plan plan = truth_plan(model, ignore, integrator, rate >> (levels - 1 - level));
+    Trajectory run =
+        trajectory<double>(plan, samples, [&](double of_run) { tick(done + share * of_run); }, false, drive);
     if (run.fault != Fault::none)
       throw InputError(fmt::format("model '{}': the small-step run that errors are measured against faulted ({}); "
                                    "give another start with --state", model.name, name(run.fault)));
     runs[level] = std::move(run.positions);
     done += share;
+  }
+  if (levels == 2) {  // the error is c3 h^3 + ..., and c3 h^3 is what the extrapolation takes off the finer run
+    const Eigen::ArrayXXd taken = (runs[1] - runs[0]) / 7.0;
+    return {runs[1] + taken, rms(taken), rate};
   }
   // The error is c1 h + c2 h^2 + ...: the first pair of extrapolations removes c1, the second c2. Their
   // difference is the error of the first kind, an upper estimate of what is left.
@@ -163,12 +212,12 @@ Truth find_truth(const Model& model, const Ignored& ignore, int samples, const s
   return {(4.0 * fine - coarse) / 3.0, rms((fine - coarse) / 3.0), rate};
 }
 
-ChartPoint measure_error(const Model& model, const ChartSetting& setting, const Truth& truth) {
+ChartPoint measure_error(const Model& model, const ChartSetting& setting, const Truth& truth, const Drive& drive) {
   const Plan plan = compile_setting(model, setting);
   const int samples = static_cast<int>(truth.positions.cols());
   const auto quiet = [](double) {};
-  const Trajectory run = setting.f64 ? trajectory<double>(plan, samples, quiet, true)
-                                     : trajectory<float>(plan, samples, quiet, true);
+  const Trajectory run = setting.f64 ? trajectory<double>(plan, samples, quiet, true, drive)
+                                     : trajectory<float>(plan, samples, quiet, true, drive);
   ChartPoint point{.setting = setting};
   point.faulted = run.fault != Fault::none;
   point.rms_error = point.faulted ? infinity : rms(run.positions - truth.positions);
@@ -186,6 +235,7 @@ Plan compile_setting(const Model& model, const ChartSetting& setting) {
   settings.method = setting.method;
   settings.iterations = std::max(setting.iterations, 1);
   settings.ignore = setting.ignore;
+  settings.integrator = setting.integrator;
   return compile(model, settings);
 }
 

@@ -16,7 +16,13 @@ struct ChartSetting {
   int steps_per_second;
   bool f64;
   Ignored ignore = {};   ///< bounds that no run of the chart has
+  Integrator integrator = Integrator::euler;
 };
+
+/// "leapfrog", or "reduced" for what is stepped by Euler; sweeps and precision apart.
+std::string family(const ChartSetting& setting);
+/// "leapfrog at 1/240 s in f32", "pgs with 4 sweeps at 1/240 s in f32".
+std::string described(const ChartSetting& setting);
 
 struct ChartPoint {
   ChartSetting setting;
@@ -24,6 +30,12 @@ struct ChartPoint {
   double coupling_error_max = 0.0;  ///< over all steps; infinite if faulted
   double cost = 0.0;                ///< CPU seconds on one thread per environment and simulated second
   bool faulted = false;
+};
+
+/// What is done with a batch before its step number `step`, of `dt` seconds: its targets.
+struct Drive {
+  std::function<void(long step, double dt, Batch<float>&)> f32;
+  std::function<void(long step, double dt, Batch<double>&)> f64;
 };
 
 /// Samples are 1/60 s apart: every step size of the chart divides that.
@@ -50,14 +62,19 @@ Model with_moving_start(Model model);
 /// All that are to be compared. A model without couplings has nothing to solve and only one method.
 std::vector<ChartSetting> chart_settings(const Model& model, const Ignored& ignore = {});
 
+/// Every integrator at every step, for one method and precision: what `simulate --tolerance` chooses from.
+std::vector<ChartSetting> tolerance_settings(Method method, bool f64, const Ignored& ignore);
+
 double rms(const Eigen::ArrayXXd& difference);
 
-/// Romberg extrapolation over three small steps, f64, method automatic. `tick` is called now and then with
-/// the share that is done. Throws InputError where the run faults.
-Truth find_truth(const Model& model, const Ignored& ignore, int samples, const std::function<void(double)>& tick);
+/// Richardson extrapolation over runs of small steps, f64, method automatic: two of the extrapolated integrator (third
+/// order), or three of Euler where the scene has bounds. `tick` is called now and then with the share that is done.
+/// Throws InputError where the run faults.
+Truth find_truth(const Model& model, const Ignored& ignore, int samples, const std::function<void(double)>& tick,
+                 const Drive& drive = {});
 
 /// Error of a setting against the truth; the cost stays 0.
-ChartPoint measure_error(const Model& model, const ChartSetting& setting, const Truth& truth);
+ChartPoint measure_error(const Model& model, const ChartSetting& setting, const Truth& truth, const Drive& drive = {});
 
 /// CPU seconds per environment and simulated second on this thread: `seconds` > 0 of the charted motion, which
 /// starts anew after `samples`.

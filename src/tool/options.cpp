@@ -6,6 +6,8 @@
 
 #include <CLI/CLI.hpp>
 #include <cmath>
+#include <cstddef>
+#include <vector>
 
 #include "text.h"
 #include "tool.h"
@@ -13,6 +15,8 @@
 namespace lockstep::tool {
 namespace {
 
+constexpr Integrator all_integrators[] = {Integrator::automatic, Integrator::euler, Integrator::leapfrog,
+                                          Integrator::extrapolated, Integrator::runge_kutta};
 constexpr Method all_methods[] = {Method::automatic, Method::pgs, Method::tgs, Method::direct, Method::reduced};
 
 struct Named {
@@ -134,6 +138,11 @@ void StepOptions::add_to(CLI::App& app) {
              "How couplings are solved: automatic, pgs, tgs, direct, reduced")
       ->type_name("M")
       ->default_str("automatic");
+  add_parsed(app, "--integrator", settings.integrator, integrator_of,
+             "How a step is taken through time: automatic, euler, and for scenes without bounds leapfrog, extrapolated, "
+             "runge_kutta")
+      ->type_name("I")
+      ->default_str("automatic");
   app.add_option("--iterations", settings.iterations, "Sweeps of pgs, sub-steps of tgs")
       ->type_name("K")
       ->capture_default_str()
@@ -151,13 +160,25 @@ void add_ignore(CLI::App& app, Ignored& ignore) {
       ->type_name("LIST");
 }
 
-Method method_of(const std::string& text) {
-  std::string known;
-  for (const Method method : all_methods) {
-    if (text == name(method)) return method;
-    known += std::string(known.empty() ? "" : ", ") + name(method);
+namespace {
+
+// The one of `all` with this name.
+template <class E, std::size_t n>
+E named(const E (&all)[n], const std::string& text, const char* option, const char* what) {
+  std::vector<const char*> known;
+  for (const E one : all) {
+    if (text == name(one)) return one;
+    known.push_back(name(one));
   }
-  throw InputError(fmt::format("--method: there is no '{}'; the methods are {}", text, known));
+  throw InputError(fmt::format("{}: there is no '{}'; the {} are {}", option, text, what, fmt::join(known, ", ")));
+}
+
+}  // namespace
+
+Method method_of(const std::string& text) { return named(all_methods, text, "--method", "methods"); }
+
+Integrator integrator_of(const std::string& text) {
+  return named(all_integrators, text, "--integrator", "integrators");
 }
 
 Ignored ignored_of(const std::string& list) {

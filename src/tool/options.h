@@ -45,6 +45,7 @@ void add_ignore(CLI::App& app, Ignored& ignore);
 
 /// Throws InputError, which lists the methods that there are.
 Method method_of(const std::string& name);
+Integrator integrator_of(const std::string& name);
 
 /// From "position,velocity,effort,friction" or some of them. Throws InputError, which lists what there is.
 Ignored ignored_of(const std::string& list);

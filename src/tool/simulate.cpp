@@ -17,6 +17,7 @@
 #include "state.h"
 #include "targets.h"
 #include "text.h"
+#include "tolerance.h"
 #include "tool.h"
 
 namespace lockstep::tool {
@@ -29,7 +30,7 @@ struct SimulateOptions {
   ModelOptions model;
   StepOptions step;
   int environments = 1024, threads = 0, recorded = 0;
-  double seconds = 1.0, sigma = 0.0;
+  double seconds = 1.0, sigma = 0.0, tolerance = 0.0;
   std::uint64_t seed = 1;
   bool f64 = false;
   std::string state, targets, record, json;
@@ -138,6 +139,10 @@ Outcome run(const SimulateOptions& options, const Inputs& inputs, const Plan& pl
 // the plan that was asked for.
 template <class S>
 Diagnosis diagnosed(const SimulateOptions& options, const Inputs& inputs, const Plan& plan, long steps) {
+  if (plan.integrator() != Integrator::euler) {  // whose steps have no balance: nothing is known, which JSON calls null
+    constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+    return {0, unknown, unknown, unknown, 0, {}};
+  }
   StepSettings settings = plan.settings();
   settings.record_diagnostics = true;
   const Plan recording = compile(plan.model(), settings);
@@ -159,9 +164,9 @@ void print(const SimulateOptions& options, const Plan& plan, const Outcome& outc
   const bool sweeps = plan.method() == Method::pgs || plan.method() == Method::tgs;
   fmt::print("model    {}: {} joints, {} couplings, {} base\n", plan.model().name, plan.dofs(), plan.couplings(),
              plan.floating() ? "floating" : "fixed");
-  fmt::print("method   {}{}, {}, step {} s, {} thread{}, {}\n", name(plan.method()),
+  fmt::print("method   {}{}, {}, {}, step {} s, {} thread{}, {}\n", name(plan.method()),
              sweeps ? fmt::format(" {}+{}", plan.settings().iterations, plan.settings().velocity_iterations) : "",
-             options.f64 ? "f64" : "f32", fraction(plan.settings().dt), thread_count(options),
+             name(plan.integrator()), options.f64 ? "f64" : "f32", fraction(plan.settings().dt), thread_count(options),
              thread_count(options) == 1 ? "" : "s", name(outcome.target));
   fmt::print("run      {} environments x {} steps = {:.6g} s each\n", options.environments, outcome.steps, simulated);
   if (std::abs(simulated - options.seconds) > 1e-9 * options.seconds)
@@ -206,6 +211,7 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
     json["conflicts"].push_back(
         {{"environment", conflict.environment}, {"time", conflict.time}, {"rows", conflict.rows}});
   json["method"] = name(plan.method());
+  json["integrator"] = name(plan.integrator());
   json["iterations"] = plan.settings().iterations;
   json["velocity_iterations"] = plan.settings().velocity_iterations;
   json["precision"] = options.f64 ? "f64" : "f32";
@@ -219,16 +225,42 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
+// With --tolerance, what meets it from the first environment's start.
+std::optional<Chosen> chosen_step(const SimulateOptions& options, const Inputs& inputs, const Model& model) {
+  if (options.tolerance == 0.0) return std::nullopt;
+  Model start = model;
+  if (std::optional<Table> state = inputs.state) {
+    state->rows.resize(1);
+    start = with_state(std::move(start), *state);
+  }
+  const Targets targets = inputs.targets_of(compile(model, options.step.settings));
+  const Chosen chosen =
+      choose_step(start, options.step.settings, options.f64, options.tolerance, options.seconds, targets);
+  fmt::print("chosen   {}: off by {:.1e} (rad, m; RMS over {:g} s of one environment) where {:g} is allowed\n",
+             described(chosen.setting), chosen.error, chosen.seconds, options.tolerance);
+  return chosen;
+}
+
+StepSettings settings_of(const SimulateOptions& options, const std::optional<Chosen>& chosen) {
+  StepSettings settings = options.step.settings;
+  if (!chosen) return settings;
+  settings.dt = 1.0 / chosen->setting.steps_per_second;
+  settings.integrator = chosen->setting.integrator;
+  return settings;
+}
+
 int run(const SimulateOptions& options) {
   if (options.recorded >= options.environments)
     throw InputError(fmt::format("--record-env: {} is not below the number of environments, {}", options.recorded,
                                  options.environments));
   keep_apart({options.model.file, options.state, options.targets}, {options.record, options.json});
-  const Plan plan = compile(options.model.load().model, options.step.settings);
+  const Inputs inputs(options);
+  const Model model = options.model.load().model;
+  const std::optional<Chosen> chosen = chosen_step(options, inputs, model);
+  const Plan plan = compile(model, settings_of(options, chosen));
   const long steps = step_count(options.seconds, plan.settings().dt);
   std::optional<OutputFile> json;  // opened before the work: a bad name should not cost a run
   if (!options.json.empty()) json.emplace(options.json);
-  const Inputs inputs(options);
   const Outcome outcome =
       options.f64 ? run<double>(options, inputs, plan, steps) : run<float>(options, inputs, plan, steps);
   print(options, plan, outcome);
@@ -265,6 +297,9 @@ void add_simulate(CLI::App& app, int& exit_code) {
                return text == "f64";
              }, "f32 or f64")
       ->type_name("P")->default_str("f32");
+  command->add_option("--tolerance", options->tolerance,
+                      "Takes the cheapest step and integrator that keep the joints this close to the exact motion, rad or m")
+      ->type_name("E")->check(CLI::PositiveNumber)->excludes("--dt");
   command->add_option("--threads", options->threads, "Threads; 0: all cores")
       ->type_name("N")->capture_default_str()->check(CLI::Range(0, 1024));
   command->add_option("--state", options->state, "CSV of start states, one row for all environments or one each")

@@ -122,6 +122,24 @@ void apply_state(const Table& table, Batch<S>& batch) {
   for (int e = 0; e < environments; ++e) normalize_quaternion(table, one_for_all ? 0 : e, e, batch);
 }
 
+Model with_state(Model model, const Table& table) {
+  Batch<double> batch(compile(model), 1, {.threads = 1});
+  apply_state(table, batch);
+  int dof = 0;
+  for (Joint& joint : model.joints)
+    if (joint.moves()) {
+      joint.position = batch.positions()(dof, 0);
+      joint.velocity = batch.velocities()(dof++, 0);
+    }
+  if (model.root.floating) {
+    const Eigen::ArrayXd pose = batch.root_poses().col(0);
+    model.root.pose.translation() = pose.head<3>();
+    model.root.pose.linear() = Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6]).normalized().toRotationMatrix();
+    model.root.velocity = batch.root_velocities().col(0).matrix();
+  }
+  return model;
+}
+
 CouplingSolver::CouplingSolver(const Model& model) {
   std::map<std::string, int> dof;
   for (const Joint& joint : model.joints)

@@ -31,6 +31,9 @@ typename Batch<S>::View state_view(Batch<S>& batch, StateColumn::Kind kind);
 template <class S>
 void apply_state(const Table& table, Batch<S>& batch);
 
+/// The model with a start from a state file of one row.
+Model with_state(Model model, const Table& table);
+
 /// Makes states of one environment satisfy the couplings (17): by moving the couplings' first joints where
 /// that is enough, else with the least motion of all.
 class CouplingSolver {

@@ -70,6 +70,16 @@ TEST_P(Allocation, none_in_a_step_of_one_thread) {
     }
 }
 
+TEST(AllocationOfIntegrators, is_none_in_a_step_of_one_thread) {
+  for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
+    for (const Model& model : {scenes::chain8(), scenes::chain32()}) {
+      SCOPED_TRACE(name(integrator));
+      const Plan plan = compile(model, {.dt = 1.0 / 480, .integrator = integrator, .stage_inputs = true});
+      expect_no_allocation<float>(plan, Target::automatic);
+      expect_no_allocation<double>(plan, Target::automatic);
+    }
+}
+
 TEST_P(Allocation, none_in_resets_and_views) {
   Batch<float> batch(compile(scenes::chain32(), contract::settings(GetParam())), 19, {.threads = 1});
   const int ids[] = {3, 5, 18};

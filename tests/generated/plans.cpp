@@ -30,7 +30,7 @@ ParameterSet fields(Method method, const Model& model) {
 Plan plan_of(const std::string& name) {
   const auto has = [&](const char* word) { return name.find(word) != std::string::npos; };
   Model model;
-  StepSettings settings;
+  StepSettings settings{.integrator = Integrator::euler};
   if (has("random_")) {
     scenes::RandomOptions options;
     options.max_dofs = 8;
@@ -42,6 +42,9 @@ Plan plan_of(const std::string& name) {
     model = scenes::scene(name.substr(0, name.find('_'))).model;
     settings.method = method_in(name);
   }
+  for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
+    if (has(lockstep::name(integrator))) settings.integrator = integrator;
+  settings.stage_inputs = has("_inputs");
   if (has("_bounds")) model = contract::bounded(model), settings.record_diagnostics = true;
   if (has("_fields")) settings.per_environment = fields(settings.method, model), settings.record_impulses = true;
   return compile(model, settings);

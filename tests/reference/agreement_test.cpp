@@ -199,12 +199,13 @@ TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
     kernels::mass_matrix(t, x);
     kernels::joint_terms(t, kernel.lanes, x);
     kernels::coupling_errors(t, kernel.lanes, x);
-    if (t.reduction.followers > 0) kernels::eliminate(t, x);
+    if (t.reduction.followers > 0) kernels::reduce_matrix(t, x);
 
     // Without followers S is a permutation, w is 0, A_r is A and the velocity below is v*.
     const Elimination e(kernel, stage, plan.eliminated_dofs());
     const MatrixXd reduced = e.s.transpose() * stage.implicit * e.s;
     expect_close("A_r", kernel.unpacked(t.solver, x.reduced), reduced, size(reduced));
+    kernels::factor_matrix(t, x);
     kernels::free_velocity(t, x);
     const Eigen::LLT<MatrixXd> factored(reduced);
     const VectorXd z = factored.solve(e.s.transpose() * stage.implicit * (stage.free - e.w));
@@ -217,7 +218,8 @@ TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
 
     if (t.natural.count > 0) kernels::natural_responses(t, x);
     kernels::responses(t, x);
-    kernels::row_terms(t, kernel.lanes, x);
+    kernels::row_softness(t, kernel.lanes, x);
+    kernels::row_terms(t, x);
     std::vector<int> couplings(t.rows.coupling.data, t.rows.coupling.data + t.rows.count);
     const MatrixXd j = stage.jacobian(couplings, Eigen::all) * e.s;
     const MatrixXd k = j * factored.solve(j.transpose());

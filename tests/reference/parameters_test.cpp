@@ -178,7 +178,7 @@ TEST(OwnGearRatios, decide_in_each_environment_which_couplings_follow_from_other
   EXPECT_LE(batch.coupling_errors().abs().maxCoeff(), 1e-12);
   for (int joint : {0, 2, 4}) EXPECT_NEAR(batch.positions()(joint, 1), 0.0, 1e-12);
 
-  Batch<double> alone(compile(model, physics::settings(Method::direct)), 1, {.threads = 1});
+  Batch<double> alone(compile(model, {.method = Method::direct}), 1, {.threads = 1});
   for (int step = 0; step < 240; ++step) alone.step();
   EXPECT_LE((batch.positions().col(0) - alone.positions().col(0)).abs().maxCoeff(), 1e-10);
 }

@@ -21,7 +21,7 @@ TEST_F(Chart, without_a_python_is_a_table) {
   EXPECT_FALSE(std::filesystem::exists(picture()));
   const std::vector<std::string> rows = lines(contents(path("a 'chart'.csv")));
   ASSERT_GT(rows.size(), 1u);
-  EXPECT_EQ(rows[0], "method,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,"
+  EXPECT_EQ(rows[0], "method,integrator,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,"
                      "env_steps_per_second,faulted");
 }
 
@@ -34,9 +34,9 @@ TEST_F(Chart, shows_first_order_and_couplings_at_rounding_for_reduced) {
     std::vector<std::string> cells;
     std::istringstream stream(row);
     for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(cell);
-    errors.push_back(std::stod(cells[4]));
-    EXPECT_LT(std::stod(cells[5]), 1e-12) << row;
-    EXPECT_GT(std::stod(cells[6]), 0.0) << row;
+    errors.push_back(std::stod(cells[5]));
+    EXPECT_LT(std::stod(cells[6]), 1e-12) << row;
+    EXPECT_GT(std::stod(cells[7]), 0.0) << row;
   }
   ASSERT_EQ(errors.size(), 5u);
   EXPECT_NEAR(errors[3] / errors[4], 2.0, 0.1);

@@ -274,10 +274,11 @@ TEST(Chart, start_moves_within_the_limits_and_keeps_the_couplings) {
 }
 
 TEST(Chart, compares_all_methods_where_there_is_something_to_solve) {
-  EXPECT_EQ(chart_settings(chain()).size(), 5u * (2 + 2 + 6 + 6));
+  EXPECT_EQ(chart_settings(chain()).size(), 5u * (2 + 2 + 6 + 6 + 6));
   Model model = chain();
   model.couplings.clear();
-  for (const ChartSetting& setting : chart_settings(model)) EXPECT_EQ(setting.method, Method::direct);
+  for (const ChartSetting& setting : chart_settings(model))
+    EXPECT_TRUE(setting.method == Method::direct || setting.integrator != Integrator::euler);
 }
 
 TEST(Chart, ignores_the_same_bounds_in_every_run) {

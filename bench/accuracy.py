@@ -1,0 +1,186 @@
+# Measures and draws error against cost, ours and other engines'. SPDX-License-Identifier: Apache-2.0
+"""Runs accuracy_speed of a build, writes bench/results/MACHINE/accuracy.csv, draws docs/accuracy/*.png and prints the
+tables of docs/accuracy.md. With --draw it only draws and prints what was measured before."""
+import argparse
+import csv
+import math
+import subprocess
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt  # noqa: E402
+
+from measure import machine  # noqa: E402
+
+BENCH = Path(__file__).resolve().parent
+SCENES = {
+    "chain8": "chain8: arm of 8 joints, 4 couplings, damped",
+    "gripper13": "gripper13: arm and gripper of 13 joints, 5 couplings, stiff servos that move",
+    "chain32": "chain32: floating whip of 32 joints, 16 couplings, 908 J",
+}
+INK, GREY, LINE = "#222222", "#5c5c5c", "#d5d5d5"
+# Settings that are drawn, in the order of the legend: engine, settings, label, colour, marker, dashes. What a row of the
+# table adds to these (sparse or dense, CG or PGS) lies within the width of a line or above it.
+LINES = [
+    ("lockstep", "euler, f32", "lockstep Euler", "#0072B2", "o", "-"),
+    ("lockstep", "leapfrog, f32", "lockstep leapfrog", "#E69F00", "v", "-"),
+    ("lockstep", "extrapolated, f32", "lockstep extrapolated", "#56B4E9", "P", "-"),
+    ("lockstep", "extrapolated, f64", "lockstep extrapolated, f64", "#56B4E9", "P", "--"),
+    ("lockstep", "runge_kutta, f32", "lockstep Runge-Kutta 4", "#222222", "X", "-"),
+    ("lockstep", "runge_kutta, f64", "lockstep Runge-Kutta 4, f64", "#222222", "X", "--"),
+    ("lockstep", "pgs 4, f32", "lockstep Euler, pgs 4", "#CC79A7", "^", "-"),
+    ("lockstep", "tgs 4, f32", "lockstep Euler, tgs 4", "#009E73", "D", "-"),
+    ("MuJoCo", "default", "MuJoCo as it comes", "#b0b0b0", "s", "-"),
+    ("MuJoCo", "stiff: Euler, Newton once, dense", "MuJoCo Euler, stiff", "#8a8a8a", "<", "-"),
+    ("MuJoCo", "stiff: implicit, Newton once, dense", "MuJoCo implicit, stiff", "#8a8a8a", ">", ":"),
+    ("MuJoCo", "stiff: RK4, Newton once, dense", "MuJoCo Runge-Kutta 4, stiff", "#5c5c5c", "x", "-"),
+    ("Bullet", "pgs 50, f64", "Bullet, pgs 50", "#a8430a", "h", "-"),
+    ("Simbody", "semi-explicit Euler, f64", "Simbody Euler", "#7b3294", "*", ":"),
+    ("Simbody", "Runge-Kutta-Merson, 1e-3, f64", "Simbody Runge-Kutta-Merson, 1e-3", "#7b3294", "*", "-"),
+]
+PANELS = [("rms", "Error of the joints over one second, RMS (rad)"), ("largest_c", "Largest coupling error |C| (rad)")]
+
+plt.rcParams.update({"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgecolor": "#9a9a9a",
+                     "axes.labelcolor": INK, "xtick.color": INK, "ytick.color": INK,
+                     "axes.spines.top": False, "axes.spines.right": False})
+
+
+def read(path):
+    with open(path, newline="") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        for key in set(row) - {"engine", "scene", "settings"}:
+            row[key] = float(row[key])
+    return rows
+
+
+def good(row, column):
+    return not row["diverged"] and math.isfinite(row[column]) and row[column] < 1.0
+
+
+def cost(row):
+    return row["cost_us_per_env_second"]
+
+
+def front(rows, column):
+    """Of all rows, those that no other beats in both cost and error."""
+    best, result = math.inf, []
+    for row in sorted(rows, key=cost):
+        if row[column] < 0.98 * best:
+            best = row[column]
+            result.append(row)
+    return result
+
+
+def draw_panel(axes, rows, column, floor):
+    for engine, settings, label, color, marker, dashes in LINES:
+        line = sorted((row for row in rows if row["engine"].startswith(engine) and row["settings"] == settings
+                       and good(row, column)), key=cost)
+        if line:
+            ours = engine == "lockstep"
+            axes.plot([cost(row) for row in line], [max(row[column], floor) for row in line], color=color, marker=marker,
+                      linestyle=dashes, label=label, linewidth=1.9 if ours else 1.2, markersize=6 if ours else 5.5,
+                      markerfacecolor="white" if dashes == "--" else color, zorder=5 if ours else 3)
+    best = front([row for row in rows if good(row, column)], column)
+    axes.plot([cost(row) for row in best], [max(row[column], floor) for row in best], linestyle="none", marker="o",
+              markersize=12, markerfacecolor="none", markeredgecolor=INK, markeredgewidth=0.9, zorder=6,
+              label="front: none is cheaper and better")
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.grid(True, which="major", color="#e8e8e8", linewidth=0.7)
+    axes.set_axisbelow(True)
+    axes.set_xlabel("CPU time per environment and simulated second, one thread (µs)")
+
+
+def draw(rows, scene, path):
+    rows = [row for row in rows if row["scene"] == scene]
+    figure, panels = plt.subplots(1, 2, figsize=(13.5, 6.3))
+    figure.subplots_adjust(left=0.055, right=0.80, top=0.83, bottom=0.1, wspace=0.17)
+    figure.text(0.055, 0.955, "Error against cost: " + SCENES[scene].split(":")[0], fontsize=16, fontweight="bold", color=INK)
+    peak = rows[0]["peak_gflops"]
+    figure.text(0.055, 0.915, f"{SCENES[scene].split(': ')[1]}. One second, steps of 1/60 to 1/1920 s (others 1/240 to "
+                f"1/3840 s), all in one run; tables, AVX2, peak {peak:.0f} Gflop/s", fontsize=10, color=GREY)
+    for axes, (column, title) in zip(panels, PANELS):
+        floor = 3e-17 if column == "largest_c" else 0.0
+        draw_panel(axes, rows, column, floor)
+        axes.set_title(title, loc="left", fontsize=11, color=INK)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper left", bbox_to_anchor=(0.805, 0.84), frameon=False, fontsize=9)
+    lost = defaultdict(list)
+    for row in rows:
+        for engine, settings, label, *_ in LINES:
+            if row["engine"].startswith(engine) and row["settings"] == settings and not good(row, "rms"):
+                lost[label].append(f"1/{row['steps_per_second']:.0f}")
+    if lost:
+        text = "Diverged, or off by more than 1 rad:\n" + "\n".join(f"{label}: {', '.join(at)}" for label, at in lost.items())
+        figure.text(0.808, 0.1, text, fontsize=7.8, color=GREY, va="bottom", wrap=True)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def draw_energy(rows, path):
+    figure, panels = plt.subplots(1, 2, figsize=(13.5, 5.6))
+    figure.subplots_adjust(left=0.055, right=0.80, top=0.82, bottom=0.11, wspace=0.17)
+    figure.text(0.055, 0.945, "Energy and momentum of the whip (chain32) after one second", fontsize=15, fontweight="bold",
+                color=INK)
+    figure.text(0.055, 0.895, "Error of the energy, and change of the momentum, which should stay. Engines that tell their "
+                "velocities", fontsize=10, color=GREY)
+    whip = [row for row in rows if row["scene"] == "chain32"]
+    for axes, (column, title) in zip(panels, [("energy_error", "Error of the energy, share of 908 J"),
+                                              ("momentum_change", "Change of momentum, largest component (N s, N m s)")]):
+        draw_panel(axes, [row for row in whip if math.isfinite(row[column])], column, 1e-12)
+        axes.set_title(title, loc="left", fontsize=11, color=INK)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper left", bbox_to_anchor=(0.805, 0.84), frameon=False, fontsize=9)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def table(rows, scene):
+    """Markdown: what each line reaches at 1/240 s, and the cheapest of it that comes to some errors."""
+    rows = [row for row in rows if row["scene"] == scene]
+    print(f"\n**{scene}**\n\n| | RMS at 1/240 s | largest &#124;C&#124; | energy | µs per env and second |")
+    print("| --- | --- | --- | --- | --- |")
+    for engine, settings, label, *_ in LINES:
+        for row in rows:
+            if row["engine"].startswith(engine) and row["settings"] == settings and row["steps_per_second"] == 240:
+                lost = not good(row, "rms")
+                energy = f"{row['energy_error']:.1e}" if math.isfinite(row["energy_error"]) and not lost else ""
+                print(f"| {label} | {'diverges' if lost else format(row['rms'], '.1e')} | "
+                      f"{'' if lost else format(row['largest_c'], '.1e')} | {energy} | {cost(row):.3g} |")
+    print(f"\n| {scene}: error | cheapest of ours | µs | cheapest of others | µs | ratio |\n| --- | --- | --- | --- | --- | --- |")
+    for power in range(-2, -9, -1):
+        reach = [row for row in rows if good(row, "rms") and row["rms"] <= 10.0 ** power]
+        ours = min((row for row in reach if row["engine"] == "lockstep"), key=cost, default=None)
+        other = min((row for row in reach if row["engine"] != "lockstep"), key=cost, default=None)
+        if ours:
+            def said(row):
+                return f"{row['settings']} at 1/{row['steps_per_second']:.0f} s"
+            theirs = (f"{other['engine']}, {said(other)} | {cost(other):.4g} | {cost(other) / cost(ours):.0f}" if other
+                      else "none | | ")
+            print(f"| 1e{power} | {said(ours)} | {cost(ours):.3g} | {theirs} |")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--build", type=Path, default=BENCH.parent / "build")
+    parser.add_argument("--pictures", type=Path, default=BENCH.parent / "docs" / "accuracy")
+    parser.add_argument("--draw", action="store_true")
+    choices = parser.parse_args()
+    results = machine() / "accuracy.csv"
+    if not choices.draw:
+        subprocess.run([str(choices.build / "bench" / "accuracy" / "accuracy_speed"), "--csv", str(results)], check=True)
+    rows = read(results)
+    choices.pictures.mkdir(parents=True, exist_ok=True)
+    for scene in SCENES:
+        draw(rows, scene, choices.pictures / f"{scene}.png")
+        table(rows, scene)
+    draw_energy(rows, choices.pictures / "energy.png")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,120 @@
+// Error against cost: integrators, steps, precisions and sweeps, ours and other engines'. SPDX-License-Identifier: Apache-2.0
+//
+// One core, everything in one run. Everybody takes turns, repeat by repeat, so that what else the machine does falls on
+// all alike. A row is one engine with its settings at one step: RMS error of the joints over the first second, largest
+// |C| in it, errors of energy and momentum at its end, and CPU time per environment and simulated second.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+
+#include "../median.h"
+#include "../peak.h"
+#include "../peers/judgement.h"
+#include "lockstep/error.h"
+#include "tool/csv.h"
+#include "tool/progress.h"
+
+namespace lockstep::peers {
+namespace {
+
+struct Choices {
+  std::vector<std::string> scenes = {"chain8", "gripper13", "chain32"};
+  std::string csv;
+  int repeats = 5;
+  double seconds = 0.02;
+  bool quick = false;
+};
+
+struct Point {
+  Contender contender;
+  int rate;  // steps per second
+};
+
+// Others from their best at 1/240 s on to where they cost too much to be of interest.
+std::vector<Point> points(bool quick) {
+  std::vector<Point> all;
+  const auto add = [&](const std::vector<Contender>& contenders, std::initializer_list<int> rates) {
+    for (const Contender& contender : contenders)
+      for (const int rate : rates)
+        if (!quick || rate == 240) all.push_back({contender, rate});
+  };
+  add(own_integrators(), {60, 120, 240, 480, 960, 1920});
+#ifdef LOCKSTEP_PEER_MUJOCO
+  add(mujoco_contenders(), {240, 480, 960, 1920, 3840});
+#endif
+#ifdef LOCKSTEP_PEER_BULLET
+  add(bullet_contenders(), {240, 960, 3840});
+#endif
+#ifdef LOCKSTEP_PEER_SIMBODY
+  add(simbody_contenders(), {240, 960});
+#endif
+  return all;
+}
+
+void measure(const Choices& choices, const std::vector<Point>& all, const Yardstick& yardstick,
+             const std::function<void(const std::string&)>& write, tool::Progress& progress, double& done) {
+  std::vector<Verdict> verdicts;
+  std::vector<std::vector<double>> rates(all.size());
+  for (const Point& point : all) {
+    Verdict verdict;
+    try {
+      verdict = judge(point.contender, yardstick, 1.0, 1.0, point.rate);
+    } catch (const SettingsError&) {  // an explicit integrator and a servo too stiff for it: no row
+      verdict.rms = -1.0;
+    }
+    verdicts.push_back(verdict);
+  }
+  std::vector<double> peaks;
+  for (int repeat = 0; repeat < choices.repeats; ++repeat) {
+    peaks.push_back(bench::measured_peak(bench::Peak::avx2_f32));
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      progress.update(++done);
+      if (verdicts[i].rms >= 0.0) rates[i].push_back(Stopwatch(all[i].contender, yardstick, all[i].rate).measure(choices.seconds));
+    }
+  }
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (rates[i].empty()) continue;
+    const double speed = bench::median(rates[i]);
+    write(fmt::format("{},{},{},{},{:.3e},{:.2e},{:.2e},{:.2e},{:d},{:.4g},{:.0f},{:.3f},{:.1f}\n",
+                      tool::csv_field(all[i].contender.engine), yardstick.scene().name,
+                      tool::csv_field(all[i].contender.settings), all[i].rate, verdicts[i].rms, verdicts[i].largest_c,
+                      verdicts[i].energy, verdicts[i].momentum, verdicts[i].diverged, 1e6 * all[i].rate / speed, speed,
+                      bench::spread(rates[i]), bench::median(peaks)));
+  }
+}
+
+int run(const Choices& choices) {
+  const std::vector<Point> all = points(choices.quick);
+  std::unique_ptr<tool::OutputFile> file;
+  if (!choices.csv.empty()) file = std::make_unique<tool::OutputFile>(choices.csv);
+  const auto write = [&](const std::string& line) { file ? file->write(line) : fmt::print("{}", line); };
+  write("engine,scene,settings,steps_per_second,rms,largest_c,energy_error,momentum_change,diverged,"
+        "cost_us_per_env_second,env_steps_per_second,spread,peak_gflops\n");
+  tool::Progress progress(static_cast<double>(choices.scenes.size() * all.size()) * choices.repeats, "measurements");
+  double done = 0.0;
+  for (const std::string& scene : choices.scenes)
+    measure(choices, all, Yardstick(scene, choices.quick ? 24 : 240), write, progress, done);
+  if (file) file->close();
+  return 0;
+}
+
+}  // namespace
+}  // namespace lockstep::peers
+
+int main(int argc, char** argv) {
+  lockstep::peers::Choices choices;
+  CLI::App app("Error against cost of integrators, steps and engines.", "accuracy_speed");
+  app.add_option("--csv", choices.csv, "File for the table; without it, the terminal");
+  app.add_option("--scenes", choices.scenes, "These alone")->delimiter(',');
+  app.add_option("--repeats", choices.repeats, "Of each measurement; medians are told")->capture_default_str();
+  app.add_option("--seconds", choices.seconds, "Of CPU time for each measurement")->capture_default_str();
+  app.add_flag("--quick", choices.quick, "One step size and a tenth of the motion: only to see that it runs");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    return lockstep::peers::run(choices);
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "accuracy_speed: {}\n", error.what());
+    return 1;
+  }
+}

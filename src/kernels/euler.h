@@ -1,0 +1,36 @@
+// Semi-implicit Euler: the step that takes everything, bounds among it. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "bias_forces.h"
+#include "compete.h"
+#include "coupling_error.h"
+#include "impulses.h"
+#include "joint_terms.h"
+#include "kinematics.h"
+#include "mass_matrix.h"
+#include "saturation.h"
+#include "solve.h"
+
+namespace lockstep::kernels {
+
+template <class T>
+void euler(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  kinematics(t, x);
+  if (t.couplings > 0) coupling_errors(t, lanes, x);
+  if (t.limited.count > 0) first_pass(x);
+  do {  // once, and again where a servo turns out to be at its limit of effort, or not to be
+    bias_forces(t, lanes, x);
+    mass_matrix(t, x);
+    joint_terms(t, lanes, x);
+    if (t.limited.count > 0) limited_drives(t, lanes, x);
+    if (t.bounds.form.count > 0) forget_bounds(x);
+    factorise(t, lanes, x);
+    solve(t, x);
+    integrate(t, x);
+    if (t.bounds.form.count > 0 && bounds_act(t, x)) compete(t, lanes, x);
+  } while (t.limited.count > 0 && saturation_differs(t, lanes, x));
+  if (t.record_impulses) coupling_impulses(t, x);  // in the axes of the step's start
+  if (t.floating) turn_root_twist(x.half_turn, x.next_v);
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,81 @@
+// How a step is taken through time, and whether the scene is one for it. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include "layout.h"
+
+namespace lockstep {
+namespace {
+
+constexpr double gamma = 0.43586652150845899942;  // (M63)
+constexpr double explicit_bound = 2.5;            // (M69)
+constexpr double most_extrapolated_erp = 1.75;    // (M65)
+
+// Times of one leapfrog that begins at `begin` and goes `length`, in shares of the step.
+void add_times(double begin, double length, std::vector<double>& times) {
+  for (double share : {gamma, (1.0 + gamma) / 2.0, 1.0}) times.push_back(begin + length * share);
+}
+
+}  // namespace
+
+std::optional<Obstacle> obstacle_of(const Program& program) {
+  if (program.integrator == Integrator::euler) return std::nullopt;
+  const Tables<double>& t = program.f64;
+  const StepSettings& s = program.settings;
+  if (program.method != Method::reduced && program.method != Method::direct)
+    return Obstacle{fmt::format("{} sweeps, which leaves an error of its own in every stage", name(program.method)),
+                    "use the method reduced or direct"};
+  if (t.bounds.form.count > 0 || t.limited.count > 0 || t.clamped.count > 0)
+    return Obstacle{"the scene has bounds, which act within a step",
+                    "use euler, or leave the bounds out by StepSettings::ignore"};
+  if (s.record_impulses || s.record_diagnostics)
+    return Obstacle{"a step of several stages has no single impulse or balance to record", "use euler, or record nothing"};
+  bool hard = false, stated_by_step = false;
+  for (const Coupling& coupling : program.model.couplings) {
+    const Softness& softness = coupling.softness;
+    hard |= softness.is_hard();
+    stated_by_step |= softness.kind == Softness::Kind::hard || softness.kind == Softness::Kind::mixing;
+    if (program.integrator == Integrator::extrapolated && softness.is_hard() && softness.first > most_extrapolated_erp)
+      return Obstacle{fmt::format("coupling '{}' has an erp of {}, and above {} the extrapolation makes its error grow",
+                                  coupling.joint, softness.first, most_extrapolated_erp), "lower the erp"};
+  }
+  if (hard && s.velocity_iterations == 0)
+    return Obstacle{"velocity_iterations is 0, and corrections would stay in the velocities", "give 1"};
+  if (declared(program, Parameter::softness) && stated_by_step)
+    return Obstacle{"softness differs per environment and is stated by erp and cfm, which mean another spring at each "
+                    "length of a stage", "state it as a spring or by frequency"};
+  if (program.integrator != Integrator::runge_kutta) return std::nullopt;
+  if (t.rows.count > 0)
+    return Obstacle{"some couplings are soft, switched or not eliminated, which takes an implicit step",
+                    "use leapfrog or extrapolated, or the method reduced with hard couplings"};
+  const double rate = largest_rate(program), reach = rate * s.dt;
+  if (!(reach <= explicit_bound))
+    return Obstacle{fmt::format("drives and damping make motions of {:.3g} 1/s at the model's start, and with dt = {:.4g} s "
+                                "that is {:.3g}, above {}", rate, s.dt, reach, explicit_bound),
+                    fmt::format("use leapfrog or extrapolated, or a dt of at most {:.3g} s", explicit_bound / rate)};
+  return std::nullopt;
+}
+
+void lay_out_times(Program& program, Integrator integrator) {
+  const double dt = program.settings.dt;
+  program.integrator = integrator;
+  program.length = dt;
+  switch (integrator) {
+    case Integrator::leapfrog:
+    case Integrator::extrapolated:
+      program.length = gamma * dt;
+      add_times(0.0, 1.0, program.stage_times);
+      break;
+    case Integrator::runge_kutta: program.stage_times = {0.0, 0.5, 1.0}; break;
+    default: program.stage_times = {1.0};
+  }
+  if (integrator == Integrator::extrapolated)
+    for (double begin : {0.0, 0.5}) add_times(begin, 0.5, program.stage_times);
+  Tables<double>& t = program.f64;
+  t.integrator = static_cast<int>(integrator);
+  t.step = dt;
+  t.dt = program.length;
+  t.ahead = integrator == Integrator::runge_kutta ? 0.0 : program.length;
+  t.input_times = program.settings.stage_inputs ? static_cast<int>(program.stage_times.size()) : 1;
+}
+
+}  // namespace lockstep

@@ -1,0 +1,182 @@
+// Leapfrog, its extrapolation and Runge-Kutta 4, with dense multipliers. SPDX-License-Identifier: Apache-2.0
+#include "reference/integrators.h"
+
+#include "lockstep/error.h"
+#include "reference/followers.h"
+
+namespace lockstep::reference {
+namespace {
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+// (M63)
+constexpr double gamma = 0.43586652150845899942;
+constexpr double b1 = -((6.0 * gamma - 16.0) * gamma + 1.0) / 4.0, b2 = ((6.0 * gamma - 20.0) * gamma + 5.0) / 4.0;
+constexpr double stages[3][3] = {{gamma, 0.0, 0.0}, {(1.0 - gamma) / 2.0, gamma, 0.0}, {b1, b2, gamma}};
+constexpr double shares[3] = {gamma, (1.0 + gamma) / 2.0, 1.0};
+
+struct Task {
+  const Mechanism& mechanism;
+  const StepSettings& settings;
+  std::function<Inputs(double share)> inputs;
+};
+
+// The inertia at one pose, with the armatures, and the couplings there: hard ones as rows, soft ones as springs.
+struct System {
+  System(const Task& task, const State& state, const std::vector<bool>& off)
+      : couplings(task.mechanism, off), mass(task.mechanism.mass_matrix(state)), all(couplings.velocity_jacobian()) {
+    mass.diagonal() += task.mechanism.armature();
+    kp = kd = VectorXd::Zero(couplings.count());
+    for (int i = 0; i < couplings.count(); ++i) {
+      if (couplings.off[i] || couplings.redundant[i]) continue;
+      if (is_hard(couplings.softness[i])) {
+        hard.push_back(i);
+      } else {
+        const Spring s = spring(couplings.softness[i], inverse_inertias(couplings, mass)[i], task.settings.dt);
+        kp[i] = s.kp, kd[i] = s.kd;
+      }
+    }
+    rows = all(hard, Eigen::all);
+  }
+
+  VectorXd soft_forces(const State& state) const {
+    return -all.transpose() * (kp.cwiseProduct(couplings.error(state.q)) + kd.cwiseProduct(all * state.v));
+  }
+
+  // D with A D = right + J^T L and J D = rate.
+  VectorXd change(const MatrixXd& a, const VectorXd& right, const VectorXd& rate) const {
+    MatrixXd bordered(a.rows() + rows.rows(), a.rows() + rows.rows());
+    bordered << a, -rows.transpose(), rows, MatrixXd::Zero(rows.rows(), rows.rows());
+    return bordered.fullPivLu().solve((VectorXd(bordered.rows()) << right, rate).finished()).head(a.rows());
+  }
+
+  Couplings couplings;
+  MatrixXd mass, all, rows;  // J of all couplings and of the hard ones
+  std::vector<int> hard;
+  VectorXd kp, kd;           // of the soft ones
+};
+
+// (M43): the twist that `next` has along the axes of `before`, along its own.
+void turn_axes(const Mechanism& mechanism, const State& before, State& next) {
+  if (mechanism.root_velocities() == 0) return;
+  const Eigen::Quaterniond turn = next.orientation.normalized().conjugate() * before.orientation.normalized();
+  next.v.head<3>() = turn * Vector3d(next.v.head<3>());
+  next.v.segment<3>(3) = turn * Vector3d(next.v.segment<3>(3));
+}
+
+// The part of a step from `from`, both as shares of it, (M60) to (M64).
+State leapfrog(const Task& task, const State& start, double from, double length) {
+  const Mechanism& mechanism = task.mechanism;
+  const double h = length * task.settings.dt, stage_h = gamma * h;
+  State middle = mechanism.advanced(start, start.v, h / 2.0);
+  turn_axes(mechanism, start, middle);
+  const VectorXd v = middle.v;
+  const Inputs held = task.inputs(from + length / 2.0);
+  const System system(task, middle, held.off);
+  const auto bias = [&](const VectorXd& velocity) -> VectorXd {
+    State moving = middle;
+    moving.v = velocity;
+    VectorXd result = mechanism.bias(moving) - mechanism.wrench_forces(middle, held.wrenches);
+    if (mechanism.root_velocities() > 0) {  // along inertial axes, as in a Stage
+      const Vector3d w = velocity.head<3>(), u = velocity.segment<3>(3);
+      result += system.mass.middleCols<3>(3) * -w.cross(u);
+    }
+    return result;
+  };
+  const VectorXd springs = stage_h * (system.kd + stage_h * system.kp);
+  MatrixXd implicit = system.mass + system.all.transpose() * springs.asDiagonal() * system.all;
+  implicit.diagonal() += stage_h * (mechanism.damping() + mechanism.kd()) + stage_h * stage_h * mechanism.kp();
+  // Delta_i, which ends where J V = rate.
+  const auto stage = [&](int i, const VectorXd& c, const State& at, const VectorXd& rate) {
+    State ahead = at;
+    ahead.q += stage_h * at.v.tail(mechanism.dofs());
+    const VectorXd drives = mechanism.joint_forces(ahead, task.inputs(from + length * shares[i]));
+    return system.change(implicit, stage_h * (drives + system.soft_forces(ahead) - c), rate - system.rows * at.v);
+  };
+  const VectorXd none = VectorXd::Zero(system.rows.rows());
+  State at = middle;
+  at.q = start.q;
+  const VectorXd c = bias(v + stage(0, bias(v), at, none) / (2.0 * gamma));  // (M61)
+  MatrixXd velocities(v.size(), 3), changes(v.size(), 3);
+  for (int i = 0; i < 3; ++i) {
+    at.q = start.q, at.v = v;
+    for (int k = 0; k < i; ++k) {
+      at.q += h * stages[i][k] * velocities.col(k).tail(mechanism.dofs());
+      at.v += stages[i][k] / gamma * changes.col(k);
+    }
+    changes.col(i) = stage(i, c, at, none);
+    velocities.col(i) = at.v + changes.col(i);
+  }
+  VectorXd correction = -system.couplings.error(at.q) / stage_h;
+  for (const int i : system.hard) correction[i] *= system.couplings.softness[i].first;
+  const VectorXd corrected = at.v + stage(2, c, at, correction(system.hard));  // positions only
+  const VectorXd mean = b1 * velocities.col(0) + b2 * velocities.col(1) + gamma * corrected;
+  State end = mechanism.advanced(middle, 2.0 * mean - v, h / 2.0);
+  end.v = velocities.col(2);
+  turn_axes(mechanism, middle, end);
+  return end;
+}
+
+// a + share b, of a pose's seven numbers, positions and velocities alike.
+State sum(State a, double share, const State& b) {
+  a.position += share * b.position;
+  a.orientation.coeffs() += share * b.orientation.coeffs();
+  a.q += share * b.q;
+  a.v += share * b.v;
+  return a;
+}
+
+// (M65)
+State extrapolated(const Task& task, const State& start) {
+  const State halves = leapfrog(task, leapfrog(task, start, 0.0, 0.5), 0.5, 0.5);
+  State end = sum(sum(halves, 1.0 / 3.0, halves), -1.0 / 3.0, leapfrog(task, start, 0.0, 1.0));
+  end.orientation.normalize();
+  return end;
+}
+
+// (M66) to (M68)
+State runge_kutta(const Task& task, const State& start) {
+  const Mechanism& mechanism = task.mechanism;
+  const double h = task.settings.dt, times[] = {0.0, 0.5, 0.5, 1.0}, weights[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};
+  State end = start, change = sum(start, -1.0, start);
+  for (int i = 0; i < 4; ++i) {
+    const State at = sum(start, times[i], change);
+    const Inputs inputs = task.inputs(times[i]);
+    const System system(task, at, inputs.off);
+    const VectorXd forces = mechanism.joint_forces(at, inputs) + mechanism.wrench_forces(at, inputs.wrenches) +
+                            system.soft_forces(at) - mechanism.bias(at);
+    change.v = system.change(system.mass, h * forces, -system.rows * at.v);
+    change.q = h * at.v.tail(mechanism.dofs());
+    if (mechanism.root_velocities() > 0) {
+      const Eigen::Quaterniond w(0.0, at.v[0], at.v[1], at.v[2]);
+      change.position = h * (at.orientation.normalized() * Vector3d(at.v.segment<3>(3)));
+      change.orientation.coeffs() = 0.5 * h * (at.orientation * w).coeffs();
+    }
+    end = sum(end, weights[i], change);
+  }
+  end.orientation.normalize();
+  const Stage before(mechanism, h, start, task.inputs(0.0));  // for the followers' errors
+  end.q += h * follower_corrections(mechanism, before, task.settings).tail(mechanism.dofs());
+  return end;
+}
+
+}  // namespace
+
+State integrated(const Mechanism& mechanism, const StepSettings& settings, const State& state,
+                 const InputsInStep& set) {
+  const auto acting = [&](double share) {
+    Inputs inputs = mechanism.initial_inputs();
+    set(share, inputs);
+    return inputs;
+  };
+  const Task task{mechanism, settings, acting};
+  switch (settings.integrator) {
+    case Integrator::leapfrog: return leapfrog(task, state, 0.0, 1.0);
+    case Integrator::extrapolated: return extrapolated(task, state);
+    case Integrator::runge_kutta: return runge_kutta(task, state);
+    default: throw SettingsError("integrator", "is none beyond first order", "name one that is");
+  }
+}
+
+}  // namespace lockstep::reference

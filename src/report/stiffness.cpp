@@ -1,0 +1,65 @@
+// How fast a scene's drives and dampers move it, by the kernels' own mass matrix. SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Eigenvalues>
+#include <vector>
+
+#include "../kernels/step.h"
+#include "../plan/layout.h"
+#include "counted.h"
+
+namespace lockstep {
+namespace {
+
+using Eigen::MatrixXd;
+
+// What S is over all velocities (M35).
+MatrixXd all_shares(const Tables<double>& t) {
+  const Reduction<double>& r = t.reduction;
+  if (r.followers == 0) return MatrixXd::Identity(t.velocities, t.velocities);
+  MatrixXd s = MatrixXd::Zero(t.velocities, t.solver.n);
+  for (int z = 0; z < t.solver.n; ++z) s(r.independent[z], z) = 1.0;
+  for (int f = 0; f < r.followers; ++f)
+    for (int k = r.start[f]; k < r.start[f + 1]; ++k) s(t.velocities - t.joints + r.follower[f], r.column[k]) = r.value[k];
+  return s;
+}
+
+// A_r at the model's start.
+MatrixXd reduced_matrix(const Program& program) {
+  const Tables<float>& t = program.f32;
+  kernels::Tile<Counted> x;
+  std::vector<std::max_align_t> scratch(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
+  kernels::lay_out(t, scratch.data(), x);
+  kernels::uniform_masses(t, x);
+  kernels::uniform_ratios(t, x);
+  for (std::size_t j = 0; j < program.model.joints.size(); ++j)
+    if (const int i = program.solver_joint[j]; i >= 0) x.q[i] = static_cast<float>(program.model.joints[j].position);
+  kernels::kinematics(t, x);
+  kernels::mass_matrix(t, x);
+  for (int j = 0; j < t.joints; ++j) x.matrix[t.matrix.offset[t.velocities - t.joints + j]] += Counted(t.armature[j]);
+  if (t.reduction.followers > 0) kernels::reduce_matrix(t, x);
+  MatrixXd a = MatrixXd::Zero(t.solver.n, t.solver.n);
+  for (int i = 0; i < t.solver.n; ++i)
+    for (int j = 0; j <= i; ++j)
+      if (const int entry = entry_of(t.solver, i, j); entry >= 0) a(i, j) = a(j, i) = x.reduced[entry].lane(0);
+  return a;
+}
+
+}  // namespace
+
+double largest_rate(const Program& program) {
+  const Tables<double>& t = program.f64;
+  const int n = t.solver.n, root = t.velocities - t.joints;
+  Eigen::VectorXd damping = Eigen::VectorXd::Zero(t.velocities), stiffness = damping;
+  for (int j = 0; j < t.joints; ++j) {
+    damping[root + j] = t.damping[j] + t.kd[j];
+    stiffness[root + j] = t.kp[j];
+  }
+  const MatrixXd s = all_shares(t);
+  const Eigen::LDLT<MatrixXd> a(reduced_matrix(program));
+  MatrixXd motion = MatrixXd::Zero(2 * n, 2 * n);  // of (z, dz/dt)
+  motion.topRightCorner(n, n).setIdentity();
+  motion.bottomLeftCorner(n, n) = -a.solve(s.transpose() * stiffness.asDiagonal() * s);
+  motion.bottomRightCorner(n, n) = -a.solve(s.transpose() * damping.asDiagonal() * s);
+  return n == 0 ? 0.0 : motion.eigenvalues().cwiseAbs().maxCoeff();
+}
+
+}  // namespace lockstep

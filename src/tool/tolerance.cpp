@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tolerance.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "lockstep/error.h"
+#include "tool.h"
+
+namespace lockstep::tool {
+namespace {
+
+template <class S>
+auto applying(const Targets& targets) {
+  return [&targets](long step, double dt, Batch<S>& batch) {
+    if (const int row = targets.row_at(step, dt); row >= 0) targets.apply(row, batch);
+  };
+}
+
+// Flops of a simulated second: what orders settings of one model well enough, and the same on every machine.
+double cost_of(const Plan& plan) { return static_cast<double>(plan.flops_per_step()) / plan.settings().dt; }
+
+}  // namespace
+
+Chosen choose_step(const Model& model, const StepSettings& settings, bool f64, double tolerance, double seconds,
+                   const Targets& targets) {
+  const Drive drive{applying<float>(targets), applying<double>(targets)};
+  const int samples = std::max(1, static_cast<int>(std::lround(std::min(seconds, probe_seconds) * samples_per_second)));
+  const Truth truth = find_truth(model, settings.ignore, samples, [](double) {}, drive);
+  if (truth.error > tolerance / 3.0)
+    throw InputError(fmt::format("--tolerance: {:g} is too close for this motion: small steps tell it to {:.1e} only; give a "
+                                 "larger tolerance or fewer --seconds", tolerance, truth.error));
+  std::optional<Chosen> best;
+  double least = infinity, smallest_error = infinity;
+  for (ChartSetting setting : tolerance_settings(settings.method, f64, settings.ignore)) {
+    if (settings.integrator != Integrator::automatic && setting.integrator != settings.integrator) continue;
+    setting.iterations = settings.iterations;
+    try {
+      const double cost = cost_of(compile_setting(model, setting));
+      if (cost >= least) continue;
+      const ChartPoint point = measure_error(model, setting, truth, drive);
+      smallest_error = std::min(smallest_error, point.rms_error);
+      if (point.faulted || !(point.rms_error <= tolerance)) continue;
+      least = cost;
+      best = Chosen{setting, point.rms_error, static_cast<double>(samples) / samples_per_second};
+    } catch (const SettingsError&) {  // not for this scene, or not with this step
+    }
+  }
+  if (!best)
+    throw InputError(fmt::format("--tolerance: no step comes to {:g}; the best is off by {:.1e}{}", tolerance, smallest_error,
+                                 f64 ? "" : ": give a larger one, or --precision f64"));
+  return *best;
+}
+
+}  // namespace lockstep::tool

@@ -1,0 +1,200 @@
+// What every step promises, for integrators beyond Euler: bits, places, neighbours, faults. SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "contract.h"
+#include "lockstep/error.h"
+
+namespace lockstep {
+namespace {
+
+using contract::same_bits;
+using contract::scattered;
+
+constexpr int several = 19;  // two tiles of eight and one begun
+
+class Integrators : public testing::TestWithParam<Integrator> {
+ protected:
+  // Calls check(plan, scalar) for scenes and random models, without and with all fields per environment that apply.
+  template <class Check>
+  void for_every_plan(Check check) const {
+    std::vector<Model> models = {scenes::chain8(), scenes::gripper13(), scenes::chain32()};
+    scenes::RandomOptions options;
+    options.max_dofs = 12;
+    options.redundant = false;
+    for (std::uint64_t seed = 0; seed < 6; ++seed) models.push_back(scenes::random_model(seed, options));
+    int checked = 0;
+    for (const Model& model : models)
+      for (const bool own : {false, true}) {
+        StepSettings settings;
+        settings.integrator = GetParam();
+        settings.method = Method::reduced;
+        settings.stage_inputs = own;
+        settings.dt = 1.0 / 480;
+        if (own) settings.per_environment = contract::all_parameters(Method::reduced, model);
+        SCOPED_TRACE(model.name);
+        std::optional<Plan> plan;
+        try {
+          plan = compile(model, settings);
+        } catch (const SettingsError&) {
+          ASSERT_EQ(GetParam(), Integrator::runge_kutta) << "the others take every smooth scene";
+          continue;
+        }
+        ++checked;
+        check(*plan, float());
+        check(*plan, double());
+        if (HasFailure()) return;
+      }
+    EXPECT_GE(checked, 4);
+  }
+};
+
+TEST_P(Integrators, give_the_bits_of_their_scalar_twin) {
+  for_every_plan([](const Plan& plan, auto scalar) {
+    using S = decltype(scalar);
+    const std::pair<Target, Target> pairs[] = {{Target::baseline_scalar, Target::baseline},
+                                               {Target::avx2_scalar, Target::avx2},
+                                               {Target::avx2_scalar, Target::avx512},
+                                               {Target::neon_scalar, Target::neon}};
+    for (const auto& [narrow, wide] : pairs) {
+      if (!supported(narrow) || !supported(wide)) continue;
+      auto a = scattered<S>(plan, several, {.threads = 1, .target = narrow});
+      auto b = scattered<S>(plan, several, {.threads = 1, .target = wide});
+      a.step(3), b.step(3);
+      EXPECT_TRUE(same_bits(a, b)) << name(wide);
+    }
+  });
+}
+
+TEST_P(Integrators, give_the_same_bits_for_threads_sizes_places_and_calls) {
+  for_every_plan([](const Plan& plan, auto scalar) {
+    using S = decltype(scalar);
+    Batch<S> many = scattered<S>(plan, 600, {.threads = 1});
+    many.step(4);
+    Batch<S> threads = scattered<S>(plan, 600, {.threads = 3});
+    for (int i = 0; i < 4; ++i) threads.step();
+    EXPECT_TRUE(same_bits(many, threads));
+    for (const int place : {0, 7, 18}) {
+      Batch<S> alone(plan, 1, {.threads = 1});
+      contract::scatter(alone, 0, static_cast<std::uint64_t>(place));
+      alone.step(4);
+      EXPECT_TRUE(same_bits(many, place, alone, 0)) << place;
+    }
+  });
+}
+
+TEST_P(Integrators, freeze_what_fails_and_nothing_beside_it) {
+  for_every_plan([](const Plan& plan, auto scalar) {
+    using S = decltype(scalar);
+    constexpr int sick = 11;
+    Batch<S> sound = scattered<S>(plan, several);
+    sound.step(3);
+    Batch<S> batch = scattered<S>(plan, several);
+    batch.efforts().col(sick).setConstant(std::numeric_limits<S>::quiet_NaN());
+    const std::vector<S> before = contract::outcome(batch, sick);
+    batch.step(3);
+    EXPECT_EQ(batch.faults()[sick], Fault::not_finite);
+    EXPECT_TRUE(same_bits(contract::outcome(batch, sick), before)) << "it keeps its last good state";
+    EXPECT_TRUE(same_bits(batch, sound, sick));
+  });
+}
+
+// Efforts of stages that are all the same are those that are held.
+TEST_P(Integrators, hold_inputs_as_they_would_with_equal_ones_for_each_stage) {
+  StepSettings settings;
+  settings.integrator = GetParam();
+  const Plan held = compile(scenes::chain8(), settings);
+  settings.stage_inputs = true;
+  const Plan staged = compile(scenes::chain8(), settings);
+  ASSERT_GT(staged.stage_times().size(), 1u);
+  Batch<double> a(held, 3, {.threads = 1}), b(staged, 3, {.threads = 1});
+  ASSERT_EQ(b.efforts().rows(), 8 * static_cast<Eigen::Index>(staged.stage_times().size()));
+  for (Eigen::Index row = 0; row < b.efforts().rows(); ++row) b.efforts().row(row) = 0.1 * static_cast<double>(row % 8);
+  for (Eigen::Index row = 0; row < 8; ++row) a.efforts().row(row) = 0.1 * static_cast<double>(row);
+  a.step(5), b.step(5);
+  EXPECT_TRUE(same_bits(a, b));
+  b.efforts().row(8 + 2) += 0.5;  // of the second time
+  a.step(), b.step();
+  EXPECT_FALSE(same_bits(a, b));
+}
+
+INSTANTIATE_TEST_SUITE_P(integrator, Integrators,
+                         testing::Values(Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta),
+                         [](const auto& info) { return std::string(name(info.param)); });
+
+template <class Change>
+std::string refusal(Model model, Integrator integrator, Change change) {
+  StepSettings settings;
+  settings.integrator = integrator;
+  change(model, settings);
+  try {
+    compile(model, settings);
+  } catch (const SettingsError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(IntegratorSettings, that_do_not_apply_say_why_and_what_to_do) {
+  const auto expect_said = [](const std::string& said, const char* why, const char* remedy) {
+    EXPECT_NE(said.find(why), std::string::npos) << said;
+    EXPECT_NE(said.find(remedy), std::string::npos) << said;
+  };
+  for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta}) {
+    const auto of_chain = [&](auto change) { return refusal(scenes::chain8(), integrator, change); };
+    EXPECT_EQ(of_chain([](Model&, StepSettings&) {}), "");
+    expect_said(of_chain([](Model& m, StepSettings&) { m.joints[0].upper = 1.0; }), "has bounds", "StepSettings::ignore");
+    expect_said(of_chain([](Model& m, StepSettings&) { m.joints[0].effort_limit = 1.0; }), "has bounds", "euler");
+    expect_said(of_chain([](Model&, StepSettings& s) { s.method = Method::pgs; }), "sweeps", "reduced");
+    expect_said(of_chain([](Model&, StepSettings& s) { s.record_impulses = true; }), "record", "euler");
+    expect_said(of_chain([](Model&, StepSettings& s) { s.velocity_iterations = 0; }), "velocity_iterations", "give 1");
+    EXPECT_EQ(of_chain([](Model& m, StepSettings& s) { m.joints[0].upper = 1.0, s.ignore.position_limits = true; }), "");
+  }
+  expect_said(refusal(scenes::gripper13(), Integrator::runge_kutta, [](Model&, StepSettings&) {}), "drives and damping",
+              "dt of at most");
+  expect_said(refusal(scenes::chain8(), Integrator::runge_kutta,
+                      [](Model& m, StepSettings&) { m.couplings[0].softness = Softness::spring(10.0, 0.1); }),
+              "soft", "leapfrog");
+  expect_said(refusal(scenes::chain8(), Integrator::extrapolated,
+                      [](Model& m, StepSettings&) { m.couplings[0].softness = Softness::hard(1.9); }),
+              "erp", "lower");
+}
+
+// The bound that is named is one: just below it the step is taken, and stays finite where twice of it does not.
+TEST(IntegratorSettings, name_the_largest_explicit_step) {
+  const auto plan = [](double dt) {
+    StepSettings settings;
+    settings.integrator = Integrator::runge_kutta;
+    settings.dt = dt;
+    return compile(scenes::chain8(), settings);
+  };
+  double low = 1e-4, high = 1.0;  // s
+  for (int i = 0; i < 40; ++i) {
+    const double middle = std::sqrt(low * high);
+    try {
+      plan(middle);
+      low = middle;
+    } catch (const SettingsError&) {
+      high = middle;
+    }
+  }
+  Batch<double> batch(plan(0.99 * low), 1, {.threads = 1});
+  batch.step(500);
+  EXPECT_EQ(batch.faulted(), 0);
+  EXPECT_LT(batch.velocities().abs().maxCoeff(), 50.0);
+}
+
+TEST(IntegratorSettings, choose_leapfrog_for_smooth_scenes_and_say_why_not_for_others) {
+  const Plan smooth = compile(scenes::chain8());
+  EXPECT_EQ(smooth.integrator(), Integrator::leapfrog);
+  EXPECT_NE(smooth.describe().find("leapfrog with an implicit linear part (the scene is smooth)"), std::string::npos);
+  Model model = scenes::chain8();
+  model.joints[3].friction = 0.1;
+  const Plan rough = compile(model);
+  EXPECT_EQ(rough.integrator(), Integrator::euler);
+  EXPECT_NE(rough.describe().find("semi-implicit Euler (the scene has bounds"), std::string::npos) << rough.describe();
+}
+
+}  // namespace
+}  // namespace lockstep
