@@ -58,6 +58,18 @@ void add_methods() {
     }
 }
 
+// Integrators beyond Euler's, by tables; where the build has kernels, add_generated() has them too.
+void add_integrators() {
+  for (const char* scene : {"chain8", "gripper13", "chain32"})
+    for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
+      for (const bool single : {true, false}) {
+        if (integrator == Integrator::runge_kutta && scene == std::string("gripper13")) continue;  // refused: too stiff
+        Load load = bench::scene(scene, Method::reduced, 1);
+        load.settings.integrator = integrator;
+        add(fmt::format("{}/reduced/1/{}/integrator:{}", scene, single ? "f32" : "f64", name(integrator)), load, single);
+      }
+}
+
 // Straight-line code beside the tables, where the build has it (LOCKSTEP_BENCH_KERNELS).
 [[maybe_unused]] void add_generated() {
   const auto add_kernel = [](const std::string& name, Load load) {
@@ -76,6 +88,12 @@ void add_methods() {
     }
   for (int joints : {4, 8, 16, 32})
     add_kernel(fmt::format("chain/reduced/1/f32/coupled/dofs:{}", joints), bench::chain(joints, joints / 2, Method::reduced));
+  for (const auto& [scene, integrator] : {std::pair{"chain8", Integrator::leapfrog}, {"gripper13", Integrator::leapfrog},
+                                          {"chain8", Integrator::runge_kutta}}) {
+    Load load = bench::scene(scene, Method::reduced, 1);
+    load.settings.integrator = integrator;
+    add_kernel(fmt::format("{}/reduced/1/f32/integrator:{}", scene, name(integrator)), load);
+  }
   for (int threads : {1, 2}) {
     Load load = bench::scene("chain8", Method::reduced, 1);
     load.environments = 16384, load.threads = threads;
@@ -214,6 +232,7 @@ void add_bounds() {
 int main(int argc, char** argv) {
   lockstep::add_peaks();
   lockstep::add_methods();
+  lockstep::add_integrators();
 #ifdef LOCKSTEP_BENCH_KERNELS
   lockstep::add_generated();
 #endif

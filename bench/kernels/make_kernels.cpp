@@ -1,6 +1,6 @@
 // Writes kernels for the benchmarks: make_kernels FOLDER NAME... SPDX-License-Identifier: Apache-2.0
 //
-// A name is scene_method, or chainN_coupled for a chain of N joints.
+// A name is scene_method, scene_integrator, or chainN_coupled for a chain of N joints.
 #include <fmt/format.h>
 
 #include <fstream>
@@ -18,6 +18,12 @@ lockstep::bench::Load load_of(const std::string& name) {
     const int joints = std::stoi(scene.substr(5));
     return bench::chain(joints, joints / 2, Method::reduced);
   }
+  for (const Integrator integrator : {Integrator::leapfrog, Integrator::runge_kutta})
+    if (method == lockstep::name(integrator)) {
+      bench::Load load = bench::scene(scene, Method::reduced, 1);
+      load.settings.integrator = integrator;
+      return load;
+    }
   for (const Method m : {Method::reduced, Method::direct, Method::pgs})
     if (method == lockstep::name(m)) return bench::scene(scene, m, 4);
   throw std::invalid_argument("no such kernel: " + name);

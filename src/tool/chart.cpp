@@ -1,5 +1,6 @@
 // lockstep chart: error against cost of the methods on a model, measured at once. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -50,17 +51,19 @@ Model with_start(const ChartOptions& options, Model model) {
 // The settings that the model allows, and a line about each method and integrator that it does not.
 std::vector<ChartSetting> possible_settings(const Model& model, const Ignored& ignore) {
   std::vector<ChartSetting> possible;
-  std::map<std::string, std::pair<int, std::string>> refused;  // how often, and why the last time
+  std::map<std::string, std::string> refused;  // by integrator or method: why the last time
   for (const ChartSetting& setting : chart_settings(model, ignore)) {
     try {
       compile_setting(model, setting);
       possible.push_back(setting);
     } catch (const SettingsError& error) {
-      auto& [times, reason] = refused[family(setting)];
-      ++times, reason = error.what();
+      const std::string why = error.what(), word = "apply: ";
+      refused[family(setting)] = why.find(word) < why.size() ? why.substr(why.find(word) + word.size()) : why;
     }
   }
-  for (const auto& [what, why] : refused) fmt::print("left out: {} ({} settings): {}\n", what, why.first, why.second);
+  std::map<std::string, std::vector<std::string>> by_reason;
+  for (const auto& [what, why] : refused) by_reason[why].push_back(what);
+  for (const auto& [why, what] : by_reason) fmt::print("left out {}: {}\n", fmt::join(what, ", "), why);
   return possible;
 }
 

@@ -184,7 +184,7 @@ class Panel:
                     self.write(f"{row['iterations']:.0f}", self.at(row), places[method], METHODS[method][0])
 
 
-def legend(figure, rows, left, top):
+def legend(figure, rows, left, top, columns):
     present = {row["method"] for row in rows}
     handles = [Line2D([], [], color=color, marker=marker, linewidth=1.9, label=LABELS.get(method, method))
                for method, (color, marker) in METHODS.items() if method in present]
@@ -192,8 +192,8 @@ def legend(figure, rows, left, top):
         handles.append(Line2D([], [], color=INK, marker="o", markerfacecolor="white", linestyle="--", label="in f64"))
     handles.append(Line2D([], [], linestyle="none", marker="o", markersize=12.5, markerfacecolor="none",
                           markeredgecolor=INK, label="front: none is cheaper and better"))
-    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(left, top), ncol=len(handles), frameon=False,
-                  fontsize=10, handletextpad=0.6, columnspacing=1.7, borderaxespad=0, borderpad=0)
+    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(left, top), ncol=columns, frameon=False,
+                  fontsize=9.5, handletextpad=0.6, columnspacing=1.5, labelspacing=0.35, borderaxespad=0, borderpad=0)
 
 
 def failures(rows):
@@ -255,7 +255,7 @@ def main(table, picture, caption):
         if column == "rms_error" and caption["truth_error"] > 0:
             panel.shade_below(caption["truth_error"], "below the error of the truth")
     if good:
-        legend(figure, good, left, down(0.95))
+        legend(figure, good, left, down(0.9), 6 if coupled else 4)
     figure.savefig(picture, metadata={"Date": None} if picture.endswith(".svg") else None, dpi=110)
 
 

@@ -150,8 +150,12 @@ std::string family(const ChartSetting& setting) {
 }
 
 std::string described(const ChartSetting& setting) {
-  const std::string sweeps = setting.iterations > 0 ? fmt::format(" with {} sweeps", setting.iterations) : "";
-  return fmt::format("{}{} at 1/{} s in {}", family(setting), sweeps, setting.steps_per_second, setting.f64 ? "f64" : "f32");
+  const bool sweeps = setting.method == Method::pgs || setting.method == Method::tgs;
+  const std::string method = setting.method == Method::automatic ? ""
+                             : sweeps ? fmt::format(" ({} {})", name(setting.method), setting.iterations)
+                                      : fmt::format(" ({})", name(setting.method));
+  return fmt::format("{}{} at 1/{} s in {}", name(setting.integrator), method, setting.steps_per_second,
+                     setting.f64 ? "f64" : "f32");
 }
 
 std::vector<ChartSetting> chart_settings(const Model& model, const Ignored& ignore) {

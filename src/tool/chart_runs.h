@@ -21,7 +21,7 @@ struct ChartSetting {
 
 /// "leapfrog", or "reduced" for what is stepped by Euler; sweeps and precision apart.
 std::string family(const ChartSetting& setting);
-/// "leapfrog at 1/240 s in f32", "pgs with 4 sweeps at 1/240 s in f32".
+/// "leapfrog at 1/240 s in f32", "euler (pgs 4) at 1/240 s in f32".
 std::string described(const ChartSetting& setting);
 
 struct ChartPoint {

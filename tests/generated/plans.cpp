@@ -46,7 +46,10 @@ Plan plan_of(const std::string& name) {
     if (has(lockstep::name(integrator))) settings.integrator = integrator;
   settings.stage_inputs = has("_inputs");
   if (has("_bounds")) model = contract::bounded(model), settings.record_diagnostics = true;
-  if (has("_fields")) settings.per_environment = fields(settings.method, model), settings.record_impulses = true;
+  if (has("_fields")) {
+    settings.per_environment = fields(settings.method, model);
+    settings.record_impulses = settings.integrator == Integrator::euler;
+  }
   return compile(model, settings);
 }
 

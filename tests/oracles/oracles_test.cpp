@@ -67,9 +67,9 @@ MatrixXd stepped(const scenes::Scene& scene, int steps_per_row) {
   return watched([&] { return VectorXd(batch.positions().col(0).matrix()); }, step);
 }
 
-// Steps of 1/1920 s. Of third order: halving the step leaves an eighth of the error, which is so a seventh of what halving
-// changed. Twice that, nearly a third: drives faster than a step (gripper13's: 2e4 /s) bring the order down towards the
-// two of the leapfrogs that are extrapolated.
+// Steps of 1/1920 s. Of third order: halving the step leaves an eighth of the error, which is so a seventh of what
+// halving changed. Twice that, nearly a third: drives faster than a step (gripper13's: 2e4 /s) bring the order down
+// towards the two of the leapfrogs that are extrapolated.
 Motion own_motion(const scenes::Scene& scene) {
   const MatrixXd fine = stepped(scene, 8);
   return {fine, 2.0 * farthest(fine, stepped(scene, 4)) / 7.0};

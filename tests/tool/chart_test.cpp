@@ -1,4 +1,9 @@
 // lockstep chart: the table and the picture. SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <regex>
+
 #include "tool/command.h"
 #include "tool/python.h"
 
@@ -40,6 +45,92 @@ TEST_F(Chart, shows_first_order_and_couplings_at_rounding_for_reduced) {
   }
   ASSERT_EQ(errors.size(), 5u);
   EXPECT_NEAR(errors[3] / errors[4], 2.0, 0.1);
+}
+
+// Positions by time of a trajectory that `simulate` recorded.
+std::map<double, std::vector<double>> trajectory(const std::string& csv) {
+  std::map<double, std::vector<double>> rows;
+  const std::vector<std::string> all = lines(csv);
+  std::vector<bool> position;
+  std::istringstream header(all.at(0));
+  for (std::string name; std::getline(header, name, ',');)
+    position.push_back(name != "time" && name.find(".v") == std::string::npos && !name.starts_with("C."));
+  for (std::size_t row = 1; row < all.size(); ++row) {
+    std::istringstream stream(all[row]);
+    std::vector<double> numbers;
+    for (std::string cell; std::getline(stream, cell, ',');) numbers.push_back(std::stod(cell));
+    auto& positions = rows[std::round(numbers.at(0) * 1e6)];
+    for (std::size_t i = 0; i < numbers.size(); ++i)
+      if (position[i]) positions.push_back(numbers[i]);
+  }
+  return rows;
+}
+
+// RMS of the joints at every sixtieth of a second that both have.
+double distance(const std::map<double, std::vector<double>>& a, const std::map<double, std::vector<double>>& b, int samples) {
+  double sum = 0.0;
+  long count = 0;
+  for (int sample = 1; sample <= samples; ++sample) {
+    const double at = std::round(sample / 60.0 * 1e6);
+    for (std::size_t i = 0; i < a.at(at).size(); ++i, ++count) sum += std::pow(a.at(at)[i] - b.at(at)[i], 2);
+  }
+  return std::sqrt(sum / static_cast<double>(count));
+}
+
+// On the couplings.
+constexpr const char* moving = "shoulder,shoulder.v,elbow,elbow.v,slide\n0.6,2,-0.6,-2,0.01\n";
+
+// Every line of advice, followed, keeps what it says: seen by a run with small steps of another integrator.
+TEST_F(Chart, gives_advice_that_holds_when_it_is_followed) {
+  const std::string state = write("start.csv", moving);
+  const auto simulated = [&](Arguments more) {
+    Arguments arguments = {"simulate", model, "--state", state, "--seconds", "0.5", "--envs", "1",
+                           "--ignore", "position,velocity,effort,friction", "--record", path("run.csv")};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const Ran ran = run(arguments);
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    return trajectory(contents(path("run.csv")));
+  };
+  const auto exact = simulated({"--integrator", "runge_kutta", "--dt", "1/7680", "--precision", "f64"});
+  const Ran ran = run({"chart", model, "--budget", "0.5", "--seconds", "0.5", "--envs", "8", "--state", state, "--ignore",
+                       "position,velocity,effort,friction", "--out", picture(), "--python", "/no/such/python"});
+  ASSERT_EQ(ran.status, 0) << ran.err;
+  const std::regex form(R"(advice +for (\S+) rad.* over .* s: (\w+)(?: \((\w+)( \d+)?\))? at (\S+) s in (f32|f64),)");
+  int followed = 0;
+  for (const std::string& line : lines(ran.out)) {
+    if (!line.starts_with("advice")) continue;
+    std::smatch part;
+    ASSERT_TRUE(std::regex_search(line, part, form)) << line;
+    Arguments arguments = {"--integrator", part[2], "--dt", part[5], "--precision", part[6]};
+    if (part[3].matched) arguments.insert(arguments.end(), {"--method", part[3]});
+    if (part[4].matched) arguments.insert(arguments.end(), {"--iterations", part[4].str().substr(1)});
+    EXPECT_LE(distance(simulated(arguments), exact, 30), 1.01 * std::stod(part[1])) << line;
+    ++followed;
+  }
+  EXPECT_GE(followed, 3);
+}
+
+TEST_F(Chart, and_simulate_choose_a_step_for_a_tolerance) {
+  const std::string state = write("start.csv", moving);
+  const Arguments common = {"simulate", model, "--state", state, "--seconds", "0.5", "--envs", "1", "--ignore",
+                            "position,velocity,effort,friction"};
+  const auto with = [&](Arguments more) {
+    more.insert(more.begin(), common.begin(), common.end());
+    return run(more);
+  };
+  ASSERT_EQ(with({"--integrator", "runge_kutta", "--dt", "1/7680", "--precision", "f64", "--record", path("exact.csv")}).status, 0);
+  const auto exact = trajectory(contents(path("exact.csv")));
+  for (const char* tolerance : {"1e-2", "1e-4", "1e-6"}) {
+    const Ran ran = with({"--tolerance", tolerance, "--precision", "f64", "--record", path("run.csv")});
+    ASSERT_EQ(ran.status, 0) << ran.err;
+    EXPECT_NE(ran.out.find("chosen   "), std::string::npos) << ran.out;
+    EXPECT_LE(distance(trajectory(contents(path("run.csv"))), exact, 30), 1.01 * std::stod(tolerance)) << ran.out;
+  }
+  EXPECT_NE(with({"--tolerance", "1e-2", "--integrator", "euler"}).out.find("chosen   euler"), std::string::npos);
+  const Ran refused = with({"--tolerance", "1e-30"});
+  EXPECT_EQ(refused.status, 2);
+  expect_one_complaint(refused.err, "--tolerance");
+  EXPECT_EQ(with({"--tolerance", "1e-3", "--dt", "1/240"}).status, 2) << "which of the two?";
 }
 
 TEST_F(Chart, with_a_python_is_a_picture_too) {
