@@ -82,7 +82,6 @@ void add_integrators() {
   };
   for (const char* scene : {"chain8", "gripper13", "chain32"})
     for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
-      if (method != Method::reduced && scene == std::string("chain32")) continue;  // see kernels/CMakeLists.txt
       const int iterations = method == Method::pgs ? 4 : 1;
       add_kernel(fmt::format("{}/{}/{}/f32", scene, name(method), iterations), bench::scene(scene, method, iterations));
     }

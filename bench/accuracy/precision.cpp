@@ -51,7 +51,7 @@ int main(int argc, char** argv) {
     for (const int seconds : {1, 5, 25})
       if (!quick || (joints == 8 && seconds == 1))
         for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog})
-          measure("chain", bench::chain(joints, joints / 2, Method::reduced).model, integrator, 240, seconds);
+          measure("chain", bench::chain(joints, joints < 4 ? 0 : joints / 2, Method::reduced).model, integrator, 240, seconds);
   for (const char* scene : {"chain8", "gripper13", "chain32"})
     for (const int rate : {60, 240, 960, 3840})
       if (!quick || rate == 60)

@@ -35,14 +35,17 @@ constexpr const char* head = R"(// The step of '{name}', written out: {what}.
 namespace {{
 
 struct Step {{
-  template <class T>
-  static void step([[maybe_unused]] const lockstep::Tables<typename T::Scalar>& t,
-                   [[maybe_unused]] const lockstep::Lanes<typename T::Scalar>& lanes, lockstep::kernels::Tile<T>& x) {{
-    [[maybe_unused]] const auto n = [](double number) {{ return T(static_cast<typename T::Scalar>(number)); }};
 )";
 
-constexpr const char* foot = R"(  }}
-}};
+// A function of the step's code: all of it, or a part.
+constexpr const char* function = R"(  template <class T>
+  {kind}static void {function}([[maybe_unused]] const lockstep::Tables<typename T::Scalar>& t,
+                   [[maybe_unused]] const lockstep::Lanes<typename T::Scalar>& lanes, lockstep::kernels::Tile<T>& x{more}) {{
+    [[maybe_unused]] const auto n = [](double number) {{ return T(static_cast<typename T::Scalar>(number)); }};
+{code}  }}
+)";
+
+constexpr const char* foot = R"(}};
 
 }}  // namespace
 
@@ -54,13 +57,32 @@ constexpr GeneratedKernel LOCKSTEP_KERNEL({name}) = generated_kernel<Step, {f32}
 }}  // namespace lockstep
 )";
 
+// So many operations are one function, or are cut into parts of so many.
+constexpr int longest_function = 12000, longest_part = 3000;
+
+std::string functions(const Written& step) {
+  using namespace fmt::literals;
+  const auto written = [](const char* kind, const std::string& name, const char* more, const std::string& code) {
+    return fmt::format(fmt::runtime(function), "kind"_a = kind, "function"_a = name, "more"_a = more, "code"_a = code);
+  };
+  if (step.operations <= longest_function) return written("", "step", "", step.code());
+  const Parts parts = in_parts(step.blocks, longest_part);
+  std::string all, calls = fmt::format("    T kept[{}];\n    typename T::Mask masks[{}];\n", parts.kept + 1, parts.masks + 1);
+  for (std::size_t i = 0; i < parts.code.size(); ++i) {
+    all += written("[[gnu::noinline]] ", fmt::format("part_{}", i),
+                   ", [[maybe_unused]] T* kept, [[maybe_unused]] typename T::Mask* masks", parts.code[i]);
+    calls += fmt::format("    part_{}(t, lanes, x, kept, masks);\n", i);
+  }
+  return all + written("", "step", "", calls);
+}
+
 }  // namespace
 
 std::uint64_t hash_of(const Program& program) {
   KernelHash& known = *program.kernel_hash;
   std::call_once(known.once, [&] {
     try {
-      known.value = hash_of_code(write(record_step(program)).code);
+      known.value = hash_of_code(write(record_step(program)).code());
     } catch (const SettingsError&) {  // lane by lane
     }
   });
@@ -76,7 +98,7 @@ KernelSource generate_kernel(const Plan& plan, const KernelOptions& options) {
   const generate::Written step = generate::write(generate::record_step(plan.program()));
   const std::string name = generate::identifier(options.name.empty() ? plan.model().name : options.name);
   KernelSource source;
-  source.hash = generate::hash_of_code(step.code);
+  source.hash = generate::hash_of_code(step.code());
   source.operations = step.operations;
   source.flops = step.flops;
   using namespace fmt::literals;
@@ -87,7 +109,7 @@ KernelSource generate_kernel(const Plan& plan, const KernelOptions& options) {
                        "include"_a = "#include", "operations"_a = source.operations, "flops"_a = source.flops, "hash"_a = source.hash,
                        "f32"_a = options.f32, "f64"_a = options.f64);
   };
-  source.code = fields(generate::head) + step.code + fields(generate::foot);
+  source.code = fields(generate::head) + generate::functions(step) + fields(generate::foot);
   return source;
 }
 

@@ -184,7 +184,9 @@ class Writer {
       if (nodes_[o].op == Op::input || nested_[o]) read_inputs(o, indent);
   }
   void read_input(Id id, int indent) {
-    if (defined_.insert(id).second) line(indent, fmt::format("const {} {} = {};", type(id), name(id), nodes_[id].text));
+    if (!defined_.insert(id).second) return;
+    defines(indent, id);
+    line(indent, fmt::format("const {} {} = {};", type(id), name(id), nodes_[id].text));
   }
 
   const char* type(Id id) const { return nodes_[id].mask ? "auto" : "T"; }
@@ -200,6 +202,7 @@ class Writer {
       }
       defined_.insert(id);
       const std::string text = bare(expression(id, item));
+      defines(indent, id);
       line(indent, fmt::format("const {} {} = {};", type(id), name(id), text));
     }
   }
@@ -224,6 +227,7 @@ class Writer {
         other = candidate;
     const Id sine = node.op == Op::sine ? id : other, cosine = node.op == Op::sine ? other : id;
     defined_.insert(sine), defined_.insert(cosine);
+    defines(indent, sine), defines(indent, cosine);
     line(indent, fmt::format("T {}, {};", name(sine), name(cosine)));
     line(indent, fmt::format("sincos({}, {}, {});", bare(operand(node.operand[0], item)), name(sine), name(cosine)));
     out_.operations += sincos_operations;
@@ -239,6 +243,7 @@ class Writer {
       if (live_[id]) read_inputs(id, 0);
     for (std::size_t i : kept) {
       read_inputs(item.start[i], 0);
+      defines(0, item.variable[i]);
       line(0, fmt::format("T {} = {};", name(item.variable[i]), bare(operand(item.start[i], item))));
     }
     line(0, fmt::format("for (int i = 0; i < {}; ++i) {{", item.times));
@@ -252,6 +257,7 @@ class Writer {
     const int indent = guarded ? 1 : 0;
     for (std::size_t i = 0; i < item.variable.size(); ++i) {
       read_inputs(item.start[i], 0);
+      defines(0, item.variable[i]);
       line(0, fmt::format("T {} = {};", name(item.variable[i]), bare(operand(item.start[i]))));
     }
     for (const Store& store : item.stores) read_inputs(store.value, 0);
@@ -269,7 +275,21 @@ class Writer {
     line(0, "}");
   }
 
-  void line(int indent, const std::string& text) { out_.code += std::string(2 * (indent + 2), ' ') + text + '\n'; }
+  // Lines between braces stay together.
+  void line(int indent, const std::string& text) {
+    if (open_ == 0) out_.blocks.emplace_back();
+    Block& block = out_.blocks.back();
+    block.code += std::string(2 * (indent + 2), ' ') + text + '\n';
+    for (const char c : text) open_ += c == '{' ? 1 : c == '}' ? -1 : 0;
+    block.operations += static_cast<int>(out_.operations - told_);
+    told_ = out_.operations;
+    block.defines.insert(block.defines.end(), defined_next_.begin(), defined_next_.end());
+    defined_next_.clear();
+  }
+  // What the next line does, if it is outside of loops.
+  void defines(int indent, Id id) {
+    if (indent == 0) defined_next_.push_back({name(id), nodes_[id].mask});
+  }
 
   const Graph& graph_;
   const std::vector<Node>& nodes_;
@@ -279,10 +299,19 @@ class Writer {
   std::map<Id, std::string> given_;             // names
   std::map<std::string, int> taken_;            // how often each has been wanted
   std::set<Id> defined_;
+  std::vector<Definition> defined_next_;
+  int open_ = 0;                                // braces
+  long told_ = 0;                               // operations that blocks have
   Written out_;
 };
 
 }  // namespace
+
+std::string Written::code() const {
+  std::string all;
+  for (const Block& block : blocks) all += block.code;
+  return all;
+}
 
 Written write(const Graph& graph) { return Writer(graph).write(); }
 

@@ -4,12 +4,16 @@
 #include "bias_forces.h"
 #include "compete.h"
 #include "coupling_error.h"
+#include "direct.h"
+#include "free_velocity.h"
 #include "impulses.h"
+#include "integrate.h"
 #include "joint_terms.h"
 #include "kinematics.h"
 #include "mass_matrix.h"
+#include "pgs.h"
 #include "saturation.h"
-#include "solve.h"
+#include "tgs.h"
 
 namespace lockstep::kernels {
 
@@ -23,9 +27,24 @@ void euler(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T
     mass_matrix(t, x);
     joint_terms(t, lanes, x);
     if (t.limited.count > 0) limited_drives(t, lanes, x);
+    if (t.natural.count > 0) natural_responses(t, x);
+    if (t.reduction.followers > 0) reduce_matrix(t, x);
     if (t.bounds.form.count > 0) forget_bounds(x);
-    factorise(t, lanes, x);
-    solve(t, x);
+    factor_matrix(t, x);
+    free_velocity(t, x);
+    if (t.rows.count > 0) {
+      responses(t, x);
+      row_softness(t, lanes, x);
+      row_terms(t, x);
+      switch (t.method) {
+        case method_pgs: pgs(t, x); break;
+        case method_tgs: tgs(t, x); break;
+        default:  // direct, and what reduced leaves to solve
+          factor_rows(t, x);
+          direct(t, x);
+      }
+    }
+    solved_velocities(t, x);
     integrate(t, x);
     if (t.bounds.form.count > 0 && bounds_act(t, x)) compete(t, lanes, x);
   } while (t.limited.count > 0 && saturation_differs(t, lanes, x));

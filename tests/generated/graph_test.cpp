@@ -1,5 +1,12 @@
 // What is left of operations when they are written down. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
 #include <gtest/gtest.h>
+
+#include <map>
+#include <random>
+#include <regex>
+#include <set>
+#include <sstream>
 
 #include <stdexcept>
 
@@ -15,7 +22,7 @@ std::string written(F f) {
   const Id x = graph.input("x", false), y = graph.input("y", false), z = graph.input("z", false);
   for (const Id id : {x, y, z}) graph.name(id, graph.nodes()[id].text + std::string("_0"));
   graph.effect({{"result", f(graph, x, y, z)}}, "");
-  const std::string code = write(graph).code;
+  const std::string code = write(graph).code();
   const std::size_t at = code.find("result = ");
   return code.substr(at + 9, code.find(';', at) - at - 9);
 }
@@ -81,6 +88,44 @@ TEST(Graph, takes_nothing_from_inside_a_loop_that_it_does_not_hand_on) {
   const Id after = graph.end_loop({inside})[0];
   EXPECT_NO_THROW(graph.operation(Op::add, after, x));
   EXPECT_THROW(graph.operation(Op::add, inside, graph.input("y", false)), std::logic_error);
+}
+
+// What a part uses it has defined, or read from where a part before has put it.
+TEST(Parts, hand_on_what_later_ones_use) {
+  std::vector<Block> blocks;
+  std::mt19937 random(7);
+  for (int i = 0; i < 200; ++i) {
+    const int a = i == 0 ? 0 : static_cast<int>(random() % static_cast<unsigned>(i));
+    Block block;
+    block.code = fmt::format("    const T a_{} = a_{} + x.a_{};\n", i, a, i + 1);  // a member is no word
+    if (i == 0) block.code = "    const T a_0 = x.q[0];\n";
+    block.defines = {{fmt::format("a_{}", i), i % 5 == 0}};
+    block.operations = 1;
+    blocks.push_back(block);
+  }
+  const Parts parts = in_parts(blocks, 16);
+  EXPECT_EQ(parts.code.size(), 13u);
+  EXPECT_LT(parts.kept + parts.masks, 200) << "places are used again";
+  std::map<std::string, std::string> places;  // what stands where
+  const std::regex read(R"(const auto (\w+) = ((?:kept|masks)\[\d+\]);)"), write(R"(((?:kept|masks)\[\d+\]) = (\w+);)");
+  const std::regex define(R"(const T (\w+) = (a_\d+) \+.*)");
+  for (const std::string& code : parts.code) {
+    std::set<std::string> known = {"a_0"};
+    std::istringstream lines(code);
+    for (std::string line; std::getline(lines, line);) {
+      std::smatch part;
+      if (std::regex_search(line, part, read)) {
+        EXPECT_EQ(places[part[2]], part[1]);
+        known.insert(part[1]);
+      } else if (std::regex_search(line, part, write)) {
+        EXPECT_TRUE(known.contains(part[2])) << line;
+        places[part[1]] = part[2];
+      } else if (std::regex_search(line, part, define)) {
+        EXPECT_TRUE(known.contains(part[2])) << line;
+        known.insert(part[1]);
+      }
+    }
+  }
 }
 
 }  // namespace
