@@ -58,7 +58,7 @@ constexpr GeneratedKernel LOCKSTEP_KERNEL({name}) = generated_kernel<Step, {f32}
 )";
 
 // So many operations are one function, or are cut into parts of so many.
-constexpr int longest_function = 12000, longest_part = 3000;
+constexpr int longest_function = 20000, longest_part = 3000;
 
 std::string functions(const Written& step) {
   using namespace fmt::literals;
