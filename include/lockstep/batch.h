@@ -96,10 +96,11 @@ class Batch {
   ConstView root_velocities() const;
 
   // --- inputs, held until changed --------------------------------------------------------------
-  // With StepSettings::stage_inputs rows come once for each of Plan::stage_times(): [times x dofs], times outside.
-  View position_targets();  ///< [dofs][environments]; read only for joints with a drive
-  View velocity_targets();  ///< [dofs][environments]; the same
-  View efforts();           ///< [dofs][environments] feed-forward, N m or N
+  // With StepSettings::stage_inputs rows come once for each of Plan::stage_times(), dof by dof, time after time; in
+  // step(n) each of the n steps looks at the same rows.
+  View position_targets();  ///< [dofs or times x dofs][environments]; read only for joints with a drive
+  View velocity_targets();  ///< [dofs or times x dofs][environments]; the same
+  View efforts();           ///< [dofs or times x dofs][environments] feed-forward, N m or N
   /// A declared per-environment field; rows as listed at Parameter, filled with the model's values.
   /// Throws UsageError for a field that was not declared in StepSettings::per_environment.
   View parameter(Parameter parameter);

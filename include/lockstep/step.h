@@ -19,13 +19,18 @@ const char* name(Method method) noexcept;
 
 /// How positions and velocities are taken through time, docs/mathematics.md sections 9 and 13; docs/accuracy.md says
 /// which to choose. All but `euler` are for smooth scenes: no bounds (limits, friction, kinematic drives, force limits)
-/// but those that StepSettings::ignore leaves out, the methods direct or reduced, no recordings.
+/// but those that StepSettings::ignore leaves out, the methods direct or reduced, no recordings, velocity_iterations of
+/// at least 1 where couplings are hard, and no Parameter::softness of couplings that state theirs by erp and cfm. One that
+/// is asked for and does not apply is a SettingsError; automatic takes euler then, and describe() says why.
 enum class Integrator {
   automatic,    ///< leapfrog where it applies, else euler
   euler,        ///< semi-implicit Euler, (M40): first order, for every scene
   leapfrog,     ///< second order, linear terms implicit, (M60) to (M64): about 1.5 to 2 times the cost
-  extrapolated, ///< from leapfrogs of one and of half a step, (M65): about three times the cost of leapfrog
-  runge_kutta,  ///< the classical one of fourth order, (M66): every coupling hard and eliminated, no stiff drives
+  extrapolated, ///< third order, from leapfrogs of one and of half a step, (M65): about three times the cost of leapfrog;
+                ///< hard couplings' erp at most 1.75
+  runge_kutta,  ///< the classical one of fourth order, (M66): every coupling hard and eliminated, no drives and damping too
+                ///< stiff for the step at the model's start, (M69). Velocities that start off their couplings come back
+                ///< in some steps, 0.375 of what is left in each; the others take one
 };
 
 /// "automatic", "euler", "leapfrog", "extrapolated", "runge_kutta".
@@ -84,8 +89,9 @@ struct StepSettings {
   Ignored ignore = {};
   bool stage_inputs = false;         ///< position_targets(), velocity_targets() and efforts() of a Batch have the dofs'
                                      ///< rows once for each of Plan::stage_times(), in that order; else what they
-                                     ///< hold is held over the step
-  bool record_impulses = false;      ///< keep the couplings' impulses for Batch::coupling_impulses()
+                                     ///< hold is held over the step. Euler has one time only
+  bool record_impulses = false;      ///< keep the couplings' impulses for Batch::coupling_impulses(); automatic
+                                     ///< integrators are euler then, and likewise with the next
   bool record_diagnostics = false;   ///< keep what Batch::row_residuals(), energy_balances() and conflicts() show
   double position_bound = 1e5;       ///< rad or m; beyond it an environment is frozen, Fault::diverged.
                                      ///< Angles in float lose 6e-8 of their size, so keep them small

@@ -105,7 +105,8 @@ KernelSource generate_kernel(const Plan& plan, const KernelOptions& options) {
   const StepSettings& s = plan.settings();
   const auto fields = [&](const char* form) {
     return fmt::format(fmt::runtime(form), "name"_a = name, "version"_a = version(),
-                       "what"_a = fmt::format("method {}, dt {:.6g} s", lockstep::name(plan.method()), s.dt),
+                       "what"_a = fmt::format("method {}, {}, dt {:.6g} s", lockstep::name(plan.method()),
+                                             lockstep::name(plan.integrator()), s.dt),
                        "include"_a = "#include", "operations"_a = source.operations, "flops"_a = source.flops, "hash"_a = source.hash,
                        "f32"_a = options.f32, "f64"_a = options.f64);
   };

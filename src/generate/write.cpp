@@ -28,8 +28,8 @@ class Writer {
     find_nested();
     for (const Item& item : graph_.items()) {
       if (item.kind == Item::straight) lines(item, 0);
-      if (item.kind == Item::loop) loop(item);
-      if (item.kind == Item::effect) effect(item);
+      if (item.kind == Item::loop) keep_together([&] { loop(item); });
+      if (item.kind == Item::effect) keep_together([&] { effect(item); });
     }
     return std::move(out_);
   }
@@ -197,7 +197,7 @@ class Writer {
       if (!live_[id] || nested_[id] || absorbed_[id] || defined_.contains(id) || node.op == Op::input) continue;
       read_inputs(id, indent);
       if (node.op == Op::sine || node.op == Op::cosine) {
-        both(id, item, indent);
+        indent == 0 ? keep_together([&] { both(id, item, indent); }) : both(id, item, indent);
         continue;
       }
       defined_.insert(id);
@@ -275,9 +275,10 @@ class Writer {
     line(0, "}");
   }
 
-  // Lines between braces stay together.
+  // Lines between braces stay together, and so do those of an item that sets what it has declared.
   void line(int indent, const std::string& text) {
-    if (open_ == 0) out_.blocks.emplace_back();
+    if (open_ == 0 && !(together_ && begun_)) out_.blocks.emplace_back();
+    begun_ = true;
     Block& block = out_.blocks.back();
     block.code += std::string(2 * (indent + 2), ' ') + text + '\n';
     for (const char c : text) open_ += c == '{' ? 1 : c == '}' ? -1 : 0;
@@ -285,6 +286,12 @@ class Writer {
     told_ = out_.operations;
     block.defines.insert(block.defines.end(), defined_next_.begin(), defined_next_.end());
     defined_next_.clear();
+  }
+  template <class Write>
+  void keep_together(Write write) {
+    together_ = true, begun_ = false;
+    write();
+    together_ = false;
   }
   // What the next line does, if it is outside of loops.
   void defines(int indent, Id id) {
@@ -301,6 +308,7 @@ class Writer {
   std::set<Id> defined_;
   std::vector<Definition> defined_next_;
   int open_ = 0;                                // braces
+  bool together_ = false, begun_ = false;
   long told_ = 0;                               // operations that blocks have
   Written out_;
 };

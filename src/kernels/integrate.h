@@ -74,7 +74,7 @@ LOCKSTEP_INLINE void make_unit(const T* quaternion, T* unit) {
 }
 
 /// The root's pose after turning and moving with its twist for the time h: q <- q exp(h w / 2), p <- p + h R v, (M41).
-/// Keeps the half turn exp(h w / 2). `next` may be `pose`.
+/// Keeps the half turn exp(h w / 2).
 template <class T>
 void move_root(ScalarOf<T> time, const T* twist, const T* pose, T* half_turn, T* next) {
   using S = ScalarOf<T>;

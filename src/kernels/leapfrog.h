@@ -17,7 +17,7 @@ namespace lockstep::kernels {
 /// (M63)
 template <class S>
 struct Alexander {
-  static constexpr double g = 0.43586652150845899942;
+  static constexpr double g = alexander_gamma;
   static constexpr S gamma = S(g);
   static constexpr S weight[leapfrog_stages] = {S(-(6 * g * g - 16 * g + 1) / 4), S((6 * g * g - 20 * g + 5) / 4), S(g)};
   /// a_ik, k < i

@@ -130,6 +130,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   for (unsigned p = 0; p < parameter_count; ++p)
     if (settings.per_environment.contains(static_cast<Parameter>(p))) t.per_environment |= 1u << p;
   narrow(*program);
+  if (integrator == Integrator::runge_kutta) program->explicit_rate = largest_rate(*program);
   return program;
 }
 
@@ -164,6 +165,7 @@ Plan compile(const Model& model, const StepSettings& settings) {
     program->half = compiled_half(model, settings);
     program->f64.half = &program->half->f64;
     program->f32.half = &program->half->f32;
+    program->fits_single = program->fits_single && program->half->fits_single;
   }
   return Plan(std::move(program));
 }

@@ -6,13 +6,12 @@
 namespace lockstep {
 namespace {
 
-constexpr double gamma = 0.43586652150845899942;  // (M63)
 constexpr double explicit_bound = 2.5;            // (M69)
 constexpr double most_extrapolated_erp = 1.75;    // (M65)
 
 // Times of one leapfrog that begins at `begin` and goes `length`, in shares of the step.
 void add_times(double begin, double length, std::vector<double>& times) {
-  for (double share : {gamma, (1.0 + gamma) / 2.0, 1.0}) times.push_back(begin + length * share);
+  for (double share : {alexander_gamma, (1.0 + alexander_gamma) / 2.0, 1.0}) times.push_back(begin + length * share);
 }
 
 }  // namespace
@@ -38,7 +37,7 @@ std::optional<Obstacle> obstacle_of(const Program& program) {
       return Obstacle{fmt::format("coupling '{}' has an erp of {}, and above {} the extrapolation makes its error grow",
                                   coupling.joint, softness.first, most_extrapolated_erp), "lower the erp"};
   }
-  if (hard && s.velocity_iterations == 0)
+  if (hard && s.velocity_iterations == 0 && program.integrator != Integrator::runge_kutta)
     return Obstacle{"velocity_iterations is 0, and corrections would stay in the velocities", "give 1"};
   if (declared(program, Parameter::softness) && stated_by_step)
     return Obstacle{"softness differs per environment and is stated by erp and cfm, which mean another spring at each "
@@ -47,7 +46,7 @@ std::optional<Obstacle> obstacle_of(const Program& program) {
   if (t.rows.count > 0)
     return Obstacle{"some couplings are soft, switched or not eliminated, which takes an implicit step",
                     "use leapfrog or extrapolated, or the method reduced with hard couplings"};
-  const double rate = largest_rate(program), reach = rate * s.dt;
+  const double rate = program.explicit_rate, reach = rate * s.dt;
   if (!(reach <= explicit_bound))
     return Obstacle{fmt::format("drives and damping make motions of {:.3g} 1/s at the model's start, and with dt = {:.4g} s "
                                 "that is {:.3g}, above {}", rate, s.dt, reach, explicit_bound),
@@ -62,7 +61,7 @@ void lay_out_times(Program& program, Integrator integrator) {
   switch (integrator) {
     case Integrator::leapfrog:
     case Integrator::extrapolated:
-      program.length = gamma * dt;
+      program.length = alexander_gamma * dt;
       add_times(0.0, 1.0, program.stage_times);
       break;
     case Integrator::runge_kutta: program.stage_times = {0.0, 0.5, 1.0}; break;

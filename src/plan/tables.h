@@ -13,6 +13,9 @@ namespace lockstep {
 /// Stands for infinity in tables, where it can be scaled by any step size or gear ratio in single precision.
 constexpr double unlimited = 1e25;
 
+/// gamma of (M63): how much of a step its implicit stages go.
+constexpr double alexander_gamma = 0.43586652150845899942;
+
 template <class E>
 struct Span {
   const E* data = nullptr;

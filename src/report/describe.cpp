@@ -112,6 +112,19 @@ std::string method_lines(const Program& program) {
   return text;
 }
 
+std::string input_line(const Program& program) {
+  const std::size_t times = program.stage_times.size();
+  std::string text;
+  if (program.settings.stage_inputs)
+    text = fmt::format("Targets and efforts: rows for {} of the step, {}.\n", times == 1 ? "the end" : "each time",
+                       fmt::format("at shares of {:.4g}", fmt::join(program.stage_times, ", ")));
+  if (program.integrator == Integrator::runge_kutta)
+    text += fmt::format("Explicit terms: motions of {:.3g} 1/s at the model's start, times dt {:.3g} of the 2.5 that it bears; "
+                        "gains, damping and masses of environments are not looked at.\n",
+                        program.explicit_rate, program.explicit_rate * program.settings.dt);
+  return text;
+}
+
 std::string stage_lines(const Program& program) {
   const Tables<double>& t = program.f64;
   std::vector<std::string> stages{"kinematics", "bias forces (Newton-Euler)", "mass matrix (composite bodies)", "joint terms"};
@@ -203,7 +216,7 @@ std::string kernel_line(const Plan& plan) {
 std::string Plan::describe() const {
   const Program& p = *program_;
   const long flops = flops_per_step();
-  return mechanism_line(p) + coupling_lines(p) + method_lines(p) + stage_lines(p) + bounds_lines(p) + kernel_line(*this) +
+  return mechanism_line(p) + coupling_lines(p) + method_lines(p) + input_line(p) + stage_lines(p) + bounds_lines(p) + kernel_line(*this) +
          fmt::format("Cost of a step of one environment: {} flops; {} bytes read and written in f32, {} in f64.\n", flops,
                      bytes_per_step(4), bytes_per_step(8)) +
          fmt::format("Memory of one environment: {} bytes in f32, {} in f64.\n", bytes_per_environment(4),

@@ -52,17 +52,19 @@ Model with_start(const ChartOptions& options, Model model) {
 std::vector<ChartSetting> possible_settings(const Model& model, const Ignored& ignore) {
   std::vector<ChartSetting> possible;
   std::map<std::string, std::string> refused;  // by integrator or method: why the last time
+  std::map<std::string, int> taken;
   for (const ChartSetting& setting : chart_settings(model, ignore)) {
     try {
       compile_setting(model, setting);
       possible.push_back(setting);
+      ++taken[family(setting)];
     } catch (const SettingsError& error) {
       const std::string why = error.what(), word = "apply: ";
       refused[family(setting)] = why.find(word) < why.size() ? why.substr(why.find(word) + word.size()) : why;
     }
   }
   std::map<std::string, std::vector<std::string>> by_reason;
-  for (const auto& [what, why] : refused) by_reason[why].push_back(what);
+  for (const auto& [what, why] : refused) by_reason[why].push_back(taken[what] > 0 ? what + " at some steps" : what);
   for (const auto& [why, what] : by_reason) fmt::print("left out {}: {}\n", fmt::join(what, ", "), why);
   return possible;
 }
@@ -85,8 +87,8 @@ Measured measure(const ChartOptions& options, const Model& model, const Truth& t
   std::vector<Plan> plans;
   std::vector<double> expected;
   for (const ChartSetting& setting : settings) {
-    result.points.push_back(measure_error(model, setting, truth));
     plans.push_back(compile_setting(model, setting));
+    result.points.push_back(measure_error(plans.back(), setting, truth));
     expected.push_back(measure_cost(plans.back(), setting.f64, samples, fewest_environments, 1e-4));
   }
   // As many environments as let every setting run the whole motion in each round.

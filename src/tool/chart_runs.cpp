@@ -206,9 +206,11 @@ Truth find_truth(const Model& model, const Ignored& ignore, int samples, const s
     runs[level] = std::move(run.positions);
     done += share;
   }
-  if (levels == 2) {  // the error is c3 h^3 + ..., and c3 h^3 is what the extrapolation takes off the finer run
-    const Eigen::ArrayXXd taken = (runs[1] - runs[0]) / 7.0;
-    return {runs[1] + taken, rms(taken), rate};
+  if (levels == 2) {
+    // The error is c3 h^3 + ..., which extrapolation takes off the finer run. Stiff servos leave a lower order, down to
+    // the first: what is left is then no more than the two runs are apart.
+    const Eigen::ArrayXXd apart = runs[1] - runs[0];
+    return {runs[1] + apart / 7.0, rms(apart), rate};
   }
   // The error is c1 h + c2 h^2 + ...: the first pair of extrapolations removes c1, the second c2. Their
   // difference is the error of the first kind, an upper estimate of what is left.
@@ -216,8 +218,7 @@ Truth find_truth(const Model& model, const Ignored& ignore, int samples, const s
   return {(4.0 * fine - coarse) / 3.0, rms((fine - coarse) / 3.0), rate};
 }
 
-ChartPoint measure_error(const Model& model, const ChartSetting& setting, const Truth& truth, const Drive& drive) {
-  const Plan plan = compile_setting(model, setting);
+ChartPoint measure_error(const Plan& plan, const ChartSetting& setting, const Truth& truth, const Drive& drive) {
   const int samples = static_cast<int>(truth.positions.cols());
   const auto quiet = [](double) {};
   const Trajectory run = setting.f64 ? trajectory<double>(plan, samples, quiet, true, drive)

@@ -74,7 +74,7 @@ Truth find_truth(const Model& model, const Ignored& ignore, int samples, const s
                  const Drive& drive = {});
 
 /// Error of a setting against the truth; the cost stays 0.
-ChartPoint measure_error(const Model& model, const ChartSetting& setting, const Truth& truth, const Drive& drive = {});
+ChartPoint measure_error(const Plan& plan, const ChartSetting& setting, const Truth& truth, const Drive& drive = {});
 
 /// CPU seconds per environment and simulated second on this thread: `seconds` > 0 of the charted motion, which
 /// starts anew after `samples`.

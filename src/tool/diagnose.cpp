@@ -2,6 +2,7 @@
 #include "diagnose.h"
 
 #include <algorithm>
+#include <limits>
 
 #include "progress.h"
 
@@ -19,17 +20,19 @@ struct Watched {
 
 template <class S>
 void look(const Batch<S>& batch, double time, std::vector<Watched>& watched, Diagnosis& diagnosis) {
+  const bool recorded = batch.plan().settings().record_diagnostics;
   const typename Batch<S>::Array violations = batch.limit_violations(), speeds = batch.speeds();
-  const typename Batch<S>::Array balances = batch.energy_balances();
+  const typename Batch<S>::Array balances = recorded ? batch.energy_balances() : typename Batch<S>::Array();
   for (int e = 0; e < batch.environments(); ++e) {
     if (batch.faults()[e] != Fault::none) continue;
     Watched& environment = watched[e];
+    diagnosis.limit_violation_max = std::max(diagnosis.limit_violation_max, static_cast<double>(violations(0, e)));
+    diagnosis.speed_max = std::max(diagnosis.speed_max, static_cast<double>(speeds(0, e)));
+    if (!recorded) continue;
     // In double: each step's share is small against the sum.
     const auto joules = [&](Balance row) { return static_cast<double>(balances(row, e)); };
     environment.energy_excess += joules(energy_change) - joules(work_of_drives) - joules(work_of_corrections);
     diagnosis.energy_excess_max = std::max(diagnosis.energy_excess_max, environment.energy_excess);
-    diagnosis.limit_violation_max = std::max(diagnosis.limit_violation_max, static_cast<double>(violations(0, e)));
-    diagnosis.speed_max = std::max(diagnosis.speed_max, static_cast<double>(speeds(0, e)));
 
     if (environment.had_conflict) continue;
     std::vector<std::string> rows = batch.conflicts(e);
@@ -47,6 +50,8 @@ Diagnosis diagnose(Batch<S>& batch, const Targets& targets, long steps) {
   const double dt = batch.plan().settings().dt;
   Diagnosis diagnosis;
   diagnosis.environments = batch.environments();
+  if (!batch.plan().settings().record_diagnostics)
+    diagnosis.energy_excess_max = std::numeric_limits<double>::quiet_NaN();
   std::vector<Watched> watched(batch.environments());
   Progress progress(static_cast<double>(steps), "steps");
   int target_row = -1;

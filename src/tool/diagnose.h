@@ -29,7 +29,8 @@ struct Diagnosis {
   std::vector<Conflict> conflicts;   ///< theirs in the order of time, the first most_conflicts_listed
 };
 
-/// Takes a batch, whose plan records diagnostics, from its start over so many steps and looks at it after each one.
+/// Takes a batch from its start over so many steps and looks at it after each one. Where its plan
+/// records no diagnostics, the energy's excess is no number: steps of integrators other than Euler keep no balance.
 template <class S>
 Diagnosis diagnose(Batch<S>& batch, const Targets& targets, long steps);
 

@@ -61,6 +61,8 @@ void add_generate(CLI::App& app, int& exit_code) {
       ->type_name("LIST");
   command->add_flag("--record-impulses", options->step.settings.record_impulses, "For batches that keep impulses");
   command->add_flag("--record-diagnostics", options->step.settings.record_diagnostics, "For batches that keep diagnostics");
+  command->add_flag("--stage-inputs", options->step.settings.stage_inputs,
+                    "For batches with targets and efforts of each stage's time");
   command->add_option("--out", options->out, "The C++ file to write")->required();
   command->add_option("--name", options->kernel.name, "Name of the kernel; the model's if left out");
   command->add_option("--precision", options->precision, "f32, f64 or both")->check(CLI::IsMember({"f32", "f64", "both"}));

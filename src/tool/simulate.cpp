@@ -139,12 +139,8 @@ Outcome run(const SimulateOptions& options, const Inputs& inputs, const Plan& pl
 // the plan that was asked for.
 template <class S>
 Diagnosis diagnosed(const SimulateOptions& options, const Inputs& inputs, const Plan& plan, long steps) {
-  if (plan.integrator() != Integrator::euler) {  // whose steps have no balance: nothing is known, which JSON calls null
-    constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
-    return {0, unknown, unknown, unknown, 0, {}};
-  }
   StepSettings settings = plan.settings();
-  settings.record_diagnostics = true;
+  settings.record_diagnostics = plan.integrator() == Integrator::euler;  // others have no balance to record
   const Plan recording = compile(plan.model(), settings);
   Batch<S> batch(recording, std::min(options.environments, most_diagnosed), {.threads = options.threads});
   put_to_start(options, inputs.state, batch);
@@ -205,7 +201,7 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   json["energy_excess_max"] = diagnosis.energy_excess_max;
   json["limit_violation_max"] = diagnosis.limit_violation_max;
   json["speed_max"] = diagnosis.speed_max;
-  json["conflict_count"] = diagnosis.conflict_count;
+  json["conflict_count"] = diagnosis.conflict_count;  // none in smooth scenes: nothing competes there
   json["conflicts"] = nlohmann::ordered_json::array();
   for (const Conflict& conflict : diagnosis.conflicts)
     json["conflicts"].push_back(
@@ -233,7 +229,9 @@ std::optional<Chosen> chosen_step(const SimulateOptions& options, const Inputs& 
     state->rows.resize(1);
     start = with_state(std::move(start), *state);
   }
-  const Targets targets = inputs.targets_of(compile(model, options.step.settings));
+  StepSettings any = options.step.settings;  // of which no step is taken: the targets want the joints' names
+  any.integrator = Integrator::automatic;
+  const Targets targets = inputs.targets_of(compile(model, any));
   const Chosen chosen =
       choose_step(start, options.step.settings, options.f64, options.tolerance, options.seconds, targets);
   fmt::print("chosen   {}: off by {:.1e} (rad, m; RMS over {:g} s of one environment) where {:g} is allowed\n",
@@ -254,13 +252,13 @@ int run(const SimulateOptions& options) {
     throw InputError(fmt::format("--record-env: {} is not below the number of environments, {}", options.recorded,
                                  options.environments));
   keep_apart({options.model.file, options.state, options.targets}, {options.record, options.json});
+  std::optional<OutputFile> json;  // opened before the work: a bad name should not cost a run
+  if (!options.json.empty()) json.emplace(options.json);
   const Inputs inputs(options);
   const Model model = options.model.load().model;
   const std::optional<Chosen> chosen = chosen_step(options, inputs, model);
   const Plan plan = compile(model, settings_of(options, chosen));
   const long steps = step_count(options.seconds, plan.settings().dt);
-  std::optional<OutputFile> json;  // opened before the work: a bad name should not cost a run
-  if (!options.json.empty()) json.emplace(options.json);
   const Outcome outcome =
       options.f64 ? run<double>(options, inputs, plan, steps) : run<float>(options, inputs, plan, steps);
   print(options, plan, outcome);

@@ -35,23 +35,32 @@ Chosen choose_step(const Model& model, const StepSettings& settings, bool f64, d
                                  "larger tolerance or fewer --seconds", tolerance, truth.error));
   std::optional<Chosen> best;
   double least = infinity, smallest_error = infinity;
+  std::string refusal;
   for (ChartSetting setting : tolerance_settings(settings.method, f64, settings.ignore)) {
     if (settings.integrator != Integrator::automatic && setting.integrator != settings.integrator) continue;
     setting.iterations = settings.iterations;
+    StepSettings tried = settings;
+    tried.dt = 1.0 / setting.steps_per_second;
+    tried.integrator = setting.integrator;
+    std::optional<Plan> plan;
     try {
-      const double cost = cost_of(compile_setting(model, setting));
-      if (cost >= least) continue;
-      const ChartPoint point = measure_error(model, setting, truth, drive);
-      smallest_error = std::min(smallest_error, point.rms_error);
-      if (point.faulted || !(point.rms_error <= tolerance)) continue;
-      least = cost;
-      best = Chosen{setting, point.rms_error, static_cast<double>(samples) / samples_per_second};
-    } catch (const SettingsError&) {  // not for this scene, or not with this step
+      plan = compile(model, tried);
+    } catch (const SettingsError& error) {  // not for this scene, or not with this step
+      refusal = error.what();
+      continue;
     }
+    const double cost = cost_of(*plan);
+    if (cost >= least) continue;
+    const ChartPoint point = measure_error(*plan, setting, truth, drive);
+    smallest_error = std::min(smallest_error, point.rms_error);
+    if (point.faulted || !(point.rms_error <= tolerance)) continue;
+    least = cost;
+    best = Chosen{setting, point.rms_error, static_cast<double>(samples) / samples_per_second};
   }
+  if (smallest_error == infinity && !refusal.empty()) throw InputError("--tolerance: " + refusal);
   if (!best)
-    throw InputError(fmt::format("--tolerance: no step comes to {:g}; the best is off by {:.1e}{}", tolerance, smallest_error,
-                                 f64 ? "" : ": give a larger one, or --precision f64"));
+    throw InputError(fmt::format("--tolerance: no step comes to {:g}; the best is off by {:.1e}{}", tolerance,
+                                 smallest_error, f64 ? "" : ": give a larger one, or --precision f64"));
   return *best;
 }
 

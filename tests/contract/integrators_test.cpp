@@ -148,7 +148,8 @@ TEST(IntegratorSettings, that_do_not_apply_say_why_and_what_to_do) {
     expect_said(of_chain([](Model& m, StepSettings&) { m.joints[0].effort_limit = 1.0; }), "has bounds", "euler");
     expect_said(of_chain([](Model&, StepSettings& s) { s.method = Method::pgs; }), "sweeps", "reduced");
     expect_said(of_chain([](Model&, StepSettings& s) { s.record_impulses = true; }), "record", "euler");
-    expect_said(of_chain([](Model&, StepSettings& s) { s.velocity_iterations = 0; }), "velocity_iterations", "give 1");
+    if (integrator != Integrator::runge_kutta)
+      expect_said(of_chain([](Model&, StepSettings& s) { s.velocity_iterations = 0; }), "velocity_iterations", "give 1");
     EXPECT_EQ(of_chain([](Model& m, StepSettings& s) { m.joints[0].upper = 1.0, s.ignore.position_limits = true; }), "");
   }
   expect_said(refusal(scenes::gripper13(), Integrator::runge_kutta, [](Model&, StepSettings&) {}), "drives and damping",
@@ -161,7 +162,7 @@ TEST(IntegratorSettings, that_do_not_apply_say_why_and_what_to_do) {
               "erp", "lower");
 }
 
-// The bound that is named is one: just below it the step is taken, and stays finite where twice of it does not.
+// The largest step that is taken is one that lasts.
 TEST(IntegratorSettings, name_the_largest_explicit_step) {
   const auto plan = [](double dt) {
     StepSettings settings;

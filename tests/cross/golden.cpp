@@ -49,18 +49,25 @@ std::uint64_t outcome(const Plan& plan, Target target) {
 }
 
 // A line per class; more where its targets disagree.
-void print(const std::string& scene, Method method) {
-  Model model = scenes::scene(scene).model;
-  for (Joint& joint : model.joints) joint.lower = -0.35, joint.upper = 0.35, joint.friction = 0.01;
-  const Plan plan = compile(model, {.method = method, .iterations = 4});
+void print(const std::string& words, const Plan& plan) {
   for (const ArithmeticClass& own : classes) {
     std::set<std::string> lines;
     for (Target target : own.targets)
       if (supported(target))
-        lines.insert(fmt::format("{} {} {} f32 {:016x} f64 {:016x}\n", own.name, scene, name(method),
-                                 outcome<float>(plan, target), outcome<double>(plan, target)));
+        lines.insert(fmt::format("{} {} f32 {:016x} f64 {:016x}\n", own.name, words, outcome<float>(plan, target),
+                                 outcome<double>(plan, target)));
     for (const std::string& line : lines) fmt::print("{}", line);
   }
+}
+
+void print(const std::string& scene, Method method) {
+  Model model = scenes::scene(scene).model;
+  for (Joint& joint : model.joints) joint.lower = -0.35, joint.upper = 0.35, joint.friction = 0.01;
+  print(fmt::format("{} {}", scene, name(method)), compile(model, {.method = method, .iterations = 4}));
+}
+
+void print(const std::string& scene, Integrator integrator) {
+  print(fmt::format("{} {}", scene, name(integrator)), compile(scenes::scene(scene).model, {.integrator = integrator}));
 }
 
 }  // namespace
@@ -70,4 +77,8 @@ int main() {
   using lockstep::Method;
   for (const char* scene : {"chain8", "gripper13", "chain32"})
     for (Method method : {Method::reduced, Method::direct, Method::pgs, Method::tgs}) lockstep::print(scene, method);
+  using lockstep::Integrator;
+  for (const char* scene : {"chain8", "chain32"})
+    for (Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
+      lockstep::print(scene, integrator);
 }

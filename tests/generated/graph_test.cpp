@@ -90,6 +90,37 @@ TEST(Graph, takes_nothing_from_inside_a_loop_that_it_does_not_hand_on) {
   EXPECT_THROW(graph.operation(Op::add, inside, graph.input("y", false)), std::logic_error);
 }
 
+// A loop and its variables, a guarded effect and what it changes: cut apart, they would not compile.
+TEST(Parts, are_not_cut_where_something_is_declared_and_set) {
+  Graph graph;
+  Id value = graph.input("x.q[0]", false);
+  graph.name(value, "q_0");
+  for (int i = 0; i < 10; ++i) {
+    const std::vector<Id> begun = graph.begin_loop(3, {value});
+    Id inside = begun[0];
+    for (int k = 0; k < 5; ++k) inside = graph.operation(Op::fma, inside, inside, graph.constant(k + 2.0));
+    value = graph.end_loop({inside})[0];
+  }
+  const Id condition = graph.operation(Op::less, value, graph.constant(1.0));
+  const std::vector<Id> after = graph.effect_if(condition, {}, "hold();", {{"x.next_q[0]", value}});
+  graph.effect({{"x.q[0]", after[0]}}, "");
+  const Written written = write(graph);
+  const std::regex declared(R"(^ +T (\w+) = )"), changed(R"(^ +(\w+) = )");
+  for (int most : {1, 7, 13}) {
+    for (const std::string& part : in_parts(written.blocks, most).code) {
+      std::set<std::string> own;
+      std::istringstream lines(part);
+      for (std::string line; std::getline(lines, line);) {
+        std::smatch found;
+        if (std::regex_search(line, found, declared)) own.insert(found[1]);
+        if (std::regex_search(line, found, changed)) {
+          EXPECT_TRUE(own.contains(found[1])) << part;
+        }
+      }
+    }
+  }
+}
+
 // What a part uses it has defined, or read from where a part before has put it.
 TEST(Parts, hand_on_what_later_ones_use) {
   std::vector<Block> blocks;

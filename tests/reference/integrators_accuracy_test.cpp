@@ -111,6 +111,7 @@ double energy_error(Integrator integrator, int steps_per_second) {
   return worst / 907.75;
 }
 
+// What is promised of it: 1 %, 5 %, and at 1/60 s a bound where Euler has none.
 TEST(Whip, keeps_its_energy_by_leapfrogs) {
   EXPECT_LE(energy_error(Integrator::leapfrog, 240), 0.01);
   EXPECT_LE(energy_error(Integrator::leapfrog, 120), 0.05);
@@ -137,14 +138,12 @@ TEST(Float, follows_double_to_1e_6_over_a_second) {
       Play<double> twice(scene, integrator, 240);
       std::vector<Eigen::ArrayXd> exact;
       twice.run(240, [&](int) { exact.push_back(twice.batch.positions().col(0)); });
-      double worst = 0.0, sum = 0.0;
+      double sum = 0.0;
       single.run(240, [&](int step) {
         const Eigen::ArrayXd off = single.batch.positions().col(0).cast<double>() - exact[static_cast<std::size_t>(step - 1)];
-        worst = std::max(worst, off.abs().maxCoeff());
         sum += off.square().mean() / 240.0;
       });
       EXPECT_LE(std::sqrt(sum), 1e-6) << scene << " " << name(integrator);
-      RecordProperty(std::string(scene) + "_" + name(integrator), std::to_string(worst));
     }
 }
 

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <optional>
 
+#include "contract.h"
 #include "lockstep/error.h"
 #include "physics.h"
 #include "reference/integrators.h"
@@ -102,6 +103,52 @@ TEST_P(IntegratorAgreement, of_states_after_each_of_three_steps) {
     if (HasFailure()) return;
   }
   EXPECT_GT(compared, seeds / 3);
+}
+
+// Every field but softness, which of erp and cfm means another thing at each length of a stage: ratios, offsets, switches,
+// gains, damping, masses, gravity and wrenches of one environment are those of a model that says them.
+TEST_P(IntegratorAgreement, of_environments_with_numbers_of_their_own) {
+  int compared = 0;
+  for (int seed = 0; seed < seeds && !HasFailure(); ++seed) {
+    SCOPED_TRACE(seed);
+    const bool switches = seed % 2 == 1 && GetParam() != Integrator::runge_kutta;
+    scenes::RandomOptions options;
+    options.max_dofs = 10;
+    options.redundant = false;
+    options.drives = options.damping = GetParam() != Integrator::runge_kutta;
+    if (GetParam() == Integrator::runge_kutta) options.soft = scenes::RandomOptions::Soft::never;
+    StepSettings settings;
+    settings.integrator = GetParam();
+    settings.method = switches ? Method::direct : Method::reduced;
+    settings.dt = 1.0 / 480;
+    const Model model = scenes::random_model(static_cast<std::uint64_t>(seed), options);
+    for (unsigned p = 0; p < parameter_count; ++p)
+      if (const Parameter parameter{p};
+          parameter != Parameter::softness && (parameter != Parameter::coupling_switch || switches) &&
+          (parameter != Parameter::drive_gains || options.drives))
+        settings.per_environment.insert(parameter);
+    const Plan plan = compile(model, settings);
+    if (!plan.redundant_couplings().empty()) continue;
+    Batch<double> batch(plan, 3, {.threads = 1});
+    contract::scatter(batch, 1, static_cast<std::uint64_t>(seed));
+    const Model own = contract::model_of(batch, 1);
+    const reference::Mechanism mechanism(own);
+    const Eigen::MatrixXd wrenches = contract::wrenches_of(batch, 1);
+    reference::State state = mechanism.initial_state();
+    const reference::Stage stage(mechanism, settings.dt, state, mechanism.initial_inputs());
+    const Eigen::MatrixXd k = stage.response;
+    state = reference::integrated(mechanism, settings, state,
+                                  [&](double, reference::Inputs& inputs) { inputs.wrenches = wrenches; });
+    batch.step();
+    ++compared;
+    const double rounding = solves(GetParam()) * std::max(1e-11, mechanism.velocities() * physics::epsilon *
+                                                                     physics::condition(stage.implicit) *
+                                                                     (k.size() > 0 ? physics::condition(k) : 1.0));
+    const reference::State ours = physics::state_of(batch, 1);
+    EXPECT_LE(physics::distance(ours.q, state.q), rounding * std::max(1.0, size(state.q)));
+    EXPECT_LE(physics::distance(ours.v, state.v), rounding * std::max(1.0, size(state.v)));
+  }
+  EXPECT_GT(compared, seeds / 2);
 }
 
 INSTANTIATE_TEST_SUITE_P(integrator, IntegratorAgreement,

@@ -230,6 +230,18 @@ TEST(HardCouplings, are_met_by_a_leapfrog_from_velocities_that_do_not_fit) {
   }
 }
 
+// Each stage takes back what its own velocity is off by: 1, 1/2, 3/4 and 1/4 of the start's.
+TEST(HardCouplings, keep_three_eighths_of_velocities_that_do_not_fit_by_runge_kutta) {
+  Model model = afloat();
+  model.joints[2].velocity += 1.0;
+  const Mechanism mechanism(model);
+  const State end =
+      integrated(mechanism, settings(Integrator::runge_kutta, 0.001), mechanism.initial_state(), [](double, Inputs&) {});
+  const VectorXd left = Couplings(mechanism).velocity_jacobian() * end.v;
+  EXPECT_NEAR(left[0], 0.375, 1e-12);
+  EXPECT_NEAR(left[1], 0.0, 1e-12);
+}
+
 TEST(Integrators, of_first_order_are_refused) {
   const Mechanism mechanism(afloat());
   for (const Integrator integrator : {Integrator::automatic, Integrator::euler})
