@@ -71,13 +71,17 @@ def cost(row):
 
 
 def front(rows, column):
-    """Of all rows, those that no other beats in both cost and error."""
+    """Those that no other beats in both cost and error."""
     best, result = math.inf, []
     for row in sorted(rows, key=cost):
         if row[column] < 0.98 * best:
             best = row[column]
             result.append(row)
     return result
+
+
+def drawn(row):
+    return any(row["engine"].startswith(engine) and row["settings"] == settings for engine, settings, *_ in LINES)
 
 
 def draw_panel(axes, rows, column, floor):
@@ -89,11 +93,11 @@ def draw_panel(axes, rows, column, floor):
             axes.plot([cost(row) for row in line], [max(row[column], floor) for row in line], color=color, marker=marker,
                       linestyle=dashes, label=label, linewidth=1.9 if ours else 1.2, markersize=6 if ours else 5.5,
                       markerfacecolor="white" if dashes == "--" else color, zorder=5 if ours else 3)
-    best = front([row for row in rows if good(row, column)], column)
+    best = front([row for row in rows if good(row, column) and drawn(row)], column)
     axes.plot([cost(row) for row in best], [max(row[column], floor) for row in best], linestyle="none", marker="o",
               markersize=12, markerfacecolor="none", markeredgecolor=INK, markeredgewidth=0.9, zorder=6,
               label="front: none is cheaper and better")
-    if column == "largest_c":
+    if any(row[column] == 0 for row in rows):
         axes.annotate("exactly 0", (0.99, floor), xycoords=("axes fraction", "data"), xytext=(0, 5), ha="right",
                       textcoords="offset points", color=GREY, fontsize=9)
     axes.set_xscale("log")
@@ -107,9 +111,10 @@ def draw(rows, scene, path):
     rows = [row for row in rows if row["scene"] == scene]
     figure, panels = plt.subplots(1, 2, figsize=(13.5, 6.3))
     figure.subplots_adjust(left=0.055, right=0.80, top=0.83, bottom=0.1, wspace=0.17)
-    figure.text(0.055, 0.955, "Error against cost: " + SCENES[scene].split(":")[0], fontsize=16, fontweight="bold", color=INK)
+    figure.text(0.055, 0.955, f"Error against cost: {scene}", fontsize=16, fontweight="bold", color=INK)
     peak = rows[0]["peak_gflops"]
-    figure.text(0.055, 0.915, f"{SCENES[scene].split(': ')[1]}. One second, steps of 1/60 to 1/1920 s (others 1/240 to "
+    words = SCENES[scene].split(": ")[1] if scene in SCENES else "a robot from its URDF file, without its bounds"
+    figure.text(0.055, 0.915, f"{words}. One second, steps of 1/60 to 1/1920 s (others 1/240 to "
                 f"1/3840 s), all in one run; tables, AVX2, peak {peak:.0f} Gflop/s", fontsize=10, color=GREY)
     for axes, (column, title) in zip(panels, PANELS):
         floor = 3e-17 if column == "largest_c" else 0.0
@@ -176,14 +181,17 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", type=Path, default=BENCH.parent / "build")
     parser.add_argument("--pictures", type=Path, default=BENCH.parent / "docs" / "accuracy")
+    parser.add_argument("--robots", nargs="*", type=Path, default=[], help="URDF files to measure as well")
     parser.add_argument("--draw", action="store_true")
     choices = parser.parse_args()
     results = machine() / "accuracy.csv"
     if not choices.draw:
-        subprocess.run([str(choices.build / "bench" / "accuracy" / "accuracy_speed"), "--csv", str(results)], check=True)
+        robots = ["--robots", ",".join(map(str, choices.robots))] if choices.robots else []
+        program = choices.build / "bench" / "accuracy" / "accuracy_speed"
+        subprocess.run([str(program), "--csv", str(results), *robots], check=True)
     rows = read(results)
     choices.pictures.mkdir(parents=True, exist_ok=True)
-    for scene in SCENES:
+    for scene in dict.fromkeys(row["scene"] for row in rows):
         draw(rows, scene, choices.pictures / f"{scene}.png")
         table(rows, scene)
     draw_energy(rows, choices.pictures / "energy.png")

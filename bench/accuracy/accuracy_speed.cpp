@@ -2,7 +2,8 @@
 //
 // One core, everything in one run. Everybody takes turns, repeat by repeat, so that what else the machine does falls on
 // all alike. A row is one engine with its settings at one step: RMS error of the joints over the first second, largest
-// |C| in it, errors of energy and momentum at its end, and CPU time per environment and simulated second.
+// |C| in it, errors of energy and momentum at its end, and CPU time per environment and simulated second. Robots are URDF
+// files, without their bounds, from the start that `lockstep chart` takes; of the other engines MuJoCo has words for them.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -12,6 +13,8 @@
 #include "../peak.h"
 #include "../peers/judgement.h"
 #include "lockstep/error.h"
+#include "lockstep/import.h"
+#include "tool/chart_runs.h"
 #include "tool/csv.h"
 #include "tool/progress.h"
 
@@ -19,7 +22,7 @@ namespace lockstep::peers {
 namespace {
 
 struct Choices {
-  std::vector<std::string> scenes = {"chain8", "gripper13", "chain32"};
+  std::vector<std::string> scenes = {"chain8", "gripper13", "chain32"}, robots;
   std::string csv;
   int repeats = 5;
   double seconds = 0.02;
@@ -32,7 +35,7 @@ struct Point {
 };
 
 // Others from their best at 1/240 s on to where they cost too much to be of interest.
-std::vector<Point> points(bool quick) {
+std::vector<Point> points(bool quick, bool robots) {
   std::vector<Point> all;
   const auto add = [&](const std::vector<Contender>& contenders, std::initializer_list<int> rates) {
     for (const Contender& contender : contenders)
@@ -43,6 +46,7 @@ std::vector<Point> points(bool quick) {
 #ifdef LOCKSTEP_PEER_MUJOCO
   add(mujoco_contenders(), {240, 480, 960, 1920, 3840});
 #endif
+  if (robots) return all;
 #ifdef LOCKSTEP_PEER_BULLET
   add(bullet_contenders(), {240, 960, 3840});
 #endif
@@ -50,6 +54,16 @@ std::vector<Point> points(bool quick) {
   add(simbody_contenders(), {240, 960});
 #endif
   return all;
+}
+
+Model smooth(const std::string& file) {
+  Model model = import_urdf_file(file).model;
+  for (Joint& joint : model.joints) {
+    joint.lower = -infinity, joint.upper = infinity;
+    joint.velocity_limit = joint.effort_limit = infinity;
+    joint.friction = 0.0;
+  }
+  return tool::with_moving_start(std::move(model));
 }
 
 void measure(const Choices& choices, const std::vector<Point>& all, const Yardstick& yardstick,
@@ -85,16 +99,19 @@ void measure(const Choices& choices, const std::vector<Point>& all, const Yardst
 }
 
 int run(const Choices& choices) {
-  const std::vector<Point> all = points(choices.quick);
+  const std::vector<Point> all = points(choices.quick, false), of_robots = points(choices.quick, true);
   std::unique_ptr<tool::OutputFile> file;
   if (!choices.csv.empty()) file = std::make_unique<tool::OutputFile>(choices.csv);
   const auto write = [&](const std::string& line) { file ? file->write(line) : fmt::print("{}", line); };
   write("engine,scene,settings,steps_per_second,rms,largest_c,energy_error,momentum_change,diverged,"
         "cost_us_per_env_second,env_steps_per_second,spread,peak_gflops\n");
-  tool::Progress progress(static_cast<double>(choices.scenes.size() * all.size()) * choices.repeats, "measurements");
+  const auto settings = choices.scenes.size() * all.size() + choices.robots.size() * of_robots.size();
+  tool::Progress progress(static_cast<double>(settings) * choices.repeats, "measurements");
   double done = 0.0;
   for (const std::string& scene : choices.scenes)
     measure(choices, all, Yardstick(scene, choices.quick ? 24 : 240), write, progress, done);
+  for (const std::string& robot : choices.robots)
+    measure(choices, of_robots, Yardstick(smooth(robot), choices.quick ? 24 : 240), write, progress, done);
   if (file) file->close();
   return 0;
 }
@@ -107,6 +124,7 @@ int main(int argc, char** argv) {
   CLI::App app("Error against cost of integrators, steps and engines.", "accuracy_speed");
   app.add_option("--csv", choices.csv, "File for the table; without it, the terminal");
   app.add_option("--scenes", choices.scenes, "These alone")->delimiter(',');
+  app.add_option("--robots", choices.robots, "URDF files as well")->delimiter(',');
   app.add_option("--repeats", choices.repeats, "Of each measurement; medians are told")->capture_default_str();
   app.add_option("--seconds", choices.seconds, "Of CPU time for each measurement")->capture_default_str();
   app.add_flag("--quick", choices.quick, "One step size and a tenth of the motion: only to see that it runs");

@@ -34,12 +34,22 @@ void weigh(const Peer& peer, const Yardstick& yardstick, Verdict& verdict) {
 
 }  // namespace
 
-Yardstick::Yardstick(const std::string& name, int intervals) : scene_(scenes::scene(name)), mechanism_(scene_.model) {
+Yardstick::Yardstick(const std::string& name, int intervals)
+    : Yardstick(scenes::scene(name), intervals, steps_of_truth(name)) {
   require_plain(scene_.model);
+}
+
+Yardstick::Yardstick(const Model& model, int intervals)
+    : Yardstick(scenes::Scene{model.name, model, {}}, intervals, steps_of_truth(model.name)) {}
+
+Yardstick::Yardstick(scenes::Scene scene, int intervals, int steps_per_interval)
+    : scene_(std::move(scene)), mechanism_(scene_.model) {
   for (const Joint& joint : scene_.model.joints) driven_ = driven_ || joint.drive.kp > 0.0;
-  const auto targets = [&](double t, reference::Inputs& inputs) { inputs.position_targets = scene_.targets(t); };
+  const auto targets = [&](double t, reference::Inputs& inputs) {
+    if (driven_) inputs.position_targets = scene_.targets(t);
+  };
   const reference::State start = mechanism_.initial_state();
-  reference::Motion motion = reference::integrate(mechanism_, start, targets, interval, intervals, steps_of_truth(name));
+  reference::Motion motion = reference::integrate(mechanism_, start, targets, interval, intervals, steps_per_interval);
   truth_ = std::move(motion.positions);
   end_ = std::move(motion.end);
 }
@@ -59,8 +69,8 @@ double Yardstick::coupling_error(const Eigen::VectorXd& positions) const {
   const Model& model = scene_.model;
   double largest = 0.0;
   for (const Coupling& coupling : model.couplings) {
-    double error = positions[model.joint_index(coupling.joint)] + coupling.offset;
-    for (const CouplingTerm& term : coupling.terms) error += term.ratio * positions[model.joint_index(term.joint)];
+    double error = positions[mechanism_.dof(coupling.joint)] + coupling.offset;
+    for (const CouplingTerm& term : coupling.terms) error += term.ratio * positions[mechanism_.dof(term.joint)];
     largest = std::max(largest, std::abs(error));
   }
   return largest;

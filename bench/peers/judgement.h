@@ -13,6 +13,8 @@ inline constexpr double interval = 1.0 / rows_per_second;  ///< s, the step of e
 class Yardstick {
  public:
   Yardstick(const std::string& scene, int intervals);
+  /// The same of any model, as it starts and without moving targets; for peers that have words for all of it.
+  Yardstick(const Model& model, int intervals);
 
   const scenes::Scene& scene() const { return scene_; }
   bool driven() const { return driven_; }
@@ -25,6 +27,7 @@ class Yardstick {
   double coupling_error(const Eigen::VectorXd& positions) const;    ///< largest |C|
 
  private:
+  Yardstick(scenes::Scene scene, int intervals, int steps_per_interval);
   scenes::Scene scene_;
   reference::Mechanism mechanism_;
   bool driven_ = false;

@@ -47,10 +47,11 @@ Attributes placed(const std::string& link, const Pose& pose) {
 }
 
 void append_inertia(XMLElement& body, const Inertia& inertia) {
-  const Eigen::Vector3d moments = inertia.about_center.diagonal();
+  if (inertia.mass == 0.0) return;  // of a link that is fixed to another
+  const Eigen::Matrix3d& i = inertia.about_center;
   append(body, "inertial", {{"pos", vector(inertia.center)},
                             {"mass", numbers(inertia.mass)},
-                            {"diaginertia", vector(moments)}});
+                            {"fullinertia", numbers(i(0, 0), i(1, 1), i(2, 2), i(0, 1), i(0, 2), i(1, 2))}});
 }
 
 void append_children(const Model& model, const std::string& link, XMLElement& parent) {
@@ -59,8 +60,11 @@ void append_children(const Model& model, const std::string& link, XMLElement& pa
     XMLElement& body = append(parent, "body", placed(joint.child, joint.origin));
     append_inertia(body, model.links[model.link_index(joint.child)].inertia);
     // A servo's velocity target is zero, so its kd is damping, which Euler's method integrates implicitly here.
-    append(body, "joint", {{"name", joint.name}, {"type", "hinge"}, {"axis", vector(joint.axis)},
-                           {"damping", numbers(joint.damping + joint.drive.kd)}});
+    if (joint.moves())
+      append(body, "joint", {{"name", joint.name},
+                             {"type", joint.kind == JointKind::prismatic ? "slide" : "hinge"},
+                             {"axis", vector(joint.axis)},
+                             {"damping", numbers(joint.damping + joint.drive.kd)}});
     append_children(model, joint.child, body);
   }
 }
@@ -118,6 +122,8 @@ class MujocoPeer : public Peer {
     model_->opt.disableflags |= mjDSBL_CONTACT | mjDSBL_LIMIT | mjDSBL_FRICTIONLOSS;
     for (int e = 0; e < environments; ++e) data_.emplace_back(mj_makeData(model_.get()), mj_deleteData);
     for (const Joint& joint : model.joints) {
+      if (!joint.moves()) continue;
+      start_.push_back({joint.position, joint.velocity});
       const int id = mj_name2id(model_.get(), mjOBJ_JOINT, joint.name.c_str());
       position_.push_back(model_->jnt_qposadr[id]);
       velocity_.push_back(model_->jnt_dofadr[id]);
@@ -129,9 +135,9 @@ class MujocoPeer : public Peer {
   void reset() override {
     for (auto& data : data_) {
       mj_resetData(model_.get(), data.get());
-      for (std::size_t j = 0; j < source_.joints.size(); ++j) {
-        data->qpos[position_[j]] = source_.joints[j].position;
-        data->qvel[velocity_[j]] = source_.joints[j].velocity;
+      for (std::size_t dof = 0; dof < start_.size(); ++dof) {
+        data->qpos[position_[dof]] = start_[dof].first;
+        data->qvel[velocity_[dof]] = start_[dof].second;
       }
     }
   }
@@ -172,6 +178,7 @@ class MujocoPeer : public Peer {
   Model source_;
   std::unique_ptr<mjModel, void (*)(mjModel*)> model_;
   std::vector<std::unique_ptr<mjData, void (*)(mjData*)>> data_;
+  std::vector<std::pair<double, double>> start_;  // by dof: position, velocity
   std::vector<int> position_, velocity_, actuator_;
 };
 
