@@ -10,6 +10,7 @@
 
 #include "lockstep/error.h"
 #include "lockstep/import.h"
+#include "repair.h"
 #include "robot.h"
 
 namespace lockstep {
@@ -153,7 +154,7 @@ std::string summary(const Model& model) {
 }  // namespace
 }  // namespace urdf
 
-Import import_urdf(const std::string& text, const std::string& source) {
+Import import_urdf(const std::string& text, const std::string& source, const ImportOptions& options) {
   urdf::File file{source, {}};
   tinyxml2::XMLDocument document(/*processEntities=*/false);
   urdf::Robot robot = urdf::read_robot(urdf::parsed(text, file, document));
@@ -164,6 +165,7 @@ Import import_urdf(const std::string& text, const std::string& source) {
   std::rotate(links.begin(), root, root + 1);  // to the front; the others keep their order
   if (robot.floating) urdf::float_root(robot, file.report);
   urdf::couple_mimics(robot.mimics, robot.model, file.report);
+  urdf::repair_inertias(options, robot.model, file.report);
   robot.model.validate();
 
   urdf::report_joints(robot.model, file.report);
@@ -172,6 +174,8 @@ Import import_urdf(const std::string& text, const std::string& source) {
   return result;
 }
 
-Import import_urdf_file(const std::string& path) { return import_urdf(urdf::text_of(path), path); }
+Import import_urdf_file(const std::string& path, const ImportOptions& options) {
+  return import_urdf(urdf::text_of(path), path, options);
+}
 
 }  // namespace lockstep

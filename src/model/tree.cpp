@@ -90,4 +90,13 @@ Inertia transformed(const Inertia& inertia, const Eigen::Isometry3d& pose) {
   return {inertia.mass, pose * inertia.center, rotation * inertia.about_center * rotation.transpose()};
 }
 
+std::vector<Inertia> rigid_bodies(const Model& model, const Tree& tree) {
+  std::vector<Inertia> sums(model.links.size());
+  for (std::size_t i = 0; i < model.links.size(); ++i) {
+    Inertia& sum = sums[tree.carrier[i]];
+    sum = sum + transformed(model.links[i].inertia, tree.in_carrier[i]);
+  }
+  return sums;
+}
+
 }  // namespace lockstep

@@ -26,4 +26,7 @@ Inertia operator+(const Inertia& a, const Inertia& b);
 /// The same body described in the frame in which `pose` places the one it is given in.
 Inertia transformed(const Inertia& inertia, const Eigen::Isometry3d& pose);
 
+/// By carrier: the rigid body that it and the links fixed to it form, in its axes. Nothing for the other links.
+std::vector<Inertia> rigid_bodies(const Model& model, const Tree& tree);
+
 }  // namespace lockstep

@@ -1,9 +1,9 @@
 // The rules that a Model keeps: one rule, one function. SPDX-License-Identifier: Apache-2.0
 #include <cmath>
-#include <Eigen/Eigenvalues>
 #include <set>
 #include <unordered_map>
 
+#include "inertia.h"
 #include "lockstep/error.h"
 #include "tree.h"
 
@@ -14,8 +14,6 @@ using std::string;
 
 // Gear ratios beyond this leave no digits of the smaller side even in double.
 constexpr double largest_ratio = 1e9;
-// Real files round their tensors: how far, relative to the largest moment, an inertia may miss the rules.
-constexpr double inertia_slack = 1e-6;
 
 string quoted(const char* kind, const string& name) { return string(kind) + " '" + name + "'"; }
 
@@ -64,13 +62,12 @@ void possible_inertia(const Link& link) {
   require((inertia.about_center - inertia.about_center.transpose()).cwiseAbs().maxCoeff() <= inertia_slack * size,
           element, "inertia is not symmetric", "give ixy = iyx and so on");
   require(inertia.mass > 0.0 || size == 0.0, element, "has inertia but mass 0", "give it its mass");
-  const Eigen::Vector3d moments =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia.about_center, Eigen::EigenvaluesOnly).eigenvalues();
-  require(moments[0] >= -inertia_slack * size, element, "inertia is impossible: a principal moment is negative",
+  const Eigen::Vector3d moments = principal_moments(inertia);
+  require(are_not_negative(moments), element, "inertia is impossible: a principal moment is negative",
           "check the signs of the products of inertia");
-  require(moments[0] + moments[1] >= moments[2] * (1.0 - inertia_slack), element,
+  require(keep_triangle_rule(moments), element,
           "inertia is impossible: one principal moment exceeds the sum of the others (no distribution of mass has that)",
-          "check the units and that it is about the centre of mass");
+          "check the units and that it is about the centre of mass (ImportOptions can balance it)");
 }
 
 // `what` names what is soft: a coupling, a limit, a kinematic drive.
@@ -174,31 +171,20 @@ void proper_joint(const Joint& joint) {
   proper_bounds(joint, element);
 }
 
-// By carrier: the inertia of the rigid body that it and the links fixed to it form.
-std::vector<Inertia> bodies(const Model& model, const Tree& tree) {
-  std::vector<Inertia> sums(model.links.size());
-  for (std::size_t i = 0; i < model.links.size(); ++i) {
-    Inertia& sum = sums[tree.carrier[i]];
-    sum = sum + transformed(model.links[i].inertia, tree.in_carrier[i]);
-  }
-  return sums;
-}
-
 // Sufficient for a positive definite mass matrix: no joint, moving alone, moves nothing.
 void moves_some_inertia(const Model& model, const Tree& tree, int link, const Inertia& body) {
   const string element = quoted("link", model.links[link].name);
   const int j = tree.parent_joint[link];
   if (j < 0) {
-    const double least =
-        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(body.about_center, Eigen::EigenvaluesOnly).eigenvalues()[0];
-    require(body.mass > 0.0 && least > 0.0, element, "floats but has no mass or no inertia",
+    require(body.mass > 0.0 && principal_moments(body)[0] > 0.0, element, "floats but has no mass or no inertia",
             "give it an inertia, or fix the root");
     return;
   }
   const Joint& joint = model.joints[j];
   if (joint.armature > 0.0) return;
   require(body.mass > 0.0, element, "moves (joint '" + joint.name + "') but has no mass: its inertia is missing or 0",
-          "give it, or a link fixed to it, a mass and an inertia (<inertial> in URDF), or make the joint fixed");
+          "give it, or a link fixed to it, a mass and an inertia (<inertial> in URDF; ImportOptions fill in), or make the "
+          "joint fixed");
   if (joint.kind == JointKind::prismatic) return;
   const Eigen::Vector3d axis = joint.axis.normalized();
   const double about_axis =
@@ -249,7 +235,7 @@ void Model::validate() const {
   for (const Joint& joint : joints) proper_joint(joint);
 
   const Tree tree(*this);
-  const std::vector<Inertia> body = bodies(*this, tree);
+  const std::vector<Inertia> body = rigid_bodies(*this, tree);
   for (std::size_t i = 0; i < links.size(); ++i)
     if (tree.carrier[i] == static_cast<int>(i) && (i > 0 || root.floating))
       moves_some_inertia(*this, tree, static_cast<int>(i), body[i]);

@@ -82,6 +82,13 @@ void prescribe(const std::string& name, Model& model) {
 
 void ModelOptions::add_to(CLI::App& app) {
   app.add_option("MODEL", file, "The mechanism, a URDF file")->required();
+  app.add_option("--least-mass", import.least_mass, "Bodies of less mass, or none, get this one; the report names them")
+      ->type_name("KG")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--least-inertia", import.least_inertia,
+                 "The same of principal moments; impossible inertias become those of balls")
+      ->type_name("KG_M2")
+      ->check(CLI::NonNegativeNumber);
   CLI::Option* floats = app.add_flag("--floating-base", floating, "The root link floats in the world");
   app.add_flag("--fixed-base")->description("The root link is bolted to the world (default)")->excludes(floats);
   const auto vector = [](const std::string& text) {
@@ -124,9 +131,9 @@ void apply(const ModelOptions& options, Model& model) {
 }
 
 Import ModelOptions::load() const {
-  Import import = import_urdf_file(file);
-  apply(*this, import.model);
-  return import;
+  Import read = import_urdf_file(file, import);
+  apply(*this, read.model);
+  return read;
 }
 
 void StepOptions::add_to(CLI::App& app) {

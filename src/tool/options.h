@@ -18,6 +18,7 @@ namespace lockstep::tool {
 /// Which mechanism, and what is changed in it before it is compiled.
 struct ModelOptions {
   std::string file;
+  ImportOptions import;
   bool floating = false;
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};
   std::optional<double> erp;              ///< of every hard coupling

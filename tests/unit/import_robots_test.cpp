@@ -69,6 +69,11 @@ TEST_P(Robots, have_their_couplings_once_their_links_have_bodies) {
   expect_reports(import, GetParam().line);
 }
 
+TEST_P(Robots, are_read_with_the_least_of_bodies) {
+  const Import import = import_urdf_file(path, {.least_mass = 0.01, .least_inertia = 1e-5});
+  expect_counts(import.model);
+}
+
 INSTANTIATE_TEST_SUITE_P(
     data, Robots,
     testing::Values(

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "import_helpers.h"
+#include "lockstep/error.h"
 
 namespace lockstep {
 namespace {
@@ -259,6 +260,55 @@ TEST(Import, what_is_not_used_is_counted_and_misspellings_stand_apart) {
   EXPECT_EQ(joint(import.model, "turn").upper, 0.0);                      // the same
   EXPECT_EQ(joint(import.model, "turn").effort_limit, 1.0);
   EXPECT_EQ(joint(import.model, "turn").velocity_limit, infinity);
+}
+
+// A hand of three bodies: one without a mass, one that is too light, one whose tensor no body has; and a weight that is
+// fixed to the second of two that have none of their own.
+const string bare = R"(<robot name='bare'><link name='base'/>
+  <link name='palm'><inertial><mass value='2'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='4'/></inertial></link>
+  <link name='finger'><inertial><origin xyz='0.1 0 0'/><mass value='0.01'/>
+    <inertia ixx='2e-6' ixy='0' ixz='0' iyy='3e-6' iyz='0' izz='4e-6'/></inertial></link>
+  <link name='tip'/><link name='thumb'/>
+  <link name='nail'><inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial></link>
+  <joint name='j0' type='continuous'><parent link='base'/><child link='palm'/></joint>
+  <joint name='j1' type='continuous'><parent link='palm'/><child link='finger'/></joint>
+  <joint name='j2' type='continuous'><parent link='finger'/><child link='tip'/></joint>
+  <joint name='j3' type='continuous'><parent link='palm'/><child link='thumb'/></joint>
+  <joint name='j4' type='fixed'><parent link='thumb'/><child link='nail'/></joint></robot>)";
+
+TEST(Import, fills_in_inertias_only_where_asked_to_and_says_where) {
+  EXPECT_THROW(import_urdf(bare), ModelError);
+  const Import import = import_urdf(bare, "bare", {.least_mass = 0.05, .least_inertia = 1e-5});
+  expect_reports(import, "impossible inertias, taken as those of balls of the same mean moment (1): palm");
+  expect_reports(import, "masses raised to 0.05 kg (3): base, finger, tip");
+  expect_reports(import, "inertias raised to 1e-05 kg m^2 (3): base, finger, tip");
+  const Eigen::Matrix3d one = Eigen::Matrix3d::Identity();
+  EXPECT_TRUE(link(import.model, "palm").inertia.about_center.isApprox(2.0 * one));
+  EXPECT_EQ(link(import.model, "palm").inertia.mass, 2.0);
+  EXPECT_EQ(link(import.model, "finger").inertia.mass, 0.05);
+  EXPECT_EQ(link(import.model, "finger").inertia.center, Eigen::Vector3d(0.1, 0.0, 0.0));
+  EXPECT_TRUE(link(import.model, "finger").inertia.about_center.isApprox(
+      Eigen::Vector3d(1e-5, 1.1e-5, 1.2e-5).asDiagonal().toDenseMatrix()));
+  EXPECT_EQ(link(import.model, "tip").inertia.mass, 0.05);
+  EXPECT_TRUE(link(import.model, "tip").inertia.about_center.isApprox(1e-5 * one));
+  EXPECT_EQ(link(import.model, "thumb").inertia.mass, 0.0) << "the nail has enough for both";
+}
+
+TEST(Import, leaves_complete_models_alone_when_asked_to_fill_in) {
+  for (const auto& entry : std::filesystem::directory_iterator(LOCKSTEP_MODELS)) {
+    if (entry.path().extension() != ".urdf") continue;
+    const Model as_it_is = import_urdf_file(entry.path()).model;
+    const Model asked = import_urdf_file(entry.path(), {.least_mass = 1e-9, .least_inertia = 1e-15}).model;
+    for (std::size_t i = 1; i < as_it_is.links.size(); ++i) {
+      EXPECT_EQ(asked.links[i].inertia.mass, as_it_is.links[i].inertia.mass) << entry.path();
+      EXPECT_EQ(asked.links[i].inertia.about_center, as_it_is.links[i].inertia.about_center) << entry.path();
+    }
+  }
+}
+
+TEST(Import, refuses_bounds_of_inertia_that_are_none) {
+  EXPECT_THROW(import_urdf(bare, "bare", {.least_mass = -1.0}), SettingsError);
+  EXPECT_THROW(import_urdf(bare, "bare", {.least_inertia = std::nan("")}), SettingsError);
 }
 
 TEST(Import, every_model_of_the_tests_is_valid) {

@@ -1,0 +1,12 @@
+// Inertias that a robot file leaves out or gets wrong. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "lockstep/import.h"
+#include "report.h"
+
+namespace lockstep::urdf {
+
+/// What ImportOptions asks for, with a remark for each kind of change. A ModelError where links form no tree.
+void repair_inertias(const ImportOptions& options, Model& model, Report& report);
+
+}  // namespace lockstep::urdf
