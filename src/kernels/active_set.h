@@ -1,6 +1,6 @@
 // Bounded rows solved exactly, through the couplings, by principal pivoting. SPDX-License-Identifier: Apache-2.0
 //
-// (M55), (M56). Each round assumes for every row which part of (M49) it is on, solves, and moves rows on that say
+// (M56), (M57). Each round assumes for every row which part of (M49) it is on, solves, and moves rows on that say
 // otherwise: all of them at first, then the first one only (Murty), which cannot go round in circles. Lanes that have
 // come to rest keep what they found while others go on, so no lane sees another's search.
 #pragma once
@@ -12,7 +12,14 @@ namespace lockstep::kernels {
 constexpr int first_sweeps = 2;     ///< that the search begins with
 constexpr int block_rounds = 8;     ///< in which all rows move at once
 constexpr int rounds_per_row = 4;   ///< and then, for each row that takes part; what is open after them is swept
+constexpr int most_doubts = 3;      ///< whether an end needs its compliance
 constexpr int rescue_sweeps = 50;
+
+/// epsilon behind (M54), of what cannot all be had: limits share it, and kinematic drives give way to them.
+template <class S>
+constexpr S limits_yield = S(sizeof(S) == 4 ? 1e-4 : 1e-9);
+template <class S>
+constexpr S drives_yield = S(sizeof(S) == 4 ? 1e-2 : 3e-7);
 
 /// Relative size below which a row's condition is met.
 template <class T>
@@ -33,12 +40,13 @@ LOCKSTEP_INLINE T felt_speed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int
 template <class T>
 LOCKSTEP_INLINE T sharing(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, int r, const Branch<T>& own) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
-  if (b.kind[r] != BoundKind::joint || b.compliance == 0) return T(0);
-  const T share = T(b.driven[r] ? b.drive_compliance : b.compliance) * x.bound_coupled[r * b.form.count + r];
+  using S = ScalarOf<T>;
+  if (b.kind[r] != BoundKind::joint || !b.may_depend) return T(0);
+  const T share = T(b.driven[r] ? drives_yield<S> : limits_yield<S>) * x.bound_coupled[r * b.form.count + r];
   return select(x.search_shared[phase] & (own.low | own.high), share, T(0));
 }
 
-/// Dense L^T D L of the rows that are held, the others' impulses known: (M56). Answers in `impulse`. Rows that no lane
+/// Dense L^T D L of the rows that are held, the others' impulses known: (M57). Answers in `impulse`. Rows that no lane
 /// holds have nothing to eliminate. Returns the lanes whose rows were found to depend on each other: they have no answer
 /// yet, and share from the next time on.
 template <class T>
@@ -47,7 +55,8 @@ typename T::Mask solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& 
   const int count = t.bounds.form.count, m = x.bound_count;
   const T zero = T(0), one = T(1);
   T* h = x.search_matrix;
-  T* known = x.search_speed;
+  T *known = x.search_speed, *noise = x.search_noise;
+  const T least = T(S(sizeof(S) == 4 ? 3e-7 : 1e-15)), shared = T(t.bounds.may_depend ? limits_yield<S> : S(0));
   for (int i = 0; i < m; ++i) {
     const Branch<T>& own = x.search_branch[phase * count + x.bound_listed[i]];
     x.search_held[i] = held(own);
@@ -65,23 +74,25 @@ typename T::Mask solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& 
     for (int k = 0; k < m; ++k) right = fnma(coupled[x.bound_listed[k]], known[k], right);
     for (int k = 0; k < i; ++k) h[i * m + k] = select(holds & x.search_held[k], coupled[x.bound_listed[k]], zero);
     h[i * m + i] = select(holds, coupled[r] + row.cfm + sharing(t, x, phase, r, own), one);
+    noise[i] = least * x.bound_own[r];
     impulse[i] = select(holds, right, known[i]);
   }
   // From the last row to the first, as in (M17). A pivot of nothing but rounding takes no impulse; but where rows may
-  // depend on each other it keeps the compliance, so that joints that cannot all stick find out.
+  // depend on each other it keeps the compliance, so that joints that cannot all stick find out. The rounding of a small
+  // pivot grows in those that it is eliminated from.
   typename T::Mask dependent = T::none();
-  const T least = T(S(sizeof(S) == 4 ? 3e-7 : 1e-15)), shared = T(t.bounds.compliance);
   for (int i = m - 1; i >= 0; --i) {
     if (!any(x.search_held[i])) continue;
     const int r = x.bound_listed[i];
-    const T pivot = h[i * m + i], floor = larger(least * x.bound_own[r], shared * x.bound_coupled[r * count + r]);
+    const T pivot = h[i * m + i], floor = larger(noise[i], shared * x.bound_coupled[r * count + r]);
     const auto weak = x.search_held[i] & ~less(floor, pivot);
-    const T inverse = select(weak, t.bounds.compliance > 0 ? one / floor : zero, one / pivot);
+    const T inverse = select(weak, t.bounds.may_depend ? one / floor : zero, one / pivot);
     dependent = dependent | weak;
     x.search_inverse[i] = inverse;
     for (int a = i - 1; a >= 0; --a) {
       if (!any(x.search_held[a])) continue;
       const T factor = h[i * m + a] * inverse;
+      if (t.bounds.may_depend) noise[a] = fma(factor * factor, noise[i], noise[a]);
       for (int b = 0; b <= a; ++b) h[a * m + b] = fnma(factor, h[i * m + b], h[a * m + b]);
       impulse[a] = fnma(factor, impulse[i], impulse[a]);
     }
@@ -92,7 +103,7 @@ typename T::Mask solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& 
     for (int k = 0; k < i; ++k) sum = fnma(h[i * m + k], impulse[k], sum);
     impulse[i] = sum * x.search_inverse[i];
   }
-  if (t.bounds.compliance == 0) return T::none();
+  if (!t.bounds.may_depend) return T::none();
   const auto found = dependent & ~x.search_shared[phase];
   x.search_shared[phase] = x.search_shared[phase] | found;
   return found;
@@ -202,19 +213,44 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
     }
   };
   typename T::Mask lost = T::none();
+  T& doubts = x.search_doubts[phase];
   for (int round = 0; any(open); ++round) {
     const auto late = open & ~less(T(ScalarOf<T>(round)), rounds);
     lost = lost | late;
     open = open & ~late;
     const auto waiting = solve_held(t, phase, x, impulse);
-    const auto rested = pivot(t, phase, impulse, round >= block_rounds, waiting, x) & open;
+    auto rested = pivot(t, phase, impulse, round >= block_rounds, waiting, x) & open;
+    // Rows that depended on each other on the way need not do so at its end: it is asked again without compliance.
+    const auto doubted = rested & x.search_shared[phase] & less(doubts, T(ScalarOf<T>(most_doubts)));
+    x.search_shared[phase] = x.search_shared[phase] & ~doubted;
+    doubts += select(doubted, T(1), T(0));
+    rested = rested & ~doubted;
     keep(rested, rested);
     open = open & ~rested;
   }
   if (!any(lost)) return;
-  x.search_shared[phase] = x.search_shared[phase] & ~lost;  // a repeated search begins as this one did
   sweep_bounds(t, phase, rescue_sweeps, x, impulse);
   keep(lost, T::none());
+  x.search_shared[phase] = x.search_shared[phase] & ~lost;  // a repeated search begins as this one did
+  doubts = select(lost, T(0), doubts);
+}
+
+/// (M55)
+template <class T>
+void ease_drives(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const int count = t.bounds.form.count;
+  if (!t.bounds.may_depend) return;
+  for (int i = 0; i < x.bound_count; ++i) {
+    const int r = x.bound_listed[i];
+    if (!t.bounds.driven[r]) continue;
+    T speed = x.bound_free[r] + x.bound_pushed[r];
+    for (int k = 0; k < x.bound_count; ++k) {
+      const int other = x.bound_listed[k];
+      speed = fma(x.bound_coupled[r * count + other], x.bound_impulse[other], speed);
+    }
+    const T asked = x.bound_lo[count + r], zero = T(0);
+    x.bound_eased[r] = clamp(speed, smaller(zero, asked), larger(zero, asked));
+  }
 }
 
 /// What the couplings' impulses give way to the bounded rows': (K_EE + cfm) dL_E = -K_EB L_B.

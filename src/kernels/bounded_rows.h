@@ -34,12 +34,19 @@ LOCKSTEP_INLINE void soften_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& 
   x.bound_cfm[r] = fma(T(softness.cfm_per_response), response, x.bound_cfm[r]);
 }
 
-/// The row as one phase asks it.
+/// The row as one phase asks it. A kinematic drive that cannot have its way does not insist in the velocity phase (M55).
 template <class T>
 LOCKSTEP_INLINE Bound<T> bound(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r, Phase phase) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
   const int count = b.form.count, i = phase * count + r;
-  if (b.kind[r] == BoundKind::joint) return {x.bound_lo[i], x.bound_hi[i], T(0), x.bound_force[r], T(0)};
+  if (b.kind[r] == BoundKind::joint) {
+    T lo = x.bound_lo[i], hi = x.bound_hi[i];
+    if (phase == velocity_phase && b.may_depend && b.driven[r]) {
+      const auto shared = x.search_shared[position_phase] | x.search_shared[velocity_phase];
+      lo = select(shared, x.bound_eased[r], lo), hi = select(shared, x.bound_eased[r], hi);
+    }
+    return {lo, hi, T(0), x.bound_force[r], T(0)};
+  }
   return {x.bound_lo[i], x.bound_hi[i], x.bound_centre[i], x.bound_force[r], x.bound_cfm[r]};
 }
 
@@ -64,6 +71,7 @@ void open_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, 
   }
   x.bound_count = 0;
   x.search_shared[position_phase] = x.search_shared[velocity_phase] = T::none();
+  x.search_doubts[position_phase] = x.search_doubts[velocity_phase] = T(0);
 }
 
 /// X and D^-1 X of a row that begins to take part, and what it feels of the others that do, couplings included.
@@ -77,7 +85,7 @@ void respond_to_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
   x.bound_own[r] = supported_dot(form, r, response, scaled);
   soften_bound(t, r, x);
 
-  const bool solved = rows.columns.n > 0;  // (M55): through couplings that are solved, not swept
+  const bool solved = rows.columns.n > 0;  // (M56): through couplings that are solved, not swept
   T* through = x.bound_through + r * rows.count;
   T* through_scaled = x.bound_through_scaled + r * rows.count;
   for (int e = 0; e < rows.count; ++e) through[e] = supported_dot(rows, e, x.response + e * n, scaled);

@@ -37,6 +37,7 @@ void solve_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& l
       find_active_set(t, position_phase, x);
       yield_to_bounds(t, position_phase, x, x.position_impulse);
       if (!t.solve_twice) return;
+      ease_drives(t, x);
       find_active_set(t, velocity_phase, x);
       yield_to_bounds(t, velocity_phase, x, x.velocity_impulse);
   }

@@ -19,33 +19,27 @@ void impel(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, const T*
   if (t.bounds.form.count > 0) add_bounds(t, x, phase, v);
 }
 
-/// (M21) v = start + L^-1 (share y + D^-1 X impulse).
+/// (M21) L^-1 (share y + D^-1 X impulse): what the velocities change by, in both phases, which share their way down the
+/// tree.
 template <class T>
-void solved_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, const T* free, T share,
-                     const T* impulse, T* v) {
-  impel(t, x, phase, free, share, impulse, v);
-  solve_downwards(t.solver, x.reduced, v);
-  for (int z = 0; z < t.solver.n; ++z) v[z] += x.start[z];
-}
-
-/// Of both phases, which share their way down the tree.
-template <class T>
-void solved_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  const T share = T(t.free_share);
-  if (!x.solves_twice)
-    return solved_velocity(t, x, position_phase, x.free_position, share, x.position_impulse, x.solution);
-  impel(t, x, position_phase, x.free_position, share, x.position_impulse, x.solution);
+void solved_changes(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  impel(t, x, position_phase, x.free_position, T(t.free_share), x.position_impulse, x.solution);
+  if (!x.solves_twice) return solve_downwards(t.solver, x.reduced, x.solution);
   impel(t, x, velocity_phase, x.free_velocity, T(1), x.velocity_impulse, x.closing_solution);
   solve_downwards(t.solver, x.reduced, x.solution, x.closing_solution);
-  for (int z = 0; z < t.solver.n; ++z) {
-    x.solution[z] += x.start[z];
-    x.closing_solution[z] += x.start[z];
-  }
 }
 
-/// All velocities from the solver's: followers follow, by S, and are corrected where asked to.
+/// The velocities themselves.
 template <class T>
-void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, bool corrected, T* v) {
+void solved_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  solved_changes(t, x);
+  for (int z = 0; z < t.solver.n; ++z) x.solution[z] += x.start[z];
+  for (int z = 0; x.solves_twice && z < t.solver.n; ++z) x.closing_solution[z] += x.start[z];
+}
+
+/// All velocities from the solver's; followers' by finish(f, what S makes of the solver's).
+template <class T, class Finish>
+void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, T* v, Finish&& finish) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   if (r.followers == 0) {
     for (int i = 0; i < t.velocities; ++i) v[i] = z[i];
@@ -53,10 +47,19 @@ void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, bool cor
   }
   const int root = t.velocities - t.joints;
   for (int i = 0; i < t.solver.n; ++i) v[r.independent[i]] = z[i];
-  for (int f = 0; f < r.followers; ++f) {
-    const T following = followed(t, x, f, z);
-    v[root + r.follower[f]] = corrected ? following + x.correction[f] : following;
-  }
+  for (int f = 0; f < r.followers; ++f) v[root + r.follower[f]] = finish(f, followed(t, x, f, z));
+}
+
+/// Followers follow, and are corrected where asked to.
+template <class T>
+void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, bool corrected, T* v) {
+  expand(t, x, z, v, [&](int f, T following) { return corrected ? following + x.correction[f] : following; });
+}
+
+/// From x.v, of which followers lose what they are off by.
+template <class T>
+void expand_changes(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, T* change) {
+  expand(t, x, z, change, [&](int f, T following) { return following - x.mismatch[f]; });
 }
 
 template <class T>

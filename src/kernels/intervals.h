@@ -66,7 +66,7 @@ void joint_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, in
   using S = ScalarOf<T>;
   const Bounds<S>& b = t.bounds;
   const T far = T(S(unlimited));
-  T lo = -far, hi = far, force = T(0), prescribed = T(0);
+  T lo = -far, hi = far, force = T(0), prescribed = T(0), corrected_by = T(0);
   int drives = 0;
   for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m) {
     const Member member = b.member[m];
@@ -83,6 +83,7 @@ void joint_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, in
     if (has & has_friction) force = fma(larger(share, -share), T(b.friction[member.joint]), force);
     if (has & has_kinematic_drive) {
       prescribed = fma(prescribed_speed(t, lanes, x, member.joint) - correction, inverse, prescribed);
+      corrected_by = fma(correction, inverse, corrected_by);
       ++drives;
     }
   }
@@ -91,6 +92,7 @@ void joint_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, in
   lo = select(empty, middle, lo);
   hi = select(empty, middle, hi);
   if (drives > 0) lo = hi = clamp(prescribed * T(S(1) / S(drives)), lo, hi);
+  if (b.may_depend && drives > 0 && phase == position_phase) x.bound_pushed[r] = corrected_by * T(S(1) / S(drives));
   const int i = phase * b.form.count + r;
   x.bound_lo[i] = lo;
   x.bound_hi[i] = hi;

@@ -75,7 +75,7 @@ void joint_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, 
     if constexpr (to_matrix)
       x.matrix[t.matrix.offset[root + j]] += own_terms ? fma(ahead, d, T(t.armature[j])) : T(t.implicit[j]);
   }
-  for (int i = 0; to_forces && i < t.clamped.count; ++i) {  // (M57) without a servo
+  for (int i = 0; to_forces && i < t.clamped.count; ++i) {  // (M58) without a servo
     const int j = t.clamped[i];
     const T effort = feed_forward<T>(t, lanes, j, time), most = T(t.effort_limit[j]);
     x.drive[root + j] = fma(h, clamp(effort, -most, most) - effort, x.drive[root + j]);

@@ -26,6 +26,8 @@ inline void bound_arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("bound_centre", x.bound_centre, 2 * bounds);
   take("bound_free", x.bound_free, 2 * bounds);
   take("bound_impulse", x.bound_impulse, 2 * bounds);
+  take("bound_eased", x.bound_eased, t.bounds.may_depend ? bounds : 0);
+  take("bound_pushed", x.bound_pushed, t.bounds.may_depend ? bounds : 0);
   take("bound_force", x.bound_force, bounds);
   take("bound_cfm", x.bound_cfm, bounds);
   take("bound_own", x.bound_own, bounds);
@@ -35,6 +37,7 @@ inline void bound_arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("search_inverse", x.search_inverse, bounds);
   take("search_impulse", x.search_impulse, bounds);
   take("search_speed", x.search_speed, bounds);
+  take("search_noise", x.search_noise, bounds);
   take("bound_response", x.bound_response, bounds * solver);
   take("bound_scaled", x.bound_scaled, bounds * solver);
   take("bound_through", x.bound_through, bounds * rows);
@@ -69,8 +72,9 @@ inline void stage_arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("midpoint_q", x.midpoint_q, explicitly ? 0 : joints);
   take("midpoint_v", x.midpoint_v, explicitly ? 0 : velocities);
   take("stage_v", x.stage_v, explicitly ? 0 : leapfrog_stages * velocities);
-  take("stage_change", x.stage_change, explicitly ? velocities : (leapfrog_stages - 1) * velocities);
+  take("stage_change", x.stage_change, explicitly ? velocities : leapfrog_stages * velocities);
   take("mean_v", x.mean_v, explicitly ? 0 : velocities);
+  take("gained_v", x.gained_v, explicitly ? 0 : velocities);
   take("stage_pose", x.stage_pose, explicitly ? pose : 0);
   take("pose_rate", x.pose_rate, explicitly ? pose : 0);
   take("first_q", x.first_q, twice ? joints : 0);

@@ -1,6 +1,6 @@
 // Leapfrog with an implicit linear part, and its extrapolation. SPDX-License-Identifier: Apache-2.0
 //
-// (M60) to (M65). One mass matrix and two bias forces at the midpoint; damping, drives and soft couplings by three
+// (M61) to (M66). One mass matrix and two bias forces at the midpoint; damping, drives and soft couplings by three
 // stages of Alexander's (1977) diagonally implicit method, which share one factorisation.
 #pragma once
 
@@ -14,7 +14,7 @@
 
 namespace lockstep::kernels {
 
-/// (M63)
+/// (M64)
 template <class S>
 struct Alexander {
   static constexpr double g = alexander_gamma;
@@ -24,7 +24,7 @@ struct Alexander {
   static constexpr S before[leapfrog_stages][2] = {{S(0), S(0)}, {S((1 - g) / 2), S(0)}, {weight[0], weight[1]}};
 };
 
-/// One stage of (M62), from x.begin_q and x.midpoint_v and the stages before it.
+/// One stage of (M63), from x.begin_q and x.midpoint_v and the stages before it.
 template <class T>
 void stage(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, int i, int time) {
   using S = ScalarOf<T>;
@@ -43,12 +43,15 @@ void stage(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T
   if (t.rows.count > 0 || (last && t.couplings > 0)) coupling_errors(t, lanes, x);
   joint_terms<Terms::forces>(t, lanes, x, time + i);
   solve(t, x);
-  expand(t, x, x.solution, x.corrects, x.stage_v + i * n);
-  if (last) return expand(t, x, x.solves_twice ? x.closing_solution : x.solution, false, x.next_v);
-  for (int k = 0; k < n; ++k) x.stage_change[i * n + k] = x.stage_v[i * n + k] - x.v[k];
+  T *change = x.stage_change + i * n, *velocity = x.stage_v + i * n;
+  expand_changes(t, x, x.solution, change);
+  for (int k = 0; k < n; ++k) velocity[k] = x.v[k] + change[k];
+  for (int f = 0; last && f < t.reduction.followers; ++f) velocity[root + t.reduction.follower[f]] += x.correction[f];
+  if (x.solves_twice) expand_changes(t, x, x.closing_solution, change);
 }
 
-/// From x.begin_q, _v, _pose to x.next_q, _v, _root_pose; x.mean_v is what moved the positions. Leaves no other state.
+/// From x.begin_q, _v, _pose to x.next_q, _v, _root_pose; x.mean_v is what moved the positions, x.gained_v what was added
+/// to the velocities, along the midpoint's axes. Leaves no other state.
 template <class T>
 void leapfrog(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, int time) {
   using S = ScalarOf<T>;
@@ -70,15 +73,20 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Til
 
   bias_forces(t, lanes, x);
   stage(t, lanes, x, 0, time);
-  for (int j = 0; j < t.joints; ++j) x.q[j] = x.midpoint_q[j];  // (M61)
+  for (int j = 0; j < t.joints; ++j) x.q[j] = x.midpoint_q[j];  // (M62)
   for (int k = 0; k < n; ++k) x.v[k] = fma(T(S(0.5) / A::gamma), x.stage_change[k], x.midpoint_v[k]);
   bias_forces(t, lanes, x);
   for (int i = 0; i < leapfrog_stages; ++i) stage(t, lanes, x, i, time);
 
   for (int k = 0; k < n; ++k) {
-    T mean = T(0);
-    for (int i = 0; i < leapfrog_stages; ++i) mean = fma(T(A::weight[i]), x.stage_v[i * n + k], mean);
+    T mean = T(0), change = T(0);
+    for (int i = 0; i < leapfrog_stages; ++i) {
+      mean = fma(T(A::weight[i]), x.stage_v[i * n + k], mean);
+      change = fma(T(A::weight[i] / A::gamma), x.stage_change[i * n + k], change);
+    }
     x.mean_v[k] = mean;
+    x.gained_v[k] = change;
+    x.next_v[k] = x.midpoint_v[k] + change;
   }
   for (int j = 0; j < t.joints; ++j) x.next_q[j] = fma(T(t.step), x.mean_v[root + j], x.begin_q[j]);
   if (!t.floating) return;
@@ -94,17 +102,18 @@ void leapfrog_step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes
   return_to_begin(t, x);
 }
 
-/// Adds `share` of the change that the last leapfrog made to x.change_q, _v, _pose.
+/// Adds `share` of the change that the last leapfrog made to x.change_q, _v, _pose. A root's axes have turned meanwhile.
 template <class T>
 void add_change(const Tables<ScalarOf<T>>& t, Tile<T>& x, ScalarOf<T> step, ScalarOf<T> share) {
   const int root = t.velocities - t.joints;
   for (int j = 0; j < t.joints; ++j) x.change_q[j] = fma(T(share * step), x.mean_v[root + j], x.change_q[j]);
-  for (int k = 0; k < t.velocities; ++k) x.change_v[k] = fma(T(share), x.next_v[k] - x.begin_v[k], x.change_v[k]);
+  for (int k = 0; k < t.velocities; ++k)
+    x.change_v[k] = fma(T(share), k < root ? x.next_v[k] - x.begin_v[k] : x.gained_v[k], x.change_v[k]);
   for (int k = 0; t.floating && k < 7; ++k)
     x.change_pose[k] = fma(T(share), x.next_root_pose[k] - x.begin_pose[k], x.change_pose[k]);
 }
 
-/// (M65). t.half holds the tables of half the step.
+/// (M66). t.half holds the tables of half the step.
 template <class T>
 void extrapolated_step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   using S = ScalarOf<T>;

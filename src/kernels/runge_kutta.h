@@ -1,6 +1,6 @@
 // The classical Runge-Kutta method of fourth order. SPDX-License-Identifier: Apache-2.0
 //
-// (M66) to (M68). Every coupling is hard and eliminated here, and no term is implicit.
+// (M67) to (M69). Every coupling is hard and eliminated here, and no term is implicit.
 #pragma once
 
 #include "begin.h"
@@ -13,7 +13,7 @@
 
 namespace lockstep::kernels {
 
-/// (M68) at the root's pose in x.root_pose, whose quaternion is unit, and in x.stage_pose, whose quaternion is not.
+/// (M69) at the root's pose in x.root_pose, whose quaternion is unit, and in x.stage_pose, whose quaternion is not.
 template <class T>
 void root_rate(Tile<T>& x, T* rate) {
   const Vec3<T> w = {x.v[0], x.v[1], x.v[2]}, u = {x.v[3], x.v[4], x.v[5]};
@@ -33,7 +33,7 @@ void move_stage_pose(Tile<T>& x, T time, const T* rate) {
   make_unit(x.stage_pose + 3, x.root_pose + 3);
 }
 
-/// (M66) The change of velocity at x.q, x.v, if these lasted for the whole step.
+/// (M67) The change of velocity at x.q, x.v, if these lasted for the whole step.
 template <class T>
 void slope(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, int time, T* change) {
   kinematics(t, x);
@@ -42,8 +42,7 @@ void slope(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T
   joint_terms(t, lanes, x, time);  // to the matrix the armature alone
   factorise(t, lanes, x);
   solve(t, x);
-  expand(t, x, x.solution, false, change);
-  for (int k = 0; k < t.velocities; ++k) change[k] = change[k] - x.v[k];
+  expand_changes(t, x, x.solution, change);
   if (!t.floating) return;
   const Vec3<T> w = {x.v[0], x.v[1], x.v[2]}, u = {x.v[3], x.v[4], x.v[5]};
   const Vec3<T> turning = cross(w, u);

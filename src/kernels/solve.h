@@ -19,7 +19,8 @@ void factorise(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Ti
   factor_rows(t, x);
 }
 
-/// The forces in x.drive to velocities.
+/// The forces in x.drive to changes of the velocities. Not to velocities: a difference of two would carry the rounding
+/// of either.
 template <class T>
 void solve(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   free_velocity(t, x);
@@ -27,7 +28,7 @@ void solve(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     row_terms(t, x);
     direct(t, x);
   }
-  solved_velocities(t, x);
+  solved_changes(t, x);
 }
 
 }  // namespace lockstep::kernels

@@ -52,6 +52,7 @@ struct Tile {
   T* stage_v;              // [stages][velocities]
   T* stage_change;         // [stages][velocities]
   T* mean_v;               // [velocities] what moves the positions
+  T* gained_v;             // [velocities] what a leapfrog adds to them, along the midpoint's axes
   T* stage_pose;           // [7]
   T* pose_rate;            // [7]
   T* first_q;              // where the first of several steps began
@@ -127,6 +128,8 @@ struct Tile {
   T* bound_lo;             // 2 [rows]
   T* bound_hi;             // 2 [rows]
   T* bound_centre;         // 2 [rows]
+  T* bound_eased;          // [rows] speed that the position phase leaves to kinematic drives
+  T* bound_pushed;         // [rows] the w / s in what they ask of it
   T* bound_force;
   T* bound_cfm;
   T* bound_own;            // r before the couplings have their say
@@ -139,17 +142,19 @@ struct Tile {
   T* bound_scaled;         // [rows][solver]
   T* bound_through;        // [rows][coupling rows] K_BE, half solved where these are solved
   T* bound_through_scaled;
-  T* bound_coupled;        // [rows][rows] of (M55)
+  T* bound_coupled;        // [rows][rows] of (M56)
   T* row_alone;            // 2 [coupling rows] impulses without bounded rows
   T* search_matrix;
   T* search_inverse;
   T* search_impulse;
   T* search_speed;
+  T* search_noise;         // of pivots
   Branch<T>* search_branch;         // 2 [rows]
   typename T::Mask* search_held;    // [rows]
   typename T::Mask* bound_known;    // 2 [rows] lanes that have a branch to begin with
   typename T::Mask* bound_touched;  // lanes in which the row takes part
   typename T::Mask suspect;         // lanes in which bounds may act at all
+  T search_doubts[2];               // by phase: how often it was asked whether sharing is needed
   typename T::Mask search_shared[2];  // by phase: lanes in which rows depend on each other
   typename T::Mask senseless;       // lanes in which a row asks for what is no number
   int* bound_fresh;        // it has begun to in some lane

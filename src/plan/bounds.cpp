@@ -196,9 +196,7 @@ BoundForms lay_out_bounds(Program& program) {
   }
 
   b.form = lay_out_forms(program, result.forms, t.solver, false);
-  const bool dependent = depend(program, rows, result.forms);
-  b.compliance = dependent ? 3e-11 : 0.0;
-  b.drive_compliance = dependent ? 1e-9 : 0.0;
+  b.may_depend = depend(program, rows, result.forms);
   std::vector<Watched<double>> watched;
   each_joint([&](const Joint& joint, int i) {
     const bool fast = b.has[i] & has_speed_limit, ranged = has_range_of(program, joint);

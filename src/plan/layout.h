@@ -20,7 +20,7 @@ struct Obstacle {
 };
 std::optional<Obstacle> obstacle_of(const Program& program);
 
-/// Of the scene's linear motion about its start, the largest |lambda| of (M69), 1/s (report/stiffness.cpp: it takes
+/// Of the scene's linear motion about its start, the largest |lambda| of (M70), 1/s (report/stiffness.cpp: it takes
 /// the kernels' mass matrix). For programs whose terms are explicit.
 double largest_rate(const Program& program);
 

@@ -75,7 +75,7 @@ struct Narrowing {
 
   Bounds<float> narrowed(const Bounds<double>& from) {
     return {narrowed(from.form), from.kind, from.member_start, from.member, narrowed(from.member_share),
-            from.compliance > 0.0 ? 1e-5f : 0.0f, from.compliance > 0.0 ? 1e-4f : 0.0f, from.driven, from.always, narrowed(from.watched), from.has, narrowed(from.lower), narrowed(from.upper),
+            from.may_depend, from.driven, from.always, narrowed(from.watched), from.has, narrowed(from.lower), narrowed(from.upper),
             narrowed(from.limit_rate), narrowed(from.restitution), narrowed(from.speed_limit), narrowed(from.friction),
             narrowed(from.drive_rate), narrowed(from.sub_step_rate), narrowed(from.force_limit), narrowed(from.soft_rate),
             from.natural_row};

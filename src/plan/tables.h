@@ -13,7 +13,7 @@ namespace lockstep {
 /// Stands for infinity in tables, where it can be scaled by any step size or gear ratio in single precision.
 constexpr double unlimited = 1e25;
 
-/// gamma of (M63): how much of a step its implicit stages go.
+/// gamma of (M64): how much of a step its implicit stages go.
 constexpr double alexander_gamma = 0.43586652150845899942;
 
 template <class E>
@@ -151,8 +151,7 @@ struct Bounds {
   Span<int> member_start;       ///< by row, rows + 1
   Span<Member> member;
   Span<S> member_share;         ///< the values of S
-  S compliance = 0;             ///< epsilon of hard intervals that depend on each other, else 0
-  S drive_compliance = 0;       ///< the same of kinematic drives, which are to give way to limits
+  bool may_depend = false;      ///< directions of hard intervals may depend on each other
   Span<int> driven;             ///< by row: it holds a hard kinematic drive
   bool always = false;          ///< some row acts in every step: friction, a kinematic drive, a force limit
   Span<Watched<S>> watched;     ///< the joints with limits
@@ -218,7 +217,7 @@ struct Reduction {
 
 template <class S>
 struct Tables {
-  S dt = 0;                       ///< how far a solve goes: the step, or gamma of it (M62)
+  S dt = 0;                       ///< how far a solve goes: the step, or gamma of it (M63)
   S step = 0;                     ///< the step
   S ahead = 0;                    ///< how far ahead linear terms are taken: dt, or 0 where they are explicit
   int method = 0;                 ///< Method

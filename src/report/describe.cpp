@@ -192,7 +192,7 @@ std::string bounds_lines(const Program& program) {
                           exact ? "those that act solved exactly through the couplings"
                                 : "those that act swept after the couplings");
     }
-    if (b.compliance > 0.0) text += "; hard ones that oppose each other share the violation";
+    if (b.may_depend) text += "; hard ones that oppose each other share the violation";
     text += ".\n";
   }
   if (!ignored.empty()) text += fmt::format("Ignored, as asked for: {}.\n", fmt::join(ignored, ", "));

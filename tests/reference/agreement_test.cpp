@@ -211,7 +211,9 @@ TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
     const VectorXd z = factored.solve(e.s.transpose() * stage.implicit * (stage.free - e.w));
     const std::vector<Scalar> none(t.rows.count, Scalar(0.0));
     for (int r = 0; r < t.rows.count * t.solver.n; ++r) x.scaled[r] = Scalar(0.0);
-    kernels::solved_velocity(t, x, kernels::position_phase, x.free_position, Scalar(1.0), none.data(), x.solution);
+    kernels::impel(t, x, kernels::position_phase, x.free_position, Scalar(1.0), none.data(), x.solution);
+    kernels::solve_downwards(t.solver, x.reduced, x.solution);
+    for (int i = 0; i < t.solver.n; ++i) x.solution[i] += x.start[i];
     const double kappa = condition(reduced) * e.condition, rounding = solved(kappa, t.solver.n);
     expect_close("v*", kernel.numbers(x.solution, t.solver.n), z, std::max(1.0, size(z)), rounding);
     if (t.rows.count == 0) continue;

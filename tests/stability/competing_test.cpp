@@ -19,7 +19,7 @@ void for_every_pair(double ratio, Test&& test) {
     }
 }
 
-// `direct` searches with the coupled inverse (M55), a small difference where a servo is stiff against the links or a
+// `direct` searches with the coupled inverse (M56), a small difference where a servo is stiff against the links or a
 // gear ratio large: in single precision it is asked for the milder cases only, and in double precision for 1e-4 where
 // stiffness and ratio meet (the worst seen is 4.7e-5, at 1/30 s).
 template <class S>
@@ -156,7 +156,7 @@ TEST(Competing, friction_holds_to_its_threshold_and_slips_beyond) {
       with_exact_methods([&](auto scalar, double dt, Method method) {
         using S = decltype(scalar);
         if (!promised<S>(method, 1.0, first)) return;  // one friction of 1e3 N in an inverse with the coupling
-        // Of the push, per step; through the coupled inverse of direct (M55) more of it, 1.7e-11 m/s at 1e3 N.
+        // Of the push, per step; through the coupled inverse of direct (M56) more of it, 1.7e-11 m/s at 1e3 N.
         const double places = method == Method::direct && first > 100.0 ? 1e4 : 16.0;
         const double rounded = places * std::numeric_limits<S>::epsilon() * threshold * dt;
         for (double share : {0.99, 1.01}) {

@@ -4,7 +4,6 @@
 //     stability_test --gtest_also_run_disabled_tests --gtest_filter='Known.*'
 #include "contract.h"
 #include "mechanisms.h"
-#include "random_scenes.h"
 #include "watch.h"
 
 namespace lockstep::stability {
@@ -100,25 +99,11 @@ TEST(Known, order_in_which_neighbours_need_rows_does_not_change_bits) {
   }
 }
 
-// 1.1e-5: positions are rounded in each step, and an erp of 0.07 takes little of that back.
-TEST(Known, DISABLED_scene_532_holds_its_couplings) { search(532, 1); }
-
 // `direct` in float: 2.015e-5, and 1.4e-5 before masses on joints' axes were moved inwards (M10).
 TEST(Known, DISABLED_serial_arm_holds_in_float_at_a_thirtieth_of_a_second) {
   Watch<float> watch(serial(), recorded(1.0 / 30, Method::direct));
   watch.run(3.0);
   EXPECT_LE(watch.late_error(), 2e-5);
-}
-
-// `direct`, two drives that contradict each other through a coupling: 1.1e-3 rad/s are left of the speed.
-TEST(Known, DISABLED_direct_is_quiet_between_drives_that_contradict) {
-  Model model = pair(Arrangement::second_on_first);
-  for (Joint& joint : model.joints) joint.drive.kinematic = true;
-  Watch<double> watch(model, recorded(1.0 / 240, Method::direct));
-  watch.batch.position_targets() << 0.3, -0.3;
-  watch.run(3.0);
-  EXPECT_LE(watch.late_error(), 1e-3);
-  EXPECT_LE(watch.speed(), 1e-3);
 }
 
 }  // namespace

@@ -89,15 +89,14 @@ void leave_out_what_is_known(Model& model) {
 }
 
 // Hard bounds whose directions depend on each other through couplings may contradict each other, as may kinematic
-// drives and bounds: limits are shared then, and energy is spent on the contradiction. Couplings hold and numbers
-// stay finite. They may be frozen.
+// drives and bounds: limits are shared then. All else holds.
 bool contested(const Plan& plan) {
   bool kinematic = false, limited = false;
   for (const Joint& joint : plan.model().joints) {
     kinematic |= joint.drive.kinematic;
     limited |= joint.lower > -infinity || joint.velocity_limit < infinity;
   }
-  return plan.program().f64.bounds.compliance > 0.0 || (kinematic && limited);
+  return plan.program().f64.bounds.may_depend || (kinematic && limited);
 }
 
 // Farthest that a joint with hard ends is beyond them, in any environment.
@@ -142,16 +141,14 @@ std::string broken_at(const RandomScene& scene, Method method, double dt) {
 
   if (!watch.finite()) return "a number is none";
   for (Fault fault : watch.batch.faults())
-    if (fault != Fault::none && !(contested(plan) && (fault == Fault::diverged || fault == Fault::not_finite)))
-      return std::string("fault ") + name(fault);
+    if (fault != Fault::none) return std::string("fault ") + name(fault);
   // Rows that follow from others, and from their start decay at other rates, contradict them on the way.
   const bool contradicts = scene.displaced && !plan.redundant_couplings().empty();
   // An error at the start decays; while much is left of it, a small share of it is rounding.
   const double off = scene.displaced ? std::max(watch.late_error(), 1e-2 * watch.error_beyond_rounding())
                                      : watch.error_beyond_rounding();
   if (!contradicts && off > 1e-5) return fmt::format("|C| {:.2g}", off);
-  if (contested(plan)) return "";
-  if (!scene.displaced && beyond > 1e-3) return fmt::format("a limit is passed by {:.2g}", beyond);
+  if (!contested(plan) && !scene.displaced && beyond > 1e-3) return fmt::format("a limit is passed by {:.2g}", beyond);
   const double energy = 0.1 * (height_range(model) + kinetic);
   if (!scene.bounces && watch.excess() > energy)
     return fmt::format("energy {:.3g} J from nowhere, {:.3g} J allowed", watch.excess(), energy);
@@ -180,11 +177,13 @@ RandomScene random_scene(std::uint64_t seed) {
   return scene;
 }
 
-// Two findings are no broken promise: energy that is gone at a quarter of the step was the integrator's, and a matrix
-// that only double precision can factor was reported as such.
+// Three findings are no broken promise: energy that is gone at a quarter of the step was the integrator's, as is a fault
+// that is gone at a sixteenth of it, where couplings make joints turn by more than a radian in a step; and a matrix that
+// only double precision can factor was reported as such.
 std::string broken_promise(const RandomScene& scene, Method method) {
   const std::string broken = broken_at<float>(scene, method, scene.dt);
   if (broken.starts_with("energy") && broken_at<float>(scene, method, scene.dt / 4).empty()) return "";
+  if (broken.starts_with("fault") && broken_at<float>(scene, method, scene.dt / 16).empty()) return "";
   if (broken == "fault singular" && broken_at<double>(scene, method, scene.dt).empty()) return "";
   return broken;
 }
