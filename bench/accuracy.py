@@ -182,11 +182,14 @@ def main():
     parser.add_argument("--build", type=Path, default=BENCH.parent / "build")
     parser.add_argument("--pictures", type=Path, default=BENCH.parent / "docs" / "accuracy")
     parser.add_argument("--robots", nargs="*", type=Path, default=[], help="URDF files to measure as well")
+    parser.add_argument("--least-mass", default="0", help="kg, of the robots' bodies")
+    parser.add_argument("--least-inertia", default="0", help="kg m^2")
     parser.add_argument("--draw", action="store_true")
     choices = parser.parse_args()
     results = machine() / "accuracy.csv"
     if not choices.draw:
-        robots = ["--robots", ",".join(map(str, choices.robots))] if choices.robots else []
+        robots = ["--robots", ",".join(map(str, choices.robots)), "--least-mass", choices.least_mass,
+                  "--least-inertia", choices.least_inertia] if choices.robots else []
         program = choices.build / "bench" / "accuracy" / "accuracy_speed"
         subprocess.run([str(program), "--csv", str(results), *robots], check=True)
     rows = read(results)

@@ -23,6 +23,7 @@ namespace {
 
 struct Choices {
   std::vector<std::string> scenes = {"chain8", "gripper13", "chain32"}, robots;
+  ImportOptions import;  // of the robots
   std::string csv;
   int repeats = 5;
   double seconds = 0.02;
@@ -56,8 +57,8 @@ std::vector<Point> points(bool quick, bool robots) {
   return all;
 }
 
-Model smooth(const std::string& file) {
-  Model model = import_urdf_file(file).model;
+Model smooth(const std::string& file, const ImportOptions& options) {
+  Model model = import_urdf_file(file, options).model;
   for (Joint& joint : model.joints) {
     joint.lower = -infinity, joint.upper = infinity;
     joint.velocity_limit = joint.effort_limit = infinity;
@@ -111,7 +112,7 @@ int run(const Choices& choices) {
   for (const std::string& scene : choices.scenes)
     measure(choices, all, Yardstick(scene, choices.quick ? 24 : 240), write, progress, done);
   for (const std::string& robot : choices.robots)
-    measure(choices, of_robots, Yardstick(smooth(robot), choices.quick ? 24 : 240), write, progress, done);
+    measure(choices, of_robots, Yardstick(smooth(robot, choices.import), choices.quick ? 24 : 240), write, progress, done);
   if (file) file->close();
   return 0;
 }
@@ -125,6 +126,8 @@ int main(int argc, char** argv) {
   app.add_option("--csv", choices.csv, "File for the table; without it, the terminal");
   app.add_option("--scenes", choices.scenes, "These alone")->delimiter(',');
   app.add_option("--robots", choices.robots, "URDF files as well")->delimiter(',');
+  app.add_option("--least-mass", choices.import.least_mass, "kg, of the robots' bodies");
+  app.add_option("--least-inertia", choices.import.least_inertia, "kg m^2");
   app.add_option("--repeats", choices.repeats, "Of each measurement; medians are told")->capture_default_str();
   app.add_option("--seconds", choices.seconds, "Of CPU time for each measurement")->capture_default_str();
   app.add_flag("--quick", choices.quick, "One step size and a tenth of the motion: only to see that it runs");

@@ -106,7 +106,8 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes
   }
 }
 
-/// (M60) but for the change of energy: work of the joints' drives and of soft rows, what damping and friction take.
+/// (M60) but for the change of energy: work of the joints' drives, of soft rows and of bounces, what damping and friction
+/// take.
 template <class T>
 void add_work(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, T& work, T& dissipated) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
@@ -131,6 +132,11 @@ void add_work(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, con
       speed = fma(x.coefficient[k], x.next_v[root + t.term_joint[k]], speed);
     return speed;
   };
+  const auto bounces = [&](int r) {
+    for (int k = b.member_start[r]; k < b.member_start[r + 1]; ++k)
+      if (b.has[b.member[k].joint] & has_restitution) return true;
+    return false;
+  };
   const T* solved = phase == velocity_phase ? x.velocity_impulse : x.position_impulse;
   for (int e = 0; e < t.rows.count; ++e) {
     const T soft = select(less(smallest<T>(), x.row_cfm[e]), solved[e], zero);
@@ -146,8 +152,10 @@ void add_work(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, con
     const T done = impulse * x.next_v[root + b.member[m].joint] * x.member_inverse[m];
     if (b.kind[r] != BoundKind::joint || b.driven[r])
       work += done;
-    else
+    else {
       dissipated -= select(less(zero, x.bound_force[r]), smaller(done, zero), zero);
+      if (bounces(r)) work += larger(done, zero);  // other limits let nothing go the way they push
+    }
   }
 }
 

@@ -150,7 +150,7 @@ std::string broken_at(const RandomScene& scene, Method method, double dt) {
   if (!contradicts && off > 1e-5) return fmt::format("|C| {:.2g}", off);
   if (!contested(plan) && !scene.displaced && beyond > 1e-3) return fmt::format("a limit is passed by {:.2g}", beyond);
   const double energy = 0.1 * (height_range(model) + kinetic);
-  if (!scene.bounces && watch.excess() > energy)
+  if (watch.excess() > energy)
     return fmt::format("energy {:.3g} J from nowhere, {:.3g} J allowed", watch.excess(), energy);
   return "";
 }
@@ -165,10 +165,10 @@ RandomScene random_scene(std::uint64_t seed) {
   options.soft = random.chance(0.7) ? scenes::RandomOptions::Soft::never : scenes::RandomOptions::Soft::sometimes;
   options.coupling_error = random.chance(0.3);
   options.redundant = !options.coupling_error;
-  RandomScene scene{scenes::random_model(seed, options), 0.0, 0.0, false, options.coupling_error};
-  scene.bounces = random.chance(0.2);
+  RandomScene scene{scenes::random_model(seed, options), 0.0, 0.0, options.coupling_error};
+  const bool bounces = random.chance(0.2);
   for (Joint& joint : scene.model.joints)
-    if (joint.moves()) add_bounds(joint, random, scene.bounces);
+    if (joint.moves()) add_bounds(joint, random, bounces);
   for (Coupling& coupling : scene.model.couplings)
     if (random.chance(0.1)) coupling.force_limit = logarithmic(random, 0.1, 100.0);
   leave_out_what_is_known(scene.model);

@@ -14,7 +14,6 @@ namespace lockstep::stability {
 struct RandomScene {
   Model model;
   double dt, seconds;
-  bool bounces;  ///< limits with restitution: the energy that (M60) lacks is theirs
   bool displaced;  ///< starts off its couplings, which come back before limits do
 };
 RandomScene random_scene(std::uint64_t seed);
