@@ -18,7 +18,7 @@ lockstep::bench::Load load_of(const std::string& name) {
     const int joints = std::stoi(scene.substr(5));
     return bench::chain(joints, joints / 2, Method::reduced);
   }
-  for (const Integrator integrator : {Integrator::leapfrog, Integrator::runge_kutta})
+  for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
     if (method == lockstep::name(integrator)) {
       bench::Load load = bench::scene(scene, Method::reduced, 1);
       load.settings.integrator = integrator;

@@ -148,7 +148,7 @@ class Batch {
   /// [Plan::row_names()][environments] 0: the row does not act; 1: it holds; 2, -2: it pushes with all it has, upwards
   /// or downwards; for limits 1 is the lower, -1 the upper end.
   Array row_states() const;
-  /// [4][environments] of the last call of step(), J, (M60): work of servos, kinematic drives and efforts; dissipated by
+  /// [4][environments] of the last call of step(), J, (M60): work of servos, drives, efforts and bounces; dissipated by
   /// damping and dry friction; work of the corrections of position; change of kinetic and potential energy.
   Array energy_balances() const;
   /// Names of the rows that could not be met in the last step because others were in their way, empty if all were:

@@ -18,10 +18,10 @@ struct Import {
 };
 
 /// What to make of bodies that a file leaves without inertia: many are written for drawing or planning. By default nothing
-/// is made up, and a moving link without inertia is an error. A bound above 0 raises what is less, body by body (a moving
-/// link with all that is fixed to it); with either of them, tensors that no body can have become those of balls with the
-/// same mean moment. The report names every link that was changed. What MuJoCo calls boundmass, boundinertia and
-/// balanceinertia.
+/// is made up, and a moving link without inertia is an error. A bound above 0 raises what is less, body by body: a moving
+/// link, or the root, with all that is fixed to it. Bodies that have neither need both bounds. With either of them, tensors
+/// that no body can have become those of balls with the same mean moment. The report names every link that was changed.
+/// What MuJoCo calls boundmass, boundinertia and balanceinertia.
 struct ImportOptions {
   double least_mass = 0.0;     ///< kg, >= 0
   double least_inertia = 0.0;  ///< of the principal moments, kg m^2, >= 0

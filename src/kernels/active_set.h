@@ -1,6 +1,6 @@
 // Bounded rows solved exactly, through the couplings, by principal pivoting. SPDX-License-Identifier: Apache-2.0
 //
-// (M56), (M57). Each round assumes for every row which part of (M49) it is on, solves, and moves rows on that say
+// (M55) to (M57). Each round assumes for every row which part of (M49) it is on, solves, and moves rows on that say
 // otherwise: all of them at first, then the first one only (Murty), which cannot go round in circles. Lanes that have
 // come to rest keep what they found while others go on, so no lane sees another's search.
 #pragma once
@@ -168,11 +168,30 @@ void sweep_bounds(const Tables<ScalarOf<T>>& t, Phase phase, int sweeps, Tile<T>
     }
 }
 
-/// Where the search begins: for the velocity phase with what the position phase ended with; else, and for rows that have
-/// just begun to take part, with a few sweeps. A search that is repeated for a neighbour's sake begins with its own end.
+/// Lanes in which a row has begun to take part forget how they searched without it, so that what they find does not
+/// depend on how often neighbours made them search.
+template <class T>
+void forget_searches(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const int count = t.bounds.form.count;
+  typename T::Mask fresh = T::none();
+  for (int i = 0; i < x.bound_count; ++i)
+    fresh = fresh | (x.bound_touched[x.bound_listed[i]] & ~x.bound_known[x.bound_listed[i]]);
+  for (int phase = position_phase; phase <= velocity_phase; ++phase) {
+    for (int i = 0; i < x.bound_count; ++i) {
+      auto& known = x.bound_known[phase * count + x.bound_listed[i]];
+      known = known & ~fresh;
+    }
+    x.search_shared[phase] = x.search_shared[phase] & ~fresh;
+    x.search_doubts[phase] = select(fresh, T(0), x.search_doubts[phase]);
+  }
+}
+
+/// Where the search begins: for the velocity phase with what the position phase ended with, else with a few sweeps. A
+/// search that is repeated for a neighbour's sake begins with its own end.
 template <class T>
 void begin_search(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
   const int count = t.bounds.form.count;
+  if (phase == position_phase) forget_searches(t, x);
   bool all_known = true;
   for (int i = 0; i < x.bound_count; ++i) {
     const int r = x.bound_listed[i];
@@ -199,7 +218,8 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
   T* impulse = x.search_impulse;
   begin_search(t, phase, x);
   typename T::Mask open = T::none();
-  T rounds = T(ScalarOf<T>(block_rounds));  // of each lane, by the rows that it has itself
+  const int asking_takes = t.bounds.may_depend ? 2 * most_doubts : 0;
+  T rounds = T(ScalarOf<T>(block_rounds + asking_takes));  // of each lane, by the rows that it has itself
   for (int i = 0; i < m; ++i) {
     const auto touched = x.bound_touched[x.bound_listed[i]];
     rounds += select(touched, T(ScalarOf<T>(rounds_per_row)), T(0));
@@ -212,27 +232,31 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
       x.bound_known[r] = (x.bound_known[r] & ~lanes) | (known & x.bound_touched[x.bound_listed[i]]);
     }
   };
-  typename T::Mask lost = T::none();
+  typename T::Mask lost = T::none(), answered = T::none(), asking = T::none();
   T& doubts = x.search_doubts[phase];
+  const T enough = T(ScalarOf<T>(most_doubts));
   for (int round = 0; any(open); ++round) {
     const auto late = open & ~less(T(ScalarOf<T>(round)), rounds);
-    lost = lost | late;
+    lost = lost | (late & ~answered);
+    x.search_shared[phase] = x.search_shared[phase] | (late & answered);
     open = open & ~late;
     const auto waiting = solve_held(t, phase, x, impulse);
+    doubts = select(waiting & asking, enough, doubts);
     auto rested = pivot(t, phase, impulse, round >= block_rounds, waiting, x) & open;
     // Rows that depended on each other on the way need not do so at its end: it is asked again without compliance.
-    const auto doubted = rested & x.search_shared[phase] & less(doubts, T(ScalarOf<T>(most_doubts)));
-    x.search_shared[phase] = x.search_shared[phase] & ~doubted;
-    doubts += select(doubted, T(1), T(0));
-    rested = rested & ~doubted;
+    asking = rested & x.search_shared[phase] & less(doubts, enough);
+    keep(asking, T::none());
+    answered = answered | asking;
+    x.search_shared[phase] = x.search_shared[phase] & ~asking;
+    doubts += select(asking, T(1), T(0));
+    rested = rested & ~asking;
     keep(rested, rested);
     open = open & ~rested;
   }
   if (!any(lost)) return;
   sweep_bounds(t, phase, rescue_sweeps, x, impulse);
   keep(lost, T::none());
-  x.search_shared[phase] = x.search_shared[phase] & ~lost;  // a repeated search begins as this one did
-  doubts = select(lost, T(0), doubts);
+  x.search_shared[phase] = x.search_shared[phase] & ~lost;
 }
 
 /// (M55)
@@ -248,8 +272,8 @@ void ease_drives(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
       const int other = x.bound_listed[k];
       speed = fma(x.bound_coupled[r * count + other], x.bound_impulse[other], speed);
     }
-    const T asked = x.bound_lo[count + r], zero = T(0);
-    x.bound_eased[r] = clamp(speed, smaller(zero, asked), larger(zero, asked));
+    const T asked = x.bound_lo[count + r], least = x.bound_slowest[r];
+    x.bound_eased[r] = clamp(speed, smaller(least, asked), larger(least, asked));
   }
 }
 

@@ -91,8 +91,12 @@ void joint_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, in
   const auto empty = less(hi, lo);
   lo = select(empty, middle, lo);
   hi = select(empty, middle, hi);
-  if (drives > 0) lo = hi = clamp(prescribed * T(S(1) / S(drives)), lo, hi);
-  if (b.may_depend && drives > 0 && phase == position_phase) x.bound_pushed[r] = corrected_by * T(S(1) / S(drives));
+  if (drives > 0) {
+    const T each = T(S(1) / S(drives));
+    if (b.may_depend && phase == position_phase) x.bound_pushed[r] = corrected_by * each;
+    if (b.may_depend && phase == velocity_phase) x.bound_slowest[r] = clamp(T(0), lo, hi);
+    lo = hi = clamp(prescribed * each, lo, hi);
+  }
   const int i = phase * b.form.count + r;
   x.bound_lo[i] = lo;
   x.bound_hi[i] = hi;

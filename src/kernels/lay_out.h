@@ -28,6 +28,7 @@ inline void bound_arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("bound_impulse", x.bound_impulse, 2 * bounds);
   take("bound_eased", x.bound_eased, t.bounds.may_depend ? bounds : 0);
   take("bound_pushed", x.bound_pushed, t.bounds.may_depend ? bounds : 0);
+  take("bound_slowest", x.bound_slowest, t.bounds.may_depend ? bounds : 0);
   take("bound_force", x.bound_force, bounds);
   take("bound_cfm", x.bound_cfm, bounds);
   take("bound_own", x.bound_own, bounds);

@@ -130,6 +130,7 @@ struct Tile {
   T* bound_centre;         // 2 [rows]
   T* bound_eased;          // [rows] speed that the position phase leaves to kinematic drives
   T* bound_pushed;         // [rows] the w / s in what they ask of it
+  T* bound_slowest;        // [rows] the speed nearest to none that their limits allow
   T* bound_force;
   T* bound_cfm;
   T* bound_own;            // r before the couplings have their say

@@ -294,14 +294,27 @@ TEST(Import, fills_in_inertias_only_where_asked_to_and_says_where) {
   EXPECT_EQ(link(import.model, "thumb").inertia.mass, 0.0) << "the nail has enough for both";
 }
 
+// A frame without inertia that carries a body which is fixed to it, as many files have them.
+TEST(Import, fills_in_inertia_where_the_mass_is) {
+  const string frame = R"(<robot name='r'><link name='base'/><link name='frame'/><link name='body'><inertial>
+    <mass value='1'/><inertia ixx='1e-9' ixy='0' ixz='0' iyy='1e-9' iyz='0' izz='1e-9'/></inertial></link>
+    <joint name='j' type='continuous'><parent link='base'/><child link='frame'/></joint>
+    <joint name='f' type='fixed'><parent link='frame'/><child link='body'/></joint></robot>)";
+  const Import import = import_urdf(frame, "frame", {.least_inertia = 1e-5});
+  expect_reports(import, "inertias raised to 1e-05 kg m^2 (1): body");
+  EXPECT_EQ(link(import.model, "frame").inertia.mass, 0.0);
+  EXPECT_NEAR(link(import.model, "body").inertia.about_center(0, 0), 1e-5, 1e-15);
+}
+
 TEST(Import, leaves_complete_models_alone_when_asked_to_fill_in) {
   for (const auto& entry : std::filesystem::directory_iterator(LOCKSTEP_MODELS)) {
     if (entry.path().extension() != ".urdf") continue;
-    const Model as_it_is = import_urdf_file(entry.path()).model;
-    const Model asked = import_urdf_file(entry.path(), {.least_mass = 1e-9, .least_inertia = 1e-15}).model;
-    for (std::size_t i = 1; i < as_it_is.links.size(); ++i) {
-      EXPECT_EQ(asked.links[i].inertia.mass, as_it_is.links[i].inertia.mass) << entry.path();
-      EXPECT_EQ(asked.links[i].inertia.about_center, as_it_is.links[i].inertia.about_center) << entry.path();
+    const Import as_it_is = import_urdf_file(entry.path());
+    EXPECT_EQ(import_urdf_file(entry.path(), {.least_inertia = 1e-15}).report, as_it_is.report) << entry.path();
+    const Model asked = import_urdf_file(entry.path(), {.least_mass = 1e-9}).model;  // an empty root gets some
+    for (std::size_t i = 1; i < asked.links.size(); ++i) {
+      EXPECT_EQ(asked.links[i].inertia.mass, as_it_is.model.links[i].inertia.mass) << entry.path();
+      EXPECT_EQ(asked.links[i].inertia.about_center, as_it_is.model.links[i].inertia.about_center) << entry.path();
     }
   }
 }
@@ -309,6 +322,9 @@ TEST(Import, leaves_complete_models_alone_when_asked_to_fill_in) {
 TEST(Import, refuses_bounds_of_inertia_that_are_none) {
   EXPECT_THROW(import_urdf(bare, "bare", {.least_mass = -1.0}), SettingsError);
   EXPECT_THROW(import_urdf(bare, "bare", {.least_inertia = std::nan("")}), SettingsError);
+  string negative = bare;
+  negative.replace(negative.find("value='2'"), 9, "value='-2'");
+  EXPECT_THROW(import_urdf(negative, "negative", {.least_mass = 0.05, .least_inertia = 1e-5}), ModelError);
 }
 
 TEST(Import, every_model_of_the_tests_is_valid) {
