@@ -85,7 +85,7 @@ struct Tile {
   T* free_position;        // [solver] D^-1 L^-T of the drive, for positions
   T* free_velocity;        // and for velocities: the same array unless they differ
   T* start;                // [solver] the velocities that a step starts from
-  T* solution;             // [solver] the velocities that move positions
+  T* solution;             // [solver] the velocities that move positions, or what they change by (solve.h)
   T* closing_solution;     // [solver] those that stay: only if they differ
   T* scratch;              // as long as the longest vector, for one stage at a time
   T* product;              // [velocities] momentum to gain, S^T still to come
