@@ -25,7 +25,7 @@ struct Stages {
 
   static bool always(const Table&) { return true; }
   static bool coupled(const Table& t) { return t.couplings > 0; }
-  static bool eliminates(const Table& t) { return t.reduction.followers > 0; }
+  static bool eliminates(const Table& t) { return t.reduction.by_entries(); }
   static bool has_rows(const Table& t) { return t.rows.count > 0; }
 
   static void rows(const Table& t, const Lanes<S>& lanes, Tile& x) {
@@ -56,10 +56,16 @@ struct Stages {
       {"load", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::load(t, l, x); }},
       {"kinematics", always, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::kinematics(t, x); }},
       {"coupling errors", coupled,
-       [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::coupling_errors(t, l, x); }},
+       [](const Table& t, const Lanes<S>& l, Tile& x) {
+         kernels::coupling_errors(t, l, x);
+         if (t.reduction.followers > 0) kernels::follow(t, x);
+       }},
       {"bias forces", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::bias_forces(t, l, x); }},
-      {"mass matrix", always, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::mass_matrix(t, x); }},
-      {"joint terms", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::joint_terms(t, l, x); }},
+      {"joint terms", always, [](const Table& t, const Lanes<S>& l, Tile& x) {
+         kernels::joint_inertias(t, l, x);
+         kernels::joint_forces(t, l, x);
+       }},
+      {"mass matrix", always, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::inertia_matrix(t, x); }},
       {"elimination", eliminates, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::reduce_matrix(t, x); }},
       {"free velocity", always, [](const Table& t, const Lanes<S>&, Tile& x) {
          kernels::factor_matrix(t, x);

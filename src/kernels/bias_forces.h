@@ -109,6 +109,9 @@ LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile
       w[J::k] += speed;
     }
   }
+  if (t.reduction.by_force)
+    if (const int f = t.reduction.follower_of[joint_of(t, b)]; f >= 0)
+      (J::prismatic ? a : alpha)[J::k] += x.acceleration[f] * T(body.sign);
   Mat3<T> tensor = acceleration_tensor(w, alpha);
   if (!body.leaf) {
     x.angular[b] = w;

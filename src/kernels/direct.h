@@ -28,7 +28,7 @@ template <class T>
 void factor_rows(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   for (int r = 0; r < rows.count; ++r) x.coupled[rows.columns.offset[r]] += x.row_cfm[r];
-  factor(rows.columns, x.coupled, x.row_inverse, rank_tolerance<T>(t), x.scratch);
+  factor(rows.columns, x.coupled, x.row_inverse, rank_tolerance<T>(t));
 }
 
 template <class T>

@@ -42,17 +42,31 @@ void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
+/// The same where columns are merged: A d is among the forces, and S^T A w stands behind A_r.
+template <class T>
+void reduce_merged_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  for (int z = 0; z < t.solver.n; ++z) {
+    T sum = x.drive[r.independent[z]];
+    for (int c = r.collect_start[z], last = r.collect_start[z + 1]; c < last; ++c)
+      sum = fma(x.share[r.collected[c].value], x.drive[r.collected[c].velocity], sum);
+    if (x.solves_twice) x.free_velocity[z] = sum;
+    x.free_position[z] = x.solves_twice ? sum - x.reduced[t.solver.entries + z] : sum;
+  }
+}
+
 /// Momentum to gain: S^T (dt forces + A d) for velocities, and for positions, which are to be corrected as well,
 /// S^T (dt forces + A (d - w)). The mismatch d and the correction w are zero but for the followers.
 template <class T>
 void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
-  for (int f = 0; f < r.followers; ++f) x.scratch[f] = x.mismatch[f] - x.correction[f];
+  if (r.merged.slots > 0) return reduce_merged_forces(t, x);
+  for (int f = 0; f < r.followers; ++f) x.scratch[f] = r.by_force ? -x.correction[f] : x.mismatch[f] - x.correction[f];
   for (int i = 0; i < t.velocities; ++i) {
     T free = x.drive[i], corrected = free;
     for (int m = r.momentum_start[i], last = r.momentum_start[i + 1]; m < last; ++m) {
       const Momentum momentum = r.momentum[m];
-      free = fma(x.matrix[momentum.entry], x.mismatch[momentum.follower], free);
+      if (!r.by_force) free = fma(x.matrix[momentum.entry], x.mismatch[momentum.follower], free);
       corrected = fma(x.matrix[momentum.entry], x.scratch[momentum.follower], corrected);
     }
     x.product[i] = free;
@@ -82,17 +96,19 @@ LOCKSTEP_INLINE T correcting_velocity(const Tables<ScalarOf<T>>& t, const Tile<T
   return correction;
 }
 
-/// What a solve starts from, what its followers are off by, and the reduced forces.
+/// What a solve starts from, and what its followers are off by.
 template <class T>
-void start_reduced(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+void follow(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   const int root = t.velocities - t.joints;
   for (int z = 0; z < t.solver.n; ++z) x.start[z] = x.v[r.independent[z]];
   for (int f = 0; f < r.followers; ++f) {
     x.correction[f] = x.corrects ? correcting_velocity(t, x, f) : T(0);
     x.mismatch[f] = x.v[root + r.follower[f]] - followed(t, x, f, x.start);
+    if (!r.by_force) continue;
+    x.lost[f] = r.by_entries() || x.solves_twice ? x.mismatch[f] : x.mismatch[f] - x.correction[f];
+    x.acceleration[f] = x.lost[f] * T(ScalarOf<T>(-1) / t.dt);
   }
-  reduce_forces(t, x);
 }
 
 }  // namespace lockstep::kernels

@@ -10,7 +10,6 @@
 #include "integrate.h"
 #include "joint_terms.h"
 #include "kinematics.h"
-#include "mass_matrix.h"
 #include "pgs.h"
 #include "saturation.h"
 #include "tgs.h"
@@ -21,14 +20,16 @@ template <class T>
 void euler(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   kinematics(t, x);
   if (t.couplings > 0) coupling_errors(t, lanes, x);
+  if (t.reduction.followers > 0) follow(t, x);
   if (t.limited.count > 0) first_pass(x);
   do {  // once, and again where a servo turns out to be at its limit of effort, or not to be
     bias_forces(t, lanes, x);
-    mass_matrix(t, x);
-    joint_terms(t, lanes, x);
+    joint_inertias(t, lanes, x);
+    joint_forces(t, lanes, x);
+    inertia_matrix(t, x);
     if (t.limited.count > 0) limited_drives(t, lanes, x);
     if (t.natural.count > 0) natural_responses(t, x);
-    if (t.reduction.followers > 0) reduce_matrix(t, x);
+    if (t.reduction.by_entries()) reduce_matrix(t, x);
     if (t.bounds.form.count > 0) forget_bounds(x);
     factor_matrix(t, x);
     free_velocity(t, x);

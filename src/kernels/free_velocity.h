@@ -15,7 +15,7 @@ void half_solve(const Columns& columns, const T* factored, const T* inverse, T* 
 /// A, or A_r, to its factors (M17).
 template <class T>
 void factor_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  x.singular = factor(t.solver, x.reduced, x.inverse, T(0), x.scratch);
+  x.singular = factor(t.solver, x.reduced, x.inverse, T(0));
 }
 
 /// The free velocity is v* = v + L^-1 y with the y that this leaves in x.free_position and x.free_velocity:
@@ -29,7 +29,7 @@ void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
       x.free_position[z] = x.drive[z];
     }
   else
-    start_reduced(t, x);
+    reduce_forces(t, x);
   if (!x.solves_twice || x.free_velocity == x.free_position)
     return half_solve(columns, x.reduced, x.inverse, x.free_position);
   solve_upwards(columns, x.reduced, x.free_position, x.free_velocity);

@@ -38,6 +38,18 @@ void uniform_masses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
+/// Products of S's entries for merged columns.
+template <class T>
+void merged_factors(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Span<MergedColumns::Factor> factors = t.reduction.merged.factors;
+  for (int i = 0; i < factors.count; ++i) {
+    T product = T(ScalarOf<T>(factors[i].times));
+    if (factors[i].left >= 0) product *= x.share[factors[i].left];
+    if (factors[i].right >= 0) product *= x.share[factors[i].right];
+    x.factor[i] = product;
+  }
+}
+
 /// The table's ratios, for all tiles.
 template <class T>
 void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
@@ -50,11 +62,12 @@ void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
   spread(t.term_value, x.coefficient);
   spread(t.reduction.value, x.share);
+  merged_factors(t, x);
   spread(t.reduction.inverse_value, x.inverse_form);
   spread(t.rows.term_value, x.row_value);
 }
 
-/// This tile's own, by the elimination (M38) that the plan recorded.
+/// This tile's own, by the elimination (M39) that the plan recorded.
 template <class T>
 void own_ratios(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   const ScalarOf<T>* gears = lanes.field[0];
@@ -76,6 +89,7 @@ void own_ratios(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, T
     for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s)
       x.inverse_form[s] = x.form[r.inverse_entry[s]] * inverse;
   }
+  merged_factors(t, x);
 
   combine(t.rows, x, x.row_value);
 

@@ -44,7 +44,7 @@ void subtract_bounds(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* sum) {
   }
 }
 
-/// Swept and solved rows have theirs at hand. An eliminated coupling's (M39) is what its followers' momentum lacks:
+/// Swept and solved rows have theirs at hand. An eliminated coupling's (M40) is what its followers' momentum lacks:
 /// J_F^T L = (A (v' - v) - dt forces - other rows' J^T L) on the followers.
 template <class T>
 void coupling_impulses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
@@ -61,7 +61,12 @@ void coupling_impulses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
           select(x.bound_touched[i], x.bound_impulse[(t.solve_twice ? bounds : 0) + i], T(0));
   if (r.followers == 0) return;
 
-  for (int i = 0; i < t.velocities; ++i) x.product[i] = -x.drive[i];
+  T* const change = x.corrected_product;
+  for (int i = 0; i < t.velocities; ++i) {
+    x.product[i] = -x.drive[i];
+    change[i] = x.next_v[i] - x.v[i];
+  }
+  for (int f = 0; r.by_force && f < r.followers; ++f) change[root + r.follower[f]] += x.mismatch[f];
   if (bounds > 0) subtract_bounds(t, x, x.product);
   for (int i = 0; i < rows.count; ++i) {
     const int c = rows.coupling[i];
@@ -75,9 +80,9 @@ void coupling_impulses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     const int i = root + r.follower[f];
     T lacking = x.product[i];
     for (int k = 0; k < columns.size[i]; ++k)
-      lacking = fma(x.matrix[columns.offset[i] + k], x.next_v[i + k] - x.v[i + k], lacking);
+      lacking = fma(x.matrix[columns.offset[i] + k], change[i + k], lacking);
     for (int j = columns.parent[i]; j >= 0; j = columns.parent[j])
-      lacking = fma(x.matrix[columns.offset[j] + i - j], x.next_v[j] - x.v[j], lacking);
+      lacking = fma(x.matrix[columns.offset[j] + i - j], change[j], lacking);
     for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s) {
       T& sum = x.impulse[r.inverse_coupling[s]];
       sum = fma(x.inverse_form[s], lacking, sum);

@@ -6,16 +6,37 @@
 
 namespace lockstep::kernels {
 
+/// X impulse of a group, added to v.
+template <int N, class T>
+LOCKSTEP_INLINE void push(const Rows<ScalarOf<T>>& rows, const RowGroup& group, const T* response, int n, const T* impulse,
+                          T* v) {
+  const T* const first = response + group.first * n;
+  T own[N];
+  for (int i = 0; i < N; ++i) own[i] = impulse[group.first + i];
+  for (int r = group.run_first; r < group.run_last; ++r)
+    for (int z = rows.group_runs[r].first, last = rows.group_runs[r].last; z < last; ++z) {
+      T sum = v[z];
+      for (int i = 0; i < N; ++i) sum = fma(first[i * n + z], own[i], sum);
+      v[z] = sum;
+    }
+}
+
 /// share y + D^-1 X impulse of (M21), over the solver's velocities.
 template <class T>
 void impel(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, const T* free, T share, const T* impulse,
            T* v) {
   const Rows<ScalarOf<T>>& rows = t.rows;
-  for (int z = 0; z < t.solver.n; ++z) v[z] = free[z] * share;
-  for (int r = 0; r < rows.count; ++r)
-    for (int i = rows.run_start[r]; i < rows.run_start[r + 1]; ++i)
-      for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z)
-        v[z] = fma(x.scaled[r * t.solver.n + z], impulse[r], v[z]);
+  const int n = t.solver.n;
+  if (rows.count == 0) {
+    for (int z = 0; z < n; ++z) v[z] = free[z] * share;
+  } else {
+    for (int z = 0; z < n; ++z) v[z] = T(0);
+    for (int g = 0; g < rows.groups.count; ++g) {
+      const RowGroup& group = rows.groups[g];
+      with_count(group, [&](auto count) LOCKSTEP_INLINED { push<count.value>(rows, group, x.response, n, impulse, v); });
+    }
+    for (int z = 0; z < n; ++z) v[z] = fma(free[z], share, x.inverse[z] * v[z]);
+  }
   if (t.bounds.form.count > 0) add_bounds(t, x, phase, v);
 }
 
@@ -76,7 +97,7 @@ LOCKSTEP_INLINE void make_unit(const T* quaternion, T* unit) {
   for (int k = 0; k < 4; ++k) unit[k] = quaternion[k] * scale;
 }
 
-/// The root's pose after turning and moving with its twist for the time h: q <- q exp(h w / 2), p <- p + h R v, (M41).
+/// The root's pose after turning and moving with its twist for the time h: q <- q exp(h w / 2), p <- p + h R v, (M42).
 /// Keeps the half turn exp(h w / 2).
 template <class T>
 void move_root(ScalarOf<T> time, const T* twist, const T* pose, T* half_turn, T* next) {
@@ -100,12 +121,12 @@ void move_root(ScalarOf<T> time, const T* twist, const T* pose, T* half_turn, T*
   half_turn[0] = cosine, half_turn[1] = e, half_turn[2] = f, half_turn[3] = g;
   const T turned[4] = {fnma(b, e, fnma(c, f, fnma(d, g, a * cosine))), fma(a, e, fma(c, g, fnma(d, f, b * cosine))),
                        fma(a, f, fma(d, e, fnma(b, g, c * cosine))), fma(a, g, fma(b, f, fnma(c, e, d * cosine)))};
-  // (M42) One Newton step for 1 / |q| keeps it unit: rounding moves it by far less than the step's reach.
+  // (M43) One Newton step for 1 / |q| keeps it unit: rounding moves it by far less than the step's reach.
   const T scale = fnma(T(S(0.5)), squared_length(turned), T(S(1.5)));
   for (int k = 0; k < 4; ++k) next[3 + k] = turned[k] * scale;
 }
 
-/// (M43) The root's new twist, solved in the axes that it had before it moved, in those that it has now. By the half
+/// (M44) The root's new twist, solved in the axes that it had before it moved, in those that it has now. By the half
 /// turn (c, s) backwards, a + 2 s x (s x a - c a): rounding is that of the small change alone.
 template <class T>
 void turn_root_twist(const T* half_turn, T* twist) {
@@ -118,7 +139,7 @@ void turn_root_twist(const T* half_turn, T* twist) {
   }
 }
 
-/// Semi-implicit Euler (M40).
+/// Semi-implicit Euler (M41).
 template <class T>
 void integrate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const int root = t.velocities - t.joints;

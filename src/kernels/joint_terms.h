@@ -4,7 +4,7 @@
 // implicitly, so A = M + diag(a + h (d + kd) + h^2 kp) and the step needs no iterations for them.
 #pragma once
 
-#include "frame.h"
+#include "joint_inertia.h"
 
 namespace lockstep::kernels {
 
@@ -23,8 +23,9 @@ LOCKSTEP_INLINE T clamp(T a, T lo, T hi) {
 
 /// A joint's gains and where its servo pulls it, without and with the speed it has.
 template <class T>
-struct Servo {
-  T kp, kd, position, velocity;
+struct Servo : Gains<T> {
+  using Gains<T>::kp, Gains<T>::kd;
+  T position, velocity;
   /// Force at the end of the step, if the joint then has the speed v: the servo's part of (M13).
   LOCKSTEP_INLINE T force(T h, T q, T v) const { return -fma(kp, fma(h, v, q) - position, kd * (v - velocity)); }
 };
@@ -37,12 +38,8 @@ LOCKSTEP_INLINE std::ptrdiff_t input_row(const Tables<S>& t, int j, int time) {
 
 template <class T>
 LOCKSTEP_INLINE Servo<T> servo(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int j, int time = 0) {
-  const int row = t.joint_row[j];
   const std::ptrdiff_t input = input_row(t, j, time) * lanes.stride;
-  const ScalarOf<T>* gains = lanes.field[3];
-  return {gains ? T::load(gains + 2 * row * lanes.stride) : T(t.kp[j]),
-          gains ? T::load(gains + (2 * row + 1) * lanes.stride) : T(t.kd[j]),
-          T::load(lanes.position_target + input), T::load(lanes.velocity_target + input)};
+  return {gains<T>(t, lanes, j), T::load(lanes.position_target + input), T::load(lanes.velocity_target + input)};
 }
 
 template <class T>
@@ -50,32 +47,18 @@ LOCKSTEP_INLINE T feed_forward(const Tables<ScalarOf<T>>& t, const Lanes<ScalarO
   return T::load(lanes.effort + input_row(t, j, time) * lanes.stride);
 }
 
-/// What a call of joint_terms() is for: solves with one matrix need their forces alone.
-enum class Terms { both, matrix, forces };
-
-/// M in x.matrix becomes A (M14), and the bias forces dt times all forces (M15), with what acts at this of the step's
-/// times. Keeps M + armature where soft rows are stated by natural frequency and A holds more than that.
-template <Terms terms = Terms::both, class T>
-void joint_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, int time = 0) {
-  constexpr bool to_matrix = terms != Terms::forces, to_forces = terms != Terms::matrix;
+/// The bias forces become dt times all forces (M15), with what acts at this of the step's times.
+template <class T>
+void joint_forces(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, int time = 0) {
   const int root = t.velocities - t.joints;
-  const T h = T(t.dt), ahead = T(t.ahead), ahead_squared = T(t.ahead * t.ahead);
-  if (to_matrix && t.natural.count > 0) {
-    for (int e = 0; e < t.matrix.entries; ++e) x.natural_matrix[e] = x.matrix[e];
-    for (int j = 0; j < t.joints; ++j) x.natural_matrix[t.matrix.offset[root + j]] += T(t.armature[j]);
-  }
-
-  const bool own_terms = declared<T>(t, 3) || declared<T>(t, 4);
+  const T h = T(t.dt), ahead = T(t.ahead);
   const Field<T> damping = field<T>(lanes, 4, t.damping.data);
-  for (int i = 0; to_forces && i < root; ++i) x.drive[i] = -(h * x.bias[i]);
+  for (int i = 0; i < root; ++i) x.drive[i] = -(h * x.bias[i]);
   for (int j = 0; j < t.joints; ++j) {
     const T d = damping.at(j, t.joint_row[j]);
-    if constexpr (to_forces)
-      x.drive[root + j] = h * (fnma(d, x.v[root + j], feed_forward<T>(t, lanes, j, time)) - x.bias[root + j]);
-    if constexpr (to_matrix)
-      x.matrix[t.matrix.offset[root + j]] += own_terms ? fma(ahead, d, T(t.armature[j])) : T(t.implicit[j]);
+    x.drive[root + j] = h * (fnma(d, x.v[root + j], feed_forward<T>(t, lanes, j, time)) - x.bias[root + j]);
   }
-  for (int i = 0; to_forces && i < t.clamped.count; ++i) {  // (M58) without a servo
+  for (int i = 0; i < t.clamped.count; ++i) {  // (M59) without a servo
     const int j = t.clamped[i];
     const T effort = feed_forward<T>(t, lanes, j, time), most = T(t.effort_limit[j]);
     x.drive[root + j] = fma(h, clamp(effort, -most, most) - effort, x.drive[root + j]);
@@ -85,10 +68,10 @@ void joint_terms(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, 
     const Servo<T> own = servo<T>(t, lanes, j, time);
     const T v = x.v[root + j];
     const T reached = fma(ahead, v, x.q[j]) - own.position;  // kp acts on where the joint is going
-    if constexpr (to_forces)
-      x.drive[root + j] = fnma(h * own.kp, reached, fnma(h * own.kd, v - own.velocity, x.drive[root + j]));
-    if (to_matrix && own_terms) x.matrix[t.matrix.offset[root + j]] += fma(ahead, own.kd, ahead_squared * own.kp);
+    x.drive[root + j] = fnma(h * own.kp, reached, fnma(h * own.kd, v - own.velocity, x.drive[root + j]));
   }
+  if (t.reduction.by_force)
+    for (int f = 0; f < t.reduction.followers; ++f) lose_mismatch(t, x, f, x.joint_inertia[t.reduction.follower[f]]);
 }
 
 }  // namespace lockstep::kernels

@@ -27,42 +27,57 @@ LOCKSTEP_INLINE T subtract_dot(const T* a, const T* b, int count, T start) {
   return (start + second) + (third + fourth);
 }
 
+/// Scales what is below a column's diagonal by the inverse pivots there; returns what is left of the diagonal.
+template <class T>
+LOCKSTEP_INLINE T scale_column(T* own, const T* inverse, int count) {
+  T sum[4] = {own[0], T(0), T(0), T(0)};
+  const auto scale = [&](int k, T& part) LOCKSTEP_INLINED {
+    const T entry = own[k];
+    own[k] = entry * inverse[k];
+    part = fnma(own[k], entry, part);
+  };
+  int k = 1;
+  for (; k + 4 <= count; k += 4)
+    for (int n = 0; n < 4; ++n) scale(k + n, sum[n]);
+  for (; k < count; ++k) scale(k, sum[0]);
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+/// matrix[entry] -= own . what follows there, but for own[0], for N entries.
+template <int N, class T>
+LOCKSTEP_INLINE void subtract_dots(const T* own, T* matrix, const int* entry, int count) {
+  T* above[N];
+  T sum[N];
+  for (int n = 0; n < N; ++n) above[n] = matrix + entry[n], sum[n] = above[n][0];
+  for (int k = 1; k < count; ++k) {
+    const T factor = own[k];
+    for (int n = 0; n < N; ++n) sum[n] = fnma(factor, above[n][k], sum[n]);
+  }
+  for (int n = 0; n < N; ++n) above[n][0] = sum[n];
+}
+
 /// H becomes L below the diagonal; inverse = 1 / D. A pivot not above `tolerance` times the diagonal that it
 /// came from is taken for none: its inverse is 0, so that its unknown is 0. Returns the lanes where that happened.
-/// What is no number stays none, for check() to find. `scaled` is room for n numbers.
+/// What is no number stays none, for check() to find.
 template <class T>
-typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T tolerance, T* scaled) {
+typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T tolerance) {
   typename T::Mask weak = T::none();
   for (int i = columns.n - 1; i >= 0; --i) {
     T* own = matrix + columns.offset[i];
     const int below = columns.size[i];
     const T least = tolerance * own[0];
-    for (int k = 1; k < below; ++k) scaled[k] = own[k] * inverse[i + k];
-    const T pivot = subtract_dot(scaled + 1, own + 1, below - 1, own[0]);
-    for (int k = 1; k < below; ++k) own[k] = scaled[k];
-    own[0] = pivot;
+    const T pivot = own[0] = scale_column(own, inverse + i, below);
     const typename T::Mask good = less(least, pivot) | beyond(pivot, T(ScalarOf<T>(__builtin_inf())));
     inverse[i] = select(good, T(1) / pivot, T(0));
     weak = weak | ~good;
-    // Row i of every ancestor's column, four ancestors at a time.
-    int j = columns.parent[i];
-    while (j >= 0) {
-      T* above[4];
-      int count = 0;
-      for (; count < 4 && j >= 0; j = columns.parent[j]) above[count++] = matrix + columns.offset[j] + (i - j);
-      if (count == 4) {
-        T a = above[0][0], b = above[1][0], c = above[2][0], d = above[3][0];
-        for (int k = 1; k < below; ++k) {
-          a = fnma(own[k], above[0][k], a);
-          b = fnma(own[k], above[1][k], b);
-          c = fnma(own[k], above[2][k], c);
-          d = fnma(own[k], above[3][k], d);
-        }
-        above[0][0] = a, above[1][0] = b, above[2][0] = c, above[3][0] = d;
-        continue;
-      }
-      for (int n = 0; n < count; ++n) above[n][0] = subtract_dot(own + 1, above[n] + 1, below - 1, above[n][0]);
-    }
+    // Row i of every ancestor's column, eight ancestors at a time: so many sums do not wait for each other.
+    const int* const row = columns.row.data;
+    int a = columns.row_start[i];
+    const int last = columns.row_start[i + 1];
+    for (; a + 8 <= last; a += 8) subtract_dots<8>(own, matrix, row + a, below);
+    if (a + 4 <= last) subtract_dots<4>(own, matrix, row + a, below), a += 4;
+    if (a + 2 <= last) subtract_dots<2>(own, matrix, row + a, below), a += 2;
+    if (a < last) matrix[row[a]] = subtract_dot(own + 1, matrix + row[a] + 1, below - 1, matrix[row[a]]);
   }
   return weak;
 }

@@ -1,6 +1,6 @@
 // Leapfrog with an implicit linear part, and its extrapolation. SPDX-License-Identifier: Apache-2.0
 //
-// (M61) to (M66). One mass matrix and two bias forces at the midpoint; damping, drives and soft couplings by three
+// (M62) to (M67). One mass matrix and two bias forces at the midpoint; damping, drives and soft couplings by three
 // stages of Alexander's (1977) diagonally implicit method, which share one factorisation.
 #pragma once
 
@@ -9,12 +9,11 @@
 #include "coupling_error.h"
 #include "joint_terms.h"
 #include "kinematics.h"
-#include "mass_matrix.h"
 #include "solve.h"
 
 namespace lockstep::kernels {
 
-/// (M64)
+/// (M65)
 template <class S>
 struct Alexander {
   static constexpr double g = alexander_gamma;
@@ -24,7 +23,7 @@ struct Alexander {
   static constexpr S before[leapfrog_stages][2] = {{S(0), S(0)}, {S((1 - g) / 2), S(0)}, {weight[0], weight[1]}};
 };
 
-/// One stage of (M63), from x.begin_q and x.midpoint_v and the stages before it.
+/// One stage of (M64), from x.begin_q and x.midpoint_v and the stages before it.
 template <class T>
 void stage(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, int i, int time) {
   using S = ScalarOf<T>;
@@ -41,7 +40,8 @@ void stage(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T
   x.corrects = last;
   x.solves_twice = last && t.solve_twice;
   if (t.rows.count > 0 || (last && t.couplings > 0)) coupling_errors(t, lanes, x);
-  joint_terms<Terms::forces>(t, lanes, x, time + i);
+  if (t.reduction.followers > 0) follow(t, x);
+  joint_forces(t, lanes, x, time + i);
   solve(t, x);
   T *change = x.stage_change + i * n, *velocity = x.stage_v + i * n;
   expand_changes(t, x, x.solution, change);
@@ -67,13 +67,13 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Til
   for (int k = 0; k < n; ++k) x.midpoint_v[k] = x.v[k];
 
   kinematics(t, x);
-  mass_matrix(t, x);
-  joint_terms<Terms::matrix>(t, lanes, x);
+  joint_inertias(t, lanes, x);
+  inertia_matrix(t, x);
   factorise(t, lanes, x);
 
   bias_forces(t, lanes, x);
   stage(t, lanes, x, 0, time);
-  for (int j = 0; j < t.joints; ++j) x.q[j] = x.midpoint_q[j];  // (M62)
+  for (int j = 0; j < t.joints; ++j) x.q[j] = x.midpoint_q[j];  // (M63)
   for (int k = 0; k < n; ++k) x.v[k] = fma(T(S(0.5) / A::gamma), x.stage_change[k], x.midpoint_v[k]);
   bias_forces(t, lanes, x);
   for (int i = 0; i < leapfrog_stages; ++i) stage(t, lanes, x, i, time);
@@ -113,7 +113,7 @@ void add_change(const Tables<ScalarOf<T>>& t, Tile<T>& x, ScalarOf<T> step, Scal
     x.change_pose[k] = fma(T(share), x.next_root_pose[k] - x.begin_pose[k], x.change_pose[k]);
 }
 
-/// (M66). t.half holds the tables of half the step.
+/// (M67). t.half holds the tables of half the step.
 template <class T>
 void extrapolated_step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   using S = ScalarOf<T>;

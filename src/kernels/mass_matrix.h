@@ -120,18 +120,13 @@ LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, const T
     for (int k = 0; k < carried; ++k) row[k] = -row[k];
 }
 
-/// Rows of a floating root: all columns, and its own six from its composite, in the order angular, linear (M12).
+/// A floating root's own six rows and columns from its composite, in the order angular, linear (M12).
 template <class T>
-LOCKSTEP_INLINE void rows_of_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+LOCKSTEP_INLINE void root_inertia(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Columns& columns, T* matrix) {
   const PseudoInertia<T>& c = t.body[0].leaf ? x.felt[0] : x.composite[0];
-  const auto row = [&](int velocity) { return x.matrix + t.matrix.offset[velocity] - velocity; };
   for (int k = 0; k < 3; ++k) {
-    T* angular = row(k);
-    T* linear = row(3 + k);
-    for (int b = 1; b < t.bodies; ++b) {
-      angular[5 + b] = x.column_moment[b][k];
-      linear[5 + b] = x.column_force[b][k];
-    }
+    T* angular = matrix + columns.offset[k] - k;
+    T* linear = matrix + columns.offset[3 + k] - (3 + k);
     const int i = (k + 1) % 3, j = (k + 2) % 3;
     angular[k] = c.second[i] + c.second[j];
     angular[3 + k] = T(0);
@@ -143,6 +138,20 @@ LOCKSTEP_INLINE void rows_of_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x
       linear[3 + l] = T(0);
     }
   }
+}
+
+/// Rows of a floating root: all columns, and its own.
+template <class T>
+LOCKSTEP_INLINE void rows_of_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  for (int k = 0; k < 3; ++k) {
+    T* angular = x.matrix + t.matrix.offset[k] - k;
+    T* linear = x.matrix + t.matrix.offset[3 + k] - (3 + k);
+    for (int b = 1; b < t.bodies; ++b) {
+      angular[5 + b] = x.column_moment[b][k];
+      linear[5 + b] = x.column_force[b][k];
+    }
+  }
+  root_inertia(t, x, t.matrix, x.matrix);
 }
 
 template <class T>

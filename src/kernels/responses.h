@@ -8,6 +8,12 @@
 
 namespace lockstep::kernels {
 
+/// A number as a type.
+template <int N>
+struct Count {
+  static constexpr int value = N;
+};
+
 /// a . b over the velocities that the row moves.
 template <class T>
 LOCKSTEP_INLINE T supported_dot(const Rows<ScalarOf<T>>& rows, int row, const T* a, const T* b) {
@@ -19,39 +25,96 @@ LOCKSTEP_INLINE T supported_dot(const Rows<ScalarOf<T>>& rows, int row, const T*
   return -sum;
 }
 
-/// x <- L^-T x for a vector that is zero outside the row's support.
-template <class T>
-LOCKSTEP_INLINE void respond(const Rows<ScalarOf<T>>& rows, int row, const Columns& columns, const T* factored, T* x) {
-  for (int s = rows.support_start[row + 1] - 1; s >= rows.support_start[row]; --s) {
-    const SupportRange range = rows.support[s];
-    x[range.index] = subtract_dot(factored + columns.offset[range.index] + 1, x + range.index + 1,
-                                  range.end - range.index - 1, x[range.index]);
+/// x <- L^-T x for N vectors, `stride` numbers apart, that are zero outside the support.
+template <int N, class T>
+LOCKSTEP_INLINE void respond(const SupportRange* first, const SupportRange* last, const Columns& columns, const T* factored,
+                             T* x, int stride) {
+  while (last-- != first) {
+    const SupportRange range = *last;
+    const T* const column = factored + columns.offset[range.index];
+    T* const own = x + range.index;
+    const int count = range.end - range.index;
+    if constexpr (N == 1) {
+      own[0] = subtract_dot(column + 1, own + 1, count - 1, own[0]);
+    } else {
+      T sum[N];
+      for (int n = 0; n < N; ++n) sum[n] = own[n * stride];
+      for (int k = 1; k < count; ++k)
+        for (int n = 0; n < N; ++n) sum[n] = fnma(column[k], own[n * stride + k], sum[n]);
+      for (int n = 0; n < N; ++n) own[n * stride] = sum[n];
+    }
   }
 }
 
-/// X and D^-1 X of one row with these values of its terms.
+/// Calls act with the group's count of rows as a type.
+template <class Act>
+LOCKSTEP_INLINE void with_count(const RowGroup& group, Act&& act) {
+  static_assert(RowGroup::most == 8);
+  switch (group.count) {
+    case 1: return act(Count<1>{});
+    case 2: return act(Count<2>{});
+    case 3: return act(Count<3>{});
+    case 4: return act(Count<4>{});
+    case 5: return act(Count<5>{});
+    case 6: return act(Count<6>{});
+    case 7: return act(Count<7>{});
+    default: return act(Count<8>{});
+  }
+}
+
+/// J^T of one row with these values of its terms.
 template <class T>
-LOCKSTEP_INLINE void row_response(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Rows<ScalarOf<T>>& rows, int row,
-                                  const T* value, T* response, T* scaled) {
-  for (int z = 0; z < t.solver.n; ++z) response[z] = scaled[z] = T(0);
+LOCKSTEP_INLINE void place_terms(const Rows<ScalarOf<T>>& rows, int row, int n, const T* value, T* response) {
+  for (int z = 0; z < n; ++z) response[z] = T(0);
   for (int k = rows.term_start[row]; k < rows.term_start[row + 1]; ++k) response[rows.term_index[k]] = value[k];
-  respond(rows, row, t.solver, x.reduced, response);
+}
+
+/// D^-1 X of one row.
+template <class T>
+LOCKSTEP_INLINE void scale_response(const Tile<T>& x, const Rows<ScalarOf<T>>& rows, int row, const T* response, T* scaled) {
+  const T* const inverse = x.inverse;
   for (int i = rows.run_start[row]; i < rows.run_start[row + 1]; ++i)
-    for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z) scaled[z] = response[z] * x.inverse[z];
+    for (int z = rows.runs[i].first, last = rows.runs[i].last; z < last; ++z) scaled[z] = response[z] * inverse[z];
+}
+
+/// K between a row, given as D^-1 X, and a group.
+template <int N, class T>
+LOCKSTEP_INLINE void couple(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const RowBlock& block, const T* scaled) {
+  const Rows<ScalarOf<T>>& rows = t.rows;
+  const RowGroup& group = rows.groups[block.group];
+  const int n = t.solver.n;
+  const T* const other = x.response + group.first * n;
+  T sum[N];
+  for (int i = 0; i < N; ++i) sum[i] = T(0);
+  for (int r = group.run_first; r < group.run_last; ++r)
+    for (int z = rows.group_runs[r].first, last = rows.group_runs[r].last; z < last; ++z)
+      for (int i = 0; i < N; ++i) sum[i] = fma(scaled[z], other[i * n + z], sum[i]);
+  for (int i = 0; i < N; ++i)
+    if (block.entry[i] >= 0) x.coupled[block.entry[i]] = x.coupled[block.mirror[i]] = sum[i];
 }
 
 template <class T>
 void responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const int n = t.solver.n;
-  for (int r = 0; r < rows.count; ++r)
-    row_response(t, x, rows, r, x.row_value, x.response + r * n, x.scaled + r * n);
-  if (rows.response_entries != rows.pairs.count)
+  const SupportRange* const support = rows.group_support.data;
+  for (int r = 0; r < rows.count; ++r) place_terms(rows, r, n, x.row_value, x.response + r * n);
+  for (int g = 0; g < rows.groups.count; ++g) {
+    const RowGroup& group = rows.groups[g];
+    with_count(group, [&](auto count) LOCKSTEP_INLINED {
+      respond<count.value>(support + group.support_first, support + group.support_last, t.solver, x.reduced,
+                           x.response + group.first * n, n);
+    });
+  }
+  if (!rows.dense)
     for (int e = 0; e < rows.response_entries; ++e) x.coupled[e] = T(0);
-  for (int p = 0; p < rows.pairs.count; ++p) {
-    const RowPair pair = rows.pairs[p];
-    const T sum = supported_dot(rows, pair.other, x.response + pair.row * n, x.scaled + pair.other * n);
-    x.coupled[pair.entry] = x.coupled[pair.mirror] = sum;
+  for (int b = 0; b < rows.blocks.count; ++b) {
+    const RowBlock& block = rows.blocks[b];
+    if (b == 0 || rows.blocks[b - 1].row != block.row) {
+      for (int z = 0; z < n; ++z) x.scratch[z] = T(0);
+      scale_response(x, rows, block.row, x.response + block.row * n, x.scratch);
+    }
+    with_count(rows.groups[block.group], [&](auto count) LOCKSTEP_INLINED { couple<count.value>(t, x, block, x.scratch); });
   }
 }
 
@@ -59,12 +122,14 @@ void responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 template <class T>
 void natural_responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.natural;
-  factor(t.matrix, x.natural_matrix, x.natural_inverse, T(0), x.scratch);
+  factor(t.matrix, x.natural_matrix, x.natural_inverse, T(0));
   for (int r = 0; r < rows.count; ++r) {
     for (int z = 0; z < t.velocities; ++z) x.natural_response[z] = T(0);
     for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k)
       x.natural_response[rows.term_index[k]] = rows.coupling[r] < 0 ? T(1) : x.coefficient[rows.contribution[k].term];
-    respond(rows, r, t.matrix, x.natural_matrix, x.natural_response);
+    const SupportRange* const support = rows.support.data;
+    respond<1>(support + rows.support_start[r], support + rows.support_start[r + 1], t.matrix, x.natural_matrix,
+               x.natural_response, 0);
     for (int z = 0; z < t.velocities; ++z) x.scratch[z] = x.natural_response[z] * x.natural_inverse[z];
     x.natural_compliance[r] = supported_dot(rows, r, x.natural_response, x.scratch);
   }

@@ -1,6 +1,6 @@
 // The classical Runge-Kutta method of fourth order. SPDX-License-Identifier: Apache-2.0
 //
-// (M67) to (M69). Every coupling is hard and eliminated here, and no term is implicit.
+// (M68) to (M70). Every coupling is hard and eliminated here, and no term is implicit.
 #pragma once
 
 #include "begin.h"
@@ -8,12 +8,11 @@
 #include "coupling_error.h"
 #include "joint_terms.h"
 #include "kinematics.h"
-#include "mass_matrix.h"
 #include "solve.h"
 
 namespace lockstep::kernels {
 
-/// (M69) at the root's pose in x.root_pose, whose quaternion is unit, and in x.stage_pose, whose quaternion is not.
+/// (M70) at the root's pose in x.root_pose, whose quaternion is unit, and in x.stage_pose, whose quaternion is not.
 template <class T>
 void root_rate(Tile<T>& x, T* rate) {
   const Vec3<T> w = {x.v[0], x.v[1], x.v[2]}, u = {x.v[3], x.v[4], x.v[5]};
@@ -33,13 +32,15 @@ void move_stage_pose(Tile<T>& x, T time, const T* rate) {
   make_unit(x.stage_pose + 3, x.root_pose + 3);
 }
 
-/// (M67) The change of velocity at x.q, x.v, if these lasted for the whole step.
+/// (M68) The change of velocity at x.q, x.v, if these lasted for the whole step.
 template <class T>
 void slope(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, int time, T* change) {
   kinematics(t, x);
+  if (t.reduction.followers > 0) follow(t, x);
   bias_forces(t, lanes, x);
-  mass_matrix(t, x);
-  joint_terms(t, lanes, x, time);  // to the matrix the armature alone
+  joint_inertias(t, lanes, x);  // the armature alone
+  joint_forces(t, lanes, x, time);
+  inertia_matrix(t, x);
   factorise(t, lanes, x);
   solve(t, x);
   expand_changes(t, x, x.solution, change);

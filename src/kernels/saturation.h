@@ -1,6 +1,6 @@
 // Servos with a limited effort: the matrix holds their gains in the lanes where they have force to spare. SPDX-License-Identifier: Apache-2.0
 //
-// (M58). Guessed, solved, looked at: a lane whose guess was wrong solves the step again with a better one, and its
+// (M59). Guessed, solved, looked at: a lane whose guess was wrong solves the step again with a better one, and its
 // neighbours, whose guess stays, come to the same bits once more.
 #pragma once
 
@@ -32,13 +32,13 @@ void limited_drives(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lane
     const int j = t.limited[i];
     const Servo<T> own = servo<T>(t, lanes, j);
     const T effort = feed_forward<T>(t, lanes, j), most = T(t.effort_limit[j]);
-    T& inertia = x.matrix[t.matrix.offset[root + j]];
+    const T inertia = x.joint_inertia[j];
     const T gain = h * fma(h, own.kp, own.kd);
     const T free = own.force(h, x.q[j], x.v[root + j]) + effort;
     if (x.saturation_pass == 0) x.saturation[i] = saturated(free * inertia / (inertia + gain), most);
     const auto linear = ~(less(zero, x.saturation[i]) | less(x.saturation[i], zero));
     x.drive[root + j] = fma(h, select(linear, free, x.saturation[i] * most) - effort, x.drive[root + j]);
-    inertia += select(linear, gain, zero);
+    add_inertia(t, x, j, select(linear, gain, zero));
   }
 }
 

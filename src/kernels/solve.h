@@ -11,7 +11,7 @@ namespace lockstep::kernels {
 template <class T>
 void factorise(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   if (t.natural.count > 0) natural_responses(t, x);
-  if (t.reduction.followers > 0) reduce_matrix(t, x);
+  if (t.reduction.by_entries()) reduce_matrix(t, x);
   factor_matrix(t, x);
   if (t.rows.count == 0) return;
   responses(t, x);

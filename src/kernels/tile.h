@@ -77,7 +77,8 @@ struct Tile {
   Vec3<T>* column_force;   // of the mass matrix, on their way inwards
   Vec3<T>* column_moment;
   // equations of motion
-  T* matrix;               // A (packed)
+  T* joint_inertia;        // [joints] what A has beyond M; then A's diagonal, if a limited drive wants it
+  T* matrix;               // A (packed), unless A_r is made without
   T* bias;                 // [velocities] c: the same array as drive unless it is used more than once
   T* drive;                // [velocities] dt times the forces: dt (tau - c - ...)
   T* reduced;              // A_r (packed): only where followers are eliminated
@@ -98,9 +99,11 @@ struct Tile {
   T* form;                 // room for the lanes' own elimination
   T* correction;           // [joints] velocity that corrects followers' errors
   T* mismatch;             // [joints] what followers' velocities are off by
+  T* lost;                 // [followers] what bias forces take for lost of that
+  T* acceleration;         // [followers] for it to be lost within the step
+  T* factor;               // products of S's entries for merged columns
   // rows
   T* response;             // [rows][solver] X = L^-T J^T
-  T* scaled;               // [rows][solver] D^-1 X
   T* coupled;              // K
   T* row_error;            // C
   T* row_rate;             // bias = rate C
@@ -122,7 +125,7 @@ struct Tile {
   T* natural_compliance;   // [natural rows]
 
   // bounded rows; those marked 2 hold one for each phase
-  T* member_share;         // [members] s of (M54)
+  T* member_share;         // [members] s of (M55)
   T* member_inverse;
   T* bound_value;          // [terms]
   T* bound_lo;             // 2 [rows]
@@ -143,7 +146,7 @@ struct Tile {
   T* bound_scaled;         // [rows][solver]
   T* bound_through;        // [rows][coupling rows] K_BE, half solved where these are solved
   T* bound_through_scaled;
-  T* bound_coupled;        // [rows][rows] of (M56)
+  T* bound_coupled;        // [rows][rows] of (M57)
   T* row_alone;            // 2 [coupling rows] impulses without bounded rows
   T* search_matrix;
   T* search_inverse;

@@ -159,7 +159,7 @@ BoundForms lay_out_bounds(Program& program) {
     for (std::size_t j = 0; j < model.joints.size(); ++j)
       if (const int i = program.solver_joint[j]; i >= 0) act(model.joints[j], i);
   };
-  // (M54): what moves with one velocity is one row. Its form is that velocity itself.
+  // (M55): what moves with one velocity is one row. Its form is that velocity itself.
   std::vector<int> row_of_velocity(t.solver.n, -1);
   each_joint([&](const Joint&, int i) {
     if (b.has[i] == 0) return;

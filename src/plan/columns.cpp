@@ -41,7 +41,13 @@ Columns make_columns(const std::vector<int>& parent, Store& store) {
     offset[k] = entries;
     entries += size[k];
   }
-  return {n, entries, store.keep(parent), store.keep(size), store.keep(offset)};
+  std::vector<int> row_start{0}, row;
+  for (int i = 0; i < n; ++i) {
+    for (int j = parent[i]; j >= 0; j = parent[j]) row.push_back(offset[j] + i - j);
+    row_start.push_back(static_cast<int>(row.size()));
+  }
+  return {n, entries, store.keep(parent), store.keep(std::move(size)), store.keep(std::move(offset)),
+          store.keep(std::move(row_start)), store.keep(std::move(row))};
 }
 
 int entry_of(const Columns& columns, int i, int j) {

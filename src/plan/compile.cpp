@@ -119,6 +119,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   check_force_limits(*program);
   if (program->method == Method::reduced) eliminate_followers(*program);
   lay_out_rows(*program);
+  merge_columns(*program);
   lay_out_report(*program);
   t.method = static_cast<int>(program->method);
   t.iterations = settings.iterations;

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <Eigen/Core>
-#include <tuple>
 
 #include "layout.h"
 
@@ -94,18 +93,6 @@ Eigen::MatrixXi record_elimination(Program& program, const HardRows& rows) {
   reduction.updates = program.store.keep(std::move(updates));
   reduction.pivot = program.store.keep(std::move(pivots));
   return entry;
-}
-
-// Lists one behind the other, and where each begins.
-template <class E>
-std::tuple<Span<int>, Span<E>> flattened(const std::vector<std::vector<E>>& lists, Store& store) {
-  std::vector<int> start{0};
-  std::vector<E> all;
-  for (const std::vector<E>& list : lists) {
-    all.insert(all.end(), list.begin(), list.end());
-    start.push_back(static_cast<int>(all.size()));
-  }
-  return {store.keep(std::move(start)), store.keep(std::move(all))};
 }
 
 struct Share {  // one entry of S

@@ -20,12 +20,24 @@ struct Obstacle {
 };
 std::optional<Obstacle> obstacle_of(const Program& program);
 
-/// Of the scene's linear motion about its start, the largest |lambda| of (M70), 1/s (report/stiffness.cpp: it takes
+/// Of the scene's linear motion about its start, the largest |lambda| of (M71), 1/s (report/stiffness.cpp: it takes
 /// the kernels' mass matrix). For programs whose terms are explicit.
 double largest_rate(const Program& program);
 
 /// Bodies, frames, joints and the structure of the mass matrix (bodies.cpp).
 void lay_out_bodies(Program& program, const Tree& tree);
+
+/// Lists one behind the other, and where each begins.
+template <class E>
+std::tuple<Span<int>, Span<E>> flattened(const std::vector<std::vector<E>>& lists, Store& store) {
+  std::vector<int> start{0};
+  std::vector<E> all;
+  for (const std::vector<E>& list : lists) {
+    all.insert(all.end(), list.begin(), list.end());
+    start.push_back(static_cast<int>(all.size()));
+  }
+  return {store.keep(std::move(start)), store.keep(std::move(all))};
+}
 
 /// Damping, drives, armature and what of them stands in the matrix (bodies.cpp).
 void lay_out_joint_terms(Program& program);
@@ -45,6 +57,9 @@ void eliminate_followers(Program& program);
 
 /// The couplings that are left to solve as rows over the solver's velocities, and the bounds (rows.cpp).
 void lay_out_rows(Program& program);
+
+/// Where that is less work than by A: A_r from merged columns (merged_columns.cpp).
+void merge_columns(Program& program);
 
 /// A row as a linear form over the solver's velocities.
 struct RowForm {

@@ -65,7 +65,8 @@ struct Narrowing {
 
   Rows<float> narrowed(const Rows<double>& from) {
     return {from.count, from.coupling, from.term_start, from.term_index, narrowed(from.term_value),
-            from.contribution_start, from.contribution, from.support_start, from.support, from.run_start, from.runs, from.pairs,
+            from.contribution_start, from.contribution, from.support_start, from.support, from.run_start, from.runs, from.groups, from.group_support, from.group_runs,
+            from.blocks, from.dense,
             from.neighbour_start, from.neighbours, from.response_entries, from.columns, narrowed(from.softness)};
   }
 
@@ -82,7 +83,7 @@ struct Narrowing {
   }
 
   Reduction<float> narrowed(const Reduction<double>& from) {
-    return {from.followers, from.follower, from.follower_of, from.independent, from.start, from.column, narrowed(from.value),
+    return {from.followers, from.by_force, from.merged, from.follower, from.follower_of, from.independent, from.start, from.column, narrowed(from.value),
             from.collect_start, from.collected, from.momentum_start, from.momentum,
             from.inverse_start, from.inverse_coupling, narrowed(from.inverse_value), narrowed(from.rate),
             from.product_start, from.product_source, narrowed(from.product_value), from.product_left,

@@ -76,6 +76,42 @@ RowSoftness<double> row_softness(const Program& program, const Softness& softnes
   return row;
 }
 
+namespace {
+
+// Velocities that rows move, ascending, each with the end of what is moved beyond it; and as runs.
+void add_runs(const std::vector<int>& velocities, const Columns& columns, std::vector<SupportRange>& support,
+              std::vector<SupportRun>& runs) {
+  const std::size_t first = runs.size();
+  for (int j : velocities) {
+    const auto past = std::lower_bound(velocities.begin(), velocities.end(), j + columns.size[j]);
+    support.push_back({j, *std::prev(past) + 1});
+    if (runs.size() > first && runs.back().last == j)
+      ++runs.back().last;
+    else
+      runs.push_back({j, j + 1});
+  }
+}
+
+// How many rows from the r-th on are worth finding side by side, and what they move: side by side a velocity takes a
+// third of the time, but rows are carried along where they move nothing.
+std::pair<int, std::vector<int>> widest_group(const std::vector<std::vector<int>>& supports, const std::vector<int>& order,
+                                              int r) {
+  std::vector<int> moved = supports[order[r]];
+  std::size_t alone = moved.size();
+  int count = 1;
+  for (; count < RowGroup::most && r + count < static_cast<int>(order.size()); ++count) {
+    const std::vector<int>& next = supports[order[r + count]];
+    std::vector<int> all;
+    std::set_union(moved.begin(), moved.end(), next.begin(), next.end(), std::back_inserter(all));
+    if (all.size() * (count + 1) >= 2 * (alone + next.size())) break;
+    moved = std::move(all);
+    alone += next.size();
+  }
+  return {count, std::move(moved)};
+}
+
+}  // namespace
+
 Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, const Columns& columns, bool factored) {
   const Tables<double>& t = program.f64;
   const int count = static_cast<int>(forms.size());
@@ -117,30 +153,45 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
       contribution_start.push_back(static_cast<int>(contributions.size()));
     }
     term_start.push_back(static_cast<int>(term_index.size()));
-    const std::vector<int>& velocities = supports[order[r]];
-    for (int j : velocities) {
-      const auto past = std::lower_bound(velocities.begin(), velocities.end(), j + columns.size[j]);
-      support.push_back({j, *std::prev(past) + 1});
-      if (static_cast<int>(runs.size()) > run_start.back() && runs.back().last == j)
-        ++runs.back().last;
-      else
-        runs.push_back({j, j + 1});
-    }
+    add_runs(supports[order[r]], columns, support, runs);
     run_start.push_back(static_cast<int>(runs.size()));
     support_start.push_back(static_cast<int>(support.size()));
     softness.push_back(row_softness(program, form.softness, program.length / substeps, substeps));
   }
 
-  std::vector<RowPair> pairs;
+  std::vector<RowGroup> groups;
+  std::vector<SupportRange> group_support;
+  std::vector<SupportRun> group_runs;
+  for (int r = 0; r < count;) {
+    const auto [members, moved] = widest_group(supports, order, r);
+    RowGroup group{r, members, static_cast<int>(group_support.size()), 0, static_cast<int>(group_runs.size()), 0};
+    add_runs(moved, columns, group_support, group_runs);
+    group.support_last = static_cast<int>(group_support.size());
+    group.run_last = static_cast<int>(group_runs.size());
+    groups.push_back(group);
+    r += members;
+  }
+
+  std::vector<RowBlock> blocks;
   std::vector<std::vector<Neighbour>> neighbours(count);
+  int entries = 0;
   for (int r = 0; r < count; ++r)
-    for (int s = 0; s <= r; ++s) {
-      if (!share_any(supports[order[r]], supports[order[s]])) continue;
-      const int entry = factored ? entry_of(rows.columns, r, s) : r * count + s;
-      pairs.push_back({r, s, entry, factored ? entry : s * count + r});
-      if (factored) continue;
-      neighbours[r].push_back({s, r * count + s});
-      if (s != r) neighbours[s].push_back({r, s * count + r});
+    for (int g = 0; g < static_cast<int>(groups.size()) && groups[g].first <= r; ++g) {
+      RowBlock block{r, g, {}, {}};
+      std::fill_n(block.entry, RowGroup::most, -1);
+      bool any = false;
+      for (int k = 0; k < groups[g].count && groups[g].first + k <= r; ++k) {
+        const int s = groups[g].first + k;
+        if (!share_any(supports[order[r]], supports[order[s]])) continue;
+        any = true;
+        block.entry[k] = factored ? entry_of(rows.columns, r, s) : r * count + s;
+        block.mirror[k] = factored ? block.entry[k] : s * count + r;
+        ++entries;
+        if (factored) continue;
+        neighbours[r].push_back({s, r * count + s});
+        if (s != r) neighbours[s].push_back({r, s * count + r});
+      }
+      if (any) blocks.push_back(block);
     }
   std::vector<int> neighbour_start{0};
   std::vector<Neighbour> all_neighbours;
@@ -162,7 +213,11 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
   rows.support = store.keep(std::move(support));
   rows.run_start = store.keep(std::move(run_start));
   rows.runs = store.keep(std::move(runs));
-  rows.pairs = store.keep(std::move(pairs));
+  rows.dense = entries == (factored ? rows.columns.entries : count * (count + 1) / 2);
+  rows.groups = store.keep(std::move(groups));
+  rows.group_support = store.keep(std::move(group_support));
+  rows.group_runs = store.keep(std::move(group_runs));
+  rows.blocks = store.keep(std::move(blocks));
   rows.neighbour_start = store.keep(std::move(neighbour_start));
   rows.neighbours = store.keep(std::move(all_neighbours));
   rows.softness = store.keep(std::move(softness));

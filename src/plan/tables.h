@@ -13,7 +13,7 @@ namespace lockstep {
 /// Stands for infinity in tables, where it can be scaled by any step size or gear ratio in single precision.
 constexpr double unlimited = 1e25;
 
-/// gamma of (M64): how much of a step its implicit stages go.
+/// gamma of (M65): how much of a step its implicit stages go.
 constexpr double alexander_gamma = 0.43586652150845899942;
 
 template <class E>
@@ -32,6 +32,8 @@ struct Columns {
   Span<int> parent;  ///< -1 for a root of the tree
   Span<int> size;    ///< of the subtree, itself included
   Span<int> offset;  ///< of column j's diagonal
+  Span<int> row_start;  ///< n + 1
+  Span<int> row;        ///< entries of row i in the columns of its ancestors, the nearest first
 };
 
 /// One rigid body and the joint that carries it, in frames in which the joint's axis is a coordinate axis.
@@ -77,10 +79,19 @@ struct SupportRun {
   int first, last;  ///< last is one past
 };
 
-struct RowPair {
-  int row, other;  ///< other <= row; rows that feel each other
-  int entry;       ///< where their K stands
-  int mirror;      ///< and its mirror image (the same for packed storage)
+/// Consecutive rows that move much the same velocities: their responses are found side by side.
+struct RowGroup {
+  static constexpr int most = 8;
+  int first, count;
+  int support_first, support_last;  ///< in Rows::group_support: what any of them moves
+  int run_first, run_last;          ///< in Rows::group_runs
+};
+
+/// Entries of K between a row and a group.
+struct RowBlock {
+  int row, group;
+  int entry[RowGroup::most];   ///< by row of the group: where K stands, -1 for a pair that has none or is another block's
+  int mirror[RowGroup::most];  ///< and its mirror image (the same for packed storage)
 };
 
 struct Neighbour {
@@ -113,7 +124,11 @@ struct Rows {
   Span<SupportRange> support;         ///< ascending
   Span<int> run_start;                ///< by row, count + 1
   Span<SupportRun> runs;              ///< the same velocities as runs
-  Span<RowPair> pairs;
+  Span<RowGroup> groups;
+  Span<SupportRange> group_support;
+  Span<SupportRun> group_runs;
+  Span<RowBlock> blocks;
+  bool dense = false;                 ///< every entry of K is in a block
   Span<int> neighbour_start;          ///< by row, count + 1
   Span<Neighbour> neighbours;
   int response_entries = 0;           ///< size of K's storage
@@ -143,7 +158,7 @@ struct Watched {
   bool bounces;
 };
 
-/// Rows with an interval or a box (M49).
+/// Rows with an interval or a box (M50).
 template <class S>
 struct Bounds {
   Rows<S> form;                 ///< directions, and the softness of those that have one
@@ -182,10 +197,37 @@ struct Momentum {  ///< an entry of A, times a follower's number
   int entry, follower;
 };
 
+/// How A_r is made without A (M37): columns of M S, which joints that share a velocity share, on their way inwards. A
+/// column stands in a slot until it has left the tree. Lists are by body. Used where there are slots.
+struct MergedColumns {
+  struct Join { int from, to; };                ///< slots of one velocity, out of two branches
+  struct Row { int slot, entry, factor; };      ///< what a column asks of the joint, and where it goes
+  struct Square { int entry, factor; };         ///< where inertia of the joint alone goes
+  struct Unit { int slot, factor; bool first; };  ///< where the joint's own column goes
+  struct Factor { int left, right, times; };    ///< entries of S, -1 for 1
+  // of followers, where positions are corrected by a solution of their own
+  struct Correction { int slot; bool first; };  ///< where the joint's own column goes, times its correction
+  int slots = 0;
+  Span<Factor> factors;
+  Span<int> join_start, row_start, pull_start, square_start, pulled_start, unit_start, passed_start;
+  Span<Join> joins;
+  Span<Row> rows;           ///< the root's have one of its velocities for a factor
+  Span<Row> pulls;          ///< the same, times the correction
+  Span<Square> squares;
+  Span<Square> pulled;      ///< the same, times the correction
+  Span<Unit> units;
+  Span<Correction> correction;  ///< by body
+  Span<int> passed;         ///< slots of what goes on to the parent
+};
+
 /// Elimination of the followers: v = S z, A_r = S^T A S. Empty unless the method is `reduced`.
 template <class S>
 struct Reduction {
   int followers = 0;
+  bool by_force = false;              ///< bias forces hold what followers lose of their mismatch within a step
+  MergedColumns merged;
+  /// A_r is made of A's entries.
+  inline __attribute__((always_inline)) bool by_entries() const { return followers > 0 && merged.slots == 0; }
   Span<int> follower;                 ///< joint, by follower
   Span<int> follower_of;              ///< by joint: its number among the followers, -1 if independent
   Span<int> independent;              ///< velocity, by solver velocity
@@ -217,7 +259,7 @@ struct Reduction {
 
 template <class S>
 struct Tables {
-  S dt = 0;                       ///< how far a solve goes: the step, or gamma of it (M63)
+  S dt = 0;                       ///< how far a solve goes: the step, or gamma of it (M64)
   S step = 0;                     ///< the step
   S ahead = 0;                    ///< how far ahead linear terms are taken: dt, or 0 where they are explicit
   int method = 0;                 ///< Method

@@ -8,7 +8,7 @@ namespace lockstep::reference {
 using Eigen::VectorXd;
 
 // Couplings are curves too: boxes without bound. All hold together, so how followers are eliminated does not matter,
-// but for what friction acts on: in reduced that is a follower's velocity without its correction w, (M54).
+// but for what friction acts on: in reduced that is a follower's velocity without its correction w, (M55).
 Exact exact_phase(const Bounded& step, Phase phase, const std::vector<Curve>& apart) {
   const Stage& stage = step.stage;
   Convex problem{stage.implicit, stage.implicit * stage.free, {}};

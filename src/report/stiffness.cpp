@@ -33,9 +33,9 @@ MatrixXd reduced_matrix(const Program& program) {
   for (std::size_t j = 0; j < program.model.joints.size(); ++j)
     if (const int i = program.solver_joint[j]; i >= 0) x.q[i] = static_cast<float>(program.model.joints[j].position);
   kernels::kinematics(t, x);
-  kernels::mass_matrix(t, x);
-  for (int j = 0; j < t.joints; ++j) x.matrix[t.matrix.offset[t.velocities - t.joints + j]] += Counted(t.armature[j]);
-  if (t.reduction.followers > 0) kernels::reduce_matrix(t, x);
+  for (int j = 0; j < t.joints; ++j) x.joint_inertia[j] = Counted(t.armature[j]);
+  kernels::inertia_matrix(t, x);
+  if (t.reduction.by_entries()) kernels::reduce_matrix(t, x);
   MatrixXd a = MatrixXd::Zero(t.solver.n, t.solver.n);
   for (int i = 0; i < t.solver.n; ++i)
     for (int j = 0; j <= i; ++j)

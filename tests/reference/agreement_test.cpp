@@ -160,7 +160,9 @@ void expect_same_equations(int seed, const scenes::RandomOptions& options) {
   expect_close("M", kernel.joint_matrix(), stage.mass, size(stage.mass));
   expect_close("c", kernel.velocities(kernel.x.drive), stage.bias, size(stage.bias));
 
-  kernels::joint_terms(kernel.t, kernel.lanes, kernel.x);
+  kernels::joint_inertias(kernel.t, kernel.lanes, kernel.x);
+  kernels::joint_forces(kernel.t, kernel.lanes, kernel.x);
+  kernels::inertia_matrix(kernel.t, kernel.x);
   reference::State ahead = state;
   ahead.q += settings.dt * state.v.tail(mechanism.dofs());
   const VectorXd forces = mechanism.joint_forces(ahead, inputs) - stage.bias;
@@ -195,11 +197,13 @@ TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
     const Tables<double>& t = kernel.t;
     kernels::Tile<Scalar>& x = kernel.x;
     kernels::kinematics(t, x);
-    kernels::bias_forces(t, kernel.lanes, x);
-    kernels::mass_matrix(t, x);
-    kernels::joint_terms(t, kernel.lanes, x);
     kernels::coupling_errors(t, kernel.lanes, x);
-    if (t.reduction.followers > 0) kernels::reduce_matrix(t, x);
+    if (t.reduction.followers > 0) kernels::follow(t, x);
+    kernels::bias_forces(t, kernel.lanes, x);
+    kernels::joint_inertias(t, kernel.lanes, x);
+    kernels::joint_forces(t, kernel.lanes, x);
+    kernels::inertia_matrix(t, x);
+    if (t.reduction.by_entries()) kernels::reduce_matrix(t, x);
 
     // Without followers S is a permutation, w is 0, A_r is A and the velocity below is v*.
     const Elimination e(kernel, stage, plan.eliminated_dofs());
@@ -210,7 +214,7 @@ TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
     const Eigen::LLT<MatrixXd> factored(reduced);
     const VectorXd z = factored.solve(e.s.transpose() * stage.implicit * (stage.free - e.w));
     const std::vector<Scalar> none(t.rows.count, Scalar(0.0));
-    for (int r = 0; r < t.rows.count * t.solver.n; ++r) x.scaled[r] = Scalar(0.0);
+    for (int r = 0; r < t.rows.count * t.solver.n; ++r) x.response[r] = Scalar(0.0);
     kernels::impel(t, x, kernels::position_phase, x.free_position, Scalar(1.0), none.data(), x.solution);
     kernels::solve_downwards(t.solver, x.reduced, x.solution);
     for (int i = 0; i < t.solver.n; ++i) x.solution[i] += x.start[i];

@@ -128,7 +128,7 @@ TEST(Flops, of_integrators_are_those_of_what_they_repeat) {
   };
   const double euler = costs(Integrator::euler), leapfrog = costs(Integrator::leapfrog);
   EXPECT_GT(leapfrog, euler);
-  EXPECT_LT(leapfrog, 2.0 * euler);
+  EXPECT_LT(leapfrog, 2.5 * euler);  // euler makes A_r from merged columns here, leapfrog by entries
   EXPECT_NEAR(costs(Integrator::extrapolated), 3.0 * leapfrog, 0.1 * leapfrog);
   EXPECT_NEAR(costs(Integrator::runge_kutta), 4.0 * euler, 0.5 * euler);
 }

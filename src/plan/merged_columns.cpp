@@ -1,0 +1,158 @@
+// A_r from columns that joints of one velocity share, where that is less work: (M37). SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <map>
+
+#include "layout.h"
+
+namespace lockstep {
+namespace {
+
+// One entry of S.
+struct Share {
+  int column;  // solver velocity
+  int index;   // of its value, -1 for 1
+};
+
+// What loops over tables take, as measured, and about what generated code saves: a column's way past one body, a number
+// on its way to A_r, a product of a plain sum.
+constexpr int passing = 10, adding = 4, summing = 2;
+
+// Of what is done without: columns of M past bodies, products for A_r, products of A with corrections.
+long work_by_entries(const Tables<double>& t) {
+  long work = summing * (t.reduction.product_source.count + t.reduction.momentum.count);
+  for (int i = t.velocities - t.joints; i < t.matrix.n; ++i)
+    if (t.matrix.parent[i] >= 0) work += passing * t.matrix.size[i];
+  return work;
+}
+
+class Merging {
+ public:
+  explicit Merging(const Tables<double>& t)
+      : t_(t), n_(t.solver.n), root_(t.velocities - t.joints), shares_(t.bodies), follower_(t.bodies, -1) {
+    const Reduction<double>& r = t.reduction;
+    for (int z = 0; z < n_; ++z)
+      if (r.independent[z] >= root_) shares_[body_of(r.independent[z] - root_)].push_back({z, -1});
+    for (int f = 0; f < r.followers; ++f) {
+      const int body = body_of(r.follower[f]);
+      for (int s = r.start[f]; s < r.start[f + 1]; ++s) shares_[body].push_back({r.column[s], s});
+      follower_[body] = f;
+    }
+  }
+
+  MergedColumns columns(Store& store) {
+    using M = MergedColumns;
+    const int bodies = t_.bodies;
+    std::vector<std::vector<M::Join>> joins(bodies);
+    std::vector<std::vector<M::Row>> rows(bodies), pulls(bodies);
+    std::vector<std::vector<M::Square>> squares(bodies), pulled(bodies);
+    std::vector<std::vector<M::Unit>> units(bodies);
+    std::vector<M::Correction> correction(bodies, M::Correction{-1, false});
+    std::vector<std::vector<int>> passed(bodies);
+    std::vector<std::map<int, int>> carried(bodies);  // by body: slot of each velocity's column; n stands for corrections
+    for (int b = bodies - 1; b >= 0; --b) {
+      std::map<int, int>& slots = carried[b];
+      for (int child = b + 1; child < bodies; ++child) {
+        if (t_.body[child].parent != b) continue;
+        for (const auto& [column, slot] : carried[child]) {
+          const auto [known, fresh] = slots.emplace(column, slot);
+          if (fresh) continue;
+          joins[b].push_back({slot, known->second});
+          free_.push_back(slot);
+        }
+      }
+      if (t_.body[b].root) {
+        for (const auto& [column, slot] : slots)
+          for (int k = 0; k < root_; ++k) rows[b].push_back({slot, entry(column, k), k});
+        continue;
+      }
+      const bool corrected = t_.solve_twice && follower_[b] >= 0;
+      for (const auto& [column, slot] : slots) {
+        for (const Share& own : shares_[b])  // A_r is symmetric: what a joint asks of its own velocity counts twice
+          rows[b].push_back({slot, entry(column, own.column), factor(own.index, -1, column == own.column ? 2 : 1)});
+        if (corrected && column < n_) pulls[b].push_back({slot, entry(column, n_), -1});
+      }
+      for (std::size_t i = 0; i < shares_[b].size(); ++i) {
+        const Share& own = shares_[b][i];
+        for (std::size_t k = 0; k <= i; ++k)
+          squares[b].push_back({entry(own.column, shares_[b][k].column), factor(own.index, shares_[b][k].index, 1)});
+        if (corrected) pulled[b].push_back({entry(own.column, n_), factor(own.index, -1, 1)});
+      }
+      if (t_.body[b].parent >= 0) {
+        const auto slot_of = [&](int column, bool& first) {
+          first = slots.count(column) == 0;
+          if (first) slots[column] = take();
+          return slots[column];
+        };
+        for (const Share& own : shares_[b]) {
+          M::Unit unit{0, factor(own.index, -1, 1), false};
+          unit.slot = slot_of(own.column, unit.first);
+          units[b].push_back(unit);
+        }
+        if (corrected) correction[b].slot = slot_of(n_, correction[b].first);
+        for (const auto& [column, slot] : slots) passed[b].push_back(slot);
+        std::sort(passed[b].begin(), passed[b].end());
+      } else {
+        for (const auto& [column, slot] : slots) free_.push_back(slot);
+      }
+      work_ += passing * static_cast<long>(passed[b].size()) +
+               adding * static_cast<long>(rows[b].size() + pulls[b].size() + squares[b].size() + pulled[b].size() +
+                                          2 * units[b].size());
+    }
+    M merged;
+    merged.slots = slots_;
+    merged.factors = store.keep(factors_);
+    std::tie(merged.join_start, merged.joins) = flattened(joins, store);
+    std::tie(merged.row_start, merged.rows) = flattened(rows, store);
+    std::tie(merged.pull_start, merged.pulls) = flattened(pulls, store);
+    std::tie(merged.square_start, merged.squares) = flattened(squares, store);
+    std::tie(merged.pulled_start, merged.pulled) = flattened(pulled, store);
+    std::tie(merged.unit_start, merged.units) = flattened(units, store);
+    std::tie(merged.passed_start, merged.passed) = flattened(passed, store);
+    merged.correction = store.keep(std::move(correction));
+    return merged;
+  }
+
+  long work() const { return work_; }
+
+ private:
+  int body_of(int joint) const { return joint + (t_.floating ? 1 : 0); }
+  // Behind A_r stands S^T A times the corrections.
+  int entry(int one, int other) const {
+    return std::max(one, other) < n_ ? entry_of(t_.solver, one, other) : t_.solver.entries + std::min(one, other);
+  }
+  int factor(int left, int right, int times) {
+    for (std::size_t i = 0; i < factors_.size(); ++i)
+      if (factors_[i].left == left && factors_[i].right == right && factors_[i].times == times) return static_cast<int>(i);
+    factors_.push_back({left, right, times});
+    return static_cast<int>(factors_.size()) - 1;
+  }
+  int take() {
+    if (free_.empty()) return slots_++;
+    const auto lowest = std::min_element(free_.begin(), free_.end());
+    const int slot = *lowest;
+    free_.erase(lowest);
+    return slot;
+  }
+
+  const Tables<double>& t_;
+  int n_, root_, slots_ = 0;
+  long work_ = 0;
+  std::vector<int> free_;
+  std::vector<MergedColumns::Factor> factors_;
+  std::vector<std::vector<Share>> shares_;  // by body
+  std::vector<int> follower_;               // by body
+};
+
+}  // namespace
+
+void merge_columns(Program& program) {
+  Tables<double>& t = program.f64;
+  if (t.reduction.followers == 0) return;
+  t.reduction.by_force = program.integrator == Integrator::euler || program.integrator == Integrator::runge_kutta;
+  if (!t.reduction.by_force || t.natural.count > 0 || program.settings.record_impulses) return;
+  Merging merging(t);
+  const MergedColumns columns = merging.columns(program.store);
+  if (merging.work() < work_by_entries(t)) t.reduction.merged = columns;
+}
+
+}  // namespace lockstep
