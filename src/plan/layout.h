@@ -58,7 +58,9 @@ void eliminate_followers(Program& program);
 /// The couplings that are left to solve as rows over the solver's velocities, and the bounds (rows.cpp).
 void lay_out_rows(Program& program);
 
-/// Where that is less work than by A: A_r from merged columns (merged_columns.cpp).
+/// A_r from merged columns, and what work that is (merged_columns.cpp).
+std::pair<MergedColumns, long> merged_columns(const Tables<double>& t, Store& store);
+/// Has A_r made so where that is less work than by A, and possible (merged_columns.cpp).
 void merge_columns(Program& program);
 
 /// A row as a linear form over the solver's velocities.

@@ -39,7 +39,7 @@ class Merging {
     }
   }
 
-  MergedColumns columns(Store& store) {
+  std::pair<MergedColumns, long> columns(Store& store) {
     using M = MergedColumns;
     const int bodies = t_.bodies;
     std::vector<std::vector<M::Join>> joins(bodies);
@@ -109,10 +109,9 @@ class Merging {
     std::tie(merged.unit_start, merged.units) = flattened(units, store);
     std::tie(merged.passed_start, merged.passed) = flattened(passed, store);
     merged.correction = store.keep(std::move(correction));
-    return merged;
+    return {merged, work_};
   }
 
-  long work() const { return work_; }
 
  private:
   int body_of(int joint) const { return joint + (t_.floating ? 1 : 0); }
@@ -145,14 +144,15 @@ class Merging {
 
 }  // namespace
 
+std::pair<MergedColumns, long> merged_columns(const Tables<double>& t, Store& store) { return Merging(t).columns(store); }
+
 void merge_columns(Program& program) {
   Tables<double>& t = program.f64;
   if (t.reduction.followers == 0) return;
   t.reduction.by_force = program.integrator == Integrator::euler || program.integrator == Integrator::runge_kutta;
   if (!t.reduction.by_force || t.natural.count > 0 || program.settings.record_impulses) return;
-  Merging merging(t);
-  const MergedColumns columns = merging.columns(program.store);
-  if (merging.work() < work_by_entries(t)) t.reduction.merged = columns;
+  const auto [columns, work] = merged_columns(t, program.store);
+  if (work < work_by_entries(t)) t.reduction.merged = columns;
 }
 
 }  // namespace lockstep
