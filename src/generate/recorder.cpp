@@ -37,6 +37,7 @@ std::vector<Part> parts(const void*) { return {}; }  // what only code that is n
 /// Takes the place of Carver. No two arrays share their room.
 struct Take {
   Recorder* recorder;
+  void behind(const Take&) {}  // copies share one block, and nothing shares room
   template <class E>
   void operator()(const char* name, E*& array, int count, Lasts lasts = Lasts::step) {
     const std::size_t first = recorder->used_;
@@ -54,6 +55,7 @@ namespace {
 
 struct Measure {
   std::size_t* bytes;
+  void behind(const Measure&) {}
   template <class E>
   void operator()(const char*, E*& array, int count, Lasts = Lasts::step) {
     array = nullptr;

@@ -98,7 +98,8 @@ LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile
     Vec3<T> r = origin(joint, body, J::prismatic ? x.q[joint_of(t, b)] : T(0));
     w = to_body(joint, body, s, c, x.angular[p]);
     alpha = to_body(joint, body, s, c, x.alpha[p]);
-    a = to_body(joint, body, s, c, move_origin(joint, x.tensor[p], r, x.linear[p]));
+    // The parent's tensor once more: of the few entries that this takes, arithmetic costs less than memory.
+    a = to_body(joint, body, s, c, move_origin(joint, acceleration_tensor(x.angular[p], x.alpha[p]), r, x.linear[p]));
     if constexpr (J::prismatic) {  // Coriolis: 2 w x e v
       const T twice = speed + speed;
       a[J::i] = fma(w[J::j], twice, a[J::i]);
@@ -116,7 +117,6 @@ LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile
   if (!body.leaf) {
     x.angular[b] = w;
     x.alpha[b] = alpha;
-    x.tensor[b] = tensor;
     x.linear[b] = a;
   }
   inertial_forces(joint, x.felt[b], body.diagonal, tensor, a, x.force[b], x.moment[b]);
@@ -147,9 +147,9 @@ void bias_forces(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, 
     const Vec3<T> w = {x.v[0], x.v[1], x.v[2]};
     x.angular[0] = w;
     x.alpha[0] = Vec3<T>::zero();
-    x.tensor[0] = acceleration_tensor(w, x.alpha[0]);
+    const Mat3<T> tensor = acceleration_tensor(w, x.alpha[0]);
     x.linear[0] = upwards;
-    inertial_forces(x.felt[0], t.body[0].diagonal, x.tensor[0], upwards, x.force[0], x.moment[0]);
+    inertial_forces(x.felt[0], t.body[0].diagonal, tensor, upwards, x.force[0], x.moment[0]);
   }
   const int first = t.floating ? 1 : 0;
   for (int b = first; b < t.bodies; ++b)

@@ -42,45 +42,49 @@ void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
-/// The same where columns are merged: A d is among the forces, and S^T A w stands behind A_r.
+/// S^T of a momentum, for one of the solver's velocities.
+template <class T>
+LOCKSTEP_INLINE T collected(const Reduction<ScalarOf<T>>& r, const Tile<T>& x, int z, const T* momentum) {
+  T sum = momentum[r.independent[z]];
+  for (int c = r.collect_start[z], last = r.collect_start[z + 1]; c < last; ++c)
+    sum = fma(x.share[r.collected[c].value], momentum[r.collected[c].velocity], sum);
+  return sum;
+}
+
+/// Where columns are merged A d is among the forces, and S^T A w stands behind A_r.
 template <class T>
 void reduce_merged_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  const Reduction<ScalarOf<T>>& r = t.reduction;
   for (int z = 0; z < t.solver.n; ++z) {
-    T sum = x.drive[r.independent[z]];
-    for (int c = r.collect_start[z], last = r.collect_start[z + 1]; c < last; ++c)
-      sum = fma(x.share[r.collected[c].value], x.drive[r.collected[c].velocity], sum);
-    if (x.solves_twice) x.free_velocity[z] = sum;
-    x.free_position[z] = x.solves_twice ? sum - x.reduced[t.solver.entries + z] : sum;
+    const T free = collected(t.reduction, x, z, x.drive);
+    if (x.solves_twice) x.free_velocity[z] = free;
+    x.free_position[z] = x.solves_twice ? free - x.reduced[t.solver.entries + z] : free;
   }
 }
 
 /// Momentum to gain: S^T (dt forces + A d) for velocities, and for positions, which are to be corrected as well,
-/// S^T (dt forces + A (d - w)). The mismatch d and the correction w are zero but for the followers.
+/// S^T (dt forces + A (d - w)). The mismatch d and the correction w are zero but for the followers; A d may be among the
+/// forces already.
 template <class T>
 void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   if (r.merged.slots > 0) return reduce_merged_forces(t, x);
-  for (int f = 0; f < r.followers; ++f) x.scratch[f] = r.by_force ? -x.correction[f] : x.mismatch[f] - x.correction[f];
+  const T *const matrix = x.matrix, *const lost = x.mismatch, *const free = r.by_force ? x.drive : x.product;
+  T *const corrected = x.corrected_product, *const change = x.scratch;
+  const Momentum* const momenta = r.momentum.data;
+  for (int f = 0; f < r.followers; ++f) change[f] = r.by_force ? -x.correction[f] : lost[f] - x.correction[f];
   for (int i = 0; i < t.velocities; ++i) {
-    T free = x.drive[i], corrected = free;
-    for (int m = r.momentum_start[i], last = r.momentum_start[i + 1]; m < last; ++m) {
-      const Momentum momentum = r.momentum[m];
-      if (!r.by_force) free = fma(x.matrix[momentum.entry], x.mismatch[momentum.follower], free);
-      corrected = fma(x.matrix[momentum.entry], x.scratch[momentum.follower], corrected);
-    }
-    x.product[i] = free;
-    x.corrected_product[i] = corrected;
+    const int first = r.momentum_start[i], last = r.momentum_start[i + 1];
+    T sum = x.drive[i];
+    for (int m = first; m < last; ++m) sum = fma(matrix[momenta[m].entry], change[momenta[m].follower], sum);
+    corrected[i] = sum;
+    if (r.by_force) continue;
+    sum = x.drive[i];
+    for (int m = first; m < last; ++m) sum = fma(matrix[momenta[m].entry], lost[momenta[m].follower], sum);
+    x.product[i] = sum;
   }
   for (int z = 0; z < t.solver.n; ++z) {
-    T free = x.product[r.independent[z]], corrected = x.corrected_product[r.independent[z]];
-    for (int c = r.collect_start[z], last = r.collect_start[z + 1]; c < last; ++c) {
-      const Collected collected = r.collected[c];
-      free = fma(x.share[collected.value], x.product[collected.velocity], free);
-      corrected = fma(x.share[collected.value], x.corrected_product[collected.velocity], corrected);
-    }
-    if (x.solves_twice) x.free_velocity[z] = free;
-    x.free_position[z] = corrected;
+    x.free_position[z] = collected(r, x, z, corrected);
+    if (x.solves_twice) x.free_velocity[z] = collected(r, x, z, free);
   }
 }
 

@@ -86,7 +86,8 @@ inline void stage_arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("change_pose", x.change_pose, explicitly || twice ? pose : 0);
 }
 
-/// Names every array of the tile to `take`, in their order in memory: take(name, pointer, count, Lasts).
+/// Names every array of the tile to `take`, in their order in memory: take(name, pointer, count, Lasts). A copy of it
+/// lays out other arrays in the same room, and take.behind(copy) goes on behind both.
 template <class T, class Take>
 inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   const int joints = t.joints, velocities = t.velocities, solver = t.solver.n, rows = t.rows.count;
@@ -109,7 +110,6 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   Take shared = take;
   take("angular", x.angular, t.bodies, Lasts::stage);
   take("alpha", x.alpha, t.bodies, Lasts::stage);
-  take("tensor", x.tensor, t.bodies, Lasts::stage);
   take("linear", x.linear, t.bodies, Lasts::stage);
   take("force", x.force, t.bodies, Lasts::stage);
   take("moment", x.moment, t.bodies, Lasts::stage);
@@ -119,6 +119,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   const int columns = merged ? r.merged.slots : t.bodies;
   shared("column_force", x.column_force, columns, Lasts::stage);
   shared("column_moment", x.column_moment, columns, Lasts::stage);
+  take.behind(shared);
   take("joint_inertia", x.joint_inertia, joints);
   take("matrix", x.matrix, merged ? 0 : t.matrix.entries);
   take("drive", x.drive, velocities);
@@ -194,6 +195,10 @@ class Carver {
   void operator()(const char*, int*& array, int count, Lasts = Lasts::step) {
     array = reinterpret_cast<int*>(base_ + used_);
     used_ += sizeof(int) * static_cast<std::size_t>((count + 15) / 16 * 16);
+  }
+  /// What comes next stands behind what `other`, a copy of this, has laid out in the same room.
+  void behind(const Carver& other) {
+    if (used_ < other.used_) used_ = other.used_;
   }
   std::size_t used() const { return used_; }
 

@@ -66,7 +66,6 @@ struct Tile {
   T* cosine;
   Vec3<T>* angular;        // angular velocity
   Vec3<T>* alpha;          // angular acceleration
-  Mat3<T>* tensor;         // angular acceleration tensor
   Vec3<T>* linear;         // acceleration of the origin
   Vec3<T>* force;
   Vec3<T>* moment;
