@@ -74,13 +74,14 @@ void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int f = 0; f < r.followers; ++f) change[f] = r.by_force ? -x.correction[f] : lost[f] - x.correction[f];
   for (int i = 0; i < t.velocities; ++i) {
     const int first = r.momentum_start[i], last = r.momentum_start[i + 1];
-    T sum = x.drive[i];
-    for (int m = first; m < last; ++m) sum = fma(matrix[momenta[m].entry], change[momenta[m].follower], sum);
-    corrected[i] = sum;
-    if (r.by_force) continue;
-    sum = x.drive[i];
-    for (int m = first; m < last; ++m) sum = fma(matrix[momenta[m].entry], lost[momenta[m].follower], sum);
-    x.product[i] = sum;
+    T gained = x.drive[i], also_corrected = gained;
+    for (int m = first; m < last; ++m) {
+      const T entry = matrix[momenta[m].entry];
+      also_corrected = fma(entry, change[momenta[m].follower], also_corrected);
+      if (!r.by_force) gained = fma(entry, lost[momenta[m].follower], gained);
+    }
+    corrected[i] = also_corrected;
+    if (!r.by_force) x.product[i] = gained;
   }
   for (int z = 0; z < t.solver.n; ++z) {
     x.free_position[z] = collected(r, x, z, corrected);
