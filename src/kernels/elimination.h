@@ -62,8 +62,8 @@ void reduce_merged_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 }
 
 /// Momentum to gain: S^T (dt forces + A d) for velocities, and for positions, which are to be corrected as well,
-/// S^T (dt forces + A (d - w)). The mismatch d and the correction w are zero but for the followers; A d may be among the
-/// forces already.
+/// S^T (dt forces + A (d - w)). The mismatch d and the correction w are zero but for the followers. By force, A d is
+/// among the forces already, and only A w is left to subtract.
 template <class T>
 void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
@@ -101,7 +101,7 @@ LOCKSTEP_INLINE T correcting_velocity(const Tables<ScalarOf<T>>& t, const Tile<T
   return correction;
 }
 
-/// What a solve starts from, and what its followers are off by.
+/// What a solve starts from, and what its followers are off by. By force, bias_forces() wants it done before.
 template <class T>
 void follow(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;

@@ -47,7 +47,8 @@ LOCKSTEP_INLINE T feed_forward(const Tables<ScalarOf<T>>& t, const Lanes<ScalarO
   return T::load(lanes.effort + input_row(t, j, time) * lanes.stride);
 }
 
-/// The bias forces become dt times all forces (M15), with what acts at this of the step's times.
+/// The bias forces become dt times all forces (M15), with what acts at this of the step's times. After joint_inertias(),
+/// before inertia_matrix(), which may write over what that left.
 template <class T>
 void joint_forces(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, int time = 0) {
   const int root = t.velocities - t.joints;

@@ -26,7 +26,7 @@ LOCKSTEP_INLINE void add_squares(const Tables<ScalarOf<T>>& t, const Tile<T>& x,
   add_squares(m.squares, m.square_start[b], m.square_start[b + 1], x, inertia);
   if (m.pulled_start[b] < m.pulled_start[b + 1])
     add_squares(m.pulled, m.pulled_start[b], m.pulled_start[b + 1], x,
-             x.correction[t.reduction.follower_of[joint_of(t, b)]] * inertia);
+                x.correction[t.reduction.follower_of[joint_of(t, b)]] * inertia);
 }
 
 /// Columns of one velocity that come out of different branches become one.

@@ -79,8 +79,8 @@ struct Tile {
   T* joint_inertia;        // [joints] what A has beyond M; then A's diagonal, if a limited drive wants it
   T* matrix;               // A (packed), unless A_r is made without
   T* bias;                 // [velocities] c: the same array as drive unless it is used more than once
-  T* drive;                // [velocities] dt times the forces: dt (tau - c - ...)
-  T* reduced;              // A_r (packed): only where followers are eliminated
+  T* drive;                // [velocities] dt times the forces, and what followers lose of their mismatch (by_force)
+  T* reduced;              // A_r (packed), and S^T A w behind it where columns are merged
   T* inverse;              // [solver] 1 / D
   T* free_position;        // [solver] D^-1 L^-T of the drive, for positions
   T* free_velocity;        // and for velocities: the same array unless they differ
@@ -88,7 +88,7 @@ struct Tile {
   T* solution;             // [solver] the velocities that move positions, or what they change by (solve.h)
   T* closing_solution;     // [solver] those that stay: only if they differ
   T* scratch;              // as long as the longest vector, for one stage at a time
-  T* product;              // [velocities] momentum to gain, S^T still to come
+  T* product;              // [velocities] momentum to gain, S^T still to come; of by_force, x.drive is that
   T* corrected_product;    // the same less that of the correction
   // what gear ratios make, the same for all environments or this tile's own
   T* coefficient;          // [coupling terms]
@@ -96,8 +96,8 @@ struct Tile {
   T* inverse_form;         // entries of J_F^-1
   T* row_value;            // [row terms]
   T* form;                 // room for the lanes' own elimination
-  T* correction;           // [joints] velocity that corrects followers' errors
-  T* mismatch;             // [joints] what followers' velocities are off by
+  T* correction;           // [followers] velocity that corrects followers' errors
+  T* mismatch;             // [followers] what followers' velocities are off by
   T* lost;                 // [followers] what bias forces take for lost of that
   T* acceleration;         // [followers] for it to be lost within the step
   T* factor;               // products of S's entries for merged columns

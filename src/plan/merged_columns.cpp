@@ -1,6 +1,8 @@
 // A_r from columns that joints of one velocity share, where that is less work: (M37). SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <map>
+#include <tuple>
+#include <vector>
 
 #include "layout.h"
 
@@ -30,6 +32,7 @@ class Merging {
   explicit Merging(const Tables<double>& t)
       : t_(t), n_(t.solver.n), root_(t.velocities - t.joints), shares_(t.bodies), follower_(t.bodies, -1) {
     const Reduction<double>& r = t.reduction;
+    corrects_apart_ = t.solve_twice && t.integrator != static_cast<int>(Integrator::runge_kutta);
     for (int z = 0; z < n_; ++z)
       if (r.independent[z] >= root_) shares_[body_of(r.independent[z] - root_)].push_back({z, -1});
     for (int f = 0; f < r.followers; ++f) {
@@ -65,7 +68,7 @@ class Merging {
           for (int k = 0; k < root_; ++k) rows[b].push_back({slot, entry(column, k), k});
         continue;
       }
-      const bool corrected = t_.solve_twice && follower_[b] >= 0;
+      const bool corrected = corrects_apart_ && follower_[b] >= 0;
       for (const auto& [column, slot] : slots) {
         for (const Share& own : shares_[b])  // A_r is symmetric: what a joint asks of its own velocity counts twice
           rows[b].push_back({slot, entry(column, own.column), factor(own.index, -1, column == own.column ? 2 : 1)});
@@ -112,7 +115,6 @@ class Merging {
     return {merged, work_};
   }
 
-
  private:
   int body_of(int joint) const { return joint + (t_.floating ? 1 : 0); }
   // Behind A_r stands S^T A times the corrections.
@@ -135,6 +137,7 @@ class Merging {
 
   const Tables<double>& t_;
   int n_, root_, slots_ = 0;
+  bool corrects_apart_;  // positions are corrected by a solution of their own
   long work_ = 0;
   std::vector<int> free_;
   std::vector<MergedColumns::Factor> factors_;
@@ -152,7 +155,7 @@ void merge_columns(Program& program) {
   t.reduction.by_force = program.integrator == Integrator::euler || program.integrator == Integrator::runge_kutta;
   if (!t.reduction.by_force || t.natural.count > 0 || program.settings.record_impulses) return;
   const auto [columns, work] = merged_columns(t, program.store);
-  if (work < work_by_entries(t)) t.reduction.merged = columns;
+  if (columns.slots > 0 && work < work_by_entries(t)) t.reduction.merged = columns;
 }
 
 }  // namespace lockstep
