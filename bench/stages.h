@@ -28,8 +28,7 @@ struct Stages {
   static bool eliminates(const Table& t) { return t.reduction.by_entries(); }
   static bool has_rows(const Table& t) { return t.rows.count > 0; }
 
-  static void rows(const Table& t, const Lanes<S>& lanes, Tile& x) {
-    kernels::responses(t, x);
+  static void row_terms(const Table& t, const Lanes<S>& lanes, Tile& x) {
     kernels::row_softness(t, lanes, x);
     if (t.rows.columns.n > 0) kernels::factor_rows(t, x);
     kernels::row_terms(t, x);
@@ -71,7 +70,8 @@ struct Stages {
          kernels::factor_matrix(t, x);
          kernels::free_velocity(t, x);
        }},
-      {"responses and row terms", has_rows, rows},
+      {"responses", has_rows, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::responses(t, x); }},
+      {"row terms", has_rows, row_terms},
       {"rows solved", has_rows, solve},
       {"integration", always, integrate},
       {"check and store", always, finish},

@@ -21,12 +21,13 @@ void run(benchmark::State& state, const Load& load) {
   Batch<S> batch(plan, load.environments, {.threads = load.threads, .generated = load.generated});
   if (load.generated && batch.kernel() == "tables") return state.SkipWithError("no kernel was generated");
   batch.step(load.substeps);
-  int steps = 0;
+  int steps = load.substeps;
   for (auto _ : state) {
     batch.step(load.substeps);
-    if (++steps % 64 == 0) {  // near the start of the motion, where nothing has blown up or come to rest
+    if ((steps += load.substeps) >= 100) {  // near the start of the motion, where nothing has blown up or come to rest
       state.PauseTiming();
       batch.reset();
+      steps = 0;
       state.ResumeTiming();
     }
   }

@@ -140,7 +140,7 @@ std::vector<Verdict> energy_and_errors(Batch<float>& batch, const std::vector<Se
   return verdicts;
 }
 
-// The mode in which all couplings of the star go together: K's eigenvalue over its diagonal (M24) is that of the
+// The mode in which all couplings of the star go together: K's eigenvalue over its diagonal (M28) is that of the
 // driver and all followers over the driver and one, which makes the spring of each as much stiffer.
 struct Mode {
   double frequency, damping;  // rad/s, 1/s: of x'' + 2 damping x' + frequency^2 x = 0
@@ -152,7 +152,7 @@ struct Mode {
     damping = softness.first * softness.second * stiffer;
   }
 
-  // By how much implicit Euler with steps of h changes it: the farther root of (M28) against that of the mode itself.
+  // By how much implicit Euler with steps of h changes it: the farther root of (M32) against that of the mode itself.
   double change(double h) const {
     const std::complex<double> width = std::sqrt(std::complex<double>(damping * damping - frequency * frequency));
     double worst = 0.0;

@@ -26,7 +26,7 @@ struct Axis {
 
 enum class Judge {
   energy_and_errors,  ///< hard couplings: energy in its budget, errors at the end
-  closed_form,        ///< equal soft couplings on a star of sliders: the motion of implicit Euler, (M28)
+  closed_form,        ///< equal soft couplings on a star of sliders: the motion of implicit Euler, (M32)
 };
 
 struct Map {

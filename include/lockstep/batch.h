@@ -142,13 +142,13 @@ class Batch {
   Array speeds() const;                   ///< [1][environments] fastest joint, rad/s or m/s
 
   // --- diagnostics of the last step: UsageError unless StepSettings::record_diagnostics ----------
-  /// [Plan::row_names()][environments] what the step left of each row's condition (M60): the error, in rad or m, that
+  /// [Plan::row_names()][environments] what the step left of each row's condition (M64): the error, in rad or m, that
   /// it should have corrected and did not. 0 for rows that hold, that are inactive, or that slip at their bound.
   Array row_residuals() const;
   /// [Plan::row_names()][environments] 0: the row does not act; 1: it holds; 2, -2: it pushes with all it has, upwards
   /// or downwards; for limits 1 is the lower, -1 the upper end.
   Array row_states() const;
-  /// [4][environments] of the last call of step(), J, (M61): work of servos, drives, efforts and bounces; dissipated by
+  /// [4][environments] of the last call of step(), J, (M65): work of servos, drives, efforts and bounces; dissipated by
   /// damping and dry friction; work of the corrections of position; change of kinetic and potential energy.
   Array energy_balances() const;
   /// Names of the rows that could not be met in the last step because others were in their way, empty if all were:

@@ -45,7 +45,7 @@ enum class JointKind {
 /// What moves a joint towards its targets.
 ///
 /// A servo is integrated implicitly, (M13) of docs/mathematics.md: effort = kp (target - q) + kd (target velocity - v),
-/// held within the joint's effort limit. A kinematic drive prescribes the motion instead, whatever it takes, (M54):
+/// held within the joint's effort limit. A kinematic drive prescribes the motion instead, whatever it takes, (M58):
 /// hard(1) puts the joint on its target at the end of each step, hard(erp) goes there by that share of the error per
 /// step on top of the target velocity, soft ones pull like a soft coupling. Its joint's effort limit does not apply.
 struct Drive {

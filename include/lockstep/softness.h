@@ -4,7 +4,7 @@
 namespace lockstep {
 
 /// How strictly a coupling holds. However it is said, the solver makes one kind of row of it,
-/// (M23) and (M24) of docs/mathematics.md: a share `erp` of the error that is corrected per step, and
+/// (M27) and (M28) of docs/mathematics.md: a share `erp` of the error that is corrected per step, and
 /// a compliance `cfm` (constraint force mixing) that lets the row yield.
 ///
 /// Angles in rad, lengths in m; the units of kp and kd follow from those of the coupling's first joint.

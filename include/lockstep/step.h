@@ -24,12 +24,12 @@ const char* name(Method method) noexcept;
 /// is asked for and does not apply is a SettingsError; automatic takes euler then, and describe() says why.
 enum class Integrator {
   automatic,    ///< leapfrog where it applies, else euler
-  euler,        ///< semi-implicit Euler, (M41): first order, for every scene
-  leapfrog,     ///< second order, linear terms implicit, (M62) to (M66): about 1.5 to 2 times the cost
-  extrapolated, ///< third order, from leapfrogs of one and of half a step, (M67): about three times the cost of leapfrog;
+  euler,        ///< semi-implicit Euler, (M45): first order, for every scene
+  leapfrog,     ///< second order, linear terms implicit, (M66) to (M70): about 1.5 to 2 times the cost
+  extrapolated, ///< third order, from leapfrogs of one and of half a step, (M71): about three times the cost of leapfrog;
                 ///< hard couplings' erp at most 1.75
-  runge_kutta,  ///< the classical one of fourth order, (M68): every coupling hard and eliminated, no drives and damping too
-                ///< stiff for the step at the model's start, (M71). Velocities that start off their couplings come back
+  runge_kutta,  ///< the classical one of fourth order, (M72): every coupling hard and eliminated, no drives and damping too
+                ///< stiff for the step at the model's start, (M75). Velocities that start off their couplings come back
                 ///< in some steps, 0.375 of what is left in each; the others take one
 };
 

@@ -24,10 +24,21 @@ std::vector<Part> parts(const simd::Mat3<Recorded>*) {
   for (int k = 0; k < 9; ++k) all.push_back({fmt::format(".m[{}]", k), fmt::format("_{}{}", "xyz"[k / 3], "xyz"[k % 3])});
   return all;
 }
+void add_symmetric(const char* member, const char* name, std::vector<Part>& all) {
+  const char* const pairs[] = {"xx", "yy", "zz", "yz", "xz", "xy"};
+  for (int k = 0; k < 6; ++k) all.push_back({fmt::format(".{}[{}]", member, k), fmt::format("{}_{}", name, pairs[k])});
+}
 std::vector<Part> parts(const simd::PseudoInertia<Recorded>*) {
   std::vector<Part> all{{".mass", "_mass"}, {".moment.x", "_hx"}, {".moment.y", "_hy"}, {".moment.z", "_hz"}};
-  const char* const pairs[] = {"xx", "yy", "zz", "yz", "xz", "xy"};
-  for (int k = 0; k < 6; ++k) all.push_back({fmt::format(".second[{}]", k), fmt::format("_{}", pairs[k])});
+  add_symmetric("second", "", all);
+  return all;
+}
+std::vector<Part> parts(const simd::ArticulatedInertia<Recorded>*) {
+  std::vector<Part> all;
+  add_symmetric("angular", "_angular", all);
+  for (const auto& [in_code, in_name] : parts(static_cast<const simd::Mat3<Recorded>*>(nullptr)))
+    all.push_back({".across" + in_code, "_across" + in_name});
+  add_symmetric("linear", "_linear", all);
   return all;
 }
 std::vector<Part> parts(const void*) { return {}; }  // what only code that is not recorded looks at

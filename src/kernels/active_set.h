@@ -1,6 +1,6 @@
 // Bounded rows solved exactly, through the couplings, by principal pivoting. SPDX-License-Identifier: Apache-2.0
 //
-// (M56) to (M58). Each round assumes for every row which part of (M50) it is on, solves, and moves rows on that say
+// (M60) to (M62). Each round assumes for every row which part of (M54) it is on, solves, and moves rows on that say
 // otherwise: all of them at first, then the first one only (Murty), which cannot go round in circles. Lanes that have
 // come to rest keep what they found while others go on, so no lane sees another's search.
 #pragma once
@@ -15,7 +15,7 @@ constexpr int rounds_per_row = 4;   ///< and then, for each row that takes part;
 constexpr int most_doubts = 3;      ///< whether an end needs its compliance
 constexpr int rescue_sweeps = 50;
 
-/// epsilon behind (M55), of what cannot all be had: limits share it, and kinematic drives give way to them.
+/// epsilon behind (M59), of what cannot all be had: limits share it, and kinematic drives give way to them.
 template <class S>
 constexpr S limits_yield = S(sizeof(S) == 4 ? 1e-4 : 1e-9);
 template <class S>
@@ -46,7 +46,7 @@ LOCKSTEP_INLINE T sharing(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase 
   return select(x.search_shared[phase] & (own.low | own.high), share, T(0));
 }
 
-/// Dense L^T D L of the rows that are held, the others' impulses known: (M58). Answers in `impulse`. Rows that no lane
+/// Dense L^T D L of the rows that are held, the others' impulses known: (M62). Answers in `impulse`. Rows that no lane
 /// holds have nothing to eliminate. Returns the lanes whose rows were found to depend on each other: they have no answer
 /// yet, and share from the next time on.
 template <class T>
@@ -109,7 +109,7 @@ typename T::Mask solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& 
   return found;
 }
 
-/// Moves rows on whose part of (M50) the impulses contradict. Returns the lanes in which none does.
+/// Moves rows on whose part of (M54) the impulses contradict. Returns the lanes in which none does.
 /// Lanes that are `waiting` for an answer stay where they are.
 template <class T>
 typename T::Mask pivot(const Tables<ScalarOf<T>>& t, Phase phase, const T* impulse, bool one_by_one,
@@ -145,8 +145,8 @@ typename T::Mask pivot(const Tables<ScalarOf<T>>& t, Phase phase, const T* impul
   return ~moved & ~waiting;
 }
 
-/// Sweeps of (M51) over the listed rows, which always converge, and keep to all bounds on the way. Leaves in
-/// x.search_branch, where lanes have none yet, which part of (M50) each row came to.
+/// Sweeps of (M55) over the listed rows, which always converge, and keep to all bounds on the way. Leaves in
+/// x.search_branch, where lanes have none yet, which part of (M54) each row came to.
 template <class T>
 void sweep_bounds(const Tables<ScalarOf<T>>& t, Phase phase, int sweeps, Tile<T>& x, T* impulse) {
   const int count = t.bounds.form.count;
@@ -259,7 +259,7 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
   x.search_shared[phase] = x.search_shared[phase] & ~lost;
 }
 
-/// (M56)
+/// (M60)
 template <class T>
 void ease_drives(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const int count = t.bounds.form.count;

@@ -23,7 +23,7 @@ LOCKSTEP_INLINE int phases(const Tables<ScalarOf<T>>& t) {
   return t.solve_twice ? 2 : 1;
 }
 
-/// Softness of the rows that have one: (M23), (M24).
+/// Softness of the rows that have one: (M27), (M28).
 template <class T>
 LOCKSTEP_INLINE void soften_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
   const RowSoftness<ScalarOf<T>>& softness = t.bounds.form.softness[r];
@@ -34,7 +34,7 @@ LOCKSTEP_INLINE void soften_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& 
   x.bound_cfm[r] = fma(T(softness.cfm_per_response), response, x.bound_cfm[r]);
 }
 
-/// The row as one phase asks it. A kinematic drive that cannot have its way does not insist in the velocity phase (M56).
+/// The row as one phase asks it. A kinematic drive that cannot have its way does not insist in the velocity phase (M60).
 template <class T>
 LOCKSTEP_INLINE Bound<T> bound(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r, Phase phase) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
@@ -83,13 +83,15 @@ void respond_to_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
   T* scaled = x.bound_scaled + r * n;
   place_terms(form, r, n, x.bound_value, response);
   const SupportRange* const support = form.support.data;
-  respond<1>(support + form.support_start[r], support + form.support_start[r + 1], t.solver, x.reduced, response, 0);
-  for (int z = 0; z < n; ++z) scaled[z] = T(0);
-  scale_response(x, form, r, response, scaled);
+  if (t.articulated.used())
+    solve_inwards(t, x, t.articulated.bound[r], response, 0);
+  else
+    respond<1>(support + form.support_start[r], support + form.support_start[r + 1], t.solver, x.reduced, response, 0);
+  scale_response(t, x, response, scaled);
   x.bound_own[r] = supported_dot(form, r, response, scaled);
   soften_bound(t, r, x);
 
-  const bool solved = rows.columns.n > 0;  // (M57): through couplings that are solved, not swept
+  const bool solved = rows.columns.n > 0;  // (M61): through couplings that are solved, not swept
   T* through = x.bound_through + r * rows.count;
   T* through_scaled = x.bound_through_scaled + r * rows.count;
   for (int e = 0; e < rows.count; ++e) through[e] = supported_dot(rows, e, x.response + e * n, scaled);

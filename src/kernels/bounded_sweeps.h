@@ -13,7 +13,7 @@ LOCKSTEP_INLINE bool is_hard(const Bounds<ScalarOf<T>>& b, int r) {
   return b.form.softness[r].cfm == 0 && b.form.softness[r].cfm_per_response == 0;
 }
 
-/// One sweep: couplings by (M30), bounded rows by (M51). In sub-steps boxes hold a share of their force: of joints, whose
+/// One sweep: couplings by (M34), bounded rows by (M55). In sub-steps boxes hold a share of their force: of joints, whose
 /// rows keep their impulse over all sub-steps, what is due by then.
 template <class T>
 void sweep_with_bounds(const Tables<ScalarOf<T>>& t, Phase phase, T due, T share, Tile<T>& x) {

@@ -59,7 +59,7 @@ bool bounds_act(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     const T q = x.q[joint.joint], moved = x.next_q[joint.joint];
     const T coasted = fma(T(t.dt), x.next_v[root + joint.joint], q);  // with the velocity that stays
     T least = smaller(moved, coasted), most = larger(moved, coasted);
-    if (joint.bounces) {  // by the speed that it comes with (M53)
+    if (joint.bounces) {  // by the speed that it comes with (M57)
       const T arriving = fma(T(t.dt), x.v[root + joint.joint], q);
       least = smaller(least, arriving), most = larger(most, arriving);
     }

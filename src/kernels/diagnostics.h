@@ -1,6 +1,6 @@
 // What a step did with its rows, and with the energy, for those who asked. SPDX-License-Identifier: Apache-2.0
 //
-// (M60), (M61). Runs between the step's solution and the check, while all that it came from is still there.
+// (M64), (M65). Runs between the step's solution and the check, while all that it came from is still there.
 #pragma once
 
 #include "energies.h"
@@ -106,7 +106,7 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes
   }
 }
 
-/// (M61) but for the change of energy: work of the joints' drives, of soft rows and of bounces, what damping and friction
+/// (M65) but for the change of energy: work of the joints' drives, of soft rows and of bounces, what damping and friction
 /// take.
 template <class T>
 void add_work(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, T& work, T& dissipated) {

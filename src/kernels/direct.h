@@ -1,6 +1,6 @@
 // All rows at once: (K + cfm) L = -(J v* + b) by L^T D L. SPDX-License-Identifier: Apache-2.0
 //
-// (M34). Exact for chains and stars of couplings, where sweeps converge slowly or not at all.
+// (M38). Exact for chains and stars of couplings, where sweeps converge slowly or not at all.
 #pragma once
 
 #include "row_terms.h"

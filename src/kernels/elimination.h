@@ -1,6 +1,6 @@
 // The followers of hard couplings eliminated: v = S z + w, A_r = S^T A S. SPDX-License-Identifier: Apache-2.0
 //
-// (M35) and (M36). Only scenes whose plan says `reduced` and that have hard couplings come here.
+// (M39) and (M40). Only scenes whose plan says `reduced` and that have hard couplings come here.
 #pragma once
 
 #include "ldlt.h"
@@ -16,7 +16,7 @@ LOCKSTEP_INLINE T followed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int f
   return sum;
 }
 
-/// A_r = S^T A S of (M36), as the sums of products that the plan listed.
+/// A_r = S^T A S of (M40), as the sums of products that the plan listed.
 template <class T>
 void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
@@ -89,7 +89,7 @@ void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
-/// w of (M35): the velocity that corrects follower f's error.
+/// w of (M39): the velocity that corrects follower f's error.
 template <class T>
 LOCKSTEP_INLINE T correcting_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int f) {
   const Reduction<ScalarOf<T>>& r = t.reduction;

@@ -1,4 +1,4 @@
-// Kinetic and potential energy (M48). SPDX-License-Identifier: Apache-2.0
+// Kinetic and potential energy (M52). SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "motion.h"

@@ -83,14 +83,19 @@ LOCKSTEP_INLINE Vec3<T> origin(J, const Body<ScalarOf<T>>& body, T q) {
   return r;
 }
 
-/// r x p + c for the body's origin r.
+/// Component a of r x p, added to c, for the body's origin r.
 template <class J, class T>
-LOCKSTEP_INLINE Vec3<T> cross_origin_add(J, const Vec3<T>& r, const Vec3<T>& p, Vec3<T> c) {
-  each_axis([&](int a) LOCKSTEP_INLINED {
-    const int i = (a + 1) % 3, j = (a + 2) % 3;
-    if (J::off(j)) c[a] = fnma(r[j], p[i], c[a]);
-    if (J::off(i)) c[a] = fma(r[i], p[j], c[a]);
-  });
+LOCKSTEP_INLINE T cross_component(J, const Vec3<T>& r, const Vec3<T>& p, int a, T c) {
+  const int i = (a + 1) % 3, j = (a + 2) % 3;
+  if (J::off(j)) c = fnma(r[j], p[i], c);
+  if (J::off(i)) c = fma(r[i], p[j], c);
+  return c;
+}
+
+/// r x p + c
+template <class J, class T>
+LOCKSTEP_INLINE Vec3<T> cross_origin_add(J joint, const Vec3<T>& r, const Vec3<T>& p, Vec3<T> c) {
+  each_axis([&](int a) LOCKSTEP_INLINED { c[a] = cross_component(joint, r, p, a, c[a]); });
   return c;
 }
 

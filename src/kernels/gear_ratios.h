@@ -67,7 +67,7 @@ void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   spread(t.rows.term_value, x.row_value);
 }
 
-/// This tile's own, by the elimination (M39) that the plan recorded.
+/// This tile's own, by the elimination (M43) that the plan recorded.
 template <class T>
 void own_ratios(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   const ScalarOf<T>* gears = lanes.field[0];

@@ -44,7 +44,7 @@ void subtract_bounds(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* sum) {
   }
 }
 
-/// Swept and solved rows have theirs at hand. An eliminated coupling's (M40) is what its followers' momentum lacks:
+/// Swept and solved rows have theirs at hand. An eliminated coupling's (M44) is what its followers' momentum lacks:
 /// J_F^T L = (A (v' - v) - dt forces - other rows' J^T L) on the followers. By force, x.drive holds A d as well.
 template <class T>
 void coupling_impulses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {

@@ -40,14 +40,21 @@ void impel(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, const T*
   if (t.bounds.form.count > 0) add_bounds(t, x, phase, v);
 }
 
+/// v <- L^-1 v for one or two vectors.
+template <class T>
+void solve_downwards(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* first, T* second) {
+  if (t.articulated.used()) return solve_outwards(t, x, first, second);
+  second ? solve_downwards(t.solver, x.reduced, first, second) : solve_downwards(t.solver, x.reduced, first);
+}
+
 /// (M21) L^-1 (share y + D^-1 X impulse): what the velocities change by, in both phases, which share their way down the
 /// tree.
 template <class T>
 void solved_changes(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   impel(t, x, position_phase, x.free_position, T(t.free_share), x.position_impulse, x.solution);
-  if (!x.solves_twice) return solve_downwards(t.solver, x.reduced, x.solution);
-  impel(t, x, velocity_phase, x.free_velocity, T(1), x.velocity_impulse, x.closing_solution);
-  solve_downwards(t.solver, x.reduced, x.solution, x.closing_solution);
+  T* const second = x.solves_twice ? x.closing_solution : nullptr;
+  if (second) impel(t, x, velocity_phase, x.free_velocity, T(1), x.velocity_impulse, second);
+  solve_downwards(t, x, x.solution, second);
 }
 
 /// The velocities themselves.
@@ -97,7 +104,7 @@ LOCKSTEP_INLINE void make_unit(const T* quaternion, T* unit) {
   for (int k = 0; k < 4; ++k) unit[k] = quaternion[k] * scale;
 }
 
-/// The root's pose after turning and moving with its twist for the time h: q <- q exp(h w / 2), p <- p + h R v, (M42).
+/// The root's pose after turning and moving with its twist for the time h: q <- q exp(h w / 2), p <- p + h R v, (M46).
 /// Keeps the half turn exp(h w / 2).
 template <class T>
 void move_root(ScalarOf<T> time, const T* twist, const T* pose, T* half_turn, T* next) {
@@ -121,12 +128,12 @@ void move_root(ScalarOf<T> time, const T* twist, const T* pose, T* half_turn, T*
   half_turn[0] = cosine, half_turn[1] = e, half_turn[2] = f, half_turn[3] = g;
   const T turned[4] = {fnma(b, e, fnma(c, f, fnma(d, g, a * cosine))), fma(a, e, fma(c, g, fnma(d, f, b * cosine))),
                        fma(a, f, fma(d, e, fnma(b, g, c * cosine))), fma(a, g, fma(b, f, fnma(c, e, d * cosine)))};
-  // (M43) One Newton step for 1 / |q| keeps it unit: rounding moves it by far less than the step's reach.
+  // (M47) One Newton step for 1 / |q| keeps it unit: rounding moves it by far less than the step's reach.
   const T scale = fnma(T(S(0.5)), squared_length(turned), T(S(1.5)));
   for (int k = 0; k < 4; ++k) next[3 + k] = turned[k] * scale;
 }
 
-/// (M44) The root's new twist, solved in the axes that it had before it moved, in those that it has now. By the half
+/// (M48) The root's new twist, solved in the axes that it had before it moved, in those that it has now. By the half
 /// turn (c, s) backwards, a + 2 s x (s x a - c a): rounding is that of the small change alone.
 template <class T>
 void turn_root_twist(const T* half_turn, T* twist) {
@@ -139,7 +146,7 @@ void turn_root_twist(const T* half_turn, T* twist) {
   }
 }
 
-/// Semi-implicit Euler (M41).
+/// Semi-implicit Euler (M45).
 template <class T>
 void integrate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const int root = t.velocities - t.joints;

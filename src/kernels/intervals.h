@@ -1,6 +1,6 @@
 // What bounded rows ask for in this step: intervals and boxes. SPDX-License-Identifier: Apache-2.0
 //
-// (M52) to (M55).
+// (M56) to (M59).
 #pragma once
 
 #include "joint_terms.h"
@@ -24,7 +24,7 @@ struct Moment {
   bool sub_step = false;
 };
 
-/// (M52), (M53): how the range of joint j bounds its speed, when its position is `moved` from the step's start.
+/// (M56), (M57): how the range of joint j bounds its speed, when its position is `moved` from the step's start.
 template <class T>
 LOCKSTEP_INLINE Interval<T> range_interval(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, const Moment<T>& at, T moved) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
@@ -51,7 +51,7 @@ LOCKSTEP_INLINE Interval<T> joint_interval(const Tables<ScalarOf<T>>& t, const T
   return {clamp(i.lo, -most, most), clamp(i.hi, -most, most)};
 }
 
-/// (M54)
+/// (M58)
 template <class T>
 LOCKSTEP_INLINE T prescribed_speed(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, int j) {
   const std::ptrdiff_t row = t.joint_row[j] * lanes.stride;
@@ -59,7 +59,7 @@ LOCKSTEP_INLINE T prescribed_speed(const Tables<ScalarOf<T>>& t, const Lanes<Sca
   return fma(T(t.bounds.drive_rate[j]), fnma(T(t.dt), speed, target - x.q[j]), speed);
 }
 
-/// (M55) The hard bounds of all joints that move with the row's velocity.
+/// (M59) The hard bounds of all joints that move with the row's velocity.
 template <class T>
 void joint_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int r, Phase phase, const Moment<T>& at,
                T moved, Tile<T>& x) {
@@ -103,7 +103,7 @@ void joint_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, in
   x.bound_force[r] = force;
 }
 
-/// J w of (M38): what followers' corrections add to the speed of a row over the joints of a coupling.
+/// J w of (M42): what followers' corrections add to the speed of a row over the joints of a coupling.
 template <class T>
 LOCKSTEP_INLINE T pushed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int coupling) {
   T sum = T(0);

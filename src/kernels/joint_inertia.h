@@ -35,18 +35,20 @@ void joint_inertias(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lane
   }
 }
 
-/// A, or A_r at once where columns are merged. Keeps M + armature where soft rows are stated by natural frequency and A
-/// holds more than that; x.joint_inertia becomes A's diagonal where a limited drive will want it.
+/// A, or A_r at once where columns are merged; neither where articulated bodies do without. Keeps M + armature where soft
+/// rows are stated by natural frequency and A holds more than that; x.joint_inertia becomes the diagonal of A where a
+/// limited drive will want it.
 template <class T>
 void inertia_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   if (t.reduction.merged.slots > 0) return merged_columns(t, x);
+  if (t.articulated.used() && t.natural.count == 0) return;
   mass_matrix(t, x);
   const int root = t.velocities - t.joints;
   if (t.natural.count > 0) {
     for (int e = 0; e < t.matrix.entries; ++e) x.natural_matrix[e] = x.matrix[e];
     for (int j = 0; j < t.joints; ++j) x.natural_matrix[t.matrix.offset[root + j]] += T(t.armature[j]);
   }
-  for (int j = 0; j < t.joints; ++j) {
+  for (int j = 0; !t.articulated.used() && j < t.joints; ++j) {
     T& diagonal = x.matrix[t.matrix.offset[root + j]];
     diagonal += x.joint_inertia[j];
     if (t.limited.count > 0) x.joint_inertia[j] = diagonal;

@@ -59,7 +59,7 @@ void joint_forces(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes,
     const T d = damping.at(j, t.joint_row[j]);
     x.drive[root + j] = h * (fnma(d, x.v[root + j], feed_forward<T>(t, lanes, j, time)) - x.bias[root + j]);
   }
-  for (int i = 0; i < t.clamped.count; ++i) {  // (M59) without a servo
+  for (int i = 0; i < t.clamped.count; ++i) {  // (M63) without a servo
     const int j = t.clamped[i];
     const T effort = feed_forward<T>(t, lanes, j, time), most = T(t.effort_limit[j]);
     x.drive[root + j] = fma(h, clamp(effort, -most, most) - effort, x.drive[root + j]);

@@ -86,6 +86,21 @@ inline void stage_arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("change_pose", x.change_pose, explicitly || twice ? pose : 0);
 }
 
+/// Names the arrays of articulated bodies to `take`, as arrays() does.
+template <class T, class Take>
+inline void articulated_arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
+  const bool goes_on = t.integrator > integrator_euler;
+  take("factored_q", x.factored_q, goes_on ? t.joints : 0);
+  if (!goes_on) x.factored_q = x.q;
+  take("hinge_force", x.hinge_force, t.bodies);
+  take("hinge_moment", x.hinge_moment, t.bodies);
+  take("wrench_force", x.wrench_force, t.articulated.slots, Lasts::stage);
+  take("wrench_moment", x.wrench_moment, t.articulated.slots, Lasts::stage);
+  const int vectors = t.solve_twice ? 2 : 1;
+  take("reached_angular", x.reached_angular, vectors * t.bodies, Lasts::stage);
+  take("reached_linear", x.reached_linear, vectors * t.bodies, Lasts::stage);
+}
+
 /// Names every array of the tile to `take`, in their order in memory: take(name, pointer, count, Lasts). A copy of it
 /// lays out other arrays in the same room, and take.behind(copy) goes on behind both.
 template <class T, class Take>
@@ -114,20 +129,23 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("force", x.force, t.bodies, Lasts::stage);
   take("moment", x.moment, t.bodies, Lasts::stage);
   take("world", x.world, wrenches ? t.bodies : 0, Lasts::stage);
-  shared("composite", x.composite, t.bodies, Lasts::stage);
-  const bool merged = r.merged.slots > 0;
-  const int columns = merged ? r.merged.slots : t.bodies;
+  const bool merged = r.merged.slots > 0, articulated = t.articulated.used(), natural = t.natural.count > 0;
+  const bool composites = !articulated || natural;
+  shared("articulated", x.articulated, t.articulated.slots, Lasts::stage);
+  shared("composite", x.composite, composites ? t.bodies : 0, Lasts::stage);
+  const int columns = merged ? r.merged.slots : composites ? t.bodies : 0;
   shared("column_force", x.column_force, columns, Lasts::stage);
   shared("column_moment", x.column_moment, columns, Lasts::stage);
   take.behind(shared);
   take("joint_inertia", x.joint_inertia, joints);
-  take("matrix", x.matrix, merged ? 0 : t.matrix.entries);
+  take("matrix", x.matrix, merged ? 0 : composites ? t.matrix.entries : t.articulated.root.entries);
   take("drive", x.drive, velocities);
   take("bias", x.bias, stages ? velocities : 0);
   if (!stages) x.bias = x.drive;
   take("reduced", x.reduced, r.followers ? t.solver.entries + (merged && t.solve_twice ? solver : 0) : 0);
   if (r.followers == 0) x.reduced = x.matrix;
   take("inverse", x.inverse, solver);
+  if (articulated) articulated_arrays(t, x, take);
   take("free_position", x.free_position, solver);
   const bool free_twice = r.followers && t.solve_twice;
   take("free_velocity", x.free_velocity, free_twice ? solver : 0);
@@ -135,7 +153,8 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("start", x.start, solver);
   take("solution", x.solution, solver);
   take("closing_solution", x.closing_solution, t.solve_twice ? solver : 0);
-  take("scratch", x.scratch, velocities > rows ? velocities : rows, Lasts::stage);
+  const int vectors = rows > 0 ? RowBlock::most_rows * velocities : velocities;
+  take("scratch", x.scratch, vectors > rows ? vectors : rows, Lasts::stage);
   take("product", x.product, velocities, Lasts::stage);
   take("corrected_product", x.corrected_product, velocities, Lasts::stage);
   take("coefficient", x.coefficient, t.term_value.count, Lasts::call);
@@ -163,7 +182,6 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("velocity_impulse", x.velocity_impulse, rows);
   take("coupling_error", x.coupling_error, t.couplings);
   take("impulse", x.impulse, t.record_impulses ? t.couplings : 0, Lasts::state);
-  const bool natural = t.natural.count > 0;
   take("natural_matrix", x.natural_matrix, natural ? t.matrix.entries : 0, Lasts::stage);
   take("natural_inverse", x.natural_inverse, natural ? velocities : 0, Lasts::stage);
   take("natural_response", x.natural_response, natural ? velocities : 0, Lasts::stage);

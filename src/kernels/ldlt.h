@@ -56,9 +56,17 @@ LOCKSTEP_INLINE void subtract_dots(const T* own, T* matrix, const int* entry, in
   for (int n = 0; n < N; ++n) above[n][0] = sum[n];
 }
 
-/// H becomes L below the diagonal; inverse = 1 / D. A pivot not above `tolerance` times the diagonal that it
-/// came from is taken for none: its inverse is 0, so that its unknown is 0. Returns the lanes where that happened.
-/// What is no number stays none, for check() to find.
+/// 1 / pivot. A pivot not above `least` is taken for none: its inverse is 0, so that its unknown is 0, and `weak` says
+/// where. What is no number stays none, for check() to find.
+template <class T>
+LOCKSTEP_INLINE T inverse_of(T pivot, T least, typename T::Mask& weak) {
+  const typename T::Mask good = less(least, pivot) | beyond(pivot, T(ScalarOf<T>(__builtin_inf())));
+  weak = weak | ~good;
+  return select(good, T(1) / pivot, T(0));
+}
+
+/// H becomes L below the diagonal; inverse = 1 / D. A pivot counts if it is above `tolerance` times the diagonal that it
+/// came from. Returns the lanes where one does not.
 template <class T>
 typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T tolerance) {
   typename T::Mask weak = T::none();
@@ -67,9 +75,7 @@ typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T toleran
     const int below = columns.size[i];
     const T least = tolerance * own[0];
     const T pivot = own[0] = scale_column(own, inverse + i, below);
-    const typename T::Mask good = less(least, pivot) | beyond(pivot, T(ScalarOf<T>(__builtin_inf())));
-    inverse[i] = select(good, T(1) / pivot, T(0));
-    weak = weak | ~good;
+    inverse[i] = inverse_of(pivot, least, weak);
     // Row i of every ancestor's column, eight ancestors at a time: so many sums do not wait for each other.
     const int* const row = columns.row.data;
     int a = columns.row_start[i];

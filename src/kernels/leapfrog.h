@@ -1,6 +1,6 @@
 // Leapfrog with an implicit linear part, and its extrapolation. SPDX-License-Identifier: Apache-2.0
 //
-// (M62) to (M67). One mass matrix and two bias forces at the midpoint; damping, drives and soft couplings by three
+// (M66) to (M71). One mass matrix and two bias forces at the midpoint; damping, drives and soft couplings by three
 // stages of Alexander's (1977) diagonally implicit method, which share one factorisation.
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace lockstep::kernels {
 
-/// (M65)
+/// (M69)
 template <class S>
 struct Alexander {
   static constexpr double g = alexander_gamma;
@@ -23,7 +23,7 @@ struct Alexander {
   static constexpr S before[leapfrog_stages][2] = {{S(0), S(0)}, {S((1 - g) / 2), S(0)}, {weight[0], weight[1]}};
 };
 
-/// One stage of (M64), from x.begin_q and x.midpoint_v and the stages before it.
+/// One stage of (M68), from x.begin_q and x.midpoint_v and the stages before it.
 template <class T>
 void stage(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, int i, int time) {
   using S = ScalarOf<T>;
@@ -73,7 +73,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Til
 
   bias_forces(t, lanes, x);
   stage(t, lanes, x, 0, time);
-  for (int j = 0; j < t.joints; ++j) x.q[j] = x.midpoint_q[j];  // (M63)
+  for (int j = 0; j < t.joints; ++j) x.q[j] = x.midpoint_q[j];  // (M67)
   for (int k = 0; k < n; ++k) x.v[k] = fma(T(S(0.5) / A::gamma), x.stage_change[k], x.midpoint_v[k]);
   bias_forces(t, lanes, x);
   for (int i = 0; i < leapfrog_stages; ++i) stage(t, lanes, x, i, time);
@@ -113,7 +113,7 @@ void add_change(const Tables<ScalarOf<T>>& t, Tile<T>& x, ScalarOf<T> step, Scal
     x.change_pose[k] = fma(T(share), x.next_root_pose[k] - x.begin_pose[k], x.change_pose[k]);
 }
 
-/// (M67). t.half holds the tables of half the step.
+/// (M71). t.half holds the tables of half the step.
 template <class T>
 void extrapolated_step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   using S = ScalarOf<T>;

@@ -8,14 +8,13 @@
 
 namespace lockstep::kernels {
 
-/// E^T Sigma E, as xx, yy, zz, yz, xz, xy.
+/// E^T A E of a symmetric A.
 template <class J, class T>
-LOCKSTEP_INLINE void turn_second(J joint, const Body<ScalarOf<T>>& body, T s, T c, const PseudoInertia<T>& from,
-                                 T* turned) {
+LOCKSTEP_INLINE void turn_symmetric(J joint, const Body<ScalarOf<T>>& body, T s, T c, const T* from, T* turned) {
   if constexpr (J::rotated) {  // columns, then rows
     Vec3<T> columns[3];
     each_axis([&](int k) LOCKSTEP_INLINED {
-      columns[k] = to_parent(joint, body, s, c, {from.pair(0, k), from.pair(1, k), from.pair(2, k)});
+      columns[k] = to_parent(joint, body, s, c, {simd::pair(from, 0, k), simd::pair(from, 1, k), simd::pair(from, 2, k)});
     });
     each_axis([&](int k) LOCKSTEP_INLINED {
       const Vec3<T> row = to_parent(joint, body, s, c, {columns[0][k], columns[1][k], columns[2][k]});
@@ -24,15 +23,15 @@ LOCKSTEP_INLINE void turn_second(J joint, const Body<ScalarOf<T>>& body, T s, T 
       if (k == 1) turned[3] = row[2];
     });
   } else if constexpr (J::prismatic) {
-    for (int k = 0; k < 6; ++k) turned[k] = from.second[k];
+    for (int k = 0; k < 6; ++k) turned[k] = from[k];
   } else {
-    const T ii = from.second[J::i], jj = from.second[J::j], ij = from.second[3 + J::k];
-    const T ik = from.second[3 + J::j], jk = from.second[3 + J::i];
+    const T ii = from[J::i], jj = from[J::j], ij = from[3 + J::k];
+    const T ik = from[3 + J::j], jk = from[3 + J::i];
     const T cross = c * ij, across = fma(s, ii - jj, cross);
     const T shift = s * (across + cross);  // s^2 (ii - jj) + 2 s c ij
     turned[J::i] = ii - shift;
     turned[J::j] = jj + shift;
-    turned[J::k] = from.second[J::k];
+    turned[J::k] = from[J::k];
     turned[3 + J::k] = fnma(s, s * ij, c * across);
     turned[3 + J::j] = fnma(s, jk, c * ik);
     turned[3 + J::i] = fma(s, ik, c * jk);
@@ -44,7 +43,7 @@ template <class J, class T>
 LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, T c, const Vec3<T>& r,
                                    const PseudoInertia<T>& from, const PseudoInertia<T>& before, PseudoInertia<T>& to) {
   T turned[6];
-  turn_second(joint, body, s, c, from, turned);
+  turn_symmetric(joint, body, s, c, from.second, turned);
   Vec3<T> u = to_parent(joint, body, s, c, from.moment);  // + m r / 2, so that r u^T + u r^T is all that the shift adds
   Vec3<T> moved = u;
   if (body.heavy)

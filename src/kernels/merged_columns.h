@@ -1,4 +1,4 @@
-// A_r without A: columns of M S on their way inwards (M37). SPDX-License-Identifier: Apache-2.0
+// A_r without A: columns of M S on their way inwards (M41). SPDX-License-Identifier: Apache-2.0
 //
 // Composite rigid bodies again, but the unit columns of joints that share a velocity go on as one, and what a column
 // asks of a joint goes to A_r at once. Behind A_r stands S^T A w where positions are corrected by a solution of their own.
@@ -34,7 +34,7 @@ template <class T>
 LOCKSTEP_INLINE void join_columns(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
   const MergedColumns& m = t.reduction.merged;
   for (int i = m.join_start[b]; i < m.join_start[b + 1]; ++i) {
-    const MergedColumns::Join join = m.joins[i];
+    const Join join = m.joins[i];
     x.column_force[join.to] = x.column_force[join.to] + x.column_force[join.from];
     x.column_moment[join.to] = x.column_moment[join.to] + x.column_moment[join.from];
   }

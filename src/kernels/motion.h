@@ -1,4 +1,4 @@
-// Where bodies are and how they move, in the world and in their own axes: (M45), (M47). SPDX-License-Identifier: Apache-2.0
+// Where bodies are and how they move, in the world and in their own axes: (M49), (M51). SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "bias_forces.h"
@@ -35,7 +35,7 @@ void motions(const Tables<ScalarOf<T>>& t, Tile<T>& x, Motion<T>& m) {
   }
 }
 
-/// Momentum of body b in its own axes, about its origin (M47).
+/// Momentum of body b in its own axes, about its origin (M51).
 template <class T>
 LOCKSTEP_INLINE void body_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m, int b,
                                    Vec3<T>& linear, Vec3<T>& angular) {

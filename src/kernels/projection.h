@@ -1,4 +1,4 @@
-// One bounded row alone: which of its conditions it is held by, and by what impulse (M51). SPDX-License-Identifier: Apache-2.0
+// One bounded row alone: which of its conditions it is held by, and by what impulse (M55). SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "intervals.h"
@@ -12,7 +12,7 @@ struct Bound {
   T cfm;
 };
 
-/// Which part of (M50) the row is on: an end of its interval, the box's centre, or neither, where its impulse is known.
+/// Which part of (M54) the row is on: an end of its interval, the box's centre, or neither, where its impulse is known.
 template <class T>
 struct Branch {
   typename T::Mask low, high, stuck;
@@ -29,7 +29,7 @@ template <class T>
 LOCKSTEP_INLINE T target(const Bound<T>& row, const Branch<T>& b) {
   return select(b.low, row.lo, select(b.high, row.hi, -row.centre));
 }
-/// (M51): `speed` is what the row would have without its own impulse, `response` its r.
+/// (M55): `speed` is what the row would have without its own impulse, `response` its r.
 template <class T>
 LOCKSTEP_INLINE Branch<T> project(const Bound<T>& row, T speed, T response) {
   const T inside = response + row.cfm, wanted = -((speed + row.centre) / inside);
@@ -44,7 +44,7 @@ LOCKSTEP_INLINE Branch<T> project(const Bound<T>& row, T speed, T response) {
   return b;
 }
 
-/// The next part of (M50) in the direction in which speed and impulse say that this one has been left, if it has: beyond
+/// The next part of (M54) in the direction in which speed and impulse say that this one has been left, if it has: beyond
 /// what `slack` in speed and `slack_impulse` take for rounding. `changed` says where.
 template <class T>
 LOCKSTEP_INLINE Branch<T> advance_branch(const Bound<T>& row, const Branch<T>& b, T speed, T impulse, T slack,

@@ -1,6 +1,6 @@
 // What users ask of a state: poses, velocities, Jacobians, energies, momentum. SPDX-License-Identifier: Apache-2.0
 //
-// Not part of a step; computed anew on request, by the same templates: (M45) to (M49).
+// Not part of a step; computed anew on request, by the same templates: (M49) to (M53).
 #pragma once
 
 #include "coupling_error.h"

@@ -4,6 +4,7 @@
 // of its own trees, so K is zero between rows whose paths meet in the fixed root alone, and not stored there.
 #pragma once
 
+#include "articulated.h"
 #include "elimination.h"
 
 namespace lockstep::kernels {
@@ -71,26 +72,40 @@ LOCKSTEP_INLINE void place_terms(const Rows<ScalarOf<T>>& rows, int row, int n, 
 
 /// D^-1 X of one row.
 template <class T>
-LOCKSTEP_INLINE void scale_response(const Tile<T>& x, const Rows<ScalarOf<T>>& rows, int row, const T* response, T* scaled) {
-  const T* const inverse = x.inverse;
-  for (int i = rows.run_start[row]; i < rows.run_start[row + 1]; ++i)
-    for (int z = rows.runs[i].first, last = rows.runs[i].last; z < last; ++z) scaled[z] = response[z] * inverse[z];
+LOCKSTEP_INLINE void scale_response(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* response, T* scaled) {
+  for (int z = 0; z < t.solver.n; ++z) scaled[z] = response[z] * x.inverse[z];
 }
 
-/// K between a row, given as D^-1 X, and a group.
-template <int N, class T>
+/// K of a block, whose rows are given as D^-1 X, one behind the other.
+template <int M, int N, class T>
 LOCKSTEP_INLINE void couple(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const RowBlock& block, const T* scaled) {
-  const Rows<ScalarOf<T>>& rows = t.rows;
-  const RowGroup& group = rows.groups[block.group];
   const int n = t.solver.n;
-  const T* const other = x.response + group.first * n;
-  T sum[N];
-  for (int i = 0; i < N; ++i) sum[i] = T(0);
-  for (int r = group.run_first; r < group.run_last; ++r)
-    for (int z = rows.group_runs[r].first, last = rows.group_runs[r].last; z < last; ++z)
-      for (int i = 0; i < N; ++i) sum[i] = fma(scaled[z], other[i * n + z], sum[i]);
-  for (int i = 0; i < N; ++i)
-    if (block.entry[i] >= 0) x.coupled[block.entry[i]] = x.coupled[block.mirror[i]] = sum[i];
+  const T* const other = x.response + block.column * n;
+  T sum[M][N];
+  for (int i = 0; i < M; ++i)
+    for (int k = 0; k < N; ++k) sum[i][k] = T(0);
+  for (int r = block.run_first; r < block.run_last; ++r)
+    for (int z = t.rows.block_runs[r].first, last = t.rows.block_runs[r].last; z < last; ++z)
+      for (int k = 0; k < N; ++k)
+        for (int i = 0; i < M; ++i) sum[i][k] = fma(scaled[i * n + z], other[k * n + z], sum[i][k]);
+  for (int i = 0; i < M; ++i)
+    for (int k = 0; k < N; ++k)
+      if (block.entry[i][k] >= 0) x.coupled[block.entry[i][k]] = x.coupled[block.mirror[i][k]] = sum[i][k];
+}
+
+/// Calls act with the block's numbers of rows and columns as types.
+template <class Act>
+LOCKSTEP_INLINE void with_counts(const RowBlock& block, Act&& act) {
+  static_assert(RowBlock::most_rows == 2 && RowBlock::most_columns == 4);
+  const auto with_columns = [&](auto rows) LOCKSTEP_INLINED {
+    switch (block.columns) {
+      case 1: return act(rows, Count<1>{});
+      case 2: return act(rows, Count<2>{});
+      case 3: return act(rows, Count<3>{});
+      default: return act(rows, Count<4>{});
+    }
+  };
+  block.rows == 1 ? with_columns(Count<1>{}) : with_columns(Count<2>{});
 }
 
 template <class T>
@@ -99,7 +114,8 @@ void responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const int n = t.solver.n;
   const SupportRange* const support = rows.group_support.data;
   for (int r = 0; r < rows.count; ++r) place_terms(rows, r, n, x.row_value, x.response + r * n);
-  for (int g = 0; g < rows.groups.count; ++g) {
+  if (t.articulated.used()) solve_inwards(t, x, t.articulated.rows, x.response, n);
+  for (int g = 0; !t.articulated.used() && g < rows.groups.count; ++g) {
     const RowGroup& group = rows.groups[g];
     with_count(group, [&](auto count) LOCKSTEP_INLINED {
       respond<count.value>(support + group.support_first, support + group.support_last, t.solver, x.reduced,
@@ -110,11 +126,9 @@ void responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     for (int e = 0; e < rows.response_entries; ++e) x.coupled[e] = T(0);
   for (int b = 0; b < rows.blocks.count; ++b) {
     const RowBlock& block = rows.blocks[b];
-    if (b == 0 || rows.blocks[b - 1].row != block.row) {
-      for (int z = 0; z < n; ++z) x.scratch[z] = T(0);
-      scale_response(x, rows, block.row, x.response + block.row * n, x.scratch);
-    }
-    with_count(rows.groups[block.group], [&](auto count) LOCKSTEP_INLINED { couple<count.value>(t, x, block, x.scratch); });
+    if (b == 0 || rows.blocks[b - 1].row != block.row)
+      for (int i = 0; i < block.rows; ++i) scale_response(t, x, x.response + (block.row + i) * n, x.scratch + i * n);
+    with_counts(block, [&](auto m, auto k) LOCKSTEP_INLINED { couple<m.value, k.value>(t, x, block, x.scratch); });
   }
 }
 

@@ -22,7 +22,7 @@ LOCKSTEP_INLINE T switched_on(const Lanes<ScalarOf<T>>& lanes, int coupling) {
   return fma(value, T(0), select(less(T(0), value) | less(value, T(0)), T(1), T(0)));
 }
 
-/// (M32) 1 - (1 - erp)^(1/N), and by (M25) mixing as the spring that it is, for a sub-step: lane by lane, since only
+/// (M36) 1 - (1 - erp)^(1/N), and by (M29) mixing as the spring that it is, for a sub-step: lane by lane, since only
 /// tgs with a softness per environment asks for it.
 template <class T>
 void share_out(const Tables<ScalarOf<T>>& t, T erp, T cfm, T& rate, T& row_cfm) {
@@ -35,7 +35,7 @@ void share_out(const Tables<ScalarOf<T>>& t, T erp, T cfm, T& rate, T& row_cfm) 
   }
 }
 
-/// rate and cfm from this tile's own softness: (M23), (M24); (22), (23), (26) to (29) of the note.
+/// rate and cfm from this tile's own softness: (M27), (M28); (22), (23), (26) to (29) of the note.
 template <class T>
 void follow_softness(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, int row, T response, Tile<T>& x) {
   const int coupling = t.rows.coupling[row], kind = t.rows.softness[row].kind;
@@ -79,7 +79,7 @@ void row_softness(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes,
   }
 }
 
-/// The bias of the velocity phase (M29): hard rows drop theirs, soft ones keep it (they are springs).
+/// The bias of the velocity phase (M33): hard rows drop theirs, soft ones keep it (they are springs).
 template <class T>
 LOCKSTEP_INLINE T closing_bias(const Tile<T>& x, int r) {
   return select(less(x.row_cfm[r], smallest<T>()), T(0), x.row_bias[r]);

@@ -1,6 +1,6 @@
 // The classical Runge-Kutta method of fourth order. SPDX-License-Identifier: Apache-2.0
 //
-// (M68) to (M70). Every coupling is hard and eliminated here, and no term is implicit.
+// (M72) to (M74). Every coupling is hard and eliminated here, and no term is implicit.
 #pragma once
 
 #include "begin.h"
@@ -12,7 +12,7 @@
 
 namespace lockstep::kernels {
 
-/// (M70) at the root's pose in x.root_pose, whose quaternion is unit, and in x.stage_pose, whose quaternion is not.
+/// (M74) at the root's pose in x.root_pose, whose quaternion is unit, and in x.stage_pose, whose quaternion is not.
 template <class T>
 void root_rate(Tile<T>& x, T* rate) {
   const Vec3<T> w = {x.v[0], x.v[1], x.v[2]}, u = {x.v[3], x.v[4], x.v[5]};
@@ -32,7 +32,7 @@ void move_stage_pose(Tile<T>& x, T time, const T* rate) {
   make_unit(x.stage_pose + 3, x.root_pose + 3);
 }
 
-/// (M68) The change of velocity at x.q, x.v, if these lasted for the whole step.
+/// (M72) The change of velocity at x.q, x.v, if these lasted for the whole step.
 template <class T>
 void slope(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, int time, T* change) {
   kinematics(t, x);

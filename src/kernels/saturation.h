@@ -1,6 +1,6 @@
 // Servos with a limited effort: the matrix holds their gains in the lanes where they have force to spare. SPDX-License-Identifier: Apache-2.0
 //
-// (M59). Guessed, solved, looked at: a lane whose guess was wrong solves the step again with a better one, and its
+// (M63). Guessed, solved, looked at: a lane whose guess was wrong solves the step again with a better one, and its
 // neighbours, whose guess stays, come to the same bits once more.
 #pragma once
 

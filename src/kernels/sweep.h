@@ -1,7 +1,7 @@
 // One projected Gauss-Seidel sweep over the rows, on impulses. SPDX-License-Identifier: Apache-2.0
 //
 // (16) and (18) of the note with the memory that makes a soft row the spring (21) however often it is visited:
-// (M26), and (M27) for what becomes of it without. Working on J v through K, no sweep walks the tree.
+// (M30), and (M31) for what becomes of it without. Working on J v through K, no sweep walks the tree.
 #pragma once
 
 #include "row_terms.h"
@@ -14,7 +14,7 @@ LOCKSTEP_INLINE void row_denominators(const Rows<ScalarOf<T>>& rows, Tile<T>& x)
   for (int r = 0; r < rows.count; ++r) x.row_inverse[r] = T(1) / (x.coupled[r * rows.count + r] + x.row_cfm[r]);
 }
 
-/// One visit (M30); returns the change of the row's impulse.
+/// One visit (M34); returns the change of the row's impulse.
 template <class T>
 LOCKSTEP_INLINE T visit(const Rows<ScalarOf<T>>& rows, int r, Tile<T>& x) {
   const T residual = fma(x.row_cfm[r], x.row_impulse[r], x.row_speed[r] + x.row_bias[r]);

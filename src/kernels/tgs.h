@@ -1,6 +1,6 @@
 // Temporal Gauss-Seidel: N sub-steps of one sweep, C renewed in each, A and r frozen. SPDX-License-Identifier: Apache-2.0
 //
-// (M31) to (M33). The free motion is shared out over the sub-steps; positions follow the mean of
+// (M35) to (M37). The free motion is shared out over the sub-steps; positions follow the mean of
 // the sub-steps' velocities, so they see the mean of the running impulses.
 #pragma once
 

@@ -80,8 +80,17 @@ struct Tile {
   T* matrix;               // A (packed), unless A_r is made without
   T* bias;                 // [velocities] c: the same array as drive unless it is used more than once
   T* drive;                // [velocities] dt times the forces, and what followers lose of their mismatch (by_force)
-  T* reduced;              // A_r (packed), and S^T A w behind it where columns are merged
+  T* reduced;              // A_r (packed), and S^T A w behind it where columns are merged; or the root's own part
   T* inverse;              // [solver] 1 / D
+  // where bodies are articulated, by slot or body
+  simd::ArticulatedInertia<T>* articulated;  // [slots]
+  T* factored_q;           // [joints] positions at which that was: those of the tile unless they go on meanwhile
+  Vec3<T>* hinge_force;    // [bodies] U D^-1
+  Vec3<T>* hinge_moment;
+  Vec3<T>* wrench_force;   // [slots] on their way inwards
+  Vec3<T>* wrench_moment;
+  Vec3<T>* reached_angular;  // [2][bodies] accelerations on their way outwards
+  Vec3<T>* reached_linear;
   T* free_position;        // [solver] D^-1 L^-T of the drive, for positions
   T* free_velocity;        // and for velocities: the same array unless they differ
   T* start;                // [solver] the velocities that a step starts from
@@ -124,7 +133,7 @@ struct Tile {
   T* natural_compliance;   // [natural rows]
 
   // bounded rows; those marked 2 hold one for each phase
-  T* member_share;         // [members] s of (M55)
+  T* member_share;         // [members] s of (M59)
   T* member_inverse;
   T* bound_value;          // [terms]
   T* bound_lo;             // 2 [rows]
@@ -145,7 +154,7 @@ struct Tile {
   T* bound_scaled;         // [rows][solver]
   T* bound_through;        // [rows][coupling rows] K_BE, half solved where these are solved
   T* bound_through_scaled;
-  T* bound_coupled;        // [rows][rows] of (M57)
+  T* bound_coupled;        // [rows][rows] of (M61)
   T* row_alone;            // 2 [coupling rows] impulses without bounded rows
   T* search_matrix;
   T* search_inverse;

@@ -15,7 +15,7 @@ struct Row {
   std::vector<Member> members;
 };
 
-// A spring without stiffness and damping, (M23) would be 0/0.
+// A spring without stiffness and damping, (M27) would be 0/0.
 bool is_slack(const Softness& softness) {
   return (softness.kind == Softness::Kind::spring && softness.first == 0.0 && softness.second == 0.0) ||
          (softness.kind == Softness::Kind::frequency && softness.first == 0.0);
@@ -47,7 +47,7 @@ Member member_of(const Tables<double>& t, int joint) {
 // The one solver velocity that the joint moves with, or -1.
 int velocity_of(const RowForm& form) { return form.terms.size() == 1 ? form.terms.begin()->first : -1; }
 
-// Share of its error that a hard row corrects in one of N sub-steps, which make up that of the step (M32), as a rate.
+// Share of its error that a hard row corrects in one of N sub-steps, which make up that of the step (M36), as a rate.
 double hard_rate(const StepSettings& s, double erp) {
   return (1.0 - std::pow(1.0 - erp, 1.0 / s.iterations)) * s.iterations / s.dt;
 }
@@ -159,7 +159,7 @@ BoundForms lay_out_bounds(Program& program) {
     for (std::size_t j = 0; j < model.joints.size(); ++j)
       if (const int i = program.solver_joint[j]; i >= 0) act(model.joints[j], i);
   };
-  // (M55): what moves with one velocity is one row. Its form is that velocity itself.
+  // (M59): what moves with one velocity is one row. Its form is that velocity itself.
   std::vector<int> row_of_velocity(t.solver.n, -1);
   each_joint([&](const Joint&, int i) {
     if (b.has[i] == 0) return;

@@ -120,6 +120,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   if (program->method == Method::reduced) eliminate_followers(*program);
   lay_out_rows(*program);
   merge_columns(*program);
+  articulate(*program);
   lay_out_report(*program);
   t.method = static_cast<int>(program->method);
   t.iterations = settings.iterations;
@@ -141,7 +142,7 @@ std::shared_ptr<const Program> compiled_half(Model model, StepSettings settings)
     Softness& softness = coupling.softness;
     if (softness.kind != Softness::Kind::mixing || softness.is_hard()) continue;
     const double erp = softness.first, cfm = softness.second, dt = settings.dt;
-    softness = Softness::spring(erp / (dt * dt * cfm), (1.0 - erp) / (dt * cfm));  // (M25)
+    softness = Softness::spring(erp / (dt * dt * cfm), (1.0 - erp) / (dt * cfm));  // (M29)
   }
   settings.dt /= 2.0;
   return compiled(model, settings, Integrator::leapfrog);

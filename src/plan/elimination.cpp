@@ -1,4 +1,4 @@
-// The followers of always-hard couplings, eliminated: v = S z + w, (M35). SPDX-License-Identifier: Apache-2.0
+// The followers of always-hard couplings, eliminated: v = S z + w, (M39). SPDX-License-Identifier: Apache-2.0
 //
 // J is constant, so S is, and with per-environment gear ratios its pattern is.
 #include <algorithm>

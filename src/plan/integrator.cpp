@@ -6,8 +6,8 @@
 namespace lockstep {
 namespace {
 
-constexpr double explicit_bound = 2.5;            // (M71)
-constexpr double most_extrapolated_erp = 1.75;    // (M67)
+constexpr double explicit_bound = 2.5;            // (M75)
+constexpr double most_extrapolated_erp = 1.75;    // (M71)
 
 // Times of one leapfrog that begins at `begin` and goes `length`, in shares of the step.
 void add_times(double begin, double length, std::vector<double>& times) {

@@ -22,7 +22,7 @@ struct Obstacle {
 };
 std::optional<Obstacle> obstacle_of(const Program& program);
 
-/// Of the scene's linear motion about its start, the largest |lambda| of (M71), 1/s (report/stiffness.cpp: it takes
+/// Of the scene's linear motion about its start, the largest |lambda| of (M75), 1/s (report/stiffness.cpp: it takes
 /// the kernels' mass matrix). For programs whose terms are explicit.
 double largest_rate(const Program& program);
 
@@ -60,10 +60,27 @@ void eliminate_followers(Program& program);
 /// The couplings that are left to solve as rows over the solver's velocities, and the bounds (rows.cpp).
 void lay_out_rows(Program& program);
 
+/// What loops over tables take, as measured, in units of a product in a long sum, for a plan to choose by.
+namespace work {
+constexpr int passing = 10;          ///< a column's way past one body
+constexpr int column_of_joint = 30;  ///< what a joint takes to begin one
+constexpr int adding = 4;            ///< a number on its way to A_r
+constexpr int summing = 2;           ///< a product of a short sum
+constexpr int articulating = 80;     ///< what the parent feels of a body
+constexpr int travelling = 18;       ///< a vector's way past one body
+}  // namespace work
+
 /// A_r from merged columns, and what work that is (merged_columns.cpp).
 std::pair<MergedColumns, long> merged_columns(const Tables<double>& t, Store& store);
 /// Has A_r made so where that is less work than by A, and possible (merged_columns.cpp).
 void merge_columns(Program& program);
+
+/// Nobody asks for A's own entries (articulated.cpp).
+bool can_articulate(const Tables<double>& t);
+/// The routes of articulated bodies (articulated.cpp).
+Articulated articulated_bodies(const Tables<double>& t, Store& store);
+/// Has A factored by them where that is less work, and possible (articulated.cpp).
+void articulate(Program& program);
 
 /// A row as a linear form over the solver's velocities.
 struct RowForm {
@@ -76,7 +93,7 @@ struct RowForm {
 void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int joint, int term, RowForm& form);
 RowForm coupling_form(const Program& program, const Reduction<double>& reduction, int coupling);
 
-/// (M23), (M24), (M32): rate and cfm, (22), (23), (26) to (29) of the note, for a step or one of its sub-steps of
+/// (M27), (M28), (M36): rate and cfm, (22), (23), (26) to (29) of the note, for a step or one of its sub-steps of
 /// length h (rows.cpp).
 RowSoftness<double> row_softness(const Program& program, const Softness& softness, double h, int substeps);
 

@@ -1,4 +1,4 @@
-// A_r from columns that joints of one velocity share, where that is less work: (M37). SPDX-License-Identifier: Apache-2.0
+// A_r from columns that joints of one velocity share, where that is less work: (M41). SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <map>
 #include <tuple>
@@ -15,9 +15,7 @@ struct Share {
   int index;   // of its value, -1 for 1
 };
 
-// What loops over tables take, as measured, and about what generated code saves: a column's way past one body, a number
-// on its way to A_r, a product of a plain sum.
-constexpr int passing = 10, adding = 4, summing = 2;
+using work::adding, work::passing, work::summing;
 
 // Of what is done without: columns of M past bodies, products for A_r, products of A with corrections.
 long work_by_entries(const Tables<double>& t) {
@@ -45,7 +43,7 @@ class Merging {
   std::pair<MergedColumns, long> columns(Store& store) {
     using M = MergedColumns;
     const int bodies = t_.bodies;
-    std::vector<std::vector<M::Join>> joins(bodies);
+    std::vector<std::vector<Join>> joins(bodies);
     std::vector<std::vector<M::Row>> rows(bodies), pulls(bodies);
     std::vector<std::vector<M::Square>> squares(bodies), pulled(bodies);
     std::vector<std::vector<M::Unit>> units(bodies);

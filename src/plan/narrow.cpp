@@ -66,8 +66,7 @@ struct Narrowing {
   Rows<float> narrowed(const Rows<double>& from) {
     return {from.count, from.coupling, from.term_start, from.term_index, narrowed(from.term_value),
             from.contribution_start, from.contribution, from.support_start, from.support, from.run_start, from.runs, from.groups, from.group_support, from.group_runs,
-            from.blocks, from.dense,
-            from.neighbour_start, from.neighbours, from.response_entries, from.columns, narrowed(from.softness)};
+            from.blocks, from.block_runs, from.dense, from.neighbour_start, from.neighbours, from.response_entries, from.columns, narrowed(from.softness)};
   }
 
   Watched<float> narrowed(const Watched<double>& from) {
@@ -143,6 +142,7 @@ void narrow(Program& program) {
   to.rows = n.narrowed(from.rows);
   to.bounds = n.narrowed(from.bounds);
   to.reduction = n.narrowed(from.reduction);
+  to.articulated = from.articulated;
   to.reported = from.reported;
   to.hard_rate = n.narrowed(from.hard_rate);
   to.follows = from.follows;

@@ -41,7 +41,7 @@ struct Program {
   std::string integrator_reason;
   double length = 0.0;             ///< Tables::dt
   std::vector<double> stage_times;
-  double explicit_rate = 0.0;      ///< the largest |lambda| of (M71), for the integrator that asks
+  double explicit_rate = 0.0;      ///< the largest |lambda| of (M75), for the integrator that asks
   std::string method_reason;
   std::vector<std::string> dof_names;
   std::vector<int> dof_of_joint;   ///< by joint of the model: its row in the views, -1 if fixed

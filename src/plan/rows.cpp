@@ -40,11 +40,17 @@ std::vector<int> support_of(const RowForm& form, const Columns& columns) {
   return {support.begin(), support.end()};
 }
 
-bool share_any(const std::vector<int>& a, const std::vector<int>& b) {
+std::vector<int> both(const std::vector<int>& a, const std::vector<int>& b) {
   std::vector<int> common;
   std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(common));
-  return !common.empty();
+  return common;
 }
+std::vector<int> either(const std::vector<int>& a, const std::vector<int>& b) {
+  std::vector<int> all;
+  std::set_union(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(all));
+  return all;
+}
+bool share_any(const std::vector<int>& a, const std::vector<int>& b) { return !both(a, b).empty(); }
 
 }  // namespace
 
@@ -101,8 +107,7 @@ std::pair<int, std::vector<int>> widest_group(const std::vector<std::vector<int>
   int count = 1;
   for (; count < RowGroup::most && r + count < static_cast<int>(order.size()); ++count) {
     const std::vector<int>& next = supports[order[r + count]];
-    std::vector<int> all;
-    std::set_union(moved.begin(), moved.end(), next.begin(), next.end(), std::back_inserter(all));
+    std::vector<int> all = either(moved, next);
     if (all.size() * (count + 1) >= 2 * (alone + next.size())) break;
     moved = std::move(all);
     alone += next.size();
@@ -173,25 +178,38 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
   }
 
   std::vector<RowBlock> blocks;
+  std::vector<SupportRun> block_runs;
   std::vector<std::vector<Neighbour>> neighbours(count);
   int entries = 0;
-  for (int r = 0; r < count; ++r)
-    for (int g = 0; g < static_cast<int>(groups.size()) && groups[g].first <= r; ++g) {
-      RowBlock block{r, g, {}, {}};
-      std::fill_n(block.entry, RowGroup::most, -1);
+  const auto moved_by_any = [&](int first, int number) {
+    std::vector<int> moved;
+    for (int r = first; r < first + number; ++r) moved = either(moved, supports[order[r]]);
+    return moved;
+  };
+  for (int row = 0; row < count; row += RowBlock::most_rows)
+    for (int column = 0; column < std::min(row + RowBlock::most_rows, count); column += RowBlock::most_columns) {
+      RowBlock block{row, std::min(RowBlock::most_rows, count - row), column, std::min(RowBlock::most_columns, count - column),
+                     static_cast<int>(block_runs.size()), 0, {}, {}};
       bool any = false;
-      for (int k = 0; k < groups[g].count && groups[g].first + k <= r; ++k) {
-        const int s = groups[g].first + k;
-        if (!share_any(supports[order[r]], supports[order[s]])) continue;
-        any = true;
-        block.entry[k] = factored ? entry_of(rows.columns, r, s) : r * count + s;
-        block.mirror[k] = factored ? block.entry[k] : s * count + r;
-        ++entries;
-        if (factored) continue;
-        neighbours[r].push_back({s, r * count + s});
-        if (s != r) neighbours[s].push_back({r, s * count + r});
-      }
-      if (any) blocks.push_back(block);
+      for (int i = 0; i < RowBlock::most_rows; ++i)
+        for (int k = 0; k < RowBlock::most_columns; ++k) {
+          block.entry[i][k] = block.mirror[i][k] = -1;
+          const int r = row + i, s = column + k;
+          if (i >= block.rows || s > r || !share_any(supports[order[r]], supports[order[s]])) continue;
+          any = true;
+          block.entry[i][k] = factored ? entry_of(rows.columns, r, s) : r * count + s;
+          block.mirror[i][k] = factored ? block.entry[i][k] : s * count + r;
+          ++entries;
+          if (factored) continue;
+          neighbours[r].push_back({s, r * count + s});
+          if (s != r) neighbours[s].push_back({r, s * count + r});
+        }
+      if (!any) continue;
+      const std::vector<int> moved = both(moved_by_any(row, block.rows), moved_by_any(column, block.columns));
+      std::vector<SupportRange> unused;
+      add_runs(moved, columns, unused, block_runs);
+      block.run_last = static_cast<int>(block_runs.size());
+      blocks.push_back(block);
     }
   std::vector<int> neighbour_start{0};
   std::vector<Neighbour> all_neighbours;
@@ -218,6 +236,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
   rows.group_support = store.keep(std::move(group_support));
   rows.group_runs = store.keep(std::move(group_runs));
   rows.blocks = store.keep(std::move(blocks));
+  rows.block_runs = store.keep(std::move(block_runs));
   rows.neighbour_start = store.keep(std::move(neighbour_start));
   rows.neighbours = store.keep(std::move(all_neighbours));
   rows.softness = store.keep(std::move(softness));

@@ -13,7 +13,7 @@ namespace lockstep {
 /// Stands for infinity in tables, where it can be scaled by any step size or gear ratio in single precision.
 constexpr double unlimited = 1e25;
 
-/// gamma of (M65): how much of a step its implicit stages go.
+/// gamma of (M69): how much of a step its implicit stages go.
 constexpr double alexander_gamma = 0.43586652150845899942;
 
 template <class E>
@@ -87,11 +87,13 @@ struct RowGroup {
   int run_first, run_last;          ///< in Rows::group_runs
 };
 
-/// Entries of K between a row and a group.
+/// Entries of K between one row, or two, and a few that are not behind the last of these.
 struct RowBlock {
-  int row, group;
-  int entry[RowGroup::most];   ///< by row of the group: where K stands, -1 for a pair that has none or is another block's
-  int mirror[RowGroup::most];  ///< and its mirror image (the same for packed storage)
+  static constexpr int most_rows = 2, most_columns = 4;
+  int row, rows, column, columns;      ///< the first of either, and how many
+  int run_first, run_last;             ///< in Rows::block_runs: velocities that may be moved by both
+  int entry[most_rows][most_columns];  ///< where K stands, -1 for a pair that has none or is another block's
+  int mirror[most_rows][most_columns]; ///< and its mirror image (the same for packed storage)
 };
 
 struct Neighbour {
@@ -127,7 +129,8 @@ struct Rows {
   Span<RowGroup> groups;
   Span<SupportRange> group_support;
   Span<SupportRun> group_runs;
-  Span<RowBlock> blocks;
+  Span<RowBlock> blocks;              ///< by their rows
+  Span<SupportRun> block_runs;
   bool dense = false;                 ///< every entry of K is in a block
   Span<int> neighbour_start;          ///< by row, count + 1
   Span<Neighbour> neighbours;
@@ -158,7 +161,7 @@ struct Watched {
   bool bounces;
 };
 
-/// Rows with an interval or a box (M50).
+/// Rows with an interval or a box (M54).
 template <class S>
 struct Bounds {
   Rows<S> form;                 ///< directions, and the softness of those that have one
@@ -197,10 +200,14 @@ struct Momentum {  ///< an entry of A, times a follower's number
   int entry, follower;
 };
 
-/// How A_r is made without A (M37): columns of M S, which joints that share a velocity share, on their way inwards. A
+/// Slots whose contents come together.
+struct Join {
+  int from, to;
+};
+
+/// How A_r is made without A (M41): columns of M S, which joints that share a velocity share, on their way inwards. A
 /// column stands in a slot until it has left the tree. Lists are by body. Used where there are slots.
 struct MergedColumns {
-  struct Join { int from, to; };                ///< slots of one velocity, out of two branches
   struct Row { int slot, entry, factor; };      ///< what a column asks of the joint, and where it goes
   struct Square { int entry, factor; };         ///< where inertia of the joint alone goes
   struct Unit { int slot, factor; bool first; };  ///< where the joint's own column goes
@@ -210,7 +217,7 @@ struct MergedColumns {
   int slots = 0;
   Span<Factor> factors;
   Span<int> join_start, row_start, pull_start, square_start, pulled_start, unit_start, passed_start;
-  Span<Join> joins;
+  Span<Join> joins;         ///< of one velocity, out of two branches
   Span<Row> rows;           ///< the root's have one of its velocities for a factor
   Span<Row> pulls;          ///< the same, times the correction
   Span<Square> squares;
@@ -218,6 +225,36 @@ struct MergedColumns {
   Span<Unit> units;
   Span<Correction> correction;  ///< by body
   Span<int> passed;         ///< slots of what goes on to the parent
+};
+
+/// A vector on its way inwards over articulated bodies, and where the wrench that it has become stands.
+struct Traveller {
+  int slot, vector;
+};
+
+/// A body that they come to. Those from `fresh` on begin there, those from `known` on come from bodies farther out.
+struct Pass {
+  int body;
+  int joins, joined;       ///< first and one past the last in Articulated::joins: of one vector, out of two branches
+  int fresh, known, last;  ///< in Articulated::travellers
+};
+
+/// Passes from the leaves to the root, a floating root's among them.
+struct Route {
+  int first, last;
+};
+
+/// How A is factored without being made, where that is less work (M22 to M25). Used where there are passes.
+struct Articulated {
+  Span<Pass> passes;
+  Span<Traveller> travellers;
+  Span<Join> joins;
+  int slots = 0;
+  Route all = {0, 0};  ///< of one vector over all bodies; inertias take the same slots
+  Route rows = {0, 0}; ///< of Tables::rows
+  Span<Route> bound;   ///< by row of Bounds::form
+  Columns root;        ///< structure of a floating root's own part
+  inline __attribute__((always_inline)) bool used() const { return passes.count > 0; }
 };
 
 /// Elimination of the followers: v = S z, A_r = S^T A S. Empty unless the method is `reduced`.
@@ -259,7 +296,7 @@ struct Reduction {
 
 template <class S>
 struct Tables {
-  S dt = 0;                       ///< how far a solve goes: the step, or gamma of it (M64)
+  S dt = 0;                       ///< how far a solve goes: the step, or gamma of it (M68)
   S step = 0;                     ///< the step
   S ahead = 0;                    ///< how far ahead linear terms are taken: dt, or 0 where they are explicit
   int method = 0;                 ///< Method
@@ -293,6 +330,7 @@ struct Tables {
   Rows<S> rows;
   Bounds<S> bounds;
   Reduction<S> reduction;
+  Articulated articulated;
   Span<Reported> reported;        ///< only if diagnostics are recorded
   Span<S> hard_rate;              ///< erp / dt by coupling, 0 for soft ones: the same
   Span<int> follows;              ///< by coupling: 1 if it is redundant and takes no impulse; the same

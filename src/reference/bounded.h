@@ -27,7 +27,7 @@ struct Curve;
 /// The convex minimum with all rows and the curves `apart`.
 Exact exact_phase(const Bounded& step, Phase phase, const std::vector<Curve>& apart);
 
-/// pgs and tgs, bounded rows visited by (M51) after the couplings' in each sweep.
+/// pgs and tgs, bounded rows visited by (M55) after the couplings' in each sweep.
 Solution bounded_pgs(const Bounded& step);
 Solution bounded_tgs(const Bounded& step);
 

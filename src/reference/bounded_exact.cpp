@@ -8,7 +8,7 @@ namespace lockstep::reference {
 using Eigen::VectorXd;
 
 // Couplings are curves too: boxes without bound. All hold together, so how followers are eliminated does not matter,
-// but for what friction acts on: in reduced that is a follower's velocity without its correction w, (M55).
+// but for what friction acts on: in reduced that is a follower's velocity without its correction w, (M59).
 Exact exact_phase(const Bounded& step, Phase phase, const std::vector<Curve>& apart) {
   const Stage& stage = step.stage;
   Convex problem{stage.implicit, stage.implicit * stage.free, {}};
@@ -20,7 +20,7 @@ Exact exact_phase(const Bounded& step, Phase phase, const std::vector<Curve>& ap
   for (int c = 0; c < stage.couplings.count(); ++c) {
     const Row& row = stage.rows[c];
     if (!row.active || row.limited) continue;
-    const double bias = row.hard && phase == Phase::velocity ? 0.0 : stage.correction[c];  // (M29)
+    const double bias = row.hard && phase == Phase::velocity ? 0.0 : stage.correction[c];  // (M33)
     add(c, {stage.jacobian.row(c).transpose(), box_pieces(bias, infinity, row.cfm)});
   }
   VectorXd w = VectorXd::Zero(stage.free.size());

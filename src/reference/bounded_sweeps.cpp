@@ -1,4 +1,4 @@
-// pgs and tgs with bounds: rows one after the other, by (M51). SPDX-License-Identifier: Apache-2.0
+// pgs and tgs with bounds: rows one after the other, by (M55). SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <functional>
 
@@ -10,7 +10,7 @@ namespace {
 using Eigen::VectorXd;
 using Rows = std::vector<BoundedRow>;
 
-// (M51): the impulse of a row for the speed that it would have without it.
+// (M55): the impulse of a row for the speed that it would have without it.
 void visit_bounded(const Stage& stage, const BoundedRow& row, double& impulse, VectorXd& v) {
   const VectorXd response = stage.inverse * row.direction;
   const double yield = row.direction.dot(response) + row.cfm;
@@ -43,7 +43,7 @@ struct Coupled {  // the couplings' rows at one moment
   VectorXd bias;
 };
 
-// Hard rows without their bias, (M29).
+// Hard rows without their bias, (M33).
 Coupled closing(Coupled coupled) {
   for (std::size_t i = 0; i < coupled.rows.size(); ++i)
     if (coupled.rows[i].hard) coupled.bias[i] = 0.0;

@@ -1,4 +1,4 @@
-// Bounded rows of the reference, (M50) and (M52) to (M54). SPDX-License-Identifier: Apache-2.0
+// Bounded rows of the reference, (M54) and (M56) to (M58). SPDX-License-Identifier: Apache-2.0
 #include "reference/bounds.h"
 
 #include <algorithm>
@@ -23,7 +23,7 @@ bool is_bounded(const Joint& joint) {
                            joint.effort_limit < infinity);
 }
 
-// (M52): the way to an end of the range, all of it inside and a share beyond, where the distance has the sign `beyond`.
+// (M56): the way to an end of the range, all of it inside and a share beyond, where the distance has the sign `beyond`.
 double end_speed(double distance, double beyond, double share, double h) {
   return (distance * beyond > 0.0 ? share : 1.0) * distance / h;
 }
@@ -79,7 +79,7 @@ class Maker {
       row.lo = end_speed(joint.lower - q, 1.0, share, h_);
       row.hi = end_speed(joint.upper - q, -1.0, share, h_);
       const double e = joint.restitution;
-      if (closing && e > 0.0) {  // (M53)
+      if (closing && e > 0.0) {  // (M57)
         const double lo = row.lo, hi = row.hi;
         if (speed < lo) row.lo = std::max(lo, -e * speed);
         if (speed > hi) row.hi = std::min(hi, -e * speed);
@@ -87,8 +87,8 @@ class Maker {
     }
     row.lo = std::clamp(row.lo, -joint.velocity_limit, joint.velocity_limit);
     row.hi = std::clamp(row.hi, -joint.velocity_limit, joint.velocity_limit);
-    if (row.lo > row.hi) row.lo = row.hi = 0.5 * (row.lo + row.hi);  // as in (M55)
-    if (hard_drive(joint)) {  // (M54)
+    if (row.lo > row.hi) row.lo = row.hi = 0.5 * (row.lo + row.hi);  // as in (M59)
+    if (hard_drive(joint)) {  // (M58)
       // The whole step's, in sub-steps too.
       const double speed_target = inputs_.velocity_targets[dof];
       const double error = inputs_.position_targets[dof] - stage_.h * speed_target - stage_.state.q[dof];
@@ -125,7 +125,7 @@ class Maker {
     row.direction = stage_.jacobian.row(c).transpose();
     row.coupling = c;
     row.box = h_ * couplings.force_limit[c];
-    const bool dropped = soft.hard && moment_.phase == Phase::velocity;  // (M29)
+    const bool dropped = soft.hard && moment_.phase == Phase::velocity;  // (M33)
     row.bias = dropped ? 0.0 : soft.erp / h_ * couplings.error(moment_.q)[c];
     row.cfm = soft.cfm;
     return row;

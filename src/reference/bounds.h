@@ -9,7 +9,7 @@
 
 namespace lockstep::reference {
 
-/// A row of (M50): an interval, a box, or both.
+/// A row of (M54): an interval, a box, or both.
 struct BoundedRow {
   Eigen::VectorXd direction;             ///< u = direction . v
   double lo = -infinity, hi = infinity;  ///< the interval; lo = hi: u is prescribed

@@ -3,7 +3,7 @@
 // A Curve is the derivative of one convex term, with its sign turned: the impulse L that it takes at a speed
 // u = direction . v. It falls (or stays) from left to right, upright where it holds a speed exactly. The minimum of
 //     1/2 v^T H v - p^T v + sum of the terms
-// is where H v = p + sum of direction L, each (u, L) on its curve: (M50) for all rows at once.
+// is where H v = p + sum of direction L, each (u, L) on its curve: (M54) for all rows at once.
 #pragma once
 
 #include <Eigen/Dense>
@@ -23,9 +23,9 @@ struct Curve {
   std::vector<Piece> pieces;  ///< from the lowest speeds to the highest
 };
 
-/// The interval of (M50). lo = hi holds that speed.
+/// The interval of (M54). lo = hi holds that speed.
 std::vector<Piece> interval_pieces(double lo, double hi, double cfm);
-/// The box of (M50), F > 0 and possibly infinite.
+/// The box of (M54), F > 0 and possibly infinite.
 std::vector<Piece> box_pieces(double bias, double box, double cfm);
 
 struct Convex {

@@ -1,4 +1,4 @@
-// The part of the followers' velocities that corrects positions: w of (M35). SPDX-License-Identifier: Apache-2.0
+// The part of the followers' velocities that corrects positions: w of (M39). SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Dense>

@@ -10,7 +10,7 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// (M65)
+// (M69)
 constexpr double gamma = 0.43586652150845899942;
 constexpr double b1 = -((6.0 * gamma - 16.0) * gamma + 1.0) / 4.0, b2 = ((6.0 * gamma - 20.0) * gamma + 5.0) / 4.0;
 constexpr double stages[3][3] = {{gamma, 0.0, 0.0}, {(1.0 - gamma) / 2.0, gamma, 0.0}, {b1, b2, gamma}};
@@ -57,7 +57,7 @@ struct System {
   VectorXd kp, kd;           // of the soft ones
 };
 
-// (M44): the twist that `next` has along the axes of `before`, along its own.
+// (M48): the twist that `next` has along the axes of `before`, along its own.
 void turn_axes(const Mechanism& mechanism, const State& before, State& next) {
   if (mechanism.root_velocities() == 0) return;
   const Eigen::Quaterniond turn = next.orientation.normalized().conjugate() * before.orientation.normalized();
@@ -65,7 +65,7 @@ void turn_axes(const Mechanism& mechanism, const State& before, State& next) {
   next.v.segment<3>(3) = turn * Vector3d(next.v.segment<3>(3));
 }
 
-// The part of a step from `from`, both as shares of it, (M62) to (M66).
+// The part of a step from `from`, both as shares of it, (M66) to (M70).
 State leapfrog(const Task& task, const State& start, double from, double length) {
   const Mechanism& mechanism = task.mechanism;
   const double h = length * task.settings.dt, stage_h = gamma * h;
@@ -97,7 +97,7 @@ State leapfrog(const Task& task, const State& start, double from, double length)
   const VectorXd none = VectorXd::Zero(system.rows.rows());
   State at = middle;
   at.q = start.q;
-  const VectorXd c = bias(v + stage(0, bias(v), at, none) / (2.0 * gamma));  // (M63)
+  const VectorXd c = bias(v + stage(0, bias(v), at, none) / (2.0 * gamma));  // (M67)
   MatrixXd velocities(v.size(), 3), changes(v.size(), 3);
   for (int i = 0; i < 3; ++i) {
     at.q = start.q, at.v = v;
@@ -127,7 +127,7 @@ State sum(State a, double share, const State& b) {
   return a;
 }
 
-// (M67)
+// (M71)
 State extrapolated(const Task& task, const State& start) {
   const State halves = leapfrog(task, leapfrog(task, start, 0.0, 0.5), 0.5, 0.5);
   State end = sum(sum(halves, 1.0 / 3.0, halves), -1.0 / 3.0, leapfrog(task, start, 0.0, 1.0));
@@ -135,7 +135,7 @@ State extrapolated(const Task& task, const State& start) {
   return end;
 }
 
-// (M68) to (M70)
+// (M72) to (M74)
 State runge_kutta(const Task& task, const State& start) {
   const Mechanism& mechanism = task.mechanism;
   const double h = task.settings.dt, times[] = {0.0, 0.5, 0.5, 1.0}, weights[] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};

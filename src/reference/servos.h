@@ -1,4 +1,4 @@
-// Servos at their limits of effort, (M59). SPDX-License-Identifier: Apache-2.0
+// Servos at their limits of effort, (M63). SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <vector>

@@ -11,7 +11,7 @@ namespace {
 
 using Eigen::MatrixXd;
 
-// What S is over all velocities (M35).
+// What S is over all velocities (M39).
 MatrixXd all_shares(const Tables<double>& t) {
   const Reduction<double>& r = t.reduction;
   if (r.followers == 0) return MatrixXd::Identity(t.velocities, t.velocities);
@@ -24,7 +24,8 @@ MatrixXd all_shares(const Tables<double>& t) {
 
 // A_r at the model's start.
 MatrixXd reduced_matrix(const Program& program) {
-  const Tables<float>& t = program.f32;
+  Tables<float> t = program.f32;
+  t.articulated = {};
   kernels::Tile<Counted> x;
   std::vector<std::max_align_t> scratch(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
   kernels::lay_out(t, scratch.data(), x);

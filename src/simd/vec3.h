@@ -93,16 +93,31 @@ LOCKSTEP_INLINE Vec3<T> multiply_transposed(const Mat3<T>& m, const Vec3<T>& a) 
   return {row(0), row(1), row(2)};
 }
 
+// An entry of a symmetric matrix that is stored as xx, yy, zz, yz, xz, xy, so that entry 3 + k belongs to the two axes
+// other than k.
+template <class T>
+LOCKSTEP_INLINE T pair(const T* symmetric, int i, int j) {
+  return i == j ? symmetric[i] : symmetric[6 - i - j];
+}
+
 // A body's mass, first moment h = m c and second moment, all about its frame's origin; the second
-// moment is the integral of p p^T dm (the pseudo-inertia of Balafoutis and Patel 1991), stored
-// xx, yy, zz, yz, xz, xy so that entry 3 + k belongs to the two axes other than k.
+// moment is the integral of p p^T dm (the pseudo-inertia of Balafoutis and Patel 1991).
 template <class T>
 struct PseudoInertia {
   T mass;
   Vec3<T> moment;
   T second[6];
 
-  LOCKSTEP_INLINE T pair(int i, int j) const { return i == j ? second[i] : second[6 - i - j]; }
+  LOCKSTEP_INLINE T pair(int i, int j) const { return simd::pair(second, i, j); }
+};
+
+// What a body feels of itself and of all that hangs on it by joints that give way (Featherstone 1983), about its
+// origin: moment = angular alpha + across a, force = across^T alpha + linear a.
+template <class T>
+struct ArticulatedInertia {
+  T angular[6];
+  Mat3<T> across;
+  T linear[6];
 };
 
 }  // namespace lockstep::simd

@@ -22,7 +22,7 @@ struct Conflict {
 /// Extremes over all steps and environments; one that faults counts until it does. The start does not count.
 struct Diagnosis {
   int environments = 0;
-  double energy_excess_max = 0.0;    ///< J, beyond what drives, efforts and corrections put in since the start, (M61)
+  double energy_excess_max = 0.0;    ///< J, beyond what drives, efforts and corrections put in since the start, (M65)
   double limit_violation_max = 0.0;  ///< rad or m
   double speed_max = 0.0;            ///< rad/s or m/s
   int conflict_count = 0;            ///< environments that had one

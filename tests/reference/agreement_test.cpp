@@ -39,8 +39,9 @@ void expect_close(const char* what, const A& ours, const B& theirs, double scale
   EXPECT_LE(distance(ours, theirs), tolerance * scale) << what;
 }
 
-// How A_r is made, where there is a choice.
-enum class Formulation { as_planned, by_entries, merged };
+// How A_r is made, or done without, where there is a choice.
+enum class Formulation { as_planned, by_entries, merged, articulated };
+constexpr const char* names[] = {"as planned", "by entries", "merged", "articulated"};
 
 // The kernels' stages on one environment, without a Batch.
 struct Kernel {
@@ -64,7 +65,8 @@ struct Kernel {
   }
 
   static Tables<double> formulated(Tables<double> t, Formulation formulation, Store& store) {
-    if (formulation == Formulation::by_entries) t.reduction.merged = {};
+    if (formulation != Formulation::as_planned) t.reduction.merged = {}, t.articulated = {};
+    if (formulation == Formulation::articulated) t.articulated = articulated_bodies(t, store);
     if (formulation == Formulation::merged) t.reduction.merged = merged_columns(t, store).first;
     return t;
   }
@@ -164,7 +166,7 @@ void expect_same_equations(int seed, const scenes::RandomOptions& options) {
   const reference::Inputs inputs = mechanism.initial_inputs();
   const StepSettings settings = settings_of(Method::direct, seed);
   const reference::Stage stage(mechanism, settings.dt, state, inputs);
-  Kernel kernel(compile(model, settings), state, inputs);
+  Kernel kernel(compile(model, settings), state, inputs, Formulation::by_entries);
 
   kernels::kinematics(kernel.t, kernel.x);
   kernels::bias_forces(kernel.t, kernel.lanes, kernel.x);
@@ -195,7 +197,7 @@ TEST(Kernels, agree_with_the_reference_on_trees_of_a_hundred_joints) {
 
 // Up to where rows are solved.
 void expect_same_rows(const Model& model, const StepSettings& settings, const Plan& plan, Formulation formulation) {
-  SCOPED_TRACE(formulation == Formulation::merged ? "merged" : "by entries");
+  SCOPED_TRACE(names[static_cast<int>(formulation)]);
   const reference::Mechanism mechanism(model);
   const reference::State state = mechanism.initial_state();
   const reference::Inputs inputs = mechanism.initial_inputs();
@@ -215,7 +217,7 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   // Without followers S is a permutation, w is 0, A_r is A and the velocity below is v*.
   const Elimination e(kernel, stage, plan.eliminated_dofs());
   const MatrixXd reduced = e.s.transpose() * stage.implicit * e.s;
-  expect_close("A_r", kernel.unpacked(t.solver, x.reduced), reduced, size(reduced));
+  if (!t.articulated.used()) expect_close("A_r", kernel.unpacked(t.solver, x.reduced), reduced, size(reduced));
   kernels::factor_matrix(t, x);
   kernels::free_velocity(t, x);
   const Eigen::LLT<MatrixXd> factored(reduced);
@@ -223,13 +225,13 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   const std::vector<Scalar> none(t.rows.count, Scalar(0.0));
   for (int r = 0; r < t.rows.count * t.solver.n; ++r) x.response[r] = Scalar(0.0);
   kernels::impel(t, x, kernels::position_phase, x.free_position, Scalar(1.0), none.data(), x.solution);
-  kernels::solve_downwards(t.solver, x.reduced, x.solution);
+  kernels::solve_downwards<Scalar>(t, x, x.solution, nullptr);
   for (int i = 0; i < t.solver.n; ++i) x.solution[i] += x.start[i];
   const double kappa = condition(reduced) * e.condition, rounding = solved(kappa, t.solver.n);
   expect_close("v*", kernel.numbers(x.solution, t.solver.n), z, std::max(1.0, size(z)), rounding);
   if (x.free_velocity != x.free_position) {  // the velocity phase corrects nothing
     kernels::impel(t, x, kernels::velocity_phase, x.free_velocity, Scalar(1.0), none.data(), x.closing_solution);
-    kernels::solve_downwards(t.solver, x.reduced, x.closing_solution);
+    kernels::solve_downwards<Scalar>(t, x, x.closing_solution, nullptr);
     for (int i = 0; i < t.solver.n; ++i) x.closing_solution[i] += x.start[i];
     const VectorXd closing = factored.solve(e.s.transpose() * stage.implicit * stage.free);
     expect_close("closing v*", kernel.numbers(x.closing_solution, t.solver.n), closing, std::max(1.0, size(closing)), rounding);
@@ -271,6 +273,7 @@ TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
     const Tables<double>& t = plan.program().f64;
     expect_same_rows(model, settings, plan, Formulation::by_entries);
     if (t.reduction.followers > 0 && t.natural.count == 0) expect_same_rows(model, settings, plan, Formulation::merged);
+    if (can_articulate(t)) expect_same_rows(model, settings, plan, Formulation::articulated);
   }
 }
 

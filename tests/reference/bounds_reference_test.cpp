@@ -143,7 +143,7 @@ TEST(velocity_limit, clamps_whatever_drives_the_joint) {
 TEST(effort_limit, of_a_servo_on_one_body_is_a_constant_force) {
   Slider body;
   body.joint.drive.kp = 1000.0, body.joint.drive.position_target = 1.0, body.joint.drive.kd = 10.0;
-  body.joint.effort = 3.0;  // counts within the limit, (M59)
+  body.joint.effort = 3.0;  // counts within the limit, (M63)
   body.joint.effort_limit = 5.0;
   for (const Method method : {Method::pgs, Method::direct, Method::reduced})
     for (const int velocity_iterations : {0, 1}) {
@@ -242,7 +242,7 @@ TEST(friction, of_coupled_joints_adds_up) {
   }
 }
 
-// (M55): friction does not resist the correction of positions in reduced, where that is the follower's own.
+// (M59): friction does not resist the correction of positions in reduced, where that is the follower's own.
 TEST(friction, of_a_follower_leaves_its_correction_alone_in_reduced) {
   Model model = sliders({1.0, 1.0});
   model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.01)};

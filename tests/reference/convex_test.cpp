@@ -21,7 +21,7 @@ MatrixXd random_definite(physics::Uniform& random, int n) {
   return root * root.transpose() + 0.05 * MatrixXd::Identity(n, n);
 }
 
-// A row as (M50) has it, and its convex term without reference to pieces.
+// A row as (M54) has it, and its convex term without reference to pieces.
 struct Term {
   VectorXd direction;
   double lo, hi, cfm, box, bias;

@@ -63,7 +63,7 @@ double order(const Mechanism& mechanism, Integrator integrator, int steps, const
 }
 
 // What theory says. `extrapolated` would be of fourth order if the leapfrog were symmetric in time. It is so but for
-// terms in h^4 of one step: from v_m of (M63), which is foretold and not the mean of v and v', and from the linear
+// terms in h^4 of one step: from v_m of (M67), which is foretold and not the mean of v and v', and from the linear
 // terms, whose Runge-Kutta method is not symmetric and makes q_m differ from q' - h / 2 v'.
 double theory(Integrator integrator) {
   return integrator == Integrator::leapfrog ? 2.0 : integrator == Integrator::extrapolated ? 3.0 : 4.0;

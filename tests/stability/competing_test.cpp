@@ -19,7 +19,7 @@ void for_every_pair(double ratio, Test&& test) {
     }
 }
 
-// `direct` searches with the coupled inverse (M57), a small difference where a servo is stiff against the links or a
+// `direct` searches with the coupled inverse (M61), a small difference where a servo is stiff against the links or a
 // gear ratio large: in single precision it is asked for the milder cases only, and in double precision for 1e-4 where
 // stiffness and ratio meet (the worst seen is 4.7e-5, at 1/30 s).
 template <class S>
@@ -144,7 +144,7 @@ TEST(Competing, friction_that_sticks_leaves_no_speed_at_all) {
 }
 
 // s_0 = gear s_1; friction F_0, F_1 hold a push on s_1 up to gear F_0 + F_1, and beyond that the pair gains speed by
-// what is left over the mass that s_1 feels, 1 + gear^2 (M55).
+// what is left over the mass that s_1 feels, 1 + gear^2 (M59).
 TEST(Competing, friction_holds_to_its_threshold_and_slips_beyond) {
   for (double gear : {1.0, 3.0})
     for (const auto& [first, second] : {std::pair(5.0, 0.0), {0.0, 5.0}, {1e3, 7.0}}) {
@@ -156,7 +156,7 @@ TEST(Competing, friction_holds_to_its_threshold_and_slips_beyond) {
       with_exact_methods([&](auto scalar, double dt, Method method) {
         using S = decltype(scalar);
         if (!promised<S>(method, 1.0, first)) return;  // one friction of 1e3 N in an inverse with the coupling
-        // Of the push, per step; through the coupled inverse of direct (M57) more of it, 1.7e-11 m/s at 1e3 N.
+        // Of the push, per step; through the coupled inverse of direct (M61) more of it, 1.7e-11 m/s at 1e3 N.
         const double places = method == Method::direct && first > 100.0 ? 1e4 : 16.0;
         const double rounded = places * std::numeric_limits<S>::epsilon() * threshold * dt;
         for (double share : {0.99, 1.01}) {

@@ -66,7 +66,7 @@ TEST(Contradiction, loop_that_cannot_close_in_one_environment_stays_quiet_there)
 }
 
 // What `direct` makes of a contradiction through a coupling: both sides stay in an inverse that can hardly tell them
-// apart (M57), and share by a compliance. In single precision that takes digits from the coupling, and it is named as well.
+// apart (M61), and share by a compliance. In single precision that takes digits from the coupling, and it is named as well.
 template <class S>
 void expect_named(const Watch<S>& watch, const Names& both) {
   const bool single = sizeof(S) == 4;

@@ -1,7 +1,7 @@
 // Stars, series, far-off masses and ratios: stiff trees of couplings stay sound. SPDX-License-Identifier: Apache-2.0
 //
 // Every scene is passive: gravity, springs of drives that stand still, damping. What its energy may gain from nowhere
-// is the integrator's own error (M41): up to a tenth of what the heights of its links can make of difference, which is
+// is the integrator's own error (M45): up to a tenth of what the heights of its links can make of difference, which is
 // what it is in double precision, too, where chain8 falls from 1 rad off its couplings at 1/30 s.
 #include "mechanisms.h"
 #include "scenes/scenes.h"

@@ -17,7 +17,7 @@ TEST(Random, search_sees_couplings_that_give_way) {
 
 // Seeds that found where a promise has to be told more exactly.
 TEST(Random, scenes_that_found_something) {
-  search(48, 1);    // a coupling that is corrected takes its joints beyond their limits: that order is (M55)'s
+  search(48, 1);    // a coupling that is corrected takes its joints beyond their limits: that order is (M59)'s
   search(285, 1);   // restitution against a stiff servo: the limit works
   search(532, 1);   // a limit against kinematic drives through couplings: speeds that corrections ask for are none
   search(5553, 1);  // the same, and energy from it

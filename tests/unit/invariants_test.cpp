@@ -66,7 +66,7 @@ TEST(Energy, of_a_damped_arm_never_grows) {
 }
 
 // A whip whose root tumbles and is thrown about: what its joints do is the step's first order, and the root's own
-// turning must not add to it (M44). Taken along the turning axes, the same motion ends with 1.8 times the energy.
+// turning must not add to it (M48). Taken along the turning axes, the same motion ends with 1.8 times the energy.
 TEST(Energy, of_a_whip_grows_by_the_error_of_its_joints_only) {
   double start = NAN, highest = -infinity;
   watch(scenes::chain32(), 1.0 / 240, 1.0, [&](const Batch<double>& batch) {

@@ -223,10 +223,11 @@ TEST(Impulses, on_one_tree_of_a_fixed_root_reach_no_other) {
     const Plan plan = compile(two_arms(false), settings(method));
     const Rows<double>& table = plan.program().f64.rows;
     for (int b = 0; b < table.blocks.count; ++b)
-      for (int k = 0; k < RowGroup::most; ++k) {
-        if (table.blocks[b].entry[k] < 0) continue;
-        EXPECT_EQ(table.blocks[b].row, table.groups[table.blocks[b].group].first + k);
-      }
+      for (int i = 0; i < RowBlock::most_rows; ++i)
+        for (int k = 0; k < RowBlock::most_columns; ++k) {
+          if (table.blocks[b].entry[i][k] < 0) continue;
+          EXPECT_EQ(table.blocks[b].row + i, table.blocks[b].column + k);
+        }
 
     // The second arm moves as if the first were not coupled, not driven and somewhere else: to the last bit.
     Model other = two_arms(false);
