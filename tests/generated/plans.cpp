@@ -31,11 +31,11 @@ Plan plan_of(const std::string& name) {
   const auto has = [&](const char* word) { return name.find(word) != std::string::npos; };
   Model model;
   StepSettings settings{.integrator = Integrator::euler};
-  if (has("random_")) {
+  if (has("random_") || has("deep_")) {
     scenes::RandomOptions options;
-    options.max_dofs = 8;
+    options.min_dofs = has("deep_") ? 12 : 1, options.max_dofs = has("deep_") ? 14 : 8;
     options.redundant = false;  // reduced refuses them under gear ratios per environment
-    const auto seed = std::stoull(name.substr(name.find("random_") + 7));
+    const auto seed = std::stoull(name.substr(name.find('_') + 1));
     model = scenes::random_model(seed, options);
     settings.method = methods[seed % 4];
   } else {

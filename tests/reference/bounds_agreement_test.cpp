@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "lockstep/plan.h"
+#include "plan/program.h"
 #include "physics.h"
 #include "random_bounds.h"
 #include "reference/bounds.h"
@@ -104,6 +105,23 @@ TEST_P(BoundsAgreement, of_states_after_one_step) {
     expect_agreement(model, settings_of(GetParam(), seed));
     if (HasFailure()) return;
   }
+}
+
+// Deep trees, whose bounds are felt through articulated bodies.
+TEST_P(BoundsAgreement, of_states_of_deep_trees_after_one_step) {
+  scenes::RandomOptions deep;
+  deep.min_dofs = 24, deep.max_dofs = 32;
+  int articulated = 0;
+  for (int seed = 0; seed < seeds / 8; ++seed) {
+    SCOPED_TRACE(seed);
+    Model model = physics::random_bounds(seed, 1.0 / 240, deep);
+    for (Joint& joint : model.joints) joint.effort_limit = infinity;
+    const StepSettings settings = settings_of(GetParam(), seed);
+    articulated += compile(model, settings).program().f64.articulated.used();
+    expect_agreement(model, settings);
+    if (HasFailure()) return;
+  }
+  EXPECT_GT(articulated, GetParam() == Method::reduced ? 0 : seeds / 32);
 }
 
 // One kind of bound at a time, so that a failure above has a name.

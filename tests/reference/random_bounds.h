@@ -27,9 +27,7 @@ class RandomBounds {
 
   explicit RandomBounds(std::uint64_t seed) : uniform_{std::mt19937_64(seed)} {}
 
-  Model draw(std::uint64_t scene) {
-    scenes::RandomOptions options;
-    options.min_dofs = 1, options.max_dofs = 9;
+  Model draw(std::uint64_t scene, const scenes::RandomOptions& options) {
     Model model = scenes::random_model(scene, options);
     left_ = most;
     for (int round = 0; round < 5; ++round)
@@ -113,10 +111,10 @@ class RandomBounds {
 };
 
 /// A model whose bounds can all be met in one step of either phase: drawn until the reference finds a solution.
-inline Model random_bounds(std::uint64_t seed, double dt = 1.0 / 240) {
+inline Model random_bounds(std::uint64_t seed, double dt = 1.0 / 240, const scenes::RandomOptions& options = {.max_dofs = 9}) {
   RandomBounds random(seed);
   for (int attempt = 0; attempt < 100; ++attempt) {
-    const Model model = random.draw(seed);
+    const Model model = random.draw(seed, options);
     const reference::Mechanism mechanism(model);
     StepSettings settings;
     settings.dt = dt;
