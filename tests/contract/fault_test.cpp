@@ -130,6 +130,13 @@ TEST_P(Faults, are_flagged_and_leave_the_neighbours_alone) {
     }
 }
 
+// No floating root whose own pivots would notice what the joints' let pass.
+TEST_P(Faults, of_joints_on_a_long_arm_are_flagged) {
+  Model arm = scenes::chain32();
+  arm.root.floating = false;
+  expect_contained<double>(compile(arm, contract::settings(GetParam(), {Parameter::mass})), Target::baseline);
+}
+
 INSTANTIATE_TEST_SUITE_P(method, Faults, testing::ValuesIn(physics::methods), physics::method_name);
 
 // A constant push that passes the bound in the middle of a step(12): what stays is the last substep within it.
