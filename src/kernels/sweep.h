@@ -20,10 +20,10 @@ LOCKSTEP_INLINE T visit(const Rows<ScalarOf<T>>& rows, int r, Tile<T>& x) {
   const T residual = fma(x.row_cfm[r], x.row_impulse[r], x.row_speed[r] + x.row_bias[r]);
   const T change = -(residual * x.row_inverse[r]);
   x.row_impulse[r] += change;
-  for (int i = rows.neighbour_start[r]; i < rows.neighbour_start[r + 1]; ++i) {
-    const Neighbour neighbour = rows.neighbours[i];
-    x.row_speed[neighbour.row] = fma(x.coupled[neighbour.entry], change, x.row_speed[neighbour.row]);
-  }
+  const T* const coupled = x.coupled + r * rows.count;
+  for (int n = rows.neighbour_start[r]; n < rows.neighbour_start[r + 1]; ++n)
+    for (int i = rows.neighbours[n].first, last = rows.neighbours[n].last; i < last; ++i)
+      x.row_speed[i] = fma(coupled[i], change, x.row_speed[i]);
   return change;
 }
 

@@ -84,17 +84,22 @@ RowSoftness<double> row_softness(const Program& program, const Softness& softnes
 
 namespace {
 
-// Velocities that rows move, ascending, each with the end of what is moved beyond it; and as runs.
-void add_runs(const std::vector<int>& velocities, const Columns& columns, std::vector<SupportRange>& support,
-              std::vector<SupportRun>& runs) {
+// Ascending numbers as runs.
+void add_runs(const std::vector<int>& numbers, std::vector<SupportRun>& runs) {
   const std::size_t first = runs.size();
-  for (int j : velocities) {
-    const auto past = std::lower_bound(velocities.begin(), velocities.end(), j + columns.size[j]);
-    support.push_back({j, *std::prev(past) + 1});
+  for (int j : numbers) {
     if (runs.size() > first && runs.back().last == j)
       ++runs.back().last;
     else
       runs.push_back({j, j + 1});
+  }
+}
+
+// Velocities that rows move, ascending, each with the end of what is moved beyond it.
+void add_support(const std::vector<int>& velocities, const Columns& columns, std::vector<SupportRange>& support) {
+  for (int j : velocities) {
+    const auto past = std::lower_bound(velocities.begin(), velocities.end(), j + columns.size[j]);
+    support.push_back({j, *std::prev(past) + 1});
   }
 }
 
@@ -158,7 +163,8 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
       contribution_start.push_back(static_cast<int>(contributions.size()));
     }
     term_start.push_back(static_cast<int>(term_index.size()));
-    add_runs(supports[order[r]], columns, support, runs);
+    add_support(supports[order[r]], columns, support);
+    add_runs(supports[order[r]], runs);
     run_start.push_back(static_cast<int>(runs.size()));
     support_start.push_back(static_cast<int>(support.size()));
     softness.push_back(row_softness(program, form.softness, program.length / substeps, substeps));
@@ -170,7 +176,8 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
   for (int r = 0; r < count;) {
     const auto [members, moved] = widest_group(supports, order, r);
     RowGroup group{r, members, static_cast<int>(group_support.size()), 0, static_cast<int>(group_runs.size()), 0};
-    add_runs(moved, columns, group_support, group_runs);
+    add_support(moved, columns, group_support);
+    add_runs(moved, group_runs);
     group.support_last = static_cast<int>(group_support.size());
     group.run_last = static_cast<int>(group_runs.size());
     groups.push_back(group);
@@ -179,7 +186,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
 
   std::vector<RowBlock> blocks;
   std::vector<SupportRun> block_runs;
-  std::vector<std::vector<Neighbour>> neighbours(count);
+  std::vector<std::vector<int>> neighbours(count);
   int entries = 0;
   const auto moved_by_any = [&](int first, int number) {
     std::vector<int> moved;
@@ -201,21 +208,20 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
           block.mirror[i][k] = factored ? block.entry[i][k] : s * count + r;
           ++entries;
           if (factored) continue;
-          neighbours[r].push_back({s, r * count + s});
-          if (s != r) neighbours[s].push_back({r, s * count + r});
+          neighbours[r].push_back(s);
+          if (s != r) neighbours[s].push_back(r);
         }
       if (!any) continue;
-      const std::vector<int> moved = both(moved_by_any(row, block.rows), moved_by_any(column, block.columns));
-      std::vector<SupportRange> unused;
-      add_runs(moved, columns, unused, block_runs);
+      add_runs(both(moved_by_any(row, block.rows), moved_by_any(column, block.columns)), block_runs);
       block.run_last = static_cast<int>(block_runs.size());
       blocks.push_back(block);
     }
   std::vector<int> neighbour_start{0};
-  std::vector<Neighbour> all_neighbours;
-  for (const auto& list : neighbours) {
-    all_neighbours.insert(all_neighbours.end(), list.begin(), list.end());
-    neighbour_start.push_back(static_cast<int>(all_neighbours.size()));
+  std::vector<SupportRun> neighbour_runs;
+  for (std::vector<int>& list : neighbours) {
+    std::sort(list.begin(), list.end());
+    add_runs(list, neighbour_runs);
+    neighbour_start.push_back(static_cast<int>(neighbour_runs.size()));
   }
 
   Store& store = program.store;
@@ -238,7 +244,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
   rows.blocks = store.keep(std::move(blocks));
   rows.block_runs = store.keep(std::move(block_runs));
   rows.neighbour_start = store.keep(std::move(neighbour_start));
-  rows.neighbours = store.keep(std::move(all_neighbours));
+  rows.neighbours = store.keep(std::move(neighbour_runs));
   rows.softness = store.keep(std::move(softness));
   return rows;
 }

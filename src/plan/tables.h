@@ -74,7 +74,7 @@ struct SupportRange {
   int end;    ///< one past the last such velocity in index's subtree
 };
 
-/// Consecutive velocities that a row's impulse moves.
+/// Consecutive velocities, or rows, that a row's impulse moves.
 struct SupportRun {
   int first, last;  ///< last is one past
 };
@@ -94,10 +94,6 @@ struct RowBlock {
   int run_first, run_last;             ///< in Rows::block_runs: velocities that may be moved by both
   int entry[most_rows][most_columns];  ///< where K stands, -1 for a pair that has none or is another block's
   int mirror[most_rows][most_columns]; ///< and its mirror image (the same for packed storage)
-};
-
-struct Neighbour {
-  int row, entry;
 };
 
 /// A share of a row's term: term of a coupling, times an entry of S; -1 stands for 1 in both.
@@ -133,7 +129,7 @@ struct Rows {
   Span<SupportRun> block_runs;
   bool dense = false;                 ///< every entry of K is in a block
   Span<int> neighbour_start;          ///< by row, count + 1
-  Span<Neighbour> neighbours;
+  Span<SupportRun> neighbours;        ///< rows that its impulse moves, where K is not factored
   int response_entries = 0;           ///< size of K's storage
   Columns columns;                    ///< structure of K, for the methods that factor it
   Span<RowSoftness<S>> softness;      ///< by row
