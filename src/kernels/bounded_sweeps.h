@@ -40,7 +40,7 @@ void sweep_with_bounds(const Tables<ScalarOf<T>>& t, Phase phase, T due, T share
     const T change = impulse - x.search_impulse[r];
     x.search_impulse[r] = impulse;
     for (int e = 0; e < rows.count; ++e)
-      x.row_speed[e] = fma(x.bound_through[r * rows.count + e], change, x.row_speed[e]);
+      x.row_residual[e] = fma(x.bound_through[r * rows.count + e], change, x.row_residual[e]);
     change_bounds([&](int other) { return x.bound_coupled[other * count + r]; }, change);
   }
 }
@@ -49,8 +49,7 @@ void sweep_with_bounds(const Tables<ScalarOf<T>>& t, Phase phase, T due, T share
 template <class T>
 void begin_sweeps(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   row_terms(t, x);
-  row_denominators(t.rows, x);
-  for (int e = 0; e < t.rows.count; ++e) x.row_impulse[e] = T(0);
+  for (int e = 0; e < t.rows.count; ++e) begin_row(x, e);
   for (int i = 0; i < x.bound_count; ++i) {
     const int r = x.bound_listed[i];
     x.search_impulse[r] = T(0);
@@ -71,7 +70,7 @@ void pgs_with_bounds(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   };
   for (int s = 0; s < t.iterations; ++s) sweep_with_bounds(t, position_phase, T(1), T(1), x);
   keep(position_phase, x.position_impulse);
-  for (int e = 0; e < rows.count; ++e) x.row_bias[e] = closing_bias(x, e);
+  for (int e = 0; e < rows.count; ++e) change_bias(x, e, closing_bias(x, e));
   for (int s = 0; s < t.velocity_iterations; ++s) sweep_with_bounds(t, velocity_phase, T(1), T(1), x);
   if (t.solve_twice) keep(velocity_phase, x.velocity_impulse);
 }
@@ -103,7 +102,7 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lan
     for (int e = 0; e < rows.count; ++e) {
       x.row_speed[e] += x.row_speed_closed[e];
       x.row_bias[e] = x.row_rate[e] * x.row_error[e];
-      x.row_impulse[e] = T(0);
+      begin_row(x, e);
     }
     for (int i = 0; i < x.bound_count; ++i) {
       const int r = x.bound_listed[i];
@@ -118,6 +117,7 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lan
     };
     for (int e = 0; e < rows.count; ++e) {
       sum(x.row_impulse[e], x.velocity_impulse[e], x.position_impulse[e]);
+      x.row_speed[e] = speed_of(x, e);
       x.row_error[e] = fma(h, x.row_speed[e], x.row_error[e]);
     }
     for (int i = 0; i < x.bound_count; ++i) {
@@ -129,7 +129,7 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lan
   }
   for (int e = 0; e < rows.count; ++e) {
     x.velocity_impulse[e] -= x.row_impulse[e];
-    x.row_bias[e] = closing_bias(x, e);
+    change_bias(x, e, closing_bias(x, e));
   }
   for (int i = 0; i < x.bound_count; ++i) x.bound_impulse[count + x.bound_listed[i]] -= x.search_impulse[x.bound_listed[i]];
   for (int s = 0; s < t.velocity_iterations; ++s) sweep_with_bounds(t, velocity_phase, T(1), share, x);

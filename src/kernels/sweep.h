@@ -1,29 +1,54 @@
 // One projected Gauss-Seidel sweep over the rows, on impulses. SPDX-License-Identifier: Apache-2.0
 //
 // (16) and (18) of the note with the memory that makes a soft row the spring (21) however often it is visited:
-// (M30), and (M31) for what becomes of it without. Working on J v through K, no sweep walks the tree.
+// (M30), and (M31) for what becomes of it without. Working on J v through K, no sweep walks the tree; what is
+// kept is not the speed but what the row lacks (M34), so that a visit waits for little of the visit before.
 #pragma once
 
 #include "row_terms.h"
 
 namespace lockstep::kernels {
 
-/// 1 / (r + cfm)
+/// r + cfm on K's diagonal, and 1 / (r + cfm). Once for each K.
 template <class T>
-LOCKSTEP_INLINE void row_denominators(const Rows<ScalarOf<T>>& rows, Tile<T>& x) {
-  for (int r = 0; r < rows.count; ++r) x.row_inverse[r] = T(1) / (x.coupled[r * rows.count + r] + x.row_cfm[r]);
+void soften_rows(const Rows<ScalarOf<T>>& rows, Tile<T>& x) {
+  for (int r = 0; r < rows.count; ++r) {
+    T& diagonal = x.coupled[r * rows.count + r];
+    diagonal += x.row_cfm[r];
+    x.row_inverse[r] = T(1) / diagonal;
+  }
+}
+
+/// What the row lacks before it has an impulse.
+template <class T>
+LOCKSTEP_INLINE void begin_row(const Tile<T>& x, int r) {
+  x.row_impulse[r] = T(0);
+  x.row_residual[r] = x.row_speed[r] + x.row_bias[r];
+}
+
+/// The same row with another bias.
+template <class T>
+LOCKSTEP_INLINE void change_bias(const Tile<T>& x, int r, T bias) {
+  x.row_residual[r] += bias - x.row_bias[r];
+  x.row_bias[r] = bias;
+}
+
+/// J v, from what the row lacks.
+template <class T>
+LOCKSTEP_INLINE T speed_of(const Tile<T>& x, int r) {
+  return fnma(x.row_cfm[r], x.row_impulse[r], x.row_residual[r] - x.row_bias[r]);
 }
 
 /// One visit (M34); returns the change of the row's impulse.
 template <class T>
 LOCKSTEP_INLINE T visit(const Rows<ScalarOf<T>>& rows, int r, Tile<T>& x) {
-  const T residual = fma(x.row_cfm[r], x.row_impulse[r], x.row_speed[r] + x.row_bias[r]);
-  const T change = -(residual * x.row_inverse[r]);
+  const T change = -(x.row_residual[r] * x.row_inverse[r]);
   x.row_impulse[r] += change;
   const T* const coupled = x.coupled + r * rows.count;
   for (int n = rows.neighbour_start[r]; n < rows.neighbour_start[r + 1]; ++n)
     for (int i = rows.neighbours[n].first, last = rows.neighbours[n].last; i < last; ++i)
-      x.row_speed[i] = fma(coupled[i], change, x.row_speed[i]);
+      x.row_residual[i] = fma(coupled[i], change, x.row_residual[i]);
+  x.row_residual[r] = T(0);
   return change;
 }
 
@@ -41,7 +66,7 @@ LOCKSTEP_INLINE void sweep(const Rows<ScalarOf<T>>& rows, Tile<T>& x) {
 
 template <class T>
 LOCKSTEP_INLINE void sweeps(const Rows<ScalarOf<T>>& rows, int times, Tile<T>& x) {
-  T* const handed[] = {x.row_speed, x.row_impulse};
+  T* const handed[] = {x.row_residual, x.row_impulse};
   repeat(times, x, handed, rows.count, [&] { sweep(rows, x); });
 }
 

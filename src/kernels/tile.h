@@ -118,7 +118,8 @@ struct Tile {
   T* row_cfm;
   T* row_bias;
   T* row_start;            // J v at the start of the step
-  T* row_speed;            // J v as the sweeps see it
+  T* row_speed;            // J v
+  T* row_residual;           // J v + b + cfm impulse, in sweeps
   T* row_speed_closed;     // the same for the velocity phase
   T* row_inverse;          // 1 / (r + cfm), or of D where K is factored
   T* row_impulse;

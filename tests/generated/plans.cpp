@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include "bounded_scenes.h"
+#include "reference/random_bounds.h"
 
 namespace lockstep::generated {
 namespace {
@@ -37,6 +38,10 @@ Plan plan_of(const std::string& name) {
     options.redundant = false;  // reduced refuses them under gear ratios per environment
     const auto seed = std::stoull(name.substr(name.find('_') + 1));
     model = scenes::random_model(seed, options);
+    if (has("_limits")) {
+      model = physics::random_bounds(seed, settings.dt, options);
+      for (Joint& joint : model.joints) joint.effort_limit = infinity;  // servos that have one want A itself
+    }
     settings.method = methods[seed % 4];
   } else {
     model = scenes::scene(name.substr(0, name.find('_'))).model;
