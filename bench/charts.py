@@ -19,7 +19,7 @@ SCENE_COLORS = {"chain8": "#1f6fa5", "gripper13": "#d39200", "chain32": "#a8430a
 METHOD_COLORS = {"reduced": "#d39200", "direct": "#1f6fa5", "pgs": "#7a7a7a"}
 STAGE_COLORS = {
     "kinematics": "#c7e0f0", "bias forces": "#8cc6ea", "mass matrix": "#4f9ccb", "elimination": "#f2cf7f",
-    "free velocity": "#d39200", "responses and row terms": "#c9703c", "rows solved": "#a8430a",
+    "free velocity": "#d39200", "responses": "#c9703c", "row terms": "#e8b48f", "rows solved": "#a8430a",
     "integration": "#8a8a8a", "others": "#d5d5d5",
 }
 # What is shown of peers.csv, in this order: the engine's beginning, and all its settings.
@@ -212,7 +212,7 @@ def draw_peak(table, picture):
     figure.subplots_adjust(left=0.23, right=0.98, top=1 - 0.95 / figure.get_figheight(), bottom=0.13)
     for row in table:
         # With reduced, as it is the default; stages that it has not, with direct.
-        method = "direct" if row["stage"] in ("responses and row terms", "rows solved") else "reduced"
+        method = "direct" if row["stage"] in ("responses", "row terms", "rows solved") else "reduced"
         if row["stage"] in stages and row["method"] == method:
             panel.plot(float(row["share_of_peak"]), stages.index(row["stage"]), "o", color=SCENE_COLORS[row["scene"]],
                        markersize=9 if row["stage"] == "step" else 6.5)
