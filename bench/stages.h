@@ -26,6 +26,7 @@ struct Stages {
   static bool always(const Table&) { return true; }
   static bool coupled(const Table& t) { return t.couplings > 0; }
   static bool eliminates(const Table& t) { return t.reduction.by_entries(); }
+  static bool by_matrix(const Table& t) { return !t.articulated.used(); }
   static bool has_rows(const Table& t) { return t.rows.count > 0; }
 
   static void row_terms(const Table& t, const Lanes<S>& lanes, Tile& x) {
@@ -64,7 +65,7 @@ struct Stages {
          kernels::joint_inertias(t, l, x);
          kernels::joint_forces(t, l, x);
        }},
-      {"mass matrix", always, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::inertia_matrix(t, x); }},
+      {"mass matrix", by_matrix, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::inertia_matrix(t, x); }},
       {"elimination", eliminates, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::reduce_matrix(t, x); }},
       {"free velocity", always, [](const Table& t, const Lanes<S>&, Tile& x) {
          kernels::factor_matrix(t, x);

@@ -68,8 +68,8 @@ inline void coupling_impulses(const Tables<double>& t, Tile<Recorded>& x) {
   coupling_impulses<Recorded>(t, x);
 }
 
-// Work with the cube of a mechanism's size: written out it would not fit into the cache for code, and the tables' loops
-// are long enough to be good.
+// Work that grows faster than a mechanism, as that with every pair of rows does and, unless bodies are articulated, that
+// with the matrix: written out it would not fit into the cache for code, and the tables' loops are long enough to be good.
 constexpr int looped = 30;  // velocities
 
 inline void factor_matrix(const Tables<double>& t, Tile<Recorded>& x) {

@@ -21,7 +21,10 @@ std::vector<Part> parts(const Recorded*) { return {{"", ""}}; }
 std::vector<Part> parts(const simd::Vec3<Recorded>*) { return {{".x", "_x"}, {".y", "_y"}, {".z", "_z"}}; }
 std::vector<Part> parts(const simd::Mat3<Recorded>*) {
   std::vector<Part> all;
-  for (int k = 0; k < 9; ++k) all.push_back({fmt::format(".m[{}]", k), fmt::format("_{}{}", "xyz"[k / 3], "xyz"[k % 3])});
+  for (int k = 0; k < 9; ++k) {
+    const char row = "xyz"[k / 3], column = "xyz"[k % 3];
+    all.push_back({fmt::format(".{}.{}", row, column), fmt::format("_{}{}", row, column)});
+  }
   return all;
 }
 void add_symmetric(const char* member, const char* name, std::vector<Part>& all) {

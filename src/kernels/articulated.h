@@ -114,7 +114,7 @@ LOCKSTEP_INLINE typename T::Mask articulate(J joint, const Tables<ScalarOf<T>>& 
 
 /// The root's own six rows and columns, in the order angular, linear.
 template <class T>
-void root_inertia(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const ArticulatedInertia<T>& a) {
+void pack_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const ArticulatedInertia<T>& a) {
   const Columns& columns = t.articulated.root;
   for (int k = 0; k < 3; ++k)
     for (int l = 0; l < 3; ++l) {
@@ -139,7 +139,7 @@ typename T::Mask factor_articulated(const Tables<ScalarOf<T>>& t, const Tile<T>&
                  [](T& sum, const T& entry) LOCKSTEP_INLINED { sum += entry; });
     if (t.body[pass.body].root) {
       add_rigid(x.felt[0], x.articulated[slot]);
-      root_inertia(t, x, x.articulated[slot]);
+      pack_root(t, x, x.articulated[slot]);
       weak = weak | factor(a.root, x.reduced, x.inverse, T(0));
     } else {
       with_joint(t.body[pass.body], [&](auto joint) LOCKSTEP_INLINED {
@@ -186,7 +186,7 @@ LOCKSTEP_INLINE void pass_inwards(J joint, const Tables<ScalarOf<T>>& t, const T
   }
 }
 
-/// What the root's own part does to them.
+/// What the root's own part does to them. All have come from joints.
 template <class T>
 LOCKSTEP_INLINE void pass_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Pass& pass, T* vector, int stride) {
   const Traveller* const travellers = t.articulated.travellers.data;

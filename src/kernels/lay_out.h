@@ -175,7 +175,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("row_bias", x.row_bias, rows);
   take("row_start", x.row_start, rows);
   take("row_speed", x.row_speed, rows);
-  take("row_residual", x.row_residual, t.rows.columns.n > 0 ? 0 : rows);
+  take("row_residual", x.row_residual, t.rows.columns.n > 0 ? 0 : rows, Lasts::stage);
   take("row_speed_closed", x.row_speed_closed, rows);
   take("row_inverse", x.row_inverse, rows);
   take("row_impulse", x.row_impulse, rows);

@@ -8,7 +8,7 @@ namespace lockstep::kernels {
 template <class T>
 void pgs(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
-  soften_rows(rows, x);
+  row_denominators(rows, x);
   for (int r = 0; r < rows.count; ++r) begin_row(x, r);
   sweeps(rows, t.iterations, x);
   for (int r = 0; r < rows.count; ++r) {

@@ -9,14 +9,10 @@
 
 namespace lockstep::kernels {
 
-/// r + cfm on K's diagonal, and 1 / (r + cfm). Once for each K.
+/// 1 / (r + cfm)
 template <class T>
-void soften_rows(const Rows<ScalarOf<T>>& rows, Tile<T>& x) {
-  for (int r = 0; r < rows.count; ++r) {
-    T& diagonal = x.coupled[r * rows.count + r];
-    diagonal += x.row_cfm[r];
-    x.row_inverse[r] = T(1) / diagonal;
-  }
+LOCKSTEP_INLINE void row_denominators(const Rows<ScalarOf<T>>& rows, Tile<T>& x) {
+  for (int r = 0; r < rows.count; ++r) x.row_inverse[r] = T(1) / (x.coupled[r * rows.count + r] + x.row_cfm[r]);
 }
 
 /// What the row lacks before it has an impulse.
@@ -48,7 +44,7 @@ LOCKSTEP_INLINE T visit(const Rows<ScalarOf<T>>& rows, int r, Tile<T>& x) {
   for (int n = rows.neighbour_start[r]; n < rows.neighbour_start[r + 1]; ++n)
     for (int i = rows.neighbours[n].first, last = rows.neighbours[n].last; i < last; ++i)
       x.row_residual[i] = fma(coupled[i], change, x.row_residual[i]);
-  x.row_residual[r] = T(0);
+  x.row_residual[r] = T(0);  // cfm takes the rest
   return change;
 }
 

@@ -77,7 +77,7 @@ struct Tile {
   Vec3<T>* column_moment;
   // equations of motion
   T* joint_inertia;        // [joints] what A has beyond M; then A's diagonal, if a limited drive wants it
-  T* matrix;               // A (packed), unless A_r is made without
+  T* matrix;               // A (packed), unless A_r is made without or bodies are articulated
   T* bias;                 // [velocities] c: the same array as drive unless it is used more than once
   T* drive;                // [velocities] dt times the forces, and what followers lose of their mismatch (by_force)
   T* reduced;              // A_r (packed), and S^T A w behind it where columns are merged; or the root's own part

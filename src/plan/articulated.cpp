@@ -99,13 +99,16 @@ bool can_articulate(const Tables<double>& t) {
 
 namespace {
 
-// A made and factored, one solve with it, and the responses of rows.
+// A made and factored, one solve with it, and the responses of rows. Whether natural rows take a mass matrix of their own
+// is not asked: a limit that is never reached may not change a bit, so it may not change the way.
 long work_by_matrix(const Tables<double>& t) {
   long work = 0;
   for (int i = 0; i < t.matrix.n; ++i) {
     const long ancestors = t.matrix.row_start[i + 1] - t.matrix.row_start[i];
-    if (i >= t.velocities - t.joints) work += work::column_of_joint;
-    if (t.matrix.parent[i] >= 0) work += work::passing * t.matrix.size[i];
+    if (i >= t.velocities - t.joints) {
+      work += work::column_of_joint;
+      if (t.matrix.parent[i] >= 0) work += work::passing * t.matrix.size[i];
+    }
     work += (ancestors + 2) * t.matrix.size[i];
   }
   for (int g = 0; g < t.rows.groups.count; ++g) {

@@ -195,14 +195,15 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
   };
   for (int row = 0; row < count; row += RowBlock::most_rows)
     for (int column = 0; column < std::min(row + RowBlock::most_rows, count); column += RowBlock::most_columns) {
-      RowBlock block{row, std::min(RowBlock::most_rows, count - row), column, std::min(RowBlock::most_columns, count - column),
-                     static_cast<int>(block_runs.size()), 0, {}, {}};
+      const int height = std::min(RowBlock::most_rows, count - row);
+      const int width = std::min(RowBlock::most_columns, row + height - column);
+      RowBlock block{row, height, column, width, static_cast<int>(block_runs.size()), 0, {}, {}};
       bool any = false;
       for (int i = 0; i < RowBlock::most_rows; ++i)
         for (int k = 0; k < RowBlock::most_columns; ++k) {
           block.entry[i][k] = block.mirror[i][k] = -1;
           const int r = row + i, s = column + k;
-          if (i >= block.rows || s > r || !share_any(supports[order[r]], supports[order[s]])) continue;
+          if (i >= height || k >= width || s > r || !share_any(supports[order[r]], supports[order[s]])) continue;
           any = true;
           block.entry[i][k] = factored ? entry_of(rows.columns, r, s) : r * count + s;
           block.mirror[i][k] = factored ? block.entry[i][k] : s * count + r;
@@ -212,7 +213,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
           if (s != r) neighbours[s].push_back(r);
         }
       if (!any) continue;
-      add_runs(both(moved_by_any(row, block.rows), moved_by_any(column, block.columns)), block_runs);
+      add_runs(both(moved_by_any(row, height), moved_by_any(column, width)), block_runs);
       block.run_last = static_cast<int>(block_runs.size());
       blocks.push_back(block);
     }

@@ -129,11 +129,11 @@ std::string stage_lines(const Program& program) {
   const Tables<double>& t = program.f64;
   std::vector<std::string> stages{"kinematics", "bias forces (Newton-Euler)", "joint terms"};
   if (t.couplings > 0) stages.insert(stages.begin() + 1, "coupling errors");
-  if (!t.articulated.used())
+  if (!t.articulated.used() || t.natural.count > 0)
     stages.push_back(t.reduction.merged.slots > 0 ? "reduced mass matrix (composite bodies, columns of followers merged)"
                                                   : "mass matrix (composite bodies)");
   if (t.reduction.by_entries()) stages.push_back("elimination");
-  stages.push_back(t.articulated.used() ? "free velocity (articulated bodies, no mass matrix)" : "free velocity (L^T D L)");
+  stages.push_back(t.articulated.used() ? "free velocity (articulated bodies)" : "free velocity (L^T D L)");
   if (t.natural.count > 0) stages.push_back("natural responses (a second factorisation, for softness by frequency)");
   if (t.rows.count > 0) stages.insert(stages.end(), {"responses", "row terms", name(t.rows.columns.n > 0 ? Method::direct : program.method)});
   if (t.bounds.form.count > 0) stages.push_back("bounds");

@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include "bounded_scenes.h"
+#include "plan/program.h"
 #include "reference/random_bounds.h"
 
 namespace lockstep::generated {
@@ -55,7 +56,9 @@ Plan plan_of(const std::string& name) {
     settings.per_environment = fields(settings.method, model);
     settings.record_impulses = settings.integrator == Integrator::euler;
   }
-  return compile(model, settings);
+  Plan plan = compile(model, settings);
+  if (has("deep_") && !plan.program().f64.articulated.used()) throw std::logic_error(name + " is not deep enough");
+  return plan;
 }
 
 }  // namespace lockstep::generated
