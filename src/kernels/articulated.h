@@ -11,7 +11,7 @@ namespace lockstep::kernels {
 
 using simd::ArticulatedInertia;
 
-/// A rigid body as an articulated one: what passes is added to it.
+/// Adds a rigid body to what it carries (M22).
 template <class T>
 LOCKSTEP_INLINE void add_rigid(const PseudoInertia<T>& body, ArticulatedInertia<T>& sum) {
   each_axis([&](int k) LOCKSTEP_INLINED {
