@@ -114,14 +114,16 @@ void responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const int n = t.solver.n;
   const SupportRange* const support = rows.group_support.data;
   for (int r = 0; r < rows.count; ++r) place_terms(rows, r, n, x.row_value, x.response + r * n);
-  if (t.articulated.used()) solve_inwards(t, x, t.articulated.rows, x.response, n);
-  for (int g = 0; !t.articulated.used() && g < rows.groups.count; ++g) {
-    const RowGroup& group = rows.groups[g];
-    with_count(group, [&](auto count) LOCKSTEP_INLINED {
-      respond<count.value>(support + group.support_first, support + group.support_last, t.solver, x.reduced,
-                           x.response + group.first * n, n);
-    });
-  }
+  if (t.articulated.used())
+    solve_inwards(t, x, t.articulated.rows, x.response, n);
+  else
+    for (int g = 0; g < rows.groups.count; ++g) {
+      const RowGroup& group = rows.groups[g];
+      with_count(group, [&](auto count) LOCKSTEP_INLINED {
+        respond<count.value>(support + group.support_first, support + group.support_last, t.solver, x.reduced,
+                             x.response + group.first * n, n);
+      });
+    }
   if (!rows.dense)
     for (int e = 0; e < rows.response_entries; ++e) x.coupled[e] = T(0);
   for (int b = 0; b < rows.blocks.count; ++b) {

@@ -65,8 +65,9 @@ struct Narrowing {
 
   Rows<float> narrowed(const Rows<double>& from) {
     return {from.count, from.coupling, from.term_start, from.term_index, narrowed(from.term_value),
-            from.contribution_start, from.contribution, from.support_start, from.support, from.run_start, from.runs, from.groups, from.group_support, from.group_runs,
-            from.blocks, from.block_runs, from.dense, from.neighbour_start, from.neighbours, from.response_entries, from.columns, narrowed(from.softness)};
+            from.contribution_start, from.contribution, from.support_start, from.support, from.run_start, from.runs,
+            from.groups, from.group_support, from.group_runs, from.blocks, from.block_runs, from.dense, from.neighbour_start,
+            from.neighbours, from.response_entries, from.columns, narrowed(from.softness)};
   }
 
   Watched<float> narrowed(const Watched<double>& from) {
