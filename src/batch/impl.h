@@ -29,7 +29,7 @@ struct Batch<S>::Impl {
         generated(options.generated ? generated_for(p, target) : nullptr),
         advance(generated ? function(*generated) : kernels.advance), stride(row_stride<S>(count)),
         step_nanoseconds(static_cast<double>(p.flops_per_step()) / (flop_rate * kernels.lanes * (generated ? 3 : 1))),
-        workers(options.threads, kernels.scratch_bytes(tables)) {
+        workers(options.threads, kernels.scratch_bytes(tables) * (generated ? generated->together : 1)) {
     if (options.threads < 0)
       throw SettingsError("threads", "is negative", "give 0 for all, or a number");
     const int dofs = tables.joints;

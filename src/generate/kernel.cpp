@@ -37,11 +37,18 @@ namespace {{
 struct Step {{
 )";
 
-// A function of the step's code: all of it, or a part.
-constexpr const char* function = R"(  template <class T>
+// A part of the step's code, or all of it, for one tile.
+constexpr const char* part = R"(  template <class T>
   {kind}static void {function}([[maybe_unused]] const lockstep::Tables<typename T::Scalar>& t,
                    [[maybe_unused]] const lockstep::Lanes<typename T::Scalar>& lanes, lockstep::kernels::Tile<T>& x{more}) {{
     [[maybe_unused]] const auto n = [](double number) {{ return T(static_cast<typename T::Scalar>(number)); }};
+{code}  }}
+)";
+
+constexpr const char* whole = R"(  static constexpr int together = {together};
+  template <class T>
+  static void step(const lockstep::Tables<typename T::Scalar>& t, const lockstep::Lanes<typename T::Scalar>* lanes,
+                   lockstep::kernels::Tile<T>* x, [[maybe_unused]] int tiles) {{
 {code}  }}
 )";
 
@@ -57,23 +64,29 @@ constexpr GeneratedKernel LOCKSTEP_KERNEL({name}) = generated_kernel<Step, {f32}
 }}  // namespace lockstep
 )";
 
-// So many operations are one function, or are cut into parts of so many.
-constexpr int longest_function = 20000, longest_part = 3000;
+// So many operations are one function. More do not fit into the first cache for code, by far: they are cut into parts
+// that do, and each part serves so many tiles before the next one is fetched.
+constexpr int longest_function = 7500, longest_part = 60, tiles_of_parts = 2;
 
 std::string functions(const Written& step) {
   using namespace fmt::literals;
   const auto written = [](const char* kind, const std::string& name, const char* more, const std::string& code) {
-    return fmt::format(fmt::runtime(function), "kind"_a = kind, "function"_a = name, "more"_a = more, "code"_a = code);
+    return fmt::format(fmt::runtime(part), "kind"_a = kind, "function"_a = name, "more"_a = more, "code"_a = code);
   };
-  if (step.operations <= longest_function) return written("", "step", "", step.code());
+  const auto stepping = [](int tiles, const std::string& code) {
+    return fmt::format(fmt::runtime(whole), "together"_a = tiles, "code"_a = code);
+  };
+  if (step.operations <= longest_function)
+    return written("LOCKSTEP_INLINE ", "one_tile", "", step.code()) + stepping(1, "    one_tile(t, *lanes, *x);\n");
   const Parts parts = in_parts(step.blocks, longest_part);
-  std::string all, calls = fmt::format("    T kept[{}];\n    typename T::Mask masks[{}];\n", parts.kept + 1, parts.masks + 1);
+  std::string all, calls = fmt::format("    T kept[together][{}];\n    typename T::Mask masks[together][{}];\n",
+                                       parts.kept + 1, parts.masks + 1);
   for (std::size_t i = 0; i < parts.code.size(); ++i) {
     all += written("[[gnu::noinline]] ", fmt::format("part_{}", i),
                    ", [[maybe_unused]] T* kept, [[maybe_unused]] typename T::Mask* masks", parts.code[i]);
-    calls += fmt::format("    part_{}(t, lanes, x, kept, masks);\n", i);
+    calls += fmt::format("    for (int k = 0; k < tiles; ++k) part_{}(t, lanes[k], x[k], kept[k], masks[k]);\n", i);
   }
-  return all + written("", "step", "", calls);
+  return all + stepping(tiles_of_parts, calls);
 }
 
 }  // namespace

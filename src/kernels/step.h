@@ -31,28 +31,35 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
   if (t.record_diagnostics) add_energies(x);
 }
 
-/// Tables's way of a step. Generated code for one plan is another (generate/).
+/// Tables' way of a step. Generated code for one plan is another (generate/).
 struct ByTables {
+  static constexpr int together = 1;  ///< tiles that it steps side by side
   template <class T>
-  LOCKSTEP_INLINE static void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-    kernels::step(t, lanes, x);
+  LOCKSTEP_INLINE static void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>* lanes, Tile<T>* x, int) {
+    kernels::step(t, *lanes, *x);
   }
 };
 
-/// `substeps` steps of environments [first, last), whole tiles, in the scratch block.
+/// `substeps` steps of environments [first, last), whole tiles, in the scratch block: room for Way::together of them.
 template <class T, class Way = ByTables>
 void advance(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::ptrdiff_t first, std::ptrdiff_t last,
              int substeps, void* scratch) {
   const simd::FlushDenormals flush;
-  Tile<T> x;
-  lay_out(t, scratch, x);
-  uniform_masses(t, x);
-  uniform_ratios(t, x);
-  for (std::ptrdiff_t environment = first; environment < last; environment += T::lanes) {
-    const Lanes<ScalarOf<T>> own = at(lanes, environment);
-    load(t, own, x);
-    for (int i = 0; i < substeps; ++i) Way::step(t, own, x);
-    store(t, own, x);
+  Tile<T> x[Way::together];
+  Lanes<ScalarOf<T>> own[Way::together];
+  for (Tile<T>& tile : x) {
+    scratch = static_cast<char*>(scratch) + lay_out(t, scratch, tile);
+    uniform_masses(t, tile);
+    uniform_ratios(t, tile);
+  }
+  while (first < last) {
+    int tiles = 0;
+    for (; tiles < Way::together && first < last; ++tiles, first += T::lanes) {
+      own[tiles] = at(lanes, first);
+      load(t, own[tiles], x[tiles]);
+    }
+    for (int i = 0; i < substeps; ++i) Way::step(t, own, x, tiles);
+    for (int k = 0; k < tiles; ++k) store(t, own[k], x[k]);
   }
 }
 
