@@ -89,8 +89,8 @@ void add_integrators() {
   for (int joints : {4, 8, 16, 32})
     add_kernel(fmt::format("chain/reduced/1/f32/coupled/dofs:{}", joints), bench::chain(joints, joints / 2, Method::reduced));
   for (const auto& [scene, integrator] : {std::pair{"chain8", Integrator::leapfrog}, {"gripper13", Integrator::leapfrog},
-                                          {"chain8", Integrator::extrapolated}, {"gripper13", Integrator::extrapolated},
-                                          {"chain8", Integrator::runge_kutta}}) {
+                                          {"chain32", Integrator::leapfrog}, {"chain8", Integrator::extrapolated},
+                                          {"gripper13", Integrator::extrapolated}, {"chain8", Integrator::runge_kutta}}) {
     Load load = bench::scene(scene, Method::reduced, 1);
     load.settings.integrator = integrator;
     add_kernel(fmt::format("{}/reduced/1/f32/integrator:{}", scene, name(integrator)), load);

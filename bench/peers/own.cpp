@@ -48,9 +48,11 @@ class OwnPeer : public Peer {
 
 // What runs everywhere by default, or one instruction set, by tables or by generated code.
 template <class S>
-Contender contender(Method method, int steps, Target target = Target::avx2, bool generated = false) {
+Contender contender(Method method, int steps, Target target = Target::avx2, bool generated = false,
+                    Integrator integrator = Integrator::euler) {
   if (!supported(target)) target = Target::automatic;
-  const std::string words = method == Method::pgs ? "pgs 4" : name(method);
+  const std::string words = integrator != Integrator::euler ? name(integrator)
+                            : method == Method::pgs ? "pgs 4" : name(method);
   const BatchOptions options{.threads = 1, .target = target, .generated = generated};
   return {.engine = "lockstep",
           .settings = fmt::format("{}, {}, {}, {}, {}", words, sizeof(S) == 4 ? "f32" : "f64", name(target),
@@ -58,8 +60,8 @@ Contender contender(Method method, int steps, Target target = Target::avx2, bool
                                   steps == 1 ? "1 step per call" : fmt::format("{} steps per call", steps)),
           .steps_per_call = steps,
           .exact = method != Method::pgs,
-          .make = [method, steps, options](const Model& model, double dt, int environments) {
-            const StepSettings settings{.dt = dt, .method = method, .integrator = Integrator::euler};
+          .make = [=](const Model& model, double dt, int environments) {
+            const StepSettings settings{.dt = dt, .method = method, .integrator = integrator};
             return std::make_unique<OwnPeer<S>>(model, settings, environments, steps, options);
           }};
 }
@@ -107,6 +109,7 @@ std::vector<Contender> own_contenders() {
   if (supported(Target::avx512)) all.push_back(contender<float>(Method::reduced, 4, Target::avx512));
 #ifdef LOCKSTEP_BENCH_KERNELS
   for (const int steps : {4, 1}) all.push_back(contender<float>(Method::reduced, steps, Target::avx2, true));
+  all.push_back(contender<float>(Method::reduced, 4, Target::avx2, true, Integrator::leapfrog));
   if (supported(Target::avx512)) all.push_back(contender<float>(Method::reduced, 4, Target::avx512, true));
 #endif
   return all;
