@@ -86,7 +86,7 @@ void add_integrators() {
       const int iterations = method == Method::pgs ? 4 : 1;
       add_kernel(fmt::format("{}/{}/{}/f32", scene, name(method), iterations), bench::scene(scene, method, iterations));
     }
-  for (int joints : {4, 8, 16, 32})
+  for (int joints : {4, 8, 16, 32, 64})
     add_kernel(fmt::format("chain/reduced/1/f32/coupled/dofs:{}", joints), bench::chain(joints, joints / 2, Method::reduced));
   for (const auto& [scene, integrator] : {std::pair{"chain8", Integrator::leapfrog}, {"gripper13", Integrator::leapfrog},
                                           {"chain32", Integrator::leapfrog}, {"chain8", Integrator::extrapolated},

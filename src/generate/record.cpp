@@ -33,8 +33,6 @@ inline void hold_frozen(const Tables<double>&, const Lanes<double>&, Tile<Record
   recorder->hold_if(x.frozen.id, failed.id);
 }
 inline void coupling_impulses(const Tables<double>& t, Tile<Recorded>& x);
-inline void factor_matrix(const Tables<double>& t, Tile<Recorded>& x);
-inline void responses(const Tables<double>& t, Tile<Recorded>& x);
 
 template <int N, class Turn>
 void repeat(int times, const Tile<Recorded>&, Recorded* const (&handed)[N], int length, Turn&& turn) {
@@ -66,19 +64,6 @@ namespace lockstep::kernels {
 inline void coupling_impulses(const Tables<double>& t, Tile<Recorded>& x) {
   if (t.bounds.form.count > 0) return recorder->run("coupling_impulses(t, x);");
   coupling_impulses<Recorded>(t, x);
-}
-
-// Work that grows faster than a mechanism, as that with every pair of rows does and, unless bodies are articulated, that
-// with the matrix: written out it would not fit into the cache for code, and the tables' loops are long enough to be good.
-constexpr int looped = 30;  // velocities
-
-inline void factor_matrix(const Tables<double>& t, Tile<Recorded>& x) {
-  if (t.solver.n >= looped) return recorder->run("factor_matrix(t, x);");
-  factor_matrix<Recorded>(t, x);
-}
-inline void responses(const Tables<double>& t, Tile<Recorded>& x) {
-  if (t.solver.n >= looped) return recorder->run("responses(t, x);");
-  responses<Recorded>(t, x);
 }
 
 }  // namespace lockstep::kernels
