@@ -66,7 +66,7 @@ constexpr GeneratedKernel LOCKSTEP_KERNEL({name}) = generated_kernel<Step, {f32}
 
 // So many operations are one function. More do not fit into the first cache for code, by far: they are cut into parts
 // that do, and each part serves so many tiles before the next one is fetched.
-constexpr int longest_function = 7500, longest_part = 60, tiles_of_parts = 2;
+constexpr int longest_function = 5500, longest_part = 60, tiles_of_parts = 2;
 
 std::string functions(const Written& step) {
   using namespace fmt::literals;
