@@ -59,7 +59,7 @@ def generated(avx2, avx512):
     words = ["tables", "generated", "generated, 1 step per call"]
     table(["scene", "method"] + [f"{isa}, {w}" for isa in ("avx2", "avx512") for w in words], rows)
     rows = []
-    for n in (4, 8, 16, 32):
+    for n in (4, 8, 16, 32, 64):
         name = f"step/chain/reduced/1/f32/coupled/dofs:{n}"
         rows.append([str(n)] + [number(speed(f, x)) for f in (avx2, avx512) for x in (name, f"{name}/kernel:generated")])
     table(["joints", "avx2, tables", "avx2, generated", "avx512, tables", "avx512, generated"], rows)
