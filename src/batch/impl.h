@@ -29,7 +29,7 @@ struct Batch<S>::Impl {
         generated(options.generated ? generated_for(p, target) : nullptr),
         advance(generated ? function(*generated) : kernels.advance), stride(row_stride<S>(count)),
         step_nanoseconds(static_cast<double>(p.flops_per_step()) / (flop_rate * kernels.lanes * (generated ? 3 : 1))),
-        workers(options.threads, kernels.scratch_bytes(tables) * (generated ? generated->together : 1)) {
+        workers(options.threads, scratch_bytes()) {
     if (options.threads < 0)
       throw SettingsError("threads", "is negative", "give 0 for all, or a number");
     const int dofs = tables.joints;
@@ -55,6 +55,11 @@ struct Batch<S>::Impl {
   static Advance<S> function(const GeneratedKernel& kernel) {
     if constexpr (sizeof(S) == 4) return kernel.f32;
     else return kernel.f64;
+  }
+
+  std::size_t scratch_bytes() const {
+    const std::size_t tile = kernels.scratch_bytes(tables), number = static_cast<std::size_t>(kernels.lanes) * sizeof(S);
+    return generated ? generated->together * (tile + generated->keeps * number) : tile;
   }
 
   // Null if this program holds none for the plan.

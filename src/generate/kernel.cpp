@@ -45,10 +45,12 @@ constexpr const char* part = R"(  template <class T>
 {code}  }}
 )";
 
-constexpr const char* whole = R"(  static constexpr int together = {together};
+// What advance() calls: all parts in order, each for every tile.
+constexpr const char* whole = R"(  static constexpr int together = {together}, keeps = {keeps};
   template <class T>
   static void step(const lockstep::Tables<typename T::Scalar>& t, const lockstep::Lanes<typename T::Scalar>* lanes,
-                   lockstep::kernels::Tile<T>* x, [[maybe_unused]] int tiles) {{
+                   lockstep::kernels::Tile<T>* x, [[maybe_unused]] T* const* kept,
+                   [[maybe_unused]] int tiles) {{
 {code}  }}
 )";
 
@@ -73,20 +75,21 @@ std::string functions(const Written& step) {
   const auto written = [](const char* kind, const std::string& name, const char* more, const std::string& code) {
     return fmt::format(fmt::runtime(part), "kind"_a = kind, "function"_a = name, "more"_a = more, "code"_a = code);
   };
-  const auto stepping = [](int tiles, const std::string& code) {
-    return fmt::format(fmt::runtime(whole), "together"_a = tiles, "code"_a = code);
+  const auto stepping = [](int tiles, int keeps, const std::string& code) {
+    return fmt::format(fmt::runtime(whole), "together"_a = tiles, "keeps"_a = keeps, "code"_a = code);
   };
   if (step.operations <= longest_function)
-    return written("LOCKSTEP_INLINE ", "one_tile", "", step.code()) + stepping(1, "    one_tile(t, *lanes, *x);\n");
+    return written("LOCKSTEP_INLINE ", "one_tile", "", step.code()) + stepping(1, 0, "    one_tile(t, *lanes, *x);\n");
   const Parts parts = in_parts(step.blocks, longest_part);
-  std::string all, calls = fmt::format("    T kept[together][{}];\n    typename T::Mask masks[together][{}];\n",
-                                       parts.kept + 1, parts.masks + 1);
+  std::string all, calls;
   for (std::size_t i = 0; i < parts.code.size(); ++i) {
     all += written("[[gnu::noinline]] ", fmt::format("part_{}", i),
                    ", [[maybe_unused]] T* kept, [[maybe_unused]] typename T::Mask* masks", parts.code[i]);
-    calls += fmt::format("    for (int k = 0; k < tiles; ++k) part_{}(t, lanes[k], x[k], kept[k], masks[k]);\n", i);
+    calls += fmt::format("    for (int k = 0; k < tiles; ++k) part_{}(t, lanes[k], x[k], kept[k], masks(k));\n", i);
   }
-  return all + stepping(tiles_of_parts, calls);
+  const std::string masks = fmt::format(
+      "    const auto masks = [&](int k) {{ return reinterpret_cast<typename T::Mask*>(kept[k] + {}); }};\n", parts.kept);
+  return all + stepping(tiles_of_parts, parts.kept + parts.masks, masks + calls);
 }
 
 }  // namespace

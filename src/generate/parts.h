@@ -1,4 +1,4 @@
-// A long step as several functions: compilers take more than twice as long for twice the code. SPDX-License-Identifier: Apache-2.0
+// A long step as many functions that fit into the first cache for code. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>

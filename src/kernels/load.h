@@ -52,7 +52,8 @@ void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
     const std::ptrdiff_t row = t.joint_row[j] * lanes.stride;
     x.q[j] = T::load(lanes.position + row);
     x.v[t.velocities - t.joints + j] = T::load(lanes.velocity + row);
-    // The next tile's as well: these are more rows than a processor sees coming by itself.
+    // The next tile's as well: these are more rows than a processor sees coming by itself. (Where two tiles are stepped in
+    // turn the second one's come too late, in a step so long that it does not matter.)
     __builtin_prefetch(lanes.position + row + T::lanes);
     __builtin_prefetch(lanes.velocity + row + T::lanes);
     __builtin_prefetch(lanes.effort + row + T::lanes);

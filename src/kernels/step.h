@@ -33,24 +33,29 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
 
 /// Tables' way of a step. Generated code for one plan is another (generate/).
 struct ByTables {
-  static constexpr int together = 1;  ///< tiles that it steps side by side
+  static constexpr int together = 1;  ///< tiles that it steps in turn, part by part
+  static constexpr int keeps = 0;     ///< numbers of each that go from part to part
   template <class T>
-  LOCKSTEP_INLINE static void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>* lanes, Tile<T>* x, int) {
+  LOCKSTEP_INLINE static void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>* lanes, Tile<T>* x, T* const*, int) {
     kernels::step(t, *lanes, *x);
   }
 };
 
-/// `substeps` steps of environments [first, last), whole tiles, in the scratch block: room for Way::together of them.
+/// `substeps` steps of environments [first, last), whole tiles, in the scratch block: room for Way::together of them
+/// and for what is kept of each.
 template <class T, class Way = ByTables>
 void advance(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::ptrdiff_t first, std::ptrdiff_t last,
              int substeps, void* scratch) {
   const simd::FlushDenormals flush;
   Tile<T> x[Way::together];
   Lanes<ScalarOf<T>> own[Way::together];
-  for (Tile<T>& tile : x) {
-    scratch = static_cast<char*>(scratch) + lay_out(t, scratch, tile);
-    uniform_masses(t, tile);
-    uniform_ratios(t, tile);
+  T* kept[Way::together];
+  for (int k = 0; k < Way::together; ++k) {
+    void* const behind = static_cast<char*>(scratch) + lay_out(t, scratch, x[k]);
+    kept[k] = static_cast<T*>(behind);
+    scratch = kept[k] + Way::keeps;
+    uniform_masses(t, x[k]);
+    uniform_ratios(t, x[k]);
   }
   while (first < last) {
     int tiles = 0;
@@ -58,7 +63,7 @@ void advance(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std:
       own[tiles] = at(lanes, first);
       load(t, own[tiles], x[tiles]);
     }
-    for (int i = 0; i < substeps; ++i) Way::step(t, own, x, tiles);
+    for (int i = 0; i < substeps; ++i) Way::step(t, own, x, kept, tiles);
     for (int k = 0; k < tiles; ++k) store(t, own[k], x[k]);
   }
 }

@@ -15,9 +15,10 @@ struct GeneratedKernel {
   const char* version;  ///< of the library that wrote it; another one does not use it
   const char* target;   ///< name(Target)
   std::uint64_t hash;   ///< kernel_hash() of the plan
-  int together;         ///< tiles that it steps side by side: it wants scratch memory for so many
   Advance<float> f32;   ///< null where it was not asked for
   Advance<double> f64;
+  int together;         ///< tiles that it steps in turn, part by part: it wants scratch memory for so many
+  int keeps;            ///< and for so many numbers of each, a mask being one
 };
 
 /// Before main() or later. The kernel must live as long as the program. Thread-safe.

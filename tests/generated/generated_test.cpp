@@ -90,6 +90,11 @@ TEST_P(Generated, has_the_same_bits_in_any_batch_and_place) {
     many.step(6);
     for (int i = 0; i < 6; ++i) one_by_one.step();
     EXPECT_TRUE(same_bits(many, one_by_one));
+    BatchOptions two_threads = options;
+    two_threads.threads = 2;
+    Batch<S> shared_out = scattered<S>(plan, several, two_threads);
+    shared_out.step(6);
+    EXPECT_TRUE(same_bits(many, shared_out));
     for (const int place : {0, 5, several - 1}) {
       Batch<S> alone(plan, 1, options);
       contract::scatter(alone, 0, static_cast<std::uint64_t>(place));
