@@ -36,7 +36,8 @@ struct ByTables {
   static constexpr int together = 1;  ///< tiles that it steps in turn, part by part
   static constexpr int keeps = 0;     ///< numbers of each that go from part to part
   template <class T>
-  LOCKSTEP_INLINE static void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>* lanes, Tile<T>* x, T* const*, int) {
+  LOCKSTEP_INLINE static void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>* lanes, Tile<T>* x, T* const*,
+                                   int) {
     kernels::step(t, *lanes, *x);
   }
 };
