@@ -14,6 +14,7 @@ struct Load {
   int substeps = 4;
   int threads = 1;
   bool generated = false;  ///< by the kernel that was generated for it, else by the tables
+  bool listed = false;     ///< by a list of operations
 };
 
 /// A scene of tests/scenes.

@@ -76,7 +76,7 @@ def main():
         wide = "avx512vl" in file.read()
     if wide and not choices.quick:
         step_bench(programs / "step_bench", results / "step_bench_avx512.csv", False, "avx512",
-                   "kernel:generated|(chain8|gripper13|chain32)/[a-z]*/[0-9]*/f[0-9]*$|coupled/dofs|threads|peak")
+                   "kernel:|(chain8|gripper13|chain32)/[a-z]*/[0-9]*/f[0-9]*$|coupled/dofs|threads|peak")
     run([programs / "stage_bench", "--csv", results / "stage_bench.csv"]
         + (["--repeats", 3, "--seconds", 0.001] if choices.quick else []))
     run([programs / "peers" / "peers", "--csv", results / "peers.csv"]

@@ -18,8 +18,9 @@ using bench::Load;
 template <class S>
 void run(benchmark::State& state, const Load& load) {
   const Plan plan = compile(load.model, load.settings);
-  Batch<S> batch(plan, load.environments, {.threads = load.threads, .generated = load.generated});
+  Batch<S> batch(plan, load.environments, {.threads = load.threads, .generated = load.generated, .listed = load.listed});
   if (load.generated && batch.kernel() == "tables") return state.SkipWithError("no kernel was generated");
+  if (load.listed && batch.kernel() != "operations") return state.SkipWithError("there is no list");
   batch.step(load.substeps);
   int steps = load.substeps;
   for (auto _ : state) {
@@ -107,6 +108,34 @@ void add_integrators() {
   }
 }
 
+// The step as a list of operations, beside the tables.
+void add_listed() {
+  const auto add_list = [](const std::string& name, Load load) {
+    load.listed = true;
+    add(name + "/kernel:listed", load, true);
+  };
+  for (const char* scene : {"chain8", "gripper13", "chain32"})
+    for (Method method : {Method::reduced, Method::direct, Method::pgs})
+      for (const int substeps : {4, 1}) {
+        Load load = bench::scene(scene, method, 4);
+        load.substeps = substeps;
+        const std::string words = substeps == 4 ? "" : fmt::format("/substeps:{}", substeps);
+        add_list(fmt::format("{}/{}/{}/f32{}", scene, name(method), method == Method::pgs ? 4 : 1, words), load);
+      }
+  for (int joints : {4, 8, 16, 20, 24, 32})
+    add_list(fmt::format("chain/reduced/1/f32/coupled/dofs:{}", joints), bench::chain(joints, joints / 2, Method::reduced));
+  for (int threads : {1, 2}) {
+    Load load = bench::scene("chain8", Method::reduced, 1);
+    load.environments = 16384, load.threads = threads;
+    add_list(fmt::format("chain8/reduced/1/f32/threads:{}", threads), load);
+  }
+  for (int environments : {64, 1024, 16384, 262144}) {
+    Load load = bench::scene("chain8", Method::reduced, 1);
+    load.environments = environments;
+    add_list(fmt::format("chain8/reduced/1/f32/environments:{}", environments), load);
+  }
+}
+
 // All benchmarks have the same counters, or there is no table.
 void add_peaks() {
   const auto count = [](benchmark::State& state, double flops) {
@@ -149,7 +178,7 @@ void add_scaling() {
 }
 
 void add_sizes() {
-  for (int joints : {1, 2, 4, 8, 16, 32, 64})
+  for (int joints : {1, 2, 4, 8, 16, 20, 24, 32, 64})
     for (const bool coupled : {false, true}) {
       if (coupled && joints < 4) continue;
       const Load load = bench::chain(joints, coupled ? joints / 2 : 0, Method::reduced);
@@ -237,6 +266,7 @@ int main(int argc, char** argv) {
 #ifdef LOCKSTEP_BENCH_KERNELS
   lockstep::add_generated();
 #endif
+  lockstep::add_listed();
   lockstep::add_scaling();
   lockstep::add_sizes();
   lockstep::add_ladder();

@@ -54,15 +54,17 @@ def generated(avx2, avx512):
         for m, k in (("reduced", 1), ("pgs", 4), ("direct", 1)):
             name = f"step/{scene}/{m}/{k}/f32"
             cells = [speed(f, n) for f in (avx2, avx512) for n in
-                     (name, f"{name}/kernel:generated", f"{name}/substeps:1/kernel:generated")]
+                     (name, f"{name}/kernel:listed", f"{name}/kernel:generated",
+                      f"{name}/substeps:1/kernel:generated")]
             rows.append([scene, m if k == 1 else f"{m} {k}"] + [number(c) for c in cells])
-    words = ["tables", "generated", "generated, 1 step per call"]
+    words = ["tables", "listed", "generated", "generated, 1 step per call"]
     table(["scene", "method"] + [f"{isa}, {w}" for isa in ("avx2", "avx512") for w in words], rows)
     rows = []
-    for n in (4, 8, 16, 32, 64):
+    for n in (4, 8, 16, 20, 24, 32, 64):
         name = f"step/chain/reduced/1/f32/coupled/dofs:{n}"
-        rows.append([str(n)] + [number(speed(f, x)) for f in (avx2, avx512) for x in (name, f"{name}/kernel:generated")])
-    table(["joints", "avx2, tables", "avx2, generated", "avx512, tables", "avx512, generated"], rows)
+        rows.append([str(n)] + [number(speed(f, name + x)) for f in (avx2, avx512)
+                                for x in ("", "/kernel:listed", "/kernel:generated")])
+    table(["joints"] + [f"{isa}, {w}" for isa in ("avx2", "avx512") for w in words[:3]], rows)
 
 
 def rest(found):

@@ -52,6 +52,10 @@ struct BatchOptions {
                     ///< (all cores unless the caller limits it); n > 1: an arena of n of its own
   Target target = Target::automatic;
   bool generated = true;  ///< take the kernel that was generated for the plan (generate.h), if this program holds one
+  bool listed = false;    ///< otherwise take the step as a list of operations, each done for 128 environments or so before
+                          ///< the next: faster than the tables' loops up to some 24 dofs, rounding as generated code does.
+                          ///< Listing takes some milliseconds, once for a plan. Plans that solve lane by lane, or until a
+                          ///< servo's limit of effort is satisfied, have no list: the tables step them
 };
 
 /// State and inputs of many environments, structure of arrays, and the step over them.
@@ -83,7 +87,7 @@ class Batch {
   const Plan& plan() const;
   int environments() const;
   Target target() const;  ///< the one in use
-  std::string kernel() const;  ///< what steps it: "tables", or "generated NAME"
+  std::string kernel() const;  ///< what steps it: "tables", "operations" or "generated NAME"
 
   // --- state, to read and to write -------------------------------------------------------------
   View positions();       ///< [dofs][environments] rad or m

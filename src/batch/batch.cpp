@@ -31,6 +31,7 @@ template <class S>
 int Batch<S>::environments() const { return impl_->environments; }
 template <class S>
 std::string Batch<S>::kernel() const {
+  if (impl_->listed) return "operations";
   return impl_->generated ? std::string("generated ") + impl_->generated->name : "tables";
 }
 template <class S>

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "../generate/list.h"
 #include "../plan/program.h"
 #include "../targets/dispatch.h"
 #include "../targets/registry.h"
@@ -27,6 +28,7 @@ struct Batch<S>::Impl {
       : plan(p), environments(checked_environments(count)), target(resolve(options.target)),
         tables(lockstep::tables<S>(p.program())), kernels(kernels_for<S>(target)),
         generated(options.generated ? generated_for(p, target) : nullptr),
+        listed(options.listed && !generated ? generate::operation_list(p.program()) : nullptr),
         advance(generated ? function(*generated) : kernels.advance), stride(row_stride<S>(count)),
         step_nanoseconds(static_cast<double>(p.flops_per_step()) / (flop_rate * kernels.lanes * (generated ? 3 : 1))),
         workers(options.threads, scratch_bytes()) {
@@ -59,6 +61,7 @@ struct Batch<S>::Impl {
 
   std::size_t scratch_bytes() const {
     const std::size_t tile = kernels.scratch_bytes(tables), number = static_cast<std::size_t>(kernels.lanes) * sizeof(S);
+    if (listed) return std::max(tile, kernels.listed_bytes(tables, *listed));
     return generated ? generated->together * (tile + generated->keeps * number) : tile;
   }
 
@@ -195,6 +198,7 @@ struct Batch<S>::Impl {
     const Lanes<S> l = lanes();
     workers.for_environments(stepped(), step_nanoseconds * substeps,
                               [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
+                                if (listed) return kernels.advance_listed(tables, l, first, last, substeps, scratch, *listed);
                                 advance(tables, l, first, last, substeps, scratch);
                               });
   }
@@ -233,6 +237,7 @@ struct Batch<S>::Impl {
   const KernelSet<S>& kernels;
   static constexpr double flop_rate = 8.0;  // of tables, per lane and nanosecond, about: for the size of tasks
   const GeneratedKernel* generated;
+  const OperationList* listed;
   Advance<S> advance;
   std::ptrdiff_t stride;
   double step_nanoseconds;  // of one environment

@@ -39,12 +39,12 @@ Id Graph::constant(double value) {
   return known->second;
 }
 
-Id Graph::input(const std::string& text, bool mask) {
-  const auto [known, fresh] = inputs_.try_emplace(text, 0);
+Id Graph::input(const Place& place, bool mask) {
+  const auto [known, fresh] = inputs_.try_emplace(place.text, 0);
   if (fresh) {
     Node node;
     node.op = Op::input;
-    node.text = text;
+    node.place = place;
     node.mask = mask;
     known->second = put(std::move(node));
   }
@@ -221,11 +221,12 @@ std::vector<Id> Graph::end_loop(const std::vector<Id>& next) {
   return after;
 }
 
-void Graph::effect(std::vector<Store> stores, const std::string& code) {
+void Graph::effect(std::vector<Store> stores, const std::string& code, Call call) {
   Item& item = items_.emplace_back();
   item.kind = Item::effect;
   item.stores = std::move(stores);
   item.code = code;
+  item.call = call;
 }
 
 std::vector<Id> Graph::effect_if(Id condition, std::vector<Store> stores, const std::string& code,

@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "../plan/operations.h"
+
 namespace lockstep::generate {
 
 enum class Op {
@@ -20,18 +22,26 @@ enum class Op {
 
 using Id = int;
 
+/// Where a number stands in memory.
+struct Place {
+  std::string text;              ///< how C++ says it
+  int array = Access::nowhere;   ///< as in Access
+  int number = 0;
+  bool lasting = false;          ///< the same in all steps of a call
+};
+
 struct Node {
   Op op = Op::constant;
   std::array<Id, 3> operand{-1, -1, -1};
   double value = 0.0;   ///< of a constant
-  std::string text;     ///< of an input: how C++ says it
+  Place place;          ///< of an input
   int item = -1;        ///< where in Graph::items it stands; a constant stands nowhere
   bool mask = false;
 };
 
 /// `place = value`
 struct Store {
-  std::string place;
+  Place place;
   Id value;
 };
 
@@ -48,14 +58,15 @@ struct Item {
   // effect: stores, then code; under a condition if there is one, and then variables are read again
   std::vector<Store> stores;
   std::string code;
+  Call call = Call::none;          ///< the code, for those who cannot read it
   Id condition = -1;
-  std::vector<std::string> place;  ///< by variable
+  std::vector<Place> place;        ///< by variable
 };
 
 class Graph {
  public:
   Id constant(double value);
-  Id input(const std::string& text, bool mask);
+  Id input(const Place& place, bool mask);
   Id operation(Op op, Id a = -1, Id b = -1, Id c = -1);
 
   /// From here on nodes that depend on the variables are the loop's body. Returns the variables, one for each start.
@@ -65,7 +76,7 @@ class Graph {
 
   /// Stores and code that stand between the nodes before and those to come. Where the code may change memory
   /// or open a scope, nodes from before are not found again.
-  void effect(std::vector<Store> stores, const std::string& code);
+  void effect(std::vector<Store> stores, const std::string& code, Call call = Call::none);
   void forget();
 
   /// Under a condition: stores, these numbers too, and code that changes them. Returns what they are afterwards.

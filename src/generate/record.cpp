@@ -20,14 +20,14 @@ inline bool saturation_differs(const Tables<double>&, const Lanes<double>&, Tile
   recorder->run("} while (saturation_differs(t, lanes, x));");
   return false;
 }
-inline void forget_bounds(Tile<Recorded>&) { recorder->run("forget_bounds(x);"); }
+inline void forget_bounds(Tile<Recorded>&) { recorder->run("forget_bounds(x);", Call::forget_bounds); }
 inline bool bounds_act(const Tables<double>&, Tile<Recorded>&) {
-  recorder->run("if (bounds_act(t, x)) compete(t, lanes, x);");
+  recorder->run("if (bounds_act(t, x)) compete(t, lanes, x);", Call::compete);
   return false;
 }
 inline void compete(const Tables<double>&, const Lanes<double>&, Tile<Recorded>&) {}  // in the line above
 inline void diagnose(const Tables<double>&, const Lanes<double>&, Tile<Recorded>&) {
-  recorder->run("diagnose(t, lanes, x);");
+  recorder->run("diagnose(t, lanes, x);", Call::diagnose);
 }
 inline void hold_frozen(const Tables<double>&, const Lanes<double>&, Tile<Recorded>& x, Recorded::Mask failed) {
   recorder->hold_if(x.frozen.id, failed.id);
@@ -62,7 +62,7 @@ void repeat(int times, const Tile<Recorded>&, Recorded* const (&handed)[N], int 
 namespace lockstep::kernels {
 
 inline void coupling_impulses(const Tables<double>& t, Tile<Recorded>& x) {
-  if (t.bounds.form.count > 0) return recorder->run("coupling_impulses(t, x);");
+  if (t.bounds.form.count > 0) return recorder->run("coupling_impulses(t, x);", Call::coupling_impulses);
   coupling_impulses<Recorded>(t, x);
 }
 
@@ -77,18 +77,18 @@ Graph record_step(const Program& program) {
   RecordedTile x{};
   Recorder recording(t, x);
   std::vector<std::vector<double>> blocks;
-  const auto rows = [&](int count, const std::string& name) {
+  const auto rows = [&](int count, const std::string& name, int array) {
     double* first = blocks.emplace_back(static_cast<std::size_t>(count) + 1).data();
-    recording.add_rows(first, count, name);
+    recording.add_rows(first, count, name, array);
     return first;
   };
-  lanes.position_target = rows(t.joints * t.input_times, "position_target");
-  lanes.velocity_target = rows(t.joints * t.input_times, "velocity_target");
-  lanes.effort = rows(t.joints * t.input_times, "effort");
+  lanes.position_target = rows(t.joints * t.input_times, "position_target", Access::position_target);
+  lanes.velocity_target = rows(t.joints * t.input_times, "velocity_target", Access::velocity_target);
+  lanes.effort = rows(t.joints * t.input_times, "effort", Access::effort);
   const int field_rows[parameter_count] = {t.term_gear.count, t.couplings, 2 * t.couplings, 2 * t.joints,
                                            t.joints, t.links, 3, 6 * t.links, t.couplings};
   for (int f = 0; f < parameter_count; ++f)
-    if ((t.per_environment >> f) & 1u) lanes.field[f] = rows(field_rows[f], fmt::format("field[{}]", f));
+    if ((t.per_environment >> f) & 1u) lanes.field[f] = rows(field_rows[f], fmt::format("field[{}]", f), Access::field + f);
 
   x.corrects = true;  // as lay_out() has it
   x.solves_twice = t.solve_twice;

@@ -59,9 +59,12 @@ struct Take {
     recorder->used_ += sizeof(E) * static_cast<std::size_t>(count);
     const std::vector<Part> all = parts(array);
     Id* number = reinterpret_cast<Id*>(array);
+    int in_array = 0;
     for (int i = 0; i < count; ++i)
       for (const auto& [in_code, in_name] : all)
-        recorder->add_slot(number++, fmt::format("x.{}[{}]{}", name, i, in_code), fmt::format("{}_{}{}", name, i, in_name), lasts);
+        recorder->add_slot(number++, {fmt::format("x.{}[{}]{}", name, i, in_code), recorder->arrays_, in_array++, lasts == Lasts::call},
+                           fmt::format("{}_{}{}", name, i, in_name), lasts);
+    ++recorder->arrays_;
   }
 };
 
@@ -88,11 +91,11 @@ Recorder::Recorder(const Tables<double>& tables, RecordedTile& tile) {
   slot_at_.assign(bytes / sizeof(Id) + 1, -1);
   Take take{this};
   kernels::arrays(tables, tile, take);
-  add_slot(&tile.frozen.id, "x.frozen", "frozen", Lasts::state, true);
-  add_slot(&tile.singular.id, "x.singular", "singular", Lasts::step, true);
+  add_slot(&tile.frozen.id, {"x.frozen", Access::frozen}, "frozen", Lasts::state, true);
+  add_slot(&tile.singular.id, {"x.singular", Access::singular}, "singular", Lasts::step, true);
 }
 
-void Recorder::add_slot(Id* now, const std::string& place, const std::string& name, Lasts lasts, bool mask) {
+void Recorder::add_slot(Id* now, const Place& place, const std::string& name, Lasts lasts, bool mask) {
   slots_.push_back({now, -1, place, name, lasts, mask});
   read(slots_.back());
   const auto offset = reinterpret_cast<std::byte*>(now) - block_.get();
@@ -104,14 +107,17 @@ void Recorder::read(Slot& slot) {
   graph.name(slot.stored, slot.name);
 }
 
-void Recorder::add_rows(const double* first, int count, const std::string& name) { rows_.push_back({first, count, name}); }
+void Recorder::add_rows(const double* first, int count, const std::string& name, int array) {
+  rows_.push_back({first, count, name, array});
+}
 
 Id Recorder::load(const double* p) {
   for (const Rows& rows : rows_)
     if (p >= rows.first && p < rows.first + rows.count) {
-      const auto row = p - rows.first;
-      return graph.input(row == 0 ? fmt::format("T::load(lanes.{})", rows.name)
-                                  : fmt::format("T::load(lanes.{} + {} * lanes.stride)", rows.name, row), false);
+      const int row = static_cast<int>(p - rows.first);
+      const std::string text = row == 0 ? fmt::format("T::load(lanes.{})", rows.name)
+                                        : fmt::format("T::load(lanes.{} + {} * lanes.stride)", rows.name, row);
+      return graph.input({text, rows.array, row, true}, false);
     }
   throw Error("a kernel", "reads a row of the batch that nobody declared", "report this as a bug");
 }
@@ -131,9 +137,9 @@ std::vector<Store> Recorder::changed(Wanted wanted) {
   return stores;
 }
 
-void Recorder::run(const std::string& code) {
+void Recorder::run(const std::string& code, Call call) {
   const auto shared = [](Lasts lasts) { return lasts == Lasts::step || lasts == Lasts::state; };
-  graph.effect(changed(shared), code);
+  graph.effect(changed(shared), code, call);
   graph.forget();
   for (Slot& slot : slots_)
     if (shared(slot.lasts)) read(slot);
@@ -148,7 +154,7 @@ void Recorder::hold_if(Id condition, Id failed) {
     ends.push_back({slot.place, *slot.now});
     end_slots.push_back(&slot);
   }
-  flags.push_back({"const typename T::Mask failed", failed});
+  flags.push_back({{"const typename T::Mask failed", Access::failed}, failed});
   const std::vector<Id> after = graph.effect_if(condition, std::move(flags), "hold(t, lanes, x, failed);", ends);
   for (std::size_t i = 0; i < after.size(); ++i) {
     *end_slots[i]->now = after[i];

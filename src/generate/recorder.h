@@ -19,11 +19,11 @@ class Recorder {
   ~Recorder() { recorder = nullptr; }
   Recorder(const Recorder&) = delete;
 
-  /// A row of the batch, of which numbers are loaded: `count` of them, `name` in C++.
-  void add_rows(const double* first, int count, const std::string& name);
+  /// Rows of the batch, of which numbers are loaded: `count` of them, `name` in C++, `array` as in Access.
+  void add_rows(const double* first, int count, const std::string& name, int array);
 
   /// Code that works on the tile in memory: what has changed is stored before, and read again afterwards.
-  void run(const std::string& code);
+  void run(const std::string& code, Call call = Call::none);
   /// hold(): stores what the step came to and what it flags by, and reads again where the step ends.
   void hold_if(Id condition, Id failed);
   /// What the next step starts from goes to memory.
@@ -39,7 +39,7 @@ class Recorder {
   struct Slot {
     Id* now;             ///< the node that stands there
     Id stored;           ///< the node that the kernel's own memory holds
-    std::string place;   ///< how C++ says it
+    Place place;
     std::string name;
     kernels::Lasts lasts;
     bool mask;
@@ -48,16 +48,18 @@ class Recorder {
     const double* first;
     int count;
     std::string name;
+    int array;
   };
 
   friend struct Take;
-  void add_slot(Id* now, const std::string& place, const std::string& name, kernels::Lasts lasts, bool mask = false);
+  void add_slot(Id* now, const Place& place, const std::string& name, kernels::Lasts lasts, bool mask = false);
   template <class Wanted>
   std::vector<Store> changed(Wanted wanted);
   void read(Slot& slot);
 
   std::unique_ptr<std::byte[]> block_;
   std::size_t used_ = 0;
+  int arrays_ = 0;
   std::vector<Slot> slots_;
   std::vector<int> slot_at_;  ///< by place in the block, -1 for none
   std::vector<Rows> rows_;

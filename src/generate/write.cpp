@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "../simd/sincos.h"
+#include "uses.h"
 
 namespace lockstep::generate {
 namespace {
@@ -19,11 +20,10 @@ constexpr int deepest = 5;  // of expressions within each other: a line that one
 class Writer {
  public:
   explicit Writer(const Graph& graph)
-      : graph_(graph), nodes_(graph.nodes()), uses_(nodes_.size(), 0), live_(nodes_.size(), false),
+      : graph_(graph), nodes_(graph.nodes()), uses_(uses(graph)),
         absorbed_(nodes_.size(), false), nested_(nodes_.size(), false) {}
 
   Written write() {
-    find_live();
     find_fused();
     find_nested();
     for (const Item& item : graph_.items()) {
@@ -35,41 +35,11 @@ class Writer {
   }
 
  private:
-  void find_live() {
-    for (const Item& item : graph_.items()) {
-      for (const Store& store : item.stores) use(store.value);
-      if (item.condition < 0) continue;
-      use(item.condition);
-      for (Id variable : item.variable) use(variable);
-    }
-  }
-
-  void use(Id id) {
-    ++uses_[id];
-    if (live_[id]) return;
-    live_[id] = true;
-    const Node& node = nodes_[id];
-    if (node.op == Op::variable && node.operand[0] < 0) {
-      for (const Item& item : graph_.items())
-        for (std::size_t i = 0; i < item.variable.size(); ++i)
-          if (item.variable[i] == id) {
-            use(item.start[i]);
-            if (item.kind != Item::loop) continue;
-            use(item.next[i]);
-            ++uses_[item.next[i]];  // named before any variable changes
-            if (nodes_[item.next[i]].op == Op::variable && item.next[i] != id)
-              throw std::logic_error("a loop hands one variable's value on as another's, which the code would overwrite");
-          }
-    }
-    for (Id o : node.operand)
-      if (o >= 0) use(o);
-  }
-
   // A product that only one sum wants becomes part of it.
   void find_fused() {
     for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id) {
       const Node& node = nodes_[id];
-      if (!live_[id] || (node.op != Op::add && node.op != Op::subtract)) continue;
+      if (uses_[id] == 0 || (node.op != Op::add && node.op != Op::subtract)) continue;
       for (int i : {1, 0}) {
         const Id o = node.operand[i];
         if (nodes_[o].op != Op::multiply || uses_[o] != 1 || nodes_[o].item != node.item) continue;
@@ -85,9 +55,9 @@ class Writer {
     std::vector<int> user(nodes_.size(), -1), depth(nodes_.size(), 0);  // item of the last to use it
     for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id)
       for (Id o : nodes_[id].operand)
-        if (live_[id] && o >= 0) user[o] = nodes_[id].item;
+        if (uses_[id] > 0 && o >= 0) user[o] = nodes_[id].item;
     for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id) {
-      if (!live_[id]) continue;
+      if (uses_[id] == 0) continue;
       const Node& node = nodes_[id];
       for (Id o : operands(id)) depth[id] = std::max(depth[id], nested_[o] ? depth[o] + 1 : 0);
       const bool named = node.op == Op::input || node.op == Op::variable || node.op == Op::sine || node.op == Op::cosine;
@@ -156,7 +126,7 @@ class Writer {
     const auto bare_arg = [&](int i) { return bare(arg(i)); };               // between commas
     switch (node.op) {
       case Op::constant: return number(node.value);
-      case Op::input: return node.text;
+      case Op::input: return node.place.text;
       case Op::rounding: return "T::rounding()";
       case Op::none: return "T::none()";
       case Op::negate: return fmt::format("-{}", arg(0));
@@ -186,7 +156,7 @@ class Writer {
   void read_input(Id id, int indent) {
     if (!defined_.insert(id).second) return;
     defines(indent, id);
-    line(indent, fmt::format("const {} {} = {};", type(id), name(id), nodes_[id].text));
+    line(indent, fmt::format("const {} {} = {};", type(id), name(id), nodes_[id].place.text));
   }
 
   const char* type(Id id) const { return nodes_[id].mask ? "auto" : "T"; }
@@ -194,7 +164,7 @@ class Writer {
   void lines(const Item& item, int indent) {
     for (Id id : item.nodes) {
       const Node& node = nodes_[id];
-      if (!live_[id] || nested_[id] || absorbed_[id] || defined_.contains(id) || node.op == Op::input) continue;
+      if (uses_[id] == 0 || nested_[id] || absorbed_[id] || defined_.contains(id) || node.op == Op::input) continue;
       read_inputs(id, indent);
       if (node.op == Op::sine || node.op == Op::cosine) {
         indent == 0 ? keep_together([&] { both(id, item, indent); }) : both(id, item, indent);
@@ -237,10 +207,10 @@ class Writer {
   void loop(const Item& item) {
     std::vector<std::size_t> kept;
     for (std::size_t i = 0; i < item.variable.size(); ++i)
-      if (live_[item.variable[i]]) kept.push_back(i);
+      if (uses_[item.variable[i]] > 0) kept.push_back(i);
     if (kept.empty()) return;
     for (Id id : item.nodes)
-      if (live_[id]) read_inputs(id, 0);
+      if (uses_[id] > 0) read_inputs(id, 0);
     for (std::size_t i : kept) {
       read_inputs(item.start[i], 0);
       defines(0, item.variable[i]);
@@ -266,12 +236,12 @@ class Writer {
       line(0, fmt::format("if (any({})) {{", bare(operand(item.condition))));
     }
     for (std::size_t i = 0; i < item.variable.size(); ++i)
-      line(indent, fmt::format("{} = {};", item.place[i], name(item.variable[i])));
-    for (const Store& store : item.stores) line(indent, fmt::format("{} = {};", store.place, bare(operand(store.value))));
+      line(indent, fmt::format("{} = {};", item.place[i].text, name(item.variable[i])));
+    for (const Store& store : item.stores) line(indent, fmt::format("{} = {};", store.place.text, bare(operand(store.value))));
     if (!item.code.empty()) line(indent, item.code);
     if (!guarded) return;
     for (std::size_t i = 0; i < item.variable.size(); ++i)
-      line(1, fmt::format("{} = {};", name(item.variable[i]), item.place[i]));
+      line(1, fmt::format("{} = {};", name(item.variable[i]), item.place[i].text));
     line(0, "}");
   }
 
@@ -301,7 +271,7 @@ class Writer {
   const Graph& graph_;
   const std::vector<Node>& nodes_;
   std::vector<int> uses_;
-  std::vector<char> live_, absorbed_, nested_;  // wanted; part of a multiply-add; written where it is used
+  std::vector<char> absorbed_, nested_;  // part of a multiply-add; written where it is used
   std::map<Id, Id> product_of_;                 // by sum
   std::map<Id, std::string> given_;             // names
   std::map<std::string, int> taken_;            // how often each has been wanted

@@ -9,6 +9,7 @@
 
 #include "lockstep/model.h"
 #include "lockstep/step.h"
+#include "operations.h"
 #include "tables.h"
 
 namespace lockstep {
@@ -31,6 +32,13 @@ class Store {
 struct KernelHash {
   std::once_flag once;
   std::uint64_t value = 0;
+};
+
+/// The same: the step as a list of operations. Empty where there is none.
+struct ListedStep {
+  std::once_flag once;
+  OperationList list;
+  Store store;
 };
 
 struct Program {
@@ -57,6 +65,7 @@ struct Program {
   Tables<double> f64;
   Tables<float> f32;
   std::shared_ptr<KernelHash> kernel_hash = std::make_shared<KernelHash>();
+  std::shared_ptr<ListedStep> listed = std::make_shared<ListedStep>();
   std::shared_ptr<const Program> half;  ///< what Tables::half points into
   bool fits_single = true;         ///< no number of f64 is too large for f32
 };

@@ -4,6 +4,7 @@
 #include <cstddef>
 
 #include "../kernels/readback.h"
+#include "../plan/operations.h"
 
 namespace lockstep {
 
@@ -14,6 +15,10 @@ struct KernelSet {
   std::size_t (*scratch_bytes)(const Tables<S>&);
   /// Environments [first, last): whole tiles.
   void (*advance)(const Tables<S>&, const Lanes<S>&, std::ptrdiff_t first, std::ptrdiff_t last, int substeps, void* scratch);
+  /// The same by a list of operations, and the memory for that.
+  std::size_t (*listed_bytes)(const Tables<S>&, const OperationList&);
+  void (*advance_listed)(const Tables<S>&, const Lanes<S>&, std::ptrdiff_t first, std::ptrdiff_t last, int substeps, void* scratch,
+                         const OperationList&);
   void (*read)(const Tables<S>&, const Lanes<S>&, std::ptrdiff_t first, std::ptrdiff_t last,
                const kernels::Request<S>&, S* rows, std::ptrdiff_t stride, void* scratch);
 };

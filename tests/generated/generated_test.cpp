@@ -1,4 +1,4 @@
-// Promises of generated kernels: those of the tables' kernels, and agreement with them. SPDX-License-Identifier: Apache-2.0
+// Promises of steps that are written out, as code or as lists: those of the tables' kernels, and agreement with them. SPDX-License-Identifier: Apache-2.0
 #include <limits>
 #include <sstream>
 
@@ -15,41 +15,65 @@ using contract::scattered;
 constexpr Target targets[] = {Target::baseline, Target::avx2, Target::avx512, Target::neon};
 constexpr int several = 19;  // tiles of four, eight and sixteen, and one begun
 
-std::vector<std::string> names() {
-  std::vector<std::string> all;
-  std::stringstream list(LOCKSTEP_KERNELS);
-  for (std::string name; std::getline(list, name, ',');) all.push_back(name);
+struct Written {
+  std::string plan;
+  bool listed;
+};
+std::ostream& operator<<(std::ostream& out, const Written& written) {
+  return out << written.plan << (written.listed ? ", listed" : "");
+}
+
+std::vector<Written> all_written() {
+  std::vector<Written> all;
+  std::stringstream kernels(LOCKSTEP_KERNELS);
+  for (std::string name; std::getline(kernels, name, ',');) {
+    all.push_back({name, false});
+    if (!name.ends_with("_bounds")) all.push_back({name, true});  // these limit servos' efforts: see below
+  }
+  // Methods go by the seed, in turns of four: reduced, direct, pgs, tgs. Not all integrators go with all of them.
+  const std::vector<std::vector<const char*>> more = {
+      {"", "_fields", "_leapfrog", "_leapfrog_fields", "_extrapolated"},
+      {"", "_fields", "_leapfrog", "_extrapolated"}, {"", "_fields"}, {"", "_fields"}};
+  for (int seed = 10; seed < 40; ++seed)
+    for (const char* what : more[static_cast<std::size_t>(seed % 4)])
+      all.push_back({"random_" + std::to_string(seed) + what, true});
+  for (int seed = 40; seed < 60; ++seed) all.push_back({"random_" + std::to_string(seed) + "_limits", true});
   return all;
 }
 
-class Generated : public testing::TestWithParam<std::string> {
+class Generated : public testing::TestWithParam<Written> {
  protected:
-  const Plan plan = generated::plan_of(GetParam());
+  const Plan plan = generated::plan_of(GetParam().plan);
 
   bool is_compiled_for(Target target) const {
-    return plan.describe().find(GetParam() + " for " + name(target) + " in f64") != std::string::npos;
+    return plan.describe().find(GetParam().plan + " for " + name(target) + " in f64") != std::string::npos;
   }
 
   // check(options, scalar) for every target that there is a kernel for and that this machine has, in both precisions.
   template <class Check>
   void for_every_kernel(Check check) {
     for (const Target target : targets) {
-      if (!supported(target) || !is_compiled_for(target)) continue;
+      const bool listed = GetParam().listed;
+      if (!supported(target) || (!listed && !is_compiled_for(target))) continue;
       SCOPED_TRACE(name(target));
-      check(BatchOptions{.threads = 1, .target = target}, float());
-      check(BatchOptions{.threads = 1, .target = target}, double());
+      const BatchOptions options{.threads = 1, .target = target, .generated = !listed, .listed = listed};
+      check(options, float());
+      check(options, double());
     }
   }
 };
 
 TEST_P(Generated, is_found_and_said) {
   for_every_kernel([&](const BatchOptions& options, auto scalar) {
-    EXPECT_EQ(Batch<decltype(scalar)>(plan, 1, options).kernel(), "generated " + GetParam());
+    const auto [name, listed] = GetParam();
+    EXPECT_EQ(Batch<decltype(scalar)>(plan, 1, options).kernel(), listed ? "operations" : "generated " + name);
     BatchOptions without = options;
-    without.generated = false;
+    without.generated = without.listed = false;
     EXPECT_EQ(Batch<decltype(scalar)>(plan, 1, without).kernel(), "tables");
   });
-  EXPECT_TRUE(is_compiled_for(Target::avx2) || is_compiled_for(Target::neon)) << plan.describe();
+  if (!GetParam().listed) {
+    EXPECT_TRUE(is_compiled_for(Target::avx2) || is_compiled_for(Target::neon)) << plan.describe();
+  }
 }
 
 // In one step rounding has no time to grow, but some steps are ill-conditioned: what the tables' kernels of the two
@@ -57,8 +81,10 @@ TEST_P(Generated, is_found_and_said) {
 TEST_P(Generated, agrees_with_the_tables_to_rounding) {
   for_every_kernel([&](BatchOptions options, auto scalar) {
     using S = decltype(scalar);
-    const auto stepped = [&](bool generated, Target target) {
-      Batch<S> batch = scattered<S>(plan, several, {.threads = 1, .target = target, .generated = generated});
+    const auto stepped = [&](bool written, Target target) {
+      const bool listed = written && options.listed, generated = written && options.generated;
+      Batch<S> batch = scattered<S>(plan, several,
+                                    {.threads = 1, .target = target, .generated = generated, .listed = listed});
       batch.step();
       return batch;
     };
@@ -130,7 +156,8 @@ TEST_P(Generated, allocates_nothing_in_a_step_of_one_thread) {
   });
 }
 
-INSTANTIATE_TEST_SUITE_P(Plans, Generated, testing::ValuesIn(names()), [](const auto& info) { return info.param; });
+INSTANTIATE_TEST_SUITE_P(Plans, Generated, testing::ValuesIn(all_written()),
+                         [](const auto& info) { return info.param.plan + (info.param.listed ? "_listed" : ""); });
 
 TEST(GeneratedKernel, of_another_plan_is_not_taken) {
   Model model = generated::plan_of("chain8_reduced").model();
@@ -153,6 +180,26 @@ TEST(GeneratedKernel, depends_on_what_a_step_does_and_on_nothing_else) {
   other = settings;
   other.per_environment.insert(Parameter::damping);
   EXPECT_NE(kernel_hash(compile(model, other)), hash);
+}
+
+// Joints that their couplings lock: velocities that are constants, and look at bounds as constants do.
+TEST(ListedStep, of_locked_joints_agrees_with_the_tables) {
+  const Plan plan = compile(scenes::random_model(14), {.method = Method::reduced, .integrator = Integrator::euler});
+  Batch<double> listed(plan, 3, {.threads = 1, .listed = true}), tables(plan, 3, {.threads = 1});
+  ASSERT_EQ(listed.kernel(), "operations");
+  listed.step(2), tables.step(2);
+  EXPECT_EQ(listed.faulted(), 0);
+  EXPECT_LT((listed.velocities() - tables.velocities()).abs().maxCoeff(), 1e-9);
+  EXPECT_GT((tables.velocities().col(0) == 0.0).count(), 3);  // locked they are
+}
+
+TEST(ListedStep, is_left_to_the_tables_where_there_is_none) {
+  const Plan limited = generated::plan_of("chain8_reduced_bounds");  // servos with a limited effort
+  EXPECT_EQ(Batch<float>(limited, 1, {.generated = false, .listed = true}).kernel(), "tables");
+  StepSettings settings;
+  settings.method = Method::tgs;
+  settings.per_environment.insert(Parameter::softness);  // lane by lane
+  EXPECT_EQ(Batch<float>(compile(scenes::chain8(), settings), 1, {.listed = true}).kernel(), "tables");
 }
 
 TEST(GeneratedKernel, refuses_what_is_worked_out_lane_by_lane) {

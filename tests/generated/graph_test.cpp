@@ -19,9 +19,10 @@ namespace {
 template <class F>
 std::string written(F f) {
   Graph graph;
-  const Id x = graph.input("x", false), y = graph.input("y", false), z = graph.input("z", false);
-  for (const Id id : {x, y, z}) graph.name(id, graph.nodes()[id].text + std::string("_0"));
-  graph.effect({{"result", f(graph, x, y, z)}}, "");
+  const Id x = graph.input({"x"}, false), y = graph.input({"y"}, false), z = graph.input({"z"}, false);
+  for (const Id id : {x, y, z}) graph.name(id, graph.nodes()[id].place.text + std::string("_0"));
+  const Id result = f(graph, x, y, z);
+  graph.effect({{{"result"}, result}}, "");
   const std::string code = write(graph).code();
   const std::size_t at = code.find("result = ");
   return code.substr(at + 9, code.find(';', at) - at - 9);
@@ -75,25 +76,25 @@ TEST(Graph, keeps_products_and_quotients_together) {
 
 TEST(Graph, finds_what_was_computed_before) {
   Graph graph;
-  const Id x = graph.input("x", false), y = graph.input("y", false);
+  const Id x = graph.input({"x"}, false), y = graph.input({"y"}, false);
   EXPECT_EQ(graph.operation(Op::multiply, x, y), graph.operation(Op::multiply, y, x));
   EXPECT_NE(graph.operation(Op::subtract, x, y), graph.operation(Op::subtract, y, x));
 }
 
 TEST(Graph, takes_nothing_from_inside_a_loop_that_it_does_not_hand_on) {
   Graph graph;
-  const Id x = graph.input("x", false);
+  const Id x = graph.input({"x"}, false);
   const Id variable = graph.begin_loop(4, {x})[0];
   const Id inside = graph.operation(Op::add, variable, x);
   const Id after = graph.end_loop({inside})[0];
   EXPECT_NO_THROW(graph.operation(Op::add, after, x));
-  EXPECT_THROW(graph.operation(Op::add, inside, graph.input("y", false)), std::logic_error);
+  EXPECT_THROW(graph.operation(Op::add, inside, graph.input({"y"}, false)), std::logic_error);
 }
 
 // A loop and its variables, a guarded effect and what it changes: cut apart, they would not compile.
 TEST(Parts, are_not_cut_where_something_is_declared_and_set) {
   Graph graph;
-  Id value = graph.input("x.q[0]", false);
+  Id value = graph.input({"x.q[0]"}, false);
   graph.name(value, "q_0");
   for (int i = 0; i < 10; ++i) {
     const std::vector<Id> begun = graph.begin_loop(3, {value});
@@ -102,8 +103,8 @@ TEST(Parts, are_not_cut_where_something_is_declared_and_set) {
     value = graph.end_loop({inside})[0];
   }
   const Id condition = graph.operation(Op::less, value, graph.constant(1.0));
-  const std::vector<Id> after = graph.effect_if(condition, {}, "hold();", {{"x.next_q[0]", value}});
-  graph.effect({{"x.q[0]", after[0]}}, "");
+  const std::vector<Id> after = graph.effect_if(condition, {}, "hold();", {{{"x.next_q[0]"}, value}});
+  graph.effect({{{"x.q[0]"}, after[0]}}, "");
   const Written written = write(graph);
   const std::regex declared(R"(^ +T (\w+) = )"), changed(R"(^ +(\w+) = )");
   for (int most : {1, 7, 13}) {

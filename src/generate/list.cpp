@@ -1,0 +1,413 @@
+#include "list.h"
+
+#include <algorithm>
+#include <map>
+#include <optional>
+#include <set>
+#include <stdexcept>
+
+#include "../kernels/listed.h"
+#include "lockstep/error.h"
+#include "record.h"
+#include "uses.h"
+
+namespace lockstep::generate {
+namespace {
+
+using Value = int;  // a number that an operation makes; later a slot, which values share one after the other
+
+struct Touch {  // of memory
+  Place place;
+  Value value;
+};
+
+struct Made {
+  Does does = Does::copy;
+  Value to = -1, also_to = -1;           // also_to: the cosine
+  std::array<Value, 3> from{-1, -1, -1};
+  int constant = -1;
+  Call call = Call::none;
+  std::vector<Touch> writes = {}, reads = {};  // of a hold; of a read or a write there is one
+};
+
+// So many operations ahead are looked for one of the same kind: runs get longer, values live longer.
+constexpr int window = 60;
+
+// Goes through the graph in the order of recording, loops turn by turn. No product becomes part of a sum here: whether one may
+// depends on who else wants it, and a plan's bits must not depend on what is recorded beside its step.
+class Lister {
+ public:
+  explicit Lister(const Graph& graph)
+      : graph_(graph), nodes_(graph.nodes()), uses_(uses(graph)), value_(nodes_.size(), -1),
+        calls_(std::any_of(graph.items().begin(), graph.items().end(), [](const Item& i) { return i.call != Call::none; })) {}
+
+  // Nothing where code is called that a list has no name for.
+  bool go_through() {
+    for (const Item& item : graph_.items()) {
+      if (item.kind == Item::straight) list_nodes(item);
+      if (item.kind == Item::loop) list_loop(item);
+      if (item.kind == Item::effect && !list_effect(item)) return false;
+    }
+    put_in_order();
+    return true;
+  }
+
+  OperationList finish(lockstep::Store& store);
+
+ private:
+  const Node& node(Id id) const { return nodes_[id]; }
+  bool is_constant(Id id) const { return node(id).op == Op::constant; }
+
+  Value fresh() { return values_++; }
+
+  int constant_index(double value) {
+    const auto [known, is_new] = constant_at_.try_emplace(value, static_cast<int>(constants_.size()));
+    if (is_new) constants_.push_back(value);
+    return known->second;
+  }
+
+  // The value that stands for a node now.
+  Value value(Id id) {
+    const Node& n = node(id);
+    if (n.op == Op::constant) return filled(n.value);
+    if (n.op == Op::none) return filled(0.0);
+    if (n.op == Op::rounding) {
+      if (rounding_ < 0) rounding_ = once({.does = Does::fill_rounding, .constant = constant_index(0.0)});
+      return rounding_;
+    }
+    if (n.op == Op::variable && n.operand[0] >= 0) return value_[n.operand[0]];
+    return value_[id];
+  }
+
+  Value once(Made made) {
+    made.to = fresh();
+    constants_first_.push_back(made);
+    return made.to;
+  }
+  Value filled(double number) {
+    const auto [known, is_new] = filled_.try_emplace(number, -1);
+    if (is_new) known->second = once({.does = Does::fill, .constant = constant_index(number)});
+    return known->second;
+  }
+
+  void list_nodes(const Item& item) {
+    for (Id id : item.nodes)
+      if (uses_[id] > 0) list_node(id, item);
+  }
+
+  void list_loop(const Item& item) {
+    const auto wanted = [&](std::size_t i) { return uses_[item.variable[i]] > 0; };
+    for (std::size_t i = 0; i < item.variable.size(); ++i)
+      if (wanted(i)) value_[item.variable[i]] = value(item.start[i]);
+    for (int turn = 0; turn < item.times; ++turn) {
+      list_nodes(item);
+      std::vector<Value> next;
+      for (std::size_t i = 0; i < item.variable.size(); ++i) next.push_back(wanted(i) ? value(item.next[i]) : -1);
+      for (std::size_t i = 0; i < item.variable.size(); ++i) value_[item.variable[i]] = next[i];
+    }
+  }
+
+  bool list_effect(const Item& item) {
+    const auto writes = [&] {
+      std::vector<Touch> all;
+      for (const Store& store : item.stores) all.push_back({store.place, value(store.value)});
+      return all;
+    };
+    if (item.condition >= 0) {
+      list_hold(item, writes());
+      return true;
+    }
+    if (!item.code.empty() && item.call == Call::none) return false;
+    const std::vector<Touch> written = writes();
+    put_in_order();
+    if (!calls_) {
+      keep_state(written);
+      return true;
+    }
+    for (const Touch& touch : written) ordered_.push_back({.does = Does::write, .writes = {touch}});
+    if (item.call != Call::none) ordered_.push_back({.does = Does::call, .call = item.call});
+    return true;
+  }
+
+  // What the next step starts from goes from slot to slot, unless a call looks for it in memory. Of what is itself to be
+  // overwritten a copy is made first.
+  void keep_state(std::vector<Touch> written) {
+    for (Touch& touch : written)
+      if (lasting_.contains(touch.value)) {
+        ordered_.push_back({.does = Does::copy, .to = fresh(), .from = {touch.value, -1, -1}});
+        touch.value = ordered_.back().to;
+      }
+    for (const Touch& touch : written) {
+      const Value state = kept(touch.place);
+      ordered_.push_back({.does = Does::copy, .to = state, .from = {touch.value, -1, -1}});
+      after_.push_back({touch.place, state});
+    }
+  }
+
+  // A number that lasts for a call, read before its first step.
+  Value kept(const Place& place) {
+    const auto [known, is_new] = kept_.try_emplace(place.text, -1);
+    if (is_new) {
+      known->second = fresh();
+      before_.push_back({place, known->second});
+      lasting_.insert(known->second);
+      if (!place.lasting) state_.push_back(before_.back());
+    }
+    return known->second;
+  }
+
+  // What it changes it changes in place: values that nobody else has.
+  void list_hold(const Item& item, const std::vector<Touch>& writes) {
+    Made hold{.does = Does::hold, .from = {value(item.condition), -1, -1}};
+    std::map<Value, int> times;
+    for (Id start : item.start) ++times[value(start)];
+    for (std::size_t i = 0; i < item.variable.size(); ++i) {
+      const Value start = value(item.start[i]);
+      const bool own = times[start] == 1 && !lasting_.contains(start) && !is_constant(item.start[i]);
+      const Value held = own ? start : fresh();
+      if (!own) pending_.push_back({.does = Does::copy, .to = held, .from = {start, -1, -1}});
+      value_[item.variable[i]] = held;
+      hold.reads.push_back({item.place[i], held});
+    }
+    put_in_order();
+    hold.writes = state_;  // what the frozen ones are held at
+    hold.writes.insert(hold.writes.end(), writes.begin(), writes.end());
+    hold.writes.insert(hold.writes.end(), hold.reads.begin(), hold.reads.end());
+    ordered_.push_back(std::move(hold));
+  }
+
+  void list_node(Id id, const Item& item) {
+    const Node& n = node(id);
+    switch (n.op) {
+      case Op::input: return list_input(id);
+      case Op::sine:
+      case Op::cosine: return list_angle(id, item);
+      case Op::none:
+      case Op::rounding:
+      case Op::constant:
+      case Op::variable: return;
+      default: break;
+    }
+    Made made{.to = value_[id] = fresh()};
+    std::array<Id, 3> from = n.operand;
+    const bool swaps = n.op == Op::add || n.op == Op::multiply || n.op == Op::fma || n.op == Op::fnma;
+    if (swaps && is_constant(from[1])) std::swap(from[0], from[1]);
+    if (n.op == Op::beyond && is_constant(from[1]) && !is_constant(from[0])) std::swap(from[0], from[1]);
+    const bool first = is_constant(from[0]) && !is_constant(from[1]);
+    const bool negates = n.op == Op::fma && node(from[2]).op == Op::negate && !first;
+    if (negates) from[2] = node(from[2]).operand[0];
+    const auto with_constant = [&](Does does, double number) {
+      made.does = does;
+      made.constant = constant_index(number);
+      from[0] = -1;
+    };
+    const double number = from[0] >= 0 ? node(from[0]).value : 0.0;
+    switch (n.op) {
+      case Op::negate: made.does = Does::negate; break;
+      case Op::add: first ? with_constant(Does::add_constant, number) : void(made.does = Does::add); break;
+      case Op::subtract: first ? with_constant(Does::subtract_from_constant, number) : void(made.does = Does::subtract); break;
+      case Op::multiply: first ? with_constant(Does::multiply_constant, number) : void(made.does = Does::multiply); break;
+      case Op::fma:
+        first ? with_constant(Does::fma_constant, number) : void(made.does = negates ? Does::fms : Does::fma);
+        break;
+      case Op::fnma: first ? with_constant(Does::fnma_constant, number) : void(made.does = Does::fnma); break;
+      case Op::beyond: first ? with_constant(Does::beyond_constant, number) : void(made.does = Does::beyond); break;
+      case Op::divide: made.does = Does::divide; break;
+      case Op::sqrt: made.does = Does::sqrt; break;
+      case Op::less: made.does = Does::less; break;
+      case Op::either: made.does = Does::either; break;
+      case Op::both: made.does = Does::both; break;
+      case Op::invert: made.does = Does::invert; break;
+      case Op::select: made.does = Does::select; break;
+      default: throw std::logic_error("an operation that no list knows");
+    }
+    for (int i = 0; i < 3; ++i)
+      if (from[i] >= 0) made.from[i] = value(from[i]);
+    pending_.push_back(std::move(made));
+  }
+
+  void list_input(Id id) {
+    const Place& place = node(id).place;
+    if (place.lasting || !calls_) {
+      value_[id] = kept(place);
+      return;
+    }
+    put_in_order();
+    value_[id] = fresh();
+    ordered_.push_back({.does = Does::read, .to = value_[id], .reads = {{place, value_[id]}}});
+  }
+
+  // The sine makes the cosine as well, whichever comes first.
+  void list_angle(Id id, const Item& item) {
+    const Id angle = node(id).operand[0];
+    if (listed_angles_.contains(id)) return;
+    Made made{.does = Does::sincos, .to = fresh(), .also_to = fresh(), .from = {value(angle), -1, -1}};
+    for (Id other : item.nodes)
+      if (node(other).operand[0] == angle && (node(other).op == Op::sine || node(other).op == Op::cosine)) {
+        value_[other] = node(other).op == Op::sine ? made.to : made.also_to;
+        listed_angles_.insert(other);
+      }
+    pending_.push_back(std::move(made));
+  }
+
+  void drop_unused();
+
+  // What is pending, equal operations next to each other where their operands allow it.
+  void put_in_order() {
+    std::map<Value, std::size_t> maker;
+    for (std::size_t i = 0; i < pending_.size(); ++i)
+      for (Value v : {pending_[i].to, pending_[i].also_to})
+        if (v >= 0) maker[v] = i;
+    std::vector<char> done(pending_.size(), false);
+    const auto ready = [&](std::size_t i) {
+      return std::all_of(pending_[i].from.begin(), pending_[i].from.end(), [&](Value v) {
+        const auto made = maker.find(v);
+        return made == maker.end() || done[made->second];
+      });
+    };
+    std::optional<Does> kind;
+    for (std::size_t begin = 0; begin < pending_.size();) {
+      if (done[begin]) {
+        ++begin;
+        continue;
+      }
+      std::map<Does, std::pair<int, std::size_t>> found;  // how many, and the first
+      for (std::size_t i = begin, seen = 0; i < pending_.size() && seen < window; ++i) {
+        if (done[i]) continue;
+        ++seen;
+        if (ready(i)) ++found.try_emplace(pending_[i].does, 0, i).first->second.first;
+      }
+      if (!kind || !found.contains(*kind))
+        kind = std::max_element(found.begin(), found.end(), [](const auto& a, const auto& b) {
+                 return a.second.first < b.second.first;
+               })->first;
+      const std::size_t next = found[*kind].second;
+      done[next] = true;
+      ordered_.push_back(pending_[next]);
+    }
+    pending_.clear();
+  }
+
+  const Graph& graph_;
+  const std::vector<Node>& nodes_;
+  std::vector<int> uses_;
+  std::vector<Value> value_;                 // by node
+  int values_ = 0;
+  Value rounding_ = -1;
+  std::vector<double> constants_;
+  std::map<double, int> constant_at_;
+  std::map<double, Value> filled_;
+  bool calls_;
+  std::map<std::string, Value> kept_;        // by place
+  std::set<Value> lasting_;                  // their values
+  std::vector<Touch> state_;                 // those of them that a step changes
+  std::set<Id> listed_angles_;
+  std::vector<Made> constants_first_, ordered_, pending_;
+  std::vector<Touch> before_, after_;
+};
+
+template <class Use>
+void used_by(const Made& made, Use use) {
+  for (Value v : made.from)
+    if (v >= 0) use(v);
+  for (const Touch& touch : made.writes) use(touch.value);
+  for (const Touch& touch : made.reads) use(touch.value);
+}
+
+// Negations that have become part of others.
+void Lister::drop_unused() {
+  std::vector<char> used(static_cast<std::size_t>(values_), false);
+  for (const Made& made : ordered_) used_by(made, [&](Value v) { used[v] = true; });
+  std::erase_if(ordered_, [&](const Made& made) { return made.does == Does::negate && !used[made.to]; });
+}
+
+// Numbers' slots, and runs of equal operations.
+OperationList Lister::finish(lockstep::Store& store) {
+  std::vector<int> slot(static_cast<std::size_t>(values_), -1), last(static_cast<std::size_t>(values_), -1), free;
+  int slots = 0;
+  for (const Made& made : constants_first_) slot[made.to] = slots++;
+  for (const Touch& read : before_) slot[read.value] = slots++;
+  const int lasting = slots;
+  drop_unused();
+  for (std::size_t i = 0; i < ordered_.size(); ++i)
+    used_by(ordered_[i], [&](Value v) { last[v] = static_cast<int>(i); });
+
+  std::vector<Operation> operations;
+  std::vector<Access> accesses;
+  const auto touch = [&](const Touch& t) {
+    accesses.push_back({slot[t.value], t.place.array, t.place.number});
+    return static_cast<int>(accesses.size()) - 1;
+  };
+  const auto add_to = [&](std::vector<Run>& runs, const Made& made) {
+    const auto of = [&](Value v) { return v < 0 ? 0 : slot[v]; };
+    Run run{made.does, 0, 0};
+    if (made.does == Does::read || made.does == Does::write) {
+      run.first = touch(made.does == Does::read ? made.reads[0] : made.writes[0]);
+    } else {
+      run.first = static_cast<int>(operations.size());
+      Operation o{of(made.to), of(made.from[0]), of(made.from[1]), of(made.from[2])};
+      if (made.constant >= 0) o.a = made.constant;
+      if (made.does == Does::sincos) o.c = of(made.also_to);
+      if (made.does == Does::call) o.to = static_cast<int>(made.call);
+      if (made.does == Does::hold) {
+        o.b = static_cast<int>(accesses.size());
+        for (const Touch& t : made.writes) touch(t);
+        o.c = static_cast<int>(accesses.size());
+        for (const Touch& t : made.reads) touch(t);
+        o.to = static_cast<int>(accesses.size());
+      }
+      operations.push_back(o);
+    }
+    run.last = run.first + 1;
+    const bool alone = made.does == Does::call || made.does == Does::hold;
+    if (!runs.empty() && runs.back().does == run.does && runs.back().last == run.first && !alone)
+      runs.back().last = run.last;
+    else
+      runs.push_back(run);
+  };
+
+  std::vector<Run> constants_first, runs;
+  for (const Made& made : constants_first_) add_to(constants_first, made);
+  for (std::size_t i = 0; i < ordered_.size(); ++i) {
+    const Made& made = ordered_[i];
+    used_by(made, [&](Value v) {
+      if (slot[v] < lasting || last[v] != static_cast<int>(i)) return;
+      if (std::find(free.begin(), free.end(), slot[v]) == free.end()) free.push_back(slot[v]);
+    });
+    for (Value v : {made.to, made.also_to}) {
+      if (v < 0 || slot[v] >= 0) continue;
+      if (free.empty()) free.push_back(slots++);
+      slot[v] = free.back();
+      free.pop_back();
+    }
+    for (Value v : {made.to, made.also_to})
+      if (v >= 0 && last[v] < 0) free.push_back(slot[v]);
+    add_to(runs, made);
+  }
+  const auto accesses_of = [&](const std::vector<Touch>& touches) {
+    std::vector<Access> all;
+    for (const Touch& t : touches) all.push_back({slot[t.value], t.place.array, t.place.number});
+    return store.keep(std::move(all));
+  };
+  return {.constants_first = store.keep(std::move(constants_first)), .before = accesses_of(before_),
+          .runs = store.keep(std::move(runs)), .after = accesses_of(after_), .calls = calls_,
+          .operations = store.keep(std::move(operations)), .constants = store.keep(std::move(constants_)),
+          .accesses = store.keep(std::move(accesses)), .slots = slots};
+}
+
+}  // namespace
+
+const OperationList* operation_list(const Program& program) {
+  ListedStep& listed = *program.listed;
+  std::call_once(listed.once, [&] {
+    try {
+      const Graph graph = record_step(program);
+      Lister lister(graph);
+      if (lister.go_through()) listed.list = lister.finish(listed.store);
+    } catch (const SettingsError&) {  // lane by lane
+    }
+  });
+  return listed.list.runs.count > 0 ? &listed.list : nullptr;
+}
+
+}  // namespace lockstep::generate

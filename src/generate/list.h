@@ -1,0 +1,12 @@
+// A graph as a list of operations. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "../plan/program.h"
+
+namespace lockstep::generate {
+
+/// The plan's step as a list, made when first asked for; null where the stages' loops are as fast, or where a step solves
+/// lane by lane or until it is satisfied. Thread-safe.
+const OperationList* operation_list(const Program& program);
+
+}  // namespace lockstep::generate

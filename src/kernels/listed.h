@@ -1,0 +1,287 @@
+// A step as a list of operations, each done for many tiles before the next one. SPDX-License-Identifier: Apache-2.0
+//
+// Vectorised interpretation (Boncz, Zukowski, Nes 2005): finding out what to do is paid once for sixteen tiles, and the
+// list holds what one plan needs and no more, as generated code does. A long step's numbers leave the caches, and the
+// stages' loops are faster then: docs/kernels.md has from where on.
+#pragma once
+
+#include "../plan/operations.h"
+#include "step.h"
+
+namespace lockstep::kernels {
+
+template <class T>
+constexpr int tiles_at_once = sizeof(T) > 32 ? 8 : 16;
+
+/// One number of each tile.
+template <class T>
+struct Slot {
+  T tile[tiles_at_once<T>];
+};
+
+/// Keeps where the tile's arrays begin, in their order.
+struct Places : Carver {
+  static constexpr int most = 160;
+  struct Firsts {
+    std::ptrdiff_t first[most];
+    int count = 0;
+  };
+  explicit Places(Firsts& firsts) : Carver(nullptr), firsts_(&firsts) {}
+  template <class E>
+  void operator()(const char* name, E*& array, int count, Lasts lasts = Lasts::step) {
+    Carver::operator()(name, array, count, lasts);
+    firsts_->first[firsts_->count++] = reinterpret_cast<std::ptrdiff_t>(array);
+  }
+
+ private:
+  Firsts* firsts_;
+};
+
+/// Tiles that go through the list together, and their slots.
+template <class T>
+struct Listed {
+  using S = ScalarOf<T>;
+  static constexpr int most = tiles_at_once<T>;
+
+  const Tables<S>& t;
+  const OperationList& list;
+  Slot<T>* slots;
+  std::byte* block[most];  // of the tile's arrays: the same for all where no stage is called
+  Places::Firsts arrays;
+  Tile<T> x[most];
+  Lanes<S> lanes[most];
+  int tiles = 0;
+};
+
+template <class S>
+LOCKSTEP_INLINE const S* row_of(const Lanes<S>& lanes, const Access& access) {
+  const std::ptrdiff_t row = access.number * lanes.stride;
+  switch (access.array) {
+    case Access::position_target: return lanes.position_target + row;
+    case Access::velocity_target: return lanes.velocity_target + row;
+    case Access::effort: return lanes.effort + row;
+    default: return lanes.field[access.array - Access::field] + row;
+  }
+}
+
+template <class T>
+LOCKSTEP_INLINE T& number_of(Listed<T>& l, int k, const Access& access) {
+  return reinterpret_cast<T*>(l.block[k] + l.arrays.first[access.array])[access.number];
+}
+
+template <class T>
+LOCKSTEP_INLINE typename T::Mask mask_of(const T& number) {
+  return {bits(number)};
+}
+template <class T>
+LOCKSTEP_INLINE T number_from(typename T::Mask mask) {
+  return T::from_bits(mask.bits);
+}
+
+template <class T>
+LOCKSTEP_INLINE void read_place(Listed<T>& l, int k, const Access& access) {
+  T& to = l.slots[access.slot].tile[k];
+  if (access.array >= Access::first_row)
+    to = T::load(row_of(l.lanes[k], access));
+  else if (access.array >= 0)
+    to = number_of(l, k, access);
+  else
+    to = number_from<T>(access.array == Access::frozen ? l.x[k].frozen : l.x[k].singular);
+}
+
+template <class T>
+LOCKSTEP_INLINE void write_place(Listed<T>& l, int k, const Access& access, typename T::Mask& failed) {
+  const T& from = l.slots[access.slot].tile[k];
+  switch (access.array) {
+    case Access::frozen: l.x[k].frozen = mask_of(from); break;
+    case Access::singular: l.x[k].singular = mask_of(from); break;
+    case Access::failed: failed = mask_of(from); break;
+    default: number_of(l, k, access) = from;
+  }
+}
+
+template <class T>
+void call(Call wanted, const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  switch (wanted) {
+    case Call::none: break;
+    case Call::forget_bounds: forget_bounds(x); break;
+    case Call::compete:
+      if (bounds_act(t, x)) compete(t, lanes, x);
+      break;
+    case Call::coupling_impulses: coupling_impulses(t, x); break;
+    case Call::diagnose: diagnose(t, lanes, x); break;
+  }
+}
+
+/// hold() for the tiles with frozen lanes.
+template <class T>
+void hold_listed(Listed<T>& l, const Operation& hold_) {
+  const Access* const accesses = l.list.accesses.data;
+  for (int k = 0; k < l.tiles; ++k) {
+    if (!any(mask_of(l.slots[hold_.a].tile[k]))) continue;
+    typename T::Mask failed = T::none();
+    for (int i = hold_.b; i < hold_.c; ++i) write_place(l, k, accesses[i], failed);
+    hold(l.t, l.lanes[k], l.x[k], failed);
+    for (int i = hold_.c; i < hold_.to; ++i) read_place(l, k, accesses[i]);
+  }
+}
+
+/// One operation after the other, for N tiles, or for as many as there are where N is 0.
+template <int N, class T, class Act>
+LOCKSTEP_INLINE void each(Listed<T>& l, const Run& run, Act&& act) {
+  Slot<T>* const slots = l.slots;
+  const int tiles = N > 0 ? N : l.tiles;
+  for (const Operation *o = l.list.operations.data + run.first, *last = l.list.operations.data + run.last; o != last; ++o) {
+    T* const to = slots[o->to].tile;
+    const T *const a = slots[o->a].tile, *const b = slots[o->b].tile, *const c = slots[o->c].tile;
+#pragma GCC unroll 16
+    for (int k = 0; k < tiles; ++k) to[k] = act(a[k], b[k], c[k]);
+  }
+}
+
+/// The same with a constant in the place of a.
+template <int N, class T, class Act>
+LOCKSTEP_INLINE void each_constant(Listed<T>& l, const Run& run, Act&& act) {
+  Slot<T>* const slots = l.slots;
+  const int tiles = N > 0 ? N : l.tiles;
+  for (const Operation *o = l.list.operations.data + run.first, *last = l.list.operations.data + run.last; o != last; ++o) {
+    T* const to = slots[o->to].tile;
+    const T a = T(static_cast<ScalarOf<T>>(l.list.constants[o->a]));
+    const T *const b = slots[o->b].tile, *const c = slots[o->c].tile;
+#pragma GCC unroll 16
+    for (int k = 0; k < tiles; ++k) to[k] = act(a, b[k], c[k]);
+  }
+}
+
+template <int N, class T>
+LOCKSTEP_INLINE void each_angle(Listed<T>& l, const Run& run) {
+  const int tiles = N > 0 ? N : l.tiles;
+  for (int i = run.first; i < run.last; ++i) {
+    const Operation& o = l.list.operations[i];
+    for (int k = 0; k < tiles; ++k) {
+      T sine, cosine;
+      sincos(l.slots[o.a].tile[k], sine, cosine);
+      l.slots[o.to].tile[k] = sine;
+      l.slots[o.c].tile[k] = cosine;
+    }
+  }
+}
+
+template <int N, class T>
+void go_through(Listed<T>& l, Span<Run> runs) {
+  const auto number = [](typename T::Mask mask) LOCKSTEP_INLINED { return number_from<T>(mask); };
+  typename T::Mask failed = T::none();
+  for (int r = 0; r < runs.count; ++r) {
+    const Run& run = runs[r];
+    switch (run.does) {
+#define LOCKSTEP_EACH(does, value) \
+  case Does::does: each<N>(l, run, [&]([[maybe_unused]] T a, [[maybe_unused]] T b, [[maybe_unused]] T c) LOCKSTEP_INLINED { return value; }); break
+#define LOCKSTEP_EACH_CONSTANT(does, value) \
+  case Does::does: each_constant<N>(l, run, [&]([[maybe_unused]] T a, [[maybe_unused]] T b, [[maybe_unused]] T c) LOCKSTEP_INLINED { return value; }); break
+      LOCKSTEP_EACH(copy, a);
+      LOCKSTEP_EACH(negate, -a);
+      LOCKSTEP_EACH(add, a + b);
+      LOCKSTEP_EACH(subtract, a - b);
+      LOCKSTEP_EACH(multiply, a * b);
+      LOCKSTEP_EACH(divide, a / b);
+      LOCKSTEP_EACH(fma, fma(a, b, c));
+      LOCKSTEP_EACH(fnma, fnma(a, b, c));
+      LOCKSTEP_EACH(fms, fma(a, b, -c));
+      LOCKSTEP_EACH(sqrt, sqrt(a));
+      LOCKSTEP_EACH(less, number(less(a, b)));
+      LOCKSTEP_EACH(beyond, number(beyond(a, b)));
+      LOCKSTEP_EACH(either, number(mask_of(a) | mask_of(b)));
+      LOCKSTEP_EACH(both, number(mask_of(a) & mask_of(b)));
+      LOCKSTEP_EACH(invert, number(~mask_of(a)));
+      LOCKSTEP_EACH(select, select(mask_of(a), b, c));
+      LOCKSTEP_EACH_CONSTANT(add_constant, a + b);
+      LOCKSTEP_EACH_CONSTANT(subtract_from_constant, a - b);
+      LOCKSTEP_EACH_CONSTANT(multiply_constant, a * b);
+      LOCKSTEP_EACH_CONSTANT(fma_constant, fma(a, b, c));
+      LOCKSTEP_EACH_CONSTANT(fnma_constant, fnma(a, b, c));
+      LOCKSTEP_EACH_CONSTANT(beyond_constant, number(beyond(b, a)));
+      LOCKSTEP_EACH_CONSTANT(fill, a);
+      LOCKSTEP_EACH_CONSTANT(fill_rounding, T::rounding());
+#undef LOCKSTEP_EACH
+#undef LOCKSTEP_EACH_CONSTANT
+      case Does::sincos: each_angle<N>(l, run); break;
+      case Does::read:
+        for (int i = run.first; i < run.last; ++i)
+          for (int k = 0; k < l.tiles; ++k) read_place(l, k, l.list.accesses[i]);
+        break;
+      case Does::write:
+        for (int i = run.first; i < run.last; ++i)
+          for (int k = 0; k < l.tiles; ++k) write_place(l, k, l.list.accesses[i], failed);
+        break;
+      case Does::call:
+        for (int k = 0; k < l.tiles; ++k)
+          call(static_cast<Call>(l.list.operations[run.first].to), l.t, l.lanes[k], l.x[k]);
+        break;
+      case Does::hold: hold_listed(l, l.list.operations[run.first]); break;
+    }
+  }
+}
+
+/// From the batch into the tile's slots, and back.
+template <class T>
+LOCKSTEP_INLINE void begin_tile(Listed<T>& l, int k) {
+  load(l.t, l.lanes[k], l.x[k]);
+  for (int i = 0; i < l.list.before.count; ++i) read_place(l, k, l.list.before[i]);
+}
+template <class T>
+LOCKSTEP_INLINE void end_tile(Listed<T>& l, int k) {
+  typename T::Mask failed;
+  for (int i = 0; i < l.list.after.count; ++i) write_place(l, k, l.list.after[i], failed);
+  store(l.t, l.lanes[k], l.x[k]);
+}
+
+/// Bytes between the arrays of two tiles: not a power of two, or they would meet in the cache.
+inline std::size_t spread_out(std::size_t bytes) { return bytes + (bytes / 64 % 2 == 0 ? 64 : 0); }
+
+/// Bytes of scratch memory for the tiles' arrays and the slots.
+template <class T>
+std::size_t listed_bytes(const Tables<ScalarOf<T>>& t, const OperationList& list) {
+  Tile<T> x;
+  return (list.calls ? tiles_at_once<T> : 1) * spread_out(lay_out(t, nullptr, x)) +
+         static_cast<std::size_t>(list.slots) * sizeof(Slot<T>);
+}
+
+/// advance() of step.h by the list.
+template <class T>
+void advance_listed(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::ptrdiff_t first, std::ptrdiff_t last,
+                    int substeps, void* scratch, const OperationList& list) {
+  const simd::FlushDenormals flush;
+  Listed<T> l{t, list, static_cast<Slot<T>*>(scratch), {}, {}, {}, {}};
+  std::byte* behind = reinterpret_cast<std::byte*>(l.slots + list.slots);
+  Places places(l.arrays);
+  arrays(t, l.x[0], places);
+  for (int k = 0; k < l.most && k * T::lanes < last - first; ++k) {
+    l.block[k] = behind;
+    const std::size_t bytes = spread_out(lay_out(t, behind, l.x[k]));
+    if (list.calls) behind += bytes;
+    if (list.calls || k == 0) {
+      uniform_masses(t, l.x[k]);
+      uniform_ratios(t, l.x[k]);
+    }
+  }
+  l.tiles = l.most;
+  go_through<Listed<T>::most>(l, list.constants_first);
+  while (first < last) {
+    for (l.tiles = 0; l.tiles < l.most && first < last; ++l.tiles, first += T::lanes) {
+      l.lanes[l.tiles] = at(lanes, first);
+      begin_tile(l, l.tiles);
+    }
+    constexpr int all = Listed<T>::most, half = all / 2;
+    for (int i = 0; i < substeps; ++i) {
+      if (l.tiles == all)
+        go_through<all>(l, list.runs);
+      else if (l.tiles == half)
+        go_through<half>(l, list.runs);
+      else
+        go_through<0>(l, list.runs);
+    }
+    for (int k = 0; k < l.tiles; ++k) end_tile(l, k);
+  }
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,56 @@
+// A step as a list of operations on numbered places, for kernels/listed.h to go through. SPDX-License-Identifier: Apache-2.0
+//
+// Written by generate/list.h; flat and constant, as the tables are.
+#pragma once
+
+#include "tables.h"
+
+namespace lockstep {
+
+/// What the operations of a run do with the numbers in slots a, b, c. Masks are numbers of which only bits are looked at.
+enum class Does : int {
+  copy, negate, add, subtract, multiply, divide, fma, fnma, fms, sqrt, less, beyond, either, both, invert, select,
+  sincos,  ///< of a, to `to` and c
+  // where a is a constant
+  add_constant, subtract_from_constant, multiply_constant, fma_constant, fnma_constant, beyond_constant,  ///< b beyond a
+  fill,    ///< with a constant
+  fill_rounding,
+  // what memory has to do with; firsts and lasts of runs count accesses
+  read, write,
+  call,    ///< a Call on the tiles
+  hold,    ///< where a mask has lanes: accesses b to c written, kernels::hold(), accesses c to `to` read again
+};
+
+/// Stages that look at what is in the lanes before they know what to do: they are called, as the tables' kernels call them.
+enum class Call : int { none, forget_bounds, compete, coupling_impulses, diagnose };
+
+struct Operation {
+  int to, a, b, c;  ///< slots; a is a constant's index where there is one; a Call in `to`
+};
+
+/// Where a number stands that is read or written.
+struct Access {
+  /// From 0 on the tile's arrays, in the order of kernels::arrays(); from first_row on rows of the batch.
+  enum : int { frozen = -1, singular = -2, failed = -3, nowhere = -4,
+               first_row = 1000, position_target = first_row, velocity_target, effort, field };
+  int slot, array, number;
+};
+
+struct Run {
+  Does does;
+  int first, last;  ///< operations, or accesses
+};
+
+struct OperationList {
+  Span<Run> constants_first;  ///< puts constants where no operation changes them
+  Span<Access> before;        ///< read before the first step of a call
+  Span<Run> runs;             ///< a step
+  Span<Access> after;         ///< written after the last one
+  bool calls = false;         ///< stages are called, on tiles that have their numbers in memory
+  Span<Operation> operations;
+  Span<double> constants;
+  Span<Access> accesses;
+  int slots = 0;
+};
+
+}  // namespace lockstep
