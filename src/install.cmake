@@ -20,7 +20,8 @@ foreach(folder simd kernels targets)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lockstep/kernel
           FILES_MATCHING PATTERN "*.h")
 endforeach()
-install(FILES ${PROJECT_SOURCE_DIR}/src/plan/tables.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lockstep/kernel/plan)
+install(FILES ${PROJECT_SOURCE_DIR}/src/plan/operations.h ${PROJECT_SOURCE_DIR}/src/plan/tables.h
+  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lockstep/kernel/plan)
 install(FILES ${PROJECT_SOURCE_DIR}/src/generate/lockstep_add_kernel.cmake DESTINATION ${package_dir})
 install(EXPORT lockstepTargets NAMESPACE lockstep:: DESTINATION ${package_dir})
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/lockstepConfig.cmake

@@ -26,9 +26,9 @@ struct Places : Carver {
     std::ptrdiff_t first[most];
     int count = 0;
   };
-  explicit Places(Firsts& firsts) : Carver(nullptr), firsts_(&firsts) {}
+  LOCKSTEP_INLINE explicit Places(Firsts& firsts) : Carver(nullptr), firsts_(&firsts) {}
   template <class E>
-  void operator()(const char* name, E*& array, int count, Lasts lasts = Lasts::step) {
+  LOCKSTEP_INLINE void operator()(const char* name, E*& array, int count, Lasts lasts = Lasts::step) {
     Carver::operator()(name, array, count, lasts);
     firsts_->first[firsts_->count++] = reinterpret_cast<std::ptrdiff_t>(array);
   }
@@ -236,7 +236,7 @@ LOCKSTEP_INLINE void end_tile(Listed<T>& l, int k) {
 }
 
 /// Bytes between the arrays of two tiles: not a power of two, or they would meet in the cache.
-inline std::size_t spread_out(std::size_t bytes) { return bytes + (bytes / 64 % 2 == 0 ? 64 : 0); }
+LOCKSTEP_INLINE std::size_t spread_out(std::size_t bytes) { return bytes + (bytes / 64 % 2 == 0 ? 64 : 0); }
 
 /// Bytes of scratch memory for the tiles' arrays and the slots.
 template <class T>

@@ -277,13 +277,16 @@ TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
   }
 }
 
+// By the tables, and every fourth once more by a list of operations.
 TEST_P(Agreement, of_impulses_and_states_after_one_step_and_after_ten) {
-  for (int seed = 0; seed < seeds; ++seed) {
-    SCOPED_TRACE(seed);
+  for (int run = 0; run < seeds + seeds / 4; ++run) {
+    const bool listed = run >= seeds;
+    const int seed = listed ? 4 * (run - seeds) : run;
+    SCOPED_TRACE(testing::Message() << seed << (listed ? ", listed" : ""));
     const Model model = scenes::random_model(seed);
     const reference::Mechanism mechanism(model);
     const StepSettings settings = settings_of(GetParam(), seed);
-    Batch<double> batch(compile(model, settings), 1, {.threads = 1});
+    Batch<double> batch(compile(model, settings), 1, {.threads = 1, .listed = listed});
     reference::State state = mechanism.initial_state();
     double rounding = 0.0;
     for (int step = 0; step < 10; ++step) {
