@@ -43,6 +43,9 @@ class Lister {
 
   // Nothing where code is called that a list has no name for.
   bool go_through() {
+    for (const Item& item : graph_.items())  // the state, of which a step may not look at everything
+      if (!calls_ && item.kind == Item::effect && item.condition < 0)
+        for (const Store& store : item.stores) kept(store.place);
     for (const Item& item : graph_.items()) {
       if (item.kind == Item::straight) list_nodes(item);
       if (item.kind == Item::loop) list_loop(item);
@@ -120,28 +123,22 @@ class Lister {
     if (!item.code.empty() && item.call == Call::none) return false;
     const std::vector<Touch> written = writes();
     put_in_order();
-    if (!calls_) {
-      keep_state(written);
-      return true;
-    }
+    if (!calls_) return keep_state(written);
     for (const Touch& touch : written) ordered_.push_back({.does = Does::write, .writes = {touch}});
     if (item.call != Call::none) ordered_.push_back({.does = Does::call, .call = item.call});
     return true;
   }
 
-  // What the next step starts from goes from slot to slot, unless a call looks for it in memory. Of what is itself to be
-  // overwritten a copy is made first.
-  void keep_state(std::vector<Touch> written) {
-    for (Touch& touch : written)
-      if (lasting_.contains(touch.value)) {
-        ordered_.push_back({.does = Does::copy, .to = fresh(), .from = {touch.value, -1, -1}});
-        touch.value = ordered_.back().to;
-      }
+  // What the next step starts from goes from slot to slot, unless a call looks for it in memory.
+  // Not where one state becomes another's, which may have been overwritten by then.
+  bool keep_state(const std::vector<Touch>& written) {
     for (const Touch& touch : written) {
+      if (lasting_.contains(touch.value)) return false;
       const Value state = kept(touch.place);
       ordered_.push_back({.does = Does::copy, .to = state, .from = {touch.value, -1, -1}});
       after_.push_back({touch.place, state});
     }
+    return true;
   }
 
   // A number that lasts for a call, read before its first step.

@@ -191,6 +191,15 @@ TEST(ListedStep, of_locked_joints_agrees_with_the_tables) {
   EXPECT_EQ(listed.faulted(), 0);
   EXPECT_LT((listed.velocities() - tables.velocities()).abs().maxCoeff(), 1e-9);
   EXPECT_GT((tables.velocities().col(0) == 0.0).count(), 3);  // locked they are
+
+  // One that fails keeps all of its state, also what no step looks at.
+  listed.velocities().col(1) += 0.5;
+  listed.positions()(0, 1) = std::numeric_limits<double>::quiet_NaN();
+  const Batch<double>::Array before = listed.velocities();
+  listed.step();
+  EXPECT_NE(listed.faults()[1], Fault::none);
+  EXPECT_EQ(listed.faulted(), 1);
+  EXPECT_TRUE((listed.velocities().col(1) == before.col(1)).all());
 }
 
 TEST(ListedStep, is_left_to_the_tables_where_there_is_none) {
