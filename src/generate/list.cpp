@@ -32,6 +32,8 @@ struct Made {
 
 // So many operations ahead are looked for one of the same kind: runs get longer, values live longer.
 constexpr int window = 60;
+// Longer lists, of many sweeps over many rows, are far slower than the stages' loops, and long in the making.
+constexpr std::size_t longest = 30000;
 
 // Goes through the graph in the order of recording, loops turn by turn. No product becomes part of a sum here: whether one may
 // depends on who else wants it, and a plan's bits must not depend on what is recorded beside its step.
@@ -41,18 +43,19 @@ class Lister {
       : graph_(graph), nodes_(graph.nodes()), uses_(uses(graph)), value_(nodes_.size(), -1),
         calls_(std::any_of(graph.items().begin(), graph.items().end(), [](const Item& i) { return i.call != Call::none; })) {}
 
-  // Nothing where code is called that a list has no name for.
+  // False where code is called that a list has no name for, or where it would be too long.
   bool go_through() {
     for (const Item& item : graph_.items())  // the state, of which a step may not look at everything
       if (!calls_ && item.kind == Item::effect && item.condition < 0)
         for (const Store& store : item.stores) kept(store.place);
     for (const Item& item : graph_.items()) {
       if (item.kind == Item::straight) list_nodes(item);
+      if (ordered_.size() + static_cast<std::size_t>(item.times) * item.nodes.size() > longest) return false;
       if (item.kind == Item::loop) list_loop(item);
       if (item.kind == Item::effect && !list_effect(item)) return false;
     }
     put_in_order();
-    return true;
+    return ordered_.size() <= longest;
   }
 
   OperationList finish(lockstep::Store& store);
@@ -378,7 +381,7 @@ OperationList Lister::finish(lockstep::Store& store) {
       free.pop_back();
     }
     for (Value v : {made.to, made.also_to})
-      if (v >= 0 && last[v] < 0) free.push_back(slot[v]);
+      if (v >= 0 && last[v] < 0 && slot[v] >= lasting) free.push_back(slot[v]);
     add_to(runs, made);
   }
   const auto accesses_of = [&](const std::vector<Touch>& touches) {

@@ -5,8 +5,8 @@
 
 namespace lockstep::generate {
 
-/// The plan's step as a list, made when first asked for; null where the stages' loops are as fast, or where a step solves
-/// lane by lane or until it is satisfied. Thread-safe.
+/// The plan's step as a list, made when first asked for; null where it would be too long, or where a step solves lane by
+/// lane or until it is satisfied. Thread-safe.
 const OperationList* operation_list(const Program& program);
 
 }  // namespace lockstep::generate

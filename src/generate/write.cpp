@@ -208,6 +208,9 @@ class Writer {
     std::vector<std::size_t> kept;
     for (std::size_t i = 0; i < item.variable.size(); ++i)
       if (uses_[item.variable[i]] > 0) kept.push_back(i);
+    for (std::size_t i : kept)
+      if (nodes_[item.next[i]].op == Op::variable && item.next[i] != item.variable[i])
+        throw std::logic_error("a loop hands one variable's value on as another's, which the code would overwrite");
     if (kept.empty()) return;
     for (Id id : item.nodes)
       if (uses_[id] > 0) read_inputs(id, 0);

@@ -13,7 +13,6 @@ using contract::same_bits;
 using contract::scattered;
 
 constexpr Target targets[] = {Target::baseline, Target::avx2, Target::avx512, Target::neon};
-constexpr int several = 19;  // tiles of four, eight and sixteen, and one begun
 
 struct Written {
   std::string plan;
@@ -44,6 +43,9 @@ std::vector<Written> all_written() {
 class Generated : public testing::TestWithParam<Written> {
  protected:
   const Plan plan = generated::plan_of(GetParam().plan);
+  // Tiles of four, eight and sixteen, and one begun; for lists a whole group of tiles and half of one - but not under bounds
+  // of which some environment's are hard to tell from contradictory ones: there tables do not agree with themselves.
+  const int several = GetParam().listed && !GetParam().plan.ends_with("_limits") ? 189 : 19;
 
   bool is_compiled_for(Target target) const {
     return plan.describe().find(GetParam().plan + " for " + name(target) + " in f64") != std::string::npos;
@@ -191,15 +193,29 @@ TEST(ListedStep, of_locked_joints_agrees_with_the_tables) {
   EXPECT_EQ(listed.faulted(), 0);
   EXPECT_LT((listed.velocities() - tables.velocities()).abs().maxCoeff(), 1e-9);
   EXPECT_GT((tables.velocities().col(0) == 0.0).count(), 3);  // locked they are
+}
 
-  // One that fails keeps all of its state, also what no step looks at.
-  listed.velocities().col(1) += 0.5;
-  listed.positions()(0, 1) = std::numeric_limits<double>::quiet_NaN();
-  const Batch<double>::Array before = listed.velocities();
-  listed.step();
-  EXPECT_NE(listed.faults()[1], Fault::none);
-  EXPECT_EQ(listed.faulted(), 1);
-  EXPECT_TRUE((listed.velocities().col(1) == before.col(1)).all());
+// Two ratios between a pair of joints beside the chain lock them: no step looks at their velocities.
+TEST(ListedStep, keeps_of_a_frozen_environment_what_no_step_looks_at) {
+  Model model = scenes::chain8();
+  for (const char* name : {"a", "b"}) {
+    Link link = model.links.back();
+    Joint joint = model.joints.back();
+    link.name = joint.child = joint.name = name;
+    joint.parent = name[0] == 'a' ? "base" : "a";
+    model.links.push_back(link);
+    model.joints.push_back(joint);
+  }
+  model.couplings.push_back(Coupling::mimic("a", "b", -2.0));
+  model.couplings.push_back(Coupling::mimic("a", "b", -3.0));
+  const Plan plan = compile(model, {.method = Method::reduced, .integrator = Integrator::euler});
+  Batch<float> batch = scattered<float>(plan, 40, {.threads = 1, .generated = false, .listed = true});
+  ASSERT_EQ(batch.kernel(), "operations");
+  batch.positions()(0, 1) = std::numeric_limits<float>::quiet_NaN();
+  const Batch<float>::Array before = batch.velocities();
+  batch.step(2);
+  EXPECT_NE(batch.faults()[1], Fault::none);
+  EXPECT_TRUE((batch.velocities().col(1) == before.col(1)).all()) << batch.velocities().col(1).transpose();
 }
 
 TEST(ListedStep, is_left_to_the_tables_where_there_is_none) {
