@@ -6,6 +6,8 @@
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
+#include <vector>
+
 #include "loads.h"
 #include "peak.h"
 #include "scenes/scenes.h"
@@ -72,67 +74,50 @@ void add_integrators() {
       }
 }
 
-// Straight-line code beside the tables, where the build has it (LOCKSTEP_BENCH_KERNELS).
-[[maybe_unused]] void add_generated() {
-  const auto add_kernel = [](const std::string& name, Load load) {
-    for (const int substeps : {4, 1}) {
-      load.substeps = substeps;
-      load.generated = true;
-      const std::string words = substeps == 4 ? "" : fmt::format("/substeps:{}", substeps);
-      add(name + words + "/kernel:generated", load, true);
-    }
-  };
+enum class Kernel { listed, generated };
+
+// With four steps per call, and with one.
+void add_kernel(Kernel kernel, const std::string& name, Load load) {
+  load.listed = kernel == Kernel::listed, load.generated = kernel == Kernel::generated;
+  for (const int substeps : {4, 1}) {
+    load.substeps = substeps;
+    const std::string words = substeps == 4 ? "" : fmt::format("/substeps:{}", substeps);
+    add(fmt::format("{}{}/kernel:{}", name, words, load.listed ? "listed" : "generated"), load, true);
+  }
+}
+
+// What is not the tables' stages, beside them: the scenes, chains half coupled, threads and sizes of batches.
+void add_kernels(Kernel kernel, const std::vector<int>& lengths) {
   for (const char* scene : {"chain8", "gripper13", "chain32"})
     for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
       const int iterations = method == Method::pgs ? 4 : 1;
-      add_kernel(fmt::format("{}/{}/{}/f32", scene, name(method), iterations), bench::scene(scene, method, iterations));
+      add_kernel(kernel, fmt::format("{}/{}/{}/f32", scene, name(method), iterations),
+                 bench::scene(scene, method, iterations));
     }
-  for (int joints : {4, 8, 16, 32, 64})
-    add_kernel(fmt::format("chain/reduced/1/f32/coupled/dofs:{}", joints), bench::chain(joints, joints / 2, Method::reduced));
+  for (int joints : lengths)
+    add_kernel(kernel, fmt::format("chain/reduced/1/f32/coupled/dofs:{}", joints),
+               bench::chain(joints, joints / 2, Method::reduced));
+  for (int threads : {1, 2}) {
+    Load load = bench::scene("chain8", Method::reduced, 1);
+    load.environments = 16384, load.threads = threads;
+    add_kernel(kernel, fmt::format("chain8/reduced/1/f32/threads:{}", threads), load);
+  }
+  for (int environments : {64, 1024, 16384, 262144}) {
+    Load load = bench::scene("chain8", Method::reduced, 1);
+    load.environments = environments;
+    add_kernel(kernel, fmt::format("chain8/reduced/1/f32/environments:{}", environments), load);
+  }
+}
+
+// Straight-line code, where the build has it (LOCKSTEP_BENCH_KERNELS).
+[[maybe_unused]] void add_generated() {
+  add_kernels(Kernel::generated, {4, 8, 16, 32, 64});
   for (const auto& [scene, integrator] : {std::pair{"chain8", Integrator::leapfrog}, {"gripper13", Integrator::leapfrog},
                                           {"chain32", Integrator::leapfrog}, {"chain8", Integrator::extrapolated},
                                           {"gripper13", Integrator::extrapolated}, {"chain8", Integrator::runge_kutta}}) {
     Load load = bench::scene(scene, Method::reduced, 1);
     load.settings.integrator = integrator;
-    add_kernel(fmt::format("{}/reduced/1/f32/integrator:{}", scene, name(integrator)), load);
-  }
-  for (int threads : {1, 2}) {
-    Load load = bench::scene("chain8", Method::reduced, 1);
-    load.environments = 16384, load.threads = threads;
-    add_kernel(fmt::format("chain8/reduced/1/f32/threads:{}", threads), load);
-  }
-  for (int environments : {64, 1024, 16384, 262144}) {
-    Load load = bench::scene("chain8", Method::reduced, 1);
-    load.environments = environments;
-    add_kernel(fmt::format("chain8/reduced/1/f32/environments:{}", environments), load);
-  }
-}
-
-// The step as a list of operations, beside the tables.
-void add_listed() {
-  const auto add_list = [](const std::string& name, Load load) {
-    load.listed = true;
-    add(name + "/kernel:listed", load, true);
-  };
-  for (const char* scene : {"chain8", "gripper13", "chain32"})
-    for (Method method : {Method::reduced, Method::direct, Method::pgs})
-      for (const int substeps : {4, 1}) {
-        Load load = bench::scene(scene, method, 4);
-        load.substeps = substeps;
-        const std::string words = substeps == 4 ? "" : fmt::format("/substeps:{}", substeps);
-        add_list(fmt::format("{}/{}/{}/f32{}", scene, name(method), method == Method::pgs ? 4 : 1, words), load);
-      }
-  for (int joints : {4, 8, 16, 20, 24, 32})
-    add_list(fmt::format("chain/reduced/1/f32/coupled/dofs:{}", joints), bench::chain(joints, joints / 2, Method::reduced));
-  for (int threads : {1, 2}) {
-    Load load = bench::scene("chain8", Method::reduced, 1);
-    load.environments = 16384, load.threads = threads;
-    add_list(fmt::format("chain8/reduced/1/f32/threads:{}", threads), load);
-  }
-  for (int environments : {64, 1024, 16384, 262144}) {
-    Load load = bench::scene("chain8", Method::reduced, 1);
-    load.environments = environments;
-    add_list(fmt::format("chain8/reduced/1/f32/environments:{}", environments), load);
+    add_kernel(Kernel::generated, fmt::format("{}/reduced/1/f32/integrator:{}", scene, name(integrator)), load);
   }
 }
 
@@ -266,7 +251,7 @@ int main(int argc, char** argv) {
 #ifdef LOCKSTEP_BENCH_KERNELS
   lockstep::add_generated();
 #endif
-  lockstep::add_listed();
+  lockstep::add_kernels(lockstep::Kernel::listed, {4, 8, 16, 20, 24, 32});
   lockstep::add_scaling();
   lockstep::add_sizes();
   lockstep::add_ladder();

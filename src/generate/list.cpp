@@ -30,18 +30,49 @@ struct Made {
   std::vector<Touch> writes = {}, reads = {};  // of a hold; of a read or a write there is one
 };
 
+// What an operation of the graph is in a list, and with a constant for its first operand.
+struct Listing {
+  Op op;
+  Does does;
+  std::optional<Does> of_constant = {};
+  bool commutes = false;  ///< its first two operands do
+};
+constexpr Listing listings[] = {
+    {Op::negate, Does::negate},
+    {Op::add, Does::add, Does::add_constant, true},
+    {Op::subtract, Does::subtract, Does::subtract_from_constant},
+    {Op::multiply, Does::multiply, Does::multiply_constant, true},
+    {Op::divide, Does::divide},
+    {Op::fma, Does::fma, Does::fma_constant, true},
+    {Op::fnma, Does::fnma, Does::fnma_constant, true},
+    {Op::sqrt, Does::sqrt},
+    {Op::less, Does::less},
+    {Op::beyond, Does::beyond, Does::beyond_constant},  // the bound comes first
+    {Op::either, Does::either},
+    {Op::both, Does::both},
+    {Op::invert, Does::invert},
+    {Op::select, Does::select},
+};
+
+const Listing& listing_of(Op op) {
+  for (const Listing& listing : listings)
+    if (listing.op == op) return listing;
+  throw std::logic_error("an operation that no list knows");
+}
+
 // So many operations ahead are looked for one of the same kind: runs get longer, values live longer.
 constexpr int window = 60;
 // Longer lists, of many sweeps over many rows, are far slower than the stages' loops, and long in the making.
 constexpr std::size_t longest = 30000;
 
-// Goes through the graph in the order of recording, loops turn by turn. No product becomes part of a sum here: whether one may
-// depends on who else wants it, and a plan's bits must not depend on what is recorded beside its step.
+// Goes through the graph in the order of recording, loops turn by turn. No product becomes part of a sum, as in code it may:
+// that depends on who else wants the product.
 class Lister {
  public:
   explicit Lister(const Graph& graph)
-      : graph_(graph), nodes_(graph.nodes()), uses_(uses(graph)), value_(nodes_.size(), -1),
-        calls_(std::any_of(graph.items().begin(), graph.items().end(), [](const Item& i) { return i.call != Call::none; })) {}
+      : graph_(graph), nodes_(graph.nodes()), uses_(uses(graph)), value_(nodes_.size(), -1) {
+    for (const Item& item : graph.items()) calls_ = calls_ || item.call != Call::none;
+  }
 
   // False where code is called that a list has no name for, or where it would be too long.
   bool go_through() {
@@ -188,38 +219,17 @@ class Lister {
       case Op::variable: return;
       default: break;
     }
-    Made made{.to = value_[id] = fresh()};
+    const Listing& listing = listing_of(n.op);
+    Made made{.does = listing.does, .to = value_[id] = fresh()};
     std::array<Id, 3> from = n.operand;
-    const bool swaps = n.op == Op::add || n.op == Op::multiply || n.op == Op::fma || n.op == Op::fnma;
-    if (swaps && is_constant(from[1])) std::swap(from[0], from[1]);
-    if (n.op == Op::beyond && is_constant(from[1]) && !is_constant(from[0])) std::swap(from[0], from[1]);
-    const bool first = is_constant(from[0]) && !is_constant(from[1]);
-    const bool negates = n.op == Op::fma && node(from[2]).op == Op::negate && !first;
-    if (negates) from[2] = node(from[2]).operand[0];
-    const auto with_constant = [&](Does does, double number) {
-      made.does = does;
-      made.constant = constant_index(number);
+    if (n.op == Op::beyond || (listing.commutes && is_constant(from[1]))) std::swap(from[0], from[1]);
+    if (listing.of_constant && is_constant(from[0]) && !is_constant(from[1])) {
+      made.does = *listing.of_constant;
+      made.constant = constant_index(node(from[0]).value);
       from[0] = -1;
-    };
-    const double number = from[0] >= 0 ? node(from[0]).value : 0.0;
-    switch (n.op) {
-      case Op::negate: made.does = Does::negate; break;
-      case Op::add: first ? with_constant(Does::add_constant, number) : void(made.does = Does::add); break;
-      case Op::subtract: first ? with_constant(Does::subtract_from_constant, number) : void(made.does = Does::subtract); break;
-      case Op::multiply: first ? with_constant(Does::multiply_constant, number) : void(made.does = Does::multiply); break;
-      case Op::fma:
-        first ? with_constant(Does::fma_constant, number) : void(made.does = negates ? Does::fms : Does::fma);
-        break;
-      case Op::fnma: first ? with_constant(Does::fnma_constant, number) : void(made.does = Does::fnma); break;
-      case Op::beyond: first ? with_constant(Does::beyond_constant, number) : void(made.does = Does::beyond); break;
-      case Op::divide: made.does = Does::divide; break;
-      case Op::sqrt: made.does = Does::sqrt; break;
-      case Op::less: made.does = Does::less; break;
-      case Op::either: made.does = Does::either; break;
-      case Op::both: made.does = Does::both; break;
-      case Op::invert: made.does = Does::invert; break;
-      case Op::select: made.does = Does::select; break;
-      default: throw std::logic_error("an operation that no list knows");
+    } else if (n.op == Op::fma && node(from[2]).op == Op::negate) {
+      made.does = Does::fms;
+      from[2] = node(from[2]).operand[0];
     }
     for (int i = 0; i < 3; ++i)
       if (from[i] >= 0) made.from[i] = value(from[i]);
@@ -237,16 +247,17 @@ class Lister {
     ordered_.push_back({.does = Does::read, .to = value_[id], .reads = {{place, value_[id]}}});
   }
 
-  // The sine makes the cosine as well, whichever comes first.
+  // The first of the two that is wanted makes both.
   void list_angle(Id id, const Item& item) {
     const Id angle = node(id).operand[0];
-    if (listed_angles_.contains(id)) return;
+    const auto of_angle = [&](Id other) {
+      const Op op = node(other).op;
+      return (op == Op::sine || op == Op::cosine) && node(other).operand[0] == angle && uses_[other] > 0;
+    };
+    if (*std::find_if(item.nodes.begin(), item.nodes.end(), of_angle) != id) return;
     Made made{.does = Does::sincos, .to = fresh(), .also_to = fresh(), .from = {value(angle), -1, -1}};
     for (Id other : item.nodes)
-      if (node(other).operand[0] == angle && (node(other).op == Op::sine || node(other).op == Op::cosine)) {
-        value_[other] = node(other).op == Op::sine ? made.to : made.also_to;
-        listed_angles_.insert(other);
-      }
+      if (of_angle(other)) value_[other] = node(other).op == Op::sine ? made.to : made.also_to;
     pending_.push_back(std::move(made));
   }
 
@@ -297,11 +308,10 @@ class Lister {
   std::vector<double> constants_;
   std::map<double, int> constant_at_;
   std::map<double, Value> filled_;
-  bool calls_;
+  bool calls_ = false;
   std::map<std::string, Value> kept_;        // by place
   std::set<Value> lasting_;                  // their values
   std::vector<Touch> state_;                 // those of them that a step changes
-  std::set<Id> listed_angles_;
   std::vector<Made> constants_first_, ordered_, pending_;
   std::vector<Touch> before_, after_;
 };
@@ -334,8 +344,13 @@ OperationList Lister::finish(lockstep::Store& store) {
 
   std::vector<Operation> operations;
   std::vector<Access> accesses;
+  const auto access = [&](const Touch& t) -> Access {
+    const bool fits = t.place.array < kernels::Places::most || t.place.array >= Access::first_row;
+    if (!fits) throw std::logic_error("a tile has more arrays than lists can name: see kernels::Places");
+    return {slot[t.value], t.place.array, t.place.number};
+  };
   const auto touch = [&](const Touch& t) {
-    accesses.push_back({slot[t.value], t.place.array, t.place.number});
+    accesses.push_back(access(t));
     return static_cast<int>(accesses.size()) - 1;
   };
   const auto add_to = [&](std::vector<Run>& runs, const Made& made) {
@@ -386,7 +401,7 @@ OperationList Lister::finish(lockstep::Store& store) {
   }
   const auto accesses_of = [&](const std::vector<Touch>& touches) {
     std::vector<Access> all;
-    for (const Touch& t : touches) all.push_back({slot[t.value], t.place.array, t.place.number});
+    for (const Touch& t : touches) all.push_back(access(t));
     return store.keep(std::move(all));
   };
   return {.constants_first = store.keep(std::move(constants_first)), .before = accesses_of(before_),

@@ -19,7 +19,7 @@ struct Slot {
   T tile[tiles_at_once<T>];
 };
 
-/// Keeps where the tile's arrays begin, in their order.
+/// Keeps where the tile's arrays begin, in their order. A list names no more of them than there is room for.
 struct Places : Carver {
   static constexpr int most = 160;
   struct Firsts {
@@ -30,7 +30,8 @@ struct Places : Carver {
   template <class E>
   LOCKSTEP_INLINE void operator()(const char* name, E*& array, int count, Lasts lasts = Lasts::step) {
     Carver::operator()(name, array, count, lasts);
-    firsts_->first[firsts_->count++] = reinterpret_cast<std::ptrdiff_t>(array);
+    if (firsts_->count < most) firsts_->first[firsts_->count] = reinterpret_cast<std::ptrdiff_t>(array);
+    ++firsts_->count;
   }
 
  private:
@@ -126,30 +127,24 @@ void hold_listed(Listed<T>& l, const Operation& hold_) {
   }
 }
 
-/// One operation after the other, for N tiles, or for as many as there are where N is 0.
-template <int N, class T, class Act>
-LOCKSTEP_INLINE void each(Listed<T>& l, const Run& run, Act&& act) {
-  Slot<T>* const slots = l.slots;
-  const int tiles = N > 0 ? N : l.tiles;
-  for (const Operation *o = l.list.operations.data + run.first, *last = l.list.operations.data + run.last; o != last; ++o) {
-    T* const to = slots[o->to].tile;
-    const T *const a = slots[o->a].tile, *const b = slots[o->b].tile, *const c = slots[o->c].tile;
-#pragma GCC unroll 16
-    for (int k = 0; k < tiles; ++k) to[k] = act(a[k], b[k], c[k]);
-  }
-}
+/// A constant, as a slot would hold it.
+template <class T>
+struct Constant {
+  T number;
+  LOCKSTEP_INLINE T operator[](int) const { return number; }
+};
 
-/// The same with a constant in the place of a.
-template <int N, class T, class Act>
-LOCKSTEP_INLINE void each_constant(Listed<T>& l, const Run& run, Act&& act) {
+/// One operation after the other, for N tiles, or for as many as there are where N is 0. `first` finds what stands for a.
+template <int N, class T, class First, class Act>
+LOCKSTEP_INLINE void each(Listed<T>& l, const Run& run, First&& first, Act&& act) {
   Slot<T>* const slots = l.slots;
   const int tiles = N > 0 ? N : l.tiles;
   for (const Operation *o = l.list.operations.data + run.first, *last = l.list.operations.data + run.last; o != last; ++o) {
     T* const to = slots[o->to].tile;
-    const T a = T(static_cast<ScalarOf<T>>(l.list.constants[o->a]));
+    const auto a = first(o->a);
     const T *const b = slots[o->b].tile, *const c = slots[o->c].tile;
 #pragma GCC unroll 16
-    for (int k = 0; k < tiles; ++k) to[k] = act(a, b[k], c[k]);
+    for (int k = 0; k < tiles; ++k) to[k] = act(a[k], b[k], c[k]);
   }
 }
 
@@ -170,14 +165,21 @@ LOCKSTEP_INLINE void each_angle(Listed<T>& l, const Run& run) {
 template <int N, class T>
 void go_through(Listed<T>& l, Span<Run> runs) {
   const auto number = [](typename T::Mask mask) LOCKSTEP_INLINED { return number_from<T>(mask); };
+  const auto slot = [&](int a) LOCKSTEP_INLINED -> const T* { return l.slots[a].tile; };
+  const auto constant = [&](int a) LOCKSTEP_INLINED {
+    return Constant<T>{T(static_cast<ScalarOf<T>>(l.list.constants[a]))};
+  };
   typename T::Mask failed = T::none();
   for (int r = 0; r < runs.count; ++r) {
     const Run& run = runs[r];
     switch (run.does) {
-#define LOCKSTEP_EACH(does, value) \
-  case Does::does: each<N>(l, run, [&]([[maybe_unused]] T a, [[maybe_unused]] T b, [[maybe_unused]] T c) LOCKSTEP_INLINED { return value; }); break
-#define LOCKSTEP_EACH_CONSTANT(does, value) \
-  case Does::does: each_constant<N>(l, run, [&]([[maybe_unused]] T a, [[maybe_unused]] T b, [[maybe_unused]] T c) LOCKSTEP_INLINED { return value; }); break
+#define LOCKSTEP_EACH_OF(first, does, value)                                                        \
+  case Does::does:                                                                                   \
+    each<N>(l, run, first, [&]([[maybe_unused]] T a, [[maybe_unused]] T b, [[maybe_unused]] T c)      \
+                LOCKSTEP_INLINED { return value; });                                                 \
+    break
+#define LOCKSTEP_EACH(does, value) LOCKSTEP_EACH_OF(slot, does, value)
+#define LOCKSTEP_EACH_CONSTANT(does, value) LOCKSTEP_EACH_OF(constant, does, value)
       LOCKSTEP_EACH(copy, a);
       LOCKSTEP_EACH(negate, -a);
       LOCKSTEP_EACH(add, a + b);
@@ -189,7 +191,7 @@ void go_through(Listed<T>& l, Span<Run> runs) {
       LOCKSTEP_EACH(fms, fma(a, b, -c));
       LOCKSTEP_EACH(sqrt, sqrt(a));
       LOCKSTEP_EACH(less, number(less(a, b)));
-      LOCKSTEP_EACH(beyond, number(beyond(a, b)));
+      LOCKSTEP_EACH(beyond, number(beyond(b, a)));
       LOCKSTEP_EACH(either, number(mask_of(a) | mask_of(b)));
       LOCKSTEP_EACH(both, number(mask_of(a) & mask_of(b)));
       LOCKSTEP_EACH(invert, number(~mask_of(a)));
@@ -204,6 +206,7 @@ void go_through(Listed<T>& l, Span<Run> runs) {
       LOCKSTEP_EACH_CONSTANT(fill_rounding, T::rounding());
 #undef LOCKSTEP_EACH
 #undef LOCKSTEP_EACH_CONSTANT
+#undef LOCKSTEP_EACH_OF
       case Does::sincos: each_angle<N>(l, run); break;
       case Does::read:
         for (int i = run.first; i < run.last; ++i)

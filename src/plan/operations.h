@@ -9,10 +9,11 @@ namespace lockstep {
 
 /// What the operations of a run do with the numbers in slots a, b, c. Masks are numbers of which only bits are looked at.
 enum class Does : int {
-  copy, negate, add, subtract, multiply, divide, fma, fnma, fms, sqrt, less, beyond, either, both, invert, select,
+  copy, negate, add, subtract, multiply, divide, fma, fnma, fms, sqrt, less, beyond,  ///< beyond: b is beyond a
+  either, both, invert, select,
   sincos,  ///< of a, to `to` and c
   // where a is a constant
-  add_constant, subtract_from_constant, multiply_constant, fma_constant, fnma_constant, beyond_constant,  ///< b beyond a
+  add_constant, subtract_from_constant, multiply_constant, fma_constant, fnma_constant, beyond_constant,
   fill,    ///< with a constant
   fill_rounding,
   // what memory has to do with; firsts and lasts of runs count accesses
