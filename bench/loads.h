@@ -12,6 +12,7 @@ struct Load {
   StepSettings settings;
   int environments = 4096;
   int substeps = 4;
+  int reset_after = 100;   ///< steps: near the start of the motion, where nothing has blown up or come to rest
   int threads = 1;
   bool generated = false;  ///< by the kernel that was generated for it, else by the tables
   bool listed = false;     ///< by a list of operations

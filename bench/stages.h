@@ -56,8 +56,8 @@ struct Stages {
       {"load", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::load(t, l, x); }},
       {"kinematics", always, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::kinematics(t, x); }},
       {"coupling errors", coupled,
-       [](const Table& t, const Lanes<S>& l, Tile& x) {
-         kernels::coupling_errors(t, l, x);
+       [](const Table& t, const Lanes<S>&, Tile& x) {
+         kernels::coupling_errors(t, x);
          if (t.reduction.followers > 0) kernels::follow(t, x);
        }},
       {"bias forces", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::bias_forces(t, l, x); }},

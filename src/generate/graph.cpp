@@ -138,6 +138,16 @@ Id Graph::product_and(Op op, Id a, Id b, Id c) {
   return found_or_put(op, a, b, c);
 }
 
+Id Graph::fused(Op op, Id a, Id b, bool first) {
+  const Id product = without_sign(first ? a : b), rest = first ? b : a;
+  if (!is(product, Op::multiply)) return operation(op, a, b);
+  const bool subtracts = op == Op::subtract;
+  const bool turned = (product != (first ? a : b)) != (subtracts && !first);
+  const Node factors = nodes_[product];
+  return product_and(turned ? Op::fnma : Op::fma, factors.operand[0], factors.operand[1],
+                     subtracts && first ? negated(rest) : rest);
+}
+
 bool Graph::everywhere(Id mask) const { return is(mask, Op::invert) && is(nodes_[mask].operand[0], Op::none); }
 
 Id Graph::inverted(Id mask) {
@@ -179,6 +189,11 @@ Id Graph::operation(Op op, Id a, Id b, Id c) {
     case Op::select: return selected(a, b, c);
     case Op::less: return compared(a, b);
     case Op::invert: return inverted(a);
+    case Op::sine:
+    case Op::cosine:
+      if (!is(a, Op::negate)) return found_or_put(op, a, b, c);
+      a = operation(op, nodes_[a].operand[0]);
+      return op == Op::sine ? negated(a) : a;
     case Op::sqrt:
       if (is(a, Op::constant)) return constant(std::sqrt(nodes_[a].value));
       return found_or_put(op, a, b, c);

@@ -69,6 +69,12 @@ class Graph {
   Id input(const Place& place, bool mask);
   Id operation(Op op, Id a = -1, Id b = -1, Id c = -1);
 
+  /// a + b or a - b, of which one is a product that becomes part of the sum: rounded once, not twice. A plain sum where
+  /// it is none after all.
+  Id fused(Op op, Id a, Id b, bool first);
+  /// The same but for its sign.
+  Id without_sign(Id id) const { return is(id, Op::negate) ? nodes_[id].operand[0] : id; }
+
   /// From here on nodes that depend on the variables are the loop's body. Returns the variables, one for each start.
   std::vector<Id> begin_loop(int times, const std::vector<Id>& start);
   /// Returns what the variables are after the last turn.

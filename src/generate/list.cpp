@@ -416,9 +416,15 @@ const OperationList* operation_list(const Program& program) {
   ListedStep& listed = *program.listed;
   std::call_once(listed.once, [&] {
     try {
-      const Graph graph = record_step(program);
-      Lister lister(graph);
-      if (lister.go_through()) listed.list = lister.finish(listed.store);
+      const auto list = [&](bool in_place) {
+        const Graph graph = record_step(program, in_place);
+        Lister lister(graph);
+        return lister.go_through() ? lister.finish(listed.store) : OperationList{};
+      };
+      listed.list = list(false);
+      if (!program.f64.reduction.shortens) return;
+      listed.in_place = list(true);
+      if (listed.in_place.runs.count > 0) listed.list.in_place = &listed.in_place;
     } catch (const SettingsError&) {  // lane by lane
     }
   });

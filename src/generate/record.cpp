@@ -70,7 +70,25 @@ inline void coupling_impulses(const Tables<double>& t, Tile<Recorded>& x) {
 
 namespace lockstep::generate {
 
-Graph record_step(const Program& program) {
+namespace {
+
+// In place, followers' positions and velocities are what they follow (M76): errors and what they are off by come out as
+// nothing, sines of mirrored joints as those of their drivers.
+void know_followers(const Tables<double>& t, RecordedTile& x, Recorder& recording) {
+  const Reduction<double>& r = t.reduction;
+  for (int i = 0; i < r.placing.count; ++i)
+    recording.know(x.q[t.term_joint[t.term_start[r.placing[i]]]], -kernels::others_of(t, x, r.placing[i], x.q));
+  for (int z = 0; z < t.solver.n; ++z) x.start[z] = x.v[r.independent[z]];
+  for (int f = 0; f < r.followers; ++f)
+    recording.know(x.v[t.velocities - t.joints + r.follower[f]], kernels::followed(t, x, f, x.start));
+}
+
+struct Recording {
+  Graph graph;
+  std::vector<Sum> sums;
+};
+
+Recording record_once(const Program& program, bool in_place, std::vector<Fuses> fuses) {
   const Tables<double>& t = program.f64;
   Lanes<double> lanes;
   lanes.stride = 1;
@@ -91,14 +109,26 @@ Graph record_step(const Program& program) {
     if ((t.per_environment >> f) & 1u) lanes.field[f] = rows(field_rows[f], fmt::format("field[{}]", f), Access::field + f);
 
   x.corrects = true;  // as lay_out() has it
+  x.in_place = false;
   x.solves_twice = t.solve_twice;
 
   // What advance() makes once per call: known numbers, unless each environment has its own.
   if (!kernels::declared<Recorded>(t, 0)) kernels::uniform_ratios(t, x);
   if (!kernels::declared<Recorded>(t, 5)) kernels::uniform_masses(t, x);
+  if (in_place) know_followers(t, x, recording);
+  const std::size_t before = recording.sums().size();
+  fuses.insert(fuses.begin(), before, Fuses::none);
+  recording.fuse(std::move(fuses));
   kernels::step(t, lanes, x);
   recording.finish();
-  return std::move(recording.graph);
+  return {std::move(recording.graph), {recording.sums().begin() + static_cast<std::ptrdiff_t>(before), recording.sums().end()}};
+}
+
+}  // namespace
+
+Graph record_step(const Program& program, bool in_place) {
+  const Recording whole = record_once(program, false, {});
+  return record_once(program, in_place, fuses_of(whole.graph, whole.sums)).graph;
 }
 
 }  // namespace lockstep::generate

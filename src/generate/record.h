@@ -6,7 +6,8 @@
 
 namespace lockstep::generate {
 
-/// Throws SettingsError for the few plans that straight-line code cannot do.
-Graph record_step(const Program& program);
+/// The step of any tile, or of one whose followers are all in place, where that is shorter (M76). Throws SettingsError
+/// for the few plans that straight-line code cannot do.
+Graph record_step(const Program& program, bool in_place = false);
 
 }  // namespace lockstep::generate

@@ -9,7 +9,9 @@ namespace lockstep::generate {
 using kernels::Lasts;
 
 Id record_constant(double value) { return recorder->graph.constant(value); }
-Id record(Op op, Id a, Id b, Id c) { return recorder->graph.operation(op, a, b, c); }
+Id record(Op op, Id a, Id b, Id c) {
+  return op == Op::add || op == Op::subtract ? recorder->sum(op, a, b) : recorder->graph.operation(op, a, b, c);
+}
 Id record_load(const double* p) { return recorder->load(p); }
 void record_name(const void* place, Id id) { recorder->name(place, id); }
 
@@ -109,6 +111,19 @@ void Recorder::read(Slot& slot) {
 
 void Recorder::add_rows(const double* first, int count, const std::string& name, int array) {
   rows_.push_back({first, count, name, array});
+}
+
+Id Recorder::sum(Op op, Id a, Id b) {
+  const Fuses fuses = sums_.size() < fuses_.size() ? fuses_[sums_.size()] : Fuses::none;
+  const Id id = fuses == Fuses::none ? graph.operation(op, a, b) : graph.fused(op, a, b, fuses == Fuses::first);
+  sums_.push_back({a, b, id});
+  return id;
+}
+
+void Recorder::know(Recorded& number, Recorded is) {
+  const auto offset = reinterpret_cast<std::byte*>(&number) - block_.get();
+  Slot& slot = slots_[static_cast<std::size_t>(slot_at_[static_cast<std::size_t>(offset) / sizeof(Id)])];
+  slot.stored = number.id = is.id;
 }
 
 Id Recorder::load(const double* p) {

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "../kernels/lay_out.h"
+#include "fuse.h"
 #include "recorded.h"
 
 namespace lockstep::generate {
@@ -28,6 +29,14 @@ class Recorder {
   void hold_if(Id condition, Id failed);
   /// What the next step starts from goes to memory.
   void finish();
+
+  /// From here on sums are counted, and of some of them a product becomes part.
+  void fuse(std::vector<Fuses> fuses) { fuses_ = std::move(fuses); }
+  Id sum(Op op, Id a, Id b);
+  const std::vector<Sum>& sums() const { return sums_; }
+
+  /// The tile's number is known to be `id`, and stays in memory as it is.
+  void know(Recorded& number, Recorded is);
 
   Id load(const double* p);
   void name(const void* place, Id id);
@@ -63,6 +72,8 @@ class Recorder {
   std::vector<Slot> slots_;
   std::vector<int> slot_at_;  ///< by place in the block, -1 for none
   std::vector<Rows> rows_;
+  std::vector<Fuses> fuses_;
+  std::vector<Sum> sums_;
 };
 
 }  // namespace lockstep::generate

@@ -20,11 +20,9 @@ constexpr int deepest = 5;  // of expressions within each other: a line that one
 class Writer {
  public:
   explicit Writer(const Graph& graph)
-      : graph_(graph), nodes_(graph.nodes()), uses_(uses(graph)),
-        absorbed_(nodes_.size(), false), nested_(nodes_.size(), false) {}
+      : graph_(graph), nodes_(graph.nodes()), uses_(uses(graph)), nested_(nodes_.size(), false) {}
 
   Written write() {
-    find_fused();
     find_nested();
     for (const Item& item : graph_.items()) {
       if (item.kind == Item::straight) lines(item, 0);
@@ -35,21 +33,6 @@ class Writer {
   }
 
  private:
-  // A product that only one sum wants becomes part of it.
-  void find_fused() {
-    for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id) {
-      const Node& node = nodes_[id];
-      if (uses_[id] == 0 || (node.op != Op::add && node.op != Op::subtract)) continue;
-      for (int i : {1, 0}) {
-        const Id o = node.operand[i];
-        if (nodes_[o].op != Op::multiply || uses_[o] != 1 || nodes_[o].item != node.item) continue;
-        product_of_[id] = o;
-        absorbed_[o] = true;
-        break;
-      }
-    }
-  }
-
   // A value that only one other wants, next to it, needs no name - unless the line would get too long.
   void find_nested() {
     std::vector<int> user(nodes_.size(), -1), depth(nodes_.size(), 0);  // item of the last to use it
@@ -59,25 +42,12 @@ class Writer {
     for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id) {
       if (uses_[id] == 0) continue;
       const Node& node = nodes_[id];
-      for (Id o : operands(id)) depth[id] = std::max(depth[id], nested_[o] ? depth[o] + 1 : 0);
+      for (Id o : node.operand) depth[id] = std::max(depth[id], o >= 0 && nested_[o] ? depth[o] + 1 : 0);
       const bool named = node.op == Op::input || node.op == Op::variable || node.op == Op::sine || node.op == Op::cosine;
       const bool nameless = node.op == Op::constant || node.op == Op::none || node.op == Op::rounding;
-      nested_[id] = nameless || (!named && uses_[id] == 1 && !absorbed_[id] && depth[id] < deepest &&
+      nested_[id] = nameless || (!named && uses_[id] == 1 && depth[id] < deepest &&
                                  (user[id] < 0 || user[id] == node.item));
     }
-  }
-
-  // As they are written: those of the product that a sum has become one with are its own.
-  std::vector<Id> operands(Id id) const {
-    std::vector<Id> all;
-    for (Id o : nodes_[id].operand) {
-      if (o < 0) continue;
-      if (absorbed_[o])
-        all.insert(all.end(), nodes_[o].operand.begin(), nodes_[o].operand.begin() + 2);
-      else
-        all.push_back(o);
-    }
-    return all;
   }
 
   static std::string number(double value) {
@@ -104,22 +74,6 @@ class Writer {
     out_.flops += static_cast<long>(flops) * (item.kind == Item::loop ? item.times : 1);
   }
 
-  std::string sum(Id id, const Item& item) {
-    const Node& node = nodes_[id];
-    const bool adds = node.op == Op::add;
-    const Id a = node.operand[0], b = node.operand[1];
-    const auto product = product_of_.find(id);
-    if (product == product_of_.end())
-      return count(item, 1), fmt::format("({} {} {})", operand(a, item), adds ? '+' : '-', operand(b, item));
-    count(item, 2);
-    const bool first = product->second == a;
-    const Node& factors = nodes_[product->second];
-    const auto bare_operand = [&](Id o) { return bare(operand(o, item)); };
-    const std::string rest = !adds && first ? fmt::format("-{}", operand(b, item)) : bare_operand(first ? b : a);
-    return fmt::format("{}({}, {}, {})", adds || first ? "fma" : "fnma", bare_operand(factors.operand[0]),
-                       bare_operand(factors.operand[1]), rest);
-  }
-
   std::string expression(Id id, const Item& item) {
     const Node& node = nodes_[id];
     const auto arg = [&](int i) { return operand(node.operand[i], item); };  // in brackets, unless it is one word
@@ -131,7 +85,7 @@ class Writer {
       case Op::none: return "T::none()";
       case Op::negate: return fmt::format("-{}", arg(0));
       case Op::add:
-      case Op::subtract: return sum(id, item);
+      case Op::subtract: return count(item, 1), fmt::format("({} {} {})", arg(0), node.op == Op::add ? '+' : '-', arg(1));
       case Op::multiply: return count(item, 1), fmt::format("({} * {})", arg(0), arg(1));
       case Op::divide: return count(item, 1), fmt::format("({} / {})", arg(0), arg(1));
       case Op::fma: return count(item, 2), fmt::format("fma({}, {}, {})", bare_arg(0), bare_arg(1), bare_arg(2));
@@ -150,8 +104,8 @@ class Writer {
   // An input is read where it is first wanted.
   void read_inputs(Id id, int indent) {
     if (nodes_[id].op == Op::input) return read_input(id, indent);
-    for (Id o : operands(id))
-      if (nodes_[o].op == Op::input || nested_[o]) read_inputs(o, indent);
+    for (Id o : nodes_[id].operand)
+      if (o >= 0 && (nodes_[o].op == Op::input || nested_[o])) read_inputs(o, indent);
   }
   void read_input(Id id, int indent) {
     if (!defined_.insert(id).second) return;
@@ -164,7 +118,7 @@ class Writer {
   void lines(const Item& item, int indent) {
     for (Id id : item.nodes) {
       const Node& node = nodes_[id];
-      if (uses_[id] == 0 || nested_[id] || absorbed_[id] || defined_.contains(id) || node.op == Op::input) continue;
+      if (uses_[id] == 0 || nested_[id] || defined_.contains(id) || node.op == Op::input) continue;
       read_inputs(id, indent);
       if (node.op == Op::sine || node.op == Op::cosine) {
         indent == 0 ? keep_together([&] { both(id, item, indent); }) : both(id, item, indent);
@@ -274,8 +228,7 @@ class Writer {
   const Graph& graph_;
   const std::vector<Node>& nodes_;
   std::vector<int> uses_;
-  std::vector<char> absorbed_, nested_;  // part of a multiply-add; written where it is used
-  std::map<Id, Id> product_of_;                 // by sum
+  std::vector<char> nested_;             // written where it is used
   std::map<Id, std::string> given_;             // names
   std::map<std::string, int> taken_;            // how often each has been wanted
   std::set<Id> defined_;

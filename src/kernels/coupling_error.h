@@ -5,15 +5,24 @@
 
 namespace lockstep::kernels {
 
+/// Of coupling c without its first joint.
 template <class T>
-void coupling_errors(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-  const Field<T> offset = field<T>(lanes, 1, t.offset.data);
-  for (int c = 0; c < t.couplings; ++c) {
-    T sum = offset.at(c, c);
-    for (int k = t.term_start[c + 1] - 1; k >= t.term_start[c]; --k)
-      sum = fma(x.coefficient[k], x.q[t.term_joint[k]], sum);
-    x.coupling_error[c] = sum;
-  }
+LOCKSTEP_INLINE T others_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int c, const T* q) {
+  T sum = x.offset[c];
+  for (int k = t.term_start[c + 1] - 1, first = t.term_start[c]; k > first; --k)
+    sum = fma(x.coefficient[k], q[t.term_joint[k]], sum);
+  return sum;
+}
+
+template <class T>
+LOCKSTEP_INLINE T coupling_error(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int c) {
+  const int first = t.term_start[c];
+  return fma(x.coefficient[first], x.q[t.term_joint[first]], others_of(t, x, c, x.q));
+}
+
+template <class T>
+void coupling_errors(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int c = 0; c < t.couplings; ++c) x.coupling_error[c] = coupling_error(t, x, c);
 }
 
 }  // namespace lockstep::kernels

@@ -3,18 +3,10 @@
 // (M39) and (M40). Only scenes whose plan says `reduced` and that have hard couplings come here.
 #pragma once
 
+#include "in_place.h"
 #include "ldlt.h"
 
 namespace lockstep::kernels {
-
-/// Sum of S's row of follower f over the solver's velocities z.
-template <class T>
-LOCKSTEP_INLINE T followed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int f, const T* z) {
-  const Reduction<ScalarOf<T>>& r = t.reduction;
-  T sum = T(0);
-  for (int s = r.start[f]; s < r.start[f + 1]; ++s) sum = fma(x.share[s], z[r.column[s]], sum);
-  return sum;
-}
 
 /// A_r = S^T A S of (M40), as the sums of products that the plan listed.
 template <class T>
@@ -68,6 +60,10 @@ template <class T>
 void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   if (r.merged.slots > 0) return reduce_merged_forces(t, x);
+  if (x.in_place) {
+    for (int z = 0; z < t.solver.n; ++z) x.free_position[z] = collected(r, x, z, x.drive);
+    return;
+  }
   const T *const matrix = x.matrix, *const lost = x.mismatch, *const free = r.by_force ? x.drive : x.product;
   T *const corrected = x.corrected_product, *const change = x.scratch;
   const Momentum* const momenta = r.momentum.data;
@@ -107,9 +103,10 @@ void follow(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   const int root = t.velocities - t.joints;
   for (int z = 0; z < t.solver.n; ++z) x.start[z] = x.v[r.independent[z]];
+  drop_rounding(t, x);
   for (int f = 0; f < r.followers; ++f) {
-    x.correction[f] = x.corrects ? correcting_velocity(t, x, f) : T(0);
-    x.mismatch[f] = x.v[root + r.follower[f]] - followed(t, x, f, x.start);
+    x.correction[f] = x.corrects && !x.in_place ? correcting_velocity(t, x, f) : T(0);
+    x.mismatch[f] = x.in_place ? T(0) : x.v[root + r.follower[f]] - followed(t, x, f, x.start);
     if (!r.by_force) continue;
     x.lost[f] = r.by_entries() || x.solves_twice ? x.mismatch[f] : x.mismatch[f] - x.correction[f];
     x.acceleration[f] = x.lost[f] * T(ScalarOf<T>(-1) / t.dt);

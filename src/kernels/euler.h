@@ -19,7 +19,7 @@ namespace lockstep::kernels {
 template <class T>
 void euler(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   kinematics(t, x);
-  if (t.couplings > 0) coupling_errors(t, lanes, x);
+  if (t.couplings > 0) coupling_errors(t, x);
   if (t.reduction.followers > 0) follow(t, x);
   if (t.limited.count > 0) first_pass(x);
   do {  // once, and again where a servo turns out to be at its limit of effort, or not to be

@@ -64,6 +64,7 @@ void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   spread(t.reduction.value, x.share);
   merged_factors(t, x);
   spread(t.reduction.inverse_value, x.inverse_form);
+  if (!declared<T>(t, 1)) spread(t.offset, x.offset);
   spread(t.rows.term_value, x.row_value);
 }
 

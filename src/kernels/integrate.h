@@ -146,12 +146,13 @@ void turn_root_twist(const T* half_turn, T* twist) {
   }
 }
 
-/// Semi-implicit Euler (M45).
+/// Semi-implicit Euler (M45), followers by (M76).
 template <class T>
 void integrate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const int root = t.velocities - t.joints;
   expand(t, x, x.solution, true, x.next_v);
   for (int j = 0; j < t.joints; ++j) x.next_q[j] = fma(T(t.dt), x.next_v[root + j], x.q[j]);
+  place_followers(t, x);
   if (t.floating) move_root(t.dt, x.next_v, x.root_pose, x.half_turn, x.next_root_pose);
   for (int i = 0; t.record_diagnostics && i < t.velocities; ++i) x.moved_velocity[i] = x.next_v[i];
   if (!x.solves_twice) return;

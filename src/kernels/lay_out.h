@@ -150,6 +150,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   const bool free_twice = r.followers && t.solve_twice;
   take("free_velocity", x.free_velocity, free_twice ? solver : 0);
   if (!free_twice) x.free_velocity = x.free_position;
+  x.free_velocity_apart = x.free_velocity;
   take("start", x.start, solver);
   take("solution", x.solution, solver);
   take("closing_solution", x.closing_solution, t.solve_twice ? solver : 0);
@@ -158,6 +159,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("product", x.product, velocities, Lasts::stage);
   take("corrected_product", x.corrected_product, velocities, Lasts::stage);
   take("coefficient", x.coefficient, t.term_value.count, Lasts::call);
+  take("offset", x.offset, t.couplings, Lasts::call);
   take("share", x.share, r.value.count, Lasts::call);
   take("inverse_form", x.inverse_form, r.inverse_value.count, Lasts::call);
   take("row_value", x.row_value, t.rows.term_value.count, Lasts::call);
@@ -201,6 +203,15 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("energy_change", x.energy_change, 4);
 }
 
+/// What a step does with followers that are all in place, or not: (M76). Their two motions are one.
+template <class T>
+LOCKSTEP_INLINE void settle(const Tables<ScalarOf<T>>& t, Tile<T>& x, bool in_place) {
+  const bool one_motion = in_place && t.rows.count == 0 && t.bounds.form.count == 0;
+  x.in_place = in_place;
+  x.solves_twice = t.solve_twice && !one_motion;
+  x.free_velocity = in_place ? x.free_position : x.free_velocity_apart;
+}
+
 /// Hands out consecutive pieces of the scratch block; with a null block it only measures.
 class Carver {
  public:
@@ -233,7 +244,7 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   arrays(t, x, carver);
   x.bound_count = 0;
   x.corrects = true;
-  x.solves_twice = t.solve_twice;
+  settle(t, x, false);
   return carver.used();
 }
 

@@ -95,27 +95,14 @@ void solve_upwards(const Columns& columns, const T* factor, T* b) {
     b[j] = subtract_dot(factor + columns.offset[j] + 1, b + j + 1, columns.size[j] - 1, b[j]);
 }
 
-/// The same for two right-hand sides at once.
+/// The same for two right-hand sides at once, each as by itself to the last bit.
 template <class T>
 void solve_upwards(const Columns& columns, const T* factor, T* a, T* b) {
   for (int j = columns.n - 1; j >= 0; --j) {
-    const T* const own = factor + columns.offset[j];
-    const int below = columns.size[j];
-    T first = a[j], second = b[j], odd_first = T(0), odd_second = T(0);
-    int k = 1;
-    for (; k + 2 <= below; k += 2) {
-      const T left = own[k], right = own[k + 1];
-      first = fnma(left, a[j + k], first);
-      second = fnma(left, b[j + k], second);
-      odd_first = fnma(right, a[j + k + 1], odd_first);
-      odd_second = fnma(right, b[j + k + 1], odd_second);
-    }
-    if (k < below) {
-      first = fnma(own[k], a[j + k], first);
-      second = fnma(own[k], b[j + k], second);
-    }
-    a[j] = first + odd_first;
-    b[j] = second + odd_second;
+    const T* const own = factor + columns.offset[j] + 1;
+    const int below = columns.size[j] - 1;
+    a[j] = subtract_dot(own, a + j + 1, below, a[j]);
+    b[j] = subtract_dot(own, b + j + 1, below, b[j]);
   }
 }
 

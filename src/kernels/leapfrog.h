@@ -39,7 +39,7 @@ void stage(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T
   const bool last = i == leapfrog_stages - 1;
   x.corrects = last;
   x.solves_twice = last && t.solve_twice;
-  if (t.rows.count > 0 || (last && t.couplings > 0)) coupling_errors(t, lanes, x);
+  if (t.rows.count > 0 || (last && t.couplings > 0)) coupling_errors(t, x);
   if (t.reduction.followers > 0) follow(t, x);
   joint_forces(t, lanes, x, time + i);
   solve(t, x);

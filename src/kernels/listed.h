@@ -45,7 +45,7 @@ struct Listed {
   static constexpr int most = tiles_at_once<T>;
 
   const Tables<S>& t;
-  const OperationList& list;
+  const OperationList* list;  // and its slots, of the two that there may be
   Slot<T>* slots;
   std::byte* block[most];  // of the tile's arrays: the same for all where no stage is called
   Places::Firsts arrays;
@@ -117,7 +117,7 @@ void call(Call wanted, const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& l
 /// hold() for the tiles with frozen lanes.
 template <class T>
 void hold_listed(Listed<T>& l, const Operation& hold_) {
-  const Access* const accesses = l.list.accesses.data;
+  const Access* const accesses = l.list->accesses.data;
   for (int k = 0; k < l.tiles; ++k) {
     if (!any(mask_of(l.slots[hold_.a].tile[k]))) continue;
     typename T::Mask failed = T::none();
@@ -139,7 +139,7 @@ template <int N, class T, class First, class Act>
 LOCKSTEP_INLINE void each(Listed<T>& l, const Run& run, First&& first, Act&& act) {
   Slot<T>* const slots = l.slots;
   const int tiles = N > 0 ? N : l.tiles;
-  for (const Operation *o = l.list.operations.data + run.first, *last = l.list.operations.data + run.last; o != last; ++o) {
+  for (const Operation *o = l.list->operations.data + run.first, *last = l.list->operations.data + run.last; o != last; ++o) {
     T* const to = slots[o->to].tile;
     const auto a = first(o->a);
     const T *const b = slots[o->b].tile, *const c = slots[o->c].tile;
@@ -152,7 +152,7 @@ template <int N, class T>
 LOCKSTEP_INLINE void each_angle(Listed<T>& l, const Run& run) {
   const int tiles = N > 0 ? N : l.tiles;
   for (int i = run.first; i < run.last; ++i) {
-    const Operation& o = l.list.operations[i];
+    const Operation& o = l.list->operations[i];
     for (int k = 0; k < tiles; ++k) {
       T sine, cosine;
       sincos(l.slots[o.a].tile[k], sine, cosine);
@@ -167,7 +167,7 @@ void go_through(Listed<T>& l, Span<Run> runs) {
   const auto number = [](typename T::Mask mask) LOCKSTEP_INLINED { return number_from<T>(mask); };
   const auto slot = [&](int a) LOCKSTEP_INLINED -> const T* { return l.slots[a].tile; };
   const auto constant = [&](int a) LOCKSTEP_INLINED {
-    return Constant<T>{T(static_cast<ScalarOf<T>>(l.list.constants[a]))};
+    return Constant<T>{T(static_cast<ScalarOf<T>>(l.list->constants[a]))};
   };
   typename T::Mask failed = T::none();
   for (int r = 0; r < runs.count; ++r) {
@@ -210,31 +210,39 @@ void go_through(Listed<T>& l, Span<Run> runs) {
       case Does::sincos: each_angle<N>(l, run); break;
       case Does::read:
         for (int i = run.first; i < run.last; ++i)
-          for (int k = 0; k < l.tiles; ++k) read_place(l, k, l.list.accesses[i]);
+          for (int k = 0; k < l.tiles; ++k) read_place(l, k, l.list->accesses[i]);
         break;
       case Does::write:
         for (int i = run.first; i < run.last; ++i)
-          for (int k = 0; k < l.tiles; ++k) write_place(l, k, l.list.accesses[i], failed);
+          for (int k = 0; k < l.tiles; ++k) write_place(l, k, l.list->accesses[i], failed);
         break;
       case Does::call:
         for (int k = 0; k < l.tiles; ++k)
-          call(static_cast<Call>(l.list.operations[run.first].to), l.t, l.lanes[k], l.x[k]);
+          call(static_cast<Call>(l.list->operations[run.first].to), l.t, l.lanes[k], l.x[k]);
         break;
-      case Does::hold: hold_listed(l, l.list.operations[run.first]); break;
+      case Does::hold: hold_listed(l, l.list->operations[run.first]); break;
     }
   }
 }
 
-/// From the batch into the tile's slots, and back.
+/// From the batch into the tiles' slots, as many as there is room for. False and not all of them where one is not in
+/// place and should be.
 template <class T>
-LOCKSTEP_INLINE void begin_tile(Listed<T>& l, int k) {
-  load(l.t, l.lanes[k], l.x[k]);
-  for (int i = 0; i < l.list.before.count; ++i) read_place(l, k, l.list.before[i]);
+bool begin_tiles(Listed<T>& l, const Lanes<ScalarOf<T>>& lanes, std::ptrdiff_t first, std::ptrdiff_t last, bool in_place) {
+  for (l.tiles = 0; l.tiles < l.most && first < last; ++l.tiles, first += T::lanes) {
+    const int k = l.tiles;
+    l.lanes[k] = at(lanes, first);
+    load(l.t, l.lanes[k], l.x[k]);
+    if (in_place && !l.x[k].in_place) return false;
+    for (int i = 0; i < l.list->before.count; ++i) read_place(l, k, l.list->before[i]);
+  }
+  return true;
 }
+/// And back.
 template <class T>
 LOCKSTEP_INLINE void end_tile(Listed<T>& l, int k) {
   typename T::Mask failed;
-  for (int i = 0; i < l.list.after.count; ++i) write_place(l, k, l.list.after[i], failed);
+  for (int i = 0; i < l.list->after.count; ++i) write_place(l, k, l.list->after[i], failed);
   store(l.t, l.lanes[k], l.x[k]);
 }
 
@@ -245,8 +253,21 @@ LOCKSTEP_INLINE std::size_t spread_out(std::size_t bytes) { return bytes + (byte
 template <class T>
 std::size_t listed_bytes(const Tables<ScalarOf<T>>& t, const OperationList& list) {
   Tile<T> x;
+  const int slots = list.slots + (list.in_place ? list.in_place->slots : 0);
   return (list.calls ? tiles_at_once<T> : 1) * spread_out(lay_out(t, nullptr, x)) +
-         static_cast<std::size_t>(list.slots) * sizeof(Slot<T>);
+         static_cast<std::size_t>(slots) * sizeof(Slot<T>);
+}
+
+/// The step of the tiles at hand.
+template <class T>
+LOCKSTEP_INLINE void go_through(Listed<T>& l) {
+  constexpr int all = Listed<T>::most, half = all / 2;
+  if (l.tiles == all)
+    go_through<all>(l, l.list->runs);
+  else if (l.tiles == half)
+    go_through<half>(l, l.list->runs);
+  else
+    go_through<0>(l, l.list->runs);
 }
 
 /// advance() of step.h by the list.
@@ -254,8 +275,10 @@ template <class T>
 void advance_listed(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::ptrdiff_t first, std::ptrdiff_t last,
                     int substeps, void* scratch, const OperationList& list) {
   const simd::FlushDenormals flush;
-  Listed<T> l{t, list, static_cast<Slot<T>*>(scratch), {}, {}, {}, {}};
-  std::byte* behind = reinterpret_cast<std::byte*>(l.slots + list.slots);
+  Listed<T> l{t, &list, static_cast<Slot<T>*>(scratch), {}, {}, {}, {}};
+  const OperationList* const lists[2] = {&list, list.in_place};
+  Slot<T>* const slots[2] = {l.slots, l.slots + list.slots};
+  std::byte* behind = reinterpret_cast<std::byte*>(slots[1] + (list.in_place ? list.in_place->slots : 0));
   Places places(l.arrays);
   arrays(t, l.x[0], places);
   for (int k = 0; k < l.most && k * T::lanes < last - first; ++k) {
@@ -267,23 +290,25 @@ void advance_listed(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lane
       uniform_ratios(t, l.x[k]);
     }
   }
+  const auto take = [&](int which) LOCKSTEP_INLINED {
+    l.list = lists[which];
+    l.slots = slots[which];
+  };
+  const int shortest = list.in_place ? 1 : 0;
   l.tiles = l.most;
-  go_through<Listed<T>::most>(l, list.constants_first);
+  for (int which = 0; which <= shortest; ++which) {
+    take(which);
+    go_through<Listed<T>::most>(l, l.list->constants_first);
+  }
   while (first < last) {
-    for (l.tiles = 0; l.tiles < l.most && first < last; ++l.tiles, first += T::lanes) {
-      l.lanes[l.tiles] = at(lanes, first);
-      begin_tile(l, l.tiles);
+    take(shortest);
+    if (!begin_tiles(l, lanes, first, last, shortest > 0)) {
+      take(0);
+      begin_tiles(l, lanes, first, last, false);
     }
-    constexpr int all = Listed<T>::most, half = all / 2;
-    for (int i = 0; i < substeps; ++i) {
-      if (l.tiles == all)
-        go_through<all>(l, list.runs);
-      else if (l.tiles == half)
-        go_through<half>(l, list.runs);
-      else
-        go_through<0>(l, list.runs);
-    }
+    for (int i = 0; i < substeps; ++i) go_through(l);
     for (int k = 0; k < l.tiles; ++k) end_tile(l, k);
+    first += l.tiles * T::lanes;
   }
 }
 

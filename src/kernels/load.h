@@ -3,6 +3,8 @@
 
 #include "frame.h"
 #include "gear_ratios.h"
+#include "in_place.h"
+#include "lay_out.h"
 
 namespace lockstep::kernels {
 
@@ -48,10 +50,12 @@ void move_masses_inwards(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 
 template <class T>
 void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  T *const q = x.q, *const v = x.v + (t.velocities - t.joints);
+  const int* const rows = t.joint_row.data;
   for (int j = 0; j < t.joints; ++j) {
-    const std::ptrdiff_t row = t.joint_row[j] * lanes.stride;
-    x.q[j] = T::load(lanes.position + row);
-    x.v[t.velocities - t.joints + j] = T::load(lanes.velocity + row);
+    const std::ptrdiff_t row = rows[j] * lanes.stride;
+    q[j] = T::load(lanes.position + row);
+    v[j] = T::load(lanes.velocity + row);
     // The next tile's as well: these are more rows than a processor sees coming by itself. (Where two tiles are stepped in
     // turn the second one's come too late, in a step so long that it does not matter.)
     __builtin_prefetch(lanes.position + row + T::lanes);
@@ -63,14 +67,18 @@ void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
     for (int i = 0; i < 6; ++i) x.v[i] = T::load(lanes.root_velocity + i * lanes.stride);
   }
   x.frozen = T::none();
-  for (int i = 0; i < T::lanes; ++i) x.frozen.set_lane(i, lanes.fault[i] != Fault{});
+  std::uint32_t faults = 0;
+  for (int i = 0; i < T::lanes; ++i) faults |= static_cast<std::uint32_t>(lanes.fault[i]);
+  for (int i = 0; faults != 0 && i < T::lanes; ++i) x.frozen.set_lane(i, lanes.fault[i] != Fault{});
 
   for (int k = 0; t.record_diagnostics && k < 4; ++k) x.energy[k] = T(0);
   if (declared<T>(t, 0)) own_ratios(t, lanes, x);
+  for (int c = 0; declared<T>(t, 1) && c < t.couplings; ++c) x.offset[c] = T::load(lanes.field[1] + c * lanes.stride);
   if (declared<T>(t, 5)) {
     own_masses(t, lanes, x);
     move_masses_inwards(t, x);
   }
+  settle(t, x, all_in_place(t, x));
 }
 
 }  // namespace lockstep::kernels

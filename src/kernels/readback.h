@@ -120,7 +120,7 @@ void read(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::pt
     const Output<T> out{rows + environment, stride};
     load(t, own, x);
     if (request.quantity == Quantity::coupling_errors) {
-      coupling_errors(t, own, x);
+      coupling_errors(t, x);
       for (int c = 0; c < t.couplings; ++c) out.put(c, x.coupling_error[c]);
       continue;
     }

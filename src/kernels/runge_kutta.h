@@ -61,7 +61,7 @@ void runge_kutta_step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& la
   for (int j = 0; j < t.joints; ++j) x.change_q[j] = T(0);
   for (int k = 0; k < t.velocities; ++k) x.change_v[k] = T(0);
   for (int k = 0; t.floating && k < 7; ++k) x.stage_pose[k] = x.root_pose[k], x.change_pose[k] = T(0);
-  if (t.reduction.followers > 0) coupling_errors(t, lanes, x);
+  if (t.reduction.followers > 0) coupling_errors(t, x);
   x.corrects = x.solves_twice = false;
   auto singular = T::none();
   for (int i = 0; i < 4; ++i) {

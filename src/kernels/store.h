@@ -7,10 +7,12 @@ namespace lockstep::kernels {
 
 template <class T>
 void store(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x) {
-  for (int j = 0; j < t.joints; ++j) {
-    const std::ptrdiff_t row = t.joint_row[j] * lanes.stride;
-    store(lanes.position + row, x.q[j]);
-    store(lanes.velocity + row, x.v[t.velocities - t.joints + j]);
+  const T *const q = x.q, *const v = x.v + (t.velocities - t.joints);
+  const int* const rows = t.joint_row.data;
+  for (int j = 0, joints = t.joints; j < joints; ++j) {
+    const std::ptrdiff_t row = rows[j] * lanes.stride;
+    store(lanes.position + row, q[j]);
+    store(lanes.velocity + row, v[j]);
   }
   for (int i = 0; t.floating && i < 7; ++i) store(lanes.root_pose + i * lanes.stride, x.root_pose[i]);
   for (int i = 0; t.floating && i < 6; ++i) store(lanes.root_velocity + i * lanes.stride, x.v[i]);

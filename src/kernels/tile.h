@@ -93,6 +93,7 @@ struct Tile {
   Vec3<T>* reached_linear;
   T* free_position;        // [solver] D^-1 L^-T of the drive, for positions
   T* free_velocity;        // and for velocities: the same array unless they differ
+  T* free_velocity_apart;  // where they may
   T* start;                // [solver] the velocities that a step starts from
   T* solution;             // [solver] the velocities that move positions, or what they change by (solve.h)
   T* closing_solution;     // [solver] those that stay: only if they differ
@@ -101,6 +102,7 @@ struct Tile {
   T* corrected_product;    // the same less that of the correction
   // what gear ratios make, the same for all environments or this tile's own
   T* coefficient;          // [coupling terms]
+  T* offset;               // [couplings]
   T* share;                // entries of S
   T* inverse_form;         // entries of J_F^-1
   T* row_value;            // [row terms]
@@ -190,6 +192,7 @@ struct Tile {
 
   typename T::Mask frozen;
   typename T::Mask singular;
+  bool in_place;           // all followers of all lanes are, and stay, where the others put them
   bool corrects;           // solutions for positions correct the couplings' errors
   bool solves_twice;       // and velocities want another one
 };

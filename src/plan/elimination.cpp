@@ -95,6 +95,50 @@ Eigen::MatrixXi record_elimination(Program& program, const HardRows& rows) {
   return entry;
 }
 
+// Couplings in an order in which each can place its first joint by joints that are placed already. None where followers
+// are other joints, or follow each other in a ring.
+std::vector<int> placing_order(const Tables<double>& t, const HardRows& rows) {
+  std::vector<int> order, left = rows.coupling;
+  const auto first_joint = [&](int c) { return t.term_joint[t.term_start[c]]; };
+  for (std::size_t p = 0; p < rows.pivot.size(); ++p)
+    if (rows.pivot[p] != first_joint(rows.coupling[p])) return {};
+  const auto waits = [&](int c) {
+    for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k)
+      if (std::any_of(left.begin(), left.end(), [&](int other) { return t.term_joint[k] == first_joint(other); })) return true;
+    return false;
+  };
+  while (!left.empty()) {
+    const auto next = std::find_if_not(left.begin(), left.end(), waits);
+    if (next == left.end()) return {};
+    order.push_back(*next);
+    left.erase(next);
+  }
+  return order;
+}
+
+// What a step of followers that are all in place does without. Diagnostics ask what corrections did.
+void find_what_shortens(Program& program, const HardRows& rows) {
+  Tables<double>& t = program.f64;
+  Reduction<double>& r = t.reduction;
+  if (program.integrator != Integrator::euler) return;
+  r.placing = program.store.keep(placing_order(t, rows));
+  r.shortens = r.placing.count > 0 && !program.settings.record_diagnostics;
+  if (!r.shortens || declared(program, Parameter::gear_ratio) || declared(program, Parameter::offset)) return;
+  const int first = t.floating ? 1 : 0;
+  std::vector<Mirror> mirrors;
+  for (int b = first; b < t.bodies; ++b) {
+    const int f = r.follower_of[b - first];
+    if (f < 0 || r.start[f + 1] != r.start[f] + 1) continue;
+    const int driver = first + r.driver[r.start[f]];
+    const double share = r.value[r.start[f]];
+    bool shifted = false;
+    for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s) shifted |= t.offset[r.inverse_coupling[s]] != 0.0;
+    if (t.body[b].prismatic || t.body[driver].prismatic || std::abs(share) != 1.0 || shifted) continue;
+    mirrors.push_back({b, driver, share * t.body[b].sign * t.body[driver].sign < 0.0});
+  }
+  r.mirrors = program.store.keep(std::move(mirrors));
+}
+
 struct Share {  // one entry of S
   int column;
   double value;
@@ -148,7 +192,7 @@ void eliminate_followers(Program& program) {
   }
   std::vector<std::vector<Share>> shares(t.velocities);
   for (int i : independents) shares[i] = {{solver[i], 1.0, -1}};
-  std::vector<int> start{0}, column, value_entry, inverse_start{0}, inverse_coupling, inverse_entry;
+  std::vector<int> start{0}, column, driver, value_entry, inverse_start{0}, inverse_coupling, inverse_entry;
   std::vector<double> value, inverse_value;
   for (int f = 0; f < followers; ++f) {
     const double pivot = rows.form(f, rows.pivot[f]);
@@ -156,6 +200,7 @@ void eliminate_followers(Program& program) {
       if (j == rows.pivot[f] || !present(f, j)) continue;
       shares[root + rows.pivot[f]].push_back({solver[root + j], -rows.form(f, j) / pivot, static_cast<int>(value.size())});
       column.push_back(solver[root + j]);
+      driver.push_back(j);
       value.push_back(-rows.form(f, j) / pivot);
       if (gears_differ) value_entry.push_back(entry(f, j));
     }
@@ -224,6 +269,7 @@ void eliminate_followers(Program& program) {
   reduction.independent = store.keep(std::move(independent));
   reduction.start = store.keep(std::move(start));
   reduction.column = store.keep(std::move(column));
+  reduction.driver = store.keep(std::move(driver));
   reduction.value = store.keep(std::move(value));
   reduction.inverse_start = store.keep(std::move(inverse_start));
   reduction.inverse_coupling = store.keep(std::move(inverse_coupling));
@@ -236,6 +282,7 @@ void eliminate_followers(Program& program) {
   reduction.product_right = store.keep(std::move(right));
   reduction.value_entry = store.keep(std::move(value_entry));
   reduction.inverse_entry = store.keep(std::move(inverse_entry));
+  find_what_shortens(program, rows);
 }
 
 }  // namespace lockstep

@@ -52,6 +52,7 @@ struct OperationList {
   Span<double> constants;
   Span<Access> accesses;
   int slots = 0;
+  const OperationList* in_place = nullptr;  ///< the shorter step of tiles whose followers are all in place, if there is one
 };
 
 }  // namespace lockstep

@@ -37,7 +37,7 @@ struct KernelHash {
 /// The same: the step as a list of operations. Empty where there is none.
 struct ListedStep {
   std::once_flag once;
-  OperationList list;
+  OperationList list, in_place;
   Store store;
 };
 

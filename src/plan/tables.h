@@ -254,6 +254,12 @@ struct Articulated {
 };
 
 /// Elimination of the followers: v = S z, A_r = S^T A S. Empty unless the method is `reduced`.
+/// A follower whose angle in place is its driver's, or minus that: so are sine and cosine.
+struct Mirror {
+  int body, driver;
+  bool opposed;
+};
+
 template <class S>
 struct Reduction {
   int followers = 0;
@@ -264,8 +270,11 @@ struct Reduction {
   Span<int> follower;                 ///< joint, by follower
   Span<int> follower_of;              ///< by joint: its number among the followers, -1 if independent
   Span<int> independent;              ///< velocity, by solver velocity
-  Span<int> start, column;            ///< rows of S that belong to followers, sparse
+  Span<int> start, column, driver;    ///< rows of S that belong to followers, sparse: solver velocity, and its joint
   Span<S> value;
+  Span<int> placing;                  ///< couplings that place their first joints (M76), behind those that they wait for
+  bool shortens = false;              ///< a step is shorter where all followers are in place
+  Span<Mirror> mirrors;               ///< by ascending body
   Span<int> collect_start;            ///< by solver velocity: S^T, as followers' velocities and entries of S
   Span<Collected> collected;
   Span<int> momentum_start;           ///< by velocity: the followers that it shares entries of A with

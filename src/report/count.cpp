@@ -17,7 +17,8 @@ struct Count {
 
 Count count(const Program& program) {
   Count result;
-  const Tables<float>& t = program.f32;
+  Tables<float> t = program.f32;
+  t.reduction.shortens = false;  // wherever its followers are
   Lanes<float> lanes;
   lanes.stride = 1;
   std::vector<std::vector<float>> blocks;

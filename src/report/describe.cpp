@@ -141,6 +141,11 @@ std::string stage_lines(const Program& program) {
   stages.insert(stages.end(), {"integration", "check"});
   std::string text = fmt::format("Stages{}: {}.\n", said_of_evaluations(program.integrator), fmt::join(stages, ", "));
 
+  if (t.reduction.shortens)
+    text += fmt::format("Where all followers of a tile are in place, a step leaves out what corrects them{}.\n",
+                        t.reduction.mirrors.count > 0
+                            ? fmt::format(" and the sines of {} that turn as their drivers do", t.reduction.mirrors.count)
+                            : "");
   std::vector<std::string> absent;
   if (t.rows.count == 0) absent.push_back("solver rows");
   if (t.driven.count + t.limited.count == 0) absent.push_back("drives");

@@ -110,6 +110,16 @@ TEST_P(Determinism, place_in_the_batch_does_not_change_a_bit) {
   });
 }
 
+TEST(InPlace, neighbours_that_are_not_do_not_change_a_bit) {
+  int shorter = 0;
+  for_every_plan(Method::reduced, 60, contract::bounded_scenes(), [&](const Plan& plan, auto scalar) {
+    if (!plan.program().f64.reduction.shortens) return;
+    contract::expect_the_same_bits_in_place<decltype(scalar)>(plan, several, serial);
+    ++shorter;
+  });
+  EXPECT_GT(shorter, 100);
+}
+
 TEST_P(Determinism, twelve_steps_at_once_are_twelve_steps) {
   for_every_plan(GetParam(), 30, contract::bounded_scenes(), [](const Plan& plan, auto scalar) {
     auto once = scattered<decltype(scalar)>(plan, several), often = scattered<decltype(scalar)>(plan, several);

@@ -164,6 +164,18 @@ TEST(Fault, freezes_at_the_last_good_substep) {
   EXPECT_TRUE(same_bits(outcome(at_once, 4), last));
 }
 
+// Not put back to where its driver would have it.
+TEST(Fault, of_a_follower_that_is_nowhere_is_flagged) {
+  const Plan plan = compile(scenes::chain8(), {.method = Method::reduced, .integrator = Integrator::euler});
+  for (const float place : {std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN(), 3e38f}) {
+    Batch<float> batch(plan, 9, {.threads = 1});
+    batch.positions()(0, 4) = place;
+    batch.step();
+    EXPECT_NE(batch.faults()[4], Fault::none) << place;
+    EXPECT_EQ(batch.faulted(), 1);
+  }
+}
+
 TEST(Fault, keeps_its_first_code) {
   Batch<double> batch(compile(scenes::chain8()), 3, {.threads = 1});
   batch.positions()(0, 1) = 1e6;

@@ -132,6 +132,13 @@ TEST_P(Generated, has_the_same_bits_in_any_batch_and_place) {
   });
 }
 
+TEST_P(Generated, has_the_same_bits_where_followers_are_in_place) {
+  if (!plan.program().f64.reduction.shortens) return;
+  for_every_kernel([&](const BatchOptions& options, auto scalar) {
+    contract::expect_the_same_bits_in_place<decltype(scalar)>(plan, several, options);
+  });
+}
+
 TEST_P(Generated, freezes_what_fails_and_leaves_its_neighbours_alone) {
   for_every_kernel([&](const BatchOptions& options, auto scalar) {
     using S = decltype(scalar);

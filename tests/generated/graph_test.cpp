@@ -59,7 +59,7 @@ TEST(Graph, makes_one_operation_of_a_product_and_a_sum) {
   const auto with = [](Op op, bool product_first) {
     return written([=](Graph& g, Id x, Id y, Id z) {
       const Id product = g.operation(Op::multiply, x, y);
-      return product_first ? g.operation(op, product, z) : g.operation(op, z, product);
+      return product_first ? g.fused(op, product, z, true) : g.fused(op, z, product, false);
     });
   };
   EXPECT_EQ(with(Op::add, true), "fma(x_0, y_0, z_0)");

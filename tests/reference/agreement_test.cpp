@@ -206,7 +206,7 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   const Tables<double>& t = kernel.t;
   kernels::Tile<Scalar>& x = kernel.x;
   kernels::kinematics(t, x);
-  kernels::coupling_errors(t, kernel.lanes, x);
+  kernels::coupling_errors(t, x);
   if (t.reduction.followers > 0) kernels::follow(t, x);
   kernels::bias_forces(t, kernel.lanes, x);
   kernels::joint_inertias(t, kernel.lanes, x);

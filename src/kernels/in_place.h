@@ -1,0 +1,57 @@
+// Followers where the others put them, and how far they are from there. SPDX-License-Identifier: Apache-2.0
+//
+// (M76). Positions of followers are those of the others through their couplings, and what is left of an error beside:
+// so a follower that is in place stays there to the last bit, and a step in which all of them are has nothing to correct.
+#pragma once
+
+#include "coupling_error.h"
+
+namespace lockstep::kernels {
+
+/// Sum of S's row of follower f over the solver's velocities z.
+template <class T>
+LOCKSTEP_INLINE T followed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int f, const T* z) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  T sum = T(0);
+  for (int s = r.start[f]; s < r.start[f + 1]; ++s) sum = fma(x.share[s], z[r.column[s]], sum);
+  return sum;
+}
+
+/// Errors that rounding keeps a correction from moving are none. One of a follower that is nowhere is not of these.
+template <class T>
+void drop_rounding(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int i = 0; i < t.reduction.placing.count; ++i) {
+    const int c = t.reduction.placing[i];
+    const T error = x.coupling_error[c], near = x.q[t.term_joint[t.term_start[c]]] * (T(ScalarOf<T>(4)) * T::rounding());
+    const auto stays = (beyond(error, near) & beyond(error, -near)) | beyond(error, T(t.position_bound));
+    x.coupling_error[c] = x.in_place ? T(0) : select(stays, error, T(0));
+  }
+}
+
+/// Followers' next positions, from the others' and what is left of their couplings' errors.
+template <class T>
+void place_followers(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  for (int i = 0; i < t.reduction.placing.count; ++i) {
+    const int c = t.reduction.placing[i];
+    const T left = fnma(T(t.dt * t.reduction.rate[c]), x.coupling_error[c], x.coupling_error[c]);
+    x.next_q[t.term_joint[t.term_start[c]]] = left - others_of(t, x, c, x.next_q);
+  }
+}
+
+/// All of them in place, in all lanes that move: positions and velocities to the last bit.
+template <class T>
+bool all_in_place(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  if (!r.shortens) return false;
+  const T* const v = x.v + (t.velocities - t.joints);
+  typename T::Mask off = T::none();
+  for (int i = 0; i < r.placing.count; ++i) off = off | beyond(coupling_error(t, x, r.placing[i]), T(0));
+  for (int f = 0; f < r.followers; ++f) {
+    T speed = T(0);  // as followed() has it
+    for (int s = r.start[f]; s < r.start[f + 1]; ++s) speed = fma(x.share[s], v[r.driver[s]], speed);
+    off = off | beyond(v[r.follower[f]] - speed, T(0));
+  }
+  return !any(off & ~x.frozen);
+}
+
+}  // namespace lockstep::kernels
