@@ -227,7 +227,7 @@ inline Eigen::MatrixXd wrenches_of(Batch<double>& batch, int environment) {
   return wrenches;
 }
 
-/// All at rest, with followers where their environment's others put them, but for rounding: a step or two do the rest.
+/// All at rest, with followers where their environment's others put them, but for rounding: some steps do the rest.
 template <class S>
 void put_in_place(Batch<S>& batch) {
   const Tables<double>& t = batch.plan().program().f64;
@@ -248,8 +248,8 @@ template <class S>
 void expect_the_same_bits_in_place(const Plan& plan, int environments, const BatchOptions& options) {
   Batch<S> all = scattered<S>(plan, environments, options), some = scattered<S>(plan, environments, options);
   put_in_place(all);
-  all.step(2);
-  const auto in_place = [](int e) { return e % 3 != 1; };
+  all.step(60);
+  const auto in_place = [&](int e) { return e % 3 != 1 && all.faults()[e] == Fault::none; };
   for (int e = 0; e < environments; ++e)
     if (in_place(e)) {
       some.positions().col(e) = all.positions().col(e);
@@ -258,10 +258,13 @@ void expect_the_same_bits_in_place(const Plan& plan, int environments, const Bat
       some.root_velocities().col(e) = all.root_velocities().col(e);
     }
   all.step(3), some.step(3);
+  int compared = 0;
   for (int e = 0; e < environments; ++e)
     if (in_place(e)) {
       EXPECT_TRUE(same_bits(all, e, some, e));
+      ++compared;
     }
+  EXPECT_GT(compared, environments / 3);
 }
 
 }  // namespace lockstep::contract
