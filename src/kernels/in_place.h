@@ -38,20 +38,31 @@ void place_followers(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   }
 }
 
-/// All of them in place, in all lanes that move: positions and velocities to the last bit.
+/// Lanes in which one of them is not in place: positions and velocities to the last bit.
 template <class T>
-bool all_in_place(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+LOCKSTEP_INLINE typename T::Mask any_astray(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
-  if (!r.shortens) return false;
-  const T* const v = x.v + (t.velocities - t.joints);
+  const T *const q = x.q, *const v = x.v + (t.velocities - t.joints);
   typename T::Mask off = T::none();
+  for (const Pair *pair = r.pairs.data, *last = pair + r.pairs.count; pair != last; ++pair) {
+    const T other = fma(x.coefficient[pair->term], q[pair->driver], x.offset[pair->coupling]);
+    off = off | beyond(q[pair->follower] + other, T(0)) |
+          beyond(v[pair->follower] - x.share[pair->value] * v[pair->driver], T(0));
+  }
+  if (r.pairs.count > 0) return off;
   for (int i = 0; i < r.placing.count; ++i) off = off | beyond(coupling_error(t, x, r.placing[i]), T(0));
   for (int f = 0; f < r.followers; ++f) {
     T speed = T(0);  // as followed() has it
     for (int s = r.start[f]; s < r.start[f + 1]; ++s) speed = fma(x.share[s], v[r.driver[s]], speed);
     off = off | beyond(v[r.follower[f]] - speed, T(0));
   }
-  return !any(off & ~x.frozen);
+  return off;
+}
+
+/// All of them in place, in all lanes that move.
+template <class T>
+bool all_in_place(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  return t.reduction.shortens && !any(any_astray(t, x) & ~x.frozen);
 }
 
 }  // namespace lockstep::kernels

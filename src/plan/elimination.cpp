@@ -116,6 +116,19 @@ std::vector<int> placing_order(const Tables<double>& t, const HardRows& rows) {
   return order;
 }
 
+// Empty unless each follower's coupling has one joint beside it, which follows nobody.
+std::vector<Pair> find_pairs(const Tables<double>& t) {
+  const Reduction<double>& r = t.reduction;
+  std::vector<Pair> pairs;
+  for (int i = 0; i < r.placing.count; ++i) {
+    const int c = r.placing[i], first = t.term_start[c], driver = first + 1;
+    if (t.term_start[c + 1] != first + 2 || r.follower_of[t.term_joint[driver]] >= 0) return {};
+    const int f = r.follower_of[t.term_joint[first]];
+    pairs.push_back({t.term_joint[first], t.term_joint[driver], c, driver, r.start[f]});
+  }
+  return pairs;
+}
+
 // What a step of followers that are all in place does without. Diagnostics ask what corrections did.
 void find_what_shortens(Program& program, const HardRows& rows) {
   Tables<double>& t = program.f64;
@@ -123,6 +136,7 @@ void find_what_shortens(Program& program, const HardRows& rows) {
   if (program.integrator != Integrator::euler) return;
   r.placing = program.store.keep(placing_order(t, rows));
   r.shortens = r.placing.count > 0 && !program.settings.record_diagnostics;
+  r.pairs = program.store.keep(find_pairs(t));
   if (!r.shortens || declared(program, Parameter::gear_ratio) || declared(program, Parameter::offset)) return;
   const int first = t.floating ? 1 : 0;
   std::vector<Mirror> mirrors;

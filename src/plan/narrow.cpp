@@ -84,7 +84,7 @@ struct Narrowing {
 
   Reduction<float> narrowed(const Reduction<double>& from) {
     return {from.followers, from.by_force, from.merged, from.follower, from.follower_of, from.independent, from.start,
-            from.column, from.driver, narrowed(from.value), from.placing, from.shortens, from.mirrors, from.collect_start, from.collected, from.momentum_start, from.momentum,
+            from.column, from.driver, narrowed(from.value), from.placing, from.shortens, from.pairs, from.mirrors, from.collect_start, from.collected, from.momentum_start, from.momentum,
             from.inverse_start, from.inverse_coupling, narrowed(from.inverse_value), narrowed(from.rate),
             from.product_start, from.product_source, narrowed(from.product_value), from.product_left,
             from.product_right, from.entries, narrowed(from.fills), narrowed(from.eliminations),

@@ -254,6 +254,11 @@ struct Articulated {
 };
 
 /// Elimination of the followers: v = S z, A_r = S^T A S. Empty unless the method is `reduced`.
+/// A follower of one joint, as a plan has for most: indices of joints, coupling, its coefficient and the entry of S.
+struct Pair {
+  int follower, driver, coupling, term, value;
+};
+
 /// A follower whose angle in place is its driver's, or minus that: so are sine and cosine.
 struct Mirror {
   int body, driver;
@@ -274,6 +279,7 @@ struct Reduction {
   Span<S> value;
   Span<int> placing;                  ///< couplings that place their first joints (M76), behind those that they wait for
   bool shortens = false;              ///< a step is shorter where all followers are in place
+  Span<Pair> pairs;                   ///< if all followers are of one joint
   Span<Mirror> mirrors;               ///< by ascending body
   Span<int> collect_start;            ///< by solver velocity: S^T, as followers' velocities and entries of S
   Span<Collected> collected;
