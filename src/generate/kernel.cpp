@@ -103,7 +103,8 @@ class Functions {
         "    const auto masks = [&](int k) {{ return reinterpret_cast<typename T::Mask*>(kept[k] + {}); }};\n", parts.kept);
     for (std::size_t i = 0; i < parts.code.size(); ++i) {
       const std::string name = fmt::format("{}_{}", called, i);
-      written("[[gnu::noinline]] ", name, ", [[maybe_unused]] T* kept, [[maybe_unused]] typename T::Mask* masks", parts.code[i]);
+      written("[[gnu::noinline]] ", name, ", [[maybe_unused]] T* kept, [[maybe_unused]] typename T::Mask* masks",
+              parts.code[i]);
       calls_ += fmt::format("    for (int k = 0; k < tiles; ++k) {}(t, lanes[k], x[k], kept[k], masks(k));\n", name);
     }
     keeps_ = std::max(keeps_, parts.kept + parts.masks);
@@ -163,7 +164,8 @@ KernelSource generate_kernel(const Plan& plan, const KernelOptions& options) {
   source.operations = steps.any.operations;
   source.flops = steps.any.flops;
   const std::string shorter =
-      steps.in_place ? fmt::format(";\n// {}, {} where all followers are in place", steps.in_place->operations, steps.in_place->flops)
+      steps.in_place ? fmt::format(";\n// {}, {} where all followers are in place", steps.in_place->operations,
+                                   steps.in_place->flops)
                      : "";
   using namespace fmt::literals;
   const StepSettings& s = plan.settings();
@@ -171,7 +173,8 @@ KernelSource generate_kernel(const Plan& plan, const KernelOptions& options) {
     return fmt::format(fmt::runtime(form), "name"_a = name, "version"_a = version(),
                        "what"_a = fmt::format("method {}, {}, dt {:.6g} s", lockstep::name(plan.method()),
                                              lockstep::name(plan.integrator()), s.dt),
-                       "include"_a = "#include", "operations"_a = source.operations, "flops"_a = source.flops, "shorter"_a = shorter, "hash"_a = source.hash,
+                       "include"_a = "#include", "operations"_a = source.operations, "flops"_a = source.flops,
+                       "shorter"_a = shorter, "hash"_a = source.hash,
                        "f32"_a = options.f32, "f64"_a = options.f64);
   };
   source.code = fields(generate::head) + generate::functions(steps) + fields(generate::foot);

@@ -121,7 +121,8 @@ Recording record_once(const Program& program, bool in_place, std::vector<Fuses> 
   recording.fuse(std::move(fuses));
   kernels::step(t, lanes, x);
   recording.finish();
-  return {std::move(recording.graph), {recording.sums().begin() + static_cast<std::ptrdiff_t>(before), recording.sums().end()}};
+  const auto& sums = recording.sums();
+  return {std::move(recording.graph), {sums.begin() + static_cast<std::ptrdiff_t>(before), sums.end()}};
 }
 
 }  // namespace

@@ -104,7 +104,8 @@ std::vector<int> placing_order(const Tables<double>& t, const HardRows& rows) {
     if (rows.pivot[p] != first_joint(rows.coupling[p])) return {};
   const auto waits = [&](int c) {
     for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k)
-      if (std::any_of(left.begin(), left.end(), [&](int other) { return t.term_joint[k] == first_joint(other); })) return true;
+      if (std::any_of(left.begin(), left.end(), [&](int other) { return t.term_joint[k] == first_joint(other); }))
+        return true;
     return false;
   };
   while (!left.empty()) {
