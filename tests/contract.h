@@ -5,13 +5,11 @@
 
 #include <cstdint>
 #include <cstring>
-#include <limits>
 #include <random>
 #include <string>
 #include <vector>
 
 #include "physics.h"
-#include "plan/program.h"
 #include "scenes/scenes.h"
 
 namespace lockstep::contract {
@@ -22,15 +20,7 @@ inline bool allows(Method method, Parameter parameter) {
 }
 
 /// Every field that environments may differ in. A force limit goes with one softness only.
-inline ParameterSet all_parameters(Method method, const Model& model = {}) {
-  bool limited = false;
-  for (const Coupling& coupling : model.couplings) limited |= coupling.force_limit < infinity;
-  ParameterSet set;
-  for (unsigned p = 0; p < parameter_count; ++p)
-    if (const Parameter parameter{p}; allows(method, parameter) && !(limited && parameter == Parameter::softness))
-      set.insert(parameter);
-  return set;
-}
+ParameterSet all_parameters(Method method, const Model& model = {});
 
 inline StepSettings settings(Method method, ParameterSet per_environment = {}) {
   StepSettings result = physics::settings(method);
@@ -53,72 +43,12 @@ class Random {
 };
 
 /// A random softness of the kind that the model states; the second number of a hard one is its cfm.
-inline Softness another(Softness softness, Random& random) {
-  switch (softness.kind) {
-    case Softness::Kind::hard:
-      softness = {softness.kind, random.uniform(0.0, 0.5), random.chance(0.5) ? 0.0 : random.uniform(0.01, 1.0)};
-      break;
-    case Softness::Kind::mixing:
-      softness = {softness.kind, random.uniform(0.0, 0.9), random.uniform(0.01, 1.0)};
-      break;
-    case Softness::Kind::spring:
-      softness = {softness.kind, random.uniform(0.0, 100.0), random.uniform(0.0, 2.0)};
-      break;
-    case Softness::Kind::frequency:
-      softness = {softness.kind, random.uniform(1.0, 40.0), random.uniform(0.0, 1.5)};
-      break;
-  }
-  return softness;
-}
+Softness another(Softness softness, Random& random);
 
 /// Gives a fresh environment a state, inputs and declared parameters of its own. They depend on the plan and the
 /// seed alone, not on where the environment stands.
 template <class S>
-void scatter(Batch<S>& batch, int environment, std::uint64_t seed) {
-  Random random(seed);
-  const Plan& plan = batch.plan();
-  const auto shift = [&](auto view, double reach) {
-    for (Eigen::Index row = 0; row < view.rows(); ++row)
-      view(row, environment) += static_cast<S>(random.uniform(-reach, reach));
-  };
-  shift(batch.positions(), 0.2);
-  shift(batch.velocities(), 0.5);
-  shift(batch.root_velocities(), 0.5);
-  shift(batch.position_targets(), 0.5);
-  shift(batch.velocity_targets(), 0.5);
-  shift(batch.efforts(), 0.5);
-  if (plan.floating()) {
-    Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
-    for (double& component : turn.coeffs()) component += random.uniform(-1.0, 1.0);
-    turn.normalize();
-    auto pose = batch.root_poses().col(environment);
-    for (int k = 0; k < 3; ++k) pose[k] += static_cast<S>(random.uniform(-1.0, 1.0));
-    pose[3] = static_cast<S>(turn.w()), pose[4] = static_cast<S>(turn.x());
-    pose[5] = static_cast<S>(turn.y()), pose[6] = static_cast<S>(turn.z());
-  }
-
-  const auto each = [&](Parameter parameter, auto change) {
-    if (!plan.settings().per_environment.contains(parameter)) return;
-    auto view = batch.parameter(parameter);
-    for (Eigen::Index row = 0; row < view.rows(); ++row)
-      view(row, environment) = static_cast<S>(change(static_cast<double>(view(row, environment))));
-  };
-  each(Parameter::gear_ratio, [&](double x) { return x * random.uniform(0.8, 1.25); });
-  each(Parameter::offset, [&](double x) { return x + random.uniform(-0.05, 0.05); });
-  each(Parameter::drive_gains, [&](double) { return random.chance(0.3) ? 0.0 : random.uniform(0.0, 20.0); });
-  each(Parameter::damping, [&](double) { return random.uniform(0.0, 0.5); });
-  each(Parameter::mass, [&](double x) { return x * random.uniform(0.5, 2.0); });
-  each(Parameter::gravity, [&](double x) { return x + random.uniform(-3.0, 3.0); });
-  each(Parameter::link_wrench, [&](double) { return random.uniform(-1.0, 1.0); });
-  each(Parameter::coupling_switch, [&](double) { return random.chance(0.3) ? 0.0 : 1.0; });
-  if (!plan.settings().per_environment.contains(Parameter::softness)) return;
-  auto softness = batch.parameter(Parameter::softness);
-  for (int c = 0; c < plan.couplings(); ++c) {
-    const Softness own = another(plan.model().couplings[static_cast<std::size_t>(c)].softness, random);
-    softness(2 * c, environment) = static_cast<S>(own.first);
-    softness(2 * c + 1, environment) = static_cast<S>(own.second);
-  }
-}
+void scatter(Batch<S>& batch, int environment, std::uint64_t seed);
 
 /// A batch whose environment e is scattered by seed e.
 template <class S>
@@ -172,110 +102,18 @@ testing::AssertionResult same_bits(const Batch<S>& a, const Batch<S>& b, int exc
 }
 
 /// The model that says what one environment has in its fields, its state and its inputs.
-inline Model model_of(Batch<double>& batch, int environment) {
-  Model model = batch.plan().model();
-  const auto own = [&](Parameter parameter, int row, double& number) {
-    if (batch.plan().settings().per_environment.contains(parameter))
-      number = batch.parameter(parameter)(row, environment);
-  };
-  int gear = 0, dof = 0;
-  for (std::size_t c = 0; c < model.couplings.size(); ++c) {
-    Coupling& coupling = model.couplings[c];
-    const int row = static_cast<int>(c);
-    for (CouplingTerm& term : coupling.terms) own(Parameter::gear_ratio, gear++, term.ratio);
-    own(Parameter::offset, row, coupling.offset);
-    own(Parameter::softness, 2 * row, coupling.softness.first);
-    own(Parameter::softness, 2 * row + 1, coupling.softness.second);
-    if (coupling.softness.second != 0.0 && coupling.softness.kind == Softness::Kind::hard)
-      coupling.softness.kind = Softness::Kind::mixing;  // a model says so
-    double on = 1.0;
-    own(Parameter::coupling_switch, row, on);
-    if (on == 0.0) coupling.softness = Softness::spring(0.0, 0.0);
-  }
-  for (Joint& joint : model.joints) {
-    if (!joint.moves()) continue;
-    joint.position = batch.positions()(dof, environment);
-    joint.velocity = batch.velocities()(dof, environment);
-    joint.drive.position_target = batch.position_targets()(dof, environment);
-    joint.drive.velocity_target = batch.velocity_targets()(dof, environment);
-    joint.effort = batch.efforts()(dof, environment);
-    own(Parameter::drive_gains, 2 * dof, joint.drive.kp);
-    own(Parameter::drive_gains, 2 * dof + 1, joint.drive.kd);
-    own(Parameter::damping, dof++, joint.damping);
-  }
-  for (std::size_t l = 0; l < model.links.size(); ++l) {
-    Inertia& inertia = model.links[l].inertia;
-    const double before = inertia.mass;
-    own(Parameter::mass, static_cast<int>(l), inertia.mass);
-    if (before > 0.0) inertia.about_center *= inertia.mass / before;
-  }
-  for (int k = 0; k < 3; ++k) own(Parameter::gravity, k, model.gravity[k]);
-  if (model.root.floating) {
-    const reference::State state = physics::state_of(batch, environment);
-    model.root.pose.linear() = state.orientation.normalized().toRotationMatrix();
-    model.root.pose.translation() = state.position;
-    model.root.velocity = state.v.head(6);
-  }
-  return model;
-}
+Model model_of(Batch<double>& batch, int environment);
 
 /// [6][links] of one environment; zero where the field is not declared.
-inline Eigen::MatrixXd wrenches_of(Batch<double>& batch, int environment) {
-  Eigen::MatrixXd wrenches = Eigen::MatrixXd::Zero(6, static_cast<Eigen::Index>(batch.plan().model().links.size()));
-  if (!batch.plan().settings().per_environment.contains(Parameter::link_wrench)) return wrenches;
-  const auto field = batch.parameter(Parameter::link_wrench);
-  for (Eigen::Index i = 0; i < wrenches.size(); ++i) wrenches(i % 6, i / 6) = field(i, environment);
-  return wrenches;
-}
+Eigen::MatrixXd wrenches_of(Batch<double>& batch, int environment);
 
 /// All at rest, with followers where their environment's others put them, but for rounding: some steps do the rest.
 template <class S>
-void put_in_place(Batch<S>& batch) {
-  const Tables<double>& t = batch.plan().program().f64;
-  const Reduction<double>& r = t.reduction;
-  batch.velocities().setZero();
-  for (int i = 0; i < 20; ++i) {  // once would do where gear ratios are those of the model
-    const typename Batch<S>::Array errors = batch.coupling_errors();
-    for (int f = 0; f < r.followers; ++f)
-      for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s)
-        batch.positions().row(t.joint_row[r.follower[f]]) -=
-            static_cast<S>(r.inverse_value[s]) * errors.row(r.inverse_coupling[s]);
-  }
-}
+void put_in_place(Batch<S>& batch);
 
 /// Where all followers are in place a step is shorter, and its bits are those of the same environments between others
 /// whose followers are not.
 template <class S>
-void expect_the_same_bits_in_place(const Plan& plan, int environments, const BatchOptions& options) {
-  Batch<S> all = scattered<S>(plan, environments, options), some = scattered<S>(plan, environments, options);
-  put_in_place(all);
-  all.step(60);
-  const auto in_place = [&](int e) { return e % 3 != 1 && all.faults()[e] == Fault::none; };
-  for (int e = 0; e < environments; ++e)
-    if (in_place(e)) {
-      some.positions().col(e) = all.positions().col(e);
-      some.velocities().col(e) = all.velocities().col(e);
-      some.root_poses().col(e) = all.root_poses().col(e);
-      some.root_velocities().col(e) = all.root_velocities().col(e);
-    }
-  all.step(3), some.step(3);
-  int compared = 0;
-  for (int e = 0; e < environments; ++e)
-    if (in_place(e)) {
-      EXPECT_TRUE(same_bits(all, e, some, e));
-      ++compared;
-    }
-  EXPECT_GT(compared, environments / 3);
-
-  // Beside one that failed, the others step on in place and it stays as it is.
-  const int sick = 4;
-  const Tables<double>& t = plan.program().f64;
-  all.positions()(t.joint_row[t.reduction.follower[0]], sick) = std::numeric_limits<S>::quiet_NaN();
-  all.step();
-  EXPECT_NE(all.faults()[sick], Fault::none);
-  const std::vector<S> held = outcome(all, sick);
-  all.step(3);
-  EXPECT_TRUE(same_bits(outcome(all, sick), held));
-}
+void expect_the_same_bits_in_place(const Plan& plan, int environments, const BatchOptions& options);
 
 }  // namespace lockstep::contract

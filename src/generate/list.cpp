@@ -265,36 +265,40 @@ class Lister {
 
   // What is pending, equal operations next to each other where their operands allow it.
   void put_in_order() {
-    std::map<Value, std::size_t> maker;
+    std::vector<std::size_t> maker(static_cast<std::size_t>(values_), pending_.size());
     for (std::size_t i = 0; i < pending_.size(); ++i)
       for (Value v : {pending_[i].to, pending_[i].also_to})
         if (v >= 0) maker[v] = i;
-    std::vector<char> done(pending_.size(), false);
-    const auto ready = [&](std::size_t i) {
-      return std::all_of(pending_[i].from.begin(), pending_[i].from.end(), [&](Value v) {
-        const auto made = maker.find(v);
-        return made == maker.end() || done[made->second];
-      });
-    };
+    std::vector<int> missing(pending_.size());  // operands that are not made yet
+    std::vector<std::vector<std::size_t>> users(pending_.size());
+    for (std::size_t i = 0; i < pending_.size(); ++i)
+      for (Value v : pending_[i].from)
+        if (v >= 0 && maker[v] < pending_.size()) {
+          ++missing[i];
+          users[maker[v]].push_back(i);
+        }
+    std::vector<std::size_t> open;  // the first that are left
+    std::size_t opened = 0;
     std::optional<Does> kind;
-    for (std::size_t begin = 0; begin < pending_.size();) {
-      if (done[begin]) {
-        ++begin;
-        continue;
-      }
-      std::map<Does, std::pair<int, std::size_t>> found;  // how many, and the first
-      for (std::size_t i = begin, seen = 0; i < pending_.size() && seen < window; ++i) {
-        if (done[i]) continue;
-        ++seen;
-        if (ready(i)) ++found.try_emplace(pending_[i].does, 0, i).first->second.first;
-      }
-      if (!kind || !found.contains(*kind))
-        kind = std::max_element(found.begin(), found.end(), [](const auto& a, const auto& b) {
-                 return a.second.first < b.second.first;
+    const auto next_of_kind = [&] {
+      return std::find_if(open.begin(), open.end(),
+                          [&](std::size_t i) { return pending_[i].does == kind && missing[i] == 0; });
+    };
+    for (std::size_t left = pending_.size(); left > 0; --left) {
+      while (opened < pending_.size() && open.size() < window) open.push_back(opened++);
+      auto next = next_of_kind();
+      if (next == open.end()) {
+        std::map<Does, int> ready;
+        for (std::size_t i : open)
+          if (missing[i] == 0) ++ready[pending_[i].does];
+        kind = std::max_element(ready.begin(), ready.end(), [](const auto& a, const auto& b) {
+                 return a.second < b.second;
                })->first;
-      const std::size_t next = found[*kind].second;
-      done[next] = true;
-      ordered_.push_back(pending_[next]);
+        next = next_of_kind();
+      }
+      for (std::size_t user : users[*next]) --missing[user];
+      ordered_.push_back(std::move(pending_[*next]));
+      open.erase(next);
     }
     pending_.clear();
   }

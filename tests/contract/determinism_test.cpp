@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "bounded_scenes.h"
+#include "plan/program.h"
 #include "reference/step.h"
 
 namespace lockstep {

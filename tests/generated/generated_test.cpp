@@ -4,6 +4,7 @@
 
 #include "contract.h"
 #include "contract/allocation_counter.h"
+#include "plan/program.h"
 #include "plans.h"
 
 namespace lockstep {

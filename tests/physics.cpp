@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "physics.h"
+
+#include <algorithm>
+#include <cstdlib>
+
+namespace lockstep::physics {
+
+double condition(const Eigen::MatrixXd& h) {
+  if (h.size() == 0) return 1.0;
+  const Eigen::VectorXd scale = h.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd scaled = scale.asDiagonal() * h * scale.asDiagonal();
+  const Eigen::VectorXd values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(scaled).eigenvalues();
+  return values.maxCoeff() / std::max(values.minCoeff(), epsilon * values.maxCoeff());
+}
+
+StepSettings settings(Method method, int iterations, int velocity_iterations, double dt) {
+  StepSettings result;
+  result.dt = dt;
+  result.method = method;
+  result.integrator = Integrator::euler;
+  result.iterations = iterations;
+  result.velocity_iterations = velocity_iterations;
+  return result;
+}
+
+Model sliders(const std::vector<double>& masses) {
+  Model model;
+  model.name = "sliders";
+  model.links = {{"base", {}}};
+  model.gravity.setZero();
+  for (std::size_t i = 0; i < masses.size(); ++i) {
+    Joint joint;
+    joint.name = numbered("s", i);
+    joint.kind = JointKind::prismatic;
+    joint.parent = "base";
+    joint.child = numbered("body", i);
+    model.links.push_back({joint.child, Inertia::box(masses[i], {0.1, 0.1, 0.1}, Eigen::Vector3d::Zero())});
+    model.joints.push_back(joint);
+  }
+  return model;
+}
+
+Joint& append_link(Model& model, const std::string& parent, const Eigen::Vector3d& offset,
+                   const Eigen::Vector3d& axis, double mass) {
+  const std::size_t number = model.joints.size();
+  model.links.push_back({numbered("l", number), link_box(mass)});
+  Joint joint;
+  joint.name = numbered("j", number);
+  joint.kind = JointKind::revolute;
+  joint.parent = parent;
+  joint.child = numbered("l", number);
+  joint.origin.translation() = offset;
+  joint.axis = axis;
+  model.joints.push_back(joint);
+  return model.joints.back();
+}
+
+std::string test_data() {
+  const char* folder = std::getenv("LOCKSTEP_TEST_DATA");
+  return folder ? folder : LOCKSTEP_TEST_DATA;
+}
+
+}  // namespace lockstep::physics
