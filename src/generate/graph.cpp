@@ -158,9 +158,16 @@ Id Graph::inverted(Id mask) {
 Id Graph::of_masks(Op op, Id a, Id b) {
   const auto neutral = [&](Id mask) { return op == Op::either ? is(mask, Op::none) : everywhere(mask); };
   const auto decisive = [&](Id mask) { return op == Op::both ? is(mask, Op::none) : everywhere(mask); };
-  if (neutral(a) || decisive(b) || a == b) return b;
-  if (neutral(b) || decisive(a)) return a;
+  if (neutral(a) || decisive(b) || is_among(op, a, b)) return b;
+  if (neutral(b) || decisive(a) || is_among(op, b, a)) return a;
   return found_or_put(op, a, b, -1);
+}
+
+// Whether it is one of those that the same operation has brought together in `all`.
+bool Graph::is_among(Op op, Id mask, Id all) const {
+  if (all <= mask || !is(all, op)) return all == mask;
+  const auto& [left, right, none] = nodes_[all].operand;
+  return is_among(op, mask, left) || is_among(op, mask, right);
 }
 
 Id Graph::compared(Id a, Id b) {

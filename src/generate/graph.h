@@ -109,6 +109,7 @@ class Graph {
   Id product_and(Op op, Id a, Id b, Id c);
   Id compared(Id a, Id b);
   Id of_masks(Op op, Id a, Id b);
+  bool is_among(Op op, Id mask, Id all) const;
   Id inverted(Id mask);
   bool everywhere(Id mask) const;
   Id selected(Id mask, Id yes, Id no);

@@ -6,6 +6,7 @@
 #include <cctype>
 #include <optional>
 
+#include "../kernels/outline.h"
 #include "lockstep/error.h"
 #include "lockstep/generate.h"
 #include "lockstep/version.h"
@@ -74,13 +75,32 @@ constexpr int longest_function = 5500, longest_part = 60, tiles_of_parts = 2;
 
 // The step of any tile and, where that is shorter, of one whose followers are all in place.
 struct Steps {
+  std::string outline;
   Written any;
   std::optional<Written> in_place;
-  std::string code() const { return any.code() + (in_place ? in_place->code() : ""); }
+  std::string code() const { return outline + any.code() + (in_place ? in_place->code() : ""); }
 };
 
+std::string outline_of(const Tables<double>& t) {
+  const kernels::Outline o = kernels::outline(t);
+  std::string arrays, pairs;
+  if (o.joints > 0)
+    arrays += fmt::format("  static constexpr int joint_row[] = {{{}}};\n",
+                          fmt::join(o.joint_row, o.joint_row + o.joints, ", "));
+  for (int i = 0; i < o.pair_count; ++i) {
+    const Pair& p = o.pairs[i];
+    pairs += fmt::format("{}{{{}, {}, {}, {}, {}}}", i > 0 ? ", " : "", p.follower, p.driver, p.coupling, p.term, p.value);
+  }
+  if (!pairs.empty()) arrays += fmt::format("  static constexpr lockstep::Pair pairs[] = {{{}}};\n", pairs);
+  return fmt::format("{}  template <class S>\n"
+                     "  static constexpr lockstep::kernels::Outline outline(const lockstep::Tables<S>&) {{\n"
+                     "    return {{{}, {}, {}, {:#x}u, {}, {}, {}, {}, {}}};\n  }}\n",
+                     arrays, o.joints, o.joints > 0 ? "joint_row" : "nullptr", o.floating, o.per_environment,
+                     o.record_impulses, o.record_diagnostics, o.shortens, o.pair_count, pairs.empty() ? "nullptr" : "pairs");
+}
+
 Steps steps_of(const Program& program) {
-  Steps steps{write(record_step(program)), {}};
+  Steps steps{outline_of(program.f64), write(record_step(program)), {}};
   if (program.f64.reduction.shortens) steps.in_place = write(record_step(program, true));
   return steps;
 }
@@ -135,7 +155,7 @@ std::string functions(const Steps& steps) {
     functions.only_in_place(tiles);
   }
   functions.add(steps.any, in_parts, in_parts ? "part" : "one_tile", steps.in_place.has_value());
-  return functions.code(tiles);
+  return steps.outline + functions.code(tiles);
 }
 
 }  // namespace

@@ -96,7 +96,7 @@ LOCKSTEP_INLINE typename T::Mask articulate(J joint, const Tables<ScalarOf<T>>& 
   });
   typename T::Mask weak = T::none();
   const T pivot = (J::prismatic ? force : moment)[J::k] + x.joint_inertia[joint_of(t, b)];
-  const T inverse = x.inverse[z] = inverse_of(pivot, T(0), weak);
+  const T inverse = x.inverse[z] = inverse_of(pivot, least_pivot<T>(), weak);
   Vec3<T> u_moment, u_force;
   each_axis([&](int k) LOCKSTEP_INLINED {
     u_moment[k] = moment[k] * inverse;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "coupling_error.h"
+#include "outline.h"
 
 namespace lockstep::kernels {
 
@@ -40,16 +41,17 @@ void place_followers(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
 
 /// Lanes in which one of them is not in place: positions and velocities to the last bit.
 template <class T>
-LOCKSTEP_INLINE typename T::Mask any_astray(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+LOCKSTEP_INLINE typename T::Mask any_astray(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Outline& o) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   const T *const q = x.q, *const v = x.v + (t.velocities - t.joints);
   typename T::Mask off = T::none();
-  for (const Pair *pair = r.pairs.data, *last = pair + r.pairs.count; pair != last; ++pair) {
-    const T other = fma(x.coefficient[pair->term], q[pair->driver], x.offset[pair->coupling]);
-    off = off | beyond(q[pair->follower] + other, T(0)) |
-          beyond(v[pair->follower] - x.share[pair->value] * v[pair->driver], T(0));
+  for (int p = 0; p < o.pair_count; ++p) {
+    const Pair& pair = o.pairs[p];
+    const T other = fma(x.coefficient[pair.term], q[pair.driver], x.offset[pair.coupling]);
+    off = off | beyond(q[pair.follower] + other, T(0)) |
+          beyond(v[pair.follower] - x.share[pair.value] * v[pair.driver], T(0));
   }
-  if (r.pairs.count > 0) return off;
+  if (o.pair_count > 0) return off;
   for (int i = 0; i < r.placing.count; ++i) off = off | beyond(coupling_error(t, x, r.placing[i]), T(0));
   for (int f = 0; f < r.followers; ++f) {
     T speed = T(0);  // as followed() has it
@@ -61,8 +63,8 @@ LOCKSTEP_INLINE typename T::Mask any_astray(const Tables<ScalarOf<T>>& t, const 
 
 /// All of them in place, in all lanes that move.
 template <class T>
-bool all_in_place(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
-  return t.reduction.shortens && !any(any_astray(t, x) & ~x.frozen);
+LOCKSTEP_INLINE bool all_in_place(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Outline& o) {
+  return o.shortens && !any(any_astray(t, x, o) & ~x.frozen);
 }
 
 }  // namespace lockstep::kernels

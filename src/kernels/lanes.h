@@ -8,6 +8,8 @@ namespace lockstep {
 
 enum class Fault : std::uint32_t;  // batch.h
 
+constexpr int parameter_fields = 9;
+
 /// Rows [dof][environment], `stride` numbers apart. Environments are padded to whole tiles.
 template <class S>
 struct Lanes {
@@ -19,7 +21,7 @@ struct Lanes {
   const S* position_target = nullptr;
   const S* velocity_target = nullptr;
   const S* effort = nullptr;
-  const S* field[9] = {};      ///< by Parameter, null if not declared
+  const S* field[parameter_fields] = {};      ///< by Parameter, null if not declared
   S* impulse = nullptr;        ///< rows by coupling, null unless recorded
   S* residual = nullptr;       ///< rows by name, null unless diagnostics are recorded
   S* row_state = nullptr;      ///< the same

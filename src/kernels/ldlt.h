@@ -56,16 +56,22 @@ LOCKSTEP_INLINE void subtract_dots(const T* own, T* matrix, const int* entry, in
   for (int n = 0; n < N; ++n) above[n][0] = sum[n];
 }
 
-/// 1 / pivot. A pivot not above `least` is taken for none: its inverse is 0, so that its unknown is 0, and `weak` says
+/// What a pivot is at the least. The same for both precisions, as a step is recorded once for both.
+template <class T>
+LOCKSTEP_INLINE T least_pivot() {
+  return T(ScalarOf<T>(1.17549435e-38));
+}
+
+/// 1 / pivot. A pivot below `least` is taken for none: its inverse is 0, so that its unknown is 0, and `weak` says
 /// where. What is no number stays none, for check() to find.
 template <class T>
 LOCKSTEP_INLINE T inverse_of(T pivot, T least, typename T::Mask& weak) {
-  const typename T::Mask good = less(least, pivot) | beyond(pivot, T(ScalarOf<T>(__builtin_inf())));
-  weak = weak | ~good;
-  return select(good, T(1) / pivot, T(0));
+  const typename T::Mask none = less(pivot, least);
+  weak = weak | none;
+  return select(none, T(0), T(1) / pivot);
 }
 
-/// H becomes L below the diagonal; inverse = 1 / D. A pivot counts if it is above `tolerance` times the diagonal that it
+/// H becomes L below the diagonal; inverse = 1 / D. A pivot counts if it is at least `tolerance` times the diagonal that it
 /// came from. Returns the lanes where one does not.
 template <class T>
 typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T tolerance) {
@@ -73,7 +79,7 @@ typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T toleran
   for (int i = columns.n - 1; i >= 0; --i) {
     T* own = matrix + columns.offset[i];
     const int below = columns.size[i];
-    const T least = tolerance * own[0];
+    const T least = fma(tolerance, own[0], least_pivot<T>());
     const T pivot = own[0] = scale_column(own, inverse + i, below);
     inverse[i] = inverse_of(pivot, least, weak);
     // Row i of every ancestor's column, eight ancestors at a time: so many sums do not wait for each other.

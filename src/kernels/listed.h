@@ -231,7 +231,7 @@ template <class T>
 bool begin_tiles(Listed<T>& l, const Lanes<ScalarOf<T>>& lanes, std::ptrdiff_t first, std::ptrdiff_t last, bool in_place) {
   for (l.tiles = 0; l.tiles < l.most && first < last; ++l.tiles, first += T::lanes) {
     const int k = l.tiles;
-    l.lanes[k] = at(lanes, first);
+    l.lanes[k] = at(lanes, first, outline(l.t));
     load(l.t, l.lanes[k], l.x[k]);
     if (in_place && !l.x[k].in_place) return false;
     for (int i = 0; i < l.list->before.count; ++i) read_place(l, k, l.list->before[i]);

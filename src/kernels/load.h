@@ -49,11 +49,10 @@ void move_masses_inwards(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 }
 
 template <class T>
-void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-  T *const q = x.q, *const v = x.v + (t.velocities - t.joints);
-  const int* const rows = t.joint_row.data;
-  for (int j = 0; j < t.joints; ++j) {
-    const std::ptrdiff_t row = rows[j] * lanes.stride;
+LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, const Outline& o) {
+  T *const q = x.q, *const v = o.floating ? x.v + 6 : x.v;
+  for (int j = 0; j < o.joints; ++j) {
+    const std::ptrdiff_t row = o.joint_row[j] * lanes.stride;
     q[j] = T::load(lanes.position + row);
     v[j] = T::load(lanes.velocity + row);
     // The next tile's as well: these are more rows than a processor sees coming by itself. (Where two tiles are stepped in
@@ -62,23 +61,27 @@ void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
     __builtin_prefetch(lanes.velocity + row + T::lanes);
     __builtin_prefetch(lanes.effort + row + T::lanes);
   }
-  if (t.floating) {
-    for (int i = 0; i < 7; ++i) x.root_pose[i] = T::load(lanes.root_pose + i * lanes.stride);
-    for (int i = 0; i < 6; ++i) x.v[i] = T::load(lanes.root_velocity + i * lanes.stride);
-  }
+  for (int i = 0; o.floating && i < 7; ++i) x.root_pose[i] = T::load(lanes.root_pose + i * lanes.stride);
+  for (int i = 0; o.floating && i < 6; ++i) x.v[i] = T::load(lanes.root_velocity + i * lanes.stride);
   x.frozen = T::none();
   std::uint32_t faults = 0;
   for (int i = 0; i < T::lanes; ++i) faults |= static_cast<std::uint32_t>(lanes.fault[i]);
   for (int i = 0; faults != 0 && i < T::lanes; ++i) x.frozen.set_lane(i, lanes.fault[i] != Fault{});
 
-  for (int k = 0; t.record_diagnostics && k < 4; ++k) x.energy[k] = T(0);
-  if (declared<T>(t, 0)) own_ratios(t, lanes, x);
-  for (int c = 0; declared<T>(t, 1) && c < t.couplings; ++c) x.offset[c] = T::load(lanes.field[1] + c * lanes.stride);
-  if (declared<T>(t, 5)) {
+  for (int k = 0; o.record_diagnostics && k < 4; ++k) x.energy[k] = T(0);
+  const auto own = [&](int parameter) { return ((o.per_environment >> parameter) & 1u) != 0; };
+  if (own(0)) own_ratios(t, lanes, x);
+  for (int c = 0; own(1) && c < t.couplings; ++c) x.offset[c] = T::load(lanes.field[1] + c * lanes.stride);
+  if (own(5)) {
     own_masses(t, lanes, x);
     move_masses_inwards(t, x);
   }
-  settle(t, x, all_in_place(t, x));
+  settle(t, x, all_in_place(t, x, o));
+}
+
+template <class T>
+void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+  load(t, lanes, x, outline(t));
 }
 
 }  // namespace lockstep::kernels

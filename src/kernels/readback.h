@@ -116,7 +116,7 @@ void read(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::pt
   lay_out(t, scratch, x, m);
   uniform_ratios(t, x);
   for (std::ptrdiff_t environment = first; environment < last; environment += T::lanes) {
-    const Lanes<ScalarOf<T>> own = at(lanes, environment);
+    const Lanes<ScalarOf<T>> own = at(lanes, environment, outline(t));
     const Output<T> out{rows + environment, stride};
     load(t, own, x);
     if (request.quantity == Quantity::coupling_errors) {

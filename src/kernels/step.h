@@ -35,6 +35,10 @@ void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>
 struct ByTables {
   static constexpr int together = 1;  ///< tiles that it steps in turn, part by part
   static constexpr int keeps = 0;     ///< numbers of each that go from part to part
+  template <class S>
+  LOCKSTEP_INLINE static Outline outline(const Tables<S>& t) {
+    return kernels::outline(t);
+  }
   template <class T>
   LOCKSTEP_INLINE static void step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>* lanes, Tile<T>* x, T* const*,
                                    int) {
@@ -58,14 +62,15 @@ void advance(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std:
     uniform_masses(t, x[k]);
     uniform_ratios(t, x[k]);
   }
+  const Outline outline = Way::outline(t);
   while (first < last) {
     int tiles = 0;
     for (; tiles < Way::together && first < last; ++tiles, first += T::lanes) {
-      own[tiles] = at(lanes, first);
-      load(t, own[tiles], x[tiles]);
+      own[tiles] = at(lanes, first, outline);
+      load(t, own[tiles], x[tiles], outline);
     }
     for (int i = 0; i < substeps; ++i) Way::step(t, own, x, kept, tiles);
-    for (int k = 0; k < tiles; ++k) store(t, own[k], x[k]);
+    for (int k = 0; k < tiles; ++k) store(t, own[k], x[k], outline);
   }
 }
 

@@ -1,28 +1,33 @@
 // Last stage: the tile's state back into the batch's rows. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "tile.h"
+#include "outline.h"
 
 namespace lockstep::kernels {
 
 template <class T>
-void store(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x) {
-  const T *const q = x.q, *const v = x.v + (t.velocities - t.joints);
-  const int* const rows = t.joint_row.data;
-  for (int j = 0, joints = t.joints; j < joints; ++j) {
-    const std::ptrdiff_t row = rows[j] * lanes.stride;
+LOCKSTEP_INLINE void store(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x,
+                           const Outline& o) {
+  const T *const q = x.q, *const v = o.floating ? x.v + 6 : x.v;
+  for (int j = 0; j < o.joints; ++j) {
+    const std::ptrdiff_t row = o.joint_row[j] * lanes.stride;
     store(lanes.position + row, q[j]);
     store(lanes.velocity + row, v[j]);
   }
-  for (int i = 0; t.floating && i < 7; ++i) store(lanes.root_pose + i * lanes.stride, x.root_pose[i]);
-  for (int i = 0; t.floating && i < 6; ++i) store(lanes.root_velocity + i * lanes.stride, x.v[i]);
-  for (int c = 0; t.record_impulses && c < t.couplings; ++c) store(lanes.impulse + c * lanes.stride, x.impulse[c]);
-  if (!t.record_diagnostics) return;
+  for (int i = 0; o.floating && i < 7; ++i) store(lanes.root_pose + i * lanes.stride, x.root_pose[i]);
+  for (int i = 0; o.floating && i < 6; ++i) store(lanes.root_velocity + i * lanes.stride, x.v[i]);
+  for (int c = 0; o.record_impulses && c < t.couplings; ++c) store(lanes.impulse + c * lanes.stride, x.impulse[c]);
+  if (!o.record_diagnostics) return;
   for (int r = 0; r < t.reported.count; ++r) {
     store(lanes.residual + r * lanes.stride, x.residual[r]);
     store(lanes.row_state + r * lanes.stride, x.row_state[r]);
   }
   for (int k = 0; k < 4; ++k) store(lanes.energy + k * lanes.stride, x.energy[k]);
+}
+
+template <class T>
+void store(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x) {
+  store(t, lanes, x, outline(t));
 }
 
 }  // namespace lockstep::kernels

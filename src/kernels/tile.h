@@ -219,21 +219,4 @@ LOCKSTEP_INLINE Field<T> field(const Lanes<ScalarOf<T>>& lanes, int parameter, c
   return {table, lanes.field[parameter], lanes.stride};
 }
 
-/// The same lanes, moved to begin at environment `first`.
-template <class S>
-LOCKSTEP_INLINE Lanes<S> at(Lanes<S> lanes, std::ptrdiff_t first) {
-  lanes.position += first;
-  lanes.velocity += first;
-  if (lanes.root_pose) lanes.root_pose += first, lanes.root_velocity += first;
-  lanes.position_target += first;
-  lanes.velocity_target += first;
-  lanes.effort += first;
-  for (const S*& f : lanes.field)
-    if (f) f += first;
-  if (lanes.impulse) lanes.impulse += first;
-  if (lanes.residual) lanes.residual += first, lanes.row_state += first, lanes.energy += first;
-  lanes.fault += first;
-  return lanes;
-}
-
 }  // namespace lockstep::kernels

@@ -253,7 +253,6 @@ struct Articulated {
   inline __attribute__((always_inline)) bool used() const { return passes.count > 0; }
 };
 
-/// Elimination of the followers: v = S z, A_r = S^T A S. Empty unless the method is `reduced`.
 /// A follower of one joint, as a plan has for most: indices of joints, coupling, its coefficient and the entry of S.
 struct Pair {
   int follower, driver, coupling, term, value;
@@ -265,6 +264,7 @@ struct Mirror {
   bool opposed;
 };
 
+/// Elimination of the followers: v = S z, A_r = S^T A S. Empty unless the method is `reduced`.
 template <class S>
 struct Reduction {
   int followers = 0;
