@@ -18,8 +18,8 @@ enum class Fault : std::uint32_t {
   none = 0,
   not_finite = 1,  ///< the step would have left a position or velocity that is no number, or infinite
   diverged = 2,    ///< ... or beyond StepSettings::position_bound or velocity_bound
-  singular = 3,    ///< the mass matrix is not positive definite: a per-environment parameter is impossible,
-                   ///< or the masses are too far apart for this precision
+  singular = 3,    ///< the mass matrix is not positive definite, or not finite: a per-environment parameter is
+                   ///< impossible, or the masses are too far apart for this precision
 };
 
 /// "none", "not_finite", ...

@@ -180,6 +180,7 @@ struct Batch<S>::Impl {
     l.position_target = position_target.data();
     l.velocity_target = velocity_target.data();
     l.effort = effort.data();
+    static_assert(parameter_fields == parameter_count);
     for (int f = 0; f < parameter_count; ++f) l.field[f] = field[f].data();
     l.impulse = impulse.data();
     l.residual = residual.data();

@@ -166,7 +166,7 @@ Id Graph::of_masks(Op op, Id a, Id b) {
 // Whether it is one of those that the same operation has brought together in `all`.
 bool Graph::is_among(Op op, Id mask, Id all) const {
   if (all <= mask || !is(all, op)) return all == mask;
-  const auto& [left, right, none] = nodes_[all].operand;
+  const auto& [left, right, unused] = nodes_[all].operand;
   return is_among(op, mask, left) || is_among(op, mask, right);
 }
 

@@ -100,8 +100,9 @@ std::string outline_of(const Tables<double>& t) {
 }
 
 Steps steps_of(const Program& program) {
-  Steps steps{outline_of(program.f64), write(record_step(program)), {}};
-  if (program.f64.reduction.shortens) steps.in_place = write(record_step(program, true));
+  const RecordedStep step = record_step(program);
+  Steps steps{outline_of(program.f64), write(step.any), {}};
+  if (step.in_place) steps.in_place = write(*step.in_place);
   return steps;
 }
 

@@ -21,10 +21,14 @@ struct Touch {  // of memory
   Value value;
 };
 
+struct Sources : std::array<Value, 5> {
+  Sources(Value a = -1, Value b = -1, Value c = -1, Value d = -1, Value e = -1) : array{a, b, c, d, e} {}
+};
+
 struct Made {
   Does does = Does::copy;
   Value to = -1, also_to = -1;           // also_to: the cosine
-  std::array<Value, 3> from{-1, -1, -1};
+  Sources from = {};
   int constant = -1;
   Call call = Call::none;
   std::vector<Touch> writes = {}, reads = {};  // of a hold; of a read or a write there is one
@@ -59,6 +63,17 @@ const Listing& listing_of(Op op) {
     if (listing.op == op) return listing;
   throw std::logic_error("an operation that no list knows");
 }
+
+// Two operations that are done as one, the first's result being the second's last operand.
+struct Both {
+  Does first, second, both;
+};
+constexpr Both pairs[] = {
+    {Does::multiply, Does::fma, Does::fma_multiply},  {Does::multiply, Does::fnma, Does::fnma_multiply},
+    {Does::multiply, Does::fms, Does::fms_multiply},  {Does::fma, Does::fma, Does::fma_fma},
+    {Does::fnma, Does::fma, Does::fma_fnma},          {Does::fma, Does::fnma, Does::fnma_fma},
+    {Does::fnma, Does::fnma, Does::fnma_fnma},
+};
 
 // So many operations ahead are looked for one of the same kind: runs get longer, values live longer.
 constexpr int window = 60;
@@ -169,7 +184,7 @@ class Lister {
     for (const Touch& touch : written) {
       if (lasting_.contains(touch.value)) return false;
       const Value state = kept(touch.place);
-      ordered_.push_back({.does = Does::copy, .to = state, .from = {touch.value, -1, -1}});
+      ordered_.push_back({.does = Does::copy, .to = state, .from = {touch.value}});
       after_.push_back({touch.place, state});
     }
     return true;
@@ -189,14 +204,14 @@ class Lister {
 
   // What it changes it changes in place: values that nobody else has.
   void list_hold(const Item& item, const std::vector<Touch>& writes) {
-    Made hold{.does = Does::hold, .from = {value(item.condition), -1, -1}};
+    Made hold{.does = Does::hold, .from = {value(item.condition)}};
     std::map<Value, int> times;
     for (Id start : item.start) ++times[value(start)];
     for (std::size_t i = 0; i < item.variable.size(); ++i) {
       const Value start = value(item.start[i]);
       const bool own = times[start] == 1 && !lasting_.contains(start) && !is_constant(item.start[i]);
       const Value held = own ? start : fresh();
-      if (!own) pending_.push_back({.does = Does::copy, .to = held, .from = {start, -1, -1}});
+      if (!own) pending_.push_back({.does = Does::copy, .to = held, .from = {start}});
       value_[item.variable[i]] = held;
       hold.reads.push_back({item.place[i], held});
     }
@@ -222,6 +237,7 @@ class Lister {
     const Listing& listing = listing_of(n.op);
     Made made{.does = listing.does, .to = value_[id] = fresh()};
     std::array<Id, 3> from = n.operand;
+    bool last_is_ours = from[2] >= 0 && uses_[from[2]] == 1 && node(from[2]).item == n.item;
     if (n.op == Op::beyond || (listing.commutes && is_constant(from[1]))) std::swap(from[0], from[1]);
     if (listing.of_constant && is_constant(from[0]) && !is_constant(from[1])) {
       made.does = *listing.of_constant;
@@ -230,10 +246,27 @@ class Lister {
     } else if (n.op == Op::fma && node(from[2]).op == Op::negate) {
       made.does = Does::fms;
       from[2] = node(from[2]).operand[0];
+      last_is_ours = last_is_ours && uses_[from[2]] == 1 && node(from[2]).item == n.item;
     }
     for (int i = 0; i < 3; ++i)
       if (from[i] >= 0) made.from[i] = value(from[i]);
+    if (last_is_ours) take_in(made);
+    pending_at_[made.to] = pending_.size();
     pending_.push_back(std::move(made));
+  }
+
+  // What makes the last operand of an operation that is alone in wanting it becomes part of that: it need not be stored.
+  void take_in(Made& made) {
+    const auto first = pending_at_.find(made.from[2]);
+    if (first == pending_at_.end()) return;
+    Made& taken = pending_[first->second];
+    for (const Both& pair : pairs) {
+      if (pair.first != taken.does || pair.second != made.does) continue;
+      made.does = pair.both;
+      for (int i = 0; i < 3; ++i) made.from[2 + i] = taken.from[i];
+      taken.to = -1;
+      return;
+    }
   }
 
   void list_input(Id id) {
@@ -255,7 +288,7 @@ class Lister {
       return (op == Op::sine || op == Op::cosine) && node(other).operand[0] == angle && uses_[other] > 0;
     };
     if (*std::find_if(item.nodes.begin(), item.nodes.end(), of_angle) != id) return;
-    Made made{.does = Does::sincos, .to = fresh(), .also_to = fresh(), .from = {value(angle), -1, -1}};
+    Made made{.does = Does::sincos, .to = fresh(), .also_to = fresh(), .from = {value(angle)}};
     for (Id other : item.nodes)
       if (of_angle(other)) value_[other] = node(other).op == Op::sine ? made.to : made.also_to;
     pending_.push_back(std::move(made));
@@ -265,6 +298,9 @@ class Lister {
 
   // What is pending, equal operations next to each other where their operands allow it.
   void put_in_order() {
+    if (pending_.empty()) return;
+    std::erase_if(pending_, [](const Made& made) { return made.to < 0; });
+    pending_at_.clear();
     std::vector<std::size_t> maker(static_cast<std::size_t>(values_), pending_.size());
     for (std::size_t i = 0; i < pending_.size(); ++i)
       for (Value v : {pending_[i].to, pending_[i].also_to})
@@ -318,6 +354,7 @@ class Lister {
   std::vector<Touch> state_;                 // those of them that a step changes
   std::vector<Made> constants_first_, ordered_, pending_;
   std::vector<Touch> before_, after_;
+  std::map<Value, std::size_t> pending_at_;  // where what makes a value is
 };
 
 template <class Use>
@@ -364,7 +401,7 @@ OperationList Lister::finish(lockstep::Store& store) {
       run.first = touch(made.does == Does::read ? made.reads[0] : made.writes[0]);
     } else {
       run.first = static_cast<int>(operations.size());
-      Operation o{of(made.to), of(made.from[0]), of(made.from[1]), of(made.from[2])};
+      Operation o{of(made.to), of(made.from[0]), of(made.from[1]), of(made.from[2]), of(made.from[3]), of(made.from[4])};
       if (made.constant >= 0) o.a = made.constant;
       if (made.does == Does::sincos) o.c = of(made.also_to);
       if (made.does == Does::call) o.to = static_cast<int>(made.call);
@@ -420,14 +457,14 @@ const OperationList* operation_list(const Program& program) {
   ListedStep& listed = *program.listed;
   std::call_once(listed.once, [&] {
     try {
-      const auto list = [&](bool in_place) {
-        const Graph graph = record_step(program, in_place);
+      const auto list = [&](const Graph& graph) {
         Lister lister(graph);
         return lister.go_through() ? lister.finish(listed.store) : OperationList{};
       };
-      listed.list = list(false);
-      if (!program.f64.reduction.shortens) return;
-      listed.in_place = list(true);
+      const RecordedStep step = record_step(program);
+      listed.list = list(step.any);
+      if (!step.in_place) return;
+      listed.in_place = list(*step.in_place);
       if (listed.in_place.runs.count > 0) listed.list.in_place = &listed.in_place;
     } catch (const SettingsError&) {  // lane by lane
     }

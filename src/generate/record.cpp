@@ -127,9 +127,12 @@ Recording record_once(const Program& program, bool in_place, std::vector<Fuses> 
 
 }  // namespace
 
-Graph record_step(const Program& program, bool in_place) {
+RecordedStep record_step(const Program& program) {
   const Recording whole = record_once(program, false, {});
-  return record_once(program, in_place, fuses_of(whole.graph, whole.sums)).graph;
+  const std::vector<Fuses> fuses = fuses_of(whole.graph, whole.sums);
+  RecordedStep step{record_once(program, false, fuses).graph, {}};
+  if (program.f64.reduction.shortens) step.in_place = record_once(program, true, fuses).graph;
+  return step;
 }
 
 }  // namespace lockstep::generate

@@ -6,10 +6,13 @@
 
 namespace lockstep::kernels {
 
-/// A, or A_r, to its factors (M17), or A's from the bodies.
+/// A, or A_r, to its factors (M17), or A's from the bodies. An environment's own numbers may be infinite: such a pivot
+/// is none either, and known by its inverse.
 template <class T>
 void factor_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   x.singular = t.articulated.used() ? factor_articulated(t, x) : factor(t.solver, x.reduced, x.inverse, T(0));
+  for (int z = 0; t.per_environment != 0 && z < t.solver.n; ++z)
+    x.singular = x.singular | less(x.inverse[z], least_pivot<T>());
 }
 
 /// The free velocity is v* = v + L^-1 y with the y that this leaves in x.free_position and x.free_velocity:

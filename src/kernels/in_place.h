@@ -43,7 +43,7 @@ void place_followers(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
 template <class T>
 LOCKSTEP_INLINE typename T::Mask any_astray(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Outline& o) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
-  const T *const q = x.q, *const v = x.v + (t.velocities - t.joints);
+  const T *const q = x.q, *const v = o.floating ? x.v + 6 : x.v;
   typename T::Mask off = T::none();
   for (int p = 0; p < o.pair_count; ++p) {
     const Pair& pair = o.pairs[p];

@@ -21,7 +21,7 @@ struct Lanes {
   const S* position_target = nullptr;
   const S* velocity_target = nullptr;
   const S* effort = nullptr;
-  const S* field[parameter_fields] = {};      ///< by Parameter, null if not declared
+  const S* field[parameter_fields] = {};  ///< by Parameter, null if not declared or without rows
   S* impulse = nullptr;        ///< rows by coupling, null unless recorded
   S* residual = nullptr;       ///< rows by name, null unless diagnostics are recorded
   S* row_state = nullptr;      ///< the same

@@ -56,10 +56,11 @@ LOCKSTEP_INLINE void subtract_dots(const T* own, T* matrix, const int* entry, in
   for (int n = 0; n < N; ++n) above[n][0] = sum[n];
 }
 
-/// What a pivot is at the least. The same for both precisions, as a step is recorded once for both.
+/// What a pivot is at the least: below it 1 / pivot would be infinite in single precision. The same number for both
+/// precisions, as a step is recorded once for both.
 template <class T>
 LOCKSTEP_INLINE T least_pivot() {
-  return T(ScalarOf<T>(1.17549435e-38));
+  return T(ScalarOf<T>(0x1p-126));
 }
 
 /// 1 / pivot. A pivot below `least` is taken for none: its inverse is 0, so that its unknown is 0, and `weak` says
@@ -71,8 +72,8 @@ LOCKSTEP_INLINE T inverse_of(T pivot, T least, typename T::Mask& weak) {
   return select(none, T(0), T(1) / pivot);
 }
 
-/// H becomes L below the diagonal; inverse = 1 / D. A pivot counts if it is at least `tolerance` times the diagonal that it
-/// came from. Returns the lanes where one does not.
+/// H becomes L below the diagonal; inverse = 1 / D. A pivot counts if it exceeds `tolerance` times the diagonal that
+/// it came from by the least. Returns the lanes where one does not.
 template <class T>
 typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T tolerance) {
   typename T::Mask weak = T::none();

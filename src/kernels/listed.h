@@ -143,8 +143,9 @@ LOCKSTEP_INLINE void each(Listed<T>& l, const Run& run, First&& first, Act&& act
     T* const to = slots[o->to].tile;
     const auto a = first(o->a);
     const T *const b = slots[o->b].tile, *const c = slots[o->c].tile;
+    const T *const d = slots[o->d].tile, *const e = slots[o->e].tile;
 #pragma GCC unroll 16
-    for (int k = 0; k < tiles; ++k) to[k] = act(a[k], b[k], c[k]);
+    for (int k = 0; k < tiles; ++k) to[k] = act(a[k], b[k], c[k], d[k], e[k]);
   }
 }
 
@@ -175,8 +176,9 @@ void go_through(Listed<T>& l, Span<Run> runs) {
     switch (run.does) {
 #define LOCKSTEP_EACH_OF(first, does, value)                                                        \
   case Does::does:                                                                                   \
-    each<N>(l, run, first, [&]([[maybe_unused]] T a, [[maybe_unused]] T b, [[maybe_unused]] T c)      \
-                LOCKSTEP_INLINED { return value; });                                                 \
+    each<N>(l, run, first,                                                                           \
+            [&]([[maybe_unused]] T a, [[maybe_unused]] T b, [[maybe_unused]] T c, [[maybe_unused]] T d, \
+                [[maybe_unused]] T e) LOCKSTEP_INLINED { return value; });                            \
     break
 #define LOCKSTEP_EACH(does, value) LOCKSTEP_EACH_OF(slot, does, value)
 #define LOCKSTEP_EACH_CONSTANT(does, value) LOCKSTEP_EACH_OF(constant, does, value)
@@ -189,6 +191,13 @@ void go_through(Listed<T>& l, Span<Run> runs) {
       LOCKSTEP_EACH(fma, fma(a, b, c));
       LOCKSTEP_EACH(fnma, fnma(a, b, c));
       LOCKSTEP_EACH(fms, fma(a, b, -c));
+      LOCKSTEP_EACH(fma_multiply, fma(a, b, c * d));
+      LOCKSTEP_EACH(fnma_multiply, fnma(a, b, c * d));
+      LOCKSTEP_EACH(fms_multiply, fma(a, b, -(c * d)));
+      LOCKSTEP_EACH(fma_fma, fma(a, b, fma(c, d, e)));
+      LOCKSTEP_EACH(fma_fnma, fma(a, b, fnma(c, d, e)));
+      LOCKSTEP_EACH(fnma_fma, fnma(a, b, fma(c, d, e)));
+      LOCKSTEP_EACH(fnma_fnma, fnma(a, b, fnma(c, d, e)));
       LOCKSTEP_EACH(sqrt, sqrt(a));
       LOCKSTEP_EACH(less, number(less(a, b)));
       LOCKSTEP_EACH(beyond, number(beyond(b, a)));

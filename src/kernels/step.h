@@ -62,15 +62,15 @@ void advance(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std:
     uniform_masses(t, x[k]);
     uniform_ratios(t, x[k]);
   }
-  const Outline outline = Way::outline(t);
+  const Outline known = Way::outline(t);
   while (first < last) {
     int tiles = 0;
     for (; tiles < Way::together && first < last; ++tiles, first += T::lanes) {
-      own[tiles] = at(lanes, first, outline);
-      load(t, own[tiles], x[tiles], outline);
+      own[tiles] = at(lanes, first, known);
+      load(t, own[tiles], x[tiles], known);
     }
     for (int i = 0; i < substeps; ++i) Way::step(t, own, x, kept, tiles);
-    for (int k = 0; k < tiles; ++k) store(t, own[k], x[k], outline);
+    for (int k = 0; k < tiles; ++k) store(t, own[k], x[k], known);
   }
 }
 

@@ -7,10 +7,12 @@
 
 namespace lockstep {
 
-/// What the operations of a run do with the numbers in slots a, b, c. Masks are numbers of which only bits are looked at.
+/// What the operations of a run do with the numbers in slots a to e. Masks are numbers of which only bits are looked at.
 enum class Does : int {
   copy, negate, add, subtract, multiply, divide, fma, fnma, fms, sqrt, less, beyond,  ///< beyond: b is beyond a
   either, both, invert, select,
+  // two at a time: the second one's sum and what the first makes of c, d and e
+  fma_multiply, fnma_multiply, fms_multiply, fma_fma, fma_fnma, fnma_fma, fnma_fnma,
   sincos,  ///< of a, to `to` and c
   // where a is a constant
   add_constant, subtract_from_constant, multiply_constant, fma_constant, fnma_constant, beyond_constant,
@@ -26,7 +28,7 @@ enum class Does : int {
 enum class Call : int { none, forget_bounds, compete, coupling_impulses, diagnose };
 
 struct Operation {
-  int to, a, b, c;  ///< slots; a is a constant's index where there is one; a Call in `to`
+  int to, a, b, c, d, e;  ///< slots; a is a constant's index where there is one; a Call in `to`
 };
 
 /// Where a number stands that is read or written.

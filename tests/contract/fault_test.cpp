@@ -176,6 +176,35 @@ TEST(Fault, of_a_follower_that_is_nowhere_is_flagged) {
   }
 }
 
+// A slider's pivot is its mass alone: no other number betrays it.
+TEST(Fault, of_an_impossible_pivot_is_singular_by_tables_and_lists) {
+  StepSettings settings = physics::settings(Method::direct);
+  settings.per_environment.insert(Parameter::mass);
+  const Plan plan = compile(physics::sliders({1.0, 2.0}), settings);
+  const float infinite = std::numeric_limits<float>::infinity();
+  for (const float mass : {infinite, -infinite, 0.0f, -1.0f, 1e-39f})
+    for (const bool listed : {false, true}) {
+      SCOPED_TRACE(testing::Message() << mass << (listed ? ", listed" : ""));
+      Batch<float> batch(plan, 9, {.threads = 1, .listed = listed});
+      batch.velocities().setOnes();
+      batch.parameter(Parameter::mass)(1, 4) = mass;
+      batch.step();
+      EXPECT_EQ(batch.faults()[4], Fault::singular);
+      EXPECT_EQ(batch.faulted(), 1);
+    }
+}
+
+TEST(Fault, of_none_where_fields_have_no_rows) {
+  StepSettings settings = physics::settings(Method::direct);
+  settings.per_environment = {Parameter::gear_ratio, Parameter::offset, Parameter::coupling_switch};
+  settings.record_impulses = settings.record_diagnostics = true;
+  Batch<float> batch(compile(physics::sliders({1.0, 2.0}), settings), 40, {.threads = 1});
+  batch.velocities().setOnes();
+  batch.step();
+  EXPECT_EQ(batch.faulted(), 0);
+  EXPECT_FLOAT_EQ(batch.positions()(1, 39), 1.0f / 240);
+}
+
 TEST(Fault, keeps_its_first_code) {
   Batch<double> batch(compile(scenes::chain8()), 3, {.threads = 1});
   batch.positions()(0, 1) = 1e6;

@@ -6,9 +6,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 
+#include "physics.h"
 #include "reference/step.h"
 #include "scenes/scenes.h"
 
@@ -16,8 +16,7 @@ namespace lockstep::reference {
 namespace {
 
 std::string truth_path(const std::string& scene) {
-  const char* folder = std::getenv("LOCKSTEP_TEST_DATA");
-  return std::string(folder ? folder : LOCKSTEP_TEST_DATA) + "/scenes/" + scene + ".truth.txt";
+  return physics::test_data() + "/scenes/" + scene + ".truth.txt";
 }
 
 struct Case {
