@@ -8,31 +8,12 @@
 
 #include "../kernels/listed.h"
 #include "lockstep/error.h"
+#include "made.h"
 #include "record.h"
 #include "uses.h"
 
 namespace lockstep::generate {
 namespace {
-
-using Value = int;  // a number that an operation makes; later a slot, which values share one after the other
-
-struct Touch {  // of memory
-  Place place;
-  Value value;
-};
-
-struct Sources : std::array<Value, 5> {
-  Sources(Value a = -1, Value b = -1, Value c = -1, Value d = -1, Value e = -1) : array{a, b, c, d, e} {}
-};
-
-struct Made {
-  Does does = Does::copy;
-  Value to = -1, also_to = -1;           // also_to: the cosine
-  Sources from = {};
-  int constant = -1;
-  Call call = Call::none;
-  std::vector<Touch> writes = {}, reads = {};  // of a hold; of a read or a write there is one
-};
 
 // What an operation of the graph is in a list, and with a constant for its first operand.
 struct Listing {
@@ -75,8 +56,6 @@ constexpr Both pairs[] = {
     {Does::fnma, Does::fnma, Does::fnma_fnma},
 };
 
-// So many operations ahead are looked for one of the same kind: runs get longer, values live longer.
-constexpr int window = 60;
 // Longer lists, of many sweeps over many rows, are far slower than the stages' loops, and long in the making.
 constexpr std::size_t longest = 30000;
 
@@ -296,47 +275,10 @@ class Lister {
 
   void drop_unused();
 
-  // What is pending, equal operations next to each other where their operands allow it.
   void put_in_order() {
-    if (pending_.empty()) return;
     std::erase_if(pending_, [](const Made& made) { return made.to < 0; });
     pending_at_.clear();
-    std::vector<std::size_t> maker(static_cast<std::size_t>(values_), pending_.size());
-    for (std::size_t i = 0; i < pending_.size(); ++i)
-      for (Value v : {pending_[i].to, pending_[i].also_to})
-        if (v >= 0) maker[v] = i;
-    std::vector<int> missing(pending_.size());  // operands that are not made yet
-    std::vector<std::vector<std::size_t>> users(pending_.size());
-    for (std::size_t i = 0; i < pending_.size(); ++i)
-      for (Value v : pending_[i].from)
-        if (v >= 0 && maker[v] < pending_.size()) {
-          ++missing[i];
-          users[maker[v]].push_back(i);
-        }
-    std::vector<std::size_t> open;  // the first that are left
-    std::size_t opened = 0;
-    std::optional<Does> kind;
-    const auto next_of_kind = [&] {
-      return std::find_if(open.begin(), open.end(),
-                          [&](std::size_t i) { return pending_[i].does == kind && missing[i] == 0; });
-    };
-    for (std::size_t left = pending_.size(); left > 0; --left) {
-      while (opened < pending_.size() && open.size() < window) open.push_back(opened++);
-      auto next = next_of_kind();
-      if (next == open.end()) {
-        std::map<Does, int> ready;
-        for (std::size_t i : open)
-          if (missing[i] == 0) ++ready[pending_[i].does];
-        kind = std::max_element(ready.begin(), ready.end(), [](const auto& a, const auto& b) {
-                 return a.second < b.second;
-               })->first;
-        next = next_of_kind();
-      }
-      for (std::size_t user : users[*next]) --missing[user];
-      ordered_.push_back(std::move(pending_[*next]));
-      open.erase(next);
-    }
-    pending_.clear();
+    move_in_order(pending_, values_, ordered_);
   }
 
   const Graph& graph_;
