@@ -28,6 +28,7 @@ struct Stages {
   static bool eliminates(const Table& t) { return t.reduction.by_entries(); }
   static bool by_matrix(const Table& t) { return !t.articulated.used(); }
   static bool has_rows(const Table& t) { return t.rows.count > 0; }
+  static bool solves_rows(const Table& t) { return has_rows(t) && !t.rows.prescribed; }
 
   static void row_terms(const Table& t, const Lanes<S>& lanes, Tile& x) {
     kernels::row_softness(t, lanes, x);
@@ -35,6 +36,7 @@ struct Stages {
     kernels::row_terms(t, x);
   }
   static void solve(const Table& t, const Lanes<S>&, Tile& x) {
+    if (t.rows.prescribed) return kernels::prescribe_speeds(t, x);
     switch (t.method) {
       case kernels::method_pgs: kernels::pgs(t, x); break;
       case kernels::method_tgs: kernels::tgs(t, x); break;
@@ -58,7 +60,8 @@ struct Stages {
       {"coupling errors", coupled,
        [](const Table& t, const Lanes<S>&, Tile& x) {
          kernels::coupling_errors(t, x);
-         if (t.reduction.followers > 0) kernels::follow(t, x);
+         if (t.reduction.eliminates()) kernels::follow(t, x);
+         if (t.reduction.keeps_speeds()) kernels::measure_speeds(t, x);
        }},
       {"bias forces", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::bias_forces(t, l, x); }},
       {"joint terms", always, [](const Table& t, const Lanes<S>& l, Tile& x) {
@@ -71,8 +74,8 @@ struct Stages {
          kernels::factor_matrix(t, x);
          kernels::free_velocity(t, x);
        }},
-      {"responses", has_rows, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::responses(t, x); }},
-      {"row terms", has_rows, row_terms},
+      {"responses", solves_rows, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::responses(t, x); }},
+      {"row terms", solves_rows, row_terms},
       {"rows solved", has_rows, solve},
       {"integration", always, integrate},
       {"check and store", always, finish},

@@ -63,16 +63,16 @@ void pgs_with_bounds(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const int count = t.bounds.form.count;
   begin_sweeps(t, x);
   for (int i = 0; i < x.bound_count; ++i) x.bound_now[x.bound_listed[i]] += bound_speed(t, x, x.bound_listed[i], x.start);
-  const auto keep = [&](Phase phase, T* row_impulse) {
-    for (int e = 0; e < rows.count; ++e) row_impulse[e] = x.row_impulse[e];
+  const auto keep = [&](Phase phase, T* row_impulse, T* row_speed) {
+    for (int e = 0; e < rows.count; ++e) row_impulse[e] = x.row_impulse[e], row_speed[e] = speed_of(x, e);
     for (int i = 0; i < x.bound_count; ++i)
       x.bound_impulse[phase * count + x.bound_listed[i]] = x.search_impulse[x.bound_listed[i]];
   };
   for (int s = 0; s < t.iterations; ++s) sweep_with_bounds(t, position_phase, T(1), T(1), x);
-  keep(position_phase, x.position_impulse);
+  keep(position_phase, x.position_impulse, x.row_speed);
   for (int e = 0; e < rows.count; ++e) change_bias(x, e, closing_bias(x, e));
   for (int s = 0; s < t.velocity_iterations; ++s) sweep_with_bounds(t, velocity_phase, T(1), T(1), x);
-  if (t.solve_twice) keep(velocity_phase, x.velocity_impulse);
+  if (t.solve_twice) keep(velocity_phase, x.velocity_impulse, x.row_speed_closed);
 }
 
 /// Joints' rows are hard and push one way only: what one sub-step gave another must be able to take back, so theirs is

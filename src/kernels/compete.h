@@ -6,6 +6,7 @@
 
 #include "active_set.h"
 #include "bounded_sweeps.h"
+#include "couplings.h"
 #include "integrate.h"
 
 namespace lockstep::kernels {
@@ -16,7 +17,7 @@ LOCKSTEP_INLINE void forget_bounds(Tile<T>& x) {
   x.bound_count = 0;
 }
 
-/// The coupling rows' impulses again where no bound acts: sweeps were made for lanes that have none as well.
+/// The coupling rows' impulses and speeds again where no bound acts: sweeps were made for lanes that have none as well.
 template <class T>
 void keep_untouched(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const int rows = t.rows.count;
@@ -24,7 +25,10 @@ void keep_untouched(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int i = 0; i < x.bound_count; ++i) touched = touched | x.bound_touched[x.bound_listed[i]];
   for (int e = 0; e < rows; ++e) {
     x.position_impulse[e] = select(touched, x.position_impulse[e], x.row_alone[e]);
-    if (t.solve_twice) x.velocity_impulse[e] = select(touched, x.velocity_impulse[e], x.row_alone[rows + e]);
+    x.row_speed[e] = select(touched, x.row_speed[e], x.row_alone[2 * rows + e]);
+    if (!t.solve_twice) continue;
+    x.velocity_impulse[e] = select(touched, x.velocity_impulse[e], x.row_alone[rows + e]);
+    x.row_speed_closed[e] = select(touched, x.row_speed_closed[e], x.row_alone[3 * rows + e]);
   }
 }
 
@@ -89,9 +93,11 @@ void compete(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile
   };
   x.suspect = x.suspect & ~x.senseless;
   if (!touched()) return spoil_senseless(t, x);
+  if (t.rows.prescribed) solve_couplings(t, lanes, x);  // bounds feel the couplings' responses
   for (int p = 0; p < phases<T>(t); ++p) {
     const T* alone = p == position_phase ? x.position_impulse : x.velocity_impulse;
-    for (int e = 0; e < rows; ++e) x.row_alone[p * rows + e] = alone[e];
+    const T* speed = p == position_phase ? x.row_speed : x.row_speed_closed;
+    for (int e = 0; e < rows; ++e) x.row_alone[p * rows + e] = alone[e], x.row_alone[(2 + p) * rows + e] = speed[e];
     for (int r = 0; r < count; ++r) x.bound_free[p * count + r] = bound_speed(t, x, r, solution[p]);
   }
   do {

@@ -40,6 +40,10 @@ void direct(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
   solve_rows(rows, x, x.position_impulse);
   if (x.solves_twice) solve_rows(rows, x, x.velocity_impulse);
+  for (int r = 0; rows.known.count > 0 && r < rows.count; ++r) {
+    x.row_speed[r] = -x.row_bias[r];
+    x.row_speed_closed[r] = -closing_bias(x, r);
+  }
 }
 
 }  // namespace lockstep::kernels

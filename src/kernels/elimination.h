@@ -1,6 +1,6 @@
-// The followers of hard couplings eliminated: v = S z + w, A_r = S^T A S. SPDX-License-Identifier: Apache-2.0
+// Velocities in terms of those that are solved for: v = S z + w, A_r = S^T A S. SPDX-License-Identifier: Apache-2.0
 //
-// (M39) and (M40). Only scenes whose plan says `reduced` and that have hard couplings come here.
+// Where followers of hard couplings are eliminated, (M39) and (M40), or speeds of couplings stand for them (M77).
 #pragma once
 
 #include "in_place.h"
@@ -8,29 +8,45 @@
 
 namespace lockstep::kernels {
 
+/// N products to each entry of a group, or as many as it says.
+template <int N, class T>
+LOCKSTEP_INLINE void sum_products(const Reduction<ScalarOf<T>>& r, const ProductGroup& group, const Tile<T>& x) {
+  const int count = N > 0 ? N : group.count;
+  const int* source = r.product_source.data + r.product_start[group.first];
+  const ScalarOf<T>* value = r.product_value.data + r.product_start[group.first];
+  for (int e = group.first; e < group.last; ++e, source += count, value += count) {
+    T sum = T(0);
+    for (int p = 0; p < count; ++p) sum = fma(T(value[p]), x.matrix[source[p]], sum);
+    x.reduced[r.product_entry[e]] = sum;
+  }
+}
+
 /// A_r = S^T A S of (M40), as the sums of products that the plan listed.
 template <class T>
 void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
-  const int* source = r.product_source.data;
-  const int* first = r.product_start.data;
   if (!declared<T>(t, 0)) {
-    const ScalarOf<T>* value = r.product_value.data;
-    for (int e = 0; e < t.solver.entries; ++e) {
-      T sum = T(0);
-      for (int p = first[e], last = first[e + 1]; p < last; ++p) sum = fma(T(value[p]), x.matrix[source[p]], sum);
-      x.reduced[e] = sum;
+    for (int g = 0; g < r.product_groups.count; ++g) {
+      const ProductGroup& group = r.product_groups[g];
+      switch (group.count) {
+        case 1: sum_products<1>(r, group, x); break;
+        case 2: sum_products<2>(r, group, x); break;
+        case 3: sum_products<3>(r, group, x); break;
+        case 4: sum_products<4>(r, group, x); break;
+        default: sum_products<0>(r, group, x);
+      }
     }
     return;
   }
   for (int e = 0; e < t.solver.entries; ++e) {
     T sum = T(0);
-    for (int p = first[e], last = first[e + 1]; p < last; ++p) {
+    for (int p = r.product_start[e], last = r.product_start[e + 1]; p < last; ++p) {
+      const T source = x.matrix[r.product_source[p]];
       const int left = r.product_left[p], right = r.product_right[p];
-      const T product = left < 0 ? x.matrix[source[p]] : x.share[left] * x.matrix[source[p]];
+      const T product = left < 0 ? source : x.share[left] * source;
       sum = right < 0 ? sum + product : fma(x.share[right], product, sum);
     }
-    x.reduced[e] = sum;
+    x.reduced[r.product_entry[e]] = sum;
   }
 }
 
@@ -60,7 +76,7 @@ template <class T>
 void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   if (r.merged.slots > 0) return reduce_merged_forces(t, x);
-  if (x.in_place) {
+  if (r.keeps_speeds() || x.in_place) {
     for (int z = 0; z < t.solver.n; ++z) x.free_position[z] = collected(r, x, z, x.drive);
     return;
   }
@@ -95,6 +111,15 @@ LOCKSTEP_INLINE T correcting_velocity(const Tables<ScalarOf<T>>& t, const Tile<T
     correction = fnma(x.inverse_form[s] * T(r.rate[c]), x.coupling_error[c], correction);
   }
   return correction;
+}
+
+/// What a solve for couplings' speeds starts from.
+template <class T>
+void measure_speeds(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  const int root = t.velocities - t.joints;
+  for (int z = 0; z < t.solver.n; ++z) x.start[z] = x.v[r.independent[z]];
+  for (int f = 0; f < r.followers; ++f) x.start[r.speed[f]] = x.v[root + r.follower[f]] - followed(t, x, f, x.start);
 }
 
 /// What a solve starts from, and what its followers are off by. By force, bias_forces() wants it done before.

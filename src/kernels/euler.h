@@ -4,15 +4,13 @@
 #include "bias_forces.h"
 #include "compete.h"
 #include "coupling_error.h"
-#include "direct.h"
+#include "couplings.h"
 #include "free_velocity.h"
 #include "impulses.h"
 #include "integrate.h"
 #include "joint_terms.h"
 #include "kinematics.h"
-#include "pgs.h"
 #include "saturation.h"
-#include "tgs.h"
 
 namespace lockstep::kernels {
 
@@ -20,7 +18,8 @@ template <class T>
 void euler(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   kinematics(t, x);
   if (t.couplings > 0) coupling_errors(t, x);
-  if (t.reduction.followers > 0) follow(t, x);
+  if (t.reduction.eliminates()) follow(t, x);
+  if (t.reduction.keeps_speeds()) measure_speeds(t, x);
   if (t.limited.count > 0) first_pass(x);
   do {  // once, and again where a servo turns out to be at its limit of effort, or not to be
     bias_forces(t, lanes, x);
@@ -33,18 +32,10 @@ void euler(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T
     if (t.bounds.form.count > 0) forget_bounds(x);
     factor_matrix(t, x);
     free_velocity(t, x);
-    if (t.rows.count > 0) {
-      responses(t, x);
-      row_softness(t, lanes, x);
-      row_terms(t, x);
-      switch (t.method) {
-        case method_pgs: pgs(t, x); break;
-        case method_tgs: tgs(t, x); break;
-        default:  // direct, and what reduced leaves to solve
-          factor_rows(t, x);
-          direct(t, x);
-      }
-    }
+    if (t.rows.prescribed)
+      prescribe_speeds(t, x);
+    else if (t.rows.count > 0)
+      solve_couplings(t, lanes, x);
     solved_velocities(t, x);
     integrate(t, x);
     if (t.bounds.form.count > 0 && bounds_act(t, x)) compete(t, lanes, x);

@@ -59,7 +59,7 @@ void coupling_impulses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     if (t.bounds.kind[i] == BoundKind::coupling)
       x.impulse[t.bounds.form.coupling[i]] =
           select(x.bound_touched[i], x.bound_impulse[(t.solve_twice ? bounds : 0) + i], T(0));
-  if (r.followers == 0) return;
+  if (!r.eliminates()) return;
 
   T* const change = x.corrected_product;
   for (int i = 0; i < t.velocities; ++i) {

@@ -27,7 +27,7 @@ void impel(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, const T*
            T* v) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const int n = t.solver.n;
-  if (rows.count == 0) {
+  if (rows.count == 0 || rows.all_known) {  // impulses of rows that are known move no other velocities
     for (int z = 0; z < n; ++z) v[z] = free[z] * share;
   } else {
     for (int z = 0; z < n; ++z) v[z] = T(0);
@@ -40,11 +40,18 @@ void impel(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, const T*
   if (t.bounds.form.count > 0) add_bounds(t, x, phase, v);
 }
 
-/// v <- L^-1 v for one or two vectors.
+/// v <- L^-1 v for one or two vectors. Speeds of couplings that are known are their own answers (M79).
 template <class T>
 void solve_downwards(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* first, T* second) {
   if (t.articulated.used()) return solve_outwards(t, x, first, second);
-  second ? solve_downwards(t.solver, x.reduced, first, second) : solve_downwards(t.solver, x.reduced, first);
+  const Span<int> known = t.rows.known;
+  const auto know = [&](int j) LOCKSTEP_INLINED {
+    const int r = known.count > 0 ? known[j] : -1;
+    if (r < 0) return;
+    first[j] = x.row_speed[r] - x.start[j];
+    if (second) second[j] = x.row_speed_closed[r] - x.start[j];
+  };
+  second ? solve_downwards(t.solver, x.reduced, first, second, know) : solve_downwards(t.solver, x.reduced, first, know);
 }
 
 /// (M21) L^-1 (share y + D^-1 X impulse): what the velocities change by, in both phases, which share their way down the
@@ -63,6 +70,11 @@ void solved_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   solved_changes(t, x);
   for (int z = 0; z < t.solver.n; ++z) x.solution[z] += x.start[z];
   for (int z = 0; x.solves_twice && z < t.solver.n; ++z) x.closing_solution[z] += x.start[z];
+  for (int z = 0; z < t.rows.known.count; ++z) {
+    if (t.rows.known[z] < 0) continue;
+    x.solution[z] = x.row_speed[t.rows.known[z]];
+    if (x.solves_twice) x.closing_solution[z] = x.row_speed_closed[t.rows.known[z]];
+  }
 }
 
 /// All velocities from the solver's; followers' by finish(f, what S makes of the solver's).
@@ -78,10 +90,14 @@ void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, T* v, Fi
   for (int f = 0; f < r.followers; ++f) v[root + r.follower[f]] = finish(f, followed(t, x, f, z));
 }
 
-/// Followers follow, and are corrected where asked to.
+/// Followers follow, and are corrected where asked to, or are off by the speeds of their couplings.
 template <class T>
 void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, bool corrected, T* v) {
-  expand(t, x, z, v, [&](int f, T following) { return corrected ? following + x.correction[f] : following; });
+  const int* const speed = t.reduction.speed.data;
+  if (t.reduction.keeps_speeds())
+    expand(t, x, z, v, [&](int f, T following) { return following + z[speed[f]]; });
+  else
+    expand(t, x, z, v, [&](int f, T following) { return corrected ? following + x.correction[f] : following; });
 }
 
 /// From x.v, of which followers lose what they are off by.

@@ -107,7 +107,7 @@ void joint_row(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, in
 template <class T>
 LOCKSTEP_INLINE T pushed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int coupling) {
   T sum = T(0);
-  if (t.reduction.followers == 0) return sum;
+  if (!t.reduction.eliminates()) return sum;
   for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k) {
     const int f = t.reduction.follower_of[t.term_joint[k]];
     if (f >= 0) sum = fma(x.coefficient[k], x.correction[f], sum);

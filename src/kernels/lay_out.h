@@ -44,7 +44,7 @@ inline void bound_arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("bound_through", x.bound_through, bounds * rows);
   take("bound_through_scaled", x.bound_through_scaled, bounds * rows);
   take("bound_coupled", x.bound_coupled, bounds * bounds);
-  take("row_alone", x.row_alone, 2 * rows);
+  take("row_alone", x.row_alone, 4 * rows);
   take("search_matrix", x.search_matrix, bounds * bounds);
   take("search_branch", x.search_branch, 2 * bounds);
   take("search_held", x.search_held, bounds);
@@ -147,7 +147,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("inverse", x.inverse, solver);
   if (articulated) articulated_arrays(t, x, take);
   take("free_position", x.free_position, solver);
-  const bool free_twice = r.followers && t.solve_twice;
+  const bool free_twice = r.eliminates() && t.solve_twice;
   take("free_velocity", x.free_velocity, free_twice ? solver : 0);
   if (!free_twice) x.free_velocity = x.free_position;
   x.free_velocity_apart = x.free_velocity;
@@ -164,10 +164,11 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("inverse_form", x.inverse_form, r.inverse_value.count, Lasts::call);
   take("row_value", x.row_value, t.rows.term_value.count, Lasts::call);
   take("form", x.form, gears ? r.entries : 0, Lasts::call);
-  take("correction", x.correction, r.followers);
-  take("mismatch", x.mismatch, r.followers);
-  take("lost", x.lost, r.by_force ? r.followers : 0);
-  take("acceleration", x.acceleration, r.by_force ? r.followers : 0);
+  const int eliminated = r.eliminates() ? r.followers : 0;
+  take("correction", x.correction, eliminated);
+  take("mismatch", x.mismatch, eliminated);
+  take("lost", x.lost, r.by_force ? eliminated : 0);
+  take("acceleration", x.acceleration, r.by_force ? eliminated : 0);
   take("factor", x.factor, r.merged.factors.count, Lasts::call);
   take("response", x.response, rows * solver);
   take("coupled", x.coupled, t.rows.response_entries);

@@ -113,10 +113,15 @@ void solve_upwards(const Columns& columns, const T* factor, T* a, T* b) {
   }
 }
 
-/// b <- L^-1 b
-template <class T>
-void solve_downwards(const Columns& columns, const T* factor, T* b) {
+struct NoneKnown {
+  LOCKSTEP_INLINE void operator()(int) const {}
+};
+
+/// b <- L^-1 b, where know(j) may put an answer that is known at b[j].
+template <class T, class Know = NoneKnown>
+void solve_downwards(const Columns& columns, const T* factor, T* b, Know&& know = {}) {
   for (int j = 0; j < columns.n; ++j) {
+    know(j);
     const T* own = factor + columns.offset[j];
     const T value = b[j];
     for (int k = 1, below = columns.size[j]; k < below; ++k) b[j + k] = fnma(own[k], value, b[j + k]);
@@ -124,9 +129,10 @@ void solve_downwards(const Columns& columns, const T* factor, T* b) {
 }
 
 /// The same for two right-hand sides at once.
-template <class T>
-void solve_downwards(const Columns& columns, const T* factor, T* a, T* b) {
+template <class T, class Know = NoneKnown>
+void solve_downwards(const Columns& columns, const T* factor, T* a, T* b, Know&& know = {}) {
   for (int j = 0; j < columns.n; ++j) {
+    know(j);
     const T* const own = factor + columns.offset[j];
     const T first = a[j], second = b[j];
     for (int k = 1, below = columns.size[j]; k < below; ++k) {

@@ -8,15 +8,19 @@ namespace lockstep::kernels {
 template <class T>
 void pgs(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
-  row_denominators(rows, x);
+  prepare_visits(rows, x);
   for (int r = 0; r < rows.count; ++r) begin_row(x, r);
   sweeps(rows, t.iterations, x);
   for (int r = 0; r < rows.count; ++r) {
     x.position_impulse[r] = x.row_impulse[r];
+    x.row_speed[r] = speed_of(x, r);
     change_bias(x, r, closing_bias(x, r));
   }
   sweeps(rows, t.velocity_iterations, x);
-  for (int r = 0; r < rows.count; ++r) x.velocity_impulse[r] = x.row_impulse[r];
+  for (int r = 0; r < rows.count; ++r) {
+    x.velocity_impulse[r] = x.row_impulse[r];
+    x.row_speed_closed[r] = speed_of(x, r);
+  }
 }
 
 }  // namespace lockstep::kernels

@@ -105,7 +105,7 @@ void row_terms(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     x.row_start[r] = now;
     x.row_speed[r] = now + free;
     x.row_speed_closed[r] = now + closed;
-    if (t.reduction.followers == 0) continue;
+    if (!t.reduction.eliminates()) continue;
     const int coupling = rows.coupling[r];
     for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k) {
       const int f = t.reduction.follower_of[t.term_joint[k]];

@@ -9,10 +9,14 @@
 
 namespace lockstep::kernels {
 
-/// 1 / (r + cfm)
+/// 1 / (r + cfm), and K as visits want it: what other rows lack for each that the visited one does.
 template <class T>
-LOCKSTEP_INLINE void row_denominators(const Rows<ScalarOf<T>>& rows, Tile<T>& x) {
-  for (int r = 0; r < rows.count; ++r) x.row_inverse[r] = T(1) / (x.coupled[r * rows.count + r] + x.row_cfm[r]);
+LOCKSTEP_INLINE void prepare_visits(const Rows<ScalarOf<T>>& rows, Tile<T>& x) {
+  for (int r = 0; r < rows.count; ++r) {
+    T* const coupled = x.coupled + r * rows.count;
+    const T inverse = x.row_inverse[r] = T(1) / (coupled[r] + x.row_cfm[r]);
+    for (int i = 0; i < rows.count; ++i) coupled[i] *= inverse;
+  }
 }
 
 /// What the row lacks before it has an impulse.
@@ -38,13 +42,19 @@ LOCKSTEP_INLINE T speed_of(const Tile<T>& x, int r) {
 /// One visit (M34); returns the change of the row's impulse.
 template <class T>
 LOCKSTEP_INLINE T visit(const Rows<ScalarOf<T>>& rows, int r, Tile<T>& x) {
-  const T change = -(x.row_residual[r] * x.row_inverse[r]);
+  T* const residual = x.row_residual;
+  const T lacking = residual[r], change = -(lacking * x.row_inverse[r]);
   x.row_impulse[r] += change;
   const T* const coupled = x.coupled + r * rows.count;
-  for (int n = rows.neighbour_start[r]; n < rows.neighbour_start[r + 1]; ++n)
-    for (int i = rows.neighbours[n].first, last = rows.neighbours[n].last; i < last; ++i)
-      x.row_residual[i] = fma(coupled[i], change, x.row_residual[i]);
-  x.row_residual[r] = T(0);  // cfm takes the rest
+  const auto move = [&](int first, int last) LOCKSTEP_INLINED {
+    for (int i = first; i < last; ++i) residual[i] = fnma(coupled[i], lacking, residual[i]);
+  };
+  if (rows.dense)
+    move(0, rows.count);
+  else
+    for (int n = rows.neighbour_start[r]; n < rows.neighbour_start[r + 1]; ++n)
+      move(rows.neighbours[n].first, rows.neighbours[n].last);
+  residual[r] = T(0);  // cfm takes the rest
   return change;
 }
 

@@ -13,7 +13,7 @@ void tgs(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   using S = ScalarOf<T>;
   const Rows<S>& rows = t.rows;
   const T share = T(S(1) / S(t.iterations)), h = T(t.dt) * share;
-  row_denominators(rows, x);
+  prepare_visits(rows, x);
   for (int r = 0; r < rows.count; ++r) {
     x.row_speed_closed[r] = (x.row_speed[r] - x.row_start[r]) * share;  // the free motion's part of a sub-step
     x.row_speed[r] = x.row_start[r];

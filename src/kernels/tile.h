@@ -158,7 +158,7 @@ struct Tile {
   T* bound_through;        // [rows][coupling rows] K_BE, half solved where these are solved
   T* bound_through_scaled;
   T* bound_coupled;        // [rows][rows] of (M61)
-  T* row_alone;            // 2 [coupling rows] impulses without bounded rows
+  T* row_alone;            // 4 [coupling rows] impulses and speeds without bounded rows
   T* search_matrix;
   T* search_inverse;
   T* search_impulse;

@@ -93,11 +93,12 @@ class Routes {
 
 Articulated articulated_bodies(const Tables<double>& t, Store& store) { return Routes(t).articulated(store); }
 
+namespace {
+
+// Nobody asks for A's own entries.
 bool can_articulate(const Tables<double>& t) {
   return t.joints > 0 && t.reduction.followers == 0 && t.limited.count == 0;
 }
-
-namespace {
 
 // A made and factored, one solve with it, and the responses of rows. Whether natural rows take a mass matrix of their own
 // is not asked: a limit that is never reached may not change a bit, so it may not change the way.

@@ -39,7 +39,7 @@ int hard_bounds(const Program& program, const Joint& joint) {
 
 Member member_of(const Tables<double>& t, int joint) {
   const Reduction<double>& r = t.reduction;
-  const int follower = r.followers > 0 ? r.follower_of[joint] : -1;
+  const int follower = r.eliminates() ? r.follower_of[joint] : -1;
   const bool simple = follower >= 0 && r.start[follower + 1] - r.start[follower] == 1;
   return {joint, follower, simple ? r.start[follower] : -1};
 }
@@ -98,7 +98,7 @@ double value_of(const Tables<double>& t, const Contribution& share) {
 
 // Whether what the eliminated couplings say leaves nothing of this one.
 bool follows_from_eliminated(const Program& program, const RowForm& form) {
-  if (program.f64.reduction.followers == 0 || declared(program, Parameter::gear_ratio)) return false;
+  if (!program.f64.reduction.eliminates() || declared(program, Parameter::gear_ratio)) return false;
   for (const auto& [index, shares] : form.terms) {
     double sum = 0.0, size = 0.0;
     for (const Contribution& share : shares) {

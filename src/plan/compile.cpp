@@ -121,6 +121,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   lay_out_rows(*program);
   merge_columns(*program);
   articulate(*program);
+  take_speeds(*program);
   lay_out_report(*program);
   t.method = static_cast<int>(program->method);
   t.iterations = settings.iterations;

@@ -154,12 +154,6 @@ void find_what_shortens(Program& program, const HardRows& rows) {
   r.mirrors = program.store.keep(std::move(mirrors));
 }
 
-struct Share {  // one entry of S
-  int column;
-  double value;
-  int index;  // in Reduction::value, -1 for the 1 of an independent velocity
-};
-
 }  // namespace
 
 void eliminate_followers(Program& program) {
@@ -168,59 +162,28 @@ void eliminate_followers(Program& program) {
   Store& store = program.store;
   const bool gears_differ = declared(program, Parameter::gear_ratio);
   const HardRows rows = gauss_jordan(program);
-  const int followers = static_cast<int>(rows.coupling.size());
-  if (followers == 0) return;
-  const int root = t.velocities - t.joints;
+  const int count = static_cast<int>(rows.coupling.size());
+  if (count == 0) return;
   Eigen::MatrixXi entry;
   if (gears_differ) entry = record_elimination(program, rows);
   const auto present = [&](int f, int column) {
     return gears_differ ? entry(f, column) >= 0 : rows.form(f, column) != 0.0;
   };
 
-  // S over the independent velocities in their natural order, to learn the pattern of A_r.
-  std::vector<int> independents, natural(t.velocities, -1);
-  for (int i = 0; i < t.velocities; ++i)
-    if (i < root || !is_pivot(rows, i - root)) {
-      natural[i] = static_cast<int>(independents.size());
-      independents.push_back(i);
-    }
-  std::vector<std::vector<int>> natural_shares(t.velocities);
-  for (int i : independents) natural_shares[i] = {natural[i]};
-  for (int f = 0; f < followers; ++f)
-    for (int j = 0; j < t.joints; ++j)
-      if (j != rows.pivot[f] && present(f, j)) natural_shares[root + rows.pivot[f]].push_back(natural[root + j]);
-  const int n = static_cast<int>(independents.size());
-  Pattern pattern(n, std::vector<char>(n, 0));
-  for (int i = 0; i < t.velocities; ++i)
-    for (int j = 0; j <= i; ++j)
-      if (entry_of(t.matrix, i, j) >= 0)
-        for (int a : natural_shares[i])
-          for (int b : natural_shares[j]) pattern[std::max(a, b)][std::min(a, b)] = 1;
-  const Elimination tree = elimination_tree(pattern);
-  t.solver = make_columns(tree.parent, store);
-
-  // S, and the error's share of each follower, in the solver's numbering.
-  std::vector<int> independent(n), solver(t.velocities, -1);
-  for (int z = 0; z < n; ++z) {
-    independent[z] = independents[tree.order[z]];
-    solver[independent[z]] = z;
-  }
-  std::vector<std::vector<Share>> shares(t.velocities);
-  for (int i : independents) shares[i] = {{solver[i], 1.0, -1}};
-  std::vector<int> start{0}, column, driver, value_entry, inverse_start{0}, inverse_coupling, inverse_entry;
-  std::vector<double> value, inverse_value;
-  for (int f = 0; f < followers; ++f) {
+  // S, and the error's share of each follower.
+  std::vector<Follower> followers;
+  std::vector<int> value_entry, inverse_start{0}, inverse_coupling, inverse_entry;
+  std::vector<double> inverse_value;
+  for (int f = 0; f < count; ++f) {
     const double pivot = rows.form(f, rows.pivot[f]);
+    Follower follower{rows.pivot[f], {}};
     for (int j = 0; j < t.joints; ++j) {
       if (j == rows.pivot[f] || !present(f, j)) continue;
-      shares[root + rows.pivot[f]].push_back({solver[root + j], -rows.form(f, j) / pivot, static_cast<int>(value.size())});
-      column.push_back(solver[root + j]);
-      driver.push_back(j);
-      value.push_back(-rows.form(f, j) / pivot);
+      follower.shares.push_back({j, -rows.form(f, j) / pivot});
       if (gears_differ) value_entry.push_back(entry(f, j));
     }
-    start.push_back(static_cast<int>(value.size()));
-    for (int r = 0; r < followers; ++r) {
+    followers.push_back(std::move(follower));
+    for (int r = 0; r < count; ++r) {
       if (!present(f, t.joints + r)) continue;
       inverse_coupling.push_back(rows.coupling[r]);
       inverse_value.push_back(rows.form(f, t.joints + r) / pivot);
@@ -228,73 +191,21 @@ void eliminate_followers(Program& program) {
     }
     inverse_start.push_back(static_cast<int>(inverse_coupling.size()));
   }
+  lay_out_basis(program, followers, false);
 
-  std::vector<std::vector<Collected>> by_solver(n);
+  const int root = t.velocities - t.joints;
   std::vector<std::vector<Momentum>> by_velocity(t.velocities);
-  for (int f = 0; f < followers; ++f) {
-    const int velocity = root + rows.pivot[f];
-    for (int s = start[f]; s < start[f + 1]; ++s) by_solver[column[s]].push_back({velocity, s});
+  for (int f = 0; f < count; ++f)
     for (int i = 0; i < t.velocities; ++i)
-      if (const int shared = entry_of(t.matrix, i, velocity); shared >= 0) by_velocity[i].push_back({shared, f});
-  }
-  std::tie(reduction.collect_start, reduction.collected) = flattened(by_solver, store);
+      if (const int shared = entry_of(t.matrix, i, root + rows.pivot[f]); shared >= 0) by_velocity[i].push_back({shared, f});
   std::tie(reduction.momentum_start, reduction.momentum) = flattened(by_velocity, store);
-
-  // A_r = S^T A S, entry by entry: sums of entries of A with products of two entries of S.
-  struct Product {
-    int source;
-    double value;
-    int left, right;
-  };
-  std::vector<std::vector<Product>> products(t.solver.entries);
-  for (int i = 0; i < t.velocities; ++i)
-    for (int j = 0; j < t.velocities; ++j) {
-      const int source = entry_of(t.matrix, i, j);
-      if (source < 0) continue;
-      for (const Share& a : shares[i])
-        for (const Share& b : shares[j]) {
-          if (a.column < b.column) continue;
-          std::vector<Product>& sum = products[entry_of(t.solver, a.column, b.column)];
-          const auto same = std::find_if(sum.begin(), sum.end(), [&](const Product& p) { return p.source == source; });
-          if (same != sum.end() && !gears_differ)
-            same->value += a.value * b.value;
-          else
-            sum.push_back({source, a.value * b.value, a.index, b.index});
-        }
-    }
-  std::vector<int> product_start{0}, product_source, left, right;
-  std::vector<double> product_value, rate(t.couplings, 0.0);
-  for (const std::vector<Product>& sum : products) {
-    for (const Product& p : sum) {
-      product_source.push_back(p.source);
-      product_value.push_back(p.value);
-      left.push_back(p.left);
-      right.push_back(p.right);
-    }
-    product_start.push_back(static_cast<int>(product_source.size()));
-  }
+  std::vector<double> rate(t.couplings, 0.0);
   for (int c : rows.coupling) rate[c] = t.softness_first[c] / program.length;
   for (int joint : rows.pivot) program.eliminated.push_back(t.joint_row[joint]);
-
-  reduction.followers = followers;
-  reduction.follower = store.keep(rows.pivot);
-  std::vector<int> follower_of(t.joints, -1);
-  for (int f = 0; f < followers; ++f) follower_of[rows.pivot[f]] = f;
-  reduction.follower_of = store.keep(std::move(follower_of));
-  reduction.independent = store.keep(std::move(independent));
-  reduction.start = store.keep(std::move(start));
-  reduction.column = store.keep(std::move(column));
-  reduction.driver = store.keep(std::move(driver));
-  reduction.value = store.keep(std::move(value));
   reduction.inverse_start = store.keep(std::move(inverse_start));
   reduction.inverse_coupling = store.keep(std::move(inverse_coupling));
   reduction.inverse_value = store.keep(std::move(inverse_value));
   reduction.rate = store.keep(std::move(rate));
-  reduction.product_start = store.keep(std::move(product_start));
-  reduction.product_source = store.keep(std::move(product_source));
-  reduction.product_value = store.keep(std::move(product_value));
-  reduction.product_left = store.keep(std::move(left));
-  reduction.product_right = store.keep(std::move(right));
   reduction.value_entry = store.keep(std::move(value_entry));
   reduction.inverse_entry = store.keep(std::move(inverse_entry));
   find_what_shortens(program, rows);

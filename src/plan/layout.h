@@ -26,6 +26,10 @@ std::optional<Obstacle> obstacle_of(const Program& program);
 /// the kernels' mass matrix). For programs whose terms are explicit.
 double largest_rate(const Program& program);
 
+/// By coupling, what of its first joint's entry of A is left when all that the coupling lets move is eliminated from it
+/// (report/stiffness.cpp): 1 / (K_cc A_ff) at the scene's start.
+std::vector<double> first_joints_shares(const Program& program);
+
 /// Bodies, frames, joints and the structure of the mass matrix (bodies.cpp).
 void lay_out_bodies(Program& program, const Tree& tree);
 
@@ -54,7 +58,15 @@ void find_redundant_couplings(Program& program);
 /// Which method a step uses, and why; throws SettingsError where the one asked for does not apply (compile.cpp).
 void choose_method(Program& program);
 
-/// S, its products and its per-environment elimination for `reduced` (elimination.cpp).
+/// A joint whose velocity is a sum of other joints', or that and the speed of its coupling.
+struct Follower {
+  int joint;
+  std::vector<std::pair<int, double>> shares;  ///< of other joints' velocities
+};
+/// S and its products: v = S z where followers are eliminated, or where speeds of couplings stand for them (basis.cpp).
+void lay_out_basis(Program& program, const std::vector<Follower>& followers, bool keeps_speeds);
+
+/// The followers of `reduced`, and its elimination per environment (elimination.cpp).
 void eliminate_followers(Program& program);
 
 /// The couplings that are left to solve as rows over the solver's velocities, and the bounds (rows.cpp).
@@ -75,12 +87,14 @@ std::pair<MergedColumns, long> merged_columns(const Tables<double>& t, Store& st
 /// Has A_r made so where that is less work than by A, and possible (merged_columns.cpp).
 void merge_columns(Program& program);
 
-/// Nobody asks for A's own entries (articulated.cpp).
-bool can_articulate(const Tables<double>& t);
 /// The routes of articulated bodies (articulated.cpp).
 Articulated articulated_bodies(const Tables<double>& t, Store& store);
 /// Has A factored by them where that is less work, and possible (articulated.cpp).
 void articulate(Program& program);
+
+/// Has speeds of couplings for velocities of the solver, where A is made and couplings have joints of their own
+/// (speeds.cpp).
+void take_speeds(Program& program);
 
 /// A row as a linear form over the solver's velocities.
 struct RowForm {

@@ -149,7 +149,7 @@ std::pair<MergedColumns, long> merged_columns(const Tables<double>& t, Store& st
 
 void merge_columns(Program& program) {
   Tables<double>& t = program.f64;
-  if (t.reduction.followers == 0) return;
+  if (!t.reduction.eliminates()) return;
   t.reduction.by_force = program.integrator == Integrator::euler || program.integrator == Integrator::runge_kutta;
   if (!t.reduction.by_force || t.natural.count > 0 || program.settings.record_impulses) return;
   const auto [columns, work] = merged_columns(t, program.store);

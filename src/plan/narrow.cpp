@@ -66,7 +66,7 @@ struct Narrowing {
   Rows<float> narrowed(const Rows<double>& from) {
     return {from.count, from.coupling, from.term_start, from.term_index, narrowed(from.term_value),
             from.contribution_start, from.contribution, from.support_start, from.support, from.run_start, from.runs,
-            from.groups, from.group_support, from.group_runs, from.blocks, from.block_runs, from.dense, from.neighbour_start,
+            from.groups, from.group_support, from.group_runs, from.blocks, from.block_runs, from.dense, from.known, from.all_known, from.prescribed, from.neighbour_start,
             from.neighbours, from.response_entries, from.columns, narrowed(from.softness)};
   }
 
@@ -83,10 +83,10 @@ struct Narrowing {
   }
 
   Reduction<float> narrowed(const Reduction<double>& from) {
-    return {from.followers, from.by_force, from.merged, from.follower, from.follower_of, from.independent, from.start,
+    return {from.followers, from.by_force, from.merged, from.speed, from.measured, from.follower, from.follower_of, from.independent, from.start,
             from.column, from.driver, narrowed(from.value), from.placing, from.shortens, from.pairs, from.mirrors, from.collect_start, from.collected, from.momentum_start, from.momentum,
             from.inverse_start, from.inverse_coupling, narrowed(from.inverse_value), narrowed(from.rate),
-            from.product_start, from.product_source, narrowed(from.product_value), from.product_left,
+            from.product_groups, from.product_entry, from.product_start, from.product_source, narrowed(from.product_value), from.product_left,
             from.product_right, from.entries, narrowed(from.fills), narrowed(from.eliminations),
             narrowed(from.updates), from.pivot, from.value_entry, from.inverse_entry};
   }

@@ -25,6 +25,11 @@ void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int 
 RowForm coupling_form(const Program& program, const Reduction<double>& reduction, int coupling) {
   const Tables<double>& t = program.f64;
   RowForm form{coupling, program.model.couplings[coupling].softness, {}};
+  for (int f = 0; f < reduction.measured.count; ++f)
+    if (reduction.measured[f] == coupling) {
+      form.terms[reduction.speed[f]] = {{-1, -1}};
+      return form;
+    }
   for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k)
     add_joint(t, reduction, t.term_joint[k], k, form);
   return form;
@@ -265,7 +270,7 @@ bool matrix_holds_more(const Program& program) {
   if (t.limited.count > 0) return true;
   for (int j = 0; j < t.joints; ++j)
     if (t.implicit[j] != t.armature[j]) return true;
-  return t.reduction.followers > 0;
+  return t.reduction.eliminates();
 }
 
 // Rows whose softness is a natural frequency go to `natural`; by row: their place there, -1 for the others.
@@ -313,7 +318,7 @@ void lay_out_rows(Program& program) {
   t.renewed = program.method == Method::tgs && settings.iterations > 1;
   t.free_share = t.renewed ? (settings.iterations + 1.0) / (2.0 * settings.iterations) : 1.0;
   const bool closed = settings.velocity_iterations > 0;
-  const bool differs = factored ? any_hard || t.reduction.followers > 0 : t.rows.count > 0;
+  const bool differs = factored ? any_hard || t.reduction.eliminates() : t.rows.count > 0;
   t.solve_twice = t.renewed || (closed && (differs || t.bounds.form.count > 0));
 }
 

@@ -128,6 +128,11 @@ struct Rows {
   Span<RowBlock> blocks;              ///< by their rows
   Span<SupportRun> block_runs;
   bool dense = false;                 ///< every entry of K is in a block
+  Span<int> known;                    ///< by solver velocity: the row whose speed it is, -1 if none, where rows are all hard
+                                      ///< and leave speeds behind (M79)
+  bool all_known = false;             ///< of every row
+  bool prescribed = false;            ///< and these speeds are what direct asks for, whatever the rows' impulses, which
+                                      ///< nobody asks for
   Span<int> neighbour_start;          ///< by row, count + 1
   Span<SupportRun> neighbours;        ///< rows that its impulse moves, where K is not factored
   int response_entries = 0;           ///< size of K's storage
@@ -194,6 +199,11 @@ struct Collected {  ///< by S^T: a follower's velocity, times an entry of S
 
 struct Momentum {  ///< an entry of A, times a follower's number
   int entry, follower;
+};
+
+/// Entries that are sums of the same number of products.
+struct ProductGroup {
+  int first, last, count;
 };
 
 /// Slots whose contents come together.
@@ -264,14 +274,19 @@ struct Mirror {
   bool opposed;
 };
 
-/// Elimination of the followers: v = S z, A_r = S^T A S. Empty unless the method is `reduced`.
+/// The velocities in terms of those that are solved for: v = S z, A_r = S^T A S. Either followers are eliminated (M39), for
+/// `reduced`, or couplings' speeds stand for them (M77); empty where A itself is factored.
 template <class S>
 struct Reduction {
   int followers = 0;
   bool by_force = false;              ///< bias forces hold what followers lose of their mismatch within a step
   MergedColumns merged;
+  inline __attribute__((always_inline)) bool keeps_speeds() const { return speed.count > 0; }
+  inline __attribute__((always_inline)) bool eliminates() const { return followers > 0 && speed.count == 0; }
   /// A_r is made of A's entries.
   inline __attribute__((always_inline)) bool by_entries() const { return followers > 0 && merged.slots == 0; }
+  Span<int> speed;                    ///< by follower: the solver velocity that is the speed of its coupling
+  Span<int> measured;                 ///< and that coupling
   Span<int> follower;                 ///< joint, by follower
   Span<int> follower_of;              ///< by joint: its number among the followers, -1 if independent
   Span<int> independent;              ///< velocity, by solver velocity
@@ -288,7 +303,9 @@ struct Reduction {
   Span<int> inverse_start, inverse_coupling;  ///< inverse of J's follower columns: error by follower
   Span<S> inverse_value;
   Span<S> rate;                       ///< erp / dt by coupling
-  Span<int> product_start;            ///< by entry of A_r
+  Span<ProductGroup> product_groups;  ///< entries of A_r that are sums of so many products
+  Span<int> product_entry;            ///< of A_r, in the order of their groups
+  Span<int> product_start;            ///< in the same order
   Span<int> product_source;           ///< entry of A
   Span<S> product_value;
   Span<int> product_left, product_right;      ///< the two entries of S whose product it is; -1 stands for 1

@@ -132,10 +132,13 @@ std::string stage_lines(const Program& program) {
   if (!t.articulated.used() || t.natural.count > 0)
     stages.push_back(t.reduction.merged.slots > 0 ? "reduced mass matrix (composite bodies, columns of followers merged)"
                                                   : "mass matrix (composite bodies)");
-  if (t.reduction.by_entries()) stages.push_back("elimination");
+  if (t.reduction.by_entries()) stages.push_back(t.reduction.keeps_speeds() ? "speeds of couplings for velocities" : "elimination");
   stages.push_back(t.articulated.used() ? "free velocity (articulated bodies)" : "free velocity (L^T D L)");
   if (t.natural.count > 0) stages.push_back("natural responses (a second factorisation, for softness by frequency)");
-  if (t.rows.count > 0) stages.insert(stages.end(), {"responses", "row terms", name(t.rows.columns.n > 0 ? Method::direct : program.method)});
+  if (t.rows.prescribed)
+    stages.push_back("prescribed speeds of couplings");
+  else if (t.rows.count > 0)
+    stages.insert(stages.end(), {"responses", "row terms", name(t.rows.columns.n > 0 ? Method::direct : program.method)});
   if (t.bounds.form.count > 0) stages.push_back("bounds");
   if (t.limited.count > 0) stages.push_back("saturation of servos");
   stages.insert(stages.end(), {"integration", "check"});

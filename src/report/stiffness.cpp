@@ -1,4 +1,4 @@
-// How fast a scene's drives and dampers move it, by the kernels' own mass matrix. SPDX-License-Identifier: Apache-2.0
+// What a scene's inertia says when compiling, by the kernels' own mass matrix at the model's start. SPDX-License-Identifier: Apache-2.0
 #include <Eigen/Eigenvalues>
 #include <vector>
 
@@ -22,8 +22,8 @@ MatrixXd all_shares(const Tables<double>& t) {
   return s;
 }
 
-// A_r at the model's start.
-MatrixXd reduced_matrix(const Program& program) {
+// A_r at the model's start, with so much of joints on its diagonal.
+MatrixXd matrix_at_start(const Program& program, Span<float> added) {
   Tables<float> t = program.f32;
   t.articulated = {};
   kernels::Tile<Counted> x;
@@ -34,7 +34,7 @@ MatrixXd reduced_matrix(const Program& program) {
   for (std::size_t j = 0; j < program.model.joints.size(); ++j)
     if (const int i = program.solver_joint[j]; i >= 0) x.q[i] = static_cast<float>(program.model.joints[j].position);
   kernels::kinematics(t, x);
-  for (int j = 0; j < t.joints; ++j) x.joint_inertia[j] = Counted(t.armature[j]);
+  for (int j = 0; j < t.joints; ++j) x.joint_inertia[j] = Counted(added[j]);
   kernels::inertia_matrix(t, x);
   if (t.reduction.by_entries()) kernels::reduce_matrix(t, x);
   MatrixXd a = MatrixXd::Zero(t.solver.n, t.solver.n);
@@ -55,12 +55,27 @@ double largest_rate(const Program& program) {
     stiffness[root + j] = t.kp[j];
   }
   const MatrixXd s = all_shares(t);
-  const Eigen::LDLT<MatrixXd> a(reduced_matrix(program));
+  const Eigen::LDLT<MatrixXd> a(matrix_at_start(program, program.f32.armature));
   MatrixXd motion = MatrixXd::Zero(2 * n, 2 * n);  // of (z, dz/dt)
   motion.topRightCorner(n, n).setIdentity();
   motion.bottomLeftCorner(n, n) = -a.solve(s.transpose() * stiffness.asDiagonal() * s);
   motion.bottomRightCorner(n, n) = -a.solve(s.transpose() * damping.asDiagonal() * s);
   return n == 0 ? 0.0 : motion.eigenvalues().cwiseAbs().maxCoeff();
+}
+
+std::vector<double> first_joints_shares(const Program& program) {
+  const Tables<double>& t = program.f64;
+  const int root = t.velocities - t.joints;
+  const MatrixXd a = matrix_at_start(program, program.f32.implicit);
+  const Eigen::LDLT<MatrixXd> factored(a);
+  std::vector<double> shares;
+  for (int c = 0; c < t.couplings; ++c) {
+    Eigen::VectorXd row = Eigen::VectorXd::Zero(t.velocities);
+    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) row[root + t.term_joint[k]] = t.term_value[k];
+    const int first = root + t.term_joint[t.term_start[c]];
+    shares.push_back(1.0 / (row.dot(factored.solve(row)) * a(first, first)));
+  }
+  return shares;
 }
 
 }  // namespace lockstep

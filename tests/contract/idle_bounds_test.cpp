@@ -83,6 +83,29 @@ TEST_P(IdleBounds, that_are_never_reached_do_not_change_a_bit) {
   }
 }
 
+// direct prescribes speeds where nobody asks for impulses (M79), and finds these after all where bounds act.
+TEST_P(IdleBounds, that_act_or_not_do_not_notice_whether_impulses_are_kept) {
+  if (GetParam() == Method::reduced) return;  // which may make A_r otherwise (M41)
+  std::vector<Model> models = contract::bounded_scenes();
+  for (Model model : {scenes::chain8(), scenes::gripper13()}) {
+    models.push_back(model);
+    for (std::size_t j = 0; j < model.joints.size(); j += 3) model.joints[j].upper = 0.1;
+    models.push_back(model);
+  }
+  for (const Model& model : models) {
+    SCOPED_TRACE(model.name);
+    StepSettings settings = contract::settings(GetParam());
+    settings.record_impulses = true;
+    const Plan kept = compile(model, settings);
+    settings.record_impulses = false;
+    auto a = scattered<float>(kept, 19), b = scattered<float>(compile(model, settings), 19);
+    for (int step = 0; step < 20; ++step) {
+      a.step(), b.step();
+      ASSERT_TRUE(same_bits(a, b)) << step;
+    }
+  }
+}
+
 void expect_refused(const Model& model, const StepSettings& settings, const std::string& setting,
                     const std::string& rule, const std::string& remedy) {
   try {

@@ -47,7 +47,7 @@ constexpr const char* names[] = {"as planned", "by entries", "merged", "articula
 struct Kernel {
   Kernel(const Plan& compiled, const reference::State& state, const reference::Inputs& inputs,
          Formulation formulation = Formulation::as_planned)
-      : plan(compiled), t(formulated(plan.program().f64, formulation, store)), q(state.q), v(state.v.tail(t.joints)),
+      : plan(compiled), program(formulated(plan.program(), formulation)), t(program.f64), q(state.q), v(state.v.tail(t.joints)),
         root_velocity(state.v.head(t.velocities - t.joints)), position_targets(inputs.position_targets),
         velocity_targets(inputs.velocity_targets), efforts(inputs.efforts) {
     const Eigen::Quaterniond& turn = state.orientation;
@@ -64,11 +64,17 @@ struct Kernel {
     kernels::load(t, lanes, x);
   }
 
-  static Tables<double> formulated(Tables<double> t, Formulation formulation, Store& store) {
+  static Program formulated(Program program, Formulation formulation) {
+    Tables<double>& t = program.f64;
     if (formulation != Formulation::as_planned) t.reduction.merged = {}, t.articulated = {};
-    if (formulation == Formulation::articulated) t.articulated = articulated_bodies(t, store);
-    if (formulation == Formulation::merged) t.reduction.merged = merged_columns(t, store).first;
-    return t;
+    if (formulation == Formulation::articulated) {
+      t.reduction = {};
+      t.solver = t.matrix;
+      lay_out_rows(program);
+      t.articulated = articulated_bodies(t, program.store);
+    }
+    if (formulation == Formulation::merged) t.reduction.merged = merged_columns(t, program.store).first;
+    return program;
   }
 
   // The model's number of one of the kernels' generalised velocities.
@@ -110,8 +116,8 @@ struct Kernel {
   }
 
   Plan plan;
-  Store store;
-  const Tables<double> t;
+  const Program program;
+  const Tables<double>& t;
   VectorXd q, v, root_velocity, position_targets, velocity_targets, efforts;
   Eigen::Matrix<double, 7, 1> root_pose;
   Fault fault = Fault::none;
@@ -131,9 +137,10 @@ StepSettings settings_of(Method method, int seed) {
   return settings;
 }
 
-// What `reduced` knows of the hard couplings, from J alone: v = S z + w with J S = 0 and J w = -erp C / h.
-struct Elimination {
-  Elimination(const Kernel& kernel, const reference::Stage& stage, const std::vector<int>& eliminated) {
+// What the solver's velocities say of all, from J alone: v = S z + w. Where followers are eliminated J S = 0 and
+// J w = -erp C / h; where speeds of couplings stand for them z = J v there.
+struct Basis {
+  Basis(const Kernel& kernel, const reference::Stage& stage, const std::vector<int>& eliminated) {
     const Reduction<double>& reduction = kernel.t.reduction;
     const int nv = kernel.t.velocities, root = nv - kernel.t.joints, n = kernel.t.solver.n;
     const bool none = eliminated.empty();
@@ -144,6 +151,16 @@ struct Elimination {
     for (int z = 0; z < n; ++z) independents.push_back(none ? kernel.outer(z) : kernel.outer(reduction.independent[z]));
     s = MatrixXd::Zero(nv, n);
     w = VectorXd::Zero(nv);
+    if (reduction.keeps_speeds()) {
+      MatrixXd measured = MatrixXd::Zero(n, nv);
+      for (int z = 0; z < n; ++z) measured(z, kernel.outer(reduction.independent[z])) = 1.0;
+      for (int f = 0; f < reduction.followers; ++f)
+        measured.row(reduction.speed[f]) = stage.jacobian(std::vector<int>{reduction.measured[f]}, Eigen::all);
+      const Eigen::FullPivLU<MatrixXd> lu(measured);
+      s = lu.inverse();
+      condition = measured.norm() * s.norm();
+      return;
+    }
     for (int z = 0; z < n; ++z) s(independents[z], z) = 1.0;
     if (none) return;
     const MatrixXd j = stage.jacobian(hard, Eigen::all), of_followers = j(Eigen::all, followers);
@@ -207,7 +224,8 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   kernels::Tile<Scalar>& x = kernel.x;
   kernels::kinematics(t, x);
   kernels::coupling_errors(t, x);
-  if (t.reduction.followers > 0) kernels::follow(t, x);
+  if (t.reduction.eliminates()) kernels::follow(t, x);
+  if (t.reduction.keeps_speeds()) kernels::measure_speeds(t, x);
   kernels::bias_forces(t, kernel.lanes, x);
   kernels::joint_inertias(t, kernel.lanes, x);
   kernels::joint_forces(t, kernel.lanes, x);
@@ -215,7 +233,7 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   if (t.reduction.by_entries()) kernels::reduce_matrix(t, x);
 
   // Without followers S is a permutation, w is 0, A_r is A and the velocity below is v*.
-  const Elimination e(kernel, stage, plan.eliminated_dofs());
+  const Basis e(kernel, stage, plan.eliminated_dofs());
   const MatrixXd reduced = e.s.transpose() * stage.implicit * e.s;
   if (!t.articulated.used()) expect_close("A_r", kernel.unpacked(t.solver, x.reduced), reduced, size(reduced));
   kernels::factor_matrix(t, x);
@@ -224,8 +242,10 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   const VectorXd z = factored.solve(e.s.transpose() * stage.implicit * (stage.free - e.w));
   const std::vector<Scalar> none(t.rows.count, Scalar(0.0));
   for (int r = 0; r < t.rows.count * t.solver.n; ++r) x.response[r] = Scalar(0.0);
-  kernels::impel(t, x, kernels::position_phase, x.free_position, Scalar(1.0), none.data(), x.solution);
-  kernels::solve_downwards<Scalar>(t, x, x.solution, nullptr);
+  Tables<double> free = t;  // of what rows know
+  free.rows.known = {}, free.rows.all_known = false;
+  kernels::impel(free, x, kernels::position_phase, x.free_position, Scalar(1.0), none.data(), x.solution);
+  kernels::solve_downwards<Scalar>(free, x, x.solution, nullptr);
   for (int i = 0; i < t.solver.n; ++i) x.solution[i] += x.start[i];
   const double kappa = condition(reduced) * e.condition, rounding = solved(kappa, t.solver.n);
   expect_close("v*", kernel.numbers(x.solution, t.solver.n), z, std::max(1.0, size(z)), rounding);
@@ -272,8 +292,9 @@ TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
     const Plan plan = compile(model, settings);
     const Tables<double>& t = plan.program().f64;
     expect_same_rows(model, settings, plan, Formulation::by_entries);
-    if (t.reduction.followers > 0 && t.natural.count == 0) expect_same_rows(model, settings, plan, Formulation::merged);
-    if (can_articulate(t)) expect_same_rows(model, settings, plan, Formulation::articulated);
+    if (t.reduction.eliminates() && t.natural.count == 0) expect_same_rows(model, settings, plan, Formulation::merged);
+    if (!t.reduction.eliminates() && t.joints > 0 && t.limited.count == 0)
+      expect_same_rows(model, settings, plan, Formulation::articulated);
   }
 }
 

@@ -35,6 +35,23 @@ TEST(Description, names_the_method_its_reason_and_what_it_costs) {
               {"Method: direct (the softness differs per environment", "4 rows are solved together"});
 }
 
+// (M77): where A is made, and couplings have joints of their own.
+TEST(Description, tells_whether_speeds_of_couplings_are_solved_for) {
+  const char* const speeds = "speeds of couplings for velocities";
+  StepSettings settings{.method = Method::pgs, .integrator = Integrator::euler};
+  expect_said(compile(scenes::chain8(), settings), {speeds, "responses, row terms, pgs"});
+  expect_unsaid(compile(scenes::chain32(), settings), {speeds});  // articulated bodies are less work
+  settings.method = Method::direct;
+  expect_said(compile(scenes::chain8(), settings), {speeds, "prescribed speeds of couplings"});
+  settings.record_impulses = true;
+  expect_said(compile(scenes::chain8(), settings), {speeds, "responses, row terms, direct"});
+  settings.per_environment = {Parameter::gear_ratio};
+  expect_unsaid(compile(scenes::chain8(), settings), {speeds});
+  Model soft = scenes::chain8();
+  for (Coupling& coupling : soft.couplings) coupling.softness = Softness::spring(40.0, 1.0);
+  expect_said(compile(soft, {.integrator = Integrator::euler}), {speeds, "responses, row terms, direct"});
+}
+
 TEST(Description, says_softness_in_words) {
   Model model = scenes::chain8();
   model.couplings[0].softness = Softness::hard(0.25);

@@ -1,0 +1,149 @@
+// S of v = S z, the velocities in terms of those that are solved for: (M39), (M77). SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "layout.h"
+
+namespace lockstep {
+namespace {
+
+struct Share {  // one entry of S
+  int column;
+  double value;
+  int index;  // in Reduction::value, -1 for a 1 that is not kept there
+};
+
+// The solver's velocities in their natural order: speeds of couplings, which are to be eliminated last, then what is
+// nobody's follower.
+std::vector<int> natural_order(const Tables<double>& t, const std::vector<Follower>& followers, bool keeps_speeds) {
+  const int root = t.velocities - t.joints;
+  std::vector<char> follows(t.velocities, 0);
+  std::vector<int> order;
+  for (const Follower& follower : followers) {
+    follows[root + follower.joint] = 1;
+    if (keeps_speeds) order.push_back(root + follower.joint);
+  }
+  for (int i = 0; i < t.velocities; ++i)
+    if (!follows[i]) order.push_back(i);
+  return order;
+}
+
+// Of H = S^T A S, from which of the solver's velocities each velocity is made.
+Pattern pattern_of(const Tables<double>& t, const std::vector<std::vector<int>>& parts, int n) {
+  Pattern pattern(n, std::vector<char>(n, 0));
+  for (int i = 0; i < t.velocities; ++i)
+    for (int j = 0; j <= i; ++j)
+      if (entry_of(t.matrix, i, j) >= 0)
+        for (int a : parts[i])
+          for (int b : parts[j]) pattern[std::max(a, b)][std::min(a, b)] = 1;
+  return pattern;
+}
+
+// A_r = S^T A S, entry by entry: sums of entries of A with products of two entries of S.
+void lay_out_products(Program& program, const std::vector<std::vector<Share>>& shares) {
+  Tables<double>& t = program.f64;
+  struct Product {
+    int source;
+    double value;
+    int left, right;
+  };
+  std::vector<std::vector<Product>> products(t.solver.entries);
+  for (int i = 0; i < t.velocities; ++i)
+    for (int j = 0; j < t.velocities; ++j) {
+      const int source = entry_of(t.matrix, i, j);
+      if (source < 0) continue;
+      for (const Share& a : shares[i])
+        for (const Share& b : shares[j]) {
+          if (a.column < b.column) continue;
+          std::vector<Product>& sum = products[entry_of(t.solver, a.column, b.column)];
+          const auto same = std::find_if(sum.begin(), sum.end(), [&](const Product& p) { return p.source == source; });
+          if (same != sum.end() && !declared(program, Parameter::gear_ratio))
+            same->value += a.value * b.value;
+          else
+            sum.push_back({source, a.value * b.value, a.index, b.index});
+        }
+    }
+  std::vector<int> entries(products.size()), start{0}, source, left, right;
+  for (std::size_t e = 0; e < entries.size(); ++e) entries[e] = static_cast<int>(e);
+  std::stable_sort(entries.begin(), entries.end(), [&](int a, int b) { return products[a].size() < products[b].size(); });
+  std::vector<double> value;
+  std::vector<ProductGroup> groups;
+  for (int place = 0; place < static_cast<int>(entries.size()); ++place) {
+    const std::vector<Product>& sum = products[entries[place]];
+    const int count = static_cast<int>(sum.size());
+    if (groups.empty() || groups.back().count != count) groups.push_back({place, place, count});
+    ++groups.back().last;
+    for (const Product& p : sum) {
+      source.push_back(p.source);
+      value.push_back(p.value);
+      left.push_back(p.left);
+      right.push_back(p.right);
+    }
+    start.push_back(static_cast<int>(source.size()));
+  }
+  Reduction<double>& reduction = t.reduction;
+  reduction.product_groups = program.store.keep(std::move(groups));
+  reduction.product_entry = program.store.keep(std::move(entries));
+  reduction.product_start = program.store.keep(std::move(start));
+  reduction.product_source = program.store.keep(std::move(source));
+  reduction.product_value = program.store.keep(std::move(value));
+  reduction.product_left = program.store.keep(std::move(left));
+  reduction.product_right = program.store.keep(std::move(right));
+}
+
+}  // namespace
+
+void lay_out_basis(Program& program, const std::vector<Follower>& followers, bool keeps_speeds) {
+  Tables<double>& t = program.f64;
+  Reduction<double>& reduction = t.reduction;
+  Store& store = program.store;
+  const int root = t.velocities - t.joints;
+  const std::vector<int> order = natural_order(t, followers, keeps_speeds);
+  const int n = static_cast<int>(order.size());
+  std::vector<int> place(t.velocities, -1);  // in the natural order
+  for (int z = 0; z < n; ++z) place[order[z]] = z;
+  std::vector<std::vector<int>> parts(t.velocities);
+  for (int i : order) parts[i] = {place[i]};
+  for (const Follower& follower : followers)
+    for (const auto& [joint, value] : follower.shares) parts[root + follower.joint].push_back(place[root + joint]);
+  const Elimination tree = elimination_tree(pattern_of(t, parts, n));
+  t.solver = make_columns(tree.parent, store);
+
+  std::vector<int> independent(n), solver(t.velocities, -1);
+  for (int z = 0; z < n; ++z) {
+    independent[z] = order[tree.order[z]];
+    solver[independent[z]] = z;
+  }
+  std::vector<std::vector<Share>> shares(t.velocities);
+  for (int i : order) shares[i] = {{solver[i], 1.0, -1}};
+  std::vector<int> follower_joint, follower_of(t.joints, -1), start{0}, column, driver, speed;
+  std::vector<double> value;
+  std::vector<std::vector<Collected>> by_solver(n);
+  for (const Follower& follower : followers) {
+    const int velocity = root + follower.joint;
+    follower_of[follower.joint] = static_cast<int>(follower_joint.size());
+    follower_joint.push_back(follower.joint);
+    if (keeps_speeds) speed.push_back(solver[velocity]);
+    for (const auto& [joint, share] : follower.shares) {
+      const int z = solver[root + joint], index = static_cast<int>(value.size());
+      shares[velocity].push_back({z, share, index});
+      by_solver[z].push_back({velocity, index});
+      column.push_back(z);
+      driver.push_back(joint);
+      value.push_back(share);
+    }
+    start.push_back(static_cast<int>(value.size()));
+  }
+  std::tie(reduction.collect_start, reduction.collected) = flattened(by_solver, store);
+  lay_out_products(program, shares);
+  reduction.followers = static_cast<int>(followers.size());
+  reduction.follower = store.keep(std::move(follower_joint));
+  reduction.follower_of = store.keep(std::move(follower_of));
+  reduction.speed = store.keep(std::move(speed));
+  reduction.independent = store.keep(std::move(independent));
+  reduction.start = store.keep(std::move(start));
+  reduction.column = store.keep(std::move(column));
+  reduction.driver = store.keep(std::move(driver));
+  reduction.value = store.keep(std::move(value));
+}
+
+}  // namespace lockstep
