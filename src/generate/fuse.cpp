@@ -6,22 +6,49 @@
 
 namespace lockstep::generate {
 
-std::vector<Fuses> fuses_of(const Graph& graph, const std::vector<Sum>& sums) {
-  const std::vector<Node>& nodes = graph.nodes();
-  const std::vector<int> used = uses(graph);
-  std::map<Id, Id> product_of;  // by sum
-  for (Id id = 0; id < static_cast<Id>(nodes.size()); ++id) {
-    const Node& node = nodes[id];
-    if (used[id] == 0 || (node.op != Op::add && node.op != Op::subtract)) continue;
-    for (int i : {1, 0}) {
-      const Id o = node.operand[i];
-      if (nodes[o].op != Op::multiply || used[o] != 1 || nodes[o].item != node.item) continue;
-      product_of[id] = o;
-      break;
+namespace {
+
+class Finder {
+ public:
+  explicit Finder(const Graph& graph) : nodes_(graph.nodes()), used_(uses(graph)) {
+    for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id) {
+      const Node& node = nodes_[id];
+      if (used_[id] == 0 || (node.op != Op::add && node.op != Op::subtract)) continue;
+      for (const int i : {1, 0}) {
+        if (!begins_with_product(node.operand[i], node.item)) continue;
+        product_of[id] = node.operand[i];
+        break;
+      }
     }
   }
+
+  std::map<Id, Id> product_of;  ///< by sum, or a sum of products
+
+ private:
+  // A product that nobody else wants, or one that others are added to.
+  bool begins_with_product(Id id, int item) const {
+    const Node& node = nodes_[id];
+    if (used_[id] != 1 || node.item != item) return false;
+    if (node.op == Op::multiply) return true;
+    if (node.op == Op::fma || node.op == Op::fnma) return begins_with_product(node.operand[2], item);
+    const auto sum = product_of.find(id);
+    return sum != product_of.end() && begins_with_product(node.operand[sum->second == node.operand[0] ? 1 : 0], item);
+  }
+
+  const std::vector<Node>& nodes_;
+  const std::vector<int> used_;
+};
+
+}  // namespace
+
+std::vector<Fuses> fuses_of(const Graph& graph, const std::vector<Sum>& sums) {
+  const std::map<Id, Id> product_of = Finder(graph).product_of;
   std::vector<Fuses> fuses;
   for (const Sum& sum : sums) {
+    if (sum.result < 0) {
+      fuses.push_back(Fuses::none);
+      continue;
+    }
     const auto known = product_of.find(graph.without_sign(sum.result));
     const auto is_product = [&](Id operand) {
       return known != product_of.end() && graph.without_sign(operand) == known->second;

@@ -124,6 +124,11 @@ Id Graph::quotient(Id a, Id b) {
   return found_or_put(Op::divide, a, b, -1);
 }
 
+Id Graph::times_one(Id a, Id b) {
+  if (is(b, Op::constant)) std::swap(a, b);
+  return is(a, 1.0) ? b : is(a, -1.0) ? negated(b) : -1;
+}
+
 // fma: a b + c, fnma: c - a b
 Id Graph::product_and(Op op, Id a, Id b, Id c) {
   const Op other = op == Op::fma ? Op::fnma : Op::fma;
@@ -139,13 +144,21 @@ Id Graph::product_and(Op op, Id a, Id b, Id c) {
 }
 
 Id Graph::fused(Op op, Id a, Id b, bool first) {
-  const Id product = without_sign(first ? a : b), rest = first ? b : a;
-  if (!is(product, Op::multiply)) return operation(op, a, b);
   const bool subtracts = op == Op::subtract;
-  const bool turned = (product != (first ? a : b)) != (subtracts && !first);
-  const Node factors = nodes_[product];
-  return product_and(turned ? Op::fnma : Op::fma, factors.operand[0], factors.operand[1],
-                     subtracts && first ? negated(rest) : rest);
+  return first ? added_into(a, subtracts ? negated(b) : b, false) : added_into(b, a, subtracts);
+}
+
+Id Graph::added_into(Id chain, Id rest, bool minus) {
+  const Node node = nodes_[chain];
+  switch (node.op) {
+    case Op::negate: return added_into(node.operand[0], rest, !minus);
+    case Op::multiply: return product_and(minus ? Op::fnma : Op::fma, node.operand[0], node.operand[1], rest);
+    case Op::fma:
+    case Op::fnma:
+      rest = added_into(node.operand[2], rest, minus);
+      return product_and((node.op == Op::fnma) != minus ? Op::fnma : Op::fma, node.operand[0], node.operand[1], rest);
+    default: return minus ? difference(rest, chain) : sum(rest, chain);
+  }
 }
 
 bool Graph::everywhere(Id mask) const { return is(mask, Op::invert) && is(nodes_[mask].operand[0], Op::none); }

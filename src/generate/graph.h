@@ -15,7 +15,7 @@ namespace lockstep::generate {
 
 enum class Op {
   constant, input, variable,  // a number; what stands in memory; what a loop changes
-  negate, add, subtract, multiply, divide, fma, fnma, sqrt, sine, cosine, rounding,
+  negate, add, subtract, multiply, divide, fma, fnma, sqrt, farther, sine, cosine, rounding,
   none, less, beyond, either, both, invert,  // masks
   select,
 };
@@ -69,9 +69,11 @@ class Graph {
   Id input(const Place& place, bool mask);
   Id operation(Op op, Id a = -1, Id b = -1, Id c = -1);
 
-  /// a + b or a - b, of which one is a product that becomes part of the sum: rounded once, not twice. A plain sum where
-  /// it is none after all.
+  /// a + b or a - b, of which one is a product that becomes part of the sum, rounded once, not twice; or a sum of products,
+  /// which are added to the other one by one. A plain sum where it is neither after all.
   Id fused(Op op, Id a, Id b, bool first);
+  /// a b where one of them is 1 or -1, -1 if none is.
+  Id times_one(Id a, Id b);
   /// The same but for its sign.
   Id without_sign(Id id) const { return is(id, Op::negate) ? nodes_[id].operand[0] : id; }
 
@@ -107,6 +109,7 @@ class Graph {
   Id product(Id a, Id b);
   Id quotient(Id a, Id b);
   Id product_and(Op op, Id a, Id b, Id c);
+  Id added_into(Id chain, Id rest, bool minus);
   Id compared(Id a, Id b);
   Id of_masks(Op op, Id a, Id b);
   bool is_among(Op op, Id mask, Id all) const;

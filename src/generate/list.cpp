@@ -31,6 +31,7 @@ constexpr Listing listings[] = {
     {Op::fma, Does::fma, Does::fma_constant, true},
     {Op::fnma, Does::fnma, Does::fnma_constant, true},
     {Op::sqrt, Does::sqrt},
+    {Op::farther, Does::farther},
     {Op::less, Does::less},
     {Op::beyond, Does::beyond, Does::beyond_constant},  // the bound comes first
     {Op::either, Does::either},

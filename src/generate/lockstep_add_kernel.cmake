@@ -69,7 +69,8 @@ function(lockstep_add_kernel_source target)
     # what a straight line of thousands of operations wants: values computed where they are used, not kept for long.
     target_compile_options(${object} PRIVATE -O3 -ffp-contract=off -fno-math-errno -fno-trapping-math ${flags_${isa}})
     if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-      target_compile_options(${object} PRIVATE -flive-range-shrinkage -fno-gcse -fno-tree-pre -fno-tree-ter)
+      target_compile_options(${object} PRIVATE -flive-range-shrinkage -fno-gcse -fno-tree-pre -fno-tree-ter
+                             -fno-forward-propagate -frename-registers)
     endif()
     target_sources(${target} PRIVATE $<TARGET_OBJECTS:${object}>)
     string(APPEND declared "extern const GeneratedKernel ${arg_NAME}_${isa};\n")

@@ -60,6 +60,7 @@ struct Recorded {
   }
   friend Mask less(Recorded a, Recorded b) { return {record(Op::less, a.id, b.id)}; }
   friend Mask beyond(Recorded a, Recorded b) { return {record(Op::beyond, a.id, b.id)}; }
+  friend Recorded farther(Recorded most, Recorded a) { return of(record(Op::farther, most.id, a.id)); }
   friend Recorded select(Mask m, Recorded yes, Recorded no) { return of(record(Op::select, m.id, yes.id, no.id)); }
   static Mask none() { return {record(Op::none)}; }
   static Recorded rounding() { return of(record(Op::rounding)); }

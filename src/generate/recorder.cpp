@@ -10,7 +10,13 @@ using kernels::Lasts;
 
 Id record_constant(double value) { return recorder->graph.constant(value); }
 Id record(Op op, Id a, Id b, Id c) {
-  return op == Op::add || op == Op::subtract ? recorder->sum(op, a, b) : recorder->graph.operation(op, a, b, c);
+  switch (op) {
+    case Op::add:
+    case Op::subtract: return recorder->sum(op, a, b);
+    case Op::fma:
+    case Op::fnma: return recorder->product_and(op, a, b, c);
+    default: return recorder->graph.operation(op, a, b, c);
+  }
 }
 Id record_load(const double* p) { return recorder->load(p); }
 void record_name(const void* place, Id id) { recorder->name(place, id); }
@@ -118,6 +124,12 @@ Id Recorder::sum(Op op, Id a, Id b) {
   const Id id = fuses == Fuses::none ? graph.operation(op, a, b) : graph.fused(op, a, b, fuses == Fuses::first);
   sums_.push_back({a, b, id});
   return id;
+}
+
+Id Recorder::product_and(Op op, Id a, Id b, Id c) {
+  if (const Id term = graph.times_one(a, b); term >= 0) return sum(op == Op::fma ? Op::add : Op::subtract, c, term);
+  sums_.push_back({-1, -1, -1});  // all recordings count the same
+  return graph.operation(op, a, b, c);
 }
 
 void Recorder::know(Recorded& number, Recorded is) {

@@ -33,6 +33,8 @@ class Recorder {
   /// From here on sums are counted, and of some of them a product becomes part.
   void fuse(std::vector<Fuses> fuses) { fuses_ = std::move(fuses); }
   Id sum(Op op, Id a, Id b);
+  /// Where a factor is 1 this is a sum as well.
+  Id product_and(Op op, Id a, Id b, Id c);
   const std::vector<Sum>& sums() const { return sums_; }
 
   /// The tile's number is known to be `id`, and stays in memory as it is.

@@ -91,6 +91,7 @@ class Writer {
       case Op::fma: return count(item, 2), fmt::format("fma({}, {}, {})", bare_arg(0), bare_arg(1), bare_arg(2));
       case Op::fnma: return count(item, 2), fmt::format("fnma({}, {}, {})", bare_arg(0), bare_arg(1), bare_arg(2));
       case Op::sqrt: return count(item, 1), fmt::format("sqrt({})", bare_arg(0));
+      case Op::farther: return count(item, 0), fmt::format("farther({}, {})", bare_arg(0), bare_arg(1));
       case Op::less: return count(item, 0), fmt::format("less({}, {})", bare_arg(0), bare_arg(1));
       case Op::beyond: return count(item, 0), fmt::format("beyond({}, {})", bare_arg(0), bare_arg(1));
       case Op::either: return count(item, 0), fmt::format("({} | {})", arg(0), arg(1));

@@ -8,14 +8,24 @@ namespace lockstep::kernels {
 // The codes of Fault in batch.h.
 constexpr Fault fault_none{0}, fault_not_finite{1}, fault_diverged{2}, fault_singular{3};
 
+/// The largest magnitude, `most` among it, which is not negative. What is no number is larger than any.
+template <class T>
+LOCKSTEP_INLINE T farthest(const T* numbers, int count, T most) {
+  for (int i = 0; i < count; ++i) most = farther(most, numbers[i]);
+  return most;
+}
+
+/// Of positions, the root's pose among them.
+template <class T>
+LOCKSTEP_INLINE T farthest_position(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  return farthest(x.next_q, t.joints, farthest(x.next_root_pose, t.floating ? 7 : 0, T(0)));
+}
+
 /// First fault of a lane, sticky. A matrix that cannot be factored explains whatever numbers came of it.
 template <class T>
 void flag(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, typename T::Mask failed) {
   const T largest = T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 3.4028234e38 : 1.7976931348623157e308));
-  typename T::Mask infinite = T::none();
-  for (int j = 0; j < t.joints; ++j) infinite = infinite | beyond(x.next_q[j], largest);
-  for (int i = 0; i < t.velocities; ++i) infinite = infinite | beyond(x.next_v[i], largest);
-  for (int i = 0; t.floating && i < 7; ++i) infinite = infinite | beyond(x.next_root_pose[i], largest);
+  const typename T::Mask infinite = beyond(farthest(x.next_v, t.velocities, farthest_position(t, x)), largest);
   for (int i = 0; i < T::lanes; ++i) {
     if (!lane(failed, i) || lanes.fault[i] != fault_none) continue;
     lanes.fault[i] = lane(x.singular, i) ? fault_singular : lane(infinite, i) ? fault_not_finite : fault_diverged;
@@ -40,12 +50,9 @@ LOCKSTEP_INLINE void hold_frozen(const Tables<ScalarOf<T>>& t, const Lanes<Scala
 /// Moves good lanes on, freezes the others.
 template <class T>
 void check(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-  typename T::Mask failed = x.singular;
-  const T far = T(t.position_bound), fast = T(t.velocity_bound);
-  for (int j = 0; j < t.joints; ++j) failed = failed | beyond(x.next_q[j], far);
-  for (int i = 0; i < t.velocities; ++i) failed = failed | beyond(x.next_v[i], fast);
-  for (int i = 0; t.floating && i < 7; ++i) failed = failed | beyond(x.next_root_pose[i], far);
-  failed = failed & ~x.frozen;
+  const auto far = beyond(farthest_position(t, x), T(t.position_bound));
+  const auto fast = beyond(farthest(x.next_v, t.velocities, T(0)), T(t.velocity_bound));
+  const typename T::Mask failed = (x.singular | far | fast) & ~x.frozen;
   x.frozen = x.frozen | failed;
   hold_frozen(t, lanes, x, failed);
 

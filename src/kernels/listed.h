@@ -199,6 +199,7 @@ void go_through(Listed<T>& l, Span<Run> runs) {
       LOCKSTEP_EACH(fnma_fma, fnma(a, b, fma(c, d, e)));
       LOCKSTEP_EACH(fnma_fnma, fnma(a, b, fnma(c, d, e)));
       LOCKSTEP_EACH(sqrt, sqrt(a));
+      LOCKSTEP_EACH(farther, farther(a, b));
       LOCKSTEP_EACH(less, number(less(a, b)));
       LOCKSTEP_EACH(beyond, number(beyond(b, a)));
       LOCKSTEP_EACH(either, number(mask_of(a) | mask_of(b)));

@@ -9,7 +9,7 @@ namespace lockstep {
 
 /// What the operations of a run do with the numbers in slots a to e. Masks are numbers of which only bits are looked at.
 enum class Does : int {
-  copy, negate, add, subtract, multiply, divide, fma, fnma, fms, sqrt, less, beyond,  ///< beyond: b is beyond a
+  copy, negate, add, subtract, multiply, divide, fma, fnma, fms, sqrt, farther, less, beyond,  ///< beyond: b is beyond a
   either, both, invert, select,
   // two at a time: the second one's sum and what the first makes of c, d and e
   fma_multiply, fnma_multiply, fms_multiply, fma_fma, fma_fnma, fnma_fma, fnma_fnma,

@@ -48,6 +48,7 @@ struct Counted {
   }
   friend Mask less(Counted a, Counted b) { return less(a.v, b.v); }
   friend Mask beyond(Counted a, Counted b) { return beyond(a.v, b.v); }
+  friend Counted farther(Counted a, Counted b) { return farther(a.v, b.v); }
   friend Counted select(Mask m, Counted yes, Counted no) { return select(m, yes.v, no.v); }
   static Mask none() { return Plain::none(); }
   static Counted rounding() { return Plain::rounding(); }

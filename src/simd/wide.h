@@ -110,9 +110,14 @@ struct Wide {
 
   LOCKSTEP_INLINE friend Mask less(Wide a, Wide b) { return {(Bits)(a.v < b.v)}; }
   // |a| > bound, and true for NaN whatever the compiler believes of NaN: an integer comparison.
-  LOCKSTEP_INLINE friend Mask beyond(Wide a, Wide bound) {
-    const Bits magnitude = (Bits)a.v & (Bits{} + Integer(~(Integer(1) << (8 * sizeof(S) - 1))));
-    return {(Bits)(magnitude > (Bits)bound.v)};
+  LOCKSTEP_INLINE friend Mask beyond(Wide a, Wide bound) { return {(Bits)(magnitude(a) > (Bits)bound.v)}; }
+  // The larger of `most`, which is not negative, and |a|, in the same order.
+  LOCKSTEP_INLINE friend Wide farther(Wide most, Wide a) {
+    const Bits own = magnitude(a), other = (Bits)most.v;
+    return from_bits(own > other ? own : other);
+  }
+  LOCKSTEP_INLINE friend Bits magnitude(Wide a) {
+    return (Bits)a.v & (Bits{} + Integer(~(Integer(1) << (8 * sizeof(S) - 1))));
   }
   LOCKSTEP_INLINE friend Wide select(Mask m, Wide yes, Wide no) { return m.bits ? yes.v : no.v; }
   LOCKSTEP_INLINE friend Mask operator|(Mask a, Mask b) { return {a.bits | b.bits}; }

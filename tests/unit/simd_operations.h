@@ -21,6 +21,7 @@ struct Operations {
   void (*sqrt)(const S* a, S* result);
   void (*select_less)(const S* a, const S* b, const S* yes, const S* no, S* result);  ///< a < b ? yes : no
   void (*beyond)(const S* a, const S* bound, bool* result);
+  void (*farther)(const S* most, const S* a, S* result);
   bool (*any_less)(const S* a, const S* b);
   void (*masks)(const S* a, const S* b, bool* both, bool* either, bool* neither);  ///< of a < 0 and b < 0
 };
@@ -63,6 +64,7 @@ struct Wrapped {
     put(select(less(get(a), get(b)), get(yes), get(no)), result);
   }
   static void beyond_of(const S* a, const S* bound, bool* result) { put(beyond(get(a), get(bound)), result); }
+  static void farther_of(const S* most, const S* a, S* result) { put(farther(get(most), get(a)), result); }
   static bool any_less_of(const S* a, const S* b) { return any(less(get(a), get(b))); }
   static void masks_of(const S* a, const S* b, bool* both, bool* either, bool* neither) {
     const auto left = less(get(a), T(S(0))), right = less(get(b), T(S(0)));
@@ -83,6 +85,7 @@ constexpr Operations<S> operations(const char* name) {
           Own::sqrt_of,
           Own::select_less_of,
           Own::beyond_of,
+          Own::farther_of,
           Own::any_less_of,
           Own::masks_of};
 }

@@ -140,6 +140,26 @@ TEST(beyond, catches_large_numbers_infinities_and_no_numbers) {
   });
 }
 
+TEST(farther, is_the_larger_magnitude_and_keeps_what_is_no_number) {
+  for_every_wide_type([]<class S>(const Operations<S>& own) {
+    const auto farther = [&](S most, S a) {
+      Numbers<S> result;
+      own.farther(all(most).data(), all(a).data(), result.data());
+      for (int i = 1; i < own.lanes; ++i) EXPECT_EQ(std::isnan(result[static_cast<std::size_t>(i)]), std::isnan(result[0]));
+      return result[static_cast<std::size_t>(own.lanes) - 1];
+    };
+    const S tiny = std::numeric_limits<S>::denorm_min(), numbers[] = {S(0), tiny, S(1e-20), S(1), S(1e5), infinite<S>};
+    for (S most : numbers)
+      for (S a : numbers)
+        for (S sign : {S(1), S(-1)}) EXPECT_EQ(farther(most, sign * a), std::max(most, a));
+    for (S a : numbers)
+      for (S none : {no_number<S>, -no_number<S>}) {
+        EXPECT_TRUE(std::isnan(farther(a, none)));
+        EXPECT_TRUE(std::isnan(farther(std::abs(none), -a)));
+      }
+  });
+}
+
 TEST(multiply_add, rounds_once_if_fused_and_twice_if_not) {
   for_every_wide_type([]<class S>(const Operations<S>& own) {
     const S epsilon = std::numeric_limits<S>::epsilon(), a = S(1) + epsilon;
