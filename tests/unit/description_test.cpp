@@ -41,6 +41,7 @@ TEST(Description, tells_whether_speeds_of_couplings_are_solved_for) {
   StepSettings settings{.method = Method::pgs, .integrator = Integrator::euler};
   expect_said(compile(scenes::chain8(), settings), {speeds, "responses, row terms, pgs"});
   expect_unsaid(compile(scenes::chain32(), settings), {speeds});  // articulated bodies are less work
+  expect_unsaid(compile(scenes::gear100(), settings), {speeds});  // elimination would leave next to nothing
   settings.method = Method::direct;
   expect_said(compile(scenes::chain8(), settings), {speeds, "prescribed speeds of couplings"});
   settings.record_impulses = true;
