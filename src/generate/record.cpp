@@ -20,9 +20,9 @@ inline bool saturation_differs(const Tables<double>&, const Lanes<double>&, Tile
   recorder->run("} while (saturation_differs(t, lanes, x));");
   return false;
 }
-inline void forget_bounds(Tile<Recorded>&) { recorder->run("forget_bounds(x);", Call::forget_bounds); }
+inline void forget_bounds(Tile<Recorded>&) {}  // in the line below
 inline bool bounds_act(const Tables<double>&, Tile<Recorded>&) {
-  recorder->run("if (bounds_act(t, x)) compete(t, lanes, x);", Call::compete);
+  recorder->run("forget_bounds(x);\nif (bounds_act(t, x)) compete(t, lanes, x);", Call::compete);
   return false;
 }
 inline void compete(const Tables<double>&, const Lanes<double>&, Tile<Recorded>&) {}  // in the line above
@@ -63,7 +63,9 @@ namespace lockstep::kernels {
 
 inline void coupling_impulses(const Tables<double>& t, Tile<Recorded>& x) {
   if (t.bounds.form.count > 0) return recorder->run("coupling_impulses(t, x);", Call::coupling_impulses);
+  const std::vector<Recorded> before(x.impulse, x.impulse + t.couplings);
   coupling_impulses<Recorded>(t, x);
+  if (recorder->learns()) std::copy(before.begin(), before.end(), x.impulse);
 }
 
 }  // namespace lockstep::kernels
@@ -88,7 +90,9 @@ struct Recording {
   std::vector<Sum> sums;
 };
 
-Recording record_once(const Program& program, bool in_place, std::vector<Fuses> fuses) {
+// Without `fuses`, to learn them: what only stages want that look at bounds or record something has no say in it then, so
+// that steps round alike with them and without.
+Recording record_once(const Program& program, bool in_place, const std::vector<Fuses>* fuses) {
   const Tables<double>& t = program.f64;
   Lanes<double> lanes;
   lanes.stride = 1;
@@ -116,22 +120,19 @@ Recording record_once(const Program& program, bool in_place, std::vector<Fuses> 
   if (!kernels::declared<Recorded>(t, 0)) kernels::uniform_ratios(t, x);
   if (!kernels::declared<Recorded>(t, 5)) kernels::uniform_masses(t, x);
   if (in_place) know_followers(t, x, recording);
-  const std::size_t before = recording.sums().size();
-  fuses.insert(fuses.begin(), before, Fuses::none);
-  recording.fuse(std::move(fuses));
+  fuses ? recording.fuse(*fuses) : recording.learn();
   kernels::step(t, lanes, x);
   recording.finish();
-  const auto& sums = recording.sums();
-  return {std::move(recording.graph), {sums.begin() + static_cast<std::ptrdiff_t>(before), sums.end()}};
+  return {std::move(recording.graph), recording.sums()};
 }
 
 }  // namespace
 
 RecordedStep record_step(const Program& program) {
-  const Recording whole = record_once(program, false, {});
-  const std::vector<Fuses> fuses = fuses_of(whole.graph, whole.sums);
-  RecordedStep step{record_once(program, false, fuses).graph, {}};
-  if (program.f64.reduction.shortens) step.in_place = record_once(program, true, fuses).graph;
+  const Recording learned = record_once(program, false, nullptr);
+  const std::vector<Fuses> fuses = fuses_of(learned.graph, learned.sums);
+  RecordedStep step{record_once(program, false, &fuses).graph, {}};
+  if (program.f64.reduction.shortens) step.in_place = record_once(program, true, &fuses).graph;
   return step;
 }
 

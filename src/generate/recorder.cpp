@@ -165,6 +165,7 @@ std::vector<Store> Recorder::changed(Wanted wanted) {
 }
 
 void Recorder::run(const std::string& code, Call call) {
+  if (learns_ && call != Call::none) return;
   const auto shared = [](Lasts lasts) { return lasts == Lasts::step || lasts == Lasts::state; };
   graph.effect(changed(shared), code, call);
   graph.forget();

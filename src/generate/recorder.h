@@ -30,8 +30,11 @@ class Recorder {
   /// What the next step starts from goes to memory.
   void finish();
 
+  /// From here on sums are counted, and calls are left out, of which sums shall know nothing.
+  void learn() { sums_.clear(), learns_ = true; }
+  bool learns() const { return learns_; }
   /// From here on sums are counted, and of some of them a product becomes part.
-  void fuse(std::vector<Fuses> fuses) { fuses_ = std::move(fuses); }
+  void fuse(std::vector<Fuses> fuses) { sums_.clear(), fuses_ = std::move(fuses); }
   Id sum(Op op, Id a, Id b);
   /// Where a factor is 1 this is a sum as well.
   Id product_and(Op op, Id a, Id b, Id c);
@@ -76,6 +79,7 @@ class Recorder {
   std::vector<Rows> rows_;
   std::vector<Fuses> fuses_;
   std::vector<Sum> sums_;
+  bool learns_ = false;
 };
 
 }  // namespace lockstep::generate

@@ -294,7 +294,7 @@ void yield_to_bounds(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x, T* c
   }
   solve_downwards(rows.columns, x.coupled, x.scratch);
   for (int e = 0; e < rows.count; ++e)
-    coupling_impulse[e] = select(touched, x.row_alone[phase * rows.count + e] - x.scratch[e], coupling_impulse[e]);
+    coupling_impulse[e] = select(touched, x.alone[phase * rows.count + e] - x.scratch[e], coupling_impulse[e]);
 }
 
 }  // namespace lockstep::kernels

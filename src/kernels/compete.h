@@ -17,26 +17,41 @@ LOCKSTEP_INLINE void forget_bounds(Tile<T>& x) {
   x.bound_count = 0;
 }
 
-/// The coupling rows' impulses and speeds again where no bound acts: sweeps were made for lanes that have none as well.
+/// Visits all numbers that the step has come to, the coupling rows' impulses first: visit(number).
+template <class T, class Visit>
+LOCKSTEP_INLINE void each_outcome(const Tables<ScalarOf<T>>& t, Tile<T>& x, Visit&& visit) {
+  const auto all = [&](T* numbers, int count) LOCKSTEP_INLINED {
+    for (int i = 0; i < count; ++i) visit(numbers[i]);
+  };
+  const int rows = t.rows.count, solver = t.solver.n, closing = t.solve_twice ? 1 : 0;
+  all(x.position_impulse, rows);
+  all(x.velocity_impulse, closing * rows);
+  all(x.row_speed, rows);
+  all(x.row_speed_closed, closing * rows);
+  all(x.solution, solver);
+  all(x.closing_solution, closing * solver);
+  all(x.next_q, t.joints);
+  all(x.next_v, t.velocities);
+  all(x.next_root_pose, t.floating ? 7 : 0);
+  all(x.half_turn, t.floating ? 4 : 0);
+  all(x.moved_velocity, t.record_diagnostics ? t.velocities : 0);
+}
+
+/// Where no bound acts, all of it as it was: it was solved again for lanes that have none as well, and by other code
+/// than before where the step is listed or generated.
 template <class T>
 void keep_untouched(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  const int rows = t.rows.count;
   typename T::Mask touched = T::none();
   for (int i = 0; i < x.bound_count; ++i) touched = touched | x.bound_touched[x.bound_listed[i]];
-  for (int e = 0; e < rows; ++e) {
-    x.position_impulse[e] = select(touched, x.position_impulse[e], x.row_alone[e]);
-    x.row_speed[e] = select(touched, x.row_speed[e], x.row_alone[2 * rows + e]);
-    if (!t.solve_twice) continue;
-    x.velocity_impulse[e] = select(touched, x.velocity_impulse[e], x.row_alone[rows + e]);
-    x.row_speed_closed[e] = select(touched, x.row_speed_closed[e], x.row_alone[3 * rows + e]);
-  }
+  const T* alone = x.alone;
+  each_outcome(t, x, [&](T& number) { number = select(touched, number, *alone++); });
 }
 
 template <class T>
 void solve_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   switch (t.method) {
-    case method_pgs: pgs_with_bounds(t, x); return keep_untouched(t, x);
-    case method_tgs: t.renewed ? tgs_with_bounds(t, lanes, x) : pgs_with_bounds(t, x); return keep_untouched(t, x);
+    case method_pgs: return pgs_with_bounds(t, x);
+    case method_tgs: return t.renewed ? tgs_with_bounds(t, lanes, x) : pgs_with_bounds(t, x);
     default:
       find_active_set(t, position_phase, x);
       yield_to_bounds(t, position_phase, x, x.position_impulse);
@@ -82,7 +97,7 @@ void spoil_senseless(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 
 template <class T>
 void compete(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-  const int rows = t.rows.count, count = t.bounds.form.count;
+  const int count = t.bounds.form.count;
   T* solution[2] = {x.solution, x.closing_solution};
   open_bounds(t, lanes, x);
   const int looked_at = t.velocity_iterations > 0 ? phases<T>(t) : 1;  // without, tgs leaves its last velocity alone
@@ -94,18 +109,17 @@ void compete(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile
   x.suspect = x.suspect & ~x.senseless;
   if (!touched()) return spoil_senseless(t, x);
   if (t.rows.prescribed) solve_couplings(t, lanes, x);  // bounds feel the couplings' responses
-  for (int p = 0; p < phases<T>(t); ++p) {
-    const T* alone = p == position_phase ? x.position_impulse : x.velocity_impulse;
-    const T* speed = p == position_phase ? x.row_speed : x.row_speed_closed;
-    for (int e = 0; e < rows; ++e) x.row_alone[p * rows + e] = alone[e], x.row_alone[(2 + p) * rows + e] = speed[e];
+  T* alone = x.alone;
+  each_outcome(t, x, [&](const T& number) { *alone++ = number; });
+  for (int p = 0; p < phases<T>(t); ++p)
     for (int r = 0; r < count; ++r) x.bound_free[p * count + r] = bound_speed(t, x, r, solution[p]);
-  }
   do {
     list_bounds(t, x);
     solve_with_bounds(t, lanes, x);
     solved_velocities(t, x);
+    integrate(t, x);
+    keep_untouched(t, x);
   } while (touched());
-  integrate(t, x);
   spoil_senseless(t, x);
 }
 

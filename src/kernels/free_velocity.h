@@ -19,6 +19,7 @@ void factor_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 /// the other half of the solve is done once, when the rows' impulses have been added (integrate.h).
 template <class T>
 void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  x.free_velocity = x.in_place ? x.free_position : x.free_velocity_apart;  // in lists and generated code always apart
   const Columns& columns = t.solver;
   if (t.reduction.followers == 0)
     for (int z = 0; z < columns.n; ++z) {

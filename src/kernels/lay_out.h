@@ -44,7 +44,9 @@ inline void bound_arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("bound_through", x.bound_through, bounds * rows);
   take("bound_through_scaled", x.bound_through_scaled, bounds * rows);
   take("bound_coupled", x.bound_coupled, bounds * bounds);
-  take("row_alone", x.row_alone, 4 * rows);
+  const int phases = t.solve_twice ? 2 : 1;
+  const int outcomes = phases * (2 * rows + solver) + t.joints + (t.record_diagnostics ? 2 : 1) * t.velocities;
+  take("alone", x.alone, outcomes + (t.floating ? 7 + 4 : 0));
   take("search_matrix", x.search_matrix, bounds * bounds);
   take("search_branch", x.search_branch, 2 * bounds);
   take("search_held", x.search_held, bounds);
@@ -210,7 +212,6 @@ LOCKSTEP_INLINE void settle(const Tables<ScalarOf<T>>& t, Tile<T>& x, bool in_pl
   const bool one_motion = in_place && t.rows.count == 0 && t.bounds.form.count == 0;
   x.in_place = in_place;
   x.solves_twice = t.solve_twice && !one_motion;
-  x.free_velocity = in_place ? x.free_position : x.free_velocity_apart;
 }
 
 /// Hands out consecutive pieces of the scratch block; with a null block it only measures.

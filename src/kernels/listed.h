@@ -105,8 +105,8 @@ template <class T>
 void call(Call wanted, const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   switch (wanted) {
     case Call::none: break;
-    case Call::forget_bounds: forget_bounds(x); break;
     case Call::compete:
+      forget_bounds(x);
       if (bounds_act(t, x)) compete(t, lanes, x);
       break;
     case Call::coupling_impulses: coupling_impulses(t, x); break;

@@ -158,7 +158,7 @@ struct Tile {
   T* bound_through;        // [rows][coupling rows] K_BE, half solved where these are solved
   T* bound_through_scaled;
   T* bound_coupled;        // [rows][rows] of (M61)
-  T* row_alone;            // 4 [coupling rows] impulses and speeds without bounded rows
+  T* alone;                // what the step comes to without bounded rows, the couplings' impulses first (compete.h)
   T* search_matrix;
   T* search_inverse;
   T* search_impulse;

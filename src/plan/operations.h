@@ -25,7 +25,7 @@ enum class Does : int {
 };
 
 /// Stages that look at what is in the lanes before they know what to do: they are called, as the tables' kernels call them.
-enum class Call : int { none, forget_bounds, compete, coupling_impulses, diagnose };
+enum class Call : int { none, compete, coupling_impulses, diagnose };
 
 struct Operation {
   int to, a, b, c, d, e;  ///< slots; a is a constant's index where there is one; a Call in `to`

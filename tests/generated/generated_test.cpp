@@ -157,6 +157,21 @@ TEST_P(Generated, freezes_what_fails_and_leaves_its_neighbours_alone) {
   });
 }
 
+// Lanes in which no bound acts keep what listed or generated operations made of them.
+TEST_P(Generated, does_not_notice_neighbours_beyond_their_limits) {
+  if (plan.program().f64.bounds.form.count == 0) return;
+  for_every_kernel([&](const BatchOptions& options, auto scalar) {
+    using S = decltype(scalar);
+    Batch<S> sound = scattered<S>(plan, several, options), pushed = scattered<S>(plan, several, options);
+    pushed.positions().col(3) += S(2);
+    sound.step(), pushed.step();
+    for (int e = 0; e < several; ++e)
+      if (e != 3) {
+        EXPECT_TRUE(same_bits(sound, e, pushed, e)) << e;
+      }
+  });
+}
+
 TEST_P(Generated, allocates_nothing_in_a_step_of_one_thread) {
   for_every_kernel([&](const BatchOptions& options, auto scalar) {
     auto batch = scattered<decltype(scalar)>(plan, several, options);
@@ -201,6 +216,20 @@ TEST(ListedStep, of_locked_joints_agrees_with_the_tables) {
   EXPECT_EQ(listed.faulted(), 0);
   EXPECT_LT((listed.velocities() - tables.velocities()).abs().maxCoeff(), 1e-9);
   EXPECT_GT((tables.velocities().col(0) == 0.0).count(), 3);  // locked they are
+}
+
+TEST(ListedStep, does_not_notice_a_neighbour_at_its_limit) {
+  Model model = scenes::chain8();
+  for (Joint& joint : model.joints) joint.upper = 3.0;
+  for (const Method method : {Method::reduced, Method::direct, Method::pgs, Method::tgs}) {
+    const Plan plan = compile(model, {.method = method, .integrator = Integrator::euler});
+    Batch<float> free = scattered<float>(plan, 19, {.threads = 1, .generated = false, .listed = true});
+    Batch<float> beside = scattered<float>(plan, 19, {.threads = 1, .generated = false, .listed = true});
+    ASSERT_EQ(free.kernel(), "operations");
+    beside.positions().col(3) += 4.0f;
+    free.step(), beside.step();
+    for (int e = 0; e < 19; ++e) EXPECT_EQ(same_bits(free, e, beside, e), e != 3) << name(method) << " " << e;
+  }
 }
 
 // Two ratios between a pair of joints beside the chain lock them: no step looks at their velocities.

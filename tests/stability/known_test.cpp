@@ -89,10 +89,10 @@ TEST(Known, order_in_which_neighbours_need_rows_does_not_change_bits) {
   model.joints[0].velocity_limit = 5.0;
   model.joints[1].drive.kinematic = true;
   const Plan plan = compile(model, physics::settings(Method::direct));
-  Batch<float> together = contract::scattered<float>(plan, 9);
+  Batch<float> together = contract::scattered<float>(plan, 9, options());
   together.step(20);
   for (int e = 0; e < 9; ++e) {
-    Batch<float> alone(plan, 1, {.threads = 1});
+    Batch<float> alone(plan, 1, options());
     contract::scatter(alone, 0, static_cast<std::uint64_t>(e));
     alone.step(20);
     EXPECT_TRUE(contract::same_bits(together, e, alone, 0)) << e;

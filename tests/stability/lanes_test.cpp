@@ -36,10 +36,10 @@ TEST(Lanes, environments_of_other_active_sets_give_the_bits_that_they_give_alone
       SCOPED_TRACE(name(method));
       for (double dt : {1.0 / 60, 1.0 / 240}) {
         const Plan plan = compile(bounded(), recorded(dt, method));
-        Batch<S> together = contract::scattered<S>(plan, environments);
+        Batch<S> together = contract::scattered<S>(plan, environments, options());
         std::vector<Batch<S>> alone;
         for (int e = 0; e < environments; ++e) {
-          alone.emplace_back(plan, 1, BatchOptions{.threads = 1});
+          alone.emplace_back(plan, 1, options());
           contract::scatter(alone.back(), 0, static_cast<std::uint64_t>(e));
         }
         std::vector<std::vector<S>> seen;  // which rows act, per environment
@@ -75,10 +75,10 @@ TEST(Lanes, searches_that_neighbours_repeat_end_where_they_do_alone) {
         SCOPED_TRACE(fmt::format("seed {} {}", seed, name(method)));
         const RandomScene scene = random_scene(seed);
         const Plan plan = compile(scene.model, recorded(scene.dt, method));
-        Batch<S> together = contract::scattered<S>(plan, environments);
+        Batch<S> together = contract::scattered<S>(plan, environments, options());
         std::vector<Batch<S>> alone;
         for (int e = 0; e < environments; ++e) {
-          alone.emplace_back(plan, 1, BatchOptions{.threads = 1});
+          alone.emplace_back(plan, 1, options());
           contract::scatter(alone.back(), 0, static_cast<std::uint64_t>(e));
         }
         for (int step = 0; step < 60; ++step) {

@@ -62,7 +62,7 @@ class Watch {
  public:
   Batch<S> batch;
 
-  explicit Watch(const Plan& plan, int environments = 1) : batch(noted(plan), environments, {.threads = 1}) {
+  explicit Watch(const Plan& plan, int environments = 1) : batch(noted(plan), environments, options()) {
     expect_kernel(batch);
     excess_ = Eigen::ArrayXd::Zero(environments);
     start();
