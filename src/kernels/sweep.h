@@ -9,13 +9,23 @@
 
 namespace lockstep::kernels {
 
+/// Runs of rows that row r moves: act(first, last).
+template <class S, class Act>
+LOCKSTEP_INLINE void each_neighbours(const Rows<S>& rows, int r, Act&& act) {
+  if (rows.dense) return act(0, rows.count);
+  for (int n = rows.neighbour_start[r]; n < rows.neighbour_start[r + 1]; ++n)
+    act(rows.neighbours[n].first, rows.neighbours[n].last);
+}
+
 /// 1 / (r + cfm), and K as visits want it: what other rows lack for each that the visited one does.
 template <class T>
 LOCKSTEP_INLINE void prepare_visits(const Rows<ScalarOf<T>>& rows, Tile<T>& x) {
   for (int r = 0; r < rows.count; ++r) {
     T* const coupled = x.coupled + r * rows.count;
     const T inverse = x.row_inverse[r] = T(1) / (coupled[r] + x.row_cfm[r]);
-    for (int i = 0; i < rows.count; ++i) coupled[i] *= inverse;
+    each_neighbours(rows, r, [&](int first, int last) LOCKSTEP_INLINED {
+      for (int i = first; i < last; ++i) coupled[i] *= inverse;
+    });
   }
 }
 
@@ -46,14 +56,9 @@ LOCKSTEP_INLINE T visit(const Rows<ScalarOf<T>>& rows, int r, Tile<T>& x) {
   const T lacking = residual[r], change = -(lacking * x.row_inverse[r]);
   x.row_impulse[r] += change;
   const T* const coupled = x.coupled + r * rows.count;
-  const auto move = [&](int first, int last) LOCKSTEP_INLINED {
+  each_neighbours(rows, r, [&](int first, int last) LOCKSTEP_INLINED {
     for (int i = first; i < last; ++i) residual[i] = fnma(coupled[i], lacking, residual[i]);
-  };
-  if (rows.dense)
-    move(0, rows.count);
-  else
-    for (int n = rows.neighbour_start[r]; n < rows.neighbour_start[r + 1]; ++n)
-      move(rows.neighbours[n].first, rows.neighbours[n].last);
+  });
   residual[r] = T(0);  // cfm takes the rest
   return change;
 }

@@ -122,6 +122,7 @@ void take_speeds(Program& program) {
   if (program.integrator != Integrator::euler) return;
   for (const Parameter inertia : {Parameter::gear_ratio, Parameter::drive_gains, Parameter::damping, Parameter::mass})
     if (declared(program, inertia)) return;  // it is not known what elimination leaves of it
+  if (measured_couplings(t, std::vector<double>(t.couplings, 1.0)).empty()) return;
   narrow(program);
   std::vector<Measured> couplings = measured_couplings(t, first_joints_shares(program));
   if (couplings.empty()) return;

@@ -128,8 +128,8 @@ struct Rows {
   Span<RowBlock> blocks;              ///< by their rows
   Span<SupportRun> block_runs;
   bool dense = false;                 ///< every entry of K is in a block
-  Span<int> known;                    ///< by solver velocity: the row whose speed it is, -1 if none, where rows are all hard
-                                      ///< and leave speeds behind (M79)
+  Span<int> known;                    ///< by solver velocity: the hard row whose speed it is, -1 if none, where rows leave
+                                      ///< their speeds behind (M79)
   bool all_known = false;             ///< of every row
   bool prescribed = false;            ///< and these speeds are what direct asks for, whatever the rows' impulses, which
                                       ///< nobody asks for

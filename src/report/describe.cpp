@@ -91,6 +91,10 @@ std::string method_lines(const Program& program) {
   const std::string once_more = s.velocity_iterations > 0 ? "" : ", without the closing solve (velocity_iterations 0)";
   std::string text = fmt::format("Method: {} ({}).\nIntegrator: {} ({}), dt {:.6g} s ({:.4g} Hz).\n", name(program.method),
                                  program.method_reason, said(program.integrator), program.integrator_reason, s.dt, 1.0 / s.dt);
+  const std::string solved = "solved together by L^T D L";
+  const std::string met = !t.rows.prescribed ? solved
+                          : t.bounds.form.count > 0 ? "met by prescribed speeds, " + solved + " where bounds act"
+                                                    : "met by prescribed speeds";
   switch (program.method) {
     case Method::reduced:
       if (!program.eliminated.empty()) {
@@ -99,10 +103,10 @@ std::string method_lines(const Program& program) {
         text += fmt::format("  eliminated: {}; {} of {} velocities are left to solve.\n", listed(followers), t.solver.n,
                             t.velocities);
       }
-      if (rows > 0) text += fmt::format("  {} solved together by L^T D L{}.\n", counted(rows, "soft row is", "soft rows are"), once_more);
+      if (rows > 0) text += fmt::format("  {} {}{}.\n", counted(rows, "soft row is", "soft rows are"), solved, once_more);
       break;
     case Method::direct:
-      text += fmt::format("  {} solved together by L^T D L{}.\n", counted(rows, "row is", "rows are"), once_more);
+      text += fmt::format("  {} {}{}.\n", counted(rows, "row is", "rows are"), met, once_more);
       break;
     default:
       text += fmt::format("  {}, {} {}, then {}.\n", counted(rows, "row", "rows"), s.iterations,

@@ -280,6 +280,20 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
     EXPECT_NEAR(x.row_rate[r].lane(0), rate, close * rate);
     EXPECT_NEAR(x.row_cfm[r].lane(0), row.cfm, rounding * row.cfm);
   }
+
+  // Where rows know all their speeds, these are what they know, whatever that is, and the others follow by A_r (M79).
+  if (!t.rows.all_known) return;
+  std::vector<int> known, others;
+  VectorXd moved = z;
+  for (int i = 0; i < t.solver.n; ++i) {
+    const int r = t.rows.known[i];
+    (r >= 0 ? known : others).push_back(i);
+    if (r >= 0) moved[i] = 0.1 * (r + 1), x.row_speed[r] = x.row_speed_closed[r] = Scalar(moved[i]);
+  }
+  moved(others) -= reduced(others, others).llt().solve(reduced(others, known) * (moved - z)(known));
+  for (int r = 0; r < t.rows.count; ++r) x.position_impulse[r] = x.velocity_impulse[r] = Scalar(0.0);
+  kernels::solved_velocities(t, x);
+  expect_close("v beside known speeds", kernel.numbers(x.solution, t.solver.n), moved, std::max(1.0, size(moved)), rounding);
 }
 
 class Agreement : public testing::TestWithParam<Method> {};

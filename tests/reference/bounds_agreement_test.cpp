@@ -34,7 +34,7 @@ constexpr double close = 1e-8;
 StepSettings settings_of(Method method, int seed) {
   constexpr int iterations[] = {1, 2, 4, 16}, velocity_iterations[] = {1, 0, 3};
   StepSettings settings = physics::settings(method, iterations[seed % 4], velocity_iterations[seed / 4 % 3]);
-  settings.record_impulses = true;
+  settings.record_impulses = seed % 2 == 0;  // without, direct prescribes speeds where it can
   return settings;
 }
 
@@ -85,6 +85,7 @@ void expect_agreement(const Model& model, const StepSettings& settings) {
   const double sign = ours.orientation.dot(exact.orientation) < 0.0 ? -1.0 : 1.0;
   EXPECT_LE(distance(ours.orientation.coeffs(), (sign * exact.orientation.coeffs()).eval()), close) << "orientation";
 
+  if (!settings.record_impulses) return;
   const VectorXd impulses = batch.coupling_impulses().matrix().col(0);
   const double momentum = std::max(size(theirs.stage.implicit) * moving, size(theirs.impulses));
   if (sweeps(settings.method) || independent(mechanism, theirs.stage)) {

@@ -43,9 +43,12 @@ TEST(Description, tells_whether_speeds_of_couplings_are_solved_for) {
   expect_unsaid(compile(scenes::chain32(), settings), {speeds});  // articulated bodies are less work
   expect_unsaid(compile(scenes::gear100(), settings), {speeds});  // elimination would leave next to nothing
   settings.method = Method::direct;
-  expect_said(compile(scenes::chain8(), settings), {speeds, "prescribed speeds of couplings"});
+  expect_said(compile(scenes::chain8(), settings), {speeds, "4 rows are met by prescribed speeds.", "prescribed speeds of couplings"});
+  Model limited = scenes::chain8();
+  limited.joints[0].lower = -1.0;
+  expect_said(compile(limited, settings), {"met by prescribed speeds, solved together by L^T D L where bounds act"});
   settings.record_impulses = true;
-  expect_said(compile(scenes::chain8(), settings), {speeds, "responses, row terms, direct"});
+  expect_said(compile(scenes::chain8(), settings), {speeds, "4 rows are solved together", "responses, row terms, direct"});
   settings.per_environment = {Parameter::gear_ratio};
   expect_unsaid(compile(scenes::chain8(), settings), {speeds});
   Model soft = scenes::chain8();
