@@ -6,4 +6,7 @@ namespace lockstep {
 const KernelSet<float> avx512_f32 = kernel_set<registers::avx512::f32>();
 const KernelSet<double> avx512_f64 = kernel_set<registers::avx512::f64>();
 
+LOCKSTEP_CALLED_STAGES(, registers::avx512::f32);
+LOCKSTEP_CALLED_STAGES(, registers::avx512::f64);
+
 }  // namespace lockstep

@@ -18,6 +18,9 @@
 
 namespace lockstep {
 
+LOCKSTEP_CALLED_STAGES(extern, registers::LOCKSTEP_KERNEL_TARGET::f32);
+LOCKSTEP_CALLED_STAGES(extern, registers::LOCKSTEP_KERNEL_TARGET::f64);
+
 /// Step::step stands in for the tables' way of a step.
 template <class Step, bool f32, bool f64>
 constexpr GeneratedKernel generated_kernel(const char* name, const char* version, std::uint64_t hash) {

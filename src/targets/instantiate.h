@@ -21,4 +21,15 @@ constexpr KernelSet<typename T::Scalar> kernel_set() {
           kernels::read<T>};
 }
 
+/// The stages that generated code calls, long and full of branches: compiled once with the library, for T in which
+/// instruction set it is, and not again with every kernel.
+#define LOCKSTEP_CALLED_STAGES(linkage, T)                                                                            \
+  linkage template bool kernels::bounds_act(const Tables<T::Scalar>&, kernels::Tile<T>&);                              \
+  linkage template void kernels::compete(const Tables<T::Scalar>&, const Lanes<T::Scalar>&, kernels::Tile<T>&);        \
+  linkage template void kernels::coupling_impulses(const Tables<T::Scalar>&, kernels::Tile<T>&);                       \
+  linkage template void kernels::diagnose(const Tables<T::Scalar>&, const Lanes<T::Scalar>&, kernels::Tile<T>&);       \
+  linkage template void kernels::hold(const Tables<T::Scalar>&, const Lanes<T::Scalar>&, kernels::Tile<T>&, T::Mask);  \
+  linkage template void kernels::limited_drives(const Tables<T::Scalar>&, const Lanes<T::Scalar>&, kernels::Tile<T>&); \
+  linkage template bool kernels::saturation_differs(const Tables<T::Scalar>&, const Lanes<T::Scalar>&, kernels::Tile<T>&)
+
 }  // namespace lockstep
