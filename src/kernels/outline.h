@@ -24,21 +24,27 @@ LOCKSTEP_INLINE Outline outline(const Tables<S>& t) {
           r.shortens, r.shortens ? r.pairs.count : 0, r.pairs.data};
 }
 
+/// Moves on by so many environments.
+template <class S>
+LOCKSTEP_INLINE void move(Lanes<S>& lanes, std::ptrdiff_t by, const Outline& o) {
+  lanes.position += by;
+  lanes.velocity += by;
+  if (o.floating) lanes.root_pose += by, lanes.root_velocity += by;
+  lanes.position_target += by;
+  lanes.velocity_target += by;
+  lanes.effort += by;
+  for (int f = 0; o.per_environment != 0 && f < parameter_fields; ++f)
+    if (lanes.field[f]) lanes.field[f] += by;
+  if (o.record_impulses && lanes.impulse) lanes.impulse += by;
+  if (o.record_diagnostics && lanes.residual) lanes.residual += by, lanes.row_state += by;
+  if (o.record_diagnostics) lanes.energy += by;
+  lanes.fault += by;
+}
+
 /// The same lanes, moved to begin at environment `first`.
 template <class S>
 LOCKSTEP_INLINE Lanes<S> at(Lanes<S> lanes, std::ptrdiff_t first, const Outline& o) {
-  lanes.position += first;
-  lanes.velocity += first;
-  if (o.floating) lanes.root_pose += first, lanes.root_velocity += first;
-  lanes.position_target += first;
-  lanes.velocity_target += first;
-  lanes.effort += first;
-  for (int f = 0; o.per_environment != 0 && f < parameter_fields; ++f)
-    if (lanes.field[f]) lanes.field[f] += first;
-  if (o.record_impulses && lanes.impulse) lanes.impulse += first;
-  if (o.record_diagnostics && lanes.residual) lanes.residual += first, lanes.row_state += first;
-  if (o.record_diagnostics) lanes.energy += first;
-  lanes.fault += first;
+  move(lanes, first, o);
   return lanes;
 }
 

@@ -63,14 +63,15 @@ void advance(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std:
     uniform_ratios(t, x[k]);
   }
   const Outline known = Way::outline(t);
+  for (int k = 0; k < Way::together; ++k) own[k] = at(lanes, first + k * T::lanes, known);
   while (first < last) {
     int tiles = 0;
-    for (; tiles < Way::together && first < last; ++tiles, first += T::lanes) {
-      own[tiles] = at(lanes, first, known);
-      load(t, own[tiles], x[tiles], known);
-    }
+    for (; tiles < Way::together && first < last; ++tiles, first += T::lanes) load(t, own[tiles], x[tiles], known);
     for (int i = 0; i < substeps; ++i) Way::step(t, own, x, kept, tiles);
-    for (int k = 0; k < tiles; ++k) store(t, own[k], x[k], known);
+    for (int k = 0; k < tiles; ++k) {
+      store(t, own[k], x[k], known);
+      move(own[k], Way::together * T::lanes, known);
+    }
   }
 }
 

@@ -9,10 +9,11 @@ template <class T>
 LOCKSTEP_INLINE void store(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x,
                            const Outline& o) {
   const T *const q = x.q, *const v = o.floating ? x.v + 6 : x.v;
+  ScalarOf<T> *const position = lanes.position, *const velocity = lanes.velocity;  // for all a compiler knows, in their way
+  const std::ptrdiff_t stride = lanes.stride;
   for (int j = 0; j < o.joints; ++j) {
-    const std::ptrdiff_t row = o.joint_row[j] * lanes.stride;
-    store(lanes.position + row, q[j]);
-    store(lanes.velocity + row, v[j]);
+    store(position + o.joint_row[j] * stride, q[j]);
+    store(velocity + o.joint_row[j] * stride, v[j]);
   }
   for (int i = 0; o.floating && i < 7; ++i) store(lanes.root_pose + i * lanes.stride, x.root_pose[i]);
   for (int i = 0; o.floating && i < 6; ++i) store(lanes.root_velocity + i * lanes.stride, x.v[i]);
