@@ -63,7 +63,7 @@ namespace lockstep::kernels {
 
 inline void coupling_impulses(const Tables<double>& t, Tile<Recorded>& x) {
   if (t.bounds.form.count > 0) return recorder->run("coupling_impulses(t, x);", Call::coupling_impulses);
-  const std::vector<Recorded> before(x.impulse, x.impulse + t.couplings);
+  const std::vector<Recorded> before(x.impulse, x.impulse + t.couplings);  // all recordings count the same sums
   coupling_impulses<Recorded>(t, x);
   if (recorder->learns()) std::copy(before.begin(), before.end(), x.impulse);
 }
@@ -90,8 +90,8 @@ struct Recording {
   std::vector<Sum> sums;
 };
 
-// Without `fuses`, to learn them: what only stages want that look at bounds or record something has no say in it then, so
-// that steps round alike with them and without.
+// Without `fuses` it learns them. Numbers that only bounds or diagnostics read are unused then, so that they do not decide
+// which sums fuse, and steps round alike with them and without.
 Recording record_once(const Program& program, bool in_place, const std::vector<Fuses>* fuses) {
   const Tables<double>& t = program.f64;
   Lanes<double> lanes;

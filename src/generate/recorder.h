@@ -30,7 +30,7 @@ class Recorder {
   /// What the next step starts from goes to memory.
   void finish();
 
-  /// From here on sums are counted, and calls are left out, of which sums shall know nothing.
+  /// From here on sums are counted, and calls are left out, so that what they read does not count.
   void learn() { sums_.clear(), learns_ = true; }
   bool learns() const { return learns_; }
   /// From here on sums are counted, and of some of them a product becomes part.

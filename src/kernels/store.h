@@ -9,7 +9,7 @@ template <class T>
 LOCKSTEP_INLINE void store(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x,
                            const Outline& o) {
   const T *const q = x.q, *const v = o.floating ? x.v + 6 : x.v;
-  ScalarOf<T> *const position = lanes.position, *const velocity = lanes.velocity;  // for all a compiler knows, in their way
+  ScalarOf<T> *const position = lanes.position, *const velocity = lanes.velocity;  // not read again after each store
   const std::ptrdiff_t stride = lanes.stride;
   for (int j = 0; j < o.joints; ++j) {
     store(position + o.joint_row[j] * stride, q[j]);

@@ -21,8 +21,8 @@ constexpr KernelSet<typename T::Scalar> kernel_set() {
           kernels::read<T>};
 }
 
-/// The stages that generated code calls, long and full of branches: compiled once with the library, for T in which
-/// instruction set it is, and not again with every kernel.
+/// The stages that generated code calls, long and full of branches: compiled once, with the library, for each instruction
+/// set's T, and not again with every kernel.
 #define LOCKSTEP_CALLED_STAGES(linkage, T)                                                                            \
   linkage template bool kernels::bounds_act(const Tables<T::Scalar>&, kernels::Tile<T>&);                              \
   linkage template void kernels::compete(const Tables<T::Scalar>&, const Lanes<T::Scalar>&, kernels::Tile<T>&);        \
