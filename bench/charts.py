@@ -27,6 +27,7 @@ ROWS = [
     ("lockstep", "reduced, f32, avx512, generated, 4 steps per call"),
     ("lockstep", "reduced, f32, avx2, generated, 4 steps per call"),
     ("lockstep", "reduced, f32, avx2, generated, 1 step per call"),
+    ("lockstep", "reduced, f32, avx2, generated, 4 steps per call in 2 parts each"),
     ("lockstep", "leapfrog, f32, avx2, generated, 4 steps per call"),
     ("lockstep", "reduced, f32, avx2, tables, 4 steps per call"),
     ("lockstep", "reduced, f32, avx2, tables, 1 step per call"),

@@ -46,23 +46,24 @@ class OwnPeer : public Peer {
   int steps_;
 };
 
-// What runs everywhere by default, or one instruction set, by tables or by generated code.
+// What runs everywhere by default, or one instruction set, by tables or by generated code; each step in so many parts.
 template <class S>
 Contender contender(Method method, int steps, Target target = Target::avx2, bool generated = false,
-                    Integrator integrator = Integrator::euler) {
+                    Integrator integrator = Integrator::euler, int parts = 1) {
   if (!supported(target)) target = Target::automatic;
   const std::string words = integrator != Integrator::euler ? name(integrator)
                             : method == Method::pgs ? "pgs 4" : name(method);
   const BatchOptions options{.threads = 1, .target = target, .generated = generated};
   return {.engine = "lockstep",
-          .settings = fmt::format("{}, {}, {}, {}, {}", words, sizeof(S) == 4 ? "f32" : "f64", name(target),
+          .settings = fmt::format("{}, {}, {}, {}, {}{}", words, sizeof(S) == 4 ? "f32" : "f64", name(target),
                                   generated ? "generated" : "tables",
-                                  steps == 1 ? "1 step per call" : fmt::format("{} steps per call", steps)),
+                                  steps == 1 ? "1 step per call" : fmt::format("{} steps per call", steps),
+                                  parts == 1 ? "" : fmt::format(" in {} parts each", parts)),
           .steps_per_call = steps,
           .exact = method != Method::pgs,
           .make = [=](const Model& model, double dt, int environments) {
-            const StepSettings settings{.dt = dt, .method = method, .integrator = integrator};
-            return std::make_unique<OwnPeer<S>>(model, settings, environments, steps, options);
+            const StepSettings settings{.dt = dt / parts, .method = method, .integrator = integrator};
+            return std::make_unique<OwnPeer<S>>(model, settings, environments, steps * parts, options);
           }};
 }
 
@@ -109,6 +110,7 @@ std::vector<Contender> own_contenders() {
   if (supported(Target::avx512)) all.push_back(contender<float>(Method::reduced, 4, Target::avx512));
 #ifdef LOCKSTEP_BENCH_KERNELS
   for (const int steps : {4, 1}) all.push_back(contender<float>(Method::reduced, steps, Target::avx2, true));
+  all.push_back(contender<float>(Method::reduced, 4, Target::avx2, true, Integrator::euler, 2));
   all.push_back(contender<float>(Method::reduced, 4, Target::avx2, true, Integrator::leapfrog));
   if (supported(Target::avx512)) all.push_back(contender<float>(Method::reduced, 4, Target::avx512, true));
 #endif
