@@ -264,9 +264,9 @@ void Graph::effect(std::vector<Store> stores, const std::string& code, Call call
   item.call = call;
 }
 
-std::vector<Id> Graph::effect_if(Id condition, std::vector<Store> stores, const std::string& code,
+std::vector<Id> Graph::effect_if(Id condition, std::vector<Store> stores, const std::string& code, Call call,
                                  const std::vector<Store>& changed) {
-  effect(std::move(stores), code);
+  effect(std::move(stores), code, call);
   Item& item = items_.back();
   item.condition = condition;
   for (const Store& store : changed) {

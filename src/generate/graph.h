@@ -88,7 +88,7 @@ class Graph {
   void forget();
 
   /// Under a condition: stores, these numbers too, and code that changes them. Returns what they are afterwards.
-  std::vector<Id> effect_if(Id condition, std::vector<Store> stores, const std::string& code,
+  std::vector<Id> effect_if(Id condition, std::vector<Store> stores, const std::string& code, Call call,
                             const std::vector<Store>& changed);
 
   void name(Id id, const std::string& name);

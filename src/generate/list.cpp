@@ -66,7 +66,8 @@ class Lister {
  public:
   explicit Lister(const Graph& graph)
       : graph_(graph), nodes_(graph.nodes()), uses_(uses(graph)), value_(nodes_.size(), -1) {
-    for (const Item& item : graph.items()) calls_ = calls_ || item.call != Call::none;
+    for (const Item& item : graph.items()) calls_ = calls_ || (item.call != Call::none && item.condition < 0);
+    find_last_uses();
   }
 
   // False where code is called that a list has no name for, or where it would be too long.
@@ -146,7 +147,7 @@ class Lister {
       return all;
     };
     if (item.condition >= 0) {
-      list_hold(item, writes());
+      list_call_if(item, writes());
       return true;
     }
     if (!item.code.empty() && item.call == Call::none) return false;
@@ -182,24 +183,40 @@ class Lister {
     return known->second;
   }
 
-  // What it changes it changes in place: values that nobody else has.
-  void list_hold(const Item& item, const std::vector<Touch>& writes) {
-    Made hold{.does = Does::hold, .from = {value(item.condition)}};
+  // The last item that wants each node.
+  void find_last_uses() {
+    last_use_.assign(nodes_.size(), -1);
+    for (int i = 0; i < static_cast<int>(graph_.items().size()); ++i) {
+      const Item& item = graph_.items()[i];
+      for (Id id : item.nodes)
+        for (Id operand : node(id).operand)
+          if (operand >= 0 && uses_[id] > 0) last_use_[operand] = i;
+      for (const std::vector<Id>* ids : {&item.start, &item.next})
+        for (Id id : *ids) last_use_[id] = i;
+      for (const Store& store : item.stores) last_use_[store.value] = i;
+    }
+  }
+
+  // What it changes it changes in place: values that nobody else has and nobody wants later.
+  void list_call_if(const Item& item, const std::vector<Touch>& writes) {
+    const int here = static_cast<int>(&item - graph_.items().data());
+    Made made{.does = Does::call_if, .from = {value(item.condition)}, .call = item.call};
     std::map<Value, int> times;
     for (Id start : item.start) ++times[value(start)];
     for (std::size_t i = 0; i < item.variable.size(); ++i) {
       const Value start = value(item.start[i]);
-      const bool own = times[start] == 1 && !lasting_.contains(start) && !is_constant(item.start[i]);
+      const bool own = times[start] == 1 && !lasting_.contains(start) && !is_constant(item.start[i]) &&
+                       last_use_[item.start[i]] <= here;
       const Value held = own ? start : fresh();
       if (!own) pending_.push_back({.does = Does::copy, .to = held, .from = {start}});
       value_[item.variable[i]] = held;
-      hold.reads.push_back({item.place[i], held});
+      made.reads.push_back({item.place[i], held});
     }
     put_in_order();
-    hold.writes = state_;  // what the frozen ones are held at
-    hold.writes.insert(hold.writes.end(), writes.begin(), writes.end());
-    hold.writes.insert(hold.writes.end(), hold.reads.begin(), hold.reads.end());
-    ordered_.push_back(std::move(hold));
+    made.writes = state_;  // as the step began
+    made.writes.insert(made.writes.end(), writes.begin(), writes.end());
+    made.writes.insert(made.writes.end(), made.reads.begin(), made.reads.end());
+    ordered_.push_back(std::move(made));
   }
 
   void list_node(Id id, const Item& item) {
@@ -284,7 +301,7 @@ class Lister {
 
   const Graph& graph_;
   const std::vector<Node>& nodes_;
-  std::vector<int> uses_;
+  std::vector<int> uses_, last_use_;
   std::vector<Value> value_;                 // by node
   int values_ = 0;
   Value rounding_ = -1;
@@ -326,7 +343,8 @@ OperationList Lister::finish(lockstep::Store& store) {
   for (std::size_t i = 0; i < ordered_.size(); ++i)
     used_by(ordered_[i], [&](Value v) { last[v] = static_cast<int>(i); });
 
-  std::vector<Operation> operations;
+  std::vector<Operation> operations;  // to which runs point
+  operations.reserve(constants_first_.size() + ordered_.size());
   std::vector<Access> accesses;
   const auto access = [&](const Touch& t) -> Access {
     const bool fits = t.place.array < kernels::Places::most || t.place.array >= Access::first_row;
@@ -339,30 +357,24 @@ OperationList Lister::finish(lockstep::Store& store) {
   };
   const auto add_to = [&](std::vector<Run>& runs, const Made& made) {
     const auto of = [&](Value v) { return v < 0 ? 0 : slot[v]; };
-    Run run{made.does, 0, 0};
-    if (made.does == Does::read || made.does == Does::write) {
-      run.first = touch(made.does == Does::read ? made.reads[0] : made.writes[0]);
-    } else {
-      run.first = static_cast<int>(operations.size());
-      Operation o{of(made.to), of(made.from[0]), of(made.from[1]), of(made.from[2]), of(made.from[3]), of(made.from[4])};
-      if (made.constant >= 0) o.a = made.constant;
-      if (made.does == Does::sincos) o.c = of(made.also_to);
-      if (made.does == Does::call) o.to = static_cast<int>(made.call);
-      if (made.does == Does::hold) {
-        o.b = static_cast<int>(accesses.size());
-        for (const Touch& t : made.writes) touch(t);
-        o.c = static_cast<int>(accesses.size());
-        for (const Touch& t : made.reads) touch(t);
-        o.to = static_cast<int>(accesses.size());
-      }
-      operations.push_back(o);
+    Operation o{of(made.to), of(made.from[0]), of(made.from[1]), of(made.from[2]), of(made.from[3]), of(made.from[4])};
+    if (made.constant >= 0) o.a = made.constant;
+    if (made.does == Does::sincos) o.c = of(made.also_to);
+    if (made.does == Does::read) o.a = touch(made.reads[0]);
+    if (made.does == Does::write) o.a = touch(made.writes[0]);
+    if (made.does == Does::call) o.to = static_cast<int>(made.call);
+    if (made.does == Does::call_if) {
+      o.d = static_cast<int>(made.call);
+      o.b = static_cast<int>(accesses.size());
+      for (const Touch& t : made.writes) touch(t);
+      o.c = static_cast<int>(accesses.size());
+      for (const Touch& t : made.reads) touch(t);
+      o.to = static_cast<int>(accesses.size());
     }
-    run.last = run.first + 1;
-    const bool alone = made.does == Does::call || made.does == Does::hold;
-    if (!runs.empty() && runs.back().does == run.does && runs.back().last == run.first && !alone)
-      runs.back().last = run.last;
-    else
-      runs.push_back(run);
+    const Operation* const place = operations.data() + operations.size();
+    operations.push_back(o);
+    if (runs.empty() || runs.back().does != made.does) runs.push_back({made.does, place, place});
+    runs.back().last = place + 1;
   };
 
   std::vector<Run> constants_first, runs;
@@ -388,10 +400,17 @@ OperationList Lister::finish(lockstep::Store& store) {
     for (const Touch& t : touches) all.push_back(access(t));
     return store.keep(std::move(all));
   };
+  store.keep(std::move(operations));
   return {.constants_first = store.keep(std::move(constants_first)), .before = accesses_of(before_),
-          .runs = store.keep(std::move(runs)), .after = accesses_of(after_), .calls = calls_,
-          .operations = store.keep(std::move(operations)), .constants = store.keep(std::move(constants_)),
+          .runs = store.keep(std::move(runs)), .after = accesses_of(after_), .apart = calls_,
+          .constants = store.keep(std::move(constants_)),
           .accesses = store.keep(std::move(accesses)), .slots = slots};
+}
+
+// In the tile, which stages that are called look for there.
+bool has_numbers_per_environment(const Program& program) {
+  const auto& declared = program.settings.per_environment;
+  return declared.contains(Parameter::gear_ratio) || declared.contains(Parameter::offset) || declared.contains(Parameter::mass);
 }
 
 }  // namespace
@@ -402,7 +421,10 @@ const OperationList* operation_list(const Program& program) {
     try {
       const auto list = [&](const Graph& graph) {
         Lister lister(graph);
-        return lister.go_through() ? lister.finish(listed.store) : OperationList{};
+        if (!lister.go_through()) return OperationList{};
+        OperationList operations = lister.finish(listed.store);
+        operations.apart = operations.apart || has_numbers_per_environment(program);
+        return operations;
       };
       const RecordedStep step = record_step(program);
       listed.list = list(step.any);

@@ -26,7 +26,7 @@ struct Made {
   Sources from = {};
   int constant = -1;
   Call call = Call::none;
-  std::vector<Touch> writes = {}, reads = {};  // of a hold; of a read or a write there is one
+  std::vector<Touch> writes = {}, reads = {};  // of a call under a condition; of a read or a write there is one
 };
 
 /// Moves `pending` behind `ordered`, equal operations next to each other where their operands allow it. `values` is one

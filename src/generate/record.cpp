@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <set>
+
 #include "../kernels/gear_ratios.h"
 #include "recorder.h"
 
@@ -21,10 +23,7 @@ inline bool saturation_differs(const Tables<double>&, const Lanes<double>&, Tile
   return false;
 }
 inline void forget_bounds(Tile<Recorded>&) {}  // in the line below
-inline bool bounds_act(const Tables<double>&, Tile<Recorded>&) {
-  recorder->run("forget_bounds(x);\nif (bounds_act(t, x)) compete(t, lanes, x);", Call::compete);
-  return false;
-}
+inline bool bounds_act(const Tables<double>& t, Tile<Recorded>& x);
 inline void compete(const Tables<double>&, const Lanes<double>&, Tile<Recorded>&) {}  // in the line above
 inline void diagnose(const Tables<double>&, const Lanes<double>&, Tile<Recorded>&) {
   recorder->run("diagnose(t, lanes, x);", Call::diagnose);
@@ -60,6 +59,23 @@ void repeat(int times, const Tile<Recorded>&, Recorded* const (&handed)[N], int 
 #include "../kernels/step.h"
 
 namespace lockstep::kernels {
+
+// Idle bounds are looked for in the straight line, unless others look at what compete() leaves in memory.
+inline bool bounds_act(const Tables<double>& t, Tile<Recorded>& x) {
+  if (recorder->learns()) return false;
+  if (t.bounds.always || t.record_diagnostics || t.record_impulses) {
+    recorder->run("forget_bounds(x);\nif (bounds_act(t, x)) compete(t, lanes, x);", Call::compete);
+    return false;
+  }
+  Recorded::Mask suspect;
+  recorder->aside([&] { suspect = suspects(t, x); });
+  // Neither compete() nor what it calls has a use for these.
+  std::set<std::string> unread = {"joint_inertia", "drive", "bias", "acceleration", "mismatch", "lost"};
+  if (t.reduction.followers > 0) unread.insert("matrix");
+  if (!t.articulated.used()) unread.insert({"sine", "cosine"});
+  recorder->compete_if(suspect.id, unread);
+  return false;
+}
 
 inline void coupling_impulses(const Tables<double>& t, Tile<Recorded>& x) {
   if (t.bounds.form.count > 0) return recorder->run("coupling_impulses(t, x);", Call::coupling_impulses);

@@ -120,6 +120,7 @@ void Recorder::add_rows(const double* first, int count, const std::string& name,
 }
 
 Id Recorder::sum(Op op, Id a, Id b) {
+  if (aside_) return graph.operation(op, a, b);
   const Fuses fuses = sums_.size() < fuses_.size() ? fuses_[sums_.size()] : Fuses::none;
   const Id id = fuses == Fuses::none ? graph.operation(op, a, b) : graph.fused(op, a, b, fuses == Fuses::first);
   sums_.push_back({a, b, id});
@@ -128,7 +129,7 @@ Id Recorder::sum(Op op, Id a, Id b) {
 
 Id Recorder::product_and(Op op, Id a, Id b, Id c) {
   if (const Id term = graph.times_one(a, b); term >= 0) return sum(op == Op::fma ? Op::add : Op::subtract, c, term);
-  sums_.push_back({-1, -1, -1});  // all recordings count the same
+  if (!aside_) sums_.push_back({-1, -1, -1});  // all recordings count the same
   return graph.operation(op, a, b, c);
 }
 
@@ -160,38 +161,54 @@ template <class Wanted>
 std::vector<Store> Recorder::changed(Wanted wanted) {
   std::vector<Store> stores;
   for (const Slot& slot : slots_)
-    if (wanted(slot.lasts) && *slot.now != slot.stored) stores.push_back({slot.place, *slot.now});
+    if (wanted(slot) && *slot.now != slot.stored) stores.push_back({slot.place, *slot.now});
   return stores;
 }
 
 void Recorder::run(const std::string& code, Call call) {
   if (learns_ && call != Call::none) return;
-  const auto shared = [](Lasts lasts) { return lasts == Lasts::step || lasts == Lasts::state; };
-  graph.effect(changed(shared), code, call);
+  graph.effect(changed(&Recorder::is_shared), code, call);
   graph.forget();
   for (Slot& slot : slots_)
-    if (shared(slot.lasts)) read(slot);
+    if (is_shared(slot)) read(slot);
 }
 
-void Recorder::hold_if(Id condition, Id failed) {
-  std::vector<Store> flags, ends;
+template <class Ends>
+void Recorder::run_if(Id condition, std::vector<Store> stores, const std::string& code, Call call, Ends ends) {
+  std::vector<Store> before;
   std::vector<Slot*> end_slots;
   for (Slot& slot : slots_) {
-    if (slot.name == "singular" || slot.name == "frozen") flags.push_back({slot.place, *slot.now});
-    if (!slot.name.starts_with("next_")) continue;
-    ends.push_back({slot.place, *slot.now});
+    if (!ends(slot)) continue;
+    before.push_back({slot.place, *slot.now});
     end_slots.push_back(&slot);
   }
-  flags.push_back({{"const typename T::Mask failed", Access::failed}, failed});
-  const std::vector<Id> after = graph.effect_if(condition, std::move(flags), "hold(t, lanes, x, failed);", ends);
+  const std::vector<Id> after = graph.effect_if(condition, std::move(stores), code, call, before);
   for (std::size_t i = 0; i < after.size(); ++i) {
     *end_slots[i]->now = after[i];
     graph.name(after[i], end_slots[i]->name);
   }
 }
 
+void Recorder::hold_if(Id condition, Id failed) {
+  std::vector<Store> flags;
+  for (const Slot& slot : slots_)
+    if (slot.name == "singular" || slot.name == "frozen") flags.push_back({slot.place, *slot.now});
+  flags.push_back({{"const typename T::Mask failed", Access::failed}, failed});
+  run_if(condition, std::move(flags), "hold(t, lanes, x, failed);", Call::hold,
+         [](const Slot& slot) { return slot.name.starts_with("next_"); });
+}
+
+void Recorder::compete_if(Id suspect, const std::set<std::string>& unread) {
+  const auto ends = [](const Slot& slot) { return slot.name.starts_with("next_") || slot.name.starts_with("half_turn_"); };
+  const auto array = [](const Slot& slot) { return slot.name.substr(0, slot.name.find_first_of("0123456789") - 1); };
+  std::vector<Store> stores =
+      changed([&](const Slot& slot) { return is_shared(slot) && !ends(slot) && !unread.contains(array(slot)); });
+  stores.push_back({{"x.suspect", Access::suspect}, suspect});
+  run_if(suspect, std::move(stores), "compete(t, lanes, x);", Call::compete, ends);
+}
+
 void Recorder::finish() {
-  graph.effect(changed([](Lasts lasts) { return lasts == Lasts::state; }), "");
+  graph.effect(changed([](const Slot& slot) { return slot.lasts == Lasts::state; }), "");
 }
 
 }  // namespace lockstep::generate

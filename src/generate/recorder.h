@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <set>
 
 #include "../kernels/lay_out.h"
 #include "fuse.h"
@@ -27,6 +28,8 @@ class Recorder {
   void run(const std::string& code, Call call = Call::none);
   /// hold(): stores what the step came to and what it flags by, and reads again where the step ends.
   void hold_if(Id condition, Id failed);
+  /// compete(): stores all that it may read - no array that is `unread` - and reads again where the step ends.
+  void compete_if(Id suspect, const std::set<std::string>& unread);
   /// What the next step starts from goes to memory.
   void finish();
 
@@ -35,6 +38,13 @@ class Recorder {
   bool learns() const { return learns_; }
   /// From here on sums are counted, and of some of them a product becomes part.
   void fuse(std::vector<Fuses> fuses) { sums_.clear(), fuses_ = std::move(fuses); }
+  /// What `look` records is beside the step: its sums do not count, and no product becomes part of them.
+  template <class Look>
+  void aside(Look look) {
+    aside_ = true;
+    look();
+    aside_ = false;
+  }
   Id sum(Op op, Id a, Id b);
   /// Where a factor is 1 this is a sum as well.
   Id product_and(Op op, Id a, Id b, Id c);
@@ -65,11 +75,15 @@ class Recorder {
     int array;
   };
 
+  static bool is_shared(const Slot& slot) { return slot.lasts == kernels::Lasts::step || slot.lasts == kernels::Lasts::state; }
+
   friend struct Take;
   void add_slot(Id* now, const Place& place, const std::string& name, kernels::Lasts lasts, bool mask = false);
   template <class Wanted>
   std::vector<Store> changed(Wanted wanted);
   void read(Slot& slot);
+  template <class Ends>
+  void run_if(Id condition, std::vector<Store> stores, const std::string& code, Call call, Ends ends);
 
   std::unique_ptr<std::byte[]> block_;
   std::size_t used_ = 0;
@@ -79,7 +93,7 @@ class Recorder {
   std::vector<Rows> rows_;
   std::vector<Fuses> fuses_;
   std::vector<Sum> sums_;
-  bool learns_ = false;
+  bool learns_ = false, aside_ = false;
 };
 
 }  // namespace lockstep::generate

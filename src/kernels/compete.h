@@ -62,17 +62,12 @@ void solve_with_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& l
   }
 }
 
-/// A first look at where the step has come to, joint by joint and without regard to what exactly is asked of it: whether
-/// some lane has to look closer, and which. Idle bounds cost no more than this.
+/// Lanes that come near a bound, joint by joint and without regard to what exactly is asked of them.
 template <class T>
-bool bounds_act(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+typename T::Mask suspects(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
   const int root = t.velocities - t.joints;
-  if (b.always) {
-    x.suspect = ~T::none();
-    return true;
-  }
-  x.suspect = T::none();
+  typename T::Mask suspect = T::none();
   for (int i = 0; i < b.watched.count; ++i) {
     const Watched<ScalarOf<T>>& joint = b.watched[i];
     const T q = x.q[joint.joint], moved = x.next_q[joint.joint];
@@ -82,9 +77,17 @@ bool bounds_act(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
       const T arriving = fma(T(t.dt), x.v[root + joint.joint], q);
       least = smaller(least, arriving), most = larger(most, arriving);
     }
-    x.suspect = x.suspect | less(least, T(joint.lower)) | less(T(joint.upper), most);
-    if (joint.way > 0) x.suspect = x.suspect | less(T(joint.way), larger(most - q, q - least));
+    suspect = suspect | less(least, T(joint.lower)) | less(T(joint.upper), most);
+    if (joint.way > 0) suspect = suspect | less(T(joint.way), larger(most - q, q - least));
   }
+  return suspect;
+}
+
+/// A first look at where the step has come to: whether some lane has to look closer, and which. Idle bounds cost no more
+/// than this.
+template <class T>
+bool bounds_act(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  x.suspect = t.bounds.always ? ~T::none() : suspects(t, x);
   return any(x.suspect) || t.record_diagnostics;  // what is recorded of rows comes from a closer look
 }
 

@@ -1,8 +1,9 @@
 // A step as a list of operations, each done for many tiles before the next one. SPDX-License-Identifier: Apache-2.0
 //
-// Vectorised interpretation (Boncz, Zukowski, Nes 2005): finding out what to do is paid once for sixteen tiles, and the
-// list holds what one plan needs and no more, as generated code does. A long step's numbers leave the caches, and the
-// stages' loops are faster then: docs/kernels.md has from where on.
+// Vectorised interpretation (Boncz, Zukowski, Nes 2005): finding out what to do is paid once for eight tiles, and the list
+// holds what one plan needs and no more, as generated code does. Of twice as many tiles the numbers leave the first cache
+// and small batches have no more than half. Those of a long step leave it anyway, and the stages' loops are faster then:
+// docs/kernels.md has from where on.
 #pragma once
 
 #include "../plan/operations.h"
@@ -10,13 +11,12 @@
 
 namespace lockstep::kernels {
 
-template <class T>
-constexpr int tiles_at_once = sizeof(T) > 32 ? 8 : 16;
+constexpr int tiles_at_once = 8;
 
 /// One number of each tile.
 template <class T>
 struct Slot {
-  T tile[tiles_at_once<T>];
+  T tile[tiles_at_once];
 };
 
 /// Keeps where the tile's arrays begin, in their order. A list names no more of them than there is room for.
@@ -42,12 +42,19 @@ struct Places : Carver {
 template <class T>
 struct Listed {
   using S = ScalarOf<T>;
-  static constexpr int most = tiles_at_once<T>;
+  static constexpr int most = tiles_at_once;
+
+  // Most of it stays as it is until it is wanted: filling it would take as long as ten steps of a tile.
+  Listed(const Tables<S>& tables, const OperationList& operations) : t(tables), list(&operations) {}
+
+  // Where they are not apart there is one tile for all, between the rows and the slots.
+  LOCKSTEP_INLINE int which(int k) const { return list->apart ? k : 0; }
+  LOCKSTEP_INLINE Tile<T>& tile(int k) { return x[which(k)]; }
 
   const Tables<S>& t;
   const OperationList* list;  // and its slots, of the two that there may be
   Slot<T>* slots;
-  std::byte* block[most];  // of the tile's arrays: the same for all where no stage is called
+  std::byte* block[most];     // of the tile's arrays
   Places::Firsts arrays;
   Tile<T> x[most];
   Lanes<S> lanes[most];
@@ -67,7 +74,7 @@ LOCKSTEP_INLINE const S* row_of(const Lanes<S>& lanes, const Access& access) {
 
 template <class T>
 LOCKSTEP_INLINE T& number_of(Listed<T>& l, int k, const Access& access) {
-  return reinterpret_cast<T*>(l.block[k] + l.arrays.first[access.array])[access.number];
+  return reinterpret_cast<T*>(l.block[l.which(k)] + l.arrays.first[access.array])[access.number];
 }
 
 template <class T>
@@ -87,15 +94,16 @@ LOCKSTEP_INLINE void read_place(Listed<T>& l, int k, const Access& access) {
   else if (access.array >= 0)
     to = number_of(l, k, access);
   else
-    to = number_from<T>(access.array == Access::frozen ? l.x[k].frozen : l.x[k].singular);
+    to = number_from<T>(access.array == Access::frozen ? l.tile(k).frozen : l.tile(k).singular);
 }
 
 template <class T>
 LOCKSTEP_INLINE void write_place(Listed<T>& l, int k, const Access& access, typename T::Mask& failed) {
   const T& from = l.slots[access.slot].tile[k];
   switch (access.array) {
-    case Access::frozen: l.x[k].frozen = mask_of(from); break;
-    case Access::singular: l.x[k].singular = mask_of(from); break;
+    case Access::frozen: l.tile(k).frozen = mask_of(from); break;
+    case Access::singular: l.tile(k).singular = mask_of(from); break;
+    case Access::suspect: l.tile(k).suspect = mask_of(from); break;
     case Access::failed: failed = mask_of(from); break;
     default: number_of(l, k, access) = from;
   }
@@ -104,26 +112,28 @@ LOCKSTEP_INLINE void write_place(Listed<T>& l, int k, const Access& access, type
 template <class T>
 void call(Call wanted, const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   switch (wanted) {
-    case Call::none: break;
     case Call::compete:
       forget_bounds(x);
       if (bounds_act(t, x)) compete(t, lanes, x);
       break;
     case Call::coupling_impulses: coupling_impulses(t, x); break;
-    case Call::diagnose: diagnose(t, lanes, x); break;
+    default: diagnose(t, lanes, x);
   }
 }
 
-/// hold() for the tiles with frozen lanes.
+/// hold() for tiles with frozen lanes, compete() for those that come near a bound.
 template <class T>
-void hold_listed(Listed<T>& l, const Operation& hold_) {
+void call_if(Listed<T>& l, const Operation& o) {
   const Access* const accesses = l.list->accesses.data;
   for (int k = 0; k < l.tiles; ++k) {
-    if (!any(mask_of(l.slots[hold_.a].tile[k]))) continue;
+    if (!any(mask_of(l.slots[o.a].tile[k]))) continue;
     typename T::Mask failed = T::none();
-    for (int i = hold_.b; i < hold_.c; ++i) write_place(l, k, accesses[i], failed);
-    hold(l.t, l.lanes[k], l.x[k], failed);
-    for (int i = hold_.c; i < hold_.to; ++i) read_place(l, k, accesses[i]);
+    for (int i = o.b; i < o.c; ++i) write_place(l, k, accesses[i], failed);
+    if (static_cast<Call>(o.d) == Call::hold)
+      hold(l.t, l.lanes[k], l.tile(k), failed);
+    else
+      compete(l.t, l.lanes[k], l.tile(k));
+    for (int i = o.c; i < o.to; ++i) read_place(l, k, accesses[i]);
   }
 }
 
@@ -136,49 +146,50 @@ struct Constant {
 
 /// One operation after the other, for N tiles, or for as many as there are where N is 0. `first` finds what stands for a.
 template <int N, class T, class First, class Act>
-LOCKSTEP_INLINE void each(Listed<T>& l, const Run& run, First&& first, Act&& act) {
-  Slot<T>* const slots = l.slots;
-  const int tiles = N > 0 ? N : l.tiles;
-  for (const Operation *o = l.list->operations.data + run.first, *last = l.list->operations.data + run.last; o != last; ++o) {
+LOCKSTEP_INLINE void each(Slot<T>* slots, int tiles, const Operation* o, const Operation* last, First&& first, Act&& act) {
+  if constexpr (N > 0) tiles = N;
+  do {
     T* const to = slots[o->to].tile;
     const auto a = first(o->a);
     const T *const b = slots[o->b].tile, *const c = slots[o->c].tile;
     const T *const d = slots[o->d].tile, *const e = slots[o->e].tile;
-#pragma GCC unroll 16
+#pragma GCC unroll 8
     for (int k = 0; k < tiles; ++k) to[k] = act(a[k], b[k], c[k], d[k], e[k]);
+  } while (++o != last);
+}
+
+/// What is more than an operation on slots. Apart, so that registers are left to the operations.
+template <class T>
+[[gnu::noinline]] void do_other(Listed<T>& l, Does does, const Operation& o) {
+  if (does == Does::call_if) return call_if(l, o);
+  typename T::Mask failed;
+  for (int k = 0; k < l.tiles; ++k) {
+    if (does == Does::sincos)
+      sincos(l.slots[o.a].tile[k], l.slots[o.to].tile[k], l.slots[o.c].tile[k]);
+    else if (does == Does::read)
+      read_place(l, k, l.list->accesses[o.a]);
+    else if (does == Does::write)
+      write_place(l, k, l.list->accesses[o.a], failed);
+    else
+      call(static_cast<Call>(o.to), l.t, l.lanes[k], l.tile(k));
   }
 }
 
 template <int N, class T>
-LOCKSTEP_INLINE void each_angle(Listed<T>& l, const Run& run) {
-  const int tiles = N > 0 ? N : l.tiles;
-  for (int i = run.first; i < run.last; ++i) {
-    const Operation& o = l.list->operations[i];
-    for (int k = 0; k < tiles; ++k) {
-      T sine, cosine;
-      sincos(l.slots[o.a].tile[k], sine, cosine);
-      l.slots[o.to].tile[k] = sine;
-      l.slots[o.c].tile[k] = cosine;
-    }
-  }
-}
-
-template <int N, class T>
-void go_through(Listed<T>& l, Span<Run> runs) {
+[[gnu::noinline]] void go_through(Listed<T>& l, Span<Run> runs) {
   const auto number = [](typename T::Mask mask) LOCKSTEP_INLINED { return number_from<T>(mask); };
-  const auto slot = [&](int a) LOCKSTEP_INLINED -> const T* { return l.slots[a].tile; };
-  const auto constant = [&](int a) LOCKSTEP_INLINED {
-    return Constant<T>{T(static_cast<ScalarOf<T>>(l.list->constants[a]))};
-  };
-  typename T::Mask failed = T::none();
-  for (int r = 0; r < runs.count; ++r) {
-    const Run& run = runs[r];
-    switch (run.does) {
-#define LOCKSTEP_EACH_OF(first, does, value)                                                        \
-  case Does::does:                                                                                   \
-    each<N>(l, run, first,                                                                           \
+  Slot<T>* const slots = l.slots;
+  const double* const constants = l.list->constants.data;
+  const int tiles = l.tiles;
+  const auto slot = [=](int a) LOCKSTEP_INLINED -> const T* { return slots[a].tile; };
+  const auto constant = [=](int a) LOCKSTEP_INLINED { return Constant<T>{T(static_cast<ScalarOf<T>>(constants[a]))}; };
+  for (const Run *run = runs.data, *end = run + runs.count; run != end; ++run) {
+    switch (run->does) {
+#define LOCKSTEP_EACH_OF(operand, does, value)                                                        \
+  case Does::does:                                                                                    \
+    each<N>(slots, tiles, run->first, run->last, operand,                                               \
             [&]([[maybe_unused]] T a, [[maybe_unused]] T b, [[maybe_unused]] T c, [[maybe_unused]] T d, \
-                [[maybe_unused]] T e) LOCKSTEP_INLINED { return value; });                            \
+                [[maybe_unused]] T e) LOCKSTEP_INLINED { return value; });                             \
     break
 #define LOCKSTEP_EACH(does, value) LOCKSTEP_EACH_OF(slot, does, value)
 #define LOCKSTEP_EACH_CONSTANT(does, value) LOCKSTEP_EACH_OF(constant, does, value)
@@ -217,20 +228,14 @@ void go_through(Listed<T>& l, Span<Run> runs) {
 #undef LOCKSTEP_EACH
 #undef LOCKSTEP_EACH_CONSTANT
 #undef LOCKSTEP_EACH_OF
-      case Does::sincos: each_angle<N>(l, run); break;
+      case Does::sincos:
       case Does::read:
-        for (int i = run.first; i < run.last; ++i)
-          for (int k = 0; k < l.tiles; ++k) read_place(l, k, l.list->accesses[i]);
-        break;
       case Does::write:
-        for (int i = run.first; i < run.last; ++i)
-          for (int k = 0; k < l.tiles; ++k) write_place(l, k, l.list->accesses[i], failed);
-        break;
       case Does::call:
-        for (int k = 0; k < l.tiles; ++k)
-          call(static_cast<Call>(l.list->operations[run.first].to), l.t, l.lanes[k], l.x[k]);
+      case Does::call_if:
+        for (const Operation* o = run->first; o != run->last; ++o) do_other(l, run->does, *o);
         break;
-      case Does::hold: hold_listed(l, l.list->operations[run.first]); break;
+      default: __builtin_unreachable();
     }
   }
 }
@@ -242,8 +247,9 @@ bool begin_tiles(Listed<T>& l, const Lanes<ScalarOf<T>>& lanes, std::ptrdiff_t f
   for (l.tiles = 0; l.tiles < l.most && first < last; ++l.tiles, first += T::lanes) {
     const int k = l.tiles;
     l.lanes[k] = at(lanes, first, outline(l.t));
-    load(l.t, l.lanes[k], l.x[k]);
-    if (in_place && !l.x[k].in_place) return false;
+    load(l.t, l.lanes[k], l.tile(k));
+    if (in_place && !l.tile(k).in_place) return false;
+    settle(l.t, l.tile(k), in_place);  // all of them alike
     for (int i = 0; i < l.list->before.count; ++i) read_place(l, k, l.list->before[i]);
   }
   return true;
@@ -253,7 +259,7 @@ template <class T>
 LOCKSTEP_INLINE void end_tile(Listed<T>& l, int k) {
   typename T::Mask failed;
   for (int i = 0; i < l.list->after.count; ++i) write_place(l, k, l.list->after[i], failed);
-  store(l.t, l.lanes[k], l.x[k]);
+  store(l.t, l.lanes[k], l.tile(k));
 }
 
 /// Bytes between the arrays of two tiles: not a power of two, or they would meet in the cache.
@@ -264,18 +270,15 @@ template <class T>
 std::size_t listed_bytes(const Tables<ScalarOf<T>>& t, const OperationList& list) {
   Tile<T> x;
   const int slots = list.slots + (list.in_place ? list.in_place->slots : 0);
-  return (list.calls ? tiles_at_once<T> : 1) * spread_out(lay_out(t, nullptr, x)) +
+  return (list.apart ? tiles_at_once : 1) * spread_out(lay_out(t, nullptr, x)) +
          static_cast<std::size_t>(slots) * sizeof(Slot<T>);
 }
 
 /// The step of the tiles at hand.
 template <class T>
 LOCKSTEP_INLINE void go_through(Listed<T>& l) {
-  constexpr int all = Listed<T>::most, half = all / 2;
-  if (l.tiles == all)
-    go_through<all>(l, l.list->runs);
-  else if (l.tiles == half)
-    go_through<half>(l, l.list->runs);
+  if (l.tiles == Listed<T>::most)
+    go_through<Listed<T>::most>(l, l.list->runs);
   else
     go_through<0>(l, l.list->runs);
 }
@@ -285,20 +288,17 @@ template <class T>
 void advance_listed(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::ptrdiff_t first, std::ptrdiff_t last,
                     int substeps, void* scratch, const OperationList& list) {
   const simd::FlushDenormals flush;
-  Listed<T> l{t, &list, static_cast<Slot<T>*>(scratch), {}, {}, {}, {}};
+  Listed<T> l(t, list);
   const OperationList* const lists[2] = {&list, list.in_place};
-  Slot<T>* const slots[2] = {l.slots, l.slots + list.slots};
+  Slot<T>* const slots[2] = {static_cast<Slot<T>*>(scratch), static_cast<Slot<T>*>(scratch) + list.slots};
   std::byte* behind = reinterpret_cast<std::byte*>(slots[1] + (list.in_place ? list.in_place->slots : 0));
   Places places(l.arrays);
   arrays(t, l.x[0], places);
-  for (int k = 0; k < l.most && k * T::lanes < last - first; ++k) {
+  for (int k = 0; k <= l.which(l.most - 1) && k * T::lanes < last - first; ++k) {
     l.block[k] = behind;
-    const std::size_t bytes = spread_out(lay_out(t, behind, l.x[k]));
-    if (list.calls) behind += bytes;
-    if (list.calls || k == 0) {
-      uniform_masses(t, l.x[k]);
-      uniform_ratios(t, l.x[k]);
-    }
+    behind += spread_out(lay_out(t, behind, l.x[k]));
+    uniform_masses(t, l.x[k]);
+    uniform_ratios(t, l.x[k]);
   }
   const auto take = [&](int which) LOCKSTEP_INLINED {
     l.list = lists[which];

@@ -18,14 +18,14 @@ enum class Does : int {
   add_constant, subtract_from_constant, multiply_constant, fma_constant, fnma_constant, beyond_constant,
   fill,    ///< with a constant
   fill_rounding,
-  // what memory has to do with; firsts and lasts of runs count accesses
-  read, write,
+  // what memory has to do with
+  read, write,  ///< access a
   call,    ///< a Call on the tiles
-  hold,    ///< where a mask has lanes: accesses b to c written, kernels::hold(), accesses c to `to` read again
+  call_if, ///< on those where mask a has lanes: accesses b to c written, Call d, accesses c to `to` read again
 };
 
 /// Stages that look at what is in the lanes before they know what to do: they are called, as the tables' kernels call them.
-enum class Call : int { none, compete, coupling_impulses, diagnose };
+enum class Call : int { none, compete, coupling_impulses, diagnose, hold };
 
 struct Operation {
   int to, a, b, c, d, e;  ///< slots; a is a constant's index where there is one; a Call in `to`
@@ -34,14 +34,15 @@ struct Operation {
 /// Where a number stands that is read or written.
 struct Access {
   /// From 0 on the tile's arrays, in the order of kernels::arrays(); from first_row on rows of the batch.
-  enum : int { frozen = -1, singular = -2, failed = -3, nowhere = -4,
+  enum : int { frozen = -1, singular = -2, failed = -3, suspect = -4, nowhere = -5,
                first_row = 1000, position_target = first_row, velocity_target, effort, field };
   int slot, array, number;
 };
 
+/// What does the same, one at least.
 struct Run {
   Does does;
-  int first, last;  ///< operations, or accesses
+  const Operation *first, *last;
 };
 
 struct OperationList {
@@ -49,8 +50,7 @@ struct OperationList {
   Span<Access> before;        ///< read before the first step of a call
   Span<Run> runs;             ///< a step
   Span<Access> after;         ///< written after the last one
-  bool calls = false;         ///< stages are called, on tiles that have their numbers in memory
-  Span<Operation> operations;
+  bool apart = false;         ///< tiles have numbers of their own in memory, for stages that are called
   Span<double> constants;
   Span<Access> accesses;
   int slots = 0;

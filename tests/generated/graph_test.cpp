@@ -103,7 +103,7 @@ TEST(Parts, are_not_cut_where_something_is_declared_and_set) {
     value = graph.end_loop({inside})[0];
   }
   const Id condition = graph.operation(Op::less, value, graph.constant(1.0));
-  const std::vector<Id> after = graph.effect_if(condition, {}, "hold();", {{{"x.next_q[0]"}, value}});
+  const std::vector<Id> after = graph.effect_if(condition, {}, "hold();", Call::hold, {{{"x.next_q[0]"}, value}});
   graph.effect({{{"x.q[0]"}, after[0]}}, "");
   const Written written = write(graph);
   const std::regex declared(R"(^ +T (\w+) = )"), changed(R"(^ +(\w+) = )");
