@@ -52,8 +52,8 @@ struct BatchOptions {
                     ///< (all cores unless the caller limits it); n > 1: an arena of n of its own
   Target target = Target::automatic;
   bool generated = true;  ///< take the kernel that was generated for the plan (generate.h), if this program holds one
-  bool listed = false;    ///< otherwise take the step as a list of operations, each done for 128 environments or so before
-                          ///< the next: faster than the tables' loops up to some 20 dofs. Rounds otherwise than they do.
+  bool listed = false;    ///< otherwise take the step as a list of operations, each done for 64 environments or so before
+                          ///< the next: faster than the tables' loops up to some 30 dofs. Rounds otherwise than they do.
                           ///< Listing takes milliseconds, once for a plan. Plans that solve lane by lane or until a servo's
                           ///< limit of effort is satisfied, or take over 30,000 operations, stay with the tables
 };

@@ -240,6 +240,25 @@ TEST(ListedStep, does_not_notice_a_neighbour_at_its_limit) {
   }
 }
 
+// Couplings, masses and states of each tile are its own where bounds act, and so is whether its followers are in place.
+TEST(ListedStep, at_limits_looks_at_the_numbers_of_its_own_tile) {
+  Model model = scenes::chain8();
+  for (Joint& joint : model.joints) joint.lower = -0.35, joint.upper = 0.35;
+  for (const ParameterSet& own : {ParameterSet{}, {Parameter::offset, Parameter::mass}, {Parameter::gear_ratio}})
+    for (const Method method : {Method::reduced, Method::direct}) {
+      SCOPED_TRACE(testing::Message() << name(method) << (own.contains(Parameter::mass) ? ", masses" : "")
+                                      << (own.contains(Parameter::gear_ratio) ? ", gear ratios" : ""));
+      const Plan plan = compile(model, {.method = method, .integrator = Integrator::euler, .per_environment = own});
+      auto listed = scattered<double>(plan, 40, {.threads = 1, .generated = false, .listed = true});
+      auto tables = scattered<double>(plan, 40, {.threads = 1, .generated = false});
+      ASSERT_EQ(listed.kernel(), "operations");
+      const Batch<double>::Array before = tables.positions();
+      listed.step(5), tables.step(5);
+      EXPECT_LT((listed.velocities() - tables.velocities()).abs().maxCoeff(), 1e-7);
+      EXPECT_GT((before - tables.positions()).abs().maxCoeff(), 1e-3);
+    }
+}
+
 // Two ratios between a pair of joints beside the chain lock them: no step looks at their velocities.
 TEST(ListedStep, keeps_of_a_frozen_environment_what_no_step_looks_at) {
   Model model = scenes::chain8();
