@@ -15,6 +15,12 @@ Load scene(const std::string& name, Method method, int iterations) {
   return load;
 }
 
+Load scene_with_ranges(const std::string& name, Method method) {
+  Load load = scene(name, method, 1);
+  for (Joint& joint : load.model.joints) joint.lower = -1e3, joint.upper = 1e3;
+  return load;
+}
+
 Load chain(int joints, int couplings, Method method) {
   const Model eight = scenes::chain8();
   Load load;

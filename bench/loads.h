@@ -21,6 +21,9 @@ struct Load {
 /// A scene of tests/scenes.
 Load scene(const std::string& name, Method method, int iterations);
 
+/// The same with ranges of the joints' positions that they never leave.
+Load scene_with_ranges(const std::string& name, Method method);
+
 /// A chain like chain8, of any length, the first joints of which are coupled as there.
 Load chain(int joints, int couplings, Method method);
 

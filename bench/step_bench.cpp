@@ -242,7 +242,12 @@ void add_bounds() {
   for (const char* scene : {"chain8", "gripper13"})
     for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
       rung("none", scene, method, [](Joint&) {});
-      rung("limits-idle", scene, method, [](Joint& j) { j.lower = -1e3, j.upper = 1e3; });
+      const std::string idle = fmt::format("{}/{}/1/f32/bounds:limits-idle", scene, name(method));
+      add(idle, bench::scene_with_ranges(scene, method), true);
+      add_kernel(Kernel::listed, idle, bench::scene_with_ranges(scene, method));
+#ifdef LOCKSTEP_BENCH_KERNELS
+      add_kernel(Kernel::generated, idle, bench::scene_with_ranges(scene, method));
+#endif
       rung("velocity-limits-idle", scene, method, [](Joint& j) { j.velocity_limit = 1e3; });
       rung("efforts-idle", scene, method, [](Joint& j) { j.effort_limit = 1e9; });
       rung("limits-acting", scene, method, [](Joint& j) { j.lower = -0.35, j.upper = 0.35; });

@@ -1,7 +1,7 @@
 // Writes kernels for the benchmarks: make_kernels FOLDER NAME... SPDX-License-Identifier: Apache-2.0
 //
-// A name is scene_method, scene_integrator, scene_halves for steps of half the length, or chainN_coupled for a chain of
-// N joints.
+// A name is scene_method, scene_method_ranges, scene_integrator, scene_halves for steps of half the length, or
+// chainN_coupled for a chain of N joints.
 #include <fmt/format.h>
 
 #include <fstream>
@@ -30,8 +30,10 @@ lockstep::bench::Load load_of(const std::string& name) {
     load.settings.dt /= 2;
     return load;
   }
-  for (const Method m : {Method::reduced, Method::direct, Method::pgs})
+  for (const Method m : {Method::reduced, Method::direct, Method::pgs}) {
     if (method == lockstep::name(m)) return bench::scene(scene, m, 4);
+    if (method == fmt::format("{}_ranges", lockstep::name(m))) return bench::scene_with_ranges(scene, m);
+  }
   throw std::invalid_argument("no such kernel: " + name);
 }
 
