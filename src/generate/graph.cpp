@@ -209,6 +209,11 @@ Id Graph::operation(Op op, Id a, Id b, Id c) {
     case Op::select: return selected(a, b, c);
     case Op::less: return compared(a, b);
     case Op::invert: return inverted(a);
+    case Op::farther:  // of magnitudes; followers in place have those of their drivers
+      b = without_sign(b);
+      for (Id most = a; is(most, Op::farther); most = nodes_[most].operand[0])
+        if (nodes_[most].operand[1] == b) return a;
+      return found_or_put(op, a, b, c);
     case Op::sine:
     case Op::cosine:
       if (!is(a, Op::negate)) return found_or_put(op, a, b, c);

@@ -55,6 +55,16 @@ TEST(Graph, takes_signs_to_where_they_cost_nothing) {
   }), "y_0 - x_0");
 }
 
+TEST(Graph, asks_each_magnitude_once) {
+  const auto farthest = [](Graph& g, std::initializer_list<Id> all) {
+    Id most = g.constant(0.0);
+    for (Id id : all) most = g.operation(Op::farther, most, id);
+    return most;
+  };
+  EXPECT_EQ(written([=](Graph& g, Id x, Id y, Id) { return farthest(g, {x, y, g.operation(Op::negate, x), y, x}); }),
+            "farther(farther(n(0), x_0), y_0)");
+}
+
 TEST(Graph, makes_one_operation_of_a_product_and_a_sum) {
   const auto with = [](Op op, bool product_first) {
     return written([=](Graph& g, Id x, Id y, Id z) {
