@@ -106,7 +106,8 @@ def draw_peers(table, picture):
         panel.set_title(f"{scene}: {lead(table, scene):.0f} times the fastest other", loc="left", fontsize=10.5,
                         color=INK)
     labels = [f"{names[engine]}: {words}".replace("avx512, ", "AVX-512, ").replace("avx2, ", "AVX2, ")
-              .replace(" per call", "/call").replace("lockstep: ", "") for engine, words in rows]
+              .replace(" per call", "/call").replace(" in 2 parts each", ", halved").replace("lockstep: ", "")
+              for engine, words in rows]
     panels[0].set_yticks(range(len(rows)), labels, fontsize=8.5)
     panels[0].invert_yaxis()
     figure.supxlabel("environment-steps per second of one core", fontsize=9.5, color=INK, x=0.6, y=0.005)
