@@ -185,11 +185,11 @@ template <int N, class T>
   const auto constant = [=](int a) LOCKSTEP_INLINED { return Constant<T>{T(static_cast<ScalarOf<T>>(constants[a]))}; };
   for (const Run *run = runs.data, *end = run + runs.count; run != end; ++run) {
     switch (run->does) {
-#define LOCKSTEP_EACH_OF(operand, does, value)                                                        \
-  case Does::does:                                                                                    \
+#define LOCKSTEP_EACH_OF(operand, does, value)                                                          \
+  case Does::does:                                                                                      \
     each<N>(slots, tiles, run->first, run->last, operand,                                               \
             [&]([[maybe_unused]] T a, [[maybe_unused]] T b, [[maybe_unused]] T c, [[maybe_unused]] T d, \
-                [[maybe_unused]] T e) LOCKSTEP_INLINED { return value; });                             \
+                [[maybe_unused]] T e) LOCKSTEP_INLINED { return value; });                              \
     break
 #define LOCKSTEP_EACH(does, value) LOCKSTEP_EACH_OF(slot, does, value)
 #define LOCKSTEP_EACH_CONSTANT(does, value) LOCKSTEP_EACH_OF(constant, does, value)
