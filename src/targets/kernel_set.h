@@ -23,7 +23,7 @@ struct KernelSet {
                const kernels::Request<S>&, S* rows, std::ptrdiff_t stride, void* scratch);
 };
 
-// One translation unit each, compiled for its instruction set; avx ones on x86-64, neon on AArch64.
+// Compiled for each instruction set by itself, and its scalar twin; avx ones on x86-64, neon on AArch64.
 extern const KernelSet<float> baseline_f32, baseline_scalar_f32, avx2_f32, avx2_scalar_f32, avx512_f32;
 extern const KernelSet<double> baseline_f64, baseline_scalar_f64, avx2_f64, avx2_scalar_f64, avx512_f64;
 extern const KernelSet<float> neon_f32, neon_scalar_f32;
