@@ -10,11 +10,17 @@ namespace {
 
 class Finder {
  public:
-  explicit Finder(const Graph& graph) : nodes_(graph.nodes()), used_(uses(graph)) {
+  Finder(const Graph& graph, const std::vector<Sum>& sums) : nodes_(graph.nodes()), used_(uses(graph)) {
+    // Which operand of a node comes first depends on what else was recorded; which of a sum does not.
+    std::map<Id, Id> second;
+    for (const Sum& sum : sums)
+      if (sum.result >= 0) second.try_emplace(graph.without_sign(sum.result), graph.without_sign(sum.b));
     for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id) {
       const Node& node = nodes_[id];
       if (used_[id] == 0 || (node.op != Op::add && node.op != Op::subtract)) continue;
-      for (const int i : {1, 0}) {
+      const auto known = second.find(id);
+      const bool swapped = node.op == Op::add && known != second.end() && known->second == node.operand[0];
+      for (const int i : {swapped ? 0 : 1, swapped ? 1 : 0}) {
         if (!begins_with_product(node.operand[i], node.item)) continue;
         product_of[id] = node.operand[i];
         break;
@@ -42,7 +48,7 @@ class Finder {
 }  // namespace
 
 std::vector<Fuses> fuses_of(const Graph& graph, const std::vector<Sum>& sums) {
-  const std::map<Id, Id> product_of = Finder(graph).product_of;
+  const std::map<Id, Id> product_of = Finder(graph, sums).product_of;
   std::vector<Fuses> fuses;
   for (const Sum& sum : sums) {
     if (sum.result < 0) {

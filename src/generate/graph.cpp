@@ -69,11 +69,11 @@ Id Graph::found_or_put(Op op, Id a, Id b, Id c) {
 }
 
 Id Graph::negated(Id a) {
-  const Node n = nodes_[a];
-  switch (n.op) {
-    case Op::constant: return constant(-n.value);
-    case Op::negate: return n.operand[0];
-    case Op::subtract: return difference(n.operand[1], n.operand[0]);
+  const auto [of, from, none] = nodes_[a].operand;
+  switch (nodes_[a].op) {
+    case Op::constant: return constant(-nodes_[a].value);
+    case Op::negate: return of;
+    case Op::subtract: return difference(from, of);
     default: return found_or_put(Op::negate, a, -1, -1);
   }
 }
@@ -149,14 +149,15 @@ Id Graph::fused(Op op, Id a, Id b, bool first) {
 }
 
 Id Graph::added_into(Id chain, Id rest, bool minus) {
-  const Node node = nodes_[chain];
-  switch (node.op) {
-    case Op::negate: return added_into(node.operand[0], rest, !minus);
-    case Op::multiply: return product_and(minus ? Op::fnma : Op::fma, node.operand[0], node.operand[1], rest);
+  const Op op = nodes_[chain].op;
+  const auto [a, b, c] = nodes_[chain].operand;
+  switch (op) {
+    case Op::negate: return added_into(a, rest, !minus);
+    case Op::multiply: return product_and(minus ? Op::fnma : Op::fma, a, b, rest);
     case Op::fma:
     case Op::fnma:
-      rest = added_into(node.operand[2], rest, minus);
-      return product_and((node.op == Op::fnma) != minus ? Op::fnma : Op::fma, node.operand[0], node.operand[1], rest);
+      rest = added_into(c, rest, minus);
+      return product_and((op == Op::fnma) != minus ? Op::fnma : Op::fma, a, b, rest);
     default: return minus ? difference(rest, chain) : sum(rest, chain);
   }
 }

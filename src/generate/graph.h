@@ -5,8 +5,10 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <map>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "../plan/operations.h"
@@ -99,6 +101,13 @@ class Graph {
 
  private:
   using Key = std::array<Id, 4>;
+  struct Hash {
+    std::size_t operator()(const Key& key) const {
+      std::uint64_t hash = 0;
+      for (Id id : key) hash = (hash ^ static_cast<std::uint64_t>(id)) * 0x9e3779b97f4a7c15u;
+      return hash ^ (hash >> 32);
+    }
+  };
 
   Id put(Node node);
   Id variable(int item);
@@ -121,7 +130,7 @@ class Graph {
 
   std::vector<Node> nodes_;
   std::vector<Item> items_;
-  std::map<Key, Id> known_;
+  std::unordered_map<Key, Id, Hash> known_;
   std::map<std::string, Id> inputs_;
   std::map<double, Id> constants_;
   std::map<Id, std::string> names_;

@@ -6,6 +6,7 @@
 
 #include "../kernels/gear_ratios.h"
 #include "recorder.h"
+#include "uses.h"
 
 // Stages that look at what is in the lanes before they know what to do have no straight-line code: generated code
 // calls them as the tables do. Declared before step.h, which finds them in place of its own.
@@ -84,6 +85,17 @@ inline void coupling_impulses(const Tables<double>& t, Tile<Recorded>& x) {
   if (recorder->learns()) std::copy(before.begin(), before.end(), x.impulse);
 }
 
+// What is no number in an input that no result depends on - a force along a fixed axis - is a fault by the tables, where
+// it is multiplied by nothing; so it is here. (What no float holds is none in either precision.)
+inline void check(const Tables<double>& t, const Lanes<double>& lanes, Tile<Recorded>& x) {
+  if (!recorder->idle.empty() && t.velocities > 0) {
+    Recorded most(0.0), &last = x.next_v[t.velocities - 1];
+    for (const generate::Place& place : recorder->idle) most = farther(most, Recorded::of(recorder->graph.input(place, false)));
+    last = select(beyond(most, Recorded(largest_number<float>)), most, last);
+  }
+  check<Recorded>(t, lanes, x);
+}
+
 }  // namespace lockstep::kernels
 
 namespace lockstep::generate {
@@ -106,9 +118,24 @@ struct Recording {
   std::vector<Sum> sums;
 };
 
-// Without `fuses` it learns them. Numbers that only bounds or diagnostics read are unused then, so that they do not decide
-// which sums fuse, and steps round alike with them and without.
-Recording record_once(const Program& program, bool in_place, const std::vector<Fuses>* fuses) {
+struct Learned {
+  std::vector<Fuses> fuses;
+  std::vector<Place> idle;
+};
+
+Learned learned_from(const Recording& first) {
+  const std::vector<int> used = uses(first.graph);
+  std::vector<Place> idle;
+  for (Id id = 0; id < static_cast<Id>(used.size()); ++id) {
+    const Node& node = first.graph.nodes()[id];
+    if (node.op == Op::input && node.place.array >= Access::first_row && used[id] == 0) idle.push_back(node.place);
+  }
+  return {fuses_of(first.graph, first.sums), std::move(idle)};
+}
+
+// Without anything `learned` it learns. Numbers that only bounds or diagnostics read are unused then, so that they do not
+// decide which sums fuse, and steps round alike with them and without.
+Recording record_once(const Program& program, bool in_place, const Learned* learned) {
   const Tables<double>& t = program.f64;
   Lanes<double> lanes;
   lanes.stride = 1;
@@ -136,7 +163,10 @@ Recording record_once(const Program& program, bool in_place, const std::vector<F
   if (!kernels::declared<Recorded>(t, 0)) kernels::uniform_ratios(t, x);
   if (!kernels::declared<Recorded>(t, 5)) kernels::uniform_masses(t, x);
   if (in_place) know_followers(t, x, recording);
-  fuses ? recording.fuse(*fuses) : recording.learn();
+  if (learned)
+    recording.fuse(learned->fuses), recording.idle = learned->idle;
+  else
+    recording.learn();
   kernels::step(t, lanes, x);
   recording.finish();
   return {std::move(recording.graph), recording.sums()};
@@ -145,10 +175,9 @@ Recording record_once(const Program& program, bool in_place, const std::vector<F
 }  // namespace
 
 RecordedStep record_step(const Program& program) {
-  const Recording learned = record_once(program, false, nullptr);
-  const std::vector<Fuses> fuses = fuses_of(learned.graph, learned.sums);
-  RecordedStep step{record_once(program, false, &fuses).graph, {}};
-  if (program.f64.reduction.shortens) step.in_place = record_once(program, true, &fuses).graph;
+  const Learned learned = learned_from(record_once(program, false, nullptr));
+  RecordedStep step{record_once(program, false, &learned).graph, {}};
+  if (program.f64.reduction.shortens) step.in_place = record_once(program, true, &learned).graph;
   return step;
 }
 

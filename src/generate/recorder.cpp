@@ -18,6 +18,7 @@ Id record(Op op, Id a, Id b, Id c) {
     default: return recorder->graph.operation(op, a, b, c);
   }
 }
+Id record_rounded_sum(Id a, Id b) { return recorder->graph.operation(Op::add, a, b); }
 Id record_load(const double* p) { return recorder->load(p); }
 void record_name(const void* place, Id id) { recorder->name(place, id); }
 

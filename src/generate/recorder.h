@@ -57,6 +57,7 @@ class Recorder {
   void name(const void* place, Id id);
 
   Graph graph;
+  std::vector<Place> idle;  ///< inputs that no result depends on
 
  private:
   /// A number of the tile.

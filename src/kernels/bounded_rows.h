@@ -55,7 +55,7 @@ template <class T>
 void open_bounds(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   using S = ScalarOf<T>;
   const Bounds<S>& b = t.bounds;
-  const T largest = T(S(sizeof(S) == 4 ? 3.4028234e38 : 1.7976931348623157e308));
+  const T largest = T(largest_number<S>);
   x.senseless = T::none();
   for (int r = 0; r < b.form.count; ++r) {
     x.bound_touched[r] = x.bound_known[r] = x.bound_known[b.form.count + r] = T::none();

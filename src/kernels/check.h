@@ -24,8 +24,8 @@ LOCKSTEP_INLINE T farthest_position(const Tables<ScalarOf<T>>& t, const Tile<T>&
 /// First fault of a lane, sticky. A matrix that cannot be factored explains whatever numbers came of it.
 template <class T>
 void flag(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, typename T::Mask failed) {
-  const T largest = T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 3.4028234e38 : 1.7976931348623157e308));
-  const typename T::Mask infinite = beyond(farthest(x.next_v, t.velocities, farthest_position(t, x)), largest);
+  const T farthest_number = farthest(x.next_v, t.velocities, farthest_position(t, x));
+  const typename T::Mask infinite = beyond(farthest_number, T(largest_number<ScalarOf<T>>));
   for (int i = 0; i < T::lanes; ++i) {
     if (!lane(failed, i) || lanes.fault[i] != fault_none) continue;
     lanes.fault[i] = lane(x.singular, i) ? fault_singular : lane(infinite, i) ? fault_not_finite : fault_diverged;

@@ -19,7 +19,7 @@ LOCKSTEP_INLINE T smallest() {
 template <class T>
 LOCKSTEP_INLINE T switched_on(const Lanes<ScalarOf<T>>& lanes, int coupling) {
   const T value = T::load(lanes.field[8] + coupling * lanes.stride);
-  return fma(value, T(0), select(less(T(0), value) | less(value, T(0)), T(1), T(0)));
+  return select(less(T(0), value) | less(value, T(0)), T(1), value);
 }
 
 /// (M36) 1 - (1 - erp)^(1/N), and by (M29) mixing as the spring that it is, for a sub-step: lane by lane, since only
