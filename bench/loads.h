@@ -1,6 +1,7 @@
 // What is measured: mechanisms and settings that several programs must have alike. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "lockstep/lockstep.h"
@@ -15,7 +16,7 @@ struct Load {
   int reset_after = 100;   ///< steps: near the start of the motion, where nothing has blown up or come to rest
   int threads = 1;
   bool generated = false;  ///< by the kernel that was generated for it, else by the tables
-  bool listed = false;     ///< by a list of operations
+  std::optional<bool> listed = {};  ///< by a list of operations, as BatchOptions has it
 };
 
 /// A scene of tests/scenes.

@@ -2,7 +2,8 @@
 //
 // One thread, 4096 environments, 4 sub-steps per call unless the words behind say otherwise. The ladder adds one
 // feature at a time to a chain of eight. Counter env_steps_per_second is per second of CPU time (wall time where
-// threads > 1). Rows peak/<instructions> and peak/memory are what the machine can do at best.
+// threads > 1). Steps are those that a batch takes by itself where no kernel is generated, unless a word names them.
+// Rows peak/<instructions> and peak/memory are what the machine can do at best.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
@@ -22,7 +23,7 @@ void run(benchmark::State& state, const Load& load) {
   const Plan plan = compile(load.model, load.settings);
   Batch<S> batch(plan, load.environments, {.threads = load.threads, .generated = load.generated, .listed = load.listed});
   if (load.generated && !batch.kernel().starts_with("generated")) return state.SkipWithError("no kernel was generated");
-  if (load.listed && batch.kernel() != "operations") return state.SkipWithError("there is no list");
+  if (load.listed.value_or(false) && batch.kernel() != "operations") return state.SkipWithError("there is no list");
   batch.step(load.substeps);
   int steps = load.substeps;
   for (auto _ : state) {
@@ -62,7 +63,7 @@ void add_methods() {
     }
 }
 
-// Integrators beyond Euler's, by tables; where the build has kernels, add_generated() has them too.
+// Integrators beyond Euler's; where the build has kernels, add_generated() has them too.
 void add_integrators() {
   for (const char* scene : {"chain8", "gripper13", "chain32"})
     for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
@@ -74,7 +75,8 @@ void add_integrators() {
       }
 }
 
-enum class Kernel { listed, generated };
+enum class Kernel { tables, listed, generated };
+constexpr const char* kernel_names[] = {"tables", "listed", "generated"};
 
 // With four steps per call, and with one.
 void add_kernel(Kernel kernel, const std::string& name, Load load) {
@@ -82,7 +84,7 @@ void add_kernel(Kernel kernel, const std::string& name, Load load) {
   for (const int substeps : {4, 1}) {
     load.substeps = substeps;
     const std::string words = substeps == 4 ? "" : fmt::format("/substeps:{}", substeps);
-    add(fmt::format("{}{}/kernel:{}", name, words, load.listed ? "listed" : "generated"), load, true);
+    add(fmt::format("{}{}/kernel:{}", name, words, kernel_names[static_cast<int>(kernel)]), load, true);
   }
 }
 
@@ -95,7 +97,7 @@ Load astray(const char* scene) {
   return load;
 }
 
-// What is not the tables' stages, beside them: the scenes, chains half coupled, threads and sizes of batches.
+// One way of stepping, whatever a batch would take by itself: the scenes, chains half coupled, threads and sizes of batches.
 void add_kernels(Kernel kernel, const std::vector<int>& lengths) {
   for (const char* scene : {"chain8", "gripper13", "chain32"})
     for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
@@ -269,7 +271,8 @@ int main(int argc, char** argv) {
 #ifdef LOCKSTEP_BENCH_KERNELS
   lockstep::add_generated();
 #endif
-  lockstep::add_kernels(lockstep::Kernel::listed, {4, 8, 16, 20, 24, 32});
+  for (const auto kernel : {lockstep::Kernel::tables, lockstep::Kernel::listed})
+    lockstep::add_kernels(kernel, {4, 8, 16, 20, 24, 32, 64});
   lockstep::add_scaling();
   lockstep::add_sizes();
   lockstep::add_ladder();

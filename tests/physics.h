@@ -49,6 +49,9 @@ double condition(const Eigen::MatrixXd& h);
 
 StepSettings settings(Method method, int iterations = 4, int velocity_iterations = 1, double dt = 1.0 / 240);
 
+/// One thread, and of many plans every fourth by a list of operations, the others by the tables: which need no making.
+constexpr BatchOptions by_turns(int seed) { return {.threads = 1, .listed = seed % 4 == 0}; }
+
 inline std::string numbered(const char* word, std::size_t number) {
   return std::string(word).append(std::to_string(number));
 }

@@ -46,7 +46,7 @@ class OwnPeer : public Peer {
   int steps_;
 };
 
-// What runs everywhere by default, or one instruction set, by tables or by generated code; each step in so many parts.
+// One instruction set, as a batch steps by itself or by generated code; each step in so many parts.
 template <class S>
 Contender contender(Method method, int steps, Target target = Target::avx2, bool generated = false,
                     Integrator integrator = Integrator::euler, int parts = 1) {
@@ -55,8 +55,8 @@ Contender contender(Method method, int steps, Target target = Target::avx2, bool
                             : method == Method::pgs ? "pgs 4" : name(method);
   const BatchOptions options{.threads = 1, .target = target, .generated = generated};
   return {.engine = "lockstep",
-          .settings = fmt::format("{}, {}, {}, {}, {}{}", words, sizeof(S) == 4 ? "f32" : "f64", name(target),
-                                  generated ? "generated" : "tables",
+          .settings = fmt::format("{}, {}, {}, {}{}{}", words, sizeof(S) == 4 ? "f32" : "f64", name(target),
+                                  generated ? "generated, " : "",
                                   steps == 1 ? "1 step per call" : fmt::format("{} steps per call", steps),
                                   parts == 1 ? "" : fmt::format(" in {} parts each", parts)),
           .steps_per_call = steps,
@@ -82,7 +82,8 @@ Contender integrated(Integrator integrator, Method method = Method::automatic, i
             const StepSettings settings{.dt = dt, .method = method, .integrator = integrator, .iterations = iterations,
                                         .stage_inputs = integrator != Integrator::euler};
             return std::make_unique<OwnPeer<S>>(model, settings, environments, 1,
-                                                BatchOptions{.threads = 1, .target = target, .generated = false});
+                                                BatchOptions{.threads = 1, .target = target, .generated = false,
+                                                             .listed = false});
           }};
 }
 

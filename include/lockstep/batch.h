@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <type_traits>
@@ -52,10 +53,12 @@ struct BatchOptions {
                     ///< (all cores unless the caller limits it); n > 1: an arena of n of its own
   Target target = Target::automatic;
   bool generated = true;  ///< take the kernel that was generated for the plan (generate.h), if this program holds one
-  bool listed = false;    ///< otherwise take the step as a list of operations, each done for 64 environments or so before
-                          ///< the next: faster than the tables' loops up to some 30 dofs. Rounds otherwise than they do.
-                          ///< Listing takes milliseconds, once for a plan. Plans that solve lane by lane or until a servo's
-                          ///< limit of effort is satisfied, or take over 30,000 operations, stay with the tables
+  std::optional<bool> listed = {};  ///< otherwise take the step as a list of operations, each done for 64 environments or so
+                          ///< before the next: always, never, or where that is known to be faster than the tables' loops
+                          ///< (up to 24 velocities; describe() tells). Rounds otherwise than they do. Listing takes
+                          ///< milliseconds, once for a plan. Plans that solve lane by lane or until a servo's limit of
+                          ///< effort is satisfied, or take over 30,000 operations, stay with the tables. For tests, the
+                          ///< environment variable LOCKSTEP_LISTED, set to 0 or 1, stands for a value that is not given
 };
 
 /// State and inputs of many environments, structure of arrays, and the step over them.

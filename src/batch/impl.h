@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 
 #include "../generate/list.h"
@@ -22,13 +23,21 @@ inline int checked_environments(int environments) {
   return environments;
 }
 
+inline bool takes_list(const BatchOptions& options, const Program& program) {
+  if (options.listed) return *options.listed;
+  const char* variable = std::getenv("LOCKSTEP_LISTED");
+  if (!variable) return generate::listing_pays(program);
+  if (const std::string value = variable; value == "0" || value == "1") return value == "1";
+  throw SettingsError("LOCKSTEP_LISTED", std::string("is '") + variable + "'", "set it to 0 or 1, or not at all");
+}
+
 template <class S>
 struct Batch<S>::Impl {
   Impl(const Plan& p, int count, const BatchOptions& options)
       : plan(p), environments(checked_environments(count)), target(resolve(options.target)),
         tables(lockstep::tables<S>(p.program())), kernels(kernels_for<S>(target)),
         generated(options.generated ? generated_for(p, target) : nullptr),
-        listed(options.listed && !generated ? generate::operation_list(p.program()) : nullptr),
+        listed(!generated && takes_list(options, p.program()) ? generate::operation_list(p.program()) : nullptr),
         advance(generated ? function(*generated) : kernels.advance), stride(row_stride<S>(count)),
         step_nanoseconds(static_cast<double>(p.flops_per_step()) / (flop_rate * kernels.lanes * (generated ? 3 : 1))),
         workers(options.threads, scratch_bytes()) {

@@ -437,4 +437,10 @@ const OperationList* operation_list(const Program& program) {
   return listed.list.runs.count > 0 ? &listed.list : nullptr;
 }
 
+bool listing_pays(const Program& program) {
+  constexpr int most_velocities = 24;  // measured: docs/kernels.md
+  const Tables<double>& t = program.f64;
+  return t.velocities <= most_velocities && program.second_phase_anyway && !t.bounds.always;
+}
+
 }  // namespace lockstep::generate

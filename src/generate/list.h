@@ -9,4 +9,7 @@ namespace lockstep::generate {
 /// lane or until it is satisfied. Thread-safe.
 const OperationList* operation_list(const Program& program);
 
+/// Whether that is faster than the tables' loops. Bounds that are idle have no say in it, so that they change no bit.
+bool listing_pays(const Program& program);
+
 }  // namespace lockstep::generate

@@ -46,6 +46,7 @@ struct Program {
   StepSettings settings;
   Method method = Method::automatic;
   Integrator integrator = Integrator::automatic;
+  bool second_phase_anyway = false;  ///< solved as often without bounds as with them
   std::string integrator_reason;
   double length = 0.0;             ///< Tables::dt
   std::vector<double> stage_times;

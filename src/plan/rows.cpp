@@ -320,6 +320,7 @@ void lay_out_rows(Program& program) {
   const bool closed = settings.velocity_iterations > 0;
   const bool differs = factored ? any_hard || t.reduction.eliminates() : t.rows.count > 0;
   t.solve_twice = t.renewed || (closed && (differs || t.bounds.form.count > 0));
+  program.second_phase_anyway = t.renewed || !closed || differs || t.rows.count == 0;  // without any it is the first
 }
 
 }  // namespace lockstep

@@ -4,6 +4,7 @@
 
 #include <numbers>
 
+#include "../generate/list.h"
 #include "../plan/layout.h"
 #include "../targets/registry.h"
 #include "lockstep/generate.h"
@@ -222,8 +223,12 @@ std::string kernel_line(const Plan& plan) {
     if (kernel->f32) generated.push_back(fmt::format("{} for {} in f32", kernel->name, kernel->target));
     if (kernel->f64) generated.push_back(fmt::format("{} for {} in f64", kernel->name, kernel->target));
   }
-  if (generated.empty()) return fmt::format("Kernel: tables; none is generated for this step ({:016x}).\n", hash);
-  return fmt::format("Kernel: generated for this step ({:016x}): {}; tables otherwise.\n", hash, fmt::join(generated, ", "));
+  const Program& program = plan.program();
+  const bool listed = generate::listing_pays(program) && generate::operation_list(program);
+  const char* otherwise = listed ? "a list of operations" : "tables";
+  if (generated.empty()) return fmt::format("Kernel: {}; none is generated for this step ({:016x}).\n", otherwise, hash);
+  return fmt::format("Kernel: generated for this step ({:016x}): {}; {} otherwise.\n", hash, fmt::join(generated, ", "),
+                     otherwise);
 }
 
 }  // namespace

@@ -50,7 +50,7 @@ void expect_same_as_model(Batch<double>& batch, int environment, const Model& st
   expect_same_state(ours, state, tolerance);
 
   settings.per_environment = {Parameter::link_wrench};  // a model has none to say
-  Batch<double> recompiled(compile(start, settings), 1, serial);
+  Batch<double> recompiled(compile(start, settings), 1, {.threads = 1, .listed = false});
   for (Eigen::Index i = 0; i < inputs.wrenches.size(); ++i)
     recompiled.parameter(Parameter::link_wrench)(i, 0) = inputs.wrenches(i % 6, i / 6);
   recompiled.step(steps);
@@ -69,7 +69,8 @@ TEST_P(OwnParameters, of_every_environment_act_as_those_of_a_model) {
     settings.iterations = 1 + static_cast<int>(seed % 4);
     settings.velocity_iterations = static_cast<int>(seed % 3);
     const Model model = scenes::random_model(seed, options);
-    Batch<double> batch = contract::scattered<double>(compile(model, settings), environments);
+    const BatchOptions kernel = physics::by_turns(static_cast<int>(seed));
+    Batch<double> batch = contract::scattered<double>(compile(model, settings), environments, kernel);
     std::vector<Model> starts;
     for (int e = 0; e < environments; ++e) starts.push_back(contract::model_of(batch, e));
     batch.step(steps);
@@ -85,7 +86,7 @@ TEST_P(OwnParameters, declared_and_left_alone_change_nothing) {
     SCOPED_TRACE(seed);
     const Model model = scenes::random_model(seed, options);
     const StepSettings settings = contract::settings(GetParam(), contract::all_parameters(GetParam()));
-    Batch<double> batch(compile(model, settings), 2, serial);
+    Batch<double> batch(compile(model, settings), 2, physics::by_turns(static_cast<int>(seed)));
     const Model start = contract::model_of(batch, 1);
     batch.step(2);
     expect_same_as_model(batch, 1, start, 2);

@@ -77,7 +77,7 @@ TEST_P(IntegratorAgreement, of_states_after_each_of_three_steps) {
     ++compared;
     articulated += plan->program().f64.articulated.used();
     const reference::Mechanism mechanism(model);
-    Batch<double> batch(*plan, 1, {.threads = 1});
+    Batch<double> batch(*plan, 1, physics::by_turns(seed));
     const std::vector<double> times = plan->stage_times();
     const auto set = [&](double share, reference::Inputs& inputs) {
       if (settings.stage_inputs) moving(share, inputs);
@@ -137,7 +137,7 @@ TEST_P(IntegratorAgreement, of_environments_with_numbers_of_their_own) {
         settings.per_environment.insert(parameter);
     const Plan plan = compile(model, settings);
     if (!plan.redundant_couplings().empty()) continue;
-    Batch<double> batch(plan, 3, {.threads = 1});
+    Batch<double> batch(plan, 3, physics::by_turns(seed));
     contract::scatter(batch, 1, static_cast<std::uint64_t>(seed));
     const Model own = contract::model_of(batch, 1);
     const reference::Mechanism mechanism(own);

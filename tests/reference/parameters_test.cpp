@@ -134,7 +134,7 @@ TEST_P(Parameters, of_one_environment_act_as_those_of_a_model) {
       continue;
     const Plan plan = compile(model, settings);
     if (!plan.redundant_couplings().empty()) continue;
-    Batch<double> batch(plan, environments, {.threads = 1});
+    Batch<double> batch(plan, environments, physics::by_turns(seed));
     const Model original = model;
     reference::Inputs inputs = reference::Mechanism(model).initial_inputs();
     const reference::Inputs held = inputs;
@@ -156,10 +156,10 @@ TEST(OwnGearRatiosAndSoftness, leave_mechanisms_with_redundant_couplings_their_m
       SCOPED_TRACE(seed);
       const Model model = scenes::random_model(static_cast<std::uint64_t>(seed));
       StepSettings settings = physics::settings(Method::direct);
-      Batch<double> without(compile(model, settings), 1, {.threads = 1});
+      Batch<double> without(compile(model, settings), 1, {.threads = 1, .listed = false});
       if (without.plan().redundant_couplings().empty()) continue;
       settings.per_environment = {parameter};
-      Batch<double> with(compile(model, settings), 1, {.threads = 1});
+      Batch<double> with(compile(model, settings), 1, physics::by_turns(seed));
       with.step(10), without.step(10);
       EXPECT_LE((with.positions() - without.positions()).abs().maxCoeff(), 1e-9);
       EXPECT_LE((with.velocities() - without.velocities()).abs().maxCoeff(), 1e-7);

@@ -1,4 +1,4 @@
-// Runs of the suite on other kernels than the tables': lists, and generated ones (tests/generated/stability.cmake). SPDX-License-Identifier: Apache-2.0
+// Runs of the suite on generated kernels (tests/generated/stability.cmake). SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <fmt/format.h>
@@ -13,8 +13,8 @@
 
 namespace lockstep::stability {
 
-/// On one thread, and by lists of operations where LOCKSTEP_STEP_LISTED is set: what there is no list for stays with the tables.
-inline BatchOptions options() { return {.threads = 1, .listed = std::getenv("LOCKSTEP_STEP_LISTED") != nullptr}; }
+/// On one thread.
+inline BatchOptions options() { return {.threads = 1}; }
 
 inline std::string kernel_file(const char* folder, const Plan& plan) {
   return fmt::format("{}/k{:016x}.cpp", folder, kernel_hash(plan));
