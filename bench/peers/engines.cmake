@@ -41,6 +41,7 @@ function(lockstep_add_peers target)
   if(SIMBODY IN_LIST ARGN)
     target_link_libraries(${target} PUBLIC ${Simbody_LIBRARIES})
     target_include_directories(${target} SYSTEM PRIVATE ${Simbody_INCLUDE_DIR})
-    set_source_files_properties(${folder}/simbody.cpp PROPERTIES COMPILE_OPTIONS -std=c++17)  # no C++20 headers
+    set_source_files_properties(${folder}/simbody.cpp PROPERTIES  # no C++20 headers
+      COMPILE_OPTIONS -std=c++17 SKIP_PRECOMPILE_HEADERS ON)
   endif()
 endfunction()
