@@ -20,7 +20,11 @@ constexpr int deepest = 5;  // of expressions within each other: a line that one
 class Writer {
  public:
   explicit Writer(const Graph& graph)
-      : graph_(graph), nodes_(graph.nodes()), uses_(uses(graph)), nested_(nodes_.size(), false) {}
+      : graph_(graph), nodes_(graph.nodes()), uses_(uses(graph)), nested_(nodes_.size(), false),
+        subtracted_(nodes_.size(), 0) {
+    for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id)
+      for (int i = 0; nodes_[id].op == Op::fnma && uses_[id] > 0 && i < 2; ++i) ++subtracted_[nodes_[id].operand[i]];
+  }
 
   Written write() {
     find_nested();
@@ -89,7 +93,11 @@ class Writer {
       case Op::multiply: return count(item, 1), fmt::format("({} * {})", arg(0), arg(1));
       case Op::divide: return count(item, 1), fmt::format("({} / {})", arg(0), arg(1));
       case Op::fma: return count(item, 2), fmt::format("fma({}, {}, {})", bare_arg(0), bare_arg(1), bare_arg(2));
-      case Op::fnma: return count(item, 2), fmt::format("fnma({}, {}, {})", bare_arg(0), bare_arg(1), bare_arg(2));
+      case Op::fnma: {  // compilers negate the first, for nothing if no other wants that: they would do it once for all
+        const bool swaps = nodes_[node.operand[0]].op != Op::constant &&
+                           subtracted_[node.operand[1]] < subtracted_[node.operand[0]];
+        return count(item, 2), fmt::format("fnma({}, {}, {})", bare_arg(swaps), bare_arg(!swaps), bare_arg(2));
+      }
       case Op::sqrt: return count(item, 1), fmt::format("sqrt({})", bare_arg(0));
       case Op::farther: return count(item, 0), fmt::format("farther({}, {})", bare_arg(0), bare_arg(1));
       case Op::less: return count(item, 0), fmt::format("less({}, {})", bare_arg(0), bare_arg(1));
@@ -229,7 +237,8 @@ class Writer {
   const Graph& graph_;
   const std::vector<Node>& nodes_;
   std::vector<int> uses_;
-  std::vector<char> nested_;             // written where it is used
+  std::vector<char> nested_;                    // written where it is used
+  std::vector<int> subtracted_;                 // how often a product with it is subtracted
   std::map<Id, std::string> given_;             // names
   std::map<std::string, int> taken_;            // how often each has been wanted
   std::set<Id> defined_;

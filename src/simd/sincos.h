@@ -47,7 +47,7 @@ LOCKSTEP_INLINE void sincos(Wide<S, W, A> x, Wide<S, W, A>& sine, Wide<S, W, A>&
   const typename T::Bits quadrant = bits(shifted);
   const T turns = shifted - T(C::round);
   T r = x;
-  for (int i = 0; i < 3; ++i) r = fnma(turns, T(C::half_pi[i]), r);
+  for (int i = 0; i < 3; ++i) r = fnma(T(C::half_pi[i]), turns, r);
   const T z = r * r;
   T s = T(C::sine[0]), c = T(C::cosine[0]);
   for (int i = 1; i < C::terms; ++i) {
