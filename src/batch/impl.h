@@ -26,7 +26,7 @@ inline int checked_environments(int environments) {
 inline bool takes_list(const BatchOptions& options, const Program& program) {
   if (options.listed) return *options.listed;
   const char* variable = std::getenv("LOCKSTEP_LISTED");
-  if (!variable) return generate::listing_pays(program);
+  if (!variable || !*variable) return generate::listing_pays(program);
   if (const std::string value = variable; value == "0" || value == "1") return value == "1";
   throw SettingsError("LOCKSTEP_LISTED", std::string("is '") + variable + "'", "set it to 0 or 1, or not at all");
 }

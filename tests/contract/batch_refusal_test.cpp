@@ -118,15 +118,22 @@ INSTANTIATE_TEST_SUITE_P(
                     TooLarge{"twist", [](Model& m) { m.root.velocity[4] = 1e300; }}),
     [](const auto& info) { return std::string(info.param.name); });
 
-class TargetVariable : public testing::Test {
+class Variable : public testing::Test {
  protected:
-  void SetUp() override {
-    if (const char* value = std::getenv("LOCKSTEP_TARGET")) before_ = value;
+  explicit Variable(const char* name) : name_(name) {
+    if (const char* value = std::getenv(name)) before_ = value;
   }
-  void TearDown() override { before_ ? setenv("LOCKSTEP_TARGET", before_->c_str(), 1) : unsetenv("LOCKSTEP_TARGET"); }
+  ~Variable() override { before_ ? setenv(name_, before_->c_str(), 1) : unsetenv(name_); }
 
  private:
+  const char* name_;
   std::optional<std::string> before_;
+};
+struct TargetVariable : Variable {
+  TargetVariable() : Variable("LOCKSTEP_TARGET") {}
+};
+struct ListedVariable : Variable {
+  ListedVariable() : Variable("LOCKSTEP_LISTED") {}
 };
 
 TEST_F(TargetVariable, chooses_where_the_options_leave_it_open) {
@@ -148,6 +155,30 @@ TEST_F(TargetVariable, chooses_where_the_options_leave_it_open) {
   setenv("LOCKSTEP_TARGET", "sse9", 1);
   expect_refused<SettingsError>([&] { Batch<float>(plan, 1); }, "LOCKSTEP_TARGET", "baseline_scalar");
   EXPECT_NO_THROW(Batch<float>(plan, 1, {.target = Target::baseline}));
+}
+
+TEST_F(ListedVariable, chooses_where_the_options_leave_it_open) {
+  Model rough = scenes::chain8();
+  rough.joints[0].friction = 0.1;
+  const Plan small = compile(scenes::chain8()), large = compile(scenes::chain32()), with_friction = compile(rough);
+  for (const char* nothing : {"", static_cast<const char*>(nullptr)}) {
+    nothing ? setenv("LOCKSTEP_LISTED", nothing, 1) : unsetenv("LOCKSTEP_LISTED");
+    EXPECT_EQ(Batch<float>(small, 1).kernel(), "operations");
+    EXPECT_EQ(Batch<float>(large, 1).kernel(), "tables");
+    EXPECT_EQ(Batch<double>(with_friction, 1).kernel(), "tables");
+  }
+  EXPECT_NE(small.describe().find("Kernel: a list of operations;"), std::string::npos) << small.describe();
+  for (const Plan& plan : {large, with_friction})
+    EXPECT_NE(plan.describe().find("Kernel: tables;"), std::string::npos) << plan.describe();
+  setenv("LOCKSTEP_LISTED", "0", 1);
+  EXPECT_EQ(Batch<float>(small, 1).kernel(), "tables");
+  EXPECT_EQ(Batch<float>(small, 1, {.listed = true}).kernel(), "operations");
+  setenv("LOCKSTEP_LISTED", "1", 1);
+  EXPECT_EQ(Batch<float>(large, 1).kernel(), "operations");
+  EXPECT_EQ(Batch<float>(large, 1, {.listed = false}).kernel(), "tables");
+  setenv("LOCKSTEP_LISTED", "yes", 1);
+  expect_refused<SettingsError>([&] { Batch<float>(small, 1); }, "LOCKSTEP_LISTED", "0 or 1");
+  EXPECT_NO_THROW(Batch<float>(small, 1, {.listed = false}));
 }
 
 }  // namespace

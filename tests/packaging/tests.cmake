@@ -16,6 +16,6 @@ lockstep_packaging_test(installed "" "-DFLAGS=${flags}")
 # Eigen aligns more strictly under AVX: nothing that crosses the library's border may depend on it.
 file(STRINGS /proc/cpuinfo avx2 REGEX avx2 LIMIT_COUNT 1)
 if(avx2)
-  lockstep_packaging_test(installed_for_avx "" "-DFLAGS=${flags} -mavx2 -mfma")
+  lockstep_packaging_test(installed_for_avx slow "-DFLAGS=${flags} -mavx2 -mfma")
 endif()
 lockstep_packaging_test(subdirectory slow -DSOURCE=${PROJECT_SOURCE_DIR} "-DFLAGS=${flags}")
