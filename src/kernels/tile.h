@@ -19,7 +19,7 @@ enum MethodCode { method_pgs = 1, method_tgs = 2, method_direct = 3, method_redu
 enum IntegratorCode { integrator_euler = 1, integrator_leapfrog = 2, integrator_extrapolated = 3, integrator_runge_kutta = 4 };
 constexpr int leapfrog_stages = 3;
 
-/// Finite ones.
+/// Of the finite ones.
 template <class S>
 constexpr S largest_number = S(sizeof(S) == 4 ? 3.4028234e38 : 1.7976931348623157e308);
 
