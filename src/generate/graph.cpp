@@ -143,23 +143,22 @@ Id Graph::product_and(Op op, Id a, Id b, Id c) {
   return found_or_put(op, a, b, c);
 }
 
-Id Graph::fused(Op op, Id a, Id b, bool first) {
-  const bool subtracts = op == Op::subtract;
-  return first ? added_into(a, subtracts ? negated(b) : b, false) : added_into(b, a, subtracts);
+Id Graph::added_up(const std::vector<Addend>& addends) {
+  const bool negative = addends.front().minus;  // so a sum and its negative are one number
+  Id all = constant(0.0);
+  for (const auto& [number, factor, minus] : addends) {
+    if (factor >= 0)
+      all = product_and(minus == negative ? Op::fma : Op::fnma, number, factor, all);
+    else
+      all = minus == negative ? sum(all, number) : difference(all, number);
+  }
+  return negative ? negated(all) : all;
 }
 
-Id Graph::added_into(Id chain, Id rest, bool minus) {
-  const Op op = nodes_[chain].op;
-  const auto [a, b, c] = nodes_[chain].operand;
-  switch (op) {
-    case Op::negate: return added_into(a, rest, !minus);
-    case Op::multiply: return product_and(minus ? Op::fnma : Op::fma, a, b, rest);
-    case Op::fma:
-    case Op::fnma:
-      rest = added_into(c, rest, minus);
-      return product_and((op == Op::fnma) != minus ? Op::fnma : Op::fma, a, b, rest);
-    default: return minus ? difference(rest, chain) : sum(rest, chain);
-  }
+Addend Graph::apart(Id product, bool minus) const {
+  const Id id = without_sign(product);
+  if (!is(id, Op::multiply)) return {product, -1, minus};
+  return {nodes_[id].operand[0], nodes_[id].operand[1], minus != (id != product)};
 }
 
 bool Graph::everywhere(Id mask) const { return is(mask, Op::invert) && is(nodes_[mask].operand[0], Op::none); }

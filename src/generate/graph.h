@@ -47,6 +47,12 @@ struct Store {
   Id value;
 };
 
+/// What is added to a sum, or subtracted: a number or, with a factor, a product.
+struct Addend {
+  Id number, factor;
+  bool minus;
+};
+
 /// A part of a step, in order: some nodes, and what is done behind them.
 struct Item {
   enum Kind { straight, loop, effect };
@@ -71,9 +77,10 @@ class Graph {
   Id input(const Place& place, bool mask);
   Id operation(Op op, Id a = -1, Id b = -1, Id c = -1);
 
-  /// a + b or a - b, of which one is a product that becomes part of the sum, rounded once, not twice; or a sum of products,
-  /// which are added to the other one by one. A plain sum where it is neither after all.
-  Id fused(Op op, Id a, Id b, bool first);
+  /// One by one, each product rounded once with the sum.
+  Id added_up(const std::vector<Addend>& addends);
+  /// A product's factors; itself where it is none after all.
+  Addend apart(Id product, bool minus) const;
   /// a b where one of them is 1 or -1, -1 if none is.
   Id times_one(Id a, Id b);
   /// The same but for its sign.
@@ -118,7 +125,6 @@ class Graph {
   Id product(Id a, Id b);
   Id quotient(Id a, Id b);
   Id product_and(Op op, Id a, Id b, Id c);
-  Id added_into(Id chain, Id rest, bool minus);
   Id compared(Id a, Id b);
   Id of_masks(Op op, Id a, Id b);
   bool is_among(Op op, Id mask, Id all) const;

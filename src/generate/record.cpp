@@ -113,28 +113,23 @@ void know_followers(const Tables<double>& t, RecordedTile& x, Recorder& recordin
     recording.know(x.v[t.velocities - t.joints + r.follower[f]], kernels::followed(t, x, f, x.start));
 }
 
-struct Recording {
-  Graph graph;
-  std::vector<Sum> sums;
-};
-
 struct Learned {
-  std::vector<Fuses> fuses;
+  std::vector<std::vector<Term>> terms;
   std::vector<Place> idle;
 };
 
-Learned learned_from(const Recording& first) {
-  const std::vector<int> used = uses(first.graph);
+Learned learned_from(const Recording& any, const Recording& in_place) {
+  const std::vector<int> used = uses(any.graph);
   std::vector<Place> idle;
   for (Id id = 0; id < static_cast<Id>(used.size()); ++id) {
-    const Node& node = first.graph.nodes()[id];
+    const Node& node = any.graph.nodes()[id];
     if (node.op == Op::input && node.place.array >= Access::first_row && used[id] == 0) idle.push_back(node.place);
   }
-  return {fuses_of(first.graph, first.sums), std::move(idle)};
+  return {terms_of(any, in_place), std::move(idle)};
 }
 
 // Without anything `learned` it learns. Numbers that only bounds or diagnostics read are unused then, so that they do not
-// decide which sums fuse, and steps round alike with them and without.
+// decide how sums are added up, and steps round alike with them and without.
 Recording record_once(const Program& program, bool in_place, const Learned* learned) {
   const Tables<double>& t = program.f64;
   Lanes<double> lanes;
@@ -164,7 +159,7 @@ Recording record_once(const Program& program, bool in_place, const Learned* lear
   if (!kernels::declared<Recorded>(t, 5)) kernels::uniform_masses(t, x);
   if (in_place) know_followers(t, x, recording);
   if (learned)
-    recording.fuse(learned->fuses), recording.idle = learned->idle;
+    recording.add_up(learned->terms), recording.idle = learned->idle;
   else
     recording.learn();
   kernels::step(t, lanes, x);
@@ -175,9 +170,13 @@ Recording record_once(const Program& program, bool in_place, const Learned* lear
 }  // namespace
 
 RecordedStep record_step(const Program& program) {
-  const Learned learned = learned_from(record_once(program, false, nullptr));
+  const Reduction<double>& r = program.f64.reduction;
+  const Recording any = record_once(program, false, nullptr);
+  // Also where diagnostics, which are not to change a bit, keep steps from being shorter in place.
+  const Learned learned =
+      r.placing.count > 0 ? learned_from(any, record_once(program, true, nullptr)) : learned_from(any, any);
   RecordedStep step{record_once(program, false, &learned).graph, {}};
-  if (program.f64.reduction.shortens) step.in_place = record_once(program, true, &learned).graph;
+  if (r.shortens) step.in_place = record_once(program, true, &learned).graph;
   return step;
 }
 

@@ -12,8 +12,8 @@ inline thread_local Recorder* recorder = nullptr;
 
 Id record_constant(double value);
 Id record(Op op, Id a = -1, Id b = -1, Id c = -1);
-/// a + b where b may not become part of the sum.
-Id record_rounded_sum(Id a, Id b);
+/// As it stands: nothing becomes part of it, and it becomes part of nothing.
+Id record_as_it_stands(Op op, Id a, Id b, Id c = -1);
 Id record_load(const double* p);
 /// The number in memory at `place` is now `id`: a name for it, if `place` is in a known array.
 void record_name(const void* place, Id id);
@@ -55,7 +55,8 @@ struct Recorded {
   Recorded& operator*=(Recorded b) { return *this = *this * b; }
   friend Recorded fma(Recorded a, Recorded b, Recorded c) { return of(record(Op::fma, a.id, b.id, c.id)); }
   friend Recorded fnma(Recorded a, Recorded b, Recorded c) { return of(record(Op::fnma, a.id, b.id, c.id)); }
-  friend Recorded changed_by(Recorded number, Recorded change) { return of(record_rounded_sum(number.id, change.id)); }
+  friend Recorded changed_by(Recorded number, Recorded change) { return of(record_as_it_stands(Op::add, number.id, change.id)); }
+  friend Recorded add_product(Recorded a, Recorded b, Recorded sum) { return of(record_as_it_stands(Op::fma, a.id, b.id, sum.id)); }
   friend Recorded sqrt(Recorded a) { return of(record(Op::sqrt, a.id)); }
   friend void sincos(Recorded x, Recorded& sine, Recorded& cosine) {
     sine = of(record(Op::sine, x.id));

@@ -18,7 +18,7 @@ Id record(Op op, Id a, Id b, Id c) {
     default: return recorder->graph.operation(op, a, b, c);
   }
 }
-Id record_rounded_sum(Id a, Id b) { return recorder->graph.operation(Op::add, a, b); }
+Id record_as_it_stands(Op op, Id a, Id b, Id c) { return recorder->graph.operation(op, a, b, c); }
 Id record_load(const double* p) { return recorder->load(p); }
 void record_name(const void* place, Id id) { recorder->name(place, id); }
 
@@ -120,18 +120,28 @@ void Recorder::add_rows(const double* first, int count, const std::string& name,
   rows_.push_back({first, count, name, array});
 }
 
-Id Recorder::sum(Op op, Id a, Id b) {
-  if (aside_) return graph.operation(op, a, b);
-  const Fuses fuses = sums_.size() < fuses_.size() ? fuses_[sums_.size()] : Fuses::none;
-  const Id id = fuses == Fuses::none ? graph.operation(op, a, b) : graph.fused(op, a, b, fuses == Fuses::first);
-  sums_.push_back({a, b, id});
-  return id;
-}
+Id Recorder::sum(Op op, Id a, Id b) { return sum({a, b, -1, op == Op::subtract}, op, a, b, -1); }
 
 Id Recorder::product_and(Op op, Id a, Id b, Id c) {
   if (const Id term = graph.times_one(a, b); term >= 0) return sum(op == Op::fma ? Op::add : Op::subtract, c, term);
-  if (!aside_) sums_.push_back({-1, -1, -1});  // all recordings count the same
-  return graph.operation(op, a, b, c);
+  return sum({c, a, b, op == Op::fnma}, op, a, b, c);
+}
+
+Id Recorder::sum(const Sum& asked, Op op, Id a, Id b, Id c) {
+  if (aside_) return graph.operation(op, a, b, c);
+  const std::size_t number = sums_.size();
+  sums_.push_back(asked);
+  if (!terms_ || (*terms_)[number].empty()) return sums_.back().result = graph.operation(op, a, b, c);
+  std::vector<Addend> addends;
+  for (const Term& term : (*terms_)[number]) addends.push_back(addend(term));
+  return sums_.back().result = graph.added_up(addends);
+}
+
+Addend Recorder::addend(const Term& term) const {
+  const Sum& sum = sums_[static_cast<std::size_t>(term.sum)];
+  if (term.second && sum.factor >= 0) return {sum.second, sum.factor, term.minus};
+  const Id id = term.second ? sum.second : sum.first;
+  return term.apart ? graph.apart(id, term.minus) : Addend{id, -1, term.minus};
 }
 
 void Recorder::know(Recorded& number, Recorded is) {

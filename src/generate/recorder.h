@@ -7,8 +7,8 @@
 #include <set>
 
 #include "../kernels/lay_out.h"
-#include "fuse.h"
 #include "recorded.h"
+#include "sums.h"
 
 namespace lockstep::generate {
 
@@ -36,9 +36,9 @@ class Recorder {
   /// From here on sums are counted, and calls are left out, so that what they read does not count.
   void learn() { sums_.clear(), learns_ = true; }
   bool learns() const { return learns_; }
-  /// From here on sums are counted, and of some of them a product becomes part.
-  void fuse(std::vector<Fuses> fuses) { sums_.clear(), fuses_ = std::move(fuses); }
-  /// What `look` records is beside the step: its sums do not count, and no product becomes part of them.
+  /// From here on sums are counted, and added up of these terms.
+  void add_up(const std::vector<std::vector<Term>>& terms) { sums_.clear(), terms_ = &terms; }
+  /// What `look` records is beside the step: its sums do not count, and nothing becomes part of them.
   template <class Look>
   void aside(Look look) {
     aside_ = true;
@@ -83,6 +83,8 @@ class Recorder {
   template <class Wanted>
   std::vector<Store> changed(Wanted wanted);
   void read(Slot& slot);
+  Id sum(const Sum& asked, Op op, Id a, Id b, Id c);
+  Addend addend(const Term& term) const;
   template <class Ends>
   void run_if(Id condition, std::vector<Store> stores, const std::string& code, Call call, Ends ends);
 
@@ -92,7 +94,7 @@ class Recorder {
   std::vector<Slot> slots_;
   std::vector<int> slot_at_;  ///< by place in the block, -1 for none
   std::vector<Rows> rows_;
-  std::vector<Fuses> fuses_;
+  const std::vector<std::vector<Term>>* terms_ = nullptr;
   std::vector<Sum> sums_;
   bool learns_ = false, aside_ = false;
 };

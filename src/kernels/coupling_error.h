@@ -5,12 +5,19 @@
 
 namespace lockstep::kernels {
 
+/// a b + sum, one after the other as they stand: who follows is in place where two such sums are alike to the last bit, of
+/// which one is asked for by who has no say in what sums become (generate/sums.h).
+template <class T>
+LOCKSTEP_INLINE T add_product(T a, T b, T sum) {
+  return fma(a, b, sum);
+}
+
 /// Of coupling c without its first joint.
 template <class T>
 LOCKSTEP_INLINE T others_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int c, const T* q) {
   T sum = x.offset[c];
   for (int k = t.term_start[c + 1] - 1, first = t.term_start[c]; k > first; --k)
-    sum = fma(x.coefficient[k], q[t.term_joint[k]], sum);
+    sum = add_product(x.coefficient[k], q[t.term_joint[k]], sum);
   return sum;
 }
 

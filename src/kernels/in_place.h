@@ -14,7 +14,7 @@ template <class T>
 LOCKSTEP_INLINE T followed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int f, const T* z) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   T sum = T(0);
-  for (int s = r.start[f]; s < r.start[f + 1]; ++s) sum = fma(x.share[s], z[r.column[s]], sum);
+  for (int s = r.start[f]; s < r.start[f + 1]; ++s) sum = add_product(x.share[s], z[r.column[s]], sum);
   return sum;
 }
 

@@ -55,14 +55,16 @@ void joint_forces(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes,
   const T h = T(t.dt), ahead = T(t.ahead);
   const Field<T> damping = field<T>(lanes, 4, t.damping.data);
   for (int i = 0; i < root; ++i) x.drive[i] = -(h * x.bias[i]);
+  const int *limited = t.clamped.data, *const end = limited + t.clamped.count;
   for (int j = 0; j < t.joints; ++j) {
     const T d = damping.at(j, t.joint_row[j]);
-    x.drive[root + j] = h * (fnma(d, x.v[root + j], feed_forward<T>(t, lanes, j, time)) - x.bias[root + j]);
-  }
-  for (int i = 0; i < t.clamped.count; ++i) {  // (M63) without a servo
-    const int j = t.clamped[i];
-    const T effort = feed_forward<T>(t, lanes, j, time), most = T(t.effort_limit[j]);
-    x.drive[root + j] = fma(h, clamp(effort, -most, most) - effort, x.drive[root + j]);
+    T effort = feed_forward<T>(t, lanes, j, time);
+    if (limited != end && *limited == j) {  // (M63) without a servo
+      const T most = T(t.effort_limit[j]);
+      effort = clamp(effort, -most, most);
+      ++limited;
+    }
+    x.drive[root + j] = h * (fnma(d, x.v[root + j], effort) - x.bias[root + j]);
   }
   for (int i = 0; i < t.driven.count; ++i) {
     const int j = t.driven[i];

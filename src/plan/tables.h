@@ -349,7 +349,7 @@ struct Tables {
   Span<S> implicit;               ///< armature + dt (damping + kd) + dt^2 kp, by joint
   Span<int> driven;               ///< joints that have a servo without an effort limit
   Span<int> limited;              ///< joints that have a servo with an effort limit
-  Span<int> clamped;              ///< joints without a servo whose effort is limited
+  Span<int> clamped;              ///< joints without a servo whose effort is limited, in order
   Span<S> effort_limit;           ///< by joint
   // couplings in joint space
   Span<int> term_start, term_joint, term_gear;  ///< gear: row of the gear_ratio field, -1 for the leading 1

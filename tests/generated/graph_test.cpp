@@ -66,15 +66,15 @@ TEST(Graph, asks_each_magnitude_once) {
 }
 
 TEST(Graph, makes_one_operation_of_a_product_and_a_sum) {
-  const auto with = [](Op op, bool product_first) {
+  const auto with = [](bool product_minus, bool sum_minus) {
     return written([=](Graph& g, Id x, Id y, Id z) {
-      const Id product = g.operation(Op::multiply, x, y);
-      return product_first ? g.fused(op, product, z, true) : g.fused(op, z, product, false);
+      return g.added_up({{z, -1, sum_minus}, g.apart(g.operation(Op::multiply, x, y), product_minus)});
     });
   };
-  EXPECT_EQ(with(Op::add, true), "fma(x_0, y_0, z_0)");
-  EXPECT_EQ(with(Op::subtract, true), "fma(x_0, y_0, -z_0)");
-  EXPECT_EQ(with(Op::subtract, false), "fnma(x_0, y_0, z_0)");
+  EXPECT_EQ(with(false, false), "fma(x_0, y_0, z_0)");
+  EXPECT_EQ(with(false, true), "-fnma(x_0, y_0, z_0)");
+  EXPECT_EQ(with(true, false), "fnma(x_0, y_0, z_0)");
+  EXPECT_EQ(with(true, true), "-fma(x_0, y_0, z_0)");
 }
 
 TEST(Graph, keeps_products_and_quotients_together) {
