@@ -46,19 +46,8 @@ const Listing& listing_of(Op op) {
   throw std::logic_error("an operation that no list knows");
 }
 
-// Two operations that are done as one, the first's result being the second's last operand.
-struct Both {
-  Does first, second, both;
-};
-constexpr Both pairs[] = {
-    {Does::multiply, Does::fma, Does::fma_multiply},  {Does::multiply, Does::fnma, Does::fnma_multiply},
-    {Does::multiply, Does::fms, Does::fms_multiply},  {Does::fma, Does::fma, Does::fma_fma},
-    {Does::fnma, Does::fma, Does::fma_fnma},          {Does::fma, Does::fnma, Does::fnma_fma},
-    {Does::fnma, Does::fnma, Does::fnma_fnma},
-};
-
 // Longer lists, of many sweeps over many rows, are far slower than the stages' loops, and long in the making.
-constexpr std::size_t longest = 30000;
+constexpr std::size_t longest = 40000;
 
 // Goes through the graph in the order of recording, loops turn by turn. No product becomes part of a sum, as in code it may:
 // that depends on who else wants the product.
@@ -77,12 +66,11 @@ class Lister {
         for (const Store& store : item.stores) kept(store.place);
     for (const Item& item : graph_.items()) {
       if (item.kind == Item::straight) list_nodes(item);
-      if (ordered_.size() + static_cast<std::size_t>(item.times) * item.nodes.size() > longest) return false;
+      if (operations_.size() + static_cast<std::size_t>(item.times) * item.nodes.size() > longest) return false;
       if (item.kind == Item::loop) list_loop(item);
       if (item.kind == Item::effect && !list_effect(item)) return false;
     }
-    put_in_order();
-    return ordered_.size() <= longest;
+    return operations_.size() <= longest;
   }
 
   OperationList finish(lockstep::Store& store);
@@ -152,10 +140,9 @@ class Lister {
     }
     if (!item.code.empty() && item.call == Call::none) return false;
     const std::vector<Touch> written = writes();
-    put_in_order();
     if (!calls_) return keep_state(written);
-    for (const Touch& touch : written) ordered_.push_back({.does = Does::write, .writes = {touch}});
-    if (item.call != Call::none) ordered_.push_back({.does = Does::call, .call = item.call});
+    for (const Touch& touch : written) operations_.push_back({.does = Does::write, .writes = {touch}});
+    if (item.call != Call::none) operations_.push_back({.does = Does::call, .call = item.call});
     return true;
   }
 
@@ -165,7 +152,7 @@ class Lister {
     for (const Touch& touch : written) {
       if (lasting_.contains(touch.value)) return false;
       const Value state = kept(touch.place);
-      ordered_.push_back({.does = Does::copy, .to = state, .from = {touch.value}});
+      operations_.push_back({.does = Does::copy, .to = state, .from = {touch.value}});
       after_.push_back({touch.place, state});
     }
     return true;
@@ -208,15 +195,14 @@ class Lister {
       const bool own = times[start] == 1 && !lasting_.contains(start) && !is_constant(item.start[i]) &&
                        last_use_[item.start[i]] <= here;
       const Value held = own ? start : fresh();
-      if (!own) pending_.push_back({.does = Does::copy, .to = held, .from = {start}});
+      if (!own) operations_.push_back({.does = Does::copy, .to = held, .from = {start}});
       value_[item.variable[i]] = held;
       made.reads.push_back({item.place[i], held});
     }
-    put_in_order();
     made.writes = state_;  // as the step began
     made.writes.insert(made.writes.end(), writes.begin(), writes.end());
     made.writes.insert(made.writes.end(), made.reads.begin(), made.reads.end());
-    ordered_.push_back(std::move(made));
+    operations_.push_back(std::move(made));
   }
 
   void list_node(Id id, const Item& item) {
@@ -234,7 +220,6 @@ class Lister {
     const Listing& listing = listing_of(n.op);
     Made made{.does = listing.does, .to = value_[id] = fresh()};
     std::array<Id, 3> from = n.operand;
-    bool last_is_ours = from[2] >= 0 && uses_[from[2]] == 1 && node(from[2]).item == n.item;
     if (n.op == Op::beyond || (listing.commutes && is_constant(from[1]))) std::swap(from[0], from[1]);
     if (listing.of_constant && is_constant(from[0]) && !is_constant(from[1])) {
       made.does = *listing.of_constant;
@@ -243,27 +228,10 @@ class Lister {
     } else if (n.op == Op::fma && node(from[2]).op == Op::negate) {
       made.does = Does::fms;
       from[2] = node(from[2]).operand[0];
-      last_is_ours = last_is_ours && uses_[from[2]] == 1 && node(from[2]).item == n.item;
     }
     for (int i = 0; i < 3; ++i)
       if (from[i] >= 0) made.from[i] = value(from[i]);
-    if (last_is_ours) take_in(made);
-    pending_at_[made.to] = pending_.size();
-    pending_.push_back(std::move(made));
-  }
-
-  // What makes the last operand of an operation that is alone in wanting it becomes part of that: it need not be stored.
-  void take_in(Made& made) {
-    const auto first = pending_at_.find(made.from[2]);
-    if (first == pending_at_.end()) return;
-    Made& taken = pending_[first->second];
-    for (const Both& pair : pairs) {
-      if (pair.first != taken.does || pair.second != made.does) continue;
-      made.does = pair.both;
-      for (int i = 0; i < 3; ++i) made.from[2 + i] = taken.from[i];
-      taken.to = -1;
-      return;
-    }
+    operations_.push_back(std::move(made));
   }
 
   void list_input(Id id) {
@@ -272,9 +240,8 @@ class Lister {
       value_[id] = kept(place);
       return;
     }
-    put_in_order();
     value_[id] = fresh();
-    ordered_.push_back({.does = Does::read, .to = value_[id], .reads = {{place, value_[id]}}});
+    operations_.push_back({.does = Does::read, .to = value_[id], .reads = {{place, value_[id]}}});
   }
 
   // The first of the two that is wanted makes both.
@@ -288,16 +255,10 @@ class Lister {
     Made made{.does = Does::sincos, .to = fresh(), .also_to = fresh(), .from = {value(angle)}};
     for (Id other : item.nodes)
       if (of_angle(other)) value_[other] = node(other).op == Op::sine ? made.to : made.also_to;
-    pending_.push_back(std::move(made));
+    operations_.push_back(std::move(made));
   }
 
   void drop_unused();
-
-  void put_in_order() {
-    std::erase_if(pending_, [](const Made& made) { return made.to < 0; });
-    pending_at_.clear();
-    move_in_order(pending_, values_, ordered_);
-  }
 
   const Graph& graph_;
   const std::vector<Node>& nodes_;
@@ -312,97 +273,93 @@ class Lister {
   std::map<std::string, Value> kept_;        // by place
   std::set<Value> lasting_;                  // their values
   std::vector<Touch> state_;                 // those of them that a step changes
-  std::vector<Made> constants_first_, ordered_, pending_;
+  std::vector<Made> constants_first_, operations_;
   std::vector<Touch> before_, after_;
-  std::map<Value, std::size_t> pending_at_;  // where what makes a value is
 };
-
-template <class Use>
-void used_by(const Made& made, Use use) {
-  for (Value v : made.from)
-    if (v >= 0) use(v);
-  for (const Touch& touch : made.writes) use(touch.value);
-  for (const Touch& touch : made.reads) use(touch.value);
-}
 
 // Negations that have become part of others.
 void Lister::drop_unused() {
   std::vector<char> used(static_cast<std::size_t>(values_), false);
-  for (const Made& made : ordered_) used_by(made, [&](Value v) { used[v] = true; });
-  std::erase_if(ordered_, [&](const Made& made) { return made.does == Does::negate && !used[made.to]; });
+  for (const Made& made : operations_) used_by(made, [&](Value v) { used[v] = true; });
+  std::erase_if(operations_, [&](const Made& made) { return made.does == Does::negate && !used[made.to]; });
 }
 
-// Numbers' slots, and runs of equal operations.
+// Slots of numbers, those apart that go from one operation to the next.
 OperationList Lister::finish(lockstep::Store& store) {
-  std::vector<int> slot(static_cast<std::size_t>(values_), -1), last(static_cast<std::size_t>(values_), -1), free;
+  drop_unused();
+  operations_ = in_chains(std::move(operations_), values_, lasting_);
+  const std::size_t count = static_cast<std::size_t>(values_);
+  std::vector<int> slot(count, -1), last(count, -1), free;
+  std::vector<char> passed_on(count, false);
   int slots = 0;
   for (const Made& made : constants_first_) slot[made.to] = slots++;
   for (const Touch& read : before_) slot[read.value] = slots++;
   const int lasting = slots;
-  drop_unused();
-  for (std::size_t i = 0; i < ordered_.size(); ++i)
-    used_by(ordered_[i], [&](Value v) { last[v] = static_cast<int>(i); });
+  for (std::size_t i = 0; i < operations_.size(); ++i) {
+    const Made& made = operations_[i];
+    used_by(made, [&](Value v) { last[v] = static_cast<int>(i); });
+    if (made.last != Last::none) passed_on[made.from[static_cast<int>(made.last) - 1]] = true;
+  }
 
-  std::vector<Operation> operations;  // to which runs point
-  operations.reserve(constants_first_.size() + ordered_.size());
   std::vector<Access> accesses;
+  const auto short_of = [](std::size_t number) {
+    if (number >= Operation::nowhere) throw std::logic_error("a list is longer than its numbers allow");
+    return static_cast<std::uint16_t>(number);
+  };
   const auto access = [&](const Touch& t) -> Access {
     const bool fits = t.place.array < kernels::Places::most || t.place.array >= Access::first_row;
     if (!fits) throw std::logic_error("a tile has more arrays than lists can name: see kernels::Places");
     return {slot[t.value], t.place.array, t.place.number};
   };
-  const auto touch = [&](const Touch& t) {
-    accesses.push_back(access(t));
-    return static_cast<int>(accesses.size()) - 1;
+  const auto touch = [&](const std::vector<Touch>& touches) {
+    for (const Touch& t : touches) accesses.push_back(access(t));
+    return short_of(accesses.size());
   };
-  const auto add_to = [&](std::vector<Run>& runs, const Made& made) {
-    const auto of = [&](Value v) { return v < 0 ? 0 : slot[v]; };
-    Operation o{of(made.to), of(made.from[0]), of(made.from[1]), of(made.from[2]), of(made.from[3]), of(made.from[4])};
-    if (made.constant >= 0) o.a = made.constant;
-    if (made.does == Does::sincos) o.c = of(made.also_to);
-    if (made.does == Does::read) o.a = touch(made.reads[0]);
-    if (made.does == Does::write) o.a = touch(made.writes[0]);
-    if (made.does == Does::call) o.to = static_cast<int>(made.call);
-    if (made.does == Does::call_if) {
-      o.d = static_cast<int>(made.call);
-      o.b = static_cast<int>(accesses.size());
-      for (const Touch& t : made.writes) touch(t);
-      o.c = static_cast<int>(accesses.size());
-      for (const Touch& t : made.reads) touch(t);
-      o.to = static_cast<int>(accesses.size());
+  const auto operation = [&](const Made& made) {
+    const auto of = [&](Value v) { return v < 0 || passed_on[v] ? Operation::nowhere : short_of(static_cast<std::size_t>(slot[v])); };
+    const auto number = [&](Value v) { return v < 0 || passed_on[v] ? std::uint16_t{0} : of(v); };
+    Operation o{.form = short_of(static_cast<std::size_t>(form_of(made.does, made.last))), .to = of(made.to),
+                .a = number(made.from[0]), .b = number(made.from[1]), .c = number(made.from[2]), .d = 0};
+    if (made.constant >= 0) o.a = short_of(static_cast<std::size_t>(made.constant));
+    switch (made.does) {
+      case Does::sincos: o.c = of(made.also_to); break;
+      case Does::read: o.a = short_of(accesses.size()), touch(made.reads); break;
+      case Does::write: o.a = short_of(accesses.size()), touch(made.writes); break;
+      case Does::call: o.a = static_cast<std::uint16_t>(made.call); break;
+      case Does::call_if:
+        o.to = o.a, o.d = static_cast<std::uint16_t>(made.call);
+        o.a = short_of(accesses.size()), o.b = touch(made.writes), o.c = touch(made.reads);
+        break;
+      default: break;
     }
-    const Operation* const place = operations.data() + operations.size();
-    operations.push_back(o);
-    if (runs.empty() || runs.back().does != made.does) runs.push_back({made.does, place, place});
-    runs.back().last = place + 1;
+    return o;
   };
 
-  std::vector<Run> constants_first, runs;
-  for (const Made& made : constants_first_) add_to(constants_first, made);
-  for (std::size_t i = 0; i < ordered_.size(); ++i) {
-    const Made& made = ordered_[i];
+  std::vector<Operation> constants_first, step;
+  for (const Made& made : constants_first_) constants_first.push_back(operation(made));
+  for (std::size_t i = 0; i < operations_.size(); ++i) {
+    const Made& made = operations_[i];
     used_by(made, [&](Value v) {
-      if (slot[v] < lasting || last[v] != static_cast<int>(i)) return;
+      if (passed_on[v] || slot[v] < lasting || last[v] != static_cast<int>(i)) return;
       if (std::find(free.begin(), free.end(), slot[v]) == free.end()) free.push_back(slot[v]);
     });
     for (Value v : {made.to, made.also_to}) {
-      if (v < 0 || slot[v] >= 0) continue;
+      if (v < 0 || passed_on[v] || slot[v] >= 0) continue;
       if (free.empty()) free.push_back(slots++);
       slot[v] = free.back();
       free.pop_back();
     }
     for (Value v : {made.to, made.also_to})
-      if (v >= 0 && last[v] < 0 && slot[v] >= lasting) free.push_back(slot[v]);
-    add_to(runs, made);
+      if (v >= 0 && !passed_on[v] && last[v] < 0 && slot[v] >= lasting) free.push_back(slot[v]);
+    step.push_back(operation(made));
   }
   const auto accesses_of = [&](const std::vector<Touch>& touches) {
     std::vector<Access> all;
     for (const Touch& t : touches) all.push_back(access(t));
     return store.keep(std::move(all));
   };
-  store.keep(std::move(operations));
   return {.constants_first = store.keep(std::move(constants_first)), .before = accesses_of(before_),
-          .runs = store.keep(std::move(runs)), .after = accesses_of(after_), .apart = calls_,
+          .step = store.keep(std::move(step)), .after = accesses_of(after_), .apart = calls_,
           .constants = store.keep(std::move(constants_)),
           .accesses = store.keep(std::move(accesses)), .slots = slots};
 }
@@ -430,17 +387,17 @@ const OperationList* operation_list(const Program& program) {
       listed.list = list(step.any);
       if (!step.in_place) return;
       listed.in_place = list(*step.in_place);
-      if (listed.in_place.runs.count > 0) listed.list.in_place = &listed.in_place;
+      if (listed.in_place.step.count > 0) listed.list.in_place = &listed.in_place;
     } catch (const SettingsError&) {  // lane by lane
     }
   });
-  return listed.list.runs.count > 0 ? &listed.list : nullptr;
+  return listed.list.step.count > 0 ? &listed.list : nullptr;
 }
 
 bool listing_pays(const Program& program) {
-  constexpr int most_velocities = 24;  // measured: docs/kernels.md
+  constexpr int most_velocities = 24;  // that are solved for; measured: docs/kernels.md
   const Tables<double>& t = program.f64;
-  return t.velocities <= most_velocities && program.second_phase_anyway && !t.bounds.always;
+  return t.solver.n <= most_velocities && program.second_phase_anyway && !t.bounds.always;
 }
 
 }  // namespace lockstep::generate

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <set>
 #include <vector>
 
 #include "../plan/operations.h"
@@ -16,21 +17,27 @@ struct Touch {  // of memory
   Value value;
 };
 
-struct Sources : std::array<Value, 5> {
-  Sources(Value a = -1, Value b = -1, Value c = -1, Value d = -1, Value e = -1) : array{a, b, c, d, e} {}
-};
-
 struct Made {
   Does does = Does::copy;
-  Value to = -1, also_to = -1;           // also_to: the cosine
-  Sources from = {};
+  Value to = -1, also_to = -1;                 // also_to: the cosine
+  std::array<Value, 3> from{-1, -1, -1};
   int constant = -1;
   Call call = Call::none;
   std::vector<Touch> writes = {}, reads = {};  // of a call under a condition; of a read or a write there is one
+  Last last = Last::none;                      // which of `from` is made right before and has no slot
 };
 
-/// Moves `pending` behind `ordered`, equal operations next to each other where their operands allow it. `values` is one
-/// more than the highest value.
-void move_in_order(std::vector<Made>& pending, int values, std::vector<Made>& ordered);
+/// For each number that an operation uses, once for each time.
+template <class Use>
+void used_by(const Made& made, Use use) {
+  for (Value v : made.from)
+    if (v >= 0) use(v);
+  for (const Touch& touch : made.writes) use(touch.value);
+  for (const Touch& touch : made.reads) use(touch.value);
+}
+
+/// The same operations, each right behind one that makes a number for it alone, where there is such a one: that number
+/// need not be stored. `values` is one more than the highest; those that are `lasting` are wanted by others too.
+std::vector<Made> in_chains(std::vector<Made> operations, int values, const std::set<Value>& lasting);
 
 }  // namespace lockstep::generate

@@ -1,55 +1,91 @@
 #include <algorithm>
-#include <map>
-#include <optional>
 
 #include "made.h"
 
 namespace lockstep::generate {
 namespace {
 
-// So many operations ahead are looked for one of the same kind: runs get longer, values live longer.
-constexpr int window = 60;
+bool is_arithmetic(Does does) { return does < Does::sincos; }
+
+// Its first two numbers are as good the other way round.
+bool commutes(Does does) {
+  switch (does) {
+    case Does::add:
+    case Does::multiply:
+    case Does::fma:
+    case Does::fnma:
+    case Does::fms: return true;
+    default: return false;
+  }
+}
+
+class Chains {
+ public:
+  Chains(std::vector<Made> operations, int values, const std::set<Value>& lasting)
+      : operations_(std::move(operations)), uses_(static_cast<std::size_t>(values)),
+        maker_(static_cast<std::size_t>(values), -1), joined_(operations_.size(), -1),
+        looks_at_lasting_(operations_.size(), false), lasting_(lasting) {
+    for (const Made& made : operations_) used_by(made, [&](Value v) { ++uses_[v]; });
+    for (int i = 0; i < count(); ++i) join(i);
+  }
+
+  std::vector<Made> in_order() {
+    std::vector<char> goes_along(operations_.size(), false);
+    for (int maker : joined_)
+      if (maker >= 0) goes_along[maker] = true;
+    for (int i = 0; i < count(); ++i)
+      if (!goes_along[i]) put(i);
+    return std::move(ordered_);
+  }
+
+ private:
+  int count() const { return static_cast<int>(operations_.size()); }
+
+  // What is made before a stage is called may be changed by it, and what looks at a state is not to be made after that
+  // has become another.
+  bool may_move(int maker) const {
+    return maker > called_ && (maker > overwritten_ || !looks_at_lasting_[maker]);
+  }
+
+  // With the one of its numbers that was made last.
+  void join(int i) {
+    Made& made = operations_[i];
+    for (int n = 0; n < 3 && is_arithmetic(made.does); ++n) {
+      const Value v = made.from[n];
+      if (v < 0) continue;
+      if (lasting_.contains(v)) looks_at_lasting_[i] = true;
+      if (uses_[v] != 1 || maker_[v] <= joined_[i] || !may_move(maker_[v])) continue;
+      joined_[i] = maker_[v];
+      made.last = static_cast<Last>(n + 1);
+    }
+    if (joined_[i] >= 0 && looks_at_lasting_[joined_[i]]) looks_at_lasting_[i] = true;
+    if (made.last == Last::b && made.from[0] >= 0 && commutes(made.does)) {
+      std::swap(made.from[0], made.from[1]);
+      made.last = Last::a;
+    }
+    if (made.does >= Does::write) called_ = i;
+    if (lasting_.contains(made.to))
+      overwritten_ = i;
+    else if (is_arithmetic(made.does))
+      maker_[made.to] = i;
+  }
+
+  void put(int i) {
+    if (joined_[i] >= 0) put(joined_[i]);
+    ordered_.push_back(std::move(operations_[i]));
+  }
+
+  std::vector<Made> operations_, ordered_;
+  std::vector<int> uses_, maker_, joined_;  // by value, by value, by operation
+  std::vector<char> looks_at_lasting_;      // by operation, with what goes along
+  const std::set<Value>& lasting_;
+  int called_ = -1, overwritten_ = -1;      // the last operation that calls, or overwrites a state
+};
 
 }  // namespace
 
-void move_in_order(std::vector<Made>& pending, int values, std::vector<Made>& ordered) {
-  if (pending.empty()) return;
-  std::vector<std::size_t> maker(static_cast<std::size_t>(values), pending.size());
-  for (std::size_t i = 0; i < pending.size(); ++i)
-    for (Value v : {pending[i].to, pending[i].also_to})
-      if (v >= 0) maker[v] = i;
-  std::vector<int> missing(pending.size());  // operands that are not made yet
-  std::vector<std::vector<std::size_t>> users(pending.size());
-  for (std::size_t i = 0; i < pending.size(); ++i)
-    for (Value v : pending[i].from)
-      if (v >= 0 && maker[v] < pending.size()) {
-        ++missing[i];
-        users[maker[v]].push_back(i);
-      }
-  std::vector<std::size_t> open;  // the first that are left
-  std::size_t opened = 0;
-  std::optional<Does> kind;
-  const auto next_of_kind = [&] {
-    return std::find_if(open.begin(), open.end(),
-                        [&](std::size_t i) { return pending[i].does == kind && missing[i] == 0; });
-  };
-  for (std::size_t left = pending.size(); left > 0; --left) {
-    while (opened < pending.size() && open.size() < window) open.push_back(opened++);
-    auto next = next_of_kind();
-    if (next == open.end()) {
-      std::map<Does, int> ready;
-      for (std::size_t i : open)
-        if (missing[i] == 0) ++ready[pending[i].does];
-      kind = std::max_element(ready.begin(), ready.end(), [](const auto& a, const auto& b) {
-               return a.second < b.second;
-             })->first;
-      next = next_of_kind();
-    }
-    for (std::size_t user : users[*next]) --missing[user];
-    ordered.push_back(std::move(pending[*next]));
-    open.erase(next);
-  }
-  pending.clear();
+std::vector<Made> in_chains(std::vector<Made> operations, int values, const std::set<Value>& lasting) {
+  return Chains(std::move(operations), values, lasting).in_order();
 }
 
 }  // namespace lockstep::generate

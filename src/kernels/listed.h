@@ -1,9 +1,10 @@
 // A step as a list of operations, each done for many tiles before the next one. SPDX-License-Identifier: Apache-2.0
 //
 // Vectorised interpretation (Boncz, Zukowski, Nes 2005): finding out what to do is paid once for eight tiles, and the list
-// holds what one plan needs and no more, as generated code does. Of twice as many tiles the numbers leave the first cache
-// and small batches have no more than half. Those of a long step leave it anyway, and the stages' loops are faster then:
-// docs/kernels.md has from where on.
+// holds what one plan needs and no more, as generated code does. What bounds it is loads and stores: so the last result of
+// each tile stays in a register, and what the next operation alone wants is never stored. Of more tiles than eight there
+// would be no registers for that, numbers would leave the first cache, and small batches have no more. Those of a long
+// step leave it anyway, and the stages' loops are faster then: docs/kernels.md has from where on.
 #pragma once
 
 #include "../plan/operations.h"
@@ -11,7 +12,7 @@
 
 namespace lockstep::kernels {
 
-constexpr int tiles_at_once = 8;
+constexpr int tiles_at_once = 8;  // at the end of a batch 4, 2 or 1 do
 
 /// One number of each tile.
 template <class T>
@@ -126,116 +127,125 @@ template <class T>
 void call_if(Listed<T>& l, const Operation& o) {
   const Access* const accesses = l.list->accesses.data;
   for (int k = 0; k < l.tiles; ++k) {
-    if (!any(mask_of(l.slots[o.a].tile[k]))) continue;
+    if (!any(mask_of(l.slots[o.to].tile[k]))) continue;
     typename T::Mask failed = T::none();
-    for (int i = o.b; i < o.c; ++i) write_place(l, k, accesses[i], failed);
+    for (int i = o.a; i < o.b; ++i) write_place(l, k, accesses[i], failed);
     if (static_cast<Call>(o.d) == Call::hold)
       hold(l.t, l.lanes[k], l.tile(k), failed);
     else
       compete(l.t, l.lanes[k], l.tile(k));
-    for (int i = o.c; i < o.to; ++i) read_place(l, k, accesses[i]);
+    for (int i = o.b; i < o.c; ++i) read_place(l, k, accesses[i]);
   }
 }
 
-/// A constant, as a slot would hold it.
+/// What an operation finds for one of its numbers: a slot, a constant, or the last result.
+template <class T>
+struct FromSlot {
+  const T* tile;
+  LOCKSTEP_INLINE T operator()(int k) const { return tile[k]; }
+};
 template <class T>
 struct Constant {
   T number;
-  LOCKSTEP_INLINE T operator[](int) const { return number; }
+  LOCKSTEP_INLINE T operator()(int) const { return number; }
+};
+template <class T>
+struct FromLast {
+  const T* last;
+  LOCKSTEP_INLINE T operator()(int k) const { return last[k]; }
 };
 
-/// One operation after the other, for N tiles, or for as many as there are where N is 0. `first` finds what stands for a.
-template <int N, class T, class First, class Act>
-LOCKSTEP_INLINE void each(Slot<T>* slots, int tiles, const Operation* o, const Operation* last, First&& first, Act&& act) {
-  if constexpr (N > 0) tiles = N;
-  do {
-    T* const to = slots[o->to].tile;
-    const auto a = first(o->a);
-    const T *const b = slots[o->b].tile, *const c = slots[o->c].tile;
-    const T *const d = slots[o->d].tile, *const e = slots[o->e].tile;
+/// For N tiles.
+template <int N, class T, class A, class B, class C, class Act>
+LOCKSTEP_INLINE void each(Slot<T>* slots, T* last, const Operation& o, A a, B b, C c, Act act) {
 #pragma GCC unroll 8
-    for (int k = 0; k < tiles; ++k) to[k] = act(a[k], b[k], c[k], d[k], e[k]);
-  } while (++o != last);
+  for (int k = 0; k < N; ++k) last[k] = act(a(k), b(k), c(k));
+  if (o.to == Operation::nowhere) return;
+  T* const to = slots[o.to].tile;
+#pragma GCC unroll 8
+  for (int k = 0; k < N; ++k) to[k] = last[k];
 }
 
-/// What is more than an operation on slots. Apart, so that registers are left to the operations.
+/// What is more than an operation on numbers. Apart, so that registers are left to the operations.
 template <class T>
-[[gnu::noinline]] void do_other(Listed<T>& l, Does does, const Operation& o) {
-  if (does == Does::call_if) return call_if(l, o);
+[[gnu::noinline]] void do_other(Listed<T>& l, const Operation& o) {
+  if (o.form == form_of(Does::call_if, Last::none)) return call_if(l, o);
   typename T::Mask failed;
   for (int k = 0; k < l.tiles; ++k) {
-    if (does == Does::sincos)
-      sincos(l.slots[o.a].tile[k], l.slots[o.to].tile[k], l.slots[o.c].tile[k]);
-    else if (does == Does::read)
-      read_place(l, k, l.list->accesses[o.a]);
-    else if (does == Does::write)
-      write_place(l, k, l.list->accesses[o.a], failed);
-    else
-      call(static_cast<Call>(o.to), l.t, l.lanes[k], l.tile(k));
+    switch (o.form) {
+      case form_of(Does::sincos, Last::none):
+        sincos(l.slots[o.a].tile[k], l.slots[o.to].tile[k], l.slots[o.c].tile[k]);
+        break;
+      case form_of(Does::read, Last::none): read_place(l, k, l.list->accesses[o.a]); break;
+      case form_of(Does::write, Last::none): write_place(l, k, l.list->accesses[o.a], failed); break;
+      default: call(static_cast<Call>(o.a), l.t, l.lanes[k], l.tile(k));
+    }
   }
 }
 
 template <int N, class T>
-[[gnu::noinline]] void go_through(Listed<T>& l, Span<Run> runs) {
+[[gnu::noinline]] void go_through(Listed<T>& l, Span<Operation> operations) {
   const auto number = [](typename T::Mask mask) LOCKSTEP_INLINED { return number_from<T>(mask); };
   Slot<T>* const slots = l.slots;
   const double* const constants = l.list->constants.data;
-  const int tiles = l.tiles;
-  const auto slot = [=](int a) LOCKSTEP_INLINED -> const T* { return slots[a].tile; };
-  const auto constant = [=](int a) LOCKSTEP_INLINED { return Constant<T>{T(static_cast<ScalarOf<T>>(constants[a]))}; };
-  for (const Run *run = runs.data, *end = run + runs.count; run != end; ++run) {
-    switch (run->does) {
-#define LOCKSTEP_EACH_OF(operand, does, value)                                                          \
-  case Does::does:                                                                                      \
-    each<N>(slots, tiles, run->first, run->last, operand,                                               \
-            [&]([[maybe_unused]] T a, [[maybe_unused]] T b, [[maybe_unused]] T c, [[maybe_unused]] T d, \
-                [[maybe_unused]] T e) LOCKSTEP_INLINED { return value; });                              \
+  const auto slot = [=](int i) LOCKSTEP_INLINED { return FromSlot<T>{slots[i].tile}; };
+  const auto constant = [=](int i) LOCKSTEP_INLINED { return Constant<T>{T(static_cast<ScalarOf<T>>(constants[i]))}; };
+  T last[N] = {};
+  const FromLast<T> own{last};
+  for (const Operation *o = operations.data, *end = o + operations.count; o != end; ++o) {
+    switch (o->form) {
+#define LOCKSTEP_FORM(does, which, from_a, from_b, from_c, value)                                        \
+  case form_of(Does::does, Last::which):                                                                 \
+    each<N>(slots, last, *o, from_a, from_b, from_c,                                              \
+            [&]([[maybe_unused]] T a, [[maybe_unused]] T b, [[maybe_unused]] T c) LOCKSTEP_INLINED { return value; }); \
     break
-#define LOCKSTEP_EACH(does, value) LOCKSTEP_EACH_OF(slot, does, value)
-#define LOCKSTEP_EACH_CONSTANT(does, value) LOCKSTEP_EACH_OF(constant, does, value)
-      LOCKSTEP_EACH(copy, a);
-      LOCKSTEP_EACH(negate, -a);
-      LOCKSTEP_EACH(add, a + b);
-      LOCKSTEP_EACH(subtract, a - b);
-      LOCKSTEP_EACH(multiply, a * b);
-      LOCKSTEP_EACH(divide, a / b);
-      LOCKSTEP_EACH(fma, fma(a, b, c));
-      LOCKSTEP_EACH(fnma, fnma(a, b, c));
-      LOCKSTEP_EACH(fms, fma(a, b, -c));
-      LOCKSTEP_EACH(fma_multiply, fma(a, b, c * d));
-      LOCKSTEP_EACH(fnma_multiply, fnma(a, b, c * d));
-      LOCKSTEP_EACH(fms_multiply, fma(a, b, -(c * d)));
-      LOCKSTEP_EACH(fma_fma, fma(a, b, fma(c, d, e)));
-      LOCKSTEP_EACH(fma_fnma, fma(a, b, fnma(c, d, e)));
-      LOCKSTEP_EACH(fnma_fma, fnma(a, b, fma(c, d, e)));
-      LOCKSTEP_EACH(fnma_fnma, fnma(a, b, fnma(c, d, e)));
-      LOCKSTEP_EACH(sqrt, sqrt(a));
-      LOCKSTEP_EACH(farther, farther(a, b));
-      LOCKSTEP_EACH(less, number(less(a, b)));
-      LOCKSTEP_EACH(beyond, number(beyond(b, a)));
-      LOCKSTEP_EACH(either, number(mask_of(a) | mask_of(b)));
-      LOCKSTEP_EACH(both, number(mask_of(a) & mask_of(b)));
-      LOCKSTEP_EACH(invert, number(~mask_of(a)));
-      LOCKSTEP_EACH(select, select(mask_of(a), b, c));
-      LOCKSTEP_EACH_CONSTANT(add_constant, a + b);
-      LOCKSTEP_EACH_CONSTANT(subtract_from_constant, a - b);
-      LOCKSTEP_EACH_CONSTANT(multiply_constant, a * b);
-      LOCKSTEP_EACH_CONSTANT(fma_constant, fma(a, b, c));
-      LOCKSTEP_EACH_CONSTANT(fnma_constant, fnma(a, b, c));
-      LOCKSTEP_EACH_CONSTANT(beyond_constant, number(beyond(b, a)));
-      LOCKSTEP_EACH_CONSTANT(fill, a);
-      LOCKSTEP_EACH_CONSTANT(fill_rounding, T::rounding());
-#undef LOCKSTEP_EACH
-#undef LOCKSTEP_EACH_CONSTANT
-#undef LOCKSTEP_EACH_OF
-      case Does::sincos:
-      case Does::read:
-      case Does::write:
-      case Does::call:
-      case Does::call_if:
-        for (const Operation* o = run->first; o != run->last; ++o) do_other(l, run->does, *o);
-        break;
-      default: __builtin_unreachable();
+#define LOCKSTEP_OF_ONE(does, value)                                        \
+  LOCKSTEP_FORM(does, none, slot(o->a), slot(o->a), slot(o->a), value);     \
+  LOCKSTEP_FORM(does, a, own, own, own, value)
+#define LOCKSTEP_OF_TWO(does, value)                                        \
+  LOCKSTEP_FORM(does, none, slot(o->a), slot(o->b), slot(o->b), value);     \
+  LOCKSTEP_FORM(does, a, own, slot(o->b), slot(o->b), value);               \
+  LOCKSTEP_FORM(does, b, slot(o->a), own, own, value)
+#define LOCKSTEP_OF_THREE(does, value)                                      \
+  LOCKSTEP_FORM(does, none, slot(o->a), slot(o->b), slot(o->c), value);     \
+  LOCKSTEP_FORM(does, a, own, slot(o->b), slot(o->c), value);               \
+  LOCKSTEP_FORM(does, b, slot(o->a), own, slot(o->c), value);               \
+  LOCKSTEP_FORM(does, c, slot(o->a), slot(o->b), own, value)
+#define LOCKSTEP_OF_CONSTANT(does, value)                                   \
+  LOCKSTEP_FORM(does, none, constant(o->a), slot(o->b), slot(o->c), value); \
+  LOCKSTEP_FORM(does, b, constant(o->a), own, slot(o->c), value);           \
+  LOCKSTEP_FORM(does, c, constant(o->a), slot(o->b), own, value)
+      LOCKSTEP_OF_ONE(copy, a);
+      LOCKSTEP_OF_ONE(negate, -a);
+      LOCKSTEP_OF_ONE(sqrt, sqrt(a));
+      LOCKSTEP_OF_ONE(invert, number(~mask_of(a)));
+      LOCKSTEP_OF_TWO(add, a + b);
+      LOCKSTEP_OF_TWO(subtract, a - b);
+      LOCKSTEP_OF_TWO(multiply, a * b);
+      LOCKSTEP_OF_TWO(divide, a / b);
+      LOCKSTEP_OF_TWO(farther, farther(a, b));
+      LOCKSTEP_OF_TWO(less, number(less(a, b)));
+      LOCKSTEP_OF_TWO(beyond, number(beyond(b, a)));
+      LOCKSTEP_OF_TWO(either, number(mask_of(a) | mask_of(b)));
+      LOCKSTEP_OF_TWO(both, number(mask_of(a) & mask_of(b)));
+      LOCKSTEP_OF_THREE(fma, fma(a, b, c));
+      LOCKSTEP_OF_THREE(fnma, fnma(a, b, c));
+      LOCKSTEP_OF_THREE(fms, fma(a, b, -c));
+      LOCKSTEP_OF_THREE(select, select(mask_of(a), b, c));
+      LOCKSTEP_OF_CONSTANT(add_constant, a + b);
+      LOCKSTEP_OF_CONSTANT(subtract_from_constant, a - b);
+      LOCKSTEP_OF_CONSTANT(multiply_constant, a * b);
+      LOCKSTEP_OF_CONSTANT(fma_constant, fma(a, b, c));
+      LOCKSTEP_OF_CONSTANT(fnma_constant, fnma(a, b, c));
+      LOCKSTEP_OF_CONSTANT(beyond_constant, number(beyond(b, a)));
+      LOCKSTEP_FORM(fill, none, constant(o->a), constant(o->a), constant(o->a), a);
+      LOCKSTEP_FORM(fill_rounding, none, own, own, own, T::rounding());
+#undef LOCKSTEP_FORM
+#undef LOCKSTEP_OF_ONE
+#undef LOCKSTEP_OF_TWO
+#undef LOCKSTEP_OF_THREE
+#undef LOCKSTEP_OF_CONSTANT
+      default: do_other(l, *o);
     }
   }
 }
@@ -274,13 +284,17 @@ std::size_t listed_bytes(const Tables<ScalarOf<T>>& t, const OperationList& list
          static_cast<std::size_t>(slots) * sizeof(Slot<T>);
 }
 
-/// The step of the tiles at hand.
+/// The step of the tiles at hand. What old numbers stand behind the last tile are stepped along, and nobody looks at them.
 template <class T>
 LOCKSTEP_INLINE void go_through(Listed<T>& l) {
-  if (l.tiles == Listed<T>::most)
-    go_through<Listed<T>::most>(l, l.list->runs);
+  if (l.tiles > 4)
+    go_through<8>(l, l.list->step);
+  else if (l.tiles > 2)
+    go_through<4>(l, l.list->step);
+  else if (l.tiles > 1)
+    go_through<2>(l, l.list->step);
   else
-    go_through<0>(l, l.list->runs);
+    go_through<1>(l, l.list->step);
 }
 
 /// advance() of step.h by the list.

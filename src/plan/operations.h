@@ -3,32 +3,39 @@
 // Written by generate/list.h; flat and constant, as the tables are.
 #pragma once
 
+#include <cstdint>
+
 #include "tables.h"
 
 namespace lockstep {
 
-/// What the operations of a run do with the numbers in slots a to e. Masks are numbers of which only bits are looked at.
-enum class Does : int {
+/// What an operation does with the numbers a, b and c. Masks are numbers of which only bits are looked at.
+enum class Does : std::uint16_t {
   copy, negate, add, subtract, multiply, divide, fma, fnma, fms, sqrt, farther, less, beyond,  ///< beyond: b is beyond a
   either, both, invert, select,
-  // two at a time: the second one's sum and what the first makes of c, d and e
-  fma_multiply, fnma_multiply, fms_multiply, fma_fma, fma_fnma, fnma_fma, fnma_fnma,
-  sincos,  ///< of a, to `to` and c
   // where a is a constant
   add_constant, subtract_from_constant, multiply_constant, fma_constant, fnma_constant, beyond_constant,
   fill,    ///< with a constant
   fill_rounding,
+  sincos,  ///< of a, to `to` and c
   // what memory has to do with
   read, write,  ///< access a
-  call,    ///< a Call on the tiles
-  call_if, ///< on those where mask a has lanes: accesses b to c written, Call d, accesses c to `to` read again
+  call,    ///< Call a on the tiles
+  call_if, ///< on those where mask `to` has lanes: accesses a to b written, Call d, accesses b to c read again
 };
+
+/// Which of the numbers is the result of the operation before, that may have no slot.
+enum class Last : std::uint16_t { none, a, b, c };
+
+constexpr int form_of(Does does, Last last) { return 4 * static_cast<int>(does) + static_cast<int>(last); }
 
 /// Stages that look at what is in the lanes before they know what to do: they are called, as the tables' kernels call them.
 enum class Call : int { none, compete, coupling_impulses, diagnose, hold };
 
+/// Half as wide as numbers might be: lists are gone through all the time, and are to stay in the first cache.
 struct Operation {
-  int to, a, b, c, d, e;  ///< slots; a is a constant's index where there is one; a Call in `to`
+  static constexpr std::uint16_t nowhere = 0xffff;
+  std::uint16_t form, to, a, b, c, d;  ///< slots, `to` is nowhere where none is wanted; a is a constant's index where there is one
 };
 
 /// Where a number stands that is read or written.
@@ -39,18 +46,12 @@ struct Access {
   int slot, array, number;
 };
 
-/// What does the same, one at least.
-struct Run {
-  Does does;
-  const Operation *first, *last;
-};
-
 struct OperationList {
-  Span<Run> constants_first;  ///< puts constants where no operation changes them
-  Span<Access> before;        ///< read before the first step of a call
-  Span<Run> runs;             ///< a step
-  Span<Access> after;         ///< written after the last one
-  bool apart = false;         ///< tiles have numbers of their own in memory, for stages that are called
+  Span<Operation> constants_first;  ///< puts constants where no operation changes them
+  Span<Access> before;    ///< read before the first step of a call
+  Span<Operation> step;
+  Span<Access> after;     ///< written after the last one
+  bool apart = false;     ///< tiles have numbers of their own in memory, for stages that are called
   Span<double> constants;
   Span<Access> accesses;
   int slots = 0;

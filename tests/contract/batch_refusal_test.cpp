@@ -160,10 +160,12 @@ TEST_F(TargetVariable, chooses_where_the_options_leave_it_open) {
 TEST_F(ListedVariable, chooses_where_the_options_leave_it_open) {
   Model rough = scenes::chain8();
   rough.joints[0].friction = 0.1;
-  const Plan small = compile(scenes::chain8()), large = compile(scenes::chain32()), with_friction = compile(rough);
+  const Plan small = compile(scenes::chain8()), reduced = compile(scenes::chain32()),
+             large = compile(scenes::chain32(), {.method = Method::direct}), with_friction = compile(rough);
   for (const char* nothing : {"", static_cast<const char*>(nullptr)}) {
     nothing ? setenv("LOCKSTEP_LISTED", nothing, 1) : unsetenv("LOCKSTEP_LISTED");
     EXPECT_EQ(Batch<float>(small, 1).kernel(), "operations");
+    EXPECT_EQ(Batch<float>(reduced, 1).kernel(), "operations");
     EXPECT_EQ(Batch<float>(large, 1).kernel(), "tables");
     EXPECT_EQ(Batch<double>(with_friction, 1).kernel(), "tables");
   }
