@@ -3,10 +3,12 @@
 // One thread, 4096 environments, 4 sub-steps per call unless the words behind say otherwise. The ladder adds one
 // feature at a time to a chain of eight. Counter env_steps_per_second is per second of CPU time (wall time where
 // threads > 1). Steps are those that a batch takes by itself where no kernel is generated, unless a word names them.
-// Rows peak/<instructions> and peak/memory are what the machine can do at best.
+// Rows peak/<instructions> and peak/memory are what the machine can do at best. URDF files named behind the options are
+// robots of which there are rows, too, without what bounds their motion.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
+#include <filesystem>
 #include <vector>
 
 #include "loads.h"
@@ -261,6 +263,20 @@ void add_bounds() {
     }
 }
 
+// Masses and moments that a file leaves out are made up for.
+void add_robot(const std::filesystem::path& file) {
+  Load load;
+  load.model = import_urdf_file(file.string(), {.least_mass = 1e-3, .least_inertia = 1e-6}).model;
+  load.settings.integrator = Integrator::euler;
+  load.settings.ignore = {true, true, true, true};
+  for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
+    load.settings.method = method;
+    const std::string row = fmt::format("{}/{}/{}/f32", file.stem().string(), name(method), load.settings.iterations);
+    add(row, load, true);
+    add_kernel(Kernel::tables, row, load);
+  }
+}
+
 }  // namespace
 }  // namespace lockstep
 
@@ -278,6 +294,17 @@ int main(int argc, char** argv) {
   lockstep::add_ladder();
   lockstep::add_bounds();
   benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  int options = 1;
+  try {
+    for (int i = 1; i < argc; ++i)
+      if (argv[i][0] == '-')
+        argv[options++] = argv[i];
+      else
+        lockstep::add_robot(argv[i]);
+  } catch (const lockstep::Error& error) {
+    fmt::print(stderr, "{}\n", error.what());
+    return 1;
+  }
+  if (benchmark::ReportUnrecognizedArguments(options, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();
 }

@@ -206,7 +206,8 @@ struct Batch<S>::Impl {
 
   void step(int substeps) {
     const Lanes<S> l = lanes();
-    workers.for_environments(stepped(), step_nanoseconds * substeps,
+    const std::ptrdiff_t together = listed ? kernels.lanes * OperationList::tiles_at_once : kernels.lanes;
+    workers.for_environments(stepped(), step_nanoseconds * substeps, together,
                               [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
                                 if (listed) return kernels.advance_listed(tables, l, first, last, substeps, scratch, *listed);
                                 advance(tables, l, first, last, substeps, scratch);
@@ -216,7 +217,7 @@ struct Batch<S>::Impl {
   Array read(const kernels::Request<S>& request, int row_count) {
     AlignedBlock<S> result = rows(row_count);
     const Lanes<S> l = lanes();
-    workers.for_environments(stepped(), step_nanoseconds,
+    workers.for_environments(stepped(), step_nanoseconds, kernels.lanes,
                              [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
                                kernels.read(tables, l, first, last, request, result.data(), stride, scratch);
                              });

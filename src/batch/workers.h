@@ -23,16 +23,19 @@ class Workers {
   }
 
   /// act(first, last, scratch) over ranges of environments that together are [0, count). They begin with lines of the
-  /// cache, so that no two threads write to one. `each` is about what one environment takes, in nanoseconds.
+  /// cache, so that no two threads write to one. `each` is about what one environment takes, in nanoseconds; so many are
+  /// faster `together`, a power of two: they stay together where there are enough of them for all threads.
   template <class Act>
-  void for_environments(std::ptrdiff_t count, double each, const Act& act) {
+  void for_environments(std::ptrdiff_t count, double each, std::ptrdiff_t together, const Act& act) {
     if (serial_) return act(0, count, own_.data());
     const auto all = [&] {
-      const std::ptrdiff_t lines = (count + per_line - 1) / per_line;
+      const int threads = tbb::this_task_arena::max_concurrency();
+      const std::ptrdiff_t unit = count >= threads * tasks_per_thread * together ? std::max(per_line, together) : per_line;
+      const std::ptrdiff_t units = (count + unit - 1) / unit;
       tbb::parallel_for(
-          tbb::blocked_range<std::ptrdiff_t>(0, lines, lines_per_task(lines, each * per_line)),
+          tbb::blocked_range<std::ptrdiff_t>(0, units, units_per_task(units, each * static_cast<double>(unit), threads)),
           [&](const tbb::blocked_range<std::ptrdiff_t>& range) {
-            act(range.begin() * per_line, std::min(range.end() * per_line, count), scratch_.local().data());
+            act(range.begin() * unit, std::min(range.end() * unit, count), scratch_.local().data());
           },
           tbb::simple_partitioner());
     };
@@ -44,11 +47,12 @@ class Workers {
 
   // A task costs some 0.2 microseconds, a stolen one more: long ones where there are many, short ones rather than
   // threads with nothing to do.
-  static std::ptrdiff_t lines_per_task(std::ptrdiff_t lines, double line_nanoseconds) {
-    constexpr double shortest = 10e3, longest = 50e3, tasks_per_thread = 8.0;
-    const double share = static_cast<double>(lines) / (tasks_per_thread * tbb::this_task_arena::max_concurrency());
-    const double grain = std::clamp(share, shortest / line_nanoseconds, longest / line_nanoseconds);
-    return static_cast<std::ptrdiff_t>(std::clamp(grain, 1.0, static_cast<double>(lines)));
+  static constexpr int tasks_per_thread = 16;
+  static std::ptrdiff_t units_per_task(std::ptrdiff_t units, double unit_nanoseconds, int threads) {
+    constexpr double shortest = 10e3, longest = 50e3;
+    const double share = static_cast<double>(units) / (tasks_per_thread * threads);
+    const double grain = std::clamp(share, shortest / unit_nanoseconds, longest / unit_nanoseconds);
+    return static_cast<std::ptrdiff_t>(std::clamp(grain, 1.0, static_cast<double>(units)));
   }
 
   AlignedBlock<std::byte> own_;

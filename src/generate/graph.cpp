@@ -84,12 +84,7 @@ Id Graph::sum(Id a, Id b) {
   if (is(b, 0.0)) return a;
   if (is(b, Op::negate)) return difference(a, nodes_[b].operand[0]);
   if (is(a, Op::negate)) return difference(b, nodes_[a].operand[0]);
-  // constants of nested sums go together
   if (is(b, Op::constant)) std::swap(a, b);
-  if (is(a, Op::constant) && is(b, Op::add) && is(nodes_[b].operand[0], Op::constant))
-    return sum(sum(a, nodes_[b].operand[0]), nodes_[b].operand[1]);
-  if (is(a, Op::constant) && is(b, Op::subtract) && is(nodes_[b].operand[0], Op::constant))
-    return difference(sum(a, nodes_[b].operand[0]), nodes_[b].operand[1]);
   return found_or_put(Op::add, a, b, -1);
 }
 

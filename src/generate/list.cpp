@@ -20,16 +20,15 @@ struct Listing {
   Op op;
   Does does;
   std::optional<Does> of_constant = {};
-  bool commutes = false;  ///< its first two operands do
 };
 constexpr Listing listings[] = {
     {Op::negate, Does::negate},
-    {Op::add, Does::add, Does::add_constant, true},
+    {Op::add, Does::add, Does::add_constant},
     {Op::subtract, Does::subtract, Does::subtract_from_constant},
-    {Op::multiply, Does::multiply, Does::multiply_constant, true},
+    {Op::multiply, Does::multiply, Does::multiply_constant},
     {Op::divide, Does::divide},
-    {Op::fma, Does::fma, Does::fma_constant, true},
-    {Op::fnma, Does::fnma, Does::fnma_constant, true},
+    {Op::fma, Does::fma, Does::fma_constant},
+    {Op::fnma, Does::fnma, Does::fnma_constant},
     {Op::sqrt, Does::sqrt},
     {Op::farther, Does::farther},
     {Op::less, Does::less},
@@ -49,8 +48,7 @@ const Listing& listing_of(Op op) {
 // Longer lists, of many sweeps over many rows, are far slower than the stages' loops, and long in the making.
 constexpr std::size_t longest = 40000;
 
-// Goes through the graph in the order of recording, loops turn by turn. No product becomes part of a sum, as in code it may:
-// that depends on who else wants the product.
+// Goes through the graph in the order of recording, loops turn by turn.
 class Lister {
  public:
   explicit Lister(const Graph& graph)
@@ -170,14 +168,16 @@ class Lister {
     return known->second;
   }
 
-  // The last item that wants each node.
+  bool is_negation(Id id) const { return node(id).op == Op::negate; }
+
+  // The last item that wants each node, or its negative, which may be taken from the node itself.
   void find_last_uses() {
     last_use_.assign(nodes_.size(), -1);
     for (int i = 0; i < static_cast<int>(graph_.items().size()); ++i) {
       const Item& item = graph_.items()[i];
       for (Id id : item.nodes)
         for (Id operand : node(id).operand)
-          if (operand >= 0 && uses_[id] > 0) last_use_[operand] = i;
+          for (Id o = operand; o >= 0 && uses_[id] > 0; o = is_negation(o) ? node(o).operand[0] : -1) last_use_[o] = i;
       for (const std::vector<Id>* ids : {&item.start, &item.next})
         for (Id id : *ids) last_use_[id] = i;
       for (const Store& store : item.stores) last_use_[store.value] = i;
@@ -193,7 +193,7 @@ class Lister {
     for (std::size_t i = 0; i < item.variable.size(); ++i) {
       const Value start = value(item.start[i]);
       const bool own = times[start] == 1 && !lasting_.contains(start) && !is_constant(item.start[i]) &&
-                       last_use_[item.start[i]] <= here;
+                       node(item.start[i]).op != Op::variable && last_use_[item.start[i]] <= here;
       const Value held = own ? start : fresh();
       if (!own) operations_.push_back({.does = Does::copy, .to = held, .from = {start}});
       value_[item.variable[i]] = held;
@@ -220,12 +220,12 @@ class Lister {
     const Listing& listing = listing_of(n.op);
     Made made{.does = listing.does, .to = value_[id] = fresh()};
     std::array<Id, 3> from = n.operand;
-    if (n.op == Op::beyond || (listing.commutes && is_constant(from[1]))) std::swap(from[0], from[1]);
+    if (n.op == Op::beyond || (commutes(listing.does) && is_constant(from[1]))) std::swap(from[0], from[1]);
     if (listing.of_constant && is_constant(from[0]) && !is_constant(from[1])) {
       made.does = *listing.of_constant;
       made.constant = constant_index(node(from[0]).value);
       from[0] = -1;
-    } else if (n.op == Op::fma && node(from[2]).op == Op::negate) {
+    } else if (n.op == Op::fma && is_negation(from[2])) {
       made.does = Does::fms;
       from[2] = node(from[2]).operand[0];
     }
@@ -303,7 +303,7 @@ OperationList Lister::finish(lockstep::Store& store) {
 
   std::vector<Access> accesses;
   const auto short_of = [](std::size_t number) {
-    if (number >= Operation::nowhere) throw std::logic_error("a list is longer than its numbers allow");
+    if (number >= Operation::nowhere) throw std::length_error("a list is longer than its numbers allow");
     return static_cast<std::uint16_t>(number);
   };
   const auto access = [&](const Touch& t) -> Access {
@@ -388,14 +388,16 @@ const OperationList* operation_list(const Program& program) {
       if (!step.in_place) return;
       listed.in_place = list(*step.in_place);
       if (listed.in_place.step.count > 0) listed.list.in_place = &listed.in_place;
-    } catch (const SettingsError&) {  // lane by lane
+    } catch (const SettingsError&) {      // lane by lane
+    } catch (const std::length_error&) {  // by far
+      listed.list = {};
     }
   });
   return listed.list.step.count > 0 ? &listed.list : nullptr;
 }
 
 bool listing_pays(const Program& program) {
-  constexpr int most_velocities = 24;  // that are solved for; measured: docs/kernels.md
+  constexpr int most_velocities = 30;  // that are solved for; measured: docs/kernels.md
   const Tables<double>& t = program.f64;
   return t.solver.n <= most_velocities && program.second_phase_anyway && !t.bounds.always;
 }

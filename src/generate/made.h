@@ -36,6 +36,9 @@ void used_by(const Made& made, Use use) {
   for (const Touch& touch : made.reads) use(touch.value);
 }
 
+/// Its first two numbers are as good the other way round.
+bool commutes(Does does);
+
 /// The same operations, each right behind one that makes a number for it alone, where there is such a one: that number
 /// need not be stored. `values` is one more than the highest; those that are `lasting` are wanted by others too.
 std::vector<Made> in_chains(std::vector<Made> operations, int values, const std::set<Value>& lasting);

@@ -7,18 +7,6 @@ namespace {
 
 bool is_arithmetic(Does does) { return does < Does::sincos; }
 
-// Its first two numbers are as good the other way round.
-bool commutes(Does does) {
-  switch (does) {
-    case Does::add:
-    case Does::multiply:
-    case Does::fma:
-    case Does::fnma:
-    case Does::fms: return true;
-    default: return false;
-  }
-}
-
 class Chains {
  public:
   Chains(std::vector<Made> operations, int values, const std::set<Value>& lasting)
@@ -83,6 +71,17 @@ class Chains {
 };
 
 }  // namespace
+
+bool commutes(Does does) {
+  switch (does) {
+    case Does::add:
+    case Does::multiply:
+    case Does::fma:
+    case Does::fnma:
+    case Does::fms: return true;
+    default: return false;
+  }
+}
 
 std::vector<Made> in_chains(std::vector<Made> operations, int values, const std::set<Value>& lasting) {
   return Chains(std::move(operations), values, lasting).in_order();

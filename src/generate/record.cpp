@@ -63,7 +63,10 @@ namespace lockstep::kernels {
 
 // Idle bounds are looked for in the straight line, unless others look at what compete() leaves in memory.
 inline bool bounds_act(const Tables<double>& t, Tile<Recorded>& x) {
-  if (recorder->learns()) return false;
+  if (recorder->learns()) {
+    recorder->leave_out();
+    return false;
+  }
   if (t.bounds.always || t.record_diagnostics || t.record_impulses) {
     recorder->run("forget_bounds(x);\nif (bounds_act(t, x)) compete(t, lanes, x);", Call::compete);
     return false;

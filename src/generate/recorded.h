@@ -12,7 +12,7 @@ inline thread_local Recorder* recorder = nullptr;
 
 Id record_constant(double value);
 Id record(Op op, Id a = -1, Id b = -1, Id c = -1);
-/// As it stands: nothing becomes part of it, and it becomes part of nothing.
+/// As it stands: no other sum becomes part of it, and it becomes part of none.
 Id record_as_it_stands(Op op, Id a, Id b, Id c = -1);
 Id record_load(const double* p);
 /// The number in memory at `place` is now `id`: a name for it, if `place` is in a known array.

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <stdexcept>
+
 #include "../kernels/projection.h"
 
 namespace lockstep::generate {
@@ -120,17 +122,18 @@ void Recorder::add_rows(const double* first, int count, const std::string& name,
   rows_.push_back({first, count, name, array});
 }
 
-Id Recorder::sum(Op op, Id a, Id b) { return sum({a, b, -1, op == Op::subtract}, op, a, b, -1); }
+Id Recorder::sum(Op op, Id a, Id b) { return sum({a, b, -1, op == Op::subtract, stage_}, op, a, b, -1); }
 
 Id Recorder::product_and(Op op, Id a, Id b, Id c) {
   if (const Id term = graph.times_one(a, b); term >= 0) return sum(op == Op::fma ? Op::add : Op::subtract, c, term);
-  return sum({c, a, b, op == Op::fnma}, op, a, b, c);
+  return sum({c, a, b, op == Op::fnma, stage_}, op, a, b, c);
 }
 
 Id Recorder::sum(const Sum& asked, Op op, Id a, Id b, Id c) {
   if (aside_) return graph.operation(op, a, b, c);
   const std::size_t number = sums_.size();
   sums_.push_back(asked);
+  if (terms_ && number >= terms_->size()) throw std::logic_error("recordings of a step ask for different sums");
   if (!terms_ || (*terms_)[number].empty()) return sums_.back().result = graph.operation(op, a, b, c);
   std::vector<Addend> addends;
   for (const Term& term : (*terms_)[number]) addends.push_back(addend(term));
@@ -177,7 +180,7 @@ std::vector<Store> Recorder::changed(Wanted wanted) {
 }
 
 void Recorder::run(const std::string& code, Call call) {
-  if (learns_ && call != Call::none) return;
+  if (learns_ && call != Call::none) return leave_out();
   graph.effect(changed(&Recorder::is_shared), code, call);
   graph.forget();
   for (Slot& slot : slots_)

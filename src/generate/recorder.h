@@ -36,6 +36,7 @@ class Recorder {
   /// From here on sums are counted, and calls are left out, so that what they read does not count.
   void learn() { sums_.clear(), learns_ = true; }
   bool learns() const { return learns_; }
+  void leave_out() { ++stage_; }
   /// From here on sums are counted, and added up of these terms.
   void add_up(const std::vector<std::vector<Term>>& terms) { sums_.clear(), terms_ = &terms; }
   /// What `look` records is beside the step: its sums do not count, and nothing becomes part of them.
@@ -97,6 +98,7 @@ class Recorder {
   const std::vector<std::vector<Term>>* terms_ = nullptr;
   std::vector<Sum> sums_;
   bool learns_ = false, aside_ = false;
+  int stage_ = 0;
 };
 
 }  // namespace lockstep::generate

@@ -39,10 +39,11 @@ struct Side {
 
   Id operand(int sum, bool second) const { return graph.without_sign(second ? sums[sum].second : sums[sum].first); }
 
-  // This sum wants it, and nothing else does.
-  bool is_own(int sum, Id id) const {
-    const Id result = graph.without_sign(sums[sum].result);
-    return used[result] > 0 && used[id] == 1 && nodes[id].item >= 0 && nodes[id].item == nodes[result].item;
+  // This sum wants it, and nothing else does, unless it is its negative that several want: each then adds it up.
+  bool is_own(int sum, bool second) const {
+    const Id result = graph.without_sign(sums[sum].result), id = operand(sum, second);
+    return used[result] > 0 && used[id] == 1 &&
+           nodes[id].item >= 0 && nodes[id].item == nodes[result].item;
   }
 
   bool is_sum(Id id) const {
@@ -79,8 +80,8 @@ class Finder {
     if (second && any_.sums[sum].factor >= 0) return -1;
     const Id id = any_.operand(sum, second), there = in_place_.operand(sum, second);
     const int made_by = any_.made_by[id];
-    const bool becomes = made_by >= 0 && made_by < sum && any_.is_own(sum, id) && in_place_.is_own(sum, there) &&
-                         in_place_.is_sum(there);
+    const bool becomes = made_by >= 0 && made_by < sum && any_.sums[made_by].stage == any_.sums[sum].stage &&
+                         any_.is_own(sum, second) && in_place_.is_own(sum, second) && in_place_.is_sum(there);
     return becomes ? made_by : -1;
   }
 
@@ -93,7 +94,7 @@ class Finder {
         take(inner, term.minus != (any_.sums[inner].result != (second ? whole.second : whole.first)), all);
         continue;
       }
-      term.apart = term.apart || (any_.nodes[id].op == Op::multiply && any_.is_own(sum, id));
+      term.apart = term.apart || (any_.nodes[id].op == Op::multiply && any_.is_own(sum, second));
       all.push_back(term);
     }
   }

@@ -11,6 +11,7 @@ namespace lockstep::generate {
 struct Sum {
   Id first, second, factor;
   bool subtracts;  ///< what is second
+  int stage = 0;   ///< behind so many calls that are left out: what is before may be another number behind
   Id result = -1;
 };
 

@@ -5,8 +5,8 @@
 
 namespace lockstep::kernels {
 
-/// a b + sum, one after the other as they stand: who follows is in place where two such sums are alike to the last bit, of
-/// which one is asked for by who has no say in what sums become (generate/sums.h).
+/// a b + sum. Whether a follower is in place is asked by comparing such a sum with the one that put it there, to the last
+/// bit: so code that is generated (generate/recorded.h) leaves these as they stand, and does not add up in another order.
 template <class T>
 LOCKSTEP_INLINE T add_product(T a, T b, T sum) {
   return fma(a, b, sum);

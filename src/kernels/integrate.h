@@ -106,6 +106,13 @@ void expand_changes(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, 
   expand(t, x, z, change, [&](int f, T following) { return following - x.mismatch[f]; });
 }
 
+/// The change is rounded by itself before: where its parts were added to the number one by one, each would be rounded as
+/// the number is, which costs floats half of their accuracy.
+template <class T>
+LOCKSTEP_INLINE T changed_by(T number, T change) {
+  return number + change;
+}
+
 template <class T>
 LOCKSTEP_INLINE T squared_length(const T* quaternion) {
   T sum = quaternion[0] * quaternion[0];

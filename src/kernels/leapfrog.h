@@ -45,7 +45,7 @@ void stage(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T
   solve(t, x);
   T *change = x.stage_change + i * n, *velocity = x.stage_v + i * n;
   expand_changes(t, x, x.solution, change);
-  for (int k = 0; k < n; ++k) velocity[k] = x.v[k] + change[k];
+  for (int k = 0; k < n; ++k) velocity[k] = changed_by(x.v[k], change[k]);
   for (int f = 0; last && f < t.reduction.followers; ++f) velocity[root + t.reduction.follower[f]] += x.correction[f];
   if (x.solves_twice) expand_changes(t, x, x.closing_solution, change);
 }
@@ -86,7 +86,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Til
     }
     x.mean_v[k] = mean;
     x.gained_v[k] = change;
-    x.next_v[k] = x.midpoint_v[k] + change;
+    x.next_v[k] = changed_by(x.midpoint_v[k], change);
   }
   for (int j = 0; j < t.joints; ++j) x.next_q[j] = fma(T(t.step), x.mean_v[root + j], x.begin_q[j]);
   if (!t.floating) return;
@@ -136,10 +136,10 @@ void extrapolated_step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& l
   }
   x.singular = singular;
 
-  for (int j = 0; j < t.joints; ++j) x.begin_q[j] = x.first_q[j], x.next_q[j] = x.first_q[j] + x.change_q[j];
-  for (int k = 0; k < t.velocities; ++k) x.begin_v[k] = x.first_v[k], x.next_v[k] = x.first_v[k] + x.change_v[k];
+  for (int j = 0; j < t.joints; ++j) x.begin_q[j] = x.first_q[j], x.next_q[j] = changed_by(x.first_q[j], x.change_q[j]);
+  for (int k = 0; k < t.velocities; ++k) x.begin_v[k] = x.first_v[k], x.next_v[k] = changed_by(x.first_v[k], x.change_v[k]);
   for (int k = 0; t.floating && k < 7; ++k)
-    x.begin_pose[k] = x.first_pose[k], x.next_root_pose[k] = x.first_pose[k] + x.change_pose[k];
+    x.begin_pose[k] = x.first_pose[k], x.next_root_pose[k] = changed_by(x.first_pose[k], x.change_pose[k]);
   if (t.floating) make_unit(x.next_root_pose + 3, x.next_root_pose + 3);
   return_to_begin(t, x);
 }

@@ -12,7 +12,7 @@
 
 namespace lockstep::kernels {
 
-constexpr int tiles_at_once = 8;  // at the end of a batch 4, 2 or 1 do
+constexpr int tiles_at_once = OperationList::tiles_at_once;
 
 /// One number of each tile.
 template <class T>
@@ -178,7 +178,8 @@ template <class T>
         break;
       case form_of(Does::read, Last::none): read_place(l, k, l.list->accesses[o.a]); break;
       case form_of(Does::write, Last::none): write_place(l, k, l.list->accesses[o.a], failed); break;
-      default: call(static_cast<Call>(o.a), l.t, l.lanes[k], l.tile(k));
+      case form_of(Does::call, Last::none): call(static_cast<Call>(o.a), l.t, l.lanes[k], l.tile(k)); break;
+      default: __builtin_unreachable();
     }
   }
 }
@@ -202,15 +203,19 @@ template <int N, class T>
 #define LOCKSTEP_OF_ONE(does, value)                                        \
   LOCKSTEP_FORM(does, none, slot(o->a), slot(o->a), slot(o->a), value);     \
   LOCKSTEP_FORM(does, a, own, own, own, value)
-#define LOCKSTEP_OF_TWO(does, value)                                        \
+#define LOCKSTEP_OF_TWO_ALIKE(does, value)                                  \
   LOCKSTEP_FORM(does, none, slot(o->a), slot(o->b), slot(o->b), value);     \
-  LOCKSTEP_FORM(does, a, own, slot(o->b), slot(o->b), value);               \
+  LOCKSTEP_FORM(does, a, own, slot(o->b), slot(o->b), value)
+#define LOCKSTEP_OF_TWO(does, value)                                        \
+  LOCKSTEP_OF_TWO_ALIKE(does, value);                                       \
   LOCKSTEP_FORM(does, b, slot(o->a), own, own, value)
-#define LOCKSTEP_OF_THREE(does, value)                                      \
+#define LOCKSTEP_OF_THREE_TWO_ALIKE(does, value)                            \
   LOCKSTEP_FORM(does, none, slot(o->a), slot(o->b), slot(o->c), value);     \
   LOCKSTEP_FORM(does, a, own, slot(o->b), slot(o->c), value);               \
-  LOCKSTEP_FORM(does, b, slot(o->a), own, slot(o->c), value);               \
   LOCKSTEP_FORM(does, c, slot(o->a), slot(o->b), own, value)
+#define LOCKSTEP_OF_THREE(does, value)                                      \
+  LOCKSTEP_OF_THREE_TWO_ALIKE(does, value);                                 \
+  LOCKSTEP_FORM(does, b, slot(o->a), own, slot(o->c), value)
 #define LOCKSTEP_OF_CONSTANT(does, value)                                   \
   LOCKSTEP_FORM(does, none, constant(o->a), slot(o->b), slot(o->c), value); \
   LOCKSTEP_FORM(does, b, constant(o->a), own, slot(o->c), value);           \
@@ -219,18 +224,18 @@ template <int N, class T>
       LOCKSTEP_OF_ONE(negate, -a);
       LOCKSTEP_OF_ONE(sqrt, sqrt(a));
       LOCKSTEP_OF_ONE(invert, number(~mask_of(a)));
-      LOCKSTEP_OF_TWO(add, a + b);
+      LOCKSTEP_OF_TWO_ALIKE(add, a + b);
       LOCKSTEP_OF_TWO(subtract, a - b);
-      LOCKSTEP_OF_TWO(multiply, a * b);
+      LOCKSTEP_OF_TWO_ALIKE(multiply, a * b);
       LOCKSTEP_OF_TWO(divide, a / b);
       LOCKSTEP_OF_TWO(farther, farther(a, b));
       LOCKSTEP_OF_TWO(less, number(less(a, b)));
       LOCKSTEP_OF_TWO(beyond, number(beyond(b, a)));
       LOCKSTEP_OF_TWO(either, number(mask_of(a) | mask_of(b)));
       LOCKSTEP_OF_TWO(both, number(mask_of(a) & mask_of(b)));
-      LOCKSTEP_OF_THREE(fma, fma(a, b, c));
-      LOCKSTEP_OF_THREE(fnma, fnma(a, b, c));
-      LOCKSTEP_OF_THREE(fms, fma(a, b, -c));
+      LOCKSTEP_OF_THREE_TWO_ALIKE(fma, fma(a, b, c));
+      LOCKSTEP_OF_THREE_TWO_ALIKE(fnma, fnma(a, b, c));
+      LOCKSTEP_OF_THREE_TWO_ALIKE(fms, fma(a, b, -c));
       LOCKSTEP_OF_THREE(select, select(mask_of(a), b, c));
       LOCKSTEP_OF_CONSTANT(add_constant, a + b);
       LOCKSTEP_OF_CONSTANT(subtract_from_constant, a - b);
@@ -242,7 +247,9 @@ template <int N, class T>
       LOCKSTEP_FORM(fill_rounding, none, own, own, own, T::rounding());
 #undef LOCKSTEP_FORM
 #undef LOCKSTEP_OF_ONE
+#undef LOCKSTEP_OF_TWO_ALIKE
 #undef LOCKSTEP_OF_TWO
+#undef LOCKSTEP_OF_THREE_TWO_ALIKE
 #undef LOCKSTEP_OF_THREE
 #undef LOCKSTEP_OF_CONSTANT
       default: do_other(l, *o);

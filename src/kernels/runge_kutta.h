@@ -50,13 +50,6 @@ void slope(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T
   for (int k = 0; k < 3; ++k) change[3 + k] = fnma(T(t.dt), turning[k], change[3 + k]);
 }
 
-/// The change is rounded by itself before: where its parts were added to the number one by one, each would be rounded as
-/// the number is, which costs floats half of their accuracy.
-template <class T>
-LOCKSTEP_INLINE T changed_by(T number, T change) {
-  return number + change;
-}
-
 template <class T>
 void runge_kutta_step(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
   using S = ScalarOf<T>;

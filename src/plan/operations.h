@@ -47,6 +47,8 @@ struct Access {
 };
 
 struct OperationList {
+  static constexpr int tiles_at_once = 8;  ///< at the end of a batch 4, 2 or 1 do
+
   Span<Operation> constants_first;  ///< puts constants where no operation changes them
   Span<Access> before;    ///< read before the first step of a call
   Span<Operation> step;

@@ -196,6 +196,23 @@ TEST(Fault, of_an_impossible_pivot_is_singular_by_tables_and_lists) {
     }
 }
 
+// An effort beyond its limit is the limit, however far beyond; what is no number is none of them.
+TEST(Fault, of_none_where_an_infinite_effort_has_a_limit) {
+  Model model = physics::sliders({1.0, 2.0});
+  for (Joint& joint : model.joints) joint.effort_limit = 3.0;
+  const Plan plan = compile(model, physics::settings(Method::direct));
+  for (const bool listed : {false, true}) {
+    Batch<float> batch(plan, 3, {.threads = 1, .listed = listed});
+    batch.efforts()(0, 0) = std::numeric_limits<float>::infinity();
+    batch.efforts()(0, 1) = 3.0f;
+    batch.efforts()(0, 2) = std::numeric_limits<float>::quiet_NaN();
+    batch.step();
+    EXPECT_EQ(batch.velocities()(0, 0), batch.velocities()(0, 1));
+    EXPECT_EQ(batch.faults()[2], Fault::not_finite);
+    EXPECT_EQ(batch.faulted(), 1);
+  }
+}
+
 TEST(Fault, of_none_where_fields_have_no_rows) {
   StepSettings settings = physics::settings(Method::direct);
   settings.per_environment = {Parameter::gear_ratio, Parameter::offset, Parameter::coupling_switch};

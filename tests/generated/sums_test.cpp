@@ -10,6 +10,7 @@ namespace {
 
 // A step of a few sums of four inputs, and what it stores.
 struct Step : Recording {
+  int stage = 0;
   Id w = input("w"), x = input("x"), y = input("y"), z = input("z");
 
   Id input(const char* name) { return graph.input({name}, false); }
@@ -18,11 +19,11 @@ struct Step : Recording {
   Id multiply(Id a, Id b) { return graph.operation(Op::multiply, a, b); }
   Id divide(Id a, Id b) { return graph.operation(Op::divide, a, b); }
   Id fma(Id a, Id b, Id c) {
-    sums.push_back({c, a, b, false, graph.operation(Op::fma, a, b, c)});
+    sums.push_back({c, a, b, false, stage, graph.operation(Op::fma, a, b, c)});
     return sums.back().result;
   }
   Id sum(Op op, Id a, Id b) {
-    sums.push_back({a, b, -1, op == Op::subtract, graph.operation(op, a, b)});
+    sums.push_back({a, b, -1, op == Op::subtract, stage, graph.operation(op, a, b)});
     return sums.back().result;
   }
   Step& store(Id result) {
@@ -72,6 +73,15 @@ TEST(Sums, leave_alone_what_others_want) {
   EXPECT_EQ(terms(s, 1), " + z + (sum)");
   const auto found = terms_of(s, s);
   EXPECT_FALSE(found[2][0].apart || found[2][1].apart);
+}
+
+// What a call makes of a number is another number behind it.
+TEST(Sums, leave_alone_what_was_made_before_a_call) {
+  Step s;
+  const Id before = s.add(s.x, s.y);
+  ++s.stage;
+  s.store(s.add(before, s.z));
+  EXPECT_EQ(terms(s, 1), " + z + (sum)");
 }
 
 TEST(Sums, wait_for_nothing_that_could_come_later) {
