@@ -30,7 +30,8 @@ class Workers {
     if (serial_) return act(0, count, own_.data());
     const auto all = [&] {
       const int threads = tbb::this_task_arena::max_concurrency();
-      const std::ptrdiff_t unit = count >= threads * tasks_per_thread * together ? std::max(per_line, together) : per_line;
+      const bool enough = count >= threads * tasks_per_thread * together;
+      const std::ptrdiff_t unit = enough ? std::max(per_line, together) : per_line;
       const std::ptrdiff_t units = (count + unit - 1) / unit;
       tbb::parallel_for(
           tbb::blocked_range<std::ptrdiff_t>(0, units, units_per_task(units, each * static_cast<double>(unit), threads)),
