@@ -6,7 +6,6 @@
 #include <set>
 #include <stdexcept>
 
-#include "../kernels/listed.h"
 #include "lockstep/error.h"
 #include "made.h"
 #include "record.h"
@@ -71,7 +70,13 @@ class Lister {
     return operations_.size() <= longest;
   }
 
-  OperationList finish(lockstep::Store& store);
+  OperationList finish(lockstep::Store& store, bool apart) {
+    drop_unused();
+    return in_slots({.constants_first = std::move(constants_first_), .before = std::move(before_),
+                     .operations = in_chains(std::move(operations_), values_, lasting_), .after = std::move(after_),
+                     .constants = std::move(constants_), .values = values_, .apart = apart || calls_},
+                    store);
+  }
 
  private:
   const Node& node(Id id) const { return nodes_[id]; }
@@ -284,86 +289,6 @@ void Lister::drop_unused() {
   std::erase_if(operations_, [&](const Made& made) { return made.does == Does::negate && !used[made.to]; });
 }
 
-// Slots of numbers, those apart that go from one operation to the next.
-OperationList Lister::finish(lockstep::Store& store) {
-  drop_unused();
-  operations_ = in_chains(std::move(operations_), values_, lasting_);
-  const std::size_t count = static_cast<std::size_t>(values_);
-  std::vector<int> slot(count, -1), last(count, -1), free;
-  std::vector<char> passed_on(count, false);
-  int slots = 0;
-  for (const Made& made : constants_first_) slot[made.to] = slots++;
-  for (const Touch& read : before_) slot[read.value] = slots++;
-  const int lasting = slots;
-  for (std::size_t i = 0; i < operations_.size(); ++i) {
-    const Made& made = operations_[i];
-    used_by(made, [&](Value v) { last[v] = static_cast<int>(i); });
-    if (made.last != Last::none) passed_on[made.from[static_cast<int>(made.last) - 1]] = true;
-  }
-
-  std::vector<Access> accesses;
-  const auto short_of = [](std::size_t number) {
-    if (number >= Operation::nowhere) throw std::length_error("a list is longer than its numbers allow");
-    return static_cast<std::uint16_t>(number);
-  };
-  const auto access = [&](const Touch& t) -> Access {
-    const bool fits = t.place.array < kernels::Places::most || t.place.array >= Access::first_row;
-    if (!fits) throw std::logic_error("a tile has more arrays than lists can name: see kernels::Places");
-    return {slot[t.value], t.place.array, t.place.number};
-  };
-  const auto touch = [&](const std::vector<Touch>& touches) {
-    for (const Touch& t : touches) accesses.push_back(access(t));
-    return short_of(accesses.size());
-  };
-  const auto operation = [&](const Made& made) {
-    const auto of = [&](Value v) { return v < 0 || passed_on[v] ? Operation::nowhere : short_of(static_cast<std::size_t>(slot[v])); };
-    const auto number = [&](Value v) { return v < 0 || passed_on[v] ? std::uint16_t{0} : of(v); };
-    Operation o{.form = short_of(static_cast<std::size_t>(form_of(made.does, made.last))), .to = of(made.to),
-                .a = number(made.from[0]), .b = number(made.from[1]), .c = number(made.from[2]), .d = 0};
-    if (made.constant >= 0) o.a = short_of(static_cast<std::size_t>(made.constant));
-    switch (made.does) {
-      case Does::sincos: o.c = of(made.also_to); break;
-      case Does::read: o.a = short_of(accesses.size()), touch(made.reads); break;
-      case Does::write: o.a = short_of(accesses.size()), touch(made.writes); break;
-      case Does::call: o.a = static_cast<std::uint16_t>(made.call); break;
-      case Does::call_if:
-        o.to = o.a, o.d = static_cast<std::uint16_t>(made.call);
-        o.a = short_of(accesses.size()), o.b = touch(made.writes), o.c = touch(made.reads);
-        break;
-      default: break;
-    }
-    return o;
-  };
-
-  std::vector<Operation> constants_first, step;
-  for (const Made& made : constants_first_) constants_first.push_back(operation(made));
-  for (std::size_t i = 0; i < operations_.size(); ++i) {
-    const Made& made = operations_[i];
-    used_by(made, [&](Value v) {
-      if (passed_on[v] || slot[v] < lasting || last[v] != static_cast<int>(i)) return;
-      if (std::find(free.begin(), free.end(), slot[v]) == free.end()) free.push_back(slot[v]);
-    });
-    for (Value v : {made.to, made.also_to}) {
-      if (v < 0 || passed_on[v] || slot[v] >= 0) continue;
-      if (free.empty()) free.push_back(slots++);
-      slot[v] = free.back();
-      free.pop_back();
-    }
-    for (Value v : {made.to, made.also_to})
-      if (v >= 0 && !passed_on[v] && last[v] < 0 && slot[v] >= lasting) free.push_back(slot[v]);
-    step.push_back(operation(made));
-  }
-  const auto accesses_of = [&](const std::vector<Touch>& touches) {
-    std::vector<Access> all;
-    for (const Touch& t : touches) all.push_back(access(t));
-    return store.keep(std::move(all));
-  };
-  return {.constants_first = store.keep(std::move(constants_first)), .before = accesses_of(before_),
-          .step = store.keep(std::move(step)), .after = accesses_of(after_), .apart = calls_,
-          .constants = store.keep(std::move(constants_)),
-          .accesses = store.keep(std::move(accesses)), .slots = slots};
-}
-
 // In the tile, which stages that are called look for there.
 bool has_numbers_per_environment(const Program& program) {
   const auto& declared = program.settings.per_environment;
@@ -379,9 +304,7 @@ const OperationList* operation_list(const Program& program) {
       const auto list = [&](const Graph& graph) {
         Lister lister(graph);
         if (!lister.go_through()) return OperationList{};
-        OperationList operations = lister.finish(listed.store);
-        operations.apart = operations.apart || has_numbers_per_environment(program);
-        return operations;
+        return lister.finish(listed.store, has_numbers_per_environment(program));
       };
       const RecordedStep step = record_step(program);
       listed.list = list(step.any);

@@ -5,7 +5,7 @@
 #include <set>
 #include <vector>
 
-#include "../plan/operations.h"
+#include "../plan/program.h"
 #include "graph.h"
 
 namespace lockstep::generate {
@@ -36,11 +36,23 @@ void used_by(const Made& made, Use use) {
   for (const Touch& touch : made.reads) use(touch.value);
 }
 
-/// Its first two numbers are as good the other way round.
-bool commutes(Does does);
+/// A list while it is made.
+struct MadeList {
+  std::vector<Made> constants_first;
+  std::vector<Touch> before;
+  std::vector<Made> operations;
+  std::vector<Touch> after;
+  std::vector<double> constants;
+  int values;  // one more than the highest
+  bool apart;
+};
 
 /// The same operations, each right behind one that makes a number for it alone, where there is such a one: that number
 /// need not be stored. `values` is one more than the highest; those that are `lasting` are wanted by others too.
 std::vector<Made> in_chains(std::vector<Made> operations, int values, const std::set<Value>& lasting);
+
+/// Gives values slots, the same one to several that are wanted one after the other, and writes the list down. Throws
+/// std::length_error where it is longer than its numbers allow.
+OperationList in_slots(const MadeList& made, lockstep::Store& store);
 
 }  // namespace lockstep::generate

@@ -5,8 +5,6 @@
 namespace lockstep::generate {
 namespace {
 
-bool is_arithmetic(Does does) { return does < Does::sincos; }
-
 class Chains {
  public:
   Chains(std::vector<Made> operations, int values, const std::set<Value>& lasting)
@@ -71,17 +69,6 @@ class Chains {
 };
 
 }  // namespace
-
-bool commutes(Does does) {
-  switch (does) {
-    case Does::add:
-    case Does::multiply:
-    case Does::fma:
-    case Does::fnma:
-    case Does::fms: return true;
-    default: return false;
-  }
-}
 
 std::vector<Made> in_chains(std::vector<Made> operations, int values, const std::set<Value>& lasting) {
   return Chains(std::move(operations), values, lasting).in_order();

@@ -7,7 +7,7 @@
 // step leave it anyway, and the stages' loops are faster then: docs/kernels.md has from where on.
 #pragma once
 
-#include "../plan/operations.h"
+#include "operate.h"
 #include "step.h"
 
 namespace lockstep::kernels {
@@ -79,15 +79,6 @@ LOCKSTEP_INLINE T& number_of(Listed<T>& l, int k, const Access& access) {
 }
 
 template <class T>
-LOCKSTEP_INLINE typename T::Mask mask_of(const T& number) {
-  return {bits(number)};
-}
-template <class T>
-LOCKSTEP_INLINE T number_from(typename T::Mask mask) {
-  return T::from_bits(mask.bits);
-}
-
-template <class T>
 LOCKSTEP_INLINE void read_place(Listed<T>& l, int k, const Access& access) {
   T& to = l.slots[access.slot].tile[k];
   if (access.array >= Access::first_row)
@@ -138,123 +129,98 @@ void call_if(Listed<T>& l, const Operation& o) {
   }
 }
 
-/// What an operation finds for one of its numbers: a slot, a constant, or the last result.
 template <class T>
-struct FromSlot {
-  const T* tile;
-  LOCKSTEP_INLINE T operator()(int k) const { return tile[k]; }
-};
-template <class T>
-struct Constant {
-  T number;
-  LOCKSTEP_INLINE T operator()(int) const { return number; }
-};
-template <class T>
-struct FromLast {
-  const T* last;
-  LOCKSTEP_INLINE T operator()(int k) const { return last[k]; }
-};
-
-/// For N tiles.
-template <int N, class T, class A, class B, class C, class Act>
-LOCKSTEP_INLINE void each(Slot<T>* slots, T* last, const Operation& o, A a, B b, C c, Act act) {
-#pragma GCC unroll 8
-  for (int k = 0; k < N; ++k) last[k] = act(a(k), b(k), c(k));
-  if (o.to == Operation::nowhere) return;
-  T* const to = slots[o.to].tile;
-#pragma GCC unroll 8
-  for (int k = 0; k < N; ++k) to[k] = last[k];
+void sines(Listed<T>& l, const Operation& o) {
+  const T* const angle = l.slots[o.a].tile;
+  T *const sine = l.slots[o.to].tile, *const cosine = l.slots[o.c].tile;
+  int k = 0;
+  for (; k + 4 <= l.tiles; k += 4) sincos_of_four(angle + k, sine + k, cosine + k);
+  for (; k < l.tiles; ++k) sincos(angle[k], sine[k], cosine[k]);
 }
 
-/// What is more than an operation on numbers. Apart, so that registers are left to the operations.
-template <class T>
+/// What is more than an operation on numbers. Apart, as it needs the registers.
+template <Does does, class T>
 [[gnu::noinline]] void do_other(Listed<T>& l, const Operation& o) {
-  if (o.form == form_of(Does::call_if, Last::none)) return call_if(l, o);
-  typename T::Mask failed;
+  if constexpr (does == Does::sincos) return sines(l, o);
+  if constexpr (does == Does::call_if) return call_if(l, o);
+  [[maybe_unused]] typename T::Mask failed;
   for (int k = 0; k < l.tiles; ++k) {
-    switch (o.form) {
-      case form_of(Does::sincos, Last::none):
-        sincos(l.slots[o.a].tile[k], l.slots[o.to].tile[k], l.slots[o.c].tile[k]);
-        break;
-      case form_of(Does::read, Last::none): read_place(l, k, l.list->accesses[o.a]); break;
-      case form_of(Does::write, Last::none): write_place(l, k, l.list->accesses[o.a], failed); break;
-      case form_of(Does::call, Last::none): call(static_cast<Call>(o.a), l.t, l.lanes[k], l.tile(k)); break;
-      default: __builtin_unreachable();
-    }
+    if constexpr (does == Does::read) read_place(l, k, l.list->accesses[o.a]);
+    if constexpr (does == Does::write) write_place(l, k, l.list->accesses[o.a], failed);
+    if constexpr (does == Does::call) call(static_cast<Call>(o.a), l.t, l.lanes[k], l.tile(k));
   }
 }
+
+/// One operation on N tiles.
+template <Form form, int N, class T>
+LOCKSTEP_INLINE void operate(const Operation& o, Slot<T>* slots, const double* constants, Listed<T>& l, T* last) {
+  if constexpr (is_arithmetic(form.does)) {
+    const T *const a = slots[o.a].tile, *const b = slots[o.b].tile, *const c = slots[o.c].tile;
+    constexpr bool of_constant = is_of_constant(form.does);
+    const T constant = of_constant ? T(static_cast<ScalarOf<T>>(constants[o.a])) : T(0);
+#pragma GCC unroll 8
+    for (int k = 0; k < N; ++k)
+      last[k] = made_of<form.does>(of_constant ? constant : form.last == Last::a ? last[k] : a[k],
+                                   form.last == Last::b ? last[k] : b[k], form.last == Last::c ? last[k] : c[k]);
+    if constexpr (!form.stored) return;
+    T* const to = slots[o.to].tile;
+#pragma GCC unroll 8
+    for (int k = 0; k < N; ++k) to[k] = last[k];
+  } else {
+    do_other<form.does>(l, o);
+    for (int k = 0; k < N; ++k) last[k] = T(0);  // nobody wants it, and nothing need be kept over the call
+  }
+}
+
+/// An operation on N tiles, or two, and then all that follow. What goes along, the last result of each tile with it, is an
+/// argument so as to stay in a register, and a call that ends a function is a jump: to be compiled with what makes it one.
+/// Each form has a jump of its own, which processors foresee better than one for all (Ertl and Gregg 2003).
+template <class T>
+using Act = void (*)(const Operation* o, Slot<T>* slots, const double* constants, Listed<T>& l, T, T, T, T, T, T, T, T);
+
+/// By the forms' numbers.
+template <int N, class T>
+struct Acts {
+  Act<T> of[all_forms];
+  static const Acts all;
+};
+
+template <int form, int N, class T>
+void act(const Operation* o, Slot<T>* slots, const double* constants, Listed<T>& l,
+         T last0, T last1, T last2, T last3, T last4, T last5, T last6, T last7) {
+  T last[tiles_at_once] = {last0, last1, last2, last3, last4, last5, last6, last7};
+  if constexpr (form < single_forms) {
+    constexpr Form single = Form::of(form);
+    if constexpr (single.does == Does::end) return;
+    operate<single, N>(*o++, slots, constants, l, last);
+  } else {
+    constexpr Superoperator pair = Superoperator::of(form - single_forms);
+    operate<pair.first, N>(*o++, slots, constants, l, last);
+    operate<pair.second, N>(*o++, slots, constants, l, last);
+  }
+  return Acts<N, T>::all.of[o->form](o, slots, constants, l,
+                                 last[0], last[1], last[2], last[3], last[4], last[5], last[6], last[7]);
+}
+
+template <int form, int N, class T>
+constexpr void fill_from(Acts<N, T>& acts) {
+  if constexpr (form >= single_forms || can_be(Form::of(form))) acts.of[form] = act<form, N, T>;
+  if constexpr (form + 1 < all_forms) fill_from<form + 1>(acts);
+}
+template <int N, class T>
+constexpr Acts<N, T> all_acts() {
+  Acts<N, T> acts = {};
+  fill_from<0>(acts);
+  return acts;
+}
+template <int N, class T>
+constinit const Acts<N, T> Acts<N, T>::all = all_acts<N, T>();
 
 template <int N, class T>
-[[gnu::noinline]] void go_through(Listed<T>& l, Span<Operation> operations) {
-  const auto number = [](typename T::Mask mask) LOCKSTEP_INLINED { return number_from<T>(mask); };
-  Slot<T>* const slots = l.slots;
-  const double* const constants = l.list->constants.data;
-  const auto slot = [=](int i) LOCKSTEP_INLINED { return FromSlot<T>{slots[i].tile}; };
-  const auto constant = [=](int i) LOCKSTEP_INLINED { return Constant<T>{T(static_cast<ScalarOf<T>>(constants[i]))}; };
-  T last[N] = {};
-  const FromLast<T> own{last};
-  for (const Operation *o = operations.data, *end = o + operations.count; o != end; ++o) {
-    switch (o->form) {
-#define LOCKSTEP_FORM(does, which, from_a, from_b, from_c, value)                                        \
-  case form_of(Does::does, Last::which):                                                                 \
-    each<N>(slots, last, *o, from_a, from_b, from_c,                                              \
-            [&]([[maybe_unused]] T a, [[maybe_unused]] T b, [[maybe_unused]] T c) LOCKSTEP_INLINED { return value; }); \
-    break
-#define LOCKSTEP_OF_ONE(does, value)                                        \
-  LOCKSTEP_FORM(does, none, slot(o->a), slot(o->a), slot(o->a), value);     \
-  LOCKSTEP_FORM(does, a, own, own, own, value)
-#define LOCKSTEP_OF_TWO_ALIKE(does, value)                                  \
-  LOCKSTEP_FORM(does, none, slot(o->a), slot(o->b), slot(o->b), value);     \
-  LOCKSTEP_FORM(does, a, own, slot(o->b), slot(o->b), value)
-#define LOCKSTEP_OF_TWO(does, value)                                        \
-  LOCKSTEP_OF_TWO_ALIKE(does, value);                                       \
-  LOCKSTEP_FORM(does, b, slot(o->a), own, own, value)
-#define LOCKSTEP_OF_THREE_TWO_ALIKE(does, value)                            \
-  LOCKSTEP_FORM(does, none, slot(o->a), slot(o->b), slot(o->c), value);     \
-  LOCKSTEP_FORM(does, a, own, slot(o->b), slot(o->c), value);               \
-  LOCKSTEP_FORM(does, c, slot(o->a), slot(o->b), own, value)
-#define LOCKSTEP_OF_THREE(does, value)                                      \
-  LOCKSTEP_OF_THREE_TWO_ALIKE(does, value);                                 \
-  LOCKSTEP_FORM(does, b, slot(o->a), own, slot(o->c), value)
-#define LOCKSTEP_OF_CONSTANT(does, value)                                   \
-  LOCKSTEP_FORM(does, none, constant(o->a), slot(o->b), slot(o->c), value); \
-  LOCKSTEP_FORM(does, b, constant(o->a), own, slot(o->c), value);           \
-  LOCKSTEP_FORM(does, c, constant(o->a), slot(o->b), own, value)
-      LOCKSTEP_OF_ONE(copy, a);
-      LOCKSTEP_OF_ONE(negate, -a);
-      LOCKSTEP_OF_ONE(sqrt, sqrt(a));
-      LOCKSTEP_OF_ONE(invert, number(~mask_of(a)));
-      LOCKSTEP_OF_TWO_ALIKE(add, a + b);
-      LOCKSTEP_OF_TWO(subtract, a - b);
-      LOCKSTEP_OF_TWO_ALIKE(multiply, a * b);
-      LOCKSTEP_OF_TWO(divide, a / b);
-      LOCKSTEP_OF_TWO(farther, farther(a, b));
-      LOCKSTEP_OF_TWO(less, number(less(a, b)));
-      LOCKSTEP_OF_TWO(beyond, number(beyond(b, a)));
-      LOCKSTEP_OF_TWO(either, number(mask_of(a) | mask_of(b)));
-      LOCKSTEP_OF_TWO(both, number(mask_of(a) & mask_of(b)));
-      LOCKSTEP_OF_THREE_TWO_ALIKE(fma, fma(a, b, c));
-      LOCKSTEP_OF_THREE_TWO_ALIKE(fnma, fnma(a, b, c));
-      LOCKSTEP_OF_THREE_TWO_ALIKE(fms, fma(a, b, -c));
-      LOCKSTEP_OF_THREE(select, select(mask_of(a), b, c));
-      LOCKSTEP_OF_CONSTANT(add_constant, a + b);
-      LOCKSTEP_OF_CONSTANT(subtract_from_constant, a - b);
-      LOCKSTEP_OF_CONSTANT(multiply_constant, a * b);
-      LOCKSTEP_OF_CONSTANT(fma_constant, fma(a, b, c));
-      LOCKSTEP_OF_CONSTANT(fnma_constant, fnma(a, b, c));
-      LOCKSTEP_OF_CONSTANT(beyond_constant, number(beyond(b, a)));
-      LOCKSTEP_FORM(fill, none, constant(o->a), constant(o->a), constant(o->a), a);
-      LOCKSTEP_FORM(fill_rounding, none, own, own, own, T::rounding());
-#undef LOCKSTEP_FORM
-#undef LOCKSTEP_OF_ONE
-#undef LOCKSTEP_OF_TWO_ALIKE
-#undef LOCKSTEP_OF_TWO
-#undef LOCKSTEP_OF_THREE_TWO_ALIKE
-#undef LOCKSTEP_OF_THREE
-#undef LOCKSTEP_OF_CONSTANT
-      default: do_other(l, *o);
-    }
-  }
+LOCKSTEP_INLINE void go_through(Listed<T>& l, Span<Operation> list) {
+  const T none(0);
+  Acts<N, T>::all.of[list[0].form](list.data, l.slots, l.list->constants.data, l,
+                               none, none, none, none, none, none, none, none);
 }
 
 /// From the batch into the tiles' slots, as many as there is room for. False and not all of them where one is not in

@@ -39,30 +39,55 @@ struct SincosConstants<double> {
 template <class S>
 inline constexpr int sincos_flops = 10 + 4 * (SincosConstants<S>::terms - 1) + 11;
 
-template <class S, int W, class A>
-LOCKSTEP_INLINE void sincos(Wide<S, W, A> x, Wide<S, W, A>& sine, Wide<S, W, A>& cosine) {
-  using T = Wide<S, W, A>;
-  using C = SincosConstants<S>;
-  const T shifted = fma(x, T(S(0.636619772367581343)), T(C::round));
-  const typename T::Bits quadrant = bits(shifted);
-  const T turns = shifted - T(C::round);
-  T r = x;
-  for (int i = 0; i < 3; ++i) r = fnma(T(C::half_pi[i]), turns, r);
-  const T z = r * r;
-  T s = T(C::sine[0]), c = T(C::cosine[0]);
-  for (int i = 1; i < C::terms; ++i) {
+/// On the way to both.
+template <class T>
+struct Turning {
+  using C = SincosConstants<typename T::Scalar>;
+  T r, z, s, c;
+  typename T::Bits quadrant;
+
+  LOCKSTEP_INLINE explicit Turning(T x) : r(x), s(C::sine[0]), c(C::cosine[0]) {
+    const T shifted = fma(x, T(typename T::Scalar(0.636619772367581343)), T(C::round));
+    quadrant = bits(shifted);
+    const T turns = shifted - T(C::round);
+    for (int i = 0; i < 3; ++i) r = fnma(T(C::half_pi[i]), turns, r);
+    z = r * r;
+  }
+  LOCKSTEP_INLINE void add_term(int i) {
     s = fma(s, z, T(C::sine[i]));
     c = fma(c, z, T(C::cosine[i]));
   }
-  s = fma(s * z, r, r);
-  c = fma(z * z, c, fnma(T(S(0.5)), z, T(S(1))));
-  // Bit 0 of the quadrant swaps the two, bit 1 turns the sine's sign, both bits together the cosine's.
-  constexpr int top = 8 * sizeof(S) - 1;
-  const typename T::Bits sign = (typename T::Bits{} + 1) << top;
-  const typename T::Bits odd = quadrant << top, sine_sign = (quadrant << (top - 1)) & sign;
-  const typename T::Bits swap = (bits(s) ^ bits(c)) & (odd >> top);
-  sine = T::from_bits(bits(s) ^ swap ^ sine_sign);
-  cosine = T::from_bits(bits(c) ^ swap ^ odd ^ sine_sign);
+  LOCKSTEP_INLINE void end(T& sine, T& cosine) {
+    s = fma(s * z, r, r);
+    c = fma(z * z, c, fnma(T(typename T::Scalar(0.5)), z, T(typename T::Scalar(1))));
+    // Bit 0 of the quadrant swaps the two, bit 1 turns the sine's sign, both bits together the cosine's.
+    constexpr int top = 8 * sizeof(typename T::Scalar) - 1;
+    const typename T::Bits sign = (typename T::Bits{} + 1) << top;
+    const typename T::Bits odd = quadrant << top, sine_sign = (quadrant << (top - 1)) & sign;
+    const typename T::Bits swap = (bits(s) ^ bits(c)) & (odd >> top);
+    sine = T::from_bits(bits(s) ^ swap ^ sine_sign);
+    cosine = T::from_bits(bits(c) ^ swap ^ odd ^ sine_sign);
+  }
+};
+
+template <class S, int W, class A>
+LOCKSTEP_INLINE void sincos(Wide<S, W, A> x, Wide<S, W, A>& sine, Wide<S, W, A>& cosine) {
+  Turning<Wide<S, W, A>> turning(x);
+  for (int i = 1; i < SincosConstants<S>::terms; ++i) turning.add_term(i);
+  turning.end(sine, cosine);
+}
+
+/// Of four side by side: one after the other they would wait for each of their terms.
+template <class S, int W, class A>
+LOCKSTEP_INLINE void sincos_of_four(const Wide<S, W, A>* x, Wide<S, W, A>* sine, Wide<S, W, A>* cosine) {
+  using One = Turning<Wide<S, W, A>>;
+  One turning[4] = {One(x[0]), One(x[1]), One(x[2]), One(x[3])};
+#pragma GCC unroll 8
+  for (int i = 1; i < SincosConstants<S>::terms; ++i)
+#pragma GCC unroll 4
+    for (One& one : turning) one.add_term(i);
+#pragma GCC unroll 4
+  for (int k = 0; k < 4; ++k) turning[k].end(sine[k], cosine[k]);
 }
 
 }  // namespace lockstep::simd

@@ -1,6 +1,8 @@
 // Views, inputs, resets and life of a Batch. SPDX-License-Identifier: Apache-2.0
 #include "lockstep/batch.h"
 
+#include <pthread.h>
+
 #include <optional>
 
 #include "contract.h"
@@ -235,6 +237,32 @@ TEST(Batch, of_262144_environments_steps_each_as_if_alone) {
   for (int i = 0; i < 4; ++i) EXPECT_TRUE(same_bits(huge, places[i], small, i));
   EXPECT_EQ(huge.faulted(), 0);
   EXPECT_TRUE((huge.positions().row(3).segment(1, 131000) == huge.positions()(3, 1)).all());
+}
+
+// ---------------------------------------------------------------- stack
+
+// An operation calls the next one; calls that are no jumps would take a megabyte for seventeen thousand of them.
+TEST(Stack, lists_of_many_operations_take_little_of_it) {
+  const Plan plan = compile(scenes::chain32(), {.method = Method::pgs});
+  for (const Target target : all_targets) {
+    if (!supported(target)) continue;
+    SCOPED_TRACE(name(target));
+    Batch<double> batch(plan, 9, {.threads = 1, .target = target, .listed = true});
+    ASSERT_EQ(batch.kernel(), "operations");
+    pthread_attr_t small;
+    pthread_attr_init(&small);
+    ASSERT_EQ(pthread_attr_setstacksize(&small, 256 * 1024), 0);
+    const auto step = [](void* of) -> void* {
+      static_cast<Batch<double>*>(of)->step();
+      return nullptr;
+    };
+    pthread_t thread;
+    ASSERT_EQ(pthread_create(&thread, &small, step, &batch), 0);
+    pthread_join(thread, nullptr);
+    pthread_attr_destroy(&small);
+    EXPECT_EQ(batch.faulted(), 0);
+    EXPECT_TRUE((batch.velocities() != 0.0).any());
+  }
 }
 
 }  // namespace
