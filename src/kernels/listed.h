@@ -151,32 +151,104 @@ template <Does does, class T>
   }
 }
 
+/// A tile's number a, b or c of an operation that has it.
+template <Form form, Last which, class T>
+LOCKSTEP_INLINE T number_of(const Slot<T>* slots, std::uint16_t slot, int k, T last) {
+  if constexpr (static_cast<int>(which) > operands(form.does))
+    return T(0);
+  else if constexpr (form.last == which)
+    return last;
+  else
+    return slots[slot].tile[k];
+}
+
 /// One operation on N tiles.
 template <Form form, int N, class T>
 LOCKSTEP_INLINE void operate(const Operation& o, Slot<T>* slots, const double* constants, Listed<T>& l, T* last) {
   if constexpr (is_arithmetic(form.does)) {
-    const T *const a = slots[o.a].tile, *const b = slots[o.b].tile, *const c = slots[o.c].tile;
     constexpr bool of_constant = is_of_constant(form.does);
     const T constant = of_constant ? T(static_cast<ScalarOf<T>>(constants[o.a])) : T(0);
 #pragma GCC unroll 8
-    for (int k = 0; k < N; ++k)
-      last[k] = made_of<form.does>(of_constant ? constant : form.last == Last::a ? last[k] : a[k],
-                                   form.last == Last::b ? last[k] : b[k], form.last == Last::c ? last[k] : c[k]);
+    for (int k = 0; k < N; ++k) {
+      T a = constant;
+      if constexpr (!of_constant) a = number_of<form, Last::a>(slots, o.a, k, last[k]);
+      last[k] = made_of<form.does>(a, number_of<form, Last::b>(slots, o.b, k, last[k]),
+                                   number_of<form, Last::c>(slots, o.c, k, last[k]));
+    }
     if constexpr (!form.stored) return;
     T* const to = slots[o.to].tile;
 #pragma GCC unroll 8
     for (int k = 0; k < N; ++k) to[k] = last[k];
   } else {
     do_other<form.does>(l, o);
-    for (int k = 0; k < N; ++k) last[k] = T(0);  // nobody wants it, and nothing need be kept over the call
   }
 }
 
-/// An operation on N tiles, or two, and then all that follow. What goes along, the last result of each tile with it, is an
-/// argument so as to stay in a register, and a call that ends a function is a jump: to be compiled with what makes it one.
-/// Each form has a jump of its own, which processors foresee better than one for all (Ertl and Gregg 2003).
+/// Or the two of a superoperator.
+template <int form, int N, class T>
+LOCKSTEP_INLINE void operate(const Operation*& o, Slot<T>* slots, const double* constants, Listed<T>& l, T* last) {
+  if constexpr (form < single_forms) {
+    operate<Form::of(form), N>(*o++, slots, constants, l, last);
+  } else {
+    constexpr Superoperator both = Superoperator::of(form - single_forms);
+    operate<both.first, N>(*o++, slots, constants, l, last);
+    operate<both.second, N>(*o++, slots, constants, l, last);
+  }
+}
+
+template <int N, class T>
+struct Acts;
+
+#if defined(__OPTIMIZE__) && !defined(LOCKSTEP_SANITIZED)
+
+/// One form, and then all operations that follow. What goes along, the last result of each tile with it, is an argument so
+/// as to stay in a register, and a call that ends a function is a jump. Each form has a jump of its own, which processors
+/// foresee better than one for all (Ertl and Gregg 2003).
 template <class T>
 using Act = void (*)(const Operation* o, Slot<T>* slots, const double* constants, Listed<T>& l, T, T, T, T, T, T, T, T);
+
+template <int form, int N, class T>
+void act(const Operation* o, Slot<T>* slots, const double* constants, Listed<T>& l,
+         T last0, T last1, T last2, T last3, T last4, T last5, T last6, T last7) {
+  constexpr Does does = form < single_forms ? Form::of(form).does : Does::fma;
+  if constexpr (is_arithmetic(does)) {
+    T last[tiles_at_once] = {last0, last1, last2, last3, last4, last5, last6, last7};
+    operate<form, N>(o, slots, constants, l, last);
+    return Acts<N, T>::all.of[o->form](o, slots, constants, l,
+                                       last[0], last[1], last[2], last[3], last[4], last[5], last[6], last[7]);
+  } else if constexpr (does != Does::end) {
+    operate<form, N, T>(o, slots, constants, l, nullptr);
+    const T none(0);  // nobody wants the last results, and none need be kept over what was called
+    return Acts<N, T>::all.of[o->form](o, slots, constants, l, none, none, none, none, none, none, none, none);
+  }
+}
+
+template <int N, class T>
+LOCKSTEP_INLINE void go_through(Listed<T>& l, Span<Operation> list) {
+  const T none(0);
+  Acts<N, T>::all.of[list[0].form](list.data, l.slots, l.list->constants.data, l,
+                                   none, none, none, none, none, none, none, none);
+}
+
+#else
+
+/// One form. Where compilers make no jumps of calls they would be calls in one another; so a loop does, which is slower.
+template <class T>
+using Act = void (*)(const Operation*& o, Slot<T>* slots, const double* constants, Listed<T>& l, T* last);
+
+template <int form, int N, class T>
+void act(const Operation*& o, Slot<T>* slots, const double* constants, Listed<T>& l, T* last) {
+  operate<form, N>(o, slots, constants, l, last);
+}
+
+template <int N, class T>
+void go_through(Listed<T>& l, Span<Operation> list) {
+  T last[tiles_at_once] = {};
+  for (const Operation* o = list.data; o->form != Form{Does::end}.number();)
+    Acts<N, T>::all.of[o->form](o, l.slots, l.list->constants.data, l, last);
+}
+
+#endif
 
 /// By the forms' numbers.
 template <int N, class T>
@@ -184,23 +256,6 @@ struct Acts {
   Act<T> of[all_forms];
   static const Acts all;
 };
-
-template <int form, int N, class T>
-void act(const Operation* o, Slot<T>* slots, const double* constants, Listed<T>& l,
-         T last0, T last1, T last2, T last3, T last4, T last5, T last6, T last7) {
-  T last[tiles_at_once] = {last0, last1, last2, last3, last4, last5, last6, last7};
-  if constexpr (form < single_forms) {
-    constexpr Form single = Form::of(form);
-    if constexpr (single.does == Does::end) return;
-    operate<single, N>(*o++, slots, constants, l, last);
-  } else {
-    constexpr Superoperator pair = Superoperator::of(form - single_forms);
-    operate<pair.first, N>(*o++, slots, constants, l, last);
-    operate<pair.second, N>(*o++, slots, constants, l, last);
-  }
-  return Acts<N, T>::all.of[o->form](o, slots, constants, l,
-                                 last[0], last[1], last[2], last[3], last[4], last[5], last[6], last[7]);
-}
 
 template <int form, int N, class T>
 constexpr void fill_from(Acts<N, T>& acts) {
@@ -215,13 +270,6 @@ constexpr Acts<N, T> all_acts() {
 }
 template <int N, class T>
 constinit const Acts<N, T> Acts<N, T>::all = all_acts<N, T>();
-
-template <int N, class T>
-LOCKSTEP_INLINE void go_through(Listed<T>& l, Span<Operation> list) {
-  const T none(0);
-  Acts<N, T>::all.of[list[0].form](list.data, l.slots, l.list->constants.data, l,
-                               none, none, none, none, none, none, none, none);
-}
 
 /// From the batch into the tiles' slots, as many as there is room for. False and not all of them where one is not in
 /// place and should be.

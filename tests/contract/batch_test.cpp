@@ -241,27 +241,37 @@ TEST(Batch, of_262144_environments_steps_each_as_if_alone) {
 
 // ---------------------------------------------------------------- stack
 
-// An operation calls the next one; calls that are no jumps would take a megabyte for seventeen thousand of them.
+template <class S>
+void step_with_little_stack(const Plan& plan, Target target) {
+  Batch<S> batch(plan, 9, {.threads = 1, .target = target, .listed = true});
+  ASSERT_EQ(batch.kernel(), "operations");
+  pthread_attr_t small;
+  pthread_attr_init(&small);
+  ASSERT_EQ(pthread_attr_setstacksize(&small, 256 * 1024), 0);
+  const auto step = [](void* of) -> void* {
+    static_cast<Batch<S>*>(of)->step();
+    return nullptr;
+  };
+  pthread_t thread;
+  ASSERT_EQ(pthread_create(&thread, &small, step, &batch), 0);
+  pthread_join(thread, nullptr);
+  pthread_attr_destroy(&small);
+  EXPECT_EQ(batch.faulted(), 0);
+  EXPECT_TRUE((batch.velocities() != S(0)).any());
+}
+
+// An operation calls the next one: a call that is no jump takes a hundred bytes and more, and there are thousands. Where
+// diagnostics are recorded a thousand of them read and write.
 TEST(Stack, lists_of_many_operations_take_little_of_it) {
-  const Plan plan = compile(scenes::chain32(), {.method = Method::pgs});
-  for (const Target target : all_targets) {
-    if (!supported(target)) continue;
-    SCOPED_TRACE(name(target));
-    Batch<double> batch(plan, 9, {.threads = 1, .target = target, .listed = true});
-    ASSERT_EQ(batch.kernel(), "operations");
-    pthread_attr_t small;
-    pthread_attr_init(&small);
-    ASSERT_EQ(pthread_attr_setstacksize(&small, 256 * 1024), 0);
-    const auto step = [](void* of) -> void* {
-      static_cast<Batch<double>*>(of)->step();
-      return nullptr;
-    };
-    pthread_t thread;
-    ASSERT_EQ(pthread_create(&thread, &small, step, &batch), 0);
-    pthread_join(thread, nullptr);
-    pthread_attr_destroy(&small);
-    EXPECT_EQ(batch.faulted(), 0);
-    EXPECT_TRUE((batch.velocities() != 0.0).any());
+  for (const StepSettings& settings : {StepSettings{.method = Method::pgs},
+                                       StepSettings{.method = Method::pgs, .record_diagnostics = true}}) {
+    const Plan plan = compile(scenes::chain32(), settings);
+    for (const Target target : all_targets) {
+      if (!supported(target)) continue;
+      SCOPED_TRACE(name(target));
+      step_with_little_stack<float>(plan, target);
+      step_with_little_stack<double>(plan, target);
+    }
   }
 }
 
