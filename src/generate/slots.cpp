@@ -89,7 +89,9 @@ class Writer {
 
  private:
   Operation operation(const Made& made) {
-    const auto slot = [&](Value v) { return slots_.has(v) ? short_of(static_cast<std::size_t>(slots_.of(v))) : std::uint16_t{0}; };
+    const auto slot = [&](Value v) {
+      return slots_.has(v) ? short_of(static_cast<std::size_t>(slots_.of(v))) : std::uint16_t{0};
+    };
     const Form form{made.does, made.last, is_arithmetic(made.does) && slots_.has(made.to)};
     Operation o{.form = short_of(static_cast<std::size_t>(form.number())), .to = slot(made.to),
                 .a = slot(made.from[0]), .b = slot(made.from[1]), .c = slot(made.from[2]), .d = 0};
