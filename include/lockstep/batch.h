@@ -56,10 +56,10 @@ struct BatchOptions {
   /// Otherwise take the step as a list of operations, each done for 64 environments or so before the next: always,
   /// never, or where that is known to be faster than the tables' loops if there are enough environments - up to 30
   /// velocities to solve for, but not beside friction or kinematic drives, nor by reduced or direct where all couplings
-  /// are soft. describe() tells. Rounds otherwise than they do. Listing takes milliseconds, once for a plan. Plans that solve lane
-  /// by lane or until a servo's limit of effort is satisfied, or take over 40,000 operations, stay with the tables. For
-  /// tests, the environment variable LOCKSTEP_LISTED, set to 0 or 1, stands for a value that is not given; set to
-  /// anything else it is a SettingsError.
+  /// are soft. describe() tells. Rounds otherwise than they do. Listing takes milliseconds, once for a plan. Plans that
+  /// solve lane by lane or until a servo's limit of effort is satisfied, or take over 40,000 operations, stay with the
+  /// tables. For tests, the environment variable LOCKSTEP_LISTED, set to 0 or 1, stands for a value that is not given;
+  /// set to anything else it is a SettingsError.
   std::optional<bool> listed = {};
 };
 

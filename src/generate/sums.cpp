@@ -42,8 +42,7 @@ struct Side {
   // This sum wants it, and nothing else does, unless it is its negative that several want: each then adds it up.
   bool is_own(int sum, bool second) const {
     const Id result = graph.without_sign(sums[sum].result), id = operand(sum, second);
-    return used[result] > 0 && used[id] == 1 &&
-           nodes[id].item >= 0 && nodes[id].item == nodes[result].item;
+    return used[result] > 0 && used[id] == 1 && nodes[id].item >= 0 && nodes[id].item == nodes[result].item;
   }
 
   bool is_sum(Id id) const {

@@ -153,7 +153,7 @@ template <Does does, class T>
 
 /// A tile's number a, b or c of an operation that has it.
 template <Form form, Last which, class T>
-LOCKSTEP_INLINE T number_of(const Slot<T>* slots, std::uint16_t slot, int k, T last) {
+LOCKSTEP_INLINE T operand(const Slot<T>* slots, std::uint16_t slot, int k, T last) {
   if constexpr (static_cast<int>(which) > operands(form.does))
     return T(0);
   else if constexpr (form.last == which)
@@ -171,9 +171,9 @@ LOCKSTEP_INLINE void operate(const Operation& o, Slot<T>* slots, const double* c
 #pragma GCC unroll 8
     for (int k = 0; k < N; ++k) {
       T a = constant;
-      if constexpr (!of_constant) a = number_of<form, Last::a>(slots, o.a, k, last[k]);
-      last[k] = made_of<form.does>(a, number_of<form, Last::b>(slots, o.b, k, last[k]),
-                                   number_of<form, Last::c>(slots, o.c, k, last[k]));
+      if constexpr (!of_constant) a = operand<form, Last::a>(slots, o.a, k, last[k]);
+      last[k] = made_of<form.does>(a, operand<form, Last::b>(slots, o.b, k, last[k]),
+                                   operand<form, Last::c>(slots, o.c, k, last[k]));
     }
     if constexpr (!form.stored) return;
     T* const to = slots[o.to].tile;

@@ -1,4 +1,4 @@
-// Views, inputs, resets and life of a Batch. SPDX-License-Identifier: Apache-2.0
+// Views, inputs, resets, life and stack of a Batch. SPDX-License-Identifier: Apache-2.0
 #include "lockstep/batch.h"
 
 #include <pthread.h>
@@ -261,7 +261,7 @@ void step_with_little_stack(const Plan& plan, Target target) {
 }
 
 // An operation calls the next one: a call that is no jump takes a hundred bytes and more, and there are thousands. Where
-// diagnostics are recorded a thousand of them read and write.
+// diagnostics are recorded two thousand of them read and write.
 TEST(Stack, lists_of_many_operations_take_little_of_it) {
   for (const StepSettings& settings : {StepSettings{.method = Method::pgs},
                                        StepSettings{.method = Method::pgs, .record_diagnostics = true}}) {
