@@ -1,7 +1,8 @@
 // Other engines and this library on the same mechanisms: speed and errors. SPDX-License-Identifier: Apache-2.0
 //
-// One core. Everybody takes turns, repeat by repeat, and the machine's own peak is measured in between, so that what
-// else the machine does falls on all alike.
+// One core. Everybody takes turns, repeat by repeat, and the machine's own peak is measured in between. What else the
+// machine does slows code that waits for memory and branches by up to half, and ours less: so of the others the fastest
+// repeat is told, of this library the median.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -20,7 +21,7 @@ struct Choices {
   std::vector<std::string> scenes = {"chain8", "gripper13", "chain32"};
   std::vector<std::string> engines;
   std::string csv;
-  int repeats = 5;
+  int repeats = 9;
   double seconds = 0.1, horizon = 5.0;
   bool quick = false;
 };
@@ -82,10 +83,13 @@ void compare(const Choices& choices, const std::vector<Contender>& all, const Ya
       progress.update(++done);
     }
   }
-  for (std::size_t i = 0; i < all.size(); ++i)
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const bool own = all[i].engine == "lockstep";
+    const double rate = own ? median(rates[i]) : *std::max_element(rates[i].begin(), rates[i].end());
     write(fmt::format("{},{},{},{:.0f},{:.3f},{:.2e},{:.2e},{:d},{:.1f}\n", tool::csv_field(all[i].engine),
-                      yardstick.scene().name, tool::csv_field(all[i].settings), median(rates[i]), spread(rates[i]),
-                      verdicts[i].rms, verdicts[i].largest_c, verdicts[i].diverged, median(peaks)));
+                      yardstick.scene().name, tool::csv_field(all[i].settings), rate, spread(rates[i]), verdicts[i].rms,
+                      verdicts[i].largest_c, verdicts[i].diverged, median(peaks)));
+  }
 }
 
 int run(const Choices& choices) {
@@ -119,7 +123,7 @@ int main(int argc, char** argv) {
   app.add_option("--csv", choices.csv, "File for the table; without it, the terminal");
   app.add_option("--scenes", choices.scenes, "These alone")->delimiter(',');
   app.add_option("--engines", choices.engines, "These alone: MuJoCo, Bullet, Simbody, lockstep")->delimiter(',');
-  app.add_option("--repeats", choices.repeats, "Of each measurement; medians are told")->capture_default_str();
+  app.add_option("--repeats", choices.repeats, "Of each measurement: the others' fastest is told, our median")->capture_default_str();
   app.add_option("--seconds", choices.seconds, "Of CPU time for each measurement")->capture_default_str();
   app.add_option("--horizon", choices.horizon, "Over which |C| is looked at, s")->capture_default_str();
   app.add_flag("--quick", choices.quick, "No figures: only look whether every engine has the same mechanism");
