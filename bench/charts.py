@@ -87,7 +87,7 @@ def draw_peers(table, picture):
     names = {row["engine"].split()[0]: row["engine"] for row in table}
     rows = [row for row in ROWS if row + (SCENES[0],) in found]
     figure, panels = plt.subplots(1, 3, figsize=(13.2, 1.5 + 0.31 * len(rows)), sharey=True)
-    figure.subplots_adjust(left=0.235, right=0.99, top=1 - 1.12 / figure.get_figheight(), bottom=0.1, wspace=0.06)
+    figure.subplots_adjust(left=0.245, right=0.99, top=1 - 1.12 / figure.get_figheight(), bottom=0.1, wspace=0.06)
     for panel, scene in zip(panels, SCENES):
         for place, key in enumerate(rows):
             row = found[key + (scene,)]
