@@ -45,7 +45,8 @@ def run(words, **more):
 def step_bench(program, table, quick, target, chosen="."):
     if quick:
         chosen = "peak|reduced/1/f32/(coupled/)?(dofs|threads|environments)|couplings"
-    run(["env", f"LOCKSTEP_TARGET={target}", program, f"--benchmark_filter={chosen}", f"--benchmark_min_time={0.003 if quick else 0.02}",
+    run(["env", f"LOCKSTEP_TARGET={target}", program, f"--benchmark_filter={chosen}",
+         f"--benchmark_min_time={0.003 if quick else 0.02}",
          f"--benchmark_repetitions={1 if quick else 9}", "--benchmark_enable_random_interleaving=true",
          f"--benchmark_report_aggregates_only={'false' if quick else 'true'}",
          f"--benchmark_out={table}", "--benchmark_out_format=csv"],

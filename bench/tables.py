@@ -1,5 +1,5 @@
 # The tables of docs/performance.md and docs/kernels.md, from the CSV files of measure.py. SPDX-License-Identifier: Apache-2.0
-"""Prints Markdown: million environment-steps per second, medians, and the fastest repeats where threads are compared."""
+"""Prints Markdown: million environment-steps per second, medians, and the fastest repeats of rows of threads."""
 import argparse
 import csv
 import re

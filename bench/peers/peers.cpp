@@ -123,7 +123,8 @@ int main(int argc, char** argv) {
   app.add_option("--csv", choices.csv, "File for the table; without it, the terminal");
   app.add_option("--scenes", choices.scenes, "These alone")->delimiter(',');
   app.add_option("--engines", choices.engines, "These alone: MuJoCo, Bullet, Simbody, lockstep")->delimiter(',');
-  app.add_option("--repeats", choices.repeats, "Of each measurement: the others' fastest is told, our median")->capture_default_str();
+  app.add_option("--repeats", choices.repeats, "Of each measurement: the others' fastest is told, our median")
+      ->capture_default_str();
   app.add_option("--seconds", choices.seconds, "Of CPU time for each measurement")->capture_default_str();
   app.add_option("--horizon", choices.horizon, "Over which |C| is looked at, s")->capture_default_str();
   app.add_flag("--quick", choices.quick, "No figures: only look whether every engine has the same mechanism");
