@@ -8,6 +8,8 @@ from pathlib import Path
 
 import matplotlib
 
+from rows import rates
+
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt  # noqa: E402
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator, PercentFormatter  # noqa: E402
@@ -153,22 +155,6 @@ def draw_stages(table, picture):
     save(figure, picture)
 
 
-def rates(table, counter):
-    """By name: medians, and the fastest repeats where threads are compared; a single repeat has no statistics."""
-    found = {}
-    for row in table:
-        name, statistic = re.fullmatch(r"(.*?)(_median|_best)?", row["name"]).groups()
-        name = re.sub("/real_time$|/iterations:[0-9]+", "", name)
-        if row["error_occurred"] != "true" and (statistic == "_best" or name not in found):
-            found[name] = float(row[counter])
-    return found
-
-
-def speeds(table):
-    """Million steps per second by name."""
-    return {name: rate * 1e-6 for name, rate in rates(table, "env_steps_per_second").items()}
-
-
 def line(panel, found, pattern, label, color, scale=lambda n: 1.0, **style):
     points = sorted((int(match[1]), value) for name, value in found.items()
                     if (match := re.fullmatch(pattern, name)))
@@ -177,7 +163,8 @@ def line(panel, found, pattern, label, color, scale=lambda n: 1.0, **style):
 
 
 def draw_scaling(table, picture):
-    found = speeds(table)
+    rows = rates(table)
+    found = {name: speed for name, (speed, _, _) in rows.items()}
     figure, panels = plt.subplots(1, 4, figsize=(13.2, 3.9))
     figure.subplots_adjust(left=0.045, right=0.99, top=0.73, bottom=0.15, wspace=0.24)
     environments, dofs, couplings, threads = panels
@@ -201,9 +188,9 @@ def draw_scaling(table, picture):
         line(threads, found, rf"step/{scene}/reduced/1/f32/threads:(\d+)", scene, SCENE_COLORS[scene],
              lambda _, one=one: 1 / one)
     threads.plot([1, 2], [1, 2], ":", color=GREY, linewidth=1, label="as many times")
-    peak = rates(table, "gflops")
-    if both := peak.get("peak/avx2_f32/real_time/threads:2"):
-        threads.plot([1, 2], [1, both / peak["peak/avx2_f32"]], "--", color=INK, linewidth=1, label="multiply-adds")
+    if "peak/avx2_f32/real_time/threads:2" in rows:
+        cores = rows["peak/avx2_f32/real_time/threads:2"][1] / rows["peak/avx2_f32"][1]
+        threads.plot([1, 2], [1, cores], "--", color=INK, linewidth=1, label="multiply-adds")
     threads.set(title="Threads", xlabel="threads", ylabel="times one thread", xticks=[1, 2], ylim=(0, 2.5))
     threads.legend(frameon=False, fontsize=8.5, loc="upper left")
     environments.set_ylim(0, 1.2 * environments.get_ylim()[1])

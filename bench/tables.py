@@ -5,22 +5,15 @@ import csv
 import re
 from pathlib import Path
 
+from rows import rates
+
 SCENES = ["chain8", "gripper13", "chain32"]
 METHODS = [("reduced", 1), ("direct", 1), ("pgs", 1), ("pgs", 4), ("pgs", 16), ("tgs", 1), ("tgs", 4), ("tgs", 16)]
 
 
 def read(path):
-    """By name: speed in M/s and Gflop/s."""
-    found = {}
     with open(path, newline="") as file:
-        for row in csv.DictReader(file):
-            name = row["name"]
-            statistic = "_best" if "/threads:" in name else "_median"
-            if not name.endswith(statistic) or not row["env_steps_per_second"]:
-                continue
-            name = re.sub("/real_time$|/iterations:[0-9]+", "", name.removesuffix(statistic))
-            found[name] = (float(row["env_steps_per_second"]) / 1e6, float(row["gflops"]), row["flops_per_step"])
-    return found
+        return rates(csv.DictReader(file))
 
 
 def number(value):
