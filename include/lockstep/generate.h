@@ -29,7 +29,8 @@ struct KernelSource {
 /// precision is asked for. Thread-safe.
 KernelSource generate_kernel(const Plan& plan, const KernelOptions& options = {});
 
-/// The hash that generate_kernel() would give, 0 where it would throw. Two plans with the same hash take the same step.
+/// The hash that generate_kernel() would give, 0 where it would throw. Two plans with the same hash are
+/// served by the same code; numbers of bounds may differ, which code that is called reads from the plan.
 std::uint64_t kernel_hash(const Plan& plan);
 
 }  // namespace lockstep

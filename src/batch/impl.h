@@ -38,8 +38,8 @@ struct Batch<S>::Impl {
         tables(lockstep::tables<S>(p.program())), kernels(kernels_for<S>(target)),
         generated(options.generated ? generated_for(p, target) : nullptr),
         listed(!generated && takes_list(options, p.program()) ? generate::operation_list(p.program()) : nullptr),
-        advance(generated ? function(*generated) : kernels.advance), stride(row_stride<S>(count)),
-        step_nanoseconds(static_cast<double>(p.flops_per_step()) / (flop_rate * kernels.lanes * (generated ? 3 : 1))),
+        advance(generated ? advance_of<S>(*generated) : kernels.advance), stride(row_stride<S>(count)),
+        step_nanoseconds(static_cast<double>(p.flops_per_step()) / ((generated || listed ? 8.0 : 3.0) * kernels.lanes)),
         workers(options.threads, scratch_bytes()) {
     if (options.threads < 0)
       throw SettingsError("threads", "is negative", "give 0 for all, or a number");
@@ -63,11 +63,6 @@ struct Batch<S>::Impl {
     require_representable();
   }
 
-  static Advance<S> function(const GeneratedKernel& kernel) {
-    if constexpr (sizeof(S) == 4) return kernel.f32;
-    else return kernel.f64;
-  }
-
   std::size_t scratch_bytes() const {
     const std::size_t tile = kernels.scratch_bytes(tables), number = static_cast<std::size_t>(kernels.lanes) * sizeof(S);
     if (listed) return std::max(tile, kernels.listed_bytes(tables, *listed));
@@ -76,9 +71,7 @@ struct Batch<S>::Impl {
 
   // Null if this program holds none for the plan.
   static const GeneratedKernel* generated_for(const Plan& plan, Target target) {
-    if (!any_kernel_registered()) return nullptr;
-    const GeneratedKernel* found = find_kernel(kernel_hash(plan), target);
-    return found && function(*found) ? found : nullptr;
+    return any_kernel_registered() ? find_kernel<S>(kernel_hash(plan), target) : nullptr;
   }
 
   AlignedBlock<S> rows(int count) const { return AlignedBlock<S>(static_cast<std::size_t>(count * stride)); }
@@ -246,12 +239,11 @@ struct Batch<S>::Impl {
   Target target;
   const Tables<S>& tables;
   const KernelSet<S>& kernels;
-  static constexpr double flop_rate = 8.0;  // of tables, per lane and nanosecond, about: for the size of tasks
   const GeneratedKernel* generated;
   const OperationList* listed;
   Advance<S> advance;
   std::ptrdiff_t stride;
-  double step_nanoseconds;  // of one environment
+  double step_nanoseconds;  // of one environment, about: for the size of tasks
   Workers workers;
   AlignedBlock<S> position, velocity, root_pose, root_velocity;
   AlignedBlock<S> position_target, velocity_target, effort, impulse, residual, row_state, energy;

@@ -41,6 +41,14 @@ endfunction()
 
 function(lockstep_add_kernel_source target)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "NAME;SOURCE" "TARGETS")
+  if(NOT arg_NAME OR NOT arg_SOURCE OR arg_UNPARSED_ARGUMENTS)
+    message(FATAL_ERROR "lockstep_add_kernel_source(${target}): give NAME and SOURCE, and beside them only TARGETS")
+  endif()
+  string(MAKE_C_IDENTIFIER ${arg_NAME} identifier)
+  if(NOT identifier STREQUAL arg_NAME)
+    message(FATAL_ERROR "lockstep_add_kernel_source(${target}): NAME ${arg_NAME} is no C identifier, as it is in the code; "
+                        "give the name that the kernel was generated with")
+  endif()
   set(targets baseline)
   set(flags_baseline "")
   if(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
@@ -90,7 +98,14 @@ const RegisterKernels registered{@registered@};
 }  // namespace
 
 }  // namespace lockstep
+
+extern "C" void lockstep_kernel_@arg_NAME@() {}
 ]=])
   target_sources(${target} PRIVATE ${registration})
   set_source_files_properties(${registration} PROPERTIES INCLUDE_DIRECTORIES ${LOCKSTEP_KERNEL_INCLUDE_DIR})
+  get_target_property(type ${target} TYPE)
+  if(type STREQUAL "STATIC_LIBRARY")
+    # Nobody calls what registers a kernel: a linker would leave it in the archive.
+    target_link_options(${target} INTERFACE "SHELL:-u lockstep_kernel_${arg_NAME}")
+  endif()
 endfunction()

@@ -41,10 +41,4 @@ std::vector<const GeneratedKernel*> find_kernels(std::uint64_t hash) {
   return found;
 }
 
-const GeneratedKernel* find_kernel(std::uint64_t hash, Target target) {
-  for (const GeneratedKernel* kernel : find_kernels(hash))
-    if (std::string(kernel->target) == name(target)) return kernel;
-  return nullptr;
-}
-
 }  // namespace lockstep

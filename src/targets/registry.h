@@ -12,10 +12,22 @@ namespace lockstep {
 /// Whether there are any: only then is a plan's hash worth finding out.
 bool any_kernel_registered();
 
-/// The kernel for the plan with this hash, written by this version of the library; null if there is none.
-const GeneratedKernel* find_kernel(std::uint64_t hash, Target target);
-
-/// All of them with this hash, for reports.
+/// All for the plan with this hash that this version of the library wrote.
 std::vector<const GeneratedKernel*> find_kernels(std::uint64_t hash);
+
+/// A kernel's step in precision S, null where it has none.
+template <class S>
+Advance<S> advance_of(const GeneratedKernel& kernel) {
+  if constexpr (sizeof(S) == 4) return kernel.f32;
+  else return kernel.f64;
+}
+
+/// The first of them with a step for the target in precision S: there may be one for each precision. Null without any.
+template <class S>
+const GeneratedKernel* find_kernel(std::uint64_t hash, Target target) {
+  for (const GeneratedKernel* kernel : find_kernels(hash))
+    if (kernel->target == std::string(name(target)) && advance_of<S>(*kernel)) return kernel;
+  return nullptr;
+}
 
 }  // namespace lockstep

@@ -6,6 +6,7 @@
 #include "contract/allocation_counter.h"
 #include "plan/program.h"
 #include "plans.h"
+#include "targets/registry.h"
 
 namespace lockstep {
 namespace {
@@ -289,6 +290,21 @@ TEST(ListedStep, is_left_to_the_tables_where_there_is_none) {
   settings.method = Method::tgs;
   settings.per_environment.insert(Parameter::softness);  // lane by lane
   EXPECT_EQ(Batch<float>(compile(scenes::chain8(), settings), 1, {.listed = true}).kernel(), "tables");
+}
+
+// Kernels of one plan for one precision each, as two calls of lockstep_add_kernel() make them.
+TEST(GeneratedKernel, is_found_in_either_precision) {
+  const Plan plan = compile(scenes::chain8(), {.dt = 1.0 / 777.0, .method = Method::reduced});
+  const std::uint64_t hash = kernel_hash(plan);
+  const auto kernel = [&](const char* target) { return GeneratedKernel{"one", version(), target, hash, {}, {}, 1, 0}; };
+  static GeneratedKernel kernels[] = {kernel("baseline"), kernel("baseline")};
+  kernels[0].f32 = [](const Tables<float>&, const Lanes<float>&, std::ptrdiff_t, std::ptrdiff_t, int, void*) {};
+  kernels[1].f64 = [](const Tables<double>&, const Lanes<double>&, std::ptrdiff_t, std::ptrdiff_t, int, void*) {};
+  for (const GeneratedKernel& each : kernels) register_kernel(each);
+  EXPECT_EQ(find_kernel<float>(hash, Target::baseline), &kernels[0]);
+  EXPECT_EQ(find_kernel<double>(hash, Target::baseline), &kernels[1]);
+  EXPECT_TRUE(Batch<float>(plan, 1, {.target = Target::baseline}).kernel().starts_with("generated"));
+  EXPECT_TRUE(Batch<double>(plan, 1, {.target = Target::baseline}).kernel().starts_with("generated"));
 }
 
 TEST(GeneratedKernel, refuses_what_is_worked_out_lane_by_lane) {
