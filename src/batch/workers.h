@@ -24,13 +24,13 @@ class Workers {
 
   /// act(first, last, scratch) over ranges of environments that together are [0, count). They begin with lines of the
   /// cache, so that no two threads write to one. `each` is about what one environment takes, in nanoseconds; so many are
-  /// faster `together`, a power of two: they stay together where there are enough of them for all threads.
+  /// faster `together`, a power of two: they stay together where there is a group of them for each thread.
   template <class Act>
   void for_environments(std::ptrdiff_t count, double each, std::ptrdiff_t together, const Act& act) {
     if (serial_) return act(0, count, own_.data());
     const auto all = [&] {
       const int threads = tbb::this_task_arena::max_concurrency();
-      const bool enough = count >= threads * tasks_per_thread * together;
+      const bool enough = count >= threads * together;
       const std::ptrdiff_t unit = enough ? std::max(per_line, together) : per_line;
       const std::ptrdiff_t units = (count + unit - 1) / unit;
       tbb::parallel_for(
