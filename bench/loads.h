@@ -15,7 +15,7 @@ struct Load {
   int substeps = 4;
   int reset_after = 100;   ///< steps: near the start of the motion, where nothing has blown up or come to rest
   int threads = 1;
-  bool generated = false;  ///< by the kernel that was generated for it, else by the tables
+  bool generated = false;  ///< by the kernel that was generated for it, else as a batch takes by itself
   std::optional<bool> listed = {};  ///< by a list of operations, as BatchOptions has it
 };
 

@@ -2,7 +2,7 @@
 //
 // One thread, 4096 environments, 4 sub-steps per call unless the words behind say otherwise. The ladder adds one
 // feature at a time to a chain of eight. Counter env_steps_per_second is per second of CPU time (wall time where
-// threads > 1). Steps are those that a batch takes by itself where no kernel is generated, unless a word names them.
+// threads are compared). Steps are those that a batch takes by itself where no kernel is generated, unless a word names them.
 // Rows peak/<instructions> and peak/memory are what the machine can do at best. URDF files named behind the options are
 // robots of which there are rows, too, without what bounds their motion.
 #include <benchmark/benchmark.h>
@@ -56,8 +56,7 @@ benchmark::internal::Benchmark* add(const std::string& name, const Load& load, b
   auto* b = benchmark::RegisterBenchmark(("step/" + name).c_str(), [load, single](benchmark::State& s) {
     single ? run<float>(s, load) : run<double>(s, load);
   });
-  if (load.threads != 1) b->UseRealTime();
-  if (name.find("/threads:") != std::string::npos) tell_best(b);
+  if (name.find("/threads:") != std::string::npos) tell_best(b->UseRealTime());
   return b;
 }
 

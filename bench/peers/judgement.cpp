@@ -133,12 +133,12 @@ Stopwatch::Stopwatch(const Contender& contender, const Yardstick& yardstick, int
       rate_(steps_per_second),
       peer_(contender.make(yardstick.scene().model, 1.0 / steps_per_second, contender.environments)) {}
 
-double Stopwatch::measure(double seconds) {
+double Stopwatch::measure(double seconds, double patience) {
   double spent = 0.0;
   long calls = 0;
-  for (; calls == 0 || spent < seconds; ++calls, done_ += steps_per_call_) {
-    // The motion whose accuracy is told, once more.
-    if (done_ * rows_per_second >= yardstick_->intervals() * rate_ || peer_->failed()) {
+  const auto motion_ends = [&] { return done_ * rows_per_second >= yardstick_->intervals() * rate_ || peer_->failed(); };
+  for (; spent < patience && !(spent >= seconds && motion_ends()); ++calls, done_ += steps_per_call_) {
+    if (motion_ends()) {
       peer_->reset();
       done_ = 0;
     }

@@ -54,11 +54,12 @@ Verdict judge(const Contender& contender, const Yardstick& yardstick, double sec
 /// where the contender is the same mechanism.
 double distance_at_small_steps(const Contender& contender, const Yardstick& yardstick);
 
-/// Environment-steps per second of CPU time, one thread; keeps its environments from one measurement to the next.
+/// Environment-steps per second of CPU time, one thread, over the motion whose accuracy is told: steps differ in cost.
 class Stopwatch {
  public:
   Stopwatch(const Contender& contender, const Yardstick& yardstick, int steps_per_second = 240);
-  double measure(double seconds);
+  /// Whole motions for `seconds` at least; when patience ends, in s, it stops, to go on from there another time.
+  double measure(double seconds, double patience);
 
  private:
   const Yardstick* yardstick_;

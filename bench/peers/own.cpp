@@ -61,6 +61,7 @@ Contender contender(Method method, int steps, Target target = Target::avx2, bool
                                   parts == 1 ? "" : fmt::format(" in {} parts each", parts)),
           .steps_per_call = steps,
           .exact = method != Method::pgs,
+          .environments = 256,
           .make = [=](const Model& model, double dt, int environments) {
             const StepSettings settings{.dt = dt / parts, .method = method, .integrator = integrator};
             return std::make_unique<OwnPeer<S>>(model, settings, environments, steps * parts, options);

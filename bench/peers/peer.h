@@ -37,7 +37,7 @@ struct Contender {
   std::string settings;
   int steps_per_call = 1;  ///< steps that Peer::step() makes, targets held
   bool exact = true;       ///< its couplings are meant to hold, so with small steps it comes to the exact motion
-  int environments = 256;  ///< fewer where each takes so long that they are no matter
+  int environments = 16;   ///< as many as it is fastest with, or 1 where a motion takes seconds
   std::function<std::unique_ptr<Peer>(const Model&, double dt, int environments)> make = {};
 };
 

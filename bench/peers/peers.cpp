@@ -72,14 +72,14 @@ void compare(const Choices& choices, const std::vector<Contender>& all, const Ya
   for (const Contender& contender : all) {
     verdicts.push_back(judge(contender, yardstick, choices.horizon, 1.0));
     watches.emplace_back(contender, yardstick);
-    watches.back().measure(0.0);
+    watches.back().measure(0.01, 0.1);
   }
   std::vector<std::vector<double>> rates(all.size());
   std::vector<double> peaks;
   for (int repeat = 0; repeat < choices.repeats; ++repeat) {
     peaks.push_back(bench::measured_peak(bench::Peak::avx2_f32));
     for (std::size_t i = 0; i < all.size(); ++i) {
-      rates[i].push_back(watches[i].measure(choices.seconds));
+      rates[i].push_back(watches[i].measure(choices.seconds, 10.0 * choices.seconds));
       progress.update(++done);
     }
   }
@@ -125,7 +125,7 @@ int main(int argc, char** argv) {
   app.add_option("--engines", choices.engines, "These alone: MuJoCo, Bullet, Simbody, lockstep")->delimiter(',');
   app.add_option("--repeats", choices.repeats, "Of each measurement: the others' fastest is told, our median")
       ->capture_default_str();
-  app.add_option("--seconds", choices.seconds, "Of CPU time for each measurement")->capture_default_str();
+  app.add_option("--seconds", choices.seconds, "Of CPU time for each measurement, at least: whole motions")->capture_default_str();
   app.add_option("--horizon", choices.horizon, "Over which |C| is looked at, s")->capture_default_str();
   app.add_flag("--quick", choices.quick, "No figures: only look whether every engine has the same mechanism");
   CLI11_PARSE(app, argc, argv);

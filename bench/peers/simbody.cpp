@@ -182,7 +182,7 @@ std::vector<Contender> simbody_contenders() {
   for (const auto& [words, options] : choices)
     all.push_back({.engine = "Simbody",
                    .settings = words,
-                   .environments = 16,
+                   .environments = 1,
                    .make = [options = options](const Model& model, double dt, int environments) {
                      return std::make_unique<SimbodyPeer>(model, dt, environments, options);
                    }});

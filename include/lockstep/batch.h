@@ -55,8 +55,8 @@ struct BatchOptions {
   bool generated = true;  ///< take the kernel that was generated for the plan (generate.h), if this program holds one
   /// Otherwise take the step as a list of operations, each done for 64 environments or so before the next: always,
   /// never, or where that is known to be faster than the tables' loops if there are enough environments - up to 30
-  /// velocities to solve for, but not beside friction or kinematic drives, nor by reduced or direct where all couplings
-  /// are soft. describe() tells. Rounds otherwise than they do. Listing takes milliseconds, once for a plan. Plans that
+  /// velocities to solve for, but not beside friction, kinematic drives or couplings with a force limit, nor by reduced
+  /// or direct where all couplings are soft. describe() tells. Rounds otherwise than they do. Listing takes milliseconds, once for a plan. Plans that
   /// solve lane by lane or until a servo's limit of effort is satisfied, or take over 40,000 operations, stay with the
   /// tables. For tests, the environment variable LOCKSTEP_LISTED, set to 0 or 1, stands for a value that is not given;
   /// set to anything else it is a SettingsError.
@@ -124,7 +124,8 @@ class Batch {
   void reset();
   void reset(std::span<const bool> mask);
   void reset(std::span<const int> ids);
-  /// To given states: one column per listed environment, rows as in the views (root views empty if fixed).
+  /// Joints to given states: one column per listed environment, rows as in the views. A floating root goes back to the
+  /// model's state; root_poses() and root_velocities() may be written afterwards.
   void reset(std::span<const int> ids, const Eigen::Ref<const Array>& positions,
              const Eigen::Ref<const Array>& velocities);
 

@@ -86,7 +86,7 @@ struct Joint {
 
 struct CouplingTerm {
   std::string joint;
-  double ratio = 1.0;  ///< G of (3) and (17) of the note; finite, not 0
+  double ratio = 1.0;  ///< G of (3) and (17) of the note (PhysX, Mimic Joints); finite, not 0
 };
 
 /// A linear relation of joint positions, (17) of the note:

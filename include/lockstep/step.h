@@ -8,7 +8,7 @@ namespace lockstep {
 /// How couplings are solved. `docs/architecture.md` says which to choose, docs/mathematics.md what each does.
 enum class Method {
   automatic,  ///< reduced where it applies, else direct
-  pgs,        ///< projected Gauss-Seidel, (16) of the note: q fixed over the sweeps
+  pgs,        ///< projected Gauss-Seidel, (16) of the note (PhysX, Mimic Joints): q fixed over the sweeps
   tgs,        ///< temporal Gauss-Seidel, (16) with C renewed in each of `iterations` sub-steps, r frozen
   direct,     ///< all couplings at once by LDL^T; exact for chains and stars of couplings
   reduced,    ///< followers of always-hard couplings eliminated when compiling, soft ones solved as in direct
@@ -25,7 +25,7 @@ const char* name(Method method) noexcept;
 enum class Integrator {
   automatic,    ///< leapfrog where it applies, else euler
   euler,        ///< semi-implicit Euler, (M45): first order, for every scene
-  leapfrog,     ///< second order, linear terms implicit, (M66) to (M70): about 1.5 to 2 times the cost
+  leapfrog,     ///< second order, linear terms implicit, (M66) to (M70): two to three times the cost
   extrapolated, ///< third order, from leapfrogs of one and of half a step, (M71): about three times the cost of leapfrog;
                 ///< hard couplings' erp at most 1.75
   runge_kutta,  ///< the classical one of fourth order, (M72): every coupling hard and eliminated, no drives and damping too

@@ -131,7 +131,7 @@ struct Wide {
   }
   LOCKSTEP_INLINE static Mask none() { return {Bits{}}; }
 
-  /// Half a unit in the last place of 1, or a little more.
+  /// A unit in the last place of 1, or a little more.
   LOCKSTEP_INLINE static Wide rounding() { return S(sizeof(S) == 4 ? 1.2e-7 : 2.3e-16); }
 
   LOCKSTEP_INLINE S lane(int i) const { return v[i]; }
