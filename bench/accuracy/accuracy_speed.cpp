@@ -85,7 +85,9 @@ void measure(const Choices& choices, const std::vector<Point>& all, const Yardst
     peaks.push_back(bench::measured_peak(bench::Peak::avx2_f32));
     for (std::size_t i = 0; i < all.size(); ++i) {
       progress.update(++done);
-      if (verdicts[i].rms >= 0.0) rates[i].push_back(Stopwatch(all[i].contender, yardstick, all[i].rate).measure(choices.seconds, choices.seconds));
+      if (!(verdicts[i].rms >= 0.0)) continue;
+      Stopwatch watch(all[i].contender, yardstick, all[i].rate);
+      rates[i].push_back(watch.measure(choices.seconds, choices.seconds));
     }
   }
   for (std::size_t i = 0; i < all.size(); ++i) {

@@ -1,8 +1,8 @@
 // Other engines and this library on the same mechanisms: speed and errors. SPDX-License-Identifier: Apache-2.0
 //
 // One core. Everybody takes turns, repeat by repeat, and the machine's own peak is measured in between. What else the
-// machine does slows code that waits for memory and branches by up to half, and ours less: so of the others the fastest
-// repeat is told, of this library the median.
+// machine does slows code that waits for memory and branches more than ours: so of the others the fastest repeat is
+// told, of this library the median.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

@@ -296,8 +296,8 @@ TEST(ListedStep, is_left_to_the_tables_where_there_is_none) {
 TEST(GeneratedKernel, is_found_in_either_precision) {
   const Plan plan = compile(scenes::chain8(), {.dt = 1.0 / 777.0, .method = Method::reduced});
   const std::uint64_t hash = kernel_hash(plan);
-  const auto kernel = [&](const char* target) { return GeneratedKernel{"one", version(), target, hash, {}, {}, 1, 0}; };
-  static GeneratedKernel kernels[] = {kernel("baseline"), kernel("baseline")};
+  const GeneratedKernel kernel = {"one", version(), "baseline", hash, {}, {}, 1, 0};
+  static GeneratedKernel kernels[] = {kernel, kernel};
   kernels[0].f32 = [](const Tables<float>&, const Lanes<float>&, std::ptrdiff_t, std::ptrdiff_t, int, void*) {};
   kernels[1].f64 = [](const Tables<double>&, const Lanes<double>&, std::ptrdiff_t, std::ptrdiff_t, int, void*) {};
   for (const GeneratedKernel& each : kernels) register_kernel(each);
