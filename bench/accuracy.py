@@ -1,8 +1,7 @@
 # Measures and draws error against cost, ours and other engines'. SPDX-License-Identifier: Apache-2.0
-"""Runs accuracy_speed of a build, writes bench/results/MACHINE/accuracy.csv, draws docs/accuracy/*.png and prints the
-tables of docs/accuracy.md. With --draw it only draws and prints what was measured before."""
+"""Runs accuracy_speed of a build, writes bench/results/MACHINE/accuracy.csv and draws docs/accuracy/*.png. With --draw it
+only draws what was measured before. result_pages.py writes docs/results/accuracy.md."""
 import argparse
-import csv
 import math
 import subprocess
 import sys
@@ -14,7 +13,8 @@ import matplotlib
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt  # noqa: E402
 
-from measure import machine  # noqa: E402
+from accuracy_points import cost, good, read  # noqa: E402
+from measure import RESULTS, machine  # noqa: E402
 
 BENCH = Path(__file__).resolve().parent
 SCENES = {
@@ -47,27 +47,6 @@ PANELS = [("rms", "Error of the joints over one second, RMS (rad)"), ("largest_c
 plt.rcParams.update({"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgecolor": "#9a9a9a",
                      "axes.labelcolor": INK, "xtick.color": INK, "ytick.color": INK,
                      "axes.spines.top": False, "axes.spines.right": False})
-
-
-def read(path):
-    with open(path, newline="") as file:
-        rows = list(csv.DictReader(file))
-    for row in rows:
-        for key in set(row) - {"engine", "scene", "settings"}:
-            row[key] = float(row[key])
-    return rows
-
-
-# What is no result: off by a radian, by the whole energy. Momentum has no size of its own.
-MOST = defaultdict(lambda: 1.0, momentum_change=math.inf)
-
-
-def good(row, column):
-    return not row["diverged"] and math.isfinite(row[column]) and row[column] < MOST[column]
-
-
-def cost(row):
-    return row["cost_us_per_env_second"]
 
 
 def front(rows, column):
@@ -152,31 +131,6 @@ def draw_energy(rows, path):
     plt.close(figure)
 
 
-def table(rows, scene):
-    """Markdown: what each line reaches at 1/240 s, and the cheapest of it that comes to some errors."""
-    rows = [row for row in rows if row["scene"] == scene]
-    print(f"\n**{scene}**\n\n| | RMS at 1/240 s | largest &#124;C&#124; | energy | µs per env and second |")
-    print("| --- | --- | --- | --- | --- |")
-    for engine, settings, label, *_ in LINES:
-        for row in rows:
-            if row["engine"].startswith(engine) and row["settings"] == settings and row["steps_per_second"] == 240:
-                lost = not good(row, "rms")
-                energy = f"{row['energy_error']:.1e}" if math.isfinite(row["energy_error"]) and not lost else ""
-                print(f"| {label} | {'diverges' if lost else format(row['rms'], '.1e')} | "
-                      f"{'' if lost else format(row['largest_c'], '.1e')} | {energy} | {cost(row):.3g} |")
-    print(f"\n| {scene}: error | cheapest of ours | µs | cheapest of others | µs | ratio |\n| --- | --- | --- | --- | --- | --- |")
-    for power in range(-2, -9, -1):
-        reach = [row for row in rows if good(row, "rms") and row["rms"] <= 10.0 ** power]
-        ours = min((row for row in reach if row["engine"] == "lockstep"), key=cost, default=None)
-        other = min((row for row in reach if row["engine"] != "lockstep"), key=cost, default=None)
-        if ours:
-            def said(row):
-                return f"{row['settings']} at 1/{row['steps_per_second']:.0f} s"
-            theirs = (f"{other['engine']}, {said(other)} | {cost(other):.4g} | {cost(other) / cost(ours):.0f}" if other
-                      else "none | | ")
-            print(f"| 1e{power} | {said(ours)} | {cost(ours):.3g} | {theirs} |")
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", type=Path, default=BENCH.parent / "build")
@@ -184,9 +138,9 @@ def main():
     parser.add_argument("--robots", nargs="*", type=Path, default=[], help="URDF files to measure as well")
     parser.add_argument("--least-mass", default="0", help="kg, of the robots' bodies")
     parser.add_argument("--least-inertia", default="0", help="kg m^2")
-    parser.add_argument("--draw", action="store_true")
+    parser.add_argument("--draw", metavar="MACHINE", help="only draw bench/results/MACHINE/accuracy.csv")
     choices = parser.parse_args()
-    results = machine() / "accuracy.csv"
+    results = (RESULTS / choices.draw if choices.draw else machine()) / "accuracy.csv"
     if not choices.draw:
         robots = ["--robots", ",".join(map(str, choices.robots)), "--least-mass", choices.least_mass,
                   "--least-inertia", choices.least_inertia] if choices.robots else []
@@ -196,7 +150,6 @@ def main():
     choices.pictures.mkdir(parents=True, exist_ok=True)
     for scene in dict.fromkeys(row["scene"] for row in rows):
         draw(rows, scene, choices.pictures / f"{scene}.png")
-        table(rows, scene)
     draw_energy(rows, choices.pictures / "energy.png")
 
 

@@ -1,6 +1,5 @@
 # Draws the tables of measure.py. SPDX-License-Identifier: Apache-2.0
 """python3 charts.py FOLDER_OF_CSV FOLDER_OF_PICTURES"""
-import csv
 import re
 import sys
 from collections import defaultdict
@@ -8,13 +7,12 @@ from pathlib import Path
 
 import matplotlib
 
-from rows import rates
+from rows import SCENES, rates, read
 
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt  # noqa: E402
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator, PercentFormatter  # noqa: E402
 
-SCENES = ["chain8", "gripper13", "chain32"]
 INK, GREY, LINE = "#222222", "#5c5c5c", "#d5d5d5"
 OURS, THEIRS, LOST = "#d39200", "#4f9ccb", "#c9c9c9"
 SCENE_COLORS = {"chain8": "#1f6fa5", "gripper13": "#d39200", "chain32": "#a8430a"}
@@ -46,11 +44,6 @@ ROWS = [
 plt.rcParams.update({"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgecolor": "#9a9a9a",
                      "axes.labelcolor": INK, "xtick.color": INK, "ytick.color": INK,
                      "axes.spines.top": False, "axes.spines.right": False})
-
-
-def read(path):
-    with open(path, newline="") as file:
-        return list(csv.DictReader(file))
 
 
 def rate(value):
@@ -114,8 +107,8 @@ def draw_peers(table, picture):
     panels[0].invert_yaxis()
     figure.supxlabel("environment-steps per second of one core", fontsize=9.5, color=INK, x=0.6, y=0.005)
     heading(figure, "Steps per second, and the joints' error in the first second (rad), at 1/240 s",
-            "One core, all take turns in one run. Grey: diverges, or is off by more than 0.05 rad. Times: AVX2, generated, 4 "
-            "steps per call, beside the fastest other that does not diverge.")
+            "One core, all take turns in one run. Grey: diverges, or is off by more than 0.05 rad. Times: AVX2, "
+            "generated, 4 steps per call, beside the fastest other that does not diverge.")
     save(figure, picture)
 
 
@@ -164,7 +157,7 @@ def line(panel, found, pattern, label, color, scale=lambda n: 1.0, **style):
 
 def draw_scaling(table, picture):
     rows = rates(table)
-    found = {name: speed for name, (speed, _, _) in rows.items()}
+    found = {name: row.speed for name, row in rows.items()}
     figure, panels = plt.subplots(1, 4, figsize=(13.2, 3.9))
     figure.subplots_adjust(left=0.045, right=0.99, top=0.73, bottom=0.15, wspace=0.24)
     environments, dofs, couplings, threads = panels
@@ -189,7 +182,7 @@ def draw_scaling(table, picture):
              lambda _, one=one: 1 / one)
     threads.plot([1, 2], [1, 2], ":", color=GREY, linewidth=1, label="as many times")
     if "peak/avx2_f32/real_time/threads:2" in rows:
-        cores = rows["peak/avx2_f32/real_time/threads:2"][1] / rows["peak/avx2_f32"][1]
+        cores = rows["peak/avx2_f32/real_time/threads:2"].gflops / rows["peak/avx2_f32"].gflops
         threads.plot([1, 2], [1, cores], "--", color=INK, linewidth=1, label="multiply-adds")
     threads.set(title="Threads", xlabel="threads", ylabel="times one thread", xticks=[1, 2], ylim=(0, 2.5))
     threads.legend(frameon=False, fontsize=8.5, loc="upper left")

@@ -1,7 +1,6 @@
 // What is measured: mechanisms and settings that several programs must have alike. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <optional>
 #include <string>
 
 #include "lockstep/lockstep.h"
@@ -13,10 +12,9 @@ struct Load {
   StepSettings settings;
   int environments = 4096;
   int substeps = 4;
-  int reset_after = 100;   ///< steps: near the start of the motion, where nothing has blown up or come to rest
+  int reset_after = 100;  ///< steps: near the start of the motion, where nothing has blown up or come to rest
   int threads = 1;
-  bool generated = false;  ///< by the kernel that was generated for it, else as a batch takes by itself
-  std::optional<bool> listed = {};  ///< by a list of operations, as BatchOptions has it
+  Engine engine = Engine::automatic;
 };
 
 /// A scene of tests/scenes.

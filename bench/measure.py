@@ -1,6 +1,8 @@
 # Runs all measurements of a build and draws them. SPDX-License-Identifier: Apache-2.0
-"""Tables go to bench/results/MACHINE, pictures to docs/performance. Builds nothing."""
+"""CSV files go to bench/results/MACHINE, pictures to docs/performance, tables to docs/results/performance.md. Builds
+nothing."""
 import argparse
+import csv
 import os
 import re
 import subprocess
@@ -42,18 +44,31 @@ def run(words, **more):
     print(f"  {time.monotonic() - start:.0f} s", flush=True)
 
 
-def step_bench(program, table, quick, target, chosen="."):
+def step_bench(program, table, quick, target, chosen=".", robots=()):
     if quick:
         chosen = "peak|reduced/1/f32/(coupled/)?(dofs|threads|environments)|couplings"
     run(["env", f"LOCKSTEP_TARGET={target}", program, f"--benchmark_filter={chosen}",
          f"--benchmark_min_time={0.003 if quick else 0.02}",
          f"--benchmark_repetitions={1 if quick else 9}", "--benchmark_enable_random_interleaving=true",
          f"--benchmark_report_aggregates_only={'false' if quick else 'true'}",
-         f"--benchmark_out={table}", "--benchmark_out_format=csv"],
+         f"--benchmark_out={table}", "--benchmark_out_format=csv", *robots],
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     # Medians are enough, and before the header come words about the machine.
     rows = table.read_text()[table.read_text().index("name,"):].splitlines(keepends=True)
     table.write_text("".join(row for row in rows if not re.search('_(mean|stddev|cv)"', row)))
+
+
+def kernels(folder, table):
+    """Sizes of the generated kernels: operations from the head of the source, code from the object file for AVX2."""
+    pattern = r"(\d+) operations, \d+ flops(?:;\s*// (\d+), \d+ where)?"
+    with open(table, "w", newline="") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(["kernel", "operations", "consistent_operations", "code_kb"])
+        for source in sorted(folder.glob("generated/*.cpp")):
+            operations, consistent = re.search(pattern, source.read_text()).groups()
+            code = next(folder.rglob(f"*_{source.stem}_avx2.dir/**/{source.name}.o"))
+            sizes = subprocess.run(["size", code], capture_output=True, check=True, text=True).stdout.splitlines()
+            out.writerow([source.stem, operations, consistent or "", f"{int(sizes[1].split()[0]) / 1000:.0f}"])
 
 
 def main():
@@ -61,6 +76,7 @@ def main():
     parser.add_argument("--build", type=Path, default=BENCH.parent / "build", help="folder of a Release build")
     parser.add_argument("--pictures", type=Path, default=BENCH.parent / "docs" / "performance")
     parser.add_argument("--quick", action="store_true", help="a look in under a minute; its figures are no results")
+    parser.add_argument("--robots", type=Path, nargs="+", metavar="URDF", help="files of robots to measure as well")
     choices = parser.parse_args()
     python = python_that_draws()
     if os.getloadavg()[0] > 0.5:
@@ -77,13 +93,20 @@ def main():
         wide = "avx512vl" in file.read()
     if wide and not choices.quick:
         step_bench(programs / "step_bench", results / "step_bench_avx512.csv", False, "avx512",
-                   "kernel:|(chain8|gripper13|chain32)/[a-z]*/[0-9]*/f[0-9]*$|coupled/dofs|threads|peak")
+                   "(kernel|engine):|(chain8|gripper13|chain32)/[a-z]*/[0-9]*/f[0-9]*$|coupled/dofs|threads|peak")
+    if choices.robots:
+        names = "|".join(re.escape(file.stem) for file in choices.robots)
+        step_bench(programs / "step_bench", results / "robots.csv", False, "avx2", f"^step/({names})/", choices.robots)
+    if (programs / "kernels" / "generated").is_dir():
+        kernels(programs / "kernels", results / "kernels.csv")
     run([programs / "stage_bench", "--csv", results / "stage_bench.csv"]
         + (["--repeats", 3, "--seconds", 0.001] if choices.quick else []))
     run([programs / "peers" / "peers", "--csv", results / "peers.csv"]
         + (["--repeats", 1, "--seconds", 0.01, "--horizon", 1] if choices.quick else []))
     run([python, BENCH / "charts.py", results, choices.pictures])
-    print(f"{BENCH / 'tables.py'} prints the tables of the documents\ntables: {results}\npictures: {choices.pictures}")
+    page = results / "performance.md" if choices.quick else BENCH.parent / "docs" / "results" / "performance.md"
+    run([python, BENCH / "tables.py", results, "--out", page])
+    print(f"CSV files: {results}\npictures: {choices.pictures}\ntables: {page}")
 
 
 if __name__ == "__main__":

@@ -15,18 +15,17 @@ namespace {
 constexpr int chains = 12, unrolled = 8;
 volatile float sink;
 
-#define LOCKSTEP_PEAK(NAME, FEATURES, VECTOR, SCALAR, SET, FMADD)                                \
-  __attribute__((target(FEATURES))) void NAME(long rounds) {                                     \
-    VECTOR chain[chains];                                                                        \
-    for (int i = 0; i < chains; ++i) chain[i] = SET(SCALAR(1 + i));                              \
-    const VECTOR factor = SET(SCALAR(0.999999)), term = SET(SCALAR(1e-6));                       \
-    for (long r = 0; r < rounds; ++r)                                                            \
-      _Pragma("GCC unroll 8") for (int u = 0; u < unrolled; ++u)                                 \
-        _Pragma("GCC unroll 12") for (int i = 0; i < chains; ++i)                                \
-          chain[i] = FMADD(chain[i], factor, term);                                              \
-    VECTOR sum = chain[0];                                                                       \
-    for (int i = 1; i < chains; ++i) sum = FMADD(sum, factor, chain[i]);                         \
-    sink = float(sum[0]);                                                                        \
+#define LOCKSTEP_PEAK(NAME, FEATURES, VECTOR, SCALAR, SET, FMADD)                                             \
+  __attribute__((target(FEATURES))) void NAME(long rounds) {                                                  \
+    VECTOR chain[chains];                                                                                     \
+    for (int i = 0; i < chains; ++i) chain[i] = SET(SCALAR(1 + i));                                           \
+    const VECTOR factor = SET(SCALAR(0.999999)), term = SET(SCALAR(1e-6));                                    \
+    for (long r = 0; r < rounds; ++r)                                                                         \
+      _Pragma("GCC unroll 8") for (int u = 0; u < unrolled; ++u)                                              \
+          _Pragma("GCC unroll 12") for (int i = 0; i < chains; ++i) chain[i] = FMADD(chain[i], factor, term); \
+    VECTOR sum = chain[0];                                                                                    \
+    for (int i = 1; i < chains; ++i) sum = FMADD(sum, factor, chain[i]);                                      \
+    sink = float(sum[0]);                                                                                     \
   }
 
 LOCKSTEP_PEAK(chains_avx2_f32, "avx2,fma", __m256, float, _mm256_set1_ps, _mm256_fmadd_ps)
@@ -57,7 +56,7 @@ double cpu_seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-const char* name(Peak peak) { return kind(peak).name; }
+const char* to_string(Peak peak) { return kind(peak).name; }
 
 bool supported(Peak peak) {
   if (peak == Peak::avx2_f32 || peak == Peak::avx2_f64)

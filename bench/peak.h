@@ -10,7 +10,7 @@ double cpu_seconds();
 enum class Peak { avx2_f32, avx2_f64, avx512_f32, avx512_f64 };
 inline constexpr Peak all_peaks[] = {Peak::avx2_f32, Peak::avx2_f64, Peak::avx512_f32, Peak::avx512_f64};
 
-const char* name(Peak peak);
+const char* to_string(Peak peak);
 bool supported(Peak peak);  ///< by this machine
 
 /// Flops of running that many rounds of the chains, a multiply-add counted as two.

@@ -35,7 +35,7 @@ DECADES = [10.0 ** n for n in range(-6, 9, 2)]
 # Label, ticks, and how a tick is written; None: as a power of ten.
 AXES = {
     "sweeps": ("sweeps per step (of tgs: sub-steps)", [1, 4, 16, 64, 256], "{:.0f}"),
-    "followers": ("followers of one driver", [1, 5, 10, 15, 20], "{:.0f}"),
+    "followers": ("followers of one leader", [1, 5, 10, 15, 20], "{:.0f}"),
     "couplings": ("couplings in a row", [1, 5, 10, 15, 20], "{:.0f}"),
     "gear_ratio": ("gear ratio", [1e-3, 1e-1, 1e1, 1e3], None),
     "mass_ratio": ("mass of the last links, of the first", DECADES, None),

@@ -33,27 +33,27 @@ struct Choices {
 class TileState {
  public:
   TileState(const Plan& plan) : numbers_(rows * width), fault_(width, Fault{}) {
-    lanes_.stride = width;
+    batch_.stride = width;
     float* next = aligned();
     const auto take = [&](int count) { return std::exchange(next, next + count * width); };
     const int dofs = plan.dofs();
-    lanes_.position = take(dofs);
-    lanes_.velocity = take(dofs);
+    batch_.position = take(dofs);
+    batch_.velocity = take(dofs);
     float* targets = take(dofs);
-    lanes_.position_target = targets;
-    lanes_.velocity_target = take(dofs);
-    lanes_.effort = take(dofs);
-    if (plan.floating()) lanes_.root_pose = take(7), lanes_.root_velocity = take(6);
-    lanes_.fault = fault_.data();
+    batch_.position_target = targets;
+    batch_.velocity_target = take(dofs);
+    batch_.effort = take(dofs);
+    if (plan.floating()) batch_.root_pose = take(7), batch_.root_velocity = take(6);
+    batch_.fault = fault_.data();
     for (int d = 0; d < dofs; ++d) {
       const Joint& joint = plan.model().joints[plan.model().joint_index(plan.dof_names()[d])];
-      std::fill_n(lanes_.position + d * width, width, static_cast<float>(joint.position));
-      std::fill_n(lanes_.velocity + d * width, width, static_cast<float>(joint.velocity));
+      std::fill_n(batch_.position + d * width, width, static_cast<float>(joint.position));
+      std::fill_n(batch_.velocity + d * width, width, static_cast<float>(joint.velocity));
       std::fill_n(targets + d * width, width, static_cast<float>(joint.drive.position_target));
     }
-    if (plan.floating()) std::fill_n(lanes_.root_pose + 3 * width, width, 1.0f);
+    if (plan.floating()) std::fill_n(batch_.root_pose + 3 * width, width, 1.0f);
   }
-  const Lanes<float>& lanes() const { return lanes_; }
+  const StatePointers<float>& batch() const { return batch_; }
 
  private:
   static constexpr int width = StageKernels::lanes, rows = 256;
@@ -64,7 +64,7 @@ class TileState {
   }
   std::vector<float> numbers_;
   std::vector<Fault> fault_;
-  Lanes<float> lanes_;
+  StatePointers<float> batch_;
 };
 
 struct Times {
@@ -74,15 +74,15 @@ struct Times {
 
 // All stages in full, also where followers are in place.
 Tables<float> tables_of(const Plan& plan) {
-  Tables<float> tables = plan.program().f32;
-  tables.reduction.shortens = false;
+  Tables<float> tables = program_of(plan).f32;
+  tables.reduction.consistent_is_shorter = false;
   return tables;
 }
 
 // Stages that no longer do what a step does would be noticed here.
 void require_whole_step(const Plan& plan) {
   const TileState state(plan);
-  const long counted = stage_flops(tables_of(plan), state.lanes(), stage_count());
+  const long counted = stage_flops(tables_of(plan), state.batch(), stage_count());
   if (counted != plan.flops_per_step())
     throw std::logic_error(fmt::format("stages of {} have {} flops together, its step {}", plan.model().name, counted,
                                        plan.flops_per_step()));
@@ -95,7 +95,7 @@ Times measure(const Plan& plan, const Choices& choices) {
       std::aligned_alloc(64, (StageKernels::scratch_bytes(t) + 63) / 64 * 64), std::free);
   const auto seconds = [&](int stages, long count) {
     const double before = cpu_seconds();
-    StageKernels::run(t, start.lanes(), state.lanes(), scratch.get(), stages, count);
+    StageKernels::run(t, start.batch(), state.batch(), scratch.get(), stages, count);
     return cpu_seconds() - before;
   };
   const int stages = stage_count();
@@ -135,15 +135,15 @@ int run(const Choices& choices) {
       const TileState state(plan);
       const auto row = [&](const char* stage, double ns, long flops) {
         const double gflops = ns > 0 ? static_cast<double>(flops * StageKernels::lanes) / ns : 0.0;
-        write(fmt::format("{},{},{},{:.1f},{},{:.1f},{:.3f},{:.1f}\n", scene, name(method), stage, ns, flops, gflops,
-                          gflops / times.peak, times.peak));
+        write(fmt::format("{},{},{},{:.1f},{},{:.1f},{:.3f},{:.1f}\n", scene, to_string(method), stage, ns, flops,
+                          gflops, gflops / times.peak, times.peak));
       };
       for (int s = 0; s < stage_count(); ++s)
         if (stage_present(t, s))
           row(stage_name(s), times.nanoseconds[s],
-              stage_flops(t, state.lanes(), s + 1) - stage_flops(t, state.lanes(), s));
+              stage_flops(t, state.batch(), s + 1) - stage_flops(t, state.batch(), s));
       row("step", std::reduce(times.nanoseconds.begin(), times.nanoseconds.end()),
-          stage_flops(t, state.lanes(), stage_count()));
+          stage_flops(t, state.batch(), stage_count()));
       progress.update(++done);
     }
   if (file) file->close();

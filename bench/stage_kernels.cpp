@@ -18,8 +18,8 @@ std::size_t StageKernels::scratch_bytes(const Tables<float>& t) {
   return kernels::lay_out(t, nullptr, x);
 }
 
-void StageKernels::run(const Tables<float>& t, const Lanes<float>& start, const Lanes<float>& lanes, void* scratch,
-                       int stages, long repeats) {
+void StageKernels::run(const Tables<float>& t, const StatePointers<float>& start, const StatePointers<float>& batch,
+                       void* scratch, int stages, long repeats) {
   const simd::FlushDenormals flush;
   kernels::Tile<Wide> x;
   kernels::lay_out(t, scratch, x);
@@ -27,12 +27,12 @@ void StageKernels::run(const Tables<float>& t, const Lanes<float>& start, const 
   kernels::uniform_ratios(t, x);
   for (long r = 0; r < repeats; ++r) {
     const auto restore = [&](float* to, const float* from, int rows) {
-      for (int i = 0; i < rows; ++i) store(to + i * lanes.stride, Wide::load(from + i * start.stride));
+      for (int i = 0; i < rows; ++i) store(to + i * batch.stride, Wide::load(from + i * start.stride));
     };
-    restore(lanes.position, start.position, t.joints);
-    restore(lanes.velocity, start.velocity, t.joints);
-    if (t.floating) restore(lanes.root_pose, start.root_pose, 7), restore(lanes.root_velocity, start.root_velocity, 6);
-    Stages<Wide>::run(t, lanes, x, stages);
+    restore(batch.position, start.position, t.joints);
+    restore(batch.velocity, start.velocity, t.joints);
+    if (t.floating) restore(batch.root_pose, start.root_pose, 7), restore(batch.root_velocity, start.root_velocity, 6);
+    Stages<Wide>::run(t, batch, x, stages);
   }
 }
 

@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-#include "kernels/lanes.h"
+#include "kernels/tile/state_pointers.h"
 #include "plan/tables.h"
 
 namespace lockstep::bench {
@@ -13,14 +13,14 @@ struct StageKernels {
   static constexpr int lanes = 8;
   static std::size_t scratch_bytes(const Tables<float>& t);
   /// `repeats` times the first `stages` of a step, beginning each time with the state of `start`.
-  static void run(const Tables<float>& t, const Lanes<float>& start, const Lanes<float>& lanes, void* scratch,
-                  int stages, long repeats);
+  static void run(const Tables<float>& t, const StatePointers<float>& start, const StatePointers<float>& batch,
+                  void* scratch, int stages, long repeats);
 };
 
 int stage_count();
 const char* stage_name(int stage);
 bool stage_present(const Tables<float>& t, int stage);
 /// Flops of the first `stages` for one environment, counted by running them on a number that counts.
-long stage_flops(const Tables<float>& t, const Lanes<float>& lanes, int stages);
+long stage_flops(const Tables<float>& t, const StatePointers<float>& batch, int stages);
 
 }  // namespace lockstep::bench

@@ -8,7 +8,7 @@
 namespace lockstep::bench {
 
 template <class T>
-using Stage = void (*)(const Tables<simd::ScalarOf<T>>&, const Lanes<simd::ScalarOf<T>>&, kernels::Tile<T>&);
+using Stage = void (*)(const Tables<simd::ScalarOf<T>>&, const StatePointers<simd::ScalarOf<T>>&, kernels::Tile<T>&);
 
 template <class T>
 struct NamedStage {
@@ -28,53 +28,58 @@ struct Stages {
   static bool eliminates(const Table& t) { return t.reduction.by_entries(); }
   static bool by_matrix(const Table& t) { return !t.articulated.used(); }
   static bool has_rows(const Table& t) { return t.rows.count > 0; }
-  static bool solves_rows(const Table& t) { return has_rows(t) && !t.rows.prescribed; }
+  static bool solves_rows(const Table& t) { return has_rows(t) && !t.rows.known_suffice; }
 
-  static void row_terms(const Table& t, const Lanes<S>& lanes, Tile& x) {
-    kernels::row_softness(t, lanes, x);
+  static void row_terms(const Table& t, const StatePointers<S>& batch, Tile& x) {
+    kernels::row_softness(t, batch, x);
     if (t.rows.columns.n > 0) kernels::factor_rows(t, x);
     kernels::row_terms(t, x);
   }
-  static void solve(const Table& t, const Lanes<S>&, Tile& x) {
-    if (t.rows.prescribed) return kernels::prescribe_speeds(t, x);
+  static void solve(const Table& t, const StatePointers<S>&, Tile& x) {
+    if (t.rows.known_suffice) return kernels::known_constraint_velocities(t, x);
     switch (t.method) {
-      case kernels::method_pgs: kernels::pgs(t, x); break;
-      case kernels::method_tgs: kernels::tgs(t, x); break;
+      case Method::pgs: kernels::pgs(t, x); break;
+      case Method::tgs: kernels::tgs(t, x); break;
       default: kernels::direct(t, x); break;
     }
   }
-  static void integrate(const Table& t, const Lanes<S>&, Tile& x) {
+  static void integrate(const Table& t, const StatePointers<S>&, Tile& x) {
     kernels::solved_velocities(t, x);
     kernels::integrate(t, x);
-    if (t.floating) kernels::turn_root_twist(x.half_turn, x.next_v);
+    if (t.floating) kernels::turn_root_twist(x.half_turn, x.next.v);
   }
 
-  static void finish(const Table& t, const Lanes<S>& lanes, Tile& x) {
-    kernels::check(t, lanes, x);
-    kernels::store(t, lanes, x);
+  static void finish(const Table& t, const StatePointers<S>& batch, Tile& x) {
+    kernels::check(t, batch, x);
+    kernels::store(t, batch, x);
   }
 
   static constexpr NamedStage<T> all[] = {
-      {"load", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::load(t, l, x); }},
-      {"kinematics", always, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::kinematics(t, x); }},
+      {"load", always, [](const Table& t, const StatePointers<S>& l, Tile& x) { kernels::load(t, l, x); }},
+      {"kinematics", always, [](const Table& t, const StatePointers<S>&, Tile& x) { kernels::kinematics(t, x); }},
       {"coupling errors", coupled,
-       [](const Table& t, const Lanes<S>&, Tile& x) {
+       [](const Table& t, const StatePointers<S>&, Tile& x) {
          kernels::coupling_errors(t, x);
          if (t.reduction.eliminates()) kernels::follow(t, x);
-         if (t.reduction.keeps_speeds()) kernels::measure_speeds(t, x);
+         if (t.reduction.has_constraint_velocities()) kernels::start_constraint_velocities(t, x);
        }},
-      {"bias forces", always, [](const Table& t, const Lanes<S>& l, Tile& x) { kernels::bias_forces(t, l, x); }},
-      {"joint terms", always, [](const Table& t, const Lanes<S>& l, Tile& x) {
+      {"bias forces", always,
+       [](const Table& t, const StatePointers<S>& l, Tile& x) { kernels::bias_forces(t, l, x); }},
+      {"joint terms", always,
+       [](const Table& t, const StatePointers<S>& l, Tile& x) {
          kernels::joint_inertias(t, l, x);
          kernels::joint_forces(t, l, x);
        }},
-      {"mass matrix", by_matrix, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::inertia_matrix(t, x); }},
-      {"elimination", eliminates, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::reduce_matrix(t, x); }},
-      {"free velocity", always, [](const Table& t, const Lanes<S>&, Tile& x) {
+      {"mass matrix", by_matrix,
+       [](const Table& t, const StatePointers<S>&, Tile& x) { kernels::inertia_matrix(t, x); }},
+      {"elimination", eliminates,
+       [](const Table& t, const StatePointers<S>&, Tile& x) { kernels::reduce_matrix(t, x); }},
+      {"free velocity", always,
+       [](const Table& t, const StatePointers<S>&, Tile& x) {
          kernels::factor_matrix(t, x);
          kernels::free_velocity(t, x);
        }},
-      {"responses", solves_rows, [](const Table& t, const Lanes<S>&, Tile& x) { kernels::responses(t, x); }},
+      {"responses", solves_rows, [](const Table& t, const StatePointers<S>&, Tile& x) { kernels::responses(t, x); }},
       {"row terms", solves_rows, row_terms},
       {"rows solved", has_rows, solve},
       {"integration", always, integrate},
@@ -83,10 +88,10 @@ struct Stages {
   static constexpr int count = sizeof(all) / sizeof(*all);
 
   /// The first `stages` of a step of one tile that is laid out.
-  static void run(const Table& t, const Lanes<S>& lanes, Tile& x, int stages) {
-    x.saturation_pass = 0;
+  static void run(const Table& t, const StatePointers<S>& batch, Tile& x, int stages) {
+    x.servos.pass = 0;
     for (int s = 0; s < stages; ++s)
-      if (all[s].present(t)) all[s].run(t, lanes, x);
+      if (all[s].present(t)) all[s].run(t, batch, x);
   }
 };
 

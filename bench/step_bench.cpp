@@ -2,14 +2,15 @@
 //
 // One thread, 4096 environments, 4 sub-steps per call unless the words behind say otherwise. The ladder adds one
 // feature at a time to a chain of eight. Counter env_steps_per_second is per second of CPU time (wall time where
-// threads are compared). Steps are those that a batch takes by itself where no kernel is generated, unless a word names them.
-// Rows peak/<instructions> and peak/memory are what the machine can do at best. URDF files named behind the options are
-// robots of which there are rows, too, without what bounds their motion.
+// threads are compared). Steps are those that a batch takes by itself where no kernel is generated, unless a word names
+// them. Rows peak/<instructions> and peak/memory are what the machine can do at best. URDF files named behind the
+// options are robots of which there are rows, too, without what bounds their motion.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <filesystem>
+#include <memory>
 #include <vector>
 
 #include "loads.h"
@@ -21,12 +22,24 @@ namespace {
 
 using bench::Load;
 
+// Null where the plan has no such engine.
+template <class S>
+std::unique_ptr<Batch<S>> made(const Plan& plan, const Load& load, benchmark::State& state) {
+  try {
+    return std::make_unique<Batch<S>>(plan, load.environments,
+                                      BatchOptions{.threads = load.threads, .engine = load.engine});
+  } catch (const SettingsError& error) {
+    state.SkipWithError(error.what());
+    return nullptr;
+  }
+}
+
 template <class S>
 void run(benchmark::State& state, const Load& load) {
   const Plan plan = compile(load.model, load.settings);
-  Batch<S> batch(plan, load.environments, {.threads = load.threads, .generated = load.generated, .listed = load.listed});
-  if (load.generated && !batch.kernel().starts_with("generated")) return state.SkipWithError("no kernel was generated");
-  if (load.listed.value_or(false) && batch.kernel() != "operations") return state.SkipWithError("there is no list");
+  const std::unique_ptr<Batch<S>> own = made<S>(plan, load, state);
+  if (!own) return;
+  Batch<S>& batch = *own;
   batch.step(load.substeps);
   int steps = load.substeps;
   for (auto _ : state) {
@@ -65,11 +78,11 @@ void add_methods() {
     for (bool single : {true, false}) {
       const char* precision = single ? "f32" : "f64";
       for (Method method : {Method::reduced, Method::direct})
-        add(fmt::format("{}/{}/1/{}", scene, name(method), precision), bench::scene(scene, method, 1), single);
+        add(fmt::format("{}/{}/1/{}", scene, to_string(method), precision), bench::scene(scene, method, 1), single);
       for (Method method : {Method::pgs, Method::tgs})
         for (int iterations : {1, 4, 16})
-          add(fmt::format("{}/{}/{}/{}", scene, name(method), iterations, precision),
-            bench::scene(scene, method, iterations), single);
+          add(fmt::format("{}/{}/{}/{}", scene, to_string(method), iterations, precision),
+              bench::scene(scene, method, iterations), single);
     }
 }
 
@@ -81,25 +94,23 @@ void add_integrators() {
         if (integrator == Integrator::runge_kutta && scene == std::string("gripper13")) continue;  // refused: too stiff
         Load load = bench::scene(scene, Method::reduced, 1);
         load.settings.integrator = integrator;
-        add(fmt::format("{}/reduced/1/{}/integrator:{}", scene, single ? "f32" : "f64", name(integrator)), load, single);
+        add(fmt::format("{}/reduced/1/{}/integrator:{}", scene, single ? "f32" : "f64", to_string(integrator)), load,
+            single);
       }
 }
 
-enum class Kernel { tables, listed, generated };
-constexpr const char* kernel_names[] = {"tables", "listed", "generated"};
-
 // With four steps per call, and with one.
-void add_kernel(Kernel kernel, const std::string& name, Load load) {
-  load.listed = kernel == Kernel::listed, load.generated = kernel == Kernel::generated;
+void add_engine(Engine engine, const std::string& name, Load load) {
+  load.engine = engine;
   for (const int substeps : {4, 1}) {
     load.substeps = substeps;
     const std::string words = substeps == 4 ? "" : fmt::format("/substeps:{}", substeps);
-    add(fmt::format("{}{}/kernel:{}", name, words, kernel_names[static_cast<int>(kernel)]), load, true);
+    add(fmt::format("{}{}/engine:{}", name, words, to_string(engine)), load, true);
   }
 }
 
-// A scene whose followers are not in place and do not come there before the next reset: steps in full.
-Load astray(const char* scene) {
+// A scene whose followers are inconsistent, and stay so until the next reset: steps in full.
+Load inconsistent(const char* scene) {
   Load load = bench::scene(scene, Method::reduced, 1);
   for (const Coupling& coupling : load.model.couplings)
     load.model.joints[static_cast<std::size_t>(load.model.joint_index(coupling.joint))].position += 0.2;
@@ -107,40 +118,43 @@ Load astray(const char* scene) {
   return load;
 }
 
-// One way of stepping, whatever a batch would take by itself: the scenes, chains half coupled, threads and sizes of batches.
-void add_kernels(Kernel kernel, const std::vector<int>& lengths) {
+// One engine: the scenes, chains half coupled, threads and sizes of batches.
+void add_engines(Engine engine, const std::vector<int>& lengths) {
   for (const char* scene : {"chain8", "gripper13", "chain32"})
     for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
       const int iterations = method == Method::pgs ? 4 : 1;
-      add_kernel(kernel, fmt::format("{}/{}/{}/f32", scene, name(method), iterations),
+      add_engine(engine, fmt::format("{}/{}/{}/f32", scene, to_string(method), iterations),
                  bench::scene(scene, method, iterations));
     }
   for (const char* scene : {"chain8", "gripper13", "chain32"})
-    add_kernel(kernel, fmt::format("{}/reduced/1/f32/astray", scene), astray(scene));
+    add_engine(engine, fmt::format("{}/reduced/1/f32/inconsistent", scene), inconsistent(scene));
   for (int joints : lengths)
-    add_kernel(kernel, fmt::format("chain/reduced/1/f32/coupled/dofs:{}", joints),
+    add_engine(engine, fmt::format("chain/reduced/1/f32/coupled/dofs:{}", joints),
                bench::chain(joints, joints / 2, Method::reduced));
   for (int threads : {1, 2}) {
     Load load = bench::scene("chain8", Method::reduced, 1);
     load.environments = 16384, load.threads = threads;
-    add_kernel(kernel, fmt::format("chain8/reduced/1/f32/threads:{}", threads), load);
+    add_engine(engine, fmt::format("chain8/reduced/1/f32/threads:{}", threads), load);
   }
   for (int environments : {64, 1024, 16384, 262144}) {
     Load load = bench::scene("chain8", Method::reduced, 1);
     load.environments = environments;
-    add_kernel(kernel, fmt::format("chain8/reduced/1/f32/environments:{}", environments), load);
+    add_engine(engine, fmt::format("chain8/reduced/1/f32/environments:{}", environments), load);
   }
 }
 
 // Straight-line code, where the build has it (LOCKSTEP_BENCH_KERNELS).
 [[maybe_unused]] void add_generated() {
-  add_kernels(Kernel::generated, {4, 8, 16, 32, 64});
-  for (const auto& [scene, integrator] : {std::pair{"chain8", Integrator::leapfrog}, {"gripper13", Integrator::leapfrog},
-                                          {"chain32", Integrator::leapfrog}, {"chain8", Integrator::extrapolated},
-                                          {"gripper13", Integrator::extrapolated}, {"chain8", Integrator::runge_kutta}}) {
+  add_engines(Engine::generated, {4, 8, 16, 32, 64});
+  for (const auto& [scene, integrator] : {std::pair{"chain8", Integrator::leapfrog},
+                                          {"gripper13", Integrator::leapfrog},
+                                          {"chain32", Integrator::leapfrog},
+                                          {"chain8", Integrator::extrapolated},
+                                          {"gripper13", Integrator::extrapolated},
+                                          {"chain8", Integrator::runge_kutta}}) {
     Load load = bench::scene(scene, Method::reduced, 1);
     load.settings.integrator = integrator;
-    add_kernel(Kernel::generated, fmt::format("{}/reduced/1/f32/integrator:{}", scene, name(integrator)), load);
+    add_engine(Engine::generated, fmt::format("{}/reduced/1/f32/integrator:{}", scene, to_string(integrator)), load);
   }
 }
 
@@ -158,7 +172,7 @@ void add_peaks() {
       for (auto _ : state) flops += bench::run_peak(peak, 1000);
       count(state, flops);
     };
-    const std::string name = fmt::format("peak/{}", bench::name(peak));
+    const std::string name = fmt::format("peak/{}", to_string(peak));
     benchmark::RegisterBenchmark(name.c_str(), run);
     // What a second core of this machine is worth while the first one is at work.
     if (peak == bench::Peak::avx2_f32)
@@ -175,7 +189,7 @@ void add_peaks() {
 
 void add_scaling() {
   for (const char* scene : {"chain8", "gripper13", "chain32"})
-    add(fmt::format("{}/reduced/1/f32/astray", scene), astray(scene), true);
+    add(fmt::format("{}/reduced/1/f32/inconsistent", scene), inconsistent(scene), true);
   const auto scaled = [](const char* scene, const std::string& words, auto&& change) {
     Load load = bench::scene(scene, Method::reduced, 1);
     change(load);
@@ -201,8 +215,8 @@ void add_sizes() {
   for (int couplings = 0; couplings <= 8; ++couplings)
     for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
       const Load load = bench::chain(16, couplings, method);
-      add(fmt::format("chain16/{}/{}/f32/couplings:{}", name(method), method == Method::pgs ? 4 : 1, couplings), load,
-          true);
+      add(fmt::format("chain16/{}/{}/f32/couplings:{}", to_string(method), method == Method::pgs ? 4 : 1, couplings),
+          load, true);
     }
 }
 
@@ -213,7 +227,7 @@ void add_ladder() {
     load.model.couplings.clear();
     for (Joint& joint : load.model.joints) joint.damping = 0.0;
     change(load);
-    add(fmt::format("chain8/{}/1/f32/ladder:{}", name(load.settings.method), words), load, true);
+    add(fmt::format("chain8/{}/1/f32/ladder:{}", to_string(load.settings.method), words), load, true);
   };
   const auto damped = [](Load& load) {
     for (Joint& joint : load.model.joints) joint.damping = 0.05;
@@ -227,22 +241,22 @@ void add_ladder() {
   rung("drives", [&](Load& load) {
     for (Joint& joint : load.model.joints) joint.drive = {20.0, 1.0, 0.3, 0.0};
   });
-  rung("hard-reduced", [&](Load& load) { coupled(load, Softness::hard()), load.settings.method = Method::reduced; });
-  rung("hard-direct", [&](Load& load) { coupled(load, Softness::hard()); });
-  rung("soft-spring", [&](Load& load) { coupled(load, Softness::spring(20.0, 1.0)); });
-  rung("soft-frequency", [&](Load& load) { coupled(load, Softness::frequency(30.0, 1.0)); });
-  rung("soft-frequency-damping", [&](Load& load) { damped(load), coupled(load, Softness::frequency(30.0, 1.0)); });
+  rung("hard-reduced", [&](Load& load) { coupled(load, Hard{}), load.settings.method = Method::reduced; });
+  rung("hard-direct", [&](Load& load) { coupled(load, Hard{}); });
+  rung("soft-spring", [&](Load& load) { coupled(load, Spring{20.0, 1.0}); });
+  rung("soft-frequency", [&](Load& load) { coupled(load, Frequency{30.0, 1.0}); });
+  rung("soft-frequency-damping", [&](Load& load) { damped(load), coupled(load, Frequency{30.0, 1.0}); });
   rung("hard-reduced-impulses", [&](Load& load) {
-    coupled(load, Softness::hard()), load.settings.method = Method::reduced, load.settings.record_impulses = true;
+    coupled(load, Hard{}), load.settings.method = Method::reduced, load.settings.record_impulses = true;
   });
   rung("hard-reduced-gear_ratio-per-environment", [&](Load& load) {
-    coupled(load, Softness::hard()), load.settings.method = Method::reduced;
+    coupled(load, Hard{}), load.settings.method = Method::reduced;
     load.settings.per_environment = {Parameter::gear_ratio};
   });
   for (int p = 0; p < parameter_count; ++p) {
     const auto parameter = static_cast<Parameter>(p);
-    rung(fmt::format("{}-per-environment", name(parameter)), [&](Load& load) {
-      coupled(load, Softness::hard());
+    rung(fmt::format("{}-per-environment", to_string(parameter)), [&](Load& load) {
+      coupled(load, Hard{});
       load.settings.per_environment = {parameter};
     });
   }
@@ -254,17 +268,17 @@ void add_bounds() {
   const auto rung = [](const std::string& words, const std::string& scene, Method method, auto&& change) {
     Load load = bench::scene(scene, method, 1);
     for (Joint& joint : load.model.joints) change(joint);
-    add(fmt::format("{}/{}/1/f32/bounds:{}", scene, name(load.settings.method), words), load, true)
+    add(fmt::format("{}/{}/1/f32/bounds:{}", scene, to_string(load.settings.method), words), load, true)
         ->Iterations(load.reset_after / load.substeps);
   };
   for (const char* scene : {"chain8", "gripper13"})
     for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
       rung("none", scene, method, [](Joint&) {});
-      const std::string idle = fmt::format("{}/{}/1/f32/bounds:limits-idle", scene, name(method));
+      const std::string idle = fmt::format("{}/{}/1/f32/bounds:limits-idle", scene, to_string(method));
       add(idle, bench::scene_with_ranges(scene, method), true);
-      add_kernel(Kernel::listed, idle, bench::scene_with_ranges(scene, method));
+      add_engine(Engine::interpreter, idle, bench::scene_with_ranges(scene, method));
 #ifdef LOCKSTEP_BENCH_KERNELS
-      add_kernel(Kernel::generated, idle, bench::scene_with_ranges(scene, method));
+      add_engine(Engine::generated, idle, bench::scene_with_ranges(scene, method));
 #endif
       rung("velocity-limits-idle", scene, method, [](Joint& j) { j.velocity_limit = 1e3; });
       rung("efforts-idle", scene, method, [](Joint& j) { j.effort_limit = 1e9; });
@@ -285,9 +299,10 @@ void add_robot(const std::filesystem::path& file) {
   load.settings.ignore = {true, true, true, true};
   for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
     load.settings.method = method;
-    const std::string row = fmt::format("{}/{}/{}/f32", file.stem().string(), name(method), load.settings.iterations);
+    const std::string row =
+        fmt::format("{}/{}/{}/f32", file.stem().string(), to_string(method), load.settings.iterations);
     add(row, load, true);
-    add_kernel(Kernel::tables, row, load);
+    add_engine(Engine::tables, row, load);
   }
 }
 
@@ -301,8 +316,8 @@ int main(int argc, char** argv) {
 #ifdef LOCKSTEP_BENCH_KERNELS
   lockstep::add_generated();
 #endif
-  for (const auto kernel : {lockstep::Kernel::tables, lockstep::Kernel::listed})
-    lockstep::add_kernels(kernel, {4, 8, 16, 20, 24, 32, 64});
+  for (const auto engine : {lockstep::Engine::tables, lockstep::Engine::interpreter})
+    lockstep::add_engines(engine, {4, 8, 16, 20, 24, 32, 64});
   lockstep::add_scaling();
   lockstep::add_sizes();
   lockstep::add_ladder();

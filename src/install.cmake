@@ -20,9 +20,11 @@ foreach(folder simd kernels targets)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lockstep/kernel
           FILES_MATCHING PATTERN "*.h")
 endforeach()
-install(FILES ${PROJECT_SOURCE_DIR}/src/plan/operations.h ${PROJECT_SOURCE_DIR}/src/plan/tables.h
-  DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lockstep/kernel/plan)
-install(FILES ${PROJECT_SOURCE_DIR}/src/generate/lockstep_add_kernel.cmake DESTINATION ${package_dir})
+foreach(header plan/tables.h model/softness_kind.h interpret/evaluate.h interpret/operations.h interpret/run.h)
+  get_filename_component(folder ${header} DIRECTORY)
+  install(FILES ${PROJECT_SOURCE_DIR}/src/${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lockstep/kernel/${folder})
+endforeach()
+install(FILES ${PROJECT_SOURCE_DIR}/src/codegen/lockstep_add_kernel.cmake DESTINATION ${package_dir})
 install(EXPORT lockstepTargets NAMESPACE lockstep:: DESTINATION ${package_dir})
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/lockstepConfig.cmake
               ${CMAKE_CURRENT_BINARY_DIR}/lockstepConfigVersion.cmake DESTINATION ${package_dir})

@@ -10,7 +10,7 @@
 
 namespace lockstep::contract {
 
-constexpr int limited_coupling = 2;   ///< the one with a force limit
+constexpr int limited_coupling = 2;            ///< the one with a force limit
 constexpr int hard_drive = 5, soft_drive = 6;  ///< joints with a kinematic drive
 
 /// The bounds of joint `i`, the kinds in turn. Joint 3 has none that keeps it from being torn away by an effort, and
@@ -26,31 +26,29 @@ inline void bound(Joint& joint, int i) {
   };
   switch (i % 8) {
     case 0:
-      range(Softness::hard());
+      range(Hard{});
       joint.restitution = 0.5;
       servo(4.0);
       break;
     case 1:
-      range(Softness::spring(60.0, 1.0));
+      range(Spring{60.0, 1.0});
       joint.friction = 0.1;
       break;
     case 2:
-      range(Softness::hard(0.5));
+      range(Hard{0.5});
       joint.velocity_limit = 0.6;
       break;
     case 3:
-      range(Softness::mixing(0.3, 0.5));
+      range(ErpCfm{0.3, 0.5});
       joint.friction = 0.02;
       break;
     case 4:
-      range(Softness::frequency(20.0, 0.7));
+      range(Frequency{20.0, 0.7});
       servo(1.0);
       break;
     case 5: joint.friction = 0.05; break;
-    case 6: range(Softness::hard()); break;
-    default:
-      range(Softness::hard());
-      joint.velocity_limit = 0.8;
+    case 6: range(Hard{}); break;
+    default: range(Hard{}); joint.velocity_limit = 0.8;
   }
 }
 
@@ -64,16 +62,14 @@ inline Model bounded(Model model) {
     joint.drive.position_target = joint.position;
     joint.drive.kinematic = true, joint.drive.softness = softness;
   };
-  prescribe(hard_drive, Softness::hard(0.05));  // scattered targets are some 0.5 away
-  prescribe(soft_drive, Softness::spring(30.0, 1.0));
+  prescribe(hard_drive, Hard{0.05});  // scattered targets are some 0.5 away
+  prescribe(soft_drive, Spring{30.0, 1.0});
   const bool fingers = model.couplings[limited_coupling].joint == "j10";  // light ones
   model.couplings[limited_coupling].force_limit = fingers ? 0.6 : 2.0;
   return model;
 }
 
-inline std::vector<Model> small_bounded_scenes() {
-  return {bounded(scenes::chain8()), bounded(scenes::gripper13())};
-}
+inline std::vector<Model> small_bounded_scenes() { return {bounded(scenes::chain8()), bounded(scenes::gripper13())}; }
 
 /// One of them floats, and takes its time.
 inline std::vector<Model> bounded_scenes() {

@@ -7,23 +7,33 @@
 
 namespace lockstep::contract {
 
-Softness another(Softness softness, Random& random) {
-  switch (softness.kind) {
-    case Softness::Kind::hard:
-      softness = {softness.kind, random.uniform(0.0, 0.5), random.chance(0.5) ? 0.0 : random.uniform(0.01, 1.0)};
-      break;
-    case Softness::Kind::mixing:
-      softness = {softness.kind, random.uniform(0.0, 0.9), random.uniform(0.01, 1.0)};
-      break;
-    case Softness::Kind::spring:
-      softness = {softness.kind, random.uniform(0.0, 100.0), random.uniform(0.0, 2.0)};
-      break;
-    case Softness::Kind::frequency:
-      softness = {softness.kind, random.uniform(1.0, 40.0), random.uniform(0.0, 1.5)};
-      break;
+SoftnessNumbers another(const Softness& softness, Random& random) {
+  switch (kind_of(softness)) {
+    case SoftnessKind::hard: return {random.uniform(0.0, 0.5), random.chance(0.5) ? 0.0 : random.uniform(0.01, 1.0)};
+    case SoftnessKind::erp_cfm: return {random.uniform(0.0, 0.9), random.uniform(0.01, 1.0)};
+    case SoftnessKind::spring: return {random.uniform(0.0, 100.0), random.uniform(0.0, 2.0)};
+    case SoftnessKind::frequency: break;
   }
-  return softness;
+  return {random.uniform(1.0, 40.0), random.uniform(0.0, 1.5)};
 }
+
+namespace {
+
+// The same kind of softness with other numbers. A hard one with a cfm is an ErpCfm.
+Softness with_numbers(const Softness& softness, SoftnessNumbers numbers) {
+  const auto [first, second] = numbers;
+  switch (kind_of(softness)) {
+    case SoftnessKind::hard:
+      if (second == 0.0) return Hard{first};
+      [[fallthrough]];
+    case SoftnessKind::erp_cfm: return ErpCfm{first, second};
+    case SoftnessKind::spring: return Spring{first, second};
+    case SoftnessKind::frequency: break;
+  }
+  return Frequency{first, second};
+}
+
+}  // namespace
 
 template <class S>
 void scatter(Batch<S>& batch, int environment, std::uint64_t seed) {
@@ -66,7 +76,7 @@ void scatter(Batch<S>& batch, int environment, std::uint64_t seed) {
   if (!plan.settings().per_environment.contains(Parameter::softness)) return;
   auto softness = batch.parameter(Parameter::softness);
   for (int c = 0; c < plan.couplings(); ++c) {
-    const Softness own = another(plan.model().couplings[static_cast<std::size_t>(c)].softness, random);
+    const SoftnessNumbers own = another(plan.model().couplings[static_cast<std::size_t>(c)].softness, random);
     softness(2 * c, environment) = static_cast<S>(own.first);
     softness(2 * c + 1, environment) = static_cast<S>(own.second);
   }
@@ -87,13 +97,13 @@ Model model_of(Batch<double>& batch, int environment) {
     const int row = static_cast<int>(c);
     for (CouplingTerm& term : coupling.terms) own(Parameter::gear_ratio, gear++, term.ratio);
     own(Parameter::offset, row, coupling.offset);
-    own(Parameter::softness, 2 * row, coupling.softness.first);
-    own(Parameter::softness, 2 * row + 1, coupling.softness.second);
-    if (coupling.softness.second != 0.0 && coupling.softness.kind == Softness::Kind::hard)
-      coupling.softness.kind = Softness::Kind::mixing;  // a model says so
+    SoftnessNumbers numbers = numbers_of(coupling.softness);
+    own(Parameter::softness, 2 * row, numbers.first);
+    own(Parameter::softness, 2 * row + 1, numbers.second);
+    coupling.softness = with_numbers(coupling.softness, numbers);
     double on = 1.0;
     own(Parameter::coupling_switch, row, on);
-    if (on == 0.0) coupling.softness = Softness::spring(0.0, 0.0);
+    if (on == 0.0) coupling.softness = Spring{0.0, 0.0};
   }
   for (Joint& joint : model.joints) {
     if (!joint.moves()) continue;
@@ -131,30 +141,30 @@ Eigen::MatrixXd wrenches_of(Batch<double>& batch, int environment) {
 }
 
 template <class S>
-void put_in_place(Batch<S>& batch) {
-  const Tables<double>& t = batch.plan().program().f64;
+void put_consistent(Batch<S>& batch) {
+  const Tables<double>& t = program_of(batch.plan()).f64;
   const Reduction<double>& r = t.reduction;
   batch.velocities().setZero();
   for (int i = 0; i < 20; ++i) {  // once would do where gear ratios are those of the model
     const typename Batch<S>::Array errors = batch.coupling_errors();
     for (int f = 0; f < r.followers; ++f)
       for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s)
-        batch.positions().row(t.joint_row[r.follower[f]]) -=
+        batch.positions().row(t.dof[r.follower[f]]) -=
             static_cast<S>(r.inverse_value[s]) * errors.row(r.inverse_coupling[s]);
   }
 }
 
-template void put_in_place(Batch<float>&);
-template void put_in_place(Batch<double>&);
+template void put_consistent(Batch<float>&);
+template void put_consistent(Batch<double>&);
 
 template <class S>
-void expect_the_same_bits_in_place(const Plan& plan, int environments, const BatchOptions& options) {
+void expect_the_same_bits_where_consistent(const Plan& plan, int environments, const BatchOptions& options) {
   Batch<S> all = scattered<S>(plan, environments, options), some = scattered<S>(plan, environments, options);
-  put_in_place(all);
+  put_consistent(all);
   all.step(60);
-  const auto in_place = [&](int e) { return e % 3 != 1 && all.faults()[e] == Fault::none; };
+  const auto consistent = [&](int e) { return e % 3 != 1 && all.faults()[e] == Fault::none; };
   for (int e = 0; e < environments; ++e)
-    if (in_place(e)) {
+    if (consistent(e)) {
       some.positions().col(e) = all.positions().col(e);
       some.velocities().col(e) = all.velocities().col(e);
       some.root_poses().col(e) = all.root_poses().col(e);
@@ -163,7 +173,7 @@ void expect_the_same_bits_in_place(const Plan& plan, int environments, const Bat
   all.step(3), some.step(3);
   int compared = 0;
   for (int e = 0; e < environments; ++e)
-    if (in_place(e)) {
+    if (consistent(e)) {
       EXPECT_TRUE(same_bits(all, e, some, e));
       ++compared;
     }
@@ -171,8 +181,8 @@ void expect_the_same_bits_in_place(const Plan& plan, int environments, const Bat
 
   // Beside one that failed, the others step on in place and it stays as it is.
   const int sick = 4;
-  const Tables<double>& t = plan.program().f64;
-  all.positions()(t.joint_row[t.reduction.follower[0]], sick) = std::numeric_limits<S>::quiet_NaN();
+  const Tables<double>& t = program_of(plan).f64;
+  all.positions()(t.dof[t.reduction.follower[0]], sick) = std::numeric_limits<S>::quiet_NaN();
   all.step();
   EXPECT_NE(all.faults()[sick], Fault::none);
   const std::vector<S> held = outcome(all, sick);
@@ -180,8 +190,8 @@ void expect_the_same_bits_in_place(const Plan& plan, int environments, const Bat
   EXPECT_TRUE(same_bits(outcome(all, sick), held));
 }
 
-template void expect_the_same_bits_in_place<float>(const Plan&, int, const BatchOptions&);
-template void expect_the_same_bits_in_place<double>(const Plan&, int, const BatchOptions&);
+template void expect_the_same_bits_where_consistent<float>(const Plan&, int, const BatchOptions&);
+template void expect_the_same_bits_where_consistent<double>(const Plan&, int, const BatchOptions&);
 
 ParameterSet all_parameters(Method method, const Model& model) {
   bool limited = false;

@@ -9,10 +9,15 @@
 #include <string>
 #include <vector>
 
+#include "model/softness_numbers.h"
 #include "physics.h"
 #include "scenes/scenes.h"
+#include "twins/twins.h"
 
 namespace lockstep::contract {
+
+/// By LOCKSTEP_TEST_ENGINE: engine.cpp.
+extern const bool engine_preferred;
 
 /// `reduced` takes hard couplings for hard in all environments, so it refuses fields that say otherwise.
 inline bool allows(Method method, Parameter parameter) {
@@ -42,8 +47,8 @@ class Random {
   std::mt19937_64 engine_;
 };
 
-/// A random softness of the kind that the model states; the second number of a hard one is its cfm.
-Softness another(Softness softness, Random& random);
+/// The numbers of a random softness of the kind that the model states; the second number of a hard one is its cfm.
+SoftnessNumbers another(const Softness& softness, Random& random);
 
 /// Gives a fresh environment a state, inputs and declared parameters of its own. They depend on the plan and the
 /// seed alone, not on where the environment stands.
@@ -109,11 +114,11 @@ Eigen::MatrixXd wrenches_of(Batch<double>& batch, int environment);
 
 /// All at rest, with followers where their environment's others put them, but for rounding: some steps do the rest.
 template <class S>
-void put_in_place(Batch<S>& batch);
+void put_consistent(Batch<S>& batch);
 
 /// Where all followers are in place a step is shorter, and its bits are those of the same environments between others
 /// whose followers are not.
 template <class S>
-void expect_the_same_bits_in_place(const Plan& plan, int environments, const BatchOptions& options);
+void expect_the_same_bits_where_consistent(const Plan& plan, int environments, const BatchOptions& options);
 
 }  // namespace lockstep::contract

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "interpret/lower.h"
+
 namespace lockstep::physics {
 
 double condition(const Eigen::MatrixXd& h) {
@@ -24,6 +26,11 @@ StepSettings settings(Method method, int iterations, int velocity_iterations, do
   return result;
 }
 
+BatchOptions by_turns(const Plan& plan, int seed) {
+  const bool interpreted = seed % 4 == 0 && interpret::interpreted_step(program_of(plan));
+  return {.threads = 1, .engine = interpreted ? Engine::interpreter : Engine::tables};
+}
+
 Model sliders(const std::vector<double>& masses) {
   Model model;
   model.name = "sliders";
@@ -41,8 +48,8 @@ Model sliders(const std::vector<double>& masses) {
   return model;
 }
 
-Joint& append_link(Model& model, const std::string& parent, const Eigen::Vector3d& offset,
-                   const Eigen::Vector3d& axis, double mass) {
+Joint& append_link(Model& model, const std::string& parent, const Eigen::Vector3d& offset, const Eigen::Vector3d& axis,
+                   double mass) {
   const std::size_t number = model.joints.size();
   model.links.push_back({numbered("l", number), link_box(mass)});
   Joint joint;

@@ -49,8 +49,9 @@ double condition(const Eigen::MatrixXd& h);
 
 StepSettings settings(Method method, int iterations = 4, int velocity_iterations = 1, double dt = 1.0 / 240);
 
-/// One thread, and of many plans every fourth by a list of operations, the others by the tables: which need no making.
-constexpr BatchOptions by_turns(int seed) { return {.threads = 1, .listed = seed % 4 == 0}; }
+/// One thread; of many plans every fourth by the interpreter, where it takes the plan, the others by the tables, which
+/// take no time to make.
+BatchOptions by_turns(const Plan& plan, int seed);
 
 inline std::string numbered(const char* word, std::size_t number) {
   return std::string(word).append(std::to_string(number));
@@ -63,14 +64,14 @@ Model sliders(const std::vector<double>& masses);
 inline Inertia link_box(double mass) { return Inertia::box(mass, {0.1, 0.04, 0.04}, {0.05, 0, 0}); }
 
 /// Appends a link with a revolute joint j0, j1, ... behind the link `parent`.
-Joint& append_link(Model& model, const std::string& parent, const Eigen::Vector3d& offset,
-                   const Eigen::Vector3d& axis, double mass = 0.2);
+Joint& append_link(Model& model, const std::string& parent, const Eigen::Vector3d& offset, const Eigen::Vector3d& axis,
+                   double mass = 0.2);
 
 /// Folder of files that are not part of the project; empty where there is none.
 std::string test_data();
 
 constexpr Method methods[] = {Method::pgs, Method::tgs, Method::direct, Method::reduced};
 
-inline std::string method_name(const testing::TestParamInfo<Method>& info) { return name(info.param); }
+inline std::string method_name(const testing::TestParamInfo<Method>& info) { return to_string(info.param); }
 
 }  // namespace lockstep::physics

@@ -1,9 +1,11 @@
-// Error against cost: integrators, steps, precisions and sweeps, ours and other engines'. SPDX-License-Identifier: Apache-2.0
+// Error against cost: integrators, steps, precisions and sweeps, ours and other engines'. SPDX-License-Identifier:
+// Apache-2.0
 //
 // One core, everything in one run. Everybody takes turns, repeat by repeat, so that what else the machine does falls on
 // all alike. A row is one engine with its settings at one step: RMS error of the joints over the first second, largest
-// |C| in it, errors of energy and momentum at its end, and CPU time per environment and simulated second. Robots are URDF
-// files, without their bounds, from the start that `lockstep chart` takes; of the other engines MuJoCo has words for them.
+// |C| in it, errors of energy and momentum at its end, and CPU time per environment and simulated second. Robots are
+// URDF files, without their bounds, from the start that `lockstep chart` takes; of the other engines MuJoCo has words
+// for them.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -106,15 +108,17 @@ int run(const Choices& choices) {
   std::unique_ptr<tool::OutputFile> file;
   if (!choices.csv.empty()) file = std::make_unique<tool::OutputFile>(choices.csv);
   const auto write = [&](const std::string& line) { file ? file->write(line) : fmt::print("{}", line); };
-  write("engine,scene,settings,steps_per_second,rms,largest_c,energy_error,momentum_change,diverged,"
-        "cost_us_per_env_second,env_steps_per_second,spread,peak_gflops\n");
+  write(
+      "engine,scene,settings,steps_per_second,rms,largest_c,energy_error,momentum_change,diverged,"
+      "cost_us_per_env_second,env_steps_per_second,spread,peak_gflops\n");
   const auto settings = choices.scenes.size() * all.size() + choices.robots.size() * of_robots.size();
   tool::Progress progress(static_cast<double>(settings) * choices.repeats, "measurements");
   double done = 0.0;
   for (const std::string& scene : choices.scenes)
     measure(choices, all, Yardstick(scene, choices.quick ? 24 : 240), write, progress, done);
   for (const std::string& robot : choices.robots)
-    measure(choices, of_robots, Yardstick(smooth(robot, choices.import), choices.quick ? 24 : 240), write, progress, done);
+    measure(choices, of_robots, Yardstick(smooth(robot, choices.import), choices.quick ? 24 : 240), write, progress,
+            done);
   if (file) file->close();
   return 0;
 }

@@ -1,15 +1,15 @@
 // What single precision costs: how far a Batch<float> is from a Batch<double>. SPDX-License-Identifier: Apache-2.0
 //
-// Damped chains of 2 to 64 joints, half of them coupled, that fall in gravity, over 1, 5 and 25 seconds; and the scenes at
-// smaller and smaller steps over one, where roundings of positions and velocities gather. RMS over all joints and the
-// last second, one environment.
+// Damped chains of 2 to 64 joints, half of them coupled, that fall in gravity, over 1, 5 and 25 seconds; and the scenes
+// at smaller and smaller steps over one, where roundings of positions and velocities gather. RMS over all joints and
+// the last second, one environment.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <cmath>
 
-#include "lockstep/batch.h"
 #include "loads.h"
+#include "lockstep/batch.h"
 #include "tool/csv.h"
 
 namespace lockstep {
@@ -44,14 +44,15 @@ int main(int argc, char** argv) {
   const auto write = [&](const std::string& line) { file ? file->write(line) : fmt::print("{}", line); };
   write("model,joints,integrator,steps_per_second,seconds,rms\n");
   const auto measure = [&](const std::string& name, const Model& model, Integrator integrator, int rate, int seconds) {
-    write(fmt::format("{},{},{},{},{},{:.2e}\n", name, model.joints.size(), lockstep::name(integrator), rate, seconds,
-                      distance(model, integrator, rate, seconds)));
+    write(fmt::format("{},{},{},{},{},{:.2e}\n", name, model.joints.size(), lockstep::to_string(integrator), rate,
+                      seconds, distance(model, integrator, rate, seconds)));
   };
   for (const int joints : {2, 4, 8, 16, 32, 64})
     for (const int seconds : {1, 5, 25})
       if (!quick || (joints == 8 && seconds == 1))
         for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog})
-          measure("chain", bench::chain(joints, joints < 4 ? 0 : joints / 2, Method::reduced).model, integrator, 240, seconds);
+          measure("chain", bench::chain(joints, joints < 4 ? 0 : joints / 2, Method::reduced).model, integrator, 240,
+                  seconds);
   for (const char* scene : {"chain8", "gripper13", "chain32"})
     for (const int rate : {60, 240, 960, 3840})
       if (!quick || rate == 60)

@@ -20,7 +20,7 @@ lockstep::bench::Load load_of(const std::string& name) {
     return bench::chain(joints, joints / 2, Method::reduced);
   }
   for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
-    if (method == lockstep::name(integrator)) {
+    if (method == lockstep::to_string(integrator)) {
       bench::Load load = bench::scene(scene, Method::reduced, 1);
       load.settings.integrator = integrator;
       return load;
@@ -31,8 +31,8 @@ lockstep::bench::Load load_of(const std::string& name) {
     return load;
   }
   for (const Method m : {Method::reduced, Method::direct, Method::pgs}) {
-    if (method == lockstep::name(m)) return bench::scene(scene, m, 4);
-    if (method == fmt::format("{}_ranges", lockstep::name(m))) return bench::scene_with_ranges(scene, m);
+    if (method == lockstep::to_string(m)) return bench::scene(scene, m, 4);
+    if (method == fmt::format("{}_ranges", lockstep::to_string(m))) return bench::scene_with_ranges(scene, m);
   }
   throw std::invalid_argument("no such kernel: " + name);
 }

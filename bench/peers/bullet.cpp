@@ -35,8 +35,8 @@ class World {
  public:
   World(Shared& shared, const Model& model, int sweeps) : model_(model) {
     build_body();
-    world_ = std::make_unique<btMultiBodyDynamicsWorld>(&shared.dispatcher, &broadphase_, &solver_,
-                                                        &shared.configuration);
+    world_ =
+        std::make_unique<btMultiBodyDynamicsWorld>(&shared.dispatcher, &broadphase_, &solver_, &shared.configuration);
     world_->setGravity(vector(model_.gravity));
     world_->getSolverInfo().m_numIterations = sweeps;
     world_->addMultiBody(body_.get());
@@ -95,7 +95,7 @@ class World {
   }
 
   // A constraint is solved with the island that its first link's collider is in, so without a collider not at all.
-  // This one is told to touch nothing.
+  // This one is told to activate nothing.
   void add_collider(int link, Shared& shared) {
     if (body_->getLink(link).m_collider) return;
     auto collider = std::make_unique<btMultiBodyLinkCollider>(body_.get(), link);
@@ -109,9 +109,9 @@ class World {
     add_collider(model_.joint_index(coupling.joint), shared);
     const btVector3 zero(0, 0, 0);
     const btMatrix3x3 same = btMatrix3x3::getIdentity();
-    auto gear = std::make_unique<btMultiBodyGearConstraint>(
-        body_.get(), model_.joint_index(coupling.joint), body_.get(), model_.joint_index(coupling.terms[0].joint), zero,
-        zero, same, same);
+    auto gear = std::make_unique<btMultiBodyGearConstraint>(body_.get(), model_.joint_index(coupling.joint),
+                                                            body_.get(), model_.joint_index(coupling.terms[0].joint),
+                                                            zero, zero, same, same);
     gear->setGearRatio(btScalar(coupling.terms[0].ratio));
     gear->setRelativePositionTarget(btScalar(-coupling.offset));
     gear->setErp(1);

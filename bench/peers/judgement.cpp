@@ -24,7 +24,9 @@ void weigh(const Peer& peer, const Yardstick& yardstick, Verdict& verdict) {
   constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
   verdict.energy = verdict.momentum = unknown;
   if (!state) return;
-  const auto energy = [&](const reference::State& s) { return mechanism.kinetic_energy(s) + mechanism.potential_energy(s); };
+  const auto energy = [&](const reference::State& s) {
+    return mechanism.kinetic_energy(s) + mechanism.potential_energy(s);
+  };
   const reference::State start = mechanism.initial_state();
   const double exact = energy(yardstick.truth_end());
   verdict.energy = std::abs(energy(*state) - exact) / std::max(std::abs(exact), std::abs(energy(start)));
@@ -106,7 +108,8 @@ Verdict judge(const Contender& contender, const Yardstick& yardstick, double sec
     if (row == yardstick.intervals()) weigh(*peer, yardstick, verdict);
   }
   const int rows = yardstick.intervals() / (contender.steps_per_call * std::max(1, rows_per_second / steps_per_second));
-  verdict.rms = compared >= rows * yardstick.truth(0).size() ? std::sqrt(squares / static_cast<double>(compared)) : infinity;
+  verdict.rms =
+      compared >= rows * yardstick.truth(0).size() ? std::sqrt(squares / static_cast<double>(compared)) : infinity;
   return verdict;
 }
 
@@ -129,14 +132,18 @@ double distance_at_small_steps(const Contender& contender, const Yardstick& yard
 }
 
 Stopwatch::Stopwatch(const Contender& contender, const Yardstick& yardstick, int steps_per_second)
-    : yardstick_(&yardstick), environments_(contender.environments), steps_per_call_(contender.steps_per_call),
+    : yardstick_(&yardstick),
+      environments_(contender.environments),
+      steps_per_call_(contender.steps_per_call),
       rate_(steps_per_second),
       peer_(contender.make(yardstick.scene().model, 1.0 / steps_per_second, contender.environments)) {}
 
 double Stopwatch::measure(double seconds, double patience) {
   double spent = 0.0;
   long calls = 0;
-  const auto motion_ends = [&] { return done_ * rows_per_second >= yardstick_->intervals() * rate_ || peer_->failed(); };
+  const auto motion_ends = [&] {
+    return done_ * rows_per_second >= yardstick_->intervals() * rate_ || peer_->failed();
+  };
   for (; spent < patience && !(spent >= seconds && motion_ends()); ++calls, done_ += steps_per_call_) {
     if (motion_ends()) {
       peer_->reset();

@@ -7,7 +7,8 @@
 namespace lockstep::peers {
 
 inline constexpr int rows_per_second = 240;
-inline constexpr double interval = 1.0 / rows_per_second;  ///< s, the step of every contender but where rates are charted
+inline constexpr double interval =
+    1.0 / rows_per_second;  ///< s, the step of every contender but where rates are charted
 
 /// A scene and the beginning of its exact motion.
 class Yardstick {
@@ -24,7 +25,7 @@ class Yardstick {
   const reference::Mechanism& mechanism() const { return mechanism_; }
   /// The targets of a step of `dt` that begins at `time`, by the peer's target_times(); none if the scene has none.
   std::vector<Eigen::VectorXd> targets(double time, double dt, const Peer& peer) const;
-  double coupling_error(const Eigen::VectorXd& positions) const;    ///< largest |C|
+  double coupling_error(const Eigen::VectorXd& positions) const;  ///< largest |C|
 
  private:
   Yardstick(scenes::Scene scene, int intervals, int steps_per_interval);
@@ -38,9 +39,10 @@ class Yardstick {
 struct Verdict {
   double rms = 0.0;        ///< rad, of all joints over the yardstick; infinite if diverged before its end
   double largest_c = 0.0;  ///< rad, over all the time
-  double energy = 0.0;     ///< error at the yardstick's end, share of the larger of the exact motion's two; NaN if not told
-  double momentum = 0.0;   ///< change of a floating mechanism's until then, N m s or N s, largest component; the same
-  bool diverged = false;   ///< no number, or beyond 100 rad, or the engine gave up
+  double energy =
+      0.0;  ///< error at the yardstick's end, share of the larger of the exact motion's two; NaN if not told
+  double momentum = 0.0;  ///< change of a floating mechanism's until then, N m s or N s, largest component; the same
+  bool diverged = false;  ///< no number, or beyond 100 rad, or the engine gave up
 };
 
 void set_targets(const std::vector<Eigen::VectorXd>& targets, Peer& peer);

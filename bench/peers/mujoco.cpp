@@ -41,17 +41,17 @@ XMLElement& append(XMLElement& parent, const char* name, const Attributes& attri
 
 Attributes placed(const std::string& link, const Pose& pose) {
   const Eigen::Quaterniond turn(pose.linear());
-  return {{"name", link},
-          {"pos", vector(pose.translation())},
-          {"quat", numbers(turn.w(), turn.x(), turn.y(), turn.z())}};
+  return {
+      {"name", link}, {"pos", vector(pose.translation())}, {"quat", numbers(turn.w(), turn.x(), turn.y(), turn.z())}};
 }
 
 void append_inertia(XMLElement& body, const Inertia& inertia) {
   if (inertia.mass == 0.0) return;  // of a link that is fixed to another
   const Eigen::Matrix3d& i = inertia.about_center;
-  append(body, "inertial", {{"pos", vector(inertia.center)},
-                            {"mass", numbers(inertia.mass)},
-                            {"fullinertia", numbers(i(0, 0), i(1, 1), i(2, 2), i(0, 1), i(0, 2), i(1, 2))}});
+  append(body, "inertial",
+         {{"pos", vector(inertia.center)},
+          {"mass", numbers(inertia.mass)},
+          {"fullinertia", numbers(i(0, 0), i(1, 1), i(2, 2), i(0, 1), i(0, 2), i(1, 2))}});
 }
 
 void append_children(const Model& model, const std::string& link, XMLElement& parent) {
@@ -61,10 +61,11 @@ void append_children(const Model& model, const std::string& link, XMLElement& pa
     append_inertia(body, model.links[model.link_index(joint.child)].inertia);
     // A servo's velocity target is zero, so its kd is damping, which Euler's method integrates implicitly here.
     if (joint.moves())
-      append(body, "joint", {{"name", joint.name},
-                             {"type", joint.kind == JointKind::prismatic ? "slide" : "hinge"},
-                             {"axis", vector(joint.axis)},
-                             {"damping", numbers(joint.damping + joint.drive.kd)}});
+      append(body, "joint",
+             {{"name", joint.name},
+              {"type", joint.kind == JointKind::prismatic ? "slide" : "hinge"},
+              {"axis", vector(joint.axis)},
+              {"damping", numbers(joint.damping + joint.drive.kd)}});
     append_children(model, joint.child, body);
   }
 }
@@ -73,8 +74,10 @@ void append_couplings(const Model& model, double dt, const Options& options, XML
   XMLElement& equality = append(root, "equality", {});
   for (const Coupling& coupling : model.couplings) {
     const CouplingTerm& other = coupling.terms[0];
-    XMLElement& joint = append(equality, "joint", {{"joint1", coupling.joint}, {"joint2", other.joint},
-                                                   {"polycoef", numbers(-coupling.offset, -other.ratio, 0, 0, 0)}});
+    XMLElement& joint = append(equality, "joint",
+                               {{"joint1", coupling.joint},
+                                {"joint2", other.joint},
+                                {"polycoef", numbers(-coupling.offset, -other.ratio, 0, 0, 0)}});
     if (options.stiffness != Options::soft) joint.SetAttribute("solref", numbers(2 * dt, 1).c_str());
     if (options.stiffness == Options::stiff) joint.SetAttribute("solimp", "0.9999 0.9999 0.001");
   }
@@ -85,9 +88,13 @@ void write_mjcf(const Model& model, double dt, const Options& options, const std
   XMLElement& root = *document.NewElement("mujoco");
   document.InsertEndChild(&root);
   append(root, "compiler", {{"angle", "radian"}});
-  append(root, "option", {{"timestep", numbers(dt)}, {"gravity", vector(model.gravity)},
-                          {"integrator", options.integrator}, {"solver", options.solver},
-                          {"jacobian", options.jacobian}, {"iterations", fmt::format("{}", options.iterations)}});
+  append(root, "option",
+         {{"timestep", numbers(dt)},
+          {"gravity", vector(model.gravity)},
+          {"integrator", options.integrator},
+          {"solver", options.solver},
+          {"jacobian", options.jacobian},
+          {"iterations", fmt::format("{}", options.iterations)}});
   // Room for the couplings and no more: what is left unused would be cleared, and take part of the cache.
   append(root, "size", {{"njmax", fmt::format("{}", model.couplings.size())}, {"nconmax", "1"}, {"nstack", "200000"}});
   XMLElement& base = append(append(root, "worldbody", {}), "body", placed(model.links[0].name, model.root.pose));
@@ -165,7 +172,8 @@ class MujocoPeer : public Peer {
     state.position = Eigen::Map<const Eigen::Vector3d>(data.qpos);
     state.orientation = Eigen::Quaterniond(data.qpos[3], data.qpos[4], data.qpos[5], data.qpos[6]);
     state.v.head<3>() = Eigen::Map<const Eigen::Vector3d>(data.qvel + 3);
-    state.v.segment<3>(3) = state.orientation.conjugate() * Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(data.qvel));
+    state.v.segment<3>(3) =
+        state.orientation.conjugate() * Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(data.qvel));
     return state;
   }
   bool failed() const override {
@@ -186,21 +194,20 @@ class MujocoPeer : public Peer {
 
 std::vector<Contender> mujoco_contenders() {
   const std::pair<const char*, Options> choices[] = {
-      {"default", {}},
-      {"Euler, Newton once, dense", {.iterations = 1}},
-      {"Euler, Newton, sparse", {.jacobian = "sparse"}},
-      {"Euler, CG, dense", {.solver = "CG"}},
-      {"Euler, PGS, dense", {.solver = "PGS"}},
-      {"implicit, Newton, dense", {.integrator = "implicit"}},
+    {"default", {}},
+    {"Euler, Newton once, dense", {.iterations = 1}},
+    {"Euler, Newton, sparse", {.jacobian = "sparse"}},
+    {"Euler, CG, dense", {.solver = "CG"}},
+    {"Euler, PGS, dense", {.solver = "PGS"}},
+    {"implicit, Newton, dense", {.integrator = "implicit"}},
 #if mjVERSION_HEADER >= 235
-      {"implicitfast, Newton, dense", {.integrator = "implicitfast"}},
+    {"implicitfast, Newton, dense", {.integrator = "implicitfast"}},
 #endif
-      {"firm: Euler, Newton once, dense", {.iterations = 1, .stiffness = Options::firm}},
-      {"stiff: Euler, Newton once, dense", {.iterations = 1, .stiffness = Options::stiff}},
-      {"stiff: Euler, PGS, dense", {.solver = "PGS", .stiffness = Options::stiff}},
-      {"stiff: implicit, Newton once, dense",
-       {.integrator = "implicit", .iterations = 1, .stiffness = Options::stiff}},
-      {"stiff: RK4, Newton once, dense", {.integrator = "RK4", .iterations = 1, .stiffness = Options::stiff}},
+    {"firm: Euler, Newton once, dense", {.iterations = 1, .stiffness = Options::firm}},
+    {"stiff: Euler, Newton once, dense", {.iterations = 1, .stiffness = Options::stiff}},
+    {"stiff: Euler, PGS, dense", {.solver = "PGS", .stiffness = Options::stiff}},
+    {"stiff: implicit, Newton once, dense", {.integrator = "implicit", .iterations = 1, .stiffness = Options::stiff}},
+    {"stiff: RK4, Newton once, dense", {.integrator = "RK4", .iterations = 1, .stiffness = Options::stiff}},
   };
   std::vector<Contender> all;
   for (const auto& [words, options] : choices)

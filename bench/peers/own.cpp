@@ -51,11 +51,13 @@ template <class S>
 Contender contender(Method method, int steps, Target target = Target::avx2, bool generated = false,
                     Integrator integrator = Integrator::euler, int parts = 1) {
   if (!supported(target)) target = Target::automatic;
-  const std::string words = integrator != Integrator::euler ? name(integrator)
-                            : method == Method::pgs ? "pgs 4" : name(method);
-  const BatchOptions options{.threads = 1, .target = target, .generated = generated};
+  const std::string words = integrator != Integrator::euler ? to_string(integrator)
+                            : method == Method::pgs         ? "pgs 4"
+                                                            : to_string(method);
+  const BatchOptions options{
+      .threads = 1, .target = target, .engine = generated ? Engine::generated : Engine::automatic};
   return {.engine = "lockstep",
-          .settings = fmt::format("{}, {}, {}, {}{}{}", words, sizeof(S) == 4 ? "f32" : "f64", name(target),
+          .settings = fmt::format("{}, {}, {}, {}{}{}", words, sizeof(S) == 4 ? "f32" : "f64", to_string(target),
                                   generated ? "generated, " : "",
                                   steps == 1 ? "1 step per call" : fmt::format("{} steps per call", steps),
                                   parts == 1 ? "" : fmt::format(" in {} parts each", parts)),
@@ -73,18 +75,21 @@ template <class S>
 Contender integrated(Integrator integrator, Method method = Method::automatic, int iterations = 4) {
   const Target target = supported(Target::avx2) ? Target::avx2 : Target::automatic;
   const bool sweeps = method == Method::pgs || method == Method::tgs;
-  const std::string words = method == Method::automatic ? name(integrator)
-                            : sweeps ? fmt::format("{} {}", name(method), iterations) : name(method);
+  const std::string words = method == Method::automatic ? to_string(integrator)
+                            : sweeps                    ? fmt::format("{} {}", to_string(method), iterations)
+                                                        : to_string(method);
   return {.engine = "lockstep",
           .settings = fmt::format("{}, {}", words, sizeof(S) == 4 ? "f32" : "f64"),
           .exact = !sweeps,
           .environments = 1024,
           .make = [=](const Model& model, double dt, int environments) {
-            const StepSettings settings{.dt = dt, .method = method, .integrator = integrator, .iterations = iterations,
+            const StepSettings settings{.dt = dt,
+                                        .method = method,
+                                        .integrator = integrator,
+                                        .iterations = iterations,
                                         .stage_inputs = integrator != Integrator::euler};
             return std::make_unique<OwnPeer<S>>(model, settings, environments, 1,
-                                                BatchOptions{.threads = 1, .target = target, .generated = false,
-                                                             .listed = false});
+                                                BatchOptions{.threads = 1, .target = target, .engine = Engine::tables});
           }};
 }
 

@@ -20,7 +20,7 @@ void require_plain(const Model& model) {
     require(joint.lower == -infinity && joint.upper == infinity && joint.friction == 0.0, "bounds");
   }
   for (const Coupling& coupling : model.couplings)
-    require(coupling.terms.size() == 1 && coupling.softness.is_hard(), "couplings that are no hard mimics");
+    require(coupling.terms.size() == 1 && is_hard(coupling.softness), "couplings that are no hard mimics");
   require(!model.root.floating || model.root.velocity.isZero(), "a root that moves at the start");
 }
 

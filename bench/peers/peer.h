@@ -17,9 +17,9 @@ class Peer {
  public:
   virtual ~Peer() = default;
 
-  virtual void reset() = 0;  ///< all environments to the model's state
+  virtual void reset() = 0;                                      ///< all environments to the model's state
   virtual void set_targets(const Eigen::VectorXd& targets) = 0;  ///< of the servos, by dof, in all environments
-  virtual void step() = 0;   ///< all environments, one after the other or however the engine likes
+  virtual void step() = 0;                        ///< all environments, one after the other or however the engine likes
   virtual Eigen::VectorXd positions() const = 0;  ///< of the first environment's joints
   virtual bool failed() const { return false; }   ///< the engine itself has noticed that its state is lost
 

@@ -96,9 +96,7 @@ int run(const Choices& choices) {
   const std::vector<Contender> all = contenders(choices.engines);
   std::unique_ptr<tool::OutputFile> file;
   if (!choices.csv.empty()) file = std::make_unique<tool::OutputFile>(choices.csv);
-  const auto write = [&](const std::string& line) {
-    file ? file->write(line) : fmt::print("{}", line);
-  };
+  const auto write = [&](const std::string& line) { file ? file->write(line) : fmt::print("{}", line); };
   if (!choices.quick) write("engine,scene,settings,steps_per_second,spread,rms,largest_c,diverged,peak_gflops\n");
   tool::Progress progress(static_cast<double>(choices.scenes.size() * all.size()) * choices.repeats, "measurements");
   bool same = true;
@@ -125,7 +123,8 @@ int main(int argc, char** argv) {
   app.add_option("--engines", choices.engines, "These alone: MuJoCo, Bullet, Simbody, lockstep")->delimiter(',');
   app.add_option("--repeats", choices.repeats, "Of each measurement: the others' fastest is told, our median")
       ->capture_default_str();
-  app.add_option("--seconds", choices.seconds, "Of CPU time for each measurement, at least: whole motions")->capture_default_str();
+  app.add_option("--seconds", choices.seconds, "Of CPU time for each measurement, at least: whole motions")
+      ->capture_default_str();
   app.add_option("--horizon", choices.horizon, "Over which |C| is looked at, s")->capture_default_str();
   app.add_flag("--quick", choices.quick, "No figures: only look whether every engine has the same mechanism");
   CLI11_PARSE(app, argc, argv);

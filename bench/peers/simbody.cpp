@@ -10,7 +10,7 @@ namespace {
 using namespace SimTK;
 
 struct Options {
-  double accuracy = 0.0;  // of the error-controlled integrator; 0: semi-explicit Euler with the step as given
+  double accuracy = 0.0;         // of the error-controlled integrator; 0: semi-explicit Euler with the step as given
   TargetsOverTime targets = {};  // of the servos, at the integrator's own times; none: those of set_targets(), held
 };
 
@@ -127,8 +127,8 @@ class SimbodyPeer : public Peer {
       if (targets)
         servos.push_back({number, pin, joint.drive.kp});
       else
-        springs_.emplace_back(
-            number, Force::MobilityLinearSpring(forces_, pin, MobilizerQIndex(0), joint.drive.kp, 0.0));
+        springs_.emplace_back(number,
+                              Force::MobilityLinearSpring(forces_, pin, MobilizerQIndex(0), joint.drive.kp, 0.0));
     }
     if (!servos.empty()) Force::Custom(forces_, new MovingServos(std::move(servos), targets));  // theirs to delete
   }
@@ -176,8 +176,8 @@ class SimbodyPeer : public Peer {
 }  // namespace
 
 std::vector<Contender> simbody_contenders() {
-  const std::pair<const char*, Options> choices[] = {
-      {"semi-explicit Euler, f64", {}}, {"Runge-Kutta-Merson, 1e-3, f64", {.accuracy = 1e-3}}};
+  const std::pair<const char*, Options> choices[] = {{"semi-explicit Euler, f64", {}},
+                                                     {"Runge-Kutta-Merson, 1e-3, f64", {.accuracy = 1e-3}}};
   std::vector<Contender> all;
   for (const auto& [words, options] : choices)
     all.push_back({.engine = "Simbody",

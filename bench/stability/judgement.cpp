@@ -11,9 +11,9 @@ namespace {
 using Array = Eigen::ArrayXXd;
 
 constexpr double tight = 1e-5, ignored = 1e-2;  // |C|, rad
-constexpr double gained = 0.1;        // of the span: what semi-implicit Euler's own rise and fall is allowed
-constexpr double noticeable = 0.1;    // change of the root, by its size: of frequency and damping ratio
-constexpr double followed = 0.05;     // distance from the closed form, by the first error
+constexpr double gained = 0.1;                  // of the span: what semi-implicit Euler's own rise and fall is allowed
+constexpr double noticeable = 0.1;              // change of the root, by its size: of frequency and damping ratio
+constexpr double followed = 0.05;               // distance from the closed form, by the first error
 
 StepSettings settings(const Map& map, Method method, const Setup& setup) {
   StepSettings result{.integrator = Integrator::euler};
@@ -147,9 +147,9 @@ struct Mode {
 
   explicit Mode(const Model& model) {
     const double n = static_cast<double>(model.couplings.size()), stiffer = (1.0 + n) / 2.0;
-    const Softness& softness = model.couplings[0].softness;
-    frequency = softness.first * std::sqrt(stiffer);
-    damping = softness.first * softness.second * stiffer;
+    const Frequency& softness = std::get<Frequency>(model.couplings[0].softness);
+    frequency = softness.rad_per_s * std::sqrt(stiffer);
+    damping = softness.rad_per_s * softness.damping_ratio * stiffer;
   }
 
   // By how much implicit Euler with steps of h changes it: the farther root of (M32) against that of the mode itself.
@@ -195,7 +195,7 @@ std::vector<Verdict> closed_form(Batch<float>& batch, const Setup& setup) {
 
 }  // namespace
 
-const char* name(Class kind) {
+const char* to_string(Class kind) {
   constexpr const char* names[] = {"holds", "loose", "open", "damped", "off", "energy", "fault"};
   return names[static_cast<int>(kind)];
 }

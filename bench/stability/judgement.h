@@ -20,7 +20,7 @@ enum class Class {
   fault,   ///< the environment was frozen
 };
 
-const char* name(Class kind);
+const char* to_string(Class kind);
 
 struct Verdict {
   Class kind = Class::holds;

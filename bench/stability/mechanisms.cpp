@@ -100,7 +100,7 @@ Model soft_star(double frequency, double damping_ratio) {
   Model model = on_a_base();
   model.gravity.setZero();
   const Inertia inertia = Inertia::box(1.0, {0.1, 0.1, 0.1}, Eigen::Vector3d::Zero());
-  const Softness softness = Softness::frequency(2.0 * M_PI * frequency, damping_ratio);
+  const Softness softness = Frequency{2.0 * M_PI * frequency, damping_ratio};
   for (int i = 0; i < 5; ++i) {
     Joint& joint = append(model, "base", {0, 0.2 * i, 0}, JointKind::prismatic, Eigen::Vector3d::UnitX(), inertia);
     if (i > 0) model.couplings.push_back(Coupling::mimic(joint.name, "j0", -1.0, 0.0, softness));

@@ -48,9 +48,9 @@ void run(const Map& map, const std::filesystem::path& folder) {
       const std::vector<Verdict> verdicts = judge(map, method, setups);
       for (std::size_t i = 0; i < points.size(); ++i) {
         const Verdict& verdict = verdicts[i];
-        file.write(fmt::format("{:.4g},{:.4g},{},{},{:.2g},{:.2g},{}\n", points[i].x, points[i].y, name(method),
-                               name(verdict.kind), verdict.error, verdict.excess,
-                               verdict.fault == Fault::none ? "" : name(verdict.fault)));
+        file.write(fmt::format("{:.4g},{:.4g},{},{},{:.2g},{:.2g},{}\n", points[i].x, points[i].y, to_string(method),
+                               to_string(verdict.kind), verdict.error, verdict.excess,
+                               verdict.fault == Fault::none ? "" : to_string(verdict.fault)));
       }
       progress.update(++done);
     }

@@ -3,11 +3,12 @@
 //     Model model = import_urdf_file("gripper.urdf").model;      // or fill a Model in code
 //     Plan plan = compile(model, {.dt = 1.0 / 240});             // plan.describe() says what a step does
 //     Batch<float> batch(plan, 4096);
-//     batch.position_targets().row(plan.dof("driver")) = 0.4f;
-//     batch.step(4);                                             // four sub-steps for one control
+//     batch.position_targets().row(plan.dof("knuckle")) = 0.4f;
+//     batch.step(4);                                             // four sub-steps for one action
 #pragma once
 
 #include "lockstep/batch.h"
+#include "lockstep/enums.h"
 #include "lockstep/error.h"
 #include "lockstep/generate.h"
 #include "lockstep/import.h"

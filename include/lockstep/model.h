@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "lockstep/export.h"
 #include "lockstep/softness.h"
 
 namespace lockstep {
@@ -22,12 +23,12 @@ using Twist = Eigen::Matrix<double, 6, 1, Eigen::DontAlign>;
 
 /// Mass and its distribution, in the axes of the link's own frame.
 struct Inertia {
-  double mass = 0.0;                                             ///< kg
-  Eigen::Vector3d center = Eigen::Vector3d::Zero();              ///< centre of mass in the link frame, m
-  Eigen::Matrix3d about_center = Eigen::Matrix3d::Zero();        ///< rotational inertia about it, kg m^2
+  double mass = 0.0;                                       ///< kg
+  Eigen::Vector3d center = Eigen::Vector3d::Zero();        ///< centre of mass in the link frame, m
+  Eigen::Matrix3d about_center = Eigen::Matrix3d::Zero();  ///< rotational inertia about it, kg m^2
 
   /// A solid box of uniform density, its centre at `center`.
-  static Inertia box(double mass, const Eigen::Vector3d& size, const Eigen::Vector3d& center);
+  LOCKSTEP_API static Inertia box(double mass, const Eigen::Vector3d& size, const Eigen::Vector3d& center);
 };
 
 struct Link {
@@ -44,41 +45,43 @@ enum class JointKind {
 
 /// What moves a joint towards its targets.
 ///
-/// A servo is integrated implicitly, (M13) of docs/mathematics.md: effort = kp (target - q) + kd (target velocity - v),
-/// held within the joint's effort limit. A kinematic drive prescribes the motion instead, whatever it takes, (M58):
-/// hard(1) puts the joint on its target at the end of each step, hard(erp) goes there by that share of the error per
-/// step on top of the target velocity, soft ones pull like a soft coupling. Its joint's effort limit does not apply.
+/// A servo applies effort = kp (target - q) + kd (target velocity - v), within the joint's effort limit. It is
+/// integrated implicitly, (M13) of docs/mathematics.md.
+///
+/// A kinematic drive prescribes the motion instead, with whatever force that takes, (M58). Hard{1} puts the joint on
+/// its target at the end of each step. Hard{erp} corrects that share of the error per step and adds the target
+/// velocity. Soft ones pull as a soft coupling does. The joint's effort limit does not apply.
 struct Drive {
-  double kp = 0.0;               ///< N m/rad or N/m, >= 0
-  double kd = 0.0;               ///< N m s/rad or N s/m, >= 0
-  double position_target = 0.0;  ///< rad or m, the value that a Batch starts with
-  double velocity_target = 0.0;  ///< rad/s or m/s
-  bool kinematic = false;        ///< the position is prescribed; kp and kd are 0 then
-  Softness softness = Softness::hard(1.0);  ///< of a kinematic drive
+  double kp = 0.0;                ///< N m/rad or N/m, >= 0
+  double kd = 0.0;                ///< N m s/rad or N s/m, >= 0
+  double position_target = 0.0;   ///< rad or m, the value that a Batch starts with
+  double velocity_target = 0.0;   ///< rad/s or m/s
+  bool kinematic = false;         ///< the position is prescribed; kp and kd are 0 then
+  Softness softness = Hard{1.0};  ///< of a kinematic drive
 };
 
 struct Joint {
   std::string name;
   JointKind kind = JointKind::fixed;
-  std::string parent;                                            ///< link that carries the joint
-  std::string child;                                             ///< link that it moves
-  Pose origin = Pose::Identity();                                ///< child frame in the parent's at q = 0
-  Eigen::Vector3d axis = Eigen::Vector3d::UnitX();               ///< in the child frame; any length > 0
+  std::string parent;                               ///< link that carries the joint
+  std::string child;                                ///< link that it moves
+  Pose origin = Pose::Identity();                   ///< child frame in the parent's at q = 0
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitX();  ///< in the child frame; any length > 0
 
   double damping = 0.0;   ///< N m s/rad or N s/m, >= 0
   double armature = 0.0;  ///< rotor inertia seen at the joint, kg m^2 or kg, >= 0
   Drive drive;
-  double effort = 0.0;    ///< feed-forward effort, N m or N
+  double effort = 0.0;  ///< feed-forward effort, N m or N
 
   // Bounds, section 12 of docs/mathematics.md; StepSettings::ignore leaves them out of a step.
   double lower = -infinity, upper = infinity;  ///< position range, rad or m; lower <= upper
-  Softness limit_softness = Softness::hard();  ///< of both ends of the range
+  Softness limit_softness = Hard{};            ///< of both ends of the range
   double restitution = 0.0;                    ///< share of the speed that a hard end gives back, 0 to 1
   double velocity_limit = infinity;            ///< rad/s or m/s, > 0; hard
   double effort_limit = infinity;              ///< N m or N, >= 0: of servo and feed-forward effort together
   double friction = 0.0;                       ///< dry friction, N m or N, >= 0
 
-  double position = 0.0;  ///< where reset() puts the joint, rad or m
+  double position = 0.0;  ///< state after reset(), rad or m
   double velocity = 0.0;  ///< rad/s or m/s
 
   bool moves() const { return kind != JointKind::fixed; }
@@ -94,15 +97,16 @@ struct CouplingTerm {
 /// With one term it is the mimic joint (3). The joints may lie anywhere in the tree.
 /// URDF's q_joint = multiplier * q_leader + offset is ratio = -multiplier, offset = -offset.
 struct Coupling {
-  std::string joint;
-  std::vector<CouplingTerm> terms;
-  double offset = 0.0;  ///< gamma
+  std::string joint;                ///< the follower
+  std::vector<CouplingTerm> terms;  ///< its leaders
+  double offset = 0.0;              ///< gamma
   Softness softness;
   double force_limit = infinity;  ///< > 0, of the force along the first joint, N m or N; beyond it the coupling slips
 
-  static Coupling mimic(std::string joint, std::string other, double ratio, double offset = 0.0,
+  /// `follower` + ratio * `leader` + offset = 0.
+  static Coupling mimic(std::string follower, std::string leader, double ratio, double offset = 0.0,
                         Softness softness = {}) {
-    return {std::move(joint), {{std::move(other), ratio}}, offset, softness, infinity};
+    return {std::move(follower), {{std::move(leader), ratio}}, offset, softness, infinity};
   }
 };
 
@@ -128,7 +132,7 @@ struct Root {
 
 struct Model {
   std::string name = "model";
-  std::vector<Link> links;         ///< links[0] is the root of the tree
+  std::vector<Link> links;  ///< links[0] is the root of the tree
   std::vector<Joint> joints;
   std::vector<Coupling> couplings;
   std::vector<Site> sites;
@@ -138,16 +142,16 @@ struct Model {
   /// Throws ModelError for the first rule that is broken: names unique and known, one tree, finite
   /// numbers in their ranges, inertias that a body can have, couplings between moving joints.
   /// compile() calls it.
-  void validate() const;
+  LOCKSTEP_API void validate() const;
 
   /// Index of the element of that name; throws ModelError where there is none.
-  int link_index(const std::string& link) const;
-  int joint_index(const std::string& joint) const;
-  int site_index(const std::string& site) const;
+  LOCKSTEP_API int link_index(const std::string& link) const;
+  LOCKSTEP_API int joint_index(const std::string& joint) const;
+  LOCKSTEP_API int site_index(const std::string& site) const;
 };
 
-/// Names of the couplings as files and reports show them: that of the coupling's first joint, with
-/// "#2", "#3" ... behind it where several couplings have the same one. Length: couplings.
-std::vector<std::string> coupling_names(const Model& model);
+/// Names of the couplings in files and reports: the follower's name, with "#2", "#3" ... behind it where several
+/// couplings have the same follower. Length: couplings.
+LOCKSTEP_API std::vector<std::string> coupling_names(const Model& model);
 
 }  // namespace lockstep

@@ -5,16 +5,6 @@ namespace lockstep {
 
 using kernels::Quantity;
 
-const char* name(Fault fault) noexcept {
-  switch (fault) {
-    case Fault::none: break;
-    case Fault::not_finite: return "not_finite";
-    case Fault::diverged: return "diverged";
-    case Fault::singular: return "singular";
-  }
-  return "none";
-}
-
 template <class S>
 Batch<S>::Batch(const Plan& plan, int environments, const BatchOptions& options)
     : impl_(std::make_unique<Impl>(plan, environments, options)) {}
@@ -26,44 +16,76 @@ template <class S>
 Batch<S>& Batch<S>::operator=(Batch&&) noexcept = default;
 
 template <class S>
-const Plan& Batch<S>::plan() const { return impl_->plan; }
-template <class S>
-int Batch<S>::environments() const { return impl_->environments; }
-template <class S>
-std::string Batch<S>::kernel() const {
-  if (impl_->listed) return "operations";
-  return impl_->generated ? std::string("generated ") + impl_->generated->name : "tables";
+const Plan& Batch<S>::plan() const {
+  return impl_->plan;
 }
 template <class S>
-Target Batch<S>::target() const { return impl_->target; }
+int Batch<S>::environments() const {
+  return impl_->environments;
+}
+template <class S>
+Engine Batch<S>::engine() const {
+  return impl_->chosen.engine;
+}
+template <class S>
+std::string Batch<S>::kernel_name() const {
+  return impl_->chosen.kernel ? impl_->chosen.kernel->name : "";
+}
+template <class S>
+Target Batch<S>::target() const {
+  return impl_->target;
+}
 
 template <class S>
-auto Batch<S>::positions() -> View { return impl_->view(impl_->position); }
+auto Batch<S>::positions() -> View {
+  return impl_->view(impl_->position);
+}
 template <class S>
-auto Batch<S>::velocities() -> View { return impl_->view(impl_->velocity); }
+auto Batch<S>::velocities() -> View {
+  return impl_->view(impl_->velocity);
+}
 template <class S>
-auto Batch<S>::root_poses() -> View { return impl_->view(impl_->root_pose); }
+auto Batch<S>::root_poses() -> View {
+  return impl_->view(impl_->root_pose);
+}
 template <class S>
-auto Batch<S>::root_velocities() -> View { return impl_->view(impl_->root_velocity); }
+auto Batch<S>::root_velocities() -> View {
+  return impl_->view(impl_->root_velocity);
+}
 template <class S>
-auto Batch<S>::positions() const -> ConstView { return impl_->const_view(impl_->position); }
+auto Batch<S>::positions() const -> ConstView {
+  return impl_->const_view(impl_->position);
+}
 template <class S>
-auto Batch<S>::velocities() const -> ConstView { return impl_->const_view(impl_->velocity); }
+auto Batch<S>::velocities() const -> ConstView {
+  return impl_->const_view(impl_->velocity);
+}
 template <class S>
-auto Batch<S>::root_poses() const -> ConstView { return impl_->const_view(impl_->root_pose); }
+auto Batch<S>::root_poses() const -> ConstView {
+  return impl_->const_view(impl_->root_pose);
+}
 template <class S>
-auto Batch<S>::root_velocities() const -> ConstView { return impl_->const_view(impl_->root_velocity); }
+auto Batch<S>::root_velocities() const -> ConstView {
+  return impl_->const_view(impl_->root_velocity);
+}
 template <class S>
-auto Batch<S>::position_targets() -> View { return impl_->view(impl_->position_target); }
+auto Batch<S>::position_targets() -> View {
+  return impl_->view(impl_->position_target);
+}
 template <class S>
-auto Batch<S>::velocity_targets() -> View { return impl_->view(impl_->velocity_target); }
+auto Batch<S>::velocity_targets() -> View {
+  return impl_->view(impl_->velocity_target);
+}
 template <class S>
-auto Batch<S>::efforts() -> View { return impl_->view(impl_->effort); }
+auto Batch<S>::efforts() -> View {
+  return impl_->view(impl_->effort);
+}
 
 template <class S>
 auto Batch<S>::parameter(Parameter parameter) -> View {
   if (!impl_->plan.settings().per_environment.contains(parameter))
-    throw UsageError(std::string("field ") + name(parameter), "was not declared, so it is the same for all environments",
+    throw UsageError(std::string("field ") + to_string(parameter),
+                     "was not declared, so it is the same for all environments",
                      "add it to StepSettings::per_environment");
   return impl_->view(impl_->field[static_cast<int>(parameter)]);
 }
@@ -81,8 +103,10 @@ void Batch<S>::reset() {
 template <class S>
 void Batch<S>::reset(std::span<const bool> mask) {
   if (mask.size() != static_cast<std::size_t>(impl_->environments))
-    throw UsageError("reset mask", "has " + std::to_string(mask.size()) + " entries for " +
-                                       std::to_string(impl_->environments) + " environments", "give one per environment");
+    throw UsageError(
+        "reset mask",
+        "has " + std::to_string(mask.size()) + " entries for " + std::to_string(impl_->environments) + " environments",
+        "give one per environment");
   for (int e = 0; e < impl_->environments; ++e)
     if (mask[e]) impl_->reset(e);
 }
@@ -121,7 +145,9 @@ int Batch<S>::faulted() const {
 }
 
 template <class S>
-auto Batch<S>::coupling_errors() const -> Array { return impl_->read(Quantity::coupling_errors, impl_->tables.couplings); }
+auto Batch<S>::coupling_errors() const -> Array {
+  return impl_->read(Quantity::coupling_errors, impl_->tables.couplings);
+}
 
 template <class S>
 auto Batch<S>::coupling_impulses() const -> Array {
@@ -160,15 +186,22 @@ auto Batch<S>::site_positions(int site) const -> Array {
 template <class S>
 auto Batch<S>::site_jacobians(int site) const -> Array {
   const Site& s = impl_->site(site);
-  return impl_->read_frame(Quantity::frame_jacobian, impl_->plan.link(s.link), s.pose.translation(), 6 * impl_->tables.velocities);
+  return impl_->read_frame(Quantity::frame_jacobian, impl_->plan.link(s.link), s.pose.translation(),
+                           6 * impl_->tables.velocities);
 }
 
 template <class S>
-auto Batch<S>::kinetic_energies() const -> Array { return impl_->read(Quantity::kinetic_energy, 1); }
+auto Batch<S>::kinetic_energies() const -> Array {
+  return impl_->read(Quantity::kinetic_energy, 1);
+}
 template <class S>
-auto Batch<S>::potential_energies() const -> Array { return impl_->read(Quantity::potential_energy, 1); }
+auto Batch<S>::potential_energies() const -> Array {
+  return impl_->read(Quantity::potential_energy, 1);
+}
 template <class S>
-auto Batch<S>::momenta() const -> Array { return impl_->read(Quantity::momentum, 6); }
+auto Batch<S>::momenta() const -> Array {
+  return impl_->read(Quantity::momentum, 6);
+}
 
 template class Batch<float>;
 template class Batch<double>;

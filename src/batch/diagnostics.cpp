@@ -8,8 +8,7 @@ namespace lockstep {
 namespace {
 
 void require_recorded(bool recorded) {
-  if (!recorded)
-    throw UsageError("diagnostics", "are not kept by this plan", "set StepSettings::record_diagnostics");
+  if (!recorded) throw UsageError("diagnostics", "are not kept by this plan", "set StepSettings::record_diagnostics");
 }
 
 // A residual up to this is rounding, rad or m.
@@ -24,7 +23,7 @@ auto Batch<S>::limit_violations() const -> Array {
   const ConstView q = positions();
   Array worst = Array::Zero(1, environments());
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
-    const int dof = impl_->plan.program().dof_of_joint[j];
+    const int dof = program_of(impl_->plan).dof_of_joint[j];
     if (dof < 0) continue;
     const S lower = static_cast<S>(model.joints[j].lower), upper = static_cast<S>(model.joints[j].upper);
     worst = worst.max((lower - q.row(dof)).max(q.row(dof) - upper));
@@ -63,7 +62,7 @@ template <class S>
 std::vector<std::string> Batch<S>::conflicts(int environment) const {
   require_recorded(impl_->tables.record_diagnostics);
   impl_->check_id(environment);
-  const Program& program = impl_->plan.program();
+  const Program& program = program_of(impl_->plan);
   const auto residual = impl_->view(impl_->residual).col(environment);
   const auto state = impl_->view(impl_->row_state).col(environment);
   std::vector<bool> named(program.row_names.size(), false);

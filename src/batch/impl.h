@@ -3,46 +3,40 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 
-#include "../generate/list.h"
-#include "../plan/program.h"
-#include "../targets/dispatch.h"
-#include "../targets/registry.h"
+#include "engine.h"
 #include "lockstep/batch.h"
 #include "lockstep/error.h"
-#include "lockstep/generate.h"
+#include "model/softness_numbers.h"
+#include "plan/program.h"
+#include "targets/dispatch.h"
+#include "targets/registry.h"
 #include "workers.h"
 
 namespace lockstep {
 
 inline int checked_environments(int environments) {
   if (environments < 1)
-    throw SettingsError("environments", "is " + std::to_string(environments) + ", not a positive number", "give 1 or more");
+    throw SettingsError("environments", "is " + std::to_string(environments) + ", not a positive number",
+                        "give 1 or more");
   return environments;
-}
-
-inline bool takes_list(const BatchOptions& options, const Program& program) {
-  if (options.listed) return *options.listed;
-  const char* variable = std::getenv("LOCKSTEP_LISTED");
-  if (!variable || !*variable) return generate::listing_pays(program);
-  if (const std::string value = variable; value == "0" || value == "1") return value == "1";
-  throw SettingsError("LOCKSTEP_LISTED", std::string("is '") + variable + "'", "set it to 0 or 1, or not at all");
 }
 
 template <class S>
 struct Batch<S>::Impl {
   Impl(const Plan& p, int count, const BatchOptions& options)
-      : plan(p), environments(checked_environments(count)), target(resolve(options.target)),
-        tables(lockstep::tables<S>(p.program())), kernels(kernels_for<S>(target)),
-        generated(options.generated ? generated_for(p, target) : nullptr),
-        listed(!generated && takes_list(options, p.program()) ? generate::operation_list(p.program()) : nullptr),
-        advance(generated ? advance_of<S>(*generated) : kernels.advance), stride(row_stride<S>(count)),
-        step_nanoseconds(static_cast<double>(p.flops_per_step()) / ((generated || listed ? 8.0 : 3.0) * kernels.lanes)),
+      : plan(p),
+        environments(checked_environments(count)),
+        target(resolve(options.target)),
+        tables(lockstep::tables<S>(program_of(p))),
+        kernels(kernels_for<S>(target)),
+        chosen(choose_engine<S>(p, target, options.engine)),
+        stride(row_stride<S>(count)),
+        step_nanoseconds(static_cast<double>(p.flops_per_step()) /
+                         ((chosen.engine == Engine::tables ? 3.0 : 8.0) * kernels.lanes)),
         workers(options.threads, scratch_bytes()) {
-    if (options.threads < 0)
-      throw SettingsError("threads", "is negative", "give 0 for all, or a number");
+    if (options.threads < 0) throw SettingsError("threads", "is negative", "give 0 for all, or a number");
     const int dofs = tables.joints;
     position = rows(dofs);
     velocity = rows(dofs);
@@ -64,14 +58,10 @@ struct Batch<S>::Impl {
   }
 
   std::size_t scratch_bytes() const {
-    const std::size_t tile = kernels.scratch_bytes(tables), number = static_cast<std::size_t>(kernels.lanes) * sizeof(S);
-    if (listed) return std::max(tile, kernels.listed_bytes(tables, *listed));
-    return generated ? generated->together * (tile + generated->keeps * number) : tile;
-  }
-
-  // Null if this program holds none for the plan.
-  static const GeneratedKernel* generated_for(const Plan& plan, Target target) {
-    return any_kernel_registered() ? find_kernel<S>(kernel_hash(plan), target) : nullptr;
+    const std::size_t tile = kernels.scratch_bytes(tables),
+                      number = static_cast<std::size_t>(kernels.lanes) * sizeof(S);
+    if (chosen.operations) return std::max(tile, kernels.interpreter_bytes(tables, *chosen.operations));
+    return chosen.kernel ? chosen.kernel->tiles_per_call * (tile + chosen.kernel->carried_values * number) : tile;
   }
 
   AlignedBlock<S> rows(int count) const { return AlignedBlock<S>(static_cast<std::size_t>(count * stride)); }
@@ -81,7 +71,7 @@ struct Batch<S>::Impl {
   }
 
   void fill_inputs() {
-    const Program& program = plan.program();
+    const Program& program = program_of(plan);
     for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
       const int row = program.dof_of_joint[j];
       if (row < 0) continue;
@@ -96,7 +86,7 @@ struct Batch<S>::Impl {
   }
 
   void fill_parameters() {
-    const Program& program = plan.program();
+    const Program& program = program_of(plan);
     const Model& model = program.model;
     const auto fill = [&](Parameter p, int row, double value) {
       AlignedBlock<S>& block = field[static_cast<int>(p)];
@@ -109,8 +99,9 @@ struct Batch<S>::Impl {
       for (const CouplingTerm& term : coupling.terms) fill(Parameter::gear_ratio, gear++, term.ratio);
       fill(Parameter::offset, row, coupling.offset);
       fill(Parameter::coupling_switch, row, 1.0);
-      fill(Parameter::softness, 2 * row, coupling.softness.first);
-      fill(Parameter::softness, 2 * row + 1, coupling.softness.second);
+      const SoftnessNumbers softness = numbers_of(coupling.softness);
+      fill(Parameter::softness, 2 * row, softness.first);
+      fill(Parameter::softness, 2 * row + 1, softness.second);
     }
     for (std::size_t j = 0; j < model.joints.size(); ++j) {
       const int row = program.dof_of_joint[j];
@@ -126,9 +117,9 @@ struct Batch<S>::Impl {
 
   // The model's numbers are finite, so what is not was too large for S.
   void require_representable() const {
-    bool all = sizeof(S) > 4 || plan.program().fits_single;
-    for (const AlignedBlock<S>* block : {&position, &velocity, &root_pose, &root_velocity, &position_target,
-                                         &velocity_target, &effort})
+    bool all = sizeof(S) > 4 || program_of(plan).fits_single;
+    for (const AlignedBlock<S>* block :
+         {&position, &velocity, &root_pose, &root_velocity, &position_target, &velocity_target, &effort})
       all = all && view(*block).col(0).isFinite().all();
     for (const AlignedBlock<S>& block : field) all = all && view(block).col(0).isFinite().all();
     if (!all)
@@ -137,7 +128,7 @@ struct Batch<S>::Impl {
 
   // To the model's state.
   void reset(int e) {
-    const Program& program = plan.program();
+    const Program& program = program_of(plan);
     for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
       const int row = program.dof_of_joint[j];
       if (row < 0) continue;
@@ -147,8 +138,13 @@ struct Batch<S>::Impl {
     if (tables.floating) {
       const Root& root = program.model.root;
       const Eigen::Quaterniond turn(root.pose.linear());
-      const double pose[7] = {root.pose.translation().x(), root.pose.translation().y(), root.pose.translation().z(),
-                              turn.w(), turn.x(), turn.y(), turn.z()};
+      const double pose[7] = {root.pose.translation().x(),
+                              root.pose.translation().y(),
+                              root.pose.translation().z(),
+                              turn.w(),
+                              turn.x(),
+                              turn.y(),
+                              turn.z()};
       for (int i = 0; i < 7; ++i) root_pose.data()[i * stride + e] = static_cast<S>(pose[i]);
       for (int i = 0; i < 6; ++i) root_velocity.data()[i * stride + e] = static_cast<S>(root.velocity[i]);
     }
@@ -172,8 +168,8 @@ struct Batch<S>::Impl {
     return plan.model().sites[index];
   }
 
-  Lanes<S> lanes() const {
-    Lanes<S> l;
+  StatePointers<S> state_pointers() const {
+    StatePointers<S> l;
     l.stride = stride;
     l.position = position.data();
     l.velocity = velocity.data();
@@ -182,8 +178,7 @@ struct Batch<S>::Impl {
     l.position_target = position_target.data();
     l.velocity_target = velocity_target.data();
     l.effort = effort.data();
-    static_assert(parameter_fields == parameter_count);
-    for (int f = 0; f < parameter_count; ++f) l.field[f] = field[f].data();
+    for (int f = 0; f < parameter_count; ++f) l.fields[f] = field[f].data();
     l.impulse = impulse.data();
     l.residual = residual.data();
     l.row_state = row_state.data();
@@ -198,18 +193,21 @@ struct Batch<S>::Impl {
   }
 
   void step(int substeps) {
-    const Lanes<S> l = lanes();
-    const std::ptrdiff_t together = listed ? kernels.lanes * OperationList::tiles_at_once : kernels.lanes;
+    const StatePointers<S> l = state_pointers();
+    const OperationList* const operations = chosen.operations;
+    const std::ptrdiff_t together = operations ? kernels.lanes * OperationList::tiles_at_once : kernels.lanes;
+    const Advance<S> advance = chosen.kernel ? advance_of<S>(*chosen.kernel) : kernels.advance;
     workers.for_environments(stepped(), step_nanoseconds * substeps, together,
-                              [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
-                                if (listed) return kernels.advance_listed(tables, l, first, last, substeps, scratch, *listed);
-                                advance(tables, l, first, last, substeps, scratch);
-                              });
+                             [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
+                               if (operations)
+                                 return kernels.interpret(tables, l, first, last, substeps, scratch, *operations);
+                               advance(tables, l, first, last, substeps, scratch);
+                             });
   }
 
   Array read(const kernels::Request<S>& request, int row_count) {
     AlignedBlock<S> result = rows(row_count);
-    const Lanes<S> l = lanes();
+    const StatePointers<S> l = state_pointers();
     workers.for_environments(stepped(), step_nanoseconds, kernels.lanes,
                              [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
                                kernels.read(tables, l, first, last, request, result.data(), stride, scratch);
@@ -226,7 +224,8 @@ struct Batch<S>::Impl {
   }
 
   View view(const AlignedBlock<S>& block) const {
-    return View(block.data(), static_cast<Eigen::Index>(block.size()) / stride, environments, Eigen::OuterStride<>(stride));
+    return View(block.data(), static_cast<Eigen::Index>(block.size()) / stride, environments,
+                Eigen::OuterStride<>(stride));
   }
 
   ConstView const_view(const AlignedBlock<S>& block) const {
@@ -239,9 +238,7 @@ struct Batch<S>::Impl {
   Target target;
   const Tables<S>& tables;
   const KernelSet<S>& kernels;
-  const GeneratedKernel* generated;
-  const OperationList* listed;
-  Advance<S> advance;
+  ChosenEngine chosen;
   std::ptrdiff_t stride;
   double step_nanoseconds;  // of one environment, about: for the size of tasks
   Workers workers;

@@ -18,13 +18,15 @@ class Workers {
  public:
   /// threads as in BatchOptions; each worker has `scratch_bytes` of its own.
   Workers(int threads, std::size_t scratch_bytes)
-      : own_(scratch_bytes), scratch_([scratch_bytes] { return AlignedBlock<std::byte>(scratch_bytes); }), serial_(threads == 1) {
+      : own_(scratch_bytes),
+        scratch_([scratch_bytes] { return AlignedBlock<std::byte>(scratch_bytes); }),
+        serial_(threads == 1) {
     if (threads > 1) arena_ = std::make_unique<tbb::task_arena>(threads);
   }
 
   /// act(first, last, scratch) over ranges of environments that together are [0, count). They begin with lines of the
-  /// cache, so that no two threads write to one. `each` is about what one environment takes, in nanoseconds; so many are
-  /// faster `together`, a power of two: they stay together where there is a group of them for each thread.
+  /// cache, so that no two threads write to one. `each` is about what one environment takes, in nanoseconds; so many
+  /// are faster `together`, a power of two: they stay together where there is a group of them for each thread.
   template <class Act>
   void for_environments(std::ptrdiff_t count, double each, std::ptrdiff_t together, const Act& act) {
     if (serial_) return act(0, count, own_.data());
@@ -34,7 +36,8 @@ class Workers {
       const std::ptrdiff_t unit = enough ? std::max(per_line, together) : per_line;
       const std::ptrdiff_t units = (count + unit - 1) / unit;
       tbb::parallel_for(
-          tbb::blocked_range<std::ptrdiff_t>(0, units, units_per_task(units, each * static_cast<double>(unit), threads)),
+          tbb::blocked_range<std::ptrdiff_t>(0, units,
+                                             units_per_task(units, each * static_cast<double>(unit), threads)),
           [&](const tbb::blocked_range<std::ptrdiff_t>& range) {
             act(range.begin() * unit, std::min(range.end() * unit, count), scratch_.local().data());
           },

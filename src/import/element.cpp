@@ -17,9 +17,28 @@ constexpr std::string_view blanks = " \t\r\n";
 
 // What URDF and the tools around it put into files and a step has no use for. Anything else is unknown.
 constexpr std::array known = {
-    "visual", "collision", "material", "gazebo", "transmission", "sensor", "mujoco", "ros_control", "ros2_control",
-    "calibration", "safety_controller", "plugin", "self_collision_checking", "contact", "verbose", "version",
-    "axis", "limit", "dynamics", "mimic", "lower", "upper",  // of joints that have no use for them
+    "visual",
+    "collision",
+    "material",
+    "gazebo",
+    "transmission",
+    "sensor",
+    "mujoco",
+    "ros_control",
+    "ros2_control",
+    "calibration",
+    "safety_controller",
+    "plugin",
+    "self_collision_checking",
+    "contact",
+    "verbose",
+    "version",
+    "axis",
+    "limit",
+    "dynamics",
+    "mimic",
+    "lower",
+    "upper",  // of joints that have no use for them
 };
 
 bool is_known(std::string_view name) {

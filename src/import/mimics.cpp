@@ -116,8 +116,8 @@ void report_range(const Joint& follower, const Joint& leader, const Relation& la
   // What the follower's limits leave of the leader's range. Some published grippers have the follower's sign wrong.
   const double at_lower = (follower.lower - last.offset) / last.multiplier;
   const double at_upper = (follower.upper - last.offset) / last.multiplier;
-  const double left = std::min(leader.upper, std::max(at_lower, at_upper)) -
-                      std::max(leader.lower, std::min(at_lower, at_upper));
+  const double left =
+      std::min(leader.upper, std::max(at_lower, at_upper)) - std::max(leader.lower, std::min(at_lower, at_upper));
   if (beyond > slack && left <= slack_of(leader.upper - leader.lower))
     report.remark("followers whose limits leave their leader no room to move", follower.name);
 }

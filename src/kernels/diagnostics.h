@@ -3,8 +3,8 @@
 // (M64), (M65). Runs between the step's solution and the check, while all that it came from is still there.
 #pragma once
 
-#include "energies.h"
-#include "saturation.h"
+#include "kernels/dynamics/energies.h"
+#include "kernels/integrators/limited_servos.h"
 
 namespace lockstep::kernels {
 
@@ -17,28 +17,28 @@ LOCKSTEP_INLINE T state(typename T::Mask acts, float code) {
 /// The impulse that a row's force is the limit of: tgs moves positions by a mean of the sub-steps', which is less.
 template <class T>
 LOCKSTEP_INLINE T whole_impulse(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r) {
-  return x.bound_impulse[t.renewed ? t.bounds.form.count + r : r];
+  return x.bounds.impulse[t.renewed ? t.bounds.rows.count + r : r];
 }
 
 template <class T>
 void look_at_coupling(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Reported& row, T& residual, T& acts) {
-  const int root = t.velocities - t.joints, c = row.index;
+  const int c = row.index;
   const bool hard = row.member == 1;
   T rate = T(t.hard_rate[c]), cfm = T(0), impulse = T(0);
   auto present = ~T::none();
   acts = hard ? T(1) : T(0);
   residual = T(0);
   if (row.row >= 0) {
-    cfm = x.row_cfm[row.row];
-    impulse = x.position_impulse[row.row];
-    if (!t.renewed) rate = x.row_rate[row.row];
-    present = less(cfm, yields_to_everything<T>());
+    cfm = x.rows.cfm[row.row];
+    impulse = x.rows.position_impulse[row.row];
+    if (!t.renewed) rate = x.rows.rate[row.row];
+    present = less(cfm, infinite_compliance<T>());
     if (t.renewed) present = present & less(cfm, smallest<T>());  // a sub-step's softness is not the step's
-    acts = state<T>(less(cfm, yields_to_everything<T>()), 1);
+    acts = state<T>(less(cfm, infinite_compliance<T>()), 1);
   } else if (row.bounded >= 0) {
-    const T force = x.bound_force[row.bounded], slack = force * T(ScalarOf<T>(1e-5));
+    const T force = x.bounds.force[row.bounded], slack = force * T(ScalarOf<T>(1e-5));
     impulse = whole_impulse(t, x, row.bounded);
-    cfm = x.bound_cfm[row.bounded];
+    cfm = x.bounds.cfm[row.bounded];
     rate = T(t.bounds.soft_rate[row.bounded]);
     const auto up = less(force - slack, impulse), down = less(impulse, slack - force);
     present = ~(up | down);
@@ -48,33 +48,35 @@ void look_at_coupling(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Repo
     acts = T(0);
     if (!hard) return;
   }
-  T speed = fma(rate, x.coupling_error[c], cfm * impulse);
+  T speed = fma(rate, x.couplings.error[c], cfm * impulse);
   for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
-    speed = fma(x.coefficient[k], x.moved_velocity[root + t.term_joint[k]], speed);
+    speed = fma(x.couplings.coefficient[k], x.diagnostics.moved_velocity[t.velocity_of(t.term_joint[k])], speed);
   residual = select(present, T(t.dt) * larger(speed, -speed), T(0));
 }
 
 template <class T>
-void look_at_bound(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, const Reported& row,
-                   T& residual, T& acts) {
+void look_at_bound(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
+                   const Reported& row, T& residual, T& acts) {
   using S = ScalarOf<T>;
   const Bounds<S>& b = t.bounds;
   const int j = row.index, r = row.bounded;
-  const T h = T(t.dt), zero = T(0), u = x.moved_velocity[t.velocities - t.joints + j];
+  const T h = T(t.dt), zero = T(0), u = x.diagnostics.moved_velocity[t.velocity_of(j)];
   residual = acts = zero;
   if (row.kind == Reported::effort_limit) {
-    const T most = T(t.effort_limit[j]), effort = feed_forward<T>(t, lanes, j);
-    acts = row.member >= 0 ? x.saturation[row.member] : saturated(effort, most);
+    const T most = T(t.effort_limit[j]), effort = feed_forward<T>(t, batch, j);
+    acts = row.member >= 0 ? x.servos.saturation[row.member] : saturated(effort, most);
     acts = acts + acts;
     return;
   }
   if (r < 0) return;
-  const T impulse = whole_impulse(t, x, r), force = x.bound_force[r];
-  const auto held = x.bound_touched[r] & (less(force, impulse) | less(impulse, -force));
+  const T impulse = whole_impulse(t, x, r), force = x.bounds.force[r];
+  const auto held = x.bounds.active[r] & (less(force, impulse) | less(impulse, -force));
   const T slack = T(S(1e-5));
-  const auto reaches = [&](T bound, T speed) { return held & ~less(fma(slack, T(1) + larger(speed, -speed), bound), speed); };
+  const auto reaches = [&](T bound, T speed) {
+    return held & ~less(fma(slack, T(1) + larger(speed, -speed), bound), speed);
+  };
   const bool hard = b.kind[r] == BoundKind::joint;
-  const Moment<T> at{false, S(1) / t.dt};
+  const StepTime<T> at{false, S(1) / t.dt};
   switch (row.kind) {
     case Reported::position_limit: {
       if (!hard) {
@@ -95,41 +97,41 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes
     }
     case Reported::friction: {
       const auto up = ~less(impulse, force), down = ~less(-force, impulse);
-      acts = select(x.bound_touched[r], select(up, T(2), select(down, T(-2), T(1))), zero);
+      acts = select(x.bounds.active[r], select(up, T(2), select(down, T(-2), T(1))), zero);
       return;
     }
     default:
       acts = T(1);
       if (!hard) return;
-      residual = prescribed_speed(t, lanes, x, j) - u;
+      residual = kinematic_velocity(t, batch, x, j) - u;
       residual = h * larger(residual, -residual);
   }
 }
 
-/// (M65) but for the change of energy: work of the joints' drives, of soft rows and of bounces, what damping and friction
-/// take.
+/// (M65) but for the change of energy: work of the joints' drives, of soft rows and of bounces, what damping and
+/// friction take.
 template <class T>
-void add_work(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, T& work, T& dissipated) {
+void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x, T& work,
+              T& dissipated) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
-  const int root = t.velocities - t.joints;
   const Phase phase = t.solve_twice ? velocity_phase : position_phase;
   const T h = T(t.dt), zero = T(0);
-  const Field<T> damping = field<T>(lanes, 4, t.damping.data);
-  const auto force = [&](int j) { return servo<T>(t, lanes, j).force(h, x.q[j], x.next_v[root + j]); };
+  const Field<T> damping = field<T>(batch, Parameter::damping, t.damping.data);
+  const auto force = [&](int j) { return servo<T>(t, batch, j).force(h, x.state.q[j], x.next.v[t.velocity_of(j)]); };
   for (int j = 0; j < t.joints; ++j) {
-    const T v = x.next_v[root + j], way = h * v, most = T(t.effort_limit[j]);
-    dissipated = fma(damping.at(j, t.joint_row[j]) * v, way, dissipated);
-    T effort = feed_forward<T>(t, lanes, j);
+    const T v = x.next.v[t.velocity_of(j)], way = h * v, most = T(t.effort_limit[j]);
+    dissipated = fma(damping.at(j, t.dof[j]) * v, way, dissipated);
+    T effort = feed_forward<T>(t, batch, j);
     bool has_servo = false;
-    for (int i = 0; i < t.driven.count; ++i) has_servo |= t.driven[i] == j;
-    for (int i = 0; i < t.limited.count; ++i) has_servo |= t.limited[i] == j;
+    for (int i = 0; i < t.servos.count; ++i) has_servo |= t.servos[i] == j;
+    for (int i = 0; i < t.limited_servos.count; ++i) has_servo |= t.limited_servos[i] == j;
     if (has_servo) effort += force(j);
     work = fma(clamp(effort, -most, most), way, work);
   }
   const auto moved = [&](int c) {
     T speed = zero;
     for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
-      speed = fma(x.coefficient[k], x.next_v[root + t.term_joint[k]], speed);
+      speed = fma(x.couplings.coefficient[k], x.next.v[t.velocity_of(t.term_joint[k])], speed);
     return speed;
   };
   const auto bounces = [&](int r) {
@@ -137,23 +139,23 @@ void add_work(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, con
       if (b.has[b.member[k].joint] & has_restitution) return true;
     return false;
   };
-  const T* solved = phase == velocity_phase ? x.velocity_impulse : x.position_impulse;
+  const T* solved = phase == velocity_phase ? x.rows.velocity_impulse : x.rows.position_impulse;
   for (int e = 0; e < t.rows.count; ++e) {
-    const T soft = select(less(smallest<T>(), x.row_cfm[e]), solved[e], zero);
+    const T soft = select(less(smallest<T>(), x.rows.cfm[e]), solved[e], zero);
     work = fma(soft, moved(t.rows.coupling[e]), work);
   }
-  for (int i = 0; i < x.bound_count; ++i) {
-    const int r = x.bound_listed[i], m = b.member_start[r];
-    const T impulse = x.bound_impulse[phase * b.form.count + r];
+  for (int i = 0; i < x.bounds.active_count; ++i) {
+    const int r = x.bounds.active_rows[i], m = b.member_start[r];
+    const T impulse = x.bounds.impulse[phase * b.rows.count + r];
     if (b.kind[r] == BoundKind::coupling) {
-      work = fma(impulse, moved(b.form.coupling[r]), work);
+      work = fma(impulse, moved(b.rows.coupling[r]), work);
       continue;
     }
-    const T done = impulse * x.next_v[root + b.member[m].joint] * x.member_inverse[m];
-    if (b.kind[r] != BoundKind::joint || b.driven[r])
+    const T done = impulse * x.next.v[t.velocity_of(b.member[m].joint)] * x.bounds.member_inverse[m];
+    if (b.kind[r] != BoundKind::joint || b.kinematic[r])
       work += done;
     else {
-      dissipated -= select(less(zero, x.bound_force[r]), smaller(done, zero), zero);
+      dissipated -= select(less(zero, x.bounds.force[r]), smaller(done, zero), zero);
       if (bounces(r)) work += larger(done, zero);  // other limits let nothing go the way they push
     }
   }
@@ -161,53 +163,52 @@ void add_work(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, con
 
 /// Gravity's energy at other positions than the step's.
 template <class T>
-T energy_at(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, const Tile<T>& x, T* q, T* v, T* root_pose,
-            bool kinetic) {
+T energy_at(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
+            const State<T>& state, bool kinetic) {
   Tile<T> there = x;
-  there.q = q;
-  there.v = v;
-  there.root_pose = root_pose;
-  motions(t, there, there.motion);
-  const T potential = potential_energy(t, lanes, there, there.motion);
-  return kinetic ? potential + kinetic_energy(t, there, there.motion) : potential;
+  there.state = state;
+  Motion<T>& motion = there.diagnostics.motion;
+  motions(t, there, motion);
+  const T potential = potential_energy(t, batch, there, motion);
+  return kinetic ? potential + kinetic_energy(t, there, motion) : potential;
 }
 
 template <class T>
-void diagnose(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
+void diagnose(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   for (int i = 0; i < t.reported.count; ++i) {
     const Reported& row = t.reported[i];
     T residual, acts;
     if (row.kind == Reported::coupling)
       look_at_coupling(t, x, row, residual, acts);
     else
-      look_at_bound(t, lanes, x, row, residual, acts);
-    x.residual[i] = residual;
-    x.row_state[i] = acts;
+      look_at_bound(t, batch, x, row, residual, acts);
+    x.diagnostics.residual[i] = residual;
+    x.diagnostics.row_state[i] = acts;
   }
 
   T work = T(0), dissipated = T(0), corrected = T(0);
-  add_work(t, lanes, x, work, dissipated);
-  const T before = energy_at(t, lanes, x, x.q, x.v, x.root_pose, true);
-  const T after = energy_at(t, lanes, x, x.next_q, x.next_v, x.next_root_pose, true);
+  add_work(t, batch, x, work, dissipated);
+  const T before = energy_at(t, batch, x, x.state, true);
+  const T after = energy_at(t, batch, x, x.next, true);
   if (t.solve_twice && !t.renewed) {  // tgs moves positions by a mean, which is no correction
-    const int root = t.velocities - t.joints;
     T half_turn[4];
-    expand(t, x, x.closing_solution, false, x.other_v);
-    for (int j = 0; j < t.joints; ++j) x.other_q[j] = fma(T(t.dt), x.other_v[root + j], x.q[j]);
-    if (t.floating) move_root(t.dt, x.other_v, x.root_pose, half_turn, x.other_root_pose);
-    corrected = energy_at(t, lanes, x, x.next_q, x.next_v, x.next_root_pose, false) -
-                energy_at(t, lanes, x, x.other_q, x.other_v, x.other_root_pose, false);
+    expand(t, x, x.dynamics.velocity_solution, false, x.diagnostics.uncorrected.v);
+    for (int j = 0; j < t.joints; ++j)
+      x.diagnostics.uncorrected.q[j] = fma(T(t.dt), x.diagnostics.uncorrected.v[t.velocity_of(j)], x.state.q[j]);
+    if (t.floating)
+      move_root(t.dt, x.diagnostics.uncorrected.v, x.state.pose, half_turn, x.diagnostics.uncorrected.pose);
+    corrected = energy_at(t, batch, x, x.next, false) - energy_at(t, batch, x, x.diagnostics.uncorrected, false);
   }
-  x.energy_change[0] = work;
-  x.energy_change[1] = dissipated;
-  x.energy_change[2] = corrected;
-  x.energy_change[3] = after - before;
+  x.diagnostics.energy_change[0] = work;
+  x.diagnostics.energy_change[1] = dissipated;
+  x.diagnostics.energy_change[2] = corrected;
+  x.diagnostics.energy_change[3] = after - before;
 }
 
 /// After check(): a step that failed was not taken.
 template <class T>
 void add_energies(Tile<T>& x) {
-  for (int k = 0; k < 4; ++k) x.energy[k] += select(x.frozen, T(0), x.energy_change[k]);
+  for (int k = 0; k < 4; ++k) x.diagnostics.energy[k] += select(x.frozen, T(0), x.diagnostics.energy_change[k]);
 }
 
 }  // namespace lockstep::kernels

@@ -1,42 +1,49 @@
 // First stage: the tile's state out of the batch's rows. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "frame.h"
-#include "gear_ratios.h"
-#include "in_place.h"
-#include "lay_out.h"
+#include "kernels/couplings/consistent.h"
+#include "kernels/couplings/gear_ratios.h"
+#include "kernels/dynamics/frame.h"
+#include "kernels/tile/lay_out.h"
 
 namespace lockstep::kernels {
 
 /// Masses per environment: a body is the sum of its links, each by the kilogram.
 template <class T>
-void own_masses(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-  for (int b = 0; b < t.bodies; ++b) x.inertia[b] = {T(0), Vec3<T>::zero(), {T(0), T(0), T(0), T(0), T(0), T(0)}};
+void own_masses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  for (int b = 0; b < t.bodies; ++b)
+    x.bodies.inertia[b] = {T(0), Vec3<T>::zero(), {T(0), T(0), T(0), T(0), T(0), T(0)}};
   for (int l = 0; l < t.links; ++l) {
     const LinkPlace<ScalarOf<T>>& place = t.link[l];
     if (place.body < 0) continue;
-    const T mass = T::load(lanes.field[5] + l * lanes.stride);
-    PseudoInertia<T>& sum = x.inertia[place.body];
+    const T mass = T::load(batch.field(Parameter::mass) + l * batch.stride);
+    PseudoInertia<T>& sum = x.bodies.inertia[place.body];
     sum.mass += mass;
     for (int k = 0; k < 3; ++k) sum.moment[k] = fma(mass, T(place.unit_moment[k]), sum.moment[k]);
     for (int k = 0; k < 6; ++k) sum.second[k] = fma(mass, T(place.unit_second[k]), sum.second[k]);
   }
 }
 
+template <class T>
+LOCKSTEP_INLINE void own_offsets(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  for (int c = 0; c < t.couplings; ++c)
+    x.couplings.offset[c] = T::load(batch.field(Parameter::offset) + c * batch.stride);
+}
+
 /// (M10) What lies on revolute joints' axes moves inwards: mass m, first moment h and second moment z along the axis e
 /// at the origin r.
 template <class T>
 void move_masses_inwards(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  for (int b = 0; b < t.bodies; ++b) x.felt[b] = x.inertia[b];
+  for (int b = 0; b < t.bodies; ++b) x.bodies.base_inertia[b] = x.bodies.inertia[b];
   for (int b = t.bodies - 1; b >= 0; --b) {
     const Body<ScalarOf<T>>& body = t.body[b];
     if (body.root || body.prismatic) continue;
-    PseudoInertia<T>& felt = x.felt[b];
+    PseudoInertia<T>& felt = x.bodies.base_inertia[b];
     const int k = body.axis;
     const T mass = felt.mass, h = felt.moment[k], z = felt.second[k];
     felt.mass = felt.moment[k] = felt.second[k] = T(0);
     if (body.parent < 0) continue;
-    PseudoInertia<T>& parent = x.felt[body.parent];
+    PseudoInertia<T>& parent = x.bodies.base_inertia[body.parent];
     const Vec3<T> r = Vec3<T>::constant(body.offset), e = Vec3<T>::constant(body.rotation + 3 * k);
     parent.mass += mass;
     for (int i = 0; i < 3; ++i) {
@@ -49,39 +56,42 @@ void move_masses_inwards(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 }
 
 template <class T>
-LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x, const Outline& o) {
-  T *const q = x.q, *const v = o.floating ? x.v + 6 : x.v;
+LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
+                          const TileShape& o) {
+  T *const q = x.state.q, *const v = o.floating ? x.state.v + 6 : x.state.v;
   for (int j = 0; j < o.joints; ++j) {
-    const std::ptrdiff_t row = o.joint_row[j] * lanes.stride;
-    q[j] = T::load(lanes.position + row);
-    v[j] = T::load(lanes.velocity + row);
-    // The next tile's as well: these are more rows than a processor sees coming by itself. (Where two tiles are stepped in
-    // turn the second one's come too late, in a step so long that it does not matter.)
-    __builtin_prefetch(lanes.position + row + T::lanes);
-    __builtin_prefetch(lanes.velocity + row + T::lanes);
-    __builtin_prefetch(lanes.effort + row + T::lanes);
+    const std::ptrdiff_t row = o.dof[j] * batch.stride;
+    q[j] = T::load(batch.position + row);
+    v[j] = T::load(batch.velocity + row);
+    // The next tile's as well: these are more rows than a processor sees coming by itself. (Where two tiles are stepped
+    // in turn the second one's come too late, in a step so long that it does not matter.)
+    __builtin_prefetch(batch.position + row + T::lanes);
+    __builtin_prefetch(batch.velocity + row + T::lanes);
+    __builtin_prefetch(batch.effort + row + T::lanes);
   }
-  for (int i = 0; o.floating && i < 7; ++i) x.root_pose[i] = T::load(lanes.root_pose + i * lanes.stride);
-  for (int i = 0; o.floating && i < 6; ++i) x.v[i] = T::load(lanes.root_velocity + i * lanes.stride);
+  for (int i = 0; o.floating && i < 7; ++i) x.state.pose[i] = T::load(batch.root_pose + i * batch.stride);
+  for (int i = 0; o.floating && i < 6; ++i) x.state.v[i] = T::load(batch.root_velocity + i * batch.stride);
   x.frozen = T::none();
   std::uint32_t faults = 0;
-  for (int i = 0; i < T::lanes; ++i) faults |= static_cast<std::uint32_t>(lanes.fault[i]);
-  for (int i = 0; faults != 0 && i < T::lanes; ++i) x.frozen.set_lane(i, lanes.fault[i] != Fault{});
+  for (int i = 0; i < T::lanes; ++i) faults |= static_cast<std::uint32_t>(batch.fault[i]);
+  for (int i = 0; faults != 0 && i < T::lanes; ++i) x.frozen.set_lane(i, batch.fault[i] != Fault{});
 
-  for (int k = 0; o.record_diagnostics && k < 4; ++k) x.energy[k] = T(0);
-  const auto own = [&](int parameter) { return ((o.per_environment >> parameter) & 1u) != 0; };
-  if (own(0)) own_ratios(t, lanes, x);
-  for (int c = 0; own(1) && c < t.couplings; ++c) x.offset[c] = T::load(lanes.field[1] + c * lanes.stride);
-  if (own(5)) {
-    own_masses(t, lanes, x);
+  for (int k = 0; o.record_diagnostics && k < 4; ++k) x.diagnostics.energy[k] = T(0);
+  const auto own = [&](Parameter parameter) {
+    return ((o.per_environment >> static_cast<unsigned>(parameter)) & 1u) != 0;
+  };
+  if (own(Parameter::gear_ratio)) own_ratios(t, batch, x);
+  if (own(Parameter::offset)) own_offsets(t, batch, x);
+  if (own(Parameter::mass)) {
+    own_masses(t, batch, x);
     move_masses_inwards(t, x);
   }
-  settle(t, x, all_in_place(t, x, o));
+  set_consistent(t, x, all_consistent(t, x, o));
 }
 
 template <class T>
-void load(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, Tile<T>& x) {
-  load(t, lanes, x, outline(t));
+void load(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  load(t, batch, x, tile_shape(t));
 }
 
 }  // namespace lockstep::kernels

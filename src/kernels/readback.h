@@ -3,13 +3,22 @@
 // Not part of a step; computed anew on request, by the same templates: (M49) to (M53).
 #pragma once
 
-#include "coupling_error.h"
-#include "energies.h"
+#include "kernels/couplings/coupling_error.h"
+#include "kernels/dynamics/energies.h"
 #include "load.h"
 
 namespace lockstep::kernels {
 
-enum class Quantity { coupling_errors, frame, frame_velocity, frame_position, frame_jacobian, kinetic_energy, potential_energy, momentum };
+enum class Quantity {
+  coupling_errors,
+  frame,
+  frame_velocity,
+  frame_position,
+  frame_jacobian,
+  kinetic_energy,
+  potential_energy,
+  momentum
+};
 
 /// A quantity, and for the frame_ ones which link and which frame on it.
 template <class S>
@@ -52,7 +61,8 @@ Place<T> place_of(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Reques
 }
 
 template <class T>
-void put_velocity(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Request<ScalarOf<T>>& request, const Output<T>& out) {
+void put_velocity(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Request<ScalarOf<T>>& request,
+                  const Output<T>& out) {
   const int b = t.link[request.link].body;
   Vec3<T> w = Vec3<T>::zero(), v = w;
   if (b >= 0) {
@@ -65,8 +75,9 @@ void put_velocity(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Reques
 }
 
 template <class T>
-void put_jacobian(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Request<ScalarOf<T>>& request, const Output<T>& out) {
-  const int root = t.velocities - t.joints;
+void put_jacobian(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Request<ScalarOf<T>>& request,
+                  const Output<T>& out) {
+  const int root = t.root_velocities();
   for (int row = 0; row < 6 * t.velocities; ++row) out.put(row, T(0));
   const Vec3<T> point = place_of(t, m, request).position;
   for (int b = t.link[request.link].body; b >= 0; b = t.body[b].parent) {
@@ -86,7 +97,7 @@ void put_jacobian(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Reques
     }
     Vec3<T> e = axis(body.axis);
     for (int k = 0; k < 3; ++k) e[k] *= T(body.sign);
-    const int column = root + t.joint_row[joint_of(t, b)];
+    const int column = root + t.dof[joint_of(t, b)];
     if (body.prismatic)
       out.put(6 * column + 3, e);
     else
@@ -109,19 +120,20 @@ void put_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T
 }
 
 template <class T>
-void read(const Tables<ScalarOf<T>>& t, const Lanes<ScalarOf<T>>& lanes, std::ptrdiff_t first, std::ptrdiff_t last,
-          const Request<ScalarOf<T>>& request, ScalarOf<T>* rows, std::ptrdiff_t stride, void* scratch) {
+void read(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, std::ptrdiff_t first,
+          std::ptrdiff_t last, const Request<ScalarOf<T>>& request, ScalarOf<T>* rows, std::ptrdiff_t stride,
+          void* scratch) {
   Tile<T> x;
   Motion<T> m;
   lay_out(t, scratch, x, m);
   uniform_ratios(t, x);
   for (std::ptrdiff_t environment = first; environment < last; environment += T::lanes) {
-    const Lanes<ScalarOf<T>> own = at(lanes, environment, outline(t));
+    const StatePointers<ScalarOf<T>> own = at(batch, environment, tile_shape(t));
     const Output<T> out{rows + environment, stride};
     load(t, own, x);
     if (request.quantity == Quantity::coupling_errors) {
       coupling_errors(t, x);
-      for (int c = 0; c < t.couplings; ++c) out.put(c, x.coupling_error[c]);
+      for (int c = 0; c < t.couplings; ++c) out.put(c, x.couplings.error[c]);
       continue;
     }
     motions(t, x, m);

@@ -12,8 +12,8 @@ template <class Elements>
 int index_of(const Elements& elements, const std::string& name, const char* kind, const Model& model) {
   for (std::size_t i = 0; i < elements.size(); ++i)
     if (elements[i].name == name) return static_cast<int>(i);
-  throw ModelError(std::string(kind) + " '" + name + "'", std::string("no such ") + kind + " in model '" + model.name + "'",
-                   "check the spelling");
+  throw ModelError(std::string(kind) + " '" + name + "'",
+                   std::string("no such ") + kind + " in model '" + model.name + "'", "check the spelling");
 }
 
 }  // namespace

@@ -20,8 +20,7 @@ Eigen::Matrix3d parallel_axis(double mass, const Eigen::Vector3d& offset) {
 }  // namespace
 
 Tree::Tree(const Model& model) {
-  if (model.links.empty())
-    throw ModelError("model '" + model.name + "'", "has no links", "add at least the root link");
+  if (model.links.empty()) throw ModelError("model '" + model.name + "'", "has no links", "add at least the root link");
   const std::map<std::string, int> link_of = indices(model.links);
   const std::size_t links = model.links.size(), joints = model.joints.size();
   parent_joint.assign(links, -1);
@@ -37,20 +36,20 @@ Tree::Tree(const Model& model) {
       throw ModelError("joint '" + joint.name + "'", "connects link '" + joint.parent + "' to itself",
                        "name two different links");
     if (parent_joint[child] >= 0)
-      throw ModelError("link '" + joint.child + "'",
-                       "is the child of two joints, '" + model.joints[parent_joint[child]].name + "' and '" +
-                           joint.name + "'",
-                       "cut the loop: lockstep models trees");
+      throw ModelError(
+          "link '" + joint.child + "'",
+          "is the child of two joints, '" + model.joints[parent_joint[child]].name + "' and '" + joint.name + "'",
+          "cut the loop: lockstep models trees");
     parent_joint[child] = static_cast<int>(j);
     child_joints[parent].push_back(static_cast<int>(j));
     joint_parent.push_back(parent);
     joint_child.push_back(child);
   }
   if (parent_joint[0] >= 0)
-    throw ModelError("link '" + model.links[0].name + "'",
-                     "is the first link and so the root, yet joint '" + model.joints[parent_joint[0]].name +
-                         "' carries it",
-                     "put the root link first");
+    throw ModelError(
+        "link '" + model.links[0].name + "'",
+        "is the first link and so the root, yet joint '" + model.joints[parent_joint[0]].name + "' carries it",
+        "put the root link first");
 
   carrier.assign(links, -1);
   in_carrier.assign(links, Eigen::Isometry3d::Identity());

@@ -5,6 +5,7 @@
 
 #include "inertia.h"
 #include "lockstep/error.h"
+#include "softness_numbers.h"
 #include "tree.h"
 
 namespace lockstep {
@@ -48,7 +49,8 @@ void unique_names(const Elements& elements, const char* kind) {
   std::set<string> seen;
   for (const auto& element : elements) {
     require(!element.name.empty(), string("a ") + kind, "has no name", "name it");
-    require(seen.insert(element.name).second, quoted(kind, element.name), "appears twice", "give every one its own name");
+    require(seen.insert(element.name).second, quoted(kind, element.name), "appears twice",
+            "give every one its own name");
   }
 }
 
@@ -65,44 +67,38 @@ void possible_inertia(const Link& link) {
   const Eigen::Vector3d moments = principal_moments(inertia);
   require(are_not_negative(moments), element, "inertia is impossible: a principal moment is negative",
           "check the signs of the products of inertia");
-  require(keep_triangle_rule(moments), element,
-          "inertia is impossible: one principal moment exceeds the sum of the others (no distribution of mass has that)",
-          "check the units and that it is about the centre of mass (ImportOptions can balance it)");
+  require(
+      keep_triangle_rule(moments), element,
+      "inertia is impossible: one principal moment exceeds the sum of the others (no distribution of mass has that)",
+      "check the units and that it is about the centre of mass (ImportOptions can balance it)");
 }
 
 // `what` names what is soft: a coupling, a limit, a kinematic drive.
 void proper_softness(const Softness& softness, const string& element, const string& what) {
-  const double first = softness.first, second = softness.second;
+  const auto [first, second] = numbers_of(softness);
   finite(first, element, "softness of the " + what);
   finite(second, element, "softness of the " + what);
-  switch (softness.kind) {
-    case Softness::Kind::hard:
+  switch (kind_of(softness)) {
+    case SoftnessKind::hard:
       require(first >= 0.0 && first < 2.0, element,
               "erp of a hard " + what + " is " + std::to_string(first) + ", outside [0, 2)",
               "at 2 the error would change its sign forever; give 0.2");
-      require(second == 0.0, element, "has a hard " + what + " with a second number", "use Softness::mixing for a cfm");
       break;
-    case Softness::Kind::mixing:
+    case SoftnessKind::erp_cfm:
       require(first >= 0.0 && first <= 1.0, element, "erp of the " + what + " is outside [0, 1]",
               "give a share between 0 and 1");
       require(second >= 0.0, element, "cfm of the " + what + " is negative", "give 0 (hard) or more");
       break;
-    case Softness::Kind::spring:
+    case SoftnessKind::spring:
       require(first >= 0.0 && second >= 0.0, element, "kp or kd of the soft " + what + " is negative",
               "give 0 or more");
       break;
-    case Softness::Kind::frequency:
+    case SoftnessKind::frequency:
       require(first >= 0.0 && second >= 0.0, element,
               "natural frequency or damping ratio of the " + what + " is negative",
               "give 0 or more (rad/s; Hz times 2 pi)");
       break;
   }
-}
-
-// A spring that never pulls. A coupling may have one, since its softness may differ from environment to environment.
-bool is_slack(const Softness& softness) {
-  return (softness.kind == Softness::Kind::spring && softness.first == 0.0 && softness.second == 0.0) ||
-         (softness.kind == Softness::Kind::frequency && softness.first == 0.0);
 }
 
 void proper_range(const Joint& joint, const string& element) {
@@ -118,11 +114,11 @@ void proper_range(const Joint& joint, const string& element) {
 void proper_bounds(const Joint& joint, const string& element) {
   proper_range(joint, element);
   proper_softness(joint.limit_softness, element, "limit");
-  require(!is_slack(joint.limit_softness), element, "softness of the limit is a spring that never pulls",
+  require(!is_absent(joint.limit_softness), element, "softness of the limit is a spring that never pulls",
           "give it stiffness or damping, or remove the position range");
   require(joint.restitution >= 0.0 && joint.restitution <= 1.0, element,
           "restitution is " + std::to_string(joint.restitution) + ", outside [0, 1]", "give a share between 0 and 1");
-  require(joint.restitution == 0.0 || joint.limit_softness.is_hard(), element, "has a restitution, but soft limits",
+  require(joint.restitution == 0.0 || is_hard(joint.limit_softness), element, "has a restitution, but soft limits",
           "set it to 0 (a soft limit gives back what its damping leaves), or make the limits hard");
   require(joint.velocity_limit >= 0.0, element, "velocity limit is negative or no number",
           "give more than 0, infinity for none");
@@ -139,20 +135,21 @@ void proper_drive(const Drive& drive, const string& element) {
   not_negative(drive.kd, element, "drive kd");
   finite(drive.position_target, element, "position target");
   finite(drive.velocity_target, element, "velocity target");
-  const Softness &softness = drive.softness, standard = Drive().softness;
+  const Softness& softness = drive.softness;
   if (!drive.kinematic) {
-    require(softness.kind == standard.kind && softness.first == standard.first && softness.second == standard.second,
-            element, "drive has a softness, which only kinematic ones have",
+    const auto* hard = std::get_if<Hard>(&softness);
+    require(hard && hard->erp == std::get<Hard>(Drive().softness).erp, element,
+            "drive has a softness, which only kinematic ones have",
             "make the drive kinematic, or leave its softness as it is and set kp and kd");
     return;
   }
   require(drive.kp == 0.0 && drive.kd == 0.0, element, "kinematic drive has kp or kd",
           "set both to 0 and give Drive::softness, or make the drive a servo (kinematic = false)");
   proper_softness(softness, element, "kinematic drive");
-  require(!is_slack(softness), element, "softness of the kinematic drive is a spring that never pulls",
+  require(!is_absent(softness), element, "softness of the kinematic drive is a spring that never pulls",
           "give it stiffness or damping, or make the drive not kinematic");
-  require(!softness.is_hard() || (softness.first > 0.0 && softness.first <= 1.0), element,
-          "erp of a hard kinematic drive is " + std::to_string(softness.first) + ", outside (0, 1]",
+  require(!is_hard(softness) || (erp_of(softness) > 0.0 && erp_of(softness) <= 1.0), element,
+          "erp of a hard kinematic drive is " + std::to_string(erp_of(softness)) + ", outside (0, 1]",
           "give 1 to be at the target after each step, less to approach it");
 }
 
@@ -182,13 +179,13 @@ void moves_some_inertia(const Model& model, const Tree& tree, int link, const In
   }
   const Joint& joint = model.joints[j];
   if (joint.armature > 0.0) return;
-  require(body.mass > 0.0, element, "moves (joint '" + joint.name + "') but has no mass: its inertia is missing or 0",
-          "give it, or a link fixed to it, a mass and an inertia (<inertial> in URDF; ImportOptions fill in), or make the "
-          "joint fixed");
+  require(
+      body.mass > 0.0, element, "moves (joint '" + joint.name + "') but has no mass: its inertia is missing or 0",
+      "give it, or a link fixed to it, a mass and an inertia (<inertial> in URDF; ImportOptions fill in), or make the "
+      "joint fixed");
   if (joint.kind == JointKind::prismatic) return;
   const Eigen::Vector3d axis = joint.axis.normalized();
-  const double about_axis =
-      axis.dot(body.about_center * axis) + body.mass * axis.cross(body.center).squaredNorm();
+  const double about_axis = axis.dot(body.about_center * axis) + body.mass * axis.cross(body.center).squaredNorm();
   finite(about_axis, element, "inertia about the axis of joint '" + joint.name + "'");
   require(about_axis > 1e-12 * body.about_center.trace() && about_axis > 0.0, element,
           "turns (joint '" + joint.name + "') but has no inertia about the axis",
@@ -219,9 +216,10 @@ void proper_coupling(const JointsByName& joints, const Coupling& coupling, const
     finite(term.ratio, element, "gear ratio of joint '" + term.joint + "'");
     require(term.ratio != 0.0, element, "gear ratio of joint '" + term.joint + "' is 0",
             "remove the term; a joint that stands still is a fixed joint");
-    require(std::abs(term.ratio) <= largest_ratio && std::abs(term.ratio) >= 1.0 / largest_ratio, element,
-            "gear ratio of joint '" + term.joint + "' is beyond 1e-9 to 1e9: rounding leaves nothing of the smaller side",
-            "check the ratio; write the coupling the other way round if need be");
+    require(
+        std::abs(term.ratio) <= largest_ratio && std::abs(term.ratio) >= 1.0 / largest_ratio, element,
+        "gear ratio of joint '" + term.joint + "' is beyond 1e-9 to 1e9: rounding leaves nothing of the smaller side",
+        "check the ratio; write the coupling the other way round if need be");
   }
 }
 

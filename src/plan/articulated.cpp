@@ -1,4 +1,5 @@
-// Routes of vectors over articulated bodies, where these are less work than A: (M22) to (M25). SPDX-License-Identifier: Apache-2.0
+// Paths of vectors over articulated bodies, where these are less work than A: (M22) to (M25). SPDX-License-Identifier:
+// Apache-2.0
 #include <algorithm>
 #include <map>
 #include <vector>
@@ -8,27 +9,27 @@
 namespace lockstep {
 namespace {
 
-class Routes {
+class Paths {
  public:
-  explicit Routes(const Tables<double>& t) : t_(t), root_(t.velocities - t.joints) {}
+  explicit Paths(const Tables<double>& t) : t_(t), root_(t.root_velocities()) {}
 
   // Of vectors side by side: by body, which of them it moves.
-  Route route(const std::vector<std::vector<int>>& moved) {
-    const int begin = static_cast<int>(passes_.size());
-    std::vector<std::map<int, int>> arrived(t_.bodies);  // by body: slots by vector
+  Path path(const std::vector<std::vector<int>>& moved) {
+    const int begin = static_cast<int>(visits_.size());
+    std::vector<std::map<int, int>> arrived(t_.bodies);  // by body: places by vector
     std::vector<int> free;
     int taken = 0;
     for (int b = t_.bodies - 1; b >= 0; --b) {
       if (moved[b].empty()) continue;
       std::map<int, int>& known = arrived[b];
-      Pass pass{b, static_cast<int>(joins_.size()), 0, static_cast<int>(travellers_.size()), 0, 0};
+      Visit visit{b, static_cast<int>(merges_.size()), 0, static_cast<int>(carried_.size()), 0, 0};
       for (int child = t_.bodies - 1; child > b; --child) {
         if (t_.body[child].parent != b) continue;
-        for (const auto& [vector, slot] : arrived[child]) {
-          const auto [there, fresh] = known.emplace(vector, slot);
+        for (const auto& [vector, place] : arrived[child]) {
+          const auto [there, fresh] = known.emplace(vector, place);
           if (fresh) continue;
-          joins_.push_back({slot, there->second});
-          free.push_back(slot);
+          merges_.push_back({place, there->second});
+          free.push_back(place);
         }
       }
       std::map<int, int> fresh;
@@ -37,23 +38,23 @@ class Routes {
         fresh[vector] = free.empty() ? taken++ : free.back();
         if (!free.empty()) free.pop_back();
       }
-      const auto travel = [&](const std::map<int, int>& slots) {
-        for (const auto& [vector, slot] : slots) travellers_.push_back({slot, vector});
-        return static_cast<int>(travellers_.size());
+      const auto travel = [&](const std::map<int, int>& places) {
+        for (const auto& [vector, place] : places) carried_.push_back({place, vector});
+        return static_cast<int>(carried_.size());
       };
-      pass.joined = static_cast<int>(joins_.size());
-      pass.known = travel(fresh);
-      pass.last = travel(known);
-      passes_.push_back(pass);
+      visit.merge_last = static_cast<int>(merges_.size());
+      visit.known = travel(fresh);
+      visit.last = travel(known);
+      visits_.push_back(visit);
       known.insert(fresh.begin(), fresh.end());
       if (t_.body[b].parent < 0)
-        for (const auto& [vector, slot] : known) free.push_back(slot);
+        for (const auto& [vector, place] : known) free.push_back(place);
     }
-    slots_ = std::max(slots_, taken);
-    return {begin, static_cast<int>(passes_.size())};
+    places_ = std::max(places_, taken);
+    return {begin, static_cast<int>(visits_.size())};
   }
 
-  Route route(const Rows<double>& rows, int first, int last) {
+  Path path(const Rows<double>& rows, int first, int last) {
     std::vector<std::vector<int>> moved(t_.bodies);
     for (int r = first; r < last; ++r) {
       if (t_.floating) moved[0].push_back(r - first);
@@ -61,52 +62,52 @@ class Routes {
         for (int z = std::max(rows.runs[i].first, root_); z < rows.runs[i].last; ++z)
           moved[z - root_ + (t_.floating ? 1 : 0)].push_back(r - first);
     }
-    return route(moved);
+    return path(moved);
   }
 
-  Articulated articulated(Store& store) {
+  Articulated articulated(TableStorage& storage) {
     Articulated a;
-    a.all = route(std::vector<std::vector<int>>(t_.bodies, {0}));
-    a.rows = route(t_.rows, 0, t_.rows.count);
-    std::vector<Route> bounds;
-    for (int r = 0; r < t_.bounds.form.count; ++r) bounds.push_back(route(t_.bounds.form, r, r + 1));
-    a.slots = slots_;
-    a.passes = store.keep(passes_);
-    a.travellers = store.keep(travellers_);
-    a.joins = store.keep(joins_);
-    a.bound = store.keep(std::move(bounds));
+    a.all = path(std::vector<std::vector<int>>(t_.bodies, {0}));
+    a.rows = path(t_.rows, 0, t_.rows.count);
+    std::vector<Path> bounds;
+    for (int r = 0; r < t_.bounds.rows.count; ++r) bounds.push_back(path(t_.bounds.rows, r, r + 1));
+    a.places = places_;
+    a.visits = storage.keep(visits_);
+    a.carried = storage.keep(carried_);
+    a.merges = storage.keep(merges_);
+    a.bounds = storage.keep(std::move(bounds));
     std::vector<int> parents;
     for (int k = 0; k < root_; ++k) parents.push_back(k - 1);
-    a.root = make_columns(parents, store);
+    a.root = make_columns(parents, storage);
     return a;
   }
 
  private:
   const Tables<double>& t_;
-  int root_, slots_ = 0;
-  std::vector<Pass> passes_;
-  std::vector<Traveller> travellers_;
-  std::vector<Join> joins_;
+  int root_, places_ = 0;
+  std::vector<Visit> visits_;
+  std::vector<Carried> carried_;
+  std::vector<Merge> merges_;
 };
 
 }  // namespace
 
-Articulated articulated_bodies(const Tables<double>& t, Store& store) { return Routes(t).articulated(store); }
+Articulated articulated_bodies(const Tables<double>& t, TableStorage& storage) { return Paths(t).articulated(storage); }
 
 namespace {
 
 // Nobody asks for A's own entries.
 bool can_articulate(const Tables<double>& t) {
-  return t.joints > 0 && t.reduction.followers == 0 && t.limited.count == 0;
+  return t.joints > 0 && t.reduction.followers == 0 && t.limited_servos.count == 0;
 }
 
-// A made and factored, one solve with it, and the responses of rows. Whether natural rows take a mass matrix of their own
-// is not asked: a limit that is never reached may not change a bit, so it may not change the way.
+// A made and factored, one solve with it, and the responses of rows. Whether natural rows take a mass matrix of their
+// own is not asked: a limit that is never reached may not change a bit, so it may not change the way.
 long work_by_matrix(const Tables<double>& t) {
   long work = 0;
   for (int i = 0; i < t.matrix.n; ++i) {
     const long ancestors = t.matrix.row_start[i + 1] - t.matrix.row_start[i];
-    if (i >= t.velocities - t.joints) {
+    if (i >= t.root_velocities()) {
       work += work::column_of_joint;
       if (t.matrix.parent[i] >= 0) work += work::passing * t.matrix.size[i];
     }
@@ -122,8 +123,8 @@ long work_by_matrix(const Tables<double>& t) {
 
 long work_by_bodies(const Tables<double>& t, const Articulated& a) {
   long work = static_cast<long>(work::articulating) * t.joints;
-  for (const Route& route : {a.all, a.all, a.rows})  // there and back, and the rows' responses
-    for (int p = route.first; p < route.last; ++p) work += work::travelling * (a.passes[p].last - a.passes[p].fresh);
+  for (const Path& path : {a.all, a.all, a.rows})  // there and back, and the rows' responses
+    for (int p = path.first; p < path.last; ++p) work += work::travelling * (a.visits[p].last - a.visits[p].begin);
   return work;
 }
 
@@ -132,7 +133,7 @@ long work_by_bodies(const Tables<double>& t, const Articulated& a) {
 void articulate(Program& program) {
   Tables<double>& t = program.f64;
   if (!can_articulate(t)) return;
-  const Articulated bodies = articulated_bodies(t, program.store);
+  const Articulated bodies = articulated_bodies(t, program.storage);
   if (work_by_bodies(t, bodies) < work_by_matrix(t)) t.articulated = bodies;
 }
 

@@ -14,13 +14,14 @@ struct Share {  // one entry of S
 
 // The solver's velocities in their natural order: speeds of couplings, which are to be eliminated last, then what is
 // nobody's follower.
-std::vector<int> natural_order(const Tables<double>& t, const std::vector<Follower>& followers, bool keeps_speeds) {
-  const int root = t.velocities - t.joints;
+std::vector<int> natural_order(const Tables<double>& t, const std::vector<Follower>& followers,
+                               bool has_constraint_velocities) {
+  const int root = t.root_velocities();
   std::vector<char> follows(t.velocities, 0);
   std::vector<int> order;
   for (const Follower& follower : followers) {
-    follows[root + follower.joint] = 1;
-    if (keeps_speeds) order.push_back(root + follower.joint);
+    follows[t.velocity_of(follower.joint)] = 1;
+    if (has_constraint_velocities) order.push_back(root + follower.joint);
   }
   for (int i = 0; i < t.velocities; ++i)
     if (!follows[i]) order.push_back(i);
@@ -64,7 +65,8 @@ void lay_out_products(Program& program, const std::vector<std::vector<Share>>& s
     }
   std::vector<int> entries(products.size()), start{0}, source, left, right;
   for (std::size_t e = 0; e < entries.size(); ++e) entries[e] = static_cast<int>(e);
-  std::stable_sort(entries.begin(), entries.end(), [&](int a, int b) { return products[a].size() < products[b].size(); });
+  std::stable_sort(entries.begin(), entries.end(),
+                   [&](int a, int b) { return products[a].size() < products[b].size(); });
   std::vector<double> value;
   std::vector<ProductGroup> groups;
   for (int place = 0; place < static_cast<int>(entries.size()); ++place) {
@@ -81,32 +83,33 @@ void lay_out_products(Program& program, const std::vector<std::vector<Share>>& s
     start.push_back(static_cast<int>(source.size()));
   }
   Reduction<double>& reduction = t.reduction;
-  reduction.product_groups = program.store.keep(std::move(groups));
-  reduction.product_entry = program.store.keep(std::move(entries));
-  reduction.product_start = program.store.keep(std::move(start));
-  reduction.product_source = program.store.keep(std::move(source));
-  reduction.product_value = program.store.keep(std::move(value));
-  reduction.product_left = program.store.keep(std::move(left));
-  reduction.product_right = program.store.keep(std::move(right));
+  reduction.product_groups = program.storage.keep(std::move(groups));
+  reduction.product_entry = program.storage.keep(std::move(entries));
+  reduction.product_start = program.storage.keep(std::move(start));
+  reduction.product_source = program.storage.keep(std::move(source));
+  reduction.product_value = program.storage.keep(std::move(value));
+  reduction.product_left = program.storage.keep(std::move(left));
+  reduction.product_right = program.storage.keep(std::move(right));
 }
 
 }  // namespace
 
-void lay_out_basis(Program& program, const std::vector<Follower>& followers, bool keeps_speeds) {
+void lay_out_basis(Program& program, const std::vector<Follower>& followers, bool has_constraint_velocities) {
   Tables<double>& t = program.f64;
   Reduction<double>& reduction = t.reduction;
-  Store& store = program.store;
-  const int root = t.velocities - t.joints;
-  const std::vector<int> order = natural_order(t, followers, keeps_speeds);
+  TableStorage& storage = program.storage;
+  const int root = t.root_velocities();
+  const std::vector<int> order = natural_order(t, followers, has_constraint_velocities);
   const int n = static_cast<int>(order.size());
   std::vector<int> place(t.velocities, -1);  // in the natural order
   for (int z = 0; z < n; ++z) place[order[z]] = z;
   std::vector<std::vector<int>> parts(t.velocities);
   for (int i : order) parts[i] = {place[i]};
   for (const Follower& follower : followers)
-    for (const auto& [joint, value] : follower.shares) parts[root + follower.joint].push_back(place[root + joint]);
+    for (const auto& [joint, value] : follower.shares)
+      parts[t.velocity_of(follower.joint)].push_back(place[t.velocity_of(joint)]);
   const Elimination tree = elimination_tree(pattern_of(t, parts, n));
-  t.solver = make_columns(tree.parent, store);
+  t.solver = make_columns(tree.parent, storage);
 
   std::vector<int> independent(n), solver(t.velocities, -1);
   for (int z = 0; z < n; ++z) {
@@ -122,9 +125,9 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
     const int velocity = root + follower.joint;
     follower_of[follower.joint] = static_cast<int>(follower_joint.size());
     follower_joint.push_back(follower.joint);
-    if (keeps_speeds) speed.push_back(solver[velocity]);
+    if (has_constraint_velocities) speed.push_back(solver[velocity]);
     for (const auto& [joint, share] : follower.shares) {
-      const int z = solver[root + joint], index = static_cast<int>(value.size());
+      const int z = solver[t.velocity_of(joint)], index = static_cast<int>(value.size());
       shares[velocity].push_back({z, share, index});
       by_solver[z].push_back({velocity, index});
       column.push_back(z);
@@ -133,17 +136,17 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
     }
     start.push_back(static_cast<int>(value.size()));
   }
-  std::tie(reduction.collect_start, reduction.collected) = flattened(by_solver, store);
+  std::tie(reduction.collect_start, reduction.collected) = flattened(by_solver, storage);
   lay_out_products(program, shares);
   reduction.followers = static_cast<int>(followers.size());
-  reduction.follower = store.keep(std::move(follower_joint));
-  reduction.follower_of = store.keep(std::move(follower_of));
-  reduction.speed = store.keep(std::move(speed));
-  reduction.independent = store.keep(std::move(independent));
-  reduction.start = store.keep(std::move(start));
-  reduction.column = store.keep(std::move(column));
-  reduction.driver = store.keep(std::move(driver));
-  reduction.value = store.keep(std::move(value));
+  reduction.follower = storage.keep(std::move(follower_joint));
+  reduction.follower_of = storage.keep(std::move(follower_of));
+  reduction.constraint_velocity = storage.keep(std::move(speed));
+  reduction.independent = storage.keep(std::move(independent));
+  reduction.start = storage.keep(std::move(start));
+  reduction.column = storage.keep(std::move(column));
+  reduction.leader = storage.keep(std::move(driver));
+  reduction.value = storage.keep(std::move(value));
 }
 
 }  // namespace lockstep

@@ -10,8 +10,8 @@ namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Matrix;
-using Eigen::Matrix4d;
 using Eigen::Matrix3d;
+using Eigen::Matrix4d;
 using Eigen::Vector3d;
 
 // An axis this close to a coordinate axis is taken for one: below what any step can tell apart.
@@ -46,8 +46,7 @@ Matrix3d second_moment(const Inertia& inertia) {
 Matrix3d choose_frame(const Vector3d& axis, Body<double>& body) {
   for (int k = 0; k < 3; ++k) {
     const double along = axis[k];
-    if (std::abs(std::abs(along) - 1.0) > axis_tolerance ||
-        (axis - along * Vector3d::Unit(k)).norm() > axis_tolerance)
+    if (std::abs(std::abs(along) - 1.0) > axis_tolerance || (axis - along * Vector3d::Unit(k)).norm() > axis_tolerance)
       continue;
     body.axis = k;
     body.sign = along > 0.0 ? 1.0 : -1.0;
@@ -92,7 +91,8 @@ void move_masses_inwards(std::vector<Body<double>>& bodies, bool masses_differ) 
   std::vector<Matrix4d> inertia;  // second moment, first moment; first moment, mass
   for (const Body<double>& b : bodies) {
     const double(&s)[6] = b.second, (&h)[3] = b.moment;
-    inertia.emplace_back() << s[0], s[5], s[4], h[0], s[5], s[1], s[3], h[1], s[4], s[3], s[2], h[2], h[0], h[1], h[2], b.mass;
+    inertia.emplace_back() << s[0], s[5], s[4], h[0], s[5], s[1], s[3], h[1], s[4], s[3], s[2], h[2], h[0], h[1], h[2],
+        b.mass;
   }
   for (int b = static_cast<int>(bodies.size()) - 1; b >= 0; --b) {
     Body<double>& body = bodies[b];
@@ -105,10 +105,10 @@ void move_masses_inwards(std::vector<Body<double>>& bodies, bool masses_differ) 
       if (body.parent >= 0) inertia[body.parent] += line * own(on_axis, on_axis) * line.transpose();
       own(on_axis, on_axis).setZero();
     }
-    body.felt_mass = own(3, 3);
-    copy(Vector3d(own.topRightCorner<3, 1>()), body.felt_moment);
-    copy_symmetric(own.topLeftCorner<3, 3>(), body.felt_second);
-    const double* off = body.felt_second + 3;
+    body.base_mass = own(3, 3);
+    copy(Vector3d(own.topRightCorner<3, 1>()), body.base_moment);
+    copy_symmetric(own.topLeftCorner<3, 3>(), body.base_second);
+    const double* off = body.base_second + 3;
     body.diagonal = !masses_differ && off[0] == 0.0 && off[1] == 0.0 && off[2] == 0.0;
     body.leaf = true;
     body.heavy = body.root || body.prismatic;
@@ -123,8 +123,8 @@ void move_masses_inwards(std::vector<Body<double>>& bodies, bool masses_differ) 
 }
 
 struct Frames {
-  std::vector<int> body_of_link;            // by carrier link
-  std::vector<Isometry3d> link_in_body;     // by carrier link: its frame in the body's
+  std::vector<int> body_of_link;         // by carrier link
+  std::vector<Isometry3d> link_in_body;  // by carrier link: its frame in the body's
 };
 
 }  // namespace
@@ -162,8 +162,7 @@ void lay_out_bodies(Program& program, const Tree& tree) {
     if (!joint.moves()) continue;
     const int parent_link = tree.joint_parent[j], child = tree.joint_child[j];
     const int carrier = tree.carrier[parent_link];
-    const Isometry3d placement =
-        frames.link_in_body[carrier] * tree.in_carrier[parent_link] * joint.origin;
+    const Isometry3d placement = frames.link_in_body[carrier] * tree.in_carrier[parent_link] * joint.origin;
     Body<double> body{};
     body.parent = frames.body_of_link[carrier];
     body.prismatic = joint.kind == JointKind::prismatic;
@@ -176,8 +175,7 @@ void lay_out_bodies(Program& program, const Tree& tree) {
     frames.body_of_link[child] = static_cast<int>(bodies.size());
 
     program.solver_joint[j] = static_cast<int>(joint_row.size());
-    const int parent_velocity =
-        body.parent < 0 ? -1 : (floating ? body.parent + 5 : body.parent);
+    const int parent_velocity = body.parent < 0 ? -1 : (floating ? body.parent + 5 : body.parent);
     parents.push_back(parent_velocity);
     joint_row.push_back(program.dof_of_joint[j]);
     bodies.push_back(body);
@@ -216,11 +214,11 @@ void lay_out_bodies(Program& program, const Tree& tree) {
   t.joints = static_cast<int>(joint_row.size());
   t.velocities = t.joints + root_velocities;
   t.links = links;
-  t.body = program.store.keep(std::move(bodies));
-  t.link = program.store.keep(std::move(places));
-  t.link_mass = program.store.keep(std::move(masses));
-  t.joint_row = program.store.keep(std::move(joint_row));
-  t.matrix = t.solver = make_columns(parents, program.store);
+  t.body = program.storage.keep(std::move(bodies));
+  t.link = program.storage.keep(std::move(places));
+  t.link_mass = program.storage.keep(std::move(masses));
+  t.dof = program.storage.keep(std::move(joint_row));
+  t.matrix = t.solver = make_columns(parents, program.storage);
   const Matrix3d root_rotation = model.root.pose.linear();
   copy(floating ? model.gravity : (root_rotation.transpose() * model.gravity).eval(), t.gravity);
   copy(model.gravity, t.world_gravity);
@@ -245,7 +243,8 @@ void lay_out_joint_terms(Program& program) {
     implicit[i] = joint.armature + h * joint.damping;
     const bool holds =
         joint.effort_limit < infinity && !joint.drive.kinematic && !program.settings.ignore.effort_limits;
-    const bool servo = !joint.drive.kinematic && (declared(program, Parameter::drive_gains) || kp[i] > 0.0 || kd[i] > 0.0);
+    const bool servo =
+        !joint.drive.kinematic && (declared(program, Parameter::drive_gains) || kp[i] > 0.0 || kd[i] > 0.0);
     if (holds) effort_limit[i] = std::min(joint.effort_limit, unlimited);
     // What an effort limit takes away is decided lane by lane, so it does not stand in the table.
     if (servo && !holds) implicit[i] += h * kd[i] + h * h * kp[i];
@@ -255,15 +254,15 @@ void lay_out_joint_terms(Program& program) {
       clamped.push_back(i);
   }
   for (std::vector<int>* list : {&driven, &limited, &clamped}) std::sort(list->begin(), list->end());
-  t.armature = program.store.keep(std::move(armature));
-  t.damping = program.store.keep(std::move(damping));
-  t.kp = program.store.keep(std::move(kp));
-  t.kd = program.store.keep(std::move(kd));
-  t.implicit = program.store.keep(std::move(implicit));
-  t.driven = program.store.keep(std::move(driven));
-  t.limited = program.store.keep(std::move(limited));
-  t.clamped = program.store.keep(std::move(clamped));
-  t.effort_limit = program.store.keep(std::move(effort_limit));
+  t.armature = program.storage.keep(std::move(armature));
+  t.damping = program.storage.keep(std::move(damping));
+  t.kp = program.storage.keep(std::move(kp));
+  t.kd = program.storage.keep(std::move(kd));
+  t.implicit = program.storage.keep(std::move(implicit));
+  t.servos = program.storage.keep(std::move(driven));
+  t.limited_servos = program.storage.keep(std::move(limited));
+  t.limited_efforts = program.storage.keep(std::move(clamped));
+  t.effort_limit = program.storage.keep(std::move(effort_limit));
 }
 
 }  // namespace lockstep

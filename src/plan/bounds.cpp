@@ -1,8 +1,8 @@
 // Limits, frictions, kinematic drives and force limits as bounded rows, section 12. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
-#include <Eigen/QR>
-#include <fmt/format.h>
 
 #include "layout.h"
 
@@ -15,12 +15,6 @@ struct Row {
   std::vector<Member> members;
 };
 
-// A spring without stiffness and damping, (M27) would be 0/0.
-bool is_slack(const Softness& softness) {
-  return (softness.kind == Softness::Kind::spring && softness.first == 0.0 && softness.second == 0.0) ||
-         (softness.kind == Softness::Kind::frequency && softness.first == 0.0);
-}
-
 bool has_range_of(const Program& program, const Joint& joint) {
   return !program.settings.ignore.position_limits && (joint.lower > -infinity || joint.upper < infinity);
 }
@@ -29,11 +23,11 @@ bool has_range_of(const Program& program, const Joint& joint) {
 int hard_bounds(const Program& program, const Joint& joint) {
   const Ignored& ignore = program.settings.ignore;
   int has = 0;
-  if (has_range_of(program, joint) && joint.limit_softness.is_hard()) has |= has_range;
+  if (has_range_of(program, joint) && is_hard(joint.limit_softness)) has |= has_range;
   if (has & has_range && joint.restitution > 0.0) has |= has_restitution;
   if (joint.velocity_limit < infinity && !ignore.velocity_limits) has |= has_speed_limit;
   if (joint.friction > 0.0 && !ignore.friction) has |= has_friction;
-  if (joint.drive.kinematic && joint.drive.softness.is_hard()) has |= has_kinematic_drive;
+  if (joint.drive.kinematic && is_hard(joint.drive.softness)) has |= has_kinematic_drive;
   return has;
 }
 
@@ -67,29 +61,30 @@ void lay_out_joint_bounds(Program& program) {
     has[i] = hard_bounds(program, joint);
     lower[i] = std::max(joint.lower, -unlimited);
     upper[i] = std::min(joint.upper, unlimited);
-    if (has[i] & has_range) {  // a soft one's first number is no erp
-      const double erp = joint.limit_softness.first;
+    if (has[i] & has_range) {
+      const double erp = erp_of(joint.limit_softness);
       limit_rate[i] = erp / s.dt;
       if (program.method == Method::tgs) sub_step_rate[i] = hard_rate(s, erp);
     }
     restitution[i] = joint.restitution;
     speed[i] = std::min(joint.velocity_limit, unlimited);
     friction[i] = s.dt * joint.friction;
-    if (has[i] & has_kinematic_drive) drive_rate[i] = joint.drive.softness.first / s.dt;
+    if (has[i] & has_kinematic_drive) drive_rate[i] = erp_of(joint.drive.softness) / s.dt;
   }
   std::vector<double> force_limit;
-  for (const Coupling& coupling : program.model.couplings) force_limit.push_back(std::min(coupling.force_limit, unlimited));
-  Store& store = program.store;
-  b.has = store.keep(std::move(has));
-  b.lower = store.keep(std::move(lower));
-  b.upper = store.keep(std::move(upper));
-  b.limit_rate = store.keep(std::move(limit_rate));
-  b.restitution = store.keep(std::move(restitution));
-  b.speed_limit = store.keep(std::move(speed));
-  b.friction = store.keep(std::move(friction));
-  b.drive_rate = store.keep(std::move(drive_rate));
-  b.sub_step_rate = store.keep(std::move(sub_step_rate));
-  b.force_limit = store.keep(std::move(force_limit));
+  for (const Coupling& coupling : program.model.couplings)
+    force_limit.push_back(std::min(coupling.force_limit, unlimited));
+  TableStorage& storage = program.storage;
+  b.has = storage.keep(std::move(has));
+  b.lower = storage.keep(std::move(lower));
+  b.upper = storage.keep(std::move(upper));
+  b.limit_rate = storage.keep(std::move(limit_rate));
+  b.restitution = storage.keep(std::move(restitution));
+  b.speed_limit = storage.keep(std::move(speed));
+  b.friction = storage.keep(std::move(friction));
+  b.drive_rate = storage.keep(std::move(drive_rate));
+  b.sub_step_rate = storage.keep(std::move(sub_step_rate));
+  b.force_limit = storage.keep(std::move(force_limit));
 }
 
 double value_of(const Tables<double>& t, const Contribution& share) {
@@ -115,18 +110,18 @@ bool depend(const Program& program, const std::vector<Row>& rows, const std::vec
   const Tables<double>& t = program.f64;
   std::vector<const RowForm*> hard;
   for (std::size_t r = 0; r < rows.size(); ++r)
-    if (rows[r].kind == BoundKind::joint || forms[r].softness.is_hard()) hard.push_back(&forms[r]);
+    if (rows[r].kind == BoundKind::joint || is_hard(forms[r].softness)) hard.push_back(&forms[r]);
   if (hard.empty()) return false;
   std::vector<RowForm> couplings;
   for (int r = 0; r < t.rows.count; ++r)
-    if (const int c = t.rows.coupling[r]; program.model.couplings[c].softness.is_hard() || declared(program, Parameter::softness))
+    if (const int c = t.rows.coupling[r];
+        is_hard(program.model.couplings[c].softness) || declared(program, Parameter::softness))
       couplings.push_back(coupling_form(program, t.reduction, c));
   for (const RowForm& coupling : couplings) hard.push_back(&coupling);
   Eigen::MatrixXd directions = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(hard.size()), t.solver.n);
   for (std::size_t r = 0; r < hard.size(); ++r) {
     for (const auto& [index, shares] : hard[r]->terms)
-      for (const Contribution& share : shares)
-        directions(static_cast<Eigen::Index>(r), index) += value_of(t, share);
+      for (const Contribution& share : shares) directions(static_cast<Eigen::Index>(r), index) += value_of(t, share);
     directions.row(static_cast<Eigen::Index>(r)).normalize();
   }
   Eigen::ColPivHouseholderQR<Eigen::MatrixXd> factored(directions.transpose());
@@ -181,11 +176,11 @@ BoundForms lay_out_bounds(Program& program) {
     add({kind, -1, {member}}, std::move(form));
   };
   each_joint([&](const Joint& joint, int i) {
-    if (has_range_of(program, joint) && !joint.limit_softness.is_hard() && !is_slack(joint.limit_softness))
+    if (has_range_of(program, joint) && !is_hard(joint.limit_softness) && !is_absent(joint.limit_softness))
       add_soft(BoundKind::soft_limit, joint.limit_softness, i);
   });
   each_joint([&](const Joint& joint, int i) {
-    if (joint.drive.kinematic && !joint.drive.softness.is_hard() && !is_slack(joint.drive.softness))
+    if (joint.drive.kinematic && !is_hard(joint.drive.softness) && !is_absent(joint.drive.softness))
       add_soft(BoundKind::soft_drive, joint.drive.softness, i);
   });
   for (int c = 0; c < t.couplings; ++c) {
@@ -195,19 +190,20 @@ BoundForms lay_out_bounds(Program& program) {
     add({BoundKind::coupling, c, {}}, std::move(form));
   }
 
-  b.form = lay_out_forms(program, result.forms, t.solver, false);
+  b.rows = lay_out_forms(program, result.forms, t.solver, false);
   b.may_depend = depend(program, rows, result.forms);
   std::vector<Watched<double>> watched;
   each_joint([&](const Joint& joint, int i) {
     const bool fast = b.has[i] & has_speed_limit, ranged = has_range_of(program, joint);
     b.always |= (b.has[i] & (has_friction | has_kinematic_drive)) != 0;
     if (fast || ranged)
-      watched.push_back({i, ranged ? b.lower[i] : -unlimited, ranged ? b.upper[i] : unlimited,
-                         fast ? program.settings.dt * b.speed_limit[i] : 0.0,
-                         (b.has[i] & has_restitution) != 0});
+      watched.push_back({{i, (b.has[i] & has_restitution) != 0},
+                         ranged ? b.lower[i] : -unlimited,
+                         ranged ? b.upper[i] : unlimited,
+                         fast ? program.settings.dt * b.speed_limit[i] : 0.0});
   });
   for (const Row& row : rows) b.always |= row.kind == BoundKind::soft_drive || row.kind == BoundKind::coupling;
-  b.watched = program.store.keep(std::move(watched));
+  b.watched = program.storage.keep(std::move(watched));
   std::vector<BoundKind> kind;
   std::vector<int> member_start{0};
   std::vector<Member> members;
@@ -218,11 +214,11 @@ BoundForms lay_out_bounds(Program& program) {
     for (const Member& member : row.members) drives |= (b.has[member.joint] & has_kinematic_drive) != 0;
     driven.push_back(drives && row.kind == BoundKind::joint);
   }
-  b.driven = program.store.keep(std::move(driven));
+  b.kinematic = program.storage.keep(std::move(driven));
   std::vector<double> soft_rate;
   for (std::size_t r = 0; r < rows.size(); ++r)
     soft_rate.push_back(row_softness(program, result.forms[r].softness, program.settings.dt, 1).rate);
-  b.soft_rate = program.store.keep(std::move(soft_rate));
+  b.soft_rate = program.storage.keep(std::move(soft_rate));
   for (const Row& row : rows) {
     kind.push_back(row.kind);
     for (const Member& member : row.members) {
@@ -231,10 +227,10 @@ BoundForms lay_out_bounds(Program& program) {
     }
     member_start.push_back(static_cast<int>(members.size()));
   }
-  b.kind = program.store.keep(std::move(kind));
-  b.member_start = program.store.keep(std::move(member_start));
-  b.member = program.store.keep(std::move(members));
-  b.member_share = program.store.keep(std::move(shares));
+  b.kind = program.storage.keep(std::move(kind));
+  b.member_start = program.storage.keep(std::move(member_start));
+  b.member = program.storage.keep(std::move(members));
+  b.member_share = program.storage.keep(std::move(shares));
   return result;
 }
 
@@ -251,9 +247,9 @@ void lay_out_report(Program& program) {
     return -1;
   };
   const auto bounded = [&](BoundKind kind, int index) {
-    for (int r = 0; r < b.form.count; ++r) {
+    for (int r = 0; r < b.rows.count; ++r) {
       if (b.kind[r] != kind) continue;
-      if (kind == BoundKind::coupling && b.form.coupling[r] == index) return r;
+      if (kind == BoundKind::coupling && b.rows.coupling[r] == index) return r;
       for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m)
         if (b.member[m].joint == index) return r;
     }
@@ -263,34 +259,35 @@ void lay_out_report(Program& program) {
   std::vector<double> hard(t.couplings, 0.0);
   for (int c = 0; c < t.couplings; ++c) {
     const Coupling& coupling = program.model.couplings[c];
-    if (coupling.softness.is_hard()) hard[c] = coupling.softness.first / program.settings.dt;
-    add({Reported::coupling, c, place(t.rows.coupling, c), bounded(BoundKind::coupling, c), coupling.softness.is_hard() ? 1 : -1},
+    if (is_hard(coupling.softness)) hard[c] = erp_of(coupling.softness) / program.settings.dt;
+    add({Reported::coupling, c, place(t.rows.coupling, c), bounded(BoundKind::coupling, c),
+         is_hard(coupling.softness) ? 1 : -1},
         "coupling " + couplings[c]);
   }
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const int i = program.solver_joint[j];
     if (i < 0) continue;
     const Joint& joint = program.model.joints[j];
-    const auto joint_row = [&](Reported::Kind kind, const char* what, BoundKind bound) {
-      add({kind, i, -1, bounded(bound, i), -1}, fmt::format("{} {}", what, joint.name));
+    const auto joint_row = [&](Reported::Kind reported, const char* what, BoundKind bound) {
+      add({reported, i, -1, bounded(bound, i), -1}, fmt::format("{} {}", what, joint.name));
     };
     const int has = b.has[i];
-    const auto kind_of = [](bool hard) { return hard ? BoundKind::joint : BoundKind::soft_limit; };
+    const auto kind = [](bool hard) { return hard ? BoundKind::joint : BoundKind::soft_limit; };
     if (has_range_of(program, joint))
-      joint_row(Reported::position_limit, "position limit", kind_of(joint.limit_softness.is_hard()));
+      joint_row(Reported::position_limit, "position limit", kind(is_hard(joint.limit_softness)));
     if (has & has_speed_limit) joint_row(Reported::velocity_limit, "velocity limit", BoundKind::joint);
     if (has & has_friction) joint_row(Reported::friction, "friction", BoundKind::joint);
     if (joint.drive.kinematic)
       joint_row(Reported::kinematic_drive, "kinematic drive",
-                joint.drive.softness.is_hard() ? BoundKind::joint : BoundKind::soft_drive);
+                is_hard(joint.drive.softness) ? BoundKind::joint : BoundKind::soft_drive);
     if (t.effort_limit[i] < unlimited)
-      add({Reported::effort_limit, i, -1, -1, place(t.limited, i)}, "effort limit " + joint.name);
+      add({Reported::effort_limit, i, -1, -1, place(t.limited_servos, i)}, "effort limit " + joint.name);
   }
-  if (program.settings.record_diagnostics) t.reported = program.store.keep(program.reported);
-  t.hard_rate = program.store.keep(std::move(hard));
+  if (program.settings.record_diagnostics) t.reported = program.storage.keep(program.reported);
+  t.hard_rate = program.storage.keep(std::move(hard));
   std::vector<int> follows(t.couplings, 0);
   for (int c : program.redundant) follows[c] = 1;
-  t.follows = program.store.keep(std::move(follows));
+  t.follows = program.storage.keep(std::move(follows));
 }
 
 }  // namespace lockstep

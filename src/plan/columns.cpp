@@ -31,7 +31,7 @@ Elimination elimination_tree(Pattern pattern) {
   return result;
 }
 
-Columns make_columns(const std::vector<int>& parent, Store& store) {
+Columns make_columns(const std::vector<int>& parent, TableStorage& storage) {
   const int n = static_cast<int>(parent.size());
   std::vector<int> size(n, 1), offset(n);
   for (int k = n - 1; k >= 0; --k)
@@ -46,8 +46,13 @@ Columns make_columns(const std::vector<int>& parent, Store& store) {
     for (int j = parent[i]; j >= 0; j = parent[j]) row.push_back(offset[j] + i - j);
     row_start.push_back(static_cast<int>(row.size()));
   }
-  return {n, entries, store.keep(parent), store.keep(std::move(size)), store.keep(std::move(offset)),
-          store.keep(std::move(row_start)), store.keep(std::move(row))};
+  return {n,
+          entries,
+          storage.keep(parent),
+          storage.keep(std::move(size)),
+          storage.keep(std::move(offset)),
+          storage.keep(std::move(row_start)),
+          storage.keep(std::move(row))};
 }
 
 int entry_of(const Columns& columns, int i, int j) {

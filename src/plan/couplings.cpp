@@ -1,7 +1,7 @@
 // Couplings as linear forms over the joints, and which of them say something new. SPDX-License-Identifier: Apache-2.0
-#include <cmath>
-#include <Eigen/Core>
 #include <fmt/format.h>
+#include <Eigen/Core>
+#include <cmath>
 
 #include "layout.h"
 #include "lockstep/error.h"
@@ -20,7 +20,7 @@ bool declared(const Program& program, Parameter parameter) {
 
 bool always_hard(const Program& program, int coupling) {
   const Coupling& c = program.model.couplings[coupling];
-  return c.softness.is_hard() && !(c.force_limit < infinity) && !declared(program, Parameter::softness) &&
+  return is_hard(c.softness) && !(c.force_limit < infinity) && !declared(program, Parameter::softness) &&
          !declared(program, Parameter::coupling_switch);
 }
 
@@ -40,7 +40,7 @@ void lay_out_couplings(Program& program) {
   const Model& model = program.model;
   Tables<double>& t = program.f64;
   std::vector<int> start{0}, joint, gear;
-  std::vector<double> value, offset, first, second;
+  std::vector<double> value, offset;
   int gear_row = 0;
   for (std::size_t c = 0; c < model.couplings.size(); ++c) {
     const Coupling& coupling = model.couplings[c];
@@ -55,20 +55,14 @@ void lay_out_couplings(Program& program) {
     start.push_back(static_cast<int>(joint.size()));
     offset.push_back(coupling.offset);
     const Softness& softness = coupling.softness;
-    first.push_back(softness.first);
-    second.push_back(softness.second);
-    const bool slack = (softness.kind == Softness::Kind::spring && softness.first == 0.0 && softness.second == 0.0) ||
-                       (softness.kind == Softness::Kind::frequency && softness.first == 0.0);
-    if (slack && !declared(program, Parameter::softness)) program.absent.push_back(static_cast<int>(c));
+    if (is_absent(softness) && !declared(program, Parameter::softness)) program.absent.push_back(static_cast<int>(c));
   }
   t.couplings = static_cast<int>(model.couplings.size());
-  t.term_start = program.store.keep(std::move(start));
-  t.term_joint = program.store.keep(std::move(joint));
-  t.term_gear = program.store.keep(std::move(gear));
-  t.term_value = program.store.keep(std::move(value));
-  t.offset = program.store.keep(std::move(offset));
-  t.softness_first = program.store.keep(std::move(first));
-  t.softness_second = program.store.keep(std::move(second));
+  t.term_start = program.storage.keep(std::move(start));
+  t.term_joint = program.storage.keep(std::move(joint));
+  t.term_gear = program.storage.keep(std::move(gear));
+  t.term_value = program.storage.keep(std::move(value));
+  t.offset = program.storage.keep(std::move(offset));
 }
 
 // Gaussian elimination of the hard rows in the model's order, remembering what each came from.
@@ -110,10 +104,11 @@ void find_redundant_couplings(Program& program) {
     if (std::abs(r.offset) <= rank_tolerance * std::max(offset_scale, scale)) continue;
     std::string others;
     for (int i : program.follows_from.back()) others += (others.empty() ? "'" : "', '") + names[i];
-    throw ModelError("coupling '" + names[c] + "'",
-                     fmt::format("contradicts couplings {}': together they leave an error of {:.6g} whatever the joints do",
-                                 others, std::abs(r.offset)),
-                     "correct an offset, remove one of them, or make one soft");
+    throw ModelError(
+        "coupling '" + names[c] + "'",
+        fmt::format("contradicts couplings {}': together they leave an error of {:.6g} whatever the joints do", others,
+                    std::abs(r.offset)),
+        "correct an offset, remove one of them, or make one soft");
   }
 }
 

@@ -1,9 +1,9 @@
 // The followers of always-hard couplings, eliminated: v = S z + w, (M39). SPDX-License-Identifier: Apache-2.0
 //
 // J is constant, so S is, and with per-environment gear ratios its pattern is.
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
-#include <Eigen/Core>
 
 #include "layout.h"
 
@@ -58,18 +58,19 @@ Eigen::MatrixXi record_elimination(Program& program, const HardRows& rows) {
   Reduction<double>& reduction = t.reduction;
   const int count = static_cast<int>(rows.coupling.size());
   Eigen::MatrixXi entry = Eigen::MatrixXi::Constant(count, rows.form.cols(), -1);
-  std::vector<Reduction<double>::Fill> fills;
+  std::vector<Fill<double>> fills;
   std::vector<Reduction<double>::Elimination> eliminations;
   std::vector<Reduction<double>::Update> updates;
   std::vector<int> pivots;
   int entries = 0;
   const auto fill = [&](int r, int column, int gear, double value) {
     entry(r, column) = entries;
-    fills.push_back({entries++, gear, value});
+    fills.push_back({{entries++, gear}, value});
   };
   for (int r = 0; r < count; ++r) {
     const int c = rows.coupling[r];
-    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) fill(r, t.term_joint[k], t.term_gear[k], t.term_value[k]);
+    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
+      fill(r, t.term_joint[k], t.term_gear[k], t.term_value[k]);
     fill(r, t.joints + r, -1, 1.0);
   }
   for (int p = 0; p < count; ++p) {
@@ -88,10 +89,10 @@ Eigen::MatrixXi record_elimination(Program& program, const HardRows& rows) {
   }
   for (int f = 0; f < count; ++f) pivots.push_back(entry(f, rows.pivot[f]));
   reduction.entries = entries;
-  reduction.fills = program.store.keep(std::move(fills));
-  reduction.eliminations = program.store.keep(std::move(eliminations));
-  reduction.updates = program.store.keep(std::move(updates));
-  reduction.pivot = program.store.keep(std::move(pivots));
+  reduction.fills = program.storage.keep(std::move(fills));
+  reduction.eliminations = program.storage.keep(std::move(eliminations));
+  reduction.updates = program.storage.keep(std::move(updates));
+  reduction.pivot = program.storage.keep(std::move(pivots));
   return entry;
 }
 
@@ -135,23 +136,24 @@ void find_what_shortens(Program& program, const HardRows& rows) {
   Tables<double>& t = program.f64;
   Reduction<double>& r = t.reduction;
   if (program.integrator != Integrator::euler) return;
-  r.placing = program.store.keep(placing_order(t, rows));
-  r.shortens = r.placing.count > 0 && !program.settings.record_diagnostics;
-  r.pairs = program.store.keep(find_pairs(t));
-  if (!r.shortens || declared(program, Parameter::gear_ratio) || declared(program, Parameter::offset)) return;
+  r.placing = program.storage.keep(placing_order(t, rows));
+  r.consistent_is_shorter = r.placing.count > 0 && !program.settings.record_diagnostics;
+  r.pairs = program.storage.keep(find_pairs(t));
+  if (!r.consistent_is_shorter || declared(program, Parameter::gear_ratio) || declared(program, Parameter::offset))
+    return;
   const int first = t.floating ? 1 : 0;
   std::vector<Mirror> mirrors;
   for (int b = first; b < t.bodies; ++b) {
     const int f = r.follower_of[b - first];
     if (f < 0 || r.start[f + 1] != r.start[f] + 1) continue;
-    const int driver = first + r.driver[r.start[f]];
+    const int driver = first + r.leader[r.start[f]];
     const double share = r.value[r.start[f]];
     bool shifted = false;
     for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s) shifted |= t.offset[r.inverse_coupling[s]] != 0.0;
     if (t.body[b].prismatic || t.body[driver].prismatic || std::abs(share) != 1.0 || shifted) continue;
     mirrors.push_back({b, driver, share * t.body[b].sign * t.body[driver].sign < 0.0});
   }
-  r.mirrors = program.store.keep(std::move(mirrors));
+  r.mirrors = program.storage.keep(std::move(mirrors));
 }
 
 }  // namespace
@@ -159,7 +161,7 @@ void find_what_shortens(Program& program, const HardRows& rows) {
 void eliminate_followers(Program& program) {
   Tables<double>& t = program.f64;
   Reduction<double>& reduction = t.reduction;
-  Store& store = program.store;
+  TableStorage& storage = program.storage;
   const bool gears_differ = declared(program, Parameter::gear_ratio);
   const HardRows rows = gauss_jordan(program);
   const int count = static_cast<int>(rows.coupling.size());
@@ -193,21 +195,22 @@ void eliminate_followers(Program& program) {
   }
   lay_out_basis(program, followers, false);
 
-  const int root = t.velocities - t.joints;
+  const int root = t.root_velocities();
   std::vector<std::vector<Momentum>> by_velocity(t.velocities);
   for (int f = 0; f < count; ++f)
     for (int i = 0; i < t.velocities; ++i)
-      if (const int shared = entry_of(t.matrix, i, root + rows.pivot[f]); shared >= 0) by_velocity[i].push_back({shared, f});
-  std::tie(reduction.momentum_start, reduction.momentum) = flattened(by_velocity, store);
+      if (const int shared = entry_of(t.matrix, i, root + rows.pivot[f]); shared >= 0)
+        by_velocity[i].push_back({shared, f});
+  std::tie(reduction.momentum_start, reduction.momentum) = flattened(by_velocity, storage);
   std::vector<double> rate(t.couplings, 0.0);
-  for (int c : rows.coupling) rate[c] = t.softness_first[c] / program.length;
-  for (int joint : rows.pivot) program.eliminated.push_back(t.joint_row[joint]);
-  reduction.inverse_start = store.keep(std::move(inverse_start));
-  reduction.inverse_coupling = store.keep(std::move(inverse_coupling));
-  reduction.inverse_value = store.keep(std::move(inverse_value));
-  reduction.rate = store.keep(std::move(rate));
-  reduction.value_entry = store.keep(std::move(value_entry));
-  reduction.inverse_entry = store.keep(std::move(inverse_entry));
+  for (int c : rows.coupling) rate[c] = erp_of(program.model.couplings[c].softness) / program.length;
+  for (int joint : rows.pivot) program.eliminated.push_back(t.dof[joint]);
+  reduction.inverse_start = storage.keep(std::move(inverse_start));
+  reduction.inverse_coupling = storage.keep(std::move(inverse_coupling));
+  reduction.inverse_value = storage.keep(std::move(inverse_value));
+  reduction.rate = storage.keep(std::move(rate));
+  reduction.value_entry = storage.keep(std::move(value_entry));
+  reduction.inverse_entry = storage.keep(std::move(inverse_entry));
   find_what_shortens(program, rows);
 }
 

@@ -6,8 +6,8 @@
 namespace lockstep {
 namespace {
 
-constexpr double explicit_bound = 2.5;            // (M75)
-constexpr double most_extrapolated_erp = 1.75;    // (M71)
+constexpr double explicit_bound = 2.5;          // (M75)
+constexpr double most_extrapolated_erp = 1.75;  // (M71)
 
 // Times of one leapfrog that begins at `begin` and goes `length`, in shares of the step.
 void add_times(double begin, double length, std::vector<double>& times) {
@@ -21,36 +21,43 @@ std::optional<Obstacle> obstacle_of(const Program& program) {
   const Tables<double>& t = program.f64;
   const StepSettings& s = program.settings;
   if (program.method != Method::reduced && program.method != Method::direct)
-    return Obstacle{fmt::format("{} sweeps, which leaves an error of its own in every stage", name(program.method)),
-                    "use the method reduced or direct"};
-  if (t.bounds.form.count > 0 || t.limited.count > 0 || t.clamped.count > 0)
+    return Obstacle{
+        fmt::format("{} sweeps, which leaves an error of its own in every stage", to_string(program.method)),
+        "use the method reduced or direct"};
+  if (t.bounds.rows.count > 0 || t.limited_servos.count > 0 || t.limited_efforts.count > 0)
     return Obstacle{"the scene has bounds, which act within a step",
                     "use euler, or leave the bounds out by StepSettings::ignore"};
   if (s.record_impulses || s.record_diagnostics)
-    return Obstacle{"a step of several stages has no single impulse or balance to record", "use euler, or record nothing"};
+    return Obstacle{"a step of several stages has no single impulse or balance to record",
+                    "use euler, or record nothing"};
   bool hard = false, stated_by_step = false;
   for (const Coupling& coupling : program.model.couplings) {
     const Softness& softness = coupling.softness;
-    hard |= softness.is_hard();
-    stated_by_step |= softness.kind == Softness::Kind::hard || softness.kind == Softness::Kind::mixing;
-    if (program.integrator == Integrator::extrapolated && softness.is_hard() && softness.first > most_extrapolated_erp)
+    hard |= is_hard(softness);
+    stated_by_step |= kind_of(softness) == SoftnessKind::hard || kind_of(softness) == SoftnessKind::erp_cfm;
+    if (program.integrator == Integrator::extrapolated && is_hard(softness) && erp_of(softness) > most_extrapolated_erp)
       return Obstacle{fmt::format("coupling '{}' has an erp of {}, and above {} the extrapolation makes its error grow",
-                                  coupling.joint, softness.first, most_extrapolated_erp), "lower the erp"};
+                                  coupling.joint, erp_of(softness), most_extrapolated_erp),
+                      "lower the erp"};
   }
   if (hard && s.velocity_iterations == 0 && program.integrator != Integrator::runge_kutta)
     return Obstacle{"velocity_iterations is 0, and corrections would stay in the velocities", "give 1"};
   if (declared(program, Parameter::softness) && stated_by_step)
-    return Obstacle{"softness differs per environment and is stated by erp and cfm, which mean another spring at each "
-                    "length of a stage", "state it as a spring or by frequency"};
+    return Obstacle{
+        "softness differs per environment and is stated by erp and cfm, which mean another spring at each "
+        "length of a stage",
+        "state it as a spring or by frequency"};
   if (program.integrator != Integrator::runge_kutta) return std::nullopt;
   if (t.rows.count > 0)
     return Obstacle{"some couplings are soft, switched or not eliminated, which takes an implicit step",
                     "use leapfrog or extrapolated, or the method reduced with hard couplings"};
   const double rate = program.explicit_rate, reach = rate * s.dt;
   if (!(reach <= explicit_bound))
-    return Obstacle{fmt::format("drives and damping make motions of {:.3g} 1/s at the model's start, and with dt = {:.4g} s "
-                                "that is {:.3g}, above {}", rate, s.dt, reach, explicit_bound),
-                    fmt::format("use leapfrog or extrapolated, or a dt of at most {:.3g} s", explicit_bound / rate)};
+    return Obstacle{
+        fmt::format("drives and damping make motions of {:.3g} 1/s at the model's start, and with dt = {:.4g} s "
+                    "that is {:.3g}, above {}",
+                    rate, s.dt, reach, explicit_bound),
+        fmt::format("use leapfrog or extrapolated, or a dt of at most {:.3g} s", explicit_bound / rate)};
   return std::nullopt;
 }
 
@@ -70,7 +77,7 @@ void lay_out_times(Program& program, Integrator integrator) {
   if (integrator == Integrator::extrapolated)
     for (double begin : {0.0, 0.5}) add_times(begin, 0.5, program.stage_times);
   Tables<double>& t = program.f64;
-  t.integrator = static_cast<int>(integrator);
+  t.integrator = integrator;
   t.step = dt;
   t.dt = program.length;
   t.ahead = integrator == Integrator::runge_kutta ? 0.0 : program.length;

@@ -1,6 +1,7 @@
 // The stages of compile(), one file each. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -8,7 +9,8 @@
 #include <utility>
 #include <vector>
 
-#include "../model/tree.h"
+#include "model/softness_numbers.h"
+#include "model/tree.h"
 #include "program.h"
 
 namespace lockstep {
@@ -22,27 +24,19 @@ struct Obstacle {
 };
 std::optional<Obstacle> obstacle_of(const Program& program);
 
-/// Of the scene's linear motion about its start, the largest |lambda| of (M75), 1/s (report/stiffness.cpp: it takes
-/// the kernels' mass matrix). For programs whose terms are explicit.
-double largest_rate(const Program& program);
-
-/// By coupling, what of its first joint's entry of A is left when all that the coupling lets move is eliminated from it
-/// (report/stiffness.cpp): 1 / (K_cc A_ff) at the scene's start.
-std::vector<double> first_joints_shares(const Program& program);
-
 /// Bodies, frames, joints and the structure of the mass matrix (bodies.cpp).
 void lay_out_bodies(Program& program, const Tree& tree);
 
 /// Lists one behind the other, and where each begins.
 template <class E>
-std::tuple<Span<int>, Span<E>> flattened(const std::vector<std::vector<E>>& lists, Store& store) {
+std::tuple<Span<int>, Span<E>> flattened(const std::vector<std::vector<E>>& lists, TableStorage& storage) {
   std::vector<int> start{0};
   std::vector<E> all;
   for (const std::vector<E>& list : lists) {
     all.insert(all.end(), list.begin(), list.end());
     start.push_back(static_cast<int>(all.size()));
   }
-  return {store.keep(std::move(start)), store.keep(std::move(all))};
+  return {storage.keep(std::move(start)), storage.keep(std::move(all))};
 }
 
 /// Damping, drives, armature and what of them stands in the matrix (bodies.cpp).
@@ -55,7 +49,7 @@ void lay_out_couplings(Program& program);
 /// sides, where they contradict each other (couplings.cpp).
 void find_redundant_couplings(Program& program);
 
-/// Which method a step uses, and why; throws SettingsError where the one asked for does not apply (compile.cpp).
+/// Which method a step uses, and why; throws SettingsError where the one asked for does not apply (method.cpp).
 void choose_method(Program& program);
 
 /// A joint whose velocity is a sum of other joints', or that and the speed of its coupling.
@@ -64,7 +58,7 @@ struct Follower {
   std::vector<std::pair<int, double>> shares;  ///< of other joints' velocities
 };
 /// S and its products: v = S z where followers are eliminated, or where speeds of couplings stand for them (basis.cpp).
-void lay_out_basis(Program& program, const std::vector<Follower>& followers, bool keeps_speeds);
+void lay_out_basis(Program& program, const std::vector<Follower>& followers, bool has_constraint_velocities);
 
 /// The followers of `reduced`, and its elimination per environment (elimination.cpp).
 void eliminate_followers(Program& program);
@@ -82,19 +76,23 @@ constexpr int articulating = 80;     ///< what the parent feels of a body
 constexpr int travelling = 18;       ///< a vector's way past one body
 }  // namespace work
 
-/// A_r from merged columns, and what work that is (merged_columns.cpp).
-std::pair<MergedColumns, long> merged_columns(const Tables<double>& t, Store& store);
-/// Has A_r made so where that is less work than by A, and possible (merged_columns.cpp).
-void merge_columns(Program& program);
+/// A_r from merged columns, and what work that is (composite_columns.cpp).
+std::pair<CompositeColumns, long> composite_columns(const Tables<double>& t, TableStorage& storage);
+/// Has A_r made so where that is less work than by A, and possible (composite_columns.cpp).
+void take_composite_columns(Program& program);
 
 /// The routes of articulated bodies (articulated.cpp).
-Articulated articulated_bodies(const Tables<double>& t, Store& store);
+Articulated articulated_bodies(const Tables<double>& t, TableStorage& storage);
 /// Has A factored by them where that is less work, and possible (articulated.cpp).
 void articulate(Program& program);
 
 /// Has speeds of couplings for velocities of the solver, where A is made and couplings have joints of their own
-/// (speeds.cpp).
-void take_speeds(Program& program);
+/// (constraint_velocities.cpp).
+///
+/// `first_joints_shares` gives by coupling what is left of its follower's entry of A when all that the coupling lets
+/// move is eliminated from it: 1 / (K_cc A_ff) at the scene's start.
+void take_constraint_velocities(Program& program,
+                                const std::function<std::vector<double>(const Program&)>& first_joints_shares);
 
 /// A row as a linear form over the solver's velocities.
 struct RowForm {
@@ -138,13 +136,13 @@ using Pattern = std::vector<std::vector<char>>;
 
 /// Elimination from the last to the first with its fill-in, renumbered depth first (columns.cpp).
 struct Elimination {
-  std::vector<int> order;           ///< by new number: the old one
-  std::vector<int> parent;          ///< by new number
+  std::vector<int> order;   ///< by new number: the old one
+  std::vector<int> parent;  ///< by new number
 };
 Elimination elimination_tree(Pattern pattern);
 
 /// Sizes and offsets from the parents of a depth-first numbering (columns.cpp).
-Columns make_columns(const std::vector<int>& parent, Store& store);
+Columns make_columns(const std::vector<int>& parent, TableStorage& storage);
 
 /// Where H_ij stands, or -1 where neither is the other's ancestor (columns.cpp).
 int entry_of(const Columns& columns, int i, int j);

@@ -6,6 +6,8 @@
 
 namespace lockstep {
 
+const Program& program_of(const Plan& plan) { return *plan.program_; }
+
 const Model& Plan::model() const { return program_->model; }
 const StepSettings& Plan::settings() const { return program_->settings; }
 Method Plan::method() const { return program_->method; }
@@ -31,13 +33,16 @@ int find(const Elements& elements, const std::string& wanted, Name name, const c
 }  // namespace
 
 int Plan::dof(const std::string& joint) const {
-  return find(program_->dof_names, joint, [](const std::string& n) { return n; }, "dof", "see Plan::dof_names()");
+  return find(
+      program_->dof_names, joint, [](const std::string& n) { return n; }, "dof", "see Plan::dof_names()");
 }
 int Plan::link(const std::string& wanted) const {
-  return find(program_->model.links, wanted, [](const Link& l) { return l.name; }, "link", "see Model::links");
+  return find(
+      program_->model.links, wanted, [](const Link& l) { return l.name; }, "link", "see Model::links");
 }
 int Plan::site(const std::string& wanted) const {
-  return find(program_->model.sites, wanted, [](const Site& s) { return s.name; }, "site", "see Model::sites");
+  return find(
+      program_->model.sites, wanted, [](const Site& s) { return s.name; }, "site", "see Model::sites");
 }
 
 int Plan::parameter_rows(Parameter parameter) const {

@@ -7,15 +7,13 @@
 #include <string>
 #include <vector>
 
-#include "lockstep/model.h"
-#include "lockstep/step.h"
-#include "operations.h"
+#include "lockstep/plan.h"
 #include "tables.h"
 
 namespace lockstep {
 
 /// Owns the arrays that the Spans of Tables point into.
-class Store {
+class TableStorage {
  public:
   template <class E>
   Span<E> keep(std::vector<E> values) {
@@ -28,18 +26,25 @@ class Store {
   std::vector<std::shared_ptr<const void>> arrays_;
 };
 
-/// What generate/ finds out of a program, the first time that somebody asks.
-struct KernelHash {
-  std::once_flag once;
-  std::uint64_t value = 0;
+/// Something that others make of a program the first time that somebody asks; copies share it. Thread-safe.
+template <class T>
+class Lazy {
+ public:
+  template <class Make>
+  const T& get(Make make) const {
+    std::call_once(made_->once, [&] { made_->value = make(); });
+    return *made_->value;
+  }
+
+ private:
+  struct Made {
+    std::once_flag once;
+    std::shared_ptr<const T> value;
+  };
+  std::shared_ptr<Made> made_ = std::make_shared<Made>();
 };
 
-/// The same: the step as a list of operations. Empty where there is none.
-struct ListedStep {
-  std::once_flag once;
-  OperationList list, in_place;
-  Store store;
-};
+struct InterpretedStep;  // src/interpret/lower.h
 
 struct Program {
   Model model;
@@ -48,34 +53,40 @@ struct Program {
   Integrator integrator = Integrator::automatic;
   bool second_phase_anyway = false;  ///< solved as often without bounds as with them
   std::string integrator_reason;
-  double length = 0.0;             ///< Tables::dt
+  double length = 0.0;  ///< Tables::dt
   std::vector<double> stage_times;
-  double explicit_rate = 0.0;      ///< the largest |lambda| of (M75), for the integrator that asks
+  double explicit_rate = 0.0;  ///< the largest |lambda| of (M75), for the integrator that asks
   std::string method_reason;
   std::vector<std::string> dof_names;
-  std::vector<int> dof_of_joint;   ///< by joint of the model: its row in the views, -1 if fixed
-  std::vector<int> solver_joint;   ///< by joint of the model: its place in the solver's order, -1 if fixed
-  std::vector<int> redundant;      ///< couplings that follow from others
+  std::vector<int> dof_of_joint;               ///< by joint of the model: its row in the views, -1 if fixed
+  std::vector<int> solver_joint;               ///< by joint of the model: its place in the solver's order, -1 if fixed
+  std::vector<int> redundant;                  ///< couplings that follow from others
   std::vector<std::vector<int>> follows_from;  ///< by redundant coupling: from which others
-  std::vector<int> absent;         ///< couplings of no stiffness and no damping
-  std::vector<int> eliminated;     ///< dofs
+  std::vector<int> absent;                     ///< couplings of no stiffness and no damping
+  std::vector<int> eliminated;                 ///< dofs
   std::vector<std::string> row_names;
   std::vector<Reported> reported;  ///< by row name
   int merged_links = 0;
-  Store store;
+  TableStorage storage;
   Tables<double> f64;
   Tables<float> f32;
-  std::shared_ptr<KernelHash> kernel_hash = std::make_shared<KernelHash>();
-  std::shared_ptr<ListedStep> listed = std::make_shared<ListedStep>();
-  std::shared_ptr<const Program> half;  ///< what Tables::half points into
-  bool fits_single = true;         ///< no number of f64 is too large for f32
+  Lazy<std::uint64_t> kernel_hash;
+  Lazy<InterpretedStep> interpreted;
+  std::shared_ptr<const Program> half;  ///< that Tables::half points into
+  bool fits_single = true;              ///< no number of f64 is too large for f32
 };
+
+const Program& program_of(const Plan& plan);
 
 template <class S>
 const Tables<S>& tables(const Program& program);
 template <>
-inline const Tables<double>& tables(const Program& program) { return program.f64; }
+inline const Tables<double>& tables(const Program& program) {
+  return program.f64;
+}
 template <>
-inline const Tables<float>& tables(const Program& program) { return program.f32; }
+inline const Tables<float>& tables(const Program& program) {
+  return program.f32;
+}
 
 }  // namespace lockstep

@@ -9,9 +9,9 @@
 namespace lockstep {
 
 void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int joint, int term, RowForm& form) {
-  const int root = t.velocities - t.joints;
+  const int root = t.root_velocities();
   if (reduction.followers == 0) {
-    form.terms[root + joint].push_back({term, -1});
+    form.terms[t.velocity_of(joint)].push_back({term, -1});
     return;
   }
   for (int z = 0; z < reduction.independent.count; ++z)
@@ -25,9 +25,9 @@ void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int 
 RowForm coupling_form(const Program& program, const Reduction<double>& reduction, int coupling) {
   const Tables<double>& t = program.f64;
   RowForm form{coupling, program.model.couplings[coupling].softness, {}};
-  for (int f = 0; f < reduction.measured.count; ++f)
-    if (reduction.measured[f] == coupling) {
-      form.terms[reduction.speed[f]] = {{-1, -1}};
+  for (int f = 0; f < reduction.measured_coupling.count; ++f)
+    if (reduction.measured_coupling[f] == coupling) {
+      form.terms[reduction.constraint_velocity[f]] = {{-1, -1}};
       return form;
     }
   for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k)
@@ -60,24 +60,25 @@ bool share_any(const std::vector<int>& a, const std::vector<int>& b) { return !b
 }  // namespace
 
 RowSoftness<double> row_softness(const Program& program, const Softness& softness, double h, int substeps) {
-  const double first = softness.first, second = softness.second, dt = program.settings.dt;
-  RowSoftness<double> row{static_cast<int>(softness.kind), 0, 0, 0};
+  const double dt = program.settings.dt;
+  const auto [first, second] = numbers_of(softness);
+  RowSoftness<double> row{kind_of(softness), 0, 0, 0};
   const auto spring = [&](double kp, double kd) {
     row.rate = kp / (h * kp + kd);
     row.cfm = 1.0 / (h * (h * kp + kd));
   };
-  switch (softness.kind) {
-    case Softness::Kind::hard:
-    case Softness::Kind::mixing:
-      if (softness.is_hard())
+  switch (row.kind) {
+    case SoftnessKind::hard:
+    case SoftnessKind::erp_cfm:
+      if (is_hard(softness))
         row.rate = (substeps == 1 ? first : 1.0 - std::pow(1.0 - first, 1.0 / substeps)) / h;
       else
         spring(first / (dt * dt * second), (1.0 - first) / (dt * second));
       break;
-    case Softness::Kind::spring:
+    case SoftnessKind::spring:
       if (first > 0.0 || second > 0.0) spring(first, second);
       break;
-    case Softness::Kind::frequency:
+    case SoftnessKind::frequency:
       if (first > 0.0) {
         row.rate = first / (h * first + 2.0 * second);
         row.cfm_per_response = 1.0 / (h * first * (h * first + 2.0 * second));
@@ -110,8 +111,8 @@ void add_support(const std::vector<int>& velocities, const Columns& columns, std
 
 // How many rows from the r-th on are worth finding side by side, and what they move: side by side a velocity takes a
 // third of the time, but rows are carried along where they move nothing.
-std::pair<int, std::vector<int>> widest_group(const std::vector<std::vector<int>>& supports, const std::vector<int>& order,
-                                              int r) {
+std::pair<int, std::vector<int>> widest_group(const std::vector<std::vector<int>>& supports,
+                                              const std::vector<int>& order, int r) {
   std::vector<int> moved = supports[order[r]];
   std::size_t alone = moved.size();
   int count = 1;
@@ -143,7 +144,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
       for (int s = 0; s <= r; ++s) pattern[r][s] = share_any(supports[r], supports[s]);
     const Elimination tree = elimination_tree(pattern);
     order = tree.order;
-    rows.columns = make_columns(tree.parent, program.store);
+    rows.columns = make_columns(tree.parent, program.storage);
   }
 
   std::vector<int> coupling, term_start{0}, term_index, contribution_start{0}, support_start{0}, run_start{0};
@@ -230,28 +231,28 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
     neighbour_start.push_back(static_cast<int>(neighbour_runs.size()));
   }
 
-  Store& store = program.store;
+  TableStorage& storage = program.storage;
   rows.count = count;
   rows.response_entries = factored ? rows.columns.entries : count * count;
-  rows.coupling = store.keep(std::move(coupling));
-  rows.term_start = store.keep(std::move(term_start));
-  rows.term_index = store.keep(std::move(term_index));
-  rows.term_value = store.keep(std::move(term_value));
-  rows.contribution_start = store.keep(std::move(contribution_start));
-  rows.contribution = store.keep(std::move(contributions));
-  rows.support_start = store.keep(std::move(support_start));
-  rows.support = store.keep(std::move(support));
-  rows.run_start = store.keep(std::move(run_start));
-  rows.runs = store.keep(std::move(runs));
+  rows.coupling = storage.keep(std::move(coupling));
+  rows.term_start = storage.keep(std::move(term_start));
+  rows.term_index = storage.keep(std::move(term_index));
+  rows.term_value = storage.keep(std::move(term_value));
+  rows.contribution_start = storage.keep(std::move(contribution_start));
+  rows.contribution = storage.keep(std::move(contributions));
+  rows.support_start = storage.keep(std::move(support_start));
+  rows.support = storage.keep(std::move(support));
+  rows.run_start = storage.keep(std::move(run_start));
+  rows.runs = storage.keep(std::move(runs));
   rows.dense = entries == (factored ? rows.columns.entries : count * (count + 1) / 2);
-  rows.groups = store.keep(std::move(groups));
-  rows.group_support = store.keep(std::move(group_support));
-  rows.group_runs = store.keep(std::move(group_runs));
-  rows.blocks = store.keep(std::move(blocks));
-  rows.block_runs = store.keep(std::move(block_runs));
-  rows.neighbour_start = store.keep(std::move(neighbour_start));
-  rows.neighbours = store.keep(std::move(neighbour_runs));
-  rows.softness = store.keep(std::move(softness));
+  rows.groups = storage.keep(std::move(groups));
+  rows.group_support = storage.keep(std::move(group_support));
+  rows.group_runs = storage.keep(std::move(group_runs));
+  rows.blocks = storage.keep(std::move(blocks));
+  rows.block_runs = storage.keep(std::move(block_runs));
+  rows.neighbour_start = storage.keep(std::move(neighbour_start));
+  rows.neighbours = storage.keep(std::move(neighbour_runs));
+  rows.softness = storage.keep(std::move(softness));
   return rows;
 }
 
@@ -267,18 +268,18 @@ bool takes_no_impulse(const Program& program, int coupling) {
 bool matrix_holds_more(const Program& program) {
   const Tables<double>& t = program.f64;
   if (declared(program, Parameter::drive_gains) || declared(program, Parameter::damping)) return true;
-  if (t.limited.count > 0) return true;
+  if (t.limited_servos.count > 0) return true;
   for (int j = 0; j < t.joints; ++j)
     if (t.implicit[j] != t.armature[j]) return true;
   return t.reduction.eliminates();
 }
 
 // Rows whose softness is a natural frequency go to `natural`; by row: their place there, -1 for the others.
-std::vector<int> find_natural(const Program& program, const std::vector<RowForm>& forms, std::vector<RowForm>& natural,
-                              const std::vector<int>& joint) {
+std::vector<int> find_undamped(const Program& program, const std::vector<RowForm>& forms, std::vector<RowForm>& natural,
+                               const std::vector<int>& joint) {
   std::vector<int> place;
   for (std::size_t r = 0; r < forms.size(); ++r) {
-    const bool by_frequency = forms[r].softness.kind == Softness::Kind::frequency && matrix_holds_more(program);
+    const bool by_frequency = std::holds_alternative<Frequency>(forms[r].softness) && matrix_holds_more(program);
     place.push_back(by_frequency ? static_cast<int>(natural.size()) : -1);
     if (!by_frequency) continue;
     RowForm whole{forms[r].coupling, forms[r].softness, {}};
@@ -302,24 +303,24 @@ void lay_out_rows(Program& program) {
     const Coupling& coupling = program.model.couplings[c];
     if (is_absent(program, c) || takes_no_impulse(program, c) || coupling.force_limit < infinity) continue;
     if (program.method == Method::reduced && always_hard(program, c)) continue;
-    any_hard |= coupling.softness.is_hard() || declared(program, Parameter::softness);
+    any_hard |= is_hard(coupling.softness) || declared(program, Parameter::softness);
     forms.push_back(coupling_form(program, t.reduction, c));
   }
   t.rows = lay_out_forms(program, forms, t.solver, factored);
 
   std::vector<RowForm> natural, ordered;  // rows are numbered by their elimination tree
   for (int r = 0; r < t.rows.count; ++r) ordered.push_back(coupling_form(program, t.reduction, t.rows.coupling[r]));
-  t.natural_row = program.store.keep(find_natural(program, ordered, natural, {}));
+  t.undamped_row = program.storage.keep(find_undamped(program, ordered, natural, {}));
   const BoundForms bounds = lay_out_bounds(program);
-  t.bounds.natural_row = program.store.keep(find_natural(program, bounds.forms, natural, bounds.joint));
-  t.natural = lay_out_forms(program, natural, t.matrix, false);
+  t.bounds.undamped_row = program.storage.keep(find_undamped(program, bounds.forms, natural, bounds.joint));
+  t.undamped = lay_out_forms(program, natural, t.matrix, false);
 
   const StepSettings& settings = program.settings;
   t.renewed = program.method == Method::tgs && settings.iterations > 1;
   t.free_share = t.renewed ? (settings.iterations + 1.0) / (2.0 * settings.iterations) : 1.0;
   const bool closed = settings.velocity_iterations > 0;
   const bool differs = factored ? any_hard || t.reduction.eliminates() : t.rows.count > 0;
-  t.solve_twice = t.renewed || (closed && (differs || t.bounds.form.count > 0));
+  t.solve_twice = t.renewed || (closed && (differs || t.bounds.rows.count > 0));
   program.second_phase_anyway = t.renewed || !closed || differs || t.rows.count == 0;  // without any it is the first
 }
 

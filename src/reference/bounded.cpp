@@ -1,11 +1,11 @@
 // The order of a step with bounds: servos, phases, methods. SPDX-License-Identifier: Apache-2.0
-#include "reference/bounded.h"
+#include "bounded.h"
 
 #include <stdexcept>
 
+#include "convex.h"
 #include "lockstep/error.h"
-#include "reference/convex.h"
-#include "reference/servos.h"
+#include "servos.h"
 
 namespace lockstep::reference {
 namespace {

@@ -1,8 +1,8 @@
 // Steps with bounds, section 12 of docs/mathematics.md. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "reference/bounds.h"
-#include "reference/step.h"
+#include "bounds.h"
+#include "step.h"
 
 namespace lockstep::reference {
 

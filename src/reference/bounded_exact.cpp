@@ -1,7 +1,7 @@
 // direct and reduced with bounds: each phase one convex minimum. SPDX-License-Identifier: Apache-2.0
-#include "reference/bounded.h"
-#include "reference/convex.h"
-#include "reference/followers.h"
+#include "bounded.h"
+#include "convex.h"
+#include "followers.h"
 
 namespace lockstep::reference {
 
@@ -28,8 +28,7 @@ Exact exact_phase(const Bounded& step, Phase phase, const std::vector<Curve>& ap
     w = follower_corrections(step.mechanism, stage, step.settings);
   const Moment start{phase, stage.state.q};
   for (const BoundedRow& row : bounded_rows(step.mechanism, stage, step.inputs, start)) {
-    if (row.lo > -infinity || row.hi < infinity)
-      add(-1, {row.direction, interval_pieces(row.lo, row.hi, row.cfm)});
+    if (row.lo > -infinity || row.hi < infinity) add(-1, {row.direction, interval_pieces(row.lo, row.hi, row.cfm)});
     const double bias = row.dof >= 0 && row.cfm == 0.0 ? -row.direction.dot(w) : row.bias;
     if (row.box > 0.0) add(row.coupling, {row.direction, box_pieces(bias, row.box, row.cfm)});
   }

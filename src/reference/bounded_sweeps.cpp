@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <functional>
 
-#include "reference/bounded.h"
+#include "bounded.h"
 
 namespace lockstep::reference {
 namespace {

@@ -1,5 +1,5 @@
 // Bounded rows of the reference, (M54) and (M56) to (M58). SPDX-License-Identifier: Apache-2.0
-#include "reference/bounds.h"
+#include "bounds.h"
 
 #include <algorithm>
 #include <cmath>
@@ -19,8 +19,8 @@ bool has_hard_row(const Joint& joint) {
 }
 
 bool is_bounded(const Joint& joint) {
-  return joint.moves() && (has_hard_row(joint) || has_range(joint) || joint.drive.kinematic ||
-                           joint.effort_limit < infinity);
+  return joint.moves() &&
+         (has_hard_row(joint) || has_range(joint) || joint.drive.kinematic || joint.effort_limit < infinity);
 }
 
 // (M56): the way to an end of the range, all of it inside and a share beyond, where the distance has the sign `beyond`.
@@ -88,11 +88,11 @@ class Maker {
     row.lo = std::clamp(row.lo, -joint.velocity_limit, joint.velocity_limit);
     row.hi = std::clamp(row.hi, -joint.velocity_limit, joint.velocity_limit);
     if (row.lo > row.hi) row.lo = row.hi = 0.5 * (row.lo + row.hi);  // as in (M59)
-    if (hard_drive(joint)) {  // (M58)
+    if (hard_drive(joint)) {                                         // (M58)
       // The whole step's, in sub-steps too.
       const double speed_target = inputs_.velocity_targets[dof];
       const double error = inputs_.position_targets[dof] - stage_.h * speed_target - stage_.state.q[dof];
-      const double k = speed_target + joint.drive.softness.first * error / stage_.h;
+      const double k = speed_target + erp_of(joint.drive.softness) * error / stage_.h;
       row.lo = row.hi = std::clamp(k, row.lo, row.hi);
     }
     row.box = (moment_.elapsed + h_) * joint.friction;  // one impulse for all sub-steps: what is due by now

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "lockstep/step.h"
-#include "reference/step.h"
+#include "step.h"
 
 namespace lockstep::reference {
 
@@ -15,7 +15,7 @@ struct BoundedRow {
   double lo = -infinity, hi = infinity;  ///< the interval; lo = hi: u is prescribed
   double box = 0.0, bias = 0.0;          ///< F and b; F = 0: no box
   double cfm = 0.0;
-  int dof = -1, coupling = -1;           ///< what it belongs to: one of them
+  int dof = -1, coupling = -1;  ///< what it belongs to: one of them
 };
 
 enum class Phase { position, velocity };

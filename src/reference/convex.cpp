@@ -1,5 +1,5 @@
 // The convex minimum, by search for the pieces that its curves are on. SPDX-License-Identifier: Apache-2.0
-#include "reference/convex.h"
+#include "convex.h"
 
 #include <algorithm>
 #include <cmath>
@@ -27,8 +27,13 @@ constexpr int proximal_rounds = 1000, joint_moves = 30, single_moves = 1000;
 class Search {
  public:
   explicit Search(const Convex& problem)
-      : problem_(problem), count_(static_cast<int>(problem.curves.size())), pieces_(count_),
-        before_(VectorXd::Zero(count_)), response_(count_), v_(problem.momentum.size()), impulses_(count_) {
+      : problem_(problem),
+        count_(static_cast<int>(problem.curves.size())),
+        pieces_(count_),
+        before_(VectorXd::Zero(count_)),
+        response_(count_),
+        v_(problem.momentum.size()),
+        impulses_(count_) {
     const Eigen::LLT<MatrixXd> factor(problem.hessian);
     for (int i = 0; i < count_; ++i) {
       const Curve& curve = problem.curves[i];

@@ -1,5 +1,5 @@
 // Couplings of the reference. SPDX-License-Identifier: Apache-2.0
-#include "reference/couplings.h"
+#include "couplings.h"
 
 #include <cmath>
 #include <stdexcept>
@@ -31,15 +31,13 @@ std::vector<bool> dependent_rows(const MatrixXd& jacobian, const std::vector<boo
   return dependent;
 }
 
-Row spring_row(const Spring& spring, double h) {
+Row spring_row(const SpringConstants& spring, double h) {
   const double stiffness = h * spring.kp + spring.kd;
   if (stiffness == 0.0) return {false, false, 0.0, 0.0};
   return {true, false, h * spring.kp / stiffness, 1.0 / (h * stiffness)};  // (23), (22)
 }
 
 }  // namespace
-
-bool is_hard(const Softness& softness) { return softness.is_hard() && softness.second == 0.0; }
 
 Couplings::Couplings(const Mechanism& mechanism, const std::vector<bool>& switched_off)
     : off(switched_off), velocities_(mechanism.velocities()) {
@@ -65,27 +63,27 @@ MatrixXd Couplings::velocity_jacobian() const {
   return result;
 }
 
-Spring spring(const Softness& softness, double r, double h) {
-  const double first = softness.first, second = softness.second;
-  switch (softness.kind) {
-    case Softness::Kind::spring: return {first, second};
-    case Softness::Kind::frequency: return {first * first / r, 2.0 * first * second / r};  // (26), (27)
-    default: return {first / (h * h * second), (1.0 - first) / (h * second)};              // (22), (23) solved
+SpringConstants spring(const Softness& softness, double r, double h) {
+  const auto [first, second] = numbers_of(softness);
+  switch (kind_of(softness)) {
+    case SoftnessKind::spring: return {first, second};
+    case SoftnessKind::frequency: return {first * first / r, 2.0 * first * second / r};  // (26), (27)
+    default: return {first / (h * h * second), (1.0 - first) / (h * second)};            // (22), (23) solved
   }
 }
 
 Row row(const Softness& softness, double r, double h) {
-  const bool mixing = softness.kind == Softness::Kind::hard || softness.kind == Softness::Kind::mixing;
-  if (mixing) return {true, is_hard(softness), softness.first, softness.second};
+  if (kind_of(softness) == SoftnessKind::hard || kind_of(softness) == SoftnessKind::erp_cfm)
+    return {true, is_hard(softness), numbers_of(softness).first, numbers_of(softness).second};
   return spring_row(spring(softness, r, h), h);
 }
 
 Row substep_row(const Softness& softness, double r, double h, int n) {
   if (!is_hard(softness)) return n == 1 ? row(softness, r, h) : spring_row(spring(softness, r, h), h / n);
-  if (n > 1 && softness.first > 1.0)
+  if (n > 1 && erp_of(softness) > 1.0)
     throw SettingsError("erp", "exceeds 1 in a coupling, which sub-steps cannot share",
                         "give 1 or less, or one iteration");
-  return {true, true, 1.0 - std::pow(1.0 - softness.first, 1.0 / n), 0.0};
+  return {true, true, 1.0 - std::pow(1.0 - erp_of(softness), 1.0 / n), 0.0};
 }
 
 VectorXd inverse_inertias(const Couplings& couplings, const MatrixXd& mass) {

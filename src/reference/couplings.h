@@ -4,8 +4,8 @@
 #include <Eigen/Dense>
 #include <vector>
 
-#include "lockstep/softness.h"
-#include "reference/mechanism.h"
+#include "mechanism.h"
+#include "model/softness_numbers.h"
 
 namespace lockstep::reference {
 
@@ -19,8 +19,8 @@ struct Couplings {
   /// J over all generalised velocities: zero for a floating root's six.
   Eigen::MatrixXd velocity_jacobian() const;
 
-  Eigen::MatrixXd jacobian;        ///< [couplings][dofs]
-  Eigen::VectorXd gamma;           ///< [couplings]
+  Eigen::MatrixXd jacobian;  ///< [couplings][dofs]
+  Eigen::VectorXd gamma;     ///< [couplings]
   std::vector<Softness> softness;
   std::vector<double> force_limit;
   std::vector<bool> off;
@@ -32,21 +32,18 @@ struct Couplings {
   int velocities_;
 };
 
-/// Cannot yield: the states of is_hard() without a compliance in the second number.
-bool is_hard(const Softness& softness);
-
-/// Spring constants of a coupling, (26) and (27) for frequencies. A mixing softness means different springs at
+/// Spring constants of a coupling, (26) and (27) for frequencies. An ErpCfm means different springs at
 /// different steps; they are the ones that (22), (23) give it at steps of h. Not for hard ones.
-struct Spring {
+struct SpringConstants {
   double kp, kd;
 };
-Spring spring(const Softness& softness, double r, double h);
+SpringConstants spring(const Softness& softness, double r, double h);
 
 /// A coupling as a row of the solver.
 struct Row {
-  bool active;      ///< takes an impulse: neither absent (kp = kd = 0), nor redundant, nor off
-  bool hard;        ///< cfm = 0
-  double erp, cfm;  ///< per step
+  bool active;           ///< takes an impulse: neither absent (kp = kd = 0), nor redundant, nor off
+  bool hard;             ///< cfm = 0
+  double erp, cfm;       ///< per step
   bool limited = false;  ///< in its force: a bounded row, bounds.h, and none of the couplings' rows
 };
 

@@ -1,5 +1,5 @@
 // All couplings at once: (K + diag cfm) L = -(J v* + b). SPDX-License-Identifier: Apache-2.0
-#include "reference/step.h"
+#include "step.h"
 
 namespace lockstep::reference {
 

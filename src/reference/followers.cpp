@@ -1,5 +1,5 @@
 // Which joints follow, and how they are corrected. SPDX-License-Identifier: Apache-2.0
-#include "reference/followers.h"
+#include "followers.h"
 
 #include <algorithm>
 #include <cmath>

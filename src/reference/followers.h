@@ -3,7 +3,7 @@
 
 #include <Eigen/Dense>
 
-#include "reference/step.h"
+#include "step.h"
 
 namespace lockstep::reference {
 

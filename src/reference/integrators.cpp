@@ -1,8 +1,8 @@
 // Leapfrog, its extrapolation and Runge-Kutta 4, with dense multipliers. SPDX-License-Identifier: Apache-2.0
-#include "reference/integrators.h"
+#include "integrators.h"
 
+#include "followers.h"
 #include "lockstep/error.h"
-#include "reference/followers.h"
 
 namespace lockstep::reference {
 namespace {
@@ -33,7 +33,7 @@ struct System {
       if (is_hard(couplings.softness[i])) {
         hard.push_back(i);
       } else {
-        const Spring s = spring(couplings.softness[i], inverse_inertias(couplings, mass)[i], task.settings.dt);
+        const SpringConstants s = spring(couplings.softness[i], inverse_inertias(couplings, mass)[i], task.settings.dt);
         kp[i] = s.kp, kd[i] = s.kd;
       }
     }
@@ -54,7 +54,7 @@ struct System {
   Couplings couplings;
   MatrixXd mass, all, rows;  // J of all couplings and of the hard ones
   std::vector<int> hard;
-  VectorXd kp, kd;           // of the soft ones
+  VectorXd kp, kd;  // of the soft ones
 };
 
 // (M48): the twist that `next` has along the axes of `before`, along its own.
@@ -109,7 +109,7 @@ State leapfrog(const Task& task, const State& start, double from, double length)
     velocities.col(i) = at.v + changes.col(i);
   }
   VectorXd correction = -system.couplings.error(at.q) / stage_h;
-  for (const int i : system.hard) correction[i] *= system.couplings.softness[i].first;
+  for (const int i : system.hard) correction[i] *= erp_of(system.couplings.softness[i]);
   const VectorXd corrected = at.v + stage(2, c, at, correction(system.hard));  // positions only
   const VectorXd mean = b1 * velocities.col(0) + b2 * velocities.col(1) + gamma * corrected;
   State end = mechanism.advanced(middle, 2.0 * mean - v, h / 2.0);

@@ -4,7 +4,7 @@
 #include <functional>
 
 #include "lockstep/step.h"
-#include "reference/mechanism.h"
+#include "mechanism.h"
 
 namespace lockstep::reference {
 

@@ -1,5 +1,5 @@
 // Kinematics and dynamics of the reference. SPDX-License-Identifier: Apache-2.0
-#include "reference/mechanism.h"
+#include "mechanism.h"
 
 #include <cmath>
 #include <complex>
@@ -14,10 +14,14 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 using Complex = std::complex<double>;
 
-template <class T> using Vec3 = Eigen::Matrix<T, 3, 1>;
-template <class T> using Mat3 = Eigen::Matrix<T, 3, 3>;
-template <class T> using VecX = Eigen::Matrix<T, Eigen::Dynamic, 1>;
-template <class T> using MatX = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
+template <class T>
+using Vec3 = Eigen::Matrix<T, 3, 1>;
+template <class T>
+using Mat3 = Eigen::Matrix<T, 3, 3>;
+template <class T>
+using VecX = Eigen::Matrix<T, Eigen::Dynamic, 1>;
+template <class T>
+using MatX = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
 
 // The kinematics are templates because complex numbers differentiate them: for analytic f,
 // Im f(x + i e dx) / e is the derivative along dx to rounding, with no difference of near equals.

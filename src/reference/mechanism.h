@@ -18,10 +18,10 @@ using Vector6d = Eigen::Matrix<double, 6, 1>;
 /// Where a mechanism is and how it moves. Generalised velocities are a floating root's six first (angular, then
 /// linear, in root-link axes, as at Root in model.h), then the moving joints in the order of Model::joints.
 struct State {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();                 ///< of the root link's frame, world, m
-  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();    ///< of the same
-  Eigen::VectorXd q;                                                  ///< [dofs] joint positions
-  Eigen::VectorXd v;                                                  ///< [velocities] generalised velocities
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();               ///< of the root link's frame, world, m
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< of the same
+  Eigen::VectorXd q;                                                ///< [dofs] joint positions
+  Eigen::VectorXd v;                                                ///< [velocities] generalised velocities
 };
 
 /// What acts on a mechanism during a step.
@@ -52,8 +52,8 @@ class Mechanism {
   const Eigen::VectorXd& kp() const { return kp_; }
   const Eigen::VectorXd& kd() const { return kd_; }
 
-  State initial_state() const;   ///< the model's
-  Inputs initial_inputs() const; ///< the model's targets and efforts, no wrenches
+  State initial_state() const;    ///< the model's
+  Inputs initial_inputs() const;  ///< the model's targets and efforts, no wrenches
 
   // --- kinematics, all in world axes -----------------------------------------------------------------
   std::vector<Eigen::Isometry3d> link_poses(const State& state) const;

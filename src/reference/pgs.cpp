@@ -1,5 +1,5 @@
 // Projected Gauss-Seidel, (16): rows one after the other on the velocity. SPDX-License-Identifier: Apache-2.0
-#include "reference/step.h"
+#include "step.h"
 
 namespace lockstep::reference {
 

@@ -1,5 +1,5 @@
 // Hard couplings as exact constraints, by a basis of their null space. SPDX-License-Identifier: Apache-2.0
-#include "reference/step.h"
+#include "step.h"
 
 namespace lockstep::reference {
 
@@ -9,7 +9,7 @@ using Eigen::VectorXd;
 namespace {
 
 struct Split {
-  MatrixXd hard, soft;                   // rows of J
+  MatrixXd hard, soft;  // rows of J
   VectorXd hard_b, soft_b, soft_cfm;
   std::vector<int> hard_rows, soft_rows;  // their places among all rows
 };
@@ -42,10 +42,8 @@ VectorXd constrained_minimum(const Stage& stage, const Split& s, const VectorXd&
   }
   const VectorXd stiffness = s.soft_cfm.cwiseInverse();
   const MatrixXd hessian = a + s.soft.transpose() * stiffness.asDiagonal() * s.soft;
-  const VectorXd downhill =
-      a * (stage.free - w) - s.soft.transpose() * stiffness.cwiseProduct(s.soft * w + s.soft_b);
-  const VectorXd y =
-      (null_space.transpose() * hessian * null_space).ldlt().solve(null_space.transpose() * downhill);
+  const VectorXd downhill = a * (stage.free - w) - s.soft.transpose() * stiffness.cwiseProduct(s.soft * w + s.soft_b);
+  const VectorXd y = (null_space.transpose() * hessian * null_space).ldlt().solve(null_space.transpose() * downhill);
   const VectorXd v = w + null_space * y;
 
   const VectorXd soft_impulses = -stiffness.cwiseProduct(s.soft * v + s.soft_b);

@@ -1,5 +1,5 @@
 // Servos at their limits of effort. SPDX-License-Identifier: Apache-2.0
-#include "reference/servos.h"
+#include "servos.h"
 
 #include <algorithm>
 

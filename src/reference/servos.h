@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "reference/convex.h"
-#include "reference/step.h"
+#include "convex.h"
+#include "step.h"
 
 namespace lockstep::reference {
 
@@ -13,7 +13,7 @@ enum class Servo {
   linear,  ///< (M13), which is all that joints without an effort limit know
   low,     ///< at the limit: a constant force
   high,
-  apart,   ///< left out of A and v*, to act as a curve
+  apart,  ///< left out of A and v*, to act as a curve
 };
 
 /// Whether the joint has a servo that may come to its limit. Those of kinematic drives have none.

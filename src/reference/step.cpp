@@ -1,8 +1,8 @@
 // What all methods of the reference have in common. SPDX-License-Identifier: Apache-2.0
-#include "reference/step.h"
+#include "step.h"
 
+#include "bounded.h"
 #include "lockstep/error.h"
-#include "reference/bounded.h"
 
 namespace lockstep::reference {
 
@@ -52,8 +52,8 @@ void visit(const Stage& stage, int i, double b, double cfm, double& impulse, Vec
   v += stage.inverse * stage.jacobian.row(i).transpose() * change;
 }
 
-void velocity_sweeps(const Stage& stage, int count, const std::vector<Row>& rows, const VectorXd& b,
-                     VectorXd& impulses, VectorXd& v) {
+void velocity_sweeps(const Stage& stage, int count, const std::vector<Row>& rows, const VectorXd& b, VectorXd& impulses,
+                     VectorXd& v) {
   for (int sweep = 0; sweep < count; ++sweep)
     for (int i = 0; i < impulses.size(); ++i)
       if (rows[i].active) visit(stage, i, rows[i].hard ? 0.0 : b[i], rows[i].cfm, impulses[i], v);
@@ -63,7 +63,8 @@ Step finished(const Mechanism& mechanism, Stage stage, Solution solution) {
   State next = mechanism.advanced(stage.state, solution.position_velocity, stage.h);
   next.v = solution.velocity;
   if (mechanism.root_velocities() > 0) {
-    const Eigen::Matrix3d axes = (next.orientation.conjugate() * stage.state.orientation.normalized()).toRotationMatrix();
+    const Eigen::Matrix3d axes =
+        (next.orientation.conjugate() * stage.state.orientation.normalized()).toRotationMatrix();
     next.v.head<3>() = axes * solution.velocity.head<3>();
     next.v.segment<3>(3) = axes * solution.velocity.segment<3>(3);
   }

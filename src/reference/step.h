@@ -4,9 +4,9 @@
 #include <Eigen/Dense>
 #include <vector>
 
+#include "couplings.h"
 #include "lockstep/step.h"
-#include "reference/couplings.h"
-#include "reference/mechanism.h"
+#include "mechanism.h"
 
 namespace lockstep::reference {
 
@@ -15,20 +15,20 @@ namespace lockstep::reference {
 struct Stage {
   Stage(const Mechanism& mechanism, double h, const State& state, const Inputs& inputs);
 
-  double h;                   ///< the step
-  State state;                ///< at its start
+  double h;     ///< the step
+  State state;  ///< at its start
   Couplings couplings;
-  Eigen::MatrixXd mass;       ///< M
-  Eigen::VectorXd bias;       ///< c, at constant joint velocities and a constant velocity of the root in the world
-  Eigen::MatrixXd implicit;   ///< A = M + diag(a + h (d + kd) + h^2 kp)
-  Eigen::MatrixXd inverse;    ///< A^-1
-  Eigen::VectorXd free;       ///< v*, where the couplings take no impulse
-  Eigen::MatrixXd jacobian;   ///< J over v
-  Eigen::MatrixXd response;   ///< K = J A^-1 J^T; its diagonal are the r of (15)
-  Eigen::VectorXd inertia;    ///< r of each coupling for (26), (27): with M + diag(a) instead of A
-  Eigen::VectorXd error;      ///< C at the start of the step
-  std::vector<Row> rows;      ///< erp and cfm at steps of h
-  Eigen::VectorXd correction; ///< b = erp C / h, (8)
+  Eigen::MatrixXd mass;        ///< M
+  Eigen::VectorXd bias;        ///< c, at constant joint velocities and a constant velocity of the root in the world
+  Eigen::MatrixXd implicit;    ///< A = M + diag(a + h (d + kd) + h^2 kp)
+  Eigen::MatrixXd inverse;     ///< A^-1
+  Eigen::VectorXd free;        ///< v*, where the couplings take no impulse
+  Eigen::MatrixXd jacobian;    ///< J over v
+  Eigen::MatrixXd response;    ///< K = J A^-1 J^T; its diagonal are the r of (15)
+  Eigen::VectorXd inertia;     ///< r of each coupling for (26), (27): with M + diag(a) instead of A
+  Eigen::VectorXd error;       ///< C at the start of the step
+  std::vector<Row> rows;       ///< erp and cfm at steps of h
+  Eigen::VectorXd correction;  ///< b = erp C / h, (8)
 };
 
 /// What a method makes of it.

@@ -1,5 +1,5 @@
 // Temporal Gauss-Seidel: (16) once in each of N sub-steps, C renewed in between. SPDX-License-Identifier: Apache-2.0
-#include "reference/step.h"
+#include "step.h"
 
 namespace lockstep::reference {
 

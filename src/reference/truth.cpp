@@ -1,8 +1,8 @@
 // The exactly constrained continuous motion, by Runge-Kutta 4. SPDX-License-Identifier: Apache-2.0
-#include "reference/truth.h"
+#include "truth.h"
 
+#include "couplings.h"
 #include "lockstep/error.h"
-#include "reference/couplings.h"
 
 namespace lockstep::reference {
 namespace {
@@ -29,8 +29,7 @@ struct Constrained {
       : mechanism(m), couplings(m), jacobian(couplings.velocity_jacobian()), allowed(allowed_velocities(m, couplings)) {
     for (int i = 0; i < couplings.count(); ++i) {
       if (is_hard(couplings.softness[i])) continue;
-      const Softness::Kind kind = couplings.softness[i].kind;
-      if (kind != Softness::Kind::spring && kind != Softness::Kind::frequency)
+      if (std::holds_alternative<ErpCfm>(couplings.softness[i]))
         throw SettingsError("softness", "is given by erp and cfm, which is no spring without a step",
                             "give kp and kd or a frequency");
     }
@@ -48,7 +47,7 @@ struct Constrained {
     const VectorXd r = inverse_inertias(couplings, mass);
     for (int i = 0; i < couplings.count(); ++i) {
       if (is_hard(couplings.softness[i])) continue;
-      const Spring s = spring(couplings.softness[i], r[i], 0.0);
+      const SpringConstants s = spring(couplings.softness[i], r[i], 0.0);
       forces -= jacobian.row(i).transpose() * (s.kp * error[i] + s.kd * rate[i]);
     }
     return forces;

@@ -4,7 +4,7 @@
 #include <Eigen/Dense>
 #include <functional>
 
-#include "reference/mechanism.h"
+#include "mechanism.h"
 
 namespace lockstep::reference {
 

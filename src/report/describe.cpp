@@ -4,11 +4,11 @@
 
 #include <numbers>
 
-#include "../generate/list.h"
-#include "../plan/layout.h"
-#include "../targets/registry.h"
+#include "interpret/lower.h"
 #include "lockstep/generate.h"
 #include "lockstep/plan.h"
+#include "plan/layout.h"
+#include "targets/registry.h"
 
 namespace lockstep {
 namespace {
@@ -19,20 +19,22 @@ std::string counted(int count, const char* one, const char* many) {
 
 std::string listed(const std::vector<std::string>& names, std::size_t most = 8) {
   const std::size_t shown = std::min(names.size(), most);
-  std::string text = fmt::format("{}", fmt::join(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(shown), ", "));
+  std::string text =
+      fmt::format("{}", fmt::join(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(shown), ", "));
   return names.size() > most ? fmt::format("{} and {} more", text, names.size() - most) : text;
 }
 
 std::string said(const Softness& softness) {
-  switch (softness.kind) {
-    case Softness::Kind::hard: return fmt::format("hard (erp {:g})", softness.first);
-    case Softness::Kind::mixing: return fmt::format("erp {:g}, cfm {:g}", softness.first, softness.second);
-    case Softness::Kind::spring: return fmt::format("kp {:g}, kd {:g}", softness.first, softness.second);
-    case Softness::Kind::frequency:
-      return fmt::format("{:g} rad/s ({:.3g} Hz), damping ratio {:g}", softness.first,
-                         softness.first / (2.0 * std::numbers::pi), softness.second);
-  }
-  return "";
+  struct Words {
+    std::string operator()(const Hard& s) const { return fmt::format("hard (erp {:g})", s.erp); }
+    std::string operator()(const ErpCfm& s) const { return fmt::format("erp {:g}, cfm {:g}", s.erp, s.cfm); }
+    std::string operator()(const Spring& s) const { return fmt::format("kp {:g}, kd {:g}", s.kp, s.kd); }
+    std::string operator()(const Frequency& s) const {
+      return fmt::format("{:g} rad/s ({:.3g} Hz), damping ratio {:g}", s.rad_per_s,
+                         s.rad_per_s / (2.0 * std::numbers::pi), s.damping_ratio);
+    }
+  };
+  return std::visit(Words{}, softness);
 }
 
 const char* said(Integrator integrator) {
@@ -58,15 +60,16 @@ std::string said(const Coupling& coupling, const std::string& name) {
   std::string form = coupling.joint;
   for (const CouplingTerm& term : coupling.terms)
     form += fmt::format(" {} {:g} {}", term.ratio < 0 ? '-' : '+', std::abs(term.ratio), term.joint);
-  if (coupling.offset != 0.0) form += fmt::format(" {} {:g}", coupling.offset < 0 ? '-' : '+', std::abs(coupling.offset));
+  if (coupling.offset != 0.0)
+    form += fmt::format(" {} {:g}", coupling.offset < 0 ? '-' : '+', std::abs(coupling.offset));
   return fmt::format("{}: {} = 0, {}", name, form, said(coupling.softness));
 }
 
 std::string mechanism_line(const Program& program) {
   const Tables<double>& t = program.f64;
-  std::string text = fmt::format("{}: {} base, {}, {}", program.model.name, t.floating ? "floating" : "fixed",
-                                 counted(t.joints, "moving joint", "moving joints"),
-                                 counted(t.couplings, "coupling", "couplings"));
+  std::string text =
+      fmt::format("{}: {} base, {}, {}", program.model.name, t.floating ? "floating" : "fixed",
+                  counted(t.joints, "moving joint", "moving joints"), counted(t.couplings, "coupling", "couplings"));
   if (program.merged_links > 0)
     text += fmt::format("; {} fixed to others and merged", counted(program.merged_links, "link is", "links are"));
   return text + ".\n";
@@ -78,7 +81,8 @@ std::string coupling_lines(const Program& program) {
   for (std::size_t c = 0; c < names.size(); ++c) {
     const int index = static_cast<int>(c);
     text += "  " + said(program.model.couplings[c], names[c]);
-    if (is_redundant(program, index)) text += "; redundant: it follows from those above and takes no impulse of its own";
+    if (is_redundant(program, index))
+      text += "; redundant: it follows from those above and takes no impulse of its own";
     if (is_absent(program, index)) text += "; absent: it has neither stiffness nor damping";
     text += '\n';
   }
@@ -90,11 +94,12 @@ std::string method_lines(const Program& program) {
   const StepSettings& s = program.settings;
   const int rows = t.rows.count;
   const std::string once_more = s.velocity_iterations > 0 ? "" : ", without the closing solve (velocity_iterations 0)";
-  std::string text = fmt::format("Method: {} ({}).\nIntegrator: {} ({}), dt {:.6g} s ({:.4g} Hz).\n", name(program.method),
-                                 program.method_reason, said(program.integrator), program.integrator_reason, s.dt, 1.0 / s.dt);
+  std::string text =
+      fmt::format("Method: {} ({}).\nIntegrator: {} ({}), dt {:.6g} s ({:.4g} Hz).\n", to_string(program.method),
+                  program.method_reason, said(program.integrator), program.integrator_reason, s.dt, 1.0 / s.dt);
   const std::string solved = "solved together by L^T D L";
-  const std::string met = !t.rows.prescribed ? solved
-                          : t.bounds.form.count > 0 ? "met by prescribed speeds, " + solved + " where bounds act"
+  const std::string met = !t.rows.known_suffice     ? solved
+                          : t.bounds.rows.count > 0 ? "met by prescribed speeds, " + solved + " where bounds act"
                                                     : "met by prescribed speeds";
   switch (program.method) {
     case Method::reduced:
@@ -104,7 +109,8 @@ std::string method_lines(const Program& program) {
         text += fmt::format("  eliminated: {}; {} of {} velocities are left to solve.\n", listed(followers), t.solver.n,
                             t.velocities);
       }
-      if (rows > 0) text += fmt::format("  {} {}{}.\n", counted(rows, "soft row is", "soft rows are"), solved, once_more);
+      if (rows > 0)
+        text += fmt::format("  {} {}{}.\n", counted(rows, "soft row is", "soft rows are"), solved, once_more);
       break;
     case Method::direct:
       text += fmt::format("  {} {}{}.\n", counted(rows, "row is", "rows are"), met, once_more);
@@ -124,9 +130,10 @@ std::string input_line(const Program& program) {
     text = fmt::format("Targets and efforts: rows for {} of the step, {}.\n", times == 1 ? "the end" : "each time",
                        fmt::format("at shares of {:.4g}", fmt::join(program.stage_times, ", ")));
   if (program.integrator == Integrator::runge_kutta)
-    text += fmt::format("Explicit terms: motions of {:.3g} 1/s at the model's start, times dt {:.3g} of the 2.5 that it bears; "
-                        "gains, damping and masses of environments are not looked at.\n",
-                        program.explicit_rate, program.explicit_rate * program.settings.dt);
+    text += fmt::format(
+        "Explicit terms: motions of {:.3g} 1/s at the model's start, times dt {:.3g} of the 2.5 that it bears; "
+        "gains, damping and masses of environments are not looked at.\n",
+        program.explicit_rate, program.explicit_rate * program.settings.dt);
   return text;
 }
 
@@ -134,35 +141,40 @@ std::string stage_lines(const Program& program) {
   const Tables<double>& t = program.f64;
   std::vector<std::string> stages{"kinematics", "bias forces (Newton-Euler)", "joint terms"};
   if (t.couplings > 0) stages.insert(stages.begin() + 1, "coupling errors");
-  if (!t.articulated.used() || t.natural.count > 0)
-    stages.push_back(t.reduction.merged.slots > 0 ? "reduced mass matrix (composite bodies, columns of followers merged)"
-                                                  : "mass matrix (composite bodies)");
-  if (t.reduction.by_entries()) stages.push_back(t.reduction.keeps_speeds() ? "speeds of couplings for velocities" : "elimination");
+  if (!t.articulated.used() || t.undamped.count > 0)
+    stages.push_back(t.reduction.composite.places > 0
+                         ? "reduced mass matrix (composite bodies, columns of followers merged)"
+                         : "mass matrix (composite bodies)");
+  if (t.reduction.by_entries())
+    stages.push_back(t.reduction.has_constraint_velocities() ? "speeds of couplings for velocities" : "elimination");
   stages.push_back(t.articulated.used() ? "free velocity (articulated bodies)" : "free velocity (L^T D L)");
-  if (t.natural.count > 0) stages.push_back("natural responses (a second factorisation, for softness by frequency)");
-  if (t.rows.prescribed)
+  if (t.undamped.count > 0) stages.push_back("natural responses (a second factorisation, for softness by frequency)");
+  if (t.rows.known_suffice)
     stages.push_back("prescribed speeds of couplings");
   else if (t.rows.count > 0)
-    stages.insert(stages.end(), {"responses", "row terms", name(t.rows.columns.n > 0 ? Method::direct : program.method)});
-  if (t.bounds.form.count > 0) stages.push_back("bounds");
-  if (t.limited.count > 0) stages.push_back("saturation of servos");
+    stages.insert(stages.end(),
+                  {"responses", "row terms", to_string(t.rows.columns.n > 0 ? Method::direct : program.method)});
+  if (t.bounds.rows.count > 0) stages.push_back("bounds");
+  if (t.limited_servos.count > 0) stages.push_back("saturation of servos");
   stages.insert(stages.end(), {"integration", "check"});
   std::string text = fmt::format("Stages{}: {}.\n", said_of_evaluations(program.integrator), fmt::join(stages, ", "));
 
-  if (t.reduction.shortens)
-    text += fmt::format("Where all followers of a tile are in place, a step leaves out what corrects them{}.\n",
-                        t.reduction.mirrors.count > 0
-                            ? fmt::format(" and the sines of {} that turn as their drivers do", t.reduction.mirrors.count)
-                            : "");
+  if (t.reduction.consistent_is_shorter)
+    text +=
+        fmt::format("Where all followers of a tile are in place, a step leaves out what corrects them{}.\n",
+                    t.reduction.mirrors.count > 0
+                        ? fmt::format(" and the sines of {} that turn as their drivers do", t.reduction.mirrors.count)
+                        : "");
   std::vector<std::string> absent;
   if (t.rows.count == 0) absent.push_back("solver rows");
-  if (t.driven.count + t.limited.count == 0) absent.push_back("drives");
+  if (t.servos.count + t.limited_servos.count == 0) absent.push_back("drives");
   bool damped = false, rotors = false;
   for (int j = 0; j < t.joints; ++j) damped |= t.damping[j] != 0.0, rotors |= t.armature[j] != 0.0;
   if (!damped && !declared(program, Parameter::damping)) absent.push_back("damping");
   if (!rotors) absent.push_back("armature");
   for (int p = 0; p < parameter_count; ++p)
-    if (!declared(program, static_cast<Parameter>(p))) absent.push_back(fmt::format("{} per environment", name(static_cast<Parameter>(p))));
+    if (!declared(program, static_cast<Parameter>(p)))
+      absent.push_back(fmt::format("{} per environment", to_string(static_cast<Parameter>(p))));
   if (!absent.empty()) text += fmt::format("Left out, as the scene has none: {}.\n", fmt::join(absent, ", "));
   return text;
 }
@@ -202,11 +214,11 @@ std::string bounds_lines(const Program& program) {
   std::string text;
   if (!held.empty()) {
     text = fmt::format("Bounds: {}", fmt::join(held, ", "));
-    if (b.form.count > 0) {
+    if (b.rows.count > 0) {
       const bool exact = program.method == Method::direct || program.method == Method::reduced;
-      text += fmt::format("; {}, {}", counted(b.form.count, "row", "rows"),
-                          exact ? "those that act solved exactly through the couplings"
-                                : "those that act swept after the couplings");
+      text += fmt::format(
+          "; {}, {}", counted(b.rows.count, "row", "rows"),
+          exact ? "those that act solved exactly through the couplings" : "those that act swept after the couplings");
     }
     if (b.may_depend) text += "; hard ones that oppose each other share the violation";
     text += ".\n";
@@ -215,19 +227,21 @@ std::string bounds_lines(const Program& program) {
   return text;
 }
 
-std::string kernel_line(const Plan& plan) {
+std::string engine_line(const Plan& plan) {
   const std::uint64_t hash = kernel_hash(plan);
-  if (hash == 0) return "Kernel: tables; no straight-line code is generated where softness is worked out lane by lane.\n";
+  if (hash == 0) return "Engine: tables; there is no straight-line code where softness is worked out lane by lane.\n";
   std::vector<std::string> generated;
   for (const GeneratedKernel* kernel : find_kernels(hash)) {
     if (kernel->f32) generated.push_back(fmt::format("{} for {} in f32", kernel->name, kernel->target));
     if (kernel->f64) generated.push_back(fmt::format("{} for {} in f64", kernel->name, kernel->target));
   }
-  const Program& program = plan.program();
-  const bool listed = generate::listing_pays(program) && generate::operation_list(program);
-  const char* otherwise = listed ? "a list of operations" : "tables";
-  if (generated.empty()) return fmt::format("Kernel: {}; none is generated for this step ({:016x}).\n", otherwise, hash);
-  return fmt::format("Kernel: generated for this step ({:016x}): {}; {} otherwise.\n", hash, fmt::join(generated, ", "),
+  const Program& program = program_of(plan);
+  const bool interpreted = interpret::interpreter_pays(program) && interpret::interpreted_step(program);
+  const char* otherwise = to_string(interpreted ? Engine::interpreter : Engine::tables);
+  if (generated.empty())
+    return fmt::format("Engine: {}; this program holds no kernel that was generated for this step ({:016x}).\n",
+                       otherwise, hash);
+  return fmt::format("Engine: generated for this step ({:016x}): {}; {} otherwise.\n", hash, fmt::join(generated, ", "),
                      otherwise);
 }
 
@@ -236,9 +250,10 @@ std::string kernel_line(const Plan& plan) {
 std::string Plan::describe() const {
   const Program& p = *program_;
   const long flops = flops_per_step();
-  return mechanism_line(p) + coupling_lines(p) + method_lines(p) + input_line(p) + stage_lines(p) + bounds_lines(p) + kernel_line(*this) +
-         fmt::format("Cost of a step of one environment: {} flops; {} bytes read and written in f32, {} in f64.\n", flops,
-                     bytes_per_step(4), bytes_per_step(8)) +
+  return mechanism_line(p) + coupling_lines(p) + method_lines(p) + input_line(p) + stage_lines(p) + bounds_lines(p) +
+         engine_line(*this) +
+         fmt::format("Cost of a step of one environment: {} flops; {} bytes read and written in f32, {} in f64.\n",
+                     flops, bytes_per_step(4), bytes_per_step(8)) +
          fmt::format("Memory of one environment: {} bytes in f32, {} in f64.\n", bytes_per_environment(4),
                      bytes_per_environment(8));
 }

@@ -2,18 +2,12 @@
 
 #include <cstdlib>
 #include <string>
+#include <vector>
 
 #include "lockstep/error.h"
 
 namespace lockstep {
 namespace {
-
-struct Choice {
-  Target target;
-  bool (*runs_here)();
-  const KernelSet<float>& f32;
-  const KernelSet<double>& f64;
-};
 
 bool always() { return true; }
 
@@ -25,24 +19,24 @@ bool has_avx512() {
 }
 #endif
 
-// What automatic takes first stands first.
-const Choice choices[] = {
+// What automatic takes first stands first; every list ends with baseline, which runs everywhere.
+std::vector<TargetKernels>& all_kernels() {
+  static std::vector<TargetKernels> all = {
 #ifdef __x86_64__
-    {Target::avx512, has_avx512, avx512_f32, avx512_f64},
-    {Target::avx2, has_avx2, avx2_f32, avx2_f64},
-    {Target::avx2_scalar, has_avx2, avx2_scalar_f32, avx2_scalar_f64},
+      {Target::avx512, "avx512", has_avx512, avx512_f32, avx512_f64},
+      {Target::avx2, "avx2", has_avx2, avx2_f32, avx2_f64},
 #endif
 #ifdef __aarch64__
-    {Target::neon, always, neon_f32, neon_f64},
-    {Target::neon_scalar, always, neon_scalar_f32, neon_scalar_f64},
+      {Target::neon, "neon", always, neon_f32, neon_f64},
 #endif
-    {Target::baseline, always, baseline_f32, baseline_f64},
-    {Target::baseline_scalar, always, baseline_scalar_f32, baseline_scalar_f64},
-};
+      {Target::baseline, "baseline", always, baseline_f32, baseline_f64},
+  };
+  return all;
+}
 
-const Choice* choice(Target target) {
-  for (const Choice& c : choices)
-    if (c.runs_here() && (c.target == target || target == Target::automatic)) return &c;
+const TargetKernels* choice(Target target) {
+  for (const TargetKernels& c : all_kernels())
+    if ((c.target == target || target == Target::automatic) && c.runs_here()) return &c;
   return nullptr;
 }
 
@@ -52,8 +46,8 @@ Target environment_target() {
   if (!variable || !*variable) return Target::automatic;
   std::string names;
   for (Target t : all_targets) {
-    if (std::string(variable) == name(t)) return t;
-    names += (names.empty() ? "" : ", ") + std::string(name(t));
+    if (std::string(variable) == to_string(t)) return t;
+    names += (names.empty() ? "" : ", ") + std::string(to_string(t));
   }
   throw SettingsError("LOCKSTEP_TARGET", std::string("is '") + variable + "', which is no target",
                       "use one of " + names);
@@ -61,26 +55,28 @@ Target environment_target() {
 
 }  // namespace
 
-const char* name(Target target) noexcept {
+void add_target(const TargetKernels& kernels) { all_kernels().push_back(kernels); }
+
+const char* to_string(Target target) noexcept {
   switch (target) {
     case Target::baseline: return "baseline";
-    case Target::baseline_scalar: return "baseline_scalar";
     case Target::avx2: return "avx2";
-    case Target::avx2_scalar: return "avx2_scalar";
     case Target::avx512: return "avx512";
     case Target::neon: return "neon";
-    case Target::neon_scalar: return "neon_scalar";
-    case Target::automatic: break;
+    case Target::automatic: return "automatic";
   }
-  return "automatic";
+  for (const TargetKernels& c : all_kernels())
+    if (c.target == target) return c.name;
+  return "unknown";
 }
 
 bool supported(Target target) noexcept { return choice(target) != nullptr; }
 
 Target resolve(Target wanted) {
   if (wanted == Target::automatic) wanted = environment_target();
-  if (const Choice* found = choice(wanted)) return found->target;
-  throw SettingsError(std::string("target ") + name(wanted), "this machine lacks its instructions", "use automatic");
+  if (const TargetKernels* found = choice(wanted)) return found->target;
+  throw SettingsError(std::string("target ") + to_string(wanted), "this machine lacks its instructions",
+                      "use automatic");
 }
 
 template <>

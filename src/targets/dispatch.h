@@ -13,4 +13,17 @@ Target resolve(Target wanted);
 template <class S>
 const KernelSet<S>& kernels_for(Target target);
 
+/// The kernels of one target.
+struct TargetKernels {
+  Target target;
+  const char* name;
+  bool (*runs_here)();
+  const KernelSet<float>& f32;
+  const KernelSet<double>& f64;
+};
+
+/// Adds a target that the library is not built with, and that automatic never takes. Tests add their scalar twins so,
+/// before they use any. Not thread-safe.
+void add_target(const TargetKernels& kernels);
+
 }  // namespace lockstep

@@ -25,8 +25,14 @@ LOCKSTEP_CALLED_STAGES(extern, registers::LOCKSTEP_KERNEL_TARGET::f64);
 template <class Step, bool f32, bool f64>
 constexpr GeneratedKernel generated_kernel(const char* name, const char* version, std::uint64_t hash) {
   using Registers = registers::LOCKSTEP_KERNEL_TARGET;
-  GeneratedKernel kernel{name, version, LOCKSTEP_QUOTED(LOCKSTEP_KERNEL_TARGET), hash, nullptr, nullptr, Step::together,
-                         Step::keeps};
+  GeneratedKernel kernel{name,
+                         version,
+                         LOCKSTEP_QUOTED(LOCKSTEP_KERNEL_TARGET),
+                         hash,
+                         nullptr,
+                         nullptr,
+                         Step::tiles_per_call,
+                         Step::carried_values};
   if constexpr (f32) kernel.f32 = kernels::advance<typename Registers::f32, Step>;
   if constexpr (f64) kernel.f64 = kernels::advance<typename Registers::f64, Step>;
   return kernel;

@@ -1,28 +1,28 @@
 // A generated kernel, and how the library comes to know of it. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "../kernels/lanes.h"
-#include "../plan/tables.h"
+#include "kernels/tile/state_pointers.h"
+#include "plan/tables.h"
 
 namespace lockstep {
 
 template <class S>
-using Advance = void (*)(const Tables<S>&, const Lanes<S>&, std::ptrdiff_t, std::ptrdiff_t, int, void*);
+using Advance = void (*)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t, std::ptrdiff_t, int, void*);
 
 /// A step in straight-line code, for one plan and one instruction set.
 struct GeneratedKernel {
   const char* name;
   const char* version;  ///< of the library that wrote it; another one does not use it
-  const char* target;   ///< name(Target)
+  const char* target;   ///< to_string(Target)
   std::uint64_t hash;   ///< kernel_hash() of the plan
   Advance<float> f32;   ///< null where it was not asked for
   Advance<double> f64;
-  int together;         ///< tiles that it steps in turn, part by part: it wants scratch memory for so many
-  int keeps;            ///< and for so many numbers of each, a mask being one
+  int tiles_per_call;  ///< tiles that it steps in turn, part by part: it needs scratch memory for so many
+  int carried_values;  ///< and for so many numbers of each, a mask being one
 };
 
 /// Before main() or later. The kernel must live as long as the program. Thread-safe.
-void register_kernel(const GeneratedKernel& kernel);
+LOCKSTEP_API void register_kernel(const GeneratedKernel& kernel);
 
 /// Registers kernels before main(), as a constant somewhere. Not from a file with special instructions: the machine may
 /// lack them.

@@ -3,8 +3,8 @@
 
 #include <cstddef>
 
-#include "../kernels/readback.h"
-#include "../plan/operations.h"
+#include "interpret/operations.h"
+#include "kernels/readback.h"
 
 namespace lockstep {
 
@@ -14,19 +14,18 @@ struct KernelSet {
   /// Bytes of scratch memory, aligned to 64, that the functions below want for these tables.
   std::size_t (*scratch_bytes)(const Tables<S>&);
   /// Environments [first, last): whole tiles.
-  void (*advance)(const Tables<S>&, const Lanes<S>&, std::ptrdiff_t first, std::ptrdiff_t last, int substeps, void* scratch);
-  /// The same by a list of operations, and the memory for that.
-  std::size_t (*listed_bytes)(const Tables<S>&, const OperationList&);
-  void (*advance_listed)(const Tables<S>&, const Lanes<S>&, std::ptrdiff_t first, std::ptrdiff_t last, int substeps, void* scratch,
-                         const OperationList&);
-  void (*read)(const Tables<S>&, const Lanes<S>&, std::ptrdiff_t first, std::ptrdiff_t last,
+  void (*advance)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, std::ptrdiff_t last, int substeps,
+                  void* scratch);
+  /// The same by the interpreter, and the memory for that.
+  std::size_t (*interpreter_bytes)(const Tables<S>&, const OperationList&);
+  void (*interpret)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, std::ptrdiff_t last, int substeps,
+                    void* scratch, const OperationList&);
+  void (*read)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, std::ptrdiff_t last,
                const kernels::Request<S>&, S* rows, std::ptrdiff_t stride, void* scratch);
 };
 
-// Compiled for each instruction set by itself, and its scalar twin; avx ones on x86-64, neon on AArch64.
-extern const KernelSet<float> baseline_f32, baseline_scalar_f32, avx2_f32, avx2_scalar_f32, avx512_f32;
-extern const KernelSet<double> baseline_f64, baseline_scalar_f64, avx2_f64, avx2_scalar_f64, avx512_f64;
-extern const KernelSet<float> neon_f32, neon_scalar_f32;
-extern const KernelSet<double> neon_f64, neon_scalar_f64;
+// Compiled for each instruction set by itself; avx ones on x86-64, neon on AArch64.
+extern const KernelSet<float> baseline_f32, avx2_f32, avx512_f32, neon_f32;
+extern const KernelSet<double> baseline_f64, avx2_f64, avx512_f64, neon_f64;
 
 }  // namespace lockstep

@@ -1,7 +1,7 @@
 // The numbers that each instruction set computes with: one register of them. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "../simd/wide.h"
+#include "simd/wide.h"
 
 namespace lockstep::registers {
 

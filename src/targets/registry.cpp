@@ -12,7 +12,7 @@ struct Registry {
   std::vector<const GeneratedKernel*> kernels;
 };
 
-// Made by whoever comes first: kernels register themselves before main().
+// DraftOp by whoever comes first: kernels register themselves before main().
 Registry& registry() {
   static Registry all;
   return all;

@@ -18,15 +18,17 @@ std::vector<const GeneratedKernel*> find_kernels(std::uint64_t hash);
 /// A kernel's step in precision S, null where it has none.
 template <class S>
 Advance<S> advance_of(const GeneratedKernel& kernel) {
-  if constexpr (sizeof(S) == 4) return kernel.f32;
-  else return kernel.f64;
+  if constexpr (sizeof(S) == 4)
+    return kernel.f32;
+  else
+    return kernel.f64;
 }
 
 /// The first of them with a step for the target in precision S: there may be one for each precision. Null without any.
 template <class S>
 const GeneratedKernel* find_kernel(std::uint64_t hash, Target target) {
   for (const GeneratedKernel* kernel : find_kernels(hash))
-    if (kernel->target == std::string(name(target)) && advance_of<S>(*kernel)) return kernel;
+    if (kernel->target == std::string(to_string(target)) && advance_of<S>(*kernel)) return kernel;
   return nullptr;
 }
 

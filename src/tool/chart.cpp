@@ -25,13 +25,13 @@
 namespace lockstep::tool {
 namespace {
 
-constexpr double largest_error = 10.0;  // rad or m; beyond it a run has failed
+constexpr double largest_error = 10.0;   // rad or m; beyond it a run has failed
 constexpr double longest_motion = 60.0;  // s
-constexpr int rounds = 5;               // cost measurements of every setting, far apart in time
+constexpr int rounds = 5;                // cost measurements of every setting, far apart in time
 constexpr int fewest_environments = 64, most_environments = 4096;
 constexpr double predictable_from = 3.0;  // times the truth's own error, an error says something
-constexpr double predictable = 0.1;     // the truth's own error against the smallest error charted
-constexpr double truth_share = 0.2;     // of the work, as the progress bar shows it
+constexpr double predictable = 0.1;       // the truth's own error against the smallest error charted
+constexpr double truth_share = 0.2;       // of the work, as the progress bar shows it
 
 struct ChartOptions {
   ModelOptions model;
@@ -117,16 +117,17 @@ Measured measure(const ChartOptions& options, const Model& model, const Truth& t
 
 std::string csv_line(const ChartPoint& point) {
   const ChartSetting& setting = point.setting;
-  return fmt::format("{},{},{},{},{},{},{},{},{},{}\n", name(setting.method), name(setting.integrator), setting.iterations,
-                     1.0 / setting.steps_per_second, setting.f64 ? "f64" : "f32", point.rms_error,
+  return fmt::format("{},{},{},{},{},{},{},{},{},{}\n", to_string(setting.method), to_string(setting.integrator),
+                     setting.iterations, 1.0 / setting.steps_per_second, setting.f64 ? "f64" : "f32", point.rms_error,
                      point.coupling_error_max, 1e6 * point.cost, setting.steps_per_second / point.cost,
                      point.faulted ? 1 : 0);
 }
 
 void write_csv(const std::string& path, const std::vector<ChartPoint>& points) {
   OutputFile file(path);
-  file.write("method,integrator,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,"
-             "env_steps_per_second,faulted\n");
+  file.write(
+      "method,integrator,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,"
+      "env_steps_per_second,faulted\n");
   for (const ChartPoint& point : points) file.write(csv_line(point));
   file.close();
 }
@@ -149,7 +150,7 @@ std::string caption(const Model& model, const Truth& truth, int environments, in
   const nlohmann::json caption = {
       {"model", model.name},
       {"cpu", cpu_name()},
-      {"target", name(Batch<float>(compile(model), 1, {.threads = 1}).target())},
+      {"target", to_string(Batch<float>(compile(model), 1, {.threads = 1}).target())},
       {"joints", std::count_if(model.joints.begin(), model.joints.end(), [](const Joint& j) { return j.moves(); })},
       {"couplings", model.couplings.size()},
       {"base", model.root.floating ? "floating" : "fixed"},
@@ -188,8 +189,9 @@ void report(const Model& model, const Truth& truth, const std::vector<ChartPoint
   fmt::print("model    {}\n", model.name);
   fmt::print("truth    {} steps/s, f64, extrapolated; estimated error {:.1e}\n", truth.steps_per_second, truth.error);
   if (truth.error > std::max(predictable * least, 1e-6))
-    fmt::print("         (too much to tell the methods apart: this motion grows small differences; a shorter\n"
-               "         --seconds, a gentler --state or a --drive would help)\n");
+    fmt::print(
+        "         (too much to tell the methods apart: this motion grows small differences; a shorter\n"
+        "         --seconds, a gentler --state or a --drive would help)\n");
   fmt::print("points   {}, {} of them failed (faulted, or off by more than {:g})\n", points.size(), failed,
              largest_error);
 }
@@ -226,8 +228,8 @@ void run(const ChartOptions& options) {
       options.csv.empty() ? std::filesystem::path(out).replace_extension(".csv").string() : options.csv;
   keep_apart({options.model.file, options.state}, {out, csv});
   if (options.seconds > longest_motion)
-    throw InputError(fmt::format("--seconds: {} s are too long for a chart; give at most {}", options.seconds,
-                                 longest_motion));
+    throw InputError(
+        fmt::format("--seconds: {} s are too long for a chart; give at most {}", options.seconds, longest_motion));
   const int samples = std::max(1, static_cast<int>(std::lround(options.seconds * samples_per_second)));
 
   const Model model = with_start(options, options.model.load().model);
@@ -237,11 +239,10 @@ void run(const ChartOptions& options) {
   Measured measured;
   {
     Progress progress(100.0, "%");
-    truth = find_truth(model, options.ignore, samples,
-                       [&](double share) { progress.update(100.0 * truth_share * share); });
-    measured = measure(options, model, truth, [&](double share) {
-      progress.update(100.0 * (truth_share + (1.0 - truth_share) * share));
-    });
+    truth =
+        find_truth(model, options.ignore, samples, [&](double share) { progress.update(100.0 * truth_share * share); });
+    measured = measure(options, model, truth,
+                       [&](double share) { progress.update(100.0 * (truth_share + (1.0 - truth_share) * share)); });
   }
   write_csv(csv, measured.points);
   report(model, truth, measured.points);
@@ -260,13 +261,19 @@ void add_chart(CLI::App& app, int& exit_code) {
   command->add_option("--out", options->out, "The picture (default MODEL_chart.svg); .png and .pdf work too")
       ->type_name("FILE");
   command->add_option("--csv", options->csv, "The table (default: the picture's name with .csv)")->type_name("FILE");
-  add_parsed(*command, "--seconds", options->seconds,
-             [](const std::string& text) { return seconds_of(text, "--seconds"); }, "Simulated time in s")
-      ->type_name("T")->default_str("1");
+  add_parsed(
+      *command, "--seconds", options->seconds, [](const std::string& text) { return seconds_of(text, "--seconds"); },
+      "Simulated time in s")
+      ->type_name("T")
+      ->default_str("1");
   command->add_option("--envs", options->environments, "Environments while measuring cost; 0: as the budget allows")
-      ->type_name("N")->capture_default_str()->check(CLI::Range(0, 1 << 24));
+      ->type_name("N")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1 << 24));
   command->add_option("--budget", options->budget, "CPU seconds to spend on measuring cost")
-      ->type_name("S")->capture_default_str()->check(CLI::Range(0.01, 1e5));
+      ->type_name("S")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 1e5));
   command->add_option("--state", options->state, "CSV with the start state, one row")->type_name("FILE");
   command->add_option("--python", options->python, "A Python that has matplotlib")->type_name("PATH");
   command->callback([options, &exit_code] {

@@ -14,8 +14,8 @@
 namespace lockstep::tool {
 namespace {
 
-constexpr double start_angle = 0.3, start_slide = 0.03;         // rad, m
-constexpr double start_turning = 1.0, start_sliding = 0.1;      // rad/s, m/s
+constexpr double start_angle = 0.3, start_slide = 0.03;     // rad, m
+constexpr double start_turning = 1.0, start_sliding = 0.1;  // rad/s, m/s
 constexpr int sweep_counts[] = {1, 2, 4, 8, 16, 32};
 constexpr int step_rates[] = {60, 120, 240, 480, 960};
 constexpr int tolerance_rates[] = {60, 120, 180, 240, 360, 480, 720, 960, 1440, 1920, 2880, 3840, 5760, 7680};
@@ -37,8 +37,12 @@ double moved_within_limits(const Joint& joint, double by) {
   return up - joint.position >= joint.position - down ? up : down;
 }
 
-void act(const Drive& drive, long step, double dt, Batch<float>& batch) { if (drive.f32) drive.f32(step, dt, batch); }
-void act(const Drive& drive, long step, double dt, Batch<double>& batch) { if (drive.f64) drive.f64(step, dt, batch); }
+void act(const Drive& drive, long step, double dt, Batch<float>& batch) {
+  if (drive.f32) drive.f32(step, dt, batch);
+}
+void act(const Drive& drive, long step, double dt, Batch<double>& batch) {
+  if (drive.f64) drive.f64(step, dt, batch);
+}
 
 template <class S>
 Trajectory trajectory(const Plan& plan, int samples, const std::function<void(double)>& tick, bool watch_couplings,
@@ -146,15 +150,15 @@ Model with_moving_start(Model model) {
 }
 
 std::string family(const ChartSetting& setting) {
-  return setting.integrator == Integrator::euler ? name(setting.method) : name(setting.integrator);
+  return setting.integrator == Integrator::euler ? to_string(setting.method) : to_string(setting.integrator);
 }
 
 std::string described(const ChartSetting& setting) {
   const bool sweeps = setting.method == Method::pgs || setting.method == Method::tgs;
   const std::string method = setting.method == Method::automatic ? ""
-                             : sweeps ? fmt::format(" ({} {})", name(setting.method), setting.iterations)
-                                      : fmt::format(" ({})", name(setting.method));
-  return fmt::format("{}{} at 1/{} s in {}", name(setting.integrator), method, setting.steps_per_second,
+                             : sweeps ? fmt::format(" ({} {})", to_string(setting.method), setting.iterations)
+                                      : fmt::format(" ({})", to_string(setting.method));
+  return fmt::format("{}{} at 1/{} s in {}", to_string(setting.integrator), method, setting.steps_per_second,
                      setting.f64 ? "f64" : "f32");
 }
 
@@ -198,11 +202,13 @@ Truth find_truth(const Model& model, const Ignored& ignore, int samples, const s
     // Each run takes twice the steps of the one before.
     const double share = std::ldexp(1.0 / (2.0 - std::ldexp(1.0, 1 - levels)), level + 1 - levels);
     const Plan plan = truth_plan(model, ignore, integrator, rate >> (levels - 1 - level));
-    Trajectory run =
-        trajectory<double>(plan, samples, [&](double of_run) { tick(done + share * of_run); }, false, drive);
+    Trajectory run = trajectory<double>(
+        plan, samples, [&](double of_run) { tick(done + share * of_run); }, false, drive);
     if (run.fault != Fault::none)
-      throw InputError(fmt::format("model '{}': the small-step run that errors are measured against faulted ({}); "
-                                   "give another start with --state", model.name, name(run.fault)));
+      throw InputError(
+          fmt::format("model '{}': the small-step run that errors are measured against faulted ({}); "
+                      "give another start with --state",
+                      model.name, to_string(run.fault)));
     runs[level] = std::move(run.positions);
     done += share;
   }

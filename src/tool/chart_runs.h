@@ -12,10 +12,10 @@ namespace lockstep::tool {
 /// One way to step: what a point of the chart stands for.
 struct ChartSetting {
   Method method;
-  int iterations;        ///< 0 for direct and reduced, which have none
+  int iterations;  ///< 0 for direct and reduced, which have none
   int steps_per_second;
   bool f64;
-  Ignored ignore = {};   ///< bounds that no run of the chart has
+  Ignored ignore = {};  ///< bounds that no run of the chart has
   Integrator integrator = Integrator::euler;
 };
 
@@ -51,8 +51,8 @@ struct Trajectory {
 /// The trajectory in the limit of small steps, with an estimate of what it is still off.
 struct Truth {
   Eigen::ArrayXXd positions;
-  double error = 0.0;            ///< rms, rad or m
-  int steps_per_second = 0;      ///< the most that were taken
+  double error = 0.0;        ///< rms, rad or m
+  int steps_per_second = 0;  ///< the most that were taken
 };
 
 /// `model` with a start that moves. One that has a velocity keeps its own; in another every independent joint

@@ -60,8 +60,8 @@ void read_row(const std::vector<std::string>& cells, int line, const std::string
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const std::optional<double> number = to_number(cells[i]);
     if (!number)
-      throw InputError(fmt::format("{}:{}: '{}' in column '{}' is not a finite number", where, i + 1, cells[i],
-                                   table.columns[i]));
+      throw InputError(
+          fmt::format("{}:{}: '{}' in column '{}' is not a finite number", where, i + 1, cells[i], table.columns[i]));
     row.push_back(*number);
   }
   table.rows.push_back(std::move(row));
@@ -117,7 +117,8 @@ void keep_apart(const std::vector<std::string>& inputs, const std::vector<std::s
     if (!file.empty()) taken.insert(place(file));
   for (const std::string& file : outputs)
     if (!file.empty() && !taken.insert(place(file)).second)
-      throw InputError(fmt::format("{}: would be overwritten, but is another input or output; give another name", file));
+      throw InputError(
+          fmt::format("{}: would be overwritten, but is another input or output; give another name", file));
 }
 
 OutputFile::OutputFile(std::string path)

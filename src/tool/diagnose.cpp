@@ -38,8 +38,7 @@ void look(const Batch<S>& batch, double time, std::vector<Watched>& watched, Dia
     std::vector<std::string> rows = batch.conflicts(e);
     if (rows.empty()) continue;
     environment.had_conflict = true;
-    if (++diagnosis.conflict_count <= most_conflicts_listed)
-      diagnosis.conflicts.push_back({e, time, std::move(rows)});
+    if (++diagnosis.conflict_count <= most_conflicts_listed) diagnosis.conflicts.push_back({e, time, std::move(rows)});
   }
 }
 

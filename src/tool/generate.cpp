@@ -29,8 +29,8 @@ ParameterSet parameters_of(const std::string& list) {
     bool found = false;
     for (int p = 0; p < parameter_count; ++p) {
       const auto parameter = static_cast<Parameter>(p);
-      known += std::string(known.empty() ? "" : ", ") + name(parameter);
-      if (wanted == name(parameter)) set.insert(parameter), found = true;
+      known += std::string(known.empty() ? "" : ", ") + to_string(parameter);
+      if (wanted == to_string(parameter)) set.insert(parameter), found = true;
     }
     if (!found) throw InputError(fmt::format("--per-environment: there is no '{}'; there are {}", wanted, known));
   }
@@ -46,7 +46,8 @@ void run(GenerateOptions& options) {
   OutputFile file(options.out);
   file.write(source.code);
   file.close();
-  fmt::print("{}: {} operations, {} flops a step; kernel {:016x}\n", options.out, source.operations, source.flops, source.hash);
+  fmt::print("{}: {} operations, {} flops a step; kernel {:016x}\n", options.out, source.operations, source.flops,
+             source.hash);
 }
 
 }  // namespace
@@ -60,12 +61,14 @@ void add_generate(CLI::App& app, int& exit_code) {
              "Fields that differ from environment to environment, with commas between them")
       ->type_name("LIST");
   command->add_flag("--record-impulses", options->step.settings.record_impulses, "For batches that keep impulses");
-  command->add_flag("--record-diagnostics", options->step.settings.record_diagnostics, "For batches that keep diagnostics");
+  command->add_flag("--record-diagnostics", options->step.settings.record_diagnostics,
+                    "For batches that keep diagnostics");
   command->add_flag("--stage-inputs", options->step.settings.stage_inputs,
                     "For batches with targets and efforts of each stage's time");
   command->add_option("--out", options->out, "The C++ file to write")->required();
   command->add_option("--name", options->kernel.name, "Name of the kernel; the model's if left out");
-  command->add_option("--precision", options->precision, "f32, f64 or both")->check(CLI::IsMember({"f32", "f64", "both"}));
+  command->add_option("--precision", options->precision, "f32, f64 or both")
+      ->check(CLI::IsMember({"f32", "f64", "both"}));
   command->callback([options, &exit_code] {
     run(*options);
     exit_code = fine;

@@ -37,7 +37,8 @@ int main(int argc, char** argv) {
     const std::vector<std::string> extras = app.remaining();
     if (!extras.empty())
       return complain(fmt::format("there is no command '{}'; give info, simulate, chart or generate", extras[0]));
-    if (app.get_subcommands().empty()) return complain("give a command: info, simulate, chart or generate; --help says more");
+    if (app.get_subcommands().empty())
+      return complain("give a command: info, simulate, chart or generate; --help says more");
     return exit_code;
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version

@@ -28,8 +28,7 @@ struct Named {
 Named named_numbers(const std::string& text, std::size_t count, const std::string& option) {
   const std::size_t equals = text.rfind('=');
   if (equals == std::string::npos || equals == 0)
-    throw InputError(
-        fmt::format("{}: '{}' should be JOINT=NUMBER{}", option, text, count == 2 ? ",NUMBER" : ""));
+    throw InputError(fmt::format("{}: '{}' should be JOINT=NUMBER{}", option, text, count == 2 ? ",NUMBER" : ""));
   const std::string what = option + " " + text.substr(0, equals);
   const std::vector<double> numbers = to_numbers(text.substr(equals + 1), count, what);
   for (const double number : numbers)
@@ -56,8 +55,7 @@ Joint& moving_joint(Model& model, const std::string& name, const char* option) {
 
 void soften(const std::string& text, Model& model) {
   const Named softness = named_numbers(text, 2, "--softness");
-  coupling_of(model, softness.name, "--softness").softness =
-      Softness::frequency(softness.numbers[0], softness.numbers[1]);
+  coupling_of(model, softness.name, "--softness").softness = Frequency{softness.numbers[0], softness.numbers[1]};
 }
 
 void limit_force(const std::string& text, Model& model) {
@@ -123,7 +121,7 @@ void apply(const ModelOptions& options, Model& model) {
   model.gravity = options.gravity;
   if (options.erp)
     for (Coupling& coupling : model.couplings)
-      if (coupling.softness.kind == Softness::Kind::hard) coupling.softness = Softness::hard(*options.erp);
+      if (std::holds_alternative<Hard>(coupling.softness)) coupling.softness = Hard{*options.erp};
   for (const std::string& text : options.softness) soften(text, model);
   for (const std::string& text : options.force_limits) limit_force(text, model);
   for (const std::string& text : options.drives) drive(text, model);
@@ -137,17 +135,19 @@ Import ModelOptions::load() const {
 }
 
 void StepOptions::add_to(CLI::App& app) {
-  add_parsed(app, "--dt", settings.dt, [](const std::string& text) { return seconds_of(text, "--dt"); },
-             "Step size in s, a number or a fraction")
+  add_parsed(
+      app, "--dt", settings.dt, [](const std::string& text) { return seconds_of(text, "--dt"); },
+      "Step size in s, a number or a fraction")
       ->type_name("H")
       ->default_str("1/240");
   add_parsed(app, "--method", settings.method, method_of,
              "How couplings are solved: automatic, pgs, tgs, direct, reduced")
       ->type_name("M")
       ->default_str("automatic");
-  add_parsed(app, "--integrator", settings.integrator, integrator_of,
-             "How a step is taken through time: automatic, euler, and for scenes without bounds leapfrog, extrapolated, "
-             "runge_kutta")
+  add_parsed(
+      app, "--integrator", settings.integrator, integrator_of,
+      "How a step is taken through time: automatic, euler, and for scenes without bounds leapfrog, extrapolated, "
+      "runge_kutta")
       ->type_name("I")
       ->default_str("automatic");
   app.add_option("--iterations", settings.iterations, "Sweeps of pgs, sub-steps of tgs")
@@ -174,8 +174,8 @@ template <class E, std::size_t n>
 E named(const E (&all)[n], const std::string& text, const char* option, const char* what) {
   std::vector<const char*> known;
   for (const E one : all) {
-    if (text == name(one)) return one;
-    known.push_back(name(one));
+    if (text == to_string(one)) return one;
+    known.push_back(to_string(one));
   }
   throw InputError(fmt::format("{}: there is no '{}'; the {} are {}", option, text, what, fmt::join(known, ", ")));
 }
@@ -200,8 +200,7 @@ Ignored ignored_of(const std::string& list) {
     else if (part == "friction")
       ignored.friction = true;
     else
-      throw InputError(
-          fmt::format("--ignore: there is no '{}'; give some of position,velocity,effort,friction", part));
+      throw InputError(fmt::format("--ignore: there is no '{}'; give some of position,velocity,effort,friction", part));
   }
   return ignored;
 }

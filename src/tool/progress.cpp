@@ -43,8 +43,8 @@ std::string progress_line(double done, double total, double seconds, const std::
   constexpr int width = 30;
   const double share = total > 0.0 ? std::clamp(done / total, 0.0, 1.0) : 1.0;
   const int filled = static_cast<int>(share * width);
-  std::string line = fmt::format("[{}{}] {:3.0f} %", std::string(filled, '#'), std::string(width - filled, '.'),
-                                 100.0 * share);
+  std::string line =
+      fmt::format("[{}{}] {:3.0f} %", std::string(filled, '#'), std::string(width - filled, '.'), 100.0 * share);
   if (done > 0.0 && seconds > 0.0)
     line += fmt::format("  {} {}/s  {} left", with_prefix(done / seconds), unit, duration(seconds / share - seconds));
   return line;

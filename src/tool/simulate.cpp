@@ -160,10 +160,10 @@ void print(const SimulateOptions& options, const Plan& plan, const Outcome& outc
   const bool sweeps = plan.method() == Method::pgs || plan.method() == Method::tgs;
   fmt::print("model    {}: {} joints, {} couplings, {} base\n", plan.model().name, plan.dofs(), plan.couplings(),
              plan.floating() ? "floating" : "fixed");
-  fmt::print("method   {}{}, {}, {}, step {} s, {} thread{}, {}\n", name(plan.method()),
+  fmt::print("method   {}{}, {}, {}, step {} s, {} thread{}, {}\n", to_string(plan.method()),
              sweeps ? fmt::format(" {}+{}", plan.settings().iterations, plan.settings().velocity_iterations) : "",
-             name(plan.integrator()), options.f64 ? "f64" : "f32", fraction(plan.settings().dt), thread_count(options),
-             thread_count(options) == 1 ? "" : "s", name(outcome.target));
+             to_string(plan.integrator()), options.f64 ? "f64" : "f32", fraction(plan.settings().dt),
+             thread_count(options), thread_count(options) == 1 ? "" : "s", to_string(outcome.target));
   fmt::print("run      {} environments x {} steps = {:.6g} s each\n", options.environments, outcome.steps, simulated);
   if (std::abs(simulated - options.seconds) > 1e-9 * options.seconds)
     fmt::print("         ({:.6g} s is not a whole number of steps: rounded)\n", options.seconds);
@@ -180,10 +180,10 @@ void print(const SimulateOptions& options, const Plan& plan, const Outcome& outc
 void warn(const Diagnosis& diagnosis) {
   if (diagnosis.conflict_count == 0) return;
   const Conflict& first = diagnosis.conflicts.front();
-  fmt::print("warning  bounds and couplings could not all be met in {} of the {} environments looked at; "
-             "first in number {} at {:.4g} s: {}\n",
-             diagnosis.conflict_count, diagnosis.environments, first.environment, first.time,
-             fmt::join(first.rows, ", "));
+  fmt::print(
+      "warning  bounds and couplings could not all be met in {} of the {} environments looked at; "
+      "first in number {} at {:.4g} s: {}\n",
+      diagnosis.conflict_count, diagnosis.environments, first.environment, first.time, fmt::join(first.rows, ", "));
 }
 
 std::string as_json(const SimulateOptions& options, const Plan& plan, const Outcome& outcome,
@@ -196,7 +196,7 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   json["coupling_error_rms"] = outcome.coupling_error_rms;
   json["faulted_environments"] = outcome.faulted;
   if (outcome.faulted > 0)
-    json["first_fault"] = {{"environment", outcome.first_faulted}, {"fault", name(outcome.first_fault)}};
+    json["first_fault"] = {{"environment", outcome.first_faulted}, {"fault", to_string(outcome.first_fault)}};
   json["diagnosed_environments"] = diagnosis.environments;
   json["energy_excess_max"] = diagnosis.energy_excess_max;
   json["limit_violation_max"] = diagnosis.limit_violation_max;
@@ -206,13 +206,13 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   for (const Conflict& conflict : diagnosis.conflicts)
     json["conflicts"].push_back(
         {{"environment", conflict.environment}, {"time", conflict.time}, {"rows", conflict.rows}});
-  json["method"] = name(plan.method());
-  json["integrator"] = name(plan.integrator());
+  json["method"] = to_string(plan.method());
+  json["integrator"] = to_string(plan.integrator());
   json["iterations"] = plan.settings().iterations;
   json["velocity_iterations"] = plan.settings().velocity_iterations;
   json["precision"] = options.f64 ? "f64" : "f32";
   json["threads"] = thread_count(options);
-  json["target"] = name(outcome.target);
+  json["target"] = to_string(outcome.target);
   json["dt"] = plan.settings().dt;
   json["envs"] = options.environments;
   json["steps"] = outcome.steps;
@@ -272,7 +272,7 @@ int run(const SimulateOptions& options) {
   if (outcome.faulted == 0) return fine;
   std::fflush(stdout);
   fmt::print(stderr, "lockstep: {} of {} environments faulted; the first is number {}: {}\n", outcome.faulted,
-             options.environments, outcome.first_faulted, name(outcome.first_fault));
+             options.environments, outcome.first_faulted, to_string(outcome.first_fault));
   return some_faulted;
 }
 
@@ -284,31 +284,47 @@ void add_simulate(CLI::App& app, int& exit_code) {
   options->model.add_to(*command);
   options->step.add_to(*command);
   command->add_option("--envs", options->environments, "Environments")
-      ->type_name("N")->capture_default_str()->check(CLI::Range(1, 1 << 24));
-  add_parsed(*command, "--seconds", options->seconds,
-             [](const std::string& text) { return seconds_of(text, "--seconds"); }, "Simulated time in s")
-      ->type_name("T")->default_str("1");
-  add_parsed(*command, "--precision", options->f64,
-             [](const std::string& text) {
-               if (text != "f32" && text != "f64")
-                 throw InputError(fmt::format("--precision: there is no '{}'; give f32 or f64", text));
-               return text == "f64";
-             }, "f32 or f64")
-      ->type_name("P")->default_str("f32");
-  command->add_option("--tolerance", options->tolerance,
-                      "Takes the cheapest step and integrator that keep the joints this close to the exact motion, rad or m")
-      ->type_name("E")->check(CLI::PositiveNumber)->excludes("--dt");
+      ->type_name("N")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1 << 24));
+  add_parsed(
+      *command, "--seconds", options->seconds, [](const std::string& text) { return seconds_of(text, "--seconds"); },
+      "Simulated time in s")
+      ->type_name("T")
+      ->default_str("1");
+  add_parsed(
+      *command, "--precision", options->f64,
+      [](const std::string& text) {
+        if (text != "f32" && text != "f64")
+          throw InputError(fmt::format("--precision: there is no '{}'; give f32 or f64", text));
+        return text == "f64";
+      },
+      "f32 or f64")
+      ->type_name("P")
+      ->default_str("f32");
+  command
+      ->add_option(
+          "--tolerance", options->tolerance,
+          "Takes the cheapest step and integrator that keep the joints this close to the exact motion, rad or m")
+      ->type_name("E")
+      ->check(CLI::PositiveNumber)
+      ->excludes("--dt");
   command->add_option("--threads", options->threads, "Threads; 0: all cores")
-      ->type_name("N")->capture_default_str()->check(CLI::Range(0, 1024));
+      ->type_name("N")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1024));
   command->add_option("--state", options->state, "CSV of start states, one row for all environments or one each")
       ->type_name("FILE");
   command->add_option("--targets", options->targets, "CSV of drive targets over time")->type_name("FILE");
   command->add_option("--perturb", options->sigma, "Normal noise on the independent joints' start, rad or m")
-      ->type_name("SIGMA")->check(CLI::Range(0.0, 1e3));
+      ->type_name("SIGMA")
+      ->check(CLI::Range(0.0, 1e3));
   command->add_option("--seed", options->seed, "Of the noise")->type_name("S")->capture_default_str();
   command->add_option("--record", options->record, "Writes one environment's trajectory as CSV")->type_name("FILE");
   command->add_option("--record-env", options->recorded, "Which environment, from 0")
-      ->type_name("I")->capture_default_str()->check(CLI::Range(0, (1 << 24) - 1));
+      ->type_name("I")
+      ->capture_default_str()
+      ->check(CLI::Range(0, (1 << 24) - 1));
   command->add_option("--json", options->json, "Writes the results as JSON")->type_name("FILE");
   command->callback([options, &exit_code] { exit_code = run(*options); });
 }

@@ -35,9 +35,10 @@ Targets::Targets(Table table, const Plan& plan) : table_(std::move(table)) {
       throw InputError(fmt::format("{}: model '{}' has no moving joint '{}'", where, plan.model().name, name));
     const Drive& drive = joint_of(plan, found->row).drive;
     if (!drive.kinematic && drive.kp == 0.0 && drive.kd == 0.0)
-      throw InputError(fmt::format("{}: joint '{}' has no drive that could follow a target; give it one with --drive "
-                                   "or --kinematic",
-                                   where, plan.dof_names()[found->row]));
+      throw InputError(
+          fmt::format("{}: joint '{}' has no drive that could follow a target; give it one with --drive "
+                      "or --kinematic",
+                      where, plan.dof_names()[found->row]));
     columns_.back() = {found->row, found->kind == StateColumn::Kind::velocity};
   }
   for (std::size_t row = 1; row < table_.rows.size(); ++row)

@@ -40,9 +40,9 @@ std::optional<double> to_fraction(std::string_view text) {
 std::vector<double> to_numbers(const std::string& text, std::size_t count, const std::string& what) {
   const std::vector<std::string> parts = split(text, ',');
   if (parts.size() != count)
-    throw InputError(count == 1 ? fmt::format("{}: '{}' should be one number", what, text)
-                                : fmt::format("{}: '{}' should be {} numbers with commas between them", what, text,
-                                              count));
+    throw InputError(count == 1
+                         ? fmt::format("{}: '{}' should be one number", what, text)
+                         : fmt::format("{}: '{}' should be {} numbers with commas between them", what, text, count));
   std::vector<double> numbers;
   for (const std::string& part : parts) {
     const std::optional<double> number = to_number(part);

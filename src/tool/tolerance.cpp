@@ -29,10 +29,13 @@ Chosen choose_step(const Model& model, const StepSettings& settings, bool f64, d
                    const Targets& targets) {
   const Drive drive{applying<float>(targets), applying<double>(targets)};
   const int samples = std::max(1, static_cast<int>(std::lround(std::min(seconds, probe_seconds) * samples_per_second)));
-  const Truth truth = find_truth(model, settings.ignore, samples, [](double) {}, drive);
+  const Truth truth = find_truth(
+      model, settings.ignore, samples, [](double) {}, drive);
   if (truth.error > tolerance / 3.0)
-    throw InputError(fmt::format("--tolerance: {:g} is too close for this motion: small steps tell it to {:.1e} only; give a "
-                                 "larger tolerance or fewer --seconds", tolerance, truth.error));
+    throw InputError(
+        fmt::format("--tolerance: {:g} is too close for this motion: small steps tell it to {:.1e} only; give a "
+                    "larger tolerance or fewer --seconds",
+                    tolerance, truth.error));
   std::optional<Chosen> best;
   double least = infinity, smallest_error = infinity;
   std::string refusal;

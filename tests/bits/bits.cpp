@@ -1,6 +1,8 @@
-// Prints a hash of the bits that a build computes, a line for each plan, target, engine and precision. SPDX-License-Identifier: Apache-2.0
+// Prints a hash of the bits that a build computes, a line for each plan, target, engine and precision.
+// SPDX-License-Identifier: Apache-2.0
 //
-// compare.py compiles it against two builds and compares the lines. It uses each build's own headers and test libraries.
+// compare.py compiles it against two builds and compares the lines. It uses each build's own headers and test
+// libraries.
 #include <fmt/format.h>
 
 #include <cstdint>
@@ -18,12 +20,17 @@ namespace {
 #if LOCKSTEP_VERSION_MINOR < 2  // before Engine
 enum class Engine { tables, interpreter, generated };
 BatchOptions options_of(Engine engine, Target target) {
-  return {.threads = 1, .target = target, .generated = engine == Engine::generated, .listed = engine == Engine::interpreter};
+  return {.threads = 1,
+          .target = target,
+          .generated = engine == Engine::generated,
+          .listed = engine == Engine::interpreter};
 }
 template <class S>
 bool runs(const Batch<S>& batch, Engine engine) {
   const std::string kernel = batch.kernel();
-  return engine == Engine::tables ? kernel == "tables" : engine == Engine::interpreter ? kernel == "operations" : kernel.starts_with("generated");
+  return engine == Engine::tables        ? kernel == "tables"
+         : engine == Engine::interpreter ? kernel == "operations"
+                                         : kernel.starts_with("generated");
 }
 template <class S, class Use>
 void with_batch(const Plan& plan, Engine engine, Target target, Use use) {
@@ -72,15 +79,21 @@ std::uint64_t outcome(Batch<S>& batch) {
     hash.add(batch.row_residuals()), hash.add(batch.row_states()), hash.add(batch.energy_balances());
   }
   hash.add(batch.coupling_errors()), hash.add(batch.kinetic_energies()), hash.add(batch.momenta());
-  hash.add(batch.link_poses(0)), hash.add(batch.link_velocities(static_cast<int>(batch.plan().model().links.size()) - 1));
+  hash.add(batch.link_poses(0)),
+      hash.add(batch.link_velocities(static_cast<int>(batch.plan().model().links.size()) - 1));
   return hash.value;
 }
 
 void print(const std::string& name) {
   const Plan plan = generated::plan_of(name);
-  const struct { Engine engine; const char* name; } engines[] = {
-      {Engine::tables, "tables"}, {Engine::interpreter, "interpreter"}, {Engine::generated, "generated"}};
-  const struct { Target target; const char* name; } targets[] = {
+  const struct {
+    Engine engine;
+    const char* name;
+  } engines[] = {{Engine::tables, "tables"}, {Engine::interpreter, "interpreter"}, {Engine::generated, "generated"}};
+  const struct {
+    Target target;
+    const char* name;
+  } targets[] = {
       {Target::baseline, "baseline"}, {Target::avx2, "avx2"}, {Target::avx512, "avx512"}, {Target::neon, "neon"}};
   for (const auto& engine : engines)
     for (const auto& target : targets) {
@@ -105,7 +118,8 @@ std::vector<std::string> plan_names() {
       if (std::strcmp(scene, "chain8") == 0 || std::strcmp(scene, "gripper13") == 0) names.push_back(plain + "_bounds");
       if (std::strcmp(scene, "chain8") == 0) names.push_back(plain + "_bounds_fields");
       if (std::strcmp(method, "reduced") != 0 && std::strcmp(method, "direct") != 0) continue;
-      for (const char* integrator : {"leapfrog", "extrapolated"}) names.push_back(fmt::format("{}_{}", plain, integrator));
+      for (const char* integrator : {"leapfrog", "extrapolated"})
+        names.push_back(fmt::format("{}_{}", plain, integrator));
       if (std::strcmp(method, "reduced") == 0 && std::strcmp(scene, "drive1e6") != 0)
         names.push_back(plain + "_leapfrog_inputs");
     }

@@ -21,11 +21,10 @@ def lines_of(source, build, folder):
     libraries = [build / name for name in (
         "tests/generated/libgenerated_plans.a", "tests/liblockstep_physics.a", "tests/scenes/liblockstep_scenes.a",
         "src/reference/liblockstep_reference.a")]
-    # The tests' own library has more instruction sets than the other where there are both.
-    library = next(build / name for name in ("tests/liblockstep_testing.a", "src/liblockstep.a") if (build / name).exists())
+    libraries += [path for path in (build / "tests/twins/liblockstep_twins.a", build / "src/liblockstep.a") if path.exists()]
     subprocess.run(["g++", "-std=c++20", "-O1", "-I/usr/include/eigen3", *(f"-I{source / d}" for d in ("include", "src", "tests")),
                     str(HERE / "bits.cpp"), "-o", str(program), *map(str, objects), "-Wl,--start-group", *map(str, libraries),
-                    str(library), "-Wl,--end-group", "-lgtest", "-lfmt", "-ltbb", "-ltinyxml2"], check=True)
+                    "-Wl,--end-group", "-lgtest", "-lfmt", "-ltbb", "-ltinyxml2"], check=True)
     output = subprocess.run([program], check=True, capture_output=True, text=True).stdout
     return dict(line.rsplit(" ", 1) for line in output.splitlines())
 

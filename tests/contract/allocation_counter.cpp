@@ -1,7 +1,7 @@
 // operator new and malloc that count. SPDX-License-Identifier: Apache-2.0
 //
 // A file of its own, so that nobody who allocates sees through the pairs.
-#include "contract/allocation_counter.h"
+#include "allocation_counter.h"
 
 #include <atomic>
 #include <cstdlib>

@@ -3,8 +3,8 @@
 #include <new>
 #include <utility>
 
+#include "allocation_counter.h"
 #include "bounded_scenes.h"
-#include "contract/allocation_counter.h"
 
 namespace lockstep {
 namespace {
@@ -73,7 +73,7 @@ TEST_P(Allocation, none_in_a_step_of_one_thread) {
 TEST(AllocationOfIntegrators, is_none_in_a_step_of_one_thread) {
   for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
     for (const Model& model : {scenes::chain8(), scenes::chain32()}) {
-      SCOPED_TRACE(name(integrator));
+      SCOPED_TRACE(to_string(integrator));
       const Plan plan = compile(model, {.dt = 1.0 / 480, .integrator = integrator, .stage_inputs = true});
       expect_no_allocation<float>(plan, Target::automatic);
       expect_no_allocation<double>(plan, Target::automatic);

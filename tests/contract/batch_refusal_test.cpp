@@ -55,7 +55,7 @@ TEST(Batch, refuses_fields_that_were_not_declared_and_says_where_to_declare_them
   for (unsigned p = 0; p < parameter_count; ++p) {
     const Parameter parameter = static_cast<Parameter>(p);
     if (parameter == Parameter::damping) continue;
-    expect_refused<UsageError>([&] { batch.parameter(parameter); }, std::string("field ") + name(parameter),
+    expect_refused<UsageError>([&] { batch.parameter(parameter); }, std::string("field ") + to_string(parameter),
                                "StepSettings::per_environment");
   }
   expect_refused<UsageError>([&] { batch.coupling_impulses(); }, "coupling impulses", "StepSettings::record_impulses");
@@ -113,7 +113,10 @@ INSTANTIATE_TEST_SUITE_P(
                     TooLarge{"mass", [](Model& m) { m.links[3].inertia.mass = 1e60; }},
                     TooLarge{"gravity", [](Model& m) { m.gravity.z() = -1e300; }},
                     TooLarge{"offset", [](Model& m) { m.couplings[0].offset = 1e300; }},
-                    TooLarge{"stiffness", [](Model& m) { m.couplings[0].softness = Softness::spring(1e300, 0.0); }},
+                    TooLarge{"stiffness",
+                             [](Model& m) {
+                               m.couplings[0].softness = Spring{1e300, 0.0};
+                             }},
                     TooLarge{"root", [](Model& m) { m.root.pose.translation().y() = 1e300; }},
                     TooLarge{"twist", [](Model& m) { m.root.velocity[4] = 1e300; }}),
     [](const auto& info) { return std::string(info.param.name); });
@@ -132,15 +135,11 @@ class Variable : public testing::Test {
 struct TargetVariable : Variable {
   TargetVariable() : Variable("LOCKSTEP_TARGET") {}
 };
-struct ListedVariable : Variable {
-  ListedVariable() : Variable("LOCKSTEP_LISTED") {}
-};
-
 TEST_F(TargetVariable, chooses_where_the_options_leave_it_open) {
   const Plan plan = compile(scenes::chain8());
   for (Target target : all_targets) {
     if (!supported(target)) continue;
-    setenv("LOCKSTEP_TARGET", name(target), 1);
+    setenv("LOCKSTEP_TARGET", to_string(target), 1);
     EXPECT_EQ(Batch<float>(plan, 1).target(), target);
     EXPECT_EQ(Batch<float>(plan, 1, {.target = Target::baseline}).target(), Target::baseline);
   }
@@ -153,34 +152,47 @@ TEST_F(TargetVariable, chooses_where_the_options_leave_it_open) {
   unsetenv("LOCKSTEP_TARGET");
   EXPECT_EQ(Batch<float>(plan, 1).target(), best);
   setenv("LOCKSTEP_TARGET", "sse9", 1);
-  expect_refused<SettingsError>([&] { Batch<float>(plan, 1); }, "LOCKSTEP_TARGET", "baseline_scalar");
+  expect_refused<SettingsError>([&] { Batch<float>(plan, 1); }, "LOCKSTEP_TARGET", "baseline, avx2");
   EXPECT_NO_THROW(Batch<float>(plan, 1, {.target = Target::baseline}));
 }
 
-TEST_F(ListedVariable, chooses_where_the_options_leave_it_open) {
+TEST(AutomaticEngine, is_the_interpreter_where_that_is_faster) {
+  if (contract::engine_preferred) GTEST_SKIP() << "LOCKSTEP_TEST_ENGINE is set";
   Model rough = scenes::chain8();
   rough.joints[0].friction = 0.1;
   const Plan small = compile(scenes::chain8()), reduced = compile(scenes::chain32()),
              large = compile(scenes::chain32(), {.method = Method::direct}), with_friction = compile(rough);
-  for (const char* nothing : {"", static_cast<const char*>(nullptr)}) {
-    nothing ? setenv("LOCKSTEP_LISTED", nothing, 1) : unsetenv("LOCKSTEP_LISTED");
-    EXPECT_EQ(Batch<float>(small, 1).kernel(), "operations");
-    EXPECT_EQ(Batch<float>(reduced, 1).kernel(), "operations");
-    EXPECT_EQ(Batch<float>(large, 1).kernel(), "tables");
-    EXPECT_EQ(Batch<double>(with_friction, 1).kernel(), "tables");
-  }
-  EXPECT_NE(small.describe().find("Kernel: a list of operations;"), std::string::npos) << small.describe();
+  EXPECT_EQ(Batch<float>(small, 1).engine(), Engine::interpreter);
+  EXPECT_EQ(Batch<float>(reduced, 1).engine(), Engine::interpreter);
+  EXPECT_EQ(Batch<float>(large, 1).engine(), Engine::tables);
+  EXPECT_EQ(Batch<double>(with_friction, 1).engine(), Engine::tables);
+  EXPECT_NE(small.describe().find("Engine: interpreter;"), std::string::npos) << small.describe();
   for (const Plan& plan : {large, with_friction})
-    EXPECT_NE(plan.describe().find("Kernel: tables;"), std::string::npos) << plan.describe();
-  setenv("LOCKSTEP_LISTED", "0", 1);
-  EXPECT_EQ(Batch<float>(small, 1).kernel(), "tables");
-  EXPECT_EQ(Batch<float>(small, 1, {.listed = true}).kernel(), "operations");
-  setenv("LOCKSTEP_LISTED", "1", 1);
-  EXPECT_EQ(Batch<float>(large, 1).kernel(), "operations");
-  EXPECT_EQ(Batch<float>(large, 1, {.listed = false}).kernel(), "tables");
-  setenv("LOCKSTEP_LISTED", "yes", 1);
-  expect_refused<SettingsError>([&] { Batch<float>(small, 1); }, "LOCKSTEP_LISTED", "0 or 1");
-  EXPECT_NO_THROW(Batch<float>(small, 1, {.listed = false}));
+    EXPECT_NE(plan.describe().find("Engine: tables;"), std::string::npos) << plan.describe();
+}
+
+TEST(Engines, that_are_asked_for_run_or_are_refused) {
+  const Plan plan = compile(scenes::chain8()), large = compile(scenes::chain32(), {.method = Method::direct});
+  for (Engine engine : {Engine::tables, Engine::interpreter})
+    for (const Plan& each : {plan, large}) {
+      const Batch<float> batch(each, 1, {.engine = engine});
+      EXPECT_EQ(batch.engine(), engine);
+      EXPECT_EQ(batch.kernel_name(), "");
+    }
+  expect_refused<SettingsError>([&] { Batch<float>(plan, 1, {.engine = Engine::generated}); }, "engine",
+                                "lockstep_add_kernel");
+  Model limited = scenes::chain8();
+  limited.joints[0].drive.kp = 1.0, limited.joints[0].effort_limit = 1.0;
+  expect_refused<SettingsError>([&] { Batch<float>(compile(limited), 1, {.engine = Engine::interpreter}); }, "engine",
+                                "tables");
+}
+
+TEST(Names, of_targets_and_engines) {
+  for (Target target : all_targets) EXPECT_NE(std::string(to_string(target)), "unknown");
+  EXPECT_STREQ(to_string(Engine::automatic), "automatic");
+  EXPECT_STREQ(to_string(Engine::tables), "tables");
+  EXPECT_STREQ(to_string(Engine::interpreter), "interpreter");
+  EXPECT_STREQ(to_string(Engine::generated), "generated");
 }
 
 }  // namespace

@@ -52,8 +52,8 @@ TEST(Views, have_a_row_per_dof_in_the_order_of_the_models_joints) {
       for (const CouplingTerm& term : coupling.terms)
         EXPECT_TRUE((batch.parameter(Parameter::gear_ratio).row(gear++) == term.ratio).all());
       EXPECT_TRUE((batch.parameter(Parameter::offset).row(c) == coupling.offset).all());
-      EXPECT_TRUE((batch.parameter(Parameter::softness).row(2 * c) == coupling.softness.first).all());
-      EXPECT_TRUE((batch.parameter(Parameter::softness).row(2 * c + 1) == coupling.softness.second).all());
+      EXPECT_TRUE((batch.parameter(Parameter::softness).row(2 * c) == numbers_of(coupling.softness).first).all());
+      EXPECT_TRUE((batch.parameter(Parameter::softness).row(2 * c + 1) == numbers_of(coupling.softness).second).all());
     }
     for (std::size_t l = 0; l < model.links.size(); ++l)
       EXPECT_TRUE((batch.parameter(Parameter::mass).row(static_cast<int>(l)) == model.links[l].inertia.mass).all());
@@ -61,7 +61,7 @@ TEST(Views, have_a_row_per_dof_in_the_order_of_the_models_joints) {
     EXPECT_TRUE((batch.parameter(Parameter::link_wrench) == 0.0).all());
     for (unsigned p = 0; p < parameter_count; ++p) {
       const Parameter parameter = static_cast<Parameter>(p);
-      EXPECT_EQ(batch.parameter(parameter).rows(), plan.parameter_rows(parameter)) << name(parameter);
+      EXPECT_EQ(batch.parameter(parameter).rows(), plan.parameter_rows(parameter)) << to_string(parameter);
       EXPECT_EQ(batch.parameter(parameter).cols(), 5);
     }
   }
@@ -243,8 +243,8 @@ TEST(Batch, of_262144_environments_steps_each_as_if_alone) {
 
 template <class S>
 void step_with_little_stack(const Plan& plan, Target target) {
-  Batch<S> batch(plan, 9, {.threads = 1, .target = target, .listed = true});
-  ASSERT_EQ(batch.kernel(), "operations");
+  Batch<S> batch(plan, 9, {.threads = 1, .target = target, .engine = Engine::interpreter});
+  ASSERT_EQ(batch.engine(), Engine::interpreter);
   pthread_attr_t small;
   pthread_attr_init(&small);
   ASSERT_EQ(pthread_attr_setstacksize(&small, 256 * 1024), 0);
@@ -260,15 +260,15 @@ void step_with_little_stack(const Plan& plan, Target target) {
   EXPECT_TRUE((batch.velocities() != S(0)).any());
 }
 
-// An operation calls the next one: a call that is no jump takes a hundred bytes and more, and there are thousands. Where
-// diagnostics are recorded two thousand of them read and write.
+// An operation calls the next one: a call that is no jump takes a hundred bytes and more, and there are thousands.
+// Where diagnostics are recorded two thousand of them read and write.
 TEST(Stack, lists_of_many_operations_take_little_of_it) {
-  for (const StepSettings& settings : {StepSettings{.method = Method::pgs},
-                                       StepSettings{.method = Method::pgs, .record_diagnostics = true}}) {
+  for (const StepSettings& settings :
+       {StepSettings{.method = Method::pgs}, StepSettings{.method = Method::pgs, .record_diagnostics = true}}) {
     const Plan plan = compile(scenes::chain32(), settings);
     for (const Target target : all_targets) {
       if (!supported(target)) continue;
-      SCOPED_TRACE(name(target));
+      SCOPED_TRACE(to_string(target));
       step_with_little_stack<float>(plan, target);
       step_with_little_stack<double>(plan, target);
     }

@@ -40,9 +40,9 @@ TEST_P(BoundsContract, lanes_with_other_active_sets_do_not_change_a_bit) {
   for_every_scene(GetParam(), [](const Model& model, const ParameterSet& fields, auto scalar) {
     using S = decltype(scalar);
     const Plan plan = compile(model, contract::settings(GetParam(), fields));
-    const Target twin = supported(Target::avx2_scalar)   ? Target::avx2_scalar
-                        : supported(Target::neon_scalar) ? Target::neon_scalar
-                                                         : Target::baseline_scalar;
+    const Target twin = supported(twins::avx2_scalar)   ? twins::avx2_scalar
+                        : supported(twins::neon_scalar) ? twins::neon_scalar
+                                                        : twins::baseline_scalar;
     Batch<S> crowd = scattered<S>(plan, environments);
     std::vector<Batch<S>> alone, amid_rest;
     for (int e = 0; e < environments; ++e) {
@@ -94,8 +94,8 @@ TEST_P(BoundsContract, lanes_of_the_scenes_have_other_active_sets) {
     }
     EXPECT_EQ(kinds.size(), 7u);
     for (const auto& [kind, found] : kinds)
-      EXPECT_EQ(found, kind != "kinematic drive" &&
-                           (kind != "coupling" || fields.contains(Parameter::coupling_switch))) << kind;
+      EXPECT_EQ(found, kind != "kinematic drive" && (kind != "coupling" || fields.contains(Parameter::coupling_switch)))
+          << kind;
     EXPECT_GT(tight, 0) << "limits of effort are reached in all lanes or none";
     EXPECT_TRUE(!fields.empty() || full[contract::limited_coupling]) << "the coupling slips in all lanes or none";
   });

@@ -20,10 +20,10 @@ struct ArithmeticClass {
   Target twin;
   std::vector<Target> wide;
 };
-const ArithmeticClass classes[] = {{Target::baseline_scalar, {Target::baseline}},
-                                   {Target::avx2_scalar, {Target::avx2, Target::avx512}},
-                                   {Target::neon_scalar, {Target::neon}}};
-constexpr int several = 17;           // one more than the lanes of the widest tile
+const ArithmeticClass classes[] = {{twins::baseline_scalar, {Target::baseline}},
+                                   {twins::avx2_scalar, {Target::avx2, Target::avx512}},
+                                   {twins::neon_scalar, {Target::neon}}};
+constexpr int several = 17;  // one more than the lanes of the widest tile
 constexpr int places[] = {0, 3, 7, 8, 12, 15, 16};
 constexpr int a_task_each = 2100;     // more lines of the cache, the least tasks, than eight threads take at once
 constexpr std::uint64_t same = 4242;  // seed of the environment that changes its place
@@ -67,9 +67,9 @@ TEST_P(Determinism, wide_kernels_and_their_scalar_twins_agree_to_the_last_bit) {
         if (!supported(wide)) continue;
         auto a = scattered<decltype(scalar)>(plan, 19, {.threads = 1, .target = wide});
         a.step(5);
-        EXPECT_TRUE(same_bits(a, b)) << name(wide);
+        EXPECT_TRUE(same_bits(a, b)) << to_string(wide);
         if (!plan.settings().record_impulses) continue;
-        EXPECT_TRUE((a.coupling_impulses() == b.coupling_impulses()).all()) << name(wide);
+        EXPECT_TRUE((a.coupling_impulses() == b.coupling_impulses()).all()) << to_string(wide);
       }
     }
   });
@@ -117,8 +117,8 @@ TEST_P(Determinism, place_in_the_batch_does_not_change_a_bit) {
 TEST(InPlace, neighbours_that_are_not_do_not_change_a_bit) {
   int shorter = 0;
   for_every_plan(Method::reduced, 60, contract::bounded_scenes(), [&](const Plan& plan, auto scalar) {
-    if (!plan.program().f64.reduction.shortens) return;
-    contract::expect_the_same_bits_in_place<decltype(scalar)>(plan, several, serial);
+    if (!program_of(plan).f64.reduction.consistent_is_shorter) return;
+    contract::expect_the_same_bits_where_consistent<decltype(scalar)>(plan, several, serial);
     ++shorter;
   });
   EXPECT_GT(shorter, 100);

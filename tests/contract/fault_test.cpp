@@ -49,8 +49,8 @@ std::vector<Cause<S>> causes(const Plan& plan) {
     const int dof = plan.dof(joint.name);
     all.push_back({"NaN position for " + joint.name,
                    [=](Batch<S>& b, int e) { b.position_targets()(dof, e) = no_number; }, Fault::not_finite});
-    all.push_back({"NaN speed for " + joint.name,
-                   [=](Batch<S>& b, int e) { b.velocity_targets()(dof, e) = no_number; }, Fault::not_finite});
+    all.push_back({"NaN speed for " + joint.name, [=](Batch<S>& b, int e) { b.velocity_targets()(dof, e) = no_number; },
+                   Fault::not_finite});
   }
   const ParameterSet& declared = plan.settings().per_environment;
   if (declared.contains(Parameter::drive_gains)) {  // targets are read for driven joints alone
@@ -68,7 +68,7 @@ std::vector<Cause<S>> causes(const Plan& plan) {
     for (int row : rows) {
       if (parameter == Parameter::mass && row == 0) continue;  // the fixed root's
       if (parameter == Parameter::link_wrench && row == 0) row = 6;
-      all.push_back({std::string("NaN ") + name(parameter) + " " + std::to_string(row),
+      all.push_back({std::string("NaN ") + to_string(parameter) + " " + std::to_string(row),
                      [=](Batch<S>& b, int e) { b.parameter(parameter)(row, e) = no_number; }, Fault::not_finite});
     }
   }
@@ -94,7 +94,7 @@ void expect_contained(const Plan& plan, Target target) {
     cause.write(batch, sick);
     const std::vector<S> before = outcome(batch, sick);
     batch.step(3);
-    EXPECT_EQ(name(batch.faults()[sick]), std::string(name(cause.fault)));
+    EXPECT_EQ(to_string(batch.faults()[sick]), std::string(to_string(cause.fault)));
     EXPECT_EQ(batch.faulted(), 1);
     EXPECT_TRUE(same_bits(outcome(batch, sick), before)) << "a first step that fails changes nothing";
     EXPECT_TRUE(same_bits(batch, sound, sick));
@@ -112,9 +112,9 @@ class Faults : public testing::TestWithParam<Method> {};
 
 TEST_P(Faults, are_flagged_and_leave_the_neighbours_alone) {
   Model springs = scenes::chain8();
-  springs.couplings[0].softness = Softness::spring(40.0, 1.0);
-  springs.couplings[1].softness = Softness::frequency(20.0, 0.5);
-  springs.couplings[3].softness = Softness::mixing(0.3, 0.1);
+  springs.couplings[0].softness = Spring{40.0, 1.0};
+  springs.couplings[1].softness = Frequency{20.0, 0.5};
+  springs.couplings[3].softness = ErpCfm{0.3, 0.1};
   std::vector<Model> models = {scenes::chain8(), springs, scenes::chain32()};
   for (Model& model : contract::small_bounded_scenes()) models.push_back(std::move(model));
   for (const Model& model : models)
@@ -123,9 +123,9 @@ TEST_P(Faults, are_flagged_and_leave_the_neighbours_alone) {
       StepSettings settings = contract::settings(GetParam(), declared);
       settings.record_impulses = !declared.empty();  // without, direct prescribes speeds
       const Plan plan = compile(model, settings);
-      for (Target target : {Target::baseline, Target::avx2, Target::avx2_scalar, Target::avx512}) {
+      for (Target target : {Target::baseline, Target::avx2, twins::avx2_scalar, Target::avx512}) {
         if (!supported(target)) continue;
-        SCOPED_TRACE(name(target));
+        SCOPED_TRACE(to_string(target));
         expect_contained<float>(plan, target);
         expect_contained<double>(plan, target);
       }
@@ -141,7 +141,7 @@ TEST_P(Faults, of_joints_on_a_long_arm_are_flagged) {
 
 INSTANTIATE_TEST_SUITE_P(method, Faults, testing::ValuesIn(physics::methods), physics::method_name);
 
-// A constant push that passes the bound in the middle of a step(12): what stays is the last substep within it.
+// A constant push that visits the bound in the middle of a step(12): what stays is the last substep within it.
 TEST(Fault, freezes_at_the_last_good_substep) {
   StepSettings settings;
   settings.velocity_bound = 10.0;
@@ -187,7 +187,7 @@ TEST(Fault, of_an_impossible_pivot_is_singular_by_tables_and_lists) {
   for (const float mass : {infinite, -infinite, 0.0f, -1.0f, 1e-39f})
     for (const bool listed : {false, true}) {
       SCOPED_TRACE(testing::Message() << mass << (listed ? ", listed" : ""));
-      Batch<float> batch(plan, 9, {.threads = 1, .listed = listed});
+      Batch<float> batch(plan, 9, {.threads = 1, .engine = listed ? Engine::interpreter : Engine::tables});
       batch.velocities().setOnes();
       batch.parameter(Parameter::mass)(1, 4) = mass;
       batch.step();
@@ -202,7 +202,7 @@ TEST(Fault, of_none_where_an_infinite_effort_has_a_limit) {
   for (Joint& joint : model.joints) joint.effort_limit = 3.0;
   const Plan plan = compile(model, physics::settings(Method::direct));
   for (const bool listed : {false, true}) {
-    Batch<float> batch(plan, 3, {.threads = 1, .listed = listed});
+    Batch<float> batch(plan, 3, {.threads = 1, .engine = listed ? Engine::interpreter : Engine::tables});
     batch.efforts()(0, 0) = std::numeric_limits<float>::infinity();
     batch.efforts()(0, 1) = 3.0f;
     batch.efforts()(0, 2) = std::numeric_limits<float>::quiet_NaN();
@@ -294,10 +294,10 @@ TEST(Fault, of_padding_lanes_never_counts) {
 }
 
 TEST(Fault, has_a_name) {
-  EXPECT_STREQ(name(Fault::none), "none");
-  EXPECT_STREQ(name(Fault::not_finite), "not_finite");
-  EXPECT_STREQ(name(Fault::diverged), "diverged");
-  EXPECT_STREQ(name(Fault::singular), "singular");
+  EXPECT_STREQ(to_string(Fault::none), "none");
+  EXPECT_STREQ(to_string(Fault::not_finite), "not_finite");
+  EXPECT_STREQ(to_string(Fault::diverged), "diverged");
+  EXPECT_STREQ(to_string(Fault::singular), "singular");
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
-// What every step promises, for integrators beyond Euler: bits, places, neighbours, faults. SPDX-License-Identifier: Apache-2.0
+// What every step promises, for integrators beyond Euler: bits, places, neighbours, faults. SPDX-License-Identifier:
+// Apache-2.0
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -53,16 +54,16 @@ class Integrators : public testing::TestWithParam<Integrator> {
 TEST_P(Integrators, give_the_bits_of_their_scalar_twin) {
   for_every_plan([](const Plan& plan, auto scalar) {
     using S = decltype(scalar);
-    const std::pair<Target, Target> pairs[] = {{Target::baseline_scalar, Target::baseline},
-                                               {Target::avx2_scalar, Target::avx2},
-                                               {Target::avx2_scalar, Target::avx512},
-                                               {Target::neon_scalar, Target::neon}};
+    const std::pair<Target, Target> pairs[] = {{twins::baseline_scalar, Target::baseline},
+                                               {twins::avx2_scalar, Target::avx2},
+                                               {twins::avx2_scalar, Target::avx512},
+                                               {twins::neon_scalar, Target::neon}};
     for (const auto& [narrow, wide] : pairs) {
       if (!supported(narrow) || !supported(wide)) continue;
       auto a = scattered<S>(plan, several, {.threads = 1, .target = narrow});
       auto b = scattered<S>(plan, several, {.threads = 1, .target = wide});
       a.step(3), b.step(3);
-      EXPECT_TRUE(same_bits(a, b)) << name(wide);
+      EXPECT_TRUE(same_bits(a, b)) << to_string(wide);
     }
   });
 }
@@ -121,7 +122,7 @@ TEST_P(Integrators, hold_inputs_as_they_would_with_equal_ones_for_each_stage) {
 
 INSTANTIATE_TEST_SUITE_P(integrator, Integrators,
                          testing::Values(Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta),
-                         [](const auto& info) { return std::string(name(info.param)); });
+                         [](const auto& info) { return std::string(to_string(info.param)); });
 
 template <class Change>
 std::string refusal(Model model, Integrator integrator, Change change) {
@@ -144,21 +145,26 @@ TEST(IntegratorSettings, that_do_not_apply_say_why_and_what_to_do) {
   for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta}) {
     const auto of_chain = [&](auto change) { return refusal(scenes::chain8(), integrator, change); };
     EXPECT_EQ(of_chain([](Model&, StepSettings&) {}), "");
-    expect_said(of_chain([](Model& m, StepSettings&) { m.joints[0].upper = 1.0; }), "has bounds", "StepSettings::ignore");
+    expect_said(of_chain([](Model& m, StepSettings&) { m.joints[0].upper = 1.0; }), "has bounds",
+                "StepSettings::ignore");
     expect_said(of_chain([](Model& m, StepSettings&) { m.joints[0].effort_limit = 1.0; }), "has bounds", "euler");
     expect_said(of_chain([](Model&, StepSettings& s) { s.method = Method::pgs; }), "sweeps", "reduced");
     expect_said(of_chain([](Model&, StepSettings& s) { s.record_impulses = true; }), "record", "euler");
     if (integrator != Integrator::runge_kutta)
-      expect_said(of_chain([](Model&, StepSettings& s) { s.velocity_iterations = 0; }), "velocity_iterations", "give 1");
-    EXPECT_EQ(of_chain([](Model& m, StepSettings& s) { m.joints[0].upper = 1.0, s.ignore.position_limits = true; }), "");
+      expect_said(of_chain([](Model&, StepSettings& s) { s.velocity_iterations = 0; }), "velocity_iterations",
+                  "give 1");
+    EXPECT_EQ(of_chain([](Model& m, StepSettings& s) { m.joints[0].upper = 1.0, s.ignore.position_limits = true; }),
+              "");
   }
   expect_said(refusal(scenes::gripper13(), Integrator::runge_kutta, [](Model&, StepSettings&) {}), "drives and damping",
               "dt of at most");
   expect_said(refusal(scenes::chain8(), Integrator::runge_kutta,
-                      [](Model& m, StepSettings&) { m.couplings[0].softness = Softness::spring(10.0, 0.1); }),
+                      [](Model& m, StepSettings&) {
+                        m.couplings[0].softness = Spring{10.0, 0.1};
+                      }),
               "soft", "leapfrog");
   expect_said(refusal(scenes::chain8(), Integrator::extrapolated,
-                      [](Model& m, StepSettings&) { m.couplings[0].softness = Softness::hard(1.9); }),
+                      [](Model& m, StepSettings&) { m.couplings[0].softness = Hard{1.9}; }),
               "erp", "lower");
 }
 

@@ -50,7 +50,7 @@ void expect_same_as_model(Batch<double>& batch, int environment, const Model& st
   expect_same_state(ours, state, tolerance);
 
   settings.per_environment = {Parameter::link_wrench};  // a model has none to say
-  Batch<double> recompiled(compile(start, settings), 1, {.threads = 1, .listed = false});
+  Batch<double> recompiled(compile(start, settings), 1, {.threads = 1, .engine = Engine::tables});
   for (Eigen::Index i = 0; i < inputs.wrenches.size(); ++i)
     recompiled.parameter(Parameter::link_wrench)(i, 0) = inputs.wrenches(i % 6, i / 6);
   recompiled.step(steps);
@@ -69,8 +69,9 @@ TEST_P(OwnParameters, of_every_environment_act_as_those_of_a_model) {
     settings.iterations = 1 + static_cast<int>(seed % 4);
     settings.velocity_iterations = static_cast<int>(seed % 3);
     const Model model = scenes::random_model(seed, options);
-    const BatchOptions kernel = physics::by_turns(static_cast<int>(seed));
-    Batch<double> batch = contract::scattered<double>(compile(model, settings), environments, kernel);
+    const Plan plan = compile(model, settings);
+    Batch<double> batch =
+        contract::scattered<double>(plan, environments, physics::by_turns(plan, static_cast<int>(seed)));
     std::vector<Model> starts;
     for (int e = 0; e < environments; ++e) starts.push_back(contract::model_of(batch, e));
     batch.step(steps);
@@ -86,7 +87,8 @@ TEST_P(OwnParameters, declared_and_left_alone_change_nothing) {
     SCOPED_TRACE(seed);
     const Model model = scenes::random_model(seed, options);
     const StepSettings settings = contract::settings(GetParam(), contract::all_parameters(GetParam()));
-    Batch<double> batch(compile(model, settings), 2, physics::by_turns(static_cast<int>(seed)));
+    const Plan plan = compile(model, settings);
+    Batch<double> batch(plan, 2, physics::by_turns(plan, static_cast<int>(seed)));
     const Model start = contract::model_of(batch, 1);
     batch.step(2);
     expect_same_as_model(batch, 1, start, 2);
@@ -97,12 +99,12 @@ INSTANTIATE_TEST_SUITE_P(method, OwnParameters, testing::ValuesIn(physics::metho
 
 class OwnSoftness : public testing::TestWithParam<Method> {};
 
-// Lanes of one tile: the coupling as the model has it, softer, absent as a spring, absent as a frequency.
+// StatePointers of one tile: the coupling as the model has it, softer, absent as a spring, absent as a frequency.
 TEST_P(OwnSoftness, of_zero_switches_a_coupling_off) {
   for (const bool driven : {false, true}) {
     Model model = scenes::chain8();
-    model.couplings[1].softness = Softness::spring(80.0, 2.0);
-    model.couplings[2].softness = Softness::frequency(25.0, 0.7);
+    model.couplings[1].softness = Spring{80.0, 2.0};
+    model.couplings[2].softness = Frequency{25.0, 0.7};
     if (driven) model.joints[3].drive = {30.0, 1.0, 0.4, 0.0};
     Batch<double> batch =
         contract::scattered<double>(compile(model, contract::settings(GetParam(), {Parameter::softness})), 4);

@@ -29,7 +29,8 @@ void for_random_environments(const std::function<void(Batch<double>&, int, const
     SCOPED_TRACE(seed);
     const ParameterSet fields = {Parameter::mass, Parameter::gravity, Parameter::offset};
     const Plan plan = compile(scenes::random_model(seed), contract::settings(Method::direct, fields));
-    Batch<double> batch = contract::scattered<double>(plan, environments, physics::by_turns(static_cast<int>(seed)));
+    Batch<double> batch =
+        contract::scattered<double>(plan, environments, physics::by_turns(plan, static_cast<int>(seed)));
     batch.step(2);
     for (int e = 0; e < environments; ++e) {
       SCOPED_TRACE(e);
@@ -133,7 +134,8 @@ TEST_P(Impulses, are_those_of_the_last_step) {
     SCOPED_TRACE(seed);
     const Plan plan = compile(scenes::random_model(seed), contract::settings(GetParam(), {Parameter::mass}));
     eliminated += static_cast<int>(plan.eliminated_dofs().size());
-    Batch<double> batch = contract::scattered<double>(plan, environments, physics::by_turns(static_cast<int>(seed)));
+    Batch<double> batch =
+        contract::scattered<double>(plan, environments, physics::by_turns(plan, static_cast<int>(seed)));
     batch.step(2);
     std::vector<Model> before;
     for (int e = 0; e < environments; ++e) before.push_back(contract::model_of(batch, e));

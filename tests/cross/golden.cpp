@@ -9,6 +9,7 @@
 
 #include "lockstep/batch.h"
 #include "scenes/scenes.h"
+#include "twins/twins.h"
 
 namespace lockstep {
 namespace {
@@ -18,8 +19,8 @@ struct ArithmeticClass {
   std::vector<Target> targets;
 };
 const ArithmeticClass classes[] = {
-    {"fused", {Target::avx2, Target::avx2_scalar, Target::avx512, Target::neon, Target::neon_scalar}},
-    {"unfused", {Target::baseline, Target::baseline_scalar}}};
+    {"fused", {Target::avx2, twins::avx2_scalar, Target::avx512, Target::neon, twins::neon_scalar}},
+    {"unfused", {Target::baseline, twins::baseline_scalar}}};
 
 // FNV-1a.
 template <class View>
@@ -63,11 +64,12 @@ void print(const std::string& words, const Plan& plan) {
 void print(const std::string& scene, Method method) {
   Model model = scenes::scene(scene).model;
   for (Joint& joint : model.joints) joint.lower = -0.35, joint.upper = 0.35, joint.friction = 0.01;
-  print(fmt::format("{} {}", scene, name(method)), compile(model, {.method = method, .iterations = 4}));
+  print(fmt::format("{} {}", scene, to_string(method)), compile(model, {.method = method, .iterations = 4}));
 }
 
 void print(const std::string& scene, Integrator integrator) {
-  print(fmt::format("{} {}", scene, name(integrator)), compile(scenes::scene(scene).model, {.integrator = integrator}));
+  print(fmt::format("{} {}", scene, to_string(integrator)),
+        compile(scenes::scene(scene).model, {.integrator = integrator}));
 }
 
 }  // namespace

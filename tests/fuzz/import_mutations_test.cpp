@@ -61,9 +61,9 @@ class Damage {
   // One of the quoted values becomes another one, or a nasty one.
   void swap_values(string& text) { replace_value(text, value_of(text)); }
   void spoil_value(string& text) {
-    static const string nasty[] = {"",        "nan",    "-inf", "1e308", "-1e308", "1e-310",          "0",
-                                   "1 2 3 4", "base",   "&lt;", "%s",    "0x7f",   string(5000, '9'), "-0",
-                                   "fixed",   "driver", "-1",   "1e200", "{}",     "floating",        "continuous"};
+    static const string nasty[] = {"",        "nan",     "-inf", "1e308", "-1e308", "1e-310",          "0",
+                                   "1 2 3 4", "base",    "&lt;", "%s",    "0x7f",   string(5000, '9'), "-0",
+                                   "fixed",   "knuckle", "-1",   "1e200", "{}",     "floating",        "continuous"};
     replace_value(text, nasty[below(std::size(nasty))]);
   }
 

@@ -1,4 +1,5 @@
-// Promises of steps that are written out, as code or as lists: those of the tables' kernels, and agreement with them. SPDX-License-Identifier: Apache-2.0
+// Promises of steps that are written out, as code or as lists: those of the tables' kernels, and agreement with them.
+// SPDX-License-Identifier: Apache-2.0
 #include <limits>
 #include <sstream>
 
@@ -18,49 +19,53 @@ constexpr Target targets[] = {Target::baseline, Target::avx2, Target::avx512, Ta
 
 struct Written {
   std::string plan;
-  bool listed;
+  Engine engine;
 };
 std::ostream& operator<<(std::ostream& out, const Written& written) {
-  return out << written.plan << (written.listed ? ", listed" : "");
+  return out << written.plan << ", " << to_string(written.engine);
 }
 
 std::vector<Written> all_written() {
   std::vector<Written> all;
   std::stringstream kernels(LOCKSTEP_KERNELS);
   for (std::string name; std::getline(kernels, name, ',');) {
-    all.push_back({name, false});
-    if (!name.ends_with("_bounds")) all.push_back({name, true});  // these limit servos' efforts: see below
+    all.push_back({name, Engine::generated});
+    if (!name.ends_with("_bounds"))
+      all.push_back({name, Engine::interpreter});  // these limit servos' efforts: see below
   }
   // Methods go by the seed, in turns of four: reduced, direct, pgs, tgs. Not all integrators go with all of them.
-  const std::vector<std::vector<const char*>> more = {
-      {"", "_fields", "_leapfrog", "_leapfrog_fields", "_extrapolated"},
-      {"", "_fields", "_leapfrog", "_extrapolated"}, {"", "_fields"}, {"", "_fields"}};
+  const std::vector<std::vector<const char*>> more = {{"", "_fields", "_leapfrog", "_leapfrog_fields", "_extrapolated"},
+                                                      {"", "_fields", "_leapfrog", "_extrapolated"},
+                                                      {"", "_fields"},
+                                                      {"", "_fields"}};
   for (int seed = 10; seed < 40; ++seed)
     for (const char* what : more[static_cast<std::size_t>(seed % 4)])
-      all.push_back({"random_" + std::to_string(seed) + what, true});
-  for (int seed = 40; seed < 60; ++seed) all.push_back({"random_" + std::to_string(seed) + "_limits", true});
+      all.push_back({"random_" + std::to_string(seed) + what, Engine::interpreter});
+  for (int seed = 40; seed < 60; ++seed)
+    all.push_back({"random_" + std::to_string(seed) + "_limits", Engine::interpreter});
   return all;
 }
 
 class Generated : public testing::TestWithParam<Written> {
  protected:
   const Plan plan = generated::plan_of(GetParam().plan);
-  // Tiles of four, eight and sixteen, and one begun; for lists a whole group of tiles and half of one - but not under bounds
-  // of which some environment's are hard to tell from contradictory ones: there tables do not agree with themselves.
-  const int several = GetParam().listed && !GetParam().plan.ends_with("_limits") ? 189 : 19;
+  // Tiles of four, eight and sixteen, and one begun; for lists a whole group of tiles and half of one - but not under
+  // bounds of which some environment's are hard to tell from contradictory ones: there tables do not agree with
+  // themselves.
+  const int several = GetParam().engine == Engine::interpreter && !GetParam().plan.ends_with("_limits") ? 189 : 19;
 
   bool is_compiled_for(Target target) const {
-    return plan.describe().find(GetParam().plan + " for " + name(target) + " in f64") != std::string::npos;
+    return plan.describe().find(GetParam().plan + " for " + to_string(target) + " in f64") != std::string::npos;
   }
 
   // check(options, scalar) for every target that there is a kernel for and that this machine has, in both precisions.
   template <class Check>
   void for_every_kernel(Check check) {
     for (const Target target : targets) {
-      const bool listed = GetParam().listed;
-      if (!supported(target) || (!listed && !is_compiled_for(target))) continue;
-      SCOPED_TRACE(name(target));
-      const BatchOptions options{.threads = 1, .target = target, .generated = !listed, .listed = listed};
+      const Engine engine = GetParam().engine;
+      if (!supported(target) || (engine == Engine::generated && !is_compiled_for(target))) continue;
+      SCOPED_TRACE(to_string(target));
+      const BatchOptions options{.threads = 1, .target = target, .engine = engine};
       check(options, float());
       check(options, double());
     }
@@ -69,13 +74,11 @@ class Generated : public testing::TestWithParam<Written> {
 
 TEST_P(Generated, is_found_and_said) {
   for_every_kernel([&](const BatchOptions& options, auto scalar) {
-    const auto [name, listed] = GetParam();
-    EXPECT_EQ(Batch<decltype(scalar)>(plan, 1, options).kernel(), listed ? "operations" : "generated " + name);
-    BatchOptions without = options;
-    without.generated = false, without.listed = false;
-    EXPECT_EQ(Batch<decltype(scalar)>(plan, 1, without).kernel(), "tables");
+    const Batch<decltype(scalar)> batch(plan, 1, options);
+    EXPECT_EQ(batch.engine(), options.engine);
+    EXPECT_EQ(batch.kernel_name(), options.engine == Engine::generated ? GetParam().plan : "");
   });
-  if (!GetParam().listed) {
+  if (GetParam().engine == Engine::generated) {
     EXPECT_TRUE(is_compiled_for(Target::avx2) || is_compiled_for(Target::neon)) << plan.describe();
   }
 }
@@ -86,15 +89,15 @@ TEST_P(Generated, agrees_with_the_tables_to_rounding) {
   for_every_kernel([&](BatchOptions options, auto scalar) {
     using S = decltype(scalar);
     const auto stepped = [&](bool written, Target target) {
-      const bool listed = written && options.listed.value_or(false), generated = written && options.generated;
-      Batch<S> batch = scattered<S>(plan, several,
-                                    {.threads = 1, .target = target, .generated = generated, .listed = listed});
+      Batch<S> batch = scattered<S>(
+          plan, several, {.threads = 1, .target = target, .engine = written ? options.engine : Engine::tables});
       batch.step();
       return batch;
     };
     const Batch<S> straight = stepped(true, options.target), tables = stepped(false, options.target);
-    const Target other = supported(Target::neon) ? Target::neon_scalar : Target::avx2_scalar;
-    const Batch<S> others = stepped(false, options.target == Target::baseline && supported(other) ? other : Target::baseline);
+    const Target other = supported(Target::neon) ? twins::neon_scalar : twins::avx2_scalar;
+    const Batch<S> others =
+        stepped(false, options.target == Target::baseline && supported(other) ? other : Target::baseline);
     EXPECT_EQ(straight.faulted(), tables.faulted());
     const auto agree = [&](const auto& a, const auto& b, const auto& c, const char* what) {
       for (int e = 0; e < several && a.rows() > 0; ++e) {
@@ -135,9 +138,9 @@ TEST_P(Generated, has_the_same_bits_in_any_batch_and_place) {
 }
 
 TEST_P(Generated, has_the_same_bits_where_followers_are_in_place) {
-  if (!plan.program().f64.reduction.shortens) return;
+  if (!program_of(plan).f64.reduction.consistent_is_shorter) return;
   for_every_kernel([&](const BatchOptions& options, auto scalar) {
-    contract::expect_the_same_bits_in_place<decltype(scalar)>(plan, several, options);
+    contract::expect_the_same_bits_where_consistent<decltype(scalar)>(plan, several, options);
   });
 }
 
@@ -158,9 +161,9 @@ TEST_P(Generated, freezes_what_fails_and_leaves_its_neighbours_alone) {
   });
 }
 
-// Lanes in which no bound acts keep what listed or generated operations made of them.
+// StatePointers in which no bound acts keep what listed or generated operations draft of them.
 TEST_P(Generated, does_not_notice_neighbours_beyond_their_limits) {
-  if (plan.program().f64.bounds.form.count == 0) return;
+  if (program_of(plan).f64.bounds.rows.count == 0) return;
   for_every_kernel([&](const BatchOptions& options, auto scalar) {
     using S = decltype(scalar);
     Batch<S> sound = scattered<S>(plan, several, options), pushed = scattered<S>(plan, several, options);
@@ -182,15 +185,16 @@ TEST_P(Generated, allocates_nothing_in_a_step_of_one_thread) {
   });
 }
 
-INSTANTIATE_TEST_SUITE_P(Plans, Generated, testing::ValuesIn(all_written()),
-                         [](const auto& info) { return info.param.plan + (info.param.listed ? "_listed" : ""); });
+INSTANTIATE_TEST_SUITE_P(Plans, Generated, testing::ValuesIn(all_written()), [](const auto& info) {
+  return info.param.plan + (info.param.engine == Engine::interpreter ? "_interpreter" : "");
+});
 
 TEST(GeneratedKernel, of_another_plan_is_not_taken) {
   Model model = generated::plan_of("chain8_reduced").model();
   model.links.back().inertia.mass *= 1.01;
   const Plan plan = compile(model, generated::plan_of("chain8_reduced").settings());
   EXPECT_NE(kernel_hash(plan), kernel_hash(generated::plan_of("chain8_reduced")));
-  EXPECT_EQ(Batch<float>(plan, 1).kernel(), "operations");
+  EXPECT_EQ(Batch<float>(plan, 1).engine(), Engine::interpreter);
 }
 
 TEST(GeneratedKernel, depends_on_what_a_step_does_and_on_nothing_else) {
@@ -209,50 +213,52 @@ TEST(GeneratedKernel, depends_on_what_a_step_does_and_on_nothing_else) {
 }
 
 // Joints that their couplings lock: velocities that are constants, and look at bounds as constants do.
-TEST(ListedStep, of_locked_joints_agrees_with_the_tables) {
+TEST(InterpretedStep, of_locked_joints_agrees_with_the_tables) {
   const Plan plan = compile(scenes::random_model(14), {.method = Method::reduced, .integrator = Integrator::euler});
-  Batch<double> listed(plan, 3, {.threads = 1, .listed = true}), tables(plan, 3, {.threads = 1, .listed = false});
-  ASSERT_EQ(listed.kernel(), "operations");
+  Batch<double> listed(plan, 3, {.threads = 1, .engine = Engine::interpreter}),
+      tables(plan, 3, {.threads = 1, .engine = Engine::tables});
+  ASSERT_EQ(listed.engine(), Engine::interpreter);
   listed.step(2), tables.step(2);
   EXPECT_EQ(listed.faulted(), 0);
   EXPECT_LT((listed.velocities() - tables.velocities()).abs().maxCoeff(), 1e-9);
   EXPECT_GT((tables.velocities().col(0) == 0.0).count(), 3);  // locked they are
 }
 
-TEST(ListedStep, does_not_notice_a_neighbour_at_its_limit) {
+TEST(InterpretedStep, does_not_notice_a_neighbour_at_its_limit) {
   Model model = scenes::chain8();
   for (Joint& joint : model.joints) joint.upper = 3.0;
   for (const Method method : {Method::reduced, Method::direct, Method::pgs, Method::tgs}) {
     const Plan plan = compile(model, {.method = method, .integrator = Integrator::euler});
-    Batch<float> free = scattered<float>(plan, 19, {.threads = 1, .generated = false, .listed = true});
-    Batch<float> beside = scattered<float>(plan, 19, {.threads = 1, .generated = false, .listed = true});
-    ASSERT_EQ(free.kernel(), "operations");
+    Batch<float> free = scattered<float>(plan, 19, {.threads = 1, .engine = Engine::interpreter});
+    Batch<float> beside = scattered<float>(plan, 19, {.threads = 1, .engine = Engine::interpreter});
+    ASSERT_EQ(free.engine(), Engine::interpreter);
     beside.positions().col(3) += 4.0f;
     Model unlimited = model;
     for (Joint& joint : unlimited.joints) joint.upper = infinity;
-    Batch<float> unbounded = scattered<float>(compile(unlimited, plan.settings()), 19, {.threads = 1, .listed = true});
+    Batch<float> unbounded =
+        scattered<float>(compile(unlimited, plan.settings()), 19, {.threads = 1, .engine = Engine::interpreter});
     unbounded.positions().col(3) += 4.0f;
     free.step(), beside.step(), unbounded.step();
     EXPECT_FALSE(same_bits(beside, 3, unbounded, 3)) << "no limit acts";
     for (int e = 0; e < 19; ++e)
       if (e != 3) {
-        EXPECT_TRUE(same_bits(free, e, beside, e)) << name(method) << " " << e;
+        EXPECT_TRUE(same_bits(free, e, beside, e)) << to_string(method) << " " << e;
       }
   }
 }
 
 // Couplings, masses and states of each tile are its own where bounds act, and so is whether its followers are in place.
-TEST(ListedStep, at_limits_looks_at_the_numbers_of_its_own_tile) {
+TEST(InterpretedStep, at_limits_looks_at_the_numbers_of_its_own_tile) {
   Model model = scenes::chain8();
   for (Joint& joint : model.joints) joint.lower = -0.35, joint.upper = 0.35;
   for (const ParameterSet& own : {ParameterSet{}, {Parameter::offset, Parameter::mass}, {Parameter::gear_ratio}})
     for (const Method method : {Method::reduced, Method::direct}) {
-      SCOPED_TRACE(testing::Message() << name(method) << (own.contains(Parameter::mass) ? ", masses" : "")
+      SCOPED_TRACE(testing::Message() << to_string(method) << (own.contains(Parameter::mass) ? ", masses" : "")
                                       << (own.contains(Parameter::gear_ratio) ? ", gear ratios" : ""));
       const Plan plan = compile(model, {.method = method, .integrator = Integrator::euler, .per_environment = own});
-      auto listed = scattered<double>(plan, 40, {.threads = 1, .generated = false, .listed = true});
-      auto tables = scattered<double>(plan, 40, {.threads = 1, .generated = false});
-      ASSERT_EQ(listed.kernel(), "operations");
+      auto listed = scattered<double>(plan, 40, {.threads = 1, .engine = Engine::interpreter});
+      auto tables = scattered<double>(plan, 40, {.threads = 1, .engine = Engine::tables});
+      ASSERT_EQ(listed.engine(), Engine::interpreter);
       const Batch<double>::Array before = tables.positions();
       listed.step(5), tables.step(5);
       EXPECT_LT((listed.velocities() - tables.velocities()).abs().maxCoeff(), 1e-7);
@@ -261,7 +267,7 @@ TEST(ListedStep, at_limits_looks_at_the_numbers_of_its_own_tile) {
 }
 
 // Two ratios between a pair of joints beside the chain lock them: no step looks at their velocities.
-TEST(ListedStep, keeps_of_a_frozen_environment_what_no_step_looks_at) {
+TEST(InterpretedStep, keeps_of_a_frozen_environment_what_no_step_looks_at) {
   Model model = scenes::chain8();
   for (const char* name : {"a", "b"}) {
     Link link = model.links.back();
@@ -274,8 +280,8 @@ TEST(ListedStep, keeps_of_a_frozen_environment_what_no_step_looks_at) {
   model.couplings.push_back(Coupling::mimic("a", "b", -2.0));
   model.couplings.push_back(Coupling::mimic("a", "b", -3.0));
   const Plan plan = compile(model, {.method = Method::reduced, .integrator = Integrator::euler});
-  Batch<float> batch = scattered<float>(plan, 40, {.threads = 1, .generated = false, .listed = true});
-  ASSERT_EQ(batch.kernel(), "operations");
+  Batch<float> batch = scattered<float>(plan, 40, {.threads = 1, .engine = Engine::interpreter});
+  ASSERT_EQ(batch.engine(), Engine::interpreter);
   batch.positions()(0, 1) = std::numeric_limits<float>::quiet_NaN();
   const Batch<float>::Array before = batch.velocities();
   batch.step(2);
@@ -283,13 +289,14 @@ TEST(ListedStep, keeps_of_a_frozen_environment_what_no_step_looks_at) {
   EXPECT_TRUE((batch.velocities().col(1) == before.col(1)).all()) << batch.velocities().col(1).transpose();
 }
 
-TEST(ListedStep, is_left_to_the_tables_where_there_is_none) {
+TEST(Interpreter, is_refused_where_there_is_no_list) {
   const Plan limited = generated::plan_of("chain8_reduced_bounds");  // servos with a limited effort
-  EXPECT_EQ(Batch<float>(limited, 1, {.generated = false, .listed = true}).kernel(), "tables");
+  EXPECT_THROW(Batch<float>(limited, 1, {.engine = Engine::interpreter}), SettingsError);
   StepSettings settings;
   settings.method = Method::tgs;
   settings.per_environment.insert(Parameter::softness);  // lane by lane
-  EXPECT_EQ(Batch<float>(compile(scenes::chain8(), settings), 1, {.listed = true}).kernel(), "tables");
+  EXPECT_THROW(Batch<float>(compile(scenes::chain8(), settings), 1, {.engine = Engine::interpreter}), SettingsError);
+  EXPECT_EQ(Batch<float>(compile(scenes::chain8(), settings), 1).engine(), Engine::tables);
 }
 
 // Kernels of one plan for one precision each, as two calls of lockstep_add_kernel() make them.
@@ -298,13 +305,14 @@ TEST(GeneratedKernel, is_found_in_either_precision) {
   const std::uint64_t hash = kernel_hash(plan);
   const GeneratedKernel kernel = {"one", version(), "baseline", hash, {}, {}, 1, 0};
   static GeneratedKernel kernels[] = {kernel, kernel};
-  kernels[0].f32 = [](const Tables<float>&, const Lanes<float>&, std::ptrdiff_t, std::ptrdiff_t, int, void*) {};
-  kernels[1].f64 = [](const Tables<double>&, const Lanes<double>&, std::ptrdiff_t, std::ptrdiff_t, int, void*) {};
+  kernels[0].f32 = [](const Tables<float>&, const StatePointers<float>&, std::ptrdiff_t, std::ptrdiff_t, int, void*) {};
+  kernels[1].f64 = [](const Tables<double>&, const StatePointers<double>&, std::ptrdiff_t, std::ptrdiff_t, int, void*) {
+  };
   for (const GeneratedKernel& each : kernels) register_kernel(each);
   EXPECT_EQ(find_kernel<float>(hash, Target::baseline), &kernels[0]);
   EXPECT_EQ(find_kernel<double>(hash, Target::baseline), &kernels[1]);
-  EXPECT_TRUE(Batch<float>(plan, 1, {.target = Target::baseline}).kernel().starts_with("generated"));
-  EXPECT_TRUE(Batch<double>(plan, 1, {.target = Target::baseline}).kernel().starts_with("generated"));
+  EXPECT_EQ(Batch<float>(plan, 1, {.target = Target::baseline}).engine(), Engine::generated);
+  EXPECT_EQ(Batch<double>(plan, 1, {.target = Target::baseline}).engine(), Engine::generated);
 }
 
 TEST(GeneratedKernel, refuses_what_is_worked_out_lane_by_lane) {

@@ -13,7 +13,7 @@ constexpr Method methods[] = {Method::reduced, Method::direct, Method::pgs, Meth
 
 Method method_in(const std::string& name) {
   for (const Method method : methods)
-    if (name.find(lockstep::name(method)) != std::string::npos) return method;
+    if (name.find(lockstep::to_string(method)) != std::string::npos) return method;
   throw std::invalid_argument("no method in the name " + name);
 }
 
@@ -49,7 +49,7 @@ Plan plan_of(const std::string& name) {
     settings.method = method_in(name);
   }
   for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
-    if (has(lockstep::name(integrator))) settings.integrator = integrator;
+    if (has(lockstep::to_string(integrator))) settings.integrator = integrator;
   settings.stage_inputs = has("_inputs");
   if (has("_bounds")) model = contract::bounded(model), settings.record_diagnostics = true;
   if (has("_fields")) {
@@ -57,7 +57,7 @@ Plan plan_of(const std::string& name) {
     settings.record_impulses = settings.integrator == Integrator::euler;
   }
   Plan plan = compile(model, settings);
-  if (has("deep_") && !plan.program().f64.articulated.used()) throw std::logic_error(name + " is not deep enough");
+  if (has("deep_") && !program_of(plan).f64.articulated.used()) throw std::logic_error(name + " is not deep enough");
   return plan;
 }
 

@@ -52,6 +52,7 @@ foreach(name ${names})  # one constant each: the compiler has a limit to the arg
   file(APPEND ${WORK}/registered.cc "static const RegisterKernels register_${name}{${name}};\n")
 endforeach()
 file(APPEND ${WORK}/registered.cc "}\n")
+string(REPLACE "," " " includes "${INCLUDE}")
 file(WRITE ${WORK}/CMakeLists.txt "
 cmake_minimum_required(VERSION 3.22)
 project(suite_kernels LANGUAGES CXX)
@@ -59,7 +60,7 @@ file(GLOB sources *.cpp)
 add_library(suite_kernels SHARED \${sources} registered.cc)
 target_compile_features(suite_kernels PRIVATE cxx_std_20)
 target_compile_definitions(suite_kernels PRIVATE LOCKSTEP_KERNEL_TARGET=avx2)
-target_include_directories(suite_kernels PRIVATE ${INCLUDE})
+target_include_directories(suite_kernels PRIVATE ${includes})
 target_compile_options(suite_kernels PRIVATE -O0 -ffp-contract=off -fno-math-errno -mavx2 -mfma)
 ")
 foreach(step "-S;${WORK};-B;${WORK}/build;-DCMAKE_CXX_COMPILER=${COMPILER};-DCMAKE_BUILD_TYPE=None"

@@ -33,9 +33,7 @@ struct Motion {
 };
 
 double farthest(const MatrixXd& a, const MatrixXd& b) { return (a - b).cwiseAbs().maxCoeff<Eigen::PropagateNaN>(); }
-double rms(const MatrixXd& a, const MatrixXd& b) {
-  return (a - b).norm() / std::sqrt(static_cast<double>(a.size()));
-}
+double rms(const MatrixXd& a, const MatrixXd& b) { return (a - b).norm() / std::sqrt(static_cast<double>(a.size())); }
 
 // Positions at rows, of what step(row) takes from there to the next.
 template <class Positions, class Step>
@@ -51,8 +49,8 @@ MatrixXd watched(Positions&& positions, Step&& step) {
 }
 
 MatrixXd stepped(const scenes::Scene& scene, int steps_per_row) {
-  const StepSettings settings{.dt = 1.0 / (rows * steps_per_row), .integrator = Integrator::extrapolated,
-                              .stage_inputs = true};
+  const StepSettings settings{
+      .dt = 1.0 / (rows * steps_per_row), .integrator = Integrator::extrapolated, .stage_inputs = true};
   Batch<double> batch(compile(scene.model, settings), 1, {.threads = 1});
   const std::vector<double> times = batch.plan().stage_times();
   const int dofs = batch.plan().dofs();

@@ -46,10 +46,12 @@ TEST_P(Accuracy, of_couplings_is_that_of_the_arithmetic) {
   EXPECT_LE(worst_error<float>(bound(), method()), std::string(bound().scene) == "chain32" ? 5e-6 : 1e-6);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    scene, Accuracy,
-    testing::Combine(testing::ValuesIn(physics::bounds), testing::Values(Method::direct, Method::reduced)),
-    [](const auto& info) { return std::string(std::get<0>(info.param).scene) + "_" + name(std::get<1>(info.param)); });
+INSTANTIATE_TEST_SUITE_P(scene, Accuracy,
+                         testing::Combine(testing::ValuesIn(physics::bounds),
+                                          testing::Values(Method::direct, Method::reduced)),
+                         [](const auto& info) {
+                           return std::string(std::get<0>(info.param).scene) + "_" + to_string(std::get<1>(info.param));
+                         });
 
 }  // namespace
 }  // namespace lockstep

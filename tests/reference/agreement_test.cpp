@@ -40,47 +40,54 @@ void expect_close(const char* what, const A& ours, const B& theirs, double scale
 }
 
 // How A_r is made, or done without, where there is a choice.
-enum class Formulation { as_planned, by_entries, merged, articulated };
-constexpr const char* names[] = {"as planned", "by entries", "merged", "articulated"};
+enum class Formulation { as_planned, by_entries, composite_columns, articulated };
+constexpr const char* names[] = {"as planned", "by entries", "composite columns", "articulated"};
 
 // The kernels' stages on one environment, without a Batch.
 struct Kernel {
   Kernel(const Plan& compiled, const reference::State& state, const reference::Inputs& inputs,
          Formulation formulation = Formulation::as_planned)
-      : plan(compiled), program(formulated(plan.program(), formulation)), t(program.f64), q(state.q), v(state.v.tail(t.joints)),
-        root_velocity(state.v.head(t.velocities - t.joints)), position_targets(inputs.position_targets),
-        velocity_targets(inputs.velocity_targets), efforts(inputs.efforts) {
+      : plan(compiled),
+        program(formulated(program_of(plan), formulation)),
+        t(program.f64),
+        q(state.q),
+        v(state.v.tail(t.joints)),
+        root_velocity(state.v.head(t.root_velocities())),
+        position_targets(inputs.position_targets),
+        velocity_targets(inputs.velocity_targets),
+        efforts(inputs.efforts) {
     const Eigen::Quaterniond& turn = state.orientation;
     root_pose << state.position, turn.w(), turn.x(), turn.y(), turn.z();
-    lanes.stride = 1;
-    lanes.position = q.data(), lanes.velocity = v.data();
-    lanes.root_pose = root_pose.data(), lanes.root_velocity = root_velocity.data();
-    lanes.position_target = position_targets.data(), lanes.velocity_target = velocity_targets.data();
-    lanes.effort = efforts.data(), lanes.fault = &fault;
+    batch.stride = 1;
+    batch.position = q.data(), batch.velocity = v.data();
+    batch.root_pose = root_pose.data(), batch.root_velocity = root_velocity.data();
+    batch.position_target = position_targets.data(), batch.velocity_target = velocity_targets.data();
+    batch.effort = efforts.data(), batch.fault = &fault;
     scratch.resize(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
     kernels::lay_out(t, scratch.data(), x);
     kernels::uniform_masses(t, x);
     kernels::uniform_ratios(t, x);
-    kernels::load(t, lanes, x);
+    kernels::load(t, batch, x);
   }
 
   static Program formulated(Program program, Formulation formulation) {
     Tables<double>& t = program.f64;
-    if (formulation != Formulation::as_planned) t.reduction.merged = {}, t.articulated = {};
+    if (formulation != Formulation::as_planned) t.reduction.composite = {}, t.articulated = {};
     if (formulation == Formulation::articulated) {
       t.reduction = {};
       t.solver = t.matrix;
       lay_out_rows(program);
-      t.articulated = articulated_bodies(t, program.store);
+      t.articulated = articulated_bodies(t, program.storage);
     }
-    if (formulation == Formulation::merged) t.reduction.merged = merged_columns(t, program.store).first;
+    if (formulation == Formulation::composite_columns)
+      t.reduction.composite = composite_columns(t, program.storage).first;
     return program;
   }
 
   // The model's number of one of the kernels' generalised velocities.
   int outer(int i) const {
-    const int root = t.velocities - t.joints;
-    return i < root ? i : root + t.joint_row[i - root];
+    const int root = t.root_velocities();
+    return i < root ? i : root + t.dof[i - root];
   }
   VectorXd velocities(const Scalar* values) const {
     VectorXd result(t.velocities);
@@ -100,7 +107,7 @@ struct Kernel {
     return result;
   }
   MatrixXd joint_matrix() const {
-    const MatrixXd inner = unpacked(t.matrix, x.matrix);
+    const MatrixXd inner = unpacked(t.matrix, x.dynamics.matrix);
     MatrixXd result(t.velocities, t.velocities);
     for (int i = 0; i < t.velocities; ++i)
       for (int j = 0; j < t.velocities; ++j) result(outer(i), outer(j)) = inner(i, j);
@@ -108,10 +115,10 @@ struct Kernel {
   }
   MatrixXd coupled() const {  // K
     const Rows<double>& rows = t.rows;
-    if (rows.columns.n > 0) return unpacked(rows.columns, x.coupled);
+    if (rows.columns.n > 0) return unpacked(rows.columns, x.rows.delassus);
     MatrixXd result(rows.count, rows.count);
     for (int r = 0; r < rows.count; ++r)
-      for (int s = 0; s < rows.count; ++s) result(r, s) = x.coupled[r * rows.count + s].lane(0);
+      for (int s = 0; s < rows.count; ++s) result(r, s) = x.rows.delassus[r * rows.count + s].lane(0);
     return result;
   }
 
@@ -121,7 +128,7 @@ struct Kernel {
   VectorXd q, v, root_velocity, position_targets, velocity_targets, efforts;
   Eigen::Matrix<double, 7, 1> root_pose;
   Fault fault = Fault::none;
-  Lanes<double> lanes;
+  StatePointers<double> batch;
   kernels::Tile<Scalar> x;
   std::vector<std::max_align_t> scratch;
 };
@@ -151,11 +158,12 @@ struct Basis {
     for (int z = 0; z < n; ++z) independents.push_back(none ? kernel.outer(z) : kernel.outer(reduction.independent[z]));
     s = MatrixXd::Zero(nv, n);
     w = VectorXd::Zero(nv);
-    if (reduction.keeps_speeds()) {
+    if (reduction.has_constraint_velocities()) {
       MatrixXd measured = MatrixXd::Zero(n, nv);
       for (int z = 0; z < n; ++z) measured(z, kernel.outer(reduction.independent[z])) = 1.0;
       for (int f = 0; f < reduction.followers; ++f)
-        measured.row(reduction.speed[f]) = stage.jacobian(std::vector<int>{reduction.measured[f]}, Eigen::all);
+        measured.row(reduction.constraint_velocity[f]) =
+            stage.jacobian(std::vector<int>{reduction.measured_coupling[f]}, Eigen::all);
       const Eigen::FullPivLU<MatrixXd> lu(measured);
       s = lu.inverse();
       condition = measured.norm() * s.norm();
@@ -186,19 +194,19 @@ void expect_same_equations(int seed, const scenes::RandomOptions& options) {
   Kernel kernel(compile(model, settings), state, inputs, Formulation::by_entries);
 
   kernels::kinematics(kernel.t, kernel.x);
-  kernels::bias_forces(kernel.t, kernel.lanes, kernel.x);
+  kernels::bias_forces(kernel.t, kernel.batch, kernel.x);
   kernels::mass_matrix(kernel.t, kernel.x);
   expect_close("M", kernel.joint_matrix(), stage.mass, size(stage.mass));
-  expect_close("c", kernel.velocities(kernel.x.drive), stage.bias, size(stage.bias));
+  expect_close("c", kernel.velocities(kernel.x.dynamics.rhs), stage.bias, size(stage.bias));
 
-  kernels::joint_inertias(kernel.t, kernel.lanes, kernel.x);
-  kernels::joint_forces(kernel.t, kernel.lanes, kernel.x);
+  kernels::joint_inertias(kernel.t, kernel.batch, kernel.x);
+  kernels::joint_forces(kernel.t, kernel.batch, kernel.x);
   kernels::inertia_matrix(kernel.t, kernel.x);
   reference::State ahead = state;
   ahead.q += settings.dt * state.v.tail(mechanism.dofs());
   const VectorXd forces = mechanism.joint_forces(ahead, inputs) - stage.bias;
   expect_close("A", kernel.joint_matrix(), stage.implicit, size(stage.implicit));
-  expect_close("forces", kernel.velocities(kernel.x.drive), settings.dt * forces, settings.dt * size(forces));
+  expect_close("forces", kernel.velocities(kernel.x.dynamics.rhs), settings.dt * forces, settings.dt * size(forces));
 }
 
 TEST(Kernels, agree_with_the_reference_up_to_the_equations_of_motion) {
@@ -225,51 +233,54 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   kernels::kinematics(t, x);
   kernels::coupling_errors(t, x);
   if (t.reduction.eliminates()) kernels::follow(t, x);
-  if (t.reduction.keeps_speeds()) kernels::measure_speeds(t, x);
-  kernels::bias_forces(t, kernel.lanes, x);
-  kernels::joint_inertias(t, kernel.lanes, x);
-  kernels::joint_forces(t, kernel.lanes, x);
+  if (t.reduction.has_constraint_velocities()) kernels::start_constraint_velocities(t, x);
+  kernels::bias_forces(t, kernel.batch, x);
+  kernels::joint_inertias(t, kernel.batch, x);
+  kernels::joint_forces(t, kernel.batch, x);
   kernels::inertia_matrix(t, x);
   if (t.reduction.by_entries()) kernels::reduce_matrix(t, x);
 
   // Without followers S is a permutation, w is 0, A_r is A and the velocity below is v*.
   const Basis e(kernel, stage, plan.eliminated_dofs());
   const MatrixXd reduced = e.s.transpose() * stage.implicit * e.s;
-  if (!t.articulated.used()) expect_close("A_r", kernel.unpacked(t.solver, x.reduced), reduced, size(reduced));
+  if (!t.articulated.used()) expect_close("A_r", kernel.unpacked(t.solver, x.dynamics.reduced), reduced, size(reduced));
   kernels::factor_matrix(t, x);
   kernels::free_velocity(t, x);
   const Eigen::LLT<MatrixXd> factored(reduced);
   const VectorXd z = factored.solve(e.s.transpose() * stage.implicit * (stage.free - e.w));
   const std::vector<Scalar> none(t.rows.count, Scalar(0.0));
-  for (int r = 0; r < t.rows.count * t.solver.n; ++r) x.response[r] = Scalar(0.0);
+  for (int r = 0; r < t.rows.count * t.solver.n; ++r) x.rows.response[r] = Scalar(0.0);
   Tables<double> free = t;  // of what rows know
   free.rows.known = {}, free.rows.all_known = false;
-  kernels::impel(free, x, kernels::position_phase, x.free_position, Scalar(1.0), none.data(), x.solution);
-  kernels::solve_downwards<Scalar>(free, x, x.solution, nullptr);
-  for (int i = 0; i < t.solver.n; ++i) x.solution[i] += x.start[i];
+  kernels::apply_impulses(free, x, kernels::position_phase, x.dynamics.half_solved_position, Scalar(1.0), none.data(),
+                          x.dynamics.solution);
+  kernels::solve_downwards<Scalar>(free, x, x.dynamics.solution, nullptr);
+  for (int i = 0; i < t.solver.n; ++i) x.dynamics.solution[i] += x.dynamics.start[i];
   const double kappa = condition(reduced) * e.condition, rounding = solved(kappa, t.solver.n);
-  expect_close("v*", kernel.numbers(x.solution, t.solver.n), z, std::max(1.0, size(z)), rounding);
-  if (x.free_velocity != x.free_position) {  // the velocity phase corrects nothing
-    kernels::impel(t, x, kernels::velocity_phase, x.free_velocity, Scalar(1.0), none.data(), x.closing_solution);
-    kernels::solve_downwards<Scalar>(t, x, x.closing_solution, nullptr);
-    for (int i = 0; i < t.solver.n; ++i) x.closing_solution[i] += x.start[i];
+  expect_close("v*", kernel.numbers(x.dynamics.solution, t.solver.n), z, std::max(1.0, size(z)), rounding);
+  if (x.dynamics.half_solved_velocity != x.dynamics.half_solved_position) {  // the velocity phase corrects nothing
+    kernels::apply_impulses(t, x, kernels::velocity_phase, x.dynamics.half_solved_velocity, Scalar(1.0), none.data(),
+                            x.dynamics.velocity_solution);
+    kernels::solve_downwards<Scalar>(t, x, x.dynamics.velocity_solution, nullptr);
+    for (int i = 0; i < t.solver.n; ++i) x.dynamics.velocity_solution[i] += x.dynamics.start[i];
     const VectorXd closing = factored.solve(e.s.transpose() * stage.implicit * stage.free);
-    expect_close("closing v*", kernel.numbers(x.closing_solution, t.solver.n), closing, std::max(1.0, size(closing)), rounding);
+    expect_close("closing v*", kernel.numbers(x.dynamics.velocity_solution, t.solver.n), closing,
+                 std::max(1.0, size(closing)), rounding);
   }
   if (t.rows.count == 0) return;
 
-  if (t.natural.count > 0) kernels::natural_responses(t, x);
+  if (t.undamped.count > 0) kernels::undamped_responses(t, x);
   kernels::responses(t, x);
-  kernels::row_softness(t, kernel.lanes, x);
+  kernels::row_softness(t, kernel.batch, x);
   kernels::row_terms(t, x);
   std::vector<int> couplings(t.rows.coupling.data, t.rows.coupling.data + t.rows.count);
   const MatrixXd j = stage.jacobian(couplings, Eigen::all) * e.s;
   const MatrixXd k = j * factored.solve(j.transpose());
   expect_close("K", kernel.coupled(), k, size(k), rounding);
   const VectorXd speed = stage.jacobian(couplings, Eigen::all) * (e.s * z + e.w);
-  expect_close("J v*", kernel.numbers(x.row_speed, t.rows.count), speed, std::max(1.0, size(speed)), rounding);
+  expect_close("J v*", kernel.numbers(x.rows.speed, t.rows.count), speed, std::max(1.0, size(speed)), rounding);
   const VectorXd error = stage.error(couplings);
-  expect_close("C", kernel.numbers(x.row_error, t.rows.count), error, std::max(1.0, size(error)));
+  expect_close("C", kernel.numbers(x.rows.error, t.rows.count), error, std::max(1.0, size(error)));
 
   const int n = settings.method == Method::tgs ? settings.iterations : 1;
   for (int r = 0; r < t.rows.count; ++r) {
@@ -277,8 +288,8 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
     ASSERT_TRUE(stage.rows[c].active) << "coupling " << c << " takes no impulse";
     const reference::Row row = reference::substep_row(stage.couplings.softness[c], stage.inertia[c], settings.dt, n);
     const double rate = row.erp / settings.dt * n;
-    EXPECT_NEAR(x.row_rate[r].lane(0), rate, close * rate);
-    EXPECT_NEAR(x.row_cfm[r].lane(0), row.cfm, rounding * row.cfm);
+    EXPECT_NEAR(x.rows.rate[r].lane(0), rate, close * rate);
+    EXPECT_NEAR(x.rows.cfm[r].lane(0), row.cfm, rounding * row.cfm);
   }
 
   // Where rows know all their speeds, these are what they know, whatever that is, and the others follow by A_r (M79).
@@ -288,12 +299,12 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   for (int i = 0; i < t.solver.n; ++i) {
     const int r = t.rows.known[i];
     (r >= 0 ? known : others).push_back(i);
-    if (r >= 0) moved[i] = 0.1 * (r + 1), x.row_speed[r] = x.row_speed_closed[r] = Scalar(moved[i]);
+    if (r >= 0) moved[i] = 0.1 * (r + 1), x.rows.speed[r] = x.rows.velocity_phase_speed[r] = Scalar(moved[i]);
   }
   moved(others) -= reduced(others, others).llt().solve(reduced(others, known) * (moved - z)(known));
-  for (int r = 0; r < t.rows.count; ++r) x.position_impulse[r] = x.velocity_impulse[r] = Scalar(0.0);
+  for (int r = 0; r < t.rows.count; ++r) x.rows.position_impulse[r] = x.rows.velocity_impulse[r] = Scalar(0.0);
   kernels::solved_velocities(t, x);
-  for (const Scalar* v : {x.solution, x.solves_twice ? x.closing_solution : x.solution})
+  for (const Scalar* v : {x.dynamics.solution, x.solves_twice ? x.dynamics.velocity_solution : x.dynamics.solution})
     expect_close("v beside known speeds", kernel.numbers(v, t.solver.n), moved, std::max(1.0, size(moved)), rounding);
 }
 
@@ -305,10 +316,11 @@ TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
     const Model model = scenes::random_model(seed);
     const StepSettings settings = settings_of(GetParam(), seed);
     const Plan plan = compile(model, settings);
-    const Tables<double>& t = plan.program().f64;
+    const Tables<double>& t = program_of(plan).f64;
     expect_same_rows(model, settings, plan, Formulation::by_entries);
-    if (t.reduction.eliminates() && t.natural.count == 0) expect_same_rows(model, settings, plan, Formulation::merged);
-    if (!t.reduction.eliminates() && t.joints > 0 && t.limited.count == 0)
+    if (t.reduction.eliminates() && t.undamped.count == 0)
+      expect_same_rows(model, settings, plan, Formulation::composite_columns);
+    if (!t.reduction.eliminates() && t.joints > 0 && t.limited_servos.count == 0)
       expect_same_rows(model, settings, plan, Formulation::articulated);
   }
 }
@@ -322,7 +334,8 @@ TEST_P(Agreement, of_impulses_and_states_after_one_step_and_after_ten) {
     const Model model = scenes::random_model(seed);
     const reference::Mechanism mechanism(model);
     const StepSettings settings = settings_of(GetParam(), seed);
-    Batch<double> batch(compile(model, settings), 1, {.threads = 1, .listed = listed});
+    Batch<double> batch(compile(model, settings), 1,
+                        {.threads = 1, .engine = listed ? Engine::interpreter : Engine::tables});
     reference::State state = mechanism.initial_state();
     double rounding = 0.0;
     for (int step = 0; step < 10; ++step) {

@@ -80,14 +80,14 @@ TEST(bounded_step, is_found_all_along_a_motion) {
     Model model = physics::random_bounds(seed);
     for (Joint& joint : model.joints) {
       joint.friction = 0.3;
-      if (joint.drive.kinematic) joint.drive.softness = Softness::spring(500.0, 50.0);  // no two that disagree
+      if (joint.drive.kinematic) joint.drive.softness = Spring{500.0, 50.0};  // no two that disagree
     }
     const Mechanism mechanism(model);
     for (const Method method : {Method::direct, Method::reduced}) {
       State state = mechanism.initial_state();
       for (int n = 0; n < 60; ++n)
         ASSERT_NO_THROW(state = step(mechanism, physics::settings(method), state, mechanism.initial_inputs()).state)
-            << seed << " " << name(method) << " " << n;
+            << seed << " " << to_string(method) << " " << n;
     }
   }
 }
@@ -135,7 +135,7 @@ TEST(coupling_switch, takes_a_coupling_out_and_lets_its_repetition_act) {
       const StepSettings settings = physics::settings(method);
       const Step a = step(all, settings, all.initial_state(), inputs);
       const Step b = step(fewer, settings, fewer.initial_state(), fewer.initial_inputs());
-      EXPECT_EQ(distance(a.state.q, b.state.q), 0.0) << name(method) << out;
+      EXPECT_EQ(distance(a.state.q, b.state.q), 0.0) << to_string(method) << out;
       EXPECT_EQ(distance(a.state.v, b.state.v), 0.0);
       EXPECT_EQ(a.impulses[out], 0.0);
     }

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "lockstep/plan.h"
-#include "plan/program.h"
 #include "physics.h"
+#include "plan/program.h"
 #include "random_bounds.h"
 #include "reference/bounds.h"
 #include "reference/servos.h"
@@ -46,8 +46,8 @@ bool independent(const reference::Mechanism& mechanism, const reference::Stage& 
   for (int c = 0; c < stage.couplings.count(); ++c)
     if (stage.rows[c].active) directions.push_back(stage.jacobian.row(c).transpose());
   std::vector<bool> bounded(mechanism.velocities(), false);
-  for (const reference::BoundedRow& row : reference::bounded_rows(
-           mechanism, stage, mechanism.initial_inputs(), {reference::Phase::position, stage.state.q}))
+  for (const reference::BoundedRow& row : reference::bounded_rows(mechanism, stage, mechanism.initial_inputs(),
+                                                                  {reference::Phase::position, stage.state.q}))
     if (row.dof >= 0) bounded[mechanism.root_velocities() + row.dof] = true;
   for (int i = 0; i < mechanism.velocities(); ++i)
     if (bounded[i]) directions.push_back(VectorXd::Unit(mechanism.velocities(), i));
@@ -74,7 +74,8 @@ void expect_agreement(const Model& model, const StepSettings& settings, int seed
     return;
   }
   const reference::Step& theirs = *found;
-  Batch<double> batch(compile(model, settings), 1, physics::by_turns(seed));
+  const Plan plan = compile(model, settings);
+  Batch<double> batch(plan, 1, physics::by_turns(plan, seed));
   batch.step();
   EXPECT_EQ(batch.faults()[0], Fault::none);
   const reference::State ours = physics::state_of(batch), &exact = theirs.state;
@@ -99,8 +100,8 @@ TEST_P(BoundsAgreement, of_states_after_one_step) {
   for (int seed = 0; seed < seeds; ++seed) {
     SCOPED_TRACE(seed);
     Model model = physics::random_bounds(seed);
-    // A few sweeps are no minimum: beside other bounds more than one choice of servos at their limits may agree with the
-    // velocities after it. Alone they are compared below.
+    // A few sweeps are no minimum: beside other bounds more than one choice of servos at their limits may agree with
+    // the velocities after it. Alone they are compared below.
     if (sweeps(GetParam()))
       for (Joint& joint : model.joints) joint.effort_limit = infinity;
     expect_agreement(model, settings_of(GetParam(), seed), seed);
@@ -118,7 +119,7 @@ TEST_P(BoundsAgreement, of_states_of_deep_trees_after_one_step) {
     Model model = physics::random_bounds(seed, 1.0 / 240, deep);
     for (Joint& joint : model.joints) joint.effort_limit = infinity;
     const StepSettings settings = settings_of(GetParam(), seed);
-    articulated += compile(model, settings).program().f64.articulated.used();
+    articulated += program_of(compile(model, settings)).f64.articulated.used();
     expect_agreement(model, settings, seed);
     if (HasFailure()) return;
   }
@@ -150,7 +151,7 @@ TEST_P(BoundsAgreementByKind, of_states_after_one_step) {
 INSTANTIATE_TEST_SUITE_P(method, BoundsAgreement, testing::ValuesIn(physics::methods), physics::method_name);
 std::string method_and_kind(const testing::TestParamInfo<std::tuple<Method, int>>& info) {
   constexpr const char* kinds[] = {"range", "velocity", "effort", "friction", "kinematic", "force"};
-  return std::string(name(std::get<0>(info.param))).append("_").append(kinds[std::get<1>(info.param)]);
+  return std::string(to_string(std::get<0>(info.param))).append("_").append(kinds[std::get<1>(info.param)]);
 }
 INSTANTIATE_TEST_SUITE_P(method, BoundsAgreementByKind,
                          testing::Combine(testing::ValuesIn(physics::methods), testing::Range(0, 6)), method_and_kind);

@@ -23,8 +23,8 @@ TEST_P(ExactMotion, is_met_to_first_order_in_the_step) {
   for (const Method method : {Method::direct, Method::reduced}) {
     const double whole = physics::rms_error(scene.name, method, 1, truth.positions);
     const double half = physics::rms_error(scene.name, method, 2, truth.positions);
-    EXPECT_LE(whole, GetParam().rms) << name(method);
-    EXPECT_NEAR(whole / half, 2.0, 0.3) << name(method);
+    EXPECT_LE(whole, GetParam().rms) << to_string(method);
+    EXPECT_NEAR(whole / half, 2.0, 0.3) << to_string(method);
   }
 }
 

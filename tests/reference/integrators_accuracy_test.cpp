@@ -11,7 +11,8 @@ namespace {
 template <class S>
 struct Play {
   Play(const std::string& name, Integrator integrator, int steps_per_second)
-      : scene(scenes::scene(name)), dt(1.0 / steps_per_second),
+      : scene(scenes::scene(name)),
+        dt(1.0 / steps_per_second),
         batch(compile(scene.model, {.dt = dt, .integrator = integrator, .stage_inputs = true}), 1, {.threads = 1}) {}
 
   template <class Watch>
@@ -78,14 +79,16 @@ TEST_F(AgainstTruth, errors_shrink_by_the_order_of_each_integrator) {
     Integrator integrator;
     int steps_per_second;
     double order;
-  } cases[] = {{"chain8", Integrator::leapfrog, 480, 2.0},      {"chain32", Integrator::leapfrog, 480, 2.0},
-               {"gear100", Integrator::leapfrog, 480, 2.0},     {"chain32", Integrator::extrapolated, 480, 3.0},
+  } cases[] = {{"chain8", Integrator::leapfrog, 480, 2.0},
+               {"chain32", Integrator::leapfrog, 480, 2.0},
+               {"gear100", Integrator::leapfrog, 480, 2.0},
+               {"chain32", Integrator::extrapolated, 480, 3.0},
                {"chain32", Integrator::runge_kutta, 240, 4.0}};
   for (const auto& c : cases) {
     const Eigen::MatrixXd exact = truth(c.scene);
     const double ratio = rms_error<double>(c.scene, c.integrator, c.steps_per_second, exact) /
                          rms_error<double>(c.scene, c.integrator, 2 * c.steps_per_second, exact);
-    EXPECT_NEAR(std::log2(ratio), c.order, 0.15) << c.scene << " " << name(c.integrator);
+    EXPECT_NEAR(std::log2(ratio), c.order, 0.15) << c.scene << " " << to_string(c.integrator);
   }
 }
 
@@ -105,7 +108,8 @@ double energy_error(Integrator integrator, int steps_per_second) {
     EXPECT_EQ(play.batch.faulted(), 0);
     return all;
   };
-  const std::vector<double> exact = energies(Integrator::extrapolated, 960), ours = energies(integrator, steps_per_second);
+  const std::vector<double> exact = energies(Integrator::extrapolated, 960),
+                            ours = energies(integrator, steps_per_second);
   double worst = 0.0;
   for (std::size_t i = 0; i < exact.size(); ++i) worst = std::max(worst, std::abs(ours[i] - exact[i]));
   return worst / 907.75;
@@ -126,7 +130,7 @@ TEST(Whip, keeps_its_momentum_to_the_order_of_the_integrator) {
     return (play.batch.momenta().col(0) - start).abs().maxCoeff();
   };
   for (const auto& [integrator, order] : {std::pair{Integrator::leapfrog, 2.0}, {Integrator::runge_kutta, 4.0}})
-    EXPECT_GT(std::log2(change(integrator, 480) / change(integrator, 960)), order - 0.3) << name(integrator);
+    EXPECT_GT(std::log2(change(integrator, 480) / change(integrator, 960)), order - 0.3) << to_string(integrator);
 }
 
 TEST(Float, follows_double_to_1e_6_over_a_second) {
@@ -140,10 +144,11 @@ TEST(Float, follows_double_to_1e_6_over_a_second) {
       twice.run(240, [&](int) { exact.push_back(twice.batch.positions().col(0)); });
       double largest = 0.0;
       single.run(240, [&](int step) {
-        const Eigen::ArrayXd off = single.batch.positions().col(0).cast<double>() - exact[static_cast<std::size_t>(step - 1)];
+        const Eigen::ArrayXd off =
+            single.batch.positions().col(0).cast<double>() - exact[static_cast<std::size_t>(step - 1)];
         largest = std::max(largest, off.abs().maxCoeff());
       });
-      EXPECT_LE(largest, 1e-6) << scene << " " << name(integrator);
+      EXPECT_LE(largest, 1e-6) << scene << " " << to_string(integrator);
     }
 }
 
@@ -188,7 +193,8 @@ double servo_error(double kp, double kd, int rate, bool staged) {
   Batch<double> batch(compile(model, settings), 1, {.threads = 1});
   const std::vector<double> times = staged ? batch.plan().stage_times() : std::vector<double>{0.0};
   // With e = q - q_t: e'' + kd e' + kp e = -q_t''.
-  const std::complex<double> lag = amplitude * turning * turning / std::complex<double>(kp - turning * turning, kd * turning);
+  const std::complex<double> lag =
+      amplitude * turning * turning / std::complex<double>(kp - turning * turning, kd * turning);
   double worst = 0.0;
   for (int step = 0; step < rate; ++step) {
     for (std::size_t i = 0; i < times.size(); ++i) {
@@ -208,11 +214,12 @@ double servo_order(double kp, double kd, int rate, bool staged) {
   return std::log2(servo_error(kp, kd, rate, staged) / servo_error(kp, kd, 2 * rate, staged));
 }
 
-// A servo comes to its target at the rate kp / kd. Where a step is short for that the linear part shows its third order;
-// where it is long, each stage's error of (gamma h)^2 q'' / 2 is divided by h kp / kd, and one order is left of it.
+// A servo comes to its target at the rate kp / kd. Where a step is short for that the linear part shows its third
+// order; where it is long, each stage's error of (gamma h)^2 q'' / 2 is divided by h kp / kd, and one order is left of
+// it.
 TEST(OrderReduction, of_servos_is_from_three_to_one_as_they_get_stiff) {
-  EXPECT_NEAR(servo_order(1e5, 2e3, 240, true), 3.0, 0.15);   // h kp / kd = 0.2
-  EXPECT_NEAR(servo_order(1e11, 2e5, 60, true), 1.0, 0.15);   // 8000
+  EXPECT_NEAR(servo_order(1e5, 2e3, 240, true), 3.0, 0.15);  // h kp / kd = 0.2
+  EXPECT_NEAR(servo_order(1e11, 2e5, 60, true), 1.0, 0.15);  // 8000
   EXPECT_LT(servo_error(1e11, 2e5, 60, true), 1e-6) << "of what stiffness itself makes small";
 }
 

@@ -75,9 +75,9 @@ TEST_P(IntegratorAgreement, of_states_after_each_of_three_steps) {
       continue;
     }
     ++compared;
-    articulated += plan->program().f64.articulated.used();
+    articulated += program_of(*plan).f64.articulated.used();
     const reference::Mechanism mechanism(model);
-    Batch<double> batch(*plan, 1, physics::by_turns(seed));
+    Batch<double> batch(*plan, 1, physics::by_turns(*plan, seed));
     const std::vector<double> times = plan->stage_times();
     const auto set = [&](double share, reference::Inputs& inputs) {
       if (settings.stage_inputs) moving(share, inputs);
@@ -94,8 +94,8 @@ TEST_P(IntegratorAgreement, of_states_after_each_of_three_steps) {
       const double before = size(state.v);
       state = reference::integrated(mechanism, settings, state, set);
       batch.step();
-      rounding += solves(GetParam()) * std::max(1e-11, mechanism.velocities() * physics::epsilon *
-                                                           physics::condition(stage.implicit));
+      rounding += solves(GetParam()) *
+                  std::max(1e-11, mechanism.velocities() * physics::epsilon * physics::condition(stage.implicit));
       const reference::State ours = physics::state_of(batch);
       const double moving_scale = std::max({1.0, before, size(state.v)});
       EXPECT_LE(physics::distance(ours.q, state.q), rounding * std::max(1.0, size(state.q))) << step;
@@ -111,8 +111,8 @@ TEST_P(IntegratorAgreement, of_states_after_each_of_three_steps) {
   EXPECT_GT(articulated, seeds / 40);
 }
 
-// Every field but softness, which of erp and cfm means another thing at each length of a stage: ratios, offsets, switches,
-// gains, damping, masses, gravity and wrenches of one environment are those of a model that says them.
+// Every field but softness, which of erp and cfm means another thing at each length of a stage: ratios, offsets,
+// switches, gains, damping, masses, gravity and wrenches of one environment are those of a model that says them.
 TEST_P(IntegratorAgreement, of_environments_with_numbers_of_their_own) {
   int compared = 0;
   for (int seed = 0; seed < seeds && !HasFailure(); ++seed) {
@@ -137,7 +137,7 @@ TEST_P(IntegratorAgreement, of_environments_with_numbers_of_their_own) {
         settings.per_environment.insert(parameter);
     const Plan plan = compile(model, settings);
     if (!plan.redundant_couplings().empty()) continue;
-    Batch<double> batch(plan, 3, physics::by_turns(seed));
+    Batch<double> batch(plan, 3, physics::by_turns(plan, seed));
     contract::scatter(batch, 1, static_cast<std::uint64_t>(seed));
     const Model own = contract::model_of(batch, 1);
     const reference::Mechanism mechanism(own);
@@ -161,7 +161,7 @@ TEST_P(IntegratorAgreement, of_environments_with_numbers_of_their_own) {
 
 INSTANTIATE_TEST_SUITE_P(integrator, IntegratorAgreement,
                          testing::Values(Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta),
-                         [](const auto& info) { return std::string(name(info.param)); });
+                         [](const auto& info) { return std::string(to_string(info.param)); });
 
 }  // namespace
 }  // namespace lockstep

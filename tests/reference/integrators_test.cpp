@@ -92,8 +92,8 @@ Model driven() {
     joint.armature = 0.001;
     joint.drive = {1.0, 0.01, 0.1, 0.0};
   }
-  model.couplings = {Coupling::mimic("j0", "j2", -0.5, 0.1, Softness::spring(2.0, 0.02)),
-                     Coupling::mimic("j1", "j3", 1.0, 0.0, Softness::frequency(20.0, 0.3))};
+  model.couplings = {Coupling::mimic("j0", "j2", -0.5, 0.1, Spring{2.0, 0.02}),
+                     Coupling::mimic("j1", "j3", 1.0, 0.0, Frequency{20.0, 0.3})};
   return model;
 }
 
@@ -140,7 +140,7 @@ TEST_P(Order, of_a_floating_mechanism_and_its_momentum) {
 }
 
 INSTANTIATE_TEST_SUITE_P(integrators, Order, testing::ValuesIn(all),
-                         [](const auto& info) { return std::string(name(info.param)); });
+                         [](const auto& info) { return std::string(to_string(info.param)); });
 
 TEST(Leapfrog, is_of_first_order_where_targets_are_held_over_steps) {
   EXPECT_NEAR(order(Mechanism(driven()), Integrator::leapfrog, 32, moving_inputs, true), 1.0, 0.15);
@@ -183,7 +183,7 @@ TEST(LinearTerms, are_integrated_as_their_growth_functions_say) {
       for (Joint& j : model.joints) j.armature = 0.5, j.damping = 3.0;
       model.joints[0].position = 0.3, model.joints[1].position = -0.3;
       model.joints[0].velocity = -0.7, model.joints[1].velocity = 0.7;
-      model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.0, Softness::spring(kp / 2, kd / 2))};
+      model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.0, Spring{kp / 2, kd / 2})};
     } else {
       joint.drive = {kp, kd, 0.0, 0.0};
     }
@@ -195,8 +195,8 @@ TEST(LinearTerms, are_integrated_as_their_growth_functions_say) {
       const Vector2d expected = grown(integrator, h * rates) * Vector2d(0.3, -0.7);
       const State end =
           integrated(mechanism, settings(integrator, h), mechanism.initial_state(), [](double, Inputs&) {});
-      EXPECT_NEAR(end.q[0], expected[0], 1e-13) << name(integrator) << coupling;
-      EXPECT_NEAR(end.v[0], expected[1], 1e-12) << name(integrator) << coupling;
+      EXPECT_NEAR(end.q[0], expected[0], 1e-13) << to_string(integrator) << coupling;
+      EXPECT_NEAR(end.v[0], expected[1], 1e-12) << to_string(integrator) << coupling;
     }
   }
 }
@@ -205,7 +205,7 @@ TEST(LinearTerms, are_integrated_as_their_growth_functions_say) {
 TEST(HardCouplings, lose_their_share_of_the_error) {
   Model model = afloat();
   const double erp = 0.3;
-  for (Coupling& coupling : model.couplings) coupling.softness = Softness::hard(erp), coupling.offset = 0.01;
+  for (Coupling& coupling : model.couplings) coupling.softness = Hard{erp}, coupling.offset = 0.01;
   const Mechanism mechanism(model);
   const State start = mechanism.initial_state();
   const Couplings couplings(mechanism);
@@ -213,8 +213,8 @@ TEST(HardCouplings, lose_their_share_of_the_error) {
   for (const Integrator integrator : all) {
     const double share = integrator == Integrator::extrapolated ? (4.0 * left * left - left) / 3.0 : left;
     const State end = integrated(mechanism, settings(integrator, 0.01), start, [](double, Inputs&) {});
-    EXPECT_LT((couplings.error(end.q) - share * couplings.error(start.q)).norm(), 1e-13) << name(integrator);
-    EXPECT_LT((couplings.velocity_jacobian() * end.v).norm(), 1e-12) << name(integrator);
+    EXPECT_LT((couplings.error(end.q) - share * couplings.error(start.q)).norm(), 1e-13) << to_string(integrator);
+    EXPECT_LT((couplings.velocity_jacobian() * end.v).norm(), 1e-12) << to_string(integrator);
   }
 }
 
@@ -225,8 +225,8 @@ TEST(HardCouplings, are_met_by_a_leapfrog_from_velocities_that_do_not_fit) {
   for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated}) {
     const State end =
         integrated(mechanism, settings(integrator, 0.01), mechanism.initial_state(), [](double, Inputs&) {});
-    EXPECT_LT((Couplings(mechanism).velocity_jacobian() * end.v).norm(), 1e-12) << name(integrator);
-    EXPECT_LT(Couplings(mechanism).error(end.q).norm(), 1e-13) << name(integrator);
+    EXPECT_LT((Couplings(mechanism).velocity_jacobian() * end.v).norm(), 1e-12) << to_string(integrator);
+    EXPECT_LT(Couplings(mechanism).error(end.q).norm(), 1e-13) << to_string(integrator);
   }
 }
 
@@ -235,8 +235,8 @@ TEST(HardCouplings, keep_three_eighths_of_velocities_that_do_not_fit_by_runge_ku
   Model model = afloat();
   model.joints[2].velocity += 1.0;
   const Mechanism mechanism(model);
-  const State end =
-      integrated(mechanism, settings(Integrator::runge_kutta, 0.001), mechanism.initial_state(), [](double, Inputs&) {});
+  const State end = integrated(mechanism, settings(Integrator::runge_kutta, 0.001), mechanism.initial_state(),
+                               [](double, Inputs&) {});
   const VectorXd left = Couplings(mechanism).velocity_jacobian() * end.v;
   EXPECT_NEAR(left[0], 0.375, 1e-12);
   EXPECT_NEAR(left[1], 0.0, 1e-12);

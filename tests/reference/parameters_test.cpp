@@ -38,9 +38,8 @@ class Changes {
       const int row = static_cast<int>(c);
       for (CouplingTerm& term : coupling.terms) change(Parameter::gear_ratio, gear++, term.ratio, 0.8, 1.2);
       change(Parameter::offset, row, coupling.offset, 0.9, 1.1);
-      change(Parameter::softness, 2 * row, coupling.softness.first, 0.5, 1.0);
-      change(Parameter::softness, 2 * row + 1, coupling.softness.second, 0.5, 2.0);
-      if (coupling.softness.is_hard()) soften(row, coupling);
+      std::visit([&](auto& softness) { change_softness(row, softness); }, coupling.softness);
+      if (is_hard(coupling.softness)) soften(row, coupling);
     }
     for (Joint& joint : model_.joints) {
       if (!joint.moves()) continue;
@@ -63,9 +62,7 @@ class Changes {
   }
 
  private:
-  bool declared(Parameter parameter) const {
-    return batch_.plan().settings().per_environment.contains(parameter);
-  }
+  bool declared(Parameter parameter) const { return batch_.plan().settings().per_environment.contains(parameter); }
   double uniform(double low, double high) {
     return low + (high - low) * (static_cast<double>(engine_() >> 11) * 0x1p-53);
   }
@@ -74,11 +71,25 @@ class Changes {
     number *= uniform(low, high);
     batch_.parameter(parameter)(row, changed) = number;
   }
-  // The second row of a hard coupling is its cfm: not 0, it makes a mixing one of it.
+  void change_softness(int row, double& first, double& second) {
+    change(Parameter::softness, 2 * row, first, 0.5, 1.0);
+    change(Parameter::softness, 2 * row + 1, second, 0.5, 2.0);
+  }
+  void change_softness(int row, Hard& softness) {
+    double cfm = 0.0;
+    change_softness(row, softness.erp, cfm);
+  }
+  void change_softness(int row, ErpCfm& softness) { change_softness(row, softness.erp, softness.cfm); }
+  void change_softness(int row, Spring& softness) { change_softness(row, softness.kp, softness.kd); }
+  void change_softness(int row, Frequency& softness) {
+    change_softness(row, softness.rad_per_s, softness.damping_ratio);
+  }
+  // The second row of a hard coupling is its cfm.
   void soften(int row, Coupling& coupling) {
     if (!declared(Parameter::softness) || uniform(0.0, 1.0) < 0.5) return;
-    coupling.softness = Softness::mixing(coupling.softness.first, uniform(0.01, 1.0));
-    batch_.parameter(Parameter::softness)(2 * row + 1, changed) = coupling.softness.second;
+    const ErpCfm softer{erp_of(coupling.softness), uniform(0.01, 1.0)};
+    coupling.softness = softer;
+    batch_.parameter(Parameter::softness)(2 * row + 1, changed) = softer.cfm;
   }
 
   std::mt19937_64 engine_;
@@ -134,7 +145,7 @@ TEST_P(Parameters, of_one_environment_act_as_those_of_a_model) {
       continue;
     const Plan plan = compile(model, settings);
     if (!plan.redundant_couplings().empty()) continue;
-    Batch<double> batch(plan, environments, physics::by_turns(seed));
+    Batch<double> batch(plan, environments, physics::by_turns(plan, seed));
     const Model original = model;
     reference::Inputs inputs = reference::Mechanism(model).initial_inputs();
     const reference::Inputs held = inputs;
@@ -156,10 +167,11 @@ TEST(OwnGearRatiosAndSoftness, leave_mechanisms_with_redundant_couplings_their_m
       SCOPED_TRACE(seed);
       const Model model = scenes::random_model(static_cast<std::uint64_t>(seed));
       StepSettings settings = physics::settings(Method::direct);
-      Batch<double> without(compile(model, settings), 1, {.threads = 1, .listed = false});
+      Batch<double> without(compile(model, settings), 1, {.threads = 1, .engine = Engine::tables});
       if (without.plan().redundant_couplings().empty()) continue;
       settings.per_environment = {parameter};
-      Batch<double> with(compile(model, settings), 1, physics::by_turns(seed));
+      const Plan changed_plan = compile(model, settings);
+      Batch<double> with(changed_plan, 1, physics::by_turns(changed_plan, seed));
       with.step(10), without.step(10);
       EXPECT_LE((with.positions() - without.positions()).abs().maxCoeff(), 1e-9);
       EXPECT_LE((with.velocities() - without.velocities()).abs().maxCoeff(), 1e-7);

@@ -51,9 +51,9 @@ class RandomBounds {
   Softness soft() {
     const int kind = static_cast<int>(uniform_.engine() % 3);
     const double first = uniform(0.0, 1.0), second = uniform(0.0, 1.0);
-    if (kind == 0) return Softness::mixing(0.8 * first, 0.01 + second);
-    if (kind == 1) return Softness::spring(200.0 * first, 0.1 + 2.0 * second);
-    return Softness::frequency(5.0 + 60.0 * first, 1.5 * second);
+    if (kind == 0) return ErpCfm{0.8 * first, 0.01 + second};
+    if (kind == 1) return Spring{200.0 * first, 0.1 + 2.0 * second};
+    return Frequency{5.0 + 60.0 * first, 1.5 * second};
   }
 
   // Speeds are about 1 and steps 1/240, so an end at this distance is about as often in the way as not. Of ends that
@@ -68,7 +68,7 @@ class RandomBounds {
     if (chance(0.35)) {
       joint.limit_softness = soft();
     } else {
-      joint.limit_softness = Softness::hard(uniform(0.0, 1.0));
+      joint.limit_softness = Hard{uniform(0.0, 1.0)};
       if (chance(0.4)) joint.restitution = uniform(0.0, 1.0);
     }
   }
@@ -78,7 +78,7 @@ class RandomBounds {
     joint.drive.kinematic = true;
     joint.drive.position_target = joint.position + uniform(-0.02, 0.02);
     joint.drive.velocity_target = uniform(-1.0, 1.0);
-    joint.drive.softness = chance(0.4) ? soft() : Softness::hard(chance(0.5) ? 1.0 : uniform(0.1, 1.0));
+    joint.drive.softness = chance(0.4) ? soft() : Hard{chance(0.5) ? 1.0 : uniform(0.1, 1.0)};
   }
 
   void bound(Joint& joint) {
@@ -111,7 +111,8 @@ class RandomBounds {
 };
 
 /// A model whose bounds can all be met in one step of either phase: drawn until the reference finds a solution.
-inline Model random_bounds(std::uint64_t seed, double dt = 1.0 / 240, const scenes::RandomOptions& options = {.max_dofs = 9}) {
+inline Model random_bounds(std::uint64_t seed, double dt = 1.0 / 240,
+                           const scenes::RandomOptions& options = {.max_dofs = 9}) {
   RandomBounds random(seed);
   for (int attempt = 0; attempt < 100; ++attempt) {
     const Model model = random.draw(seed, options);

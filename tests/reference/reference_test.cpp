@@ -127,7 +127,11 @@ TEST(mechanism, bias_is_lagranges) {
   for (int seed = 0; seed < 20; ++seed) {
     const Mechanism mechanism(scenes::random_model(seed, conservative(scenes::RandomOptions::Root::fixed)));
     const State state = mechanism.initial_state();
-    const auto moved = [&](const VectorXd& dq) { State s = state; s.q += dq; return s; };
+    const auto moved = [&](const VectorXd& dq) {
+      State s = state;
+      s.q += dq;
+      return s;
+    };
     const double e = 1e-5;
     const auto mass_rate = [&](const VectorXd& dq) -> MatrixXd {
       return (mechanism.mass_matrix(moved(e * dq)) - mechanism.mass_matrix(moved(-e * dq))) / (2 * e);
@@ -166,7 +170,8 @@ TEST(mechanism, energy_is_kept_without_forces) {
     const Mechanism mechanism(scenes::random_model(seed, conservative(scenes::RandomOptions::Root::either)));
     const State start = mechanism.initial_state(), end = integrate(mechanism, start, held, 0.3, 1, 600).end;
     EXPECT_NEAR(mechanism.kinetic_energy(end) + mechanism.potential_energy(end),
-                mechanism.kinetic_energy(start) + mechanism.potential_energy(start), 1e-7) << seed;
+                mechanism.kinetic_energy(start) + mechanism.potential_energy(start), 1e-7)
+        << seed;
   }
 }
 
@@ -206,7 +211,8 @@ TEST(mechanism, momentum_changes_by_the_weight_and_is_the_roots_share_of_m_v) {
     }
     const double e = 1e-4;
     const Vector6d rate = (mechanism.momentum(integrate(mechanism, state, held, e, 1, 2).end) -
-                           mechanism.momentum(integrate(mechanism, state, held, -e, 1, 2).end)) / (2 * e);
+                           mechanism.momentum(integrate(mechanism, state, held, -e, 1, 2).end)) /
+                          (2 * e);
     Vector6d weight;
     weight << moment.cross(model.gravity), mass * model.gravity;
     EXPECT_LT(difference(rate, weight), 1e-4) << seed;
@@ -254,7 +260,8 @@ TEST(mechanism, jacobians_and_velocities_are_rates_of_poses) {
     }
     for (int s = 0; s < 2; ++s)
       EXPECT_LT(difference(mechanism.site_position(ahead, s) - mechanism.site_position(behind, s),
-                           2 * e * (mechanism.site_jacobian(state, s) * state.v).tail<3>()), 1e-13);
+                           2 * e * (mechanism.site_jacobian(state, s) * state.v).tail<3>()),
+                1e-13);
   }
 }
 

@@ -60,7 +60,7 @@ TEST(softness, row_of_18_hardens_with_every_visit_and_one_with_memory_is_21) {
   const double implicit = -(C * kp * dt + v * dt * (dt * kp + kd)) / (1.0 + r * dt * (dt * kp + kd));  // (21)
   EXPECT_NEAR(implicit, -0.531, 5e-4);
 
-  const Mechanism sliders(two_sliders(Softness::frequency(mu, zeta), C, v));
+  const Mechanism sliders(two_sliders(Frequency{mu, zeta}, C, v));
   const Stage stage(sliders, dt, sliders.initial_state(), sliders.initial_inputs());
   EXPECT_NEAR(stage.response(0, 0), r, 1e-15);
   const double literal[] = {-0.531, -0.801, -1.010, -1.078};
@@ -84,7 +84,7 @@ TEST(softness, spring_decays_as_backward_euler) {
   // x_n = Re(a z^n) with x_0 = 0.1 and v_0 = Re(a s) = 0.
   const std::complex<double> a(0.1, 0.1 * s.real() / s.imag());
   for (const Method method : every_method) {
-    const Mechanism sliders(two_sliders(Softness::frequency(mu, zeta), 0.1));
+    const Mechanism sliders(two_sliders(Frequency{mu, zeta}, 0.1));
     State state = sliders.initial_state();
     for (int n = 1; n <= 480; ++n) {
       state = step(sliders, with(method, h, 1, 1), state, sliders.initial_inputs()).state;
@@ -97,13 +97,13 @@ TEST(softness, spring_decays_as_backward_euler) {
 TEST(softness, spring_in_exact_motion_is_the_damped_oscillator) {
   const double mu = 15.0, zeta = 0.2, time = 0.4, offset = 0.3;
   const std::complex<double> s(-zeta * mu, mu * std::sqrt(1.0 - zeta * zeta)), a(0.1, 0.1 * s.real() / s.imag());
-  Model model = two_sliders(Softness::frequency(mu, zeta), 0.1 - offset);
+  Model model = two_sliders(Frequency{mu, zeta}, 0.1 - offset);
   model.couplings[0].offset = offset;
   const Mechanism sliders(model);
   const Motion motion = integrate(sliders, sliders.initial_state(), held, time, 1, 400);
   EXPECT_NEAR(relative(motion.end) + offset, (a * std::exp(s * time)).real(), 1e-9);
 
-  model.couplings[0].softness = Softness::mixing(0.2, 0.1);
+  model.couplings[0].softness = ErpCfm{0.2, 0.1};
   const Mechanism by_step(model);
   EXPECT_THROW(integrate(by_step, by_step.initial_state(), held, time, 1, 1), SettingsError);
 }
@@ -111,7 +111,7 @@ TEST(softness, spring_in_exact_motion_is_the_damped_oscillator) {
 // A hangs in the spring of the coupling, B holds on to a drive. Whatever the method and its iterations, at rest
 // the spring bears the weight of A: kp C = -m g.
 TEST(softness, spring_at_rest_sags_by_the_weight_it_bears) {
-  Model model = two_sliders(Softness::spring(300.0, 40.0));
+  Model model = two_sliders(Spring{300.0, 40.0});
   model.gravity = {0, 0, -9.81};
   model.joints[1].drive = {1000.0, 100.0, 0.0, 0.0};
   const Mechanism sliders(model);
@@ -128,23 +128,23 @@ TEST(softness, spring_at_rest_sags_by_the_weight_it_bears) {
 
 TEST(softness, all_ways_to_say_it_are_one_row) {
   const double r = 2.0, h = 0.01;
-  const Row from_spring = row(Softness::spring(800.0, 40.0), r, h);
+  const Row from_spring = row(Spring{800.0, 40.0}, r, h);
   EXPECT_NEAR(from_spring.erp, 8.0 / 48.0, 1e-15);  // (23)
   EXPECT_NEAR(from_spring.cfm, 1.0 / 0.48, 1e-15);  // (22)
-  const Softness others[] = {Softness::frequency(40.0, 1.0), Softness::mixing(from_spring.erp, from_spring.cfm)};
+  const Softness others[] = {Frequency{40.0, 1.0}, ErpCfm{from_spring.erp, from_spring.cfm}};
   for (const Softness& softness : others) {
     const Row same = row(softness, r, h), half = substep_row(softness, r, h, 2);
     EXPECT_NEAR(same.erp, from_spring.erp, 1e-15);
     EXPECT_NEAR(same.cfm, from_spring.cfm, 1e-14);
-    EXPECT_NEAR(half.erp, row(Softness::spring(800.0, 40.0), r, h / 2).erp, 1e-15);
-    EXPECT_NEAR(half.cfm, row(Softness::spring(800.0, 40.0), r, h / 2).cfm, 1e-14);
+    EXPECT_NEAR(half.erp, row(Spring{800.0, 40.0}, r, h / 2).erp, 1e-15);
+    EXPECT_NEAR(half.cfm, row(Spring{800.0, 40.0}, r, h / 2).cfm, 1e-14);
   }
-  EXPECT_NEAR(std::pow(1.0 - substep_row(Softness::hard(0.3), r, h, 5).erp, 5), 0.7, 1e-15);
+  EXPECT_NEAR(std::pow(1.0 - substep_row(Hard{0.3}, r, h, 5).erp, 5), 0.7, 1e-15);
 }
 
 // (26), (27): damping and drives take no part in the inertia that a frequency refers to, armature does.
 TEST(softness, frequency_refers_to_the_mechanism_with_armature) {
-  Model model = two_sliders(Softness::frequency(30.0, 0.5));
+  Model model = two_sliders(Frequency{30.0, 0.5});
   model.joints[0].armature = 1.0;
   model.joints[0].damping = 3.0;
   model.joints[1].drive = {500.0, 20.0, 0.0, 0.0};
@@ -156,7 +156,7 @@ TEST(softness, frequency_refers_to_the_mechanism_with_armature) {
 }
 
 TEST(softness, none_is_no_coupling) {
-  for (const Softness& none : {Softness::spring(0.0, 0.0), Softness::frequency(0.0, 1.0)})
+  for (const Softness& none : std::vector<Softness>{Spring{0.0, 0.0}, Frequency{0.0, 1.0}})
     for (const Method method : every_method) {
       const Mechanism sliders(two_sliders(none, 0.1, 0.5));
       const Step result = once(sliders, with(method, 0.01));
@@ -172,7 +172,7 @@ TEST(softness, none_is_no_coupling) {
 TEST(hard, error_shrinks_by_erp_per_step) {
   for (const Method method : every_method)
     for (const int iterations : {1, 4, 7}) {
-      const Mechanism sliders(two_sliders(Softness::hard(0.3), 0.1));
+      const Mechanism sliders(two_sliders(Hard{0.3}, 0.1));
       State state = sliders.initial_state();
       double expected = 0.1;
       for (int n = 0; n < 20; ++n) {
@@ -185,7 +185,7 @@ TEST(hard, error_shrinks_by_erp_per_step) {
 }
 
 TEST(hard, erp_above_1_cannot_be_shared_by_substeps) {
-  const Mechanism sliders(two_sliders(Softness::hard(1.5), 0.1));
+  const Mechanism sliders(two_sliders(Hard{1.5}, 0.1));
   EXPECT_THROW(once(sliders, with(Method::tgs, 0.01, 2)), SettingsError);
   EXPECT_NEAR(relative(once(sliders, with(Method::tgs, 0.01, 1)).state), -0.05, 1e-15);
   EXPECT_NEAR(relative(once(sliders, with(Method::pgs, 0.01, 4)).state), -0.05, 1e-15);
@@ -214,7 +214,9 @@ TEST(hard, redundancy_is_rank) {
     for (int i = 0; i < couplings.count(); ++i) {
       if (is_hard(couplings.softness[i])) hard.push_back(i);
       if (is_hard(couplings.softness[i]) && !couplings.redundant[i]) kept.push_back(i);
-      if (!is_hard(couplings.softness[i])) { EXPECT_FALSE(couplings.redundant[i]); }
+      if (!is_hard(couplings.softness[i])) {
+        EXPECT_FALSE(couplings.redundant[i]);
+      }
     }
     if (hard.empty()) continue;
     const MatrixXd rows = couplings.jacobian(hard, Eigen::all);
@@ -228,7 +230,7 @@ TEST(hard, redundancy_is_rank) {
 
 // One body on an implicit drive: m (v' - v) / h = tau - d v' - kp (q + h v' - q_t) - kd (v' - v_t).
 TEST(methods, free_velocity_takes_damping_and_drive_at_the_end_of_the_step) {
-  Model model = two_sliders(Softness::spring(0.0, 0.0), 0.2, 0.7);
+  Model model = two_sliders(Spring{0.0, 0.0}, 0.2, 0.7);
   model.joints[0].damping = 3.0, model.joints[0].armature = 0.5, model.joints[0].effort = 5.0;
   model.joints[0].drive = {400.0, 30.0, 0.5, -0.2};
   const Mechanism sliders(model);
@@ -238,15 +240,15 @@ TEST(methods, free_velocity_takes_damping_and_drive_at_the_end_of_the_step) {
   EXPECT_NEAR(stage.free[0], expected, 1e-14);
 }
 
-// Where A does not change and rows do not compete, N sub-steps of h / N are N steps of h / N.
+// Where A does not change and rows do not solve_bounds, N sub-steps of h / N are N steps of h / N.
 TEST(methods, tgs_is_as_many_small_steps) {
   const double h = 0.02;
   const int n = 5;
-  const Softness mixing = Softness::mixing(0.3, 0.8);
-  const Spring same = spring(mixing, 2.0, h);
-  const std::pair<Softness, Softness> pairs[] = {{Softness::spring(300.0, 4.0), Softness::spring(300.0, 4.0)},
-                                                 {Softness::frequency(20.0, 0.2), Softness::frequency(20.0, 0.2)},
-                                                 {mixing, Softness::spring(same.kp, same.kd)}};
+  const Softness mixing = ErpCfm{0.3, 0.8};
+  const SpringConstants same = spring(mixing, 2.0, h);
+  const std::pair<Softness, Softness> pairs[] = {{Spring{300.0, 4.0}, Spring{300.0, 4.0}},
+                                                 {Frequency{20.0, 0.2}, Frequency{20.0, 0.2}},
+                                                 {mixing, Spring{same.kp, same.kd}}};
   for (const auto& [whole, small] : pairs) {
     Model model = two_sliders(whole, 0.1, 0.5);
     model.gravity = {1, 2, -9.81};
@@ -268,12 +270,11 @@ TEST(methods, tgs_is_as_many_small_steps) {
 }
 
 TEST(methods, couplings_may_leave_nothing_free) {
-  Model model = two_sliders(Softness::hard(), 0.0, 0.5);
+  Model model = two_sliders(Hard{}, 0.0, 0.5);
   model.gravity = {0, 0, -9.81};
   model.couplings.push_back(Coupling::mimic("A", "B", 1.0));
   const Mechanism sliders(model);
-  for (const Method method : every_method)
-    EXPECT_LT(once(sliders, with(method)).state.v.norm(), 1e-15);
+  for (const Method method : every_method) EXPECT_LT(once(sliders, with(method)).state.v.norm(), 1e-15);
   EXPECT_LT(acceleration(sliders, sliders.initial_state(), sliders.initial_inputs()).norm(), 1e-15);
 }
 
@@ -323,7 +324,7 @@ TEST(methods, pgs_converges_to_direct) {
 }
 
 TEST(methods, automatic_is_refused) {
-  const Mechanism sliders(two_sliders(Softness::hard()));
+  const Mechanism sliders(two_sliders(Hard{}));
   EXPECT_THROW(once(sliders, with(Method::automatic)), SettingsError);
 }
 

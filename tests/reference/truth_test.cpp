@@ -15,15 +15,13 @@
 namespace lockstep::reference {
 namespace {
 
-std::string truth_path(const std::string& scene) {
-  return physics::test_data() + "/scenes/" + scene + ".truth.txt";
-}
+std::string truth_path(const std::string& scene) { return physics::test_data() + "/scenes/" + scene + ".truth.txt"; }
 
 struct Case {
   const char* scene;
-  int steps;          // of Runge-Kutta per row of the file; the stiff drives need many to be stable
-  double tolerance;   // rad
-  double first_order; // RMS of q over the first second that a step of 1/240 s must meet; 0: none (too wild)
+  int steps;           // of Runge-Kutta per row of the file; the stiff drives need many to be stable
+  double tolerance;    // rad
+  double first_order;  // RMS of q over the first second that a step of 1/240 s must meet; 0: none (too wild)
 };
 
 class Truth : public testing::TestWithParam<Case> {
@@ -78,13 +76,12 @@ TEST_P(Truth, is_approached_to_first_order) {
   EXPECT_NEAR(reduced, direct, 1e-9);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    scenes, Truth,
-    testing::Values(Case{"chain8", 2, 1e-7, 2.7e-3}, Case{"gripper13", 32, 1e-7, 1.7e-3},
-                    Case{"chain32", 2, 2e-6, 1.2e-2}, Case{"gear100", 2, 1e-7, 2.9e-3},
-                    Case{"drive1e6", 20, 1e-7, 2.9e-3}, Case{"redundant", 2, 1e-7, 2.9e-3},
-                    Case{"mass1000", 16, 1e-7, 0.0}),
-    [](const auto& info) { return std::string(info.param.scene); });
+INSTANTIATE_TEST_SUITE_P(scenes, Truth,
+                         testing::Values(Case{"chain8", 2, 1e-7, 2.7e-3}, Case{"gripper13", 32, 1e-7, 1.7e-3},
+                                         Case{"chain32", 2, 2e-6, 1.2e-2}, Case{"gear100", 2, 1e-7, 2.9e-3},
+                                         Case{"drive1e6", 20, 1e-7, 2.9e-3}, Case{"redundant", 2, 1e-7, 2.9e-3},
+                                         Case{"mass1000", 16, 1e-7, 0.0}),
+                         [](const auto& info) { return std::string(info.param.scene); });
 
 }  // namespace
 }  // namespace lockstep::reference

@@ -124,12 +124,12 @@ Softness random_softness(Random& random, RandomOptions::Soft soft) {
       soft == RandomOptions::Soft::never || (soft == RandomOptions::Soft::sometimes && random.chance(0.5));
   if (hard) {
     const double erp = random.uniform(0.0, 0.5);
-    return random.chance(0.2) ? Softness::mixing(erp, 0.0) : Softness::hard(erp);
+    return random.chance(0.2) ? Softness(ErpCfm{erp, 0.0}) : Softness(Hard{erp});
   }
   switch (random.integer(0, 2)) {
-    case 0: return {Softness::Kind::mixing, random.uniform(0.0, 0.9), random.uniform(0.01, 1.0)};
-    case 1: return {Softness::Kind::spring, random.uniform(0.0, 100.0), random.uniform(0.0, 2.0)};
-    default: return {Softness::Kind::frequency, random.uniform(1.0, 40.0), random.uniform(0.0, 1.5)};
+    case 0: return ErpCfm{random.uniform(0.0, 0.9), random.uniform(0.01, 1.0)};
+    case 1: return Spring{random.uniform(0.0, 100.0), random.uniform(0.0, 2.0)};
+    default: return Frequency{random.uniform(1.0, 40.0), random.uniform(0.0, 1.5)};
   }
 }
 
@@ -161,7 +161,8 @@ void add_couplings(Model& model, Random& random, const RandomOptions& options) {
     Coupling coupling;
     coupling.joint = moving[0];
     const int joints = std::min(dofs, random.chance(0.6) ? 2 : random.integer(3, 5));
-    for (int k = 1; k < joints; ++k) coupling.terms.push_back({moving[k], random.either_sign(options.min_ratio, options.max_ratio)});
+    for (int k = 1; k < joints; ++k)
+      coupling.terms.push_back({moving[k], random.either_sign(options.min_ratio, options.max_ratio)});
     coupling.softness = random_softness(random, options.soft);
     model.couplings.push_back(coupling);
   }
@@ -194,7 +195,7 @@ void fit_couplings_and_state(Model& model, Random& random, const RandomOptions& 
   if (options.coupling_error) return;
   MatrixXd hard(0, dofs);
   for (int c = 0; c < rows.rows(); ++c) {
-    if (!model.couplings[c].softness.is_hard()) continue;
+    if (!is_hard(model.couplings[c].softness)) continue;
     hard.conservativeResize(hard.rows() + 1, Eigen::NoChange);
     hard.bottomRows(1) = rows.row(c);
   }

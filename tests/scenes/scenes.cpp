@@ -90,8 +90,8 @@ Model gripper13() {
   model.links = {{"base", {}}};
   for (int i = 0; i < 7; ++i) {
     const std::string parent = i == 0 ? "base" : l(i - 1);
-    Joint& joint = append(model, parent, {i == 0 ? 0.0 : 0.1, 0, 0},
-                          i % 2 == 0 ? Vector3d::UnitZ() : Vector3d::UnitY(), arm_box());
+    Joint& joint = append(model, parent, {i == 0 ? 0.0 : 0.1, 0, 0}, i % 2 == 0 ? Vector3d::UnitZ() : Vector3d::UnitY(),
+                          arm_box());
     joint.drive.kp = 100.0;
     joint.drive.kd = 10.0;
   }

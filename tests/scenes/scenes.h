@@ -52,12 +52,12 @@ struct RandomOptions {
   bool fixed_links = true;  ///< fixed joints in between and at the ends, some of their links without mass
   bool shuffled = true;     ///< links and joints may come in an order other than down the tree
   bool armature = true, damping = true, drives = true, efforts = true;
-  bool couplings = true;    ///< of 2 to 5 joints, from 2 dofs on; their rank is less than the dofs
+  bool couplings = true;                    ///< of 2 to 5 joints, from 2 dofs on; their rank is less than the dofs
   double min_ratio = 0.3, max_ratio = 3.0;  ///< of couplings, either sign
   Soft soft = Soft::sometimes;
-  bool redundant = true;      ///< a coupling may follow from two others; it never contradicts them
-  bool coupling_error = true; ///< the state violates the couplings, in position by about 0.05; otherwise they hold
-                              ///< in position, and the hard ones in velocity
+  bool redundant = true;       ///< a coupling may follow from two others; it never contradicts them
+  bool coupling_error = true;  ///< the state violates the couplings, in position by about 0.05; otherwise they hold
+                               ///< in position, and the hard ones in velocity
 };
 
 /// A valid model that depends on nothing but its arguments.

@@ -66,7 +66,8 @@ TEST(Contradiction, loop_that_cannot_close_in_one_environment_stays_quiet_there)
 }
 
 // What `direct` makes of a contradiction through a coupling: both sides stay in an inverse that can hardly tell them
-// apart (M61), and share by a compliance. In single precision that takes digits from the coupling, and it is named as well.
+// apart (M61), and share by a compliance. In single precision that takes digits from the coupling, and it is named as
+// well.
 template <class S>
 void expect_named(const Watch<S>& watch, const Names& both) {
   const bool single = sizeof(S) == 4;
@@ -174,7 +175,8 @@ TEST(Contradiction, kinematic_drive_beyond_the_limit_of_its_follower_stops_there
     EXPECT_NEAR(watch.position(0, 1), -0.5, 1e-5);
     EXPECT_EQ(watch.batch.conflicts(1), Names{});
   });
-  // x beyond the limit, of which it asks 0.2 back, the drive lacks 0.4 - x, and it yields 300 times as much, or 100 times.
+  // x beyond the limit, of which it asks 0.2 back, the drive lacks 0.4 - x, and it yields 300 times as much, or 100
+  // times.
   expect_named_by_direct(model, prescribe, both, 0.1 + 0.4 / (1.0 + 0.2 * 300), 0.1 + 0.4 / (1.0 + 0.2 * 100));
 }
 

@@ -60,7 +60,7 @@ TEST(Known, velocity_limits_of_three_joints_of_one_coupling_hold) {
 TEST(Known, soft_limits_are_possible_for_tgs_in_float) {
   Model model = sliding(1);
   model.joints[0].lower = -0.2;
-  model.joints[0].limit_softness = Softness::spring(50.0, 1.0);
+  model.joints[0].limit_softness = Spring{50.0, 1.0};
   EXPECT_NO_THROW(Batch<float>(compile(model, physics::settings(Method::tgs)), 1));
 }
 

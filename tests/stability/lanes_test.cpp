@@ -21,19 +21,19 @@ Model bounded() {
   model.joints[4].effort_limit = 0.5;
   model.joints[5].drive.kinematic = true;
   model.joints[6].lower = -0.2, model.joints[6].upper = 0.5;
-  model.joints[6].limit_softness = Softness::mixing(0.2, 0.1);
+  model.joints[6].limit_softness = ErpCfm{0.2, 0.1};
   model.joints[7].restitution = 0.5, model.joints[7].upper = 0.45;
   model.couplings[0].force_limit = 0.3;
   return model;
 }
 
 // Nine environments fill a tile of eight and begin another.
-TEST(Lanes, environments_of_other_active_sets_give_the_bits_that_they_give_alone) {
+TEST(StatePointers, environments_of_other_active_sets_give_the_bits_that_they_give_alone) {
   constexpr int environments = 9;
   for (Method method : physics::methods)
     in_both_precisions([&](auto scalar) {
       using S = decltype(scalar);
-      SCOPED_TRACE(name(method));
+      SCOPED_TRACE(to_string(method));
       for (double dt : {1.0 / 60, 1.0 / 240}) {
         const Plan plan = compile(bounded(), recorded(dt, method));
         Batch<S> together = contract::scattered<S>(plan, environments, options());
@@ -66,13 +66,13 @@ TEST(Lanes, environments_of_other_active_sets_give_the_bits_that_they_give_alone
 
 // Random mechanisms whose bounds contradict each other: rows are looked for again and again, for a neighbour's sake as
 // well, with and without compliance, and some searches find no end.
-TEST(Lanes, searches_that_neighbours_repeat_end_where_they_do_alone) {
+TEST(StatePointers, searches_that_neighbours_repeat_end_where_they_do_alone) {
   constexpr int environments = 9;
   for (const std::uint64_t seed : {41u, 360u, 532u, 1547u, 2556u, 3430u, 5159u, 5392u, 5553u, 9144u, 10120u})
     for (const Method method : {Method::automatic, Method::direct})
       in_both_precisions([&](auto scalar) {
         using S = decltype(scalar);
-        SCOPED_TRACE(fmt::format("seed {} {}", seed, name(method)));
+        SCOPED_TRACE(fmt::format("seed {} {}", seed, to_string(method)));
         const RandomScene scene = random_scene(seed);
         const Plan plan = compile(scene.model, recorded(scene.dt, method));
         Batch<S> together = contract::scattered<S>(plan, environments, options());

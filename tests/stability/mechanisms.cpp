@@ -76,9 +76,7 @@ Model pair(Arrangement arrangement, double ratio) {
   return model;
 }
 
-Model sliding(int sliders) {
-  return physics::sliders(std::vector<double>(static_cast<std::size_t>(sliders), 1.0));
-}
+Model sliding(int sliders) { return physics::sliders(std::vector<double>(static_cast<std::size_t>(sliders), 1.0)); }
 
 Model loop(double offset) {
   Model model = scenes::redundant();

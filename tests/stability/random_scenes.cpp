@@ -28,8 +28,8 @@ void add_bounds(Joint& joint, Random& random, bool bounces) {
     if (joint.kind == JointKind::continuous) joint.kind = JointKind::revolute;
     if (random.chance(0.2))
       joint.limit_softness = random.chance(0.5)
-                                 ? Softness::mixing(random.uniform(0.1, 0.9), logarithmic(random, 1e-4, 0.1))
-                                 : Softness::spring(logarithmic(random, 1.0, 1e5), logarithmic(random, 0.1, 1e3));
+                                 ? Softness(ErpCfm{random.uniform(0.1, 0.9), logarithmic(random, 1e-4, 0.1)})
+                                 : Spring{logarithmic(random, 1.0, 1e5), logarithmic(random, 0.1, 1e3)};
     else if (bounces)
       joint.restitution = random.uniform(0.0, 0.9);
   }
@@ -39,7 +39,7 @@ void add_bounds(Joint& joint, Random& random, bool bounces) {
   if (random.chance(0.1)) {
     joint.drive.kinematic = true;
     joint.drive.position_target = joint.position;
-    if (random.chance(0.3)) joint.drive.softness = Softness::hard(random.uniform(0.1, 1.0));
+    if (random.chance(0.3)) joint.drive.softness = Hard{random.uniform(0.1, 1.0)};
   } else if (random.chance(0.4)) {
     const double kp = logarithmic(random, 1.0, 1e6);
     joint.drive = {kp, kp * random.uniform(0.05, 0.3), joint.position + random.uniform(-0.5, 0.5), 0.0};
@@ -52,8 +52,8 @@ Eigen::MatrixXd coupling_rows(const Model& model, const std::function<bool(const
   std::vector<const Coupling*> kept;
   for (const Coupling& coupling : model.couplings)
     if (wanted(coupling)) kept.push_back(&coupling);
-  Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(kept.size()),
-                                               static_cast<Eigen::Index>(model.joints.size()));
+  Eigen::MatrixXd rows =
+      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(kept.size()), static_cast<Eigen::Index>(model.joints.size()));
   for (std::size_t r = 0; r < kept.size(); ++r) {
     const auto row = static_cast<Eigen::Index>(r);
     rows(row, model.joint_index(kept[r]->joint)) = 1.0;
@@ -83,8 +83,8 @@ void leave_out_what_is_known(Model& model) {
     if (!joint.moves() || !depends(rows, Eigen::VectorXd::Unit(rows.cols(), static_cast<Eigen::Index>(j)))) continue;
     joint.lower = -infinity, joint.upper = infinity, joint.velocity_limit = infinity;
     joint.friction = joint.restitution = 0.0;
-    joint.drive.kinematic = false, joint.drive.softness = Softness::hard(1.0);
-    joint.limit_softness = Softness::hard();
+    joint.drive.kinematic = false, joint.drive.softness = Hard{1.0};
+    joint.limit_softness = Hard{};
   }
 }
 
@@ -96,7 +96,7 @@ bool contested(const Plan& plan) {
     kinematic |= joint.drive.kinematic;
     limited |= joint.lower > -infinity || joint.velocity_limit < infinity;
   }
-  return plan.program().f64.bounds.may_depend || (kinematic && limited);
+  return program_of(plan).f64.bounds.may_depend || (kinematic && limited);
 }
 
 // Farthest that a joint with hard ends is beyond them, in any environment.
@@ -104,7 +104,7 @@ template <class S>
 double hard_limit_violation(const Batch<S>& batch) {
   double worst = 0.0;
   for (const Joint& joint : batch.plan().model().joints) {
-    if (!joint.moves() || !joint.limit_softness.is_hard()) continue;
+    if (!joint.moves() || !is_hard(joint.limit_softness)) continue;
     const auto q = batch.positions().row(batch.plan().dof(joint.name)).template cast<double>();
     worst = std::max({worst, joint.lower - q.minCoeff(), q.maxCoeff() - joint.upper});
   }
@@ -131,7 +131,7 @@ std::string broken_at(const RandomScene& scene, Method method, double dt) {
             for (int e = 0; e < environments; ++e) {
               const int dof = plan.dof(joint.name);
               targets(dof, e) = static_cast<S>(model.joints[model.joint_index(joint.name)].drive.position_target +
-                                                   (0.1 + 0.05 * e) * std::sin(2.0 * t));
+                                               (0.1 + 0.05 * e) * std::sin(2.0 * t));
             }
       },
       [&] {
@@ -142,7 +142,7 @@ std::string broken_at(const RandomScene& scene, Method method, double dt) {
 
   if (!watch.finite()) return "a number is none";
   for (Fault fault : watch.batch.faults())
-    if (fault != Fault::none) return fmt::format("{}fault {}", turned > 0.5 ? "turns fast, " : "", name(fault));
+    if (fault != Fault::none) return fmt::format("{}fault {}", turned > 0.5 ? "turns fast, " : "", to_string(fault));
   // Rows that follow from others, and from their start decay at other rates, contradict them on the way.
   const bool contradicts = scene.displaced && !plan.redundant_couplings().empty();
   // An error at the start decays; while much is left of it, a small share of it is rounding.
@@ -178,9 +178,9 @@ RandomScene random_scene(std::uint64_t seed) {
   return scene;
 }
 
-// Three findings are no broken promise: energy that is gone at a quarter of the step was the integrator's, as is a fault
-// that is gone at a sixteenth of it, where couplings make joints turn by half a radian and more in a step; and a matrix that
-// only double precision can factor was reported as such.
+// Three findings are no broken promise: energy that is gone at a quarter of the step was the integrator's, as is a
+// fault that is gone at a sixteenth of it, where couplings make joints turn by half a radian and more in a step; and a
+// matrix that only double precision can factor was reported as such.
 std::string broken_promise(const RandomScene& scene, Method method) {
   const std::string broken = broken_at<float>(scene, method, scene.dt);
   if (broken.starts_with("energy") && broken_at<float>(scene, method, scene.dt / 4).empty()) return "";

@@ -21,15 +21,14 @@ Model hanging(double zeta, bool kinematic) {
     held.drive.kinematic = true;
   else
     held.drive = {1e7, 1e5, 0.0, 0.0};
-  model.couplings = {Coupling::mimic("j0", "j1", -1.0, 0.0, Softness::frequency(mu, zeta))};
+  model.couplings = {Coupling::mimic("j0", "j1", -1.0, 0.0, Frequency{mu, zeta})};
   return model;
 }
 
 // kp q = m g l cos q: 0.276 rad.
 double sag() {
   double q = 0.0;
-  for (int i = 0; i < 20; ++i)
-    q -= (kp * q - mass * g * arm * std::cos(q)) / (kp + mass * g * arm * std::sin(q));
+  for (int i = 0; i < 20; ++i) q -= (kp * q - mass * g * arm * std::cos(q)) / (kp + mass * g * arm * std::sin(q));
   return q;
 }
 
@@ -41,7 +40,8 @@ TEST(Soft, coupling_under_gravity_sags_by_its_stiffness) {
     for (Method method : all_methods)
       for (int velocity_iterations : {0, 1, 4}) {
         if (kinematic && (method == Method::pgs || method == Method::tgs)) continue;  // sweeps of two rows, not exact
-        SCOPED_TRACE(std::string(name(method)) + (kinematic ? ", held by a kinematic drive" : ", held by a servo"));
+        SCOPED_TRACE(std::string(to_string(method)) +
+                     (kinematic ? ", held by a kinematic drive" : ", held by a servo"));
         at_all_steps([&](auto scalar, double dt) {
           using S = decltype(scalar);
           StepSettings settings = physics::settings(method, 4, velocity_iterations, dt);
@@ -60,7 +60,7 @@ TEST(Soft, coupling_under_gravity_sags_by_its_stiffness) {
 TEST(Soft, coupling_of_little_damping_swings_whatever_the_velocity_iterations) {
   for (Method method : {Method::pgs, Method::direct, Method::automatic})
     for (int velocity_iterations : {0, 1, 4}) {
-      SCOPED_TRACE(std::string(name(method)) + " with " + std::to_string(velocity_iterations));
+      SCOPED_TRACE(std::string(to_string(method)) + " with " + std::to_string(velocity_iterations));
       at_all_steps([&](auto scalar, double dt) {
         using S = decltype(scalar);
         Watch<S> watch(hanging(0.1, false), physics::settings(method, 4, velocity_iterations, dt));

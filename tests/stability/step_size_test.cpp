@@ -101,7 +101,7 @@ TEST(StepSize, chain32_from_half_a_radian_off_comes_back) {
 TEST(StepSize, one_iteration_of_a_sweep_takes_a_hard_error_away_without_turning_it_round) {
   for (Arrangement arrangement : {Arrangement::side_by_side, Arrangement::second_on_first})
     for (Method method : {Method::tgs, Method::pgs}) {
-      SCOPED_TRACE(name(method));
+      SCOPED_TRACE(to_string(method));
       Model model = pair(arrangement);
       model.joints[0].position = 0.1;
       at_all_steps([&](auto scalar, double dt) {
@@ -134,7 +134,7 @@ TEST(StepSize, one_sweep_over_chain8_takes_an_error_away) {
       settings.iterations = 1;
       Watch<S> watch(model, settings);
       watch.run(10.0);
-      EXPECT_LE(watch.batch.coupling_errors().abs().maxCoeff(), 1e-3) << name(method);
+      EXPECT_LE(watch.batch.coupling_errors().abs().maxCoeff(), 1e-3) << to_string(method);
       EXPECT_TRUE(watch.finite());
     });
 }

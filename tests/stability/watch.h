@@ -9,6 +9,7 @@
 
 #include "kernels.h"
 #include "lockstep/plan.h"
+#include "model/softness_numbers.h"
 #include "physics.h"
 
 namespace lockstep::stability {
@@ -46,7 +47,7 @@ template <class Test>
 void with_exact_methods(Test&& test) {
   at_all_steps([&](auto scalar, double dt) {
     for (Method method : {Method::automatic, Method::direct}) {
-      SCOPED_TRACE(name(method));
+      SCOPED_TRACE(to_string(method));
       test(scalar, dt, method);
     }
   });
@@ -111,7 +112,7 @@ class Watch {
   void account() {
     const Model& model = batch.plan().model();
     for (Eigen::Index c = 0; c < remaining_.rows(); ++c)
-      remaining_.row(c) *= 1.0 - model.couplings[static_cast<std::size_t>(c)].softness.first;
+      remaining_.row(c) *= 1.0 - numbers_of(model.couplings[static_cast<std::size_t>(c)].softness).first;
     if (!batch.plan().settings().record_diagnostics) return;
     const Eigen::ArrayXXd balance = batch.energy_balances().template cast<double>();
     excess_ += (balance.row(3) - balance.row(0) - balance.row(2)).transpose();
@@ -125,7 +126,7 @@ class Watch {
     const Model& model = batch.plan().model();
     for (Eigen::Index c = 0; c < errors.rows(); ++c) {
       const Coupling& coupling = model.couplings[static_cast<std::size_t>(c)];
-      if (!coupling.softness.is_hard() || coupling.force_limit < infinity) continue;
+      if (!is_hard(coupling.softness) || coupling.force_limit < infinity) continue;
       for (Eigen::Index e = 0; e < errors.cols(); ++e) {
         if (batch.faults()[static_cast<std::size_t>(e)] != Fault::none) continue;
         const double error = std::abs(errors(c, e) - remaining_(c, e));
@@ -158,7 +159,7 @@ class Watch {
 template <class S>
 void expect_sound(const Watch<S>& watch, double energy, double tolerance = held<S>) {
   EXPECT_TRUE(watch.finite());
-  EXPECT_EQ(watch.batch.faulted(), 0) << name(watch.batch.faults()[0]);
+  EXPECT_EQ(watch.batch.faulted(), 0) << to_string(watch.batch.faults()[0]);
   EXPECT_LE(watch.late_error(), tolerance);
   EXPECT_LE(watch.error(), watch.batch.plan().method() == Method::reduced ? tolerance : 10.0 * tolerance);
   EXPECT_LE(watch.excess(), energy);

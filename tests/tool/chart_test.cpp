@@ -4,7 +4,7 @@
 #include <map>
 #include <regex>
 
-#include "tool/command.h"
+#include "command.h"
 #include "tool/python.h"
 
 namespace lockstep::tool {
@@ -26,8 +26,9 @@ TEST_F(Chart, without_a_python_is_a_table) {
   EXPECT_FALSE(std::filesystem::exists(picture()));
   const std::vector<std::string> rows = lines(contents(path("a 'chart'.csv")));
   ASSERT_GT(rows.size(), 1u);
-  EXPECT_EQ(rows[0], "method,integrator,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,"
-                     "env_steps_per_second,faulted");
+  EXPECT_EQ(rows[0],
+            "method,integrator,iterations,dt,precision,rms_error,coupling_error_max,cost_us_per_env_second,"
+            "env_steps_per_second,faulted");
 }
 
 // On a smooth scene semi-implicit Euler is of first order: a chart that shows anything else is wrong.
@@ -67,7 +68,8 @@ std::map<double, std::vector<double>> trajectory(const std::string& csv) {
 }
 
 // RMS of the joints at every sixtieth of a second that both have.
-double distance(const std::map<double, std::vector<double>>& a, const std::map<double, std::vector<double>>& b, int samples) {
+double distance(const std::map<double, std::vector<double>>& a, const std::map<double, std::vector<double>>& b,
+                int samples) {
   double sum = 0.0;
   long count = 0;
   for (int sample = 1; sample <= samples; ++sample) {
@@ -84,16 +86,18 @@ constexpr const char* moving = "shoulder,shoulder.v,elbow,elbow.v,slide\n0.6,2,-
 TEST_F(Chart, gives_advice_that_holds_when_it_is_followed) {
   const std::string state = write("start.csv", moving);
   const auto simulated = [&](Arguments more) {
-    Arguments arguments = {"simulate", model, "--state", state, "--seconds", "0.5", "--envs", "1",
-                           "--ignore", "position,velocity,effort,friction", "--record", path("run.csv")};
+    Arguments arguments = {"simulate", model,          "--state", state,      "--seconds",
+                           "0.5",      "--envs",       "1",       "--ignore", "position,velocity,effort,friction",
+                           "--record", path("run.csv")};
     arguments.insert(arguments.end(), more.begin(), more.end());
     const Ran ran = run(arguments);
     EXPECT_EQ(ran.status, 0) << ran.err;
     return trajectory(contents(path("run.csv")));
   };
   const auto exact = simulated({"--integrator", "runge_kutta", "--dt", "1/7680", "--precision", "f64"});
-  const Ran ran = run({"chart", model, "--budget", "0.5", "--seconds", "0.5", "--envs", "8", "--state", state, "--ignore",
-                       "position,velocity,effort,friction", "--out", picture(), "--python", "/no/such/python"});
+  const Ran ran =
+      run({"chart", model, "--budget", "0.5", "--seconds", "0.5", "--envs", "8", "--state", state, "--ignore",
+           "position,velocity,effort,friction", "--out", picture(), "--python", "/no/such/python"});
   ASSERT_EQ(ran.status, 0) << ran.err;
   const std::regex form(R"(advice +for (\S+) rad.* over .* s: (\w+)(?: \((\w+)( \d+)?\))? at (\S+) s in (f32|f64),)");
   int followed = 0;
@@ -112,13 +116,15 @@ TEST_F(Chart, gives_advice_that_holds_when_it_is_followed) {
 
 TEST_F(Chart, and_simulate_choose_a_step_for_a_tolerance) {
   const std::string state = write("start.csv", moving);
-  const Arguments common = {"simulate", model, "--state", state, "--seconds", "0.5", "--envs", "1", "--ignore",
-                            "position,velocity,effort,friction"};
+  const Arguments common = {"simulate", model,    "--state", state,      "--seconds",
+                            "0.5",      "--envs", "1",       "--ignore", "position,velocity,effort,friction"};
   const auto with = [&](Arguments more) {
     more.insert(more.begin(), common.begin(), common.end());
     return run(more);
   };
-  ASSERT_EQ(with({"--integrator", "runge_kutta", "--dt", "1/7680", "--precision", "f64", "--record", path("exact.csv")}).status, 0);
+  ASSERT_EQ(with({"--integrator", "runge_kutta", "--dt", "1/7680", "--precision", "f64", "--record", path("exact.csv")})
+                .status,
+            0);
   const auto exact = trajectory(contents(path("exact.csv")));
   for (const char* tolerance : {"1e-2", "1e-4", "1e-6"}) {
     const Ran ran = with({"--tolerance", tolerance, "--precision", "f64", "--record", path("run.csv")});

@@ -1,5 +1,5 @@
 // The built command as a user meets it: exit codes, messages, files. SPDX-License-Identifier: Apache-2.0
-#include "tool/command.h"
+#include "command.h"
 
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -10,8 +10,8 @@ namespace lockstep::tool {
 namespace {
 
 TEST_F(Command, help_is_no_error) {
-  for (const Arguments& arguments : {Arguments{"--help"}, {"--version"}, {"info", "--help"}, {"simulate", "--help"},
-                                     {"chart", "--help"}}) {
+  for (const Arguments& arguments :
+       {Arguments{"--help"}, {"--version"}, {"info", "--help"}, {"simulate", "--help"}, {"chart", "--help"}}) {
     const Ran ran = run(arguments);
     EXPECT_EQ(ran.status, 0);
     EXPECT_FALSE(ran.out.empty());
@@ -155,8 +155,8 @@ TEST_F(Command, state_of_a_floating_root) {
   EXPECT_EQ(table.rows[0][13], 2.0);
   EXPECT_NEAR(table.rows[0][15], 0.6, 1e-6);
   EXPECT_EQ(table.rows[0][21], 3.0);
-  for (const auto& [text, said] : {std::pair("root.qw\n1\n", "all four"),
-                                   {"root.qw,root.qx,root.qy,root.qz\n1,1,0,0\n", "unit"}}) {
+  for (const auto& [text, said] :
+       {std::pair("root.qw\n1\n", "all four"), {"root.qw,root.qx,root.qy,root.qz\n1,1,0,0\n", "unit"}}) {
     const Ran ran = run({"simulate", model, "--floating-base", "--state", write("bad.csv", text)});
     EXPECT_EQ(ran.status, 2);
     expect_one_complaint(ran.err, said);
@@ -212,8 +212,8 @@ TEST_F(Command, json_has_the_documented_keys) {
 // The elbow mimics the shoulder with multiplier -1: both cannot be at 0.5.
 TEST_F(Command, json_names_what_could_not_be_met) {
   const std::string targets = write("targets.csv", "time,shoulder,elbow\n0.1,0.5,0.5\n");
-  const Arguments how = {"--dt", "0.01", "--seconds", "0.2", "--targets", targets, "--kinematic", "shoulder",
-                         "--kinematic", "elbow"};
+  const Arguments how = {"--dt",  "0.01",        "--seconds", "0.2",         "--targets",
+                         targets, "--kinematic", "shoulder",  "--kinematic", "elbow"};
   Arguments with_json = how;
   with_json.insert(with_json.end(), {"--envs", "70", "--json", path("r.json")});
   with_json.insert(with_json.begin(), {"simulate", model});

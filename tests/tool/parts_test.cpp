@@ -111,7 +111,9 @@ TEST(Csv, names_file_line_and_column_of_what_it_refuses) {
             "/no/such/file.csv: cannot be written: No such file or directory");
 }
 
-TEST(Csv, a_folder_is_no_table) { EXPECT_NE(complaint([] { read_csv("/"); }), "nothing"); }
+TEST(Csv, a_folder_is_no_table) {
+  EXPECT_NE(complaint([] { read_csv("/"); }), "nothing");
+}
 
 TEST(Csv, a_full_disk_is_noticed) {
   EXPECT_EQ(complaint([] {
@@ -140,11 +142,9 @@ TEST(Options, change_the_model) {
   apply(options, model);
   EXPECT_TRUE(model.root.floating);
   EXPECT_EQ(model.gravity, Eigen::Vector3d(1, 2, 3));
-  EXPECT_EQ(model.couplings[0].softness.kind, Softness::Kind::hard);
-  EXPECT_EQ(model.couplings[0].softness.first, 0.5);
-  EXPECT_EQ(model.couplings[1].softness.kind, Softness::Kind::frequency);
-  EXPECT_EQ(model.couplings[1].softness.first, 30.0);
-  EXPECT_EQ(model.couplings[1].softness.second, 0.7);
+  EXPECT_EQ(std::get<Hard>(model.couplings[0].softness).erp, 0.5);
+  EXPECT_EQ(std::get<Frequency>(model.couplings[1].softness).rad_per_s, 30.0);
+  EXPECT_EQ(std::get<Frequency>(model.couplings[1].softness).damping_ratio, 0.7);
   EXPECT_EQ(model.couplings[0].force_limit, 2.5);
   EXPECT_EQ(model.couplings[1].force_limit, infinity);
   EXPECT_EQ(model.joints[3].drive.kp, 100.0);
@@ -161,10 +161,10 @@ TEST(Options, bounds_are_ignored_by_name) {
   EXPECT_EQ(ignored("position"), (std::array{true, false, false, false}));
   EXPECT_EQ(ignored("effort,velocity"), (std::array{false, true, true, false}));
   EXPECT_EQ(ignored("position,velocity,effort,friction"), (std::array{true, true, true, true}));
-  for (const auto& [list, unknown] : {std::pair("speed", "speed"), {"position,", ""}, {"", ""}, {"friction;effort",
-                                                                                               "friction;effort"}})
-    EXPECT_EQ(complaint([&] { ignored_of(list); }), std::string("--ignore: there is no '") + unknown +
-                                                        "'; give some of position,velocity,effort,friction");
+  for (const auto& [list, unknown] :
+       {std::pair("speed", "speed"), {"position,", ""}, {"", ""}, {"friction;effort", "friction;effort"}})
+    EXPECT_EQ(complaint([&] { ignored_of(list); }),
+              std::string("--ignore: there is no '") + unknown + "'; give some of position,velocity,effort,friction");
 }
 
 TEST(Options, second_coupling_of_a_joint) {
@@ -174,8 +174,8 @@ TEST(Options, second_coupling_of_a_joint) {
   options.softness = {"b#2=1,2"};
   options.force_limits = {"b#2=3"};
   apply(options, model);
-  EXPECT_TRUE(model.couplings[0].softness.is_hard());
-  EXPECT_EQ(model.couplings[2].softness.first, 1.0);
+  EXPECT_TRUE(is_hard(model.couplings[0].softness));
+  EXPECT_EQ(std::get<Frequency>(model.couplings[2].softness).rad_per_s, 1.0);
   EXPECT_EQ(model.couplings[0].force_limit, infinity);
   EXPECT_EQ(model.couplings[2].force_limit, 3.0);
 }
@@ -228,7 +228,9 @@ TEST(Targets, are_for_joints_with_a_drive_of_either_kind) {
 
 TEST(States, columns_of_joints_must_differ) {
   EXPECT_EQ(joint_columns({"a", "b"})[3].name, "b.v");
-  EXPECT_EQ(complaint([] { joint_columns({"a", "a.v"}); }),
+  EXPECT_EQ(complaint([] {
+              joint_columns({"a", "a.v"});
+            }),
             "joints 'a' and 'a.v' both claim the column 'a.v'; rename one of them");
 }
 
@@ -249,7 +251,7 @@ TEST(Couplings, settle_by_their_first_joints_along_a_chain) {
 
 TEST(Couplings, settle_where_two_have_the_same_first_joint_or_one_is_redundant) {
   Model model = chain();
-  model.couplings.push_back(Coupling::mimic("b", "d", 1.0));    // a differential: no first joint is left for it
+  model.couplings.push_back(Coupling::mimic("b", "d", 1.0));         // a differential: no first joint is left for it
   model.couplings.push_back(Coupling::mimic("c", "a", -1.0, 0.05));  // follows from the first two
   Eigen::VectorXd q(4);
   q << 0.3, 0.1, 0.7, -0.4;

@@ -58,7 +58,7 @@ TEST_P(BrokenBound, is_refused_and_named) {
 }
 
 // A hard kinematic drive.
-Drive prescribed(Softness softness = Softness::hard(1.0)) {
+Drive prescribed(Softness softness = Hard{1.0}) {
   Drive drive;
   drive.kinematic = true, drive.softness = softness;
   return drive;
@@ -77,29 +77,54 @@ INSTANTIATE_TEST_SUITE_P(
              "revolute"},
         Rule{"continuous_with_upper", [](Joint& j) { j.kind = JointKind::continuous, j.upper = 1; }, "continuous",
              "revolute"},
-        Rule{"limit_erp", [](Joint& j) { j.limit_softness = Softness::hard(2.0); }, "erp of a hard limit", "give 0.2"},
-        Rule{"limit_mixing_erp", [](Joint& j) { j.limit_softness = Softness::mixing(1.5, 0.1); },
+        Rule{"limit_erp", [](Joint& j) { j.limit_softness = Hard{2.0}; }, "erp of a hard limit", "give 0.2"},
+        Rule{"limit_mixing_erp",
+             [](Joint& j) {
+               j.limit_softness = ErpCfm{1.5, 0.1};
+             },
              "erp of the limit is outside", "share"},
-        Rule{"limit_cfm", [](Joint& j) { j.limit_softness = Softness::mixing(0.2, -1); }, "cfm of the limit",
-             "give 0 (hard) or more"},
-        Rule{"limit_spring", [](Joint& j) { j.limit_softness = Softness::spring(-1, 0); }, "soft limit is negative",
-             "0 or more"},
-        Rule{"limit_frequency", [](Joint& j) { j.limit_softness = Softness::frequency(9, -1); },
+        Rule{"limit_cfm",
+             [](Joint& j) {
+               j.limit_softness = ErpCfm{0.2, -1};
+             },
+             "cfm of the limit", "give 0 (hard) or more"},
+        Rule{"limit_spring",
+             [](Joint& j) {
+               j.limit_softness = Spring{-1, 0};
+             },
+             "soft limit is negative", "0 or more"},
+        Rule{"limit_frequency",
+             [](Joint& j) {
+               j.limit_softness = Frequency{9, -1};
+             },
              "damping ratio of the limit", "rad/s"},
-        Rule{"limit_nan", [](Joint& j) { j.limit_softness = Softness::spring(1, nan); }, "softness of the limit",
-             "finite"},
-        Rule{"limit_infinite", [](Joint& j) { j.limit_softness = Softness::spring(infinity, 1); },
+        Rule{"limit_nan",
+             [](Joint& j) {
+               j.limit_softness = Spring{1, nan};
+             },
              "softness of the limit", "finite"},
-        Rule{"limit_second_number", [](Joint& j) { j.limit_softness = {Softness::Kind::hard, 0.2, 1.0}; },
-             "second number", "mixing"},
-        Rule{"limit_without_strength", [](Joint& j) { j.limit_softness = Softness::spring(0, 0); }, "never pulls",
-             "remove the position range"},
-        Rule{"limit_without_frequency", [](Joint& j) { j.limit_softness = Softness::frequency(0, 1); }, "never pulls",
-             "remove the position range"},
+        Rule{"limit_infinite",
+             [](Joint& j) {
+               j.limit_softness = Spring{infinity, 1};
+             },
+             "softness of the limit", "finite"},
+        Rule{"limit_without_strength",
+             [](Joint& j) {
+               j.limit_softness = Spring{0, 0};
+             },
+             "never pulls", "remove the position range"},
+        Rule{"limit_without_frequency",
+             [](Joint& j) {
+               j.limit_softness = Frequency{0, 1};
+             },
+             "never pulls", "remove the position range"},
         Rule{"restitution_below_0", [](Joint& j) { j.restitution = -0.1; }, "restitution is -0.1", "share"},
         Rule{"restitution_above_1", [](Joint& j) { j.restitution = 1.1; }, "restitution is 1.1", "share"},
         Rule{"restitution_is_nan", [](Joint& j) { j.restitution = nan; }, "restitution is", "share"},
-        Rule{"restitution_of_soft", [](Joint& j) { j.restitution = 0.5, j.limit_softness = Softness::spring(9, 1); },
+        Rule{"restitution_of_soft",
+             [](Joint& j) {
+               j.restitution = 0.5, j.limit_softness = Spring{9, 1};
+             },
              "soft limits", "set it to 0"},
         Rule{"velocity_0", [](Joint& j) { j.velocity_limit = 0; }, "locks", "fixed or its drive kinematic"},
         Rule{"velocity_negative", [](Joint& j) { j.velocity_limit = -1; }, "velocity limit is negative", "more than 0"},
@@ -116,20 +141,29 @@ INSTANTIATE_TEST_SUITE_P(
         Rule{"kinematic_with_kp", [](Joint& j) { j.drive = prescribed(), j.drive.kp = 1; }, "kp or kd", "servo"},
         Rule{"kinematic_with_kd", [](Joint& j) { j.drive = prescribed(), j.drive.kd = 1; }, "kp or kd", "servo"},
         Rule{"servo_kd", [](Joint& j) { j.drive.kd = -1; }, "drive kd is negative", "0 or more"},
-        Rule{"servo_softer", [](Joint& j) { j.drive.softness = Softness::hard(0.5); }, "only kinematic ones have",
+        Rule{"servo_softer", [](Joint& j) { j.drive.softness = Hard{0.5}; }, "only kinematic ones have",
              "make the drive kinematic"},
-        Rule{"servo_of_other_kind", [](Joint& j) { j.drive.softness = Softness::mixing(1.0, 0.0); },
+        Rule{"servo_of_other_kind",
+             [](Joint& j) {
+               j.drive.softness = ErpCfm{1.0, 0.0};
+             },
              "only kinematic ones have", "make the drive kinematic"},
-        Rule{"servo_with_second_number", [](Joint& j) { j.drive.softness.second = 1; }, "only kinematic ones have",
-             "make the drive kinematic"},
-        Rule{"kinematic_erp_0", [](Joint& j) { j.drive = prescribed(Softness::hard(0)); }, "outside (0, 1]", "give 1"},
-        Rule{"kinematic_erp_above_1", [](Joint& j) { j.drive = prescribed(Softness::hard(1.5)); }, "outside (0, 1]",
-             "give 1"},
-        Rule{"kinematic_mixing_erp_0", [](Joint& j) { j.drive = prescribed(Softness::mixing(0, 0)); },
+        Rule{"kinematic_erp_0", [](Joint& j) { j.drive = prescribed(Hard{0}); }, "outside (0, 1]", "give 1"},
+        Rule{"kinematic_erp_above_1", [](Joint& j) { j.drive = prescribed(Hard{1.5}); }, "outside (0, 1]", "give 1"},
+        Rule{"kinematic_mixing_erp_0",
+             [](Joint& j) {
+               j.drive = prescribed(ErpCfm{0, 0});
+             },
              "outside (0, 1]", "give 1"},
-        Rule{"kinematic_cfm", [](Joint& j) { j.drive = prescribed(Softness::mixing(1, -1)); },
+        Rule{"kinematic_cfm",
+             [](Joint& j) {
+               j.drive = prescribed(ErpCfm{1, -1});
+             },
              "cfm of the kinematic drive", "or more"},
-        Rule{"kinematic_without_strength", [](Joint& j) { j.drive = prescribed(Softness::spring(0, 0)); },
+        Rule{"kinematic_without_strength",
+             [](Joint& j) {
+               j.drive = prescribed(Spring{0, 0});
+             },
              "never pulls", "not kinematic"}),
     [](const auto& rule) { return std::string(rule.param.name); });
 
@@ -145,22 +179,31 @@ TEST(ForceLimit, must_leave_the_coupling_something_to_hold_with) {
 
 // The ends of every range, and what looks odd but means something.
 TEST(Bounds, that_make_sense_are_accepted) {
-  const std::function<void(Joint&)> changes[] = {
-      [](Joint& j) { j.lower = 0.3, j.upper = 0.3; },
-      [](Joint& j) { j.lower = -1; },
-      [](Joint& j) { j.restitution = 1.0; },
-      [](Joint& j) { j.restitution = 0.5, j.limit_softness = Softness::mixing(0.2, 0.0); },  // hard by another name
-      [](Joint& j) { j.limit_softness = Softness::hard(0.0); },
-      [](Joint& j) { j.limit_softness = Softness::frequency(30, 0); },
-      [](Joint& j) { j.limit_softness = Softness::spring(0, 2); },
-      [](Joint& j) { j.velocity_limit = 1e-6; },
-      [](Joint& j) { j.effort_limit = 0.0; },
-      [](Joint& j) { j.friction = 5.0; },
-      [](Joint& j) { j.drive = prescribed(); },
-      [](Joint& j) { j.drive = prescribed(Softness::hard(0.1)); },
-      [](Joint& j) { j.drive = prescribed(Softness::spring(0, 10)); },
-      [](Joint& j) { j.drive = prescribed(Softness::mixing(0.0, 0.1)); },
-      [](Joint& j) { j.drive.kp = 3, j.drive.kd = 1; }};
+  const std::function<void(Joint&)> changes[] = {[](Joint& j) { j.lower = 0.3, j.upper = 0.3; },
+                                                 [](Joint& j) { j.lower = -1; },
+                                                 [](Joint& j) { j.restitution = 1.0; },
+                                                 [](Joint& j) {
+                                                   j.restitution = 0.5, j.limit_softness = ErpCfm{0.2, 0.0};
+                                                 },  // hard by another name
+                                                 [](Joint& j) { j.limit_softness = Hard{0.0}; },
+                                                 [](Joint& j) {
+                                                   j.limit_softness = Frequency{30, 0};
+                                                 },
+                                                 [](Joint& j) {
+                                                   j.limit_softness = Spring{0, 2};
+                                                 },
+                                                 [](Joint& j) { j.velocity_limit = 1e-6; },
+                                                 [](Joint& j) { j.effort_limit = 0.0; },
+                                                 [](Joint& j) { j.friction = 5.0; },
+                                                 [](Joint& j) { j.drive = prescribed(); },
+                                                 [](Joint& j) { j.drive = prescribed(Hard{0.1}); },
+                                                 [](Joint& j) {
+                                                   j.drive = prescribed(Spring{0, 10});
+                                                 },
+                                                 [](Joint& j) {
+                                                   j.drive = prescribed(ErpCfm{0.0, 0.1});
+                                                 },
+                                                 [](Joint& j) { j.drive.kp = 3, j.drive.kd = 1; }};
   int number = 0;
   for (const auto& change : changes) {
     SCOPED_TRACE(++number);

@@ -43,28 +43,30 @@ TEST(Description, tells_whether_speeds_of_couplings_are_solved_for) {
   expect_unsaid(compile(scenes::chain32(), settings), {speeds});  // articulated bodies are less work
   expect_unsaid(compile(scenes::gear100(), settings), {speeds});  // elimination would leave next to nothing
   settings.method = Method::direct;
-  expect_said(compile(scenes::chain8(), settings), {speeds, "4 rows are met by prescribed speeds.", "prescribed speeds of couplings"});
+  expect_said(compile(scenes::chain8(), settings),
+              {speeds, "4 rows are met by prescribed speeds.", "prescribed speeds of couplings"});
   Model limited = scenes::chain8();
   limited.joints[0].lower = -1.0;
   expect_said(compile(limited, settings), {"met by prescribed speeds, solved together by L^T D L where bounds act"});
   settings.record_impulses = true;
-  expect_said(compile(scenes::chain8(), settings), {speeds, "4 rows are solved together", "responses, row terms, direct"});
+  expect_said(compile(scenes::chain8(), settings),
+              {speeds, "4 rows are solved together", "responses, row terms, direct"});
   settings.per_environment = {Parameter::gear_ratio};
   expect_unsaid(compile(scenes::chain8(), settings), {speeds});
   Model soft = scenes::chain8();
-  for (Coupling& coupling : soft.couplings) coupling.softness = Softness::spring(40.0, 1.0);
+  for (Coupling& coupling : soft.couplings) coupling.softness = Spring{40.0, 1.0};
   expect_said(compile(soft, {.integrator = Integrator::euler}), {speeds, "responses, row terms, direct"});
 }
 
 TEST(Description, says_softness_in_words) {
   Model model = scenes::chain8();
-  model.couplings[0].softness = Softness::hard(0.25);
-  model.couplings[1].softness = Softness::mixing(0.5, 0.125);
-  model.couplings[2].softness = Softness::spring(80.0, 2.5);
-  model.couplings[3].softness = Softness::frequency(12.566370614359172, 0.7);
+  model.couplings[0].softness = Hard{0.25};
+  model.couplings[1].softness = ErpCfm{0.5, 0.125};
+  model.couplings[2].softness = Spring{80.0, 2.5};
+  model.couplings[3].softness = Frequency{12.566370614359172, 0.7};
   expect_said(compile(model),
               {"hard (erp 0.25)", "erp 0.5, cfm 0.125", "kp 80, kd 2.5", "12.5664 rad/s (2 Hz), damping ratio 0.7"});
-  model.couplings[2].softness = Softness::spring(0.0, 0.0);
+  model.couplings[2].softness = Spring{0.0, 0.0};
   expect_said(compile(model), {"absent: it has neither stiffness nor damping"});
   expect_said(compile(scenes::redundant()), {"redundant: it follows from those above"});
 }
@@ -120,18 +122,18 @@ TEST(Flops, of_a_feature_that_a_scene_has_not_are_not_spent) {
     coupled.couplings = {scenes::chain8().couplings[0]};
     const long one = costs(coupled, {.method = method});
     if (method != Method::tgs) {  // which shares out the free motion over its sub-steps, couplings or not
-      EXPECT_EQ(costs(bare, {.method = method}), none) << name(method) << " without couplings";
+      EXPECT_EQ(costs(bare, {.method = method}), none) << to_string(method) << " without couplings";
     }
     EXPECT_GT(one, none);
     EXPECT_GT(costs(scenes::chain8(), {.method = method}), one);
   }
   for (Parameter parameter :
        {Parameter::drive_gains, Parameter::damping, Parameter::mass, Parameter::gravity, Parameter::link_wrench})
-    EXPECT_GT(costs(bare, {.per_environment = {parameter}}), none) << name(parameter);
+    EXPECT_GT(costs(bare, {.per_environment = {parameter}}), none) << to_string(parameter);
   for (Parameter parameter :
        {Parameter::gear_ratio, Parameter::offset, Parameter::softness, Parameter::coupling_switch})
     EXPECT_EQ(costs(bare, {.method = Method::direct, .per_environment = {parameter}}), none)
-        << name(parameter) << " of no couplings";
+        << to_string(parameter) << " of no couplings";
   Model limited = bare;
   for (Joint& joint : limited.joints) joint.lower = -1.0, joint.upper = 1.0;
   EXPECT_GT(costs(limited), none);

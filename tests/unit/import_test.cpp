@@ -21,20 +21,20 @@ TEST(Import, gripper_is_read_with_its_couplings) {
   for (const Coupling& coupling : model.couplings) {
     const bool is_tip = coupling.joint.find("tip") != string::npos;
     ASSERT_EQ(coupling.terms.size(), 1u);
-    EXPECT_EQ(coupling.terms[0].joint, "driver");
+    EXPECT_EQ(coupling.terms[0].joint, "knuckle");
     EXPECT_EQ(coupling.terms[0].ratio, is_tip ? 1.0 : -1.0);  // the tips turn back: multiplier -1
     EXPECT_EQ(coupling.offset, 0.0);
-    EXPECT_EQ(coupling.softness.kind, Softness::Kind::hard);
+    EXPECT_TRUE(std::holds_alternative<Hard>(coupling.softness));
   }
-  const Joint& driver = joint(model, "driver");
-  EXPECT_EQ(driver.kind, JointKind::revolute);
-  EXPECT_EQ(driver.axis, Eigen::Vector3d::UnitX());
-  EXPECT_EQ(driver.lower, 0.0);
-  EXPECT_EQ(driver.upper, 0.73);
-  EXPECT_EQ(driver.effort_limit, 8.0);
-  EXPECT_EQ(driver.velocity_limit, 4.0);
-  EXPECT_EQ(driver.damping, 0.05);
-  EXPECT_EQ(driver.position, 0.0);
+  const Joint& knuckle = joint(model, "knuckle");
+  EXPECT_EQ(knuckle.kind, JointKind::revolute);
+  EXPECT_EQ(knuckle.axis, Eigen::Vector3d::UnitX());
+  EXPECT_EQ(knuckle.lower, 0.0);
+  EXPECT_EQ(knuckle.upper, 0.73);
+  EXPECT_EQ(knuckle.effort_limit, 8.0);
+  EXPECT_EQ(knuckle.velocity_limit, 4.0);
+  EXPECT_EQ(knuckle.damping, 0.05);
+  EXPECT_EQ(knuckle.position, 0.0);
   expect_reports(import, "read 11 links, 9 moving joints, 5 couplings");
   expect_reports(import, "fixed joints, merged when compiling (1): wrist");
   expect_reports(import, "not used: 11 visual");
@@ -61,7 +61,7 @@ TEST(Import, gripper_tips_keep_their_direction_and_meet) {
   for (const double q : {0.0, 0.4, 0.73})
     for (const string side : {"left", "right"}) {
       const Eigen::Isometry3d tip =
-          pose(side == "left" ? "driver" : "right_knuckle_joint", q) * pose(side + "_tip_joint", -q);
+          pose(side == "left" ? "knuckle" : "right_knuckle_joint", q) * pose(side + "_tip_joint", -q);
       const Eigen::Vector3d bar_end = pose(side + "_bar_joint", q) * Eigen::Vector3d(0, 0, 0.06);
       EXPECT_LT((tip.linear() * Eigen::Vector3d::UnitZ() - Eigen::Vector3d::UnitZ()).norm(), 1e-12);
       EXPECT_LT((tip * Eigen::Vector3d(0, 0.016, 0) - bar_end).norm(), 1e-12);
@@ -287,8 +287,8 @@ TEST(Import, fills_in_inertias_only_where_asked_to_and_says_where) {
   EXPECT_EQ(link(import.model, "palm").inertia.mass, 2.0);
   EXPECT_EQ(link(import.model, "finger").inertia.mass, 0.05);
   EXPECT_EQ(link(import.model, "finger").inertia.center, Eigen::Vector3d(0.1, 0.0, 0.0));
-  EXPECT_TRUE(link(import.model, "finger").inertia.about_center.isApprox(
-      Eigen::Vector3d(1e-5, 1.1e-5, 1.2e-5).asDiagonal().toDenseMatrix()));
+  EXPECT_TRUE(link(import.model, "finger")
+                  .inertia.about_center.isApprox(Eigen::Vector3d(1e-5, 1.1e-5, 1.2e-5).asDiagonal().toDenseMatrix()));
   EXPECT_EQ(link(import.model, "tip").inertia.mass, 0.05);
   EXPECT_TRUE(link(import.model, "tip").inertia.about_center.isApprox(1e-5 * one));
   EXPECT_EQ(link(import.model, "thumb").inertia.mass, 0.0) << "the nail has enough for both";

@@ -44,10 +44,13 @@ TEST(Energy, of_a_passive_arm_without_damping_drifts_with_the_step_only) {
     for (Joint& joint : model.joints) joint.damping = 0.0;
     const auto drift = [&](double dt) {
       double start = NAN, worst = 0.0;
-      watch(model, dt, 0.5, [&](const Batch<double>& batch) {
-        if (std::isnan(start)) start = energy(batch);
-        worst = std::max(worst, std::abs(energy(batch) - start));
-      }, method);
+      watch(
+          model, dt, 0.5,
+          [&](const Batch<double>& batch) {
+            if (std::isnan(start)) start = energy(batch);
+            worst = std::max(worst, std::abs(energy(batch) - start));
+          },
+          method);
       return worst;
     };
     expect_first_order(drift, 1.0 / 960);
@@ -100,8 +103,8 @@ TEST(Momentum, of_a_floating_mechanism_has_no_rate_of_change) {
     Model model = scenes::random_model(static_cast<std::uint64_t>(seed), floating());
     model.gravity.setZero();
     for (Coupling& coupling : model.couplings)
-      if (coupling.softness.kind == Softness::Kind::mixing && !coupling.softness.is_hard())
-        coupling.softness = Softness::spring(50.0, 1.0);
+      if (std::holds_alternative<ErpCfm>(coupling.softness) && !is_hard(coupling.softness))
+        coupling.softness = Spring{50.0, 1.0};
     constexpr double h = 1e-7;
     const Vector6d start = momentum_after(model, h, 0);
     const auto rate = [&](double dt) -> Vector6d { return (momentum_after(model, dt, 1) - start) / dt; };
@@ -141,18 +144,21 @@ TEST(Symmetry, of_a_mirrored_gripper_is_kept) {
       if (i > 0) model.couplings.push_back(Coupling::mimic(joint.name, before, -0.7));
     }
   for (Method method : {Method::direct, Method::reduced})
-    watch(model, 1.0 / 240, 1.0, [&](const Batch<double>& batch) {
-      const auto q = batch.positions().col(0);
-      EXPECT_LE((q.head(3) + q.tail(3)).abs().maxCoeff(), 1e-12);
-      EXPECT_NEAR(batch.root_poses()(1, 0), 0.0, 1e-12);  // y
-      for (int turned : {4, 6}) EXPECT_NEAR(batch.root_poses()(turned, 0), 0.0, 1e-12);  // about x and z
-    }, method);
+    watch(
+        model, 1.0 / 240, 1.0,
+        [&](const Batch<double>& batch) {
+          const auto q = batch.positions().col(0);
+          EXPECT_LE((q.head(3) + q.tail(3)).abs().maxCoeff(), 1e-12);
+          EXPECT_NEAR(batch.root_poses()(1, 0), 0.0, 1e-12);                                 // y
+          for (int turned : {4, 6}) EXPECT_NEAR(batch.root_poses()(turned, 0), 0.0, 1e-12);  // about x and z
+        },
+        method);
 }
 
 // The same mechanism elsewhere and turned, gravity with it: its joints move the same.
 TEST(Symmetry, of_space_leaves_the_joints_motion_alone) {
-  const Eigen::Isometry3d moved = Eigen::Translation3d(3.0, -2.0, 7.0) *
-                                  Eigen::AngleAxisd(2.0, Vector3d(1.0, -2.0, 0.5).normalized());
+  const Eigen::Isometry3d moved =
+      Eigen::Translation3d(3.0, -2.0, 7.0) * Eigen::AngleAxisd(2.0, Vector3d(1.0, -2.0, 0.5).normalized());
   for (int seed = 0; seed < 30; ++seed) {
     const Model here = scenes::random_model(static_cast<std::uint64_t>(seed));
     Model there = here;

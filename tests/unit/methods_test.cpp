@@ -28,7 +28,7 @@ INSTANTIATE_TEST_SUITE_P(method, EachMethod, testing::ValuesIn(physics::methods)
 TEST_P(EachMethod, applies_to_each_joint_its_share_of_the_impulse) {
   const Array3d mass(0.5, 2.0, 0.25), ratio(1.0, -3.0, 0.7), v(1.0, -2.0, 0.3), q(0.2, 0.1, -0.1);
   Model model = physics::sliders({mass[0], mass[1], mass[2]});
-  model.couplings = {{"s0", {{"s1", ratio[1]}, {"s2", ratio[2]}}, 0.05, Softness::hard(0.4)}};
+  model.couplings = {{"s0", {{"s1", ratio[1]}, {"s2", ratio[2]}}, 0.05, Hard{0.4}}};
   for (int i = 0; i < 3; ++i) model.joints[i].position = q[i], model.joints[i].velocity = v[i];
   StepSettings once = settings(GetParam(), 1, 0);
   once.record_impulses = true;
@@ -47,7 +47,7 @@ TEST_P(EachMethod, applies_to_each_joint_its_share_of_the_impulse) {
 // C of a coupling between two sliders that start at rest with C = 1, after `steps` steps.
 double remaining(double erp, const StepSettings& given, int steps, double* fastest = nullptr) {
   Model model = physics::sliders({0.3, 1.2});
-  model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.0, Softness::hard(erp))};
+  model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.0, Hard{erp})};
   model.joints[0].position = 1.0;
   Batch<double> batch(compile(model, given), 1, {.threads = 1});
   batch.step(steps);
@@ -93,7 +93,7 @@ TEST(DirectAndReduced, take_every_error_down_by_erp_in_every_step_of_a_moving_ar
     ASSERT_GT(expected.lpNorm<Eigen::Infinity>(), 1.0);
     for (int step = 0; step < 120; ++step) {
       batch.step();
-      expected *= 1.0 - Softness::default_erp;
+      expected *= 1.0 - Hard{}.erp;
       ASSERT_LE(physics::distance(batch.coupling_errors().matrix().col(0), expected), 1e-12) << step;
       const auto v = batch.velocities().col(0);  // and none of the correction is left in the velocity
       for (int k : {0, 1, 4, 5}) ASSERT_NEAR(v[k] - v[k + 2], 0.0, 1e-11) << step;
@@ -101,7 +101,7 @@ TEST(DirectAndReduced, take_every_error_down_by_erp_in_every_step_of_a_moving_ar
   }
 }
 
-// --- couplings that compete --------------------------------------------------------------------------
+// --- couplings that solve_bounds --------------------------------------------------------------------------
 
 // Three sliders in a row of two couplings that both want the middle one, as (16) has them.
 struct Row {
@@ -118,8 +118,8 @@ Model competing() {
     model.joints[i].velocity = start_v[i];
     model.joints[i].effort = force[i];
   }
-  model.couplings = {Coupling::mimic("s0", "s1", -2.0, 0.0, Softness::hard(rows[0].erp)),
-                     Coupling::mimic("s1", "s2", 0.5, 0.0, Softness::hard(rows[1].erp))};
+  model.couplings = {Coupling::mimic("s0", "s1", -2.0, 0.0, Hard{rows[0].erp}),
+                     Coupling::mimic("s1", "s2", 0.5, 0.0, Hard{rows[1].erp})};
   return model;
 }
 
@@ -166,7 +166,7 @@ TEST(Tgs, renews_positions_and_biases_in_its_sub_steps_and_shares_out_the_free_m
 TEST(Tgs, leaves_a_loaded_spring_at_rest_where_it_balances) {
   constexpr double kp = 800.0, load = 3.0;
   Model model = physics::sliders({0.5, 0.5});
-  model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.0, Softness::spring(kp, 15.0))};
+  model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.0, Spring{kp, 15.0})};
   model.joints[0].effort = load, model.joints[1].effort = -load;
   model.joints[0].position = 0.5 * load / kp, model.joints[1].position = -0.5 * load / kp;
   for (int n : {1, 3, 8, 64}) {
@@ -181,7 +181,7 @@ TEST(Tgs, leaves_a_loaded_spring_at_rest_where_it_balances) {
 TEST(Pgs, converges_to_direct) {
   Model model = scenes::chain8();
   for (int i = 0; i < 8; ++i) model.joints[i].position = 0.3 + 0.01 * i;
-  model.couplings[1].softness = Softness::frequency(60.0, 0.5);
+  model.couplings[1].softness = Frequency{60.0, 0.5};
   const auto end = [&](const StepSettings& given) {
     Batch<double> batch(compile(model, given), 1, {.threads = 1});
     batch.step(20);
@@ -209,8 +209,8 @@ Model two_arms(bool floating) {
   for (int arm = 0; arm < 2; ++arm)
     for (int i = 0; i < 3; ++i) {
       const Eigen::Vector3d offset(i == 0 ? 0.0 : 0.1, i == 0 ? 0.2 * arm : 0.0, 0.0);
-      physics::append_link(model, i == 0 ? "base" : model.links.back().name, offset,
-                           Eigen::Vector3d::Unit((i + 1) % 3), 0.2 + 0.1 * arm);
+      physics::append_link(model, i == 0 ? "base" : model.links.back().name, offset, Eigen::Vector3d::Unit((i + 1) % 3),
+                           0.2 + 0.1 * arm);
       model.joints.back().position = 0.2 + 0.3 * i;
       model.joints.back().velocity = arm == 0 ? 1.0 : 0.0;
     }
@@ -221,7 +221,7 @@ Model two_arms(bool floating) {
 TEST(Impulses, on_one_tree_of_a_fixed_root_reach_no_other) {
   for (Method method : physics::methods) {
     const Plan plan = compile(two_arms(false), settings(method));
-    const Rows<double>& table = plan.program().f64.rows;
+    const Rows<double>& table = program_of(plan).f64.rows;
     for (int b = 0; b < table.blocks.count; ++b)
       for (int i = 0; i < RowBlock::most_rows; ++i)
         for (int k = 0; k < RowBlock::most_columns; ++k) {
@@ -236,8 +236,8 @@ TEST(Impulses, on_one_tree_of_a_fixed_root_reach_no_other) {
     other.joints[2].position = -1.0;
     Batch<double> a(plan, 1, {.threads = 1}), b(compile(other, settings(method)), 1, {.threads = 1});
     a.step(100), b.step(100);
-    EXPECT_TRUE((a.positions().bottomRows(3) == b.positions().bottomRows(3)).all()) << name(method);
-    EXPECT_TRUE((a.velocities().bottomRows(3) == b.velocities().bottomRows(3)).all()) << name(method);
+    EXPECT_TRUE((a.positions().bottomRows(3) == b.positions().bottomRows(3)).all()) << to_string(method);
+    EXPECT_TRUE((a.velocities().bottomRows(3) == b.velocities().bottomRows(3)).all()) << to_string(method);
   }
 }
 

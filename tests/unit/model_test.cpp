@@ -60,11 +60,17 @@ INSTANTIATE_TEST_SUITE_P(
         Rule{"loop", [](Model& m) { m.joints[1].parent = "lower"; }, "joint 'elbow'", "to itself"},
         Rule{"two_parents", [](Model& m) { m.joints[1].child = "upper", m.joints[1].parent = "base"; }, "link 'upper'",
              "child of two joints"},
-        Rule{"apart", [](Model& m) { m.links.push_back({"alone", {}}); }, "link 'alone'", "not connected"},
+        Rule{"apart",
+             [](Model& m) {
+               m.links.push_back({"alone", {}});
+             },
+             "link 'alone'", "not connected"},
         Rule{"root_not_first", [](Model& m) { std::swap(m.links[0], m.links[1]); }, "link 'upper'", "root"},
         Rule{"massless", [](Model& m) { m.links[2].inertia = {}; }, "link 'lower'", "no mass"},
         Rule{"no_inertia_about_axis",
-             [](Model& m) { m.links[2].inertia = {1.0, Eigen::Vector3d::Zero(), Eigen::Matrix3d::Zero()}; },
+             [](Model& m) {
+               m.links[2].inertia = {1.0, Eigen::Vector3d::Zero(), Eigen::Matrix3d::Zero()};
+             },
              "link 'lower'", "no inertia about the axis"},
         Rule{"triangle", [](Model& m) { m.links[1].inertia.about_center(0, 0) = 1.0; }, "link 'upper'", "impossible"},
         Rule{"negative_moment", [](Model& m) { m.links[1].inertia.about_center(0, 0) = -1.0; }, "link 'upper'",
@@ -85,10 +91,12 @@ INSTANTIATE_TEST_SUITE_P(
              "does not exist"},
         Rule{"lonely", [](Model& m) { m.couplings[0].terms.clear(); }, "coupling 'elbow'", "only one joint"},
         Rule{"fixed_joint", [](Model& m) { m.joints[0].kind = JointKind::fixed; }, "coupling 'elbow'", "fixed"},
-        Rule{"erp", [](Model& m) { m.couplings[0].softness = Softness::hard(2.0); }, "coupling 'elbow'", "erp"},
-        Rule{"hard_and_soft", [](Model& m) { m.couplings[0].softness = {Softness::Kind::hard, 0.2, 1.0}; },
-             "coupling 'elbow'", "second number"},
-        Rule{"cfm", [](Model& m) { m.couplings[0].softness = Softness::mixing(0.2, -1); }, "coupling 'elbow'", "cfm"},
+        Rule{"erp", [](Model& m) { m.couplings[0].softness = Hard{2.0}; }, "coupling 'elbow'", "erp"},
+        Rule{"cfm",
+             [](Model& m) {
+               m.couplings[0].softness = ErpCfm{0.2, -1};
+             },
+             "coupling 'elbow'", "cfm"},
         Rule{"site", [](Model& m) { m.sites[0].link = "hand"; }, "link 'hand'", "no such link"},
         Rule{"gravity", [](Model& m) { m.gravity[1] = nan; }, "model 'model'", "gravity"}),
     [](const auto& rule) { return std::string(rule.param.name); });

@@ -1,5 +1,5 @@
 // Wide numbers with AVX2 and FMA, for machines that have them. SPDX-License-Identifier: Apache-2.0
-#include "unit/simd_operations.h"
+#include "simd_operations.h"
 
 namespace lockstep::simd_test {
 

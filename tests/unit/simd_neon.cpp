@@ -1,5 +1,5 @@
 // Wide numbers on AArch64. SPDX-License-Identifier: Apache-2.0
-#include "unit/simd_operations.h"
+#include "simd_operations.h"
 
 namespace lockstep::simd_test {
 

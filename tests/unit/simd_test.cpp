@@ -8,7 +8,7 @@
 #include <random>
 
 #include "lockstep/batch.h"
-#include "unit/simd_operations.h"
+#include "simd_operations.h"
 
 namespace lockstep {
 namespace {
@@ -145,7 +145,8 @@ TEST(farther, is_the_larger_magnitude_and_keeps_what_is_no_number) {
     const auto farther = [&](S most, S a) {
       Numbers<S> result;
       own.farther(all(most).data(), all(a).data(), result.data());
-      for (int i = 1; i < own.lanes; ++i) EXPECT_EQ(std::isnan(result[static_cast<std::size_t>(i)]), std::isnan(result[0]));
+      for (int i = 1; i < own.lanes; ++i)
+        EXPECT_EQ(std::isnan(result[static_cast<std::size_t>(i)]), std::isnan(result[0]));
       return result[static_cast<std::size_t>(own.lanes) - 1];
     };
     const S tiny = std::numeric_limits<S>::denorm_min(), numbers[] = {S(0), tiny, S(1e-20), S(1), S(1e5), infinite<S>};
@@ -206,7 +207,7 @@ TEST(Wide, works_lane_by_lane) {
   });
 }
 
-// load() and store() touch their own lanes and no others.
+// load() and store() activate their own lanes and no others.
 TEST(Wide, stores_no_further_than_its_lanes) {
   alignas(64) float memory[16];
   std::fill(std::begin(memory), std::end(memory), -1.0f);

@@ -42,7 +42,7 @@ Vector2d error_and_rate(const Batch<double>& batch) {
 
 // The pair's coordinate C follows the powers of a 2 x 2 matrix.
 void expect_motion(const Model& model, const StepSettings& settings, const Matrix2d& per_step) {
-  SCOPED_TRACE(std::string(name(settings.method)) + " " + std::to_string(settings.iterations) + " + " +
+  SCOPED_TRACE(std::string(to_string(settings.method)) + " " + std::to_string(settings.iterations) + " + " +
                std::to_string(settings.velocity_iterations));
   Batch<double> batch(compile(model, settings), 1, {.threads = 1});
   Vector2d exact = error_and_rate(batch);
@@ -68,7 +68,7 @@ std::vector<Visits> visits() {
   return all;
 }
 
-const Softness soft = Softness::frequency(4.0 * std::numbers::pi, 0.1);  // 2 Hz
+const Softness soft = Frequency{4.0 * std::numbers::pi, 0.1};  // 2 Hz
 const double stiffness = std::pow(4.0 * std::numbers::pi, 2), rate = 2.0 * 0.1 * 4.0 * std::numbers::pi;
 
 TEST(SoftCoupling, is_the_implicit_spring_however_often_it_is_visited) {
@@ -136,8 +136,8 @@ TEST(SoftCoupling, shows_the_frequency_and_damping_of_the_backward_euler_form) {
   Matrix2d known;
   known << c[1], c[0], c[2], c[1];
   const Vector2d recurrence = known.partialPivLu().solve(Vector2d(c[2], c[3]));
-  const std::complex<double> z = 0.5 * (recurrence[0] + std::sqrt(std::complex<double>(
-                                            recurrence[0] * recurrence[0] + 4.0 * recurrence[1])));
+  const std::complex<double> z =
+      0.5 * (recurrence[0] + std::sqrt(std::complex<double>(recurrence[0] * recurrence[0] + 4.0 * recurrence[1])));
   const std::complex<double> seen = std::log(z) / (20.0 * h);
   const double seen_frequency = seen.imag() / (2.0 * std::numbers::pi), zeta = -seen.real() / std::abs(seen);
 
@@ -160,7 +160,7 @@ TEST(SoftCoupling, sags_under_a_load_by_its_stiffness) {
   Joint& held = physics::append_link(model, "base", {0, 0, 1}, Eigen::Vector3d::UnitZ());
   held.drive = {drive, 1.0, 0.0, 0.0};
   held.damping = 0.01;
-  model.couplings = {Coupling::mimic("j0", "j1", -1.0, 0.0, Softness::frequency(mu, 1.0))};
+  model.couplings = {Coupling::mimic("j0", "j1", -1.0, 0.0, Frequency{mu, 1.0})};
 
   double sag = 0.0;  // C; q_A = C + kp C / drive, and gravity turns about +y
   const double arm = 1.0 + kp / drive;
@@ -175,8 +175,8 @@ TEST(SoftCoupling, sags_under_a_load_by_its_stiffness) {
     const Plan plan = compile(model, physics::settings(v.method, v.iterations, v.velocity_iterations));
     Batch<double> batch(plan, 1, {.threads = 1});
     batch.step(2400);
-    EXPECT_NEAR(batch.coupling_errors()(0, 0), sag, 1e-10) << name(v.method) << ' ' << v.iterations;
-    EXPECT_NEAR(batch.velocities()(0, 0), 0.0, 1e-9) << name(v.method) << ' ' << v.iterations;
+    EXPECT_NEAR(batch.coupling_errors()(0, 0), sag, 1e-10) << to_string(v.method) << ' ' << v.iterations;
+    EXPECT_NEAR(batch.velocities()(0, 0), 0.0, 1e-9) << to_string(v.method) << ' ' << v.iterations;
   }
 }
 
@@ -185,11 +185,11 @@ TEST(SoftCoupling, sags_under_a_load_by_its_stiffness) {
 TEST(SoftCoupling, applies_18_at_its_first_visit_and_21_at_any) {
   constexpr double dt = 0.01, two = 2.0, c = 0.1, v = 0.5, mu = 40.0, zeta = 1.0;
   Model model = physics::sliders({1.0, 1.0});
-  model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.0, Softness::frequency(mu, zeta))};
+  model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.0, Frequency{mu, zeta})};
   model.joints[0].position = c;
   model.joints[0].velocity = v;
-  const double kp = mu * mu / two, kd = 2.0 * mu * zeta / two;                             // (26), (27)
-  const double cfm = 1.0 / (dt * (dt * kp + kd)), erp = dt * kp / (dt * kp + kd);          // (28), (29)
+  const double kp = mu * mu / two, kd = 2.0 * mu * zeta / two;                     // (26), (27)
+  const double cfm = 1.0 / (dt * (dt * kp + kd)), erp = dt * kp / (dt * kp + kd);  // (28), (29)
   const double by_18 = -(c * erp / dt + v) / (two + cfm);
   const double by_21 = -(c * kp * dt + v * dt * (dt * kp + kd)) / (1.0 + two * dt * (dt * kp + kd));
   ASSERT_NEAR(by_18, by_21, 1e-15);
@@ -209,29 +209,29 @@ TEST(SoftCoupling, applies_18_at_its_first_visit_and_21_at_any) {
 
 TEST(Softness, said_in_four_ways_gives_the_same_motion) {
   const double mu = 25.0, zeta = 0.4, kp = mu * mu / r, kd = 2.0 * mu * zeta / r;
-  const Softness frequency = Softness::frequency(mu, zeta), spring = Softness::spring(kp, kd),
-                 mixing = Softness::mixing(h * kp / (h * kp + kd), 1.0 / (h * (h * kp + kd)));  // (23), (22)
+  const Softness frequency = Frequency{mu, zeta}, spring = Spring{kp, kd},
+                 mixing = ErpCfm{h * kp / (h * kp + kd), 1.0 / (h * (h * kp + kd))};  // (23), (22)
   const auto end = [](const Softness& softness, Method method) {
     Batch<double> batch(compile(oscillator(softness), physics::settings(method)), 1, {.threads = 1});
     batch.step(100);
     return error_and_rate(batch);
   };
   for (Method method : physics::methods) {
-    EXPECT_LE((end(spring, method) - end(frequency, method)).norm(), 1e-12) << name(method);
-    EXPECT_LE((end(mixing, method) - end(frequency, method)).norm(), 1e-12) << name(method);
-    EXPECT_EQ(end(Softness::mixing(0.3, 0.0), method), end(Softness::hard(0.3), method)) << name(method);
+    EXPECT_LE((end(spring, method) - end(frequency, method)).norm(), 1e-12) << to_string(method);
+    EXPECT_LE((end(mixing, method) - end(frequency, method)).norm(), 1e-12) << to_string(method);
+    EXPECT_EQ(end(ErpCfm{0.3, 0.0}, method), end(Hard{0.3}, method)) << to_string(method);
   }
 }
 
 TEST(Softness, of_neither_stiffness_nor_damping_leaves_no_coupling) {
-  Model model = oscillator(Softness::spring(0.0, 0.0)), other = oscillator(Softness::frequency(0.0, 1.0)), free = model;
+  Model model = oscillator(Spring{0.0, 0.0}), other = oscillator(Frequency{0.0, 1.0}), free = model;
   free.couplings.clear();
   for (Method method : physics::methods)
     for (Model* coupled : {&model, &other}) {
       Batch<double> with(compile(*coupled, physics::settings(method)), 1, {.threads = 1});
       Batch<double> without(compile(free, physics::settings(method)), 1, {.threads = 1});
       with.step(50), without.step(50);
-      EXPECT_EQ(error_and_rate(with), error_and_rate(without)) << name(method);
+      EXPECT_EQ(error_and_rate(with), error_and_rate(without)) << to_string(method);
     }
 }
 

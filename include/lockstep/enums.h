@@ -1,0 +1,70 @@
+// Methods, integrators, parameters and faults: what the library, its kernels and applications name alike.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "lockstep/export.h"
+
+namespace lockstep {
+
+/// How couplings are solved. docs/choose.md says which to choose, docs/mathematics.md what each does.
+enum class Method : int {
+  automatic,  ///< reduced where it applies, else direct
+  pgs,        ///< projected Gauss-Seidel, (16) of the note (PhysX, Mimic Joints): positions are fixed over the sweeps
+  tgs,        ///< temporal Gauss-Seidel, (16) with the error C renewed in each of `iterations` sub-steps
+  direct,     ///< all couplings at once by L^T D L; exact for chains and stars of couplings
+  reduced,    ///< followers of always-hard couplings are eliminated when compiling; soft ones are solved as in direct
+};
+
+/// How positions and velocities are taken through time: docs/mathematics.md, sections 9 and 13. docs/choose.md says
+/// which to choose. All but `euler` are for smooth scenes, that is:
+/// - no bounds (limits, friction, kinematic drives, force limits) except those that StepSettings::ignore leaves out;
+/// - method direct or reduced, nothing recorded, velocity_iterations of at least 1 where couplings are hard;
+/// - no Parameter::softness of couplings whose softness is an ErpCfm.
+/// Asking for one that does not apply is a SettingsError. `automatic` takes euler then, and Plan::describe() says why.
+enum class Integrator : int {
+  automatic,     ///< leapfrog where it applies, else euler
+  euler,         ///< semi-implicit Euler, (M45): first order, for every scene
+  leapfrog,      ///< second order, linear terms implicit, (M66) to (M70): two to three times the cost of euler
+  extrapolated,  ///< third order, from leapfrogs of one and of half a step, (M71): about three times the cost of
+                 ///< leapfrog; the erp of hard couplings is at most 1.75
+  runge_kutta,  ///< the classical method of fourth order, (M72): every coupling hard and eliminated, drives and damping
+                ///< not too stiff for the step at the model's start, (M75). A velocity that violates its coupling is
+                ///< corrected over some steps, with 0.375 of the error left by each; the other integrators take one
+                ///< step
+};
+
+/// What may differ from environment to environment. Each field must be declared in StepSettings::per_environment.
+/// The rows of each field in Batch::parameter():
+enum class Parameter : unsigned {
+  gear_ratio,   ///< per coupling, in order: one row for each of its terms (CouplingTerm::ratio)
+  offset,       ///< one row per coupling: gamma
+  softness,     ///< two rows per coupling: the numbers of its Softness, of the alternative that the model states. The
+                ///< second row of a Hard one is its cfm
+  drive_gains,  ///< two rows per dof: kp and kd
+  damping,      ///< one row per dof
+  mass,         ///< one row per link of the model, kg; the inertia scales with it, the centre of mass stays
+  gravity,      ///< three rows: x, y, z in m/s^2, world axes
+  link_wrench,  ///< six rows per link of the model: torque about the link frame's origin (N m), then force (N),
+                ///< both in world axes; zero at the start, held until changed
+  coupling_switch,  ///< one row per coupling: 0 is off, anything else is on; 1 at the start
+};
+inline constexpr int parameter_count = 9;
+
+/// Why an environment was frozen. It stays until the environment is reset.
+enum class Fault : std::uint32_t {
+  none = 0,
+  not_finite = 1,  ///< the step would have left a position or velocity that is NaN or infinite
+  diverged = 2,    ///< the step would have left one beyond StepSettings::position_bound or velocity_bound
+  singular = 3,    ///< the mass matrix is not positive definite or not finite: a per-environment parameter is
+                   ///< impossible, or the masses are too far apart for this precision
+};
+
+/// The enumerator's name: "reduced", "leapfrog", "gear_ratio", "not_finite" ... The string lives forever.
+LOCKSTEP_API const char* to_string(Method method) noexcept;
+LOCKSTEP_API const char* to_string(Integrator integrator) noexcept;
+LOCKSTEP_API const char* to_string(Parameter parameter) noexcept;
+LOCKSTEP_API const char* to_string(Fault fault) noexcept;
+
+}  // namespace lockstep

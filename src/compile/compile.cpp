@@ -1,0 +1,127 @@
+// compile(): from a Model to the tables of a step. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "lockstep/error.h"
+#include "lockstep/plan.h"
+#include "measure/inertia_at_start.h"
+#include "plan/layout.h"
+
+namespace lockstep {
+namespace {
+
+void require(bool holds, const char* setting, const std::string& rule, const char* remedy) {
+  if (!holds) throw SettingsError(setting, rule, remedy);
+}
+
+void check(const StepSettings& s) {
+  require(std::isfinite(s.dt) && s.dt > 0.0, "dt", fmt::format("is {}, not a positive number of seconds", s.dt),
+          "give for instance 1.0 / 240");
+  require(s.iterations >= 1 && s.iterations <= 1000, "iterations",
+          fmt::format("is {}, outside 1 to 1000", s.iterations), "give for instance 4");
+  require(s.velocity_iterations >= 0 && s.velocity_iterations <= 1000, "velocity_iterations",
+          fmt::format("is {}, outside 0 to 1000", s.velocity_iterations), "give for instance 1");
+  require(s.position_bound > 0.0 && s.position_bound <= 1e30, "position_bound", "is outside (0, 1e30]",
+          "give for instance 1e5");
+  require(s.velocity_bound > 0.0 && s.velocity_bound <= 1e30, "velocity_bound", "is outside (0, 1e30]",
+          "give for instance 1e5");
+}
+
+void check_substeps(const Program& program) {
+  if (program.method != Method::tgs || program.settings.iterations == 1) return;
+  const auto check = [&](const Softness& softness, const char* kind, const std::string& name) {
+    require(!(is_hard(softness) && erp_of(softness) > 1.0), "method",
+            fmt::format("tgs with {} sub-steps cannot share out the erp {} of {} '{}': it is above 1",
+                        program.settings.iterations, erp_of(softness), kind, name),
+            "lower the erp, or use one iteration or another method");
+  };
+  for (const Coupling& coupling : program.model.couplings) check(coupling.softness, "coupling", coupling.joint);
+  if (program.settings.ignore.position_limits) return;
+  for (const Joint& joint : program.model.joints)
+    if (joint.lower > -infinity || joint.upper < infinity)
+      check(joint.limit_softness, "the limits of joint", joint.name);
+}
+
+void check_force_limits(const Program& program) {
+  for (const Coupling& coupling : program.model.couplings)
+    require(!(coupling.force_limit < infinity && declared(program, Parameter::softness)), "per_environment",
+            fmt::format("has the softness, while coupling '{}' has a force limit, which goes with one softness only",
+                        coupling.joint),
+            "leave the softness out, or the force limit");
+}
+
+std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settings, Integrator integrator) {
+  auto program = std::make_shared<Program>();
+  program->model = model;
+  program->settings = settings;
+  Tables<double>& t = program->f64;
+
+  lay_out_times(*program, integrator);
+  lay_out_bodies(*program, Tree(model));
+  lay_out_joint_terms(*program);
+  lay_out_couplings(*program);
+  find_redundant_couplings(*program);
+  choose_method(*program);
+  check_substeps(*program);
+  check_force_limits(*program);
+  if (program->method == Method::reduced) eliminate_followers(*program);
+  lay_out_rows(*program);
+  take_composite_columns(*program);
+  articulate(*program);
+  take_constraint_velocities(*program, first_joints_shares);
+  lay_out_report(*program);
+  t.method = program->method;
+  t.iterations = settings.iterations;
+  t.velocity_iterations = settings.velocity_iterations;
+  t.position_bound = settings.position_bound;
+  t.velocity_bound = settings.velocity_bound;
+  t.record_impulses = settings.record_impulses;
+  t.record_diagnostics = settings.record_diagnostics;
+  for (unsigned p = 0; p < parameter_count; ++p)
+    if (settings.per_environment.contains(static_cast<Parameter>(p))) t.per_environment |= 1u << p;
+  narrow(*program);
+  if (integrator == Integrator::runge_kutta) program->explicit_rate = largest_rate(*program);
+  return program;
+}
+
+// Two steps of half the length for one of the integrator's: the same springs, which erp and cfm state by the whole
+// step.
+std::shared_ptr<const Program> compiled_half(Model model, StepSettings settings) {
+  for (Coupling& coupling : model.couplings) {
+    Softness& softness = coupling.softness;
+    const auto* stated = std::get_if<ErpCfm>(&softness);
+    if (!stated || is_hard(softness)) continue;
+    const double erp = stated->erp, cfm = stated->cfm, dt = settings.dt;
+    softness = Spring{erp / (dt * dt * cfm), (1.0 - erp) / (dt * cfm)};  // (M29)
+  }
+  settings.dt /= 2.0;
+  return compiled(model, settings, Integrator::leapfrog);
+}
+
+}  // namespace
+
+Plan compile(const Model& model, const StepSettings& settings) {
+  check(settings);
+  model.validate();
+  const bool automatic = settings.integrator == Integrator::automatic;
+  std::shared_ptr<Program> program = compiled(model, settings, automatic ? Integrator::leapfrog : settings.integrator);
+  program->integrator_reason = automatic ? "the scene is smooth" : "as asked for";
+  if (const std::optional<Obstacle> obstacle = obstacle_of(*program)) {
+    if (!automatic)
+      throw SettingsError("integrator",
+                          fmt::format("{} does not apply: {}", to_string(settings.integrator), obstacle->reason),
+                          obstacle->remedy);
+    program = compiled(model, settings, Integrator::euler);
+    program->integrator_reason = obstacle->reason;
+  }
+  if (program->integrator == Integrator::extrapolated) {
+    program->half = compiled_half(model, settings);
+    program->f64.half = &program->half->f64;
+    program->f32.half = &program->half->f32;
+    program->fits_single = program->fits_single && program->half->fits_single;
+  }
+  return Plan(std::move(program));
+}
+
+}  // namespace lockstep

@@ -1,0 +1,147 @@
+// Bounded rows in pgs and tgs: visited after the couplings, and left at that. SPDX-License-Identifier: Apache-2.0
+//
+// The sweeps of pgs.h and tgs.h once more, with the rows that a lane of the tile needs among them.
+#pragma once
+
+#include "bounded_rows.h"
+#include "kernels/couplings/sweep.h"
+
+namespace lockstep::kernels {
+
+template <class T>
+LOCKSTEP_INLINE bool is_hard(const Bounds<ScalarOf<T>>& b, int r) {
+  return b.rows.softness[r].cfm == 0 && b.rows.softness[r].cfm_per_response == 0;
+}
+
+/// One sweep: couplings by (M34), bounded rows by (M55). In sub-steps boxes hold a share of their force: of joints,
+/// whose rows keep their impulse over all sub-steps, what is due by then.
+template <class T>
+void sweep_with_bounds(const Tables<ScalarOf<T>>& t, Phase phase, T due, T share, Tile<T>& x) {
+  const Rows<ScalarOf<T>>& rows = t.rows;
+  const int count = t.bounds.rows.count;
+  const auto change_bounds = [&](auto coupled, T change) {
+    for (int i = 0; i < x.bounds.active_count; ++i) {
+      T& speed = x.bounds.speed[x.bounds.active_rows[i]];
+      speed = fma(coupled(x.bounds.active_rows[i]), change, speed);
+    }
+  };
+  for (int e = 0; e < rows.count; ++e) {
+    const T change = visit(rows, e, x);
+    change_bounds([&](int r) { return x.bounds.cross_response[r * rows.count + e]; }, change);
+  }
+  for (int i = 0; i < x.bounds.active_count; ++i) {
+    const int r = x.bounds.active_rows[i];
+    const T response = x.bounds.delassus[r * count + r];
+    const bool joint = t.bounds.kind[r] == BoundKind::joint;
+    Bound<T> row = bound(t, x, r, t.renewed && !is_hard<T>(t.bounds, r) ? position_phase : phase);
+    row.force *= joint ? due : share;
+    const T speed = fnma(response, x.search.impulse[r], x.bounds.speed[r]);
+    const T impulse = select(x.bounds.active[r], project(row, speed, response).impulse, T(0));
+    const T change = impulse - x.search.impulse[r];
+    x.search.impulse[r] = impulse;
+    for (int e = 0; e < rows.count; ++e)
+      x.rows.residual[e] = fma(x.bounds.cross_response[r * rows.count + e], change, x.rows.residual[e]);
+    change_bounds([&](int other) { return x.bounds.delassus[other * count + r]; }, change);
+  }
+}
+
+/// Begins anew with the free motion: x.bounds.speed holds its part per step, not yet the speed at the start.
+template <class T>
+void begin_sweeps(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  row_terms(t, x);
+  for (int e = 0; e < t.rows.count; ++e) begin_row(x, e);
+  for (int i = 0; i < x.bounds.active_count; ++i) {
+    const int r = x.bounds.active_rows[i];
+    x.search.impulse[r] = T(0);
+    x.bounds.speed[r] =
+        supported_dot(t.bounds.rows, r, x.bounds.response + r * t.solver.n, x.dynamics.half_solved_position);
+  }
+}
+
+template <class T>
+void pgs_with_bounds(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Rows<ScalarOf<T>>& rows = t.rows;
+  const int count = t.bounds.rows.count;
+  begin_sweeps(t, x);
+  for (int i = 0; i < x.bounds.active_count; ++i)
+    x.bounds.speed[x.bounds.active_rows[i]] += bound_speed(t, x, x.bounds.active_rows[i], x.dynamics.start);
+  const auto keep = [&](Phase phase, T* row_impulse, T* row_speed) {
+    for (int e = 0; e < rows.count; ++e) row_impulse[e] = x.rows.impulse[e], row_speed[e] = speed_of(x, e);
+    for (int i = 0; i < x.bounds.active_count; ++i)
+      x.bounds.impulse[phase * count + x.bounds.active_rows[i]] = x.search.impulse[x.bounds.active_rows[i]];
+  };
+  for (int s = 0; s < t.iterations; ++s) sweep_with_bounds(t, position_phase, T(1), T(1), x);
+  keep(position_phase, x.rows.position_impulse, x.rows.speed);
+  for (int e = 0; e < rows.count; ++e) change_bias(x, e, velocity_phase_bias(x, e));
+  for (int s = 0; s < t.velocity_iterations; ++s) sweep_with_bounds(t, velocity_phase, T(1), T(1), x);
+  if (t.solve_twice) keep(velocity_phase, x.rows.velocity_impulse, x.rows.velocity_phase_speed);
+}
+
+/// Joints' rows are hard and push one way only: what one sub-step gave another must be able to take back, so theirs is
+/// one impulse for the whole step. Others begin each sub-step with none, as couplings do.
+template <class T>
+void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const Rows<S>& rows = t.rows;
+  const int count = t.bounds.rows.count;
+  const T share = T(S(1) / S(t.iterations)), h = T(t.dt) * share;
+  const StepTime<T> whole_step{false, S(1) / t.dt};
+  const auto kept = [&](int r) { return t.bounds.kind[r] == BoundKind::joint; };
+  begin_sweeps(t, x);
+  for (int e = 0; e < rows.count; ++e) {
+    x.rows.velocity_phase_speed[e] = (x.rows.speed[e] - x.rows.start[e]) * share;
+    x.rows.speed[e] = x.rows.start[e];
+    x.rows.position_impulse[e] = x.rows.velocity_impulse[e] = T(0);
+  }
+  for (int i = 0; i < x.bounds.active_count; ++i) {
+    const int r = x.bounds.active_rows[i];
+    x.bounds.gain[r] = x.bounds.speed[r] * share;
+    x.bounds.speed[r] = bound_speed(t, x, r, x.dynamics.start);
+    x.bounds.moved[r] = x.bounds.impulse[r] = x.bounds.impulse[count + r] = T(0);
+  }
+  for (int s = 0; s < t.iterations; ++s) {
+    const StepTime<T> sub_step{false, S(t.iterations) / t.dt, S(s) / S(t.iterations) * t.dt, true};
+    for (int e = 0; e < rows.count; ++e) {
+      x.rows.speed[e] += x.rows.velocity_phase_speed[e];
+      x.rows.bias[e] = x.rows.rate[e] * x.rows.error[e];
+      begin_row(x, e);
+    }
+    for (int i = 0; i < x.bounds.active_count; ++i) {
+      const int r = x.bounds.active_rows[i];
+      x.bounds.speed[r] += x.bounds.gain[r];
+      if (!kept(r)) x.search.impulse[r] = T(0);
+      bounded_row(t, batch, r, position_phase, sub_step, x.bounds.moved[r], x);
+    }
+    sweep_with_bounds(t, position_phase, T(S(s + 1)) * share, share, x);
+    const auto sum = [&](T impulse, T& closed, T& mean) {
+      closed += impulse;
+      mean = fma(share, closed, mean);
+    };
+    for (int e = 0; e < rows.count; ++e) {
+      sum(x.rows.impulse[e], x.rows.velocity_impulse[e], x.rows.position_impulse[e]);
+      x.rows.speed[e] = speed_of(x, e);
+      x.rows.error[e] = fma(h, x.rows.speed[e], x.rows.error[e]);
+    }
+    for (int i = 0; i < x.bounds.active_count; ++i) {
+      const int r = x.bounds.active_rows[i];
+      if (kept(r)) x.bounds.impulse[count + r] = T(0);
+      sum(x.search.impulse[r], x.bounds.impulse[count + r], x.bounds.impulse[r]);
+      x.bounds.moved[r] = fma(h, x.bounds.speed[r], x.bounds.moved[r]);
+    }
+  }
+  for (int e = 0; e < rows.count; ++e) {
+    x.rows.velocity_impulse[e] -= x.rows.impulse[e];
+    change_bias(x, e, velocity_phase_bias(x, e));
+  }
+  for (int i = 0; i < x.bounds.active_count; ++i)
+    x.bounds.impulse[count + x.bounds.active_rows[i]] -= x.search.impulse[x.bounds.active_rows[i]];
+  for (int s = 0; s < t.velocity_iterations; ++s) sweep_with_bounds(t, velocity_phase, T(1), share, x);
+  for (int e = 0; e < rows.count; ++e) x.rows.velocity_impulse[e] += x.rows.impulse[e];
+  for (int i = 0; i < x.bounds.active_count; ++i) {
+    const int r = x.bounds.active_rows[i];
+    x.bounds.impulse[count + r] += x.search.impulse[r];
+    bounded_row(t, batch, r, position_phase, whole_step, T(0), x);  // as it was found
+  }
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,167 @@
+// What bounded rows ask for in this step: intervals and boxes. SPDX-License-Identifier: Apache-2.0
+//
+// (M56) to (M59).
+#pragma once
+
+#include "kernels/couplings/joint_terms.h"
+#include "kernels/couplings/row_terms.h"
+
+namespace lockstep::kernels {
+
+enum Phase { position_phase = 0, velocity_phase = 1 };
+
+template <class T>
+struct Interval {
+  T lo, hi;
+};
+
+/// Where in the step a row is looked at: at its start, or in one of the sub-steps of tgs.
+template <class T>
+struct StepTime {
+  bool closing;             ///< the velocity phase: nothing is corrected any more
+  ScalarOf<T> inverse;      ///< 1 / step, or sub-step
+  ScalarOf<T> elapsed = 0;  ///< of the step
+  bool sub_step = false;
+};
+
+/// (M56), (M57): how the range of joint j bounds its speed, when its position is `moved` from the step's start.
+template <class T>
+LOCKSTEP_INLINE Interval<T> range_interval(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, const StepTime<T>& at,
+                                           T moved) {
+  const Bounds<ScalarOf<T>>& b = t.bounds;
+  const T zero = T(0), q = x.state.q[j] + moved, below = T(b.lower[j]) - q, above = T(b.upper[j]) - q;
+  const T inside = T(at.inverse), beyond = at.closing ? zero : T(at.sub_step ? b.sub_step_rate[j] : b.limit_rate[j]);
+  Interval<T> i{below * select(less(zero, below), beyond, inside), above * select(less(above, zero), beyond, inside)};
+  if (at.closing && (b.has[j] & has_restitution)) {
+    const T v = x.state.v[t.velocity_of(j)], back = -(T(b.restitution[j]) * v);
+    const auto hits_lower = less(v, i.lo), hits_upper = less(i.hi, v);
+    i.lo = select(hits_lower, larger(i.lo, back), i.lo);
+    i.hi = select(hits_upper, smaller(i.hi, back), i.hi);
+  }
+  return i;
+}
+
+/// The same within the limit of velocity.
+template <class T>
+LOCKSTEP_INLINE Interval<T> joint_interval(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, const StepTime<T>& at,
+                                           T moved) {
+  const Bounds<ScalarOf<T>>& b = t.bounds;
+  const T far = T(ScalarOf<T>(unlimited));
+  const Interval<T> i = b.has[j] & has_range ? range_interval(t, x, j, at, moved) : Interval<T>{-far, far};
+  if (!(b.has[j] & has_speed_limit)) return i;
+  const T most = T(b.speed_limit[j]);
+  return {clamp(i.lo, -most, most), clamp(i.hi, -most, most)};
+}
+
+/// (M58)
+template <class T>
+LOCKSTEP_INLINE T kinematic_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                     const Tile<T>& x, int j) {
+  const std::ptrdiff_t row = t.dof[j] * batch.stride;
+  const T target = T::load(batch.position_target + row), speed = T::load(batch.velocity_target + row);
+  return fma(T(t.bounds.drive_rate[j]), fnma(T(t.dt), speed, target - x.state.q[j]), speed);
+}
+
+/// (M59) The hard bounds of all joints that move with the row's velocity.
+template <class T>
+void joint_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int r, Phase phase,
+               const StepTime<T>& at, T moved, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const Bounds<S>& b = t.bounds;
+  const T far = T(S(unlimited));
+  T lo = -far, hi = far, force = T(0), prescribed = T(0), corrected_by = T(0);
+  int drives = 0;
+  for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m) {
+    const Member member = b.member[m];
+    const int has = b.has[member.joint];
+    const T share = x.bounds.member_share[m], inverse = x.bounds.member_inverse[m];
+    const bool corrected = phase == position_phase && member.follower >= 0;
+    const T correction = corrected ? x.couplings.correction[member.follower] : T(0);
+    if (has & (has_range | has_speed_limit)) {
+      const Interval<T> own = joint_interval(t, x, member.joint, at, moved);
+      const T one = (own.lo - correction) * inverse, other = (own.hi - correction) * inverse;
+      lo = larger(lo, smaller(one, other));
+      hi = smaller(hi, larger(one, other));
+    }
+    if (has & has_friction) force = fma(larger(share, -share), T(b.friction[member.joint]), force);
+    if (has & has_kinematic_drive) {
+      prescribed = fma(kinematic_velocity(t, batch, x, member.joint) - correction, inverse, prescribed);
+      corrected_by = fma(correction, inverse, corrected_by);
+      ++drives;
+    }
+  }
+  const T middle = T(S(0.5)) * (lo + hi);
+  const auto empty = less(hi, lo);
+  lo = select(empty, middle, lo);
+  hi = select(empty, middle, hi);
+  if (drives > 0) {
+    const T each = T(S(1) / S(drives));
+    if (b.may_depend && phase == position_phase) x.bounds.correction[r] = corrected_by * each;
+    if (b.may_depend && phase == velocity_phase) x.bounds.slowest[r] = clamp(T(0), lo, hi);
+    lo = hi = clamp(prescribed * each, lo, hi);
+  }
+  const int i = phase * b.rows.count + r;
+  x.bounds.lo[i] = lo;
+  x.bounds.hi[i] = hi;
+  x.bounds.force[r] = force;
+}
+
+/// J w of (M42): what followers' corrections add to the speed of a row over the joints of a coupling.
+template <class T>
+LOCKSTEP_INLINE T pushed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int coupling) {
+  T sum = T(0);
+  if (!t.reduction.eliminates()) return sum;
+  for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k) {
+    const int f = t.reduction.follower_of[t.term_joint[k]];
+    if (f >= 0) sum = fma(x.couplings.coefficient[k], x.couplings.correction[f], sum);
+  }
+  return sum;
+}
+
+/// A soft limit, a soft kinematic drive, or a coupling with a force limit.
+template <class T>
+void other_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int r, Phase phase,
+               const StepTime<T>& at, T moved, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const Bounds<S>& b = t.bounds;
+  const int i = phase * b.rows.count + r;
+  const T zero = T(0), far = T(S(unlimited)), rate = T(at.sub_step ? b.rows.softness[r].rate : b.soft_rate[r]);
+  x.bounds.lo[i] = -far;
+  x.bounds.hi[i] = far;
+  x.bounds.centre[i] = zero;
+  if (b.kind[r] == BoundKind::coupling) {
+    const int c = b.rows.coupling[r];
+    const bool drops = at.closing && b.rows.softness[r].cfm == 0 && b.rows.softness[r].cfm_per_response == 0;
+    const T bias = drops ? zero : rate * (x.couplings.error[c] + moved);
+    x.bounds.centre[i] = phase == position_phase ? bias + pushed(t, x, c) : bias;
+    x.bounds.force[r] = T(t.dt) * T(b.force_limit[c]);
+    if (t.declares(Parameter::coupling_switch)) x.bounds.force[r] *= switched_on<T>(batch, c);
+    return;
+  }
+  const Member member = b.member[b.member_start[r]];
+  const int j = member.joint;
+  const T correction = phase == position_phase && member.follower >= 0 ? x.couplings.correction[member.follower] : zero;
+  const T q = x.state.q[j] + moved;
+  if (b.kind[r] == BoundKind::soft_limit) {
+    const T below = T(b.lower[j]) - q, above = T(b.upper[j]) - q, inside = T(at.inverse);
+    x.bounds.lo[i] = fnma(T(1), correction, below * select(less(zero, below), rate, inside));
+    x.bounds.hi[i] = fnma(T(1), correction, above * select(less(above, zero), rate, inside));
+    x.bounds.force[r] = zero;
+  } else {
+    const std::ptrdiff_t row = t.dof[j] * batch.stride;
+    const T target = T::load(batch.position_target + row), speed = T::load(batch.velocity_target + row);
+    x.bounds.centre[i] = fma(rate, fma(T(t.dt - at.elapsed), speed, q - target), correction - speed);
+    x.bounds.force[r] = far;
+  }
+}
+
+template <class T>
+void bounded_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int r, Phase phase,
+                 const StepTime<T>& at, T moved, Tile<T>& x) {
+  if (t.bounds.kind[r] == BoundKind::joint)
+    joint_row(t, batch, r, phase, at, moved, x);
+  else
+    other_row(t, batch, r, phase, at, moved, x);
+}
+
+}  // namespace lockstep::kernels

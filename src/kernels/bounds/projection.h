@@ -1,0 +1,69 @@
+// One bounded row alone: which of its conditions it is held by, and by what impulse (M55). SPDX-License-Identifier:
+// Apache-2.0
+#pragma once
+
+#include "intervals.h"
+
+namespace lockstep::kernels {
+
+/// A row as it is asked in one phase.
+template <class T>
+struct Bound {
+  T lo, hi, centre, force;
+  T cfm;
+};
+
+template <class T>
+LOCKSTEP_INLINE typename T::Mask held(const Branch<T>& b) {
+  return b.low | b.high | b.stuck;
+}
+
+/// u + cfm impulse of a row that is held.
+template <class T>
+LOCKSTEP_INLINE T target(const Bound<T>& row, const Branch<T>& b) {
+  return select(b.low, row.lo, select(b.high, row.hi, -row.centre));
+}
+/// (M55): `speed` is what the row would have without its own impulse, `response` its r.
+template <class T>
+LOCKSTEP_INLINE Branch<T> project(const Bound<T>& row, T speed, T response) {
+  const T inside = response + row.cfm, wanted = -((speed + row.centre) / inside);
+  const T slipping = clamp(wanted, -row.force, row.force);
+  const T reached = fma(inside, slipping, speed);
+  Branch<T> b;
+  b.low = less(reached, row.lo);
+  b.high = less(row.hi, reached) & ~b.low;
+  const auto stopped = b.low | b.high;
+  b.stuck = less(-row.force, wanted) & less(wanted, row.force) & ~stopped;
+  b.impulse = select(stopped, (target(row, b) - speed) / inside, slipping);
+  return b;
+}
+
+/// The next part of (M54) in the direction in which speed and impulse say that this one has been left, if it has:
+/// beyond what `slack` in speed and `slack_impulse` take for rounding. `changed` says where.
+template <class T>
+LOCKSTEP_INLINE Branch<T> advance_branch(const Bound<T>& row, const Branch<T>& b, T speed, T impulse, T slack,
+                                         T slack_impulse, typename T::Mask& changed) {
+  const T zero = T(0), force = row.force, centre = -row.centre;
+  const auto open = less(row.lo, row.hi);  // where lo = hi the row holds whatever it takes
+  const T above_low = select(less(row.lo, centre), force, -force),
+          below_high = select(less(centre, row.hi), -force, force);
+  const auto leaves_low = b.low & open & less(impulse, above_low - slack_impulse);
+  const auto leaves_high = b.high & open & less(below_high + slack_impulse, impulse);
+  const auto slips_up = b.stuck & less(force + slack_impulse, impulse);
+  const auto slips_down = b.stuck & less(impulse, -(force + slack_impulse));
+  const auto free = ~held(b);
+  const auto below = free & less(speed, row.lo - slack), above = free & less(row.hi + slack, speed) & ~below;
+  const auto sticks =
+      free & ~below & ~above &
+      ((less(zero, b.impulse) & less(centre + slack, speed)) | (less(b.impulse, zero) & less(speed, centre - slack)));
+  Branch<T> next;
+  next.low = (b.low & ~leaves_low) | below;
+  next.high = (b.high & ~leaves_high) | above;
+  next.stuck = (b.stuck & ~slips_up & ~slips_down) | sticks;
+  next.impulse = select(leaves_low, above_low, select(leaves_high, below_high, b.impulse));
+  next.impulse = select(slips_up, force, select(slips_down, -force, next.impulse));
+  changed = leaves_low | leaves_high | slips_up | slips_down | below | above | sticks;
+  return next;
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,36 @@
+// C = J q + gamma of every coupling, (M2), (3) and (17) of the note. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "kernels/tile/tile.h"
+
+namespace lockstep::kernels {
+
+/// a b + sum. Whether a follower is in place is asked by comparing such a sum with the one that put it there, to the
+/// last bit: so code that is generated (generate/recorded.h) leaves these as they stand, and does not add up in another
+/// order.
+template <class T>
+LOCKSTEP_INLINE T add_product(T a, T b, T sum) {
+  return fma(a, b, sum);
+}
+
+/// Of coupling c without its first joint.
+template <class T>
+LOCKSTEP_INLINE T others_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int c, const T* q) {
+  T sum = x.couplings.offset[c];
+  for (int k = t.term_start[c + 1] - 1, first = t.term_start[c]; k > first; --k)
+    sum = add_product(x.couplings.coefficient[k], q[t.term_joint[k]], sum);
+  return sum;
+}
+
+template <class T>
+LOCKSTEP_INLINE T coupling_error(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int c) {
+  const int first = t.term_start[c];
+  return fma(x.couplings.coefficient[first], x.state.q[t.term_joint[first]], others_of(t, x, c, x.state.q));
+}
+
+template <class T>
+void coupling_errors(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int c = 0; c < t.couplings; ++c) x.couplings.error[c] = coupling_error(t, x, c);
+}
+
+}  // namespace lockstep::kernels

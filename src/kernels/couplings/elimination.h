@@ -1,0 +1,146 @@
+// Velocities in terms of those that are solved for: v = S z + w, A_r = S^T A S. SPDX-License-Identifier: Apache-2.0
+//
+// Where followers of hard couplings are eliminated, (M39) and (M40), or speeds of couplings stand for them (M77).
+#pragma once
+
+#include "consistent.h"
+#include "kernels/dynamics/ldlt.h"
+
+namespace lockstep::kernels {
+
+/// N products to each entry of a group, or as many as it says.
+template <int N, class T>
+LOCKSTEP_INLINE void sum_products(const Reduction<ScalarOf<T>>& r, const ProductGroup& group, const Tile<T>& x) {
+  const int count = N > 0 ? N : group.count;
+  const int* source = r.product_source.data + r.product_start[group.first];
+  const ScalarOf<T>* value = r.product_value.data + r.product_start[group.first];
+  for (int e = group.first; e < group.last; ++e, source += count, value += count) {
+    T sum = T(0);
+    for (int p = 0; p < count; ++p) sum = fma(T(value[p]), x.dynamics.matrix[source[p]], sum);
+    x.dynamics.reduced[r.product_entry[e]] = sum;
+  }
+}
+
+/// A_r = S^T A S of (M40), as the sums of products that the plan listed.
+template <class T>
+void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  if (!t.declares(Parameter::gear_ratio)) {
+    for (int g = 0; g < r.product_groups.count; ++g) {
+      const ProductGroup& group = r.product_groups[g];
+      switch (group.count) {
+        case 1: sum_products<1>(r, group, x); break;
+        case 2: sum_products<2>(r, group, x); break;
+        case 3: sum_products<3>(r, group, x); break;
+        case 4: sum_products<4>(r, group, x); break;
+        default: sum_products<0>(r, group, x);
+      }
+    }
+    return;
+  }
+  for (int e = 0; e < t.solver.entries; ++e) {
+    T sum = T(0);
+    for (int p = r.product_start[e], last = r.product_start[e + 1]; p < last; ++p) {
+      const T source = x.dynamics.matrix[r.product_source[p]];
+      const int left = r.product_left[p], right = r.product_right[p];
+      const T product = left < 0 ? source : x.couplings.share[left] * source;
+      sum = right < 0 ? sum + product : fma(x.couplings.share[right], product, sum);
+    }
+    x.dynamics.reduced[r.product_entry[e]] = sum;
+  }
+}
+
+/// S^T of a momentum, for one of the solver's velocities.
+template <class T>
+LOCKSTEP_INLINE T collected(const Reduction<ScalarOf<T>>& r, const Tile<T>& x, int z, const T* momentum) {
+  T sum = momentum[r.independent[z]];
+  for (int c = r.collect_start[z], last = r.collect_start[z + 1]; c < last; ++c)
+    sum = fma(x.couplings.share[r.collected[c].value], momentum[r.collected[c].velocity], sum);
+  return sum;
+}
+
+/// Where columns are merged A d is among the forces, and S^T A w stands behind A_r.
+template <class T>
+void reduce_composite_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int z = 0; z < t.solver.n; ++z) {
+    const T free = collected(t.reduction, x, z, x.dynamics.rhs);
+    if (x.solves_twice) x.dynamics.half_solved_velocity[z] = free;
+    x.dynamics.half_solved_position[z] = x.solves_twice ? free - x.dynamics.reduced[t.solver.entries + z] : free;
+  }
+}
+
+/// Momentum to gain: S^T (dt forces + A d) for velocities, and for positions, which are to be corrected as well,
+/// S^T (dt forces + A (d - w)). The mismatch d and the correction w are zero but for the followers. By force, A d is
+/// among the forces already, and only A w is left to subtract.
+template <class T>
+void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  if (r.composite.places > 0) return reduce_composite_forces(t, x);
+  if (r.has_constraint_velocities() || x.consistent) {
+    for (int z = 0; z < t.solver.n; ++z) x.dynamics.half_solved_position[z] = collected(r, x, z, x.dynamics.rhs);
+    return;
+  }
+  const T *const matrix = x.dynamics.matrix, *const lost = x.couplings.velocity_error,
+                 *const free = r.removes_by_force ? x.dynamics.rhs : x.dynamics.product;
+  T *const corrected = x.dynamics.corrected_product, *const change = x.dynamics.scratch;
+  const Momentum* const momenta = r.momentum.data;
+  for (int f = 0; f < r.followers; ++f)
+    change[f] = r.removes_by_force ? -x.couplings.correction[f] : lost[f] - x.couplings.correction[f];
+  for (int i = 0; i < t.velocities; ++i) {
+    const int first = r.momentum_start[i], last = r.momentum_start[i + 1];
+    T gained = x.dynamics.rhs[i], also_corrected = gained;
+    for (int m = first; m < last; ++m) {
+      const T entry = matrix[momenta[m].entry];
+      also_corrected = fma(entry, change[momenta[m].follower], also_corrected);
+      if (!r.removes_by_force) gained = fma(entry, lost[momenta[m].follower], gained);
+    }
+    corrected[i] = also_corrected;
+    if (!r.removes_by_force) x.dynamics.product[i] = gained;
+  }
+  for (int z = 0; z < t.solver.n; ++z) {
+    x.dynamics.half_solved_position[z] = collected(r, x, z, corrected);
+    if (x.solves_twice) x.dynamics.half_solved_velocity[z] = collected(r, x, z, free);
+  }
+}
+
+/// w of (M39): the velocity that corrects follower f's error.
+template <class T>
+LOCKSTEP_INLINE T correcting_velocity(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int f) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  T correction = T(0);
+  for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s) {
+    const int c = r.inverse_coupling[s];
+    correction = fnma(x.couplings.follower_inverse[s] * T(r.rate[c]), x.couplings.error[c], correction);
+  }
+  return correction;
+}
+
+/// What a solve for couplings' speeds starts from.
+template <class T>
+void start_constraint_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  for (int z = 0; z < t.solver.n; ++z) x.dynamics.start[z] = x.state.v[r.independent[z]];
+  for (int f = 0; f < r.followers; ++f)
+    x.dynamics.start[r.constraint_velocity[f]] =
+        x.state.v[t.velocity_of(r.follower[f])] - followed(t, x, f, x.dynamics.start);
+}
+
+/// What a solve starts from, and what its followers are off by. By force, bias_forces() wants it done before.
+template <class T>
+void follow(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  for (int z = 0; z < t.solver.n; ++z) x.dynamics.start[z] = x.state.v[r.independent[z]];
+  drop_rounding(t, x);
+  for (int f = 0; f < r.followers; ++f) {
+    x.couplings.correction[f] = x.corrects_positions && !x.consistent ? correcting_velocity(t, x, f) : T(0);
+    x.couplings.velocity_error[f] =
+        x.consistent ? T(0) : x.state.v[t.velocity_of(r.follower[f])] - followed(t, x, f, x.dynamics.start);
+    if (!r.removes_by_force) continue;
+    x.couplings.removed_this_step[f] = r.by_entries() || x.solves_twice
+                                           ? x.couplings.velocity_error[f]
+                                           : x.couplings.velocity_error[f] - x.couplings.correction[f];
+    x.couplings.acceleration[f] = x.couplings.removed_this_step[f] * T(ScalarOf<T>(-1) / t.dt);
+  }
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,46 @@
+// The motion without rows: A factored, its forces half solved. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "elimination.h"
+#include "kernels/dynamics/articulated.h"
+
+namespace lockstep::kernels {
+
+/// A, or A_r, to its factors (M17), or A's from the bodies. An environment's own numbers may be infinite: such a pivot
+/// is none either, and known by its inverse.
+template <class T>
+void factor_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  x.singular =
+      t.articulated.used() ? factor_articulated(t, x) : factor(t.solver, x.dynamics.reduced, x.dynamics.inverse, T(0));
+  for (int z = 0; t.per_environment != 0 && z < t.solver.n; ++z)
+    x.singular = x.singular | less(x.dynamics.inverse[z], least_pivot<T>());
+}
+
+/// The free velocity is v* = v + L^-1 y with the y that this leaves in x.dynamics.half_solved_position and
+/// x.dynamics.half_solved_velocity: the other half of the solve is done once, when the rows' impulses have been added
+/// (integrate.h).
+template <class T>
+void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  x.dynamics.half_solved_velocity =
+      x.consistent ? x.dynamics.half_solved_position
+                   : x.dynamics.half_solved_velocity_storage;  // in lists and generated code always apart
+  const Columns& columns = t.solver;
+  if (t.reduction.followers == 0)
+    for (int z = 0; z < columns.n; ++z) {
+      x.dynamics.start[z] = x.state.v[z];
+      x.dynamics.half_solved_position[z] = x.dynamics.rhs[z];
+    }
+  else
+    reduce_forces(t, x);
+  const bool twice = x.solves_twice && x.dynamics.half_solved_velocity != x.dynamics.half_solved_position;
+  if (t.articulated.used())
+    solve_inwards(t, x, t.articulated.all, x.dynamics.half_solved_position, 0);
+  else if (twice)
+    solve_upwards(columns, x.dynamics.reduced, x.dynamics.half_solved_position, x.dynamics.half_solved_velocity);
+  else
+    solve_upwards(columns, x.dynamics.reduced, x.dynamics.half_solved_position);
+  for (int z = 0; z < columns.n; ++z) x.dynamics.half_solved_position[z] *= x.dynamics.inverse[z];
+  for (int z = 0; twice && z < columns.n; ++z) x.dynamics.half_solved_velocity[z] *= x.dynamics.inverse[z];
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,77 @@
+// What of joints' armature, damping and drives stands in the matrix (M14), and the matrix with it.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "composite_columns.h"
+
+namespace lockstep::kernels {
+
+template <class T>
+struct Gains {
+  T kp, kd;
+};
+
+template <class T>
+LOCKSTEP_INLINE Gains<T> gains(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int j) {
+  const ScalarOf<T>* own = batch.field(Parameter::drive_gains);
+  if (!own) return {T(t.kp[j]), T(t.kd[j])};
+  own += 2 * t.dof[j] * batch.stride;
+  return {T::load(own), T::load(own + batch.stride)};
+}
+
+/// a + h (d + kd) + h^2 kp of each joint, but for servos that may come to the limit of their effort.
+template <class T>
+void joint_inertias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  if (!t.declares(Parameter::drive_gains) && !t.declares(Parameter::damping)) {
+    for (int j = 0; j < t.joints; ++j) x.dynamics.joint_inertia[j] = T(t.implicit[j]);
+    return;
+  }
+  const T ahead = T(t.ahead), ahead_squared = T(t.ahead * t.ahead);
+  const Field<T> damping = field<T>(batch, Parameter::damping, t.damping.data);
+  for (int j = 0; j < t.joints; ++j)
+    x.dynamics.joint_inertia[j] = fma(ahead, damping.at(j, t.dof[j]), T(t.armature[j]));
+  for (int i = 0; i < t.servos.count; ++i) {
+    const int j = t.servos[i];
+    const Gains<T> own = gains<T>(t, batch, j);
+    x.dynamics.joint_inertia[j] += fma(ahead, own.kd, ahead_squared * own.kp);
+  }
+}
+
+/// A, or A_r at once where columns are merged; neither where articulated bodies do without. Keeps M + armature where
+/// soft rows are stated by natural frequency and A holds more than that; x.dynamics.joint_inertia becomes the diagonal
+/// of A where a limited drive will want it.
+template <class T>
+void inertia_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  if (t.reduction.composite.places > 0) return composite_columns(t, x);
+  if (t.articulated.used() && t.undamped.count == 0) return;
+  mass_matrix(t, x);
+  if (t.undamped.count > 0) {
+    for (int e = 0; e < t.matrix.entries; ++e) x.undamped.matrix[e] = x.dynamics.matrix[e];
+    for (int j = 0; j < t.joints; ++j) x.undamped.matrix[t.matrix.offset[t.velocity_of(j)]] += T(t.armature[j]);
+  }
+  for (int j = 0; !t.articulated.used() && j < t.joints; ++j) {
+    T& diagonal = x.dynamics.matrix[t.matrix.offset[t.velocity_of(j)]];
+    diagonal += x.dynamics.joint_inertia[j];
+    if (t.limited_servos.count > 0) x.dynamics.joint_inertia[j] = diagonal;
+  }
+}
+
+/// The force that joint inertia alone takes for what a follower loses of its mismatch.
+template <class T>
+LOCKSTEP_INLINE void remove_velocity_error(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int f, T inertia) {
+  T& drive = x.dynamics.rhs[t.velocity_of(t.reduction.follower[f])];
+  drive = fma(inertia, x.couplings.removed_this_step[f], drive);
+}
+
+/// More inertia of joint j, when A or A_r has been made.
+template <class T>
+LOCKSTEP_INLINE void add_inertia(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, T inertia) {
+  if (t.reduction.composite.places > 0)
+    add_squares(t, x, j + (t.floating ? 1 : 0), inertia);
+  else
+    x.dynamics.matrix[t.matrix.offset[t.velocity_of(j)]] += inertia;
+  if (t.reduction.removes_by_force)
+    if (const int f = t.reduction.follower_of[j]; f >= 0) remove_velocity_error(t, x, f, inertia);
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,86 @@
+// Damping, drives, armature and efforts: their forces, and what of them stands in the matrix. SPDX-License-Identifier:
+// Apache-2.0
+//
+// (M13) to (M15): terms linear in the joints' positions and velocities are integrated
+// implicitly, so A = M + diag(a + h (d + kd) + h^2 kp) and the step needs no iterations for them.
+#pragma once
+
+#include "joint_inertia.h"
+
+namespace lockstep::kernels {
+
+template <class T>
+LOCKSTEP_INLINE T smaller(T a, T b) {
+  return select(less(b, a), b, a);
+}
+template <class T>
+LOCKSTEP_INLINE T larger(T a, T b) {
+  return select(less(a, b), b, a);
+}
+template <class T>
+LOCKSTEP_INLINE T clamp(T a, T lo, T hi) {
+  return smaller(larger(a, lo), hi);
+}
+
+/// A joint's gains and where its servo pulls it, without and with the speed it has.
+template <class T>
+struct Servo : Gains<T> {
+  using Gains<T>::kp, Gains<T>::kd;
+  T position, velocity;
+  /// Force at the end of the step, if the joint then has the speed v: the servo's part of (M13).
+  LOCKSTEP_INLINE T force(T h, T q, T v) const { return -fma(kp, fma(h, v, q) - position, kd * (v - velocity)); }
+};
+
+/// Row of the joint's target or effort at one of the step's times. What is held has one row for all of them.
+template <class S>
+LOCKSTEP_INLINE std::ptrdiff_t input_row(const Tables<S>& t, int j, int time) {
+  return t.dof[j] + (t.input_times > 1 ? time * t.joints : 0);
+}
+
+template <class T>
+LOCKSTEP_INLINE Servo<T> servo(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int j,
+                               int time = 0) {
+  const std::ptrdiff_t input = input_row(t, j, time) * batch.stride;
+  return {gains<T>(t, batch, j), T::load(batch.position_target + input), T::load(batch.velocity_target + input)};
+}
+
+template <class T>
+LOCKSTEP_INLINE T feed_forward(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int j,
+                               int time = 0) {
+  return T::load(batch.effort + input_row(t, j, time) * batch.stride);
+}
+
+/// The bias forces become dt times all forces (M15), with what acts at this of the step's times. After
+/// joint_inertias(), before inertia_matrix(), which may write over what that left.
+template <class T>
+void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time = 0) {
+  const int root = t.root_velocities();
+  const T h = T(t.dt), ahead = T(t.ahead);
+  const Field<T> damping = field<T>(batch, Parameter::damping, t.damping.data);
+  for (int i = 0; i < root; ++i) x.dynamics.rhs[i] = -(h * x.dynamics.bias[i]);
+  const int *limited = t.limited_efforts.data, *const end = limited + t.limited_efforts.count;
+  for (int j = 0; j < t.joints; ++j) {
+    const T d = damping.at(j, t.dof[j]);
+    T effort = feed_forward<T>(t, batch, j, time);
+    if (limited != end && *limited == j) {  // (M63) without a servo
+      const T most = T(t.effort_limit[j]);
+      effort = clamp(effort, -most, most);
+      ++limited;
+    }
+    x.dynamics.rhs[t.velocity_of(j)] =
+        h * (fnma(d, x.state.v[t.velocity_of(j)], effort) - x.dynamics.bias[t.velocity_of(j)]);
+  }
+  for (int i = 0; i < t.servos.count; ++i) {
+    const int j = t.servos[i];
+    const Servo<T> own = servo<T>(t, batch, j, time);
+    const T v = x.state.v[t.velocity_of(j)];
+    const T reached = fma(ahead, v, x.state.q[j]) - own.position;  // kp acts on where the joint is going
+    x.dynamics.rhs[t.velocity_of(j)] =
+        fnma(h * own.kp, reached, fnma(h * own.kd, v - own.velocity, x.dynamics.rhs[t.velocity_of(j)]));
+  }
+  if (t.reduction.removes_by_force)
+    for (int f = 0; f < t.reduction.followers; ++f)
+      remove_velocity_error(t, x, f, x.dynamics.joint_inertia[t.reduction.follower[f]]);
+}
+
+}  // namespace lockstep::kernels

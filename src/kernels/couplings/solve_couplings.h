@@ -1,0 +1,35 @@
+// What couplings that are left to solve make of the free velocity, by the plan's method. SPDX-License-Identifier:
+// Apache-2.0
+#pragma once
+
+#include "direct.h"
+#include "pgs.h"
+#include "tgs.h"
+
+namespace lockstep::kernels {
+
+/// The impulses of the couplings' rows, and the speeds that these come to.
+template <class T>
+void solve_couplings(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  responses(t, x);
+  row_softness(t, batch, x);
+  row_terms(t, x);
+  switch (t.method) {
+    case Method::pgs: pgs(t, x); break;
+    case Method::tgs: tgs(t, x); break;
+    default:  // direct, and what reduced leaves to solve
+      factor_rows(t, x);
+      direct(t, x);
+  }
+}
+
+/// The speeds alone, as direct() leaves them where all rows are hard and have a velocity of the solver each (M79).
+template <class T>
+void known_constraint_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int r = 0; r < t.rows.count; ++r) {
+    x.rows.speed[r] = -(T(t.rows.softness[r].rate) * x.couplings.error[t.rows.coupling[r]]);
+    x.rows.velocity_phase_speed[r] = -T(0);
+  }
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,170 @@
+// Bias forces c(q, v): Newton-Euler without joint accelerations. SPDX-License-Identifier: Apache-2.0
+//
+// A floating root's velocity is stepped in inertial axes, so that its origin goes straight on without acceleration.
+// In the links' own frames, with the angular acceleration tensor of Balafoutis and Patel (1991):
+// (M5) to (M9). One pass outwards for motion, one inwards for forces.
+#pragma once
+
+#include "frame.h"
+#include "link_wrenches.h"
+
+namespace lockstep::kernels {
+
+/// (M5) Omega = [alpha]x + [omega]x [omega]x: acceleration of a point p of the body is a + Omega p.
+template <class T>
+LOCKSTEP_INLINE Mat3<T> acceleration_tensor(const Vec3<T>& w, const Vec3<T>& alpha) {
+  const T zero = T(0), xx = fnma(w[0], w[0], zero), yy = fnma(w[1], w[1], zero), zz = fnma(w[2], w[2], zero);
+  const T xy = w[0] * w[1], xz = w[0] * w[2], yz = w[1] * w[2];
+  return {{yy + zz, xy - alpha[2], xz + alpha[1]},
+          {xy + alpha[2], xx + zz, yz - alpha[0]},
+          {xz - alpha[1], yz + alpha[0], xx + yy}};
+}
+
+/// a + Omega r for the body's origin r.
+template <class J, class T>
+LOCKSTEP_INLINE Vec3<T> move_origin(J, const Mat3<T>& tensor, const Vec3<T>& r, Vec3<T> a) {
+  each_axis([&](int k) LOCKSTEP_INLINED {
+    each_axis([&](int l) LOCKSTEP_INLINED {
+      if (J::off(l)) a[k] = fma(tensor(k, l), r[l], a[k]);
+    });
+  });
+  return a;
+}
+
+/// (M7) Force and moment about the origin that the motion of the mass takes: F = m a + Omega h,
+/// N = h x a + the axial part of Omega Sigma.
+template <class T>
+LOCKSTEP_INLINE void inertial_forces(const PseudoInertia<T>& body, bool diagonal, const Mat3<T>& tensor,
+                                     const Vec3<T>& a, Vec3<T>& force, Vec3<T>& moment) {
+  force = multiply_add(tensor, body.moment, {body.mass * a[0], body.mass * a[1], body.mass * a[2]});
+  Vec3<T> axial;
+  each_axis([&](int k) LOCKSTEP_INLINED {
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    T sum = fnma(tensor(i, j), body.second[j], tensor(j, i) * body.second[i]);
+    if (!diagonal) {
+      sum = fma(tensor(j, j) - tensor(i, i), body.second[3 + k], sum);
+      sum = fnma(tensor(i, k), body.second[3 + i], fma(tensor(j, k), body.second[3 + j], sum));
+    }
+    axial[k] = sum;
+  });
+  moment = cross_add(body.moment, a, axial);
+}
+
+/// The same of a body on a joint. What lies on a revolute joint's axis is the parent's.
+template <class J, class T>
+LOCKSTEP_INLINE void inertial_forces(J, const PseudoInertia<T>& body, bool diagonal, const Mat3<T>& tensor,
+                                     const Vec3<T>& a, Vec3<T>& force, Vec3<T>& moment) {
+  if constexpr (J::prismatic) {
+    inertial_forces(body, diagonal, tensor, a, force, moment);
+  } else {
+    constexpr int i = J::i, j = J::j, k = J::k;
+    const T hi = body.moment[i], hj = body.moment[j], ii = body.second[i], jj = body.second[j];
+    each_axis([&](int l) LOCKSTEP_INLINED { force[l] = fma(tensor(l, i), hi, tensor(l, j) * hj); });
+    T ni = tensor(k, j) * jj, nj = -(tensor(k, i) * ii), nk = fnma(tensor(i, j), jj, tensor(j, i) * ii);
+    if (!diagonal) {
+      const T ij = body.second[3 + k], jk = body.second[3 + i], ik = body.second[3 + j];
+      ni = fma(tensor(k, k) - tensor(j, j), jk, fma(tensor(k, i), ij, fnma(tensor(j, i), ik, ni)));
+      nj = fma(tensor(i, i) - tensor(k, k), ik, fnma(tensor(k, j), ij, fma(tensor(i, j), jk, nj)));
+      nk = fma(tensor(j, j) - tensor(i, i), ij, fnma(tensor(i, k), jk, fma(tensor(j, k), ik, nk)));
+    }
+    moment[i] = fma(hj, a[k], ni);
+    moment[j] = fnma(hi, a[k], nj);
+    moment[k] = fma(hi, a[j], fnma(hj, a[i], nk));
+  }
+}
+
+/// Gravity in the frame that the bodies hang in: the fixed root's, or a floating root's own.
+template <class T>
+LOCKSTEP_INLINE Vec3<T> gravity_at_root(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                        const Tile<T>& x) {
+  Vec3<T> g;
+  for (int k = 0; k < 3; ++k) g[k] = field<T>(batch, Parameter::gravity, t.gravity).at(k, k);
+  if (t.floating) return multiply_transposed(rotation_of_quaternion(x.state.pose + 3), g);
+  if (!t.declares(Parameter::gravity)) return g;  // turned when compiling
+  return multiply_transposed(Mat3<T>::constant(t.root_rotation), g);
+}
+
+/// (M6) One body's motion from its parent's, and the forces that it takes.
+template <class J, class T>
+LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b, const Vec3<T>& upwards) {
+  const Body<ScalarOf<T>>& body = t.body[b];
+  const T s = x.bodies.sine[b], c = x.bodies.cosine[b], speed = x.state.v[velocity_of(t, b)] * T(body.sign);
+  Vec3<T> w, alpha, a;
+  if (body.parent < 0) {
+    w = alpha = Vec3<T>::zero();
+    a = to_body(joint, body, s, c, upwards);
+    if constexpr (!J::prismatic) w[J::k] = speed;
+  } else {
+    const int p = body.parent;
+    Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[joint_of(t, b)] : T(0));
+    w = to_body(joint, body, s, c, x.bodies.angular[p]);
+    alpha = to_body(joint, body, s, c, x.bodies.alpha[p]);
+    // The parent's tensor once more: of the few entries that this takes, arithmetic costs less than memory.
+    a = to_body(joint, body, s, c,
+                move_origin(joint, acceleration_tensor(x.bodies.angular[p], x.bodies.alpha[p]), r, x.bodies.linear[p]));
+    if constexpr (J::prismatic) {  // Coriolis: 2 w x e v
+      const T twice = speed + speed;
+      a[J::i] = fma(w[J::j], twice, a[J::i]);
+      a[J::j] = fnma(w[J::i], twice, a[J::j]);
+    } else {  // w x e v
+      alpha[J::i] = fma(w[J::j], speed, alpha[J::i]);
+      alpha[J::j] = fnma(w[J::i], speed, alpha[J::j]);
+      w[J::k] += speed;
+    }
+  }
+  if (t.reduction.removes_by_force)
+    if (const int f = t.reduction.follower_of[joint_of(t, b)]; f >= 0)
+      (J::prismatic ? a : alpha)[J::k] += x.couplings.acceleration[f] * T(body.sign);
+  Mat3<T> tensor = acceleration_tensor(w, alpha);
+  if (!body.leaf) {
+    x.bodies.angular[b] = w;
+    x.bodies.alpha[b] = alpha;
+    x.bodies.linear[b] = a;
+  }
+  inertial_forces(joint, x.bodies.base_inertia[b], body.diagonal, tensor, a, x.bodies.force[b], x.bodies.moment[b]);
+}
+
+/// (M9) What the joint carries beyond its own axis goes to its parent.
+template <class J, class T>
+LOCKSTEP_INLINE void pass_force(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
+  const Body<ScalarOf<T>>& body = t.body[b];
+  Vec3<T> force = x.bodies.force[b], moment = x.bodies.moment[b];
+  x.dynamics.bias[velocity_of(t, b)] = (J::prismatic ? force[J::k] : moment[J::k]) * T(body.sign);
+  if (body.parent < 0) return;
+  const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
+  Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[joint_of(t, b)] : T(0));
+  Vec3<T> passed = to_parent(joint, body, s, c, force);
+  Vec3<T>& parent_force = x.bodies.force[body.parent];
+  Vec3<T>& parent_moment = x.bodies.moment[body.parent];
+  parent_moment = parent_moment + cross_origin_add(joint, r, passed, to_parent(joint, body, s, c, moment));
+  parent_force = parent_force + passed;
+}
+
+template <class T>
+void bias_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  // Gravity is an acceleration of the root against it.
+  const Vec3<T> g = gravity_at_root(t, batch, x);
+  const Vec3<T> upwards = {-g[0], -g[1], -g[2]};
+  if (t.floating) {
+    const Vec3<T> w = {x.state.v[0], x.state.v[1], x.state.v[2]};
+    x.bodies.angular[0] = w;
+    x.bodies.alpha[0] = Vec3<T>::zero();
+    const Mat3<T> tensor = acceleration_tensor(w, x.bodies.alpha[0]);
+    x.bodies.linear[0] = upwards;
+    inertial_forces(x.bodies.base_inertia[0], t.body[0].diagonal, tensor, upwards, x.bodies.force[0],
+                    x.bodies.moment[0]);
+  }
+  const int first = t.floating ? 1 : 0;
+  for (int b = first; b < t.bodies; ++b)
+    with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED { move_body(joint, t, x, b, upwards); });
+
+  if (t.declares(Parameter::link_wrench)) subtract_link_wrenches(t, batch, x);
+
+  for (int b = t.bodies - 1; b >= first; --b)
+    with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED { pass_force(joint, t, x, b); });
+  if (t.floating)
+    for (int k = 0; k < 3; ++k)
+      x.dynamics.bias[k] = x.bodies.moment[0][k], x.dynamics.bias[3 + k] = x.bodies.force[0][k];
+}
+
+}  // namespace lockstep::kernels

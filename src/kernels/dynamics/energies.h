@@ -1,0 +1,45 @@
+// Kinetic and potential energy (M52). SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "motion.h"
+
+namespace lockstep::kernels {
+
+/// With the armatures' share.
+template <class T>
+T kinetic_energy(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m) {
+  T twice = T(0);
+  for (int b = 0; b < t.bodies; ++b) {
+    Vec3<T> linear, angular;
+    body_momentum(t, x, m, b, linear, angular);
+    twice += dot(m.linear[b], linear) + dot(m.angular[b], angular);
+  }
+  for (int j = 0; j < t.joints; ++j) {
+    const T v = x.state.v[t.velocity_of(j)];
+    twice = fma(T(t.armature[j]) * v, v, twice);
+  }
+  return twice * T(ScalarOf<T>(0.5));
+}
+
+/// Of gravity, zero at the world's origin.
+template <class T>
+T potential_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
+                   const Motion<T>& m) {
+  Vec3<T> g;
+  for (int k = 0; k < 3; ++k) g[k] = field<T>(batch, Parameter::gravity, t.world_gravity).at(k, k);
+  T sum = T(0);
+  for (int b = 0; b < t.bodies; ++b) {
+    const PseudoInertia<T> body = inertia_of(t, x, b);
+    sum = sum - dot(g, fma(m.place[b], body.mass, multiply(m.world[b], body.moment)));
+  }
+  const Vec3<T> root = Vec3<T>::constant(t.root_offset);
+  for (int l = 0; l < t.links; ++l) {  // links of the fixed root never move, yet they hang where they are
+    const LinkPlace<ScalarOf<T>>& place = t.link[l];
+    if (place.body >= 0) continue;
+    const Vec3<T> center = multiply_add(root_orientation<T>(t), Vec3<T>::constant(place.unit_moment), root);
+    sum = fnma(field<T>(batch, Parameter::mass, t.link_mass.data).at(l, l), dot(g, center), sum);
+  }
+  return sum;
+}
+
+}  // namespace lockstep::kernels

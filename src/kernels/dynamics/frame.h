@@ -1,0 +1,133 @@
+// Passing vectors between a body's frame and its parent's. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "kernels/tile/tile.h"
+
+namespace lockstep::kernels {
+
+/// What is known of a joint and its body's offset as a type, so that a planar rotation is four multiplications and an
+/// offset along one axis is one number.
+template <int Axis, bool Prismatic, bool Rotated, bool First = true, bool Second = true>
+struct JointType {
+  static constexpr int k = Axis, i = (Axis + 1) % 3, j = (Axis + 2) % 3;
+  static constexpr bool prismatic = Prismatic, rotated = Rotated;
+  /// Component a of the origin in the parent's frame may be other than zero.
+  static constexpr bool off(int a) { return Prismatic || Rotated || (a == i && First) || (a == j && Second); }
+};
+
+/// Calls act(JointType) for the body's joint; kernels on the main path have `act` inlined, for the registers' sake.
+template <class S, class Act>
+LOCKSTEP_INLINE void with_joint(const Body<S>& body, Act&& act) {
+  switch (body.kind) {
+    case 0 + next_axis: return act(JointType<0, false, false, true, false>{});
+    case 0 + last_axis: return act(JointType<0, false, false, false, true>{});
+    case 0 + both_axes: return act(JointType<0, false, false>{});
+    case 3 + next_axis: return act(JointType<1, false, false, true, false>{});
+    case 3 + last_axis: return act(JointType<1, false, false, false, true>{});
+    case 3 + both_axes: return act(JointType<1, false, false>{});
+    case 6 + next_axis: return act(JointType<2, false, false, true, false>{});
+    case 6 + last_axis: return act(JointType<2, false, false, false, true>{});
+    case 6 + both_axes: return act(JointType<2, false, false>{});
+    case turned_joint: return act(JointType<2, false, true>{});
+    case sliding_joint + 0: return act(JointType<0, true, false>{});
+    case sliding_joint + 1: return act(JointType<1, true, false>{});
+    case sliding_joint + 2: return act(JointType<2, true, false>{});
+    default: return act(JointType<2, true, true>{});
+  }
+}
+
+/// Parent coordinates to body coordinates: E p of (M3).
+template <class J, class T>
+LOCKSTEP_INLINE Vec3<T> to_body(J, const Body<ScalarOf<T>>& body, T s, T c, Vec3<T> p) {
+  if constexpr (J::rotated) {
+    const ScalarOf<T>* r = body.rotation;
+    const auto row = [&](int a) { return fma(T(r[3 * a]), p.x, fma(T(r[3 * a + 1]), p.y, T(r[3 * a + 2]) * p.z)); };
+    p = {row(0), row(1), row(2)};
+  }
+  if constexpr (!J::prismatic) {
+    const T pi = p[J::i], pj = p[J::j];
+    p[J::i] = fma(c, pi, s * pj);
+    p[J::j] = fnma(s, pi, c * pj);
+  }
+  return p;
+}
+
+/// Body coordinates to parent coordinates: E^T p.
+template <class J, class T>
+LOCKSTEP_INLINE Vec3<T> to_parent(J, const Body<ScalarOf<T>>& body, T s, T c, Vec3<T> p) {
+  if constexpr (!J::prismatic) {
+    const T pi = p[J::i], pj = p[J::j];
+    p[J::i] = fnma(s, pj, c * pi);
+    p[J::j] = fma(s, pi, c * pj);
+  }
+  if constexpr (J::rotated) {
+    const ScalarOf<T>* r = body.rotation;
+    const auto row = [&](int a) { return fma(T(r[a]), p.x, fma(T(r[3 + a]), p.y, T(r[6 + a]) * p.z)); };
+    p = {row(0), row(1), row(2)};
+  }
+  return p;
+}
+
+/// Origin of the body in its parent's frame: r of (M3).
+template <class J, class T>
+LOCKSTEP_INLINE Vec3<T> origin(J, const Body<ScalarOf<T>>& body, T q) {
+  Vec3<T> r;
+  each_axis([&](int a) LOCKSTEP_INLINED { r[a] = J::off(a) ? T(body.offset[a]) : T(0); });
+  if constexpr (J::prismatic) {
+    const T travel = q * T(body.sign);
+    if constexpr (J::rotated)
+      each_axis([&](int a) LOCKSTEP_INLINED { r[a] = fma(T(body.rotation[3 * J::k + a]), travel, r[a]); });
+    else
+      r[J::k] += travel;
+  }
+  return r;
+}
+
+/// Component a of r x p, added to c, for the body's origin r.
+template <class J, class T>
+LOCKSTEP_INLINE T cross_component(J, const Vec3<T>& r, const Vec3<T>& p, int a, T c) {
+  const int i = (a + 1) % 3, j = (a + 2) % 3;
+  if (J::off(j)) c = fnma(r[j], p[i], c);
+  if (J::off(i)) c = fma(r[i], p[j], c);
+  return c;
+}
+
+/// r x p + c
+template <class J, class T>
+LOCKSTEP_INLINE Vec3<T> cross_origin_add(J joint, const Vec3<T>& r, const Vec3<T>& p, Vec3<T> c) {
+  each_axis([&](int a) LOCKSTEP_INLINED { c[a] = cross_component(joint, r, p, a, c[a]); });
+  return c;
+}
+
+/// The joint that carries body b; bodies and joints differ by a floating root.
+template <class S>
+LOCKSTEP_INLINE int joint_of(const Tables<S>& t, int body) {
+  return body - (t.floating ? 1 : 0);
+}
+
+/// Its place among the generalised velocities.
+template <class S>
+LOCKSTEP_INLINE int velocity_of(const Tables<S>& t, int body) {
+  return body + (t.floating ? 5 : 0);
+}
+
+/// Rotation of a floating root: its coordinates to the world's.
+template <class T>
+LOCKSTEP_INLINE Mat3<T> rotation_of_quaternion(const T* wxyz) {
+  const T w = wxyz[0], x = wxyz[1], y = wxyz[2], z = wxyz[3], two = T(2), one = T(1);
+  return {{one - two * fma(y, y, z * z), two * fnma(w, z, x * y), two * fma(w, y, x * z)},
+          {two * fma(w, z, x * y), one - two * fma(x, x, z * z), two * fnma(w, x, y * z)},
+          {two * fnma(w, y, x * z), two * fma(w, x, y * z), one - two * fma(x, x, y * y)}};
+}
+
+/// Mass distribution of body b: the table's, or this tile's own.
+template <class T>
+LOCKSTEP_INLINE PseudoInertia<T> inertia_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
+  if (t.declares(Parameter::mass)) return x.bodies.inertia[b];
+  const Body<ScalarOf<T>>& body = t.body[b];
+  PseudoInertia<T> inertia{T(body.mass), Vec3<T>::constant(body.moment), {}};
+  for (int k = 0; k < 6; ++k) inertia.second[k] = T(body.second[k]);
+  return inertia;
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,30 @@
+// Sines and cosines of the joints. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "frame.h"
+#include "simd/sincos.h"
+
+namespace lockstep::kernels {
+
+template <class T>
+void kinematics(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Span<Mirror> mirrors = t.reduction.mirrors;
+  const Mirror* next = mirrors.data;
+  const Mirror* const last = next + (x.consistent ? mirrors.count : 0);
+  for (int b = t.floating ? 1 : 0; b < t.bodies; ++b) {
+    const Body<ScalarOf<T>>& body = t.body[b];
+    if (next != last && next->body == b) {
+      ++next;
+      continue;
+    }
+    if (body.prismatic) continue;
+    sincos(x.state.q[joint_of(t, b)] * T(body.sign), x.bodies.sine[b], x.bodies.cosine[b]);
+  }
+  for (const Mirror* mirror = mirrors.data; mirror != last; ++mirror) {
+    const T sine = x.bodies.sine[mirror->leader];
+    x.bodies.sine[mirror->body] = mirror->opposed ? -sine : sine;
+    x.bodies.cosine[mirror->body] = x.bodies.cosine[mirror->leader];
+  }
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,167 @@
+// Mass matrix M(q) by composite rigid bodies (Featherstone 2008, table 6.2). SPDX-License-Identifier: Apache-2.0
+//
+// Composites are pseudo-inertias (M4); column b is the force that a unit
+// acceleration of joint b takes, passed inwards to every joint that carries it.
+#pragma once
+
+#include "frame.h"
+
+namespace lockstep::kernels {
+
+/// E^T A E of a symmetric A.
+template <class J, class T>
+LOCKSTEP_INLINE void turn_symmetric(J joint, const Body<ScalarOf<T>>& body, T s, T c, const T* from, T* turned) {
+  if constexpr (J::rotated) {  // columns, then rows
+    Vec3<T> columns[3];
+    each_axis([&](int k) LOCKSTEP_INLINED {
+      columns[k] =
+          to_parent(joint, body, s, c, {simd::pair(from, 0, k), simd::pair(from, 1, k), simd::pair(from, 2, k)});
+    });
+    each_axis([&](int k) LOCKSTEP_INLINED {
+      const Vec3<T> row = to_parent(joint, body, s, c, {columns[0][k], columns[1][k], columns[2][k]});
+      turned[k] = row[k];
+      if (k == 0) turned[5] = row[1], turned[4] = row[2];
+      if (k == 1) turned[3] = row[2];
+    });
+  } else if constexpr (J::prismatic) {
+    for (int k = 0; k < 6; ++k) turned[k] = from[k];
+  } else {
+    const T ii = from[J::i], jj = from[J::j], ij = from[3 + J::k];
+    const T ik = from[3 + J::j], jk = from[3 + J::i];
+    const T cross = c * ij, across = fma(s, ii - jj, cross);
+    const T shift = s * (across + cross);  // s^2 (ii - jj) + 2 s c ij
+    turned[J::i] = ii - shift;
+    turned[J::j] = jj + shift;
+    turned[J::k] = from[J::k];
+    turned[3 + J::k] = fnma(s, s * ij, c * across);
+    turned[3 + J::j] = fnma(s, jk, c * ik);
+    turned[3 + J::i] = fma(s, ik, c * jk);
+  }
+}
+
+/// Adds a body's composite, given in its own frame, to what its parent's was `before` (M10).
+template <class J, class T>
+LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, T c, const Vec3<T>& r,
+                                   const PseudoInertia<T>& from, const PseudoInertia<T>& before, PseudoInertia<T>& to) {
+  T turned[6];
+  turn_symmetric(joint, body, s, c, from.second, turned);
+  Vec3<T> u = to_parent(joint, body, s, c, from.moment);  // + m r / 2, so that r u^T + u r^T is all that the shift adds
+  Vec3<T> moved = u;
+  if (body.heavy)
+    each_axis([&](int k) LOCKSTEP_INLINED {
+      if (!J::off(k)) return;
+      const T mr = from.mass * r[k];
+      u[k] = fma(T(ScalarOf<T>(0.5)), mr, u[k]);
+      moved[k] += mr;
+    });
+  to.mass = body.heavy ? before.mass + from.mass : before.mass;
+  each_axis([&](int k) LOCKSTEP_INLINED {
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    if (J::off(k)) turned[k] = fma(r[k] + r[k], u[k], turned[k]);
+    if (J::off(j)) turned[3 + k] = fma(r[j], u[i], turned[3 + k]);
+    if (J::off(i)) turned[3 + k] = fma(r[i], u[j], turned[3 + k]);
+  });
+  each_axis([&](int k) LOCKSTEP_INLINED {
+    to.moment[k] = before.moment[k] + moved[k];
+    to.second[k] = before.second[k] + turned[k];
+    to.second[3 + k] = before.second[3 + k] + turned[3 + k];
+  });
+}
+
+/// Force and moment of the composite under a unit acceleration of the joint's coordinate (M11).
+template <class J, class T>
+LOCKSTEP_INLINE void unit_column(J, const PseudoInertia<T>& c, bool reversed, Vec3<T>& force, Vec3<T>& moment) {
+  Vec3<T> f, n;
+  f[J::k] = n[J::k] = T(0);
+  if constexpr (J::prismatic) {
+    f[J::i] = f[J::j] = T(0);
+    f[J::k] = c.mass;
+    n[J::i] = c.moment[J::j];
+    n[J::j] = -c.moment[J::i];
+  } else {
+    f[J::i] = -c.moment[J::j];
+    f[J::j] = c.moment[J::i];
+    n[J::k] = c.second[J::i] + c.second[J::j];
+    n[J::i] = -c.second[3 + J::j];
+    n[J::j] = -c.second[3 + J::i];
+  }
+  if (reversed) each_axis([&](int a) LOCKSTEP_INLINED { f[a] = -f[a], n[a] = -n[a]; });
+  force = f;
+  moment = n;
+}
+
+/// Rows of body b: what the unit columns of b and of all bodies that it carries ask of b's joint. Then these columns
+/// and b's composite go on to its parent. One dispatch serves the whole subtree, whose columns are independent.
+template <class J, class T>
+LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
+  const Body<ScalarOf<T>>& body = t.body[b];
+  const int velocity = velocity_of(t, b), carried = t.matrix.size[velocity], parent = body.parent;
+  const bool reversed = body.sign < 0;
+  Vec3<T>* force = x.bodies.column_force + b;
+  Vec3<T>* moment = x.bodies.column_moment + b;
+  T* row = x.dynamics.matrix + t.matrix.offset[velocity];
+  const PseudoInertia<T>& composite = body.leaf ? x.bodies.base_inertia[b] : x.bodies.composite[b];
+  unit_column(joint, composite, reversed, force[0], moment[0]);
+  if (parent < 0) {
+    for (int k = 0; k < carried; ++k) row[k] = J::prismatic ? force[k][J::k] : moment[k][J::k];
+  } else {
+    const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
+    Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[joint_of(t, b)] : T(0));
+    add_to_parent(joint, body, s, c, r, composite,
+                  body.first ? x.bodies.base_inertia[parent] : x.bodies.composite[parent], x.bodies.composite[parent]);
+    for (int k = 0; k < carried; ++k) {
+      row[k] = J::prismatic ? force[k][J::k] : moment[k][J::k];
+      Vec3<T> passed = to_parent(joint, body, s, c, force[k]);
+      moment[k] = cross_origin_add(joint, r, passed, to_parent(joint, body, s, c, moment[k]));
+      force[k] = passed;
+    }
+  }
+  if (reversed)
+    for (int k = 0; k < carried; ++k) row[k] = -row[k];
+}
+
+/// A floating root's own six rows and columns from its composite, in the order angular, linear (M12).
+template <class T>
+LOCKSTEP_INLINE void root_inertia(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Columns& columns, T* matrix) {
+  const PseudoInertia<T>& c = t.body[0].leaf ? x.bodies.base_inertia[0] : x.bodies.composite[0];
+  for (int k = 0; k < 3; ++k) {
+    T* angular = matrix + columns.offset[k] - k;
+    T* linear = matrix + columns.offset[3 + k] - (3 + k);
+    const int i = (k + 1) % 3, j = (k + 2) % 3;
+    angular[k] = c.second[i] + c.second[j];
+    angular[3 + k] = T(0);
+    angular[3 + i] = -c.moment[j];  // e_k x h
+    angular[3 + j] = c.moment[i];
+    linear[3 + k] = c.mass;
+    for (int l = k + 1; l < 3; ++l) {
+      angular[l] = -c.pair(k, l);
+      linear[3 + l] = T(0);
+    }
+  }
+}
+
+/// Rows of a floating root: all columns, and its own.
+template <class T>
+LOCKSTEP_INLINE void rows_of_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  for (int k = 0; k < 3; ++k) {
+    T* angular = x.dynamics.matrix + t.matrix.offset[k] - k;
+    T* linear = x.dynamics.matrix + t.matrix.offset[3 + k] - (3 + k);
+    for (int b = 1; b < t.bodies; ++b) {
+      angular[5 + b] = x.bodies.column_moment[b][k];
+      linear[5 + b] = x.bodies.column_force[b][k];
+    }
+  }
+  root_inertia(t, x, t.matrix, x.dynamics.matrix);
+}
+
+template <class T>
+void mass_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int b = t.bodies - 1; b >= 0; --b) {
+    if (t.body[b].root)
+      rows_of_root(t, x);
+    else
+      with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED { rows_of_body(joint, t, x, b); });
+  }
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,55 @@
+// Where bodies are and how they move, in the world and in their own axes: (M49), (M51). SPDX-License-Identifier:
+// Apache-2.0
+#pragma once
+
+#include "bias_forces.h"
+#include "kinematics.h"
+#include "orientation.h"
+
+namespace lockstep::kernels {
+
+template <class T>
+void motions(const Tables<ScalarOf<T>>& t, Tile<T>& x, Motion<T>& m) {
+  kinematics(t, x);
+  orientations(t, x, m.world);
+  for (int b = 0; b < t.bodies; ++b) {
+    const Body<ScalarOf<T>>& body = t.body[b];
+    if (body.root) {
+      m.place[b] = {x.state.pose[0], x.state.pose[1], x.state.pose[2]};
+      m.angular[b] = {x.state.v[0], x.state.v[1], x.state.v[2]};
+      m.linear[b] = {x.state.v[3], x.state.v[4], x.state.v[5]};
+      continue;
+    }
+    const int p = body.parent;
+    const Mat3<T> parent_world = p < 0 ? root_orientation<T>(t) : m.world[p];
+    const Vec3<T> parent_place = p < 0 ? Vec3<T>::constant(t.root_offset) : m.place[p];
+    const Vec3<T> zero = Vec3<T>::zero();
+    with_joint(body, [&](auto joint) {
+      using J = decltype(joint);
+      const T s = x.bodies.sine[b], c = x.bodies.cosine[b], speed = x.state.v[velocity_of(t, b)] * T(body.sign);
+      const Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[joint_of(t, b)] : T(0));
+      m.place[b] = multiply_add(parent_world, r, parent_place);
+      m.angular[b] = to_body(joint, body, s, c, p < 0 ? zero : m.angular[p]);
+      m.linear[b] = to_body(joint, body, s, c, p < 0 ? zero : cross_add(m.angular[p], r, m.linear[p]));
+      (J::prismatic ? m.linear : m.angular)[b][J::k] += speed;
+    });
+  }
+}
+
+/// Momentum of body b in its own axes, about its origin (M51).
+template <class T>
+LOCKSTEP_INLINE void body_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m, int b,
+                                   Vec3<T>& linear, Vec3<T>& angular) {
+  const PseudoInertia<T> body = inertia_of(t, x, b);
+  const Vec3<T> w = m.angular[b], v = m.linear[b];
+  linear = cross_add(w, body.moment, {body.mass * v[0], body.mass * v[1], body.mass * v[2]});
+  const T trace = body.second[0] + body.second[1] + body.second[2];
+  for (int k = 0; k < 3; ++k) {
+    T sum = trace * w[k];
+    for (int l = 0; l < 3; ++l) sum = fnma(body.pair(k, l), w[l], sum);
+    angular[k] = sum;
+  }
+  angular = cross_add(body.moment, v, angular);
+}
+
+}  // namespace lockstep::kernels

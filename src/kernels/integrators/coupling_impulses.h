@@ -1,0 +1,95 @@
+// The couplings' impulses of this step, for those who asked to keep them. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "solve_bounds.h"
+
+namespace lockstep::kernels {
+
+/// J^T of the bounded rows' impulses, subtracted from `sum` over all velocities. Where several joints' bounds are one
+/// row, an end of the interval is pushed by the joint whose end it is, friction by each in proportion.
+template <class T>
+void subtract_bounds(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* sum) {
+  using S = ScalarOf<T>;
+  const Bounds<S>& b = t.bounds;
+  const Phase phase = t.solve_twice ? velocity_phase : position_phase;
+  for (int i = 0; i < x.bounds.active_count; ++i) {
+    const int r = x.bounds.active_rows[i], p = phase * b.rows.count + r;
+    const T impulse = select(x.bounds.active[r], x.bounds.impulse[p], T(0));
+    if (b.kind[r] == BoundKind::coupling) {
+      const int c = b.rows.coupling[r];
+      for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
+        sum[t.velocity_of(t.term_joint[k])] =
+            fnma(x.couplings.coefficient[k], impulse, sum[t.velocity_of(t.term_joint[k])]);
+      continue;
+    }
+    const auto slips = ~(less(x.bounds.force[r], impulse) | less(impulse, -x.bounds.force[r]));
+    auto left = ~slips;
+    for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m) {
+      const Member member = b.member[m];
+      const bool alone = b.member_start[r + 1] - b.member_start[r] == 1;
+      T part = impulse;
+      if (!alone) {
+        const StepTime<T> at{phase == velocity_phase && t.velocity_iterations > 0, S(1) / t.dt};
+        const Interval<T> own = joint_interval(t, x, member.joint, at, T(0));
+        const T one = own.lo * x.bounds.member_inverse[m], other = own.hi * x.bounds.member_inverse[m];
+        const auto ends = ~less(smaller(one, other), x.bounds.lo[p]) | ~less(x.bounds.hi[p], larger(one, other));
+        const auto pushes = left & (ends | (m + 1 == b.member_start[r + 1] ? ~T::none() : T::none()));
+        left = left & ~pushes;
+        const T friction = b.has[member.joint] & has_friction ? T(b.friction[member.joint]) : T(0);
+        const T weight = larger(x.bounds.member_share[m], -x.bounds.member_share[m]) * friction /
+                         larger(x.bounds.force[r], smallest<T>());
+        part = select(pushes, impulse, select(slips, impulse * weight, T(0)));
+      }
+      sum[t.velocity_of(member.joint)] = fnma(x.bounds.member_inverse[m], part, sum[t.velocity_of(member.joint)]);
+    }
+  }
+}
+
+/// Swept and solved rows have theirs at hand. An eliminated coupling's (M44) is what its followers' momentum lacks:
+/// J_F^T L = (A (v' - v) - dt forces - other rows' J^T L) on the followers. By force, x.dynamics.rhs holds A d as well.
+template <class T>
+void coupling_impulses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Rows<ScalarOf<T>>& rows = t.rows;
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  const int root = t.root_velocities();
+  const T* solved = t.solve_twice ? x.rows.velocity_impulse : x.rows.position_impulse;
+  for (int c = 0; c < t.couplings; ++c) x.couplings.impulse[c] = T(0);
+  for (int i = 0; i < rows.count; ++i) x.couplings.impulse[rows.coupling[i]] = solved[i];
+  const int bounds = t.bounds.rows.count;
+  for (int i = 0; i < bounds; ++i)
+    if (t.bounds.kind[i] == BoundKind::coupling)
+      x.couplings.impulse[t.bounds.rows.coupling[i]] =
+          select(x.bounds.active[i], x.bounds.impulse[(t.solve_twice ? bounds : 0) + i], T(0));
+  if (!r.eliminates()) return;
+
+  T* const change = x.dynamics.corrected_product;
+  for (int i = 0; i < t.velocities; ++i) {
+    x.dynamics.product[i] = -x.dynamics.rhs[i];
+    change[i] = x.next.v[i] - x.state.v[i];
+  }
+  for (int f = 0; r.removes_by_force && f < r.followers; ++f)
+    change[t.velocity_of(r.follower[f])] += x.couplings.velocity_error[f];
+  if (bounds > 0) subtract_bounds(t, x, x.dynamics.product);
+  for (int i = 0; i < rows.count; ++i) {
+    const int c = rows.coupling[i];
+    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) {
+      T& sum = x.dynamics.product[t.velocity_of(t.term_joint[k])];
+      sum = fnma(x.couplings.coefficient[k], solved[i], sum);
+    }
+  }
+  const Columns& columns = t.matrix;
+  for (int f = 0; f < r.followers; ++f) {
+    const int i = root + r.follower[f];
+    T lacking = x.dynamics.product[i];
+    for (int k = 0; k < columns.size[i]; ++k)
+      lacking = fma(x.dynamics.matrix[columns.offset[i] + k], change[i + k], lacking);
+    for (int j = columns.parent[i]; j >= 0; j = columns.parent[j])
+      lacking = fma(x.dynamics.matrix[columns.offset[j] + i - j], change[j], lacking);
+    for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s) {
+      T& sum = x.couplings.impulse[r.inverse_coupling[s]];
+      sum = fma(x.couplings.follower_inverse[s], lacking, sum);
+    }
+  }
+}
+
+}  // namespace lockstep::kernels

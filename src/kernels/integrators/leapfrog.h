@@ -1,0 +1,164 @@
+// Leapfrog with an implicit linear part, and its extrapolation. SPDX-License-Identifier: Apache-2.0
+//
+// (M66) to (M71). One mass matrix and two bias forces at the midpoint; damping, drives and soft couplings by three
+// stages of Alexander's (1977) diagonally implicit method, which share one factorisation.
+#pragma once
+
+#include "begin.h"
+#include "kernels/couplings/coupling_error.h"
+#include "kernels/couplings/joint_terms.h"
+#include "kernels/dynamics/bias_forces.h"
+#include "kernels/dynamics/kinematics.h"
+#include "solve.h"
+
+namespace lockstep::kernels {
+
+/// (M69)
+template <class S>
+struct Alexander {
+  static constexpr double g = alexander_gamma;
+  static constexpr S gamma = S(g);
+  static constexpr S weight[leapfrog_stages] = {S(-(6 * g * g - 16 * g + 1) / 4), S((6 * g * g - 20 * g + 5) / 4),
+                                                S(g)};
+  /// a_ik, k < i
+  static constexpr S before[leapfrog_stages][2] = {{S(0), S(0)}, {S((1 - g) / 2), S(0)}, {weight[0], weight[1]}};
+};
+
+/// One stage of (M68), from x.stages.begin.q and x.stages.midpoint.v and the stages before it.
+template <class T>
+void stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int i, int time) {
+  using S = ScalarOf<T>;
+  using A = Alexander<S>;
+  const int n = t.velocities;
+  for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.begin.q[j];
+  for (int k = 0; k < n; ++k) x.state.v[k] = x.stages.midpoint.v[k];
+  for (int earlier = 0; earlier < i; ++earlier) {
+    const T way = T(t.step * A::before[i][earlier]), share = T(A::before[i][earlier] / A::gamma);
+    for (int j = 0; j < t.joints; ++j)
+      x.state.q[j] = fma(way, x.stages.velocity[earlier * n + t.velocity_of(j)], x.state.q[j]);
+    for (int k = 0; k < n; ++k) x.state.v[k] = fma(share, x.stages.change[earlier * n + k], x.state.v[k]);
+  }
+  const bool last = i == leapfrog_stages - 1;
+  x.corrects_positions = last;
+  x.solves_twice = last && t.solve_twice;
+  if (t.rows.count > 0 || (last && t.couplings > 0)) coupling_errors(t, x);
+  if (t.reduction.followers > 0) follow(t, x);
+  joint_forces(t, batch, x, time + i);
+  solve(t, x);
+  T *change = x.stages.change + i * n, *velocity = x.stages.velocity + i * n;
+  expand_changes(t, x, x.dynamics.solution, change);
+  for (int k = 0; k < n; ++k) velocity[k] = changed_by(x.state.v[k], change[k]);
+  for (int f = 0; last && f < t.reduction.followers; ++f)
+    velocity[t.velocity_of(t.reduction.follower[f])] += x.couplings.correction[f];
+  if (x.solves_twice) expand_changes(t, x, x.dynamics.velocity_solution, change);
+}
+
+/// From x.stages.begin.q, _v, _pose to x.next.q, _v, _root_pose; x.stages.mean_velocity is what moved the positions,
+/// x.stages.gained_velocity what was added to the velocities, along the midpoint's axes. Leaves no other state.
+template <class T>
+void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
+  using S = ScalarOf<T>;
+  using A = Alexander<S>;
+  const int root = t.root_velocities(), n = t.velocities;
+  const S half = t.step * S(0.5);
+  for (int j = 0; j < t.joints; ++j)
+    x.state.q[j] = x.stages.midpoint.q[j] = fma(T(half), x.stages.begin.v[t.velocity_of(j)], x.stages.begin.q[j]);
+  for (int k = 0; k < n; ++k) x.state.v[k] = x.stages.begin.v[k];
+  if (t.floating) {
+    move_root(half, x.stages.begin.v, x.stages.begin.pose, x.half_turn, x.state.pose);
+    turn_root_twist(x.half_turn, x.state.v);
+  }
+  for (int k = 0; k < n; ++k) x.stages.midpoint.v[k] = x.state.v[k];
+
+  kinematics(t, x);
+  joint_inertias(t, batch, x);
+  inertia_matrix(t, x);
+  factorise(t, batch, x);
+
+  bias_forces(t, batch, x);
+  stage(t, batch, x, 0, time);
+  for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];  // (M67)
+  for (int k = 0; k < n; ++k) x.state.v[k] = fma(T(S(0.5) / A::gamma), x.stages.change[k], x.stages.midpoint.v[k]);
+  bias_forces(t, batch, x);
+  for (int i = 0; i < leapfrog_stages; ++i) stage(t, batch, x, i, time);
+
+  for (int k = 0; k < n; ++k) {
+    T mean = T(0), change = T(0);
+    for (int i = 0; i < leapfrog_stages; ++i) {
+      mean = fma(T(A::weight[i]), x.stages.velocity[i * n + k], mean);
+      change = fma(T(A::weight[i] / A::gamma), x.stages.change[i * n + k], change);
+    }
+    x.stages.mean_velocity[k] = mean;
+    x.stages.gained_velocity[k] = change;
+    x.next.v[k] = changed_by(x.stages.midpoint.v[k], change);
+  }
+  for (int j = 0; j < t.joints; ++j)
+    x.next.q[j] = fma(T(t.step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.begin.q[j]);
+  if (!t.floating) return;
+  for (int k = 0; k < root; ++k) x.state.v[k] = fma(T(S(2)), x.stages.mean_velocity[k], -x.stages.midpoint.v[k]);
+  move_root(half, x.state.v, x.state.pose, x.half_turn, x.next.pose);
+  turn_root_twist(x.half_turn, x.next.v);
+}
+
+template <class T>
+void leapfrog_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  keep_begin(t, x);
+  leapfrog(t, batch, x, 0);
+  return_to_begin(t, x);
+}
+
+/// Adds `share` of the change that the last leapfrog made to x.stages.total_change.q, _v, _pose. A root's axes have
+/// turned meanwhile.
+template <class T>
+void add_change(const Tables<ScalarOf<T>>& t, Tile<T>& x, ScalarOf<T> step, ScalarOf<T> share) {
+  const int root = t.root_velocities();
+  for (int j = 0; j < t.joints; ++j)
+    x.stages.total_change.q[j] =
+        fma(T(share * step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.total_change.q[j]);
+  for (int k = 0; k < t.velocities; ++k)
+    x.stages.total_change.v[k] =
+        fma(T(share), k < root ? x.next.v[k] - x.stages.begin.v[k] : x.stages.gained_velocity[k],
+            x.stages.total_change.v[k]);
+  for (int k = 0; t.floating && k < 7; ++k)
+    x.stages.total_change.pose[k] =
+        fma(T(share), x.next.pose[k] - x.stages.begin.pose[k], x.stages.total_change.pose[k]);
+}
+
+/// (M71). t.half holds the tables of half the step.
+template <class T>
+void extrapolated_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const S minus_third = S(-1.0 / 3), four_thirds = S(4.0 / 3);
+  keep_begin(t, x);
+  for (int j = 0; j < t.joints; ++j) x.stages.first.q[j] = x.state.q[j], x.stages.total_change.q[j] = T(0);
+  for (int k = 0; k < t.velocities; ++k) x.stages.first.v[k] = x.state.v[k], x.stages.total_change.v[k] = T(0);
+  for (int k = 0; t.floating && k < 7; ++k)
+    x.stages.first.pose[k] = x.state.pose[k], x.stages.total_change.pose[k] = T(0);
+
+  leapfrog(t, batch, x, 0);
+  add_change(t, x, t.step, minus_third);
+  auto singular = x.singular;
+  for (int half = 1; half <= 2; ++half) {
+    leapfrog(*t.half, batch, x, half * leapfrog_stages);
+    add_change(t, x, t.half->step, four_thirds);
+    singular = singular | x.singular;
+    for (int j = 0; j < t.joints; ++j) x.stages.begin.q[j] = x.next.q[j];
+    for (int k = 0; k < t.velocities; ++k) x.stages.begin.v[k] = x.next.v[k];
+    for (int k = 0; t.floating && k < 7; ++k) x.stages.begin.pose[k] = x.next.pose[k];
+  }
+  x.singular = singular;
+
+  for (int j = 0; j < t.joints; ++j)
+    x.stages.begin.q[j] = x.stages.first.q[j],
+    x.next.q[j] = changed_by(x.stages.first.q[j], x.stages.total_change.q[j]);
+  for (int k = 0; k < t.velocities; ++k)
+    x.stages.begin.v[k] = x.stages.first.v[k],
+    x.next.v[k] = changed_by(x.stages.first.v[k], x.stages.total_change.v[k]);
+  for (int k = 0; t.floating && k < 7; ++k)
+    x.stages.begin.pose[k] = x.stages.first.pose[k],
+    x.next.pose[k] = changed_by(x.stages.first.pose[k], x.stages.total_change.pose[k]);
+  if (t.floating) make_unit(x.next.pose + 3, x.next.pose + 3);
+  return_to_begin(t, x);
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,124 @@
+// Arrays of the bounds: their rows, the search for the active set, limited servos. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "state.h"
+
+namespace lockstep::kernels {
+
+/// Which part of (M54) a bounded row is on: an end of its interval, the box's centre, or neither, where its impulse is
+/// known.
+template <class T>
+struct Branch {
+  typename T::Mask low, high, stuck;
+  T impulse;
+};
+
+/// By bounded row. Arrays marked 2 have the rows of the position phase, then those of the velocity phase.
+template <class T>
+struct BoundRows {
+  T* member_share;  // [members] s of (M59)
+  T* member_inverse;
+  T* value;            // [terms]
+  T* lo;               // 2 [rows]
+  T* hi;               // 2 [rows]
+  T* centre;           // 2 [rows]
+  T* unbounded_speed;  // 2 [rows] without bounded rows
+  T* impulse;          // 2 [rows]
+  T* relaxed_target;   // [rows] velocity that the position phase leaves to kinematic drives
+  T* correction;       // [rows] the w / s in what they ask for
+  T* slowest;          // [rows] the velocity nearest to zero that their limits allow
+  T* force;
+  T* cfm;
+  T* own_response;     // r before the couplings are taken into account
+  T* speed;            // in a sweep
+  T* gain;             // of the free motion in a sub-step
+  T* moved;            // way in earlier sub-steps
+  T* response;         // [rows][solver]
+  T* scaled_response;  // [rows][solver]
+  T* cross_response;   // [rows][coupling rows] K_BE, half solved where these are solved
+  T* scaled_cross_response;
+  T* delassus;          // [rows][rows] of (M61)
+  T* unbounded_result;  // what the step comes to without bounded rows, the couplings' impulses first (solve_bounds.h)
+  typename T::Mask* active;    // lanes in which the row is active
+  int* newly_active;           // it has become so in some lane
+  int* active_rows;            // rows that are active in some lane, ascending
+  int active_count;            // how many
+  typename T::Mask candidate;  // lanes in which bounds may be active at all
+  typename T::Mask invalid;    // lanes in which a row asks for a NaN
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    const auto& b = t.bounds;
+    const int bounds = b.rows.count, solver = t.solver.n, rows = t.rows.count;
+    take("bounds.member_share", member_share, b.member.count, Lifetime::call);
+    take("bounds.member_inverse", member_inverse, b.member.count, Lifetime::call);
+    take("bounds.value", value, b.rows.term_value.count, Lifetime::call);
+    take("bounds.lo", lo, 2 * bounds);
+    take("bounds.hi", hi, 2 * bounds);
+    take("bounds.centre", centre, 2 * bounds);
+    take("bounds.unbounded_speed", unbounded_speed, 2 * bounds);
+    take("bounds.impulse", impulse, 2 * bounds);
+    take("bounds.relaxed_target", relaxed_target, b.may_depend ? bounds : 0);
+    take("bounds.correction", correction, b.may_depend ? bounds : 0);
+    take("bounds.slowest", slowest, b.may_depend ? bounds : 0);
+    take("bounds.force", force, bounds);
+    take("bounds.cfm", cfm, bounds);
+    take("bounds.own_response", own_response, bounds);
+    take("bounds.speed", speed, bounds);
+    take("bounds.gain", gain, bounds);
+    take("bounds.moved", moved, bounds);
+    take("bounds.response", response, bounds * solver);
+    take("bounds.scaled_response", scaled_response, bounds * solver);
+    take("bounds.cross_response", cross_response, bounds * rows);
+    take("bounds.scaled_cross_response", scaled_cross_response, bounds * rows);
+    take("bounds.delassus", delassus, bounds * bounds);
+    const int results =
+        (t.solve_twice ? 2 : 1) * (2 * rows + solver) + t.joints + (t.record_diagnostics ? 2 : 1) * t.velocities;
+    take("bounds.unbounded_result", unbounded_result, results + (t.floating ? 7 + 4 : 0));
+    take("bounds.active", active, bounds);
+    take("bounds.newly_active", newly_active, bounds);
+    take("bounds.active_rows", active_rows, bounds);
+  }
+};
+
+/// The search for the active set; the first four by active row, the others by bounded row.
+template <class T>
+struct ActiveSetSearch {
+  T* inverse;
+  T* impulse;
+  T* speed;
+  T* noise;                       // of pivots
+  T* matrix;                      // [rows][rows]
+  Branch<T>* branch;              // 2 [rows]
+  typename T::Mask* held;         // [rows]
+  typename T::Mask* known;        // 2 [rows] lanes that have a branch to begin with
+  T retries[2];                   // by phase: how often a lane was tried again without compliance
+  typename T::Mask compliant[2];  // by phase: lanes in which rows depend on each other
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    const int bounds = t.bounds.rows.count;
+    take("search.inverse", inverse, bounds);
+    take("search.impulse", impulse, bounds);
+    take("search.speed", speed, bounds);
+    take("search.noise", noise, bounds);
+    take("search.matrix", matrix, bounds * bounds);
+    take("search.branch", branch, 2 * bounds);
+    take("search.held", held, bounds);
+    take("search.known", known, 2 * bounds);
+  }
+};
+
+/// Servos with an effort limit.
+template <class T>
+struct LimitedServos {
+  T* saturation;  // [limited servos] -1, 0, 1
+  int pass;
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    take("servos.saturation", saturation, t.limited_servos.count);
+  }
+};
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,94 @@
+// Arrays of the couplings: their linear forms, the elimination of followers, the rows that are solved.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "state.h"
+
+namespace lockstep::kernels {
+
+/// What gear ratios make, the same for all environments or this tile's own; errors of couplings and followers.
+template <class T>
+struct Couplings {
+  T* coefficient;        // [coupling terms]
+  T* offset;             // [couplings]
+  T* share;              // entries of S
+  T* follower_inverse;   // entries of J_F^-1
+  T* elimination;        // [entries] where lanes eliminate followers by their own ratios
+  T* correction;         // [followers] w of (M39): the velocity that corrects followers' errors
+  T* velocity_error;     // [followers] what followers' velocities are off by
+  T* removed_this_step;  // [followers] what bias forces remove of that
+  T* acceleration;       // [followers] that removes it within the step
+  T* factor;             // products of S's entries for composite columns
+  T* error;              // [couplings] C
+  T* impulse;            // [couplings]: only if recorded
+
+  template <class Take>
+  void ratios(const Tables<ScalarOf<T>>& t, Take& take) {
+    const auto& r = t.reduction;
+    take("couplings.coefficient", coefficient, t.term_value.count, Lifetime::call);
+    take("couplings.offset", offset, t.couplings, Lifetime::call);
+    take("couplings.share", share, r.value.count, Lifetime::call);
+    take("couplings.follower_inverse", follower_inverse, r.inverse_value.count, Lifetime::call);
+    take("couplings.elimination", elimination, t.declares(Parameter::gear_ratio) ? r.entries : 0, Lifetime::call);
+  }
+  template <class Take>
+  void followers(const Tables<ScalarOf<T>>& t, Take& take) {
+    const auto& r = t.reduction;
+    const int eliminated = r.eliminates() ? r.followers : 0;
+    take("couplings.correction", correction, eliminated);
+    take("couplings.velocity_error", velocity_error, eliminated);
+    take("couplings.removed_this_step", removed_this_step, r.removes_by_force ? eliminated : 0);
+    take("couplings.acceleration", acceleration, r.removes_by_force ? eliminated : 0);
+    take("couplings.factor", factor, r.composite.factors.count, Lifetime::call);
+  }
+  template <class Take>
+  void results(const Tables<ScalarOf<T>>& t, Take& take) {
+    take("couplings.error", error, t.couplings);
+    take("couplings.impulse", impulse, t.record_impulses ? t.couplings : 0, Lifetime::state);
+  }
+};
+
+/// The couplings that are left to solve, by row.
+template <class T>
+struct CouplingRows {
+  T* value;     // [terms]
+  T* response;  // [rows][solver] X = L^-T J^T
+  T* delassus;  // K
+  T* error;     // C
+  T* rate;      // bias = rate C
+  T* cfm;
+  T* bias;
+  T* start;                 // J v at the start of the step
+  T* speed;                 // J v, in the position phase
+  T* residual;              // J v + b + cfm impulse, in sweeps
+  T* velocity_phase_speed;  // J v, in the velocity phase
+  T* inverse;               // 1 / (r + cfm), or of D where K is factored
+  T* impulse;
+  T* position_impulse;
+  T* velocity_impulse;
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    const int rows = t.rows.count;
+    take("rows.response", response, rows * t.solver.n);
+    take("rows.delassus", delassus, t.rows.response_entries);
+    take("rows.error", error, rows);
+    take("rows.rate", rate, rows);
+    take("rows.cfm", cfm, rows);
+    take("rows.bias", bias, rows);
+    take("rows.start", start, rows);
+    take("rows.speed", speed, rows);
+    take("rows.residual", residual, t.rows.columns.n > 0 ? 0 : rows, Lifetime::stage);
+    take("rows.velocity_phase_speed", velocity_phase_speed, rows);
+    take("rows.inverse", inverse, rows);
+    take("rows.impulse", impulse, rows);
+    take("rows.position_impulse", position_impulse, rows);
+    take("rows.velocity_impulse", velocity_impulse, rows);
+  }
+  template <class Take>
+  void values(const Tables<ScalarOf<T>>& t, Take& take) {
+    take("rows.value", value, t.rows.term_value.count, Lifetime::call);
+  }
+};
+
+}  // namespace lockstep::kernels

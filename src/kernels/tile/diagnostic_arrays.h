@@ -1,0 +1,48 @@
+// Arrays of what is recorded about a step. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "dynamics_arrays.h"
+
+namespace lockstep::kernels {
+
+/// Where bodies are and how they move: places in the world, twists in their own axes.
+template <class T>
+struct Motion {
+  Mat3<T>* world;
+  Vec3<T>* place;
+  Vec3<T>* angular;
+  Vec3<T>* linear;
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    take("motion.world", world, t.bodies);
+    take("motion.place", place, t.bodies);
+    take("motion.angular", angular, t.bodies);
+    take("motion.linear", linear, t.bodies);
+  }
+};
+
+template <class T>
+struct Diagnostics {
+  Motion<T> motion;
+  T* moved_velocity;     // [velocities] that moved the positions
+  State<T> uncorrected;  // where the step would have gone without corrections
+  T* residual;           // [reported]
+  T* row_state;          // [reported]
+  T* energy;             // [4], summed over sub-steps
+  T* energy_change;      // [4] of this one
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    motion.arrays(t, take);
+    take("diagnostics.moved_velocity", moved_velocity, t.velocities);
+    uncorrected.arrays(t, "diagnostics.uncorrected.q", "diagnostics.uncorrected.v", "diagnostics.uncorrected.pose",
+                       take);
+    take("diagnostics.residual", residual, t.reported.count, Lifetime::state);
+    take("diagnostics.row_state", row_state, t.reported.count, Lifetime::state);
+    take("diagnostics.energy", energy, 4, Lifetime::state);
+    take("diagnostics.energy_change", energy_change, 4);
+  }
+};
+
+}  // namespace lockstep::kernels

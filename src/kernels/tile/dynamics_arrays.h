@@ -1,0 +1,155 @@
+// Arrays of the equations of motion: bodies, articulated bodies, matrices and right-hand sides.
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "state.h"
+
+namespace lockstep::kernels {
+
+using simd::Mat3;
+using simd::PseudoInertia;
+using simd::Vec3;
+
+/// By body: kinematics, bias forces, composite inertia.
+template <class T>
+struct Bodies {
+  T* sine;
+  T* cosine;
+  PseudoInertia<T>* inertia;       // per-environment masses
+  PseudoInertia<T>* base_inertia;  // what a step takes for the bodies' masses (M10)
+  Vec3<T>* angular;                // angular velocity
+  Vec3<T>* alpha;                  // angular acceleration
+  Vec3<T>* linear;                 // acceleration of the origin
+  Vec3<T>* force;
+  Vec3<T>* moment;
+  Mat3<T>* orientation;  // in the world: only with link wrenches
+  PseudoInertia<T>* composite;
+  Vec3<T>* column_force;  // of the mass matrix, on their way inwards
+  Vec3<T>* column_moment;
+
+  template <class Take>
+  void kinematics(const Tables<ScalarOf<T>>& t, Take& take) {
+    take("bodies.sine", sine, t.bodies);
+    take("bodies.cosine", cosine, t.bodies);
+    take("bodies.inertia", inertia, t.declares(Parameter::mass) ? t.bodies : 0, Lifetime::call);
+    take("bodies.base_inertia", base_inertia, t.bodies, Lifetime::call);
+  }
+  template <class Take>
+  void bias_forces(const Tables<ScalarOf<T>>& t, Take& take) {
+    take("bodies.angular", angular, t.bodies, Lifetime::stage);
+    take("bodies.alpha", alpha, t.bodies, Lifetime::stage);
+    take("bodies.linear", linear, t.bodies, Lifetime::stage);
+    take("bodies.force", force, t.bodies, Lifetime::stage);
+    take("bodies.moment", moment, t.bodies, Lifetime::stage);
+    take("bodies.orientation", orientation, t.declares(Parameter::link_wrench) ? t.bodies : 0, Lifetime::stage);
+  }
+  template <class Take>
+  void composites(const Tables<ScalarOf<T>>& t, Take& take) {
+    const int composites = t.makes_matrix() ? t.bodies : 0, places = t.reduction.composite.places;
+    take("bodies.composite", composite, composites, Lifetime::stage);
+    take("bodies.column_force", column_force, places > 0 ? places : composites, Lifetime::stage);
+    take("bodies.column_moment", column_moment, places > 0 ? places : composites, Lifetime::stage);
+  }
+};
+
+/// Used where bodies are articulated; by place of a wrench, or by body.
+template <class T>
+struct ArticulatedBodies {
+  simd::ArticulatedInertia<T>* inertia;  // [places]
+  T* factored_q;         // [joints] positions at which that was: Tile::state's unless they move meanwhile
+  Vec3<T>* hinge_force;  // [bodies] U D^-1
+  Vec3<T>* hinge_moment;
+  Vec3<T>* wrench_force;  // [places] on their way inwards
+  Vec3<T>* wrench_moment;
+  Vec3<T>* reached_angular;  // [2][bodies] accelerations on their way outwards
+  Vec3<T>* reached_linear;
+
+  template <class Take>
+  void inertias(const Tables<ScalarOf<T>>& t, Take& take) {
+    take("articulated.inertia", inertia, t.articulated.places, Lifetime::stage);
+  }
+  template <class Take>
+  void factors(const Tables<ScalarOf<T>>& t, T* q, Take& take) {
+    const bool positions_move = t.integrator != Integrator::euler;
+    take("articulated.factored_q", factored_q, positions_move ? t.joints : 0);
+    if (!positions_move) factored_q = q;
+    take("articulated.hinge_force", hinge_force, t.bodies);
+    take("articulated.hinge_moment", hinge_moment, t.bodies);
+    take("articulated.wrench_force", wrench_force, t.articulated.places, Lifetime::stage);
+    take("articulated.wrench_moment", wrench_moment, t.articulated.places, Lifetime::stage);
+    const int vectors = t.solve_twice ? 2 : 1;
+    take("articulated.reached_angular", reached_angular, vectors * t.bodies, Lifetime::stage);
+    take("articulated.reached_linear", reached_linear, vectors * t.bodies, Lifetime::stage);
+  }
+};
+
+/// A dv = rhs, its factors and its solutions.
+template <class T>
+struct Dynamics {
+  T* joint_inertia;         // [joints] what A has beyond M; then A's diagonal, if a limited servo wants it
+  T* matrix;                // A (packed), unless A_r is made without it or bodies are articulated
+  T* rhs;                   // [velocities] dt times the forces, and what removes followers' velocity error by force
+  T* bias;                  // [velocities] c: the same array as rhs unless it is used more than once
+  T* reduced;               // A_r (packed), and S^T A w behind it where columns are composite; or the root's own part
+  T* inverse;               // [solver] 1 / D
+  T* half_solved_position;  // [solver] D^-1 L^-T rhs, for the position phase
+  T* half_solved_velocity;  // and for the velocity phase: the same array unless they differ
+  T* half_solved_velocity_storage;  // where they may
+  T* start;                         // [solver] the velocities that a step starts from
+  T* solution;                      // [solver] the velocities that move positions, or what they change by (solve.h)
+  T* velocity_solution;             // [solver] those that stay, of the velocity phase: only if they differ
+  T* scratch;                       // as long as the longest vector, for one stage at a time
+  T* product;            // [velocities] momentum to gain before S^T is applied; rhs itself where errors go by force
+  T* corrected_product;  // the same less that of the correction
+
+  template <class Take>
+  void matrices(const Tables<ScalarOf<T>>& t, Take& take) {
+    const bool composite = t.reduction.composite.places > 0, stages = t.integrator != Integrator::euler;
+    const int entries = t.makes_matrix() ? t.matrix.entries : t.articulated.root.entries;
+    take("dynamics.joint_inertia", joint_inertia, t.joints);
+    take("dynamics.matrix", matrix, composite ? 0 : entries);
+    take("dynamics.rhs", rhs, t.velocities);
+    take("dynamics.bias", bias, stages ? t.velocities : 0);
+    if (!stages) bias = rhs;
+    const int behind = composite && t.solve_twice ? t.solver.n : 0;
+    take("dynamics.reduced", reduced, t.reduction.followers ? t.solver.entries + behind : 0);
+    if (t.reduction.followers == 0) reduced = matrix;
+    take("dynamics.inverse", inverse, t.solver.n);
+  }
+  template <class Take>
+  void vectors(const Tables<ScalarOf<T>>& t, Take& take) {
+    const int n = t.solver.n, rows = t.rows.count;
+    const bool two = t.reduction.eliminates() && t.solve_twice;
+    take("dynamics.half_solved_position", half_solved_position, n);
+    take("dynamics.half_solved_velocity", half_solved_velocity, two ? n : 0);
+    if (!two) half_solved_velocity = half_solved_position;
+    half_solved_velocity_storage = half_solved_velocity;
+    take("dynamics.start", start, n);
+    take("dynamics.solution", solution, n);
+    take("dynamics.velocity_solution", velocity_solution, t.solve_twice ? n : 0);
+    const int longest = rows > 0 ? RowBlock::most_rows * t.velocities : t.velocities;
+    take("dynamics.scratch", scratch, longest > rows ? longest : rows, Lifetime::stage);
+    take("dynamics.product", product, t.velocities, Lifetime::stage);
+    take("dynamics.corrected_product", corrected_product, t.velocities, Lifetime::stage);
+  }
+};
+
+/// The inertia that soft rows stated by frequency refer to, M + armature, where A holds more than that.
+template <class T>
+struct Undamped {
+  T* matrix;
+  T* inverse;
+  T* response;    // [velocities]
+  T* compliance;  // [undamped rows]
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    const bool used = t.undamped.count > 0;
+    take("undamped.matrix", matrix, used ? t.matrix.entries : 0, Lifetime::stage);
+    take("undamped.inverse", inverse, used ? t.velocities : 0, Lifetime::stage);
+    take("undamped.response", response, used ? t.velocities : 0, Lifetime::stage);
+    take("undamped.compliance", compliance, t.undamped.count);
+  }
+};
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,94 @@
+// The order of a tile's arrays in memory, and where each begins. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "tile.h"
+
+namespace lockstep::kernels {
+
+/// Names every array of the tile to `take`, in their order in memory: take(name, pointer, count, lifetime). A copy of
+/// `take` lays out other arrays in the same room, and take.behind(copy) goes on behind both.
+template <class T, class Take>
+inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
+  x.state.arrays(t, "state.q", "state.v", "state.pose", take, Lifetime::state);
+  x.next.arrays(t, "next.q", "next.v", "next.pose", take);
+  take("half_turn", x.half_turn, t.floating ? 4 : 0);
+  if (t.integrator != Integrator::euler) x.stages.arrays(t, take);
+  x.bodies.kinematics(t, take);
+  // Bias forces are done with their arrays when the mass matrix begins: they share the room, for the cache's sake.
+  Take shared = take;
+  x.bodies.bias_forces(t, take);
+  x.articulated.inertias(t, shared);
+  x.bodies.composites(t, shared);
+  take.behind(shared);
+  x.dynamics.matrices(t, take);
+  if (t.articulated.used()) x.articulated.factors(t, x.state.q, take);
+  x.dynamics.vectors(t, take);
+  x.couplings.ratios(t, take);
+  x.rows.values(t, take);
+  x.couplings.followers(t, take);
+  x.rows.arrays(t, take);
+  x.couplings.results(t, take);
+  x.undamped.arrays(t, take);
+  if (t.bounds.rows.count > 0) {
+    x.bounds.arrays(t, take);
+    x.search.arrays(t, take);
+  }
+  x.servos.arrays(t, take);
+  if (t.record_diagnostics) x.diagnostics.arrays(t, take);
+}
+
+/// What a step does where all followers are consistent, or not: (M76). Both phases have the same solution where they
+/// are.
+template <class T>
+LOCKSTEP_INLINE void set_consistent(const Tables<ScalarOf<T>>& t, Tile<T>& x, bool consistent) {
+  const bool one_motion = consistent && t.rows.count == 0 && t.bounds.rows.count == 0;
+  x.consistent = consistent;
+  x.solves_twice = t.solve_twice && !one_motion;
+}
+
+/// Hands out consecutive pieces of the scratch block; with a null block it only measures.
+class Carver {
+ public:
+  explicit Carver(void* block) : base_(static_cast<char*>(block)) {}
+  template <class E>
+  void operator()(const char*, E*& array, int count, Lifetime = Lifetime::step) {
+    array = reinterpret_cast<E*>(base_ + used_);
+    used_ += sizeof(E) * static_cast<std::size_t>(count);
+  }
+  /// Indices, in whole cache lines so that what follows stays aligned.
+  void operator()(const char*, int*& array, int count, Lifetime = Lifetime::step) {
+    array = reinterpret_cast<int*>(base_ + used_);
+    used_ += sizeof(int) * static_cast<std::size_t>((count + 15) / 16 * 16);
+  }
+  /// What comes next stands behind what `other`, a copy of this, has laid out in the same room.
+  void behind(const Carver& other) {
+    if (used_ < other.used_) used_ = other.used_;
+  }
+  std::size_t used() const { return used_; }
+
+ private:
+  char* base_;
+  std::size_t used_ = 0;
+};
+
+/// Lays the tile out in `block`; returns its size in bytes.
+template <class T>
+inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x) {
+  Carver carver(block);
+  arrays(t, x, carver);
+  x.bounds.active_count = 0;
+  x.corrects_positions = true;
+  set_consistent(t, x, false);
+  return carver.used();
+}
+
+/// The tile and room for a Motion beside it.
+template <class T>
+inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x, Motion<T>& motion) {
+  const std::size_t used = lay_out(t, block, x);
+  Carver carver(static_cast<char*>(block) + used);
+  motion.arrays(t, carver);
+  return used + carver.used();
+}
+
+}  // namespace lockstep::kernels

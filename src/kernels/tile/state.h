@@ -1,0 +1,83 @@
+// Positions and velocities: where a step starts, where it ends, and where its stages are. SPDX-License-Identifier:
+// Apache-2.0
+//
+// Each part of a Tile declares its arrays once, and names them to `take` right below: take(name, pointer, count,
+// lifetime).
+#pragma once
+
+#include "lifetime.h"
+#include "plan/tables.h"
+#include "simd/vec3.h"
+
+namespace lockstep::kernels {
+
+using simd::ScalarOf;
+
+constexpr int leapfrog_stages = 3;
+
+template <class T>
+struct State {
+  T* q;     // [joints]
+  T* v;     // [velocities] a floating root's twist, then the joints
+  T* pose;  // [7] a floating root's
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, const char* q_name, const char* v_name, const char* pose_name, Take& take,
+              Lifetime lifetime = Lifetime::step, bool used = true) {
+    take(q_name, q, used ? t.joints : 0, lifetime);
+    take(v_name, v, used ? t.velocities : 0, lifetime);
+    take(pose_name, pose, used && t.floating ? 7 : 0, lifetime);
+  }
+};
+
+/// to <- from
+template <class T>
+LOCKSTEP_INLINE void copy_state(const Tables<ScalarOf<T>>& t, const State<T>& from, const State<T>& to) {
+  for (int j = 0; j < t.joints; ++j) to.q[j] = from.q[j];
+  for (int k = 0; k < t.velocities; ++k) to.v[k] = from.v[k];
+  for (int k = 0; t.floating && k < 7; ++k) to.pose[k] = from.pose[k];
+}
+
+/// to <- 0
+template <class T>
+LOCKSTEP_INLINE void clear_state(const Tables<ScalarOf<T>>& t, const State<T>& to) {
+  for (int j = 0; j < t.joints; ++j) to.q[j] = T(0);
+  for (int k = 0; k < t.velocities; ++k) to.v[k] = T(0);
+  for (int k = 0; t.floating && k < 7; ++k) to.pose[k] = T(0);
+}
+
+/// What integrators with more than one stage keep.
+template <class T>
+struct Stages {
+  State<T> begin;     // of the step: Tile::state is the stage's meanwhile
+  State<T> midpoint;  // without a pose; the velocities are those of the beginning, a root's along the midpoint's axes
+  State<T> first;     // where the first of several steps began
+  State<T> total_change;  // of the step
+  T* velocity;            // [stages][velocities]
+  T* change;              // [stages][velocities]
+  T* mean_velocity;       // [velocities] what moves the positions
+  T* gained_velocity;     // [velocities] what a leapfrog adds to the velocities, along the midpoint's axes
+  T* pose;                // [7]
+  T* pose_rate;           // [7]
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    const bool classical = t.integrator == Integrator::runge_kutta, twice = t.integrator == Integrator::extrapolated;
+    const int velocities = classical ? 0 : t.velocities, root_pose = classical && t.floating ? 7 : 0;
+    begin.arrays(t, "stages.begin.q", "stages.begin.v", "stages.begin.pose", take);
+    take("stages.midpoint.q", midpoint.q, classical ? 0 : t.joints);
+    take("stages.midpoint.v", midpoint.v, velocities);
+    midpoint.pose = nullptr;
+    take("stages.velocity", velocity, leapfrog_stages * velocities);
+    take("stages.change", change, classical ? t.velocities : leapfrog_stages * velocities);
+    take("stages.mean_velocity", mean_velocity, velocities);
+    take("stages.gained_velocity", gained_velocity, velocities);
+    take("stages.pose", pose, root_pose);
+    take("stages.pose_rate", pose_rate, root_pose);
+    first.arrays(t, "stages.first.q", "stages.first.v", "stages.first.pose", take, Lifetime::step, twice);
+    total_change.arrays(t, "stages.total_change.q", "stages.total_change.v", "stages.total_change.pose", take,
+                        Lifetime::step, classical || twice);
+  }
+};
+
+}  // namespace lockstep::kernels

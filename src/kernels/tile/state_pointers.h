@@ -1,0 +1,34 @@
+// What a kernel is handed: the rows of a batch, as plain pointers. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "lockstep/enums.h"
+
+namespace lockstep {
+
+/// Rows [dof][environment], `stride` numbers apart. Environments are padded to whole tiles.
+template <class S>
+struct StatePointers {
+  std::ptrdiff_t stride = 0;
+  S* position = nullptr;
+  S* velocity = nullptr;
+  S* root_pose = nullptr;      ///< 7 rows, null if fixed
+  S* root_velocity = nullptr;  ///< 6 rows, null if fixed
+  const S* position_target = nullptr;
+  const S* velocity_target = nullptr;
+  const S* effort = nullptr;
+  const S* fields[parameter_count] = {};  ///< by Parameter, null if not declared or without rows
+  S* impulse = nullptr;                   ///< rows by coupling, null unless recorded
+  S* residual = nullptr;                  ///< rows by name, null unless diagnostics are recorded
+  S* row_state = nullptr;                 ///< the same
+  S* energy = nullptr;                    ///< 4 rows, the same
+  Fault* fault = nullptr;
+
+  inline __attribute__((always_inline)) const S* field(Parameter parameter) const {
+    return fields[static_cast<unsigned>(parameter)];
+  }
+};
+
+}  // namespace lockstep

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "inertia_at_start.h"
+
+#include <Eigen/Eigenvalues>
+#include <cstddef>
+
+#include "kernels/couplings/elimination.h"
+#include "kernels/couplings/gear_ratios.h"
+#include "kernels/couplings/joint_inertia.h"
+#include "kernels/dynamics/kinematics.h"
+#include "kernels/tile/lay_out.h"
+#include "plan/layout.h"
+
+namespace lockstep {
+namespace {
+
+using Eigen::MatrixXd;
+
+// Kernels of a type of their own: no other object has the same functions.
+struct Measured : simd::Unfused {};
+using Number = simd::Wide<float, 1, Measured>;
+
+// What S is over all velocities (M39).
+MatrixXd all_shares(const Tables<double>& t) {
+  const Reduction<double>& r = t.reduction;
+  if (r.followers == 0) return MatrixXd::Identity(t.velocities, t.velocities);
+  MatrixXd s = MatrixXd::Zero(t.velocities, t.solver.n);
+  for (int z = 0; z < t.solver.n; ++z) s(r.independent[z], z) = 1.0;
+  for (int f = 0; f < r.followers; ++f)
+    for (int k = r.start[f]; k < r.start[f + 1]; ++k) s(t.velocity_of(r.follower[f]), r.column[k]) = r.value[k];
+  return s;
+}
+
+// A_r at the model's start, with so much of joints on its diagonal.
+MatrixXd matrix_at_start(const Program& program, Span<float> added) {
+  Tables<float> t = program.f32;
+  t.articulated = {};
+  kernels::Tile<Number> x;
+  std::vector<std::max_align_t> scratch(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
+  kernels::lay_out(t, scratch.data(), x);
+  kernels::uniform_masses(t, x);
+  kernels::uniform_ratios(t, x);
+  for (std::size_t j = 0; j < program.model.joints.size(); ++j)
+    if (const int i = program.solver_joint[j]; i >= 0)
+      x.state.q[i] = static_cast<float>(program.model.joints[j].position);
+  kernels::kinematics(t, x);
+  for (int j = 0; j < t.joints; ++j) x.dynamics.joint_inertia[j] = Number(added[j]);
+  kernels::inertia_matrix(t, x);
+  if (t.reduction.by_entries()) kernels::reduce_matrix(t, x);
+  MatrixXd a = MatrixXd::Zero(t.solver.n, t.solver.n);
+  for (int i = 0; i < t.solver.n; ++i)
+    for (int j = 0; j <= i; ++j)
+      if (const int entry = entry_of(t.solver, i, j); entry >= 0) a(i, j) = a(j, i) = x.dynamics.reduced[entry].lane(0);
+  return a;
+}
+
+}  // namespace
+
+double largest_rate(const Program& program) {
+  const Tables<double>& t = program.f64;
+  const int n = t.solver.n;
+  Eigen::VectorXd damping = Eigen::VectorXd::Zero(t.velocities), stiffness = damping;
+  for (int j = 0; j < t.joints; ++j) {
+    damping[t.velocity_of(j)] = t.damping[j] + t.kd[j];
+    stiffness[t.velocity_of(j)] = t.kp[j];
+  }
+  const MatrixXd s = all_shares(t);
+  const Eigen::LDLT<MatrixXd> a(matrix_at_start(program, program.f32.armature));
+  MatrixXd motion = MatrixXd::Zero(2 * n, 2 * n);  // of (z, dz/dt)
+  motion.topRightCorner(n, n).setIdentity();
+  motion.bottomLeftCorner(n, n) = -a.solve(s.transpose() * stiffness.asDiagonal() * s);
+  motion.bottomRightCorner(n, n) = -a.solve(s.transpose() * damping.asDiagonal() * s);
+  return n == 0 ? 0.0 : motion.eigenvalues().cwiseAbs().maxCoeff();
+}
+
+std::vector<double> first_joints_shares(const Program& program) {
+  const Tables<double>& t = program.f64;
+  const int root = t.root_velocities();
+  const MatrixXd a = matrix_at_start(program, program.f32.implicit);
+  const Eigen::LDLT<MatrixXd> factored(a);
+  std::vector<double> shares;
+  for (int c = 0; c < t.couplings; ++c) {
+    Eigen::VectorXd row = Eigen::VectorXd::Zero(t.velocities);
+    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) row[t.velocity_of(t.term_joint[k])] = t.term_value[k];
+    const int first = root + t.term_joint[t.term_start[c]];
+    shares.push_back(1.0 / (row.dot(factored.solve(row)) * a(first, first)));
+  }
+  return shares;
+}
+
+}  // namespace lockstep

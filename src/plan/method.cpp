@@ -1,0 +1,32 @@
+// Which method a step uses, and why. SPDX-License-Identifier: Apache-2.0
+#include "layout.h"
+#include "lockstep/error.h"
+
+namespace lockstep {
+
+void choose_method(Program& program) {
+  program.method = program.settings.method;
+  int hard = 0;
+  for (int c = 0; c < program.f64.couplings; ++c) hard += always_hard(program, c);
+  std::string obstacle;
+  if (declared(program, Parameter::softness) && program.f64.couplings > 0)
+    obstacle = "the softness differs per environment, so no coupling is always hard";
+  else if (declared(program, Parameter::coupling_switch) && program.f64.couplings > 0)
+    obstacle = "couplings are switched per environment, so none is always hard";
+  else if (declared(program, Parameter::gear_ratio) && !program.redundant.empty())
+    obstacle = "gear ratios differ per environment and some couplings are redundant";
+  if (program.method == Method::reduced && !obstacle.empty())
+    throw SettingsError("method", "reduced does not apply: " + obstacle, "use direct");
+  if (program.method != Method::automatic) {
+    program.method_reason = "as asked for";
+  } else if (obstacle.empty() && (hard > 0 || program.f64.couplings == 0)) {
+    program.method = Method::reduced;
+    program.method_reason = hard > 0 ? "hard couplings hold exactly and cost least when their followers are eliminated"
+                                     : "there is nothing to solve";
+  } else {
+    program.method = Method::direct;
+    program.method_reason = obstacle.empty() ? "no coupling is always hard" : obstacle;
+  }
+}
+
+}  // namespace lockstep

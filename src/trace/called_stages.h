@@ -1,0 +1,48 @@
+// The stages that a traced step calls instead of running them. SPDX-License-Identifier: Apache-2.0
+//
+// A stage that looks at its lanes before it knows what to do has no straight-line code. The kernels call it by its
+// plain name with a Tile<Traced>; the overloads below are then better matches than the kernels' own templates. They
+// write down a call, which the interpreter and generated code make on the tile in memory. Include this before
+// kernels/step.h.
+#pragma once
+
+#include "tracer.h"
+
+namespace lockstep::kernels {
+
+using trace::Traced;
+
+void first_saturation_pass(Tile<Traced>& x);
+void limited_drives(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
+bool saturation_differs(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
+void clear_bounds(Tile<Traced>& x);
+bool bounds_active(const Tables<double>& t, Tile<Traced>& x);
+void solve_bounds(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
+void coupling_impulses(const Tables<double>& t, Tile<Traced>& x);
+void diagnose(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
+void check(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
+void hold_frozen(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, Traced::Mask failed);
+
+/// A loop of sweeps is written down as one, with what each turn hands to the next.
+template <int N, class Turn>
+void repeat(int times, const Tile<Traced>&, Traced* const (&handed)[N], int length, Turn&& turn) {
+  if (times < 2 || trace::counting) {
+    for (int i = 0; i < times; ++i) turn();
+    return;
+  }
+  const auto gather = [&] {
+    std::vector<trace::Id> all;
+    for (Traced* array : handed)
+      for (int i = 0; i < length; ++i) all.push_back(array[i].id);
+    return all;
+  };
+  const auto spread = [&](const std::vector<trace::Id>& all) {
+    for (int a = 0; a < N; ++a)
+      for (int i = 0; i < length; ++i) handed[a][i] = Traced::of(all[a * length + i]);
+  };
+  spread(trace::tracer->graph.begin_loop(times, gather()));
+  turn();
+  spread(trace::tracer->graph.end_loop(gather()));
+}
+
+}  // namespace lockstep::kernels

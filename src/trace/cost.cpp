@@ -1,0 +1,27 @@
+#include "cost.h"
+
+#include "lockstep/plan.h"
+
+namespace lockstep {
+
+long Plan::flops_per_step() const { return trace::cost_of(*program_).flops; }
+
+long Plan::bytes_per_step(int scalar_bytes) const {
+  const Tables<double>& t = program_->f64;
+  const long state = 2 * t.joints + (t.floating ? 7 + 6 : 0);
+  const long recorded = (t.record_impulses ? t.couplings : 0) + (t.record_diagnostics ? 2 * t.reported.count + 4 : 0);
+  const long loaded = static_cast<long>(trace::cost_of(*program_).loaded.size());
+  return (2 * state + loaded + recorded) * scalar_bytes + static_cast<long>(sizeof(Fault));
+}
+
+long Plan::bytes_per_environment(int scalar_bytes) const {
+  const Tables<double>& t = program_->f64;
+  long rows = 2 * t.joints + 3 * t.joints * t.input_times + (t.floating ? 7 + 6 : 0);
+  if (t.record_impulses) rows += t.couplings;
+  if (t.record_diagnostics) rows += 2 * t.reported.count + 4;
+  for (unsigned p = 0; p < parameter_count; ++p)
+    if (t.declares(static_cast<Parameter>(p))) rows += parameter_rows(static_cast<Parameter>(p));
+  return rows * scalar_bytes + static_cast<long>(sizeof(Fault));
+}
+
+}  // namespace lockstep

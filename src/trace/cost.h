@@ -1,0 +1,17 @@
+// What a step costs: its kernels run once on numbers that count. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <set>
+
+#include "plan/program.h"
+
+namespace lockstep::trace {
+
+struct Cost {
+  long flops = 0;
+  std::set<const double*> loaded;  ///< numbers of inputs and fields, each once however often
+};
+
+Cost cost_of(const Program& program);
+
+}  // namespace lockstep::trace

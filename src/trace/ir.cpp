@@ -1,0 +1,288 @@
+#include "ir.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace lockstep::trace {
+
+Id Graph::put(Node node) {
+  for (Id o : node.operand)
+    if (o >= 0 && nodes_[o].item >= 0 && nodes_[o].item != open_loop_ && items_[nodes_[o].item].kind == Item::loop)
+      throw std::logic_error("a kernel takes from inside a loop what the loop does not hand on: see kernels::repeat");
+  const bool inside = open_loop_ >= 0 && std::any_of(node.operand.begin(), node.operand.end(),
+                                                     [&](Id o) { return o >= 0 && nodes_[o].item == open_loop_; });
+  if (inside)
+    node.item = open_loop_;
+  else if (open_loop_ >= 0)
+    node.item = open_loop_ - 1;  // what does not depend on the loop stands before it
+  else {
+    if (items_.empty() || items_.back().kind != Item::straight) items_.emplace_back();
+    node.item = static_cast<int>(items_.size()) - 1;
+  }
+  const Id id = static_cast<Id>(nodes_.size());
+  items_[node.item].nodes.push_back(id);
+  nodes_.push_back(std::move(node));
+  return id;
+}
+
+Id Graph::constant(double value) {
+  const auto [known, fresh] = constants_.try_emplace(value == 0.0 ? 0.0 : value, 0);
+  if (fresh) {
+    Node node;
+    node.op = Op::constant;
+    node.value = known->first;
+    known->second = static_cast<Id>(nodes_.size());
+    nodes_.push_back(node);
+  }
+  return known->second;
+}
+
+Id Graph::input(const Place& place, bool mask) {
+  const auto [known, fresh] = inputs_.try_emplace(place.text, 0);
+  if (fresh) {
+    Node node;
+    node.op = Op::input;
+    node.place = place;
+    node.mask = mask;
+    known->second = put(std::move(node));
+  }
+  return known->second;
+}
+
+Id Graph::found_or_put(Op op, Id a, Id b, Id c) {
+  const bool swaps =
+      op == Op::add || op == Op::multiply || op == Op::fma || op == Op::fnma || op == Op::either || op == Op::both;
+  const auto rank = [&](Id id) { return is(id, Op::constant) ? -1 : id; };
+  if (swaps && rank(b) < rank(a)) std::swap(a, b);
+  const Key key{static_cast<Id>(op), a, b, c};
+  if (const auto known = known_.find(key); known != known_.end()) return known->second;
+  Node node;
+  node.op = op;
+  node.operand = {a, b, c};
+  node.mask =
+      op == Op::none || op == Op::less || op == Op::beyond || op == Op::either || op == Op::both || op == Op::invert;
+  const Id id = put(std::move(node));
+  known_.emplace(key, id);
+  return id;
+}
+
+Id Graph::negated(Id a) {
+  const auto [of, from, none] = nodes_[a].operand;
+  switch (nodes_[a].op) {
+    case Op::constant: return constant(-nodes_[a].value);
+    case Op::negate: return of;
+    case Op::subtract: return difference(from, of);
+    default: return found_or_put(Op::negate, a, -1, -1);
+  }
+}
+
+Id Graph::sum(Id a, Id b) {
+  if (is(a, Op::constant) && is(b, Op::constant)) return constant(nodes_[a].value + nodes_[b].value);
+  if (is(a, 0.0)) return b;
+  if (is(b, 0.0)) return a;
+  if (is(b, Op::negate)) return difference(a, nodes_[b].operand[0]);
+  if (is(a, Op::negate)) return difference(b, nodes_[a].operand[0]);
+  if (is(b, Op::constant)) std::swap(a, b);
+  return found_or_put(Op::add, a, b, -1);
+}
+
+Id Graph::difference(Id a, Id b) {
+  if (is(a, Op::constant) && is(b, Op::constant)) return constant(nodes_[a].value - nodes_[b].value);
+  if (is(b, 0.0)) return a;
+  if (is(a, 0.0)) return negated(b);
+  if (a == b) return constant(0.0);
+  if (is(b, Op::negate)) return sum(a, nodes_[b].operand[0]);
+  if (is(a, Op::negate)) return negated(sum(nodes_[a].operand[0], b));
+  return found_or_put(Op::subtract, a, b, -1);
+}
+
+Id Graph::product(Id a, Id b) {
+  if (is(a, Op::constant) && is(b, Op::constant)) return constant(nodes_[a].value * nodes_[b].value);
+  if (is(b, Op::constant)) std::swap(a, b);
+  if (is(a, 0.0)) return a;
+  if (is(a, 1.0)) return b;
+  if (is(a, -1.0)) return negated(b);
+  if (is(a, Op::negate)) return negated(product(nodes_[a].operand[0], b));
+  if (is(b, Op::negate)) return negated(product(a, nodes_[b].operand[0]));
+  if (is(a, Op::constant) && nodes_[a].value < 0.0) return negated(product(constant(-nodes_[a].value), b));
+  return found_or_put(Op::multiply, a, b, -1);
+}
+
+Id Graph::quotient(Id a, Id b) {
+  if (is(a, Op::constant) && is(b, Op::constant)) return constant(nodes_[a].value / nodes_[b].value);
+  if (is(b, 1.0) || is(a, 0.0)) return a;
+  if (is(b, Op::constant)) return product(a, constant(1.0 / nodes_[b].value));
+  if (is(a, Op::negate)) return negated(quotient(nodes_[a].operand[0], b));
+  if (is(b, Op::negate)) return negated(quotient(a, nodes_[b].operand[0]));
+  return found_or_put(Op::divide, a, b, -1);
+}
+
+Id Graph::times_one(Id a, Id b) {
+  if (is(b, Op::constant)) std::swap(a, b);
+  return is(a, 1.0) ? b : is(a, -1.0) ? negated(b) : -1;
+}
+
+// fma: a b + c, fnma: c - a b
+Id Graph::product_and(Op op, Id a, Id b, Id c) {
+  const Op other = op == Op::fma ? Op::fnma : Op::fma;
+  if (is(b, Op::constant)) std::swap(a, b);
+  if (is(a, 0.0)) return c;
+  const bool plain = is(c, 0.0) || is(a, 1.0) || is(a, -1.0) || (is(a, Op::constant) && is(b, Op::constant));
+  if (plain) return op == Op::fma ? sum(c, product(a, b)) : difference(c, product(a, b));
+  if (is(a, Op::negate)) return product_and(other, nodes_[a].operand[0], b, c);
+  if (is(b, Op::negate)) return product_and(other, a, nodes_[b].operand[0], c);
+  if (is(a, Op::constant) && nodes_[a].value < 0.0) return product_and(other, constant(-nodes_[a].value), b, c);
+  if (op == Op::fnma && is(c, Op::negate)) return negated(product_and(Op::fma, a, b, nodes_[c].operand[0]));
+  return found_or_put(op, a, b, c);
+}
+
+Id Graph::added_up(const std::vector<Addend>& addends) {
+  const bool negative = addends.front().minus;  // so a sum and its negative are one number
+  Id all = constant(0.0);
+  for (const auto& [number, factor, minus] : addends) {
+    if (factor >= 0)
+      all = product_and(minus == negative ? Op::fma : Op::fnma, number, factor, all);
+    else
+      all = minus == negative ? sum(all, number) : difference(all, number);
+  }
+  return negative ? negated(all) : all;
+}
+
+Addend Graph::apart(Id product, bool minus) const {
+  const Id id = without_sign(product);
+  if (!is(id, Op::multiply)) return {product, -1, minus};
+  return {nodes_[id].operand[0], nodes_[id].operand[1], minus != (id != product)};
+}
+
+bool Graph::everywhere(Id mask) const { return is(mask, Op::invert) && is(nodes_[mask].operand[0], Op::none); }
+
+Id Graph::inverted(Id mask) {
+  if (is(mask, Op::invert)) return nodes_[mask].operand[0];
+  return found_or_put(Op::invert, mask, -1, -1);
+}
+
+Id Graph::of_masks(Op op, Id a, Id b) {
+  const auto neutral = [&](Id mask) { return op == Op::either ? is(mask, Op::none) : everywhere(mask); };
+  const auto decisive = [&](Id mask) { return op == Op::both ? is(mask, Op::none) : everywhere(mask); };
+  if (neutral(a) || decisive(b) || is_among(op, a, b)) return b;
+  if (neutral(b) || decisive(a) || is_among(op, b, a)) return a;
+  return found_or_put(op, a, b, -1);
+}
+
+// Whether it is one of those that the same operation has brought together in `all`.
+bool Graph::is_among(Op op, Id mask, Id all) const {
+  if (all <= mask || !is(all, op)) return all == mask;
+  const auto& [left, right, unused] = nodes_[all].operand;
+  return is_among(op, mask, left) || is_among(op, mask, right);
+}
+
+Id Graph::compared(Id a, Id b) {
+  if (!is(a, Op::constant) || !is(b, Op::constant)) return found_or_put(Op::less, a, b, -1);
+  const Id nowhere = operation(Op::none);
+  return nodes_[a].value < nodes_[b].value ? inverted(nowhere) : nowhere;
+}
+
+Id Graph::selected(Id mask, Id yes, Id no) {
+  if (yes == no || is(mask, Op::none)) return no;
+  if (everywhere(mask)) return yes;
+  return found_or_put(Op::select, mask, yes, no);
+}
+
+Id Graph::operation(Op op, Id a, Id b, Id c) {
+  switch (op) {
+    case Op::negate: return negated(a);
+    case Op::add: return sum(a, b);
+    case Op::subtract: return difference(a, b);
+    case Op::multiply: return product(a, b);
+    case Op::divide: return quotient(a, b);
+    case Op::fma:
+    case Op::fnma: return product_and(op, a, b, c);
+    case Op::either:
+    case Op::both: return of_masks(op, a, b);
+    case Op::select: return selected(a, b, c);
+    case Op::less: return compared(a, b);
+    case Op::invert: return inverted(a);
+    case Op::farther:  // of magnitudes; followers in place have those of their drivers
+      b = without_sign(b);
+      for (Id most = a; is(most, Op::farther); most = nodes_[most].operand[0])
+        if (nodes_[most].operand[1] == b) return a;
+      return found_or_put(op, a, b, c);
+    case Op::sine:
+    case Op::cosine:
+      if (!is(a, Op::negate)) return found_or_put(op, a, b, c);
+      a = operation(op, nodes_[a].operand[0]);
+      return op == Op::sine ? negated(a) : a;
+    case Op::sqrt:
+      if (is(a, Op::constant)) return constant(std::sqrt(nodes_[a].value));
+      return found_or_put(op, a, b, c);
+    default: return found_or_put(op, a, b, c);
+  }
+}
+
+std::vector<Id> Graph::begin_loop(int times, const std::vector<Id>& start) {
+  if (items_.empty() || items_.back().kind != Item::straight) items_.emplace_back();
+  open_loop_ = static_cast<int>(items_.size());
+  Item& loop = items_.emplace_back();
+  loop.kind = Item::loop;
+  loop.times = times;
+  loop.start = start;
+  for (std::size_t i = 0; i < start.size(); ++i) items_[open_loop_].variable.push_back(variable(open_loop_));
+  return items_[open_loop_].variable;
+}
+
+Id Graph::variable(int item) {
+  Node node;
+  node.op = Op::variable;
+  node.item = item;
+  nodes_.push_back(node);
+  return static_cast<Id>(nodes_.size()) - 1;
+}
+
+std::vector<Id> Graph::end_loop(const std::vector<Id>& next) {
+  Item& loop = items_[open_loop_];
+  loop.next = next;
+  open_loop_ = -1;
+  // The same names, but other nodes: what was computed of them inside belongs to the turn before.
+  std::vector<Id> after;
+  for (Id variable : loop.variable) {
+    Node node;
+    node.op = Op::variable;
+    node.operand[0] = variable;
+    after.push_back(static_cast<Id>(nodes_.size()));
+    nodes_.push_back(node);
+  }
+  return after;
+}
+
+void Graph::effect(std::vector<Write> stores, const std::string& code, Call call) {
+  Item& item = items_.emplace_back();
+  item.kind = Item::effect;
+  item.stores = std::move(stores);
+  item.code = code;
+  item.call = call;
+}
+
+std::vector<Id> Graph::effect_if(Id condition, std::vector<Write> stores, const std::string& code, Call call,
+                                 const std::vector<Write>& changed) {
+  effect(std::move(stores), code, call);
+  Item& item = items_.back();
+  item.condition = condition;
+  for (const Write& store : changed) {
+    item.variable.push_back(variable(static_cast<int>(items_.size()) - 1));
+    item.start.push_back(store.value);
+    item.place.push_back(store.place);
+  }
+  return item.variable;
+}
+
+void Graph::forget() {
+  known_.clear();
+  inputs_.clear();
+}
+
+void Graph::name(Id id, const std::string& name) {
+  if (!is(id, Op::constant)) names_.try_emplace(id, name);
+}
+
+}  // namespace lockstep::trace

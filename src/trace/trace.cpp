@@ -1,0 +1,215 @@
+#include "trace.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+#include "called_stages.h"
+#include "cost.h"
+#include "kernels/step.h"
+#include "liveness.h"
+
+namespace lockstep::kernels {
+
+using trace::counting;
+using trace::tracer;
+
+void first_saturation_pass(Tile<Traced>&) {
+  if (!counting) tracer->run("first_saturation_pass(x);\ndo {");
+}
+void limited_drives(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
+  if (counting) return limited_drives<Traced>(t, batch, x);
+  tracer->run("limited_drives(t, batch, x);");
+}
+bool saturation_differs(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {
+  if (!counting) tracer->run("} while (saturation_differs(t, batch, x));");
+  return false;
+}
+void clear_bounds(Tile<Traced>&) {}                                                       // see bounds_active()
+void solve_bounds(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}  // the same
+
+// Inactive bounds are looked for in the straight line, unless others look at what solve_bounds() leaves in memory.
+bool bounds_active(const Tables<double>& t, Tile<Traced>& x) {
+  if (counting) {
+    if (!t.bounds.always) candidates(t, x);
+    return false;
+  }
+  if (tracer->learns()) {
+    tracer->leave_out();
+    return false;
+  }
+  if (t.bounds.always || t.record_diagnostics || t.record_impulses) {
+    tracer->run("clear_bounds(x);\nif (bounds_active(t, x)) solve_bounds(t, batch, x);", Call::solve_bounds);
+    return false;
+  }
+  Traced::Mask candidate;
+  tracer->aside([&] { candidate = candidates(t, x); });
+  // Neither solve_bounds() nor what it calls has a use for these.
+  std::set<const void*> unread = {x.dynamics.joint_inertia,
+                                  x.dynamics.rhs,
+                                  x.dynamics.bias,
+                                  x.couplings.acceleration,
+                                  x.couplings.velocity_error,
+                                  x.couplings.removed_this_step};
+  if (t.reduction.followers > 0) unread.insert(x.dynamics.matrix);
+  if (!t.articulated.used()) unread.insert({x.bodies.sine, x.bodies.cosine});
+  tracer->solve_bounds_if(candidate.id, unread);
+  return false;
+}
+
+void diagnose(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
+  if (counting) return diagnose<Traced>(t, batch, x);
+  tracer->run("diagnose(t, batch, x);", Call::diagnose);
+}
+
+void coupling_impulses(const Tables<double>& t, Tile<Traced>& x) {
+  if (counting) return coupling_impulses<Traced>(t, x);
+  if (t.bounds.rows.count > 0) return tracer->run("coupling_impulses(t, x);", Call::coupling_impulses);
+  const std::vector<Traced> before(x.couplings.impulse, x.couplings.impulse + t.couplings);
+  coupling_impulses<Traced>(t, x);
+  // All tracings count the same sums.
+  if (tracer->learns()) std::copy(before.begin(), before.end(), x.couplings.impulse);
+}
+
+// A NaN in an input that no result depends on - a force along a fixed axis - is a fault by the tables, where it is
+// multiplied by zero; so it is here. (What no float holds is a fault in either precision.)
+void check(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
+  if (!counting && !tracer->unused_inputs.empty() && t.velocities > 0) {
+    Traced most(0.0), &last = x.next.v[t.velocities - 1];
+    for (const trace::Place& place : tracer->unused_inputs)
+      most = farther(most, Traced::of(tracer->graph.input(place, false)));
+    last = select(beyond(most, Traced(largest_number<float>)), most, last);
+  }
+  check<Traced>(t, batch, x);
+}
+void hold_frozen(const Tables<double>&, const StatePointers<double>&, Tile<Traced>& x, Traced::Mask failed) {
+  if (!counting) tracer->hold_if(x.frozen.id, failed.id);
+}
+
+}  // namespace lockstep::kernels
+
+namespace lockstep::trace {
+
+namespace {
+
+// In place, followers' positions and velocities are what they follow (M76): errors and what they are off by come out as
+// nothing, sines of mirrored joints as those of their drivers.
+void know_consistent_followers(const Tables<double>& t, TracedTile& x, Tracer& tracing) {
+  const Reduction<double>& r = t.reduction;
+  for (int i = 0; i < r.placing.count; ++i)
+    tracing.know(x.state.q[t.term_joint[t.term_start[r.placing[i]]]],
+                 -kernels::others_of(t, x, r.placing[i], x.state.q));
+  for (int z = 0; z < t.solver.n; ++z) x.dynamics.start[z] = x.state.v[r.independent[z]];
+  for (int f = 0; f < r.followers; ++f)
+    tracing.know(x.state.v[t.velocity_of(r.follower[f])], kernels::followed(t, x, f, x.dynamics.start));
+}
+
+struct Learned {
+  std::vector<std::vector<Term>> terms;
+  std::vector<Place> unused_inputs;
+};
+
+Learned learned_from(const Tracing& any, const Tracing& consistent) {
+  const std::vector<int> used = use_counts(any.graph);
+  std::vector<Place> unused_inputs;
+  for (Id id = 0; id < static_cast<Id>(used.size()); ++id) {
+    const Node& node = any.graph.nodes()[id];
+    if (node.op == Op::input && node.place.array >= Access::first_row && used[id] == 0)
+      unused_inputs.push_back(node.place);
+  }
+  return {terms_of(any, consistent), std::move(unused_inputs)};
+}
+
+// The rows of one environment that a step reads. rows(count, name, array) makes them.
+template <class MakeRows>
+StatePointers<double> inputs(const Tables<double>& t, MakeRows rows) {
+  StatePointers<double> batch;
+  batch.stride = 1;
+  batch.position_target = rows(t.joints * t.input_times, "position_target", Access::position_target);
+  batch.velocity_target = rows(t.joints * t.input_times, "velocity_target", Access::velocity_target);
+  batch.effort = rows(t.joints * t.input_times, "effort", Access::effort);
+  const int field_rows[parameter_count] = {t.term_gear.count, t.couplings, 2 * t.couplings, 2 * t.joints, t.joints,
+                                           t.links,           3,           6 * t.links,     t.couplings};
+  for (int f = 0; f < parameter_count; ++f)
+    if (t.declares(static_cast<Parameter>(f)))
+      batch.fields[f] = rows(field_rows[f], fmt::format("fields[{}]", f), Access::field + f);
+  return batch;
+}
+
+// Numbers to point into; they stay where they are.
+class Memory {
+ public:
+  double* take(int count) { return blocks_.emplace_back(static_cast<std::size_t>(count) + 1).data(); }
+
+ private:
+  std::vector<std::vector<double>> blocks_;
+};
+
+// Without anything `learned` it learns. Numbers that only bounds or diagnostics read are unused then, so that they do
+// not decide how sums are added up, and steps round alike with them and without.
+Tracing trace_once(const Program& program, bool consistent, const Learned* learned) {
+  const Tables<double>& t = program.f64;
+  TracedTile x{};
+  Tracer tracing(t, x);
+  Memory memory;
+  const StatePointers<double> batch = inputs(t, [&](int count, const std::string& name, int array) {
+    double* first = memory.take(count);
+    tracing.add_rows(first, count, name, array);
+    return first;
+  });
+
+  x.corrects_positions = true;  // as lay_out() has it
+  x.consistent = false;
+  x.solves_twice = t.solve_twice;
+
+  // What advance() makes once per call: known numbers, unless each environment has its own.
+  if (!t.declares(Parameter::gear_ratio)) kernels::uniform_ratios(t, x);
+  if (!t.declares(Parameter::mass)) kernels::uniform_masses(t, x);
+  if (consistent) know_consistent_followers(t, x, tracing);
+  if (learned)
+    tracing.add_up(learned->terms), tracing.unused_inputs = learned->unused_inputs;
+  else
+    tracing.learn();
+  kernels::step(t, batch, x);
+  tracing.finish();
+  return {std::move(tracing.graph), tracing.sums()};
+}
+
+}  // namespace
+
+TracedStep trace_step(const Program& program) {
+  const Reduction<double>& r = program.f64.reduction;
+  const Tracing any = trace_once(program, false, nullptr);
+  // Also where diagnostics, which are not to change a bit, keep steps from being shorter in place.
+  const Learned learned =
+      r.placing.count > 0 ? learned_from(any, trace_once(program, true, nullptr)) : learned_from(any, any);
+  TracedStep step{trace_once(program, false, &learned).graph, {}};
+  if (r.consistent_is_shorter) step.consistent = trace_once(program, true, &learned).graph;
+  return step;
+}
+
+Cost cost_of(const Program& program) {
+  const Tables<double>& t = program.f64;
+  TracedTile x{};
+  std::vector<std::byte> scratch(kernels::lay_out(t, nullptr, x) + 64);
+  kernels::lay_out(t, scratch.data(), x);
+  Memory memory;
+  const StatePointers<double> batch = inputs(t, [&](int count, const std::string&, int) { return memory.take(count); });
+  Cost cost;
+  counting = &cost;
+  kernels::uniform_masses(t, x);
+  kernels::uniform_ratios(t, x);
+  cost = {};  // these are made once for all environments
+  if (t.declares(Parameter::gear_ratio)) kernels::own_ratios(t, batch, x);
+  if (t.declares(Parameter::offset)) kernels::own_offsets(t, batch, x);
+  if (t.declares(Parameter::mass)) {
+    kernels::own_masses(t, batch, x);
+    kernels::move_masses_inwards(t, x);
+  }
+  kernels::step(t, batch, x);
+  counting = nullptr;
+  return cost;
+}
+
+}  // namespace lockstep::trace

@@ -1,0 +1,260 @@
+#include "tracer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "cost.h"
+#include "simd/sincos.h"
+
+namespace lockstep::trace {
+
+using kernels::Lifetime;
+
+namespace {
+
+Id count(Op op) {
+  switch (op) {
+    case Op::add:
+    case Op::subtract:
+    case Op::multiply:
+    case Op::divide:
+    case Op::sqrt: counting->flops += 1; break;
+    case Op::fma:
+    case Op::fnma: counting->flops += 2; break;
+    case Op::sine: counting->flops += simd::sincos_flops<float>; break;  // the cosine with it
+    default: break;
+  }
+  return 0;
+}
+
+}  // namespace
+
+Id trace_constant(double value) { return counting ? 0 : tracer->graph.constant(value); }
+Id trace_operation(Op op, Id a, Id b, Id c) {
+  if (counting) return count(op);
+  switch (op) {
+    case Op::add:
+    case Op::subtract: return tracer->sum(op, a, b);
+    case Op::fma:
+    case Op::fnma: return tracer->product_and(op, a, b, c);
+    default: return tracer->graph.operation(op, a, b, c);
+  }
+}
+Id trace_as_it_stands(Op op, Id a, Id b, Id c) { return counting ? count(op) : tracer->graph.operation(op, a, b, c); }
+Id trace_load(const double* p) {
+  if (!counting) return tracer->load(p);
+  counting->loaded.insert(p);
+  return 0;
+}
+void trace_name(const void* place, Id id) {
+  if (!counting) tracer->name(place, id);
+}
+
+namespace {
+
+using Part = std::pair<std::string, std::string>;  // of an element: in C++, in a name
+
+std::vector<Part> parts(const Traced*) { return {{"", ""}}; }
+std::vector<Part> parts(const simd::Vec3<Traced>*) { return {{".x", "_x"}, {".y", "_y"}, {".z", "_z"}}; }
+std::vector<Part> parts(const simd::Mat3<Traced>*) {
+  std::vector<Part> all;
+  for (int k = 0; k < 9; ++k) {
+    const char row = "xyz"[k / 3], column = "xyz"[k % 3];
+    all.push_back({fmt::format(".{}.{}", row, column), fmt::format("_{}{}", row, column)});
+  }
+  return all;
+}
+void add_symmetric(const char* member, const char* name, std::vector<Part>& all) {
+  const char* const pairs[] = {"xx", "yy", "zz", "yz", "xz", "xy"};
+  for (int k = 0; k < 6; ++k) all.push_back({fmt::format(".{}[{}]", member, k), fmt::format("{}_{}", name, pairs[k])});
+}
+std::vector<Part> parts(const simd::PseudoInertia<Traced>*) {
+  std::vector<Part> all{{".mass", "_mass"}, {".moment.x", "_hx"}, {".moment.y", "_hy"}, {".moment.z", "_hz"}};
+  add_symmetric("second", "", all);
+  return all;
+}
+std::vector<Part> parts(const simd::ArticulatedInertia<Traced>*) {
+  std::vector<Part> all;
+  add_symmetric("angular", "_angular", all);
+  for (const auto& [in_code, in_name] : parts(static_cast<const simd::Mat3<Traced>*>(nullptr)))
+    all.push_back({".across" + in_code, "_across" + in_name});
+  add_symmetric("linear", "_linear", all);
+  return all;
+}
+std::vector<Part> parts(const void*) { return {}; }  // what only code that is not recorded looks at
+
+}  // namespace
+
+/// Takes the place of Carver. No two arrays share their room.
+struct Take {
+  Tracer* tracer;
+  void behind(const Take&) {}  // copies share one block, and nothing shares room
+  template <class E>
+  void operator()(const char* name, E*& array, int count, Lifetime lasts = Lifetime::step) {
+    const std::size_t first = tracer->used_;
+    array = count > 0 ? reinterpret_cast<E*>(tracer->block_.get() + first) : nullptr;
+    tracer->used_ += sizeof(E) * static_cast<std::size_t>(count);
+    const std::vector<Part> all = parts(array);
+    std::string stem = name;
+    std::replace(stem.begin(), stem.end(), '.', '_');
+    Id* number = reinterpret_cast<Id*>(array);
+    int in_array = 0;
+    for (int i = 0; i < count; ++i)
+      for (const auto& [in_code, in_name] : all)
+        tracer->add_number(
+            number++,
+            {fmt::format("x.{}[{}]{}", name, i, in_code), tracer->arrays_, in_array++, lasts == Lifetime::call},
+            fmt::format("{}_{}{}", stem, i, in_name), lasts, array);
+    ++tracer->arrays_;
+  }
+};
+
+namespace {
+
+struct Measure {
+  std::size_t* bytes;
+  void behind(const Measure&) {}
+  template <class E>
+  void operator()(const char*, E*& array, int count, Lifetime = Lifetime::step) {
+    array = nullptr;
+    *bytes += sizeof(E) * static_cast<std::size_t>(count);
+  }
+};
+
+}  // namespace
+
+Tracer::Tracer(const Tables<double>& tables, TracedTile& tile) : tile_(tile) {
+  tracer = this;
+  std::size_t bytes = 0;
+  Measure measure{&bytes};
+  kernels::arrays(tables, tile, measure);
+  block_ = std::make_unique<std::byte[]>(bytes + 1);
+  number_at_.assign(bytes / sizeof(Id) + 1, -1);
+  Take take{this};
+  kernels::arrays(tables, tile, take);
+  add_number(&tile.frozen.id, {"x.frozen", Access::frozen}, "frozen", Lifetime::state, nullptr);
+  add_number(&tile.singular.id, {"x.singular", Access::singular}, "singular", Lifetime::step, nullptr);
+}
+
+void Tracer::add_number(Id* now, const Place& place, const std::string& name, Lifetime lasts, const void* array) {
+  numbers_.push_back({now, -1, place, name, lasts, array});
+  read(numbers_.back());
+  const auto offset = reinterpret_cast<std::byte*>(now) - block_.get();
+  if (array) number_at_[static_cast<std::size_t>(offset) / sizeof(Id)] = static_cast<int>(numbers_.size()) - 1;
+}
+
+void Tracer::read(TileNumber& number) {
+  number.stored = *number.now = graph.input(number.place, number.array == nullptr);
+  graph.name(number.stored, number.name);
+}
+
+void Tracer::add_rows(const double* first, int count, const std::string& name, int array) {
+  rows_.push_back({first, count, name, array});
+}
+
+Id Tracer::sum(Op op, Id a, Id b) { return sum({a, b, -1, op == Op::subtract, stage_}, op, a, b, -1); }
+
+Id Tracer::product_and(Op op, Id a, Id b, Id c) {
+  if (const Id term = graph.times_one(a, b); term >= 0) return sum(op == Op::fma ? Op::add : Op::subtract, c, term);
+  return sum({c, a, b, op == Op::fnma, stage_}, op, a, b, c);
+}
+
+Id Tracer::sum(const Sum& asked, Op op, Id a, Id b, Id c) {
+  if (aside_) return graph.operation(op, a, b, c);
+  const std::size_t number = sums_.size();
+  sums_.push_back(asked);
+  if (terms_ && number >= terms_->size()) throw std::logic_error("recordings of a step ask for different sums");
+  if (!terms_ || (*terms_)[number].empty()) return sums_.back().result = graph.operation(op, a, b, c);
+  std::vector<Addend> addends;
+  for (const Term& term : (*terms_)[number]) addends.push_back(addend(term));
+  return sums_.back().result = graph.added_up(addends);
+}
+
+Addend Tracer::addend(const Term& term) const {
+  const Sum& sum = sums_[static_cast<std::size_t>(term.sum)];
+  if (term.second && sum.factor >= 0) return {sum.second, sum.factor, term.minus};
+  const Id id = term.second ? sum.second : sum.first;
+  return term.apart ? graph.apart(id, term.minus) : Addend{id, -1, term.minus};
+}
+
+void Tracer::know(Traced& number, Traced is) {
+  const auto offset = reinterpret_cast<std::byte*>(&number) - block_.get();
+  TileNumber& known = numbers_[static_cast<std::size_t>(number_at_[static_cast<std::size_t>(offset) / sizeof(Id)])];
+  known.stored = number.id = is.id;
+}
+
+Id Tracer::load(const double* p) {
+  for (const Rows& rows : rows_)
+    if (p >= rows.first && p < rows.first + rows.count) {
+      const int row = static_cast<int>(p - rows.first);
+      const std::string text = row == 0 ? fmt::format("T::load(batch.{})", rows.name)
+                                        : fmt::format("T::load(batch.{} + {} * batch.stride)", rows.name, row);
+      return graph.input({text, rows.array, row, true}, false);
+    }
+  throw Error("a kernel", "reads a row of the batch that nobody declared", "report this as a bug");
+}
+
+void Tracer::name(const void* place, Id id) {
+  const auto offset = static_cast<const std::byte*>(place) - block_.get();
+  if (offset < 0 || static_cast<std::size_t>(offset) >= used_) return;
+  const int number = number_at_[static_cast<std::size_t>(offset) / sizeof(Id)];
+  if (number >= 0) graph.name(id, numbers_[number].name);
+}
+
+template <class Wanted>
+std::vector<Write> Tracer::changed(Wanted wanted) {
+  std::vector<Write> stores;
+  for (const TileNumber& number : numbers_)
+    if (wanted(number) && *number.now != number.stored) stores.push_back({number.place, *number.now});
+  return stores;
+}
+
+void Tracer::run(const std::string& code, Call call) {
+  if (learns_ && call != Call::none) return leave_out();
+  graph.effect(changed(&Tracer::is_shared), code, call);
+  graph.forget();
+  for (TileNumber& number : numbers_)
+    if (is_shared(number)) read(number);
+}
+
+void Tracer::run_if(Id condition, std::vector<Write> stores, const std::string& code, Call call,
+                    const std::set<const void*>& ends) {
+  std::vector<Write> before;
+  std::vector<TileNumber*> end_numbers;
+  for (TileNumber& number : numbers_) {
+    if (!number.array || !ends.contains(number.array)) continue;
+    before.push_back({number.place, *number.now});
+    end_numbers.push_back(&number);
+  }
+  const std::vector<Id> after = graph.effect_if(condition, std::move(stores), code, call, before);
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    *end_numbers[i]->now = after[i];
+    graph.name(after[i], end_numbers[i]->name);
+  }
+}
+
+void Tracer::hold_if(Id condition, Id failed) {
+  std::vector<Write> flags;
+  for (const TileNumber& number : numbers_)
+    if (!number.array) flags.push_back({number.place, *number.now});
+  flags.push_back({{"const typename T::Mask failed", Access::failed}, failed});
+  run_if(condition, std::move(flags), "hold(t, batch, x, failed);", Call::hold,
+         {tile_.next.q, tile_.next.v, tile_.next.pose});
+}
+
+void Tracer::solve_bounds_if(Id candidate, const std::set<const void*>& unread) {
+  const std::set<const void*> ends = {tile_.next.q, tile_.next.v, tile_.next.pose, tile_.half_turn};
+  std::vector<Write> stores = changed([&](const TileNumber& number) {
+    return is_shared(number) && !(number.array && (ends.contains(number.array) || unread.contains(number.array)));
+  });
+  stores.push_back({{"x.bounds.candidate", Access::candidate}, candidate});
+  run_if(candidate, std::move(stores), "solve_bounds(t, batch, x);", Call::solve_bounds, ends);
+}
+
+void Tracer::finish() {
+  graph.effect(changed([](const TileNumber& number) { return number.lasts == Lifetime::state; }), "");
+}
+
+}  // namespace lockstep::trace

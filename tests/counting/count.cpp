@@ -1,0 +1,51 @@
+#include "count.h"
+
+#include <vector>
+
+#include "counted.h"
+#include "kernels/step.h"
+#include "plan/program.h"
+
+namespace lockstep::counting {
+
+Count count(const Plan& plan) {
+  const Program& program = program_of(plan);
+  Count result;
+  Tables<float> t = program.f32;
+  t.reduction.consistent_is_shorter = false;  // wherever its followers are
+  StatePointers<float> batch;
+  batch.stride = 1;
+  std::vector<std::vector<float>> blocks;
+  const auto block = [&](int rows) {
+    result.rows += rows;
+    return blocks.emplace_back(static_cast<std::size_t>(rows) + 1, 0.0f).data();
+  };
+  batch.position = block(t.joints);
+  batch.velocity = block(t.joints);
+  batch.position_target = block(t.joints * t.input_times);
+  batch.velocity_target = block(t.joints * t.input_times);
+  batch.effort = block(t.joints * t.input_times);
+  if (t.floating) batch.root_pose = block(7), batch.root_velocity = block(6);
+  if (t.record_impulses) batch.impulse = block(t.couplings);
+  if (t.record_diagnostics)
+    batch.residual = block(t.reported.count), batch.row_state = block(t.reported.count), batch.energy = block(4);
+  const int field_rows[parameter_count] = {t.term_gear.count, t.couplings, 2 * t.couplings, 2 * t.joints, t.joints,
+                                           t.links,           3,           6 * t.links,     t.couplings};
+  for (int f = 0; f < parameter_count; ++f)
+    if ((t.per_environment >> f) & 1u) batch.fields[f] = block(field_rows[f]);
+  std::vector<Fault> fault(1, Fault::none);
+  batch.fault = fault.data();
+
+  kernels::Tile<Counted> x;
+  std::vector<std::max_align_t> scratch(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
+  operation_count = {};
+  kernels::advance<Counted>(t, batch, 0, 0, 1, scratch.data());
+  const long once = operation_count.flops;  // for a call, however many environments it steps
+  operation_count = {};
+  kernels::advance<Counted>(t, batch, 0, 1, 1, scratch.data());
+  result.flops = operation_count.flops - once;
+  result.numbers = static_cast<long>(operation_count.loaded.size() + operation_count.stored.size());
+  return result;
+}
+
+}  // namespace lockstep::counting
