@@ -1,6 +1,6 @@
-# Measures and draws error against cost, ours and other engines'. SPDX-License-Identifier: Apache-2.0
-"""Runs accuracy_speed of a build, writes bench/results/MACHINE/accuracy.csv and draws docs/accuracy/*.png. With --draw it
-only draws what was measured before. result_pages.py writes docs/results/accuracy.md."""
+# Measures and draws error against cost of lockstep and other engines. SPDX-License-Identifier: Apache-2.0
+"""Runs accuracy_speed of a build, writes bench/results/MACHINE/accuracy.csv and draws docs/accuracy/*.png. With --draw
+it draws earlier measurements. result_pages.py writes docs/results/accuracy.md."""
 import argparse
 import math
 import subprocess
@@ -23,8 +23,8 @@ SCENES = {
     "chain32": "chain32: floating whip of 32 joints, 16 couplings, 908 J",
 }
 INK, GREY, LINE = "#222222", "#5c5c5c", "#d5d5d5"
-# Settings that are drawn, in the order of the legend: engine, settings, label, colour, marker, dashes. What a row of the
-# table adds to these (sparse or dense, CG or PGS) lies within the width of a line or above it.
+# Settings that are drawn, in the order of the legend: engine, settings, label, colour, marker, dashes. Other rows of
+# the table (sparse or dense, CG or PGS) are as good as these or worse.
 LINES = [
     ("lockstep", "euler, f32", "lockstep Euler", "#0072B2", "o", "-"),
     ("lockstep", "leapfrog, f32", "lockstep leapfrog", "#E69F00", "v", "-"),
@@ -50,7 +50,7 @@ plt.rcParams.update({"font.family": "DejaVu Sans", "font.size": 9.5, "axes.edgec
 
 
 def front(rows, column):
-    """Those that no other beats in both cost and error."""
+    """The rows that no other row beats in both cost and error."""
     best, result = math.inf, []
     for row in sorted(rows, key=cost):
         if row[column] < 0.98 * best:
@@ -68,14 +68,15 @@ def draw_panel(axes, rows, column, floor):
         line = sorted((row for row in rows if row["engine"].startswith(engine) and row["settings"] == settings
                        and good(row, column)), key=cost)
         if line:
-            ours = engine == "lockstep"
-            axes.plot([cost(row) for row in line], [max(row[column], floor) for row in line], color=color, marker=marker,
-                      linestyle=dashes, label=label, linewidth=1.9 if ours else 1.2, markersize=6 if ours else 5.5,
-                      markerfacecolor="white" if dashes == "--" else color, zorder=5 if ours else 3)
+            own = engine == "lockstep"
+            axes.plot([cost(row) for row in line], [max(row[column], floor) for row in line], color=color,
+                      marker=marker, linestyle=dashes, label=label, linewidth=1.9 if own else 1.2,
+                      markersize=6 if own else 5.5, markerfacecolor="white" if dashes == "--" else color,
+                      zorder=5 if own else 3)
     best = front([row for row in rows if good(row, column) and drawn(row)], column)
     axes.plot([cost(row) for row in best], [max(row[column], floor) for row in best], linestyle="none", marker="o",
               markersize=12, markerfacecolor="none", markeredgecolor=INK, markeredgewidth=0.9, zorder=6,
-              label="front: none is cheaper and better")
+              label="front: no other is cheaper and better")
     if any(row[column] == 0 for row in rows):
         axes.annotate("exactly 0", (0.99, floor), xycoords=("axes fraction", "data"), xytext=(0, 5), ha="right",
                       textcoords="offset points", color=GREY, fontsize=9)
@@ -101,13 +102,14 @@ def draw(rows, scene, path):
         axes.set_title(title, loc="left", fontsize=11, color=INK)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper left", bbox_to_anchor=(0.805, 0.84), frameon=False, fontsize=9)
-    lost = defaultdict(list)
+    failed = defaultdict(list)
     for row in rows:
         for engine, settings, label, *_ in LINES:
             if row["engine"].startswith(engine) and row["settings"] == settings and not good(row, "rms"):
-                lost[label].append(f"1/{row['steps_per_second']:.0f}")
-    if lost:
-        text = "Diverged, or off by more than 1 rad:\n" + "\n".join(f"{label}: {', '.join(at)}" for label, at in lost.items())
+                failed[label].append(f"1/{row['steps_per_second']:.0f}")
+    if failed:
+        text = "Diverged, or off by more than 1 rad:\n" + "\n".join(
+            f"{label}: {', '.join(steps)}" for label, steps in failed.items())
         figure.text(0.808, 0.1, text, fontsize=7.8, color=GREY, va="bottom", wrap=True)
     figure.savefig(path, dpi=110)
     plt.close(figure)
@@ -116,13 +118,14 @@ def draw(rows, scene, path):
 def draw_energy(rows, path):
     figure, panels = plt.subplots(1, 2, figsize=(13.5, 5.6))
     figure.subplots_adjust(left=0.055, right=0.80, top=0.82, bottom=0.11, wspace=0.17)
-    figure.text(0.055, 0.945, "Energy and momentum of the whip (chain32) after one second", fontsize=15, fontweight="bold",
-                color=INK)
-    figure.text(0.055, 0.895, "Error of the energy, and change of the momentum, which should stay. Engines that tell their "
-                "velocities", fontsize=10, color=GREY)
+    figure.text(0.055, 0.945, "Energy and momentum of the whip (chain32) after one second", fontsize=15,
+                fontweight="bold", color=INK)
+    figure.text(0.055, 0.895, "Error of the energy, and change of the momentum, which should not change. Engines that "
+                "give their velocities", fontsize=10, color=GREY)
     whip = [row for row in rows if row["scene"] == "chain32"]
-    for axes, (column, title) in zip(panels, [("energy_error", "Error of the energy, share of 908 J"),
-                                              ("momentum_change", "Change of momentum, largest component (N s, N m s)")]):
+    titles = [("energy_error", "Error of the energy, share of 908 J"),
+              ("momentum_change", "Change of momentum, largest component (N s, N m s)")]
+    for axes, (column, title) in zip(panels, titles):
         draw_panel(axes, [row for row in whip if math.isfinite(row[column])], column, 1e-12)
         axes.set_title(title, loc="left", fontsize=11, color=INK)
     handles, labels = panels[0].get_legend_handles_labels()
@@ -136,8 +139,8 @@ def main():
     parser.add_argument("--build", type=Path, default=BENCH.parent / "build")
     parser.add_argument("--pictures", type=Path, default=BENCH.parent / "docs" / "accuracy")
     parser.add_argument("--robots", nargs="*", type=Path, default=[], help="URDF files to measure as well")
-    parser.add_argument("--least-mass", default="0", help="kg, of the robots' bodies")
-    parser.add_argument("--least-inertia", default="0", help="kg m^2")
+    parser.add_argument("--least-mass", default="0", help="least mass of the robots' bodies, kg")
+    parser.add_argument("--least-inertia", default="0", help="least principal moments of the robots' bodies, kg m^2")
     parser.add_argument("--draw", metavar="MACHINE", help="only draw bench/results/MACHINE/accuracy.csv")
     choices = parser.parse_args()
     results = (RESULTS / choices.draw if choices.draw else machine()) / "accuracy.csv"

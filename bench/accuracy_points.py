@@ -1,10 +1,10 @@
-# The rows of accuracy.csv. SPDX-License-Identifier: Apache-2.0
-"""What accuracy.py draws and result_pages.py writes: one row is an engine with its settings at one step size."""
+# Reads the rows of accuracy.csv. SPDX-License-Identifier: Apache-2.0
+"""For accuracy.py and result_pages.py. A row is one engine with its settings at one step size."""
 import csv
 import math
 from collections import defaultdict
 
-# Beyond this a row is no result: off by a radian, or by the whole energy. Momentum has no size of its own.
+# A row with a larger error is not a result: it is off by a radian, or by the whole energy. Momentum has no such limit.
 MOST = defaultdict(lambda: 1.0, momentum_change=math.inf)
 
 

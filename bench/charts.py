@@ -14,7 +14,7 @@ from matplotlib import pyplot as plt  # noqa: E402
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator, PercentFormatter  # noqa: E402
 
 INK, GREY, LINE = "#222222", "#5c5c5c", "#d5d5d5"
-OURS, THEIRS, LOST = "#d39200", "#4f9ccb", "#c9c9c9"
+OWN, OTHERS, FAILED = "#d39200", "#4f9ccb", "#c9c9c9"
 SCENE_COLORS = {"chain8": "#1f6fa5", "gripper13": "#d39200", "chain32": "#a8430a"}
 METHOD_COLORS = {"reduced": "#d39200", "direct": "#1f6fa5", "pgs": "#7a7a7a"}
 STAGE_COLORS = {
@@ -22,7 +22,7 @@ STAGE_COLORS = {
     "free velocity": "#d39200", "responses": "#c9703c", "row terms": "#e8b48f", "rows solved": "#a8430a",
     "integration": "#8a8a8a", "others": "#d5d5d5",
 }
-# What is shown of peers.csv, in this order: the engine's beginning, and all its settings.
+# The rows of peers.csv that are drawn, in this order: the first word of the engine, and its settings.
 ROWS = [
     ("lockstep", "reduced, f32, avx512, generated, 4 steps per call"),
     ("lockstep", "reduced, f32, avx2, generated, 4 steps per call"),
@@ -65,12 +65,12 @@ def save(figure, path):
 
 
 def sound(row):
-    """An engine's row that stands for a simulation of the scene: it did not diverge, and is not far off."""
+    """True if the row simulates the scene: it did not diverge, and its error is small."""
     return row["diverged"] == "0" and float(row["rms"]) < 0.05
 
 
 def lead(table, scene):
-    """Generated code for AVX2 beside the fastest other that does not diverge, however far off."""
+    """How many times as fast generated code for AVX2 is as the fastest other engine that does not diverge."""
     own = next(row for row in table if (row["scene"], row["settings"]) == (scene, ROWS[1][1]))
     return float(own["steps_per_second"]) / max(
         float(row["steps_per_second"]) for row in table
@@ -86,12 +86,12 @@ def draw_peers(table, picture):
     for panel, scene in zip(panels, SCENES):
         for place, key in enumerate(rows):
             row = found[key + (scene,)]
-            speed, lost = float(row["steps_per_second"]), not sound(row)
-            color = LOST if lost else OURS if key[0] == "lockstep" else THEIRS
+            speed, failed = float(row["steps_per_second"]), not sound(row)
+            color = FAILED if failed else OWN if key[0] == "lockstep" else OTHERS
             panel.barh(place, speed, color=color, height=0.72)
             error = "diverges" if row["diverged"] == "1" else f"{float(row['rms']):.1e}".replace("e-0", "e-")
             panel.text(speed * 1.15, place, f"{rate(speed)}/s · {error}", va="center", fontsize=8.5,
-                       color=GREY if lost else INK)
+                       color=GREY if failed else INK)
         panel.set_xscale("log")
         panel.set_xlim(20, 3e10)
         panel.xaxis.set_major_locator(FixedLocator([1e2, 1e4, 1e6]))
@@ -107,13 +107,13 @@ def draw_peers(table, picture):
     panels[0].invert_yaxis()
     figure.supxlabel("environment-steps per second of one core", fontsize=9.5, color=INK, x=0.6, y=0.005)
     heading(figure, "Steps per second, and the joints' error in the first second (rad), at 1/240 s",
-            "One core, all take turns in one run. Grey: diverges, or is off by more than 0.05 rad. Times: AVX2, "
-            "generated, 4 steps per call, beside the fastest other that does not diverge.")
+            "One core; all take turns in one run. Grey: diverges, or is off by more than 0.05 rad. The titles compare "
+            "AVX2, generated, 4 steps/call with the fastest other engine that does not diverge.")
     save(figure, picture)
 
 
 def grouped(stages):
-    """Stages by the names of STAGE_COLORS; what is small goes together."""
+    """Times of the stages by the names of STAGE_COLORS. Stages that have no colour are added up as others."""
     sums = defaultdict(float)
     for row in stages:
         sums[row["stage"] if row["stage"] in STAGE_COLORS else "others"] += max(0.0, float(row["ns_per_tile"]))
@@ -144,7 +144,7 @@ def draw_stages(table, picture):
     figure.legend(handles, STAGE_COLORS, loc="lower left", bbox_to_anchor=(0.05, -0.01), ncol=len(STAGE_COLORS),
                   frameon=False, fontsize=9, handlelength=1.1, columnspacing=1.3)
     heading(figure, "Where the time of a step goes", "One core, f32, eight environments in a register, pgs with 4 "
-            "sweeps. What a stage adds to the step before it.")
+            "sweeps. The time of a stage is what it adds to the stages before it.")
     save(figure, picture)
 
 
@@ -192,8 +192,8 @@ def draw_scaling(table, picture):
         panel.set_title("", loc="center")
         panel.grid(color=LINE, linewidth=0.5)
         panel.xaxis.set_minor_locator(NullLocator())
-    heading(figure, "How the speed scales", "reduced unless said otherwise, f32, one core but for the threads, "
-            "4 steps per call; wall time and the fastest repeat for threads, CPU time and medians for the rest.")
+    heading(figure, "How the speed scales", "reduced unless a label says otherwise, f32, 4 steps per call. One core, "
+            "CPU time and medians; for threads, wall time and the fastest repeat.")
     save(figure, picture)
 
 
@@ -203,7 +203,7 @@ def draw_peak(table, picture):
     figure, panel = plt.subplots(figsize=(8.6, 1.6 + 0.32 * len(stages)))
     figure.subplots_adjust(left=0.23, right=0.98, top=1 - 0.95 / figure.get_figheight(), bottom=0.13)
     for row in table:
-        # With reduced, as it is the default; stages that it has not, with direct.
+        # With reduced, which is the default; stages that it does not have, with direct.
         method = "direct" if row["stage"] in ("responses", "row terms", "rows solved") else "reduced"
         if row["stage"] in stages and row["method"] == method:
             panel.plot(float(row["share_of_peak"]), stages.index(row["stage"]), "o", color=SCENE_COLORS[row["scene"]],
@@ -221,7 +221,7 @@ def draw_peak(table, picture):
     panel.set_xlabel("share of the fused multiply-adds that the core can do")
     peak = sorted(float(row["peak_gflops"]) for row in table)[len(table) // 2]
     heading(figure, "How near to the peak",
-            f"{peak:.0f} Gflop/s of independent AVX2 multiply-adds, measured in the same run")
+            f"The peak is {peak:.0f} Gflop/s of independent AVX2 multiply-adds, measured in the same run")
     save(figure, picture)
 
 

@@ -1,10 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "loads.h"
 
 #include <fmt/format.h>
 
+#include "interpret/lower.h"
 #include "scenes/scenes.h"
 
 namespace lockstep::bench {
+
+Engine engine_of(const Plan& plan, Engine wanted) {
+  if (wanted != Engine::automatic) return wanted;
+  const Program& program = program_of(plan);
+  const bool interpreted = interpret::interpreter_pays(program) && interpret::interpreted_step(program);
+  return interpreted ? Engine::interpreter : Engine::tables;
+}
 
 Load scene(const std::string& name, Method method, int iterations) {
   Load load;

@@ -1,4 +1,4 @@
-// What is measured: mechanisms and settings that several programs must have alike. SPDX-License-Identifier: Apache-2.0
+// Mechanisms and settings that several benchmarks share. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -12,18 +12,22 @@ struct Load {
   StepSettings settings;
   int environments = 4096;
   int substeps = 4;
-  int reset_after = 100;  ///< steps: near the start of the motion, where nothing has blown up or come to rest
+  int reset_after = 100;  ///< steps; so the motion neither diverges nor comes to rest
   int threads = 1;
   Engine engine = Engine::automatic;
 };
 
+/// The engine of a load. Automatic is what a batch takes by itself where the program holds no generated kernel, whether
+/// this one does or not.
+Engine engine_of(const Plan& plan, Engine wanted);
+
 /// A scene of tests/scenes.
 Load scene(const std::string& name, Method method, int iterations);
 
-/// The same with ranges of the joints' positions that they never leave.
+/// The same with position ranges that no joint reaches the end of.
 Load scene_with_ranges(const std::string& name, Method method);
 
-/// A chain like chain8, of any length, the first joints of which are coupled as there.
+/// A chain like chain8 of any length, with that many couplings from its first joint on.
 Load chain(int joints, int couplings, Method method);
 
 }  // namespace lockstep::bench

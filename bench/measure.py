@@ -1,6 +1,6 @@
 # Runs all measurements of a build and draws them. SPDX-License-Identifier: Apache-2.0
-"""CSV files go to bench/results/MACHINE, pictures to docs/performance, tables to docs/results/performance.md. Builds
-nothing."""
+"""CSV files go to bench/results/MACHINE, pictures to docs/performance, tables to docs/results/performance.md. The build
+must be finished."""
 import argparse
 import csv
 import os
@@ -15,7 +15,7 @@ RESULTS = BENCH / "results"
 
 
 def machine():
-    """The folder of results whose machine.txt tells of this processor, or a new one named after it."""
+    """The folder of results whose machine.txt describes this processor, or a new one named after it."""
     with open("/proc/cpuinfo") as file:
         lines = file.read().split("\n\n")[0].splitlines()
     facts = dict(re.split(r"\s*:\s*", line.strip(), maxsplit=1) for line in lines if ":" in line)
@@ -30,7 +30,7 @@ def machine():
 
 
 def python_that_draws():
-    """This one, or the system's where this has no matplotlib."""
+    """This Python, or the system's if this one has no matplotlib."""
     for python in (sys.executable, "/usr/bin/python3"):
         if subprocess.run([python, "-c", "import matplotlib"], capture_output=True).returncode == 0:
             return python
@@ -53,13 +53,13 @@ def step_bench(program, table, quick, target, chosen=".", robots=()):
          f"--benchmark_report_aggregates_only={'false' if quick else 'true'}",
          f"--benchmark_out={table}", "--benchmark_out_format=csv", *robots],
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    # Medians are enough, and before the header come words about the machine.
+    # Keeps the medians. The lines before the header describe the machine.
     rows = table.read_text()[table.read_text().index("name,"):].splitlines(keepends=True)
     table.write_text("".join(row for row in rows if not re.search('_(mean|stddev|cv)"', row)))
 
 
 def kernels(folder, table):
-    """Sizes of the generated kernels: operations from the head of the source, code from the object file for AVX2."""
+    """Sizes of the generated kernels: operations from the source's first lines, code from the object file for AVX2."""
     pattern = r"(\d+) operations, \d+ flops(?:;\s*// (\d+), \d+ where)?"
     with open(table, "w", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
@@ -75,19 +75,19 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--build", type=Path, default=BENCH.parent / "build", help="folder of a Release build")
     parser.add_argument("--pictures", type=Path, default=BENCH.parent / "docs" / "performance")
-    parser.add_argument("--quick", action="store_true", help="a look in under a minute; its figures are no results")
-    parser.add_argument("--robots", type=Path, nargs="+", metavar="URDF", help="files of robots to measure as well")
+    parser.add_argument("--quick", action="store_true", help="takes less than a minute; the figures are not results")
+    parser.add_argument("--robots", type=Path, nargs="+", metavar="URDF", help="robot files to measure too")
     choices = parser.parse_args()
     python = python_that_draws()
     if os.getloadavg()[0] > 0.5:
-        print("This machine is at work: ratios will do, but two threads will not be seen to gain anything.")
+        print("This machine is busy: ratios are still good, but two threads will seem to gain nothing.")
     if choices.quick:
         results = choices.pictures = choices.build / "bench" / "quick"
         results.mkdir(parents=True, exist_ok=True)
     else:
         results = machine()
     programs = choices.build / "bench"
-    # Figures are for AVX2, which most machines have; AVX-512 beside it where there is any.
+    # The figures are for AVX2, which most machines have, and also for AVX-512 if this machine has it.
     step_bench(programs / "step_bench", results / "step_bench.csv", choices.quick, "avx2")
     with open("/proc/cpuinfo") as file:
         wide = "avx512vl" in file.read()

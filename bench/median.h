@@ -1,4 +1,4 @@
-// What is told of repeated measurements. SPDX-License-Identifier: Apache-2.0
+// Statistics of repeated measurements. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@ inline double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-/// From the lower to the upper quarter, as a share of the median.
+/// The interquartile range as a share of the median.
 inline double spread(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   return (values[values.size() * 3 / 4] - values[values.size() / 4]) / values[values.size() / 2];

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Each function is compiled for the instructions that it measures, so the file needs no flags of its own. Twelve
-// chains: more than four cycles of latency times two units, and with their two factors they fit sixteen registers.
+// Each function is compiled for the instructions that it measures, so the file needs no compiler flags. Four cycles of
+// latency times two units need eight chains. There are twelve, which fit sixteen registers with their two constants.
 #include "peak.h"
 
 #include <immintrin.h>
@@ -72,7 +72,7 @@ double run_peak(Peak peak, long rounds) {
 
 double measured_peak(Peak peak, double seconds) {
   if (!supported(peak)) return 0.0;
-  run_peak(peak, 10000);  // the core may have to wake its wide units first
+  run_peak(peak, 10000);  // the core may have to wake its wide units
   const double start = cpu_seconds();
   double flops = 0.0, spent = 0.0;
   while ((spent = cpu_seconds() - start) < seconds) flops += run_peak(peak, 10000);

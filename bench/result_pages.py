@@ -1,8 +1,8 @@
 # Writes docs/results/accuracy.md and docs/results/stability.md. SPDX-License-Identifier: Apache-2.0
 """python3 result_pages.py [--machine MACHINE] [--docs FOLDER] [--check]
 
-Reads accuracy.csv, precision.csv and stability_map/*.csv of bench/results/MACHINE. With --check it writes nothing and
-fails where a page is not what the files say. It needs no package."""
+Reads accuracy.csv, precision.csv and stability_map/*.csv of bench/results/MACHINE. With --check it writes nothing, and
+fails if a page differs from what the files say. It needs the standard library only."""
 import argparse
 import csv
 import sys
@@ -21,7 +21,7 @@ def markdown(head, rows):
 
 
 def words(*paragraphs):
-    """Paragraphs, or a list where they begin with a dash."""
+    """Wrapped lines of the paragraphs. Those that begin with a dash are a list."""
     lines = []
     for text in paragraphs:
         item = text.startswith("- ")
@@ -50,30 +50,30 @@ SCENES = {
 }
 
 
-def said(row):
+def setting(row):
     return f"{row['settings']}, 1/{row['steps_per_second']:.0f} s"
 
 
-def ours(row):
+def is_own(row):
     return row["engine"] == "lockstep"
 
 
 def cheapest(rows):
-    """For each error: the cheapest setting of lockstep and of the other engines that reaches it."""
+    """For each error, the cheapest setting of lockstep and the cheapest of the other engines that reach it."""
     lines = []
     for power in range(-2, -9, -1):
         reach = [row for row in rows if good(row, "rms") and row["rms"] <= 10.0 ** power]
-        own = min(filter(ours, reach), key=cost, default=None)
-        other = min((row for row in reach if not ours(row)), key=cost, default=None)
+        own = min(filter(is_own, reach), key=cost, default=None)
+        other = min((row for row in reach if not is_own(row)), key=cost, default=None)
         if own:
-            theirs = ["none", "", ""] if not other else [
-                f"{other['engine']}, {said(other)}", f"{cost(other):.3g}", f"{cost(other) / cost(own):.0f}"]
-            lines.append([f"1e{power}", said(own), f"{cost(own):.3g}"] + theirs)
+            others = ["none", "", ""] if not other else [
+                f"{other['engine']}, {setting(other)}", f"{cost(other):.3g}", f"{cost(other) / cost(own):.0f}"]
+            lines.append([f"1e{power}", setting(own), f"{cost(own):.3g}"] + others)
     return markdown(["error", "cheapest of lockstep", "µs", "cheapest of the others", "µs", "ratio"], lines)
 
 
-def cell(row, column, form):
-    return format(row[column], form) if good(row, "rms") and row[column] == row[column] else ""
+def cell(row, column, spec):
+    return format(row[column], spec) if good(row, "rms") and row[column] == row[column] else ""
 
 
 def at_all_steps(rows):
@@ -99,8 +99,8 @@ def at_240(rows):
 
 
 def energies(rows):
-    """Energy error and change of momentum of ours at each step size."""
-    own = [row for row in rows if ours(row)]
+    """Energy error and change of momentum of lockstep at each step size."""
+    own = [row for row in rows if is_own(row)]
     rates = sorted({row["steps_per_second"] for row in own})
     lines = {}
     for row in own:
@@ -190,14 +190,14 @@ class Map:
         self.name = path.stem
         self.x, self.y = list(rows[0])[:2]
         self.found = {(row["method"], float(row[self.x]), float(row[self.y])): row for row in rows}
-        self.xs = sorted({x for _, x, _ in self.found} - {0.0})  # 0 sweeps: the method makes none
+        self.xs = sorted({x for _, x, _ in self.found} - {0.0})  # 0 sweeps: the method does not sweep
         self.ys = sorted({y for _, _, y in self.found})
 
     def row(self, method, x, y):
         return self.found.get((method, x, y)) or self.found[method, 0.0, y]
 
     def picture(self):
-        """One letter a point, y downwards, x to the right, the methods side by side."""
+        """A letter for each point: y downwards, x to the right, the methods side by side."""
         width, names = len(self.xs), [number(self.y, y) for y in self.ys]
         left = max(map(len, names))
         yield " " * left + "  " + "  ".join(f"{method:{width}}" for method in METHODS).rstrip()
@@ -216,7 +216,7 @@ class Map:
         return markdown(["method"] + kinds + ["largest error"], lines)
 
     def sweeps_needed(self):
-        """From how many sweeps on the class is at least this good, up to the most that were made."""
+        """The number of sweeps from which on all larger numbers have a class that is at least as good."""
         def needed(method, y, classes):
             least = None
             for x in reversed(self.xs):
@@ -233,7 +233,7 @@ class Map:
                          "tgs below 1e-2 from", "error of direct", "of reduced"], [line(y) for y in self.ys])
 
     def errors_by_sweeps(self):
-        """Errors of the sweeping methods for some y."""
+        """Errors of pgs and tgs for some y."""
         xs = [x for x in (1.0, 4.0, 16.0, 64.0, 256.0) if x in self.xs]
         ys = [y for i, y in enumerate(self.ys) if i % 4 == 3]
         return markdown([self.y.replace("_", " "), "method"] + [f"{x:.0f} sweep{'s' if x > 1 else ''}" for x in xs],
@@ -241,7 +241,7 @@ class Map:
                          for y in ys for method in ("pgs", "tgs")])
 
     def longest_steps(self):
-        """The longest step up to which all steps have the class holds."""
+        """The longest step for which it and all shorter steps have the class holds."""
         def longest(method, y):
             last = None
             for x in self.xs:
@@ -297,7 +297,7 @@ def main():
         path.write_text(text)
         print(path)
     if stale:
-        sys.exit("not what the files of results say: " + ", ".join(stale) + "; run python3 bench/result_pages.py")
+        sys.exit(", ".join(stale) + ": differs from what the files say; run python3 bench/result_pages.py")
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
-# The rows of the benchmarks' tables, by the names that pictures and documents use. SPDX-License-Identifier: Apache-2.0
+# Reads the rows of the benchmarks' tables by the names that documents use. SPDX-License-Identifier: Apache-2.0
 import csv
 import re
 from typing import NamedTuple
 
 SCENES = ["chain8", "gripper13", "chain32"]
 
-# Words of older tables, and the words of today's.
+# Words of older tables, and the words that replace them.
 RENAMED = [(r"/(?:kernel|engine):", "/engine:"), (r"/engine:(?:listed|operations)\b", "/engine:interpreter"),
            (r"/astray\b", "/inconsistent"), (r"-idle\b", "-inactive"), (r"-acting\b", "-active")]
 
@@ -26,7 +26,7 @@ def read(path):
 
 
 def row_name(name):
-    """A row's name in today's words, without the statistic and what the benchmark library adds; and the statistic."""
+    """A row's name and its statistic. The name is without the statistic and the benchmark library's suffixes."""
     name, statistic = re.fullmatch(r"(.*?)(_median|_best)?", name).groups()
     name = re.sub("/real_time$|/iterations:[0-9]+", "", name)
     for old, new in RENAMED:
@@ -35,8 +35,8 @@ def row_name(name):
 
 
 def rates(table):
-    """By name. Speeds are medians, but the fastest repeats where threads are compared. Single repeats have no
-    statistics."""
+    """Rate by name. Speeds are medians; where threads are compared, the fastest repeat. Single repeats have no
+    statistic."""
     found, medians = {}, {}
     for row in table:
         if not row["env_steps_per_second"]:

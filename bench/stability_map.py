@@ -1,4 +1,4 @@
-# Draws the maps of stability_map: where each method holds, and how it fails. SPDX-License-Identifier: Apache-2.0
+# Draws the maps of stability_map: where each method is stable, and how it fails. SPDX-License-Identifier: Apache-2.0
 """python3 stability_map.py FOLDER_OF_CSV FOLDER_OF_PICTURES [MAP ...]"""
 import csv
 import math
@@ -14,7 +14,7 @@ from matplotlib.patches import Patch  # noqa: E402
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter, NullLocator  # noqa: E402
 
 METHODS = ["pgs", "tgs", "direct", "reduced"]
-# From light to dark, so that they are told apart in grey as well.
+# From light to dark, so that they differ in grey too.
 CLASSES = {
     "holds": ("#e4f0f8", "holds: coupling error ≤ 10⁻⁵"),
     "loose": ("#8cc6ea", "loose: ≤ 10⁻²"),
@@ -47,25 +47,25 @@ AXES = {
     "dt": ("step (s)", [1 / 960, 1 / 480, 1 / 240, 1 / 120, 1 / 60], "1/{:.0f}"),
 }
 LINEAR = {"followers", "couplings"}
-# The finding, and what was run.
+# Title and subtitle: the finding, and what was run.
 TITLES = {
-    "followers_sweeps": ("A star of couplings takes sweeping methods more sweeps the more followers it has",
+    "followers_sweeps": ("A star of couplings needs more sweeps the more followers it has",
                          "One servo and its followers, all of one mass, 1/240 s"),
-    "chain_sweeps": ("A chain of couplings is out of reach of sweeps: twice as long takes eight times as many",
+    "chain_sweeps": ("A long chain of couplings is out of reach of sweeps: twice the length needs eight times as many",
                      "Serial arm in gravity, each joint mimics the one before, 1/240 s"),
     "gear_sweeps": ("Gear ratios: pgs needs four to eight sweeps, tgs hundreds, and direct in float ends at 10⁴",
                     "Arm of 8 joints, 4 couplings, 1/240 s"),
-    "mass_dt": ("Twelve decades of mass: exact methods bear them, sweeps with heavy last links do not",
+    "mass_dt": ("Twelve decades of mass: exact methods cope, sweeps do not cope with heavy last links",
                 "Arm of 8 joints, 4 couplings, damping in proportion to the masses, 4 sweeps"),
-    "mass_gear": ("Mass and gear ratio together: the exact methods hold all over, direct in float up to 10⁴",
+    "mass_gear": ("Mass and gear ratio together: reduced holds everywhere, direct in float up to ratios of 10³",
                   "Arm of 8 joints, 4 couplings, damping in proportion to the masses, 1/240 s, 4 sweeps"),
-    "damping_dt": ("The integrator's own limit: motion with little damping wants small steps, with any method",
+    "damping_dt": ("The limit of the integrator: with little damping every method needs small steps",
                    "Arm of 8 joints, 4 couplings, free fall from rest, 4 sweeps"),
-    "stiffness_dt": ("No servo is too stiff, but a leap to its target at 200 rad/s can be too fast for the step",
+    "stiffness_dt": ("No servo is too stiff, but a jump to its target at 200 rad/s can be too fast for the step",
                      "Arm of 8 joints, 4 couplings, servo on the first joint 0.3 rad off its target, 4 sweeps"),
-    "error_dt": ("A start far off the couplings: sweeps leave the speed of the correction in the motion",
-                 "Arm of 8 joints, 4 couplings, all off by as much, 4 sweeps"),
-    "frequency_dt": ("Soft couplings are as stated while the step resolves them, and only more damped beyond",
+    "error_dt": ("A start with large coupling errors: sweeps leave the speed of the correction in the motion",
+                 "Arm of 8 joints, 4 couplings, the same error in all, 4 sweeps"),
+    "frequency_dt": ("Soft couplings are as stated while the step resolves them; beyond that they are more damped",
                      "One slider and four that follow it, damping ratio 0.1, 4 sweeps"),
     "frequency_damping": ("Soft couplings at 1/240 s: as stated up to 5 Hz, tgs with four sub-steps to 20 Hz",
                           "One slider and four that follow it, 4 sweeps"),
@@ -73,14 +73,14 @@ TITLES = {
 
 
 def tick_text(name, value):
-    form = AXES[name][2]
-    if form is None:
+    pattern = AXES[name][2]
+    if pattern is None:
         return f"$10^{{{round(math.log10(value))}}}$"
-    return form.format(1.0 / value if name == "dt" else value)
+    return pattern.format(1.0 / value if name == "dt" else value)
 
 
 def edges(name, values):
-    """Borders of the cells: half-way between neighbours, on the scale of the axis."""
+    """Borders of the cells, half-way between neighbours on the scale of the axis."""
     linear = name in LINEAR
     at = list(values) if linear else [math.log(value) for value in values]
     middle = [(a + b) / 2 for a, b in zip(at, at[1:])]
@@ -103,7 +103,7 @@ def draw(path, picture):
     x, y = list(rows[0])[:2]
     found = {(row["method"], float(row[x]), float(row[y])): row["class"] for row in rows}
     ys = sorted({point[2] for point in found})
-    xs = sorted({point[1] for point in found} - {0.0})  # 0 sweeps: the method makes none
+    xs = sorted({point[1] for point in found} - {0.0})  # 0 sweeps: the method does not sweep
     classes = SOFT_CLASSES if x == "damping_ratio" or y == "frequency" else CLASSES
     codes = list(classes)
     colors = ListedColormap([color for color, _ in classes.values()])
@@ -116,8 +116,8 @@ def draw(path, picture):
         cells = [[codes.index(found.get((method, a, b)) or found[method, 0.0, b]) for a in xs] for b in ys]
         panel.pcolormesh(edges(x, xs), edges(y, ys), cells, cmap=colors, edgecolors="white", linewidth=0.15,
                          norm=BoundaryNorm(range(len(codes) + 1), len(codes)))
-        idle = x == "sweeps" and (method, 0.0, ys[0]) in found
-        panel.set_title(method + (" (makes no sweeps)" if idle else ""), fontsize=11, color=INK, loc="left")
+        sweepless = x == "sweeps" and (method, 0.0, ys[0]) in found
+        panel.set_title(method + (" (does not sweep)" if sweepless else ""), fontsize=11, color=INK, loc="left")
         panel.set_xscale("linear" if x in LINEAR else "log")
         panel.set_yscale("linear" if y in LINEAR else "log")
     dress(panels[0].xaxis, x)

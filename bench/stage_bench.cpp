@@ -1,8 +1,8 @@
-// Where the time of a step goes: each stage on one tile, beside the machine's peak. SPDX-License-Identifier: Apache-2.0
+// Times each stage of a step on one tile, beside the machine's peak. SPDX-License-Identifier: Apache-2.0
 //
-// The beginning of a step is timed up to each stage, and a stage's time is what it adds: with hot caches, on the data
-// of a real step, and stages sum up to the step. Medians over repeats in which all beginnings take turns. A stage that
-// runs while the one before is still finishing may add nearly nothing.
+// The program times the first n stages of a step for each n. A stage's time is what it adds, so the stages sum up to
+// the step. Caches are hot, and the data are those of a real step. Times are medians over repeats in which all n take
+// turns. A stage may add almost nothing if the processor starts it before the one before is finished.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -26,10 +26,10 @@ namespace {
 struct Choices {
   std::string csv;
   int repeats = 15;
-  double seconds = 0.004;  // of CPU time for each beginning of a step, in each repeat
+  double seconds = 0.004;  // of CPU time for each number of stages, in each repeat
 };
 
-// State and inputs of one tile, all lanes alike.
+// State and inputs of one tile, the same in all lanes.
 class TileState {
  public:
   TileState(const Plan& plan) : numbers_(rows * width), fault_(width, Fault{}) {
@@ -72,20 +72,20 @@ struct Times {
   double peak = 0.0;                // Gflop/s
 };
 
-// All stages in full, also where followers are in place.
+// Tables with which all stages run in full, even if followers are consistent.
 Tables<float> tables_of(const Plan& plan) {
   Tables<float> tables = program_of(plan).f32;
   tables.reduction.consistent_is_shorter = false;
   return tables;
 }
 
-// Stages that no longer do what a step does would be noticed here.
+// Throws if the stages do not have the flops of a step, and so are no longer what a step runs.
 void require_whole_step(const Plan& plan) {
   const TileState state(plan);
   const long counted = stage_flops(tables_of(plan), state.batch(), stage_count());
   if (counted != plan.flops_per_step())
-    throw std::logic_error(fmt::format("stages of {} have {} flops together, its step {}", plan.model().name, counted,
-                                       plan.flops_per_step()));
+    throw std::logic_error(fmt::format("the stages of {} have {} flops, but its step has {}", plan.model().name,
+                                       counted, plan.flops_per_step()));
 }
 
 Times measure(const Plan& plan, const Choices& choices) {
@@ -155,13 +155,13 @@ int run(const Choices& choices) {
 
 int main(int argc, char** argv) {
   lockstep::bench::Choices choices;
-  CLI::App app("Where the time of a step goes, stage by stage.", "stage_bench");
-  app.add_option("--csv", choices.csv, "File for the table; without it, the terminal");
-  app.add_option("--repeats", choices.repeats, "Of each measurement; medians are told")->capture_default_str();
-  app.add_option("--seconds", choices.seconds, "Of CPU time for each measurement")->capture_default_str();
+  CLI::App app("Times the stages of a step.", "stage_bench");
+  app.add_option("--csv", choices.csv, "File for the table (default: standard output)");
+  app.add_option("--repeats", choices.repeats, "Number of measurements; the table has medians")->capture_default_str();
+  app.add_option("--seconds", choices.seconds, "CPU time in s of each measurement")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   if (!lockstep::bench::supported(lockstep::bench::Peak::avx2_f32)) {
-    fmt::print(stderr, "stage_bench: this machine has no AVX2, so there is nothing to measure\n");
+    fmt::print(stderr, "stage_bench: nothing to measure, because this machine has no AVX2\n");
     return 0;
   }
   try {

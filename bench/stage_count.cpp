@@ -1,4 +1,4 @@
-// Flops of each stage, and what stages there are. SPDX-License-Identifier: Apache-2.0
+// The stages and their flops. SPDX-License-Identifier: Apache-2.0
 #include <vector>
 
 #include "counting/counted.h"

@@ -7,7 +7,7 @@
 namespace lockstep::bench {
 namespace {
 
-// A wide type of its own, so that these kernels are instantiated here and none is shared with the library's.
+// A wide type of this file, so that its kernels are instantiated here and the linker does not take the library's.
 struct Timed : simd::Fused {};
 using Wide = simd::Wide<float, StageKernels::lanes, Timed>;
 

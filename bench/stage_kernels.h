@@ -1,4 +1,4 @@
-// The beginning of a step as plain functions: to be timed, and to be counted. SPDX-License-Identifier: Apache-2.0
+// The first stages of a step as plain functions, to time and to count. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
@@ -8,11 +8,11 @@
 
 namespace lockstep::bench {
 
-/// In AVX2, eight environments to a tile; compiled with the flags of the library's own kernels.
+/// For AVX2, with eight environments in a tile; compiled with the flags of the library's kernels.
 struct StageKernels {
   static constexpr int lanes = 8;
   static std::size_t scratch_bytes(const Tables<float>& t);
-  /// `repeats` times the first `stages` of a step, beginning each time with the state of `start`.
+  /// Runs the first `stages` of a step `repeats` times, each time from the state of `start`.
   static void run(const Tables<float>& t, const StatePointers<float>& start, const StatePointers<float>& batch,
                   void* scratch, int stages, long repeats);
 };
@@ -20,7 +20,7 @@ struct StageKernels {
 int stage_count();
 const char* stage_name(int stage);
 bool stage_present(const Tables<float>& t, int stage);
-/// Flops of the first `stages` for one environment, counted by running them on a number that counts.
+/// Flops of the first `stages` for one environment. They run on a number that counts its operations.
 long stage_flops(const Tables<float>& t, const StatePointers<float>& batch, int stages);
 
 }  // namespace lockstep::bench

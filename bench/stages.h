@@ -1,6 +1,6 @@
 // The stages of a step one by one, as src/kernels/step.h calls them. SPDX-License-Identifier: Apache-2.0
 //
-// For scenes without bounds, effort limits, recordings and softness of their own: what runs in the plainest steps.
+// They are those of plain steps: without bounds, effort limits, records and softness per environment.
 #pragma once
 
 #include "kernels/step.h"
@@ -55,7 +55,7 @@ struct Stages {
   }
 
   static constexpr NamedStage<T> all[] = {
-      {"load", always, [](const Table& t, const StatePointers<S>& l, Tile& x) { kernels::load(t, l, x); }},
+      {"load", always, [](const Table& t, const StatePointers<S>& batch, Tile& x) { kernels::load(t, batch, x); }},
       {"kinematics", always, [](const Table& t, const StatePointers<S>&, Tile& x) { kernels::kinematics(t, x); }},
       {"coupling errors", coupled,
        [](const Table& t, const StatePointers<S>&, Tile& x) {
@@ -64,11 +64,11 @@ struct Stages {
          if (t.reduction.has_constraint_velocities()) kernels::start_constraint_velocities(t, x);
        }},
       {"bias forces", always,
-       [](const Table& t, const StatePointers<S>& l, Tile& x) { kernels::bias_forces(t, l, x); }},
+       [](const Table& t, const StatePointers<S>& batch, Tile& x) { kernels::bias_forces(t, batch, x); }},
       {"joint terms", always,
-       [](const Table& t, const StatePointers<S>& l, Tile& x) {
-         kernels::joint_inertias(t, l, x);
-         kernels::joint_forces(t, l, x);
+       [](const Table& t, const StatePointers<S>& batch, Tile& x) {
+         kernels::joint_inertias(t, batch, x);
+         kernels::joint_forces(t, batch, x);
        }},
       {"mass matrix", by_matrix,
        [](const Table& t, const StatePointers<S>&, Tile& x) { kernels::inertia_matrix(t, x); }},
@@ -87,7 +87,7 @@ struct Stages {
   };
   static constexpr int count = sizeof(all) / sizeof(*all);
 
-  /// The first `stages` of a step of one tile that is laid out.
+  /// Runs the first `stages` of a step on a tile that is laid out.
   static void run(const Table& t, const StatePointers<S>& batch, Tile& x, int stages) {
     x.servos.pass = 0;
     for (int s = 0; s < stages; ++s)

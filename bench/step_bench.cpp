@@ -1,10 +1,9 @@
 // Throughput of the step: step/<scene>/<method>/<iterations>/<precision>[/words]. SPDX-License-Identifier: Apache-2.0
 //
-// One thread, 4096 environments, 4 sub-steps per call unless the words behind say otherwise. The ladder adds one
-// feature at a time to a chain of eight. Counter env_steps_per_second is per second of CPU time (wall time where
-// threads are compared). Steps are those that a batch takes by itself where no kernel is generated, unless a word names
-// them. Rows peak/<instructions> and peak/memory are what the machine can do at best. URDF files named behind the
-// options are robots of which there are rows, too, without what bounds their motion.
+// Unless the words of a row say otherwise, it has one thread, 4096 environments, 4 steps per call and the automatic
+// engine. Rows of the ladder add one feature at a time to a chain of eight. The counter env_steps_per_second is per
+// second of CPU time, or of wall time where threads are compared. Rows peak/<instructions> and peak/memory measure the
+// peaks of the machine. URDF files that follow the options are measured too, without their bounds.
 #include <benchmark/benchmark.h>
 #include <fmt/format.h>
 
@@ -22,12 +21,12 @@ namespace {
 
 using bench::Load;
 
-// Null where the plan has no such engine.
+// Null if the engine does not take the plan.
 template <class S>
-std::unique_ptr<Batch<S>> made(const Plan& plan, const Load& load, benchmark::State& state) {
+std::unique_ptr<Batch<S>> make_batch(const Plan& plan, const Load& load, benchmark::State& state) {
   try {
-    return std::make_unique<Batch<S>>(plan, load.environments,
-                                      BatchOptions{.threads = load.threads, .engine = load.engine});
+    return std::make_unique<Batch<S>>(
+        plan, load.environments, BatchOptions{.threads = load.threads, .engine = bench::engine_of(plan, load.engine)});
   } catch (const SettingsError& error) {
     state.SkipWithError(error.what());
     return nullptr;
@@ -37,9 +36,9 @@ std::unique_ptr<Batch<S>> made(const Plan& plan, const Load& load, benchmark::St
 template <class S>
 void run(benchmark::State& state, const Load& load) {
   const Plan plan = compile(load.model, load.settings);
-  const std::unique_ptr<Batch<S>> own = made<S>(plan, load, state);
-  if (!own) return;
-  Batch<S>& batch = *own;
+  const std::unique_ptr<Batch<S>> owner = make_batch<S>(plan, load, state);
+  if (!owner) return;
+  Batch<S>& batch = *owner;
   batch.step(load.substeps);
   int steps = load.substeps;
   for (auto _ : state) {
@@ -59,9 +58,9 @@ void run(benchmark::State& state, const Load& load) {
       benchmark::Counter(done * static_cast<double>(plan.flops_per_step()) * 1e-9, benchmark::Counter::kIsRate);
 }
 
-// Whoever takes one of two cores for a moment keeps the other waiting: where threads are compared the fastest repeat is
-// told beside the median.
-void tell_best(benchmark::internal::Benchmark* b) {
+// Another program that takes one of two cores for a moment keeps the other waiting. So where threads are compared, the
+// fastest repeat is reported beside the median.
+void report_best(benchmark::internal::Benchmark* b) {
   b->ComputeStatistics("best", [](const std::vector<double>& repeats) { return *std::ranges::max_element(repeats); });
 }
 
@@ -69,7 +68,7 @@ benchmark::internal::Benchmark* add(const std::string& name, const Load& load, b
   auto* b = benchmark::RegisterBenchmark(("step/" + name).c_str(), [load, single](benchmark::State& s) {
     single ? run<float>(s, load) : run<double>(s, load);
   });
-  if (name.find("/threads:") != std::string::npos) tell_best(b->UseRealTime());
+  if (name.find("/threads:") != std::string::npos) report_best(b->UseRealTime());
   return b;
 }
 
@@ -86,12 +85,12 @@ void add_methods() {
     }
 }
 
-// Integrators beyond Euler's; where the build has kernels, add_generated() has them too.
+// Integrators beyond Euler's. add_generated() has the generated kernels of these.
 void add_integrators() {
   for (const char* scene : {"chain8", "gripper13", "chain32"})
     for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
       for (const bool single : {true, false}) {
-        if (integrator == Integrator::runge_kutta && scene == std::string("gripper13")) continue;  // refused: too stiff
+        if (integrator == Integrator::runge_kutta && scene == std::string("gripper13")) continue;  // too stiff
         Load load = bench::scene(scene, Method::reduced, 1);
         load.settings.integrator = integrator;
         add(fmt::format("{}/reduced/1/{}/integrator:{}", scene, single ? "f32" : "f64", to_string(integrator)), load,
@@ -99,7 +98,7 @@ void add_integrators() {
       }
 }
 
-// With four steps per call, and with one.
+// Rows with four steps per call and with one.
 void add_engine(Engine engine, const std::string& name, Load load) {
   load.engine = engine;
   for (const int substeps : {4, 1}) {
@@ -109,7 +108,7 @@ void add_engine(Engine engine, const std::string& name, Load load) {
   }
 }
 
-// A scene whose followers are inconsistent, and stay so until the next reset: steps in full.
+// A scene whose followers are inconsistent, and stay so until the next reset. So every step is a full one.
 Load inconsistent(const char* scene) {
   Load load = bench::scene(scene, Method::reduced, 1);
   for (const Coupling& coupling : load.model.couplings)
@@ -118,7 +117,7 @@ Load inconsistent(const char* scene) {
   return load;
 }
 
-// One engine: the scenes, chains half coupled, threads and sizes of batches.
+// The scenes, chains with half of their joints coupled, threads and batch sizes by one engine.
 void add_engines(Engine engine, const std::vector<int>& lengths) {
   for (const char* scene : {"chain8", "gripper13", "chain32"})
     for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
@@ -143,7 +142,7 @@ void add_engines(Engine engine, const std::vector<int>& lengths) {
   }
 }
 
-// Straight-line code, where the build has it (LOCKSTEP_BENCH_KERNELS).
+// Needs generated kernels (LOCKSTEP_BENCH_KERNELS).
 [[maybe_unused]] void add_generated() {
   add_engines(Engine::generated, {4, 8, 16, 32, 64});
   for (const auto& [scene, integrator] : {std::pair{"chain8", Integrator::leapfrog},
@@ -158,7 +157,7 @@ void add_engines(Engine engine, const std::vector<int>& lengths) {
   }
 }
 
-// All benchmarks have the same counters, or there is no table.
+// A CSV table needs the same counters in all benchmarks.
 void add_peaks() {
   const auto count = [](benchmark::State& state, double flops) {
     state.counters["env_steps_per_second"] = 0.0;
@@ -174,9 +173,9 @@ void add_peaks() {
     };
     const std::string name = fmt::format("peak/{}", to_string(peak));
     benchmark::RegisterBenchmark(name.c_str(), run);
-    // What a second core of this machine is worth while the first one is at work.
+    // The gain from a second core while the first one is at work.
     if (peak == bench::Peak::avx2_f32)
-      tell_best(benchmark::RegisterBenchmark(name.c_str(), run)->Threads(2)->UseRealTime());
+      report_best(benchmark::RegisterBenchmark(name.c_str(), run)->Threads(2)->UseRealTime());
   }
   benchmark::RegisterBenchmark("peak/memory", [count](benchmark::State& state) {
     bench::Stream stream(1 << 25);
@@ -220,7 +219,7 @@ void add_sizes() {
     }
 }
 
-// What each feature costs: the same chain with more and more of them.
+// The cost of each feature: the same chain with more and more features.
 void add_ladder() {
   const auto rung = [](const std::string& words, auto&& change) {
     Load load = bench::scene("chain8", Method::direct, 1);
@@ -262,8 +261,8 @@ void add_ladder() {
   }
 }
 
-// What competes with couplings: bounds that are stated and do not act, and bounds that do. Which of them act changes as
-// the motion goes on, so all of it is timed, from reset to reset.
+// Bounds that are inactive all the time, and bounds that become active. The active set changes during the motion, so
+// all of the motion is timed, from reset to reset.
 void add_bounds() {
   const auto rung = [](const std::string& words, const std::string& scene, Method method, auto&& change) {
     Load load = bench::scene(scene, method, 1);
@@ -274,24 +273,24 @@ void add_bounds() {
   for (const char* scene : {"chain8", "gripper13"})
     for (Method method : {Method::reduced, Method::direct, Method::pgs}) {
       rung("none", scene, method, [](Joint&) {});
-      const std::string idle = fmt::format("{}/{}/1/f32/bounds:limits-idle", scene, to_string(method));
-      add(idle, bench::scene_with_ranges(scene, method), true);
-      add_engine(Engine::interpreter, idle, bench::scene_with_ranges(scene, method));
+      const std::string inactive = fmt::format("{}/{}/1/f32/bounds:limits-inactive", scene, to_string(method));
+      add(inactive, bench::scene_with_ranges(scene, method), true);
+      add_engine(Engine::interpreter, inactive, bench::scene_with_ranges(scene, method));
 #ifdef LOCKSTEP_BENCH_KERNELS
-      add_engine(Engine::generated, idle, bench::scene_with_ranges(scene, method));
+      add_engine(Engine::generated, inactive, bench::scene_with_ranges(scene, method));
 #endif
-      rung("velocity-limits-idle", scene, method, [](Joint& j) { j.velocity_limit = 1e3; });
-      rung("efforts-idle", scene, method, [](Joint& j) { j.effort_limit = 1e9; });
-      rung("limits-acting", scene, method, [](Joint& j) { j.lower = -0.35, j.upper = 0.35; });
+      rung("velocity-limits-inactive", scene, method, [](Joint& j) { j.velocity_limit = 1e3; });
+      rung("efforts-inactive", scene, method, [](Joint& j) { j.effort_limit = 1e9; });
+      rung("limits-active", scene, method, [](Joint& j) { j.lower = -0.35, j.upper = 0.35; });
       rung("friction", scene, method, [](Joint& j) { j.friction = 0.1; });
-      rung("efforts-acting", scene, method, [](Joint& j) { j.effort_limit = 0.5; });
-      rung("all-acting", scene, method, [](Joint& j) {
+      rung("efforts-active", scene, method, [](Joint& j) { j.effort_limit = 0.5; });
+      rung("all-active", scene, method, [](Joint& j) {
         j.lower = -0.35, j.upper = 0.35, j.velocity_limit = 2.0, j.effort_limit = 0.5, j.friction = 0.1;
       });
     }
 }
 
-// Masses and moments that a file leaves out are made up for.
+// A robot from a URDF file. Bodies without mass or inertia get small ones.
 void add_robot(const std::filesystem::path& file) {
   Load load;
   load.model = import_urdf_file(file.string(), {.least_mass = 1e-3, .least_inertia = 1e-6}).model;

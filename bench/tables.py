@@ -1,6 +1,6 @@
 # Writes docs/results/performance.md from the CSV files of measure.py. SPDX-License-Identifier: Apache-2.0
-"""Writes the tables of one machine's results as Markdown. With --check it only compares: exit code 1 if the page is not
-what the CSV files say."""
+"""Writes the tables of one machine's results as Markdown. With --check it writes nothing, and exits with 1 if the page
+differs from what the CSV files say."""
 import argparse
 import re
 import sys
@@ -121,7 +121,7 @@ def speed(found, name):
 
 
 def table(head, rows, labels=1, title=""):
-    """Rows begin with that many labels. Those that have no figure are left out; no table if none is left."""
+    """A Markdown table. Rows begin with `labels` labels; rows without a figure are left out. Empty without rows."""
     rows = [row for row in rows if any(cell != NONE for cell in row[labels:])]
     if not rows:
         return ""
@@ -131,14 +131,14 @@ def table(head, rows, labels=1, title=""):
 
 
 def engine_words():
-    """Engines and steps per call, and what a row's name says of them."""
+    """Engine, steps per call, and the words of both in the names of rows."""
     for engine in ["automatic"] + ENGINES:
         for substeps, words in ((4, ""), (1, "/substeps:1")):
             yield engine, substeps, words + ("" if engine == "automatic" else f"/engine:{engine}")
 
 
 def section(title, *tables):
-    """Nothing if it has no tables."""
+    """A section of the page; empty without tables."""
     text = "".join(tables)
     return f"## {title}\n\n{textwrap.fill(WORDS[title], 120, break_on_hyphens=False)}\n\n{text}" if text else ""
 
@@ -148,7 +148,7 @@ def method_words(method, iterations):
 
 
 def models():
-    """What is stepped by every engine: words, the row's name, the generated kernel's name."""
+    """What every engine steps: its words, the name of its row, and the name of its generated kernel."""
     for n in CHAINS:
         yield f"chain of {n}, `reduced`", f"step/chain/reduced/1/f32/coupled/dofs:{n}", f"chain{n}_coupled"
     for scene in SCENES:
@@ -340,11 +340,11 @@ def bounds(results):
     found = results.avx2
     columns = [(scene, method) for scene in SCENES[:2] for method in ("reduced", "direct", "pgs")]
     head = [f"{scene} {method}" for scene, method in columns]
-    acting = [[words] + [bound_cell(found, bound, *column) for column in columns] for bound, words in BOUNDS]
+    by_bound = [[words] + [bound_cell(found, bound, *column) for column in columns] for bound, words in BOUNDS]
     ranges = (("none", ""), ("never reached", "/bounds:limits-inactive"))
     inactive = [[engine, words] + [number(speed(found, f"step/{scene}/{method}/1/f32{part}/engine:{engine}"))
                                    for scene, method in columns] for engine in ENGINES[1:] for words, part in ranges]
-    return section("Bounds", table(["bounds"] + head, acting),
+    return section("Bounds", table(["bounds"] + head, by_bound),
                    table(["engine", "position ranges"] + head, inactive, 2,
                          "By engine, with position ranges that are never reached:"))
 
@@ -360,7 +360,7 @@ def robots(results):
 
 
 def accuracy():
-    """From whichever machine has it: errors are the same on all."""
+    """From any machine that has the file, as errors are the same on all."""
     found = {}
     for path in sorted((BENCH / "results").glob("*/accuracy.csv")):
         for row in read(path):
@@ -406,12 +406,12 @@ def main():
     parser.add_argument("results", type=Path, nargs="?", default=BENCH / "results" / MACHINE,
                         help="folder of one machine")
     parser.add_argument("--out", type=Path, default=PAGE)
-    parser.add_argument("--check", action="store_true", help="write nothing")
+    parser.add_argument("--check", action="store_true", help="write nothing, only compare")
     choices = parser.parse_args()
     text = page(Results(choices.results.resolve()))
     if choices.check:
         if not choices.out.exists() or choices.out.read_text() != text:
-            sys.exit(f"{choices.out} is not what {choices.results} says: run {Path(__file__).name}")
+            sys.exit(f"{choices.out}: differs from what {choices.results} says; run {Path(__file__).name}")
         return
     choices.out.parent.mkdir(parents=True, exist_ok=True)
     choices.out.write_text(text)

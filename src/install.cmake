@@ -16,11 +16,12 @@ configure_package_config_file(${CMAKE_CURRENT_LIST_DIR}/lockstepConfig.cmake.in 
 write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/lockstepConfigVersion.cmake
                                  COMPATIBILITY SameMinorVersion)
 # What generated kernels are compiled from, and the function that does it.
-foreach(folder simd kernels targets)
+foreach(folder simd kernels)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lockstep/kernel
           FILES_MATCHING PATTERN "*.h")
 endforeach()
-foreach(header plan/tables.h model/softness_kind.h interpret/evaluate.h interpret/operations.h interpret/run.h)
+foreach(header plan/tables.h model/softness_kind.h targets/called_stages.h targets/generated.h
+               targets/generated_kernel.h targets/registers.h)
   get_filename_component(folder ${header} DIRECTORY)
   install(FILES ${PROJECT_SOURCE_DIR}/src/${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lockstep/kernel/${folder})
 endforeach()

@@ -1,7 +1,7 @@
 // The scenes with every kind of bound at once. SPDX-License-Identifier: Apache-2.0
 //
-// Tight enough that scatter() of contract.h puts environments into different corners: some beyond a range, some at a
-// limit of speed or effort, some held by friction, and their neighbours free.
+// The bounds are tight enough that scatter() of contract.h makes different ones active: some environments are beyond a
+// range, some at a velocity or effort limit, some held by friction, and their neighbours are free.
 #pragma once
 
 #include <vector>
@@ -10,11 +10,11 @@
 
 namespace lockstep::contract {
 
-constexpr int limited_coupling = 2;            ///< the one with a force limit
+constexpr int limited_coupling = 2;            ///< has a force limit
 constexpr int hard_drive = 5, soft_drive = 6;  ///< joints with a kinematic drive
 
-/// The bounds of joint `i`, the kinds in turn. Joint 3 has none that keeps it from being torn away by an effort, and
-/// joint 0 none that keeps its servo from acting: causes of faults that tests of unbounded scenes know stay causes.
+/// Gives joint `i` bounds, one kind after the other. Nothing stops a large effort on joint 3 or the servo of joint 0,
+/// because the tests cause faults with these.
 inline void bound(Joint& joint, int i) {
   const auto range = [&](Softness softness) {
     joint.lower = joint.position - 0.1, joint.upper = joint.position + 0.12;
@@ -52,7 +52,7 @@ inline void bound(Joint& joint, int i) {
   }
 }
 
-/// The model with all of that.
+/// The model with these bounds, two kinematic drives and a force limit.
 inline Model bounded(Model model) {
   model.name = "bounded " + model.name;
   for (std::size_t j = 0; j < model.joints.size(); ++j) bound(model.joints[j], static_cast<int>(j));
@@ -62,16 +62,16 @@ inline Model bounded(Model model) {
     joint.drive.position_target = joint.position;
     joint.drive.kinematic = true, joint.drive.softness = softness;
   };
-  prescribe(hard_drive, Hard{0.05});  // scattered targets are some 0.5 away
+  prescribe(hard_drive, Hard{0.05});  // scattered targets are up to 0.5 away
   prescribe(soft_drive, Spring{30.0, 1.0});
-  const bool fingers = model.couplings[limited_coupling].joint == "j10";  // light ones
+  const bool fingers = model.couplings[limited_coupling].joint == "j10";  // fingers are light
   model.couplings[limited_coupling].force_limit = fingers ? 0.6 : 2.0;
   return model;
 }
 
 inline std::vector<Model> small_bounded_scenes() { return {bounded(scenes::chain8()), bounded(scenes::gripper13())}; }
 
-/// One of them floats, and takes its time.
+/// These and chain32, which floats and takes long.
 inline std::vector<Model> bounded_scenes() {
   std::vector<Model> all = small_bounded_scenes();
   all.push_back(bounded(scenes::chain32()));

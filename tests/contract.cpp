@@ -1,4 +1,4 @@
-// SPDX-License-Identifier: Apache-2.0
+// Helpers that the contract tests share. SPDX-License-Identifier: Apache-2.0
 #include "contract.h"
 
 #include <limits>
@@ -19,7 +19,7 @@ SoftnessNumbers another(const Softness& softness, Random& random) {
 
 namespace {
 
-// The same kind of softness with other numbers. A hard one with a cfm is an ErpCfm.
+// The same kind of softness with these numbers. A hard softness with a cfm becomes an ErpCfm.
 Softness with_numbers(const Softness& softness, SoftnessNumbers numbers) {
   const auto [first, second] = numbers;
   switch (kind_of(softness)) {
@@ -145,7 +145,7 @@ void put_consistent(Batch<S>& batch) {
   const Tables<double>& t = program_of(batch.plan()).f64;
   const Reduction<double>& r = t.reduction;
   batch.velocities().setZero();
-  for (int i = 0; i < 20; ++i) {  // once would do where gear ratios are those of the model
+  for (int i = 0; i < 20; ++i) {  // one pass is enough if the gear ratios are those of the model
     const typename Batch<S>::Array errors = batch.coupling_errors();
     for (int f = 0; f < r.followers; ++f)
       for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s)
@@ -179,15 +179,15 @@ void expect_the_same_bits_where_consistent(const Plan& plan, int environments, c
     }
   EXPECT_GT(compared, environments / 3);
 
-  // Beside one that failed, the others step on in place and it stays as it is.
-  const int sick = 4;
+  // An environment that failed stays frozen while the consistent ones beside it step on.
+  const int failed = 4;
   const Tables<double>& t = program_of(plan).f64;
-  all.positions()(t.dof[t.reduction.follower[0]], sick) = std::numeric_limits<S>::quiet_NaN();
+  all.positions()(t.dof[t.reduction.follower[0]], failed) = std::numeric_limits<S>::quiet_NaN();
   all.step();
-  EXPECT_NE(all.faults()[sick], Fault::none);
-  const std::vector<S> held = outcome(all, sick);
+  EXPECT_NE(all.faults()[failed], Fault::none);
+  const std::vector<S> frozen = outcome(all, failed);
   all.step(3);
-  EXPECT_TRUE(same_bits(outcome(all, sick), held));
+  EXPECT_TRUE(same_bits(outcome(all, failed), frozen));
 }
 
 template void expect_the_same_bits_where_consistent<float>(const Plan&, int, const BatchOptions&);

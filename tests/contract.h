@@ -1,4 +1,4 @@
-// What the contract tests share. SPDX-License-Identifier: Apache-2.0
+// Helpers that the contract tests share. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <gtest/gtest.h>
@@ -16,15 +16,15 @@
 
 namespace lockstep::contract {
 
-/// By LOCKSTEP_TEST_ENGINE: engine.cpp.
+/// Whether LOCKSTEP_TEST_ENGINE chose an engine: see engine.cpp.
 extern const bool engine_preferred;
 
-/// `reduced` takes hard couplings for hard in all environments, so it refuses fields that say otherwise.
+/// `reduced` relies on hard couplings being hard in all environments, so it refuses fields that could soften them.
 inline bool allows(Method method, Parameter parameter) {
   return method != Method::reduced || (parameter != Parameter::softness && parameter != Parameter::coupling_switch);
 }
 
-/// Every field that environments may differ in. A force limit goes with one softness only.
+/// Every parameter that may differ per environment. The model's force limits rule out a softness per environment.
 ParameterSet all_parameters(Method method, const Model& model = {});
 
 inline StepSettings settings(Method method, ParameterSet per_environment = {}) {
@@ -34,7 +34,7 @@ inline StepSettings settings(Method method, ParameterSet per_environment = {}) {
   return result;
 }
 
-/// The same numbers with every standard library.
+/// Random numbers that are the same with every standard library.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
@@ -47,15 +47,15 @@ class Random {
   std::mt19937_64 engine_;
 };
 
-/// The numbers of a random softness of the kind that the model states; the second number of a hard one is its cfm.
+/// Random numbers for a softness of the same kind. The second number of a hard one is its cfm.
 SoftnessNumbers another(const Softness& softness, Random& random);
 
-/// Gives a fresh environment a state, inputs and declared parameters of its own. They depend on the plan and the
-/// seed alone, not on where the environment stands.
+/// Gives an environment in its start state a random state, inputs and declared parameters. They depend on the plan and
+/// the seed only, not on the place of the environment.
 template <class S>
 void scatter(Batch<S>& batch, int environment, std::uint64_t seed);
 
-/// A batch whose environment e is scattered by seed e.
+/// A batch whose environment e is scattered with seed e.
 template <class S>
 Batch<S> scattered(const Plan& plan, int environments, const BatchOptions& options = {.threads = 1}) {
   Batch<S> batch(plan, environments, options);
@@ -63,7 +63,7 @@ Batch<S> scattered(const Plan& plan, int environments, const BatchOptions& optio
   return batch;
 }
 
-/// All that a step leaves behind in one environment.
+/// The state of one environment after a step: all numbers in one vector.
 template <class S>
 std::vector<S> outcome(const Batch<S>& batch, int environment) {
   std::vector<S> numbers;
@@ -77,7 +77,7 @@ std::vector<S> outcome(const Batch<S>& batch, int environment) {
   return numbers;
 }
 
-/// To the last bit: 0 is not -0, and one NaN is another if its bits are.
+/// Compares bits: 0 differs from -0, and NaNs are equal if their bits are.
 template <class S>
 bool same_bits(const std::vector<S>& a, const std::vector<S>& b) {
   return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(S)) == 0);
@@ -86,7 +86,7 @@ bool same_bits(const std::vector<S>& a, const std::vector<S>& b) {
 template <class S>
 testing::AssertionResult same_bits(const Batch<S>& a, int i, const Batch<S>& b, int j) {
   if (a.faults()[i] != b.faults()[j])
-    return testing::AssertionFailure() << "environments " << i << " and " << j << " have other faults";
+    return testing::AssertionFailure() << "environments " << i << " and " << j << " have different faults";
   const std::vector<S> left = outcome(a, i), right = outcome(b, j);
   if (same_bits(left, right)) return testing::AssertionSuccess();
   for (std::size_t k = 0; k < left.size(); ++k)
@@ -97,7 +97,7 @@ testing::AssertionResult same_bits(const Batch<S>& a, int i, const Batch<S>& b, 
   return testing::AssertionFailure();
 }
 
-/// Environment by environment, but for `except`.
+/// Compares all environments except `except`.
 template <class S>
 testing::AssertionResult same_bits(const Batch<S>& a, const Batch<S>& b, int except = -1) {
   for (int e = 0; e < std::min(a.environments(), b.environments()); ++e)
@@ -106,18 +106,19 @@ testing::AssertionResult same_bits(const Batch<S>& a, const Batch<S>& b, int exc
   return testing::AssertionSuccess();
 }
 
-/// The model that says what one environment has in its fields, its state and its inputs.
+/// A model with the parameters, the state and the inputs of one environment.
 Model model_of(Batch<double>& batch, int environment);
 
-/// [6][links] of one environment; zero where the field is not declared.
+/// Link wrenches [6][links] of one environment; zero if the parameter is not declared.
 Eigen::MatrixXd wrenches_of(Batch<double>& batch, int environment);
 
-/// All at rest, with followers where their environment's others put them, but for rounding: some steps do the rest.
+/// Stops all environments and moves their followers onto the couplings, up to rounding. A few steps make them
+/// consistent to the last bit.
 template <class S>
 void put_consistent(Batch<S>& batch);
 
-/// Where all followers are in place a step is shorter, and its bits are those of the same environments between others
-/// whose followers are not.
+/// A tile whose followers are all consistent takes a shorter step. Expects the same bits from environments in such
+/// tiles and from the same environments beside inconsistent ones.
 template <class S>
 void expect_the_same_bits_where_consistent(const Plan& plan, int environments, const BatchOptions& options);
 

@@ -1,5 +1,6 @@
-// LOCKSTEP_TEST_ENGINE, set to tables or interpreter: the engine that batches of this program take by themselves, where
-// it takes the plan. SPDX-License-Identifier: Apache-2.0
+// The environment variable LOCKSTEP_TEST_ENGINE. SPDX-License-Identifier: Apache-2.0
+//
+// Set to tables or interpreter, it is the engine that batches of this program choose by default, if it takes the plan.
 #include "batch/engine.h"
 
 #include <cstdlib>
@@ -16,7 +17,7 @@ bool prefer() {
   if (!variable) return false;
   for (Engine engine : {Engine::tables, Engine::interpreter})
     if (std::string(variable) == to_string(engine)) return prefer_engine(engine), true;
-  throw std::invalid_argument(std::string("LOCKSTEP_TEST_ENGINE is ") + variable);
+  throw std::invalid_argument(std::string("LOCKSTEP_TEST_ENGINE must be tables or interpreter, not ") + variable);
 }
 
 }  // namespace

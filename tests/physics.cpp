@@ -1,4 +1,4 @@
-// SPDX-License-Identifier: Apache-2.0
+// Helpers that the tests of the physics share. SPDX-License-Identifier: Apache-2.0
 #include "physics.h"
 
 #include <algorithm>

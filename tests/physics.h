@@ -1,4 +1,4 @@
-// What the tests of the physics share. SPDX-License-Identifier: Apache-2.0
+// Helpers that the tests of the physics share. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <gtest/gtest.h>
@@ -15,7 +15,7 @@ namespace lockstep::physics {
 
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
 
-/// One environment of a batch as the reference sees it.
+/// The state of one environment of a batch, as the reference represents it.
 template <class S>
 reference::State state_of(const Batch<S>& batch, int environment = 0) {
   reference::State state;
@@ -36,7 +36,7 @@ reference::State state_of(const Batch<S>& batch, int environment = 0) {
   return state;
 }
 
-/// Largest difference of two arrays; NaN where either has one.
+/// Largest difference between two arrays; NaN if either contains a NaN or an infinity.
 template <class A, class B>
 double distance(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
   return a.size() == 0 ? 0.0 : (a - b).template lpNorm<Eigen::Infinity>() + 0.0 * (a - b).sum();
@@ -44,30 +44,31 @@ double distance(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
 
 inline double size(const Eigen::MatrixXd& a) { return a.size() == 0 ? 0.0 : a.lpNorm<Eigen::Infinity>(); }
 
-/// Of a symmetric positive definite matrix after scaling its diagonal to 1: what a solve multiplies rounding by.
+/// Condition number of a symmetric positive definite matrix whose diagonal is scaled to 1. A solve amplifies rounding
+/// by this factor.
 double condition(const Eigen::MatrixXd& h);
 
 StepSettings settings(Method method, int iterations = 4, int velocity_iterations = 1, double dt = 1.0 / 240);
 
-/// One thread; of many plans every fourth by the interpreter, where it takes the plan, the others by the tables, which
-/// take no time to make.
+/// Options with one thread. A test of many plans runs every fourth seed on the interpreter, if it can take the plan,
+/// and the others on the tables, which cost nothing to prepare.
 BatchOptions by_turns(const Plan& plan, int seed);
 
 inline std::string numbered(const char* word, std::size_t number) {
   return std::string(word).append(std::to_string(number));
 }
 
-/// Bodies that slide along world x on a fixed base, each a tree of its own: joints s0, s1, ..., no gravity.
+/// Bodies that slide along world x without gravity on joints s0, s1, ... Each is a tree of its own on a fixed base.
 Model sliders(const std::vector<double>& masses);
 
-/// The link of the scenes, 0.1 x 0.04 x 0.04 m: its frame in the centre of the left end face.
+/// The link of the scenes: a box of 0.1 x 0.04 x 0.04 m with its frame in the centre of the left end face.
 inline Inertia link_box(double mass) { return Inertia::box(mass, {0.1, 0.04, 0.04}, {0.05, 0, 0}); }
 
 /// Appends a link with a revolute joint j0, j1, ... behind the link `parent`.
 Joint& append_link(Model& model, const std::string& parent, const Eigen::Vector3d& offset, const Eigen::Vector3d& axis,
                    double mass = 0.2);
 
-/// Folder of files that are not part of the project; empty where there is none.
+/// Folder of test data outside of the project; empty if there is none.
 std::string test_data();
 
 constexpr Method methods[] = {Method::pgs, Method::tgs, Method::direct, Method::reduced};

@@ -1,11 +1,9 @@
-// Error against cost: integrators, steps, precisions and sweeps, ours and other engines'. SPDX-License-Identifier:
-// Apache-2.0
+// Error against cost of integrators, step sizes and engines. SPDX-License-Identifier: Apache-2.0
 //
-// One core, everything in one run. Everybody takes turns, repeat by repeat, so that what else the machine does falls on
-// all alike. A row is one engine with its settings at one step: RMS error of the joints over the first second, largest
-// |C| in it, errors of energy and momentum at its end, and CPU time per environment and simulated second. Robots are
-// URDF files, without their bounds, from the start that `lockstep chart` takes; of the other engines MuJoCo has words
-// for them.
+// One core. All settings take turns, repeat by repeat, so that other work of the machine slows all alike. A row is one
+// engine with its settings at one step size: RMS error of the joints over the first second, largest |C| in that second,
+// errors of energy and momentum at its end, and CPU time per environment and simulated second. Robots are URDF files
+// without their bounds, and start as `lockstep chart` starts them. Of the other engines only MuJoCo runs them.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -37,7 +35,7 @@ struct Point {
   int rate;  // steps per second
 };
 
-// Others from their best at 1/240 s on to where they cost too much to be of interest.
+// The other engines run at 1/240 s and below, down to where they cost too much to be of interest.
 std::vector<Point> points(bool quick, bool robots) {
   std::vector<Point> all;
   const auto add = [&](const std::vector<Contender>& contenders, std::initializer_list<int> rates) {
@@ -77,7 +75,7 @@ void measure(const Choices& choices, const std::vector<Point>& all, const Yardst
     Verdict verdict;
     try {
       verdict = judge(point.contender, yardstick, 1.0, 1.0, point.rate);
-    } catch (const SettingsError&) {  // an explicit integrator and a servo too stiff for it: no row
+    } catch (const SettingsError&) {  // a servo is too stiff for an explicit integrator: no row
       verdict.rms = -1.0;
     }
     verdicts.push_back(verdict);
@@ -128,15 +126,16 @@ int run(const Choices& choices) {
 
 int main(int argc, char** argv) {
   lockstep::peers::Choices choices;
-  CLI::App app("Error against cost of integrators, steps and engines.", "accuracy_speed");
-  app.add_option("--csv", choices.csv, "File for the table; without it, the terminal");
-  app.add_option("--scenes", choices.scenes, "These alone")->delimiter(',');
-  app.add_option("--robots", choices.robots, "URDF files as well")->delimiter(',');
-  app.add_option("--least-mass", choices.import.least_mass, "kg, of the robots' bodies");
-  app.add_option("--least-inertia", choices.import.least_inertia, "kg m^2");
-  app.add_option("--repeats", choices.repeats, "Of each measurement; medians are told")->capture_default_str();
-  app.add_option("--seconds", choices.seconds, "Of CPU time for each measurement")->capture_default_str();
-  app.add_flag("--quick", choices.quick, "One step size and a tenth of the motion: only to see that it runs");
+  CLI::App app("Measures error against cost of integrators, step sizes and engines.", "accuracy_speed");
+  app.add_option("--csv", choices.csv, "File for the table (default: standard output)");
+  app.add_option("--scenes", choices.scenes, "Measures these scenes alone")->delimiter(',');
+  app.add_option("--robots", choices.robots, "Measures these URDF files too")->delimiter(',');
+  app.add_option("--least-mass", choices.import.least_mass, "Least mass of the robots' bodies, kg");
+  app.add_option("--least-inertia", choices.import.least_inertia,
+                 "Least principal moments of the robots' bodies, kg m^2");
+  app.add_option("--repeats", choices.repeats, "Number of measurements; the table has medians")->capture_default_str();
+  app.add_option("--seconds", choices.seconds, "CPU time in s of each measurement")->capture_default_str();
+  app.add_flag("--quick", choices.quick, "Only tests that the program runs: one step size and a tenth of the motion");
   CLI11_PARSE(app, argc, argv);
   try {
     return lockstep::peers::run(choices);

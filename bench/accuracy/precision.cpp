@@ -1,8 +1,8 @@
-// What single precision costs: how far a Batch<float> is from a Batch<double>. SPDX-License-Identifier: Apache-2.0
+// The distance of a Batch<float> from a Batch<double>. SPDX-License-Identifier: Apache-2.0
 //
-// Damped chains of 2 to 64 joints, half of them coupled, that fall in gravity, over 1, 5 and 25 seconds; and the scenes
-// at smaller and smaller steps over one, where roundings of positions and velocities gather. RMS over all joints and
-// the last second, one environment.
+// Damped chains of 2 to 64 joints, half of them coupled, fall in gravity for 1, 5 and 25 seconds. The scenes run for
+// one second at smaller and smaller steps, at which more roundings add up. A row is one environment: RMS over all
+// joints and the last second.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -17,15 +17,15 @@ namespace {
 
 double distance(const Model& model, Integrator integrator, int rate, int seconds) {
   const Plan plan = compile(model, {.dt = 1.0 / rate, .integrator = integrator});
-  Batch<float> single(plan, 1, {.threads = 1});
-  Batch<double> twice(plan, 1, {.threads = 1});
+  Batch<float> f32(plan, 1, {.threads = 1});
+  Batch<double> f64(plan, 1, {.threads = 1});
   double sum = 0.0;
   for (long step = 0; step < static_cast<long>(rate) * seconds; ++step) {
-    single.step(), twice.step();
+    f32.step(), f64.step();
     if (step >= static_cast<long>(rate) * (seconds - 1))
-      sum += (single.positions().cast<double>() - twice.positions()).square().mean() / rate;
+      sum += (f32.positions().cast<double>() - f64.positions()).square().mean() / rate;
   }
-  return single.faulted() + twice.faulted() > 0 ? infinity : std::sqrt(sum);
+  return f32.faulted() + f64.faulted() > 0 ? infinity : std::sqrt(sum);
 }
 
 }  // namespace
@@ -35,9 +35,9 @@ int main(int argc, char** argv) {
   using namespace lockstep;
   std::string csv;
   bool quick = false;
-  CLI::App app("How far single precision is from double.", "precision");
-  app.add_option("--csv", csv, "File for the table; without it, the terminal");
-  app.add_flag("--quick", quick, "Only to see that it runs");
+  CLI::App app("Measures the distance of single precision from double.", "precision");
+  app.add_option("--csv", csv, "File for the table (default: standard output)");
+  app.add_flag("--quick", quick, "Only tests that the program runs");
   CLI11_PARSE(app, argc, argv);
   std::unique_ptr<tool::OutputFile> file;
   if (!csv.empty()) file = std::make_unique<tool::OutputFile>(csv);

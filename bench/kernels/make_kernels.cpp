@@ -1,7 +1,7 @@
 // Writes kernels for the benchmarks: make_kernels FOLDER NAME... SPDX-License-Identifier: Apache-2.0
 //
-// A name is scene_method, scene_method_ranges, scene_integrator, scene_halves for steps of half the length, or
-// chainN_coupled for a chain of N joints.
+// A name is scene_method, scene_method_ranges, scene_integrator, scene_halves (steps of half the length), or
+// chainN_coupled (a chain of N joints).
 #include <fmt/format.h>
 
 #include <fstream>

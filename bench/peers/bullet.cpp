@@ -1,7 +1,7 @@
 // Bullet as a peer: a multibody and its gears per environment, servos as torques. SPDX-License-Identifier: Apache-2.0
 //
-// Its motors know no stiffness and damping in physical units, so servos and joint damping are the caller's torques, and
-// therefore explicit: Bullet's own way (its URDF importer leaves damping to the caller as well).
+// Bullet's motors have no stiffness and damping in physical units. So servos and joint damping are torques of the
+// caller, and therefore explicit. Bullet's URDF importer leaves damping to the caller in the same way.
 #include <BulletDynamics/Featherstone/btMultiBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyConstraintSolver.h>
 #include <BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h>
@@ -23,14 +23,14 @@ btQuaternion turn_back(const Pose& pose) {
   return {btScalar(q.x()), btScalar(q.y()), btScalar(q.z()), btScalar(q.w())};
 }
 
-// What environments share.
+// What all environments share.
 struct Shared {
   btDefaultCollisionConfiguration configuration;
   btCollisionDispatcher dispatcher{&configuration};
   btSphereShape shape{btScalar(0.01)};
 };
 
-// Links have the numbers of their joints, -1 is the base.
+// A link has the index of its joint; the base is -1.
 class World {
  public:
   World(Shared& shared, const Model& model, int sweeps) : model_(model) {
@@ -94,8 +94,8 @@ class World {
     body_->finalizeMultiDof();
   }
 
-  // A constraint is solved with the island that its first link's collider is in, so without a collider not at all.
-  // This one is told to activate nothing.
+  // Bullet solves a constraint with the island of its first link's collider, and does not solve it without a collider.
+  // This collider collides with nothing: its group and mask are 0.
   void add_collider(int link, Shared& shared) {
     if (body_->getLink(link).m_collider) return;
     auto collider = std::make_unique<btMultiBodyLinkCollider>(body_.get(), link);

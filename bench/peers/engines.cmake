@@ -1,6 +1,6 @@
 # Engines to compare with. `engines`: those of MUJOCO, BULLET and SIMBODY that this machine has.
 set(engines "")
-if(NOT LOCKSTEP_SANITIZE)  # others' headers are not ours to mend
+if(NOT LOCKSTEP_SANITIZE)  # sanitizers are for the code of this project
   # Debian's mujocoConfig.cmake names folders that its package does not have. CMAKE_PREFIX_PATH finds other versions.
   find_path(MUJOCO_INCLUDE_DIR mujoco/mujoco.h)
   find_library(MUJOCO_LIBRARY mujoco)
@@ -22,8 +22,8 @@ if(NOT LOCKSTEP_SANITIZE)  # others' headers are not ours to mend
   endif()
 endif()
 
-# lockstep_add_peers(target ENGINE...): what knows these engines, and LOCKSTEP_PEER_ENGINE for what uses it. Their
-# headers are not held to our warnings.
+# lockstep_add_peers(target ENGINE...) adds the sources of these engines, and defines LOCKSTEP_PEER_ENGINE for all that
+# link the target. The engines' headers are system headers, so they give no warnings.
 function(lockstep_add_peers target)
   set(folder ${PROJECT_SOURCE_DIR}/bench/peers)
   foreach(engine ${ARGN})
@@ -41,7 +41,7 @@ function(lockstep_add_peers target)
   if(SIMBODY IN_LIST ARGN)
     target_link_libraries(${target} PUBLIC ${Simbody_LIBRARIES})
     target_include_directories(${target} SYSTEM PRIVATE ${Simbody_INCLUDE_DIR})
-    set_source_files_properties(${folder}/simbody.cpp PROPERTIES  # no C++20 headers
+    set_source_files_properties(${folder}/simbody.cpp PROPERTIES  # Simbody's headers are not C++20
       COMPILE_OPTIONS -std=c++17 SKIP_PRECOMPILE_HEADERS ON)
   endif()
 endfunction()

@@ -13,12 +13,14 @@ namespace {
 
 using bench::cpu_seconds;
 
-constexpr double lost = 100.0;  // rad: no scene comes near it
+constexpr double diverged_beyond = 100.0;  // rad: no scene comes near it
 
-// Runge-Kutta 4 has to resolve the servos of the gripper, 2e4 /s. The others are then exact to 1e-11 rad.
+// Runge-Kutta 4 has to resolve the servos of the gripper, 2e4 /s. With half as many steps the others are exact to
+// 1e-11 rad.
 int steps_of_truth(const std::string& scene) { return scene == "gripper13" ? 64 : 32; }
 
-void weigh(const Peer& peer, const Yardstick& yardstick, Verdict& verdict) {
+// Sets the energy and momentum of the verdict. The peer must be at the yardstick's end.
+void judge_conservation(const Peer& peer, const Yardstick& yardstick, Verdict& verdict) {
   const reference::Mechanism& mechanism = yardstick.mechanism();
   const std::optional<reference::State> state = peer.state();
   constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
@@ -83,7 +85,7 @@ Verdict judge(const Contender& contender, const Yardstick& yardstick, double sec
   const double begun = cpu_seconds(), dt = 1.0 / steps_per_second;
   const auto peer = contender.make(yardstick.scene().model, dt, 1);
   const int steps = static_cast<int>(std::lround(seconds * steps_per_second));
-  // Rows are compared where a step ends on one.
+  // The row of the truth at the end of this step, or -1 if there is none.
   const auto row_after = [&](int done) {
     return done * rows_per_second % steps_per_second == 0 ? done * rows_per_second / steps_per_second : -1;
   };
@@ -95,7 +97,7 @@ Verdict judge(const Contender& contender, const Yardstick& yardstick, double sec
     peer->step();
     done += contender.steps_per_call;
     const Eigen::VectorXd q = peer->positions();
-    verdict.diverged = peer->failed() || !q.allFinite() || q.cwiseAbs().maxCoeff() > lost;
+    verdict.diverged = peer->failed() || !q.allFinite() || q.cwiseAbs().maxCoeff() > diverged_beyond;
     if (verdict.diverged) break;
     verdict.largest_c = std::max(verdict.largest_c, yardstick.coupling_error(q));
     const int row = row_after(done);
@@ -105,7 +107,7 @@ Verdict judge(const Contender& contender, const Yardstick& yardstick, double sec
     }
     squares += (q - yardstick.truth(row)).squaredNorm();
     compared += q.size();
-    if (row == yardstick.intervals()) weigh(*peer, yardstick, verdict);
+    if (row == yardstick.intervals()) judge_conservation(*peer, yardstick, verdict);
   }
   const int rows = yardstick.intervals() / (contender.steps_per_call * std::max(1, rows_per_second / steps_per_second));
   verdict.rms =
@@ -116,7 +118,7 @@ Verdict judge(const Contender& contender, const Yardstick& yardstick, double sec
 double distance_at_small_steps(const Contender& contender, const Yardstick& yardstick) {
   constexpr int finer = 64;
   const auto peer = contender.make(yardstick.scene().model, interval / finer, 1);
-  double far = 0.0, moved = 0.0;
+  double farthest = 0.0, moved = 0.0;
   for (int done = 0; done < yardstick.intervals() * finer;) {
     if (yardstick.driven()) peer->set_targets(yardstick.scene().targets(done * interval / finer));
     peer->step();
@@ -125,10 +127,10 @@ double distance_at_small_steps(const Contender& contender, const Yardstick& yard
     const Eigen::VectorXd exact = yardstick.truth(done / finer);
     const double distance = (peer->positions() - exact).cwiseAbs().maxCoeff();
     if (!(distance < infinity)) return infinity;
-    far = std::max(far, distance);
+    farthest = std::max(farthest, distance);
     moved = std::max(moved, (exact - yardstick.truth(0)).cwiseAbs().maxCoeff());
   }
-  return far / moved;
+  return farthest / moved;
 }
 
 Stopwatch::Stopwatch(const Contender& contender, const Yardstick& yardstick, int steps_per_second)

@@ -19,8 +19,8 @@ struct Options {
   const char* solver = "Newton";
   const char* jacobian = "dense";
   int iterations = 100;
-  // Of equalities. Firm: time constant of two steps, the least that is stable by itself, instead of 0.02 s. Stiff: with
-  // the impedance that makes up for nearly all of the error as well, instead of 0.9 to 0.95.
+  // Of equalities. Firm: a time constant of two steps, the least that is stable by itself, instead of 0.02 s. Stiff:
+  // also an impedance that corrects nearly all of the error, instead of 0.9 to 0.95.
   enum { soft, firm, stiff } stiffness = soft;
 };
 
@@ -46,7 +46,7 @@ Attributes placed(const std::string& link, const Pose& pose) {
 }
 
 void append_inertia(XMLElement& body, const Inertia& inertia) {
-  if (inertia.mass == 0.0) return;  // of a link that is fixed to another
+  if (inertia.mass == 0.0) return;  // a link that is fixed to another
   const Eigen::Matrix3d& i = inertia.about_center;
   append(body, "inertial",
          {{"pos", vector(inertia.center)},
@@ -59,7 +59,7 @@ void append_children(const Model& model, const std::string& link, XMLElement& pa
     if (joint.parent != link) continue;
     XMLElement& body = append(parent, "body", placed(joint.child, joint.origin));
     append_inertia(body, model.links[model.link_index(joint.child)].inertia);
-    // A servo's velocity target is zero, so its kd is damping, which Euler's method integrates implicitly here.
+    // A servo's velocity target is zero, so its kd is damping. MuJoCo's Euler method takes damping implicitly.
     if (joint.moves())
       append(body, "joint",
              {{"name", joint.name},
@@ -95,7 +95,7 @@ void write_mjcf(const Model& model, double dt, const Options& options, const std
           {"solver", options.solver},
           {"jacobian", options.jacobian},
           {"iterations", fmt::format("{}", options.iterations)}});
-  // Room for the couplings and no more: what is left unused would be cleared, and take part of the cache.
+  // Memory for the couplings and no more: MuJoCo would clear what is unused, and that would take space in the cache.
   append(root, "size", {{"njmax", fmt::format("{}", model.couplings.size())}, {"nconmax", "1"}, {"nstack", "200000"}});
   XMLElement& base = append(append(root, "worldbody", {}), "body", placed(model.links[0].name, model.root.pose));
   if (model.root.floating) {
@@ -125,7 +125,7 @@ class MujocoPeer : public Peer {
  public:
   MujocoPeer(const Model& model, double dt, int environments, const Options& options)
       : source_(model), model_(load(model, dt, options), mj_deleteModel) {
-    mju_user_warning = [](const char*) {};  // or it writes a file; failed() tells
+    mju_user_warning = [](const char*) {};  // writes no log file; failed() looks at the warnings
     model_->opt.disableflags |= mjDSBL_CONTACT | mjDSBL_LIMIT | mjDSBL_FRICTIONLOSS;
     for (int e = 0; e < environments; ++e) data_.emplace_back(mj_makeData(model_.get()), mj_deleteData);
     for (const Joint& joint : model.joints) {
@@ -168,7 +168,7 @@ class MujocoPeer : public Peer {
     for (std::size_t j = 0; j < velocity_.size(); ++j)
       state.v[state.v.size() - state.q.size() + static_cast<Eigen::Index>(j)] = data.qvel[velocity_[j]];
     if (!source_.root.floating) return state;
-    // Its free joint comes first: linear velocity along the world's axes, angular along the body's.
+    // The free joint comes first: linear velocity in world axes, angular velocity in body axes.
     state.position = Eigen::Map<const Eigen::Vector3d>(data.qpos);
     state.orientation = Eigen::Quaterniond(data.qpos[3], data.qpos[4], data.qpos[5], data.qpos[6]);
     state.v.head<3>() = Eigen::Map<const Eigen::Vector3d>(data.qvel + 3);

@@ -1,6 +1,7 @@
-// This library as one of the peers, its methods side by side. SPDX-License-Identifier: Apache-2.0
+// This library as a peer, with its methods and integrators. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include "loads.h"
 #include "lockstep/batch.h"
 #include "peer.h"
 
@@ -11,7 +12,7 @@ template <class S>
 class OwnPeer : public Peer {
  public:
   OwnPeer(const Model& model, const StepSettings& settings, int environments, int steps, const BatchOptions& options)
-      : batch_(compile(model, settings), environments, options), steps_(steps) {}
+      : OwnPeer(compile(model, settings), environments, steps, options) {}
 
   void reset() override { batch_.reset(); }
   void set_targets(const Eigen::VectorXd& targets) override {
@@ -42,11 +43,14 @@ class OwnPeer : public Peer {
   bool failed() const override { return batch_.faulted() > 0; }
 
  private:
+  OwnPeer(const Plan& plan, int environments, int steps, BatchOptions options)
+      : batch_(plan, environments, (options.engine = bench::engine_of(plan, options.engine), options)), steps_(steps) {}
+
   Batch<S> batch_;
   int steps_;
 };
 
-// One instruction set, as a batch steps by itself or by generated code; each step in so many parts.
+// A method by the automatic engine or by generated code. Each step is taken in `parts` parts.
 template <class S>
 Contender contender(Method method, int steps, Target target = Target::avx2, bool generated = false,
                     Integrator integrator = Integrator::euler, int parts = 1) {
@@ -70,7 +74,7 @@ Contender contender(Method method, int steps, Target target = Target::avx2, bool
           }};
 }
 
-// One of the integrators, with targets of each stage's time, or a method of Euler's steps.
+// An integrator with targets for the time of each stage, or a method of Euler's steps.
 template <class S>
 Contender integrated(Integrator integrator, Method method = Method::automatic, int iterations = 4) {
   const Target target = supported(Target::avx2) ? Target::avx2 : Target::automatic;

@@ -16,11 +16,12 @@ void require_plain(const Model& model) {
   for (const Joint& joint : model.joints) {
     require(joint.kind == JointKind::revolute, "joints that are not revolute");
     require(joint.armature == 0.0 && joint.effort == 0.0, "armatures or efforts");
-    require(!joint.drive.kinematic && joint.drive.velocity_target == 0.0, "drives that are no plain servos");
+    require(!joint.drive.kinematic && joint.drive.velocity_target == 0.0, "drives that are not plain servos");
     require(joint.lower == -infinity && joint.upper == infinity && joint.friction == 0.0, "bounds");
   }
   for (const Coupling& coupling : model.couplings)
-    require(coupling.terms.size() == 1 && is_hard(coupling.softness), "couplings that are no hard mimics");
+    require(coupling.terms.size() == 1 && is_hard(coupling.softness),
+            "couplings that are not hard mimics of one joint");
   require(!model.root.floating || model.root.velocity.isZero(), "a root that moves at the start");
 }
 

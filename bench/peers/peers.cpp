@@ -1,8 +1,8 @@
-// Other engines and this library on the same mechanisms: speed and errors. SPDX-License-Identifier: Apache-2.0
+// Speed and errors of other engines and this library on the same mechanisms. SPDX-License-Identifier: Apache-2.0
 //
-// One core. Everybody takes turns, repeat by repeat, and the machine's own peak is measured in between. What else the
-// machine does slows code that waits for memory and branches more than ours: so of the others the fastest repeat is
-// told, of this library the median.
+// One core. All engines take turns, repeat by repeat, and the peak of the machine is measured in between. Other work of
+// the machine slows code that waits for memory or branches more than it slows this library. So the table has the
+// fastest repeat of the others, and the median of this library.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -51,7 +51,7 @@ std::vector<Contender> contenders(const std::vector<std::string>& engines) {
 using bench::median;
 using bench::spread;
 
-// True where all converted models are the scene itself. Those that are soft by choice show nothing of it.
+// True if every engine has the mechanism of the scene. Contenders with soft couplings cannot tell, and are left out.
 bool same_mechanism(const Yardstick& yardstick, const std::vector<Contender>& all) {
   bool same = true;
   for (const Contender& contender : all) {
@@ -117,16 +117,19 @@ int run(const Choices& choices) {
 
 int main(int argc, char** argv) {
   lockstep::peers::Choices choices;
-  CLI::App app("Other engines on the same mechanisms, beside this library.", "peers");
-  app.add_option("--csv", choices.csv, "File for the table; without it, the terminal");
-  app.add_option("--scenes", choices.scenes, "These alone")->delimiter(',');
-  app.add_option("--engines", choices.engines, "These alone: MuJoCo, Bullet, Simbody, lockstep")->delimiter(',');
-  app.add_option("--repeats", choices.repeats, "Of each measurement: the others' fastest is told, our median")
+  CLI::App app("Measures other engines and this library on the same mechanisms.", "peers");
+  app.add_option("--csv", choices.csv, "File for the table (default: standard output)");
+  app.add_option("--scenes", choices.scenes, "Measures these scenes alone")->delimiter(',');
+  app.add_option("--engines", choices.engines, "Measures these alone: MuJoCo, Bullet, Simbody, lockstep")
+      ->delimiter(',');
+  app.add_option("--repeats", choices.repeats,
+                 "Number of measurements; the table has the fastest of the others and the median of lockstep")
       ->capture_default_str();
-  app.add_option("--seconds", choices.seconds, "Of CPU time for each measurement, at least: whole motions")
+  app.add_option("--seconds", choices.seconds, "Least CPU time in s of each measurement, which takes whole motions")
       ->capture_default_str();
-  app.add_option("--horizon", choices.horizon, "Over which |C| is looked at, s")->capture_default_str();
-  app.add_flag("--quick", choices.quick, "No figures: only look whether every engine has the same mechanism");
+  app.add_option("--horizon", choices.horizon, "Time in s over which the largest |C| is measured")
+      ->capture_default_str();
+  app.add_flag("--quick", choices.quick, "Measures nothing; tests that every engine has the same mechanism");
   CLI11_PARSE(app, argc, argv);
   try {
     return lockstep::peers::run(choices);

@@ -10,8 +10,8 @@ namespace {
 using namespace SimTK;
 
 struct Options {
-  double accuracy = 0.0;         // of the error-controlled integrator; 0: semi-explicit Euler with the step as given
-  TargetsOverTime targets = {};  // of the servos, at the integrator's own times; none: those of set_targets(), held
+  double accuracy = 0.0;         // of the error-controlled integrator; 0: semi-explicit Euler with the given step
+  TargetsOverTime targets = {};  // of the servos, at the integrator's times; empty: those of set_targets() hold
 };
 
 Vec3 vector(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
@@ -27,7 +27,7 @@ MassProperties mass(const lockstep::Inertia& inertia) {
   return {inertia.mass, center, central.shiftFromMassCenter(center, inertia.mass)};
 }
 
-// Springs towards targets that move with time; a MobilityLinearSpring's stay where they are put.
+// Springs to targets that move with time. Those of a MobilityLinearSpring do not move.
 class MovingServos : public Force::Custom::Implementation {
  public:
   struct Servo {
@@ -44,14 +44,14 @@ class MovingServos : public Force::Custom::Implementation {
       servo.body.applyOneMobilityForce(state, 0, servo.kp * (targets[servo.joint] - servo.body.getOneQ(state, 0)),
                                        mobility_forces);
   }
-  Real calcPotentialEnergy(const State&) const override { return 0.0; }  // nobody asks
+  Real calcPotentialEnergy(const State&) const override { return 0.0; }  // is not used
 
  private:
   std::vector<Servo> servos_;
   TargetsOverTime targets_;
 };
 
-// The system, and a State and an integrator per environment.
+// One system, and a State and an integrator for each environment.
 class SimbodyPeer : public Peer {
  public:
   SimbodyPeer(const Model& model, double dt, int environments, const Options& options)
@@ -110,7 +110,7 @@ class SimbodyPeer : public Peer {
       mobod_[0] = root.getMobilizedBodyIndex();
     }
     std::vector<MovingServos::Servo> servos;
-    for (const Joint& joint : model_.joints) {  // pins turn about z
+    for (const Joint& joint : model_.joints) {  // a Pin turns about z
       const Rotation to_axis(UnitVec3(vector(joint.axis)), ZAxis);
       const bool on_ground = !floating && joint.parent == model_.links[0].name;
       MobilizedBody& parent =
@@ -120,7 +120,7 @@ class SimbodyPeer : public Peer {
       MobilizedBody::Pin pin(parent, origin * Transform(to_axis), Body::Rigid(mass(model_.links[child].inertia)),
                              Transform(to_axis));
       mobod_[child] = pin.getMobilizedBodyIndex();
-      const double damping = joint.damping + joint.drive.kd;  // the same, as the velocity target is zero
+      const double damping = joint.damping + joint.drive.kd;  // kd is damping, as the velocity target is zero
       if (damping > 0.0) Force::MobilityLinearDamper(forces_, pin, MobilizerUIndex(0), damping);
       if (!(joint.drive.kp > 0.0)) continue;
       const int number = joint_of_link(model_, joint.child);
@@ -130,7 +130,7 @@ class SimbodyPeer : public Peer {
         springs_.emplace_back(number,
                               Force::MobilityLinearSpring(forces_, pin, MobilizerQIndex(0), joint.drive.kp, 0.0));
     }
-    if (!servos.empty()) Force::Custom(forces_, new MovingServos(std::move(servos), targets));  // theirs to delete
+    if (!servos.empty()) Force::Custom(forces_, new MovingServos(std::move(servos), targets));  // Simbody deletes it
   }
 
   void build_coupler(const Coupling& coupling) {
@@ -149,12 +149,12 @@ class SimbodyPeer : public Peer {
     try {
       accuracy_ > 0.0 ? step_until(integrator, integrator.getTime() + dt_)
                       : void(integrator.stepTo(integrator.getAdvancedTime() + dt_));
-    } catch (const std::exception&) {  // it throws where its state is no number, or a step does not come to an end
+    } catch (const std::exception&) {  // Simbody throws if its state is NaN, or if a step does not end
       failed_ = true;
     }
   }
 
-  // As to an event, or error control would step beyond and interpolate.
+  // With `end` as an event too: otherwise error control would step beyond it and interpolate.
   static void step_until(Integrator& integrator, double end) {
     do integrator.stepTo(end, end);
     while (integrator.getTime() < end);

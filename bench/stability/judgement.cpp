@@ -10,10 +10,10 @@ namespace {
 
 using Array = Eigen::ArrayXXd;
 
-constexpr double tight = 1e-5, ignored = 1e-2;  // |C|, rad
-constexpr double gained = 0.1;                  // of the span: what semi-implicit Euler's own rise and fall is allowed
-constexpr double noticeable = 0.1;              // change of the root, by its size: of frequency and damping ratio
-constexpr double followed = 0.05;               // distance from the closed form, by the first error
+constexpr double largest_held = 1e-5, largest_loose = 1e-2;  // |C|, rad
+constexpr double allowed_gain = 0.1;       // of energy, as a share of the span: semi-implicit Euler's energy oscillates
+constexpr double damped_from = 0.1;        // relative change of the mode's root, and so of frequency and damping ratio
+constexpr double allowed_distance = 0.05;  // from the closed form, as a share of the first error
 
 StepSettings settings(const Map& map, Method method, const Setup& setup) {
   StepSettings result{.integrator = Integrator::euler};
@@ -24,7 +24,7 @@ StepSettings settings(const Map& map, Method method, const Setup& setup) {
   return result;
 }
 
-// What the models of the environments have of their own.
+// Writes what differs between the models into the environments.
 void load(Batch<float>& batch, const std::vector<Setup>& setups) {
   const auto fill = [&](Parameter field, auto&& values_of) {
     if (!batch.plan().settings().per_environment.contains(field)) return;
@@ -52,7 +52,7 @@ void load(Batch<float>& batch, const std::vector<Setup>& setups) {
       batch.positions()(j, e) = static_cast<float>(setups[e].model.joints[j].position);
 }
 
-// Of the springs of servos, J.
+// Energy of the servos' springs, J.
 double spring_energy(const Model& model, const Eigen::ArrayXd& q) {
   double sum = 0.0;
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
@@ -62,7 +62,8 @@ double spring_energy(const Model& model, const Eigen::ArrayXd& q) {
   return sum;
 }
 
-// From the lowest to the highest that every link can be, J: twice the length of the chain that carries it.
+// The potential energy between the lowest and the highest places that the links can reach, J. For each link they are
+// apart by twice the length of the chain that carries it.
 double span_of_heights(const Model& model) {
   double sum = 0.0;
   std::vector<double> reach(model.links.size(), 0.0);
@@ -75,7 +76,7 @@ double span_of_heights(const Model& model) {
   return sum;
 }
 
-// Energies now, and what bounds them.
+// The energies of the environments, and their bounds.
 class Budget {
  public:
   Budget(const Batch<float>& batch, const std::vector<Setup>& setups) : setups_(setups) {
@@ -85,13 +86,13 @@ class Budget {
       const Model& model = setups[e].model;
       const double heights = span_of_heights(model), error = errors.col(e).maxCoeff();
       span_.push_back(heights + spring_energy(model, batch.positions().col(e).cast<double>()));
-      // Correcting an error moves every link, at most by its reach, and none where there is none.
+      // The correction of an error moves each link by its reach at most. A start without errors has no correction.
       start_[e] += heights * std::min(1.0, error);
     }
     excess_.assign(setups.size(), 0.0);
   }
 
-  void look_at(const Batch<float>& batch) {
+  void update(const Batch<float>& batch) {
     const std::vector<double> now = energies(batch);
     for (std::size_t e = 0; e < now.size(); ++e) excess_[e] = std::max(excess_[e], (now[e] - start_[e]) / span_[e]);
   }
@@ -114,8 +115,8 @@ class Budget {
 
 Class classify(const Verdict& verdict) {
   if (verdict.fault != Fault::none) return Class::fault;
-  if (verdict.excess > gained) return Class::energy;
-  return verdict.error <= tight ? Class::holds : verdict.error <= ignored ? Class::loose : Class::open;
+  if (verdict.excess > allowed_gain) return Class::energy;
+  return verdict.error <= largest_held ? Class::holds : verdict.error <= largest_loose ? Class::loose : Class::open;
 }
 
 std::vector<Verdict> energy_and_errors(Batch<float>& batch, const std::vector<Setup>& setups) {
@@ -126,7 +127,7 @@ std::vector<Verdict> energy_and_errors(Batch<float>& batch, const std::vector<Se
   Budget budget(batch, setups);
   for (int done = stride; done <= steps; done += stride) {
     batch.step(stride);
-    budget.look_at(batch);
+    budget.update(batch);
     if (done < last_second) continue;
     const Array errors = batch.coupling_errors().abs().cast<double>();
     for (std::size_t e = 0; e < setups.size(); ++e)
@@ -140,8 +141,8 @@ std::vector<Verdict> energy_and_errors(Batch<float>& batch, const std::vector<Se
   return verdicts;
 }
 
-// The mode in which all couplings of the star go together: K's eigenvalue over its diagonal (M28) is that of the
-// driver and all followers over the driver and one, which makes the spring of each as much stiffer.
+// The mode in which all couplings of the star move together. K's eigenvalue over its diagonal (M28) is (1 + n) / 2 for
+// n equal followers, and the spring of each coupling is that many times stiffer in this mode.
 struct Mode {
   double frequency, damping;  // rad/s, 1/s: of x'' + 2 damping x' + frequency^2 x = 0
 
@@ -152,7 +153,7 @@ struct Mode {
     damping = softness.rad_per_s * softness.damping_ratio * stiffer;
   }
 
-  // By how much implicit Euler with steps of h changes it: the farther root of (M32) against that of the mode itself.
+  // The relative change by implicit Euler with steps of h: the larger of the changes of the two roots (M32).
   double change(double h) const {
     const std::complex<double> width = std::sqrt(std::complex<double>(damping * damping - frequency * frequency));
     double worst = 0.0;
@@ -171,7 +172,7 @@ std::vector<Verdict> closed_form(Batch<float>& batch, const Setup& setup) {
   const Mode mode(setup.model);
   const double w2 = h * h * mode.frequency * mode.frequency, d = 2.0 * h * mode.damping;
   const double first = batch.coupling_errors()(0, 0);
-  double c = first, speed = 0.0;  // of implicit Euler; the speed by h
+  double c = first, speed = 0.0;  // of implicit Euler; speed is times h
   Verdict verdict;
   const int steps = static_cast<int>(std::lround(seconds / setup.dt));
   for (int i = 0; i < steps; ++i) {
@@ -185,11 +186,11 @@ std::vector<Verdict> closed_form(Batch<float>& batch, const Setup& setup) {
     verdict.excess = std::max(verdict.excess, errors.square().maxCoeff() / (first * first) - 1.0);
   }
   verdict.fault = batch.faults()[0];
-  verdict.kind = verdict.fault != Fault::none  ? Class::fault
-                 : verdict.excess > gained     ? Class::energy
-                 : verdict.error > followed    ? Class::off
-                 : mode.change(h) > noticeable ? Class::damped
-                                               : Class::holds;
+  verdict.kind = verdict.fault != Fault::none       ? Class::fault
+                 : verdict.excess > allowed_gain    ? Class::energy
+                 : verdict.error > allowed_distance ? Class::off
+                 : mode.change(h) > damped_from     ? Class::damped
+                                                    : Class::holds;
   return {verdict};
 }
 

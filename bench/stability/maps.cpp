@@ -40,7 +40,7 @@ Axis in_plans(const std::string& name, double first, double last) { return {name
 
 Setup swept(Model model, double sweeps) { return {std::move(model), 1.0 / 240, static_cast<int>(sweeps)}; }
 
-std::vector<Map> in_full() {
+std::vector<Map> full_maps() {
   const Axis mass = in_environments("mass_ratio", 1e-6, 1e6), gear = in_environments("gear_ratio", 1e-4, 1e4);
   return {
       {"followers_sweeps",
@@ -125,7 +125,7 @@ void thin_out(Axis& axis) {
 }  // namespace
 
 std::vector<Map> all_maps(bool quick) {
-  std::vector<Map> maps = in_full();
+  std::vector<Map> maps = full_maps();
   if (quick)
     for (Map& map : maps) thin_out(map.x), thin_out(map.y);
   return maps;

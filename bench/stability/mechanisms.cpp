@@ -47,7 +47,7 @@ Model hand(int followers) {
     append_bar(model, "base", {0.1, 0.05 * i, 0}, 0.2);
     model.couplings.push_back(Coupling::mimic(model.joints.back().name, "j0", i % 2 == 0 ? -1.0 : 0.5));
   }
-  for (Joint& joint : model.joints) joint.damping = 1e-4;  // it is to be moving to the end
+  for (Joint& joint : model.joints) joint.damping = 1e-4;  // so little that it still moves at the end
   return model;
 }
 

@@ -1,6 +1,6 @@
-// Where each method is stable, accurate, or fails, and how: one CSV file per map. SPDX-License-Identifier: Apache-2.0
+// Maps of where each method is stable, and how it fails: one CSV file each. SPDX-License-Identifier: Apache-2.0
 //
-// docs/stability.md tells of them, stability_map.py draws them.
+// docs/stability.md describes the maps, and stability_map.py draws them.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -19,7 +19,7 @@ struct Point {
   double x, y;
 };
 
-// Points that one Batch can step together, for each plan that the map needs.
+// The points of the map, grouped into those that one Batch can step.
 std::vector<std::vector<Point>> batches(const Map& map, Method method) {
   const bool once = map.sweeps() && (method == Method::direct || method == Method::reduced);
   const std::vector<double> xs = once ? std::vector<double>{0} : map.x.values;
@@ -62,14 +62,14 @@ void run(const Map& map, const std::filesystem::path& folder) {
 
 int main(int argc, char** argv) {
   using namespace lockstep::stability;
-  CLI::App app("Maps where each method is stable, accurate, or fails.", "stability_map");
+  CLI::App app("Maps where each method is stable or accurate, and how it fails.", "stability_map");
   std::string folder;
   std::vector<std::string> names, known;
   bool quick = false;
   for (const Map& map : all_maps(false)) known.push_back(map.name);
   app.add_option("--out", folder, "Folder for the CSV files")->required();
-  app.add_option("--maps", names, "These alone")->delimiter(',')->check(CLI::IsMember(known));
-  app.add_flag("--quick", quick, "A coarse grid");
+  app.add_option("--maps", names, "Writes these maps alone")->delimiter(',')->check(CLI::IsMember(known));
+  app.add_flag("--quick", quick, "Takes a coarse grid");
   CLI11_PARSE(app, argc, argv);
   try {
     std::filesystem::create_directories(folder);

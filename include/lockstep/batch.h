@@ -66,10 +66,10 @@ struct StridedRows {
 /// What Batch::read_frames() fills. Rows of links and sites follow each other in the order of the Model.
 template <class S>
 struct FrameRows {
-  StridedRows<S> link_poses;       ///< [7 * links] each as link_poses()
-  StridedRows<S> link_velocities;  ///< [6 * links] each as link_velocities()
-  StridedRows<S> site_poses;       ///< [7 * sites] x, y, z (m), quaternion w, x, y, z, in the world
-  StridedRows<S> site_velocities;  ///< [6 * sites] angular velocity, then that of the site's origin, world axes
+  StridedRows<S> link_poses = {};       ///< [7 * links] each as link_poses()
+  StridedRows<S> link_velocities = {};  ///< [6 * links] each as link_velocities()
+  StridedRows<S> site_poses = {};       ///< [7 * sites] x, y, z (m), quaternion w, x, y, z, in the world
+  StridedRows<S> site_velocities = {};  ///< [6 * sites] angular velocity, then that of the site's origin, world axes
 };
 
 /// State and inputs of many environments as a structure of arrays, and the step over them.

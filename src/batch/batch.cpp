@@ -165,10 +165,14 @@ auto Batch<S>::link_poses(int link) const -> Array {
   for (Eigen::Index e = 0; e < frame.cols(); ++e) {
     Eigen::Matrix<S, 3, 3> rotation;
     for (int k = 0; k < 9; ++k) rotation(k / 3, k % 3) = frame(3 + k, e);
-    const Eigen::Quaternion<S> turn = Eigen::Quaternion<S>(rotation).normalized();
-    poses.col(e).tail(4) << turn.w(), turn.x(), turn.y(), turn.z();
+    poses.col(e).tail(4) = quaternion_of(rotation);
   }
   return poses;
+}
+
+template <class S>
+void Batch<S>::read_frames(const FrameRows<S>& rows) const {
+  impl_->read_frames(rows);
 }
 
 template <class S>

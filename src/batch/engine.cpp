@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "engine.h"
 
 #include "interpret/lower.h"
@@ -23,14 +24,10 @@ void prefer_engine(Engine engine) { preferred = engine; }
 
 const char* to_string(Engine engine) noexcept {
   switch (engine) {
-    case Engine::automatic:
-      break;
-    case Engine::tables:
-      return "tables";
-    case Engine::interpreter:
-      return "interpreter";
-    case Engine::generated:
-      return "generated";
+    case Engine::automatic: break;
+    case Engine::tables: return "tables";
+    case Engine::interpreter: return "interpreter";
+    case Engine::generated: return "generated";
   }
   return "automatic";
 }

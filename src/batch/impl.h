@@ -23,6 +23,13 @@ inline int checked_environments(int environments) {
   return environments;
 }
 
+/// w, x, y, z
+template <class S>
+Eigen::Matrix<S, 4, 1> quaternion_of(const Eigen::Matrix<S, 3, 3>& rotation) {
+  const Eigen::Quaternion<S> turn = Eigen::Quaternion<S>(rotation).normalized();
+  return {turn.w(), turn.x(), turn.y(), turn.z()};
+}
+
 template <class S>
 struct Batch<S>::Impl {
   Impl(const Plan& p, int count, const BatchOptions& options)
@@ -35,6 +42,7 @@ struct Batch<S>::Impl {
         stride(row_stride<S>(count)),
         step_nanoseconds(static_cast<double>(p.flops_per_step()) /
                          ((chosen.engine == Engine::tables ? 3.0 : 8.0) * kernels.lanes)),
+        frames(frames_of(p.model())),
         workers(options.threads, scratch_bytes()) {
     if (options.threads < 0) throw SettingsError("threads", "is negative", "give 0 for all, or a number");
     const int dofs = tables.joints;
@@ -57,7 +65,15 @@ struct Batch<S>::Impl {
     require_representable();
   }
 
+  // Where the frames of a tile stand in a worker's scratch memory: behind what the kernels want.
+  std::size_t frames_at() const { return (step_bytes() + cache_line - 1) / cache_line * cache_line; }
+
   std::size_t scratch_bytes() const {
+    const std::size_t numbers = static_cast<std::size_t>(kernels::frame_numbers * kernels.lanes) * frames.size();
+    return frames_at() + numbers * sizeof(S);
+  }
+
+  std::size_t step_bytes() const {
     const std::size_t tile = kernels.scratch_bytes(tables),
                       number = static_cast<std::size_t>(kernels.lanes) * sizeof(S);
     if (chosen.operations) return std::max(tile, kernels.interpreter_bytes(tables, *chosen.operations));
@@ -223,6 +239,56 @@ struct Batch<S>::Impl {
     return read(request, row_count);
   }
 
+  // The model's links, then its sites.
+  static std::vector<kernels::Request<S>> frames_of(const Model& model) {
+    std::vector<kernels::Request<S>> frames;
+    for (std::size_t l = 0; l < model.links.size(); ++l)
+      frames.push_back({kernels::Quantity::frame, static_cast<int>(l)});
+    for (const Site& site : model.sites) {
+      frames.push_back({kernels::Quantity::frame, model.link_index(site.link)});
+      for (int k = 0; k < 3; ++k) frames.back().offset[k] = static_cast<S>(site.pose.translation()[k]);
+    }
+    return frames;
+  }
+
+  void read_frames(const FrameRows<S>& to) {
+    const int links = tables.links;
+    const std::vector<Site>& sites = plan.model().sites;
+    const StatePointers<S> pointers = state_pointers();
+    const auto put_tile = [&](std::ptrdiff_t first, const S* numbers) {
+      const std::ptrdiff_t count = std::min<std::ptrdiff_t>(kernels.lanes, environments - first);
+      for (std::size_t f = 0; f < frames.size(); ++f, numbers += kernels::frame_numbers * kernels.lanes) {
+        const bool is_link = static_cast<int>(f) < links;
+        const int index = static_cast<int>(f) - (is_link ? 0 : links);
+        const StridedRows<S>&poses = is_link ? to.link_poses : to.site_poses,
+              &velocities = is_link ? to.link_velocities : to.site_velocities;
+        for (std::ptrdiff_t lane = 0; lane < count; ++lane) {
+          const auto number = [&](int k) { return numbers[k * kernels.lanes + lane]; };
+          const auto put = [&](const StridedRows<S>& rows, int row, S value) {
+            rows.data[row * rows.row_stride + (first + lane) * rows.environment_stride] = value;
+          };
+          for (int k = 0; velocities.data && k < 6; ++k) put(velocities, 6 * index + k, number(12 + k));
+          if (!poses.data) continue;
+          for (int k = 0; k < 3; ++k) put(poses, 7 * index + k, number(k));
+          Eigen::Matrix<S, 3, 3> rotation;
+          for (int k = 0; k < 9; ++k) rotation(k / 3, k % 3) = number(3 + k);
+          if (!is_link) rotation = (rotation * sites[index].pose.linear().template cast<S>()).eval();
+          const Eigen::Matrix<S, 4, 1> turn = quaternion_of(rotation);
+          for (int k = 0; k < 4; ++k) put(poses, 7 * index + 3 + k, turn[k]);
+        }
+      }
+    };
+    workers.for_environments(stepped(), step_nanoseconds, kernels.lanes,
+                             [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
+                               S* const numbers = reinterpret_cast<S*>(static_cast<std::byte*>(scratch) + frames_at());
+                               for (; first < last; first += kernels.lanes) {
+                                 kernels.read_frames(tables, pointers, first, frames.data(),
+                                                     static_cast<int>(frames.size()), numbers, scratch);
+                                 put_tile(first, numbers);
+                               }
+                             });
+  }
+
   View view(const AlignedBlock<S>& block) const {
     return View(block.data(), static_cast<Eigen::Index>(block.size()) / stride, environments,
                 Eigen::OuterStride<>(stride));
@@ -241,6 +307,7 @@ struct Batch<S>::Impl {
   ChosenEngine chosen;
   std::ptrdiff_t stride;
   double step_nanoseconds;  // of one environment, about: for the size of tasks
+  std::vector<kernels::Request<S>> frames;
   Workers workers;
   AlignedBlock<S> position, velocity, root_pose, root_velocity;
   AlignedBlock<S> position_target, velocity_target, effort, impulse, residual, row_state, energy;

@@ -13,8 +13,8 @@ namespace lockstep {
 inline constexpr std::size_t cache_line = 64;
 inline constexpr std::size_t huge_page = 2u << 20;
 
-/// A zeroed block aligned to cache lines, or to huge pages where it fills one: a tile touches every row, and in a large
-/// batch each row lies in another small page, more of them than the processor keeps translations for.
+/// A block of zeros, aligned to cache lines, or to huge pages if it fills one. A tile accesses every row, and in a
+/// large batch each row lies in a different small page. The processor could not keep the translations of so many pages.
 template <class E>
 class AlignedBlock {
  public:
@@ -24,7 +24,7 @@ class AlignedBlock {
     const std::size_t bytes = count * sizeof(E);
     const std::align_val_t alignment{bytes < huge_page ? cache_line : huge_page};
     block_ = {static_cast<E*>(::operator new(bytes, alignment)), Free{alignment}};
-    if (bytes >= huge_page) madvise(block_.get(), bytes / huge_page * huge_page, MADV_HUGEPAGE);  // a wish, no more
+    if (bytes >= huge_page) madvise(block_.get(), bytes / huge_page * huge_page, MADV_HUGEPAGE);  // only a hint
     std::fill_n(block_.get(), count, E{});
   }
   E* data() const { return block_.get(); }
@@ -39,8 +39,8 @@ class AlignedBlock {
   std::size_t count_ = 0;
 };
 
-/// Numbers from one row to the next: whole cache lines, an odd number of them, so that a column of rows
-/// does not fall into the same few sets of the cache.
+/// How many numbers apart rows begin: an odd number of cache lines, so that the rows' numbers of one environment do not
+/// fall into the same few sets of the cache.
 template <class S>
 std::ptrdiff_t row_stride(int environments) {
   const std::size_t per_line = cache_line / sizeof(S);

@@ -1,4 +1,4 @@
-// Spreading tiles over the cores; the only place that knows oneTBB. SPDX-License-Identifier: Apache-2.0
+// Spreads environments over threads; the only file that uses oneTBB. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <tbb/blocked_range.h>
@@ -16,7 +16,7 @@ namespace lockstep {
 
 class Workers {
  public:
-  /// threads as in BatchOptions; each worker has `scratch_bytes` of its own.
+  /// `threads` as in BatchOptions. Each thread has `scratch_bytes` of its own.
   Workers(int threads, std::size_t scratch_bytes)
       : own_(scratch_bytes),
         scratch_([scratch_bytes] { return AlignedBlock<std::byte>(scratch_bytes); }),
@@ -24,20 +24,20 @@ class Workers {
     if (threads > 1) arena_ = std::make_unique<tbb::task_arena>(threads);
   }
 
-  /// act(first, last, scratch) over ranges of environments that together are [0, count). They begin with lines of the
-  /// cache, so that no two threads write to one. `each` is about what one environment takes, in nanoseconds; so many
-  /// are faster `together`, a power of two: they stay together where there is a group of them for each thread.
+  /// Calls act(first, last, scratch) for ranges of environments that cover [0, count). Ranges begin at cache lines, so
+  /// no two threads write to the same line. One environment takes about `nanoseconds`. Groups of `group` environments,
+  /// a power of two, are faster: they are not split if there is one for each thread.
   template <class Act>
-  void for_environments(std::ptrdiff_t count, double each, std::ptrdiff_t together, const Act& act) {
+  void for_environments(std::ptrdiff_t count, double nanoseconds, std::ptrdiff_t group, const Act& act) {
     if (serial_) return act(0, count, own_.data());
     const auto all = [&] {
       const int threads = tbb::this_task_arena::max_concurrency();
-      const bool enough = count >= threads * together;
-      const std::ptrdiff_t unit = enough ? std::max(per_line, together) : per_line;
+      const bool enough = count >= threads * group;
+      const std::ptrdiff_t unit = enough ? std::max(per_line, group) : per_line;
       const std::ptrdiff_t units = (count + unit - 1) / unit;
       tbb::parallel_for(
           tbb::blocked_range<std::ptrdiff_t>(0, units,
-                                             units_per_task(units, each * static_cast<double>(unit), threads)),
+                                             units_per_task(units, nanoseconds * static_cast<double>(unit), threads)),
           [&](const tbb::blocked_range<std::ptrdiff_t>& range) {
             act(range.begin() * unit, std::min(range.end() * unit, count), scratch_.local().data());
           },
@@ -49,8 +49,8 @@ class Workers {
  private:
   static constexpr std::ptrdiff_t per_line = cache_line / 4;  // environments in a line of the smallest type
 
-  // A task costs some 0.2 microseconds, a stolen one more: long ones where there are many, short ones rather than
-  // threads with nothing to do.
+  // Each task has a cost of its own, so tasks are long if there is much to do. They are short rather than leaving
+  // threads without work.
   static constexpr int tasks_per_thread = 16;
   static std::ptrdiff_t units_per_task(std::ptrdiff_t units, double unit_nanoseconds, int threads) {
     constexpr double shortest = 10e3, longest = 50e3;

@@ -1,3 +1,4 @@
+// Emits a graph as C++ statements. SPDX-License-Identifier: Apache-2.0
 #include "emit_cpp.h"
 
 #include <fmt/format.h>
@@ -16,10 +17,9 @@ using trace::use_counts;
 namespace {
 
 constexpr int sincos_operations = 20;
-constexpr int deepest = 5;  // of expressions within each other: a line that one can still read
+constexpr int deepest = 5;  // nesting of expressions, so that lines stay readable
 
-// Goes through the items twice: first who needs what, then line by line in the order of recording. Compilers keep that
-// order, and with it values live shortly: sorting operations by their way to the end made steps a tenth slower.
+// Emits the items in the order of the trace. Compilers mostly keep this order, in which values live shortly.
 class Writer {
  public:
   explicit Writer(const Graph& graph)
@@ -36,16 +36,16 @@ class Writer {
     find_nested();
     for (const Item& item : graph_.items()) {
       if (item.kind == Item::straight) lines(item, 0);
-      if (item.kind == Item::loop) keep_together([&] { loop(item); });
-      if (item.kind == Item::effect) keep_together([&] { effect(item); });
+      if (item.kind == Item::loop) in_one_block([&] { loop(item); });
+      if (item.kind == Item::effect) in_one_block([&] { effect(item); });
     }
     return std::move(out_);
   }
 
  private:
-  // A value that only one other wants, next to it, needs no name - unless the line would get too long.
+  // A node with a single use, in the same item, is written where it is used, unless the line would get too long.
   void find_nested() {
-    std::vector<int> user(nodes_.size(), -1), depth(nodes_.size(), 0);  // item of the last to use it
+    std::vector<int> user(nodes_.size(), -1), depth(nodes_.size(), 0);  // by node: the item of its last user
     for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id)
       for (Id o : nodes_[id].operand)
         if (uses_[id] > 0 && o >= 0) user[o] = nodes_[id].item;
@@ -68,10 +68,10 @@ class Writer {
   std::string name(Id id) {
     if (nodes_[id].op == Op::variable && nodes_[id].operand[0] >= 0) id = nodes_[id].operand[0];
     if (const auto known = given_.find(id); known != given_.end()) return known->second;
-    const auto wanted = graph_.names().find(id);
-    std::string base = wanted != graph_.names().end() ? wanted->second : "a", full = base;
+    const auto traced = graph_.names().find(id);
+    std::string base = traced != graph_.names().end() ? traced->second : "a", full = base;
     int& count = taken_[base];
-    if (wanted == graph_.names().end() || count > 0) full = fmt::format("{}_{}", base, count);
+    if (traced == graph_.names().end() || count > 0) full = fmt::format("{}_{}", base, count);
     ++count;
     return given_[id] = full;
   }
@@ -101,7 +101,7 @@ class Writer {
       case Op::multiply: return count(item, 1), fmt::format("({} * {})", arg(0), arg(1));
       case Op::divide: return count(item, 1), fmt::format("({} / {})", arg(0), arg(1));
       case Op::fma: return count(item, 2), fmt::format("fma({}, {}, {})", bare_arg(0), bare_arg(1), bare_arg(2));
-      case Op::fnma: {  // compilers negate the first, for nothing if no other wants that: they would do it once for all
+      case Op::fnma: {  // compilers negate the first factor: they do it once for all products that share it
         const bool swaps =
             nodes_[node.operand[0]].op != Op::constant && subtracted_[node.operand[1]] < subtracted_[node.operand[0]];
         return count(item, 2), fmt::format("fnma({}, {}, {})", bare_arg(swaps), bare_arg(!swaps), bare_arg(2));
@@ -118,7 +118,7 @@ class Writer {
     }
   }
 
-  // An input is read where it is first wanted.
+  // Inputs are read right before their first use.
   void read_inputs(Id id, int indent) {
     if (nodes_[id].op == Op::input) return read_input(id, indent);
     for (Id o : nodes_[id].operand)
@@ -138,7 +138,7 @@ class Writer {
       if (uses_[id] == 0 || nested_[id] || defined_.contains(id) || node.op == Op::input) continue;
       read_inputs(id, indent);
       if (node.op == Op::sine || node.op == Op::cosine) {
-        indent == 0 ? keep_together([&] { both(id, item, indent); }) : both(id, item, indent);
+        indent == 0 ? in_one_block([&] { sine_and_cosine(id, item, indent); }) : sine_and_cosine(id, item, indent);
         continue;
       }
       defined_.insert(id);
@@ -148,6 +148,7 @@ class Writer {
     }
   }
 
+  // Without outer brackets.
   static std::string bare(std::string text) {
     if (text.front() != '(') return text;
     int open = 0;
@@ -158,8 +159,7 @@ class Writer {
     return text;
   }
 
-  // sincos gives two.
-  void both(Id id, const Item& item, int indent) {
+  void sine_and_cosine(Id id, const Item& item, int indent) {
     const Node& node = nodes_[id];
     Id other = -1;
     for (Id candidate : item.nodes)
@@ -176,23 +176,23 @@ class Writer {
   }
 
   void loop(const Item& item) {
-    std::vector<std::size_t> kept;
+    std::vector<std::size_t> used;
     for (std::size_t i = 0; i < item.variable.size(); ++i)
-      if (uses_[item.variable[i]] > 0) kept.push_back(i);
-    for (std::size_t i : kept)
+      if (uses_[item.variable[i]] > 0) used.push_back(i);
+    for (std::size_t i : used)
       if (nodes_[item.next[i]].op == Op::variable && item.next[i] != item.variable[i])
-        throw std::logic_error("a loop hands one variable's value on as another's, which the code would overwrite");
-    if (kept.empty()) return;
+        throw std::logic_error("a loop assigns one variable to another, which the code would have overwritten");
+    if (used.empty()) return;
     for (Id id : item.nodes)
       if (uses_[id] > 0) read_inputs(id, 0);
-    for (std::size_t i : kept) {
+    for (std::size_t i : used) {
       read_inputs(item.start[i], 0);
       defines(0, item.variable[i]);
       line(0, fmt::format("T {} = {};", name(item.variable[i]), bare(operand(item.start[i], item))));
     }
     line(0, fmt::format("for (int i = 0; i < {}; ++i) {{", item.times));
     lines(item, 1);
-    for (std::size_t i : kept)
+    for (std::size_t i : used)
       line(1, fmt::format("{} = {};", name(item.variable[i]), bare(operand(item.next[i], item))));
     line(0, "}");
   }
@@ -221,25 +221,25 @@ class Writer {
     line(0, "}");
   }
 
-  // Lines between braces stay together, and so do those of an item that sets what it has declared.
+  // Adds a line. Lines within braces stay in one block, and so do those of in_one_block().
   void line(int indent, const std::string& text) {
-    if (open_ == 0 && !(together_ && begun_)) out_.blocks.emplace_back();
+    if (open_ == 0 && !(one_block_ && begun_)) out_.blocks.emplace_back();
     begun_ = true;
     Block& block = out_.blocks.back();
     block.code += std::string(2 * (indent + 2), ' ') + text + '\n';
     for (const char c : text) open_ += c == '{' ? 1 : c == '}' ? -1 : 0;
-    block.operations += static_cast<int>(out_.operations - told_);
-    told_ = out_.operations;
+    block.operations += static_cast<int>(out_.operations - counted_);
+    counted_ = out_.operations;
     block.defines.insert(block.defines.end(), defined_next_.begin(), defined_next_.end());
     defined_next_.clear();
   }
   template <class Write>
-  void keep_together(Write write) {
-    together_ = true, begun_ = false;
+  void in_one_block(Write write) {
+    one_block_ = true, begun_ = false;
     write();
-    together_ = false;
+    one_block_ = false;
   }
-  // What the next line does, if it is outside of loops.
+  // The next line defines `id`. Only lines outside of loops define names for later blocks.
   void defines(int indent, Id id) {
     if (indent == 0) defined_next_.push_back({name(id), nodes_[id].mask});
   }
@@ -247,15 +247,15 @@ class Writer {
   const Graph& graph_;
   const std::vector<Node>& nodes_;
   std::vector<int> uses_;
-  std::vector<char> nested_;          // written where it is used
-  std::vector<int> subtracted_;       // how often a product with it is subtracted
+  std::vector<char> nested_;          // by node: it is written where it is used
+  std::vector<int> subtracted_;       // by node: how many products with it are subtracted
   std::map<Id, std::string> given_;   // names
-  std::map<std::string, int> taken_;  // how often each has been wanted
+  std::map<std::string, int> taken_;  // by name: how many nodes have it
   std::set<Id> defined_;
   std::vector<Definition> defined_next_;
   int open_ = 0;  // braces
-  bool together_ = false, begun_ = false;
-  long told_ = 0;  // operations that blocks have
+  bool one_block_ = false, begun_ = false;
+  long counted_ = 0;  // operations of the blocks so far
   Emitted out_;
 };
 

@@ -12,10 +12,10 @@ namespace lockstep::codegen {
 using trace::Graph, trace::Id, trace::Item, trace::Node, trace::Op, trace::Place, trace::Write;
 
 struct Emitted {
-  std::vector<Block> blocks;  ///< statements of a function that has T, t, lanes and x
-  std::string code() const;   ///< all of them
-  long operations = 0;        ///< arithmetic on registers, a multiply-add is one; of one pass through each loop
-  long flops = 0;             ///< of all turns of loops; a multiply-add is two
+  std::vector<Block> blocks;  ///< statements of a function that has T, t, batch and x
+  std::string code() const;   ///< all blocks
+  long operations = 0;        ///< on registers; a multiply-add is one, and a loop counts once
+  long flops = 0;             ///< a multiply-add is two, and all turns of a loop count
 };
 
 Emitted emit_cpp(const Graph& graph);

@@ -1,20 +1,21 @@
-# Straight-line kernels at build time. SPDX-License-Identifier: Apache-2.0
+# Generated kernels at build time. SPDX-License-Identifier: Apache-2.0
 #
 #   lockstep_add_kernel(target MODEL robot.urdf [NAME name] [PRECISION f32|f64|both] [TARGETS avx2 ...]
 #                       [OPTIONS --dt 1/240 ...])
 #
-# has `lockstep generate` write the step of that model, compiles it for every instruction set that the library has (or
-# only for those given) and links it to the target, whose batches of that very plan use it. OPTIONS are those of the
-# command; NAME, the file's by default, must be unlike that of any other kernel of the program.
+# runs `lockstep generate` on the model, compiles the kernel for every instruction set of the library (or only for the
+# TARGETS) and links it to the target. Batches of the same plan then use it. OPTIONS are those of the command. NAME must
+# be unique in the program; by default it is the file's name.
 #
 #   lockstep_add_kernel_source(target NAME name SOURCE file.cpp [TARGETS avx2 ...])
 #
-# is the second half, for a file that generate_kernel() wrote.
+# does the second half, for a file that generate_kernel() wrote.
 
 function(lockstep_add_kernel target)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "MODEL;NAME;PRECISION" "OPTIONS;TARGETS")
   if(NOT arg_MODEL OR arg_UNPARSED_ARGUMENTS)
-    message(FATAL_ERROR "lockstep_add_kernel(${target}): give MODEL, and beside it only NAME, PRECISION, TARGETS, OPTIONS")
+    message(FATAL_ERROR "lockstep_add_kernel(${target}): give MODEL; besides, only NAME, PRECISION, TARGETS and "
+                        "OPTIONS are allowed")
   endif()
   get_filename_component(model ${arg_MODEL} ABSOLUTE)
   if(NOT arg_NAME)
@@ -29,8 +30,8 @@ function(lockstep_add_kernel target)
   elseif(TARGET lockstep::lockstep_tool)
     set(command lockstep::lockstep_tool)
   else()
-    message(FATAL_ERROR "lockstep_add_kernel(${target}): the lockstep command writes kernels, and this build has none; "
-                        "set LOCKSTEP_BUILD_TOOL to ON")
+    message(FATAL_ERROR "lockstep_add_kernel(${target}): this needs the lockstep command, which this build does not "
+                        "have; set LOCKSTEP_BUILD_TOOL to ON")
   endif()
   set(source ${CMAKE_CURRENT_BINARY_DIR}/${target}_kernels/${name}.cpp)
   file(MAKE_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR}/${target}_kernels)
@@ -42,11 +43,11 @@ endfunction()
 function(lockstep_add_kernel_source target)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "NAME;SOURCE" "TARGETS")
   if(NOT arg_NAME OR NOT arg_SOURCE OR arg_UNPARSED_ARGUMENTS)
-    message(FATAL_ERROR "lockstep_add_kernel_source(${target}): give NAME and SOURCE, and beside them only TARGETS")
+    message(FATAL_ERROR "lockstep_add_kernel_source(${target}): give NAME and SOURCE; besides, only TARGETS is allowed")
   endif()
   string(MAKE_C_IDENTIFIER ${arg_NAME} identifier)
   if(NOT identifier STREQUAL arg_NAME)
-    message(FATAL_ERROR "lockstep_add_kernel_source(${target}): NAME ${arg_NAME} is no C identifier, as it is in the code; "
+    message(FATAL_ERROR "lockstep_add_kernel_source(${target}): NAME ${arg_NAME} is not a C identifier; "
                         "give the name that the kernel was generated with")
   endif()
   set(targets baseline)
@@ -73,8 +74,8 @@ function(lockstep_add_kernel_source target)
     target_compile_features(${object} PRIVATE cxx_std_20)
     target_include_directories(${object} PRIVATE ${LOCKSTEP_KERNEL_INCLUDE_DIRS})
     target_compile_definitions(${object} PRIVATE LOCKSTEP_KERNEL_TARGET=${isa})
-    # The flags of the library's own kernels: no errno, no traps, no multiply-add that the code does not ask for. And
-    # what a straight line of thousands of operations wants: values computed where they are used, not kept for long.
+    # The flags of the library's own kernels: no errno, no traps, no multiply-add that the code does not ask for. The
+    # flags for g++ suit straight lines of thousands of operations: they keep the lifetimes of values short.
     target_compile_options(${object} PRIVATE -O3 -ffp-contract=off -fno-math-errno -fno-trapping-math ${flags_${isa}})
     if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
       target_compile_options(${object} PRIVATE -flive-range-shrinkage -fno-gcse -fno-tree-pre -fno-tree-ter
@@ -87,7 +88,7 @@ function(lockstep_add_kernel_source target)
   list(JOIN registered ", " registered)
   set(registration ${CMAKE_CURRENT_BINARY_DIR}/${target}_kernels/${arg_NAME}_registered.cpp)
   file(CONFIGURE OUTPUT ${registration} @ONLY CONTENT [=[
-// Makes the generated kernels known before main(): compiled for every machine, as they are not.
+// Registers the generated kernels before main(). Every machine can run this file, but not every kernel.
 #include "targets/generated_kernel.h"
 
 namespace lockstep {
@@ -105,7 +106,7 @@ extern "C" void lockstep_kernel_@arg_NAME@() {}
   set_source_files_properties(${registration} PROPERTIES INCLUDE_DIRECTORIES "${LOCKSTEP_KERNEL_INCLUDE_DIRS}")
   get_target_property(type ${target} TYPE)
   if(type STREQUAL "STATIC_LIBRARY")
-    # Nobody calls what registers a kernel: a linker would leave it in the archive.
+    # Nothing refers to the registration, so a linker would leave it out of a program.
     target_link_options(${target} INTERFACE "SHELL:-u lockstep_kernel_${arg_NAME}")
   endif()
 endfunction()

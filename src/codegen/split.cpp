@@ -1,3 +1,4 @@
+// Splits blocks into parts, and carries values between them. SPDX-License-Identifier: Apache-2.0
 #include "split.h"
 
 #include <fmt/format.h>
@@ -9,13 +10,13 @@
 namespace lockstep::codegen {
 namespace {
 
-struct Life {
+struct Lifetime {
   bool mask;
   int defined, last;  // parts
-  int slot = -1;
+  int place = -1;
 };
 
-// Words that are no members of others.
+// Visits all words that do not follow a dot.
 template <class Visit>
 void each_word(const std::string& code, Visit visit) {
   const auto in_word = [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_'; };
@@ -30,16 +31,16 @@ void each_word(const std::string& code, Visit visit) {
   }
 }
 
-// Places that are handed out, returned and handed out again.
-class Slots {
+// Hands out the lowest free place of an array.
+class Places {
  public:
   int take() {
     if (free_.empty()) return count_++;
-    const int slot = *free_.begin();
+    const int place = *free_.begin();
     free_.erase(free_.begin());
-    return slot;
+    return place;
   }
-  void give_back(int slot) { free_.insert(slot); }
+  void give_back(int place) { free_.insert(place); }
   int count() const { return count_; }
 
  private:
@@ -59,38 +60,39 @@ Parts split(const std::vector<Block>& blocks, int most) {
   }
   ++parts;
 
-  std::map<std::string, Life> lives;
+  std::map<std::string, Lifetime> lifetimes;
   for (std::size_t b = 0; b < blocks.size(); ++b) {
-    for (const Definition& d : blocks[b].defines) lives[d.name] = {d.mask, part_of[b], part_of[b]};
+    for (const Definition& d : blocks[b].defines) lifetimes[d.name] = {d.mask, part_of[b], part_of[b]};
     each_word(blocks[b].code, [&](const std::string& word) {
-      if (const auto life = lives.find(word); life != lives.end()) life->second.last = part_of[b];
+      if (const auto lifetime = lifetimes.find(word); lifetime != lifetimes.end()) lifetime->second.last = part_of[b];
     });
   }
 
   Parts result;
-  Slots numbers, masks;
-  const auto slots_of = [&](const Life& life) -> Slots& { return life.mask ? masks : numbers; };
+  Places numbers, masks;
+  const auto places_of = [&](const Lifetime& lifetime) -> Places& { return lifetime.mask ? masks : numbers; };
   for (int part = 0; part < parts; ++part) {
-    std::set<std::string> wanted;
+    std::set<std::string> used;
     std::string body, reads, writes;
     for (std::size_t b = 0; b < blocks.size(); ++b) {
       if (part_of[b] != part) continue;
       body += blocks[b].code;
       each_word(blocks[b].code, [&](const std::string& word) {
-        if (const auto life = lives.find(word); life != lives.end() && life->second.defined < part) wanted.insert(word);
+        if (const auto lifetime = lifetimes.find(word); lifetime != lifetimes.end() && lifetime->second.defined < part)
+          used.insert(word);
       });
     }
-    for (const std::string& name : wanted) {
-      const Life& life = lives.at(name);
-      reads += fmt::format("    const auto {} = {}[{}];\n", name, life.mask ? "masks" : "kept", life.slot);
+    for (const std::string& name : used) {
+      const Lifetime& lifetime = lifetimes.at(name);
+      reads += fmt::format("    const auto {} = {}[{}];\n", name, lifetime.mask ? "masks" : "kept", lifetime.place);
     }
-    for (auto& [name, life] : lives) {
-      if (life.defined < part && life.last == part) slots_of(life).give_back(life.slot);
-      if (life.defined != part || life.last == part) continue;
-      life.slot = slots_of(life).take();
-      writes += fmt::format("    {}[{}] = {};\n", life.mask ? "masks" : "kept", life.slot, name);
+    for (auto& [name, lifetime] : lifetimes) {
+      if (lifetime.defined < part && lifetime.last == part) places_of(lifetime).give_back(lifetime.place);
+      if (lifetime.defined != part || lifetime.last == part) continue;
+      lifetime.place = places_of(lifetime).take();
+      writes += fmt::format("    {}[{}] = {};\n", lifetime.mask ? "masks" : "kept", lifetime.place, name);
     }
-    result.code.push_back(reads + body + writes);
+    result.code.push_back(reads.append(body).append(writes));
   }
   result.kept = numbers.count();
   result.masks = masks.count();

@@ -1,4 +1,4 @@
-// A long step as many functions that fit into the first cache for code. SPDX-License-Identifier: Apache-2.0
+// A long step as parts that fit into the instruction cache. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -11,20 +11,20 @@ struct Definition {
   bool mask;
 };
 
-/// Lines that stay together, and what they define for later ones.
+/// Lines that stay in one part, and the names that they define for later lines.
 struct Block {
   std::string code;
   std::vector<Definition> defines;
   int operations = 0;
 };
 
-/// Code by part. What a part defines and a later one uses goes through two arrays, `kept` of numbers and `masks`.
+/// Code by part. Values that one part defines and a later one uses go through two arrays: `kept` for numbers, `masks`.
 struct Parts {
   std::vector<std::string> code;
-  int kept = 0, masks = 0;  ///< how long these must be
+  int kept = 0, masks = 0;  ///< the lengths that these arrays need
 };
 
-/// In parts of no more than `most` operations where blocks allow it.
+/// Splits blocks into parts of at most `most` operations. A block with more is a part of its own.
 Parts split(const std::vector<Block>& blocks, int most);
 
 }  // namespace lockstep::codegen

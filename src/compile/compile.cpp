@@ -32,7 +32,7 @@ void check_substeps(const Program& program) {
   if (program.method != Method::tgs || program.settings.iterations == 1) return;
   const auto check = [&](const Softness& softness, const char* kind, const std::string& name) {
     require(!(is_hard(softness) && erp_of(softness) > 1.0), "method",
-            fmt::format("tgs with {} sub-steps cannot share out the erp {} of {} '{}': it is above 1",
+            fmt::format("tgs with {} sub-steps cannot divide the erp {} of {} '{}': it is above 1",
                         program.settings.iterations, erp_of(softness), kind, name),
             "lower the erp, or use one iteration or another method");
   };
@@ -45,10 +45,11 @@ void check_substeps(const Program& program) {
 
 void check_force_limits(const Program& program) {
   for (const Coupling& coupling : program.model.couplings)
-    require(!(coupling.force_limit < infinity && declared(program, Parameter::softness)), "per_environment",
-            fmt::format("has the softness, while coupling '{}' has a force limit, which goes with one softness only",
-                        coupling.joint),
-            "leave the softness out, or the force limit");
+    require(
+        !(coupling.force_limit < infinity && declared(program, Parameter::softness)), "per_environment",
+        fmt::format("has the softness, but coupling '{}' has a force limit, which needs the same softness everywhere",
+                    coupling.joint),
+        "leave out the softness or the force limit");
 }
 
 std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settings, Integrator integrator) {
@@ -68,7 +69,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   if (program->method == Method::reduced) eliminate_followers(*program);
   lay_out_rows(*program);
   take_composite_columns(*program);
-  articulate(*program);
+  take_articulated_bodies(*program);
   take_constraint_velocities(*program, first_joints_shares);
   lay_out_report(*program);
   t.method = program->method;
@@ -85,8 +86,8 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   return program;
 }
 
-// Two steps of half the length for one of the integrator's: the same springs, which erp and cfm state by the whole
-// step.
+// The step of half the length, of which an extrapolated step takes two. ErpCfm depends on the length of a step, so it
+// is converted to the same spring.
 std::shared_ptr<const Program> compiled_half(Model model, StepSettings settings) {
   for (Coupling& coupling : model.couplings) {
     Softness& softness = coupling.softness;

@@ -15,7 +15,7 @@ namespace {
 
 constexpr std::string_view blanks = " \t\r\n";
 
-// What URDF and the tools around it put into files and a step has no use for. Anything else is unknown.
+// Names that URDF and its tools write and a step does not use. Every other name is unknown.
 constexpr std::array known = {
     "visual",
     "collision",
@@ -38,7 +38,7 @@ constexpr std::array known = {
     "dynamics",
     "mimic",
     "lower",
-    "upper",  // of joints that have no use for them
+    "upper",  // of joints that do not use them
 };
 
 bool is_known(std::string_view name) {

@@ -1,4 +1,4 @@
-// One element of a URDF file, its attributes read strictly. SPDX-License-Identifier: Apache-2.0
+// One element of a URDF file. Its attributes are read strictly. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <tinyxml2.h>
@@ -19,12 +19,11 @@ struct File {
   Report report;
 };
 
-/// Enough of a text to find it by, whatever a file may hold: one line, 40 characters.
+/// The beginning of a text, for messages: one line of at most 40 characters.
 std::string shortened(std::string_view text);
 
-/// Remembers which attributes and children were asked for, so that tally_rest() can report the others:
-/// what the importer does not read cannot be overlooked. Every failure is an ImportError that names the
-/// file, the line and the element.
+/// Remembers which attributes and children were read, so that tally_rest() can report all others. Every failure is an
+/// ImportError that names the file, the line and the element.
 class Element {
  public:
   /// `title` names it in errors: "joint 'elbow'", "origin of joint 'elbow'".
@@ -35,7 +34,7 @@ class Element {
   Report& report() const { return file_->report; }
   void rename(std::string title) { title_ = std::move(title); }
 
-  // --- attributes: those without a fallback must be there ---------------------------------------
+  // --- attributes: those without a fallback are required ----------------------------------------
   bool has(const char* attribute) const { return xml_->Attribute(attribute) != nullptr; }
   std::string name(const char* attribute);
   double number(const char* attribute);
@@ -46,15 +45,15 @@ class Element {
   // --- children ---------------------------------------------------------------------------------
   std::optional<Element> child(const char* name);  ///< at most one
   Element only_child(const char* name);            ///< exactly one
-  /// All of that name, in order; their titles are their tags.
+  /// All children of that name, in order. Their titles are their tags.
   template <class Use>
   void each_child(const char* name, Use use);
 
-  /// Reports every attribute, child and text that nobody asked for; `owner` ends each ("... of fixed joints").
-  /// The last thing to call. Throws where xacro is left in the file.
+  /// Reports every attribute, child and text that was not read. `owner` ends each line ("... of fixed joints").
+  /// Call it last. Throws if xacro is left in the file.
   void tally_rest(const std::string& owner = "");
 
-  /// "file:line: title", and an error there.
+  /// "file:line: title". fail() throws an error there.
   std::string place() const;
   [[noreturn]] void fail(const std::string& rule, const std::string& remedy) const;
 
@@ -66,7 +65,7 @@ class Element {
   const tinyxml2::XMLElement* xml_;
   File* file_;
   std::string title_;
-  std::vector<std::string_view> asked_;  // string literals; no element has an attribute and a child of one name
+  std::vector<std::string_view> asked_;  // string literals; no element has an attribute and a child of the same name
 };
 
 template <class Use>

@@ -1,4 +1,4 @@
-// Chains of mimics resolved, their rules checked. SPDX-License-Identifier: Apache-2.0
+// Resolves chains of mimics and checks their rules. SPDX-License-Identifier: Apache-2.0
 #include "mimics.h"
 
 #include <fmt/format.h>
@@ -14,16 +14,16 @@ namespace {
 
 constexpr std::size_t nobody = static_cast<std::size_t>(-1);
 
-// Files round their limits: a mapped range may miss them by this share of their width.
+// A mapped range may miss the limits by this share of their width: files round their limits.
 constexpr double limit_slack = 1e-5;
 
-// What a joint follows, directly or in the end.
+// What a joint follows: q = multiplier * q_leader + offset.
 struct Relation {
   std::size_t leader = nobody;
   double multiplier = 1.0, offset = 0.0;
 };
 
-// a = m b + o with b = inner.m c + inner.o.
+// outer(inner(q))
 Relation composed(const Relation& outer, const Relation& inner) {
   return {inner.leader, outer.multiplier * inner.multiplier, outer.multiplier * inner.offset + outer.offset};
 }
@@ -41,7 +41,7 @@ std::vector<Relation> direct_relations(const std::vector<Mimic>& mimics, const M
     const auto leader = index_of.find(mimic.leader);
     if (leader == index_of.end())
       refuse(follower, "mimics joint '" + mimic.leader + "', which does not exist", "correct the name");
-    if (leader->second == mimic.follower) refuse(follower, "mimics itself", "name another joint, or drop the mimic");
+    if (leader->second == mimic.follower) refuse(follower, "mimics itself", "name another joint, or remove the mimic");
     if (!model.joints[leader->second].moves())
       refuse(follower, "mimics joint '" + mimic.leader + "', which is fixed",
              "name a moving joint, or make this one fixed too");
@@ -53,7 +53,7 @@ std::vector<Relation> direct_relations(const std::vector<Mimic>& mimics, const M
   return direct;
 }
 
-// Each follower's last leader. Every joint is walked over once or twice, however long the chains are.
+// The last leader of each follower's chain. The walk visits each joint at most twice, however long the chains are.
 std::vector<Relation> last_relations(const std::vector<Relation>& direct, const Model& model) {
   std::vector<Relation> last(direct.size());
   std::vector<bool> on_path(direct.size(), false);
@@ -69,7 +69,7 @@ std::vector<Relation> last_relations(const std::vector<Relation>& direct, const 
           names.push_back(model.joints[*at].name);
         names.push_back(model.joints[joint].name);
         refuse(model.joints[joint], "mimics in a circle: " + listed(names, " <- "),
-               "let one of them be free to lead the others");
+               "let one of them lead the others without a mimic");
       }
       on_path[joint] = true;
       path.push_back(joint);
@@ -99,7 +99,7 @@ void report_chain(std::size_t follower, const std::vector<Relation>& direct, con
                             last.offset < 0.0 ? '-' : '+', std::abs(last.offset)));
 }
 
-// Whether the follower stays in its limits while its leader does.
+// Reports a follower that leaves its limits while its leader keeps its own.
 void report_range(const Joint& follower, const Joint& leader, const Relation& last, Report& report) {
   const double one = last.multiplier * leader.lower + last.offset;
   const double other = last.multiplier * leader.upper + last.offset;
@@ -113,7 +113,7 @@ void report_range(const Joint& follower, const Joint& leader, const Relation& la
         "followers that leave their limits while their leader keeps its own",
         fmt::format("{} by {:.4g} {}", follower.name, beyond, follower.kind == JointKind::prismatic ? "m" : "rad"));
 
-  // What the follower's limits leave of the leader's range. Some published grippers have the follower's sign wrong.
+  // How much of the leader's range the follower's limits leave. Some published grippers have the wrong sign there.
   const double at_lower = (follower.lower - last.offset) / last.multiplier;
   const double at_upper = (follower.upper - last.offset) / last.multiplier;
   const double left =
@@ -131,7 +131,7 @@ void couple_mimics(const std::vector<Mimic>& mimics, Model& model, Report& repor
     const Relation& relation = last[mimic.follower];
     Joint& follower = model.joints[mimic.follower];
     const Joint& leader = model.joints[relation.leader];
-    // 0 - x and not -x: an offset of 0 stays without a sign.
+    // 0 - x and not -x: an offset of 0 has no sign.
     model.couplings.push_back(Coupling::mimic(follower.name, leader.name, -relation.multiplier, 0.0 - relation.offset));
     follower.position = relation.offset;  // the leader starts at 0
     report_chain(mimic.follower, direct, relation, model, report);

@@ -9,7 +9,7 @@
 
 namespace lockstep::urdf {
 
-/// q_follower = multiplier * q_leader + offset, as the file has it.
+/// q_follower = multiplier * q_leader + offset, as in the file.
 struct Mimic {
   std::size_t follower;  ///< index in Model::joints
   std::string leader;
@@ -17,8 +17,8 @@ struct Mimic {
   double offset = 0.0;
 };
 
-/// Adds one Coupling per mimic, in order, each with a joint that is nobody's follower, and starts the
-/// followers where their couplings hold. Throws ModelError for mimics that can follow nothing.
+/// Adds one Coupling for each mimic, in order. Its leader is an independent joint. Followers start where their
+/// couplings hold. Throws ModelError if a mimic is impossible.
 void couple_mimics(const std::vector<Mimic>& mimics, Model& model, Report& report);
 
 }  // namespace lockstep::urdf

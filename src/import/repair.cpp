@@ -1,4 +1,4 @@
-// SPDX-License-Identifier: Apache-2.0
+// Repairs of inertias. SPDX-License-Identifier: Apache-2.0
 #include "repair.h"
 
 #include <fmt/format.h>
@@ -15,7 +15,8 @@ namespace {
 
 void proper(double bound, const char* option) {
   if (!(bound >= 0.0) || !std::isfinite(bound))
-    throw SettingsError(fmt::format("ImportOptions::{}", option), "is negative or no number", "give 0 for none");
+    throw SettingsError(fmt::format("ImportOptions::{}", option), "is negative, infinite or NaN",
+                        "give 0 for no bound");
 }
 
 void balance(Link& link, Report& report) {
@@ -34,7 +35,7 @@ void raise_masses(double least, const Tree& tree, Model& model, Report& report) 
   }
 }
 
-// By link: of the links that form its body, the heaviest. What has no mass can have no inertia either.
+// By link: the heaviest of the links that form its body. A link without mass cannot have an inertia.
 std::vector<std::size_t> heaviest_links(const Tree& tree, const Model& model) {
   std::vector<std::size_t> heaviest(tree.carrier.begin(), tree.carrier.end());
   for (std::size_t i = 0; i < model.links.size(); ++i) {
@@ -64,7 +65,7 @@ void repair_inertias(const ImportOptions& options, Model& model, Report& report)
   proper(options.least_inertia, "least_inertia");
   if (options.least_mass == 0.0 && options.least_inertia == 0.0) return;
   for (const Link& link : model.links)
-    if (link.inertia.mass < 0.0) return;  // Model::validate() names it: no bound makes that a mass
+    if (link.inertia.mass < 0.0) return;  // no bound repairs that; Model::validate() reports it
   for (Link& link : model.links) balance(link, report);
   const Tree tree(model);
   if (options.least_mass > 0.0) raise_masses(options.least_mass, tree, model, report);

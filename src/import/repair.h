@@ -6,7 +6,7 @@
 
 namespace lockstep::urdf {
 
-/// What ImportOptions asks for, with a remark for each kind of change. A ModelError where links form no tree.
+/// Makes the changes that ImportOptions asks for, with a remark for each kind. Throws ModelError if links form no tree.
 void repair_inertias(const ImportOptions& options, Model& model, Report& report);
 
 }  // namespace lockstep::urdf

@@ -6,7 +6,7 @@
 namespace lockstep::urdf {
 namespace {
 
-// Kinds of things are few in any real file.
+// Real files have few kinds of things.
 constexpr std::size_t most_kinds = 40;
 
 std::string tallied(const std::map<std::string, int>& tally) {

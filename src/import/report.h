@@ -1,4 +1,4 @@
-// What the importer tells beside the Model. SPDX-License-Identifier: Apache-2.0
+// The importer's report. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <map>
@@ -7,16 +7,16 @@
 
 namespace lockstep::urdf {
 
-/// Gathers remarks while a file is read, one line for each kind of remark however often it is made.
+/// Collects remarks while a file is read. Each kind of remark becomes one line.
 class Report {
  public:
-  /// "what (2): item, item". Lines come in the order in which they were first remarked.
+  /// "what (2): item, item". Lines are in the order of their first remarks.
   void remark(const std::string& what, const std::string& item);
   void kept(const std::string& kind) { ++kept_[kind]; }          ///< of a joint: a bound that a step enforces
-  void not_used(const std::string& kind) { ++not_used_[kind]; }  ///< URDF has it, lockstep has no use for it
-  void unknown(const std::string& kind) { ++unknown_[kind]; }    ///< URDF has it not: perhaps a misspelling
+  void not_used(const std::string& kind) { ++not_used_[kind]; }  ///< part of URDF that lockstep does not use
+  void unknown(const std::string& kind) { ++unknown_[kind]; }    ///< not part of URDF: perhaps a misspelling
 
-  /// The remarks, then one line each of what was kept, not used and unknown.
+  /// The remarks, then one line each for what was kept, not used and unknown.
   std::vector<std::string> lines() const;
 
  private:
@@ -25,7 +25,7 @@ class Report {
   std::map<std::string, int> kept_, not_used_, unknown_;
 };
 
-/// The items with `between` them, the middle of a long list left out and counted.
+/// The items with `between` them. Of a long list the middle is left out and counted.
 std::string listed(const std::vector<std::string>& items, const char* between = ", ", std::size_t longest = 8);
 
 /// "1 link", "2 links".

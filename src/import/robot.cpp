@@ -14,7 +14,7 @@ Eigen::Isometry3d read_origin(Element& owner) {
   const Eigen::Vector3d rpy = origin->triple("rpy", Eigen::Vector3d::Zero());
   const Eigen::AngleAxisd roll(rpy[0], Eigen::Vector3d::UnitX()), pitch(rpy[1], Eigen::Vector3d::UnitY()),
       yaw(rpy[2], Eigen::Vector3d::UnitZ());
-  pose.linear() = (yaw * pitch * roll).toRotationMatrix();  // about the parent's fixed axes: the roll comes first
+  pose.linear() = (yaw * pitch * roll).toRotationMatrix();  // about the parent's fixed axes, the roll first
   origin->tally_rest();
   return pose;
 }
@@ -54,7 +54,7 @@ void read_limit(Element& owner, Joint& joint) {
   const bool has_range = joint.kind != JointKind::continuous;
   if (has_range) {
     if (!limit->has("lower") || !limit->has("upper"))
-      owner.report().remark("<limit> without lower or upper, which is 0 then", joint.name);
+      owner.report().remark("<limit> without lower or upper, taken as 0", joint.name);
     joint.lower = limit->number("lower", 0.0);
     joint.upper = limit->number("upper", 0.0);
   }
@@ -62,8 +62,8 @@ void read_limit(Element& owner, Joint& joint) {
     owner.report().remark("<limit> without effort or velocity, taken as unlimited", joint.name);
   joint.effort_limit = limit->number("effort", infinity);
   joint.velocity_limit = limit->number("velocity", infinity);
-  // Files write 0 where nobody knew the number, since URDF demands both. Taken at its word, an effort of 0 would leave
-  // the joint without a drive, a velocity of 0 would lock it.
+  // URDF requires both numbers, so files have 0 where the number was not known. Taken literally, an effort of 0 would
+  // leave the joint without a drive, and a velocity of 0 would lock it.
   if (joint.effort_limit == 0.0 || joint.velocity_limit == 0.0)
     owner.report().remark("<limit> with effort or velocity 0, taken as unlimited", joint.name);
   if (joint.effort_limit == 0.0) joint.effort_limit = infinity;
@@ -71,7 +71,7 @@ void read_limit(Element& owner, Joint& joint) {
   limit->tally_rest(has_range ? "" : " of continuous joints");
 }
 
-// All that only a joint that moves has.
+// The parts that only moving joints have.
 void read_motion(Element& element, Joint& joint, Robot& robot) {
   if (std::optional<Element> axis = element.child("axis")) {
     joint.axis = axis->triple("xyz");
@@ -119,7 +119,7 @@ void read_joint(Element element, Robot& robot) {
   }
   if (type == "planar" || type == "floating")
     element.fail("is of type " + type + ", which lockstep does not have",
-                 "make it of single joints: prismatic ones, then revolute ones, with light links between");
+                 "build it from single joints: prismatic, then revolute, with light links between them");
   if (kind == kinds.end())
     element.fail("is of type '" + shortened(type) + "', which URDF does not have",
                  "write revolute, continuous, prismatic or fixed");
@@ -133,7 +133,7 @@ Robot read_robot(Element element) {
   if (element.has("name"))
     robot.model.name = element.name("name");
   else
-    element.report().remark("a robot without name, called", robot.model.name);
+    element.report().remark("a robot without a name, called", robot.model.name);
   element.rename("robot '" + robot.model.name + "'");
   element.each_child("link", [&](Element link) { read_link(std::move(link), robot); });
   element.each_child("joint", [&](Element joint) { read_joint(std::move(joint), robot); });

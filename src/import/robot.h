@@ -1,4 +1,4 @@
-// What stands in a <robot>, before it is known which link is the root. SPDX-License-Identifier: Apache-2.0
+// The content of a <robot>, before its root link is known. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
@@ -12,7 +12,7 @@
 
 namespace lockstep::urdf {
 
-/// A joint that frees its child completely. Only one below the root has a place in a Model: Root::floating.
+/// A joint that frees its child completely. A Model can only have one below the root: Root::floating.
 struct FloatingJoint {
   Joint joint;
   std::string place;
@@ -25,7 +25,8 @@ struct Robot {
   std::unordered_map<std::string, std::string> joint_places;  ///< by name: Element::place(), for errors
 };
 
-/// Reads all links and joints. Throws ImportError where an element is no URDF; what they refer to is not looked at.
+/// Reads all links and joints. Throws ImportError if an element is not URDF. Does not check the names that they refer
+/// to.
 Robot read_robot(Element element);
 
 }  // namespace lockstep::urdf

@@ -17,7 +17,7 @@ namespace lockstep {
 namespace urdf {
 namespace {
 
-// No robot needs more text; it keeps a path such as /dev/zero from filling the memory.
+// No robot needs more text. The limit keeps a path such as /dev/zero from filling the memory.
 constexpr std::size_t largest_file = std::size_t{256} << 20;
 
 const char* const convert_remedy = "convert it to URDF, or fill a Model in code";
@@ -29,29 +29,29 @@ std::string text_of(const std::string& path) {
   std::ifstream stream(path, std::ios::binary);
   if (!stream)
     throw ImportError(path, "cannot be opened: " + std::generic_category().message(errno),
-                      "check the path and its rights");
+                      "check the path and its permissions");
   std::string text;
   std::vector<char> piece(std::size_t{1} << 16);
   while (stream.read(piece.data(), static_cast<std::streamsize>(piece.size())) || stream.gcount() > 0) {
     text.append(piece.data(), static_cast<std::size_t>(stream.gcount()));
     if (text.size() > largest_file)
-      throw ImportError(path, fmt::format("is larger than {} MB", largest_file >> 20), "a robot description is not");
+      throw ImportError(path, fmt::format("is larger than {} MB", largest_file >> 20), "give a robot description");
   }
   if (stream.bad()) throw ImportError(path, "cannot be read to its end", "check the file and the disk");
   return text;
 }
 
-// The document's <robot>, once it is certain that there is nothing beside it.
+// The document's <robot>. Throws if there is anything beside it.
 Element parsed(const std::string& text, File& file, tinyxml2::XMLDocument& document) {
   if (text.find('\0') != std::string::npos)
-    throw ImportError(file.name, "is no UTF-8 text (it holds a zero byte)", "save it as UTF-8");
+    throw ImportError(file.name, "is not UTF-8 text: it holds a zero byte", "save it as UTF-8");
   if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
     const std::string place = fmt::format("{}:{}", file.name, document.ErrorLineNum());
     if (document.ErrorID() == tinyxml2::XML_ERROR_EMPTY_DOCUMENT)
       throw ImportError(file.name, "is empty", "give a URDF file, <robot name=\"...\"> ... </robot>");
     if (document.ErrorID() == tinyxml2::XML_ELEMENT_DEPTH_EXCEEDED)
       throw ImportError(place, fmt::format("nests elements deeper than {}", TINYXML2_MAX_ELEMENT_DEPTH),
-                        "no robot does");
+                        "give a robot description; none needs that");
     throw ImportError(place, fmt::format("is not well-formed XML ({})", document.ErrorName()),
                       "check the tags and quotes there");
   }
@@ -61,10 +61,10 @@ Element parsed(const std::string& text, File& file, tinyxml2::XMLDocument& docum
     if (node->ToText() || (node->ToElement() && node != root))
       throw ImportError(place, "has text or elements outside of the root element", "keep one <robot> ... </robot>");
     if (node->ToUnknown() && std::string_view(node->Value()).find("ENTITY") != std::string_view::npos)
-      throw ImportError(place, "declares entities, which are not expanded", "write their texts out");
+      throw ImportError(place, "declares entities, which are not expanded", "replace them by their text");
   }
   if (!root) throw ImportError(file.name, "has no XML element", "give a URDF file, <robot name=\"...\"> ... </robot>");
-  const Element element(*root, file, fmt::format("<{}>", shortened(root->Name())));
+  Element element(*root, file, fmt::format("<{}>", shortened(root->Name())));
   const std::string_view tag = root->Name();
   if (tag == "sdf") element.fail("is SDF, not URDF", convert_remedy);
   if (tag == "mujoco") element.fail("is MJCF (MuJoCo), not URDF", convert_remedy);
@@ -72,12 +72,12 @@ Element parsed(const std::string& text, File& file, tinyxml2::XMLDocument& docum
   return element;
 }
 
-// The rules that must hold before one can ask which link is the root; the others are those of Model::validate.
+// The rules that finding the root depends on. Model::validate() checks all others.
 void check_names(const Robot& robot) {
   std::unordered_set<std::string> links;
   for (const Link& link : robot.model.links)
     if (!links.insert(link.name).second)
-      throw ModelError("link '" + link.name + "'", "appears twice", "give every one its own name");
+      throw ModelError("link '" + link.name + "'", "appears twice", "give each its own name");
   const auto check = [&](const Joint& joint) {
     for (const std::string& end : {joint.parent, joint.child})
       if (!links.count(end))
@@ -108,13 +108,13 @@ std::size_t root_of(const Robot& robot) {
   return root;
 }
 
-// A world that carries the robot by nothing but a floating joint is what Root::floating stands for.
+// A world link that carries the robot by a floating joint only becomes Root::floating.
 void float_root(Robot& robot, Report& report) {
   const Joint& joint = robot.floating->joint;
   Model& model = robot.model;
-  bool alone = joint.parent == model.links[0].name && model.links[0].inertia.mass == 0.0;
-  for (const Joint& other : model.joints) alone = alone && other.parent != joint.parent;
-  if (!alone)
+  bool only_child = joint.parent == model.links[0].name && model.links[0].inertia.mass == 0.0;
+  for (const Joint& other : model.joints) only_child = only_child && other.parent != joint.parent;
+  if (!only_child)
     throw ImportError(robot.floating->place, "floats, but not alone below a root without mass",
                       "lockstep has one floating link, the root: cut the robot there, or use single joints");
   model.root.floating = true;

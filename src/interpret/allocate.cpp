@@ -1,3 +1,4 @@
+// Allocates slots and encodes a list. SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <stdexcept>
 
@@ -10,78 +11,78 @@ namespace {
 class Slots {
  public:
   explicit Slots(const DraftList& draft)
-      : made_(draft),
+      : draft_(draft),
         slot_(static_cast<std::size_t>(draft.values), none),
         last_use_(slot_.size(), -1),
-        passed_on_(slot_.size(), false) {
+        in_register_(slot_.size(), false) {
     for (const DraftOp& constant : draft.constants_first) slot_[constant.to] = count_++;
     for (const MemoryAccess& read : draft.before) slot_[read.value] = count_++;
     lasting_ = count_;
     for (int i = 0; i < static_cast<int>(draft.operations.size()); ++i) {
       const DraftOp& operation = draft.operations[i];
       each_use(operation, [&](Value v) { last_use_[v] = i; });
-      if (operation.last != Last::none) passed_on_[operation.from[static_cast<int>(operation.last) - 1]] = true;
+      if (operation.last != Last::none) in_register_[operation.from[static_cast<int>(operation.last) - 1]] = true;
     }
   }
 
   int count() const { return count_; }
-  bool has(Value v) const { return v >= 0 && !passed_on_[v]; }
+  bool has(Value v) const { return v >= 0 && !in_register_[v]; }
   int of(Value v) const { return slot_[v]; }
 
-  // What operation i is the last to want leaves its slot to what it makes.
-  void go_on_to(int i) {
-    const DraftOp& operation = made_.operations[i];
+  // Frees the slots of values that operation i is the last to use, and assigns slots to its results.
+  void advance_to(int i) {
+    const DraftOp& operation = draft_.operations[i];
     each_use(operation, [&](Value v) {
-      if (last_use_[v] == i) leave(v);
+      if (last_use_[v] == i) release(v);
     });
     const Value results[] = {operation.to, operation.also_to};
-    for (Value v : results) take(v);
+    for (Value v : results) assign(v);
     for (Value v : results)
-      if (has(v) && last_use_[v] < 0) leave(v);
+      if (has(v) && last_use_[v] < 0) release(v);
   }
 
  private:
   static constexpr int none = -1;
 
-  void leave(Value v) {
+  void release(Value v) {
     if (!has(v) || slot_[v] < lasting_) return;
     if (std::find(free_.begin(), free_.end(), slot_[v]) == free_.end()) free_.push_back(slot_[v]);
   }
-  void take(Value v) {
+  void assign(Value v) {
     if (!has(v) || slot_[v] != none) return;
     if (free_.empty()) free_.push_back(count_++);
     slot_[v] = free_.back();
     free_.pop_back();
   }
 
-  const DraftList& made_;
-  std::vector<int> slot_, last_use_, free_;  // by value, by value; the one left last is in the cache
-  std::vector<char> passed_on_;              // in registers
-  int count_ = 0, lasting_;                  // below lasting_ slots are nobody else's
+  const DraftList& draft_;
+  std::vector<int> slot_, last_use_, free_;  // by value, by value; the slot freed last is in the cache
+  std::vector<char> in_register_;            // by value: it has no slot
+  int count_ = 0, lasting_;                  // slots below lasting_ are not shared
 };
 
-std::uint16_t short_of(std::size_t number) {
-  if (number > 0xffff) throw std::length_error("a list is longer than its numbers allow");
+std::uint16_t as_uint16(std::size_t number) {
+  if (number > 0xffff) throw std::length_error("an index of a list does not fit into 16 bits");
   return static_cast<std::uint16_t>(number);
 }
 
-class Writer {
+class Encoder {
  public:
-  explicit Writer(const DraftList& draft) : slots_(draft) {
+  explicit Encoder(const DraftList& draft) : slots_(draft) {
     for (const DraftOp& constant : draft.constants_first) constants_first_.push_back(operation(constant));
     for (std::size_t i = 0; i < draft.operations.size(); ++i) {
-      slots_.go_on_to(static_cast<int>(i));
+      slots_.advance_to(static_cast<int>(i));
       step_.push_back(operation(draft.operations[i]));
     }
     for (std::vector<Operation>* list : {&constants_first_, &step_})
       list->push_back(operation({.opcode = Opcode::end}));
-    find_pairs();
+    find_superoperators();
   }
 
   OperationList keep(const DraftList& draft, TableStorage& storage) {
     const auto accesses_of = [&](const std::vector<MemoryAccess>& accesses) {
       std::vector<Access> all;
-      for (const MemoryAccess& draft : accesses) all.push_back(access(draft));
+      for (const MemoryAccess& one : accesses) all.push_back(access(one));
       return storage.keep(std::move(all));
     };
     return {.constants_first = storage.keep(std::move(constants_first_)),
@@ -97,16 +98,16 @@ class Writer {
  private:
   Operation operation(const DraftOp& draft) {
     const auto slot = [&](Value v) {
-      return slots_.has(v) ? short_of(static_cast<std::size_t>(slots_.of(v))) : std::uint16_t{0};
+      return slots_.has(v) ? as_uint16(static_cast<std::size_t>(slots_.of(v))) : std::uint16_t{0};
     };
     const Encoding encoding{draft.opcode, draft.last, is_arithmetic(draft.opcode) && slots_.has(draft.to)};
-    Operation o{.encoding = short_of(static_cast<std::size_t>(encoding.number())),
+    Operation o{.encoding = as_uint16(static_cast<std::size_t>(encoding.number())),
                 .to = slot(draft.to),
                 .a = slot(draft.from[0]),
                 .b = slot(draft.from[1]),
                 .c = slot(draft.from[2]),
                 .d = 0};
-    if (draft.constant >= 0) o.a = short_of(static_cast<std::size_t>(draft.constant));
+    if (draft.constant >= 0) o.a = as_uint16(static_cast<std::size_t>(draft.constant));
     switch (draft.opcode) {
       case Opcode::sincos: o.c = slot(draft.also_to); break;
       case Opcode::read:
@@ -126,17 +127,17 @@ class Writer {
     return o;
   }
 
-  std::uint16_t accesses_so_far() const { return short_of(accesses_.size()); }
+  std::uint16_t accesses_so_far() const { return as_uint16(accesses_.size()); }
   void add(const std::vector<MemoryAccess>& accesses) {
-    for (const MemoryAccess& draft : accesses) accesses_.push_back(access(draft));
+    for (const MemoryAccess& one : accesses) accesses_.push_back(access(one));
   }
-  Access access(const MemoryAccess& draft) const {
-    const bool fits = draft.place.array < kernels::Places::most || draft.place.array >= Access::first_row;
+  Access access(const MemoryAccess& one) const {
+    const bool fits = one.place.array < kernels::Places::most || one.place.array >= Access::first_row;
     if (!fits) throw std::logic_error("a tile has more arrays than the interpreter can name: see kernels::Places");
-    return {slots_.of(draft.value), draft.place.array, draft.place.number};
+    return {slots_.of(one.value), one.place.array, one.place.number};
   }
 
-  void find_pairs() {
+  void find_superoperators() {
     const auto is = [](const Operation& o, Encoding encoding) { return o.encoding == encoding.number(); };
     for (std::size_t i = 0; i + 1 < step_.size(); ++i)
       for (int index = 0; index < Superoperator::count; ++index) {
@@ -155,7 +156,7 @@ class Writer {
 }  // namespace
 
 OperationList allocate_slots(const DraftList& draft, TableStorage& storage) {
-  return Writer(draft).keep(draft, storage);
+  return Encoder(draft).keep(draft, storage);
 }
 
 }  // namespace lockstep::interpret

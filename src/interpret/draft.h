@@ -1,4 +1,4 @@
-// Operations of a list while it is draft, before their numbers have slots. SPDX-License-Identifier: Apache-2.0
+// The draft of a list: operations whose numbers have no slots yet. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <array>
@@ -13,9 +13,9 @@ namespace lockstep::interpret {
 
 using trace::Graph, trace::Id, trace::Item, trace::Node, trace::Op, trace::Place, trace::Write;
 
-using Value = int;  // a number that an operation makes; later a slot, which values share one after the other
+using Value = int;  // a number that an operation makes; allocation gives it a slot
 
-struct MemoryAccess {  // of memory
+struct MemoryAccess {  // a read or a write
   Place place;
   Value value;
 };
@@ -26,11 +26,11 @@ struct DraftOp {
   std::array<Value, 3> from{-1, -1, -1};
   int constant = -1;
   Call call = Call::none;
-  std::vector<MemoryAccess> writes = {}, reads = {};  // of a call under a condition; of a read or a write there is one
-  Last last = Last::none;                             // which of `from` is draft right before and has no slot
+  std::vector<MemoryAccess> writes = {}, reads = {};  // several for call_if, one for read or write
+  Last last = Last::none;  // which of `from` is the previous operation's result, without slot
 };
 
-/// For each number that an operation uses, once for each time.
+/// use(value) for each use of a value by the operation.
 template <class Use>
 void each_use(const DraftOp& draft, Use use) {
   for (Value v : draft.from)
@@ -39,23 +39,23 @@ void each_use(const DraftOp& draft, Use use) {
   for (const MemoryAccess& access : draft.reads) use(access.value);
 }
 
-/// A list while it is draft.
+/// The draft of an OperationList, whose fields have the same names.
 struct DraftList {
   std::vector<DraftOp> constants_first;
   std::vector<MemoryAccess> before;
   std::vector<DraftOp> operations;
   std::vector<MemoryAccess> after;
   std::vector<double> constants;
-  int values;  // one more than the highest
+  int values;  // how many there are
   bool apart;
 };
 
-/// The same operations, each right behind one that makes a number for it alone, where there is such a one: that number
-/// need not be stored. `values` is one more than the highest; those that are `lasting` are wanted by others too.
+/// Reorders operations. Where possible, each follows an operation whose result it alone uses, so that this result needs
+/// no slot. There are `values` values; those that are `lasting` are also used outside of the step.
 std::vector<DraftOp> schedule(std::vector<DraftOp> operations, int values, const std::set<Value>& lasting);
 
-/// Gives values slots, the same one to several that are wanted one after the other, and writes the list down. Throws
-/// std::length_error where it is longer than its numbers allow.
-OperationList allocate_slots(const DraftList& draft, TableStorage& store);
+/// Gives each value a slot and encodes the list. Values share a slot if their lifetimes do not overlap. Throws
+/// std::length_error if an index does not fit into an Operation.
+OperationList allocate_slots(const DraftList& draft, TableStorage& storage);
 
 }  // namespace lockstep::interpret

@@ -1,4 +1,4 @@
-// What the operations of a list make of their numbers. SPDX-License-Identifier: Apache-2.0
+// What each arithmetic operation of the interpreter computes. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "operations.h"

@@ -1,3 +1,4 @@
+// Lowers a graph to a list of operations. SPDX-License-Identifier: Apache-2.0
 #include "lower.h"
 
 #include <algorithm>
@@ -17,13 +18,13 @@ using trace::use_counts;
 
 namespace {
 
-// What an operation of the graph is in a list, and with a constant for its first operand.
-struct Listing {
+// The opcode of a graph's operation, and its opcode if the first operand is a constant.
+struct OpcodeRule {
   Op op;
   Opcode opcode;
   std::optional<Opcode> of_constant = {};
 };
-constexpr Listing listings[] = {
+constexpr OpcodeRule opcode_rules[] = {
     {Op::negate, Opcode::negate},
     {Op::add, Opcode::add, Opcode::add_constant},
     {Op::subtract, Opcode::subtract, Opcode::subtract_from_constant},
@@ -41,16 +42,16 @@ constexpr Listing listings[] = {
     {Op::select, Opcode::select},
 };
 
-const Listing& listing_of(Op op) {
-  for (const Listing& listing : listings)
-    if (listing.op == op) return listing;
-  throw std::logic_error("an operation that no list knows");
+const OpcodeRule& rule_of(Op op) {
+  for (const OpcodeRule& rule : opcode_rules)
+    if (rule.op == op) return rule;
+  throw std::logic_error("an operation of a graph has no opcode");
 }
 
-// Longer lists, of many sweeps over many rows, are far slower than the stages' loops, and long in the making.
+// Longer lists, of many sweeps over many rows, are much slower than the tables' loops, and take long to make.
 constexpr std::size_t longest = 40000;
 
-// Goes through the graph in the order of recording, loops turn by turn.
+// Lowers the items in order. Loops are unrolled.
 class Lowering {
  public:
   explicit Lowering(const Graph& graph)
@@ -59,11 +60,11 @@ class Lowering {
     find_last_uses();
   }
 
-  // False where code is called that a list has no name for, or where it would be too long.
+  // False if the graph has code that is not a Call, or if the list would be too long.
   bool run() {
-    for (const Item& item : graph_.items())  // the state, of which a step may not look at everything
+    for (const Item& item : graph_.items())  // all of the state, even numbers that a step does not read
       if (!calls_ && item.kind == Item::effect && item.condition < 0)
-        for (const Write& store : item.stores) kept(store.place);
+        for (const Write& store : item.stores) lasting_value(store.place);
     for (const Item& item : graph_.items()) {
       if (item.kind == Item::straight) lower_nodes(item);
       if (operations_.size() + static_cast<std::size_t>(item.times) * item.nodes.size() > longest) return false;
@@ -74,7 +75,7 @@ class Lowering {
   }
 
   OperationList finish(TableStorage& storage, bool apart) {
-    drop_unused();
+    remove_unused_negations();
     return allocate_slots({.constants_first = std::move(constants_first_),
                            .before = std::move(before_),
                            .operations = schedule(std::move(operations_), values_, lasting_),
@@ -89,35 +90,36 @@ class Lowering {
   const Node& node(Id id) const { return nodes_[id]; }
   bool is_constant(Id id) const { return node(id).op == Op::constant; }
 
-  Value fresh() { return values_++; }
+  Value new_value() { return values_++; }
 
   int constant_index(double value) {
-    const auto [known, is_new] = constant_at_.try_emplace(value, static_cast<int>(constants_.size()));
+    const auto [known, is_new] = index_of_constant_.try_emplace(value, static_cast<int>(constants_.size()));
     if (is_new) constants_.push_back(value);
     return known->second;
   }
 
-  // The value that stands for a node now.
+  // The present value of a node. That of a loop's variable changes from turn to turn.
   Value value(Id id) {
     const Node& n = node(id);
-    if (n.op == Op::constant) return filled(n.value);
-    if (n.op == Op::none) return filled(0.0);
+    if (n.op == Op::constant) return constant_value(n.value);
+    if (n.op == Op::none) return constant_value(0.0);
     if (n.op == Op::rounding) {
-      if (rounding_ < 0) rounding_ = once({.opcode = Opcode::fill_rounding, .constant = constant_index(0.0)});
+      if (rounding_ < 0) rounding_ = made_first({.opcode = Opcode::fill_rounding, .constant = constant_index(0.0)});
       return rounding_;
     }
     if (n.op == Op::variable && n.operand[0] >= 0) return value_[n.operand[0]];
     return value_[id];
   }
 
-  Value once(DraftOp draft) {
-    draft.to = fresh();
+  // The result of an operation that runs once, before the first step.
+  Value made_first(DraftOp draft) {
+    draft.to = new_value();
     constants_first_.push_back(draft);
     return draft.to;
   }
-  Value filled(double number) {
-    const auto [known, is_new] = filled_.try_emplace(number, -1);
-    if (is_new) known->second = once({.opcode = Opcode::fill, .constant = constant_index(number)});
+  Value constant_value(double number) {
+    const auto [known, is_new] = value_of_constant_.try_emplace(number, -1);
+    if (is_new) known->second = made_first({.opcode = Opcode::fill, .constant = constant_index(number)});
     return known->second;
   }
 
@@ -127,13 +129,13 @@ class Lowering {
   }
 
   void lower_loop(const Item& item) {
-    const auto wanted = [&](std::size_t i) { return uses_[item.variable[i]] > 0; };
+    const auto used = [&](std::size_t i) { return uses_[item.variable[i]] > 0; };
     for (std::size_t i = 0; i < item.variable.size(); ++i)
-      if (wanted(i)) value_[item.variable[i]] = value(item.start[i]);
+      if (used(i)) value_[item.variable[i]] = value(item.start[i]);
     for (int turn = 0; turn < item.times; ++turn) {
       lower_nodes(item);
       std::vector<Value> next;
-      for (std::size_t i = 0; i < item.variable.size(); ++i) next.push_back(wanted(i) ? value(item.next[i]) : -1);
+      for (std::size_t i = 0; i < item.variable.size(); ++i) next.push_back(used(i) ? value(item.next[i]) : -1);
       for (std::size_t i = 0; i < item.variable.size(); ++i) value_[item.variable[i]] = next[i];
     }
   }
@@ -156,23 +158,23 @@ class Lowering {
     return true;
   }
 
-  // What the next step starts from goes from slot to slot, unless a call looks for it in memory.
-  // Not where one state becomes another's, which may have been overwritten by then.
+  // Without calls the state stays in slots from step to step. False if one number of the state is to become another: it
+  // may have been overwritten by then.
   bool keep_state(const std::vector<MemoryAccess>& written) {
     for (const MemoryAccess& access : written) {
       if (lasting_.contains(access.value)) return false;
-      const Value state = kept(access.place);
+      const Value state = lasting_value(access.place);
       operations_.push_back({.opcode = Opcode::copy, .to = state, .from = {access.value}});
       after_.push_back({access.place, state});
     }
     return true;
   }
 
-  // A number that lasts for a call, read before its first step.
-  Value kept(const Place& place) {
-    const auto [known, is_new] = kept_.try_emplace(place.text, -1);
+  // A number that is read before the first step and has a slot of its own in all steps.
+  Value lasting_value(const Place& place) {
+    const auto [known, is_new] = value_at_place_.try_emplace(place.text, -1);
     if (is_new) {
-      known->second = fresh();
+      known->second = new_value();
       before_.push_back({place, known->second});
       lasting_.insert(known->second);
       if (!place.lasting) state_.push_back(before_.back());
@@ -182,7 +184,7 @@ class Lowering {
 
   bool is_negation(Id id) const { return node(id).op == Op::negate; }
 
-  // The last item that wants each node, or its negative, which may be taken from the node itself.
+  // The last item that uses each node, or its negative, which may become part of another operation.
   void find_last_uses() {
     last_use_.assign(nodes_.size(), -1);
     for (int i = 0; i < static_cast<int>(graph_.items().size()); ++i) {
@@ -196,22 +198,22 @@ class Lowering {
     }
   }
 
-  // What it changes it changes in place: values that nobody else has and nobody wants later.
+  // The call changes its variables' values in their slots. Values with other or later uses are copied first.
   void lower_call_if(const Item& item, const std::vector<MemoryAccess>& writes) {
     const int here = static_cast<int>(&item - graph_.items().data());
     DraftOp draft{.opcode = Opcode::call_if, .from = {value(item.condition)}, .call = item.call};
-    std::map<Value, int> times;
-    for (Id start : item.start) ++times[value(start)];
+    std::map<Value, int> count;
+    for (Id start : item.start) ++count[value(start)];
     for (std::size_t i = 0; i < item.variable.size(); ++i) {
       const Value start = value(item.start[i]);
-      const bool own = times[start] == 1 && !lasting_.contains(start) && !is_constant(item.start[i]) &&
-                       node(item.start[i]).op != Op::variable && last_use_[item.start[i]] <= here;
-      const Value held = own ? start : fresh();
-      if (!own) operations_.push_back({.opcode = Opcode::copy, .to = held, .from = {start}});
-      value_[item.variable[i]] = held;
-      draft.reads.push_back({item.place[i], held});
+      const bool exclusive = count[start] == 1 && !lasting_.contains(start) && !is_constant(item.start[i]) &&
+                             node(item.start[i]).op != Op::variable && last_use_[item.start[i]] <= here;
+      const Value changed = exclusive ? start : new_value();
+      if (!exclusive) operations_.push_back({.opcode = Opcode::copy, .to = changed, .from = {start}});
+      value_[item.variable[i]] = changed;
+      draft.reads.push_back({item.place[i], changed});
     }
-    draft.writes = state_;  // as the step began
+    draft.writes = state_;  // as at the start of the step
     draft.writes.insert(draft.writes.end(), writes.begin(), writes.end());
     draft.writes.insert(draft.writes.end(), draft.reads.begin(), draft.reads.end());
     operations_.push_back(std::move(draft));
@@ -229,12 +231,12 @@ class Lowering {
       case Op::variable: return;
       default: break;
     }
-    const Listing& listing = listing_of(n.op);
-    DraftOp draft{.opcode = listing.opcode, .to = value_[id] = fresh()};
+    const OpcodeRule& rule = rule_of(n.op);
+    DraftOp draft{.opcode = rule.opcode, .to = value_[id] = new_value()};
     std::array<Id, 3> from = n.operand;
-    if (n.op == Op::beyond || (commutes(listing.opcode) && is_constant(from[1]))) std::swap(from[0], from[1]);
-    if (listing.of_constant && is_constant(from[0]) && !is_constant(from[1])) {
-      draft.opcode = *listing.of_constant;
+    if (n.op == Op::beyond || (commutes(rule.opcode) && is_constant(from[1]))) std::swap(from[0], from[1]);
+    if (rule.of_constant && is_constant(from[0]) && !is_constant(from[1])) {
+      draft.opcode = *rule.of_constant;
       draft.constant = constant_index(node(from[0]).value);
       from[0] = -1;
     } else if (n.op == Op::fma && is_negation(from[2])) {
@@ -249,14 +251,14 @@ class Lowering {
   void lower_input(Id id) {
     const Place& place = node(id).place;
     if (place.lasting || !calls_) {
-      value_[id] = kept(place);
+      value_[id] = lasting_value(place);
       return;
     }
-    value_[id] = fresh();
+    value_[id] = new_value();
     operations_.push_back({.opcode = Opcode::read, .to = value_[id], .reads = {{place, value_[id]}}});
   }
 
-  // The first of the two that is wanted makes both.
+  // The first of sine and cosine that is used lowers both.
   void lower_angle(Id id, const Item& item) {
     const Id angle = node(id).operand[0];
     const auto of_angle = [&](Id other) {
@@ -264,13 +266,13 @@ class Lowering {
       return (op == Op::sine || op == Op::cosine) && node(other).operand[0] == angle && uses_[other] > 0;
     };
     if (*std::find_if(item.nodes.begin(), item.nodes.end(), of_angle) != id) return;
-    DraftOp draft{.opcode = Opcode::sincos, .to = fresh(), .also_to = fresh(), .from = {value(angle)}};
+    DraftOp draft{.opcode = Opcode::sincos, .to = new_value(), .also_to = new_value(), .from = {value(angle)}};
     for (Id other : item.nodes)
       if (of_angle(other)) value_[other] = node(other).op == Op::sine ? draft.to : draft.also_to;
     operations_.push_back(std::move(draft));
   }
 
-  void drop_unused();
+  void remove_unused_negations();
 
   const Graph& graph_;
   const std::vector<Node>& nodes_;
@@ -279,24 +281,24 @@ class Lowering {
   int values_ = 0;
   Value rounding_ = -1;
   std::vector<double> constants_;
-  std::map<double, int> constant_at_;
-  std::map<double, Value> filled_;
+  std::map<double, int> index_of_constant_;
+  std::map<double, Value> value_of_constant_;
   bool calls_ = false;
-  std::map<std::string, Value> kept_;  // by place
-  std::set<Value> lasting_;            // their values
-  std::vector<MemoryAccess> state_;    // those of them that a step changes
+  std::map<std::string, Value> value_at_place_;  // by place
+  std::set<Value> lasting_;                      // the values in value_at_place_
+  std::vector<MemoryAccess> state_;              // those that a step changes
   std::vector<DraftOp> constants_first_, operations_;
   std::vector<MemoryAccess> before_, after_;
 };
 
-// Negations that have become part of others.
-void Lowering::drop_unused() {
+// Negations that have become part of other operations.
+void Lowering::remove_unused_negations() {
   std::vector<char> used(static_cast<std::size_t>(values_), false);
   for (const DraftOp& draft : operations_) each_use(draft, [&](Value v) { used[v] = true; });
   std::erase_if(operations_, [&](const DraftOp& draft) { return draft.opcode == Opcode::negate && !used[draft.to]; });
 }
 
-// In the tile, which stages that are called look for there.
+// Whether each tile has numbers of its own in memory, which called stages read.
 bool has_numbers_per_environment(const Program& program) {
   const auto& declared = program.settings.per_environment;
   return declared.contains(Parameter::gear_ratio) || declared.contains(Parameter::offset) ||
@@ -307,28 +309,28 @@ bool has_numbers_per_environment(const Program& program) {
 
 const OperationList* interpreted_step(const Program& program) {
   const InterpretedStep& step = program.interpreted.get([&] {
-    const auto made = std::make_shared<InterpretedStep>();
+    const auto result = std::make_shared<InterpretedStep>();
     try {
       const auto list = [&](const Graph& graph) {
         Lowering lowering(graph);
         if (!lowering.run()) return OperationList{};
-        return lowering.finish(made->storage, has_numbers_per_environment(program));
+        return lowering.finish(result->storage, has_numbers_per_environment(program));
       };
       const trace::TracedStep traced = trace::trace_step(program);
-      made->any = list(traced.any);
-      if (traced.consistent) made->consistent = list(*traced.consistent);
-      if (made->consistent.step.count > 0) made->any.consistent = &made->consistent;
-    } catch (const SettingsError&) {      // lane by lane
-    } catch (const std::length_error&) {  // by far
-      made->any = {};
+      result->any = list(traced.any);
+      if (traced.consistent) result->consistent = list(*traced.consistent);
+      if (result->consistent.step.count > 0) result->any.consistent = &result->consistent;
+    } catch (const SettingsError&) {      // a step solves lane by lane
+    } catch (const std::length_error&) {  // the list is too long
+      result->any = {};
     }
-    return std::shared_ptr<const InterpretedStep>(made);
+    return std::shared_ptr<const InterpretedStep>(result);
   });
   return step.any.step.count > 0 ? &step.any : nullptr;
 }
 
 bool interpreter_pays(const Program& program) {
-  constexpr int most_velocities = 30;  // that are solved for; measured: docs/kernels.md
+  constexpr int most_velocities = 30;  // of the solver: see docs/kernels.md
   const Tables<double>& t = program.f64;
   return t.solver.n <= most_velocities && program.second_phase_anyway && !t.bounds.always;
 }

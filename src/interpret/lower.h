@@ -8,8 +8,8 @@ namespace lockstep {
 
 /// The step of one plan as lists of operations.
 struct InterpretedStep {
-  OperationList any;         ///< of any tile; no operations where there is no such list
-  OperationList consistent;  ///< the shorter one of tiles whose followers are all consistent, if there is one
+  OperationList any;         ///< for any tile; empty if the plan has no list
+  OperationList consistent;  ///< the shorter list for tiles of consistent followers; empty if there is none
   TableStorage storage;
 };
 
@@ -17,11 +17,12 @@ struct InterpretedStep {
 
 namespace lockstep::interpret {
 
-/// The plan's step as a list, draft when first asked for; null where it would be too long, or where a step solves lane
-/// by lane or until it is satisfied. Thread-safe.
+/// The plan's step as a list, made on the first call. Null if the list would be too long, if a step solves lane by
+/// lane, or if it iterates over limited servos. Thread-safe.
 const OperationList* interpreted_step(const Program& program);
 
-/// Whether that is faster than the tables' loops. Bounds that are idle have no say in it, so that they change no bit.
+/// Whether the interpreter is faster than the tables' loops. This does not depend on inactive bounds, which may not
+/// change the result by a bit.
 bool interpreter_pays(const Program& program);
 
 }  // namespace lockstep::interpret

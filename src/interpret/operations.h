@@ -1,7 +1,6 @@
-// A step as a list of operations on numbered places, for kernels/listed.h to go through. SPDX-License-Identifier:
-// Apache-2.0
+// Operations of the interpreter: a step as a list of them, on numbered slots. SPDX-License-Identifier: Apache-2.0
 //
-// Written by generate/list.h; flat and constant, as the tables are.
+// lower.h makes the list, run.h runs it. It is flat and constant, as the tables are.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +10,7 @@
 
 namespace lockstep {
 
-/// What an operation opcode with the numbers a, b and c. Masks are numbers of which only bits are looked at.
+/// What an operation does with the numbers a, b and c. A mask is a number of which only the bits count.
 enum class Opcode : std::uint16_t {
   // of one number
   copy,
@@ -25,9 +24,9 @@ enum class Opcode : std::uint16_t {
   divide,
   farther,
   less,
-  beyond,
+  beyond,  ///< b is beyond a
   either,
-  both,  ///< beyond: b is beyond a
+  both,
   // of three
   fma,
   fnma,
@@ -42,33 +41,33 @@ enum class Opcode : std::uint16_t {
   fma_constant,
   fnma_constant,
   fill_rounding,
-  sincos,  ///< of a, to `to` and c
-  // what memory has to do with
-  read,
+  sincos,  ///< sine and cosine of a, to `to` and c
+  // on the tiles in memory
+  read,     ///< access a
   write,    ///< access a
-  call,     ///< Call a on the tiles
-  call_if,  ///< on those where mask `to` has lanes: accesses a to b written, Call d, accesses b to c read again
+  call,     ///< Call a on all tiles
+  call_if,  ///< Call d on tiles whose mask `to` has lanes: writes accesses a to b before, reads accesses b to c after
   end,      ///< of the list
 };
 
 constexpr bool is_arithmetic(Opcode opcode) { return opcode < Opcode::sincos; }
 constexpr bool is_of_constant(Opcode opcode) { return opcode >= Opcode::fill && opcode <= Opcode::fnma_constant; }
-/// How many numbers it takes, a constant among them.
+/// How many numbers it takes, its constant included.
 constexpr int operands(Opcode opcode) {
   if (opcode <= Opcode::invert || opcode == Opcode::fill) return 1;
   if (opcode <= Opcode::both || (opcode >= Opcode::add_constant && opcode <= Opcode::beyond_constant)) return 2;
   return opcode <= Opcode::fnma_constant ? 3 : 0;
 }
-/// a and b are as good the other way round.
+/// Whether a and b can be swapped.
 constexpr bool commutes(Opcode opcode) {
   return opcode == Opcode::add || opcode == Opcode::multiply || opcode == Opcode::fma || opcode == Opcode::fnma ||
          opcode == Opcode::fms;
 }
 
-/// Which of the numbers is the result of the operation before, that may have no slot.
+/// Which of the numbers is the result of the operation before. That may have no slot.
 enum class Last : std::uint16_t { none, a, b, c };
 
-/// An operation with where its numbers come from, and whether its result goes to a slot.
+/// An opcode, and how an operation with it gets its numbers and whether its result goes to a slot.
 struct Encoding {
   Opcode opcode = Opcode::end;
   Last last = Last::none;
@@ -80,7 +79,7 @@ struct Encoding {
   }
 };
 
-/// Whether a list may have it.
+/// Whether an operation may have this encoding.
 constexpr bool can_be(Encoding encoding) {
   if (!is_arithmetic(encoding.opcode)) return encoding.last == Last::none && !encoding.stored;
   if (encoding.last == Last::a && is_of_constant(encoding.opcode)) return false;
@@ -88,7 +87,7 @@ constexpr bool can_be(Encoding encoding) {
   return static_cast<int>(encoding.last) <= operands(encoding.opcode);
 }
 
-/// Two operations that are looked up as one (Proebsting 1995): how most sums of products begin and go on.
+/// Two operations that are dispatched as one (Proebsting 1995): most sums of products begin or go on with such a pair.
 struct Superoperator {
   static constexpr int firsts = 6, seconds = 4, count = firsts * seconds;
   Encoding first, second;
@@ -104,30 +103,29 @@ struct Superoperator {
   }
 };
 
-/// Numbers of forms; those of superoperators come behind them.
+/// How many encodings there are. The superoperators come after the single ones.
 constexpr int single_encodings = Encoding{Opcode::end}.number() + 1,
               all_encodings = single_encodings + Superoperator::count;
 
-/// Half as wide as numbers might be: lists are gone through all the time, and are to stay in the first cache.
+/// Sixteen bits for each number, so that the list stays in the first cache.
 struct Operation {
-  /// The encoding's number, or that of a superoperator with the next one; slots; a is a constant's index where there is
-  /// one.
+  /// The number of the encoding, or of the superoperator of this operation and the next; then slots. If the operation
+  /// has a constant, `a` is its index.
   std::uint16_t encoding, to, a, b, c, d;
 };
 
 struct OperationList {
-  static constexpr int tiles_at_once = 8;  ///< at the end of a batch 4, 2 or 1 do
+  static constexpr int tiles_at_once = 8;  ///< at the end of a batch 4, 2 or 1
 
-  Span<Operation> constants_first;  ///< puts constants where no operation changes them; this and `step` have an end
-  Span<Access> before;              ///< read before the first step of a call
+  Span<Operation> constants_first;  ///< fills slots with constants; ends with Opcode::end, like `step`
+  Span<Access> before;              ///< what is read before the first step of a call
   Span<Operation> step;
-  Span<Access> after;  ///< written after the last one
-  bool apart = false;  ///< tiles have numbers of their own in memory, for stages that are called
+  Span<Access> after;  ///< what is written after the last step of a call
+  bool apart = false;  ///< each tile has its own arrays in memory, for stages that are called
   Span<double> constants;
   Span<Access> accesses;
   int slots = 0;
-  const OperationList* consistent =
-      nullptr;  ///< the shorter step of tiles whose followers are all in place, if there is one
+  const OperationList* consistent = nullptr;  ///< the shorter step of tiles whose followers are all consistent, or null
 };
 
 }  // namespace lockstep

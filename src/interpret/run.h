@@ -1,10 +1,10 @@
-// A step as a list of operations, each done for many tiles before the next one. SPDX-License-Identifier: Apache-2.0
+// Runs a step as a list of operations, each for several tiles before the next. SPDX-License-Identifier: Apache-2.0
 //
-// Vectorised interpretation (Boncz, Zukowski, Nes 2005): finding out what to do is paid once for eight tiles, and the
-// list holds what one plan needs and no more, as generated code opcode. What bounds it is loads and stores: so the last
-// result of each tile stays in a register, and what the next operation alone wants is never stored. Of more tiles than
-// eight there would be no registers for that, numbers would leave the first cache, and small batches have no more.
-// Those of a long step leave it anyway, and the stages' loops are faster then: docs/kernels.md has from where on.
+// Vectorised interpretation (Boncz, Zukowski, Nes 2005): an operation is dispatched once for eight tiles. The list has
+// only what one plan needs, as generated code does. Loads and stores limit its speed. So the last result of each tile
+// stays in a register, and a number that only the next operation uses is never stored. More than eight tiles would not
+// fit into the registers, and their numbers would leave the first cache. Numbers of a long step leave it with eight
+// tiles too; then the tables are faster (docs/kernels.md).
 #pragma once
 
 #include "evaluate.h"
@@ -14,15 +14,15 @@ namespace lockstep::kernels {
 
 constexpr int tiles_at_once = OperationList::tiles_at_once;
 
-/// One number of each tile.
+/// A place for one number of each tile.
 template <class T>
 struct Slot {
   T tile[tiles_at_once];
 };
 
-/// Keeps where the tile's arrays begin, in their order. A list names no more of them than there is room for.
+/// Keeps where each array of a tile begins, in memory order.
 struct Places : Carver {
-  static constexpr int most = 160;
+  static constexpr int most = 160;  // arrays that a list can name
   struct Firsts {
     std::ptrdiff_t first[most];
     int count = 0;
@@ -39,23 +39,23 @@ struct Places : Carver {
   Firsts* firsts_;
 };
 
-/// Tiles that go through the list together, and their slots.
+/// The tiles that go through the list together, and their slots.
 template <class T>
 struct InterpreterTiles {
   using S = ScalarOf<T>;
   static constexpr int most = tiles_at_once;
 
-  // Most of it stays as it is until it is wanted: filling it would take as long as ten steps of a tile.
+  // Leaves most members uninitialised, because to fill them would take as long as ten steps of a tile.
   InterpreterTiles(const Tables<S>& tables, const OperationList& operations) : t(tables), list(&operations) {}
 
-  // Where they are not apart there is one tile for all, between the rows and the slots.
+  // One tile in memory serves all, between the rows and the slots, unless they need arrays of their own.
   LOCKSTEP_INLINE int which(int k) const { return list->apart ? k : 0; }
   LOCKSTEP_INLINE Tile<T>& tile(int k) { return x[which(k)]; }
 
   const Tables<S>& t;
-  const OperationList* list;  // and its slots, of the two that there may be
+  const OperationList* list;  // the list that runs, of up to two; `slots` are its own
   Slot<T>* slots;
-  std::byte* block[most];  // of the tile's arrays
+  std::byte* block[most];  // where the arrays of the tile begin
   Places::Firsts arrays;
   Tile<T> x[most];
   StatePointers<S> batch[most];
@@ -113,7 +113,7 @@ void call(Call wanted, const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   }
 }
 
-/// hold() for tiles with frozen lanes, solve_bounds() for those that come near a bound.
+/// Calls hold() for tiles with frozen lanes, or solve_bounds() for tiles with candidate lanes.
 template <class T>
 void call_if(InterpreterTiles<T>& l, const Operation& o) {
   const Access* const accesses = l.list->accesses.data;
@@ -138,7 +138,7 @@ void sines(InterpreterTiles<T>& l, const Operation& o) {
   for (; k < l.tiles; ++k) sincos(angle[k], sine[k], cosine[k]);
 }
 
-/// What is more than an operation on numbers. Apart, as it needs the registers.
+/// Operations other than arithmetic. They are not inlined, because they need the registers.
 template <Opcode opcode, class T>
 [[gnu::noinline]] void do_other(InterpreterTiles<T>& l, const Operation& o) {
   if constexpr (opcode == Opcode::sincos) return sines(l, o);
@@ -151,7 +151,7 @@ template <Opcode opcode, class T>
   }
 }
 
-/// A tile's number a, b or c of an operation that has it.
+/// One tile's number a, b or c, if the operation has it.
 template <Encoding encoding, Last which, class T>
 LOCKSTEP_INLINE T operand(const Slot<T>* slots, std::uint16_t slot, int k, T last) {
   if constexpr (static_cast<int>(which) > operands(encoding.opcode))
@@ -185,7 +185,7 @@ LOCKSTEP_INLINE void operate(const Operation& o, Slot<T>* slots, const double* c
   }
 }
 
-/// Or the two of a superoperator.
+/// The same, or the two operations of a superoperator.
 template <int encoding, int N, class T>
 LOCKSTEP_INLINE void operate(const Operation*& o, Slot<T>* slots, const double* constants, InterpreterTiles<T>& l,
                              T* last) {
@@ -203,9 +203,9 @@ struct Acts;
 
 #if defined(__OPTIMIZE__) && !defined(LOCKSTEP_SANITIZED)
 
-/// One encoding, and then all operations that follow. What goes along, the last result of each tile with it, is an
-/// argument so as to stay in a register, and a call that ends a function is a jump. Each encoding has a jump of its
-/// own, which processors foresee better than one for all (Ertl and Gregg 2003).
+/// One operation, and then all that follow it. What they share is in arguments, also the last result of each tile, so
+/// it stays in registers. A call that ends a function is a jump. Each encoding has a jump of its own, which processors
+/// predict better than one jump for all (Ertl and Gregg 2003).
 template <class T>
 using Act = void (*)(const Operation* o, Slot<T>* slots, const double* constants, InterpreterTiles<T>& l, T, T, T, T, T,
                      T, T, T);
@@ -221,7 +221,7 @@ void act(const Operation* o, Slot<T>* slots, const double* constants, Interprete
                                            last[6], last[7]);
   } else if constexpr (opcode != Opcode::end) {
     operate<encoding, N, T>(o, slots, constants, l, nullptr);
-    const T none(0);  // nobody wants the last results, and none need be kept over what was called
+    const T none(0);  // the next operation does not use last results, so none are kept over the call
     return Acts<N, T>::all.of[o->encoding](o, slots, constants, l, none, none, none, none, none, none, none, none);
   }
 }
@@ -235,8 +235,8 @@ LOCKSTEP_INLINE void run(InterpreterTiles<T>& l, Span<Operation> list) {
 
 #else
 
-/// One encoding. Where compilers make no jumps of calls they would be calls in one another; so a loop opcode, which is
-/// slower.
+/// One operation. Without optimisation the calls above would not become jumps and would nest, so a loop makes them.
+/// That is slower.
 template <class T>
 using Act = void (*)(const Operation*& o, Slot<T>* slots, const double* constants, InterpreterTiles<T>& l, T* last);
 
@@ -254,7 +254,7 @@ void run(InterpreterTiles<T>& l, Span<Operation> list) {
 
 #endif
 
-/// By the forms' numbers.
+/// The functions by the numbers of their encodings.
 template <int N, class T>
 struct Acts {
   Act<T> of[all_encodings];
@@ -275,8 +275,8 @@ constexpr Acts<N, T> all_acts() {
 template <int N, class T>
 constinit const Acts<N, T> Acts<N, T>::all = all_acts<N, T>();
 
-/// From the batch into the tiles' slots, as many as there is room for. False and not all of them where one is not in
-/// place and should be.
+/// Reads tiles from the batch into the slots, as many as there is room for. With `consistent`, stops and returns false
+/// at a tile that is not consistent.
 template <class T>
 bool begin_tiles(InterpreterTiles<T>& l, const StatePointers<ScalarOf<T>>& batch, std::ptrdiff_t first,
                  std::ptrdiff_t last, bool consistent) {
@@ -285,12 +285,13 @@ bool begin_tiles(InterpreterTiles<T>& l, const StatePointers<ScalarOf<T>>& batch
     l.batch[k] = at(batch, first, tile_shape(l.t));
     load(l.t, l.batch[k], l.tile(k));
     if (consistent && !l.tile(k).consistent) return false;
-    set_consistent(l.t, l.tile(k), consistent);  // all of them alike
+    set_consistent(l.t, l.tile(k), consistent);  // the same for all tiles
     for (int i = 0; i < l.list->before.count; ++i) read_place(l, k, l.list->before[i]);
   }
   return true;
 }
-/// And back.
+
+/// Writes a tile from the slots to the batch.
 template <class T>
 LOCKSTEP_INLINE void end_tile(InterpreterTiles<T>& l, int k) {
   typename T::Mask failed;
@@ -298,7 +299,8 @@ LOCKSTEP_INLINE void end_tile(InterpreterTiles<T>& l, int k) {
   store(l.t, l.batch[k], l.tile(k));
 }
 
-/// Bytes between the arrays of two tiles: not a power of two, or they would meet in the cache.
+/// Bytes from the arrays of one tile to those of the next: an odd number of cache lines, or they would compete in the
+/// cache.
 LOCKSTEP_INLINE std::size_t spread_out(std::size_t bytes) { return bytes + (bytes / 64 % 2 == 0 ? 64 : 0); }
 
 /// Bytes of scratch memory for the tiles' arrays and the slots.
@@ -310,8 +312,7 @@ std::size_t interpreter_bytes(const Tables<ScalarOf<T>>& t, const OperationList&
          static_cast<std::size_t>(slots) * sizeof(Slot<T>);
 }
 
-/// The step of the tiles at hand. What old numbers stand behind the last tile are stepped along, and nobody looks at
-/// them.
+/// One step of the present tiles. Old numbers behind the last tile are stepped too, and never read.
 template <class T>
 LOCKSTEP_INLINE void run(InterpreterTiles<T>& l) {
   if (l.tiles > 4)
@@ -324,7 +325,7 @@ LOCKSTEP_INLINE void run(InterpreterTiles<T>& l) {
     run<1>(l, l.list->step);
 }
 
-/// advance() of step.h by the list.
+/// advance() of step.h, by the interpreter.
 template <class T>
 void interpret(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, std::ptrdiff_t first,
                std::ptrdiff_t last, int substeps, void* scratch, const OperationList& list) {

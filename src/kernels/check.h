@@ -1,25 +1,26 @@
-// Last look before the state changes: an environment that failed keeps its last good state. SPDX-License-Identifier:
-// Apache-2.0
+// The check before the state changes: an environment that fails keeps its last good state.
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "kernels/tile/tile.h"
 
 namespace lockstep::kernels {
 
-/// The largest magnitude, `most` among it, which is not negative. What is no number is larger than any.
+/// The largest of `most`, which is not negative, and the magnitudes of the numbers. NaN is larger than any number.
 template <class T>
 LOCKSTEP_INLINE T farthest(const T* numbers, int count, T most) {
   for (int i = 0; i < count; ++i) most = farther(most, numbers[i]);
   return most;
 }
 
-/// Of positions, the root's pose among them.
+/// The same over the positions and the root's pose.
 template <class T>
 LOCKSTEP_INLINE T farthest_position(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   return farthest(x.next.q, t.joints, farthest(x.next.pose, t.floating ? 7 : 0, T(0)));
 }
 
-/// First fault of a lane, sticky. A matrix that cannot be factored explains whatever numbers came of it.
+/// Sets the fault of lanes that have just failed and have none yet. A matrix that cannot be factored comes first,
+/// because it explains any numbers that follow from it.
 template <class T>
 void flag(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
           typename T::Mask failed) {
@@ -31,13 +32,13 @@ void flag(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
   }
 }
 
-/// Flags what failed just now, and lets the frozen lanes end the step as they began it.
+/// Flags the lanes that have just failed. Frozen lanes get back the state in which the step began.
 template <class T>
 void hold(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, typename T::Mask failed) {
   if (any(failed)) flag(t, batch, x, failed);
-  for (int j = 0; j < t.joints; ++j) x.next.q[j] = select(x.frozen, x.state.q[j], x.next.q[j]);
-  for (int i = 0; i < t.velocities; ++i) x.next.v[i] = select(x.frozen, x.state.v[i], x.next.v[i]);
-  for (int i = 0; t.floating && i < 7; ++i) x.next.pose[i] = select(x.frozen, x.state.pose[i], x.next.pose[i]);
+  each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
+    for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(x.frozen, (x.state.*part)[i], (x.next.*part)[i]);
+  });
 }
 
 template <class T>
@@ -46,7 +47,7 @@ LOCKSTEP_INLINE void hold_frozen(const Tables<ScalarOf<T>>& t, const StatePointe
   if (any(x.frozen)) hold(t, batch, x, failed);
 }
 
-/// Moves good lanes on, freezes the others.
+/// Freezes lanes that failed, and moves the others to their new state.
 template <class T>
 void check(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const auto far = beyond(farthest_position(t, x), T(t.position_bound));
@@ -55,9 +56,7 @@ void check(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   x.frozen = x.frozen | failed;
   hold_frozen(t, batch, x, failed);
 
-  for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.next.q[j];
-  for (int i = 0; i < t.velocities; ++i) x.state.v[i] = x.next.v[i];
-  for (int i = 0; t.floating && i < 7; ++i) x.state.pose[i] = x.next.pose[i];
+  copy_state(t, x.next, x.state);
 }
 
 }  // namespace lockstep::kernels

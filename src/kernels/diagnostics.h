@@ -1,6 +1,6 @@
-// What a step did with its rows, and with the energy, for those who asked. SPDX-License-Identifier: Apache-2.0
+// Diagnostics of a step: residuals and states of its rows, and its energy balance. SPDX-License-Identifier: Apache-2.0
 //
-// (M64), (M65). Runs between the step's solution and the check, while all that it came from is still there.
+// (M64), (M65). Runs between the solve and check(), while everything that the solve used is still there.
 #pragma once
 
 #include "kernels/dynamics/energies.h"
@@ -8,33 +8,33 @@
 
 namespace lockstep::kernels {
 
-/// The codes of Batch::row_states().
+/// `code` of Batch::row_states() in the lanes where it applies.
 template <class T>
-LOCKSTEP_INLINE T state(typename T::Mask acts, float code) {
-  return select(acts, T(code), T(0));
+LOCKSTEP_INLINE T state(typename T::Mask applies, float code) {
+  return select(applies, T(code), T(0));
 }
 
-/// The impulse that a row's force is the limit of: tgs moves positions by a mean of the sub-steps', which is less.
+/// The impulse that a force limit bounds. The position phase of tgs has only the mean of the sub-steps, which is less.
 template <class T>
 LOCKSTEP_INLINE T whole_impulse(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r) {
   return x.bounds.impulse[t.renewed ? t.bounds.rows.count + r : r];
 }
 
 template <class T>
-void look_at_coupling(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Reported& row, T& residual, T& acts) {
+void look_at_coupling(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Reported& row, T& residual, T& row_state) {
   const int c = row.index;
   const bool hard = row.member == 1;
   T rate = T(t.hard_rate[c]), cfm = T(0), impulse = T(0);
   auto present = ~T::none();
-  acts = hard ? T(1) : T(0);
+  row_state = hard ? T(1) : T(0);
   residual = T(0);
   if (row.row >= 0) {
     cfm = x.rows.cfm[row.row];
     impulse = x.rows.position_impulse[row.row];
     if (!t.renewed) rate = x.rows.rate[row.row];
     present = less(cfm, infinite_compliance<T>());
-    if (t.renewed) present = present & less(cfm, smallest<T>());  // a sub-step's softness is not the step's
-    acts = state<T>(less(cfm, infinite_compliance<T>()), 1);
+    if (t.renewed) present = present & less(cfm, smallest<T>());  // the softness of a sub-step is not that of the step
+    row_state = state<T>(less(cfm, infinite_compliance<T>()), 1);
   } else if (row.bounded >= 0) {
     const T force = x.bounds.force[row.bounded], slack = force * T(ScalarOf<T>(1e-5));
     impulse = whole_impulse(t, x, row.bounded);
@@ -43,9 +43,9 @@ void look_at_coupling(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Repo
     const auto up = less(force - slack, impulse), down = less(impulse, slack - force);
     present = ~(up | down);
     if (t.renewed) present = present & less(cfm, smallest<T>());
-    acts = select(up, T(2), select(down, T(-2), T(1)));
+    row_state = select(up, T(2), select(down, T(-2), T(1)));
   } else if (!hard || t.follows[c]) {
-    acts = T(0);
+    row_state = T(0);
     if (!hard) return;
   }
   T speed = fma(rate, x.couplings.error[c], cfm * impulse);
@@ -56,16 +56,16 @@ void look_at_coupling(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Repo
 
 template <class T>
 void look_at_bound(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
-                   const Reported& row, T& residual, T& acts) {
+                   const Reported& row, T& residual, T& row_state) {
   using S = ScalarOf<T>;
   const Bounds<S>& b = t.bounds;
   const int j = row.index, r = row.bounded;
   const T h = T(t.dt), zero = T(0), u = x.diagnostics.moved_velocity[t.velocity_of(j)];
-  residual = acts = zero;
+  residual = row_state = zero;
   if (row.kind == Reported::effort_limit) {
     const T most = T(t.effort_limit[j]), effort = feed_forward<T>(t, batch, j);
-    acts = row.member >= 0 ? x.servos.saturation[row.member] : saturated(effort, most);
-    acts = acts + acts;
+    row_state = row.member >= 0 ? x.servos.saturation[row.member] : saturated(effort, most);
+    row_state = row_state + row_state;
     return;
   }
   if (r < 0) return;
@@ -80,36 +80,36 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   switch (row.kind) {
     case Reported::position_limit: {
       if (!hard) {
-        acts = select(less(zero, impulse), T(1), select(less(impulse, zero), T(-1), zero));
+        row_state = select(less(zero, impulse), T(1), select(less(impulse, zero), T(-1), zero));
         return;
       }
-      // What the range asks for within the limit of velocity; beyond that the joint comes back as fast as it may.
+      // The range asks for no more than the velocity limit allows.
       const Interval<T> own = range_interval(t, x, j, at, zero), within = joint_interval(t, x, j, at, zero);
       residual = h * larger(zero, larger(smaller(own.lo, within.lo) - u, u - larger(own.hi, within.hi)));
-      acts = select(reaches(own.lo, u), T(1), select(reaches(-own.hi, -u), T(-1), zero));
+      row_state = select(reaches(own.lo, u), T(1), select(reaches(-own.hi, -u), T(-1), zero));
       return;
     }
     case Reported::velocity_limit: {
       const T most = T(b.speed_limit[j]);
       residual = h * larger(zero, larger(u, -u) - most);
-      acts = select(reaches(-most, u), T(1), select(reaches(-most, -u), T(-1), zero));
+      row_state = select(reaches(-most, u), T(1), select(reaches(-most, -u), T(-1), zero));
       return;
     }
     case Reported::friction: {
       const auto up = ~less(impulse, force), down = ~less(-force, impulse);
-      acts = select(x.bounds.active[r], select(up, T(2), select(down, T(-2), T(1))), zero);
+      row_state = select(x.bounds.active[r], select(up, T(2), select(down, T(-2), T(1))), zero);
       return;
     }
     default:
-      acts = T(1);
+      row_state = T(1);
       if (!hard) return;
       residual = kinematic_velocity(t, batch, x, j) - u;
       residual = h * larger(residual, -residual);
   }
 }
 
-/// (M65) but for the change of energy: work of the joints' drives, of soft rows and of bounces, what damping and
-/// friction take.
+/// (M65) without the change of energy. `work` gets that of drives, soft rows and bounces; `dissipated` gets what
+/// damping and friction take.
 template <class T>
 void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x, T& work,
               T& dissipated) {
@@ -119,14 +119,14 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   const Field<T> damping = field<T>(batch, Parameter::damping, t.damping.data);
   const auto force = [&](int j) { return servo<T>(t, batch, j).force(h, x.state.q[j], x.next.v[t.velocity_of(j)]); };
   for (int j = 0; j < t.joints; ++j) {
-    const T v = x.next.v[t.velocity_of(j)], way = h * v, most = T(t.effort_limit[j]);
-    dissipated = fma(damping.at(j, t.dof[j]) * v, way, dissipated);
+    const T v = x.next.v[t.velocity_of(j)], displacement = h * v, most = T(t.effort_limit[j]);
+    dissipated = fma(damping.at(j, t.dof[j]) * v, displacement, dissipated);
     T effort = feed_forward<T>(t, batch, j);
     bool has_servo = false;
     for (int i = 0; i < t.servos.count; ++i) has_servo |= t.servos[i] == j;
     for (int i = 0; i < t.limited_servos.count; ++i) has_servo |= t.limited_servos[i] == j;
     if (has_servo) effort += force(j);
-    work = fma(clamp(effort, -most, most), way, work);
+    work = fma(clamp(effort, -most, most), displacement, work);
   }
   const auto moved = [&](int c) {
     T speed = zero;
@@ -156,12 +156,12 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
       work += done;
     else {
       dissipated -= select(less(zero, x.bounds.force[r]), smaller(done, zero), zero);
-      if (bounces(r)) work += larger(done, zero);  // other limits let nothing go the way they push
+      if (bounces(r)) work += larger(done, zero);  // other limits do not move the way they push
     }
   }
 }
 
-/// Gravity's energy at other positions than the step's.
+/// Potential energy at `state`, with kinetic energy if `kinetic`.
 template <class T>
 T energy_at(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
             const State<T>& state, bool kinetic) {
@@ -177,20 +177,20 @@ template <class T>
 void diagnose(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   for (int i = 0; i < t.reported.count; ++i) {
     const Reported& row = t.reported[i];
-    T residual, acts;
+    T residual, row_state;
     if (row.kind == Reported::coupling)
-      look_at_coupling(t, x, row, residual, acts);
+      look_at_coupling(t, x, row, residual, row_state);
     else
-      look_at_bound(t, batch, x, row, residual, acts);
+      look_at_bound(t, batch, x, row, residual, row_state);
     x.diagnostics.residual[i] = residual;
-    x.diagnostics.row_state[i] = acts;
+    x.diagnostics.row_state[i] = row_state;
   }
 
   T work = T(0), dissipated = T(0), corrected = T(0);
   add_work(t, batch, x, work, dissipated);
   const T before = energy_at(t, batch, x, x.state, true);
   const T after = energy_at(t, batch, x, x.next, true);
-  if (t.solve_twice && !t.renewed) {  // tgs moves positions by a mean, which is no correction
+  if (t.solve_twice && !t.renewed) {  // tgs moves positions by a mean velocity, not by a correction
     T half_turn[4];
     expand(t, x, x.dynamics.velocity_solution, false, x.diagnostics.uncorrected.v);
     for (int j = 0; j < t.joints; ++j)
@@ -205,7 +205,7 @@ void diagnose(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   x.diagnostics.energy_change[3] = after - before;
 }
 
-/// After check(): a step that failed was not taken.
+/// Runs after check(): a step that failed does not count.
 template <class T>
 void add_energies(Tile<T>& x) {
   for (int k = 0; k < 4; ++k) x.diagnostics.energy[k] += select(x.frozen, T(0), x.diagnostics.energy_change[k]);

@@ -1,4 +1,4 @@
-// First stage: the tile's state out of the batch's rows. SPDX-License-Identifier: Apache-2.0
+// First stage: reads the state of a tile from the batch. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "kernels/couplings/consistent.h"
@@ -8,7 +8,7 @@
 
 namespace lockstep::kernels {
 
-/// Masses per environment: a body is the sum of its links, each by the kilogram.
+/// Masses per environment. A body is the sum of its links, each times its mass.
 template <class T>
 void own_masses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   for (int b = 0; b < t.bodies; ++b)
@@ -30,18 +30,18 @@ LOCKSTEP_INLINE void own_offsets(const Tables<ScalarOf<T>>& t, const StatePointe
     x.couplings.offset[c] = T::load(batch.field(Parameter::offset) + c * batch.stride);
 }
 
-/// (M10) What lies on revolute joints' axes moves inwards: mass m, first moment h and second moment z along the axis e
-/// at the origin r.
+/// (M10) Moves what lies on the axes of revolute joints to the parents: mass m, first moment h and second moment z
+/// along the axis e at the origin r.
 template <class T>
 void move_masses_inwards(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int b = 0; b < t.bodies; ++b) x.bodies.base_inertia[b] = x.bodies.inertia[b];
   for (int b = t.bodies - 1; b >= 0; --b) {
     const Body<ScalarOf<T>>& body = t.body[b];
     if (body.root || body.prismatic) continue;
-    PseudoInertia<T>& felt = x.bodies.base_inertia[b];
+    PseudoInertia<T>& own = x.bodies.base_inertia[b];
     const int k = body.axis;
-    const T mass = felt.mass, h = felt.moment[k], z = felt.second[k];
-    felt.mass = felt.moment[k] = felt.second[k] = T(0);
+    const T mass = own.mass, h = own.moment[k], z = own.second[k];
+    own.mass = own.moment[k] = own.second[k] = T(0);
     if (body.parent < 0) continue;
     PseudoInertia<T>& parent = x.bodies.base_inertia[body.parent];
     const Vec3<T> r = Vec3<T>::constant(body.offset), e = Vec3<T>::constant(body.rotation + 3 * k);
@@ -57,28 +57,28 @@ void move_masses_inwards(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 
 template <class T>
 LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
-                          const TileShape& o) {
-  T *const q = x.state.q, *const v = o.floating ? x.state.v + 6 : x.state.v;
-  for (int j = 0; j < o.joints; ++j) {
-    const std::ptrdiff_t row = o.dof[j] * batch.stride;
+                          const TileShape& shape) {
+  T *const q = x.state.q, *const v = shape.floating ? x.state.v + 6 : x.state.v;
+  for (int j = 0; j < shape.joints; ++j) {
+    const std::ptrdiff_t row = shape.dof[j] * batch.stride;
     q[j] = T::load(batch.position + row);
     v[j] = T::load(batch.velocity + row);
-    // The next tile's as well: these are more rows than a processor sees coming by itself. (Where two tiles are stepped
-    // in turn the second one's come too late, in a step so long that it does not matter.)
+    // Prefetch the next tile: these are more rows than the processor prefetches by itself. (Where two tiles are stepped
+    // in turn, the second one comes too late, but such a step is so long that it does not matter.)
     __builtin_prefetch(batch.position + row + T::lanes);
     __builtin_prefetch(batch.velocity + row + T::lanes);
     __builtin_prefetch(batch.effort + row + T::lanes);
   }
-  for (int i = 0; o.floating && i < 7; ++i) x.state.pose[i] = T::load(batch.root_pose + i * batch.stride);
-  for (int i = 0; o.floating && i < 6; ++i) x.state.v[i] = T::load(batch.root_velocity + i * batch.stride);
+  for (int i = 0; shape.floating && i < 7; ++i) x.state.pose[i] = T::load(batch.root_pose + i * batch.stride);
+  for (int i = 0; shape.floating && i < 6; ++i) x.state.v[i] = T::load(batch.root_velocity + i * batch.stride);
   x.frozen = T::none();
   std::uint32_t faults = 0;
   for (int i = 0; i < T::lanes; ++i) faults |= static_cast<std::uint32_t>(batch.fault[i]);
   for (int i = 0; faults != 0 && i < T::lanes; ++i) x.frozen.set_lane(i, batch.fault[i] != Fault{});
 
-  for (int k = 0; o.record_diagnostics && k < 4; ++k) x.diagnostics.energy[k] = T(0);
+  for (int k = 0; shape.record_diagnostics && k < 4; ++k) x.diagnostics.energy[k] = T(0);
   const auto own = [&](Parameter parameter) {
-    return ((o.per_environment >> static_cast<unsigned>(parameter)) & 1u) != 0;
+    return ((shape.per_environment >> static_cast<unsigned>(parameter)) & 1u) != 0;
   };
   if (own(Parameter::gear_ratio)) own_ratios(t, batch, x);
   if (own(Parameter::offset)) own_offsets(t, batch, x);
@@ -86,7 +86,7 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
     own_masses(t, batch, x);
     move_masses_inwards(t, x);
   }
-  set_consistent(t, x, all_consistent(t, x, o));
+  set_consistent(t, x, all_consistent(t, x, shape));
 }
 
 template <class T>

@@ -154,4 +154,27 @@ void read(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
   }
 }
 
+/// Numbers of one frame: position, rotation (row-major), angular and linear velocity, all in world axes.
+constexpr int frame_numbers = 3 + 9 + 6;
+
+/// Frames of the one tile that begins at environment `first`, in one pass over the bodies: `numbers` gets frame_numbers
+/// rows of T::lanes for each request.
+template <class T>
+void read_frames(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, std::ptrdiff_t first,
+                 const Request<ScalarOf<T>>* requests, int count, ScalarOf<T>* numbers, void* scratch) {
+  Tile<T> x;
+  Motion<T> m;
+  lay_out(t, scratch, x, m);
+  uniform_ratios(t, x);
+  load(t, at(batch, first, tile_shape(t)), x);
+  motions(t, x, m);
+  for (int i = 0; i < count; ++i) {
+    const Output<T> out{numbers + i * frame_numbers * T::lanes, T::lanes};
+    const Place<T> place = place_of(t, m, requests[i]);
+    out.put(0, place.position);
+    for (int k = 0; k < 9; ++k) out.put(3 + k, place.rotation(k / 3, k % 3));
+    put_velocity(t, m, requests[i], Output<T>{out.rows + 12 * T::lanes, T::lanes});
+  }
+}
+
 }  // namespace lockstep::kernels

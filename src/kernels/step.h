@@ -2,8 +2,8 @@
 //
 //     M(q) dv/dt + c(q, v) = tau,   C = J q + gamma = 0
 //
-// docs/mathematics.md has the formulas; comments cite them as (M12). An integrator says in which order the stages come:
-// euler.h is the one to read first. A stage whose table is empty does not run.
+// docs/mathematics.md has the formulas; comments cite them as (M12). Each integrator calls the stages in its own order;
+// read euler.h first. A stage whose table is empty does not run.
 #pragma once
 
 #include "check.h"
@@ -31,10 +31,10 @@ void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
   if (t.record_diagnostics) add_energies(x);
 }
 
-/// Tables' way of a step. Generated code for one plan is another (generate/).
+/// A step by the tables. Generated code for one plan has a struct of its own in place of this one.
 struct ByTables {
-  static constexpr int tiles_per_call = 1;  ///< that it steps in turn, part by part
-  static constexpr int carried_values = 0;  ///< of each tile, from part to part
+  static constexpr int tiles_per_call = 1;  ///< tiles that it steps in turn, part by part
+  static constexpr int carried_values = 0;  ///< numbers of each tile that go from part to part
   template <class S>
   LOCKSTEP_INLINE static TileShape shape(const Tables<S>& t) {
     return kernels::tile_shape(t);
@@ -46,32 +46,32 @@ struct ByTables {
   }
 };
 
-/// `substeps` steps of environments [first, last), whole tiles, in the scratch block: room for Way::tiles_per_call of
-/// them and for what is kept of each.
+/// Takes `substeps` steps of environments [first, last), which are whole tiles. The scratch block has room for
+/// Way::tiles_per_call tiles and their carried values.
 template <class T, class Way = ByTables>
 void advance(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, std::ptrdiff_t first,
              std::ptrdiff_t last, int substeps, void* scratch) {
   const simd::FlushDenormals flush;
   Tile<T> x[Way::tiles_per_call];
   StatePointers<ScalarOf<T>> own[Way::tiles_per_call];
-  T* kept[Way::tiles_per_call];
+  T* carried[Way::tiles_per_call];
   for (int k = 0; k < Way::tiles_per_call; ++k) {
     void* const behind = static_cast<char*>(scratch) + lay_out(t, scratch, x[k]);
-    kept[k] = static_cast<T*>(behind);
-    scratch = kept[k] + Way::carried_values;
+    carried[k] = static_cast<T*>(behind);
+    scratch = carried[k] + Way::carried_values;
     uniform_masses(t, x[k]);
     uniform_ratios(t, x[k]);
   }
-  const TileShape known = Way::shape(t);
-  for (int k = 0; k < Way::tiles_per_call; ++k) own[k] = at(batch, first + k * T::lanes, known);
+  const TileShape shape = Way::shape(t);
+  for (int k = 0; k < Way::tiles_per_call; ++k) own[k] = at(batch, first + k * T::lanes, shape);
   while (first < last) {
     int tiles = 0;
     for (; tiles < Way::tiles_per_call && first < last; ++tiles, first += T::lanes)
-      load(t, own[tiles], x[tiles], known);
-    for (int i = 0; i < substeps; ++i) Way::step(t, own, x, kept, tiles);
+      load(t, own[tiles], x[tiles], shape);
+    for (int i = 0; i < substeps; ++i) Way::step(t, own, x, carried, tiles);
     for (int k = 0; k < tiles; ++k) {
-      store(t, own[k], x[k], known);
-      move(own[k], Way::tiles_per_call * T::lanes, known);
+      store(t, own[k], x[k], shape);
+      move(own[k], Way::tiles_per_call * T::lanes, shape);
     }
   }
 }

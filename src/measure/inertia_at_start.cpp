@@ -1,4 +1,4 @@
-// SPDX-License-Identifier: Apache-2.0
+// The kernels' mass matrix at the model's start. SPDX-License-Identifier: Apache-2.0
 #include "inertia_at_start.h"
 
 #include <Eigen/Eigenvalues>
@@ -16,11 +16,11 @@ namespace {
 
 using Eigen::MatrixXd;
 
-// Kernels of a type of their own: no other object has the same functions.
+// A number type of this file alone, so that no other object file has functions of the same name.
 struct Measured : simd::Unfused {};
 using Number = simd::Wide<float, 1, Measured>;
 
-// What S is over all velocities (M39).
+// S over all velocities (M39).
 MatrixXd all_shares(const Tables<double>& t) {
   const Reduction<double>& r = t.reduction;
   if (r.followers == 0) return MatrixXd::Identity(t.velocities, t.velocities);
@@ -31,7 +31,7 @@ MatrixXd all_shares(const Tables<double>& t) {
   return s;
 }
 
-// A_r at the model's start, with so much of joints on its diagonal.
+// A_r at the model's start. `added` is added to the diagonal of A, by joint.
 MatrixXd matrix_at_start(const Program& program, Span<float> added) {
   Tables<float> t = program.f32;
   t.articulated = {};
@@ -66,7 +66,7 @@ double largest_rate(const Program& program) {
   }
   const MatrixXd s = all_shares(t);
   const Eigen::LDLT<MatrixXd> a(matrix_at_start(program, program.f32.armature));
-  MatrixXd motion = MatrixXd::Zero(2 * n, 2 * n);  // of (z, dz/dt)
+  MatrixXd motion = MatrixXd::Zero(2 * n, 2 * n);  // d/dt of (z, dz/dt)
   motion.topRightCorner(n, n).setIdentity();
   motion.bottomLeftCorner(n, n) = -a.solve(s.transpose() * stiffness.asDiagonal() * s);
   motion.bottomRightCorner(n, n) = -a.solve(s.transpose() * damping.asDiagonal() * s);

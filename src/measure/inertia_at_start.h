@@ -1,5 +1,6 @@
-// What a scene's inertia says when compiling, by the kernels' own mass matrix at the model's start.
-// SPDX-License-Identifier: Apache-2.0
+// What compile() needs to know of the inertia at the model's start. SPDX-License-Identifier: Apache-2.0
+//
+// The kernels compute the mass matrix.
 #pragma once
 
 #include <vector>
@@ -8,12 +9,11 @@
 
 namespace lockstep {
 
-/// Of the scene's linear motion about its start, the largest |lambda| of (M75), 1/s. For programs whose terms are
-/// explicit.
+/// The largest |lambda| of (M75), 1/s: of the linear motion about the model's start. For programs with explicit terms.
 double largest_rate(const Program& program);
 
-/// By coupling, what is left of its follower's entry of A when all that the coupling lets move is eliminated from it:
-/// 1 / (K_cc A_ff).
+/// By coupling: 1 / (K_cc A_ff), the share of its follower's entry of A that elimination of all other velocities
+/// leaves.
 std::vector<double> first_joints_shares(const Program& program);
 
 }  // namespace lockstep

@@ -5,32 +5,22 @@ namespace lockstep {
 
 const char* to_string(Method method) noexcept {
   switch (method) {
-    case Method::pgs:
-      return "pgs";
-    case Method::tgs:
-      return "tgs";
-    case Method::direct:
-      return "direct";
-    case Method::reduced:
-      return "reduced";
-    case Method::automatic:
-      break;
+    case Method::pgs: return "pgs";
+    case Method::tgs: return "tgs";
+    case Method::direct: return "direct";
+    case Method::reduced: return "reduced";
+    case Method::automatic: break;
   }
   return "automatic";
 }
 
 const char* to_string(Integrator integrator) noexcept {
   switch (integrator) {
-    case Integrator::euler:
-      return "euler";
-    case Integrator::leapfrog:
-      return "leapfrog";
-    case Integrator::extrapolated:
-      return "extrapolated";
-    case Integrator::runge_kutta:
-      return "runge_kutta";
-    case Integrator::automatic:
-      break;
+    case Integrator::euler: return "euler";
+    case Integrator::leapfrog: return "leapfrog";
+    case Integrator::extrapolated: return "extrapolated";
+    case Integrator::runge_kutta: return "runge_kutta";
+    case Integrator::automatic: break;
   }
   return "automatic";
 }
@@ -43,14 +33,10 @@ const char* to_string(Parameter parameter) noexcept {
 
 const char* to_string(Fault fault) noexcept {
   switch (fault) {
-    case Fault::none:
-      break;
-    case Fault::not_finite:
-      return "not_finite";
-    case Fault::diverged:
-      return "diverged";
-    case Fault::singular:
-      return "singular";
+    case Fault::none: break;
+    case Fault::not_finite: return "not_finite";
+    case Fault::diverged: return "diverged";
+    case Fault::singular: return "singular";
   }
   return "none";
 }

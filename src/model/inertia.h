@@ -1,4 +1,4 @@
-// What a distribution of mass can be. SPDX-License-Identifier: Apache-2.0
+// Which inertias are possible. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <Eigen/Eigenvalues>
@@ -7,7 +7,7 @@
 
 namespace lockstep {
 
-/// Real files round their tensors: how far, relative to the largest moment, an inertia may miss the rules.
+/// How far an inertia may miss the rules, relative to its largest moment: files round their tensors.
 constexpr double inertia_slack = 1e-6;
 
 /// Ascending, kg m^2.
@@ -15,7 +15,7 @@ inline Eigen::Vector3d principal_moments(const Inertia& inertia) {
   return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(inertia.about_center, Eigen::EigenvaluesOnly).eigenvalues();
 }
 
-/// What every body's are: none is negative, and none exceeds the sum of the others.
+/// The rules for principal moments: none is negative, and none exceeds the sum of the others.
 inline bool are_not_negative(const Eigen::Vector3d& moments) {
   return moments[0] >= -inertia_slack * moments.cwiseAbs().maxCoeff();
 }

@@ -1,4 +1,4 @@
-// Look-ups and small makers of Model. SPDX-License-Identifier: Apache-2.0
+// Look-ups in a Model, and small functions that make parts of it. SPDX-License-Identifier: Apache-2.0
 #include "lockstep/model.h"
 
 #include <map>

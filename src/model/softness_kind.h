@@ -1,9 +1,9 @@
-// Which of Softness' alternatives: what tables and kernels know of it. SPDX-License-Identifier: Apache-2.0
+// The alternatives of Softness, for tables and kernels. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 namespace lockstep {
 
-/// In their order.
+/// In the order of the variant.
 enum class SoftnessKind : int { hard, erp_cfm, spring, frequency };
 
 }  // namespace lockstep

@@ -1,5 +1,4 @@
-// A Softness as its alternative and two numbers, as tables and per-environment fields hold it. SPDX-License-Identifier:
-// Apache-2.0
+// A Softness as a kind and two numbers, for tables and fields. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "lockstep/softness.h"
@@ -10,7 +9,7 @@ namespace lockstep {
 inline SoftnessKind kind_of(const Softness& softness) { return static_cast<SoftnessKind>(softness.index()); }
 
 struct SoftnessNumbers {
-  double first, second;  ///< erp and cfm (0 of a hard one), kp and kd, or frequency and damping ratio
+  double first, second;  ///< erp and cfm (0 if hard), kp and kd, or frequency and damping ratio
 };
 
 inline SoftnessNumbers numbers_of(const Softness& softness) {
@@ -23,7 +22,7 @@ inline SoftnessNumbers numbers_of(const Softness& softness) {
   return std::visit(Numbers{}, softness);
 }
 
-/// The erp of a softness that has one: Hard or ErpCfm.
+/// The erp of a Hard or ErpCfm.
 inline double erp_of(const Softness& softness) { return numbers_of(softness).first; }
 
 /// Neither stiffness nor damping: the row does nothing.

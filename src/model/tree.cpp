@@ -1,3 +1,4 @@
+// The tree of links and joints, and sums of inertias. SPDX-License-Identifier: Apache-2.0
 #include "tree.h"
 
 #include <map>

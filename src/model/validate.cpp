@@ -1,4 +1,4 @@
-// The rules that a Model keeps: one rule, one function. SPDX-License-Identifier: Apache-2.0
+// The rules for a Model, one function for each. SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 #include <set>
 #include <unordered_map>
@@ -13,7 +13,7 @@ namespace {
 
 using std::string;
 
-// Gear ratios beyond this leave no digits of the smaller side even in double.
+// Beyond this gear ratio, rounding in double leaves no digits of the smaller side.
 constexpr double largest_ratio = 1e9;
 
 string quoted(const char* kind, const string& name) { return string(kind) + " '" + name + "'"; }
@@ -40,7 +40,7 @@ void rigid(const Eigen::Isometry3d& pose, const string& element, const string& w
   const Eigen::Matrix3d rotation = pose.linear();
   require((rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < 1e-9 &&
               rotation.determinant() > 0.0,
-          element, what + " is no rigid placement: its 3x3 part is no rotation",
+          element, what + " is not a rigid transform: its 3x3 part is no rotation matrix",
           "use a rotation matrix or a unit quaternion");
 }
 
@@ -49,8 +49,7 @@ void unique_names(const Elements& elements, const char* kind) {
   std::set<string> seen;
   for (const auto& element : elements) {
     require(!element.name.empty(), string("a ") + kind, "has no name", "name it");
-    require(seen.insert(element.name).second, quoted(kind, element.name), "appears twice",
-            "give every one its own name");
+    require(seen.insert(element.name).second, quoted(kind, element.name), "appears twice", "give each its own name");
   }
 }
 
@@ -70,10 +69,10 @@ void possible_inertia(const Link& link) {
   require(
       keep_triangle_rule(moments), element,
       "inertia is impossible: one principal moment exceeds the sum of the others (no distribution of mass has that)",
-      "check the units and that it is about the centre of mass (ImportOptions can balance it)");
+      "check the units, and that it is about the centre of mass (ImportOptions can repair it)");
 }
 
-// `what` names what is soft: a coupling, a limit, a kinematic drive.
+// `what` has the softness: a coupling, a limit, a kinematic drive.
 void proper_softness(const Softness& softness, const string& element, const string& what) {
   const auto [first, second] = numbers_of(softness);
   finite(first, element, "softness of the " + what);
@@ -82,7 +81,7 @@ void proper_softness(const Softness& softness, const string& element, const stri
     case SoftnessKind::hard:
       require(first >= 0.0 && first < 2.0, element,
               "erp of a hard " + what + " is " + std::to_string(first) + ", outside [0, 2)",
-              "at 2 the error would change its sign forever; give 0.2");
+              "give 0.2; at 2 the error would change its sign forever");
       break;
     case SoftnessKind::erp_cfm:
       require(first >= 0.0 && first <= 1.0, element, "erp of the " + what + " is outside [0, 1]",
@@ -102,7 +101,7 @@ void proper_softness(const Softness& softness, const string& element, const stri
 }
 
 void proper_range(const Joint& joint, const string& element) {
-  require(!std::isnan(joint.lower) && !std::isnan(joint.upper), element, "position limit is no number",
+  require(!std::isnan(joint.lower) && !std::isnan(joint.upper), element, "position limit is NaN",
           "give a number, or an infinity where there is no limit");
   require(joint.lower <= joint.upper, element, "position range is empty (lower > upper)", "swap the limits");
   require(joint.lower < infinity && joint.upper > -infinity, element, "position range lies at infinity",
@@ -114,22 +113,22 @@ void proper_range(const Joint& joint, const string& element) {
 void proper_bounds(const Joint& joint, const string& element) {
   proper_range(joint, element);
   proper_softness(joint.limit_softness, element, "limit");
-  require(!is_absent(joint.limit_softness), element, "softness of the limit is a spring that never pulls",
+  require(!is_absent(joint.limit_softness), element, "softness of the limit has neither stiffness nor damping",
           "give it stiffness or damping, or remove the position range");
   require(joint.restitution >= 0.0 && joint.restitution <= 1.0, element,
           "restitution is " + std::to_string(joint.restitution) + ", outside [0, 1]", "give a share between 0 and 1");
   require(joint.restitution == 0.0 || is_hard(joint.limit_softness), element, "has a restitution, but soft limits",
-          "set it to 0 (a soft limit gives back what its damping leaves), or make the limits hard");
-  require(joint.velocity_limit >= 0.0, element, "velocity limit is negative or no number",
-          "give more than 0, infinity for none");
+          "set it to 0, or make the limits hard; how a soft limit bounces depends on its damping");
+  require(joint.velocity_limit >= 0.0, element, "velocity limit is negative or NaN",
+          "give more than 0, infinity for no limit");
   require(joint.velocity_limit > 0.0, element, "velocity limit is 0, which locks the joint",
           "make the joint fixed or its drive kinematic, or give infinity for no limit");
-  require(joint.effort_limit >= 0.0, element, "effort limit is negative or no number",
-          "give 0 or more, infinity for none");
+  require(joint.effort_limit >= 0.0, element, "effort limit is negative or NaN",
+          "give 0 or more, infinity for no limit");
   not_negative(joint.friction, element, "friction");
 }
 
-// What the other kind of drive would silently pass over is an error.
+// A setting that this kind of drive would silently ignore is an error.
 void proper_drive(const Drive& drive, const string& element) {
   not_negative(drive.kp, element, "drive kp");
   not_negative(drive.kd, element, "drive kd");
@@ -146,11 +145,11 @@ void proper_drive(const Drive& drive, const string& element) {
   require(drive.kp == 0.0 && drive.kd == 0.0, element, "kinematic drive has kp or kd",
           "set both to 0 and give Drive::softness, or make the drive a servo (kinematic = false)");
   proper_softness(softness, element, "kinematic drive");
-  require(!is_absent(softness), element, "softness of the kinematic drive is a spring that never pulls",
+  require(!is_absent(softness), element, "softness of the kinematic drive has neither stiffness nor damping",
           "give it stiffness or damping, or make the drive not kinematic");
   require(!is_hard(softness) || (erp_of(softness) > 0.0 && erp_of(softness) <= 1.0), element,
           "erp of a hard kinematic drive is " + std::to_string(erp_of(softness)) + ", outside (0, 1]",
-          "give 1 to be at the target after each step, less to approach it");
+          "give 1 to reach the target in each step, less to approach it");
 }
 
 void proper_joint(const Joint& joint) {
@@ -168,7 +167,7 @@ void proper_joint(const Joint& joint) {
   proper_bounds(joint, element);
 }
 
-// Sufficient for a positive definite mass matrix: no joint, moving alone, moves nothing.
+// Each joint must move some inertia when it moves alone. This makes the mass matrix positive definite.
 void moves_some_inertia(const Model& model, const Tree& tree, int link, const Inertia& body) {
   const string element = quoted("link", model.links[link].name);
   const int j = tree.parent_joint[link];
@@ -181,8 +180,8 @@ void moves_some_inertia(const Model& model, const Tree& tree, int link, const In
   if (joint.armature > 0.0) return;
   require(
       body.mass > 0.0, element, "moves (joint '" + joint.name + "') but has no mass: its inertia is missing or 0",
-      "give it, or a link fixed to it, a mass and an inertia (<inertial> in URDF; ImportOptions fill in), or make the "
-      "joint fixed");
+      "give it, or a link fixed to it, a mass and an inertia (<inertial> in URDF, or ImportOptions), or make the joint "
+      "fixed");
   if (joint.kind == JointKind::prismatic) return;
   const Eigen::Vector3d axis = joint.axis.normalized();
   const double about_axis = axis.dot(body.about_center * axis) + body.mass * axis.cross(body.center).squaredNorm();
@@ -199,8 +198,8 @@ void proper_coupling(const JointsByName& joints, const Coupling& coupling, const
   finite(coupling.offset, element, "offset gamma");
   require(!coupling.terms.empty(), element, "has only one joint", "name the joints that it follows");
   proper_softness(coupling.softness, element, "coupling");
-  require(coupling.force_limit >= 0.0, element, "force limit is negative or no number",
-          "give more than 0, infinity for none");
+  require(coupling.force_limit >= 0.0, element, "force limit is negative or NaN",
+          "give more than 0, infinity for no limit");
   require(coupling.force_limit > 0.0, element, "force limit is 0: the coupling would hold nothing",
           "remove the coupling, or switch it off by Parameter::coupling_switch");
   std::set<string> seen;
@@ -208,7 +207,7 @@ void proper_coupling(const JointsByName& joints, const Coupling& coupling, const
     const auto found = joints.find(joint);
     require(found != joints.end(), element, "couples joint '" + joint + "', which does not exist", "correct the name");
     require(found->second->moves(), element, "couples joint '" + joint + "', which is fixed", "couple moving joints");
-    require(seen.insert(joint).second, element, "names joint '" + joint + "' twice", "add the ratios up");
+    require(seen.insert(joint).second, element, "names joint '" + joint + "' twice", "add up the ratios");
   };
   moving(coupling.joint);
   for (const CouplingTerm& term : coupling.terms) {

@@ -1,5 +1,4 @@
-// Paths of vectors over articulated bodies, where these are less work than A: (M22) to (M25). SPDX-License-Identifier:
-// Apache-2.0
+// Articulated bodies instead of A, (M22) to (M25): paths of vectors. SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <map>
 #include <vector>
@@ -13,10 +12,10 @@ class Paths {
  public:
   explicit Paths(const Tables<double>& t) : t_(t), root_(t.root_velocities()) {}
 
-  // Of vectors side by side: by body, which of them it moves.
+  // The path of vectors side by side. `moved` names, by body, the vectors with an entry at its joint.
   Path path(const std::vector<std::vector<int>>& moved) {
     const int begin = static_cast<int>(visits_.size());
-    std::vector<std::map<int, int>> arrived(t_.bodies);  // by body: places by vector
+    std::vector<std::map<int, int>> arrived(t_.bodies);  // by body: place by vector
     std::vector<int> free;
     int taken = 0;
     for (int b = t_.bodies - 1; b >= 0; --b) {
@@ -26,27 +25,27 @@ class Paths {
       for (int child = t_.bodies - 1; child > b; --child) {
         if (t_.body[child].parent != b) continue;
         for (const auto& [vector, place] : arrived[child]) {
-          const auto [there, fresh] = known.emplace(vector, place);
-          if (fresh) continue;
-          merges_.push_back({place, there->second});
+          const auto [entry, is_new] = known.emplace(vector, place);
+          if (is_new) continue;
+          merges_.push_back({place, entry->second});
           free.push_back(place);
         }
       }
-      std::map<int, int> fresh;
+      std::map<int, int> starting;
       for (const int vector : moved[b]) {
         if (known.count(vector)) continue;
-        fresh[vector] = free.empty() ? taken++ : free.back();
+        starting[vector] = free.empty() ? taken++ : free.back();
         if (!free.empty()) free.pop_back();
       }
-      const auto travel = [&](const std::map<int, int>& places) {
+      const auto carry = [&](const std::map<int, int>& places) {
         for (const auto& [vector, place] : places) carried_.push_back({place, vector});
         return static_cast<int>(carried_.size());
       };
       visit.merge_last = static_cast<int>(merges_.size());
-      visit.known = travel(fresh);
-      visit.last = travel(known);
+      visit.known = carry(starting);
+      visit.last = carry(known);
       visits_.push_back(visit);
-      known.insert(fresh.begin(), fresh.end());
+      known.insert(starting.begin(), starting.end());
       if (t_.body[b].parent < 0)
         for (const auto& [vector, place] : known) free.push_back(place);
     }
@@ -54,6 +53,7 @@ class Paths {
     return {begin, static_cast<int>(visits_.size())};
   }
 
+  // The path of the rows `first` to `last` - 1.
   Path path(const Rows<double>& rows, int first, int last) {
     std::vector<std::vector<int>> moved(t_.bodies);
     for (int r = first; r < last; ++r) {
@@ -96,20 +96,20 @@ Articulated articulated_bodies(const Tables<double>& t, TableStorage& storage) {
 
 namespace {
 
-// Nobody asks for A's own entries.
+// Whether no stage needs the entries of A.
 bool can_articulate(const Tables<double>& t) {
   return t.joints > 0 && t.reduction.followers == 0 && t.limited_servos.count == 0;
 }
 
-// A made and factored, one solve with it, and the responses of rows. Whether natural rows take a mass matrix of their
-// own is not asked: a limit that is never reached may not change a bit, so it may not change the way.
+// The work to compute and factor A, to solve with it once, and to compute the rows' responses. Undamped rows do not
+// count: a limit that is never reached may not change the result by a bit, so it may not change this choice.
 long work_by_matrix(const Tables<double>& t) {
   long work = 0;
   for (int i = 0; i < t.matrix.n; ++i) {
     const long ancestors = t.matrix.row_start[i + 1] - t.matrix.row_start[i];
     if (i >= t.root_velocities()) {
       work += work::column_of_joint;
-      if (t.matrix.parent[i] >= 0) work += work::passing * t.matrix.size[i];
+      if (t.matrix.parent[i] >= 0) work += work::column_past_body * t.matrix.size[i];
     }
     work += (ancestors + 2) * t.matrix.size[i];
   }
@@ -122,15 +122,16 @@ long work_by_matrix(const Tables<double>& t) {
 }
 
 long work_by_bodies(const Tables<double>& t, const Articulated& a) {
-  long work = static_cast<long>(work::articulating) * t.joints;
-  for (const Path& path : {a.all, a.all, a.rows})  // there and back, and the rows' responses
-    for (int p = path.first; p < path.last; ++p) work += work::travelling * (a.visits[p].last - a.visits[p].begin);
+  long work = static_cast<long>(work::articulated_body) * t.joints;
+  for (const Path& path : {a.all, a.all, a.rows})  // inwards, outwards, and the rows' responses
+    for (int p = path.first; p < path.last; ++p)
+      work += work::vector_past_body * (a.visits[p].last - a.visits[p].begin);
   return work;
 }
 
 }  // namespace
 
-void articulate(Program& program) {
+void take_articulated_bodies(Program& program) {
   Tables<double>& t = program.f64;
   if (!can_articulate(t)) return;
   const Articulated bodies = articulated_bodies(t, program.storage);

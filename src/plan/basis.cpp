@@ -1,4 +1,4 @@
-// S of v = S z, the velocities in terms of those that are solved for: (M39), (M77). SPDX-License-Identifier: Apache-2.0
+// S of v = S z: all velocities in terms of the solver's, (M39), (M77). SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
 #include "layout.h"
@@ -9,12 +9,12 @@ namespace {
 struct Share {  // one entry of S
   int column;
   double value;
-  int index;  // in Reduction::value, -1 for a 1 that is not kept there
+  int index;  // in Reduction::value, -1 for a 1 that is not stored there
 };
 
-// The solver's velocities in their natural order: speeds of couplings, which are to be eliminated last, then what is
-// nobody's follower.
-std::vector<int> natural_order(const Tables<double>& t, const std::vector<Follower>& followers,
+// The solver's velocities before they are renumbered: constraint velocities first, as they are eliminated last, then
+// the independent velocities.
+std::vector<int> initial_order(const Tables<double>& t, const std::vector<Follower>& followers,
                                bool has_constraint_velocities) {
   const int root = t.root_velocities();
   std::vector<char> follows(t.velocities, 0);
@@ -28,7 +28,7 @@ std::vector<int> natural_order(const Tables<double>& t, const std::vector<Follow
   return order;
 }
 
-// Of H = S^T A S, from which of the solver's velocities each velocity is made.
+// The pattern of H = S^T A S. `parts` names, by velocity, the solver velocities that it depends on.
 Pattern pattern_of(const Tables<double>& t, const std::vector<std::vector<int>>& parts, int n) {
   Pattern pattern(n, std::vector<char>(n, 0));
   for (int i = 0; i < t.velocities; ++i)
@@ -39,7 +39,7 @@ Pattern pattern_of(const Tables<double>& t, const std::vector<std::vector<int>>&
   return pattern;
 }
 
-// A_r = S^T A S, entry by entry: sums of entries of A with products of two entries of S.
+// A_r = S^T A S, entry by entry: each is a sum of entries of A, times two entries of S.
 void lay_out_products(Program& program, const std::vector<std::vector<Share>>& shares) {
   Tables<double>& t = program.f64;
   struct Product {
@@ -99,9 +99,9 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
   Reduction<double>& reduction = t.reduction;
   TableStorage& storage = program.storage;
   const int root = t.root_velocities();
-  const std::vector<int> order = natural_order(t, followers, has_constraint_velocities);
+  const std::vector<int> order = initial_order(t, followers, has_constraint_velocities);
   const int n = static_cast<int>(order.size());
-  std::vector<int> place(t.velocities, -1);  // in the natural order
+  std::vector<int> place(t.velocities, -1);  // by velocity: in the initial order
   for (int z = 0; z < n; ++z) place[order[z]] = z;
   std::vector<std::vector<int>> parts(t.velocities);
   for (int i : order) parts[i] = {place[i]};
@@ -118,20 +118,20 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
   }
   std::vector<std::vector<Share>> shares(t.velocities);
   for (int i : order) shares[i] = {{solver[i], 1.0, -1}};
-  std::vector<int> follower_joint, follower_of(t.joints, -1), start{0}, column, driver, speed;
+  std::vector<int> follower_joint, follower_of(t.joints, -1), start{0}, column, leader, constraint_velocity;
   std::vector<double> value;
   std::vector<std::vector<Collected>> by_solver(n);
   for (const Follower& follower : followers) {
     const int velocity = root + follower.joint;
     follower_of[follower.joint] = static_cast<int>(follower_joint.size());
     follower_joint.push_back(follower.joint);
-    if (has_constraint_velocities) speed.push_back(solver[velocity]);
+    if (has_constraint_velocities) constraint_velocity.push_back(solver[velocity]);
     for (const auto& [joint, share] : follower.shares) {
       const int z = solver[t.velocity_of(joint)], index = static_cast<int>(value.size());
       shares[velocity].push_back({z, share, index});
       by_solver[z].push_back({velocity, index});
       column.push_back(z);
-      driver.push_back(joint);
+      leader.push_back(joint);
       value.push_back(share);
     }
     start.push_back(static_cast<int>(value.size()));
@@ -141,11 +141,11 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
   reduction.followers = static_cast<int>(followers.size());
   reduction.follower = storage.keep(std::move(follower_joint));
   reduction.follower_of = storage.keep(std::move(follower_of));
-  reduction.constraint_velocity = storage.keep(std::move(speed));
+  reduction.constraint_velocity = storage.keep(std::move(constraint_velocity));
   reduction.independent = storage.keep(std::move(independent));
   reduction.start = storage.keep(std::move(start));
   reduction.column = storage.keep(std::move(column));
-  reduction.leader = storage.keep(std::move(driver));
+  reduction.leader = storage.keep(std::move(leader));
   reduction.value = storage.keep(std::move(value));
 }
 

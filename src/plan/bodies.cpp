@@ -1,4 +1,4 @@
-// Bodies in frames whose joint axis is a coordinate axis, (M3). SPDX-License-Identifier: Apache-2.0
+// Bodies in frames whose joint axis is a coordinate axis (M3). SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -14,7 +14,7 @@ using Eigen::Matrix3d;
 using Eigen::Matrix4d;
 using Eigen::Vector3d;
 
-// An axis this close to a coordinate axis is taken for one: below what any step can tell apart.
+// An axis this close to a coordinate axis is taken as one. No step can tell them apart.
 constexpr double axis_tolerance = 1e-12;
 
 void copy(const Matrix3d& from, double (&to)[9]) {
@@ -34,15 +34,14 @@ void copy_symmetric(const Matrix3d& from, double (&to)[6]) {
   }
 }
 
-// (M4): integral of p p^T dm about the frame's origin, from the rotational inertia about the centre.
+// (M4): the integral of p p^T dm about the frame's origin, from the rotational inertia about the centre of mass.
 Matrix3d second_moment(const Inertia& inertia) {
   return 0.5 * inertia.about_center.trace() * Matrix3d::Identity() - inertia.about_center +
          inertia.mass * inertia.center * inertia.center.transpose();
 }
 
-// Chooses the frame of a body: `placement` is the child link's frame in the parent body at q = 0.
-// Returns the body frame's axes as columns in parent body coordinates. The axis must be unit to rounding: the
-// transpose is taken for the inverse, so that what it lacks would double from joint to joint.
+// Chooses the frame of a body. Returns its axes as columns in parent coordinates. The axis must have length 1 to
+// rounding: the transpose is used as the inverse, so an error would double from joint to joint.
 Matrix3d choose_frame(const Vector3d& axis, Body<double>& body) {
   for (int k = 0; k < 3; ++k) {
     const double along = axis[k];
@@ -63,8 +62,8 @@ Matrix3d choose_frame(const Vector3d& axis, Body<double>& body) {
   return axes;
 }
 
-// Puts the body's origin where its offset from the parent's has fewest components: anywhere on the axis of a revolute
-// joint. What is rounding becomes zero. Returns how far it went along the axis.
+// Chooses the body's origin so that its offset has the fewest components. The origin may be anywhere on the axis of a
+// revolute joint. Components that are only rounding become zero. Returns by how much the origin moved along the axis.
 double choose_origin(const Vector3d& placed, Body<double>& body) {
   Vector3d offset = placed;
   double along = 0.0;
@@ -85,8 +84,8 @@ int kind_of(const Body<double>& body) {
   return 3 * body.axis + (next && last ? both_axes : last ? last_axis : next_axis);
 }
 
-// (M10): what lies on a revolute joint's axis moves like the parent, and is moved there. Of a link that turns about a
-// coordinate axis, mass, one first and one second moment are gone from every product of a step.
+// Base inertia, (M10): mass on a revolute joint's axis moves with the parent, so it is added to the parent. For a body
+// that rotates about a coordinate axis, this removes the mass, one first and one second moment from every step.
 void move_masses_inwards(std::vector<Body<double>>& bodies, bool masses_differ) {
   std::vector<Matrix4d> inertia;  // second moment, first moment; first moment, mass
   for (const Body<double>& b : bodies) {
@@ -108,8 +107,8 @@ void move_masses_inwards(std::vector<Body<double>>& bodies, bool masses_differ) 
     body.base_mass = own(3, 3);
     copy(Vector3d(own.topRightCorner<3, 1>()), body.base_moment);
     copy_symmetric(own.topLeftCorner<3, 3>(), body.base_second);
-    const double* off = body.base_second + 3;
-    body.diagonal = !masses_differ && off[0] == 0.0 && off[1] == 0.0 && off[2] == 0.0;
+    const double* off_diagonal = body.base_second + 3;
+    body.diagonal = !masses_differ && off_diagonal[0] == 0.0 && off_diagonal[1] == 0.0 && off_diagonal[2] == 0.0;
     body.leaf = true;
     body.heavy = body.root || body.prismatic;
   }
@@ -145,7 +144,7 @@ void lay_out_bodies(Program& program, const Tree& tree) {
 
   Frames frames{std::vector<int>(links, -1), std::vector<Isometry3d>(links, Isometry3d::Identity())};
   std::vector<Body<double>> bodies;
-  std::vector<int> parents, joint_row;  // structure of the mass matrix
+  std::vector<int> parents, joint_row;  // by velocity: the parent's in the mass matrix; by joint: dof
   if (floating) {
     Body<double> root{};
     root.parent = -1;
@@ -181,7 +180,7 @@ void lay_out_bodies(Program& program, const Tree& tree) {
     bodies.push_back(body);
   }
 
-  // Links: where they are in their bodies, and what they weigh there.
+  // Links: where they are in their bodies, and their inertia there.
   std::vector<LinkPlace<double>> places(links);
   std::vector<double> masses(links);
   std::vector<Inertia> sums(bodies.size());
@@ -231,7 +230,7 @@ void lay_out_joint_terms(Program& program) {
   const double h = t.ahead;
   std::vector<double> armature(t.joints), damping(t.joints), kp(t.joints), kd(t.joints), implicit(t.joints);
   std::vector<double> effort_limit(t.joints, unlimited);
-  std::vector<int> driven, limited, clamped;
+  std::vector<int> unlimited_servos, limited, clamped;
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const int i = program.solver_joint[j];
     if (i < 0) continue;
@@ -241,25 +240,25 @@ void lay_out_joint_terms(Program& program) {
     kp[i] = joint.drive.kp;
     kd[i] = joint.drive.kd;
     implicit[i] = joint.armature + h * joint.damping;
-    const bool holds =
+    const bool has_effort_limit =
         joint.effort_limit < infinity && !joint.drive.kinematic && !program.settings.ignore.effort_limits;
     const bool servo =
         !joint.drive.kinematic && (declared(program, Parameter::drive_gains) || kp[i] > 0.0 || kd[i] > 0.0);
-    if (holds) effort_limit[i] = std::min(joint.effort_limit, unlimited);
-    // What an effort limit takes away is decided lane by lane, so it does not stand in the table.
-    if (servo && !holds) implicit[i] += h * kd[i] + h * h * kp[i];
+    if (has_effort_limit) effort_limit[i] = std::min(joint.effort_limit, unlimited);
+    // The kernels add the terms of a limited servo: each lane decides whether they apply.
+    if (servo && !has_effort_limit) implicit[i] += h * kd[i] + h * h * kp[i];
     if (servo)
-      (holds ? limited : driven).push_back(i);
-    else if (holds)
+      (has_effort_limit ? limited : unlimited_servos).push_back(i);
+    else if (has_effort_limit)
       clamped.push_back(i);
   }
-  for (std::vector<int>* list : {&driven, &limited, &clamped}) std::sort(list->begin(), list->end());
+  for (std::vector<int>* list : {&unlimited_servos, &limited, &clamped}) std::sort(list->begin(), list->end());
   t.armature = program.storage.keep(std::move(armature));
   t.damping = program.storage.keep(std::move(damping));
   t.kp = program.storage.keep(std::move(kp));
   t.kd = program.storage.keep(std::move(kd));
   t.implicit = program.storage.keep(std::move(implicit));
-  t.servos = program.storage.keep(std::move(driven));
+  t.servos = program.storage.keep(std::move(unlimited_servos));
   t.limited_servos = program.storage.keep(std::move(limited));
   t.limited_efforts = program.storage.keep(std::move(clamped));
   t.effort_limit = program.storage.keep(std::move(effort_limit));

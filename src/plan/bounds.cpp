@@ -1,4 +1,4 @@
-// Limits, frictions, kinematic drives and force limits as bounded rows, section 12. SPDX-License-Identifier: Apache-2.0
+// Limits, friction, kinematic drives and force limits as bounded rows (section 12). SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 #include <Eigen/QR>
 #include <algorithm>
@@ -19,7 +19,7 @@ bool has_range_of(const Program& program, const Joint& joint) {
   return !program.settings.ignore.position_limits && (joint.lower > -infinity || joint.upper < infinity);
 }
 
-// JointBound bits of what is hard.
+// The hard bounds of a joint as JointBound bits.
 int hard_bounds(const Program& program, const Joint& joint) {
   const Ignored& ignore = program.settings.ignore;
   int has = 0;
@@ -38,10 +38,10 @@ Member member_of(const Tables<double>& t, int joint) {
   return {joint, follower, simple ? r.start[follower] : -1};
 }
 
-// The one solver velocity that the joint moves with, or -1.
+// The solver velocity that the form consists of, or -1 if it has several.
 int velocity_of(const RowForm& form) { return form.terms.size() == 1 ? form.terms.begin()->first : -1; }
 
-// Share of its error that a hard row corrects in one of N sub-steps, which make up that of the step (M36), as a rate.
+// The rate at which a hard row corrects its error in each of N sub-steps, so that together they correct `erp` (M36).
 double hard_rate(const StepSettings& s, double erp) {
   return (1.0 - std::pow(1.0 - erp, 1.0 / s.iterations)) * s.iterations / s.dt;
 }
@@ -91,7 +91,7 @@ double value_of(const Tables<double>& t, const Contribution& share) {
   return (share.term < 0 ? 1.0 : t.term_value[share.term]) * (share.value < 0 ? 1.0 : t.reduction.value[share.value]);
 }
 
-// Whether what the eliminated couplings say leaves nothing of this one.
+// Whether the coupling is redundant beside the eliminated ones: its form is zero up to rounding.
 bool follows_from_eliminated(const Program& program, const RowForm& form) {
   if (!program.f64.reduction.eliminates() || declared(program, Parameter::gear_ratio)) return false;
   for (const auto& [index, shares] : form.terms) {
@@ -105,7 +105,7 @@ bool follows_from_eliminated(const Program& program, const RowForm& form) {
   return true;
 }
 
-// Whether directions of hard rows depend on each other, couplings that are left to solve included.
+// Whether the directions of hard rows are linearly dependent, including those of the couplings that are left to solve.
 bool depend(const Program& program, const std::vector<Row>& rows, const std::vector<RowForm>& forms) {
   const Tables<double>& t = program.f64;
   std::vector<const RowForm*> hard;
@@ -145,7 +145,7 @@ BoundForms lay_out_bounds(Program& program) {
     return form;
   };
   const auto add = [&](Row row, RowForm form) {
-    if (form.terms.empty()) return;  // couplings leave the joint no freedom, so there is nothing to bound
+    if (form.terms.empty()) return;  // couplings leave no freedom that could be bounded
     result.joint.push_back(row.kind == BoundKind::coupling ? -1 : row.members[0].joint);
     rows.push_back(std::move(row));
     result.forms.push_back(std::move(form));
@@ -154,7 +154,7 @@ BoundForms lay_out_bounds(Program& program) {
     for (std::size_t j = 0; j < model.joints.size(); ++j)
       if (const int i = program.solver_joint[j]; i >= 0) act(model.joints[j], i);
   };
-  // (M59): what moves with one velocity is one row. Its form is that velocity itself.
+  // (M59): joints that move with one solver velocity share a row. Its form is that velocity itself.
   std::vector<int> row_of_velocity(t.solver.n, -1);
   each_joint([&](const Joint&, int i) {
     if (b.has[i] == 0) return;
@@ -194,13 +194,13 @@ BoundForms lay_out_bounds(Program& program) {
   b.may_depend = depend(program, rows, result.forms);
   std::vector<Watched<double>> watched;
   each_joint([&](const Joint& joint, int i) {
-    const bool fast = b.has[i] & has_speed_limit, ranged = has_range_of(program, joint);
+    const bool has_speed = b.has[i] & has_speed_limit, ranged = has_range_of(program, joint);
     b.always |= (b.has[i] & (has_friction | has_kinematic_drive)) != 0;
-    if (fast || ranged)
+    if (has_speed || ranged)
       watched.push_back({{i, (b.has[i] & has_restitution) != 0},
                          ranged ? b.lower[i] : -unlimited,
                          ranged ? b.upper[i] : unlimited,
-                         fast ? program.settings.dt * b.speed_limit[i] : 0.0});
+                         has_speed ? program.settings.dt * b.speed_limit[i] : 0.0});
   });
   for (const Row& row : rows) b.always |= row.kind == BoundKind::soft_drive || row.kind == BoundKind::coupling;
   b.watched = program.storage.keep(std::move(watched));
@@ -208,13 +208,13 @@ BoundForms lay_out_bounds(Program& program) {
   std::vector<int> member_start{0};
   std::vector<Member> members;
   std::vector<double> shares;
-  std::vector<int> driven;
+  std::vector<int> kinematic;
   for (const Row& row : rows) {
     bool drives = false;
     for (const Member& member : row.members) drives |= (b.has[member.joint] & has_kinematic_drive) != 0;
-    driven.push_back(drives && row.kind == BoundKind::joint);
+    kinematic.push_back(drives && row.kind == BoundKind::joint);
   }
-  b.kinematic = program.storage.keep(std::move(driven));
+  b.kinematic = program.storage.keep(std::move(kinematic));
   std::vector<double> soft_rate;
   for (std::size_t r = 0; r < rows.size(); ++r)
     soft_rate.push_back(row_softness(program, result.forms[r].softness, program.settings.dt, 1).rate);
@@ -241,12 +241,12 @@ void lay_out_report(Program& program) {
     program.reported.push_back(row);
     program.row_names.push_back(name);
   };
-  const auto place = [](const auto& list, int wanted) {
+  const auto index_of = [](const auto& list, int wanted) {
     for (int i = 0; i < list.count; ++i)
       if (list[i] == wanted) return i;
     return -1;
   };
-  const auto bounded = [&](BoundKind kind, int index) {
+  const auto bounded_row = [&](BoundKind kind, int index) {
     for (int r = 0; r < b.rows.count; ++r) {
       if (b.kind[r] != kind) continue;
       if (kind == BoundKind::coupling && b.rows.coupling[r] == index) return r;
@@ -260,7 +260,7 @@ void lay_out_report(Program& program) {
   for (int c = 0; c < t.couplings; ++c) {
     const Coupling& coupling = program.model.couplings[c];
     if (is_hard(coupling.softness)) hard[c] = erp_of(coupling.softness) / program.settings.dt;
-    add({Reported::coupling, c, place(t.rows.coupling, c), bounded(BoundKind::coupling, c),
+    add({Reported::coupling, c, index_of(t.rows.coupling, c), bounded_row(BoundKind::coupling, c),
          is_hard(coupling.softness) ? 1 : -1},
         "coupling " + couplings[c]);
   }
@@ -269,7 +269,7 @@ void lay_out_report(Program& program) {
     if (i < 0) continue;
     const Joint& joint = program.model.joints[j];
     const auto joint_row = [&](Reported::Kind reported, const char* what, BoundKind bound) {
-      add({reported, i, -1, bounded(bound, i), -1}, fmt::format("{} {}", what, joint.name));
+      add({reported, i, -1, bounded_row(bound, i), -1}, fmt::format("{} {}", what, joint.name));
     };
     const int has = b.has[i];
     const auto kind = [](bool hard) { return hard ? BoundKind::joint : BoundKind::soft_limit; };
@@ -281,13 +281,13 @@ void lay_out_report(Program& program) {
       joint_row(Reported::kinematic_drive, "kinematic drive",
                 is_hard(joint.drive.softness) ? BoundKind::joint : BoundKind::soft_drive);
     if (t.effort_limit[i] < unlimited)
-      add({Reported::effort_limit, i, -1, -1, place(t.limited_servos, i)}, "effort limit " + joint.name);
+      add({Reported::effort_limit, i, -1, -1, index_of(t.limited_servos, i)}, "effort limit " + joint.name);
   }
   if (program.settings.record_diagnostics) t.reported = program.storage.keep(program.reported);
   t.hard_rate = program.storage.keep(std::move(hard));
-  std::vector<int> follows(t.couplings, 0);
-  for (int c : program.redundant) follows[c] = 1;
-  t.follows = program.storage.keep(std::move(follows));
+  std::vector<int> redundant(t.couplings, 0);
+  for (int c : program.redundant) redundant[c] = 1;
+  t.follows = program.storage.keep(std::move(redundant));
 }
 
 }  // namespace lockstep

@@ -8,7 +8,7 @@ namespace lockstep {
 Elimination elimination_tree(Pattern pattern) {
   const int n = static_cast<int>(pattern.size());
   std::vector<int> parent(n, -1);
-  std::vector<std::vector<int>> children(n + 1);  // the last entry: roots
+  std::vector<std::vector<int>> children(n + 1);  // the last entry holds the roots
   for (int k = n - 1; k >= 0; --k)
     for (int i = k - 1; i >= 0; --i) {
       if (!pattern[k][i]) continue;

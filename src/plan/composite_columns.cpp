@@ -1,5 +1,4 @@
-// A_r from columns that joints of one velocity share, where that is less work: (M41). SPDX-License-Identifier:
-// Apache-2.0
+// A_r from composite columns, which joints of one velocity share (M41). SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <map>
 #include <tuple>
@@ -13,25 +12,23 @@ namespace {
 // One entry of S.
 struct Share {
   int column;  // solver velocity
-  int index;   // of its value, -1 for 1
+  int index;   // in Reduction::value, -1 for a 1 that is not stored there
 };
 
-using work::adding, work::passing, work::summing;
-
-// Of what is done without: columns of M past bodies, products for A_r, products of A with corrections.
+// The work that composite columns save: columns of M past bodies, products for A_r, products of A with corrections.
 long work_by_entries(const Tables<double>& t) {
-  long work = summing * (t.reduction.product_source.count + t.reduction.momentum.count);
+  long work = work::short_product * (t.reduction.product_source.count + t.reduction.momentum.count);
   for (int i = t.root_velocities(); i < t.matrix.n; ++i)
-    if (t.matrix.parent[i] >= 0) work += passing * t.matrix.size[i];
+    if (t.matrix.parent[i] >= 0) work += work::column_past_body * t.matrix.size[i];
   return work;
 }
 
-class Columnwise {
+class ColumnBuilder {
  public:
-  explicit Columnwise(const Tables<double>& t)
+  explicit ColumnBuilder(const Tables<double>& t)
       : t_(t), n_(t.solver.n), root_(t.root_velocities()), shares_(t.bodies), follower_(t.bodies, -1) {
     const Reduction<double>& r = t.reduction;
-    corrects_apart_ = t.solve_twice && t.integrator != Integrator::runge_kutta;
+    has_corrections_ = t.solve_twice && t.integrator != Integrator::runge_kutta;
     for (int z = 0; z < n_; ++z)
       if (r.independent[z] >= root_) shares_[body_of(r.independent[z] - root_)].push_back({z, -1});
     for (int f = 0; f < r.followers; ++f) {
@@ -41,7 +38,7 @@ class Columnwise {
     }
   }
 
-  std::pair<CompositeColumns, long> columns(TableStorage& storage) {
+  std::pair<CompositeColumns, long> build(TableStorage& storage) {
     using M = CompositeColumns;
     const int bodies = t_.bodies;
     std::vector<std::vector<Merge>> merges(bodies);
@@ -50,15 +47,15 @@ class Columnwise {
     std::vector<std::vector<M::Unit>> units(bodies);
     std::vector<M::Correction> correction(bodies, M::Correction{-1, false});
     std::vector<std::vector<int>> passed(bodies);
-    std::vector<std::map<int, int>> carried(
-        bodies);  // by body: place of each velocity's column; n stands for corrections
+    // By body: the place of each velocity's column. Velocity n_ stands for the column of corrections.
+    std::vector<std::map<int, int>> carried(bodies);
     for (int b = bodies - 1; b >= 0; --b) {
       std::map<int, int>& places = carried[b];
       for (int child = b + 1; child < bodies; ++child) {
         if (t_.body[child].parent != b) continue;
         for (const auto& [column, place] : carried[child]) {
-          const auto [known, fresh] = places.emplace(column, place);
-          if (fresh) continue;
+          const auto [known, is_new] = places.emplace(column, place);
+          if (is_new) continue;
           merges[b].push_back({place, known->second});
           free_.push_back(place);
         }
@@ -68,9 +65,9 @@ class Columnwise {
           for (int k = 0; k < root_; ++k) rows[b].push_back({place, entry(column, k), k});
         continue;
       }
-      const bool corrected = corrects_apart_ && follower_[b] >= 0;
+      const bool corrected = has_corrections_ && follower_[b] >= 0;
       for (const auto& [column, place] : places) {
-        for (const Share& own : shares_[b])  // A_r is symmetric: what a joint asks of its own velocity counts twice
+        for (const Share& own : shares_[b])  // A_r is symmetric: a term on its diagonal counts twice
           rows[b].push_back({place, entry(column, own.column), factor(own.index, -1, column == own.column ? 2 : 1)});
         if (corrected && column < n_) pulls[b].push_back({place, entry(column, n_), -1});
       }
@@ -83,7 +80,7 @@ class Columnwise {
       if (t_.body[b].parent >= 0) {
         const auto place_of = [&](int column, bool& first) {
           first = places.count(column) == 0;
-          if (first) places[column] = take();
+          if (first) places[column] = take_place();
           return places[column];
         };
         for (const Share& own : shares_[b]) {
@@ -97,9 +94,9 @@ class Columnwise {
       } else {
         for (const auto& [column, place] : places) free_.push_back(place);
       }
-      work_ += passing * static_cast<long>(passed[b].size()) +
-               adding * static_cast<long>(rows[b].size() + pulls[b].size() + squares[b].size() + pulled[b].size() +
-                                          2 * units[b].size());
+      work_ += work::column_past_body * static_cast<long>(passed[b].size()) +
+               work::addition_to_entry * static_cast<long>(rows[b].size() + pulls[b].size() + squares[b].size() +
+                                                           pulled[b].size() + 2 * units[b].size());
     }
     M all;
     all.places = places_;
@@ -117,7 +114,7 @@ class Columnwise {
 
  private:
   int body_of(int joint) const { return joint + (t_.floating ? 1 : 0); }
-  // Behind A_r stands S^T A times the corrections.
+  // S^T A times the corrections is stored after A_r.
   int entry(int one, int other) const {
     return std::max(one, other) < n_ ? entry_of(t_.solver, one, other) : t_.solver.entries + std::min(one, other);
   }
@@ -128,7 +125,7 @@ class Columnwise {
     factors_.push_back({left, right, times});
     return static_cast<int>(factors_.size()) - 1;
   }
-  int take() {
+  int take_place() {
     if (free_.empty()) return places_++;
     const auto lowest = std::min_element(free_.begin(), free_.end());
     const int place = *lowest;
@@ -138,18 +135,18 @@ class Columnwise {
 
   const Tables<double>& t_;
   int n_, root_, places_ = 0;
-  bool corrects_apart_;  // positions are corrected by a solution of their own
+  bool has_corrections_;  // the position phase has a solution of its own
   long work_ = 0;
   std::vector<int> free_;
   std::vector<CompositeColumns::Factor> factors_;
-  std::vector<std::vector<Share>> shares_;  // by body
-  std::vector<int> follower_;               // by body
+  std::vector<std::vector<Share>> shares_;  // by body: the joint's row of S
+  std::vector<int> follower_;               // by body: its joint's number among the followers, -1 if independent
 };
 
 }  // namespace
 
 std::pair<CompositeColumns, long> composite_columns(const Tables<double>& t, TableStorage& storage) {
-  return Columnwise(t).columns(storage);
+  return ColumnBuilder(t).build(storage);
 }
 
 void take_composite_columns(Program& program) {

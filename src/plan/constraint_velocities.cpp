@@ -1,4 +1,4 @@
-// Speeds of couplings as velocities of the solver, where that is less work: (M77). SPDX-License-Identifier: Apache-2.0
+// Constraint velocities as velocities of the solver (M77). SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
 #include "layout.h"
@@ -6,36 +6,37 @@
 namespace lockstep {
 namespace {
 
-// What is eliminated from a coupling's speed may leave so little of its inertia before rounding is felt.
+// Elimination must leave this share of a follower's entry of A. With less, rounding would grow.
 constexpr double least_share = 1e-3;
 
-struct Measured {
+// A coupling whose constraint velocity may replace the velocity of its first joint.
+struct Candidate {
   int coupling;
   Follower first;
 };
 
-// The couplings whose first joints none of the others moves, and these joints.
-std::vector<Measured> measured_couplings(const Tables<double>& t, const std::vector<double>& shares) {
+// The couplings whose first joint is in no other candidate.
+std::vector<Candidate> find_candidates(const Tables<double>& t, const std::vector<double>& shares) {
   std::vector<int> couplings(t.rows.coupling.data, t.rows.coupling.data + t.rows.count);
   std::sort(couplings.begin(), couplings.end());
-  std::vector<Measured> measured;
-  std::vector<char> follows(t.joints, 0), drives(t.joints, 0);
+  std::vector<Candidate> candidates;
+  std::vector<char> follows(t.joints, 0), leads(t.joints, 0);
   for (int c : couplings) {
     Follower first{t.term_joint[t.term_start[c]], {}};
-    bool alone = shares[c] >= least_share && !follows[first.joint] && !drives[first.joint];
+    bool independent = shares[c] >= least_share && !follows[first.joint] && !leads[first.joint];
     for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k) {
-      alone = alone && !follows[t.term_joint[k]];
+      independent = independent && !follows[t.term_joint[k]];
       first.shares.push_back({t.term_joint[k], -t.term_value[k]});
     }
-    if (!alone) continue;
+    if (!independent) continue;
     follows[first.joint] = 1;
-    for (const auto& [joint, share] : first.shares) drives[joint] = 1;
-    measured.push_back({c, std::move(first)});
+    for (const auto& [joint, share] : first.shares) leads[joint] = 1;
+    candidates.push_back({c, std::move(first)});
   }
-  return measured;
+  return candidates;
 }
 
-// Rows that are hard and one velocity each: (M79).
+// Finds the hard rows that are one solver velocity each (M79).
 void find_known_velocities(Program& program) {
   Tables<double>& t = program.f64;
   if (program.method != Method::direct && program.method != Method::pgs) return;
@@ -51,8 +52,8 @@ void find_known_velocities(Program& program) {
                          !program.settings.record_diagnostics;
 }
 
-// Velocities that move each other, by trees of a fixed root and by couplings: what one part takes is no matter of
-// others.
+// Velocities that move each other, through the trees of a fixed root and through couplings. Returns each velocity's
+// part. The work of one part does not depend on the others.
 std::vector<int> parts_of(const Tables<double>& t) {
   std::vector<int> part(t.velocities);
   for (int i = 0; i < t.velocities; ++i) part[i] = t.matrix.parent[i] < 0 ? i : part[t.matrix.parent[i]];
@@ -65,8 +66,8 @@ std::vector<int> parts_of(const Tables<double>& t) {
   return part;
 }
 
-// What the matrix that is factored takes, and the rows' responses where these are asked for, by part. Bounds have no
-// say: one that is never reached may not change a bit.
+// By part, the work to factor the matrix and, where rows are solved, to compute their responses. Bounds do not count:
+// one that is never reached may not change the result by a bit.
 std::vector<long> work_by_part(const Program& program, const std::vector<int>& part) {
   const Tables<double>& t = program.f64;
   const Rows<double>& rows = t.rows;
@@ -83,7 +84,7 @@ std::vector<long> work_by_part(const Program& program, const std::vector<int>& p
     work[part_of(static_cast<int>(column))] += t.reduction.product_start[e + 1] - t.reduction.product_start[e];
   }
 
-  std::vector<char> solves(t.velocities, 0);  // by part: not all of its speeds are prescribed
+  std::vector<char> solves(t.velocities, 0);  // by part: not all of its constraint velocities are known
   std::vector<std::vector<char>> moved(rows.count, std::vector<char>(t.solver.n, 0));
   for (int r = 0; r < rows.count; ++r) {
     const bool known = rows.known.count > 0 && rows.known[rows.term_index[rows.term_start[r]]] == r;
@@ -102,16 +103,16 @@ std::vector<long> work_by_part(const Program& program, const std::vector<int>& p
   return work;
 }
 
-void solve_for_constraint_velocities(Program& program, const std::vector<Measured>& couplings) {
+void solve_for_constraint_velocities(Program& program, const std::vector<Candidate>& candidates) {
   Tables<double>& t = program.f64;
   std::vector<Follower> followers;
-  std::vector<int> measured;
-  for (const Measured& coupling : couplings) {
-    followers.push_back(coupling.first);
-    measured.push_back(coupling.coupling);
+  std::vector<int> couplings;
+  for (const Candidate& candidate : candidates) {
+    followers.push_back(candidate.first);
+    couplings.push_back(candidate.coupling);
   }
   lay_out_basis(program, followers, true);
-  t.reduction.measured_coupling = program.storage.keep(std::move(measured));
+  t.reduction.measured_coupling = program.storage.keep(std::move(couplings));
   lay_out_rows(program);
   find_known_velocities(program);
 }
@@ -124,23 +125,23 @@ void take_constraint_velocities(Program& program,
   if (t.rows.count == 0 || t.reduction.followers > 0 || t.articulated.used()) return;
   if (program.integrator != Integrator::euler) return;
   for (const Parameter inertia : {Parameter::gear_ratio, Parameter::drive_gains, Parameter::damping, Parameter::mass})
-    if (declared(program, inertia)) return;  // it is not known what elimination leaves of it
-  if (measured_couplings(t, std::vector<double>(t.couplings, 1.0)).empty()) return;
+    if (declared(program, inertia)) return;  // the share that elimination leaves is unknown
+  if (find_candidates(t, std::vector<double>(t.couplings, 1.0)).empty()) return;
   narrow(program);
-  std::vector<Measured> couplings = measured_couplings(t, first_joints_shares(program));
-  if (couplings.empty()) return;
-  const Tables<double> plain = t;
+  std::vector<Candidate> candidates = find_candidates(t, first_joints_shares(program));
+  if (candidates.empty()) return;
+  const Tables<double> original = t;
   const std::vector<int> part = parts_of(t);
   const std::vector<long> before = work_by_part(program, part);
-  solve_for_constraint_velocities(program, couplings);
+  solve_for_constraint_velocities(program, candidates);
   const std::vector<long> after = work_by_part(program, part);
-  const auto saves_nothing = [&](const Measured& coupling) {
-    const int p = part[t.velocity_of(coupling.first.joint)];
+  const auto saves_nothing = [&](const Candidate& candidate) {
+    const int p = part[t.velocity_of(candidate.first.joint)];
     return after[p] >= before[p];
   };
-  if (std::erase_if(couplings, saves_nothing) == 0) return;
-  t = plain;
-  if (!couplings.empty()) solve_for_constraint_velocities(program, couplings);
+  if (std::erase_if(candidates, saves_nothing) == 0) return;
+  t = original;
+  if (!candidates.empty()) solve_for_constraint_velocities(program, candidates);
 }
 
 }  // namespace lockstep

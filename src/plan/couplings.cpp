@@ -1,4 +1,4 @@
-// Couplings as linear forms over the joints, and which of them say something new. SPDX-License-Identifier: Apache-2.0
+// Couplings as linear forms over the joints, and which are redundant. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 #include <Eigen/Core>
 #include <cmath>
@@ -9,7 +9,7 @@
 namespace lockstep {
 namespace {
 
-// Relative size below which what is left of a row after elimination is rounding.
+// A row that elimination leaves smaller than this share of its size is only rounding.
 constexpr double rank_tolerance = 1e-9;
 
 }  // namespace
@@ -65,7 +65,7 @@ void lay_out_couplings(Program& program) {
   t.offset = program.storage.keep(std::move(offset));
 }
 
-// Gaussian elimination of the hard rows in the model's order, remembering what each came from.
+// Gaussian elimination of the hard rows in the model's order. Each row keeps a record of the rows that it came from.
 void find_redundant_couplings(Program& program) {
   const Tables<double>& t = program.f64;
   const std::vector<std::string> names = coupling_names(program.model);
@@ -95,11 +95,12 @@ void find_redundant_couplings(Program& program) {
       continue;
     }
     program.redundant.push_back(c);
-    std::vector<int> follows;
+    std::vector<int> sources;
     for (int i = 0; i < c; ++i)
-      if (std::abs(r.origin[i]) > rank_tolerance) follows.push_back(i);
-    program.follows_from.push_back(std::move(follows));
-    // Offsets per environment may contradict each other at any time: then the first ones hold, and the batch says so.
+      if (std::abs(r.origin[i]) > rank_tolerance) sources.push_back(i);
+    program.follows_from.push_back(std::move(sources));
+    // Offsets per environment may contradict each other at any time. Then the first ones hold, and the diagnostics
+    // report the conflict.
     if (declared(program, Parameter::offset)) continue;
     if (std::abs(r.offset) <= rank_tolerance * std::max(offset_scale, scale)) continue;
     std::string others;

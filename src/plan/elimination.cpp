@@ -1,6 +1,6 @@
-// The followers of always-hard couplings, eliminated: v = S z + w, (M39). SPDX-License-Identifier: Apache-2.0
+// The followers of always-hard couplings, eliminated: v = S z + w (M39). SPDX-License-Identifier: Apache-2.0
 //
-// J is constant, so S is, and with per-environment gear ratios its pattern is.
+// J is constant, so S is constant too. With gear ratios per environment only its pattern is.
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -10,13 +10,13 @@
 namespace lockstep {
 namespace {
 
-// A coupling's first joint is its follower unless another one's coefficient is this many times larger.
+// A coupling's first joint is its follower unless another joint's coefficient is this many times larger.
 constexpr double preference = 1000.0;
 
 struct HardRows {
   std::vector<int> coupling;  // by follower
   std::vector<int> pivot;     // its follower joint
-  Eigen::MatrixXd form;       // Gauss-Jordan: J, then the identity; pivot columns cleared but for the pivot
+  Eigen::MatrixXd matrix;     // [J, 1] after Gauss-Jordan elimination: only the pivot is left in a pivot column
 };
 
 bool is_pivot(const HardRows& rows, int joint) {
@@ -29,35 +29,35 @@ HardRows gauss_jordan(const Program& program) {
   for (int c = 0; c < t.couplings; ++c)
     if (always_hard(program, c) && !is_redundant(program, c)) rows.coupling.push_back(c);
   const int count = static_cast<int>(rows.coupling.size());
-  rows.form.setZero(count, t.joints + count);
+  rows.matrix.setZero(count, t.joints + count);
   for (int r = 0; r < count; ++r) {
     const int c = rows.coupling[r];
-    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) rows.form(r, t.term_joint[k]) = t.term_value[k];
-    rows.form(r, t.joints + r) = 1.0;
+    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) rows.matrix(r, t.term_joint[k]) = t.term_value[k];
+    rows.matrix(r, t.joints + r) = 1.0;
   }
   for (int p = 0; p < count; ++p) {
-    const Eigen::VectorXd row = rows.form.row(p).head(t.joints).cwiseAbs();
+    const Eigen::VectorXd row = rows.matrix.row(p).head(t.joints).cwiseAbs();
     int pivot = 0;
     const double largest = row.maxCoeff(&pivot);
     const int first = t.term_joint[t.term_start[rows.coupling[p]]];
     if (!is_pivot(rows, first) && row[first] * preference >= largest) pivot = first;
     rows.pivot.push_back(pivot);
     for (int r = 0; r < count; ++r) {
-      if (r == p || rows.form(r, pivot) == 0.0) continue;
-      rows.form.row(r) -= rows.form(r, pivot) / rows.form(p, pivot) * rows.form.row(p);
-      rows.form(r, pivot) = 0.0;
+      if (r == p || rows.matrix(r, pivot) == 0.0) continue;
+      rows.matrix.row(r) -= rows.matrix(r, pivot) / rows.matrix(p, pivot) * rows.matrix.row(p);
+      rows.matrix(r, pivot) = 0.0;
     }
   }
   return rows;
 }
 
-// The same elimination on the pattern alone, recorded as the operations a lane repeats with its own ratios.
-// Leaves in `pattern` where the final entries stand (-1: structurally zero).
+// The same elimination on the pattern only, recorded as operations that each lane repeats with its own gear ratios.
+// Returns the places of the final entries, -1 for structural zeros.
 Eigen::MatrixXi record_elimination(Program& program, const HardRows& rows) {
   Tables<double>& t = program.f64;
   Reduction<double>& reduction = t.reduction;
   const int count = static_cast<int>(rows.coupling.size());
-  Eigen::MatrixXi entry = Eigen::MatrixXi::Constant(count, rows.form.cols(), -1);
+  Eigen::MatrixXi entry = Eigen::MatrixXi::Constant(count, rows.matrix.cols(), -1);
   std::vector<Fill<double>> fills;
   std::vector<Reduction<double>::Elimination> eliminations;
   std::vector<Reduction<double>::Update> updates;
@@ -96,43 +96,44 @@ Eigen::MatrixXi record_elimination(Program& program, const HardRows& rows) {
   return entry;
 }
 
-// Couplings in an order in which each can place its first joint by joints that are placed already. None where followers
-// are other joints, or follow each other in a ring.
+// The couplings in an order in which each places its first joint by joints that are placed already. Empty if a follower
+// is not the first joint of its coupling, or if couplings form a ring.
 std::vector<int> placing_order(const Tables<double>& t, const HardRows& rows) {
-  std::vector<int> order, left = rows.coupling;
+  std::vector<int> order, remaining = rows.coupling;
   const auto first_joint = [&](int c) { return t.term_joint[t.term_start[c]]; };
   for (std::size_t p = 0; p < rows.pivot.size(); ++p)
     if (rows.pivot[p] != first_joint(rows.coupling[p])) return {};
   const auto waits = [&](int c) {
     for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k)
-      if (std::any_of(left.begin(), left.end(), [&](int other) { return t.term_joint[k] == first_joint(other); }))
+      if (std::any_of(remaining.begin(), remaining.end(),
+                      [&](int other) { return t.term_joint[k] == first_joint(other); }))
         return true;
     return false;
   };
-  while (!left.empty()) {
-    const auto next = std::find_if_not(left.begin(), left.end(), waits);
-    if (next == left.end()) return {};
+  while (!remaining.empty()) {
+    const auto next = std::find_if_not(remaining.begin(), remaining.end(), waits);
+    if (next == remaining.end()) return {};
     order.push_back(*next);
-    left.erase(next);
+    remaining.erase(next);
   }
   return order;
 }
 
-// Empty unless each follower's coupling has one joint beside it, which follows nobody.
+// Followers with their leaders. Empty unless each follower has one leader, which is independent.
 std::vector<Pair> find_pairs(const Tables<double>& t) {
   const Reduction<double>& r = t.reduction;
   std::vector<Pair> pairs;
   for (int i = 0; i < r.placing.count; ++i) {
-    const int c = r.placing[i], first = t.term_start[c], driver = first + 1;
-    if (t.term_start[c + 1] != first + 2 || r.follower_of[t.term_joint[driver]] >= 0) return {};
+    const int c = r.placing[i], first = t.term_start[c], leader = first + 1;
+    if (t.term_start[c + 1] != first + 2 || r.follower_of[t.term_joint[leader]] >= 0) return {};
     const int f = r.follower_of[t.term_joint[first]];
-    pairs.push_back({t.term_joint[first], t.term_joint[driver], c, driver, r.start[f]});
+    pairs.push_back({t.term_joint[first], t.term_joint[leader], c, leader, r.start[f]});
   }
   return pairs;
 }
 
-// What a step of followers that are all in place does without. Diagnostics ask what corrections did.
-void find_what_shortens(Program& program, const HardRows& rows) {
+// Prepares the shorter step of consistent followers (section 14). Diagnostics rule it out, as they report corrections.
+void prepare_consistent_steps(Program& program, const HardRows& rows) {
   Tables<double>& t = program.f64;
   Reduction<double>& r = t.reduction;
   if (program.integrator != Integrator::euler) return;
@@ -146,12 +147,12 @@ void find_what_shortens(Program& program, const HardRows& rows) {
   for (int b = first; b < t.bodies; ++b) {
     const int f = r.follower_of[b - first];
     if (f < 0 || r.start[f + 1] != r.start[f] + 1) continue;
-    const int driver = first + r.leader[r.start[f]];
+    const int leader = first + r.leader[r.start[f]];
     const double share = r.value[r.start[f]];
     bool shifted = false;
     for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s) shifted |= t.offset[r.inverse_coupling[s]] != 0.0;
-    if (t.body[b].prismatic || t.body[driver].prismatic || std::abs(share) != 1.0 || shifted) continue;
-    mirrors.push_back({b, driver, share * t.body[b].sign * t.body[driver].sign < 0.0});
+    if (t.body[b].prismatic || t.body[leader].prismatic || std::abs(share) != 1.0 || shifted) continue;
+    mirrors.push_back({b, leader, share * t.body[b].sign * t.body[leader].sign < 0.0});
   }
   r.mirrors = program.storage.keep(std::move(mirrors));
 }
@@ -169,26 +170,26 @@ void eliminate_followers(Program& program) {
   Eigen::MatrixXi entry;
   if (gears_differ) entry = record_elimination(program, rows);
   const auto present = [&](int f, int column) {
-    return gears_differ ? entry(f, column) >= 0 : rows.form(f, column) != 0.0;
+    return gears_differ ? entry(f, column) >= 0 : rows.matrix(f, column) != 0.0;
   };
 
-  // S, and the error's share of each follower.
+  // S, and the inverse of J's follower columns.
   std::vector<Follower> followers;
   std::vector<int> value_entry, inverse_start{0}, inverse_coupling, inverse_entry;
   std::vector<double> inverse_value;
   for (int f = 0; f < count; ++f) {
-    const double pivot = rows.form(f, rows.pivot[f]);
+    const double pivot = rows.matrix(f, rows.pivot[f]);
     Follower follower{rows.pivot[f], {}};
     for (int j = 0; j < t.joints; ++j) {
       if (j == rows.pivot[f] || !present(f, j)) continue;
-      follower.shares.push_back({j, -rows.form(f, j) / pivot});
+      follower.shares.push_back({j, -rows.matrix(f, j) / pivot});
       if (gears_differ) value_entry.push_back(entry(f, j));
     }
     followers.push_back(std::move(follower));
     for (int r = 0; r < count; ++r) {
       if (!present(f, t.joints + r)) continue;
       inverse_coupling.push_back(rows.coupling[r]);
-      inverse_value.push_back(rows.form(f, t.joints + r) / pivot);
+      inverse_value.push_back(rows.matrix(f, t.joints + r) / pivot);
       if (gears_differ) inverse_entry.push_back(entry(f, t.joints + r));
     }
     inverse_start.push_back(static_cast<int>(inverse_coupling.size()));
@@ -211,7 +212,7 @@ void eliminate_followers(Program& program) {
   reduction.rate = storage.keep(std::move(rate));
   reduction.value_entry = storage.keep(std::move(value_entry));
   reduction.inverse_entry = storage.keep(std::move(inverse_entry));
-  find_what_shortens(program, rows);
+  prepare_consistent_steps(program, rows);
 }
 
 }  // namespace lockstep

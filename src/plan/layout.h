@@ -15,10 +15,10 @@
 
 namespace lockstep {
 
-/// How far the solves of this integrator go, and when it looks at its inputs (integrator.cpp).
+/// The length of this integrator's solves, and the times at which it reads its inputs (integrator.cpp).
 void lay_out_times(Program& program, Integrator integrator);
 
-/// Why a compiled scene is not one for its integrator, if so, and what to do about it (integrator.cpp).
+/// Why the program's integrator does not apply to its scene, if so, and what to do about it (integrator.cpp).
 struct Obstacle {
   std::string reason, remedy;
 };
@@ -27,7 +27,7 @@ std::optional<Obstacle> obstacle_of(const Program& program);
 /// Bodies, frames, joints and the structure of the mass matrix (bodies.cpp).
 void lay_out_bodies(Program& program, const Tree& tree);
 
-/// Lists one behind the other, and where each begins.
+/// Concatenates lists. Returns where each begins, and all elements.
 template <class E>
 std::tuple<Span<int>, Span<E>> flattened(const std::vector<std::vector<E>>& lists, TableStorage& storage) {
   std::vector<int> start{0};
@@ -39,112 +39,113 @@ std::tuple<Span<int>, Span<E>> flattened(const std::vector<std::vector<E>>& list
   return {storage.keep(std::move(start)), storage.keep(std::move(all))};
 }
 
-/// Damping, drives, armature and what of them stands in the matrix (bodies.cpp).
+/// Damping, drives, armature, and their part of the matrix (bodies.cpp).
 void lay_out_joint_terms(Program& program);
 
 /// Couplings as linear forms over the joints (couplings.cpp).
 void lay_out_couplings(Program& program);
 
-/// Hard couplings that follow from earlier ones go to program.redundant; throws ModelError, naming both
-/// sides, where they contradict each other (couplings.cpp).
+/// Adds hard couplings that follow from earlier ones to program.redundant. Throws ModelError if couplings contradict
+/// each other, and names them (couplings.cpp).
 void find_redundant_couplings(Program& program);
 
-/// Which method a step uses, and why; throws SettingsError where the one asked for does not apply (method.cpp).
+/// Which method a step uses, and why. Throws SettingsError if the requested method does not apply (method.cpp).
 void choose_method(Program& program);
 
-/// A joint whose velocity is a sum of other joints', or that and the speed of its coupling.
+/// A joint whose velocity is a weighted sum of other joints' velocities, plus its constraint velocity if it has one.
 struct Follower {
   int joint;
-  std::vector<std::pair<int, double>> shares;  ///< of other joints' velocities
+  std::vector<std::pair<int, double>> shares;  ///< other joints, and their weights
 };
-/// S and its products: v = S z where followers are eliminated, or where speeds of couplings stand for them (basis.cpp).
+/// S of v = S z, and the products of A_r. The solver either eliminates the followers' velocities or replaces them by
+/// constraint velocities (basis.cpp).
 void lay_out_basis(Program& program, const std::vector<Follower>& followers, bool has_constraint_velocities);
 
 /// The followers of `reduced`, and its elimination per environment (elimination.cpp).
 void eliminate_followers(Program& program);
 
-/// The couplings that are left to solve as rows over the solver's velocities, and the bounds (rows.cpp).
+/// Rows over the solver's velocities: the couplings that are left to solve, and the bounds (rows.cpp).
 void lay_out_rows(Program& program);
 
-/// What loops over tables take, as measured, in units of a product in a long sum, for a plan to choose by.
+/// Measured costs of the tables' loops, by which a plan chooses. The unit is one product of a long sum.
 namespace work {
-constexpr int passing = 10;          ///< a column's way past one body
-constexpr int column_of_joint = 30;  ///< what a joint takes to begin one
-constexpr int adding = 4;            ///< a number on its way to A_r
-constexpr int summing = 2;           ///< a product of a short sum
-constexpr int articulating = 80;     ///< what the parent feels of a body
-constexpr int travelling = 18;       ///< a vector's way past one body
+constexpr int column_past_body = 10;  ///< a column passes one body
+constexpr int column_of_joint = 30;   ///< a joint's column is computed
+constexpr int addition_to_entry = 4;  ///< a number is added to an entry of A_r
+constexpr int short_product = 2;      ///< a product of a short sum
+constexpr int articulated_body = 80;  ///< a body's articulated inertia is passed to its parent
+constexpr int vector_past_body = 18;  ///< a vector passes one body
 }  // namespace work
 
-/// A_r from merged columns, and what work that is (composite_columns.cpp).
+/// A_r from composite columns, and the work of a step that uses them (composite_columns.cpp).
 std::pair<CompositeColumns, long> composite_columns(const Tables<double>& t, TableStorage& storage);
-/// Has A_r made so where that is less work than by A, and possible (composite_columns.cpp).
+/// Takes composite columns if they apply and are less work than A (composite_columns.cpp).
 void take_composite_columns(Program& program);
 
-/// The routes of articulated bodies (articulated.cpp).
+/// The paths over articulated bodies (articulated.cpp).
 Articulated articulated_bodies(const Tables<double>& t, TableStorage& storage);
-/// Has A factored by them where that is less work, and possible (articulated.cpp).
-void articulate(Program& program);
+/// Factors A by articulated bodies if they apply and are less work (articulated.cpp).
+void take_articulated_bodies(Program& program);
 
-/// Has speeds of couplings for velocities of the solver, where A is made and couplings have joints of their own
-/// (constraint_velocities.cpp).
+/// Takes constraint velocities as velocities of the solver, for couplings with a first joint of their own and where
+/// they are less work (constraint_velocities.cpp).
 ///
-/// `first_joints_shares` gives by coupling what is left of its follower's entry of A when all that the coupling lets
-/// move is eliminated from it: 1 / (K_cc A_ff) at the scene's start.
+/// `first_joints_shares` gives, by coupling, 1 / (K_cc A_ff) at the model's start: the share of the follower's entry of
+/// A that is left when all other velocities are eliminated from it.
 void take_constraint_velocities(Program& program,
                                 const std::function<std::vector<double>(const Program&)>& first_joints_shares);
 
 /// A row as a linear form over the solver's velocities.
 struct RowForm {
-  int coupling;  ///< -1: a joint's
+  int coupling;  ///< -1: the row of a joint
   Softness softness;
   std::map<int, std::vector<Contribution>> terms;  ///< by solver velocity
 };
 
-/// Adds a joint's velocity, times a term of a coupling, to the form: by S where the joint was eliminated (rows.cpp).
+/// Adds a joint's velocity, times a term of a coupling, to the form. An eliminated joint is added by S (rows.cpp).
 void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int joint, int term, RowForm& form);
 RowForm coupling_form(const Program& program, const Reduction<double>& reduction, int coupling);
 
-/// (M27), (M28), (M36): rate and cfm, (22), (23), (26) to (29) of the note, for a step or one of its sub-steps of
+/// (M27), (M28), (M36): rate and cfm, (22), (23), (26) to (29) of the note, for a step or for one of its sub-steps of
 /// length h (rows.cpp).
 RowSoftness<double> row_softness(const Program& program, const Softness& softness, double h, int substeps);
 
-/// The tables of rows with these forms; `factored` ones are numbered by their elimination tree (rows.cpp).
+/// The tables of rows with these forms. Rows that are `factored` are numbered by their elimination tree (rows.cpp).
 Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, const Columns& columns, bool factored);
 
-/// Limits, frictions, kinematic drives, force limits as bounded rows (bounds.cpp).
+/// Limits, frictions, kinematic drives and force limits as bounded rows (bounds.cpp).
 struct BoundForms {
   std::vector<RowForm> forms;  ///< by row
-  std::vector<int> joint;      ///< by row, -1 for a coupling's
+  std::vector<int> joint;      ///< by row, -1 for the row of a coupling
 };
 BoundForms lay_out_bounds(Program& program);
 
-/// The rows of a report, by name too (bounds.cpp).
+/// The rows of the diagnostics, and their names (bounds.cpp).
 void lay_out_report(Program& program);
 
 /// f32 from f64 (narrow.cpp).
 void narrow(Program& program);
 
-/// Couplings that no environment can soften.
+/// Whether the coupling is hard in every environment.
 bool always_hard(const Program& program, int coupling);
 bool is_redundant(const Program& program, int coupling);
 bool is_absent(const Program& program, int coupling);
 bool declared(const Program& program, Parameter parameter);
 
-/// A symmetric pattern, square; only [i][j] with j <= i is read.
+/// A square symmetric pattern; only [i][j] with j <= i is read.
 using Pattern = std::vector<std::vector<char>>;
 
-/// Elimination from the last to the first with its fill-in, renumbered depth first (columns.cpp).
+/// The elimination from last to first, with its fill-in, renumbered depth first (columns.cpp).
 struct Elimination {
-  std::vector<int> order;   ///< by new number: the old one
+  std::vector<int> order;   ///< by new number: the old number
   std::vector<int> parent;  ///< by new number
 };
 Elimination elimination_tree(Pattern pattern);
 
-/// Sizes and offsets from the parents of a depth-first numbering (columns.cpp).
+/// Sizes and offsets from the parents in a depth-first numbering (columns.cpp).
 Columns make_columns(const std::vector<int>& parent, TableStorage& storage);
 
-/// Where H_ij stands, or -1 where neither is the other's ancestor (columns.cpp).
+/// The place of H_ij, or -1 if neither is the other's ancestor (columns.cpp).
 int entry_of(const Columns& columns, int i, int j);
 
 }  // namespace lockstep

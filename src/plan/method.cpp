@@ -14,7 +14,7 @@ void choose_method(Program& program) {
   else if (declared(program, Parameter::coupling_switch) && program.f64.couplings > 0)
     obstacle = "couplings are switched per environment, so none is always hard";
   else if (declared(program, Parameter::gear_ratio) && !program.redundant.empty())
-    obstacle = "gear ratios differ per environment and some couplings are redundant";
+    obstacle = "gear ratios differ per environment, and some couplings are redundant";
   if (program.method == Method::reduced && !obstacle.empty())
     throw SettingsError("method", "reduced does not apply: " + obstacle, "use direct");
   if (program.method != Method::automatic) {

@@ -15,7 +15,7 @@ constexpr std::size_t bytes_of_numbers() {
   return bytes;
 }
 
-// numbers() names all that Structure is not.
+// Whether numbers() names everything that Structure does not have.
 template <class Table, class Structure>
 constexpr bool names_all = sizeof(Table) == (sizeof(Structure) + 7) / 8 * 8 + bytes_of_numbers<Table>();
 
@@ -26,7 +26,7 @@ static_assert(names_all<Body<double>, BodyStructure> && names_all<LinkPlace<doub
 static_assert(sizeof(Tables<double>) ==
               (sizeof(TableStructure) + 7) / 8 * 8 + sizeof(void*) + bytes_of_numbers<Tables<double>>());
 
-// Single precision of everything, remembering whether it could hold it all.
+// Converts everything to single precision. `all_fit`: no number was too large for it.
 struct Narrowing {
   TableStorage& storage;
   bool all_fit = true;
@@ -45,7 +45,7 @@ struct Narrowing {
     for (int i = 0; i < from.count; ++i) (*this)(from[i], numbers[static_cast<std::size_t>(i)]);
     to = storage.keep(std::move(numbers));
   }
-  // What is no number is the same in both.
+  // Structure is the same in both precisions.
   template <class Structure, class From, class To>
   void table(const From& from, To& to) {
     static_cast<Structure&>(to) = from;
@@ -66,7 +66,8 @@ struct Narrowing {
 void narrow(Program& program) {
   Narrowing narrowing{program.storage};
   narrowing.table<TableStructure>(program.f64, program.f32);
-  for (const Coupling& coupling : program.model.couplings) {  // what tables make of these fits, but as another coupling
+  // Numbers of the tables may fit although those of a softness do not. They would be those of another coupling.
+  for (const Coupling& coupling : program.model.couplings) {
     const SoftnessNumbers softness = numbers_of(coupling.softness);
     narrowing.all_fit = narrowing.all_fit && std::isfinite(static_cast<float>(softness.first)) &&
                         std::isfinite(static_cast<float>(softness.second));

@@ -12,7 +12,7 @@
 
 namespace lockstep {
 
-/// Owns the arrays that the Spans of Tables point into.
+/// Owns the arrays that the spans in Tables point to.
 class TableStorage {
  public:
   template <class E>
@@ -26,7 +26,7 @@ class TableStorage {
   std::vector<std::shared_ptr<const void>> arrays_;
 };
 
-/// Something that others make of a program the first time that somebody asks; copies share it. Thread-safe.
+/// A value that get() makes when it is first called. Copies share it. Thread-safe.
 template <class T>
 class Lazy {
  public:
@@ -46,23 +46,24 @@ class Lazy {
 
 struct InterpretedStep;  // src/interpret/lower.h
 
+/// A compiled scene: the tables, what they were made from, and the reasons for each choice.
 struct Program {
   Model model;
   StepSettings settings;
   Method method = Method::automatic;
   Integrator integrator = Integrator::automatic;
-  bool second_phase_anyway = false;  ///< solved as often without bounds as with them
+  bool second_phase_anyway = false;  ///< a step has as many solves without active bounds as with them
   std::string integrator_reason;
   double length = 0.0;  ///< Tables::dt
   std::vector<double> stage_times;
-  double explicit_rate = 0.0;  ///< the largest |lambda| of (M75), for the integrator that asks
+  double explicit_rate = 0.0;  ///< the largest |lambda| of (M75), for Integrator::runge_kutta
   std::string method_reason;
   std::vector<std::string> dof_names;
   std::vector<int> dof_of_joint;               ///< by joint of the model: its row in the views, -1 if fixed
-  std::vector<int> solver_joint;               ///< by joint of the model: its place in the solver's order, -1 if fixed
+  std::vector<int> solver_joint;               ///< by joint of the model: its number in the solver's order, -1 if fixed
   std::vector<int> redundant;                  ///< couplings that follow from others
-  std::vector<std::vector<int>> follows_from;  ///< by redundant coupling: from which others
-  std::vector<int> absent;                     ///< couplings of no stiffness and no damping
+  std::vector<std::vector<int>> follows_from;  ///< by redundant coupling: the couplings that it follows from
+  std::vector<int> absent;                     ///< couplings without stiffness and damping
   std::vector<int> eliminated;                 ///< dofs
   std::vector<std::string> row_names;
   std::vector<Reported> reported;  ///< by row name
@@ -72,7 +73,7 @@ struct Program {
   Tables<float> f32;
   Lazy<std::uint64_t> kernel_hash;
   Lazy<InterpretedStep> interpreted;
-  std::shared_ptr<const Program> half;  ///< that Tables::half points into
+  std::shared_ptr<const Program> half;  ///< owns Tables::half
   bool fits_single = true;              ///< no number of f64 is too large for f32
 };
 

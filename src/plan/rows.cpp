@@ -1,4 +1,4 @@
-// The couplings that a step still solves, as rows over the solver's velocities. SPDX-License-Identifier: Apache-2.0
+// The couplings that a step solves, as rows over the solver's velocities. SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -37,7 +37,7 @@ RowForm coupling_form(const Program& program, const Reduction<double>& reduction
 
 namespace {
 
-// Velocities that an impulse on the row moves on the way down L^-T: its terms and all their ancestors.
+// Velocities that an impulse on the row moves: the row's terms and all their ancestors, as L^-T has them.
 std::vector<int> support_of(const RowForm& form, const Columns& columns) {
   std::set<int> support;
   for (const auto& [index, contributions] : form.terms)
@@ -62,7 +62,7 @@ bool share_any(const std::vector<int>& a, const std::vector<int>& b) { return !b
 RowSoftness<double> row_softness(const Program& program, const Softness& softness, double h, int substeps) {
   const double dt = program.settings.dt;
   const auto [first, second] = numbers_of(softness);
-  RowSoftness<double> row{kind_of(softness), 0, 0, 0};
+  RowSoftness<double> row{{kind_of(softness)}, 0, 0, 0};
   const auto spring = [&](double kp, double kd) {
     row.rate = kp / (h * kp + kd);
     row.cfm = 1.0 / (h * (h * kp + kd));
@@ -90,7 +90,7 @@ RowSoftness<double> row_softness(const Program& program, const Softness& softnes
 
 namespace {
 
-// Ascending numbers as runs.
+// Adds ascending numbers as runs.
 void add_runs(const std::vector<int>& numbers, std::vector<SupportRun>& runs) {
   const std::size_t first = runs.size();
   for (int j : numbers) {
@@ -101,7 +101,7 @@ void add_runs(const std::vector<int>& numbers, std::vector<SupportRun>& runs) {
   }
 }
 
-// Velocities that rows move, ascending, each with the end of what is moved beyond it.
+// Adds ascending velocities, each with the end of those that are in its subtree.
 void add_support(const std::vector<int>& velocities, const Columns& columns, std::vector<SupportRange>& support) {
   for (int j : velocities) {
     const auto past = std::lower_bound(velocities.begin(), velocities.end(), j + columns.size[j]);
@@ -109,19 +109,19 @@ void add_support(const std::vector<int>& velocities, const Columns& columns, std
   }
 }
 
-// How many rows from the r-th on are worth finding side by side, and what they move: side by side a velocity takes a
-// third of the time, but rows are carried along where they move nothing.
+// How many rows, from the r-th on, are worth computing side by side, and the velocities that they move. Side by side
+// each velocity takes less time, but a row then also computes velocities that it does not move.
 std::pair<int, std::vector<int>> widest_group(const std::vector<std::vector<int>>& supports,
                                               const std::vector<int>& order, int r) {
   std::vector<int> moved = supports[order[r]];
-  std::size_t alone = moved.size();
+  std::size_t separate = moved.size();
   int count = 1;
   for (; count < RowGroup::most && r + count < static_cast<int>(order.size()); ++count) {
     const std::vector<int>& next = supports[order[r + count]];
     std::vector<int> all = either(moved, next);
-    if (all.size() * (count + 1) >= 2 * (alone + next.size())) break;
+    if (all.size() * (count + 1) >= 2 * (separate + next.size())) break;
     moved = std::move(all);
-    alone += next.size();
+    separate += next.size();
   }
   return {count, std::move(moved)};
 }
@@ -134,7 +134,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
   std::vector<std::vector<int>> supports;
   for (const RowForm& form : forms) supports.push_back(support_of(form, columns));
 
-  // Rows that are factored are numbered by their elimination tree; swept ones keep the model's order.
+  // Factored rows are numbered by their elimination tree. Swept rows keep the model's order.
   Rows<double> rows;
   std::vector<int> order(count);
   for (int r = 0; r < count; ++r) order[r] = r;
@@ -258,13 +258,13 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
 
 namespace {
 
-// Redundant by the model's gear ratios; where these differ per environment, each lane finds out for itself. (Where
-// couplings are switched none is always hard, and so none is redundant.)
+// Whether the coupling is redundant in every environment. If gear ratios differ per environment, each lane finds out
+// for itself. (If couplings are switched, none is always hard, so none is redundant.)
 bool takes_no_impulse(const Program& program, int coupling) {
   return is_redundant(program, coupling) && !declared(program, Parameter::gear_ratio);
 }
 
-// True where A holds more of the joints than M + armature, so that (24) needs a factorisation of its own.
+// Whether A differs from the undamped inertia, so that (24) needs a factorisation of its own.
 bool matrix_holds_more(const Program& program) {
   const Tables<double>& t = program.f64;
   if (declared(program, Parameter::drive_gains) || declared(program, Parameter::damping)) return true;
@@ -274,20 +274,20 @@ bool matrix_holds_more(const Program& program) {
   return t.reduction.eliminates();
 }
 
-// Rows whose softness is a natural frequency go to `natural`; by row: their place there, -1 for the others.
-std::vector<int> find_undamped(const Program& program, const std::vector<RowForm>& forms, std::vector<RowForm>& natural,
-                               const std::vector<int>& joint) {
+// Adds rows whose softness is a natural frequency to `undamped`. Returns, by row, its place there, -1 for other rows.
+std::vector<int> find_undamped(const Program& program, const std::vector<RowForm>& forms,
+                               std::vector<RowForm>& undamped, const std::vector<int>& joint) {
   std::vector<int> place;
   for (std::size_t r = 0; r < forms.size(); ++r) {
     const bool by_frequency = std::holds_alternative<Frequency>(forms[r].softness) && matrix_holds_more(program);
-    place.push_back(by_frequency ? static_cast<int>(natural.size()) : -1);
+    place.push_back(by_frequency ? static_cast<int>(undamped.size()) : -1);
     if (!by_frequency) continue;
-    RowForm whole{forms[r].coupling, forms[r].softness, {}};
-    if (whole.coupling >= 0)
-      whole = coupling_form(program, {}, whole.coupling);
+    RowForm form{forms[r].coupling, forms[r].softness, {}};  // over all velocities
+    if (form.coupling >= 0)
+      form = coupling_form(program, {}, form.coupling);
     else
-      add_joint(program.f64, {}, joint[r], -1, whole);
-    natural.push_back(std::move(whole));
+      add_joint(program.f64, {}, joint[r], -1, form);
+    undamped.push_back(std::move(form));
   }
   return place;
 }
@@ -308,20 +308,21 @@ void lay_out_rows(Program& program) {
   }
   t.rows = lay_out_forms(program, forms, t.solver, factored);
 
-  std::vector<RowForm> natural, ordered;  // rows are numbered by their elimination tree
+  std::vector<RowForm> undamped, ordered;  // ordered: as the elimination tree numbers them
   for (int r = 0; r < t.rows.count; ++r) ordered.push_back(coupling_form(program, t.reduction, t.rows.coupling[r]));
-  t.undamped_row = program.storage.keep(find_undamped(program, ordered, natural, {}));
+  t.undamped_row = program.storage.keep(find_undamped(program, ordered, undamped, {}));
   const BoundForms bounds = lay_out_bounds(program);
-  t.bounds.undamped_row = program.storage.keep(find_undamped(program, bounds.forms, natural, bounds.joint));
-  t.undamped = lay_out_forms(program, natural, t.matrix, false);
+  t.bounds.undamped_row = program.storage.keep(find_undamped(program, bounds.forms, undamped, bounds.joint));
+  t.undamped = lay_out_forms(program, undamped, t.matrix, false);
 
   const StepSettings& settings = program.settings;
   t.renewed = program.method == Method::tgs && settings.iterations > 1;
   t.free_share = t.renewed ? (settings.iterations + 1.0) / (2.0 * settings.iterations) : 1.0;
-  const bool closed = settings.velocity_iterations > 0;
+  const bool has_velocity_phase = settings.velocity_iterations > 0;
   const bool differs = factored ? any_hard || t.reduction.eliminates() : t.rows.count > 0;
-  t.solve_twice = t.renewed || (closed && (differs || t.bounds.rows.count > 0));
-  program.second_phase_anyway = t.renewed || !closed || differs || t.rows.count == 0;  // without any it is the first
+  t.solve_twice = t.renewed || (has_velocity_phase && (differs || t.bounds.rows.count > 0));
+  // Without rows both phases have the same solution.
+  program.second_phase_anyway = t.renewed || !has_velocity_phase || differs || t.rows.count == 0;
 }
 
 }  // namespace lockstep

@@ -1,12 +1,12 @@
 // The tables that kernels read: flat, constant, shared by all environments. SPDX-License-Identifier: Apache-2.0
 //
-// A Program (program.h) owns them; kernels see only this header, which knows no container.
+// A Program (program.h) owns them. Kernels see only this header, which uses no containers.
 // Indices: `joint` counts the moving joints in the solver's depth-first order; `velocity` counts the
 // generalised velocities, a floating root's six first, then the joints; `dof` counts the moving joints
 // in the Model's order, which is that of the views.
 //
-// Where a struct has numbers of type S, its structure is a base of its own, and numbers() names each number once:
-// narrow.cpp makes single precision of them and asserts that none is forgotten.
+// A struct with numbers of type S has a base class for everything else. Its numbers() names each number once:
+// narrow.cpp converts them to single precision and asserts that none is forgotten.
 #pragma once
 
 #include <cstdint>
@@ -16,10 +16,10 @@
 
 namespace lockstep {
 
-/// Stands for infinity in tables, where it can be scaled by any step size or gear ratio in single precision.
+/// Stands for infinity in tables: any step size or gear ratio can scale it in single precision.
 constexpr double unlimited = 1e25;
 
-/// gamma of (M69): how much of a step its implicit stages go.
+/// gamma of (M69): the share of a step that an implicit stage covers.
 constexpr double alexander_gamma = 0.43586652150845899942;
 
 template <class E>
@@ -29,31 +29,31 @@ struct Span {
   inline __attribute__((always_inline)) const E& operator[](int i) const { return data[i]; }
 };
 
-/// Structure of a sparse symmetric matrix H = L^T D L whose column j holds the rows j to j + size[j] - 1,
-/// contiguous from offset[j]: an elimination tree numbered depth first, in which subtrees are ranges.
-/// The mass matrix has that structure without fill-in (Featherstone 2008, section 6.5).
+/// Structure of a sparse symmetric matrix H = L^T D L. Column j holds the rows j to j + size[j] - 1, contiguous from
+/// offset[j]: its elimination tree is numbered depth first, so subtrees are ranges. The mass matrix has this structure
+/// without fill-in (Featherstone 2008, section 6.5).
 struct Columns {
   int n = 0;
   int entries = 0;
   Span<int> parent;     ///< -1 for a root of the tree
-  Span<int> size;       ///< of the subtree, itself included
+  Span<int> size;       ///< of the subtree, including its root
   Span<int> offset;     ///< of column j's diagonal
   Span<int> row_start;  ///< n + 1
   Span<int> row;        ///< entries of row i in the columns of its ancestors, the nearest first
 };
 
-/// One rigid body and the joint that carries it, in frames in which the joint's axis is a coordinate axis.
+/// One rigid body and the joint that carries it. The joint's axis is a coordinate axis of the body's frame.
 struct BodyStructure {
   int parent;  ///< body, -1 for the fixed world
   int axis;    ///< 0, 1, 2
   bool prismatic;
-  bool rotated;   ///< there is a constant rotation before the joint's own
-  bool root;      ///< the floating root: no joint
-  int kind;       ///< of all these and of the offset: what kernels::with_joint() switches over
-  bool first;     ///< of its parent's children it is the first to be added, from the leaves to the root
-  bool leaf;      ///< it carries no others
-  bool heavy;     ///< base_mass of it or of a body that it carries is not zero
-  bool diagonal;  ///< base_second is, in every environment
+  bool rotated;   ///< a constant rotation comes before the joint's own
+  bool root;      ///< the floating root, which has no joint
+  int kind;       ///< BodyKind: what kernels::with_joint() switches over
+  bool first;     ///< the first of its parent's children in the order from the leaves to the root
+  bool leaf;      ///< it carries no other body
+  bool heavy;     ///< base_mass is not zero, for it or for a body that it carries
+  bool diagonal;  ///< base_second is diagonal in every environment
 };
 template <class S>
 struct Body : BodyStructure {
@@ -61,7 +61,7 @@ struct Body : BodyStructure {
   S rotation[9];                                ///< parent coordinates to joint coordinates at q = 0, row-major
   S offset[3];                                  ///< origin in the parent frame at q = 0
   S mass, moment[3], second[6];                 ///< pseudo-inertia about the origin, see simd/vec3.h
-  S base_mass, base_moment[3], base_second[6];  ///< with what lies on joints' axes moved inwards (M10)
+  S base_mass, base_moment[3], base_second[6];  ///< base inertia: mass on joint axes is moved inwards (M10)
 
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
@@ -72,8 +72,9 @@ struct Body : BodyStructure {
   }
 };
 
-/// What is known of a joint and its body's offset when compiling. A revolute joint without a constant rotation has
-/// 3 axis + one of the first three: the offset is along the next axis, the last one, or both.
+/// A joint and the direction of its body's offset. A revolute joint without a constant rotation has 3 * axis plus one
+/// of the first three: its offset lies along the next axis, the last one, or both. A prismatic joint without a constant
+/// rotation has sliding_joint + axis.
 enum BodyKind : int {
   next_axis,
   last_axis,
@@ -83,7 +84,7 @@ enum BodyKind : int {
   turned_sliding_joint = 13
 };
 
-/// A link of the model in its body: where it is, and what a kilogram of it contributes.
+/// A link of the model in its body: where it is, and the inertia of one kilogram of it.
 struct LinkStructure {
   int body;  ///< -1: part of the fixed world
 };
@@ -102,39 +103,39 @@ struct LinkPlace : LinkStructure {
 
 struct SupportRange {
   int index;  ///< a velocity that the row's impulse moves
-  int end;    ///< one past the last such velocity in index's subtree
+  int end;    ///< one past the last such velocity in the subtree of `index`
 };
 
 /// Consecutive velocities, or rows, that a row's impulse moves.
 struct SupportRun {
-  int first, last;  ///< last is one past
+  int first, last;  ///< `last` is one past the end
 };
 
-/// Consecutive rows that move much the same velocities: their responses are found side by side.
+/// Consecutive rows that move almost the same velocities. Their responses are computed side by side.
 struct RowGroup {
   static constexpr int most = 8;
   int first, count;
-  int support_first, support_last;  ///< in Rows::group_support: what any of them moves
+  int support_first, support_last;  ///< in Rows::group_support: velocities that any of them moves
   int run_first, run_last;          ///< in Rows::group_runs
 };
 
-/// Entries of K between one row, or two, and a few that are not behind the last of these.
+/// A block of K: entries between one or two rows and up to four rows that do not come after them.
 struct RowBlock {
   static constexpr int most_rows = 2, most_columns = 4;
-  int row, rows, column, columns;       ///< the first of either, and how many
-  int run_first, run_last;              ///< in Rows::block_runs: velocities that may be moved by both
-  int entry[most_rows][most_columns];   ///< where K stands, -1 for a pair that has none or is another block's
-  int mirror[most_rows][most_columns];  ///< and its mirror image (the same for packed storage)
+  int row, rows, column, columns;       ///< the first row and column, and how many of each
+  int run_first, run_last;              ///< in Rows::block_runs: velocities that both sides may move
+  int entry[most_rows][most_columns];   ///< place in K; -1 if the pair has none or belongs to another block
+  int mirror[most_rows][most_columns];  ///< place of the mirrored entry, which is the same in packed storage
 };
 
-/// A share of a row's term: term of a coupling, times an entry of S; -1 stands for 1 in both.
+/// A summand of a row's term: the term of a coupling, times an entry of S. -1 stands for 1 in both.
 struct Contribution {
   int term, value;
 };
 
-/// How soft a row is: cfm + cfm_per_response * r, and bias = rate * C. Made of Softness and the step.
+/// The softness of a row: compliance cfm + cfm_per_response * r, bias rate * C. Computed from Softness and the step.
 struct RowSoftnessStructure {
-  SoftnessKind kind;  ///< for fields that change the numbers per environment
+  SoftnessKind kind;  ///< how to read the numbers of a softness field
 };
 template <class S>
 struct RowSoftness : RowSoftnessStructure {
@@ -146,30 +147,30 @@ struct RowSoftness : RowSoftnessStructure {
   }
 };
 
-/// Linear functions of the solver's velocities: the couplings that are left to solve.
+/// Rows: linear functions of the solver's velocities.
 struct RowStructure {
   int count = 0;
   Span<int> coupling;               ///< by row; -1 where the row is a joint's
   Span<int> term_start;             ///< by row, count + 1
   Span<int> term_index;             ///< solver velocity
-  Span<int> contribution_start;     ///< by term, terms + 1; what term_value is made of, for gear ratios
-  Span<Contribution> contribution;  ///< that differ per environment
+  Span<int> contribution_start;     ///< by term, terms + 1
+  Span<Contribution> contribution;  ///< summands of term_value, for gear ratios that differ per environment
   Span<int> support_start;          ///< by row, count + 1
   Span<SupportRange> support;       ///< ascending
   Span<int> run_start;              ///< by row, count + 1
-  Span<SupportRun> runs;            ///< the same velocities as runs
+  Span<SupportRun> runs;            ///< the velocities of `support` as runs
   Span<RowGroup> groups;
   Span<SupportRange> group_support;
   Span<SupportRun> group_runs;
-  Span<RowBlock> blocks;  ///< by their rows
+  Span<RowBlock> blocks;  ///< sorted by row
   Span<SupportRun> block_runs;
   bool dense = false;           ///< every entry of K is in a block
-  Span<int> known;              ///< by solver velocity: the hard row whose constraint velocity it is, -1 if none,
-                                ///< where rows leave their velocities behind (M79)
-  bool all_known = false;       ///< of every row
-  bool known_suffice = false;   ///< and direct asks for these velocities alone: nobody needs the rows' impulses
+  Span<int> known;              ///< by solver velocity: the hard row whose constraint velocity it is, -1 if none (M79);
+                                ///< empty if the method does not use this
+  bool all_known = false;       ///< the constraint velocity of every row is known
+  bool known_suffice = false;   ///< besides, `direct` needs no impulses of rows
   Span<int> neighbour_start;    ///< by row, count + 1
-  Span<SupportRun> neighbours;  ///< rows that its impulse moves, where K is not factored
+  Span<SupportRun> neighbours;  ///< rows that the row's impulse moves, if K is not factored
   int response_entries = 0;     ///< size of K's storage
   Columns columns;              ///< structure of K, for the methods that factor it
 };
@@ -184,11 +185,11 @@ struct Rows : RowStructure {
   }
 };
 
-/// What a bounded row is made of: the hard bounds of one joint (or of all that move with one velocity), or one of
-/// the others.
+/// What a bounded row holds: the hard bounds of a joint (or of all joints that move with one velocity), a soft limit, a
+/// soft kinematic drive, or a coupling with a force limit.
 enum class BoundKind : int { joint, soft_limit, soft_drive, coupling };
 
-/// What a joint has, as bits.
+/// The hard bounds of a joint, as bits.
 enum JointBound : int {
   has_range = 1,
   has_speed_limit = 2,
@@ -197,21 +198,21 @@ enum JointBound : int {
   has_restitution = 16
 };
 
-/// A joint whose bounds are in a row.
+/// A joint whose bounds a row holds.
 struct Member {
-  int joint, follower;  ///< follower: -1 if it moves with a velocity of its own
-  int share;            ///< entry of S, -1 stands for 1
+  int joint, follower;  ///< follower: -1 if the joint is independent
+  int share;            ///< entry of S; -1 stands for 1
 };
 
-/// A joint whose limits are looked at in every step.
+/// A joint whose limits every step checks.
 struct WatchedStructure {
   int joint;
-  bool bounces;
+  bool bounces;  ///< it has a restitution
 };
 template <class S>
 struct Watched : WatchedStructure {
   S lower, upper;
-  S way;  ///< that it may go in a step, 0 where its speed has no limit
+  S way;  ///< the farthest that it may move in a step, 0 if its velocity has no limit
 
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
@@ -219,27 +220,27 @@ struct Watched : WatchedStructure {
   }
 };
 
-/// Rows with an interval or a box (M54).
+/// Bounded rows: rows with an interval or a box (M54).
 struct BoundStructure {
   Span<BoundKind> kind;    ///< by row
   Span<int> member_start;  ///< by row, rows + 1
   Span<Member> member;
-  bool may_depend = false;  ///< directions of hard intervals may depend on each other
-  Span<int> kinematic;      ///< by row: it holds a hard kinematic drive
+  bool may_depend = false;  ///< the directions of hard rows may be linearly dependent
+  Span<int> kinematic;      ///< by row: whether it holds a hard kinematic drive
   bool always = false;      ///< some row is active in every step: friction, a kinematic drive, a force limit
   Span<int> has;            ///< by joint: JointBound
   Span<int> undamped_row;   ///< by row, as Tables::undamped_row
 };
 template <class S>
 struct Bounds : BoundStructure {
-  Rows<S> rows;              ///< directions, and the softness of those that have one
+  Rows<S> rows;              ///< directions of the rows, and the softness of soft ones
   Span<S> member_share;      ///< the values of S
   Span<Watched<S>> watched;  ///< the joints with limits
-  // by joint; what a joint has not is not read
+  // by joint; entries of bounds that a joint does not have are not read
   Span<S> lower, upper, limit_rate, restitution, speed_limit, friction, drive_rate;
   Span<S> sub_step_rate;  ///< limit_rate in the sub-steps of tgs
   Span<S> force_limit;    ///< by coupling
-  Span<S> soft_rate;      ///< by row, of the whole step; its softness in `rows` is that of a sub-step of tgs
+  Span<S> soft_rate;      ///< by row, for the whole step; the softness in `rows` is for a sub-step of tgs
 
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
@@ -251,17 +252,17 @@ struct Bounds : BoundStructure {
   }
 };
 
-/// A line of a report: a row as users know it.
+/// A row of the diagnostics, as users know it.
 struct Reported {
   enum Kind : int { coupling, position_limit, velocity_limit, friction, kinematic_drive, effort_limit };
   int kind;
   int index;    ///< coupling, or joint
-  int row;      ///< of Rows for couplings, -1 if none; of Bounds for the others
+  int row;      ///< row of Tables::rows, -1 if none
   int bounded;  ///< row of Bounds, -1 if none
-  int member;   ///< for couplings 1 if it is hard; for effort limits the place among the limited drives, or -1
+  int member;   ///< of a coupling: 1 if it is hard; of an effort limit: the place among the limited servos; else -1
 };
 
-struct Collected {  ///< by S^T: a follower's velocity, times an entry of S
+struct Collected {  ///< a product of S^T v: a follower's velocity, times an entry of S
   int velocity, value;
 };
 
@@ -269,93 +270,93 @@ struct Momentum {  ///< an entry of A, times a follower's number
   int entry, follower;
 };
 
-/// Entries that are sums of the same number of products.
+/// Entries of A_r that are sums of the same number of products.
 struct ProductGroup {
   int first, last, count;
 };
 
-/// Places whose contents come together.
+/// Two branches of the tree meet: the content of one place is added to that of another.
 struct Merge {
   int from, to;
 };
 
-/// How A_r is made without A (M41): columns of M S, which joints that share a velocity share, on their way inwards. A
-/// column stands in a place until it has left the tree. Lists are by body. Used where there are places.
+/// How A_r is computed without A (M41). The columns of M S pass inwards from body to body; joints that move with one
+/// velocity share a column. Each column has a place until it has passed its last body. Lists are by body. Used if
+/// `places` is not zero.
 struct CompositeColumns {
   struct Row {
     int place, entry, factor;
-  };  ///< the column's component along the joint, and the entry it goes to
+  };  ///< a column, and the entry to which its component along the joint is added
   struct Square {
     int entry, factor;
-  };  ///< where the inertia of the joint alone goes
+  };  ///< an entry to which the joint's own inertia is added
   struct Unit {
     int place, factor;
     bool first;
-  };  ///< where the joint's own column goes
+  };  ///< a column to which the joint's own column is added; `first`: nothing is there yet
   struct Factor {
     int left, right, times;
   };  ///< entries of S, -1 for 1
-  // of followers, where positions are corrected by a solution of their own
   struct Correction {
     int place;
     bool first;
-  };  ///< where the joint's own column goes, times its correction
+  };  ///< the same for the column of the followers' corrections, if the position phase has a solution of its own
   int places = 0;
   Span<Factor> factors;
   Span<int> merge_start, row_start, pull_start, square_start, pulled_start, unit_start, passed_start;
-  Span<Merge> merges;  ///< of one velocity, out of two branches
-  Span<Row> rows;      ///< the root's have one of its velocities for a factor
-  Span<Row> pulls;     ///< the same, times the correction
+  Span<Merge> merges;  ///< of columns of the same velocity
+  Span<Row> rows;      ///< at the root, the factor is one of the root's velocities
+  Span<Row> pulls;     ///< as rows, times the correction
   Span<Square> squares;
-  Span<Square> pulled;  ///< the same, times the correction
+  Span<Square> pulled;  ///< as squares, times the correction
   Span<Unit> units;
   Span<Correction> correction;  ///< by body
-  Span<int> passed;             ///< places of what goes on to the parent
+  Span<int> passed;             ///< places of the columns that go on to the parent
 };
 
-/// A vector on its way inwards over articulated bodies, and where the wrench that it has become stands.
+/// A vector that passes inwards over articulated bodies, and the place of its wrench.
 struct Carried {
   int place, vector;
 };
 
-/// A body that they come to. Those from `begin` on begin there, those from `known` on come from bodies farther out.
+/// A body that vectors pass. Those from `begin` on start there, those from `known` on come from bodies farther out.
 struct Visit {
   int body;
-  int merge_first, merge_last;  ///< the last is one past, in Articulated::merges: of one vector, out of two branches
+  int merge_first, merge_last;  ///< in Articulated::merges, of the same vector; the last is one past the end
   int begin, known, last;       ///< in Articulated::carried
 };
 
-/// Visits from the leaves to the root, a floating root's among them.
+/// Visits from the leaves to the root, including a floating root.
 struct Path {
   int first, last;
 };
 
-/// How A is factored without being made, where that is less work (M22 to M25). Used where there are visits.
+/// How A is factored without being computed (M22 to M25). Used if there are visits.
 struct Articulated {
   Span<Visit> visits;
   Span<Carried> carried;
   Span<Merge> merges;
   int places = 0;
-  Path all = {0, 0};   ///< of one vector over all bodies; inertias take the same places
-  Path rows = {0, 0};  ///< of Tables::rows
+  Path all = {0, 0};   ///< of one vector over all bodies; inertias use the same places
+  Path rows = {0, 0};  ///< of the rows of Tables::rows
   Span<Path> bounds;   ///< by row of Bounds::rows
-  Columns root;        ///< structure of a floating root's own part
+  Columns root;        ///< structure of a floating root's own block
   inline __attribute__((always_inline)) bool used() const { return visits.count > 0; }
 };
 
-/// A follower of one leader: indices of joints, coupling, its coefficient and the entry of S.
+/// A follower with one leader: both joints, their coupling, the leader's term in it, and the entry of S.
 struct Pair {
   int follower, leader, coupling, term, value;
 };
 
-/// A follower whose angle, where it is consistent, is its leader's or minus that: so are sine and cosine.
+/// A follower whose angle is its leader's or minus that when it is consistent. It takes sine and cosine from there.
 struct Mirror {
   int body, leader;
   bool opposed;
 };
 
-/// The velocities in terms of those that are solved for: v = S z, A_r = S^T A S. Either followers are eliminated (M39),
-/// for `reduced`, or constraint velocities stand for them (M77); empty where A itself is factored.
+/// The velocities in terms of the solver's velocities: v = S z, A_r = S^T A S. Either followers are eliminated (M39),
+/// for `reduced`, or constraint velocities replace theirs (M77). Empty if A itself is factored.
 struct ReductionStructure {
   int followers = 0;
   bool removes_by_force = false;  ///< bias forces remove followers' velocity error within a step
@@ -364,29 +365,29 @@ struct ReductionStructure {
   inline __attribute__((always_inline)) bool eliminates() const {
     return followers > 0 && constraint_velocity.count == 0;
   }
-  /// A_r is made of A's entries.
+  /// A_r is computed from the entries of A.
   inline __attribute__((always_inline)) bool by_entries() const { return followers > 0 && composite.places == 0; }
-  Span<int> constraint_velocity;       ///< by follower: the solver velocity that is its coupling's
-  Span<int> measured_coupling;         ///< and that coupling
+  Span<int> constraint_velocity;       ///< by follower: the solver velocity that is its coupling's constraint velocity
+  Span<int> measured_coupling;         ///< by follower: that coupling
   Span<int> follower;                  ///< joint, by follower
   Span<int> follower_of;               ///< by joint: its number among the followers, -1 if independent
   Span<int> independent;               ///< velocity, by solver velocity
-  Span<int> start, column, leader;     ///< rows of S that belong to followers, sparse: solver velocity, and its joint
-  Span<int> placing;                   ///< couplings that place their followers (M76), behind those that they wait for
-  bool consistent_is_shorter = false;  ///< a step is shorter where all followers are consistent
+  Span<int> start, column, leader;     ///< the followers' rows of S, sparse: solver velocity, and its joint
+  Span<int> placing;                   ///< couplings in an order in which each can place its follower (M76)
+  bool consistent_is_shorter = false;  ///< a step is shorter if all followers are consistent
   Span<Pair> pairs;                    ///< if all followers have one leader each
   Span<Mirror> mirrors;                ///< by ascending body
   Span<int> collect_start;             ///< by solver velocity: S^T, as followers' velocities and entries of S
   Span<Collected> collected;
-  Span<int> momentum_start;  ///< by velocity: the followers that it shares entries of A with
+  Span<int> momentum_start;  ///< by velocity: the followers with which it shares entries of A
   Span<Momentum> momentum;
-  Span<int> inverse_start, inverse_coupling;  ///< inverse of J's follower columns: error by follower
-  Span<ProductGroup> product_groups;          ///< entries of A_r that are sums of so many products
-  Span<int> product_entry;                    ///< of A_r, in the order of their groups
-  Span<int> product_start;                    ///< in the same order
-  Span<int> product_source;                   ///< entry of A
-  Span<int> product_left, product_right;      ///< the two entries of S whose product it is; -1 stands for 1
-  // With gear ratios per environment, S is found lane by lane by this Gauss-Jordan elimination.
+  Span<int> inverse_start, inverse_coupling;  ///< inverse of J's follower columns, by follower
+  Span<ProductGroup> product_groups;
+  Span<int> product_entry;                ///< of A_r, in the order of their groups
+  Span<int> product_start;                ///< in the same order
+  Span<int> product_source;               ///< entry of A
+  Span<int> product_left, product_right;  ///< the two entries of S that it is multiplied by; -1 stands for 1
+  // With gear ratios per environment, this Gauss-Jordan elimination computes S for each lane.
   struct Elimination {
     int factor, pivot, first, last;
   };  ///< one row minus factor/pivot times the pivot's row
@@ -397,11 +398,11 @@ struct ReductionStructure {
   Span<Elimination> eliminations;
   Span<Update> updates;
   Span<int> pivot;        ///< by follower: entry of its pivot
-  Span<int> value_entry;  ///< by value: entry that it is minus pivot's share of
+  Span<int> value_entry;  ///< by value, which is minus this entry over the pivot
   Span<int> inverse_entry;
 };
 
-/// An entry that the elimination begins with: a field's row, or the value where `gear` is -1.
+/// An initial entry of the elimination: a row of the gear_ratio field, or `value` if `gear` is -1.
 struct FillStructure {
   int entry, gear;
 };
@@ -433,24 +434,24 @@ struct Reduction : ReductionStructure {
 struct TableStructure {
   Method method = Method::direct;
   Integrator integrator = Integrator::euler;
-  int input_times = 1;  ///< so many of the step's times have targets and efforts of their own
+  int input_times = 1;  ///< how many of the step's times have targets and efforts of their own
   int iterations = 0, velocity_iterations = 0;
   bool floating = false;
   int bodies = 0, joints = 0, velocities = 0, couplings = 0, links = 0;
   Span<int> dof;                                ///< by joint
   Columns matrix;                               ///< structure of the mass matrix
-  Columns solver;                               ///< structure of the matrix that is factored: of A or of A_r
+  Columns solver;                               ///< structure of the matrix that is factored: A or A_r
   Span<int> servos;                             ///< joints that have a servo without an effort limit
   Span<int> limited_servos;                     ///< joints that have a servo with an effort limit
-  Span<int> limited_efforts;                    ///< joints without a servo whose effort is limited, in order
+  Span<int> limited_efforts;                    ///< joints without a servo whose effort is limited
   Span<int> term_start, term_joint, term_gear;  ///< couplings in joint space; gear: row of the gear_ratio field, -1 for
                                                 ///< the leading 1
   Articulated articulated;
-  Span<Reported> reported;  ///< only if diagnostics are recorded
-  Span<int> follows;       ///< by coupling: 1 if it is redundant and takes no impulse; only if diagnostics are recorded
-  Span<int> undamped_row;  ///< by row of `rows`: its row in `undamped`, -1 if none
+  Span<Reported> reported;       ///< only if diagnostics are recorded
+  Span<int> follows;             ///< by coupling: 1 if it is redundant and takes no impulse
+  Span<int> undamped_row;        ///< by row of `rows`: its row in `undamped`, -1 if none
   bool solve_twice = false;      ///< the position phase and the velocity phase have different solutions
-  bool renewed = false;          ///< tgs: rows are renewed in every sub-step
+  bool renewed = false;          ///< tgs: every sub-step computes its rows anew
   unsigned per_environment = 0;  ///< declared fields, bit by Parameter
   bool record_impulses = false;
   bool record_diagnostics = false;
@@ -458,21 +459,21 @@ struct TableStructure {
   inline __attribute__((always_inline)) bool declares(Parameter parameter) const {
     return (per_environment >> static_cast<unsigned>(parameter)) & 1u;
   }
-  /// A floating root's, which come first.
+  /// The velocities of a floating root, which come first; 0 for a fixed one.
   inline __attribute__((always_inline)) int root_velocities() const { return velocities - joints; }
   inline __attribute__((always_inline)) int velocity_of(int joint) const { return root_velocities() + joint; }
 };
 
 template <class S>
 struct Tables : TableStructure {
-  const Tables* half = nullptr;  ///< of half the step, for the integrator that takes both
-  S dt = 0;                      ///< how far a solve goes: the step, or gamma of it (M68)
+  const Tables* half = nullptr;  ///< tables of half the step, for Integrator::extrapolated
+  S dt = 0;                      ///< length of a solve: the step, or gamma times the step (M68)
   S step = 0;                    ///< the step
-  S ahead = 0;                   ///< how far ahead linear terms are taken: dt, or 0 where they are explicit
+  S ahead = 0;                   ///< how far ahead linear terms are taken: dt, or 0 if they are explicit
   S position_bound = 0, velocity_bound = 0;
-  S gravity[3] = {};  ///< in the root's frame if the root is fixed, else in the world's
+  S gravity[3] = {};  ///< in the root's frame if the root is fixed, else in the world frame
   S world_gravity[3] = {};
-  S root_rotation[9] = {};  ///< of a fixed root: its coordinates to the world's
+  S root_rotation[9] = {};  ///< of a fixed root: root coordinates to world coordinates
   S root_offset[3] = {};
   S free_share = 1;  ///< share of the free motion that moves positions: (N + 1) / 2N in tgs
   Span<Body<S>> body;
@@ -485,10 +486,10 @@ struct Tables : TableStructure {
   Rows<S> rows;
   Bounds<S> bounds;
   Reduction<S> reduction;
-  Span<S> hard_rate;  ///< erp / dt by coupling, 0 for soft ones: only if diagnostics are recorded
-  Rows<S> undamped;   ///< rows whose softness refers to M + armature, where A holds more than that
+  Span<S> hard_rate;  ///< erp / dt by coupling, 0 for soft ones
+  Rows<S> undamped;   ///< rows whose softness refers to the undamped inertia, if A differs from that
 
-  /// The mass matrix is made, be it only for undamped rows.
+  /// The mass matrix is computed, if only for undamped rows.
   inline __attribute__((always_inline)) bool makes_matrix() const { return !articulated.used() || undamped.count > 0; }
 
   /// All but `half`.

@@ -6,12 +6,12 @@
 
 namespace lockstep::reference {
 
-/// A step of a model that has bounds; step() comes here for them. Throws std::logic_error for direct and reduced where
-/// bounds contradict each other or the couplings, and for pgs and tgs where no choice of saturated servos is
-/// consistent with the velocities that it leads to.
+/// A step of a model that has bounds, which step() calls. Throws std::logic_error for direct and reduced where bounds
+/// contradict each other or the couplings, and for pgs and tgs where no guess of which servos are at their limits
+/// agrees with the velocities that follow from it.
 Step bounded_step(const Mechanism& mechanism, const StepSettings& settings, const State& state, const Inputs& inputs);
 
-/// What the methods start from. The stage's servos are those that act linearly or with a constant force.
+/// What the methods start from. The servos in the stage act linearly or with a constant force.
 struct Bounded {
   const Mechanism& mechanism;
   const StepSettings& settings;
@@ -19,15 +19,16 @@ struct Bounded {
   const Stage& stage;
 };
 
-/// Of one phase of direct and reduced: its velocity, the couplings' impulses and those of `apart`.
+/// The result of one phase of direct and reduced: velocity, impulses of the couplings, and impulses of the curves
+/// `apart`.
 struct Exact {
   Eigen::VectorXd velocity, impulses, apart;
 };
 struct Curve;
-/// The convex minimum with all rows and the curves `apart`.
+/// The convex minimum with all rows and the further curves `apart`.
 Exact exact_phase(const Bounded& step, Phase phase, const std::vector<Curve>& apart);
 
-/// pgs and tgs, bounded rows visited by (M55) after the couplings' in each sweep.
+/// pgs and tgs. Each sweep visits the couplings' rows and then the bounded rows, by (M55).
 Solution bounded_pgs(const Bounded& step);
 Solution bounded_tgs(const Bounded& step);
 

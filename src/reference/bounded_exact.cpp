@@ -1,4 +1,4 @@
-// direct and reduced with bounds: each phase one convex minimum. SPDX-License-Identifier: Apache-2.0
+// direct and reduced with bounds: each phase is one convex minimum. SPDX-License-Identifier: Apache-2.0
 #include "bounded.h"
 #include "convex.h"
 #include "followers.h"
@@ -7,12 +7,12 @@ namespace lockstep::reference {
 
 using Eigen::VectorXd;
 
-// Couplings are curves too: boxes without bound. All hold together, so how followers are eliminated does not matter,
-// but for what friction acts on: in reduced that is a follower's velocity without its correction w, (M59).
+// Couplings are curves too: boxes of infinite size. All rows hold at once, so the elimination of followers changes one
+// thing only: in reduced, friction acts on a follower's velocity without its correction w, (M59).
 Exact exact_phase(const Bounded& step, Phase phase, const std::vector<Curve>& apart) {
   const Stage& stage = step.stage;
   Convex problem{stage.implicit, stage.implicit * stage.free, {}};
-  std::vector<int> coupling;  // by curve, -1 for others
+  std::vector<int> coupling;  // by curve; -1 if it is not a coupling's
   const auto add = [&](int c, Curve curve) {
     coupling.push_back(c);
     problem.curves.push_back(std::move(curve));
@@ -26,8 +26,8 @@ Exact exact_phase(const Bounded& step, Phase phase, const std::vector<Curve>& ap
   VectorXd w = VectorXd::Zero(stage.free.size());
   if (step.settings.method == Method::reduced && phase == Phase::position)
     w = follower_corrections(step.mechanism, stage, step.settings);
-  const Moment start{phase, stage.state.q};
-  for (const BoundedRow& row : bounded_rows(step.mechanism, stage, step.inputs, start)) {
+  const Moment start_of_step{phase, stage.state.q};
+  for (const BoundedRow& row : bounded_rows(step.mechanism, stage, step.inputs, start_of_step)) {
     if (row.lo > -infinity || row.hi < infinity) add(-1, {row.direction, interval_pieces(row.lo, row.hi, row.cfm)});
     const double bias = row.dof >= 0 && row.cfm == 0.0 ? -row.direction.dot(w) : row.bias;
     if (row.box > 0.0) add(row.coupling, {row.direction, box_pieces(bias, row.box, row.cfm)});

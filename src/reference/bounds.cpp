@@ -23,12 +23,13 @@ bool is_bounded(const Joint& joint) {
          (has_hard_row(joint) || has_range(joint) || joint.drive.kinematic || joint.effort_limit < infinity);
 }
 
-// (M56): the way to an end of the range, all of it inside and a share beyond, where the distance has the sign `beyond`.
+// (M56): the speed that goes to an end of the range in h, or beyond the end a share of the way back. `beyond` is the
+// sign of the distance beyond the end.
 double end_speed(double distance, double beyond, double share, double h) {
   return (distance * beyond > 0.0 ? share : 1.0) * distance / h;
 }
 
-// One moment of one step, from which each kind of row is made.
+// Makes the rows of each kind at one moment of a step.
 class Maker {
  public:
   Maker(const Mechanism& mechanism, const Stage& stage, const Inputs& inputs, const Moment& moment)
@@ -72,14 +73,14 @@ class Maker {
   BoundedRow hard_row(int dof) const {
     const Joint& joint = mechanism_.joint(dof);
     const double speed = stage_.state.v[mechanism_.root_velocities() + dof], q = moment_.q[dof];
-    const bool closing = moment_.phase == Phase::velocity;
+    const bool velocity_phase = moment_.phase == Phase::velocity;
     BoundedRow row = along(dof);
     if (hard_range(joint)) {
-      const double share = closing ? 0.0 : terms(joint.limit_softness, inertia_[dof]).erp;
+      const double share = velocity_phase ? 0.0 : terms(joint.limit_softness, inertia_[dof]).erp;
       row.lo = end_speed(joint.lower - q, 1.0, share, h_);
       row.hi = end_speed(joint.upper - q, -1.0, share, h_);
       const double e = joint.restitution;
-      if (closing && e > 0.0) {  // (M57)
+      if (velocity_phase && e > 0.0) {  // (M57)
         const double lo = row.lo, hi = row.hi;
         if (speed < lo) row.lo = std::max(lo, -e * speed);
         if (speed > hi) row.hi = std::min(hi, -e * speed);
@@ -89,13 +90,13 @@ class Maker {
     row.hi = std::clamp(row.hi, -joint.velocity_limit, joint.velocity_limit);
     if (row.lo > row.hi) row.lo = row.hi = 0.5 * (row.lo + row.hi);  // as in (M59)
     if (hard_drive(joint)) {                                         // (M58)
-      // The whole step's, in sub-steps too.
+      // Of the whole step, also in sub-steps.
       const double speed_target = inputs_.velocity_targets[dof];
       const double error = inputs_.position_targets[dof] - stage_.h * speed_target - stage_.state.q[dof];
       const double k = speed_target + erp_of(joint.drive.softness) * error / stage_.h;
       row.lo = row.hi = std::clamp(k, row.lo, row.hi);
     }
-    row.box = (moment_.elapsed + h_) * joint.friction;  // one impulse for all sub-steps: what is due by now
+    row.box = (moment_.elapsed + h_) * joint.friction;  // one impulse for all sub-steps so far
     return row;
   }
 
@@ -125,13 +126,14 @@ class Maker {
     row.direction = stage_.jacobian.row(c).transpose();
     row.coupling = c;
     row.box = h_ * couplings.force_limit[c];
-    const bool dropped = soft.hard && moment_.phase == Phase::velocity;  // (M33)
-    row.bias = dropped ? 0.0 : soft.erp / h_ * couplings.error(moment_.q)[c];
+    const bool unbiased = soft.hard && moment_.phase == Phase::velocity;  // (M33)
+    row.bias = unbiased ? 0.0 : soft.erp / h_ * couplings.error(moment_.q)[c];
     row.cfm = soft.cfm;
     return row;
   }
 
-  // Where a kinematic drive's target is at this moment: it moves with its velocity and is in place after the step.
+  // A kinematic drive's position target at this moment. It moves with the velocity target and arrives at the end of the
+  // step.
   double target(int dof) const {
     return inputs_.position_targets[dof] - (stage_.h - moment_.elapsed) * inputs_.velocity_targets[dof];
   }
@@ -162,9 +164,9 @@ Model without(const Ignored& ignored, Model model) {
 }
 
 bool has_bounds(const Model& model, const Ignored& ignored) {
-  const Model left = without(ignored, model);
-  return std::any_of(left.joints.begin(), left.joints.end(), is_bounded) ||
-         std::any_of(left.couplings.begin(), left.couplings.end(),
+  const Model remaining = without(ignored, model);
+  return std::any_of(remaining.joints.begin(), remaining.joints.end(), is_bounded) ||
+         std::any_of(remaining.couplings.begin(), remaining.couplings.end(),
                      [](const Coupling& coupling) { return coupling.force_limit < infinity; });
 }
 

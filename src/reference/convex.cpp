@@ -1,4 +1,4 @@
-// The convex minimum, by search for the pieces that its curves are on. SPDX-License-Identifier: Apache-2.0
+// Finds the convex minimum by a search for the pieces that its curves are on. SPDX-License-Identifier: Apache-2.0
 #include "convex.h"
 
 #include <algorithm>
@@ -14,16 +14,17 @@ using Eigen::VectorXd;
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-constexpr double aim = 1e-13, enough = 1e-11;  // violations: the search goes on while it comes nearer to the first
-constexpr double slack = 1e-13;                // by which a piece may be left before it is another's turn
-constexpr double hopeless = 1e-7;              // violation: a round adds a hundred times the speeds to impulses
-constexpr int first_rounds = 20;               // before which none is called that
-constexpr double compliance = 1e-9;            // of each curve during the search, relative to its own response
+constexpr double aim = 1e-13;      // violation at which the search stops
+constexpr double enough = 1e-11;   // violation at which it stops once it makes little progress
+constexpr double slack = 1e-13;    // distance beyond the end of a piece from which on the next piece is tried
+constexpr double hopeless = 1e-7;  // a larger violation after first_rounds means that bounds contradict each other
+constexpr int first_rounds = 20;
+constexpr double compliance = 1e-9;  // of each curve during the search, relative to its own response
 constexpr int proximal_rounds = 1000, joint_moves = 30, single_moves = 1000;
 
-// Curves that hold speeds may depend on each other, and then their impulses are not unique. So each search is made
-// with u + delta (L - L_before) in place of u, which makes them so, and is repeated with the impulses that it found:
-// the proximal point method (Rockafellar 1976), at rest only in a solution of the problem itself.
+// Curves that hold speeds may depend on each other, and then their impulses are not unique. The proximal point method
+// (Rockafellar 1976) makes them unique: each round takes u + delta (L - L_before) in place of u, where L_before are the
+// impulses of the last round. The rounds come to rest only in a solution of the problem itself.
 class Search {
  public:
   explicit Search(const Convex& problem)
@@ -46,7 +47,7 @@ class Search {
     Minimum best;
     double least = infinity;
     for (int round = 0; round < proximal_rounds && least > aim; ++round) {
-      if (!search()) throw std::logic_error("no choice of pieces fits the curves");
+      if (!search()) throw std::logic_error("no choice of pieces fits all curves");
       const Minimum found{v_, impulses_, pieces_};
       const double now = violation(problem_, found);
       if (least <= enough && now > 0.5 * least) break;
@@ -54,33 +55,33 @@ class Search {
       if (round >= first_rounds && least > hopeless) throw std::logic_error("bounds contradict each other");
       before_ = impulses_;
     }
-    if (!(least <= enough)) throw std::logic_error("the solution is not exact");
+    if (!(least <= enough)) throw std::logic_error("the search for the minimum did not come to an exact solution");
     return best;
   }
 
  private:
-  // All violated curves change their piece at once, as in Newton's method; should that not come to rest, the first
-  // violated one alone (Murty's rule); and should not even that, all choices are tried.
+  // All violated curves change their piece at once, as in Newton's method. If that does not come to rest, the first
+  // violated curve changes alone (Murty's rule). If that does not come to rest either, all choices are tried.
   bool search() {
     for (int move = 0; move < joint_moves; ++move) {
       solve();
       bool moved = false;
       for (int i = 0; i < count_; ++i)
-        if (const int way = wrong(i); way != 0) pieces_[i] += way, moved = true;
+        if (const int change = way(i); change != 0) pieces_[i] += change, moved = true;
       if (!moved) return true;
     }
     for (int move = 0; move < single_moves; ++move) {
       solve();
       int i = 0;
-      while (i < count_ && wrong(i) == 0) ++i;
+      while (i < count_ && way(i) == 0) ++i;
       if (i == count_) return true;
-      pieces_[i] += wrong(i);
+      pieces_[i] += way(i);
     }
     std::fill(pieces_.begin(), pieces_.end(), 0);
     do {
       solve();
       int i = 0;
-      while (i < count_ && wrong(i) == 0) ++i;
+      while (i < count_ && way(i) == 0) ++i;
       if (i == count_) return true;
     } while (next_choice());
     return false;
@@ -115,8 +116,8 @@ class Search {
     impulses_ = solution.tail(count_);
   }
 
-  // -1 where the curve is further left, 1 where it is further right.
-  int wrong(int i) const {
+  // The way to the right piece of the curve: -1 to the left, 1 to the right, 0 if this is it.
+  int way(int i) const {
     const Curve& curve = problem_.curves[i];
     const Piece& piece = curve.pieces[pieces_[i]];
     const double u = curve.direction.dot(v_) + compliance * response_[i] * (impulses_[i] - before_[i]);
@@ -155,7 +156,7 @@ Minimum minimum(const Convex& problem) { return Search(problem).run(); }
 double violation(const Convex& problem, const Minimum& found) {
   const double speed = std::max(1.0, found.v.lpNorm<Eigen::Infinity>());
   const Eigen::LLT<MatrixXd> factor(problem.hessian);
-  VectorXd rest = problem.hessian * found.v - problem.momentum;
+  VectorXd residual = problem.hessian * found.v - problem.momentum;
   VectorXd size = problem.hessian.cwiseAbs() * found.v.cwiseAbs() + problem.momentum.cwiseAbs();
   double largest = 0.0;
   const auto count = [&](double amount, double scale) {
@@ -166,7 +167,7 @@ double violation(const Convex& problem, const Minimum& found) {
     const Piece& piece = curve.pieces[found.pieces[i]];
     const double u = curve.direction.dot(found.v), impulse = found.impulses[i];
     const double impulses = std::max(std::abs(impulse), speed / curve.direction.dot(factor.solve(curve.direction)));
-    rest -= curve.direction * impulse;
+    residual -= curve.direction * impulse;
     size += curve.direction.cwiseAbs() * std::abs(impulse);
     if (piece.holds) {
       count(std::abs(u + piece.cfm * impulse - piece.value), speed + piece.cfm * std::abs(impulse));
@@ -176,7 +177,7 @@ double violation(const Convex& problem, const Minimum& found) {
       count(std::max({piece.from - u, u - piece.to, 0.0}), speed);
     }
   }
-  count(rest.lpNorm<Eigen::Infinity>(), size.maxCoeff());
+  count(residual.lpNorm<Eigen::Infinity>(), size.maxCoeff());
   return largest;
 }
 

@@ -1,9 +1,9 @@
 // The minimum of a strictly convex function that is quadratic in pieces. SPDX-License-Identifier: Apache-2.0
 //
-// A Curve is the derivative of one convex term, with its sign turned: the impulse L that it takes at a speed
-// u = direction . v. It falls (or stays) from left to right, upright where it holds a speed exactly. The minimum of
+// A Curve is minus the derivative of one convex term: the impulse L at a speed u = direction . v. From left to right it
+// never rises, and it is vertical where it holds a speed exactly. At the minimum of
 //     1/2 v^T H v - p^T v + sum of the terms
-// is where H v = p + sum of direction L, each (u, L) on its curve: (M54) for all rows at once.
+// H v = p + sum of direction L, and each (u, L) is on its curve: (M54) for all rows at once.
 #pragma once
 
 #include <Eigen/Dense>
@@ -11,8 +11,8 @@
 
 namespace lockstep::reference {
 
-/// A straight part of a curve. Where it holds a speed, u + cfm L = value for L in [from, to]; otherwise L = value for
-/// u in [from, to].
+/// A straight part of a curve. If it holds a speed, u + cfm L = value for L in [from, to]; if not, L = value for u in
+/// [from, to].
 struct Piece {
   bool holds;
   double value, cfm, from, to;
@@ -36,14 +36,14 @@ struct Convex {
 
 struct Minimum {
   Eigen::VectorXd v;
-  Eigen::VectorXd impulses;  ///< L of each curve; where curves depend on each other, one of the possible choices
-  std::vector<int> pieces;   ///< on which each of them is
+  Eigen::VectorXd impulses;  ///< L of each curve; not unique where curves depend on each other
+  std::vector<int> pieces;   ///< the piece that each curve is on
 };
 
-/// Throws std::logic_error where there is none: where curves that hold speeds contradict each other.
+/// Throws std::logic_error if there is no minimum, because curves that hold speeds contradict each other.
 Minimum minimum(const Convex& problem);
 
-/// The largest violation of the conditions above, each relative to the size of its terms (speeds below 1 count as 1).
+/// The largest violation of the conditions above. Each is relative to the size of its terms; speeds below 1 count as 1.
 double violation(const Convex& problem, const Minimum& found);
 
 }  // namespace lockstep::reference

@@ -12,21 +12,21 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// What is left of a row, relative to it, when what earlier rows span is taken off, counts as nothing below this.
+// A row depends on earlier rows if it is, without their span, shorter than this share of its length.
 constexpr double dependence = 1e-9;
 
-// Gram-Schmidt over the hard rows in order; twice per row, so that the basis is orthonormal to rounding.
-std::vector<bool> dependent_rows(const MatrixXd& jacobian, const std::vector<bool>& hold) {
-  std::vector<bool> dependent(hold.size(), false);
+// Gram-Schmidt over the hard rows in order, twice for each row, so that the basis is orthonormal to rounding.
+std::vector<bool> dependent_rows(const MatrixXd& jacobian, const std::vector<bool>& hard) {
+  std::vector<bool> dependent(hard.size(), false);
   MatrixXd basis(jacobian.cols(), 0);
   for (Eigen::Index i = 0; i < jacobian.rows(); ++i) {
-    if (!hold[i]) continue;
-    VectorXd rest = jacobian.row(i).transpose().normalized();
-    for (int pass = 0; pass < 2; ++pass) rest -= basis * (basis.transpose() * rest);
-    dependent[i] = rest.norm() < dependence;
+    if (!hard[i]) continue;
+    VectorXd orthogonal = jacobian.row(i).transpose().normalized();
+    for (int round = 0; round < 2; ++round) orthogonal -= basis * (basis.transpose() * orthogonal);
+    dependent[i] = orthogonal.norm() < dependence;
     if (dependent[i]) continue;
     basis.conservativeResize(Eigen::NoChange, basis.cols() + 1);
-    basis.rightCols(1) = rest.normalized();
+    basis.rightCols(1) = orthogonal.normalized();
   }
   return dependent;
 }
@@ -45,16 +45,16 @@ Couplings::Couplings(const Mechanism& mechanism, const std::vector<bool>& switch
   jacobian = MatrixXd::Zero(all.size(), mechanism.dofs());
   gamma.resize(all.size());
   off.resize(all.size(), false);
-  std::vector<bool> hold;  // whatever it takes
+  std::vector<bool> hard;  // and on, without a force limit
   for (std::size_t i = 0; i < all.size(); ++i) {
     jacobian(i, mechanism.dof(all[i].joint)) = 1.0;
     for (const CouplingTerm& term : all[i].terms) jacobian(i, mechanism.dof(term.joint)) = term.ratio;
     gamma[i] = all[i].offset;
     softness.push_back(all[i].softness);
     force_limit.push_back(all[i].force_limit);
-    hold.push_back(is_hard(softness[i]) && !off[i] && force_limit[i] == infinity);
+    hard.push_back(is_hard(softness[i]) && !off[i] && force_limit[i] == infinity);
   }
-  redundant = dependent_rows(jacobian, hold);
+  redundant = dependent_rows(jacobian, hard);
 }
 
 MatrixXd Couplings::velocity_jacobian() const {
@@ -68,7 +68,7 @@ SpringConstants spring(const Softness& softness, double r, double h) {
   switch (kind_of(softness)) {
     case SoftnessKind::spring: return {first, second};
     case SoftnessKind::frequency: return {first * first / r, 2.0 * first * second / r};  // (26), (27)
-    default: return {first / (h * h * second), (1.0 - first) / (h * second)};            // (22), (23) solved
+    default: return {first / (h * h * second), (1.0 - first) / (h * second)};            // from (22), (23)
   }
 }
 
@@ -81,7 +81,7 @@ Row row(const Softness& softness, double r, double h) {
 Row substep_row(const Softness& softness, double r, double h, int n) {
   if (!is_hard(softness)) return n == 1 ? row(softness, r, h) : spring_row(spring(softness, r, h), h / n);
   if (n > 1 && erp_of(softness) > 1.0)
-    throw SettingsError("erp", "exceeds 1 in a coupling, which sub-steps cannot share",
+    throw SettingsError("erp", "exceeds 1 in a coupling, and sub-steps cannot share such a correction",
                         "give 1 or less, or one iteration");
   return {true, true, 1.0 - std::pow(1.0 - erp_of(softness), 1.0 / n), 0.0};
 }

@@ -11,7 +11,7 @@ namespace lockstep::reference {
 
 /// (17) for all couplings of a model: C = J q + gamma.
 struct Couplings {
-  /// `off` are couplings that shall not act, as flags by coupling; empty: all act.
+  /// `off` has a flag for each coupling that is switched off; empty: none is.
   explicit Couplings(const Mechanism& mechanism, const std::vector<bool>& off = {});
 
   int count() const { return static_cast<int>(gamma.size()); }
@@ -24,16 +24,16 @@ struct Couplings {
   std::vector<Softness> softness;
   std::vector<double> force_limit;
   std::vector<bool> off;
-  /// Hard rows that depend linearly on earlier hard rows. They take no impulse. Couplings that are off or that can
-  /// slip neither make others redundant nor are redundant themselves.
+  /// Hard rows that depend linearly on earlier hard rows. They take no impulse. Couplings that are off or have a force
+  /// limit are never redundant and make no other redundant.
   std::vector<bool> redundant;
 
  private:
   int velocities_;
 };
 
-/// Spring constants of a coupling, (26) and (27) for frequencies. An ErpCfm means different springs at
-/// different steps; they are the ones that (22), (23) give it at steps of h. Not for hard ones.
+/// Spring constants of a soft coupling, (26) and (27) for a Frequency. An ErpCfm is a different spring at each step
+/// size: here it is the one of (22), (23) at steps of h.
 struct SpringConstants {
   double kp, kd;
 };
@@ -41,19 +41,20 @@ SpringConstants spring(const Softness& softness, double r, double h);
 
 /// A coupling as a row of the solver.
 struct Row {
-  bool active;           ///< takes an impulse: neither absent (kp = kd = 0), nor redundant, nor off
+  bool active;           ///< takes an impulse: not redundant, not off, and not a spring of kp = kd = 0
   bool hard;             ///< cfm = 0
   double erp, cfm;       ///< per step
-  bool limited = false;  ///< in its force: a bounded row, bounds.h, and none of the couplings' rows
+  bool limited = false;  ///< has a force limit: a bounded row (bounds.h), and not one of the couplings' rows
 };
 
-/// erp and cfm at steps of h, (22), (23), (26) to (29); `r` is the inverse of the inertia that the coupling feels.
+/// erp and cfm at steps of h, (22), (23), (26) to (29). `r` is the inverse of the coupling's effective inertia.
 Row row(const Softness& softness, double r, double h);
 
-/// The same at each of n sub-steps of h. The n shares of a hard row's error that are corrected make up its erp.
+/// The same for each of the n sub-steps of a step of h. Together they correct the share erp of a
+/// hard row's error.
 Row substep_row(const Softness& softness, double r, double h, int n);
 
-/// r of (19) for each coupling alone, with the mass matrix that it is given.
+/// r of (19) for each coupling by itself, with the given mass matrix.
 Eigen::VectorXd inverse_inertias(const Couplings& couplings, const Eigen::MatrixXd& mass);
 
 }  // namespace lockstep::reference

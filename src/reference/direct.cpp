@@ -8,7 +8,7 @@ using Eigen::VectorXd;
 
 namespace {
 
-// Rows without an impulse keep their place, with 1 on the diagonal and 0 elsewhere.
+// Rows without an impulse have 1 on the diagonal and 0 elsewhere.
 VectorXd solve(const Stage& stage, const VectorXd& b) {
   MatrixXd matrix = stage.response;
   VectorXd right = -(stage.jacobian * stage.free + b);

@@ -1,4 +1,4 @@
-// Which joints follow, and how they are corrected. SPDX-License-Identifier: Apache-2.0
+// Chooses the followers and corrects their positions. SPDX-License-Identifier: Apache-2.0
 #include "followers.h"
 
 #include <algorithm>
@@ -11,22 +11,22 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// A coupling's first joint unless another one's coefficient is a thousand times larger, in what is left of the
-// coupling when the followers so far are expressed by the others.
+// The follower of each coupling. First the followers chosen so far are replaced by the other joints. The follower is
+// then the coupling's first joint, unless the coefficient of another joint is more than a thousand times larger.
 std::vector<int> chosen_followers(const Mechanism& mechanism, const MatrixXd& rows, const std::vector<int>& couplings) {
   std::vector<int> followers;
   for (std::size_t p = 0; p < couplings.size(); ++p) {
-    VectorXd left = rows.row(p);
+    VectorXd remaining = rows.row(p);
     if (p > 0) {
       const MatrixXd before = rows.topRows(p);
       const MatrixXd expressed = before(Eigen::all, followers).fullPivLu().solve(before);
-      for (std::size_t f = 0; f < p; ++f) left -= rows(p, followers[f]) * expressed.row(f).transpose();
-      for (const int f : followers) left[f] = 0.0;
+      for (std::size_t f = 0; f < p; ++f) remaining -= rows(p, followers[f]) * expressed.row(f).transpose();
+      for (const int f : followers) remaining[f] = 0.0;
     }
     const int first = mechanism.root_velocities() + mechanism.dof(mechanism.model().couplings[couplings[p]].joint);
     int follower = 0;
-    const double largest = left.cwiseAbs().maxCoeff(&follower);
-    if (std::abs(left[first]) * 1000.0 >= largest) follower = first;
+    const double largest = remaining.cwiseAbs().maxCoeff(&follower);
+    if (std::abs(remaining[first]) * 1000.0 >= largest) follower = first;
     followers.push_back(follower);
   }
   return followers;
@@ -36,8 +36,8 @@ std::vector<int> chosen_followers(const Mechanism& mechanism, const MatrixXd& ro
 
 VectorXd follower_corrections(const Mechanism& mechanism, const Stage& stage, const StepSettings& settings) {
   VectorXd w = VectorXd::Zero(stage.jacobian.cols());
-  const ParameterSet& differ = settings.per_environment;
-  if (differ.contains(Parameter::softness) || differ.contains(Parameter::coupling_switch)) return w;
+  const ParameterSet& fields = settings.per_environment;
+  if (fields.contains(Parameter::softness) || fields.contains(Parameter::coupling_switch)) return w;
   std::vector<int> hard;
   for (int c = 0; c < stage.couplings.count(); ++c)
     if (stage.rows[c].active && stage.rows[c].hard && !stage.rows[c].limited) hard.push_back(c);

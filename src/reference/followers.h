@@ -7,8 +7,8 @@
 
 namespace lockstep::reference {
 
-/// w over all generalised velocities, zero but for the followers. What `reduced` eliminates are the couplings that are
-/// hard in every environment: none where softness differs or couplings can be switched off.
+/// w over all generalised velocities, zero for all but the followers. `reduced` eliminates the couplings that are hard
+/// in every environment: none if softness or the switches of couplings differ from environment to environment.
 Eigen::VectorXd follower_corrections(const Mechanism& mechanism, const Stage& stage, const StepSettings& settings);
 
 }  // namespace lockstep::reference

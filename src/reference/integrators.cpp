@@ -1,4 +1,4 @@
-// Leapfrog, its extrapolation and Runge-Kutta 4, with dense multipliers. SPDX-License-Identifier: Apache-2.0
+// Leapfrog, its extrapolation and Runge-Kutta 4, with dense matrices. SPDX-License-Identifier: Apache-2.0
 #include "integrators.h"
 
 #include "followers.h"
@@ -22,7 +22,7 @@ struct Task {
   std::function<Inputs(double share)> inputs;
 };
 
-// The inertia at one pose, with the armatures, and the couplings there: hard ones as rows, soft ones as springs.
+// The inertia at one pose, with the armatures, and the couplings: hard ones as rows, soft ones as springs.
 struct System {
   System(const Task& task, const State& state, const std::vector<bool>& off)
       : couplings(task.mechanism, off), mass(task.mechanism.mass_matrix(state)), all(couplings.velocity_jacobian()) {
@@ -44,7 +44,7 @@ struct System {
     return -all.transpose() * (kp.cwiseProduct(couplings.error(state.q)) + kd.cwiseProduct(all * state.v));
   }
 
-  // D with A D = right + J^T L and J D = rate.
+  // D of A D = right + J^T L and J D = rate.
   VectorXd change(const MatrixXd& a, const VectorXd& right, const VectorXd& rate) const {
     MatrixXd bordered(a.rows() + rows.rows(), a.rows() + rows.rows());
     bordered << a, -rows.transpose(), rows, MatrixXd::Zero(rows.rows(), rows.rows());
@@ -54,10 +54,10 @@ struct System {
   Couplings couplings;
   MatrixXd mass, all, rows;  // J of all couplings and of the hard ones
   std::vector<int> hard;
-  VectorXd kp, kd;  // of the soft ones
+  VectorXd kp, kd;  // by coupling; zero for hard ones
 };
 
-// (M48): the twist that `next` has along the axes of `before`, along its own.
+// (M48): turns the twist of `next` from the axes of `before` to those of `next`.
 void turn_axes(const Mechanism& mechanism, const State& before, State& next) {
   if (mechanism.root_velocities() == 0) return;
   const Eigen::Quaterniond turn = next.orientation.normalized().conjugate() * before.orientation.normalized();
@@ -65,7 +65,7 @@ void turn_axes(const Mechanism& mechanism, const State& before, State& next) {
   next.v.segment<3>(3) = turn * Vector3d(next.v.segment<3>(3));
 }
 
-// The part of a step from `from`, both as shares of it, (M66) to (M70).
+// (M66) to (M70) for a part of a step: `from` and `length` are shares of the step.
 State leapfrog(const Task& task, const State& start, double from, double length) {
   const Mechanism& mechanism = task.mechanism;
   const double h = length * task.settings.dt, stage_h = gamma * h;
@@ -78,7 +78,7 @@ State leapfrog(const Task& task, const State& start, double from, double length)
     State moving = middle;
     moving.v = velocity;
     VectorXd result = mechanism.bias(moving) - mechanism.wrench_forces(middle, held.wrenches);
-    if (mechanism.root_velocities() > 0) {  // along inertial axes, as in a Stage
+    if (mechanism.root_velocities() > 0) {  // in inertial axes, as in a Stage
       const Vector3d w = velocity.head<3>(), u = velocity.segment<3>(3);
       result += system.mass.middleCols<3>(3) * -w.cross(u);
     }
@@ -87,17 +87,17 @@ State leapfrog(const Task& task, const State& start, double from, double length)
   const VectorXd springs = stage_h * (system.kd + stage_h * system.kp);
   MatrixXd implicit = system.mass + system.all.transpose() * springs.asDiagonal() * system.all;
   implicit.diagonal() += stage_h * (mechanism.damping() + mechanism.kd()) + stage_h * stage_h * mechanism.kp();
-  // Delta_i, which ends where J V = rate.
+  // Delta_i, after which J V = rate.
   const auto stage = [&](int i, const VectorXd& c, const State& at, const VectorXd& rate) {
     State ahead = at;
     ahead.q += stage_h * at.v.tail(mechanism.dofs());
     const VectorXd drives = mechanism.joint_forces(ahead, task.inputs(from + length * shares[i]));
     return system.change(implicit, stage_h * (drives + system.soft_forces(ahead) - c), rate - system.rows * at.v);
   };
-  const VectorXd none = VectorXd::Zero(system.rows.rows());
+  const VectorXd zero = VectorXd::Zero(system.rows.rows());
   State at = middle;
   at.q = start.q;
-  const VectorXd c = bias(v + stage(0, bias(v), at, none) / (2.0 * gamma));  // (M67)
+  const VectorXd c = bias(v + stage(0, bias(v), at, zero) / (2.0 * gamma));  // (M67)
   MatrixXd velocities(v.size(), 3), changes(v.size(), 3);
   for (int i = 0; i < 3; ++i) {
     at.q = start.q, at.v = v;
@@ -105,7 +105,7 @@ State leapfrog(const Task& task, const State& start, double from, double length)
       at.q += h * stages[i][k] * velocities.col(k).tail(mechanism.dofs());
       at.v += stages[i][k] / gamma * changes.col(k);
     }
-    changes.col(i) = stage(i, c, at, none);
+    changes.col(i) = stage(i, c, at, zero);
     velocities.col(i) = at.v + changes.col(i);
   }
   VectorXd correction = -system.couplings.error(at.q) / stage_h;
@@ -118,7 +118,7 @@ State leapfrog(const Task& task, const State& start, double from, double length)
   return end;
 }
 
-// a + share b, of a pose's seven numbers, positions and velocities alike.
+// a + share b for all numbers of the state, the seven of the root's pose included.
 State sum(State a, double share, const State& b) {
   a.position += share * b.position;
   a.orientation.coeffs() += share * b.orientation.coeffs();
@@ -156,8 +156,8 @@ State runge_kutta(const Task& task, const State& start) {
     end = sum(end, weights[i], change);
   }
   end.orientation.normalize();
-  const Stage before(mechanism, h, start, task.inputs(0.0));  // for the followers' errors
-  end.q += h * follower_corrections(mechanism, before, task.settings).tail(mechanism.dofs());
+  const Stage stage(mechanism, h, start, task.inputs(0.0));  // has the followers' errors
+  end.q += h * follower_corrections(mechanism, stage, task.settings).tail(mechanism.dofs());
   return end;
 }
 
@@ -175,7 +175,7 @@ State integrated(const Mechanism& mechanism, const StepSettings& settings, const
     case Integrator::leapfrog: return leapfrog(task, state, 0.0, 1.0);
     case Integrator::extrapolated: return extrapolated(task, state);
     case Integrator::runge_kutta: return runge_kutta(task, state);
-    default: throw SettingsError("integrator", "is none beyond first order", "name one that is");
+    default: throw SettingsError("integrator", "is of first order", "name leapfrog, extrapolated or runge_kutta");
   }
 }
 

@@ -1,4 +1,4 @@
-// The integrators beyond first order, each in its plainest form. SPDX-License-Identifier: Apache-2.0
+// The integrators beyond first order, as plainly as possible. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <functional>
@@ -8,12 +8,12 @@
 
 namespace lockstep::reference {
 
-/// Sets what acts at `share` of a step, 0 at its start and 1 at its end; called with the model's inputs.
+/// Sets the inputs at a share of the step: 0 is its start, 1 its end. `inputs` are the model's when it is called.
 using InputsInStep = std::function<void(double share, Inputs& inputs)>;
 
-/// One step of settings.dt by settings.integrator: leapfrog, extrapolated or runge_kutta, others are refused
-/// (SettingsError). Bounds are left out. A leapfrog has the wrenches and switches of the middle of its step. A mixing
-/// softness is the spring that it is at steps of settings.dt, (M29), in the half steps of `extrapolated` too.
+/// One step of settings.dt by settings.integrator. Throws SettingsError unless that is leapfrog, extrapolated or
+/// runge_kutta. Bounds are left out. A leapfrog takes wrenches and switches at the middle of its step. An ErpCfm is the
+/// spring of a step of settings.dt, (M29), also in the half steps of `extrapolated`.
 State integrated(const Mechanism& mechanism, const StepSettings& settings, const State& state, const InputsInStep& set);
 
 }  // namespace lockstep::reference

@@ -23,8 +23,8 @@ using VecX = Eigen::Matrix<T, Eigen::Dynamic, 1>;
 template <class T>
 using MatX = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
 
-// The kinematics are templates because complex numbers differentiate them: for analytic f,
-// Im f(x + i e dx) / e is the derivative along dx to rounding, with no difference of near equals.
+// The kinematics are templates, so that complex numbers can differentiate them: for analytic f, Im f(x + i e dx) / e is
+// the derivative along dx to rounding, because no two nearly equal numbers are subtracted.
 constexpr double complex_step = 1e-20;
 
 template <class T>
@@ -75,12 +75,12 @@ std::vector<Pose<T>> forward(const Mechanism& mechanism, const Pose<T>& root, co
   return poses;
 }
 
-// Column by column: what a unit of each generalised velocity does to the link's angular velocity and to the
-// velocity of a point (world) that moves with the link.
+// Each column has the link's angular velocity, and the velocity of a point of the link, for a unit of one generalised
+// velocity. The point is given in the world.
 template <class T>
 MatX<T> point_jacobian(const Mechanism& mechanism, const std::vector<Pose<T>>& poses, int link, const Vec3<T>& point) {
   MatX<T> jacobian = MatX<T>::Zero(6, mechanism.velocities());
-  const auto turning = [&](int column, const Vec3<T>& axis, const Vec3<T>& origin) {
+  const auto set_rotation = [&](int column, const Vec3<T>& axis, const Vec3<T>& origin) {
     jacobian.col(column) << axis, skew<T>(axis) * (point - origin);
   };
   const Tree& tree = mechanism.tree();
@@ -92,11 +92,11 @@ MatX<T> point_jacobian(const Mechanism& mechanism, const std::vector<Pose<T>>& p
     if (joint.kind == JointKind::prismatic)
       jacobian.col(column).tail(3) = axis;
     else
-      turning(column, axis, poses[l].position);
+      set_rotation(column, axis, poses[l].position);
   }
   if (mechanism.root_velocities() > 0)
     for (int k = 0; k < 3; ++k) {
-      turning(k, poses[0].rotation.col(k), poses[0].position);
+      set_rotation(k, poses[0].rotation.col(k), poses[0].position);
       jacobian.col(3 + k).tail(3) = poses[0].rotation.col(k);
     }
   return jacobian;
@@ -201,7 +201,7 @@ MatrixXd Mechanism::mass_matrix(const State& state) const {
 
 VectorXd Mechanism::bias(const State& state) const {
   const Pose<double> root = root_pose(state);
-  // q + i e dq/dt, and the root's pose moved to first order by its own twist.
+  // q + i e dq/dt, and the root's pose moved to first order by its twist.
   const Complex step(0.0, complex_step);
   Pose<Complex> moved_root = {root.rotation.cast<Complex>(), root.position.cast<Complex>()};
   if (model_.root.floating) {

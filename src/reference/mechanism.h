@@ -1,8 +1,8 @@
-// The scalar reference: a mechanism's dynamics, dense and as in a textbook. SPDX-License-Identifier: Apache-2.0
+// The reference: a mechanism's dynamics, dense and as in a textbook. SPDX-License-Identifier: Apache-2.0
 //
-// Everything here is plain double arithmetic on dense matrices, link by link from world-frame Jacobians and
-// d'Alembert's principle. It shares nothing with the kernels, which it exists to check: only the Model and its
-// Tree. Fixed joints are not merged, a link is a body whatever carries it.
+// The reference checks the kernels, so it shares nothing with them but the Model and its Tree. It uses doubles and
+// dense matrices, world-frame Jacobians of each link, and d'Alembert's principle. Every link is a body, also one that a
+// fixed joint carries.
 #pragma once
 
 #include <Eigen/Dense>
@@ -15,16 +15,16 @@ namespace lockstep::reference {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// Where a mechanism is and how it moves. Generalised velocities are a floating root's six first (angular, then
-/// linear, in root-link axes, as at Root in model.h), then the moving joints in the order of Model::joints.
+/// Position and velocity of a mechanism. Generalised velocities: first the six of a floating root (angular, then
+/// linear, in root-link axes, as at Root in model.h), then those of the moving joints in the order of Model::joints.
 struct State {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();               ///< of the root link's frame, world, m
-  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< of the same
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< of the same frame
   Eigen::VectorXd q;                                                ///< [dofs] joint positions
   Eigen::VectorXd v;                                                ///< [velocities] generalised velocities
 };
 
-/// What acts on a mechanism during a step.
+/// The inputs of a step.
 struct Inputs {
   Eigen::VectorXd position_targets, velocity_targets;  ///< [dofs] of the drives
   Eigen::VectorXd efforts;                             ///< [dofs] feed-forward
@@ -34,7 +34,7 @@ struct Inputs {
 
 class Mechanism {
  public:
-  explicit Mechanism(const Model& model);  ///< throws ModelError where the model is not valid
+  explicit Mechanism(const Model& model);  ///< throws ModelError if the model is not valid
 
   const Model& model() const { return model_; }
   const Tree& tree() const { return tree_; }
@@ -46,13 +46,13 @@ class Mechanism {
   int dof_of_joint(int joint) const { return dof_of_joint_[joint]; }  ///< -1 for a fixed one
   int dof(const std::string& joint) const { return dof_of_joint_[model_.joint_index(joint)]; }
 
-  /// Joint-space constants, one per generalised velocity, 0 for a floating root's.
+  /// Constants of the joints, one for each generalised velocity; 0 for those of a floating root.
   const Eigen::VectorXd& armature() const { return armature_; }
   const Eigen::VectorXd& damping() const { return damping_; }
   const Eigen::VectorXd& kp() const { return kp_; }
   const Eigen::VectorXd& kd() const { return kd_; }
 
-  State initial_state() const;    ///< the model's
+  State initial_state() const;    ///< the model's state
   Inputs initial_inputs() const;  ///< the model's targets and efforts, no wrenches
 
   // --- kinematics, all in world axes -----------------------------------------------------------------
@@ -63,22 +63,22 @@ class Mechanism {
   Eigen::Vector3d site_position(const State& state, int site) const;
   Eigen::MatrixXd site_jacobian(const State& state, int site) const;
 
-  // --- dynamics: M dv/dt + c = generalised forces, armature apart ------------------------------------
+  // --- dynamics: M dv/dt + c = generalised forces; armatures are not in M ----------------------------
   /// Sum over the links of J^T I J, without armature.
   Eigen::MatrixXd mass_matrix(const State& state) const;
-  /// c(q, v): what holds the mechanism to dv/dt = 0, gravity included. For the root these are rates of the
-  /// twist's components in root axes, so a single body gives I dw/dt + w x I w = 0.
+  /// c(q, v): the forces of dv/dt = 0, with gravity. The root's dv/dt are the rates of the twist's components in root
+  /// axes, so for a single body I dw/dt + w x I w = 0.
   Eigen::VectorXd bias(const State& state) const;
   Eigen::VectorXd wrench_forces(const State& state, const Eigen::MatrixXd& wrenches) const;
-  /// Efforts and drives, less what the joints' damping takes.
+  /// Efforts, drives and the joints' damping.
   Eigen::VectorXd joint_forces(const State& state, const Inputs& inputs) const;
 
   double kinetic_energy(const State& state) const;    ///< with the armatures' share
   double potential_energy(const State& state) const;  ///< gravity alone, zero at the world's origin
   Vector6d momentum(const State& state) const;        ///< angular about the world's origin, then linear
 
-  /// The state moved for a time h with constant generalised velocities v: exactly for the joints and the root's
-  /// rotation, the root's translation along R v of the start. Velocities stay as they are.
+  /// The state moved for a time h with constant generalised velocities v. Joints and the root's rotation are exact; the
+  /// root's translation keeps the direction R v of the start. Velocities do not change.
   State advanced(const State& state, const Eigen::VectorXd& v, double h) const;
 
  private:

@@ -1,11 +1,11 @@
-// Projected Gauss-Seidel, (16): rows one after the other on the velocity. SPDX-License-Identifier: Apache-2.0
+// Projected Gauss-Seidel, (16): the rows correct the velocity one after the other. SPDX-License-Identifier: Apache-2.0
 #include "step.h"
 
 namespace lockstep::reference {
 
 using Eigen::VectorXd;
 
-// q, and with it C and b, stay as they are at the start of the step.
+// q, C and b are those at the start of the step.
 Solution pgs(const Stage& stage, const StepSettings& settings) {
   VectorXd v = stage.free;
   VectorXd impulses = VectorXd::Zero(stage.couplings.count());
@@ -24,9 +24,9 @@ Solution literal_18(const Stage& stage, const StepSettings& settings) {
   for (int sweep = 0; sweep < settings.iterations; ++sweep)
     for (int i = 0; i < impulses.size(); ++i) {
       if (!stage.rows[i].active) continue;
-      double forgotten = 0.0;
-      visit(stage, i, stage.correction[i], stage.rows[i].cfm, forgotten, v);
-      impulses[i] += forgotten;
+      double increment = 0.0;
+      visit(stage, i, stage.correction[i], stage.rows[i].cfm, increment, v);
+      impulses[i] += increment;
     }
   return {v, v, impulses};
 }

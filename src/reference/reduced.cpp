@@ -1,4 +1,4 @@
-// Hard couplings as exact constraints, by a basis of their null space. SPDX-License-Identifier: Apache-2.0
+// Hard couplings as exact constraints, with a basis of their null space. SPDX-License-Identifier: Apache-2.0
 #include "step.h"
 
 namespace lockstep::reference {
@@ -11,7 +11,7 @@ namespace {
 struct Split {
   MatrixXd hard, soft;  // rows of J
   VectorXd hard_b, soft_b, soft_cfm;
-  std::vector<int> hard_rows, soft_rows;  // their places among all rows
+  std::vector<int> hard_rows, soft_rows;  // their indices among all rows
 };
 
 Split split(const Stage& stage) {
@@ -29,7 +29,7 @@ Split split(const Stage& stage) {
 
 // The velocity that minimises
 //     1/2 |v - v*|^2_A + sum over the soft rows of (J v + b)^2 / (2 cfm)   subject to   J_hard v = -b_hard,
-// and the impulses that belong to it. Every v allowed is w + N y, with N the null space of J_hard.
+// and its impulses. Every v that the hard rows allow is w + N y, with N the null space of J_hard.
 VectorXd constrained_minimum(const Stage& stage, const Split& s, const VectorXd& hard_b, VectorXd& impulses) {
   const MatrixXd& a = stage.implicit;
   VectorXd w = VectorXd::Zero(a.rows());

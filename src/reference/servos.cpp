@@ -32,11 +32,11 @@ Acting acting(const Mechanism& mechanism, const Inputs& inputs, const std::vecto
 Curve servo_curve(const Mechanism& mechanism, const Inputs& inputs, const Stage& stage, int dof) {
   const Joint& joint = mechanism.joint(dof);
   const double h = stage.h, kp = joint.drive.kp, kd = joint.drive.kd;
-  const double at_rest = h * (inputs.efforts[dof] - kp * (stage.state.q[dof] - inputs.position_targets[dof]) +
-                              kd * inputs.velocity_targets[dof]);
+  const double impulse_at_rest = h * (inputs.efforts[dof] - kp * (stage.state.q[dof] - inputs.position_targets[dof]) +
+                                      kd * inputs.velocity_targets[dof]);
   const double slope = h * (h * kp + kd);
   return {VectorXd::Unit(mechanism.velocities(), mechanism.root_velocities() + dof),
-          box_pieces(-at_rest / slope, h * joint.effort_limit, 1.0 / slope)};
+          box_pieces(-impulse_at_rest / slope, h * joint.effort_limit, 1.0 / slope)};
 }
 
 std::vector<Servo> servos_at(const Mechanism& mechanism, const Inputs& inputs, const Stage& stage,

@@ -8,29 +8,29 @@
 
 namespace lockstep::reference {
 
-/// What a joint's servo and feed-forward effort are in a step.
+/// How a joint's servo and feed-forward effort act in a step.
 enum class Servo {
-  linear,  ///< (M13), which is all that joints without an effort limit know
-  low,     ///< at the limit: a constant force
-  high,
-  apart,  ///< left out of A and v*, to act as a curve
+  linear,  ///< as in (M13); always, if the joint has no effort limit
+  low,     ///< at the lower limit: a constant force
+  high,    ///< at the upper limit
+  apart,   ///< not in A and v*; the servo acts as a curve
 };
 
-/// Whether the joint has a servo that may come to its limit. Those of kinematic drives have none.
+/// True if the joint has a servo with an effort limit.
 bool limited_servo(const Joint& joint);
 
-/// A mechanism and its inputs as they act. A servo at its limit is a joint without servo whose effort is the limit;
-/// the effort of a joint that has no servo is held within the limit.
+/// The mechanism and its inputs, changed to act as `servos` says. A joint whose servo is at its limit has no servo, and
+/// the limit is its effort. The effort of a joint without a servo is clamped to the limit.
 struct Acting {
   Mechanism mechanism;
   Inputs inputs;
 };
 Acting acting(const Mechanism& mechanism, const Inputs& inputs, const std::vector<Servo>& servos);
 
-/// The impulse of one servo over the step, by its joint's speed at the end: a box around a line.
+/// The impulse of one servo over the step as a function of its joint's speed at the end: a line, cut at the limits.
 Curve servo_curve(const Mechanism& mechanism, const Inputs& inputs, const Stage& stage, int dof);
 
-/// What the limited servos are for the velocities at the end of the step.
+/// How the limited servos act for the given velocities at the end of the step.
 std::vector<Servo> servos_at(const Mechanism& mechanism, const Inputs& inputs, const Stage& stage,
                              const Eigen::VectorXd& velocity);
 

@@ -1,4 +1,4 @@
-// What all methods of the reference have in common. SPDX-License-Identifier: Apache-2.0
+// The part of a step that all methods of the reference share. SPDX-License-Identifier: Apache-2.0
 #include "step.h"
 
 #include "bounded.h"
@@ -15,12 +15,13 @@ Stage::Stage(const Mechanism& mechanism, double step, const State& start, const 
   mass = mechanism.mass_matrix(state);
   bias = mechanism.bias(state);
   if (mechanism.root_velocities() > 0) {
-    // The root is stepped in inertial axes. Seen from its own, a velocity u that keeps to those turns by -w x u.
+    // The root is stepped in inertial axes. A velocity u that is constant in these changes by -w x u in the root's
+    // axes.
     const Eigen::Vector3d w = state.v.head<3>(), u = state.v.segment<3>(3);
     bias += mass.middleCols<3>(3) * -w.cross(u);
   }
 
-  // Damping and drives are linear, so they are taken at the end of the step:
+  // Damping and drives are linear and implicit, at the end of the step:
   // A (v* - v) = h (tau - c - d v - kp (q + h v - q_t) - kd (v - v_t)).
   const VectorXd &a = mechanism.armature(), &d = mechanism.damping(), &kp = mechanism.kp(), &kd = mechanism.kd();
   implicit = mass;
@@ -80,7 +81,8 @@ Step step(const Mechanism& mechanism, const StepSettings& settings, const State&
     case Method::tgs: solution = tgs(stage, settings); break;
     case Method::direct: solution = direct(stage, settings); break;
     case Method::reduced: solution = reduced(stage, settings); break;
-    case Method::automatic: throw SettingsError("method", "is automatic", "name one that the reference shall use");
+    case Method::automatic:
+      throw SettingsError("method", "is automatic", "name the method that the reference is to use");
   }
   return finished(mechanism, std::move(stage), std::move(solution));
 }

@@ -1,11 +1,11 @@
-// Temporal Gauss-Seidel: (16) once in each of N sub-steps, C renewed in between. SPDX-License-Identifier: Apache-2.0
+// Temporal Gauss-Seidel: one sweep (16) in each of N sub-steps, with a new C. SPDX-License-Identifier: Apache-2.0
 #include "step.h"
 
 namespace lockstep::reference {
 
 using Eigen::VectorXd;
 
-// A, and with it all responses, belongs to the whole step and is frozen.
+// A and all responses are those of the whole step.
 Solution tgs(const Stage& stage, const StepSettings& settings) {
   const int n = settings.iterations, count = stage.couplings.count();
   const double h = stage.h / n;

@@ -10,8 +10,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// The generalised velocities that the hard couplings allow, as the columns of an orthonormal matrix. J is constant,
-// so a motion whose accelerations lie in it stays on the couplings: no drift but rounding.
+// An orthonormal basis of the generalised velocities that the hard couplings allow. J is constant, so a motion with
+// accelerations in this space satisfies the couplings to rounding.
 MatrixXd allowed_velocities(const Mechanism& mechanism, const Couplings& couplings) {
   std::vector<int> hard;
   for (int i = 0; i < couplings.count(); ++i)
@@ -23,14 +23,14 @@ MatrixXd allowed_velocities(const Mechanism& mechanism, const Couplings& couplin
   return q.rightCols(nv - rows.rows());
 }
 
-// A mechanism with what does not change over a motion.
+// A mechanism, and what does not change over a motion.
 struct Constrained {
   explicit Constrained(const Mechanism& m)
       : mechanism(m), couplings(m), jacobian(couplings.velocity_jacobian()), allowed(allowed_velocities(m, couplings)) {
     for (int i = 0; i < couplings.count(); ++i) {
       if (is_hard(couplings.softness[i])) continue;
       if (std::holds_alternative<ErpCfm>(couplings.softness[i]))
-        throw SettingsError("softness", "is given by erp and cfm, which is no spring without a step",
+        throw SettingsError("softness", "is given by erp and cfm, which make no spring without a step",
                             "give kp and kd or a frequency");
     }
   }
@@ -53,7 +53,7 @@ struct Constrained {
     return forces;
   }
 
-  // N^T (M dv/dt + c - forces) = 0 and dv/dt = N y: the couplings' forces do no work on what they allow.
+  // N^T (M dv/dt + c - forces) = 0 and dv/dt = N y: the couplings' forces do no work on the velocities that they allow.
   VectorXd acceleration(const State& state, const Inputs& inputs) const {
     const MatrixXd m = mass(state);
     const VectorXd forces = mechanism.joint_forces(state, inputs) + mechanism.wrench_forces(state, inputs.wrenches) +
@@ -87,7 +87,7 @@ VectorXd derivative(const Constrained& system, const State& state, const Inputs&
   rate.position.setZero();
   rate.orientation.coeffs().setZero();
   if (system.mechanism.root_velocities() > 0) {
-    // dp/dt = R v and dQ/dt = 1/2 Q w with w in root axes; only the direction of Q counts, so it need not be unit.
+    // dp/dt = R v and dQ/dt = 1/2 Q w with w in root axes. Only the direction of Q counts, so it need not be unit.
     const Eigen::Vector3d w = state.v.head<3>();
     rate.position = state.orientation.normalized() * state.v.segment<3>(3);
     rate.orientation.coeffs() = 0.5 * (state.orientation * Eigen::Quaterniond(0.0, w[0], w[1], w[2])).coeffs();
@@ -145,7 +145,7 @@ Motion integrate_with_error(const Mechanism& mechanism, const State& start, cons
                             double interval, int intervals, int steps) {
   const Motion coarse = integrate(mechanism, start, inputs, interval, intervals, steps);
   Motion fine = integrate(mechanism, start, inputs, interval, intervals, 2 * steps);
-  // Halving the step takes the error of order 4 to a sixteenth.
+  // Half the step has a sixteenth of the error, as the order is 4.
   fine.error = (fine.positions - coarse.positions).cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / 15.0;
   return fine;
 }

@@ -8,30 +8,30 @@
 
 namespace lockstep::reference {
 
-/// Sets what acts at time t; called with the model's inputs.
+/// Sets the inputs at time t. `inputs` are the model's at the first call.
 using InputsOverTime = std::function<void(double t, Inputs& inputs)>;
 
-/// The model's inputs, held.
+/// Keeps the model's inputs.
 inline void held(double, Inputs&) {}
 
 struct Motion {
   Eigen::VectorXd times;      ///< 0, interval, 2 interval, ...
   Eigen::MatrixXd positions;  ///< [time][dof]
   State end;                  ///< at the last time
-  double error = 0.0;         ///< of the positions, largest, by Richardson's estimate (0 where none was made)
+  double error = 0.0;         ///< largest error of the positions, by Richardson's estimate; 0 if not estimated
 };
 
-/// dv/dt of the motion that keeps all hard couplings exactly, found in the null space of their J. Soft couplings
-/// act with the kp and kd of their springs, (26) and (27); softness by erp and cfm means nothing without a step,
-/// so it is refused (SettingsError).
+/// dv/dt of the motion that satisfies all hard couplings exactly, found in the null space of their J. Soft couplings
+/// act as springs with kp and kd, (26) and (27). Throws SettingsError for an ErpCfm, which means nothing without a
+/// step.
 Eigen::VectorXd acceleration(const Mechanism& mechanism, const State& state, const Inputs& inputs);
 
-/// Runge-Kutta 4 with `steps` steps per interval. The start must lie on the hard couplings; its velocity is moved
-/// onto them as a collision would, by the impulses of the couplings.
+/// Runge-Kutta 4 with `steps` steps per interval. Throws SettingsError if the start violates a hard coupling. Impulses
+/// of the couplings make its velocity satisfy them.
 Motion integrate(const Mechanism& mechanism, const State& start, const InputsOverTime& inputs, double interval,
                  int intervals, int steps);
 
-/// The same with the error: steps and 2 steps per interval, the finer motion is returned.
+/// The same with the error. Runs `steps` and 2 `steps` per interval, and returns the finer motion.
 Motion integrate_with_error(const Mechanism& mechanism, const State& start, const InputsOverTime& inputs,
                             double interval, int intervals, int steps);
 

@@ -13,18 +13,18 @@
 namespace lockstep {
 namespace {
 
-std::string counted(int count, const char* one, const char* many) {
+std::string count_of(int count, const char* one, const char* many) {
   return fmt::format("{} {}", count, count == 1 ? one : many);
 }
 
-std::string listed(const std::vector<std::string>& names, std::size_t most = 8) {
+std::string joined(const std::vector<std::string>& names, std::size_t most = 8) {
   const std::size_t shown = std::min(names.size(), most);
   std::string text =
       fmt::format("{}", fmt::join(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(shown), ", "));
   return names.size() > most ? fmt::format("{} and {} more", text, names.size() - most) : text;
 }
 
-std::string said(const Softness& softness) {
+std::string words_of(const Softness& softness) {
   struct Words {
     std::string operator()(const Hard& s) const { return fmt::format("hard (erp {:g})", s.erp); }
     std::string operator()(const ErpCfm& s) const { return fmt::format("erp {:g}, cfm {:g}", s.erp, s.cfm); }
@@ -37,7 +37,7 @@ std::string said(const Softness& softness) {
   return std::visit(Words{}, softness);
 }
 
-const char* said(Integrator integrator) {
+const char* words_of(Integrator integrator) {
   switch (integrator) {
     case Integrator::leapfrog: return "leapfrog with an implicit linear part";
     case Integrator::extrapolated: return "extrapolated from leapfrogs of one step and of two halves";
@@ -47,7 +47,7 @@ const char* said(Integrator integrator) {
 }
 
 // How often a step runs which of its stages, where not once.
-const char* said_of_evaluations(Integrator integrator) {
+const char* evaluations_of(Integrator integrator) {
   switch (integrator) {
     case Integrator::leapfrog: return " (at the midpoint; bias forces twice, solved four times)";
     case Integrator::extrapolated: return " (of three leapfrogs, each with bias forces twice and four solves)";
@@ -56,22 +56,22 @@ const char* said_of_evaluations(Integrator integrator) {
   }
 }
 
-std::string said(const Coupling& coupling, const std::string& name) {
+std::string words_of(const Coupling& coupling, const std::string& name) {
   std::string form = coupling.joint;
   for (const CouplingTerm& term : coupling.terms)
     form += fmt::format(" {} {:g} {}", term.ratio < 0 ? '-' : '+', std::abs(term.ratio), term.joint);
   if (coupling.offset != 0.0)
     form += fmt::format(" {} {:g}", coupling.offset < 0 ? '-' : '+', std::abs(coupling.offset));
-  return fmt::format("{}: {} = 0, {}", name, form, said(coupling.softness));
+  return fmt::format("{}: {} = 0, {}", name, form, words_of(coupling.softness));
 }
 
 std::string mechanism_line(const Program& program) {
   const Tables<double>& t = program.f64;
   std::string text =
       fmt::format("{}: {} base, {}, {}", program.model.name, t.floating ? "floating" : "fixed",
-                  counted(t.joints, "moving joint", "moving joints"), counted(t.couplings, "coupling", "couplings"));
+                  count_of(t.joints, "moving joint", "moving joints"), count_of(t.couplings, "coupling", "couplings"));
   if (program.merged_links > 0)
-    text += fmt::format("; {} fixed to others and merged", counted(program.merged_links, "link is", "links are"));
+    text += fmt::format("; {} fixed to others and merged", count_of(program.merged_links, "link is", "links are"));
   return text + ".\n";
 }
 
@@ -80,7 +80,7 @@ std::string coupling_lines(const Program& program) {
   std::string text;
   for (std::size_t c = 0; c < names.size(); ++c) {
     const int index = static_cast<int>(c);
-    text += "  " + said(program.model.couplings[c], names[c]);
+    text += "  " + words_of(program.model.couplings[c], names[c]);
     if (is_redundant(program, index))
       text += "; redundant: it follows from those above and takes no impulse of its own";
     if (is_absent(program, index)) text += "; absent: it has neither stiffness nor damping";
@@ -93,32 +93,34 @@ std::string method_lines(const Program& program) {
   const Tables<double>& t = program.f64;
   const StepSettings& s = program.settings;
   const int rows = t.rows.count;
-  const std::string once_more = s.velocity_iterations > 0 ? "" : ", without the closing solve (velocity_iterations 0)";
+  const std::string once_more =
+      s.velocity_iterations > 0 ? "" : ", without the solve of the velocity phase (velocity_iterations 0)";
   std::string text =
       fmt::format("Method: {} ({}).\nIntegrator: {} ({}), dt {:.6g} s ({:.4g} Hz).\n", to_string(program.method),
-                  program.method_reason, said(program.integrator), program.integrator_reason, s.dt, 1.0 / s.dt);
+                  program.method_reason, words_of(program.integrator), program.integrator_reason, s.dt, 1.0 / s.dt);
   const std::string solved = "solved together by L^T D L";
-  const std::string met = !t.rows.known_suffice     ? solved
-                          : t.bounds.rows.count > 0 ? "met by prescribed speeds, " + solved + " where bounds act"
-                                                    : "met by prescribed speeds";
+  const std::string met = !t.rows.known_suffice ? solved
+                          : t.bounds.rows.count > 0
+                              ? "met by known constraint velocities, " + solved + " where bounds are active"
+                              : "met by known constraint velocities";
   switch (program.method) {
     case Method::reduced:
       if (!program.eliminated.empty()) {
         std::vector<std::string> followers;
         for (int dof : program.eliminated) followers.push_back(program.dof_names[dof]);
-        text += fmt::format("  eliminated: {}; {} of {} velocities are left to solve.\n", listed(followers), t.solver.n,
+        text += fmt::format("  eliminated: {}; {} of {} velocities are left to solve.\n", joined(followers), t.solver.n,
                             t.velocities);
       }
       if (rows > 0)
-        text += fmt::format("  {} {}{}.\n", counted(rows, "soft row is", "soft rows are"), solved, once_more);
+        text += fmt::format("  {} {}{}.\n", count_of(rows, "soft row is", "soft rows are"), solved, once_more);
       break;
     case Method::direct:
-      text += fmt::format("  {} {}{}.\n", counted(rows, "row is", "rows are"), met, once_more);
+      text += fmt::format("  {} {}{}.\n", count_of(rows, "row is", "rows are"), met, once_more);
       break;
     default:
-      text += fmt::format("  {}, {} {}, then {}.\n", counted(rows, "row", "rows"), s.iterations,
+      text += fmt::format("  {}, {} {}, then {}.\n", count_of(rows, "row", "rows"), s.iterations,
                           program.method == Method::tgs ? "sub-steps of one sweep" : "sweeps",
-                          counted(s.velocity_iterations, "velocity iteration", "velocity iterations"));
+                          count_of(s.velocity_iterations, "velocity iteration", "velocity iterations"));
   }
   return text;
 }
@@ -131,8 +133,8 @@ std::string input_line(const Program& program) {
                        fmt::format("at shares of {:.4g}", fmt::join(program.stage_times, ", ")));
   if (program.integrator == Integrator::runge_kutta)
     text += fmt::format(
-        "Explicit terms: motions of {:.3g} 1/s at the model's start, times dt {:.3g} of the 2.5 that it bears; "
-        "gains, damping and masses of environments are not looked at.\n",
+        "Explicit terms: motions of {:.3g} 1/s at the model's start, times dt {:.3g}, where up to 2.5 is stable; "
+        "per-environment gains, damping and masses are not checked.\n",
         program.explicit_rate, program.explicit_rate * program.settings.dt);
   return text;
 }
@@ -142,28 +144,29 @@ std::string stage_lines(const Program& program) {
   std::vector<std::string> stages{"kinematics", "bias forces (Newton-Euler)", "joint terms"};
   if (t.couplings > 0) stages.insert(stages.begin() + 1, "coupling errors");
   if (!t.articulated.used() || t.undamped.count > 0)
-    stages.push_back(t.reduction.composite.places > 0
-                         ? "reduced mass matrix (composite bodies, columns of followers merged)"
-                         : "mass matrix (composite bodies)");
+    stages.push_back(t.reduction.composite.places > 0 ? "reduced mass matrix (composite bodies, composite columns)"
+                                                      : "mass matrix (composite bodies)");
   if (t.reduction.by_entries())
-    stages.push_back(t.reduction.has_constraint_velocities() ? "speeds of couplings for velocities" : "elimination");
+    stages.push_back(t.reduction.has_constraint_velocities() ? "constraint velocities in place of followers'"
+                                                             : "elimination");
   stages.push_back(t.articulated.used() ? "free velocity (articulated bodies)" : "free velocity (L^T D L)");
-  if (t.undamped.count > 0) stages.push_back("natural responses (a second factorisation, for softness by frequency)");
+  if (t.undamped.count > 0)
+    stages.push_back("responses of the undamped inertia (a second factorisation, for softness by frequency)");
   if (t.rows.known_suffice)
-    stages.push_back("prescribed speeds of couplings");
+    stages.push_back("known constraint velocities");
   else if (t.rows.count > 0)
     stages.insert(stages.end(),
                   {"responses", "row terms", to_string(t.rows.columns.n > 0 ? Method::direct : program.method)});
   if (t.bounds.rows.count > 0) stages.push_back("bounds");
-  if (t.limited_servos.count > 0) stages.push_back("saturation of servos");
+  if (t.limited_servos.count > 0) stages.push_back("limited servos");
   stages.insert(stages.end(), {"integration", "check"});
-  std::string text = fmt::format("Stages{}: {}.\n", said_of_evaluations(program.integrator), fmt::join(stages, ", "));
+  std::string text = fmt::format("Stages{}: {}.\n", evaluations_of(program.integrator), fmt::join(stages, ", "));
 
   if (t.reduction.consistent_is_shorter)
     text +=
-        fmt::format("Where all followers of a tile are in place, a step leaves out what corrects them{}.\n",
+        fmt::format("Where all followers of a tile are consistent, a step leaves out their corrections{}.\n",
                     t.reduction.mirrors.count > 0
-                        ? fmt::format(" and the sines of {} that turn as their drivers do", t.reduction.mirrors.count)
+                        ? fmt::format(" and the sines of {} that turn as their leaders do", t.reduction.mirrors.count)
                         : "");
   std::vector<std::string> absent;
   if (t.rows.count == 0) absent.push_back("solver rows");
@@ -175,16 +178,16 @@ std::string stage_lines(const Program& program) {
   for (int p = 0; p < parameter_count; ++p)
     if (!declared(program, static_cast<Parameter>(p)))
       absent.push_back(fmt::format("{} per environment", to_string(static_cast<Parameter>(p))));
-  if (!absent.empty()) text += fmt::format("Left out, as the scene has none: {}.\n", fmt::join(absent, ", "));
+  if (!absent.empty()) text += fmt::format("Left out, because the scene has none: {}.\n", fmt::join(absent, ", "));
   return text;
 }
 
-struct Stated {  // bounds of the model that a step holds or, as asked, leaves out
+struct BoundCounts {  // bounds of the model that a step holds or, as asked, leaves out
   int position = 0, velocity = 0, effort = 0, friction = 0, kinematic = 0, force = 0;
 };
 
-Stated stated(const Model& model) {
-  Stated s;
+BoundCounts bounds_of(const Model& model) {
+  BoundCounts s;
   for (const Joint& joint : model.joints) {
     if (!joint.moves()) continue;
     s.position += joint.lower > -infinity || joint.upper < infinity;
@@ -198,12 +201,12 @@ Stated stated(const Model& model) {
 }
 
 std::string bounds_lines(const Program& program) {
-  const Stated all = stated(program.model);
+  const BoundCounts all = bounds_of(program.model);
   const Ignored& ignore = program.settings.ignore;
   const Bounds<double>& b = program.f64.bounds;
   std::vector<std::string> held, ignored;
   const auto say = [&](int count, bool left_out, const char* one, const char* many) {
-    if (count > 0) (left_out ? ignored : held).push_back(counted(count, one, many));
+    if (count > 0) (left_out ? ignored : held).push_back(count_of(count, one, many));
   };
   say(all.position, ignore.position_limits, "position range", "position ranges");
   say(all.velocity, ignore.velocity_limits, "velocity limit", "velocity limits");
@@ -217,13 +220,13 @@ std::string bounds_lines(const Program& program) {
     if (b.rows.count > 0) {
       const bool exact = program.method == Method::direct || program.method == Method::reduced;
       text += fmt::format(
-          "; {}, {}", counted(b.rows.count, "row", "rows"),
-          exact ? "those that act solved exactly through the couplings" : "those that act swept after the couplings");
+          "; {}, {}", count_of(b.rows.count, "row", "rows"),
+          exact ? "active ones solved exactly through the couplings" : "active ones swept after the couplings");
     }
-    if (b.may_depend) text += "; hard ones that oppose each other share the violation";
+    if (b.may_depend) text += "; hard ones that contradict each other share the violation";
     text += ".\n";
   }
-  if (!ignored.empty()) text += fmt::format("Ignored, as asked for: {}.\n", fmt::join(ignored, ", "));
+  if (!ignored.empty()) text += fmt::format("Left out by StepSettings::ignore: {}.\n", fmt::join(ignored, ", "));
   return text;
 }
 

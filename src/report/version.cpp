@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "lockstep/version.h"
 
 #define LOCKSTEP_TEXT_OF(x) #x

@@ -1,7 +1,7 @@
-// Numbers too small to be normal are taken for zero while kernels run. SPDX-License-Identifier: Apache-2.0
+// Treats denormal numbers as zero while kernels run. SPDX-License-Identifier: Apache-2.0
 //
-// A mechanism that comes to rest would otherwise spend most of its time in the processor's slow path for them.
-// Part of the promise of same bits: every target steps in this mode.
+// Otherwise a mechanism that comes to rest would spend most of its time in the slow path of the processor for them.
+// Every target steps in this mode, so that all have the same bits.
 #pragma once
 
 #include "wide.h"
@@ -11,7 +11,7 @@ namespace lockstep::simd {
 #ifdef __aarch64__
 LOCKSTEP_INLINE unsigned floating_point_mode() { return __builtin_aarch64_get_fpcr(); }
 LOCKSTEP_INLINE void set_floating_point_mode(unsigned mode) { __builtin_aarch64_set_fpcr(mode); }
-constexpr unsigned flushing = 1u << 24;  // FZ: of operands and results
+constexpr unsigned flushing = 1u << 24;  // FZ: operands and results
 #else
 LOCKSTEP_INLINE unsigned floating_point_mode() { return __builtin_ia32_stmxcsr(); }
 LOCKSTEP_INLINE void set_floating_point_mode(unsigned mode) { __builtin_ia32_ldmxcsr(mode); }

@@ -1,8 +1,8 @@
 // Sine and cosine together, without branches. SPDX-License-Identifier: Apache-2.0
 //
-// Reduction to [-pi/4, pi/4] by a three-part pi/2 (Cody and Waite 1980) and minimax polynomials (those of
-// Cephes, Moshier 1992). Largest error: 1e-7 in float for |x| < 8192, 3e-16 in double for |x| < 1e6;
-// beyond, the reduction loses digits in proportion to x.
+// Reduction to [-pi/4, pi/4] by pi/2 in three parts (Cody and Waite 1980), then the minimax polynomials of Cephes
+// (Moshier 1992). The largest error is 1e-7 in float for |x| < 8192, and 3e-16 in double for |x| < 1e6. Beyond, the
+// reduction loses digits in proportion to x.
 #pragma once
 
 #include "wide.h"
@@ -35,11 +35,11 @@ struct SincosConstants<double> {
                                        -1.38888888888730564116e-3,  4.16666666666665929218e-2};
 };
 
-/// What one sincos() takes: reduction 10, two polynomials, their closing terms 11.
+/// Operations of one sincos(): 10 for the reduction, two polynomials, 11 for their last terms.
 template <class S>
 inline constexpr int sincos_flops = 10 + 4 * (SincosConstants<S>::terms - 1) + 11;
 
-/// On the way to both.
+/// The state of both polynomials, between reduction and result.
 template <class T>
 struct Turning {
   using C = SincosConstants<typename T::Scalar>;
@@ -60,7 +60,7 @@ struct Turning {
   LOCKSTEP_INLINE void end(T& sine, T& cosine) {
     s = fma(s * z, r, r);
     c = fma(z * z, c, fnma(T(typename T::Scalar(0.5)), z, T(typename T::Scalar(1))));
-    // Bit 0 of the quadrant swaps the two, bit 1 turns the sine's sign, both bits together the cosine's.
+    // Bit 0 of the quadrant swaps the two. Bit 1 flips the sign of the sine, bit 0 xor bit 1 that of the cosine.
     constexpr int top = 8 * sizeof(typename T::Scalar) - 1;
     const typename T::Bits sign = (typename T::Bits{} + 1) << top;
     const typename T::Bits odd = quadrant << top, sine_sign = (quadrant << (top - 1)) & sign;
@@ -77,7 +77,7 @@ LOCKSTEP_INLINE void sincos(Wide<S, W, A> x, Wide<S, W, A>& sine, Wide<S, W, A>&
   turning.end(sine, cosine);
 }
 
-/// Of four side by side: one after the other they would wait for each of their terms.
+/// Four side by side: one alone would wait for each of its terms.
 template <class S, int W, class A>
 LOCKSTEP_INLINE void sincos_of_four(const Wide<S, W, A>* x, Wide<S, W, A>* sine, Wide<S, W, A>* cosine) {
   using One = Turning<Wide<S, W, A>>;

@@ -5,8 +5,8 @@
 
 namespace lockstep::simd {
 
-// Three members that are assigned one by one: left to itself the compiler copies such a struct through memory
-// in halves of a register, and whoever reads it back whole waits.
+// Three members that are assigned one by one. Otherwise the compiler would copy the struct through memory in halves of
+// a register, and a load of a whole register would wait for both.
 template <class T>
 struct Vec3 {
   T x, y, z;
@@ -32,7 +32,7 @@ struct Vec3 {
   LOCKSTEP_INLINE static Vec3 constant(const ScalarOf<T>* s) { return {T(s[0]), T(s[1]), T(s[2])}; }
 };
 
-// act(0), act(1), act(2). A loop would do, but what a loop indexes the compiler puts into memory.
+// act(0), act(1), act(2). What a loop indexes, the compiler would put into memory.
 template <class Act>
 LOCKSTEP_INLINE void each_axis(Act&& act) {
   act(0);
@@ -100,8 +100,8 @@ LOCKSTEP_INLINE T pair(const T* symmetric, int i, int j) {
   return i == j ? symmetric[i] : symmetric[6 - i - j];
 }
 
-// A body's mass, first moment h = m c and second moment, all about its frame's origin; the second
-// moment is the integral of p p^T dm (the pseudo-inertia of Balafoutis and Patel 1991).
+// A body's mass, first moment h = m c and second moment about the origin of its frame. The second moment is the
+// integral of p p^T dm (the pseudo-inertia of Balafoutis and Patel 1991).
 template <class T>
 struct PseudoInertia {
   T mass;
@@ -111,7 +111,7 @@ struct PseudoInertia {
   LOCKSTEP_INLINE T pair(int i, int j) const { return simd::pair(second, i, j); }
 };
 
-// What a body feels of itself and of all that hangs on it by joints that give way (Featherstone 1983), about its
+// The inertia of a body and of all that it carries, with their joints free to move (Featherstone 1983), about its
 // origin: moment = angular alpha + across a, force = across^T alpha + linear a.
 template <class T>
 struct ArticulatedInertia {

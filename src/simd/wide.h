@@ -1,9 +1,8 @@
 // Wide<S, W, Arithmetic>: W numbers in one register, one per environment. SPDX-License-Identifier: Apache-2.0
 //
-// A struct over the compiler's vector extension. W = 1 is the scalar twin: the same code, one lane.
-// Arithmetic says whether fma() rounds once (Fused) or twice (Unfused); everything else rounds alike
-// in all of them, so lanes and twins agree to the last bit. It also keeps the instantiations of
-// translation units with different instruction sets apart: no symbol of one can stand in for another's.
+// A struct over the compiler's vector extension. Arithmetic says whether fma() rounds once (Fused) or twice (Unfused).
+// All other operations round alike everywhere, so any W gives the same bits. Arithmetic also keeps the instantiations
+// for different instruction sets apart: the linker cannot take one for another.
 #pragma once
 
 #include <cstddef>
@@ -109,9 +108,9 @@ struct Wide {
   LOCKSTEP_INLINE static Wide from_bits(Bits b) { return (Vector)b; }
 
   LOCKSTEP_INLINE friend Mask less(Wide a, Wide b) { return {(Bits)(a.v < b.v)}; }
-  // |a| > bound, and true for NaN whatever the compiler believes of NaN: an integer comparison.
+  // |a| > bound. This compares integers, so it is true for NaN whatever the compiler assumes about NaN.
   LOCKSTEP_INLINE friend Mask beyond(Wide a, Wide bound) { return {(Bits)(magnitude(a) > (Bits)bound.v)}; }
-  // The larger of `most`, which is not negative, and |a|, in the same order.
+  // The larger of |a| and `most`, which is not negative, in the order of beyond().
   LOCKSTEP_INLINE friend Wide farther(Wide most, Wide a) {
     const Bits own = magnitude(a), other = (Bits)most.v;
     return from_bits(own > other ? own : other);
@@ -131,7 +130,7 @@ struct Wide {
   }
   LOCKSTEP_INLINE static Mask none() { return {Bits{}}; }
 
-  /// A unit in the last place of 1, or a little more.
+  /// One unit in the last place of 1, or a little more.
   LOCKSTEP_INLINE static Wide rounding() { return S(sizeof(S) == 4 ? 1.2e-7 : 2.3e-16); }
 
   LOCKSTEP_INLINE S lane(int i) const { return v[i]; }
@@ -141,7 +140,7 @@ struct Wide {
   LOCKSTEP_INLINE friend void store(S* p, Wide a) { *reinterpret_cast<Vector*>(p) = a.v; }
 };
 
-// A number for all environments, as the tables hold it, or lanes that are already wide.
+// The scalar type of a wide type: what the tables hold.
 template <class T>
 using ScalarOf = typename T::Scalar;
 

@@ -1,4 +1,5 @@
 // AVX2 and FMA: multiply-adds round once. SPDX-License-Identifier: Apache-2.0
+#include "called_stages.h"
 #include "instantiate.h"
 
 namespace lockstep {

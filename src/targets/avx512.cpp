@@ -1,4 +1,5 @@
-// AVX-512: multiply-adds round once, so avx2_scalar is its scalar twin. SPDX-License-Identifier: Apache-2.0
+// AVX-512: multiply-adds round once. SPDX-License-Identifier: Apache-2.0
+#include "called_stages.h"
 #include "instantiate.h"
 
 namespace lockstep {

@@ -1,4 +1,5 @@
-// What every processor has: multiply-adds round twice. SPDX-License-Identifier: Apache-2.0
+// The instructions that every processor has: multiply-adds round twice. SPDX-License-Identifier: Apache-2.0
+#include "called_stages.h"
 #include "instantiate.h"
 
 namespace lockstep {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "dispatch.h"
 
 #include <cstdlib>
@@ -19,7 +20,7 @@ bool has_avx512() {
 }
 #endif
 
-// What automatic takes first stands first; every list ends with baseline, which runs everywhere.
+// Automatic takes the first one that runs here. baseline runs everywhere.
 std::vector<TargetKernels>& all_kernels() {
   static std::vector<TargetKernels> all = {
 #ifdef __x86_64__
@@ -40,7 +41,7 @@ const TargetKernels* choice(Target target) {
   return nullptr;
 }
 
-// The one that LOCKSTEP_TARGET names, automatic if it is not set.
+// The target that LOCKSTEP_TARGET names, automatic if it is not set.
 Target environment_target() {
   const char* variable = std::getenv("LOCKSTEP_TARGET");
   if (!variable || !*variable) return Target::automatic;

@@ -1,4 +1,4 @@
-// Which kernels this machine runs. SPDX-License-Identifier: Apache-2.0
+// Chooses the kernels that this machine runs. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "kernel_set.h"
@@ -6,8 +6,8 @@
 
 namespace lockstep {
 
-/// The target that `wanted` stands for here: automatic looks at LOCKSTEP_TARGET, then at the machine.
-/// Throws SettingsError for one that the machine cannot run, or an unknown name in the variable.
+/// The target that `wanted` stands for here: automatic takes LOCKSTEP_TARGET, else the best one of the machine.
+/// Throws SettingsError if the machine cannot run the target, or if the variable has an unknown name.
 Target resolve(Target wanted);
 
 template <class S>
@@ -22,8 +22,8 @@ struct TargetKernels {
   const KernelSet<double>& f64;
 };
 
-/// Adds a target that the library is not built with, and that automatic never takes. Tests add their scalar twins so,
-/// before they use any. Not thread-safe.
+/// Adds a target that automatic never takes. Tests add their scalar twins this way, before they use any target. Not
+/// thread-safe.
 void add_target(const TargetKernels& kernels);
 
 }  // namespace lockstep

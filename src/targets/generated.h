@@ -1,10 +1,11 @@
-// What a generated file is compiled from: once per instruction set. SPDX-License-Identifier: Apache-2.0
+// Generated files include this. They are compiled once for each instruction set. SPDX-License-Identifier: Apache-2.0
 //
-// LOCKSTEP_KERNEL_TARGET names the instruction set, whose flags the file is compiled with.
+// LOCKSTEP_KERNEL_TARGET names the instruction set. The file is compiled with its flags.
 #pragma once
 
+#include "called_stages.h"
 #include "generated_kernel.h"
-#include "instantiate.h"
+#include "registers.h"
 
 #ifndef LOCKSTEP_KERNEL_TARGET
 #define LOCKSTEP_KERNEL_TARGET baseline
@@ -21,7 +22,7 @@ namespace lockstep {
 LOCKSTEP_CALLED_STAGES(extern, registers::LOCKSTEP_KERNEL_TARGET::f32);
 LOCKSTEP_CALLED_STAGES(extern, registers::LOCKSTEP_KERNEL_TARGET::f64);
 
-/// Step::step stands in for the tables' way of a step.
+/// Step::step replaces the step by the tables.
 template <class Step, bool f32, bool f64>
 constexpr GeneratedKernel generated_kernel(const char* name, const char* version, std::uint64_t hash) {
   using Registers = registers::LOCKSTEP_KERNEL_TARGET;

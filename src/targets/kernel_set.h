@@ -1,4 +1,4 @@
-// KernelSet: what one instruction set offers, as plain functions. SPDX-License-Identifier: Apache-2.0
+// KernelSet: the kernels of one instruction set, as plain functions. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
@@ -11,20 +11,23 @@ namespace lockstep {
 template <class S>
 struct KernelSet {
   int lanes;
-  /// Bytes of scratch memory, aligned to 64, that the functions below want for these tables.
+  /// Bytes of scratch memory that the functions below need for these tables. It is aligned to 64 bytes.
   std::size_t (*scratch_bytes)(const Tables<S>&);
-  /// Environments [first, last): whole tiles.
+  /// Steps environments [first, last), which are whole tiles.
   void (*advance)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, std::ptrdiff_t last, int substeps,
                   void* scratch);
-  /// The same by the interpreter, and the memory for that.
+  /// The same by the interpreter, and the scratch memory that it needs.
   std::size_t (*interpreter_bytes)(const Tables<S>&, const OperationList&);
   void (*interpret)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, std::ptrdiff_t last, int substeps,
                     void* scratch, const OperationList&);
   void (*read)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, std::ptrdiff_t last,
                const kernels::Request<S>&, S* rows, std::ptrdiff_t stride, void* scratch);
+  /// Frames of one tile: kernels::frame_numbers rows of `lanes` numbers for each request.
+  void (*read_frames)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, const kernels::Request<S>*,
+                      int count, S* numbers, void* scratch);
 };
 
-// Compiled for each instruction set by itself; avx ones on x86-64, neon on AArch64.
+// Each is compiled for its instruction set: avx2 and avx512 on x86-64, neon on AArch64.
 extern const KernelSet<float> baseline_f32, avx2_f32, avx512_f32, neon_f32;
 extern const KernelSet<double> baseline_f64, avx2_f64, avx512_f64, neon_f64;
 

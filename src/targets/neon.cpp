@@ -1,4 +1,5 @@
 // AArch64: multiply-adds round once. SPDX-License-Identifier: Apache-2.0
+#include "called_stages.h"
 #include "instantiate.h"
 
 namespace lockstep {

@@ -1,4 +1,4 @@
-// The numbers that each instruction set computes with: one register of them. SPDX-License-Identifier: Apache-2.0
+// The wide types of each instruction set: one register of numbers. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "simd/wide.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "registry.h"
 
 #include <mutex>
@@ -12,7 +13,7 @@ struct Registry {
   std::vector<const GeneratedKernel*> kernels;
 };
 
-// DraftOp by whoever comes first: kernels register themselves before main().
+// Created by the first caller, because kernels register themselves before main().
 Registry& registry() {
   static Registry all;
   return all;

@@ -1,4 +1,4 @@
-// The generated kernels that this program holds. SPDX-License-Identifier: Apache-2.0
+// The generated kernels in this program. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -9,13 +9,13 @@
 
 namespace lockstep {
 
-/// Whether there are any: only then is a plan's hash worth finding out.
+/// Whether there are any. If not, nobody needs a plan's hash.
 bool any_kernel_registered();
 
-/// All for the plan with this hash that this version of the library wrote.
+/// All kernels for the plan with this hash that this version of the library wrote.
 std::vector<const GeneratedKernel*> find_kernels(std::uint64_t hash);
 
-/// A kernel's step in precision S, null where it has none.
+/// A kernel's step in precision S, null if it has none.
 template <class S>
 Advance<S> advance_of(const GeneratedKernel& kernel) {
   if constexpr (sizeof(S) == 4)
@@ -24,7 +24,7 @@ Advance<S> advance_of(const GeneratedKernel& kernel) {
     return kernel.f64;
 }
 
-/// The first of them with a step for the target in precision S: there may be one for each precision. Null without any.
+/// The first of them for the target that has a step in precision S; each precision may have its own. Null if none has.
 template <class S>
 const GeneratedKernel* find_kernel(std::uint64_t hash, Target target) {
   for (const GeneratedKernel* kernel : find_kernels(hash))

@@ -1,4 +1,4 @@
-// lockstep chart: error against cost of the methods on a model, measured at once. SPDX-License-Identifier: Apache-2.0
+// lockstep chart: measures and draws error against cost of the methods on a model. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -27,11 +27,11 @@ namespace {
 
 constexpr double largest_error = 10.0;   // rad or m; beyond it a run has failed
 constexpr double longest_motion = 60.0;  // s
-constexpr int rounds = 5;                // cost measurements of every setting, far apart in time
+constexpr int rounds = 5;                // of cost measurements: each takes every setting once
 constexpr int fewest_environments = 64, most_environments = 4096;
-constexpr double predictable_from = 3.0;  // times the truth's own error, an error says something
-constexpr double predictable = 0.1;       // the truth's own error against the smallest error charted
-constexpr double truth_share = 0.2;       // of the work, as the progress bar shows it
+constexpr double predictable_from = 3.0;  // advice is for errors of at least this many times the truth's own
+constexpr double predictable = 0.1;       // a truth with a larger share of the smallest error is too coarse
+constexpr double truth_share = 0.2;       // of the progress bar
 
 struct ChartOptions {
   ModelOptions model;
@@ -41,30 +41,30 @@ struct ChartOptions {
   double seconds = 1.0, budget = 25.0;
 };
 
-// The model with its start from the file, or with one that moves.
+// The model with the start of the file, or without a file with a start that moves.
 Model with_start(const ChartOptions& options, Model model) {
   model.validate();
   if (options.state.empty()) return with_moving_start(std::move(model));
   return with_state(std::move(model), read_csv(options.state));
 }
 
-// The settings that the model allows, and a line about each method and integrator that it does not.
+// The settings that the model allows. Prints why it does not allow the others.
 std::vector<ChartSetting> possible_settings(const Model& model, const Ignored& ignore) {
   std::vector<ChartSetting> possible;
-  std::map<std::string, std::string> refused;  // by integrator or method: why the last time
-  std::map<std::string, int> taken;
+  std::map<std::string, std::string> refused;  // by family: the last reason
+  std::map<std::string, int> accepted;         // by family: how many
   for (const ChartSetting& setting : chart_settings(model, ignore)) {
     try {
       compile_setting(model, setting);
       possible.push_back(setting);
-      ++taken[family(setting)];
+      ++accepted[family(setting)];
     } catch (const SettingsError& error) {
-      const std::string why = error.what(), word = "apply: ";
-      refused[family(setting)] = why.find(word) < why.size() ? why.substr(why.find(word) + word.size()) : why;
+      const std::string why = error.what(), before = "apply: ";
+      refused[family(setting)] = why.find(before) < why.size() ? why.substr(why.find(before) + before.size()) : why;
     }
   }
   std::map<std::string, std::vector<std::string>> by_reason;
-  for (const auto& [what, why] : refused) by_reason[why].push_back(taken[what] > 0 ? what + " at some steps" : what);
+  for (const auto& [what, why] : refused) by_reason[why].push_back(accepted[what] > 0 ? what + " at some steps" : what);
   for (const auto& [why, what] : by_reason) fmt::print("left out {}: {}\n", fmt::join(what, ", "), why);
   return possible;
 }
@@ -91,7 +91,7 @@ Measured measure(const ChartOptions& options, const Model& model, const Truth& t
     result.points.push_back(measure_error(plans.back(), setting, truth));
     expected.push_back(measure_cost(plans.back(), setting.f64, samples, fewest_environments, 1e-4));
   }
-  // As many environments as let every setting run the whole motion in each round.
+  // The most environments with which every setting can run the whole motion in each round.
   const double expected_sum = std::accumulate(expected.begin(), expected.end(), 0.0);
   const double round_time = options.budget / rounds;
   const double simulated = static_cast<double>(samples) / samples_per_second;
@@ -100,8 +100,8 @@ Measured measure(const ChartOptions& options, const Model& model, const Truth& t
     result.environments = static_cast<int>(std::clamp(affordable, 1.0 * fewest_environments, 1.0 * most_environments)) /
                           fewest_environments * fewest_environments;
 
-  const double shortest = std::min(0.01, round_time / 100.0);  // s: less would be all noise
-  // Round by round, so that a slow minute of the machine falls on all settings alike.
+  const double shortest = std::min(0.01, round_time / 100.0);  // s; what is shorter measures noise
+  // Round by round, so that a slow minute of the machine slows all settings alike.
   std::vector<std::vector<double>> costs(settings.size());
   double done = 0.0;
   for (int round = 0; round < rounds; ++round)
@@ -145,7 +145,7 @@ const char* unit_of(const Model& model) {
   return "rad";
 }
 
-// What the picture says beside the points.
+// What the picture says beside the points, as JSON.
 std::string caption(const Model& model, const Truth& truth, int environments, int samples) {
   const nlohmann::json caption = {
       {"model", model.name},
@@ -172,12 +172,13 @@ void draw(const ChartOptions& options, const std::string& csv, const std::string
   const std::optional<std::string> python = find_python(options.python);
   if (!python) {
     const std::string who = options.python.empty() ? "no Python here has" : options.python + " does not have";
-    fmt::print("picture  none: {} matplotlib (Debian: python3-matplotlib); name one that has it with --python\n", who);
+    fmt::print("picture  none: {} matplotlib (Debian: python3-matplotlib); name a Python that has it with --python\n",
+               who);
     return;
   }
   const ProcessResult result = run_process({*python, "-c", chart_script, csv, out, caption});
   if (result.status != 0)
-    throw InputError(fmt::format("{}: cannot be drawn by {}: {}", out, *python, last_line(result.errors)));
+    throw InputError(fmt::format("{}: {} could not draw it: {}", out, *python, last_line(result.errors)));
   fmt::print("picture  {}\n", out);
 }
 
@@ -190,19 +191,19 @@ void report(const Model& model, const Truth& truth, const std::vector<ChartPoint
   fmt::print("truth    {} steps/s, f64, extrapolated; estimated error {:.1e}\n", truth.steps_per_second, truth.error);
   if (truth.error > std::max(predictable * least, 1e-6))
     fmt::print(
-        "         (too much to tell the methods apart: this motion grows small differences; a shorter\n"
-        "         --seconds, a gentler --state or a --drive would help)\n");
+        "         (too large to tell the methods apart: small differences grow in this motion; use a shorter\n"
+        "         --seconds, a gentler --state or a --drive)\n");
   fmt::print("points   {}, {} of them failed (faulted, or off by more than {:g})\n", points.size(), failed,
              largest_error);
 }
 
-// For powers of ten that some setting reaches and the truth can tell: the cheapest that does, each with the last of
-// its powers.
+// Prints the cheapest setting for each power of ten of error, as far as some setting reaches it and the truth can tell.
+// A setting that is the cheapest for several powers is printed once, with the smallest.
 void advise(const Truth& truth, const std::vector<ChartPoint>& points, const char* unit) {
   const double seconds = static_cast<double>(truth.positions.cols()) / samples_per_second;
   const ChartPoint* last = nullptr;
   int last_power = 0;
-  const auto say = [&] {
+  const auto print_last = [&] {
     if (!last) return;
     fmt::print("advice   for 1e{} {} over {:g} s: {}, {} env-steps/s ({:.2g} us per simulated second), off by {:.1e}\n",
                last_power, unit, seconds, described(last->setting),
@@ -215,10 +216,10 @@ void advise(const Truth& truth, const std::vector<ChartPoint>& points, const cha
     for (const ChartPoint& point : points)
       if (!point.faulted && point.rms_error <= tolerance && (!best || point.cost < best->cost)) best = &point;
     if (!best) break;
-    if (best != last) say();
+    if (best != last) print_last();
     last = best, last_power = power;
   }
-  say();
+  print_last();
 }
 
 void run(const ChartOptions& options) {
@@ -229,7 +230,7 @@ void run(const ChartOptions& options) {
   keep_apart({options.model.file, options.state}, {out, csv});
   if (options.seconds > longest_motion)
     throw InputError(
-        fmt::format("--seconds: {} s are too long for a chart; give at most {}", options.seconds, longest_motion));
+        fmt::format("--seconds: {} s is too long for a chart; give at most {}", options.seconds, longest_motion));
   const int samples = std::max(1, static_cast<int>(std::lround(options.seconds * samples_per_second)));
 
   const Model model = with_start(options, options.model.load().model);
@@ -266,15 +267,17 @@ void add_chart(CLI::App& app, int& exit_code) {
       "Simulated time in s")
       ->type_name("T")
       ->default_str("1");
-  command->add_option("--envs", options->environments, "Environments while measuring cost; 0: as the budget allows")
+  command
+      ->add_option("--envs", options->environments,
+                   "Number of environments while cost is measured; 0: as many as the budget allows")
       ->type_name("N")
       ->capture_default_str()
       ->check(CLI::Range(0, 1 << 24));
-  command->add_option("--budget", options->budget, "CPU seconds to spend on measuring cost")
+  command->add_option("--budget", options->budget, "CPU time in s to spend on measuring cost")
       ->type_name("S")
       ->capture_default_str()
       ->check(CLI::Range(0.01, 1e5));
-  command->add_option("--state", options->state, "CSV with the start state, one row")->type_name("FILE");
+  command->add_option("--state", options->state, "CSV of the start state, one row")->type_name("FILE");
   command->add_option("--python", options->python, "A Python that has matplotlib")->type_name("PATH");
   command->callback([options, &exit_code] {
     run(*options);

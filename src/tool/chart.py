@@ -1,7 +1,7 @@
 # Draws the table of `lockstep chart`: error against cost. SPDX-License-Identifier: Apache-2.0
 """python3 chart.py TABLE.csv PICTURE.svg CAPTION, where CAPTION is JSON with the keys used below.
 
-The command runs this by itself; it is a file of its own so that a table can be drawn anew."""
+The command contains this script and runs it. The file is for drawing a table again."""
 import csv
 import json
 import math
@@ -17,8 +17,8 @@ from matplotlib.patheffects import withStroke  # noqa: E402
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: E402
 from matplotlib.transforms import Bbox  # noqa: E402
 
-# Okabe and Ito's palette: told apart by all eyes, and the markers differ too. The best method is drawn last. Integrators
-# beyond Euler are lines of their own.
+# Okabe and Ito's palette, which colour-blind readers can tell apart; the markers differ too. The first method is drawn
+# on top. Each integrator beyond Euler has its own line.
 METHODS = {
     "leapfrog": ("#E69F00", "v"),
     "extrapolated": ("#56B4E9", "P"),
@@ -30,10 +30,10 @@ METHODS = {
 }
 LABELS = {"runge_kutta": "Runge-Kutta 4", "reduced": "reduced (Euler)", "direct": "direct (Euler)"}
 INK, GREY = "#222222", "#5c5c5c"
-# Less of a difference in error than this does not put a point on the front.
+# A point is on the front only if its error is smaller by this share.
 NOTICEABLE = 0.02
 COST = "cost_us_per_env_second"
-# Where a label stands by its point: offset in points, alignment.
+# Where a label stands beside its point: offset in typographic points, alignment.
 PLACES = {
     "above": ((0, 7), "center", "bottom"),
     "below": ((0, -7), "center", "top"),
@@ -50,13 +50,14 @@ def read(path):
     for row in rows:
         for key in set(row) - {"method", "integrator", "precision"}:
             row[key] = float(row[key])
-        if row["integrator"] != "euler":  # of one method: the integrator tells the lines apart
+        if row["integrator"] != "euler":  # these have only one method, and the integrator names the line
             row["method"] = row["integrator"]
     return rows
 
 
 def families(rows):
-    """The lines: a method that sweeps has one per step size, along the sweeps; the others one, along the steps."""
+    """The points of each line. A method that sweeps has a line over the sweeps for each step size. Another method has
+    one line over the step sizes."""
     groups = {}
     for row in rows:
         step = row["dt"] if row["iterations"] > 0 else None
@@ -67,7 +68,7 @@ def families(rows):
 
 
 def front(points):
-    """Those that no other beats in both cost and error, from cheap to dear."""
+    """The points that no other beats in both cost and error, from the cheapest on."""
     best, result = math.inf, []
     for cost, error in sorted(points):
         if error < best * (1 - NOTICEABLE):
@@ -77,7 +78,7 @@ def front(points):
 
 
 def tidy_log_axis(axis, decades):
-    """Few decades: numbers at 2 and 5 too, or the axis would say nothing."""
+    """Labels the axis. An axis of few decades has labels at 2 and 5 too."""
     def plain(value, _):
         if value >= 0.01:
             return f"{value:,.10g}"
@@ -98,7 +99,7 @@ class Panel:
         self.axes, self.rows, self.column = axes, rows, column
         positive = [row[column] for row in rows if row[column] > 0]
         lowest = min(positive, default=1e-16)
-        # Where exact zeros are shown on a logarithmic axis: well below all others.
+        # The height at which exact zeros are shown on a logarithmic axis: well below all other points.
         self.zero = 10.0 ** (math.floor(math.log10(lowest)) - 1.5)
         self.taken = []
         self.draw_lines()
@@ -122,7 +123,7 @@ class Panel:
                        markerfacecolor="none", markeredgecolor=INK, markeredgewidth=1.0, zorder=12)
 
     def shade_below(self, height, text):
-        """Marks what lies too low to be meant, where that can be seen."""
+        """Shades the area below a height, if enough of it is visible."""
         (left, right), (low, high) = self.axes.get_xlim(), self.axes.get_ylim()
         if math.log(height / low) > 0.06 * math.log(high / low):
             self.axes.axhspan(low, height, color="#eeeeee", zorder=0)
@@ -149,7 +150,8 @@ class Panel:
             self.write("exactly 0", (axes.get_xlim()[0], self.zero), ("above right",), GREY)
 
     def write(self, text, point, places, color):
-        """Text beside a point, at the first place where it covers no other text and no marker, or nowhere."""
+        """Writes beside a point, at the first place where the text covers no other text and no marker. Writes nothing
+        if there is no such place."""
         to_pixels = self.axes.transData.transform
         here = to_pixels(point)
         markers = [Bbox.from_bounds(x - 3, y - 3, 6, 6) for x, y in to_pixels([self.at(row) for row in self.rows])
@@ -166,15 +168,15 @@ class Panel:
             label.remove()
 
     def label_steps(self):
-        """The step sizes, once: beside the points of the first method that has all of them."""
-        whole = [members for key, members in families(self.rows).items() if key[2] is None]
-        for row in whole[0] if whole else []:
+        """Writes the step sizes beside the points of the first line that is over the step sizes."""
+        over_steps = [members for key, members in families(self.rows).items() if key[2] is None]
+        for row in over_steps[0] if over_steps else []:
             self.write(f"1/{1 / row['dt']:.0f} s", self.at(row), ("below left", "left", "below", "above"),
                        METHODS[row["method"]][0])
 
     def label_sweeps(self, flat):
-        """The numbers of sweeps: of pgs along its largest step, of tgs along its smallest, out of each other's way.
-        `flat`: sweeps change the cost more than the height."""
+        """Writes the numbers of sweeps: of pgs along its largest step, of tgs along its smallest, so that they do not
+        overlap. `flat`: the sweeps change the cost more than the height."""
         places = {"pgs": ("above", "below") if flat else ("below left", "left", "below"),
                   "tgs": ("below", "above") if flat else ("above right", "right")}
         for method, pick in (("pgs", max), ("tgs", min)):
@@ -191,13 +193,13 @@ def legend(figure, rows, left, top, columns):
     if any(row["precision"] == "f64" for row in rows):
         handles.append(Line2D([], [], color=INK, marker="o", markerfacecolor="white", linestyle="--", label="in f64"))
     handles.append(Line2D([], [], linestyle="none", marker="o", markersize=12.5, markerfacecolor="none",
-                          markeredgecolor=INK, label="front: none is cheaper and better"))
+                          markeredgecolor=INK, label="front: no other is cheaper and better"))
     figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(left, top), ncol=columns, frameon=False,
                   fontsize=9.5, handletextpad=0.6, columnspacing=1.5, labelspacing=0.35, borderaxespad=0, borderpad=0)
 
 
 def failures(rows):
-    """One phrase per method and number of sweeps: at which steps it failed."""
+    """The step sizes at which each method and number of sweeps failed, in words."""
     groups = {}
     for row in rows:
         sweeps = f" {row['iterations']:.0f}" if row["iterations"] else ""

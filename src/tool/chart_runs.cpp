@@ -19,10 +19,10 @@ constexpr double start_turning = 1.0, start_sliding = 0.1;  // rad/s, m/s
 constexpr int sweep_counts[] = {1, 2, 4, 8, 16, 32};
 constexpr int step_rates[] = {60, 120, 240, 480, 960};
 constexpr int tolerance_rates[] = {60, 120, 180, 240, 360, 480, 720, 960, 1440, 1920, 2880, 3840, 5760, 7680};
-// Step rates of the truth: the most that fits its time. Each is a multiple of the sample rate.
+// Step rates of the truth, which takes the largest that fits its time. Each is a multiple of the sample rate.
 constexpr int finest_truth = 60 * 2048, coarsest_truth = 60 * 128;
 constexpr int finest_smooth_truth = 60 * 512, coarsest_smooth_truth = 60 * 32;
-constexpr double truth_seconds = 6.0;
+constexpr double truth_seconds = 6.0;  // of CPU time, for all runs of the truth
 
 double thread_seconds() {
   timespec now;
@@ -30,38 +30,38 @@ double thread_seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-// q plus or minus `by`, whichever the limits let go further.
+// The position plus or minus `by`, stopped by the limits: the one that is farther away.
 double moved_within_limits(const Joint& joint, double by) {
   const double up = std::min(joint.position + by, std::max(joint.upper, joint.position));
   const double down = std::max(joint.position - by, std::min(joint.lower, joint.position));
   return up - joint.position >= joint.position - down ? up : down;
 }
 
-void act(const Drive& drive, long step, double dt, Batch<float>& batch) {
-  if (drive.f32) drive.f32(step, dt, batch);
+void set_targets(const TargetSetter& targets, long step, double dt, Batch<float>& batch) {
+  if (targets.f32) targets.f32(step, dt, batch);
 }
-void act(const Drive& drive, long step, double dt, Batch<double>& batch) {
-  if (drive.f64) drive.f64(step, dt, batch);
+void set_targets(const TargetSetter& targets, long step, double dt, Batch<double>& batch) {
+  if (targets.f64) targets.f64(step, dt, batch);
 }
 
 template <class S>
 Trajectory trajectory(const Plan& plan, int samples, const std::function<void(double)>& tick, bool watch_couplings,
-                      const Drive& drive) {
+                      const TargetSetter& targets) {
   Batch<S> batch(plan, 1, {.threads = 1});
   const double dt = plan.settings().dt;
   const int substeps = static_cast<int>(std::lround(1.0 / (samples_per_second * dt)));
-  const bool driven = drive.f32 || drive.f64, watched = watch_couplings && plan.couplings() > 0;
+  const bool has_targets = targets.f32 || targets.f64, watched = watch_couplings && plan.couplings() > 0;
   Trajectory result;
   result.positions.resize(plan.dofs(), samples);
   for (int sample = 0; sample < samples; ++sample) {
-    for (int step = 0; (driven || watched) && step < substeps; ++step) {
-      act(drive, static_cast<long>(sample) * substeps + step, dt, batch);
+    for (int step = 0; (has_targets || watched) && step < substeps; ++step) {
+      set_targets(targets, static_cast<long>(sample) * substeps + step, dt, batch);
       batch.step();
       if (!watched) continue;
       const double error = static_cast<double>(batch.coupling_errors().abs().maxCoeff());
       result.coupling_error_max = std::max(result.coupling_error_max, error);
     }
-    if (!driven && !watched) batch.step(substeps);
+    if (!has_targets && !watched) batch.step(substeps);
     result.positions.col(sample) = batch.positions().col(0).template cast<double>();
     if (batch.faulted() > 0) break;
     tick((sample + 1.0) / samples);
@@ -78,7 +78,7 @@ Plan truth_plan(const Model& model, const Ignored& ignore, Integrator integrator
   return compile(model, settings);
 }
 
-// The one with which a truth costs least: of the highest order that is possible.
+// The integrator of the truth: of a higher order where the model allows it, as that costs less.
 Integrator truth_integrator(const Model& model, const Ignored& ignore) {
   try {
     truth_plan(model, ignore, Integrator::extrapolated, coarsest_truth);
@@ -88,7 +88,7 @@ Integrator truth_integrator(const Model& model, const Ignored& ignore) {
   }
 }
 
-// The most steps per second whose runs, of all of them, half of them and so on, fit the time for the truth.
+// The largest step rate that fits the time for the truth, which also runs at half of it and so on.
 int truth_rate(const Model& model, const Ignored& ignore, Integrator integrator, int samples) {
   const bool smooth = integrator != Integrator::euler;
   int rate = smooth ? finest_smooth_truth : finest_truth;
@@ -104,13 +104,13 @@ int truth_rate(const Model& model, const Ignored& ignore, Integrator integrator,
   return rate;
 }
 
-// The charted motion again and again, or its beginning if the time is short.
+// CPU seconds per environment and simulated second. Repeats the charted motion until the time is spent.
 template <class S>
 double cost(const Plan& plan, int samples, int environments, double seconds) {
-  constexpr int block = 16;  // so that looking at the clock costs nothing
+  constexpr int block = 16;  // steps between two readings of the clock, which take time
   const int steps = static_cast<int>(std::lround(samples / (samples_per_second * plan.settings().dt)));
   Batch<S> batch(plan, environments, {.threads = 1});
-  batch.step();  // touches the memory, outside the clock
+  batch.step();  // maps the memory, before the clock runs
   double spent = 0.0;
   long taken = 0;
   while (spent < seconds) {
@@ -192,7 +192,7 @@ double rms(const Eigen::ArrayXXd& difference) {
 }
 
 Truth find_truth(const Model& model, const Ignored& ignore, int samples, const std::function<void(double)>& tick,
-                 const Drive& drive) {
+                 const TargetSetter& targets) {
   const Integrator integrator = truth_integrator(model, ignore);
   const int levels = integrator == Integrator::euler ? 3 : 2;
   const int rate = truth_rate(model, ignore, integrator, samples);
@@ -203,32 +203,33 @@ Truth find_truth(const Model& model, const Ignored& ignore, int samples, const s
     const double share = std::ldexp(1.0 / (2.0 - std::ldexp(1.0, 1 - levels)), level + 1 - levels);
     const Plan plan = truth_plan(model, ignore, integrator, rate >> (levels - 1 - level));
     Trajectory run = trajectory<double>(
-        plan, samples, [&](double of_run) { tick(done + share * of_run); }, false, drive);
+        plan, samples, [&](double of_run) { tick(done + share * of_run); }, false, targets);
     if (run.fault != Fault::none)
       throw InputError(
-          fmt::format("model '{}': the small-step run that errors are measured against faulted ({}); "
+          fmt::format("model '{}': the run with small steps, from which errors are measured, faulted ({}); "
                       "give another start with --state",
                       model.name, to_string(run.fault)));
     runs[level] = std::move(run.positions);
     done += share;
   }
   if (levels == 2) {
-    // The error is c3 h^3 + ..., which extrapolation takes off the finer run. Stiff servos leave a lower order, down to
-    // the first: what is left is then no more than the two runs are apart.
-    const Eigen::ArrayXXd apart = runs[1] - runs[0];
-    return {runs[1] + apart / 7.0, rms(apart), rate};
+    // The error is c3 h^3 + ..., and extrapolation removes the first term. Stiff servos lower the order, at worst to
+    // the first. The error that is left is then no more than the difference of the runs.
+    const Eigen::ArrayXXd difference = runs[1] - runs[0];
+    return {runs[1] + difference / 7.0, rms(difference), rate};
   }
-  // The error is c1 h + c2 h^2 + ...: the first pair of extrapolations removes c1, the second c2. Their
-  // difference is the error of the first kind, an upper estimate of what is left.
+  // The error is c1 h + c2 h^2 + ...: `coarse` and `fine` are without c1, and their extrapolation is without c2. The
+  // estimate is the error of `fine`, which is more than the error that is left.
   const Eigen::ArrayXXd coarse = 2.0 * runs[1] - runs[0], fine = 2.0 * runs[2] - runs[1];
   return {(4.0 * fine - coarse) / 3.0, rms((fine - coarse) / 3.0), rate};
 }
 
-ChartPoint measure_error(const Plan& plan, const ChartSetting& setting, const Truth& truth, const Drive& drive) {
+ChartPoint measure_error(const Plan& plan, const ChartSetting& setting, const Truth& truth,
+                         const TargetSetter& targets) {
   const int samples = static_cast<int>(truth.positions.cols());
   const auto quiet = [](double) {};
-  const Trajectory run = setting.f64 ? trajectory<double>(plan, samples, quiet, true, drive)
-                                     : trajectory<float>(plan, samples, quiet, true, drive);
+  const Trajectory run = setting.f64 ? trajectory<double>(plan, samples, quiet, true, targets)
+                                     : trajectory<float>(plan, samples, quiet, true, targets);
   ChartPoint point{.setting = setting};
   point.faulted = run.fault != Fault::none;
   point.rms_error = point.faulted ? infinity : rms(run.positions - truth.positions);

@@ -1,4 +1,4 @@
-// chart.py, as it stands in this folder, carried inside the command. SPDX-License-Identifier: Apache-2.0
+// The text of chart.py, which the command contains. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 namespace lockstep::tool {

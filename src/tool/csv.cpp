@@ -16,7 +16,7 @@
 namespace lockstep::tool {
 namespace {
 
-// The fields of one line; a quote inside a quoted field is written twice.
+// The fields of one line. A quote inside a quoted field stands twice.
 std::vector<std::string> fields(const std::string& line, const std::string& where) {
   std::vector<std::string> result(1);
   bool quoted = false;
@@ -55,7 +55,7 @@ void read_header(const std::vector<std::string>& names, const std::string& where
 void read_row(const std::vector<std::string>& cells, int line, const std::string& where, Table& table) {
   if (cells.size() != table.columns.size())
     throw InputError(
-        fmt::format("{}: the row has {} fields, the header {}", where, cells.size(), table.columns.size()));
+        fmt::format("{}: the row has {} fields, the header has {}", where, cells.size(), table.columns.size()));
   std::vector<double> row;
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const std::optional<double> number = to_number(cells[i]);
@@ -108,17 +108,17 @@ std::string csv_field(const std::string& text) {
 }
 
 void keep_apart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs) {
-  std::set<std::filesystem::path> taken;
-  const auto place = [](const std::string& file) {
-    std::error_code none;  // a path that cannot be resolved is refused where it is opened
-    return std::filesystem::weakly_canonical(std::filesystem::absolute(file), none);
+  std::set<std::filesystem::path> used;
+  const auto resolved = [](const std::string& file) {
+    std::error_code ignored;  // a path that cannot be resolved is refused when it is opened
+    return std::filesystem::weakly_canonical(std::filesystem::absolute(file), ignored);
   };
   for (const std::string& file : inputs)
-    if (!file.empty()) taken.insert(place(file));
+    if (!file.empty()) used.insert(resolved(file));
   for (const std::string& file : outputs)
-    if (!file.empty() && !taken.insert(place(file)).second)
+    if (!file.empty() && !used.insert(resolved(file)).second)
       throw InputError(
-          fmt::format("{}: would be overwritten, but is another input or output; give another name", file));
+          fmt::format("{}: would be overwritten, but it is another input or output; give another name", file));
 }
 
 OutputFile::OutputFile(std::string path)

@@ -10,8 +10,8 @@ namespace lockstep::tool {
 
 /// A CSV file whose first line names the columns and whose other cells are finite numbers.
 struct Table {
-  std::string file;                       ///< as errors name it
-  std::vector<std::string> columns;       ///< all different, none empty
+  std::string file;                       ///< its name in errors
+  std::vector<std::string> columns;       ///< their names: all different, none empty
   std::vector<std::vector<double>> rows;  ///< as wide as the header
   std::vector<int> lines;                 ///< by row: its line in the file, from 1
 
@@ -19,18 +19,18 @@ struct Table {
   std::string at(std::size_t row, std::size_t column) const;
 };
 
-/// Reads such a file: commas, optional "quoted" fields, any line ends, blank lines skipped. At least one row.
-/// Throws InputError with file:line:column where something is no number.
+/// Reads a table: commas, optional "quoted" fields, any line ends; blank lines are skipped. There must be a row.
+/// Throws InputError, with file:line:column where something is not a finite number.
 Table read_csv(const std::string& path);
 Table parse_csv(const std::string& text, const std::string& file);
 
-/// A field as CSV wants it: in quotes where it holds a comma, a quote or a line end.
+/// The text as a CSV field: in quotes where it holds a comma, a quote or a line end.
 std::string csv_field(const std::string& text);
 
-/// Throws InputError where writing an output would overwrite an input or another output. Empty names are none.
+/// Throws InputError if an output is also an input or another output. Empty names do not count.
 void keep_apart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs);
 
-/// A text file being written. Nothing is lost silently: a full disk throws InputError.
+/// A text file to write. Every failure to write, such as a full disk, throws InputError.
 class OutputFile {
  public:
   /// Throws InputError where the file cannot be written.

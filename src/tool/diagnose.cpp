@@ -12,14 +12,14 @@ namespace {
 // Rows of Batch::energy_balances().
 enum Balance { work_of_drives, dissipated, work_of_corrections, energy_change };
 
-// One environment on its way.
+// What is known of one environment so far.
 struct Watched {
   double energy_excess = 0.0;  // since the start
   bool had_conflict = false;
 };
 
 template <class S>
-void look(const Batch<S>& batch, double time, std::vector<Watched>& watched, Diagnosis& diagnosis) {
+void diagnose_step(const Batch<S>& batch, double time, std::vector<Watched>& watched, Diagnosis& diagnosis) {
   const bool recorded = batch.plan().settings().record_diagnostics;
   const typename Batch<S>::Array violations = batch.limit_violations(), speeds = batch.speeds();
   const typename Batch<S>::Array balances = recorded ? batch.energy_balances() : typename Batch<S>::Array();
@@ -29,7 +29,7 @@ void look(const Batch<S>& batch, double time, std::vector<Watched>& watched, Dia
     diagnosis.limit_violation_max = std::max(diagnosis.limit_violation_max, static_cast<double>(violations(0, e)));
     diagnosis.speed_max = std::max(diagnosis.speed_max, static_cast<double>(speeds(0, e)));
     if (!recorded) continue;
-    // In double: each step's share is small against the sum.
+    // In double: a step adds little to the sum.
     const auto joules = [&](Balance row) { return static_cast<double>(balances(row, e)); };
     environment.energy_excess += joules(energy_change) - joules(work_of_drives) - joules(work_of_corrections);
     diagnosis.energy_excess_max = std::max(diagnosis.energy_excess_max, environment.energy_excess);
@@ -57,7 +57,7 @@ Diagnosis diagnose(Batch<S>& batch, const Targets& targets, long steps) {
   for (long done = 0; done < steps; ++done) {
     if (const int row = targets.row_at(done, dt); row != target_row) targets.apply(target_row = row, batch);
     batch.step();
-    look(batch, static_cast<double>(done + 1) * dt, watched, diagnosis);
+    diagnose_step(batch, static_cast<double>(done + 1) * dt, watched, diagnosis);
     progress.update(static_cast<double>(done + 1));
   }
   return diagnosis;

@@ -20,7 +20,7 @@ struct GenerateOptions {
   std::string precision = "both", out;
 };
 
-// From "damping,mass" or so. Throws InputError, which lists what there is.
+// From a list such as "damping,mass". Throws InputError, which lists the known fields.
 ParameterSet parameters_of(const std::string& list) {
   ParameterSet set;
   std::stringstream names(list);
@@ -32,7 +32,7 @@ ParameterSet parameters_of(const std::string& list) {
       known += std::string(known.empty() ? "" : ", ") + to_string(parameter);
       if (wanted == to_string(parameter)) set.insert(parameter), found = true;
     }
-    if (!found) throw InputError(fmt::format("--per-environment: there is no '{}'; there are {}", wanted, known));
+    if (!found) throw InputError(fmt::format("--per-environment: there is no '{}'; the fields are {}", wanted, known));
   }
   return set;
 }
@@ -58,15 +58,15 @@ void add_generate(CLI::App& app, int& exit_code) {
   options->model.add_to(*command);
   options->step.add_to(*command);
   add_parsed(*command, "--per-environment", options->step.settings.per_environment, parameters_of,
-             "Fields that differ from environment to environment, with commas between them")
+             "Fields that differ from environment to environment, separated by commas")
       ->type_name("LIST");
-  command->add_flag("--record-impulses", options->step.settings.record_impulses, "For batches that keep impulses");
+  command->add_flag("--record-impulses", options->step.settings.record_impulses, "For batches that record impulses");
   command->add_flag("--record-diagnostics", options->step.settings.record_diagnostics,
-                    "For batches that keep diagnostics");
+                    "For batches that record diagnostics");
   command->add_flag("--stage-inputs", options->step.settings.stage_inputs,
-                    "For batches with targets and efforts of each stage's time");
+                    "For batches with targets and efforts for the time of each stage");
   command->add_option("--out", options->out, "The C++ file to write")->required();
-  command->add_option("--name", options->kernel.name, "Name of the kernel; the model's if left out");
+  command->add_option("--name", options->kernel.name, "Name of the kernel (default: the model's)");
   command->add_option("--precision", options->precision, "f32, f64 or both")
       ->check(CLI::IsMember({"f32", "f64", "both"}));
   command->callback([options, &exit_code] {

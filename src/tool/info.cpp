@@ -1,4 +1,4 @@
-// lockstep info: what was read, what was made of it. SPDX-License-Identifier: Apache-2.0
+// lockstep info: what a model file holds and what a step does. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -29,7 +29,7 @@ void run(const InfoOptions& options) {
 }  // namespace
 
 void add_info(CLI::App& app, int& exit_code) {
-  CLI::App* command = app.add_subcommand("info", "Says what a model file holds and what a step of it does");
+  CLI::App* command = app.add_subcommand("info", "Says what a model file holds and what a step does");
   const auto options = std::make_shared<InfoOptions>();
   options->model.add_to(*command);
   options->step.add_to(*command);

@@ -11,7 +11,7 @@
 
 namespace {
 
-// One line, whatever the message holds: scripts read it.
+// Prints the message as one line, which scripts can read.
 int complain(std::string message) {
   std::replace(message.begin(), message.end(), '\n', ' ');
   fmt::print(stderr, "lockstep: {}\n", message);
@@ -31,14 +31,13 @@ int main(int argc, char** argv) {
   add_chart(app, exit_code);
   add_generate(app, exit_code);
   app.require_subcommand(0, 1);
-  app.allow_extras();  // so that a misspelt command is named below
+  app.allow_extras();  // a misspelt command is named below
   try {
     app.parse(argc, argv);
     const std::vector<std::string> extras = app.remaining();
     if (!extras.empty())
       return complain(fmt::format("there is no command '{}'; give info, simulate, chart or generate", extras[0]));
-    if (app.get_subcommands().empty())
-      return complain("give a command: info, simulate, chart or generate; --help says more");
+    if (app.get_subcommands().empty()) return complain("give a command: info, simulate, chart or generate; see --help");
     return exit_code;
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version

@@ -18,13 +18,14 @@ namespace {
 constexpr Integrator all_integrators[] = {Integrator::automatic, Integrator::euler, Integrator::leapfrog,
                                           Integrator::extrapolated, Integrator::runge_kutta};
 constexpr Method all_methods[] = {Method::automatic, Method::pgs, Method::tgs, Method::direct, Method::reduced};
+constexpr Engine all_engines[] = {Engine::automatic, Engine::tables, Engine::interpreter, Engine::generated};
 
 struct Named {
   std::string name;
   std::vector<double> numbers;
 };
 
-// "NAME=X" or "NAME=X,Y", none negative. The name may hold an equals sign, numbers do not.
+// From "NAME=X" or "NAME=X,Y". No number may be negative. The name may hold an equals sign.
 Named named_numbers(const std::string& text, std::size_t count, const std::string& option) {
   const std::size_t equals = text.rfind('=');
   if (equals == std::string::npos || equals == 0)
@@ -69,7 +70,7 @@ void drive(const std::string& text, Model& model) {
   drive.kp = gains.numbers[0], drive.kd = gains.numbers[1];
 }
 
-void prescribe(const std::string& name, Model& model) {
+void make_kinematic(const std::string& name, Model& model) {
   Drive& drive = moving_joint(model, name, "--kinematic").drive;
   if (drive.kp != 0.0 || drive.kd != 0.0)
     throw InputError(fmt::format("--kinematic: joint '{}' has a --drive too; give it one of them", name));
@@ -80,38 +81,42 @@ void prescribe(const std::string& name, Model& model) {
 
 void ModelOptions::add_to(CLI::App& app) {
   app.add_option("MODEL", file, "The mechanism, a URDF file")->required();
-  app.add_option("--least-mass", import.least_mass, "Bodies of less mass, or none, get this one; the report names them")
+  app.add_option("--least-mass", import.least_mass, "Raises the mass of lighter bodies to this; the report names them")
       ->type_name("KG")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--least-inertia", import.least_inertia,
-                 "The same of principal moments; impossible inertias become those of balls")
+                 "Raises smaller principal moments to this; an inertia that no body can have becomes a ball's")
       ->type_name("KG_M2")
       ->check(CLI::NonNegativeNumber);
-  CLI::Option* floats = app.add_flag("--floating-base", floating, "The root link floats in the world");
-  app.add_flag("--fixed-base")->description("The root link is bolted to the world (default)")->excludes(floats);
+  CLI::Option* floats = app.add_flag("--floating-base", floating, "Lets the root link float in the world");
+  app.add_flag("--fixed-base")->description("Bolts the root link to the world (default)")->excludes(floats);
   const auto vector = [](const std::string& text) {
     const std::vector<double> numbers = to_numbers(text, 3, "--gravity");
     return Eigen::Vector3d(numbers[0], numbers[1], numbers[2]);
   };
-  add_parsed(app, "--gravity", gravity, vector, "m/s^2, world axes")->type_name("X,Y,Z")->default_str("0,0,-9.81");
-  app.add_option("--erp", erp, "Share of its error that a hard coupling corrects per step")
+  add_parsed(app, "--gravity", gravity, vector, "Gravity in m/s^2, world axes")
+      ->type_name("X,Y,Z")
+      ->default_str("0,0,-9.81");
+  app.add_option("--erp", erp, "Share of its error that every hard coupling corrects per step")
       ->type_name("E")
       ->default_str("0.2")
       ->check(CLI::Number);
   app.add_option("--softness", softness,
-                 "Makes the coupling whose first joint is JOINT soft: natural frequency in rad/s, damping ratio. "
-                 "Repeatable; JOINT#2 is the second coupling of that first joint")
+                 "Makes the coupling whose first joint is JOINT a spring: natural frequency in rad/s, damping ratio. "
+                 "JOINT#2 is its second coupling. Repeatable")
       ->type_name("JOINT=MU,ZETA")
       ->allow_extra_args(false);
   app.add_option("--force-limit", force_limits,
-                 "Lets the coupling whose first joint is JOINT slip beyond this force along it, N m or N. Repeatable; "
-                 "names as for --softness")
+                 "Lets the coupling whose first joint is JOINT slip beyond this force along that joint, N m or N. "
+                 "JOINT#2 as for --softness. Repeatable")
       ->type_name("JOINT=F")
       ->allow_extra_args(false);
-  app.add_option("--drive", drives, "Gives a joint a position drive with these gains. Repeatable")
+  app.add_option("--drive", drives,
+                 "Gives the joint a servo with these gains, N m/rad and N m s/rad, or N/m and N s/m. Repeatable")
       ->type_name("JOINT=KP,KD")
       ->allow_extra_args(false);
-  app.add_option("--kinematic", kinematic, "Puts a joint on its target in each step, whatever it takes. Repeatable")
+  app.add_option("--kinematic", kinematic,
+                 "Puts the joint on its target in each step, whatever force that takes. Repeatable")
       ->type_name("JOINT")
       ->allow_extra_args(false);
 }
@@ -125,7 +130,7 @@ void apply(const ModelOptions& options, Model& model) {
   for (const std::string& text : options.softness) soften(text, model);
   for (const std::string& text : options.force_limits) limit_force(text, model);
   for (const std::string& text : options.drives) drive(text, model);
-  for (const std::string& name : options.kinematic) prescribe(name, model);
+  for (const std::string& name : options.kinematic) make_kinematic(name, model);
 }
 
 Import ModelOptions::load() const {
@@ -144,10 +149,9 @@ void StepOptions::add_to(CLI::App& app) {
              "How couplings are solved: automatic, pgs, tgs, direct, reduced")
       ->type_name("M")
       ->default_str("automatic");
-  add_parsed(
-      app, "--integrator", settings.integrator, integrator_of,
-      "How a step is taken through time: automatic, euler, and for scenes without bounds leapfrog, extrapolated, "
-      "runge_kutta")
+  add_parsed(app, "--integrator", settings.integrator, integrator_of,
+             "How a step goes through time: automatic, euler; for scenes without bounds also leapfrog, extrapolated, "
+             "runge_kutta")
       ->type_name("I")
       ->default_str("automatic");
   app.add_option("--iterations", settings.iterations, "Sweeps of pgs, sub-steps of tgs")
@@ -163,19 +167,19 @@ void StepOptions::add_to(CLI::App& app) {
 
 void add_ignore(CLI::App& app, Ignored& ignore) {
   add_parsed(app, "--ignore", ignore, ignored_of,
-             "Bounds of the model to leave out: position, velocity, effort, friction, with commas between them")
+             "Leaves out bounds of the model: position, velocity, effort, friction, separated by commas")
       ->type_name("LIST");
 }
 
 namespace {
 
-// The one of `all` with this name.
+// The one of `all` whose name is `text`.
 template <class E, std::size_t n>
 E named(const E (&all)[n], const std::string& text, const char* option, const char* what) {
   std::vector<const char*> known;
-  for (const E one : all) {
-    if (text == to_string(one)) return one;
-    known.push_back(to_string(one));
+  for (const E value : all) {
+    if (text == to_string(value)) return value;
+    known.push_back(to_string(value));
   }
   throw InputError(fmt::format("{}: there is no '{}'; the {} are {}", option, text, what, fmt::join(known, ", ")));
 }
@@ -187,6 +191,8 @@ Method method_of(const std::string& text) { return named(all_methods, text, "--m
 Integrator integrator_of(const std::string& text) {
   return named(all_integrators, text, "--integrator", "integrators");
 }
+
+Engine engine_of(const std::string& text) { return named(all_engines, text, "--engine", "engines"); }
 
 Ignored ignored_of(const std::string& list) {
   Ignored ignored;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "lockstep/batch.h"
 #include "lockstep/import.h"
 #include "lockstep/step.h"
 
@@ -15,7 +16,7 @@ class Option;
 
 namespace lockstep::tool {
 
-/// Which mechanism, and what is changed in it before it is compiled.
+/// The mechanism, and what is changed in it before it is compiled.
 struct ModelOptions {
   std::string file;
   ImportOptions import;
@@ -28,37 +29,38 @@ struct ModelOptions {
   std::vector<std::string> kinematic;     ///< "JOINT"
 
   void add_to(CLI::App& app);
-  /// Reads the file and applies the rest. Throws InputError and lockstep::Error.
+  /// Reads the file and applies the other options. Throws InputError and lockstep::Error.
   Import load() const;
 };
 
-/// Applies them to a model: the part of ModelOptions::load that needs no file.
+/// Applies the options to a model, without reading a file.
 void apply(const ModelOptions& options, Model& model);
 
-/// How it is stepped.
+/// The settings of the step.
 struct StepOptions {
   StepSettings settings;
   void add_to(CLI::App& app);
 };
 
-/// --ignore, which StepOptions has too.
+/// Adds --ignore alone. StepOptions adds it too.
 void add_ignore(CLI::App& app, Ignored& ignore);
 
-/// Throws InputError, which lists the methods that there are.
+/// The enumerator of this name. They throw InputError, which lists the known names.
 Method method_of(const std::string& name);
 Integrator integrator_of(const std::string& name);
+Engine engine_of(const std::string& name);
 
-/// From "position,velocity,effort,friction" or some of them. Throws InputError, which lists what there is.
+/// From a list such as "position,friction". Throws InputError, which lists the known names.
 Ignored ignored_of(const std::string& list);
 
-/// An option whose text `parse` turns into `value`; it throws InputError.
+/// Adds an option. `parse` turns its text into `value`, or throws InputError.
 template <class App, class Value, class Parse>
 CLI::Option* add_parsed(App& app, const std::string& names, Value& value, Parse parse, const std::string& help) {
   return app.template add_option_function<std::string>(
       names, [&value, parse](const std::string& text) { value = parse(text); }, help);
 }
 
-/// A time in s, more than 0, as a number or a fraction. Throws InputError, which starts with `what`.
+/// A time in s above 0, written as a number or a fraction. Throws InputError, whose message starts with `what`.
 double seconds_of(const std::string& text, const std::string& what);
 
 }  // namespace lockstep::tool

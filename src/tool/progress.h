@@ -1,4 +1,4 @@
-// A progress bar for people who wait. SPDX-License-Identifier: Apache-2.0
+// A progress bar on the terminal. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <chrono>
@@ -6,11 +6,10 @@
 
 namespace lockstep::tool {
 
-/// One line on stderr, redrawn at most ten times a second and removed at the end. Silent where stderr is
-/// no terminal.
+/// One line on stderr, redrawn at most ten times a second and removed at the end. Silent if stderr is not a terminal.
 class Progress {
  public:
-  /// `total` and what is done are counted in `unit`, which the rate is shown in.
+  /// `unit` is what `total`, the work done and the rate count.
   Progress(double total, std::string unit);
   ~Progress();
   Progress(const Progress&) = delete;

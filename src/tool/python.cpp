@@ -14,7 +14,7 @@ extern char** environ;
 namespace lockstep::tool {
 
 ProcessResult run_process(const std::vector<std::string>& arguments) {
-  int ends[2];
+  int ends[2];  // of a pipe: read, write
   if (pipe2(ends, O_CLOEXEC) != 0) return {127, std::strerror(errno)};
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
@@ -44,11 +44,11 @@ ProcessResult run_process(const std::vector<std::string>& arguments) {
   return result;
 }
 
-std::optional<std::string> find_python(const std::string& asked) {
-  // A choice is final: who names an interpreter wants that one or to hear that it cannot draw.
+std::optional<std::string> find_python(const std::string& named) {
+  // A user who names an interpreter gets that one, or is told that it cannot draw.
   std::vector<std::string> candidates = {"python3", "/usr/bin/python3", "/usr/local/bin/python3", "python"};
   if (const char* chosen = std::getenv("LOCKSTEP_PYTHON"); chosen != nullptr && *chosen != '\0') candidates = {chosen};
-  if (!asked.empty()) candidates = {asked};
+  if (!named.empty()) candidates = {named};
   for (const std::string& python : candidates)
     if (run_process({python, "-c", "import matplotlib"}).status == 0) return python;
   return std::nullopt;

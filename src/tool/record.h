@@ -1,4 +1,4 @@
-// Recording one environment to CSV. SPDX-License-Identifier: Apache-2.0
+// Records the trajectory of one environment as CSV. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
@@ -9,7 +9,7 @@
 namespace lockstep::tool {
 
 /// Columns: time; NAME, NAME.v by joint; C.NAME by coupling; the root's pose and velocity if it floats.
-/// Every number is written with as many digits as it takes to read back the same bits.
+/// Numbers have enough digits to read back to the same bits.
 class Recorder {
  public:
   Recorder() = default;  ///< records nothing
@@ -17,7 +17,7 @@ class Recorder {
   Recorder(const std::string& path, int environment, const Plan& plan);
 
   bool active() const { return file_.has_value(); }
-  /// Adds the environment's state as it is now; `coupling_errors` as the Batch returns them.
+  /// Adds the environment's present state. `coupling_errors` are those of Batch::coupling_errors().
   template <class S>
   void add(double time, Batch<S>& batch, const typename Batch<S>::Array& coupling_errors);
   void close();

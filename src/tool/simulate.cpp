@@ -23,7 +23,7 @@
 namespace lockstep::tool {
 namespace {
 
-// The coupling errors are looked at after so many steps at the latest: each look costs about a step.
+// Steps between two samples of the coupling errors, at most. A sample costs about as much as a step.
 constexpr long longest_sampling_interval = 8;
 
 struct SimulateOptions {
@@ -33,6 +33,7 @@ struct SimulateOptions {
   double seconds = 1.0, sigma = 0.0, tolerance = 0.0;
   std::uint64_t seed = 1;
   bool f64 = false;
+  Engine engine = Engine::automatic;
   std::string state, targets, record, json;
 };
 
@@ -40,7 +41,8 @@ struct Outcome {
   long steps = 0;
   double stepping_seconds = 0.0;  ///< wall clock, in Batch::step alone
   Target target = Target::automatic;
-  double coupling_error_max = 0.0, coupling_error_rms = 0.0;  ///< no number where every environment faulted
+  Engine engine = Engine::automatic;
+  double coupling_error_max = 0.0, coupling_error_rms = 0.0;  ///< NaN where every environment faulted
   int faulted = 0, first_faulted = -1;
   Fault first_fault = Fault::none;
 };
@@ -79,7 +81,7 @@ void note_faults(const Batch<S>& batch, Outcome& outcome) {
     outcome.coupling_error_max = outcome.coupling_error_rms = std::numeric_limits<double>::quiet_NaN();
 }
 
-// Read once, though applied twice: a file may be a pipe.
+// The files of states and targets. They are read once, though used twice: a file may be a pipe.
 struct Inputs {
   std::optional<Table> state, targets;
   explicit Inputs(const SimulateOptions& options) {
@@ -89,7 +91,7 @@ struct Inputs {
   Targets targets_of(const Plan& plan) const { return targets ? Targets(*targets, plan) : Targets(); }
 };
 
-// The start of the first environments of the run, as many as the batch has.
+// Gives the batch the start states of the run's first environments, as many as it has.
 template <class S>
 void put_to_start(const SimulateOptions& options, std::optional<Table> state, Batch<S>& batch) {
   if (state) {
@@ -104,14 +106,14 @@ Outcome run(const SimulateOptions& options, const Inputs& inputs, const Plan& pl
   using Clock = std::chrono::steady_clock;
   const double dt = plan.settings().dt;
   const Targets targets = inputs.targets_of(plan);
-  Batch<S> batch(plan, options.environments, {.threads = options.threads});
-  batch.step();  // wakes the threads and touches the memory, outside the clock
+  Batch<S> batch(plan, options.environments, {.threads = options.threads, .engine = options.engine});
+  batch.step();  // wakes the threads and maps the memory, before the clock runs
   batch.reset();
   put_to_start(options, inputs.state, batch);
   Recorder recorder = options.record.empty() ? Recorder() : Recorder(options.record, options.recorded, plan);
   if (recorder.active()) recorder.add(0.0, batch, batch.coupling_errors());
 
-  Outcome outcome{.steps = steps, .target = batch.target()};
+  Outcome outcome{.steps = steps, .target = batch.target(), .engine = batch.engine()};
   const long interval = recorder.active() ? 1 : longest_sampling_interval;
   Progress progress(static_cast<double>(steps) * options.environments, "env-steps");
   int target_row = -1;
@@ -135,14 +137,16 @@ Outcome run(const SimulateOptions& options, const Inputs& inputs, const Plan& pl
   return outcome;
 }
 
-// The same run once more, outside of the clock: what is recorded for it would make the speed shown less than that of
-// the plan that was asked for.
+// Runs the first environments once more and records diagnostics. The timed run records none, as that takes time. Only
+// the tables are sure to take a plan that records.
 template <class S>
 Diagnosis diagnosed(const SimulateOptions& options, const Inputs& inputs, const Plan& plan, long steps) {
   StepSettings settings = plan.settings();
-  settings.record_diagnostics = plan.integrator() == Integrator::euler;  // others have no balance to record
+  settings.record_diagnostics = plan.integrator() == Integrator::euler;  // others keep no energy balance
   const Plan recording = compile(plan.model(), settings);
-  Batch<S> batch(recording, std::min(options.environments, most_diagnosed), {.threads = options.threads});
+  const Engine engine = options.engine == Engine::tables ? Engine::tables : Engine::automatic;
+  Batch<S> batch(recording, std::min(options.environments, most_diagnosed),
+                 {.threads = options.threads, .engine = engine});
   put_to_start(options, inputs.state, batch);
   return diagnose(batch, inputs.targets_of(recording), steps);
 }
@@ -160,17 +164,18 @@ void print(const SimulateOptions& options, const Plan& plan, const Outcome& outc
   const bool sweeps = plan.method() == Method::pgs || plan.method() == Method::tgs;
   fmt::print("model    {}: {} joints, {} couplings, {} base\n", plan.model().name, plan.dofs(), plan.couplings(),
              plan.floating() ? "floating" : "fixed");
-  fmt::print("method   {}{}, {}, {}, step {} s, {} thread{}, {}\n", to_string(plan.method()),
+  fmt::print("method   {}{}, {}, {}, step {} s, {} thread{}, {}, {}\n", to_string(plan.method()),
              sweeps ? fmt::format(" {}+{}", plan.settings().iterations, plan.settings().velocity_iterations) : "",
              to_string(plan.integrator()), options.f64 ? "f64" : "f32", fraction(plan.settings().dt),
-             thread_count(options), thread_count(options) == 1 ? "" : "s", to_string(outcome.target));
+             thread_count(options), thread_count(options) == 1 ? "" : "s", to_string(outcome.target),
+             to_string(outcome.engine));
   fmt::print("run      {} environments x {} steps = {:.6g} s each\n", options.environments, outcome.steps, simulated);
   if (std::abs(simulated - options.seconds) > 1e-9 * options.seconds)
-    fmt::print("         ({:.6g} s is not a whole number of steps: rounded)\n", options.seconds);
+    fmt::print("         (rounded: {:.6g} s is not a whole number of steps)\n", options.seconds);
   fmt::print("speed    {} env-steps/s in {:.3g} s of stepping\n", with_prefix(speed(options, outcome)),
              outcome.stepping_seconds);
   if (outcome.faulted == options.environments)
-    fmt::print("|C|      no environment left to measure\n");
+    fmt::print("|C|      none: every environment faulted\n");
   else
     fmt::print("|C|      max {:.2e}, rms at the end {:.2e} (rad, m)\n", outcome.coupling_error_max,
                outcome.coupling_error_rms);
@@ -181,8 +186,8 @@ void warn(const Diagnosis& diagnosis) {
   if (diagnosis.conflict_count == 0) return;
   const Conflict& first = diagnosis.conflicts.front();
   fmt::print(
-      "warning  bounds and couplings could not all be met in {} of the {} environments looked at; "
-      "first in number {} at {:.4g} s: {}\n",
+      "warning  bounds and couplings could not all be met in {} of the {} environments that were diagnosed; "
+      "first in environment {} at {:.4g} s: {}\n",
       diagnosis.conflict_count, diagnosis.environments, first.environment, first.time, fmt::join(first.rows, ", "));
 }
 
@@ -192,7 +197,7 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   json["model"] = plan.model().name;
   json["file"] = options.model.file;
   json["env_steps_per_second"] = speed(options, outcome);
-  json["coupling_error_max"] = outcome.coupling_error_max;  // null where it is no number
+  json["coupling_error_max"] = outcome.coupling_error_max;  // null for NaN
   json["coupling_error_rms"] = outcome.coupling_error_rms;
   json["faulted_environments"] = outcome.faulted;
   if (outcome.faulted > 0)
@@ -201,7 +206,7 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   json["energy_excess_max"] = diagnosis.energy_excess_max;
   json["limit_violation_max"] = diagnosis.limit_violation_max;
   json["speed_max"] = diagnosis.speed_max;
-  json["conflict_count"] = diagnosis.conflict_count;  // none in smooth scenes: nothing competes there
+  json["conflict_count"] = diagnosis.conflict_count;  // 0 in smooth scenes
   json["conflicts"] = nlohmann::ordered_json::array();
   for (const Conflict& conflict : diagnosis.conflicts)
     json["conflicts"].push_back(
@@ -213,6 +218,7 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   json["precision"] = options.f64 ? "f64" : "f32";
   json["threads"] = thread_count(options);
   json["target"] = to_string(outcome.target);
+  json["engine"] = to_string(outcome.engine);
   json["dt"] = plan.settings().dt;
   json["envs"] = options.environments;
   json["steps"] = outcome.steps;
@@ -221,7 +227,7 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-// With --tolerance, what meets it from the first environment's start.
+// With --tolerance: the step that meets it, tried from the first environment's start.
 std::optional<Chosen> chosen_step(const SimulateOptions& options, const Inputs& inputs, const Model& model) {
   if (options.tolerance == 0.0) return std::nullopt;
   Model start = model;
@@ -229,12 +235,12 @@ std::optional<Chosen> chosen_step(const SimulateOptions& options, const Inputs& 
     state->rows.resize(1);
     start = with_state(std::move(start), *state);
   }
-  StepSettings any = options.step.settings;  // of which no step is taken: the targets want the joints' names
-  any.integrator = Integrator::automatic;
-  const Targets targets = inputs.targets_of(compile(model, any));
+  StepSettings for_names = options.step.settings;  // the targets need a plan's joints; no step of it is taken
+  for_names.integrator = Integrator::automatic;
+  const Targets targets = inputs.targets_of(compile(model, for_names));
   const Chosen chosen =
       choose_step(start, options.step.settings, options.f64, options.tolerance, options.seconds, targets);
-  fmt::print("chosen   {}: off by {:.1e} (rad, m; RMS over {:g} s of one environment) where {:g} is allowed\n",
+  fmt::print("chosen   {}: error {:.1e} (rad, m; RMS over {:g} s of one environment), tolerance {:g}\n",
              described(chosen.setting), chosen.error, chosen.seconds, options.tolerance);
   return chosen;
 }
@@ -252,7 +258,7 @@ int run(const SimulateOptions& options) {
     throw InputError(fmt::format("--record-env: {} is not below the number of environments, {}", options.recorded,
                                  options.environments));
   keep_apart({options.model.file, options.state, options.targets}, {options.record, options.json});
-  std::optional<OutputFile> json;  // opened before the work: a bad name should not cost a run
+  std::optional<OutputFile> json;  // opened first: a bad name should not cost a run
   if (!options.json.empty()) json.emplace(options.json);
   const Inputs inputs(options);
   const Model model = options.model.load().model;
@@ -279,11 +285,11 @@ int run(const SimulateOptions& options) {
 }  // namespace
 
 void add_simulate(CLI::App& app, int& exit_code) {
-  CLI::App* command = app.add_subcommand("simulate", "Steps many environments and says how fast and how well");
+  CLI::App* command = app.add_subcommand("simulate", "Steps many environments; says how fast and how accurately");
   const auto options = std::make_shared<SimulateOptions>();
   options->model.add_to(*command);
   options->step.add_to(*command);
-  command->add_option("--envs", options->environments, "Environments")
+  command->add_option("--envs", options->environments, "Number of environments")
       ->type_name("N")
       ->capture_default_str()
       ->check(CLI::Range(1, 1 << 24));
@@ -302,26 +308,33 @@ void add_simulate(CLI::App& app, int& exit_code) {
       "f32 or f64")
       ->type_name("P")
       ->default_str("f32");
+  add_parsed(*command, "--engine", options->engine, engine_of,
+             "What runs the step: automatic, tables, interpreter, generated. An engine that does not take the plan is "
+             "an error")
+      ->type_name("ENGINE")
+      ->default_str("automatic");
   command
       ->add_option(
           "--tolerance", options->tolerance,
-          "Takes the cheapest step and integrator that keep the joints this close to the exact motion, rad or m")
+          "Takes the cheapest integrator and step that keep the joints this close to the exact motion, RMS, rad or m")
       ->type_name("E")
       ->check(CLI::PositiveNumber)
       ->excludes("--dt");
-  command->add_option("--threads", options->threads, "Threads; 0: all cores")
+  command->add_option("--threads", options->threads, "Number of threads; 0: all cores")
       ->type_name("N")
       ->capture_default_str()
       ->check(CLI::Range(0, 1024));
-  command->add_option("--state", options->state, "CSV of start states, one row for all environments or one each")
+  command->add_option("--state", options->state, "CSV of start states: one row for all environments, or one for each")
       ->type_name("FILE");
   command->add_option("--targets", options->targets, "CSV of drive targets over time")->type_name("FILE");
-  command->add_option("--perturb", options->sigma, "Normal noise on the independent joints' start, rad or m")
+  command
+      ->add_option("--perturb", options->sigma,
+                   "Adds normal noise, rad or m, to the start of every joint that is not the first of a coupling")
       ->type_name("SIGMA")
       ->check(CLI::Range(0.0, 1e3));
-  command->add_option("--seed", options->seed, "Of the noise")->type_name("S")->capture_default_str();
+  command->add_option("--seed", options->seed, "Seed of the noise")->type_name("S")->capture_default_str();
   command->add_option("--record", options->record, "Writes one environment's trajectory as CSV")->type_name("FILE");
-  command->add_option("--record-env", options->recorded, "Which environment, from 0")
+  command->add_option("--record-env", options->recorded, "The environment that --record writes, from 0")
       ->type_name("I")
       ->capture_default_str()
       ->check(CLI::Range(0, (1 << 24) - 1));

@@ -15,9 +15,9 @@ namespace {
 
 using Kind = StateColumn::Kind;
 
-// A unit quaternion as files round it; beyond that the file means something else.
+// How far the length of a quaternion in a file may be from 1. Files round their numbers.
 constexpr double quaternion_slack = 1e-3;
-// Closer to 1 than this it is left as it is, so that what was recorded reads back to the same bits.
+// A quaternion this close to length 1 is not normalised, so that a recorded state reads back to the same bits.
 constexpr double quaternion_rounding = 1e-6;
 
 std::map<std::string, StateColumn> known_columns(const Plan& plan) {
@@ -156,10 +156,10 @@ CouplingSolver::CouplingSolver(const Model& model) {
     offsets_[c] = coupling.offset;
   }
   if (couplings == 0) return;
-  Eigen::MatrixXd of_first_joints = jacobian_;
+  Eigen::MatrixXd first_joints_only = jacobian_;
   for (int i = 0; i < dofs; ++i)
-    if (independent_[i]) of_first_joints.col(i).setZero();
-  first_joints_ = of_first_joints.completeOrthogonalDecomposition().pseudoInverse();
+    if (independent_[i]) first_joints_only.col(i).setZero();
+  first_joints_ = first_joints_only.completeOrthogonalDecomposition().pseudoInverse();
   all_joints_ = jacobian_.completeOrthogonalDecomposition().pseudoInverse();
 }
 

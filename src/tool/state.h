@@ -1,4 +1,4 @@
-// States of environments: columns in files, starts that satisfy the couplings. SPDX-License-Identifier: Apache-2.0
+// States of environments: columns in files, and starts that satisfy the couplings. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -16,31 +16,31 @@ struct StateColumn {
   enum class Kind { position, velocity, root_pose, root_velocity };
   std::string name;
   Kind kind;
-  int row;  ///< of the Batch view of that kind
+  int row;  ///< of the Batch's view of that kind
 };
 
-/// NAME, NAME.v of every moving joint. Throws InputError where two columns would have the same name.
+/// NAME, NAME.v of every moving joint. Throws InputError if two columns have the same name.
 std::vector<StateColumn> joint_columns(const std::vector<std::string>& joints);
 std::vector<StateColumn> root_columns();  ///< pose, then velocity, in the order of the Batch's rows
 
 template <class S>
 typename Batch<S>::View state_view(Batch<S>& batch, StateColumn::Kind kind);
 
-/// Puts the rows of a state file into the environments: one row for all, or one each. What is not named
-/// keeps its value. Throws InputError for unknown columns and numbers that cannot be used.
+/// Writes the rows of a state file into the environments: one row for all, or one for each. States without a column
+/// keep their values. Throws InputError for unknown columns, and for numbers that cannot be used.
 template <class S>
 void apply_state(const Table& table, Batch<S>& batch);
 
-/// The model with a start from a state file of one row.
+/// The model with the start of a state file of one row.
 Model with_state(Model model, const Table& table);
 
-/// Makes states of one environment satisfy the couplings (17): by moving the couplings' first joints where
-/// that is enough, else with the least motion of all.
+/// Makes a state of one environment satisfy the couplings (17). Moves the couplings' first joints; where that is not
+/// enough, moves all joints by as little as possible.
 class CouplingSolver {
  public:
   explicit CouplingSolver(const Model& model);
 
-  /// By dof: whether it is no coupling's first joint.
+  /// By dof: true if it is not the first joint of any coupling.
   const std::vector<bool>& independent() const { return independent_; }
   void settle_positions(Eigen::VectorXd& positions) const;    ///< C = 0
   void settle_velocities(Eigen::VectorXd& velocities) const;  ///< dC/dt = 0
@@ -50,11 +50,11 @@ class CouplingSolver {
   std::vector<bool> independent_;
   Eigen::MatrixXd jacobian_;  ///< [couplings][dofs]
   Eigen::VectorXd offsets_;
-  Eigen::MatrixXd first_joints_, all_joints_;  ///< from errors to joint motions, pseudo-inverses
+  Eigen::MatrixXd first_joints_, all_joints_;  ///< pseudo-inverses: from errors to motions of these joints
 };
 
-/// Adds normal noise of deviation `sigma` to the independent joints of every environment and settles the
-/// couplings. Environment e gets the same noise whatever stands behind it.
+/// Adds normal noise of standard deviation `sigma` to the independent joints of every environment, and makes the others
+/// satisfy the couplings. The noise of an environment does not depend on how many follow it.
 template <class S>
 void perturb(double sigma, std::uint64_t seed, Batch<S>& batch);
 

@@ -8,19 +8,19 @@
 
 namespace lockstep::tool {
 
-/// A row holds from the first step that starts no more than h/1000 before its time until the next row does;
-/// before the first row the model's targets hold. Columns: time, then NAME (position target) or NAME.v
-/// (velocity target) of driven joints.
+/// Columns: time, then NAME (position target) or NAME.v (velocity target) of joints with a drive. A row holds from the
+/// first step that starts at its time, or up to h/1000 before, until the next row takes over. Before the first row the
+/// model's targets hold.
 class Targets {
  public:
   Targets() = default;  ///< no file: the model's targets hold
-  /// Throws InputError for unknown or undriven joints and times that decrease.
+  /// Throws InputError for unknown joints, joints without a drive, and times that decrease.
   Targets(Table table, const Plan& plan);
 
-  /// The row that holds at the step that starts at step_index * dt, -1 before the first.
+  /// The row that holds in the step that starts at step_index * dt; -1 before the first row.
   int row_at(long step_index, double dt) const;
 
-  /// Puts a row's targets into all environments. Throws InputError for numbers that S cannot hold.
+  /// Writes a row's targets into all environments. Throws InputError for numbers that S cannot hold.
   template <class S>
   void apply(int row, Batch<S>& batch) const;
 
@@ -31,7 +31,7 @@ class Targets {
   };
   Table table_;
   std::size_t time_ = 0;         ///< its column
-  std::vector<Column> columns_;  ///< by column of the table; dof -1 for the time
+  std::vector<Column> columns_;  ///< by column of the table; dof is -1 for the time
 };
 
 }  // namespace lockstep::tool

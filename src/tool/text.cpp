@@ -22,7 +22,7 @@ std::string_view trimmed(std::string_view text) {
 
 std::optional<double> to_number(std::string_view text) {
   text = trimmed(text);
-  if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);  // from_chars knows no plus
+  if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);  // from_chars refuses a plus
   double value = 0.0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
@@ -40,9 +40,8 @@ std::optional<double> to_fraction(std::string_view text) {
 std::vector<double> to_numbers(const std::string& text, std::size_t count, const std::string& what) {
   const std::vector<std::string> parts = split(text, ',');
   if (parts.size() != count)
-    throw InputError(count == 1
-                         ? fmt::format("{}: '{}' should be one number", what, text)
-                         : fmt::format("{}: '{}' should be {} numbers with commas between them", what, text, count));
+    throw InputError(count == 1 ? fmt::format("{}: '{}' should be one number", what, text)
+                                : fmt::format("{}: '{}' should be {} numbers separated by commas", what, text, count));
   std::vector<double> numbers;
   for (const std::string& part : parts) {
     const std::optional<double> number = to_number(part);

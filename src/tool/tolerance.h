@@ -1,4 +1,4 @@
-// The cheapest step that is exact enough for a motion, found by trying. SPDX-License-Identifier: Apache-2.0
+// Finds the cheapest step that is exact enough for a motion. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "chart_runs.h"
@@ -8,14 +8,14 @@ namespace lockstep::tool {
 
 struct Chosen {
   ChartSetting setting;
-  double error;    ///< rms over all joints of the probe, rad or m
-  double seconds;  ///< of the probe
+  double error;    ///< rms over all joints, rad or m
+  double seconds;  ///< of the motion that was tried
 };
 
-/// Tries integrators and steps on the first of the `seconds` (probe_seconds at most) of the model's motion in one
-/// environment with these targets, and takes the one that costs least, by flops, of those whose joints are off by no
-/// more than `tolerance`. `settings` says the method, the bounds left out, and the integrator if it is to be one only.
-/// Throws InputError where none is good enough or the motion cannot be told so closely.
+/// Tries integrators and step sizes on the first `seconds` of the motion of one environment, at most probe_seconds,
+/// with these targets. Takes the one with the fewest flops whose error is at most `tolerance`. Method and ignored
+/// bounds are those of `settings`; so is the integrator unless it is automatic. Throws InputError where no step is
+/// exact enough, or where the motion is not known so closely.
 Chosen choose_step(const Model& model, const StepSettings& settings, bool f64, double tolerance, double seconds,
                    const Targets& targets);
 

@@ -1,15 +1,15 @@
-// Where the numbers of a traced step stand in memory, and which stages it calls. SPDX-License-Identifier: Apache-2.0
+// The places of a traced step's numbers in memory, and the stages that it calls. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 namespace lockstep {
 
-/// Stages that look at what is in the lanes before they know what to do: they are called, as the tables' kernels call
-/// them.
+/// Stages whose work depends on the values in the lanes. A traced step calls them as they are.
 enum class Call : int { none, solve_bounds, coupling_impulses, diagnose, hold };
 
-/// Where a number stands that is read or written.
+/// A read or write of a number in memory.
 struct Access {
-  /// From 0 on the tile's arrays, in the order of kernels::arrays(); from first_row on rows of the batch.
+  /// What `array` may be. From 0 on: arrays of the tile, in the order of kernels::arrays(). From first_row on: rows of
+  /// the batch.
   enum : int {
     frozen = -1,
     singular = -2,

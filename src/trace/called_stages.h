@@ -1,9 +1,8 @@
 // The stages that a traced step calls instead of running them. SPDX-License-Identifier: Apache-2.0
 //
-// A stage that looks at its lanes before it knows what to do has no straight-line code. The kernels call it by its
-// plain name with a Tile<Traced>; the overloads below are then better matches than the kernels' own templates. They
-// write down a call, which the interpreter and generated code make on the tile in memory. Include this before
-// kernels/step.h.
+// A stage whose work depends on the values in its lanes has no straight-line code. The kernels call it by its name with
+// a Tile<Traced>. Then the overloads below match better than the kernels' own templates. They record a call, which the
+// interpreter and generated code make on the tile in memory. Include this before kernels/step.h.
 #pragma once
 
 #include "tracer.h"
@@ -23,22 +22,22 @@ void diagnose(const Tables<double>& t, const StatePointers<double>& batch, Tile<
 void check(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void hold_frozen(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, Traced::Mask failed);
 
-/// A loop of sweeps is written down as one, with what each turn hands to the next.
+/// Records a loop of sweeps as a loop. `carried` are the arrays that each turn hands to the next.
 template <int N, class Turn>
-void repeat(int times, const Tile<Traced>&, Traced* const (&handed)[N], int length, Turn&& turn) {
+void repeat(int times, const Tile<Traced>&, Traced* const (&carried)[N], int length, Turn&& turn) {
   if (times < 2 || trace::counting) {
     for (int i = 0; i < times; ++i) turn();
     return;
   }
   const auto gather = [&] {
     std::vector<trace::Id> all;
-    for (Traced* array : handed)
+    for (Traced* array : carried)
       for (int i = 0; i < length; ++i) all.push_back(array[i].id);
     return all;
   };
   const auto spread = [&](const std::vector<trace::Id>& all) {
     for (int a = 0; a < N; ++a)
-      for (int i = 0; i < length; ++i) handed[a][i] = Traced::of(all[a * length + i]);
+      for (int i = 0; i < length; ++i) carried[a][i] = Traced::of(all[a * length + i]);
   };
   spread(trace::tracer->graph.begin_loop(times, gather()));
   turn();

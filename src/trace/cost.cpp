@@ -1,3 +1,4 @@
+// Plan's costs: operations and bytes. SPDX-License-Identifier: Apache-2.0
 #include "cost.h"
 
 #include "lockstep/plan.h"

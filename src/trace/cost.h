@@ -1,4 +1,4 @@
-// What a step costs: its kernels run once on numbers that count. SPDX-License-Identifier: Apache-2.0
+// What a step costs: the kernels run once on numbers that count operations. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <set>
@@ -9,7 +9,7 @@ namespace lockstep::trace {
 
 struct Cost {
   long flops = 0;
-  std::set<const double*> loaded;  ///< numbers of inputs and fields, each once however often
+  std::set<const double*> loaded;  ///< numbers of inputs and fields that the step reads
 };
 
 Cost cost_of(const Program& program);

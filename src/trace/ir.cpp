@@ -1,3 +1,4 @@
+// How the graph is built: equal nodes are found, and operations simplified. SPDX-License-Identifier: Apache-2.0
 #include "ir.h"
 
 #include <algorithm>
@@ -9,13 +10,13 @@ namespace lockstep::trace {
 Id Graph::put(Node node) {
   for (Id o : node.operand)
     if (o >= 0 && nodes_[o].item >= 0 && nodes_[o].item != open_loop_ && items_[nodes_[o].item].kind == Item::loop)
-      throw std::logic_error("a kernel takes from inside a loop what the loop does not hand on: see kernels::repeat");
+      throw std::logic_error("a kernel reads a number of a loop that the loop does not carry: see kernels::repeat");
   const bool inside = open_loop_ >= 0 && std::any_of(node.operand.begin(), node.operand.end(),
                                                      [&](Id o) { return o >= 0 && nodes_[o].item == open_loop_; });
   if (inside)
     node.item = open_loop_;
   else if (open_loop_ >= 0)
-    node.item = open_loop_ - 1;  // what does not depend on the loop stands before it
+    node.item = open_loop_ - 1;  // a node that does not depend on the loop goes before it
   else {
     if (items_.empty() || items_.back().kind != Item::straight) items_.emplace_back();
     node.item = static_cast<int>(items_.size()) - 1;
@@ -27,8 +28,8 @@ Id Graph::put(Node node) {
 }
 
 Id Graph::constant(double value) {
-  const auto [known, fresh] = constants_.try_emplace(value == 0.0 ? 0.0 : value, 0);
-  if (fresh) {
+  const auto [known, is_new] = constants_.try_emplace(value == 0.0 ? 0.0 : value, 0);
+  if (is_new) {
     Node node;
     node.op = Op::constant;
     node.value = known->first;
@@ -39,8 +40,8 @@ Id Graph::constant(double value) {
 }
 
 Id Graph::input(const Place& place, bool mask) {
-  const auto [known, fresh] = inputs_.try_emplace(place.text, 0);
-  if (fresh) {
+  const auto [known, is_new] = inputs_.try_emplace(place.text, 0);
+  if (is_new) {
     Node node;
     node.op = Op::input;
     node.place = place;
@@ -50,11 +51,11 @@ Id Graph::input(const Place& place, bool mask) {
   return known->second;
 }
 
-Id Graph::found_or_put(Op op, Id a, Id b, Id c) {
-  const bool swaps =
+Id Graph::find_or_put(Op op, Id a, Id b, Id c) {
+  const bool commutes =
       op == Op::add || op == Op::multiply || op == Op::fma || op == Op::fnma || op == Op::either || op == Op::both;
   const auto rank = [&](Id id) { return is(id, Op::constant) ? -1 : id; };
-  if (swaps && rank(b) < rank(a)) std::swap(a, b);
+  if (commutes && rank(b) < rank(a)) std::swap(a, b);
   const Key key{static_cast<Id>(op), a, b, c};
   if (const auto known = known_.find(key); known != known_.end()) return known->second;
   Node node;
@@ -73,7 +74,7 @@ Id Graph::negated(Id a) {
     case Op::constant: return constant(-nodes_[a].value);
     case Op::negate: return of;
     case Op::subtract: return difference(from, of);
-    default: return found_or_put(Op::negate, a, -1, -1);
+    default: return find_or_put(Op::negate, a, -1, -1);
   }
 }
 
@@ -84,7 +85,7 @@ Id Graph::sum(Id a, Id b) {
   if (is(b, Op::negate)) return difference(a, nodes_[b].operand[0]);
   if (is(a, Op::negate)) return difference(b, nodes_[a].operand[0]);
   if (is(b, Op::constant)) std::swap(a, b);
-  return found_or_put(Op::add, a, b, -1);
+  return find_or_put(Op::add, a, b, -1);
 }
 
 Id Graph::difference(Id a, Id b) {
@@ -94,7 +95,7 @@ Id Graph::difference(Id a, Id b) {
   if (a == b) return constant(0.0);
   if (is(b, Op::negate)) return sum(a, nodes_[b].operand[0]);
   if (is(a, Op::negate)) return negated(sum(nodes_[a].operand[0], b));
-  return found_or_put(Op::subtract, a, b, -1);
+  return find_or_put(Op::subtract, a, b, -1);
 }
 
 Id Graph::product(Id a, Id b) {
@@ -106,7 +107,7 @@ Id Graph::product(Id a, Id b) {
   if (is(a, Op::negate)) return negated(product(nodes_[a].operand[0], b));
   if (is(b, Op::negate)) return negated(product(a, nodes_[b].operand[0]));
   if (is(a, Op::constant) && nodes_[a].value < 0.0) return negated(product(constant(-nodes_[a].value), b));
-  return found_or_put(Op::multiply, a, b, -1);
+  return find_or_put(Op::multiply, a, b, -1);
 }
 
 Id Graph::quotient(Id a, Id b) {
@@ -115,7 +116,7 @@ Id Graph::quotient(Id a, Id b) {
   if (is(b, Op::constant)) return product(a, constant(1.0 / nodes_[b].value));
   if (is(a, Op::negate)) return negated(quotient(nodes_[a].operand[0], b));
   if (is(b, Op::negate)) return negated(quotient(a, nodes_[b].operand[0]));
-  return found_or_put(Op::divide, a, b, -1);
+  return find_or_put(Op::divide, a, b, -1);
 }
 
 Id Graph::times_one(Id a, Id b) {
@@ -128,17 +129,17 @@ Id Graph::product_and(Op op, Id a, Id b, Id c) {
   const Op other = op == Op::fma ? Op::fnma : Op::fma;
   if (is(b, Op::constant)) std::swap(a, b);
   if (is(a, 0.0)) return c;
-  const bool plain = is(c, 0.0) || is(a, 1.0) || is(a, -1.0) || (is(a, Op::constant) && is(b, Op::constant));
-  if (plain) return op == Op::fma ? sum(c, product(a, b)) : difference(c, product(a, b));
+  const bool needs_no_fma = is(c, 0.0) || is(a, 1.0) || is(a, -1.0) || (is(a, Op::constant) && is(b, Op::constant));
+  if (needs_no_fma) return op == Op::fma ? sum(c, product(a, b)) : difference(c, product(a, b));
   if (is(a, Op::negate)) return product_and(other, nodes_[a].operand[0], b, c);
   if (is(b, Op::negate)) return product_and(other, a, nodes_[b].operand[0], c);
   if (is(a, Op::constant) && nodes_[a].value < 0.0) return product_and(other, constant(-nodes_[a].value), b, c);
   if (op == Op::fnma && is(c, Op::negate)) return negated(product_and(Op::fma, a, b, nodes_[c].operand[0]));
-  return found_or_put(op, a, b, c);
+  return find_or_put(op, a, b, c);
 }
 
 Id Graph::added_up(const std::vector<Addend>& addends) {
-  const bool negative = addends.front().minus;  // so a sum and its negative are one number
+  const bool negative = addends.front().minus;  // then a sum and its negative share their nodes
   Id all = constant(0.0);
   for (const auto& [number, factor, minus] : addends) {
     if (factor >= 0)
@@ -159,7 +160,7 @@ bool Graph::everywhere(Id mask) const { return is(mask, Op::invert) && is(nodes_
 
 Id Graph::inverted(Id mask) {
   if (is(mask, Op::invert)) return nodes_[mask].operand[0];
-  return found_or_put(Op::invert, mask, -1, -1);
+  return find_or_put(Op::invert, mask, -1, -1);
 }
 
 Id Graph::of_masks(Op op, Id a, Id b) {
@@ -167,10 +168,10 @@ Id Graph::of_masks(Op op, Id a, Id b) {
   const auto decisive = [&](Id mask) { return op == Op::both ? is(mask, Op::none) : everywhere(mask); };
   if (neutral(a) || decisive(b) || is_among(op, a, b)) return b;
   if (neutral(b) || decisive(a) || is_among(op, b, a)) return a;
-  return found_or_put(op, a, b, -1);
+  return find_or_put(op, a, b, -1);
 }
 
-// Whether it is one of those that the same operation has brought together in `all`.
+// Whether `mask` is an operand of `all`, directly or through further operations of the same kind.
 bool Graph::is_among(Op op, Id mask, Id all) const {
   if (all <= mask || !is(all, op)) return all == mask;
   const auto& [left, right, unused] = nodes_[all].operand;
@@ -178,7 +179,7 @@ bool Graph::is_among(Op op, Id mask, Id all) const {
 }
 
 Id Graph::compared(Id a, Id b) {
-  if (!is(a, Op::constant) || !is(b, Op::constant)) return found_or_put(Op::less, a, b, -1);
+  if (!is(a, Op::constant) || !is(b, Op::constant)) return find_or_put(Op::less, a, b, -1);
   const Id nowhere = operation(Op::none);
   return nodes_[a].value < nodes_[b].value ? inverted(nowhere) : nowhere;
 }
@@ -186,7 +187,7 @@ Id Graph::compared(Id a, Id b) {
 Id Graph::selected(Id mask, Id yes, Id no) {
   if (yes == no || is(mask, Op::none)) return no;
   if (everywhere(mask)) return yes;
-  return found_or_put(Op::select, mask, yes, no);
+  return find_or_put(Op::select, mask, yes, no);
 }
 
 Id Graph::operation(Op op, Id a, Id b, Id c) {
@@ -203,20 +204,20 @@ Id Graph::operation(Op op, Id a, Id b, Id c) {
     case Op::select: return selected(a, b, c);
     case Op::less: return compared(a, b);
     case Op::invert: return inverted(a);
-    case Op::farther:  // of magnitudes; followers in place have those of their drivers
+    case Op::farther:  // of magnitudes, which consistent followers may share with their leaders
       b = without_sign(b);
       for (Id most = a; is(most, Op::farther); most = nodes_[most].operand[0])
         if (nodes_[most].operand[1] == b) return a;
-      return found_or_put(op, a, b, c);
+      return find_or_put(op, a, b, c);
     case Op::sine:
     case Op::cosine:
-      if (!is(a, Op::negate)) return found_or_put(op, a, b, c);
+      if (!is(a, Op::negate)) return find_or_put(op, a, b, c);
       a = operation(op, nodes_[a].operand[0]);
       return op == Op::sine ? negated(a) : a;
     case Op::sqrt:
       if (is(a, Op::constant)) return constant(std::sqrt(nodes_[a].value));
-      return found_or_put(op, a, b, c);
-    default: return found_or_put(op, a, b, c);
+      return find_or_put(op, a, b, c);
+    default: return find_or_put(op, a, b, c);
   }
 }
 
@@ -243,7 +244,7 @@ std::vector<Id> Graph::end_loop(const std::vector<Id>& next) {
   Item& loop = items_[open_loop_];
   loop.next = next;
   open_loop_ = -1;
-  // The same names, but other nodes: what was computed of them inside belongs to the turn before.
+  // New nodes with the variables' names: nodes that were computed from the old ones belong to a turn of the loop.
   std::vector<Id> after;
   for (Id variable : loop.variable) {
     Node node;

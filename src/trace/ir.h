@@ -1,7 +1,7 @@
-// What a step does to numbers, written down: nodes, loops, stores, in order. SPDX-License-Identifier: Apache-2.0
+// The intermediate representation of a step: nodes, loops and effects in order. SPDX-License-Identifier: Apache-2.0
 //
-// Nodes are made once (equal ones are found again) and simplified as they are made: what a model has not - an offset
-// of 0, a rotation by nothing - leaves no operation behind.
+// Equal nodes exist once. Each node is simplified when it is made, so what a model does not have leaves no operation:
+// an offset of 0, an identity rotation.
 #pragma once
 
 #include <array>
@@ -17,8 +17,8 @@ namespace lockstep::trace {
 
 enum class Op {
   constant,
-  input,
-  variable,  // a number; what stands in memory; what a loop changes
+  input,     // a number in memory
+  variable,  // a number that a loop or an effect changes
   negate,
   add,
   subtract,
@@ -27,27 +27,28 @@ enum class Op {
   fma,
   fnma,
   sqrt,
-  farther,
+  farther,  // the larger magnitude
   sine,
   cosine,
-  rounding,
+  rounding,  // one unit in the last place of 1
+  // from here to invert: masks
   none,
   less,
-  beyond,
+  beyond,  // |a| > b
   either,
   both,
-  invert,  // masks
+  invert,
   select,
 };
 
 using Id = int;
 
-/// Where a number stands in memory.
+/// The place of a number in memory.
 struct Place {
-  std::string text;             ///< how C++ says it
+  std::string text;             ///< as a C++ expression
   int array = Access::nowhere;  ///< as in Access
   int number = 0;
-  bool lasting = false;  ///< the same in all steps of a call
+  bool lasting = false;  ///< the number is the same in all steps of a call
 };
 
 struct Node {
@@ -55,7 +56,7 @@ struct Node {
   std::array<Id, 3> operand{-1, -1, -1};
   double value = 0.0;  ///< of a constant
   Place place;         ///< of an input
-  int item = -1;       ///< where in Graph::items it stands; a constant stands nowhere
+  int item = -1;       ///< its item in Graph::items, -1 for a constant
   bool mask = false;
 };
 
@@ -65,26 +66,26 @@ struct Write {
   Id value;
 };
 
-/// What is added to a sum, or subtracted: a number or, with a factor, a product.
+/// A number that is added to a sum or subtracted. With a factor it is a product.
 struct Addend {
   Id number, factor;
   bool minus;
 };
 
-/// A part of a step, in order: some nodes, and what is done behind them.
+/// A part of a step: straight-line nodes, a loop, or an effect.
 struct Item {
   enum Kind { straight, loop, effect };
   Kind kind = straight;
   std::vector<Id> nodes;
-  // what it changes of numbers: their values before, and after
+  // Numbers that a loop or an effect changes, and their values before it.
   std::vector<Id> variable, start;
-  // loop
+  // A loop.
   int times = 0;
-  std::vector<Id> next;  ///< by variable, after each turn
-  // effect: stores, then code; under a condition if there is one, and then variables are read again
+  std::vector<Id> next;  ///< by variable: its value after a turn
+  // An effect: stores, then code. If it has a condition, the variables are stored too, and read again after the code.
   std::vector<Write> stores;
   std::string code;
-  Call call = Call::none;  ///< the code, for those who cannot read it
+  Call call = Call::none;  ///< the same as `code`, for the interpreter
   Id condition = -1;
   std::vector<Place> place;  ///< by variable
 };
@@ -95,26 +96,28 @@ class Graph {
   Id input(const Place& place, bool mask);
   Id operation(Op op, Id a = -1, Id b = -1, Id c = -1);
 
-  /// One by one, each product rounded once with the sum.
+  /// Adds up the addends one by one. A product is rounded once, together with the sum.
   Id added_up(const std::vector<Addend>& addends);
-  /// A product's factors; itself where it is none after all.
+  /// The product as an addend with a factor. If simplification left no product, the number itself.
   Addend apart(Id product, bool minus) const;
-  /// a b where one of them is 1 or -1, -1 if none is.
+  /// a b if one of them is 1 or -1; else -1.
   Id times_one(Id a, Id b);
-  /// The same but for its sign.
+  /// The operand of a negation; any other node itself.
   Id without_sign(Id id) const { return is(id, Op::negate) ? nodes_[id].operand[0] : id; }
 
-  /// From here on nodes that depend on the variables are the loop's body. Returns the variables, one for each start.
+  /// Until end_loop(), nodes that depend on the variables belong to the loop. Returns the variables, one for each
+  /// start.
   std::vector<Id> begin_loop(int times, const std::vector<Id>& start);
-  /// Returns what the variables are after the last turn.
+  /// Returns the variables' values after the last turn.
   std::vector<Id> end_loop(const std::vector<Id>& next);
 
-  /// Stores and code that stand between the nodes before and those to come. Where the code may change memory
-  /// or open a scope, nodes from before are not found again.
+  /// Stores and code, after all nodes so far and before all later ones.
   void effect(std::vector<Write> stores, const std::string& code, Call call = Call::none);
+  /// Later nodes are not taken from those so far. Needed after code that changes memory or opens a scope.
   void forget();
 
-  /// Under a condition: stores, these numbers too, and code that changes them. Returns what they are afterwards.
+  /// An effect under a condition. The code may change the numbers `changed`, which are stored before it. Returns their
+  /// values after it.
   std::vector<Id> effect_if(Id condition, std::vector<Write> stores, const std::string& code, Call call,
                             const std::vector<Write>& changed);
 
@@ -136,7 +139,7 @@ class Graph {
 
   Id put(Node node);
   Id variable(int item);
-  Id found_or_put(Op op, Id a, Id b, Id c);
+  Id find_or_put(Op op, Id a, Id b, Id c);
   Id negated(Id a);
   Id sum(Id a, Id b);
   Id difference(Id a, Id b);

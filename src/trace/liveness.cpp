@@ -1,13 +1,14 @@
+// Use counts, from the stores backwards. SPDX-License-Identifier: Apache-2.0
 #include "liveness.h"
 
 namespace lockstep::trace {
 namespace {
 
-class Finder {
+class Counter {
  public:
-  explicit Finder(const Graph& graph) : graph_(graph), uses_(graph.nodes().size(), 0) {}
+  explicit Counter(const Graph& graph) : graph_(graph), uses_(graph.nodes().size(), 0) {}
 
-  std::vector<int> find() {
+  std::vector<int> count() {
     for (const Item& item : graph_.items()) {
       for (const Write& store : item.stores) use(store.value);
       if (item.condition < 0) continue;
@@ -21,19 +22,19 @@ class Finder {
   void use(Id id) {
     if (uses_[id]++ > 0) return;
     const Node& node = graph_.nodes()[id];
-    if (node.op == Op::variable && node.operand[0] < 0) use_what_it_becomes(id);
+    if (node.op == Op::variable && node.operand[0] < 0) use_values_of(id);
     for (Id o : node.operand)
       if (o >= 0) use(o);
   }
 
-  void use_what_it_becomes(Id id) {
+  void use_values_of(Id id) {
     for (const Item& item : graph_.items())
       for (std::size_t i = 0; i < item.variable.size(); ++i) {
         if (item.variable[i] != id) continue;
         use(item.start[i]);
         if (item.kind != Item::loop) continue;
         use(item.next[i]);
-        ++uses_[item.next[i]];  // named before any variable changes
+        ++uses_[item.next[i]];  // so it gets a name, which is set before any variable changes
       }
   }
 
@@ -43,6 +44,6 @@ class Finder {
 
 }  // namespace
 
-std::vector<int> use_counts(const Graph& graph) { return Finder(graph).find(); }
+std::vector<int> use_counts(const Graph& graph) { return Counter(graph).count(); }
 
 }  // namespace lockstep::trace

@@ -1,11 +1,11 @@
-// What of a graph is wanted. SPDX-License-Identifier: Apache-2.0
+// Which nodes of a graph are used. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "ir.h"
 
 namespace lockstep::trace {
 
-/// How often each node is used by what reaches memory, directly or through others; 0 for those that nobody wants.
+/// By node, its use count: uses by stores, and by nodes that a store depends on.
 std::vector<int> use_counts(const Graph& graph);
 
 }  // namespace lockstep::trace

@@ -1,4 +1,4 @@
-// Sums that become parts of others, and the order in which they are added up. SPDX-License-Identifier: Apache-2.0
+// Which sums become part of other sums, and the order of their terms. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <vector>
@@ -7,35 +7,37 @@
 
 namespace lockstep::trace {
 
-/// A sum as it was asked for: `first` and `second`, or `first` and the product of `second` and `factor`.
+/// A sum as a kernel has it: `first` plus `second`, or `first` plus the product of `second` and `factor`.
 struct Sum {
   Id first, second, factor;
-  bool subtracts;  ///< what is second
-  int stage = 0;   ///< behind so many calls that are left out: what is before may be another number behind
+  bool subtracts;  ///< minus in place of plus
+  int stage = 0;   ///< how many calls were left out before it; each may change numbers
   Id result = -1;
 };
 
-/// One of two that a sum was asked for with.
+/// One of the two operands of a sum.
 struct Term {
   int sum;
   bool second, minus;
-  bool apart;  ///< a product, of which the sum takes the factors
+  bool apart;  ///< a product, whose factors go into a multiply-add
 };
 
-/// A step written down, and the sums that it asked for, one after the other.
+/// A traced step, and its sums in order.
 struct Tracing {
   Graph graph;
   std::vector<Sum> sums;
 };
 
-/// Of each sum all that is to be added up for it, one by one; nothing for those that become part of another one. What
-/// nothing else wants becomes part of a sum: a product, which is rounded once with it, not twice, or a sum, whose parts
-/// are added one by one. First comes a number, then what is known soonest: no addition waits for more than it must.
+/// By sum, the terms to add up one by one. A sum without terms becomes part of another one.
 ///
-/// Decided by the whole step, so a step is recorded before, and all others, which are to round in the same places, go
-/// by that: `any` is to have no two numbers in one that others have apart. In place more numbers are the same or
-/// nothing: sums of which that is so stay as they are, and the order is the one that is best there. (`consistent` may
-/// be `any`.)
+/// A product or a sum that nothing else uses becomes part of the sum that uses it. Then a product is rounded once, with
+/// the sum, and the terms of an inner sum are added one by one. The first term is a number that is not a product. The
+/// others follow in the order in which they are known, so no addition waits longer than it must.
+///
+/// This needs the whole step, so the step is traced once to decide. All further tracings use the same terms and so
+/// round in the same places. `any` is the step of any tile. In `consistent`, the step of consistent followers, more
+/// numbers are equal or zero: a sum for which that is so stays as it is. The order is the best one for `consistent`,
+/// which may be `any`.
 std::vector<std::vector<Term>> terms_of(const Tracing& any, const Tracing& consistent);
 
 }  // namespace lockstep::trace

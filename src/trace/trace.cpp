@@ -1,3 +1,4 @@
+// Traces a step: runs the kernels once to decide, and once for each graph. SPDX-License-Identifier: Apache-2.0
 #include "trace.h"
 
 #include <fmt/format.h>
@@ -26,10 +27,12 @@ bool saturation_differs(const Tables<double>&, const StatePointers<double>&, Til
   if (!counting) tracer->run("} while (saturation_differs(t, batch, x));");
   return false;
 }
-void clear_bounds(Tile<Traced>&) {}                                                       // see bounds_active()
-void solve_bounds(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}  // the same
+// bounds_active() records the calls of these two.
+void clear_bounds(Tile<Traced>&) {}
+void solve_bounds(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}
 
-// Inactive bounds are looked for in the straight line, unless others look at what solve_bounds() leaves in memory.
+// Straight-line code finds out whether a bound may be active, unless other stages read what solve_bounds() leaves in
+// memory.
 bool bounds_active(const Tables<double>& t, Tile<Traced>& x) {
   if (counting) {
     if (!t.bounds.always) candidates(t, x);
@@ -45,7 +48,7 @@ bool bounds_active(const Tables<double>& t, Tile<Traced>& x) {
   }
   Traced::Mask candidate;
   tracer->aside([&] { candidate = candidates(t, x); });
-  // Neither solve_bounds() nor what it calls has a use for these.
+  // Neither solve_bounds() nor what it calls reads these.
   std::set<const void*> unread = {x.dynamics.joint_inertia,
                                   x.dynamics.rhs,
                                   x.dynamics.bias,
@@ -68,12 +71,12 @@ void coupling_impulses(const Tables<double>& t, Tile<Traced>& x) {
   if (t.bounds.rows.count > 0) return tracer->run("coupling_impulses(t, x);", Call::coupling_impulses);
   const std::vector<Traced> before(x.couplings.impulse, x.couplings.impulse + t.couplings);
   coupling_impulses<Traced>(t, x);
-  // All tracings count the same sums.
+  // The first tracing runs this stage too, as all tracings must have the same sums. But it drops the results.
   if (tracer->learns()) std::copy(before.begin(), before.end(), x.couplings.impulse);
 }
 
-// A NaN in an input that no result depends on - a force along a fixed axis - is a fault by the tables, where it is
-// multiplied by zero; so it is here. (What no float holds is a fault in either precision.)
+// No result depends on an input such as a force along a fixed axis. A NaN in it is still a fault: the tables' kernels
+// multiply it by zero. So it must be a fault here. (A number too large for float is a fault in both precisions.)
 void check(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
   if (!counting && !tracer->unused_inputs.empty() && t.velocities > 0) {
     Traced most(0.0), &last = x.next.v[t.velocities - 1];
@@ -93,8 +96,8 @@ namespace lockstep::trace {
 
 namespace {
 
-// In place, followers' positions and velocities are what they follow (M76): errors and what they are off by come out as
-// nothing, sines of mirrored joints as those of their drivers.
+// Consistent followers have the positions and velocities that their leaders give them (M76). Then errors of position
+// and velocity become zero, and mirrored joints share the sines of their leaders.
 void know_consistent_followers(const Tables<double>& t, TracedTile& x, Tracer& tracing) {
   const Reduction<double>& r = t.reduction;
   for (int i = 0; i < r.placing.count; ++i)
@@ -105,6 +108,7 @@ void know_consistent_followers(const Tables<double>& t, TracedTile& x, Tracer& t
     tracing.know(x.state.v[t.velocity_of(r.follower[f])], kernels::followed(t, x, f, x.dynamics.start));
 }
 
+// What the first tracing decides for all others.
 struct Learned {
   std::vector<std::vector<Term>> terms;
   std::vector<Place> unused_inputs;
@@ -121,7 +125,7 @@ Learned learned_from(const Tracing& any, const Tracing& consistent) {
   return {terms_of(any, consistent), std::move(unused_inputs)};
 }
 
-// The rows of one environment that a step reads. rows(count, name, array) makes them.
+// The input rows of one environment. rows(count, name, array) makes each.
 template <class MakeRows>
 StatePointers<double> inputs(const Tables<double>& t, MakeRows rows) {
   StatePointers<double> batch;
@@ -137,7 +141,7 @@ StatePointers<double> inputs(const Tables<double>& t, MakeRows rows) {
   return batch;
 }
 
-// Numbers to point into; they stay where they are.
+// Memory for rows. Its blocks do not move.
 class Memory {
  public:
   double* take(int count) { return blocks_.emplace_back(static_cast<std::size_t>(count) + 1).data(); }
@@ -146,8 +150,8 @@ class Memory {
   std::vector<std::vector<double>> blocks_;
 };
 
-// Without anything `learned` it learns. Numbers that only bounds or diagnostics read are unused then, so that they do
-// not decide how sums are added up, and steps round alike with them and without.
+// Without `learned` this is the first tracing. It leaves out calls, so numbers that only bounds or diagnostics read are
+// unused. Therefore they do not influence how sums are added up, and steps round alike with and without them.
 Tracing trace_once(const Program& program, bool consistent, const Learned* learned) {
   const Tables<double>& t = program.f64;
   TracedTile x{};
@@ -163,7 +167,7 @@ Tracing trace_once(const Program& program, bool consistent, const Learned* learn
   x.consistent = false;
   x.solves_twice = t.solve_twice;
 
-  // What advance() makes once per call: known numbers, unless each environment has its own.
+  // advance() computes these once per call. They are known unless each environment has its own.
   if (!t.declares(Parameter::gear_ratio)) kernels::uniform_ratios(t, x);
   if (!t.declares(Parameter::mass)) kernels::uniform_masses(t, x);
   if (consistent) know_consistent_followers(t, x, tracing);
@@ -181,7 +185,7 @@ Tracing trace_once(const Program& program, bool consistent, const Learned* learn
 TracedStep trace_step(const Program& program) {
   const Reduction<double>& r = program.f64.reduction;
   const Tracing any = trace_once(program, false, nullptr);
-  // Also where diagnostics, which are not to change a bit, keep steps from being shorter in place.
+  // Diagnostics rule out the shorter step, but may not change the result by a bit. So this does not depend on them.
   const Learned learned =
       r.placing.count > 0 ? learned_from(any, trace_once(program, true, nullptr)) : learned_from(any, any);
   TracedStep step{trace_once(program, false, &learned).graph, {}};
@@ -200,7 +204,7 @@ Cost cost_of(const Program& program) {
   counting = &cost;
   kernels::uniform_masses(t, x);
   kernels::uniform_ratios(t, x);
-  cost = {};  // these are made once for all environments
+  cost = {};  // the two above run once for all environments
   if (t.declares(Parameter::gear_ratio)) kernels::own_ratios(t, batch, x);
   if (t.declares(Parameter::offset)) kernels::own_offsets(t, batch, x);
   if (t.declares(Parameter::mass)) {

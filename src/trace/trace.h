@@ -1,4 +1,4 @@
-// The step of one plan as a graph: the kernels run once on numbers that write down. SPDX-License-Identifier: Apache-2.0
+// The step of one plan as a graph: the kernels run once on traced numbers. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
@@ -9,11 +9,11 @@
 namespace lockstep::trace {
 
 struct TracedStep {
-  Graph any;                        ///< of any tile
-  std::optional<Graph> consistent;  ///< of one whose followers are all in place, where that is shorter (M76)
+  Graph any;                        ///< for any tile
+  std::optional<Graph> consistent;  ///< for a tile of consistent followers, if that is shorter (section 14)
 };
 
-/// Throws SettingsError for the few plans that straight-line code cannot do.
+/// Throws SettingsError for the few plans that straight-line code cannot run.
 TracedStep trace_step(const Program& program);
 
 }  // namespace lockstep::trace

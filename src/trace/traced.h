@@ -1,4 +1,4 @@
-// A number that writes down what is done to it, for kernels to run on. SPDX-License-Identifier: Apache-2.0
+// A number that records what kernels do to it. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "ir.h"
@@ -6,22 +6,22 @@
 
 namespace lockstep::trace {
 
-/// What the numbers of this thread are written down in, and where arrays are that name and explain them.
+/// Where the traced numbers of this thread are recorded.
 class Tracer;
 inline thread_local Tracer* tracer = nullptr;
-/// Or what is only counted of them.
+/// If not null, operations are only counted, in this.
 struct Cost;
 inline thread_local Cost* counting = nullptr;
 
 Id trace_constant(double value);
 Id trace_operation(Op op, Id a = -1, Id b = -1, Id c = -1);
-/// As it stands: no other sum becomes part of it, and it becomes part of none.
+/// A sum that is not reassociated: no other sum becomes part of it, and it becomes part of none.
 Id trace_as_it_stands(Op op, Id a, Id b, Id c = -1);
 Id trace_load(const double* p);
-/// The number in memory at `place` is now `id`: a name for it, if `place` is in a known array.
+/// The number at `place` is now `id`. If `place` is in an array of the tile, this gives the node a name.
 void trace_name(const void* place, Id id);
 
-/// One line of code may stand for several lanes; which one is never known here.
+/// A traced number. It stands for all lanes, whose values are not known.
 struct Traced {
   using Scalar = double;
   static constexpr int lanes = 1;
@@ -77,7 +77,7 @@ struct Traced {
   static Traced rounding() { return of(trace_operation(Op::rounding)); }
   static Traced load(const double* p) { return of(trace_load(p)); }
 
-  // StatePointers that are treated one by one have no straight-line code.
+  // Code that treats lanes one by one has no straight-line form.
   double lane(int) const {
     refuse();
     return 1.0;
@@ -86,8 +86,8 @@ struct Traced {
   static void refuse() {
     if (counting) return;
     throw SettingsError("method tgs with a softness per environment",
-                        "is worked out lane by lane, which generated code cannot",
-                        "leave this plan to the tables, or use another method");
+                        "is computed lane by lane, which generated code and the interpreter cannot do",
+                        "use Engine::tables, or another method");
   }
 };
 

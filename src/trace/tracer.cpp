@@ -1,3 +1,4 @@
+// How a traced tile names its numbers, and what goes to memory around calls. SPDX-License-Identifier: Apache-2.0
 #include "tracer.h"
 
 #include <fmt/format.h>
@@ -54,7 +55,7 @@ void trace_name(const void* place, Id id) {
 
 namespace {
 
-using Part = std::pair<std::string, std::string>;  // of an element: in C++, in a name
+using Part = std::pair<std::string, std::string>;  // a number in an array's element: suffix in C++ code, in a name
 
 std::vector<Part> parts(const Traced*) { return {{"", ""}}; }
 std::vector<Part> parts(const simd::Vec3<Traced>*) { return {{".x", "_x"}, {".y", "_y"}, {".z", "_z"}}; }
@@ -83,14 +84,14 @@ std::vector<Part> parts(const simd::ArticulatedInertia<Traced>*) {
   add_symmetric("linear", "_linear", all);
   return all;
 }
-std::vector<Part> parts(const void*) { return {}; }  // what only code that is not recorded looks at
+std::vector<Part> parts(const void*) { return {}; }  // elements that only called stages read
 
 }  // namespace
 
-/// Takes the place of Carver. No two arrays share their room.
+/// Stands in for kernels::Carver. Here no two arrays share memory.
 struct Take {
   Tracer* tracer;
-  void behind(const Take&) {}  // copies share one block, and nothing shares room
+  void behind(const Take&) {}  // nothing to do: copies use the same block
   template <class E>
   void operator()(const char* name, E*& array, int count, Lifetime lasts = Lifetime::step) {
     const std::size_t first = tracer->used_;
@@ -161,11 +162,11 @@ Id Tracer::product_and(Op op, Id a, Id b, Id c) {
   return sum({c, a, b, op == Op::fnma, stage_}, op, a, b, c);
 }
 
-Id Tracer::sum(const Sum& asked, Op op, Id a, Id b, Id c) {
+Id Tracer::sum(const Sum& traced, Op op, Id a, Id b, Id c) {
   if (aside_) return graph.operation(op, a, b, c);
   const std::size_t number = sums_.size();
-  sums_.push_back(asked);
-  if (terms_ && number >= terms_->size()) throw std::logic_error("recordings of a step ask for different sums");
+  sums_.push_back(traced);
+  if (terms_ && number >= terms_->size()) throw std::logic_error("two tracings of a step have different sums");
   if (!terms_ || (*terms_)[number].empty()) return sums_.back().result = graph.operation(op, a, b, c);
   std::vector<Addend> addends;
   for (const Term& term : (*terms_)[number]) addends.push_back(addend(term));
@@ -193,7 +194,7 @@ Id Tracer::load(const double* p) {
                                         : fmt::format("T::load(batch.{} + {} * batch.stride)", rows.name, row);
       return graph.input({text, rows.array, row, true}, false);
     }
-  throw Error("a kernel", "reads a row of the batch that nobody declared", "report this as a bug");
+  throw Error("a kernel", "reads a row of the batch that was not declared", "report this as a bug");
 }
 
 void Tracer::name(const void* place, Id id) {

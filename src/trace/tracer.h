@@ -1,4 +1,4 @@
-// Tracer: the graph of a step and the tile that it is written down in. SPDX-License-Identifier: Apache-2.0
+// Tracer: the graph of a step, and the tile that the kernels run on. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
@@ -16,30 +16,32 @@ using TracedTile = kernels::Tile<Traced>;
 
 class Tracer {
  public:
-  /// Lays out the tile, every number of it read from the kernel's own memory, and becomes the thread's tracer.
+  /// Lays out the tile and becomes the thread's tracer. Each number of the tile is an input: its place in the kernel's
+  /// own tile.
   Tracer(const Tables<double>& tables, TracedTile& tile);
   ~Tracer() { tracer = nullptr; }
   Tracer(const Tracer&) = delete;
 
-  /// Rows of the batch, of which numbers are loaded: `count` of them, `name` in C++, `array` as in Access.
+  /// Declares rows of the batch: `count` of them, with `name` in C++ and `array` as in Access.
   void add_rows(const double* first, int count, const std::string& name, int array);
 
-  /// Code that works on the tile in memory: what has changed is stored before, and read again afterwards.
+  /// Records code that works on the tile in memory. Changed numbers are stored before it and read again after it.
   void run(const std::string& code, Call call = Call::none);
-  /// hold(): stores what the step came to and what it flags by, and reads again where the step ends.
+  /// Records hold() under a condition. The new state and the masks are stored, and the state is read again.
   void hold_if(Id condition, Id failed);
-  /// solve_bounds(): stores all that it may read - no array that is `unread` - and reads again where the step ends.
+  /// Records solve_bounds() under a condition. Everything is stored except for `unread` arrays, and the new state is
+  /// read again.
   void solve_bounds_if(Id candidate, const std::set<const void*>& unread);
-  /// What the next step starts from goes to memory.
+  /// Stores the state from which the next step starts.
   void finish();
 
-  /// From here on sums are counted, and calls are left out, so that what they read does not count.
+  /// Begins the first tracing, which decides how sums are added up: sums are recorded, and calls are left out.
   void learn() { sums_.clear(), learns_ = true; }
   bool learns() const { return learns_; }
   void leave_out() { ++stage_; }
-  /// From here on sums are counted, and added up of these terms.
+  /// Begins a further tracing: sums are recorded, and added up from these terms.
   void add_up(const std::vector<std::vector<Term>>& terms) { sums_.clear(), terms_ = &terms; }
-  /// What `look` records is beside the step: its sums do not count, and nothing becomes part of them.
+  /// Runs `look` without recording its sums: they are not reassociated.
   template <class Look>
   void aside(Look look) {
     aside_ = true;
@@ -47,11 +49,11 @@ class Tracer {
     aside_ = false;
   }
   Id sum(Op op, Id a, Id b);
-  /// Where a factor is 1 this is a sum as well.
+  /// A multiply-add. It is a sum if one factor is 1 or -1.
   Id product_and(Op op, Id a, Id b, Id c);
   const std::vector<Sum>& sums() const { return sums_; }
 
-  /// The tile's number is known to be `id`, and stays in memory as it is.
+  /// The number in the tile's memory is known to be `is`, so it need not be stored.
   void know(Traced& number, Traced is);
 
   Id load(const double* p);
@@ -63,12 +65,12 @@ class Tracer {
  private:
   /// A number of the tile.
   struct TileNumber {
-    Id* now;    ///< the node that stands there
-    Id stored;  ///< the node that the kernel's own memory holds
+    Id* now;    ///< its node
+    Id stored;  ///< the node whose value the kernel's own tile has in memory
     Place place;
     std::string name;
     kernels::Lifetime lasts;
-    const void* array;  ///< that it is in; null for a mask
+    const void* array;  ///< the array that it is in; null for a mask
   };
   struct Rows {
     const double* first;
@@ -86,7 +88,7 @@ class Tracer {
   template <class Wanted>
   std::vector<Write> changed(Wanted wanted);
   void read(TileNumber& number);
-  Id sum(const Sum& asked, Op op, Id a, Id b, Id c);
+  Id sum(const Sum& traced, Op op, Id a, Id b, Id c);
   Addend addend(const Term& term) const;
   void run_if(Id condition, std::vector<Write> stores, const std::string& code, Call call,
               const std::set<const void*>& ends);
@@ -96,7 +98,7 @@ class Tracer {
   std::size_t used_ = 0;
   int arrays_ = 0;
   std::vector<TileNumber> numbers_;
-  std::vector<int> number_at_;  ///< by place in the block, -1 for none
+  std::vector<int> number_at_;  ///< by place in the block: index in numbers_, -1 if none
   std::vector<Rows> rows_;
   const std::vector<std::vector<Term>>* terms_ = nullptr;
   std::vector<Sum> sums_;

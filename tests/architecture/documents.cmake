@@ -11,6 +11,18 @@ if(found EQUAL -1 OR NOT line MATCHES "ctest")
   message(SEND_ERROR "README.md does not give the last line of .ci/run: ${line}")
 endif()
 
+# Its example is docs/examples/first.cpp, but for the comment on top, with what that prints.
+file(READ ${SOURCE}/docs/examples/first.cpp program)
+string(FIND "${program}" "#include" begin)
+string(SUBSTRING "${program}" ${begin} -1 program)
+file(READ ${SOURCE}/docs/examples/first.expected printed)
+foreach(part program printed)
+  string(FIND "${readme}" "${${part}}" found)
+  if(found EQUAL -1)
+    message(SEND_ERROR "README.md does not hold this of docs/examples/first:\n${${part}}")
+  endif()
+endforeach()
+
 # Links from page to page lead somewhere.
 file(GLOB pages ${SOURCE}/*.md ${SOURCE}/docs/*.md)
 foreach(page ${pages})

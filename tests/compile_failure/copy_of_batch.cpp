@@ -1,9 +1,9 @@
-// A Batch moves; a copy of so much memory would be a mistake. SPDX-License-Identifier: Apache-2.0
+// A Batch can be moved but not copied. SPDX-License-Identifier: Apache-2.0
 #include <lockstep/lockstep.h>
 
 #include <utility>
 
-lockstep::Batch<float> taken(lockstep::Batch<float>& batch) {
+lockstep::Batch<float> move_out(lockstep::Batch<float>& batch) {
 #ifdef MISTAKE
   return batch;
 #else

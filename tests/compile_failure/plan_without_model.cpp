@@ -1,4 +1,4 @@
-// There is no empty Plan: compile() is the only way to one. SPDX-License-Identifier: Apache-2.0
+// There is no empty Plan: only compile() makes one. SPDX-License-Identifier: Apache-2.0
 #include <lockstep/lockstep.h>
 
 #ifdef MISTAKE

@@ -1,4 +1,4 @@
-// A const Batch shows its state and lets nobody change it. SPDX-License-Identifier: Apache-2.0
+// The state of a const Batch is read-only. SPDX-License-Identifier: Apache-2.0
 #include <lockstep/lockstep.h>
 
 #ifdef MISTAKE

@@ -1,6 +1,6 @@
 // operator new and malloc that count. SPDX-License-Identifier: Apache-2.0
 //
-// A file of its own, so that nobody who allocates sees through the pairs.
+// They are in a file of their own, so that no compiler sees pairs of new and delete and removes them.
 #include "allocation_counter.h"
 
 #include <atomic>
@@ -20,7 +20,7 @@ std::size_t allocations() { return counted; }
 }  // namespace lockstep::contract
 
 #ifdef LOCKSTEP_COUNTS_MALLOC
-// What the C library calls its own, so that ours can count and pass on.
+// The functions of the C library that the counting ones call.
 extern "C" {
 void* __libc_malloc(std::size_t);
 void* __libc_calloc(std::size_t, std::size_t);
@@ -51,7 +51,7 @@ int posix_memalign(void** block, std::size_t alignment, std::size_t size) {
 }
 #endif
 
-// The forms that the library does not define by way of these go through malloc.
+// The standard library defines the other overloads by these or by malloc.
 void* operator new(std::size_t size) {
   ++counted;
   if (void* block = std::malloc(size > 0 ? size : 1)) return block;

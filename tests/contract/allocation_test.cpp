@@ -1,4 +1,4 @@
-// With one thread a step allocates nothing, and it never throws. SPDX-License-Identifier: Apache-2.0
+// A step with one thread allocates nothing, and no step throws. SPDX-License-Identifier: Apache-2.0
 #include <cstdlib>
 #include <new>
 #include <utility>
@@ -16,8 +16,8 @@ std::size_t allocated_by(Act act) {
   return contract::allocations() - before;
 }
 
-// Called directly: the compiler may not leave these pairs out, as it may new-expressions.
-TEST(allocation_counter, sees_every_kind_of_allocation) {
+// Calls the operators directly, because a compiler may remove pairs of new- and delete-expressions.
+TEST(AllocationCounter, counts_every_kind_of_allocation) {
   EXPECT_GT(allocated_by([] { ::operator delete(::operator new(8)); }), 0u);
   constexpr std::align_val_t line{64};
   EXPECT_GT(allocated_by([&] { ::operator delete(::operator new(64, line), line); }), 0u);
@@ -34,7 +34,7 @@ TEST(allocation_counter, sees_every_kind_of_allocation) {
 #endif
   const Plan plan = compile(scenes::chain8());
   Batch<double> batch(plan, 4, {.threads = 1});
-  EXPECT_GT(allocated_by([&] { batch.coupling_errors(); }), 0u) << "a readback allocates its result";
+  EXPECT_GT(allocated_by([&] { batch.coupling_errors(); }), 0u) << "a readback must allocate its result";
 }
 
 class Allocation : public testing::TestWithParam<Method> {};
@@ -44,13 +44,13 @@ void expect_no_allocation(const Plan& plan, Target target) {
   Batch<S> batch(plan, 19, {.threads = 1, .target = target});
   for (int e = 0; e < batch.environments(); ++e) contract::scatter(batch, e, static_cast<std::uint64_t>(e));
   EXPECT_EQ(allocated_by([&] { batch.step(); }), 0u) << "the first step";
-  EXPECT_EQ(allocated_by([&] { batch.step(4); }), 0u) << "later ones";
+  EXPECT_EQ(allocated_by([&] { batch.step(4); }), 0u) << "later steps";
   batch.velocities().col(3).setConstant(std::numeric_limits<S>::quiet_NaN());
-  EXPECT_EQ(allocated_by([&] { batch.step(2); }), 0u) << "one that fails";
+  EXPECT_EQ(allocated_by([&] { batch.step(2); }), 0u) << "a step that fails";
   EXPECT_GT(batch.faulted(), 0);
 }
 
-TEST_P(Allocation, none_in_a_step_of_one_thread) {
+TEST_P(Allocation, does_not_happen_in_a_step_with_one_thread) {
   scenes::RandomOptions options;
   options.redundant = false;
   std::vector<Model> models = {scenes::chain8(), scenes::gripper13(), scenes::chain32()};
@@ -70,7 +70,7 @@ TEST_P(Allocation, none_in_a_step_of_one_thread) {
     }
 }
 
-TEST(AllocationOfIntegrators, is_none_in_a_step_of_one_thread) {
+TEST(AllocationOfIntegrators, does_not_happen_in_a_step_with_one_thread) {
   for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
     for (const Model& model : {scenes::chain8(), scenes::chain32()}) {
       SCOPED_TRACE(to_string(integrator));
@@ -80,7 +80,7 @@ TEST(AllocationOfIntegrators, is_none_in_a_step_of_one_thread) {
     }
 }
 
-TEST_P(Allocation, none_in_resets_and_views) {
+TEST_P(Allocation, does_not_happen_in_resets_and_views) {
   Batch<float> batch(compile(scenes::chain32(), contract::settings(GetParam())), 19, {.threads = 1});
   const int ids[] = {3, 5, 18};
   const bool mask[19] = {true, false, true};
@@ -101,15 +101,15 @@ INSTANTIATE_TEST_SUITE_P(method, Allocation, testing::ValuesIn(physics::methods)
 static_assert(noexcept(std::declval<Batch<float>&>().step()));
 static_assert(noexcept(std::declval<Batch<double>&>().step(12)));
 
-TEST(step, of_no_or_negative_substeps_does_nothing) {
+TEST(Step, does_nothing_for_zero_or_negative_substeps) {
   const Plan plan = compile(scenes::gripper13());
-  Batch<double> stepped = contract::scattered<double>(plan, 9), untouched = contract::scattered<double>(plan, 9);
+  Batch<double> stepped = contract::scattered<double>(plan, 9), unstepped = contract::scattered<double>(plan, 9);
   for (int substeps : {0, -1, -12, std::numeric_limits<int>::min()}) {
     stepped.step(substeps);
-    EXPECT_TRUE(contract::same_bits(stepped, untouched)) << substeps;
+    EXPECT_TRUE(contract::same_bits(stepped, unstepped)) << substeps;
   }
   stepped.step();
-  EXPECT_FALSE(contract::same_bits(stepped, untouched));
+  EXPECT_FALSE(contract::same_bits(stepped, unstepped));
 }
 
 }  // namespace

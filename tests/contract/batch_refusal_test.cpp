@@ -1,4 +1,4 @@
-// What a Batch refuses, by which error, and with which remedy. SPDX-License-Identifier: Apache-2.0
+// What a Batch refuses, and which target and engine it chooses. SPDX-License-Identifier: Apache-2.0
 #include <cstdlib>
 #include <functional>
 #include <optional>
@@ -14,7 +14,7 @@ using contract::scattered;
 
 constexpr BatchOptions serial = {.threads = 1};
 
-// Runs act() and hands the error of type E that it throws to the caller.
+// The error of type E that act() throws.
 template <class E, class Act>
 std::optional<E> thrown_by(Act act) {
   try {
@@ -33,9 +33,9 @@ void expect_refused(Act act, const std::string& element, const std::string& reme
   EXPECT_NE(error->remedy().find(remedy), std::string::npos) << error->what();
 }
 
-TEST(Reset, refuses_what_does_not_fit_and_changes_nothing) {
+TEST(Reset, refuses_masks_numbers_and_states_that_do_not_fit_and_changes_nothing) {
   Batch<double> batch = scattered<double>(compile(scenes::chain8()), 6);
-  const Batch<double> untouched = scattered<double>(compile(scenes::chain8()), 6);
+  const Batch<double> unchanged = scattered<double>(compile(scenes::chain8()), 6);
   const bool short_mask[5] = {true, true, true, true, true};
   const std::vector<int> beyond = {1, 6}, negative = {0, -1}, good = {0, 1};
   const Batch<double>::Array two = Batch<double>::Array::Zero(8, 2), three = Batch<double>::Array::Zero(8, 3),
@@ -46,10 +46,10 @@ TEST(Reset, refuses_what_does_not_fit_and_changes_nothing) {
   expect_refused<UsageError>([&] { batch.reset(good, three, three); }, "reset state", "8 dofs x 2 environments");
   expect_refused<UsageError>([&] { batch.reset(good, two, few); }, "reset state", "8 dofs x 2 environments");
   expect_refused<UsageError>([&] { batch.reset(beyond, two, two); }, "environment 6", "0 to 5");
-  EXPECT_TRUE(same_bits(batch, untouched));
+  EXPECT_TRUE(same_bits(batch, unchanged));
 }
 
-TEST(Batch, refuses_fields_that_were_not_declared_and_says_where_to_declare_them) {
+TEST(Batch, refuses_parameters_that_were_not_declared_and_says_where_to_declare_them) {
   Batch<double> batch(compile(scenes::chain8(), {.per_environment = {Parameter::damping}}), 2, serial);
   EXPECT_NO_THROW(batch.parameter(Parameter::damping));
   for (unsigned p = 0; p < parameter_count; ++p) {
@@ -88,7 +88,7 @@ struct TooLarge {
 
 class SinglePrecision : public testing::TestWithParam<TooLarge> {};
 
-// 1e300 is a fine double.
+// A double can hold 1e300, a float cannot.
 TEST_P(SinglePrecision, refuses_numbers_that_it_cannot_hold) {
   Model model = scenes::chain8();
   model.root.floating = true;
@@ -121,6 +121,7 @@ INSTANTIATE_TEST_SUITE_P(
                     TooLarge{"twist", [](Model& m) { m.root.velocity[4] = 1e300; }}),
     [](const auto& info) { return std::string(info.param.name); });
 
+// Restores an environment variable after the test.
 class Variable : public testing::Test {
  protected:
   explicit Variable(const char* name) : name_(name) {
@@ -135,7 +136,7 @@ class Variable : public testing::Test {
 struct TargetVariable : Variable {
   TargetVariable() : Variable("LOCKSTEP_TARGET") {}
 };
-TEST_F(TargetVariable, chooses_where_the_options_leave_it_open) {
+TEST_F(TargetVariable, chooses_the_target_where_the_options_do_not) {
   const Plan plan = compile(scenes::chain8());
   for (Target target : all_targets) {
     if (!supported(target)) continue;
@@ -156,12 +157,12 @@ TEST_F(TargetVariable, chooses_where_the_options_leave_it_open) {
   EXPECT_NO_THROW(Batch<float>(plan, 1, {.target = Target::baseline}));
 }
 
-TEST(AutomaticEngine, is_the_interpreter_where_that_is_faster) {
+TEST(AutomaticEngine, is_the_interpreter_for_small_smooth_plans_and_the_tables_for_others) {
   if (contract::engine_preferred) GTEST_SKIP() << "LOCKSTEP_TEST_ENGINE is set";
-  Model rough = scenes::chain8();
-  rough.joints[0].friction = 0.1;
+  Model bounded = scenes::chain8();
+  bounded.joints[0].friction = 0.1;
   const Plan small = compile(scenes::chain8()), reduced = compile(scenes::chain32()),
-             large = compile(scenes::chain32(), {.method = Method::direct}), with_friction = compile(rough);
+             large = compile(scenes::chain32(), {.method = Method::direct}), with_friction = compile(bounded);
   EXPECT_EQ(Batch<float>(small, 1).engine(), Engine::interpreter);
   EXPECT_EQ(Batch<float>(reduced, 1).engine(), Engine::interpreter);
   EXPECT_EQ(Batch<float>(large, 1).engine(), Engine::tables);
@@ -171,7 +172,7 @@ TEST(AutomaticEngine, is_the_interpreter_where_that_is_faster) {
     EXPECT_NE(plan.describe().find("Engine: tables;"), std::string::npos) << plan.describe();
 }
 
-TEST(Engines, that_are_asked_for_run_or_are_refused) {
+TEST(RequestedEngine, runs_or_is_refused) {
   const Plan plan = compile(scenes::chain8()), large = compile(scenes::chain32(), {.method = Method::direct});
   for (Engine engine : {Engine::tables, Engine::interpreter})
     for (const Plan& each : {plan, large}) {
@@ -187,7 +188,7 @@ TEST(Engines, that_are_asked_for_run_or_are_refused) {
                                 "tables");
 }
 
-TEST(Names, of_targets_and_engines) {
+TEST(ToString, names_targets_and_engines) {
   for (Target target : all_targets) EXPECT_NE(std::string(to_string(target)), "unknown");
   EXPECT_STREQ(to_string(Engine::automatic), "automatic");
   EXPECT_STREQ(to_string(Engine::tables), "tables");

@@ -1,4 +1,4 @@
-// Views, inputs, resets, life and stack of a Batch. SPDX-License-Identifier: Apache-2.0
+// Views, inputs, resets, moves and stack of a Batch. SPDX-License-Identifier: Apache-2.0
 #include "lockstep/batch.h"
 
 #include <pthread.h>
@@ -20,7 +20,7 @@ constexpr BatchOptions serial = {.threads = 1};
 TEST(Views, have_a_row_per_dof_in_the_order_of_the_models_joints) {
   for (std::uint64_t seed = 0; seed < 60; ++seed) {
     SCOPED_TRACE(seed);
-    const Model model = scenes::random_model(seed);  // half of them in any order
+    const Model model = scenes::random_model(seed);  // half of the models list their joints in random order
     const Plan plan = compile(model, {.per_environment = contract::all_parameters(Method::direct)});
     Batch<double> batch(plan, 5, serial);
     int row = 0;
@@ -67,7 +67,7 @@ TEST(Views, have_a_row_per_dof_in_the_order_of_the_models_joints) {
   }
 }
 
-TEST(Views, are_all_that_an_environment_takes_in_memory) {
+TEST(Views, are_all_the_memory_of_an_environment) {
   StepSettings settings;
   settings.per_environment = {Parameter::mass, Parameter::gravity};
   settings.record_impulses = settings.record_diagnostics = true;
@@ -99,8 +99,9 @@ TEST(Views, stay_where_they_are_and_have_contiguous_rows) {
   EXPECT_EQ(constant.positions().data(), positions.data());
 }
 
-// A floating box that starts turned by 90 degrees about z, and slides and spins in its own axes.
-TEST(Views, of_a_floating_root_follow_the_conventions_of_root) {
+// A floating box starts turned by 90 degrees about z. One environment slides along its own x axis, the other turns
+// about its own z axis.
+TEST(Views, follow_the_conventions_of_a_floating_root) {
   Model model = scenes::chain32();
   model.couplings.clear(), model.joints.clear(), model.links.resize(1);
   model.root.pose.rotate(Eigen::AngleAxisd(std::acos(0.0), Eigen::Vector3d::UnitZ()));
@@ -118,7 +119,7 @@ TEST(Views, of_a_floating_root_follow_the_conventions_of_root) {
   EXPECT_NEAR(batch.root_poses()(0, 0), 1.0, 1e-12);  // its x axis is the world's y
   EXPECT_NEAR(batch.root_poses()(1, 0), 2.5, 1e-12);
   EXPECT_NEAR(batch.root_velocities()(3, 0), 0.5, 1e-12);
-  const double angle = std::acos(0.0) + 1.0;  // about the box's own z and, from frame to centre, around it
+  const double angle = std::acos(0.0) + 1.0;  // after 1 s at 1 rad/s
   const Eigen::Vector4d turned = batch.root_poses().col(1).tail(4).matrix();
   EXPECT_NEAR(std::abs(turned.dot(Eigen::Vector4d(std::cos(angle / 2), 0, 0, std::sin(angle / 2)))), 1.0, 1e-12);
 }
@@ -152,7 +153,7 @@ TEST(Inputs, survive_a_reset) {
   EXPECT_TRUE((batch.parameter(Parameter::mass) == masses).all());
 }
 
-TEST(Decimation, is_the_same_as_so_many_steps_with_the_same_inputs) {
+TEST(Decimation, gives_the_bits_of_single_steps_with_the_same_inputs) {
   const Plan plan = compile(scenes::gripper13());
   Batch<float> decimated = scattered<float>(plan, 5), every = scattered<float>(plan, 5);
   for (int control = 0; control < 4; ++control) {
@@ -169,25 +170,25 @@ TEST(Decimation, is_the_same_as_so_many_steps_with_the_same_inputs) {
 TEST(Reset, brings_back_the_models_state) {
   for (const Model& model : {scenes::chain8(), scenes::chain32()}) {
     const Plan plan = compile(model);
-    const Batch<double> fresh(plan, 1, serial);
+    const Batch<double> initial(plan, 1, serial);
     Batch<double> batch = scattered<double>(plan, 6);
     batch.step(2);
     const Batch<double>& before = batch;
     const std::vector<double> third = contract::outcome(before, 3);
     const int ids[] = {5, 0};
     batch.reset(ids);
-    for (int e : ids) EXPECT_TRUE(same_bits(batch, e, fresh, 0));
-    EXPECT_TRUE(same_bits(contract::outcome(batch, 3), third)) << "the others stay";
+    for (int e : ids) EXPECT_TRUE(same_bits(batch, e, initial, 0));
+    EXPECT_TRUE(same_bits(contract::outcome(batch, 3), third)) << "the others must keep their state";
     const bool mask[] = {false, true, false, false, false, false};
     batch.reset(mask);
-    EXPECT_TRUE(same_bits(batch, 1, fresh, 0));
+    EXPECT_TRUE(same_bits(batch, 1, initial, 0));
     EXPECT_TRUE(same_bits(contract::outcome(batch, 3), third));
     batch.reset();
-    for (int e = 0; e < 6; ++e) EXPECT_TRUE(same_bits(batch, e, fresh, 0));
+    for (int e = 0; e < 6; ++e) EXPECT_TRUE(same_bits(batch, e, initial, 0));
   }
 }
 
-TEST(Reset, to_given_states_takes_a_column_per_listed_environment) {
+TEST(Reset, takes_one_column_of_given_states_per_environment) {
   Batch<float> batch(compile(scenes::chain8()), 6, serial);
   Batch<float>::Array positions(8, 2), velocities(8, 2);
   positions.setRandom(), velocities.setRandom();
@@ -200,7 +201,7 @@ TEST(Reset, to_given_states_takes_a_column_per_listed_environment) {
   }
 }
 
-// ---------------------------------------------------------------- life
+// ---------------------------------------------------------------- moves and size
 
 TEST(Batch, keeps_its_state_views_and_plan_when_moved) {
   Batch<double> first = scattered<double>(compile(scenes::gripper13()), 9);
@@ -210,7 +211,7 @@ TEST(Batch, keeps_its_state_views_and_plan_when_moved) {
   EXPECT_EQ(second.positions().data(), positions);
   EXPECT_TRUE(same_bits(second, twin));
   EXPECT_EQ(second.plan().dofs(), 13);
-  first = Batch<double>(compile(scenes::chain8()), 2, serial);  // what was moved from may be given a new life
+  first = Batch<double>(compile(scenes::chain8()), 2, serial);  // a moved-from batch may be assigned to
   first.step();
   EXPECT_EQ(first.environments(), 2);
   second = std::move(first);
@@ -227,7 +228,7 @@ TEST(Batch, outlives_the_plan_that_it_was_made_of) {
   EXPECT_EQ(batch.faulted(), 0);
 }
 
-TEST(Batch, of_262144_environments_steps_each_as_if_alone) {
+TEST(Batch, steps_each_of_262144_environments_independently) {
   constexpr int environments = 262144;
   const Plan plan = compile(scenes::chain8());
   Batch<float> huge(plan, environments), small = scattered<float>(plan, 4);
@@ -260,9 +261,9 @@ void step_with_little_stack(const Plan& plan, Target target) {
   EXPECT_TRUE((batch.velocities() != S(0)).any());
 }
 
-// An operation calls the next one: a call that is no jump takes a hundred bytes and more, and there are thousands.
-// Where diagnostics are recorded two thousand of them read and write.
-TEST(Stack, lists_of_many_operations_take_little_of_it) {
+// Each of thousands of operations calls the next one. If such a call is not compiled to a jump, it takes a hundred
+// bytes of stack or more. With diagnostics, two thousand of the operations read and write memory.
+TEST(Interpreter, needs_little_stack_for_many_operations) {
   for (const StepSettings& settings :
        {StepSettings{.method = Method::pgs}, StepSettings{.method = Method::pgs, .record_diagnostics = true}}) {
     const Plan plan = compile(scenes::chain32(), settings);

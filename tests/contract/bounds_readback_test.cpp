@@ -1,4 +1,4 @@
-// What a batch says of its bounds: shapes, names, refusals, sums over substeps. SPDX-License-Identifier: Apache-2.0
+// Readbacks of bounds: shapes, names, refusals, sums over substeps. SPDX-License-Identifier: Apache-2.0
 #include <limits>
 
 #include "bounded_scenes.h"
@@ -19,7 +19,7 @@ StepSettings recording(Method method) {
 
 class BoundsReadback : public testing::TestWithParam<Method> {};
 
-// In the order of the header: couplings, then by dof what each has.
+// In the documented order: couplings, then the bounds of each dof.
 std::vector<std::string> expected_names(const Model& model, const Ignored& ignore) {
   std::vector<std::string> names;
   for (const std::string& coupling : coupling_names(model)) names.push_back("coupling " + coupling);
@@ -30,8 +30,8 @@ std::vector<std::string> expected_names(const Model& model, const Ignored& ignor
     if (joint.velocity_limit < infinity && !ignore.velocity_limits) names.push_back("velocity limit " + joint.name);
     if (joint.friction > 0.0 && !ignore.friction) names.push_back("friction " + joint.name);
     if (joint.drive.kinematic) names.push_back("kinematic drive " + joint.name);
-    const bool pushed = joint.effort_limit < infinity && !joint.drive.kinematic;
-    if (pushed && !ignore.effort_limits) names.push_back("effort limit " + joint.name);
+    const bool limited = joint.effort_limit < infinity && !joint.drive.kinematic;
+    if (limited && !ignore.effort_limits) names.push_back("effort limit " + joint.name);
   }
   return names;
 }
@@ -39,8 +39,8 @@ std::vector<std::string> expected_names(const Model& model, const Ignored& ignor
 TEST_P(BoundsReadback, has_a_row_for_each_name_in_the_order_of_couplings_and_dofs) {
   for (const bool ignore : {false, true})
     for (Model model : contract::bounded_scenes()) {
-      model.couplings.push_back(model.couplings[0]);  // of the same name, redundant
-      std::swap(model.joints[1], model.joints[4]);    // dofs in the order of the model, not of the tree
+      model.couplings.push_back(model.couplings[0]);  // redundant, with the same first joint
+      std::swap(model.joints[1], model.joints[4]);    // the model's order is not that of the tree
       StepSettings settings = recording(GetParam());
       settings.ignore = {ignore, ignore, ignore, ignore};
       const Plan plan = compile(model, settings);
@@ -63,7 +63,7 @@ TEST_P(BoundsReadback, has_a_row_for_each_name_in_the_order_of_couplings_and_dof
     }
 }
 
-TEST_P(BoundsReadback, of_diagnostics_is_refused_where_none_are_recorded) {
+TEST_P(BoundsReadback, refuses_diagnostics_that_are_not_recorded) {
   const Model model = contract::bounded(scenes::chain8());
   const Batch<double> batch(compile(model, contract::settings(GetParam())), 3, serial);
   const auto expect_refused = [](auto act, const std::string& element, const std::string& remedy) {
@@ -87,7 +87,7 @@ TEST_P(BoundsReadback, of_diagnostics_is_refused_where_none_are_recorded) {
   for (int e : {-1, 3}) expect_refused([&] { recorded.conflicts(e); }, "environment " + std::to_string(e), "0 to 2");
 }
 
-TEST_P(BoundsReadback, of_violations_and_speeds_is_that_of_the_state) {
+TEST_P(BoundsReadback, reports_violations_and_speeds_of_the_state) {
   const Model model = contract::bounded(scenes::chain8());
   auto batch = scattered<double>(compile(model, contract::settings(GetParam())), 9);
   for (int step = 0; step < 3; ++step, batch.step())
@@ -104,12 +104,12 @@ TEST_P(BoundsReadback, of_violations_and_speeds_is_that_of_the_state) {
     }
 }
 
-TEST_P(BoundsReadback, of_energies_is_the_sum_over_the_substeps_of_one_call) {
+TEST_P(BoundsReadback, sums_energies_over_the_substeps_of_one_call) {
   for (const Model& model : contract::bounded_scenes()) {
     const Plan plan = compile(model, recording(GetParam()));
     auto once = scattered<double>(plan, 9), often = scattered<double>(plan, 9);
-    EXPECT_TRUE((once.energy_balances() == 0.0).all()) << "nothing has happened yet";
-    for (int call = 0; call < 2; ++call) {  // the second knows nothing of the first
+    EXPECT_TRUE((once.energy_balances() == 0.0).all()) << "before the first step";
+    for (int call = 0; call < 2; ++call) {  // the sums of the second call start from zero
       Batch<double>::Array sum = Batch<double>::Array::Zero(4, 9);
       const auto before = (once.kinetic_energies() + once.potential_energies()).eval();
       once.step(5);
@@ -121,18 +121,18 @@ TEST_P(BoundsReadback, of_energies_is_the_sum_over_the_substeps_of_one_call) {
       const double scale = std::max(1.0, before.abs().maxCoeff());
       EXPECT_LE((once.energy_balances() - sum).abs().maxCoeff(), 1e-12 * scale);
       EXPECT_LE((once.energy_balances().row(3) - (after - before)).abs().maxCoeff(), 1e-10 * scale);
-      EXPECT_TRUE((once.row_states() == often.row_states()).all()) << "of the last substep";
+      EXPECT_TRUE((once.row_states() == often.row_states()).all()) << "states are those of the last substep";
       EXPECT_TRUE((once.row_residuals() == often.row_residuals()).all());
     }
   }
 }
 
-// What it was before the step that failed; the numbers of that step are not its own. Later calls have none to report.
-TEST_P(BoundsReadback, of_an_environment_that_failed_has_the_energy_of_its_good_steps) {
+// Only the steps before the failure count. Later calls report zero.
+TEST_P(BoundsReadback, reports_the_energy_of_the_good_steps_of_a_failed_environment) {
   StepSettings settings = recording(GetParam());
   settings.velocity_bound = 40.0;
   Model model = contract::bounded(scenes::chain8());
-  for (int free : {1, 3}) model.joints[static_cast<std::size_t>(free)].upper = infinity;  // these two move together
+  for (int free : {1, 3}) model.joints[static_cast<std::size_t>(free)].upper = infinity;  // the two are coupled
   const Plan plan = compile(model, settings);
   Batch<double> batch(plan, 9, serial), good(plan, 9, serial);
   int steps = 0;

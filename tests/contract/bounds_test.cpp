@@ -1,4 +1,4 @@
-// Bounds change no bit of another environment, nor of a step that is recorded. SPDX-License-Identifier: Apache-2.0
+// Active bounds change no bit of other environments, and recording changes no bit. SPDX-License-Identifier: Apache-2.0
 #include <map>
 
 #include "bounded_scenes.h"
@@ -11,7 +11,7 @@ using contract::same_bits;
 using contract::scattered;
 
 constexpr BatchOptions serial = {.threads = 1};
-constexpr int environments = 19;  // two tiles of eight and one begun
+constexpr int environments = 19;  // two full tiles of eight lanes and a part of a third
 constexpr int steps = 50;
 
 StepSettings recording(Method method, ParameterSet fields = {}) {
@@ -20,12 +20,12 @@ StepSettings recording(Method method, ParameterSet fields = {}) {
   return settings;
 }
 
-// Calls check(model, fields, scalar) for the bounded scenes, without and with fields per environment.
+// Calls check(model, fields, scalar) for the bounded scenes, without and with all parameters per environment.
 template <class Check>
 void for_every_scene(Method method, Check check) {
   for (const Model& model : contract::bounded_scenes())
     for (const ParameterSet& fields : {ParameterSet{}, contract::all_parameters(method, model)}) {
-      SCOPED_TRACE(model.name + (fields.empty() ? "" : " with fields"));
+      SCOPED_TRACE(model.name + (fields.empty() ? "" : " with all parameters"));
       check(model, fields, float());
       check(model, fields, double());
       if (testing::Test::HasFailure()) return;
@@ -34,9 +34,9 @@ void for_every_scene(Method method, Check check) {
 
 class BoundsContract : public testing::TestWithParam<Method> {};
 
-// One environment by itself, one whose neighbours rest, one amid the crowd. The scalar twin has no lanes at all; what
-// the other batches of one step beside it is padding that rests.
-TEST_P(BoundsContract, lanes_with_other_active_sets_do_not_change_a_bit) {
+// Compares each environment of a crowd with the same one in a batch of its own and among neighbours at rest. Half of
+// the single ones run on the scalar twin, which has one lane; the others share their tile with padding.
+TEST_P(BoundsContract, lanes_with_different_active_sets_do_not_change_a_bit) {
   for_every_scene(GetParam(), [](const Model& model, const ParameterSet& fields, auto scalar) {
     using S = decltype(scalar);
     const Plan plan = compile(model, contract::settings(GetParam(), fields));
@@ -44,10 +44,10 @@ TEST_P(BoundsContract, lanes_with_other_active_sets_do_not_change_a_bit) {
                         : supported(twins::neon_scalar) ? twins::neon_scalar
                                                         : twins::baseline_scalar;
     Batch<S> crowd = scattered<S>(plan, environments);
-    std::vector<Batch<S>> alone, amid_rest;
+    std::vector<Batch<S>> single, amid_rest;
     for (int e = 0; e < environments; ++e) {
       const Target target = e % 2 == 0 ? crowd.target() : twin;
-      contract::scatter(alone.emplace_back(plan, 1, BatchOptions{1, target}), 0, static_cast<std::uint64_t>(e));
+      contract::scatter(single.emplace_back(plan, 1, BatchOptions{1, target}), 0, static_cast<std::uint64_t>(e));
       contract::scatter(amid_rest.emplace_back(plan, 8, serial), e % 8, static_cast<std::uint64_t>(e));
     }
     for (int step = 1; step <= steps && !testing::Test::HasFailure(); ++step) {
@@ -55,17 +55,17 @@ TEST_P(BoundsContract, lanes_with_other_active_sets_do_not_change_a_bit) {
       crowd.step();
       for (int e = 0; e < environments; ++e) {
         const auto i = static_cast<std::size_t>(e);
-        alone[i].step(), amid_rest[i].step();
-        EXPECT_TRUE(same_bits(crowd, e, alone[i], 0));
+        single[i].step(), amid_rest[i].step();
+        EXPECT_TRUE(same_bits(crowd, e, single[i], 0));
         EXPECT_TRUE(same_bits(crowd, e, amid_rest[i], e % 8));
       }
     }
-    EXPECT_EQ(crowd.faulted(), 0) << "frozen ones prove nothing";
+    EXPECT_EQ(crowd.faulted(), 0) << "frozen environments prove nothing";
   });
 }
 
-// Without which the test above would say nothing: within one tile, of whatever width, lanes do other things.
-TEST_P(BoundsContract, lanes_of_the_scenes_have_other_active_sets) {
+// The test above needs lanes of one tile with different active sets, whatever its width.
+TEST_P(BoundsContract, lanes_of_the_scenes_have_different_active_sets) {
   for_every_scene(GetParam(), [](const Model& model, const ParameterSet& fields, auto scalar) {
     const Plan plan = compile(model, recording(GetParam(), fields));
     const auto rows = static_cast<Eigen::Index>(plan.row_names().size());
@@ -96,7 +96,7 @@ TEST_P(BoundsContract, lanes_of_the_scenes_have_other_active_sets) {
     for (const auto& [kind, found] : kinds)
       EXPECT_EQ(found, kind != "kinematic drive" && (kind != "coupling" || fields.contains(Parameter::coupling_switch)))
           << kind;
-    EXPECT_GT(tight, 0) << "limits of effort are reached in all lanes or none";
+    EXPECT_GT(tight, 0) << "effort limits are reached in all lanes or none";
     EXPECT_TRUE(!fields.empty() || full[contract::limited_coupling]) << "the coupling slips in all lanes or none";
   });
 }
@@ -105,9 +105,9 @@ TEST_P(BoundsContract, recording_does_not_change_a_bit) {
   for_every_scene(GetParam(), [](const Model& model, const ParameterSet& fields, auto scalar) {
     using S = decltype(scalar);
     std::vector<Batch<S>> batches;
-    for (int kept = 0; kept < 4; ++kept) {
+    for (int recorded = 0; recorded < 4; ++recorded) {
       StepSettings settings = contract::settings(GetParam(), fields);
-      settings.record_impulses = kept & 1, settings.record_diagnostics = kept & 2;
+      settings.record_impulses = recorded & 1, settings.record_diagnostics = recorded & 2;
       batches.push_back(scattered<S>(compile(model, settings), environments));
     }
     for (int step = 1; step <= steps; ++step) {
@@ -117,8 +117,8 @@ TEST_P(BoundsContract, recording_does_not_change_a_bit) {
   });
 }
 
-// A look that is recorded is closer, yet may not find what the other does not: at its limits to the last bit, a body
-// drifts on by less than its position can show. Nothing here acts in every step.
+// With diagnostics, kernels look for active bounds more closely, but must not find others. These bodies are at a limit
+// to the last bit and drift by less than their positions can show, so no bound is active in every step.
 TEST_P(BoundsContract, recording_does_not_change_a_bit_at_the_very_limit) {
   Model model = physics::sliders({1.0, 1.0, 1.0});
   for (Joint& joint : model.joints) joint.position = joint.upper = 0.3;
@@ -136,21 +136,21 @@ TEST_P(BoundsContract, recording_does_not_change_a_bit_at_the_very_limit) {
   }
 }
 
-// A tower of two on rails runs against an end: the lower stops, which leaves the upper a speed that only exact
-// arithmetic sees beside that of the third body, a thousand times faster. That is within its limit; the neighbour's is
-// not, so the tile has its row.
-TEST_P(BoundsContract, neighbours_do_not_blur_what_counts_as_rounding) {
+// One slider carries a second one against its end stop. The first stops, which leaves the second a speed that is tiny
+// beside that of the third body. The third body of the neighbour exceeds its velocity limit, so the tile has an active
+// row for it. Its speed must not decide in the first environment whether the tiny speed counts as rounding.
+TEST_P(BoundsContract, neighbours_do_not_change_what_counts_as_rounding) {
   Model model = physics::sliders({1.0, 1.0, 1.0});
   model.joints[1].parent = model.joints[0].child;
   for (Joint& joint : model.joints) joint.lower = joint.position = 0.0;
   model.joints[0].velocity = -1.0, model.joints[1].velocity = 0.999;
   model.joints[2].velocity = 1000.0, model.joints[2].velocity_limit = 2000.0;
   const Plan plan = compile(model, contract::settings(GetParam()));
-  Batch<float> alone(plan, 1, serial), beside(plan, 2, serial);
+  Batch<float> single(plan, 1, serial), beside(plan, 2, serial);
   beside.velocities()(2, 1) = 3000.0f;
-  alone.step(), beside.step();
-  EXPECT_TRUE(same_bits(alone, 0, beside, 0));
-  EXPECT_GE(alone.velocities()(1, 0), -1e-5f);
+  single.step(), beside.step();
+  EXPECT_TRUE(same_bits(single, 0, beside, 0));
+  EXPECT_GE(single.velocities()(1, 0), -1e-5f);
 }
 
 INSTANTIATE_TEST_SUITE_P(method, BoundsContract, testing::ValuesIn(physics::methods), physics::method_name);

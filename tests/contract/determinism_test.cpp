@@ -1,7 +1,6 @@
 // The same bits for any thread count, batch size, place and neighbour. SPDX-License-Identifier: Apache-2.0
 //
-// Every comparison here is of bits. Only across arithmetic classes, where a multiply-add rounds once or twice,
-// results agree to rounding instead; how far that may take them apart is said there.
+// Every test compares bits, except the one of fused and unfused targets: these agree to rounding.
 #include <cmath>
 #include <limits>
 
@@ -16,7 +15,7 @@ using contract::same_bits;
 using contract::scattered;
 
 constexpr BatchOptions serial = {.threads = 1};
-struct ArithmeticClass {
+struct ArithmeticClass {  // targets that give the same bits
   Target twin;
   std::vector<Target> wide;
 };
@@ -25,19 +24,19 @@ const ArithmeticClass classes[] = {{twins::baseline_scalar, {Target::baseline}},
                                    {twins::neon_scalar, {Target::neon}}};
 constexpr int several = 17;  // one more than the lanes of the widest tile
 constexpr int places[] = {0, 3, 7, 8, 12, 15, 16};
-constexpr int a_task_each = 2100;     // more lines of the cache, the least tasks, than eight threads take at once
+constexpr int many_tasks = 2100;      // environments: their cache lines, the smallest tasks, occupy eight threads
 constexpr std::uint64_t same = 4242;  // seed of the environment that changes its place
 
 std::vector<Model> scenes_and_random_models(int random_models) {
   std::vector<Model> models = {scenes::chain8(), scenes::gripper13(), scenes::chain32()};
   scenes::RandomOptions options;
-  options.redundant = false;  // reduced refuses them under gear ratios per environment
+  options.redundant = false;  // reduced refuses redundant couplings with gear ratios per environment
   for (std::uint64_t seed = 0; seed < static_cast<std::uint64_t>(random_models); ++seed)
     models.push_back(scenes::random_model(seed, options));
   return models;
 }
 
-// Calls check(plan, scalar) for the scenes without and with bounds and random models, without and with all fields per
+// Calls check(plan, scalar) for scenes, bounded scenes and random models, without and with all parameters per
 // environment, in single and double precision.
 template <class Check>
 void for_every_plan(Method method, int random_models, const std::vector<Model>& bounded, Check check) {
@@ -45,9 +44,9 @@ void for_every_plan(Method method, int random_models, const std::vector<Model>& 
   for (const Model& model : bounded) models.push_back(model);
   for (const Model& model : models)
     for (const ParameterSet& fields : {ParameterSet{}, contract::all_parameters(method, model)}) {
-      SCOPED_TRACE(model.name + (fields.empty() ? "" : " with all fields"));
+      SCOPED_TRACE(model.name + (fields.empty() ? "" : " with all parameters"));
       StepSettings settings = contract::settings(method, fields);
-      settings.record_impulses = !fields.empty();  // without, direct prescribes speeds
+      settings.record_impulses = !fields.empty();  // without them, direct takes constraint velocities as known
       const Plan plan = compile(model, settings);
       check(plan, float());
       check(plan, double());
@@ -59,9 +58,9 @@ class Determinism : public testing::TestWithParam<Method> {};
 
 TEST_P(Determinism, wide_kernels_and_their_scalar_twins_agree_to_the_last_bit) {
   for_every_plan(GetParam(), 30, contract::bounded_scenes(), [](const Plan& plan, auto scalar) {
-    for (const auto& [narrow, all_wide] : classes) {
-      if (!supported(narrow)) continue;
-      auto b = scattered<decltype(scalar)>(plan, 19, {.threads = 1, .target = narrow});
+    for (const auto& [twin, all_wide] : classes) {
+      if (!supported(twin)) continue;
+      auto b = scattered<decltype(scalar)>(plan, 19, {.threads = 1, .target = twin});
       b.step(5);
       for (Target wide : all_wide) {
         if (!supported(wide)) continue;
@@ -77,10 +76,10 @@ TEST_P(Determinism, wide_kernels_and_their_scalar_twins_agree_to_the_last_bit) {
 
 TEST_P(Determinism, thread_count_does_not_change_a_bit) {
   for_every_plan(GetParam(), 2, contract::small_bounded_scenes(), [](const Plan& plan, auto scalar) {
-    auto one = scattered<decltype(scalar)>(plan, a_task_each, serial);
+    auto one = scattered<decltype(scalar)>(plan, many_tasks, serial);
     one.step(2);
     for (int threads : {0, 2, 3, 8}) {
-      auto many = scattered<decltype(scalar)>(plan, a_task_each, {.threads = threads});
+      auto many = scattered<decltype(scalar)>(plan, many_tasks, {.threads = threads});
       many.step(2);
       EXPECT_TRUE(same_bits(one, many)) << threads << " threads";
     }
@@ -102,19 +101,19 @@ TEST_P(Determinism, batch_size_does_not_change_a_bit) {
 TEST_P(Determinism, place_in_the_batch_does_not_change_a_bit) {
   for_every_plan(GetParam(), 12, contract::bounded_scenes(), [](const Plan& plan, auto scalar) {
     using S = decltype(scalar);
-    Batch<S> alone(plan, 1, serial);
-    contract::scatter(alone, 0, same);
-    alone.step(3);
+    Batch<S> single(plan, 1, serial);
+    contract::scatter(single, 0, same);
+    single.step(3);
     for (int place : places) {
       Batch<S> batch(plan, several, serial);
       for (int e = 0; e < several; ++e) contract::scatter(batch, e, e == place ? same : static_cast<std::uint64_t>(e));
       batch.step(3);
-      EXPECT_TRUE(same_bits(batch, place, alone, 0));
+      EXPECT_TRUE(same_bits(batch, place, single, 0));
     }
   });
 }
 
-TEST(InPlace, neighbours_that_are_not_do_not_change_a_bit) {
+TEST(ConsistentFollowers, keep_their_bits_beside_inconsistent_neighbours) {
   int shorter = 0;
   for_every_plan(Method::reduced, 60, contract::bounded_scenes(), [&](const Plan& plan, auto scalar) {
     if (!program_of(plan).f64.reduction.consistent_is_shorter) return;
@@ -124,7 +123,7 @@ TEST(InPlace, neighbours_that_are_not_do_not_change_a_bit) {
   EXPECT_GT(shorter, 100);
 }
 
-TEST_P(Determinism, twelve_steps_at_once_are_twelve_steps) {
+TEST_P(Determinism, one_call_of_twelve_substeps_gives_the_bits_of_twelve_calls) {
   for_every_plan(GetParam(), 30, contract::bounded_scenes(), [](const Plan& plan, auto scalar) {
     auto once = scattered<decltype(scalar)>(plan, several), often = scattered<decltype(scalar)>(plan, several);
     once.step(12);
@@ -135,25 +134,25 @@ TEST_P(Determinism, twelve_steps_at_once_are_twelve_steps) {
   });
 }
 
-TEST_P(Determinism, a_neighbour_without_numbers_does_not_change_a_bit) {
+TEST_P(Determinism, a_neighbour_with_nan_does_not_change_a_bit) {
   for_every_plan(GetParam(), 12, contract::bounded_scenes(), [](const Plan& plan, auto scalar) {
     using S = decltype(scalar);
     Batch<S> sound = scattered<S>(plan, several);
     sound.step(4);
-    for (int sick : places) {
+    for (int damaged : places) {
       Batch<S> batch = scattered<S>(plan, several);
-      batch.positions().col(sick).setConstant(std::numeric_limits<S>::quiet_NaN());
-      batch.velocities().col(sick).setConstant(std::numeric_limits<S>::infinity());
+      batch.positions().col(damaged).setConstant(std::numeric_limits<S>::quiet_NaN());
+      batch.velocities().col(damaged).setConstant(std::numeric_limits<S>::infinity());
       batch.step(4);
-      EXPECT_TRUE(same_bits(batch, sound, sick));
-      EXPECT_EQ(batch.faulted(), sound.faulted() + (sound.faults()[sick] == Fault::none ? 1 : 0));
+      EXPECT_TRUE(same_bits(batch, sound, damaged));
+      EXPECT_EQ(batch.faulted(), sound.faulted() + (sound.faults()[damaged] == Fault::none ? 1 : 0));
     }
   });
 }
 
-// One step in both classes from the model's state. A multiply-add that rounds once or twice is a matter of the last
-// bit in each operation, and a solve with A, then with K + cfm, multiplies that by their condition (the same bound
-// as in the reference's tests); the kernels' sums have some ten terms in each entry of A.
+// Takes one step on both targets from the model's state. Whether a multiply-add rounds once or twice changes the last
+// bit of an operation. The solves with A and with K + cfm amplify that by their condition numbers, as in the tests of
+// the reference. The factor 10 is for the sums of about ten terms in each entry of A.
 template <class S>
 void expect_classes_agree(const Plan& plan) {
   Batch<S> fused(plan, 1, {.threads = 1, .target = Target::avx2});
@@ -173,7 +172,7 @@ void expect_classes_agree(const Plan& plan) {
   EXPECT_LE(physics::distance(a.orientation.coeffs(), b.orientation.coeffs()), rounding * moving);
 }
 
-TEST_P(Determinism, arithmetic_classes_agree_to_rounding) {
+TEST_P(Determinism, fused_and_unfused_targets_agree_to_rounding) {
   if (!supported(Target::avx2)) GTEST_SKIP() << "this machine has no AVX2";
   for (const Model& model : scenes_and_random_models(60)) {
     SCOPED_TRACE(model.name);

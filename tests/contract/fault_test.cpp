@@ -1,4 +1,4 @@
-// An environment that fails is flagged, frozen and alone in it. SPDX-License-Identifier: Apache-2.0
+// An environment that fails is flagged and frozen, and no other notices. SPDX-License-Identifier: Apache-2.0
 #include <functional>
 #include <limits>
 
@@ -13,10 +13,10 @@ using contract::same_bits;
 using contract::scattered;
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
-constexpr int environments = 21;  // two tiles of eight lanes and one begun
-constexpr int sick = 11;          // within a tile, for every width
+constexpr int environments = 21;  // two full tiles of eight lanes and a part of a third
+constexpr int damaged = 11;       // within a tile of any width
 
-// A cause of failure: what is written into one environment, and the code that it must lead to.
+// A cause of failure: a write to one environment, and the fault that must follow.
 template <class S>
 struct Cause {
   std::string name;
@@ -26,50 +26,51 @@ struct Cause {
 
 template <class S>
 std::vector<Cause<S>> causes(const Plan& plan) {
-  const S no_number = std::numeric_limits<S>::quiet_NaN(), infinite = std::numeric_limits<S>::infinity();
+  const S not_a_number = std::numeric_limits<S>::quiet_NaN(), infinite = std::numeric_limits<S>::infinity();
   const S largest = std::numeric_limits<S>::max();
   std::vector<Cause<S>> all = {
-      {"NaN position", [=](Batch<S>& b, int e) { b.positions()(1, e) = no_number; }, Fault::not_finite},
+      {"NaN position", [=](Batch<S>& b, int e) { b.positions()(1, e) = not_a_number; }, Fault::not_finite},
       {"infinite position", [=](Batch<S>& b, int e) { b.positions()(0, e) = infinite; }, Fault::not_finite},
-      {"NaN velocity", [=](Batch<S>& b, int e) { b.velocities()(2, e) = no_number; }, Fault::not_finite},
+      {"NaN velocity", [=](Batch<S>& b, int e) { b.velocities()(2, e) = not_a_number; }, Fault::not_finite},
       {"infinite velocity", [=](Batch<S>& b, int e) { b.velocities()(2, e) = -infinite; }, Fault::not_finite},
       {"overflowing velocity", [=](Batch<S>& b, int e) { b.velocities()(2, e) = largest; }, Fault::not_finite},
-      {"NaN effort", [=](Batch<S>& b, int e) { b.efforts()(3, e) = no_number; }, Fault::not_finite},
+      {"NaN effort", [=](Batch<S>& b, int e) { b.efforts()(3, e) = not_a_number; }, Fault::not_finite},
       {"infinite effort", [=](Batch<S>& b, int e) { b.efforts()(3, e) = infinite; }, Fault::not_finite},
       {"far position", [=](Batch<S>& b, int e) { b.positions()(0, e) = S(2e5); }, Fault::diverged},
       {"high speed", [=](Batch<S>& b, int e) { b.efforts()(3, e) = S(1e12); }, Fault::diverged}};
   if (plan.floating()) {
-    all.push_back({"NaN root", [=](Batch<S>& b, int e) { b.root_poses()(1, e) = no_number; }, Fault::not_finite});
-    all.push_back({"NaN turn", [=](Batch<S>& b, int e) { b.root_poses()(4, e) = no_number; }, Fault::not_finite});
-    all.push_back({"NaN twist", [=](Batch<S>& b, int e) { b.root_velocities()(5, e) = no_number; }, Fault::not_finite});
+    all.push_back({"NaN root", [=](Batch<S>& b, int e) { b.root_poses()(1, e) = not_a_number; }, Fault::not_finite});
+    all.push_back({"NaN turn", [=](Batch<S>& b, int e) { b.root_poses()(4, e) = not_a_number; }, Fault::not_finite});
+    all.push_back(
+        {"NaN twist", [=](Batch<S>& b, int e) { b.root_velocities()(5, e) = not_a_number; }, Fault::not_finite});
     all.push_back({"far root", [=](Batch<S>& b, int e) { b.root_poses()(2, e) = S(-3e5); }, Fault::diverged});
   }
   for (const Joint& joint : plan.model().joints) {
     if (!joint.drive.kinematic) continue;
     const int dof = plan.dof(joint.name);
     all.push_back({"NaN position for " + joint.name,
-                   [=](Batch<S>& b, int e) { b.position_targets()(dof, e) = no_number; }, Fault::not_finite});
-    all.push_back({"NaN speed for " + joint.name, [=](Batch<S>& b, int e) { b.velocity_targets()(dof, e) = no_number; },
-                   Fault::not_finite});
+                   [=](Batch<S>& b, int e) { b.position_targets()(dof, e) = not_a_number; }, Fault::not_finite});
+    all.push_back({"NaN speed for " + joint.name,
+                   [=](Batch<S>& b, int e) { b.velocity_targets()(dof, e) = not_a_number; }, Fault::not_finite});
   }
   const ParameterSet& declared = plan.settings().per_environment;
-  if (declared.contains(Parameter::drive_gains)) {  // targets are read for driven joints alone
+  if (declared.contains(Parameter::drive_gains)) {  // only then do all joints read their targets
     all.push_back(
-        {"NaN target", [=](Batch<S>& b, int e) { b.position_targets()(0, e) = no_number; }, Fault::not_finite});
-    all.push_back(
-        {"NaN target speed", [=](Batch<S>& b, int e) { b.velocity_targets()(7, e) = no_number; }, Fault::not_finite});
+        {"NaN target", [=](Batch<S>& b, int e) { b.position_targets()(0, e) = not_a_number; }, Fault::not_finite});
+    all.push_back({"NaN target speed", [=](Batch<S>& b, int e) { b.velocity_targets()(7, e) = not_a_number; },
+                   Fault::not_finite});
   }
   for (unsigned p = 0; p < parameter_count; ++p) {
     const Parameter parameter = static_cast<Parameter>(p);
     if (!declared.contains(parameter)) continue;
     const bool by_coupling = parameter == Parameter::offset || parameter == Parameter::coupling_switch;
     std::vector<int> rows = {0, plan.parameter_rows(parameter) - 1};
-    if (by_coupling) rows.push_back(contract::limited_coupling);  // a bounded row where there are bounds
+    if (by_coupling) rows.push_back(contract::limited_coupling);  // a bounded row in the bounded scenes
     for (int row : rows) {
-      if (parameter == Parameter::mass && row == 0) continue;  // the fixed root's
+      if (parameter == Parameter::mass && row == 0) continue;  // a fixed root may have any mass
       if (parameter == Parameter::link_wrench && row == 0) row = 6;
       all.push_back({std::string("NaN ") + to_string(parameter) + " " + std::to_string(row),
-                     [=](Batch<S>& b, int e) { b.parameter(parameter)(row, e) = no_number; }, Fault::not_finite});
+                     [=](Batch<S>& b, int e) { b.parameter(parameter)(row, e) = not_a_number; }, Fault::not_finite});
     }
   }
   if (declared.contains(Parameter::mass)) {
@@ -90,27 +91,29 @@ void expect_contained(const Plan& plan, Target target) {
     SCOPED_TRACE(cause.name);
     Batch<S> batch = scattered<S>(plan, environments, options);
     if (plan.settings().per_environment.contains(Parameter::coupling_switch))
-      batch.parameter(Parameter::coupling_switch).col(sick).setOnes();  // a coupling that is off has no numbers
-    cause.write(batch, sick);
-    const std::vector<S> before = outcome(batch, sick);
+      batch.parameter(Parameter::coupling_switch)
+          .col(damaged)
+          .setOnes();  // a step does not read couplings that are off
+    cause.write(batch, damaged);
+    const std::vector<S> before = outcome(batch, damaged);
     batch.step(3);
-    EXPECT_EQ(to_string(batch.faults()[sick]), std::string(to_string(cause.fault)));
+    EXPECT_EQ(to_string(batch.faults()[damaged]), std::string(to_string(cause.fault)));
     EXPECT_EQ(batch.faulted(), 1);
-    EXPECT_TRUE(same_bits(outcome(batch, sick), before)) << "a first step that fails changes nothing";
-    EXPECT_TRUE(same_bits(batch, sound, sick));
+    EXPECT_TRUE(same_bits(outcome(batch, damaged), before)) << "a first step that fails must change nothing";
+    EXPECT_TRUE(same_bits(batch, sound, damaged));
 
-    // Sticky, whatever becomes of the cause.
-    batch.efforts().col(sick).setZero();
-    const std::vector<S> frozen = outcome(batch, sick);
+    // The fault stays if its cause is removed.
+    batch.efforts().col(damaged).setZero();
+    const std::vector<S> frozen = outcome(batch, damaged);
     batch.step(2);
-    EXPECT_EQ(batch.faults()[sick], cause.fault);
-    EXPECT_TRUE(same_bits(outcome(batch, sick), frozen));
+    EXPECT_EQ(batch.faults()[damaged], cause.fault);
+    EXPECT_TRUE(same_bits(outcome(batch, damaged), frozen));
   }
 }
 
-class Faults : public testing::TestWithParam<Method> {};
+class FailedEnvironment : public testing::TestWithParam<Method> {};
 
-TEST_P(Faults, are_flagged_and_leave_the_neighbours_alone) {
+TEST_P(FailedEnvironment, is_flagged_and_frozen_and_changes_no_bit_of_its_neighbours) {
   Model springs = scenes::chain8();
   springs.couplings[0].softness = Spring{40.0, 1.0};
   springs.couplings[1].softness = Frequency{20.0, 0.5};
@@ -119,9 +122,9 @@ TEST_P(Faults, are_flagged_and_leave_the_neighbours_alone) {
   for (Model& model : contract::small_bounded_scenes()) models.push_back(std::move(model));
   for (const Model& model : models)
     for (const ParameterSet& declared : {ParameterSet{}, contract::all_parameters(GetParam(), model)}) {
-      SCOPED_TRACE(model.name + (declared.empty() ? "" : " with all fields"));
+      SCOPED_TRACE(model.name + (declared.empty() ? "" : " with all parameters"));
       StepSettings settings = contract::settings(GetParam(), declared);
-      settings.record_impulses = !declared.empty();  // without, direct prescribes speeds
+      settings.record_impulses = !declared.empty();  // without them, direct takes constraint velocities as known
       const Plan plan = compile(model, settings);
       for (Target target : {Target::baseline, Target::avx2, twins::avx2_scalar, Target::avx512}) {
         if (!supported(target)) continue;
@@ -132,16 +135,17 @@ TEST_P(Faults, are_flagged_and_leave_the_neighbours_alone) {
     }
 }
 
-// No floating root whose own pivots would notice what the joints' let pass.
-TEST_P(Faults, of_joints_on_a_long_arm_are_flagged) {
+// The root is fixed: a floating one has pivots of its own, which could notice a fault that the joints' pivots miss.
+TEST_P(FailedEnvironment, is_flagged_on_a_long_arm) {
   Model arm = scenes::chain32();
   arm.root.floating = false;
   expect_contained<double>(compile(arm, contract::settings(GetParam(), {Parameter::mass})), Target::baseline);
 }
 
-INSTANTIATE_TEST_SUITE_P(method, Faults, testing::ValuesIn(physics::methods), physics::method_name);
+INSTANTIATE_TEST_SUITE_P(method, FailedEnvironment, testing::ValuesIn(physics::methods), physics::method_name);
 
-// A constant push that visits the bound in the middle of a step(12): what stays is the last substep within it.
+// A constant effort takes an environment beyond the velocity bound in the middle of a call. The environment keeps the
+// last state within the bound.
 TEST(Fault, freezes_at_the_last_good_substep) {
   StepSettings settings;
   settings.velocity_bound = 10.0;
@@ -166,8 +170,8 @@ TEST(Fault, freezes_at_the_last_good_substep) {
   EXPECT_TRUE(same_bits(outcome(at_once, 4), last));
 }
 
-// Not put back to where its driver would have it.
-TEST(Fault, of_a_follower_that_is_nowhere_is_flagged) {
+// `reduced` must not hide the error by moving the follower to its leader.
+TEST(Fault, flags_a_follower_at_an_invalid_position) {
   const Plan plan = compile(scenes::chain8(), {.method = Method::reduced, .integrator = Integrator::euler});
   for (const float place : {std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN(), 3e38f}) {
     Batch<float> batch(plan, 9, {.threads = 1});
@@ -178,16 +182,16 @@ TEST(Fault, of_a_follower_that_is_nowhere_is_flagged) {
   }
 }
 
-// A slider's pivot is its mass alone: no other number betrays it.
-TEST(Fault, of_an_impossible_pivot_is_singular_by_tables_and_lists) {
+// The pivot of a slider is its mass, and no other number is affected by it.
+TEST(Fault, is_singular_for_an_impossible_pivot_by_tables_and_interpreter) {
   StepSettings settings = physics::settings(Method::direct);
   settings.per_environment.insert(Parameter::mass);
   const Plan plan = compile(physics::sliders({1.0, 2.0}), settings);
   const float infinite = std::numeric_limits<float>::infinity();
   for (const float mass : {infinite, -infinite, 0.0f, -1.0f, 1e-39f})
-    for (const bool listed : {false, true}) {
-      SCOPED_TRACE(testing::Message() << mass << (listed ? ", listed" : ""));
-      Batch<float> batch(plan, 9, {.threads = 1, .engine = listed ? Engine::interpreter : Engine::tables});
+    for (const Engine engine : {Engine::tables, Engine::interpreter}) {
+      SCOPED_TRACE(testing::Message() << mass << ", " << to_string(engine));
+      Batch<float> batch(plan, 9, {.threads = 1, .engine = engine});
       batch.velocities().setOnes();
       batch.parameter(Parameter::mass)(1, 4) = mass;
       batch.step();
@@ -196,13 +200,13 @@ TEST(Fault, of_an_impossible_pivot_is_singular_by_tables_and_lists) {
     }
 }
 
-// An effort beyond its limit is the limit, however far beyond; what is no number is none of them.
-TEST(Fault, of_none_where_an_infinite_effort_has_a_limit) {
+// The limit clamps an effort, also an infinite one, but not NaN.
+TEST(Fault, is_none_for_an_infinite_effort_with_a_limit) {
   Model model = physics::sliders({1.0, 2.0});
   for (Joint& joint : model.joints) joint.effort_limit = 3.0;
   const Plan plan = compile(model, physics::settings(Method::direct));
-  for (const bool listed : {false, true}) {
-    Batch<float> batch(plan, 3, {.threads = 1, .engine = listed ? Engine::interpreter : Engine::tables});
+  for (const Engine engine : {Engine::tables, Engine::interpreter}) {
+    Batch<float> batch(plan, 3, {.threads = 1, .engine = engine});
     batch.efforts()(0, 0) = std::numeric_limits<float>::infinity();
     batch.efforts()(0, 1) = 3.0f;
     batch.efforts()(0, 2) = std::numeric_limits<float>::quiet_NaN();
@@ -213,7 +217,7 @@ TEST(Fault, of_none_where_an_infinite_effort_has_a_limit) {
   }
 }
 
-TEST(Fault, of_none_where_fields_have_no_rows) {
+TEST(Fault, is_none_where_parameters_have_no_rows) {
   StepSettings settings = physics::settings(Method::direct);
   settings.per_environment = {Parameter::gear_ratio, Parameter::offset, Parameter::coupling_switch};
   settings.record_impulses = settings.record_diagnostics = true;
@@ -237,7 +241,7 @@ TEST(Fault, keeps_its_first_code) {
 TEST(Fault, is_cleared_by_every_kind_of_reset) {
   constexpr int count = 10;
   const Plan plan = compile(scenes::chain8());
-  Batch<double> batch(plan, count, {.threads = 1}), fresh(plan, count, {.threads = 1});
+  Batch<double> batch(plan, count, {.threads = 1}), initial(plan, count, {.threads = 1});
   const auto fail_all = [&] {
     batch.positions().setConstant(nan);
     batch.step();
@@ -249,7 +253,7 @@ TEST(Fault, is_cleared_by_every_kind_of_reset) {
       const bool clear = std::find(cleared.begin(), cleared.end(), e) != cleared.end();
       EXPECT_EQ(batch.faults()[e] == Fault::none, clear) << e;
       if (clear) {
-        EXPECT_TRUE(same_bits(batch, e, fresh, 0)) << e;
+        EXPECT_TRUE(same_bits(batch, e, initial, 0)) << e;
       }
     }
     EXPECT_EQ(batch.faulted(), count - static_cast<int>(cleared.size()));
@@ -269,17 +273,17 @@ TEST(Fault, is_cleared_by_every_kind_of_reset) {
   expect_only(ids);
 
   fail_all();
-  const auto start = fresh.positions().leftCols(3).eval(), still = fresh.velocities().leftCols(3).eval();
+  const auto start = initial.positions().leftCols(3).eval(), still = initial.velocities().leftCols(3).eval();
   batch.reset(ids, start, still);
   expect_only(ids);
   batch.step();
-  fresh.step();
-  for (int e : ids) EXPECT_TRUE(same_bits(batch, e, fresh, 0)) << "it goes on as if nothing had been";
+  initial.step();
+  for (int e : ids) EXPECT_TRUE(same_bits(batch, e, initial, 0)) << "it must step like a new environment";
 }
 
-// The model's own effort tears it apart at once, and so the padding lanes of the last tile; the one environment that
-// there is has none.
-TEST(Fault, of_padding_lanes_never_counts) {
+// The effort of the model makes its environments fail, and so the padding lanes of the tile. The only environment of
+// the batch has zero effort.
+TEST(Fault, does_not_count_in_padding_lanes) {
   Model model = scenes::chain8();
   model.joints[2].effort = 1e15;
   Batch<float> batch(compile(model), 1);
@@ -288,12 +292,12 @@ TEST(Fault, of_padding_lanes_never_counts) {
   batch.step(5);
   EXPECT_EQ(batch.faulted(), 0);
   EXPECT_EQ(batch.faults()[0], Fault::none);
-  Batch<float> doomed(compile(model), 1);
-  doomed.step();
-  EXPECT_EQ(doomed.faulted(), 1);
+  Batch<float> failing(compile(model), 1);
+  failing.step();
+  EXPECT_EQ(failing.faulted(), 1);
 }
 
-TEST(Fault, has_a_name) {
+TEST(Fault, has_a_name_for_each_value) {
   EXPECT_STREQ(to_string(Fault::none), "none");
   EXPECT_STREQ(to_string(Fault::not_finite), "not_finite");
   EXPECT_STREQ(to_string(Fault::diverged), "diverged");

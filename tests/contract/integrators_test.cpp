@@ -1,5 +1,4 @@
-// What every step promises, for integrators beyond Euler: bits, places, neighbours, faults. SPDX-License-Identifier:
-// Apache-2.0
+// Determinism, faults and refusals of the integrators beside Euler's method. SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -13,11 +12,11 @@ namespace {
 using contract::same_bits;
 using contract::scattered;
 
-constexpr int several = 19;  // two tiles of eight and one begun
+constexpr int several = 19;  // two full tiles of eight lanes and a part of a third
 
 class Integrators : public testing::TestWithParam<Integrator> {
  protected:
-  // Calls check(plan, scalar) for scenes and random models, without and with all fields per environment that apply.
+  // Calls check(plan, scalar) for scenes and random models, without and with all parameters per environment.
   template <class Check>
   void for_every_plan(Check check) const {
     std::vector<Model> models = {scenes::chain8(), scenes::gripper13(), scenes::chain32()};
@@ -27,19 +26,19 @@ class Integrators : public testing::TestWithParam<Integrator> {
     for (std::uint64_t seed = 0; seed < 6; ++seed) models.push_back(scenes::random_model(seed, options));
     int checked = 0;
     for (const Model& model : models)
-      for (const bool own : {false, true}) {
+      for (const bool with_fields : {false, true}) {
         StepSettings settings;
         settings.integrator = GetParam();
         settings.method = Method::reduced;
-        settings.stage_inputs = own;
+        settings.stage_inputs = with_fields;
         settings.dt = 1.0 / 480;
-        if (own) settings.per_environment = contract::all_parameters(Method::reduced, model);
+        if (with_fields) settings.per_environment = contract::all_parameters(Method::reduced, model);
         SCOPED_TRACE(model.name);
         std::optional<Plan> plan;
         try {
           plan = compile(model, settings);
         } catch (const SettingsError&) {
-          ASSERT_EQ(GetParam(), Integrator::runge_kutta) << "the others take every smooth scene";
+          ASSERT_EQ(GetParam(), Integrator::runge_kutta) << "the others must take every smooth scene";
           continue;
         }
         ++checked;
@@ -58,9 +57,9 @@ TEST_P(Integrators, give_the_bits_of_their_scalar_twin) {
                                                {twins::avx2_scalar, Target::avx2},
                                                {twins::avx2_scalar, Target::avx512},
                                                {twins::neon_scalar, Target::neon}};
-    for (const auto& [narrow, wide] : pairs) {
-      if (!supported(narrow) || !supported(wide)) continue;
-      auto a = scattered<S>(plan, several, {.threads = 1, .target = narrow});
+    for (const auto& [twin, wide] : pairs) {
+      if (!supported(twin) || !supported(wide)) continue;
+      auto a = scattered<S>(plan, several, {.threads = 1, .target = twin});
       auto b = scattered<S>(plan, several, {.threads = 1, .target = wide});
       a.step(3), b.step(3);
       EXPECT_TRUE(same_bits(a, b)) << to_string(wide);
@@ -77,45 +76,44 @@ TEST_P(Integrators, give_the_same_bits_for_threads_sizes_places_and_calls) {
     for (int i = 0; i < 4; ++i) threads.step();
     EXPECT_TRUE(same_bits(many, threads));
     for (const int place : {0, 7, 18}) {
-      Batch<S> alone(plan, 1, {.threads = 1});
-      contract::scatter(alone, 0, static_cast<std::uint64_t>(place));
-      alone.step(4);
-      EXPECT_TRUE(same_bits(many, place, alone, 0)) << place;
+      Batch<S> single(plan, 1, {.threads = 1});
+      contract::scatter(single, 0, static_cast<std::uint64_t>(place));
+      single.step(4);
+      EXPECT_TRUE(same_bits(many, place, single, 0)) << place;
     }
   });
 }
 
-TEST_P(Integrators, freeze_what_fails_and_nothing_beside_it) {
+TEST_P(Integrators, freeze_a_failed_environment_and_keep_the_bits_of_its_neighbours) {
   for_every_plan([](const Plan& plan, auto scalar) {
     using S = decltype(scalar);
-    constexpr int sick = 11;
+    constexpr int damaged = 11;
     Batch<S> sound = scattered<S>(plan, several);
     sound.step(3);
     Batch<S> batch = scattered<S>(plan, several);
-    batch.efforts().col(sick).setConstant(std::numeric_limits<S>::quiet_NaN());
-    const std::vector<S> before = contract::outcome(batch, sick);
+    batch.efforts().col(damaged).setConstant(std::numeric_limits<S>::quiet_NaN());
+    const std::vector<S> before = contract::outcome(batch, damaged);
     batch.step(3);
-    EXPECT_EQ(batch.faults()[sick], Fault::not_finite);
-    EXPECT_TRUE(same_bits(contract::outcome(batch, sick), before)) << "it keeps its last good state";
-    EXPECT_TRUE(same_bits(batch, sound, sick));
+    EXPECT_EQ(batch.faults()[damaged], Fault::not_finite);
+    EXPECT_TRUE(same_bits(contract::outcome(batch, damaged), before)) << "it must keep its last good state";
+    EXPECT_TRUE(same_bits(batch, sound, damaged));
   });
 }
 
-// Efforts of stages that are all the same are those that are held.
-TEST_P(Integrators, hold_inputs_as_they_would_with_equal_ones_for_each_stage) {
+TEST_P(Integrators, give_the_same_bits_for_held_inputs_and_equal_inputs_per_stage) {
   StepSettings settings;
   settings.integrator = GetParam();
-  const Plan held = compile(scenes::chain8(), settings);
+  const Plan holding = compile(scenes::chain8(), settings);
   settings.stage_inputs = true;
   const Plan staged = compile(scenes::chain8(), settings);
   ASSERT_GT(staged.stage_times().size(), 1u);
-  Batch<double> a(held, 3, {.threads = 1}), b(staged, 3, {.threads = 1});
+  Batch<double> a(holding, 3, {.threads = 1}), b(staged, 3, {.threads = 1});
   ASSERT_EQ(b.efforts().rows(), 8 * static_cast<Eigen::Index>(staged.stage_times().size()));
   for (Eigen::Index row = 0; row < b.efforts().rows(); ++row) b.efforts().row(row) = 0.1 * static_cast<double>(row % 8);
   for (Eigen::Index row = 0; row < 8; ++row) a.efforts().row(row) = 0.1 * static_cast<double>(row);
   a.step(5), b.step(5);
   EXPECT_TRUE(same_bits(a, b));
-  b.efforts().row(8 + 2) += 0.5;  // of the second time
+  b.efforts().row(8 + 2) += 0.5;  // at the second stage time
   a.step(), b.step();
   EXPECT_FALSE(same_bits(a, b));
 }
@@ -137,39 +135,39 @@ std::string refusal(Model model, Integrator integrator, Change change) {
   return "";
 }
 
-TEST(IntegratorSettings, that_do_not_apply_say_why_and_what_to_do) {
-  const auto expect_said = [](const std::string& said, const char* why, const char* remedy) {
-    EXPECT_NE(said.find(why), std::string::npos) << said;
-    EXPECT_NE(said.find(remedy), std::string::npos) << said;
+TEST(IntegratorSettings, are_refused_with_reason_and_remedy_where_they_do_not_apply) {
+  const auto expect_contains = [](const std::string& message, const char* reason, const char* remedy) {
+    EXPECT_NE(message.find(reason), std::string::npos) << message;
+    EXPECT_NE(message.find(remedy), std::string::npos) << message;
   };
   for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta}) {
     const auto of_chain = [&](auto change) { return refusal(scenes::chain8(), integrator, change); };
     EXPECT_EQ(of_chain([](Model&, StepSettings&) {}), "");
-    expect_said(of_chain([](Model& m, StepSettings&) { m.joints[0].upper = 1.0; }), "has bounds",
-                "StepSettings::ignore");
-    expect_said(of_chain([](Model& m, StepSettings&) { m.joints[0].effort_limit = 1.0; }), "has bounds", "euler");
-    expect_said(of_chain([](Model&, StepSettings& s) { s.method = Method::pgs; }), "sweeps", "reduced");
-    expect_said(of_chain([](Model&, StepSettings& s) { s.record_impulses = true; }), "record", "euler");
+    expect_contains(of_chain([](Model& m, StepSettings&) { m.joints[0].upper = 1.0; }), "has bounds",
+                    "StepSettings::ignore");
+    expect_contains(of_chain([](Model& m, StepSettings&) { m.joints[0].effort_limit = 1.0; }), "has bounds", "euler");
+    expect_contains(of_chain([](Model&, StepSettings& s) { s.method = Method::pgs; }), "sweeps", "reduced");
+    expect_contains(of_chain([](Model&, StepSettings& s) { s.record_impulses = true; }), "record", "euler");
     if (integrator != Integrator::runge_kutta)
-      expect_said(of_chain([](Model&, StepSettings& s) { s.velocity_iterations = 0; }), "velocity_iterations",
-                  "give 1");
+      expect_contains(of_chain([](Model&, StepSettings& s) { s.velocity_iterations = 0; }), "velocity_iterations",
+                      "give 1");
     EXPECT_EQ(of_chain([](Model& m, StepSettings& s) { m.joints[0].upper = 1.0, s.ignore.position_limits = true; }),
               "");
   }
-  expect_said(refusal(scenes::gripper13(), Integrator::runge_kutta, [](Model&, StepSettings&) {}), "drives and damping",
-              "dt of at most");
-  expect_said(refusal(scenes::chain8(), Integrator::runge_kutta,
-                      [](Model& m, StepSettings&) {
-                        m.couplings[0].softness = Spring{10.0, 0.1};
-                      }),
-              "soft", "leapfrog");
-  expect_said(refusal(scenes::chain8(), Integrator::extrapolated,
-                      [](Model& m, StepSettings&) { m.couplings[0].softness = Hard{1.9}; }),
-              "erp", "lower");
+  expect_contains(refusal(scenes::gripper13(), Integrator::runge_kutta, [](Model&, StepSettings&) {}),
+                  "drives and damping", "dt of at most");
+  expect_contains(refusal(scenes::chain8(), Integrator::runge_kutta,
+                          [](Model& m, StepSettings&) {
+                            m.couplings[0].softness = Spring{10.0, 0.1};
+                          }),
+                  "soft", "leapfrog");
+  expect_contains(refusal(scenes::chain8(), Integrator::extrapolated,
+                          [](Model& m, StepSettings&) { m.couplings[0].softness = Hard{1.9}; }),
+                  "erp", "lower");
 }
 
-// The largest step that is taken is one that lasts.
-TEST(IntegratorSettings, name_the_largest_explicit_step) {
+// Runge-Kutta stays bounded with the largest step that compile() accepts.
+TEST(IntegratorSettings, limit_the_step_of_runge_kutta_to_a_stable_one) {
   const auto plan = [](double dt) {
     StepSettings settings;
     settings.integrator = Integrator::runge_kutta;
@@ -192,15 +190,16 @@ TEST(IntegratorSettings, name_the_largest_explicit_step) {
   EXPECT_LT(batch.velocities().abs().maxCoeff(), 50.0);
 }
 
-TEST(IntegratorSettings, choose_leapfrog_for_smooth_scenes_and_say_why_not_for_others) {
+TEST(IntegratorSettings, choose_leapfrog_for_smooth_scenes_and_give_the_reason_for_others) {
   const Plan smooth = compile(scenes::chain8());
   EXPECT_EQ(smooth.integrator(), Integrator::leapfrog);
   EXPECT_NE(smooth.describe().find("leapfrog with an implicit linear part (the scene is smooth)"), std::string::npos);
   Model model = scenes::chain8();
   model.joints[3].friction = 0.1;
-  const Plan rough = compile(model);
-  EXPECT_EQ(rough.integrator(), Integrator::euler);
-  EXPECT_NE(rough.describe().find("semi-implicit Euler (the scene has bounds"), std::string::npos) << rough.describe();
+  const Plan bounded = compile(model);
+  EXPECT_EQ(bounded.integrator(), Integrator::euler);
+  EXPECT_NE(bounded.describe().find("semi-implicit Euler (the scene has bounds"), std::string::npos)
+      << bounded.describe();
 }
 
 }  // namespace

@@ -1,7 +1,7 @@
-// An environment with numbers of its own moves as a model with those numbers does. SPDX-License-Identifier: Apache-2.0
+// An environment with its own parameters moves like a model with those parameters. SPDX-License-Identifier: Apache-2.0
 //
-// Here every declared field differs in every environment, over several steps, and the truth comes from two sides: the
-// reference's step, which shares no arithmetic with the kernels, and a plan compiled anew from the changed model.
+// Every declared parameter differs in every environment. The tests compare several steps with the reference, which
+// shares no arithmetic with the kernels, and with a plan that is compiled from the changed model.
 #include "contract.h"
 #include "reference/step.h"
 
@@ -12,9 +12,8 @@ using Eigen::VectorXd;
 
 constexpr BatchOptions serial = {.threads = 1};
 
-// n, the velocities, times the rounding of one number, times the condition of the two matrices that a step solves
-// with: what a change in the order of operations may do to a step (Higham 2002, section 10.1). Where that is less
-// than 1e-10, 1e-10.
+// How far another order of operations may change a step: the number of velocities times epsilon times the condition
+// numbers of the two matrices that the step solves with (Higham 2002, section 10.1), and at least 1e-10.
 double rounding(const reference::Stage& stage) {
   Eigen::MatrixXd k = stage.response;
   for (Eigen::Index r = 0; r < k.rows(); ++r) k(r, r) += stage.rows[static_cast<std::size_t>(r)].cfm;
@@ -30,8 +29,8 @@ void expect_same_state(const reference::State& a, const reference::State& b, dou
   EXPECT_LE(physics::distance(a.orientation.coeffs(), (sign * b.orientation.coeffs()).eval()), tolerance);
 }
 
-// Steps one environment of `batch` (already stepped `steps` times from `start`) again: by the reference and by a
-// batch of the model that says the environment's numbers.
+// Expects that the reference and a batch of `start` come to the state of one environment of `batch`. `start` is the
+// model with the parameters and the start state of the environment; `batch` has made `steps` steps from it.
 void expect_same_as_model(Batch<double>& batch, int environment, const Model& start, int steps) {
   SCOPED_TRACE("environment " + std::to_string(environment));
   StepSettings settings = batch.plan().settings();
@@ -49,7 +48,7 @@ void expect_same_as_model(Batch<double>& batch, int environment, const Model& st
   const reference::State ours = physics::state_of(batch, environment);
   expect_same_state(ours, state, tolerance);
 
-  settings.per_environment = {Parameter::link_wrench};  // a model has none to say
+  settings.per_environment = {Parameter::link_wrench};  // a model has no link wrenches
   Batch<double> recompiled(compile(start, settings), 1, {.threads = 1, .engine = Engine::tables});
   for (Eigen::Index i = 0; i < inputs.wrenches.size(); ++i)
     recompiled.parameter(Parameter::link_wrench)(i, 0) = inputs.wrenches(i % 6, i / 6);
@@ -59,10 +58,10 @@ void expect_same_as_model(Batch<double>& batch, int environment, const Model& st
 
 class OwnParameters : public testing::TestWithParam<Method> {};
 
-TEST_P(OwnParameters, of_every_environment_act_as_those_of_a_model) {
+TEST_P(OwnParameters, act_in_every_environment_like_those_of_a_model) {
   constexpr int environments = 3, steps = 4;
   scenes::RandomOptions options;
-  options.redundant = false;  // which coupling follows from which depends on the numbers: tests of their own below
+  options.redundant = false;  // the parameters decide which couplings are redundant: see RedundantPair
   for (std::uint64_t seed = 0; seed < 100 && !HasFailure(); ++seed) {
     SCOPED_TRACE(seed);
     StepSettings settings = contract::settings(GetParam(), contract::all_parameters(GetParam()));
@@ -80,7 +79,7 @@ TEST_P(OwnParameters, of_every_environment_act_as_those_of_a_model) {
   }
 }
 
-TEST_P(OwnParameters, declared_and_left_alone_change_nothing) {
+TEST_P(OwnParameters, change_nothing_where_they_keep_the_models_values) {
   scenes::RandomOptions options;
   options.redundant = false;
   for (std::uint64_t seed = 200; seed < 240 && !HasFailure(); ++seed) {
@@ -99,8 +98,8 @@ INSTANTIATE_TEST_SUITE_P(method, OwnParameters, testing::ValuesIn(physics::metho
 
 class OwnSoftness : public testing::TestWithParam<Method> {};
 
-// StatePointers of one tile: the coupling as the model has it, softer, absent as a spring, absent as a frequency.
-TEST_P(OwnSoftness, of_zero_switches_a_coupling_off) {
+// The lanes of one tile: couplings as in the model, a softer one, a spring of zero stiffness, a frequency of zero.
+TEST_P(OwnSoftness, switches_a_coupling_off_where_it_is_zero) {
   for (const bool driven : {false, true}) {
     Model model = scenes::chain8();
     model.couplings[1].softness = Spring{80.0, 2.0};
@@ -116,13 +115,13 @@ TEST_P(OwnSoftness, of_zero_switches_a_coupling_off) {
     for (int e = 0; e < 4; ++e) starts.push_back(contract::model_of(batch, e));
     batch.step(6);
     for (int e = 0; e < 4; ++e) expect_same_as_model(batch, e, starts[static_cast<std::size_t>(e)], 6);
-    EXPECT_LE(std::abs(batch.coupling_impulses()(1, 2)), 1e-25) << "an absent coupling takes no impulse";
+    EXPECT_LE(std::abs(batch.coupling_impulses()(1, 2)), 1e-25) << "a coupling that is off takes no impulse";
     EXPECT_LE(std::abs(batch.coupling_impulses()(2, 3)), 1e-25);
     EXPECT_GT(std::abs(batch.coupling_impulses()(1, 1)), 1e-9);
   }
 }
 
-// The second number of a hard coupling is its cfm: 0 stays hard, more yields.
+// The second number of a hard coupling is its cfm; the coupling is hard where that is zero.
 TEST_P(OwnSoftness, softens_a_hard_coupling_in_some_environments) {
   Batch<double> batch(compile(scenes::chain8(), contract::settings(GetParam(), {Parameter::softness})), 2, serial);
   for (int c = 0; c < 4; ++c) batch.parameter(Parameter::softness)(2 * c + 1, 1) = 50.0;
@@ -135,8 +134,8 @@ TEST_P(OwnSoftness, softens_a_hard_coupling_in_some_environments) {
 INSTANTIATE_TEST_SUITE_P(method, OwnSoftness, testing::Values(Method::pgs, Method::tgs, Method::direct),
                          physics::method_name);
 
-// The same coupling twice. Whatever ratio an environment gives both, the second follows from the first there.
-TEST(OwnGearRatio, of_a_redundant_pair_leaves_one_of_them_without_impulse) {
+// The model has one coupling twice. Each environment gives both the same ratio, so one follows from the other.
+TEST(RedundantPair, leaves_one_coupling_without_impulse_for_any_ratio) {
   Model model = scenes::chain8();
   model.couplings.push_back(model.couplings[1]);
   const StepSettings settings = contract::settings(Method::direct, {Parameter::gear_ratio});

@@ -1,7 +1,7 @@
-// What a batch says of its environments is what the reference says of them. SPDX-License-Identifier: Apache-2.0
+// The readbacks of a batch agree with the reference. SPDX-License-Identifier: Apache-2.0
 //
-// On random trees with links merged into others, links on the fixed base, roots with a pose and models in any order,
-// environments with masses and gravity of their own. Sums of products keep far more than the 1e-10 asked for here.
+// The tests use random trees with fixed links, links on the fixed base, displaced roots and joints in any order, and
+// environments with different masses and gravity. Rounding is far below the tolerance of 1e-10.
 #include <functional>
 
 #include "contract.h"
@@ -39,7 +39,7 @@ void for_random_environments(const std::function<void(Batch<double>&, int, const
   }
 }
 
-TEST(Readback, of_links_is_where_they_are_and_how_they_move) {
+TEST(Readback, reports_poses_and_velocities_of_links) {
   for_random_environments([](Batch<double>& batch, int e, const Mechanism& mechanism, const State& state) {
     const std::vector<Eigen::Isometry3d> poses = mechanism.link_poses(state);
     for (int link = 0; link < mechanism.links(); ++link) {
@@ -54,7 +54,7 @@ TEST(Readback, of_links_is_where_they_are_and_how_they_move) {
   });
 }
 
-TEST(Readback, of_sites_is_where_they_are_and_what_moves_them) {
+TEST(Readback, reports_positions_and_jacobians_of_sites) {
   for_random_environments([](Batch<double>& batch, int e, const Mechanism& mechanism, const State& state) {
     for (int site = 0; site < 2; ++site) {
       expect_close(batch.site_positions(site).col(e).matrix(), mechanism.site_position(state, site), "position");
@@ -66,24 +66,24 @@ TEST(Readback, of_sites_is_where_they_are_and_what_moves_them) {
   });
 }
 
-TEST(Readback, of_energies_and_momenta) {
+TEST(Readback, reports_energies_and_momenta) {
   for_random_environments([](Batch<double>& batch, int e, const Mechanism& mechanism, const State& state) {
     EXPECT_NEAR(batch.kinetic_energies()(0, e), mechanism.kinetic_energy(state),
                 close * std::max(1.0, mechanism.kinetic_energy(state)));
-    // A fixed root and what is bolted to it lie in the field of gravity as well, but never move.
+    // A fixed root and the links fixed to it have potential energy as well.
     const double energy = mechanism.potential_energy(state);
     EXPECT_NEAR(batch.potential_energies()(0, e), energy, close * std::max(1.0, std::abs(energy)));
     expect_close(batch.momenta().col(e).matrix(), mechanism.momentum(state), "momentum");
   });
 }
 
-TEST(Readback, of_coupling_errors) {
+TEST(Readback, reports_coupling_errors) {
   for_random_environments([](Batch<double>& batch, int e, const Mechanism& mechanism, const State& state) {
     expect_close(batch.coupling_errors().col(e).matrix(), reference::Couplings(mechanism).error(state.q), "C");
   });
 }
 
-// Moves one environment by a small amount of one generalised velocity: the root's in its own axes.
+// Moves one environment a little along one generalised velocity; those of the root are in its own axes.
 void displace(Batch<double>& batch, int environment, int velocity, double amount) {
   const int root = batch.plan().floating() ? 6 : 0;
   if (velocity >= root) {
@@ -102,9 +102,9 @@ void displace(Batch<double>& batch, int environment, int velocity, double amount
   pose[3] = turn.w(), pose[4] = turn.x(), pose[5] = turn.y(), pose[6] = turn.z();
 }
 
-// Central differences with h: the error is h^2 / 6 times third derivatives, which grow with the reach of the
-// mechanism (some metres), plus rounding of the positions over h.
-TEST(Readback, of_jacobians_are_the_derivatives_of_site_positions) {
+// The error of central differences with step h is h^2 / 6 times a third derivative, plus the rounding of positions
+// divided by h. Third derivatives grow with the reach of the mechanism, some metres.
+TEST(Readback, reports_jacobians_that_are_the_derivatives_of_site_positions) {
   constexpr double h = 1e-5, tolerance = 10.0 * (h * h + 1e-15 / h);
   for (std::uint64_t seed = 0; seed < 40 && !HasFailure(); ++seed) {
     SCOPED_TRACE(seed);
@@ -125,10 +125,10 @@ TEST(Readback, of_jacobians_are_the_derivatives_of_site_positions) {
   }
 }
 
-class Impulses : public testing::TestWithParam<Method> {};
+class CouplingImpulses : public testing::TestWithParam<Method> {};
 
-// Swept, solved and eliminated couplings alike, those that take none included.
-TEST_P(Impulses, are_those_of_the_last_step) {
+// For swept, solved and eliminated couplings, and also for redundant ones, which take no impulse.
+TEST_P(CouplingImpulses, are_those_of_the_last_step) {
   int eliminated = 0;
   for (std::uint64_t seed = 0; seed < seeds && !HasFailure(); ++seed) {
     SCOPED_TRACE(seed);
@@ -159,7 +159,7 @@ TEST_P(Impulses, are_those_of_the_last_step) {
   EXPECT_EQ(eliminated > 0, GetParam() == Method::reduced);
 }
 
-INSTANTIATE_TEST_SUITE_P(method, Impulses, testing::ValuesIn(physics::methods), physics::method_name);
+INSTANTIATE_TEST_SUITE_P(method, CouplingImpulses, testing::ValuesIn(physics::methods), physics::method_name);
 
 }  // namespace
 }  // namespace lockstep

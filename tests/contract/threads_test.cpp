@@ -1,4 +1,4 @@
-// Which threads a step takes. SPDX-License-Identifier: Apache-2.0
+// The threads that a step uses. SPDX-License-Identifier: Apache-2.0
 #include <tbb/task_arena.h>
 
 #include <ctime>
@@ -14,24 +14,24 @@ double seconds(clockid_t clock) {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-// CPU time of other threads, as a share of this one's.
+// CPU time of all other threads divided by that of this one.
 template <class Act>
 double share_of_others(Act act) {
-  const double process = seconds(CLOCK_PROCESS_CPUTIME_ID), own = seconds(CLOCK_THREAD_CPUTIME_ID);
+  const double process = seconds(CLOCK_PROCESS_CPUTIME_ID), thread = seconds(CLOCK_THREAD_CPUTIME_ID);
   act();
-  const double taken = seconds(CLOCK_THREAD_CPUTIME_ID) - own;
-  return (seconds(CLOCK_PROCESS_CPUTIME_ID) - process) / taken - 1.0;
+  const double own = seconds(CLOCK_THREAD_CPUTIME_ID) - thread;
+  return (seconds(CLOCK_PROCESS_CPUTIME_ID) - process) / own - 1.0;
 }
 
-TEST(Threads, are_the_callers_arena_and_no_others) {
+TEST(Threads, are_taken_from_the_callers_arena_only) {
   const Plan plan = compile(scenes::chain8());
   Batch<float> batch(plan, 16384, {.threads = 0});
   tbb::task_arena one(1);
   EXPECT_LT(share_of_others([&] { one.execute([&] { batch.step(64); }); }), 0.2);
 }
 
-// Sizes about those at which a range of environments ends within a tile, a line of the cache or a task. The target is
-// one whose tiles are shorter than a line.
+// With these sizes, ranges of environments end within a tile, a cache line or a task. The tiles of baseline are shorter
+// than a cache line.
 TEST(Threads, leave_no_environment_out_in_batches_of_odd_sizes) {
   const Plan plan = compile(scenes::chain8());
   const auto largest = contract::scattered<float>(plan, 2100);
@@ -39,7 +39,7 @@ TEST(Threads, leave_no_environment_out_in_batches_of_odd_sizes) {
   once.step(40);
   for (int environments : {1, 15, 16, 17, 31, 33, 63, 65, 527, 1025, 2063}) {
     auto batch = contract::scattered<float>(plan, environments, {.threads = 3, .target = Target::baseline});
-    batch.step(40);  // so many that each line of the cache is a task
+    batch.step(40);  // with so many substeps, each cache line is a task
     EXPECT_TRUE(contract::same_bits(batch, once)) << environments << " environments";
     EXPECT_FALSE(contract::same_bits(batch, largest));
   }

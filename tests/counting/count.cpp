@@ -1,3 +1,4 @@
+// Flops and memory of a step. SPDX-License-Identifier: Apache-2.0
 #include "count.h"
 
 #include <vector>
@@ -12,7 +13,7 @@ Count count(const Plan& plan) {
   const Program& program = program_of(plan);
   Count result;
   Tables<float> t = program.f32;
-  t.reduction.consistent_is_shorter = false;  // wherever its followers are
+  t.reduction.consistent_is_shorter = false;  // count the step for inconsistent followers
   StatePointers<float> batch;
   batch.stride = 1;
   std::vector<std::vector<float>> blocks;
@@ -40,7 +41,7 @@ Count count(const Plan& plan) {
   std::vector<std::max_align_t> scratch(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
   operation_count = {};
   kernels::advance<Counted>(t, batch, 0, 0, 1, scratch.data());
-  const long once = operation_count.flops;  // for a call, however many environments it steps
+  const long once = operation_count.flops;  // per call, for any number of environments
   operation_count = {};
   kernels::advance<Counted>(t, batch, 0, 1, 1, scratch.data());
   result.flops = operation_count.flops - once;

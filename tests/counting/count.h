@@ -1,5 +1,4 @@
-// Flops and memory of a step: the kernels themselves, run once on a number that counts. SPDX-License-Identifier:
-// Apache-2.0
+// Flops and memory of a step, from one run of the kernels on counting numbers. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "lockstep/plan.h"
@@ -8,8 +7,8 @@ namespace lockstep::counting {
 
 struct Count {
   long flops = 0;    ///< of one step of one environment
-  long numbers = 0;  ///< of a batch that it reads and writes, each once however often
-  long rows = 0;     ///< of a batch
+  long numbers = 0;  ///< of the batch that the step reads and writes; repeated accesses count once
+  long rows = 0;     ///< of the batch's arrays
 };
 
 Count count(const Plan& plan);

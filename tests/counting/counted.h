@@ -1,4 +1,4 @@
-// A number that counts what is done to it, for kernels to run on. SPDX-License-Identifier: Apache-2.0
+// A number that counts the operations on it, for kernels to run on. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <set>
@@ -9,12 +9,12 @@ namespace lockstep {
 
 struct OperationCount {
   long flops = 0;
-  std::set<const void*> loaded, stored;  ///< rows of a batch that were read and written, each once however often
+  std::set<const void*> loaded, stored;  ///< addresses in a batch that were read and written
 };
 inline thread_local OperationCount operation_count;
 
-/// Behaves as Wide<float, 1, Unfused> does. A multiply-add is two operations; moves, signs, comparisons and
-/// selections are none.
+/// Behaves like Wide<float, 1, Unfused>. A multiply-add counts as two operations; moves, signs, comparisons and
+/// selections do not count.
 struct Counted {
   using Scalar = float;
   using Plain = simd::Wide<float, 1, simd::Unfused>;

@@ -1,4 +1,4 @@
-# Toolchain: Debian's cross compiler and multiarch libraries, programs run by qemu. SPDX-License-Identifier: Apache-2.0
+# Toolchain: Debian's cross compiler and multiarch libraries; qemu runs programs. SPDX-License-Identifier: Apache-2.0
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(CMAKE_CXX_COMPILER aarch64-linux-gnu-g++)

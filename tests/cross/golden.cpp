@@ -1,4 +1,4 @@
-// Prints a hash of what each class of arithmetic comes to, to the bit. SPDX-License-Identifier: Apache-2.0
+// Prints hashes of the results of fused and unfused arithmetic. SPDX-License-Identifier: Apache-2.0
 #include <cstdint>
 #include <cstring>
 #include <set>
@@ -34,7 +34,7 @@ void add(std::uint64_t& hash, const View& view) {
     }
 }
 
-// Nine environments that begin and are pushed differently, after a quarter of a second.
+// A hash of nine environments with different starts and efforts, after a quarter of a second.
 template <class S>
 std::uint64_t outcome(const Plan& plan, Target target) {
   Batch<S> batch(plan, 9, {.threads = 1, .target = target});
@@ -49,14 +49,14 @@ std::uint64_t outcome(const Plan& plan, Target target) {
   return hash;
 }
 
-// A line per class; more where its targets disagree.
-void print(const std::string& words, const Plan& plan) {
-  for (const ArithmeticClass& own : classes) {
+// Prints one line per class, or several if its targets disagree.
+void print(const std::string& title, const Plan& plan) {
+  for (const ArithmeticClass& arithmetic : classes) {
     std::set<std::string> lines;
-    for (Target target : own.targets)
+    for (Target target : arithmetic.targets)
       if (supported(target))
-        lines.insert(fmt::format("{} {} f32 {:016x} f64 {:016x}\n", own.name, words, outcome<float>(plan, target),
-                                 outcome<double>(plan, target)));
+        lines.insert(fmt::format("{} {} f32 {:016x} f64 {:016x}\n", arithmetic.name, title,
+                                 outcome<float>(plan, target), outcome<double>(plan, target)));
     for (const std::string& line : lines) fmt::print("{}", line);
   }
 }

@@ -1,8 +1,8 @@
-# Builds for another processor, runs tests in its emulator, compares bits. SPDX-License-Identifier: Apache-2.0
+# Builds for another processor, runs tests in its emulator and compares bits. SPDX-License-Identifier: Apache-2.0
 # cmake -P with:
 #   SOURCE, TOOLCHAIN, GENERATOR   how to build
-#   WORK                           where to
-#   GOLDEN                         the program for this processor
+#   WORK                           where to build
+#   GOLDEN                         the program golden for this processor
 cmake_minimum_required(VERSION 3.22)
 include(${TOOLCHAIN})
 function(run)
@@ -32,6 +32,6 @@ execute_process(COMMAND ${GOLDEN} OUTPUT_VARIABLE here COMMAND_ERROR_IS_FATAL AN
 execute_process(COMMAND ${CMAKE_CROSSCOMPILING_EMULATOR} ${WORK}/tests/cross/golden OUTPUT_VARIABLE there
                 COMMAND_ERROR_IS_FATAL ANY)
 if(NOT here STREQUAL there)
-  message(FATAL_ERROR "other bits here\n${here}than there\n${there}")
+  message(FATAL_ERROR "the bits differ: here\n${here}and on ${CMAKE_SYSTEM_PROCESSOR}\n${there}")
 endif()
 run(${CMAKE_CROSSCOMPILING_EMULATOR} ${WORK}/tests/simd_test --gtest_brief=1)

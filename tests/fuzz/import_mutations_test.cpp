@@ -1,4 +1,4 @@
-// Damaged files: each is read or refused by a lockstep::Error, nothing else. SPDX-License-Identifier: Apache-2.0
+// Every damaged file is either read or refused with a lockstep::Error. SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,7 +22,7 @@ struct File {
   string name, text;
 };
 
-// In the order of their names: a failure's seed means the same everywhere.
+// The files of tests/models, sorted by name, so that the seed of a failure means the same everywhere.
 std::vector<File> files() {
   std::vector<std::filesystem::path> paths;
   for (const auto& entry : std::filesystem::directory_iterator(LOCKSTEP_MODELS))
@@ -47,7 +47,7 @@ class Damage {
   }
 
  private:
-  // Not std::uniform_int_distribution, whose numbers differ from library to library.
+  // The numbers of std::uniform_int_distribution would differ from library to library.
   std::size_t below(std::size_t bound) { return bound ? random_() % bound : 0; }
 
   void flip(string& text) { text[below(text.size())] ^= static_cast<char>(1u << below(8)); }
@@ -58,7 +58,7 @@ class Damage {
     text.insert(below(text.size()), chunk);
   }
 
-  // One of the quoted values becomes another one, or a nasty one.
+  // Replaces a quoted value by another one of the file, or by a nasty one.
   void swap_values(string& text) { replace_value(text, value_of(text)); }
   void spoil_value(string& text) {
     static const string nasty[] = {"",        "nan",     "-inf", "1e308", "-1e308", "1e-310",          "0",
@@ -67,7 +67,7 @@ class Damage {
     replace_value(text, nasty[below(std::size(nasty))]);
   }
 
-  // A whole element, up to its first closing mark, moves elsewhere between elements.
+  // Moves the text from a '<' up to the next "/>" to another place between elements.
   void move_element(string& text) {
     const std::size_t from = text.find('<', below(text.size()));
     if (from == string::npos) return;
@@ -115,7 +115,7 @@ TEST(ImportMutations, every_damaged_file_is_read_or_refused_by_name) {
         FAIL() << file.name << ", seed " << seed << ": " << error.what() << "\n" << text;
       }
     }
-  // Damage that is always or never noticed would test only half of the reader.
+  // Damage that is always or never refused would test only half of the reader.
   EXPECT_GT(read, static_cast<int>(seed) / 10);
   EXPECT_GT(refused, static_cast<int>(seed) / 10);
   RecordProperty("read", read);

@@ -1,5 +1,4 @@
-// Promises of steps that are written out, as code or as lists: those of the tables' kernels, and agreement with them.
-// SPDX-License-Identifier: Apache-2.0
+// Generated kernels and the interpreter keep the promises of the tables. SPDX-License-Identifier: Apache-2.0
 #include <limits>
 #include <sstream>
 
@@ -17,23 +16,23 @@ using contract::scattered;
 
 constexpr Target targets[] = {Target::baseline, Target::avx2, Target::avx512, Target::neon};
 
-struct Written {
+struct StepCase {
   std::string plan;
   Engine engine;
 };
-std::ostream& operator<<(std::ostream& out, const Written& written) {
-  return out << written.plan << ", " << to_string(written.engine);
+std::ostream& operator<<(std::ostream& out, const StepCase& step) {
+  return out << step.plan << ", " << to_string(step.engine);
 }
 
-std::vector<Written> all_written() {
-  std::vector<Written> all;
+std::vector<StepCase> all_steps() {
+  std::vector<StepCase> all;
   std::stringstream kernels(LOCKSTEP_KERNELS);
   for (std::string name; std::getline(kernels, name, ',');) {
     all.push_back({name, Engine::generated});
-    if (!name.ends_with("_bounds"))
-      all.push_back({name, Engine::interpreter});  // these limit servos' efforts: see below
+    if (!name.ends_with("_bounds"))  // these have limited servos, which the interpreter refuses
+      all.push_back({name, Engine::interpreter});
   }
-  // Methods go by the seed, in turns of four: reduced, direct, pgs, tgs. Not all integrators go with all of them.
+  // The method depends on the seed modulo 4: reduced, direct, pgs, tgs. Not all methods allow all integrators.
   const std::vector<std::vector<const char*>> more = {{"", "_fields", "_leapfrog", "_leapfrog_fields", "_extrapolated"},
                                                       {"", "_fields", "_leapfrog", "_extrapolated"},
                                                       {"", "_fields"},
@@ -46,19 +45,20 @@ std::vector<Written> all_written() {
   return all;
 }
 
-class Generated : public testing::TestWithParam<Written> {
+class StraightLineStep : public testing::TestWithParam<StepCase> {
  protected:
   const Plan plan = generated::plan_of(GetParam().plan);
-  // Tiles of four, eight and sixteen, and one begun; for lists a whole group of tiles and half of one - but not under
-  // bounds of which some environment's are hard to tell from contradictory ones: there tables do not agree with
-  // themselves.
+  // 19 environments fill tiles of 4, 8 and 16 lanes and begin another. 189 fill one group of the interpreter's tiles
+  // and half of another. Random limits get 19: with more, rounding decides in some environment whether limits
+  // contradict each other, and there not even the tables of two targets agree.
   const int several = GetParam().engine == Engine::interpreter && !GetParam().plan.ends_with("_limits") ? 189 : 19;
 
   bool is_compiled_for(Target target) const {
     return plan.describe().find(GetParam().plan + " for " + to_string(target) + " in f64") != std::string::npos;
   }
 
-  // check(options, scalar) for every target that there is a kernel for and that this machine has, in both precisions.
+  // Calls check(options, scalar) in both precisions for every target that this machine has and the plan has a kernel
+  // for.
   template <class Check>
   void for_every_kernel(Check check) {
     for (const Target target : targets) {
@@ -72,7 +72,7 @@ class Generated : public testing::TestWithParam<Written> {
   }
 };
 
-TEST_P(Generated, is_found_and_said) {
+TEST_P(StraightLineStep, runs_and_is_named_in_the_description) {
   for_every_kernel([&](const BatchOptions& options, auto scalar) {
     const Batch<decltype(scalar)> batch(plan, 1, options);
     EXPECT_EQ(batch.engine(), options.engine);
@@ -83,28 +83,29 @@ TEST_P(Generated, is_found_and_said) {
   }
 }
 
-// In one step rounding has no time to grow, but some steps are ill-conditioned: what the tables' kernels of the two
-// classes of arithmetic make of the same environment says how far rounding takes it.
-TEST_P(Generated, agrees_with_the_tables_to_rounding) {
+// Rounding hardly grows in one step, but some steps are ill-conditioned. The difference between fused and unfused
+// tables shows how far rounding moves an environment.
+TEST_P(StraightLineStep, agrees_with_the_tables_to_rounding) {
   for_every_kernel([&](BatchOptions options, auto scalar) {
     using S = decltype(scalar);
-    const auto stepped = [&](bool written, Target target) {
+    const auto stepped = [&](bool by_tables, Target target) {
       Batch<S> batch = scattered<S>(
-          plan, several, {.threads = 1, .target = target, .engine = written ? options.engine : Engine::tables});
+          plan, several, {.threads = 1, .target = target, .engine = by_tables ? Engine::tables : options.engine});
       batch.step();
       return batch;
     };
-    const Batch<S> straight = stepped(true, options.target), tables = stepped(false, options.target);
+    const Batch<S> straight = stepped(false, options.target), tables = stepped(true, options.target);
     const Target other = supported(Target::neon) ? twins::neon_scalar : twins::avx2_scalar;
     const Batch<S> others =
-        stepped(false, options.target == Target::baseline && supported(other) ? other : Target::baseline);
+        stepped(true, options.target == Target::baseline && supported(other) ? other : Target::baseline);
     EXPECT_EQ(straight.faulted(), tables.faulted());
     const auto agree = [&](const auto& a, const auto& b, const auto& c, const char* what) {
       for (int e = 0; e < several && a.rows() > 0; ++e) {
         const double size = std::max(1.0, static_cast<double>(b.col(e).abs().maxCoeff()));
         const double rounding = size * 200 * static_cast<double>(std::numeric_limits<S>::epsilon()) +
                                 20 * static_cast<double>((c.col(e) - b.col(e)).abs().maxCoeff());
-        EXPECT_LE(static_cast<double>((a.col(e) - b.col(e)).abs().maxCoeff()), rounding) << what << " of " << e;
+        EXPECT_LE(static_cast<double>((a.col(e) - b.col(e)).abs().maxCoeff()), rounding)
+            << what << " of environment " << e;
       }
     };
     agree(straight.positions(), tables.positions(), others.positions(), "positions");
@@ -116,7 +117,7 @@ TEST_P(Generated, agrees_with_the_tables_to_rounding) {
   });
 }
 
-TEST_P(Generated, has_the_same_bits_in_any_batch_and_place) {
+TEST_P(StraightLineStep, gives_the_same_bits_in_any_batch_and_place) {
   for_every_kernel([&](const BatchOptions& options, auto scalar) {
     using S = decltype(scalar);
     Batch<S> many = scattered<S>(plan, several, options), one_by_one = scattered<S>(plan, several, options);
@@ -129,54 +130,54 @@ TEST_P(Generated, has_the_same_bits_in_any_batch_and_place) {
     shared_out.step(6);
     EXPECT_TRUE(same_bits(many, shared_out));
     for (const int place : {0, 5, several - 1}) {
-      Batch<S> alone(plan, 1, options);
-      contract::scatter(alone, 0, static_cast<std::uint64_t>(place));
-      alone.step(6);
-      EXPECT_TRUE(same_bits(many, place, alone, 0));
+      Batch<S> single(plan, 1, options);
+      contract::scatter(single, 0, static_cast<std::uint64_t>(place));
+      single.step(6);
+      EXPECT_TRUE(same_bits(many, place, single, 0));
     }
   });
 }
 
-TEST_P(Generated, has_the_same_bits_where_followers_are_in_place) {
+TEST_P(StraightLineStep, gives_the_same_bits_where_followers_are_consistent) {
   if (!program_of(plan).f64.reduction.consistent_is_shorter) return;
   for_every_kernel([&](const BatchOptions& options, auto scalar) {
     contract::expect_the_same_bits_where_consistent<decltype(scalar)>(plan, several, options);
   });
 }
 
-TEST_P(Generated, freezes_what_fails_and_leaves_its_neighbours_alone) {
+TEST_P(StraightLineStep, freezes_a_failed_environment_and_keeps_the_bits_of_its_neighbours) {
   for_every_kernel([&](const BatchOptions& options, auto scalar) {
     using S = decltype(scalar);
-    Batch<S> sound = scattered<S>(plan, several, options), spoilt = scattered<S>(plan, several, options);
-    spoilt.velocities()(0, 3) = std::numeric_limits<S>::quiet_NaN();
-    spoilt.positions()(0, 9) = std::numeric_limits<S>::infinity();
-    sound.step(3), spoilt.step(3);
-    EXPECT_EQ(spoilt.faults()[3], Fault::not_finite);
-    EXPECT_EQ(spoilt.faults()[9], Fault::not_finite);
-    EXPECT_TRUE(std::isnan(spoilt.velocities()(0, 3)));
+    Batch<S> sound = scattered<S>(plan, several, options), damaged = scattered<S>(plan, several, options);
+    damaged.velocities()(0, 3) = std::numeric_limits<S>::quiet_NaN();
+    damaged.positions()(0, 9) = std::numeric_limits<S>::infinity();
+    sound.step(3), damaged.step(3);
+    EXPECT_EQ(damaged.faults()[3], Fault::not_finite);
+    EXPECT_EQ(damaged.faults()[9], Fault::not_finite);
+    EXPECT_TRUE(std::isnan(damaged.velocities()(0, 3)));
     for (int e = 0; e < several; ++e)
       if (e != 3 && e != 9) {
-        EXPECT_TRUE(same_bits(sound, e, spoilt, e));
+        EXPECT_TRUE(same_bits(sound, e, damaged, e));
       }
   });
 }
 
-// StatePointers in which no bound acts keep what listed or generated operations draft of them.
-TEST_P(Generated, does_not_notice_neighbours_beyond_their_limits) {
+// An environment without active bounds keeps the unbounded result, also if its neighbours have active bounds.
+TEST_P(StraightLineStep, keeps_its_bits_beside_neighbours_beyond_their_limits) {
   if (program_of(plan).f64.bounds.rows.count == 0) return;
   for_every_kernel([&](const BatchOptions& options, auto scalar) {
     using S = decltype(scalar);
-    Batch<S> sound = scattered<S>(plan, several, options), pushed = scattered<S>(plan, several, options);
-    pushed.positions().col(3) += S(2);
-    sound.step(), pushed.step();
+    Batch<S> sound = scattered<S>(plan, several, options), displaced = scattered<S>(plan, several, options);
+    displaced.positions().col(3) += S(2);
+    sound.step(), displaced.step();
     for (int e = 0; e < several; ++e)
       if (e != 3) {
-        EXPECT_TRUE(same_bits(sound, e, pushed, e)) << e;
+        EXPECT_TRUE(same_bits(sound, e, displaced, e)) << e;
       }
   });
 }
 
-TEST_P(Generated, allocates_nothing_in_a_step_of_one_thread) {
+TEST_P(StraightLineStep, allocates_nothing_with_one_thread) {
   for_every_kernel([&](const BatchOptions& options, auto scalar) {
     auto batch = scattered<decltype(scalar)>(plan, several, options);
     const std::size_t before = contract::allocations();
@@ -185,11 +186,11 @@ TEST_P(Generated, allocates_nothing_in_a_step_of_one_thread) {
   });
 }
 
-INSTANTIATE_TEST_SUITE_P(Plans, Generated, testing::ValuesIn(all_written()), [](const auto& info) {
+INSTANTIATE_TEST_SUITE_P(plan, StraightLineStep, testing::ValuesIn(all_steps()), [](const auto& info) {
   return info.param.plan + (info.param.engine == Engine::interpreter ? "_interpreter" : "");
 });
 
-TEST(GeneratedKernel, of_another_plan_is_not_taken) {
+TEST(GeneratedKernel, is_not_used_for_another_plan) {
   Model model = generated::plan_of("chain8_reduced").model();
   model.links.back().inertia.mass *= 1.01;
   const Plan plan = compile(model, generated::plan_of("chain8_reduced").settings());
@@ -197,7 +198,7 @@ TEST(GeneratedKernel, of_another_plan_is_not_taken) {
   EXPECT_EQ(Batch<float>(plan, 1).engine(), Engine::interpreter);
 }
 
-TEST(GeneratedKernel, depends_on_what_a_step_does_and_on_nothing_else) {
+TEST(GeneratedKernel, has_a_hash_of_what_a_step_does_and_of_nothing_else) {
   Model model = generated::plan_of("chain8_reduced").model();
   const StepSettings settings = generated::plan_of("chain8_reduced").settings();
   const std::uint64_t hash = kernel_hash(compile(model, settings));
@@ -212,19 +213,19 @@ TEST(GeneratedKernel, depends_on_what_a_step_does_and_on_nothing_else) {
   EXPECT_NE(kernel_hash(compile(model, other)), hash);
 }
 
-// Joints that their couplings lock: velocities that are constants, and look at bounds as constants do.
-TEST(InterpretedStep, of_locked_joints_agrees_with_the_tables) {
+// Couplings lock some joints of this model, so their velocities are constants in the trace.
+TEST(Interpreter, agrees_with_the_tables_where_couplings_lock_joints) {
   const Plan plan = compile(scenes::random_model(14), {.method = Method::reduced, .integrator = Integrator::euler});
-  Batch<double> listed(plan, 3, {.threads = 1, .engine = Engine::interpreter}),
+  Batch<double> interpreted(plan, 3, {.threads = 1, .engine = Engine::interpreter}),
       tables(plan, 3, {.threads = 1, .engine = Engine::tables});
-  ASSERT_EQ(listed.engine(), Engine::interpreter);
-  listed.step(2), tables.step(2);
-  EXPECT_EQ(listed.faulted(), 0);
-  EXPECT_LT((listed.velocities() - tables.velocities()).abs().maxCoeff(), 1e-9);
-  EXPECT_GT((tables.velocities().col(0) == 0.0).count(), 3);  // locked they are
+  ASSERT_EQ(interpreted.engine(), Engine::interpreter);
+  interpreted.step(2), tables.step(2);
+  EXPECT_EQ(interpreted.faulted(), 0);
+  EXPECT_LT((interpreted.velocities() - tables.velocities()).abs().maxCoeff(), 1e-9);
+  EXPECT_GT((tables.velocities().col(0) == 0.0).count(), 3) << "no joints are locked";
 }
 
-TEST(InterpretedStep, does_not_notice_a_neighbour_at_its_limit) {
+TEST(Interpreter, keeps_the_bits_of_environments_beside_one_beyond_its_limit) {
   Model model = scenes::chain8();
   for (Joint& joint : model.joints) joint.upper = 3.0;
   for (const Method method : {Method::reduced, Method::direct, Method::pgs, Method::tgs}) {
@@ -239,35 +240,36 @@ TEST(InterpretedStep, does_not_notice_a_neighbour_at_its_limit) {
         scattered<float>(compile(unlimited, plan.settings()), 19, {.threads = 1, .engine = Engine::interpreter});
     unbounded.positions().col(3) += 4.0f;
     free.step(), beside.step(), unbounded.step();
-    EXPECT_FALSE(same_bits(beside, 3, unbounded, 3)) << "no limit acts";
+    EXPECT_FALSE(same_bits(beside, 3, unbounded, 3)) << "no limit is active";
     for (int e = 0; e < 19; ++e)
       if (e != 3) {
-        EXPECT_TRUE(same_bits(free, e, beside, e)) << to_string(method) << " " << e;
+        EXPECT_TRUE(same_bits(free, e, beside, e)) << to_string(method);
       }
   }
 }
 
-// Couplings, masses and states of each tile are its own where bounds act, and so is whether its followers are in place.
-TEST(InterpretedStep, at_limits_looks_at_the_numbers_of_its_own_tile) {
+// Where bounds are active, each tile uses its own couplings, masses and states, and its own followers decide
+// whether it is consistent.
+TEST(Interpreter, reads_the_numbers_of_the_right_tile_where_bounds_are_active) {
   Model model = scenes::chain8();
   for (Joint& joint : model.joints) joint.lower = -0.35, joint.upper = 0.35;
-  for (const ParameterSet& own : {ParameterSet{}, {Parameter::offset, Parameter::mass}, {Parameter::gear_ratio}})
+  for (const ParameterSet& fields : {ParameterSet{}, {Parameter::offset, Parameter::mass}, {Parameter::gear_ratio}})
     for (const Method method : {Method::reduced, Method::direct}) {
-      SCOPED_TRACE(testing::Message() << to_string(method) << (own.contains(Parameter::mass) ? ", masses" : "")
-                                      << (own.contains(Parameter::gear_ratio) ? ", gear ratios" : ""));
-      const Plan plan = compile(model, {.method = method, .integrator = Integrator::euler, .per_environment = own});
-      auto listed = scattered<double>(plan, 40, {.threads = 1, .engine = Engine::interpreter});
+      SCOPED_TRACE(testing::Message() << to_string(method) << (fields.contains(Parameter::mass) ? ", masses" : "")
+                                      << (fields.contains(Parameter::gear_ratio) ? ", gear ratios" : ""));
+      const Plan plan = compile(model, {.method = method, .integrator = Integrator::euler, .per_environment = fields});
+      auto interpreted = scattered<double>(plan, 40, {.threads = 1, .engine = Engine::interpreter});
       auto tables = scattered<double>(plan, 40, {.threads = 1, .engine = Engine::tables});
-      ASSERT_EQ(listed.engine(), Engine::interpreter);
+      ASSERT_EQ(interpreted.engine(), Engine::interpreter);
       const Batch<double>::Array before = tables.positions();
-      listed.step(5), tables.step(5);
-      EXPECT_LT((listed.velocities() - tables.velocities()).abs().maxCoeff(), 1e-7);
+      interpreted.step(5), tables.step(5);
+      EXPECT_LT((interpreted.velocities() - tables.velocities()).abs().maxCoeff(), 1e-7);
       EXPECT_GT((before - tables.positions()).abs().maxCoeff(), 1e-3);
     }
 }
 
-// Two ratios between a pair of joints beside the chain lock them: no step looks at their velocities.
-TEST(InterpretedStep, keeps_of_a_frozen_environment_what_no_step_looks_at) {
+// Two couplings with different ratios lock a pair of joints beside the chain, so no step reads their velocities.
+TEST(Interpreter, keeps_the_velocities_of_locked_joints_in_a_frozen_environment) {
   Model model = scenes::chain8();
   for (const char* name : {"a", "b"}) {
     Link link = model.links.back();
@@ -289,17 +291,17 @@ TEST(InterpretedStep, keeps_of_a_frozen_environment_what_no_step_looks_at) {
   EXPECT_TRUE((batch.velocities().col(1) == before.col(1)).all()) << batch.velocities().col(1).transpose();
 }
 
-TEST(Interpreter, is_refused_where_there_is_no_list) {
-  const Plan limited = generated::plan_of("chain8_reduced_bounds");  // servos with a limited effort
+TEST(Interpreter, is_refused_for_limited_servos_and_for_a_softness_per_environment_in_tgs) {
+  const Plan limited = generated::plan_of("chain8_reduced_bounds");
   EXPECT_THROW(Batch<float>(limited, 1, {.engine = Engine::interpreter}), SettingsError);
   StepSettings settings;
   settings.method = Method::tgs;
-  settings.per_environment.insert(Parameter::softness);  // lane by lane
+  settings.per_environment.insert(Parameter::softness);  // tgs solves these lane by lane
   EXPECT_THROW(Batch<float>(compile(scenes::chain8(), settings), 1, {.engine = Engine::interpreter}), SettingsError);
   EXPECT_EQ(Batch<float>(compile(scenes::chain8(), settings), 1).engine(), Engine::tables);
 }
 
-// Kernels of one plan for one precision each, as two calls of lockstep_add_kernel() make them.
+// Two calls of lockstep_add_kernel() can make one kernel for each precision of one plan.
 TEST(GeneratedKernel, is_found_in_either_precision) {
   const Plan plan = compile(scenes::chain8(), {.dt = 1.0 / 777.0, .method = Method::reduced});
   const std::uint64_t hash = kernel_hash(plan);
@@ -315,7 +317,7 @@ TEST(GeneratedKernel, is_found_in_either_precision) {
   EXPECT_EQ(Batch<double>(plan, 1, {.target = Target::baseline}).engine(), Engine::generated);
 }
 
-TEST(GeneratedKernel, refuses_what_is_worked_out_lane_by_lane) {
+TEST(GeneratedKernel, is_refused_for_plans_that_are_solved_lane_by_lane) {
   Model model = scenes::chain8();
   StepSettings settings;
   settings.method = Method::tgs;

@@ -1,4 +1,4 @@
-// What is left of operations when they are written down. SPDX-License-Identifier: Apache-2.0
+// How a trace simplifies operations, and how code is emitted and split. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -15,9 +15,9 @@
 namespace lockstep::trace {
 namespace {
 
-// The one line of code that stores f(x, y, z).
+// The expression of the one line of code that stores f(x, y, z).
 template <class F>
-std::string written(F f) {
+std::string emitted(F f) {
   Graph graph;
   const Id x = graph.input({"x"}, false), y = graph.input({"y"}, false), z = graph.input({"z"}, false);
   for (const Id id : {x, y, z}) graph.name(id, graph.nodes()[id].place.text + std::string("_0"));
@@ -28,9 +28,9 @@ std::string written(F f) {
   return code.substr(at + 9, code.find(';', at) - at - 9);
 }
 
-TEST(Graph, leaves_nothing_of_what_is_nothing) {
+TEST(Graph, drops_operations_that_change_nothing) {
   const auto with = [](double number, Op op) {
-    return written([=](Graph& g, Id x, Id, Id) { return g.operation(op, x, g.constant(number)); });
+    return emitted([=](Graph& g, Id x, Id, Id) { return g.operation(op, x, g.constant(number)); });
   };
   EXPECT_EQ(with(0.0, Op::add), "x_0");
   EXPECT_EQ(with(0.0, Op::subtract), "x_0");
@@ -38,39 +38,39 @@ TEST(Graph, leaves_nothing_of_what_is_nothing) {
   EXPECT_EQ(with(-1.0, Op::multiply), "-x_0");
   EXPECT_EQ(with(0.0, Op::multiply), "n(0)");
   EXPECT_EQ(with(1.0, Op::divide), "x_0");
-  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id) { return g.operation(Op::fma, x, g.constant(0.0), y); }), "y_0");
-  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id) { return g.operation(Op::fnma, g.constant(1.0), x, y); }),
+  EXPECT_EQ(emitted([](Graph& g, Id x, Id y, Id) { return g.operation(Op::fma, x, g.constant(0.0), y); }), "y_0");
+  EXPECT_EQ(emitted([](Graph& g, Id x, Id y, Id) { return g.operation(Op::fnma, g.constant(1.0), x, y); }),
             "y_0 - x_0");
-  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id) {
+  EXPECT_EQ(emitted([](Graph& g, Id x, Id y, Id) {
               return g.operation(Op::select, g.operation(Op::less, g.constant(1.0), g.constant(2.0)), x, y);
             }),
             "x_0");
 }
 
-TEST(Graph, takes_signs_to_where_they_cost_nothing) {
-  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id z) { return g.operation(Op::fma, g.operation(Op::negate, x), y, z); }),
+TEST(Graph, folds_negations_into_other_operations) {
+  EXPECT_EQ(emitted([](Graph& g, Id x, Id y, Id z) { return g.operation(Op::fma, g.operation(Op::negate, x), y, z); }),
             "fnma(x_0, y_0, z_0)");
-  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id) { return g.operation(Op::add, x, g.operation(Op::negate, y)); }),
+  EXPECT_EQ(emitted([](Graph& g, Id x, Id y, Id) { return g.operation(Op::add, x, g.operation(Op::negate, y)); }),
             "x_0 - y_0");
-  EXPECT_EQ(written([](Graph& g, Id x, Id y, Id) { return g.operation(Op::negate, g.operation(Op::subtract, x, y)); }),
+  EXPECT_EQ(emitted([](Graph& g, Id x, Id y, Id) { return g.operation(Op::negate, g.operation(Op::subtract, x, y)); }),
             "y_0 - x_0");
 }
 
-TEST(Graph, asks_each_magnitude_once) {
+TEST(Graph, compares_each_magnitude_once) {
   const auto farthest = [](Graph& g, std::initializer_list<Id> all) {
     Id most = g.constant(0.0);
     for (Id id : all) most = g.operation(Op::farther, most, id);
     return most;
   };
-  EXPECT_EQ(written([=](Graph& g, Id x, Id y, Id) {
+  EXPECT_EQ(emitted([=](Graph& g, Id x, Id y, Id) {
               return farthest(g, {x, y, g.operation(Op::negate, x), y, x});
             }),
             "farther(farther(n(0), x_0), y_0)");
 }
 
-TEST(Graph, makes_one_operation_of_a_product_and_a_sum) {
+TEST(Graph, fuses_a_product_with_a_sum) {
   const auto with = [](bool product_minus, bool sum_minus) {
-    return written([=](Graph& g, Id x, Id y, Id z) {
+    return emitted([=](Graph& g, Id x, Id y, Id z) {
       return g.added_up({{z, -1, sum_minus}, g.apart(g.operation(Op::multiply, x, y), product_minus)});
     });
   };
@@ -80,23 +80,23 @@ TEST(Graph, makes_one_operation_of_a_product_and_a_sum) {
   EXPECT_EQ(with(true, true), "-fma(x_0, y_0, z_0)");
 }
 
-TEST(Graph, keeps_products_and_quotients_together) {
+TEST(EmitCpp, puts_parentheses_around_divisors_and_sums) {
   EXPECT_EQ(
-      written([](Graph& g, Id x, Id y, Id z) { return g.operation(Op::divide, x, g.operation(Op::multiply, y, z)); }),
+      emitted([](Graph& g, Id x, Id y, Id z) { return g.operation(Op::divide, x, g.operation(Op::multiply, y, z)); }),
       "x_0 / (y_0 * z_0)");
   EXPECT_EQ(
-      written([](Graph& g, Id x, Id y, Id z) { return g.operation(Op::multiply, x, g.operation(Op::add, y, z)); }),
+      emitted([](Graph& g, Id x, Id y, Id z) { return g.operation(Op::multiply, x, g.operation(Op::add, y, z)); }),
       "x_0 * (y_0 + z_0)");
 }
 
-TEST(Graph, finds_what_was_computed_before) {
+TEST(Graph, reuses_what_was_computed_before) {
   Graph graph;
   const Id x = graph.input({"x"}, false), y = graph.input({"y"}, false);
   EXPECT_EQ(graph.operation(Op::multiply, x, y), graph.operation(Op::multiply, y, x));
   EXPECT_NE(graph.operation(Op::subtract, x, y), graph.operation(Op::subtract, y, x));
 }
 
-TEST(Graph, takes_nothing_from_inside_a_loop_that_it_does_not_hand_on) {
+TEST(Graph, refuses_a_number_from_inside_a_loop_that_has_ended) {
   Graph graph;
   const Id x = graph.input({"x"}, false);
   const Id variable = graph.begin_loop(4, {x})[0];
@@ -106,8 +106,8 @@ TEST(Graph, takes_nothing_from_inside_a_loop_that_it_does_not_hand_on) {
   EXPECT_THROW(graph.operation(Op::add, inside, graph.input({"y"}, false)), std::logic_error);
 }
 
-// A loop and its variables, a guarded effect and what it changes: cut apart, they would not compile.
-TEST(Parts, are_not_cut_where_something_is_declared_and_set) {
+// A loop needs its variables, and a guarded effect needs the numbers that it changes, in the same part.
+TEST(Split, keeps_declarations_and_assignments_in_one_part) {
   Graph graph;
   Id value = graph.input({"x.state.q[0]"}, false);
   graph.name(value, "q_0");
@@ -137,14 +137,14 @@ TEST(Parts, are_not_cut_where_something_is_declared_and_set) {
   }
 }
 
-// What a part uses it has defined, or read from where a part before has put it.
-TEST(Parts, hand_on_what_later_ones_use) {
+// A part defines what it uses, or reads it from where an earlier part stored it.
+TEST(Split, hands_on_what_later_parts_use) {
   std::vector<codegen::Block> blocks;
   std::mt19937 random(7);
   for (int i = 0; i < 200; ++i) {
     const int a = i == 0 ? 0 : static_cast<int>(random() % static_cast<unsigned>(i));
     codegen::Block block;
-    block.code = fmt::format("    const T a_{} = a_{} + x.a_{};\n", i, a, i + 1);  // a member is no word
+    block.code = fmt::format("    const T a_{} = a_{} + x.a_{};\n", i, a, i + 1);  // a member is not one of the a_
     if (i == 0) block.code = "    const T a_0 = x.state.q[0];\n";
     block.defines = {{fmt::format("a_{}", i), i % 5 == 0}};
     block.operations = 1;
@@ -152,8 +152,8 @@ TEST(Parts, hand_on_what_later_ones_use) {
   }
   const codegen::Parts parts = codegen::split(blocks, 16);
   EXPECT_EQ(parts.code.size(), 13u);
-  EXPECT_LT(parts.kept + parts.masks, 200) << "places are used again";
-  std::map<std::string, std::string> places;  // what stands where
+  EXPECT_LT(parts.kept + parts.masks, 200) << "places are not reused";
+  std::map<std::string, std::string> places;  // the number in each place
   const std::regex read(R"(const auto (\w+) = ((?:kept|masks)\[\d+\]);)"), write(R"(((?:kept|masks)\[\d+\]) = (\w+);)");
   const std::regex define(R"(const T (\w+) = (a_\d+) \+.*)");
   for (const std::string& code : parts.code) {

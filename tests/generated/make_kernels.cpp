@@ -1,4 +1,4 @@
-// Writes the kernels of plans.h: make_kernels FOLDER NAME... SPDX-License-Identifier: Apache-2.0
+// Writes the kernels of the named plans of plans.h: make_kernels FOLDER NAME... SPDX-License-Identifier: Apache-2.0
 #include <fstream>
 
 #include "plans.h"

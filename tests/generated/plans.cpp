@@ -1,3 +1,4 @@
+// The plans that kernels are generated for. SPDX-License-Identifier: Apache-2.0
 #include "plans.h"
 
 #include <stdexcept>
@@ -17,7 +18,7 @@ Method method_in(const std::string& name) {
   throw std::invalid_argument("no method in the name " + name);
 }
 
-// tgs with a softness per environment is left to the tables.
+// All parameters that may differ per environment, without a softness in tgs: only the tables take that.
 ParameterSet fields(Method method, const Model& model) {
   ParameterSet set;
   for (int p = 0; p < parameter_count; ++p)
@@ -36,12 +37,12 @@ Plan plan_of(const std::string& name) {
   if (has("random_") || has("deep_")) {
     scenes::RandomOptions options;
     options.min_dofs = has("deep_") ? 12 : 1, options.max_dofs = has("deep_") ? 14 : 8;
-    options.redundant = false;  // reduced refuses them under gear ratios per environment
+    options.redundant = false;  // reduced refuses redundant couplings with gear ratios per environment
     const auto seed = std::stoull(name.substr(name.find('_') + 1));
     model = scenes::random_model(seed, options);
     if (has("_limits")) {
       model = physics::random_bounds(seed, settings.dt, options);
-      for (Joint& joint : model.joints) joint.effort_limit = infinity;  // servos that have one want A itself
+      for (Joint& joint : model.joints) joint.effort_limit = infinity;  // only the tables solve limited servos
     }
     settings.method = methods[seed % 4];
   } else {

@@ -1,4 +1,4 @@
-// The plans that kernels are generated for, so that tests can run them. SPDX-License-Identifier: Apache-2.0
+// The plans that kernels are generated for. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -8,8 +8,12 @@
 
 namespace lockstep::generated {
 
-/// Named SCENE_METHOD or random_SEED, with `_fields` behind where all parameters differ per environment and `_bounds`
-/// where everything is bounded. Impulses are recorded wherever fields differ, diagnostics wherever bounds are.
+/// The plan of a name: SCENE_METHOD, random_SEED or, for long trees, deep_SEED. Suffixes:
+/// - `_fields`: all parameters differ per environment; Euler's method records impulses
+/// - `_bounds`: every kind of bound; the plan records diagnostics
+/// - `_limits`: random bounds without effort limits
+/// - `_leapfrog`, `_extrapolated`, `_runge_kutta`: the integrator
+/// - `_inputs`: inputs per stage
 Plan plan_of(const std::string& name);
 
 }  // namespace lockstep::generated

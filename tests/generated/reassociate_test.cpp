@@ -1,4 +1,4 @@
-// In which order sums are added up, and what becomes part of them. SPDX-License-Identifier: Apache-2.0
+// The order of the terms of a sum, and which terms it takes over from others. SPDX-License-Identifier: Apache-2.0
 #include "trace/reassociate.h"
 
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 namespace lockstep::trace {
 namespace {
 
-// A step of a few sums of four inputs, and what it stores.
+// A step that stores a few sums of four inputs.
 struct Step : Tracing {
   int stage = 0;
   Id w = input("w"), x = input("x"), y = input("y"), z = input("z");
@@ -43,7 +43,7 @@ std::string text(const Graph& graph, Id id) {
   }
 }
 
-// What the sum is added up of, in order.
+// The terms of the sum in the order in which they are added up.
 std::string terms(const Step& any, const Step& consistent, int sum) {
   std::string all;
   const auto found = terms_of(any, consistent);
@@ -57,7 +57,7 @@ std::string terms(const Step& any, const Step& consistent, int sum) {
 }
 std::string terms(const Step& step, int sum) { return terms(step, step, sum); }
 
-TEST(Sums, take_in_what_nothing_else_wants) {
+TEST(Reassociate, merges_terms_that_are_used_once) {
   Step s;
   s.store(s.add(s.subtract(s.z, s.add(s.multiply(s.w, s.x), s.y)), s.x));
   EXPECT_EQ(terms(s, 0), "");
@@ -65,7 +65,7 @@ TEST(Sums, take_in_what_nothing_else_wants) {
   EXPECT_EQ(terms(s, 2), " + z - wx - y + x");
 }
 
-TEST(Sums, leave_alone_what_others_want) {
+TEST(Reassociate, keeps_numbers_that_are_used_twice) {
   Step s;
   const Id shared = s.add(s.x, s.y), product = s.multiply(s.w, s.x);
   s.store(s.add(shared, s.z)).store(shared).store(s.subtract(product, s.y)).store(product);
@@ -75,8 +75,8 @@ TEST(Sums, leave_alone_what_others_want) {
   EXPECT_FALSE(found[2][0].apart || found[2][1].apart);
 }
 
-// What a call makes of a number is another number behind it.
-TEST(Sums, leave_alone_what_was_made_before_a_call) {
+// A call may change the terms of a sum.
+TEST(Reassociate, keeps_sums_that_were_made_before_a_call) {
   Step s;
   const Id before = s.add(s.x, s.y);
   ++s.stage;
@@ -84,30 +84,31 @@ TEST(Sums, leave_alone_what_was_made_before_a_call) {
   EXPECT_EQ(terms(s, 1), " + z + (sum)");
 }
 
-TEST(Sums, wait_for_nothing_that_could_come_later) {
+TEST(Reassociate, adds_late_terms_last) {
   Step s;
   s.store(s.add(s.add(s.add(s.divide(s.x, s.y), s.y), s.multiply(s.w, s.x)), s.z));
   EXPECT_EQ(terms(s, 2), " + y + wx + z + x/y");
 }
 
-TEST(Sums, wait_for_other_sums_as_they_are_added_up) {
+TEST(Reassociate, orders_terms_by_when_their_reordered_sums_are_known) {
   Step s;
-  // As it was asked for, the first would be known two cycles after the second; added up, it is known one before.
-  const Id late = s.add(s.add(s.divide(s.x, s.y), s.x), s.y);
-  const Id later = s.fma(s.w, s.x, s.divide(s.y, s.x));
-  s.store(s.add(s.add(later, s.z), late)).store(late).store(later);
+  // As traced, `first` is known two cycles after `second`. Once its terms are reordered, it is known one cycle before.
+  const Id first = s.add(s.add(s.divide(s.x, s.y), s.x), s.y);
+  const Id second = s.fma(s.w, s.x, s.divide(s.y, s.x));
+  s.store(s.add(s.add(second, s.z), first)).store(first).store(second);
   EXPECT_EQ(terms(s, 4), " + z + (sum) + (sum)");
-  EXPECT_EQ(terms_of(s, s)[4][1].sum, 4);  // of what this was asked for with: the first is part of sum 3
+  EXPECT_EQ(terms_of(s, s)[4][1].sum, 4);  // `first`, an operand of sum 4; `second` comes from sum 3
 }
 
-TEST(Sums, begin_with_a_number) {
+TEST(Reassociate, begins_with_a_number_where_it_can) {
   Step s;
   s.store(s.fma(s.w, s.x, s.divide(s.y, s.z)));
   EXPECT_EQ(terms(s, 0), " + y/z + wx");
 }
 
-// Where followers are in place, one sum may be what another one wants too: it stays a number in any tile.
-TEST(Sums, are_apart_in_all_recordings_that_are_to_round_alike) {
+// Both traces of a step must round alike. In tiles with consistent followers two sums may be the same number, which is
+// then used twice and stays separate. So it stays separate in the trace of any tile, too.
+TEST(Reassociate, keeps_sums_separate_that_the_other_trace_uses_twice) {
   const auto step = [](bool consistent) {
     Step s;
     const Id one = s.add(s.x, s.y), other = s.add(s.x, consistent ? s.y : s.w);

@@ -3,6 +3,7 @@
 #   BUILD     a build of lockstep to install first, or
 #   SOURCE    lockstep's source folder to add as a subdirectory, or
 #   SHARED    lockstep's source folder to build and install a shared library from
+#   EXPECTED  what the consumer prints, compared by the script RUN
 #   GENERATOR, COMPILER, BUILD_TYPE, FLAGS
 cmake_minimum_required(VERSION 3.22)
 function(run)
@@ -28,4 +29,8 @@ endif()
 run(${CMAKE_COMMAND} -S ${CONSUMER} -B ${WORK}/build -G ${GENERATOR} ${where}
     -DCMAKE_CXX_COMPILER=${COMPILER} -DCMAKE_BUILD_TYPE=${BUILD_TYPE} -DCMAKE_CXX_FLAGS=${FLAGS})
 run(${CMAKE_COMMAND} --build ${WORK}/build)
-run(${WORK}/build/consumer)
+if(NOT EXPECTED)
+  run(${WORK}/build/consumer)
+else()
+  run(${CMAKE_COMMAND} -DPROGRAM=${WORK}/build/generated -DEXPECTED=${EXPECTED} -P ${RUN})
+endif()

@@ -13,6 +13,9 @@ if(LOCKSTEP_SANITIZE)
   set(flags -fsanitize=address,undefined)
 endif()
 lockstep_packaging_test(installed "" "-DFLAGS=${flags}")
+set(examples ${PROJECT_SOURCE_DIR}/docs/examples)
+lockstep_packaging_test(example "examples" "-DFLAGS=${flags}" -DCONSUMER=${examples}/generated
+                        -DEXPECTED=${examples}/generated/main.expected -DRUN=${examples}/run.cmake)
 # Eigen aligns more strictly under AVX: nothing that crosses the library's border may depend on it.
 file(STRINGS /proc/cpuinfo avx2 REGEX avx2 LIMIT_COUNT 1)
 if(avx2)

@@ -1,4 +1,4 @@
-// How far a Batch is from exact motion. SPDX-License-Identifier: Apache-2.0
+// The error of a Batch against exact motion. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cmath>
@@ -9,8 +9,8 @@
 
 namespace lockstep::physics {
 
-/// A scene, and how far its joints may be from the exact motion at 1/240 s: root mean square over all joints and the
-/// first second, rad. The error is the first order one of semi-implicit Euler with exact couplings.
+/// The largest allowed error of a scene at 1/240 s: root mean square over all joints and the first second, rad. It is
+/// the first-order error of semi-implicit Euler with exact couplings.
 struct Bound {
   const char* scene;
   double rms;
@@ -18,8 +18,8 @@ struct Bound {
 constexpr Bound bounds[] = {{"chain8", 2.7e-3},  {"gripper13", 1.7e-3}, {"chain32", 1.2e-2},
                             {"gear100", 2.9e-3}, {"drive1e6", 2.9e-3},  {"redundant", 2.9e-3}};
 
-/// Steps one environment of a scene, with the targets that its drives have at each step's start, and calls
-/// watch(step) after each.
+/// Steps one environment of a scene and calls watch(step) after each step. Position targets are those at the start of
+/// the step.
 template <class S, class Watch>
 void play(const scenes::Scene& scene, Batch<S>& batch, int steps, Watch&& watch) {
   const double dt = batch.plan().settings().dt;
@@ -30,7 +30,8 @@ void play(const scenes::Scene& scene, Batch<S>& batch, int steps, Watch&& watch)
   }
 }
 
-/// Positions of the exact motion: a row every 1/240 s, the first at the start.
+/// The error as in Bound, with `steps_per_row` steps per 1/240 s. `truth` has the positions of the exact motion: a row
+/// every 1/240 s, the first at the start.
 inline double rms_error(const std::string& name, Method method, int steps_per_row, const Eigen::MatrixXd& truth) {
   const scenes::Scene scene = scenes::scene(name);
   Batch<double> batch(compile(scene.model, settings(method, 4, 1, 1.0 / 240 / steps_per_row)), 1, {.threads = 1});

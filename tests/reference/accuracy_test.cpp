@@ -1,4 +1,4 @@
-// Steps against files of exact motion, and couplings that hold. SPDX-License-Identifier: Apache-2.0
+// Errors of steps against files of exact motion, and errors of couplings. SPDX-License-Identifier: Apache-2.0
 #include "accuracy.h"
 
 #include <tuple>
@@ -12,7 +12,7 @@ class Accuracy : public testing::TestWithParam<std::tuple<physics::Bound, Method
   Method method() const { return std::get<1>(GetParam()); }
 };
 
-TEST_P(Accuracy, is_first_order_in_the_step_and_within_its_bound) {
+TEST_P(Accuracy, is_of_first_order_in_the_step_and_within_its_bound) {
   const std::string folder = physics::test_data();
   if (folder.empty()) GTEST_SKIP() << "LOCKSTEP_TEST_DATA names no folder with scenes/*.truth.txt";
   const scenes::Truth truth = scenes::read_truth(folder + "/scenes/" + bound().scene + ".truth.txt");
@@ -22,7 +22,7 @@ TEST_P(Accuracy, is_first_order_in_the_step_and_within_its_bound) {
   const double half = physics::rms_error(bound().scene, method(), 2, truth.positions);
   const double quarter = physics::rms_error(bound().scene, method(), 4, truth.positions);
   EXPECT_LE(whole, bound().rms);
-  // a h + b h^2 + ...: each halving comes nearer to 2.
+  // The error is a h + b h^2 + ..., so the ratio comes nearer to 2 with each halving.
   EXPECT_NEAR(whole / half, 2.0, 0.3);
   EXPECT_NEAR(half / quarter, 2.0, std::max(0.02, std::abs(whole / half - 2.0)));
 }
@@ -35,13 +35,13 @@ double worst_error(const physics::Bound& bound, Method method) {
   double worst = 0.0;
   physics::play(scene, batch, 1200, [&](int) {
     const double error = batch.coupling_errors().abs().maxCoeff();
-    if (!(error <= worst)) worst = error;  // and NaN
+    if (!(error <= worst)) worst = error;  // also if it is NaN
   });
   EXPECT_EQ(batch.faulted(), 0);
   return worst;
 }
 
-TEST_P(Accuracy, of_couplings_is_that_of_the_arithmetic) {
+TEST_P(Accuracy, reaches_rounding_for_couplings) {
   EXPECT_LE(worst_error<double>(bound(), method()), 1e-12);
   EXPECT_LE(worst_error<float>(bound(), method()), std::string(bound().scene) == "chain32" ? 5e-6 : 1e-6);
 }

@@ -1,12 +1,11 @@
 // The kernels agree with the scalar reference, stage by stage and method by method. SPDX-License-Identifier: Apache-2.0
 //
-// Random trees, fixed and floating, of 1 to 24 dofs with couplings of 2 to 5 joints of every softness. The two sides
-// share no arithmetic, so that a difference beyond rounding is a mistake in one of them.
+// The tests use random trees, fixed and floating, of 1 to 24 dofs with couplings of 2 to 5 joints and every softness.
+// Kernels and reference share no arithmetic, so a difference beyond rounding is a mistake in one of them.
 //
-// How far rounding may take them apart: sums and products keep 1e-12 of a quantity's natural scale. A solve with a
-// symmetric positive definite H multiplies rounding by at most n times the condition number of H after scaling its
-// diagonal to 1, up to a small factor (Demmel 1989; Higham 2002, section 10.1), so what comes out of solves is
-// allowed 1e-11, or that where it is more.
+// Tolerances for rounding: 1e-12 of the scale of a quantity for sums and products. A solve with a symmetric positive
+// definite H amplifies rounding by at most n times the condition number of H with its diagonal scaled to 1, up to a
+// small factor (Demmel 1989; Higham 2002, section 10.1). So results of solves are allowed this, and at least 1e-11.
 #include "kernels/step.h"
 
 #include <algorithm>
@@ -39,11 +38,11 @@ void expect_close(const char* what, const A& ours, const B& theirs, double scale
   EXPECT_LE(distance(ours, theirs), tolerance * scale) << what;
 }
 
-// How A_r is made, or done without, where there is a choice.
+// How A_r is formed, or how a step does without it.
 enum class Formulation { as_planned, by_entries, composite_columns, articulated };
 constexpr const char* names[] = {"as planned", "by entries", "composite columns", "articulated"};
 
-// The kernels' stages on one environment, without a Batch.
+// Runs the stages of the kernels on one environment without a Batch.
 struct Kernel {
   Kernel(const Plan& compiled, const reference::State& state, const reference::Inputs& inputs,
          Formulation formulation = Formulation::as_planned)
@@ -84,7 +83,7 @@ struct Kernel {
     return program;
   }
 
-  // The model's number of one of the kernels' generalised velocities.
+  // The index in the model of a generalised velocity of the kernels.
   int outer(int i) const {
     const int root = t.root_velocities();
     return i < root ? i : root + t.dof[i - root];
@@ -113,7 +112,7 @@ struct Kernel {
       for (int j = 0; j < t.velocities; ++j) result(outer(i), outer(j)) = inner(i, j);
     return result;
   }
-  MatrixXd coupled() const {  // K
+  MatrixXd delassus() const {  // K
     const Rows<double>& rows = t.rows;
     if (rows.columns.n > 0) return unpacked(rows.columns, x.rows.delassus);
     MatrixXd result(rows.count, rows.count);
@@ -140,37 +139,38 @@ StepSettings settings_of(Method method, int seed) {
   settings.integrator = Integrator::euler;
   settings.iterations = iterations[seed % 4];
   settings.velocity_iterations = velocity_iterations[seed / 4 % 3];
-  settings.record_impulses = seed % 3 > 0;  // without, A_r is made in either way
+  settings.record_impulses = seed % 3 > 0;  // without them, the plan may form A_r in another way
   return settings;
 }
 
-// What the solver's velocities say of all, from J alone: v = S z + w. Where followers are eliminated J S = 0 and
-// J w = -erp C / h; where speeds of couplings stand for them z = J v there.
+// All velocities from the solver's velocities, by J alone: v = S z + w. If followers are eliminated, J S = 0 and
+// J w = -erp C / h. If constraint velocities replace them, z = J v there.
 struct Basis {
   Basis(const Kernel& kernel, const reference::Stage& stage, const std::vector<int>& eliminated) {
     const Reduction<double>& reduction = kernel.t.reduction;
     const int nv = kernel.t.velocities, root = nv - kernel.t.joints, n = kernel.t.solver.n;
-    const bool none = eliminated.empty();
+    const bool permutes = eliminated.empty();
     std::vector<int> hard, followers, independents;
     for (int c = 0; c < stage.couplings.count(); ++c)
       if (stage.rows[c].active && stage.rows[c].hard) hard.push_back(c);
     for (int dof : eliminated) followers.push_back(root + dof);
-    for (int z = 0; z < n; ++z) independents.push_back(none ? kernel.outer(z) : kernel.outer(reduction.independent[z]));
+    for (int z = 0; z < n; ++z)
+      independents.push_back(permutes ? kernel.outer(z) : kernel.outer(reduction.independent[z]));
     s = MatrixXd::Zero(nv, n);
     w = VectorXd::Zero(nv);
     if (reduction.has_constraint_velocities()) {
-      MatrixXd measured = MatrixXd::Zero(n, nv);
-      for (int z = 0; z < n; ++z) measured(z, kernel.outer(reduction.independent[z])) = 1.0;
+      MatrixXd inverse = MatrixXd::Zero(n, nv);  // of S
+      for (int z = 0; z < n; ++z) inverse(z, kernel.outer(reduction.independent[z])) = 1.0;
       for (int f = 0; f < reduction.followers; ++f)
-        measured.row(reduction.constraint_velocity[f]) =
+        inverse.row(reduction.constraint_velocity[f]) =
             stage.jacobian(std::vector<int>{reduction.measured_coupling[f]}, Eigen::all);
-      const Eigen::FullPivLU<MatrixXd> lu(measured);
+      const Eigen::FullPivLU<MatrixXd> lu(inverse);
       s = lu.inverse();
-      condition = measured.norm() * s.norm();
+      condition = inverse.norm() * s.norm();
       return;
     }
     for (int z = 0; z < n; ++z) s(independents[z], z) = 1.0;
-    if (none) return;
+    if (permutes) return;
     const MatrixXd j = stage.jacobian(hard, Eigen::all), of_followers = j(Eigen::all, followers);
     const Eigen::FullPivLU<MatrixXd> lu(of_followers);
     s(followers, Eigen::all) = -lu.solve(j(Eigen::all, independents));
@@ -179,10 +179,10 @@ struct Basis {
   }
   MatrixXd s;
   VectorXd w;
-  double condition = 1.0;  // of J's columns of the followers
+  double condition = 1.0;  // of the matrix that gives S
 };
 
-// The equations of motion of one random mechanism.
+// Compares the equations of motion of one random mechanism.
 void expect_same_equations(int seed, const scenes::RandomOptions& options) {
   SCOPED_TRACE(seed);
   const Model model = scenes::random_model(seed, options);
@@ -209,18 +209,18 @@ void expect_same_equations(int seed, const scenes::RandomOptions& options) {
   expect_close("forces", kernel.velocities(kernel.x.dynamics.rhs), settings.dt * forces, settings.dt * size(forces));
 }
 
-TEST(Kernels, agree_with_the_reference_up_to_the_equations_of_motion) {
+TEST(EquationsOfMotion, agree_with_the_reference) {
   for (int seed = 0; seed < seeds && !HasFailure(); ++seed) expect_same_equations(seed, {});
 }
 
-// What rounding does to one link's frame must not grow with the links behind it.
-TEST(Kernels, agree_with_the_reference_on_trees_of_a_hundred_joints) {
+// The rounding of the frame of one link must not grow with the number of links behind it.
+TEST(EquationsOfMotion, agree_with_the_reference_on_trees_of_a_hundred_joints) {
   scenes::RandomOptions deep;
   deep.min_dofs = 80, deep.max_dofs = 120;
   for (int seed = 0; seed < 10 && !HasFailure(); ++seed) expect_same_equations(seed, deep);
 }
 
-// Up to where rows are solved.
+// Compares all stages before the solve of rows.
 void expect_same_rows(const Model& model, const StepSettings& settings, const Plan& plan, Formulation formulation) {
   SCOPED_TRACE(names[static_cast<int>(formulation)]);
   const reference::Mechanism mechanism(model);
@@ -240,7 +240,7 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   kernels::inertia_matrix(t, x);
   if (t.reduction.by_entries()) kernels::reduce_matrix(t, x);
 
-  // Without followers S is a permutation, w is 0, A_r is A and the velocity below is v*.
+  // Without followers, S is a permutation, w is zero, A_r is A, and z is v*.
   const Basis e(kernel, stage, plan.eliminated_dofs());
   const MatrixXd reduced = e.s.transpose() * stage.implicit * e.s;
   if (!t.articulated.used()) expect_close("A_r", kernel.unpacked(t.solver, x.dynamics.reduced), reduced, size(reduced));
@@ -248,24 +248,24 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   kernels::free_velocity(t, x);
   const Eigen::LLT<MatrixXd> factored(reduced);
   const VectorXd z = factored.solve(e.s.transpose() * stage.implicit * (stage.free - e.w));
-  const std::vector<Scalar> none(t.rows.count, Scalar(0.0));
+  const std::vector<Scalar> zeros(t.rows.count, Scalar(0.0));
   for (int r = 0; r < t.rows.count * t.solver.n; ++r) x.rows.response[r] = Scalar(0.0);
-  Tables<double> free = t;  // of what rows know
+  Tables<double> free = t;  // without known constraint velocities
   free.rows.known = {}, free.rows.all_known = false;
-  kernels::apply_impulses(free, x, kernels::position_phase, x.dynamics.half_solved_position, Scalar(1.0), none.data(),
+  kernels::apply_impulses(free, x, kernels::position_phase, x.dynamics.half_solved_position, Scalar(1.0), zeros.data(),
                           x.dynamics.solution);
   kernels::solve_downwards<Scalar>(free, x, x.dynamics.solution, nullptr);
   for (int i = 0; i < t.solver.n; ++i) x.dynamics.solution[i] += x.dynamics.start[i];
   const double kappa = condition(reduced) * e.condition, rounding = solved(kappa, t.solver.n);
   expect_close("v*", kernel.numbers(x.dynamics.solution, t.solver.n), z, std::max(1.0, size(z)), rounding);
   if (x.dynamics.half_solved_velocity != x.dynamics.half_solved_position) {  // the velocity phase corrects nothing
-    kernels::apply_impulses(t, x, kernels::velocity_phase, x.dynamics.half_solved_velocity, Scalar(1.0), none.data(),
+    kernels::apply_impulses(t, x, kernels::velocity_phase, x.dynamics.half_solved_velocity, Scalar(1.0), zeros.data(),
                             x.dynamics.velocity_solution);
     kernels::solve_downwards<Scalar>(t, x, x.dynamics.velocity_solution, nullptr);
     for (int i = 0; i < t.solver.n; ++i) x.dynamics.velocity_solution[i] += x.dynamics.start[i];
-    const VectorXd closing = factored.solve(e.s.transpose() * stage.implicit * stage.free);
-    expect_close("closing v*", kernel.numbers(x.dynamics.velocity_solution, t.solver.n), closing,
-                 std::max(1.0, size(closing)), rounding);
+    const VectorXd uncorrected = factored.solve(e.s.transpose() * stage.implicit * stage.free);
+    expect_close("v* of the velocity phase", kernel.numbers(x.dynamics.velocity_solution, t.solver.n), uncorrected,
+                 std::max(1.0, size(uncorrected)), rounding);
   }
   if (t.rows.count == 0) return;
 
@@ -276,7 +276,7 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   std::vector<int> couplings(t.rows.coupling.data, t.rows.coupling.data + t.rows.count);
   const MatrixXd j = stage.jacobian(couplings, Eigen::all) * e.s;
   const MatrixXd k = j * factored.solve(j.transpose());
-  expect_close("K", kernel.coupled(), k, size(k), rounding);
+  expect_close("K", kernel.delassus(), k, size(k), rounding);
   const VectorXd speed = stage.jacobian(couplings, Eigen::all) * (e.s * z + e.w);
   expect_close("J v*", kernel.numbers(x.rows.speed, t.rows.count), speed, std::max(1.0, size(speed)), rounding);
   const VectorXd error = stage.error(couplings);
@@ -285,14 +285,14 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   const int n = settings.method == Method::tgs ? settings.iterations : 1;
   for (int r = 0; r < t.rows.count; ++r) {
     const int c = couplings[r];
-    ASSERT_TRUE(stage.rows[c].active) << "coupling " << c << " takes no impulse";
+    ASSERT_TRUE(stage.rows[c].active) << "the row of coupling " << c << " takes no impulse";
     const reference::Row row = reference::substep_row(stage.couplings.softness[c], stage.inertia[c], settings.dt, n);
     const double rate = row.erp / settings.dt * n;
     EXPECT_NEAR(x.rows.rate[r].lane(0), rate, close * rate);
     EXPECT_NEAR(x.rows.cfm[r].lane(0), row.cfm, rounding * row.cfm);
   }
 
-  // Where rows know all their speeds, these are what they know, whatever that is, and the others follow by A_r (M79).
+  // If the constraint velocities of all rows are known, the other velocities follow by A_r (M79), for any known values.
   if (!t.rows.all_known) return;
   std::vector<int> known, others;
   VectorXd moved = z;
@@ -305,12 +305,13 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   for (int r = 0; r < t.rows.count; ++r) x.rows.position_impulse[r] = x.rows.velocity_impulse[r] = Scalar(0.0);
   kernels::solved_velocities(t, x);
   for (const Scalar* v : {x.dynamics.solution, x.solves_twice ? x.dynamics.velocity_solution : x.dynamics.solution})
-    expect_close("v beside known speeds", kernel.numbers(v, t.solver.n), moved, std::max(1.0, size(moved)), rounding);
+    expect_close("v beside known velocities", kernel.numbers(v, t.solver.n), moved, std::max(1.0, size(moved)),
+                 rounding);
 }
 
 class Agreement : public testing::TestWithParam<Method> {};
 
-TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
+TEST_P(Agreement, holds_for_free_velocity_responses_and_row_terms) {
   for (int seed = 0; seed < seeds && !HasFailure(); ++seed) {
     SCOPED_TRACE(seed);
     const Model model = scenes::random_model(seed);
@@ -325,17 +326,17 @@ TEST_P(Agreement, of_free_velocity_responses_and_row_terms) {
   }
 }
 
-// By the tables, and every fourth once more by a list of operations.
-TEST_P(Agreement, of_impulses_and_states_after_one_step_and_after_ten) {
+// Runs all mechanisms on the tables, and every fourth one on the interpreter as well.
+TEST_P(Agreement, holds_for_impulses_and_states_after_one_step_and_after_ten) {
   for (int run = 0; run < seeds + seeds / 4; ++run) {
-    const bool listed = run >= seeds;
-    const int seed = listed ? 4 * (run - seeds) : run;
-    SCOPED_TRACE(testing::Message() << seed << (listed ? ", listed" : ""));
+    const bool interpreted = run >= seeds;
+    const int seed = interpreted ? 4 * (run - seeds) : run;
+    SCOPED_TRACE(testing::Message() << seed << (interpreted ? ", interpreted" : ""));
     const Model model = scenes::random_model(seed);
     const reference::Mechanism mechanism(model);
     const StepSettings settings = settings_of(GetParam(), seed);
     Batch<double> batch(compile(model, settings), 1,
-                        {.threads = 1, .engine = listed ? Engine::interpreter : Engine::tables});
+                        {.threads = 1, .engine = interpreted ? Engine::interpreter : Engine::tables});
     reference::State state = mechanism.initial_state();
     double rounding = 0.0;
     for (int step = 0; step < 10; ++step) {
@@ -344,7 +345,7 @@ TEST_P(Agreement, of_impulses_and_states_after_one_step_and_after_ten) {
       state = next.state;
       batch.step();
 
-      // Rows are solved with K + cfm, whatever the method: they multiply what A has made of the rounding.
+      // Every method solves rows with K + cfm, which amplifies the rounding of the solves with A.
       std::vector<int> active;
       for (int c = 0; c < next.stage.couplings.count(); ++c)
         if (next.stage.rows[c].active) active.push_back(c);

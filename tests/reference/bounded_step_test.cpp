@@ -1,4 +1,4 @@
-// Steps of the reference on random mechanisms with bounds. SPDX-License-Identifier: Apache-2.0
+// Steps of the reference with bounds on random mechanisms. SPDX-License-Identifier: Apache-2.0
 #include "reference/bounded.h"
 
 #include <gtest/gtest.h>
@@ -16,8 +16,8 @@ using physics::distance;
 using physics::methods;
 using physics::sliders;
 
-// What the velocity phase of direct and of reduced minimises is the same, and so are positions where nothing rubs.
-TEST(bounded_step, of_direct_and_of_reduced_differ_only_by_friction_on_corrections) {
+// The velocity phases of direct and reduced minimise the same function. Without friction, positions agree as well.
+TEST(ReferenceBoundedStep, differs_between_direct_and_reduced_only_by_friction_on_corrections) {
   for (int seed = 0; seed < 150; ++seed) {
     Model model = physics::random_bounds(seed);
     if (seed % 2 == 0)
@@ -36,7 +36,7 @@ TEST(bounded_step, of_direct_and_of_reduced_differ_only_by_friction_on_correctio
 }
 
 // Sweeps converge to the solution of all rows at once.
-TEST(bounded_step, of_pgs_converges_to_that_of_direct) {
+TEST(ReferenceBoundedStep, converges_to_that_of_direct_with_many_sweeps_of_pgs) {
   int compared = 0;
   for (int seed = 0; seed < 60; ++seed) {
     const Model model = physics::random_bounds(seed);
@@ -47,7 +47,7 @@ TEST(bounded_step, of_pgs_converges_to_that_of_direct) {
     };
     const Step exact = after(Method::direct, 1), fewer = after(Method::pgs, 500), swept = after(Method::pgs, 2000);
     const double size = std::max(1.0, physics::size(exact.state.v));
-    // Only where they have come to rest: nearly dependent rows take more sweeps than a test can make.
+    // Compare only where the sweeps have converged: nearly dependent rows take more sweeps than a test can make.
     if (distance(fewer.state.v, swept.state.v) > 1e-12 * size) continue;
     if (distance(fewer.state.q, swept.state.q) > 1e-14 * size) continue;
     ++compared;
@@ -57,8 +57,8 @@ TEST(bounded_step, of_pgs_converges_to_that_of_direct) {
   EXPECT_GT(compared, 30);
 }
 
-// One sub-step of tgs is one sweep of pgs, and so are the velocity iterations behind it.
-TEST(bounded_step, of_tgs_with_one_sub_step_is_that_of_pgs_with_one_sweep) {
+// One sub-step of tgs is one sweep of pgs, and their velocity iterations are the same.
+TEST(ReferenceBoundedStep, is_the_same_for_one_sub_step_of_tgs_and_one_sweep_of_pgs) {
   for (int seed = 0; seed < 100; ++seed) {
     const Mechanism mechanism(physics::random_bounds(seed));
     const auto after = [&](Method method) {
@@ -73,14 +73,14 @@ TEST(bounded_step, of_tgs_with_one_sub_step_is_that_of_pgs_with_one_sweep) {
   }
 }
 
-// Joints that rest at their ends, stick and slip, among them many that the couplings make depend on each other: each
-// of these steps has been found and checked, or the reference would throw.
-TEST(bounded_step, is_found_all_along_a_motion) {
+// Joints rest at their limits, stick and slip, and couplings make many of their bounds depend on each other. The
+// reference throws if it cannot find and check the solution of a step.
+TEST(ReferenceBoundedStep, is_found_all_along_a_motion) {
   for (int seed = 0; seed < 40; ++seed) {
     Model model = physics::random_bounds(seed);
     for (Joint& joint : model.joints) {
       joint.friction = 0.3;
-      if (joint.drive.kinematic) joint.drive.softness = Spring{500.0, 50.0};  // no two that disagree
+      if (joint.drive.kinematic) joint.drive.softness = Spring{500.0, 50.0};  // soft ones cannot contradict each other
     }
     const Mechanism mechanism(model);
     for (const Method method : {Method::direct, Method::reduced}) {
@@ -92,8 +92,9 @@ TEST(bounded_step, is_found_all_along_a_motion) {
   }
 }
 
-// On slides the mass matrix is constant: hard bounds and friction, which all allow rest, can only take energy out.
-TEST(bounded_step, adds_no_energy) {
+// The mass matrix of sliders is constant, and all bounds allow rest. So hard bounds and friction can only remove
+// energy.
+TEST(ReferenceBoundedStep, adds_no_energy) {
   physics::Uniform random{std::mt19937_64(9)};
   for (int scene = 0; scene < 30; ++scene) {
     Model model = sliders({random(0.5, 2.0), random(0.5, 2.0), random(0.5, 2.0), random(0.5, 2.0)});
@@ -118,7 +119,7 @@ TEST(bounded_step, adds_no_energy) {
   }
 }
 
-TEST(coupling_switch, takes_a_coupling_out_and_lets_its_repetition_act) {
+TEST(ReferenceCouplingSwitch, removes_a_coupling_and_lets_a_redundant_one_act) {
   Model model = sliders({1.0, 2.0, 3.0});
   model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.1), Coupling::mimic("s1", "s2", -1.0, -0.2),
                      Coupling::mimic("s0", "s2", -1.0, -0.1)};  // the sum of the others
@@ -142,19 +143,19 @@ TEST(coupling_switch, takes_a_coupling_out_and_lets_its_repetition_act) {
   }
 }
 
-TEST(ignored_bounds, are_those_of_a_model_without_them) {
+TEST(ReferenceIgnoredBounds, act_like_a_model_without_them) {
   for (int seed = 0; seed < 20; ++seed) {
     const Model model = physics::random_bounds(seed);
     const Mechanism mechanism(model);
     for (const Method method : methods) {
       StepSettings settings = physics::settings(method);
       settings.ignore = {true, true, true, true};
-      const Mechanism left(without(settings.ignore, model));
+      const Mechanism unbounded(without(settings.ignore, model));
       const State a = step(mechanism, settings, mechanism.initial_state(), mechanism.initial_inputs()).state;
       settings.ignore = {};
-      const State b = step(left, settings, left.initial_state(), left.initial_inputs()).state;
+      const State b = step(unbounded, settings, unbounded.initial_state(), unbounded.initial_inputs()).state;
       EXPECT_EQ(distance(a.v, b.v), 0.0);
-      for (const Joint& joint : left.model().joints) {
+      for (const Joint& joint : unbounded.model().joints) {
         EXPECT_EQ(joint.lower, -infinity);
         EXPECT_EQ(joint.friction, 0.0);
         EXPECT_EQ(joint.velocity_limit, infinity);

@@ -1,8 +1,8 @@
-// The kernels' bounds agree with the scalar reference, method by method. SPDX-License-Identifier: Apache-2.0
+// Bounds in the kernels agree with the scalar reference, method by method. SPDX-License-Identifier: Apache-2.0
 //
-// Random small mechanisms with up to eight bounds of every kind, about half of which are in the way: one step from
-// the same state. The reference's direct and reduced find the minimum of a convex function and check it; its pgs and
-// tgs are the sweeps of the document on dense matrices.
+// The tests make one step of small random mechanisms with up to eight bounds of every kind, about half of them active.
+// In the reference, direct and reduced find the minimum of a convex function and check it; pgs and tgs are the sweeps
+// of docs/mathematics.md on dense matrices.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -34,13 +34,13 @@ constexpr double close = 1e-8;
 StepSettings settings_of(Method method, int seed) {
   constexpr int iterations[] = {1, 2, 4, 16}, velocity_iterations[] = {1, 0, 3};
   StepSettings settings = physics::settings(method, iterations[seed % 4], velocity_iterations[seed / 4 % 3]);
-  settings.record_impulses = seed / 12 % 2 == 0;  // without, direct prescribes speeds where it can
+  settings.record_impulses = seed / 12 % 2 == 0;  // without them, direct may take constraint velocities as known
   return settings;
 }
 
 bool sweeps(Method method) { return method == Method::pgs || method == Method::tgs; }
 
-// Whether velocities say who bears how much: not where bounds repeat what couplings hold already.
+// Whether the velocities determine the impulses of couplings. They do not if bounds and couplings depend on each other.
 bool independent(const reference::Mechanism& mechanism, const reference::Stage& stage) {
   std::vector<VectorXd> directions;
   for (int c = 0; c < stage.couplings.count(); ++c)
@@ -69,7 +69,7 @@ void expect_agreement(const Model& model, const StepSettings& settings, int seed
   try {
     found = reference::step(mechanism, settings, mechanism.initial_state(), mechanism.initial_inputs());
   } catch (const std::logic_error&) {
-    // Few sweeps may come to velocities that agree with no choice of servos at their limits.
+    // After few sweeps, the velocities may agree with no choice of servos at their limits.
     ASSERT_TRUE(sweeps(settings.method) && limited_servos(mechanism) > 0);
     return;
   }
@@ -96,12 +96,12 @@ void expect_agreement(const Model& model, const StepSettings& settings, int seed
 
 class BoundsAgreement : public testing::TestWithParam<Method> {};
 
-TEST_P(BoundsAgreement, of_states_after_one_step) {
+TEST_P(BoundsAgreement, holds_for_states_after_one_step) {
   for (int seed = 0; seed < seeds; ++seed) {
     SCOPED_TRACE(seed);
     Model model = physics::random_bounds(seed);
-    // A few sweeps are no minimum: beside other bounds more than one choice of servos at their limits may agree with
-    // the velocities after it. Alone they are compared below.
+    // A few sweeps do not reach the minimum. With other bounds, more than one choice of servos at their limits may then
+    // agree with the velocities. BoundsAgreementByKind compares limited servos without other bounds.
     if (sweeps(GetParam()))
       for (Joint& joint : model.joints) joint.effort_limit = infinity;
     expect_agreement(model, settings_of(GetParam(), seed), seed);
@@ -109,8 +109,8 @@ TEST_P(BoundsAgreement, of_states_after_one_step) {
   }
 }
 
-// Deep trees, whose bounds are felt through articulated bodies.
-TEST_P(BoundsAgreement, of_states_of_deep_trees_after_one_step) {
+// In deep trees, articulated bodies give the responses to bounds.
+TEST_P(BoundsAgreement, holds_for_states_of_deep_trees_after_one_step) {
   scenes::RandomOptions deep;
   deep.min_dofs = 24, deep.max_dofs = 32;
   int articulated = 0;
@@ -126,10 +126,10 @@ TEST_P(BoundsAgreement, of_states_of_deep_trees_after_one_step) {
   EXPECT_GT(articulated, GetParam() == Method::reduced ? 0 : seeds / 32);
 }
 
-// One kind of bound at a time, so that a failure above has a name.
+// One kind of bound at a time, to find the cause of a failure above.
 class BoundsAgreementByKind : public testing::TestWithParam<std::tuple<Method, int>> {};
 
-TEST_P(BoundsAgreementByKind, of_states_after_one_step) {
+TEST_P(BoundsAgreementByKind, holds_for_states_after_one_step) {
   const auto [method, kind] = GetParam();
   for (int seed = 0; seed < seeds / 4; ++seed) {
     SCOPED_TRACE(seed);

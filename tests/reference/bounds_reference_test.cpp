@@ -1,4 +1,4 @@
-// The reference's bounds against closed forms. SPDX-License-Identifier: Apache-2.0
+// Bounds in the reference against closed formulas. SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -15,7 +15,7 @@ using physics::sliders;
 
 constexpr double h = 1.0 / 240, g = 9.81;
 
-// One body of 2 kg on a slide.
+// A slider of 2 kg.
 struct Slider {
   Slider() : model(sliders({2.0})), joint(model.joints[0]) {}
   Slider(const Slider&) = delete;
@@ -28,7 +28,7 @@ struct Slider {
     return state;
   }
 
-  // Position and velocity after one step of every method.
+  // Expects this position and velocity after one step of every method.
   void expect(double q, double v, double tolerance = 1e-12) const {
     for (const Method method : methods) {
       const State state = after(method);
@@ -41,7 +41,7 @@ struct Slider {
   Joint& joint;
 };
 
-TEST(friction, holds_up_to_its_threshold_and_slips_beyond_with_all_it_has) {
+TEST(ReferenceFriction, holds_up_to_its_threshold_and_brakes_with_it_beyond) {
   Slider body;
   body.model.gravity = {-g, 0, 0};
   body.joint.friction = 1.01 * 2.0 * g;
@@ -50,7 +50,7 @@ TEST(friction, holds_up_to_its_threshold_and_slips_beyond_with_all_it_has) {
     EXPECT_NEAR(body.after(method, 240).v[0], 0.0, 1e-15);
   }
   body.joint.friction = 0.99 * 2.0 * g;
-  // tgs moves by the mean of its sub-steps' speeds.
+  // One sub-step, because tgs moves by the mean of the velocities of its sub-steps.
   for (const Method method : methods) {
     const State state = body.after(method, 1, 1);
     EXPECT_NEAR(state.v[0], -0.01 * g * h, 1e-15) << to_string(method);
@@ -59,7 +59,7 @@ TEST(friction, holds_up_to_its_threshold_and_slips_beyond_with_all_it_has) {
   }
 }
 
-TEST(friction, stops_a_body_in_the_time_that_it_takes) {
+TEST(ReferenceFriction, stops_a_body_in_the_time_that_it_takes) {
   Slider body;
   body.joint.velocity = 1.0;
   body.joint.friction = 3.0;  // 1.5 m/s^2: 160 steps
@@ -69,7 +69,7 @@ TEST(friction, stops_a_body_in_the_time_that_it_takes) {
   }
 }
 
-TEST(limit, is_reached_in_the_step_that_would_pass_it_and_not_felt_before) {
+TEST(ReferenceLimit, acts_in_the_step_that_would_pass_it_and_not_before) {
   Slider body;
   body.joint.velocity = 1.0;
   body.joint.upper = 1.5 * h;
@@ -83,12 +83,12 @@ TEST(limit, is_reached_in_the_step_that_would_pass_it_and_not_felt_before) {
     EXPECT_NEAR(body.after(method, 2).v[0], 0.5, 1e-12) << to_string(method);
 }
 
-TEST(limit, takes_back_its_share_of_a_violation_without_a_velocity) {
+TEST(ReferenceLimit, corrects_its_share_of_a_violation_and_leaves_no_velocity) {
   Slider body;
   body.joint.position = -0.3, body.joint.velocity = -2.0;
   body.joint.lower = -0.1;
   body.joint.limit_softness = Hard{0.25};
-  // Not so tgs: its limits forget their impulse after each sub-step, and so cannot take back what a correction has
+  // tgs is left out: its limits forget their impulse after each sub-step, so they cannot remove what a correction has
   // left in the velocity.
   for (const Method method : {Method::pgs, Method::direct, Method::reduced}) {
     const State state = body.after(method), single = body.after(method, 1, 4, 0);
@@ -99,7 +99,7 @@ TEST(limit, takes_back_its_share_of_a_violation_without_a_velocity) {
   }
 }
 
-TEST(limit, gives_back_its_share_of_the_speed) {
+TEST(ReferenceLimit, returns_its_share_of_the_speed) {
   for (const double side : {1.0, -1.0}) {
     Slider body;
     body.joint.velocity = side;
@@ -109,7 +109,7 @@ TEST(limit, gives_back_its_share_of_the_speed) {
   }
 }
 
-TEST(limit, that_is_soft_sags_by_the_force_that_it_bears) {
+TEST(ReferenceLimit, sags_by_the_force_that_it_bears_if_it_is_soft) {
   Slider body;
   body.joint.effort = 6.0;
   body.joint.upper = 0.01;
@@ -120,7 +120,7 @@ TEST(limit, that_is_soft_sags_by_the_force_that_it_bears) {
       EXPECT_NEAR(rest.q[0], 0.01 + 6.0 / 300.0, 1e-10) << to_string(method);
     }
   }
-  // One step from beyond the end: m (v' - v) = h F - h (kp (C + h v') + kd v').
+  // One step from beyond the limit: m (v' - v) = h F - h (kp (C + h v') + kd v').
   body.joint.position = 0.05, body.joint.velocity = 0.3;
   body.joint.limit_softness = Spring{300.0, 30.0};
   const double v = (2.0 * 0.3 + h * 6.0 - h * 300.0 * 0.04) / (2.0 + h * (h * 300.0 + 30.0));
@@ -130,7 +130,7 @@ TEST(limit, that_is_soft_sags_by_the_force_that_it_bears) {
   }
 }
 
-TEST(velocity_limit, clamps_whatever_drives_the_joint) {
+TEST(ReferenceVelocityLimit, clamps_whatever_drives_the_joint) {
   Slider body;
   body.joint.velocity_limit = 0.5;
   body.joint.velocity = 0.4;
@@ -140,10 +140,10 @@ TEST(velocity_limit, clamps_whatever_drives_the_joint) {
   body.expect(0.5 * h, 0.5);
 }
 
-TEST(effort_limit, of_a_servo_on_one_body_is_a_constant_force) {
+TEST(ReferenceEffortLimit, makes_the_force_of_a_servo_constant) {
   Slider body;
   body.joint.drive.kp = 1000.0, body.joint.drive.position_target = 1.0, body.joint.drive.kd = 10.0;
-  body.joint.effort = 3.0;  // counts within the limit, (M63)
+  body.joint.effort = 3.0;  // the limit applies to servo plus effort (M63)
   body.joint.effort_limit = 5.0;
   for (const Method method : {Method::pgs, Method::direct, Method::reduced})
     for (const int velocity_iterations : {0, 1}) {
@@ -159,37 +159,37 @@ TEST(effort_limit, of_a_servo_on_one_body_is_a_constant_force) {
     EXPECT_NEAR(body.after(method, 10).v[0], free.after(method, 10).v[0], 1e-12) << to_string(method);
 }
 
-TEST(effort_limit, clamps_an_effort_without_servo) {
+TEST(ReferenceEffortLimit, clamps_an_effort_without_servo) {
   Slider body;
   body.joint.effort = -3.0, body.joint.effort_limit = 1.0;
   for (const Method method : methods) EXPECT_NEAR(body.after(method).v[0], -h / 2.0, 1e-15);
 }
 
-TEST(kinematic_drive, puts_its_joint_on_the_target_whatever_it_takes) {
+TEST(ReferenceKinematicDrive, moves_its_joint_to_the_target_against_any_force) {
   Slider body;
   body.joint.velocity = 3.0, body.joint.effort = 50.0, body.joint.friction = 2.0, body.joint.effort_limit = 0.1;
   body.joint.drive.kinematic = true;
   body.joint.drive.position_target = 0.02, body.joint.drive.velocity_target = 0.6;
-  body.expect(0.02, 0.02 / h);  // k of hard(1) covers the whole distance
+  body.expect(0.02, 0.02 / h);  // Hard{1} covers the whole distance
   body.joint.drive.softness = Hard{0.25};
   const double k = 0.6 + 0.25 * (0.02 - h * 0.6) / h;
   for (const Method method : {Method::pgs, Method::direct, Method::reduced}) {
     EXPECT_NEAR(body.after(method).v[0], k, 1e-12);
     EXPECT_NEAR(body.after(method).q[0], h * k, 1e-13);
   }
-  EXPECT_NEAR(body.after(Method::tgs).q[0], h * k, 1e-13);  // the shares of the sub-steps are one of the step
+  EXPECT_NEAR(body.after(Method::tgs).q[0], h * k, 1e-13);  // the sub-steps share the erp
   body.joint.drive.softness = Hard{1.0};
-  body.joint.upper = 0.01;  // limits win
+  body.joint.upper = 0.01;  // limits take precedence
   body.expect(0.01, 0.01 / h);
 }
 
-TEST(kinematic_drive, that_is_soft_is_a_spring_to_the_moving_target) {
+TEST(ReferenceKinematicDrive, acts_like_a_spring_to_the_moving_target_if_it_is_soft) {
   Slider body;
   body.joint.velocity = 0.1;
   body.joint.drive.kinematic = true;
   body.joint.drive.position_target = 0.02, body.joint.drive.velocity_target = 0.6;
   body.joint.drive.softness = Spring{400.0, 20.0};
-  // Servo and soft kinematic drive are the same law: kp (q_t - q') + kd (v_t - v').
+  // A servo and a soft kinematic drive have the same force: kp (q_t - q') + kd (v_t - v').
   Slider servo;
   servo.joint.velocity = 0.1;
   servo.joint.drive = {400.0, 20.0, 0.02, 0.6};
@@ -198,7 +198,7 @@ TEST(kinematic_drive, that_is_soft_is_a_spring_to_the_moving_target) {
     EXPECT_NEAR(body.after(method).v[0], same.v[0], 1e-13) << to_string(method);
 }
 
-TEST(force_limit, lets_a_coupling_slip_with_all_that_it_has) {
+TEST(ReferenceForceLimit, lets_a_coupling_slip_at_its_limit) {
   Model model = sliders({1.0, 1.0});
   model.couplings = {Coupling::mimic("s0", "s1", -1.0)};
   model.joints[0].effort = 10.0;
@@ -224,8 +224,8 @@ TEST(force_limit, lets_a_coupling_slip_with_all_that_it_has) {
     }
 }
 
-// A leader and its follower that both stick: the friction of either is not determined, the velocity is.
-TEST(friction, of_coupled_joints_adds_up) {
+// If a leader and its follower both stick, their velocity is determined, but not the friction of either.
+TEST(ReferenceFriction, adds_up_over_coupled_joints) {
   Model model = sliders({1.0, 1.0});
   model.couplings = {Coupling::mimic("s0", "s1", -2.0)};
   model.joints[0].friction = 1.0, model.joints[1].friction = 2.0;
@@ -242,8 +242,8 @@ TEST(friction, of_coupled_joints_adds_up) {
   }
 }
 
-// (M59): friction does not resist the correction of positions in reduced, where that is the follower's own.
-TEST(friction, of_a_follower_leaves_its_correction_alone_in_reduced) {
+// In reduced, friction of a follower does not resist the correction of its position (M59).
+TEST(ReferenceFriction, does_not_resist_the_correction_of_a_follower_in_reduced) {
   Model model = sliders({1.0, 1.0});
   model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.01)};
   model.joints[0].friction = 1e3;
@@ -257,7 +257,7 @@ TEST(friction, of_a_follower_leaves_its_correction_alone_in_reduced) {
   EXPECT_NEAR(moved(Method::direct)[1], 0.2 * 0.01, 1e-14);
 }
 
-TEST(contradicting_bounds, are_refused) {
+TEST(ReferenceKinematicDrive, is_refused_if_it_contradicts_another) {
   Model model = sliders({1.0, 1.0});
   model.couplings = {Coupling::mimic("s0", "s1", -1.0)};
   for (int j = 0; j < 2; ++j) model.joints[j].drive.kinematic = true;

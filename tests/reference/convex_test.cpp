@@ -1,4 +1,4 @@
-// The reference's convex minimum against the conditions that it must satisfy. SPDX-License-Identifier: Apache-2.0
+// The convex minimum of the reference satisfies its optimality conditions. SPDX-License-Identifier: Apache-2.0
 #include "reference/convex.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ MatrixXd random_definite(physics::Uniform& random, int n) {
   return root * root.transpose() + 0.05 * MatrixXd::Identity(n, n);
 }
 
-// A row as (M54) has it, and its convex term without reference to pieces.
+// A row of (M54) and its convex term, written without pieces.
 struct Term {
   VectorXd direction;
   double lo, hi, cfm, box, bias;
@@ -34,7 +34,7 @@ struct Term {
   }
 };
 
-TEST(convex_minimum, satisfies_its_conditions_and_nothing_near_is_lower) {
+TEST(ConvexMinimum, satisfies_its_conditions_and_is_lower_than_points_around_it) {
   physics::Uniform random{std::mt19937_64(7)};
   for (int problem = 0; problem < 300; ++problem) {
     const int n = 1 + problem % 9;
@@ -44,7 +44,7 @@ TEST(convex_minimum, satisfies_its_conditions_and_nothing_near_is_lower) {
     for (int i = 0; i < 8; ++i) {
       Term term{VectorXd::Zero(n), -infinity, infinity, 0.0, 0.0, 0.0};
       if (random(0.0, 1.0) < 0.6)
-        term.direction[i % n] = 1.0;  // the same joint may have several
+        term.direction[i % n] = 1.0;  // one joint may have several terms
       else
         for (double& entry : term.direction) entry = random(-1.0, 1.0);
       if (random(0.0, 1.0) < 0.5) term.cfm = random(0.01, 1.0);
@@ -65,7 +65,7 @@ TEST(convex_minimum, satisfies_its_conditions_and_nothing_near_is_lower) {
     };
     const Minimum found = minimum(convex);
     ASSERT_LE(violation(convex, found), 1e-11) << problem;
-    // Rounding may have left the intervals; a point between the minimum and 0 is inside.
+    // Rounding may put the minimum outside of the intervals. A point between the minimum and zero is inside.
     const VectorXd inside = (1.0 - 1e-9) * found.v;
     const double least = energy(inside);
     ASSERT_LT(least, infinity) << problem;
@@ -78,13 +78,13 @@ TEST(convex_minimum, satisfies_its_conditions_and_nothing_near_is_lower) {
   }
 }
 
-TEST(convex_minimum, is_found_where_curves_depend_on_each_other) {
+TEST(ConvexMinimum, is_found_where_curves_depend_on_each_other) {
   physics::Uniform random{std::mt19937_64(8)};
   for (int problem = 0; problem < 200; ++problem) {
     const int n = 3;
     Convex convex{random_definite(random, n), VectorXd(n), {}};
     for (double& entry : convex.momentum) entry = random(-1.0, 1.0);
-    for (int i = 0; i < 6; ++i) {  // all hold 0, which is also the end of some intervals
+    for (int i = 0; i < 6; ++i) {  // all contain zero, which is also the end of some intervals
       VectorXd direction = VectorXd::Zero(n);
       direction[i % 2] = random(0.5, 2.0), direction[2] = i < 4 ? 0.0 : 1.0;
       convex.curves.push_back(
@@ -94,7 +94,7 @@ TEST(convex_minimum, is_found_where_curves_depend_on_each_other) {
   }
 }
 
-TEST(convex_minimum, refuses_what_cannot_be) {
+TEST(ConvexMinimum, refuses_intervals_that_contradict_each_other) {
   Convex convex{MatrixXd::Identity(1, 1), VectorXd::Zero(1), {}};
   for (const double speed : {1.0, 2.0})
     convex.curves.push_back({VectorXd::Ones(1), interval_pieces(speed, speed, 0.0)});

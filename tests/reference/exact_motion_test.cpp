@@ -1,6 +1,6 @@
-// Steps against exact motion that the reference integrates itself. SPDX-License-Identifier: Apache-2.0
+// Errors of steps against exact motion that the reference integrates. SPDX-License-Identifier: Apache-2.0
 //
-// Slow: Runge-Kutta 4 on dense matrices, with its own error estimated, far below that of the steps.
+// The test is slow: it runs Runge-Kutta 4 on dense matrices until its estimated error is far below that of the steps.
 #include "accuracy.h"
 #include "reference/truth.h"
 
@@ -9,11 +9,11 @@ namespace {
 
 class ExactMotion : public testing::TestWithParam<physics::Bound> {};
 
-// Steps of RK4 in 1/240 s. It is stable while they are below 2.8 over the fastest rate, which is that of the drives,
-// kd over the inertia behind it: 2e4 /s in gripper13 and 5e3 /s in drive1e6.
+// Steps of RK4 per 1/240 s. RK4 is stable with steps below 2.8 divided by the fastest rate. That is the rate of the
+// drives, kd divided by the inertia that they move: 2e4 /s in gripper13 and 5e3 /s in drive1e6.
 int steps_of(const std::string& scene) { return scene == "gripper13" ? 64 : scene == "drive1e6" ? 24 : 8; }
 
-TEST_P(ExactMotion, is_met_to_first_order_in_the_step) {
+TEST_P(ExactMotion, is_approached_to_first_order_in_the_step) {
   const scenes::Scene scene = scenes::scene(GetParam().scene);
   const reference::Mechanism mechanism(scene.model);
   const auto targets = [&](double t, reference::Inputs& inputs) { inputs.position_targets = scene.targets(t); };

@@ -1,4 +1,4 @@
-// How exact the integrators are on the scenes, and what of that theory foretells. SPDX-License-Identifier: Apache-2.0
+// Errors of the integrators on the scenes, and their orders in theory. SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 #include <complex>
 
@@ -7,7 +7,7 @@
 namespace lockstep {
 namespace {
 
-// One environment of a scene with the targets of each stage's time; after each step watch(step).
+// Steps one environment of a scene with the targets at the time of each stage, and calls watch(step) after each step.
 template <class S>
 struct Play {
   Play(const std::string& name, Integrator integrator, int steps_per_second)
@@ -33,7 +33,7 @@ struct Play {
   Batch<S> batch;
 };
 
-// RMS over all joints and the first second, rows 1/240 s apart, like that of accuracy.h.
+// RMS error over all joints and the first second at rows of 1/240 s, as in accuracy.h.
 template <class S>
 double rms_error(const std::string& name, Integrator integrator, int steps_per_second, const Eigen::MatrixXd& truth) {
   Play<S> play(name, integrator, steps_per_second);
@@ -71,8 +71,8 @@ TEST_F(AgainstTruth, gripper13_is_within_1e_4_with_one_mass_matrix_and_1e_5_extr
   EXPECT_LE(rms_error<float>("gripper13", Integrator::extrapolated, 240, exact), 1e-5);
 }
 
-// Each step's error is h^(order + 1), all of them together h^order. The truth files are exact to 1e-8 or so, and
-// errors here are kept a hundred times above that.
+// The error of one step is of order h^(order + 1), that of a motion h^order. The truth files are exact to about 1e-8,
+// and the errors in these cases are a hundred times larger.
 TEST_F(AgainstTruth, errors_shrink_by_the_order_of_each_integrator) {
   const struct {
     const char* scene;
@@ -92,11 +92,11 @@ TEST_F(AgainstTruth, errors_shrink_by_the_order_of_each_integrator) {
   }
 }
 
-// The whip has 907.75 J; damping takes 2 J of it in the first second.
+// The whip starts with 907.75 J. Damping removes 2 J in the first second.
 double energy(Batch<double>& batch) { return batch.kinetic_energies()(0, 0) + batch.potential_energies()(0, 0); }
 
-// Largest error of the energy in the first second, as a share of what there is: against small steps of third order,
-// whose own error is a thousandth of the bounds below.
+// Largest error of the energy in the first second, divided by the energy at the start. The exact energy comes from
+// small steps of third order, whose error is a thousandth of the bounds below.
 double energy_error(Integrator integrator, int steps_per_second) {
   constexpr int rows = 60;
   const auto energies = [&](Integrator how, int rate) {
@@ -115,11 +115,10 @@ double energy_error(Integrator integrator, int steps_per_second) {
   return worst / 907.75;
 }
 
-// What is promised of it: 1 %, 5 %, and at 1/60 s a bound where Euler has none.
-TEST(Whip, keeps_its_energy_by_leapfrogs) {
+TEST(Whip, keeps_its_energy_with_leapfrogs) {
   EXPECT_LE(energy_error(Integrator::leapfrog, 240), 0.01);
   EXPECT_LE(energy_error(Integrator::leapfrog, 120), 0.05);
-  EXPECT_LE(energy_error(Integrator::leapfrog, 60), 0.5);  // bounded: Euler's diverges
+  EXPECT_LE(energy_error(Integrator::leapfrog, 60), 0.5);  // Euler's method diverges there
 }
 
 TEST(Whip, keeps_its_momentum_to_the_order_of_the_integrator) {
@@ -137,11 +136,11 @@ TEST(Float, follows_double_to_1e_6_over_a_second) {
   for (const char* scene : {"chain8", "gripper13"})
     for (const Integrator integrator :
          {Integrator::euler, Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta}) {
-      if (scene == std::string("gripper13") && integrator == Integrator::runge_kutta) continue;  // refused: too stiff
+      if (scene == std::string("gripper13") && integrator == Integrator::runge_kutta) continue;  // refused as too stiff
       Play<float> single(scene, integrator, 240);
-      Play<double> twice(scene, integrator, 240);
+      Play<double> in_double(scene, integrator, 240);
       std::vector<Eigen::ArrayXd> exact;
-      twice.run(240, [&](int) { exact.push_back(twice.batch.positions().col(0)); });
+      in_double.run(240, [&](int) { exact.push_back(in_double.batch.positions().col(0)); });
       double largest = 0.0;
       single.run(240, [&](int step) {
         const Eigen::ArrayXd off =
@@ -152,15 +151,15 @@ TEST(Float, follows_double_to_1e_6_over_a_second) {
     }
 }
 
-// Damping takes energy and gravity and the servos' springs only store it. By the default integrator, which is the
-// leapfrog here, no step of sixty seconds adds any but rounding.
-TEST(Energy, of_a_passive_scene_never_grows_by_the_default_integrator) {
+// Damping removes energy; gravity and the springs of servos store it. The default integrator, here the leapfrog, adds
+// no energy beyond rounding in any step of sixty seconds.
+TEST(DefaultIntegrator, never_adds_energy_to_a_passive_scene) {
   for (const char* name : {"chain8", "gripper13"}) {
     const Model model = scenes::scene(name).model;
     const Plan plan = compile(model);
     ASSERT_EQ(plan.integrator(), Integrator::leapfrog);
     Batch<double> batch(plan, 1, {.threads = 1});
-    if (name == std::string("gripper13")) {  // let fall from where its couplings hold
+    if (name == std::string("gripper13")) {  // falls from a position that satisfies its couplings
       batch.positions().col(0) << 0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3, 0.3, -0.3, 0.3, 0.3, -0.3, 0.3;
       ASSERT_LT(batch.coupling_errors().abs().maxCoeff(), 1e-12);
     }
@@ -180,13 +179,13 @@ TEST(Energy, of_a_passive_scene_never_grows_by_the_default_integrator) {
       ASSERT_LE(now, before + rounding) << name << " after " << step / 240.0 << " s";
       before = now;
     }
-    EXPECT_LT(before, start - 0.5) << name << " has come down";
+    EXPECT_LT(before, start - 0.5) << name << " has not lost energy";
   }
 }
 
-// Largest distance from the exact motion of a slider of 1 kg whose servo follows a sine, once it has settled.
+// Largest error after settling of a slider of 1 kg whose servo follows a sine.
 double servo_error(double kp, double kd, int rate, bool staged) {
-  constexpr double amplitude = 0.3, turning = 3.0;  // m, rad/s
+  constexpr double amplitude = 0.3, frequency = 3.0;  // m, rad/s
   Model model = physics::sliders({1.0});
   model.joints[0].drive = {kp, kd, 0.0, 0.0};
   const StepSettings settings{.dt = 1.0 / rate, .integrator = Integrator::leapfrog, .stage_inputs = staged};
@@ -194,17 +193,17 @@ double servo_error(double kp, double kd, int rate, bool staged) {
   const std::vector<double> times = staged ? batch.plan().stage_times() : std::vector<double>{0.0};
   // With e = q - q_t: e'' + kd e' + kp e = -q_t''.
   const std::complex<double> lag =
-      amplitude * turning * turning / std::complex<double>(kp - turning * turning, kd * turning);
+      amplitude * frequency * frequency / std::complex<double>(kp - frequency * frequency, kd * frequency);
   double worst = 0.0;
   for (int step = 0; step < rate; ++step) {
     for (std::size_t i = 0; i < times.size(); ++i) {
       const double t = (step + times[i]) * settings.dt;
-      batch.position_targets()(static_cast<Eigen::Index>(i), 0) = amplitude * std::sin(turning * t);
-      batch.velocity_targets()(static_cast<Eigen::Index>(i), 0) = amplitude * turning * std::cos(turning * t);
+      batch.position_targets()(static_cast<Eigen::Index>(i), 0) = amplitude * std::sin(frequency * t);
+      batch.velocity_targets()(static_cast<Eigen::Index>(i), 0) = amplitude * frequency * std::cos(frequency * t);
     }
     batch.step();
     const double t = (step + 1) * settings.dt;
-    const double exact = amplitude * std::sin(turning * t) + (lag * std::polar(1.0, turning * t)).imag();
+    const double exact = amplitude * std::sin(frequency * t) + (lag * std::polar(1.0, frequency * t)).imag();
     if (t > 0.5) worst = std::max(worst, std::abs(batch.positions()(0, 0) - exact));
   }
   return worst;
@@ -214,16 +213,16 @@ double servo_order(double kp, double kd, int rate, bool staged) {
   return std::log2(servo_error(kp, kd, rate, staged) / servo_error(kp, kd, 2 * rate, staged));
 }
 
-// A servo comes to its target at the rate kp / kd. Where a step is short for that the linear part shows its third
-// order; where it is long, each stage's error of (gamma h)^2 q'' / 2 is divided by h kp / kd, and one order is left of
-// it.
-TEST(OrderReduction, of_servos_is_from_three_to_one_as_they_get_stiff) {
+// A servo approaches its target at the rate kp / kd. With steps that are short for this rate, the linear part is of
+// third order. With long steps, the error (gamma h)^2 q'' / 2 of each stage is divided by h kp / kd, which leaves first
+// order.
+TEST(OrderReduction, goes_from_three_to_one_as_servos_get_stiff) {
   EXPECT_NEAR(servo_order(1e5, 2e3, 240, true), 3.0, 0.15);  // h kp / kd = 0.2
-  EXPECT_NEAR(servo_order(1e11, 2e5, 60, true), 1.0, 0.15);  // 8000
-  EXPECT_LT(servo_error(1e11, 2e5, 60, true), 1e-6) << "of what stiffness itself makes small";
+  EXPECT_NEAR(servo_order(1e11, 2e5, 60, true), 1.0, 0.15);  // h kp / kd = 8000
+  EXPECT_LT(servo_error(1e11, 2e5, 60, true), 1e-6) << "a stiff servo must have a small error in spite of first order";
 }
 
-TEST(OrderReduction, of_held_targets_is_to_one) {
+TEST(OrderReduction, goes_to_one_for_held_targets) {
   EXPECT_NEAR(servo_order(1e5, 2e3, 240, false), 1.0, 0.15);
   EXPECT_NEAR(servo_order(1e11, 2e5, 60, false), 1.0, 0.15);
   EXPECT_GT(servo_error(1e5, 2e3, 240, false), 1e3 * servo_error(1e5, 2e3, 240, true));

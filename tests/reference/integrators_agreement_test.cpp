@@ -1,4 +1,4 @@
-// The kernels' integrators against the reference's, step by step. SPDX-License-Identifier: Apache-2.0
+// Integrators of the kernels agree with those of the reference, step by step. SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 #include <optional>
 
@@ -23,12 +23,12 @@ StepSettings settings_of(Integrator integrator, int seed) {
   settings.integrator = integrator;
   settings.dt = seed % 3 == 0 ? 1.0 / 240 : 1.0 / 2000;
   settings.stage_inputs = seed % 2 == 0;
-  // Where nothing has to be eliminated both methods apply: direct keeps hard couplings as rows.
+  // Runge-Kutta needs reduced; the others also take direct, which keeps hard couplings as rows.
   settings.method = seed % 5 == 0 && integrator != Integrator::runge_kutta ? Method::direct : Method::automatic;
   return settings;
 }
 
-// Inputs that move within a step.
+// Inputs that change during a step.
 void moving(double share, reference::Inputs& inputs) {
   for (Eigen::Index i = 0; i < inputs.efforts.size(); ++i) {
     const double phase = share + static_cast<double>(i);
@@ -45,14 +45,14 @@ void put(const reference::Inputs& inputs, std::size_t time, Batch<double>& batch
   batch.efforts().col(0).segment(row, dofs) = inputs.efforts.array();
 }
 
-// In a step: each adds the rounding of one.
+// Number of solves in a step; each adds its rounding.
 double solves(Integrator integrator) {
   return integrator == Integrator::leapfrog ? 5.0 : integrator == Integrator::extrapolated ? 15.0 : 4.0;
 }
 
 class IntegratorAgreement : public testing::TestWithParam<Integrator> {};
 
-TEST_P(IntegratorAgreement, of_states_after_each_of_three_steps) {
+TEST_P(IntegratorAgreement, holds_for_states_after_each_of_three_steps) {
   int compared = 0, articulated = 0;
   for (int seed = 0; seed < seeds; ++seed) {
     SCOPED_TRACE(seed);
@@ -60,7 +60,7 @@ TEST_P(IntegratorAgreement, of_states_after_each_of_three_steps) {
     scenes::RandomOptions options;
     options.min_dofs = deep ? 24 : 1, options.max_dofs = deep ? 28 : 12;
     options.couplings = !deep || GetParam() != Integrator::runge_kutta;
-    // Runge-Kutta takes no soft couplings, and of the others only what is slow enough for an explicit step.
+    // Runge-Kutta takes no soft couplings, and drives and damping only if they are slow enough for an explicit step.
     options.drives = options.damping = GetParam() != Integrator::runge_kutta || seed % 2 == 0;
     options.soft = GetParam() == Integrator::runge_kutta ? scenes::RandomOptions::Soft::never
                                                          : scenes::RandomOptions::Soft::sometimes;
@@ -70,7 +70,7 @@ TEST_P(IntegratorAgreement, of_states_after_each_of_three_steps) {
     std::optional<Plan> plan;
     try {
       plan = compile(model, settings);
-    } catch (const SettingsError& refused) {  // too stiff for an explicit step: none of the others ever are
+    } catch (const SettingsError& refused) {  // only Runge-Kutta may refuse a model as too stiff
       ASSERT_EQ(GetParam(), Integrator::runge_kutta) << refused.what();
       continue;
     }
@@ -111,9 +111,9 @@ TEST_P(IntegratorAgreement, of_states_after_each_of_three_steps) {
   EXPECT_GT(articulated, seeds / 40);
 }
 
-// Every field but softness, which of erp and cfm means another thing at each length of a stage: ratios, offsets,
-// switches, gains, damping, masses, gravity and wrenches of one environment are those of a model that says them.
-TEST_P(IntegratorAgreement, of_environments_with_numbers_of_their_own) {
+// All parameters of an environment act like those of a model with the same numbers. Softness is left out, because erp
+// and cfm depend on the length of a stage.
+TEST_P(IntegratorAgreement, holds_for_environments_with_their_own_parameters) {
   int compared = 0;
   for (int seed = 0; seed < seeds && !HasFailure(); ++seed) {
     SCOPED_TRACE(seed);
@@ -132,7 +132,7 @@ TEST_P(IntegratorAgreement, of_environments_with_numbers_of_their_own) {
       if (const Parameter parameter{p};
           parameter != Parameter::softness && (parameter != Parameter::coupling_switch || switches) &&
           (parameter != Parameter::drive_gains || options.drives) &&
-          // Which joint it is that Runge-Kutta moves to correct a coupling follows from the plan's ratios.
+          // The ratios of the plan decide which joint Runge-Kutta moves to correct a coupling.
           (parameter != Parameter::gear_ratio || !explicitly))
         settings.per_environment.insert(parameter);
     const Plan plan = compile(model, settings);

@@ -1,4 +1,4 @@
-// The reference's integrators against theory and exact motion. SPDX-License-Identifier: Apache-2.0
+// Integrators of the reference against theory and exact motion. SPDX-License-Identifier: Apache-2.0
 #include "reference/integrators.h"
 
 #include <gtest/gtest.h>
@@ -28,9 +28,9 @@ StepSettings settings(Integrator integrator, double dt) {
   return result;
 }
 
-constexpr double duration = 0.125;  // s, of the motions whose error is measured
+constexpr double duration = 0.125;  // s, of all motions
 
-// Where `steps` steps lead to. Inputs are those of each stage's time, or those of the step's start.
+// The state after `steps` steps. Inputs are those at the time of each stage, or those at the start of the step.
 State run(const Mechanism& mechanism, Integrator integrator, int steps, const InputsOverTime& inputs,
           bool held_over_steps = false) {
   const double dt = duration / steps;
@@ -52,7 +52,8 @@ State exact(const Mechanism& mechanism, const InputsOverTime& inputs) {
   return integrate(mechanism, mechanism.initial_state(), inputs, duration, 1, 1024).end;
 }
 
-// log2 of what halving the step does to the error of the whole state; `steps` are in the larger one.
+// log2 of the factor by which halving the step reduces the error of the whole state. `steps` is the number of the
+// larger steps.
 double order(const Mechanism& mechanism, Integrator integrator, int steps, const InputsOverTime& inputs,
              bool held_over_steps = false) {
   const VectorXd truth = numbers(exact(mechanism, inputs));
@@ -62,14 +63,14 @@ double order(const Mechanism& mechanism, Integrator integrator, int steps, const
   return std::log2(error(steps) / error(2 * steps));
 }
 
-// What theory says. `extrapolated` would be of fourth order if the leapfrog were symmetric in time. It is so but for
-// terms in h^4 of one step: from v_m of (M67), which is foretold and not the mean of v and v', and from the linear
-// terms, whose Runge-Kutta method is not symmetric and makes q_m differ from q' - h / 2 v'.
+// The order in theory. `extrapolated` would be of fourth order if the leapfrog were symmetric in time, but two terms in
+// h^4 of a step are not. v_m of (M67) is predicted and not the mean of v and v'. The Runge-Kutta method of the linear
+// terms is not symmetric, so q_m differs from q' - h / 2 v'.
 double theory(Integrator integrator) {
   return integrator == Integrator::leapfrog ? 2.0 : integrator == Integrator::extrapolated ? 3.0 : 4.0;
 }
 
-// Four links on a fixed base, no two axes equal.
+// Four links on a fixed or floating base with different axes.
 Model four_links(bool floating) {
   Model model;
   model.links = {{"base", physics::link_box(0.3)}};
@@ -84,7 +85,8 @@ Model four_links(bool floating) {
   return model;
 }
 
-// Its fastest rates are those of the joints' damping, about 50 /s, so that the steps below are small for it.
+// Four links with drives and soft couplings. The fastest rates, about 50 /s, are those of the damping, so the steps of
+// the tests are small for them.
 Model driven() {
   Model model = four_links(false);
   for (Joint& joint : model.joints) {
@@ -106,8 +108,8 @@ void moving_inputs(double t, Inputs& inputs) {
   inputs.wrenches.col(4) << 0.01, 0.02, -0.01, 0.3, -0.2, 0.1;
 }
 
-// The couplings hold at the start, in position and velocity.
-Model afloat() {
+// Four floating links, which satisfy their couplings at the start in position and velocity.
+Model floating_links() {
   Model model = four_links(true);
   model.gravity.setZero();
   model.root.velocity << 3.0, -2.0, 1.0, 0.5, 0.3, -0.4;
@@ -119,34 +121,34 @@ Model afloat() {
   return model;
 }
 
-class Order : public testing::TestWithParam<Integrator> {};
+class IntegratorOrder : public testing::TestWithParam<Integrator> {};
 
-TEST_P(Order, of_a_damped_chain_with_hard_couplings) {
+TEST_P(IntegratorOrder, holds_for_a_damped_chain_with_hard_couplings) {
   EXPECT_NEAR(order(Mechanism(scenes::chain8()), GetParam(), 64, held), theory(GetParam()), 0.15);
 }
 
-TEST_P(Order, of_springs_and_drives_with_moving_targets) {
+TEST_P(IntegratorOrder, holds_for_springs_and_drives_with_moving_targets) {
   EXPECT_NEAR(order(Mechanism(driven()), GetParam(), 32, moving_inputs), theory(GetParam()), 0.15);
 }
 
-TEST_P(Order, of_a_floating_mechanism_and_its_momentum) {
-  const Mechanism mechanism(afloat());
+TEST_P(IntegratorOrder, holds_for_a_floating_mechanism_and_its_momentum) {
+  const Mechanism mechanism(floating_links());
   EXPECT_NEAR(order(mechanism, GetParam(), 64, held), theory(GetParam()), 0.15);
   const Vector6d start = mechanism.momentum(mechanism.initial_state());
-  const auto gained = [&](int steps) {
+  const auto momentum_error = [&](int steps) {
     return (mechanism.momentum(run(mechanism, GetParam(), steps, held)) - start).norm();
   };
-  EXPECT_GT(std::log2(gained(32) / gained(64)), theory(GetParam()) - 0.15);
+  EXPECT_GT(std::log2(momentum_error(32) / momentum_error(64)), theory(GetParam()) - 0.15);
 }
 
-INSTANTIATE_TEST_SUITE_P(integrators, Order, testing::ValuesIn(all),
+INSTANTIATE_TEST_SUITE_P(integrator, IntegratorOrder, testing::ValuesIn(all),
                          [](const auto& info) { return std::string(to_string(info.param)); });
 
 TEST(Leapfrog, is_of_first_order_where_targets_are_held_over_steps) {
   EXPECT_NEAR(order(Mechanism(driven()), Integrator::leapfrog, 32, moving_inputs, true), 1.0, 0.15);
 }
 
-// A pendulum has neither velocity-dependent forces nor linear terms: the leapfrog is symmetric.
+// A pendulum has neither velocity-dependent forces nor linear terms, so the leapfrog is symmetric.
 TEST(Extrapolated, is_of_fourth_order_where_the_leapfrog_is_symmetric) {
   Model model;
   model.links = {{"base", {}}};
@@ -154,22 +156,22 @@ TEST(Extrapolated, is_of_fourth_order_where_the_leapfrog_is_symmetric) {
   EXPECT_NEAR(order(Mechanism(model), Integrator::extrapolated, 8, held), 4.0, 0.15);
 }
 
-// What a Runge-Kutta method makes of y' = z y in a step of 1: for all of a linear system.
-Matrix2d grown(Integrator integrator, const Matrix2d& z) {
+// The growth function: the matrix by which a step of length 1 multiplies y, for y' = z y.
+Matrix2d growth(Integrator integrator, const Matrix2d& z) {
   const Matrix2d one = Matrix2d::Identity();
   if (integrator == Integrator::runge_kutta) return one + z * (one + z / 2 * (one + z / 3 * (one + z / 4)));
   if (integrator == Integrator::extrapolated) {
-    const Matrix2d half = grown(Integrator::leapfrog, z / 2);
-    return (4 * half * half - grown(Integrator::leapfrog, z)) / 3;
+    const Matrix2d half = growth(Integrator::leapfrog, z / 2);
+    return (4 * half * half - growth(Integrator::leapfrog, z)) / 3;
   }
-  // Of third order, with a pole of third order and 0 at infinity: that and nothing else is Alexander's.
+  // Alexander's method is the only one of third order that has a triple pole and is zero at infinity.
   const double g = 0.43586652150845899942;
   const Matrix2d above = one + (1 - 3 * g) * z + (0.5 - 3 * g + 3 * g * g) * z * z;
   const Matrix2d pole = (one - g * z).inverse();
   return pole * pole * pole * above;
 }
 
-TEST(LinearTerms, are_integrated_as_their_growth_functions_say) {
+TEST(LinearTerms, follow_the_growth_function_of_the_integrator) {
   for (const bool coupling : {false, true}) {
     Model model = physics::sliders({2.0});
     Joint& joint = model.joints[0];
@@ -178,7 +180,7 @@ TEST(LinearTerms, are_integrated_as_their_growth_functions_say) {
     joint.armature = 0.5;
     joint.damping = 3.0;
     double kp = 900.0, kd = 4.0;
-    if (coupling) {  // to a second slider that moves as fast the other way: twice the stretch
+    if (coupling) {  // to a second slider with the opposite velocity, which doubles the stretch
       model = physics::sliders({2.0, 2.0});
       for (Joint& j : model.joints) j.armature = 0.5, j.damping = 3.0;
       model.joints[0].position = 0.3, model.joints[1].position = -0.3;
@@ -192,7 +194,7 @@ TEST(LinearTerms, are_integrated_as_their_growth_functions_say) {
       const double h = 0.02;
       Matrix2d rates;
       rates << 0.0, 1.0, -kp / 2.5, -(kd + 3.0) / 2.5;
-      const Vector2d expected = grown(integrator, h * rates) * Vector2d(0.3, -0.7);
+      const Vector2d expected = growth(integrator, h * rates) * Vector2d(0.3, -0.7);
       const State end =
           integrated(mechanism, settings(integrator, h), mechanism.initial_state(), [](double, Inputs&) {});
       EXPECT_NEAR(end.q[0], expected[0], 1e-13) << to_string(integrator) << coupling;
@@ -201,25 +203,26 @@ TEST(LinearTerms, are_integrated_as_their_growth_functions_say) {
   }
 }
 
-// `erp` of the error is taken away in a step of a leapfrog; half steps do it twice.
-TEST(HardCouplings, lose_their_share_of_the_error) {
-  Model model = afloat();
+// A step of the leapfrog removes the share erp of the error; two half steps remove it twice.
+TEST(HardCouplings, correct_their_share_of_the_error) {
+  Model model = floating_links();
   const double erp = 0.3;
   for (Coupling& coupling : model.couplings) coupling.softness = Hard{erp}, coupling.offset = 0.01;
   const Mechanism mechanism(model);
   const State start = mechanism.initial_state();
   const Couplings couplings(mechanism);
-  const double left = 1.0 - erp;
+  const double remaining = 1.0 - erp;
   for (const Integrator integrator : all) {
-    const double share = integrator == Integrator::extrapolated ? (4.0 * left * left - left) / 3.0 : left;
+    const double share =
+        integrator == Integrator::extrapolated ? (4.0 * remaining * remaining - remaining) / 3.0 : remaining;
     const State end = integrated(mechanism, settings(integrator, 0.01), start, [](double, Inputs&) {});
     EXPECT_LT((couplings.error(end.q) - share * couplings.error(start.q)).norm(), 1e-13) << to_string(integrator);
     EXPECT_LT((couplings.velocity_jacobian() * end.v).norm(), 1e-12) << to_string(integrator);
   }
 }
 
-TEST(HardCouplings, are_met_by_a_leapfrog_from_velocities_that_do_not_fit) {
-  Model model = afloat();
+TEST(HardCouplings, are_satisfied_by_a_leapfrog_that_starts_from_inconsistent_velocities) {
+  Model model = floating_links();
   model.joints[2].velocity += 1.0;
   const Mechanism mechanism(model);
   for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated}) {
@@ -230,20 +233,20 @@ TEST(HardCouplings, are_met_by_a_leapfrog_from_velocities_that_do_not_fit) {
   }
 }
 
-// Each stage takes back what its own velocity is off by: 1, 1/2, 3/4 and 1/4 of the start's.
-TEST(HardCouplings, keep_three_eighths_of_velocities_that_do_not_fit_by_runge_kutta) {
-  Model model = afloat();
+// Each stage corrects the error of its own velocity: 1, 1/2, 3/4 and 1/4 of the error at the start.
+TEST(HardCouplings, keep_three_eighths_of_a_velocity_error_in_runge_kutta) {
+  Model model = floating_links();
   model.joints[2].velocity += 1.0;
   const Mechanism mechanism(model);
   const State end = integrated(mechanism, settings(Integrator::runge_kutta, 0.001), mechanism.initial_state(),
                                [](double, Inputs&) {});
-  const VectorXd left = Couplings(mechanism).velocity_jacobian() * end.v;
-  EXPECT_NEAR(left[0], 0.375, 1e-12);
-  EXPECT_NEAR(left[1], 0.0, 1e-12);
+  const VectorXd speed = Couplings(mechanism).velocity_jacobian() * end.v;
+  EXPECT_NEAR(speed[0], 0.375, 1e-12);
+  EXPECT_NEAR(speed[1], 0.0, 1e-12);
 }
 
-TEST(Integrators, of_first_order_are_refused) {
-  const Mechanism mechanism(afloat());
+TEST(ReferenceIntegrators, refuse_integrators_of_first_order) {
+  const Mechanism mechanism(floating_links());
   for (const Integrator integrator : {Integrator::automatic, Integrator::euler})
     EXPECT_THROW(integrated(mechanism, settings(integrator, 0.01), mechanism.initial_state(), [](double, Inputs&) {}),
                  SettingsError);

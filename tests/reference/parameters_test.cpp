@@ -1,7 +1,7 @@
-// Parameters of one environment act as a model's own numbers do. SPDX-License-Identifier: Apache-2.0
+// Parameters of one environment act like the numbers of a model. SPDX-License-Identifier: Apache-2.0
 //
-// Random trees with random sets of declared parameters; in one environment of three each declared number is changed.
-// The reference steps a model that says the changed numbers. Bounds on rounding as in agreement_test.cpp.
+// The tests use random trees with random sets of declared parameters and change all of these in one environment of
+// three. The reference steps a model with the changed numbers. Tolerances are those of agreement_test.cpp.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -128,9 +128,9 @@ void expect_same_motion(const Batch<double>& batch, int environment, const Model
 
 class Parameters : public testing::TestWithParam<Method> {};
 
-TEST_P(Parameters, of_one_environment_act_as_those_of_a_model) {
+TEST_P(Parameters, act_in_one_environment_like_the_numbers_of_a_model) {
   scenes::RandomOptions options;
-  options.redundant = false;  // who follows from whom depends on the numbers: a test of its own below
+  options.redundant = false;  // the parameters decide which couplings are redundant: see RedundantCouplings
   for (int seed = 0; seed < 500 && !HasFailure(); ++seed) {
     SCOPED_TRACE(seed);
     StepSettings settings;
@@ -148,20 +148,20 @@ TEST_P(Parameters, of_one_environment_act_as_those_of_a_model) {
     Batch<double> batch(plan, environments, physics::by_turns(plan, seed));
     const Model original = model;
     reference::Inputs inputs = reference::Mechanism(model).initial_inputs();
-    const reference::Inputs held = inputs;
+    const reference::Inputs unchanged = inputs;
     Changes(seed, batch, model, inputs).apply();
     batch.step();
-    expect_same_motion(batch, 0, original, held);
+    expect_same_motion(batch, 0, original, unchanged);
     expect_same_motion(batch, changed, model, inputs);
-    expect_same_motion(batch, 2, original, held);
+    expect_same_motion(batch, 2, original, unchanged);
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(method, Parameters, testing::ValuesIn(physics::methods), physics::method_name);
 
-// Couplings that follow from others stay in where ratios or softness may differ: then the pivots tell, and what they
-// leave of an impulse without effect on the joints is rounding that the joints do not feel.
-TEST(OwnGearRatiosAndSoftness, leave_mechanisms_with_redundant_couplings_their_motion) {
+// Redundant couplings stay in the plan if ratios or softness may differ per environment. Each step then finds them by
+// their pivots, and rounding in their impulses does not move the joints.
+TEST(RedundantCouplings, keep_the_motion_with_gear_ratios_or_softness_per_environment) {
   for (const Parameter parameter : {Parameter::gear_ratio, Parameter::softness})
     for (int seed = 0; seed < 500 && !HasFailure(); ++seed) {
       SCOPED_TRACE(seed);
@@ -178,21 +178,22 @@ TEST(OwnGearRatiosAndSoftness, leave_mechanisms_with_redundant_couplings_their_m
     }
 }
 
-// By the model's ratios j0 = j4 follows from j0 = j2 and j2 = j4; by another environment's it does not.
-TEST(OwnGearRatios, decide_in_each_environment_which_couplings_follow_from_others) {
+// With the ratios of the model, j0 = j4 follows from j0 = j2 and j2 = j4. With those of the second environment it does
+// not.
+TEST(RedundantCouplings, depend_on_the_gear_ratios_of_the_environment) {
   Model model = scenes::redundant();
   Batch<double> batch(compile(model, {.per_environment = {Parameter::gear_ratio}}), 2, {.threads = 1});
   ASSERT_EQ(batch.plan().method(), Method::direct);
   ASSERT_EQ(batch.plan().redundant_couplings(), std::vector<int>{2});
-  batch.parameter(Parameter::gear_ratio)(2, 1) = -2.0;  // j0 = 2 j4: only 0 is left for the three
+  batch.parameter(Parameter::gear_ratio)(2, 1) = -2.0;  // j0 = 2 j4, so the three joints must be at zero
   for (int joint : {0, 2, 4}) batch.positions()(joint, 1) = 0.0;
   for (int step = 0; step < 240; ++step) batch.step();
   EXPECT_LE(batch.coupling_errors().abs().maxCoeff(), 1e-12);
   for (int joint : {0, 2, 4}) EXPECT_NEAR(batch.positions()(joint, 1), 0.0, 1e-12);
 
-  Batch<double> alone(compile(model, {.method = Method::direct}), 1, {.threads = 1});
-  for (int step = 0; step < 240; ++step) alone.step();
-  EXPECT_LE((batch.positions().col(0) - alone.positions().col(0)).abs().maxCoeff(), 1e-10);
+  Batch<double> shared(compile(model, {.method = Method::direct}), 1, {.threads = 1});
+  for (int step = 0; step < 240; ++step) shared.step();
+  EXPECT_LE((batch.positions().col(0) - shared.positions().col(0)).abs().maxCoeff(), 1e-10);
 }
 
 }  // namespace

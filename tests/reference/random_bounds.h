@@ -12,7 +12,7 @@
 
 namespace lockstep::physics {
 
-/// Uniform numbers, the same everywhere: those of the standard distributions are not.
+/// Uniform random numbers that are the same everywhere, unlike those of the standard distributions.
 struct Uniform {
   double operator()(double low, double high) {
     return low + (high - low) * (static_cast<double>(engine() >> 11) * 0x1p-53);
@@ -56,8 +56,8 @@ class RandomBounds {
     return Frequency{5.0 + 60.0 * first, 1.5 * second};
   }
 
-  // Speeds are about 1 and steps 1/240, so an end at this distance is about as often in the way as not. Of ends that
-  // are far away the joint feels nothing.
+  // Speeds are about 1 and steps 1/240, so a limit at the near distance is active in about half of the models. A far
+  // limit is inactive.
   void range(Joint& joint) {
     const double near = uniform(-0.002, 0.005);
     const bool below = chance(0.5), closed = chance(0.6);
@@ -110,7 +110,8 @@ class RandomBounds {
   int left_ = most;
 };
 
-/// A model whose bounds can all be met in one step of either phase: drawn until the reference finds a solution.
+/// A model whose bounds can all be met in one step, with and without a velocity phase. Models are drawn until the
+/// reference finds a solution.
 inline Model random_bounds(std::uint64_t seed, double dt = 1.0 / 240,
                            const scenes::RandomOptions& options = {.max_dofs = 9}) {
   RandomBounds random(seed);

@@ -1,4 +1,4 @@
-// The reference's kinematics and dynamics against theory. SPDX-License-Identifier: Apache-2.0
+// Kinematics and dynamics of the reference agree with theory. SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -33,7 +33,8 @@ Joint revolute(const std::string& name, const std::string& parent, const std::st
   return joint;
 }
 
-// An arm of two links of length 0.5 and 0.4 about z, gravity along -y, mass centres at 0.2 and 0.3.
+// An arm of two links with lengths 0.5 and 0.4 and centres of mass at 0.2 and 0.3. Joints turn about z; gravity points
+// along -y.
 Model planar_arm() {
   Model model;
   model.gravity = {0, -9.81, 0};
@@ -45,7 +46,7 @@ Model planar_arm() {
   return model;
 }
 
-// No joint forces, no couplings: energy and momentum are kept.
+// Models without joint forces and couplings, which keep energy and momentum.
 scenes::RandomOptions conservative(scenes::RandomOptions::Root root) {
   scenes::RandomOptions options;
   options.root = root;
@@ -54,11 +55,11 @@ scenes::RandomOptions conservative(scenes::RandomOptions::Root root) {
   return options;
 }
 
-TEST(mechanism, pendulum_swings_with_the_period_of_the_elliptic_integral) {
+TEST(ReferenceMechanism, pendulum_swings_with_the_period_of_the_elliptic_integral) {
   Model model = planar_arm();
   model.links.pop_back();
   model.joints.pop_back();
-  const double amplitude = 2.0, inertia = 0.05 + 2.0 * 0.2 * 0.2;  // parallel axes
+  const double amplitude = 2.0, inertia = 0.05 + 2.0 * 0.2 * 0.2;  // by the parallel axis theorem
   model.joints[0].position = -std::numbers::pi / 2 + amplitude;
   const Mechanism pendulum(model);
   const State start = pendulum.initial_state();
@@ -73,8 +74,8 @@ TEST(mechanism, pendulum_swings_with_the_period_of_the_elliptic_integral) {
   EXPECT_NEAR(motion.positions(4, 0), start.q[0], 1e-7);
 }
 
-// Spong, Hutchinson, Vidyasagar: Robot modeling and control, the planar elbow manipulator.
-TEST(mechanism, double_pendulum_has_the_textbook_mass_matrix_and_bias) {
+// The planar elbow manipulator of Spong, Hutchinson, Vidyasagar: Robot modeling and control.
+TEST(ReferenceMechanism, double_pendulum_has_the_textbook_mass_matrix_and_bias) {
   const Mechanism arm(planar_arm());
   State state = arm.initial_state();
   state.q << 0.7, -1.1;
@@ -94,9 +95,9 @@ TEST(mechanism, double_pendulum_has_the_textbook_mass_matrix_and_bias) {
   EXPECT_LT(difference(arm.bias(state), bias), 1e-13);
 }
 
-// Featherstone (2008), (2.63) and (2.61): I a + v x* I v = f with the spatial inertia about the root frame's origin.
-// With the mass centre there these are Euler's I dw/dt + w x I w = 0 and m (dv/dt + w x v) = m R^T g.
-TEST(mechanism, single_body_obeys_euler_and_newton_in_its_own_axes) {
+// Featherstone (2008), (2.63) and (2.61): I a + v x* I v = f with the spatial inertia about the origin of the root
+// frame. If the centre of mass is there, these are Euler's I dw/dt + w x I w = 0 and m (dv/dt + w x v) = m R^T g.
+TEST(ReferenceMechanism, single_body_obeys_euler_and_newton_in_its_own_axes) {
   for (const Vector3d& center : {Vector3d(0, 0, 0), Vector3d(0.1, -0.2, 0.3)}) {
     Model model;
     model.root.floating = true;
@@ -122,8 +123,8 @@ TEST(mechanism, single_body_obeys_euler_and_newton_in_its_own_axes) {
   }
 }
 
-// c_i = d/dt (M v)_i - 1/2 v^T dM/dq_i v + dV/dq_i, where the q are coordinates (fixed root).
-TEST(mechanism, bias_is_lagranges) {
+// With a fixed root the q are coordinates, so c_i = d/dt (M v)_i - 1/2 v^T dM/dq_i v + dV/dq_i.
+TEST(ReferenceMechanism, bias_satisfies_lagranges_equations) {
   for (int seed = 0; seed < 20; ++seed) {
     const Mechanism mechanism(scenes::random_model(seed, conservative(scenes::RandomOptions::Root::fixed)));
     const State state = mechanism.initial_state();
@@ -146,8 +147,9 @@ TEST(mechanism, bias_is_lagranges) {
   }
 }
 
-// The rate of energy is the power of efforts, drives and damping, coupling springs being none and hard ones powerless.
-TEST(mechanism, energy_changes_by_the_power_of_the_forces) {
+// The rate of change of energy is the power of efforts, drives and damping. There are no springs, and hard couplings do
+// no work.
+TEST(ReferenceMechanism, energy_changes_by_the_power_of_the_forces) {
   scenes::RandomOptions options;
   options.max_dofs = 10;
   options.soft = scenes::RandomOptions::Soft::never;
@@ -165,7 +167,7 @@ TEST(mechanism, energy_changes_by_the_power_of_the_forces) {
   }
 }
 
-TEST(mechanism, energy_is_kept_without_forces) {
+TEST(ReferenceMechanism, energy_is_kept_without_forces) {
   for (int seed = 0; seed < 10; ++seed) {
     const Mechanism mechanism(scenes::random_model(seed, conservative(scenes::RandomOptions::Root::either)));
     const State start = mechanism.initial_state(), end = integrate(mechanism, start, held, 0.3, 1, 600).end;
@@ -175,9 +177,9 @@ TEST(mechanism, energy_is_kept_without_forces) {
   }
 }
 
-// chain32 starts straight, so its energy can be summed by hand: each link turns by what the joints before it add,
-// and moves the next by its length. Its couplings and damping are inner forces.
-TEST(mechanism, floating_chain_keeps_its_momentum) {
+// chain32 starts straight, so its energy can be summed by hand: each link turns by the sum of the joints before it and
+// moves the next link by its length. Couplings and damping are internal forces.
+TEST(ReferenceMechanism, floating_chain_keeps_its_momentum) {
   const double length = 0.1, mass = 0.2, inertia = mass / 12 * (length * length + 0.04 * 0.04);
   double energy = 0.0, turn_y = 0.0, turn_z = 0.0, up = 0.0, left = 0.0;
   for (int i = 0; i < 32; ++i) {
@@ -193,8 +195,9 @@ TEST(mechanism, floating_chain_keeps_its_momentum) {
   EXPECT_LT(difference(chain.momentum(end), chain.momentum(start)), 1e-10);
 }
 
-// Weight is the only outer force: dp/dt = m g, dL/dt = mass centre x m g. Also: M v of the root is the momentum.
-TEST(mechanism, momentum_changes_by_the_weight_and_is_the_roots_share_of_m_v) {
+// Weight is the only external force: dp/dt = m g and dL/dt = centre of mass x m g. The part of M v that belongs to the
+// root is the momentum.
+TEST(ReferenceMechanism, momentum_changes_by_the_weight_and_is_the_roots_share_of_m_v) {
   scenes::RandomOptions options = conservative(scenes::RandomOptions::Root::floating);
   options.damping = options.drives = options.efforts = true;
   options.armature = false;
@@ -225,7 +228,7 @@ TEST(mechanism, momentum_changes_by_the_weight_and_is_the_roots_share_of_m_v) {
   }
 }
 
-TEST(mechanism, fixed_joint_makes_one_body_of_two_links) {
+TEST(ReferenceMechanism, fixed_joint_makes_one_body_of_two_links) {
   Model two = planar_arm();
   two.links.push_back({"tool", {0.7, {0.1, 0.05, 0}, Vector3d(0.002, 0.003, 0.004).asDiagonal()}});
   Joint weld = revolute("weld", "lower", "tool", {0.4, 0, 0.1}, Vector3d::UnitX());
@@ -234,15 +237,15 @@ TEST(mechanism, fixed_joint_makes_one_body_of_two_links) {
   two.joints.push_back(weld);
   Model one = planar_arm();
   one.links[2].inertia = one.links[2].inertia + transformed(two.links[3].inertia, weld.origin);
-  const Mechanism welded(two), merged(one);
+  const Mechanism welded(two), one_body(one);
   State state = welded.initial_state();
   state.q << 0.4, 1.2;
   state.v << -2.0, 0.7;
-  EXPECT_LT(difference(welded.mass_matrix(state), merged.mass_matrix(state)), 1e-14);
-  EXPECT_LT(difference(welded.bias(state), merged.bias(state)), 1e-13);
+  EXPECT_LT(difference(welded.mass_matrix(state), one_body.mass_matrix(state)), 1e-14);
+  EXPECT_LT(difference(welded.bias(state), one_body.bias(state)), 1e-13);
 }
 
-TEST(mechanism, jacobians_and_velocities_are_rates_of_poses) {
+TEST(ReferenceMechanism, jacobians_and_velocities_are_rates_of_poses) {
   for (int seed = 0; seed < 20; ++seed) {
     const Model model = scenes::random_model(seed);
     const Mechanism mechanism(model);
@@ -265,7 +268,7 @@ TEST(mechanism, jacobians_and_velocities_are_rates_of_poses) {
   }
 }
 
-TEST(mechanism, root_turns_by_the_exponential_and_moves_in_its_own_axes) {
+TEST(ReferenceMechanism, root_turns_by_the_exponential_and_moves_in_its_own_axes) {
   Model model = planar_arm();
   model.root.floating = true;
   model.links[0].inertia = Inertia::box(1.0, {0.1, 0.1, 0.1}, {0, 0, 0});
@@ -280,8 +283,8 @@ TEST(mechanism, root_turns_by_the_exponential_and_moves_in_its_own_axes) {
   EXPECT_LT(difference(end.q, Eigen::Vector2d(0.7, -0.7)), 1e-15);
 }
 
-// A force F at the tip is the wrench (r x F, F) about the link's origin; its joint torques are known by levers.
-TEST(mechanism, wrench_acts_about_the_link_frames_origin_in_world_axes) {
+// A force F at the tip is the wrench (r x F, F) about the origin of the link. The joint torques follow from the levers.
+TEST(ReferenceMechanism, wrench_acts_about_the_link_frames_origin_in_world_axes) {
   const Mechanism arm(planar_arm());
   State state = arm.initial_state();
   state.q << 0.5, 0.8;
@@ -294,8 +297,8 @@ TEST(mechanism, wrench_acts_about_the_link_frames_origin_in_world_axes) {
   EXPECT_NEAR(torques[1], lever.cross(force)[2], 1e-14);
 }
 
-// The note, Test Impulses: no response across a fixed root; across a floating one there is.
-TEST(mechanism, impulses_do_not_cross_a_fixed_root) {
+// There is no response across a fixed root, but there is one across a floating root.
+TEST(ReferenceMechanism, impulses_do_not_cross_a_fixed_root) {
   Model model = planar_arm();
   model.links[0].inertia = Inertia::box(3.0, {0.2, 0.2, 0.2}, {0, 0, 0});
   model.joints[1].parent = "base";
@@ -312,8 +315,8 @@ TEST(mechanism, impulses_do_not_cross_a_fixed_root) {
   }
 }
 
-// A rotor of inertia I behind a gear of ratio n weighs as much as armature n^2 I, in the motion and in a step.
-TEST(mechanism, geared_rotor_is_an_armature) {
+// A rotor with inertia I behind a gear of ratio n acts like an armature n^2 I, in the exact motion and in steps.
+TEST(ReferenceMechanism, geared_rotor_acts_like_an_armature) {
   const double n = 30.0, inertia = 2e-5;
   Model armature = planar_arm(), rotor = planar_arm();
   armature.joints[0].armature = n * n * inertia;

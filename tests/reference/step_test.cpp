@@ -1,4 +1,4 @@
-// The reference's couplings and methods against theory. SPDX-License-Identifier: Apache-2.0
+// Couplings and methods of the reference agree with theory. SPDX-License-Identifier: Apache-2.0
 #include "reference/step.h"
 
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ StepSettings with(Method method, double dt = 1.0 / 240, int iterations = 4, int 
   return settings;
 }
 
-// Two bodies of 1 kg that slide along z, coupled: C = q_A - q_B, so r = 1/m_A + 1/m_B = 2. No gravity.
+// Two coupled bodies of 1 kg that slide along z without gravity: C = q_A - q_B, so r = 1/m_A + 1/m_B = 2.
 Model two_sliders(const Softness& softness, double error = 0.0, double velocity = 0.0) {
   Model model;
   model.gravity.setZero();
@@ -54,7 +54,7 @@ double relative(const State& state) { return state.q[0] - state.q[1]; }
 
 // ---------------------------------------------------------------- softness
 
-TEST(softness, row_of_18_hardens_with_every_visit_and_one_with_memory_is_21) {
+TEST(ReferenceSoftness, literal_row_of_18_hardens_with_every_visit_and_a_row_with_memory_gives_21) {
   const double r = 2.0, dt = 0.01, C = 0.1, v = 0.5, mu = 40.0, zeta = 1.0;
   const double kp = mu * mu / r, kd = 2.0 * mu * zeta / r;
   const double implicit = -(C * kp * dt + v * dt * (dt * kp + kd)) / (1.0 + r * dt * (dt * kp + kd));  // (21)
@@ -73,13 +73,14 @@ TEST(softness, row_of_18_hardens_with_every_visit_and_one_with_memory_is_21) {
     EXPECT_NEAR(once(sliders, with(method, dt)).impulses[0], implicit, 1e-14);
 }
 
-// Backward Euler takes a mode exp(s t) to (1 - h s)^-n. That also says how 2 Hz and zeta 0.1 look at 1/240 s.
-TEST(softness, spring_decays_as_backward_euler) {
+// Backward Euler turns a mode exp(s t) into (1 - h s)^-n. From that follow the measured frequency and damping ratio for
+// 2 Hz and 0.1 with steps of 1/240 s.
+TEST(ReferenceSoftness, spring_decays_as_backward_euler) {
   const double h = 1.0 / 240, mu = 2.0 * 2.0 * std::numbers::pi, zeta = 0.1;
   const std::complex<double> s(-zeta * mu, mu * std::sqrt(1.0 - zeta * zeta));
-  const std::complex<double> shown = -std::log(1.0 - h * s) / h;
-  EXPECT_NEAR(shown.imag() / (2.0 * std::numbers::pi), 1.978, 5e-4);
-  EXPECT_NEAR(-shown.real() / std::abs(shown), 0.126, 5e-4);
+  const std::complex<double> measured = -std::log(1.0 - h * s) / h;
+  EXPECT_NEAR(measured.imag() / (2.0 * std::numbers::pi), 1.978, 5e-4);
+  EXPECT_NEAR(-measured.real() / std::abs(measured), 0.126, 5e-4);
 
   // x_n = Re(a z^n) with x_0 = 0.1 and v_0 = Re(a s) = 0.
   const std::complex<double> a(0.1, 0.1 * s.real() / s.imag());
@@ -94,7 +95,7 @@ TEST(softness, spring_decays_as_backward_euler) {
 }
 
 // The same spring in continuous time, with an offset: C'' + 2 zeta mu C' + mu^2 C = 0.
-TEST(softness, spring_in_exact_motion_is_the_damped_oscillator) {
+TEST(ReferenceSoftness, spring_in_exact_motion_is_the_damped_oscillator) {
   const double mu = 15.0, zeta = 0.2, time = 0.4, offset = 0.3;
   const std::complex<double> s(-zeta * mu, mu * std::sqrt(1.0 - zeta * zeta)), a(0.1, 0.1 * s.real() / s.imag());
   Model model = two_sliders(Frequency{mu, zeta}, 0.1 - offset);
@@ -108,9 +109,9 @@ TEST(softness, spring_in_exact_motion_is_the_damped_oscillator) {
   EXPECT_THROW(integrate(by_step, by_step.initial_state(), held, time, 1, 1), SettingsError);
 }
 
-// A hangs in the spring of the coupling, B holds on to a drive. Whatever the method and its iterations, at rest
-// the spring bears the weight of A: kp C = -m g.
-TEST(softness, spring_at_rest_sags_by_the_weight_it_bears) {
+// A hangs on the spring of the coupling, and a drive holds B. For any method and any number of iterations, the spring
+// bears the weight of A at rest: kp C = -m g.
+TEST(ReferenceSoftness, spring_at_rest_sags_by_the_weight_it_bears) {
   Model model = two_sliders(Spring{300.0, 40.0});
   model.gravity = {0, 0, -9.81};
   model.joints[1].drive = {1000.0, 100.0, 0.0, 0.0};
@@ -126,7 +127,7 @@ TEST(softness, spring_at_rest_sags_by_the_weight_it_bears) {
       }
 }
 
-TEST(softness, all_ways_to_say_it_are_one_row) {
+TEST(ReferenceSoftness, equal_softness_of_any_kind_gives_the_same_row) {
   const double r = 2.0, h = 0.01;
   const Row from_spring = row(Spring{800.0, 40.0}, r, h);
   EXPECT_NEAR(from_spring.erp, 8.0 / 48.0, 1e-15);  // (23)
@@ -142,8 +143,8 @@ TEST(softness, all_ways_to_say_it_are_one_row) {
   EXPECT_NEAR(std::pow(1.0 - substep_row(Hard{0.3}, r, h, 5).erp, 5), 0.7, 1e-15);
 }
 
-// (26), (27): damping and drives take no part in the inertia that a frequency refers to, armature does.
-TEST(softness, frequency_refers_to_the_mechanism_with_armature) {
+// By (26) and (27), a frequency refers to the inertia with armature, but without damping and drives.
+TEST(ReferenceSoftness, frequency_refers_to_the_mechanism_with_armature) {
   Model model = two_sliders(Frequency{30.0, 0.5});
   model.joints[0].armature = 1.0;
   model.joints[0].damping = 3.0;
@@ -155,10 +156,10 @@ TEST(softness, frequency_refers_to_the_mechanism_with_armature) {
   EXPECT_NEAR(stage.response(0, 0), 1.0 / (2.0 + 0.03) + 1.0 / (1.0 + h * 20.0 + h * h * 500.0), 1e-14);
 }
 
-TEST(softness, none_is_no_coupling) {
-  for (const Softness& none : std::vector<Softness>{Spring{0.0, 0.0}, Frequency{0.0, 1.0}})
+TEST(ReferenceSoftness, zero_stiffness_and_damping_remove_a_coupling) {
+  for (const Softness& zero : std::vector<Softness>{Spring{0.0, 0.0}, Frequency{0.0, 1.0}})
     for (const Method method : every_method) {
-      const Mechanism sliders(two_sliders(none, 0.1, 0.5));
+      const Mechanism sliders(two_sliders(zero, 0.1, 0.5));
       const Step result = once(sliders, with(method, 0.01));
       EXPECT_EQ(result.impulses[0], 0.0);
       EXPECT_NEAR(result.state.v[0], 0.5, 1e-15);
@@ -168,8 +169,8 @@ TEST(softness, none_is_no_coupling) {
 
 // ---------------------------------------------------------------- hard rows
 
-// The error shrinks by 1 - erp each step, however many sub-steps share the work, and no correction stays in v.
-TEST(hard, error_shrinks_by_erp_per_step) {
+// The error shrinks by the factor 1 - erp per step for any number of sub-steps, and no correction stays in v.
+TEST(ReferenceHardRows, error_shrinks_by_erp_per_step) {
   for (const Method method : every_method)
     for (const int iterations : {1, 4, 7}) {
       const Mechanism sliders(two_sliders(Hard{0.3}, 0.1));
@@ -184,14 +185,14 @@ TEST(hard, error_shrinks_by_erp_per_step) {
     }
 }
 
-TEST(hard, erp_above_1_cannot_be_shared_by_substeps) {
+TEST(ReferenceHardRows, erp_above_1_cannot_be_shared_by_substeps) {
   const Mechanism sliders(two_sliders(Hard{1.5}, 0.1));
   EXPECT_THROW(once(sliders, with(Method::tgs, 0.01, 2)), SettingsError);
   EXPECT_NEAR(relative(once(sliders, with(Method::tgs, 0.01, 1)).state), -0.05, 1e-15);
   EXPECT_NEAR(relative(once(sliders, with(Method::pgs, 0.01, 4)).state), -0.05, 1e-15);
 }
 
-TEST(hard, dependent_rows_take_no_impulse_and_change_nothing) {
+TEST(ReferenceHardRows, dependent_rows_take_no_impulse_and_change_nothing) {
   const Mechanism loop(scenes::redundant());
   EXPECT_EQ(Couplings(loop).redundant, (std::vector<bool>{false, false, true}));
   Model chain = scenes::redundant();
@@ -204,24 +205,24 @@ TEST(hard, dependent_rows_take_no_impulse_and_change_nothing) {
   }
 }
 
-// Which row is called redundant follows from the order; how many from the rank. Soft rows never are.
-TEST(hard, redundancy_is_rank) {
+// The order of the rows decides which ones are redundant, their rank how many. Soft rows are never redundant.
+TEST(ReferenceHardRows, redundancy_follows_from_the_rank) {
   int found = 0;
   for (int seed = 0; seed < 200; ++seed) {
     const Mechanism mechanism(scenes::random_model(seed));
     const Couplings couplings(mechanism);
-    std::vector<int> hard, kept;
+    std::vector<int> hard, independent;
     for (int i = 0; i < couplings.count(); ++i) {
       if (is_hard(couplings.softness[i])) hard.push_back(i);
-      if (is_hard(couplings.softness[i]) && !couplings.redundant[i]) kept.push_back(i);
+      if (is_hard(couplings.softness[i]) && !couplings.redundant[i]) independent.push_back(i);
       if (!is_hard(couplings.softness[i])) {
         EXPECT_FALSE(couplings.redundant[i]);
       }
     }
     if (hard.empty()) continue;
     const MatrixXd rows = couplings.jacobian(hard, Eigen::all);
-    EXPECT_EQ(static_cast<Eigen::Index>(kept.size()), rows.colPivHouseholderQr().rank()) << seed;
-    found += kept.size() < hard.size();
+    EXPECT_EQ(static_cast<Eigen::Index>(independent.size()), rows.colPivHouseholderQr().rank()) << seed;
+    found += independent.size() < hard.size();
   }
   EXPECT_GT(found, 3);
 }
@@ -229,7 +230,7 @@ TEST(hard, redundancy_is_rank) {
 // ---------------------------------------------------------------- methods
 
 // One body on an implicit drive: m (v' - v) / h = tau - d v' - kp (q + h v' - q_t) - kd (v' - v_t).
-TEST(methods, free_velocity_takes_damping_and_drive_at_the_end_of_the_step) {
+TEST(ReferenceMethods, free_velocity_takes_damping_and_drive_at_the_end_of_the_step) {
   Model model = two_sliders(Spring{0.0, 0.0}, 0.2, 0.7);
   model.joints[0].damping = 3.0, model.joints[0].armature = 0.5, model.joints[0].effort = 5.0;
   model.joints[0].drive = {400.0, 30.0, 0.5, -0.2};
@@ -240,15 +241,15 @@ TEST(methods, free_velocity_takes_damping_and_drive_at_the_end_of_the_step) {
   EXPECT_NEAR(stage.free[0], expected, 1e-14);
 }
 
-// Where A does not change and rows do not solve_bounds, N sub-steps of h / N are N steps of h / N.
-TEST(methods, tgs_is_as_many_small_steps) {
+// If A does not change and there is one row only, N sub-steps of h / N are N steps of h / N.
+TEST(ReferenceMethods, tgs_gives_the_motion_of_as_many_small_steps) {
   const double h = 0.02;
   const int n = 5;
-  const Softness mixing = ErpCfm{0.3, 0.8};
-  const SpringConstants same = spring(mixing, 2.0, h);
+  const Softness erp_cfm = ErpCfm{0.3, 0.8};
+  const SpringConstants same = spring(erp_cfm, 2.0, h);
   const std::pair<Softness, Softness> pairs[] = {{Spring{300.0, 4.0}, Spring{300.0, 4.0}},
                                                  {Frequency{20.0, 0.2}, Frequency{20.0, 0.2}},
-                                                 {mixing, Spring{same.kp, same.kd}}};
+                                                 {erp_cfm, Spring{same.kp, same.kd}}};
   for (const auto& [whole, small] : pairs) {
     Model model = two_sliders(whole, 0.1, 0.5);
     model.gravity = {1, 2, -9.81};
@@ -269,7 +270,7 @@ TEST(methods, tgs_is_as_many_small_steps) {
   }
 }
 
-TEST(methods, couplings_may_leave_nothing_free) {
+TEST(ReferenceMethods, couplings_may_lock_all_joints) {
   Model model = two_sliders(Hard{}, 0.0, 0.5);
   model.gravity = {0, 0, -9.81};
   model.couplings.push_back(Coupling::mimic("A", "B", 1.0));
@@ -278,8 +279,8 @@ TEST(methods, couplings_may_leave_nothing_free) {
   EXPECT_LT(acceleration(sliders, sliders.initial_state(), sliders.initial_inputs()).norm(), 1e-15);
 }
 
-// What defines the solution: A (v - v*) = J^T L, and J v + b + cfm L = 0 in every row.
-TEST(methods, direct_satisfies_every_row) {
+// The solution is defined by A (v - v*) = J^T L, and J v + b + cfm L = 0 in every row.
+TEST(ReferenceMethods, direct_satisfies_every_row) {
   for (int seed = 0; seed < 50; ++seed) {
     const Mechanism mechanism(scenes::random_model(seed));
     const Stage stage(mechanism, 1.0 / 240, mechanism.initial_state(), mechanism.initial_inputs());
@@ -289,13 +290,13 @@ TEST(methods, direct_satisfies_every_row) {
     EXPECT_LT(difference(momentum, given), 1e-9 * (1.0 + momentum.norm())) << seed;
     for (int i = 0; i < solution.impulses.size(); ++i) {
       if (!stage.rows[i].active) continue;
-      const double left = stage.jacobian.row(i).dot(solution.velocity) + stage.correction[i];
-      EXPECT_NEAR(left + stage.rows[i].cfm * solution.impulses[i], 0.0, 1e-9) << seed;
+      const double residual = stage.jacobian.row(i).dot(solution.velocity) + stage.correction[i];
+      EXPECT_NEAR(residual + stage.rows[i].cfm * solution.impulses[i], 0.0, 1e-9) << seed;
     }
   }
 }
 
-TEST(methods, reduced_is_direct) {
+TEST(ReferenceMethods, reduced_agrees_with_direct) {
   for (int seed = 0; seed < 100; ++seed) {
     const Mechanism mechanism(scenes::random_model(seed));
     for (const int velocity_iterations : {0, 1}) {
@@ -308,7 +309,7 @@ TEST(methods, reduced_is_direct) {
   }
 }
 
-TEST(methods, pgs_converges_to_direct) {
+TEST(ReferenceMethods, pgs_converges_to_direct) {
   for (const char* name : {"chain8", "gripper13", "redundant", "gear100"}) {
     Model model = scenes::scene(name).model;
     for (Joint& joint : model.joints) joint.position += 0.01 * joint.axis[1];  // an error to correct
@@ -319,11 +320,11 @@ TEST(methods, pgs_converges_to_direct) {
       return difference(pgs(stage, with(Method::pgs, 1.0 / 240, sweeps, sweeps)).velocity, exact.velocity);
     };
     EXPECT_LT(distance(1000), 1e-10) << name;
-    EXPECT_GT(distance(1), 1e-5) << name;  // it takes sweeps indeed
+    EXPECT_GT(distance(1), 1e-5) << name << " needs only one sweep";
   }
 }
 
-TEST(methods, automatic_is_refused) {
+TEST(ReferenceMethods, automatic_is_refused) {
   const Mechanism sliders(two_sliders(Hard{}));
   EXPECT_THROW(once(sliders, with(Method::automatic)), SettingsError);
 }

@@ -1,6 +1,6 @@
-// The reference against files of exact motion, made by others. SPDX-License-Identifier: Apache-2.0
+// The reference against files of exact motion from other sources. SPDX-License-Identifier: Apache-2.0
 //
-// LOCKSTEP_TEST_DATA, in the environment or compiled in, is the folder with scenes/NAME.truth.txt.
+// The files are scenes/NAME.truth.txt in the folder LOCKSTEP_TEST_DATA, set in the environment or when compiled.
 #include "reference/truth.h"
 
 #include <gtest/gtest.h>
@@ -19,9 +19,9 @@ std::string truth_path(const std::string& scene) { return physics::test_data() +
 
 struct Case {
   const char* scene;
-  int steps;           // of Runge-Kutta per row of the file; the stiff drives need many to be stable
+  int steps;           // of Runge-Kutta per row of the file; stiff drives need many for stability
   double tolerance;    // rad
-  double first_order;  // RMS of q over the first second that a step of 1/240 s must meet; 0: none (too wild)
+  double first_order;  // bound of the RMS error of q over the first second at 1/240 s; 0 if the error is too large
 };
 
 class Truth : public testing::TestWithParam<Case> {
@@ -33,7 +33,7 @@ class Truth : public testing::TestWithParam<Case> {
     ASSERT_NEAR(truth_.times[240], 1.0, 1e-12);
   }
 
-  // Targets are those of the step's start: what a controller knows that writes them and then steps.
+  // RMS error over the first second. Targets are those at the start of the step, like those of a controller.
   double rms(Method method, int steps_per_row) const {
     const Mechanism mechanism(scene_.model);
     StepSettings settings;
@@ -55,7 +55,7 @@ class Truth : public testing::TestWithParam<Case> {
   scenes::Truth truth_;
 };
 
-TEST_P(Truth, is_what_runge_kutta_gives) {
+TEST_P(Truth, agrees_with_runge_kutta) {
   const Mechanism mechanism(scene_.model);
   const auto targets = [&](double t, Inputs& inputs) { inputs.position_targets = scene_.targets(t); };
   const Motion motion =
@@ -66,13 +66,13 @@ TEST_P(Truth, is_what_runge_kutta_gives) {
 
 TEST_P(Truth, is_approached_to_first_order) {
   const double bound = GetParam().first_order;
-  if (bound == 0.0) GTEST_SKIP() << "too wild for a step of 1/240 s";
+  if (bound == 0.0) GTEST_SKIP() << "the motion is too fast for a step of 1/240 s";
   const double direct = rms(Method::direct, 1), halved = rms(Method::direct, 2), reduced = rms(Method::reduced, 1);
   RecordProperty("rms", std::to_string(direct));
   EXPECT_LT(direct, bound);
   EXPECT_LT(reduced, bound);
   EXPECT_NEAR(direct / halved, 2.0, 0.15);
-  // Equal steps; over a second the whip of chain32 makes more of their rounding.
+  // The steps are equal up to rounding, which the whip of chain32 amplifies over a second.
   EXPECT_NEAR(reduced, direct, 1e-9);
 }
 

@@ -1,4 +1,4 @@
-// Random mechanisms: every feature of a Model in every mixture. SPDX-License-Identifier: Apache-2.0
+// Random mechanisms with every mixture of a Model's features. SPDX-License-Identifier: Apache-2.0
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
@@ -15,8 +15,8 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-// The engine's numbers are the same everywhere, those of the standard distributions are not. Nor is the order in
-// which the arguments of a call are evaluated, so no expression here draws two numbers outside of braces.
+// The standard fixes the numbers of the engine, but not those of its distributions, nor the order in which the
+// arguments of a call are evaluated. So no expression here draws two numbers outside of braces.
 class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
@@ -73,7 +73,7 @@ Inertia random_inertia(Random& random) {
 
 Vector3d random_axis(Random& random) {
   if (random.chance(0.5)) {
-    const double length = random.uniform(0.5, 2.0);  // axes may have any
+    const double length = random.uniform(0.5, 2.0);  // an axis may have any length
     return length * random.direction();
   }
   const Vector3d axis = Vector3d::Unit(random.integer(0, 2));
@@ -133,7 +133,7 @@ Softness random_softness(Random& random, RandomOptions::Soft soft) {
   }
 }
 
-// Rows of J over the dofs; dof = place among the moving joints.
+// Rows of J, one column per dof; a dof is the index among the moving joints.
 MatrixXd coupling_rows(const Model& model) {
   std::vector<std::string> moving;
   for (const Joint& joint : model.joints)
@@ -177,8 +177,8 @@ void add_couplings(Model& model, Random& random, const RandomOptions& options) {
   }
 }
 
-// gamma such that C = 0 at the state, or at one that is a little off it: so no two couplings contradict each
-// other, even where one follows from others.
+// Sets gamma such that C = 0 at the state or at a state near it. So no couplings contradict each other, even if one
+// follows from others.
 void fit_couplings_and_state(Model& model, Random& random, const RandomOptions& options) {
   std::vector<Joint*> moving;
   for (Joint& joint : model.joints)

@@ -11,7 +11,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double chain_damping = 0.05;  // N m s/rad, of the chains
+constexpr double chain_damping = 0.05;  // N m s/rad
 
 Inertia arm_box() { return Inertia::box(0.2, {0.1, 0.04, 0.04}, {0.05, 0, 0}); }
 Inertia finger_box() { return Inertia::box(0.05, {0.04, 0.02, 0.02}, {0.02, 0, 0}); }
@@ -20,7 +20,7 @@ std::string numbered(char letter, int number) { return std::string(1, letter).ap
 std::string j(int i) { return numbered('j', i); }
 std::string l(int i) { return numbered('l', i); }
 
-// Appends link l<i> with joint j<i> behind the link `parent`, at `offset` in its frame.
+// Appends link l<i> with joint j<i> to the link `parent`, at `offset` in its frame.
 Joint& append(Model& model, const std::string& parent, const Vector3d& offset, const Vector3d& axis,
               const Inertia& inertia) {
   const int number = static_cast<int>(model.joints.size());
@@ -36,7 +36,7 @@ Joint& append(Model& model, const std::string& parent, const Vector3d& offset, c
   return model.joints.back();
 }
 
-// `count` links in a row on "base", the first at `start`; axis y on the even ones, z on the odd ones.
+// Appends `count` links in series to "base", the first at `start`. Even joints turn about y, odd ones about z.
 void append_chain(Model& model, int count, const Vector3d& start) {
   for (int i = 0; i < count; ++i) {
     const std::string parent = i == 0 ? "base" : l(i - 1);
@@ -46,7 +46,7 @@ void append_chain(Model& model, int count, const Vector3d& start) {
   }
 }
 
-// chain8 before it is coupled.
+// chain8 without its couplings.
 Model eight_links(const std::string& name) {
   Model model;
   model.name = name;

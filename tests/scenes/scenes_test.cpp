@@ -1,4 +1,4 @@
-// The scenes are valid, and the random ones hold what their options promise. SPDX-License-Identifier: Apache-2.0
+// The scenes are valid, and the random ones respect their options. SPDX-License-Identifier: Apache-2.0
 #include "scenes.h"
 
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 namespace lockstep {
 namespace {
 
-TEST(scenes, are_valid_and_complete) {
+TEST(Scenes, are_valid_and_complete) {
   for (const std::string& name : scenes::names()) {
     const scenes::Scene scene = scenes::scene(name);
     EXPECT_EQ(scene.model.name, name);
@@ -26,7 +26,7 @@ double coupling_error(const Model& model, const Coupling& coupling, double Joint
   return error;
 }
 
-TEST(random_model, is_valid_and_reproducible) {
+TEST(RandomModel, is_valid_and_reproducible) {
   std::set<std::size_t> kinds;
   int floating = 0, fixed_joints = 0;
   for (int seed = 0; seed < 200; ++seed) {
@@ -46,7 +46,7 @@ TEST(random_model, is_valid_and_reproducible) {
   EXPECT_GT(fixed_joints, 100);
 }
 
-TEST(random_model, without_coupling_error_starts_on_its_couplings) {
+TEST(RandomModel, satisfies_its_couplings_where_no_error_is_asked_for) {
   scenes::RandomOptions options;
   options.coupling_error = false;
   for (int seed = 0; seed < 100; ++seed) {

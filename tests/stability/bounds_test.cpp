@@ -1,11 +1,11 @@
-// Limits, restitution, speeds, efforts and slips have the values that theory gives. SPDX-License-Identifier: Apache-2.0
+// Bounds give the positions, velocities and forces of theory. SPDX-License-Identifier: Apache-2.0
 #include "mechanisms.h"
 #include "watch.h"
 
 namespace lockstep::stability {
 namespace {
 
-// A mass that falls along z from `height` onto the end of its range.
+// A mass that falls along z from `height` onto its lower limit.
 Model falling(double height, double restitution) {
   Model model = sliding(1);
   model.gravity = {0.0, 0.0, -9.81};
@@ -50,9 +50,9 @@ TEST(Bounds, arm_on_its_limits_lies_still) {
   });
 }
 
-// Each bounce has half the speed of the one before, to what a step of gravity adds or takes twice over: heights with
-// the square of it.
-TEST(Bounds, restitution_gives_heights_that_fall_with_its_square) {
+// Each bounce has half the speed of the one before, up to twice the speed that gravity adds in a step. Heights shrink
+// by the square.
+TEST(Bounds, restitution_multiplies_heights_by_its_square) {
   at_all_steps([](auto scalar, double dt) {
     using S = decltype(scalar);
     Watch<S> watch(falling(1.0, 0.5), recorded(dt));
@@ -75,7 +75,7 @@ TEST(Bounds, restitution_gives_heights_that_fall_with_its_square) {
   });
 }
 
-// Of a joint, and of a follower that turns three times as fast.
+// Limits either the leader or its follower, which is three times as fast.
 TEST(Bounds, velocity_limits_hold_to_the_last_digit) {
   with_exact_methods([](auto scalar, double dt, Method method) {
     using S = decltype(scalar);
@@ -88,13 +88,13 @@ TEST(Bounds, velocity_limits_hold_to_the_last_digit) {
       const double last_places = 8.0 * std::numeric_limits<S>::epsilon();
       watch.run(1.0, {}, [&] { ASSERT_LE(std::abs(watch.velocity(limited)), 0.7 * (1.0 + last_places)); });
       EXPECT_NEAR(watch.velocity(limited), 0.7, 0.7 * last_places);
-      EXPECT_LE(watch.error(), held<S>);
+      EXPECT_LE(watch.error(), hard_tolerance<S>);
     }
   });
 }
 
-// Semi-implicit Euler under a constant force F: v_n = n h F / m. A servo of any stiffness far from its target is that,
-// with feed-forward or without, and at no time gives a mass more speed than its limit can.
+// Far from its target, a limited servo of any stiffness gives a constant force F, so v_n = n h F / m. An effort does
+// not change that. At no time may the servo accelerate the mass more than its limit can.
 TEST(Bounds, servo_never_exceeds_its_effort_limit) {
   for (double kp : {100.0, 1e6})
     for (double feed_forward : {0.0, 2.0, -5.0})
@@ -120,8 +120,8 @@ TEST(Bounds, servo_never_exceeds_its_effort_limit) {
       });
 }
 
-// s_0 = 2 s_1 prescribed: exact to rounding, also where the slow one is the coupling's first joint.
-TEST(Bounds, kinematic_drive_takes_its_follower_along_exactly) {
+// s_0 = 2 s_1, and a drive prescribes s_1. The motion is exact up to rounding, with either joint first in the coupling.
+TEST(Bounds, kinematic_drive_moves_the_coupled_joint_exactly) {
   for (bool swapped : {false, true})
     with_exact_methods([&](auto scalar, double dt, Method method) {
       using S = decltype(scalar);
@@ -146,8 +146,8 @@ TEST(Bounds, kinematic_drive_takes_its_follower_along_exactly) {
     });
 }
 
-// s_0 = gear s_1, a push F on s_1: the coupling's force on s_0 is gear F / (1 + gear^2). Below its limit it holds, and
-// beyond it s_0 is pushed by the limit alone, and s_1 by what gear times the limit leaves of F.
+// s_0 = gear s_1 with an effort F on s_1. The force of the coupling on s_0 is gear F / (1 + gear^2), and below its
+// limit the coupling holds. Beyond it, the limit drives s_0, and F minus gear times the limit drives s_1.
 TEST(Bounds, coupling_with_a_force_limit_holds_to_it_and_slips_beyond) {
   constexpr double gear = 2.0, most = 3.0;
   with_exact_methods([](auto scalar, double dt, Method method) {
@@ -157,25 +157,25 @@ TEST(Bounds, coupling_with_a_force_limit_holds_to_it_and_slips_beyond) {
       Model model = sliding(2);
       model.couplings = {Coupling::mimic("s0", "s1", -gear)};
       model.couplings[0].force_limit = most;
-      const double push = share * most * (1.0 + gear * gear) / gear;
-      model.joints[1].effort = push;
+      const double effort = share * most * (1.0 + gear * gear) / gear;
+      model.joints[1].effort = effort;
       StepSettings settings = recorded(dt, method);
       Watch<S> watch(model, settings);
       watch.run(0.5);
       const double t = watch.time();
-      const double first = share < 1.0 ? push * gear / (1.0 + gear * gear) : most;
-      const double second = share < 1.0 ? push / (1.0 + gear * gear) : push - gear * most;
+      const double first = share < 1.0 ? effort * gear / (1.0 + gear * gear) : most;
+      const double second = share < 1.0 ? effort / (1.0 + gear * gear) : effort - gear * most;
       EXPECT_NEAR(watch.velocity(0), first * t, 1e-4 * first * t);
       EXPECT_NEAR(watch.velocity(1), second * t, 1e-4 * second * t);
       if (share < 1.0) {
-        EXPECT_LE(watch.error(), held<S>);
+        EXPECT_LE(watch.error(), hard_tolerance<S>);
       }
       EXPECT_EQ(std::abs(watch.batch.row_states()(0, 0)), share < 1.0 ? S(1) : S(2));
     }
   });
 }
 
-// One lane each: always on, always off, switched on half way.
+// Three environments: the coupling is always on, off, and switched on later.
 TEST(Bounds, switched_couplings_hold_where_they_are_on) {
   at_all_steps([](auto scalar, double dt) {
     using S = decltype(scalar);
@@ -187,17 +187,17 @@ TEST(Bounds, switched_couplings_hold_where_they_are_on) {
     Watch<S> uncoupled(free, recorded(dt));
     auto on = watch.batch.parameter(Parameter::coupling_switch);
     on << S(1), S(0), S(0);
-    watch.run(0.25, {}, [&] { ASSERT_LE(std::abs(watch.batch.coupling_errors()(0, 0)), held<S>); });
+    watch.run(0.25, {}, [&] { ASSERT_LE(std::abs(watch.batch.coupling_errors()(0, 0)), hard_tolerance<S>); });
     uncoupled.run(0.25);
     for (int lane : {1, 2})
       for (int dof : {0, 1}) EXPECT_NEAR(watch.position(dof, lane), uncoupled.position(dof), 1e-5) << lane;
     EXPECT_GT(std::abs(watch.batch.coupling_errors()(0, 1)), 1e-2);
-    double left = watch.batch.coupling_errors()(0, 2);
+    double expected = watch.batch.coupling_errors()(0, 2);
     on(0, 2) = S(1);
     watch.run(3.0, {}, [&] {
-      left *= 0.8;
-      ASSERT_NEAR(watch.batch.coupling_errors()(0, 2), left, 1e-5);
-      ASSERT_LE(std::abs(watch.batch.coupling_errors()(0, 0)), held<S>);
+      expected *= 0.8;
+      ASSERT_NEAR(watch.batch.coupling_errors()(0, 2), expected, 1e-5);
+      ASSERT_LE(std::abs(watch.batch.coupling_errors()(0, 0)), hard_tolerance<S>);
     });
     EXPECT_TRUE(watch.finite());
   });

@@ -1,4 +1,4 @@
-// What cannot be is refused by name; what cannot be met is shared, quiet and named. SPDX-License-Identifier: Apache-2.0
+// Contradictions are refused by name, or shared and named. SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
 #include "lockstep/error.h"
@@ -21,7 +21,7 @@ std::string refusal(const Model& model) {
   return "";
 }
 
-TEST(Contradiction, couplings_that_are_no_numbers_are_refused_by_name) {
+TEST(Contradiction, couplings_with_nan_or_extreme_numbers_are_refused_by_name) {
   for (double offset : {nan, infinity, -infinity}) {
     Model model = scenes::chain8();
     model.couplings[1].offset = offset;
@@ -34,14 +34,14 @@ TEST(Contradiction, couplings_that_are_no_numbers_are_refused_by_name) {
   }
 }
 
-TEST(Contradiction, loop_that_cannot_close_is_refused_with_both_sides) {
+TEST(Contradiction, loop_that_cannot_close_is_refused_by_the_names_of_its_couplings) {
   EXPECT_EQ(refusal(loop(0.0)), "");
-  const std::string said = refusal(loop(0.1));
-  for (const char* side : {"j0", "j2", "j0#2"}) EXPECT_NE(said.find(side), std::string::npos) << said;
+  const std::string message = refusal(loop(0.1));
+  for (const char* side : {"j0", "j2", "j0#2"}) EXPECT_NE(message.find(side), std::string::npos) << message;
 }
 
-// The same loop where only one environment cannot close it: the third coupling is the one that follows, so the others
-// hold; the neighbour is untouched.
+// Only one environment cannot close the loop. The third coupling is redundant, so the others hold. The neighbour does
+// not change.
 TEST(Contradiction, loop_that_cannot_close_in_one_environment_stays_quiet_there) {
   with_exact_methods([](auto scalar, double dt, Method method) {
     using S = decltype(scalar);
@@ -49,25 +49,25 @@ TEST(Contradiction, loop_that_cannot_close_in_one_environment_stays_quiet_there)
     for (Joint& joint : model.joints) joint.damping = 0.3;
     StepSettings settings = recorded(dt, method);
     settings.per_environment = {Parameter::offset};
-    Watch<S> watch(model, settings, 2), alone(model, settings);
+    Watch<S> watch(model, settings, 2), single(model, settings);
     watch.batch.parameter(Parameter::offset)(2, 1) = S(0.1);
-    watch.run(20.0), alone.run(20.0);
+    watch.run(20.0), single.run(20.0);
     const auto errors = watch.batch.coupling_errors();
     EXPECT_TRUE(watch.finite());
     EXPECT_EQ(watch.batch.faulted(), 0);
-    EXPECT_LE(errors.topRows(2).abs().maxCoeff(), held<S>);
+    EXPECT_LE(errors.topRows(2).abs().maxCoeff(), hard_tolerance<S>);
     EXPECT_NEAR(errors(2, 1), 0.1, 1e-4);
-    EXPECT_LE(std::abs(errors(2, 0)), held<S>);
+    EXPECT_LE(std::abs(errors(2, 0)), hard_tolerance<S>);
     EXPECT_LE(watch.speed(), 1e-3);
     EXPECT_EQ(watch.batch.conflicts(1), (Names{"coupling j0", "coupling j2", "coupling j0#2"}));
     EXPECT_EQ(watch.batch.conflicts(0), Names{});
-    EXPECT_TRUE((watch.batch.positions().col(0) == alone.batch.positions().col(0)).all());
+    EXPECT_TRUE((watch.batch.positions().col(0) == single.batch.positions().col(0)).all());
   });
 }
 
-// What `direct` makes of a contradiction through a coupling: both sides stay in an inverse that can hardly tell them
-// apart (M61), and share by a compliance. In single precision that takes digits from the coupling, and it is named as
-// well.
+// `direct` keeps both sides of a contradiction through a coupling in an inverse, in which they are nearly dependent
+// (M61), and lets them share the violation by a compliance. In single precision the coupling loses digits, so it is
+// named as well.
 template <class S>
 void expect_named(const Watch<S>& watch, const Names& both) {
   const bool single = sizeof(S) == 4;
@@ -83,13 +83,12 @@ template <class S>
 void expect_quiet_and_named(const Watch<S>& watch, const Names& both, int environment = 0) {
   EXPECT_TRUE(watch.finite());
   EXPECT_EQ(watch.batch.faulted(), 0);
-  EXPECT_LE(watch.error(), held<S>);
+  EXPECT_LE(watch.error(), hard_tolerance<S>);
   EXPECT_LE(watch.speed(), 1e-3);
   EXPECT_EQ(watch.batch.conflicts(environment), both);
 }
 
-// The scene `limitbad`, and beside it a neighbour whose limits can be met: joint 0 <= 0.2 and joint 2 >= 0.25 with
-// q_0 = q_2, in the neighbour q_0 = q_2 - 0.1.
+// q_0 <= 0.2 and q_2 >= 0.25 contradict q_0 = q_2. The neighbour has q_0 = q_2 - 0.1, so it can meet its limits.
 TEST(Contradiction, limits_that_contradict_through_a_coupling_share_the_violation) {
   Model model = scenes::chain8();
   for (Joint& joint : model.joints) joint.damping = 0.3;
@@ -121,7 +120,7 @@ TEST(Contradiction, limits_that_contradict_through_a_coupling_share_the_violatio
   });
 }
 
-// What `direct` is asked for as well, and where the first joint of the first environment is in the end.
+// Runs `direct` and expects the first joint of the first environment at `end`.
 template <class Prescribe>
 void expect_named_by_direct(const Model& model, const Prescribe& prescribe, const Names& both, double end,
                             double end_in_floats) {
@@ -139,7 +138,7 @@ void expect_named_by_direct(const Model& model, const Prescribe& prescribe, cons
   });
 }
 
-// Two prescribed motions of joints that a coupling ties together: it holds, they meet in the middle.
+// Two drives prescribe different motions of coupled joints. The coupling holds, and the joints meet in the middle.
 TEST(Contradiction, kinematic_drives_that_contradict_through_a_coupling_meet_in_the_middle) {
   Model model = pair(Arrangement::second_on_first);
   for (Joint& joint : model.joints) joint.drive.kinematic = true;
@@ -158,7 +157,7 @@ TEST(Contradiction, kinematic_drives_that_contradict_through_a_coupling_meet_in_
   expect_named_by_direct(model, prescribe, both, 0.0, 0.0);
 }
 
-// Limits win over a prescribed motion, and the step says so.
+// A limit takes precedence over a prescribed motion, and the step names both.
 TEST(Contradiction, kinematic_drive_beyond_the_limit_of_its_follower_stops_there) {
   Model model = pair(Arrangement::second_on_first);
   model.joints[0].upper = 0.1;
@@ -175,8 +174,8 @@ TEST(Contradiction, kinematic_drive_beyond_the_limit_of_its_follower_stops_there
     EXPECT_NEAR(watch.position(0, 1), -0.5, 1e-5);
     EXPECT_EQ(watch.batch.conflicts(1), Names{});
   });
-  // x beyond the limit, of which it asks 0.2 back, the drive lacks 0.4 - x, and it yields 300 times as much, or 100
-  // times.
+  // At x beyond the limit, the limit corrects 0.2 x per step and the drive lacks 0.4 - x. The drive yields 300 times as
+  // much as the limit, and 100 times in floats.
   expect_named_by_direct(model, prescribe, both, 0.1 + 0.4 / (1.0 + 0.2 * 300), 0.1 + 0.4 / (1.0 + 0.2 * 100));
 }
 

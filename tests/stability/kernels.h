@@ -1,4 +1,6 @@
-// Runs of the suite on generated kernels (tests/generated/stability.cmake). SPDX-License-Identifier: Apache-2.0
+// Collects the generated kernels of the stability tests and checks their use. SPDX-License-Identifier: Apache-2.0
+//
+// See tests/generated/stability.cmake.
 #pragma once
 
 #include <fmt/format.h>
@@ -13,15 +15,16 @@
 
 namespace lockstep::stability {
 
-/// On one thread.
+/// One thread.
 inline BatchOptions options() { return {.threads = 1}; }
 
 inline std::string kernel_file(const char* folder, const Plan& plan) {
   return fmt::format("{}/k{:016x}.cpp", folder, kernel_hash(plan));
 }
 
-/// With LOCKSTEP_COLLECT_KERNELS naming a folder, writes the plan's kernel there.
-inline const Plan& noted(const Plan& plan) {
+/// Returns the plan. If the environment variable LOCKSTEP_COLLECT_KERNELS names a folder, writes the kernel of the plan
+/// there first.
+inline const Plan& collected(const Plan& plan) {
   const char* folder = std::getenv("LOCKSTEP_COLLECT_KERNELS");
   if (!folder || kernel_hash(plan) == 0) return plan;
   const std::filesystem::path file = kernel_file(folder, plan);
@@ -29,8 +32,7 @@ inline const Plan& noted(const Plan& plan) {
   return plan;
 }
 
-/// With LOCKSTEP_EXPECT_KERNELS naming that folder, a batch that is stepped otherwise although a kernel was written for
-/// it is a failure.
+/// If LOCKSTEP_EXPECT_KERNELS names that folder and it has the kernel of the batch's plan, expects the batch to use it.
 template <class S>
 void expect_kernel(const Batch<S>& batch) {
   const char* folder = std::getenv("LOCKSTEP_EXPECT_KERNELS");

@@ -1,4 +1,4 @@
-// Environments whose bounds act at other times do not see each other. SPDX-License-Identifier: Apache-2.0
+// Environments with different active bounds do not change each other's bits. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
 #include "contract.h"
@@ -10,8 +10,8 @@
 namespace lockstep::stability {
 namespace {
 
-// chain8 with every kind of bound but a velocity limit (known_test.cpp); which of them act depends on where an
-// environment is and where it is driven to.
+// chain8 with every kind of bound but a velocity limit, which known_test.cpp has. The state and the targets of an
+// environment decide which of them are active.
 Model bounded() {
   Model model = scenes::chain8();
   model.joints[0].upper = 0.4;
@@ -27,8 +27,8 @@ Model bounded() {
   return model;
 }
 
-// Nine environments fill a tile of eight and begin another.
-TEST(StatePointers, environments_of_other_active_sets_give_the_bits_that_they_give_alone) {
+// Nine environments fill a tile of eight lanes and begin another.
+TEST(Lanes, with_different_active_sets_give_the_bits_of_single_environments) {
   constexpr int environments = 9;
   for (Method method : physics::methods)
     in_both_precisions([&](auto scalar) {
@@ -36,37 +36,38 @@ TEST(StatePointers, environments_of_other_active_sets_give_the_bits_that_they_gi
       SCOPED_TRACE(to_string(method));
       for (double dt : {1.0 / 60, 1.0 / 240}) {
         const Plan plan = compile(bounded(), recorded(dt, method));
-        Batch<S> together = contract::scattered<S>(plan, environments, options());
-        std::vector<Batch<S>> alone;
+        Batch<S> crowd = contract::scattered<S>(plan, environments, options());
+        std::vector<Batch<S>> single;
         for (int e = 0; e < environments; ++e) {
-          alone.emplace_back(plan, 1, options());
-          contract::scatter(alone.back(), 0, static_cast<std::uint64_t>(e));
+          single.emplace_back(plan, 1, options());
+          contract::scatter(single.back(), 0, static_cast<std::uint64_t>(e));
         }
-        std::vector<std::vector<S>> seen;  // which rows act, per environment
+        std::vector<std::vector<S>> active_sets;  // states of rows, per environment
         for (int step = 0; step < 60; ++step) {
-          together.step();
+          crowd.step();
           for (int e = 0; e < environments; ++e) {
-            alone[e].step();
-            ASSERT_TRUE(contract::same_bits(together, e, alone[e], 0)) << "step " << step << " of " << e;
-            ASSERT_TRUE((together.row_states().col(e) == alone[e].row_states().col(0)).all());
-            ASSERT_TRUE((together.row_residuals().col(e) == alone[e].row_residuals().col(0)).all());
-            ASSERT_EQ(together.conflicts(e), alone[e].conflicts(0));
+            single[e].step();
+            ASSERT_TRUE(contract::same_bits(crowd, e, single[e], 0)) << "step " << step << " of " << e;
+            ASSERT_TRUE((crowd.row_states().col(e) == single[e].row_states().col(0)).all());
+            ASSERT_TRUE((crowd.row_residuals().col(e) == single[e].row_residuals().col(0)).all());
+            ASSERT_EQ(crowd.conflicts(e), single[e].conflicts(0));
           }
           if (step == 30)
             for (int e = 0; e < environments; ++e) {
-              const auto states = together.row_states().col(e).eval();
-              seen.emplace_back(states.data(), states.data() + states.size());
+              const auto states = crowd.row_states().col(e).eval();
+              active_sets.emplace_back(states.data(), states.data() + states.size());
             }
         }
-        std::sort(seen.begin(), seen.end());
-        EXPECT_GE(std::unique(seen.begin(), seen.end()) - seen.begin(), 3) << "the sets differ";
+        std::sort(active_sets.begin(), active_sets.end());
+        EXPECT_GE(std::unique(active_sets.begin(), active_sets.end()) - active_sets.begin(), 3)
+            << "the active sets do not differ";
       }
     });
 }
 
-// Random mechanisms whose bounds contradict each other: rows are looked for again and again, for a neighbour's sake as
-// well, with and without compliance, and some searches find no end.
-TEST(StatePointers, searches_that_neighbours_repeat_end_where_they_do_alone) {
+// The bounds of these random mechanisms contradict each other. So the search for active rows is retried with and
+// without compliance, also because of neighbours, and some searches run out of rounds.
+TEST(Lanes, find_the_same_active_sets_if_neighbours_retry_the_search) {
   constexpr int environments = 9;
   for (const std::uint64_t seed : {41u, 360u, 532u, 1547u, 2556u, 3430u, 5159u, 5392u, 5553u, 9144u, 10120u})
     for (const Method method : {Method::automatic, Method::direct})
@@ -75,17 +76,17 @@ TEST(StatePointers, searches_that_neighbours_repeat_end_where_they_do_alone) {
         SCOPED_TRACE(fmt::format("seed {} {}", seed, to_string(method)));
         const RandomScene scene = random_scene(seed);
         const Plan plan = compile(scene.model, recorded(scene.dt, method));
-        Batch<S> together = contract::scattered<S>(plan, environments, options());
-        std::vector<Batch<S>> alone;
+        Batch<S> crowd = contract::scattered<S>(plan, environments, options());
+        std::vector<Batch<S>> single;
         for (int e = 0; e < environments; ++e) {
-          alone.emplace_back(plan, 1, options());
-          contract::scatter(alone.back(), 0, static_cast<std::uint64_t>(e));
+          single.emplace_back(plan, 1, options());
+          contract::scatter(single.back(), 0, static_cast<std::uint64_t>(e));
         }
         for (int step = 0; step < 60; ++step) {
-          together.step();
+          crowd.step();
           for (int e = 0; e < environments; ++e) {
-            alone[e].step();
-            ASSERT_TRUE(contract::same_bits(together, e, alone[e], 0)) << "step " << step << " of " << e;
+            single[e].step();
+            ASSERT_TRUE(contract::same_bits(crowd, e, single[e], 0)) << "step " << step << " of " << e;
           }
         }
       });

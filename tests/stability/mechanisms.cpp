@@ -1,4 +1,4 @@
-// The mechanisms of the stability suite. SPDX-License-Identifier: Apache-2.0
+// The mechanisms of the stability tests. SPDX-License-Identifier: Apache-2.0
 #include "mechanisms.h"
 
 #include "physics.h"
@@ -42,7 +42,7 @@ Model geared(double ratio) {
   return model;
 }
 
-Model weighing(const std::function<double(int)>& mass) {
+Model with_masses(const std::function<double(int)>& mass) {
   Model model = scenes::chain8();
   for (int i = 0; i < 8; ++i) {
     model.links[i + 1].inertia = physics::link_box(mass(i));

@@ -1,4 +1,4 @@
-// Random mechanisms with random bounds. SPDX-License-Identifier: Apache-2.0
+// Random mechanisms with random bounds, and a search for broken promises. SPDX-License-Identifier: Apache-2.0
 #include "random_scenes.h"
 
 #include <fmt/format.h>
@@ -13,14 +13,15 @@ namespace {
 
 using contract::Random;
 
-constexpr int environments = 4;  // with other targets
+constexpr int environments = 4;  // with different targets
 
 double logarithmic(Random& random, double low, double high) {
   return low * std::pow(high / low, random.uniform(0.0, 1.0));
 }
 
 void add_bounds(Joint& joint, Random& random, bool bounces) {
-  // Enough that the integrator, which takes gyroscopic forces from the start of a step, keeps its energy at 1/30 s.
+  // With this damping the integrator keeps its energy at 1/30 s, although it takes gyroscopic forces at the start of
+  // the step.
   joint.damping = random.uniform(0.5, 2.0);
   if (random.chance(0.4)) {
     joint.lower = joint.position - random.uniform(0.0, 0.5);
@@ -47,30 +48,31 @@ void add_bounds(Joint& joint, Random& random, bool bounces) {
   if (random.chance(0.3)) joint.effort_limit = logarithmic(random, 0.1, 100.0);
 }
 
-// Directions of the couplings over the moving joints, one row each.
-Eigen::MatrixXd coupling_rows(const Model& model, const std::function<bool(const Coupling&)>& wanted) {
-  std::vector<const Coupling*> kept;
+// The rows of J of these couplings, with a column per joint.
+Eigen::MatrixXd coupling_rows(const Model& model, const std::function<bool(const Coupling&)>& included) {
+  std::vector<const Coupling*> chosen;
   for (const Coupling& coupling : model.couplings)
-    if (wanted(coupling)) kept.push_back(&coupling);
+    if (included(coupling)) chosen.push_back(&coupling);
   Eigen::MatrixXd rows =
-      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(kept.size()), static_cast<Eigen::Index>(model.joints.size()));
-  for (std::size_t r = 0; r < kept.size(); ++r) {
+      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(chosen.size()), static_cast<Eigen::Index>(model.joints.size()));
+  for (std::size_t r = 0; r < chosen.size(); ++r) {
     const auto row = static_cast<Eigen::Index>(r);
-    rows(row, model.joint_index(kept[r]->joint)) = 1.0;
-    for (const CouplingTerm& term : kept[r]->terms) rows(row, model.joint_index(term.joint)) = term.ratio;
+    rows(row, model.joint_index(chosen[r]->joint)) = 1.0;
+    for (const CouplingTerm& term : chosen[r]->terms) rows(row, model.joint_index(term.joint)) = term.ratio;
   }
   return rows;
 }
 
+// Whether the direction is a linear combination of the rows.
 bool depends(const Eigen::MatrixXd& rows, const Eigen::VectorXd& direction) {
   if (rows.rows() == 0) return false;
   const Eigen::VectorXd unit = direction.normalized();
   return (rows.transpose().colPivHouseholderQr().solve(unit).transpose() * rows - unit.transpose()).norm() < 1e-6;
 }
 
-// Tests of their own in known_test.cpp: joints that couplings lock altogether and that have a bound, and couplings with
-// a force limit that follow from others.
-void leave_out_what_is_known(Model& model) {
+// Removes bounds of joints that couplings lock, and force limits of redundant couplings: known_test.cpp has tests for
+// these.
+void remove_known_cases(Model& model) {
   for (Coupling& coupling : model.couplings) {
     if (coupling.force_limit == infinity) continue;
     const Eigen::MatrixXd own = coupling_rows(model, [&](const Coupling& c) { return &c == &coupling; });
@@ -88,9 +90,9 @@ void leave_out_what_is_known(Model& model) {
   }
 }
 
-// Hard bounds whose directions depend on each other through couplings may contradict each other, as may kinematic
-// drives and bounds: limits are shared then. All else holds.
-bool contested(const Plan& plan) {
+// Whether limits may be violated because bounds contradict each other. That is possible for hard bounds that depend on
+// each other through couplings, and for kinematic drives and limits.
+bool may_contradict(const Plan& plan) {
   bool kinematic = false, limited = false;
   for (const Joint& joint : plan.model().joints) {
     kinematic |= joint.drive.kinematic;
@@ -99,7 +101,7 @@ bool contested(const Plan& plan) {
   return program_of(plan).f64.bounds.may_depend || (kinematic && limited);
 }
 
-// Farthest that a joint with hard ends is beyond them, in any environment.
+// Largest violation of a hard limit in any environment.
 template <class S>
 double hard_limit_violation(const Batch<S>& batch) {
   double worst = 0.0;
@@ -111,7 +113,7 @@ double hard_limit_violation(const Batch<S>& batch) {
   return worst;
 }
 
-// The scene's run, as far as a promise goes.
+// Runs the scene and returns the promise that it broke, or an empty string.
 template <class S>
 std::string broken_at(const RandomScene& scene, Method method, double dt) {
   const Model& model = scene.model;
@@ -121,7 +123,6 @@ std::string broken_at(const RandomScene& scene, Method method, double dt) {
   auto targets = watch.batch.position_targets();
   for (Eigen::Index dof = 0; dof < targets.rows(); ++dof)
     for (int e = 1; e < environments; ++e) targets(dof, e) += static_cast<S>(random.uniform(-0.2, 0.2));
-  const auto middle = targets.eval();
   double kinetic = watch.batch.kinetic_energies().maxCoeff(), beyond = 0.0, turned = 0.0;
   watch.run(
       scene.seconds,
@@ -140,19 +141,20 @@ std::string broken_at(const RandomScene& scene, Method method, double dt) {
         turned = std::max(turned, dt * static_cast<double>(watch.batch.velocities().abs().maxCoeff()));
       });
 
-  if (!watch.finite()) return "a number is none";
+  if (!watch.finite()) return "a number is NaN or infinite";
   for (Fault fault : watch.batch.faults())
     if (fault != Fault::none) return fmt::format("{}fault {}", turned > 0.5 ? "turns fast, " : "", to_string(fault));
-  // Rows that follow from others, and from their start decay at other rates, contradict them on the way.
+  // Redundant couplings whose errors decay at different rates contradict each other until they have decayed.
   const bool contradicts = scene.displaced && !plan.redundant_couplings().empty();
-  // An error at the start decays; while much is left of it, a small share of it is rounding.
+  // An error at the start decays. While it is large, a small share of it is rounding.
   const double off = scene.displaced ? std::max(watch.late_error(), 1e-2 * watch.error_beyond_rounding())
                                      : watch.error_beyond_rounding();
   if (!contradicts && off > 1e-5) return fmt::format("|C| {:.2g}", off);
-  if (!contested(plan) && !scene.displaced && beyond > 1e-3) return fmt::format("a limit is passed by {:.2g}", beyond);
+  if (!may_contradict(plan) && !scene.displaced && beyond > 1e-3)
+    return fmt::format("a limit is violated by {:.2g}", beyond);
   const double energy = 0.1 * (height_range(model) + kinetic);
   if (watch.excess() > energy)
-    return fmt::format("energy {:.3g} J from nowhere, {:.3g} J allowed", watch.excess(), energy);
+    return fmt::format("energy {:.3g} J is unexplained, {:.3g} J are allowed", watch.excess(), energy);
   return "";
 }
 
@@ -172,15 +174,15 @@ RandomScene random_scene(std::uint64_t seed) {
     if (joint.moves()) add_bounds(joint, random, bounces);
   for (Coupling& coupling : scene.model.couplings)
     if (random.chance(0.1)) coupling.force_limit = logarithmic(random, 0.1, 100.0);
-  leave_out_what_is_known(scene.model);
+  remove_known_cases(scene.model);
   scene.dt = logarithmic(random, 1.0 / 1000, 1.0 / 30);
   scene.seconds = scene.dt < 1.0 / 400 ? 0.5 : 1.0;
   return scene;
 }
 
-// Three findings are no broken promise: energy that is gone at a quarter of the step was the integrator's, as is a
-// fault that is gone at a sixteenth of it, where couplings make joints turn by half a radian and more in a step; and a
-// matrix that only double precision can factor was reported as such.
+// Three findings are not broken promises. Unexplained energy that vanishes at a quarter of the step is an error of the
+// integrator. So is a fault that vanishes at a sixteenth of the step, if joints turn by more than half a radian per
+// step. A matrix that only double precision can factor is reported as singular, as it should be.
 std::string broken_promise(const RandomScene& scene, Method method) {
   const std::string broken = broken_at<float>(scene, method, scene.dt);
   if (broken.starts_with("energy") && broken_at<float>(scene, method, scene.dt / 4).empty()) return "";

@@ -1,4 +1,4 @@
-// Random mechanisms with random bounds: what the search runs over. SPDX-License-Identifier: Apache-2.0
+// Random mechanisms with random bounds, and a search for broken promises. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstdint>
@@ -9,20 +9,20 @@
 
 namespace lockstep::stability {
 
-/// A mechanism of tests/scenes with gear ratios of 0.1 to 10, limits around where it starts, dry friction, servos of
-/// 1 to 1e6 N m/rad with and without effort limits, a few kinematic drives, couplings that may slip, and a step.
+/// A random mechanism of tests/scenes and a step. Gear ratios are 0.1 to 10. There are limits around the start, dry
+/// friction, servos of 1 to 1e6 N m/rad with and without effort limits, a few kinematic drives and force limits.
 struct RandomScene {
   Model model;
   double dt, seconds;
-  bool displaced;  ///< starts off its couplings, which come back before limits do
+  bool displaced;  ///< starts with coupling errors, which are corrected before violations of limits
 };
 RandomScene random_scene(std::uint64_t seed);
 
-/// Steps the scene in single precision, by the default method unless told otherwise, in four environments with other
-/// targets. Returns what promise it broke, or nothing.
+/// Steps four environments of the scene with different targets in single precision. Returns the promise that it broke,
+/// or an empty string.
 std::string broken_promise(const RandomScene& scene, Method method = Method::automatic);
 
-/// Searches seeds first ... first + count - 1, fails for each that breaks a promise, and names it.
+/// Expects that none of the seeds first ... first + count - 1 breaks a promise.
 void search(std::uint64_t first, int count);
 
 }  // namespace lockstep::stability

@@ -1,4 +1,4 @@
-// Several thousand random mechanisms with random bounds hold their couplings. SPDX-License-Identifier: Apache-2.0
+// Thousands of random mechanisms with random bounds keep their promises. SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include "random_scenes.h"
@@ -6,7 +6,7 @@
 namespace lockstep::stability {
 namespace {
 
-TEST(RandomSlow, thousands_of_random_scenes_hold_their_couplings) { search(601, 5400); }
+TEST(ThousandsOfRandomScenes, keep_their_promises) { search(601, 5400); }
 
 }  // namespace
 }  // namespace lockstep::stability

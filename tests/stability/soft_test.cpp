@@ -1,4 +1,4 @@
-// Soft couplings sag and swing as their stiffness says. SPDX-License-Identifier: Apache-2.0
+// Soft couplings sag and swing according to their stiffness. SPDX-License-Identifier: Apache-2.0
 #include "mechanisms.h"
 #include "watch.h"
 
@@ -11,16 +11,16 @@ const double kp = mu * mu * inertia / 2.0;  // (26): two equal links give r = 2 
 
 double kd(double zeta) { return 2.0 * mu * zeta * inertia / 2.0; }  // (27)
 
-// Link j0 hangs out sideways on a soft coupling; j1, which turns about the vertical, is held by its drive.
+// A soft coupling holds the link of j0 sideways. j1 turns about the vertical, and its drive holds it.
 Model hanging(double zeta, bool kinematic) {
   Model model;
   model.links = {{"base", {}}};
   physics::append_link(model, "base", {0, 0, 0}, Eigen::Vector3d::UnitY());
-  Joint& held = physics::append_link(model, "base", {0, 0, 1}, Eigen::Vector3d::UnitZ());
+  Joint& driven = physics::append_link(model, "base", {0, 0, 1}, Eigen::Vector3d::UnitZ());
   if (kinematic)
-    held.drive.kinematic = true;
+    driven.drive.kinematic = true;
   else
-    held.drive = {1e7, 1e5, 0.0, 0.0};
+    driven.drive = {1e7, 1e5, 0.0, 0.0};
   model.couplings = {Coupling::mimic("j0", "j1", -1.0, 0.0, Frequency{mu, zeta})};
   return model;
 }
@@ -34,12 +34,13 @@ double sag() {
 
 constexpr Method all_methods[] = {Method::pgs, Method::tgs, Method::direct, Method::automatic};
 
-TEST(Soft, coupling_under_gravity_sags_by_its_stiffness) {
+TEST(SoftCoupling, sags_by_its_stiffness_under_gravity) {
   ASSERT_NEAR(sag(), 0.276, 5e-4);
   for (bool kinematic : {false, true})
     for (Method method : all_methods)
       for (int velocity_iterations : {0, 1, 4}) {
-        if (kinematic && (method == Method::pgs || method == Method::tgs)) continue;  // sweeps of two rows, not exact
+        if (kinematic && (method == Method::pgs || method == Method::tgs))
+          continue;  // sweeps of two rows are not exact
         SCOPED_TRACE(std::string(to_string(method)) +
                      (kinematic ? ", held by a kinematic drive" : ", held by a servo"));
         at_all_steps([&](auto scalar, double dt) {
@@ -53,11 +54,11 @@ TEST(Soft, coupling_under_gravity_sags_by_its_stiffness) {
       }
 }
 
-// With a damping ratio of 0.1 it swings, velocity iterations or not: step by step as implicit Euler does with the one
-// joint that is free,
-//     (I + h kd + h^2 kp) u' = I u + h (m g l cos q - kp q),  q' = q + h u',
-// which at 1/120 s and below crosses its rest three times in the first half second.
-TEST(Soft, coupling_of_little_damping_swings_whatever_the_velocity_iterations) {
+// With a damping ratio of 0.1 the coupling swings for any number of velocity iterations. Each step is one of implicit
+// Euler on j0:
+//     (I + h kd + h^2 kp) u' = I u + h (m g l cos q - kp q),  q' = q + h u'.
+// At 1/120 s and below, j0 crosses its rest position three times in the first half second.
+TEST(SoftCoupling, swings_with_little_damping_for_any_number_of_velocity_iterations) {
   for (Method method : {Method::pgs, Method::direct, Method::automatic})
     for (int velocity_iterations : {0, 1, 4}) {
       SCOPED_TRACE(std::string(to_string(method)) + " with " + std::to_string(velocity_iterations));

@@ -1,4 +1,4 @@
-// A batch that is looked at after every step. SPDX-License-Identifier: Apache-2.0
+// A batch that is checked after every step. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,7 @@ inline StepSettings recorded(double dt, Method method = Method::automatic) {
   return settings;
 }
 
-/// test(S{}) for both.
+/// Calls test(S{}) with both precisions.
 template <class Test>
 void in_both_precisions(Test&& test) {
   for (int bits : {32, 64}) {
@@ -31,7 +31,7 @@ void in_both_precisions(Test&& test) {
   }
 }
 
-/// test(S{}, dt) at all steps in both precisions.
+/// Calls test(S{}, dt) with all steps in both precisions.
 template <class Test>
 void at_all_steps(Test&& test) {
   in_both_precisions([&](auto scalar) {
@@ -42,7 +42,7 @@ void at_all_steps(Test&& test) {
   });
 }
 
-/// test(S{}, dt, method) for the methods that solve all couplings exactly.
+/// Calls test(S{}, dt, method) with the methods that solve all couplings exactly.
 template <class Test>
 void with_exact_methods(Test&& test) {
   at_all_steps([&](auto scalar, double dt) {
@@ -53,17 +53,17 @@ void with_exact_methods(Test&& test) {
   });
 }
 
-/// What a hard coupling may be off, rad or m.
+/// Largest allowed error of a hard coupling, rad or m.
 template <class S>
-constexpr double held = sizeof(S) == 4 ? 1e-5 : 1e-10;
+constexpr double hard_tolerance = sizeof(S) == 4 ? 1e-5 : 1e-10;
 
-/// Steps a batch and keeps the worst of what it saw, over all environments.
+/// Steps a batch and records the worst errors of all environments.
 template <class S>
 class Watch {
  public:
   Batch<S> batch;
 
-  explicit Watch(const Plan& plan, int environments = 1) : batch(noted(plan), environments, options()) {
+  explicit Watch(const Plan& plan, int environments = 1) : batch(collected(plan), environments, options()) {
     expect_kernel(batch);
     excess_ = Eigen::ArrayXd::Zero(environments);
     start();
@@ -72,22 +72,22 @@ class Watch {
   Watch(const Model& model, const StepSettings& settings, int environments = 1)
       : Watch(compile(model, settings), environments) {}
 
-  /// Counts from the errors that the batch has now: for those who change its state or fields first.
+  /// Forgets the errors so far and starts from the current ones. To be called after changes of state or parameters.
   void start() {
     remaining_ = batch.coupling_errors().template cast<double>();
     error_ = late_error_ = beyond_rounding_ = 0.0;
-    look();
+    check();
   }
 
-  /// `before` and `after` see every step; the first may set inputs for the time at its end.
+  /// Calls before(time at the end of the step), which may set inputs, and after() around every step.
   void run(double seconds, const std::function<void(double t)>& before = {}, const std::function<void()>& after = {}) {
     const double dt = batch.plan().settings().dt;
     for (int last = taken_ + static_cast<int>(std::lround(seconds / dt)); taken_ < last;) {
       if (before) before((taken_ + 1) * dt);
       batch.step();
       ++taken_;
-      account();
-      look();
+      add_up();
+      check();
       if (after) after();
     }
   }
@@ -97,19 +97,19 @@ class Watch {
   double velocity(int dof, int environment = 0) const { return batch.velocities()(dof, environment); }
 
   bool finite() const { return finite_; }
-  /// Largest |C| of a hard coupling beyond what is left of the one that it started with, (1 - erp)^n of it. The
-  /// environments that were frozen by a fault do not count.
+  /// Largest difference of C of a hard coupling from what remains of its error at the start, (1 - erp)^n of it.
+  /// Environments that were frozen by a fault do not count.
   double error() const { return error_; }
-  /// The same where less than 1e-6 is left.
+  /// The same, after the remaining error has decayed below 1e-6.
   double late_error() const { return late_error_; }
-  /// error() less four units in the last place of the positions and offset that C is the sum of.
+  /// error() minus four units in the last place of the positions and the offset in C.
   double error_beyond_rounding() const { return beyond_rounding_; }
-  /// Largest energy, J, that came from nowhere up to some time: what it changed by less all work and corrections.
+  /// Largest unexplained energy at any time, J: the change of the energy minus all work and corrections.
   double excess() const { return excess_most_; }
   double speed() const { return batch.speeds().maxCoeff(); }
 
  private:
-  void account() {
+  void add_up() {
     const Model& model = batch.plan().model();
     for (Eigen::Index c = 0; c < remaining_.rows(); ++c)
       remaining_.row(c) *= 1.0 - numbers_of(model.couplings[static_cast<std::size_t>(c)].softness).first;
@@ -119,7 +119,7 @@ class Watch {
     excess_most_ = std::max(excess_most_, excess_.maxCoeff());
   }
 
-  void look() {
+  void check() {
     finite_ = finite_ && batch.positions().isFinite().all() && batch.velocities().isFinite().all() &&
               batch.root_poses().isFinite().all() && batch.root_velocities().isFinite().all();
     const Eigen::ArrayXXd errors = batch.coupling_errors().template cast<double>();
@@ -153,11 +153,11 @@ class Watch {
   double error_ = 0.0, late_error_ = 0.0, beyond_rounding_ = 0.0, excess_most_ = 0.0;
 };
 
-/// The promises of every scene that is possible: numbers, no fault, couplings that hold, energy within its budget.
-/// Errors at the start decay as erp says; `direct`, which adds impulses to a free velocity, is exact in this when they
-/// have decayed, and on the way to what that velocity is rounded to.
+/// Expects what every possible scene promises: finite numbers, no fault, couplings that hold, and unexplained energy up
+/// to `energy`. Errors at the start decay by erp. `direct` adds impulses to a free velocity, so it may be ten times
+/// less exact until these errors have decayed.
 template <class S>
-void expect_sound(const Watch<S>& watch, double energy, double tolerance = held<S>) {
+void expect_sound(const Watch<S>& watch, double energy, double tolerance = hard_tolerance<S>) {
   EXPECT_TRUE(watch.finite());
   EXPECT_EQ(watch.batch.faulted(), 0) << to_string(watch.batch.faults()[0]);
   EXPECT_LE(watch.late_error(), tolerance);

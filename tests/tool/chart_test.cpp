@@ -19,7 +19,7 @@ class Chart : public Command {
   std::string picture() const { return path("a 'chart'.svg"); }
 };
 
-TEST_F(Chart, without_a_python_is_a_table) {
+TEST_F(Chart, writes_a_table_without_a_python) {
   const Ran ran = chart({"--out", picture(), "--python", "/no/such/python"});
   EXPECT_EQ(ran.status, 0) << ran.err;
   EXPECT_NE(ran.out.find("/no/such/python does not have matplotlib"), std::string::npos) << ran.out;
@@ -31,7 +31,7 @@ TEST_F(Chart, without_a_python_is_a_table) {
             "env_steps_per_second,faulted");
 }
 
-// On a smooth scene semi-implicit Euler is of first order: a chart that shows anything else is wrong.
+// Semi-implicit Euler is of first order on a smooth scene.
 TEST_F(Chart, shows_first_order_and_couplings_at_rounding_for_reduced) {
   ASSERT_EQ(chart({"--out", picture(), "--python", "/no/such/python"}).status, 0);
   std::vector<double> errors;
@@ -67,7 +67,7 @@ std::map<double, std::vector<double>> trajectory(const std::string& csv) {
   return rows;
 }
 
-// RMS of the joints at every sixtieth of a second that both have.
+// RMS difference of the joints over the samples, which are a sixtieth of a second apart.
 double distance(const std::map<double, std::vector<double>>& a, const std::map<double, std::vector<double>>& b,
                 int samples) {
   double sum = 0.0;
@@ -79,10 +79,11 @@ double distance(const std::map<double, std::vector<double>>& a, const std::map<d
   return std::sqrt(sum / static_cast<double>(count));
 }
 
-// On the couplings.
+// A start that satisfies the couplings.
 constexpr const char* moving = "shoulder,shoulder.v,elbow,elbow.v,slide\n0.6,2,-0.6,-2,0.01\n";
 
-// Every line of advice, followed, keeps what it says: seen by a run with small steps of another integrator.
+// A simulation by each line of advice keeps the promised error. The exact motion is a run of another integrator with
+// small steps.
 TEST_F(Chart, gives_advice_that_holds_when_it_is_followed) {
   const std::string state = write("start.csv", moving);
   const auto simulated = [&](Arguments more) {
@@ -99,12 +100,13 @@ TEST_F(Chart, gives_advice_that_holds_when_it_is_followed) {
       run({"chart", model, "--budget", "0.5", "--seconds", "0.5", "--envs", "8", "--state", state, "--ignore",
            "position,velocity,effort,friction", "--out", picture(), "--python", "/no/such/python"});
   ASSERT_EQ(ran.status, 0) << ran.err;
-  const std::regex form(R"(advice +for (\S+) rad.* over .* s: (\w+)(?: \((\w+)( \d+)?\))? at (\S+) s in (f32|f64),)");
+  const std::regex pattern(
+      R"(advice +for (\S+) rad.* over .* s: (\w+)(?: \((\w+)( \d+)?\))? at (\S+) s in (f32|f64),)");
   int followed = 0;
   for (const std::string& line : lines(ran.out)) {
     if (!line.starts_with("advice")) continue;
     std::smatch part;
-    ASSERT_TRUE(std::regex_search(line, part, form)) << line;
+    ASSERT_TRUE(std::regex_search(line, part, pattern)) << line;
     Arguments arguments = {"--integrator", part[2], "--dt", part[5], "--precision", part[6]};
     if (part[3].matched) arguments.insert(arguments.end(), {"--method", part[3]});
     if (part[4].matched) arguments.insert(arguments.end(), {"--iterations", part[4].str().substr(1)});
@@ -114,7 +116,7 @@ TEST_F(Chart, gives_advice_that_holds_when_it_is_followed) {
   EXPECT_GE(followed, 3);
 }
 
-TEST_F(Chart, and_simulate_choose_a_step_for_a_tolerance) {
+TEST_F(Chart, runs_let_simulate_choose_a_step_for_a_tolerance) {
   const std::string state = write("start.csv", moving);
   const Arguments common = {"simulate", model,    "--state", state,      "--seconds",
                             "0.5",      "--envs", "1",       "--ignore", "position,velocity,effort,friction"};
@@ -136,11 +138,11 @@ TEST_F(Chart, and_simulate_choose_a_step_for_a_tolerance) {
   const Ran refused = with({"--tolerance", "1e-30"});
   EXPECT_EQ(refused.status, 2);
   expect_one_complaint(refused.err, "--tolerance");
-  EXPECT_EQ(with({"--tolerance", "1e-3", "--dt", "1/240"}).status, 2) << "which of the two?";
+  EXPECT_EQ(with({"--tolerance", "1e-3", "--dt", "1/240"}).status, 2) << "--tolerance chooses the step";
 }
 
-TEST_F(Chart, with_a_python_is_a_picture_too) {
-  if (!find_python("")) GTEST_SKIP() << "no python with matplotlib here";
+TEST_F(Chart, draws_a_picture_with_a_python) {
+  if (!find_python("")) GTEST_SKIP() << "no Python with matplotlib here";
   const Ran ran = chart({"--out", picture()});
   EXPECT_EQ(ran.status, 0) << ran.err;
   EXPECT_NE(contents(picture()).find("<svg"), std::string::npos);

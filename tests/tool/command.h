@@ -1,4 +1,4 @@
-// Runs the built command in a folder of its own. SPDX-License-Identifier: Apache-2.0
+// Runs the built command in a temporary folder. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <fcntl.h>
@@ -28,7 +28,7 @@ inline std::string contents(const std::string& path) {
   return text.str();
 }
 
-// Each test works in a folder of its own, whose name holds what shells stumble over.
+// Each test works in a folder of its own. Its name has a blank and a quote, which careless shell commands split.
 class Command : public testing::Test {
  protected:
   struct Ran {
@@ -76,7 +76,7 @@ class Command : public testing::Test {
     return ran;
   }
 
-  // The trajectory of a run, as it was written.
+  // The trajectory that a run records, as CSV.
   std::string recorded(Arguments arguments, const std::string& name = "record.csv") const {
     arguments.insert(arguments.end(), {"--record", path(name)});
     simulate(arguments);
@@ -93,6 +93,7 @@ inline std::vector<std::string> lines(const std::string& text) {
   return result;
 }
 
+// One line that starts with "lockstep: " and contains `said`.
 inline void expect_one_complaint(const std::string& err, const std::string& said) {
   EXPECT_EQ(lines(err).size(), 1u) << err;
   EXPECT_TRUE(err.starts_with("lockstep: ")) << err;

@@ -1,4 +1,4 @@
-// The built command as a user meets it: exit codes, messages, files. SPDX-License-Identifier: Apache-2.0
+// The built command as a user runs it: exit codes, messages, files. SPDX-License-Identifier: Apache-2.0
 #include "command.h"
 
 #include <cmath>
@@ -9,7 +9,7 @@
 namespace lockstep::tool {
 namespace {
 
-TEST_F(Command, help_is_no_error) {
+TEST_F(Command, prints_help_without_error) {
   for (const Arguments& arguments :
        {Arguments{"--help"}, {"--version"}, {"info", "--help"}, {"simulate", "--help"}, {"chart", "--help"}}) {
     const Ran ran = run(arguments);
@@ -19,14 +19,14 @@ TEST_F(Command, help_is_no_error) {
   }
 }
 
-TEST_F(Command, info_says_what_was_read_and_what_a_step_does) {
+TEST_F(Command, info_says_what_the_file_holds_and_what_a_step_does) {
   const Ran ran = run({"info", model, "--method", "tgs", "--dt", "1/480"});
   EXPECT_EQ(ran.status, 0) << ran.err;
   EXPECT_NE(ran.out.find("tgs"), std::string::npos) << ran.out;
   EXPECT_GT(lines(ran.out).size(), 3u);
 }
 
-TEST_F(Command, bad_input_is_one_line_and_exit_code_2) {
+TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
   const std::string unknown_column = write("unknown.csv", "shoulder,knee\n1,2\n");
   const std::string no_number = write("letters.csv", "shoulder,wrist\n1,2\n1,x\n");
   const std::string two_rows = write("two.csv", "shoulder\n1\n2\n");
@@ -59,6 +59,8 @@ TEST_F(Command, bad_input_is_one_line_and_exit_code_2) {
       {{"simulate", model, "--seconds", "0.001"}, "less than half a step"},
       {{"simulate", model, "--method", "magic"}, "automatic, pgs, tgs, direct, reduced"},
       {{"simulate", model, "--precision", "f16"}, "f32 or f64"},
+      {{"simulate", model, "--engine", "fast"}, "the engines are automatic, tables, interpreter, generated"},
+      {{"simulate", model, "--engine", "generated"}, "add one by lockstep_add_kernel()"},
       {{"simulate", model, "--gravity", "0,0"}, "--gravity"},
       {{"simulate", model, "--erp", "2"}, "erp"},
       {{"simulate", model, "--fixed-base", "--floating-base"}, "base"},
@@ -109,7 +111,7 @@ TEST_F(Command, record_has_the_documented_columns_and_a_row_per_step) {
   EXPECT_EQ(table.rows[0][14], 1.0);
 }
 
-// What was recorded, put back as a state, is the same state to the bit: the runs coincide from there on.
+// A recorded row, used as the start, has the same bits: the runs coincide from there on.
 TEST_F(Command, record_reads_back_to_the_same_bits) {
   for (const Arguments& how : {Arguments{}, {"--precision", "f64"}, {"--floating-base"}, {"--method", "pgs"}}) {
     Arguments first = how, second = how;
@@ -133,7 +135,7 @@ TEST_F(Command, record_reads_back_to_the_same_bits) {
   }
 }
 
-TEST_F(Command, state_of_one_row_is_for_all_and_of_many_for_each) {
+TEST_F(Command, state_has_one_row_for_all_or_one_for_each) {
   const std::string one = write("one.csv", "wrist,wrist.v\n0.25,-1\n");
   std::string text = "wrist.v,wrist\n";
   for (int e = 0; e < 9; ++e) text += "0," + std::to_string(e) + "\n";
@@ -142,13 +144,13 @@ TEST_F(Command, state_of_one_row_is_for_all_and_of_many_for_each) {
   Table table = read_csv(path("record.csv"));
   EXPECT_EQ(table.rows[0][5], 0.25);
   EXPECT_EQ(table.rows[0][6], -1.0);
-  EXPECT_EQ(table.rows[0][1], 0.0);  // not named: the model's
+  EXPECT_EQ(table.rows[0][1], 0.0);  // has no column: the model's value
   recorded({"--state", each, "--record-env", "7"});
   table = read_csv(path("record.csv"));
   EXPECT_EQ(table.rows[0][5], 7.0);
 }
 
-TEST_F(Command, state_of_a_floating_root) {
+TEST_F(Command, state_sets_a_floating_root) {
   const std::string state = write("root.csv", "root.z,root.qw,root.qx,root.qy,root.qz,root.vx\n2,0,0.6,0,0.8,3\n");
   recorded({"--floating-base", "--state", state});
   const Table table = read_csv(path("record.csv"));
@@ -164,7 +166,7 @@ TEST_F(Command, state_of_a_floating_root) {
   expect_one_complaint(run({"simulate", model, "--state", state}).err, "root.z");  // a fixed base has no such state
 }
 
-// h = 0.01: a row at 0.02 or less than h/1000 behind it holds from the step that starts at 0.02, which leaves
+// With h = 0.01, a row at 0.02, or less than h/1000 later, holds from the step that starts at 0.02. That step writes
 // the third row after the start.
 TEST_F(Command, targets_hold_from_the_step_that_starts_at_their_time) {
   const Arguments how = {"--dt", "0.01", "--seconds", "0.05", "--drive", "wrist=5,0.1"};
@@ -182,7 +184,7 @@ TEST_F(Command, targets_hold_from_the_step_that_starts_at_their_time) {
   }
   EXPECT_EQ(with_targets("time,wrist\n0.020011,0.5\n")[4], without[4]);
   EXPECT_NE(with_targets("time,wrist\n0.020011,0.5\n")[5], without[5]);
-  // Of several rows that are due the last one holds; without a recording nothing is different.
+  // Of several rows that are due, the last one holds.
   EXPECT_EQ(with_targets("time,wrist\n-1,3\n0,1\n0,0.5\n"), with_targets("time,wrist\n0,0.5\n"));
 }
 
@@ -204,9 +206,45 @@ TEST_F(Command, json_has_the_documented_keys) {
   EXPECT_EQ(json.at("iterations"), 7);
   EXPECT_EQ(json.at("precision"), "f64");
   EXPECT_EQ(json.at("threads"), 2);
+  EXPECT_TRUE(json.at("target").is_string());
+  EXPECT_TRUE(json.at("engine") == "tables" || json.at("engine") == "interpreter") << json.at("engine");
+  EXPECT_EQ(json.at("integrator"), "euler");
   EXPECT_EQ(json.at("dt"), 1.0 / 240);
   EXPECT_EQ(json.at("envs"), 9);
   EXPECT_EQ(json.at("steps"), 240);
+}
+
+TEST_F(Command, runs_the_engine_that_is_named) {
+  const Arguments common = {"--precision", "f64", "--seconds", "0.2", "--json", path("r.json")};
+  std::vector<Table> tables;
+  for (const std::string engine : {"tables", "interpreter"}) {
+    Arguments arguments = common;
+    arguments.insert(arguments.end(), {"--engine", engine, "--record", path(engine + ".csv")});
+    const Ran ran = simulate(arguments);
+    EXPECT_EQ(nlohmann::json::parse(contents(path("r.json"))).at("engine"), engine);
+    EXPECT_TRUE(lines(ran.out).at(1).starts_with("method ") && lines(ran.out)[1].ends_with(", " + engine)) << ran.out;
+    tables.push_back(read_csv(path(engine + ".csv")));
+  }
+  ASSERT_EQ(tables[0].rows.size(), 1u + 48);
+  ASSERT_EQ(tables[1].rows.size(), 1u + 48);
+  for (std::size_t row = 0; row < tables[0].rows.size(); ++row)
+    for (std::size_t column = 0; column < tables[0].columns.size(); ++column)
+      EXPECT_NEAR(tables[0].rows[row][column], tables[1].rows[row][column], 1e-12) << row << ' ' << column;
+  Arguments automatic = common;
+  automatic.insert(automatic.end(), {"--engine", "automatic"});
+  simulate(automatic);
+  EXPECT_NE(nlohmann::json::parse(contents(path("r.json"))).at("engine"), "automatic");
+}
+
+TEST_F(Command, refuses_an_engine_that_does_not_take_the_plan) {
+  for (const Arguments& arguments :
+       {Arguments{"--engine", "generated"}, {"--engine", "interpreter", "--drive", "wrist=5,0.1"}}) {
+    Arguments all = {"simulate", model};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    const Ran ran = run(all);
+    EXPECT_EQ(ran.status, 2);
+    expect_one_complaint(ran.err, "engine: " + arguments[1] + " does not apply");
+  }
 }
 
 // The elbow mimics the shoulder with multiplier -1: both cannot be at 0.5.
@@ -232,29 +270,29 @@ TEST_F(Command, json_names_what_could_not_be_met) {
     EXPECT_NEAR(conflict.at("time").get<double>(), 0.11, 1e-9);  // the end of the first step that has the targets
     EXPECT_NE(conflict.at("rows").dump().find("kinematic drive"), std::string::npos) << conflict;
   }
-  EXPECT_EQ(simulate(how).out.find("warning"), std::string::npos);  // nobody looked
+  EXPECT_EQ(simulate(how).out.find("warning"), std::string::npos);  // only --json diagnoses
 }
 
-// A state file has a row for each environment, also for those that are not looked at again.
-TEST_F(Command, json_looks_at_the_first_environments_of_many) {
+// The state file has a row for each environment, also for those that are not diagnosed.
+TEST_F(Command, json_diagnoses_the_first_environments_of_many) {
   std::string states = "wrist.v\n";
   for (int e = 0; e < 70; ++e) states += e == 63 ? "2\n" : e == 64 ? "50\n" : "0\n";
   const Ran ran = run({"simulate", model, "--envs", "70", "--state", write("each.csv", states), "--seconds", "1/240",
                        "--gravity", "0,0,0", "--json", path("r.json")});
   EXPECT_EQ(ran.status, 0) << ran.err;
   const auto json = nlohmann::json::parse(contents(path("r.json")));
-  EXPECT_LE(json.at("speed_max"), 2.0);  // of number 63, which its damping slows; number 64 is faster
+  EXPECT_LE(json.at("speed_max"), 2.0);  // of environment 63, which damping slows; 64 is faster and not diagnosed
   EXPECT_GT(json.at("speed_max"), 0.5);
   EXPECT_EQ(json.at("conflict_count"), 0);
   EXPECT_TRUE(json.at("conflicts").empty());
 }
 
-TEST_F(Command, odd_times_are_rounded_and_said) {
+TEST_F(Command, says_that_it_rounded_the_time) {
   EXPECT_NE(simulate({"--seconds", "1", "--dt", "0.3"}).out.find("rounded"), std::string::npos);
   EXPECT_EQ(simulate({"--seconds", "1", "--dt", "0.1"}).out.find("rounded"), std::string::npos);
 }
 
-TEST_F(Command, perturbed_starts_differ_satisfy_the_couplings_and_can_be_had_again) {
+TEST_F(Command, perturbed_starts_differ_satisfy_the_couplings_and_repeat) {
   const auto start = [&](Arguments arguments) {
     arguments.insert(arguments.end(), {"--perturb", "0.2", "--seconds", "0.1"});
     return recorded(arguments);
@@ -269,7 +307,7 @@ TEST_F(Command, perturbed_starts_differ_satisfy_the_couplings_and_can_be_had_aga
   for (const int coupling : {9, 10}) EXPECT_LT(std::abs(table.rows[0][coupling]), 1e-15);
 }
 
-TEST_F(Command, faults_are_exit_code_1_and_one_line) {
+TEST_F(Command, reports_faults_with_exit_code_1_and_one_line) {
   const std::string state = write("wild.csv", "wrist.v\n0\n0\n1e9\n0\n1e9\n0\n0\n0\n0\n");
   const Ran ran = run({"simulate", model, "--envs", "9", "--state", state, "--json", path("r.json")});
   EXPECT_EQ(ran.status, 1);

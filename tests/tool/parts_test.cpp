@@ -1,4 +1,4 @@
-// The command's parts, each by itself: numbers, tables, options, starts. SPDX-License-Identifier: Apache-2.0
+// The parts of the command: numbers, tables, options, starts. SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include <array>
@@ -18,7 +18,7 @@
 namespace lockstep::tool {
 namespace {
 
-// What `action` throws, as the user would read it.
+// The message of the InputError that `action` throws.
 template <class Action>
 std::string complaint(Action action) {
   try {
@@ -29,7 +29,7 @@ std::string complaint(Action action) {
   return "nothing";
 }
 
-// Four joints in a row; c follows b, which follows a; d is free.
+// Four joints in a row: b follows a, c follows b, and d is free.
 Model chain() {
   Model model;
   model.name = "chain";
@@ -56,14 +56,14 @@ Eigen::VectorXd errors(const Model& model, const Eigen::VectorXd& q) {
   return result;
 }
 
-TEST(Numbers, whole_text_or_nothing) {
+TEST(Numbers, are_read_from_whole_texts_only) {
   EXPECT_EQ(to_number(" -1.5e-3\t"), -1.5e-3);
   EXPECT_EQ(to_number("+2"), 2.0);
   for (const char* text : {"", " ", "1.5x", "1,5", "nan", "inf", "1e999", "+-1", "0x10", "1 2"})
     EXPECT_FALSE(to_number(text)) << text;
 }
 
-TEST(Numbers, fractions) {
+TEST(Numbers, may_be_fractions) {
   EXPECT_EQ(to_fraction("1/240"), 1.0 / 240.0);
   EXPECT_EQ(to_fraction("0.5"), 0.5);
   for (const char* text : {"1/0", "/2", "1/", "1/2/3", "a/b"}) EXPECT_FALSE(to_fraction(text)) << text;
@@ -71,14 +71,14 @@ TEST(Numbers, fractions) {
   EXPECT_EQ(complaint([] { seconds_of("-1", "--dt"); }), "--dt: '-1' is not a time in s, a number or fraction above 0");
 }
 
-TEST(Numbers, lists) {
+TEST(Numbers, come_in_lists) {
   EXPECT_EQ(to_numbers("0, -1,2.5", 3, "--gravity"), (std::vector{0.0, -1.0, 2.5}));
   EXPECT_EQ(complaint([] { to_numbers("0,1", 3, "--gravity"); }),
-            "--gravity: '0,1' should be 3 numbers with commas between them");
+            "--gravity: '0,1' should be 3 numbers separated by commas");
   EXPECT_EQ(complaint([] { to_numbers("0,1,up", 3, "--gravity"); }), "--gravity: 'up' is not a finite number");
 }
 
-TEST(Numbers, for_people) {
+TEST(Numbers, are_written_for_people) {
   EXPECT_EQ(with_prefix(950), "950");
   EXPECT_EQ(with_prefix(1234), "1.23 k");
   EXPECT_EQ(with_prefix(999.9), "1.00 k");
@@ -100,7 +100,7 @@ TEST(Csv, names_file_line_and_column_of_what_it_refuses) {
   EXPECT_EQ(refused("a,b\n1,2\n3,x\n"), "t.csv:3:2: 'x' in column 'b' is not a finite number");
   EXPECT_EQ(refused("a,b\n1,\n"), "t.csv:2:2: '' in column 'b' is not a finite number");
   EXPECT_EQ(refused("a,b\n1,nan\n"), "t.csv:2:2: 'nan' in column 'b' is not a finite number");
-  EXPECT_EQ(refused("a,b\n1\n"), "t.csv:2: the row has 1 fields, the header 2");
+  EXPECT_EQ(refused("a,b\n1\n"), "t.csv:2: the row has 1 fields, the header has 2");
   EXPECT_EQ(refused("a,a\n1,2\n"), "t.csv:1:2: column 'a' appears twice");
   EXPECT_EQ(refused("a,,b\n1,2,3\n"), "t.csv:1:2: the column has no name");
   EXPECT_EQ(refused("a,\"b\n1,2\n"), "t.csv:1: a quote is opened and not closed");
@@ -111,11 +111,11 @@ TEST(Csv, names_file_line_and_column_of_what_it_refuses) {
             "/no/such/file.csv: cannot be written: No such file or directory");
 }
 
-TEST(Csv, a_folder_is_no_table) {
+TEST(Csv, refuses_a_folder) {
   EXPECT_NE(complaint([] { read_csv("/"); }), "nothing");
 }
 
-TEST(Csv, a_full_disk_is_noticed) {
+TEST(Csv, reports_a_full_disk) {
   EXPECT_EQ(complaint([] {
               OutputFile file("/dev/full");
               file.write("something\n");
@@ -124,7 +124,7 @@ TEST(Csv, a_full_disk_is_noticed) {
             "/dev/full: cannot be written: No space left on device");
 }
 
-TEST(Csv, fields_survive_being_written) {
+TEST(Csv, reads_back_the_fields_that_it_writes) {
   for (const char* name : {"plain", "with,comma", "with\"quote", "both\",\""})
     EXPECT_EQ(parse_csv(csv_field(name) + "\n1\n", "t").columns.at(0), name);
 }
@@ -153,7 +153,7 @@ TEST(Options, change_the_model) {
   EXPECT_NO_THROW(model.validate());
 }
 
-TEST(Options, bounds_are_ignored_by_name) {
+TEST(Options, ignore_bounds_by_name) {
   const auto ignored = [](const char* list) {
     const Ignored i = ignored_of(list);
     return std::array{i.position_limits, i.velocity_limits, i.effort_limits, i.friction};
@@ -167,7 +167,7 @@ TEST(Options, bounds_are_ignored_by_name) {
               std::string("--ignore: there is no '") + unknown + "'; give some of position,velocity,effort,friction");
 }
 
-TEST(Options, second_coupling_of_a_joint) {
+TEST(Options, reach_the_second_coupling_of_a_joint) {
   Model model = chain();
   model.couplings.push_back(Coupling::mimic("b", "d", 1.0));
   ModelOptions options;
@@ -189,12 +189,16 @@ TEST(Options, name_what_is_unknown) {
     return complaint([&] { apply(options, model); });
   };
   EXPECT_EQ(refused("x=1,2", ""), "--softness: no coupling has 'x' as its first joint; the couplings are: b, c");
-  EXPECT_EQ(refused("b=1", ""), "--softness b: '1' should be 2 numbers with commas between them");
+  EXPECT_EQ(refused("b=1", ""), "--softness b: '1' should be 2 numbers separated by commas");
   EXPECT_EQ(refused("b", ""), "--softness: 'b' should be JOINT=NUMBER,NUMBER");
   EXPECT_EQ(refused("", "x=1,2"), "--drive: model 'chain' has no joint 'x'");
   EXPECT_EQ(refused("", "a=-1,2"), "--drive a: 'a=-1,2' is negative");
   EXPECT_EQ(complaint([] { method_of("fast"); }),
             "--method: there is no 'fast'; the methods are automatic, pgs, tgs, direct, reduced");
+  EXPECT_EQ(complaint([] { engine_of("fast"); }),
+            "--engine: there is no 'fast'; the engines are automatic, tables, interpreter, generated");
+  for (const Engine engine : {Engine::automatic, Engine::tables, Engine::interpreter, Engine::generated})
+    EXPECT_EQ(engine_of(to_string(engine)), engine);
 }
 
 TEST(Options, name_what_is_unknown_about_bounds) {
@@ -216,7 +220,6 @@ TEST(Options, name_what_is_unknown_about_bounds) {
   EXPECT_EQ(refused(kinematic, "a", "a=1,1"), "--kinematic: joint 'a' has a --drive too; give it one of them");
 }
 
-// One may follow the targets of a file without being a servo.
 TEST(Targets, are_for_joints_with_a_drive_of_either_kind) {
   Model model = chain();
   const Table table = parse_csv("time,a\n0,0.5\n", "t.csv");
@@ -251,8 +254,8 @@ TEST(Couplings, settle_by_their_first_joints_along_a_chain) {
 
 TEST(Couplings, settle_where_two_have_the_same_first_joint_or_one_is_redundant) {
   Model model = chain();
-  model.couplings.push_back(Coupling::mimic("b", "d", 1.0));         // a differential: no first joint is left for it
-  model.couplings.push_back(Coupling::mimic("c", "a", -1.0, 0.05));  // follows from the first two
+  model.couplings.push_back(Coupling::mimic("b", "d", 1.0));         // a differential: b is a first joint already
+  model.couplings.push_back(Coupling::mimic("c", "a", -1.0, 0.05));  // redundant: follows from the first two
   Eigen::VectorXd q(4);
   q << 0.3, 0.1, 0.7, -0.4;
   CouplingSolver(model).settle_positions(q);
@@ -263,7 +266,7 @@ TEST(Chart, start_moves_within_the_limits_and_keeps_the_couplings) {
   Model model = chain();
   model.joints[0].upper = 0.1, model.joints[3].kind = JointKind::prismatic;
   const Model started = with_moving_start(model);
-  EXPECT_DOUBLE_EQ(started.joints[0].position, -0.3);  // the other way: there the limit is farther
+  EXPECT_DOUBLE_EQ(started.joints[0].position, -0.3);  // downwards, where there is more room
   EXPECT_DOUBLE_EQ(started.joints[0].velocity, 1.0);
   EXPECT_NEAR(started.joints[1].velocity, 2.0, 1e-14);
   EXPECT_DOUBLE_EQ(started.joints[3].position, 0.03);
@@ -271,11 +274,11 @@ TEST(Chart, start_moves_within_the_limits_and_keeps_the_couplings) {
   for (int i = 0; i < 4; ++i) q[i] = started.joints[i].position;
   EXPECT_LT(errors(model, q).norm(), 1e-14);
 
-  model.joints[2].velocity = 0.1;  // who moves already is left alone
+  model.joints[2].velocity = 0.1;  // a model that moves keeps its start
   EXPECT_EQ(with_moving_start(model).joints[0].position, 0.0);
 }
 
-TEST(Chart, compares_all_methods_where_there_is_something_to_solve) {
+TEST(Chart, compares_all_methods_for_models_with_couplings) {
   EXPECT_EQ(chart_settings(chain()).size(), 5u * (2 + 2 + 6 + 6 + 6));
   Model model = chain();
   model.couplings.clear();

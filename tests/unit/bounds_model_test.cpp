@@ -1,4 +1,4 @@
-// The rules about limits, dry friction, kinematic drives and force limits. SPDX-License-Identifier: Apache-2.0
+// The rules of Model::validate about bounds and kinematic drives. SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include <functional>
@@ -29,46 +29,46 @@ Model finger() {
 
 struct Rule {
   const char* name;
-  std::function<void(Joint&)> break_it;  // of the first joint
-  const char* said;
-  const char* remedy;  // a part of each
+  std::function<void(Joint&)> break_it;  // in the first joint
+  const char* rule;                      // a part of it
+  const char* remedy;                    // a part of it
 };
 
 void PrintTo(const Rule& rule, std::ostream* stream) { *stream << rule.name; }
 
-void expect_refused(const Model& model, const std::string& element, const std::string& said,
+void expect_refused(const Model& model, const std::string& element, const std::string& rule,
                     const std::string& remedy) {
   try {
     model.validate();
     FAIL() << "accepted";
   } catch (const ModelError& error) {
     EXPECT_EQ(error.element(), element) << error.what();
-    EXPECT_NE(error.rule().find(said), std::string::npos) << error.what();
+    EXPECT_NE(error.rule().find(rule), std::string::npos) << error.what();
     EXPECT_NE(error.remedy().find(remedy), std::string::npos) << error.what();
   }
 }
 
-class BrokenBound : public testing::TestWithParam<Rule> {};
+class InvalidBound : public testing::TestWithParam<Rule> {};
 
-TEST_P(BrokenBound, is_refused_and_named) {
+TEST_P(InvalidBound, is_refused_and_named) {
   Model model = finger();
   ASSERT_NO_THROW(model.validate());
   GetParam().break_it(model.joints[0]);
-  expect_refused(model, "joint 'knuckle'", GetParam().said, GetParam().remedy);
+  expect_refused(model, "joint 'knuckle'", GetParam().rule, GetParam().remedy);
 }
 
-// A hard kinematic drive.
-Drive prescribed(Softness softness = Hard{1.0}) {
+// A kinematic drive, hard by default.
+Drive kinematic(Softness softness = Hard{1.0}) {
   Drive drive;
   drive.kinematic = true, drive.softness = softness;
   return drive;
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    limits, BrokenBound,
+    limits, InvalidBound,
     testing::Values(
-        Rule{"lower_is_nan", [](Joint& j) { j.lower = nan; }, "no number", "give a number"},
-        Rule{"upper_is_nan", [](Joint& j) { j.upper = nan; }, "no number", "give a number"},
+        Rule{"lower_is_nan", [](Joint& j) { j.lower = nan; }, "NaN", "give a number"},
+        Rule{"upper_is_nan", [](Joint& j) { j.upper = nan; }, "NaN", "give a number"},
         Rule{"swapped", [](Joint& j) { j.lower = 1, j.upper = 0; }, "empty", "swap"},
         Rule{"swapped_infinities", [](Joint& j) { j.lower = infinity, j.upper = -infinity; }, "empty", "swap"},
         Rule{"above_everything", [](Joint& j) { j.lower = infinity; }, "at infinity", "lower = -infinity"},
@@ -78,7 +78,7 @@ INSTANTIATE_TEST_SUITE_P(
         Rule{"continuous_with_upper", [](Joint& j) { j.kind = JointKind::continuous, j.upper = 1; }, "continuous",
              "revolute"},
         Rule{"limit_erp", [](Joint& j) { j.limit_softness = Hard{2.0}; }, "erp of a hard limit", "give 0.2"},
-        Rule{"limit_mixing_erp",
+        Rule{"limit_erp_of_erp_cfm",
              [](Joint& j) {
                j.limit_softness = ErpCfm{1.5, 0.1};
              },
@@ -112,12 +112,12 @@ INSTANTIATE_TEST_SUITE_P(
              [](Joint& j) {
                j.limit_softness = Spring{0, 0};
              },
-             "never pulls", "remove the position range"},
+             "neither stiffness nor damping", "remove the position range"},
         Rule{"limit_without_frequency",
              [](Joint& j) {
                j.limit_softness = Frequency{0, 1};
              },
-             "never pulls", "remove the position range"},
+             "neither stiffness nor damping", "remove the position range"},
         Rule{"restitution_below_0", [](Joint& j) { j.restitution = -0.1; }, "restitution is -0.1", "share"},
         Rule{"restitution_above_1", [](Joint& j) { j.restitution = 1.1; }, "restitution is 1.1", "share"},
         Rule{"restitution_is_nan", [](Joint& j) { j.restitution = nan; }, "restitution is", "share"},
@@ -136,10 +136,10 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& rule) { return std::string(rule.param.name); });
 
 INSTANTIATE_TEST_SUITE_P(
-    drives, BrokenBound,
+    drives, InvalidBound,
     testing::Values(
-        Rule{"kinematic_with_kp", [](Joint& j) { j.drive = prescribed(), j.drive.kp = 1; }, "kp or kd", "servo"},
-        Rule{"kinematic_with_kd", [](Joint& j) { j.drive = prescribed(), j.drive.kd = 1; }, "kp or kd", "servo"},
+        Rule{"kinematic_with_kp", [](Joint& j) { j.drive = kinematic(), j.drive.kp = 1; }, "kp or kd", "servo"},
+        Rule{"kinematic_with_kd", [](Joint& j) { j.drive = kinematic(), j.drive.kd = 1; }, "kp or kd", "servo"},
         Rule{"servo_kd", [](Joint& j) { j.drive.kd = -1; }, "drive kd is negative", "0 or more"},
         Rule{"servo_softer", [](Joint& j) { j.drive.softness = Hard{0.5}; }, "only kinematic ones have",
              "make the drive kinematic"},
@@ -148,43 +148,43 @@ INSTANTIATE_TEST_SUITE_P(
                j.drive.softness = ErpCfm{1.0, 0.0};
              },
              "only kinematic ones have", "make the drive kinematic"},
-        Rule{"kinematic_erp_0", [](Joint& j) { j.drive = prescribed(Hard{0}); }, "outside (0, 1]", "give 1"},
-        Rule{"kinematic_erp_above_1", [](Joint& j) { j.drive = prescribed(Hard{1.5}); }, "outside (0, 1]", "give 1"},
-        Rule{"kinematic_mixing_erp_0",
+        Rule{"kinematic_erp_0", [](Joint& j) { j.drive = kinematic(Hard{0}); }, "outside (0, 1]", "give 1"},
+        Rule{"kinematic_erp_above_1", [](Joint& j) { j.drive = kinematic(Hard{1.5}); }, "outside (0, 1]", "give 1"},
+        Rule{"kinematic_erp_0_of_erp_cfm",
              [](Joint& j) {
-               j.drive = prescribed(ErpCfm{0, 0});
+               j.drive = kinematic(ErpCfm{0, 0});
              },
              "outside (0, 1]", "give 1"},
         Rule{"kinematic_cfm",
              [](Joint& j) {
-               j.drive = prescribed(ErpCfm{1, -1});
+               j.drive = kinematic(ErpCfm{1, -1});
              },
              "cfm of the kinematic drive", "or more"},
         Rule{"kinematic_without_strength",
              [](Joint& j) {
-               j.drive = prescribed(Spring{0, 0});
+               j.drive = kinematic(Spring{0, 0});
              },
-             "never pulls", "not kinematic"}),
+             "neither stiffness nor damping", "not kinematic"}),
     [](const auto& rule) { return std::string(rule.param.name); });
 
-TEST(ForceLimit, must_leave_the_coupling_something_to_hold_with) {
-  for (const auto& [limit, said, remedy] : {std::tuple(0.0, "force limit is 0", "coupling_switch"),
+TEST(Model, refuses_force_limits_that_are_not_positive) {
+  for (const auto& [limit, rule, remedy] : {std::tuple(0.0, "force limit is 0", "coupling_switch"),
                                             {-1.0, "negative", "more than 0"},
-                                            {nan, "no number", "more than 0"}}) {
+                                            {nan, "NaN", "more than 0"}}) {
     Model model = finger();
     model.couplings[0].force_limit = limit;
-    expect_refused(model, "coupling 'tip'", said, remedy);
+    expect_refused(model, "coupling 'tip'", rule, remedy);
   }
 }
 
-// The ends of every range, and what looks odd but means something.
-TEST(Bounds, that_make_sense_are_accepted) {
+// These are the ends of every range, and values that look odd but are valid.
+TEST(Model, accepts_valid_bounds) {
   const std::function<void(Joint&)> changes[] = {[](Joint& j) { j.lower = 0.3, j.upper = 0.3; },
                                                  [](Joint& j) { j.lower = -1; },
                                                  [](Joint& j) { j.restitution = 1.0; },
                                                  [](Joint& j) {
                                                    j.restitution = 0.5, j.limit_softness = ErpCfm{0.2, 0.0};
-                                                 },  // hard by another name
+                                                 },  // hard as well
                                                  [](Joint& j) { j.limit_softness = Hard{0.0}; },
                                                  [](Joint& j) {
                                                    j.limit_softness = Frequency{30, 0};
@@ -195,13 +195,13 @@ TEST(Bounds, that_make_sense_are_accepted) {
                                                  [](Joint& j) { j.velocity_limit = 1e-6; },
                                                  [](Joint& j) { j.effort_limit = 0.0; },
                                                  [](Joint& j) { j.friction = 5.0; },
-                                                 [](Joint& j) { j.drive = prescribed(); },
-                                                 [](Joint& j) { j.drive = prescribed(Hard{0.1}); },
+                                                 [](Joint& j) { j.drive = kinematic(); },
+                                                 [](Joint& j) { j.drive = kinematic(Hard{0.1}); },
                                                  [](Joint& j) {
-                                                   j.drive = prescribed(Spring{0, 10});
+                                                   j.drive = kinematic(Spring{0, 10});
                                                  },
                                                  [](Joint& j) {
-                                                   j.drive = prescribed(ErpCfm{0.0, 0.1});
+                                                   j.drive = kinematic(ErpCfm{0.0, 0.1});
                                                  },
                                                  [](Joint& j) { j.drive.kp = 3, j.drive.kd = 1; }};
   int number = 0;

@@ -1,4 +1,4 @@
-// Small helpers of the importer's tests. SPDX-License-Identifier: Apache-2.0
+// Helpers that the tests of the importer share. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 
 namespace lockstep {
 
-/// Mass 1 kg, moments 1 kg m^2.
+/// An inertial with 1 kg and moments of 1 kg m^2.
 inline const std::string unit_body =
     "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
 
@@ -29,11 +29,11 @@ inline std::string report_of(const Import& import) {
 
 inline void expect_reports(const Import& import, const std::string& line) {
   EXPECT_NE(std::find(import.report.begin(), import.report.end(), line), import.report.end())
-      << "no line: " << line << "\nbut:\n"
+      << "the report lacks the line: " << line << "\nIt is:\n"
       << report_of(import);
 }
 
-/// C of a coupling with one term at the model's starting positions.
+/// C at the model's start, for a coupling with one term.
 inline double error_at_start(const Model& model, const Coupling& coupling) {
   const CouplingTerm& term = coupling.terms[0];
   return joint(model, coupling.joint).position + term.ratio * joint(model, term.joint).position + coupling.offset;

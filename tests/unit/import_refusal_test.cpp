@@ -1,4 +1,4 @@
-// What is no URDF, or no possible mechanism, is refused by name. SPDX-License-Identifier: Apache-2.0
+// Invalid URDF files and impossible mechanisms are refused by name. SPDX-License-Identifier: Apache-2.0
 #include "import_helpers.h"
 #include "lockstep/error.h"
 
@@ -9,7 +9,7 @@ using std::string;
 
 // --- numbers -----------------------------------------------------------------------------------
 
-// One revolute joint with `damping` as its dynamics say, `more` inside of it and `around` beside it.
+// A robot with one revolute joint with this damping. `more` stands inside of the joint, `around` beside it.
 string one_joint(const string& damping, const string& more = "", const string& around = "") {
   return "<robot name='r'>\n<link name='a'/>\n<link name='b'>" + unit_body +
          "</link>\n"
@@ -18,14 +18,14 @@ string one_joint(const string& damping, const string& more = "", const string& a
          damping + "'/>" + more + "</joint>\n" + around + "</robot>";
 }
 
-TEST(Import, numbers_of_every_plain_form_are_read) {
-  const std::pair<const char*, double> forms[] = {{"0.5", 0.5},   {".5", 0.5},     {"5.", 5.0}, {"+0.5", 0.5},
-                                                  {"1e-3", 1e-3}, {"1.5E+2", 150}, {" 2\t", 2}, {"00.25", 0.25}};
-  for (const auto& [text, value] : forms)
+TEST(Import, reads_numbers_in_every_plain_notation) {
+  const std::pair<const char*, double> notations[] = {{"0.5", 0.5},   {".5", 0.5},     {"5.", 5.0}, {"+0.5", 0.5},
+                                                      {"1e-3", 1e-3}, {"1.5E+2", 150}, {" 2\t", 2}, {"00.25", 0.25}};
+  for (const auto& [text, value] : notations)
     EXPECT_EQ(import_urdf(one_joint(text)).model.joints[0].damping, value) << text;
 }
 
-TEST(Import, anything_else_is_no_number) {
+TEST(Import, refuses_numbers_in_any_other_notation) {
   for (const char* text :
        {"",     " ",  "nan", "inf",   "-inf",   "+",   "-",    "+-1", "++1",   "0x10",     "0x1p3", "1,5",
         "1.5f", "1e", "1 2", "1e999", "-1e999", "one", "${d}", "1;",  "&#49;", "\xc2\xb2", "1_000"}) {
@@ -39,7 +39,7 @@ TEST(Import, anything_else_is_no_number) {
   }
 }
 
-// --- what is refused ---------------------------------------------------------------------------
+// --- invalid files -----------------------------------------------------------------------------
 
 enum class Kind { text, model };  // ImportError, ModelError
 
@@ -48,14 +48,14 @@ struct Refusal {
   Kind kind;
   string text;
   const char* element;  // its end
-  const char* said;
+  const char* rule;     // a part of it
 };
 
 void PrintTo(const Refusal& refusal, std::ostream* stream) { *stream << refusal.name; }
 
-class Refused : public testing::TestWithParam<Refusal> {};
+class InvalidUrdf : public testing::TestWithParam<Refusal> {};
 
-TEST_P(Refused, is_refused_and_named) {
+TEST_P(InvalidUrdf, is_refused_and_named) {
   const Refusal& refusal = GetParam();
   try {
     const Import import = import_urdf(refusal.text, "bad.urdf");
@@ -63,7 +63,7 @@ TEST_P(Refused, is_refused_and_named) {
   } catch (const Error& error) {
     EXPECT_EQ(dynamic_cast<const ImportError*>(&error) ? Kind::text : Kind::model, refusal.kind) << error.what();
     EXPECT_TRUE(error.element().ends_with(refusal.element)) << error.what();
-    EXPECT_NE(error.rule().find(refusal.said), string::npos) << error.what();
+    EXPECT_NE(error.rule().find(refusal.rule), string::npos) << error.what();
     EXPECT_FALSE(error.remedy().empty());
     EXPECT_EQ(error.element().starts_with("bad.urdf"), refusal.kind == Kind::text) << error.what();
   }
@@ -79,7 +79,7 @@ string robot(const string& inside) { return "<robot name='r'>" + inside + "</rob
 
 string mimic(const string& attributes) { return one_joint("0", "<mimic " + attributes + "/>"); }
 
-// Three free joints j, k, l with the given mimics, and a fixed one, f.
+// Three continuous joints j, k and l with this content, and a fixed joint f.
 string three_joints(const string& j, const string& k, const string& l) {
   string text = "<robot name='r'><link name='a'/>";
   const std::pair<const char*, string> joints[] = {{"j", j}, {"k", k}, {"l", l}, {"f", ""}};
@@ -113,7 +113,7 @@ string nested(int depth) {
 const string ends = "<parent link='a'/><child link='b'/>";
 
 INSTANTIATE_TEST_SUITE_P(
-    text, Refused,
+    text, InvalidUrdf,
     testing::Values(
         Refusal{"empty", Kind::text, "", "bad.urdf", "is empty"},
         Refusal{"blank", Kind::text, " \n\t", "bad.urdf", "is empty"},
@@ -142,7 +142,7 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& refusal) { return string(refusal.param.name); });
 
 INSTANTIATE_TEST_SUITE_P(
-    elements, Refused,
+    elements, InvalidUrdf,
     testing::Values(
         Refusal{"no_type", Kind::text, bare_joint("", ends), "joint 'j'", "no attribute 'type'"},
         Refusal{"odd_type", Kind::text, bare_joint(" type='screw'", ends), "joint 'j'", "'screw'"},
@@ -176,7 +176,7 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& refusal) { return string(refusal.param.name); });
 
 INSTANTIATE_TEST_SUITE_P(
-    mechanism, Refused,
+    mechanism, InvalidUrdf,
     testing::Values(
         Refusal{"link_twice", Kind::model, "<robot name='r'><link name='a'/><link name='a'/></robot>", "link 'a'",
                 "twice"},
@@ -233,7 +233,7 @@ INSTANTIATE_TEST_SUITE_P(
                 "coupling 'j'", "is 0"}),
     [](const auto& refusal) { return string(refusal.param.name); });
 
-TEST(Import, xacro_left_in_a_number_is_named_as_such) {
+TEST(Import, names_xacro_in_the_remedy_for_a_number_that_contains_it) {
   try {
     import_urdf(one_joint("${width}"));
     FAIL();
@@ -242,7 +242,7 @@ TEST(Import, xacro_left_in_a_number_is_named_as_such) {
   }
 }
 
-TEST(Import, paths_that_are_no_files_are_refused_by_name) {
+TEST(Import, refuses_paths_that_are_no_files_by_name) {
   for (const string path : {"/", "/no/such/robot.urdf", "", "/dev/null"}) {
     try {
       import_urdf_file(path);

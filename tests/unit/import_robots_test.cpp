@@ -1,4 +1,4 @@
-// Robot descriptions by others, where there are any: see LOCKSTEP_TEST_DATA. SPDX-License-Identifier: Apache-2.0
+// Robot descriptions of other projects, from the folder LOCKSTEP_TEST_DATA. SPDX-License-Identifier: Apache-2.0
 #include <cstdlib>
 #include <fstream>
 
@@ -13,8 +13,8 @@ using std::string;
 struct Robot {
   const char* file;
   int moving, couplings;
-  const char* refused;  // the link that the ModelError names, or null where the file is read
-  const char* line;     // of the report, once every link has a body
+  const char* refused;  // the link that the ModelError names, or null if the file is read
+  const char* line;     // of the report, after every link is given a body
 };
 
 void PrintTo(const Robot& robot, std::ostream* stream) { *stream << robot.file; }
@@ -49,7 +49,7 @@ TEST_P(Robots, are_read_or_refused_as_expected) {
   }
 }
 
-// Every <link> with the same body instead of its own, or of none.
+// Gives every <link> the same body.
 string with_bodies(string text) {
   for (std::size_t at; (at = text.find("<inertial")) != string::npos;)
     text.erase(at, text.find("</inertial>") + 11 - at);
@@ -62,14 +62,14 @@ string with_bodies(string text) {
   return text;
 }
 
-TEST_P(Robots, have_their_couplings_once_their_links_have_bodies) {
+TEST_P(Robots, have_their_couplings_if_all_links_have_bodies) {
   std::ifstream stream(path);
   const Import import = import_urdf(with_bodies({std::istreambuf_iterator<char>(stream), {}}), path);
   expect_counts(import.model);
   expect_reports(import, GetParam().line);
 }
 
-TEST_P(Robots, are_read_with_the_least_of_bodies) {
+TEST_P(Robots, are_read_with_least_masses_and_inertias) {
   const Import import = import_urdf_file(path, {.least_mass = 0.01, .least_inertia = 1e-5});
   expect_counts(import.model);
 }

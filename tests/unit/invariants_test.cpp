@@ -1,4 +1,4 @@
-// What mechanics keeps, a step keeps: exactly or to first order in dt. SPDX-License-Identifier: Apache-2.0
+// A step keeps the invariants of mechanics, exactly or to first order in dt. SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 #include <functional>
 #include <numbers>
@@ -16,7 +16,7 @@ using Eigen::VectorXd;
 using physics::settings;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-// What `measure` finds in a batch after each step of `duration` seconds.
+// Calls measure(batch) at the start and after each step of `duration` seconds.
 void watch(const Model& model, double dt, double duration, const std::function<void(const Batch<double>&)>& measure,
            Method method = Method::reduced) {
   Batch<double> batch(compile(model, settings(method, 4, 1, dt)), 1, {.threads = 1});
@@ -27,7 +27,7 @@ void watch(const Model& model, double dt, double duration, const std::function<v
   }
 }
 
-// Of first order: half the step, half the error; e(h) = a h + b h^2 leaves the ratio some room.
+// The error is of first order: half the step has about half the error, as e(h) = a h + b h^2.
 void expect_first_order(const std::function<double(double dt)>& error, double dt) {
   const double whole = error(dt), half = error(dt / 2), quarter = error(dt / 4);
   EXPECT_NEAR(whole / half, 2.0, 0.4);
@@ -38,7 +38,7 @@ void expect_first_order(const std::function<double(double dt)>& error, double dt
 
 double energy(const Batch<double>& batch) { return batch.kinetic_energies()(0, 0) + batch.potential_energies()(0, 0); }
 
-TEST(Energy, of_a_passive_arm_without_damping_drifts_with_the_step_only) {
+TEST(Energy, drifts_with_the_step_only_in_a_passive_arm_without_damping) {
   for (Method method : {Method::direct, Method::reduced}) {
     Model model = scenes::chain8();
     for (Joint& joint : model.joints) joint.damping = 0.0;
@@ -57,8 +57,8 @@ TEST(Energy, of_a_passive_arm_without_damping_drifts_with_the_step_only) {
   }
 }
 
-// Damping takes energy faster than the step's first order could give it.
-TEST(Energy, of_a_damped_arm_never_grows) {
+// Damping removes more energy than the first-order error of the step can add.
+TEST(Energy, never_grows_in_a_damped_arm) {
   double last = infinity, highest = -infinity, lowest = infinity;
   watch(scenes::chain8(), 1.0 / 240, 5.0, [&](const Batch<double>& batch) {
     const double now = energy(batch);
@@ -68,9 +68,9 @@ TEST(Energy, of_a_damped_arm_never_grows) {
   EXPECT_GT(highest - lowest, 0.1);
 }
 
-// A whip whose root tumbles and is thrown about: what its joints do is the step's first order, and the root's own
-// turning must not add to it (M48). Taken along the turning axes, the same motion ends with 1.8 times the energy.
-TEST(Energy, of_a_whip_grows_by_the_error_of_its_joints_only) {
+// The root of this whip tumbles. The first-order error comes from the joints; the turning of the root must not add to
+// it (M48). If the velocity of the root were stepped along the turning axes, the energy would grow by a factor of 1.8.
+TEST(Energy, grows_in_a_whip_by_the_error_of_its_joints_only) {
   double start = NAN, highest = -infinity;
   watch(scenes::chain32(), 1.0 / 240, 1.0, [&](const Batch<double>& batch) {
     if (std::isnan(start)) start = energy(batch);
@@ -94,11 +94,11 @@ Vector6d momentum_after(const Model& model, double dt, int steps) {
   return batch.momenta().col(0).matrix();
 }
 
-// Damping, drives, efforts and couplings are all internal. One step's change over the step, (P(h) - P) / h, is the
-// rate of change plus a h + b h^2, as long as no velocity jumps in it: springs by erp and cfm would be stiffer ones at
-// smaller steps, so that they are given by kp and kd here. Taking twice the value at h / 2 less the one at h removes
-// a h. At 1e-7 s b h^2 is 1e-6 even for drives of a rate of 1e4 /s, and the rounding of P over h is 1e-8 of P.
-TEST(Momentum, of_a_floating_mechanism_has_no_rate_of_change) {
+// Damping, drives, efforts and couplings are all internal. (P(h) - P) / h is the rate of change plus a h + b h^2, as
+// long as no velocity jumps. Springs given by erp and cfm get stiffer with smaller steps, so they are replaced by
+// springs given by kp and kd. Twice the value at h / 2 minus the value at h removes a h. At 1e-7 s, b h^2 is 1e-6 even
+// for drives with a rate of 1e4 /s, and the rounding of P divided by h is 1e-8 of P.
+TEST(Momentum, has_zero_rate_of_change_in_a_floating_mechanism) {
   for (int seed = 0; seed < 50; ++seed) {
     Model model = scenes::random_model(static_cast<std::uint64_t>(seed), floating());
     model.gravity.setZero();
@@ -113,7 +113,7 @@ TEST(Momentum, of_a_floating_mechanism_has_no_rate_of_change) {
   }
 }
 
-TEST(Momentum, of_a_floating_chain_drifts_with_the_step_only) {
+TEST(Momentum, drifts_with_the_step_only_in_a_floating_chain) {
   Model model = scenes::chain32();
   model.root.velocity << 0.3, -0.2, 0.5, 1.0, 0.0, -1.0;
   for (int part : {0, 3})  // angular, linear
@@ -127,8 +127,8 @@ TEST(Momentum, of_a_floating_chain_drifts_with_the_step_only) {
 
 // --- symmetries --------------------------------------------------------------------------------------
 
-// A floating palm with two fingers that mirror each other in y: turns about x change their sign.
-TEST(Symmetry, of_a_mirrored_gripper_is_kept) {
+// A floating palm with two fingers that mirror each other in y, so that their joint angles have opposite signs.
+TEST(Symmetry, is_kept_by_a_mirrored_gripper) {
   Model model;
   model.links = {{"palm", Inertia::box(0.5, {0.1, 0.1, 0.05}, Vector3d(0.01, 0, 0.02))}};
   model.root.floating = true;
@@ -149,14 +149,14 @@ TEST(Symmetry, of_a_mirrored_gripper_is_kept) {
         [&](const Batch<double>& batch) {
           const auto q = batch.positions().col(0);
           EXPECT_LE((q.head(3) + q.tail(3)).abs().maxCoeff(), 1e-12);
-          EXPECT_NEAR(batch.root_poses()(1, 0), 0.0, 1e-12);                                 // y
-          for (int turned : {4, 6}) EXPECT_NEAR(batch.root_poses()(turned, 0), 0.0, 1e-12);  // about x and z
+          EXPECT_NEAR(batch.root_poses()(1, 0), 0.0, 1e-12);                             // y
+          for (int axis : {4, 6}) EXPECT_NEAR(batch.root_poses()(axis, 0), 0.0, 1e-12);  // no turns about x and z
         },
         method);
 }
 
-// The same mechanism elsewhere and turned, gravity with it: its joints move the same.
-TEST(Symmetry, of_space_leaves_the_joints_motion_alone) {
+// The mechanism and gravity are displaced and turned together, which does not change the motion of the joints.
+TEST(Symmetry, keeps_the_motion_of_joints_at_another_place) {
   const Eigen::Isometry3d moved =
       Eigen::Translation3d(3.0, -2.0, 7.0) * Eigen::AngleAxisd(2.0, Vector3d(1.0, -2.0, 0.5).normalized());
   for (int seed = 0; seed < 30; ++seed) {
@@ -173,9 +173,9 @@ TEST(Symmetry, of_space_leaves_the_joints_motion_alone) {
   }
 }
 
-// And the same for an observer who moves uniformly: a root's velocity is stepped in inertial axes, so that not even the
-// step's error depends on it, and the root goes on by it for ever.
-TEST(Symmetry, of_uniform_motion_leaves_all_other_motion_alone) {
+// A uniform motion is added to the root. The velocity of the root is stepped in inertial axes, so not even the error of
+// the step depends on it.
+TEST(Symmetry, keeps_all_other_motion_under_a_uniform_motion) {
   const Vector3d velocity(2.0, -1.0, 0.5);
   for (int seed = 0; seed < 30; ++seed) {
     const Model still = scenes::random_model(static_cast<std::uint64_t>(seed), floating());
@@ -186,14 +186,14 @@ TEST(Symmetry, of_uniform_motion_leaves_all_other_motion_alone) {
     a.step(24), b.step(24);
     EXPECT_LE((a.positions() - b.positions()).abs().maxCoeff(), 1e-10) << seed;
     EXPECT_LE((a.root_poses() - b.root_poses()).bottomRows(4).abs().maxCoeff(), 1e-10) << seed;
-    const Vector3d gone = (b.root_poses() - a.root_poses()).col(0).head(3).matrix();
-    EXPECT_LE((gone - 24.0 / 240.0 * velocity).norm(), 1e-10) << seed;
+    const Vector3d distance = (b.root_poses() - a.root_poses()).col(0).head(3).matrix();
+    EXPECT_LE((distance - 24.0 / 240.0 * velocity).norm(), 1e-10) << seed;
     const Vector3d faster = (b.root_velocities() - a.root_velocities()).col(0).tail(3).matrix();
     EXPECT_LE((physics::state_of(a).orientation * faster - velocity).norm(), 1e-10) << seed;
   }
 }
 
-// --- bodies that textbooks know ----------------------------------------------------------------------
+// --- textbook bodies ---------------------------------------------------------------------------------
 
 Model free_body(const Vector3d& spin) {
   Model model;
@@ -204,7 +204,7 @@ Model free_body(const Vector3d& spin) {
   return model;
 }
 
-// I dw/dt + w x I w = 0, by Runge-Kutta 4 at steps far below those compared.
+// Solves I dw/dt + w x I w = 0 by Runge-Kutta 4 with steps far below those of the tests.
 Vector3d euler_spin(const Matrix3d& inertia, Vector3d w, double duration) {
   const auto slope = [&](const Vector3d& at) -> Vector3d { return -inertia.inverse() * at.cross(inertia * at); };
   constexpr int steps = 4000;
@@ -217,7 +217,7 @@ Vector3d euler_spin(const Matrix3d& inertia, Vector3d w, double duration) {
 }
 
 TEST(FreeBody, turns_by_eulers_equations) {
-  const Model model = free_body({0.3, 4.0, -0.5});  // near the axis of the middle moment: it tumbles
+  const Model model = free_body({0.3, 4.0, -0.5});  // near the axis of the middle moment, so it tumbles
   const Vector3d exact = euler_spin(model.links[0].inertia.about_center, model.root.velocity.head<3>(), 1.0);
   ASSERT_GT((exact - model.root.velocity.head<3>()).norm(), 0.5);
   expect_first_order(
@@ -231,12 +231,12 @@ TEST(FreeBody, turns_by_eulers_equations) {
 
 TEST(FreeBody, turns_about_a_principal_axis_for_ever) {
   for (int axis = 0; axis < 3; ++axis) {
-    const double rate = 2.0 * std::numbers::pi;  // a turn in a second
+    const double rate = 2.0 * std::numbers::pi;  // one turn per second
     const Model model = free_body(rate * Vector3d::Unit(axis));
     Batch<double> batch(compile(model, settings(Method::direct)), 1, {.threads = 1});
     batch.step(2400);
     EXPECT_LE((batch.root_velocities().col(0).matrix() - model.root.velocity).norm(), 1e-12);
-    // Ten turns lead back; the quaternion of an even number of turns is that of none.
+    // Ten turns lead back to the start; after an even number of turns the quaternion is that of the start, too.
     EXPECT_NEAR(batch.root_poses()(3, 0), 1.0, 1e-12);
     EXPECT_NEAR(batch.root_poses()(4 + axis, 0), 0.0, 1e-11);
   }
@@ -247,13 +247,12 @@ TEST(FreeBody, falls_as_the_sum_of_its_steps_however_it_tumbles) {
   model.gravity = {0.5, 0.0, -9.81};
   Batch<double> batch(compile(model, settings(Method::direct)), 1, {.threads = 1});
   constexpr int n = 240;
-  batch.step(n);  // semi-implicit Euler: g h^2 (1 + 2 + ... + n)
+  batch.step(n);  // semi-implicit Euler falls by g h^2 (1 + 2 + ... + n)
   const Vector3d fallen = model.gravity / (240.0 * 240.0) * (n * (n + 1) / 2.0);
   EXPECT_LE((batch.root_poses().col(0).head(3).matrix() - fallen).norm(), 1e-12);
 }
 
-// A rotor on a joint of the base is inertia of its link about the joint's axis.
-TEST(Armature, of_the_first_joint_is_inertia_about_its_axis) {
+TEST(Armature, acts_like_inertia_about_the_axis_of_the_first_joint) {
   Model rotor = scenes::chain8(), heavier = rotor;
   rotor.joints[0].armature = 4e-5;
   heavier.links[1].inertia.about_center(1, 1) += 4e-5;  // j0 turns about y
@@ -266,17 +265,17 @@ TEST(Armature, of_the_first_joint_is_inertia_about_its_axis) {
   }
 }
 
-// T = 4 sqrt(L / g) K(sin(a / 2)) for an amplitude a, L = I / (m l). Semi-implicit Euler swings a harmonic oscillator
-// at w (1 + (w h)^2 / 24 + ...), and a pendulum slower than that one.
-TEST(Pendulum, swings_in_the_period_of_its_amplitude) {
+// The period is T = 4 sqrt(L / g) K(sin(a / 2)) for the amplitude a, with L = I / (m l). Semi-implicit Euler gives a
+// harmonic oscillator the frequency w (1 + (w h)^2 / 24 + ...); for a pendulum the error is smaller.
+TEST(Pendulum, swings_with_the_period_of_its_amplitude) {
   constexpr double g = 9.81, l = 0.05, h = 1.0 / 1920;
   const double length = ((0.1 * 0.1 + 0.04 * 0.04) / 12.0 + l * l) / l, w = std::sqrt(g / length);
   for (double amplitude : {0.1, 1.0, 2.5}) {
-    Model model;  // two pendulums that swing as one
+    Model model;  // two pendulums that are coupled
     model.links = {{"base", {}}};
     for (int i = 0; i < 2; ++i) {
       Joint& joint = physics::append_link(model, "base", {0, 0.2 * i, 0}, Vector3d::UnitY());
-      joint.origin.rotate(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3d::UnitY()));  // hangs down at 0
+      joint.origin.rotate(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3d::UnitY()));  // hangs down at q = 0
       joint.position = amplitude;
     }
     model.couplings = {Coupling::mimic("j1", "j0", -1.0)};

@@ -1,7 +1,7 @@
-// The methods do what the recipe of mimic joints says. SPDX-License-Identifier: Apache-2.0
+// The methods follow the equations for mimic joints. SPDX-License-Identifier: Apache-2.0
 //
-// Equation numbers are those of docs/mathematics.md and the note it follows: impulse (12) to (15), N joints (17),
-// sweeps (16). Sliders make every r a sum of G^2 / m, so that expectations are written out here in plain numbers.
+// Equation numbers are those of docs/mathematics.md and of the note that it follows: impulse (12) to (15), N joints
+// (17), sweeps (16). With sliders every r is a sum of G^2 / m, so the tests compute expected values by hand.
 #include <array>
 #include <cmath>
 
@@ -25,7 +25,7 @@ INSTANTIATE_TEST_SUITE_P(method, EachMethod, testing::ValuesIn(physics::methods)
 
 // --- one coupling ------------------------------------------------------------------------------------
 
-TEST_P(EachMethod, applies_to_each_joint_its_share_of_the_impulse) {
+TEST_P(EachMethod, applies_its_share_of_the_impulse_to_each_joint) {
   const Array3d mass(0.5, 2.0, 0.25), ratio(1.0, -3.0, 0.7), v(1.0, -2.0, 0.3), q(0.2, 0.1, -0.1);
   Model model = physics::sliders({mass[0], mass[1], mass[2]});
   model.couplings = {{"s0", {{"s1", ratio[1]}, {"s2", ratio[2]}}, 0.05, Hard{0.4}}};
@@ -34,7 +34,7 @@ TEST_P(EachMethod, applies_to_each_joint_its_share_of_the_impulse) {
   once.record_impulses = true;
   Batch<double> batch(compile(model, once), 1, {.threads = 1});
   batch.step();
-  // (17) in (12): the impulse on joint i is dt f G_i.
+  // By (17) and (12), the impulse on joint i is dt f G_i.
   const double c = (ratio * q).sum() + 0.05, r = (ratio * ratio / mass).sum();
   const double impulse = -(0.4 * c / h + (ratio * v).sum()) / r;
   EXPECT_NEAR(batch.coupling_impulses()(0, 0), impulse, 1e-12);
@@ -44,7 +44,7 @@ TEST_P(EachMethod, applies_to_each_joint_its_share_of_the_impulse) {
   }
 }
 
-// C of a coupling between two sliders that start at rest with C = 1, after `steps` steps.
+// C after `steps` steps, for a coupling between two sliders that start at rest with C = 1.
 double remaining(double erp, const StepSettings& given, int steps, double* fastest = nullptr) {
   Model model = physics::sliders({0.3, 1.2});
   model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.0, Hard{erp})};
@@ -55,18 +55,18 @@ double remaining(double erp, const StepSettings& given, int steps, double* faste
   return batch.coupling_errors()(0, 0);
 }
 
-TEST_P(EachMethod, corrects_the_share_erp_of_an_error_in_each_step_and_leaves_no_velocity) {
+TEST_P(EachMethod, corrects_the_share_erp_of_an_error_per_step_and_leaves_no_velocity) {
   for (double erp : {0.0, 0.2, 0.5, 1.0})
     for (int velocity_iterations : {1, 3})
       for (int steps : {1, 2, 7, 30}) {
         double fastest = 1.0;
         const double c = remaining(erp, settings(GetParam(), 4, velocity_iterations), steps, &fastest);
         EXPECT_NEAR(c, std::pow(1.0 - erp, steps), 1e-14 * steps) << erp;
-        EXPECT_LE(fastest, 1e-12) << erp;  // of corrections at up to 240 rad/s
+        EXPECT_LE(fastest, 1e-12) << erp;  // although corrections move at up to 240 rad/s
       }
 }
 
-TEST_P(EachMethod, overshoots_with_an_erp_above_1_by_what_it_says) {
+TEST_P(EachMethod, overshoots_with_an_erp_above_1_by_the_excess) {
   EXPECT_NEAR(remaining(1.5, settings(GetParam(), 1), 1), -0.5, 1e-14);
   EXPECT_NEAR(remaining(1.5, settings(GetParam(), 1), 5), -std::pow(0.5, 5), 1e-14);
 }
@@ -76,12 +76,12 @@ TEST(Tgs, corrects_the_same_share_of_an_error_for_any_number_of_sub_steps) {
     for (double erp : {0.2, 0.5, 1.0}) EXPECT_NEAR(remaining(erp, settings(Method::tgs, n), 1), 1.0 - erp, 1e-13) << n;
 }
 
-TEST(Tgs, refuses_to_share_out_an_erp_above_1) {
+TEST(Tgs, refuses_an_erp_above_1_for_several_sub_steps) {
   EXPECT_THROW(remaining(1.5, settings(Method::tgs, 2), 1), SettingsError);
 }
 
-// J is constant, so that C decays by 1 - erp in any posture and at any speed of the mechanism.
-TEST(DirectAndReduced, take_every_error_down_by_erp_in_every_step_of_a_moving_arm) {
+// J is constant, so C shrinks by the factor 1 - erp per step in any posture and at any speed.
+TEST(DirectAndReduced, correct_the_share_erp_of_every_error_per_step_of_a_moving_arm) {
   for (Method method : {Method::direct, Method::reduced}) {
     Model model = scenes::chain8();
     for (int i = 0; i < 8; ++i) {
@@ -95,15 +95,15 @@ TEST(DirectAndReduced, take_every_error_down_by_erp_in_every_step_of_a_moving_ar
       batch.step();
       expected *= 1.0 - Hard{}.erp;
       ASSERT_LE(physics::distance(batch.coupling_errors().matrix().col(0), expected), 1e-12) << step;
-      const auto v = batch.velocities().col(0);  // and none of the correction is left in the velocity
+      const auto v = batch.velocities().col(0);  // no correction is left in the velocity
       for (int k : {0, 1, 4, 5}) ASSERT_NEAR(v[k] - v[k + 2], 0.0, 1e-11) << step;
     }
   }
 }
 
-// --- couplings that solve_bounds --------------------------------------------------------------------------
+// --- couplings that share a joint --------------------------------------------------------------------
 
-// Three sliders in a row of two couplings that both want the middle one, as (16) has them.
+// A row of (16). Three sliders have two couplings, which share the middle one.
 struct Row {
   Array3d j;
   double erp;
@@ -111,7 +111,7 @@ struct Row {
 const Array3d mass(0.4, 1.0, 0.2), start_q(0.3, -0.1, 0.2), start_v(1.0, 0.0, -2.0), force(0.5, -3.0, 1.0);
 const std::array<Row, 2> rows = {Row{{1.0, -2.0, 0.0}, 0.3}, Row{{0.0, 1.0, 0.5}, 0.6}};
 
-Model competing() {
+Model three_sliders() {
   Model model = physics::sliders({mass[0], mass[1], mass[2]});
   for (int i = 0; i < 3; ++i) {
     model.joints[i].position = start_q[i];
@@ -123,26 +123,26 @@ Model competing() {
   return model;
 }
 
-// One visit of (16): v is left with J v = -b.
+// One visit of (16): afterwards J v = -b.
 void visit(const Row& row, double b, Array3d& v) {
   v -= row.j / mass * (b + (row.j * v).sum()) / (row.j * row.j / mass).sum();
 }
 
-TEST(Pgs, keeps_positions_and_biases_over_its_sweeps) {
+TEST(Pgs, keeps_positions_and_biases_during_its_sweeps) {
   for (int sweeps : {1, 2, 5}) {
     Array3d v = start_v + h * force / mass;
     for (int n = 0; n < sweeps; ++n)
       for (const Row& row : rows) visit(row, row.erp * (row.j * start_q).sum() / h, v);
     const Array3d q = start_q + h * v;
-    for (const Row& row : rows) visit(row, 0.0, v);  // the velocity iteration: no bias
-    Batch<double> batch(compile(competing(), settings(Method::pgs, sweeps, 1)), 1, {.threads = 1});
+    for (const Row& row : rows) visit(row, 0.0, v);  // the velocity iteration has no bias
+    Batch<double> batch(compile(three_sliders(), settings(Method::pgs, sweeps, 1)), 1, {.threads = 1});
     batch.step();
     EXPECT_LE((batch.positions().col(0) - q).abs().maxCoeff(), 1e-14) << sweeps;
     EXPECT_LE((batch.velocities().col(0) - v).abs().maxCoeff(), 1e-12) << sweeps;
   }
 }
 
-TEST(Tgs, renews_positions_and_biases_in_its_sub_steps_and_shares_out_the_free_motion) {
+TEST(Tgs, updates_positions_and_biases_in_its_sub_steps_and_divides_the_free_motion_among_them) {
   for (int n : {1, 2, 5}) {
     Array3d q = start_q, v = start_v;
     for (int substep = 0; substep < n; ++substep) {
@@ -154,16 +154,16 @@ TEST(Tgs, renews_positions_and_biases_in_its_sub_steps_and_shares_out_the_free_m
       q += h / n * v;
     }
     for (const Row& row : rows) visit(row, 0.0, v);
-    Batch<double> batch(compile(competing(), settings(Method::tgs, n, 1)), 1, {.threads = 1});
+    Batch<double> batch(compile(three_sliders(), settings(Method::tgs, n, 1)), 1, {.threads = 1});
     batch.step();
     EXPECT_LE((batch.positions().col(0) - q).abs().maxCoeff(), 1e-14) << n;
     EXPECT_LE((batch.velocities().col(0) - v).abs().maxCoeff(), 1e-12) << n;
   }
 }
 
-// The spring's share of each sub-step meets its share of the load, so that nothing moves at the exact sag. With all of
-// the free motion in the first sub-step it would not be an equilibrium.
-TEST(Tgs, leaves_a_loaded_spring_at_rest_where_it_balances) {
+// In each sub-step the spring balances the load, so nothing moves at the exact sag. If the first sub-step took all of
+// the free motion, this would not be an equilibrium.
+TEST(Tgs, keeps_a_loaded_spring_at_rest_where_it_balances) {
   constexpr double kp = 800.0, load = 3.0;
   Model model = physics::sliders({0.5, 0.5});
   model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.0, Spring{kp, 15.0})};
@@ -177,7 +177,7 @@ TEST(Tgs, leaves_a_loaded_spring_at_rest_where_it_balances) {
   }
 }
 
-// Gauss-Seidel on a positive definite K + cfm converges; to the solution that `direct` finds at once.
+// Gauss-Seidel on a positive definite K + cfm converges to the solution that `direct` finds at once.
 TEST(Pgs, converges_to_direct) {
   Model model = scenes::chain8();
   for (int i = 0; i < 8; ++i) model.joints[i].position = 0.3 + 0.01 * i;
@@ -199,9 +199,9 @@ TEST(Pgs, converges_to_direct) {
   EXPECT_LE(physics::distance(swept.v, exact.v), 1e-9);
 }
 
-// --- what an impulse reaches -------------------------------------------------------------------------
+// --- responses to impulses ---------------------------------------------------------------------------
 
-// Two arms of three links, on one base, each with a coupling of its own.
+// Two arms of three links on one base. Each has a coupling.
 Model two_arms(bool floating) {
   Model model;
   model.links = {{"base", floating ? physics::link_box(1.0) : Inertia{}}};
@@ -218,7 +218,7 @@ Model two_arms(bool floating) {
   return model;
 }
 
-TEST(Impulses, on_one_tree_of_a_fixed_root_reach_no_other) {
+TEST(Impulses, do_not_cross_a_fixed_root) {
   for (Method method : physics::methods) {
     const Plan plan = compile(two_arms(false), settings(method));
     const Rows<double>& table = program_of(plan).f64.rows;
@@ -229,7 +229,7 @@ TEST(Impulses, on_one_tree_of_a_fixed_root_reach_no_other) {
           EXPECT_EQ(table.blocks[b].row + i, table.blocks[b].column + k);
         }
 
-    // The second arm moves as if the first were not coupled, not driven and somewhere else: to the last bit.
+    // Without its coupling, with an effort and at another place, the first arm changes no bit of the second.
     Model other = two_arms(false);
     other.couplings.erase(other.couplings.begin());
     other.joints[1].effort = 5.0;
@@ -241,7 +241,7 @@ TEST(Impulses, on_one_tree_of_a_fixed_root_reach_no_other) {
   }
 }
 
-// r_ij: what a unit impulse on joint j does to the speed of joint i, seen as the difference that an effort makes.
+// r_ij is the change of the velocity of joint i by a unit impulse on joint j. The test gives the impulse as an effort.
 TEST(Impulses, have_symmetric_responses_that_cross_a_floating_root_only) {
   for (bool floating : {false, true}) {
     Model model = two_arms(floating);

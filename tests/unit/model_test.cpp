@@ -1,4 +1,4 @@
-// Every rule of Model::validate refuses what breaks it, and says what. SPDX-License-Identifier: Apache-2.0
+// Model::validate refuses what breaks a rule, and names the element and the rule. SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include <functional>
@@ -9,7 +9,7 @@
 namespace lockstep {
 namespace {
 
-// A root with two joints one behind the other, coupled.
+// A root with two coupled joints in series.
 Model two_joints() {
   Model model;
   const Inertia box = Inertia::box(0.2, {0.1, 0.04, 0.04}, {0.05, 0, 0});
@@ -30,12 +30,12 @@ struct Rule {
   const char* name;
   std::function<void(Model&)> break_it;
   const char* element;
-  const char* said;
+  const char* rule;  // a part of it
 };
 
-class BrokenRule : public testing::TestWithParam<Rule> {};
+class InvalidModel : public testing::TestWithParam<Rule> {};
 
-TEST_P(BrokenRule, is_refused_and_named) {
+TEST_P(InvalidModel, is_refused_and_named) {
   Model model = two_joints();
   ASSERT_NO_THROW(model.validate());
   GetParam().break_it(model);
@@ -44,7 +44,7 @@ TEST_P(BrokenRule, is_refused_and_named) {
     FAIL() << "accepted";
   } catch (const ModelError& error) {
     EXPECT_EQ(error.element(), GetParam().element);
-    EXPECT_NE(error.rule().find(GetParam().said), std::string::npos) << error.what();
+    EXPECT_NE(error.rule().find(GetParam().rule), std::string::npos) << error.what();
     EXPECT_FALSE(error.remedy().empty());
   }
 }
@@ -52,7 +52,7 @@ TEST_P(BrokenRule, is_refused_and_named) {
 const double nan = std::numeric_limits<double>::quiet_NaN();
 
 INSTANTIATE_TEST_SUITE_P(
-    model, BrokenRule,
+    model, InvalidModel,
     testing::Values(
         Rule{"twice", [](Model& m) { m.links[2].name = "upper"; }, "link 'upper'", "twice"},
         Rule{"nameless", [](Model& m) { m.joints[0].name = ""; }, "a joint", "no name"},
@@ -101,8 +101,8 @@ INSTANTIATE_TEST_SUITE_P(
         Rule{"gravity", [](Model& m) { m.gravity[1] = nan; }, "model 'model'", "gravity"}),
     [](const auto& rule) { return std::string(rule.param.name); });
 
-// One rigid body whether its mass sits on the moving link or on one fixed to it.
-TEST(Model, inertia_of_links_fixed_to_a_moving_one_counts) {
+// A moving link without mass is valid if a link that is fixed to it has mass.
+TEST(Model, counts_the_inertia_of_links_that_are_fixed_to_a_moving_one) {
   Model model = two_joints();
   model.links.push_back({"tool", model.links[2].inertia});
   model.links[2].inertia = {};
@@ -112,7 +112,7 @@ TEST(Model, inertia_of_links_fixed_to_a_moving_one_counts) {
   EXPECT_NO_THROW(model.validate());
 }
 
-TEST(Model, couplings_of_the_same_first_joint_get_names_of_their_own) {
+TEST(CouplingNames, differ_for_couplings_of_the_same_first_joint) {
   Model model = two_joints();
   model.couplings.push_back(Coupling::mimic("elbow", "shoulder", -1.0));
   EXPECT_EQ(coupling_names(model), (std::vector<std::string>{"elbow", "elbow#2"}));

@@ -1,4 +1,4 @@
-// What compile() refuses and decides, and what a Plan looks up. SPDX-License-Identifier: Apache-2.0
+// What compile() refuses and chooses, and what a Plan looks up. SPDX-License-Identifier: Apache-2.0
 #include "lockstep/plan.h"
 
 #include <gtest/gtest.h>
@@ -23,9 +23,9 @@ struct Rule {
   const char* setting;
 };
 
-class BrokenSetting : public testing::TestWithParam<Rule> {};
+class InvalidSetting : public testing::TestWithParam<Rule> {};
 
-TEST_P(BrokenSetting, is_refused_and_named) {
+TEST_P(InvalidSetting, is_refused_and_named) {
   StepSettings settings;
   GetParam().break_it(settings);
   try {
@@ -39,7 +39,7 @@ TEST_P(BrokenSetting, is_refused_and_named) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    settings, BrokenSetting,
+    settings, InvalidSetting,
     testing::Values(
         Rule{"dt_zero", [](StepSettings& s) { s.dt = 0.0; }, "dt"},
         Rule{"dt_negative", [](StepSettings& s) { s.dt = -1e-3; }, "dt"},
@@ -59,7 +59,7 @@ INSTANTIATE_TEST_SUITE_P(
              "method"}),
     [](const auto& rule) { return std::string(rule.param.name); });
 
-TEST(Settings, at_their_limits_are_accepted) {
+TEST(Compile, accepts_settings_at_their_limits) {
   StepSettings settings;
   settings.method = Method::pgs;
   for (int iterations : {1, 1000})
@@ -69,7 +69,7 @@ TEST(Settings, at_their_limits_are_accepted) {
     }
 }
 
-TEST(Settings, tgs_refuses_to_share_out_an_erp_above_1) {
+TEST(Compile, refuses_an_erp_above_1_that_the_sub_steps_of_tgs_share) {
   Model model = scenes::chain8();
   model.couplings[2].softness = Hard{1.5};
   StepSettings settings = {.method = Method::tgs};
@@ -79,14 +79,14 @@ TEST(Settings, tgs_refuses_to_share_out_an_erp_above_1) {
   EXPECT_NO_THROW(compile(model, {.method = Method::pgs}));
 }
 
-TEST(Settings, reduced_refuses_own_gear_ratios_where_couplings_are_redundant) {
+TEST(Compile, refuses_reduced_for_gear_ratios_per_environment_of_redundant_couplings) {
   EXPECT_THROW(compile(scenes::redundant(), {.method = Method::reduced, .per_environment = {Parameter::gear_ratio}}),
                SettingsError);
   EXPECT_NO_THROW(compile(scenes::chain8(), {.method = Method::reduced, .per_environment = {Parameter::gear_ratio}}));
   EXPECT_NO_THROW(compile(scenes::redundant(), {.method = Method::reduced}));
 }
 
-TEST(compile, refuses_impossible_models) {
+TEST(Compile, refuses_impossible_models) {
   Model model = scenes::chain8();
   model.links[3].inertia.mass = -1.0;
   EXPECT_THROW(compile(model), ModelError);
@@ -94,7 +94,7 @@ TEST(compile, refuses_impossible_models) {
 
 // ---------------------------------------------------------------- couplings
 
-TEST(Couplings, that_contradict_each_other_are_named) {
+TEST(Compile, names_couplings_that_contradict_each_other) {
   Model model = scenes::redundant();  // (0,2), (2,4), (0,4)
   model.couplings[2].offset = 0.25;
   for (Method method : {Method::pgs, Method::tgs, Method::direct, Method::reduced}) {
@@ -109,21 +109,21 @@ TEST(Couplings, that_contradict_each_other_are_named) {
       EXPECT_NE(error.rule().find("0.25"), std::string::npos) << error.what();
     }
   }
-  model.couplings[1].softness = Spring{10.0, 1.0};  // yields
+  model.couplings[1].softness = Spring{10.0, 1.0};  // yields to the others
   EXPECT_NO_THROW(compile(model));
 }
 
-TEST(Couplings, that_follow_from_others_are_listed) {
+TEST(Plan, lists_redundant_couplings) {
   EXPECT_EQ(compile(scenes::redundant()).redundant_couplings(), std::vector<int>{2});
   EXPECT_TRUE(compile(scenes::chain8()).redundant_couplings().empty());
   Model twice = scenes::chain8();
   twice.couplings.push_back(scenes::chain8().couplings[0]);
   EXPECT_EQ(compile(twice).redundant_couplings(), std::vector<int>{4});
-  twice.couplings[4].softness = Spring{10.0, 1.0};  // says something of its own
+  twice.couplings[4].softness = Spring{10.0, 1.0};  // a spring is not redundant
   EXPECT_TRUE(compile(twice).redundant_couplings().empty());
 }
 
-TEST(Plan, says_which_dofs_were_eliminated) {
+TEST(Plan, lists_eliminated_dofs) {
   const Plan chain = compile(scenes::chain8(), {.method = Method::reduced});
   EXPECT_EQ(chain.eliminated_dofs(), (std::vector<int>{0, 1, 4, 5}));
   EXPECT_EQ(compile(scenes::gripper13()).eliminated_dofs(), (std::vector<int>{8, 9, 10, 11, 12}));
@@ -172,7 +172,7 @@ TEST(Plan, is_shared_by_its_copies) {
   EXPECT_EQ(&program_of(copy), &program_of(plan));
 }
 
-TEST(names, of_methods_and_parameters) {
+TEST(ToString, names_methods_and_parameters) {
   EXPECT_STREQ(to_string(Method::automatic), "automatic");
   EXPECT_STREQ(to_string(Method::pgs), "pgs");
   EXPECT_STREQ(to_string(Method::tgs), "tgs");

@@ -1,14 +1,14 @@
-// Wide numbers behind plain functions. SPDX-License-Identifier: Apache-2.0
+// Operations on wide numbers behind plain functions. SPDX-License-Identifier: Apache-2.0
 //
-// So a test need not be compiled for the instruction set that it calls. Knows no standard library: of what an AVX2
-// file shares with others, the linker might take the copy that not every machine can run.
+// With these, a test need not be compiled for the instruction set that it calls. The file uses no standard library: if
+// an AVX2 file shared inline functions with others, the linker might keep the copy that not every machine can run.
 #pragma once
 
 #include "simd/sincos.h"
 
 namespace lockstep::simd_test {
 
-/// Each function reads and writes `lanes` numbers; those it reads need no alignment.
+/// Each function reads and writes `lanes` numbers, which need no alignment.
 template <class S>
 struct Operations {
   const char* name;

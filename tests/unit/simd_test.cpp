@@ -1,4 +1,4 @@
-// Wide numbers: what the kernels take for granted of them. SPDX-License-Identifier: Apache-2.0
+// Wide numbers have the properties that the kernels rely on. SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,7 +21,7 @@ using Numbers = std::array<S, most_lanes>;
 using Truths = std::array<bool, most_lanes>;
 
 template <class S>
-constexpr S no_number = std::numeric_limits<S>::quiet_NaN();
+constexpr S not_a_number = std::numeric_limits<S>::quiet_NaN();
 template <class S>
 constexpr S infinite = std::numeric_limits<S>::infinity();
 
@@ -40,9 +40,9 @@ void for_every_wide_type(Check check) {
   constexpr auto scalar_f32 = simd_test::operations<float, 1, simd::Unfused>("baseline_scalar");
   constexpr auto scalar_f64 = simd_test::operations<double, 1, simd::Unfused>("baseline_scalar");
   const auto each = [&](const auto&... operations) {
-    const auto one = [&](const auto& own) {
-      SCOPED_TRACE(std::string(own.name) + (own.lanes > 1 ? ", wide" : ""));
-      check(own);
+    const auto one = [&](const auto& wide) {
+      SCOPED_TRACE(std::string(wide.name) + (wide.lanes > 1 ? ", wide" : ""));
+      check(wide);
     };
     (one(operations), ...);
   };
@@ -56,16 +56,16 @@ void for_every_wide_type(Check check) {
 #endif
 }
 
-// What sincos.h promises, against the long double of the C library.
+// The largest error of sincos() for arguments up to `reach`, against long doubles of the C library.
 template <class S>
-double largest_error(const Operations<S>& own, double reach) {
+double largest_error(const Operations<S>& wide, double reach) {
   std::mt19937_64 engine(1);
   double largest = 0.0;
   for (int tile = 0; tile < 20000; ++tile) {
     Numbers<S> x, sine, cosine;
     for (S& number : x) number = static_cast<S>(reach * (2.0 * (static_cast<double>(engine() >> 11) * 0x1p-53) - 1.0));
-    own.sincos(x.data(), sine.data(), cosine.data());
-    for (int i = 0; i < own.lanes; ++i) {
+    wide.sincos(x.data(), sine.data(), cosine.data());
+    for (int i = 0; i < wide.lanes; ++i) {
       const long double exact = x[static_cast<std::size_t>(i)];
       largest = std::max(largest, std::abs(static_cast<double>(sine[static_cast<std::size_t>(i)] - std::sin(exact))));
       largest = std::max(largest, std::abs(static_cast<double>(cosine[static_cast<std::size_t>(i)] - std::cos(exact))));
@@ -74,62 +74,62 @@ double largest_error(const Operations<S>& own, double reach) {
   return largest;
 }
 
-TEST(sincos, is_as_accurate_as_it_says) {
-  for_every_wide_type([]<class S>(const Operations<S>& own) {
+TEST(Sincos, is_as_accurate_as_promised) {
+  for_every_wide_type([]<class S>(const Operations<S>& wide) {
     constexpr bool single = sizeof(S) == 4;
     for (double reach : {0.8, 3.2, 100.0, single ? 8192.0 : 1e6})
-      EXPECT_LE(largest_error(own, reach), single ? 1.1e-7 : 3e-16) << "up to " << reach;
+      EXPECT_LE(largest_error(wide, reach), single ? 1.1e-7 : 3e-16) << "up to " << reach;
   });
 }
 
-// Around every multiple of pi / 4: there the quadrant changes, and with it the polynomial and the sign.
-TEST(sincos, gets_signs_and_quadrants_right) {
-  for_every_wide_type([]<class S>(const Operations<S>& own) {
+// The quadrant changes at multiples of pi / 4, and with it the polynomial and the sign.
+TEST(Sincos, has_the_right_sign_in_every_quadrant) {
+  for_every_wide_type([]<class S>(const Operations<S>& wide) {
     constexpr S tolerance = sizeof(S) == 4 ? S(1.1e-7) : S(3e-16);
     for (int eighth = -64; eighth <= 64; ++eighth)
       for (S nudge : {S(-1), S(0), S(1)}) {
         const S exact = static_cast<S>(eighth * 0.78539816339744830962L);
         const S x = nudge == S(0) ? exact : std::nextafter(exact, nudge * infinite<S>);
         Numbers<S> sine, cosine, minus_sine, minus_cosine;
-        own.sincos(all(x).data(), sine.data(), cosine.data());
-        own.sincos(all(-x).data(), minus_sine.data(), minus_cosine.data());
+        wide.sincos(all(x).data(), sine.data(), cosine.data());
+        wide.sincos(all(-x).data(), minus_sine.data(), minus_cosine.data());
         EXPECT_NEAR(sine[0], static_cast<S>(std::sin(static_cast<long double>(x))), tolerance) << x;
         EXPECT_NEAR(cosine[0], static_cast<S>(std::cos(static_cast<long double>(x))), tolerance) << x;
-        EXPECT_EQ(minus_sine[0], -sine[0]) << "odd, " << x;
-        EXPECT_EQ(minus_cosine[0], cosine[0]) << "even, " << x;
+        EXPECT_EQ(minus_sine[0], -sine[0]) << "the sine of " << x << " is not odd";
+        EXPECT_EQ(minus_cosine[0], cosine[0]) << "the cosine of " << x << " is not even";
       }
     Numbers<S> sine, cosine;
-    own.sincos(all(S(0)).data(), sine.data(), cosine.data());
+    wide.sincos(all(S(0)).data(), sine.data(), cosine.data());
     EXPECT_EQ(sine[0], S(0));
     EXPECT_EQ(cosine[0], S(1));
   });
 }
 
-TEST(sincos, of_no_number_is_no_number) {
-  for_every_wide_type([]<class S>(const Operations<S>& own) {
-    for (S x : {no_number<S>, -no_number<S>, infinite<S>, -infinite<S>}) {
+TEST(Sincos, returns_nan_for_nan_and_infinity) {
+  for_every_wide_type([]<class S>(const Operations<S>& wide) {
+    for (S x : {not_a_number<S>, -not_a_number<S>, infinite<S>, -infinite<S>}) {
       Numbers<S> sine, cosine;
-      own.sincos(all(x).data(), sine.data(), cosine.data());
-      for (std::size_t i = 0; i < static_cast<std::size_t>(own.lanes); ++i)
+      wide.sincos(all(x).data(), sine.data(), cosine.data());
+      for (std::size_t i = 0; i < static_cast<std::size_t>(wide.lanes); ++i)
         EXPECT_TRUE(std::isnan(sine[i]) && std::isnan(cosine[i])) << x;
     }
   });
 }
 
-TEST(beyond, catches_large_numbers_infinities_and_no_numbers) {
-  for_every_wide_type([]<class S>(const Operations<S>& own) {
-    const std::size_t last = static_cast<std::size_t>(own.lanes) - 1;
-    const auto is_beyond = [&](S x, S bound) {  // in the last lane, with a 0 in all others
-      Numbers<S> x_alone = all(S(0));
-      x_alone[last] = x;
+TEST(Beyond, catches_large_numbers_infinities_and_nan) {
+  for_every_wide_type([]<class S>(const Operations<S>& wide) {
+    const std::size_t last = static_cast<std::size_t>(wide.lanes) - 1;
+    const auto is_beyond = [&](S x, S bound) {  // in the last lane, with zero in all others
+      Numbers<S> x_in_last = all(S(0));
+      x_in_last[last] = x;
       Truths result;
-      own.beyond(x_alone.data(), all(bound).data(), result.data());
+      wide.beyond(x_in_last.data(), all(bound).data(), result.data());
       EXPECT_EQ(std::count(result.begin(), result.begin() + static_cast<std::ptrdiff_t>(last), true), 0);
       return result[last];
     };
     for (S bound : {S(1e-20), S(1), S(1e5), std::numeric_limits<S>::max()})
       for (S sign : {S(1), S(-1)}) {
-        EXPECT_TRUE(is_beyond(std::copysign(no_number<S>, sign), bound));
+        EXPECT_TRUE(is_beyond(std::copysign(not_a_number<S>, sign), bound));
         EXPECT_TRUE(is_beyond(sign * infinite<S>, bound));
         EXPECT_TRUE(is_beyond(std::nextafter(sign * bound, sign * infinite<S>), bound));
         EXPECT_FALSE(is_beyond(sign * bound, bound));
@@ -140,55 +140,55 @@ TEST(beyond, catches_large_numbers_infinities_and_no_numbers) {
   });
 }
 
-TEST(farther, is_the_larger_magnitude_and_keeps_what_is_no_number) {
-  for_every_wide_type([]<class S>(const Operations<S>& own) {
+TEST(Farther, is_the_larger_magnitude_and_keeps_nan) {
+  for_every_wide_type([]<class S>(const Operations<S>& wide) {
     const auto farther = [&](S most, S a) {
       Numbers<S> result;
-      own.farther(all(most).data(), all(a).data(), result.data());
-      for (int i = 1; i < own.lanes; ++i)
+      wide.farther(all(most).data(), all(a).data(), result.data());
+      for (int i = 1; i < wide.lanes; ++i)
         EXPECT_EQ(std::isnan(result[static_cast<std::size_t>(i)]), std::isnan(result[0]));
-      return result[static_cast<std::size_t>(own.lanes) - 1];
+      return result[static_cast<std::size_t>(wide.lanes) - 1];
     };
     const S tiny = std::numeric_limits<S>::denorm_min(), numbers[] = {S(0), tiny, S(1e-20), S(1), S(1e5), infinite<S>};
     for (S most : numbers)
       for (S a : numbers)
         for (S sign : {S(1), S(-1)}) EXPECT_EQ(farther(most, sign * a), std::max(most, a));
     for (S a : numbers)
-      for (S none : {no_number<S>, -no_number<S>}) {
-        EXPECT_TRUE(std::isnan(farther(a, none)));
-        EXPECT_TRUE(std::isnan(farther(std::abs(none), -a)));
+      for (S nan : {not_a_number<S>, -not_a_number<S>}) {
+        EXPECT_TRUE(std::isnan(farther(a, nan)));
+        EXPECT_TRUE(std::isnan(farther(std::abs(nan), -a)));
       }
   });
 }
 
-TEST(multiply_add, rounds_once_if_fused_and_twice_if_not) {
-  for_every_wide_type([]<class S>(const Operations<S>& own) {
+TEST(MultiplyAdd, rounds_once_if_fused_and_twice_if_not) {
+  for_every_wide_type([]<class S>(const Operations<S>& wide) {
     const S epsilon = std::numeric_limits<S>::epsilon(), a = S(1) + epsilon;
-    const volatile S rounded = a * a;  // without its last part, epsilon squared
-    const S product = rounded, rest = own.fused ? epsilon * epsilon : S(0);
+    const volatile S rounded = a * a;  // loses epsilon squared
+    const S product = rounded, rest = wide.fused ? epsilon * epsilon : S(0);
     Numbers<S> plus, minus;
-    own.fma(all(a).data(), all(a).data(), all(-product).data(), plus.data());
-    own.fnma(all(a).data(), all(a).data(), all(product).data(), minus.data());
-    for (std::size_t i = 0; i < static_cast<std::size_t>(own.lanes); ++i) {
+    wide.fma(all(a).data(), all(a).data(), all(-product).data(), plus.data());
+    wide.fnma(all(a).data(), all(a).data(), all(product).data(), minus.data());
+    for (std::size_t i = 0; i < static_cast<std::size_t>(wide.lanes); ++i) {
       EXPECT_EQ(plus[i], rest);
       EXPECT_EQ(minus[i], -rest);
     }
   });
 }
 
-// Every lane has its own numbers, so that a mixed-up lane shows.
+// Every lane has different numbers, so the test notices lanes that are mixed up.
 TEST(Wide, works_lane_by_lane) {
-  for_every_wide_type([]<class S>(const Operations<S>& own) {
-    const std::size_t lanes = static_cast<std::size_t>(own.lanes);
+  for_every_wide_type([]<class S>(const Operations<S>& wide) {
+    const std::size_t lanes = static_cast<std::size_t>(wide.lanes);
     for (int shift = 0; shift < 3; ++shift) {
       Numbers<S> a, b, arithmetic, root, selected;
       for (std::size_t i = 0; i < most_lanes; ++i)
         a[i] = S(1.5) + S(i + 1), b[i] = S(0.75) * S((i + shift) % 5) - S(1.6);
-      own.arithmetic(a.data(), b.data(), arithmetic.data());
-      own.sqrt(a.data(), root.data());
-      own.select_less(b.data(), all(S(0)).data(), a.data(), b.data(), selected.data());
+      wide.arithmetic(a.data(), b.data(), arithmetic.data());
+      wide.sqrt(a.data(), root.data());
+      wide.select_less(b.data(), all(S(0)).data(), a.data(), b.data(), selected.data());
       Truths both, either, neither;
-      own.masks(b.data(), a.data(), both.data(), either.data(), neither.data());
+      wide.masks(b.data(), a.data(), both.data(), either.data(), neither.data());
       bool negative = false;
       for (std::size_t i = 0; i < lanes; ++i) {
         const volatile S sum = a[i] + b[i], difference = a[i] - b[i], product = sum * difference;
@@ -200,15 +200,14 @@ TEST(Wide, works_lane_by_lane) {
         EXPECT_EQ(neither[i], !(b[i] < S(0)));
         negative = negative || b[i] < S(0);
       }
-      EXPECT_EQ(own.any_less(b.data(), all(S(0)).data()), negative);
+      EXPECT_EQ(wide.any_less(b.data(), all(S(0)).data()), negative);
     }
-    EXPECT_FALSE(own.any_less(all(no_number<S>).data(), all(S(0)).data()));
-    EXPECT_FALSE(own.any_less(all(S(0)).data(), all(no_number<S>).data()));
+    EXPECT_FALSE(wide.any_less(all(not_a_number<S>).data(), all(S(0)).data()));
+    EXPECT_FALSE(wide.any_less(all(S(0)).data(), all(not_a_number<S>).data()));
   });
 }
 
-// load() and store() activate their own lanes and no others.
-TEST(Wide, stores_no_further_than_its_lanes) {
+TEST(Wide, loads_and_stores_its_own_lanes_only) {
   alignas(64) float memory[16];
   std::fill(std::begin(memory), std::end(memory), -1.0f);
   using Four = simd::Wide<float, 4, simd::Unfused>;

@@ -1,9 +1,9 @@
-// Softness is what it says, however it is said and however often a row is visited. SPDX-License-Identifier: Apache-2.0
+// A soft coupling is the same spring for any kind and any number of visits. SPDX-License-Identifier: Apache-2.0
 //
 // Two sliders A and B with C = q_A - q_B are one oscillator: r = 1/m_A + 1/m_B (15) and C'' = -r (kp C + kd C').
-// Implicit first order integration (21) makes of it, at steps of h,
-//     u' = u - h r (kp C' + kd u'),  C' = C + h u',
-// whose poles are z = 1 / (1 - h s) for the poles s of the continuous oscillator.
+// Implicit integration of first order (21) with steps h turns it into
+//     u' = u - h r (kp C' + kd u'),  C' = C + h u'.
+// Its poles are z = 1 / (1 - h s) for the poles s of the continuous oscillator.
 #include <cmath>
 #include <complex>
 #include <numbers>
@@ -20,7 +20,7 @@ using Eigen::Vector2d;
 
 constexpr double h = 1.0 / 240, mass_a = 0.7, mass_b = 0.3, r = 1.0 / mass_a + 1.0 / mass_b;
 
-// (C, C') after a time h of C'' = -stiffness C - rate C', integrated implicitly.
+// The matrix that takes (C, C') one implicit step further, for C'' = -stiffness C - rate C'.
 Matrix2d backward_euler(double step, double stiffness, double rate) {
   Matrix2d f;
   f << 0.0, 1.0, -stiffness, -rate;
@@ -40,7 +40,7 @@ Vector2d error_and_rate(const Batch<double>& batch) {
   return {batch.positions()(0, 0) - batch.positions()(1, 0), batch.velocities()(0, 0) - batch.velocities()(1, 0)};
 }
 
-// The pair's coordinate C follows the powers of a 2 x 2 matrix.
+// Expects that (C, C') follows the powers of a 2 x 2 matrix.
 void expect_motion(const Model& model, const StepSettings& settings, const Matrix2d& per_step) {
   SCOPED_TRACE(std::string(to_string(settings.method)) + " " + std::to_string(settings.iterations) + " + " +
                std::to_string(settings.velocity_iterations));
@@ -71,13 +71,13 @@ std::vector<Visits> visits() {
 const Softness soft = Frequency{4.0 * std::numbers::pi, 0.1};  // 2 Hz
 const double stiffness = std::pow(4.0 * std::numbers::pi, 2), rate = 2.0 * 0.1 * 4.0 * std::numbers::pi;
 
-TEST(SoftCoupling, is_the_implicit_spring_however_often_it_is_visited) {
+TEST(SoftCoupling, is_an_implicit_spring_for_any_number_of_visits) {
   for (const Visits& v : visits())
     expect_motion(oscillator(soft), physics::settings(v.method, v.iterations, v.velocity_iterations),
                   backward_euler(h, stiffness, rate));
 }
 
-TEST(SoftCoupling, is_the_implicit_spring_of_a_sub_step_in_tgs) {
+TEST(SoftCoupling, is_an_implicit_spring_in_each_sub_step_of_tgs) {
   for (int n : {1, 2, 4, 16})
     for (int velocity_iterations : {0, 1, 3}) {
       Matrix2d step = Matrix2d::Identity();
@@ -86,8 +86,8 @@ TEST(SoftCoupling, is_the_implicit_spring_of_a_sub_step_in_tgs) {
     }
 }
 
-// Damping and drives that share the accelerations of the bodies, d = beta m and kp = kappa m, act on C alone: they
-// add beta and kappa to the rates of the oscillator. They stand in A, which must not change what mu and zeta mean.
+// Damping d = beta m and drives kp = kappa m accelerate both bodies alike, so they add beta and kappa to the rates of
+// the oscillator. They are part of A, which must not change the meaning of mu and zeta.
 TEST(SoftCoupling, keeps_its_frequency_beside_damping_and_drives) {
   constexpr double beta = 3.0, kappa = 200.0, drag = 1.5;
   Model model = oscillator(soft);
@@ -101,7 +101,6 @@ TEST(SoftCoupling, keeps_its_frequency_beside_damping_and_drives) {
                   backward_euler(h, stiffness + kappa, rate + beta + drag));
 }
 
-// Armature is inertia that the coupling feels.
 TEST(SoftCoupling, refers_its_frequency_to_inertia_with_armature) {
   Model model = oscillator(soft);
   model.joints[0].armature = 1.1;
@@ -110,7 +109,7 @@ TEST(SoftCoupling, refers_its_frequency_to_inertia_with_armature) {
                   backward_euler(h, stiffness, rate));
 }
 
-// A hard coupling to a third body weighs A down by G^2 m, in the oscillator; mu and zeta are of r all the same.
+// A hard coupling to a third body adds G^2 m to the mass of A in the oscillator. mu and zeta still refer to r.
 TEST(SoftCoupling, keeps_its_spring_beside_a_hard_coupling) {
   constexpr double gear = 2.0, mass_c = 0.4;
   Model model = physics::sliders({mass_a, mass_b, mass_c});
@@ -124,45 +123,46 @@ TEST(SoftCoupling, keeps_its_spring_beside_a_hard_coupling) {
                     backward_euler(h, share * stiffness, share * rate));
 }
 
-// 2 Hz and a damping ratio of 0.1 show as what z = 1 / (1 - h s) makes of them: 1.978 oscillations a second and 0.126.
-TEST(SoftCoupling, shows_the_frequency_and_damping_of_the_backward_euler_form) {
+// By z = 1 / (1 - h s), a frequency of 2 Hz becomes 1.978 Hz, and a damping ratio of 0.1 becomes 0.126.
+TEST(SoftCoupling, has_the_frequency_and_damping_of_backward_euler) {
   Batch<double> batch(compile(oscillator(soft), physics::settings(Method::pgs)), 1, {.threads = 1});
   double c[4];
   for (double& error : c) {
     batch.step(20);
     error = error_and_rate(batch)[0];
   }
-  // Every motion of the oscillator has C_k+2 = a C_k+1 + b C_k, and its poles are the roots of z^2 = a z + b.
-  Matrix2d known;
-  known << c[1], c[0], c[2], c[1];
-  const Vector2d recurrence = known.partialPivLu().solve(Vector2d(c[2], c[3]));
+  // Every motion of the oscillator satisfies C_k+2 = a C_k+1 + b C_k, and its poles are the roots of z^2 = a z + b.
+  Matrix2d samples;
+  samples << c[1], c[0], c[2], c[1];
+  const Vector2d recurrence = samples.partialPivLu().solve(Vector2d(c[2], c[3]));
   const std::complex<double> z =
       0.5 * (recurrence[0] + std::sqrt(std::complex<double>(recurrence[0] * recurrence[0] + 4.0 * recurrence[1])));
-  const std::complex<double> seen = std::log(z) / (20.0 * h);
-  const double seen_frequency = seen.imag() / (2.0 * std::numbers::pi), zeta = -seen.real() / std::abs(seen);
+  const std::complex<double> measured = std::log(z) / (20.0 * h);
+  const double measured_frequency = measured.imag() / (2.0 * std::numbers::pi),
+               zeta = -measured.real() / std::abs(measured);
 
   const std::complex<double> s = 4.0 * std::numbers::pi * std::complex<double>(-0.1, std::sqrt(1.0 - 0.01));
   const std::complex<double> expected = -std::log(1.0 - h * s) / h;
-  EXPECT_NEAR(seen_frequency, expected.imag() / (2.0 * std::numbers::pi), 1e-6);
+  EXPECT_NEAR(measured_frequency, expected.imag() / (2.0 * std::numbers::pi), 1e-6);
   EXPECT_NEAR(zeta, -expected.real() / std::abs(expected), 1e-6);
-  EXPECT_NEAR(seen_frequency, 1.978, 5e-4);
+  EXPECT_NEAR(measured_frequency, 1.978, 5e-4);
   EXPECT_NEAR(zeta, 0.126, 5e-4);
 }
 
-// Arm A hangs out sideways, arm B turns about the vertical and is held by a drive. At rest
-// kp C = m g l cos q_A, kp = mu^2 / r (26), and the drive carries the same torque.
+// Arm A points sideways. Arm B turns about the vertical, and a drive holds it. At rest kp C = m g l cos q_A with
+// kp = mu^2 / r (26), and the drive bears the same torque.
 TEST(SoftCoupling, sags_under_a_load_by_its_stiffness) {
   constexpr double mu = 10.0 * std::numbers::pi, drive = 50.0, g = 9.81, l = 0.05, mass = 0.2;
   const double inertia = mass * ((0.1 * 0.1 + 0.04 * 0.04) / 12.0 + l * l), kp = mu * mu * inertia / 2.0;
   Model model;
   model.links = {{"base", {}}};
   physics::append_link(model, "base", {0, 0, 0}, Eigen::Vector3d::UnitY());
-  Joint& held = physics::append_link(model, "base", {0, 0, 1}, Eigen::Vector3d::UnitZ());
-  held.drive = {drive, 1.0, 0.0, 0.0};
-  held.damping = 0.01;
+  Joint& driven = physics::append_link(model, "base", {0, 0, 1}, Eigen::Vector3d::UnitZ());
+  driven.drive = {drive, 1.0, 0.0, 0.0};
+  driven.damping = 0.01;
   model.couplings = {Coupling::mimic("j0", "j1", -1.0, 0.0, Frequency{mu, 1.0})};
 
-  double sag = 0.0;  // C; q_A = C + kp C / drive, and gravity turns about +y
+  double sag = 0.0;  // C, by Newton's method; q_A = C + kp C / drive, and gravity turns arm A about +y
   const double arm = 1.0 + kp / drive;
   for (int i = 0; i < 20; ++i)
     sag -= (kp * sag - mass * g * l * std::cos(arm * sag)) / (kp + mass * g * l * arm * std::sin(arm * sag));
@@ -180,9 +180,9 @@ TEST(SoftCoupling, sags_under_a_load_by_its_stiffness) {
   }
 }
 
-// One visit is (18); more of them stay at (21), where (18) to the letter, which forgets what it has applied, goes on
-// towards the hard row: -(J v + b) / r (1 - p^n), p = cfm / (r + cfm).
-TEST(SoftCoupling, applies_18_at_its_first_visit_and_21_at_any) {
+// The first visit is (18), and any number of visits gives (21). The literal (18) does not remember what it has applied,
+// so with more visits it approaches the hard row: -(J v + b) / r (1 - p^n) with p = cfm / (r + cfm).
+TEST(SoftCoupling, applies_the_impulse_of_21_for_any_number_of_visits) {
   constexpr double dt = 0.01, two = 2.0, c = 0.1, v = 0.5, mu = 40.0, zeta = 1.0;
   Model model = physics::sliders({1.0, 1.0});
   model.couplings = {Coupling::mimic("s0", "s1", -1.0, 0.0, Frequency{mu, zeta})};
@@ -202,15 +202,15 @@ TEST(SoftCoupling, applies_18_at_its_first_visit_and_21_at_any) {
     Batch<double> batch(compile(model, settings), 1, {.threads = 1});
     batch.step();
     EXPECT_NEAR(batch.coupling_impulses()(0, 0), by_21, 1e-14);
-    const double forgetful = -(v + erp * c / dt) / two * (1.0 - std::pow(cfm / (two + cfm), sweeps));
-    EXPECT_NEAR(reference::literal_18(stage, settings).impulses[0], forgetful, 1e-14);
+    const double without_memory = -(v + erp * c / dt) / two * (1.0 - std::pow(cfm / (two + cfm), sweeps));
+    EXPECT_NEAR(reference::literal_18(stage, settings).impulses[0], without_memory, 1e-14);
   }
 }
 
-TEST(Softness, said_in_four_ways_gives_the_same_motion) {
+TEST(Softness, gives_the_same_motion_in_each_of_its_kinds) {
   const double mu = 25.0, zeta = 0.4, kp = mu * mu / r, kd = 2.0 * mu * zeta / r;
   const Softness frequency = Frequency{mu, zeta}, spring = Spring{kp, kd},
-                 mixing = ErpCfm{h * kp / (h * kp + kd), 1.0 / (h * (h * kp + kd))};  // (23), (22)
+                 erp_cfm = ErpCfm{h * kp / (h * kp + kd), 1.0 / (h * (h * kp + kd))};  // (23), (22)
   const auto end = [](const Softness& softness, Method method) {
     Batch<double> batch(compile(oscillator(softness), physics::settings(method)), 1, {.threads = 1});
     batch.step(100);
@@ -218,17 +218,17 @@ TEST(Softness, said_in_four_ways_gives_the_same_motion) {
   };
   for (Method method : physics::methods) {
     EXPECT_LE((end(spring, method) - end(frequency, method)).norm(), 1e-12) << to_string(method);
-    EXPECT_LE((end(mixing, method) - end(frequency, method)).norm(), 1e-12) << to_string(method);
+    EXPECT_LE((end(erp_cfm, method) - end(frequency, method)).norm(), 1e-12) << to_string(method);
     EXPECT_EQ(end(ErpCfm{0.3, 0.0}, method), end(Hard{0.3}, method)) << to_string(method);
   }
 }
 
-TEST(Softness, of_neither_stiffness_nor_damping_leaves_no_coupling) {
+TEST(Softness, removes_a_coupling_with_zero_stiffness_and_zero_damping) {
   Model model = oscillator(Spring{0.0, 0.0}), other = oscillator(Frequency{0.0, 1.0}), free = model;
   free.couplings.clear();
   for (Method method : physics::methods)
-    for (Model* coupled : {&model, &other}) {
-      Batch<double> with(compile(*coupled, physics::settings(method)), 1, {.threads = 1});
+    for (Model* with_coupling : {&model, &other}) {
+      Batch<double> with(compile(*with_coupling, physics::settings(method)), 1, {.threads = 1});
       Batch<double> without(compile(free, physics::settings(method)), 1, {.threads = 1});
       with.step(50), without.step(50);
       EXPECT_EQ(error_and_rate(with), error_and_rate(without)) << to_string(method);

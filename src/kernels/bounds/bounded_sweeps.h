@@ -1,6 +1,6 @@
-// Bounded rows in pgs and tgs: visited after the couplings, and left at that. SPDX-License-Identifier: Apache-2.0
+// Bounded rows in pgs and tgs: each sweep visits them after the couplings. SPDX-License-Identifier: Apache-2.0
 //
-// The sweeps of pgs.h and tgs.h once more, with the rows that a lane of the tile needs among them.
+// These are the sweeps of pgs.h and tgs.h, with the active bounded rows added.
 #pragma once
 
 #include "bounded_rows.h"
@@ -13,16 +13,16 @@ LOCKSTEP_INLINE bool is_hard(const Bounds<ScalarOf<T>>& b, int r) {
   return b.rows.softness[r].cfm == 0 && b.rows.softness[r].cfm_per_response == 0;
 }
 
-/// One sweep: couplings by (M34), bounded rows by (M55). In sub-steps boxes hold a share of their force: of joints,
-/// whose rows keep their impulse over all sub-steps, what is due by then.
+/// One sweep: couplings by (M34), bounded rows by (M55). In a sub-step, the box of a joint's row has the part `due` of
+/// its force, because its impulse is that of all sub-steps so far. Other boxes have the part `share`.
 template <class T>
 void sweep_with_bounds(const Tables<ScalarOf<T>>& t, Phase phase, T due, T share, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const int count = t.bounds.rows.count;
-  const auto change_bounds = [&](auto coupled, T change) {
+  const auto change_bounds = [&](auto response, T change) {
     for (int i = 0; i < x.bounds.active_count; ++i) {
       T& speed = x.bounds.speed[x.bounds.active_rows[i]];
-      speed = fma(coupled(x.bounds.active_rows[i]), change, speed);
+      speed = fma(response(x.bounds.active_rows[i]), change, speed);
     }
   };
   for (int e = 0; e < rows.count; ++e) {
@@ -45,7 +45,8 @@ void sweep_with_bounds(const Tables<ScalarOf<T>>& t, Phase phase, T due, T share
   }
 }
 
-/// Begins anew with the free motion: x.bounds.speed holds its part per step, not yet the speed at the start.
+/// Begins with the free motion. x.bounds.speed gets what the free motion adds in a step, without the speed at the
+/// start.
 template <class T>
 void begin_sweeps(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   row_terms(t, x);
@@ -65,20 +66,20 @@ void pgs_with_bounds(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   begin_sweeps(t, x);
   for (int i = 0; i < x.bounds.active_count; ++i)
     x.bounds.speed[x.bounds.active_rows[i]] += bound_speed(t, x, x.bounds.active_rows[i], x.dynamics.start);
-  const auto keep = [&](Phase phase, T* row_impulse, T* row_speed) {
+  const auto write_results = [&](Phase phase, T* row_impulse, T* row_speed) {
     for (int e = 0; e < rows.count; ++e) row_impulse[e] = x.rows.impulse[e], row_speed[e] = speed_of(x, e);
     for (int i = 0; i < x.bounds.active_count; ++i)
       x.bounds.impulse[phase * count + x.bounds.active_rows[i]] = x.search.impulse[x.bounds.active_rows[i]];
   };
   for (int s = 0; s < t.iterations; ++s) sweep_with_bounds(t, position_phase, T(1), T(1), x);
-  keep(position_phase, x.rows.position_impulse, x.rows.speed);
+  write_results(position_phase, x.rows.position_impulse, x.rows.speed);
   for (int e = 0; e < rows.count; ++e) change_bias(x, e, velocity_phase_bias(x, e));
   for (int s = 0; s < t.velocity_iterations; ++s) sweep_with_bounds(t, velocity_phase, T(1), T(1), x);
-  if (t.solve_twice) keep(velocity_phase, x.rows.velocity_impulse, x.rows.velocity_phase_speed);
+  if (t.solve_twice) write_results(velocity_phase, x.rows.velocity_impulse, x.rows.velocity_phase_speed);
 }
 
-/// Joints' rows are hard and push one way only: what one sub-step gave another must be able to take back, so theirs is
-/// one impulse for the whole step. Others begin each sub-step with none, as couplings do.
+/// A joint's row is hard and pushes one way only. It must be able to take back what an earlier sub-step gave, so it has
+/// one impulse for the whole step. Other rows begin each sub-step with zero impulse, as couplings do.
 template <class T>
 void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   using S = ScalarOf<T>;
@@ -86,7 +87,7 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
   const int count = t.bounds.rows.count;
   const T share = T(S(1) / S(t.iterations)), h = T(t.dt) * share;
   const StepTime<T> whole_step{false, S(1) / t.dt};
-  const auto kept = [&](int r) { return t.bounds.kind[r] == BoundKind::joint; };
+  const auto is_joint = [&](int r) { return t.bounds.kind[r] == BoundKind::joint; };
   begin_sweeps(t, x);
   for (int e = 0; e < rows.count; ++e) {
     x.rows.velocity_phase_speed[e] = (x.rows.speed[e] - x.rows.start[e]) * share;
@@ -109,13 +110,13 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
     for (int i = 0; i < x.bounds.active_count; ++i) {
       const int r = x.bounds.active_rows[i];
       x.bounds.speed[r] += x.bounds.gain[r];
-      if (!kept(r)) x.search.impulse[r] = T(0);
+      if (!is_joint(r)) x.search.impulse[r] = T(0);
       bounded_row(t, batch, r, position_phase, sub_step, x.bounds.moved[r], x);
     }
     sweep_with_bounds(t, position_phase, T(S(s + 1)) * share, share, x);
-    const auto sum = [&](T impulse, T& closed, T& mean) {
-      closed += impulse;
-      mean = fma(share, closed, mean);
+    const auto sum = [&](T impulse, T& total, T& mean) {
+      total += impulse;
+      mean = fma(share, total, mean);
     };
     for (int e = 0; e < rows.count; ++e) {
       sum(x.rows.impulse[e], x.rows.velocity_impulse[e], x.rows.position_impulse[e]);
@@ -124,7 +125,7 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
     }
     for (int i = 0; i < x.bounds.active_count; ++i) {
       const int r = x.bounds.active_rows[i];
-      if (kept(r)) x.bounds.impulse[count + r] = T(0);
+      if (is_joint(r)) x.bounds.impulse[count + r] = T(0);
       sum(x.search.impulse[r], x.bounds.impulse[count + r], x.bounds.impulse[r]);
       x.bounds.moved[r] = fma(h, x.bounds.speed[r], x.bounds.moved[r]);
     }
@@ -140,7 +141,7 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
   for (int i = 0; i < x.bounds.active_count; ++i) {
     const int r = x.bounds.active_rows[i];
     x.bounds.impulse[count + r] += x.search.impulse[r];
-    bounded_row(t, batch, r, position_phase, whole_step, T(0), x);  // as it was found
+    bounded_row(t, batch, r, position_phase, whole_step, T(0), x);  // as before the sub-steps
   }
 }
 

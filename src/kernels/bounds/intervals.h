@@ -1,6 +1,4 @@
-// What bounded rows ask for in this step: intervals and boxes. SPDX-License-Identifier: Apache-2.0
-//
-// (M56) to (M59).
+// Intervals and boxes of the bounded rows in this step: (M56) to (M59). SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "kernels/couplings/joint_terms.h"
@@ -15,24 +13,26 @@ struct Interval {
   T lo, hi;
 };
 
-/// Where in the step a row is looked at: at its start, or in one of the sub-steps of tgs.
+/// The time in the step at which a row is evaluated: its start, or a sub-step of tgs.
 template <class T>
 struct StepTime {
-  bool closing;             ///< the velocity phase: nothing is corrected any more
-  ScalarOf<T> inverse;      ///< 1 / step, or sub-step
-  ScalarOf<T> elapsed = 0;  ///< of the step
+  bool in_velocity_phase;   ///< no position is corrected there
+  ScalarOf<T> inverse;      ///< 1 / the step, or 1 / the sub-step
+  ScalarOf<T> elapsed = 0;  ///< since the start of the step
   bool sub_step = false;
 };
 
-/// (M56), (M57): how the range of joint j bounds its speed, when its position is `moved` from the step's start.
+/// (M56), (M57): the interval that the range of joint j gives its velocity. `moved` is its displacement since the start
+/// of the step.
 template <class T>
 LOCKSTEP_INLINE Interval<T> range_interval(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, const StepTime<T>& at,
                                            T moved) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
   const T zero = T(0), q = x.state.q[j] + moved, below = T(b.lower[j]) - q, above = T(b.upper[j]) - q;
-  const T inside = T(at.inverse), beyond = at.closing ? zero : T(at.sub_step ? b.sub_step_rate[j] : b.limit_rate[j]);
+  const T inside = T(at.inverse),
+          beyond = at.in_velocity_phase ? zero : T(at.sub_step ? b.sub_step_rate[j] : b.limit_rate[j]);
   Interval<T> i{below * select(less(zero, below), beyond, inside), above * select(less(above, zero), beyond, inside)};
-  if (at.closing && (b.has[j] & has_restitution)) {
+  if (at.in_velocity_phase && (b.has[j] & has_restitution)) {
     const T v = x.state.v[t.velocity_of(j)], back = -(T(b.restitution[j]) * v);
     const auto hits_lower = less(v, i.lo), hits_upper = less(i.hi, v);
     i.lo = select(hits_lower, larger(i.lo, back), i.lo);
@@ -41,7 +41,7 @@ LOCKSTEP_INLINE Interval<T> range_interval(const Tables<ScalarOf<T>>& t, const T
   return i;
 }
 
-/// The same within the limit of velocity.
+/// The same, clamped to the velocity limit.
 template <class T>
 LOCKSTEP_INLINE Interval<T> joint_interval(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, const StepTime<T>& at,
                                            T moved) {
@@ -53,7 +53,7 @@ LOCKSTEP_INLINE Interval<T> joint_interval(const Tables<ScalarOf<T>>& t, const T
   return {clamp(i.lo, -most, most), clamp(i.hi, -most, most)};
 }
 
-/// (M58)
+/// k of (M58): the velocity that a kinematic drive prescribes.
 template <class T>
 LOCKSTEP_INLINE T kinematic_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                      const Tile<T>& x, int j) {
@@ -62,7 +62,7 @@ LOCKSTEP_INLINE T kinematic_velocity(const Tables<ScalarOf<T>>& t, const StatePo
   return fma(T(t.bounds.drive_rate[j]), fnma(T(t.dt), speed, target - x.state.q[j]), speed);
 }
 
-/// (M59) The hard bounds of all joints that move with the row's velocity.
+/// (M59): the hard bounds of all joints that move with the row's velocity.
 template <class T>
 void joint_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int r, Phase phase,
                const StepTime<T>& at, T moved, Tile<T>& x) {
@@ -106,9 +106,9 @@ void joint_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
   x.bounds.force[r] = force;
 }
 
-/// J w of (M42): what followers' corrections add to the speed of a row over the joints of a coupling.
+/// J w of (M42): the speed that followers' corrections add to a coupling's row.
 template <class T>
-LOCKSTEP_INLINE T pushed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int coupling) {
+LOCKSTEP_INLINE T correction_speed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int coupling) {
   T sum = T(0);
   if (!t.reduction.eliminates()) return sum;
   for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k) {
@@ -131,9 +131,9 @@ void other_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
   x.bounds.centre[i] = zero;
   if (b.kind[r] == BoundKind::coupling) {
     const int c = b.rows.coupling[r];
-    const bool drops = at.closing && b.rows.softness[r].cfm == 0 && b.rows.softness[r].cfm_per_response == 0;
+    const bool drops = at.in_velocity_phase && b.rows.softness[r].cfm == 0 && b.rows.softness[r].cfm_per_response == 0;
     const T bias = drops ? zero : rate * (x.couplings.error[c] + moved);
-    x.bounds.centre[i] = phase == position_phase ? bias + pushed(t, x, c) : bias;
+    x.bounds.centre[i] = phase == position_phase ? bias + correction_speed(t, x, c) : bias;
     x.bounds.force[r] = T(t.dt) * T(b.force_limit[c]);
     if (t.declares(Parameter::coupling_switch)) x.bounds.force[r] *= switched_on<T>(batch, c);
     return;
@@ -155,6 +155,7 @@ void other_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
   }
 }
 
+/// The interval and box of row r in one phase.
 template <class T>
 void bounded_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int r, Phase phase,
                  const StepTime<T>& at, T moved, Tile<T>& x) {

@@ -1,50 +1,51 @@
-// One bounded row alone: which of its conditions it is held by, and by what impulse (M55). SPDX-License-Identifier:
-// Apache-2.0
+// One bounded row by itself: the part of (M54) that it is on, and its impulse. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "intervals.h"
 
 namespace lockstep::kernels {
 
-/// A row as it is asked in one phase.
+/// A row in one phase: its interval, its box of +-force around -centre, and its compliance.
 template <class T>
 struct Bound {
   T lo, hi, centre, force;
   T cfm;
 };
 
+/// Whether the row holds an end of its interval or sticks. Otherwise its impulse is known.
 template <class T>
 LOCKSTEP_INLINE typename T::Mask held(const Branch<T>& b) {
   return b.low | b.high | b.stuck;
 }
 
-/// u + cfm impulse of a row that is held.
+/// What u + cfm impulse of a held row must be.
 template <class T>
 LOCKSTEP_INLINE T target(const Bound<T>& row, const Branch<T>& b) {
   return select(b.low, row.lo, select(b.high, row.hi, -row.centre));
 }
-/// (M55): `speed` is what the row would have without its own impulse, `response` its r.
+
+/// (M55): `speed` is the row's speed without its own impulse, `response` its r.
 template <class T>
 LOCKSTEP_INLINE Branch<T> project(const Bound<T>& row, T speed, T response) {
-  const T inside = response + row.cfm, wanted = -((speed + row.centre) / inside);
+  const T denominator = response + row.cfm, wanted = -((speed + row.centre) / denominator);
   const T slipping = clamp(wanted, -row.force, row.force);
-  const T reached = fma(inside, slipping, speed);
+  const T reached = fma(denominator, slipping, speed);
   Branch<T> b;
   b.low = less(reached, row.lo);
   b.high = less(row.hi, reached) & ~b.low;
   const auto stopped = b.low | b.high;
   b.stuck = less(-row.force, wanted) & less(wanted, row.force) & ~stopped;
-  b.impulse = select(stopped, (target(row, b) - speed) / inside, slipping);
+  b.impulse = select(stopped, (target(row, b) - speed) / denominator, slipping);
   return b;
 }
 
-/// The next part of (M54) in the direction in which speed and impulse say that this one has been left, if it has:
-/// beyond what `slack` in speed and `slack_impulse` take for rounding. `changed` says where.
+/// The part of (M54) that a row moves to where its speed and impulse have left the present one by more than rounding,
+/// which is `slack` in speed and `slack_impulse` in impulse. `changed` gets the lanes in which it moves.
 template <class T>
 LOCKSTEP_INLINE Branch<T> advance_branch(const Bound<T>& row, const Branch<T>& b, T speed, T impulse, T slack,
                                          T slack_impulse, typename T::Mask& changed) {
   const T zero = T(0), force = row.force, centre = -row.centre;
-  const auto open = less(row.lo, row.hi);  // where lo = hi the row holds whatever it takes
+  const auto open = less(row.lo, row.hi);  // where lo = hi the row holds with any impulse
   const T above_low = select(less(row.lo, centre), force, -force),
           below_high = select(less(centre, row.hi), -force, force);
   const auto leaves_low = b.low & open & less(impulse, above_low - slack_impulse);

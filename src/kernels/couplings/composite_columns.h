@@ -1,15 +1,14 @@
-// A_r without A: columns of M S on their way inwards (M41). SPDX-License-Identifier: Apache-2.0
+// A_r without A: columns of M S, passed inwards (M41). SPDX-License-Identifier: Apache-2.0
 //
-// Composite rigid bodies again, but the unit columns of joints that share a velocity go on as one, and what a column
-// asks of a joint goes to A_r at once. Behind A_r stands S^T A w where positions are corrected by a solution of their
-// own.
+// As in mass_matrix.h, but joints that share a velocity share a unit column, and the component of a column along a
+// joint goes to A_r at once. Behind A_r stands S^T A w, where the position phase has a solution of its own.
 #pragma once
 
 #include "kernels/dynamics/mass_matrix.h"
 
 namespace lockstep::kernels {
 
-// Loops below hold their pointers themselves: for all that a compiler knows, a store may have changed those in x.
+// Loops below copy pointers to locals, because the compiler must assume that a store changes those in x.
 
 template <class T>
 LOCKSTEP_INLINE void add_squares(const Span<CompositeColumns::Square> list, int first, int last, const Tile<T>& x,
@@ -21,7 +20,7 @@ LOCKSTEP_INLINE void add_squares(const Span<CompositeColumns::Square> list, int 
     reduced[square[i].entry] = fma(factor[square[i].factor], inertia, reduced[square[i].entry]);
 }
 
-/// What the inertia of body b's joint alone adds to A_r, and to what stands behind it.
+/// Adds the inertia of body b's joint alone to A_r, and to what stands behind it.
 template <class T>
 LOCKSTEP_INLINE void add_squares(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b, T inertia) {
   const CompositeColumns& m = t.reduction.composite;
@@ -31,7 +30,7 @@ LOCKSTEP_INLINE void add_squares(const Tables<ScalarOf<T>>& t, const Tile<T>& x,
                 x.couplings.correction[t.reduction.follower_of[joint_of(t, b)]] * inertia);
 }
 
-/// Columns of one velocity that come out of different branches become one.
+/// Merges columns of one velocity that come from different branches.
 template <class T>
 LOCKSTEP_INLINE void merge_columns(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
   const CompositeColumns& m = t.reduction.composite;
@@ -42,24 +41,25 @@ LOCKSTEP_INLINE void merge_columns(const Tables<ScalarOf<T>>& t, const Tile<T>& 
   }
 }
 
-/// share times the joint's unit column into a place.
+/// Adds `share` times the joint's unit column to the column in a place.
 template <class J, class T>
 LOCKSTEP_INLINE void add_unit(J, const Tile<T>& x, int place, bool first, T share, const Vec3<T>& force,
                               const Vec3<T>& moment) {
   Vec3<T>&to_force = x.bodies.column_force[place], &to_moment = x.bodies.column_moment[place];
   each_axis([&](int k) LOCKSTEP_INLINED {
-    const bool pushes = J::prismatic == (k == J::k), turns = !J::prismatic || k != J::k;
+    const bool has_force = J::prismatic == (k == J::k), has_moment = !J::prismatic || k != J::k;
     if (first) {
-      to_force[k] = pushes ? share * force[k] : T(0);
-      to_moment[k] = turns ? share * moment[k] : T(0);
+      to_force[k] = has_force ? share * force[k] : T(0);
+      to_moment[k] = has_moment ? share * moment[k] : T(0);
     } else {
-      if (pushes) to_force[k] = fma(share, force[k], to_force[k]);
-      if (turns) to_moment[k] = fma(share, moment[k], to_moment[k]);
+      if (has_force) to_force[k] = fma(share, force[k], to_force[k]);
+      if (has_moment) to_moment[k] = fma(share, moment[k], to_moment[k]);
     }
   });
 }
 
-/// What the columns ask of body b's joint; then its own merges them, and all go on to its parent.
+/// Adds the components of the columns along b's joint to A_r. Then adds the joint's own column to them, and passes them
+/// on to the parent.
 template <class J, class T>
 LOCKSTEP_INLINE void composite_rows_of_body(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
   const CompositeColumns& m = t.reduction.composite;
@@ -68,7 +68,7 @@ LOCKSTEP_INLINE void composite_rows_of_body(J joint, const Tables<ScalarOf<T>>& 
   Vec3<T>* const force = x.bodies.column_force;
   Vec3<T>* const moment = x.bodies.column_moment;
   const int j = joint_of(t, b), follower = t.reduction.follower_of[j];
-  const auto asked = [&](int place) LOCKSTEP_INLINED {
+  const auto component = [&](int place) LOCKSTEP_INLINED {
     const T value = J::prismatic ? force[place][J::k] : moment[place][J::k];
     return reversed ? -value : value;
   };
@@ -77,13 +77,13 @@ LOCKSTEP_INLINE void composite_rows_of_body(J joint, const Tables<ScalarOf<T>>& 
   const CompositeColumns::Row* const rows = m.rows.data;
   for (int i = m.row_start[b], last = m.row_start[b + 1]; i < last; ++i) {
     const CompositeColumns::Row row = rows[i];
-    reduced[row.entry] = fma(factor[row.factor], asked(row.place), reduced[row.entry]);
+    reduced[row.entry] = fma(factor[row.factor], component(row.place), reduced[row.entry]);
   }
   if (const int first = m.pull_start[b], last = m.pull_start[b + 1]; first < last) {
     const CompositeColumns::Row* const pulls = m.pulls.data;
     const T correction = x.couplings.correction[follower];
     for (int i = first; i < last; ++i)
-      reduced[pulls[i].entry] = fma(correction, asked(pulls[i].place), reduced[pulls[i].entry]);
+      reduced[pulls[i].entry] = fma(correction, component(pulls[i].place), reduced[pulls[i].entry]);
   }
 
   const PseudoInertia<T>& composite = body.leaf ? x.bodies.base_inertia[b] : x.bodies.composite[b];

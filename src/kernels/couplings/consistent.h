@@ -1,8 +1,7 @@
-// Followers where the others put them, and how far they are from there. SPDX-License-Identifier: Apache-2.0
+// Places followers by their couplings, and tests whether they are consistent. SPDX-License-Identifier: Apache-2.0
 //
-// (M76). Positions of followers are those of the others through their couplings, and what is left of an error beside:
-// so a follower that is in place stays there to the last bit, and a step in which all of them are has nothing to
-// correct.
+// (M76). The position of a follower is that of the other joints through its coupling, plus what is left of an error. So
+// a consistent follower stays consistent to the last bit. If all followers are, a step has nothing to correct.
 #pragma once
 
 #include "coupling_error.h"
@@ -10,7 +9,7 @@
 
 namespace lockstep::kernels {
 
-/// Sum of S's row of follower f over the solver's velocities z.
+/// The velocity that follower f has by S, for the solver's velocities z.
 template <class T>
 LOCKSTEP_INLINE T followed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int f, const T* z) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
@@ -19,7 +18,8 @@ LOCKSTEP_INLINE T followed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int f
   return sum;
 }
 
-/// Errors that rounding keeps a correction from moving are none. One of a follower that is nowhere is not of these.
+/// Errors that are only rounding become zero, because a correction would only flip the last digit. An error that is NaN
+/// or beyond the position bound stays.
 template <class T>
 void drop_rounding(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int i = 0; i < t.reduction.placing.count; ++i) {
@@ -31,7 +31,7 @@ void drop_rounding(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
-/// Followers' next positions, from the others' and what is left of their couplings' errors.
+/// Next positions of the followers, from those of the other joints and what is left of their errors.
 template <class T>
 void place_followers(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   for (int i = 0; i < t.reduction.placing.count; ++i) {
@@ -41,32 +41,34 @@ void place_followers(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   }
 }
 
-/// StatePointers in which one of them is not in place: positions and velocities to the last bit.
+/// Lanes that have an inconsistent follower. Positions and velocities are compared to the last bit.
 template <class T>
-LOCKSTEP_INLINE typename T::Mask any_inconsistent(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const TileShape& o) {
+LOCKSTEP_INLINE typename T::Mask any_inconsistent(const Tables<ScalarOf<T>>& t, const Tile<T>& x,
+                                                  const TileShape& shape) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
-  const T *const q = x.state.q, *const v = o.floating ? x.state.v + 6 : x.state.v;
-  typename T::Mask off = T::none();
-  for (int p = 0; p < o.pair_count; ++p) {
-    const Pair& pair = o.pairs[p];
+  const T *const q = x.state.q, *const v = shape.floating ? x.state.v + 6 : x.state.v;
+  typename T::Mask inconsistent = T::none();
+  for (int p = 0; p < shape.pair_count; ++p) {
+    const Pair& pair = shape.pairs[p];
     const T other = fma(x.couplings.coefficient[pair.term], q[pair.leader], x.couplings.offset[pair.coupling]);
-    off = off | beyond(q[pair.follower] + other, T(0)) |
-          beyond(v[pair.follower] - x.couplings.share[pair.value] * v[pair.leader], T(0));
+    inconsistent = inconsistent | beyond(q[pair.follower] + other, T(0)) |
+                   beyond(v[pair.follower] - x.couplings.share[pair.value] * v[pair.leader], T(0));
   }
-  if (o.pair_count > 0) return off;
-  for (int i = 0; i < r.placing.count; ++i) off = off | beyond(coupling_error(t, x, r.placing[i]), T(0));
+  if (shape.pair_count > 0) return inconsistent;
+  for (int i = 0; i < r.placing.count; ++i)
+    inconsistent = inconsistent | beyond(coupling_error(t, x, r.placing[i]), T(0));
   for (int f = 0; f < r.followers; ++f) {
-    T speed = T(0);  // as followed() has it
+    T speed = T(0);  // in the order of followed()
     for (int s = r.start[f]; s < r.start[f + 1]; ++s) speed = fma(x.couplings.share[s], v[r.leader[s]], speed);
-    off = off | beyond(v[r.follower[f]] - speed, T(0));
+    inconsistent = inconsistent | beyond(v[r.follower[f]] - speed, T(0));
   }
-  return off;
+  return inconsistent;
 }
 
-/// All of them in place, in all lanes that move.
+/// Whether all followers are consistent, in all lanes that are not frozen.
 template <class T>
-LOCKSTEP_INLINE bool all_consistent(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const TileShape& o) {
-  return o.consistent_is_shorter && !any(any_inconsistent(t, x, o) & ~x.frozen);
+LOCKSTEP_INLINE bool all_consistent(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const TileShape& shape) {
+  return shape.consistent_is_shorter && !any(any_inconsistent(t, x, shape) & ~x.frozen);
 }
 
 }  // namespace lockstep::kernels

@@ -1,19 +1,18 @@
-// C = J q + gamma of every coupling, (M2), (3) and (17) of the note. SPDX-License-Identifier: Apache-2.0
+// C = J q + gamma of every coupling: (M2), (3) and (17) of the note. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "kernels/tile/tile.h"
 
 namespace lockstep::kernels {
 
-/// a b + sum. Whether a follower is in place is asked by comparing such a sum with the one that put it there, to the
-/// last bit: so code that is generated (generate/recorded.h) leaves these as they stand, and does not add up in another
-/// order.
+/// a b + sum. A follower is consistent if this sum, to the last bit, is the one that placed it. So the order of such a
+/// sum must not change: a traced step leaves it as it stands (trace/traced.h).
 template <class T>
 LOCKSTEP_INLINE T add_product(T a, T b, T sum) {
   return fma(a, b, sum);
 }
 
-/// Of coupling c without its first joint.
+/// C of coupling c without its first joint.
 template <class T>
 LOCKSTEP_INLINE T others_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int c, const T* q) {
   T sum = x.couplings.offset[c];

@@ -8,8 +8,9 @@
 namespace lockstep::kernels {
 
 /// A pivot below this share of its row's own response is rounding: the row repeats others and takes no impulse.
-/// Rows that repeat others in every environment are gone since compiling, so only scenes whose gear ratios or
-/// softness differ, or that are switched, have to look closely; the others would lose steep gears to it.
+/// compile() has removed hard rows that repeat others in every environment. So the tolerance is larger only where gear
+/// ratios, softness or switches differ between environments. Elsewhere a large one would take the rows of steep gears
+/// for rounding.
 template <class T>
 LOCKSTEP_INLINE T rank_tolerance(const Tables<ScalarOf<T>>& t) {
   const bool rank_may_differ =
@@ -24,7 +25,7 @@ LOCKSTEP_INLINE void solve_rows(const Rows<ScalarOf<T>>& rows, const Tile<T>& x,
   solve_downwards(rows.columns, x.rows.delassus, impulse);
 }
 
-/// K + cfm to its factors.
+/// Factors K + cfm.
 template <class T>
 void factor_rows(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;

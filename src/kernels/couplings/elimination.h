@@ -1,6 +1,6 @@
 // Velocities in terms of those that are solved for: v = S z + w, A_r = S^T A S. SPDX-License-Identifier: Apache-2.0
 //
-// Where followers of hard couplings are eliminated, (M39) and (M40), or speeds of couplings stand for them (M77).
+// S eliminates the followers of hard couplings, (M39) and (M40), or has constraint velocities in their place (M77).
 #pragma once
 
 #include "consistent.h"
@@ -8,7 +8,7 @@
 
 namespace lockstep::kernels {
 
-/// N products to each entry of a group, or as many as it says.
+/// Sums N products for each entry of a group, or as many as the group says if N is 0.
 template <int N, class T>
 LOCKSTEP_INLINE void sum_products(const Reduction<ScalarOf<T>>& r, const ProductGroup& group, const Tile<T>& x) {
   const int count = N > 0 ? N : group.count;
@@ -21,7 +21,7 @@ LOCKSTEP_INLINE void sum_products(const Reduction<ScalarOf<T>>& r, const Product
   }
 }
 
-/// A_r = S^T A S of (M40), as the sums of products that the plan listed.
+/// A_r = S^T A S of (M40), as sums of the products that the plan lists.
 template <class T>
 void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
@@ -50,7 +50,7 @@ void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
-/// S^T of a momentum, for one of the solver's velocities.
+/// S^T momentum, for one of the solver's velocities.
 template <class T>
 LOCKSTEP_INLINE T collected(const Reduction<ScalarOf<T>>& r, const Tile<T>& x, int z, const T* momentum) {
   T sum = momentum[r.independent[z]];
@@ -59,7 +59,7 @@ LOCKSTEP_INLINE T collected(const Reduction<ScalarOf<T>>& r, const Tile<T>& x, i
   return sum;
 }
 
-/// Where columns are merged A d is among the forces, and S^T A w stands behind A_r.
+/// With composite columns, A d is already among the forces, and S^T A w stands behind A_r. See reduce_forces().
 template <class T>
 void reduce_composite_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int z = 0; z < t.solver.n; ++z) {
@@ -69,9 +69,9 @@ void reduce_composite_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
-/// Momentum to gain: S^T (dt forces + A d) for velocities, and for positions, which are to be corrected as well,
-/// S^T (dt forces + A (d - w)). The mismatch d and the correction w are zero but for the followers. By force, A d is
-/// among the forces already, and only A w is left to subtract.
+/// Momentum to gain (M40), with d for the velocity error: S^T (dt forces + A d) for the velocity phase, and S^T (dt
+/// forces + A (d - w)) for the position phase. d and the correction w are zero except for followers. Where errors are
+/// removed by force, A d is among the forces, and only A w is subtracted.
 template <class T>
 void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
@@ -80,19 +80,19 @@ void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     for (int z = 0; z < t.solver.n; ++z) x.dynamics.half_solved_position[z] = collected(r, x, z, x.dynamics.rhs);
     return;
   }
-  const T *const matrix = x.dynamics.matrix, *const lost = x.couplings.velocity_error,
+  const T *const matrix = x.dynamics.matrix, *const velocity_error = x.couplings.velocity_error,
                  *const free = r.removes_by_force ? x.dynamics.rhs : x.dynamics.product;
   T *const corrected = x.dynamics.corrected_product, *const change = x.dynamics.scratch;
   const Momentum* const momenta = r.momentum.data;
   for (int f = 0; f < r.followers; ++f)
-    change[f] = r.removes_by_force ? -x.couplings.correction[f] : lost[f] - x.couplings.correction[f];
+    change[f] = r.removes_by_force ? -x.couplings.correction[f] : velocity_error[f] - x.couplings.correction[f];
   for (int i = 0; i < t.velocities; ++i) {
     const int first = r.momentum_start[i], last = r.momentum_start[i + 1];
     T gained = x.dynamics.rhs[i], also_corrected = gained;
     for (int m = first; m < last; ++m) {
       const T entry = matrix[momenta[m].entry];
       also_corrected = fma(entry, change[momenta[m].follower], also_corrected);
-      if (!r.removes_by_force) gained = fma(entry, lost[momenta[m].follower], gained);
+      if (!r.removes_by_force) gained = fma(entry, velocity_error[momenta[m].follower], gained);
     }
     corrected[i] = also_corrected;
     if (!r.removes_by_force) x.dynamics.product[i] = gained;
@@ -115,7 +115,7 @@ LOCKSTEP_INLINE T correcting_velocity(const Tables<ScalarOf<T>>& t, const Tile<T
   return correction;
 }
 
-/// What a solve for couplings' speeds starts from.
+/// The velocities that a solve for constraint velocities starts from.
 template <class T>
 void start_constraint_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
@@ -125,7 +125,8 @@ void start_constraint_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
         x.state.v[t.velocity_of(r.follower[f])] - followed(t, x, f, x.dynamics.start);
 }
 
-/// What a solve starts from, and what its followers are off by. By force, bias_forces() wants it done before.
+/// The velocities that a solve starts from, and the errors and corrections of followers. Where errors are removed by
+/// force, bias_forces() needs them.
 template <class T>
 void follow(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;

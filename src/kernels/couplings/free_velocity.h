@@ -1,4 +1,4 @@
-// The motion without rows: A factored, its forces half solved. SPDX-License-Identifier: Apache-2.0
+// The motion without rows: factors A and half-solves for the forces. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "elimination.h"
@@ -6,8 +6,8 @@
 
 namespace lockstep::kernels {
 
-/// A, or A_r, to its factors (M17), or A's from the bodies. An environment's own numbers may be infinite: such a pivot
-/// is none either, and known by its inverse.
+/// Factors A or A_r (M17), or A by articulated bodies. Parameters per environment may be infinite. An infinite pivot is
+/// no pivot either, and its inverse shows it.
 template <class T>
 void factor_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   x.singular =
@@ -16,14 +16,13 @@ void factor_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     x.singular = x.singular | less(x.dynamics.inverse[z], least_pivot<T>());
 }
 
-/// The free velocity is v* = v + L^-1 y with the y that this leaves in x.dynamics.half_solved_position and
-/// x.dynamics.half_solved_velocity: the other half of the solve is done once, when the rows' impulses have been added
-/// (integrate.h).
+/// Leaves y of (M18) in x.dynamics.half_solved_position and x.dynamics.half_solved_velocity. The other half of the
+/// solve is done once, after the rows' impulses have been added (integrate.h).
 template <class T>
 void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  // A traced step always keeps the two arrays apart.
   x.dynamics.half_solved_velocity =
-      x.consistent ? x.dynamics.half_solved_position
-                   : x.dynamics.half_solved_velocity_storage;  // in lists and generated code always apart
+      x.consistent ? x.dynamics.half_solved_position : x.dynamics.half_solved_velocity_storage;
   const Columns& columns = t.solver;
   if (t.reduction.followers == 0)
     for (int z = 0; z < columns.n; ++z) {

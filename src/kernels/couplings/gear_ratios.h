@@ -1,8 +1,8 @@
-// What follows from the gear ratios: the couplings' coefficients, S of the elimination, the rows.
+// What follows from the gear ratios: coefficients of couplings, S of the elimination, values of rows.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The same for all environments unless the field is declared, and then the same for all sub-steps: either way no
-// step asks.
+// They are the same for all environments, or for all steps of a call if the field is declared. So a step never computes
+// them.
 #pragma once
 
 #include "kernels/tile/tile.h"
@@ -28,7 +28,7 @@ void combine(const Rows<ScalarOf<T>>& rows, const Tile<T>& x, T* value) {
   }
 }
 
-/// The table's masses, for all tiles.
+/// Masses from the tables, the same in all lanes.
 template <class T>
 void uniform_masses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int b = 0; b < t.bodies; ++b) {
@@ -39,7 +39,7 @@ void uniform_masses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
-/// Products of S's entries for merged columns.
+/// Products of entries of S, for composite columns.
 template <class T>
 void composite_factors(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Span<CompositeColumns::Factor> factors = t.reduction.composite.factors;
@@ -51,7 +51,7 @@ void composite_factors(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
-/// The table's ratios, for all tiles.
+/// Ratios from the tables, the same in all lanes.
 template <class T>
 void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Bounds<ScalarOf<T>>& bounds = t.bounds;
@@ -70,7 +70,7 @@ void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   spread(t.rows.term_value, x.rows.value);
 }
 
-/// This tile's own, by the elimination (M43) that the plan recorded.
+/// Ratios of this tile, by the elimination (M43) that the plan lists.
 template <class T>
 void own_ratios(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const ScalarOf<T>* gears = batch.field(Parameter::gear_ratio);

@@ -1,4 +1,4 @@
-// What of joints' armature, damping and drives stands in the matrix (M14), and the matrix with it.
+// What armatures, damping and drives add to the matrix (M14), and the matrix with it.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -19,7 +19,7 @@ LOCKSTEP_INLINE Gains<T> gains(const Tables<ScalarOf<T>>& t, const StatePointers
   return {T::load(own), T::load(own + batch.stride)};
 }
 
-/// a + h (d + kd) + h^2 kp of each joint, but for servos that may come to the limit of their effort.
+/// a + h (d + kd) + h^2 kp of each joint. Servos with an effort limit are added later (limited_servos.h).
 template <class T>
 void joint_inertias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   if (!t.declares(Parameter::drive_gains) && !t.declares(Parameter::damping)) {
@@ -37,9 +37,9 @@ void joint_inertias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   }
 }
 
-/// A, or A_r at once where columns are merged; neither where articulated bodies do without. Keeps M + armature where
-/// soft rows are stated by natural frequency and A holds more than that; x.dynamics.joint_inertia becomes the diagonal
-/// of A where a limited drive will want it.
+/// A, or A_r at once with composite columns, or neither with articulated bodies. Keeps M + armature if softness by
+/// frequency needs it and A has more than that. x.dynamics.joint_inertia becomes the diagonal of A if a limited servo
+/// needs it.
 template <class T>
 void inertia_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   if (t.reduction.composite.places > 0) return composite_columns(t, x);
@@ -56,14 +56,14 @@ void inertia_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
-/// The force that joint inertia alone takes for what a follower loses of its mismatch.
+/// Adds the part of A - M in the force that removes a follower's velocity error.
 template <class T>
 LOCKSTEP_INLINE void remove_velocity_error(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int f, T inertia) {
-  T& drive = x.dynamics.rhs[t.velocity_of(t.reduction.follower[f])];
-  drive = fma(inertia, x.couplings.removed_this_step[f], drive);
+  T& rhs = x.dynamics.rhs[t.velocity_of(t.reduction.follower[f])];
+  rhs = fma(inertia, x.couplings.removed_this_step[f], rhs);
 }
 
-/// More inertia of joint j, when A or A_r has been made.
+/// Adds inertia to joint j in A or A_r, after inertia_matrix().
 template <class T>
 LOCKSTEP_INLINE void add_inertia(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, T inertia) {
   if (t.reduction.composite.places > 0)

@@ -1,8 +1,8 @@
-// Damping, drives, armature and efforts: their forces, and what of them stands in the matrix. SPDX-License-Identifier:
-// Apache-2.0
+// Damping, drives, armatures and efforts: their forces, and what they add to the matrix.
+// SPDX-License-Identifier: Apache-2.0
 //
-// (M13) to (M15): terms linear in the joints' positions and velocities are integrated
-// implicitly, so A = M + diag(a + h (d + kd) + h^2 kp) and the step needs no iterations for them.
+// (M13) to (M15). Terms that are linear in positions and velocities of the joints are implicit. So A = M + diag(a + h
+// (d + kd) + h^2 kp), and they take no iterations.
 #pragma once
 
 #include "joint_inertia.h"
@@ -22,16 +22,17 @@ LOCKSTEP_INLINE T clamp(T a, T lo, T hi) {
   return smaller(larger(a, lo), hi);
 }
 
-/// A joint's gains and where its servo pulls it, without and with the speed it has.
+/// A joint's gains and its servo's targets.
 template <class T>
 struct Servo : Gains<T> {
   using Gains<T>::kp, Gains<T>::kd;
   T position, velocity;
-  /// Force at the end of the step, if the joint then has the speed v: the servo's part of (M13).
+  /// The servo's force at the end of the step, where the joint has the speed v (M13).
   LOCKSTEP_INLINE T force(T h, T q, T v) const { return -fma(kp, fma(h, v, q) - position, kd * (v - velocity)); }
 };
 
-/// Row of the joint's target or effort at one of the step's times. What is held has one row for all of them.
+/// Row of the joint's target or effort at one of the step's times. Inputs that are held over the step have one row for
+/// all times.
 template <class S>
 LOCKSTEP_INLINE std::ptrdiff_t input_row(const Tables<S>& t, int j, int time) {
   return t.dof[j] + (t.input_times > 1 ? time * t.joints : 0);
@@ -50,8 +51,8 @@ LOCKSTEP_INLINE T feed_forward(const Tables<ScalarOf<T>>& t, const StatePointers
   return T::load(batch.effort + input_row(t, j, time) * batch.stride);
 }
 
-/// The bias forces become dt times all forces (M15), with what acts at this of the step's times. After
-/// joint_inertias(), before inertia_matrix(), which may write over what that left.
+/// Turns the bias forces into dt times all forces (M15), with the inputs at one of the step's times. Runs after
+/// joint_inertias(), whose result it reads, and before inertia_matrix(), which may overwrite that.
 template <class T>
 void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time = 0) {
   const int root = t.root_velocities();
@@ -74,7 +75,7 @@ void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
     const int j = t.servos[i];
     const Servo<T> own = servo<T>(t, batch, j, time);
     const T v = x.state.v[t.velocity_of(j)];
-    const T reached = fma(ahead, v, x.state.q[j]) - own.position;  // kp acts on where the joint is going
+    const T reached = fma(ahead, v, x.state.q[j]) - own.position;  // kp acts on the position that the joint reaches
     x.dynamics.rhs[t.velocity_of(j)] =
         fnma(h * own.kp, reached, fnma(h * own.kd, v - own.velocity, x.dynamics.rhs[t.velocity_of(j)]));
   }

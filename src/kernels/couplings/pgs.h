@@ -1,4 +1,5 @@
-// Projected Gauss-Seidel: (16) of the note, q and the biases fixed over the sweeps. SPDX-License-Identifier: Apache-2.0
+// Projected Gauss-Seidel: (16) of the note, with q and the biases fixed over the sweeps.
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "sweep.h"

@@ -1,7 +1,7 @@
 // What a unit impulse on each row does: (10), (15) and (19) of the note. SPDX-License-Identifier: Apache-2.0
 //
-// X = L^-T J^T and K = X^T D^-1 X = J A^-1 J^T, (M19). A row reaches only the joints
-// of its own trees, so K is zero between rows whose paths meet in the fixed root alone, and not stored there.
+// X = L^-T J^T and K = X^T D^-1 X = J A^-1 J^T, (M19). An impulse on a row moves only the joints of its own trees. So K
+// is zero, and not stored, between rows whose paths meet only in a fixed root.
 #pragma once
 
 #include "elimination.h"
@@ -9,7 +9,7 @@
 
 namespace lockstep::kernels {
 
-/// A number as a type.
+/// A count that is known at compile time.
 template <int N>
 struct Count {
   static constexpr int value = N;
@@ -26,7 +26,7 @@ LOCKSTEP_INLINE T supported_dot(const Rows<ScalarOf<T>>& rows, int row, const T*
   return -sum;
 }
 
-/// x <- L^-T x for N vectors, `stride` numbers apart, that are zero outside the support.
+/// x <- L^-T x for N vectors that are `stride` numbers apart, and zero outside the support.
 template <int N, class T>
 LOCKSTEP_INLINE void respond(const SupportRange* first, const SupportRange* last, const Columns& columns,
                              const T* factored, T* x, int stride) {
@@ -47,7 +47,7 @@ LOCKSTEP_INLINE void respond(const SupportRange* first, const SupportRange* last
   }
 }
 
-/// Calls act with the group's count of rows as a type.
+/// Calls act(Count) for the group's number of rows.
 template <class Act>
 LOCKSTEP_INLINE void with_count(const RowGroup& group, Act&& act) {
   static_assert(RowGroup::most == 8);
@@ -63,7 +63,7 @@ LOCKSTEP_INLINE void with_count(const RowGroup& group, Act&& act) {
   }
 }
 
-/// J^T of one row with these values of its terms.
+/// J^T of one row, from the values of its terms.
 template <class T>
 LOCKSTEP_INLINE void place_terms(const Rows<ScalarOf<T>>& rows, int row, int n, const T* value, T* response) {
   for (int z = 0; z < n; ++z) response[z] = T(0);
@@ -76,9 +76,10 @@ LOCKSTEP_INLINE void scale_response(const Tables<ScalarOf<T>>& t, const Tile<T>&
   for (int z = 0; z < t.solver.n; ++z) scaled[z] = response[z] * x.dynamics.inverse[z];
 }
 
-/// K of a block, whose rows are given as D^-1 X, one behind the other.
+/// K of a block, whose rows are given as D^-1 X, one after the other.
 template <int M, int N, class T>
-LOCKSTEP_INLINE void couple(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const RowBlock& block, const T* scaled) {
+LOCKSTEP_INLINE void fill_block(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const RowBlock& block,
+                                const T* scaled) {
   const int n = t.solver.n;
   const T* const other = x.rows.response + block.column * n;
   T sum[M][N];
@@ -93,7 +94,7 @@ LOCKSTEP_INLINE void couple(const Tables<ScalarOf<T>>& t, const Tile<T>& x, cons
       if (block.entry[i][k] >= 0) x.rows.delassus[block.entry[i][k]] = x.rows.delassus[block.mirror[i][k]] = sum[i][k];
 }
 
-/// Calls act with the block's numbers of rows and columns as types.
+/// Calls act(Count, Count) for the block's numbers of rows and columns.
 template <class Act>
 LOCKSTEP_INLINE void with_counts(const RowBlock& block, Act&& act) {
   static_assert(RowBlock::most_rows == 2 && RowBlock::most_columns == 4);
@@ -131,12 +132,12 @@ void responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     if (b == 0 || rows.blocks[b - 1].row != block.row)
       for (int i = 0; i < block.rows; ++i)
         scale_response(t, x, x.rows.response + (block.row + i) * n, x.dynamics.scratch + i * n);
-    with_counts(block,
-                [&](auto m, auto k) LOCKSTEP_INLINED { couple<m.value, k.value>(t, x, block, x.dynamics.scratch); });
+    with_counts(
+        block, [&](auto m, auto k) LOCKSTEP_INLINED { fill_block<m.value, k.value>(t, x, block, x.dynamics.scratch); });
   }
 }
 
-/// r = J (M + armature)^-1 J^T, the inertia that (24) and (25) refer to, where A holds more than that.
+/// r = J (M + armature)^-1 J^T, to which (24) and (25) of the note refer, where A has more than that.
 template <class T>
 void undamped_responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.undamped;

@@ -5,7 +5,7 @@
 
 namespace lockstep::kernels {
 
-/// A row that is absent in some lanes (kp = kd = 0) yields to everything there.
+/// Compliance of a row in lanes where it is absent (kp = kd = 0).
 template <class T>
 LOCKSTEP_INLINE T infinite_compliance() {
   return T(ScalarOf<T>(1e30));
@@ -15,15 +15,15 @@ LOCKSTEP_INLINE T smallest() {
   return T(ScalarOf<T>(1e-30));
 }
 
-/// 1 where the coupling is on, 0 where it is off; no number stays none, for check() to find.
+/// 1 where the coupling is on, 0 where it is off. NaN stays NaN, for check() to find.
 template <class T>
 LOCKSTEP_INLINE T switched_on(const StatePointers<ScalarOf<T>>& batch, int coupling) {
   const T value = T::load(batch.field(Parameter::coupling_switch) + coupling * batch.stride);
   return select(less(T(0), value) | less(value, T(0)), T(1), value);
 }
 
-/// (M36) 1 - (1 - erp)^(1/N), and by (M29) mixing as the spring that it is, for a sub-step: lane by lane, since only
-/// tgs with a softness per environment asks for it.
+/// rate and cfm of a sub-step: (M36) for hard rows, otherwise those of the spring (M29) that erp and cfm are. This goes
+/// lane by lane, because only tgs with a softness per environment needs it.
 template <class T>
 void share_out(const Tables<ScalarOf<T>>& t, T erp, T cfm, T& rate, T& row_cfm) {
   const double dt = double(t.dt), n = t.iterations, h = dt / n;
@@ -35,7 +35,7 @@ void share_out(const Tables<ScalarOf<T>>& t, T erp, T cfm, T& rate, T& row_cfm) 
   }
 }
 
-/// rate and cfm from this tile's own softness: (M27), (M28); (22), (23), (26) to (29) of the note.
+/// rate and cfm from the softness of this tile: (M27), (M28); (22), (23), (26) to (29) of the note.
 template <class T>
 void follow_softness(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int row, T response,
                      Tile<T>& x) {
@@ -51,27 +51,27 @@ void follow_softness(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
     return;
   }
   const bool spring = kind == SoftnessKind::spring;
-  const T yielding = spring ? fma(h, first, second) : fma(h, first, second + second);
-  const auto absent = less(spring ? yielding : first, smallest<T>());
-  const T cfm = spring ? T(1) / (h * yielding) : response / (h * first * yielding);
-  x.rows.rate[row] = select(absent, T(0), first / yielding);
+  const T denominator = spring ? fma(h, first, second) : fma(h, first, second + second);
+  const auto absent = less(spring ? denominator : first, smallest<T>());
+  const T cfm = spring ? T(1) / (h * denominator) : response / (h * first * denominator);
+  x.rows.rate[row] = select(absent, T(0), first / denominator);
   x.rows.cfm[row] = select(absent, infinite_compliance<T>(), cfm);
 }
 
-/// rate and cfm of each row, for as long as the matrix stays.
+/// rate and cfm of each row. They hold as long as the matrix does.
 template <class T>
 void row_softness(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const bool factored = rows.columns.n > 0;
   for (int r = 0; r < rows.count; ++r) {
     const T response = x.rows.delassus[factored ? rows.columns.offset[r] : r * rows.count + r];
-    const T natural = t.undamped_row[r] < 0 ? response : x.undamped.compliance[t.undamped_row[r]];
+    const T undamped = t.undamped_row[r] < 0 ? response : x.undamped.compliance[t.undamped_row[r]];
     if (t.declares(Parameter::softness)) {
-      follow_softness(t, batch, r, natural, x);
+      follow_softness(t, batch, r, undamped, x);
     } else {
       const RowSoftness<ScalarOf<T>>& softness = rows.softness[r];
       x.rows.rate[r] = T(softness.rate);
-      x.rows.cfm[r] = fma(T(softness.cfm_per_response), natural, T(softness.cfm));
+      x.rows.cfm[r] = fma(T(softness.cfm_per_response), undamped, T(softness.cfm));
     }
     if (t.declares(Parameter::coupling_switch)) {
       const T on = switched_on<T>(batch, rows.coupling[r]);
@@ -81,13 +81,13 @@ void row_softness(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   }
 }
 
-/// The bias of the velocity phase (M33): hard rows drop theirs, soft ones keep it (they are springs).
+/// The bias of the velocity phase (M33). Hard rows drop theirs; soft rows keep it, because it is their spring.
 template <class T>
 LOCKSTEP_INLINE T velocity_phase_bias(const Tile<T>& x, int r) {
   return select(less(x.rows.cfm[r], smallest<T>()), T(0), x.rows.bias[r]);
 }
 
-/// Error, bias and speeds of each row, as the free motion leaves it.
+/// Error, bias and speeds of each row under the free motion.
 template <class T>
 void row_terms(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
@@ -98,24 +98,24 @@ void row_terms(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     x.rows.bias[r] = x.rows.rate[r] * x.rows.error[r];
     if (!x.corrects_positions) x.rows.bias[r] = velocity_phase_bias(x, r);
 
-    // J v now, and J v* (M20) as the free motion leaves it.
+    // J v at the start, and J v* (M20).
     T now = T(0);
     for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k)
       now = fma(x.rows.value[k], x.dynamics.start[rows.term_index[k]], now);
     const T free = supported_dot(rows, r, x.rows.response + r * n, x.dynamics.half_solved_position);
-    const T closed =
+    const T free_in_velocity_phase =
         one_motion ? free : supported_dot(rows, r, x.rows.response + r * n, x.dynamics.half_solved_velocity);
     x.rows.start[r] = now;
     x.rows.speed[r] = now + free;
-    x.rows.velocity_phase_speed[r] = now + closed;
+    x.rows.velocity_phase_speed[r] = now + free_in_velocity_phase;
     if (!t.reduction.eliminates()) continue;
     const int coupling = rows.coupling[r];
     for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k) {
       const int f = t.reduction.follower_of[t.term_joint[k]];
       if (f < 0) continue;
-      const T pushed = x.couplings.coefficient[k] * x.couplings.correction[f];
-      x.rows.speed[r] += pushed;
-      if (!x.solves_twice) x.rows.velocity_phase_speed[r] += pushed;
+      const T corrected = x.couplings.coefficient[k] * x.couplings.correction[f];
+      x.rows.speed[r] += corrected;
+      if (!x.solves_twice) x.rows.velocity_phase_speed[r] += corrected;
     }
   }
 }

@@ -1,5 +1,5 @@
-// What couplings that are left to solve make of the free velocity, by the plan's method. SPDX-License-Identifier:
-// Apache-2.0
+// Solves the couplings that have rows, from the free velocity, by the plan's method.
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "direct.h"
@@ -8,7 +8,7 @@
 
 namespace lockstep::kernels {
 
-/// The impulses of the couplings' rows, and the speeds that these come to.
+/// Impulses and speeds of the couplings' rows.
 template <class T>
 void solve_couplings(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   responses(t, x);
@@ -23,7 +23,7 @@ void solve_couplings(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
   }
 }
 
-/// The speeds alone, as direct() leaves them where all rows are hard and have a velocity of the solver each (M79).
+/// The speeds alone, as direct() leaves them, for plans whose rows are all hard and have constraint velocities (M79).
 template <class T>
 void known_constraint_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int r = 0; r < t.rows.count; ++r) {

@@ -1,8 +1,8 @@
-// Temporal Gauss-Seidel: N sub-steps of one sweep, C renewed in each, A and r frozen. SPDX-License-Identifier:
-// Apache-2.0
+// Temporal Gauss-Seidel: N sub-steps of one sweep, with C renewed in each, and constant A and r.
+// SPDX-License-Identifier: Apache-2.0
 //
-// (M35) to (M37). The free motion is shared out over the sub-steps; positions follow the mean of
-// the sub-steps' velocities, so they see the mean of the running impulses.
+// (M35) to (M37). Each sub-step gets a part of the free motion. Positions follow the mean of the sub-steps' velocities,
+// so the mean of the running impulses moves them.
 #pragma once
 
 #include "sweep.h"
@@ -38,7 +38,7 @@ void tgs(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
       x.rows.error[r] = fma(h, x.rows.speed[r], x.rows.error[r]);
     }
   });
-  // Velocity iterations go on from the last sub-step's impulses, which the sum already holds.
+  // Velocity iterations go on from the impulses of the last sub-step, which are already in the sum.
   for (int r = 0; r < rows.count; ++r) {
     x.rows.velocity_impulse[r] -= x.rows.impulse[r];
     change_bias(x, r, velocity_phase_bias(x, r));

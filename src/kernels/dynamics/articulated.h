@@ -1,7 +1,7 @@
 // L^T D L of A by articulated bodies (Featherstone 1983), for long chains. SPDX-License-Identifier: Apache-2.0
 //
-// (M22) to (M25). A itself is never made: its pivots and what L does to vectors take one pass over the bodies each. The
-// factors are the same numbers, as their order is, from the leaves to the root.
+// (M22) to (M25). A itself is not computed. Its pivots take one pass over the bodies, and so does each solve with L.
+// The factors are those of ldlt.h except for rounding, because both go from the leaves to the root.
 #pragma once
 
 #include "ldlt.h"
@@ -11,7 +11,7 @@ namespace lockstep::kernels {
 
 using simd::ArticulatedInertia;
 
-/// Adds a rigid body to what it carries (M22).
+/// Adds a rigid body to the inertia of what it carries (M22).
 template <class T>
 LOCKSTEP_INLINE void add_rigid(const PseudoInertia<T>& body, ArticulatedInertia<T>& sum) {
   each_axis([&](int k) LOCKSTEP_INLINED {
@@ -24,7 +24,7 @@ LOCKSTEP_INLINE void add_rigid(const PseudoInertia<T>& body, ArticulatedInertia<
   });
 }
 
-/// act(entry of one, entry of the other), one by one: see Vec3 for why not as a whole.
+/// Calls act(entry of one, entry of the other) for each entry. Vec3 says why not for the whole.
 template <class A, class B, class Act>
 LOCKSTEP_INLINE void each_entry(A& one, B& other, Act&& act) {
   each_axis([&](int k) LOCKSTEP_INLINED {
@@ -36,7 +36,7 @@ LOCKSTEP_INLINE void each_entry(A& one, B& other, Act&& act) {
   });
 }
 
-/// Without what its joint gives way to: I - U D^-1 U^T (M23), where u is U D^-1.
+/// I - U D^-1 U^T (M23): the inertia with the joint free to move. u_moment and u_force are U D^-1.
 template <class T>
 LOCKSTEP_INLINE void release(const Vec3<T>& moment, const Vec3<T>& force, const Vec3<T>& u_moment,
                              const Vec3<T>& u_force, ArticulatedInertia<T>& a) {
@@ -50,7 +50,7 @@ LOCKSTEP_INLINE void release(const Vec3<T>& moment, const Vec3<T>& force, const 
   });
 }
 
-/// Along the parent's axes, about the parent's origin (M23).
+/// Moves an inertia to the parent's axes and origin (M23).
 template <class J, class T>
 LOCKSTEP_INLINE void move_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, T c, const Vec3<T>& r,
                                     ArticulatedInertia<T>& a) {
@@ -82,7 +82,7 @@ LOCKSTEP_INLINE void move_to_parent(J joint, const Body<ScalarOf<T>>& body, T s,
   a.across = {after[0], after[1], after[2]};
 }
 
-/// One body with what it carries: pivot, U D^-1 and what of its inertia the parent feels (M22), (M23).
+/// One body with what it carries: its pivot, U D^-1, and the inertia that it passes on to its parent (M22), (M23).
 template <class J, class T>
 LOCKSTEP_INLINE typename T::Mask articulate(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b, int place) {
   const int z = velocity_of(t, b);
@@ -127,7 +127,7 @@ void pack_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Articulated
     }
 }
 
-/// Pivots of A and what its L is made of. Returns the lanes of a pivot that is none.
+/// Finds the pivots of A and what its L is made of. Returns the lanes that have a pivot which is too small.
 template <class T>
 typename T::Mask factor_articulated(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   const Articulated& a = t.articulated;
@@ -152,7 +152,7 @@ typename T::Mask factor_articulated(const Tables<ScalarOf<T>>& t, const Tile<T>&
   return weak;
 }
 
-/// What one joint and its body do to vectors on their way inwards (M24).
+/// (M24) at one joint and its body, for all vectors that come there.
 template <class J, class T>
 LOCKSTEP_INLINE void pass_inwards(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Visit& visit,
                                   T* vector, int stride) {
@@ -189,7 +189,7 @@ LOCKSTEP_INLINE void pass_inwards(J joint, const Tables<ScalarOf<T>>& t, const T
   }
 }
 
-/// What the root's own part does to them. All have come from joints.
+/// (M24) at a floating root. All vectors come from joints.
 template <class T>
 LOCKSTEP_INLINE void pass_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Visit& visit, T* vector,
                                int stride) {
@@ -211,7 +211,7 @@ LOCKSTEP_INLINE void pass_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x, c
   }
 }
 
-/// b <- L^-T b for vectors, `stride` numbers apart, that are zero but for the bodies on their paths.
+/// b <- L^-T b for vectors that are `stride` numbers apart, and zero except for bodies on their paths.
 template <class T>
 void solve_inwards(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Path& path, T* vector, int stride) {
   const Articulated& a = t.articulated;
@@ -232,7 +232,7 @@ void solve_inwards(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Path& p
   }
 }
 
-/// What one joint and its parent's acceleration do to a vector on its way outwards (M25).
+/// (M25) at one joint: what its parent's acceleration does to a vector.
 template <class J, class T>
 LOCKSTEP_INLINE void pass_outwards(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b, T& own,
                                    Vec3<T>* angular, Vec3<T>* linear) {
@@ -253,7 +253,7 @@ LOCKSTEP_INLINE void pass_outwards(J joint, const Tables<ScalarOf<T>>& t, const 
   linear[b] = v;
 }
 
-/// b <- L^-1 b; for two vectors at once if there is a second one.
+/// b <- L^-1 b for `first`, and for `second` unless it is null.
 template <class T>
 void solve_outwards(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* first, T* second) {
   T* const vectors[2] = {first, second};

@@ -1,8 +1,8 @@
 // Bias forces c(q, v): Newton-Euler without joint accelerations. SPDX-License-Identifier: Apache-2.0
 //
-// A floating root's velocity is stepped in inertial axes, so that its origin goes straight on without acceleration.
-// In the links' own frames, with the angular acceleration tensor of Balafoutis and Patel (1991):
-// (M5) to (M9). One pass outwards for motion, one inwards for forces.
+// (M5) to (M9), in the frames of the bodies, with the angular acceleration tensor of Balafoutis and Patel (1991). One
+// pass outwards finds the motion, one pass inwards the forces. The velocity of a floating root is stepped along
+// inertial axes, so its origin has no acceleration here.
 #pragma once
 
 #include "frame.h"
@@ -10,7 +10,7 @@
 
 namespace lockstep::kernels {
 
-/// (M5) Omega = [alpha]x + [omega]x [omega]x: acceleration of a point p of the body is a + Omega p.
+/// (M5) Omega = [alpha]x + [omega]x [omega]x: a point p of the body has the acceleration a + Omega p.
 template <class T>
 LOCKSTEP_INLINE Mat3<T> acceleration_tensor(const Vec3<T>& w, const Vec3<T>& alpha) {
   const T zero = T(0), xx = fnma(w[0], w[0], zero), yy = fnma(w[1], w[1], zero), zz = fnma(w[2], w[2], zero);
@@ -31,7 +31,7 @@ LOCKSTEP_INLINE Vec3<T> move_origin(J, const Mat3<T>& tensor, const Vec3<T>& r, 
   return a;
 }
 
-/// (M7) Force and moment about the origin that the motion of the mass takes: F = m a + Omega h,
+/// (M7) The force and the moment about the origin that the motion of the body requires: F = m a + Omega h,
 /// N = h x a + the axial part of Omega Sigma.
 template <class T>
 LOCKSTEP_INLINE void inertial_forces(const PseudoInertia<T>& body, bool diagonal, const Mat3<T>& tensor,
@@ -50,7 +50,7 @@ LOCKSTEP_INLINE void inertial_forces(const PseudoInertia<T>& body, bool diagonal
   moment = cross_add(body.moment, a, axial);
 }
 
-/// The same of a body on a joint. What lies on a revolute joint's axis is the parent's.
+/// The same for a body on a joint. The parent has the mass that lies on the axis of a revolute joint (M10).
 template <class J, class T>
 LOCKSTEP_INLINE void inertial_forces(J, const PseudoInertia<T>& body, bool diagonal, const Mat3<T>& tensor,
                                      const Vec3<T>& a, Vec3<T>& force, Vec3<T>& moment) {
@@ -73,18 +73,18 @@ LOCKSTEP_INLINE void inertial_forces(J, const PseudoInertia<T>& body, bool diago
   }
 }
 
-/// Gravity in the frame that the bodies hang in: the fixed root's, or a floating root's own.
+/// Gravity along the axes of the root.
 template <class T>
 LOCKSTEP_INLINE Vec3<T> gravity_at_root(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                         const Tile<T>& x) {
   Vec3<T> g;
   for (int k = 0; k < 3; ++k) g[k] = field<T>(batch, Parameter::gravity, t.gravity).at(k, k);
   if (t.floating) return multiply_transposed(rotation_of_quaternion(x.state.pose + 3), g);
-  if (!t.declares(Parameter::gravity)) return g;  // turned when compiling
+  if (!t.declares(Parameter::gravity)) return g;  // compile() has rotated it
   return multiply_transposed(Mat3<T>::constant(t.root_rotation), g);
 }
 
-/// (M6) One body's motion from its parent's, and the forces that it takes.
+/// (M6) A body's motion from its parent's, and the force and moment that it requires.
 template <class J, class T>
 LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b, const Vec3<T>& upwards) {
   const Body<ScalarOf<T>>& body = t.body[b];
@@ -99,7 +99,7 @@ LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile
     Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[joint_of(t, b)] : T(0));
     w = to_body(joint, body, s, c, x.bodies.angular[p]);
     alpha = to_body(joint, body, s, c, x.bodies.alpha[p]);
-    // The parent's tensor once more: of the few entries that this takes, arithmetic costs less than memory.
+    // The parent's tensor again: to compute its few entries here costs less than to load them.
     a = to_body(joint, body, s, c,
                 move_origin(joint, acceleration_tensor(x.bodies.angular[p], x.bodies.alpha[p]), r, x.bodies.linear[p]));
     if constexpr (J::prismatic) {  // Coriolis: 2 w x e v
@@ -124,7 +124,7 @@ LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile
   inertial_forces(joint, x.bodies.base_inertia[b], body.diagonal, tensor, a, x.bodies.force[b], x.bodies.moment[b]);
 }
 
-/// (M9) What the joint carries beyond its own axis goes to its parent.
+/// (M9) The component along the axis is the joint's bias force. The whole force and moment go on to the parent.
 template <class J, class T>
 LOCKSTEP_INLINE void pass_force(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
   const Body<ScalarOf<T>>& body = t.body[b];
@@ -142,7 +142,7 @@ LOCKSTEP_INLINE void pass_force(J joint, const Tables<ScalarOf<T>>& t, const Til
 
 template <class T>
 void bias_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  // Gravity is an acceleration of the root against it.
+  // Gravity acts like an acceleration of the root in the opposite direction.
   const Vec3<T> g = gravity_at_root(t, batch, x);
   const Vec3<T> upwards = {-g[0], -g[1], -g[2]};
   if (t.floating) {

@@ -5,7 +5,7 @@
 
 namespace lockstep::kernels {
 
-/// With the armatures' share.
+/// With the share of the armatures.
 template <class T>
 T kinetic_energy(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m) {
   T twice = T(0);
@@ -21,7 +21,7 @@ T kinetic_energy(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>
   return twice * T(ScalarOf<T>(0.5));
 }
 
-/// Of gravity, zero at the world's origin.
+/// In gravity, zero at the world's origin.
 template <class T>
 T potential_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
                    const Motion<T>& m) {
@@ -33,7 +33,7 @@ T potential_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     sum = sum - dot(g, fma(m.place[b], body.mass, multiply(m.world[b], body.moment)));
   }
   const Vec3<T> root = Vec3<T>::constant(t.root_offset);
-  for (int l = 0; l < t.links; ++l) {  // links of the fixed root never move, yet they hang where they are
+  for (int l = 0; l < t.links; ++l) {  // links of a fixed root count as bodies at rest
     const LinkPlace<ScalarOf<T>>& place = t.link[l];
     if (place.body >= 0) continue;
     const Vec3<T> center = multiply_add(root_orientation<T>(t), Vec3<T>::constant(place.unit_moment), root);

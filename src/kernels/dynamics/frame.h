@@ -1,21 +1,21 @@
-// Passing vectors between a body's frame and its parent's. SPDX-License-Identifier: Apache-2.0
+// Transforms vectors between a body's frame and its parent's. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "kernels/tile/tile.h"
 
 namespace lockstep::kernels {
 
-/// What is known of a joint and its body's offset as a type, so that a planar rotation is four multiplications and an
-/// offset along one axis is one number.
+/// The kind of a joint and of its body's offset, as a type: a rotation about an axis then takes four multiplications,
+/// and an offset along one axis one.
 template <int Axis, bool Prismatic, bool Rotated, bool First = true, bool Second = true>
 struct JointType {
   static constexpr int k = Axis, i = (Axis + 1) % 3, j = (Axis + 2) % 3;
   static constexpr bool prismatic = Prismatic, rotated = Rotated;
-  /// Component a of the origin in the parent's frame may be other than zero.
+  /// Whether component a of the origin in the parent's frame may be nonzero.
   static constexpr bool off(int a) { return Prismatic || Rotated || (a == i && First) || (a == j && Second); }
 };
 
-/// Calls act(JointType) for the body's joint; kernels on the main path have `act` inlined, for the registers' sake.
+/// Calls act(JointType) for the body's joint. On the main path `act` is inlined, to stay in registers.
 template <class S, class Act>
 LOCKSTEP_INLINE void with_joint(const Body<S>& body, Act&& act) {
   switch (body.kind) {
@@ -99,19 +99,19 @@ LOCKSTEP_INLINE Vec3<T> cross_origin_add(J joint, const Vec3<T>& r, const Vec3<T
   return c;
 }
 
-/// The joint that carries body b; bodies and joints differ by a floating root.
+/// The joint that carries a body. Joint 0 carries body 1 if the root floats, else body 0.
 template <class S>
 LOCKSTEP_INLINE int joint_of(const Tables<S>& t, int body) {
   return body - (t.floating ? 1 : 0);
 }
 
-/// Its place among the generalised velocities.
+/// The index of its generalised velocity.
 template <class S>
 LOCKSTEP_INLINE int velocity_of(const Tables<S>& t, int body) {
   return body + (t.floating ? 5 : 0);
 }
 
-/// Rotation of a floating root: its coordinates to the world's.
+/// Rotation of a floating root, from its coordinates to the world's.
 template <class T>
 LOCKSTEP_INLINE Mat3<T> rotation_of_quaternion(const T* wxyz) {
   const T w = wxyz[0], x = wxyz[1], y = wxyz[2], z = wxyz[3], two = T(2), one = T(1);
@@ -120,7 +120,7 @@ LOCKSTEP_INLINE Mat3<T> rotation_of_quaternion(const T* wxyz) {
           {two * fnma(w, y, x * z), two * fma(w, x, y * z), one - two * fma(x, x, y * y)}};
 }
 
-/// Mass distribution of body b: the table's, or this tile's own.
+/// Mass distribution of body b, from the tables or of this tile.
 template <class T>
 LOCKSTEP_INLINE PseudoInertia<T> inertia_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
   if (t.declares(Parameter::mass)) return x.bodies.inertia[b];

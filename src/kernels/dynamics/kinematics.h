@@ -6,6 +6,7 @@
 
 namespace lockstep::kernels {
 
+/// A consistent follower that rotates by its leader's angle, or by minus that, shares its sine and cosine.
 template <class T>
 void kinematics(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Span<Mirror> mirrors = t.reduction.mirrors;

@@ -1,14 +1,14 @@
 // Sparse H = L^T D L (M17) and its solves (Featherstone 2008, section 6.5). SPDX-License-Identifier: Apache-2.0
 //
-// Column j holds the rows of j's subtree, a contiguous run (plan/tables.h), so every inner loop below is a
-// run through one or two arrays. No fill-in: eliminating from the leaves to the root stays in the tree.
+// Column j holds the rows of j's subtree, which are contiguous (plan/tables.h). So every inner loop below runs through
+// one or two arrays. There is no fill-in, because elimination goes from the leaves to the root.
 #pragma once
 
 #include "kernels/tile/tile.h"
 
 namespace lockstep::kernels {
 
-/// start - a . b, in four sums that need not wait for each other where it is long enough to matter.
+/// start - a . b. Long ones are four sums, which need not wait for each other.
 template <class T>
 LOCKSTEP_INLINE T subtract_dot(const T* a, const T* b, int count, T start) {
   if (count < 4) {
@@ -27,7 +27,7 @@ LOCKSTEP_INLINE T subtract_dot(const T* a, const T* b, int count, T start) {
   return (start + second) + (third + fourth);
 }
 
-/// Scales what is below a column's diagonal by the inverse pivots there; returns what is left of the diagonal.
+/// Scales the entries below a column's diagonal by their inverse pivots. Returns what is left of the diagonal.
 template <class T>
 LOCKSTEP_INLINE T scale_column(T* own, const T* inverse, int count) {
   T sum[4] = {own[0], T(0), T(0), T(0)};
@@ -43,7 +43,7 @@ LOCKSTEP_INLINE T scale_column(T* own, const T* inverse, int count) {
   return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
-/// matrix[entry] -= own . what follows there, but for own[0], for N entries.
+/// For N entries of the matrix: subtracts own . (what follows the entry), both from index 1 on.
 template <int N, class T>
 LOCKSTEP_INLINE void subtract_dots(const T* own, T* matrix, const int* entry, int count) {
   T* above[N];
@@ -56,24 +56,24 @@ LOCKSTEP_INLINE void subtract_dots(const T* own, T* matrix, const int* entry, in
   for (int n = 0; n < N; ++n) above[n][0] = sum[n];
 }
 
-/// What a pivot is at the least: below it 1 / pivot would be infinite in single precision. The same number for both
-/// precisions, as a step is recorded once for both.
+/// The smallest pivot whose inverse is finite in single precision. Both precisions take this one, because a step is
+/// traced once for both.
 template <class T>
 LOCKSTEP_INLINE T least_pivot() {
   return T(ScalarOf<T>(0x1p-126));
 }
 
-/// 1 / pivot. A pivot below `least` is taken for none: its inverse is 0, so that its unknown is 0, and `weak` says
-/// where. What is no number stays none, for check() to find.
+/// 1 / pivot. Where the pivot is below `least`, the inverse is zero, so its unknown becomes zero, and `weak` is set.
+/// NaN stays NaN, for check() to find.
 template <class T>
 LOCKSTEP_INLINE T inverse_of(T pivot, T least, typename T::Mask& weak) {
-  const typename T::Mask none = less(pivot, least);
-  weak = weak | none;
-  return select(none, T(0), T(1) / pivot);
+  const typename T::Mask too_small = less(pivot, least);
+  weak = weak | too_small;
+  return select(too_small, T(0), T(1) / pivot);
 }
 
-/// H becomes L below the diagonal; inverse = 1 / D. A pivot counts if it exceeds `tolerance` times the diagonal that
-/// it came from by the least. Returns the lanes where one does not.
+/// H becomes L below the diagonal, and inverse = 1 / D. A pivot is too small if it is below `tolerance` times its own
+/// diagonal before, plus least_pivot(). Returns the lanes that have such a pivot.
 template <class T>
 typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T tolerance) {
   typename T::Mask weak = T::none();
@@ -83,7 +83,7 @@ typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T toleran
     const T least = fma(tolerance, own[0], least_pivot<T>());
     const T pivot = own[0] = scale_column(own, inverse + i, below);
     inverse[i] = inverse_of(pivot, least, weak);
-    // Row i of every ancestor's column, eight ancestors at a time: so many sums do not wait for each other.
+    // Row i of every ancestor's column, eight ancestors at a time, whose sums need not wait for each other.
     const int* const row = columns.row.data;
     int a = columns.row_start[i];
     const int last = columns.row_start[i + 1];
@@ -102,7 +102,7 @@ void solve_upwards(const Columns& columns, const T* factor, T* b) {
     b[j] = subtract_dot(factor + columns.offset[j] + 1, b + j + 1, columns.size[j] - 1, b[j]);
 }
 
-/// The same for two right-hand sides at once, each as by itself to the last bit.
+/// The same for two right-hand sides at once. Each gets the same bits as by itself.
 template <class T>
 void solve_upwards(const Columns& columns, const T* factor, T* a, T* b) {
   for (int j = columns.n - 1; j >= 0; --j) {
@@ -117,7 +117,7 @@ struct NoneKnown {
   LOCKSTEP_INLINE void operator()(int) const {}
 };
 
-/// b <- L^-1 b, where know(j) may put an answer that is known at b[j].
+/// b <- L^-1 b. know(j) is called before b[j] is used, and may set it to a known value.
 template <class T, class Know = NoneKnown>
 void solve_downwards(const Columns& columns, const T* factor, T* b, Know&& know = {}) {
   for (int j = 0; j < columns.n; ++j) {

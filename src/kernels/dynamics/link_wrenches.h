@@ -1,11 +1,11 @@
-// Wrenches that the user puts on links, in world axes. SPDX-License-Identifier: Apache-2.0
+// Wrenches that the user applies to links, in world axes. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "orientation.h"
 
 namespace lockstep::kernels {
 
-/// (M8): takes them off the forces that the joints must carry. Only scenes that declare the field come here.
+/// (M8): subtracts them from the forces that the joints must supply. Runs only if the field is declared.
 template <class T>
 void subtract_link_wrenches(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   orientations(t, x, x.bodies.orientation);

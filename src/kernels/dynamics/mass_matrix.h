@@ -1,7 +1,7 @@
 // Mass matrix M(q) by composite rigid bodies (Featherstone 2008, table 6.2). SPDX-License-Identifier: Apache-2.0
 //
-// Composites are pseudo-inertias (M4); column b is the force that a unit
-// acceleration of joint b takes, passed inwards to every joint that carries it.
+// Composites are pseudo-inertias (M4). Column b is the force that a unit acceleration of joint b requires. It is passed
+// inwards to every joint that carries b.
 #pragma once
 
 #include "frame.h"
@@ -39,13 +39,13 @@ LOCKSTEP_INLINE void turn_symmetric(J joint, const Body<ScalarOf<T>>& body, T s,
   }
 }
 
-/// Adds a body's composite, given in its own frame, to what its parent's was `before` (M10).
+/// Adds a body's composite, in its own frame, to `before`, which its parent has so far (M10).
 template <class J, class T>
 LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, T c, const Vec3<T>& r,
                                    const PseudoInertia<T>& from, const PseudoInertia<T>& before, PseudoInertia<T>& to) {
   T turned[6];
   turn_symmetric(joint, body, s, c, from.second, turned);
-  Vec3<T> u = to_parent(joint, body, s, c, from.moment);  // + m r / 2, so that r u^T + u r^T is all that the shift adds
+  Vec3<T> u = to_parent(joint, body, s, c, from.moment);  // + m r / 2: then the shift adds r u^T + u r^T
   Vec3<T> moved = u;
   if (body.heavy)
     each_axis([&](int k) LOCKSTEP_INLINED {
@@ -68,7 +68,7 @@ LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, 
   });
 }
 
-/// Force and moment of the composite under a unit acceleration of the joint's coordinate (M11).
+/// The force and the moment on the composite that a unit acceleration of the joint's coordinate requires (M11).
 template <class J, class T>
 LOCKSTEP_INLINE void unit_column(J, const PseudoInertia<T>& c, bool reversed, Vec3<T>& force, Vec3<T>& moment) {
   Vec3<T> f, n;
@@ -90,8 +90,8 @@ LOCKSTEP_INLINE void unit_column(J, const PseudoInertia<T>& c, bool reversed, Ve
   moment = n;
 }
 
-/// Rows of body b: what the unit columns of b and of all bodies that it carries ask of b's joint. Then these columns
-/// and b's composite go on to its parent. One dispatch serves the whole subtree, whose columns are independent.
+/// Row of body b: the components along b's joint of its own unit column and of those of all bodies that it carries.
+/// Then passes the columns and the composite on to the parent. One switch over the joint's kind serves all columns.
 template <class J, class T>
 LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
   const Body<ScalarOf<T>>& body = t.body[b];
@@ -120,7 +120,7 @@ LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, const T
     for (int k = 0; k < carried; ++k) row[k] = -row[k];
 }
 
-/// A floating root's own six rows and columns from its composite, in the order angular, linear (M12).
+/// A floating root's own six rows and columns from its composite, angular before linear (M12).
 template <class T>
 LOCKSTEP_INLINE void root_inertia(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Columns& columns, T* matrix) {
   const PseudoInertia<T>& c = t.body[0].leaf ? x.bodies.base_inertia[0] : x.bodies.composite[0];
@@ -140,7 +140,7 @@ LOCKSTEP_INLINE void root_inertia(const Tables<ScalarOf<T>>& t, const Tile<T>& x
   }
 }
 
-/// Rows of a floating root: all columns, and its own.
+/// Rows of a floating root: all columns of joints, and its own.
 template <class T>
 LOCKSTEP_INLINE void rows_of_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   for (int k = 0; k < 3; ++k) {

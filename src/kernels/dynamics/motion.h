@@ -1,5 +1,5 @@
-// Where bodies are and how they move, in the world and in their own axes: (M49), (M51). SPDX-License-Identifier:
-// Apache-2.0
+// Positions and velocities of the bodies, in the world and in their own axes: (M49), (M51).
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "bias_forces.h"

@@ -5,13 +5,13 @@
 
 namespace lockstep::kernels {
 
-/// Rotation of the frame that the first bodies hang in: the fixed root's.
+/// Rotation of a fixed root, which is the parent of the first bodies.
 template <class T>
 LOCKSTEP_INLINE Mat3<T> root_orientation(const Tables<ScalarOf<T>>& t) {
   return Mat3<T>::constant(t.root_rotation);
 }
 
-/// world[b]: coordinates of body b to world coordinates. Needs kinematics().
+/// world[b]: from coordinates of body b to world coordinates. Needs kinematics().
 template <class T>
 void orientations(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Mat3<T>* world) {
   for (int b = 0; b < t.bodies; ++b) {
@@ -21,7 +21,7 @@ void orientations(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Mat3<T>* world
       continue;
     }
     const Mat3<T> parent = body.parent < 0 ? root_orientation<T>(t) : world[body.parent];
-    with_joint(body, [&](auto joint) {  // each world axis, seen from the parent, seen from the body
+    with_joint(body, [&](auto joint) {  // each world axis, first in the axes of the parent, then of the body
       for (int r = 0; r < 3; ++r) {
         const Vec3<T> axis =
             to_body(joint, body, x.bodies.sine[b], x.bodies.cosine[b], {parent(r, 0), parent(r, 1), parent(r, 2)});

@@ -1,12 +1,12 @@
-// The couplings' impulses of this step, for those who asked to keep them. SPDX-License-Identifier: Apache-2.0
+// The impulses of the couplings in this step, for plans that record them. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "solve_bounds.h"
 
 namespace lockstep::kernels {
 
-/// J^T of the bounded rows' impulses, subtracted from `sum` over all velocities. Where several joints' bounds are one
-/// row, an end of the interval is pushed by the joint whose end it is, friction by each in proportion.
+/// Subtracts J^T of the bounded rows' impulses from `sum`, over all velocities. Several joints may share a row. Then
+/// the joint whose end of the interval is reached takes the impulse, and friction is divided in proportion.
 template <class T>
 void subtract_bounds(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* sum) {
   using S = ScalarOf<T>;
@@ -22,31 +22,32 @@ void subtract_bounds(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* sum) {
             fnma(x.couplings.coefficient[k], impulse, sum[t.velocity_of(t.term_joint[k])]);
       continue;
     }
-    const auto slips = ~(less(x.bounds.force[r], impulse) | less(impulse, -x.bounds.force[r]));
-    auto left = ~slips;
+    const auto in_box = ~(less(x.bounds.force[r], impulse) | less(impulse, -x.bounds.force[r]));
+    auto remaining = ~in_box;
     for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m) {
       const Member member = b.member[m];
-      const bool alone = b.member_start[r + 1] - b.member_start[r] == 1;
+      const bool single = b.member_start[r + 1] - b.member_start[r] == 1;
       T part = impulse;
-      if (!alone) {
+      if (!single) {
         const StepTime<T> at{phase == velocity_phase && t.velocity_iterations > 0, S(1) / t.dt};
         const Interval<T> own = joint_interval(t, x, member.joint, at, T(0));
         const T one = own.lo * x.bounds.member_inverse[m], other = own.hi * x.bounds.member_inverse[m];
         const auto ends = ~less(smaller(one, other), x.bounds.lo[p]) | ~less(x.bounds.hi[p], larger(one, other));
-        const auto pushes = left & (ends | (m + 1 == b.member_start[r + 1] ? ~T::none() : T::none()));
-        left = left & ~pushes;
+        const auto takes_all = remaining & (ends | (m + 1 == b.member_start[r + 1] ? ~T::none() : T::none()));
+        remaining = remaining & ~takes_all;
         const T friction = b.has[member.joint] & has_friction ? T(b.friction[member.joint]) : T(0);
         const T weight = larger(x.bounds.member_share[m], -x.bounds.member_share[m]) * friction /
                          larger(x.bounds.force[r], smallest<T>());
-        part = select(pushes, impulse, select(slips, impulse * weight, T(0)));
+        part = select(takes_all, impulse, select(in_box, impulse * weight, T(0)));
       }
       sum[t.velocity_of(member.joint)] = fnma(x.bounds.member_inverse[m], part, sum[t.velocity_of(member.joint)]);
     }
   }
 }
 
-/// Swept and solved rows have theirs at hand. An eliminated coupling's (M44) is what its followers' momentum lacks:
-/// J_F^T L = (A (v' - v) - dt forces - other rows' J^T L) on the followers. By force, x.dynamics.rhs holds A d as well.
+/// Rows that were swept or solved have their impulses. That of an eliminated coupling (M44) is what the momentum of its
+/// followers lacks: J_F^T L = (A (v' - v) - dt forces - J^T L of other rows) on the followers. Where bias forces remove
+/// velocity errors, x.dynamics.rhs holds A times these errors as well.
 template <class T>
 void coupling_impulses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;

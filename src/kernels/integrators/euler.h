@@ -1,4 +1,4 @@
-// Semi-implicit Euler: the step that takes everything, bounds among it. SPDX-License-Identifier: Apache-2.0
+// Semi-implicit Euler, the only integrator for scenes with bounds. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "coupling_impulses.h"
@@ -21,7 +21,7 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   if (t.reduction.eliminates()) follow(t, x);
   if (t.reduction.has_constraint_velocities()) start_constraint_velocities(t, x);
   if (t.limited_servos.count > 0) first_saturation_pass(x);
-  do {  // once, and again where a servo turns out to be at its limit of effort, or not to be
+  do {  // again only if a guess about limited servos was wrong
     bias_forces(t, batch, x);
     joint_inertias(t, batch, x);
     joint_forces(t, batch, x);
@@ -40,7 +40,7 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     integrate(t, x);
     if (t.bounds.rows.count > 0 && bounds_active(t, x)) solve_bounds(t, batch, x);
   } while (t.limited_servos.count > 0 && saturation_differs(t, batch, x));
-  if (t.record_impulses) coupling_impulses(t, x);  // in the axes of the step's start
+  if (t.record_impulses) coupling_impulses(t, x);  // before the root's axes turn
   if (t.floating) turn_root_twist(x.half_turn, x.next.v);
 }
 

@@ -1,4 +1,4 @@
-// From solved velocities to positions, the root's pose among them. SPDX-License-Identifier: Apache-2.0
+// From solved velocities to new positions and a new root pose. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "kernels/bounds/bounded_rows.h"
@@ -6,10 +6,10 @@
 
 namespace lockstep::kernels {
 
-/// X impulse of a group, added to v.
+/// v += X impulse, for one group of rows.
 template <int N, class T>
-LOCKSTEP_INLINE void push(const Rows<ScalarOf<T>>& rows, const RowGroup& group, const T* response, int n,
-                          const T* impulse, T* v) {
+LOCKSTEP_INLINE void apply_group(const Rows<ScalarOf<T>>& rows, const RowGroup& group, const T* response, int n,
+                                 const T* impulse, T* v) {
   const T* const first = response + group.first * n;
   T own[N];
   for (int i = 0; i < N; ++i) own[i] = impulse[group.first + i];
@@ -21,43 +21,43 @@ LOCKSTEP_INLINE void push(const Rows<ScalarOf<T>>& rows, const RowGroup& group, 
     }
 }
 
-/// share y + D^-1 X impulse of (M21), over the solver's velocities.
+/// v = share free + D^-1 X impulse over the solver's velocities: (M21) without its L^-1.
 template <class T>
 void apply_impulses(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase, const T* free, T share,
                     const T* impulse, T* v) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const int n = t.solver.n;
-  if (rows.count == 0 || rows.all_known) {  // impulses of rows that are known move no other velocities
+  if (rows.count == 0 || rows.all_known) {  // impulses of known rows move no other velocities
     for (int z = 0; z < n; ++z) v[z] = free[z] * share;
   } else {
     for (int z = 0; z < n; ++z) v[z] = T(0);
     for (int g = 0; g < rows.groups.count; ++g) {
       const RowGroup& group = rows.groups[g];
-      with_count(group,
-                 [&](auto count) LOCKSTEP_INLINED { push<count.value>(rows, group, x.rows.response, n, impulse, v); });
+      with_count(group, [&](auto count) LOCKSTEP_INLINED {
+        apply_group<count.value>(rows, group, x.rows.response, n, impulse, v);
+      });
     }
     for (int z = 0; z < n; ++z) v[z] = fma(free[z], share, x.dynamics.inverse[z] * v[z]);
   }
   if (t.bounds.rows.count > 0) add_bounds(t, x, phase, v);
 }
 
-/// v <- L^-1 v for one or two vectors. Speeds of couplings that are known are their own answers (M79).
+/// v <- L^-1 v for one or two vectors. Constraint velocities that are known are set, not solved (M79).
 template <class T>
 void solve_downwards(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* first, T* second) {
   if (t.articulated.used()) return solve_outwards(t, x, first, second);
   const Span<int> known = t.rows.known;
-  const auto know = [&](int j) LOCKSTEP_INLINED {
+  const auto set_known = [&](int j) LOCKSTEP_INLINED {
     const int r = known.count > 0 ? known[j] : -1;
     if (r < 0) return;
     first[j] = x.rows.speed[r] - x.dynamics.start[j];
     if (second) second[j] = x.rows.velocity_phase_speed[r] - x.dynamics.start[j];
   };
-  second ? solve_downwards(t.solver, x.dynamics.reduced, first, second, know)
-         : solve_downwards(t.solver, x.dynamics.reduced, first, know);
+  second ? solve_downwards(t.solver, x.dynamics.reduced, first, second, set_known)
+         : solve_downwards(t.solver, x.dynamics.reduced, first, set_known);
 }
 
-/// (M21) L^-1 (share y + D^-1 X impulse): what the velocities change by, in both phases, which share their way down the
-/// tree.
+/// (M21): changes of the velocities, L^-1 (share y + D^-1 X impulse). Both phases go down the tree together.
 template <class T>
 void solved_changes(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   apply_impulses(t, x, position_phase, x.dynamics.half_solved_position, T(t.free_share), x.rows.position_impulse,
@@ -68,7 +68,7 @@ void solved_changes(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   solve_downwards(t, x, x.dynamics.solution, second);
 }
 
-/// The velocities themselves.
+/// The velocities themselves. Constraint velocities that are known are copied.
 template <class T>
 void solved_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   solved_changes(t, x);
@@ -81,7 +81,7 @@ void solved_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
-/// All velocities from the solver's; followers' by finish(f, what S makes of the solver's).
+/// All velocities from the solver's. A follower gets finish(f, its row of S times z).
 template <class T, class Finish>
 void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, T* v, Finish&& finish) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
@@ -93,7 +93,7 @@ void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, T* v, Fi
   for (int f = 0; f < r.followers; ++f) v[t.velocity_of(r.follower[f])] = finish(f, followed(t, x, f, z));
 }
 
-/// Followers follow, and are corrected where asked to, or are off by the speeds of their couplings.
+/// The same in a step. A follower's constraint velocity is added to that, or its correction if `corrected`.
 template <class T>
 void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, bool corrected, T* v) {
   const int* const speed = t.reduction.constraint_velocity.data;
@@ -104,14 +104,14 @@ void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, bool cor
            [&](int f, T following) { return corrected ? following + x.couplings.correction[f] : following; });
 }
 
-/// From x.state.v, of which followers lose what they are off by.
+/// The same for changes from x.state.v, in which followers lose their velocity errors.
 template <class T>
 void expand_changes(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, T* change) {
   expand(t, x, z, change, [&](int f, T following) { return following - x.couplings.velocity_error[f]; });
 }
 
-/// The change is rounded by itself before: where its parts were added to the number one by one, each would be rounded
-/// as the number is, which costs floats half of their accuracy.
+/// number + change. All parts of the change are summed before this. Added one by one, each would be rounded as the
+/// number is, which in single precision costs half of the accuracy.
 template <class T>
 LOCKSTEP_INLINE T changed_by(T number, T change) {
   return number + change;
@@ -124,15 +124,25 @@ LOCKSTEP_INLINE T squared_length(const T* quaternion) {
   return sum;
 }
 
-/// A unit quaternion from one that is not far off: another integrator's sum of changes.
+/// Normalises a quaternion that is close to a unit one, such as an integrator's sum of changes.
 template <class T>
 LOCKSTEP_INLINE void make_unit(const T* quaternion, T* unit) {
   const T scale = T(1) / sqrt(squared_length(quaternion));
   for (int k = 0; k < 4; ++k) unit[k] = quaternion[k] * scale;
 }
 
-/// The root's pose after turning and moving with its twist for the time h: q <- q exp(h w / 2), p <- p + h R v, (M46).
-/// Keeps the half turn exp(h w / 2).
+/// x.next is x.state with the change of the step, x.stages.total_change.
+template <class T>
+void add_total_change(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
+    for (int i = 0; i < count; ++i)
+      (x.next.*part)[i] = changed_by((x.state.*part)[i], (x.stages.total_change.*part)[i]);
+  });
+  if (t.floating) make_unit(x.next.pose + 3, x.next.pose + 3);
+}
+
+/// The root's pose after it has moved with its twist for the time h: q <- q exp(h w / 2), p <- p + h R v, (M46). Also
+/// writes the half turn exp(h w / 2).
 template <class T>
 void move_root(ScalarOf<T> time, const T* twist, const T* pose, T* half_turn, T* next) {
   using S = ScalarOf<T>;
@@ -142,7 +152,7 @@ void move_root(ScalarOf<T> time, const T* twist, const T* pose, T* half_turn, T*
   const Vec3<T> moved = multiply(rotation, v);
   for (int k = 0; k < 3; ++k) next[k] = fma(h, moved[k], pose[k]);
 
-  // exp of the half turn: cos |u|, sin |u| / |u| u with u = dt w / 2; at rest the ratio is 1.
+  // exp of u = h w / 2 is cos |u|, sin |u| / |u| u. At rest the ratio is 1.
   const T half = h * T(S(0.5));
   const T squared = dot(w, w) * half * half;
   const T angle = sqrt(squared);
@@ -155,13 +165,13 @@ void move_root(ScalarOf<T> time, const T* twist, const T* pose, T* half_turn, T*
   half_turn[0] = cosine, half_turn[1] = e, half_turn[2] = f, half_turn[3] = g;
   const T turned[4] = {fnma(b, e, fnma(c, f, fnma(d, g, a * cosine))), fma(a, e, fma(c, g, fnma(d, f, b * cosine))),
                        fma(a, f, fma(d, e, fnma(b, g, c * cosine))), fma(a, g, fma(b, f, fnma(c, e, d * cosine)))};
-  // (M47) One Newton step for 1 / |q| keeps it unit: rounding moves it by far less than the step's reach.
+  // (M47) One Newton step towards 1 / |q| keeps q unit: rounding changes its length by far less than that corrects.
   const T scale = fnma(T(S(0.5)), squared_length(turned), T(S(1.5)));
   for (int k = 0; k < 4; ++k) next[3 + k] = turned[k] * scale;
 }
 
-/// (M48) The root's new twist, solved in the axes that it had before it moved, in those that it has now. By the half
-/// turn (c, s) backwards, a + 2 s x (s x a - c a): rounding is that of the small change alone.
+/// (M48) Rotates the root's new twist from its axes before the move to those after it, by the inverse of the half turn
+/// with the parts c and s: a + 2 s x (s x a - c a). So only the small change is rounded.
 template <class T>
 void turn_root_twist(const T* half_turn, T* twist) {
   const T c = half_turn[0], two = T(ScalarOf<T>(2));
@@ -173,7 +183,7 @@ void turn_root_twist(const T* half_turn, T* twist) {
   }
 }
 
-/// Semi-implicit Euler (M45), followers by (M76).
+/// Semi-implicit Euler (M45), with followers by (M76).
 template <class T>
 void integrate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   expand(t, x, x.dynamics.solution, true, x.next.v);

@@ -1,10 +1,10 @@
-// Leapfrog with an implicit linear part, and its extrapolation. SPDX-License-Identifier: Apache-2.0
+// The midpoint rule with an implicit (SDIRK3) linear part, named leapfrog here, and its extrapolation.
+// SPDX-License-Identifier: Apache-2.0
 //
-// (M66) to (M71). One mass matrix and two bias forces at the midpoint; damping, drives and soft couplings by three
-// stages of Alexander's (1977) diagonally implicit method, which share one factorisation.
+// (M66) to (M71). A step takes one mass matrix and two bias forces, all at the midpoint. Damping, drives and soft
+// couplings take the three stages of Alexander's (1977) diagonally implicit method, which share one factorisation.
 #pragma once
 
-#include "begin.h"
 #include "kernels/couplings/coupling_error.h"
 #include "kernels/couplings/joint_terms.h"
 #include "kernels/dynamics/bias_forces.h"
@@ -13,7 +13,7 @@
 
 namespace lockstep::kernels {
 
-/// (M69)
+/// Coefficients of (M69).
 template <class S>
 struct Alexander {
   static constexpr double g = alexander_gamma;
@@ -24,7 +24,7 @@ struct Alexander {
   static constexpr S before[leapfrog_stages][2] = {{S(0), S(0)}, {S((1 - g) / 2), S(0)}, {weight[0], weight[1]}};
 };
 
-/// One stage of (M68), from x.stages.begin.q and x.stages.midpoint.v and the stages before it.
+/// One stage of (M68), from x.stages.begin.q, x.stages.midpoint.v and the earlier stages.
 template <class T>
 void stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int i, int time) {
   using S = ScalarOf<T>;
@@ -33,9 +33,9 @@ void stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.begin.q[j];
   for (int k = 0; k < n; ++k) x.state.v[k] = x.stages.midpoint.v[k];
   for (int earlier = 0; earlier < i; ++earlier) {
-    const T way = T(t.step * A::before[i][earlier]), share = T(A::before[i][earlier] / A::gamma);
+    const T duration = T(t.step * A::before[i][earlier]), share = T(A::before[i][earlier] / A::gamma);
     for (int j = 0; j < t.joints; ++j)
-      x.state.q[j] = fma(way, x.stages.velocity[earlier * n + t.velocity_of(j)], x.state.q[j]);
+      x.state.q[j] = fma(duration, x.stages.velocity[earlier * n + t.velocity_of(j)], x.state.q[j]);
     for (int k = 0; k < n; ++k) x.state.v[k] = fma(share, x.stages.change[earlier * n + k], x.state.v[k]);
   }
   const bool last = i == leapfrog_stages - 1;
@@ -53,8 +53,8 @@ void stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   if (x.solves_twice) expand_changes(t, x, x.dynamics.velocity_solution, change);
 }
 
-/// From x.stages.begin.q, _v, _pose to x.next.q, _v, _root_pose; x.stages.mean_velocity is what moved the positions,
-/// x.stages.gained_velocity what was added to the velocities, along the midpoint's axes. Leaves no other state.
+/// A step from x.stages.begin to x.next. x.stages.mean_velocity is the velocity that moved the positions, and
+/// x.stages.gained_velocity is what the velocities gained, along the midpoint's axes. x.state is overwritten.
 template <class T>
 void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
   using S = ScalarOf<T>;
@@ -102,13 +102,13 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
 
 template <class T>
 void leapfrog_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  keep_begin(t, x);
+  copy_state(t, x.state, x.stages.begin);
   leapfrog(t, batch, x, 0);
-  return_to_begin(t, x);
+  copy_state(t, x.stages.begin, x.state);  // lanes that fail keep it
 }
 
-/// Adds `share` of the change that the last leapfrog made to x.stages.total_change.q, _v, _pose. A root's axes have
-/// turned meanwhile.
+/// Adds `share` of the change that the last leapfrog made to x.stages.total_change. The axes of a floating root have
+/// turned in the step, so its change is a difference of twists.
 template <class T>
 void add_change(const Tables<ScalarOf<T>>& t, Tile<T>& x, ScalarOf<T> step, ScalarOf<T> share) {
   const int root = t.root_velocities();
@@ -124,16 +124,14 @@ void add_change(const Tables<ScalarOf<T>>& t, Tile<T>& x, ScalarOf<T> step, Scal
         fma(T(share), x.next.pose[k] - x.stages.begin.pose[k], x.stages.total_change.pose[k]);
 }
 
-/// (M71). t.half holds the tables of half the step.
+/// (M71): one step, and two of half the length with the tables t.half.
 template <class T>
 void extrapolated_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   using S = ScalarOf<T>;
   const S minus_third = S(-1.0 / 3), four_thirds = S(4.0 / 3);
-  keep_begin(t, x);
-  for (int j = 0; j < t.joints; ++j) x.stages.first.q[j] = x.state.q[j], x.stages.total_change.q[j] = T(0);
-  for (int k = 0; k < t.velocities; ++k) x.stages.first.v[k] = x.state.v[k], x.stages.total_change.v[k] = T(0);
-  for (int k = 0; t.floating && k < 7; ++k)
-    x.stages.first.pose[k] = x.state.pose[k], x.stages.total_change.pose[k] = T(0);
+  copy_state(t, x.state, x.stages.begin);
+  copy_state(t, x.state, x.stages.first);
+  clear_state(t, x.stages.total_change);
 
   leapfrog(t, batch, x, 0);
   add_change(t, x, t.step, minus_third);
@@ -142,23 +140,12 @@ void extrapolated_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
     leapfrog(*t.half, batch, x, half * leapfrog_stages);
     add_change(t, x, t.half->step, four_thirds);
     singular = singular | x.singular;
-    for (int j = 0; j < t.joints; ++j) x.stages.begin.q[j] = x.next.q[j];
-    for (int k = 0; k < t.velocities; ++k) x.stages.begin.v[k] = x.next.v[k];
-    for (int k = 0; t.floating && k < 7; ++k) x.stages.begin.pose[k] = x.next.pose[k];
+    copy_state(t, x.next, x.stages.begin);
   }
   x.singular = singular;
 
-  for (int j = 0; j < t.joints; ++j)
-    x.stages.begin.q[j] = x.stages.first.q[j],
-    x.next.q[j] = changed_by(x.stages.first.q[j], x.stages.total_change.q[j]);
-  for (int k = 0; k < t.velocities; ++k)
-    x.stages.begin.v[k] = x.stages.first.v[k],
-    x.next.v[k] = changed_by(x.stages.first.v[k], x.stages.total_change.v[k]);
-  for (int k = 0; t.floating && k < 7; ++k)
-    x.stages.begin.pose[k] = x.stages.first.pose[k],
-    x.next.pose[k] = changed_by(x.stages.first.pose[k], x.stages.total_change.pose[k]);
-  if (t.floating) make_unit(x.next.pose + 3, x.next.pose + 3);
-  return_to_begin(t, x);
+  copy_state(t, x.stages.first, x.state);
+  add_total_change(t, x);
 }
 
 }  // namespace lockstep::kernels

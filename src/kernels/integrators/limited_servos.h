@@ -1,30 +1,30 @@
-// Servos with a limited effort: the matrix holds their gains in the lanes where they have force to spare.
+// Servos with an effort limit: the matrix has their gains only where they are below their limit.
 // SPDX-License-Identifier: Apache-2.0
 //
-// (M63). Guessed, solved, looked at: a lane whose guess was wrong solves the step again with a better one, and its
-// neighbours, whose guess stays, come to the same bits once more.
+// (M63). The step guesses which servos are at their limit, solves, and checks. If the guess of a lane was wrong, the
+// tile is solved again with a better one. Lanes whose guess stays get the same bits again.
 #pragma once
 
 #include "solve_bounds.h"
 
 namespace lockstep::kernels {
 
-constexpr int saturation_passes = 12;  ///< more are never needed but for servos at the very edge of their limit
+constexpr int saturation_passes = 12;  ///< enough, except for servos right at the edge of their limit
 
 template <class T>
 LOCKSTEP_INLINE void first_saturation_pass(Tile<T>& x) {
   x.servos.pass = 0;
 }
 
-/// -1, 0 or 1: which end of the limit the force is beyond.
+/// -1 or 1 for the end of the limit that the force is beyond, 0 if it is within.
 template <class T>
 LOCKSTEP_INLINE T saturated(T force, T most) {
   const T slack = T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 1 + 1e-6 : 1 + 1e-15)) * most;
   return select(less(slack, force), T(1), select(less(force, -slack), T(-1), T(0)));
 }
 
-/// Adds these servos to A and the forces, as constants or by their gains. In the first pass guesses which, from A's
-/// diagonal alone: how much of the force will be left once the joint has given way to it.
+/// Adds these servos to A and the forces: by their gains, or as a constant force. The first pass guesses which, from
+/// the diagonal of A alone: it estimates how much force is left once the joint has moved.
 template <class T>
 void limited_drives(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const T h = T(t.dt), zero = T(0);
@@ -43,8 +43,8 @@ void limited_drives(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   }
 }
 
-/// Looks at the velocities that the step came to. Changes the guess where it was wrong: all of a lane's servos at
-/// first, then one at a time, which cannot go round in circles. True if a lane has to solve again.
+/// Checks the guess against the velocities that the step came to, and changes it where it was wrong: for all servos of
+/// a lane at first, later for one at a time, which cannot cycle. Returns whether to solve again.
 template <class T>
 bool saturation_differs(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   if (x.servos.pass == saturation_passes) return false;
@@ -54,7 +54,7 @@ bool saturation_differs(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     const int j = t.limited_servos[i];
     const T force =
         servo<T>(t, batch, j).force(T(t.dt), x.state.q[j], x.next.v[t.velocity_of(j)]) + feed_forward<T>(t, batch, j);
-    // From one end to the other by way of the middle: a servo that jumps may jump back for ever.
+    // Go from one end to the other through the middle: a servo that jumps could jump back for ever.
     const T guess = x.servos.saturation[i], found = saturated(force, T(t.effort_limit[j]));
     const T next = guess + clamp(found - guess, T(-1), T(1));
     auto differs = (less(found, guess) | less(guess, found)) & ~x.frozen;

@@ -3,7 +3,6 @@
 // (M72) to (M74). Every coupling is hard and eliminated here, and no term is implicit.
 #pragma once
 
-#include "begin.h"
 #include "kernels/couplings/coupling_error.h"
 #include "kernels/couplings/joint_terms.h"
 #include "kernels/dynamics/bias_forces.h"
@@ -12,7 +11,7 @@
 
 namespace lockstep::kernels {
 
-/// (M74) at the root's pose in x.state.pose, whose quaternion is unit, and in x.stages.pose, whose quaternion is not.
+/// (M74) at the root's pose. The quaternion in x.state.pose is a unit quaternion, the one in x.stages.pose is not.
 template <class T>
 void root_rate(Tile<T>& x, T* rate) {
   const Vec3<T> w = {x.state.v[0], x.state.v[1], x.state.v[2]}, u = {x.state.v[3], x.state.v[4], x.state.v[5]};
@@ -25,14 +24,14 @@ void root_rate(Tile<T>& x, T* rate) {
   rate[6] = half * fma(q[0], w[2], fnma(q[2], w[0], q[1] * w[1]));
 }
 
-/// Moves x.state.pose to x.stages.begin.pose + time rate.
+/// The pose of a stage: x.stages.begin.pose + time rate, normalised in x.state.pose.
 template <class T>
 void move_stage_pose(Tile<T>& x, T time, const T* rate) {
   for (int k = 0; k < 7; ++k) x.state.pose[k] = x.stages.pose[k] = fma(time, rate[k], x.stages.begin.pose[k]);
   make_unit(x.stages.pose + 3, x.state.pose + 3);
 }
 
-/// (M72) The change of velocity at x.state.q, x.state.v, if these lasted for the whole step.
+/// (M72): the change that the forces at x.state.q, x.state.v would make in a whole step.
 template <class T>
 void slope(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time, T* change) {
   kinematics(t, x);
@@ -56,10 +55,9 @@ void runge_kutta_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
   constexpr S share[4] = {S(0), S(0.5), S(0.5), S(1)}, weight[4] = {S(1.0 / 6), S(1.0 / 3), S(1.0 / 3), S(1.0 / 6)};
   constexpr int time[4] = {0, 1, 1, 2};
   const S h = t.dt;
-  keep_begin(t, x);
-  for (int j = 0; j < t.joints; ++j) x.stages.total_change.q[j] = T(0);
-  for (int k = 0; k < t.velocities; ++k) x.stages.total_change.v[k] = T(0);
-  for (int k = 0; t.floating && k < 7; ++k) x.stages.pose[k] = x.state.pose[k], x.stages.total_change.pose[k] = T(0);
+  copy_state(t, x.state, x.stages.begin);
+  clear_state(t, x.stages.total_change);
+  for (int k = 0; t.floating && k < 7; ++k) x.stages.pose[k] = x.state.pose[k];
   if (t.reduction.followers > 0) coupling_errors(t, x);
   x.corrects_positions = x.solves_twice = false;
   auto singular = T::none();
@@ -86,11 +84,8 @@ void runge_kutta_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
     T& change = x.stages.total_change.q[t.reduction.follower[f]];
     change = fma(T(h), correcting_velocity(t, x, f), change);
   }
-  return_to_begin(t, x);
-  for (int j = 0; j < t.joints; ++j) x.next.q[j] = changed_by(x.state.q[j], x.stages.total_change.q[j]);
-  for (int k = 0; k < t.velocities; ++k) x.next.v[k] = changed_by(x.state.v[k], x.stages.total_change.v[k]);
-  for (int k = 0; t.floating && k < 7; ++k) x.next.pose[k] = changed_by(x.state.pose[k], x.stages.total_change.pose[k]);
-  if (t.floating) make_unit(x.next.pose + 3, x.next.pose + 3);
+  copy_state(t, x.stages.begin, x.state);
+  add_total_change(t, x);
 }
 
 }  // namespace lockstep::kernels

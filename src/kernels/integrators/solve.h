@@ -1,5 +1,5 @@
-// A matrix and several right-hand sides: what integrators with more than one stage solve. SPDX-License-Identifier:
-// Apache-2.0
+// One matrix and several right-hand sides, for integrators with more than one stage.
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "integrate.h"
@@ -8,7 +8,7 @@
 
 namespace lockstep::kernels {
 
-/// A, and K of the couplings' rows, to their factors: as much of the work as all solves with one matrix share.
+/// Factors A, and K of the couplings' rows. All solves with one matrix share this.
 template <class T>
 void factorise(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   if (t.undamped.count > 0) undamped_responses(t, x);
@@ -20,8 +20,8 @@ void factorise(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
   factor_rows(t, x);
 }
 
-/// The forces in x.dynamics.rhs to changes of the velocities. Not to velocities: a difference of two would carry the
-/// rounding of either.
+/// Changes of the velocities from the forces in x.dynamics.rhs. A change as the difference of two velocities would
+/// carry the rounding of both.
 template <class T>
 void solve(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   free_velocity(t, x);

@@ -1,8 +1,7 @@
-// What competes with couplings: limits, friction, kinematic drives, force limits. SPDX-License-Identifier: Apache-2.0
+// The solve with bounds: limits, friction, kinematic drives, force limits. SPDX-License-Identifier: Apache-2.0
 //
-// Section 12. The step has been solved without bounds; where the result violates some, these rows are solved with the
-// couplings, by the method's own way, until nothing more is violated. StatePointers that violate nothing keep what they
-// have.
+// Section 12. The step has been solved without bounds. Rows that its result violates are now solved together with the
+// couplings, by the plan's method, until no further row is violated. Lanes that violate none keep their result.
 #pragma once
 
 #include "integrate.h"
@@ -12,25 +11,25 @@
 
 namespace lockstep::kernels {
 
-/// No bounded row takes part yet.
+/// No bounded row is active yet.
 template <class T>
 LOCKSTEP_INLINE void clear_bounds(Tile<T>& x) {
   x.bounds.active_count = 0;
 }
 
-/// Visits all numbers that the step has come to, the coupling rows' impulses first: visit(number).
+/// Calls visit(number) for all numbers that a solve produces, the coupling rows' impulses first.
 template <class T, class Visit>
 LOCKSTEP_INLINE void each_result(const Tables<ScalarOf<T>>& t, Tile<T>& x, Visit&& visit) {
   const auto all = [&](T* numbers, int count) LOCKSTEP_INLINED {
     for (int i = 0; i < count; ++i) visit(numbers[i]);
   };
-  const int rows = t.rows.count, solver = t.solver.n, closing = t.solve_twice ? 1 : 0;
+  const int rows = t.rows.count, solver = t.solver.n, twice = t.solve_twice ? 1 : 0;
   all(x.rows.position_impulse, rows);
-  all(x.rows.velocity_impulse, closing * rows);
+  all(x.rows.velocity_impulse, twice * rows);
   all(x.rows.speed, rows);
-  all(x.rows.velocity_phase_speed, closing * rows);
+  all(x.rows.velocity_phase_speed, twice * rows);
   all(x.dynamics.solution, solver);
-  all(x.dynamics.velocity_solution, closing * solver);
+  all(x.dynamics.velocity_solution, twice * solver);
   all(x.next.q, t.joints);
   all(x.next.v, t.velocities);
   all(x.next.pose, t.floating ? 7 : 0);
@@ -38,16 +37,17 @@ LOCKSTEP_INLINE void each_result(const Tables<ScalarOf<T>>& t, Tile<T>& x, Visit
   all(x.diagnostics.moved_velocity, t.record_diagnostics ? t.velocities : 0);
 }
 
-/// Where no bound acts, all of it as it was: it was solved again for lanes that have none as well, and by other code
-/// than before where the step is listed or generated.
+/// Restores the unbounded result in lanes without an active bound. They have been solved again with the others, and by
+/// other code where the interpreter or a generated kernel made the step.
 template <class T>
 void restore_unbounded(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   typename T::Mask active = T::none();
   for (int i = 0; i < x.bounds.active_count; ++i) active = active | x.bounds.active[x.bounds.active_rows[i]];
-  const T* alone = x.bounds.unbounded_result;
-  each_result(t, x, [&](T& number) { number = select(active, number, *alone++); });
+  const T* unbounded = x.bounds.unbounded_result;
+  each_result(t, x, [&](T& number) { number = select(active, number, *unbounded++); });
 }
 
+/// Solves couplings and active rows by the plan's method.
 template <class T>
 void solve_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   switch (t.method) {
@@ -63,7 +63,7 @@ void solve_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   }
 }
 
-/// StatePointers that come near a bound, joint by joint and without regard to what exactly is asked of them.
+/// Lanes in which a joint comes near a limit. This tests only the watched joints, and not what exactly their rows ask.
 template <class T>
 typename T::Mask candidates(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
@@ -71,9 +71,9 @@ typename T::Mask candidates(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   for (int i = 0; i < b.watched.count; ++i) {
     const Watched<ScalarOf<T>>& joint = b.watched[i];
     const T q = x.state.q[joint.joint], moved = x.next.q[joint.joint];
-    const T coasted = fma(T(t.dt), x.next.v[t.velocity_of(joint.joint)], q);  // with the velocity that stays
+    const T coasted = fma(T(t.dt), x.next.v[t.velocity_of(joint.joint)], q);  // with the velocity of the velocity phase
     T least = smaller(moved, coasted), most = larger(moved, coasted);
-    if (joint.bounces) {  // by the speed that it comes with (M57)
+    if (joint.bounces) {  // a bounce depends on the speed at the start (M57)
       const T arriving = fma(T(t.dt), x.state.v[t.velocity_of(joint.joint)], q);
       least = smaller(least, arriving), most = larger(most, arriving);
     }
@@ -83,37 +83,39 @@ typename T::Mask candidates(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   return candidate;
 }
 
-/// A first look at where the step has come to: whether some lane has to look closer, and which. Idle bounds cost no
-/// more than this.
+/// First test after the solve: finds the candidate lanes, and returns whether solve_bounds() has to run. Inactive
+/// bounds cost no more than this.
 template <class T>
 bool bounds_active(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   x.bounds.candidate = t.bounds.always ? ~T::none() : candidates(t, x);
-  return any(x.bounds.candidate) || t.record_diagnostics;  // what is recorded of rows comes from a closer look
+  return any(x.bounds.candidate) || t.record_diagnostics;  // diagnostics need the rows in any case
 }
 
-/// Where a row's demand is no number, no velocity meets it: one that is none either is found by check().
+/// No velocity meets a row that asks for NaN or infinity. Makes a velocity of such lanes NaN, which check() finds.
 template <class T>
 void mark_invalid(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   T& last = x.next.v[t.velocities - 1];
   last = select(x.bounds.invalid, T(ScalarOf<T>(__builtin_nan(""))), last);
 }
 
+/// Activates violated rows and solves with them, until no further row is violated.
 template <class T>
 void solve_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const int count = t.bounds.rows.count;
   T* solution[2] = {x.dynamics.solution, x.dynamics.velocity_solution};
   open_bounds(t, batch, x);
-  const int looked_at = t.velocity_iterations > 0 ? phases<T>(t) : 1;  // without, tgs leaves its last velocity alone
-  const auto active = [&] {
+  // Without velocity iterations tgs has nothing in its velocity phase that could meet a bound.
+  const int checked_phases = t.velocity_iterations > 0 ? phases<T>(t) : 1;
+  const auto activate_violated = [&] {
     bool found = false;
-    for (int p = 0; p < looked_at; ++p) found = activate(t, Phase(p), solution[p], x) || found;
+    for (int p = 0; p < checked_phases; ++p) found = activate(t, Phase(p), solution[p], x) || found;
     return found;
   };
   x.bounds.candidate = x.bounds.candidate & ~x.bounds.invalid;
-  if (!active()) return mark_invalid(t, x);
-  if (t.rows.known_suffice) solve_couplings(t, batch, x);  // bounds feel the couplings' responses
-  T* alone = x.bounds.unbounded_result;
-  each_result(t, x, [&](const T& number) { *alone++ = number; });
+  if (!activate_violated()) return mark_invalid(t, x);
+  if (t.rows.known_suffice) solve_couplings(t, batch, x);  // bounded rows need the couplings' responses
+  T* unbounded = x.bounds.unbounded_result;
+  each_result(t, x, [&](const T& number) { *unbounded++ = number; });
   for (int p = 0; p < phases<T>(t); ++p)
     for (int r = 0; r < count; ++r) x.bounds.unbounded_speed[p * count + r] = bound_speed(t, x, r, solution[p]);
   do {
@@ -122,7 +124,7 @@ void solve_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
     solved_velocities(t, x);
     integrate(t, x);
     restore_unbounded(t, x);
-  } while (active());
+  } while (activate_violated());
   mark_invalid(t, x);
 }
 

@@ -5,8 +5,8 @@
 
 namespace lockstep::kernels {
 
-/// Which part of (M54) a bounded row is on: an end of its interval, the box's centre, or neither, where its impulse is
-/// known.
+/// The part of (M54) that a bounded row is on: it holds the low or the high end of its interval, or it sticks at the
+/// centre of its box. If none of these, its impulse is known.
 template <class T>
 struct Branch {
   typename T::Mask low, high, stuck;
@@ -22,29 +22,29 @@ struct BoundRows {
   T* lo;               // 2 [rows]
   T* hi;               // 2 [rows]
   T* centre;           // 2 [rows]
-  T* unbounded_speed;  // 2 [rows] without bounded rows
+  T* unbounded_speed;  // 2 [rows] without impulses of bounded rows
   T* impulse;          // 2 [rows]
-  T* relaxed_target;   // [rows] velocity that the position phase leaves to kinematic drives
-  T* correction;       // [rows] the w / s in what they ask for
-  T* slowest;          // [rows] the velocity nearest to zero that their limits allow
+  T* relaxed_target;   // [rows] what a kinematic drive that gave way asks for (M60)
+  T* correction;       // [rows] mean w / s of its drives (M60)
+  T* slowest;          // [rows] k_0 of (M60): the velocity nearest to zero within its limits
   T* force;
   T* cfm;
-  T* own_response;     // r before the couplings are taken into account
+  T* own_response;     // r without the couplings
   T* speed;            // in a sweep
-  T* gain;             // of the free motion in a sub-step
-  T* moved;            // way in earlier sub-steps
+  T* gain;             // of speed by the free motion, in a sub-step
+  T* moved;            // displacement in earlier sub-steps
   T* response;         // [rows][solver]
   T* scaled_response;  // [rows][solver]
   T* cross_response;   // [rows][coupling rows] K_BE, half solved where these are solved
   T* scaled_cross_response;
-  T* delassus;          // [rows][rows] of (M61)
-  T* unbounded_result;  // what the step comes to without bounded rows, the couplings' impulses first (solve_bounds.h)
+  T* delassus;                 // [rows][rows] of (M61)
+  T* unbounded_result;         // of the step, the couplings' impulses first (solve_bounds.h)
   typename T::Mask* active;    // lanes in which the row is active
-  int* newly_active;           // it has become so in some lane
+  int* newly_active;           // 1: it has become active in some lane and is not listed yet
   int* active_rows;            // rows that are active in some lane, ascending
-  int active_count;            // how many
+  int active_count;            // their number
   typename T::Mask candidate;  // lanes in which bounds may be active at all
-  typename T::Mask invalid;    // lanes in which a row asks for a NaN
+  typename T::Mask invalid;    // lanes in which a row asks for NaN or infinity
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
@@ -81,19 +81,19 @@ struct BoundRows {
   }
 };
 
-/// The search for the active set; the first four by active row, the others by bounded row.
+/// The search for the active set. By active row, except `branch` and `known`, which are by bounded row.
 template <class T>
 struct ActiveSetSearch {
   T* inverse;
-  T* impulse;
+  T* impulse;  // by bounded row in sweeps
   T* speed;
-  T* noise;                       // of pivots
+  T* noise;                       // rounding of the pivots
   T* matrix;                      // [rows][rows]
   Branch<T>* branch;              // 2 [rows]
   typename T::Mask* held;         // [rows]
-  typename T::Mask* known;        // 2 [rows] lanes that have a branch to begin with
-  T retries[2];                   // by phase: how often a lane was tried again without compliance
-  typename T::Mask compliant[2];  // by phase: lanes in which rows depend on each other
+  typename T::Mask* known;        // 2 [rows] lanes whose search begins with this branch
+  T retries[2];                   // by phase: how often a lane has searched again without compliance
+  typename T::Mask compliant[2];  // by phase: lanes whose rows depend on each other and have compliance
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
@@ -112,7 +112,7 @@ struct ActiveSetSearch {
 /// Servos with an effort limit.
 template <class T>
 struct LimitedServos {
-  T* saturation;  // [limited servos] -1, 0, 1
+  T* saturation;  // [limited servos] -1 or 1 at an end of the limit, else 0
   int pass;
 
   template <class Take>

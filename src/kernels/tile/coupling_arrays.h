@@ -1,4 +1,4 @@
-// Arrays of the couplings: their linear forms, the elimination of followers, the rows that are solved.
+// Arrays of the couplings: their coefficients, the elimination of followers, the rows that are solved.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -6,19 +6,19 @@
 
 namespace lockstep::kernels {
 
-/// What gear ratios make, the same for all environments or this tile's own; errors of couplings and followers.
+/// What follows from the gear ratios of the plan or of this tile; errors of couplings and followers.
 template <class T>
 struct Couplings {
   T* coefficient;        // [coupling terms]
   T* offset;             // [couplings]
   T* share;              // entries of S
   T* follower_inverse;   // entries of J_F^-1
-  T* elimination;        // [entries] where lanes eliminate followers by their own ratios
-  T* correction;         // [followers] w of (M39): the velocity that corrects followers' errors
-  T* velocity_error;     // [followers] what followers' velocities are off by
-  T* removed_this_step;  // [followers] what bias forces remove of that
-  T* acceleration;       // [followers] that removes it within the step
-  T* factor;             // products of S's entries for composite columns
+  T* elimination;        // [entries] (M43), where gear ratios differ per environment
+  T* correction;         // [followers] w of (M39): the velocity that corrects their errors
+  T* velocity_error;     // [followers] velocity less that of S z
+  T* removed_this_step;  // [followers] the part of it that this step removes by force
+  T* acceleration;       // [followers] that removes this part
+  T* factor;             // products of entries of S, for composite columns
   T* error;              // [couplings] C
   T* impulse;            // [couplings]: only if recorded
 
@@ -48,7 +48,7 @@ struct Couplings {
   }
 };
 
-/// The couplings that are left to solve, by row.
+/// Couplings that are solved as rows, by row.
 template <class T>
 struct CouplingRows {
   T* value;     // [terms]
@@ -62,7 +62,7 @@ struct CouplingRows {
   T* speed;                 // J v, in the position phase
   T* residual;              // J v + b + cfm impulse, in sweeps
   T* velocity_phase_speed;  // J v, in the velocity phase
-  T* inverse;               // 1 / (r + cfm), or of D where K is factored
+  T* inverse;               // 1 / (r + cfm), or 1 / D where K is factored
   T* impulse;
   T* position_impulse;
   T* velocity_impulse;

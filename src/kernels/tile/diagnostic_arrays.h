@@ -1,11 +1,11 @@
-// Arrays of what is recorded about a step. SPDX-License-Identifier: Apache-2.0
+// Arrays of the diagnostics of a step. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "dynamics_arrays.h"
 
 namespace lockstep::kernels {
 
-/// Where bodies are and how they move: places in the world, twists in their own axes.
+/// Positions and rotations of the bodies in the world, and their twists in their own axes.
 template <class T>
 struct Motion {
   Mat3<T>* world;
@@ -25,12 +25,12 @@ struct Motion {
 template <class T>
 struct Diagnostics {
   Motion<T> motion;
-  T* moved_velocity;     // [velocities] that moved the positions
-  State<T> uncorrected;  // where the step would have gone without corrections
+  T* moved_velocity;     // [velocities] of the position phase
+  State<T> uncorrected;  // where the step ends without corrections of position
   T* residual;           // [reported]
   T* row_state;          // [reported]
-  T* energy;             // [4], summed over sub-steps
-  T* energy_change;      // [4] of this one
+  T* energy;             // [4] summed over the steps of a call
+  T* energy_change;      // [4] of this step
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {

@@ -16,7 +16,7 @@ struct Bodies {
   T* sine;
   T* cosine;
   PseudoInertia<T>* inertia;       // per-environment masses
-  PseudoInertia<T>* base_inertia;  // what a step takes for the bodies' masses (M10)
+  PseudoInertia<T>* base_inertia;  // with the mass on joints' axes moved inwards (M10)
   Vec3<T>* angular;                // angular velocity
   Vec3<T>* alpha;                  // angular acceleration
   Vec3<T>* linear;                 // acceleration of the origin
@@ -24,7 +24,7 @@ struct Bodies {
   Vec3<T>* moment;
   Mat3<T>* orientation;  // in the world: only with link wrenches
   PseudoInertia<T>* composite;
-  Vec3<T>* column_force;  // of the mass matrix, on their way inwards
+  Vec3<T>* column_force;  // of the mass matrix, as they are passed inwards
   Vec3<T>* column_moment;
 
   template <class Take>
@@ -52,16 +52,16 @@ struct Bodies {
   }
 };
 
-/// Used where bodies are articulated; by place of a wrench, or by body.
+/// Only for plans that factor A by articulated bodies. By place of a wrench, or by body.
 template <class T>
 struct ArticulatedBodies {
   simd::ArticulatedInertia<T>* inertia;  // [places]
-  T* factored_q;         // [joints] positions at which that was: Tile::state's unless they move meanwhile
+  T* factored_q;         // [joints] positions at which A was factored: Tile::state's unless these change
   Vec3<T>* hinge_force;  // [bodies] U D^-1
   Vec3<T>* hinge_moment;
-  Vec3<T>* wrench_force;  // [places] on their way inwards
+  Vec3<T>* wrench_force;  // [places] passed inwards
   Vec3<T>* wrench_moment;
-  Vec3<T>* reached_angular;  // [2][bodies] accelerations on their way outwards
+  Vec3<T>* reached_angular;  // [2][bodies] accelerations passed outwards
   Vec3<T>* reached_linear;
 
   template <class Take>
@@ -83,24 +83,24 @@ struct ArticulatedBodies {
   }
 };
 
-/// A dv = rhs, its factors and its solutions.
+/// A dv = rhs: the matrix, its factors, the solutions.
 template <class T>
 struct Dynamics {
-  T* joint_inertia;         // [joints] what A has beyond M; then A's diagonal, if a limited servo wants it
+  T* joint_inertia;         // [joints] the diagonal A - M (M14); later that of A, if a limited servo needs it
   T* matrix;                // A (packed), unless A_r is made without it or bodies are articulated
-  T* rhs;                   // [velocities] dt times the forces, and what removes followers' velocity error by force
-  T* bias;                  // [velocities] c: the same array as rhs unless it is used more than once
-  T* reduced;               // A_r (packed), and S^T A w behind it where columns are composite; or the root's own part
+  T* rhs;                   // [velocities] dt times all forces, and what removes followers' velocity errors by force
+  T* bias;                  // [velocities] c; in the array of rhs unless it is used more than once
+  T* reduced;               // A_r (packed), with composite columns S^T A w behind it; or a floating root's own part
   T* inverse;               // [solver] 1 / D
-  T* half_solved_position;  // [solver] D^-1 L^-T rhs, for the position phase
-  T* half_solved_velocity;  // and for the velocity phase: the same array unless they differ
-  T* half_solved_velocity_storage;  // where they may
+  T* half_solved_position;  // [solver] D^-1 L^-T rhs of the position phase
+  T* half_solved_velocity;  // the same of the velocity phase, in the same array unless they differ
+  T* half_solved_velocity_storage;  // its array where they differ
   T* start;                         // [solver] the velocities that a step starts from
-  T* solution;                      // [solver] the velocities that move positions, or what they change by (solve.h)
-  T* velocity_solution;             // [solver] those that stay, of the velocity phase: only if they differ
+  T* solution;                      // [solver] the velocities of the position phase, or their changes (solve.h)
+  T* velocity_solution;             // [solver] those of the velocity phase, only if they differ
   T* scratch;                       // as long as the longest vector, for one stage at a time
-  T* product;            // [velocities] momentum to gain before S^T is applied; rhs itself where errors go by force
-  T* corrected_product;  // the same less that of the correction
+  T* product;            // [velocities] momentum to gain, before S^T; unused where errors are removed by force
+  T* corrected_product;  // the same less the momentum of the correction
 
   template <class Take>
   void matrices(const Tables<ScalarOf<T>>& t, Take& take) {
@@ -134,7 +134,7 @@ struct Dynamics {
   }
 };
 
-/// The inertia that soft rows stated by frequency refer to, M + armature, where A holds more than that.
+/// M + armature, the inertia of softness by frequency; only where A has more than that.
 template <class T>
 struct Undamped {
   T* matrix;

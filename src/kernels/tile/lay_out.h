@@ -5,8 +5,8 @@
 
 namespace lockstep::kernels {
 
-/// Names every array of the tile to `take`, in their order in memory: take(name, pointer, count, lifetime). A copy of
-/// `take` lays out other arrays in the same room, and take.behind(copy) goes on behind both.
+/// Names every array of the tile to `take` in memory order: take(name, pointer, count, lifetime). A copy of `take` lays
+/// out other arrays in the same memory, and take.behind(copy) continues behind the longer of the two.
 template <class T, class Take>
 inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   x.state.arrays(t, "state.q", "state.v", "state.pose", take, Lifetime::state);
@@ -14,7 +14,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   take("half_turn", x.half_turn, t.floating ? 4 : 0);
   if (t.integrator != Integrator::euler) x.stages.arrays(t, take);
   x.bodies.kinematics(t, take);
-  // Bias forces are done with their arrays when the mass matrix begins: they share the room, for the cache's sake.
+  // The arrays of the bias forces are free when the mass matrix begins. Both share memory, to stay in the cache.
   Take shared = take;
   x.bodies.bias_forces(t, take);
   x.articulated.inertias(t, shared);
@@ -37,8 +37,8 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   if (t.record_diagnostics) x.diagnostics.arrays(t, take);
 }
 
-/// What a step does where all followers are consistent, or not: (M76). Both phases have the same solution where they
-/// are.
+/// Tells the step whether all followers are consistent (M76). If they are, and there are no rows to solve, both phases
+/// have the same solution.
 template <class T>
 LOCKSTEP_INLINE void set_consistent(const Tables<ScalarOf<T>>& t, Tile<T>& x, bool consistent) {
   const bool one_motion = consistent && t.rows.count == 0 && t.bounds.rows.count == 0;
@@ -55,12 +55,12 @@ class Carver {
     array = reinterpret_cast<E*>(base_ + used_);
     used_ += sizeof(E) * static_cast<std::size_t>(count);
   }
-  /// Indices, in whole cache lines so that what follows stays aligned.
+  /// Indices take whole cache lines, so that the next array stays aligned.
   void operator()(const char*, int*& array, int count, Lifetime = Lifetime::step) {
     array = reinterpret_cast<int*>(base_ + used_);
     used_ += sizeof(int) * static_cast<std::size_t>((count + 15) / 16 * 16);
   }
-  /// What comes next stands behind what `other`, a copy of this, has laid out in the same room.
+  /// Continues behind what `other`, a copy of this, has laid out in the same memory.
   void behind(const Carver& other) {
     if (used_ < other.used_) used_ = other.used_;
   }
@@ -82,7 +82,7 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   return carver.used();
 }
 
-/// The tile and room for a Motion beside it.
+/// Lays out a tile, and a Motion behind it.
 template <class T>
 inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x, Motion<T>& motion) {
   const std::size_t used = lay_out(t, block, x);

@@ -1,7 +1,7 @@
-// Positions and velocities: where a step starts, where it ends, and where its stages are. SPDX-License-Identifier:
-// Apache-2.0
+// Positions and velocities: where a step starts, where it ends, and where its stages are.
+// SPDX-License-Identifier: Apache-2.0
 //
-// Each part of a Tile declares its arrays once, and names them to `take` right below: take(name, pointer, count,
+// Each part of a Tile declares its arrays once, and right below gives their names to `take`: take(name, pointer, count,
 // lifetime).
 #pragma once
 
@@ -19,7 +19,7 @@ template <class T>
 struct State {
   T* q;     // [joints]
   T* v;     // [velocities] a floating root's twist, then the joints
-  T* pose;  // [7] a floating root's
+  T* pose;  // [7] of a floating root
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, const char* q_name, const char* v_name, const char* pose_name, Take& take,
@@ -30,34 +30,42 @@ struct State {
   }
 };
 
-/// to <- from
+/// act(part, count) for the parts of a State: q, v, and the pose of a floating root.
+template <class T, class Act>
+LOCKSTEP_INLINE void each_part(const Tables<ScalarOf<T>>& t, Act&& act) {
+  act(&State<T>::q, t.joints);
+  act(&State<T>::v, t.velocities);
+  if (t.floating) act(&State<T>::pose, 7);
+}
+
+/// Copies `from` to `to`.
 template <class T>
 LOCKSTEP_INLINE void copy_state(const Tables<ScalarOf<T>>& t, const State<T>& from, const State<T>& to) {
-  for (int j = 0; j < t.joints; ++j) to.q[j] = from.q[j];
-  for (int k = 0; k < t.velocities; ++k) to.v[k] = from.v[k];
-  for (int k = 0; t.floating && k < 7; ++k) to.pose[k] = from.pose[k];
+  each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
+    for (int i = 0; i < count; ++i) (to.*part)[i] = (from.*part)[i];
+  });
 }
 
-/// to <- 0
+/// Sets all numbers to zero.
 template <class T>
-LOCKSTEP_INLINE void clear_state(const Tables<ScalarOf<T>>& t, const State<T>& to) {
-  for (int j = 0; j < t.joints; ++j) to.q[j] = T(0);
-  for (int k = 0; k < t.velocities; ++k) to.v[k] = T(0);
-  for (int k = 0; t.floating && k < 7; ++k) to.pose[k] = T(0);
+LOCKSTEP_INLINE void clear_state(const Tables<ScalarOf<T>>& t, const State<T>& state) {
+  each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
+    for (int i = 0; i < count; ++i) (state.*part)[i] = T(0);
+  });
 }
 
-/// What integrators with more than one stage keep.
+/// What integrators with several stages keep.
 template <class T>
 struct Stages {
-  State<T> begin;     // of the step: Tile::state is the stage's meanwhile
-  State<T> midpoint;  // without a pose; the velocities are those of the beginning, a root's along the midpoint's axes
-  State<T> first;     // where the first of several steps began
+  State<T> begin;         // of the step; Tile::state is that of the stage
+  State<T> midpoint;      // without a pose; v is that of the beginning, a root's part along the midpoint's axes
+  State<T> first;         // where the first of several steps began
   State<T> total_change;  // of the step
   T* velocity;            // [stages][velocities]
   T* change;              // [stages][velocities]
-  T* mean_velocity;       // [velocities] what moves the positions
+  T* mean_velocity;       // [velocities] that moves the positions
   T* gained_velocity;     // [velocities] what a leapfrog adds to the velocities, along the midpoint's axes
-  T* pose;                // [7]
+  T* pose;                // [7] of a stage, its quaternion not normalised
   T* pose_rate;           // [7]
 
   template <class Take>

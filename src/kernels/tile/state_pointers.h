@@ -1,4 +1,4 @@
-// What a kernel is handed: the rows of a batch, as plain pointers. SPDX-License-Identifier: Apache-2.0
+// StatePointers: the rows of a batch, as plain pointers for kernels. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
@@ -21,7 +21,7 @@ struct StatePointers {
   const S* effort = nullptr;
   const S* fields[parameter_count] = {};  ///< by Parameter, null if not declared or without rows
   S* impulse = nullptr;                   ///< rows by coupling, null unless recorded
-  S* residual = nullptr;                  ///< rows by name, null unless diagnostics are recorded
+  S* residual = nullptr;                  ///< by reported row, null unless diagnostics are recorded
   S* row_state = nullptr;                 ///< the same
   S* energy = nullptr;                    ///< 4 rows, the same
   Fault* fault = nullptr;

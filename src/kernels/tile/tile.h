@@ -15,12 +15,12 @@ using simd::each_axis;
 template <class S>
 constexpr S largest_number = S(sizeof(S) == 4 ? 3.4028234e38 : 1.7976931348623157e308);
 
-/// Everything that one tile computes with, as arrays of wide numbers in one block of scratch memory.
-/// An array that the scene has no use for has length 0.
+/// Everything that one tile computes with: arrays of wide numbers in one block of scratch memory. An array that the
+/// scene does not need has length 0.
 template <class T>
 struct Tile {
-  State<T> state;  // where the step starts; within an integrator with several stages, the stage's
-  State<T> next;   // where it ends, before that is checked
+  State<T> state;  // where the step starts, or where the stage of an integrator is
+  State<T> next;   // where the step ends, before check()
   T* half_turn;    // [4] quaternion of half the root's turn over the step
   Stages<T> stages;
   Bodies<T> bodies;
@@ -34,18 +34,18 @@ struct Tile {
   LimitedServos<T> servos;
   Diagnostics<T> diagnostics;
 
-  typename T::Mask frozen;
-  typename T::Mask singular;
-  bool consistent;          // all followers of all lanes satisfy their couplings to the last bit, and stay so (M76)
-  bool corrects_positions;  // solutions of the position phase correct the couplings' errors
-  bool solves_twice;        // and the velocity phase has a solution of its own
+  typename T::Mask frozen;    // lanes that failed and take no more steps
+  typename T::Mask singular;  // lanes whose matrix could not be factored
+  bool consistent;            // all followers of all lanes are consistent, and stay so (M76)
+  bool corrects_positions;    // the position phase corrects the couplings' errors
+  bool solves_twice;          // the velocity phase has a solution of its own
 };
 
-/// A number that is the table's for all environments, or a row of a declared field.
+/// A parameter: one number for all environments, from the tables, or a row of a declared field.
 template <class T>
 struct Field {
   const ScalarOf<T>* table;
-  const ScalarOf<T>* lanes;  // null: the table's
+  const ScalarOf<T>* lanes;  // the declared field, null if there is none
   std::ptrdiff_t stride;
   LOCKSTEP_INLINE T at(int table_index, int row) const {
     return lanes ? T::load(lanes + row * stride) : T(table[table_index]);

@@ -1,4 +1,4 @@
-// Bounds that are ignored or never reached leave no trace; some are refused. SPDX-License-Identifier: Apache-2.0
+// Inactive and ignored bounds change no bit; some settings are refused. SPDX-License-Identifier: Apache-2.0
 #include <span>
 
 #include "bounded_scenes.h"
@@ -11,7 +11,7 @@ namespace {
 using contract::same_bits;
 using contract::scattered;
 
-class IdleBounds : public testing::TestWithParam<Method> {};
+class InactiveBounds : public testing::TestWithParam<Method> {};
 
 template <class S>
 void expect_same_steps(const Plan& one, const Plan& other, const BatchOptions& options = {}) {
@@ -27,8 +27,8 @@ void expect_same_steps(const Plan& one, const Plan& other, const BatchOptions& o
   EXPECT_EQ(a.faulted(), 0);
 }
 
-// One kind at a time and all together.
-TEST_P(IdleBounds, that_are_ignored_are_as_good_as_absent) {
+// Ignores one kind at a time, then all together.
+TEST_P(InactiveBounds, change_no_bit_where_they_are_ignored) {
   for (const Model& model : contract::bounded_scenes())
     for (int kind = 0; kind < 5; ++kind) {
       SCOPED_TRACE(model.name + " " + std::to_string(kind));
@@ -41,19 +41,20 @@ TEST_P(IdleBounds, that_are_ignored_are_as_good_as_absent) {
         if (is(3)) joint.friction = 0.0;
       }
       StepSettings settings = contract::settings(GetParam());
-      const Plan bare = compile(without, settings), bounded = compile(model, settings);
+      const Plan unbounded = compile(without, settings), bounded = compile(model, settings);
       settings.ignore = {is(0), is(1), is(2), is(3)};
       const Plan ignoring = compile(model, settings);
-      expect_same_steps<float>(ignoring, bare);
-      expect_same_steps<double>(ignoring, bare);
+      expect_same_steps<float>(ignoring, unbounded);
+      expect_same_steps<double>(ignoring, unbounded);
       auto a = scattered<double>(ignoring, 9), b = scattered<double>(bounded, 9);
       a.step(), b.step();
-      EXPECT_FALSE(same_bits(a, b)) << "there is nothing to ignore";
+      EXPECT_FALSE(same_bits(a, b)) << "the ignored bounds were inactive anyway";
     }
 }
 
-// Of all kinds in turn. Efforts are limited where no servo acts: a servo's limit changes the order of a sum.
-Model with_limits_far_away(Model model, std::span<const Softness> kinds) {
+// Adds position limits with each softness in turn, velocity limits, and effort limits to joints without a servo: a
+// limited servo is summed in another order.
+Model with_distant_limits(Model model, std::span<const Softness> kinds) {
   std::size_t number = 0;
   for (Joint& joint : model.joints) {
     if (!joint.moves()) continue;
@@ -65,8 +66,7 @@ Model with_limits_far_away(Model model, std::span<const Softness> kinds) {
   return model;
 }
 
-// Idle limits cost a look, no bits.
-TEST_P(IdleBounds, that_are_never_reached_do_not_change_a_bit) {
+TEST_P(InactiveBounds, change_no_bit_where_they_are_never_reached) {
   const Softness kinds[] = {Hard{}, Spring{60.0, 1.0}, ErpCfm{0.3, 0.5}, Frequency{20.0, 0.7}, Hard{0.0}};
   std::vector<Model> models = {scenes::chain8(), scenes::gripper13(), scenes::chain32(), scenes::redundant()};
   scenes::RandomOptions options;
@@ -77,33 +77,32 @@ TEST_P(IdleBounds, that_are_never_reached_do_not_change_a_bit) {
   models.push_back(soft);
   for (const Model& model : models) {
     SCOPED_TRACE(model.name);
-    const Model limited = with_limits_far_away(model, kinds);
+    const Model limited = with_distant_limits(model, kinds);
     for (int velocity_iterations : {1, 0}) {
       StepSettings settings = contract::settings(GetParam());
       settings.velocity_iterations = velocity_iterations;
-      const Plan bare = compile(model, settings);
+      const Plan unbounded = compile(model, settings);
       for (const bool recorded : {false, true}) {
         settings.record_diagnostics = recorded;
         const Plan bounded = compile(limited, settings);
-        expect_same_steps<float>(bounded, bare);
-        expect_same_steps<double>(bounded, bare, {.threads = 1, .engine = Engine::tables});
+        expect_same_steps<float>(bounded, unbounded);
+        expect_same_steps<double>(bounded, unbounded, {.threads = 1, .engine = Engine::tables});
       }
     }
     if (HasFailure()) return;
   }
 }
 
-// Nor by lists where they are asked for, as long as couplings are hard: where all are soft there is a second phase
-// beside bounds, in which other sums are made, and by themselves batches take no list. With a limit as soft as a
-// frequency asks `reduced` may make its matrix in another way.
-TEST_P(IdleBounds, that_are_never_reached_do_not_change_a_bit_of_a_listed_step) {
+// The couplings are hard: with soft ones only, bounds add a velocity phase, which sums in another order. For a
+// Frequency softness of a limit, `reduced` may form its matrix in another way, so it gets none.
+TEST_P(InactiveBounds, change_no_bit_of_an_interpreted_step) {
   const Softness all_kinds[] = {Hard{}, Spring{60.0, 1.0}, ErpCfm{0.3, 0.5}, Hard{0.0}, Frequency{20.0, 0.7}};
   const std::span<const Softness> kinds(all_kinds, GetParam() == Method::reduced ? 4 : 5);
   for (std::uint64_t seed = 0; seed < 30; ++seed) {
     Model model = scenes::random_model(seed, {.efforts = false});
     for (Coupling& coupling : model.couplings) coupling.softness = Hard{};
     if (seed % 5 == 4) model.couplings.clear();
-    const Model limited = with_limits_far_away(model, kinds);
+    const Model limited = with_distant_limits(model, kinds);
     SCOPED_TRACE(model.name);
     StepSettings settings = contract::settings(GetParam());
     for (const bool recorded : {true, false}) {
@@ -114,8 +113,9 @@ TEST_P(IdleBounds, that_are_never_reached_do_not_change_a_bit_of_a_listed_step) 
   }
 }
 
-// direct prescribes speeds where nobody asks for impulses (M79), and finds these after all where bounds act.
-TEST(PrescribedSpeeds, come_to_the_bits_of_rows_that_are_solved) {
+// `direct` takes constraint velocities as known where impulses are not recorded (M79), and solves for the impulses only
+// where bounds are active.
+TEST(KnownVelocities, give_the_bits_of_rows_that_are_solved) {
   std::vector<Model> models;
   for (Model model : {scenes::chain8(), scenes::gripper13()}) {
     models.push_back(model);
@@ -127,12 +127,12 @@ TEST(PrescribedSpeeds, come_to_the_bits_of_rows_that_are_solved) {
     SCOPED_TRACE(model.name);
     StepSettings settings = contract::settings(Method::direct);
     settings.record_impulses = true;
-    const Plan kept = compile(model, settings);
+    const Plan solving = compile(model, settings);
     settings.record_impulses = false;
-    const Plan prescribing = compile(model, settings);
-    EXPECT_TRUE(program_of(prescribing).f64.rows.known_suffice);
-    EXPECT_FALSE(program_of(kept).f64.rows.known_suffice);
-    auto a = scattered<float>(kept, 19), b = scattered<float>(prescribing, 19);
+    const Plan knowing = compile(model, settings);
+    EXPECT_TRUE(program_of(knowing).f64.rows.known_suffice);
+    EXPECT_FALSE(program_of(solving).f64.rows.known_suffice);
+    auto a = scattered<float>(solving, 19), b = scattered<float>(knowing, 19);
     for (int step = 0; step < 20; ++step) {
       a.step(), b.step();
       ASSERT_TRUE(same_bits(a, b)) << step;
@@ -152,16 +152,20 @@ void expect_refused(const Model& model, const StepSettings& settings, const std:
   }
 }
 
-TEST_P(IdleBounds, a_force_limit_goes_with_one_softness) {
+INSTANTIATE_TEST_SUITE_P(method, InactiveBounds, testing::ValuesIn(physics::methods), physics::method_name);
+
+class BoundsSettings : public testing::TestWithParam<Method> {};
+
+TEST_P(BoundsSettings, refuse_a_softness_per_environment_beside_a_force_limit) {
   Model model = contract::bounded(scenes::chain8());
   const Method method = GetParam() == Method::reduced ? Method::automatic : GetParam();
   const StepSettings settings = contract::settings(method, {Parameter::softness});
-  expect_refused(model, settings, "per_environment", "'j4' has a force limit", "leave the softness out");
+  expect_refused(model, settings, "per_environment", "'j4' has a force limit", "leave out the softness");
   model.couplings[contract::limited_coupling].force_limit = infinity;
   EXPECT_NO_THROW(compile(model, settings));
 }
 
-TEST_P(IdleBounds, switches_are_refused_by_reduced_alone) {
+TEST_P(BoundsSettings, refuse_coupling_switches_for_reduced_only) {
   const Model model = contract::bounded(scenes::chain8());
   const StepSettings settings = contract::settings(GetParam(), {Parameter::coupling_switch});
   if (GetParam() == Method::reduced)
@@ -170,8 +174,8 @@ TEST_P(IdleBounds, switches_are_refused_by_reduced_alone) {
     EXPECT_NO_THROW(compile(model, settings));
 }
 
-// Of the first numbers of softness, only that of a hard end is a share of an error.
-TEST_P(IdleBounds, an_erp_above_1_is_refused_where_sub_steps_share_it) {
+// The sub-steps of tgs share the erp of a hard limit. A Spring has none.
+TEST_P(BoundsSettings, refuse_an_erp_above_1_that_sub_steps_share) {
   Model model = scenes::chain8();
   model.joints[2].lower = 0.0;
   model.joints[2].limit_softness = Hard{1.5};
@@ -189,7 +193,7 @@ TEST_P(IdleBounds, an_erp_above_1_is_refused_where_sub_steps_share_it) {
   EXPECT_NO_THROW(Batch<float>(compile(model, settings), 1));
 }
 
-INSTANTIATE_TEST_SUITE_P(method, IdleBounds, testing::ValuesIn(physics::methods), physics::method_name);
+INSTANTIATE_TEST_SUITE_P(method, BoundsSettings, testing::ValuesIn(physics::methods), physics::method_name);
 
 }  // namespace
 }  // namespace lockstep

@@ -1,0 +1,8 @@
+#!/bin/sh
+# The kernels on AArch64, in an emulator: the same bits as here. Wants g++-aarch64-linux-gnu, qemu-user and
+# lib{tbb,fmt,tinyxml2,gtest}-dev:arm64. SPDX-License-Identifier: Apache-2.0
+set -e
+cd "$(dirname "$0")/../.."
+cmake --preset release
+cmake --build --preset release --target golden
+ctest --test-dir build/release -R '^cross.aarch64$' --output-on-failure

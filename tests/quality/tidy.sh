@@ -1,0 +1,15 @@
+#!/bin/sh
+# clang-tidy by .clang-tidy over all sources of the library; with --quick over a few that include nearly all headers.
+#   tests/quality/tidy.sh [--quick] [FOLDER to configure in]                         SPDX-License-Identifier: Apache-2.0
+cd "$(dirname "$0")/../.." || exit 1
+command -v clang-tidy >/dev/null || { echo "skipped: there is no clang-tidy (Debian: clang-tidy)"; exit 0; }
+quick=; [ "$1" = --quick ] && { quick=1; shift; }
+build=${1:-build}/tidy
+# Its own commands: precompiled headers of one compiler are nothing to another.
+cmake -S . -B "$build" -DCMAKE_BUILD_TYPE=Release -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON -DLOCKSTEP_BUILD_TESTS=OFF \
+  -DLOCKSTEP_BUILD_BENCH=OFF >"$build.log" 2>&1 || { cat "$build.log"; exit 1; }
+files=$(find src -name '*.cpp' ! -path '*/targets/neon.cpp' ! -path 'src/reference/*' | sort)
+[ "$quick" ] && files="src/model/validate.cpp src/interpret/schedule.cpp"
+echo "$files" | tr ' ' '\n' | xargs -P "$(nproc)" -n 1 clang-tidy --quiet -p "$build" >"$build.out" 2>&1
+grep -E 'warning:|error:' "$build.out" | sort -u
+! grep -qE 'warning:|error:' "$build.out"
