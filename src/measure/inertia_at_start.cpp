@@ -1,24 +1,16 @@
-// The kernels' mass matrix at the model's start. SPDX-License-Identifier: Apache-2.0
+// SPDX-License-Identifier: Apache-2.0
 #include "inertia_at_start.h"
 
 #include <Eigen/Eigenvalues>
 #include <cstddef>
 
-#include "kernels/couplings/elimination.h"
-#include "kernels/couplings/gear_ratios.h"
-#include "kernels/couplings/joint_inertia.h"
-#include "kernels/dynamics/kinematics.h"
-#include "kernels/tile/lay_out.h"
 #include "plan/layout.h"
+#include "targets/reduced_matrix.h"
 
 namespace lockstep {
 namespace {
 
 using Eigen::MatrixXd;
-
-// A number type of this file alone, so that no other object file has functions of the same name.
-struct Measured : simd::Unfused {};
-using Number = simd::Wide<float, 1, Measured>;
 
 // S over all velocities (M39).
 MatrixXd all_shares(const Tables<double>& t) {
@@ -35,22 +27,15 @@ MatrixXd all_shares(const Tables<double>& t) {
 MatrixXd matrix_at_start(const Program& program, Span<float> added) {
   Tables<float> t = program.f32;
   t.articulated = {};
-  kernels::Tile<Number> x;
-  std::vector<std::max_align_t> scratch(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
-  kernels::lay_out(t, scratch.data(), x);
-  kernels::uniform_masses(t, x);
-  kernels::uniform_ratios(t, x);
+  std::vector<float> q(static_cast<std::size_t>(t.joints)), packed(static_cast<std::size_t>(t.solver.entries));
   for (std::size_t j = 0; j < program.model.joints.size(); ++j)
-    if (const int i = program.solver_joint[j]; i >= 0)
-      x.state.q[i] = static_cast<float>(program.model.joints[j].position);
-  kernels::kinematics(t, x);
-  for (int j = 0; j < t.joints; ++j) x.dynamics.joint_inertia[j] = Number(added[j]);
-  kernels::inertia_matrix(t, x);
-  if (t.reduction.by_entries()) kernels::reduce_matrix(t, x);
+    if (const int i = program.solver_joint[j]; i >= 0) q[i] = static_cast<float>(program.model.joints[j].position);
+  std::vector<std::max_align_t> scratch(reduced_matrix_bytes(t) / sizeof(std::max_align_t) + 1);
+  reduced_matrix(t, q.data(), added.data, packed.data(), scratch.data());
   MatrixXd a = MatrixXd::Zero(t.solver.n, t.solver.n);
   for (int i = 0; i < t.solver.n; ++i)
     for (int j = 0; j <= i; ++j)
-      if (const int entry = entry_of(t.solver, i, j); entry >= 0) a(i, j) = a(j, i) = x.dynamics.reduced[entry].lane(0);
+      if (const int entry = entry_of(t.solver, i, j); entry >= 0) a(i, j) = a(j, i) = packed[entry];
   return a;
 }
 
