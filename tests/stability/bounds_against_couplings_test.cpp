@@ -153,7 +153,8 @@ TEST(BoundsAgainstCouplings, friction_that_sticks_leaves_exactly_zero_velocity) 
 // of the effort accelerates a mass of 1 + gear^2.
 TEST(BoundsAgainstCouplings, friction_holds_to_its_threshold_and_slips_beyond) {
   for (double gear : {1.0, 3.0})
-    for (const auto& [first, second] : {std::pair(5.0, 0.0), {0.0, 5.0}, {1e3, 7.0}}) {
+    for (const auto& friction : {std::pair(5.0, 0.0), {0.0, 5.0}, {1e3, 7.0}}) {
+      const double first = friction.first, second = friction.second;
       SCOPED_TRACE("gear " + std::to_string(gear) + ", friction " + std::to_string(first));
       Model model = sliding(2);
       model.couplings = {Coupling::mimic("s0", "s1", -gear)};
