@@ -161,10 +161,10 @@ TEST(Options, ignore_bounds_by_name) {
   EXPECT_EQ(ignored("position"), (std::array{true, false, false, false}));
   EXPECT_EQ(ignored("effort,velocity"), (std::array{false, true, true, false}));
   EXPECT_EQ(ignored("position,velocity,effort,friction"), (std::array{true, true, true, true}));
-  for (const auto& [list, unknown] :
+  for (const auto& wrong :
        {std::pair("speed", "speed"), {"position,", ""}, {"", ""}, {"friction;effort", "friction;effort"}})
-    EXPECT_EQ(complaint([&] { ignored_of(list); }),
-              std::string("--ignore: there is no '") + unknown + "'; give some of position,velocity,effort,friction");
+    EXPECT_EQ(complaint([&] { ignored_of(wrong.first); }), std::string("--ignore: there is no '") + wrong.second +
+                                                               "'; give some of position,velocity,effort,friction");
 }
 
 TEST(Options, reach_the_second_coupling_of_a_joint) {
