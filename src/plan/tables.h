@@ -1,7 +1,8 @@
 // The tables that kernels read: flat, constant, shared by all environments. SPDX-License-Identifier: Apache-2.0
 //
 // A Program (program.h) owns them. Kernels see only this header, which uses no containers.
-// It is long because it only declares: one place lists all that a kernel can read.
+// This file is longer than 450 lines because it only declares: one place lists all that a kernel can read.
+//
 // Indices: `joint` counts the moving joints in the solver's depth-first order; `velocity` counts the
 // generalised velocities, a floating root's six first, then the joints; `dof` counts the moving joints
 // in the Model's order, which is that of the views.
