@@ -30,8 +30,8 @@ LOCKSTEP_INLINE T supported_dot(const Rows<ScalarOf<T>>& rows, int row, const T*
 template <int N, class T>
 LOCKSTEP_INLINE void respond(const SupportRange* first, const SupportRange* last, const Columns& columns,
                              const T* factored, T* x, int stride) {
-  while (last-- != first) {
-    const SupportRange range = *last;
+  while (last != first) {
+    const SupportRange range = *--last;
     const T* const column = factored + columns.offset[range.index];
     T* const own = x + range.index;
     const int count = range.end - range.index;
