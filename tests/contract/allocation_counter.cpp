@@ -51,7 +51,8 @@ int posix_memalign(void** block, std::size_t alignment, std::size_t size) {
 }
 #endif
 
-// The standard library defines the other overloads by these or by malloc.
+// The standard library defines the other overloads by these or by malloc. The address sanitizer has one of its own for
+// std::nothrow, which must not meet the operator delete below.
 void* operator new(std::size_t size) {
   ++counted;
   if (void* block = std::malloc(size > 0 ? size : 1)) return block;
@@ -63,7 +64,12 @@ void* operator new(std::size_t size, std::align_val_t alignment) {
   if (void* block = std::aligned_alloc(unit, (size + unit - 1) / unit * unit)) return block;
   throw std::bad_alloc();
 }
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
+  ++counted;
+  return std::malloc(size > 0 ? size : 1);
+}
 void* operator new[](std::size_t size) { return operator new(size); }
+void* operator new[](std::size_t size, const std::nothrow_t& nothrow) noexcept { return operator new(size, nothrow); }
 void* operator new[](std::size_t size, std::align_val_t alignment) { return operator new(size, alignment); }
 void operator delete(void* block) noexcept { std::free(block); }
 void operator delete(void* block, std::size_t) noexcept { std::free(block); }

@@ -19,6 +19,7 @@ std::size_t allocated_by(Act act) {
 // Calls the operators directly, because a compiler may remove pairs of new- and delete-expressions.
 TEST(AllocationCounter, counts_every_kind_of_allocation) {
   EXPECT_GT(allocated_by([] { ::operator delete(::operator new(8)); }), 0u);
+  EXPECT_GT(allocated_by([] { ::operator delete(::operator new(8, std::nothrow)); }), 0u);
   constexpr std::align_val_t line{64};
   EXPECT_GT(allocated_by([&] { ::operator delete(::operator new(64, line), line); }), 0u);
   EXPECT_GT(allocated_by([] { ::operator delete[](::operator new[](8)); }), 0u);

@@ -40,10 +40,8 @@ TEST_P(BoundsContract, lanes_with_different_active_sets_do_not_change_a_bit) {
   for_every_scene(GetParam(), [](const Model& model, const ParameterSet& fields, auto scalar) {
     using S = decltype(scalar);
     const Plan plan = compile(model, contract::settings(GetParam(), fields));
-    const Target twin = supported(twins::avx2_scalar)   ? twins::avx2_scalar
-                        : supported(twins::neon_scalar) ? twins::neon_scalar
-                                                        : twins::baseline_scalar;
     Batch<S> crowd = scattered<S>(plan, environments);
+    const Target twin = twins::twin_of(crowd.target());
     std::vector<Batch<S>> single, amid_rest;
     for (int e = 0; e < environments; ++e) {
       const Target target = e % 2 == 0 ? crowd.target() : twin;

@@ -11,6 +11,11 @@ inline constexpr Target baseline_scalar = static_cast<Target>(100);
 inline constexpr Target avx2_scalar = static_cast<Target>(101);  ///< of avx512 as well
 inline constexpr Target neon_scalar = static_cast<Target>(102);
 
+/// The one whose bits the target has. Not for Target::automatic.
+inline Target twin_of(Target target) {
+  return target == Target::baseline ? baseline_scalar : target == Target::neon ? neon_scalar : avx2_scalar;
+}
+
 bool add();
 inline const bool added = add();
 
