@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "stage_kernels.h"
 
-#include "simd/denormals.h"
+#include "simd/floating_point_mode.h"
 #include "stages.h"
 
 namespace lockstep::bench {
@@ -20,7 +20,7 @@ std::size_t StageKernels::scratch_bytes(const Tables<float>& t) {
 
 void StageKernels::run(const Tables<float>& t, const StatePointers<float>& start, const StatePointers<float>& batch,
                        void* scratch, int stages, long repeats) {
-  const simd::FlushDenormals flush;
+  const simd::StepMode mode;
   kernels::Tile<Wide> x;
   kernels::lay_out(t, scratch, x);
   kernels::uniform_masses(t, x);

@@ -46,8 +46,8 @@ int main() {
       faulted += fault, reached += close, late += over;
       if (ended[e]) age[e] = 0;
     }
-    // Back to the state of the model, with the fault cleared. Inputs and parameters stay as they are.
-    batch.reset(std::span<const bool>(ended.data(), environments));
+    // Back to the state of the model, with the fault cleared. Parameters always stay; here the targets do, too.
+    batch.reset(std::span<const bool>(ended.data(), environments), {.keep_inputs = true});
   }
   std::printf("episodes: %d reached the target, %d took too long, %d faulted\n", reached, late, faulted);
   std::printf("environments with a fault now: %d\n", batch.faulted());

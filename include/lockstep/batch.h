@@ -55,6 +55,29 @@ struct BatchOptions {
   Engine engine = Engine::automatic;
 };
 
+/// The couplings by which Batch::project() and Batch::reset() place followers.
+enum class Couplings {
+  none,
+  hard,  ///< that are hard in the environment, with a force limit or without. The stretch of a soft coupling is part of
+         ///< the state and stays
+  all,   ///< soft ones too: their springs are at rest then
+};
+
+/// What Batch::reset() does beside putting the state back.
+struct ResetOptions {
+  bool keep_inputs = false;             ///< targets and efforts stay; otherwise they become the model's, too
+  Couplings project = Couplings::hard;  ///< for given states: see Batch::project()
+};
+
+/// A coupling that project() could not meet, because others that are placed before it contradict it: ratios, offsets or
+/// switches of this environment leave no position for all of them.
+struct UnmetCoupling {
+  int environment;
+  int coupling;
+  double error;           ///< C that is left, rad or m of its first joint; NaN if the state is
+  double velocity_error;  ///< dC/dt, rad/s or m/s
+};
+
 /// Rows of numbers in memory of the caller: the number of a row and an environment stands at
 /// data[row * row_stride + environment * environment_stride]. Strides count numbers.
 template <class S>
@@ -78,6 +101,8 @@ struct FrameRows {
 /// is contiguous. Rows are padded; use the view's outerStride, or Eigen expressions. Views stay valid for the life of
 /// the Batch; write to them between steps.
 ///
+/// A batch that was moved from throws UsageError, except that step() does nothing; it may be assigned to.
+///
 /// Thread-safety: the functions of one Batch, const ones too, must not run at the same time. Different batches are
 /// independent.
 ///
@@ -93,8 +118,9 @@ class LOCKSTEP_API Batch {
   using View = Eigen::Map<Array, Eigen::Unaligned, Eigen::OuterStride<>>;
   using ConstView = Eigen::Map<const Array, Eigen::Unaligned, Eigen::OuterStride<>>;
 
-  /// All environments start in the model's state. Throws SettingsError for environments < 1, a target that this machine
-  /// does not support or an engine that does not take the plan, UsageError for numbers that S cannot hold.
+  /// All environments start in the model's state. Throws SettingsError for environments outside 1 to 2^24, threads
+  /// outside 0 to 1024, a target that this machine does not support or an engine that does not take the plan,
+  /// UsageError for numbers that S cannot hold, std::bad_alloc. All memory is taken here, that of threads too.
   Batch(const Plan& plan, int environments, const BatchOptions& options = {});
   ~Batch();
   Batch(Batch&&) noexcept;
@@ -129,21 +155,42 @@ class LOCKSTEP_API Batch {
   // --- stepping --------------------------------------------------------------------------------
   /// `substeps` steps of dt with the inputs held. Never throws; allocates nothing with one thread. An environment that
   /// fails is flagged and keeps its last good state; the others go on.
+  ///
+  /// Before the first of them, quaternions of root_poses() that are not unit are normalised, and environments with an
+  /// impossible value get Fault::bad_value. The host's rounding mode and floating-point traps do not matter.
   void step(int substeps = 1) noexcept;
 
-  /// Back to the model's state, with faults cleared: all environments, those with a true in the mask (length
-  /// environments), or those listed. Inputs and parameters stay. Throws UsageError on a wrong size or index.
-  void reset();
-  void reset(std::span<const bool> mask);
-  void reset(std::span<const int> ids);
-  /// Joints to given states: one column per listed environment, rows as in the views. A floating root goes back to the
-  /// model's state; root_poses() and root_velocities() may be written afterwards.
-  void reset(std::span<const int> ids, const Eigen::Ref<const Array>& positions,
-             const Eigen::Ref<const Array>& velocities);
+  /// Back to the model's state and inputs: all environments, those with a true in the mask (length environments), or
+  /// those listed. Parameters stay. Clears the faults of these environments and of no others; nothing else clears a
+  /// fault, not even writing to a faulted environment. Throws UsageError on a wrong size or index, and changes nothing
+  /// then.
+  void reset(const ResetOptions& options = {});
+  void reset(std::span<const bool> mask, const ResetOptions& options = {});
+  void reset(std::span<const int> ids, const ResetOptions& options = {});
+  /// Joints to given states: one column per listed environment, rows as in the views; views of this batch are allowed.
+  /// Where an environment is listed twice, the last column counts. Followers are then placed as project() does it, and
+  /// the couplings that it cannot meet are returned. A floating root goes back to the model's state; root_poses() and
+  /// root_velocities() may be written afterwards.
+  std::vector<UnmetCoupling> reset(std::span<const int> ids, const Eigen::Ref<const Array>& positions,
+                                   const Eigen::Ref<const Array>& velocities, const ResetOptions& options = {});
+
+  /// Puts the positions and velocities of followers where the other joints and this environment's ratios and offsets
+  /// put them: in all environments, those with a true in the mask, or those listed. So it is enough to write the
+  /// Plan::independent_dofs(), where all couplings take part. Works for every method. Joints that hold their couplings
+  /// to rounding keep their bits. Faults stay.
+  ///
+  /// Returns the couplings that cannot be met, by environment; allocates only where there are some. Throws UsageError
+  /// on a wrong size or index, and changes nothing then.
+  std::vector<UnmetCoupling> project(Couplings couplings = Couplings::hard);
+  std::vector<UnmetCoupling> project(std::span<const bool> mask, Couplings couplings = Couplings::hard);
+  std::vector<UnmetCoupling> project(std::span<const int> ids, Couplings couplings = Couplings::hard);
 
   // --- faults ----------------------------------------------------------------------------------
   std::span<const Fault> faults() const;  ///< one per environment
   int faulted() const;                    ///< how many are not Fault::none
+  /// In words: the fault, the fields, joints and values that are to blame now, the rule they break and the remedy.
+  /// Empty without a fault. Throws UsageError for an environment outside the batch.
+  std::string explain_fault(int environment) const;
 
   // --- readbacks, computed when asked for ------------------------------------------------------
   /// Frames of all links and sites in one kinematics pass, into memory of the caller. Allocates nothing with one
@@ -184,6 +231,7 @@ class LOCKSTEP_API Batch {
 
  private:
   struct Impl;
+  Impl& impl() const;
   std::unique_ptr<Impl> impl_;
 };
 

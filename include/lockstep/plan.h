@@ -12,6 +12,22 @@ namespace lockstep {
 
 struct Program;
 
+/// What a follower follows: q = sum of ratio * q_leader + offset, with the model's numbers.
+struct Following {
+  struct Leader {
+    int dof;       ///< an independent one
+    double ratio;  ///< rad or m of the follower per rad or m of the leader
+  };
+  std::vector<Leader> leaders;  ///< empty for independent and for locked joints
+  double offset = 0.0;          ///< rad or m
+};
+
+/// Joints that hard couplings leave one position.
+struct LockedJoints {
+  std::vector<int> dofs;
+  std::vector<int> couplings;  ///< that lock them
+};
+
 /// An immutable compiled model; copies share it. Thread-safe.
 ///
 /// Rows of a Batch follow the Model: dofs are its moving joints in the order of Model::joints,
@@ -35,7 +51,7 @@ class LOCKSTEP_API Plan {
   int dof(const std::string& joint) const;            ///< throws UsageError for unknown or fixed joints
   int link(const std::string& name) const;            ///< index of the link; throws UsageError for an unknown one
   int site(const std::string& name) const;            ///< index of the site; throws UsageError for an unknown one
-  int parameter_rows(Parameter parameter) const;      ///< rows of that field, declared or not
+  int parameter_rows(Parameter parameter) const;      ///< rows of that field, declared or not; throws UsageError
 
   /// Everything that a step holds or bounds, in the order of Batch::row_residuals() and row_states(): "coupling NAME"
   /// for each coupling, then by dof what it has of "position limit NAME", "velocity limit NAME", "friction NAME",
@@ -46,6 +62,23 @@ class LOCKSTEP_API Plan {
   const std::vector<int>& redundant_couplings() const;
   /// Followers (dofs) that the method reduced has eliminated.
   const std::vector<int>& eliminated_dofs() const;
+
+  // Couplings leave the independent joints free and place the followers. The choice does not depend on the softness of
+  // couplings, nor on the method. A coupling's first joint is its follower, unless an earlier coupling has it already
+  // or another joint's ratio is more than 1000 times larger. Then it is the joint with the largest ratio that is left.
+
+  /// The dofs that an agent may command, in ascending order.
+  const std::vector<int>& independent_dofs() const;
+  /// All others, in an order in which each can be computed from the ones before; those of couplings in a ring come last
+  /// and are computed together.
+  const std::vector<int>& follower_dofs() const;
+  /// What a dof follows, through all couplings between. Throws UsageError for a dof outside the plan.
+  const Following& following(int dof) const;
+  /// The one leader of a follower; -1 for an independent dof, a locked one and one that follows several (see
+  /// following()). Throws UsageError for a dof outside the plan.
+  int leader(int dof) const;
+  /// Joints that cannot move because always-hard couplings contradict their motion. describe() names them.
+  const std::vector<LockedJoints>& locked_joints() const;
 
   /// In words: what a step does, by which method and why, what was left out, which engine runs it, what it costs.
   std::string describe() const;

@@ -2,7 +2,11 @@
 // Apache-2.0
 #pragma once
 
+#include <algorithm>
+#include <concepts>
 #include <initializer_list>
+#include <string>
+#include <vector>
 
 #include "lockstep/enums.h"
 
@@ -15,17 +19,40 @@ class ParameterSet {
   constexpr ParameterSet(std::initializer_list<Parameter> list) {
     for (Parameter p : list) insert(p);
   }
-  constexpr bool contains(Parameter p) const { return (bits_ >> static_cast<unsigned>(p)) & 1u; }
-  constexpr void insert(Parameter p) { bits_ |= 1u << static_cast<unsigned>(p); }
+  constexpr bool contains(Parameter p) const { return (bits_ & bit(p)) != 0; }
+  constexpr void insert(Parameter p) { bits_ |= bit(p); }
   constexpr bool empty() const { return bits_ == 0; }
+  /// True if it holds a number that is none of the enumerators. compile() refuses such a set.
+  constexpr bool has_unknown() const { return bits_ >> parameter_count != 0; }
 
  private:
+  static constexpr unsigned bit(Parameter p) { return 1u << std::min(static_cast<unsigned>(p), 31u); }
   unsigned bits_ = 0;
 };
 
-/// Bounds that a step leaves out although the model states them.
+/// Some joints of a model.
+struct JointSet {
+  JointSet() = default;
+  /// All joints, or none.
+  template <std::same_as<bool> B>
+  JointSet(B takes_all) : all(takes_all) {}
+  JointSet(std::initializer_list<std::string> joint_names) : names(joint_names) {}
+  /// The followers of couplings: Plan::follower_dofs().
+  static JointSet of_followers() {
+    JointSet set;
+    set.followers = true;
+    return set;
+  }
+  bool empty() const { return !all && !followers && names.empty(); }
+
+  bool all = false, followers = false;
+  std::vector<std::string> names;  ///< of moving joints; compile() refuses others
+};
+
+/// Bounds that a step leaves out although the model states them, by joint: `true` is all, and
+/// `{.position_limits = {"left", "right"}}` or `{.position_limits = JointSet::of_followers()}` are some.
 struct Ignored {
-  bool position_limits = false, velocity_limits = false, effort_limits = false, friction = false;
+  JointSet position_limits = {}, velocity_limits = {}, effort_limits = {}, friction = {};
 };
 
 /// Everything that compile() must know beside the Model. The defaults are what most users want.

@@ -17,124 +17,160 @@ Batch<S>& Batch<S>::operator=(Batch&&) noexcept = default;
 
 template <class S>
 const Plan& Batch<S>::plan() const {
-  return impl_->plan;
+  return impl().plan;
 }
 template <class S>
 int Batch<S>::environments() const {
-  return impl_->environments;
+  return impl().environments;
 }
 template <class S>
 Engine Batch<S>::engine() const {
-  return impl_->chosen.engine;
+  return impl().chosen.engine;
 }
 template <class S>
 std::string Batch<S>::kernel_name() const {
-  return impl_->chosen.kernel ? impl_->chosen.kernel->name : "";
+  return impl().chosen.kernel ? impl().chosen.kernel->name : "";
 }
 template <class S>
 Target Batch<S>::target() const {
-  return impl_->target;
+  return impl().target;
 }
 
 template <class S>
 auto Batch<S>::positions() -> View {
-  return impl_->view(impl_->position);
+  return impl().view(impl().position);
 }
 template <class S>
 auto Batch<S>::velocities() -> View {
-  return impl_->view(impl_->velocity);
+  return impl().view(impl().velocity);
 }
 template <class S>
 auto Batch<S>::root_poses() -> View {
-  return impl_->view(impl_->root_pose);
+  return impl().view(impl().root_pose);
 }
 template <class S>
 auto Batch<S>::root_velocities() -> View {
-  return impl_->view(impl_->root_velocity);
+  return impl().view(impl().root_velocity);
 }
 template <class S>
 auto Batch<S>::positions() const -> ConstView {
-  return impl_->const_view(impl_->position);
+  return impl().const_view(impl().position);
 }
 template <class S>
 auto Batch<S>::velocities() const -> ConstView {
-  return impl_->const_view(impl_->velocity);
+  return impl().const_view(impl().velocity);
 }
 template <class S>
 auto Batch<S>::root_poses() const -> ConstView {
-  return impl_->const_view(impl_->root_pose);
+  return impl().const_view(impl().root_pose);
 }
 template <class S>
 auto Batch<S>::root_velocities() const -> ConstView {
-  return impl_->const_view(impl_->root_velocity);
+  return impl().const_view(impl().root_velocity);
 }
 template <class S>
 auto Batch<S>::position_targets() -> View {
-  return impl_->view(impl_->position_target);
+  return impl().view(impl().position_target);
 }
 template <class S>
 auto Batch<S>::velocity_targets() -> View {
-  return impl_->view(impl_->velocity_target);
+  return impl().view(impl().velocity_target);
 }
 template <class S>
 auto Batch<S>::efforts() -> View {
-  return impl_->view(impl_->effort);
+  return impl().view(impl().effort);
 }
 
 template <class S>
 auto Batch<S>::parameter(Parameter parameter) -> View {
-  if (!impl_->plan.settings().per_environment.contains(parameter))
+  if (static_cast<unsigned>(parameter) >= parameter_count)
+    throw UsageError("field " + std::to_string(static_cast<unsigned>(parameter)), "is none of the enumerators",
+                     "give one of Parameter");
+  if (!impl().plan.settings().per_environment.contains(parameter))
     throw UsageError(std::string("field ") + to_string(parameter),
                      "was not declared, so it is the same for all environments",
                      "add it to StepSettings::per_environment");
-  return impl_->view(impl_->field[static_cast<int>(parameter)]);
+  return impl().view(impl().field[static_cast<int>(parameter)]);
+}
+
+template <class S>
+auto Batch<S>::impl() const -> Impl& {
+  if (!impl_) throw UsageError("batch", "was moved from, so it holds nothing", "use the batch that it was moved to");
+  return *impl_;
 }
 
 template <class S>
 void Batch<S>::step(int substeps) noexcept {
-  if (substeps > 0) impl_->step(substeps);
+  if (impl_ && substeps > 0) impl_->step(substeps);
 }
 
 template <class S>
-void Batch<S>::reset() {
-  for (int e = 0; e < impl_->environments; ++e) impl_->reset(e);
+void Batch<S>::reset(const ResetOptions& options) {
+  for (int e = 0; e < environments(); ++e) impl().reset(e, options.keep_inputs);
 }
 
 template <class S>
-void Batch<S>::reset(std::span<const bool> mask) {
-  if (mask.size() != static_cast<std::size_t>(impl_->environments))
-    throw UsageError(
-        "reset mask",
-        "has " + std::to_string(mask.size()) + " entries for " + std::to_string(impl_->environments) + " environments",
-        "give one per environment");
-  for (int e = 0; e < impl_->environments; ++e)
-    if (mask[e]) impl_->reset(e);
+void Batch<S>::reset(std::span<const bool> mask, const ResetOptions& options) {
+  impl().check_mask(mask, "reset");
+  for (int e = 0; e < environments(); ++e)
+    if (mask[e]) impl().reset(e, options.keep_inputs);
 }
 
 template <class S>
-void Batch<S>::reset(std::span<const int> ids) {
-  for (int id : ids) impl_->check_id(id);
-  for (int id : ids) impl_->reset(id);
+void Batch<S>::reset(std::span<const int> ids, const ResetOptions& options) {
+  for (int id : ids) impl().check_id(id);
+  for (int id : ids) impl().reset(id, options.keep_inputs);
 }
 
 template <class S>
-void Batch<S>::reset(std::span<const int> ids, const Eigen::Ref<const Array>& new_positions,
-                     const Eigen::Ref<const Array>& new_velocities) {
-  const Eigen::Index dofs = impl_->tables.joints, count = static_cast<Eigen::Index>(ids.size());
-  for (const auto& given : {new_positions, new_velocities})
-    if (given.rows() != dofs || given.cols() != count)
-      throw UsageError("reset state", "is " + std::to_string(given.rows()) + " x " + std::to_string(given.cols()),
+std::vector<UnmetCoupling> Batch<S>::reset(std::span<const int> ids, const Eigen::Ref<const Array>& new_positions,
+                                           const Eigen::Ref<const Array>& new_velocities, const ResetOptions& options) {
+  Impl& batch = impl();
+  const Eigen::Index dofs = batch.tables.joints, count = static_cast<Eigen::Index>(ids.size());
+  for (const auto* given : {&new_positions, &new_velocities})
+    if (given->rows() != dofs || given->cols() != count)
+      throw UsageError("reset state", "is " + std::to_string(given->rows()) + " x " + std::to_string(given->cols()),
                        "give " + std::to_string(dofs) + " dofs x " + std::to_string(count) + " environments");
-  reset(ids);
+  // Views of this batch change while it is reset.
+  if (batch.overlaps(new_positions) || batch.overlaps(new_velocities)) {
+    const Array positions_before = new_positions, velocities_before = new_velocities;
+    return reset(ids, positions_before, velocities_before, options);
+  }
+  reset(ids, options);
   for (Eigen::Index i = 0; i < count; ++i) {
     positions().col(ids[i]) = new_positions.col(i);
     velocities().col(ids[i]) = new_velocities.col(i);
   }
+  return project(ids, options.project);
+}
+
+template <class S>
+std::vector<UnmetCoupling> Batch<S>::project(Couplings couplings) {
+  std::vector<UnmetCoupling> unmet;
+  for (int e = 0; e < environments(); ++e) impl().project(e, couplings, unmet);
+  return unmet;
+}
+
+template <class S>
+std::vector<UnmetCoupling> Batch<S>::project(std::span<const bool> mask, Couplings couplings) {
+  impl().check_mask(mask, "project");
+  std::vector<UnmetCoupling> unmet;
+  for (int e = 0; e < environments(); ++e)
+    if (mask[e]) impl().project(e, couplings, unmet);
+  return unmet;
+}
+
+template <class S>
+std::vector<UnmetCoupling> Batch<S>::project(std::span<const int> ids, Couplings couplings) {
+  for (int id : ids) impl().check_id(id);
+  std::vector<UnmetCoupling> unmet;
+  for (int id : ids) impl().project(id, couplings, unmet);
+  return unmet;
 }
 
 template <class S>
 std::span<const Fault> Batch<S>::faults() const {
-  return {impl_->fault.data(), static_cast<std::size_t>(impl_->environments)};
+  return {impl().fault.data(), static_cast<std::size_t>(impl().environments)};
 }
 
 template <class S>
@@ -146,20 +182,20 @@ int Batch<S>::faulted() const {
 
 template <class S>
 auto Batch<S>::coupling_errors() const -> Array {
-  return impl_->read(Quantity::coupling_errors, impl_->tables.couplings);
+  return impl().read(Quantity::coupling_errors, impl().tables.couplings);
 }
 
 template <class S>
 auto Batch<S>::coupling_impulses() const -> Array {
-  if (!impl_->tables.record_impulses)
+  if (!impl().tables.record_impulses)
     throw UsageError("coupling impulses", "are not kept by this plan", "set StepSettings::record_impulses");
-  return impl_->view(impl_->impulse);
+  return impl().view(impl().impulse);
 }
 
 template <class S>
 auto Batch<S>::link_poses(int link) const -> Array {
-  impl_->check_link(link);
-  const Array frame = impl_->read_frame(Quantity::frame, link, Eigen::Vector3d::Zero(), 12);
+  impl().check_link(link);
+  const Array frame = impl().read_frame(Quantity::frame, link, Eigen::Vector3d::Zero(), 12);
   Array poses(7, frame.cols());
   poses.topRows(3) = frame.topRows(3);
   for (Eigen::Index e = 0; e < frame.cols(); ++e) {
@@ -172,39 +208,39 @@ auto Batch<S>::link_poses(int link) const -> Array {
 
 template <class S>
 void Batch<S>::read_frames(const FrameRows<S>& rows) const {
-  impl_->read_frames(rows);
+  impl().read_frames(rows);
 }
 
 template <class S>
 auto Batch<S>::link_velocities(int link) const -> Array {
-  impl_->check_link(link);
-  return impl_->read_frame(Quantity::frame_velocity, link, Eigen::Vector3d::Zero(), 6);
+  impl().check_link(link);
+  return impl().read_frame(Quantity::frame_velocity, link, Eigen::Vector3d::Zero(), 6);
 }
 
 template <class S>
 auto Batch<S>::site_positions(int site) const -> Array {
-  const Site& s = impl_->site(site);
-  return impl_->read_frame(Quantity::frame_position, impl_->plan.link(s.link), s.pose.translation(), 3);
+  const Site& s = impl().site(site);
+  return impl().read_frame(Quantity::frame_position, impl().plan.link(s.link), s.pose.translation(), 3);
 }
 
 template <class S>
 auto Batch<S>::site_jacobians(int site) const -> Array {
-  const Site& s = impl_->site(site);
-  return impl_->read_frame(Quantity::frame_jacobian, impl_->plan.link(s.link), s.pose.translation(),
-                           6 * impl_->tables.velocities);
+  const Site& s = impl().site(site);
+  return impl().read_frame(Quantity::frame_jacobian, impl().plan.link(s.link), s.pose.translation(),
+                           6 * impl().tables.velocities);
 }
 
 template <class S>
 auto Batch<S>::kinetic_energies() const -> Array {
-  return impl_->read(Quantity::kinetic_energy, 1);
+  return impl().read(Quantity::kinetic_energy, 1);
 }
 template <class S>
 auto Batch<S>::potential_energies() const -> Array {
-  return impl_->read(Quantity::potential_energy, 1);
+  return impl().read(Quantity::potential_energy, 1);
 }
 template <class S>
 auto Batch<S>::momenta() const -> Array {
-  return impl_->read(Quantity::momentum, 6);
+  return impl().read(Quantity::momentum, 6);
 }
 
 template class Batch<float>;

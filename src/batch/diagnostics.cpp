@@ -11,19 +11,15 @@ void require_recorded(bool recorded) {
   if (!recorded) throw UsageError("diagnostics", "are not kept by this plan", "set StepSettings::record_diagnostics");
 }
 
-// A residual up to this is rounding, rad or m.
-template <class S>
-constexpr double rounding = sizeof(S) == 4 ? 1e-5 : 1e-8;
-
 }  // namespace
 
 template <class S>
 auto Batch<S>::limit_violations() const -> Array {
-  const Model& model = impl_->plan.model();
+  const Model& model = impl().plan.model();
   const ConstView q = positions();
   Array worst = Array::Zero(1, environments());
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
-    const int dof = program_of(impl_->plan).dof_of_joint[j];
+    const int dof = program_of(impl().plan).dof_of_joint[j];
     if (dof < 0) continue;
     const S lower = static_cast<S>(model.joints[j].lower), upper = static_cast<S>(model.joints[j].upper);
     worst = worst.max((lower - q.row(dof)).max(q.row(dof) - upper));
@@ -34,37 +30,37 @@ auto Batch<S>::limit_violations() const -> Array {
 template <class S>
 auto Batch<S>::speeds() const -> Array {
   Array fastest = Array::Zero(1, environments());
-  for (Eigen::Index dof = 0; dof < impl_->tables.joints; ++dof) fastest = fastest.max(velocities().row(dof).abs());
+  for (Eigen::Index dof = 0; dof < impl().tables.joints; ++dof) fastest = fastest.max(velocities().row(dof).abs());
   return fastest;
 }
 
 template <class S>
 auto Batch<S>::row_residuals() const -> Array {
-  require_recorded(impl_->tables.record_diagnostics);
-  return impl_->view(impl_->residual);
+  require_recorded(impl().tables.record_diagnostics);
+  return impl().view(impl().residual);
 }
 
 template <class S>
 auto Batch<S>::row_states() const -> Array {
-  require_recorded(impl_->tables.record_diagnostics);
-  return impl_->view(impl_->row_state);
+  require_recorded(impl().tables.record_diagnostics);
+  return impl().view(impl().row_state);
 }
 
 template <class S>
 auto Batch<S>::energy_balances() const -> Array {
-  require_recorded(impl_->tables.record_diagnostics);
-  return impl_->view(impl_->energy);
+  require_recorded(impl().tables.record_diagnostics);
+  return impl().view(impl().energy);
 }
 
 // A row that was not met, and what stood in its way: rows that act on the same velocity, or the couplings that a
 // redundant one follows from.
 template <class S>
 std::vector<std::string> Batch<S>::conflicts(int environment) const {
-  require_recorded(impl_->tables.record_diagnostics);
-  impl_->check_id(environment);
-  const Program& program = program_of(impl_->plan);
-  const auto residual = impl_->view(impl_->residual).col(environment);
-  const auto state = impl_->view(impl_->row_state).col(environment);
+  require_recorded(impl().tables.record_diagnostics);
+  impl().check_id(environment);
+  const Program& program = program_of(impl().plan);
+  const auto residual = impl().view(impl().residual).col(environment);
+  const auto state = impl().view(impl().row_state).col(environment);
   std::vector<bool> named(program.row_names.size(), false);
   for (std::size_t r = 0; r < named.size(); ++r) {
     if (!(residual[static_cast<Eigen::Index>(r)] > rounding<S>)) continue;

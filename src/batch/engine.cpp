@@ -34,6 +34,9 @@ const char* to_string(Engine engine) noexcept {
 
 template <class S>
 ChosenEngine choose_engine(const Plan& plan, Target target, Engine wanted) {
+  if (wanted < Engine::automatic || wanted > Engine::generated)
+    throw SettingsError("engine " + std::to_string(static_cast<int>(wanted)), "is none of the enumerators",
+                        "give one of Engine");
   const Program& program = program_of(plan);
   const bool automatic = wanted == Engine::automatic;
   if (automatic || wanted == Engine::generated) {

@@ -2,24 +2,31 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "engine.h"
 #include "lockstep/batch.h"
 #include "lockstep/error.h"
 #include "model/softness_numbers.h"
+#include "placer.h"
 #include "plan/program.h"
 #include "targets/dispatch.h"
 #include "targets/registry.h"
+#include "values.h"
 #include "workers.h"
 
 namespace lockstep {
 
+inline constexpr int most_environments = 1 << 24;
+
 inline int checked_environments(int environments) {
-  if (environments < 1)
-    throw SettingsError("environments", "is " + std::to_string(environments) + ", not a positive number",
-                        "give 1 or more");
+  if (environments < 1 || environments > most_environments)
+    throw SettingsError("environments",
+                        "is " + std::to_string(environments) + ", outside 1 to " + std::to_string(most_environments),
+                        "give 1 or more, in several batches if there are too many");
   return environments;
 }
 
@@ -43,8 +50,9 @@ struct Batch<S>::Impl {
         step_nanoseconds(static_cast<double>(p.flops_per_step()) /
                          ((chosen.engine == Engine::tables ? 3.0 : 8.0) * kernels.lanes)),
         frames(frames_of(p.model())),
-        workers(options.threads, scratch_bytes()) {
-    if (options.threads < 0) throw SettingsError("threads", "is negative", "give 0 for all, or a number");
+        workers(options.threads, scratch_bytes()),
+        rules(value_rules<S>(program_of(p))),
+        placer(program_of(p)) {
     const int dofs = tables.joints;
     position = rows(dofs);
     velocity = rows(dofs);
@@ -59,9 +67,9 @@ struct Batch<S>::Impl {
       if (plan.settings().per_environment.contains(static_cast<Parameter>(f)))
         field[f] = rows(plan.parameter_rows(static_cast<Parameter>(f)));
     fault = AlignedBlock<Fault>(static_cast<std::size_t>(stride));
-    fill_inputs();
+    find_start();
     fill_parameters();
-    for (int e = 0; e < stride; ++e) reset(e);  // the padding as well: it is stepped, so it must be sound
+    for (int e = 0; e < stride; ++e) reset(e, false);  // the padding as well: it is stepped, so it must be sound
     require_representable();
   }
 
@@ -86,19 +94,40 @@ struct Batch<S>::Impl {
     std::fill_n(block.data() + row * stride, stride, static_cast<S>(value));
   }
 
-  void fill_inputs() {
+  // What reset() puts into a column of a block.
+  struct Start {
+    AlignedBlock<S>* block;
+    std::vector<S> numbers;
+    bool is_input;
+  };
+
+  void find_start() {
     const Program& program = program_of(plan);
-    for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
-      const int row = program.dof_of_joint[j];
-      if (row < 0) continue;
-      const Joint& joint = program.model.joints[j];
-      for (int time = 0; time < tables.input_times; ++time) {
-        const int at = time * tables.joints + row;
-        fill_row(position_target, at, joint.drive.position_target);
-        fill_row(velocity_target, at, joint.drive.velocity_target);
-        fill_row(effort, at, joint.effort);
-      }
-    }
+    const auto by_dof = [&](const auto& number_of, int times = 1) {
+      std::vector<S> numbers;
+      for (int time = 0; time < times; ++time)
+        for (const Joint& joint : program.model.joints)
+          if (joint.moves()) numbers.push_back(static_cast<S>(number_of(joint)));
+      return numbers;
+    };
+    const int times = tables.input_times;
+    start = {
+        {&position, by_dof([](const Joint& j) { return j.position; }), false},
+        {&velocity, by_dof([](const Joint& j) { return j.velocity; }), false},
+        {&position_target, by_dof([](const Joint& j) { return j.drive.position_target; }, times), true},
+        {&velocity_target, by_dof([](const Joint& j) { return j.drive.velocity_target; }, times), true},
+        {&effort, by_dof([](const Joint& j) { return j.effort; }, times), true},
+    };
+    if (!tables.floating) return;
+    const Root& root = program.model.root;
+    const Eigen::Vector3d at = root.pose.translation();
+    const Eigen::Quaterniond turn(root.pose.linear());
+    std::vector<S> pose, twist;
+    for (double number : {at.x(), at.y(), at.z(), turn.w(), turn.x(), turn.y(), turn.z()})
+      pose.push_back(static_cast<S>(number));
+    for (int i = 0; i < 6; ++i) twist.push_back(static_cast<S>(root.velocity[i]));
+    start.push_back({&root_pose, std::move(pose), false});
+    start.push_back({&root_velocity, std::move(twist), false});
   }
 
   void fill_parameters() {
@@ -143,28 +172,102 @@ struct Batch<S>::Impl {
   }
 
   // To the model's state.
-  void reset(int e) {
-    const Program& program = program_of(plan);
-    for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
-      const int row = program.dof_of_joint[j];
-      if (row < 0) continue;
-      position.data()[row * stride + e] = static_cast<S>(program.model.joints[j].position);
-      velocity.data()[row * stride + e] = static_cast<S>(program.model.joints[j].velocity);
-    }
-    if (tables.floating) {
-      const Root& root = program.model.root;
-      const Eigen::Quaterniond turn(root.pose.linear());
-      const double pose[7] = {root.pose.translation().x(),
-                              root.pose.translation().y(),
-                              root.pose.translation().z(),
-                              turn.w(),
-                              turn.x(),
-                              turn.y(),
-                              turn.z()};
-      for (int i = 0; i < 7; ++i) root_pose.data()[i * stride + e] = static_cast<S>(pose[i]);
-      for (int i = 0; i < 6; ++i) root_velocity.data()[i * stride + e] = static_cast<S>(root.velocity[i]);
-    }
+  void reset(int e, bool keep_inputs) {
+    for (const Start& part : start)
+      for (std::size_t row = 0; row < part.numbers.size() && !(part.is_input && keep_inputs); ++row)
+        part.block->data()[static_cast<std::ptrdiff_t>(row) * stride + e] = part.numbers[row];
     fault.data()[e] = Fault::none;
+  }
+
+  void check_mask(std::span<const bool> mask, const char* whose) const {
+    if (mask.size() != static_cast<std::size_t>(environments))
+      throw UsageError(
+          std::string(whose) + " mask",
+          "has " + std::to_string(mask.size()) + " entries for " + std::to_string(environments) + " environments",
+          "give one per environment");
+  }
+
+  // Whether numbers of the caller stand in the memory of the state.
+  bool overlaps(const Eigen::Ref<const Array>& given) const {
+    if (given.size() == 0) return false;
+    const S* const first = given.data();
+    const S* const last = first + (given.rows() - 1) * given.outerStride() + given.cols();
+    const auto in = [&](const AlignedBlock<S>& block) {
+      return std::less<>()(first, block.data() + block.size()) && std::less<>()(block.data(), last);
+    };
+    for (const Start& part : start)
+      if (in(*part.block)) return true;
+    return std::any_of(std::begin(field), std::end(field), in);
+  }
+
+  void project(int e, Couplings couplings, std::vector<UnmetCoupling>& unmet) {
+    const simd::StepMode mode;
+    const S* fields[parameter_count];
+    for (int f = 0; f < parameter_count; ++f) fields[f] = field[f].data();
+    placer.project(e, couplings, {stride, position.data(), velocity.data(), fields}, unmet);
+  }
+
+  // A pose has seven rows, the last four are the quaternion. Returns false where there may be one of length 0.
+  bool normalise_roots(std::ptrdiff_t first, std::ptrdiff_t last) {
+    constexpr S slack = sizeof(S) == 4 ? S(1e-5) : S(1e-12);  // far above what a step leaves
+    const std::ptrdiff_t rows = static_cast<std::ptrdiff_t>(root_pose.size()) / stride;
+    bool all_unit = true;
+    for (std::ptrdiff_t pose = 0; pose < rows; pose += 7) {
+      S *const w = root_pose.data() + (pose + 3) * stride, *const x = w + stride, *const y = x + stride,
+               *const z = y + stride;
+      const auto excess = [&](std::ptrdiff_t e) {
+        return w[e] * w[e] + x[e] * x[e] + y[e] * y[e] + z[e] * z[e] - S(1);
+      };
+      if (all_within(first, last, -slack, slack, excess)) continue;
+      all_unit = false;
+      for (std::ptrdiff_t e = first; e < last; ++e) {
+        if (std::abs(excess(e)) <= slack || fault.data()[e] != Fault::none) continue;
+        double length = 0.0;
+        for (const S* part : {w, x, y, z}) length = std::hypot(length, static_cast<double>(part[e]));
+        for (S* part : {w, x, y, z})
+          if (length > 0.0 && std::isfinite(length)) part[e] = static_cast<S>(static_cast<double>(part[e]) / length);
+      }
+    }
+    return all_unit;
+  }
+
+  bool has_turn(std::ptrdiff_t e) const {
+    const std::ptrdiff_t rows = static_cast<std::ptrdiff_t>(root_pose.size()) / stride;
+    for (std::ptrdiff_t pose = 0; pose < rows; pose += 7) {
+      const S* const w = root_pose.data() + (pose + 3) * stride + e;
+      if (w[0] == S(0) && w[stride] == S(0) && w[2 * stride] == S(0) && w[3 * stride] == S(0)) return false;
+    }
+    return true;
+  }
+
+  // Normalises quaternions, and flags environments [first, last) with values that cannot be.
+  void check_values(std::ptrdiff_t first, std::ptrdiff_t last) {
+    const auto flag_unless = [&](const auto& holds) {
+      for (std::ptrdiff_t e = first; e < last; ++e)
+        if (!holds(e) && fault.data()[e] == Fault::none) fault.data()[e] = Fault::bad_value;
+    };
+    if (!normalise_roots(first, last)) flag_unless([&](std::ptrdiff_t e) { return has_turn(e); });
+    for (const ValueRule<S>& rule : rules.rows) {
+      const S* const values = field[static_cast<int>(rule.field)].data() + rule.row * stride;
+      const bool hold =
+          rule.field == Parameter::gear_ratio
+              ? all_within(first, last, rule.least, rule.most, [&](std::ptrdiff_t e) { return std::abs(values[e]); })
+              : all_within(first, last, rule.least, rule.most, [&](std::ptrdiff_t e) { return values[e]; });
+      if (!hold) flag_unless([&](std::ptrdiff_t e) { return rule.holds(values[e]); });
+    }
+    for (const BodyLinks& body : rules.bodies) {
+      const S* const one = field[static_cast<int>(Parameter::mass)].data() + body.links[0] * stride;
+      constexpr S least = std::numeric_limits<S>::min(), most = std::numeric_limits<S>::max();
+      if (!all_within(first, last, least, most, [&](std::ptrdiff_t e) { return one[e]; }))
+        flag_unless([&](std::ptrdiff_t e) { return mass_of(body, e) > S(0); });
+    }
+  }
+
+  S mass_of(const BodyLinks& body, std::ptrdiff_t e) const {
+    const AlignedBlock<S>& masses = field[static_cast<int>(Parameter::mass)];
+    S sum = S(0);
+    for (int link : body.links) sum += masses.data()[link * stride + e];
+    return sum;
   }
 
   void check_id(int id) const {
@@ -213,11 +316,17 @@ struct Batch<S>::Impl {
     const OperationList* const operations = chosen.operations;
     const std::ptrdiff_t together = operations ? kernels.lanes * OperationList::tiles_at_once : kernels.lanes;
     const Advance<S> advance = chosen.kernel ? advance_of<S>(*chosen.kernel) : kernels.advance;
+    const auto step_part = [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
+      check_values(first, std::min<std::ptrdiff_t>(last, environments));
+      if (operations) return kernels.interpret(tables, l, first, last, substeps, scratch, *operations);
+      advance(tables, l, first, last, substeps, scratch);
+    };
+    // Parts whose values are still in the cache when they are stepped.
+    const std::ptrdiff_t most = rules.rows.empty() && !tables.floating ? stepped() : 2048;
     workers.for_environments(stepped(), step_nanoseconds * substeps, together,
                              [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
-                               if (operations)
-                                 return kernels.interpret(tables, l, first, last, substeps, scratch, *operations);
-                               advance(tables, l, first, last, substeps, scratch);
+                               for (; first < last; first += most)
+                                 step_part(first, std::min(first + most, last), scratch);
                              });
   }
 
@@ -226,6 +335,7 @@ struct Batch<S>::Impl {
     const StatePointers<S> l = state_pointers();
     workers.for_environments(stepped(), step_nanoseconds, kernels.lanes,
                              [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
+                               normalise_roots(first, std::min<std::ptrdiff_t>(last, environments));
                                kernels.read(tables, l, first, last, request, result.data(), stride, scratch);
                              });
     return View(result.data(), row_count, environments, Eigen::OuterStride<>(stride));
@@ -280,6 +390,7 @@ struct Batch<S>::Impl {
     };
     workers.for_environments(stepped(), step_nanoseconds, kernels.lanes,
                              [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
+                               normalise_roots(first, std::min<std::ptrdiff_t>(last, environments));
                                S* const numbers = reinterpret_cast<S*>(static_cast<std::byte*>(scratch) + frames_at());
                                for (; first < last; first += kernels.lanes) {
                                  kernels.read_frames(tables, pointers, first, frames.data(),
@@ -309,6 +420,9 @@ struct Batch<S>::Impl {
   double step_nanoseconds;  // of one environment, about: for the size of tasks
   std::vector<kernels::Request<S>> frames;
   Workers workers;
+  ValueRules<S> rules;
+  Placer<S> placer;
+  std::vector<Start> start;
   AlignedBlock<S> position, velocity, root_pose, root_velocity;
   AlignedBlock<S> position_target, velocity_target, effort, impulse, residual, row_state, energy;
   AlignedBlock<S> field[parameter_count];

@@ -2,34 +2,50 @@
 #pragma once
 
 #include <tbb/blocked_range.h>
-#include <tbb/enumerable_thread_specific.h>
+#include <tbb/info.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstddef>
 #include <memory>
+#include <string>
+#include <thread>
+#include <vector>
 
+#include "lockstep/error.h"
+#include "simd/floating_point_mode.h"
 #include "storage.h"
 
 namespace lockstep {
 
+inline constexpr int most_threads = 1024;
+
 class Workers {
  public:
-  /// `threads` as in BatchOptions. Each thread has `scratch_bytes` of its own.
-  Workers(int threads, std::size_t scratch_bytes)
-      : own_(scratch_bytes),
-        scratch_([scratch_bytes] { return AlignedBlock<std::byte>(scratch_bytes); }),
-        serial_(threads == 1) {
-    if (threads > 1) arena_ = std::make_unique<tbb::task_arena>(threads);
+  /// `threads` as in BatchOptions. Takes `scratch_bytes` for each thread, so that a step takes none.
+  Workers(int threads, std::size_t scratch_bytes) : serial_(checked(threads) == 1) {
+    if (threads > 1) {
+      arena_ = std::make_unique<tbb::task_arena>(threads);
+      arena_->initialize();
+    }
+    const int count =
+        threads > 0 ? threads : std::max(tbb::info::default_concurrency(), tbb::this_task_arena::max_concurrency());
+    scratch_ = std::vector<Scratch>(static_cast<std::size_t>(count));
+    for (Scratch& scratch : scratch_) scratch.block = AlignedBlock<std::byte>(scratch_bytes);
   }
 
-  /// Calls act(first, last, scratch) for ranges of environments that cover [0, count). Ranges begin at cache lines, so
-  /// no two threads write to the same line. One environment takes about `nanoseconds`. Groups of `group` environments,
-  /// a power of two, are faster: they are not split if there is one for each thread.
+  /// Calls act(first, last, scratch) for ranges of environments that cover [0, count), in the floating-point mode of a
+  /// step. Ranges begin at cache lines, so no two threads write to the same line. One environment takes about
+  /// `nanoseconds`. Groups of `group` environments, a power of two, are faster: they are not split if there is one for
+  /// each thread.
   template <class Act>
   void for_environments(std::ptrdiff_t count, double nanoseconds, std::ptrdiff_t group, const Act& act) {
-    if (serial_) return act(0, count, own_.data());
+    if (serial_) {
+      const simd::StepMode mode;
+      return act(0, count, scratch_.front().block.data());
+    }
     const auto all = [&] {
       const int threads = tbb::this_task_arena::max_concurrency();
       const bool enough = count >= threads * group;
@@ -39,7 +55,10 @@ class Workers {
           tbb::blocked_range<std::ptrdiff_t>(0, units,
                                              units_per_task(units, nanoseconds * static_cast<double>(unit), threads)),
           [&](const tbb::blocked_range<std::ptrdiff_t>& range) {
-            act(range.begin() * unit, std::min(range.end() * unit, count), scratch_.local().data());
+            const simd::StepMode mode;
+            Scratch& scratch = free_scratch();
+            act(range.begin() * unit, std::min(range.end() * unit, count), scratch.block.data());
+            scratch.taken.clear(std::memory_order_release);
           },
           tbb::simple_partitioner());
     };
@@ -47,6 +66,28 @@ class Workers {
   }
 
  private:
+  struct alignas(cache_line) Scratch {
+    AlignedBlock<std::byte> block;
+    std::atomic_flag taken;
+  };
+
+  static int checked(int threads) {
+    if (threads >= 0 && threads <= most_threads) return threads;
+    throw SettingsError("threads", "is " + std::to_string(threads) + ", outside 0 to " + std::to_string(most_threads),
+                        "give 0 for all, or a number");
+  }
+
+  // Scratch memory that no other thread uses: the thread's own where it can be, as that is in its cache. A caller's
+  // arena may have more threads than the one that the batch was made in; those wait.
+  Scratch& free_scratch() {
+    const std::size_t own = static_cast<std::size_t>(std::max(0, tbb::this_task_arena::current_thread_index()));
+    for (std::size_t i = 0;; ++i) {
+      Scratch& scratch = scratch_[(own + i) % scratch_.size()];
+      if (!scratch.taken.test_and_set(std::memory_order_acquire)) return scratch;
+      if (i % scratch_.size() == scratch_.size() - 1) std::this_thread::yield();
+    }
+  }
+
   static constexpr std::ptrdiff_t per_line = cache_line / 4;  // environments in a line of the smallest type
 
   // Each task has a cost of its own, so tasks are long if there is much to do. They are short rather than leaving
@@ -59,10 +100,9 @@ class Workers {
     return static_cast<std::ptrdiff_t>(std::clamp(grain, 1.0, static_cast<double>(units)));
   }
 
-  AlignedBlock<std::byte> own_;
-  tbb::enumerable_thread_specific<AlignedBlock<std::byte>> scratch_;
-  std::unique_ptr<tbb::task_arena> arena_;
   bool serial_;
+  std::vector<Scratch> scratch_;
+  std::unique_ptr<tbb::task_arena> arena_;
 };
 
 }  // namespace lockstep

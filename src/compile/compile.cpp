@@ -1,6 +1,7 @@
 // compile(): from a Model to the tables of a step. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "lockstep/error.h"
@@ -26,6 +27,22 @@ void check(const StepSettings& s) {
           "give for instance 1e5");
   require(s.velocity_bound > 0.0 && s.velocity_bound <= 1e30, "velocity_bound", "is outside (0, 1e30]",
           "give for instance 1e5");
+  require(s.method >= Method::automatic && s.method <= Method::reduced, "method",
+          fmt::format("is {}, none of the enumerators", static_cast<int>(s.method)), "give one of Method");
+  require(s.integrator >= Integrator::automatic && s.integrator <= Integrator::runge_kutta, "integrator",
+          fmt::format("is {}, none of the enumerators", static_cast<int>(s.integrator)), "give one of Integrator");
+  require(!s.per_environment.has_unknown(), "per_environment", "holds a field that is none of the enumerators",
+          "give some of Parameter");
+}
+
+void check_ignored(const Ignored& ignore, const Model& model) {
+  for (const JointSet* set :
+       {&ignore.position_limits, &ignore.velocity_limits, &ignore.effort_limits, &ignore.friction})
+    for (const std::string& name : set->names)
+      require(std::any_of(model.joints.begin(), model.joints.end(),
+                          [&](const Joint& joint) { return joint.name == name && joint.moves(); }),
+              "ignore", fmt::format("names '{}', which is no moving joint of the model", name).c_str(),
+              "name moving joints");
 }
 
 void check_substeps(const Program& program) {
@@ -37,9 +54,9 @@ void check_substeps(const Program& program) {
             "lower the erp, or use one iteration or another method");
   };
   for (const Coupling& coupling : program.model.couplings) check(coupling.softness, "coupling", coupling.joint);
-  if (program.settings.ignore.position_limits) return;
   for (const Joint& joint : program.model.joints)
-    if (joint.lower > -infinity || joint.upper < infinity)
+    if ((joint.lower > -infinity || joint.upper < infinity) &&
+        !leaves_out(program, program.settings.ignore.position_limits, joint))
       check(joint.limit_softness, "the limits of joint", joint.name);
 }
 
@@ -60,8 +77,9 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
 
   lay_out_times(*program, integrator);
   lay_out_bodies(*program, Tree(model));
-  lay_out_joint_terms(*program);
   lay_out_couplings(*program);
+  choose_followers(*program);
+  lay_out_joint_terms(*program);
   find_redundant_couplings(*program);
   choose_method(*program);
   check_substeps(*program);
@@ -105,6 +123,7 @@ std::shared_ptr<const Program> compiled_half(Model model, StepSettings settings)
 Plan compile(const Model& model, const StepSettings& settings) {
   check(settings);
   model.validate();
+  check_ignored(settings.ignore, model);
   const bool automatic = settings.integrator == Integrator::automatic;
   std::shared_ptr<Program> program = compiled(model, settings, automatic ? Integrator::leapfrog : settings.integrator);
   program->integrator_reason = automatic ? "the scene is smooth" : "as asked for";

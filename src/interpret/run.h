@@ -329,7 +329,7 @@ LOCKSTEP_INLINE void run(InterpreterTiles<T>& l) {
 template <class T>
 void interpret(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, std::ptrdiff_t first,
                std::ptrdiff_t last, int substeps, void* scratch, const OperationList& list) {
-  const simd::FlushDenormals flush;
+  const simd::StepMode mode;
   InterpreterTiles<T> l(t, list);
   const OperationList* const lists[2] = {&list, list.consistent};
   Slot<T>* const slots[2] = {static_cast<Slot<T>*>(scratch), static_cast<Slot<T>*>(scratch) + list.slots};

@@ -13,7 +13,7 @@
 #include "kernels/integrators/runge_kutta.h"
 #include "kernels/tile/lay_out.h"
 #include "load.h"
-#include "simd/denormals.h"
+#include "simd/floating_point_mode.h"
 #include "store.h"
 
 namespace lockstep::kernels {
@@ -51,7 +51,7 @@ struct ByTables {
 template <class T, class Way = ByTables>
 void advance(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, std::ptrdiff_t first,
              std::ptrdiff_t last, int substeps, void* scratch) {
-  const simd::FlushDenormals flush;
+  const simd::StepMode mode;
   Tile<T> x[Way::tiles_per_call];
   StatePointers<ScalarOf<T>> own[Way::tiles_per_call];
   T* carried[Way::tiles_per_call];

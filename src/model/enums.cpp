@@ -28,7 +28,8 @@ const char* to_string(Integrator integrator) noexcept {
 const char* to_string(Parameter parameter) noexcept {
   constexpr const char* names[parameter_count] = {"gear_ratio", "offset",  "softness",    "drive_gains",    "damping",
                                                   "mass",       "gravity", "link_wrench", "coupling_switch"};
-  return names[static_cast<unsigned>(parameter)];
+  const auto index = static_cast<unsigned>(parameter);
+  return index < parameter_count ? names[index] : "unknown";
 }
 
 const char* to_string(Fault fault) noexcept {
@@ -37,6 +38,7 @@ const char* to_string(Fault fault) noexcept {
     case Fault::not_finite: return "not_finite";
     case Fault::diverged: return "diverged";
     case Fault::singular: return "singular";
+    case Fault::bad_value: return "bad_value";
   }
   return "none";
 }

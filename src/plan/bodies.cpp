@@ -240,8 +240,8 @@ void lay_out_joint_terms(Program& program) {
     kp[i] = joint.drive.kp;
     kd[i] = joint.drive.kd;
     implicit[i] = joint.armature + h * joint.damping;
-    const bool has_effort_limit =
-        joint.effort_limit < infinity && !joint.drive.kinematic && !program.settings.ignore.effort_limits;
+    const bool has_effort_limit = joint.effort_limit < infinity && !joint.drive.kinematic &&
+                                  !leaves_out(program, program.settings.ignore.effort_limits, joint);
     const bool servo =
         !joint.drive.kinematic && (declared(program, Parameter::drive_gains) || kp[i] > 0.0 || kd[i] > 0.0);
     if (has_effort_limit) effort_limit[i] = std::min(joint.effort_limit, unlimited);

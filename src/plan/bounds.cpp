@@ -16,7 +16,8 @@ struct Row {
 };
 
 bool has_range_of(const Program& program, const Joint& joint) {
-  return !program.settings.ignore.position_limits && (joint.lower > -infinity || joint.upper < infinity);
+  return (joint.lower > -infinity || joint.upper < infinity) &&
+         !leaves_out(program, program.settings.ignore.position_limits, joint);
 }
 
 // The hard bounds of a joint as JointBound bits.
@@ -25,8 +26,8 @@ int hard_bounds(const Program& program, const Joint& joint) {
   int has = 0;
   if (has_range_of(program, joint) && is_hard(joint.limit_softness)) has |= has_range;
   if (has & has_range && joint.restitution > 0.0) has |= has_restitution;
-  if (joint.velocity_limit < infinity && !ignore.velocity_limits) has |= has_speed_limit;
-  if (joint.friction > 0.0 && !ignore.friction) has |= has_friction;
+  if (joint.velocity_limit < infinity && !leaves_out(program, ignore.velocity_limits, joint)) has |= has_speed_limit;
+  if (joint.friction > 0.0 && !leaves_out(program, ignore.friction, joint)) has |= has_friction;
   if (joint.drive.kinematic && is_hard(joint.drive.softness)) has |= has_kinematic_drive;
   return has;
 }

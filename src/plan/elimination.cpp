@@ -10,9 +10,6 @@
 namespace lockstep {
 namespace {
 
-// A coupling's first joint is its follower unless another joint's coefficient is this many times larger.
-constexpr double preference = 1000.0;
-
 struct HardRows {
   std::vector<int> coupling;  // by follower
   std::vector<int> pivot;     // its follower joint
@@ -40,7 +37,7 @@ HardRows gauss_jordan(const Program& program) {
     int pivot = 0;
     const double largest = row.maxCoeff(&pivot);
     const int first = t.term_joint[t.term_start[rows.coupling[p]]];
-    if (!is_pivot(rows, first) && row[first] * preference >= largest) pivot = first;
+    if (!is_pivot(rows, first) && row[first] * follower_preference >= largest) pivot = first;
     rows.pivot.push_back(pivot);
     for (int r = 0; r < count; ++r) {
       if (r == p || rows.matrix(r, pivot) == 0.0) continue;

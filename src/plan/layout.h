@@ -45,6 +45,14 @@ void lay_out_joint_terms(Program& program);
 /// Couplings as linear forms over the joints (couplings.cpp).
 void lay_out_couplings(Program& program);
 
+/// A coupling's first joint is its follower unless another joint's coefficient is this many times larger.
+inline constexpr double follower_preference = 1000.0;
+
+/// Followers and what they follow, the order in which they are placed, and locked joints (followers.cpp).
+void choose_followers(Program& program);
+/// Whether StepSettings::ignore leaves out these bounds for a joint of program.model (followers.cpp).
+bool leaves_out(const Program& program, const JointSet& bounds, const Joint& joint);
+
 /// Adds hard couplings that follow from earlier ones to program.redundant. Throws ModelError if couplings contradict
 /// each other, and names them (couplings.cpp).
 void find_redundant_couplings(Program& program);

@@ -21,6 +21,22 @@ const std::vector<std::string>& Plan::row_names() const { return program_->row_n
 const std::vector<int>& Plan::redundant_couplings() const { return program_->redundant; }
 const std::vector<int>& Plan::eliminated_dofs() const { return program_->eliminated; }
 
+const std::vector<int>& Plan::independent_dofs() const { return program_->independent_dofs; }
+const std::vector<int>& Plan::follower_dofs() const { return program_->follower_dofs; }
+const std::vector<LockedJoints>& Plan::locked_joints() const { return program_->locked; }
+
+const Following& Plan::following(int dof) const {
+  if (dof < 0 || dof >= dofs())
+    throw UsageError("dof " + std::to_string(dof), "is not part of the plan",
+                     "give 0 to " + std::to_string(dofs() - 1));
+  return program_->following[dof];
+}
+
+int Plan::leader(int dof) const {
+  const std::vector<Following::Leader>& leaders = following(dof).leaders;
+  return leaders.size() == 1 ? leaders[0].dof : -1;
+}
+
 namespace {
 
 template <class Elements, class Name>
@@ -58,7 +74,8 @@ int Plan::parameter_rows(Parameter parameter) const {
     case Parameter::gravity: return 3;
     case Parameter::link_wrench: return 6 * t.links;
   }
-  return 0;
+  throw UsageError("field " + std::to_string(static_cast<unsigned>(parameter)), "is none of the enumerators",
+                   "give one of Parameter");
 }
 
 }  // namespace lockstep

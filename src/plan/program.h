@@ -44,6 +44,17 @@ class Lazy {
   std::shared_ptr<Made> made_ = std::make_shared<Made>();
 };
 
+/// How couplings place their followers: the turns one after the other, then the ring.
+struct Placing {
+  struct Turn {
+    int coupling;
+    int term;  ///< of the joint that it places
+  };
+  std::vector<Turn> turns;
+  std::vector<int> ring;            ///< couplings that place their followers together
+  std::vector<int> ring_followers;  ///< joints in the solver's order
+};
+
 struct InterpretedStep;  // src/interpret/lower.h
 
 /// A compiled scene: the tables, what they were made from, and the reasons for each choice.
@@ -65,6 +76,10 @@ struct Program {
   std::vector<std::vector<int>> follows_from;  ///< by redundant coupling: the couplings that it follows from
   std::vector<int> absent;                     ///< couplings without stiffness and damping
   std::vector<int> eliminated;                 ///< dofs
+  std::vector<int> independent_dofs, follower_dofs;
+  std::vector<Following> following;  ///< by dof
+  std::vector<LockedJoints> locked;
+  Placing placing_all, placing_hard;  ///< by all couplings, by those that may be hard
   std::vector<std::string> row_names;
   std::vector<Reported> reported;  ///< by row name
   int merged_links = 0;

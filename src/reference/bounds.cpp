@@ -155,10 +155,16 @@ std::vector<BoundedRow> bounded_rows(const Mechanism& mechanism, const Stage& st
 
 Model without(const Ignored& ignored, Model model) {
   for (Joint& joint : model.joints) {
-    if (ignored.position_limits) joint.lower = -infinity, joint.upper = infinity;
-    if (ignored.velocity_limits) joint.velocity_limit = infinity;
-    if (ignored.effort_limits) joint.effort_limit = infinity;
-    if (ignored.friction) joint.friction = 0.0;
+    const bool follows = std::any_of(model.couplings.begin(), model.couplings.end(),
+                                     [&](const Coupling& coupling) { return coupling.joint == joint.name; });
+    const auto takes = [&](const JointSet& set) {
+      return set.all || (set.followers && follows) ||
+             std::find(set.names.begin(), set.names.end(), joint.name) != set.names.end();
+    };
+    if (takes(ignored.position_limits)) joint.lower = -infinity, joint.upper = infinity;
+    if (takes(ignored.velocity_limits)) joint.velocity_limit = infinity;
+    if (takes(ignored.effort_limits)) joint.effort_limit = infinity;
+    if (takes(ignored.friction)) joint.friction = 0.0;
   }
   return model;
 }

@@ -89,6 +89,18 @@ std::string coupling_lines(const Program& program) {
   return text;
 }
 
+std::string locked_lines(const Program& program) {
+  const std::vector<std::string> names = coupling_names(program.model);
+  std::string text;
+  for (const LockedJoints& locked : program.locked) {
+    std::vector<std::string> joints, couplings;
+    for (int dof : locked.dofs) joints.push_back(program.dof_names[dof]);
+    for (int c : locked.couplings) couplings.push_back(names[c]);
+    text += fmt::format("  {} cannot move: couplings {} leave one position.\n", joined(joints), joined(couplings));
+  }
+  return text;
+}
+
 std::string method_lines(const Program& program) {
   const Tables<double>& t = program.f64;
   const StepSettings& s = program.settings;
@@ -182,38 +194,38 @@ std::string stage_lines(const Program& program) {
   return text;
 }
 
-struct BoundCounts {  // bounds of the model that a step holds or, as asked, leaves out
-  int position = 0, velocity = 0, effort = 0, friction = 0, kinematic = 0, force = 0;
+// What a step holds, and what it leaves out as asked.
+struct BoundCount {
+  int held = 0, ignored = 0;
 };
 
-BoundCounts bounds_of(const Model& model) {
-  BoundCounts s;
-  for (const Joint& joint : model.joints) {
-    if (!joint.moves()) continue;
-    s.position += joint.lower > -infinity || joint.upper < infinity;
-    s.velocity += joint.velocity_limit < infinity;
-    s.effort += joint.effort_limit < infinity;
-    s.friction += joint.friction > 0.0;
-    s.kinematic += joint.drive.kinematic;
-  }
-  for (const Coupling& coupling : model.couplings) s.force += coupling.force_limit < infinity;
-  return s;
-}
-
 std::string bounds_lines(const Program& program) {
-  const BoundCounts all = bounds_of(program.model);
   const Ignored& ignore = program.settings.ignore;
   const Bounds<double>& b = program.f64.bounds;
+  BoundCount position, velocity, effort, friction, kinematic, force;
+  for (const Joint& joint : program.model.joints) {
+    if (!joint.moves()) continue;
+    const auto count = [&](bool has, BoundCount& counted, const JointSet& left_out) {
+      if (has) ++(leaves_out(program, left_out, joint) ? counted.ignored : counted.held);
+    };
+    count(joint.lower > -infinity || joint.upper < infinity, position, ignore.position_limits);
+    count(joint.velocity_limit < infinity, velocity, ignore.velocity_limits);
+    count(joint.effort_limit < infinity, effort, ignore.effort_limits);
+    count(joint.friction > 0.0, friction, ignore.friction);
+    count(joint.drive.kinematic, kinematic, {});
+  }
+  for (const Coupling& coupling : program.model.couplings) force.held += coupling.force_limit < infinity;
   std::vector<std::string> held, ignored;
-  const auto say = [&](int count, bool left_out, const char* one, const char* many) {
-    if (count > 0) (left_out ? ignored : held).push_back(count_of(count, one, many));
+  const auto say = [&](const BoundCount& count, const char* one, const char* many) {
+    if (count.held > 0) held.push_back(count_of(count.held, one, many));
+    if (count.ignored > 0) ignored.push_back(count_of(count.ignored, one, many));
   };
-  say(all.position, ignore.position_limits, "position range", "position ranges");
-  say(all.velocity, ignore.velocity_limits, "velocity limit", "velocity limits");
-  say(all.effort, ignore.effort_limits, "effort limit", "effort limits");
-  say(all.friction, ignore.friction, "dry friction", "dry frictions");
-  say(all.kinematic, false, "kinematic drive", "kinematic drives");
-  say(all.force, false, "coupling with a force limit", "couplings with a force limit");
+  say(position, "position range", "position ranges");
+  say(velocity, "velocity limit", "velocity limits");
+  say(effort, "effort limit", "effort limits");
+  say(friction, "dry friction", "dry frictions");
+  say(kinematic, "kinematic drive", "kinematic drives");
+  say(force, "coupling with a force limit", "couplings with a force limit");
   std::string text;
   if (!held.empty()) {
     text = fmt::format("Bounds: {}", fmt::join(held, ", "));
@@ -253,8 +265,8 @@ std::string engine_line(const Plan& plan) {
 std::string Plan::describe() const {
   const Program& p = *program_;
   const long flops = flops_per_step();
-  return mechanism_line(p) + coupling_lines(p) + method_lines(p) + input_line(p) + stage_lines(p) + bounds_lines(p) +
-         engine_line(*this) +
+  return mechanism_line(p) + coupling_lines(p) + locked_lines(p) + method_lines(p) + input_line(p) + stage_lines(p) +
+         bounds_lines(p) + engine_line(*this) +
          fmt::format("Cost of a step of one environment: {} flops; {} bytes read and written in f32, {} in f64.\n",
                      flops, bytes_per_step(4), bytes_per_step(8)) +
          fmt::format("Memory of one environment: {} bytes in f32, {} in f64.\n", bytes_per_environment(4),

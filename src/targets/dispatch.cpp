@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "dispatch.h"
 
+#include <algorithm>
 #include <cstdlib>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -76,6 +78,9 @@ bool supported(Target target) noexcept { return choice(target) != nullptr; }
 Target resolve(Target wanted) {
   if (wanted == Target::automatic) wanted = environment_target();
   if (const TargetKernels* found = choice(wanted)) return found->target;
+  if (std::find(std::begin(all_targets), std::end(all_targets), wanted) == std::end(all_targets))
+    throw SettingsError("target " + std::to_string(static_cast<int>(wanted)), "is none of the enumerators",
+                        "give one of Target");
   throw SettingsError(std::string("target ") + to_string(wanted), "this machine lacks its instructions",
                       "use automatic");
 }

@@ -228,13 +228,13 @@ void run(const ChartOptions& options) {
   const std::string csv =
       options.csv.empty() ? std::filesystem::path(out).replace_extension(".csv").string() : options.csv;
   keep_apart({options.model.file, options.state}, {out, csv});
+  require_writable(csv);  // a bad name should not cost the measurement
   if (options.seconds > longest_motion)
     throw InputError(
         fmt::format("--seconds: {} s is too long for a chart; give at most {}", options.seconds, longest_motion));
   const int samples = std::max(1, static_cast<int>(std::lround(options.seconds * samples_per_second)));
 
   const Model model = with_start(options, options.model.load().model);
-  OutputFile(csv).close();  // a bad name should not cost the measurement
 
   Truth truth;
   Measured measured;

@@ -129,23 +129,22 @@ double cost(const Plan& plan, int samples, int environments, double seconds) {
 }  // namespace
 
 Model with_moving_start(Model model) {
-  const CouplingSolver solver(model);
   std::vector<Joint*> joints;
   bool moves = model.root.floating && !model.root.velocity.isZero(0.0);
   for (Joint& joint : model.joints)
     if (joint.moves()) joints.push_back(&joint), moves = moves || joint.velocity != 0.0;
   if (moves) return model;
-  Eigen::VectorXd q(joints.size()), v = Eigen::VectorXd::Zero(joints.size());
-  for (std::size_t i = 0; i < joints.size(); ++i) {
-    const bool slides = joints[i]->kind == JointKind::prismatic;
-    q[i] = joints[i]->position;
-    if (!solver.independent()[i]) continue;
-    q[i] = moved_within_limits(*joints[i], slides ? start_slide : start_angle);
-    v[i] = slides ? start_sliding : start_turning;
+  Batch<double> start(compile(model), 1, {.threads = 1});
+  for (const int dof : start.plan().independent_dofs()) {
+    const bool slides = joints[dof]->kind == JointKind::prismatic;
+    start.positions()(dof, 0) = moved_within_limits(*joints[dof], slides ? start_slide : start_angle);
+    start.velocities()(dof, 0) = slides ? start_sliding : start_turning;
   }
-  solver.settle_positions(q);
-  solver.settle_velocities(v);
-  for (std::size_t i = 0; i < joints.size(); ++i) joints[i]->position = q[i], joints[i]->velocity = v[i];
+  start.project(Couplings::all);
+  for (std::size_t dof = 0; dof < joints.size(); ++dof) {
+    joints[dof]->position = start.positions()(static_cast<Eigen::Index>(dof), 0);
+    joints[dof]->velocity = start.velocities()(static_cast<Eigen::Index>(dof), 0);
+  }
   return model;
 }
 

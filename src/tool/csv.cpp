@@ -2,6 +2,7 @@
 #include "csv.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -15,6 +16,8 @@
 
 namespace lockstep::tool {
 namespace {
+
+constexpr std::size_t most_bytes = std::size_t{256} << 20;  // as for a URDF file
 
 // The fields of one line. A quote inside a quoted field stands twice.
 std::vector<std::string> fields(const std::string& line, const std::string& where) {
@@ -76,10 +79,16 @@ std::string Table::at(std::size_t row, std::size_t column) const {
 
 Table read_csv(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  if (file) text << file.rdbuf();
-  if (!file || file.bad()) throw InputError(fmt::format("{}: cannot be read: {}", path, std::strerror(errno)));
-  return parse_csv(text.str(), path);
+  std::string text;
+  std::vector<char> part(1 << 20);
+  while (file && text.size() <= most_bytes) {
+    file.read(part.data(), static_cast<std::streamsize>(part.size()));
+    text.append(part.data(), static_cast<std::size_t>(file.gcount()));
+  }
+  if (text.size() > most_bytes)
+    throw InputError(fmt::format("{}: is larger than {} MB, too large for a table", path, most_bytes >> 20));
+  if (!file.eof()) throw InputError(fmt::format("{}: cannot be read: {}", path, std::strerror(errno)));
+  return parse_csv(text, path);
 }
 
 Table parse_csv(const std::string& text, const std::string& file) {
@@ -119,6 +128,17 @@ void keep_apart(const std::vector<std::string>& inputs, const std::vector<std::s
     if (!file.empty() && !used.insert(resolved(file)).second)
       throw InputError(
           fmt::format("{}: would be overwritten, but it is another input or output; give another name", file));
+}
+
+void require_writable(const std::string& path) {
+  if (path.empty()) return;
+  std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  if (folder.empty()) folder = ".";
+  const bool exists = access(path.c_str(), F_OK) == 0;
+  const bool writable = exists ? access(path.c_str(), W_OK) == 0 : access(folder.c_str(), W_OK | X_OK) == 0;
+  if (writable && !std::filesystem::is_directory(path)) return;
+  throw InputError(
+      fmt::format("{}: cannot be written: {}", path, writable ? std::strerror(EISDIR) : std::strerror(errno)));
 }
 
 OutputFile::OutputFile(std::string path)

@@ -20,7 +20,7 @@ struct Table {
 };
 
 /// Reads a table: commas, optional "quoted" fields, any line ends; blank lines are skipped. There must be a row.
-/// Throws InputError, with file:line:column where something is not a finite number.
+/// Throws InputError, with file:line:column where something is not a finite number, and for more than 256 MB.
 Table read_csv(const std::string& path);
 Table parse_csv(const std::string& text, const std::string& file);
 
@@ -29,6 +29,10 @@ std::string csv_field(const std::string& text);
 
 /// Throws InputError if an output is also an input or another output. Empty names do not count.
 void keep_apart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs);
+
+/// Throws InputError where a file of this name could not be written, without touching it. For outputs that are opened
+/// when there is something to write. An empty name is none.
+void require_writable(const std::string& path);
 
 /// A text file to write. Every failure to write, such as a full disk, throws InputError.
 class OutputFile {

@@ -1,11 +1,14 @@
 // lockstep info: what a model file holds and what a step does. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
 #include <memory>
+#include <set>
 
 #include "lockstep/plan.h"
 #include "options.h"
+#include "ranges.h"
 #include "tool.h"
 
 namespace lockstep::tool {
@@ -16,6 +19,69 @@ struct InfoOptions {
   StepOptions step;
 };
 
+const char* name_of(JointKind kind) {
+  switch (kind) {
+    case JointKind::revolute: return "revolute";
+    case JointKind::continuous: return "continuous";
+    case JointKind::prismatic: return "prismatic";
+    case JointKind::fixed: break;
+  }
+  return "fixed";
+}
+
+std::string words_of(double lower, double upper, const char* unit) {
+  return fmt::format("{:.6g} to {:.6g} {}", lower, upper, unit);
+}
+
+// "-2 knuckle + 0.1"
+std::string words_of(const Following& follows, const Plan& plan) {
+  std::string text;
+  for (const Following::Leader& leader : follows.leaders)
+    text += fmt::format("{}{:.6g} {}", text.empty() ? "" : " + ", leader.ratio, plan.dof_names()[leader.dof]);
+  return follows.offset == 0.0 ? text : fmt::format("{} + {:.6g}", text, follows.offset);
+}
+
+// A joint: its bounds and drive, what it follows, and what its followers leave of its range.
+std::string line_of(const Joint& joint, const Plan& plan, const Range& held, const Range& usable) {
+  const bool slides = joint.kind == JointKind::prismatic;
+  const char* const unit = slides ? "m" : "rad";
+  std::string line = fmt::format("  {}: {}", joint.name, name_of(joint.kind));
+  if (joint.lower > -infinity || joint.upper < infinity) {
+    line += ", " + words_of(joint.lower, joint.upper, unit);
+    if (held == Range()) line += " (ignored)";
+  }
+  if (joint.velocity_limit < infinity) line += fmt::format(", {:.6g} {}/s", joint.velocity_limit, unit);
+  if (joint.effort_limit < infinity) line += fmt::format(", {:.6g} {}", joint.effort_limit, slides ? "N" : "N m");
+  if (joint.damping > 0.0) line += fmt::format(", damping {:.6g}", joint.damping);
+  if (joint.armature > 0.0) line += fmt::format(", armature {:.6g}", joint.armature);
+  if (joint.friction > 0.0) line += fmt::format(", friction {:.6g}", joint.friction);
+  if (joint.drive.kinematic) line += ", kinematic drive";
+  if (joint.drive.kp > 0.0 || joint.drive.kd > 0.0)
+    line += fmt::format(", servo kp {:.6g} kd {:.6g}", joint.drive.kp, joint.drive.kd);
+  const Following& follows = plan.following(plan.dof(joint.name));
+  if (!follows.leaders.empty()) line += "; follows " + words_of(follows, plan);
+  if (usable == held) return line;
+  line += usable.lower < usable.upper    ? "; followers leave " + words_of(usable.lower, usable.upper, unit)
+          : usable.lower == usable.upper ? fmt::format("; followers leave {:.6g} {} alone", usable.lower, unit)
+                                         : "; followers leave nothing";
+  std::set<std::string> who;
+  for (const std::string& by : {usable.lower_by, usable.upper_by})
+    if (!by.empty()) who.insert(by);
+  return line + fmt::format(" ({})", fmt::join(who, ", "));
+}
+
+std::string joint_lines(const Plan& plan) {
+  const std::vector<Range> held = held_ranges(plan), usable = usable_ranges(plan);
+  std::string text = "Joints:\n";
+  for (const Joint& joint : plan.model().joints)
+    if (joint.moves()) {
+      const int dof = plan.dof(joint.name);
+      text += line_of(joint, plan, held[dof], usable[dof]) + '\n';
+    }
+  for (const Site& site : plan.model().sites) text += fmt::format("  site {} on {}\n", site.name, site.link);
+  return text;
+}
+
 void run(const InfoOptions& options) {
   const Import import = options.model.load();
   const Plan plan = compile(import.model, options.step.settings);
@@ -23,7 +89,7 @@ void run(const InfoOptions& options) {
   for (const std::string& line : import.report) fmt::print("  {}\n", line);
   std::string description = plan.describe();
   while (description.ends_with('\n')) description.pop_back();
-  fmt::print("\n{}\n", description);
+  fmt::print("\n{}\n{}\n", joint_lines(plan), description);
 }
 
 }  // namespace

@@ -5,8 +5,11 @@
 #include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
+#include <utility>
 #include <vector>
 
 #include "text.h"
@@ -54,9 +57,47 @@ Joint& moving_joint(Model& model, const std::string& name, const char* option) {
   throw InputError(fmt::format("{}: model '{}' has no joint '{}'", option, model.name, name));
 }
 
-void soften(const std::string& text, Model& model) {
-  const Named softness = named_numbers(text, 2, "--softness");
-  coupling_of(model, softness.name, "--softness").softness = Frequency{softness.numbers[0], softness.numbers[1]};
+// Texts without a name are for all: set(nullptr, numbers). They come first, so that a name takes precedence.
+template <class Set>
+void set_all_then_named(const std::vector<std::string>& texts, std::size_t count, const char* option, const Set& set) {
+  for (const std::string& text : texts)
+    if (text.find('=') == std::string::npos) set(nullptr, named_numbers("all=" + text, count, option).numbers);
+  for (const std::string& text : texts) {
+    if (text.find('=') == std::string::npos) continue;
+    const Named named = named_numbers(text, count, option);
+    set(&named.name, named.numbers);
+  }
+}
+
+void soften(const std::vector<std::string>& texts, Model& model) {
+  set_all_then_named(texts, 2, "--softness", [&](const std::string* name, const std::vector<double>& numbers) {
+    const Frequency softness{numbers[0], numbers[1]};
+    if (name) coupling_of(model, *name, "--softness").softness = softness;
+    for (Coupling& coupling : model.couplings)
+      if (!name) coupling.softness = softness;
+  });
+}
+
+void set_number(const std::vector<std::string>& texts, const char* option, double Joint::*number, Model& model) {
+  set_all_then_named(texts, 1, option, [&](const std::string* name, const std::vector<double>& numbers) {
+    if (name) moving_joint(model, *name, option).*number = numbers[0];
+    for (Joint& joint : model.joints)
+      if (!name && joint.moves()) joint.*number = numbers[0];
+  });
+}
+
+void add_site(const std::string& text, Model& model) {
+  const std::size_t equals = text.find('=');
+  const std::vector<std::string> parts = split(equals == std::string::npos ? "" : text.substr(equals + 1), ',');
+  if (equals == 0 || parts[0].empty() || (parts.size() != 1 && parts.size() != 4))
+    throw InputError(fmt::format("--site: '{}' should be NAME=LINK or NAME=LINK,X,Y,Z", text));
+  Site site{text.substr(0, equals), parts[0], Pose::Identity()};
+  if (parts.size() == 4) {
+    const std::size_t numbers = text.find(',', equals) + 1;
+    const std::vector<double> at = to_numbers(text.substr(numbers), 3, "--site " + site.name);
+    site.pose.translation() = Eigen::Vector3d(at[0], at[1], at[2]);
+  }
+  model.sites.push_back(std::move(site));
 }
 
 void limit_force(const std::string& text, Model& model) {
@@ -88,8 +129,12 @@ void ModelOptions::add_to(CLI::App& app) {
                  "Raises smaller principal moments to this; an inertia that no body can have becomes a ball's")
       ->type_name("KG_M2")
       ->check(CLI::NonNegativeNumber);
-  CLI::Option* floats = app.add_flag("--floating-base", floating, "Lets the root link float in the world");
-  app.add_flag("--fixed-base")->description("Bolts the root link to the world (default)")->excludes(floats);
+  CLI::Option* floats = app.add_flag_callback(
+      "--floating-base", [this] { floating = true; },
+      "Lets the root link float in the world (default: as in the file)");
+  app.add_flag_callback(
+         "--fixed-base", [this] { floating = false; }, "Bolts the root link to the world")
+      ->excludes(floats);
   const auto vector = [](const std::string& text) {
     const std::vector<double> numbers = to_numbers(text, 3, "--gravity");
     return Eigen::Vector3d(numbers[0], numbers[1], numbers[2]);
@@ -103,8 +148,19 @@ void ModelOptions::add_to(CLI::App& app) {
       ->check(CLI::Number);
   app.add_option("--softness", softness,
                  "Makes the coupling whose first joint is JOINT a spring: natural frequency in rad/s, damping ratio. "
-                 "JOINT#2 is its second coupling. Repeatable")
-      ->type_name("JOINT=MU,ZETA")
+                 "JOINT#2 is its second coupling. Without JOINT: all couplings. Repeatable")
+      ->type_name("[JOINT=]MU,ZETA")
+      ->allow_extra_args(false);
+  app.add_option("--damping", damping,
+                 "Damping of the joint, N m s/rad or N s/m. Without JOINT: of all joints. Repeatable")
+      ->type_name("[JOINT=]D")
+      ->allow_extra_args(false);
+  app.add_option("--armature", armature,
+                 "Rotor inertia of the joint, kg m^2 or kg. Without JOINT: of all joints. Repeatable")
+      ->type_name("[JOINT=]A")
+      ->allow_extra_args(false);
+  app.add_option("--site", sites, "A frame on a link, at X,Y,Z (m) in its axes; --record writes its place. Repeatable")
+      ->type_name("NAME=LINK[,X,Y,Z]")
       ->allow_extra_args(false);
   app.add_option("--force-limit", force_limits,
                  "Lets the coupling whose first joint is JOINT slip beyond this force along that joint, N m or N. "
@@ -122,12 +178,15 @@ void ModelOptions::add_to(CLI::App& app) {
 }
 
 void apply(const ModelOptions& options, Model& model) {
-  model.root.floating = options.floating;
+  if (options.floating) model.root.floating = *options.floating;
   model.gravity = options.gravity;
   if (options.erp)
     for (Coupling& coupling : model.couplings)
       if (std::holds_alternative<Hard>(coupling.softness)) coupling.softness = Hard{*options.erp};
-  for (const std::string& text : options.softness) soften(text, model);
+  soften(options.softness, model);
+  set_number(options.damping, "--damping", &Joint::damping, model);
+  set_number(options.armature, "--armature", &Joint::armature, model);
+  for (const std::string& text : options.sites) add_site(text, model);
   for (const std::string& text : options.force_limits) limit_force(text, model);
   for (const std::string& text : options.drives) drive(text, model);
   for (const std::string& name : options.kinematic) make_kinematic(name, model);
@@ -167,7 +226,8 @@ void StepOptions::add_to(CLI::App& app) {
 
 void add_ignore(CLI::App& app, Ignored& ignore) {
   add_parsed(app, "--ignore", ignore, ignored_of,
-             "Leaves out bounds of the model: position, velocity, effort, friction, separated by commas")
+             "Leaves out bounds of the model: position, velocity, effort, friction, separated by commas; of one joint "
+             "with :JOINT behind, of followers with :followers")
       ->type_name("LIST");
 }
 
@@ -196,17 +256,26 @@ Engine engine_of(const std::string& text) { return named(all_engines, text, "--e
 
 Ignored ignored_of(const std::string& list) {
   Ignored ignored;
+  const std::pair<const char*, JointSet*> kinds[] = {{"position", &ignored.position_limits},
+                                                     {"velocity", &ignored.velocity_limits},
+                                                     {"effort", &ignored.effort_limits},
+                                                     {"friction", &ignored.friction}};
   for (const std::string& part : split(list, ',')) {
-    if (part == "position")
-      ignored.position_limits = true;
-    else if (part == "velocity")
-      ignored.velocity_limits = true;
-    else if (part == "effort")
-      ignored.effort_limits = true;
-    else if (part == "friction")
-      ignored.friction = true;
+    const std::size_t colon = part.find(':');
+    const std::string kind = part.substr(0, colon);
+    const auto found = std::find_if(std::begin(kinds), std::end(kinds), [&](const auto& k) { return k.first == kind; });
+    const std::string joint = colon == std::string::npos ? "" : part.substr(colon + 1);
+    if (found == std::end(kinds) || (colon != std::string::npos && joint.empty()))
+      throw InputError(fmt::format(
+          "--ignore: there is no '{}'; give some of position,velocity,effort,friction, each alone or with :JOINT or "
+          ":followers behind",
+          part));
+    if (colon == std::string::npos)
+      found->second->all = true;
+    else if (joint == "followers")
+      found->second->followers = true;
     else
-      throw InputError(fmt::format("--ignore: there is no '{}'; give some of position,velocity,effort,friction", part));
+      found->second->names.push_back(joint);
   }
   return ignored;
 }

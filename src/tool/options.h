@@ -20,10 +20,13 @@ namespace lockstep::tool {
 struct ModelOptions {
   std::string file;
   ImportOptions import;
-  bool floating = false;
+  std::optional<bool> floating;  ///< as in the file if empty
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};
   std::optional<double> erp;              ///< of every hard coupling
-  std::vector<std::string> softness;      ///< "JOINT=MU,ZETA"
+  std::vector<std::string> softness;      ///< "JOINT=MU,ZETA", or "MU,ZETA" for all couplings
+  std::vector<std::string> damping;       ///< "JOINT=D", or "D" for all joints
+  std::vector<std::string> armature;      ///< "JOINT=A", or "A" for all joints
+  std::vector<std::string> sites;         ///< "NAME=LINK" or "NAME=LINK,X,Y,Z"
   std::vector<std::string> force_limits;  ///< "JOINT=F"
   std::vector<std::string> drives;        ///< "JOINT=KP,KD"
   std::vector<std::string> kinematic;     ///< "JOINT"
@@ -50,7 +53,8 @@ Method method_of(const std::string& name);
 Integrator integrator_of(const std::string& name);
 Engine engine_of(const std::string& name);
 
-/// From a list such as "position,friction". Throws InputError, which lists the known names.
+/// From a list such as "position:left,position:right,friction:followers,effort". Throws InputError, which lists the
+/// known names.
 Ignored ignored_of(const std::string& list);
 
 /// Adds an option. `parse` turns its text into `value`, or throws InputError.

@@ -15,6 +15,8 @@ Recorder::Recorder(const std::string& path, int environment, const Plan& plan)
   for (const std::string& coupling : coupling_names(plan.model())) names.push_back(csv_field("C." + coupling));
   if (plan.floating())
     for (const StateColumn& column : root_columns()) names.push_back(column.name);
+  for (const Site& site : plan.model().sites)
+    for (const char* axis : {"x", "y", "z"}) names.push_back(csv_field(fmt::format("site.{}.{}", site.name, axis)));
   file_->write(fmt::format("{}\n", fmt::join(names, ",")));
 }
 
@@ -31,6 +33,10 @@ void Recorder::add(double time, Batch<S>& batch, const typename Batch<S>::Array&
   for (Eigen::Index c = 0; c < coupling_errors.rows(); ++c) append(coupling_errors(c, environment_));
   for (const auto& root : {batch.root_poses(), batch.root_velocities()})
     for (Eigen::Index i = 0; i < root.rows(); ++i) append(root(i, environment_));
+  for (std::size_t site = 0; site < batch.plan().model().sites.size(); ++site) {
+    const typename Batch<S>::Array place = batch.site_positions(static_cast<int>(site));
+    for (int k = 0; k < 3; ++k) append(place(k, environment_));
+  }
   line.push_back('\n');
   file_->write(fmt::to_string(line));
 }

@@ -45,6 +45,7 @@ struct Outcome {
   double coupling_error_max = 0.0, coupling_error_rms = 0.0;  ///< NaN where every environment faulted
   int faulted = 0, first_faulted = -1;
   Fault first_fault = Fault::none;
+  std::string explanation = {};  ///< Batch::explain_fault() of the first
 };
 
 long step_count(double seconds, double dt) {
@@ -77,6 +78,7 @@ void note_faults(const Batch<S>& batch, Outcome& outcome) {
   outcome.faulted = batch.faulted();
   for (int e = batch.environments() - 1; e >= 0; --e)
     if (batch.faults()[e] != Fault::none) outcome.first_faulted = e, outcome.first_fault = batch.faults()[e];
+  if (outcome.faulted > 0) outcome.explanation = batch.explain_fault(outcome.first_faulted);
   if (outcome.faulted == batch.environments())
     outcome.coupling_error_max = outcome.coupling_error_rms = std::numeric_limits<double>::quiet_NaN();
 }
@@ -258,8 +260,7 @@ int run(const SimulateOptions& options) {
     throw InputError(fmt::format("--record-env: {} is not below the number of environments, {}", options.recorded,
                                  options.environments));
   keep_apart({options.model.file, options.state, options.targets}, {options.record, options.json});
-  std::optional<OutputFile> json;  // opened first: a bad name should not cost a run
-  if (!options.json.empty()) json.emplace(options.json);
+  for (const std::string& output : {options.record, options.json}) require_writable(output);  // before a long run
   const Inputs inputs(options);
   const Model model = options.model.load().model;
   const std::optional<Chosen> chosen = chosen_step(options, inputs, model);
@@ -268,17 +269,22 @@ int run(const SimulateOptions& options) {
   const Outcome outcome =
       options.f64 ? run<double>(options, inputs, plan, steps) : run<float>(options, inputs, plan, steps);
   print(options, plan, outcome);
-  if (json) {
+  // Only Euler's scenes have bounds that could be in conflict.
+  if (!options.json.empty() || plan.integrator() == Integrator::euler) {
     const Diagnosis diagnosis =
         options.f64 ? diagnosed<double>(options, inputs, plan, steps) : diagnosed<float>(options, inputs, plan, steps);
     warn(diagnosis);
-    json->write(as_json(options, plan, outcome, diagnosis));
-    json->close();
+    if (!options.json.empty()) {
+      OutputFile json(options.json);
+      json.write(as_json(options, plan, outcome, diagnosis));
+      json.close();
+    }
   }
   if (outcome.faulted == 0) return fine;
   std::fflush(stdout);
   fmt::print(stderr, "lockstep: {} of {} environments faulted; the first is number {}: {}\n", outcome.faulted,
-             options.environments, outcome.first_faulted, to_string(outcome.first_fault));
+             options.environments, outcome.first_faulted,
+             outcome.explanation.substr(outcome.explanation.find(": ") + 2));  // without the environment's number
   return some_faulted;
 }
 
@@ -329,7 +335,7 @@ void add_simulate(CLI::App& app, int& exit_code) {
   command->add_option("--targets", options->targets, "CSV of drive targets over time")->type_name("FILE");
   command
       ->add_option("--perturb", options->sigma,
-                   "Adds normal noise, rad or m, to the start of every joint that is not the first of a coupling")
+                   "Adds normal noise, rad or m, to the start of every joint that follows none, within position ranges")
       ->type_name("SIGMA")
       ->check(CLI::Range(0.0, 1e3));
   command->add_option("--seed", options->seed, "Seed of the noise")->type_name("S")->capture_default_str();

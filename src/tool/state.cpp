@@ -3,11 +3,13 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <random>
 
+#include "ranges.h"
 #include "tool.h"
 
 namespace lockstep::tool {
@@ -109,15 +111,21 @@ void apply_state(const Table& table, Batch<S>& batch) {
   if (!one_for_all && table.rows.size() != static_cast<std::size_t>(environments))
     throw InputError(fmt::format("{}: has {} rows for {} environments; give one row for all or one for each",
                                  table.file, table.rows.size(), environments));
-  for (std::size_t c = 0; c < columns.size(); ++c) {
-    auto row = state_view(batch, columns[c].kind).row(columns[c].row);
-    for (int e = 0; e < environments; ++e) {
-      const std::size_t line = one_for_all ? 0 : e;
-      row[e] = static_cast<S>(table.rows[line][c]);
-      if (!std::isfinite(row[e]))
-        throw InputError(fmt::format("{}: {} is too large for this precision", table.at(line, c), table.rows[line][c]));
+  const auto write = [&] {
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      auto row = state_view(batch, columns[c].kind).row(columns[c].row);
+      for (int e = 0; e < environments; ++e) {
+        const std::size_t line = one_for_all ? 0 : e;
+        row[e] = static_cast<S>(table.rows[line][c]);
+        if (!std::isfinite(row[e]))
+          throw InputError(
+              fmt::format("{}: {} is too large for this precision", table.at(line, c), table.rows[line][c]));
+      }
     }
-  }
+  };
+  write();
+  batch.project(Couplings::all);
+  write();  // what the file gives stays, even if it breaks a coupling
   if (!has_quaternion(columns)) return;
   for (int e = 0; e < environments; ++e) normalize_quaternion(table, one_for_all ? 0 : e, e, batch);
 }
@@ -140,53 +148,46 @@ Model with_state(Model model, const Table& table) {
   return model;
 }
 
-CouplingSolver::CouplingSolver(const Model& model) {
-  std::map<std::string, int> dof;
-  for (const Joint& joint : model.joints)
-    if (joint.moves()) dof.emplace(joint.name, static_cast<int>(dof.size()));
-  const int dofs = static_cast<int>(dof.size()), couplings = static_cast<int>(model.couplings.size());
-  independent_.assign(dofs, true);
-  jacobian_.setZero(couplings, dofs);
-  offsets_.setZero(couplings);
-  for (int c = 0; c < couplings; ++c) {
-    const Coupling& coupling = model.couplings[c];
-    independent_[dof.at(coupling.joint)] = false;
-    jacobian_(c, dof.at(coupling.joint)) = 1.0;
-    for (const CouplingTerm& term : coupling.terms) jacobian_(c, dof.at(term.joint)) = term.ratio;
-    offsets_[c] = coupling.offset;
+namespace {
+
+// A draw of the noise that leaves `start` within the range, or as far outside as it is.
+double drawn(double start, const Range& range, const std::function<double()>& noise) {
+  constexpr int most_draws = 16;
+  const double lower = std::min(start, range.lower), upper = std::max(start, range.upper);
+  double drawn = start;
+  for (int draw = 0; draw < most_draws; ++draw) {
+    drawn = start + noise();
+    if (drawn >= lower && drawn <= upper) break;
   }
-  if (couplings == 0) return;
-  Eigen::MatrixXd first_joints_only = jacobian_;
-  for (int i = 0; i < dofs; ++i)
-    if (independent_[i]) first_joints_only.col(i).setZero();
-  first_joints_ = first_joints_only.completeOrthogonalDecomposition().pseudoInverse();
-  all_joints_ = jacobian_.completeOrthogonalDecomposition().pseudoInverse();
+  return std::clamp(drawn, lower, upper);
 }
 
-void CouplingSolver::settle_positions(Eigen::VectorXd& positions) const { settle(positions, offsets_); }
-
-void CouplingSolver::settle_velocities(Eigen::VectorXd& velocities) const {
-  settle(velocities, Eigen::VectorXd::Zero(offsets_.size()));
-}
-
-void CouplingSolver::settle(Eigen::VectorXd& values, const Eigen::VectorXd& offsets) const {
-  if (offsets.size() == 0) return;
-  for (const Eigen::MatrixXd* motion : {&first_joints_, &all_joints_})
-    values -= *motion * (jacobian_ * values + offsets);
-}
+}  // namespace
 
 template <class S>
 void perturb(double sigma, std::uint64_t seed, Batch<S>& batch) {
-  const CouplingSolver solver(batch.plan().model());
+  const Plan& plan = batch.plan();
+  const std::vector<Range> held = held_ranges(plan), usable = usable_ranges(plan);
   std::mt19937_64 random(seed);
   std::normal_distribution<double> noise(0.0, sigma);
   auto positions = batch.positions();
+  batch.project(Couplings::all);
+  const typename Batch<S>::Array start = positions;
   for (int e = 0; e < batch.environments(); ++e) {
-    Eigen::VectorXd q = positions.col(e).template cast<double>();
-    for (Eigen::Index i = 0; i < q.size(); ++i)
-      if (solver.independent()[i]) q[i] += noise(random);
-    solver.settle_positions(q);
-    positions.col(e) = q.cast<S>().array();
+    for (const int dof : plan.independent_dofs())
+      positions(dof, e) = static_cast<S>(drawn(start(dof, e), usable[dof], [&] { return noise(random); }));
+    // A follower of several leaders may be beyond its range yet: then all noise of the environment shrinks.
+    const auto beyond = [&](int dof) {
+      const double q = positions(dof, e), q0 = start(dof, e), slack = 1e-6 * (1.0 + std::abs(q));
+      return q < std::min(q0, held[dof].lower) - slack || q > std::max(q0, held[dof].upper) + slack;
+    };
+    const std::vector<int> this_one = {e};
+    const typename Batch<S>::Array change = positions.col(e) - start.col(e);
+    for (S share = S(1); share > S(1e-3); share /= S(2)) {
+      for (const int dof : plan.independent_dofs()) positions(dof, e) = start(dof, e) + share * change(dof, 0);
+      batch.project(this_one, Couplings::all);
+      if (std::none_of(plan.follower_dofs().begin(), plan.follower_dofs().end(), beyond)) break;
+    }
   }
 }
 

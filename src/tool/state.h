@@ -26,35 +26,18 @@ std::vector<StateColumn> root_columns();  ///< pose, then velocity, in the order
 template <class S>
 typename Batch<S>::View state_view(Batch<S>& batch, StateColumn::Kind kind);
 
-/// Writes the rows of a state file into the environments: one row for all, or one for each. States without a column
-/// keep their values. Throws InputError for unknown columns, and for numbers that cannot be used.
+/// Writes the rows of a state file into the environments: one row for all, or one for each. Followers without a column
+/// go where the other joints put them, through couplings of any softness; other states keep their values. Throws
+/// InputError for unknown columns, and for numbers that cannot be used.
 template <class S>
 void apply_state(const Table& table, Batch<S>& batch);
 
 /// The model with the start of a state file of one row.
 Model with_state(Model model, const Table& table);
 
-/// Makes a state of one environment satisfy the couplings (17). Moves the couplings' first joints; where that is not
-/// enough, moves all joints by as little as possible.
-class CouplingSolver {
- public:
-  explicit CouplingSolver(const Model& model);
-
-  /// By dof: true if it is not the first joint of any coupling.
-  const std::vector<bool>& independent() const { return independent_; }
-  void settle_positions(Eigen::VectorXd& positions) const;    ///< C = 0
-  void settle_velocities(Eigen::VectorXd& velocities) const;  ///< dC/dt = 0
-
- private:
-  void settle(Eigen::VectorXd& values, const Eigen::VectorXd& offsets) const;
-  std::vector<bool> independent_;
-  Eigen::MatrixXd jacobian_;  ///< [couplings][dofs]
-  Eigen::VectorXd offsets_;
-  Eigen::MatrixXd first_joints_, all_joints_;  ///< pseudo-inverses: from errors to motions of these joints
-};
-
-/// Adds normal noise of standard deviation `sigma` to the independent joints of every environment, and makes the others
-/// satisfy the couplings. The noise of an environment does not depend on how many follow it.
+/// Adds normal noise of standard deviation `sigma` to the independent joints of every environment, and places the
+/// followers. Joints stay within the position ranges that a step holds, or as far outside as they start. The noise of
+/// an environment does not depend on how many come behind it.
 template <class S>
 void perturb(double sigma, std::uint64_t seed, Batch<S>& batch);
 

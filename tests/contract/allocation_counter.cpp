@@ -10,12 +10,14 @@
 namespace {
 
 std::atomic<std::size_t> counted = 0;
+std::atomic<bool> aligned_is_refused = false;
 
 }  // namespace
 
 namespace lockstep::contract {
 
 std::size_t allocations() { return counted; }
+void refuse_aligned(bool refused) { aligned_is_refused = refused; }
 
 }  // namespace lockstep::contract
 
@@ -61,6 +63,7 @@ void* operator new(std::size_t size) {
 void* operator new(std::size_t size, std::align_val_t alignment) {
   ++counted;
   const std::size_t unit = static_cast<std::size_t>(alignment);
+  if (aligned_is_refused) throw std::bad_alloc();
   if (void* block = std::aligned_alloc(unit, (size + unit - 1) / unit * unit)) return block;
   throw std::bad_alloc();
 }

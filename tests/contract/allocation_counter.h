@@ -13,4 +13,7 @@ namespace lockstep::contract {
 /// Number of allocations in all threads of this program so far.
 std::size_t allocations();
 
+/// Whether operator new fails for memory that is aligned to cache lines and more.
+void refuse_aligned(bool refused);
+
 }  // namespace lockstep::contract

@@ -97,6 +97,26 @@ TEST_P(Allocation, does_not_happen_in_resets_and_views) {
             0u);
 }
 
+TEST_P(Allocation, does_not_happen_where_followers_are_placed) {
+  Batch<float> batch(compile(scenes::chain32(), contract::settings(GetParam())), 19, {.threads = 1});
+  batch.positions().setConstant(0.2f);
+  EXPECT_EQ(allocated_by([&] { batch.project(Couplings::all); }), 0u);
+  const int ids[] = {3, 5};
+  const Batch<float>::Array state = Batch<float>::Array::Constant(32, 2, 0.1f);
+  EXPECT_EQ(allocated_by([&] { batch.reset(ids, state, state); }), 0u);
+}
+
+// The memory of threads is taken when a batch is made, where it can be refused.
+TEST(Threads, take_no_memory_of_their_own_in_a_step) {
+  const Plan plan = compile(scenes::chain8());
+  Batch<float> batch(plan, 4096, {.threads = 2});
+  contract::refuse_aligned(true);
+  EXPECT_THROW(Batch<float>(plan, 4096, {.threads = 2}), std::bad_alloc);
+  batch.step(8);
+  contract::refuse_aligned(false);
+  EXPECT_EQ(batch.faulted(), 0);
+}
+
 INSTANTIATE_TEST_SUITE_P(method, Allocation, testing::ValuesIn(physics::methods), physics::method_name);
 
 static_assert(noexcept(std::declval<Batch<float>&>().step()));

@@ -1,7 +1,9 @@
 // What a Batch refuses, and which target and engine it chooses. SPDX-License-Identifier: Apache-2.0
 #include <cstdlib>
 #include <functional>
+#include <limits>
 #include <optional>
+#include <utility>
 
 #include "contract.h"
 #include "lockstep/error.h"
@@ -79,6 +81,68 @@ TEST(Batch, refuses_less_than_one_environment_and_negative_threads) {
   expect_refused<SettingsError>([&] { Batch<float>(plan, 0); }, "environments", "1 or more");
   expect_refused<SettingsError>([&] { Batch<float>(plan, -7); }, "environments", "1 or more");
   expect_refused<SettingsError>([&] { Batch<float>(plan, 1, {.threads = -1}); }, "threads", "0 for all");
+  for (const int threads : {1025, std::numeric_limits<int>::max(), std::numeric_limits<int>::min()})
+    expect_refused<SettingsError>([&] { Batch<float>(plan, 1, {.threads = threads}); }, "threads", "0 for all");
+  expect_refused<SettingsError>([&] { Batch<float>(plan, std::numeric_limits<int>::max()); }, "environments", "1 or");
+}
+
+TEST(Batch, refuses_numbers_that_are_no_enumerators) {
+  const Plan plan = compile(scenes::chain8(), {.per_environment = {Parameter::mass}});
+  for (const int number : {-1, 9, 77}) {
+    const std::string text = std::to_string(number);
+    expect_refused<SettingsError>([&] { Batch<float>(plan, 1, {.threads = 1, .target = Target(number)}); },
+                                  "target " + text, "one of Target");
+    expect_refused<SettingsError>([&] { Batch<float>(plan, 1, {.threads = 1, .engine = Engine(number)}); },
+                                  "engine " + text, "one of Engine");
+  }
+  Batch<float> batch(plan, 1, serial);
+  for (const unsigned number : {9u, 31u, 32u, 77u, 4294967295u}) {
+    expect_refused<UsageError>([&] { batch.parameter(Parameter(number)); }, "field " + std::to_string(number),
+                               "one of");
+    expect_refused<UsageError>([&] { plan.parameter_rows(Parameter(number)); }, "field " + std::to_string(number),
+                               "one of");
+  }
+}
+
+TEST(Batch, that_was_moved_from_refuses_everything_but_an_assignment) {
+  Batch<double> first(compile(scenes::chain8(), {.record_diagnostics = true}), 2, serial);
+  const Batch<double> second = std::move(first);
+  const Batch<double>::Array state = Batch<double>::Array::Zero(8, 1);
+  const std::vector<int> ids = {0};
+  const bool mask[2] = {};
+  const std::vector<std::function<void()>> calls = {[&] { first.plan(); },
+                                                    [&] { first.environments(); },
+                                                    [&] { first.target(); },
+                                                    [&] { first.engine(); },
+                                                    [&] { first.kernel_name(); },
+                                                    [&] { first.positions(); },
+                                                    [&] { std::as_const(first).positions(); },
+                                                    [&] { first.root_poses(); },
+                                                    [&] { first.velocity_targets(); },
+                                                    [&] { first.parameter(Parameter::mass); },
+                                                    [&] { first.reset(); },
+                                                    [&] { first.reset(ids); },
+                                                    [&] { first.reset(mask); },
+                                                    [&] { first.reset(ids, state, state); },
+                                                    [&] { first.project(); },
+                                                    [&] { first.project(ids); },
+                                                    [&] { first.project(mask); },
+                                                    [&] { first.faults(); },
+                                                    [&] { first.faulted(); },
+                                                    [&] { first.explain_fault(0); },
+                                                    [&] { first.read_frames({}); },
+                                                    [&] { first.coupling_errors(); },
+                                                    [&] { first.link_poses(0); },
+                                                    [&] { first.kinetic_energies(); },
+                                                    [&] { first.limit_violations(); },
+                                                    [&] { first.speeds(); },
+                                                    [&] { first.row_residuals(); },
+                                                    [&] { first.conflicts(0); }};
+  for (std::size_t i = 0; i < calls.size(); ++i) {
+    SCOPED_TRACE(i);
+    expect_refused<UsageError>(calls[i], "batch", "moved to");
+  }
+  EXPECT_NO_FATAL_FAILURE(first.step());
 }
 
 struct TooLarge {

@@ -141,15 +141,23 @@ TEST(Inputs, are_held_and_read_in_every_step) {
   EXPECT_EQ(batch.efforts()(6, 1), 4.0);
 }
 
-TEST(Inputs, survive_a_reset) {
+TEST(Inputs, become_the_models_in_a_reset_unless_they_are_kept) {
   const Plan plan = compile(scenes::gripper13(), {.per_environment = {Parameter::mass}});
   Batch<double> batch = scattered<double>(plan, 4);
   const auto targets = batch.position_targets().eval(), efforts = batch.efforts().eval();
   const auto masses = batch.parameter(Parameter::mass).eval();
   batch.step(3);
-  batch.reset();
+  batch.reset({.keep_inputs = true});
   EXPECT_TRUE((batch.position_targets() == targets).all());
   EXPECT_TRUE((batch.efforts() == efforts).all());
+  EXPECT_TRUE((batch.parameter(Parameter::mass) == masses).all());
+  const std::vector<int> ids = {2};
+  batch.reset(ids);
+  Batch<double> initial(plan, 1, serial);
+  for (int e = 0; e < 4; ++e) {
+    EXPECT_EQ((batch.position_targets().col(e) == initial.position_targets().col(0)).all(), e == 2);
+    EXPECT_EQ((batch.efforts().col(e) == initial.efforts().col(0)).all(), e == 2);
+  }
   EXPECT_TRUE((batch.parameter(Parameter::mass) == masses).all());
 }
 
@@ -194,7 +202,7 @@ TEST(Reset, takes_one_column_of_given_states_per_environment) {
   positions.setRandom(), velocities.setRandom();
   const int ids[] = {4, 1};
   batch.step(2);
-  batch.reset(ids, positions, velocities);
+  batch.reset(ids, positions, velocities, {.project = Couplings::none});
   for (int i = 0; i < 2; ++i) {
     EXPECT_TRUE((batch.positions().col(ids[i]) == positions.col(i)).all());
     EXPECT_TRUE((batch.velocities().col(ids[i]) == velocities.col(i)).all());

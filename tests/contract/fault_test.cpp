@@ -69,14 +69,16 @@ std::vector<Cause<S>> causes(const Plan& plan) {
     for (int row : rows) {
       if (parameter == Parameter::mass && row == 0) continue;  // a fixed root may have any mass
       if (parameter == Parameter::link_wrench && row == 0) row = 6;
+      const bool has_range = !by_coupling && parameter != Parameter::gravity && parameter != Parameter::link_wrench;
       all.push_back({std::string("NaN ") + to_string(parameter) + " " + std::to_string(row),
-                     [=](Batch<S>& b, int e) { b.parameter(parameter)(row, e) = not_a_number; }, Fault::not_finite});
+                     [=](Batch<S>& b, int e) { b.parameter(parameter)(row, e) = not_a_number; },
+                     has_range ? Fault::bad_value : Fault::not_finite});
     }
   }
   if (declared.contains(Parameter::mass)) {
     const int last = plan.parameter_rows(Parameter::mass) - 1;
     all.push_back({"negative mass", [=](Batch<S>& b, int e) { b.parameter(Parameter::mass)(last, e) = S(-3000); },
-                   Fault::singular});
+                   Fault::bad_value});
   }
   return all;
 }
@@ -188,14 +190,14 @@ TEST(Fault, is_singular_for_an_impossible_pivot_by_tables_and_interpreter) {
   settings.per_environment.insert(Parameter::mass);
   const Plan plan = compile(physics::sliders({1.0, 2.0}), settings);
   const float infinite = std::numeric_limits<float>::infinity();
-  for (const float mass : {infinite, -infinite, 0.0f, -1.0f, 1e-39f})
+  for (const float mass : {infinite, -infinite, 0.0f, -1.0f, 1e-39f, 3e38f})
     for (const Engine engine : {Engine::tables, Engine::interpreter}) {
       SCOPED_TRACE(testing::Message() << mass << ", " << to_string(engine));
       Batch<float> batch(plan, 9, {.threads = 1, .engine = engine});
       batch.velocities().setOnes();
       batch.parameter(Parameter::mass)(1, 4) = mass;
       batch.step();
-      EXPECT_EQ(batch.faults()[4], Fault::singular);
+      EXPECT_EQ(batch.faults()[4], mass == 3e38f ? Fault::singular : Fault::bad_value);
       EXPECT_EQ(batch.faulted(), 1);
     }
 }
@@ -302,6 +304,7 @@ TEST(Fault, has_a_name_for_each_value) {
   EXPECT_STREQ(to_string(Fault::not_finite), "not_finite");
   EXPECT_STREQ(to_string(Fault::diverged), "diverged");
   EXPECT_STREQ(to_string(Fault::singular), "singular");
+  EXPECT_STREQ(to_string(Fault::bad_value), "bad_value");
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
 // The threads that a step uses. SPDX-License-Identifier: Apache-2.0
+#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include <ctime>
@@ -28,6 +29,18 @@ TEST(Threads, are_taken_from_the_callers_arena_only) {
   Batch<float> batch(plan, 16384, {.threads = 0});
   tbb::task_arena one(1);
   EXPECT_LT(share_of_others([&] { one.execute([&] { batch.step(64); }); }), 0.2);
+}
+
+// The batch has memory for fewer threads than the arena that steps it.
+TEST(Threads, of_a_larger_arena_share_the_memory_of_the_batch) {
+  const tbb::global_control allow(tbb::global_control::max_allowed_parallelism, 16);
+  const Plan plan = compile(scenes::chain8());
+  auto batch = contract::scattered<float>(plan, 4096, {.threads = 0}),
+       serial = contract::scattered<float>(plan, 4096, {.threads = 1});
+  tbb::task_arena large(16);
+  for (int i = 0; i < 20; ++i) large.execute([&] { batch.step(4); });
+  serial.step(80);
+  EXPECT_TRUE(contract::same_bits(batch, serial));
 }
 
 // With these sizes, ranges of environments end within a tile, a cache line or a task. The tiles of baseline are shorter

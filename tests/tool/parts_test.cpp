@@ -10,6 +10,7 @@
 #include "tool/options.h"
 #include "tool/progress.h"
 #include "tool/python.h"
+#include "tool/ranges.h"
 #include "tool/state.h"
 #include "tool/targets.h"
 #include "tool/text.h"
@@ -156,15 +157,57 @@ TEST(Options, change_the_model) {
 TEST(Options, ignore_bounds_by_name) {
   const auto ignored = [](const char* list) {
     const Ignored i = ignored_of(list);
-    return std::array{i.position_limits, i.velocity_limits, i.effort_limits, i.friction};
+    return std::array{i.position_limits.all, i.velocity_limits.all, i.effort_limits.all, i.friction.all};
   };
   EXPECT_EQ(ignored("position"), (std::array{true, false, false, false}));
   EXPECT_EQ(ignored("effort,velocity"), (std::array{false, true, true, false}));
   EXPECT_EQ(ignored("position,velocity,effort,friction"), (std::array{true, true, true, true}));
   for (const auto& wrong :
        {std::pair("speed", "speed"), {"position,", ""}, {"", ""}, {"friction;effort", "friction;effort"}})
-    EXPECT_EQ(complaint([&] { ignored_of(wrong.first); }), std::string("--ignore: there is no '") + wrong.second +
-                                                               "'; give some of position,velocity,effort,friction");
+    EXPECT_EQ(complaint([&] { ignored_of(wrong.first); }),
+              std::string("--ignore: there is no '") + wrong.second +
+                  "'; give some of position,velocity,effort,friction, each alone or with :JOINT or :followers behind");
+  const Ignored some = ignored_of("position:a,friction:followers,position:c d");
+  EXPECT_EQ(some.position_limits.names, (std::vector<std::string>{"a", "c d"}));
+  EXPECT_TRUE(some.friction.followers && !some.friction.all && !some.position_limits.followers);
+  EXPECT_TRUE(some.effort_limits.empty());
+  EXPECT_NE(complaint([] { ignored_of("position:"); }), "nothing");
+}
+
+TEST(Options, are_for_all_where_they_name_no_joint) {
+  Model model = chain();
+  model.joints[3].kind = JointKind::fixed;
+  ModelOptions options;
+  options.softness = {"b=10,1", "30,0.7"};
+  options.armature = {"0.01", "a=0.5"};
+  options.damping = {"c=0.2"};
+  options.sites = {"tip=link_c,0.1,0,-2", "x=base"};
+  EXPECT_EQ(complaint([&] { apply(options, model); }), "nothing");
+  EXPECT_EQ(std::get<Frequency>(model.couplings[0].softness).rad_per_s, 10.0);
+  EXPECT_EQ(std::get<Frequency>(model.couplings[1].softness).rad_per_s, 30.0);
+  EXPECT_EQ(model.joints[0].armature, 0.5);
+  EXPECT_EQ(model.joints[1].armature, 0.01);
+  EXPECT_EQ(model.joints[3].armature, 0.0);
+  EXPECT_EQ(model.joints[2].damping, 0.2);
+  EXPECT_EQ(model.joints[1].damping, 0.0);
+  EXPECT_EQ(model.sites[0].link, "link_c");
+  EXPECT_EQ(model.sites[0].pose.translation(), Eigen::Vector3d(0.1, 0, -2));
+  for (const char* wrong : {"tip", "=base", "tip=", "tip=base,1", "tip=base,1,2,x"}) {
+    options.sites = {wrong};
+    EXPECT_NE(complaint([&] { apply(options, model); }).find("--site"), std::string::npos) << wrong;
+  }
+}
+
+TEST(Options, float_the_root_as_the_file_says_unless_told) {
+  for (const bool in_file : {false, true})
+    for (const std::optional<bool>& told : {std::optional<bool>(), {false}, {true}}) {
+      Model model = chain();
+      model.root.floating = in_file;
+      ModelOptions options;
+      options.floating = told;
+      apply(options, model);
+      EXPECT_EQ(model.root.floating, told.value_or(in_file));
+    }
 }
 
 TEST(Options, reach_the_second_coupling_of_a_joint) {
@@ -190,7 +233,7 @@ TEST(Options, name_what_is_unknown) {
   };
   EXPECT_EQ(refused("x=1,2", ""), "--softness: no coupling has 'x' as its first joint; the couplings are: b, c");
   EXPECT_EQ(refused("b=1", ""), "--softness b: '1' should be 2 numbers separated by commas");
-  EXPECT_EQ(refused("b", ""), "--softness: 'b' should be JOINT=NUMBER,NUMBER");
+  EXPECT_EQ(refused("b", ""), "--softness all: 'b' should be 2 numbers separated by commas");
   EXPECT_EQ(refused("", "x=1,2"), "--drive: model 'chain' has no joint 'x'");
   EXPECT_EQ(refused("", "a=-1,2"), "--drive a: 'a=-1,2' is negative");
   EXPECT_EQ(complaint([] { method_of("fast"); }),
@@ -237,29 +280,38 @@ TEST(States, columns_of_joints_must_differ) {
             "joints 'a' and 'a.v' both claim the column 'a.v'; rename one of them");
 }
 
-TEST(Couplings, settle_by_their_first_joints_along_a_chain) {
-  const Model model = chain();
-  const CouplingSolver solver(model);
-  EXPECT_EQ(solver.independent(), (std::vector{true, false, false, true}));
-  Eigen::VectorXd q(4);
-  q << 0.3, 0.0, 0.7, -0.4;
-  solver.settle_positions(q);
-  EXPECT_EQ(q[0], 0.3);
-  EXPECT_NEAR(q[1], 0.5, 1e-15);
-  EXPECT_NEAR(q[2], -0.25, 1e-15);
-  EXPECT_EQ(q[3], -0.4);
-  solver.settle_velocities(q = Eigen::Vector4d(1, 0, 0, 5));
-  EXPECT_LT((q - Eigen::Vector4d(1, 2, -1, 5)).norm(), 1e-14);
+// The range of a follower, seen from its leader: b = 2 a - 0.1 within -0.5 to 0.3 leaves a -0.2 to 0.2.
+TEST(Ranges, of_leaders_are_narrowed_by_those_of_followers) {
+  Model model = chain();
+  model.joints[0].lower = -1.0, model.joints[0].upper = 0.15;
+  model.joints[1].lower = -0.5, model.joints[1].upper = 0.3;
+  model.joints[3].upper = 2.0;
+  const std::vector<Range> usable = usable_ranges(compile(model));
+  EXPECT_NEAR(usable[0].lower, -0.2, 1e-15);
+  EXPECT_EQ(usable[0].lower_by, "b");
+  EXPECT_EQ(usable[0].upper, 0.15);
+  EXPECT_EQ(usable[0].upper_by, "");
+  EXPECT_EQ(usable[3].lower, -infinity);
+  EXPECT_EQ(usable[3].upper, 2.0);
+  EXPECT_EQ(usable_ranges(compile(model, {.ignore = {.position_limits = {"b"}}}))[0].lower, -1.0);
 }
 
-TEST(Couplings, settle_where_two_have_the_same_first_joint_or_one_is_redundant) {
+TEST(Noise, leaves_no_joint_beyond_its_range) {
   Model model = chain();
-  model.couplings.push_back(Coupling::mimic("b", "d", 1.0));         // a differential: b is a first joint already
-  model.couplings.push_back(Coupling::mimic("c", "a", -1.0, 0.05));  // redundant: follows from the first two
-  Eigen::VectorXd q(4);
-  q << 0.3, 0.1, 0.7, -0.4;
-  CouplingSolver(model).settle_positions(q);
-  EXPECT_LT(errors(model, q).norm(), 1e-14);
+  model.joints[0].lower = 0.0, model.joints[0].upper = 0.15;  // it starts at its end
+  model.joints[1].lower = -0.5, model.joints[1].upper = 0.1;  // leaves a 0.1
+  model.joints[2].lower = -0.1;                               // c = -b / 2
+  model.couplings.push_back({"d", {{"a", 1.0}, {"c", 1.0}}, 0.0, {}, infinity});
+  model.joints[3].lower = -0.06;
+  const Plan plan = compile(model);
+  Batch<double> batch(plan, 200, {.threads = 1});
+  perturb(0.3, 5, batch);
+  EXPECT_LE(batch.coupling_errors().abs().maxCoeff(), 1e-14);
+  EXPECT_LE(batch.limit_violations().maxCoeff(), 1e-5);
+  EXPECT_GT(batch.positions().row(0).maxCoeff(), 0.05);
+  Batch<double> fewer(plan, 20, {.threads = 1});
+  perturb(0.3, 5, fewer);
+  EXPECT_TRUE((fewer.positions() == batch.positions().leftCols(20)).all());
 }
 
 TEST(Chart, start_moves_within_the_limits_and_keeps_the_couplings) {
@@ -289,7 +341,8 @@ TEST(Chart, compares_all_methods_for_models_with_couplings) {
 TEST(Chart, ignores_the_same_bounds_in_every_run) {
   for (const ChartSetting& setting : chart_settings(chain(), {.velocity_limits = true, .friction = true})) {
     const Ignored ignore = compile_setting(chain(), setting).settings().ignore;
-    EXPECT_TRUE(ignore.velocity_limits && ignore.friction && !ignore.position_limits && !ignore.effort_limits);
+    EXPECT_TRUE(ignore.velocity_limits.all && ignore.friction.all);
+    EXPECT_TRUE(ignore.position_limits.empty() && ignore.effort_limits.empty());
   }
 }
 

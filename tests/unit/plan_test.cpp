@@ -54,6 +54,16 @@ INSTANTIATE_TEST_SUITE_P(
         Rule{"nan_position_bound", [](StepSettings& s) { s.position_bound = nan; }, "position_bound"},
         Rule{"infinite_velocity_bound", [](StepSettings& s) { s.velocity_bound = infinity; }, "velocity_bound"},
         Rule{"negative_velocity_bound", [](StepSettings& s) { s.velocity_bound = -1.0; }, "velocity_bound"},
+        Rule{"method_77", [](StepSettings& s) { s.method = Method(77); }, "method"},
+        Rule{"method_negative", [](StepSettings& s) { s.method = Method(-1); }, "method"},
+        Rule{"integrator_77", [](StepSettings& s) { s.integrator = Integrator(77); }, "integrator"},
+        Rule{"parameter_9", [](StepSettings& s) { s.per_environment.insert(Parameter(9)); }, "per_environment"},
+        Rule{"parameter_77", [](StepSettings& s) { s.per_environment = {Parameter(77)}; }, "per_environment"},
+        Rule{"unknown_ignored",
+             [](StepSettings& s) {
+               s.ignore.friction = {"j0", "nobody"};
+             },
+             "ignore"},
         Rule{"reduced_with_own_softness",
              [](StepSettings& s) { s = {.method = Method::reduced, .per_environment = {Parameter::softness}}; },
              "method"}),

@@ -1,0 +1,84 @@
+// A fault in words. SPDX-License-Identifier: Apache-2.0
+#include <charconv>
+
+#include "impl.h"
+
+namespace lockstep {
+namespace {
+
+template <class Number>
+std::string text_of(Number number) {
+  char text[32];
+  return std::string(text, std::to_chars(text, text + sizeof text, number).ptr);
+}
+
+void add(std::string& list, const std::string& what) { list += (list.empty() ? "" : ", ") + what; }
+
+}  // namespace
+
+template <class S>
+std::string Batch<S>::explain_fault(int environment) const {
+  const Impl& batch = impl();
+  batch.check_id(environment);
+  const Fault fault = batch.fault.data()[environment];
+  if (fault == Fault::none) return "";
+  const Program& program = program_of(batch.plan);
+  const auto number = [&](const AlignedBlock<S>& block, std::ptrdiff_t row) {
+    return block.data()[row * batch.stride + environment];
+  };
+
+  // What is wrong with the values that stand there now.
+  std::string wrong;
+  for (const ValueRule<S>& rule : batch.rules.rows)
+    if (const S value = number(batch.field[static_cast<int>(rule.field)], rule.row); !rule.holds(value))
+      add(wrong, rule.element + " (" + to_string(rule.field) + ", row " + text_of(rule.row) + ") is " + text_of(value) +
+                     ", must be " + rule.range);
+  for (const BodyLinks& body : batch.rules.bodies)
+    if (!(batch.mass_of(body, environment) > S(0))) add(wrong, "masses of link " + body.element + " sum up to 0");
+  if (!batch.has_turn(environment)) add(wrong, "the root's quaternion is 0");
+  const auto find_infinite = [&](const AlignedBlock<S>& block, const std::string& what, bool by_dof) {
+    const std::ptrdiff_t rows = static_cast<std::ptrdiff_t>(block.size()) / batch.stride;
+    for (std::ptrdiff_t row = 0; row < rows; ++row) {
+      if (std::isfinite(number(block, row))) continue;
+      const std::string where =
+          by_dof ? " of joint '" + program.dof_names[row % batch.tables.joints] + "'" : " row " + text_of(row);
+      add(wrong, what + where + " is " + text_of(number(block, row)));
+    }
+  };
+  find_infinite(batch.position, "position", true);
+  find_infinite(batch.velocity, "velocity", true);
+  find_infinite(batch.root_pose, "root pose", false);
+  find_infinite(batch.root_velocity, "root velocity", false);
+  find_infinite(batch.position_target, "position target", true);
+  find_infinite(batch.velocity_target, "velocity target", true);
+  find_infinite(batch.effort, "effort", true);
+  for (const Parameter field : {Parameter::offset, Parameter::gravity, Parameter::link_wrench,
+                                Parameter::coupling_switch})  // the others have rules
+    find_infinite(batch.field[static_cast<int>(field)], to_string(field), false);
+
+  std::string words = "environment " + text_of(environment) + ": " + to_string(fault) + ": ";
+  switch (fault) {
+    case Fault::bad_value: words += "a value cannot be"; break;
+    case Fault::not_finite: words += "a position or velocity became NaN or infinite"; break;
+    case Fault::singular: words += "the mass matrix was not positive definite"; break;
+    default: {
+      words += "a position would pass " + text_of(program.settings.position_bound) + " or a velocity " +
+               text_of(program.settings.velocity_bound);
+      int fastest = 0;
+      for (int dof = 1; dof < batch.tables.joints; ++dof)
+        if (std::abs(number(batch.velocity, dof)) > std::abs(number(batch.velocity, fastest))) fastest = dof;
+      if (batch.tables.joints > 0)
+        words += "; the fastest joint before was '" + program.dof_names[fastest] + "', at " +
+                 text_of(number(batch.position, fastest)) + " with velocity " +
+                 text_of(number(batch.velocity, fastest));
+    }
+  }
+  if (!wrong.empty()) words += "; " + wrong;
+  return words + "; " + (wrong.empty() ? "look at inputs, parameters and dt" : "correct what is named") +
+         ", and reset the environment";
+}
+
+template std::string Batch<float>::explain_fault(int) const;
+template std::string Batch<double>::explain_fault(int) const;
+
+}  // namespace lockstep

@@ -1,0 +1,172 @@
+// Places followers by their couplings, in the state of one environment. SPDX-License-Identifier: Apache-2.0
+//
+// Most couplings place one follower after the other (plan/followers.cpp). Those of a ring wait for each other: they are
+// solved together, by Gauss-Jordan elimination. In double, whatever the state's precision is.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "lockstep/batch.h"
+#include "lockstep/error.h"
+#include "model/softness_numbers.h"
+#include "plan/program.h"
+
+namespace lockstep {
+
+/// An error up to this share of a coupling's terms is rounding.
+template <class S>
+constexpr double rounding = sizeof(S) == 4 ? 1e-5 : 1e-8;
+
+template <class S>
+class Placer {
+ public:
+  explicit Placer(const Program& program) : program_(program) {
+    for (const Placing* placing : {&program.placing_all, &program.placing_hard}) {
+      pivot_.resize(std::max(pivot_.size(), placing->ring.size()));
+      ring_.resize(std::max(ring_.size(), placing->ring.size() * (placing->ring_followers.size() + 1)));
+    }
+  }
+
+  /// Rows of a batch.
+  struct Rows {
+    std::ptrdiff_t stride;
+    S* position;
+    S* velocity;
+    const S* const* fields;  ///< by Parameter, null if not declared
+  };
+
+  /// In environment e.
+  void project(int e, Couplings couplings, const Rows& rows, std::vector<UnmetCoupling>& unmet) {
+    if (couplings == Couplings::none) return;
+    if (couplings != Couplings::hard && couplings != Couplings::all)
+      throw UsageError("couplings", "are none of the enumerators", "give none, hard or all");
+    const bool all = couplings == Couplings::all;
+    const Placing& placing = all ? program_.placing_all : program_.placing_hard;
+    for (const bool of_positions : {true, false}) {
+      const Environment at{program_.f64, rows, e, of_positions};
+      for (const Placing::Turn& turn : placing.turns)
+        if (takes(at, turn.coupling, all)) place(at, turn);
+      // The second time takes away what the first one lost beside followers that stood far off.
+      for (int time = 0; time < 2 && !placing.ring.empty() && solve(at, placing, all); ++time) {
+      }
+    }
+    for (int c = 0; c < program_.f64.couplings; ++c) {
+      if (!takes({program_.f64, rows, e, true}, c, all)) continue;
+      const Error position = error_of({program_.f64, rows, e, true}, c),
+                  velocity = error_of({program_.f64, rows, e, false}, c);
+      if (!position.is_rounding(rounding<S>) || !velocity.is_rounding(rounding<S>))
+        unmet.push_back({e, c, position.value, velocity.value});
+    }
+  }
+
+ private:
+  // Positions or velocities of one environment.
+  struct Environment {
+    const Tables<double>& t;
+    const Rows& rows;
+    int e;
+    bool of_positions;
+
+    double parameter(Parameter field, int row, double model) const {
+      const S* const values = rows.fields[static_cast<unsigned>(field)];
+      return values ? static_cast<double>(values[row * rows.stride + e]) : static_cast<double>(static_cast<S>(model));
+    }
+    S& number(int joint) const {
+      return (of_positions ? rows.position : rows.velocity)[t.dof[joint] * rows.stride + e];
+    }
+    double ratio(int term) const {
+      return t.term_gear[term] < 0 ? 1.0 : parameter(Parameter::gear_ratio, t.term_gear[term], t.term_value[term]);
+    }
+    double offset(int c) const { return of_positions ? parameter(Parameter::offset, c, t.offset[c]) : 0.0; }
+  };
+
+  struct Error {
+    double value = 0.0, size = 0.0;
+    void add(double number) { value += number, size += std::abs(number); }
+    bool is_rounding(double share) const { return std::abs(value) <= share * size; }
+  };
+
+  static Error error_of(const Environment& at, int c) {
+    Error error;
+    error.add(at.offset(c));
+    for (int k = at.t.term_start[c]; k < at.t.term_start[c + 1]; ++k)
+      error.add(at.ratio(k) * static_cast<double>(at.number(at.t.term_joint[k])));
+    return error;
+  }
+
+  bool takes(const Environment& at, int c, bool soft_too) const {
+    if (at.parameter(Parameter::coupling_switch, c, 1.0) == 0.0) return false;
+    const Softness& softness = program_.model.couplings[c].softness;
+    const SoftnessNumbers model = numbers_of(softness);
+    const double first = at.parameter(Parameter::softness, 2 * c, model.first),
+                 second = at.parameter(Parameter::softness, 2 * c + 1, model.second);
+    switch (kind_of(softness)) {
+      case SoftnessKind::hard:
+      case SoftnessKind::erp_cfm: return soft_too || second == 0.0;
+      case SoftnessKind::spring: return soft_too && (first != 0.0 || second != 0.0);
+      case SoftnessKind::frequency: return soft_too && first != 0.0;
+    }
+    return false;
+  }
+
+  // A coupling that holds to rounding stays as it is.
+  static void place(const Environment& at, const Placing::Turn& turn) {
+    if (error_of(at, turn.coupling).is_rounding(least_rounding)) return;
+    double others = at.offset(turn.coupling);
+    for (int k = at.t.term_start[turn.coupling]; k < at.t.term_start[turn.coupling + 1]; ++k)
+      if (k != turn.term) others += at.ratio(k) * static_cast<double>(at.number(at.t.term_joint[k]));
+    at.number(at.t.term_joint[turn.term]) = static_cast<S>(-others / at.ratio(turn.term));
+  }
+
+  // Gauss-Jordan elimination of the ring's couplings over the changes of its followers. Followers without a pivot, as
+  // couplings may be switched off, stay. Returns false where there was nothing to change.
+  bool solve(const Environment& at, const Placing& placing, bool all) {
+    const std::size_t rows = placing.ring.size(), columns = placing.ring_followers.size();
+    const auto entry = [&](std::size_t r, std::size_t c) -> double& { return ring_[r * (columns + 1) + c]; };
+    std::fill(ring_.begin(), ring_.end(), 0.0);
+    bool holds = true;
+    for (const int joint : placing.ring_followers)
+      if (!std::isfinite(at.number(joint))) at.number(joint) = S(0);
+    for (std::size_t r = 0; r < rows; ++r) {
+      const int c = placing.ring[r];
+      if (!takes({at.t, at.rows, at.e, true}, c, all)) continue;
+      const Error error = error_of(at, c);
+      holds = holds && error.is_rounding(least_rounding);
+      entry(r, columns) = -error.value;
+      for (int k = at.t.term_start[c]; k < at.t.term_start[c + 1]; ++k)
+        for (std::size_t f = 0; f < columns; ++f)
+          if (placing.ring_followers[f] == at.t.term_joint[k]) entry(r, f) = at.ratio(k);
+    }
+    if (holds) return false;
+    for (std::size_t r = 0; r < rows; ++r) {
+      std::size_t pivot = 0;
+      for (std::size_t f = 1; f < columns; ++f)
+        if (std::abs(entry(r, f)) > std::abs(entry(r, pivot))) pivot = f;
+      const bool found = std::abs(entry(r, pivot)) > least_pivot;
+      pivot_[r] = found ? pivot : columns;
+      for (std::size_t other = 0; found && other < rows; ++other) {
+        const double factor = entry(other, pivot) / entry(r, pivot);
+        if (other == r || factor == 0.0) continue;
+        for (std::size_t c = 0; c <= columns; ++c) entry(other, c) -= factor * entry(r, c);
+        entry(other, pivot) = 0.0;
+      }
+    }
+    for (std::size_t r = 0; r < rows; ++r) {
+      if (pivot_[r] == columns) continue;
+      S& number = at.number(placing.ring_followers[pivot_[r]]);
+      number = static_cast<S>(static_cast<double>(number) + entry(r, columns) / entry(r, pivot_[r]));
+    }
+    return true;
+  }
+
+  static constexpr double least_rounding = 4.0 * std::numeric_limits<S>::epsilon(), least_pivot = 1e-9;
+
+  const Program& program_;
+  std::vector<double> ring_;  // [couplings][followers and the right-hand side]
+  std::vector<std::size_t> pivot_;
+};
+
+}  // namespace lockstep
