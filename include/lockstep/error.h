@@ -23,7 +23,8 @@ class LOCKSTEP_API Error : public std::runtime_error {
   std::string element_, rule_, remedy_;
 };
 
-/// The mechanism is impossible or incomplete (a link, joint, coupling or site is named).
+/// The mechanism is impossible or incomplete (a link, joint, coupling or site is named; behind file and line if it
+/// comes from a file).
 class LOCKSTEP_API ModelError : public Error {
   using Error::Error;
 };

@@ -1,10 +1,12 @@
 // Reading a mechanism from a robot file. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "lockstep/model.h"
+#include "lockstep/step.h"
 
 namespace lockstep {
 
@@ -14,23 +16,42 @@ struct Import {
   /// One line per kind of thing: what was read, what was changed (mimics of mimics are resolved), and what was left out
   /// (visual, collision, transmission, ...). Nothing is left out silently.
   std::vector<std::string> report;
+  /// The lines of the report that the file's owner should act on: followers whose limits leave their leader no room,
+  /// joints that start outside of their limits, changed inertias, unknown elements, what was left out on request.
+  std::vector<std::string> warnings;
 };
 
-/// How to repair bodies that a file leaves without inertia; many files are written for drawing or planning. By default
-/// nothing is repaired, and a moving link without inertia is an error. A bound above 0 raises smaller values to the
-/// bound. It applies to each body: a moving link, or the root, with all links that are fixed to it. A body that has
-/// neither mass nor inertia needs both bounds. With either bound, a tensor that no body can have becomes that of a ball
-/// with the same mean moment. The report names every link that was changed. MuJoCo calls this boundmass, boundinertia
-/// and balanceinertia.
+/// What to do where a file leaves out inertias, has impossible ones, or holds what lockstep does not have. By default
+/// nothing is repaired or left out: a body whose joint has no inertia to move, or whose inertia no body can have, is an
+/// error. The report names every link that was changed. A body is a moving link, or the root, with all links fixed to
+/// it; a tensor is judged and repaired as part of its body.
 struct ImportOptions {
-  double least_mass = 0.0;     ///< kg, >= 0
-  double least_inertia = 0.0;  ///< of the principal moments, kg m^2, >= 0
+  /// kg, >= 0. Raises the masses of lighter bodies; MuJoCo's boundmass. With this or the next bound, impossible
+  /// inertias are repaired, too.
+  double least_mass = 0.0;
+  /// kg m^2, >= 0. Raises smaller principal moments of bodies with mass; MuJoCo's boundinertia.
+  double least_inertia = 0.0;
+  /// kg/m^3, >= 0. Above 0, bodies without mass and inertia get those of their collision boxes, spheres, cylinders and
+  /// capsules, and an <inertial> without <inertia> or <mass> gets what it lacks from them. Shapes that overlap count
+  /// twice. Meshes are not used.
+  double density = 0.0;
+  /// An inertia that no body can have becomes the nearest that one can have, in the (Frobenius) norm of the tensor.
+  bool repair_inertias = false;
+  /// Bounds that are not judged. They stay in the Model if they are possible, so give StepSettings::ignore the same.
+  /// Followers are the joints with a <mimic>. Names must be those of moving joints.
+  Ignored ignore = {};
+  /// Leaves out closed loops, couplings and joints that other tools add to URDF, and joints whose child another joint
+  /// carries already. By default they are errors.
+  bool leave_out_foreign = false;
+  /// Called once with what was read, before inertias are repaired and the Model is validated: armatures, a floating
+  /// root. May be empty.
+  std::function<void(Model&)> change = {};
 };
 
-/// Reads URDF (docs/importing.md has the details). Meshes are never opened. Throws ImportError where the
-/// text is no URDF, ModelError where it describes an impossible mechanism: a moving link without inertia,
-/// a mimic multiplier of 0, mimics in a circle, ...; SettingsError where a bound is negative or NaN. The Model is
-/// validated. Thread-safe.
+/// Reads URDF (docs/importing.md has the details). Meshes are never opened. Throws ImportError where the text is no
+/// URDF, ModelError where it describes an impossible mechanism: a moving body without inertia, a mimic multiplier of 0,
+/// mimics in a circle, ... Both name file and line. SettingsError where a number of the options is negative, infinite
+/// or NaN, or a name is unknown. The Model is validated. Thread-safe.
 LOCKSTEP_API Import import_urdf_file(const std::string& path, const ImportOptions& options = {});
 
 /// The same from text; `source` names it in errors.

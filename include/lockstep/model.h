@@ -141,6 +141,8 @@ struct Model {
 
   /// Throws ModelError for the first rule that is broken: names unique and known, one tree, finite
   /// numbers in their ranges, inertias that a body can have, couplings between moving joints.
+  /// A tensor is judged as part of the body that its link forms with all links fixed to it. Links
+  /// may be without mass where the mass matrix is positive definite at the model's start.
   /// compile() calls it.
   LOCKSTEP_API void validate() const;
 

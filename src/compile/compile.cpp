@@ -45,6 +45,15 @@ void check_ignored(const Ignored& ignore, const Model& model) {
               "name moving joints");
 }
 
+// A link's inertia scales with its mass.
+void check_masses(const StepSettings& settings, const Model& model) {
+  if (!settings.per_environment.contains(Parameter::mass)) return;
+  for (const Link& link : model.links)
+    require(link.inertia.mass > 0.0 || link.inertia.about_center.isZero(0.0), "per_environment",
+            fmt::format("has the mass, but link '{}' has an inertia and no mass to scale it with", link.name),
+            "give the link a mass, or its inertia to the link that it is fixed to");
+}
+
 void check_substeps(const Program& program) {
   if (program.method != Method::tgs || program.settings.iterations == 1) return;
   const auto check = [&](const Softness& softness, const char* kind, const std::string& name) {
@@ -124,6 +133,7 @@ Plan compile(const Model& model, const StepSettings& settings) {
   check(settings);
   model.validate();
   check_ignored(settings.ignore, model);
+  check_masses(settings, model);
   const bool automatic = settings.integrator == Integrator::automatic;
   std::shared_ptr<Program> program = compiled(model, settings, automatic ? Integrator::leapfrog : settings.integrator);
   program->integrator_reason = automatic ? "the scene is smooth" : "as asked for";

@@ -41,6 +41,33 @@ constexpr std::array known = {
     "upper",  // of joints that do not use them
 };
 
+enum class Parsed { number, out_of_range, nothing };
+
+// A plain decimal number, and nothing around it.
+Parsed parse(std::string_view word, double& value) {
+  if (word.size() > 1 && word[0] == '+' && word[1] != '-') word.remove_prefix(1);  // from_chars knows no plus
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (error == std::errc::result_out_of_range) return Parsed::out_of_range;
+  const bool is_number = error == std::errc() && end == word.data() + word.size() && std::isfinite(value);
+  return is_number ? Parsed::number : Parsed::nothing;
+}
+
+std::string_view trimmed(std::string_view text) {
+  text.remove_prefix(std::min(text.find_first_not_of(blanks), text.size()));
+  return text.substr(0, text.find_last_not_of(blanks) + 1);
+}
+
+bool contains(const std::vector<std::string_view>& names, std::string_view name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+bool speaks_of_mimic(std::string_view name) {
+  std::string small(name);
+  std::transform(small.begin(), small.end(), small.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c; });
+  return small.find("mimic") != std::string::npos;
+}
+
 bool is_known(std::string_view name) {
   return name.starts_with("xmlns") || name.starts_with("drake:") ||
          std::find(known.begin(), known.end(), name) != known.end();
@@ -48,21 +75,15 @@ bool is_known(std::string_view name) {
 
 }  // namespace
 
-std::string shortened(std::string_view text) {
-  std::string result(text.substr(0, 40));
-  for (char& c : result)
-    if (static_cast<unsigned char>(c) < ' ') c = ' ';
-  return text.size() > 40 ? result + "..." : result;
-}
-
-std::string Element::place() const { return fmt::format("{}:{}: {}", file_->name, xml_->GetLineNum(), title_); }
+std::string Element::line() const { return fmt::format("{}:{}", file_->name, xml_->GetLineNum()); }
+std::string Element::place() const { return fmt::format("{}: {}", line(), title_); }
 
 void Element::fail(const std::string& rule, const std::string& remedy) const {
   throw ImportError(place(), rule, remedy);
 }
 
 std::string_view Element::required(const char* attribute) {
-  asked_.push_back(attribute);
+  asked_attributes_.push_back(attribute);
   const char* text = xml_->Attribute(attribute);
   if (!text) fail(fmt::format("has no attribute '{}'", attribute), fmt::format("write {}=\"...\"", attribute));
   return text;
@@ -70,12 +91,12 @@ std::string_view Element::required(const char* attribute) {
 
 std::string Element::name(const char* attribute) {
   const std::string_view text = required(attribute);
-  const auto odd = [](char c) { return c == '&' || static_cast<unsigned char>(c) < ' '; };
   if (text.find_first_not_of(blanks) == std::string_view::npos)
     fail(fmt::format("{}=\"\" is empty", attribute), "give a name");
-  if (std::any_of(text.begin(), text.end(), odd))
-    fail(fmt::format("{}=\"{}\" holds an entity or a control character", attribute, shortened(text)),
-         "use plain characters in names");
+  if (text.find('&') != std::string_view::npos || !is_plain(text))
+    fail(fmt::format("{}=\"{}\" holds an entity, invalid UTF-8, or a character that controls or cannot be seen",
+                     attribute, shortened(text)),
+         "use plain characters in names, in UTF-8");
   return std::string(text);
 }
 
@@ -88,14 +109,12 @@ void Element::numbers(const char* attribute, std::string_view text, double* valu
   std::size_t at = text.find_first_not_of(blanks);
   while (at != std::string_view::npos) {
     const std::size_t stop = std::min(text.find_first_of(blanks, at), text.size());
-    std::string_view word = text.substr(at, stop - at);
-    if (word.size() > 1 && word[0] == '+' && word[1] != '-') word.remove_prefix(1);  // from_chars knows no plus
+    const std::string_view word = text.substr(at, stop - at);
     double value = 0.0;
-    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-    if (error == std::errc::result_out_of_range)
+    const Parsed parsed = parse(word, value);
+    if (parsed == Parsed::out_of_range)
       fail(fmt::format("{}: '{}' is beyond the range of numbers", shown, shortened(word)), remedy);
-    if (error != std::errc() || end != word.data() + word.size() || !std::isfinite(value))
-      fail(fmt::format("{}: '{}' is not a finite number", shown, shortened(word)), remedy);
+    if (parsed == Parsed::nothing) fail(fmt::format("{}: '{}' is not a finite number", shown, shortened(word)), remedy);
     if (found < count) values[found] = value;
     ++found;
     at = text.find_first_not_of(blanks, stop);
@@ -110,8 +129,16 @@ double Element::number(const char* attribute) {
 }
 
 double Element::number(const char* attribute, double fallback) {
-  asked_.push_back(attribute);
+  asked_attributes_.push_back(attribute);
   return has(attribute) ? number(attribute) : fallback;
+}
+
+std::optional<double> Element::number_if_any(const char* attribute, double fallback) {
+  asked_attributes_.push_back(attribute);
+  if (!has(attribute)) return fallback;
+  double value = 0.0;
+  if (parse(trimmed(required(attribute)), value) != Parsed::number) return std::nullopt;
+  return value;
 }
 
 Eigen::Vector3d Element::triple(const char* attribute) {
@@ -121,12 +148,12 @@ Eigen::Vector3d Element::triple(const char* attribute) {
 }
 
 Eigen::Vector3d Element::triple(const char* attribute, const Eigen::Vector3d& fallback) {
-  asked_.push_back(attribute);
+  asked_attributes_.push_back(attribute);
   return has(attribute) ? triple(attribute) : fallback;
 }
 
 std::optional<Element> Element::child(const char* name) {
-  asked_.push_back(name);
+  asked_children_.push_back(name);
   const tinyxml2::XMLElement* xml = xml_->FirstChildElement(name);
   if (!xml) return std::nullopt;
   Element found(*xml, *file_, std::string(name) + " of " + title_);
@@ -142,33 +169,63 @@ Element Element::only_child(const char* name) {
   return *found;
 }
 
-bool Element::asked(std::string_view name) const {
-  return std::find(asked_.begin(), asked_.end(), name) != asked_.end();
+std::string Element::text() const {
+  const char* text = xml_->GetText();
+  return text ? std::string(trimmed(text)) : std::string();
+}
+
+// Names that speak of a mimic where URDF has none are meant to couple joints.
+void Element::refuse_mimic(std::string_view name, const std::string& owner) const {
+  if (owner.empty() && speaks_of_mimic(name))
+    fail(fmt::format("holds '{}', which URDF does not have here, so no joint would follow", shortened(name)),
+         "write <mimic joint=\"...\" multiplier=\"...\" offset=\"...\"/> in the <joint> that follows");
+}
+
+void Element::tally_attribute(std::string_view name, const std::string& owner) {
+  if (contains(asked_attributes_, name)) return;
+  refuse_mimic(name, owner);
+  if (contains(asked_children_, name))
+    return report().warn("attributes where URDF has elements, not used", fmt::format("{} of {}", name, title_));
+  const std::string what = fmt::format("'{}' of {}{}", shortened(name), xml_->Name(), owner);
+  is_known(name) ? report().not_used(what) : report().unknown(what);
+}
+
+void Element::tally_child(std::string_view tag, const std::string& owner) {
+  if (contains(asked_children_, tag)) return;
+  refuse_mimic(tag, owner);
+  if (contains(asked_attributes_, tag))
+    return report().warn("elements where URDF has attributes, not used", fmt::format("{} of {}", tag, title_));
+  is_known(tag) ? report().not_used(shortened(tag) + owner) : report().unknown(shortened(tag) + owner);
 }
 
 void Element::tally_rest(const std::string& owner) {
-  const auto tally = [&](const std::string& what, bool is_of_urdf) {
-    is_of_urdf ? report().not_used(what + owner) : report().unknown(what + owner);
-  };
   for (auto* attribute = xml_->FirstAttribute(); attribute; attribute = attribute->Next())
-    if (!asked(attribute->Name()))
-      tally(fmt::format("'{}' of {}", shortened(attribute->Name()), xml_->Name()), is_known(attribute->Name()));
+    tally_attribute(attribute->Name(), owner);
   for (auto* node = xml_->FirstChild(); node; node = node->NextSibling()) {
     if (node->ToComment()) continue;
     const tinyxml2::XMLElement* xml = node->ToElement();
     if (!xml) {
-      std::string_view text = node->Value();
-      text.remove_prefix(std::min(text.find_first_not_of(blanks), text.size()));
-      text = text.substr(0, text.find_last_not_of(blanks) + 1);
-      tally(fmt::format("text '{}' in {}", shortened(text), xml_->Name()), false);
+      report().unknown(fmt::format("text '{}' in {}{}", shortened(trimmed(node->Value())), xml_->Name(), owner));
       continue;
     }
     const std::string_view tag = xml->Name();
     if (tag.starts_with("xacro:"))
       Element(*xml, *file_, fmt::format("<{}>", shortened(tag)))
           .fail("is xacro, which lockstep does not read", "expand it first: xacro robot.urdf.xacro > robot.urdf");
-    if (!asked(tag)) tally(shortened(tag), is_known(tag));
+    tally_child(tag, owner);
   }
+}
+
+void Element::refuse_rest(const std::string& remedy) const {
+  for (auto* attribute = xml_->FirstAttribute(); attribute; attribute = attribute->Next())
+    if (!contains(asked_attributes_, attribute->Name()))
+      fail(fmt::format("has an attribute '{}', which is not read", shortened(attribute->Name())), remedy);
+  for (auto* node = xml_->FirstChild(); node; node = node->NextSibling())
+    if (!node->ToComment())
+      fail(fmt::format("holds {}, which is not read",
+                       node->ToElement() ? fmt::format("<{}>", shortened(node->Value()))
+                                         : fmt::format("the text '{}'", shortened(trimmed(node->Value())))),
+           remedy);
 }
 
 }  // namespace lockstep::urdf

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "report.h"
+#include "text.h"
 
 namespace lockstep::urdf {
 
@@ -18,9 +19,6 @@ struct File {
   std::string name;  ///< in errors
   Report report;
 };
-
-/// The beginning of a text, for messages: one line of at most 40 characters.
-std::string shortened(std::string_view text);
 
 /// Remembers which attributes and children were read, so that tally_rest() can report all others. Every failure is an
 /// ImportError that names the file, the line and the element.
@@ -41,6 +39,8 @@ class Element {
   double number(const char* attribute, double fallback);
   Eigen::Vector3d triple(const char* attribute);
   Eigen::Vector3d triple(const char* attribute, const Eigen::Vector3d& fallback);
+  /// Not strict: empty if it is there but is no finite number.
+  std::optional<double> number_if_any(const char* attribute, double fallback);
 
   // --- children ---------------------------------------------------------------------------------
   std::optional<Element> child(const char* name);  ///< at most one
@@ -48,11 +48,15 @@ class Element {
   /// All children of that name, in order. Their titles are their tags.
   template <class Use>
   void each_child(const char* name, Use use);
+  std::string text() const;  ///< between its tags, without blanks around it; empty if there is none
 
   /// Reports every attribute, child and text that was not read. `owner` ends each line ("... of fixed joints").
-  /// Call it last. Throws if xacro is left in the file.
+  /// Call it last. Throws if xacro is left in the file, and where the name of what was not read speaks of a mimic.
   void tally_rest(const std::string& owner = "");
+  /// Throws if there is an attribute, child or text that was not read. `remedy` says what the element may hold.
+  void refuse_rest(const std::string& remedy) const;
 
+  std::string line() const;  ///< "file:line"
   /// "file:line: title". fail() throws an error there.
   std::string place() const;
   [[noreturn]] void fail(const std::string& rule, const std::string& remedy) const;
@@ -60,17 +64,19 @@ class Element {
  private:
   std::string_view required(const char* attribute);
   void numbers(const char* attribute, std::string_view text, double* values, int count) const;
-  bool asked(std::string_view name) const;
+  void tally_attribute(std::string_view name, const std::string& owner);
+  void tally_child(std::string_view tag, const std::string& owner);
+  void refuse_mimic(std::string_view name, const std::string& owner) const;
 
   const tinyxml2::XMLElement* xml_;
   File* file_;
   std::string title_;
-  std::vector<std::string_view> asked_;  // string literals; no element has an attribute and a child of the same name
+  std::vector<std::string_view> asked_attributes_, asked_children_;  // string literals
 };
 
 template <class Use>
 void Element::each_child(const char* name, Use use) {
-  asked_.push_back(name);
+  asked_children_.push_back(name);
   for (auto* xml = xml_->FirstChildElement(name); xml; xml = xml->NextSiblingElement(name))
     use(Element(*xml, *file_, std::string("<") + name + ">"));
 }

@@ -100,9 +100,8 @@ void report_chain(std::size_t follower, const std::vector<Relation>& direct, con
 }
 
 // Reports a follower that leaves its limits while its leader keeps its own.
-void report_range(const Joint& follower, const Joint& leader, const Relation& last, Report& report) {
-  const double one = last.multiplier * leader.lower + last.offset;
-  const double other = last.multiplier * leader.upper + last.offset;
+void report_range(const Joint& follower, const Joint& leader, double multiplier, double offset, Report& report) {
+  const double one = multiplier * leader.lower + offset, other = multiplier * leader.upper + offset;
   const double beyond = std::max(follower.lower - std::min(one, other), std::max(one, other) - follower.upper);
   const auto slack_of = [](double width) { return std::isfinite(width) ? limit_slack * width : 0.0; };
   const double slack = slack_of(follower.upper - follower.lower);
@@ -114,12 +113,12 @@ void report_range(const Joint& follower, const Joint& leader, const Relation& la
         fmt::format("{} by {:.4g} {}", follower.name, beyond, follower.kind == JointKind::prismatic ? "m" : "rad"));
 
   // How much of the leader's range the follower's limits leave. Some published grippers have the wrong sign there.
-  const double at_lower = (follower.lower - last.offset) / last.multiplier;
-  const double at_upper = (follower.upper - last.offset) / last.multiplier;
+  const double at_lower = (follower.lower - offset) / multiplier;
+  const double at_upper = (follower.upper - offset) / multiplier;
   const double left =
       std::min(leader.upper, std::max(at_lower, at_upper)) - std::max(leader.lower, std::min(at_lower, at_upper));
   if (beyond > slack && left <= slack_of(leader.upper - leader.lower))
-    report.remark("followers whose limits leave their leader no room to move", follower.name);
+    report.warn("followers whose limits leave their leader no room to move", follower.name);
 }
 
 }  // namespace
@@ -135,10 +134,19 @@ void couple_mimics(const std::vector<Mimic>& mimics, Model& model, Report& repor
     model.couplings.push_back(Coupling::mimic(follower.name, leader.name, -relation.multiplier, 0.0 - relation.offset));
     follower.position = relation.offset;  // the leader starts at 0
     report_chain(mimic.follower, direct, relation, model, report);
-    report_range(follower, leader, relation, report);
     if (relation.offset != 0.0)
       report.remark("followers that start where their coupling puts them",
                     fmt::format("{} at {:.6g}", follower.name, relation.offset));
+  }
+}
+
+void report_mimic_ranges(const Model& model, Report& report) {
+  std::unordered_map<std::string, const Joint*> joints;
+  for (const Joint& joint : model.joints) joints.emplace(joint.name, &joint);
+  for (const Coupling& coupling : model.couplings) {
+    if (coupling.terms.size() != 1) continue;
+    const CouplingTerm& term = coupling.terms.front();
+    report_range(*joints.at(coupling.joint), *joints.at(term.joint), -term.ratio, -coupling.offset, report);
   }
 }
 

@@ -21,4 +21,7 @@ struct Mimic {
 /// couplings hold. Throws ModelError if a mimic is impossible.
 void couple_mimics(const std::vector<Mimic>& mimics, Model& model, Report& report);
 
+/// Reports followers whose limits do not let their leaders reach theirs.
+void report_mimic_ranges(const Model& model, Report& report);
+
 }  // namespace lockstep::urdf

@@ -3,10 +3,15 @@
 
 #include "lockstep/import.h"
 #include "report.h"
+#include "robot.h"
 
 namespace lockstep::urdf {
 
-/// Makes the changes that ImportOptions asks for, with a remark for each kind. Throws ModelError if links form no tree.
-void repair_inertias(const ImportOptions& options, Model& model, Report& report);
+/// The kind of remark on links with collision meshes that could have filled in an inertia.
+inline const char* const unused_meshes = "collision meshes, not used for inertia";
+
+/// Makes the changes that ImportOptions asks for, with a warning for each kind, and reports odd inertias that stay.
+/// Throws SettingsError if a number of the options is out of its range, ModelError if links form no tree.
+void repair_inertias(const ImportOptions& options, Robot& robot, Report& report);
 
 }  // namespace lockstep::urdf

@@ -15,6 +15,17 @@ std::string tallied(const std::map<std::string, int>& tally) {
   return listed(items, ", ", most_kinds);
 }
 
+std::string of_joints(const std::map<std::string, int>& tally) {
+  std::vector<std::string> items;
+  for (const auto& [kind, number] : tally)
+    items.push_back(fmt::format("{} of {}", kind, counted(static_cast<std::size_t>(number), "joint")));
+  return listed(items);
+}
+
+std::string line_of_unknown(const std::map<std::string, int>& unknown) {
+  return "unknown, not used (check the spelling): " + tallied(unknown);
+}
+
 }  // namespace
 
 void Report::remark(const std::string& what, const std::string& item) {
@@ -23,18 +34,31 @@ void Report::remark(const std::string& what, const std::string& item) {
   items.push_back(item);
 }
 
+void Report::warn(const std::string& what, const std::string& item) {
+  remark(what, item);
+  warned_.insert(what);
+}
+
+std::string Report::line(const std::string& what) const {
+  const auto found = remarks_.find(what);
+  if (found == remarks_.end()) return "";
+  return fmt::format("{} ({}): {}", what, found->second.size(), listed(found->second));
+}
+
 std::vector<std::string> Report::lines() const {
   std::vector<std::string> lines;
-  for (const std::string& what : order_) {
-    const std::vector<std::string>& items = remarks_.at(what);
-    lines.push_back(fmt::format("{} ({}): {}", what, items.size(), listed(items)));
-  }
-  std::vector<std::string> kept;
-  for (const auto& [kind, number] : kept_)
-    kept.push_back(fmt::format("{} of {}", kind, counted(static_cast<std::size_t>(number), "joint")));
-  if (!kept.empty()) lines.push_back("kept and enforced by a step: " + listed(kept));
+  for (const std::string& what : order_) lines.push_back(line(what));
+  if (!kept_.empty()) lines.push_back("kept and enforced by a step: " + of_joints(kept_));
   if (!not_used_.empty()) lines.push_back("not used: " + tallied(not_used_));
-  if (!unknown_.empty()) lines.push_back("unknown, not used (check the spelling): " + tallied(unknown_));
+  if (!unknown_.empty()) lines.push_back(line_of_unknown(unknown_));
+  return lines;
+}
+
+std::vector<std::string> Report::warnings() const {
+  std::vector<std::string> lines;
+  for (const std::string& what : order_)
+    if (warned_.count(what)) lines.push_back(line(what));
+  if (!unknown_.empty()) lines.push_back(line_of_unknown(unknown_));
   return lines;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -12,16 +13,23 @@ class Report {
  public:
   /// "what (2): item, item". Lines are in the order of their first remarks.
   void remark(const std::string& what, const std::string& item);
-  void kept(const std::string& kind) { ++kept_[kind]; }          ///< of a joint: a bound that a step enforces
-  void not_used(const std::string& kind) { ++not_used_[kind]; }  ///< part of URDF that lockstep does not use
-  void unknown(const std::string& kind) { ++unknown_[kind]; }    ///< not part of URDF: perhaps a misspelling
+  /// The same, of what the owner of the file should look at.
+  void warn(const std::string& what, const std::string& item);
+  void kept(const std::string& kind) { ++kept_[kind]; }  ///< of a joint: a bound that a step enforces
+  void not_used(const std::string& kind, int times = 1) { not_used_[kind] += times; }  ///< part of URDF, not of a step
+  void unknown(const std::string& kind) { ++unknown_[kind]; }  ///< not part of URDF: perhaps a misspelling
 
+  /// The line of one kind of remark; empty if there is none.
+  std::string line(const std::string& what) const;
   /// The remarks, then one line each for what was kept, not used and unknown.
   std::vector<std::string> lines() const;
+  /// Those of the lines that are warnings: what warn() and unknown() were told.
+  std::vector<std::string> warnings() const;
 
  private:
   std::vector<std::string> order_;
   std::map<std::string, std::vector<std::string>> remarks_;
+  std::set<std::string> warned_;  // of order_
   std::map<std::string, int> kept_, not_used_, unknown_;
 };
 

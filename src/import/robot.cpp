@@ -1,15 +1,27 @@
 // <link> and <joint>, one function for each element. SPDX-License-Identifier: Apache-2.0
 #include "robot.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <cmath>
 
+#include "foreign.h"
+#include "origin.h"
+
 namespace lockstep::urdf {
-namespace {
+
+bool holds(const JointSet& set, const std::string& joint, bool follows) {
+  return set.all || (set.followers && follows) ||
+         std::find(set.names.begin(), set.names.end(), joint) != set.names.end();
+}
 
 Eigen::Isometry3d read_origin(Element& owner) {
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   std::optional<Element> origin = owner.child("origin");
   if (!origin) return pose;
+  if (origin->has("quat_xyzw"))
+    origin->fail("has quat_xyzw, which lockstep does not read", "write the same rotation as rpy");
   pose.translation() = origin->triple("xyz", Eigen::Vector3d::Zero());
   const Eigen::Vector3d rpy = origin->triple("rpy", Eigen::Vector3d::Zero());
   const Eigen::AngleAxisd roll(rpy[0], Eigen::Vector3d::UnitX()), pitch(rpy[1], Eigen::Vector3d::UnitY()),
@@ -19,60 +31,123 @@ Eigen::Isometry3d read_origin(Element& owner) {
   return pose;
 }
 
-Inertia read_inertial(Element inertial) {
+namespace {
+
+Inertia read_inertial(Element inertial, LinkExtras& extras) {
   const Eigen::Isometry3d pose = read_origin(inertial);
-  Element mass = inertial.only_child("mass"), tensor = inertial.only_child("inertia");
   Inertia inertia;
-  inertia.mass = mass.number("value");
   inertia.center = pose.translation();
-  const double xx = tensor.number("ixx"), xy = tensor.number("ixy"), xz = tensor.number("ixz");
-  const double yy = tensor.number("iyy"), yz = tensor.number("iyz"), zz = tensor.number("izz");
-  Eigen::Matrix3d about_center;
-  about_center << xx, xy, xz,  //
-      xy, yy, yz,              //
-      xz, yz, zz;
-  inertia.about_center = pose.linear() * about_center * pose.linear().transpose();
-  for (Element* element : {&mass, &tensor, &inertial}) element->tally_rest();
+  std::optional<Element> mass = inertial.child("mass"), tensor = inertial.child("inertia");
+  if (mass) {
+    inertia.mass = mass->number("value");
+    mass->tally_rest();
+  }
+  if (tensor) {
+    const double xx = tensor->number("ixx"), xy = tensor->number("ixy"), xz = tensor->number("ixz");
+    const double yy = tensor->number("iyy"), yz = tensor->number("iyz"), zz = tensor->number("izz");
+    Eigen::Matrix3d about_center;
+    about_center << xx, xy, xz,  //
+        xy, yy, yz,              //
+        xz, yz, zz;
+    inertia.about_center = pose.linear() * about_center * pose.linear().transpose();
+    tensor->tally_rest();
+  }
+  extras.lacks_mass = tensor && !mass;
+  extras.lacks_tensor = inertia.mass != 0.0 && !tensor;
+  inertial.tally_rest();
   return inertia;
 }
 
-void read_link(Element element, Robot& robot) {
+void read_link(Element element, const ImportOptions& options, Robot& robot) {
   Link link;
   link.name = element.name("name");
   element.rename("link '" + link.name + "'");
-  if (std::optional<Element> inertial = element.child("inertial")) link.inertia = read_inertial(*inertial);
+  robot.places[element.title()] = element.place();
+  LinkExtras extras;
+  if (std::optional<Element> inertial = element.child("inertial")) link.inertia = read_inertial(*inertial, extras);
+  const bool is_complete = link.inertia.mass != 0.0 && !extras.lacks_tensor;
+  if (options.density > 0.0 && !is_complete) extras.shapes = read_shapes(element);
   element.tally_rest();
+  if (extras.lacks_mass || extras.lacks_tensor || extras.shapes.collisions > 0)
+    robot.extras[link.name] = std::move(extras);
   robot.model.links.push_back(std::move(link));
 }
 
-void read_limit(Element& owner, Joint& joint) {
-  std::optional<Element> limit = owner.child("limit");
-  if (!limit) {
-    if (joint.kind != JointKind::continuous) owner.report().remark("no <limit>, taken as unlimited", joint.name);
+// Which bounds of one joint are not judged.
+struct NotJudged {
+  bool position, velocity, effort;
+};
+
+void left_out(const Element& element, const Joint& joint, const char* kind) {
+  element.report().remark("impossible bounds, left out because they are ignored",
+                          fmt::format("{} ({})", joint.name, kind));
+}
+
+// Effort or velocity. URDF requires both numbers, so files have 0 or -1 where the number was not known. Taken
+// literally, an effort of 0 would leave the joint without a drive, and a velocity of 0 would lock it.
+double read_least_bound(Element& limit, const char* attribute, bool is_judged, const Joint& joint) {
+  if (is_judged && !limit.has(attribute))
+    limit.report().remark("<limit> without effort or velocity, taken as unlimited",
+                          fmt::format("{} ({})", joint.name, attribute));
+  const std::optional<double> bound =
+      is_judged ? limit.number(attribute, infinity) : limit.number_if_any(attribute, infinity);
+  if (!bound) return left_out(limit, joint, attribute), infinity;
+  if (*bound > 0.0) return *bound;
+  limit.report().remark(*bound < 0.0 ? "<limit> with effort or velocity below 0, taken as unlimited"
+                                     : "<limit> with effort or velocity 0, taken as unlimited",
+                        fmt::format("{} ({})", joint.name, attribute));
+  return infinity;
+}
+
+void read_range(Element& limit, bool is_judged, Joint& joint) {
+  if (!limit.has("lower") || !limit.has("upper"))
+    limit.report().remark("<limit> without lower or upper, taken as 0", joint.name);
+  if (is_judged) {
+    joint.lower = limit.number("lower", 0.0);
+    joint.upper = limit.number("upper", 0.0);
     return;
   }
+  const std::optional<double> lower = limit.number_if_any("lower", 0.0), upper = limit.number_if_any("upper", 0.0);
+  if (!lower || !upper || *lower > *upper) return left_out(limit, joint, "position");
+  joint.lower = *lower;
+  joint.upper = *upper;
+}
+
+void read_limit(Element& owner, const NotJudged& ignored, Joint& joint) {
   const bool has_range = joint.kind != JointKind::continuous;
-  if (has_range) {
-    if (!limit->has("lower") || !limit->has("upper"))
-      owner.report().remark("<limit> without lower or upper, taken as 0", joint.name);
-    joint.lower = limit->number("lower", 0.0);
-    joint.upper = limit->number("upper", 0.0);
+  std::optional<Element> limit = owner.child("limit");
+  if (!limit) {
+    if (has_range) owner.report().remark("no <limit>, taken as unlimited", joint.name);
+    return;
   }
-  if (!limit->has("effort") || !limit->has("velocity"))
-    owner.report().remark("<limit> without effort or velocity, taken as unlimited", joint.name);
-  joint.effort_limit = limit->number("effort", infinity);
-  joint.velocity_limit = limit->number("velocity", infinity);
-  // URDF requires both numbers, so files have 0 where the number was not known. Taken literally, an effort of 0 would
-  // leave the joint without a drive, and a velocity of 0 would lock it.
-  if (joint.effort_limit == 0.0 || joint.velocity_limit == 0.0)
-    owner.report().remark("<limit> with effort or velocity 0, taken as unlimited", joint.name);
-  if (joint.effort_limit == 0.0) joint.effort_limit = infinity;
-  if (joint.velocity_limit == 0.0) joint.velocity_limit = infinity;
+  if (has_range) read_range(*limit, !ignored.position, joint);
+  joint.effort_limit = read_least_bound(*limit, "effort", !ignored.effort, joint);
+  joint.velocity_limit = read_least_bound(*limit, "velocity", !ignored.velocity, joint);
   limit->tally_rest(has_range ? "" : " of continuous joints");
 }
 
+void read_dynamics(Element& owner, bool has_friction, Joint& joint) {
+  std::optional<Element> dynamics = owner.child("dynamics");
+  if (!dynamics) return;
+  joint.damping = dynamics->number("damping", 0.0);
+  const std::optional<double> friction =
+      has_friction ? dynamics->number("friction", 0.0) : dynamics->number_if_any("friction", 0.0);
+  if (has_friction || (friction && *friction >= 0.0))
+    joint.friction = *friction;
+  else
+    left_out(*dynamics, joint, "friction");
+  dynamics->tally_rest();
+}
+
+void read_mimic(Element mimic, const Joint& joint, Robot& robot) {
+  robot.mimics.push_back(
+      {robot.model.joints.size(), mimic.name("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)});
+  mimic.refuse_rest("write joint, multiplier and offset as attributes of <mimic>, and nothing else");
+  robot.places["coupling '" + joint.name + "'"] = fmt::format("{}: coupling '{}'", mimic.line(), joint.name);
+}
+
 // The parts that only moving joints have.
-void read_motion(Element& element, Joint& joint, Robot& robot) {
+void read_motion(Element& element, const Ignored& ignore, Joint& joint, Robot& robot) {
   if (std::optional<Element> axis = element.child("axis")) {
     joint.axis = axis->triple("xyz");
     axis->tally_rest();
@@ -80,20 +155,17 @@ void read_motion(Element& element, Joint& joint, Robot& robot) {
   const double length = joint.axis.norm();
   if (length > 0.0 && std::abs(length - 1.0) > 1e-3)
     element.report().remark("axes not of length 1, taken as directions", joint.name);
-  if (std::optional<Element> dynamics = element.child("dynamics")) {
-    joint.damping = dynamics->number("damping", 0.0);
-    joint.friction = dynamics->number("friction", 0.0);
-    dynamics->tally_rest();
-  }
-  read_limit(element, joint);
-  if (std::optional<Element> mimic = element.child("mimic")) {
-    robot.mimics.push_back({robot.model.joints.size(), mimic->name("joint"), mimic->number("multiplier", 1.0),
-                            mimic->number("offset", 0.0)});
-    mimic->tally_rest();
-  }
+  std::optional<Element> mimic = element.child("mimic");
+  const auto ignored = [&](const JointSet& set) { return holds(set, joint.name, mimic.has_value()); };
+  read_dynamics(element, !ignored(ignore.friction), joint);
+  read_limit(element, {ignored(ignore.position_limits), ignored(ignore.velocity_limits), ignored(ignore.effort_limits)},
+             joint);
+  if (mimic) read_mimic(std::move(*mimic), joint, robot);
 }
 
-void read_joint(Element element, Robot& robot) {
+// `carrier` holds the links that joints carry so far, with the joint.
+void read_joint(Element element, const ImportOptions& options, std::unordered_map<std::string, std::string>& carrier,
+                Robot& robot) {
   static const std::unordered_map<std::string, JointKind> kinds = {{"fixed", JointKind::fixed},
                                                                    {"revolute", JointKind::revolute},
                                                                    {"continuous", JointKind::continuous},
@@ -107,12 +179,22 @@ void read_joint(Element element, Robot& robot) {
   joint.child = child.name("link");
   joint.origin = read_origin(element);
   for (Element* end : {&parent, &child}) end->tally_rest();
+  const auto [carried, is_first] = carrier.emplace(joint.child, joint.name);
+  if (!is_first) {
+    if (!options.leave_out_foreign)
+      element.fail(fmt::format("carries link '{}', as joint '{}' does already: that closes a loop", joint.child,
+                               carried->second),
+                   "remove one of them, lockstep models trees; or leave the later ones out: "
+                   "ImportOptions::leave_out_foreign");
+    return element.report().warn("left out on request",
+                                 element.title() + ", closes a loop at link '" + joint.child + "'");
+  }
   const auto kind = kinds.find(type);
   if (kind != kinds.end()) joint.kind = kind->second;
 
-  if (joint.moves()) read_motion(element, joint, robot);
+  if (joint.moves()) read_motion(element, options.ignore, joint, robot);
   element.tally_rest(type == "fixed" ? " of fixed joints" : "");
-  robot.joint_places.emplace(joint.name, element.place());
+  robot.places[element.title()] = element.place();
   if (type == "floating" && !robot.floating) {
     robot.floating = {std::move(joint), element.place()};
     return;
@@ -128,15 +210,20 @@ void read_joint(Element element, Robot& robot) {
 
 }  // namespace
 
-Robot read_robot(Element element) {
+Robot read_robot(Element element, const ImportOptions& options) {
   Robot robot;
   if (element.has("name"))
     robot.model.name = element.name("name");
   else
     element.report().remark("a robot without a name, called", robot.model.name);
   element.rename("robot '" + robot.model.name + "'");
-  element.each_child("link", [&](Element link) { read_link(std::move(link), robot); });
-  element.each_child("joint", [&](Element joint) { read_joint(std::move(joint), robot); });
+  robot.places[element.title()] = element.place();
+  element.each_child("link", [&](Element link) { read_link(std::move(link), options, robot); });
+  std::unordered_map<std::string, std::string> carrier;
+  element.each_child("joint", [&](Element joint) { read_joint(std::move(joint), options, carrier, robot); });
+  std::vector<std::string> followers;
+  for (const Mimic& mimic : robot.mimics) followers.push_back(robot.model.joints[mimic.follower].name);
+  judge_foreign(element, followers, options);
   element.tally_rest();
   if (robot.model.links.empty()) element.fail("has no links", "add at least <link name=\"base\"/>");
   return robot;

@@ -43,8 +43,9 @@ std::string text_of(const std::string& path) {
 
 // The document's <robot>. Throws if there is anything beside it.
 Element parsed(const std::string& text, File& file, tinyxml2::XMLDocument& document) {
-  if (text.find('\0') != std::string::npos)
-    throw ImportError(file.name, "is not UTF-8 text: it holds a zero byte", "save it as UTF-8");
+  if (const std::size_t zero = text.find('\0'); zero != std::string::npos)
+    throw ImportError(fmt::format("{}:{}", file.name, std::count(text.begin(), text.begin() + zero, '\n') + 1),
+                      "is not UTF-8 text: it holds a zero byte", "save it as UTF-8");
   if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
     const std::string place = fmt::format("{}:{}", file.name, document.ErrorLineNum());
     if (document.ErrorID() == tinyxml2::XML_ERROR_EMPTY_DOCUMENT)
@@ -81,8 +82,8 @@ void check_names(const Robot& robot) {
   const auto check = [&](const Joint& joint) {
     for (const std::string& end : {joint.parent, joint.child})
       if (!links.count(end))
-        throw ImportError(robot.joint_places.at(joint.name), "refers to link '" + end + "', which does not exist",
-                          "add the link or correct the name");
+        throw ImportError(robot.places.at("joint '" + joint.name + "'"),
+                          "refers to link '" + end + "', which does not exist", "add the link or correct the name");
   };
   for (const Joint& joint : robot.model.joints) check(joint);
   if (robot.floating) check(robot.floating->joint);
@@ -126,6 +127,20 @@ void float_root(Robot& robot, Report& report) {
   std::rotate(model.links.begin(), model.links.begin() + root, model.links.begin() + root + 1);
 }
 
+// The model as a step takes it: without the bounds that are ignored.
+Model judged(Model model, const Ignored& ignore) {
+  std::unordered_set<std::string> followers;
+  for (const Coupling& coupling : model.couplings) followers.insert(coupling.joint);
+  for (Joint& joint : model.joints) {
+    const bool follows = followers.count(joint.name) > 0;
+    if (holds(ignore.position_limits, joint.name, follows)) joint.lower = -infinity, joint.upper = infinity;
+    if (holds(ignore.velocity_limits, joint.name, follows)) joint.velocity_limit = infinity;
+    if (holds(ignore.effort_limits, joint.name, follows)) joint.effort_limit = infinity;
+    if (holds(ignore.friction, joint.name, follows)) joint.friction = 0.0;
+  }
+  return model;
+}
+
 void report_joints(const Model& model, Report& report) {
   for (const Joint& joint : model.joints) {
     if (!joint.moves()) {
@@ -133,15 +148,27 @@ void report_joints(const Model& model, Report& report) {
       continue;
     }
     if (joint.position < joint.lower || joint.position > joint.upper)
-      report.remark(
+      report.warn(
           "joints that start outside of their limits",
           fmt::format("{} at {:.4g}, not {:.4g} to {:.4g}", joint.name, joint.position, joint.lower, joint.upper));
-    if (joint.lower == joint.upper) report.remark("joints that cannot move, lower = upper", joint.name);
+    if (joint.lower == joint.upper) report.warn("joints that cannot move, lower = upper", joint.name);
     if (joint.lower > -infinity || joint.upper < infinity) report.kept("position limits");
     if (joint.velocity_limit < infinity) report.kept("velocity limits");
     if (joint.effort_limit < infinity) report.kept("effort limits");
     if (joint.friction > 0.0) report.kept("dry friction");
   }
+}
+
+// A misspelt name would ignore nothing.
+void check_names(const Ignored& ignore, const Model& model) {
+  for (const JointSet* set :
+       {&ignore.position_limits, &ignore.velocity_limits, &ignore.effort_limits, &ignore.friction})
+    for (const std::string& name : set->names) {
+      const auto is_meant = [&](const Joint& joint) { return joint.name == name && joint.moves(); };
+      if (std::none_of(model.joints.begin(), model.joints.end(), is_meant))
+        throw SettingsError("ImportOptions::ignore", "names '" + shortened(name) + "', which is no moving joint",
+                            "check the spelling");
+    }
 }
 
 std::string summary(const Model& model) {
@@ -151,25 +178,39 @@ std::string summary(const Model& model) {
                      counted(model.couplings.size(), "coupling"));
 }
 
+// Makes a valid Model of what was read.
+void complete(Robot& robot, const ImportOptions& options, Report& report) {
+  check_names(robot);
+  check_names(options.ignore, robot.model);
+  std::vector<Link>& links = robot.model.links;
+  const auto root = links.begin() + static_cast<std::ptrdiff_t>(root_of(robot));
+  std::rotate(links.begin(), root, root + 1);  // to the front; the others keep their order
+  if (robot.floating) float_root(robot, report);
+  couple_mimics(robot.mimics, robot.model, report);
+  if (options.change) options.change(robot.model);
+  repair_inertias(options, robot, report);
+  robot.model.validate();
+  const Model as_stepped = judged(robot.model, options.ignore);
+  report_mimic_ranges(as_stepped, report);
+  report_joints(as_stepped, report);
+}
+
 }  // namespace
 }  // namespace urdf
 
 Import import_urdf(const std::string& text, const std::string& source, const ImportOptions& options) {
   urdf::File file{source, {}};
   tinyxml2::XMLDocument document(/*processEntities=*/false);
-  urdf::Robot robot = urdf::read_robot(urdf::parsed(text, file, document));
-  urdf::check_names(robot);
-
-  std::vector<Link>& links = robot.model.links;
-  const auto root = links.begin() + static_cast<std::ptrdiff_t>(urdf::root_of(robot));
-  std::rotate(links.begin(), root, root + 1);  // to the front; the others keep their order
-  if (robot.floating) urdf::float_root(robot, file.report);
-  urdf::couple_mimics(robot.mimics, robot.model, file.report);
-  urdf::repair_inertias(options, robot.model, file.report);
-  robot.model.validate();
-
-  urdf::report_joints(robot.model, file.report);
-  Import result{std::move(robot.model), file.report.lines()};
+  urdf::Robot robot = urdf::read_robot(urdf::parsed(text, file, document), options);
+  try {
+    urdf::complete(robot, options, file.report);
+  } catch (const ModelError& error) {
+    const auto place = robot.places.find(error.element());
+    const std::string meshes = error.element().starts_with("link") ? file.report.line(urdf::unused_meshes) : "";
+    throw ModelError(place != robot.places.end() ? place->second : source + ": " + error.element(),
+                     error.rule() + (meshes.empty() ? "" : "; " + meshes), error.remedy());
+  }
+  Import result{std::move(robot.model), file.report.lines(), file.report.warnings()};
   result.report.insert(result.report.begin(), urdf::summary(result.model));
   return result;
 }

@@ -1,10 +1,12 @@
 // The rules for a Model, one function for each. SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <cmath>
 #include <set>
 #include <unordered_map>
 
 #include "inertia.h"
 #include "lockstep/error.h"
+#include "moved_inertia.h"
 #include "softness_numbers.h"
 #include "tree.h"
 
@@ -53,23 +55,65 @@ void unique_names(const Elements& elements, const char* kind) {
   }
 }
 
-void possible_inertia(const Link& link) {
+void proper_numbers(const Link& link) {
   const string element = quoted("link", link.name);
-  const Inertia& inertia = link.inertia;
-  not_negative(inertia.mass, element, "mass");
-  finite(inertia.center, element, "centre of mass");
-  finite(inertia.about_center, element, "inertia");
-  const double size = inertia.about_center.cwiseAbs().maxCoeff();
-  require((inertia.about_center - inertia.about_center.transpose()).cwiseAbs().maxCoeff() <= inertia_slack * size,
-          element, "inertia is not symmetric", "give ixy = iyx and so on");
-  require(inertia.mass > 0.0 || size == 0.0, element, "has inertia but mass 0", "give it its mass");
-  const Eigen::Vector3d moments = principal_moments(inertia);
-  require(are_not_negative(moments), element, "inertia is impossible: a principal moment is negative",
-          "check the signs of the products of inertia");
-  require(
-      keep_triangle_rule(moments), element,
-      "inertia is impossible: one principal moment exceeds the sum of the others (no distribution of mass has that)",
-      "check the units, and that it is about the centre of mass (ImportOptions can repair it)");
+  not_negative(link.inertia.mass, element, "mass");
+  finite(link.inertia.center, element, "centre of mass");
+  finite(link.inertia.about_center, element, "inertia");
+}
+
+// "a, b, c", not too long.
+string listed(const std::vector<string>& names) {
+  constexpr std::size_t most = 30;
+  string text;
+  for (std::size_t i = 0; i < std::min(names.size(), most); ++i) text += (i > 0 ? ", " : "") + names[i];
+  return names.size() > most ? text + ", ... " + std::to_string(names.size() - most) + " more" : text;
+}
+
+// The first of a body's links whose own tensor is impossible.
+const Link& impossible_link(const Model& model, const Tree& tree, int carrier) {
+  for (std::size_t i = 0; i < model.links.size(); ++i)
+    if (tree.carrier[i] == carrier && fault_of(model.links[i].inertia) != InertiaFault::none) return model.links[i];
+  return model.links[carrier];
+}
+
+std::vector<string> names_of(const Model& model, const std::vector<UnmovedLink>& unmoved) {
+  std::vector<string> names;
+  for (const UnmovedLink& found : unmoved) names.push_back(model.links[found.link].name);
+  return names;
+}
+
+// A tensor is judged where it moves: as part of the body that its link forms with all links fixed to it. One error
+// names all impossible and all missing ones.
+void possible_inertias(const Model& model, const Tree& tree, const std::vector<Inertia>& bodies) {
+  InertiaFault first = InertiaFault::none;
+  std::vector<string> impossible;
+  for (std::size_t i = model.root.floating ? 0 : 1; i < bodies.size(); ++i) {
+    const int carrier = static_cast<int>(i);
+    if (tree.carrier[i] != carrier) continue;
+    const Inertia& body = bodies[i];
+    finite(body.mass * body.center.squaredNorm(), quoted("link", model.links[i].name), "inertia");
+    finite(body.about_center, quoted("link", model.links[i].name), "inertia");
+    const InertiaFault fault = fault_of(body);
+    if (fault == InertiaFault::none) continue;
+    if (impossible.empty()) first = fault;
+    impossible.push_back(impossible_link(model, tree, carrier).name);
+  }
+  if (impossible.empty()) return;
+  const string element = quoted("link", impossible.front());
+  impossible.erase(impossible.begin());
+  const std::vector<string> missing = names_of(model, unmoved_links(model, tree, bodies));
+  const string others = (impossible.empty() ? "" : "; impossible, too: " + listed(impossible)) +
+                        (missing.empty() ? "" : "; without mass or inertia to move: " + listed(missing));
+  const string repair = "; ImportOptions::repair_inertias takes the nearest possible one";
+  require(first != InertiaFault::asymmetric, element, "inertia is not symmetric" + others, "give ixy = iyx and so on");
+  require(first != InertiaFault::negative, element, "inertia is impossible: a principal moment is negative" + others,
+          "check the signs of the products of inertia" + repair);
+  throw ModelError(element,
+                   "inertia is impossible: one principal moment exceeds the sum of the others (no distribution of mass "
+                   "has that)" +
+                       others,
+                   "check the units, and that it is about the centre of mass" + repair);
 }
 
 // `what` has the softness: a coupling, a limit, a kinematic drive.
@@ -167,28 +211,34 @@ void proper_joint(const Joint& joint) {
   proper_bounds(joint, element);
 }
 
-// Each joint must move some inertia when it moves alone. This makes the mass matrix positive definite.
-void moves_some_inertia(const Model& model, const Tree& tree, int link, const Inertia& body) {
-  const string element = quoted("link", model.links[link].name);
-  const int j = tree.parent_joint[link];
-  if (j < 0) {
-    require(body.mass > 0.0 && principal_moments(body)[0] > 0.0, element, "floats but has no mass or no inertia",
-            "give it an inertia, or fix the root");
-    return;
+// This makes the mass matrix positive definite at the model's start.
+void moves_some_inertia(const Model& model, const Tree& tree, const std::vector<Inertia>& bodies) {
+  const std::vector<UnmovedLink> unmoved = unmoved_links(model, tree, bodies);
+  if (unmoved.empty()) return;
+  const string element = quoted("link", model.links[unmoved.front().link].name);
+  const auto is_missing = [](const UnmovedLink& link) { return link.why == Unmoved::nothing; };
+  if (unmoved.size() > 1 || is_missing(unmoved.front())) {
+    std::vector<string> others = names_of(model, unmoved);
+    others.erase(others.begin());
+    throw ModelError(element,
+                     "moves, but its joint has no mass or no inertia to move: its inertia is missing or 0" +
+                         (others.empty() ? "" : "; the same holds for " + listed(others)),
+                     "give an <inertial> to each, or to a link that is fixed to it; or fill them in on reading: "
+                     "ImportOptions::density makes them from collision shapes, but not from meshes; "
+                     "ImportOptions::least_mass and ImportOptions::least_inertia take bounds");
   }
-  const Joint& joint = model.joints[j];
-  if (joint.armature > 0.0) return;
-  require(
-      body.mass > 0.0, element, "moves (joint '" + joint.name + "') but has no mass: its inertia is missing or 0",
-      "give it, or a link fixed to it, a mass and an inertia (<inertial> in URDF, or ImportOptions), or make the joint "
-      "fixed");
-  if (joint.kind == JointKind::prismatic) return;
-  const Eigen::Vector3d axis = joint.axis.normalized();
-  const double about_axis = axis.dot(body.about_center * axis) + body.mass * axis.cross(body.center).squaredNorm();
-  finite(about_axis, element, "inertia about the axis of joint '" + joint.name + "'");
-  require(about_axis > 1e-12 * body.about_center.trace() && about_axis > 0.0, element,
-          "turns (joint '" + joint.name + "') but has no inertia about the axis",
-          "give it an inertia (<inertia> in URDF), or the joint an armature");
+  const Unmoved why = unmoved.front().why;
+  require(why != Unmoved::root, element, "floats but has no mass or no inertia", "give it an inertia, or fix the root");
+  const Joint& joint = model.joints[tree.parent_joint[unmoved.front().link]];
+  const bool slides = joint.kind == JointKind::prismatic;
+  require(why != Unmoved::axis, element,
+          (slides ? "slides (joint '" : "turns (joint '") + joint.name + "') but has no " +
+              (slides ? "mass" : "inertia about the axis"),
+          "give it an <inertial> with both, or the joint an armature");
+  throw ModelError(element,
+                   "has no mass, and its joint '" + joint.name +
+                       "' moves the bodies behind it only as the joints between do, where the model starts",
+                   "give it an <inertial>, or the joint an armature, or let the model start elsewhere");
 }
 
 using JointsByName = std::unordered_map<string, const Joint*>;
@@ -228,14 +278,13 @@ void Model::validate() const {
   unique_names(links, "link");
   unique_names(joints, "joint");
   unique_names(sites, "site");
-  for (const Link& link : links) possible_inertia(link);
+  for (const Link& link : links) proper_numbers(link);
   for (const Joint& joint : joints) proper_joint(joint);
 
   const Tree tree(*this);
-  const std::vector<Inertia> body = rigid_bodies(*this, tree);
-  for (std::size_t i = 0; i < links.size(); ++i)
-    if (tree.carrier[i] == static_cast<int>(i) && (i > 0 || root.floating))
-      moves_some_inertia(*this, tree, static_cast<int>(i), body[i]);
+  const std::vector<Inertia> bodies = rigid_bodies(*this, tree);
+  possible_inertias(*this, tree, bodies);
+  moves_some_inertia(*this, tree, bodies);
 
   JointsByName joints_by_name;
   for (const Joint& joint : joints) joints_by_name.emplace(joint.name, &joint);

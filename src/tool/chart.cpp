@@ -234,7 +234,7 @@ void run(const ChartOptions& options) {
         fmt::format("--seconds: {} s is too long for a chart; give at most {}", options.seconds, longest_motion));
   const int samples = std::max(1, static_cast<int>(std::lround(options.seconds * samples_per_second)));
 
-  const Model model = with_start(options, options.model.load().model);
+  const Model model = with_start(options, options.model.load(options.ignore).model);
 
   Truth truth;
   Measured measured;

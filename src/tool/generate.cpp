@@ -40,7 +40,7 @@ ParameterSet parameters_of(const std::string& list) {
 void run(GenerateOptions& options) {
   options.kernel.f32 = options.precision != "f64";
   options.kernel.f64 = options.precision != "f32";
-  const Plan plan = compile(options.model.load().model, options.step.settings);
+  const Plan plan = compile(options.model.load(options.step.settings.ignore).model, options.step.settings);
   const KernelSource source = generate_kernel(plan, options.kernel);
   keep_apart({options.model.file}, {options.out});
   OutputFile file(options.out);

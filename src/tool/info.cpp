@@ -83,7 +83,7 @@ std::string joint_lines(const Plan& plan) {
 }
 
 void run(const InfoOptions& options) {
-  const Import import = options.model.load();
+  const Import import = options.model.load(options.step.settings.ignore);
   const Plan plan = compile(import.model, options.step.settings);
   fmt::print("{}\n", options.model.file);
   for (const std::string& line : import.report) fmt::print("  {}\n", line);

@@ -7,6 +7,7 @@
 #include <new>
 
 #include "lockstep/version.h"
+#include "text.h"
 #include "tool.h"
 
 namespace {
@@ -45,6 +46,6 @@ int main(int argc, char** argv) {
   } catch (const std::bad_alloc&) {
     return complain("not enough memory; ask for fewer environments");
   } catch (const std::exception& error) {  // lockstep::Error, InputError
-    return complain(error.what());
+    return complain(with_own_options(error.what()));
   }
 }

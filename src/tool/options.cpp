@@ -122,13 +122,18 @@ void make_kinematic(const std::string& name, Model& model) {
 
 void ModelOptions::add_to(CLI::App& app) {
   app.add_option("MODEL", file, "The mechanism, a URDF file")->required();
-  app.add_option("--least-mass", import.least_mass, "Raises the mass of lighter bodies to this; the report names them")
-      ->type_name("KG")
-      ->check(CLI::NonNegativeNumber);
-  app.add_option("--least-inertia", import.least_inertia,
-                 "Raises smaller principal moments to this; an inertia that no body can have becomes a ball's")
-      ->type_name("KG_M2")
-      ->check(CLI::NonNegativeNumber);
+  const auto bound = [&](const char* name, double& value, const char* unit, const char* help) {
+    app.add_option(name, value, help)->type_name(unit)->check(CLI::NonNegativeNumber);
+  };
+  bound("--density", import.density, "KG_M3",
+        "Bodies without inertia get that of their collision shapes (not meshes), of this density");
+  app.add_flag("--repair-inertias", import.repair_inertias,
+               "An inertia that no body can have becomes the nearest possible one");
+  bound("--least-mass", import.least_mass, "KG", "Raises the mass of lighter bodies to this; repairs inertias, too");
+  bound("--least-inertia", import.least_inertia, "KG_M2",
+        "Raises smaller principal moments of bodies with mass to this; repairs inertias, too");
+  app.add_flag("--leave-out-foreign", import.leave_out_foreign,
+               "Leaves out closed loops and couplings that other tools add to URDF");
   CLI::Option* floats = app.add_flag_callback(
       "--floating-base", [this] { floating = true; },
       "Lets the root link float in the world (default: as in the file)");
@@ -192,9 +197,12 @@ void apply(const ModelOptions& options, Model& model) {
   for (const std::string& name : options.kinematic) make_kinematic(name, model);
 }
 
-Import ModelOptions::load() const {
-  Import read = import_urdf_file(file, import);
-  apply(*this, read.model);
+Import ModelOptions::load(const Ignored& ignore) const {
+  ImportOptions options = import;
+  options.ignore = ignore;
+  options.change = [this](Model& model) { apply(*this, model); };
+  const Import read = import_urdf_file(file, options);
+  for (const std::string& line : read.warnings) fmt::print(stderr, "lockstep: warning: {}\n", line);
   return read;
 }
 

@@ -32,8 +32,9 @@ struct ModelOptions {
   std::vector<std::string> kinematic;     ///< "JOINT"
 
   void add_to(CLI::App& app);
-  /// Reads the file and applies the other options. Throws InputError and lockstep::Error.
-  Import load() const;
+  /// Reads the file, prints the import's warnings on standard error and applies the other options. What is ignored is
+  /// not judged. Throws InputError and lockstep::Error.
+  Import load(const Ignored& ignore) const;
 };
 
 /// Applies the options to a model, without reading a file.

@@ -262,7 +262,7 @@ int run(const SimulateOptions& options) {
   keep_apart({options.model.file, options.state, options.targets}, {options.record, options.json});
   for (const std::string& output : {options.record, options.json}) require_writable(output);  // before a long run
   const Inputs inputs(options);
-  const Model model = options.model.load().model;
+  const Model model = options.model.load(options.step.settings.ignore).model;
   const std::optional<Chosen> chosen = chosen_step(options, inputs, model);
   const Plan plan = compile(model, settings_of(options, chosen));
   const long steps = step_count(options.seconds, plan.settings().dt);

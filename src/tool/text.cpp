@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <cctype>
 #include <charconv>
 #include <cmath>
 
@@ -74,6 +75,17 @@ std::string fraction(double dt) {
   const double below = std::round(1.0 / dt);
   if (below > 1.0 && std::abs(below * dt - 1.0) < 1e-12) return fmt::format("1/{:.0f}", below);
   return fmt::format("{}", dt);
+}
+
+std::string with_own_options(std::string message) {
+  constexpr std::string_view members = "ImportOptions::";
+  for (std::size_t at; (at = message.find(members)) != std::string::npos;) {
+    message.replace(at, members.size(), "--");
+    for (at += 2; at < message.size() && (std::isalpha(static_cast<unsigned char>(message[at])) || message[at] == '_');
+         ++at)
+      if (message[at] == '_') message[at] = '-';
+  }
+  return message;
 }
 
 }  // namespace lockstep::tool

@@ -27,4 +27,8 @@ std::string with_prefix(double number);
 /// A step size as people write it: as a fraction such as "1/240" if it is one, else as a number.
 std::string fraction(double dt);
 
+/// A message of the library with this command's options in place of members: --least-mass for
+/// ImportOptions::least_mass.
+std::string with_own_options(std::string message);
+
 }  // namespace lockstep::tool

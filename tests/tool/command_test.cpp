@@ -241,6 +241,44 @@ TEST_F(Command, ignores_bounds_by_joint_and_names_what_followers_leave) {
   EXPECT_NE(run({"info", jaws, "--ignore", "position:followers"}).out.find("0 to 0.04 m (ignored)"), std::string::npos);
 }
 
+// A leader whose follower leaves it no room, and a link whose inertia is missing.
+TEST_F(Command, prints_warnings_of_the_import_in_every_command) {
+  const std::string limits = "<limit lower='0' upper='1' effort='5' velocity='5'/>";
+  const std::string box = "<collision><geometry><box size='0.1 0.1 0.1'/></geometry></collision>";
+  const auto joint = [](const std::string& name, const std::string& child, const std::string& inside) {
+    return "<joint name='" + name + "' type='revolute'><parent link='base'/><child link='" + child + "'/>" + inside +
+           "</joint>";
+  };
+  const std::string file =
+      write("locked.urdf", "<robot name='r'><link name='base'/><link name='a'>" + box + "</link>\n<link name='b'>" +
+                               box + "</link>" + joint("lead", "a", limits) +
+                               joint("back", "b", limits + "<mimic joint='lead' multiplier='-1'/>") + "</robot>");
+  const Ran refused = run({"info", file});
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_NE(refused.err.find("locked.urdf:1: link 'a'"), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("the same holds for b"), std::string::npos) << refused.err;
+  for (const char* option : {"--density", "--least-mass", "--least-inertia"})
+    EXPECT_NE(refused.err.find(option), std::string::npos) << refused.err;
+  EXPECT_EQ(refused.err.find("ImportOptions"), std::string::npos) << refused.err;
+
+  const std::string locked = "lockstep: warning: followers whose limits leave their leader no room to move (1): back\n";
+  const std::string filled = "lockstep: warning: inertia from collision shapes of 1000 kg/m^3 (2): a, b\n";
+  for (const Arguments& command :
+       {Arguments{"info", file}, Arguments{"simulate", file, "--envs", "2", "--seconds", "0.01"},
+        Arguments{"simulate", file, "--envs", "2", "--seconds", "0.01", "--json", path("r.json")},
+        Arguments{"generate", file, "--out", path("kernel.cpp")}}) {
+    Arguments all = command;
+    all.insert(all.end(), {"--density", "1000"});
+    const Ran ran = run(all);
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_NE(ran.err.find(locked), std::string::npos) << command[0] << "\n" << ran.err;
+    EXPECT_NE(ran.err.find(filled), std::string::npos) << command[0] << "\n" << ran.err;
+  }
+  const Ran ignored = run({"info", file, "--density", "1000", "--ignore", "position:followers"});
+  EXPECT_EQ(ignored.err.find("no room"), std::string::npos) << ignored.err;
+  EXPECT_EQ(run({"info", file, "--armature", "0.1"}).status, 0);
+}
+
 TEST_F(Command, records_the_place_of_a_site) {
   recorded({"--site", "tip=hand,0.02,0,0.01", "--site", "grip=finger", "--state", write("s.csv", "shoulder\n0\n"),
             "--precision", "f64"});

@@ -33,6 +33,11 @@ inline void expect_reports(const Import& import, const std::string& line) {
       << report_of(import);
 }
 
+inline bool warns(const Import& import, const std::string& part) {
+  return std::any_of(import.warnings.begin(), import.warnings.end(),
+                     [&](const std::string& line) { return line.find(part) != std::string::npos; });
+}
+
 /// C at the model's start, for a coupling with one term.
 inline double error_at_start(const Model& model, const Coupling& coupling) {
   const CouplingTerm& term = coupling.terms[0];

@@ -220,7 +220,9 @@ TEST(Import, reads_limits_of_zero_as_unlimited) {
   expect("tilt", 4.0, infinity);
   expect("lens", infinity, 0.5);
   expect("roll", 4.0, 2.0);
-  expect_reports(import, "<limit> with effort or velocity 0, taken as unlimited (3): pan, tilt, lens");
+  expect_reports(import,
+                 "<limit> with effort or velocity 0, taken as unlimited (4): pan (effort), pan (velocity), "
+                 "tilt (velocity), lens (effort)");
   expect_reports(import, "joints that cannot move, lower = upper (1): roll");
   expect_reports(import,
                  "kept and enforced by a step: effort limits of 2 joints, position limits of 4 joints, "
@@ -280,16 +282,21 @@ const string defective = R"(<robot name='defective'><link name='base'/>
 TEST(Import, fills_in_inertias_only_on_request_and_reports_where) {
   EXPECT_THROW(import_urdf(defective), ModelError);
   const Import import = import_urdf(defective, "defective", {.least_mass = 0.05, .least_inertia = 1e-5});
-  expect_reports(import, "impossible inertias, taken as those of balls of the same mean moment (1): palm");
-  expect_reports(import, "masses raised to 0.05 kg (3): base, finger, tip");
-  expect_reports(import, "inertias raised to 1e-05 kg m^2 (3): base, finger, tip");
+  expect_reports(import, "impossible inertias, changed to the nearest possible (1): palm");
+  expect_reports(import, "masses raised to 0.05 kg (2): finger, tip");
+  expect_reports(import, "masses raised to 0.05 kg, of a bolted root (1): base");
+  expect_reports(import, "inertias raised to 1e-05 kg m^2 (2): finger, tip");
+  EXPECT_TRUE(warns(import, "masses raised to 0.05 kg (2)"));
+  EXPECT_FALSE(warns(import, "bolted root"));
   const Eigen::Matrix3d one = Eigen::Matrix3d::Identity();
-  EXPECT_TRUE(link(import.model, "palm").inertia.about_center.isApprox(2.0 * one));
+  // Moments 1, 1, 4 exceed the rule by 2: a third of that goes to each.
+  EXPECT_TRUE(link(import.model, "palm")
+                  .inertia.about_center.isApprox(Eigen::Vector3d(5.0, 5.0, 10.0).asDiagonal().toDenseMatrix() / 3.0));
   EXPECT_EQ(link(import.model, "palm").inertia.mass, 2.0);
   EXPECT_EQ(link(import.model, "finger").inertia.mass, 0.05);
   EXPECT_EQ(link(import.model, "finger").inertia.center, Eigen::Vector3d(0.1, 0.0, 0.0));
   EXPECT_TRUE(link(import.model, "finger")
-                  .inertia.about_center.isApprox(Eigen::Vector3d(1e-5, 1.1e-5, 1.2e-5).asDiagonal().toDenseMatrix()));
+                  .inertia.about_center.isApprox(Eigen::Vector3d(1e-5, 1e-5, 1e-5).asDiagonal().toDenseMatrix()));
   EXPECT_EQ(link(import.model, "tip").inertia.mass, 0.05);
   EXPECT_TRUE(link(import.model, "tip").inertia.about_center.isApprox(1e-5 * one));
   EXPECT_EQ(link(import.model, "thumb").inertia.mass, 0.0) << "the nail has enough mass for both";

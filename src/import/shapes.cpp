@@ -1,0 +1,68 @@
+// Solid primitives: volumes and second moments. SPDX-License-Identifier: Apache-2.0
+#include "shapes.h"
+
+#include "model/tree.h"
+#include "origin.h"
+
+namespace lockstep::urdf {
+namespace {
+
+constexpr double pi = 3.14159265358979323846;
+
+// About the centre, of density 1, round about z.
+Inertia round(double volume, double about_x, double about_z) {
+  return {volume, Eigen::Vector3d::Zero(), Eigen::Vector3d(about_x, about_x, about_z).asDiagonal()};
+}
+
+Inertia cylinder(double r, double h) {
+  const double m = pi * r * r * h;
+  return round(m, m * (3.0 * r * r + h * h) / 12.0, m * r * r / 2.0);
+}
+
+// A cylinder of length h between two halves of a ball. A half's centre of mass lies 3/8 r above its flat side.
+Inertia capsule(double r, double h) {
+  const Inertia middle = cylinder(r, h);
+  const double ball = 4.0 / 3.0 * pi * r * r * r, about_z = 0.4 * ball * r * r;
+  const double about_x = about_z + ball * (h * h / 4.0 + 3.0 / 8.0 * h * r);
+  return round(middle.mass + ball, middle.about_center(0, 0) + about_x, middle.about_center(2, 2) + about_z);
+}
+
+double length(Element& shape, const char* attribute, bool may_be_zero = false) {
+  const double value = shape.number(attribute);
+  if (value < 0.0 || (value == 0.0 && !may_be_zero))
+    shape.fail(std::string(attribute) + " is not above 0, so the shape has no volume", "give its size in metres");
+  return value;
+}
+
+}  // namespace
+
+Shapes read_shapes(Element& link) {
+  Shapes shapes;
+  link.each_child("collision", [&](Element collision) {
+    collision.rename("collision of " + link.title());
+    ++shapes.collisions;
+    const Eigen::Isometry3d pose = read_origin(collision);
+    const auto add = [&](const Inertia& solid) { shapes.solid = shapes.solid + transformed(solid, pose); };
+    std::optional<Element> geometry = collision.child("geometry");
+    if (!geometry) return;
+    geometry->each_child("mesh", [&](const Element&) { ++shapes.meshes; });
+    geometry->each_child("box", [&](Element box) {
+      const Eigen::Vector3d size = box.triple("size");
+      if (!(size.minCoeff() > 0.0)) box.fail("size is not above 0, so the shape has no volume", "give it in metres");
+      add(Inertia::box(size.prod(), size, Eigen::Vector3d::Zero()));
+    });
+    geometry->each_child("sphere", [&](Element sphere) { add(capsule(length(sphere, "radius"), 0.0)); });
+    geometry->each_child("cylinder", [&](Element shape) {
+      const double radius = length(shape, "radius");
+      add(cylinder(radius, length(shape, "length")));
+    });
+    geometry->each_child("capsule", [&](Element shape) {
+      const double radius = length(shape, "radius");
+      add(capsule(radius, length(shape, "length", true)));
+    });
+    geometry->tally_rest();
+  });
+  return shapes;
+}
+
+}  // namespace lockstep::urdf
