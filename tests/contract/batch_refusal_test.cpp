@@ -174,11 +174,11 @@ INSTANTIATE_TEST_SUITE_P(
                     TooLarge{"effort", [](Model& m) { m.joints[0].effort = 1e300; }},
                     TooLarge{"target", [](Model& m) { m.joints[0].drive.position_target = 1e300; }},
                     TooLarge{"place", [](Model& m) { m.joints[0].origin.translation().x() = 1e60; }},
-                    TooLarge{"mass",
-                             [](Model& m) {
-                               m.links[3].inertia = {1e60, Eigen::Vector3d::Zero(),
-                                                     1e100 * Eigen::Matrix3d::Identity()};
-                             }},
+                    TooLarge{
+                        "mass",
+                        [](Model& m) {
+                          m.links[3].inertia = {1e60, Eigen::Vector3d::Zero(), 1e100 * Eigen::Matrix3d::Identity()};
+                        }},
                     TooLarge{"gravity", [](Model& m) { m.gravity.z() = -1e300; }},
                     TooLarge{"offset", [](Model& m) { m.couplings[0].offset = 1e300; }},
                     TooLarge{"stiffness",
