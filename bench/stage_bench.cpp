@@ -43,7 +43,8 @@ class TileState {
     batch_.position_target = targets;
     batch_.velocity_target = take(dofs);
     batch_.effort = take(dofs);
-    if (plan.floating()) batch_.root_pose = take(7), batch_.root_velocity = take(6);
+    const bool floats = !plan.root_names().empty();
+    if (floats) batch_.root_pose = take(7), batch_.root_velocity = take(6);
     batch_.fault = fault_.data();
     for (int d = 0; d < dofs; ++d) {
       const Joint& joint = plan.model().joints[plan.model().joint_index(plan.dof_names()[d])];
@@ -51,7 +52,7 @@ class TileState {
       std::fill_n(batch_.velocity + d * width, width, static_cast<float>(joint.velocity));
       std::fill_n(targets + d * width, width, static_cast<float>(joint.drive.position_target));
     }
-    if (plan.floating()) std::fill_n(batch_.root_pose + 3 * width, width, 1.0f);
+    if (floats) std::fill_n(batch_.root_pose + 3 * width, width, 1.0f);
   }
   const StatePointers<float>& batch() const { return batch_; }
 

@@ -31,7 +31,10 @@ void StageKernels::run(const Tables<float>& t, const StatePointers<float>& start
     };
     restore(batch.position, start.position, t.joints);
     restore(batch.velocity, start.velocity, t.joints);
-    if (t.floating) restore(batch.root_pose, start.root_pose, 7), restore(batch.root_velocity, start.root_velocity, 6);
+    const int roots = t.roots.count;
+    if (roots > 0)
+      restore(batch.root_pose, start.root_pose, 7 * roots),
+          restore(batch.root_velocity, start.root_velocity, 6 * roots);
     Stages<Wide>::run(t, batch, x, stages);
   }
 }

@@ -46,7 +46,7 @@ struct Stages {
   static void integrate(const Table& t, const StatePointers<S>&, Tile& x) {
     kernels::solved_velocities(t, x);
     kernels::integrate(t, x);
-    if (t.floating) kernels::turn_root_twist(x.half_turn, x.next.v);
+    kernels::turn_root_twists(t, x, x.next.v);
   }
 
   static void finish(const Table& t, const StatePointers<S>& batch, Tile& x) {

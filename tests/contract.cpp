@@ -49,11 +49,11 @@ void scatter(Batch<S>& batch, int environment, std::uint64_t seed) {
   shift(batch.position_targets(), 0.5);
   shift(batch.velocity_targets(), 0.5);
   shift(batch.efforts(), 0.5);
-  if (plan.floating()) {
+  for (Eigen::Index first = 0; first < batch.root_poses().rows(); first += 7) {
     Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();
     for (double& component : turn.coeffs()) component += random.uniform(-1.0, 1.0);
     turn.normalize();
-    auto pose = batch.root_poses().col(environment);
+    auto pose = batch.root_poses().col(environment).segment(first, 7);
     for (int k = 0; k < 3; ++k) pose[k] += static_cast<S>(random.uniform(-1.0, 1.0));
     pose[3] = static_cast<S>(turn.w()), pose[4] = static_cast<S>(turn.x());
     pose[5] = static_cast<S>(turn.y()), pose[6] = static_cast<S>(turn.z());
@@ -123,11 +123,14 @@ Model model_of(Batch<double>& batch, int environment) {
     if (before > 0.0) inertia.about_center *= inertia.mass / before;
   }
   for (int k = 0; k < 3; ++k) own(Parameter::gravity, k, model.gravity[k]);
-  if (model.root.floating) {
-    const reference::State state = physics::state_of(batch, environment);
-    model.root.pose.linear() = state.orientation.normalized().toRotationMatrix();
-    model.root.pose.translation() = state.position;
-    model.root.velocity = state.v.head(6);
+  const reference::State state = physics::state_of(batch, environment);
+  int floating = 0;
+  for (std::size_t tree = 0; tree < model.roots.size(); ++tree) {
+    Root& root = model.roots[tree];
+    if (!root.floating) continue;
+    root.pose.linear() = state.roots[tree].orientation.normalized().toRotationMatrix();
+    root.pose.translation() = state.roots[tree].position;
+    root.velocity = state.v.segment<6>(6 * floating++);
   }
   return model;
 }

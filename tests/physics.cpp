@@ -16,6 +16,17 @@ double condition(const Eigen::MatrixXd& h) {
   return values.maxCoeff() / std::max(values.minCoeff(), epsilon * values.maxCoeff());
 }
 
+void expect_same_poses(const reference::State& ours, const reference::State& theirs, double tolerance) {
+  ASSERT_EQ(ours.roots.size(), theirs.roots.size());
+  for (std::size_t tree = 0; tree < ours.roots.size(); ++tree) {
+    const reference::RootPose &a = ours.roots[tree], &b = theirs.roots[tree];
+    EXPECT_LE(distance(a.position, b.position), tolerance * std::max(1.0, size(b.position))) << "position " << tree;
+    const double sign = a.orientation.dot(b.orientation) < 0.0 ? -1.0 : 1.0;
+    EXPECT_LE(distance(a.orientation.coeffs(), (sign * b.orientation.coeffs()).eval()), tolerance)
+        << "orientation " << tree;
+  }
+}
+
 StepSettings settings(Method method, int iterations, int velocity_iterations, double dt) {
   StepSettings result;
   result.dt = dt;

@@ -19,19 +19,19 @@ constexpr double epsilon = std::numeric_limits<double>::epsilon();
 template <class S>
 reference::State state_of(const Batch<S>& batch, int environment = 0) {
   reference::State state;
-  const int dofs = batch.plan().dofs(), root = batch.plan().floating() ? 6 : 0;
+  const Eigen::MatrixXd poses = batch.root_poses().col(environment).matrix().template cast<double>();
   state.q = batch.positions().col(environment).matrix().template cast<double>();
-  state.v.resize(root + dofs);
-  state.v.tail(dofs) = batch.velocities().col(environment).matrix().template cast<double>();
-  if (root > 0) {
-    const Eigen::VectorXd pose = batch.root_poses().col(environment).matrix().template cast<double>();
-    state.position = pose.head<3>();
-    state.orientation = Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6]);
-    state.v.head(6) = batch.root_velocities().col(environment).matrix().template cast<double>();
-  } else {
-    const Eigen::Isometry3d& pose = batch.plan().model().root.pose;
-    state.position = pose.translation();
-    state.orientation = Eigen::Quaterniond(pose.linear());
+  state.v.resize(batch.root_velocities().rows() + batch.velocities().rows());
+  state.v << batch.root_velocities().col(environment).matrix().template cast<double>(),
+      batch.velocities().col(environment).matrix().template cast<double>();
+  int floating = 0;
+  for (const Root& root : batch.plan().model().roots) {
+    if (!root.floating) {
+      state.roots.push_back({root.pose.translation(), Eigen::Quaterniond(root.pose.linear())});
+      continue;
+    }
+    const Eigen::Matrix<double, 7, 1> pose = poses.block<7, 1>(7 * floating++, 0);
+    state.roots.push_back({pose.head<3>(), Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6])});
   }
   return state;
 }
@@ -41,6 +41,10 @@ template <class A, class B>
 double distance(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
   return a.size() == 0 ? 0.0 : (a - b).template lpNorm<Eigen::Infinity>() + 0.0 * (a - b).sum();
 }
+
+/// Expects the roots of two states at the same poses: positions to `tolerance` times their size or 1 m, orientations to
+/// `tolerance`. A quaternion and its opposite are the same orientation.
+void expect_same_poses(const reference::State& ours, const reference::State& theirs, double tolerance);
 
 inline double size(const Eigen::MatrixXd& a) { return a.size() == 0 ? 0.0 : a.lpNorm<Eigen::Infinity>(); }
 

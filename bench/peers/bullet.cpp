@@ -49,9 +49,10 @@ class World {
   }
 
   void reset() {
-    const Pose& pose = model_.root.pose;
+    const Root root = root_of(model_);
+    const Pose& pose = root.pose;
     const Eigen::Vector3d center = model_.links[0].inertia.center;
-    const Eigen::Vector3d omega = model_.root.velocity.head<3>(), origin = model_.root.velocity.tail<3>();
+    const Eigen::Vector3d omega = root.velocity.head<3>(), origin = root.velocity.tail<3>();
     body_->setBasePos(vector(pose * center));
     body_->setWorldToBaseRot(turn_back(pose));
     body_->setBaseOmega(vector(pose.linear() * omega));
@@ -78,7 +79,7 @@ class World {
   void build_body() {
     const Inertia& root = model_.links[0].inertia;
     body_ = std::make_unique<btMultiBody>(static_cast<int>(model_.joints.size()), btScalar(root.mass),
-                                          vector(root.about_center.diagonal()), !model_.root.floating, false);
+                                          vector(root.about_center.diagonal()), !root_of(model_).floating, false);
     for (std::size_t j = 0; j < model_.joints.size(); ++j) {
       const Joint& joint = model_.joints[j];
       const Inertia& inertia = model_.links[model_.link_index(joint.child)].inertia;

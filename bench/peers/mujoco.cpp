@@ -97,8 +97,8 @@ void write_mjcf(const Model& model, double dt, const Options& options, const std
           {"iterations", fmt::format("{}", options.iterations)}});
   // Memory for the couplings and no more: MuJoCo would clear what is unused, and that would take space in the cache.
   append(root, "size", {{"njmax", fmt::format("{}", model.couplings.size())}, {"nconmax", "1"}, {"nstack", "200000"}});
-  XMLElement& base = append(append(root, "worldbody", {}), "body", placed(model.links[0].name, model.root.pose));
-  if (model.root.floating) {
+  XMLElement& base = append(append(root, "worldbody", {}), "body", placed(model.links[0].name, root_of(model).pose));
+  if (root_of(model).floating) {
     append_inertia(base, model.links[0].inertia);
     append(base, "freejoint", {});
   }
@@ -167,13 +167,14 @@ class MujocoPeer : public Peer {
     state.q = positions();
     for (std::size_t j = 0; j < velocity_.size(); ++j)
       state.v[state.v.size() - state.q.size() + static_cast<Eigen::Index>(j)] = data.qvel[velocity_[j]];
-    if (!source_.root.floating) return state;
+    if (!root_of(source_).floating) return state;
     // The free joint comes first: linear velocity in world axes, angular velocity in body axes.
-    state.position = Eigen::Map<const Eigen::Vector3d>(data.qpos);
-    state.orientation = Eigen::Quaterniond(data.qpos[3], data.qpos[4], data.qpos[5], data.qpos[6]);
+    reference::RootPose& root = state.roots[0];
+    root.position = Eigen::Map<const Eigen::Vector3d>(data.qpos);
+    root.orientation = Eigen::Quaterniond(data.qpos[3], data.qpos[4], data.qpos[5], data.qpos[6]);
     state.v.head<3>() = Eigen::Map<const Eigen::Vector3d>(data.qvel + 3);
     state.v.segment<3>(3) =
-        state.orientation.conjugate() * Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(data.qvel));
+        root.orientation.conjugate() * Eigen::Vector3d(Eigen::Map<const Eigen::Vector3d>(data.qvel));
     return state;
   }
   bool failed() const override {

@@ -31,10 +31,9 @@ class OwnPeer : public Peer {
     reference::State state = reference::Mechanism(batch_.plan().model()).initial_state();
     state.q = positions();
     state.v.tail(state.q.size()) = batch_.velocities().col(0).matrix().template cast<double>();
-    if (!batch_.plan().floating()) return state;
+    if (batch_.root_poses().rows() == 0) return state;
     const Eigen::VectorXd pose = batch_.root_poses().col(0).matrix().template cast<double>();
-    state.position = pose.head<3>();
-    state.orientation = Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6]);
+    state.roots[0] = {pose.head<3>(), Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6])};
     state.v.head(6) = batch_.root_velocities().col(0).matrix().template cast<double>();
     return state;
   }

@@ -22,8 +22,11 @@ void require_plain(const Model& model) {
   for (const Coupling& coupling : model.couplings)
     require(coupling.terms.size() == 1 && is_hard(coupling.softness),
             "couplings that are not hard mimics of one joint");
-  require(!model.root.floating || model.root.velocity.isZero(), "a root that moves at the start");
+  require(model.roots.size() <= 1, "several trees");
+  require(root_of(model).velocity.isZero(), "a root that moves at the start");
 }
+
+Root root_of(const Model& model) { return model.roots.empty() ? Root{model.links[0].name} : model.roots[0]; }
 
 int joint_of_link(const Model& model, const std::string& link) {
   for (std::size_t j = 0; j < model.joints.size(); ++j)

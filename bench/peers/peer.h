@@ -45,6 +45,9 @@ struct Contender {
 /// along those of the link, revolute joints, hard mimics of one joint, and servos without velocity targets.
 void require_plain(const Model& model);
 
+/// The one root of such a model.
+Root root_of(const Model& model);
+
 /// Index in Model::joints of the joint that moves the link; -1 for the root.
 int joint_of_link(const Model& model, const std::string& link);
 

@@ -103,19 +103,19 @@ class SimbodyPeer : public Peer {
 
   void build_bodies(const TargetsOverTime& targets) {
     mobod_.resize(model_.links.size());
-    const bool floating = model_.root.floating;
-    if (floating) {
+    const Root root = root_of(model_);
+    if (root.floating) {
       const Body::Rigid base(mass(model_.links[0].inertia));
-      MobilizedBody::Free root(matter_.Ground(), transform(model_.root.pose), base, Transform());
-      mobod_[0] = root.getMobilizedBodyIndex();
+      MobilizedBody::Free free(matter_.Ground(), transform(root.pose), base, Transform());
+      mobod_[0] = free.getMobilizedBodyIndex();
     }
     std::vector<MovingServos::Servo> servos;
     for (const Joint& joint : model_.joints) {  // a Pin turns about z
       const Rotation to_axis(UnitVec3(vector(joint.axis)), ZAxis);
-      const bool on_ground = !floating && joint.parent == model_.links[0].name;
+      const bool on_ground = !root.floating && joint.parent == model_.links[0].name;
       MobilizedBody& parent =
           on_ground ? matter_.updGround() : matter_.updMobilizedBody(mobod_[model_.link_index(joint.parent)]);
-      const Transform origin = on_ground ? transform(model_.root.pose * joint.origin) : transform(joint.origin);
+      const Transform origin = on_ground ? transform(root.pose * joint.origin) : transform(joint.origin);
       const int child = model_.link_index(joint.child);
       MobilizedBody::Pin pin(parent, origin * Transform(to_axis), Body::Rigid(mass(model_.links[child].inertia)),
                              Transform(to_axis));

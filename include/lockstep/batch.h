@@ -133,10 +133,12 @@ class LOCKSTEP_API Batch {
   std::string kernel_name() const;  ///< of the generated kernel in use; empty for other engines
 
   // --- state, to read and to write -------------------------------------------------------------
-  View positions();        ///< [dofs][environments] rad or m
-  View velocities();       ///< [dofs][environments] rad/s or m/s
-  View root_poses();       ///< [7][environments] x, y, z (m), quaternion w, x, y, z; see Root. No rows if fixed
-  View root_velocities();  ///< [6][environments] angular, then linear, in the root's axes; see Root. No rows if fixed
+  View positions();   ///< [dofs][environments] rad or m
+  View velocities();  ///< [dofs][environments] rad/s or m/s
+  /// [7 roots][environments] x, y, z (m), quaternion w, x, y, z of each floating root, in the order of
+  /// Plan::root_names(). See Root.
+  View root_poses();
+  View root_velocities();  ///< [6 roots][environments] angular, then linear, in the root's axes, in the same order
   ConstView positions() const;
   ConstView velocities() const;
   ConstView root_poses() const;
@@ -207,7 +209,7 @@ class LOCKSTEP_API Batch {
   Array link_velocities(int link) const;
   Array site_positions(int site) const;  ///< [3][environments] world, m
   /// [6 * columns][environments]: row 6 c + r is the derivative of component r (angular, then linear velocity of the
-  /// site, world axes) by generalised velocity c: the root's six if it floats, then the dofs.
+  /// site, world axes) by generalised velocity c: the six of each floating root, then the dofs.
   Array site_jacobians(int site) const;
   Array kinetic_energies() const;    ///< [1][environments] J, with the armatures' share
   Array potential_energies() const;  ///< [1][environments] J, of gravity alone, zero at the world's origin

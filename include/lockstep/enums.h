@@ -59,8 +59,8 @@ enum class Fault : std::uint32_t {
   diverged = 2,    ///< the step would have left one beyond StepSettings::position_bound or velocity_bound
   singular = 3,    ///< the mass matrix is not positive definite or not finite: a per-environment parameter is
                    ///< impossible, or the masses are too far apart for this precision
-  bad_value = 4,  ///< a per-environment parameter is outside the range that it has in a Model, or the root's quaternion
-                  ///< is 0: found when step() is called, before it moves anything
+  bad_value = 4,   ///< a per-environment parameter is outside the range that it has in a Model, or a root's quaternion
+                   ///< is 0: found when step() is called, before it moves anything
 };
 
 /// The enumerator's name: "reduced", "leapfrog", "gear_ratio", "not_finite" ... The string lives forever.

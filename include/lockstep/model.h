@@ -117,7 +117,7 @@ struct Site {
   Pose pose = Pose::Identity();  ///< in the link frame
 };
 
-/// The first link is the root: bolted to the world, or floating in it.
+/// Where a tree of links begins: at a link that no joint carries, bolted to the world or floating in it.
 ///
 /// Conventions of a floating root, here and wherever a Batch shows them:
 /// - its pose maps coordinates of the root link's frame to world coordinates (p_world = R p + t);
@@ -125,21 +125,25 @@ struct Site {
 /// - its velocity is a twist in the axes of the root link's own frame: first the angular velocity
 ///   (rad/s), then the velocity of the frame's origin (m/s), as in Featherstone (2008), section 2.
 struct Root {
+  std::string link;  ///< name of the root link
   bool floating = false;
   Pose pose = Pose::Identity();
   Twist velocity = Twist::Zero();
 };
 
+/// Links and joints form one tree or several. A tree stands or floats in the world, which is no link.
 struct Model {
   std::string name = "model";
-  std::vector<Link> links;  ///< links[0] is the root of the tree
+  std::vector<Link> links;
   std::vector<Joint> joints;
   std::vector<Coupling> couplings;
   std::vector<Site> sites;
-  Root root;
+  /// One for each tree, in the order in which a Batch shows floating roots. May be empty if there is one tree: it is
+  /// bolted to the world's origin then.
+  std::vector<Root> roots;
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< m/s^2, world axes
 
-  /// Throws ModelError for the first rule that is broken: names unique and known, one tree, finite
+  /// Throws ModelError for the first rule that is broken: names unique and known, trees with a root each, finite
   /// numbers in their ranges, inertias that a body can have, couplings between moving joints.
   /// A tensor is judged as part of the body that its link forms with all links fixed to it. Links
   /// may be without mass where the mass matrix is positive definite at the model's start.

@@ -28,6 +28,13 @@ struct LockedJoints {
   std::vector<int> couplings;  ///< that lock them
 };
 
+/// A tree of links, and what rows of a Batch belong to it.
+struct PlanTree {
+  std::string root;       ///< its root link
+  int floating_root;      ///< n: rows 7n to 7n + 6 of root_poses() and 6n to 6n + 5 of root_velocities(); -1 if bolted
+  std::vector<int> dofs;  ///< ascending
+};
+
 /// An immutable compiled model; copies share it. Thread-safe.
 ///
 /// Rows of a Batch follow the Model: dofs are its moving joints in the order of Model::joints,
@@ -44,14 +51,15 @@ class LOCKSTEP_API Plan {
   /// StepSettings::stage_inputs asks for. Some times come twice.
   std::vector<double> stage_times() const;
 
-  int dofs() const;  ///< moving joints; a floating root's six velocities are apart
+  int dofs() const;  ///< moving joints; the six velocities of each floating root are apart
   int couplings() const;
-  bool floating() const;
-  const std::vector<std::string>& dof_names() const;  ///< joint names, by dof
-  int dof(const std::string& joint) const;            ///< throws UsageError for unknown or fixed joints
-  int link(const std::string& name) const;            ///< index of the link; throws UsageError for an unknown one
-  int site(const std::string& name) const;            ///< index of the site; throws UsageError for an unknown one
-  int parameter_rows(Parameter parameter) const;      ///< rows of that field, declared or not; throws UsageError
+  const std::vector<std::string>& root_names() const;  ///< links that float, in the order of Batch::root_poses()
+  const std::vector<PlanTree>& trees() const;          ///< in the order of Model::roots
+  const std::vector<std::string>& dof_names() const;   ///< joint names, by dof
+  int dof(const std::string& joint) const;             ///< throws UsageError for unknown or fixed joints
+  int link(const std::string& name) const;             ///< index of the link; throws UsageError for an unknown one
+  int site(const std::string& name) const;             ///< index of the site; throws UsageError for an unknown one
+  int parameter_rows(Parameter parameter) const;       ///< rows of that field, declared or not; throws UsageError
 
   /// Everything that a step holds or bounds, in the order of Batch::row_residuals() and row_states(): "coupling NAME"
   /// for each coupling, then by dof what it has of "position limit NAME", "velocity limit NAME", "friction NAME",

@@ -35,7 +35,9 @@ std::string Batch<S>::explain_fault(int environment) const {
                      ", must be " + rule.range);
   for (const BodyLinks& body : batch.rules.bodies)
     if (!(batch.mass_of(body, environment) > S(0))) add(wrong, "masses of link " + body.element + " sum up to 0");
-  if (!batch.has_turn(environment)) add(wrong, "the root's quaternion is 0");
+  for (std::size_t root = 0; root < program.root_names.size(); ++root)
+    if (!batch.has_turn(environment, static_cast<int>(root)))
+      add(wrong, "the quaternion of root '" + program.root_names[root] + "' is 0");
   const auto find_infinite = [&](const AlignedBlock<S>& block, const std::string& what, bool by_dof) {
     const std::ptrdiff_t rows = static_cast<std::ptrdiff_t>(block.size()) / batch.stride;
     for (std::ptrdiff_t row = 0; row < rows; ++row) {

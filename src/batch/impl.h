@@ -59,7 +59,7 @@ struct Batch<S>::Impl {
     position_target = rows(dofs * tables.input_times);
     velocity_target = rows(dofs * tables.input_times);
     effort = rows(dofs * tables.input_times);
-    if (tables.floating) root_pose = rows(7), root_velocity = rows(6);
+    if (tables.roots.count > 0) root_pose = rows(7 * tables.roots.count), root_velocity = rows(6 * tables.roots.count);
     if (tables.record_impulses) impulse = rows(tables.couplings);
     if (tables.record_diagnostics)
       residual = rows(tables.reported.count), row_state = rows(tables.reported.count), energy = rows(4);
@@ -118,16 +118,17 @@ struct Batch<S>::Impl {
         {&velocity_target, by_dof([](const Joint& j) { return j.drive.velocity_target; }, times), true},
         {&effort, by_dof([](const Joint& j) { return j.effort; }, times), true},
     };
-    if (!tables.floating) return;
-    const Root& root = program.model.root;
-    const Eigen::Vector3d at = root.pose.translation();
-    const Eigen::Quaterniond turn(root.pose.linear());
-    std::vector<S> pose, twist;
-    for (double number : {at.x(), at.y(), at.z(), turn.w(), turn.x(), turn.y(), turn.z()})
-      pose.push_back(static_cast<S>(number));
-    for (int i = 0; i < 6; ++i) twist.push_back(static_cast<S>(root.velocity[i]));
-    start.push_back({&root_pose, std::move(pose), false});
-    start.push_back({&root_velocity, std::move(twist), false});
+    std::vector<S> poses, twists;
+    for (const Root& root : program.model.roots) {
+      if (!root.floating) continue;
+      const Eigen::Vector3d at = root.pose.translation();
+      const Eigen::Quaterniond turn(root.pose.linear());
+      for (double number : {at.x(), at.y(), at.z(), turn.w(), turn.x(), turn.y(), turn.z()})
+        poses.push_back(static_cast<S>(number));
+      for (int i = 0; i < 6; ++i) twists.push_back(static_cast<S>(root.velocity[i]));
+    }
+    start.push_back({&root_pose, std::move(poses), false});
+    start.push_back({&root_velocity, std::move(twists), false});
   }
 
   void fill_parameters() {
@@ -231,12 +232,13 @@ struct Batch<S>::Impl {
     return all_unit;
   }
 
-  bool has_turn(std::ptrdiff_t e) const {
-    const std::ptrdiff_t rows = static_cast<std::ptrdiff_t>(root_pose.size()) / stride;
-    for (std::ptrdiff_t pose = 0; pose < rows; pose += 7) {
-      const S* const w = root_pose.data() + (pose + 3) * stride + e;
-      if (w[0] == S(0) && w[stride] == S(0) && w[2 * stride] == S(0) && w[3 * stride] == S(0)) return false;
-    }
+  bool has_turn(std::ptrdiff_t e, int root) const {
+    const S* const w = root_pose.data() + (7 * root + 3) * stride + e;
+    return w[0] != S(0) || w[stride] != S(0) || w[2 * stride] != S(0) || w[3 * stride] != S(0);
+  }
+  bool have_turns(std::ptrdiff_t e) const {
+    for (int root = 0; root < tables.roots.count; ++root)
+      if (!has_turn(e, root)) return false;
     return true;
   }
 
@@ -246,7 +248,7 @@ struct Batch<S>::Impl {
       for (std::ptrdiff_t e = first; e < last; ++e)
         if (!holds(e) && fault.data()[e] == Fault::none) fault.data()[e] = Fault::bad_value;
     };
-    if (!normalise_roots(first, last)) flag_unless([&](std::ptrdiff_t e) { return has_turn(e); });
+    if (!normalise_roots(first, last)) flag_unless([&](std::ptrdiff_t e) { return have_turns(e); });
     for (const ValueRule<S>& rule : rules.rows) {
       const S* const values = field[static_cast<int>(rule.field)].data() + rule.row * stride;
       const bool hold =
@@ -322,7 +324,7 @@ struct Batch<S>::Impl {
       advance(tables, l, first, last, substeps, scratch);
     };
     // Parts whose values are still in the cache when they are stepped.
-    const std::ptrdiff_t most = rules.rows.empty() && !tables.floating ? stepped() : 2048;
+    const std::ptrdiff_t most = rules.rows.empty() && tables.roots.count == 0 ? stepped() : 2048;
     workers.for_environments(stepped(), step_nanoseconds * substeps, together,
                              [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
                                for (; first < last; first += most)

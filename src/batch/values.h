@@ -1,6 +1,6 @@
 // Values that an application may write and that no Model could have. SPDX-License-Identifier: Apache-2.0
 //
-// They are looked for when step() is called, only in declared fields and in the root's quaternion.
+// They are looked for when step() is called, only in declared fields and in quaternions of roots.
 #pragma once
 
 #include <cmath>

@@ -97,7 +97,12 @@ std::string shape_of(const Tables<double>& t) {
   const kernels::TileShape o = kernels::tile_shape(t);
   std::string arrays, pairs;
   if (o.joints > 0)
-    arrays += fmt::format("  static constexpr int dof[] = {{{}}};\n", fmt::join(o.dof, o.dof + o.joints, ", "));
+    arrays += fmt::format("  static constexpr int dof[] = {{{}}}, velocity[] = {{{}}};\n",
+                          fmt::join(o.dof, o.dof + o.joints, ", "), fmt::join(o.velocity, o.velocity + o.joints, ", "));
+  std::string roots;
+  for (int i = 0; i < o.roots; ++i)
+    roots += fmt::format("{}{{{}, {}, {}}}", i > 0 ? ", " : "", o.root[i].body, o.root[i].velocity, o.root[i].solver);
+  if (!roots.empty()) arrays += fmt::format("  static constexpr lockstep::FloatingRoot root[] = {{{}}};\n", roots);
   for (int i = 0; i < o.pair_count; ++i) {
     const Pair& p = o.pairs[i];
     pairs +=
@@ -107,9 +112,10 @@ std::string shape_of(const Tables<double>& t) {
   return fmt::format(
       "{}  template <class S>\n"
       "  static constexpr lockstep::kernels::TileShape shape(const lockstep::Tables<S>&) {{\n"
-      "    return {{{}, {}, {}, {:#x}u, {}, {}, {}, {}, {}}};\n  }}\n",
-      arrays, o.joints, o.joints > 0 ? "dof" : "nullptr", o.floating, o.per_environment, o.record_impulses,
-      o.record_diagnostics, o.consistent_is_shorter, o.pair_count, pairs.empty() ? "nullptr" : "pairs");
+      "    return {{{}, {}, {}, {}, {}, {:#x}u, {}, {}, {}, {}, {}}};\n  }}\n",
+      arrays, o.joints, o.joints > 0 ? "dof" : "nullptr", o.joints > 0 ? "velocity" : "nullptr", o.roots,
+      o.roots > 0 ? "root" : "nullptr", o.per_environment, o.record_impulses, o.record_diagnostics,
+      o.consistent_is_shorter, o.pair_count, pairs.empty() ? "nullptr" : "pairs");
 }
 
 Steps steps_of(const Program& program) {

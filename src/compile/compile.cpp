@@ -81,11 +81,12 @@ void check_force_limits(const Program& program) {
 std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settings, Integrator integrator) {
   auto program = std::make_shared<Program>();
   program->model = model;
+  program->model.roots = Trees(model).roots;  // named, if the model leaves them out
   program->settings = settings;
   Tables<double>& t = program->f64;
 
   lay_out_times(*program, integrator);
-  lay_out_bodies(*program, Tree(model));
+  lay_out_bodies(*program, Trees(program->model));
   lay_out_couplings(*program);
   choose_followers(*program);
   lay_out_joint_terms(*program);
@@ -98,6 +99,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   take_composite_columns(*program);
   take_articulated_bodies(*program);
   take_constraint_velocities(*program, first_joints_shares);
+  lay_out_factoring(*program);
   lay_out_report(*program);
   t.method = program->method;
   t.iterations = settings.iterations;

@@ -8,7 +8,7 @@
 
 #include "lockstep/error.h"
 #include "model/inertia.h"
-#include "model/tree.h"
+#include "model/trees.h"
 
 namespace lockstep::urdf {
 namespace {
@@ -41,21 +41,21 @@ Eigen::Matrix3d change_of(const Eigen::Matrix3d& tensor, Change change) {
 // The rigid bodies of a model.
 class Bodies {
  public:
-  Bodies(Model& model, Report& report) : model_(model), report_(report), tree_(model) {}
+  Bodies(Model& model, Report& report) : model_(model), report_(report), trees_(model) {}
 
   // use(first link, the body's inertia in its frame, the links of the body)
   template <class Use>
   void each(Use use) {
-    const std::vector<Inertia> sums = rigid_bodies(model_, tree_);
+    const std::vector<Inertia> sums = rigid_bodies(model_, trees_);
     std::vector<std::vector<std::size_t>> members(sums.size());
-    for (std::size_t i = 0; i < sums.size(); ++i) members[static_cast<std::size_t>(tree_.carrier[i])].push_back(i);
+    for (std::size_t i = 0; i < sums.size(); ++i) members[static_cast<std::size_t>(trees_.carrier[i])].push_back(i);
     for (std::size_t i = 0; i < sums.size(); ++i)
       if (!members[i].empty()) use(i, sums[i], members[i]);
   }
 
   // Adds to the tensor of one link what the body needs, which is in the axes of the body's first link.
   void add(std::size_t link, const Eigen::Matrix3d& tensor) {
-    const Eigen::Matrix3d turn = tree_.in_carrier[link].linear();
+    const Eigen::Matrix3d turn = trees_.in_carrier[link].linear();
     model_.links[link].inertia.about_center += turn.transpose() * tensor * turn;
   }
 
@@ -67,9 +67,8 @@ class Bodies {
  private:
   // A bolted root's inertia matters only if it floats later.
   void changed(const std::string& how, std::size_t link) {
-    const bool moves = tree_.carrier[link] != 0 || model_.root.floating;
-    moves ? report_.warn(how, model_.links[link].name)
-          : report_.remark(how + ", of a bolted root", model_.links[link].name);
+    trees_.is_bolted(static_cast<int>(link)) ? report_.remark(how + ", of a bolted root", model_.links[link].name)
+                                             : report_.warn(how, model_.links[link].name);
   }
 
   std::size_t heaviest(const std::vector<std::size_t>& links) const {
@@ -80,7 +79,7 @@ class Bodies {
 
   Model& model_;
   Report& report_;
-  Tree tree_;
+  Trees trees_;
 };
 
 void Bodies::fill_from_shapes(double density, const std::unordered_map<std::string, LinkExtras>& extras) {

@@ -195,11 +195,11 @@ void read_joint(Element element, const ImportOptions& options, std::unordered_ma
   if (joint.moves()) read_motion(element, options.ignore, joint, robot);
   element.tally_rest(type == "fixed" ? " of fixed joints" : "");
   robot.places[element.title()] = element.place();
-  if (type == "floating" && !robot.floating) {
-    robot.floating = {std::move(joint), element.place()};
+  if (type == "floating") {
+    robot.floating.push_back({std::move(joint), element.place()});
     return;
   }
-  if (type == "planar" || type == "floating")
+  if (type == "planar")
     element.fail("is of type " + type + ", which lockstep does not have",
                  "build it from single joints: prismatic, then revolute, with light links between them");
   if (kind == kinds.end())

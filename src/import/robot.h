@@ -13,7 +13,7 @@
 
 namespace lockstep::urdf {
 
-/// A joint that frees its child completely. A Model can only have one below the root: Root::floating.
+/// A joint that frees its child completely. Below the root link it makes a tree of its own: Root::floating.
 struct FloatingJoint {
   Joint joint;
   std::string place;
@@ -28,7 +28,7 @@ struct LinkExtras {
 struct Robot {
   Model model;  ///< links and joints in the file's order, no couplings
   std::vector<Mimic> mimics;
-  std::optional<FloatingJoint> floating;
+  std::vector<FloatingJoint> floating;
   std::unordered_map<std::string, LinkExtras> extras;   ///< by link
   std::unordered_map<std::string, std::string> places;  ///< Element::place() by "link 'a'", "joint 'j'", "coupling 'j'"
 };

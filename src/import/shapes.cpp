@@ -1,7 +1,7 @@
 // Solid primitives: volumes and second moments. SPDX-License-Identifier: Apache-2.0
 #include "shapes.h"
 
-#include "model/tree.h"
+#include "model/trees.h"
 #include "origin.h"
 
 namespace lockstep::urdf {

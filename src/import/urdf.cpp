@@ -86,13 +86,13 @@ void check_names(const Robot& robot) {
                           "refers to link '" + end + "', which does not exist", "add the link or correct the name");
   };
   for (const Joint& joint : robot.model.joints) check(joint);
-  if (robot.floating) check(robot.floating->joint);
+  for (const FloatingJoint& floating : robot.floating) check(floating.joint);
 }
 
 std::size_t root_of(const Robot& robot) {
   std::unordered_set<std::string> children;
   for (const Joint& joint : robot.model.joints) children.insert(joint.child);
-  if (robot.floating) children.insert(robot.floating->joint.child);
+  for (const FloatingJoint& floating : robot.floating) children.insert(floating.joint.child);
   std::vector<std::string> names;
   std::size_t root = 0;
   for (std::size_t i = 0; i < robot.model.links.size(); ++i) {
@@ -109,22 +109,29 @@ std::size_t root_of(const Robot& robot) {
   return root;
 }
 
-// A world link that carries the robot by a floating joint only becomes Root::floating.
-void float_root(Robot& robot, Report& report) {
-  const Joint& joint = robot.floating->joint;
+// A link that floats below the root link, which stands still in the world, is the root of a tree of its own. A root
+// link without mass that carries nothing else stands for the world and is left out.
+void float_roots(Robot& robot, Report& report) {
   Model& model = robot.model;
-  bool only_child = joint.parent == model.links[0].name && model.links[0].inertia.mass == 0.0;
-  for (const Joint& other : model.joints) only_child = only_child && other.parent != joint.parent;
-  if (!only_child)
-    throw ImportError(robot.floating->place, "floats, but not alone below a root without mass",
-                      "lockstep has one floating link, the root: cut the robot there, or use single joints");
-  model.root.floating = true;
-  model.root.pose = joint.origin;
-  report.remark("a floating root instead of a floating joint",
-                fmt::format("{}, without its parent {}", joint.name, joint.parent));
-  model.links.erase(model.links.begin());
-  const std::size_t root = static_cast<std::size_t>(model.link_index(joint.child));
-  std::rotate(model.links.begin(), model.links.begin() + root, model.links.begin() + root + 1);
+  const Link world = model.links[0];
+  bool stands_for_world =
+      !robot.floating.empty() && world.inertia.mass == 0.0 && world.inertia.about_center.isZero(0.0);
+  for (const Joint& joint : model.joints) stands_for_world = stands_for_world && joint.parent != world.name;
+  if (stands_for_world)
+    model.links.erase(model.links.begin());
+  else
+    model.roots = {{world.name}};
+  for (const auto& [joint, place] : robot.floating) {
+    if (joint.parent != world.name)
+      throw ImportError(place, "floats below link '" + joint.parent + "', which is not the root of the file",
+                        "a link floats in the world, not on another link: let the root link '" + world.name +
+                            "' be its parent, or use single joints");
+    model.roots.push_back({joint.child, true, joint.origin});
+    report.remark("floating roots instead of floating joints",
+                  joint.name + (stands_for_world ? ", without its parent " + world.name : ""));
+  }
+  const auto first = model.links.begin() + model.link_index(model.roots.front().link);
+  std::rotate(model.links.begin(), first, first + 1);
 }
 
 // The model as a step takes it: without the bounds that are ignored.
@@ -185,7 +192,7 @@ void complete(Robot& robot, const ImportOptions& options, Report& report) {
   std::vector<Link>& links = robot.model.links;
   const auto root = links.begin() + static_cast<std::ptrdiff_t>(root_of(robot));
   std::rotate(links.begin(), root, root + 1);  // to the front; the others keep their order
-  if (robot.floating) float_root(robot, report);
+  float_roots(robot, report);
   couple_mimics(robot.mimics, robot.model, report);
   if (options.change) options.change(robot.model);
   repair_inertias(options, robot, report);

@@ -13,10 +13,10 @@ LOCKSTEP_INLINE T farthest(const T* numbers, int count, T most) {
   return most;
 }
 
-/// The same over the positions and the root's pose.
+/// The same over the positions and the floating roots' poses.
 template <class T>
 LOCKSTEP_INLINE T farthest_position(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
-  return farthest(x.next.q, t.joints, farthest(x.next.pose, t.floating ? 7 : 0, T(0)));
+  return farthest(x.next.q, t.joints, farthest(x.next.pose, 7 * t.roots.count, T(0)));
 }
 
 /// Sets the fault of lanes that have just failed and have none yet. A matrix that cannot be factored comes first,

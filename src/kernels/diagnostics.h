@@ -191,12 +191,10 @@ void diagnose(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   const T before = energy_at(t, batch, x, x.state, true);
   const T after = energy_at(t, batch, x, x.next, true);
   if (t.solve_twice && !t.renewed) {  // tgs moves positions by a mean velocity, not by a correction
-    T half_turn[4];
     expand(t, x, x.dynamics.velocity_solution, false, x.diagnostics.uncorrected.v);
     for (int j = 0; j < t.joints; ++j)
       x.diagnostics.uncorrected.q[j] = fma(T(t.dt), x.diagnostics.uncorrected.v[t.velocity_of(j)], x.state.q[j]);
-    if (t.floating)
-      move_root(t.dt, x.diagnostics.uncorrected.v, x.state.pose, half_turn, x.diagnostics.uncorrected.pose);
+    move_roots(t, x, t.dt, x.diagnostics.uncorrected.v, x.state.pose, x.diagnostics.uncorrected.pose);
     corrected = energy_at(t, batch, x, x.next, false) - energy_at(t, batch, x, x.diagnostics.uncorrected, false);
   }
   x.diagnostics.energy_change[0] = work;

@@ -58,19 +58,21 @@ void move_masses_inwards(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 template <class T>
 LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
                           const TileShape& shape) {
-  T *const q = x.state.q, *const v = shape.floating ? x.state.v + 6 : x.state.v;
+  T *const q = x.state.q, *const v = x.state.v;
   for (int j = 0; j < shape.joints; ++j) {
     const std::ptrdiff_t row = shape.dof[j] * batch.stride;
     q[j] = T::load(batch.position + row);
-    v[j] = T::load(batch.velocity + row);
+    v[shape.velocity[j]] = T::load(batch.velocity + row);
     // Prefetch the next tile: these are more rows than the processor prefetches by itself. (Where two tiles are stepped
     // in turn, the second one comes too late, but such a step is so long that it does not matter.)
     __builtin_prefetch(batch.position + row + T::lanes);
     __builtin_prefetch(batch.velocity + row + T::lanes);
     __builtin_prefetch(batch.effort + row + T::lanes);
   }
-  for (int i = 0; shape.floating && i < 7; ++i) x.state.pose[i] = T::load(batch.root_pose + i * batch.stride);
-  for (int i = 0; shape.floating && i < 6; ++i) x.state.v[i] = T::load(batch.root_velocity + i * batch.stride);
+  for (int i = 0; i < 7 * shape.roots; ++i) x.state.pose[i] = T::load(batch.root_pose + i * batch.stride);
+  for (int r = 0; r < shape.roots; ++r)
+    for (int i = 0; i < 6; ++i)
+      v[shape.root[r].velocity + i] = T::load(batch.root_velocity + (6 * r + i) * batch.stride);
   x.frozen = T::none();
   std::uint32_t faults = 0;
   for (int i = 0; i < T::lanes; ++i) faults |= static_cast<std::uint32_t>(batch.fault[i]);

@@ -50,8 +50,9 @@ Place<T> place_of(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Reques
   const LinkPlace<ScalarOf<T>>& link = t.link[request.link];
   const Mat3<T> own = Mat3<T>::constant(link.rotation);
   const Vec3<T> in_body = multiply_add(own, Vec3<T>::constant(request.offset), Vec3<T>::constant(link.offset));
-  const Mat3<T> world = link.body < 0 ? root_orientation<T>(t) : m.world[link.body];
-  const Vec3<T> origin = link.body < 0 ? Vec3<T>::constant(t.root_offset) : m.place[link.body];
+  const TreePlace<ScalarOf<T>>& tree = t.tree[link.tree];
+  const Mat3<T> world = link.body < 0 ? Mat3<T>::constant(tree.rotation) : m.world[link.body];
+  const Vec3<T> origin = link.body < 0 ? Vec3<T>::constant(tree.offset) : m.place[link.body];
   Place<T> place;
   place.position = multiply_add(world, in_body, origin);
   for (int r = 0; r < 3; ++r)
@@ -77,7 +78,6 @@ void put_velocity(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Reques
 template <class T>
 void put_jacobian(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Request<ScalarOf<T>>& request,
                   const Output<T>& out) {
-  const int root = t.root_velocities();
   for (int row = 0; row < 6 * t.velocities; ++row) out.put(row, T(0));
   const Vec3<T> point = place_of(t, m, request).position;
   for (int b = t.link[request.link].body; b >= 0; b = t.body[b].parent) {
@@ -89,15 +89,16 @@ void put_jacobian(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Reques
       out.put(6 * column + 3, cross(e, arm));
     };
     if (body.root) {
+      const int first = 6 * body.joint;
       for (int k = 0; k < 3; ++k) {
-        turning(k, axis(k));
-        out.put(6 * (3 + k) + 3, axis(k));
+        turning(first + k, axis(k));
+        out.put(6 * (first + 3 + k) + 3, axis(k));
       }
       continue;
     }
     Vec3<T> e = axis(body.axis);
     for (int k = 0; k < 3; ++k) e[k] *= T(body.sign);
-    const int column = root + t.dof[joint_of(t, b)];
+    const int column = 6 * t.roots.count + t.dof[body.joint];
     if (body.prismatic)
       out.put(6 * column + 3, e);
     else

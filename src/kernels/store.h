@@ -8,16 +8,17 @@ namespace lockstep::kernels {
 template <class T>
 LOCKSTEP_INLINE void store(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
                            const TileShape& shape) {
-  const T *const q = x.state.q, *const v = shape.floating ? x.state.v + 6 : x.state.v;
+  const T *const q = x.state.q, *const v = x.state.v;
   // Locals, or each store would make the compiler read these pointers again.
   ScalarOf<T>*const position = batch.position, *const velocity = batch.velocity;
   const std::ptrdiff_t stride = batch.stride;
   for (int j = 0; j < shape.joints; ++j) {
     store(position + shape.dof[j] * stride, q[j]);
-    store(velocity + shape.dof[j] * stride, v[j]);
+    store(velocity + shape.dof[j] * stride, v[shape.velocity[j]]);
   }
-  for (int i = 0; shape.floating && i < 7; ++i) store(batch.root_pose + i * batch.stride, x.state.pose[i]);
-  for (int i = 0; shape.floating && i < 6; ++i) store(batch.root_velocity + i * batch.stride, x.state.v[i]);
+  for (int i = 0; i < 7 * shape.roots; ++i) store(batch.root_pose + i * stride, x.state.pose[i]);
+  for (int r = 0; r < shape.roots; ++r)
+    for (int i = 0; i < 6; ++i) store(batch.root_velocity + (6 * r + i) * stride, v[shape.root[r].velocity + i]);
   for (int c = 0; shape.record_impulses && c < t.couplings; ++c)
     store(batch.impulse + c * batch.stride, x.couplings.impulse[c]);
   if (!shape.record_diagnostics) return;

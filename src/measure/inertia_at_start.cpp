@@ -27,6 +27,11 @@ MatrixXd all_shares(const Tables<double>& t) {
 MatrixXd matrix_at_start(const Program& program, Span<float> added) {
   Tables<float> t = program.f32;
   t.articulated = {};
+  std::vector<TreePlace<float>> trees(t.tree.data, t.tree.data + t.tree.count);  // A of all of them
+  for (TreePlace<float>& tree : trees)
+    if (tree.inertia == InertiaKind::articulated_bodies) tree.inertia = InertiaKind::matrix;
+  t.tree.data = trees.data();
+  t.makes_matrix = true;
   std::vector<float> q(static_cast<std::size_t>(t.joints)), packed(static_cast<std::size_t>(t.solver.entries));
   for (std::size_t j = 0; j < program.model.joints.size(); ++j)
     if (const int i = program.solver_joint[j]; i >= 0) q[i] = static_cast<float>(program.model.joints[j].position);
@@ -60,14 +65,13 @@ double largest_rate(const Program& program) {
 
 std::vector<double> first_joints_shares(const Program& program) {
   const Tables<double>& t = program.f64;
-  const int root = t.root_velocities();
   const MatrixXd a = matrix_at_start(program, program.f32.implicit);
   const Eigen::LDLT<MatrixXd> factored(a);
   std::vector<double> shares;
   for (int c = 0; c < t.couplings; ++c) {
     Eigen::VectorXd row = Eigen::VectorXd::Zero(t.velocities);
     for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) row[t.velocity_of(t.term_joint[k])] = t.term_value[k];
-    const int first = root + t.term_joint[t.term_start[c]];
+    const int first = t.velocity_of(t.term_joint[t.term_start[c]]);
     shares.push_back(1.0 / (row.dot(factored.solve(row)) * a(first, first)));
   }
   return shares;

@@ -99,20 +99,20 @@ Unmoved reason(const Carried& carried, const Inertia& body, const Joint& joint) 
 
 }  // namespace
 
-std::vector<UnmovedLink> unmoved_links(const Model& model, const Tree& tree, const std::vector<Inertia>& bodies) {
+std::vector<UnmovedLink> unmoved_links(const Model& model, const Trees& trees, const std::vector<Inertia>& bodies) {
   std::vector<Carried> carried(bodies.begin(), bodies.end());
   std::vector<UnmovedLink> unmoved;
-  for (auto at = tree.joints_depth_first.rbegin(); at != tree.joints_depth_first.rend(); ++at) {
+  for (auto at = trees.joints_depth_first.rbegin(); at != trees.joints_depth_first.rend(); ++at) {
     const Joint& joint = model.joints[*at];
     if (!joint.moves()) continue;
-    const int link = tree.joint_child[*at], parent = tree.joint_parent[*at];
+    const int link = trees.joint_child[*at], parent = trees.joint_parent[*at];
     Carried& own = carried[link];
     // What a body carries can only add to its own pivot. A long chain behind it would hide it in the scale.
     const bool is_moved = Carried(bodies[link]).resists(joint) || own.resists(joint);
     if (!is_moved) unmoved.push_back({link, reason(own, bodies[link], joint)});
-    Carried& base = carried[tree.carrier[parent]];
+    Carried& base = carried[trees.carrier[parent]];
     if (base.is_whole) continue;  // no motion of it is free, whatever it carries
-    const Matrix6 to_child = motion_transform(tree.in_carrier[parent] * Isometry3d(joint.origin) * moved(joint));
+    const Matrix6 to_child = motion_transform(trees.in_carrier[parent] * Isometry3d(joint.origin) * moved(joint));
     if (is_moved) {
       const Vector6 force = own.free * direction(joint);
       own.free -= force * force.transpose() / own.pivot_for(joint);
@@ -120,7 +120,9 @@ std::vector<UnmovedLink> unmoved_links(const Model& model, const Tree& tree, con
     base.free += to_child.transpose() * own.free * to_child;
     base.scale += to_child.transpose() * own.scale * to_child;
   }
-  if (model.root.floating && !carried[0].resists_all()) unmoved.push_back({0, Unmoved::root});
+  for (int tree = 0; tree < trees.count(); ++tree)
+    if (const int root = trees.root_link[tree]; trees.roots[tree].floating && !carried[root].resists_all())
+      unmoved.push_back({root, Unmoved::root});
   std::sort(unmoved.begin(), unmoved.end(), [](const auto& a, const auto& b) { return a.link < b.link; });
   return unmoved;
 }

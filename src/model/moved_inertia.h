@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "tree.h"
+#include "trees.h"
 
 namespace lockstep {
 
@@ -23,6 +23,6 @@ struct UnmovedLink {
 /// The links whose joints keep the mass matrix from being positive definite at the model's start
 /// (docs/mathematics.md, section 4), in the order of Model::links. `bodies` are rigid_bodies(). Empty if and only if
 /// the matrix is positive definite, up to rounding.
-std::vector<UnmovedLink> unmoved_links(const Model& model, const Tree& tree, const std::vector<Inertia>& bodies);
+std::vector<UnmovedLink> unmoved_links(const Model& model, const Trees& trees, const std::vector<Inertia>& bodies);
 
 }  // namespace lockstep

@@ -8,7 +8,7 @@
 #include "lockstep/error.h"
 #include "moved_inertia.h"
 #include "softness_numbers.h"
-#include "tree.h"
+#include "trees.h"
 
 namespace lockstep {
 namespace {
@@ -71,9 +71,9 @@ string listed(const std::vector<string>& names) {
 }
 
 // The first of a body's links whose own tensor is impossible.
-const Link& impossible_link(const Model& model, const Tree& tree, int carrier) {
+const Link& impossible_link(const Model& model, const Trees& trees, int carrier) {
   for (std::size_t i = 0; i < model.links.size(); ++i)
-    if (tree.carrier[i] == carrier && fault_of(model.links[i].inertia) != InertiaFault::none) return model.links[i];
+    if (trees.carrier[i] == carrier && fault_of(model.links[i].inertia) != InertiaFault::none) return model.links[i];
   return model.links[carrier];
 }
 
@@ -85,24 +85,24 @@ std::vector<string> names_of(const Model& model, const std::vector<UnmovedLink>&
 
 // A tensor is judged where it moves: as part of the body that its link forms with all links fixed to it. One error
 // names all impossible and all missing ones.
-void possible_inertias(const Model& model, const Tree& tree, const std::vector<Inertia>& bodies) {
+void possible_inertias(const Model& model, const Trees& trees, const std::vector<Inertia>& bodies) {
   InertiaFault first = InertiaFault::none;
   std::vector<string> impossible;
-  for (std::size_t i = model.root.floating ? 0 : 1; i < bodies.size(); ++i) {
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
     const int carrier = static_cast<int>(i);
-    if (tree.carrier[i] != carrier) continue;
+    if (trees.carrier[i] != carrier || trees.is_bolted(carrier)) continue;
     const Inertia& body = bodies[i];
     finite(body.mass * body.center.squaredNorm(), quoted("link", model.links[i].name), "inertia");
     finite(body.about_center, quoted("link", model.links[i].name), "inertia");
     const InertiaFault fault = fault_of(body);
     if (fault == InertiaFault::none) continue;
     if (impossible.empty()) first = fault;
-    impossible.push_back(impossible_link(model, tree, carrier).name);
+    impossible.push_back(impossible_link(model, trees, carrier).name);
   }
   if (impossible.empty()) return;
   const string element = quoted("link", impossible.front());
   impossible.erase(impossible.begin());
-  const std::vector<string> missing = names_of(model, unmoved_links(model, tree, bodies));
+  const std::vector<string> missing = names_of(model, unmoved_links(model, trees, bodies));
   const string others = (impossible.empty() ? "" : "; impossible, too: " + listed(impossible)) +
                         (missing.empty() ? "" : "; without mass or inertia to move: " + listed(missing));
   const string repair = "; ImportOptions::repair_inertias takes the nearest possible one";
@@ -212,8 +212,8 @@ void proper_joint(const Joint& joint) {
 }
 
 // This makes the mass matrix positive definite at the model's start.
-void moves_some_inertia(const Model& model, const Tree& tree, const std::vector<Inertia>& bodies) {
-  const std::vector<UnmovedLink> unmoved = unmoved_links(model, tree, bodies);
+void moves_some_inertia(const Model& model, const Trees& trees, const std::vector<Inertia>& bodies) {
+  const std::vector<UnmovedLink> unmoved = unmoved_links(model, trees, bodies);
   if (unmoved.empty()) return;
   const string element = quoted("link", model.links[unmoved.front().link].name);
   const auto is_missing = [](const UnmovedLink& link) { return link.why == Unmoved::nothing; };
@@ -228,8 +228,9 @@ void moves_some_inertia(const Model& model, const Tree& tree, const std::vector<
                      "ImportOptions::least_mass and ImportOptions::least_inertia take bounds");
   }
   const Unmoved why = unmoved.front().why;
-  require(why != Unmoved::root, element, "floats but has no mass or no inertia", "give it an inertia, or fix the root");
-  const Joint& joint = model.joints[tree.parent_joint[unmoved.front().link]];
+  require(why != Unmoved::root, element, "floats but has no mass or no inertia",
+          "give it an inertia, or bolt the root");
+  const Joint& joint = model.joints[trees.parent_joint[unmoved.front().link]];
   const bool slides = joint.kind == JointKind::prismatic;
   require(why != Unmoved::axis, element,
           (slides ? "slides (joint '" : "turns (joint '") + joint.name + "') but has no " +
@@ -281,10 +282,10 @@ void Model::validate() const {
   for (const Link& link : links) proper_numbers(link);
   for (const Joint& joint : joints) proper_joint(joint);
 
-  const Tree tree(*this);
-  const std::vector<Inertia> bodies = rigid_bodies(*this, tree);
-  possible_inertias(*this, tree, bodies);
-  moves_some_inertia(*this, tree, bodies);
+  const Trees trees(*this);
+  const std::vector<Inertia> bodies = rigid_bodies(*this, trees);
+  possible_inertias(*this, trees, bodies);
+  moves_some_inertia(*this, trees, bodies);
 
   JointsByName joints_by_name;
   for (const Joint& joint : joints) joints_by_name.emplace(joint.name, &joint);
@@ -294,8 +295,13 @@ void Model::validate() const {
     link_index(site.link);
     rigid(site.pose, quoted("site", site.name), "pose");
   }
-  rigid(root.pose, "root", "pose");
-  finite(root.velocity, "root", "velocity");
+  for (const Root& root : roots) {
+    const string element = quoted("root", root.link);
+    rigid(root.pose, element, "pose");
+    finite(root.velocity, element, "velocity");
+    require(root.floating || root.velocity.isZero(0.0), element, "is bolted, but has a velocity",
+            "let it float, or set its velocity to 0");
+  }
   finite(gravity, quoted("model", name), "gravity");
 }
 

@@ -10,7 +10,18 @@ namespace {
 
 class Paths {
  public:
-  explicit Paths(const Tables<double>& t) : t_(t), root_(t.root_velocities()) {}
+  // Velocities are those of the solver.
+  Paths(const Tables<double>& t, const std::vector<bool>& trees)
+      : t_(t), trees_(trees), velocity_(t.bodies, -1), body_(t.solver.n, -1) {
+    std::vector<int> solver(t.velocities, -1);
+    for (int z = 0; z < t.solver.n; ++z) solver[t.reduction.followers > 0 ? t.reduction.independent[z] : z] = z;
+    for (int b = 0; b < t.bodies; ++b) {
+      const Body<double>& body = t.body[b];
+      if (!trees[body.tree]) continue;
+      velocity_[b] = solver[body.velocity];
+      std::fill_n(body_.begin() + velocity_[b], body.root ? 6 : 1, b);
+    }
+  }
 
   // The path of vectors side by side. `moved` names, by body, the vectors with an entry at its joint.
   Path path(const std::vector<std::vector<int>>& moved) {
@@ -56,35 +67,39 @@ class Paths {
   // The path of the rows `first` to `last` - 1.
   Path path(const Rows<double>& rows, int first, int last) {
     std::vector<std::vector<int>> moved(t_.bodies);
-    for (int r = first; r < last; ++r) {
-      if (t_.floating) moved[0].push_back(r - first);
+    for (int r = first; r < last; ++r)
       for (int i = rows.run_start[r]; i < rows.run_start[r + 1]; ++i)
-        for (int z = std::max(rows.runs[i].first, root_); z < rows.runs[i].last; ++z)
-          moved[z - root_ + (t_.floating ? 1 : 0)].push_back(r - first);
-    }
+        for (int z = rows.runs[i].first; z < rows.runs[i].last; ++z)
+          if (const int b = body_[z]; b >= 0 && (moved[b].empty() || moved[b].back() != r - first))
+            moved[b].push_back(r - first);
     return path(moved);
   }
 
   Articulated articulated(TableStorage& storage) {
     Articulated a;
-    a.all = path(std::vector<std::vector<int>>(t_.bodies, {0}));
+    std::vector<std::vector<int>> all(t_.bodies);
+    for (int b = 0; b < t_.bodies; ++b)
+      if (trees_[t_.body[b].tree]) all[b] = {0};
+    a.all = path(all);
     a.rows = path(t_.rows, 0, t_.rows.count);
     std::vector<Path> bounds;
     for (int r = 0; r < t_.bounds.rows.count; ++r) bounds.push_back(path(t_.bounds.rows, r, r + 1));
     a.places = places_;
+    a.velocity = storage.keep(velocity_);
     a.visits = storage.keep(visits_);
     a.carried = storage.keep(carried_);
     a.merges = storage.keep(merges_);
     a.bounds = storage.keep(std::move(bounds));
-    std::vector<int> parents;
-    for (int k = 0; k < root_; ++k) parents.push_back(k - 1);
-    a.root = make_columns(parents, storage);
+    a.root = make_columns({-1, 0, 1, 2, 3, 4}, storage);
     return a;
   }
 
  private:
   const Tables<double>& t_;
-  int root_, places_ = 0;
+  const std::vector<bool>& trees_;
+  int places_ = 0;
+  std::vector<int> velocity_;  // by body: the first of its velocities
+  std::vector<int> body_;      // by velocity
   std::vector<Visit> visits_;
   std::vector<Carried> carried_;
   std::vector<Merge> merges_;
@@ -92,40 +107,58 @@ class Paths {
 
 }  // namespace
 
-Articulated articulated_bodies(const Tables<double>& t, TableStorage& storage) { return Paths(t).articulated(storage); }
+Articulated articulated_bodies(const Tables<double>& t, const std::vector<bool>& trees, TableStorage& storage) {
+  return Paths(t, trees).articulated(storage);
+}
 
 namespace {
 
-// Whether no stage needs the entries of A.
-bool can_articulate(const Tables<double>& t) {
-  return t.joints > 0 && t.reduction.followers == 0 && t.limited_servos.count == 0;
+// Trees of components where no stage needs the entries of A.
+std::vector<bool> can_articulate(const Tables<double>& t, const std::vector<int>& component) {
+  std::vector<char> moves(t.tree.count, 0), needs(t.tree.count, 0);  // by component
+  const auto component_of_joint = [&](int j) { return component[t.body[t.joint_body[j]].tree]; };
+  for (int j = 0; j < t.joints; ++j) moves[component_of_joint(j)] = 1;
+  for (int f = 0; f < t.reduction.followers; ++f) needs[component_of_joint(t.reduction.follower[f])] = 1;
+  for (int i = 0; i < t.limited_servos.count; ++i) needs[component_of_joint(t.limited_servos[i])] = 1;
+  std::vector<bool> trees(t.tree.count);
+  for (int i = 0; i < t.tree.count; ++i) trees[i] = moves[component[i]] && !needs[component[i]];
+  return trees;
 }
 
-// The work to compute and factor A, to solve with it once, and to compute the rows' responses. Undamped rows do not
-// count: a limit that is never reached may not change the result by a bit, so it may not change this choice.
-long work_by_matrix(const Tables<double>& t) {
-  long work = 0;
+// By component, the work to compute and factor A, to solve with it once, and to compute the rows' responses. Undamped
+// rows do not count: a limit that is never reached may not change the result by a bit, so it may not change this
+// choice.
+std::vector<long> work_by_matrix(const Tables<double>& t, const std::vector<int>& component) {
+  std::vector<long> work(t.tree.count, 0);
+  const std::vector<int> tree = trees_of_velocities(t);
   for (int i = 0; i < t.matrix.n; ++i) {
     const long ancestors = t.matrix.row_start[i + 1] - t.matrix.row_start[i];
-    if (i >= t.root_velocities()) {
-      work += work::column_of_joint;
-      if (t.matrix.parent[i] >= 0) work += work::column_past_body * t.matrix.size[i];
-    }
-    work += (ancestors + 2) * t.matrix.size[i];
+    work[component[tree[i]]] += (ancestors + 2) * t.matrix.size[i];
+  }
+  for (int j = 0; j < t.joints; ++j) {
+    const int i = t.velocity_of(j);
+    work[component[tree[i]]] +=
+        work::column_of_joint + (t.matrix.parent[i] >= 0 ? work::column_past_body * t.matrix.size[i] : 0);
   }
   for (int g = 0; g < t.rows.groups.count; ++g) {
     const RowGroup& group = t.rows.groups[g];
-    for (int s = group.support_first; s < group.support_last; ++s)
-      work += static_cast<long>(group.count) * (t.rows.group_support[s].end - t.rows.group_support[s].index);
+    for (int s = group.support_first; s < group.support_last; ++s) {
+      const SupportRange range = t.rows.group_support[s];
+      const int i = t.reduction.followers > 0 ? t.reduction.independent[range.index] : range.index;
+      work[component[tree[i]]] += static_cast<long>(group.count) * (range.end - range.index);
+    }
   }
   return work;
 }
 
-long work_by_bodies(const Tables<double>& t, const Articulated& a) {
-  long work = static_cast<long>(work::articulated_body) * t.joints;
-  for (const Path& path : {a.all, a.all, a.rows})  // inwards, outwards, and the rows' responses
+// By component. `paths` are those of all trees.
+std::vector<long> work_by_bodies(const Tables<double>& t, const Articulated& paths, const std::vector<int>& component) {
+  std::vector<long> work(t.tree.count, 0);
+  for (int j = 0; j < t.joints; ++j) work[component[t.body[t.joint_body[j]].tree]] += work::articulated_body;
+  for (const Path& path : {paths.all, paths.all, paths.rows})  // inwards, outwards, and the rows' responses
     for (int p = path.first; p < path.last; ++p)
-      work += work::vector_past_body * (a.visits[p].last - a.visits[p].begin);
+      work[component[t.body[paths.visits[p].body].tree]] +=
+          work::vector_past_body * (paths.visits[p].last - paths.visits[p].begin);
   return work;
 }
 
@@ -133,9 +166,55 @@ long work_by_bodies(const Tables<double>& t, const Articulated& a) {
 
 void take_articulated_bodies(Program& program) {
   Tables<double>& t = program.f64;
-  if (!can_articulate(t)) return;
-  const Articulated bodies = articulated_bodies(t, program.storage);
-  if (work_by_bodies(t, bodies) < work_by_matrix(t)) t.articulated = bodies;
+  const std::vector<int> component = components(t);
+  std::vector<bool> trees = can_articulate(t, component);
+  const std::vector<long> by_matrix = work_by_matrix(t, component);
+  const std::vector<long> by_bodies = work_by_bodies(t, articulated_bodies(t, trees, program.storage), component);
+  for (int i = 0; i < t.tree.count; ++i) trees[i] = trees[i] && by_bodies[component[i]] < by_matrix[component[i]];
+  set_inertia(program, trees, InertiaKind::articulated_bodies);
+}
+
+void lay_out_factoring(Program& program) {
+  Tables<double>& t = program.f64;
+  const std::vector<bool> trees = trees_with(t, InertiaKind::articulated_bodies);
+  const std::vector<int> tree = trees_of_velocities(t);
+  const auto articulated = [&](int z) {
+    return trees[tree[t.reduction.followers > 0 ? t.reduction.independent[z] : z]];
+  };
+  std::vector<SupportRun> factored;
+  for (int z = 0; z < t.solver.n; ++z) {
+    if (articulated(z)) continue;
+    if (!factored.empty() && factored.back().last == z)
+      ++factored.back().last;
+    else
+      factored.push_back({z, z + 1});
+  }
+  t.factored = program.storage.keep(std::move(factored));
+
+  std::vector<TreePlace<double>> places(t.tree.data, t.tree.data + t.tree.count);
+  std::vector<SupportRun> undamped;
+  for (TreePlace<double>& place : places) place.has_undamped_rows = false;
+  for (int i = 0; i < t.undamped.support.count; ++i) places[tree[t.undamped.support[i].index]].has_undamped_rows = true;
+  for (int i = 0; i < t.velocities; ++i) {
+    if (!places[tree[i]].has_undamped_rows) continue;
+    if (!undamped.empty() && undamped.back().last == i)
+      ++undamped.back().last;
+    else
+      undamped.push_back({i, i + 1});
+  }
+  t.undamped_velocities = program.storage.keep(std::move(undamped));
+  t.makes_matrix = std::any_of(places.begin(), places.end(), [](const TreeStructure& place) {
+    return place.inertia == InertiaKind::matrix || place.has_undamped_rows;
+  });
+  t.tree = program.storage.keep(std::move(places));
+
+  std::vector<RowGroup> groups(t.rows.groups.data, t.rows.groups.data + t.rows.groups.count);
+  for (RowGroup& group : groups)
+    group.articulated = t.tree_of_joint(t.term_joint[t.term_start[t.rows.coupling[group.first]]]).inertia ==
+                        InertiaKind::articulated_bodies;
+  t.rows.groups = program.storage.keep(std::move(groups));
+  if (std::find(trees.begin(), trees.end(), true) != trees.end())
+    t.articulated = articulated_bodies(t, trees, program.storage);
 }
 
 }  // namespace lockstep

@@ -16,12 +16,11 @@ struct Share {  // one entry of S
 // the independent velocities.
 std::vector<int> initial_order(const Tables<double>& t, const std::vector<Follower>& followers,
                                bool has_constraint_velocities) {
-  const int root = t.root_velocities();
   std::vector<char> follows(t.velocities, 0);
   std::vector<int> order;
   for (const Follower& follower : followers) {
     follows[t.velocity_of(follower.joint)] = 1;
-    if (has_constraint_velocities) order.push_back(root + follower.joint);
+    if (has_constraint_velocities) order.push_back(t.velocity_of(follower.joint));
   }
   for (int i = 0; i < t.velocities; ++i)
     if (!follows[i]) order.push_back(i);
@@ -98,7 +97,6 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
   Tables<double>& t = program.f64;
   Reduction<double>& reduction = t.reduction;
   TableStorage& storage = program.storage;
-  const int root = t.root_velocities();
   const std::vector<int> order = initial_order(t, followers, has_constraint_velocities);
   const int n = static_cast<int>(order.size());
   std::vector<int> place(t.velocities, -1);  // by velocity: in the initial order
@@ -116,13 +114,16 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
     independent[z] = order[tree.order[z]];
     solver[independent[z]] = z;
   }
+  std::vector<FloatingRoot> roots(t.roots.data, t.roots.data + t.roots.count);
+  for (FloatingRoot& root : roots) root.solver = solver[root.velocity];
+  t.roots = storage.keep(std::move(roots));
   std::vector<std::vector<Share>> shares(t.velocities);
   for (int i : order) shares[i] = {{solver[i], 1.0, -1}};
   std::vector<int> follower_joint, follower_of(t.joints, -1), start{0}, column, leader, constraint_velocity;
   std::vector<double> value;
   std::vector<std::vector<Collected>> by_solver(n);
   for (const Follower& follower : followers) {
-    const int velocity = root + follower.joint;
+    const int velocity = t.velocity_of(follower.joint);
     follower_of[follower.joint] = static_cast<int>(follower_joint.size());
     follower_joint.push_back(follower.joint);
     if (has_constraint_velocities) constraint_velocity.push_back(solver[velocity]);

@@ -128,11 +128,10 @@ struct Frames {
 
 }  // namespace
 
-void lay_out_bodies(Program& program, const Tree& tree) {
+void lay_out_bodies(Program& program, const Trees& trees) {
   const Model& model = program.model;
   Tables<double>& t = program.f64;
   const int links = static_cast<int>(model.links.size());
-  const bool floating = model.root.floating;
 
   program.dof_of_joint.assign(model.joints.size(), -1);
   program.solver_joint.assign(model.joints.size(), -1);
@@ -144,40 +143,72 @@ void lay_out_bodies(Program& program, const Tree& tree) {
 
   Frames frames{std::vector<int>(links, -1), std::vector<Isometry3d>(links, Isometry3d::Identity())};
   std::vector<Body<double>> bodies;
-  std::vector<int> parents, joint_row;  // by velocity: the parent's in the mass matrix; by joint: dof
-  if (floating) {
-    Body<double> root{};
-    root.parent = -1;
-    root.root = true;
-    root.sign = 1.0;
-    copy(Matrix3d::Identity(), root.rotation);
-    bodies.push_back(root);
-    parents = {-1, 0, 1, 2, 3, 4};
-    frames.body_of_link[0] = 0;
-  }
-  const int root_velocities = floating ? 6 : 0;
-  for (int j : tree.joints_depth_first) {
-    const Joint& joint = model.joints[j];
-    if (!joint.moves()) continue;
-    const int parent_link = tree.joint_parent[j], child = tree.joint_child[j];
-    const int carrier = tree.carrier[parent_link];
-    const Isometry3d placement = frames.link_in_body[carrier] * tree.in_carrier[parent_link] * joint.origin;
-    Body<double> body{};
-    body.parent = frames.body_of_link[carrier];
-    body.prismatic = joint.kind == JointKind::prismatic;
-    const Matrix3d axes = choose_frame((placement.linear() * joint.axis).normalized(), body);
-    copy(axes.transpose(), body.rotation);
-    const double along = choose_origin(placement.translation(), body);
-    body.kind = kind_of(body);
-    frames.link_in_body[child].linear() = axes.transpose() * placement.linear();
-    frames.link_in_body[child].translation()[body.axis] = along;
-    frames.body_of_link[child] = static_cast<int>(bodies.size());
+  std::vector<TreePlace<double>> places_of_trees;
+  std::vector<FloatingRoot> roots;
+  std::vector<int> parents;  // by velocity: the parent's in the mass matrix
+  std::vector<int> joint_row, joint_velocity, joint_body;
+  auto next_joint = trees.joints_depth_first.begin();
+  for (int tree = 0; tree < trees.count(); ++tree) {
+    const Root& root = trees.roots[tree];
+    TreePlace<double> place{};
+    place.root = -1;
+    place.first_body = static_cast<int>(bodies.size());
+    place.first_joint = static_cast<int>(joint_row.size());
+    const Matrix3d rotation = root.pose.linear();
+    copy(rotation, place.rotation);
+    copy(root.pose.translation(), place.offset);
+    copy(root.floating ? model.gravity : (rotation.transpose() * model.gravity).eval(), place.gravity);
+    if (root.floating) {
+      Body<double> body{};
+      body.parent = -1;
+      body.tree = tree;
+      body.velocity = static_cast<int>(parents.size());
+      body.joint = place.root = static_cast<int>(roots.size());
+      body.root = true;
+      body.sign = 1.0;
+      copy(Matrix3d::Identity(), body.rotation);
+      roots.push_back({static_cast<int>(bodies.size()), body.velocity, body.velocity});
+      program.root_names.push_back(root.link);
+      for (int k = 0; k < 6; ++k) parents.push_back(k == 0 ? -1 : body.velocity + k - 1);
+      frames.body_of_link[trees.root_link[tree]] = static_cast<int>(bodies.size());
+      bodies.push_back(body);
+    }
+    for (; next_joint != trees.joints_depth_first.end() && trees.tree_of[trees.joint_child[*next_joint]] == tree;
+         ++next_joint) {
+      const int j = *next_joint;
+      const Joint& joint = model.joints[j];
+      if (!joint.moves()) continue;
+      const int parent_link = trees.joint_parent[j], child = trees.joint_child[j];
+      const int carrier = trees.carrier[parent_link];
+      const Isometry3d placement = frames.link_in_body[carrier] * trees.in_carrier[parent_link] * joint.origin;
+      Body<double> body{};
+      body.parent = frames.body_of_link[carrier];
+      body.tree = tree;
+      body.velocity = static_cast<int>(parents.size());
+      body.joint = static_cast<int>(joint_row.size());
+      body.prismatic = joint.kind == JointKind::prismatic;
+      const Matrix3d axes = choose_frame((placement.linear() * joint.axis).normalized(), body);
+      copy(axes.transpose(), body.rotation);
+      const double along = choose_origin(placement.translation(), body);
+      body.kind = kind_of(body);
+      frames.link_in_body[child].linear() = axes.transpose() * placement.linear();
+      frames.link_in_body[child].translation()[body.axis] = along;
+      frames.body_of_link[child] = static_cast<int>(bodies.size());
 
-    program.solver_joint[j] = static_cast<int>(joint_row.size());
-    const int parent_velocity = body.parent < 0 ? -1 : (floating ? body.parent + 5 : body.parent);
-    parents.push_back(parent_velocity);
-    joint_row.push_back(program.dof_of_joint[j]);
-    bodies.push_back(body);
+      program.solver_joint[j] = body.joint;
+      const Body<double>* const parent = body.parent < 0 ? nullptr : &bodies[body.parent];
+      parents.push_back(!parent ? -1 : parent->velocity + (parent->root ? 5 : 0));
+      joint_row.push_back(program.dof_of_joint[j]);
+      joint_velocity.push_back(body.velocity);
+      joint_body.push_back(static_cast<int>(bodies.size()));
+      bodies.push_back(body);
+    }
+    std::vector<int> dofs(joint_row.begin() + place.first_joint, joint_row.end());
+    std::sort(dofs.begin(), dofs.end());
+    program.trees.push_back({root.link, place.root, std::move(dofs)});
+    place.last_body = static_cast<int>(bodies.size());
+    place.last_joint = static_cast<int>(joint_row.size());
+    places_of_trees.push_back(place);
   }
 
   // Links: where they are in their bodies, and their inertia there.
@@ -185,10 +216,11 @@ void lay_out_bodies(Program& program, const Tree& tree) {
   std::vector<double> masses(links);
   std::vector<Inertia> sums(bodies.size());
   for (int i = 0; i < links; ++i) {
-    const int carrier = tree.carrier[i];
-    const Isometry3d pose = frames.link_in_body[carrier] * tree.in_carrier[i];
+    const int carrier = trees.carrier[i];
+    const Isometry3d pose = frames.link_in_body[carrier] * trees.in_carrier[i];
     LinkPlace<double>& place = places[i];
     place.body = frames.body_of_link[carrier];
+    place.tree = trees.tree_of[i];
     copy(pose.linear(), place.rotation);
     copy(pose.translation(), place.offset);
     masses[i] = model.links[i].inertia.mass;
@@ -208,21 +240,21 @@ void lay_out_bodies(Program& program, const Tree& tree) {
   }
   move_masses_inwards(bodies, declared(program, Parameter::mass));
 
-  t.floating = floating;
   t.bodies = static_cast<int>(bodies.size());
   t.joints = static_cast<int>(joint_row.size());
-  t.velocities = t.joints + root_velocities;
+  t.velocities = static_cast<int>(parents.size());
   t.links = links;
   t.body = program.storage.keep(std::move(bodies));
+  t.tree = program.storage.keep(std::move(places_of_trees));
+  t.roots = program.storage.keep(std::move(roots));
   t.link = program.storage.keep(std::move(places));
   t.link_mass = program.storage.keep(std::move(masses));
   t.dof = program.storage.keep(std::move(joint_row));
+  t.joint_velocity = program.storage.keep(std::move(joint_velocity));
+  t.joint_body = program.storage.keep(std::move(joint_body));
   t.matrix = t.solver = make_columns(parents, program.storage);
-  const Matrix3d root_rotation = model.root.pose.linear();
-  copy(floating ? model.gravity : (root_rotation.transpose() * model.gravity).eval(), t.gravity);
-  copy(model.gravity, t.world_gravity);
-  copy(root_rotation, t.root_rotation);
-  copy(model.root.pose.translation(), t.root_offset);
+  t.factored = program.storage.keep(std::vector<SupportRun>{{0, t.velocities}});
+  copy(model.gravity, t.gravity);
 }
 
 void lay_out_joint_terms(Program& program) {

@@ -55,6 +55,12 @@ Columns make_columns(const std::vector<int>& parent, TableStorage& storage) {
           storage.keep(std::move(row))};
 }
 
+std::vector<int> columns_of_entries(const Columns& columns) {
+  std::vector<int> column;
+  for (int j = 0; j < columns.n; ++j) column.insert(column.end(), columns.size[j], j);
+  return column;
+}
+
 int entry_of(const Columns& columns, int i, int j) {
   const int row = std::max(i, j), column = std::min(i, j);
   return row < column + columns.size[column] ? columns.offset[column] + row - column : -1;

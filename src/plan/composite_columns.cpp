@@ -15,30 +15,81 @@ struct Share {
   int index;   // in Reduction::value, -1 for a 1 that is not stored there
 };
 
-// The work that composite columns save: columns of M past bodies, products for A_r, products of A with corrections.
-long work_by_entries(const Tables<double>& t) {
-  long work = work::short_product * (t.reduction.product_source.count + t.reduction.momentum.count);
-  for (int i = t.root_velocities(); i < t.matrix.n; ++i)
-    if (t.matrix.parent[i] >= 0) work += work::column_past_body * t.matrix.size[i];
+// By tree, the work that composite columns save: columns of M past bodies, products for A_r, products of A with
+// corrections.
+std::vector<long> work_by_entries(const Tables<double>& t) {
+  const Reduction<double>& r = t.reduction;
+  const std::vector<int> tree = trees_of_velocities(t), column = columns_of_entries(t.solver);
+  std::vector<long> work(t.tree.count, 0);
+  for (int e = 0; e < r.product_entry.count; ++e)
+    work[tree[r.independent[column[r.product_entry[e]]]]] +=
+        work::short_product * (r.product_start[e + 1] - r.product_start[e]);
+  for (int i = 0; i < t.velocities; ++i)
+    work[tree[i]] += work::short_product * (r.momentum_start[i + 1] - r.momentum_start[i]);
+  for (int j = 0; j < t.joints; ++j)
+    if (const int i = t.velocity_of(j); t.matrix.parent[i] >= 0)
+      work[tree[i]] += work::column_past_body * t.matrix.size[i];
   return work;
+}
+
+// What trees with composite columns do not need: products for A_r, and products of A with corrections.
+void drop_entries(Program& program, const std::vector<bool>& trees) {
+  Tables<double>& t = program.f64;
+  Reduction<double>& r = t.reduction;
+  const std::vector<int> tree = trees_of_velocities(t), column = columns_of_entries(t.solver);
+  std::vector<ProductGroup> groups;
+  std::vector<int> entry, start{0}, source, left, right;
+  std::vector<double> value;
+  for (int g = 0; g < r.product_groups.count; ++g) {
+    ProductGroup group{static_cast<int>(entry.size()), 0, r.product_groups[g].count};
+    for (int e = r.product_groups[g].first; e < r.product_groups[g].last; ++e) {
+      if (trees[tree[r.independent[column[r.product_entry[e]]]]]) continue;
+      entry.push_back(r.product_entry[e]);
+      for (int p = r.product_start[e]; p < r.product_start[e + 1]; ++p) {
+        source.push_back(r.product_source[p]);
+        value.push_back(r.product_value[p]);
+        left.push_back(r.product_left[p]);
+        right.push_back(r.product_right[p]);
+      }
+      start.push_back(static_cast<int>(source.size()));
+    }
+    group.last = static_cast<int>(entry.size());
+    if (group.first < group.last) groups.push_back(group);
+  }
+  std::vector<std::vector<Momentum>> momentum(t.velocities);
+  for (int i = 0; i < t.velocities; ++i)
+    if (!trees[tree[i]])
+      momentum[i].assign(r.momentum.data + r.momentum_start[i], r.momentum.data + r.momentum_start[i + 1]);
+  TableStorage& storage = program.storage;
+  r.product_groups = storage.keep(std::move(groups));
+  r.product_entry = storage.keep(std::move(entry));
+  r.product_start = storage.keep(std::move(start));
+  r.product_source = storage.keep(std::move(source));
+  r.product_value = storage.keep(std::move(value));
+  r.product_left = storage.keep(std::move(left));
+  r.product_right = storage.keep(std::move(right));
+  std::tie(r.momentum_start, r.momentum) = flattened(momentum, storage);
 }
 
 class ColumnBuilder {
  public:
-  explicit ColumnBuilder(const Tables<double>& t)
-      : t_(t), n_(t.solver.n), root_(t.root_velocities()), shares_(t.bodies), follower_(t.bodies, -1) {
+  ColumnBuilder(const Tables<double>& t, const std::vector<bool>& trees)
+      : t_(t), trees_(trees), n_(t.solver.n), work_(t.tree.count, 0), shares_(t.bodies), follower_(t.bodies, -1) {
     const Reduction<double>& r = t.reduction;
     has_corrections_ = t.solve_twice && t.integrator != Integrator::runge_kutta;
+    std::vector<int> body_of_velocity(t.velocities, -1);
+    for (int b = 0; b < t.bodies; ++b)
+      if (!t.body[b].root) body_of_velocity[t.body[b].velocity] = b;
     for (int z = 0; z < n_; ++z)
-      if (r.independent[z] >= root_) shares_[body_of(r.independent[z] - root_)].push_back({z, -1});
+      if (const int b = body_of_velocity[r.independent[z]]; b >= 0) shares_[b].push_back({z, -1});
     for (int f = 0; f < r.followers; ++f) {
-      const int body = body_of(r.follower[f]);
+      const int body = t.joint_body[r.follower[f]];
       for (int s = r.start[f]; s < r.start[f + 1]; ++s) shares_[body].push_back({r.column[s], s});
       follower_[body] = f;
     }
   }
 
-  std::pair<CompositeColumns, long> build(TableStorage& storage) {
+  std::pair<CompositeColumns, std::vector<long>> build(TableStorage& storage) {
     using M = CompositeColumns;
     const int bodies = t_.bodies;
     std::vector<std::vector<Merge>> merges(bodies);
@@ -50,6 +101,7 @@ class ColumnBuilder {
     // By body: the place of each velocity's column. Velocity n_ stands for the column of corrections.
     std::vector<std::map<int, int>> carried(bodies);
     for (int b = bodies - 1; b >= 0; --b) {
+      if (!trees_[t_.body[b].tree]) continue;
       std::map<int, int>& places = carried[b];
       for (int child = b + 1; child < bodies; ++child) {
         if (t_.body[child].parent != b) continue;
@@ -61,8 +113,10 @@ class ColumnBuilder {
         }
       }
       if (t_.body[b].root) {
+        const int root = t_.roots[t_.body[b].joint].solver;
         for (const auto& [column, place] : places)
-          for (int k = 0; k < root_; ++k) rows[b].push_back({place, entry(column, k), k});
+          for (int k = 0; k < 6; ++k) rows[b].push_back({place, entry(column, root + k), k});
+        for (const auto& [column, place] : places) free_.push_back(place);
         continue;
       }
       const bool corrected = has_corrections_ && follower_[b] >= 0;
@@ -94,9 +148,10 @@ class ColumnBuilder {
       } else {
         for (const auto& [column, place] : places) free_.push_back(place);
       }
-      work_ += work::column_past_body * static_cast<long>(passed[b].size()) +
-               work::addition_to_entry * static_cast<long>(rows[b].size() + pulls[b].size() + squares[b].size() +
-                                                           pulled[b].size() + 2 * units[b].size());
+      work_[t_.body[b].tree] +=
+          work::column_past_body * static_cast<long>(passed[b].size()) +
+          work::addition_to_entry * static_cast<long>(rows[b].size() + pulls[b].size() + squares[b].size() +
+                                                      pulled[b].size() + 2 * units[b].size());
     }
     M all;
     all.places = places_;
@@ -113,7 +168,6 @@ class ColumnBuilder {
   }
 
  private:
-  int body_of(int joint) const { return joint + (t_.floating ? 1 : 0); }
   // S^T A times the corrections is stored after A_r.
   int entry(int one, int other) const {
     return std::max(one, other) < n_ ? entry_of(t_.solver, one, other) : t_.solver.entries + std::min(one, other);
@@ -134,9 +188,10 @@ class ColumnBuilder {
   }
 
   const Tables<double>& t_;
-  int n_, root_, places_ = 0;
-  bool has_corrections_;  // the position phase has a solution of its own
-  long work_ = 0;
+  const std::vector<bool>& trees_;
+  int n_, places_ = 0;
+  bool has_corrections_;    // the position phase has a solution of its own
+  std::vector<long> work_;  // by tree
   std::vector<int> free_;
   std::vector<CompositeColumns::Factor> factors_;
   std::vector<std::vector<Share>> shares_;  // by body: the joint's row of S
@@ -145,18 +200,47 @@ class ColumnBuilder {
 
 }  // namespace
 
-std::pair<CompositeColumns, long> composite_columns(const Tables<double>& t, TableStorage& storage) {
-  return ColumnBuilder(t).build(storage);
+std::pair<CompositeColumns, std::vector<long>> composite_columns(const Tables<double>& t,
+                                                                 const std::vector<bool>& trees,
+                                                                 TableStorage& storage) {
+  return ColumnBuilder(t, trees).build(storage);
 }
 
 void take_composite_columns(Program& program) {
   Tables<double>& t = program.f64;
-  if (!t.reduction.eliminates()) return;
-  t.reduction.removes_by_force =
-      program.integrator == Integrator::euler || program.integrator == Integrator::runge_kutta;
-  if (!t.reduction.removes_by_force || t.undamped.count > 0 || program.settings.record_impulses) return;
-  const auto [columns, work] = composite_columns(t, program.storage);
-  if (columns.places > 0 && work < work_by_entries(t)) t.reduction.composite = columns;
+  if (!t.reduction.removes_by_force || program.settings.record_impulses) return;
+  const std::vector<int> component = components(t), tree = trees_of_velocities(t);
+  std::vector<char> follows(t.tree.count, 0), undamped(t.tree.count, 0);  // by component
+  for (int f = 0; f < t.reduction.followers; ++f) follows[component[tree[t.velocity_of(t.reduction.follower[f])]]] = 1;
+  for (int i = 0; i < t.undamped.support.count; ++i) undamped[component[tree[t.undamped.support[i].index]]] = 1;
+  std::vector<bool> trees(t.tree.count);
+  std::vector<long> saved(t.tree.count, 0);  // by component
+  for (int i = 0; i < t.tree.count; ++i) trees[i] = follows[component[i]] && !undamped[component[i]];
+  const std::vector<long> by_entries = work_by_entries(t);
+  const auto [columns, by_columns] = composite_columns(t, trees, program.storage);
+  std::vector<char> passes(t.tree.count, 0);  // by component: some column passes a body
+  for (int b = 0; b < t.bodies; ++b)
+    if (columns.passed_start[b] < columns.passed_start[b + 1]) passes[component[t.body[b].tree]] = 1;
+  for (int i = 0; i < t.tree.count; ++i) saved[component[i]] += by_entries[i] - by_columns[i];
+  for (int i = 0; i < t.tree.count; ++i) trees[i] = trees[i] && passes[component[i]] && saved[component[i]] > 0;
+  if (std::find(trees.begin(), trees.end(), true) != trees.end()) use_composite_columns(program, trees);
+}
+
+void use_composite_columns(Program& program, const std::vector<bool>& trees) {
+  Tables<double>& t = program.f64;
+  const std::vector<int> tree = trees_of_velocities(t);
+  set_inertia(program, trees, InertiaKind::composite_columns);
+  t.reduction.composite = composite_columns(t, trees, program.storage).first;
+  std::vector<SupportRun> velocities;
+  for (int z = 0; z < t.solver.n; ++z) {
+    if (!trees[tree[t.reduction.independent[z]]]) continue;
+    if (!velocities.empty() && velocities.back().last == z)
+      ++velocities.back().last;
+    else
+      velocities.push_back({z, z + 1});
+  }
+  t.reduction.composite.velocities = program.storage.keep(std::move(velocities));
+  drop_entries(program, trees);
 }
 
 }  // namespace lockstep

@@ -15,13 +15,14 @@ struct Candidate {
   Follower first;
 };
 
-// The couplings whose first joint is in no other candidate.
+// The couplings whose first joint is in no other candidate. They need A.
 std::vector<Candidate> find_candidates(const Tables<double>& t, const std::vector<double>& shares) {
   std::vector<int> couplings(t.rows.coupling.data, t.rows.coupling.data + t.rows.count);
   std::sort(couplings.begin(), couplings.end());
   std::vector<Candidate> candidates;
   std::vector<char> follows(t.joints, 0), leads(t.joints, 0);
   for (int c : couplings) {
+    if (t.tree_of_joint(t.term_joint[t.term_start[c]]).inertia == InertiaKind::articulated_bodies) continue;
     Follower first{t.term_joint[t.term_start[c]], {}};
     bool independent = shares[c] >= least_share && !follows[first.joint] && !leads[first.joint];
     for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k) {
@@ -122,7 +123,7 @@ void solve_for_constraint_velocities(Program& program, const std::vector<Candida
 void take_constraint_velocities(Program& program,
                                 const std::function<std::vector<double>(const Program&)>& first_joints_shares) {
   Tables<double>& t = program.f64;
-  if (t.rows.count == 0 || t.reduction.followers > 0 || t.articulated.used()) return;
+  if (t.rows.count == 0 || t.reduction.followers > 0) return;
   if (program.integrator != Integrator::euler) return;
   for (const Parameter inertia : {Parameter::gear_ratio, Parameter::drive_gains, Parameter::damping, Parameter::mass})
     if (declared(program, inertia)) return;  // the share that elimination leaves is unknown

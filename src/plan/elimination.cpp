@@ -93,13 +93,11 @@ Eigen::MatrixXi record_elimination(Program& program, const HardRows& rows) {
   return entry;
 }
 
-// The couplings in an order in which each places its first joint by joints that are placed already. Empty if a follower
-// is not the first joint of its coupling, or if couplings form a ring.
-std::vector<int> placing_order(const Tables<double>& t, const HardRows& rows) {
-  std::vector<int> order, remaining = rows.coupling;
+// The couplings of `remaining` in an order in which each places its first joint by joints that are placed already.
+// Empty if they form a ring.
+std::vector<int> placing_order(const Tables<double>& t, std::vector<int> remaining) {
+  std::vector<int> order;
   const auto first_joint = [&](int c) { return t.term_joint[t.term_start[c]]; };
-  for (std::size_t p = 0; p < rows.pivot.size(); ++p)
-    if (rows.pivot[p] != first_joint(rows.coupling[p])) return {};
   const auto waits = [&](int c) {
     for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k)
       if (std::any_of(remaining.begin(), remaining.end(),
@@ -116,7 +114,32 @@ std::vector<int> placing_order(const Tables<double>& t, const HardRows& rows) {
   return order;
 }
 
-// Followers with their leaders. Empty unless each follower has one leader, which is independent.
+// The couplings that place their followers, component by component. A component where a follower is not the first joint
+// of its coupling, or where couplings form a ring, places none.
+void place(Program& program, const HardRows& rows) {
+  Tables<double>& t = program.f64;
+  const std::vector<int> component = components(t);
+  const auto component_of = [&](int joint) { return component[t.body[t.joint_body[joint]].tree]; };
+  std::vector<std::vector<int>> couplings(t.tree.count);  // by component
+  std::vector<bool> possible(t.tree.count, true);
+  for (std::size_t p = 0; p < rows.pivot.size(); ++p) {
+    const int c = rows.coupling[p], first = t.term_joint[t.term_start[c]];
+    couplings[component_of(first)].push_back(c);
+    if (rows.pivot[p] != first) possible[component_of(first)] = false;
+  }
+  std::vector<int> placing, placed;
+  for (int i = 0; i < t.tree.count; ++i) {
+    const std::vector<int> order = possible[i] ? placing_order(t, couplings[i]) : std::vector<int>{};
+    possible[i] = !order.empty();
+    placing.insert(placing.end(), order.begin(), order.end());
+  }
+  for (const int joint : rows.pivot) placed.push_back(possible[component_of(joint)]);
+  t.reduction.all_placed = placing.size() == placed.size();
+  t.reduction.placing = program.storage.keep(std::move(placing));
+  t.reduction.placed = program.storage.keep(std::move(placed));
+}
+
+// Placed followers with their leaders. Empty unless each of them has one leader, which is independent.
 std::vector<Pair> find_pairs(const Tables<double>& t) {
   const Reduction<double>& r = t.reduction;
   std::vector<Pair> pairs;
@@ -133,18 +156,18 @@ std::vector<Pair> find_pairs(const Tables<double>& t) {
 void prepare_consistent_steps(Program& program, const HardRows& rows) {
   Tables<double>& t = program.f64;
   Reduction<double>& r = t.reduction;
+  r.placed = program.storage.keep(std::vector<int>(rows.pivot.size(), 0));
   if (program.integrator != Integrator::euler) return;
-  r.placing = program.storage.keep(placing_order(t, rows));
+  place(program, rows);
   r.consistent_is_shorter = r.placing.count > 0 && !program.settings.record_diagnostics;
   r.pairs = program.storage.keep(find_pairs(t));
   if (!r.consistent_is_shorter || declared(program, Parameter::gear_ratio) || declared(program, Parameter::offset))
     return;
-  const int first = t.floating ? 1 : 0;
   std::vector<Mirror> mirrors;
-  for (int b = first; b < t.bodies; ++b) {
-    const int f = r.follower_of[b - first];
-    if (f < 0 || r.start[f + 1] != r.start[f] + 1) continue;
-    const int leader = first + r.leader[r.start[f]];
+  for (int j = 0; j < t.joints; ++j) {
+    const int f = r.follower_of[j], b = t.joint_body[j];
+    if (f < 0 || !r.placed[f] || r.start[f + 1] != r.start[f] + 1) continue;
+    const int leader = t.joint_body[r.leader[r.start[f]]];
     const double share = r.value[r.start[f]];
     bool shifted = false;
     for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s) shifted |= t.offset[r.inverse_coupling[s]] != 0.0;
@@ -192,12 +215,12 @@ void eliminate_followers(Program& program) {
     inverse_start.push_back(static_cast<int>(inverse_coupling.size()));
   }
   lay_out_basis(program, followers, false);
+  reduction.removes_by_force = program.integrator == Integrator::euler || program.integrator == Integrator::runge_kutta;
 
-  const int root = t.root_velocities();
   std::vector<std::vector<Momentum>> by_velocity(t.velocities);
   for (int f = 0; f < count; ++f)
     for (int i = 0; i < t.velocities; ++i)
-      if (const int shared = entry_of(t.matrix, i, root + rows.pivot[f]); shared >= 0)
+      if (const int shared = entry_of(t.matrix, i, t.velocity_of(rows.pivot[f])); shared >= 0)
         by_velocity[i].push_back({shared, f});
   std::tie(reduction.momentum_start, reduction.momentum) = flattened(by_velocity, storage);
   std::vector<double> rate(t.couplings, 0.0);

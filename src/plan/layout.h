@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "model/softness_numbers.h"
-#include "model/tree.h"
+#include "model/trees.h"
 #include "program.h"
 
 namespace lockstep {
@@ -25,7 +25,7 @@ struct Obstacle {
 std::optional<Obstacle> obstacle_of(const Program& program);
 
 /// Bodies, frames, joints and the structure of the mass matrix (bodies.cpp).
-void lay_out_bodies(Program& program, const Tree& tree);
+void lay_out_bodies(Program& program, const Trees& trees);
 
 /// Concatenates lists. Returns where each begins, and all elements.
 template <class E>
@@ -44,6 +44,15 @@ void lay_out_joint_terms(Program& program);
 
 /// Couplings as linear forms over the joints (couplings.cpp).
 void lay_out_couplings(Program& program);
+
+/// By tree, its component: trees that couplings join have the same number (components.cpp).
+std::vector<int> components(const Tables<double>& t);
+/// Gives the trees with a true another InertiaKind (components.cpp).
+void set_inertia(Program& program, const std::vector<bool>& trees, InertiaKind inertia);
+/// By tree, whether it is of this kind (components.cpp).
+std::vector<bool> trees_with(const Tables<double>& t, InertiaKind inertia);
+/// By velocity: its tree (components.cpp).
+std::vector<int> trees_of_velocities(const Tables<double>& t);
 
 /// A coupling's first joint is its follower unless another joint's coefficient is this many times larger.
 inline constexpr double follower_preference = 1000.0;
@@ -85,15 +94,22 @@ constexpr int articulated_body = 80;  ///< a body's articulated inertia is passe
 constexpr int vector_past_body = 18;  ///< a vector passes one body
 }  // namespace work
 
-/// A_r from composite columns, and the work of a step that uses them (composite_columns.cpp).
-std::pair<CompositeColumns, long> composite_columns(const Tables<double>& t, TableStorage& storage);
-/// Takes composite columns if they apply and are less work than A (composite_columns.cpp).
+/// A_r of the trees with a true from composite columns, and by tree the work of a step that uses them
+/// (composite_columns.cpp).
+std::pair<CompositeColumns, std::vector<long>> composite_columns(const Tables<double>& t,
+                                                                 const std::vector<bool>& trees, TableStorage& storage);
+/// Takes composite columns for the components where they apply and are less work than A (composite_columns.cpp).
 void take_composite_columns(Program& program);
+/// Takes them for the trees with a true (composite_columns.cpp).
+void use_composite_columns(Program& program, const std::vector<bool>& trees);
 
-/// The paths over articulated bodies (articulated.cpp).
-Articulated articulated_bodies(const Tables<double>& t, TableStorage& storage);
-/// Factors A by articulated bodies if they apply and are less work (articulated.cpp).
+/// The paths over the articulated bodies of the trees with a true (articulated.cpp).
+Articulated articulated_bodies(const Tables<double>& t, const std::vector<bool>& trees, TableStorage& storage);
+/// Factors A by articulated bodies for the components where they apply and are less work (articulated.cpp).
 void take_articulated_bodies(Program& program);
+/// What follows from the choice of each tree: which velocities are factored by columns, and which rows by paths
+/// (articulated.cpp).
+void lay_out_factoring(Program& program);
 
 /// Takes constraint velocities as velocities of the solver, for couplings with a first joint of their own and where
 /// they are less work (constraint_velocities.cpp).
@@ -107,7 +123,8 @@ void take_constraint_velocities(Program& program,
 struct RowForm {
   int coupling;  ///< -1: the row of a joint
   Softness softness;
-  std::map<int, std::vector<Contribution>> terms;  ///< by solver velocity
+  std::map<int, std::vector<Contribution>> terms = {};  ///< by solver velocity
+  int tree = -1;                                        ///< of one of its joints
 };
 
 /// Adds a joint's velocity, times a term of a coupling, to the form. An eliminated joint is added by S (rows.cpp).
@@ -152,6 +169,9 @@ Elimination elimination_tree(Pattern pattern);
 
 /// Sizes and offsets from the parents in a depth-first numbering (columns.cpp).
 Columns make_columns(const std::vector<int>& parent, TableStorage& storage);
+
+/// By entry: its column (columns.cpp).
+std::vector<int> columns_of_entries(const Columns& columns);
 
 /// The place of H_ij, or -1 if neither is the other's ancestor (columns.cpp).
 int entry_of(const Columns& columns, int i, int j);

@@ -20,9 +20,10 @@ template <class Table, class Structure>
 constexpr bool names_all = sizeof(Table) == (sizeof(Structure) + 7) / 8 * 8 + bytes_of_numbers<Table>();
 
 static_assert(names_all<Body<double>, BodyStructure> && names_all<LinkPlace<double>, LinkStructure> &&
-              names_all<RowSoftness<double>, RowSoftnessStructure> && names_all<Rows<double>, RowStructure> &&
-              names_all<Watched<double>, WatchedStructure> && names_all<Bounds<double>, BoundStructure> &&
-              names_all<Fill<double>, FillStructure> && names_all<Reduction<double>, ReductionStructure>);
+              names_all<TreePlace<double>, TreeStructure> && names_all<RowSoftness<double>, RowSoftnessStructure> &&
+              names_all<Rows<double>, RowStructure> && names_all<Watched<double>, WatchedStructure> &&
+              names_all<Bounds<double>, BoundStructure> && names_all<Fill<double>, FillStructure> &&
+              names_all<Reduction<double>, ReductionStructure>);
 static_assert(sizeof(Tables<double>) ==
               (sizeof(TableStructure) + 7) / 8 * 8 + sizeof(void*) + bytes_of_numbers<Tables<double>>());
 
@@ -53,6 +54,7 @@ struct Narrowing {
   }
   void operator()(const Body<double>& from, Body<float>& to) { table<BodyStructure>(from, to); }
   void operator()(const LinkPlace<double>& from, LinkPlace<float>& to) { table<LinkStructure>(from, to); }
+  void operator()(const TreePlace<double>& from, TreePlace<float>& to) { table<TreeStructure>(from, to); }
   void operator()(const RowSoftness<double>& from, RowSoftness<float>& to) { table<RowSoftnessStructure>(from, to); }
   void operator()(const Rows<double>& from, Rows<float>& to) { table<RowStructure>(from, to); }
   void operator()(const Watched<double>& from, Watched<float>& to) { table<WatchedStructure>(from, to); }

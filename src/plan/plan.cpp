@@ -15,7 +15,8 @@ Integrator Plan::integrator() const { return program_->integrator; }
 std::vector<double> Plan::stage_times() const { return program_->stage_times; }
 int Plan::dofs() const { return program_->f64.joints; }
 int Plan::couplings() const { return program_->f64.couplings; }
-bool Plan::floating() const { return program_->f64.floating; }
+const std::vector<std::string>& Plan::root_names() const { return program_->root_names; }
+const std::vector<PlanTree>& Plan::trees() const { return program_->trees; }
 const std::vector<std::string>& Plan::dof_names() const { return program_->dof_names; }
 const std::vector<std::string>& Plan::row_names() const { return program_->row_names; }
 const std::vector<int>& Plan::redundant_couplings() const { return program_->redundant; }

@@ -70,6 +70,8 @@ struct Program {
   double explicit_rate = 0.0;  ///< the largest |lambda| of (M75), for Integrator::runge_kutta
   std::string method_reason;
   std::vector<std::string> dof_names;
+  std::vector<std::string> root_names;  ///< links that float, in the order of the views
+  std::vector<PlanTree> trees;
   std::vector<int> dof_of_joint;               ///< by joint of the model: its row in the views, -1 if fixed
   std::vector<int> solver_joint;               ///< by joint of the model: its number in the solver's order, -1 if fixed
   std::vector<int> redundant;                  ///< couplings that follow from others

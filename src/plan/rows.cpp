@@ -9,13 +9,13 @@
 namespace lockstep {
 
 void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int joint, int term, RowForm& form) {
-  const int root = t.root_velocities();
+  form.tree = t.body[t.joint_body[joint]].tree;
   if (reduction.followers == 0) {
     form.terms[t.velocity_of(joint)].push_back({term, -1});
     return;
   }
   for (int z = 0; z < reduction.independent.count; ++z)
-    if (reduction.independent[z] == root + joint) form.terms[z].push_back({term, -1});
+    if (reduction.independent[z] == t.velocity_of(joint)) form.terms[z].push_back({term, -1});
   for (int f = 0; f < reduction.followers; ++f)
     if (reduction.follower[f] == joint)
       for (int s = reduction.start[f]; s < reduction.start[f + 1]; ++s)
@@ -24,10 +24,11 @@ void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int 
 
 RowForm coupling_form(const Program& program, const Reduction<double>& reduction, int coupling) {
   const Tables<double>& t = program.f64;
-  RowForm form{coupling, program.model.couplings[coupling].softness, {}};
+  RowForm form{coupling, program.model.couplings[coupling].softness};
   for (int f = 0; f < reduction.measured_coupling.count; ++f)
     if (reduction.measured_coupling[f] == coupling) {
       form.terms[reduction.constraint_velocity[f]] = {{-1, -1}};
+      form.tree = t.body[t.joint_body[reduction.follower[f]]].tree;
       return form;
     }
   for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k)
@@ -62,7 +63,7 @@ bool share_any(const std::vector<int>& a, const std::vector<int>& b) { return !b
 RowSoftness<double> row_softness(const Program& program, const Softness& softness, double h, int substeps) {
   const double dt = program.settings.dt;
   const auto [first, second] = numbers_of(softness);
-  RowSoftness<double> row{{kind_of(softness)}, 0, 0, 0};
+  RowSoftness<double> row{{kind_of(softness), false}, 0, 0, 0};
   const auto spring = [&](double kp, double kd) {
     row.rate = kp / (h * kp + kd);
     row.cfm = 1.0 / (h * (h * kp + kd));
@@ -85,6 +86,7 @@ RowSoftness<double> row_softness(const Program& program, const Softness& softnes
       }
       break;
   }
+  row.soft = row.cfm_per_response > 0.0 || row.cfm > smallest_compliance;
   return row;
 }
 
@@ -110,14 +112,16 @@ void add_support(const std::vector<int>& velocities, const Columns& columns, std
 }
 
 // How many rows, from the r-th on, are worth computing side by side, and the velocities that they move. Side by side
-// each velocity takes less time, but a row then also computes velocities that it does not move.
+// each velocity takes less time, but a row then also computes velocities that it does not move. Rows of different
+// components stay apart: a row costs only its own trees.
 std::pair<int, std::vector<int>> widest_group(const std::vector<std::vector<int>>& supports,
-                                              const std::vector<int>& order, int r) {
+                                              const std::vector<int>& component, const std::vector<int>& order, int r) {
   std::vector<int> moved = supports[order[r]];
   std::size_t separate = moved.size();
   int count = 1;
   for (; count < RowGroup::most && r + count < static_cast<int>(order.size()); ++count) {
     const std::vector<int>& next = supports[order[r + count]];
+    if (component[order[r + count]] != component[order[r]]) break;
     std::vector<int> all = either(moved, next);
     if (all.size() * (count + 1) >= 2 * (separate + next.size())) break;
     moved = std::move(all);
@@ -132,7 +136,11 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
   const Tables<double>& t = program.f64;
   const int count = static_cast<int>(forms.size());
   std::vector<std::vector<int>> supports;
-  for (const RowForm& form : forms) supports.push_back(support_of(form, columns));
+  std::vector<int> component;
+  for (const RowForm& form : forms) {
+    supports.push_back(support_of(form, columns));
+    component.push_back(components(t)[form.tree]);
+  }
 
   // Factored rows are numbered by their elimination tree. Swept rows keep the model's order.
   Rows<double> rows;
@@ -176,12 +184,24 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
     softness.push_back(row_softness(program, form.softness, program.length / substeps, substeps));
   }
 
+  std::vector<int> moved_by_some, unmoved;
+  for (const std::vector<int>& moved : supports) moved_by_some = either(moved_by_some, moved);
+  for (int z = 0; z < columns.n; ++z)
+    if (!std::binary_search(moved_by_some.begin(), moved_by_some.end(), z)) unmoved.push_back(z);
+  const auto runs_of = [&](const std::vector<int>& numbers) {
+    std::vector<SupportRun> all;
+    add_runs(numbers, all);
+    return program.storage.keep(std::move(all));
+  };
+  rows.moved = runs_of(moved_by_some), rows.unmoved = runs_of(unmoved);
+
   std::vector<RowGroup> groups;
   std::vector<SupportRange> group_support;
   std::vector<SupportRun> group_runs;
   for (int r = 0; r < count;) {
-    const auto [members, moved] = widest_group(supports, order, r);
-    RowGroup group{r, members, static_cast<int>(group_support.size()), 0, static_cast<int>(group_runs.size()), 0};
+    const auto [members, moved] = widest_group(supports, component, order, r);
+    RowGroup group{r, members, false, static_cast<int>(group_support.size()), 0, static_cast<int>(group_runs.size()),
+                   0};
     add_support(moved, columns, group_support);
     add_runs(moved, group_runs);
     group.support_last = static_cast<int>(group_support.size());
@@ -264,25 +284,30 @@ bool takes_no_impulse(const Program& program, int coupling) {
   return is_redundant(program, coupling) && !declared(program, Parameter::gear_ratio);
 }
 
-// Whether A differs from the undamped inertia, so that (24) needs a factorisation of its own.
-bool matrix_holds_more(const Program& program) {
+// By component, whether A differs from the undamped inertia, so that (24) needs a factorisation of its own.
+std::vector<bool> matrix_holds_more(const Program& program, const std::vector<int>& component) {
   const Tables<double>& t = program.f64;
-  if (declared(program, Parameter::drive_gains) || declared(program, Parameter::damping)) return true;
-  if (t.limited_servos.count > 0) return true;
+  const bool all = declared(program, Parameter::drive_gains) || declared(program, Parameter::damping);
+  std::vector<bool> more(t.tree.count, all);
+  const auto mark = [&](int j) { more[component[t.body[t.joint_body[j]].tree]] = true; };
+  for (int i = 0; i < t.limited_servos.count; ++i) mark(t.limited_servos[i]);
   for (int j = 0; j < t.joints; ++j)
-    if (t.implicit[j] != t.armature[j]) return true;
-  return t.reduction.eliminates();
+    if (t.implicit[j] != t.armature[j]) mark(j);
+  for (int f = 0; t.reduction.eliminates() && f < t.reduction.followers; ++f) mark(t.reduction.follower[f]);
+  return more;
 }
 
 // Adds rows whose softness is a natural frequency to `undamped`. Returns, by row, its place there, -1 for other rows.
 std::vector<int> find_undamped(const Program& program, const std::vector<RowForm>& forms,
                                std::vector<RowForm>& undamped, const std::vector<int>& joint) {
   std::vector<int> place;
+  const std::vector<int> component = components(program.f64);
+  const std::vector<bool> more = matrix_holds_more(program, component);
   for (std::size_t r = 0; r < forms.size(); ++r) {
-    const bool by_frequency = std::holds_alternative<Frequency>(forms[r].softness) && matrix_holds_more(program);
+    const bool by_frequency = std::holds_alternative<Frequency>(forms[r].softness) && more[component[forms[r].tree]];
     place.push_back(by_frequency ? static_cast<int>(undamped.size()) : -1);
     if (!by_frequency) continue;
-    RowForm form{forms[r].coupling, forms[r].softness, {}};  // over all velocities
+    RowForm form{forms[r].coupling, forms[r].softness};  // over all velocities
     if (form.coupling >= 0)
       form = coupling_form(program, {}, form.coupling);
     else
@@ -306,6 +331,10 @@ void lay_out_rows(Program& program) {
     any_hard |= is_hard(coupling.softness) || declared(program, Parameter::softness);
     forms.push_back(coupling_form(program, t.reduction, c));
   }
+  // Rows of a component follow each other, so that they are grouped and numbered as they are without the others.
+  const std::vector<int> component = components(t);
+  std::stable_sort(forms.begin(), forms.end(),
+                   [&](const RowForm& a, const RowForm& b) { return component[a.tree] < component[b.tree]; });
   t.rows = lay_out_forms(program, forms, t.solver, factored);
 
   std::vector<RowForm> undamped, ordered;  // ordered: as the elimination tree numbers them

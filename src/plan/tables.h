@@ -3,9 +3,9 @@
 // A Program (program.h) owns them. Kernels see only this header, which uses no containers.
 // This file is longer than 450 lines because it only declares: one place lists all that a kernel can read.
 //
-// Indices: `joint` counts the moving joints in the solver's depth-first order; `velocity` counts the
-// generalised velocities, a floating root's six first, then the joints; `dof` counts the moving joints
-// in the Model's order, which is that of the views.
+// Indices: `joint` counts the moving joints in the solver's depth-first order, tree by tree; `velocity` counts the
+// generalised velocities, tree by tree: a floating root's six, then the tree's joints; `dof` counts the moving joints
+// in the Model's order, which is that of the views. Views have the floating roots in the order of Model::roots.
 //
 // A struct with numbers of type S has a base class for everything else. Its numbers() names each number once:
 // narrow.cpp converts them to single precision and asserts that none is forgotten.
@@ -20,6 +20,9 @@ namespace lockstep {
 
 /// Stands for infinity in tables: any step size or gear ratio can scale it in single precision.
 constexpr double unlimited = 1e25;
+
+/// A smaller compliance counts as 0.
+constexpr double smallest_compliance = 1e-30;
 
 /// gamma of (M69): the share of a step that an implicit stage covers.
 constexpr double alexander_gamma = 0.43586652150845899942;
@@ -47,10 +50,13 @@ struct Columns {
 /// One rigid body and the joint that carries it. The joint's axis is a coordinate axis of the body's frame.
 struct BodyStructure {
   int parent;  ///< body, -1 for the fixed world
-  int axis;    ///< 0, 1, 2
+  int tree;
+  int velocity;  ///< of its joint, or the first of a floating root's six
+  int joint;     ///< for a floating root: its number among these
+  int axis;      ///< 0, 1, 2
   bool prismatic;
   bool rotated;   ///< a constant rotation comes before the joint's own
-  bool root;      ///< the floating root, which has no joint
+  bool root;      ///< a floating root, which has no joint
   int kind;       ///< BodyKind: what kernels::with_joint() switches over
   bool first;     ///< the first of its parent's children in the order from the leaves to the root
   bool leaf;      ///< it carries no other body
@@ -88,18 +94,49 @@ enum BodyKind : int {
 
 /// A link of the model in its body: where it is, and the inertia of one kilogram of it.
 struct LinkStructure {
-  int body;  ///< -1: part of the fixed world
+  int body;  ///< -1: bolted to the world
+  int tree;
 };
 template <class S>
 struct LinkPlace : LinkStructure {
   S rotation[9];  ///< link coordinates to body coordinates, row-major
   S offset[3];
-  S unit_moment[3], unit_second[6];  ///< per kg, about the body's origin, or the fixed root's
+  S unit_moment[3], unit_second[6];  ///< per kg, about the body's origin, or a bolted root's
 
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
     visit(from.rotation, to.rotation), visit(from.offset, to.offset);
     visit(from.unit_moment, to.unit_moment), visit(from.unit_second, to.unit_second);
+  }
+};
+
+/// A floating root: its body, the first of its six velocities, and its number among the solver's velocities.
+struct FloatingRoot {
+  int body, velocity, solver;
+};
+
+/// How the inertia of a tree enters a step: as its part of A, from which A_r follows (M40); as A_r at once, by
+/// composite columns (M41); or by articulated bodies, which factor A without computing it (M22). Trees that couplings
+/// join have the same. No other tree changes the choice, so a tree steps with the bits that it has alone.
+enum class InertiaKind : int { matrix, composite_columns, articulated_bodies };
+
+/// A tree of links. Its bodies and its joints are consecutive.
+struct TreeStructure {
+  InertiaKind inertia;
+  bool has_undamped_rows;
+  int root;                     ///< number among the floating roots, -1 if bolted
+  int first_body, last_body;    ///< the last is one past the end
+  int first_joint, last_joint;  ///< the same
+};
+template <class S>
+struct TreePlace : TreeStructure {
+  S rotation[9];  ///< of a bolted root: its coordinates to world coordinates, row-major
+  S offset[3];    ///< the same
+  S gravity[3];   ///< along the axes of a bolted root; of a floating one, along the world's
+
+  template <class From, class To, class Visit>
+  static constexpr void numbers(From& from, To& to, Visit&& visit) {
+    visit(from.rotation, to.rotation), visit(from.offset, to.offset), visit(from.gravity, to.gravity);
   }
 };
 
@@ -117,6 +154,7 @@ struct SupportRun {
 struct RowGroup {
   static constexpr int most = 8;
   int first, count;
+  bool articulated;                 ///< it moves trees with articulated bodies
   int support_first, support_last;  ///< in Rows::group_support: velocities that any of them moves
   int run_first, run_last;          ///< in Rows::group_runs
 };
@@ -138,6 +176,7 @@ struct Contribution {
 /// The softness of a row: compliance cfm + cfm_per_response * r, bias rate * C. Computed from Softness and the step.
 struct RowSoftnessStructure {
   SoftnessKind kind;  ///< how to read the numbers of a softness field
+  bool soft;          ///< its compliance does not count as 0
 };
 template <class S>
 struct RowSoftness : RowSoftnessStructure {
@@ -161,6 +200,7 @@ struct RowStructure {
   Span<SupportRange> support;       ///< ascending
   Span<int> run_start;              ///< by row, count + 1
   Span<SupportRun> runs;            ///< the velocities of `support` as runs
+  Span<SupportRun> moved, unmoved;  ///< velocities that some row moves, and the others
   Span<RowGroup> groups;
   Span<SupportRange> group_support;
   Span<SupportRun> group_runs;
@@ -283,8 +323,8 @@ struct Merge {
 };
 
 /// How A_r is computed without A (M41). The columns of M S pass inwards from body to body; joints that move with one
-/// velocity share a column. Each column has a place until it has passed its last body. Lists are by body. Used if
-/// `places` is not zero.
+/// velocity share a column. Each column has a place until it has passed its last body. Lists are by body, and empty for
+/// trees of another InertiaKind.
 struct CompositeColumns {
   struct Row {
     int place, entry, factor;
@@ -304,6 +344,7 @@ struct CompositeColumns {
     bool first;
   };  ///< the same for the column of the followers' corrections, if the position phase has a solution of its own
   int places = 0;
+  Span<SupportRun> velocities;  ///< solver velocities of these trees
   Span<Factor> factors;
   Span<int> merge_start, row_start, pull_start, square_start, pulled_start, unit_start, passed_start;
   Span<Merge> merges;  ///< of columns of the same velocity
@@ -328,13 +369,14 @@ struct Visit {
   int begin, known, last;       ///< in Articulated::carried
 };
 
-/// Visits from the leaves to the root, including a floating root.
+/// Visits from the leaves to the roots, including floating roots.
 struct Path {
   int first, last;
 };
 
-/// How A is factored without being computed (M22 to M25). Used if there are visits.
+/// How A is factored without being computed (M22 to M25), for trees with articulated bodies.
 struct Articulated {
+  Span<int> velocity;  ///< by body: the solver velocity of its joint, or the first of a floating root
   Span<Visit> visits;
   Span<Carried> carried;
   Span<Merge> merges;
@@ -342,7 +384,7 @@ struct Articulated {
   Path all = {0, 0};   ///< of one vector over all bodies; inertias use the same places
   Path rows = {0, 0};  ///< of the rows of Tables::rows
   Span<Path> bounds;   ///< by row of Bounds::rows
-  Columns root;        ///< structure of a floating root's own block
+  Columns root;        ///< structure of a floating root's own block; the blocks of all roots follow each other
   inline __attribute__((always_inline)) bool used() const { return visits.count > 0; }
 };
 
@@ -367,16 +409,18 @@ struct ReductionStructure {
   inline __attribute__((always_inline)) bool eliminates() const {
     return followers > 0 && constraint_velocity.count == 0;
   }
-  /// A_r is computed from the entries of A.
-  inline __attribute__((always_inline)) bool by_entries() const { return followers > 0 && composite.places == 0; }
-  Span<int> constraint_velocity;       ///< by follower: the solver velocity that is its coupling's constraint velocity
-  Span<int> measured_coupling;         ///< by follower: that coupling
-  Span<int> follower;                  ///< joint, by follower
-  Span<int> follower_of;               ///< by joint: its number among the followers, -1 if independent
-  Span<int> independent;               ///< velocity, by solver velocity
-  Span<int> start, column, leader;     ///< the followers' rows of S, sparse: solver velocity, and its joint
-  Span<int> placing;                   ///< couplings in an order in which each can place its follower (M76)
-  bool consistent_is_shorter = false;  ///< a step is shorter if all followers are consistent
+  /// A_r is computed from the entries of A, at least for some trees.
+  inline __attribute__((always_inline)) bool by_entries() const { return product_entry.count > 0; }
+  Span<int> constraint_velocity;    ///< by follower: the solver velocity that is its coupling's constraint velocity
+  Span<int> measured_coupling;      ///< by follower: that coupling
+  Span<int> follower;               ///< joint, by follower
+  Span<int> follower_of;            ///< by joint: its number among the followers, -1 if independent
+  Span<int> independent;            ///< velocity, by solver velocity
+  Span<int> start, column, leader;  ///< the followers' rows of S, sparse: solver velocity, and its joint
+  Span<int> placing;                ///< couplings in an order in which each can place its follower (M76)
+  Span<int> placed;                 ///< by follower: whether one of these places it
+  bool all_placed = false;
+  bool consistent_is_shorter = false;  ///< a step is shorter if all placed followers are consistent
   Span<Pair> pairs;                    ///< if all followers have one leader each
   Span<Mirror> mirrors;                ///< by ascending body
   Span<int> collect_start;             ///< by solver velocity: S^T, as followers' velocities and entries of S
@@ -438,11 +482,14 @@ struct TableStructure {
   Integrator integrator = Integrator::euler;
   int input_times = 1;  ///< how many of the step's times have targets and efforts of their own
   int iterations = 0, velocity_iterations = 0;
-  bool floating = false;
   int bodies = 0, joints = 0, velocities = 0, couplings = 0, links = 0;
-  Span<int> dof;                                ///< by joint
+  Span<FloatingRoot> roots;                     ///< in the order of the views
+  bool makes_matrix = true;                     ///< A is computed, if only for some trees or for undamped rows
+  Span<int> dof, joint_velocity, joint_body;    ///< by joint
   Columns matrix;                               ///< structure of the mass matrix
   Columns solver;                               ///< structure of the matrix that is factored: A or A_r
+  Span<SupportRun> factored;                    ///< its velocities, but for those of articulated bodies
+  Span<SupportRun> undamped_velocities;         ///< velocities of trees with undamped rows
   Span<int> servos;                             ///< joints that have a servo without an effort limit
   Span<int> limited_servos;                     ///< joints that have a servo with an effort limit
   Span<int> limited_efforts;                    ///< joints without a servo whose effort is limited
@@ -461,9 +508,7 @@ struct TableStructure {
   inline __attribute__((always_inline)) bool declares(Parameter parameter) const {
     return (per_environment >> static_cast<unsigned>(parameter)) & 1u;
   }
-  /// The velocities of a floating root, which come first; 0 for a fixed one.
-  inline __attribute__((always_inline)) int root_velocities() const { return velocities - joints; }
-  inline __attribute__((always_inline)) int velocity_of(int joint) const { return root_velocities() + joint; }
+  inline __attribute__((always_inline)) int velocity_of(int joint) const { return joint_velocity[joint]; }
 };
 
 template <class S>
@@ -473,11 +518,9 @@ struct Tables : TableStructure {
   S step = 0;                    ///< the step
   S ahead = 0;                   ///< how far ahead linear terms are taken: dt, or 0 if they are explicit
   S position_bound = 0, velocity_bound = 0;
-  S gravity[3] = {};  ///< in the root's frame if the root is fixed, else in the world frame
-  S world_gravity[3] = {};
-  S root_rotation[9] = {};  ///< of a fixed root: root coordinates to world coordinates
-  S root_offset[3] = {};
-  S free_share = 1;  ///< share of the free motion that moves positions: (N + 1) / 2N in tgs
+  S gravity[3] = {};  ///< world axes
+  S free_share = 1;   ///< share of the free motion that moves positions: (N + 1) / 2N in tgs
+  Span<TreePlace<S>> tree;
   Span<Body<S>> body;
   Span<LinkPlace<S>> link;
   Span<S> link_mass;
@@ -491,16 +534,16 @@ struct Tables : TableStructure {
   Span<S> hard_rate;  ///< erp / dt by coupling, 0 for soft ones
   Rows<S> undamped;   ///< rows whose softness refers to the undamped inertia, if A differs from that
 
-  /// The mass matrix is computed, if only for undamped rows.
-  inline __attribute__((always_inline)) bool makes_matrix() const { return !articulated.used() || undamped.count > 0; }
+  inline __attribute__((always_inline)) const TreeStructure& tree_of_joint(int joint) const {
+    return tree[body[joint_body[joint]].tree];
+  }
 
   /// All but `half`.
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
     visit(from.dt, to.dt), visit(from.step, to.step), visit(from.ahead, to.ahead);
     visit(from.position_bound, to.position_bound), visit(from.velocity_bound, to.velocity_bound);
-    visit(from.gravity, to.gravity), visit(from.world_gravity, to.world_gravity);
-    visit(from.root_rotation, to.root_rotation), visit(from.root_offset, to.root_offset);
+    visit(from.gravity, to.gravity), visit(from.tree, to.tree);
     visit(from.free_share, to.free_share), visit(from.body, to.body), visit(from.link, to.link);
     visit(from.link_mass, to.link_mass), visit(from.armature, to.armature), visit(from.damping, to.damping);
     visit(from.kp, to.kp), visit(from.kd, to.kd), visit(from.implicit, to.implicit);

@@ -57,32 +57,20 @@ struct System {
   VectorXd kp, kd;  // by coupling; zero for hard ones
 };
 
-// (M48): turns the twist of `next` from the axes of `before` to those of `next`.
-void turn_axes(const Mechanism& mechanism, const State& before, State& next) {
-  if (mechanism.root_velocities() == 0) return;
-  const Eigen::Quaterniond turn = next.orientation.normalized().conjugate() * before.orientation.normalized();
-  next.v.head<3>() = turn * Vector3d(next.v.head<3>());
-  next.v.segment<3>(3) = turn * Vector3d(next.v.segment<3>(3));
-}
-
 // (M66) to (M70) for a part of a step: `from` and `length` are shares of the step.
 State leapfrog(const Task& task, const State& start, double from, double length) {
   const Mechanism& mechanism = task.mechanism;
   const double h = length * task.settings.dt, stage_h = gamma * h;
   State middle = mechanism.advanced(start, start.v, h / 2.0);
-  turn_axes(mechanism, start, middle);
+  mechanism.turn_axes(start, middle);
   const VectorXd v = middle.v;
   const Inputs held = task.inputs(from + length / 2.0);
   const System system(task, middle, held.off);
   const auto bias = [&](const VectorXd& velocity) -> VectorXd {
     State moving = middle;
     moving.v = velocity;
-    VectorXd result = mechanism.bias(moving) - mechanism.wrench_forces(middle, held.wrenches);
-    if (mechanism.root_velocities() > 0) {  // in inertial axes, as in a Stage
-      const Vector3d w = velocity.head<3>(), u = velocity.segment<3>(3);
-      result += system.mass.middleCols<3>(3) * -w.cross(u);
-    }
-    return result;
+    return mechanism.bias(moving) - mechanism.wrench_forces(middle, held.wrenches) +
+           mechanism.inertial_axes_bias(system.mass, velocity);
   };
   const VectorXd springs = stage_h * (system.kd + stage_h * system.kp);
   MatrixXd implicit = system.mass + system.all.transpose() * springs.asDiagonal() * system.all;
@@ -114,14 +102,16 @@ State leapfrog(const Task& task, const State& start, double from, double length)
   const VectorXd mean = b1 * velocities.col(0) + b2 * velocities.col(1) + gamma * corrected;
   State end = mechanism.advanced(middle, 2.0 * mean - v, h / 2.0);
   end.v = velocities.col(2);
-  turn_axes(mechanism, middle, end);
+  mechanism.turn_axes(middle, end);
   return end;
 }
 
-// a + share b for all numbers of the state, the seven of the root's pose included.
+// a + share b for all numbers of the state, the seven of each root's pose included.
 State sum(State a, double share, const State& b) {
-  a.position += share * b.position;
-  a.orientation.coeffs() += share * b.orientation.coeffs();
+  for (std::size_t tree = 0; tree < a.roots.size(); ++tree) {
+    a.roots[tree].position += share * b.roots[tree].position;
+    a.roots[tree].orientation.coeffs() += share * b.roots[tree].orientation.coeffs();
+  }
   a.q += share * b.q;
   a.v += share * b.v;
   return a;
@@ -131,7 +121,7 @@ State sum(State a, double share, const State& b) {
 State extrapolated(const Task& task, const State& start) {
   const State halves = leapfrog(task, leapfrog(task, start, 0.0, 0.5), 0.5, 0.5);
   State end = sum(sum(halves, 1.0 / 3.0, halves), -1.0 / 3.0, leapfrog(task, start, 0.0, 1.0));
-  end.orientation.normalize();
+  for (RootPose& root : end.roots) root.orientation.normalize();
   return end;
 }
 
@@ -148,14 +138,17 @@ State runge_kutta(const Task& task, const State& start) {
                             system.soft_forces(at) - mechanism.bias(at);
     change.v = system.change(system.mass, h * forces, -system.rows * at.v);
     change.q = h * at.v.tail(mechanism.dofs());
-    if (mechanism.root_velocities() > 0) {
-      const Eigen::Quaterniond w(0.0, at.v[0], at.v[1], at.v[2]);
-      change.position = h * (at.orientation.normalized() * Vector3d(at.v.segment<3>(3)));
-      change.orientation.coeffs() = 0.5 * h * (at.orientation * w).coeffs();
+    for (std::size_t tree = 0; tree < at.roots.size(); ++tree) {
+      const int first = mechanism.root_velocity(static_cast<int>(tree));
+      if (first < 0) continue;
+      const Eigen::Quaterniond w(0.0, at.v[first], at.v[first + 1], at.v[first + 2]),
+          &turn = at.roots[tree].orientation;
+      change.roots[tree].position = h * (turn.normalized() * Vector3d(at.v.segment<3>(first + 3)));
+      change.roots[tree].orientation.coeffs() = 0.5 * h * (turn * w).coeffs();
     }
     end = sum(end, weights[i], change);
   }
-  end.orientation.normalize();
+  for (RootPose& root : end.roots) root.orientation.normalize();
   const Stage stage(mechanism, h, start, task.inputs(0.0));  // has the followers' errors
   end.q += h * follower_corrections(mechanism, stage, task.settings).tail(mechanism.dofs());
   return end;

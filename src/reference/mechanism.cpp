@@ -48,17 +48,20 @@ Mat3<T> turn(const Vector3d& axis, T angle) {
   return Mat3<T>::Identity() + sin(angle) * k + (T(1) - cos(angle)) * (k * k);
 }
 
-Pose<double> root_pose(const State& state) {
-  return {state.orientation.normalized().toRotationMatrix(), state.position};
+std::vector<Pose<double>> root_poses(const State& state) {
+  std::vector<Pose<double>> poses;
+  for (const RootPose& root : state.roots)
+    poses.push_back({root.orientation.normalized().toRotationMatrix(), root.position});
+  return poses;
 }
 
 template <class T>
-std::vector<Pose<T>> forward(const Mechanism& mechanism, const Pose<T>& root, const VecX<T>& q) {
+std::vector<Pose<T>> forward(const Mechanism& mechanism, const std::vector<Pose<T>>& roots, const VecX<T>& q) {
   std::vector<Pose<T>> poses(mechanism.links());
-  poses[0] = root;
-  for (const int j : mechanism.tree().joints_depth_first) {
+  for (std::size_t tree = 0; tree < roots.size(); ++tree) poses[mechanism.trees().root_link[tree]] = roots[tree];
+  for (const int j : mechanism.trees().joints_depth_first) {
     const Joint& joint = mechanism.model().joints[j];
-    const Pose<T>& parent = poses[mechanism.tree().joint_parent[j]];
+    const Pose<T>& parent = poses[mechanism.trees().joint_parent[j]];
     Pose<T> child;
     child.rotation = parent.rotation * joint.origin.linear().template cast<T>();
     child.position = parent.rotation * joint.origin.translation().template cast<T>() + parent.position;
@@ -70,7 +73,7 @@ std::vector<Pose<T>> forward(const Mechanism& mechanism, const Pose<T>& root, co
       else
         child.rotation = (child.rotation * turn<T>(axis, value)).eval();
     }
-    poses[mechanism.tree().joint_child[j]] = child;
+    poses[mechanism.trees().joint_child[j]] = child;
   }
   return poses;
 }
@@ -83,21 +86,22 @@ MatX<T> point_jacobian(const Mechanism& mechanism, const std::vector<Pose<T>>& p
   const auto set_rotation = [&](int column, const Vec3<T>& axis, const Vec3<T>& origin) {
     jacobian.col(column) << axis, skew<T>(axis) * (point - origin);
   };
-  const Tree& tree = mechanism.tree();
-  for (int l = link; tree.parent_joint[l] >= 0; l = tree.joint_parent[tree.parent_joint[l]]) {
-    const Joint& joint = mechanism.model().joints[tree.parent_joint[l]];
+  const Trees& trees = mechanism.trees();
+  int l = link;
+  for (; trees.parent_joint[l] >= 0; l = trees.joint_parent[trees.parent_joint[l]]) {
+    const Joint& joint = mechanism.model().joints[trees.parent_joint[l]];
     if (!joint.moves()) continue;
-    const int column = mechanism.root_velocities() + mechanism.dof_of_joint(tree.parent_joint[l]);
+    const int column = mechanism.root_velocities() + mechanism.dof_of_joint(trees.parent_joint[l]);
     const Vec3<T> axis = poses[l].rotation * joint.axis.normalized().cast<T>();
     if (joint.kind == JointKind::prismatic)
       jacobian.col(column).tail(3) = axis;
     else
       set_rotation(column, axis, poses[l].position);
   }
-  if (mechanism.root_velocities() > 0)
+  if (const int first = mechanism.root_velocity(trees.tree_of[l]); first >= 0)
     for (int k = 0; k < 3; ++k) {
-      set_rotation(k, poses[0].rotation.col(k), poses[0].position);
-      jacobian.col(3 + k).tail(3) = poses[0].rotation.col(k);
+      set_rotation(first + k, poses[l].rotation.col(k), poses[l].position);
+      jacobian.col(first + 3 + k).tail(3) = poses[l].rotation.col(k);
     }
   return jacobian;
 }
@@ -113,7 +117,12 @@ Matrix3d world_inertia(const Matrix3d& rotation, const Inertia& inertia) {
 
 }  // namespace
 
-Mechanism::Mechanism(const Model& model) : model_((model.validate(), model)), tree_(model) {
+Mechanism::Mechanism(const Model& model) : model_((model.validate(), model)), trees_(model) {
+  model_.roots = trees_.roots;
+  for (const Root& root : model_.roots) {
+    root_velocity_.push_back(root.floating ? root_velocities_ : -1);
+    root_velocities_ += root.floating ? 6 : 0;
+  }
   dof_of_joint_.assign(model.joints.size(), -1);
   for (std::size_t j = 0; j < model.joints.size(); ++j)
     if (model.joints[j].moves()) {
@@ -132,11 +141,13 @@ Mechanism::Mechanism(const Model& model) : model_((model.validate(), model)), tr
 
 State Mechanism::initial_state() const {
   State state;
-  state.position = model_.root.pose.translation();
-  state.orientation = Eigen::Quaterniond(model_.root.pose.linear()).normalized();
   state.q.resize(dofs());
   state.v.resize(velocities());
-  if (model_.root.floating) state.v.head(6) = model_.root.velocity;
+  for (std::size_t tree = 0; tree < model_.roots.size(); ++tree) {
+    const Root& root = model_.roots[tree];
+    state.roots.push_back({root.pose.translation(), Eigen::Quaterniond(root.pose.linear()).normalized()});
+    if (root.floating) state.v.segment<6>(root_velocity_[tree]) = root.velocity;
+  }
   for (int i = 0; i < dofs(); ++i) {
     state.q[i] = joint(i).position;
     state.v[root_velocities() + i] = joint(i).velocity;
@@ -160,7 +171,7 @@ Inputs Mechanism::initial_inputs() const {
 
 std::vector<Isometry3d> Mechanism::link_poses(const State& state) const {
   std::vector<Isometry3d> result;
-  for (const Pose<double>& pose : forward<double>(*this, root_pose(state), state.q)) {
+  for (const Pose<double>& pose : forward<double>(*this, root_poses(state), state.q)) {
     Isometry3d isometry = Isometry3d::Identity();
     isometry.linear() = pose.rotation;
     isometry.translation() = pose.position;
@@ -170,7 +181,7 @@ std::vector<Isometry3d> Mechanism::link_poses(const State& state) const {
 }
 
 MatrixXd Mechanism::jacobian(const State& state, int link, const Vector3d& point) const {
-  const auto poses = forward<double>(*this, root_pose(state), state.q);
+  const auto poses = forward<double>(*this, root_poses(state), state.q);
   return point_jacobian<double>(*this, poses, link, poses[link].rotation * point + poses[link].position);
 }
 
@@ -187,7 +198,7 @@ MatrixXd Mechanism::site_jacobian(const State& state, int site) const {
 }
 
 MatrixXd Mechanism::mass_matrix(const State& state) const {
-  const auto poses = forward<double>(*this, root_pose(state), state.q);
+  const auto poses = forward<double>(*this, root_poses(state), state.q);
   MatrixXd mass = MatrixXd::Zero(velocities(), velocities());
   for (int l = 0; l < links(); ++l) {
     const Inertia& inertia = model_.links[l].inertia;
@@ -200,16 +211,19 @@ MatrixXd Mechanism::mass_matrix(const State& state) const {
 }
 
 VectorXd Mechanism::bias(const State& state) const {
-  const Pose<double> root = root_pose(state);
-  // q + i e dq/dt, and the root's pose moved to first order by its twist.
+  // q + i e dq/dt, and the roots' poses moved to first order by their twists.
   const Complex step(0.0, complex_step);
-  Pose<Complex> moved_root = {root.rotation.cast<Complex>(), root.position.cast<Complex>()};
-  if (model_.root.floating) {
-    moved_root.rotation += step * (root.rotation * skew<double>(state.v.head<3>())).cast<Complex>();
-    moved_root.position += step * (root.rotation * state.v.segment<3>(3)).cast<Complex>();
+  std::vector<Pose<Complex>> moved_roots;
+  for (const Pose<double>& root : root_poses(state)) {
+    Pose<Complex> moved = {root.rotation.cast<Complex>(), root.position.cast<Complex>()};
+    if (const int first = root_velocity_[moved_roots.size()]; first >= 0) {
+      moved.rotation += step * (root.rotation * skew<double>(state.v.segment<3>(first))).cast<Complex>();
+      moved.position += step * (root.rotation * state.v.segment<3>(first + 3)).cast<Complex>();
+    }
+    moved_roots.push_back(moved);
   }
   const VecX<Complex> moved_q = state.q.cast<Complex>() + step * state.v.tail(dofs()).cast<Complex>();
-  const auto poses = forward<Complex>(*this, moved_root, moved_q);
+  const auto poses = forward<Complex>(*this, moved_roots, moved_q);
 
   VectorXd result = VectorXd::Zero(velocities());
   for (int l = 0; l < links(); ++l) {
@@ -247,7 +261,7 @@ double Mechanism::kinetic_energy(const State& state) const {
 }
 
 double Mechanism::potential_energy(const State& state) const {
-  const auto poses = forward<double>(*this, root_pose(state), state.q);
+  const auto poses = forward<double>(*this, root_poses(state), state.q);
   double energy = 0.0;
   for (int l = 0; l < links(); ++l) {
     const Inertia& inertia = model_.links[l].inertia;
@@ -257,7 +271,7 @@ double Mechanism::potential_energy(const State& state) const {
 }
 
 Vector6d Mechanism::momentum(const State& state) const {
-  const auto poses = forward<double>(*this, root_pose(state), state.q);
+  const auto poses = forward<double>(*this, root_poses(state), state.q);
   Vector6d momentum = Vector6d::Zero();
   for (int l = 0; l < links(); ++l) {
     const Inertia& inertia = model_.links[l].inertia;
@@ -270,15 +284,36 @@ Vector6d Mechanism::momentum(const State& state) const {
   return momentum;
 }
 
+VectorXd Mechanism::inertial_axes_bias(const MatrixXd& mass, const VectorXd& v) const {
+  VectorXd change = VectorXd::Zero(velocities());
+  for (const int first : root_velocity_)
+    if (first >= 0)
+      change.segment<3>(first + 3) = -Vector3d(v.segment<3>(first)).cross(Vector3d(v.segment<3>(first + 3)));
+  return mass * change;
+}
+
+void Mechanism::turn_axes(const State& before, State& next) const {
+  for (std::size_t tree = 0; tree < before.roots.size(); ++tree) {
+    const int first = root_velocity_[tree];
+    if (first < 0) continue;
+    const Eigen::Quaterniond turn =
+        next.roots[tree].orientation.normalized().conjugate() * before.roots[tree].orientation.normalized();
+    for (int part : {first, first + 3}) next.v.segment<3>(part) = turn * Vector3d(next.v.segment<3>(part));
+  }
+}
+
 State Mechanism::advanced(const State& state, const VectorXd& v, double h) const {
   State next = state;
   next.q += h * v.tail(dofs());
-  if (model_.root.floating) {
-    const Vector3d rotation = h * v.head<3>();
+  for (std::size_t tree = 0; tree < state.roots.size(); ++tree) {
+    const int first = root_velocity_[tree];
+    if (first < 0) continue;
+    const Eigen::Quaterniond& orientation = state.roots[tree].orientation;
+    const Vector3d rotation = h * v.segment<3>(first);
     const double angle = rotation.norm();
     const Vector3d axis = angle > 0.0 ? Vector3d(rotation / angle) : Vector3d::UnitX();
-    next.position += h * (state.orientation * v.segment<3>(3));
-    next.orientation = (state.orientation * Eigen::Quaterniond(Eigen::AngleAxisd(angle, axis))).normalized();
+    next.roots[tree].position += h * (orientation * v.segment<3>(first + 3));
+    next.roots[tree].orientation = (orientation * Eigen::Quaterniond(Eigen::AngleAxisd(angle, axis))).normalized();
   }
   return next;
 }

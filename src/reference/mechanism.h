@@ -1,6 +1,6 @@
 // The reference: a mechanism's dynamics, dense and as in a textbook. SPDX-License-Identifier: Apache-2.0
 //
-// The reference checks the kernels, so it shares nothing with them but the Model and its Tree. It uses doubles and
+// The reference checks the kernels, so it shares nothing with them but the Model and its Trees. It uses doubles and
 // dense matrices, world-frame Jacobians of each link, and d'Alembert's principle. Every link is a body, also one that a
 // fixed joint carries.
 #pragma once
@@ -9,19 +9,24 @@
 #include <vector>
 
 #include "lockstep/model.h"
-#include "model/tree.h"
+#include "model/trees.h"
 
 namespace lockstep::reference {
 
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// Position and velocity of a mechanism. Generalised velocities: first the six of a floating root (angular, then
+/// Where a root link's frame is in the world.
+struct RootPose {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< m
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();
+};
+
+/// Position and velocity of a mechanism. Generalised velocities: first the six of each floating root (angular, then
 /// linear, in root-link axes, as at Root in model.h), then those of the moving joints in the order of Model::joints.
 struct State {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();               ///< of the root link's frame, world, m
-  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< of the same frame
-  Eigen::VectorXd q;                                                ///< [dofs] joint positions
-  Eigen::VectorXd v;                                                ///< [velocities] generalised velocities
+  std::vector<RootPose> roots;  ///< by tree
+  Eigen::VectorXd q;            ///< [dofs] joint positions
+  Eigen::VectorXd v;            ///< [velocities] generalised velocities
 };
 
 /// The inputs of a step.
@@ -37,9 +42,10 @@ class Mechanism {
   explicit Mechanism(const Model& model);  ///< throws ModelError if the model is not valid
 
   const Model& model() const { return model_; }
-  const Tree& tree() const { return tree_; }
+  const Trees& trees() const { return trees_; }
   int dofs() const { return static_cast<int>(joint_of_dof_.size()); }
-  int root_velocities() const { return model_.root.floating ? 6 : 0; }
+  int root_velocities() const { return root_velocities_; }
+  int root_velocity(int tree) const { return root_velocity_[tree]; }  ///< the first of its six, -1 if it is bolted
   int velocities() const { return root_velocities() + dofs(); }
   int links() const { return static_cast<int>(model_.links.size()); }
   const Joint& joint(int dof) const { return model_.joints[joint_of_dof_[dof]]; }
@@ -66,7 +72,7 @@ class Mechanism {
   // --- dynamics: M dv/dt + c = generalised forces; armatures are not in M ----------------------------
   /// Sum over the links of J^T I J, without armature.
   Eigen::MatrixXd mass_matrix(const State& state) const;
-  /// c(q, v): the forces of dv/dt = 0, with gravity. The root's dv/dt are the rates of the twist's components in root
+  /// c(q, v): the forces of dv/dt = 0, with gravity. A root's dv/dt are the rates of the twist's components in root
   /// axes, so for a single body I dw/dt + w x I w = 0.
   Eigen::VectorXd bias(const State& state) const;
   Eigen::VectorXd wrench_forces(const State& state, const Eigen::MatrixXd& wrenches) const;
@@ -77,13 +83,21 @@ class Mechanism {
   double potential_energy(const State& state) const;  ///< gravity alone, zero at the world's origin
   Vector6d momentum(const State& state) const;        ///< angular about the world's origin, then linear
 
-  /// The state moved for a time h with constant generalised velocities v. Joints and the root's rotation are exact; the
+  /// What c becomes if roots step in inertial axes: a velocity u that is constant in these changes by -w x u in a
+  /// root's axes. `mass` is the mass matrix, v all velocities.
+  Eigen::VectorXd inertial_axes_bias(const Eigen::MatrixXd& mass, const Eigen::VectorXd& v) const;
+  /// (M48): turns the twists of `next` from the axes that roots have in `before` to those in `next`.
+  void turn_axes(const State& before, State& next) const;
+
+  /// The state moved for a time h with constant generalised velocities v. Joints and rotations of roots are exact; a
   /// root's translation keeps the direction R v of the start. Velocities do not change.
   State advanced(const State& state, const Eigen::VectorXd& v, double h) const;
 
  private:
   Model model_;
-  Tree tree_;
+  Trees trees_;
+  int root_velocities_ = 0;
+  std::vector<int> root_velocity_;
   std::vector<int> joint_of_dof_, dof_of_joint_;
   Eigen::VectorXd armature_, damping_, kp_, kd_;
 };

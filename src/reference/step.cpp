@@ -14,12 +14,7 @@ Stage::Stage(const Mechanism& mechanism, double step, const State& start, const 
   const int dofs = mechanism.dofs(), nv = mechanism.velocities();
   mass = mechanism.mass_matrix(state);
   bias = mechanism.bias(state);
-  if (mechanism.root_velocities() > 0) {
-    // The root is stepped in inertial axes. A velocity u that is constant in these changes by -w x u in the root's
-    // axes.
-    const Eigen::Vector3d w = state.v.head<3>(), u = state.v.segment<3>(3);
-    bias += mass.middleCols<3>(3) * -w.cross(u);
-  }
+  bias += mechanism.inertial_axes_bias(mass, state.v);
 
   // Damping and drives are linear and implicit, at the end of the step:
   // A (v* - v) = h (tau - c - d v - kp (q + h v - q_t) - kd (v - v_t)).
@@ -63,12 +58,7 @@ void velocity_sweeps(const Stage& stage, int count, const std::vector<Row>& rows
 Step finished(const Mechanism& mechanism, Stage stage, Solution solution) {
   State next = mechanism.advanced(stage.state, solution.position_velocity, stage.h);
   next.v = solution.velocity;
-  if (mechanism.root_velocities() > 0) {
-    const Eigen::Matrix3d axes =
-        (next.orientation.conjugate() * stage.state.orientation.normalized()).toRotationMatrix();
-    next.v.head<3>() = axes * solution.velocity.head<3>();
-    next.v.segment<3>(3) = axes * solution.velocity.segment<3>(3);
-  }
+  mechanism.turn_axes(stage.state, next);
   return {std::move(next), std::move(solution.impulses), std::move(stage)};
 }
 

@@ -66,31 +66,43 @@ struct Constrained {
   MatrixXd jacobian, allowed;
 };
 
-// State and its time derivative as one vector: root position, quaternion x y z w, q, v.
+// State and its time derivative as one vector: position and quaternion x y z w of each root, q, v.
 VectorXd packed(const State& state) {
-  VectorXd y(7 + state.q.size() + state.v.size());
-  y << state.position, state.orientation.coeffs(), state.q, state.v;
+  const Eigen::Index poses = 7 * static_cast<Eigen::Index>(state.roots.size());
+  VectorXd y(poses + state.q.size() + state.v.size());
+  for (std::size_t tree = 0; tree < state.roots.size(); ++tree)
+    y.segment<7>(7 * static_cast<Eigen::Index>(tree)) << state.roots[tree].position,
+        state.roots[tree].orientation.coeffs();
+  y.tail(state.q.size() + state.v.size()) << state.q, state.v;
   return y;
 }
 
 State unpacked(const VectorXd& y, const State& like) {
   State state = like;
-  state.position = y.head<3>();
-  state.orientation.coeffs() = y.segment<4>(3);
-  state.q = y.segment(7, like.q.size());
+  Eigen::Index at = 0;
+  for (RootPose& root : state.roots) {
+    root.position = y.segment<3>(at);
+    root.orientation.coeffs() = y.segment<4>(at + 3);
+    at += 7;
+  }
+  state.q = y.segment(at, like.q.size());
   state.v = y.tail(like.v.size());
   return state;
 }
 
 VectorXd derivative(const Constrained& system, const State& state, const Inputs& inputs) {
   State rate = state;
-  rate.position.setZero();
-  rate.orientation.coeffs().setZero();
-  if (system.mechanism.root_velocities() > 0) {
+  for (std::size_t tree = 0; tree < state.roots.size(); ++tree) {
+    RootPose& root = rate.roots[tree];
+    root.position.setZero();
+    root.orientation.coeffs().setZero();
+    const int first = system.mechanism.root_velocity(static_cast<int>(tree));
+    if (first < 0) continue;
     // dp/dt = R v and dQ/dt = 1/2 Q w with w in root axes. Only the direction of Q counts, so it need not be unit.
-    const Eigen::Vector3d w = state.v.head<3>();
-    rate.position = state.orientation.normalized() * state.v.segment<3>(3);
-    rate.orientation.coeffs() = 0.5 * (state.orientation * Eigen::Quaterniond(0.0, w[0], w[1], w[2])).coeffs();
+    const Eigen::Quaterniond &turn = state.roots[tree].orientation,
+                             w(0.0, state.v[first], state.v[first + 1], state.v[first + 2]);
+    root.position = turn.normalized() * Eigen::Vector3d(state.v.segment<3>(first + 3));
+    root.orientation.coeffs() = 0.5 * (turn * w).coeffs();
   }
   rate.q = state.v.tail(state.q.size());
   rate.v = system.acceleration(state, inputs);
@@ -133,7 +145,7 @@ Motion integrate(const Mechanism& mechanism, const State& start, const InputsOve
       const VectorXd k3 = slope(t + h / 2, y + h / 2 * k2);
       const VectorXd k4 = slope(t + h, y + h * k3);
       state = unpacked(y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), start);
-      state.orientation.normalize();
+      for (RootPose& root : state.roots) root.orientation.normalize();
     }
     motion.positions.row(i + 1) = state.q;
   }

@@ -67,9 +67,14 @@ std::string words_of(const Coupling& coupling, const std::string& name) {
 
 std::string mechanism_line(const Program& program) {
   const Tables<double>& t = program.f64;
+  std::string base = t.roots.count > 0 ? "floating base" : "fixed base";
+  if (t.tree.count > 1)
+    base = fmt::format(
+        "{} trees, {}", t.tree.count,
+        t.roots.count == 0 ? "all bolted" : joined(program.root_names) + (t.roots.count == 1 ? " floats" : " float"));
   std::string text =
-      fmt::format("{}: {} base, {}, {}", program.model.name, t.floating ? "floating" : "fixed",
-                  count_of(t.joints, "moving joint", "moving joints"), count_of(t.couplings, "coupling", "couplings"));
+      fmt::format("{}: {}, {}, {}", program.model.name, base, count_of(t.joints, "moving joint", "moving joints"),
+                  count_of(t.couplings, "coupling", "couplings"));
   if (program.merged_links > 0)
     text += fmt::format("; {} fixed to others and merged", count_of(program.merged_links, "link is", "links are"));
   return text + ".\n";
@@ -155,13 +160,15 @@ std::string stage_lines(const Program& program) {
   const Tables<double>& t = program.f64;
   std::vector<std::string> stages{"kinematics", "bias forces (Newton-Euler)", "joint terms"};
   if (t.couplings > 0) stages.insert(stages.begin() + 1, "coupling errors");
-  if (!t.articulated.used() || t.undamped.count > 0)
-    stages.push_back(t.reduction.composite.places > 0 ? "reduced mass matrix (composite bodies, composite columns)"
-                                                      : "mass matrix (composite bodies)");
+  if (t.makes_matrix) stages.push_back("mass matrix (composite bodies)");
+  if (t.reduction.composite.places > 0) stages.push_back("reduced mass matrix (composite bodies, composite columns)");
   if (t.reduction.by_entries())
     stages.push_back(t.reduction.has_constraint_velocities() ? "constraint velocities in place of followers'"
                                                              : "elimination");
-  stages.push_back(t.articulated.used() ? "free velocity (articulated bodies)" : "free velocity (L^T D L)");
+  std::vector<std::string> ways;
+  if (t.articulated.used()) ways.push_back("articulated bodies");
+  if (t.factored.count > 0 || !t.articulated.used()) ways.push_back("L^T D L");
+  stages.push_back(fmt::format("free velocity ({})", fmt::join(ways, ", ")));
   if (t.undamped.count > 0)
     stages.push_back("responses of the undamped inertia (a second factorisation, for softness by frequency)");
   if (t.rows.known_suffice)

@@ -130,7 +130,8 @@ double cost(const Plan& plan, int samples, int environments, double seconds) {
 
 Model with_moving_start(Model model) {
   std::vector<Joint*> joints;
-  bool moves = model.root.floating && !model.root.velocity.isZero(0.0);
+  bool moves =
+      std::any_of(model.roots.begin(), model.roots.end(), [](const Root& r) { return !r.velocity.isZero(0.0); });
   for (Joint& joint : model.joints)
     if (joint.moves()) joints.push_back(&joint), moves = moves || joint.velocity != 0.0;
   if (moves) return model;

@@ -135,10 +135,9 @@ void ModelOptions::add_to(CLI::App& app) {
   app.add_flag("--leave-out-foreign", import.leave_out_foreign,
                "Leaves out closed loops and couplings that other tools add to URDF");
   CLI::Option* floats = app.add_flag_callback(
-      "--floating-base", [this] { floating = true; },
-      "Lets the root link float in the world (default: as in the file)");
+      "--floating-base", [this] { floating = true; }, "Lets root links float in the world (default: as in the file)");
   app.add_flag_callback(
-         "--fixed-base", [this] { floating = false; }, "Bolts the root link to the world")
+         "--fixed-base", [this] { floating = false; }, "Bolts root links to the world")
       ->excludes(floats);
   const auto vector = [](const std::string& text) {
     const std::vector<double> numbers = to_numbers(text, 3, "--gravity");
@@ -183,7 +182,8 @@ void ModelOptions::add_to(CLI::App& app) {
 }
 
 void apply(const ModelOptions& options, Model& model) {
-  if (options.floating) model.root.floating = *options.floating;
+  if (options.floating)
+    for (Root& root : model.roots) root.floating = *options.floating;
   model.gravity = options.gravity;
   if (options.erp)
     for (Coupling& coupling : model.couplings)

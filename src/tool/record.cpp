@@ -11,10 +11,11 @@ namespace lockstep::tool {
 Recorder::Recorder(const std::string& path, int environment, const Plan& plan)
     : file_(std::in_place, path), environment_(environment) {
   std::vector<std::string> names = {"time"};
-  for (const StateColumn& column : joint_columns(plan.dof_names())) names.push_back(csv_field(column.name));
+  const std::vector<StateColumn> columns = state_columns(plan);
+  const auto dofs = columns.begin() + 2 * plan.dofs();
+  for (auto column = columns.begin(); column != dofs; ++column) names.push_back(csv_field(column->name));
   for (const std::string& coupling : coupling_names(plan.model())) names.push_back(csv_field("C." + coupling));
-  if (plan.floating())
-    for (const StateColumn& column : root_columns()) names.push_back(column.name);
+  for (auto column = dofs; column != columns.end(); ++column) names.push_back(csv_field(column->name));
   for (const Site& site : plan.model().sites)
     for (const char* axis : {"x", "y", "z"}) names.push_back(csv_field(fmt::format("site.{}.{}", site.name, axis)));
   file_->write(fmt::format("{}\n", fmt::join(names, ",")));

@@ -165,7 +165,7 @@ void print(const SimulateOptions& options, const Plan& plan, const Outcome& outc
   const double simulated = static_cast<double>(outcome.steps) * plan.settings().dt;
   const bool sweeps = plan.method() == Method::pgs || plan.method() == Method::tgs;
   fmt::print("model    {}: {} joints, {} couplings, {} base\n", plan.model().name, plan.dofs(), plan.couplings(),
-             plan.floating() ? "floating" : "fixed");
+             base_of(plan.model()));
   fmt::print("method   {}{}, {}, {}, step {} s, {} thread{}, {}, {}\n", to_string(plan.method()),
              sweeps ? fmt::format(" {}+{}", plan.settings().iterations, plan.settings().velocity_iterations) : "",
              to_string(plan.integrator()), options.f64 ? "f64" : "f32", fraction(plan.settings().dt),

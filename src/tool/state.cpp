@@ -22,74 +22,81 @@ constexpr double quaternion_slack = 1e-3;
 // A quaternion this close to length 1 is not normalised, so that a recorded state reads back to the same bits.
 constexpr double quaternion_rounding = 1e-6;
 
-std::map<std::string, StateColumn> known_columns(const Plan& plan) {
-  std::map<std::string, StateColumn> known;
-  for (const StateColumn& column : joint_columns(plan.dof_names())) known.emplace(column.name, column);
-  if (plan.floating())
-    for (const StateColumn& column : root_columns()) known.emplace(column.name, column);
-  return known;
+std::string root_prefix(const Plan& plan, int root) {
+  return plan.root_names().size() == 1 ? "root" : plan.root_names()[static_cast<std::size_t>(root)];
+}
+
+// By floating root that has any: how many columns of its quaternion there are.
+std::map<int, int> quaternion_columns(const std::vector<StateColumn>& columns) {
+  std::map<int, int> count;
+  for (const StateColumn& column : columns)
+    if (column.kind == Kind::root_pose && column.row % 7 >= 3) ++count[column.row / 7];
+  return count;
 }
 
 std::vector<StateColumn> columns_of(const Table& table, const Plan& plan) {
-  const std::map<std::string, StateColumn> known = known_columns(plan);
+  std::map<std::string, StateColumn> known;
+  for (const StateColumn& column : state_columns(plan)) known.emplace(column.name, column);
   std::vector<StateColumn> columns;
   for (std::size_t i = 0; i < table.columns.size(); ++i) {
     const auto found = known.find(table.columns[i]);
     if (found == known.end())
-      throw InputError(fmt::format("{}:1:{}: unknown column '{}': {}-base model '{}' has no such moving joint or state",
-                                   table.file, i + 1, table.columns[i], plan.floating() ? "floating" : "fixed",
-                                   plan.model().name));
+      throw InputError(
+          fmt::format("{}:1:{}: unknown column '{}': model '{}' ({} base) has no such moving joint or state",
+                      table.file, i + 1, table.columns[i], plan.model().name, base_of(plan.model())));
     columns.push_back(found->second);
   }
-  int quaternion = 0;
-  for (const StateColumn& column : columns) quaternion += column.kind == Kind::root_pose && column.row >= 3;
-  if (quaternion != 0 && quaternion != 4)
-    throw InputError(table.file + ":1: give all four of root.qw, root.qx, root.qy, root.qz or none");
+  for (const auto& [root, count] : quaternion_columns(columns))
+    if (count != 4) {
+      const std::string name = root_prefix(plan, root);
+      throw InputError(fmt::format("{0}:1: give all four of {1}.qw, {1}.qx, {1}.qy, {1}.qz or none", table.file, name));
+    }
   return columns;
 }
 
-bool has_quaternion(const std::vector<StateColumn>& columns) {
-  for (const StateColumn& column : columns)
-    if (column.kind == Kind::root_pose && column.row >= 3) return true;
-  return false;
-}
-
 template <class S>
-void normalize_quaternion(const Table& table, std::size_t row, int environment, Batch<S>& batch) {
+void normalize_quaternion(const Table& table, std::size_t row, int environment, int root, Batch<S>& batch) {
   auto poses = batch.root_poses();
-  auto stored = poses.col(environment).template segment<4>(3);
+  auto stored = poses.col(environment).template segment<4>(7 * root + 3);
   const Eigen::Array4d quaternion = stored.template cast<double>();
   const double length = quaternion.matrix().norm();
   if (!(std::abs(length - 1.0) <= quaternion_slack))
-    throw InputError(fmt::format("{}:{}: the quaternion root.qw ... root.qz has length {:.4g}; give a unit one",
-                                 table.file, table.lines[row], length));
+    throw InputError(fmt::format("{0}:{1}: the quaternion {2}.qw ... {2}.qz has length {3:.4g}; give a unit one",
+                                 table.file, table.lines[row], root_prefix(batch.plan(), root), length));
   if (std::abs(length - 1.0) > quaternion_rounding) stored = (quaternion / length).template cast<S>();
 }
 
 }  // namespace
 
-std::vector<StateColumn> joint_columns(const std::vector<std::string>& joints) {
+std::vector<StateColumn> state_columns(const Plan& plan) {
   std::vector<StateColumn> columns;
   std::map<std::string, std::string> owner;
-  for (std::size_t i = 0; i < joints.size(); ++i)
-    for (const Kind kind : {Kind::position, Kind::velocity}) {
-      const std::string name = joints[i] + (kind == Kind::velocity ? ".v" : "");
-      const auto [other, is_new] = owner.emplace(name, joints[i]);
-      if (!is_new)
-        throw InputError(fmt::format("joints '{}' and '{}' both claim the column '{}'; rename one of them",
-                                     other->second, joints[i], name));
-      columns.push_back({name, kind, static_cast<int>(i)});
-    }
+  const auto add = [&](const std::string& name, Kind kind, std::size_t row, const std::string& whose) {
+    const auto [other, is_new] = owner.emplace(name, whose);
+    if (!is_new)
+      throw InputError(
+          fmt::format("{} and {} both claim the column '{}'; rename one of them", other->second, whose, name));
+    columns.push_back({name, kind, static_cast<int>(row)});
+  };
+  for (std::size_t i = 0; i < plan.dof_names().size(); ++i) {
+    const std::string& joint = plan.dof_names()[i];
+    add(joint, Kind::position, i, "joint '" + joint + "'");
+    add(joint + ".v", Kind::velocity, i, "joint '" + joint + "'");
+  }
+  const std::vector<std::string> pose = {"x", "y", "z", "qw", "qx", "qy", "qz"},
+                                 velocity = {"wx", "wy", "wz", "vx", "vy", "vz"};
+  for (const auto& [kind, names] : {std::pair(Kind::root_pose, pose), std::pair(Kind::root_velocity, velocity)})
+    for (std::size_t root = 0; root < plan.root_names().size(); ++root)
+      for (std::size_t i = 0; i < names.size(); ++i)
+        add(root_prefix(plan, static_cast<int>(root)) + "." + names[i], kind, root * names.size() + i,
+            "root '" + plan.root_names()[root] + "'");
   return columns;
 }
 
-std::vector<StateColumn> root_columns() {
-  const char* pose[] = {"x", "y", "z", "qw", "qx", "qy", "qz"};
-  const char* velocity[] = {"wx", "wy", "wz", "vx", "vy", "vz"};
-  std::vector<StateColumn> columns;
-  for (int i = 0; i < 7; ++i) columns.push_back({std::string("root.") + pose[i], Kind::root_pose, i});
-  for (int i = 0; i < 6; ++i) columns.push_back({std::string("root.") + velocity[i], Kind::root_velocity, i});
-  return columns;
+std::string base_of(const Model& model) {
+  const auto floating = std::count_if(model.roots.begin(), model.roots.end(), [](const Root& r) { return r.floating; });
+  if (model.roots.size() > 1) return fmt::format("{} of {} floating", floating, model.roots.size());
+  return floating == 1 ? "floating" : "fixed";
 }
 
 template <class S>
@@ -126,8 +133,8 @@ void apply_state(const Table& table, Batch<S>& batch) {
   write();
   batch.project(Couplings::all);
   write();  // what the file gives stays, even if it breaks a coupling
-  if (!has_quaternion(columns)) return;
-  for (int e = 0; e < environments; ++e) normalize_quaternion(table, one_for_all ? 0 : e, e, batch);
+  for (const auto& [root, count] : quaternion_columns(columns))
+    for (int e = 0; e < environments; ++e) normalize_quaternion(table, one_for_all ? 0 : e, e, root, batch);
 }
 
 Model with_state(Model model, const Table& table) {
@@ -139,11 +146,13 @@ Model with_state(Model model, const Table& table) {
       joint.position = batch.positions()(dof, 0);
       joint.velocity = batch.velocities()(dof++, 0);
     }
-  if (model.root.floating) {
-    const Eigen::ArrayXd pose = batch.root_poses().col(0);
-    model.root.pose.translation() = pose.head<3>();
-    model.root.pose.linear() = Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6]).normalized().toRotationMatrix();
-    model.root.velocity = batch.root_velocities().col(0).matrix();
+  int floating = 0;
+  for (Root& root : model.roots) {
+    if (!root.floating) continue;
+    const Eigen::Array<double, 7, 1> pose = batch.root_poses().col(0).segment<7>(7 * floating);
+    root.pose.translation() = pose.head<3>();
+    root.pose.linear() = Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6]).normalized().toRotationMatrix();
+    root.velocity = batch.root_velocities().col(0).segment<6>(6 * floating++).matrix();
   }
   return model;
 }

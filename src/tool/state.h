@@ -10,8 +10,8 @@
 
 namespace lockstep::tool {
 
-/// One number of an environment's state and the name of its column: NAME and NAME.v for a joint,
-/// root.x ... root.vz for a floating root.
+/// One number of an environment's state and the name of its column: NAME and NAME.v for a joint, root.x ... root.vz for
+/// the floating root, or LINK.x ... LINK.vz for each of several.
 struct StateColumn {
   enum class Kind { position, velocity, root_pose, root_velocity };
   std::string name;
@@ -19,9 +19,12 @@ struct StateColumn {
   int row;  ///< of the Batch's view of that kind
 };
 
-/// NAME, NAME.v of every moving joint. Throws InputError if two columns have the same name.
-std::vector<StateColumn> joint_columns(const std::vector<std::string>& joints);
-std::vector<StateColumn> root_columns();  ///< pose, then velocity, in the order of the Batch's rows
+/// Position and velocity of each dof, then poses of the floating roots, then their velocities, in the order of the
+/// Batch's rows. Throws InputError if two columns have the same name.
+std::vector<StateColumn> state_columns(const Plan& plan);
+
+/// "fixed", "floating", or how many of several trees float.
+std::string base_of(const Model& model);
 
 template <class S>
 typename Batch<S>::View state_view(Batch<S>& batch, StateColumn::Kind kind);

@@ -24,7 +24,8 @@ Targets::Targets(Table table, const Plan& plan) : table_(std::move(table)) {
   if (time == table_.columns.end()) throw InputError(table_.file + ":1: has no column 'time'");
   time_ = time - table_.columns.begin();
 
-  const std::vector<StateColumn> known = joint_columns(plan.dof_names());
+  std::vector<StateColumn> known = state_columns(plan);
+  known.resize(2 * static_cast<std::size_t>(plan.dofs()));  // those of joints
   for (std::size_t c = 0; c < table_.columns.size(); ++c) {
     columns_.push_back({-1, false});
     if (c == time_) continue;

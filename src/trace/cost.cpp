@@ -9,7 +9,7 @@ long Plan::flops_per_step() const { return trace::cost_of(*program_).flops; }
 
 long Plan::bytes_per_step(int scalar_bytes) const {
   const Tables<double>& t = program_->f64;
-  const long state = 2 * t.joints + (t.floating ? 7 + 6 : 0);
+  const long state = 2 * t.joints + (7 + 6) * t.roots.count;
   const long recorded = (t.record_impulses ? t.couplings : 0) + (t.record_diagnostics ? 2 * t.reported.count + 4 : 0);
   const long loaded = static_cast<long>(trace::cost_of(*program_).loaded.size());
   return (2 * state + loaded + recorded) * scalar_bytes + static_cast<long>(sizeof(Fault));
@@ -17,7 +17,7 @@ long Plan::bytes_per_step(int scalar_bytes) const {
 
 long Plan::bytes_per_environment(int scalar_bytes) const {
   const Tables<double>& t = program_->f64;
-  long rows = 2 * t.joints + 3 * t.joints * t.input_times + (t.floating ? 7 + 6 : 0);
+  long rows = 2 * t.joints + 3 * t.joints * t.input_times + (7 + 6) * t.roots.count;
   if (t.record_impulses) rows += t.couplings;
   if (t.record_diagnostics) rows += 2 * t.reported.count + 4;
   for (unsigned p = 0; p < parameter_count; ++p)

@@ -13,18 +13,33 @@ Id Graph::put(Node node) {
       throw std::logic_error("a kernel reads a number of a loop that the loop does not carry: see kernels::repeat");
   const bool inside = open_loop_ >= 0 && std::any_of(node.operand.begin(), node.operand.end(),
                                                      [&](Id o) { return o >= 0 && nodes_[o].item == open_loop_; });
-  if (inside)
-    node.item = open_loop_;
-  else if (open_loop_ >= 0)
-    node.item = open_loop_ - 1;  // a node that does not depend on the loop goes before it
-  else {
-    if (items_.empty() || items_.back().kind != Item::straight) items_.emplace_back();
-    node.item = static_cast<int>(items_.size()) - 1;
-  }
+  node.item = inside ? open_loop_ : item_of(node);
   const Id id = static_cast<Id>(nodes_.size());
   items_[node.item].nodes.push_back(id);
   nodes_.push_back(std::move(node));
   return id;
+}
+
+// Where a node outside of loops belongs: behind all that it depends on, and not behind a loop on which it does not. So
+// loops of other trees do not decide which sums are inner sums.
+int Graph::item_of(const Node& node) {
+  int behind = -1;  // the last item that the node must follow
+  int in = -1;      // the last straight one that it may be in
+  for (Id o : node.operand) {
+    if (o < 0) continue;
+    const int item = is(o, Op::variable) && nodes_[o].item < 0 ? nodes_[nodes_[o].operand[0]].item : nodes_[o].item;
+    if (item < 0) continue;
+    int& last = items_[item].kind == Item::straight ? in : behind;
+    last = std::max(last, item);
+  }
+  if (node.op == Op::input) behind = static_cast<int>(items_.size()) - 1;  // memory as it is now
+  if (open_loop_ >= 0) behind = std::min(behind, open_loop_ - 1);
+  int item = std::max(in, behind);
+  if (item >= 0 && items_[item].kind == Item::straight) return item;
+  while (++item < static_cast<int>(items_.size()))
+    if (items_[item].kind == Item::straight) return item;
+  items_.emplace_back();
+  return static_cast<int>(items_.size()) - 1;
 }
 
 Id Graph::constant(double value) {

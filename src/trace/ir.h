@@ -138,6 +138,7 @@ class Graph {
   };
 
   Id put(Node node);
+  int item_of(const Node& node);
   Id variable(int item);
   Id find_or_put(Op op, Id a, Id b, Id c);
   Id negated(Id a);

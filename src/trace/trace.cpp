@@ -96,7 +96,8 @@ namespace lockstep::trace {
 
 namespace {
 
-// Consistent followers have the positions and velocities that their leaders give them (M76). Then errors of position
+// Consistent followers have the positions and velocities that their leaders give them (M76). Only placed ones may be
+// known to be so. Then errors of position
 // and velocity become zero, and mirrored joints share the sines of their leaders.
 void know_consistent_followers(const Tables<double>& t, TracedTile& x, Tracer& tracing) {
   const Reduction<double>& r = t.reduction;
@@ -105,7 +106,8 @@ void know_consistent_followers(const Tables<double>& t, TracedTile& x, Tracer& t
                  -kernels::others_of(t, x, r.placing[i], x.state.q));
   for (int z = 0; z < t.solver.n; ++z) x.dynamics.start[z] = x.state.v[r.independent[z]];
   for (int f = 0; f < r.followers; ++f)
-    tracing.know(x.state.v[t.velocity_of(r.follower[f])], kernels::followed(t, x, f, x.dynamics.start));
+    if (r.placed[f])
+      tracing.know(x.state.v[t.velocity_of(r.follower[f])], kernels::followed(t, x, f, x.dynamics.start));
 }
 
 // What the first tracing decides for all others.

@@ -155,7 +155,7 @@ class SinglePrecision : public testing::TestWithParam<TooLarge> {};
 // A double can hold 1e300, a float cannot.
 TEST_P(SinglePrecision, refuses_numbers_that_it_cannot_hold) {
   Model model = scenes::chain8();
-  model.root.floating = true;
+  model.roots = {{model.links[0].name, true}};
   model.links[0].inertia = model.links[1].inertia;
   GetParam().write(model);
   std::optional<Plan> plan;
@@ -185,8 +185,8 @@ INSTANTIATE_TEST_SUITE_P(
                              [](Model& m) {
                                m.couplings[0].softness = Spring{1e300, 0.0};
                              }},
-                    TooLarge{"root", [](Model& m) { m.root.pose.translation().y() = 1e300; }},
-                    TooLarge{"twist", [](Model& m) { m.root.velocity[4] = 1e300; }}),
+                    TooLarge{"root", [](Model& m) { m.roots[0].pose.translation().y() = 1e300; }},
+                    TooLarge{"twist", [](Model& m) { m.roots[0].velocity[4] = 1e300; }}),
     [](const auto& info) { return std::string(info.param.name); });
 
 // Restores an environment variable after the test.

@@ -43,7 +43,7 @@ TEST(Views, have_a_row_per_dof_in_the_order_of_the_models_joints) {
       EXPECT_EQ(view.rows(), row);
       EXPECT_EQ(view.cols(), 5);
     }
-    const int root = model.root.floating;
+    const int root = model.roots[0].floating;
     EXPECT_EQ(batch.root_poses().rows(), 7 * root);
     EXPECT_EQ(batch.root_velocities().rows(), 6 * root);
     int gear = 0;
@@ -104,9 +104,9 @@ TEST(Views, stay_where_they_are_and_have_contiguous_rows) {
 TEST(Views, follow_the_conventions_of_a_floating_root) {
   Model model = scenes::chain32();
   model.couplings.clear(), model.joints.clear(), model.links.resize(1);
-  model.root.pose.rotate(Eigen::AngleAxisd(std::acos(0.0), Eigen::Vector3d::UnitZ()));
-  model.root.pose.translation() = Eigen::Vector3d(1, 2, 3);
-  model.root.velocity << 0, 0, 0, 0.5, 0, 0;
+  model.roots[0].pose.rotate(Eigen::AngleAxisd(std::acos(0.0), Eigen::Vector3d::UnitZ()));
+  model.roots[0].pose.translation() = Eigen::Vector3d(1, 2, 3);
+  model.roots[0].velocity << 0, 0, 0, 0.5, 0, 0;
   StepSettings settings;
   settings.dt = 0.01;
   Batch<double> batch(compile(model, settings), 2, serial);

@@ -168,8 +168,7 @@ void expect_classes_agree(const Plan& plan) {
   const double moving = std::max(1.0, physics::size(stage.free));
   EXPECT_LE(physics::distance(a.v, b.v), rounding * moving);
   EXPECT_LE(physics::distance(a.q, b.q), rounding * moving);
-  EXPECT_LE(physics::distance(a.position, b.position), rounding * moving);
-  EXPECT_LE(physics::distance(a.orientation.coeffs(), b.orientation.coeffs()), rounding * moving);
+  physics::expect_same_poses(a, b, rounding * moving);
 }
 
 TEST_P(Determinism, fused_and_unfused_targets_agree_to_rounding) {

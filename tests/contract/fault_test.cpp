@@ -38,7 +38,7 @@ std::vector<Cause<S>> causes(const Plan& plan) {
       {"infinite effort", [=](Batch<S>& b, int e) { b.efforts()(3, e) = infinite; }, Fault::not_finite},
       {"far position", [=](Batch<S>& b, int e) { b.positions()(0, e) = S(2e5); }, Fault::diverged},
       {"high speed", [=](Batch<S>& b, int e) { b.efforts()(3, e) = S(1e12); }, Fault::diverged}};
-  if (plan.floating()) {
+  if (!plan.root_names().empty()) {
     all.push_back({"NaN root", [=](Batch<S>& b, int e) { b.root_poses()(1, e) = not_a_number; }, Fault::not_finite});
     all.push_back({"NaN turn", [=](Batch<S>& b, int e) { b.root_poses()(4, e) = not_a_number; }, Fault::not_finite});
     all.push_back(
@@ -140,7 +140,7 @@ TEST_P(FailedEnvironment, is_flagged_and_frozen_and_changes_no_bit_of_its_neighb
 // The root is fixed: a floating one has pivots of its own, which could notice a fault that the joints' pivots miss.
 TEST_P(FailedEnvironment, is_flagged_on_a_long_arm) {
   Model arm = scenes::chain32();
-  arm.root.floating = false;
+  arm.roots = {{arm.links[0].name, false}};
   expect_contained<double>(compile(arm, contract::settings(GetParam(), {Parameter::mass})), Target::baseline);
 }
 

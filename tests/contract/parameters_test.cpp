@@ -24,9 +24,7 @@ double rounding(const reference::Stage& stage) {
 void expect_same_state(const reference::State& a, const reference::State& b, double tolerance) {
   EXPECT_LE(physics::distance(a.q, b.q), tolerance * std::max(1.0, physics::size(b.q)));
   EXPECT_LE(physics::distance(a.v, b.v), tolerance * std::max(1.0, physics::size(b.v)));
-  EXPECT_LE(physics::distance(a.position, b.position), tolerance * std::max(1.0, physics::size(b.position)));
-  const double sign = a.orientation.dot(b.orientation) < 0.0 ? -1.0 : 1.0;
-  EXPECT_LE(physics::distance(a.orientation.coeffs(), (sign * b.orientation.coeffs()).eval()), tolerance);
+  physics::expect_same_poses(a, b, tolerance);
 }
 
 // Expects that the reference and a batch of `start` come to the state of one environment of `batch`. `start` is the

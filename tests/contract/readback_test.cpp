@@ -83,22 +83,24 @@ TEST(Readback, reports_coupling_errors) {
   });
 }
 
-// Moves one environment a little along one generalised velocity; those of the root are in its own axes.
+// Moves one environment a little along one generalised velocity; those of a root are in its own axes.
 void displace(Batch<double>& batch, int environment, int velocity, double amount) {
-  const int root = batch.plan().floating() ? 6 : 0;
-  if (velocity >= root) {
-    batch.positions()(velocity - root, environment) += amount;
+  const int of_roots = static_cast<int>(batch.root_velocities().rows());
+  if (velocity >= of_roots) {
+    batch.positions()(velocity - of_roots, environment) += amount;
     return;
   }
-  const State state = physics::state_of(batch, environment);
-  auto pose = batch.root_poses().col(environment);
+  auto pose = batch.root_poses().col(environment).segment<7>(7 * (velocity / 6));
+  velocity %= 6;
+  const Vector3d position = pose.head<3>();
+  const Eigen::Quaterniond orientation(pose[3], pose[4], pose[5], pose[6]);
   if (velocity >= 3) {
-    const Vector3d moved = state.position + state.orientation * Vector3d(amount * Vector3d::Unit(velocity - 3));
+    const Vector3d moved = position + orientation * Vector3d(amount * Vector3d::Unit(velocity - 3));
     for (int k = 0; k < 3; ++k) pose[k] = moved[k];
     return;
   }
   const Eigen::AngleAxisd small(amount, Vector3d::Unit(velocity));
-  const Eigen::Quaterniond turn = state.orientation * small;
+  const Eigen::Quaterniond turn = orientation * small;
   pose[3] = turn.w(), pose[4] = turn.x(), pose[5] = turn.y(), pose[6] = turn.z();
 }
 
@@ -109,7 +111,7 @@ TEST(Readback, reports_jacobians_that_are_the_derivatives_of_site_positions) {
   for (std::uint64_t seed = 0; seed < 40 && !HasFailure(); ++seed) {
     SCOPED_TRACE(seed);
     const Plan plan = compile(scenes::random_model(seed), physics::settings(Method::direct));
-    const int velocities = plan.dofs() + (plan.floating() ? 6 : 0);
+    const int velocities = plan.dofs() + 6 * static_cast<int>(plan.root_names().size());
     Batch<double> batch(plan, 2 * velocities, {.threads = 1});
     for (int e = 0; e < batch.environments(); ++e) contract::scatter(batch, e, seed);
     const VectorXd packed = batch.site_jacobians(0).col(0).matrix();

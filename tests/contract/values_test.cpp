@@ -111,8 +111,8 @@ Model floating_box() {
   Model model;
   model.name = "box";
   model.links = {{"box", Inertia::box(2.0, {0.1, 0.2, 0.3}, {0.05, 0.0, 0.0})}};
-  model.root.floating = true;
-  model.root.velocity << 1.0, 2.0, 3.0, 0.0, 0.0, 0.0;
+  model.roots = {{"box", true}};
+  model.roots[0].velocity << 1.0, 2.0, 3.0, 0.0, 0.0, 0.0;
   return model;
 }
 
@@ -148,7 +148,8 @@ TEST(QuaternionOfARoot, of_length_zero_is_a_fault) {
   batch.step();
   EXPECT_EQ(batch.faults()[1], Fault::bad_value);
   EXPECT_EQ(batch.faulted(), 1);
-  EXPECT_NE(batch.explain_fault(1).find("the root's quaternion is 0"), std::string::npos) << batch.explain_fault(1);
+  EXPECT_NE(batch.explain_fault(1).find("the quaternion of root 'box' is 0"), std::string::npos)
+      << batch.explain_fault(1);
 }
 
 TEST(ExplainedFault, names_the_joint_and_its_number) {

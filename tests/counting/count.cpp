@@ -26,7 +26,7 @@ Count count(const Plan& plan) {
   batch.position_target = block(t.joints * t.input_times);
   batch.velocity_target = block(t.joints * t.input_times);
   batch.effort = block(t.joints * t.input_times);
-  if (t.floating) batch.root_pose = block(7), batch.root_velocity = block(6);
+  if (t.roots.count > 0) batch.root_pose = block(7 * t.roots.count), batch.root_velocity = block(6 * t.roots.count);
   if (t.record_impulses) batch.impulse = block(t.couplings);
   if (t.record_diagnostics)
     batch.residual = block(t.reported.count), batch.row_state = block(t.reported.count), batch.energy = block(4);

@@ -34,9 +34,10 @@ Plan plan_of(const std::string& name) {
   const auto has = [&](const char* word) { return name.find(word) != std::string::npos; };
   Model model;
   StepSettings settings{.integrator = Integrator::euler};
-  if (has("random_") || has("deep_")) {
+  if (has("random_") || has("deep_") || has("forest_")) {
     scenes::RandomOptions options;
     options.min_dofs = has("deep_") ? 12 : 1, options.max_dofs = has("deep_") ? 14 : 8;
+    if (has("forest_")) options.min_trees = 2, options.max_trees = 4;
     options.redundant = false;  // reduced refuses redundant couplings with gear ratios per environment
     const auto seed = std::stoull(name.substr(name.find('_') + 1));
     model = scenes::random_model(seed, options);

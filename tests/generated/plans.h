@@ -8,7 +8,7 @@
 
 namespace lockstep::generated {
 
-/// The plan of a name: SCENE_METHOD, random_SEED or, for long trees, deep_SEED. Suffixes:
+/// The plan of a name: SCENE_METHOD, random_SEED, for long trees deep_SEED, or for several trees forest_SEED. Suffixes:
 /// - `_fields`: all parameters differ per environment; Euler's method records impulses
 /// - `_bounds`: every kind of bound; the plan records diagnostics
 /// - `_limits`: random bounds without effort limits

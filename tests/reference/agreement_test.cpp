@@ -28,7 +28,7 @@ using physics::distance;
 using physics::size;
 using Scalar = simd::Wide<double, 1, simd::Unfused>;
 
-constexpr int seeds = 1000;
+constexpr int seeds = 1000, forest_seeds = 300;
 constexpr double close = 1e-12, solved_close = 1e-11;
 
 double solved(double condition, int n) { return std::max(solved_close, n * physics::epsilon * condition); }
@@ -51,15 +51,20 @@ struct Kernel {
         t(program.f64),
         q(state.q),
         v(state.v.tail(t.joints)),
-        root_velocity(state.v.head(t.root_velocities())),
+        root_velocities(state.v.head(6 * t.roots.count)),
         position_targets(inputs.position_targets),
         velocity_targets(inputs.velocity_targets),
         efforts(inputs.efforts) {
-    const Eigen::Quaterniond& turn = state.orientation;
-    root_pose << state.position, turn.w(), turn.x(), turn.y(), turn.z();
+    root_poses.resize(7 * t.roots.count);
+    int floating = 0;
+    for (std::size_t tree = 0; tree < state.roots.size(); ++tree) {
+      if (!plan.model().roots[tree].floating) continue;
+      const Eigen::Quaterniond& turn = state.roots[tree].orientation;
+      root_poses.segment<7>(7 * floating++) << state.roots[tree].position, turn.w(), turn.x(), turn.y(), turn.z();
+    }
     batch.stride = 1;
     batch.position = q.data(), batch.velocity = v.data();
-    batch.root_pose = root_pose.data(), batch.root_velocity = root_velocity.data();
+    batch.root_pose = root_poses.data(), batch.root_velocity = root_velocities.data();
     batch.position_target = position_targets.data(), batch.velocity_target = velocity_targets.data();
     batch.effort = efforts.data(), batch.fault = &fault;
     scratch.resize(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
@@ -71,22 +76,29 @@ struct Kernel {
 
   static Program formulated(Program program, Formulation formulation) {
     Tables<double>& t = program.f64;
-    if (formulation != Formulation::as_planned) t.reduction.composite = {}, t.articulated = {};
-    if (formulation == Formulation::articulated) {
-      t.reduction = {};
-      t.solver = t.matrix;
-      lay_out_rows(program);
-      t.articulated = articulated_bodies(t, program.storage);
-    }
-    if (formulation == Formulation::composite_columns)
-      t.reduction.composite = composite_columns(t, program.storage).first;
+    if (formulation == Formulation::as_planned) return program;
+    const std::vector<bool> all(static_cast<std::size_t>(t.tree.count), true);
+    t.reduction = {}, t.articulated = {};
+    t.solver = t.matrix;
+    set_inertia(program, all, InertiaKind::matrix);
+    if (program.method == Method::reduced && formulation != Formulation::articulated) eliminate_followers(program);
+    lay_out_rows(program);
+    if (formulation == Formulation::composite_columns) use_composite_columns(program, all);
+    std::vector<bool> with_joints;  // articulated bodies are for trees with joints
+    for (int tree = 0; tree < t.tree.count; ++tree)
+      with_joints.push_back(t.tree[tree].first_joint < t.tree[tree].last_joint);
+    if (formulation == Formulation::articulated) set_inertia(program, with_joints, InertiaKind::articulated_bodies);
+    lay_out_factoring(program);
     return program;
   }
 
   // The index in the model of a generalised velocity of the kernels.
   int outer(int i) const {
-    const int root = t.root_velocities();
-    return i < root ? i : root + t.dof[i - root];
+    for (int r = 0; r < t.roots.count; ++r)
+      if (i >= t.roots[r].velocity && i < t.roots[r].velocity + 6) return 6 * r + i - t.roots[r].velocity;
+    int joint = 0;
+    while (t.velocity_of(joint) != i) ++joint;
+    return 6 * t.roots.count + t.dof[joint];
   }
   VectorXd velocities(const Scalar* values) const {
     VectorXd result(t.velocities);
@@ -124,8 +136,7 @@ struct Kernel {
   Plan plan;
   const Program program;
   const Tables<double>& t;
-  VectorXd q, v, root_velocity, position_targets, velocity_targets, efforts;
-  Eigen::Matrix<double, 7, 1> root_pose;
+  VectorXd q, v, root_poses, root_velocities, position_targets, velocity_targets, efforts;
   Fault fault = Fault::none;
   StatePointers<double> batch;
   kernels::Tile<Scalar> x;
@@ -195,7 +206,7 @@ void expect_same_equations(int seed, const scenes::RandomOptions& options) {
 
   kernels::kinematics(kernel.t, kernel.x);
   kernels::bias_forces(kernel.t, kernel.batch, kernel.x);
-  kernels::mass_matrix(kernel.t, kernel.x);
+  for (int tree = 0; tree < kernel.t.tree.count; ++tree) kernels::mass_matrix(kernel.t, kernel.t.tree[tree], kernel.x);
   expect_close("M", kernel.joint_matrix(), stage.mass, size(stage.mass));
   expect_close("c", kernel.velocities(kernel.x.dynamics.rhs), stage.bias, size(stage.bias));
 
@@ -211,6 +222,10 @@ void expect_same_equations(int seed, const scenes::RandomOptions& options) {
 
 TEST(EquationsOfMotion, agree_with_the_reference) {
   for (int seed = 0; seed < seeds && !HasFailure(); ++seed) expect_same_equations(seed, {});
+}
+
+TEST(EquationsOfMotion, agree_with_the_reference_on_forests) {
+  for (int seed = 0; seed < forest_seeds && !HasFailure(); ++seed) expect_same_equations(seed, scenes::forests());
 }
 
 // The rounding of the frame of one link must not grow with the number of links behind it.
@@ -311,30 +326,40 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
 
 class Agreement : public testing::TestWithParam<Method> {};
 
+void expect_same_rows_in_all_formulations(const Model& model, const StepSettings& settings) {
+  const Plan plan = compile(model, settings);
+  const Tables<double>& t = program_of(plan).f64;
+  expect_same_rows(model, settings, plan, Formulation::as_planned);
+  expect_same_rows(model, settings, plan, Formulation::by_entries);
+  if (t.reduction.eliminates() && t.undamped.count == 0)
+    expect_same_rows(model, settings, plan, Formulation::composite_columns);
+  if (!t.reduction.eliminates() && t.joints > 0 && t.limited_servos.count == 0)
+    expect_same_rows(model, settings, plan, Formulation::articulated);
+}
+
 TEST_P(Agreement, holds_for_free_velocity_responses_and_row_terms) {
   for (int seed = 0; seed < seeds && !HasFailure(); ++seed) {
     SCOPED_TRACE(seed);
-    const Model model = scenes::random_model(seed);
-    const StepSettings settings = settings_of(GetParam(), seed);
-    const Plan plan = compile(model, settings);
-    const Tables<double>& t = program_of(plan).f64;
-    expect_same_rows(model, settings, plan, Formulation::by_entries);
-    if (t.reduction.eliminates() && t.undamped.count == 0)
-      expect_same_rows(model, settings, plan, Formulation::composite_columns);
-    if (!t.reduction.eliminates() && t.joints > 0 && t.limited_servos.count == 0)
-      expect_same_rows(model, settings, plan, Formulation::articulated);
+    expect_same_rows_in_all_formulations(scenes::random_model(seed), settings_of(GetParam(), seed));
+  }
+}
+
+TEST_P(Agreement, holds_for_free_velocity_responses_and_row_terms_of_forests) {
+  for (int seed = 0; seed < forest_seeds && !HasFailure(); ++seed) {
+    SCOPED_TRACE(seed);
+    expect_same_rows_in_all_formulations(scenes::random_model(seed, scenes::forests()), settings_of(GetParam(), seed));
   }
 }
 
 // Runs all mechanisms on the tables, and every fourth one on the interpreter as well.
-TEST_P(Agreement, holds_for_impulses_and_states_after_one_step_and_after_ten) {
-  for (int run = 0; run < seeds + seeds / 4; ++run) {
-    const bool interpreted = run >= seeds;
-    const int seed = interpreted ? 4 * (run - seeds) : run;
+void expect_same_states(int count, const scenes::RandomOptions& options, Method method) {
+  for (int run = 0; run < count + count / 4; ++run) {
+    const bool interpreted = run >= count;
+    const int seed = interpreted ? 4 * (run - count) : run;
     SCOPED_TRACE(testing::Message() << seed << (interpreted ? ", interpreted" : ""));
-    const Model model = scenes::random_model(seed);
+    const Model model = scenes::random_model(seed, options);
     const reference::Mechanism mechanism(model);
-    const StepSettings settings = settings_of(GetParam(), seed);
+    const StepSettings settings = settings_of(method, seed);
     Batch<double> batch(compile(model, settings), 1,
                         {.threads = 1, .engine = interpreted ? Engine::interpreter : Engine::tables});
     reference::State state = mechanism.initial_state();
@@ -358,16 +383,22 @@ TEST_P(Agreement, holds_for_impulses_and_states_after_one_step_and_after_ten) {
       const double moving = std::max({1.0, before, size(state.v)});
       expect_close("q", ours.q, state.q, std::max(1.0, size(state.q)), rounding);
       expect_close("v", ours.v, state.v, moving, rounding);
-      expect_close("position", ours.position, state.position, std::max(1.0, size(state.position)), rounding);
-      const double sign = ours.orientation.dot(state.orientation) < 0.0 ? -1.0 : 1.0;
-      expect_close("orientation", ours.orientation.coeffs(), (sign * state.orientation.coeffs()).eval(), 1.0, rounding);
+      physics::expect_same_poses(ours, state, rounding);
       if (!settings.record_impulses) continue;
       const VectorXd impulses = batch.coupling_impulses().matrix().col(0);
       const double momentum = std::max(size(next.stage.implicit) * moving, size(next.impulses));
       expect_close("impulses", impulses, next.impulses, momentum, rounding);
     }
-    if (HasFailure()) return;
+    if (testing::Test::HasFailure()) return;
   }
+}
+
+TEST_P(Agreement, holds_for_impulses_and_states_after_one_step_and_after_ten) {
+  expect_same_states(seeds, {}, GetParam());
+}
+
+TEST_P(Agreement, holds_for_impulses_and_states_of_forests_after_one_step_and_after_ten) {
+  expect_same_states(forest_seeds, scenes::forests(), GetParam());
 }
 
 INSTANTIATE_TEST_SUITE_P(method, Agreement, testing::ValuesIn(physics::methods), physics::method_name);

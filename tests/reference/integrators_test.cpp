@@ -44,7 +44,7 @@ State run(const Mechanism& mechanism, Integrator integrator, int steps, const In
 
 VectorXd numbers(const State& state) {
   VectorXd result(7 + state.q.size() + state.v.size());
-  result << state.position, state.orientation.coeffs(), state.q, state.v;
+  result << state.roots[0].position, state.roots[0].orientation.coeffs(), state.q, state.v;
   return result;
 }
 
@@ -81,7 +81,7 @@ Model four_links(bool floating) {
     joint.position = 0.3 - 0.2 * i;
     joint.velocity = 1.0 + i;
   }
-  model.root.floating = floating;
+  model.roots = {{model.links[0].name, floating}};
   return model;
 }
 
@@ -112,7 +112,7 @@ void moving_inputs(double t, Inputs& inputs) {
 Model floating_links() {
   Model model = four_links(true);
   model.gravity.setZero();
-  model.root.velocity << 3.0, -2.0, 1.0, 0.5, 0.3, -0.4;
+  model.roots[0].velocity << 3.0, -2.0, 1.0, 0.5, 0.3, -0.4;
   model.couplings = {Coupling::mimic("j2", "j0", -0.5), Coupling::mimic("j3", "j1", 0.8)};
   model.joints[2].position = 0.5 * model.joints[0].position;
   model.joints[2].velocity = 0.5 * model.joints[0].velocity;

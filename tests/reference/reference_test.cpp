@@ -100,9 +100,9 @@ TEST(ReferenceMechanism, double_pendulum_has_the_textbook_mass_matrix_and_bias) 
 TEST(ReferenceMechanism, single_body_obeys_euler_and_newton_in_its_own_axes) {
   for (const Vector3d& center : {Vector3d(0, 0, 0), Vector3d(0.1, -0.2, 0.3)}) {
     Model model;
-    model.root.floating = true;
-    model.root.pose.rotate(Eigen::AngleAxisd(1.1, Vector3d(1, 2, 3).normalized()));
-    model.root.velocity << 0.3, -1.2, 0.8, 0.5, 0.1, -0.7;
+    model.roots = {{"body", true}};
+    model.roots[0].pose.rotate(Eigen::AngleAxisd(1.1, Vector3d(1, 2, 3).normalized()));
+    model.roots[0].velocity << 0.3, -1.2, 0.8, 0.5, 0.1, -0.7;
     model.links = {{"body", {1.5, center, Vector3d(0.1, 0.2, 0.25).asDiagonal()}}};
     const Mechanism body(model);
     const State state = body.initial_state();
@@ -113,7 +113,7 @@ TEST(ReferenceMechanism, single_body_obeys_euler_and_newton_in_its_own_axes) {
     const Matrix3d w = cross(state.v.head<3>()), u = cross(state.v.tail<3>());
     cross_force << w, u, Matrix3d::Zero(), w;
     VectorXd weight = VectorXd::Zero(6);
-    weight.tail(3) = model.root.pose.linear().transpose() * model.gravity;
+    weight.tail(3) = model.roots[0].pose.linear().transpose() * model.gravity;
     EXPECT_LT(difference(body.mass_matrix(state), mass), 1e-14);
     EXPECT_LT(difference(body.bias(state), cross_force * mass * state.v - mass * weight), 1e-13);
     if (center.isZero()) {
@@ -221,9 +221,9 @@ TEST(ReferenceMechanism, momentum_changes_by_the_weight_and_is_the_roots_share_o
     EXPECT_LT(difference(rate, weight), 1e-4) << seed;
 
     const VectorXd share = (mechanism.mass_matrix(state) * state.v).head<6>();
-    const Vector3d linear = state.orientation * Vector3d(share.tail<3>());
+    const Vector3d linear = state.roots[0].orientation * Vector3d(share.tail<3>());
     Vector6d momentum;
-    momentum << state.orientation * Vector3d(share.head<3>()) + state.position.cross(linear), linear;
+    momentum << state.roots[0].orientation * Vector3d(share.head<3>()) + state.roots[0].position.cross(linear), linear;
     EXPECT_LT(difference(momentum, mechanism.momentum(state)), 1e-12) << seed;
   }
 }
@@ -270,16 +270,16 @@ TEST(ReferenceMechanism, jacobians_and_velocities_are_rates_of_poses) {
 
 TEST(ReferenceMechanism, root_turns_by_the_exponential_and_moves_in_its_own_axes) {
   Model model = planar_arm();
-  model.root.floating = true;
+  model.roots = {{model.links[0].name, true}};
   model.links[0].inertia = Inertia::box(1.0, {0.1, 0.1, 0.1}, {0, 0, 0});
-  model.root.pose = Eigen::AngleAxisd(0.5, Vector3d::UnitZ());
+  model.roots[0].pose = Eigen::AngleAxisd(0.5, Vector3d::UnitZ());
   const Mechanism mechanism(model);
   VectorXd v = VectorXd::Zero(8);
   v << 0, 0, 3.0, 2.0, 0, 0, 1.0, -1.0;
   const State end = mechanism.advanced(mechanism.initial_state(), v, 0.7);
   const Matrix3d turned = Eigen::AngleAxisd(0.5 + 0.7 * 3.0, Vector3d::UnitZ()).toRotationMatrix();
-  EXPECT_LT(difference(end.orientation.toRotationMatrix(), turned), 1e-15);
-  EXPECT_LT(difference(end.position, 1.4 * Vector3d(std::cos(0.5), std::sin(0.5), 0)), 1e-15);
+  EXPECT_LT(difference(end.roots[0].orientation.toRotationMatrix(), turned), 1e-15);
+  EXPECT_LT(difference(end.roots[0].position, 1.4 * Vector3d(std::cos(0.5), std::sin(0.5), 0)), 1e-15);
   EXPECT_LT(difference(end.q, Eigen::Vector2d(0.7, -0.7)), 1e-15);
 }
 
@@ -304,7 +304,7 @@ TEST(ReferenceMechanism, impulses_do_not_cross_a_fixed_root) {
   model.joints[1].parent = "base";
   model.joints[1].origin.translation() = Vector3d(-0.1, 0, 0);
   for (const bool floating : {false, true}) {
-    model.root.floating = floating;
+    model.roots = {{model.links[0].name, floating}};
     const Mechanism mechanism(model);
     const MatrixXd inverse = mechanism.mass_matrix(mechanism.initial_state()).inverse();
     const double across = inverse.bottomRightCorner<2, 2>()(0, 1);

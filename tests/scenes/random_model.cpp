@@ -91,17 +91,29 @@ void fill_joint(Joint& joint, Random& random, const RandomOptions& options) {
   joint.velocity = random.uniform(-1.0, 1.0);
 }
 
+Root random_root(Random& random, const RandomOptions& options) {
+  Root root;
+  root.floating = options.root == RandomOptions::Root::floating ||
+                  (options.root == RandomOptions::Root::either && random.chance(0.5));
+  root.pose = random.pose(1.0, true);
+  if (root.floating)
+    for (double& component : root.velocity) component = random.uniform(-1.0, 1.0);
+  return root;
+}
+
+// Links and joints of one tree. The first one is the root.
 void add_tree(Model& model, int dofs, Random& random, const RandomOptions& options) {
   const auto numbered = [](const char* word, int number) { return std::string(word).append(std::to_string(number)); };
   const double branching = random.uniform(0.0, 0.5);
-  model.links = {{"root", random_inertia(random)}};
+  const int first = static_cast<int>(model.links.size());
+  model.links.push_back({first == 0 ? "root" : numbered("root", first), random_inertia(random)});
   for (int moving = 0; moving < dofs;) {
     const int number = static_cast<int>(model.joints.size());
     const bool fixed = options.fixed_links && random.chance(0.2);
     const int last = static_cast<int>(model.links.size()) - 1;
     Joint joint;
     joint.name = numbered("joint", number);
-    joint.parent = model.links[random.chance(branching) ? random.integer(0, last) : last].name;
+    joint.parent = model.links[random.chance(branching) ? random.integer(first, last) : last].name;
     joint.child = numbered("link", number);
     joint.origin = random.pose(0.2, random.chance(0.6));
     if (!fixed) {
@@ -210,14 +222,18 @@ Model random_model(std::uint64_t seed, const RandomOptions& options) {
   Random random(seed);
   Model model;
   model.name = std::string("random").append(std::to_string(seed));
-  model.root.floating = options.root == RandomOptions::Root::floating ||
-                        (options.root == RandomOptions::Root::either && random.chance(0.5));
-  model.root.pose = random.pose(1.0, true);
-  if (model.root.floating)
-    for (double& component : model.root.velocity) component = random.uniform(-1.0, 1.0);
+  model.roots = {random_root(random, options)};
+  model.roots[0].link = "root";
   model.gravity = random.chance(0.5) ? Vector3d(0, 0, -9.81) : random.vector(9.81);
 
   add_tree(model, random.integer(options.min_dofs, options.max_dofs), random, options);
+  const int trees = options.max_trees > 1 ? random.integer(options.min_trees, options.max_trees) : 1;
+  while (static_cast<int>(model.roots.size()) < trees) {
+    const std::size_t first = model.links.size();
+    model.roots.push_back(random_root(random, options));
+    add_tree(model, random.integer(0, 6), random, options);
+    model.roots.back().link = model.links[first].name;
+  }
   for (int s = 0; s < 2; ++s)
     model.sites.push_back({s == 0 ? "site0" : "site1",
                            model.links[random.integer(0, static_cast<int>(model.links.size()) - 1)].name,
@@ -228,6 +244,7 @@ Model random_model(std::uint64_t seed, const RandomOptions& options) {
     random.shuffle(model.links);
     model.links.insert(model.links.begin(), root);
     random.shuffle(model.joints);
+    if (trees > 1) random.shuffle(model.roots);
   }
   if (options.couplings) add_couplings(model, random, options);
   fit_couplings_and_state(model, random, options);

@@ -114,7 +114,7 @@ Model chain32() {
   Model model;
   model.name = "chain32";
   model.links = {{"base", arm_box()}};
-  model.root.floating = true;
+  model.roots = {{model.links[0].name, true}};
   model.gravity.setZero();
   append_chain(model, 32, {0.1, 0, 0});
   for (int i = 0; i < 32; ++i) model.joints[i].velocity = i % 2 == 0 ? 1.0 : -1.0;

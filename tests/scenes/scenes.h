@@ -47,7 +47,8 @@ struct RandomOptions {
   enum class Soft { never, sometimes, always };
 
   Root root = Root::either;
-  int min_dofs = 1, max_dofs = 24;
+  int min_trees = 1, max_trees = 1;
+  int min_dofs = 1, max_dofs = 24;  ///< of the first tree; others have up to 6
   bool prismatic = true;
   bool fixed_links = true;  ///< fixed joints anywhere in the tree, some of their links without mass
   bool shuffled = true;     ///< links and joints may be listed in any order
@@ -59,6 +60,13 @@ struct RandomOptions {
   bool coupling_error = true;  ///< the state violates the couplings, in position by about 0.05; if false, it satisfies
                                ///< all in position and the hard ones in velocity
 };
+
+/// One to five trees, with couplings between them.
+inline RandomOptions forests() {
+  RandomOptions options;
+  options.max_trees = 5, options.max_dofs = 10;
+  return options;
+}
 
 /// A valid model that depends on its arguments only.
 Model random_model(std::uint64_t seed, const RandomOptions& options = {});

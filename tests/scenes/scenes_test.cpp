@@ -37,7 +37,7 @@ TEST(RandomModel, is_valid_and_reproducible) {
       EXPECT_EQ(model.joints[j].position, again.joints[j].position);
       fixed_joints += !model.joints[j].moves();
     }
-    floating += model.root.floating;
+    floating += model.roots[0].floating;
     for (const Coupling& coupling : model.couplings) kinds.insert(coupling.softness.index());
   }
   EXPECT_EQ(kinds.size(), 4u);

@@ -34,6 +34,7 @@ std::string complaint(Action action) {
 Model chain() {
   Model model;
   model.name = "chain";
+  model.roots = {{"base"}};
   const Inertia box = Inertia::box(0.2, {0.1, 0.04, 0.04}, {0.05, 0, 0});
   model.links = {{"base", box}};
   for (const char* name : {"a", "b", "c", "d"}) {
@@ -141,7 +142,7 @@ TEST(Options, change_the_model) {
   options.drives = {"d=100,5"};
   options.kinematic = {"a", "c"};
   apply(options, model);
-  EXPECT_TRUE(model.root.floating);
+  EXPECT_TRUE(model.roots[0].floating);
   EXPECT_EQ(model.gravity, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(std::get<Hard>(model.couplings[0].softness).erp, 0.5);
   EXPECT_EQ(std::get<Frequency>(model.couplings[1].softness).rad_per_s, 30.0);
@@ -202,11 +203,11 @@ TEST(Options, float_the_root_as_the_file_says_unless_told) {
   for (const bool in_file : {false, true})
     for (const std::optional<bool>& told : {std::optional<bool>(), {false}, {true}}) {
       Model model = chain();
-      model.root.floating = in_file;
+      model.roots = {{model.links[0].name, in_file}};
       ModelOptions options;
       options.floating = told;
       apply(options, model);
-      EXPECT_EQ(model.root.floating, told.value_or(in_file));
+      EXPECT_EQ(model.roots[0].floating, told.value_or(in_file));
     }
 }
 
@@ -273,11 +274,12 @@ TEST(Targets, are_for_joints_with_a_drive_of_either_kind) {
 }
 
 TEST(States, columns_of_joints_must_differ) {
-  EXPECT_EQ(joint_columns({"a", "b"})[3].name, "b.v");
-  EXPECT_EQ(complaint([] {
-              joint_columns({"a", "a.v"});
-            }),
-            "joints 'a' and 'a.v' both claim the column 'a.v'; rename one of them");
+  Model model = chain();
+  EXPECT_EQ(state_columns(compile(model))[3].name, "b.v");
+  model.joints[1].name = "a.v";
+  model.couplings.clear();
+  EXPECT_EQ(complaint([&] { state_columns(compile(model)); }),
+            "joint 'a' and joint 'a.v' both claim the column 'a.v'; rename one of them");
 }
 
 // The range of a follower, seen from its leader: b = 2 a - 0.1 within -0.5 to 0.3 leaves a -0.2 to 0.2.

@@ -7,7 +7,7 @@
 #include "import_helpers.h"
 #include "lockstep/error.h"
 #include "model/inertia.h"
-#include "model/tree.h"
+#include "model/trees.h"
 
 namespace lockstep {
 namespace {
@@ -43,7 +43,7 @@ string turning(const string& inside, const string& around = "") {
 }
 
 Inertia body_of(const Model& model, const string& link) {
-  return rigid_bodies(model, Tree(model))[model.link_index(link)];
+  return rigid_bodies(model, Trees(model))[model.link_index(link)];
 }
 
 string welded(const string& inside) {
@@ -80,7 +80,7 @@ TEST(Inertias, of_a_bolted_root_are_not_judged) {
                  "impossible inertias that are not judged alone: of a bolted root, or part of a possible body (1): "
                  "root");
   Model floating = import_urdf(text).model;
-  floating.root.floating = true;
+  floating.roots[0].floating = true;
   EXPECT_THROW(floating.validate(), ModelError);
 }
 
@@ -295,7 +295,7 @@ TEST(Changes, are_made_before_the_model_is_judged) {
   const Import import = import_urdf(turning(""), "", {.change = [](Model& model) { model.joints[0].armature = 0.1; }});
   EXPECT_EQ(import.model.joints[0].armature, 0.1);
   EXPECT_THROW(import_urdf(turning("")), ModelError);
-  const auto float_root = [](Model& model) { model.root.floating = true; };
+  const auto float_root = [](Model& model) { model.roots[0].floating = true; };
   const Import floating =
       import_urdf(turning(unit_body), "", {.least_mass = 0.1, .least_inertia = 0.1, .change = float_root});
   EXPECT_TRUE(warns(floating, "masses raised to 0.1 kg (1): base"));

@@ -6,6 +6,7 @@
 
 #include "import_helpers.h"
 #include "lockstep/error.h"
+#include "lockstep/plan.h"
 
 namespace lockstep {
 namespace {
@@ -239,16 +240,37 @@ TEST(Import, counts_mass_behind_fixed_joints_and_ignores_their_axes_and_mimics) 
   expect_reports(import, "not used: 1 axis of fixed joints, 1 mimic of fixed joints");
 }
 
+// A bolted arm and two things that float beside it.
+TEST(Import, makes_trees_of_links_that_float_below_the_root) {
+  const auto link = [](const std::string& name) { return "<link name='" + name + "'>" + unit_body + "</link>"; };
+  const auto joint = [](const std::string& name, const std::string& type, const std::string& child) {
+    return "<joint name='" + name + "' type='" + type + "'><parent link='table'/><child link='" + child +
+           "'/><origin xyz='0 0.2 1'/><axis xyz='0 0 1'/></joint>";
+  };
+  const Import import = import_urdf("<robot name='r'><link name='table'/>" + link("arm") + link("cup") + link("ball") +
+                                    joint("shoulder", "continuous", "arm") + joint("free", "floating", "cup") +
+                                    joint("free2", "floating", "ball") + "</robot>");
+  ASSERT_EQ(import.model.roots.size(), 3u);
+  EXPECT_EQ(import.model.roots[0].link, "table");
+  EXPECT_FALSE(import.model.roots[0].floating);
+  EXPECT_EQ(import.model.roots[1].link, "cup");
+  EXPECT_EQ(import.model.roots[2].link, "ball");
+  EXPECT_TRUE(import.model.roots[2].floating);
+  EXPECT_EQ(import.model.roots[2].pose.translation(), Eigen::Vector3d(0, 0.2, 1));
+  expect_reports(import, "floating roots instead of floating joints (2): free, free2");
+  EXPECT_EQ(compile(import.model).root_names(), (std::vector<std::string>{"cup", "ball"}));
+}
+
 TEST(Import, makes_the_root_float_for_a_floating_joint_below_an_empty_root) {
   const Import import = model_file("floating_root");
   const Model& model = import.model;
-  EXPECT_TRUE(model.root.floating);
+  EXPECT_TRUE(model.roots[0].floating);
   ASSERT_EQ(model.links.size(), 2u);
   EXPECT_EQ(model.links[0].name, "body");
   EXPECT_EQ(model.joints.size(), 1u);
-  EXPECT_EQ(model.root.pose.translation(), Eigen::Vector3d(0, 0, 0.5));
-  EXPECT_LT((model.root.pose.linear() * Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitY()).norm(), 1e-15);
-  expect_reports(import, "a floating root instead of a floating joint (1): free, without its parent world");
+  EXPECT_EQ(model.roots[0].pose.translation(), Eigen::Vector3d(0, 0, 0.5));
+  EXPECT_LT((model.roots[0].pose.linear() * Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitY()).norm(), 1e-15);
+  expect_reports(import, "floating roots instead of floating joints (1): free, without its parent world");
 }
 
 TEST(Import, counts_unused_elements_and_reports_misspellings_separately) {

@@ -115,7 +115,7 @@ TEST(Momentum, has_zero_rate_of_change_in_a_floating_mechanism) {
 
 TEST(Momentum, drifts_with_the_step_only_in_a_floating_chain) {
   Model model = scenes::chain32();
-  model.root.velocity << 0.3, -0.2, 0.5, 1.0, 0.0, -1.0;
+  model.roots[0].velocity << 0.3, -0.2, 0.5, 1.0, 0.0, -1.0;
   for (int part : {0, 3})  // angular, linear
     expect_first_order(
         [&](double dt) {
@@ -131,7 +131,7 @@ TEST(Momentum, drifts_with_the_step_only_in_a_floating_chain) {
 TEST(Symmetry, is_kept_by_a_mirrored_gripper) {
   Model model;
   model.links = {{"palm", Inertia::box(0.5, {0.1, 0.1, 0.05}, Vector3d(0.01, 0, 0.02))}};
-  model.root.floating = true;
+  model.roots = {{model.links[0].name, true}};
   for (double side : {1.0, -1.0})
     for (int i = 0; i < 3; ++i) {
       const std::string parent = i == 0 ? "palm" : model.links.back().name;
@@ -162,7 +162,7 @@ TEST(Symmetry, keeps_the_motion_of_joints_at_another_place) {
   for (int seed = 0; seed < 30; ++seed) {
     const Model here = scenes::random_model(static_cast<std::uint64_t>(seed));
     Model there = here;
-    there.root.pose = moved * here.root.pose;
+    there.roots[0].pose = moved * here.roots[0].pose;
     there.gravity = moved.linear() * here.gravity;
     Batch<double> a(compile(here, settings(Method::direct)), 1, {.threads = 1});
     Batch<double> b(compile(there, settings(Method::direct)), 1, {.threads = 1});
@@ -180,7 +180,7 @@ TEST(Symmetry, keeps_all_other_motion_under_a_uniform_motion) {
   for (int seed = 0; seed < 30; ++seed) {
     const Model still = scenes::random_model(static_cast<std::uint64_t>(seed), floating());
     Model moving = still;
-    moving.root.velocity.tail<3>() += still.root.pose.linear().transpose() * velocity;
+    moving.roots[0].velocity.tail<3>() += still.roots[0].pose.linear().transpose() * velocity;
     Batch<double> a(compile(still, settings(Method::direct)), 1, {.threads = 1});
     Batch<double> b(compile(moving, settings(Method::direct)), 1, {.threads = 1});
     a.step(24), b.step(24);
@@ -189,7 +189,7 @@ TEST(Symmetry, keeps_all_other_motion_under_a_uniform_motion) {
     const Vector3d distance = (b.root_poses() - a.root_poses()).col(0).head(3).matrix();
     EXPECT_LE((distance - 24.0 / 240.0 * velocity).norm(), 1e-10) << seed;
     const Vector3d faster = (b.root_velocities() - a.root_velocities()).col(0).tail(3).matrix();
-    EXPECT_LE((physics::state_of(a).orientation * faster - velocity).norm(), 1e-10) << seed;
+    EXPECT_LE((physics::state_of(a).roots[0].orientation * faster - velocity).norm(), 1e-10) << seed;
   }
 }
 
@@ -198,8 +198,8 @@ TEST(Symmetry, keeps_all_other_motion_under_a_uniform_motion) {
 Model free_body(const Vector3d& spin) {
   Model model;
   model.links = {{"body", Inertia::box(1.0, {0.3, 0.2, 0.1}, Vector3d::Zero())}};
-  model.root.floating = true;
-  model.root.velocity.head<3>() = spin;
+  model.roots = {{model.links[0].name, true}};
+  model.roots[0].velocity.head<3>() = spin;
   model.gravity.setZero();
   return model;
 }
@@ -218,8 +218,8 @@ Vector3d euler_spin(const Matrix3d& inertia, Vector3d w, double duration) {
 
 TEST(FreeBody, turns_by_eulers_equations) {
   const Model model = free_body({0.3, 4.0, -0.5});  // near the axis of the middle moment, so it tumbles
-  const Vector3d exact = euler_spin(model.links[0].inertia.about_center, model.root.velocity.head<3>(), 1.0);
-  ASSERT_GT((exact - model.root.velocity.head<3>()).norm(), 0.5);
+  const Vector3d exact = euler_spin(model.links[0].inertia.about_center, model.roots[0].velocity.head<3>(), 1.0);
+  ASSERT_GT((exact - model.roots[0].velocity.head<3>()).norm(), 0.5);
   expect_first_order(
       [&](double dt) {
         Vector3d spin;
@@ -235,7 +235,7 @@ TEST(FreeBody, turns_about_a_principal_axis_for_ever) {
     const Model model = free_body(rate * Vector3d::Unit(axis));
     Batch<double> batch(compile(model, settings(Method::direct)), 1, {.threads = 1});
     batch.step(2400);
-    EXPECT_LE((batch.root_velocities().col(0).matrix() - model.root.velocity).norm(), 1e-12);
+    EXPECT_LE((batch.root_velocities().col(0).matrix() - model.roots[0].velocity).norm(), 1e-12);
     // Ten turns lead back to the start; after an even number of turns the quaternion is that of the start, too.
     EXPECT_NEAR(batch.root_poses()(3, 0), 1.0, 1e-12);
     EXPECT_NEAR(batch.root_poses()(4 + axis, 0), 0.0, 1e-11);

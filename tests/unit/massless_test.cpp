@@ -21,7 +21,8 @@ using Eigen::VectorXd;
 
 // The mass matrix, armatures included. `q` by joint. Parents come before their children in Model::joints.
 MatrixXd mass_matrix(const Model& model, const std::vector<double>& q) {
-  const int root = model.root.floating ? 6 : 0;
+  const bool floats = !model.roots.empty() && model.roots[0].floating;
+  const int root = floats ? 6 : 0;
   int size = root;
   for (const Joint& joint : model.joints) size += joint.moves();
   struct Frame {
@@ -58,7 +59,7 @@ MatrixXd mass_matrix(const Model& model, const std::vector<double>& q) {
     mass(dof, dof) += joint.armature;
     ++dof;
   }
-  for (std::size_t i = model.root.floating ? 0 : 1; i < frames.size(); ++i) {
+  for (std::size_t i = floats ? 0 : 1; i < frames.size(); ++i) {
     const Inertia& body = model.links[i].inertia;
     const Matrix3d turn = frames[i].pose.linear();
     const MatrixXd center = shifted(frames[i], frames[i].pose * body.center);
@@ -85,7 +86,7 @@ class RandomTrees {
 
   Model next() {
     Model model;
-    model.root.floating = pick(6) == 0;
+    model.roots = {{"l0", pick(6) == 0}};
     const int links = 2 + pick(5);
     for (int i = 0; i < links; ++i) model.links.push_back({physics::numbered("l", i), inertia(i == 0)});
     for (int i = 1; i < links; ++i) {
@@ -232,7 +233,7 @@ TEST(MasslessLinks, may_lean_on_any_of_the_branches_that_they_carry) {
 TEST(MasslessLinks, of_floating_roots_need_two_bodies_that_turn_about_different_axes) {
   Model model;
   append(model, "a", z, body);
-  model.root.floating = true;
+  model.roots = {{"base", true}};
   EXPECT_NE(refusal_of(model).find("floats"), std::string::npos);
   append(model, "b", z, body, "base");
   EXPECT_NE(refusal_of(model).find("floats"), std::string::npos);

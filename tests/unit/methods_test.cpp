@@ -205,7 +205,7 @@ TEST(Pgs, converges_to_direct) {
 Model two_arms(bool floating) {
   Model model;
   model.links = {{"base", floating ? physics::link_box(1.0) : Inertia{}}};
-  model.root.floating = floating;
+  model.roots = {{model.links[0].name, floating}};
   for (int arm = 0; arm < 2; ++arm)
     for (int i = 0; i < 3; ++i) {
       const Eigen::Vector3d offset(i == 0 ? 0.0 : 0.1, i == 0 ? 0.2 * arm : 0.0, 0.0);

@@ -64,8 +64,31 @@ INSTANTIATE_TEST_SUITE_P(
              [](Model& m) {
                m.links.push_back({"alone", {}});
              },
-             "link 'alone'", "not connected"},
-        Rule{"root_not_first", [](Model& m) { std::swap(m.links[0], m.links[1]); }, "link 'upper'", "root"},
+             "model 'model'", "several links that no joint carries: 'base', 'alone'"},
+        Rule{"no_root_of_its_own",
+             [](Model& m) {
+               m.links.push_back({"alone", {}});
+               m.roots = {{"base"}};
+             },
+             "link 'alone'", "no root"},
+        Rule{"unknown_root", [](Model& m) { m.roots = {{"bse"}}; }, "root 'bse'", "no link"},
+        Rule{"root_twice",
+             [](Model& m) {
+               m.roots = {{"base"}, {"base"}};
+             },
+             "root 'base'", "twice"},
+        Rule{"carried_root",
+             [](Model& m) {
+               m.roots = {{"base"}, {"upper", true}};
+             },
+             "root 'upper'", "carried by joint"},
+        Rule{"circle", [](Model& m) { m.joints[0].parent = "lower"; }, "link 'upper'", "circle of joints"},
+        Rule{"bolted_with_velocity",
+             [](Model& m) {
+               m.roots = {{"base"}};
+               m.roots[0].velocity[2] = 1.0;
+             },
+             "root 'base'", "bolted, but has a velocity"},
         Rule{"massless", [](Model& m) { m.links[2].inertia = {}; }, "link 'lower'", "no mass"},
         Rule{"no_inertia_about_axis",
              [](Model& m) {
@@ -77,7 +100,11 @@ INSTANTIATE_TEST_SUITE_P(
              "impossible"},
         Rule{"asymmetric", [](Model& m) { m.links[1].inertia.about_center(0, 1) = 1e-5; }, "link 'upper'", "symmetric"},
         Rule{"negative_mass", [](Model& m) { m.links[1].inertia.mass = -1; }, "link 'upper'", "negative"},
-        Rule{"floating_massless_root", [](Model& m) { m.root.floating = true; }, "link 'base'", "floats"},
+        Rule{"floating_massless_root",
+             [](Model& m) {
+               m.roots = {{m.links[0].name, true}};
+             },
+             "link 'base'", "floats"},
         Rule{"axis", [](Model& m) { m.joints[0].axis.setZero(); }, "joint 'shoulder'", "axis"},
         Rule{"no_rotation", [](Model& m) { m.joints[0].origin.linear() *= 2; }, "joint 'shoulder'", "no rotation"},
         Rule{"damping", [](Model& m) { m.joints[0].damping = -1; }, "joint 'shoulder'", "damping"},

@@ -161,7 +161,7 @@ TEST(Plan, looks_names_up_and_refuses_unknown_ones) {
   for (int dof = 0; dof < plan.dofs(); ++dof) EXPECT_EQ(plan.dof(plan.dof_names()[static_cast<std::size_t>(dof)]), dof);
   for (std::size_t l = 0; l < model.links.size(); ++l) EXPECT_EQ(plan.link(model.links[l].name), static_cast<int>(l));
   EXPECT_EQ(plan.site("site1"), 1);
-  EXPECT_EQ(plan.floating(), model.root.floating);
+  EXPECT_EQ(plan.root_names().size(), model.roots[0].floating ? 1u : 0u);
   EXPECT_EQ(plan.couplings(), static_cast<int>(model.couplings.size()));
   EXPECT_THROW(plan.dof("elbow"), UsageError);
   EXPECT_THROW(plan.link("elbow"), UsageError);

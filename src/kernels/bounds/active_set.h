@@ -300,7 +300,7 @@ void back_substitute_couplings(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T
     for (int e = 0; e < rows.count; ++e)
       x.dynamics.scratch[e] = fma(x.bounds.scaled_cross_response[r * rows.count + e], impulse, x.dynamics.scratch[e]);
   }
-  solve_downwards(rows.columns, x.rows.delassus, x.dynamics.scratch);
+  solve_downwards(rows.columns, all_of(rows.columns), x.rows.delassus, x.dynamics.scratch);
   for (int e = 0; e < rows.count; ++e)
     coupling_impulse[e] =
         select(active, x.bounds.unbounded_result[phase * rows.count + e] - x.dynamics.scratch[e], coupling_impulse[e]);

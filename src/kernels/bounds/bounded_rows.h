@@ -84,8 +84,8 @@ void respond_to_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
   T* scaled = x.bounds.scaled_response + r * n;
   place_terms(bounds, r, n, x.bounds.value, response);
   const SupportRange* const support = bounds.support.data;
-  if (t.articulated.used())
-    solve_inwards(t, x, t.articulated.bounds[r], response, 0);
+  if (const Path path = t.articulated.used() ? t.articulated.bounds[r] : Path{0, 0}; path.first < path.last)
+    solve_inwards(t, x, path, response, 0);
   else
     respond<1>(support + bounds.support_start[r], support + bounds.support_start[r + 1], t.solver, x.dynamics.reduced,
                response, 0);
@@ -98,7 +98,7 @@ void respond_to_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
   T* scaled_cross_response = x.bounds.scaled_cross_response + r * rows.count;
   for (int e = 0; e < rows.count; ++e) cross_response[e] = supported_dot(rows, e, x.rows.response + e * n, scaled);
   if (solved) {
-    solve_upwards(rows.columns, x.rows.delassus, cross_response);
+    solve_upwards(rows.columns, all_of(rows.columns), x.rows.delassus, cross_response);
     for (int e = 0; e < rows.count; ++e) scaled_cross_response[e] = cross_response[e] * x.rows.inverse[e];
   }
   // Other lanes decide which of two rows comes first, so the order of the sum must not depend on it.

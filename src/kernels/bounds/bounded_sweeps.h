@@ -73,7 +73,7 @@ void pgs_with_bounds(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   };
   for (int s = 0; s < t.iterations; ++s) sweep_with_bounds(t, position_phase, T(1), T(1), x);
   write_results(position_phase, x.rows.position_impulse, x.rows.speed);
-  for (int e = 0; e < rows.count; ++e) change_bias(x, e, velocity_phase_bias(x, e));
+  for (int e = 0; e < rows.count; ++e) change_bias(x, e, velocity_phase_bias(t, x, e));
   for (int s = 0; s < t.velocity_iterations; ++s) sweep_with_bounds(t, velocity_phase, T(1), T(1), x);
   if (t.solve_twice) write_results(velocity_phase, x.rows.velocity_impulse, x.rows.velocity_phase_speed);
 }
@@ -132,7 +132,7 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
   }
   for (int e = 0; e < rows.count; ++e) {
     x.rows.velocity_impulse[e] -= x.rows.impulse[e];
-    change_bias(x, e, velocity_phase_bias(x, e));
+    change_bias(x, e, velocity_phase_bias(t, x, e));
   }
   for (int i = 0; i < x.bounds.active_count; ++i)
     x.bounds.impulse[count + x.bounds.active_rows[i]] -= x.search.impulse[x.bounds.active_rows[i]];

@@ -27,7 +27,7 @@ LOCKSTEP_INLINE void add_squares(const Tables<ScalarOf<T>>& t, const Tile<T>& x,
   add_squares(m.squares, m.square_start[b], m.square_start[b + 1], x, inertia);
   if (m.pulled_start[b] < m.pulled_start[b + 1])
     add_squares(m.pulled, m.pulled_start[b], m.pulled_start[b + 1], x,
-                x.couplings.correction[t.reduction.follower_of[joint_of(t, b)]] * inertia);
+                x.couplings.correction[t.reduction.follower_of[t.body[b].joint]] * inertia);
 }
 
 /// Merges columns of one velocity that come from different branches.
@@ -36,8 +36,8 @@ LOCKSTEP_INLINE void merge_columns(const Tables<ScalarOf<T>>& t, const Tile<T>& 
   const CompositeColumns& m = t.reduction.composite;
   for (int i = m.merge_start[b]; i < m.merge_start[b + 1]; ++i) {
     const Merge merge = m.merges[i];
-    x.bodies.column_force[merge.to] = x.bodies.column_force[merge.to] + x.bodies.column_force[merge.from];
-    x.bodies.column_moment[merge.to] = x.bodies.column_moment[merge.to] + x.bodies.column_moment[merge.from];
+    x.bodies.composite_force[merge.to] = x.bodies.composite_force[merge.to] + x.bodies.composite_force[merge.from];
+    x.bodies.composite_moment[merge.to] = x.bodies.composite_moment[merge.to] + x.bodies.composite_moment[merge.from];
   }
 }
 
@@ -45,7 +45,7 @@ LOCKSTEP_INLINE void merge_columns(const Tables<ScalarOf<T>>& t, const Tile<T>& 
 template <class J, class T>
 LOCKSTEP_INLINE void add_unit(J, const Tile<T>& x, int place, bool first, T share, const Vec3<T>& force,
                               const Vec3<T>& moment) {
-  Vec3<T>&to_force = x.bodies.column_force[place], &to_moment = x.bodies.column_moment[place];
+  Vec3<T>&to_force = x.bodies.composite_force[place], &to_moment = x.bodies.composite_moment[place];
   each_axis([&](int k) LOCKSTEP_INLINED {
     const bool has_force = J::prismatic == (k == J::k), has_moment = !J::prismatic || k != J::k;
     if (first) {
@@ -65,9 +65,9 @@ LOCKSTEP_INLINE void composite_rows_of_body(J joint, const Tables<ScalarOf<T>>& 
   const CompositeColumns& m = t.reduction.composite;
   const Body<ScalarOf<T>>& body = t.body[b];
   const bool reversed = body.sign < 0;
-  Vec3<T>* const force = x.bodies.column_force;
-  Vec3<T>* const moment = x.bodies.column_moment;
-  const int j = joint_of(t, b), follower = t.reduction.follower_of[j];
+  Vec3<T>* const force = x.bodies.composite_force;
+  Vec3<T>* const moment = x.bodies.composite_moment;
+  const int j = t.body[b].joint, follower = t.reduction.follower_of[j];
   const auto component = [&](int place) LOCKSTEP_INLINED {
     const T value = J::prismatic ? force[place][J::k] : moment[place][J::k];
     return reversed ? -value : value;
@@ -116,24 +116,30 @@ LOCKSTEP_INLINE void composite_rows_of_body(J joint, const Tables<ScalarOf<T>>& 
 }
 
 template <class T>
-LOCKSTEP_INLINE void composite_rows_of_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+LOCKSTEP_INLINE void composite_rows_of_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
   const CompositeColumns& m = t.reduction.composite;
-  for (int i = m.row_start[0]; i < m.row_start[1]; ++i) {
+  for (int i = m.row_start[b]; i < m.row_start[b + 1]; ++i) {
     const CompositeColumns::Row row = m.rows[i];
-    x.dynamics.reduced[row.entry] = row.factor < 3 ? x.bodies.column_moment[row.place][row.factor]
-                                                   : x.bodies.column_force[row.place][row.factor - 3];
+    x.dynamics.reduced[row.entry] = row.factor < 3 ? x.bodies.composite_moment[row.place][row.factor]
+                                                   : x.bodies.composite_force[row.place][row.factor - 3];
   }
-  root_inertia(t, x, t.solver, x.dynamics.reduced);
+  root_inertia(t, x, b, t.solver, t.roots[t.body[b].joint].solver, x.dynamics.reduced);
 }
 
+/// What composite columns add to.
 template <class T>
-void composite_columns(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+LOCKSTEP_INLINE void clear_reduced(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const int behind = t.solve_twice ? t.solver.n : 0;
   for (int e = 0; e < t.solver.entries + behind; ++e) x.dynamics.reduced[e] = T(0);
-  for (int b = t.bodies - 1; b >= 0; --b) {
+}
+
+/// The part of A_r that belongs to a tree.
+template <class T>
+LOCKSTEP_INLINE void composite_columns(const Tables<ScalarOf<T>>& t, const TreeStructure& tree, Tile<T>& x) {
+  for (int b = tree.last_body - 1; b >= tree.first_body; --b) {
     merge_columns(t, x, b);
     if (t.body[b].root)
-      composite_rows_of_root(t, x);
+      composite_rows_of_root(t, x, b);
     else
       with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED { composite_rows_of_body(joint, t, x, b); });
   }

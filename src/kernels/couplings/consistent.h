@@ -41,31 +41,35 @@ void place_followers(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   }
 }
 
-/// Lanes that have an inconsistent follower. Positions and velocities are compared to the last bit.
+/// Lanes that have an inconsistent follower among the placed ones. Positions and velocities are compared to the last
+/// bit.
 template <class T>
 LOCKSTEP_INLINE typename T::Mask any_inconsistent(const Tables<ScalarOf<T>>& t, const Tile<T>& x,
                                                   const TileShape& shape) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
-  const T *const q = x.state.q, *const v = shape.floating ? x.state.v + 6 : x.state.v;
+  const T *const q = x.state.q, *const v = x.state.v;
+  const int* const velocity = shape.velocity;
   typename T::Mask inconsistent = T::none();
   for (int p = 0; p < shape.pair_count; ++p) {
     const Pair& pair = shape.pairs[p];
     const T other = fma(x.couplings.coefficient[pair.term], q[pair.leader], x.couplings.offset[pair.coupling]);
     inconsistent = inconsistent | beyond(q[pair.follower] + other, T(0)) |
-                   beyond(v[pair.follower] - x.couplings.share[pair.value] * v[pair.leader], T(0));
+                   beyond(v[velocity[pair.follower]] - x.couplings.share[pair.value] * v[velocity[pair.leader]], T(0));
   }
   if (shape.pair_count > 0) return inconsistent;
   for (int i = 0; i < r.placing.count; ++i)
     inconsistent = inconsistent | beyond(coupling_error(t, x, r.placing[i]), T(0));
   for (int f = 0; f < r.followers; ++f) {
+    if (!r.placed[f]) continue;
     T speed = T(0);  // in the order of followed()
-    for (int s = r.start[f]; s < r.start[f + 1]; ++s) speed = fma(x.couplings.share[s], v[r.leader[s]], speed);
-    inconsistent = inconsistent | beyond(v[r.follower[f]] - speed, T(0));
+    for (int s = r.start[f]; s < r.start[f + 1]; ++s)
+      speed = fma(x.couplings.share[s], v[velocity[r.leader[s]]], speed);
+    inconsistent = inconsistent | beyond(v[velocity[r.follower[f]]] - speed, T(0));
   }
   return inconsistent;
 }
 
-/// Whether all followers are consistent, in all lanes that are not frozen.
+/// Whether all placed followers are consistent, in all lanes that are not frozen.
 template <class T>
 LOCKSTEP_INLINE bool all_consistent(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const TileShape& shape) {
   return shape.consistent_is_shorter && !any(any_inconsistent(t, x, shape) & ~x.frozen);

@@ -20,9 +20,9 @@ LOCKSTEP_INLINE T rank_tolerance(const Tables<ScalarOf<T>>& t) {
 
 template <class T>
 LOCKSTEP_INLINE void solve_rows(const Rows<ScalarOf<T>>& rows, const Tile<T>& x, T* impulse) {
-  solve_upwards(rows.columns, x.rows.delassus, impulse);
+  solve_upwards(rows.columns, all_of(rows.columns), x.rows.delassus, impulse);
   for (int r = 0; r < rows.count; ++r) impulse[r] *= x.rows.inverse[r];
-  solve_downwards(rows.columns, x.rows.delassus, impulse);
+  solve_downwards(rows.columns, all_of(rows.columns), x.rows.delassus, impulse);
 }
 
 /// Factors K + cfm.
@@ -30,7 +30,7 @@ template <class T>
 void factor_rows(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   for (int r = 0; r < rows.count; ++r) x.rows.delassus[rows.columns.offset[r]] += x.rows.cfm[r];
-  factor(rows.columns, x.rows.delassus, x.rows.inverse, rank_tolerance<T>(t));
+  factor(rows.columns, all_of(rows.columns), x.rows.delassus, x.rows.inverse, rank_tolerance<T>(t));
 }
 
 template <class T>
@@ -38,13 +38,13 @@ void direct(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   for (int r = 0; r < rows.count; ++r) {
     x.rows.position_impulse[r] = -(x.rows.speed[r] + x.rows.bias[r]);
-    x.rows.velocity_impulse[r] = -(x.rows.velocity_phase_speed[r] + velocity_phase_bias(x, r));
+    x.rows.velocity_impulse[r] = -(x.rows.velocity_phase_speed[r] + velocity_phase_bias(t, x, r));
   }
   solve_rows(rows, x, x.rows.position_impulse);
   if (x.solves_twice) solve_rows(rows, x, x.rows.velocity_impulse);
   for (int r = 0; rows.known.count > 0 && r < rows.count; ++r) {
     x.rows.speed[r] = -x.rows.bias[r];
-    x.rows.velocity_phase_speed[r] = -velocity_phase_bias(x, r);
+    x.rows.velocity_phase_speed[r] = -velocity_phase_bias(t, x, r);
   }
 }
 

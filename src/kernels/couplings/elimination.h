@@ -38,7 +38,7 @@ void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     }
     return;
   }
-  for (int e = 0; e < t.solver.entries; ++e) {
+  for (int e = 0; e < r.product_entry.count; ++e) {
     T sum = T(0);
     for (int p = r.product_start[e], last = r.product_start[e + 1]; p < last; ++p) {
       const T source = x.dynamics.matrix[r.product_source[p]];
@@ -59,29 +59,11 @@ LOCKSTEP_INLINE T collected(const Reduction<ScalarOf<T>>& r, const Tile<T>& x, i
   return sum;
 }
 
-/// With composite columns, A d is already among the forces, and S^T A w stands behind A_r. See reduce_forces().
+/// Adds A d, and A (d - w), to the forces, for trees whose A is computed. See reduce_forces().
 template <class T>
-void reduce_composite_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  for (int z = 0; z < t.solver.n; ++z) {
-    const T free = collected(t.reduction, x, z, x.dynamics.rhs);
-    if (x.solves_twice) x.dynamics.half_solved_velocity[z] = free;
-    x.dynamics.half_solved_position[z] = x.solves_twice ? free - x.dynamics.reduced[t.solver.entries + z] : free;
-  }
-}
-
-/// Momentum to gain (M40), with d for the velocity error: S^T (dt forces + A d) for the velocity phase, and S^T (dt
-/// forces + A (d - w)) for the position phase. d and the correction w are zero except for followers. Where errors are
-/// removed by force, A d is among the forces, and only A w is subtracted.
-template <class T>
-void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+LOCKSTEP_INLINE void add_removed_momentum(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
-  if (r.composite.places > 0) return reduce_composite_forces(t, x);
-  if (r.has_constraint_velocities() || x.consistent) {
-    for (int z = 0; z < t.solver.n; ++z) x.dynamics.half_solved_position[z] = collected(r, x, z, x.dynamics.rhs);
-    return;
-  }
-  const T *const matrix = x.dynamics.matrix, *const velocity_error = x.couplings.velocity_error,
-                 *const free = r.removes_by_force ? x.dynamics.rhs : x.dynamics.product;
+  const T *const matrix = x.dynamics.matrix, *const velocity_error = x.couplings.velocity_error;
   T *const corrected = x.dynamics.corrected_product, *const change = x.dynamics.scratch;
   const Momentum* const momenta = r.momentum.data;
   for (int f = 0; f < r.followers; ++f)
@@ -97,10 +79,27 @@ void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     corrected[i] = also_corrected;
     if (!r.removes_by_force) x.dynamics.product[i] = gained;
   }
+}
+
+/// Momentum to gain (M40), with d for the velocity error: S^T (dt forces + A d) for the velocity phase, and S^T (dt
+/// forces + A (d - w)) for the position phase. d and the correction w are zero except for followers. Where errors are
+/// removed by force, A d is among the forces, and only A w is subtracted. Composite columns leave S^T A w behind A_r.
+template <class T>
+void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  const bool corrects = r.eliminates() && !(x.consistent && r.all_placed), by_matrix = corrects && r.by_entries();
+  if (by_matrix) add_removed_momentum(t, x);
+  const T* const free = by_matrix && !r.removes_by_force ? x.dynamics.product : x.dynamics.rhs;
   for (int z = 0; z < t.solver.n; ++z) {
-    x.dynamics.half_solved_position[z] = collected(r, x, z, corrected);
-    if (x.solves_twice) x.dynamics.half_solved_velocity[z] = collected(r, x, z, free);
+    x.dynamics.half_solved_position[z] = collected(r, x, z, by_matrix ? x.dynamics.corrected_product : free);
+    if (!corrects || !x.solves_twice) continue;
+    x.dynamics.half_solved_velocity[z] = by_matrix ? collected(r, x, z, free) : x.dynamics.half_solved_position[z];
   }
+  if (!corrects || !x.solves_twice) return;
+  for (int i = 0; i < r.composite.velocities.count; ++i)
+    for (int z = r.composite.velocities[i].first; z < r.composite.velocities[i].last; ++z)
+      x.dynamics.half_solved_position[z] =
+          x.dynamics.half_solved_velocity[z] - x.dynamics.reduced[t.solver.entries + z];
 }
 
 /// w of (M39): the velocity that corrects follower f's error.
@@ -133,11 +132,13 @@ void follow(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int z = 0; z < t.solver.n; ++z) x.dynamics.start[z] = x.state.v[r.independent[z]];
   drop_rounding(t, x);
   for (int f = 0; f < r.followers; ++f) {
-    x.couplings.correction[f] = x.corrects_positions && !x.consistent ? correcting_velocity(t, x, f) : T(0);
+    const bool consistent = x.consistent && r.placed[f];
+    x.couplings.correction[f] = x.corrects_positions && !consistent ? correcting_velocity(t, x, f) : T(0);
     x.couplings.velocity_error[f] =
-        x.consistent ? T(0) : x.state.v[t.velocity_of(r.follower[f])] - followed(t, x, f, x.dynamics.start);
+        consistent ? T(0) : x.state.v[t.velocity_of(r.follower[f])] - followed(t, x, f, x.dynamics.start);
     if (!r.removes_by_force) continue;
-    x.couplings.removed_this_step[f] = r.by_entries() || x.solves_twice
+    const bool by_matrix = t.tree_of_joint(r.follower[f]).inertia == InertiaKind::matrix;
+    x.couplings.removed_this_step[f] = by_matrix || x.solves_twice
                                            ? x.couplings.velocity_error[f]
                                            : x.couplings.velocity_error[f] - x.couplings.correction[f];
     x.couplings.acceleration[f] = x.couplings.removed_this_step[f] * T(ScalarOf<T>(-1) / t.dt);

@@ -6,12 +6,13 @@
 
 namespace lockstep::kernels {
 
-/// Factors A or A_r (M17), or A by articulated bodies. Parameters per environment may be infinite. An infinite pivot is
-/// no pivot either, and its inverse shows it.
+/// Factors A or A_r (M17), trees with articulated bodies by these. Parameters per environment may be infinite. An
+/// infinite pivot is no pivot either, and its inverse shows it.
 template <class T>
 void factor_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  x.singular =
-      t.articulated.used() ? factor_articulated(t, x) : factor(t.solver, x.dynamics.reduced, x.dynamics.inverse, T(0));
+  x.singular = t.articulated.used() ? factor_articulated(t, x) : T::none();
+  for (int r = 0; r < t.factored.count; ++r)
+    x.singular = x.singular | factor(t.solver, t.factored[r], x.dynamics.reduced, x.dynamics.inverse, T(0));
   for (int z = 0; t.per_environment != 0 && z < t.solver.n; ++z)
     x.singular = x.singular | less(x.dynamics.inverse[z], least_pivot<T>());
 }
@@ -21,8 +22,8 @@ void factor_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 template <class T>
 void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   // A traced step always keeps the two arrays apart.
-  x.dynamics.half_solved_velocity =
-      x.consistent ? x.dynamics.half_solved_position : x.dynamics.half_solved_velocity_storage;
+  x.dynamics.half_solved_velocity = x.consistent && t.reduction.all_placed ? x.dynamics.half_solved_position
+                                                                           : x.dynamics.half_solved_velocity_storage;
   const Columns& columns = t.solver;
   if (t.reduction.followers == 0)
     for (int z = 0; z < columns.n; ++z) {
@@ -32,12 +33,17 @@ void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   else
     reduce_forces(t, x);
   const bool twice = x.solves_twice && x.dynamics.half_solved_velocity != x.dynamics.half_solved_position;
-  if (t.articulated.used())
+  if (t.articulated.used()) {
     solve_inwards(t, x, t.articulated.all, x.dynamics.half_solved_position, 0);
-  else if (twice)
-    solve_upwards(columns, x.dynamics.reduced, x.dynamics.half_solved_position, x.dynamics.half_solved_velocity);
-  else
-    solve_upwards(columns, x.dynamics.reduced, x.dynamics.half_solved_position);
+    if (twice) solve_inwards(t, x, t.articulated.all, x.dynamics.half_solved_velocity, 0);
+  }
+  for (int r = 0; r < t.factored.count; ++r) {
+    const SupportRun run = t.factored[r];
+    if (twice)
+      solve_upwards(columns, run, x.dynamics.reduced, x.dynamics.half_solved_position, x.dynamics.half_solved_velocity);
+    else
+      solve_upwards(columns, run, x.dynamics.reduced, x.dynamics.half_solved_position);
+  }
   for (int z = 0; z < columns.n; ++z) x.dynamics.half_solved_position[z] *= x.dynamics.inverse[z];
   for (int z = 0; twice && z < columns.n; ++z) x.dynamics.half_solved_velocity[z] *= x.dynamics.inverse[z];
 }

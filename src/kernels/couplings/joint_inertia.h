@@ -37,22 +37,40 @@ void joint_inertias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   }
 }
 
-/// A, or A_r at once with composite columns, or neither with articulated bodies. Keeps M + armature if softness by
-/// frequency needs it and A has more than that. x.dynamics.joint_inertia becomes the diagonal of A if a limited servo
-/// needs it.
+/// M + armature of trees with undamped rows.
+template <class T>
+LOCKSTEP_INLINE void keep_undamped(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int r = 0; r < t.undamped_velocities.count; ++r) {
+    const SupportRun run = t.undamped_velocities[r];
+    const int last = t.matrix.offset[run.last - 1] + t.matrix.size[run.last - 1];
+    for (int e = t.matrix.offset[run.first]; e < last; ++e) x.undamped.matrix[e] = x.dynamics.matrix[e];
+  }
+  for (int j = 0; j < t.joints; ++j)
+    if (t.tree_of_joint(j).has_undamped_rows) x.undamped.matrix[t.matrix.offset[t.velocity_of(j)]] += T(t.armature[j]);
+}
+
+/// A, or A_r at once with composite columns, or neither with articulated bodies, tree by tree. Keeps M + armature if
+/// softness by frequency needs it and A has more than that. x.dynamics.joint_inertia becomes the diagonal of A if a
+/// limited servo needs it.
 template <class T>
 void inertia_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  if (t.reduction.composite.places > 0) return composite_columns(t, x);
-  if (t.articulated.used() && t.undamped.count == 0) return;
-  mass_matrix(t, x);
-  if (t.undamped.count > 0) {
-    for (int e = 0; e < t.matrix.entries; ++e) x.undamped.matrix[e] = x.dynamics.matrix[e];
-    for (int j = 0; j < t.joints; ++j) x.undamped.matrix[t.matrix.offset[t.velocity_of(j)]] += T(t.armature[j]);
+  if (t.reduction.composite.places > 0) clear_reduced(t, x);
+  for (int i = t.tree.count - 1; i >= 0; --i) {
+    const TreeStructure& tree = t.tree[i];
+    if (tree.inertia == InertiaKind::composite_columns)
+      composite_columns(t, tree, x);
+    else if (tree.inertia == InertiaKind::matrix || tree.has_undamped_rows)
+      mass_matrix(t, tree, x);
   }
-  for (int j = 0; !t.articulated.used() && j < t.joints; ++j) {
-    T& diagonal = x.dynamics.matrix[t.matrix.offset[t.velocity_of(j)]];
-    diagonal += x.dynamics.joint_inertia[j];
-    if (t.limited_servos.count > 0) x.dynamics.joint_inertia[j] = diagonal;
+  if (t.undamped.count > 0) keep_undamped(t, x);
+  for (int i = 0; i < t.tree.count; ++i) {
+    const TreeStructure& tree = t.tree[i];
+    if (tree.inertia != InertiaKind::matrix) continue;
+    for (int j = tree.first_joint; j < tree.last_joint; ++j) {
+      T& diagonal = x.dynamics.matrix[t.matrix.offset[t.velocity_of(j)]];
+      diagonal += x.dynamics.joint_inertia[j];
+      if (t.limited_servos.count > 0) x.dynamics.joint_inertia[j] = diagonal;
+    }
   }
 }
 
@@ -66,8 +84,8 @@ LOCKSTEP_INLINE void remove_velocity_error(const Tables<ScalarOf<T>>& t, const T
 /// Adds inertia to joint j in A or A_r, after inertia_matrix().
 template <class T>
 LOCKSTEP_INLINE void add_inertia(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, T inertia) {
-  if (t.reduction.composite.places > 0)
-    add_squares(t, x, j + (t.floating ? 1 : 0), inertia);
+  if (t.tree_of_joint(j).inertia == InertiaKind::composite_columns)
+    add_squares(t, x, t.joint_body[j], inertia);
   else
     x.dynamics.matrix[t.matrix.offset[t.velocity_of(j)]] += inertia;
   if (t.reduction.removes_by_force)

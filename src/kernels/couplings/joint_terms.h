@@ -55,10 +55,10 @@ LOCKSTEP_INLINE T feed_forward(const Tables<ScalarOf<T>>& t, const StatePointers
 /// joint_inertias(), whose result it reads, and before inertia_matrix(), which may overwrite that.
 template <class T>
 void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time = 0) {
-  const int root = t.root_velocities();
   const T h = T(t.dt), ahead = T(t.ahead);
   const Field<T> damping = field<T>(batch, Parameter::damping, t.damping.data);
-  for (int i = 0; i < root; ++i) x.dynamics.rhs[i] = -(h * x.dynamics.bias[i]);
+  for (int r = 0; r < t.roots.count; ++r)
+    for (int i = t.roots[r].velocity, last = i + 6; i < last; ++i) x.dynamics.rhs[i] = -(h * x.dynamics.bias[i]);
   const int *limited = t.limited_efforts.data, *const end = limited + t.limited_efforts.count;
   for (int j = 0; j < t.joints; ++j) {
     const T d = damping.at(j, t.dof[j]);

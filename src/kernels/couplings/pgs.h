@@ -15,7 +15,7 @@ void pgs(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int r = 0; r < rows.count; ++r) {
     x.rows.position_impulse[r] = x.rows.impulse[r];
     x.rows.speed[r] = speed_of(x, r);
-    change_bias(x, r, velocity_phase_bias(x, r));
+    change_bias(x, r, velocity_phase_bias(t, x, r));
   }
   sweeps(rows, t.velocity_iterations, x);
   for (int r = 0; r < rows.count; ++r) {

@@ -1,7 +1,7 @@
 // What a unit impulse on each row does: (10), (15) and (19) of the note. SPDX-License-Identifier: Apache-2.0
 //
 // X = L^-T J^T and K = X^T D^-1 X = J A^-1 J^T, (M19). An impulse on a row moves only the joints of its own trees. So K
-// is zero, and not stored, between rows whose paths meet only in a fixed root.
+// is zero, and not stored, between rows of different trees, and between rows whose paths meet only in a bolted root.
 #pragma once
 
 #include "elimination.h"
@@ -115,16 +115,15 @@ void responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const int n = t.solver.n;
   const SupportRange* const support = rows.group_support.data;
   for (int r = 0; r < rows.count; ++r) place_terms(rows, r, n, x.rows.value, x.rows.response + r * n);
-  if (t.articulated.used())
-    solve_inwards(t, x, t.articulated.rows, x.rows.response, n);
-  else
-    for (int g = 0; g < rows.groups.count; ++g) {
-      const RowGroup& group = rows.groups[g];
-      with_count(group, [&](auto count) LOCKSTEP_INLINED {
-        respond<count.value>(support + group.support_first, support + group.support_last, t.solver, x.dynamics.reduced,
-                             x.rows.response + group.first * n, n);
-      });
-    }
+  if (t.articulated.used()) solve_inwards(t, x, t.articulated.rows, x.rows.response, n);
+  for (int g = 0; g < rows.groups.count; ++g) {
+    const RowGroup& group = rows.groups[g];
+    if (group.articulated) continue;
+    with_count(group, [&](auto count) LOCKSTEP_INLINED {
+      respond<count.value>(support + group.support_first, support + group.support_last, t.solver, x.dynamics.reduced,
+                           x.rows.response + group.first * n, n);
+    });
+  }
   if (!rows.dense)
     for (int e = 0; e < rows.response_entries; ++e) x.rows.delassus[e] = T(0);
   for (int b = 0; b < rows.blocks.count; ++b) {
@@ -141,7 +140,8 @@ void responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 template <class T>
 void undamped_responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.undamped;
-  factor(t.matrix, x.undamped.matrix, x.undamped.inverse, T(0));
+  for (int r = 0; r < t.undamped_velocities.count; ++r)
+    factor(t.matrix, t.undamped_velocities[r], x.undamped.matrix, x.undamped.inverse, T(0));
   for (int r = 0; r < rows.count; ++r) {
     for (int z = 0; z < t.velocities; ++z) x.undamped.response[z] = T(0);
     for (int k = rows.term_start[r]; k < rows.term_start[r + 1]; ++k)

@@ -12,7 +12,7 @@ LOCKSTEP_INLINE T infinite_compliance() {
 }
 template <class T>
 LOCKSTEP_INLINE T smallest() {
-  return T(ScalarOf<T>(1e-30));
+  return T(ScalarOf<T>(smallest_compliance));
 }
 
 /// 1 where the coupling is on, 0 where it is off. NaN stays NaN, for check() to find.
@@ -81,9 +81,11 @@ void row_softness(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   }
 }
 
-/// The bias of the velocity phase (M33). Hard rows drop theirs; soft rows keep it, because it is their spring.
+/// The bias of the velocity phase (M33). Hard rows drop theirs; soft rows keep it, because it is their spring. If a row
+/// is soft in all environments, both phases have the same terms, and a traced step sees that.
 template <class T>
-LOCKSTEP_INLINE T velocity_phase_bias(const Tile<T>& x, int r) {
+LOCKSTEP_INLINE T velocity_phase_bias(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r) {
+  if (!t.declares(Parameter::softness) && t.rows.softness[r].soft) return x.rows.bias[r];
   return select(less(x.rows.cfm[r], smallest<T>()), T(0), x.rows.bias[r]);
 }
 
@@ -96,7 +98,7 @@ void row_terms(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int r = 0; r < rows.count; ++r) {
     x.rows.error[r] = x.couplings.error[rows.coupling[r]];
     x.rows.bias[r] = x.rows.rate[r] * x.rows.error[r];
-    if (!x.corrects_positions) x.rows.bias[r] = velocity_phase_bias(x, r);
+    if (!x.corrects_positions) x.rows.bias[r] = velocity_phase_bias(t, x, r);
 
     // J v at the start, and J v* (M20).
     T now = T(0);

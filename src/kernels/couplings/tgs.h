@@ -41,7 +41,7 @@ void tgs(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   // Velocity iterations go on from the impulses of the last sub-step, which are already in the sum.
   for (int r = 0; r < rows.count; ++r) {
     x.rows.velocity_impulse[r] -= x.rows.impulse[r];
-    change_bias(x, r, velocity_phase_bias(x, r));
+    change_bias(x, r, velocity_phase_bias(t, x, r));
   }
   sweeps(rows, t.velocity_iterations, x);
   for (int r = 0; r < rows.count; ++r) x.rows.velocity_impulse[r] += x.rows.impulse[r];

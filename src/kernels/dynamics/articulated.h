@@ -85,7 +85,7 @@ LOCKSTEP_INLINE void move_to_parent(J joint, const Body<ScalarOf<T>>& body, T s,
 /// One body with what it carries: its pivot, U D^-1, and the inertia that it passes on to its parent (M22), (M23).
 template <class J, class T>
 LOCKSTEP_INLINE typename T::Mask articulate(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b, int place) {
-  const int z = velocity_of(t, b);
+  const int z = t.articulated.velocity[b];
   const Body<ScalarOf<T>>& body = t.body[b];
   ArticulatedInertia<T> own;
   each_entry(own, x.articulated.inertia[place],
@@ -97,7 +97,7 @@ LOCKSTEP_INLINE typename T::Mask articulate(J joint, const Tables<ScalarOf<T>>& 
     force[k] = J::prismatic ? simd::pair(own.linear, k, J::k) : own.across(J::k, k);
   });
   typename T::Mask weak = T::none();
-  const T pivot = (J::prismatic ? force : moment)[J::k] + x.dynamics.joint_inertia[joint_of(t, b)];
+  const T pivot = (J::prismatic ? force : moment)[J::k] + x.dynamics.joint_inertia[t.body[b].joint];
   const T inverse = x.dynamics.inverse[z] = inverse_of(pivot, least_pivot<T>(), weak);
   Vec3<T> u_moment, u_force;
   each_axis([&](int k) LOCKSTEP_INLINED {
@@ -108,22 +108,27 @@ LOCKSTEP_INLINE typename T::Mask articulate(J joint, const Tables<ScalarOf<T>>& 
   });
   if (body.parent < 0) return weak;
   release(moment, force, u_moment, u_force, own);
-  Vec3<T> r = origin(joint, body, J::prismatic ? x.articulated.factored_q[joint_of(t, b)] : T(0));
+  Vec3<T> r = origin(joint, body, J::prismatic ? x.articulated.factored_q[t.body[b].joint] : T(0));
   move_to_parent(joint, body, x.bodies.sine[b], x.bodies.cosine[b], r, own);
   each_entry(x.articulated.inertia[place], own, [](T& passed, const T& entry) LOCKSTEP_INLINED { passed = entry; });
   return weak;
 }
 
-/// The root's own six rows and columns, in the order angular, linear.
+/// The own block of A of the floating root that is body b: its six rows and columns, in the order angular, linear.
 template <class T>
-void pack_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const ArticulatedInertia<T>& a) {
+LOCKSTEP_INLINE T* block_of_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
+  return x.articulated.root_block + t.body[b].joint * t.articulated.root.entries;
+}
+
+template <class T>
+void pack_root(const Tables<ScalarOf<T>>& t, const ArticulatedInertia<T>& a, T* block) {
   const Columns& columns = t.articulated.root;
   for (int k = 0; k < 3; ++k)
     for (int l = 0; l < 3; ++l) {
-      x.dynamics.reduced[columns.offset[k] + 3 + l - k] = a.across(k, l);
+      block[columns.offset[k] + 3 + l - k] = a.across(k, l);
       if (l < k) continue;
-      x.dynamics.reduced[columns.offset[k] + l - k] = simd::pair(a.angular, k, l);
-      x.dynamics.reduced[columns.offset[3 + k] + l - k] = simd::pair(a.linear, k, l);
+      block[columns.offset[k] + l - k] = simd::pair(a.angular, k, l);
+      block[columns.offset[3 + k] + l - k] = simd::pair(a.linear, k, l);
     }
 }
 
@@ -140,10 +145,11 @@ typename T::Mask factor_articulated(const Tables<ScalarOf<T>>& t, const Tile<T>&
     for (int j = visit.merge_first; j < visit.merge_last; ++j)
       each_entry(x.articulated.inertia[a.merges[j].to], x.articulated.inertia[a.merges[j].from],
                  [](T& sum, const T& entry) LOCKSTEP_INLINED { sum += entry; });
-    if (t.body[visit.body].root) {
-      add_rigid(x.bodies.base_inertia[0], x.articulated.inertia[place]);
-      pack_root(t, x, x.articulated.inertia[place]);
-      weak = weak | factor(a.root, x.dynamics.reduced, x.dynamics.inverse, T(0));
+    if (const int b = visit.body; t.body[b].root) {
+      T* const block = block_of_root(t, x, b);
+      add_rigid(x.bodies.base_inertia[b], x.articulated.inertia[place]);
+      pack_root(t, x.articulated.inertia[place], block);
+      weak = weak | factor(a.root, all_of(a.root), block, x.dynamics.inverse + a.velocity[b], T(0));
     } else {
       with_joint(t.body[visit.body],
                  [&](auto joint) LOCKSTEP_INLINED { weak = weak | articulate(joint, t, x, visit.body, place); });
@@ -159,12 +165,12 @@ LOCKSTEP_INLINE void pass_inwards(J joint, const Tables<ScalarOf<T>>& t, const T
   const int b = visit.body;
   const Body<ScalarOf<T>>& body = t.body[b];
   const Carried* const carried = t.articulated.carried.data;
-  T* const own = vector + velocity_of(t, b);
+  T* const own = vector + t.articulated.velocity[b];
   const Vec3<T>&u_force = x.articulated.hinge_force[b], &u_moment = x.articulated.hinge_moment[b];
   const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
   const bool reversed = body.sign < 0;
   const Vec3<T> r =
-      origin(joint, body, J::prismatic && body.parent >= 0 ? x.articulated.factored_q[joint_of(t, b)] : T(0));
+      origin(joint, body, J::prismatic && body.parent >= 0 ? x.articulated.factored_q[t.body[b].joint] : T(0));
   const auto pass_on = [&](Vec3<T>& force, Vec3<T>& moment, Vec3<T> f, Vec3<T> m) LOCKSTEP_INLINED {
     f = to_parent(joint, body, s, c, f);
     m = to_parent(joint, body, s, c, m);
@@ -195,12 +201,12 @@ LOCKSTEP_INLINE void pass_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x, c
                                int stride) {
   const Carried* const carried = t.articulated.carried.data;
   for (int i = visit.begin; i < visit.last; ++i) {
-    T* const own = vector + carried[i].vector * stride;
+    T* const own = vector + t.articulated.velocity[visit.body] + carried[i].vector * stride;
     const Vec3<T>&moment = x.articulated.wrench_moment[carried[i].place],
           &force = x.articulated.wrench_force[carried[i].place];
     T y[6] = {own[0] - moment.x, own[1] - moment.y, own[2] - moment.z,
               own[3] - force.x,  own[4] - force.y,  own[5] - force.z};
-    const T* column = x.dynamics.reduced + t.articulated.root.entries;
+    const T* column = block_of_root(t, x, visit.body) + t.articulated.root.entries;
 #pragma GCC unroll 6
     for (int k = 5; k >= 0; --k) {
       column -= 6 - k;
@@ -240,7 +246,7 @@ LOCKSTEP_INLINE void pass_outwards(J joint, const Tables<ScalarOf<T>>& t, const 
   Vec3<T> w = Vec3<T>::zero(), v = Vec3<T>::zero();
   if (body.parent >= 0) {
     const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
-    const Vec3<T> r = origin(joint, body, J::prismatic ? x.articulated.factored_q[joint_of(t, b)] : T(0)),
+    const Vec3<T> r = origin(joint, body, J::prismatic ? x.articulated.factored_q[t.body[b].joint] : T(0)),
                   turning = angular[body.parent];
     const Vec3<T> back = {-r[0], -r[1], -r[2]};  // w x r = -r x w
     w = to_body(joint, body, s, c, turning);
@@ -258,18 +264,26 @@ template <class T>
 void solve_outwards(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* first, T* second) {
   T* const vectors[2] = {first, second};
   const int count = second ? 2 : 1;
-  for (int n = 0; t.floating && n < count; ++n) {
-    T* const own = vectors[n];
-    solve_downwards(t.articulated.root, x.dynamics.reduced, own);
-    x.articulated.reached_angular[n * t.bodies] = {own[0], own[1], own[2]};
-    x.articulated.reached_linear[n * t.bodies] = {own[3], own[4], own[5]};
+  for (int i = 0; i < t.tree.count; ++i) {
+    const TreeStructure& tree = t.tree[i];
+    if (tree.inertia != InertiaKind::articulated_bodies) continue;
+    int b = tree.first_body;
+    if (tree.root >= 0) {
+      for (int n = 0; n < count; ++n) {
+        T* const own = vectors[n] + t.articulated.velocity[b];
+        solve_downwards(t.articulated.root, all_of(t.articulated.root), block_of_root(t, x, b), own);
+        x.articulated.reached_angular[n * t.bodies + b] = {own[0], own[1], own[2]};
+        x.articulated.reached_linear[n * t.bodies + b] = {own[3], own[4], own[5]};
+      }
+      ++b;
+    }
+    for (; b < tree.last_body; ++b)
+      with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED {
+        for (int n = 0; n < count; ++n)
+          pass_outwards(joint, t, x, b, vectors[n][t.articulated.velocity[b]],
+                        x.articulated.reached_angular + n * t.bodies, x.articulated.reached_linear + n * t.bodies);
+      });
   }
-  for (int b = t.floating ? 1 : 0; b < t.bodies; ++b)
-    with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED {
-      for (int n = 0; n < count; ++n)
-        pass_outwards(joint, t, x, b, vectors[n][velocity_of(t, b)], x.articulated.reached_angular + n * t.bodies,
-                      x.articulated.reached_linear + n * t.bodies);
-    });
 }
 
 }  // namespace lockstep::kernels

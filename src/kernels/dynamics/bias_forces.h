@@ -73,22 +73,34 @@ LOCKSTEP_INLINE void inertial_forces(J, const PseudoInertia<T>& body, bool diago
   }
 }
 
-/// Gravity along the axes of the root.
+/// Gravity along the axes of a tree's root.
 template <class T>
-LOCKSTEP_INLINE Vec3<T> gravity_at_root(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
-                                        const Tile<T>& x) {
+LOCKSTEP_INLINE Vec3<T> gravity_at_root(const Tables<ScalarOf<T>>& t, const TreePlace<ScalarOf<T>>& tree,
+                                        const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x) {
   Vec3<T> g;
-  for (int k = 0; k < 3; ++k) g[k] = field<T>(batch, Parameter::gravity, t.gravity).at(k, k);
-  if (t.floating) return multiply_transposed(rotation_of_quaternion(x.state.pose + 3), g);
+  for (int k = 0; k < 3; ++k) g[k] = field<T>(batch, Parameter::gravity, tree.gravity).at(k, k);
+  if (tree.root >= 0) return multiply_transposed(rotation_of_quaternion(x.state.pose + 7 * tree.root + 3), g);
   if (!t.declares(Parameter::gravity)) return g;  // compile() has rotated it
-  return multiply_transposed(Mat3<T>::constant(t.root_rotation), g);
+  return multiply_transposed(Mat3<T>::constant(tree.rotation), g);
+}
+
+/// A floating root's motion, and the force and moment that it requires.
+template <class T>
+LOCKSTEP_INLINE void move_root_body(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b, const Vec3<T>& upwards) {
+  const T* const v = x.state.v + t.body[b].velocity;
+  const Vec3<T> w = {v[0], v[1], v[2]};
+  x.bodies.angular[b] = w;
+  x.bodies.alpha[b] = Vec3<T>::zero();
+  const Mat3<T> tensor = acceleration_tensor(w, x.bodies.alpha[b]);
+  x.bodies.linear[b] = upwards;
+  inertial_forces(x.bodies.base_inertia[b], t.body[b].diagonal, tensor, upwards, x.bodies.force[b], x.bodies.moment[b]);
 }
 
 /// (M6) A body's motion from its parent's, and the force and moment that it requires.
 template <class J, class T>
 LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b, const Vec3<T>& upwards) {
   const Body<ScalarOf<T>>& body = t.body[b];
-  const T s = x.bodies.sine[b], c = x.bodies.cosine[b], speed = x.state.v[velocity_of(t, b)] * T(body.sign);
+  const T s = x.bodies.sine[b], c = x.bodies.cosine[b], speed = x.state.v[t.body[b].velocity] * T(body.sign);
   Vec3<T> w, alpha, a;
   if (body.parent < 0) {
     w = alpha = Vec3<T>::zero();
@@ -96,7 +108,7 @@ LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile
     if constexpr (!J::prismatic) w[J::k] = speed;
   } else {
     const int p = body.parent;
-    Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[joint_of(t, b)] : T(0));
+    Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[t.body[b].joint] : T(0));
     w = to_body(joint, body, s, c, x.bodies.angular[p]);
     alpha = to_body(joint, body, s, c, x.bodies.alpha[p]);
     // The parent's tensor again: to compute its few entries here costs less than to load them.
@@ -113,7 +125,7 @@ LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile
     }
   }
   if (t.reduction.removes_by_force)
-    if (const int f = t.reduction.follower_of[joint_of(t, b)]; f >= 0)
+    if (const int f = t.reduction.follower_of[t.body[b].joint]; f >= 0)
       (J::prismatic ? a : alpha)[J::k] += x.couplings.acceleration[f] * T(body.sign);
   Mat3<T> tensor = acceleration_tensor(w, alpha);
   if (!body.leaf) {
@@ -129,10 +141,10 @@ template <class J, class T>
 LOCKSTEP_INLINE void pass_force(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
   const Body<ScalarOf<T>>& body = t.body[b];
   Vec3<T> force = x.bodies.force[b], moment = x.bodies.moment[b];
-  x.dynamics.bias[velocity_of(t, b)] = (J::prismatic ? force[J::k] : moment[J::k]) * T(body.sign);
+  x.dynamics.bias[t.body[b].velocity] = (J::prismatic ? force[J::k] : moment[J::k]) * T(body.sign);
   if (body.parent < 0) return;
   const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
-  Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[joint_of(t, b)] : T(0));
+  Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[t.body[b].joint] : T(0));
   Vec3<T> passed = to_parent(joint, body, s, c, force);
   Vec3<T>& parent_force = x.bodies.force[body.parent];
   Vec3<T>& parent_moment = x.bodies.moment[body.parent];
@@ -142,29 +154,27 @@ LOCKSTEP_INLINE void pass_force(J joint, const Tables<ScalarOf<T>>& t, const Til
 
 template <class T>
 void bias_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  // Gravity acts like an acceleration of the root in the opposite direction.
-  const Vec3<T> g = gravity_at_root(t, batch, x);
-  const Vec3<T> upwards = {-g[0], -g[1], -g[2]};
-  if (t.floating) {
-    const Vec3<T> w = {x.state.v[0], x.state.v[1], x.state.v[2]};
-    x.bodies.angular[0] = w;
-    x.bodies.alpha[0] = Vec3<T>::zero();
-    const Mat3<T> tensor = acceleration_tensor(w, x.bodies.alpha[0]);
-    x.bodies.linear[0] = upwards;
-    inertial_forces(x.bodies.base_inertia[0], t.body[0].diagonal, tensor, upwards, x.bodies.force[0],
-                    x.bodies.moment[0]);
+  for (int i = 0; i < t.tree.count; ++i) {
+    const TreePlace<ScalarOf<T>>& tree = t.tree[i];
+    // Gravity acts like an acceleration of the root in the opposite direction.
+    const Vec3<T> g = gravity_at_root(t, tree, batch, x);
+    const Vec3<T> upwards = {-g[0], -g[1], -g[2]};
+    int b = tree.first_body;
+    if (tree.root >= 0) move_root_body(t, x, b++, upwards);
+    for (; b < tree.last_body; ++b)
+      with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED { move_body(joint, t, x, b, upwards); });
   }
-  const int first = t.floating ? 1 : 0;
-  for (int b = first; b < t.bodies; ++b)
-    with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED { move_body(joint, t, x, b, upwards); });
 
   if (t.declares(Parameter::link_wrench)) subtract_link_wrenches(t, batch, x);
 
-  for (int b = t.bodies - 1; b >= first; --b)
-    with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED { pass_force(joint, t, x, b); });
-  if (t.floating)
-    for (int k = 0; k < 3; ++k)
-      x.dynamics.bias[k] = x.bodies.moment[0][k], x.dynamics.bias[3 + k] = x.bodies.force[0][k];
+  for (int b = t.bodies - 1; b >= 0; --b) {
+    if (!t.body[b].root) {
+      with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED { pass_force(joint, t, x, b); });
+      continue;
+    }
+    T* const bias = x.dynamics.bias + t.body[b].velocity;
+    for (int k = 0; k < 3; ++k) bias[k] = x.bodies.moment[b][k], bias[3 + k] = x.bodies.force[b][k];
+  }
 }
 
 }  // namespace lockstep::kernels

@@ -26,17 +26,18 @@ template <class T>
 T potential_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
                    const Motion<T>& m) {
   Vec3<T> g;
-  for (int k = 0; k < 3; ++k) g[k] = field<T>(batch, Parameter::gravity, t.world_gravity).at(k, k);
+  for (int k = 0; k < 3; ++k) g[k] = field<T>(batch, Parameter::gravity, t.gravity).at(k, k);
   T sum = T(0);
   for (int b = 0; b < t.bodies; ++b) {
     const PseudoInertia<T> body = inertia_of(t, x, b);
     sum = sum - dot(g, fma(m.place[b], body.mass, multiply(m.world[b], body.moment)));
   }
-  const Vec3<T> root = Vec3<T>::constant(t.root_offset);
-  for (int l = 0; l < t.links; ++l) {  // links of a fixed root count as bodies at rest
+  for (int l = 0; l < t.links; ++l) {  // links of a bolted root count as bodies at rest
     const LinkPlace<ScalarOf<T>>& place = t.link[l];
     if (place.body >= 0) continue;
-    const Vec3<T> center = multiply_add(root_orientation<T>(t), Vec3<T>::constant(place.unit_moment), root);
+    const TreePlace<ScalarOf<T>>& tree = t.tree[place.tree];
+    const Vec3<T> center = multiply_add(Mat3<T>::constant(tree.rotation), Vec3<T>::constant(place.unit_moment),
+                                        Vec3<T>::constant(tree.offset));
     sum = fnma(field<T>(batch, Parameter::mass, t.link_mass.data).at(l, l), dot(g, center), sum);
   }
   return sum;

@@ -99,18 +99,6 @@ LOCKSTEP_INLINE Vec3<T> cross_origin_add(J joint, const Vec3<T>& r, const Vec3<T
   return c;
 }
 
-/// The joint that carries a body. Joint 0 carries body 1 if the root floats, else body 0.
-template <class S>
-LOCKSTEP_INLINE int joint_of(const Tables<S>& t, int body) {
-  return body - (t.floating ? 1 : 0);
-}
-
-/// The index of its generalised velocity.
-template <class S>
-LOCKSTEP_INLINE int velocity_of(const Tables<S>& t, int body) {
-  return body + (t.floating ? 5 : 0);
-}
-
 /// Rotation of a floating root, from its coordinates to the world's.
 template <class T>
 LOCKSTEP_INLINE Mat3<T> rotation_of_quaternion(const T* wxyz) {

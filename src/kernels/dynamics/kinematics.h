@@ -12,14 +12,14 @@ void kinematics(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Span<Mirror> mirrors = t.reduction.mirrors;
   const Mirror* next = mirrors.data;
   const Mirror* const last = next + (x.consistent ? mirrors.count : 0);
-  for (int b = t.floating ? 1 : 0; b < t.bodies; ++b) {
+  for (int b = 0; b < t.bodies; ++b) {
     const Body<ScalarOf<T>>& body = t.body[b];
     if (next != last && next->body == b) {
       ++next;
       continue;
     }
-    if (body.prismatic) continue;
-    sincos(x.state.q[joint_of(t, b)] * T(body.sign), x.bodies.sine[b], x.bodies.cosine[b]);
+    if (body.prismatic || body.root) continue;
+    sincos(x.state.q[t.body[b].joint] * T(body.sign), x.bodies.sine[b], x.bodies.cosine[b]);
   }
   for (const Mirror* mirror = mirrors.data; mirror != last; ++mirror) {
     const T sine = x.bodies.sine[mirror->leader];

@@ -72,12 +72,16 @@ LOCKSTEP_INLINE T inverse_of(T pivot, T least, typename T::Mask& weak) {
   return select(too_small, T(0), T(1) / pivot);
 }
 
-/// H becomes L below the diagonal, and inverse = 1 / D. A pivot is too small if it is below `tolerance` times its own
-/// diagonal before, plus least_pivot(). Returns the lanes that have such a pivot.
+/// All rows and columns.
+LOCKSTEP_INLINE SupportRun all_of(const Columns& columns) { return {0, columns.n}; }
+
+/// The columns of `run`, which are whole trees. H becomes L below the diagonal, and inverse = 1 / D. A pivot is too
+/// small if it is below `tolerance` times its own diagonal before, plus least_pivot(). Returns the lanes that have such
+/// a pivot.
 template <class T>
-typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T tolerance) {
+typename T::Mask factor(const Columns& columns, SupportRun run, T* matrix, T* inverse, T tolerance) {
   typename T::Mask weak = T::none();
-  for (int i = columns.n - 1; i >= 0; --i) {
+  for (int i = run.last - 1; i >= run.first; --i) {
     T* own = matrix + columns.offset[i];
     const int below = columns.size[i];
     const T least = fma(tolerance, own[0], least_pivot<T>());
@@ -97,15 +101,15 @@ typename T::Mask factor(const Columns& columns, T* matrix, T* inverse, T toleran
 
 /// b <- L^-T b
 template <class T>
-void solve_upwards(const Columns& columns, const T* factor, T* b) {
-  for (int j = columns.n - 1; j >= 0; --j)
+void solve_upwards(const Columns& columns, SupportRun run, const T* factor, T* b) {
+  for (int j = run.last - 1; j >= run.first; --j)
     b[j] = subtract_dot(factor + columns.offset[j] + 1, b + j + 1, columns.size[j] - 1, b[j]);
 }
 
 /// The same for two right-hand sides at once. Each gets the same bits as by itself.
 template <class T>
-void solve_upwards(const Columns& columns, const T* factor, T* a, T* b) {
-  for (int j = columns.n - 1; j >= 0; --j) {
+void solve_upwards(const Columns& columns, SupportRun run, const T* factor, T* a, T* b) {
+  for (int j = run.last - 1; j >= run.first; --j) {
     const T* const own = factor + columns.offset[j] + 1;
     const int below = columns.size[j] - 1;
     a[j] = subtract_dot(own, a + j + 1, below, a[j]);
@@ -119,8 +123,8 @@ struct NoneKnown {
 
 /// b <- L^-1 b. know(j) is called before b[j] is used, and may set it to a known value.
 template <class T, class Know = NoneKnown>
-void solve_downwards(const Columns& columns, const T* factor, T* b, Know&& know = {}) {
-  for (int j = 0; j < columns.n; ++j) {
+void solve_downwards(const Columns& columns, SupportRun run, const T* factor, T* b, Know&& know = {}) {
+  for (int j = run.first; j < run.last; ++j) {
     know(j);
     const T* own = factor + columns.offset[j];
     const T value = b[j];
@@ -130,8 +134,8 @@ void solve_downwards(const Columns& columns, const T* factor, T* b, Know&& know 
 
 /// The same for two right-hand sides at once.
 template <class T, class Know = NoneKnown>
-void solve_downwards(const Columns& columns, const T* factor, T* a, T* b, Know&& know = {}) {
-  for (int j = 0; j < columns.n; ++j) {
+void solve_downwards(const Columns& columns, SupportRun run, const T* factor, T* a, T* b, Know&& know = {}) {
+  for (int j = run.first; j < run.last; ++j) {
     know(j);
     const T* const own = factor + columns.offset[j];
     const T first = a[j], second = b[j];

@@ -95,7 +95,7 @@ LOCKSTEP_INLINE void unit_column(J, const PseudoInertia<T>& c, bool reversed, Ve
 template <class J, class T>
 LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
   const Body<ScalarOf<T>>& body = t.body[b];
-  const int velocity = velocity_of(t, b), carried = t.matrix.size[velocity], parent = body.parent;
+  const int velocity = t.body[b].velocity, carried = t.matrix.size[velocity], parent = body.parent;
   const bool reversed = body.sign < 0;
   Vec3<T>* force = x.bodies.column_force + b;
   Vec3<T>* moment = x.bodies.column_moment + b;
@@ -106,7 +106,7 @@ LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, const T
     for (int k = 0; k < carried; ++k) row[k] = J::prismatic ? force[k][J::k] : moment[k][J::k];
   } else {
     const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
-    Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[joint_of(t, b)] : T(0));
+    Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[t.body[b].joint] : T(0));
     add_to_parent(joint, body, s, c, r, composite,
                   body.first ? x.bodies.base_inertia[parent] : x.bodies.composite[parent], x.bodies.composite[parent]);
     for (int k = 0; k < carried; ++k) {
@@ -120,13 +120,15 @@ LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, const T
     for (int k = 0; k < carried; ++k) row[k] = -row[k];
 }
 
-/// A floating root's own six rows and columns from its composite, angular before linear (M12).
+/// The own six rows and columns of the floating root that is body b, from its composite, angular before linear (M12).
+/// `first` is its first velocity in the matrix.
 template <class T>
-LOCKSTEP_INLINE void root_inertia(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Columns& columns, T* matrix) {
-  const PseudoInertia<T>& c = t.body[0].leaf ? x.bodies.base_inertia[0] : x.bodies.composite[0];
+LOCKSTEP_INLINE void root_inertia(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b, const Columns& columns,
+                                  int first, T* matrix) {
+  const PseudoInertia<T>& c = t.body[b].leaf ? x.bodies.base_inertia[b] : x.bodies.composite[b];
   for (int k = 0; k < 3; ++k) {
-    T* angular = matrix + columns.offset[k] - k;
-    T* linear = matrix + columns.offset[3 + k] - (3 + k);
+    T* angular = matrix + columns.offset[first + k] - k;
+    T* linear = matrix + columns.offset[first + 3 + k] - (3 + k);
     const int i = (k + 1) % 3, j = (k + 2) % 3;
     angular[k] = c.second[i] + c.second[j];
     angular[3 + k] = T(0);
@@ -142,23 +144,26 @@ LOCKSTEP_INLINE void root_inertia(const Tables<ScalarOf<T>>& t, const Tile<T>& x
 
 /// Rows of a floating root: all columns of joints, and its own.
 template <class T>
-LOCKSTEP_INLINE void rows_of_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+LOCKSTEP_INLINE void rows_of_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int root) {
+  const int first = t.body[root].velocity, carried = t.matrix.size[first] - 6;
+  const Vec3<T>*const force = x.bodies.column_force + root + 1, *const moment = x.bodies.column_moment + root + 1;
   for (int k = 0; k < 3; ++k) {
-    T* angular = x.dynamics.matrix + t.matrix.offset[k] - k;
-    T* linear = x.dynamics.matrix + t.matrix.offset[3 + k] - (3 + k);
-    for (int b = 1; b < t.bodies; ++b) {
-      angular[5 + b] = x.bodies.column_moment[b][k];
-      linear[5 + b] = x.bodies.column_force[b][k];
+    T* angular = x.dynamics.matrix + t.matrix.offset[first + k] + 6 - k;
+    T* linear = x.dynamics.matrix + t.matrix.offset[first + 3 + k] + 6 - (3 + k);
+    for (int c = 0; c < carried; ++c) {
+      angular[c] = moment[c][k];
+      linear[c] = force[c][k];
     }
   }
-  root_inertia(t, x, t.matrix, x.dynamics.matrix);
+  root_inertia(t, x, root, t.matrix, first, x.dynamics.matrix);
 }
 
+/// The part of M that belongs to a tree.
 template <class T>
-void mass_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  for (int b = t.bodies - 1; b >= 0; --b) {
+LOCKSTEP_INLINE void mass_matrix(const Tables<ScalarOf<T>>& t, const TreeStructure& tree, Tile<T>& x) {
+  for (int b = tree.last_body - 1; b >= tree.first_body; --b) {
     if (t.body[b].root)
-      rows_of_root(t, x);
+      rows_of_root(t, x, b);
     else
       with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED { rows_of_body(joint, t, x, b); });
   }

@@ -15,19 +15,21 @@ void motions(const Tables<ScalarOf<T>>& t, Tile<T>& x, Motion<T>& m) {
   for (int b = 0; b < t.bodies; ++b) {
     const Body<ScalarOf<T>>& body = t.body[b];
     if (body.root) {
-      m.place[b] = {x.state.pose[0], x.state.pose[1], x.state.pose[2]};
-      m.angular[b] = {x.state.v[0], x.state.v[1], x.state.v[2]};
-      m.linear[b] = {x.state.v[3], x.state.v[4], x.state.v[5]};
+      const T *const pose = x.state.pose + 7 * body.joint, *const v = x.state.v + body.velocity;
+      m.place[b] = {pose[0], pose[1], pose[2]};
+      m.angular[b] = {v[0], v[1], v[2]};
+      m.linear[b] = {v[3], v[4], v[5]};
       continue;
     }
     const int p = body.parent;
-    const Mat3<T> parent_world = p < 0 ? root_orientation<T>(t) : m.world[p];
-    const Vec3<T> parent_place = p < 0 ? Vec3<T>::constant(t.root_offset) : m.place[p];
+    const TreePlace<ScalarOf<T>>& tree = t.tree[body.tree];
+    const Mat3<T> parent_world = p < 0 ? Mat3<T>::constant(tree.rotation) : m.world[p];
+    const Vec3<T> parent_place = p < 0 ? Vec3<T>::constant(tree.offset) : m.place[p];
     const Vec3<T> zero = Vec3<T>::zero();
     with_joint(body, [&](auto joint) {
       using J = decltype(joint);
-      const T s = x.bodies.sine[b], c = x.bodies.cosine[b], speed = x.state.v[velocity_of(t, b)] * T(body.sign);
-      const Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[joint_of(t, b)] : T(0));
+      const T s = x.bodies.sine[b], c = x.bodies.cosine[b], speed = x.state.v[t.body[b].velocity] * T(body.sign);
+      const Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[t.body[b].joint] : T(0));
       m.place[b] = multiply_add(parent_world, r, parent_place);
       m.angular[b] = to_body(joint, body, s, c, p < 0 ? zero : m.angular[p]);
       m.linear[b] = to_body(joint, body, s, c, p < 0 ? zero : cross_add(m.angular[p], r, m.linear[p]));

@@ -5,22 +5,16 @@
 
 namespace lockstep::kernels {
 
-/// Rotation of a fixed root, which is the parent of the first bodies.
-template <class T>
-LOCKSTEP_INLINE Mat3<T> root_orientation(const Tables<ScalarOf<T>>& t) {
-  return Mat3<T>::constant(t.root_rotation);
-}
-
 /// world[b]: from coordinates of body b to world coordinates. Needs kinematics().
 template <class T>
 void orientations(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Mat3<T>* world) {
   for (int b = 0; b < t.bodies; ++b) {
     const Body<ScalarOf<T>>& body = t.body[b];
     if (body.root) {
-      world[b] = rotation_of_quaternion(x.state.pose + 3);
+      world[b] = rotation_of_quaternion(x.state.pose + 7 * body.joint + 3);
       continue;
     }
-    const Mat3<T> parent = body.parent < 0 ? root_orientation<T>(t) : world[body.parent];
+    const Mat3<T> parent = body.parent < 0 ? Mat3<T>::constant(t.tree[body.tree].rotation) : world[body.parent];
     with_joint(body, [&](auto joint) {  // each world axis, first in the axes of the parent, then of the body
       for (int r = 0; r < 3; ++r) {
         const Vec3<T> axis =

@@ -52,7 +52,6 @@ template <class T>
 void coupling_impulses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const Reduction<ScalarOf<T>>& r = t.reduction;
-  const int root = t.root_velocities();
   const T* solved = t.solve_twice ? x.rows.velocity_impulse : x.rows.position_impulse;
   for (int c = 0; c < t.couplings; ++c) x.couplings.impulse[c] = T(0);
   for (int i = 0; i < rows.count; ++i) x.couplings.impulse[rows.coupling[i]] = solved[i];
@@ -80,7 +79,7 @@ void coupling_impulses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
   const Columns& columns = t.matrix;
   for (int f = 0; f < r.followers; ++f) {
-    const int i = root + r.follower[f];
+    const int i = t.velocity_of(r.follower[f]);
     T lacking = x.dynamics.product[i];
     for (int k = 0; k < columns.size[i]; ++k)
       lacking = fma(x.dynamics.matrix[columns.offset[i] + k], change[i + k], lacking);

@@ -40,8 +40,8 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     integrate(t, x);
     if (t.bounds.rows.count > 0 && bounds_active(t, x)) solve_bounds(t, batch, x);
   } while (t.limited_servos.count > 0 && saturation_differs(t, batch, x));
-  if (t.record_impulses) coupling_impulses(t, x);  // before the root's axes turn
-  if (t.floating) turn_root_twist(x.half_turn, x.next.v);
+  if (t.record_impulses) coupling_impulses(t, x);  // before the roots' axes turn
+  turn_root_twists(t, x, x.next.v);
 }
 
 }  // namespace lockstep::kernels

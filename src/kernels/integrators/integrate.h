@@ -27,17 +27,22 @@ void apply_impulses(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase,
                     const T* impulse, T* v) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const int n = t.solver.n;
+  const auto each_of = [](const Span<SupportRun> runs, const auto& act) LOCKSTEP_INLINED {
+    for (int r = 0; r < runs.count; ++r)
+      for (int z = runs[r].first, last = runs[r].last; z < last; ++z) act(z);
+  };
   if (rows.count == 0 || rows.all_known) {  // impulses of known rows move no other velocities
     for (int z = 0; z < n; ++z) v[z] = free[z] * share;
   } else {
-    for (int z = 0; z < n; ++z) v[z] = T(0);
+    each_of(rows.moved, [&](int z) LOCKSTEP_INLINED { v[z] = T(0); });
     for (int g = 0; g < rows.groups.count; ++g) {
       const RowGroup& group = rows.groups[g];
       with_count(group, [&](auto count) LOCKSTEP_INLINED {
         apply_group<count.value>(rows, group, x.rows.response, n, impulse, v);
       });
     }
-    for (int z = 0; z < n; ++z) v[z] = fma(free[z], share, x.dynamics.inverse[z] * v[z]);
+    each_of(rows.moved, [&](int z) LOCKSTEP_INLINED { v[z] = fma(free[z], share, x.dynamics.inverse[z] * v[z]); });
+    each_of(rows.unmoved, [&](int z) LOCKSTEP_INLINED { v[z] = free[z] * share; });
   }
   if (t.bounds.rows.count > 0) add_bounds(t, x, phase, v);
 }
@@ -45,7 +50,7 @@ void apply_impulses(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase,
 /// v <- L^-1 v for one or two vectors. Constraint velocities that are known are set, not solved (M79).
 template <class T>
 void solve_downwards(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* first, T* second) {
-  if (t.articulated.used()) return solve_outwards(t, x, first, second);
+  if (t.articulated.used()) solve_outwards(t, x, first, second);
   const Span<int> known = t.rows.known;
   const auto set_known = [&](int j) LOCKSTEP_INLINED {
     const int r = known.count > 0 ? known[j] : -1;
@@ -53,8 +58,9 @@ void solve_downwards(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* first, T
     first[j] = x.rows.speed[r] - x.dynamics.start[j];
     if (second) second[j] = x.rows.velocity_phase_speed[r] - x.dynamics.start[j];
   };
-  second ? solve_downwards(t.solver, x.dynamics.reduced, first, second, set_known)
-         : solve_downwards(t.solver, x.dynamics.reduced, first, set_known);
+  for (int r = 0; r < t.factored.count; ++r)
+    second ? solve_downwards(t.solver, t.factored[r], x.dynamics.reduced, first, second, set_known)
+           : solve_downwards(t.solver, t.factored[r], x.dynamics.reduced, first, set_known);
 }
 
 /// (M21): changes of the velocities, L^-1 (share y + D^-1 X impulse). Both phases go down the tree together.
@@ -138,7 +144,7 @@ void add_total_change(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     for (int i = 0; i < count; ++i)
       (x.next.*part)[i] = changed_by((x.state.*part)[i], (x.stages.total_change.*part)[i]);
   });
-  if (t.floating) make_unit(x.next.pose + 3, x.next.pose + 3);
+  for (int r = 0; r < t.roots.count; ++r) make_unit(x.next.pose + 7 * r + 3, x.next.pose + 7 * r + 3);
 }
 
 /// The root's pose after it has moved with its twist for the time h: q <- q exp(h w / 2), p <- p + h R v, (M46). Also
@@ -183,13 +189,27 @@ void turn_root_twist(const T* half_turn, T* twist) {
   }
 }
 
+/// Moves all floating roots with their parts of `v`, from `pose` to `next`. Leaves the half turns in x.half_turn.
+template <class T>
+LOCKSTEP_INLINE void move_roots(const Tables<ScalarOf<T>>& t, const Tile<T>& x, ScalarOf<T> time, const T* v,
+                                const T* pose, T* next) {
+  for (int r = 0; r < t.roots.count; ++r)
+    move_root(time, v + t.roots[r].velocity, pose + 7 * r, x.half_turn + 4 * r, next + 7 * r);
+}
+
+/// Turns the twists of all floating roots in `v` to the axes that their roots have now.
+template <class T>
+LOCKSTEP_INLINE void turn_root_twists(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* v) {
+  for (int r = 0; r < t.roots.count; ++r) turn_root_twist(x.half_turn + 4 * r, v + t.roots[r].velocity);
+}
+
 /// Semi-implicit Euler (M45), with followers by (M76).
 template <class T>
 void integrate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   expand(t, x, x.dynamics.solution, true, x.next.v);
   for (int j = 0; j < t.joints; ++j) x.next.q[j] = fma(T(t.dt), x.next.v[t.velocity_of(j)], x.state.q[j]);
   place_followers(t, x);
-  if (t.floating) move_root(t.dt, x.next.v, x.state.pose, x.half_turn, x.next.pose);
+  move_roots(t, x, t.dt, x.next.v, x.state.pose, x.next.pose);
   for (int i = 0; t.record_diagnostics && i < t.velocities; ++i) x.diagnostics.moved_velocity[i] = x.next.v[i];
   if (!x.solves_twice) return;
   expand(t, x, x.dynamics.velocity_solution, false, x.next.v);

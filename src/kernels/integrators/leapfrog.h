@@ -59,15 +59,13 @@ template <class T>
 void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
   using S = ScalarOf<T>;
   using A = Alexander<S>;
-  const int root = t.root_velocities(), n = t.velocities;
+  const int n = t.velocities;
   const S half = t.step * S(0.5);
   for (int j = 0; j < t.joints; ++j)
     x.state.q[j] = x.stages.midpoint.q[j] = fma(T(half), x.stages.begin.v[t.velocity_of(j)], x.stages.begin.q[j]);
   for (int k = 0; k < n; ++k) x.state.v[k] = x.stages.begin.v[k];
-  if (t.floating) {
-    move_root(half, x.stages.begin.v, x.stages.begin.pose, x.half_turn, x.state.pose);
-    turn_root_twist(x.half_turn, x.state.v);
-  }
+  move_roots(t, x, half, x.stages.begin.v, x.stages.begin.pose, x.state.pose);
+  turn_root_twists(t, x, x.state.v);
   for (int k = 0; k < n; ++k) x.stages.midpoint.v[k] = x.state.v[k];
 
   kinematics(t, x);
@@ -94,10 +92,11 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   }
   for (int j = 0; j < t.joints; ++j)
     x.next.q[j] = fma(T(t.step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.begin.q[j]);
-  if (!t.floating) return;
-  for (int k = 0; k < root; ++k) x.state.v[k] = fma(T(S(2)), x.stages.mean_velocity[k], -x.stages.midpoint.v[k]);
-  move_root(half, x.state.v, x.state.pose, x.half_turn, x.next.pose);
-  turn_root_twist(x.half_turn, x.next.v);
+  for (int r = 0; r < t.roots.count; ++r)
+    for (int k = t.roots[r].velocity, last = k + 6; k < last; ++k)
+      x.state.v[k] = fma(T(S(2)), x.stages.mean_velocity[k], -x.stages.midpoint.v[k]);
+  move_roots(t, x, half, x.state.v, x.state.pose, x.next.pose);
+  turn_root_twists(t, x, x.next.v);
 }
 
 template <class T>
@@ -111,15 +110,17 @@ void leapfrog_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
 /// turned in the step, so its change is a difference of twists.
 template <class T>
 void add_change(const Tables<ScalarOf<T>>& t, Tile<T>& x, ScalarOf<T> step, ScalarOf<T> share) {
-  const int root = t.root_velocities();
-  for (int j = 0; j < t.joints; ++j)
-    x.stages.total_change.q[j] =
-        fma(T(share * step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.total_change.q[j]);
-  for (int k = 0; k < t.velocities; ++k)
-    x.stages.total_change.v[k] =
-        fma(T(share), k < root ? x.next.v[k] - x.stages.begin.v[k] : x.stages.gained_velocity[k],
-            x.stages.total_change.v[k]);
-  for (int k = 0; t.floating && k < 7; ++k)
+  const auto add = [&](int k, T gained) LOCKSTEP_INLINED {
+    x.stages.total_change.v[k] = fma(T(share), gained, x.stages.total_change.v[k]);
+  };
+  for (int j = 0; j < t.joints; ++j) {
+    const int k = t.velocity_of(j);
+    x.stages.total_change.q[j] = fma(T(share * step), x.stages.mean_velocity[k], x.stages.total_change.q[j]);
+    add(k, x.stages.gained_velocity[k]);
+  }
+  for (int r = 0; r < t.roots.count; ++r)
+    for (int k = t.roots[r].velocity, last = k + 6; k < last; ++k) add(k, x.next.v[k] - x.stages.begin.v[k]);
+  for (int k = 0; k < 7 * t.roots.count; ++k)
     x.stages.total_change.pose[k] =
         fma(T(share), x.next.pose[k] - x.stages.begin.pose[k], x.stages.total_change.pose[k]);
 }

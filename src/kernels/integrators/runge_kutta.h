@@ -11,24 +11,28 @@
 
 namespace lockstep::kernels {
 
-/// (M74) at the root's pose. The quaternion in x.state.pose is a unit quaternion, the one in x.stages.pose is not.
+/// (M74) at a floating root's pose. Its quaternion in x.state.pose is a unit quaternion, the one in x.stages.pose is
+/// not.
 template <class T>
-void root_rate(Tile<T>& x, T* rate) {
-  const Vec3<T> w = {x.state.v[0], x.state.v[1], x.state.v[2]}, u = {x.state.v[3], x.state.v[4], x.state.v[5]};
-  const Vec3<T> moved = multiply(rotation_of_quaternion(x.state.pose + 3), u);
+void root_rate(const Tables<ScalarOf<T>>& t, Tile<T>& x, int root) {
+  const T* const v = x.state.v + t.roots[root].velocity;
+  T* const rate = x.stages.pose_rate + 7 * root;
+  const Vec3<T> w = {v[0], v[1], v[2]}, u = {v[3], v[4], v[5]};
+  const Vec3<T> moved = multiply(rotation_of_quaternion(x.state.pose + 7 * root + 3), u);
   for (int k = 0; k < 3; ++k) rate[k] = moved[k];
-  const T half = T(ScalarOf<T>(0.5)), *q = x.stages.pose + 3;
+  const T half = T(ScalarOf<T>(0.5)), *q = x.stages.pose + 7 * root + 3;
   rate[3] = -half * fma(q[1], w[0], fma(q[2], w[1], q[3] * w[2]));
   rate[4] = half * fma(q[0], w[0], fnma(q[3], w[1], q[2] * w[2]));
   rate[5] = half * fma(q[0], w[1], fnma(q[1], w[2], q[3] * w[0]));
   rate[6] = half * fma(q[0], w[2], fnma(q[2], w[0], q[1] * w[1]));
 }
 
-/// The pose of a stage: x.stages.begin.pose + time rate, normalised in x.state.pose.
+/// The poses of a stage: x.stages.begin.pose + time rate, normalised in x.state.pose.
 template <class T>
-void move_stage_pose(Tile<T>& x, T time, const T* rate) {
-  for (int k = 0; k < 7; ++k) x.state.pose[k] = x.stages.pose[k] = fma(time, rate[k], x.stages.begin.pose[k]);
-  make_unit(x.stages.pose + 3, x.state.pose + 3);
+void move_stage_poses(const Tables<ScalarOf<T>>& t, Tile<T>& x, T time) {
+  for (int k = 0; k < 7 * t.roots.count; ++k)
+    x.state.pose[k] = x.stages.pose[k] = fma(time, x.stages.pose_rate[k], x.stages.begin.pose[k]);
+  for (int r = 0; r < t.roots.count; ++r) make_unit(x.stages.pose + 7 * r + 3, x.state.pose + 7 * r + 3);
 }
 
 /// (M72): the change that the forces at x.state.q, x.state.v would make in a whole step.
@@ -43,10 +47,13 @@ void slope(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   factorise(t, batch, x);
   solve(t, x);
   expand_changes(t, x, x.dynamics.solution, change);
-  if (!t.floating) return;
-  const Vec3<T> w = {x.state.v[0], x.state.v[1], x.state.v[2]}, u = {x.state.v[3], x.state.v[4], x.state.v[5]};
-  const Vec3<T> turning = cross(w, u);
-  for (int k = 0; k < 3; ++k) change[3 + k] = fnma(T(t.dt), turning[k], change[3 + k]);
+  for (int r = 0; r < t.roots.count; ++r) {
+    const T* const v = x.state.v + t.roots[r].velocity;
+    T* const linear = change + t.roots[r].velocity + 3;
+    const Vec3<T> w = {v[0], v[1], v[2]}, u = {v[3], v[4], v[5]};
+    const Vec3<T> turning = cross(w, u);
+    for (int k = 0; k < 3; ++k) linear[k] = fnma(T(t.dt), turning[k], linear[k]);
+  }
 }
 
 template <class T>
@@ -57,7 +64,7 @@ void runge_kutta_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
   const S h = t.dt;
   copy_state(t, x.state, x.stages.begin);
   clear_state(t, x.stages.total_change);
-  for (int k = 0; t.floating && k < 7; ++k) x.stages.pose[k] = x.state.pose[k];
+  for (int k = 0; k < 7 * t.roots.count; ++k) x.stages.pose[k] = x.state.pose[k];
   if (t.reduction.followers > 0) coupling_errors(t, x);
   x.corrects_positions = x.solves_twice = false;
   auto singular = T::none();
@@ -66,7 +73,7 @@ void runge_kutta_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
       for (int j = 0; j < t.joints; ++j)
         x.state.q[j] = fma(T(h * share[i]), x.state.v[t.velocity_of(j)], x.stages.begin.q[j]);
       for (int k = 0; k < t.velocities; ++k) x.state.v[k] = fma(T(share[i]), x.stages.change[k], x.stages.begin.v[k]);
-      if (t.floating) move_stage_pose(x, T(h * share[i]), x.stages.pose_rate);
+      move_stage_poses(t, x, T(h * share[i]));
     }
     slope(t, batch, x, time[i], x.stages.change);
     singular = singular | x.singular;
@@ -74,9 +81,8 @@ void runge_kutta_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
       x.stages.total_change.q[j] = fma(T(h * weight[i]), x.state.v[t.velocity_of(j)], x.stages.total_change.q[j]);
     for (int k = 0; k < t.velocities; ++k)
       x.stages.total_change.v[k] = fma(T(weight[i]), x.stages.change[k], x.stages.total_change.v[k]);
-    if (!t.floating) continue;
-    root_rate(x, x.stages.pose_rate);
-    for (int k = 0; k < 7; ++k)
+    for (int r = 0; r < t.roots.count; ++r) root_rate(t, x, r);
+    for (int k = 0; k < 7 * t.roots.count; ++k)
       x.stages.total_change.pose[k] = fma(T(h * weight[i]), x.stages.pose_rate[k], x.stages.total_change.pose[k]);
   }
   x.singular = singular;

@@ -32,8 +32,8 @@ LOCKSTEP_INLINE void each_result(const Tables<ScalarOf<T>>& t, Tile<T>& x, Visit
   all(x.dynamics.velocity_solution, twice * solver);
   all(x.next.q, t.joints);
   all(x.next.v, t.velocities);
-  all(x.next.pose, t.floating ? 7 : 0);
-  all(x.half_turn, t.floating ? 4 : 0);
+  all(x.next.pose, 7 * t.roots.count);
+  all(x.half_turn, 4 * t.roots.count);
   all(x.diagnostics.moved_velocity, t.record_diagnostics ? t.velocities : 0);
 }
 

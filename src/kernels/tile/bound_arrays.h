@@ -74,7 +74,7 @@ struct BoundRows {
     take("bounds.delassus", delassus, bounds * bounds);
     const int results =
         (t.solve_twice ? 2 : 1) * (2 * rows + solver) + t.joints + (t.record_diagnostics ? 2 : 1) * t.velocities;
-    take("bounds.unbounded_result", unbounded_result, results + (t.floating ? 7 + 4 : 0));
+    take("bounds.unbounded_result", unbounded_result, results + (7 + 4) * t.roots.count);
     take("bounds.active", active, bounds);
     take("bounds.newly_active", newly_active, bounds);
     take("bounds.active_rows", active_rows, bounds);

@@ -26,6 +26,8 @@ struct Bodies {
   PseudoInertia<T>* composite;
   Vec3<T>* column_force;  // of the mass matrix, as they are passed inwards
   Vec3<T>* column_moment;
+  Vec3<T>* composite_force;  // of composite columns, by place
+  Vec3<T>* composite_moment;
 
   template <class Take>
   void kinematics(const Tables<ScalarOf<T>>& t, Take& take) {
@@ -45,10 +47,12 @@ struct Bodies {
   }
   template <class Take>
   void composites(const Tables<ScalarOf<T>>& t, Take& take) {
-    const int composites = t.makes_matrix() ? t.bodies : 0, places = t.reduction.composite.places;
-    take("bodies.composite", composite, composites, Lifetime::stage);
-    take("bodies.column_force", column_force, places > 0 ? places : composites, Lifetime::stage);
-    take("bodies.column_moment", column_moment, places > 0 ? places : composites, Lifetime::stage);
+    const int places = t.reduction.composite.places, columns = t.makes_matrix ? t.bodies : 0;
+    take("bodies.composite", composite, columns + places > 0 ? t.bodies : 0, Lifetime::stage);
+    take("bodies.column_force", column_force, columns, Lifetime::stage);
+    take("bodies.column_moment", column_moment, columns, Lifetime::stage);
+    take("bodies.composite_force", composite_force, places, Lifetime::stage);
+    take("bodies.composite_moment", composite_moment, places, Lifetime::stage);
   }
 };
 
@@ -56,6 +60,7 @@ struct Bodies {
 template <class T>
 struct ArticulatedBodies {
   simd::ArticulatedInertia<T>* inertia;  // [places]
+  T* root_block;                         // by floating root: its own part of A (packed)
   T* factored_q;         // [joints] positions at which A was factored: Tile::state's unless these change
   Vec3<T>* hinge_force;  // [bodies] U D^-1
   Vec3<T>* hinge_moment;
@@ -73,6 +78,7 @@ struct ArticulatedBodies {
     const bool positions_move = t.integrator != Integrator::euler;
     take("articulated.factored_q", factored_q, positions_move ? t.joints : 0);
     if (!positions_move) factored_q = q;
+    take("articulated.root_block", root_block, t.roots.count * t.articulated.root.entries);
     take("articulated.hinge_force", hinge_force, t.bodies);
     take("articulated.hinge_moment", hinge_moment, t.bodies);
     take("articulated.wrench_force", wrench_force, t.articulated.places, Lifetime::stage);
@@ -87,10 +93,10 @@ struct ArticulatedBodies {
 template <class T>
 struct Dynamics {
   T* joint_inertia;         // [joints] the diagonal A - M (M14); later that of A, if a limited servo needs it
-  T* matrix;                // A (packed), unless A_r is made without it or bodies are articulated
+  T* matrix;                // A (packed), unless A_r is made without it or all bodies are articulated
   T* rhs;                   // [velocities] dt times all forces, and what removes followers' velocity errors by force
   T* bias;                  // [velocities] c; in the array of rhs unless it is used more than once
-  T* reduced;               // A_r (packed), with composite columns S^T A w behind it; or a floating root's own part
+  T* reduced;               // A_r (packed), with composite columns S^T A w behind it
   T* inverse;               // [solver] 1 / D
   T* half_solved_position;  // [solver] D^-1 L^-T rhs of the position phase
   T* half_solved_velocity;  // the same of the velocity phase, in the same array unless they differ
@@ -105,9 +111,8 @@ struct Dynamics {
   template <class Take>
   void matrices(const Tables<ScalarOf<T>>& t, Take& take) {
     const bool composite = t.reduction.composite.places > 0, stages = t.integrator != Integrator::euler;
-    const int entries = t.makes_matrix() ? t.matrix.entries : t.articulated.root.entries;
     take("dynamics.joint_inertia", joint_inertia, t.joints);
-    take("dynamics.matrix", matrix, composite ? 0 : entries);
+    take("dynamics.matrix", matrix, t.makes_matrix ? t.matrix.entries : 0);
     take("dynamics.rhs", rhs, t.velocities);
     take("dynamics.bias", bias, stages ? t.velocities : 0);
     if (!stages) bias = rhs;

@@ -11,7 +11,7 @@ template <class T, class Take>
 inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   x.state.arrays(t, "state.q", "state.v", "state.pose", take, Lifetime::state);
   x.next.arrays(t, "next.q", "next.v", "next.pose", take);
-  take("half_turn", x.half_turn, t.floating ? 4 : 0);
+  take("half_turn", x.half_turn, 4 * t.roots.count);
   if (t.integrator != Integrator::euler) x.stages.arrays(t, take);
   x.bodies.kinematics(t, take);
   // The arrays of the bias forces are free when the mass matrix begins. Both share memory, to stay in the cache.
@@ -37,11 +37,11 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   if (t.record_diagnostics) x.diagnostics.arrays(t, take);
 }
 
-/// Tells the step whether all followers are consistent (M76). If they are, and there are no rows to solve, both phases
-/// have the same solution.
+/// Tells the step whether all placed followers are consistent (M76). If they are, and there are neither other followers
+/// nor rows to solve, both phases have the same solution.
 template <class T>
 LOCKSTEP_INLINE void set_consistent(const Tables<ScalarOf<T>>& t, Tile<T>& x, bool consistent) {
-  const bool one_motion = consistent && t.rows.count == 0 && t.bounds.rows.count == 0;
+  const bool one_motion = consistent && t.reduction.all_placed && t.rows.count == 0 && t.bounds.rows.count == 0;
   x.consistent = consistent;
   x.solves_twice = t.solve_twice && !one_motion;
 }

@@ -18,24 +18,24 @@ constexpr int leapfrog_stages = 3;
 template <class T>
 struct State {
   T* q;     // [joints]
-  T* v;     // [velocities] a floating root's twist, then the joints
-  T* pose;  // [7] of a floating root
+  T* v;     // [velocities] tree by tree: a floating root's twist, then the joints
+  T* pose;  // [7] by floating root
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, const char* q_name, const char* v_name, const char* pose_name, Take& take,
               Lifetime lifetime = Lifetime::step, bool used = true) {
     take(q_name, q, used ? t.joints : 0, lifetime);
     take(v_name, v, used ? t.velocities : 0, lifetime);
-    take(pose_name, pose, used && t.floating ? 7 : 0, lifetime);
+    take(pose_name, pose, used ? 7 * t.roots.count : 0, lifetime);
   }
 };
 
-/// act(part, count) for the parts of a State: q, v, and the pose of a floating root.
+/// act(part, count) for the parts of a State: q, v, and the poses of floating roots.
 template <class T, class Act>
 LOCKSTEP_INLINE void each_part(const Tables<ScalarOf<T>>& t, Act&& act) {
   act(&State<T>::q, t.joints);
   act(&State<T>::v, t.velocities);
-  if (t.floating) act(&State<T>::pose, 7);
+  act(&State<T>::pose, 7 * t.roots.count);
 }
 
 /// Copies `from` to `to`.
@@ -58,20 +58,20 @@ LOCKSTEP_INLINE void clear_state(const Tables<ScalarOf<T>>& t, const State<T>& s
 template <class T>
 struct Stages {
   State<T> begin;         // of the step; Tile::state is that of the stage
-  State<T> midpoint;      // without a pose; v is that of the beginning, a root's part along the midpoint's axes
+  State<T> midpoint;      // without poses; v is that of the beginning, roots' parts along the midpoint's axes
   State<T> first;         // where the first of several steps began
   State<T> total_change;  // of the step
   T* velocity;            // [stages][velocities]
   T* change;              // [stages][velocities]
   T* mean_velocity;       // [velocities] that moves the positions
   T* gained_velocity;     // [velocities] what a leapfrog adds to the velocities, along the midpoint's axes
-  T* pose;                // [7] of a stage, its quaternion not normalised
-  T* pose_rate;           // [7]
+  T* pose;                // [7] by floating root, of a stage: its quaternion is not normalised
+  T* pose_rate;           // [7] by floating root
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
     const bool classical = t.integrator == Integrator::runge_kutta, twice = t.integrator == Integrator::extrapolated;
-    const int velocities = classical ? 0 : t.velocities, root_pose = classical && t.floating ? 7 : 0;
+    const int velocities = classical ? 0 : t.velocities, root_pose = classical ? 7 * t.roots.count : 0;
     begin.arrays(t, "stages.begin.q", "stages.begin.v", "stages.begin.pose", take);
     take("stages.midpoint.q", midpoint.q, classical ? 0 : t.joints);
     take("stages.midpoint.v", midpoint.v, velocities);

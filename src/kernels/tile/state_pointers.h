@@ -14,8 +14,8 @@ struct StatePointers {
   std::ptrdiff_t stride = 0;
   S* position = nullptr;
   S* velocity = nullptr;
-  S* root_pose = nullptr;      ///< 7 rows, null if fixed
-  S* root_velocity = nullptr;  ///< 6 rows, null if fixed
+  S* root_pose = nullptr;      ///< 7 rows for each floating root, null if there is none
+  S* root_velocity = nullptr;  ///< 6 rows for each, the same
   const S* position_target = nullptr;
   const S* velocity_target = nullptr;
   const S* effort = nullptr;

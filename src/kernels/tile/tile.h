@@ -21,7 +21,7 @@ template <class T>
 struct Tile {
   State<T> state;  // where the step starts, or where the stage of an integrator is
   State<T> next;   // where the step ends, before check()
-  T* half_turn;    // [4] quaternion of half the root's turn over the step
+  T* half_turn;    // [4] by floating root: quaternion of half its turn over the step
   Stages<T> stages;
   Bodies<T> bodies;
   ArticulatedBodies<T> articulated;
@@ -36,7 +36,7 @@ struct Tile {
 
   typename T::Mask frozen;    // lanes that failed and take no more steps
   typename T::Mask singular;  // lanes whose matrix could not be factored
-  bool consistent;            // all followers of all lanes are consistent, and stay so (M76)
+  bool consistent;            // all placed followers of all lanes are consistent, and stay so (M76)
   bool corrects_positions;    // the position phase corrects the couplings' errors
   bool solves_twice;          // the velocity phase has a solution of its own
 };

@@ -8,8 +8,9 @@ namespace lockstep::kernels {
 /// Read from the tables. Generated code knows it when compiled, so its loops over joints and pairs are unrolled.
 struct TileShape {
   int joints;
-  const int* dof;  ///< [joints]
-  bool floating;
+  const int *dof, *velocity;  ///< [joints]
+  int roots;
+  const FloatingRoot* root;  ///< [roots]
   std::uint32_t per_environment;
   bool record_impulses, record_diagnostics;
   bool consistent_is_shorter;  ///< load() tests whether all followers are consistent
@@ -22,7 +23,9 @@ LOCKSTEP_INLINE TileShape tile_shape(const Tables<S>& t) {
   const Reduction<S>& r = t.reduction;
   return {t.joints,
           t.dof.data,
-          t.floating,
+          t.joint_velocity.data,
+          t.roots.count,
+          t.roots.data,
           t.per_environment,
           t.record_impulses,
           t.record_diagnostics,
@@ -36,7 +39,7 @@ template <class S>
 LOCKSTEP_INLINE void move(StatePointers<S>& batch, std::ptrdiff_t by, const TileShape& shape) {
   batch.position += by;
   batch.velocity += by;
-  if (shape.floating) batch.root_pose += by, batch.root_velocity += by;
+  if (shape.roots > 0) batch.root_pose += by, batch.root_velocity += by;
   batch.position_target += by;
   batch.velocity_target += by;
   batch.effort += by;

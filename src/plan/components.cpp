@@ -1,0 +1,42 @@
+// Components: trees that couplings join. Each chooses how its inertia is made. SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <numeric>
+
+#include "layout.h"
+
+namespace lockstep {
+
+std::vector<int> components(const Tables<double>& t) {
+  std::vector<int> component(t.tree.count);
+  std::iota(component.begin(), component.end(), 0);
+  const auto tree_of_term = [&](int term) { return t.body[t.joint_body[t.term_joint[term]]].tree; };
+  for (int c = 0; c < t.couplings; ++c)
+    for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k) {
+      const int one = component[tree_of_term(t.term_start[c])], other = component[tree_of_term(k)];
+      if (one != other) std::replace(component.begin(), component.end(), std::max(one, other), std::min(one, other));
+    }
+  return component;
+}
+
+void set_inertia(Program& program, const std::vector<bool>& trees, InertiaKind inertia) {
+  Tables<double>& t = program.f64;
+  std::vector<TreePlace<double>> places(t.tree.data, t.tree.data + t.tree.count);
+  for (std::size_t i = 0; i < places.size(); ++i)
+    if (trees[i]) places[i].inertia = inertia;
+  t.tree = program.storage.keep(std::move(places));
+}
+
+std::vector<bool> trees_with(const Tables<double>& t, InertiaKind inertia) {
+  std::vector<bool> trees(t.tree.count);
+  for (int i = 0; i < t.tree.count; ++i) trees[i] = t.tree[i].inertia == inertia;
+  return trees;
+}
+
+std::vector<int> trees_of_velocities(const Tables<double>& t) {
+  std::vector<int> tree(t.velocities);
+  for (int b = 0; b < t.bodies; ++b)
+    std::fill_n(tree.begin() + t.body[b].velocity, t.body[b].root ? 6 : 1, t.body[b].tree);
+  return tree;
+}
+
+}  // namespace lockstep
