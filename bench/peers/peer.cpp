@@ -15,7 +15,7 @@ void require_plain(const Model& model) {
   }
   for (const Joint& joint : model.joints) {
     require(joint.kind == JointKind::revolute, "joints that are not revolute");
-    require(joint.armature == 0.0 && joint.effort == 0.0, "armatures or efforts");
+    require(joint.armature == 0.0 && joint.effort == 0.0 && joint.stiffness == 0.0, "armatures, efforts or springs");
     require(!joint.drive.kinematic && joint.drive.velocity_target == 0.0, "drives that are not plain servos");
     require(joint.lower == -infinity && joint.upper == infinity && joint.friction == 0.0, "bounds");
   }

@@ -224,8 +224,9 @@ class LOCKSTEP_API Batch {
   /// [Plan::row_names()][environments] 0: the row is inactive; 1: it holds; 2, -2: it pushes with its largest force,
   /// upwards or downwards. For limits 1 is the lower, -1 the upper end.
   Array row_states() const;
-  /// [4][environments] of the last call of step(), J, (M65): work of servos, drives, efforts and bounces; dissipated by
-  /// damping and dry friction; work of the corrections of position; change of kinetic and potential energy.
+  /// [4][environments] of the last call of step(), J, (M65): work of servos, drives, springs, efforts and bounces;
+  /// dissipated by damping and dry friction; work of the corrections of position; change of kinetic and potential
+  /// energy.
   Array energy_balances() const;
   /// Names of the rows that could not be met in the last step because others contradict them: those whose residual is
   /// beyond rounding. Empty if all were met. Throws UsageError for an environment outside the batch.

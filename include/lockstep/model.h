@@ -70,6 +70,10 @@ struct Joint {
 
   double damping = 0.0;   ///< N m s/rad or N s/m, >= 0
   double armature = 0.0;  ///< rotor inertia seen at the joint, kg m^2 or kg, >= 0
+  /// A spring beside the drive, N m/rad or N/m, >= 0. It is passive, so no effort limit bounds it, and implicit, so
+  /// none is too stiff for a step.
+  double stiffness = 0.0;
+  double rest = 0.0;  ///< where the spring has no force, rad or m
   Drive drive;
   double effort = 0.0;  ///< feed-forward effort, N m or N
 

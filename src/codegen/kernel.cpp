@@ -10,6 +10,7 @@
 #include "lockstep/error.h"
 #include "lockstep/generate.h"
 #include "lockstep/version.h"
+#include "trace/cost.h"
 #include "trace/trace.h"
 
 namespace lockstep {
@@ -119,6 +120,10 @@ std::string shape_of(const Tables<double>& t) {
 }
 
 Steps steps_of(const Program& program) {
+  if (const long flops = trace::cost_of(program).flops; flops > trace::most_traced_flops)
+    throw SettingsError("kernel",
+                        fmt::format("would have a step of {} flops, more than {}", flops, trace::most_traced_flops),
+                        "use the tables, or fewer iterations");
   const trace::TracedStep step = trace::trace_step(program);
   Steps steps{shape_of(program.f64), emit_cpp(step.any), {}};
   if (step.consistent) steps.consistent = emit_cpp(*step.consistent);

@@ -9,6 +9,7 @@
 
 #include "draft.h"
 #include "lockstep/error.h"
+#include "trace/cost.h"
 #include "trace/liveness.h"
 #include "trace/trace.h"
 
@@ -310,6 +311,7 @@ bool has_numbers_per_environment(const Program& program) {
 const OperationList* interpreted_step(const Program& program) {
   const InterpretedStep& step = program.interpreted.get([&] {
     const auto result = std::make_shared<InterpretedStep>();
+    if (trace::cost_of(program).flops > trace::most_traced_flops) return std::shared_ptr<const InterpretedStep>(result);
     try {
       const auto list = [&](const Graph& graph) {
         Lowering lowering(graph);

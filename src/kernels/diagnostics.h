@@ -108,8 +108,8 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   }
 }
 
-/// (M65) without the change of energy. `work` gets that of drives, soft rows and bounces; `dissipated` gets what
-/// damping and friction take.
+/// (M65) without the change of energy. `work` gets that of drives, springs, soft rows and bounces; `dissipated` gets
+/// what damping and friction take.
 template <class T>
 void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x, T& work,
               T& dissipated) {
@@ -127,6 +127,11 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     for (int i = 0; i < t.limited_servos.count; ++i) has_servo |= t.limited_servos[i] == j;
     if (has_servo) effort += force(j);
     work = fma(clamp(effort, -most, most), displacement, work);
+  }
+  for (int i = 0; i < t.springs.count; ++i) {
+    const int j = t.springs[i];
+    const T displacement = h * x.next.v[t.velocity_of(j)], stretched = x.state.q[j] + displacement - T(t.rest[j]);
+    work = fnma(T(t.stiffness[j]) * stretched, displacement, work);
   }
   const auto moved = [&](int c) {
     T speed = zero;

@@ -52,7 +52,7 @@ double largest_rate(const Program& program) {
   Eigen::VectorXd damping = Eigen::VectorXd::Zero(t.velocities), stiffness = damping;
   for (int j = 0; j < t.joints; ++j) {
     damping[t.velocity_of(j)] = t.damping[j] + t.kd[j];
-    stiffness[t.velocity_of(j)] = t.kp[j];
+    stiffness[t.velocity_of(j)] = t.kp[j] + t.stiffness[j];
   }
   const MatrixXd s = all_shares(t);
   const Eigen::LDLT<MatrixXd> a(matrix_at_start(program, program.f32.armature));

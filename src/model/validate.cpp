@@ -204,6 +204,8 @@ void proper_joint(const Joint& joint) {
   require(joint.axis.norm() > 1e-9, element, "axis has no length", "give a direction such as 0 0 1");
   not_negative(joint.damping, element, "damping");
   not_negative(joint.armature, element, "armature");
+  not_negative(joint.stiffness, element, "stiffness");
+  finite(joint.rest, element, "rest position");
   proper_drive(joint.drive, element);
   finite(joint.effort, element, "effort");
   finite(joint.position, element, "position");

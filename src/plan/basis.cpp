@@ -1,5 +1,6 @@
 // S of v = S z: all velocities in terms of the solver's, (M39), (M77). SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <unordered_map>
 
 #include "layout.h"
 
@@ -47,6 +48,8 @@ void lay_out_products(Program& program, const std::vector<std::vector<Share>>& s
     int left, right;
   };
   std::vector<std::vector<Product>> products(t.solver.entries);
+  std::unordered_map<long, std::size_t> known;  // by entry of A_r and entry of A: the place of their product
+  const bool merges = !declared(program, Parameter::gear_ratio);
   for (int i = 0; i < t.velocities; ++i)
     for (int j = 0; j < t.velocities; ++j) {
       const int source = entry_of(t.matrix, i, j);
@@ -54,10 +57,11 @@ void lay_out_products(Program& program, const std::vector<std::vector<Share>>& s
       for (const Share& a : shares[i])
         for (const Share& b : shares[j]) {
           if (a.column < b.column) continue;
-          std::vector<Product>& sum = products[entry_of(t.solver, a.column, b.column)];
-          const auto same = std::find_if(sum.begin(), sum.end(), [&](const Product& p) { return p.source == source; });
-          if (same != sum.end() && !declared(program, Parameter::gear_ratio))
-            same->value += a.value * b.value;
+          const int entry = entry_of(t.solver, a.column, b.column);
+          std::vector<Product>& sum = products[entry];
+          const auto [place, is_new] = known.emplace(static_cast<long>(entry) * t.matrix.entries + source, sum.size());
+          if (!is_new && merges)
+            sum[place->second].value += a.value * b.value;
           else
             sum.push_back({source, a.value * b.value, a.index, b.index});
         }

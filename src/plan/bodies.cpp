@@ -261,8 +261,9 @@ void lay_out_joint_terms(Program& program) {
   Tables<double>& t = program.f64;
   const double h = t.ahead;
   std::vector<double> armature(t.joints), damping(t.joints), kp(t.joints), kd(t.joints), implicit(t.joints);
+  std::vector<double> stiffness(t.joints), rest(t.joints);
   std::vector<double> effort_limit(t.joints, unlimited);
-  std::vector<int> unlimited_servos, limited, clamped;
+  std::vector<int> unlimited_servos, limited, clamped, springs;
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const int i = program.solver_joint[j];
     if (i < 0) continue;
@@ -271,7 +272,10 @@ void lay_out_joint_terms(Program& program) {
     damping[i] = joint.damping;
     kp[i] = joint.drive.kp;
     kd[i] = joint.drive.kd;
-    implicit[i] = joint.armature + h * joint.damping;
+    stiffness[i] = joint.stiffness;
+    rest[i] = joint.rest;
+    if (joint.stiffness > 0.0) springs.push_back(i);
+    implicit[i] = joint.armature + h * joint.damping + h * h * joint.stiffness;
     const bool has_effort_limit = joint.effort_limit < infinity && !joint.drive.kinematic &&
                                   !leaves_out(program, program.settings.ignore.effort_limits, joint);
     const bool servo =
@@ -284,11 +288,15 @@ void lay_out_joint_terms(Program& program) {
     else if (has_effort_limit)
       clamped.push_back(i);
   }
-  for (std::vector<int>* list : {&unlimited_servos, &limited, &clamped}) std::sort(list->begin(), list->end());
+  for (std::vector<int>* list : {&unlimited_servos, &limited, &clamped, &springs})
+    std::sort(list->begin(), list->end());
   t.armature = program.storage.keep(std::move(armature));
   t.damping = program.storage.keep(std::move(damping));
   t.kp = program.storage.keep(std::move(kp));
   t.kd = program.storage.keep(std::move(kd));
+  t.stiffness = program.storage.keep(std::move(stiffness));
+  t.rest = program.storage.keep(std::move(rest));
+  t.springs = program.storage.keep(std::move(springs));
   t.implicit = program.storage.keep(std::move(implicit));
   t.servos = program.storage.keep(std::move(unlimited_servos));
   t.limited_servos = program.storage.keep(std::move(limited));

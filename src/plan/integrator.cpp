@@ -54,9 +54,10 @@ std::optional<Obstacle> obstacle_of(const Program& program) {
   const double rate = program.explicit_rate, reach = rate * s.dt;
   if (!(reach <= explicit_bound))
     return Obstacle{
-        fmt::format("drives and damping cause rates of up to {:.3g} 1/s at the model's start; times dt = {:.4g} s "
-                    "that is {:.3g}, above {}",
-                    rate, s.dt, reach, explicit_bound),
+        fmt::format(
+            "drives, springs and damping cause rates of up to {:.3g} 1/s at the model's start; times dt = {:.4g} s "
+            "that is {:.3g}, above {}",
+            rate, s.dt, reach, explicit_bound),
         fmt::format("use leapfrog or extrapolated, or a dt of at most {:.3g} s", explicit_bound / rate)};
   return std::nullopt;
 }

@@ -492,6 +492,7 @@ struct TableStructure {
   Span<SupportRun> undamped_velocities;         ///< velocities of trees with undamped rows
   Span<int> servos;                             ///< joints that have a servo without an effort limit
   Span<int> limited_servos;                     ///< joints that have a servo with an effort limit
+  Span<int> springs;                            ///< joints that have a spring
   Span<int> limited_efforts;                    ///< joints without a servo whose effort is limited
   Span<int> term_start, term_joint, term_gear;  ///< couplings in joint space; gear: row of the gear_ratio field, -1 for
                                                 ///< the leading 1
@@ -525,7 +526,8 @@ struct Tables : TableStructure {
   Span<LinkPlace<S>> link;
   Span<S> link_mass;
   Span<S> armature, damping, kp, kd;  ///< by joint
-  Span<S> implicit;                   ///< armature + dt (damping + kd) + dt^2 kp, by joint
+  Span<S> stiffness, rest;            ///< of springs, by joint
+  Span<S> implicit;                   ///< armature + dt (damping + kd) + dt^2 (kp + stiffness), by joint
   Span<S> effort_limit;               ///< by joint
   Span<S> term_value, offset;         ///< of couplings in joint space
   Rows<S> rows;
@@ -547,6 +549,7 @@ struct Tables : TableStructure {
     visit(from.free_share, to.free_share), visit(from.body, to.body), visit(from.link, to.link);
     visit(from.link_mass, to.link_mass), visit(from.armature, to.armature), visit(from.damping, to.damping);
     visit(from.kp, to.kp), visit(from.kd, to.kd), visit(from.implicit, to.implicit);
+    visit(from.stiffness, to.stiffness), visit(from.rest, to.rest);
     visit(from.effort_limit, to.effort_limit), visit(from.term_value, to.term_value), visit(from.offset, to.offset);
     visit(from.rows, to.rows), visit(from.bounds, to.bounds), visit(from.reduction, to.reduction);
     visit(from.hard_rate, to.hard_rate), visit(from.undamped, to.undamped);

@@ -74,7 +74,8 @@ State leapfrog(const Task& task, const State& start, double from, double length)
   };
   const VectorXd springs = stage_h * (system.kd + stage_h * system.kp);
   MatrixXd implicit = system.mass + system.all.transpose() * springs.asDiagonal() * system.all;
-  implicit.diagonal() += stage_h * (mechanism.damping() + mechanism.kd()) + stage_h * stage_h * mechanism.kp();
+  implicit.diagonal() +=
+      stage_h * (mechanism.damping() + mechanism.kd()) + stage_h * stage_h * (mechanism.kp() + mechanism.stiffness());
   // Delta_i, after which J V = rate.
   const auto stage = [&](int i, const VectorXd& c, const State& at, const VectorXd& rate) {
     State ahead = at;

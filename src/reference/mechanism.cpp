@@ -129,11 +129,14 @@ Mechanism::Mechanism(const Model& model) : model_((model.validate(), model)), tr
       dof_of_joint_[j] = dofs();
       joint_of_dof_.push_back(static_cast<int>(j));
     }
-  for (VectorXd* constants : {&armature_, &damping_, &kp_, &kd_}) *constants = VectorXd::Zero(velocities());
+  for (VectorXd* constants : {&armature_, &damping_, &kp_, &kd_, &stiffness_, &rest_})
+    *constants = VectorXd::Zero(velocities());
   for (int i = 0; i < dofs(); ++i) {
     const int row = root_velocities() + i;
     armature_[row] = joint(i).armature;
     damping_[row] = joint(i).damping;
+    stiffness_[row] = joint(i).stiffness;
+    rest_[row] = joint(i).rest;
     kp_[row] = joint(i).drive.kp;
     kd_[row] = joint(i).drive.kd;
   }
@@ -252,7 +255,8 @@ VectorXd Mechanism::joint_forces(const State& state, const Inputs& inputs) const
   const VectorXd v = state.v.tail(dofs());
   forces.tail(dofs()) = inputs.efforts - damping_.tail(dofs()).cwiseProduct(v) -
                         kp_.tail(dofs()).cwiseProduct(state.q - inputs.position_targets) -
-                        kd_.tail(dofs()).cwiseProduct(v - inputs.velocity_targets);
+                        kd_.tail(dofs()).cwiseProduct(v - inputs.velocity_targets) -
+                        stiffness_.tail(dofs()).cwiseProduct(state.q - rest_.tail(dofs()));
   return forces;
 }
 

@@ -57,6 +57,7 @@ class Mechanism {
   const Eigen::VectorXd& damping() const { return damping_; }
   const Eigen::VectorXd& kp() const { return kp_; }
   const Eigen::VectorXd& kd() const { return kd_; }
+  const Eigen::VectorXd& stiffness() const { return stiffness_; }  ///< of springs
 
   State initial_state() const;    ///< the model's state
   Inputs initial_inputs() const;  ///< the model's targets and efforts, no wrenches
@@ -76,7 +77,7 @@ class Mechanism {
   /// axes, so for a single body I dw/dt + w x I w = 0.
   Eigen::VectorXd bias(const State& state) const;
   Eigen::VectorXd wrench_forces(const State& state, const Eigen::MatrixXd& wrenches) const;
-  /// Efforts, drives and the joints' damping.
+  /// Efforts, drives, springs and the joints' damping.
   Eigen::VectorXd joint_forces(const State& state, const Inputs& inputs) const;
 
   double kinetic_energy(const State& state) const;    ///< with the armatures' share
@@ -99,7 +100,7 @@ class Mechanism {
   int root_velocities_ = 0;
   std::vector<int> root_velocity_;
   std::vector<int> joint_of_dof_, dof_of_joint_;
-  Eigen::VectorXd armature_, damping_, kp_, kd_;
+  Eigen::VectorXd armature_, damping_, kp_, kd_, stiffness_, rest_;
 };
 
 }  // namespace lockstep::reference

@@ -17,10 +17,10 @@ Stage::Stage(const Mechanism& mechanism, double step, const State& start, const 
   bias += mechanism.inertial_axes_bias(mass, state.v);
 
   // Damping and drives are linear and implicit, at the end of the step:
-  // A (v* - v) = h (tau - c - d v - kp (q + h v - q_t) - kd (v - v_t)).
+  // A (v* - v) = h (tau - c - d v - kp (q + h v - q_t) - kd (v - v_t) - k (q + h v - rest)).
   const VectorXd &a = mechanism.armature(), &d = mechanism.damping(), &kp = mechanism.kp(), &kd = mechanism.kd();
   implicit = mass;
-  implicit.diagonal() += a + h * (d + kd) + h * h * kp;
+  implicit.diagonal() += a + h * (d + kd) + h * h * (kp + mechanism.stiffness());
   inverse = implicit.llt().solve(MatrixXd::Identity(nv, nv));
   State ahead = state;
   ahead.q += h * state.v.tail(dofs);

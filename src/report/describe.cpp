@@ -194,6 +194,7 @@ std::string stage_lines(const Program& program) {
   for (int j = 0; j < t.joints; ++j) damped |= t.damping[j] != 0.0, rotors |= t.armature[j] != 0.0;
   if (!damped && !declared(program, Parameter::damping)) absent.push_back("damping");
   if (!rotors) absent.push_back("armature");
+  if (t.springs.count == 0) absent.push_back("springs");
   for (int p = 0; p < parameter_count; ++p)
     if (!declared(program, static_cast<Parameter>(p)))
       absent.push_back(fmt::format("{} per environment", to_string(static_cast<Parameter>(p))));

@@ -53,6 +53,7 @@ std::string line_of(const Joint& joint, const Plan& plan, const Range& held, con
   if (joint.velocity_limit < infinity) line += fmt::format(", {:.6g} {}/s", joint.velocity_limit, unit);
   if (joint.effort_limit < infinity) line += fmt::format(", {:.6g} {}", joint.effort_limit, slides ? "N" : "N m");
   if (joint.damping > 0.0) line += fmt::format(", damping {:.6g}", joint.damping);
+  if (joint.stiffness > 0.0) line += fmt::format(", spring {:.6g} at rest at {:.6g}", joint.stiffness, joint.rest);
   if (joint.armature > 0.0) line += fmt::format(", armature {:.6g}", joint.armature);
   if (joint.friction > 0.0) line += fmt::format(", friction {:.6g}", joint.friction);
   if (joint.drive.kinematic) line += ", kinematic drive";

@@ -14,4 +14,7 @@ struct Cost {
 
 Cost cost_of(const Program& program);
 
+/// Steps of more flops have no straight-line code: to trace them takes minutes.
+constexpr long most_traced_flops = 400000;
+
 }  // namespace lockstep::trace

@@ -155,7 +155,7 @@ TEST(IntegratorSettings, are_refused_with_reason_and_remedy_where_they_do_not_ap
               "");
   }
   expect_contains(refusal(scenes::gripper13(), Integrator::runge_kutta, [](Model&, StepSettings&) {}),
-                  "drives and damping", "dt of at most");
+                  "drives, springs and damping", "dt of at most");
   expect_contains(refusal(scenes::chain8(), Integrator::runge_kutta,
                           [](Model& m, StepSettings&) {
                             m.couplings[0].softness = Spring{10.0, 0.1};

@@ -87,6 +87,8 @@ void fill_joint(Joint& joint, Random& random, const RandomOptions& options) {
     joint.drive = {random.uniform(0.0, 50.0), random.uniform(0.0, 5.0), random.uniform(-1.0, 1.0),
                    random.uniform(-1.0, 1.0)};
   if (options.efforts && random.chance(0.3)) joint.effort = random.uniform(-1.0, 1.0);
+  if (options.springs && random.chance(0.3))
+    joint.stiffness = random.uniform(0.0, 100.0), joint.rest = random.uniform(-1.0, 1.0);
   joint.position = random.uniform(-1.0, 1.0) * (joint.kind == JointKind::prismatic ? 0.2 : 1.0);
   joint.velocity = random.uniform(-1.0, 1.0);
 }

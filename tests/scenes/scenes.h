@@ -53,6 +53,7 @@ struct RandomOptions {
   bool fixed_links = true;  ///< fixed joints anywhere in the tree, some of their links without mass
   bool shuffled = true;     ///< links and joints may be listed in any order
   bool armature = true, damping = true, drives = true, efforts = true;
+  bool springs = false;
   bool couplings = true;                    ///< of 2 to 5 joints, if there are 2 dofs; their rank is below the dofs
   double min_ratio = 0.3, max_ratio = 3.0;  ///< of couplings, either sign
   Soft soft = Soft::sometimes;
@@ -61,10 +62,10 @@ struct RandomOptions {
                                ///< all in position and the hard ones in velocity
 };
 
-/// One to five trees, with couplings between them.
+/// One to five trees, with couplings between them, and springs.
 inline RandomOptions forests() {
   RandomOptions options;
-  options.max_trees = 5, options.max_dofs = 10;
+  options.max_trees = 5, options.max_dofs = 10, options.springs = true;
   return options;
 }
 

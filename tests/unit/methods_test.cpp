@@ -261,5 +261,58 @@ TEST(Impulses, have_symmetric_responses_that_cross_a_floating_root_only) {
   }
 }
 
+// A weight on a spring, in a guide along z.
+Model weight_on_spring() {
+  Model model = physics::sliders({2.0});
+  model.gravity = {0.0, 0.0, -9.81};
+  model.joints[0].axis = Eigen::Vector3d::UnitZ();
+  model.joints[0].stiffness = 200.0;
+  model.joints[0].rest = 0.3;
+  return model;
+}
+
+// k (q - rest) = effort - m g. The servo pushes with its limit, the spring with more than that.
+TEST(Springs, are_outside_of_the_effort_limit) {
+  Model model = weight_on_spring();
+  model.joints[0].damping = 20.0;
+  model.joints[0].effort_limit = 0.5;
+  model.joints[0].drive = {.kp = 1e4, .kd = 1.0, .position_target = 10.0};
+  for (const Method method : physics::methods) {
+    Batch<double> batch(compile(model, settings(method)), 1, {.threads = 1});
+    batch.step(4800);
+    EXPECT_NEAR(batch.positions()(0, 0), 0.3 + (0.5 - 2.0 * 9.81) / 200.0, 1e-9);
+  }
+}
+
+// q = sag + (rest - sag) cos(w t) from rest.
+TEST(Springs, swing_with_their_frequency) {
+  Model model = weight_on_spring();
+  const double sag = 0.3 - 2.0 * 9.81 / 200.0, w = std::sqrt(200.0 / 2.0);
+  model.joints[0].position = 0.3;
+  double before = 0.0;
+  for (const int steps : {240, 480}) {
+    StepSettings leapfrog = settings(Method::direct, 4, 1, 1.0 / steps);
+    leapfrog.integrator = Integrator::leapfrog;
+    Batch<double> batch(compile(model, leapfrog), 1, {.threads = 1});
+    batch.step(steps);
+    const double error = std::abs(batch.positions()(0, 0) - (sag + (0.3 - sag) * std::cos(w)));
+    EXPECT_LT(error, 1e-5);
+    if (before > 0.0) {
+      EXPECT_GT(before / error, 3.5);  // second order or better
+    }
+    before = error;
+  }
+}
+
+// However stiff, one step of Euler ends near the rest position.
+TEST(Springs, may_be_stiff) {
+  Model model = weight_on_spring();
+  model.joints[0].stiffness = 1e12;
+  Batch<double> batch(compile(model, settings(Method::direct)), 1, {.threads = 1});
+  batch.step(10);
+  EXPECT_EQ(batch.faulted(), 0);
+  EXPECT_NEAR(batch.positions()(0, 0), 0.3, 1e-9);
+}
+
 }  // namespace
 }  // namespace lockstep

@@ -19,7 +19,7 @@ LOCKSTEP_INLINE Gains<T> gains(const Tables<ScalarOf<T>>& t, const StatePointers
   return {T::load(own), T::load(own + batch.stride)};
 }
 
-/// a + h (d + kd) + h^2 kp of each joint. Servos with an effort limit are added later (limited_servos.h).
+/// a + h (d + kd) + h^2 (kp + k) of each joint. Servos with an effort limit are added later (limited_servos.h).
 template <class T>
 void joint_inertias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   if (!t.declares(Parameter::drive_gains) && !t.declares(Parameter::damping)) {
@@ -34,6 +34,10 @@ void joint_inertias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
     const int j = t.servos[i];
     const Gains<T> own = gains<T>(t, batch, j);
     x.dynamics.joint_inertia[j] += fma(ahead, own.kd, ahead_squared * own.kp);
+  }
+  for (int i = 0; i < t.springs.count; ++i) {
+    const int j = t.springs[i];
+    x.dynamics.joint_inertia[j] = fma(ahead_squared, T(t.stiffness[j]), x.dynamics.joint_inertia[j]);
   }
 }
 

@@ -1,8 +1,8 @@
-// Damping, drives, armatures and efforts: their forces, and what they add to the matrix.
+// Damping, springs, drives, armatures and efforts: their forces, and what they add to the matrix.
 // SPDX-License-Identifier: Apache-2.0
 //
 // (M13) to (M15). Terms that are linear in positions and velocities of the joints are implicit. So A = M + diag(a + h
-// (d + kd) + h^2 kp), and they take no iterations.
+// (d + kd) + h^2 (kp + k)), and they take no iterations.
 #pragma once
 
 #include "joint_inertia.h"
@@ -78,6 +78,11 @@ void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
     const T reached = fma(ahead, v, x.state.q[j]) - own.position;  // kp acts on the position that the joint reaches
     x.dynamics.rhs[t.velocity_of(j)] =
         fnma(h * own.kp, reached, fnma(h * own.kd, v - own.velocity, x.dynamics.rhs[t.velocity_of(j)]));
+  }
+  for (int i = 0; i < t.springs.count; ++i) {
+    const int j = t.springs[i], z = t.velocity_of(j);
+    const T stretched = fma(ahead, x.state.v[z], x.state.q[j]) - T(t.rest[j]);
+    x.dynamics.rhs[z] = fnma(h * T(t.stiffness[j]), stretched, x.dynamics.rhs[z]);
   }
   if (t.reduction.removes_by_force)
     for (int f = 0; f < t.reduction.followers; ++f)
