@@ -87,15 +87,21 @@ LOCKSTEP_INLINE void add_removed_momentum(const Tables<ScalarOf<T>>& t, Tile<T>&
 template <class T>
 void reduce_forces(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
-  const bool corrects = r.eliminates() && !(x.consistent && r.all_placed), by_matrix = corrects && r.by_entries();
-  if (by_matrix) add_removed_momentum(t, x);
-  const T* const free = by_matrix && !r.removes_by_force ? x.dynamics.product : x.dynamics.rhs;
-  for (int z = 0; z < t.solver.n; ++z) {
-    x.dynamics.half_solved_position[z] = collected(r, x, z, by_matrix ? x.dynamics.corrected_product : free);
-    if (!corrects || !x.solves_twice) continue;
-    x.dynamics.half_solved_velocity[z] = by_matrix ? collected(r, x, z, free) : x.dynamics.half_solved_position[z];
+  const bool corrects = r.eliminates() && !(x.consistent && r.all_placed), twice = corrects && x.solves_twice;
+  if (corrects && r.by_entries()) {
+    add_removed_momentum(t, x);
+    const T* const free = r.removes_by_force ? x.dynamics.rhs : x.dynamics.product;
+    for (int z = 0; z < t.solver.n; ++z) {
+      x.dynamics.half_solved_position[z] = collected(r, x, z, x.dynamics.corrected_product);
+      if (twice) x.dynamics.half_solved_velocity[z] = collected(r, x, z, free);
+    }
+  } else {
+    for (int z = 0; z < t.solver.n; ++z) {
+      const T momentum = x.dynamics.half_solved_position[z] = collected(r, x, z, x.dynamics.rhs);
+      if (twice) x.dynamics.half_solved_velocity[z] = momentum;
+    }
   }
-  if (!corrects || !x.solves_twice) return;
+  if (!twice) return;
   for (int i = 0; i < r.composite.velocities.count; ++i)
     for (int z = r.composite.velocities[i].first; z < r.composite.velocities[i].last; ++z)
       x.dynamics.half_solved_position[z] =
@@ -131,13 +137,15 @@ void follow(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   for (int z = 0; z < t.solver.n; ++z) x.dynamics.start[z] = x.state.v[r.independent[z]];
   drop_rounding(t, x);
+  const bool all_by_matrix = r.composite.places == 0;
   for (int f = 0; f < r.followers; ++f) {
     const bool consistent = x.consistent && r.placed[f];
     x.couplings.correction[f] = x.corrects_positions && !consistent ? correcting_velocity(t, x, f) : T(0);
     x.couplings.velocity_error[f] =
         consistent ? T(0) : x.state.v[t.velocity_of(r.follower[f])] - followed(t, x, f, x.dynamics.start);
     if (!r.removes_by_force) continue;
-    const bool by_matrix = t.tree_of_joint(r.follower[f]).inertia == InertiaKind::matrix;
+    const bool by_matrix =
+        all_by_matrix || (r.by_entries() && t.tree_of_joint(r.follower[f]).inertia == InertiaKind::matrix);
     x.couplings.removed_this_step[f] = by_matrix || x.solves_twice
                                            ? x.couplings.velocity_error[f]
                                            : x.couplings.velocity_error[f] - x.couplings.correction[f];
