@@ -282,6 +282,28 @@ TEST(States, columns_of_joints_must_differ) {
             "joint 'a' and joint 'a.v' both claim the column 'a.v'; rename one of them");
 }
 
+// Two boxes that float: each has its link's name. One alone is `root`.
+TEST(States, of_several_floating_roots_have_the_names_of_their_links) {
+  const Inertia box = Inertia::box(1.0, {0.1, 0.2, 0.3}, {0, 0, 0});
+  Model model;
+  model.links = {{"cup", box}, {"ball", box}};
+  model.roots = {{"ball", true}, {"cup", true}};
+  const std::vector<StateColumn> columns = state_columns(compile(model));
+  ASSERT_EQ(columns.size(), 26u);
+  EXPECT_EQ(columns[0].name, "ball.x");
+  EXPECT_EQ(columns[9].name, "cup.z");
+  EXPECT_EQ(columns[25].name, "cup.vz");
+  const Model moved =
+      with_state(model, parse_csv("cup.z,cup.vx,ball.qw,ball.qx,ball.qy,ball.qz\n2,0.5,0,1,0,0\n", "s.csv"));
+  EXPECT_EQ(moved.roots[1].pose.translation().z(), 2.0);
+  EXPECT_EQ(moved.roots[1].velocity[3], 0.5);
+  EXPECT_EQ(moved.roots[0].pose.linear()(2, 2), -1.0);
+  EXPECT_EQ(complaint([&] { with_state(model, parse_csv("cup.qw\n1\n", "s.csv")); }),
+            "s.csv:1: give all four of cup.qw, cup.qx, cup.qy, cup.qz or none");
+  model.links.pop_back(), model.roots = {{"cup", true}};
+  EXPECT_EQ(state_columns(compile(model))[0].name, "root.x");
+}
+
 // The range of a follower, seen from its leader: b = 2 a - 0.1 within -0.5 to 0.3 leaves a -0.2 to 0.2.
 TEST(Ranges, of_leaders_are_narrowed_by_those_of_followers) {
   Model model = chain();
