@@ -67,7 +67,7 @@ LOCKSTEP_INLINE void composite_rows_of_body(J joint, const Tables<ScalarOf<T>>& 
   const bool reversed = body.sign < 0;
   Vec3<T>* const force = x.bodies.composite_force;
   Vec3<T>* const moment = x.bodies.composite_moment;
-  const int j = t.body[b].joint, follower = t.reduction.follower_of[j];
+  const int j = body.joint, follower = t.reduction.follower_of[j];
   const auto component = [&](int place) LOCKSTEP_INLINED {
     const T value = J::prismatic ? force[place][J::k] : moment[place][J::k];
     return reversed ? -value : value;
@@ -136,7 +136,7 @@ LOCKSTEP_INLINE void clear_reduced(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 /// The part of A_r that belongs to a tree.
 template <class T>
 LOCKSTEP_INLINE void composite_columns(const Tables<ScalarOf<T>>& t, const TreeStructure& tree, Tile<T>& x) {
-  for (int b = tree.last_body - 1; b >= tree.first_body; --b) {
+  for (int b = tree.last_body - 1, first = tree.first_body; b >= first; --b) {
     merge_columns(t, x, b);
     if (t.body[b].root)
       composite_rows_of_root(t, x, b);

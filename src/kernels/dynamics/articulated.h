@@ -97,7 +97,7 @@ LOCKSTEP_INLINE typename T::Mask articulate(J joint, const Tables<ScalarOf<T>>& 
     force[k] = J::prismatic ? simd::pair(own.linear, k, J::k) : own.across(J::k, k);
   });
   typename T::Mask weak = T::none();
-  const T pivot = (J::prismatic ? force : moment)[J::k] + x.dynamics.joint_inertia[t.body[b].joint];
+  const T pivot = (J::prismatic ? force : moment)[J::k] + x.dynamics.joint_inertia[body.joint];
   const T inverse = x.dynamics.inverse[z] = inverse_of(pivot, least_pivot<T>(), weak);
   Vec3<T> u_moment, u_force;
   each_axis([&](int k) LOCKSTEP_INLINED {
@@ -108,7 +108,7 @@ LOCKSTEP_INLINE typename T::Mask articulate(J joint, const Tables<ScalarOf<T>>& 
   });
   if (body.parent < 0) return weak;
   release(moment, force, u_moment, u_force, own);
-  Vec3<T> r = origin(joint, body, J::prismatic ? x.articulated.factored_q[t.body[b].joint] : T(0));
+  Vec3<T> r = origin(joint, body, J::prismatic ? x.articulated.factored_q[body.joint] : T(0));
   move_to_parent(joint, body, x.bodies.sine[b], x.bodies.cosine[b], r, own);
   each_entry(x.articulated.inertia[place], own, [](T& passed, const T& entry) LOCKSTEP_INLINED { passed = entry; });
   return weak;
@@ -169,8 +169,7 @@ LOCKSTEP_INLINE void pass_inwards(J joint, const Tables<ScalarOf<T>>& t, const T
   const Vec3<T>&u_force = x.articulated.hinge_force[b], &u_moment = x.articulated.hinge_moment[b];
   const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
   const bool reversed = body.sign < 0;
-  const Vec3<T> r =
-      origin(joint, body, J::prismatic && body.parent >= 0 ? x.articulated.factored_q[t.body[b].joint] : T(0));
+  const Vec3<T> r = origin(joint, body, J::prismatic && body.parent >= 0 ? x.articulated.factored_q[body.joint] : T(0));
   const auto pass_on = [&](Vec3<T>& force, Vec3<T>& moment, Vec3<T> f, Vec3<T> m) LOCKSTEP_INLINED {
     f = to_parent(joint, body, s, c, f);
     m = to_parent(joint, body, s, c, m);
@@ -246,7 +245,7 @@ LOCKSTEP_INLINE void pass_outwards(J joint, const Tables<ScalarOf<T>>& t, const 
   Vec3<T> w = Vec3<T>::zero(), v = Vec3<T>::zero();
   if (body.parent >= 0) {
     const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
-    const Vec3<T> r = origin(joint, body, J::prismatic ? x.articulated.factored_q[t.body[b].joint] : T(0)),
+    const Vec3<T> r = origin(joint, body, J::prismatic ? x.articulated.factored_q[body.joint] : T(0)),
                   turning = angular[body.parent];
     const Vec3<T> back = {-r[0], -r[1], -r[2]};  // w x r = -r x w
     w = to_body(joint, body, s, c, turning);

@@ -100,7 +100,7 @@ LOCKSTEP_INLINE void move_root_body(const Tables<ScalarOf<T>>& t, const Tile<T>&
 template <class J, class T>
 LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b, const Vec3<T>& upwards) {
   const Body<ScalarOf<T>>& body = t.body[b];
-  const T s = x.bodies.sine[b], c = x.bodies.cosine[b], speed = x.state.v[t.body[b].velocity] * T(body.sign);
+  const T s = x.bodies.sine[b], c = x.bodies.cosine[b], speed = x.state.v[body.velocity] * T(body.sign);
   Vec3<T> w, alpha, a;
   if (body.parent < 0) {
     w = alpha = Vec3<T>::zero();
@@ -108,7 +108,7 @@ LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile
     if constexpr (!J::prismatic) w[J::k] = speed;
   } else {
     const int p = body.parent;
-    Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[t.body[b].joint] : T(0));
+    Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[body.joint] : T(0));
     w = to_body(joint, body, s, c, x.bodies.angular[p]);
     alpha = to_body(joint, body, s, c, x.bodies.alpha[p]);
     // The parent's tensor again: to compute its few entries here costs less than to load them.
@@ -125,7 +125,7 @@ LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile
     }
   }
   if (t.reduction.removes_by_force)
-    if (const int f = t.reduction.follower_of[t.body[b].joint]; f >= 0)
+    if (const int f = t.reduction.follower_of[body.joint]; f >= 0)
       (J::prismatic ? a : alpha)[J::k] += x.couplings.acceleration[f] * T(body.sign);
   Mat3<T> tensor = acceleration_tensor(w, alpha);
   if (!body.leaf) {
@@ -141,10 +141,10 @@ template <class J, class T>
 LOCKSTEP_INLINE void pass_force(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
   const Body<ScalarOf<T>>& body = t.body[b];
   Vec3<T> force = x.bodies.force[b], moment = x.bodies.moment[b];
-  x.dynamics.bias[t.body[b].velocity] = (J::prismatic ? force[J::k] : moment[J::k]) * T(body.sign);
+  x.dynamics.bias[body.velocity] = (J::prismatic ? force[J::k] : moment[J::k]) * T(body.sign);
   if (body.parent < 0) return;
   const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
-  Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[t.body[b].joint] : T(0));
+  Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[body.joint] : T(0));
   Vec3<T> passed = to_parent(joint, body, s, c, force);
   Vec3<T>& parent_force = x.bodies.force[body.parent];
   Vec3<T>& parent_moment = x.bodies.moment[body.parent];
@@ -161,7 +161,7 @@ void bias_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     const Vec3<T> upwards = {-g[0], -g[1], -g[2]};
     int b = tree.first_body;
     if (tree.root >= 0) move_root_body(t, x, b++, upwards);
-    for (; b < tree.last_body; ++b)
+    for (const int last = tree.last_body; b < last; ++b)
       with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED { move_body(joint, t, x, b, upwards); });
   }
 

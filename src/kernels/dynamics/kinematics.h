@@ -19,7 +19,7 @@ void kinematics(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
       continue;
     }
     if (body.prismatic || body.root) continue;
-    sincos(x.state.q[t.body[b].joint] * T(body.sign), x.bodies.sine[b], x.bodies.cosine[b]);
+    sincos(x.state.q[body.joint] * T(body.sign), x.bodies.sine[b], x.bodies.cosine[b]);
   }
   for (const Mirror* mirror = mirrors.data; mirror != last; ++mirror) {
     const T sine = x.bodies.sine[mirror->leader];

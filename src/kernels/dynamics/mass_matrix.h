@@ -95,7 +95,7 @@ LOCKSTEP_INLINE void unit_column(J, const PseudoInertia<T>& c, bool reversed, Ve
 template <class J, class T>
 LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
   const Body<ScalarOf<T>>& body = t.body[b];
-  const int velocity = t.body[b].velocity, carried = t.matrix.size[velocity], parent = body.parent;
+  const int velocity = body.velocity, carried = t.matrix.size[velocity], parent = body.parent;
   const bool reversed = body.sign < 0;
   Vec3<T>* force = x.bodies.column_force + b;
   Vec3<T>* moment = x.bodies.column_moment + b;
@@ -106,7 +106,7 @@ LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, const T
     for (int k = 0; k < carried; ++k) row[k] = J::prismatic ? force[k][J::k] : moment[k][J::k];
   } else {
     const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
-    Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[t.body[b].joint] : T(0));
+    Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[body.joint] : T(0));
     add_to_parent(joint, body, s, c, r, composite,
                   body.first ? x.bodies.base_inertia[parent] : x.bodies.composite[parent], x.bodies.composite[parent]);
     for (int k = 0; k < carried; ++k) {
@@ -161,7 +161,7 @@ LOCKSTEP_INLINE void rows_of_root(const Tables<ScalarOf<T>>& t, const Tile<T>& x
 /// The part of M that belongs to a tree.
 template <class T>
 LOCKSTEP_INLINE void mass_matrix(const Tables<ScalarOf<T>>& t, const TreeStructure& tree, Tile<T>& x) {
-  for (int b = tree.last_body - 1; b >= tree.first_body; --b) {
+  for (int b = tree.last_body - 1, first = tree.first_body; b >= first; --b) {
     if (t.body[b].root)
       rows_of_root(t, x, b);
     else

@@ -28,8 +28,8 @@ void motions(const Tables<ScalarOf<T>>& t, Tile<T>& x, Motion<T>& m) {
     const Vec3<T> zero = Vec3<T>::zero();
     with_joint(body, [&](auto joint) {
       using J = decltype(joint);
-      const T s = x.bodies.sine[b], c = x.bodies.cosine[b], speed = x.state.v[t.body[b].velocity] * T(body.sign);
-      const Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[t.body[b].joint] : T(0));
+      const T s = x.bodies.sine[b], c = x.bodies.cosine[b], speed = x.state.v[body.velocity] * T(body.sign);
+      const Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[body.joint] : T(0));
       m.place[b] = multiply_add(parent_world, r, parent_place);
       m.angular[b] = to_body(joint, body, s, c, p < 0 ? zero : m.angular[p]);
       m.linear[b] = to_body(joint, body, s, c, p < 0 ? zero : cross_add(m.angular[p], r, m.linear[p]));
