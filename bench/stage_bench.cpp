@@ -39,6 +39,7 @@ class TileState {
     const int dofs = plan.dofs();
     batch_.position = take(dofs);
     batch_.velocity = take(dofs);
+    batch_.angle = take(dofs);
     float* targets = take(dofs);
     batch_.position_target = targets;
     batch_.velocity_target = take(dofs);

@@ -71,7 +71,7 @@ struct Stages {
          kernels::joint_forces(t, batch, x);
        }},
       {"mass matrix", by_matrix,
-       [](const Table& t, const StatePointers<S>&, Tile& x) { kernels::inertia_matrix(t, x); }},
+       [](const Table& t, const StatePointers<S>& batch, Tile& x) { kernels::inertia_matrix(t, batch, x); }},
       {"elimination", eliminates,
        [](const Table& t, const StatePointers<S>&, Tile& x) { kernels::reduce_matrix(t, x); }},
       {"free velocity", always,

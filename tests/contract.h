@@ -24,7 +24,8 @@ inline bool allows(Method method, Parameter parameter) {
   return method != Method::reduced || (parameter != Parameter::softness && parameter != Parameter::coupling_switch);
 }
 
-/// Every parameter that may differ per environment. The model's force limits rule out a softness per environment.
+/// Every parameter that may differ per environment but friction, which makes a row of every joint. The model's force
+/// limits rule out a softness per environment.
 ParameterSet all_parameters(Method method, const Model& model = {});
 
 inline StepSettings settings(Method method, ParameterSet per_environment = {}) {

@@ -133,7 +133,9 @@ class LOCKSTEP_API Batch {
   std::string kernel_name() const;  ///< of the generated kernel in use; empty for other engines
 
   // --- state, to read and to write -------------------------------------------------------------
-  View positions();   ///< [dofs][environments] rad or m
+  /// [dofs][environments] rad or m. A joint that turns for ever shows its whole angle, rounded: see angles(). A number
+  /// that is written is taken as it is.
+  View positions();
   View velocities();  ///< [dofs][environments] rad/s or m/s
   /// [7 roots][environments] x, y, z (m), quaternion w, x, y, z of each floating root, in the order of
   /// Plan::root_names(). See Root.
@@ -204,6 +206,11 @@ class LOCKSTEP_API Batch {
   /// [couplings][environments] impulse of the last step, N m s or N s along the coupling's first joint.
   /// Throws UsageError unless StepSettings::record_impulses.
   Array coupling_impulses() const;
+  /// [dofs][environments] positions without and as whole turns, position = angle + 2 pi turns, for revolute joints
+  /// without a range, which keep the two apart: neither angles nor couplings lose digits however far they turn. In
+  /// float, a joint may make a million turns, beyond which it is Fault::diverged. Other joints have no turns.
+  Array angles() const;
+  Array turns() const;
   Array link_poses(int link) const;  ///< [7][environments] as root_poses, of any link of the model
   /// [6][environments] angular velocity, then that of the link frame's origin, both in world axes.
   Array link_velocities(int link) const;

@@ -49,8 +49,19 @@ enum class Parameter : unsigned {
   link_wrench,  ///< six rows per link of the model: torque about the link frame's origin (N m), then force (N),
                 ///< both in world axes; zero at the start, held until changed
   coupling_switch,  ///< one row per coupling: 0 is off, anything else is on; 1 at the start
+  armature,         ///< one row per dof, kg m^2 or kg
+  stiffness,        ///< one row per dof: of the joint's spring, N m/rad or N/m. Its rest is the model's
+  friction,  ///< one row per dof: dry friction, N m or N. Every joint may have some then, so every step solves for
+             ///< it, by Integrator::euler
+  position_limits,  ///< two rows per dof: lower and upper. This and the next two are for joints to which the model
+                    ///< gives such a limit; rows of others stay infinite
+  velocity_limit,   ///< one row per dof, rad/s or m/s
+  effort_limit,     ///< one row per dof, N m or N
+  center_of_mass,   ///< three rows per link of the model: x, y, z in the link's frame, m
+  inertia,  ///< six rows per link of the model: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass, kg m^2, in
+            ///< the link's axes. They do not scale with the mass then
 };
-inline constexpr int parameter_count = 9;
+inline constexpr int parameter_count = 17;
 
 /// Why an environment was frozen. It stays until the environment is reset. Batch::explain_fault() says it in words.
 enum class Fault : std::uint32_t {

@@ -39,7 +39,7 @@ struct Link {
 enum class JointKind {
   fixed,       ///< the child is part of its parent: merged when compiling
   revolute,    ///< turns about the axis, rad
-  continuous,  ///< the same without position limits; its angle is not wrapped
+  continuous,  ///< the same without position limits. It turns for ever: see Batch::angles()
   prismatic,   ///< slides along the axis, m
 };
 

@@ -73,8 +73,8 @@ struct StepSettings {
   bool record_impulses = false;
   /// Keep what Batch::row_residuals(), row_states(), energy_balances() and conflicts() show. The same holds.
   bool record_diagnostics = false;
-  double position_bound = 1e5;  ///< rad or m; an environment beyond it is frozen with Fault::diverged. Angles in float
-                                ///< lose 6e-8 of their size, so keep them small
+  /// rad or m; an environment beyond it is frozen with Fault::diverged. It is not for joints that turn for ever.
+  double position_bound = 1e5;
   double velocity_bound = 1e5;  ///< rad/s or m/s; the same
 };
 

@@ -193,6 +193,15 @@ auto Batch<S>::coupling_impulses() const -> Array {
 }
 
 template <class S>
+auto Batch<S>::angles() const -> Array {
+  return impl().read_turned(&JointTurns<S>::angle);
+}
+template <class S>
+auto Batch<S>::turns() const -> Array {
+  return impl().read_turned(&JointTurns<S>::turns);
+}
+
+template <class S>
 auto Batch<S>::link_poses(int link) const -> Array {
   impl().check_link(link);
   const Array frame = impl().read_frame(Quantity::frame, link, Eigen::Vector3d::Zero(), 12);

@@ -21,6 +21,11 @@ auto Batch<S>::limit_violations() const -> Array {
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
     const int dof = program_of(impl().plan).dof_of_joint[j];
     if (dof < 0) continue;
+    if (const AlignedBlock<S>& limits = impl().field[static_cast<int>(Parameter::position_limits)]; limits.size() > 0) {
+      const ConstView own = impl().const_view(limits);
+      worst = worst.max((own.row(2 * dof) - q.row(dof)).max(q.row(dof) - own.row(2 * dof + 1)));
+      continue;
+    }
     const S lower = static_cast<S>(model.joints[j].lower), upper = static_cast<S>(model.joints[j].upper);
     worst = worst.max((lower - q.row(dof)).max(q.row(dof) - upper));
   }

@@ -35,6 +35,17 @@ std::string Batch<S>::explain_fault(int environment) const {
                      ", must be " + rule.range);
   for (const BodyLinks& body : batch.rules.bodies)
     if (!(batch.mass_of(body, environment) > S(0))) add(wrong, "masses of link " + body.element + " sum up to 0");
+  for (const LimitPair& pair : batch.rules.pairs) {
+    const AlignedBlock<S>& limits = batch.field[static_cast<int>(Parameter::position_limits)];
+    if (!(number(limits, pair.row) <= number(limits, pair.row + 1)))
+      add(wrong, pair.element + " (position_limits, rows " + text_of(pair.row) + ", " + text_of(pair.row + 1) +
+                     ") are " + text_of(number(limits, pair.row)) + " and " + text_of(number(limits, pair.row + 1)) +
+                     ", must be in ascending order");
+  }
+  for (const InertiaRule<S>& rule : batch.rules.inertias)
+    if (!batch.is_possible(rule, environment))
+      add(wrong, "no body can have the inertia of link " + rule.element +
+                     ": a moment is negative, or larger than the sum of the two others");
   for (std::size_t root = 0; root < program.root_names.size(); ++root)
     if (!batch.has_turn(environment, static_cast<int>(root)))
       add(wrong, "the quaternion of root '" + program.root_names[root] + "' is 0");

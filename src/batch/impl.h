@@ -15,6 +15,7 @@
 #include "plan/program.h"
 #include "targets/dispatch.h"
 #include "targets/registry.h"
+#include "turned.h"
 #include "values.h"
 #include "workers.h"
 
@@ -55,6 +56,7 @@ struct Batch<S>::Impl {
         placer(program_of(p)) {
     const int dofs = tables.joints;
     position = rows(dofs);
+    if (tables.turning.count > 0) angle = rows(dofs);
     velocity = rows(dofs);
     position_target = rows(dofs * tables.input_times);
     velocity_target = rows(dofs * tables.input_times);
@@ -127,6 +129,10 @@ struct Batch<S>::Impl {
         poses.push_back(static_cast<S>(number));
       for (int i = 0; i < 6; ++i) twists.push_back(static_cast<S>(root.velocity[i]));
     }
+    if (angle.size() > 0)  // none is kept: see simd::turned()
+      start.push_back({&angle,
+                       std::vector<S>(static_cast<std::size_t>(tables.joints), std::numeric_limits<S>::quiet_NaN()),
+                       false});
     start.push_back({&root_pose, std::move(poses), false});
     start.push_back({&root_velocity, std::move(twists), false});
   }
@@ -154,10 +160,24 @@ struct Batch<S>::Impl {
       if (row < 0) continue;
       fill(Parameter::drive_gains, 2 * row, model.joints[j].drive.kp);
       fill(Parameter::drive_gains, 2 * row + 1, model.joints[j].drive.kd);
-      fill(Parameter::damping, row, model.joints[j].damping);
+      const Joint& joint = model.joints[j];
+      fill(Parameter::damping, row, joint.damping);
+      fill(Parameter::armature, row, joint.armature);
+      fill(Parameter::stiffness, row, joint.stiffness);
+      fill(Parameter::friction, row, joint.friction);
+      fill(Parameter::position_limits, 2 * row, joint.lower);
+      fill(Parameter::position_limits, 2 * row + 1, joint.upper);
+      fill(Parameter::velocity_limit, row, joint.velocity_limit);
+      fill(Parameter::effort_limit, row, joint.effort_limit);
     }
-    for (std::size_t l = 0; l < model.links.size(); ++l)
-      fill(Parameter::mass, static_cast<int>(l), model.links[l].inertia.mass);
+    for (std::size_t l = 0; l < model.links.size(); ++l) {
+      const int link = static_cast<int>(l);
+      const Inertia& inertia = model.links[l].inertia;
+      fill(Parameter::mass, link, inertia.mass);
+      for (int k = 0; k < 3; ++k) fill(Parameter::center_of_mass, 3 * link + k, inertia.center[k]);
+      for (int k = 0; k < 6; ++k)
+        fill(Parameter::inertia, 6 * link + k, inertia.about_center(tensor_rows[k], tensor_columns[k]));
+    }
     for (int k = 0; k < 3; ++k) fill(Parameter::gravity, k, model.gravity[k]);
   }
 
@@ -167,7 +187,8 @@ struct Batch<S>::Impl {
     for (const AlignedBlock<S>* block :
          {&position, &velocity, &root_pose, &root_velocity, &position_target, &velocity_target, &effort})
       all = all && view(*block).col(0).isFinite().all();
-    for (const AlignedBlock<S>& block : field) all = all && view(block).col(0).isFinite().all();
+    for (int f = 0; f < parameter_count; ++f)  // the tables have the limits, of which some are infinite
+      all = all && (is_limit(static_cast<Parameter>(f)) || view(field[f]).col(0).isFinite().all());
     if (!all)
       throw UsageError("model '" + plan.model().name + "'", "has numbers beyond single precision", "use Batch<double>");
   }
@@ -205,7 +226,7 @@ struct Batch<S>::Impl {
     const simd::StepMode mode;
     const S* fields[parameter_count];
     for (int f = 0; f < parameter_count; ++f) fields[f] = field[f].data();
-    placer.project(e, couplings, {stride, position.data(), velocity.data(), fields}, unmet);
+    placer.project(e, couplings, {stride, position.data(), velocity.data(), angle.data(), fields}, unmet);
   }
 
   // A pose has seven rows, the last four are the quaternion. Returns false where there may be one of length 0.
@@ -257,6 +278,12 @@ struct Batch<S>::Impl {
               : all_within(first, last, rule.least, rule.most, [&](std::ptrdiff_t e) { return values[e]; });
       if (!hold) flag_unless([&](std::ptrdiff_t e) { return rule.holds(values[e]); });
     }
+    for (const LimitPair& pair : rules.pairs) {
+      const S* const lower = field[static_cast<int>(Parameter::position_limits)].data() + pair.row * stride;
+      flag_unless([&](std::ptrdiff_t e) { return lower[e] <= lower[stride + e]; });
+    }
+    for (const InertiaRule<S>& rule : rules.inertias)
+      flag_unless([&](std::ptrdiff_t e) { return is_possible(rule, e); });
     for (const BodyLinks& body : rules.bodies) {
       const S* const one = field[static_cast<int>(Parameter::mass)].data() + body.links[0] * stride;
       constexpr S least = std::numeric_limits<S>::min(), most = std::numeric_limits<S>::max();
@@ -270,6 +297,15 @@ struct Batch<S>::Impl {
     S sum = S(0);
     for (int link : body.links) sum += masses.data()[link * stride + e];
     return sum;
+  }
+
+  // Whether matter could have the inertia of the links that move together: see Model::validate().
+  bool is_possible(const InertiaRule<S>& rule, std::ptrdiff_t e) const {
+    const auto number = [&](Parameter parameter, std::ptrdiff_t row, double model) {
+      const AlignedBlock<S>& block = field[static_cast<int>(parameter)];
+      return block.size() > 0 ? static_cast<double>(block.data()[row * stride + e]) : model;
+    };
+    return rule.holds(number);
   }
 
   void check_id(int id) const {
@@ -294,6 +330,7 @@ struct Batch<S>::Impl {
     l.stride = stride;
     l.position = position.data();
     l.velocity = velocity.data();
+    l.angle = angle.data();
     l.root_pose = root_pose.data();
     l.root_velocity = root_velocity.data();
     l.position_target = position_target.data();
@@ -341,6 +378,17 @@ struct Batch<S>::Impl {
                                kernels.read(tables, l, first, last, request, result.data(), stride, scratch);
                              });
     return View(result.data(), row_count, environments, Eigen::OuterStride<>(stride));
+  }
+
+  // Angles or whole turns of the joints.
+  Array read_turned(S JointTurns<S>::*part) const {
+    Array result = Array(const_view(position));
+    for (int j = 0; j < tables.joints; ++j)
+      for (int e = 0; e < environments; ++e) {
+        const std::ptrdiff_t at = tables.dof[j] * stride + e;
+        result(tables.dof[j], e) = turned(tables, j, position.data()[at], angle.data() + at).*part;
+      }
+    return result;
   }
 
   Array read(kernels::Quantity quantity, int row_count) { return read(kernels::Request<S>{quantity}, row_count); }
@@ -425,7 +473,7 @@ struct Batch<S>::Impl {
   ValueRules<S> rules;
   Placer<S> placer;
   std::vector<Start> start;
-  AlignedBlock<S> position, velocity, root_pose, root_velocity;
+  AlignedBlock<S> position, velocity, angle, root_pose, root_velocity;
   AlignedBlock<S> position_target, velocity_target, effort, impulse, residual, row_state, energy;
   AlignedBlock<S> field[parameter_count];
   AlignedBlock<Fault> fault;

@@ -13,6 +13,7 @@
 #include "lockstep/error.h"
 #include "model/softness_numbers.h"
 #include "plan/program.h"
+#include "turned.h"
 
 namespace lockstep {
 
@@ -35,6 +36,7 @@ class Placer {
     std::ptrdiff_t stride;
     S* position;
     S* velocity;
+    S* angle;                ///< null if no joint turns for ever
     const S* const* fields;  ///< by Parameter, null if not declared
   };
 
@@ -63,6 +65,12 @@ class Placer {
   }
 
  private:
+  struct Error {
+    double value = 0.0, size = 0.0;
+    void add(const Error& other) { value += other.value, size += other.size; }
+    bool is_rounding(double share) const { return std::abs(value) <= share * size; }
+  };
+
   // Positions or velocities of one environment.
   struct Environment {
     const Tables<double>& t;
@@ -74,8 +82,29 @@ class Placer {
       const S* const values = rows.fields[static_cast<unsigned>(field)];
       return values ? static_cast<double>(values[row * rows.stride + e]) : static_cast<double>(static_cast<S>(model));
     }
-    S& number(int joint) const {
-      return (of_positions ? rows.position : rows.velocity)[t.dof[joint] * rows.stride + e];
+    JointTurns<S> turns(int joint) const {
+      const std::ptrdiff_t at = t.dof[joint] * rows.stride + e;
+      return of_positions ? turned(t, joint, rows.position[at], rows.angle + at)
+                          : JointTurns<S>{rows.velocity[at], S(0)};
+    }
+    double number(int joint) const {
+      const JointTurns<S> joint_turns = turns(joint);
+      return 2.0 * std::numbers::pi * static_cast<double>(joint_turns.turns) + static_cast<double>(joint_turns.angle);
+    }
+    // Of a coupling. As in the kernels, ratios are rounded to S but where they multiply turns (M81).
+    Error term(int k) const {
+      const JointTurns<S> joint = turns(t.term_joint[k]);
+      const bool own = t.term_gear[k] >= 0 && rows.fields[static_cast<unsigned>(Parameter::gear_ratio)];
+      const double by_angle = ratio(k) * static_cast<double>(joint.angle);
+      const double by_turns = (own ? ratio(k) : t.term_value[k]) * static_cast<double>(joint.turns);
+      return {by_angle + 2.0 * std::numbers::pi * by_turns, std::abs(by_angle)};
+    }
+    void put(int joint, double number) const {
+      const std::ptrdiff_t at = t.dof[joint] * rows.stride + e;
+      if (of_positions)
+        turn_to(t, joint, number, rows.position[at], rows.angle + at);
+      else
+        rows.velocity[at] = static_cast<S>(number);
     }
     double ratio(int term) const {
       return t.term_gear[term] < 0 ? 1.0 : parameter(Parameter::gear_ratio, t.term_gear[term], t.term_value[term]);
@@ -83,17 +112,10 @@ class Placer {
     double offset(int c) const { return of_positions ? parameter(Parameter::offset, c, t.offset[c]) : 0.0; }
   };
 
-  struct Error {
-    double value = 0.0, size = 0.0;
-    void add(double number) { value += number, size += std::abs(number); }
-    bool is_rounding(double share) const { return std::abs(value) <= share * size; }
-  };
-
   static Error error_of(const Environment& at, int c) {
     Error error;
-    error.add(at.offset(c));
-    for (int k = at.t.term_start[c]; k < at.t.term_start[c + 1]; ++k)
-      error.add(at.ratio(k) * static_cast<double>(at.number(at.t.term_joint[k])));
+    error.add({at.offset(c), std::abs(at.offset(c))});
+    for (int k = at.t.term_start[c]; k < at.t.term_start[c + 1]; ++k) error.add(at.term(k));
     return error;
   }
 
@@ -117,8 +139,8 @@ class Placer {
     if (error_of(at, turn.coupling).is_rounding(least_rounding)) return;
     double others = at.offset(turn.coupling);
     for (int k = at.t.term_start[turn.coupling]; k < at.t.term_start[turn.coupling + 1]; ++k)
-      if (k != turn.term) others += at.ratio(k) * static_cast<double>(at.number(at.t.term_joint[k]));
-    at.number(at.t.term_joint[turn.term]) = static_cast<S>(-others / at.ratio(turn.term));
+      if (k != turn.term) others += at.term(k).value;
+    at.put(at.t.term_joint[turn.term], -others / at.ratio(turn.term));
   }
 
   // Gauss-Jordan elimination of the ring's couplings over the changes of its followers. Followers without a pivot, as
@@ -129,7 +151,7 @@ class Placer {
     std::fill(ring_.begin(), ring_.end(), 0.0);
     bool holds = true;
     for (const int joint : placing.ring_followers)
-      if (!std::isfinite(at.number(joint))) at.number(joint) = S(0);
+      if (!std::isfinite(at.number(joint))) at.put(joint, 0.0);
     for (std::size_t r = 0; r < rows; ++r) {
       const int c = placing.ring[r];
       if (!takes({at.t, at.rows, at.e, true}, c, all)) continue;
@@ -156,8 +178,8 @@ class Placer {
     }
     for (std::size_t r = 0; r < rows; ++r) {
       if (pivot_[r] == columns) continue;
-      S& number = at.number(placing.ring_followers[pivot_[r]]);
-      number = static_cast<S>(static_cast<double>(number) + entry(r, columns) / entry(r, pivot_[r]));
+      const int joint = placing.ring_followers[pivot_[r]];
+      at.put(joint, at.number(joint) + entry(r, columns) / entry(r, pivot_[r]));
     }
     return true;
   }

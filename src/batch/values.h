@@ -9,7 +9,9 @@
 #include <vector>
 
 #include "lockstep/batch.h"
+#include "model/inertia.h"
 #include "model/softness_numbers.h"
+#include "model/trees.h"
 #include "plan/program.h"
 #include "simd/wide.h"
 
@@ -33,9 +35,59 @@ struct BodyLinks {
   std::string element;
 };
 
+/// Rows of Parameter::inertia: ixx, iyy, izz, ixy, ixz, iyz.
+inline constexpr int tensor_rows[] = {0, 1, 2, 0, 0, 1}, tensor_columns[] = {0, 1, 2, 1, 2, 2};
+
+/// Links that move together, at their poses in one of them. Matter must be able to have their inertia.
+template <class S>
+struct InertiaRule {
+  struct Part {
+    int link;
+    Eigen::Isometry3d pose;
+    Inertia model;
+  };
+  std::vector<Part> parts;
+  std::string element;
+
+  /// number(parameter, row, model) is the environment's.
+  template <class Number>
+  bool holds(const Number& number) const {
+    Inertia sum;
+    for (const Part& part : parts) {
+      Inertia inertia = part.model;
+      inertia.mass = number(Parameter::mass, part.link, inertia.mass);
+      for (int k = 0; k < 3; ++k)
+        inertia.center[k] = number(Parameter::center_of_mass, 3 * part.link + k, inertia.center[k]);
+      for (int k = 0; k < 6; ++k) {
+        double& entry = inertia.about_center(tensor_rows[k], tensor_columns[k]);
+        entry = number(Parameter::inertia, 6 * part.link + k, entry);
+        inertia.about_center(tensor_columns[k], tensor_rows[k]) = entry;
+      }
+      sum = sum + transformed(inertia, part.pose);
+    }
+    if (!sum.about_center.allFinite()) return false;
+    const Eigen::Vector3d moments = principal_moments(sum);
+    const double scale = inertia_scale(sum.mass, moments), noise = sizeof(S) == 4 ? 1e-6 : inertia_noise;
+    return moments[0] >= -noise * scale && triangle_excess(moments) <= inertia_rounding * scale;
+  }
+};
+
+/// Rows of Parameter::position_limits: `row` and the next. The lower one must not be above the other.
+struct LimitPair {
+  int row;
+  std::string element;
+};
+
+/// Fields that are infinite where the model has no limit.
+inline bool is_limit(Parameter field) {
+  return field == Parameter::position_limits || field == Parameter::velocity_limit || field == Parameter::effort_limit;
+}
+
 template <class S>
 struct ValueRules {
   std::vector<ValueRule<S>> rows;
+  std::vector<LimitPair> pairs;
+  std::vector<InertiaRule<S>> inertias;
   std::vector<BodyLinks> bodies;  ///< of several links, where masses differ and the model's are not all 0
 };
 
@@ -48,6 +100,53 @@ bool all_within(std::ptrdiff_t first, std::ptrdiff_t last, S least, S most, cons
     outside |= (value >= least ? 0 : 1) | (value <= most ? 0 : 1);
   }
   return outside == 0;
+}
+
+/// Limits may differ where the model has one.
+template <class S>
+void add_limit_rules(const Program& program, ValueRules<S>& rules) {
+  constexpr S infinite = std::numeric_limits<S>::infinity(), largest = std::numeric_limits<S>::max();
+  const auto add = [&](Parameter field, int row, bool limited, S least, S most, S none, const std::string& element,
+                       const char* range) {
+    if (!program.settings.per_environment.contains(field)) return;
+    if (limited)
+      rules.rows.push_back({field, row, least, most, element, range});
+    else
+      rules.rows.push_back({field, row, none, none, element, "infinite, as the model gives it no limit"});
+  };
+  for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
+    const Joint& joint = program.model.joints[j];
+    const int dof = program.dof_of_joint[j];
+    if (dof < 0) continue;
+    const std::string of = " of joint '" + joint.name + "'";
+    const bool ranged = joint.lower > -infinity || joint.upper < infinity;
+    add(Parameter::position_limits, 2 * dof, ranged, -infinite, largest, -infinite, "lower limit" + of,
+        "a number or -infinity");
+    add(Parameter::position_limits, 2 * dof + 1, ranged, -largest, infinite, infinite, "upper limit" + of,
+        "a number or infinity");
+    if (ranged && program.settings.per_environment.contains(Parameter::position_limits))
+      rules.pairs.push_back({2 * dof, "limits" + of});
+    add(Parameter::velocity_limit, dof, joint.velocity_limit < infinity, std::numeric_limits<S>::min(), infinite,
+        infinite, "velocity limit" + of, "above 0");
+    add(Parameter::effort_limit, dof, joint.effort_limit < infinity, S(0), infinite, infinite, "effort limit" + of,
+        "0 or more");
+  }
+}
+
+/// Bodies whose inertia enters a step.
+template <class S>
+void add_inertia_rules(const Program& program, ValueRules<S>& rules) {
+  const Trees trees(program.model);
+  std::vector<InertiaRule<S>> bodies(program.model.links.size());
+  for (std::size_t l = 0; l < program.model.links.size(); ++l) {
+    if (program.f64.link[static_cast<int>(l)].body < 0) continue;
+    const Link& link = program.model.links[l];
+    InertiaRule<S>& body = bodies[static_cast<std::size_t>(trees.carrier[l])];
+    body.element += (body.element.empty() ? "'" : ", '") + link.name + "'";
+    body.parts.push_back({static_cast<int>(l), trees.in_carrier[l], link.inertia});
+  }
+  for (InertiaRule<S>& body : bodies)
+    if (!body.parts.empty()) rules.inertias.push_back(std::move(body));
 }
 
 template <class S>
@@ -99,7 +198,19 @@ ValueRules<S> value_rules(const Program& program) {
       add(Parameter::drive_gains, 2 * row + 1, largest, "kd" + joint, "0 or more");
     }
     if (declares(Parameter::damping)) add(Parameter::damping, row, largest, "damping" + joint, "0 or more");
+    if (declares(Parameter::armature)) add(Parameter::armature, row, largest, "armature" + joint, "0 or more");
+    if (declares(Parameter::stiffness)) add(Parameter::stiffness, row, largest, "stiffness" + joint, "0 or more");
+    if (declares(Parameter::friction)) add(Parameter::friction, row, largest, "friction" + joint, "0 or more");
   }
+  add_limit_rules(program, rules);
+  for (std::size_t l = 0; l < model.links.size(); ++l)
+    for (const Parameter field : {Parameter::center_of_mass, Parameter::inertia})
+      for (int count = field == Parameter::inertia ? 6 : 3, k = 0; declares(field) && k < count; ++k)
+        rules.rows.push_back({field, count * static_cast<int>(l) + k, -largest, largest,
+                              std::string(field == Parameter::inertia ? "inertia" : "centre of mass") + " of link '" +
+                                  model.links[l].name + "'",
+                              "a number"});
+  if (declares(Parameter::inertia)) add_inertia_rules(program, rules);
   if (!declares(Parameter::mass)) return rules;
   const Tables<double>& t = program.f64;
   std::vector<BodyLinks> bodies(static_cast<std::size_t>(t.bodies));

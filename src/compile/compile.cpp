@@ -47,7 +47,8 @@ void check_ignored(const Ignored& ignore, const Model& model) {
 
 // A link's inertia scales with its mass.
 void check_masses(const StepSettings& settings, const Model& model) {
-  if (!settings.per_environment.contains(Parameter::mass)) return;
+  if (!settings.per_environment.contains(Parameter::mass) || settings.per_environment.contains(Parameter::inertia))
+    return;
   for (const Link& link : model.links)
     require(link.inertia.mass > 0.0 || link.inertia.about_center.isZero(0.0), "per_environment",
             fmt::format("has the mass, but link '{}' has an inertia and no mass to scale it with", link.name),
@@ -101,6 +102,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   take_constraint_velocities(*program, first_joints_shares);
   lay_out_factoring(*program);
   lay_out_report(*program);
+  lay_out_turns(*program);
   t.method = program->method;
   t.iterations = settings.iterations;
   t.velocity_iterations = settings.velocity_iterations;

@@ -217,6 +217,9 @@ class Lowering {
     draft.writes = state_;  // as at the start of the step
     draft.writes.insert(draft.writes.end(), writes.begin(), writes.end());
     draft.writes.insert(draft.writes.end(), draft.reads.begin(), draft.reads.end());
+    if (item.call == Call::hold)  // these are in the tile's own memory
+      for (const MemoryAccess& access : before_)
+        if (access.place.turns) draft.reads.push_back(access);
     operations_.push_back(std::move(draft));
   }
 
@@ -303,7 +306,7 @@ void Lowering::remove_unused_negations() {
 bool has_numbers_per_environment(const Program& program) {
   const auto& declared = program.settings.per_environment;
   return declared.contains(Parameter::gear_ratio) || declared.contains(Parameter::offset) ||
-         declared.contains(Parameter::mass);
+         program.f64.has_own_inertias() || program.f64.turning.count > 0;
 }
 
 }  // namespace

@@ -106,9 +106,9 @@ void call(Call wanted, const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   switch (wanted) {
     case Call::solve_bounds:
       clear_bounds(x);
-      if (bounds_active(t, x)) solve_bounds(t, batch, x);
+      if (bounds_active(t, batch, x)) solve_bounds(t, batch, x);
       break;
-    case Call::coupling_impulses: coupling_impulses(t, x); break;
+    case Call::coupling_impulses: coupling_impulses(t, batch, x); break;
     default: diagnose(t, batch, x);
   }
 }

@@ -1,8 +1,9 @@
-// The check before the state changes: an environment that fails keeps its last good state.
+// The check before the state changes: an environment that fails keeps its last good state; joints that turn for ever
+// lose their whole turns.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "kernels/tile/tile.h"
+#include "kernels/couplings/turns.h"
 
 namespace lockstep::kernels {
 
@@ -13,10 +14,13 @@ LOCKSTEP_INLINE T farthest(const T* numbers, int count, T most) {
   return most;
 }
 
-/// The same over the positions and the floating roots' poses.
+/// The same over the positions of joints that do not turn for ever and the floating roots' poses.
 template <class T>
 LOCKSTEP_INLINE T farthest_position(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
-  return farthest(x.next.q, t.joints, farthest(x.next.pose, 7 * t.roots.count, T(0)));
+  T most = farthest(x.next.pose, 7 * t.roots.count, T(0));
+  if (t.turning.count == 0) return farthest(x.next.q, t.joints, most);
+  for (int i = 0; i < t.not_turning.count; ++i) most = farther(most, x.next.q[t.not_turning[i]]);
+  return most;
 }
 
 /// Sets the fault of lanes that have just failed and have none yet. A matrix that cannot be factored comes first,
@@ -32,19 +36,21 @@ void flag(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
   }
 }
 
-/// Flags the lanes that have just failed. Frozen lanes get back the state in which the step began.
+/// Flags the lanes that have just failed. Frozen lanes get back the state in which the step began; in the others,
+/// joints lose their whole turns.
 template <class T>
 void hold(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, typename T::Mask failed) {
   if (any(failed)) flag(t, batch, x, failed);
   each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
     for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(x.frozen, (x.state.*part)[i], (x.next.*part)[i]);
   });
+  if (t.turning.count > 0) take_turns(t, batch, x);
 }
 
 template <class T>
-LOCKSTEP_INLINE void hold_frozen(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
-                                 typename T::Mask failed) {
-  if (any(x.frozen)) hold(t, batch, x, failed);
+LOCKSTEP_INLINE void hold_if(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
+                             typename T::Mask held, typename T::Mask failed) {
+  if (any(held)) hold(t, batch, x, failed);
 }
 
 /// Freezes lanes that failed, and moves the others to their new state.
@@ -54,7 +60,13 @@ void check(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   const auto fast = beyond(farthest(x.next.v, t.velocities, T(0)), T(t.velocity_bound));
   const typename T::Mask failed = (x.singular | far | fast) & ~x.frozen;
   x.frozen = x.frozen | failed;
-  hold_frozen(t, batch, x, failed);
+  typename T::Mask held = x.frozen;
+  if (t.turning.count > 0) {
+    T angle = T(0);
+    for (int i = 0; i < t.turning.count; ++i) angle = farther(angle, x.next.q[t.turning[i]]);
+    held = held | beyond(angle, T(ScalarOf<T>(simd::most_angle)));
+  }
+  hold_if(t, batch, x, held, failed);
 
   copy_state(t, x.next, x.state);
 }

@@ -63,7 +63,7 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   const T h = T(t.dt), zero = T(0), u = x.diagnostics.moved_velocity[t.velocity_of(j)];
   residual = row_state = zero;
   if (row.kind == Reported::effort_limit) {
-    const T most = T(t.effort_limit[j]), effort = feed_forward<T>(t, batch, j);
+    const T most = effort_limit<T>(t, batch, j), effort = feed_forward<T>(t, batch, j);
     row_state = row.member >= 0 ? x.servos.saturation[row.member] : saturated(effort, most);
     row_state = row_state + row_state;
     return;
@@ -84,13 +84,14 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
         return;
       }
       // The range asks for no more than the velocity limit allows.
-      const Interval<T> own = range_interval(t, x, j, at, zero), within = joint_interval(t, x, j, at, zero);
+      const Interval<T> own = range_interval(t, batch, x, j, at, zero),
+                        within = joint_interval(t, batch, x, j, at, zero);
       residual = h * larger(zero, larger(smaller(own.lo, within.lo) - u, u - larger(own.hi, within.hi)));
       row_state = select(reaches(own.lo, u), T(1), select(reaches(-own.hi, -u), T(-1), zero));
       return;
     }
     case Reported::velocity_limit: {
-      const T most = T(b.speed_limit[j]);
+      const T most = speed_limit<T>(t, batch, j);
       residual = h * larger(zero, larger(u, -u) - most);
       row_state = select(reaches(-most, u), T(1), select(reaches(-most, -u), T(-1), zero));
       return;
@@ -117,9 +118,9 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   const Phase phase = t.solve_twice ? velocity_phase : position_phase;
   const T h = T(t.dt), zero = T(0);
   const Field<T> damping = field<T>(batch, Parameter::damping, t.damping.data);
-  const auto force = [&](int j) { return servo<T>(t, batch, j).force(h, x.state.q[j], x.next.v[t.velocity_of(j)]); };
+  const auto force = [&](int j) { return servo<T>(t, batch, x, j).force(h, x.state.q[j], x.next.v[t.velocity_of(j)]); };
   for (int j = 0; j < t.joints; ++j) {
-    const T v = x.next.v[t.velocity_of(j)], displacement = h * v, most = T(t.effort_limit[j]);
+    const T v = x.next.v[t.velocity_of(j)], displacement = h * v, most = effort_limit<T>(t, batch, j);
     dissipated = fma(damping.at(j, t.dof[j]) * v, displacement, dissipated);
     T effort = feed_forward<T>(t, batch, j);
     bool has_servo = false;
@@ -130,8 +131,9 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   }
   for (int i = 0; i < t.springs.count; ++i) {
     const int j = t.springs[i];
-    const T displacement = h * x.next.v[t.velocity_of(j)], stretched = x.state.q[j] + displacement - T(t.rest[j]);
-    work = fnma(T(t.stiffness[j]) * stretched, displacement, work);
+    const T displacement = h * x.next.v[t.velocity_of(j)],
+            stretched = x.state.q[j] + displacement - without_whole_turns(t, x, j, T(t.rest[j]));
+    work = fnma(stiffness<T>(t, batch, j) * stretched, displacement, work);
   }
   const auto moved = [&](int c) {
     T speed = zero;
@@ -175,7 +177,7 @@ T energy_at(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batc
   Motion<T>& motion = there.diagnostics.motion;
   motions(t, there, motion);
   const T potential = potential_energy(t, batch, there, motion);
-  return kinetic ? potential + kinetic_energy(t, there, motion) : potential;
+  return kinetic ? potential + kinetic_energy(t, batch, there, motion) : potential;
 }
 
 template <class T>

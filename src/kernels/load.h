@@ -3,22 +3,58 @@
 
 #include "kernels/couplings/consistent.h"
 #include "kernels/couplings/gear_ratios.h"
+#include "kernels/couplings/turns.h"
 #include "kernels/dynamics/frame.h"
 #include "kernels/tile/lay_out.h"
 
 namespace lockstep::kernels {
 
-/// Masses per environment. A body is the sum of its links, each times its mass.
+/// Adds the moments of a link whose centre of mass or inertia differs per environment (M82).
 template <class T>
-void own_masses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+void add_link(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int l, T mass,
+              PseudoInertia<T>& sum) {
+  using S = ScalarOf<T>;
+  const LinkPlace<S>& place = t.link[l];
+  T spread[6];  // xx, yy, zz, yz, xz, xy about the centre of mass, in the link's axes
+  if (const S* own = batch.field(Parameter::inertia)) {
+    T tensor[6];  // xx, yy, zz, xy, xz, yz
+    for (int k = 0; k < 6; ++k) tensor[k] = T::load(own + (6 * l + k) * batch.stride);
+    const T half_trace = T(S(0.5)) * (tensor[0] + tensor[1] + tensor[2]);
+    for (int k = 0; k < 3; ++k) spread[k] = half_trace - tensor[k], spread[3 + k] = -tensor[5 - k];
+  } else {
+    for (int k = 0; k < 6; ++k) spread[k] = mass * T(place.unit_spread[k]);
+  }
+  const Vec3<T> center = center_of_link<T>(t, batch, l);
+  const auto entry = [&](int i, int j) { return i == j ? spread[i] : spread[6 - i - j]; };
+  const auto turned = [&](int i, int j) {
+    T result = mass * center[i] * center[j];
+    for (int k = 0; k < 3; ++k)
+      for (int m = 0; m < 3; ++m)
+        result = fma(T(place.rotation[3 * i + k] * place.rotation[3 * j + m]), entry(k, m), result);
+    return result;
+  };
+  for (int k = 0; k < 3; ++k) sum.moment[k] = fma(mass, center[k], sum.moment[k]);
+  for (int k = 0; k < 3; ++k) {
+    sum.second[k] += turned(k, k);
+    sum.second[3 + k] += turned((k + 1) % 3, (k + 2) % 3);
+  }
+}
+
+/// Inertias per environment. A body is the sum of its links; a link's inertia scales with its mass unless it is given.
+template <class T>
+void own_inertias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   for (int b = 0; b < t.bodies; ++b)
     x.bodies.inertia[b] = {T(0), Vec3<T>::zero(), {T(0), T(0), T(0), T(0), T(0), T(0)}};
   for (int l = 0; l < t.links; ++l) {
     const LinkPlace<ScalarOf<T>>& place = t.link[l];
     if (place.body < 0) continue;
-    const T mass = T::load(batch.field(Parameter::mass) + l * batch.stride);
+    const T mass = field<T>(batch, Parameter::mass, t.link_mass.data).at(l, l);
     PseudoInertia<T>& sum = x.bodies.inertia[place.body];
     sum.mass += mass;
+    if (t.declares(Parameter::center_of_mass) || t.declares(Parameter::inertia)) {
+      add_link(t, batch, l, mass, sum);
+      continue;
+    }
     for (int k = 0; k < 3; ++k) sum.moment[k] = fma(mass, T(place.unit_moment[k]), sum.moment[k]);
     for (int k = 0; k < 6; ++k) sum.second[k] = fma(mass, T(place.unit_second[k]), sum.second[k]);
   }
@@ -84,8 +120,9 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
   };
   if (own(Parameter::gear_ratio)) own_ratios(t, batch, x);
   if (own(Parameter::offset)) own_offsets(t, batch, x);
-  if (own(Parameter::mass)) {
-    own_masses(t, batch, x);
+  if (t.turning.count > 0) load_turns(t, batch, x);
+  if (own(Parameter::mass) || own(Parameter::center_of_mass) || own(Parameter::inertia)) {
+    own_inertias(t, batch, x);
     move_masses_inwards(t, x);
   }
   set_consistent(t, x, all_consistent(t, x, shape));

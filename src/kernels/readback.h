@@ -148,7 +148,7 @@ void read(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
       case Quantity::frame_velocity: put_velocity(t, m, request, out); break;
       case Quantity::frame_position: out.put(0, place_of(t, m, request).position); break;
       case Quantity::frame_jacobian: put_jacobian(t, m, request, out); break;
-      case Quantity::kinetic_energy: out.put(0, kinetic_energy(t, x, m)); break;
+      case Quantity::kinetic_energy: out.put(0, kinetic_energy(t, own, x, m)); break;
       case Quantity::potential_energy: out.put(0, potential_energy(t, own, x, m)); break;
       default: put_momentum(t, x, m, out); break;
     }

@@ -1,6 +1,7 @@
 // Last stage: writes the state of a tile to the batch. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "kernels/couplings/turns.h"
 #include "kernels/tile/tile_shape.h"
 
 namespace lockstep::kernels {
@@ -16,6 +17,7 @@ LOCKSTEP_INLINE void store(const Tables<ScalarOf<T>>& t, const StatePointers<Sca
     store(position + shape.dof[j] * stride, q[j]);
     store(velocity + shape.dof[j] * stride, v[shape.velocity[j]]);
   }
+  if (t.turning.count > 0) store_turns(t, batch, x);
   for (int i = 0; i < 7 * shape.roots; ++i) store(batch.root_pose + i * stride, x.state.pose[i]);
   for (int r = 0; r < shape.roots; ++r)
     for (int i = 0; i < 6; ++i) store(batch.root_velocity + (6 * r + i) * stride, v[shape.root[r].velocity + i]);

@@ -232,13 +232,18 @@ void lay_out_bodies(Program& program, const Trees& trees) {
     unit.mass = 1.0;
     copy(unit.center, place.unit_moment);
     copy_symmetric(second_moment(unit), place.unit_second);
+    Inertia spread = model.links[i].inertia;
+    copy(spread.center, place.center);
+    spread.about_center /= spread.mass > 0.0 ? spread.mass : 1.0;
+    spread.mass = 0.0;
+    copy_symmetric(second_moment(spread), place.unit_spread);
   }
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     bodies[b].mass = sums[b].mass;
     copy(sums[b].mass * sums[b].center, bodies[b].moment);
     copy_symmetric(second_moment(sums[b]), bodies[b].second);
   }
-  move_masses_inwards(bodies, declared(program, Parameter::mass));
+  move_masses_inwards(bodies, has_own_inertias(program));
 
   t.bodies = static_cast<int>(bodies.size());
   t.joints = static_cast<int>(joint_row.size());
@@ -274,7 +279,7 @@ void lay_out_joint_terms(Program& program) {
     kd[i] = joint.drive.kd;
     stiffness[i] = joint.stiffness;
     rest[i] = joint.rest;
-    if (joint.stiffness > 0.0) springs.push_back(i);
+    if (joint.stiffness > 0.0 || declared(program, Parameter::stiffness)) springs.push_back(i);
     implicit[i] = joint.armature + h * joint.damping + h * h * joint.stiffness;
     const bool has_effort_limit = joint.effort_limit < infinity && !joint.drive.kinematic &&
                                   !leaves_out(program, program.settings.ignore.effort_limits, joint);

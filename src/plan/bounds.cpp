@@ -27,7 +27,8 @@ int hard_bounds(const Program& program, const Joint& joint) {
   if (has_range_of(program, joint) && is_hard(joint.limit_softness)) has |= has_range;
   if (has & has_range && joint.restitution > 0.0) has |= has_restitution;
   if (joint.velocity_limit < infinity && !leaves_out(program, ignore.velocity_limits, joint)) has |= has_speed_limit;
-  if (joint.friction > 0.0 && !leaves_out(program, ignore.friction, joint)) has |= has_friction;
+  if ((joint.friction > 0.0 || declared(program, Parameter::friction)) && !leaves_out(program, ignore.friction, joint))
+    has |= has_friction;
   if (joint.drive.kinematic && is_hard(joint.drive.softness)) has |= has_kinematic_drive;
   return has;
 }
@@ -193,15 +194,11 @@ BoundForms lay_out_bounds(Program& program) {
 
   b.rows = lay_out_forms(program, result.forms, t.solver, false);
   b.may_depend = depend(program, rows, result.forms);
-  std::vector<Watched<double>> watched;
+  std::vector<Watched> watched;
   each_joint([&](const Joint& joint, int i) {
     const bool has_speed = b.has[i] & has_speed_limit, ranged = has_range_of(program, joint);
     b.always |= (b.has[i] & (has_friction | has_kinematic_drive)) != 0;
-    if (has_speed || ranged)
-      watched.push_back({{i, (b.has[i] & has_restitution) != 0},
-                         ranged ? b.lower[i] : -unlimited,
-                         ranged ? b.upper[i] : unlimited,
-                         has_speed ? program.settings.dt * b.speed_limit[i] : 0.0});
+    if (has_speed || ranged) watched.push_back({i, (b.has[i] & has_restitution) != 0, ranged, has_speed});
   });
   for (const Row& row : rows) b.always |= row.kind == BoundKind::soft_drive || row.kind == BoundKind::coupling;
   b.watched = program.storage.keep(std::move(watched));

@@ -125,8 +125,10 @@ void take_constraint_velocities(Program& program,
   Tables<double>& t = program.f64;
   if (t.rows.count == 0 || t.reduction.followers > 0) return;
   if (program.integrator != Integrator::euler) return;
-  for (const Parameter inertia : {Parameter::gear_ratio, Parameter::drive_gains, Parameter::damping, Parameter::mass})
-    if (declared(program, inertia)) return;  // the share that elimination leaves is unknown
+  if (has_own_inertias(program)) return;  // the share that elimination leaves is unknown
+  for (const Parameter inertia :
+       {Parameter::gear_ratio, Parameter::drive_gains, Parameter::damping, Parameter::armature, Parameter::stiffness})
+    if (declared(program, inertia)) return;
   if (find_candidates(t, std::vector<double>(t.couplings, 1.0)).empty()) return;
   narrow(program);
   std::vector<Candidate> candidates = find_candidates(t, first_joints_shares(program));

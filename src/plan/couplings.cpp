@@ -18,6 +18,11 @@ bool declared(const Program& program, Parameter parameter) {
   return program.settings.per_environment.contains(parameter);
 }
 
+bool has_own_inertias(const Program& program) {
+  return declared(program, Parameter::mass) || declared(program, Parameter::center_of_mass) ||
+         declared(program, Parameter::inertia);
+}
+
 bool always_hard(const Program& program, int coupling) {
   const Coupling& c = program.model.couplings[coupling];
   return is_hard(c.softness) && !(c.force_limit < infinity) && !declared(program, Parameter::softness) &&

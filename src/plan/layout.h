@@ -151,11 +151,16 @@ void lay_out_report(Program& program);
 /// f32 from f64 (narrow.cpp).
 void narrow(Program& program);
 
+/// Which joints turn for ever, after all other tables (turns.cpp).
+void lay_out_turns(Program& program);
+
 /// Whether the coupling is hard in every environment.
 bool always_hard(const Program& program, int coupling);
 bool is_redundant(const Program& program, int coupling);
 bool is_absent(const Program& program, int coupling);
 bool declared(const Program& program, Parameter parameter);
+/// Whether masses, centres of mass or inertias differ per environment.
+bool has_own_inertias(const Program& program);
 
 /// A square symmetric pattern; only [i][j] with j <= i is read.
 using Pattern = std::vector<std::vector<char>>;

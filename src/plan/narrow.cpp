@@ -21,9 +21,8 @@ constexpr bool names_all = sizeof(Table) == (sizeof(Structure) + 7) / 8 * 8 + by
 
 static_assert(names_all<Body<double>, BodyStructure> && names_all<LinkPlace<double>, LinkStructure> &&
               names_all<TreePlace<double>, TreeStructure> && names_all<RowSoftness<double>, RowSoftnessStructure> &&
-              names_all<Rows<double>, RowStructure> && names_all<Watched<double>, WatchedStructure> &&
-              names_all<Bounds<double>, BoundStructure> && names_all<Fill<double>, FillStructure> &&
-              names_all<Reduction<double>, ReductionStructure>);
+              names_all<Rows<double>, RowStructure> && names_all<Bounds<double>, BoundStructure> &&
+              names_all<Fill<double>, FillStructure> && names_all<Reduction<double>, ReductionStructure>);
 static_assert(sizeof(Tables<double>) ==
               (sizeof(TableStructure) + 7) / 8 * 8 + sizeof(void*) + bytes_of_numbers<Tables<double>>());
 
@@ -57,7 +56,6 @@ struct Narrowing {
   void operator()(const TreePlace<double>& from, TreePlace<float>& to) { table<TreeStructure>(from, to); }
   void operator()(const RowSoftness<double>& from, RowSoftness<float>& to) { table<RowSoftnessStructure>(from, to); }
   void operator()(const Rows<double>& from, Rows<float>& to) { table<RowStructure>(from, to); }
-  void operator()(const Watched<double>& from, Watched<float>& to) { table<WatchedStructure>(from, to); }
   void operator()(const Bounds<double>& from, Bounds<float>& to) { table<BoundStructure>(from, to); }
   void operator()(const Fill<double>& from, Fill<float>& to) { table<FillStructure>(from, to); }
   void operator()(const Reduction<double>& from, Reduction<float>& to) { table<ReductionStructure>(from, to); }

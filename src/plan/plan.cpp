@@ -63,18 +63,7 @@ int Plan::site(const std::string& wanted) const {
 }
 
 int Plan::parameter_rows(Parameter parameter) const {
-  const Tables<double>& t = program_->f64;
-  switch (parameter) {
-    case Parameter::gear_ratio: return t.term_gear.count - t.couplings;
-    case Parameter::offset:
-    case Parameter::coupling_switch: return t.couplings;
-    case Parameter::softness: return 2 * t.couplings;
-    case Parameter::drive_gains: return 2 * t.joints;
-    case Parameter::damping: return t.joints;
-    case Parameter::mass: return t.links;
-    case Parameter::gravity: return 3;
-    case Parameter::link_wrench: return 6 * t.links;
-  }
+  if (const int rows = rows_of(program_->f64, parameter); rows >= 0) return rows;
   throw UsageError("field " + std::to_string(static_cast<unsigned>(parameter)), "is none of the enumerators",
                    "give one of Parameter");
 }

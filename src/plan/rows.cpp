@@ -287,7 +287,8 @@ bool takes_no_impulse(const Program& program, int coupling) {
 // By component, whether A differs from the undamped inertia, so that (24) needs a factorisation of its own.
 std::vector<bool> matrix_holds_more(const Program& program, const std::vector<int>& component) {
   const Tables<double>& t = program.f64;
-  const bool all = declared(program, Parameter::drive_gains) || declared(program, Parameter::damping);
+  const bool all = declared(program, Parameter::drive_gains) || declared(program, Parameter::damping) ||
+                   declared(program, Parameter::stiffness);
   std::vector<bool> more(t.tree.count, all);
   const auto mark = [&](int j) { more[component[t.body[t.joint_body[j]].tree]] = true; };
   for (int i = 0; i < t.limited_servos.count; ++i) mark(t.limited_servos[i]);

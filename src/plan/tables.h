@@ -102,11 +102,14 @@ struct LinkPlace : LinkStructure {
   S rotation[9];  ///< link coordinates to body coordinates, row-major
   S offset[3];
   S unit_moment[3], unit_second[6];  ///< per kg, about the body's origin, or a bolted root's
+  S unit_spread[6];                  ///< the second moment per kg about the centre of mass, in the link's axes
+  S center[3];                       ///< in the link's frame
 
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
     visit(from.rotation, to.rotation), visit(from.offset, to.offset);
     visit(from.unit_moment, to.unit_moment), visit(from.unit_second, to.unit_second);
+    visit(from.unit_spread, to.unit_spread), visit(from.center, to.center);
   }
 };
 
@@ -247,19 +250,10 @@ struct Member {
 };
 
 /// A joint whose limits every step checks.
-struct WatchedStructure {
+struct Watched {
   int joint;
-  bool bounces;  ///< it has a restitution
-};
-template <class S>
-struct Watched : WatchedStructure {
-  S lower, upper;
-  S way;  ///< the farthest that it may move in a step, 0 if its velocity has no limit
-
-  template <class From, class To, class Visit>
-  static constexpr void numbers(From& from, To& to, Visit&& visit) {
-    visit(from.lower, to.lower), visit(from.upper, to.upper), visit(from.way, to.way);
-  }
+  bool bounces;          ///< it has a restitution
+  bool ranged, has_way;  ///< its position has limits, its velocity has one
 };
 
 /// Bounded rows: rows with an interval or a box (M54).
@@ -272,12 +266,12 @@ struct BoundStructure {
   bool always = false;      ///< some row is active in every step: friction, a kinematic drive, a force limit
   Span<int> has;            ///< by joint: JointBound
   Span<int> undamped_row;   ///< by row, as Tables::undamped_row
+  Span<Watched> watched;    ///< the joints with limits
 };
 template <class S>
 struct Bounds : BoundStructure {
-  Rows<S> rows;              ///< directions of the rows, and the softness of soft ones
-  Span<S> member_share;      ///< the values of S
-  Span<Watched<S>> watched;  ///< the joints with limits
+  Rows<S> rows;          ///< directions of the rows, and the softness of soft ones
+  Span<S> member_share;  ///< the values of S
   // by joint; entries of bounds that a joint does not have are not read
   Span<S> lower, upper, limit_rate, restitution, speed_limit, friction, drive_rate;
   Span<S> sub_step_rate;  ///< limit_rate in the sub-steps of tgs
@@ -286,7 +280,7 @@ struct Bounds : BoundStructure {
 
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
-    visit(from.rows, to.rows), visit(from.member_share, to.member_share), visit(from.watched, to.watched);
+    visit(from.rows, to.rows), visit(from.member_share, to.member_share);
     visit(from.lower, to.lower), visit(from.upper, to.upper), visit(from.limit_rate, to.limit_rate);
     visit(from.restitution, to.restitution), visit(from.speed_limit, to.speed_limit), visit(from.friction, to.friction);
     visit(from.drive_rate, to.drive_rate), visit(from.sub_step_rate, to.sub_step_rate);
@@ -493,6 +487,13 @@ struct TableStructure {
   Span<int> servos;                             ///< joints that have a servo without an effort limit
   Span<int> limited_servos;                     ///< joints that have a servo with an effort limit
   Span<int> springs;                            ///< joints that have a spring
+  Span<int> turning, not_turning;               ///< joints that turn for ever (M80), and the others
+  Span<int> turns;                              ///< by joint: whether it turns for ever; empty if none does
+  Span<int> coupling_turns, turning_couplings;  ///< the same for couplings of such joints, and a list of these
+  Span<int> turning_placed;                     ///< those that place a follower, in their order in `placing`
+  Span<int> turning_alike;                      ///< of these, those that make a follower's turns its leader's or minus
+                                                ///< that, so it may be a Mirror
+  Span<double> exact_ratio, exact_offset;       ///< term_value and offset, in double
   Span<int> limited_efforts;                    ///< joints without a servo whose effort is limited
   Span<int> term_start, term_joint, term_gear;  ///< couplings in joint space; gear: row of the gear_ratio field, -1 for
                                                 ///< the leading 1
@@ -508,6 +509,10 @@ struct TableStructure {
 
   inline __attribute__((always_inline)) bool declares(Parameter parameter) const {
     return (per_environment >> static_cast<unsigned>(parameter)) & 1u;
+  }
+  /// Whether masses, centres of mass or inertias differ per environment.
+  inline __attribute__((always_inline)) bool has_own_inertias() const {
+    return declares(Parameter::mass) || declares(Parameter::center_of_mass) || declares(Parameter::inertia);
   }
   inline __attribute__((always_inline)) int velocity_of(int joint) const { return joint_velocity[joint]; }
 };

@@ -193,7 +193,7 @@ std::string stage_lines(const Program& program) {
   bool damped = false, rotors = false;
   for (int j = 0; j < t.joints; ++j) damped |= t.damping[j] != 0.0, rotors |= t.armature[j] != 0.0;
   if (!damped && !declared(program, Parameter::damping)) absent.push_back("damping");
-  if (!rotors) absent.push_back("armature");
+  if (!rotors && !declared(program, Parameter::armature)) absent.push_back("armature");
   if (t.springs.count == 0) absent.push_back("springs");
   for (int p = 0; p < parameter_count; ++p)
     if (!declared(program, static_cast<Parameter>(p)))
@@ -219,7 +219,7 @@ std::string bounds_lines(const Program& program) {
     count(joint.lower > -infinity || joint.upper < infinity, position, ignore.position_limits);
     count(joint.velocity_limit < infinity, velocity, ignore.velocity_limits);
     count(joint.effort_limit < infinity, effort, ignore.effort_limits);
-    count(joint.friction > 0.0, friction, ignore.friction);
+    count(joint.friction > 0.0 || declared(program, Parameter::friction), friction, ignore.friction);
     count(joint.drive.kinematic, kinematic, {});
   }
   for (const Coupling& coupling : program.model.couplings) force.held += coupling.force_limit < infinity;

@@ -25,7 +25,7 @@ void reduced_matrix(const Tables<float>& t, const float* q, const float* joint_i
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = T(q[j]);
   kernels::kinematics(t, x);
   for (int j = 0; j < t.joints; ++j) x.dynamics.joint_inertia[j] = T(joint_inertia[j]);
-  kernels::inertia_matrix(t, x);
+  kernels::inertia_matrix(t, StatePointers<float>(), x);
   if (t.reduction.by_entries()) kernels::reduce_matrix(t, x);
   for (int e = 0; e < t.solver.entries; ++e) packed[e] = x.dynamics.reduced[e].lane(0);
 }

@@ -15,12 +15,13 @@ void first_saturation_pass(Tile<Traced>& x);
 void limited_drives(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 bool saturation_differs(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void clear_bounds(Tile<Traced>& x);
-bool bounds_active(const Tables<double>& t, Tile<Traced>& x);
+bool bounds_active(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void solve_bounds(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
-void coupling_impulses(const Tables<double>& t, Tile<Traced>& x);
+void coupling_impulses(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void diagnose(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void check(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
-void hold_frozen(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, Traced::Mask failed);
+void hold_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, Traced::Mask held,
+             Traced::Mask failed);
 
 /// Records a loop of sweeps as a loop. `carried` are the arrays that each turn hands to the next.
 template <int N, class Turn>

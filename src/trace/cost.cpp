@@ -18,6 +18,7 @@ long Plan::bytes_per_step(int scalar_bytes) const {
 long Plan::bytes_per_environment(int scalar_bytes) const {
   const Tables<double>& t = program_->f64;
   long rows = 2 * t.joints + 3 * t.joints * t.input_times + (7 + 6) * t.roots.count;
+  if (t.turning.count > 0) rows += t.joints;
   if (t.record_impulses) rows += t.couplings;
   if (t.record_diagnostics) rows += 2 * t.reported.count + 4;
   for (unsigned p = 0; p < parameter_count; ++p)

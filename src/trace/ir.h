@@ -49,6 +49,7 @@ struct Place {
   int array = Access::nowhere;  ///< as in Access
   int number = 0;
   bool lasting = false;  ///< the number is the same in all steps of a call
+  bool turns = false;    ///< except that hold() may change it
 };
 
 struct Node {

@@ -33,9 +33,9 @@ void solve_bounds(const Tables<double>&, const StatePointers<double>&, Tile<Trac
 
 // Straight-line code finds out whether a bound may be active, unless other stages read what solve_bounds() leaves in
 // memory.
-bool bounds_active(const Tables<double>& t, Tile<Traced>& x) {
+bool bounds_active(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
   if (counting) {
-    if (!t.bounds.always) candidates(t, x);
+    if (!t.bounds.always) candidates(t, batch, x);
     return false;
   }
   if (tracer->learns()) {
@@ -43,11 +43,11 @@ bool bounds_active(const Tables<double>& t, Tile<Traced>& x) {
     return false;
   }
   if (t.bounds.always || t.record_diagnostics || t.record_impulses) {
-    tracer->run("clear_bounds(x);\nif (bounds_active(t, x)) solve_bounds(t, batch, x);", Call::solve_bounds);
+    tracer->run("clear_bounds(x);\nif (bounds_active(t, batch, x)) solve_bounds(t, batch, x);", Call::solve_bounds);
     return false;
   }
   Traced::Mask candidate;
-  tracer->aside([&] { candidate = candidates(t, x); });
+  tracer->aside([&] { candidate = candidates(t, batch, x); });
   // Neither solve_bounds() nor what it calls reads these.
   std::set<const void*> unread = {x.dynamics.joint_inertia,
                                   x.dynamics.rhs,
@@ -66,11 +66,11 @@ void diagnose(const Tables<double>& t, const StatePointers<double>& batch, Tile<
   tracer->run("diagnose(t, batch, x);", Call::diagnose);
 }
 
-void coupling_impulses(const Tables<double>& t, Tile<Traced>& x) {
-  if (counting) return coupling_impulses<Traced>(t, x);
-  if (t.bounds.rows.count > 0) return tracer->run("coupling_impulses(t, x);", Call::coupling_impulses);
+void coupling_impulses(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
+  if (counting) return coupling_impulses<Traced>(t, batch, x);
+  if (t.bounds.rows.count > 0) return tracer->run("coupling_impulses(t, batch, x);", Call::coupling_impulses);
   const std::vector<Traced> before(x.couplings.impulse, x.couplings.impulse + t.couplings);
-  coupling_impulses<Traced>(t, x);
+  coupling_impulses<Traced>(t, batch, x);
   // The first tracing runs this stage too, as all tracings must have the same sums. But it drops the results.
   if (tracer->learns()) std::copy(before.begin(), before.end(), x.couplings.impulse);
 }
@@ -86,8 +86,9 @@ void check(const Tables<double>& t, const StatePointers<double>& batch, Tile<Tra
   }
   check<Traced>(t, batch, x);
 }
-void hold_frozen(const Tables<double>&, const StatePointers<double>&, Tile<Traced>& x, Traced::Mask failed) {
-  if (!counting) tracer->hold_if(x.frozen.id, failed.id);
+void hold_if(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&, Traced::Mask held,
+             Traced::Mask failed) {
+  if (!counting) tracer->hold_if(held.id, failed.id);
 }
 
 }  // namespace lockstep::kernels
@@ -135,11 +136,9 @@ StatePointers<double> inputs(const Tables<double>& t, MakeRows rows) {
   batch.position_target = rows(t.joints * t.input_times, "position_target", Access::position_target);
   batch.velocity_target = rows(t.joints * t.input_times, "velocity_target", Access::velocity_target);
   batch.effort = rows(t.joints * t.input_times, "effort", Access::effort);
-  const int field_rows[parameter_count] = {t.term_gear.count, t.couplings, 2 * t.couplings, 2 * t.joints, t.joints,
-                                           t.links,           3,           6 * t.links,     t.couplings};
   for (int f = 0; f < parameter_count; ++f)
     if (t.declares(static_cast<Parameter>(f)))
-      batch.fields[f] = rows(field_rows[f], fmt::format("fields[{}]", f), Access::field + f);
+      batch.fields[f] = rows(rows_of(t, static_cast<Parameter>(f)), fmt::format("fields[{}]", f), Access::field + f);
   return batch;
 }
 
@@ -165,13 +164,13 @@ Tracing trace_once(const Program& program, bool consistent, const Learned* learn
     return first;
   });
 
-  x.corrects_positions = true;  // as lay_out() has it
+  x.corrects_positions = x.turned = true;  // as lay_out() has it
   x.consistent = false;
   x.solves_twice = t.solve_twice;
 
   // advance() computes these once per call. They are known unless each environment has its own.
   if (!t.declares(Parameter::gear_ratio)) kernels::uniform_ratios(t, x);
-  if (!t.declares(Parameter::mass)) kernels::uniform_masses(t, x);
+  if (!t.has_own_inertias()) kernels::uniform_masses(t, x);
   if (consistent) know_consistent_followers(t, x, tracing);
   if (learned)
     tracing.add_up(learned->terms), tracing.unused_inputs = learned->unused_inputs;
@@ -209,8 +208,8 @@ Cost cost_of(const Program& program) {
   cost = {};  // the two above run once for all environments
   if (t.declares(Parameter::gear_ratio)) kernels::own_ratios(t, batch, x);
   if (t.declares(Parameter::offset)) kernels::own_offsets(t, batch, x);
-  if (t.declares(Parameter::mass)) {
-    kernels::own_masses(t, batch, x);
+  if (t.has_own_inertias()) {
+    kernels::own_inertias(t, batch, x);
     kernels::move_masses_inwards(t, x);
   }
   kernels::step(t, batch, x);

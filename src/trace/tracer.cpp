@@ -104,10 +104,10 @@ struct Take {
     int in_array = 0;
     for (int i = 0; i < count; ++i)
       for (const auto& [in_code, in_name] : all)
-        tracer->add_number(
-            number++,
-            {fmt::format("x.{}[{}]{}", name, i, in_code), tracer->arrays_, in_array++, lasts == Lifetime::call},
-            fmt::format("{}_{}{}", stem, i, in_name), lasts, array);
+        tracer->add_number(number++,
+                           {fmt::format("x.{}[{}]{}", name, i, in_code), tracer->arrays_, in_array++,
+                            lasts == Lifetime::call || lasts == Lifetime::turn, lasts == Lifetime::turn},
+                           fmt::format("{}_{}{}", stem, i, in_name), lasts, array);
     ++tracer->arrays_;
   }
 };

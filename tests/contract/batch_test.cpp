@@ -58,9 +58,20 @@ TEST(Views, have_a_row_per_dof_in_the_order_of_the_models_joints) {
     for (std::size_t l = 0; l < model.links.size(); ++l)
       EXPECT_TRUE((batch.parameter(Parameter::mass).row(static_cast<int>(l)) == model.links[l].inertia.mass).all());
     for (int k = 0; k < 3; ++k) EXPECT_TRUE((batch.parameter(Parameter::gravity).row(k) == model.gravity[k]).all());
+    for (std::size_t l = 0; l < model.links.size(); ++l) {
+      const Inertia& inertia = model.links[l].inertia;
+      const auto tensor = batch.parameter(Parameter::inertia).col(0).segment(6 * static_cast<Eigen::Index>(l), 6);
+      const auto center =
+          batch.parameter(Parameter::center_of_mass).col(0).segment(3 * static_cast<Eigen::Index>(l), 3);
+      for (int k = 0; k < 3; ++k) EXPECT_EQ(center[k], inertia.center[k]);
+      const Eigen::Matrix3d& about = inertia.about_center;
+      const double all[] = {about(0, 0), about(1, 1), about(2, 2), about(0, 1), about(0, 2), about(1, 2)};
+      for (int k = 0; k < 6; ++k) EXPECT_EQ(tensor[k], all[k]);
+    }
     EXPECT_TRUE((batch.parameter(Parameter::link_wrench) == 0.0).all());
     for (unsigned p = 0; p < parameter_count; ++p) {
       const Parameter parameter = static_cast<Parameter>(p);
+      if (parameter == Parameter::friction) continue;  // not declared
       EXPECT_EQ(batch.parameter(parameter).rows(), plan.parameter_rows(parameter)) << to_string(parameter);
       EXPECT_EQ(batch.parameter(parameter).cols(), 5);
     }
@@ -74,7 +85,7 @@ TEST(Views, are_all_the_memory_of_an_environment) {
   const Plan plan = compile(scenes::chain32(), settings);
   Batch<double> batch(plan, 2, serial);
   Eigen::Index rows = batch.coupling_impulses().rows() + batch.row_residuals().rows() + batch.row_states().rows() +
-                      batch.energy_balances().rows();
+                      batch.energy_balances().rows() + batch.angles().rows();
   for (auto view : {batch.positions(), batch.velocities(), batch.root_poses(), batch.root_velocities(),
                     batch.position_targets(), batch.velocity_targets(), batch.efforts(),
                     batch.parameter(Parameter::mass), batch.parameter(Parameter::gravity)})

@@ -36,7 +36,8 @@ std::vector<Cause<S>> causes(const Plan& plan) {
       {"overflowing velocity", [=](Batch<S>& b, int e) { b.velocities()(2, e) = largest; }, Fault::not_finite},
       {"NaN effort", [=](Batch<S>& b, int e) { b.efforts()(3, e) = not_a_number; }, Fault::not_finite},
       {"infinite effort", [=](Batch<S>& b, int e) { b.efforts()(3, e) = infinite; }, Fault::not_finite},
-      {"far position", [=](Batch<S>& b, int e) { b.positions()(0, e) = S(2e5); }, Fault::diverged},
+      {"far position", [=](Batch<S>& b, int e) { b.positions()(0, e) = S(sizeof(S) == 4 ? 1e7 : 1e16); },
+       Fault::diverged},
       {"high speed", [=](Batch<S>& b, int e) { b.efforts()(3, e) = S(1e12); }, Fault::diverged}};
   if (!plan.root_names().empty()) {
     all.push_back({"NaN root", [=](Batch<S>& b, int e) { b.root_poses()(1, e) = not_a_number; }, Fault::not_finite});
@@ -232,7 +233,7 @@ TEST(Fault, is_none_where_parameters_have_no_rows) {
 
 TEST(Fault, keeps_its_first_code) {
   Batch<double> batch(compile(scenes::chain8()), 3, {.threads = 1});
-  batch.positions()(0, 1) = 1e6;
+  batch.positions()(0, 1) = 1e16;
   batch.step();
   EXPECT_EQ(batch.faults()[1], Fault::diverged);
   batch.positions()(0, 1) = nan;

@@ -3,6 +3,7 @@
 // Every declared parameter differs in every environment. The tests compare several steps with the reference, which
 // shares no arithmetic with the kernels, and with a plan that is compiled from the changed model.
 #include "contract.h"
+#include "reference/random_bounds.h"
 #include "reference/step.h"
 
 namespace lockstep {
@@ -131,6 +132,91 @@ TEST_P(OwnSoftness, softens_a_hard_coupling_in_some_environments) {
 
 INSTANTIATE_TEST_SUITE_P(method, OwnSoftness, testing::Values(Method::pgs, Method::tgs, Method::direct),
                          physics::method_name);
+
+// Frictions and limits per environment, by every engine: as in a plan of the changed model. Where the model has no
+// friction, environments may have one.
+class OwnBounds : public testing::TestWithParam<Method> {};
+
+TEST_P(OwnBounds, act_like_those_of_a_model) {
+  const ParameterSet fields = {Parameter::friction,     Parameter::position_limits, Parameter::velocity_limit,
+                               Parameter::effort_limit, Parameter::stiffness,       Parameter::armature};
+  constexpr int environments = 5;
+  int changed = 0;
+  for (std::uint64_t seed = 0; seed < 60; ++seed) {
+    const Model model = physics::random_bounds(seed);
+    StepSettings settings = contract::settings(GetParam(), fields);
+    settings.record_impulses = false;
+    settings.iterations = 40;
+    const Plan plan = compile(model, settings);
+    for (const Engine engine : {Engine::tables, Engine::automatic}) {
+      SCOPED_TRACE(testing::Message() << "seed " << seed << ", " << to_string(engine));
+      Batch<double> batch(plan, environments, {.threads = 1, .engine = engine});
+      contract::Random random(seed);
+      for (const Parameter field : {Parameter::friction, Parameter::velocity_limit, Parameter::effort_limit,
+                                    Parameter::stiffness, Parameter::armature}) {
+        auto rows = batch.parameter(field);
+        for (int e = 1; e < environments; ++e)
+          for (Eigen::Index row = 0; row < rows.rows(); ++row) rows(row, e) *= random.uniform(0.5, 2.0);
+      }
+      auto limits = batch.parameter(Parameter::position_limits);
+      for (int e = 1; e < environments; ++e) {
+        for (Eigen::Index row = 0; row < limits.rows(); ++row) limits(row, e) += row % 2 == 0 ? -0.002 * e : 0.002 * e;
+        batch.parameter(Parameter::friction)(0, e) += 0.3;
+        batch.parameter(Parameter::armature)(0, e) += 0.01;
+        batch.parameter(Parameter::stiffness)(0, e) += 5.0;
+      }
+      std::vector<Model> models;
+      for (int e = 0; e < environments; ++e) models.push_back(contract::model_of(batch, e));
+      batch.step(3);
+      for (int e = 0; e < environments; ++e) {
+        settings.per_environment = {};
+        Batch<double> alone(compile(models[static_cast<std::size_t>(e)], settings), 1,
+                            {.threads = 1, .engine = Engine::tables});
+        alone.step(3);
+        ASSERT_EQ(batch.faults()[e], alone.faults()[0]) << e;
+        EXPECT_LE((batch.velocities().col(e) - alone.velocities().col(0)).abs().maxCoeff(), 1e-7) << e;
+        EXPECT_LE((batch.positions().col(e) - alone.positions().col(0)).abs().maxCoeff(), 1e-9) << e;
+        EXPECT_NEAR(batch.limit_violations()(0, e), alone.limit_violations()(0, 0), 1e-9);
+        if (e > 0) changed += (batch.velocities().col(e) - batch.velocities().col(0)).abs().maxCoeff() > 1e-3;
+      }
+    }
+  }
+  EXPECT_GE(changed, 300);
+}
+
+INSTANTIATE_TEST_SUITE_P(method, OwnBounds, testing::ValuesIn(physics::methods), physics::method_name);
+
+TEST(OwnLimits, are_only_where_the_model_has_one_and_in_order) {
+  Model model = scenes::gripper13();
+  model.joints[0].lower = -1.0, model.joints[0].upper = 1.0, model.joints[1].velocity_limit = 3.0;
+  model.joints[2].effort_limit = 2.0;
+  StepSettings settings;
+  settings.per_environment = {Parameter::position_limits, Parameter::velocity_limit, Parameter::effort_limit,
+                              Parameter::inertia, Parameter::friction};
+  Batch<float> batch(compile(model, settings), 8, serial);
+  auto limits = batch.parameter(Parameter::position_limits);
+  EXPECT_EQ(limits(0, 0), -1.0f);
+  EXPECT_EQ(limits(2, 0), -std::numeric_limits<float>::infinity());
+  limits(0, 1) = 0.5f, limits(1, 1) = 0.4f;                 // not in order
+  batch.parameter(Parameter::velocity_limit)(0, 2) = 1.0f;  // the model has none there
+  batch.parameter(Parameter::velocity_limit)(1, 3) = 0.0f;
+  batch.parameter(Parameter::effort_limit)(2, 4) = -1.0f;
+  batch.parameter(Parameter::inertia)(6 * 3 + 1, 5) *= 100.0f;  // larger than the sum of the others
+  batch.parameter(Parameter::friction)(3, 6) = -0.1f;
+  limits(1, 7) = std::numeric_limits<float>::infinity();  // is allowed
+  batch.step();
+  EXPECT_EQ(batch.faults()[0], Fault::none);
+  for (int e = 1; e < 7; ++e) EXPECT_EQ(batch.faults()[e], Fault::bad_value) << e;
+  EXPECT_EQ(batch.faults()[7], Fault::none);
+  const char* const words[] = {"limits of joint 'j0'",
+                               "velocity limit of joint 'j0'",
+                               "velocity limit of joint 'j1'",
+                               "effort limit of joint 'j2'",
+                               "no body can have the inertia of link 'l2'",
+                               "friction of joint 'j3'"};
+  for (int e = 1; e < 7; ++e)
+    EXPECT_NE(batch.explain_fault(e).find(words[e - 1]), std::string::npos) << batch.explain_fault(e);
+}
 
 // The model has one coupling twice. Each environment gives both the same ratio, so one follows from the other.
 TEST(RedundantPair, leaves_one_coupling_without_impulse_for_any_ratio) {

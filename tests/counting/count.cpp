@@ -19,10 +19,11 @@ Count count(const Plan& plan) {
   std::vector<std::vector<float>> blocks;
   const auto block = [&](int rows) {
     result.rows += rows;
-    return blocks.emplace_back(static_cast<std::size_t>(rows) + 1, 0.0f).data();
+    return blocks.emplace_back(static_cast<std::size_t>(rows) + 1, 0.5f).data();
   };
   batch.position = block(t.joints);
   batch.velocity = block(t.joints);
+  if (t.turning.count > 0) batch.angle = block(t.joints);
   batch.position_target = block(t.joints * t.input_times);
   batch.velocity_target = block(t.joints * t.input_times);
   batch.effort = block(t.joints * t.input_times);
@@ -30,10 +31,8 @@ Count count(const Plan& plan) {
   if (t.record_impulses) batch.impulse = block(t.couplings);
   if (t.record_diagnostics)
     batch.residual = block(t.reported.count), batch.row_state = block(t.reported.count), batch.energy = block(4);
-  const int field_rows[parameter_count] = {t.term_gear.count, t.couplings, 2 * t.couplings, 2 * t.joints, t.joints,
-                                           t.links,           3,           6 * t.links,     t.couplings};
   for (int f = 0; f < parameter_count; ++f)
-    if ((t.per_environment >> f) & 1u) batch.fields[f] = block(field_rows[f]);
+    if ((t.per_environment >> f) & 1u) batch.fields[f] = block(rows_of(t, static_cast<Parameter>(f)));
   std::vector<Fault> fault(1, Fault::none);
   batch.fault = fault.data();
 

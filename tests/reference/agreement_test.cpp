@@ -212,7 +212,7 @@ void expect_same_equations(int seed, const scenes::RandomOptions& options) {
 
   kernels::joint_inertias(kernel.t, kernel.batch, kernel.x);
   kernels::joint_forces(kernel.t, kernel.batch, kernel.x);
-  kernels::inertia_matrix(kernel.t, kernel.x);
+  kernels::inertia_matrix(kernel.t, kernel.batch, kernel.x);
   reference::State ahead = state;
   ahead.q += settings.dt * state.v.tail(mechanism.dofs());
   const VectorXd forces = mechanism.joint_forces(ahead, inputs) - stage.bias;
@@ -253,7 +253,7 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   kernels::bias_forces(t, kernel.batch, x);
   kernels::joint_inertias(t, kernel.batch, x);
   kernels::joint_forces(t, kernel.batch, x);
-  kernels::inertia_matrix(t, x);
+  kernels::inertia_matrix(t, kernel.batch, x);
   if (t.reduction.by_entries()) kernels::reduce_matrix(t, x);
 
   // Without followers, S is a permutation, w is zero, A_r is A, and z is v*.

@@ -129,7 +129,8 @@ TEST_P(IntegratorAgreement, holds_for_environments_with_their_own_parameters) {
     for (unsigned p = 0; p < parameter_count; ++p)
       if (const Parameter parameter{p};
           parameter != Parameter::softness && (parameter != Parameter::coupling_switch || switches) &&
-          (parameter != Parameter::drive_gains || options.drives) &&
+          parameter != Parameter::friction && (parameter != Parameter::drive_gains || options.drives) &&
+          (parameter != Parameter::stiffness || !explicitly) &&
           // The ratios of the plan decide which joint Runge-Kutta moves to correct a coupling.
           (parameter != Parameter::gear_ratio || !explicitly))
         settings.per_environment.insert(parameter);

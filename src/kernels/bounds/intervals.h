@@ -13,6 +13,29 @@ struct Interval {
   T lo, hi;
 };
 
+/// The range of joint j, of this environment.
+template <class T>
+LOCKSTEP_INLINE Interval<T> position_limits(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                            int j) {
+  const ScalarOf<T>* own = batch.field(Parameter::position_limits);
+  if (!own) return {T(t.bounds.lower[j]), T(t.bounds.upper[j])};
+  own += 2 * t.dof[j] * batch.stride;
+  const T far = T(ScalarOf<T>(unlimited));
+  return {larger(T::load(own), -far), smaller(T::load(own + batch.stride), far)};
+}
+
+template <class T>
+LOCKSTEP_INLINE T speed_limit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int j) {
+  return field<T>(batch, Parameter::velocity_limit, t.bounds.speed_limit.data).at(j, t.dof[j]);
+}
+
+/// The most that dry friction takes in a step.
+template <class T>
+LOCKSTEP_INLINE T friction_impulse(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int j) {
+  const ScalarOf<T>* const own = batch.field(Parameter::friction);
+  return own ? T(t.dt) * T::load(own + t.dof[j] * batch.stride) : T(t.bounds.friction[j]);
+}
+
 /// The time in the step at which a row is evaluated: its start, or a sub-step of tgs.
 template <class T>
 struct StepTime {
@@ -25,10 +48,11 @@ struct StepTime {
 /// (M56), (M57): the interval that the range of joint j gives its velocity. `moved` is its displacement since the start
 /// of the step.
 template <class T>
-LOCKSTEP_INLINE Interval<T> range_interval(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, const StepTime<T>& at,
-                                           T moved) {
+LOCKSTEP_INLINE Interval<T> range_interval(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                           const Tile<T>& x, int j, const StepTime<T>& at, T moved) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
-  const T zero = T(0), q = x.state.q[j] + moved, below = T(b.lower[j]) - q, above = T(b.upper[j]) - q;
+  const Interval<T> range = position_limits<T>(t, batch, j);
+  const T zero = T(0), q = x.state.q[j] + moved, below = range.lo - q, above = range.hi - q;
   const T inside = T(at.inverse),
           beyond = at.in_velocity_phase ? zero : T(at.sub_step ? b.sub_step_rate[j] : b.limit_rate[j]);
   Interval<T> i{below * select(less(zero, below), beyond, inside), above * select(less(above, zero), beyond, inside)};
@@ -43,13 +67,13 @@ LOCKSTEP_INLINE Interval<T> range_interval(const Tables<ScalarOf<T>>& t, const T
 
 /// The same, clamped to the velocity limit.
 template <class T>
-LOCKSTEP_INLINE Interval<T> joint_interval(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int j, const StepTime<T>& at,
-                                           T moved) {
+LOCKSTEP_INLINE Interval<T> joint_interval(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                           const Tile<T>& x, int j, const StepTime<T>& at, T moved) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
   const T far = T(ScalarOf<T>(unlimited));
-  const Interval<T> i = b.has[j] & has_range ? range_interval(t, x, j, at, moved) : Interval<T>{-far, far};
+  const Interval<T> i = b.has[j] & has_range ? range_interval(t, batch, x, j, at, moved) : Interval<T>{-far, far};
   if (!(b.has[j] & has_speed_limit)) return i;
-  const T most = T(b.speed_limit[j]);
+  const T most = speed_limit<T>(t, batch, j);
   return {clamp(i.lo, -most, most), clamp(i.hi, -most, most)};
 }
 
@@ -58,7 +82,8 @@ template <class T>
 LOCKSTEP_INLINE T kinematic_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                      const Tile<T>& x, int j) {
   const std::ptrdiff_t row = t.dof[j] * batch.stride;
-  const T target = T::load(batch.position_target + row), speed = T::load(batch.velocity_target + row);
+  const T target = without_whole_turns(t, x, j, T::load(batch.position_target + row)),
+          speed = T::load(batch.velocity_target + row);
   return fma(T(t.bounds.drive_rate[j]), fnma(T(t.dt), speed, target - x.state.q[j]), speed);
 }
 
@@ -78,12 +103,12 @@ void joint_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
     const bool corrected = phase == position_phase && member.follower >= 0;
     const T correction = corrected ? x.couplings.correction[member.follower] : T(0);
     if (has & (has_range | has_speed_limit)) {
-      const Interval<T> own = joint_interval(t, x, member.joint, at, moved);
+      const Interval<T> own = joint_interval(t, batch, x, member.joint, at, moved);
       const T one = (own.lo - correction) * inverse, other = (own.hi - correction) * inverse;
       lo = larger(lo, smaller(one, other));
       hi = smaller(hi, larger(one, other));
     }
-    if (has & has_friction) force = fma(larger(share, -share), T(b.friction[member.joint]), force);
+    if (has & has_friction) force = fma(larger(share, -share), friction_impulse<T>(t, batch, member.joint), force);
     if (has & has_kinematic_drive) {
       prescribed = fma(kinematic_velocity(t, batch, x, member.joint) - correction, inverse, prescribed);
       corrected_by = fma(correction, inverse, corrected_by);
@@ -143,13 +168,15 @@ void other_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
   const T correction = phase == position_phase && member.follower >= 0 ? x.couplings.correction[member.follower] : zero;
   const T q = x.state.q[j] + moved;
   if (b.kind[r] == BoundKind::soft_limit) {
-    const T below = T(b.lower[j]) - q, above = T(b.upper[j]) - q, inside = T(at.inverse);
+    const Interval<T> range = position_limits<T>(t, batch, j);
+    const T below = range.lo - q, above = range.hi - q, inside = T(at.inverse);
     x.bounds.lo[i] = fnma(T(1), correction, below * select(less(zero, below), rate, inside));
     x.bounds.hi[i] = fnma(T(1), correction, above * select(less(above, zero), rate, inside));
     x.bounds.force[r] = zero;
   } else {
     const std::ptrdiff_t row = t.dof[j] * batch.stride;
-    const T target = T::load(batch.position_target + row), speed = T::load(batch.velocity_target + row);
+    const T target = without_whole_turns(t, x, j, T::load(batch.position_target + row)),
+            speed = T::load(batch.velocity_target + row);
     x.bounds.centre[i] = fma(rate, fma(T(t.dt - at.elapsed), speed, q - target), correction - speed);
     x.bounds.force[r] = far;
   }

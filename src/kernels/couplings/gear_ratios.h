@@ -66,7 +66,8 @@ void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   spread(t.reduction.value, x.couplings.share);
   composite_factors(t, x);
   spread(t.reduction.inverse_value, x.couplings.follower_inverse);
-  if (!t.declares(Parameter::offset)) spread(t.offset, x.couplings.offset);
+  for (int c = 0; c < t.couplings && !t.declares(Parameter::offset); ++c)
+    if (t.turning.count == 0 || !t.coupling_turns[c]) x.couplings.offset[c] = T(t.offset[c]);
   spread(t.rows.term_value, x.rows.value);
 }
 

@@ -19,17 +19,29 @@ LOCKSTEP_INLINE Gains<T> gains(const Tables<ScalarOf<T>>& t, const StatePointers
   return {T::load(own), T::load(own + batch.stride)};
 }
 
+template <class T>
+LOCKSTEP_INLINE T armature(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int j) {
+  return field<T>(batch, Parameter::armature, t.armature.data).at(j, t.dof[j]);
+}
+
+/// Of the joint's spring.
+template <class T>
+LOCKSTEP_INLINE T stiffness(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int j) {
+  return field<T>(batch, Parameter::stiffness, t.stiffness.data).at(j, t.dof[j]);
+}
+
 /// a + h (d + kd) + h^2 (kp + k) of each joint. Servos with an effort limit are added later (limited_servos.h).
 template <class T>
 void joint_inertias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  if (!t.declares(Parameter::drive_gains) && !t.declares(Parameter::damping)) {
+  if (!t.declares(Parameter::drive_gains) && !t.declares(Parameter::damping) && !t.declares(Parameter::armature) &&
+      !t.declares(Parameter::stiffness)) {
     for (int j = 0; j < t.joints; ++j) x.dynamics.joint_inertia[j] = T(t.implicit[j]);
     return;
   }
   const T ahead = T(t.ahead), ahead_squared = T(t.ahead * t.ahead);
   const Field<T> damping = field<T>(batch, Parameter::damping, t.damping.data);
   for (int j = 0; j < t.joints; ++j)
-    x.dynamics.joint_inertia[j] = fma(ahead, damping.at(j, t.dof[j]), T(t.armature[j]));
+    x.dynamics.joint_inertia[j] = fma(ahead, damping.at(j, t.dof[j]), armature<T>(t, batch, j));
   for (int i = 0; i < t.servos.count; ++i) {
     const int j = t.servos[i];
     const Gains<T> own = gains<T>(t, batch, j);
@@ -37,27 +49,28 @@ void joint_inertias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   }
   for (int i = 0; i < t.springs.count; ++i) {
     const int j = t.springs[i];
-    x.dynamics.joint_inertia[j] = fma(ahead_squared, T(t.stiffness[j]), x.dynamics.joint_inertia[j]);
+    x.dynamics.joint_inertia[j] = fma(ahead_squared, stiffness<T>(t, batch, j), x.dynamics.joint_inertia[j]);
   }
 }
 
 /// M + armature of trees with undamped rows.
 template <class T>
-LOCKSTEP_INLINE void keep_undamped(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+LOCKSTEP_INLINE void keep_undamped(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   for (int r = 0; r < t.undamped_velocities.count; ++r) {
     const SupportRun run = t.undamped_velocities[r];
     const int last = t.matrix.offset[run.last - 1] + t.matrix.size[run.last - 1];
     for (int e = t.matrix.offset[run.first]; e < last; ++e) x.undamped.matrix[e] = x.dynamics.matrix[e];
   }
   for (int j = 0; j < t.joints; ++j)
-    if (t.tree_of_joint(j).has_undamped_rows) x.undamped.matrix[t.matrix.offset[t.velocity_of(j)]] += T(t.armature[j]);
+    if (t.tree_of_joint(j).has_undamped_rows)
+      x.undamped.matrix[t.matrix.offset[t.velocity_of(j)]] += armature<T>(t, batch, j);
 }
 
 /// A, or A_r at once with composite columns, or neither with articulated bodies, tree by tree. Keeps M + armature if
 /// softness by frequency needs it and A has more than that. x.dynamics.joint_inertia becomes the diagonal of A if a
 /// limited servo needs it.
 template <class T>
-void inertia_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+void inertia_matrix(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   if (t.reduction.composite.places > 0) clear_reduced(t, x);
   for (int i = t.tree.count - 1; i >= 0; --i) {
     const TreeStructure& tree = t.tree[i];
@@ -66,7 +79,7 @@ void inertia_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     else if (tree.inertia == InertiaKind::matrix || tree.has_undamped_rows)
       mass_matrix(t, tree, x);
   }
-  if (t.undamped.count > 0) keep_undamped(t, x);
+  if (t.undamped.count > 0) keep_undamped(t, batch, x);
   for (int i = 0; i < t.tree.count; ++i) {
     const TreeStructure& tree = t.tree[i];
     if (tree.inertia != InertiaKind::matrix) continue;

@@ -6,6 +6,7 @@
 #pragma once
 
 #include "joint_inertia.h"
+#include "turns.h"
 
 namespace lockstep::kernels {
 
@@ -22,7 +23,7 @@ LOCKSTEP_INLINE T clamp(T a, T lo, T hi) {
   return smaller(larger(a, lo), hi);
 }
 
-/// A joint's gains and its servo's targets.
+/// A joint's gains and its servo's targets. The target position is without whole turns, as the joint's angle is.
 template <class T>
 struct Servo : Gains<T> {
   using Gains<T>::kp, Gains<T>::kd;
@@ -39,10 +40,17 @@ LOCKSTEP_INLINE std::ptrdiff_t input_row(const Tables<S>& t, int j, int time) {
 }
 
 template <class T>
-LOCKSTEP_INLINE Servo<T> servo(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int j,
-                               int time = 0) {
+LOCKSTEP_INLINE Servo<T> servo(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
+                               int j, int time = 0) {
   const std::ptrdiff_t input = input_row(t, j, time) * batch.stride;
-  return {gains<T>(t, batch, j), T::load(batch.position_target + input), T::load(batch.velocity_target + input)};
+  return {gains<T>(t, batch, j), without_whole_turns(t, x, j, T::load(batch.position_target + input)),
+          T::load(batch.velocity_target + input)};
+}
+
+template <class T>
+LOCKSTEP_INLINE T effort_limit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int j) {
+  const ScalarOf<T>* const own = batch.field(Parameter::effort_limit);
+  return own ? smaller(T::load(own + t.dof[j] * batch.stride), T(ScalarOf<T>(unlimited))) : T(t.effort_limit[j]);
 }
 
 template <class T>
@@ -64,7 +72,7 @@ void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
     const T d = damping.at(j, t.dof[j]);
     T effort = feed_forward<T>(t, batch, j, time);
     if (limited != end && *limited == j) {  // (M63) without a servo
-      const T most = T(t.effort_limit[j]);
+      const T most = effort_limit<T>(t, batch, j);
       effort = clamp(effort, -most, most);
       ++limited;
     }
@@ -73,7 +81,7 @@ void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   }
   for (int i = 0; i < t.servos.count; ++i) {
     const int j = t.servos[i];
-    const Servo<T> own = servo<T>(t, batch, j, time);
+    const Servo<T> own = servo<T>(t, batch, x, j, time);
     const T v = x.state.v[t.velocity_of(j)];
     const T reached = fma(ahead, v, x.state.q[j]) - own.position;  // kp acts on the position that the joint reaches
     x.dynamics.rhs[t.velocity_of(j)] =
@@ -81,8 +89,8 @@ void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   }
   for (int i = 0; i < t.springs.count; ++i) {
     const int j = t.springs[i], z = t.velocity_of(j);
-    const T stretched = fma(ahead, x.state.v[z], x.state.q[j]) - T(t.rest[j]);
-    x.dynamics.rhs[z] = fnma(h * T(t.stiffness[j]), stretched, x.dynamics.rhs[z]);
+    const T stretched = fma(ahead, x.state.v[z], x.state.q[j]) - without_whole_turns(t, x, j, T(t.rest[j]));
+    x.dynamics.rhs[z] = fnma(h * stiffness<T>(t, batch, j), stretched, x.dynamics.rhs[z]);
   }
   if (t.reduction.removes_by_force)
     for (int f = 0; f < t.reduction.followers; ++f)

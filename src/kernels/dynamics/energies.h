@@ -7,7 +7,9 @@ namespace lockstep::kernels {
 
 /// With the share of the armatures.
 template <class T>
-T kinetic_energy(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m) {
+T kinetic_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
+                 const Motion<T>& m) {
+  const Field<T> armature = field<T>(batch, Parameter::armature, t.armature.data);
   T twice = T(0);
   for (int b = 0; b < t.bodies; ++b) {
     Vec3<T> linear, angular;
@@ -16,7 +18,7 @@ T kinetic_energy(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>
   }
   for (int j = 0; j < t.joints; ++j) {
     const T v = x.state.v[t.velocity_of(j)];
-    twice = fma(T(t.armature[j]) * v, v, twice);
+    twice = fma(armature.at(j, t.dof[j]) * v, v, twice);
   }
   return twice * T(ScalarOf<T>(0.5));
 }
@@ -36,8 +38,8 @@ T potential_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     const LinkPlace<ScalarOf<T>>& place = t.link[l];
     if (place.body >= 0) continue;
     const TreePlace<ScalarOf<T>>& tree = t.tree[place.tree];
-    const Vec3<T> center = multiply_add(Mat3<T>::constant(tree.rotation), Vec3<T>::constant(place.unit_moment),
-                                        Vec3<T>::constant(tree.offset));
+    const Vec3<T> center =
+        multiply_add(Mat3<T>::constant(tree.rotation), center_of_link<T>(t, batch, l), Vec3<T>::constant(tree.offset));
     sum = fnma(field<T>(batch, Parameter::mass, t.link_mass.data).at(l, l), dot(g, center), sum);
   }
   return sum;

@@ -108,10 +108,21 @@ LOCKSTEP_INLINE Mat3<T> rotation_of_quaternion(const T* wxyz) {
           {two * fnma(w, y, x * z), two * fma(w, x, y * z), one - two * fma(x, x, y * y)}};
 }
 
+/// The link's centre of mass in its body's frame, or a bolted root's.
+template <class T>
+LOCKSTEP_INLINE Vec3<T> center_of_link(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int l) {
+  const LinkPlace<ScalarOf<T>>& place = t.link[l];
+  const ScalarOf<T>* const own = batch.field(Parameter::center_of_mass);
+  if (!own) return Vec3<T>::constant(place.unit_moment);
+  Vec3<T> center;
+  for (int k = 0; k < 3; ++k) center[k] = T::load(own + (3 * l + k) * batch.stride);
+  return multiply_add(Mat3<T>::constant(place.rotation), center, Vec3<T>::constant(place.offset));
+}
+
 /// Mass distribution of body b, from the tables or of this tile.
 template <class T>
 LOCKSTEP_INLINE PseudoInertia<T> inertia_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b) {
-  if (t.declares(Parameter::mass)) return x.bodies.inertia[b];
+  if (t.has_own_inertias()) return x.bodies.inertia[b];
   const Body<ScalarOf<T>>& body = t.body[b];
   PseudoInertia<T> inertia{T(body.mass), Vec3<T>::constant(body.moment), {}};
   for (int k = 0; k < 6; ++k) inertia.second[k] = T(body.second[k]);

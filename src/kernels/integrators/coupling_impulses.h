@@ -8,7 +8,7 @@ namespace lockstep::kernels {
 /// Subtracts J^T of the bounded rows' impulses from `sum`, over all velocities. Several joints may share a row. Then
 /// the joint whose end of the interval is reached takes the impulse, and friction is divided in proportion.
 template <class T>
-void subtract_bounds(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* sum) {
+void subtract_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x, T* sum) {
   using S = ScalarOf<T>;
   const Bounds<S>& b = t.bounds;
   const Phase phase = t.solve_twice ? velocity_phase : position_phase;
@@ -30,12 +30,12 @@ void subtract_bounds(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* sum) {
       T part = impulse;
       if (!single) {
         const StepTime<T> at{phase == velocity_phase && t.velocity_iterations > 0, S(1) / t.dt};
-        const Interval<T> own = joint_interval(t, x, member.joint, at, T(0));
+        const Interval<T> own = joint_interval(t, batch, x, member.joint, at, T(0));
         const T one = own.lo * x.bounds.member_inverse[m], other = own.hi * x.bounds.member_inverse[m];
         const auto ends = ~less(smaller(one, other), x.bounds.lo[p]) | ~less(x.bounds.hi[p], larger(one, other));
         const auto takes_all = remaining & (ends | (m + 1 == b.member_start[r + 1] ? ~T::none() : T::none()));
         remaining = remaining & ~takes_all;
-        const T friction = b.has[member.joint] & has_friction ? T(b.friction[member.joint]) : T(0);
+        const T friction = b.has[member.joint] & has_friction ? friction_impulse<T>(t, batch, member.joint) : T(0);
         const T weight = larger(x.bounds.member_share[m], -x.bounds.member_share[m]) * friction /
                          larger(x.bounds.force[r], smallest<T>());
         part = select(takes_all, impulse, select(in_box, impulse * weight, T(0)));
@@ -49,7 +49,7 @@ void subtract_bounds(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* sum) {
 /// followers lacks: J_F^T L = (A (v' - v) - dt forces - J^T L of other rows) on the followers. Where bias forces remove
 /// velocity errors, x.dynamics.rhs holds A times these errors as well.
 template <class T>
-void coupling_impulses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+void coupling_impulses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const Rows<ScalarOf<T>>& rows = t.rows;
   const Reduction<ScalarOf<T>>& r = t.reduction;
   const T* solved = t.solve_twice ? x.rows.velocity_impulse : x.rows.position_impulse;
@@ -69,7 +69,7 @@ void coupling_impulses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
   for (int f = 0; r.removes_by_force && f < r.followers; ++f)
     change[t.velocity_of(r.follower[f])] += x.couplings.velocity_error[f];
-  if (bounds > 0) subtract_bounds(t, x, x.dynamics.product);
+  if (bounds > 0) subtract_bounds(t, batch, x, x.dynamics.product);
   for (int i = 0; i < rows.count; ++i) {
     const int c = rows.coupling[i];
     for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) {

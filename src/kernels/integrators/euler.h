@@ -25,7 +25,7 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     bias_forces(t, batch, x);
     joint_inertias(t, batch, x);
     joint_forces(t, batch, x);
-    inertia_matrix(t, x);
+    inertia_matrix(t, batch, x);
     if (t.limited_servos.count > 0) limited_drives(t, batch, x);
     if (t.undamped.count > 0) undamped_responses(t, x);
     if (t.reduction.by_entries()) reduce_matrix(t, x);
@@ -38,9 +38,9 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
       solve_couplings(t, batch, x);
     solved_velocities(t, x);
     integrate(t, x);
-    if (t.bounds.rows.count > 0 && bounds_active(t, x)) solve_bounds(t, batch, x);
+    if (t.bounds.rows.count > 0 && bounds_active(t, batch, x)) solve_bounds(t, batch, x);
   } while (t.limited_servos.count > 0 && saturation_differs(t, batch, x));
-  if (t.record_impulses) coupling_impulses(t, x);  // before the roots' axes turn
+  if (t.record_impulses) coupling_impulses(t, batch, x);  // before the roots' axes turn
   turn_root_twists(t, x, x.next.v);
 }
 

@@ -70,7 +70,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
 
   kinematics(t, x);
   joint_inertias(t, batch, x);
-  inertia_matrix(t, x);
+  inertia_matrix(t, batch, x);
   factorise(t, batch, x);
 
   bias_forces(t, batch, x);

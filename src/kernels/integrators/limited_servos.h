@@ -30,8 +30,8 @@ void limited_drives(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   const T h = T(t.dt), zero = T(0);
   for (int i = 0; i < t.limited_servos.count; ++i) {
     const int j = t.limited_servos[i];
-    const Servo<T> own = servo<T>(t, batch, j);
-    const T effort = feed_forward<T>(t, batch, j), most = T(t.effort_limit[j]);
+    const Servo<T> own = servo<T>(t, batch, x, j);
+    const T effort = feed_forward<T>(t, batch, j), most = effort_limit<T>(t, batch, j);
     const T inertia = x.dynamics.joint_inertia[j];
     const T gain = h * fma(h, own.kp, own.kd);
     const T free = own.force(h, x.state.q[j], x.state.v[t.velocity_of(j)]) + effort;
@@ -52,10 +52,10 @@ bool saturation_differs(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   typename T::Mask changed = T::none();
   for (int i = 0; i < t.limited_servos.count; ++i) {
     const int j = t.limited_servos[i];
-    const T force =
-        servo<T>(t, batch, j).force(T(t.dt), x.state.q[j], x.next.v[t.velocity_of(j)]) + feed_forward<T>(t, batch, j);
+    const T force = servo<T>(t, batch, x, j).force(T(t.dt), x.state.q[j], x.next.v[t.velocity_of(j)]) +
+                    feed_forward<T>(t, batch, j);
     // Go from one end to the other through the middle: a servo that jumps could jump back for ever.
-    const T guess = x.servos.saturation[i], found = saturated(force, T(t.effort_limit[j]));
+    const T guess = x.servos.saturation[i], found = saturated(force, effort_limit<T>(t, batch, j));
     const T next = guess + clamp(found - guess, T(-1), T(1));
     auto differs = (less(found, guess) | less(guess, found)) & ~x.frozen;
     if (one_by_one) differs = differs & ~changed;

@@ -43,7 +43,7 @@ void slope(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   bias_forces(t, batch, x);
   joint_inertias(t, batch, x);  // the armature alone
   joint_forces(t, batch, x, time);
-  inertia_matrix(t, x);
+  inertia_matrix(t, batch, x);
   factorise(t, batch, x);
   solve(t, x);
   expand_changes(t, x, x.dynamics.solution, change);

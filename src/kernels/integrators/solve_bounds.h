@@ -65,11 +65,11 @@ void solve_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
 
 /// Lanes in which a joint comes near a limit. This tests only the watched joints, and not what exactly their rows ask.
 template <class T>
-typename T::Mask candidates(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+typename T::Mask candidates(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
   typename T::Mask candidate = T::none();
   for (int i = 0; i < b.watched.count; ++i) {
-    const Watched<ScalarOf<T>>& joint = b.watched[i];
+    const Watched& joint = b.watched[i];
     const T q = x.state.q[joint.joint], moved = x.next.q[joint.joint];
     const T coasted = fma(T(t.dt), x.next.v[t.velocity_of(joint.joint)], q);  // with the velocity of the velocity phase
     T least = smaller(moved, coasted), most = larger(moved, coasted);
@@ -77,8 +77,14 @@ typename T::Mask candidates(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
       const T arriving = fma(T(t.dt), x.state.v[t.velocity_of(joint.joint)], q);
       least = smaller(least, arriving), most = larger(most, arriving);
     }
-    candidate = candidate | less(least, T(joint.lower)) | less(T(joint.upper), most);
-    if (joint.way > 0) candidate = candidate | less(T(joint.way), larger(most - q, q - least));
+    if (joint.ranged) {
+      const Interval<T> range = position_limits<T>(t, batch, joint.joint);
+      candidate = candidate | less(least, range.lo) | less(range.hi, most);
+    }
+    if (joint.has_way) {
+      const T way = T(t.dt) * speed_limit<T>(t, batch, joint.joint);
+      candidate = candidate | less(way, larger(most - q, q - least));
+    }
   }
   return candidate;
 }
@@ -86,8 +92,8 @@ typename T::Mask candidates(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
 /// First test after the solve: finds the candidate lanes, and returns whether solve_bounds() has to run. Inactive
 /// bounds cost no more than this.
 template <class T>
-bool bounds_active(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  x.bounds.candidate = t.bounds.always ? ~T::none() : candidates(t, x);
+bool bounds_active(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  x.bounds.candidate = t.bounds.always ? ~T::none() : candidates(t, batch, x);
   return any(x.bounds.candidate) || t.record_diagnostics;  // diagnostics need the rows in any case
 }
 

@@ -10,7 +10,8 @@ namespace lockstep::kernels {
 template <class T>
 struct Couplings {
   T* coefficient;        // [coupling terms]
-  T* offset;             // [couplings]
+  T* offset;             // [couplings] with the turns of their joints (M81)
+  T* turns;              // [joints] whole turns, only if a joint turns for ever
   T* share;              // entries of S
   T* follower_inverse;   // entries of J_F^-1
   T* elimination;        // [entries] (M43), where gear ratios differ per environment
@@ -26,7 +27,9 @@ struct Couplings {
   void ratios(const Tables<ScalarOf<T>>& t, Take& take) {
     const auto& r = t.reduction;
     take("couplings.coefficient", coefficient, t.term_value.count, Lifetime::call);
-    take("couplings.offset", offset, t.couplings, Lifetime::call);
+    const bool turn = t.turning.count > 0;
+    take("couplings.offset", offset, t.couplings, turn ? Lifetime::turn : Lifetime::call);
+    take("couplings.turns", turns, turn ? t.joints : 0, Lifetime::turn);
     take("couplings.share", share, r.value.count, Lifetime::call);
     take("couplings.follower_inverse", follower_inverse, r.inverse_value.count, Lifetime::call);
     take("couplings.elimination", elimination, t.declares(Parameter::gear_ratio) ? r.entries : 0, Lifetime::call);

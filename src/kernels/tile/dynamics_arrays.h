@@ -33,7 +33,7 @@ struct Bodies {
   void kinematics(const Tables<ScalarOf<T>>& t, Take& take) {
     take("bodies.sine", sine, t.bodies);
     take("bodies.cosine", cosine, t.bodies);
-    take("bodies.inertia", inertia, t.declares(Parameter::mass) ? t.bodies : 0, Lifetime::call);
+    take("bodies.inertia", inertia, t.has_own_inertias() ? t.bodies : 0, Lifetime::call);
     take("bodies.base_inertia", base_inertia, t.bodies, Lifetime::call);
   }
   template <class Take>

@@ -78,6 +78,7 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
   arrays(t, x, carver);
   x.bounds.active_count = 0;
   x.corrects_positions = true;
+  x.turned = true;  // nothing is known yet
   set_consistent(t, x, false);
   return carver.used();
 }

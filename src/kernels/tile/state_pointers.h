@@ -14,6 +14,7 @@ struct StatePointers {
   std::ptrdiff_t stride = 0;
   S* position = nullptr;
   S* velocity = nullptr;
+  S* angle = nullptr;          ///< rows of positions without whole turns, null if no joint turns for ever
   S* root_pose = nullptr;      ///< 7 rows for each floating root, null if there is none
   S* root_velocity = nullptr;  ///< 6 rows for each, the same
   const S* position_target = nullptr;

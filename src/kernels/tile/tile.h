@@ -36,6 +36,7 @@ struct Tile {
 
   typename T::Mask frozen;    // lanes that failed and take no more steps
   typename T::Mask singular;  // lanes whose matrix could not be factored
+  bool turned;                // some lane may have whole turns
   bool consistent;            // all placed followers of all lanes are consistent, and stay so (M76)
   bool corrects_positions;    // the position phase corrects the couplings' errors
   bool solves_twice;          // the velocity phase has a solution of its own

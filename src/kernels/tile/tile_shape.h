@@ -39,6 +39,7 @@ template <class S>
 LOCKSTEP_INLINE void move(StatePointers<S>& batch, std::ptrdiff_t by, const TileShape& shape) {
   batch.position += by;
   batch.velocity += by;
+  if (batch.angle) batch.angle += by;
   if (shape.roots > 0) batch.root_pose += by, batch.root_velocity += by;
   batch.position_target += by;
   batch.velocity_target += by;
