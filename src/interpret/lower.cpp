@@ -302,11 +302,12 @@ void Lowering::remove_unused_negations() {
   std::erase_if(operations_, [&](const DraftOp& draft) { return draft.opcode == Opcode::negate && !used[draft.to]; });
 }
 
-// Whether each tile has numbers of its own in memory, which called stages read.
-bool has_numbers_per_environment(const Program& program) {
+// Whether each tile has numbers of its own in memory, which called stages read. With whole turns that are the offsets;
+// those of consistent followers are the plan's.
+bool has_numbers_per_environment(const Program& program, bool consistent) {
   const auto& declared = program.settings.per_environment;
   return declared.contains(Parameter::gear_ratio) || declared.contains(Parameter::offset) ||
-         program.f64.has_own_inertias() || program.f64.turning.count > 0;
+         program.f64.has_own_inertias() || (!consistent && program.f64.turning.count > 0);
 }
 
 }  // namespace
@@ -316,14 +317,14 @@ const OperationList* interpreted_step(const Program& program) {
     const auto result = std::make_shared<InterpretedStep>();
     if (trace::cost_of(program).flops > trace::most_traced_flops) return std::shared_ptr<const InterpretedStep>(result);
     try {
-      const auto list = [&](const Graph& graph) {
+      const auto list = [&](const Graph& graph, bool consistent) {
         Lowering lowering(graph);
         if (!lowering.run()) return OperationList{};
-        return lowering.finish(result->storage, has_numbers_per_environment(program));
+        return lowering.finish(result->storage, has_numbers_per_environment(program, consistent));
       };
       const trace::TracedStep traced = trace::trace_step(program);
-      result->any = list(traced.any);
-      if (traced.consistent) result->consistent = list(*traced.consistent);
+      result->any = list(traced.any, false);
+      if (traced.consistent) result->consistent = list(*traced.consistent, true);
       if (result->consistent.step.count > 0) result->any.consistent = &result->consistent;
     } catch (const SettingsError&) {      // a step solves lane by lane
     } catch (const std::length_error&) {  // the list is too long

@@ -60,6 +60,8 @@ struct InterpreterTiles {
   Tile<T> x[most];
   StatePointers<S> batch[most];
   int tiles = 0;
+  bool shorter = false;     // the list is that of consistent followers, which has the offsets of the plan
+  bool has_turned = false;  // a joint has completed a turn in the last step
 };
 
 template <class S>
@@ -121,7 +123,9 @@ void call_if(InterpreterTiles<T>& l, const Operation& o) {
     if (!any(mask_of(l.slots[o.to].tile[k]))) continue;
     typename T::Mask failed = T::none();
     for (int i = o.a; i < o.b; ++i) write_place(l, k, accesses[i], failed);
-    if (static_cast<Call>(o.d) == Call::hold)
+    if (static_cast<Call>(o.d) == Call::hold && l.shorter)
+      l.has_turned = hold_frozen(l.t, l.batch[k], l.tile(k), failed) || l.has_turned;
+    else if (static_cast<Call>(o.d) == Call::hold)
       hold(l.t, l.batch[k], l.tile(k), failed);
     else
       solve_bounds(l.t, l.batch[k], l.tile(k));
@@ -296,6 +300,11 @@ template <class T>
 LOCKSTEP_INLINE void end_tile(InterpreterTiles<T>& l, int k) {
   typename T::Mask failed;
   for (int i = 0; i < l.list->after.count; ++i) write_place(l, k, l.list->after[i], failed);
+  if (l.shorter && l.has_turned) {  // as hold() would have left them
+    if (l.tile(k).turned) no_turns(l.t, l.batch[k], l.tile(k));
+    l.tile(k).turned = false;
+    take_turns(l.t, l.batch[k], l.tile(k), l.tile(k).state);
+  }
   store(l.t, l.batch[k], l.tile(k));
 }
 
@@ -336,20 +345,22 @@ void interpret(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
   std::byte* behind = reinterpret_cast<std::byte*>(slots[1] + (list.consistent ? list.consistent->slots : 0));
   Places places(l.arrays);
   arrays(t, l.x[0], places);
-  for (int k = 0; k <= l.which(l.most - 1) && k * T::lanes < last - first; ++k) {
-    l.block[k] = behind;
-    behind += spread_out(lay_out(t, behind, l.x[k]));
-    uniform_masses(t, l.x[k]);
-    uniform_ratios(t, l.x[k]);
-  }
+  int laid_out = 0;
   const auto take = [&](int which) LOCKSTEP_INLINED {
     l.list = lists[which];
     l.slots = slots[which];
+    l.shorter = which > 0 && t.turning.count > 0, l.has_turned = false;
+    for (; laid_out <= l.which(l.most - 1) && laid_out * T::lanes < last - first; ++laid_out) {
+      l.block[laid_out] = behind;
+      behind += spread_out(lay_out(t, behind, l.x[laid_out]));
+      uniform_masses(t, l.x[laid_out]);
+      uniform_ratios(t, l.x[laid_out]);
+    }
   };
   const int shortest = list.consistent ? 1 : 0;
   l.tiles = l.most;
   for (int which = 0; which <= shortest; ++which) {
-    take(which);
+    l.list = lists[which], l.slots = slots[which];
     run<InterpreterTiles<T>::most>(l, l.list->constants_first);
   }
   while (first < last) {
@@ -358,7 +369,13 @@ void interpret(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
       take(0);
       begin_tiles(l, batch, first, last, false);
     }
-    for (int i = 0; i < substeps; ++i) run(l);
+    for (int i = 0; i < substeps; ++i) {
+      run(l);
+      if (!l.has_turned || i + 1 == substeps) continue;
+      for (int k = 0; k < l.tiles; ++k) end_tile(l, k);
+      take(0);
+      begin_tiles(l, batch, first, last, false);
+    }
     for (int k = 0; k < l.tiles; ++k) end_tile(l, k);
     first += l.tiles * T::lanes;
   }

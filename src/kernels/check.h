@@ -7,20 +7,11 @@
 
 namespace lockstep::kernels {
 
-/// The largest of `most`, which is not negative, and the magnitudes of the numbers. NaN is larger than any number.
-template <class T>
-LOCKSTEP_INLINE T farthest(const T* numbers, int count, T most) {
-  for (int i = 0; i < count; ++i) most = farther(most, numbers[i]);
-  return most;
-}
-
 /// The same over the positions of joints that do not turn for ever and the floating roots' poses.
 template <class T>
 LOCKSTEP_INLINE T farthest_position(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   T most = farthest(x.next.pose, 7 * t.roots.count, T(0));
-  if (t.turning.count == 0) return farthest(x.next.q, t.joints, most);
-  for (int i = 0; i < t.not_turning.count; ++i) most = farther(most, x.next.q[t.not_turning[i]]);
-  return most;
+  return t.turning.count == 0 ? farthest(x.next.q, t.joints, most) : farthest(x.next.q, t.other_runs, most);
 }
 
 /// Sets the fault of lanes that have just failed and have none yet. A matrix that cannot be factored comes first,
@@ -36,15 +27,28 @@ void flag(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
   }
 }
 
-/// Flags the lanes that have just failed. Frozen lanes get back the state in which the step began; in the others,
-/// joints lose their whole turns.
+/// Whether a joint has completed a turn.
 template <class T>
-void hold(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, typename T::Mask failed) {
+LOCKSTEP_INLINE typename T::Mask has_turned(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  return beyond(farthest(x.next.q, t.turning_runs, T(0)), T(ScalarOf<T>(simd::most_angle)));
+}
+
+/// Flags the lanes that have just failed. Frozen lanes get back the state in which the step began. Returns whether a
+/// joint of another lane has completed a turn.
+template <class T>
+LOCKSTEP_INLINE bool hold_frozen(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
+                                 typename T::Mask failed) {
   if (any(failed)) flag(t, batch, x, failed);
   each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
     for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(x.frozen, (x.state.*part)[i], (x.next.*part)[i]);
   });
-  if (t.turning.count > 0) take_turns(t, batch, x);
+  return any(has_turned(t, x));
+}
+
+/// The same, and in the other lanes joints lose their whole turns.
+template <class T>
+void hold(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, typename T::Mask failed) {
+  if (hold_frozen(t, batch, x, failed)) take_turns(t, batch, x, x.next);
 }
 
 template <class T>
@@ -61,11 +65,7 @@ void check(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   const typename T::Mask failed = (x.singular | far | fast) & ~x.frozen;
   x.frozen = x.frozen | failed;
   typename T::Mask held = x.frozen;
-  if (t.turning.count > 0) {
-    T angle = T(0);
-    for (int i = 0; i < t.turning.count; ++i) angle = farther(angle, x.next.q[t.turning[i]]);
-    held = held | beyond(angle, T(ScalarOf<T>(simd::most_angle)));
-  }
+  if (t.turning.count > 0) held = held | has_turned(t, x);
   hold_if(t, batch, x, held, failed);
 
   copy_state(t, x.next, x.state);

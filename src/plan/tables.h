@@ -487,12 +487,11 @@ struct TableStructure {
   Span<int> servos;                             ///< joints that have a servo without an effort limit
   Span<int> limited_servos;                     ///< joints that have a servo with an effort limit
   Span<int> springs;                            ///< joints that have a spring
-  Span<int> turning, not_turning;               ///< joints that turn for ever (M80), and the others
+  Span<int> turning;                            ///< joints that turn for ever (M80)
+  Span<SupportRun> turning_runs, other_runs;    ///< the same as runs, and those of the other joints
   Span<int> turns;                              ///< by joint: whether it turns for ever; empty if none does
   Span<int> coupling_turns, turning_couplings;  ///< the same for couplings of such joints, and a list of these
   Span<int> turning_placed;                     ///< those that place a follower, in their order in `placing`
-  Span<int> turning_alike;                      ///< of these, those that make a follower's turns its leader's or minus
-                                                ///< that, so it may be a Mirror
   Span<double> exact_ratio, exact_offset;       ///< term_value and offset, in double
   Span<int> limited_efforts;                    ///< joints without a servo whose effort is limited
   Span<int> term_start, term_joint, term_gear;  ///< couplings in joint space; gear: row of the gear_ratio field, -1 for

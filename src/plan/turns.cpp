@@ -1,20 +1,24 @@
 // Joints that turn for ever, and the couplings whose offsets take up their turns. SPDX-License-Identifier: Apache-2.0
-#include <cmath>
-
 #include "layout.h"
 
 namespace lockstep {
 
 void lay_out_turns(Program& program) {
   Tables<double>& t = program.f64;
-  std::vector<int> turns(t.joints, 0), turning, not_turning, coupling_turns(t.couplings, 0), couplings, placed, alike;
+  std::vector<int> turns(t.joints, 0), turning, coupling_turns(t.couplings, 0), couplings, placed;
+  std::vector<SupportRun> turning_runs, other_runs;
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const Joint& joint = program.model.joints[j];
     if (program.solver_joint[j] < 0) continue;
     turns[program.solver_joint[j]] =
         joint.kind != JointKind::prismatic && joint.lower == -infinity && joint.upper == infinity;
   }
-  for (int j = 0; j < t.joints; ++j) (turns[j] ? turning : not_turning).push_back(j);
+  for (int j = 0; j < t.joints; ++j) {
+    if (turns[j]) turning.push_back(j);
+    std::vector<SupportRun>& own = turns[j] ? turning_runs : other_runs;
+    if (own.empty() || own.back().last != j) own.push_back({j, j});
+    ++own.back().last;
+  }
   if (turning.empty()) return;
   for (int c = 0; c < t.couplings; ++c) {
     for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) coupling_turns[c] |= turns[t.term_joint[k]];
@@ -22,19 +26,15 @@ void lay_out_turns(Program& program) {
   }
   for (int i = 0; i < t.reduction.placing.count; ++i)
     if (coupling_turns[t.reduction.placing[i]]) placed.push_back(t.reduction.placing[i]);
-  for (const int c : placed)
-    if (t.term_start[c + 1] - t.term_start[c] == 2 && std::abs(t.term_value[t.term_start[c] + 1]) == 1.0 &&
-        t.offset[c] == 0.0)
-      alike.push_back(c);
   t.exact_ratio = t.term_value;
   t.exact_offset = t.offset;
   t.turns = program.storage.keep(std::move(turns));
   t.turning = program.storage.keep(std::move(turning));
-  t.not_turning = program.storage.keep(std::move(not_turning));
+  t.turning_runs = program.storage.keep(std::move(turning_runs));
+  t.other_runs = program.storage.keep(std::move(other_runs));
   t.coupling_turns = program.storage.keep(std::move(coupling_turns));
   t.turning_couplings = program.storage.keep(std::move(couplings));
   t.turning_placed = program.storage.keep(std::move(placed));
-  t.turning_alike = program.storage.keep(std::move(alike));
 }
 
 }  // namespace lockstep

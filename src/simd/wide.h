@@ -36,6 +36,28 @@ struct VectorOf {
   typedef S type __attribute__((vector_size(W * sizeof(S)), may_alias));
 };
 
+/// Whether any bit is set, in a vector of 16 bytes or a multiple, which has an instruction or two for this.
+template <class Bits>
+LOCKSTEP_INLINE bool any_bit(const Bits& bits) {
+  using Half = typename VectorOf<long long, sizeof(Bits) / 16>::type;
+  struct Halves {
+    Half low, high;
+  };
+  const auto either = [&]() LOCKSTEP_INLINED {
+    const Halves halves = __builtin_bit_cast(Halves, bits);
+    return halves.low | halves.high;
+  };
+#ifdef __AVX__
+  using Four = VectorOf<long long, 4>::type;
+  if constexpr (sizeof(Bits) == 32) return !__builtin_ia32_ptestz256((Four)bits, (Four)bits);
+#elif defined(__SSE2__)
+  using Sixteen = VectorOf<char, 16>::type;
+  if constexpr (sizeof(Bits) == 16) return __builtin_ia32_pmovmskb128((Sixteen)bits) != 0;
+#endif
+  if constexpr (sizeof(Bits) > 16) return any_bit(either());
+  return either()[0] != 0;
+}
+
 template <class S, int W, class Arithmetic>
 struct Wide {
   using Scalar = S;
@@ -124,6 +146,7 @@ struct Wide {
   LOCKSTEP_INLINE friend Mask operator~(Mask a) { return {~a.bits}; }
   LOCKSTEP_INLINE friend bool lane(Mask m, int i) { return m.lane(i); }
   LOCKSTEP_INLINE friend bool any(Mask m) {
+    if constexpr (sizeof(Bits) >= 16) return any_bit(m.bits);
     Integer all = 0;
     for (int i = 0; i < W; ++i) all |= m.bits[i];
     return all != 0;

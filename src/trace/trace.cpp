@@ -171,7 +171,10 @@ Tracing trace_once(const Program& program, bool consistent, const Learned* learn
   // advance() computes these once per call. They are known unless each environment has its own.
   if (!t.declares(Parameter::gear_ratio)) kernels::uniform_ratios(t, x);
   if (!t.has_own_inertias()) kernels::uniform_masses(t, x);
-  if (consistent) know_consistent_followers(t, x, tracing);
+  if (consistent) {
+    kernels::no_turns(t, batch, x);
+    know_consistent_followers(t, x, tracing);
+  }
   if (learned)
     tracing.add_up(learned->terms), tracing.unused_inputs = learned->unused_inputs;
   else

@@ -69,19 +69,11 @@ LOCKSTEP_INLINE typename T::Mask any_inconsistent(const Tables<ScalarOf<T>>& t, 
   return inconsistent;
 }
 
-/// Lanes in which a joint's angle is not that of the joint that it may mirror, because they differ by whole turns.
-template <class T>
-LOCKSTEP_INLINE typename T::Mask any_turned_apart(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
-  typename T::Mask apart = T::none();
-  for (int i = 0; x.turned && i < t.turning_alike.count; ++i)
-    apart = apart | beyond(x.couplings.offset[t.turning_alike[i]], T(0));
-  return apart;
-}
-
-/// Whether all placed followers are consistent, in all lanes that are not frozen.
+/// Whether all placed followers are consistent, in all lanes that are not frozen, and no lane has whole turns. So a
+/// step of consistent followers has the plan's offsets.
 template <class T>
 LOCKSTEP_INLINE bool all_consistent(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const TileShape& shape) {
-  return shape.consistent_is_shorter && !any((any_inconsistent(t, x, shape) | any_turned_apart(t, x)) & ~x.frozen);
+  return shape.consistent_is_shorter && !x.turned && !any(any_inconsistent(t, x, shape) & ~x.frozen);
 }
 
 }  // namespace lockstep::kernels

@@ -4,10 +4,22 @@
 // change at the end of a step in which an angle has left [-pi, pi], which is rare.
 #pragma once
 
-#include "kernels/tile/tile.h"
+#include "kernels/tile/lay_out.h"
 #include "simd/turns.h"
 
 namespace lockstep::kernels {
+
+/// The largest of `most`, which is not negative, and the magnitudes of the numbers. NaN is larger than any number.
+template <class T>
+LOCKSTEP_INLINE T farthest(const T* numbers, int count, T most) {
+  for (int i = 0; i < count; ++i) most = farther(most, numbers[i]);
+  return most;
+}
+template <class T>
+LOCKSTEP_INLINE T farthest(const T* numbers, Span<SupportRun> runs, T most) {
+  for (int r = 0; r < runs.count; ++r) most = farthest(numbers + runs[r].first, runs[r].last - runs[r].first, most);
+  return most;
+}
 
 /// The target of joint j less its whole turns, to be compared with its angle.
 template <class T>
@@ -46,21 +58,30 @@ void offsets_with_turns(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   }
 }
 
+/// The same where no joint has turned.
+template <class T>
+LOCKSTEP_INLINE void no_turns(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  for (int i = 0; i < t.turning.count; ++i) x.couplings.turns[t.turning[i]] = T(0);
+  for (int i = 0; i < t.turning_couplings.count; ++i) {
+    const int c = t.turning_couplings[i];
+    x.couplings.offset[c] = field<T>(batch, Parameter::offset, t.offset.data).at(c, c);
+  }
+}
+
 /// Takes positions apart, after load() has read them.
 template <class T>
 LOCKSTEP_INLINE void load_turns(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   using S = ScalarOf<T>;
-  T farthest = T(0);
-  for (int i = 0; i < t.turning.count; ++i) farthest = farther(farthest, x.state.q[t.turning[i]]);
   const bool turned_before = x.turned;
-  x.turned = any(beyond(farthest, T(S(simd::surely_within))));
-  if (!x.turned && !turned_before) return;
+  x.turned = any(beyond(farthest(x.state.q, t.turning_runs, T(0)), T(S(simd::surely_within))));
+  if (!x.turned) {
+    if (turned_before) no_turns(t, batch, x);
+    return;
+  }
   for (int i = 0; i < t.turning.count; ++i) {
     const int j = t.turning[i];
-    T& q = x.state.q[j];
-    simd::Turned<T> joint{q, T(0)};
-    if (x.turned) joint = simd::turned(q, T::load(batch.angle + t.dof[j] * batch.stride));
-    q = joint.angle;
+    const simd::Turned<T> joint = simd::turned(x.state.q[j], T::load(batch.angle + t.dof[j] * batch.stride));
+    x.state.q[j] = joint.angle;
     x.couplings.turns[j] = joint.turns;
   }
   offsets_with_turns(t, batch, x);
@@ -71,9 +92,7 @@ template <class T>
 LOCKSTEP_INLINE void store_turns(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                  const Tile<T>& x) {
   using S = ScalarOf<T>;
-  T farthest = T(0);
-  for (int i = 0; i < t.turning.count; ++i) farthest = farther(farthest, x.state.q[t.turning[i]]);
-  if (!x.turned && !any(beyond(farthest, T(S(simd::surely_within))))) return;
+  if (!x.turned && !any(beyond(farthest(x.state.q, t.turning_runs, T(0)), T(S(simd::surely_within))))) return;
   for (int i = 0; i < t.turning.count; ++i) {
     const int j = t.turning[i];
     const std::ptrdiff_t row = t.dof[j] * batch.stride;
@@ -86,9 +105,7 @@ LOCKSTEP_INLINE void store_turns(const Tables<ScalarOf<T>>& t, const StatePointe
 /// away, so that consistent followers stay consistent (M76).
 template <class T>
 void place_turned_followers(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
-                            typename T::Mask turned) {
-  using S = ScalarOf<T>;
-  T* const q = x.next.q;
+                            typename T::Mask turned, T* q) {
   for (int i = 0; i < t.turning_placed.count; ++i) {
     const int c = t.turning_placed[i], first = t.term_start[c];
     T others = x.couplings.offset[c], size = farther(T(0), others);  // in the order of others_of()
@@ -98,19 +115,20 @@ void place_turned_followers(const Tables<ScalarOf<T>>& t, const StatePointers<Sc
       size = farther(size, ratio * other);
     }
     T& follower = q[t.term_joint[first]];
-    const auto off = beyond(follower + others, size * (T(S(8)) * T::rounding()));
+    const auto off = beyond(follower + others, size * (T(ScalarOf<T>(8)) * T::rounding()));
     follower = select(turned & ~off, -others, follower);
   }
 }
 
-/// Takes whole turns off the angles of x.next, after a step in which one of them has left [-pi, pi]. A lane whose turns
+/// Takes whole turns off the angles of `next`, after a step in which one of them has left [-pi, pi]. A lane whose turns
 /// cannot be counted, or whose angle is no number, keeps its last state, with a fault.
 template <class T>
-void take_turns(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+void take_turns(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
+                const State<T>& next) {
   using S = ScalarOf<T>;
   typename T::Mask countless = T::none(), turn = T::none();
   for (int i = 0; i < t.turning.count; ++i) {
-    const T angle = x.next.q[t.turning[i]];
+    const T angle = next.q[t.turning[i]];
     turn = turn | beyond(angle, T(S(simd::most_angle)));
     countless = countless | beyond(x.couplings.turns[t.turning[i]] + simd::whole_turns(angle), T(simd::most_turns<S>));
   }
@@ -120,26 +138,27 @@ void take_turns(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& 
       if (!lane(countless, i) || batch.fault[i] != Fault::none) continue;
       bool finite = true;
       for (int k = 0; k < t.turning.count; ++k) {
-        const S angle = x.next.q[t.turning[k]].lane(i);
+        const S angle = next.q[t.turning[k]].lane(i);
         finite = finite && angle - angle == S(0);
       }
       batch.fault[i] = finite ? Fault::diverged : Fault::not_finite;
     }
     each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
-      for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(countless, (x.state.*part)[i], (x.next.*part)[i]);
+      for (int i = 0; i < count; ++i) (next.*part)[i] = select(countless, (x.state.*part)[i], (next.*part)[i]);
     });
     x.frozen = x.frozen | countless;
   }
   x.turned = true;
+  set_consistent(t, x, false);
   for (int i = 0; i < t.turning.count; ++i) {
     const int j = t.turning[i];
-    const auto over = beyond(x.next.q[j], T(S(simd::most_angle))) & ~countless;
-    const T whole = select(over, simd::whole_turns(x.next.q[j]), T(0));
-    x.next.q[j] = simd::without_turns(x.next.q[j], whole);
+    const auto over = beyond(next.q[j], T(S(simd::most_angle))) & ~countless;
+    const T whole = select(over, simd::whole_turns(next.q[j]), T(0));
+    next.q[j] = simd::without_turns(next.q[j], whole);
     x.couplings.turns[j] += whole;
   }
   offsets_with_turns(t, batch, x);
-  place_turned_followers(t, batch, x, turn & ~countless);
+  place_turned_followers(t, batch, x, turn & ~countless, next.q);
 }
 
 }  // namespace lockstep::kernels
