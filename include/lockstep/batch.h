@@ -38,8 +38,8 @@ enum class Engine {
               ///< faster than the tables, else the tables. Plan::describe() tells
   tables,     ///< the solver's stages as loops over tables. Takes every plan
   interpreter,  ///< the plan as a list of operations, each done for many environments before the next. Made in
-                ///< milliseconds, once for a plan. Not for plans with limited servos, `tgs` with a softness per
-                ///< environment, or more than 40,000 operations
+                ///< milliseconds, once for a plan. Not for limited servos beside rows of couplings, `tgs` with a
+                ///< softness per environment, or more than 40,000 operations
   generated,    ///< straight-line code that was written for the plan and compiled into the program (generate.h)
 };
 
@@ -206,9 +206,10 @@ class LOCKSTEP_API Batch {
   /// [couplings][environments] impulse of the last step, N m s or N s along the coupling's first joint.
   /// Throws UsageError unless StepSettings::record_impulses.
   Array coupling_impulses() const;
-  /// [dofs][environments] positions without and as whole turns, position = angle + 2 pi turns, for revolute joints
-  /// without a range, which keep the two apart: neither angles nor couplings lose digits however far they turn. In
-  /// float, a joint may make a million turns, beyond which it is Fault::diverged. Other joints have no turns.
+  /// [dofs][environments] rad or m, and whole turns: position = angle + 2 pi turns. Revolute joints without a range
+  /// turn for ever. They keep the two apart, so neither angles nor couplings lose digits however far they turn. Beyond
+  /// 2^20 turns in float, 2^50 in double, they are Fault::diverged. Other joints have no turns. A copy of positions()
+  /// is rounded; project() puts its followers right.
   Array angles() const;
   Array turns() const;
   Array link_poses(int link) const;  ///< [7][environments] as root_poses, of any link of the model

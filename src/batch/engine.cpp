@@ -54,8 +54,8 @@ ChosenEngine choose_engine(const Plan& plan, Target target, Engine wanted) {
       return {Engine::interpreter, nullptr, operations};
     if (!automatic)
       throw SettingsError("engine",
-                          "interpreter does not apply: the plan has limited servos, tgs with a softness per "
-                          "environment, or too many operations",
+                          "interpreter does not apply: the plan has limited servos beside other rows, tgs with a "
+                          "softness per environment, or too many operations",
                           "use the tables or automatic");
   }
   return {Engine::tables};

@@ -75,8 +75,10 @@ std::string Batch<S>::explain_fault(int environment) const {
     case Fault::not_finite: words += "a position or velocity became NaN or infinite"; break;
     case Fault::singular: words += "the mass matrix was not positive definite"; break;
     default: {
-      words += "a position would pass " + text_of(program.settings.position_bound) + " or a velocity " +
-               text_of(program.settings.velocity_bound);
+      words += "a position would pass " + text_of(program.settings.position_bound) +
+               (batch.tables.turning.count > 0 ? ", a joint without a range " + text_of(simd::most_turns<S>) + " turns,"
+                                               : "") +
+               " or a velocity " + text_of(program.settings.velocity_bound);
       int fastest = 0;
       for (int dof = 1; dof < batch.tables.joints; ++dof)
         if (std::abs(number(batch.velocity, dof)) > std::abs(number(batch.velocity, fastest))) fastest = dof;

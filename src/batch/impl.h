@@ -386,7 +386,7 @@ struct Batch<S>::Impl {
     for (int j = 0; j < tables.joints; ++j)
       for (int e = 0; e < environments; ++e) {
         const std::ptrdiff_t at = tables.dof[j] * stride + e;
-        result(tables.dof[j], e) = turned(tables, j, position.data()[at], angle.data() + at).*part;
+        result(tables.dof[j], e) = turned(tables, j, position.data()[at], angle.data(), at).*part;
       }
     return result;
   }

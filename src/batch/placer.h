@@ -84,7 +84,7 @@ class Placer {
     }
     JointTurns<S> turns(int joint) const {
       const std::ptrdiff_t at = t.dof[joint] * rows.stride + e;
-      return of_positions ? turned(t, joint, rows.position[at], rows.angle + at)
+      return of_positions ? turned(t, joint, rows.position[at], rows.angle, at)
                           : JointTurns<S>{rows.velocity[at], S(0)};
     }
     double number(int joint) const {
@@ -102,7 +102,7 @@ class Placer {
     void put(int joint, double number) const {
       const std::ptrdiff_t at = t.dof[joint] * rows.stride + e;
       if (of_positions)
-        turn_to(t, joint, number, rows.position[at], rows.angle + at);
+        turn_to(t, joint, number, rows.position[at], rows.angle, at);
       else
         rows.velocity[at] = static_cast<S>(number);
     }

@@ -3,6 +3,7 @@
 // They are looked for when step() is called, only in declared fields and in quaternions of roots.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -56,6 +57,7 @@ struct InertiaRule {
     for (const Part& part : parts) {
       Inertia inertia = part.model;
       inertia.mass = number(Parameter::mass, part.link, inertia.mass);
+      if (part.model.mass > 0.0) inertia.about_center *= inertia.mass / part.model.mass;
       for (int k = 0; k < 3; ++k)
         inertia.center[k] = number(Parameter::center_of_mass, 3 * part.link + k, inertia.center[k]);
       for (int k = 0; k < 6; ++k) {
@@ -63,9 +65,14 @@ struct InertiaRule {
         entry = number(Parameter::inertia, 6 * part.link + k, entry);
         inertia.about_center(tensor_columns[k], tensor_rows[k]) = entry;
       }
-      sum = sum + transformed(inertia, part.pose);
+      sum = parts.size() == 1 ? inertia : sum + transformed(inertia, part.pose);
     }
     if (!sum.about_center.allFinite()) return false;
+    // Second moments that are clearly positive need no eigenvalues.
+    const double trace = sum.about_center.trace();
+    const Eigen::Matrix3d second = (0.5 - 1e-9) * trace * Eigen::Matrix3d::Identity() - sum.about_center;
+    const double minor = second(0, 0) * second(1, 1) - second(1, 0) * second(1, 0);
+    if (second(0, 0) > 0.0 && minor > 0.0 && second.determinant() > 0.0) return true;
     const Eigen::Vector3d moments = principal_moments(sum);
     const double scale = inertia_scale(sum.mass, moments), noise = sizeof(S) == 4 ? 1e-6 : inertia_noise;
     return moments[0] >= -noise * scale && triangle_excess(moments) <= inertia_rounding * scale;
@@ -145,8 +152,14 @@ void add_inertia_rules(const Program& program, ValueRules<S>& rules) {
     body.element += (body.element.empty() ? "'" : ", '") + link.name + "'";
     body.parts.push_back({static_cast<int>(l), trees.in_carrier[l], link.inertia});
   }
-  for (InertiaRule<S>& body : bodies)
-    if (!body.parts.empty()) rules.inertias.push_back(std::move(body));
+  const bool given = program.settings.per_environment.contains(Parameter::inertia);
+  for (InertiaRule<S>& body : bodies) {
+    // Masses and centres of mass keep a possible inertia possible, but not a sum of which some part alone is not.
+    const bool judged = given || std::any_of(body.parts.begin(), body.parts.end(), [](const auto& part) {
+                          return fault_of(part.model) != InertiaFault::none;
+                        });
+    if (!body.parts.empty() && judged) rules.inertias.push_back(std::move(body));
+  }
 }
 
 template <class S>
@@ -210,7 +223,7 @@ ValueRules<S> value_rules(const Program& program) {
                               std::string(field == Parameter::inertia ? "inertia" : "centre of mass") + " of link '" +
                                   model.links[l].name + "'",
                               "a number"});
-  if (declares(Parameter::inertia)) add_inertia_rules(program, rules);
+  if (program.f64.has_own_inertias()) add_inertia_rules(program, rules);
   if (!declares(Parameter::mass)) return rules;
   const Tables<double>& t = program.f64;
   std::vector<BodyLinks> bodies(static_cast<std::size_t>(t.bodies));

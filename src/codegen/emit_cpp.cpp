@@ -203,7 +203,7 @@ class Writer {
     for (std::size_t i = 0; i < item.variable.size(); ++i) {
       read_inputs(item.start[i], 0);
       defines(0, item.variable[i]);
-      line(0, fmt::format("T {} = {};", name(item.variable[i]), bare(operand(item.start[i]))));
+      line(0, fmt::format("{} {} = {};", type(item.variable[i]), name(item.variable[i]), bare(operand(item.start[i]))));
     }
     for (const Write& store : item.stores) read_inputs(store.value, 0);
     if (guarded) {

@@ -101,6 +101,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   take_articulated_bodies(*program);
   take_constraint_velocities(*program, first_joints_shares);
   lay_out_factoring(*program);
+  choose_search(*program);
   lay_out_report(*program);
   lay_out_turns(*program);
   t.method = program->method;

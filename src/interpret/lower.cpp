@@ -217,7 +217,7 @@ class Lowering {
     draft.writes = state_;  // as at the start of the step
     draft.writes.insert(draft.writes.end(), writes.begin(), writes.end());
     draft.writes.insert(draft.writes.end(), draft.reads.begin(), draft.reads.end());
-    if (item.call == Call::hold)  // these are in the tile's own memory
+    if (item.call == Call::hold)  // it may change these in the tile's own memory
       for (const MemoryAccess& access : before_)
         if (access.place.turns) draft.reads.push_back(access);
     operations_.push_back(std::move(draft));
@@ -302,8 +302,8 @@ void Lowering::remove_unused_negations() {
   std::erase_if(operations_, [&](const DraftOp& draft) { return draft.opcode == Opcode::negate && !used[draft.to]; });
 }
 
-// Whether each tile has numbers of its own in memory, which called stages read. With whole turns that are the offsets;
-// those of consistent followers are the plan's.
+// Whether each tile has numbers of its own in memory, which called stages read. Where joints turn for ever, offsets are
+// among them, but not in a step of consistent followers.
 bool has_numbers_per_environment(const Program& program, bool consistent) {
   const auto& declared = program.settings.per_environment;
   return declared.contains(Parameter::gear_ratio) || declared.contains(Parameter::offset) ||

@@ -7,7 +7,7 @@
 
 namespace lockstep::kernels {
 
-/// The same over the positions of joints that do not turn for ever and the floating roots' poses.
+/// The farthest position of a joint that does not turn for ever, or number of a floating root's pose.
 template <class T>
 LOCKSTEP_INLINE T farthest_position(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   T most = farthest(x.next.pose, 7 * t.roots.count, T(0));
@@ -27,12 +27,6 @@ void flag(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
   }
 }
 
-/// Whether a joint has completed a turn.
-template <class T>
-LOCKSTEP_INLINE typename T::Mask has_turned(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
-  return beyond(farthest(x.next.q, t.turning_runs, T(0)), T(ScalarOf<T>(simd::most_angle)));
-}
-
 /// Flags the lanes that have just failed. Frozen lanes get back the state in which the step began. Returns whether a
 /// joint of another lane has completed a turn.
 template <class T>
@@ -42,7 +36,9 @@ LOCKSTEP_INLINE bool hold_frozen(const Tables<ScalarOf<T>>& t, const StatePointe
   each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
     for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(x.frozen, (x.state.*part)[i], (x.next.*part)[i]);
   });
-  return any(has_turned(t, x));
+  if (t.turning.count == 0 || !any(has_turned(t, x, x.next))) return false;
+  freeze_countless(t, batch, x);
+  return true;
 }
 
 /// The same, and in the other lanes joints lose their whole turns.
@@ -65,7 +61,7 @@ void check(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   const typename T::Mask failed = (x.singular | far | fast) & ~x.frozen;
   x.frozen = x.frozen | failed;
   typename T::Mask held = x.frozen;
-  if (t.turning.count > 0) held = held | has_turned(t, x);
+  if (t.turning.count > 0) held = held | has_turned(t, x, x.next);
   hold_if(t, batch, x, held, failed);
 
   copy_state(t, x.next, x.state);

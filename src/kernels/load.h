@@ -22,7 +22,8 @@ void add_link(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     const T half_trace = T(S(0.5)) * (tensor[0] + tensor[1] + tensor[2]);
     for (int k = 0; k < 3; ++k) spread[k] = half_trace - tensor[k], spread[3 + k] = -tensor[5 - k];
   } else {
-    for (int k = 0; k < 6; ++k) spread[k] = mass * T(place.unit_spread[k]);
+    const T scale = t.declares(Parameter::mass) ? mass : T(1);
+    for (int k = 0; k < 6; ++k) spread[k] = scale * T(place.spread[k]);
   }
   const Vec3<T> center = center_of_link<T>(t, batch, l);
   const auto entry = [&](int i, int j) { return i == j ? spread[i] : spread[6 - i - j]; };

@@ -233,10 +233,9 @@ void lay_out_bodies(Program& program, const Trees& trees) {
     copy(unit.center, place.unit_moment);
     copy_symmetric(second_moment(unit), place.unit_second);
     Inertia spread = model.links[i].inertia;
-    copy(spread.center, place.center);
-    spread.about_center /= spread.mass > 0.0 ? spread.mass : 1.0;
+    if (declared(program, Parameter::mass)) spread.about_center /= spread.mass > 0.0 ? spread.mass : 1.0;
     spread.mass = 0.0;
-    copy_symmetric(second_moment(spread), place.unit_spread);
+    copy_symmetric(second_moment(spread), place.spread);
   }
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     bodies[b].mass = sums[b].mass;

@@ -151,6 +151,10 @@ void lay_out_report(Program& program);
 /// f32 from f64 (narrow.cpp).
 void narrow(Program& program);
 
+/// Whether bounds and limited servos act on single velocities of the solver, so that these can be held in the factor of
+/// A itself (held_velocities.cpp).
+void choose_search(Program& program);
+
 /// Which joints turn for ever, after all other tables (turns.cpp).
 void lay_out_turns(Program& program);
 

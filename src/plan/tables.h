@@ -102,14 +102,13 @@ struct LinkPlace : LinkStructure {
   S rotation[9];  ///< link coordinates to body coordinates, row-major
   S offset[3];
   S unit_moment[3], unit_second[6];  ///< per kg, about the body's origin, or a bolted root's
-  S unit_spread[6];                  ///< the second moment per kg about the centre of mass, in the link's axes
-  S center[3];                       ///< in the link's frame
+  S spread[6];  ///< the second moment about the centre of mass, in the link's axes; per kg if masses differ
 
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
     visit(from.rotation, to.rotation), visit(from.offset, to.offset);
     visit(from.unit_moment, to.unit_moment), visit(from.unit_second, to.unit_second);
-    visit(from.unit_spread, to.unit_spread), visit(from.center, to.center);
+    visit(from.spread, to.spread);
   }
 };
 
@@ -261,12 +260,15 @@ struct BoundStructure {
   Span<BoundKind> kind;    ///< by row
   Span<int> member_start;  ///< by row, rows + 1
   Span<Member> member;
-  bool may_depend = false;  ///< the directions of hard rows may be linearly dependent
-  Span<int> kinematic;      ///< by row: whether it holds a hard kinematic drive
-  bool always = false;      ///< some row is active in every step: friction, a kinematic drive, a force limit
-  Span<int> has;            ///< by joint: JointBound
-  Span<int> undamped_row;   ///< by row, as Tables::undamped_row
-  Span<Watched> watched;    ///< the joints with limits
+  bool may_depend = false;   ///< the directions of hard rows may be linearly dependent
+  Span<int> kinematic;       ///< by row: whether it holds a hard kinematic drive
+  bool always = false;       ///< some row is active in every step: friction, a kinematic drive, a force limit
+  Span<int> has;             ///< by joint: JointBound
+  Span<int> undamped_row;    ///< by row, as Tables::undamped_row
+  bool by_velocity = false;  ///< each row and each limited servo acts on one velocity (held_velocities.h)
+  Span<int> velocity;        ///< by row, then: of the solver
+  Span<int> row_of;          ///< by solver velocity, then: its row, -1 if none
+  Span<Watched> watched;     ///< the joints with limits
 };
 template <class S>
 struct Bounds : BoundStructure {
@@ -471,6 +473,13 @@ struct Reduction : ReductionStructure {
   }
 };
 
+/// A servo with an effort limit, where it acts on one velocity of the solver.
+struct LimitedServo {
+  int velocity;
+  int share;     ///< entry of S, -1 for 1
+  int follower;  ///< -1 if the joint is independent
+};
+
 struct TableStructure {
   Method method = Method::direct;
   Integrator integrator = Integrator::euler;
@@ -486,6 +495,7 @@ struct TableStructure {
   Span<SupportRun> undamped_velocities;         ///< velocities of trees with undamped rows
   Span<int> servos;                             ///< joints that have a servo without an effort limit
   Span<int> limited_servos;                     ///< joints that have a servo with an effort limit
+  Span<LimitedServo> servo_velocities;          ///< of these, if Bounds::by_velocity
   Span<int> springs;                            ///< joints that have a spring
   Span<int> turning;                            ///< joints that turn for ever (M80)
   Span<SupportRun> turning_runs, other_runs;    ///< the same as runs, and those of the other joints

@@ -12,7 +12,8 @@ long Plan::bytes_per_step(int scalar_bytes) const {
   const long state = 2 * t.joints + (7 + 6) * t.roots.count;
   const long recorded = (t.record_impulses ? t.couplings : 0) + (t.record_diagnostics ? 2 * t.reported.count + 4 : 0);
   const long loaded = static_cast<long>(trace::cost_of(*program_).loaded.size());
-  return (2 * state + loaded + recorded) * scalar_bytes + static_cast<long>(sizeof(Fault));
+  const long angles = t.turning.count;  // stored
+  return (2 * state + angles + loaded + recorded) * scalar_bytes + static_cast<long>(sizeof(Fault));
 }
 
 long Plan::bytes_per_environment(int scalar_bytes) const {

@@ -286,6 +286,7 @@ std::vector<Id> Graph::effect_if(Id condition, std::vector<Write> stores, const 
   item.condition = condition;
   for (const Write& store : changed) {
     item.variable.push_back(variable(static_cast<int>(items_.size()) - 1));
+    nodes_[item.variable.back()].mask = nodes_[store.value].mask;
     item.start.push_back(store.value);
     item.place.push_back(store.place);
   }

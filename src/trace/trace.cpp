@@ -86,9 +86,9 @@ void check(const Tables<double>& t, const StatePointers<double>& batch, Tile<Tra
   }
   check<Traced>(t, batch, x);
 }
-void hold_if(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&, Traced::Mask held,
+void hold_if(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>&, Traced::Mask held,
              Traced::Mask failed) {
-  if (!counting) tracer->hold_if(held.id, failed.id);
+  if (!counting) tracer->hold_if(held.id, failed.id, t.turning.count > 0);
 }
 
 }  // namespace lockstep::kernels

@@ -225,7 +225,7 @@ void Tracer::run_if(Id condition, std::vector<Write> stores, const std::string& 
   std::vector<Write> before;
   std::vector<TileNumber*> end_numbers;
   for (TileNumber& number : numbers_) {
-    if (!number.array || !ends.contains(number.array)) continue;
+    if (!ends.contains(number.array ? number.array : number.now)) continue;
     before.push_back({number.place, *number.now});
     end_numbers.push_back(&number);
   }
@@ -236,13 +236,14 @@ void Tracer::run_if(Id condition, std::vector<Write> stores, const std::string& 
   }
 }
 
-void Tracer::hold_if(Id condition, Id failed) {
+void Tracer::hold_if(Id condition, Id failed, bool turns) {
   std::vector<Write> flags;
   for (const TileNumber& number : numbers_)
     if (!number.array) flags.push_back({number.place, *number.now});
   flags.push_back({{"const typename T::Mask failed", Access::failed}, failed});
-  run_if(condition, std::move(flags), "hold(t, batch, x, failed);", Call::hold,
-         {tile_.next.q, tile_.next.v, tile_.next.pose});
+  std::set<const void*> ends = {tile_.next.q, tile_.next.v, tile_.next.pose};
+  if (turns) ends.insert(&tile_.frozen.id);  // a lane may lose count
+  run_if(condition, std::move(flags), "hold(t, batch, x, failed);", Call::hold, ends);
 }
 
 void Tracer::solve_bounds_if(Id candidate, const std::set<const void*>& unread) {

@@ -28,7 +28,7 @@ class Tracer {
   /// Records code that works on the tile in memory. Changed numbers are stored before it and read again after it.
   void run(const std::string& code, Call call = Call::none);
   /// Records hold() under a condition. The new state and the masks are stored, and the state is read again.
-  void hold_if(Id condition, Id failed);
+  void hold_if(Id condition, Id failed, bool turns);
   /// Records solve_bounds() under a condition. Everything is stored except for `unread` arrays, and the new state is
   /// read again.
   void solve_bounds_if(Id candidate, const std::set<const void*>& unread);

@@ -252,8 +252,9 @@ TEST(RequestedEngine, runs_or_is_refused) {
                                 "lockstep_add_kernel");
   Model limited = scenes::chain8();
   limited.joints[0].drive.kp = 1.0, limited.joints[0].effort_limit = 1.0;
-  expect_refused<SettingsError>([&] { Batch<float>(compile(limited), 1, {.engine = Engine::interpreter}); }, "engine",
-                                "tables");
+  expect_refused<SettingsError>(
+      [&] { Batch<float>(compile(limited, {.method = Method::pgs}), 1, {.engine = Engine::interpreter}); }, "engine",
+      "tables");
 }
 
 TEST(ToString, names_targets_and_engines) {

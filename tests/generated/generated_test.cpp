@@ -292,8 +292,8 @@ TEST(Interpreter, keeps_the_velocities_of_locked_joints_in_a_frozen_environment)
   EXPECT_TRUE((batch.velocities().col(1) == before.col(1)).all()) << batch.velocities().col(1).transpose();
 }
 
-TEST(Interpreter, is_refused_for_limited_servos_and_for_a_softness_per_environment_in_tgs) {
-  const Plan limited = generated::plan_of("chain8_reduced_bounds");
+TEST(Interpreter, is_refused_for_limited_servos_in_sweeps_and_for_a_softness_per_environment_in_tgs) {
+  const Plan limited = generated::plan_of("chain8_pgs_bounds");
   EXPECT_THROW(Batch<float>(limited, 1, {.engine = Engine::interpreter}), SettingsError);
   StepSettings settings;
   settings.method = Method::tgs;

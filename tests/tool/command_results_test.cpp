@@ -81,7 +81,7 @@ TEST_F(Command, runs_the_engine_that_is_named) {
 
 TEST_F(Command, refuses_an_engine_that_does_not_take_the_plan) {
   for (const Arguments& arguments :
-       {Arguments{"--engine", "generated"}, {"--engine", "interpreter", "--drive", "wrist=5,0.1"}}) {
+       {Arguments{"--engine", "generated"}, {"--engine", "interpreter", "--method", "pgs", "--drive", "wrist=5,0.1"}}) {
     Arguments all = {"simulate", model};
     all.insert(all.end(), arguments.begin(), arguments.end());
     const Ran ran = run(all);

@@ -22,12 +22,6 @@ constexpr S limit_compliance = S(sizeof(S) == 4 ? 1e-4 : 1e-9);
 template <class S>
 constexpr S drive_compliance = S(sizeof(S) == 4 ? 1e-2 : 3e-7);
 
-/// Relative tolerance within which a row meets its condition.
-template <class T>
-LOCKSTEP_INLINE T rounding() {
-  return T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 4e-6 : 1e-14));
-}
-
 /// Speed of the i-th active row under all impulses, from its speed `free` without them.
 template <class T>
 LOCKSTEP_INLINE T speed_with_impulses(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int i, T free, const T* impulse) {

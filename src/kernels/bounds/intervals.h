@@ -13,6 +13,12 @@ struct Interval {
   T lo, hi;
 };
 
+/// A distance from an end of a range, 0 if it is the rounding of a position that has been put there.
+template <class T>
+LOCKSTEP_INLINE T up_to_rounding(T distance, T end) {
+  return select(beyond(distance, farther(T(0), end) * (T(ScalarOf<T>(4)) * T::rounding())), distance, T(0));
+}
+
 /// The range of joint j, of this environment.
 template <class T>
 LOCKSTEP_INLINE Interval<T> position_limits(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
@@ -52,7 +58,8 @@ LOCKSTEP_INLINE Interval<T> range_interval(const Tables<ScalarOf<T>>& t, const S
                                            const Tile<T>& x, int j, const StepTime<T>& at, T moved) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
   const Interval<T> range = position_limits<T>(t, batch, j);
-  const T zero = T(0), q = x.state.q[j] + moved, below = range.lo - q, above = range.hi - q;
+  const T zero = T(0), q = x.state.q[j] + moved, below = up_to_rounding(range.lo - q, range.lo),
+          above = up_to_rounding(range.hi - q, range.hi);
   const T inside = T(at.inverse),
           beyond = at.in_velocity_phase ? zero : T(at.sub_step ? b.sub_step_rate[j] : b.limit_rate[j]);
   Interval<T> i{below * select(less(zero, below), beyond, inside), above * select(less(above, zero), beyond, inside)};

@@ -5,6 +5,12 @@
 
 namespace lockstep::kernels {
 
+/// Relative tolerance within which a row meets its condition.
+template <class T>
+LOCKSTEP_INLINE T rounding() {
+  return T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 4e-6 : 1e-14));
+}
+
 /// A row in one phase: its interval, its box of +-force around -centre, and its compliance.
 template <class T>
 struct Bound {
@@ -53,10 +59,13 @@ LOCKSTEP_INLINE Branch<T> advance_branch(const Bound<T>& row, const Branch<T>& b
   const auto slips_up = b.stuck & less(force + slack_impulse, impulse);
   const auto slips_down = b.stuck & less(impulse, -(force + slack_impulse));
   const auto free = ~held(b);
-  const auto below = free & less(speed, row.lo - slack), above = free & less(row.hi + slack, speed) & ~below;
-  const auto sticks =
-      free & ~below & ~above &
-      ((less(zero, b.impulse) & less(centre + slack, speed)) | (less(b.impulse, zero) & less(speed, centre - slack)));
+  // A row that slips past its centre sticks before it may reach an end, or it could go round for ever.
+  const auto passes = free & ((less(zero, b.impulse) & less(centre + slack, speed)) |
+                              (less(b.impulse, zero) & less(speed, centre - slack)));
+  const auto within = ~less(centre, row.lo) & ~less(row.hi, centre);
+  const auto below = free & less(speed, row.lo - slack) & ~(passes & within),
+             above = free & less(row.hi + slack, speed) & ~below & ~(passes & within);
+  const auto sticks = passes & ~below & ~above;
   Branch<T> next;
   next.low = (b.low & ~leaves_low) | below;
   next.high = (b.high & ~leaves_high) | above;

@@ -17,21 +17,26 @@ void factor_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     x.singular = x.singular | less(x.dynamics.inverse[z], least_pivot<T>());
 }
 
-/// Leaves y of (M18) in x.dynamics.half_solved_position and x.dynamics.half_solved_velocity. The other half of the
-/// solve is done once, after the rows' impulses have been added (integrate.h).
+/// The momentum to gain, in x.dynamics.half_solved_position and x.dynamics.half_solved_velocity.
 template <class T>
-void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+LOCKSTEP_INLINE void momenta_to_gain(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   // A traced step always keeps the two arrays apart.
   x.dynamics.half_solved_velocity = x.consistent && t.reduction.all_placed ? x.dynamics.half_solved_position
                                                                            : x.dynamics.half_solved_velocity_storage;
-  const Columns& columns = t.solver;
   if (t.reduction.followers == 0)
-    for (int z = 0; z < columns.n; ++z) {
+    for (int z = 0; z < t.solver.n; ++z) {
       x.dynamics.start[z] = x.state.v[z];
       x.dynamics.half_solved_position[z] = x.dynamics.rhs[z];
     }
   else
     reduce_forces(t, x);
+}
+
+/// Leaves y of (M18) in their place. The other half of the solve is done once, after the rows' impulses have been added
+/// (integrate.h).
+template <class T>
+LOCKSTEP_INLINE void half_solve(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Columns& columns = t.solver;
   const bool twice = x.solves_twice && x.dynamics.half_solved_velocity != x.dynamics.half_solved_position;
   if (t.articulated.used()) {
     solve_inwards(t, x, t.articulated.all, x.dynamics.half_solved_position, 0);
@@ -46,6 +51,12 @@ void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
   for (int z = 0; z < columns.n; ++z) x.dynamics.half_solved_position[z] *= x.dynamics.inverse[z];
   for (int z = 0; twice && z < columns.n; ++z) x.dynamics.half_solved_velocity[z] *= x.dynamics.inverse[z];
+}
+
+template <class T>
+void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  momenta_to_gain(t, x);
+  half_solve(t, x);
 }
 
 }  // namespace lockstep::kernels

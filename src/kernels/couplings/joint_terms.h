@@ -50,7 +50,8 @@ LOCKSTEP_INLINE Servo<T> servo(const Tables<ScalarOf<T>>& t, const StatePointers
 template <class T>
 LOCKSTEP_INLINE T effort_limit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int j) {
   const ScalarOf<T>* const own = batch.field(Parameter::effort_limit);
-  return own ? smaller(T::load(own + t.dof[j] * batch.stride), T(ScalarOf<T>(unlimited))) : T(t.effort_limit[j]);
+  if (!own || !(t.effort_limit[j] < ScalarOf<T>(unlimited))) return T(t.effort_limit[j]);
+  return smaller(T::load(own + t.dof[j] * batch.stride), T(ScalarOf<T>(unlimited)));
 }
 
 template <class T>

@@ -73,7 +73,8 @@ template <class T>
 LOCKSTEP_INLINE void load_turns(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   using S = ScalarOf<T>;
   const bool turned_before = x.turned;
-  x.turned = any(beyond(farthest(x.state.q, t.turning_runs, T(0)), T(S(simd::surely_within))));
+  const T far = farthest(x.state.q, t.turning_runs, T(0));
+  x.turned = any(beyond(far, T(S(simd::surely_within))) & ~beyond(far, T(largest_number<S>)));  // NaN has no turns
   if (!x.turned) {
     if (turned_before) no_turns(t, batch, x);
     return;
@@ -87,17 +88,30 @@ LOCKSTEP_INLINE void load_turns(const Tables<ScalarOf<T>>& t, const StatePointer
   offsets_with_turns(t, batch, x);
 }
 
-/// Writes positions and, where there are turns, angles, after store() has written the angles as positions.
+/// Writes the positions and angles of joints that turn for ever. Frozen lanes that are as they were loaded keep the
+/// bits of both.
 template <class T>
 LOCKSTEP_INLINE void store_turns(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                  const Tile<T>& x) {
-  using S = ScalarOf<T>;
-  if (!x.turned && !any(beyond(farthest(x.state.q, t.turning_runs, T(0)), T(S(simd::surely_within))))) return;
+  const bool some_frozen = any(x.frozen);
   for (int i = 0; i < t.turning.count; ++i) {
     const int j = t.turning[i];
     const std::ptrdiff_t row = t.dof[j] * batch.stride;
-    store(batch.position + row, simd::position_of(simd::Turned<T>{x.state.q[j], x.couplings.turns[j]}));
-    store(batch.angle + row, x.state.q[j]);
+    T angle = x.state.q[j], position = angle;
+    if (x.turned) {
+      const T turns = x.couplings.turns[j];
+      position = select(beyond(turns, T(0)), simd::position_of(simd::Turned<T>{angle, turns}), angle);
+    }
+    if (some_frozen) {
+      const T before = T::load(batch.position + row), kept = T::load(batch.angle + row);
+      const simd::Turned<T> loaded = simd::turned(before, kept);
+      const T turns = x.turned ? x.couplings.turns[j] : T(0);
+      const auto differs = beyond(loaded.angle - angle, T(0)) | beyond(loaded.turns - turns, T(0));
+      const auto keep = x.frozen & (~differs | ~beyond(before - position, T(0)));
+      position = select(keep, before, position), angle = select(keep, kept, angle);
+    }
+    store(batch.position + row, position);
+    store(batch.angle + row, angle);
   }
 }
 
@@ -120,45 +134,49 @@ void place_turned_followers(const Tables<ScalarOf<T>>& t, const StatePointers<Sc
   }
 }
 
-/// Takes whole turns off the angles of `next`, after a step in which one of them has left [-pi, pi]. A lane whose turns
-/// cannot be counted, or whose angle is no number, keeps its last state, with a fault.
+/// Lanes in which a joint has completed a turn.
+template <class T>
+LOCKSTEP_INLINE typename T::Mask has_turned(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const State<T>& next) {
+  return beyond(farthest(next.q, t.turning_runs, T(0)), T(ScalarOf<T>(simd::most_angle))) & ~x.frozen;
+}
+
+/// Lanes whose turns cannot be counted, or whose angle is no number, keep their last state, with a fault.
+template <class T>
+void freeze_countless(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  typename T::Mask countless = T::none();
+  for (int i = 0; i < t.turning.count; ++i)
+    countless = countless | beyond(x.couplings.turns[t.turning[i]] + simd::whole_turns(x.next.q[t.turning[i]]),
+                                   T(simd::most_turns<S>));
+  countless = countless & ~x.frozen;
+  if (!any(countless)) return;
+  const auto infinite = beyond(farthest(x.next.q, t.turning_runs, T(0)), T(largest_number<S>));
+  for (int i = 0; i < T::lanes; ++i)
+    if (lane(countless, i) && batch.fault[i] == Fault::none)
+      batch.fault[i] = lane(infinite, i) ? Fault::not_finite : Fault::diverged;
+  each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
+    for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(countless, (x.state.*part)[i], (x.next.*part)[i]);
+  });
+  x.frozen = x.frozen | countless;
+}
+
+/// Takes whole turns off the angles of `next`, after a step in which one of them has left [-pi, pi].
 template <class T>
 void take_turns(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
                 const State<T>& next) {
-  using S = ScalarOf<T>;
-  typename T::Mask countless = T::none(), turn = T::none();
-  for (int i = 0; i < t.turning.count; ++i) {
-    const T angle = next.q[t.turning[i]];
-    turn = turn | beyond(angle, T(S(simd::most_angle)));
-    countless = countless | beyond(x.couplings.turns[t.turning[i]] + simd::whole_turns(angle), T(simd::most_turns<S>));
-  }
-  if (!any(turn)) return;
-  if (any(countless)) {
-    for (int i = 0; i < T::lanes; ++i) {
-      if (!lane(countless, i) || batch.fault[i] != Fault::none) continue;
-      bool finite = true;
-      for (int k = 0; k < t.turning.count; ++k) {
-        const S angle = next.q[t.turning[k]].lane(i);
-        finite = finite && angle - angle == S(0);
-      }
-      batch.fault[i] = finite ? Fault::diverged : Fault::not_finite;
-    }
-    each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
-      for (int i = 0; i < count; ++i) (next.*part)[i] = select(countless, (x.state.*part)[i], (next.*part)[i]);
-    });
-    x.frozen = x.frozen | countless;
-  }
+  const auto turned = has_turned(t, x, next);
+  if (!any(turned)) return;
   x.turned = true;
   set_consistent(t, x, false);
   for (int i = 0; i < t.turning.count; ++i) {
     const int j = t.turning[i];
-    const auto over = beyond(next.q[j], T(S(simd::most_angle))) & ~countless;
+    const auto over = beyond(next.q[j], T(ScalarOf<T>(simd::most_angle))) & turned;
     const T whole = select(over, simd::whole_turns(next.q[j]), T(0));
     next.q[j] = simd::without_turns(next.q[j], whole);
     x.couplings.turns[j] += whole;
   }
   offsets_with_turns(t, batch, x);
-  place_turned_followers(t, batch, x, turn & ~countless, next.q);
+  place_turned_followers(t, batch, x, turned, next.q);
 }
 
 }  // namespace lockstep::kernels

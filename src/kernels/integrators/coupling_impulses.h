@@ -67,6 +67,13 @@ void coupling_impulses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
     x.dynamics.product[i] = -x.dynamics.rhs[i];
     change[i] = x.next.v[i] - x.state.v[i];
   }
+  for (int i = 0; i < t.servo_velocities.count; ++i) {  // neither A nor the forces hold these servos
+    const int j = t.limited_servos[i];
+    const T effort = feed_forward<T>(t, batch, j), sigma = x.servos.saturation[i], v = x.next.v[t.velocity_of(j)];
+    const T force = select(beyond(sigma, T(0)), sigma * effort_limit<T>(t, batch, j),
+                           servo<T>(t, batch, x, j).force(T(t.dt), x.state.q[j], v) + effort);
+    x.dynamics.product[t.velocity_of(j)] = fnma(T(t.dt), force - effort, x.dynamics.product[t.velocity_of(j)]);
+  }
   for (int f = 0; r.removes_by_force && f < r.followers; ++f)
     change[t.velocity_of(r.follower[f])] += x.couplings.velocity_error[f];
   if (bounds > 0) subtract_bounds(t, batch, x, x.dynamics.product);

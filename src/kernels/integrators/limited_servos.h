@@ -16,13 +16,6 @@ LOCKSTEP_INLINE void first_saturation_pass(Tile<T>& x) {
   x.servos.pass = 0;
 }
 
-/// -1 or 1 for the end of the limit that the force is beyond, 0 if it is within.
-template <class T>
-LOCKSTEP_INLINE T saturated(T force, T most) {
-  const T slack = T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 1 + 1e-6 : 1 + 1e-15)) * most;
-  return select(less(slack, force), T(1), select(less(force, -slack), T(-1), T(0)));
-}
-
 /// Adds these servos to A and the forces: by their gains, or as a constant force. The first pass guesses which, from
 /// the diagonal of A alone: it estimates how much force is left once the joint has moved.
 template <class T>

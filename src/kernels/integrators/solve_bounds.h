@@ -7,6 +7,7 @@
 #include "integrate.h"
 #include "kernels/bounds/active_set.h"
 #include "kernels/bounds/bounded_sweeps.h"
+#include "kernels/bounds/held_velocities.h"
 #include "kernels/couplings/solve_couplings.h"
 
 namespace lockstep::kernels {
@@ -104,9 +105,65 @@ void mark_invalid(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   last = select(x.bounds.invalid, T(ScalarOf<T>(__builtin_nan(""))), last);
 }
 
+/// Lists the rows that hold a velocity or have an impulse, and their impulses.
+template <class T>
+void list_held_rows(const Tables<ScalarOf<T>>& t, typename T::Mask open, Tile<T>& x) {
+  const int count = t.bounds.rows.count, n = t.solver.n;
+  x.bounds.active_count = 0;
+  for (int r = 0; r < count; ++r) {
+    x.bounds.active[r] = T::none();
+    for (int p = 0; p < phases<T>(t); ++p) {
+      const Branch<T>& own = x.search.branch[p * count + r];
+      const T impulse = select(held(own), x.held.impulse[p * n + t.bounds.velocity[r]], own.impulse);
+      x.bounds.impulse[p * count + r] = impulse;
+      x.bounds.active[r] = x.bounds.active[r] | ((held(own) | beyond(impulse, T(0))) & open);
+      x.bounds.invalid = x.bounds.invalid | (beyond(impulse, T(largest_number<ScalarOf<T>>)) & open);
+    }
+    if (any(x.bounds.active[r])) x.bounds.active_rows[x.bounds.active_count++] = r;
+  }
+}
+
+/// Solves with velocities held in the factor of A. Where servos are limited, this is the first solve of the step.
+template <class T>
+void solve_by_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  const int count = t.bounds.rows.count, n = t.solver.n;
+  const bool first = t.limited_servos.count > 0, twice = phases<T>(t) == 2;
+  const bool differ = twice && phases_differ(t, batch, x);
+  x.bounds.invalid = T::none();
+  open_intervals(t, batch, position_phase, x);
+  if (differ) open_intervals(t, batch, velocity_phase, x);
+  const auto open = x.bounds.candidate & ~x.bounds.invalid & ~x.frozen;
+  const auto singular = x.singular;
+  search_held_velocities(t, batch, differ ? 2 : 1, open, x);
+  if (!first) x.singular = singular;
+  for (int z = 0; twice && !differ && z < n; ++z) {
+    x.held.velocity[n + z] = x.held.velocity[z];
+    x.held.impulse[n + z] = x.held.impulse[z];
+  }
+  for (int r = 0; twice && !differ && r < count; ++r) {
+    x.search.branch[count + r] = x.search.branch[r];
+    x.bounds.lo[count + r] = x.bounds.lo[r], x.bounds.hi[count + r] = x.bounds.hi[r];
+  }
+  list_held_rows(t, open, x);
+  if (!first && x.bounds.active_count == 0) return mark_invalid(t, x);
+  T* unbounded = x.bounds.unbounded_result;
+  if (!first) each_result(t, x, [&](const T& number) { *unbounded++ = number; });
+  for (int z = 0; z < n; ++z) x.dynamics.solution[z] = x.held.velocity[z];
+  for (int z = 0; twice && z < n; ++z) x.dynamics.velocity_solution[z] = x.held.velocity[n + z];
+  integrate(t, x);
+  if (!first) restore_unbounded(t, x);
+  mark_invalid(t, x);
+  // A start that is too fast is a fault, although limits of velocity may hold it.
+  T fastest = T(0);
+  for (int z = 0; z < n; ++z) fastest = farther(fastest, x.dynamics.start[z]);
+  T& last = x.next.v[t.velocities - 1];
+  last = select(beyond(fastest, T(t.velocity_bound)) & open, T(largest_number<ScalarOf<T>>), last);
+}
+
 /// Activates violated rows and solves with them, until no further row is violated.
 template <class T>
 void solve_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  if (t.bounds.by_velocity) return solve_by_velocity(t, batch, x);
   const int count = t.bounds.rows.count;
   T* solution[2] = {x.dynamics.solution, x.dynamics.velocity_solution};
   open_bounds(t, batch, x);

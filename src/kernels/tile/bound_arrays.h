@@ -49,7 +49,8 @@ struct BoundRows {
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
     const auto& b = t.bounds;
-    const int bounds = b.rows.count, solver = t.solver.n, rows = t.rows.count;
+    const int bounds = b.rows.count, rows = t.rows.count;
+    const int responding = b.by_velocity ? 0 : bounds, solver = t.solver.n;
     take("bounds.member_share", member_share, b.member.count, Lifetime::call);
     take("bounds.member_inverse", member_inverse, b.member.count, Lifetime::call);
     take("bounds.value", value, b.rows.term_value.count, Lifetime::call);
@@ -67,11 +68,11 @@ struct BoundRows {
     take("bounds.speed", speed, bounds);
     take("bounds.gain", gain, bounds);
     take("bounds.moved", moved, bounds);
-    take("bounds.response", response, bounds * solver);
-    take("bounds.scaled_response", scaled_response, bounds * solver);
+    take("bounds.response", response, responding * solver);
+    take("bounds.scaled_response", scaled_response, responding * solver);
     take("bounds.cross_response", cross_response, bounds * rows);
     take("bounds.scaled_cross_response", scaled_cross_response, bounds * rows);
-    take("bounds.delassus", delassus, bounds * bounds);
+    take("bounds.delassus", delassus, responding * responding);
     const int results =
         (t.solve_twice ? 2 : 1) * (2 * rows + solver) + t.joints + (t.record_diagnostics ? 2 : 1) * t.velocities;
     take("bounds.unbounded_result", unbounded_result, results + (7 + 4) * t.roots.count);
@@ -102,10 +103,46 @@ struct ActiveSetSearch {
     take("search.impulse", impulse, bounds);
     take("search.speed", speed, bounds);
     take("search.noise", noise, bounds);
-    take("search.matrix", matrix, bounds * bounds);
+    take("search.matrix", matrix, t.bounds.by_velocity ? 0 : bounds * bounds);
     take("search.branch", branch, 2 * bounds);
     take("search.held", held, bounds);
     take("search.known", known, 2 * bounds);
+  }
+};
+
+/// Velocities that are held in the factor of A (held_velocities.h). Arrays marked 2 are by phase, as above.
+template <class T>
+struct HeldVelocities {
+  T* matrix;               // A or A_r (packed)
+  T* momentum;             // 2 [solver] to gain, without impulses
+  T* factor;               // of a round (packed)
+  T* diagonal;             // [solver] with the servos' parts
+  T* pivot;                // [solver]
+  T* inverse;              // [solver] 1 / pivot, 0 for held velocities
+  T* raw;                  // [solver]
+  T* rhs;                  // [solver]
+  T* goal;                 // 2 [solver]
+  T* velocity;             // 2 [solver]
+  T* impulse;              // 2 [solver] that hold velocities
+  T* light;                // [rows] 1 / A_kk
+  typename T::Mask* mask;  // [solver]
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    const int n = t.solver.n, entries = t.solver.entries, phases = t.solve_twice ? 2 : 1;
+    take("held.matrix", matrix, entries);
+    take("held.momentum", momentum, phases * n);
+    take("held.factor", factor, entries, Lifetime::stage);
+    take("held.diagonal", diagonal, n, Lifetime::stage);
+    take("held.pivot", pivot, n, Lifetime::stage);
+    take("held.inverse", inverse, n, Lifetime::stage);
+    take("held.raw", raw, n, Lifetime::stage);
+    take("held.rhs", rhs, n, Lifetime::stage);
+    take("held.goal", goal, phases * n, Lifetime::stage);
+    take("held.velocity", velocity, phases * n, Lifetime::stage);
+    take("held.impulse", impulse, phases * n, Lifetime::stage);
+    take("held.light", light, t.bounds.rows.count, Lifetime::stage);
+    take("held.mask", mask, n, Lifetime::stage);
   }
 };
 

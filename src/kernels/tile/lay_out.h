@@ -33,6 +33,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
     x.bounds.arrays(t, take);
     x.search.arrays(t, take);
   }
+  if (t.bounds.by_velocity) x.held.arrays(t, take);
   x.servos.arrays(t, take);
   if (t.record_diagnostics) x.diagnostics.arrays(t, take);
 }

@@ -31,6 +31,7 @@ struct Tile {
   Undamped<T> undamped;
   BoundRows<T> bounds;
   ActiveSetSearch<T> search;
+  HeldVelocities<T> held;
   LimitedServos<T> servos;
   Diagnostics<T> diagnostics;
 

@@ -1,0 +1,346 @@
+// Finds the active set where every bounded row bounds one velocity of its own. SPDX-License-Identifier: Apache-2.0
+//
+// (M83) to (M85). A round assumes for every velocity whether it is held at an end of its interval or at rest, or which
+// impulse acts on it, and for every limited servo whether it is at its limit. It solves with held velocities masked in
+// the factor of A itself, so no row needs a response, and moves what the solution contradicts to the neighbouring piece
+// of (M54). A lane that has finished is solved again with the others, to the same bits.
+#pragma once
+
+#include "kernels/dynamics/ldlt.h"
+#include "projection.h"
+
+namespace lockstep::kernels {
+
+constexpr int all_move = 8;         ///< rounds in which everything may move; later one at a time, which cannot cycle
+constexpr int rounds_for_each = 4;  ///< further rounds, for each row and servo
+constexpr int sweeps_for_the_rest = 50;  ///< of lanes that ran out of rounds
+
+/// Keeps A before it is factored in place.
+template <class T>
+LOCKSTEP_INLINE void keep_matrix(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  for (int e = 0; e < t.solver.entries; ++e) x.held.matrix[e] = x.dynamics.reduced[e];
+}
+
+/// Keeps the momentum to gain, before it is half solved in place.
+template <class T>
+LOCKSTEP_INLINE void keep_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  const int n = t.solver.n;
+  for (int z = 0; z < n; ++z) x.held.momentum[z] = x.dynamics.half_solved_position[z];
+  for (int z = 0; t.solve_twice && z < n; ++z) x.held.momentum[n + z] = x.dynamics.half_solved_velocity[z];
+}
+
+/// A limited servo at velocity z of its solver velocity: its force (M63) if nothing limits it.
+template <class T>
+LOCKSTEP_INLINE T servo_force(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Servo<T>& own, int i, Phase phase,
+                              T effort, T z) {
+  const LimitedServo& servo = t.servo_velocities[i];
+  T v = servo.share < 0 ? z : x.couplings.share[servo.share] * z;
+  if (phase == position_phase && servo.follower >= 0) v += x.couplings.correction[servo.follower];
+  return own.force(T(t.dt), x.state.q[t.limited_servos[i]], v) + effort;
+}
+
+/// -1 or 1 for the end of the limit that the force is beyond, 0 if it is within.
+template <class T>
+LOCKSTEP_INLINE T saturated(T force, T most) {
+  const T slack = T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 1 + 1e-6 : 1 + 1e-15)) * most;
+  return select(less(slack, force), T(1), select(less(force, -slack), T(-1), T(0)));
+}
+
+/// Diagonal and right side of a round: A and the momentum with the servos' parts and the known impulses.
+template <class T>
+void round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase, Tile<T>& x) {
+  const int n = t.solver.n;
+  const T zero = T(0), h = T(t.dt);
+  T* const rhs = x.held.rhs;
+  for (int z = 0; z < n; ++z) {
+    x.held.diagonal[z] = x.held.matrix[t.solver.offset[z]];
+    rhs[z] = x.held.momentum[phase * n + z];
+  }
+  for (int i = 0; i < t.limited_servos.count; ++i) {
+    const int j = t.limited_servos[i];
+    const LimitedServo& servo = t.servo_velocities[i];
+    const Servo<T> own = kernels::servo<T>(t, batch, x, j);
+    const T effort = feed_forward<T>(t, batch, j), sigma = x.servos.saturation[i];
+    const T share = servo.share < 0 ? T(1) : x.couplings.share[servo.share];
+    const auto linear = ~(less(zero, sigma) | less(sigma, zero));
+    const T force = select(linear, servo_force(t, x, own, i, phase, effort, x.dynamics.start[servo.velocity]),
+                           sigma * effort_limit<T>(t, batch, j));
+    const T gain = share * share * (h * fma(h, own.kp, own.kd));
+    x.held.diagonal[servo.velocity] += select(linear, gain, zero);
+    rhs[servo.velocity] = fma(h * share, force - effort, rhs[servo.velocity]);
+  }
+  for (int r = 0; r < t.bounds.rows.count; ++r) {
+    const Branch<T>& own = x.search.branch[phase * t.bounds.rows.count + r];
+    const int z = t.bounds.velocity[r];
+    rhs[z] += select(held(own), zero, own.impulse);
+  }
+}
+
+/// (M83): the factor of A with the velocities `mask` held. A held velocity has the inverse 0, so it passes through the
+/// elimination, and its entries stay as they were. Returns the lanes with a pivot that is too small.
+template <class T>
+typename T::Mask factor_masked(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Columns& columns = t.solver;
+  T *const matrix = x.held.factor, *const inverse = x.held.inverse, *const raw = x.held.raw;
+  typename T::Mask weak = T::none();
+  for (int e = 0; e < columns.entries; ++e) matrix[e] = x.held.matrix[e];
+  for (int i = columns.n - 1; i >= 0; --i) {
+    T* const own = matrix + columns.offset[i];
+    const int below = columns.size[i];
+    own[0] = x.held.diagonal[i];
+    for (int k = 1; k < below; ++k) raw[k] = own[k];
+    const T pivot = own[0] = scale_column(own, inverse + i, below);
+    x.held.pivot[i] = pivot;
+    inverse[i] = select(x.held.mask[i], T(0), inverse_of(pivot, least_pivot<T>(), weak));
+    if (t.per_environment != 0) weak = weak | beyond(pivot, T(ScalarOf<T>(0x1p126)));
+    const int* const row = columns.row.data;
+    int a = columns.row_start[i];
+    const int last = columns.row_start[i + 1];
+    for (; a + 4 <= last; a += 4) subtract_dots<4>(own, matrix, row + a, below);
+    for (; a < last; ++a) subtract_dots<1>(own, matrix, row + a, below);
+    for (int k = 1; k < below; ++k) own[k] = select(x.held.mask[i + k], raw[k], own[k]);
+  }
+  return weak;
+}
+
+/// (M84): velocities, and the impulses that hold those of `mask` at their goals.
+template <class T>
+void solve_masked(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
+  const Columns& columns = t.solver;
+  const int n = columns.n;
+  const T* const factor = x.held.factor;
+  T *const y = x.held.rhs, *const u = x.held.raw, *const z = x.held.velocity + phase * n,
+           *const impulse = x.held.impulse + phase * n;
+  for (int j = n - 1; j >= 0; --j) {
+    const T b = subtract_dot(factor + columns.offset[j] + 1, u + j + 1, columns.size[j] - 1, y[j]);
+    const T moved = x.held.goal[phase * n + j] - x.dynamics.start[j];
+    u[j] = select(x.held.mask[j], moved, b);
+    y[j] = select(x.held.mask[j], fnma(x.held.pivot[j], moved, b), b * x.held.inverse[j]);
+  }
+  for (int j = 0; j < n; ++j) {
+    const T value = select(x.held.mask[j], u[j], y[j]);
+    impulse[j] = select(x.held.mask[j], -y[j], T(0));
+    z[j] = select(x.held.mask[j], x.held.goal[phase * n + j], x.dynamics.start[j] + value);
+    const T* const own = factor + columns.offset[j];
+    for (int k = 1, below = columns.size[j]; k < below; ++k) y[j + k] = fnma(own[k], value, y[j + k]);
+  }
+}
+
+/// The row in one phase.
+template <class T>
+LOCKSTEP_INLINE Bound<T> interval_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r, Phase phase) {
+  const int i = phase * t.bounds.rows.count + r;
+  return {x.bounds.lo[i], x.bounds.hi[i], T(0), x.bounds.force[r], T(0)};
+}
+
+/// (M85): what a step begins with, from the diagonal of A alone.
+template <class T>
+void guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases, typename T::Mask open,
+           Tile<T>& x) {
+  const int rows = t.bounds.rows.count;
+  const T zero = T(0), h = T(t.dt);
+  const Phase closing = Phase(phases - 1);
+  for (int i = 0; i < t.limited_servos.count; ++i) {
+    const LimitedServo& servo = t.servo_velocities[i];
+    const Servo<T> own = kernels::servo<T>(t, batch, x, t.limited_servos[i]);
+    const T share = servo.share < 0 ? T(1) : x.couplings.share[servo.share];
+    const T inertia = x.held.matrix[t.solver.offset[servo.velocity]];
+    const T gain = share * share * (h * fma(h, own.kp, own.kd));
+    const T force = servo_force(t, x, own, i, closing, feed_forward<T>(t, batch, t.limited_servos[i]),
+                                x.dynamics.start[servo.velocity]);
+    x.servos.saturation[i] =
+        saturated(force * inertia, effort_limit<T>(t, batch, t.limited_servos[i]) * (inertia + gain));
+  }
+  for (int r = 0; r < rows; ++r)
+    for (int p = 0; p < 2; ++p) x.search.branch[p * rows + r] = {T::none(), T::none(), T::none(), zero};
+  for (int p = 0; p < phases; ++p) {
+    round_terms(t, batch, Phase(p), x);
+    for (int r = 0; r < rows; ++r) {
+      const int z = t.bounds.velocity[r];
+      const Bound<T> row = interval_of(t, x, r, Phase(p));
+      const T inertia = x.held.diagonal[z], momentum = fma(inertia, x.dynamics.start[z], x.held.rhs[z]);
+      const T slipping = clamp(-momentum, -row.force, row.force), reached = momentum + slipping;
+      Branch<T>& own = x.search.branch[p * rows + r];
+      own.low = less(reached, inertia * row.lo) & open;
+      own.high = less(inertia * row.hi, reached) & ~own.low & open;
+      own.stuck = less(-row.force, momentum) & less(momentum, row.force) & ~own.low & ~own.high & open;
+      own.impulse = select(open & ~held(own), slipping, zero);
+    }
+  }
+  for (int i = 0; i < t.limited_servos.count; ++i) {  // of what is held, that of its goal
+    const LimitedServo& servo = t.servo_velocities[i];
+    const int r = t.bounds.row_of[servo.velocity];
+    if (r < 0) continue;
+    const Branch<T>& own = x.search.branch[closing * rows + r];
+    const Servo<T> drive = kernels::servo<T>(t, batch, x, t.limited_servos[i]);
+    const T force = servo_force(t, x, drive, i, closing, feed_forward<T>(t, batch, t.limited_servos[i]),
+                                target(interval_of(t, x, r, closing), own));
+    x.servos.saturation[i] =
+        select(held(own), saturated(force, effort_limit<T>(t, batch, t.limited_servos[i])), x.servos.saturation[i]);
+  }
+}
+
+/// Sets the masks and goals of a phase. Returns whether a mask differs from the one before.
+template <class T>
+bool set_goals(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
+  const int rows = t.bounds.rows.count, n = t.solver.n;
+  typename T::Mask differs = T::none();
+  for (int r = 0; r < rows; ++r) {
+    const Branch<T>& own = x.search.branch[phase * rows + r];
+    const int z = t.bounds.velocity[r];
+    const auto holds = held(own);
+    differs = differs | (holds & ~x.held.mask[z]) | (x.held.mask[z] & ~holds);
+    x.held.mask[z] = holds;
+    x.held.goal[phase * n + z] = target(interval_of(t, x, r, phase), own);
+  }
+  return any(differs);
+}
+
+/// Moves the rows and servos that the solution contradicts, in the lanes that are open. Returns the lanes in which
+/// something has moved.
+template <class T>
+typename T::Mask move_pieces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases,
+                             bool one_by_one, typename T::Mask open, Tile<T>& x) {
+  const int rows = t.bounds.rows.count, n = t.solver.n;
+  typename T::Mask any_moved = T::none();
+  for (int p = 0; p < phases; ++p) {
+    const T *const z = x.held.velocity + p * n, *const impulses = x.held.impulse + p * n;
+    T scale = T(0);  // of rows that act in the lane, so that others do not decide what counts as rounding
+    for (int r = 0; r < rows; ++r) {
+      const int k = t.bounds.velocity[r];
+      const Branch<T>& own = x.search.branch[p * rows + r];
+      const T size = farther(farther(T(0), z[k]), impulses[k] * x.held.light[r]);
+      scale = select(held(own) | beyond(own.impulse, T(0)), larger(scale, size), scale);
+    }
+    typename T::Mask moved = T::none();
+    for (int r = 0; r < rows; ++r) {
+      const int k = t.bounds.velocity[r];
+      Branch<T>& own = x.search.branch[p * rows + r];
+      const T impulse = select(held(own), impulses[k], own.impulse);
+      const T slack = rounding<T>() * farther(scale, z[k]);
+      typename T::Mask changed;
+      const Branch<T> next = advance_branch(interval_of(t, x, r, Phase(p)), own, z[k], impulse, slack,
+                                            slack * x.held.matrix[t.solver.offset[k]], changed);
+      changed = changed & open;
+      if (one_by_one) changed = changed & ~moved;
+      moved = moved | changed;
+      own.low = (own.low & ~changed) | (next.low & changed);
+      own.high = (own.high & ~changed) | (next.high & changed);
+      own.stuck = (own.stuck & ~changed) | (next.stuck & changed);
+      own.impulse = select(changed, next.impulse, own.impulse);
+    }
+    any_moved = any_moved | moved;
+  }
+  typename T::Mask moved = T::none();
+  const Phase closing = Phase(phases - 1);
+  for (int i = 0; i < t.limited_servos.count; ++i) {
+    const int j = t.limited_servos[i];
+    const Servo<T> own = kernels::servo<T>(t, batch, x, j);
+    // In both cases (M63) asks for the force at the velocities that the step ends with.
+    const T force = servo_force(t, x, own, i, closing, feed_forward<T>(t, batch, j),
+                                x.held.velocity[closing * n + t.servo_velocities[i].velocity]);
+    const T sigma = x.servos.saturation[i], found = saturated(force, effort_limit<T>(t, batch, j));
+    auto differs = (less(found, sigma) | less(sigma, found)) & open;
+    if (one_by_one) differs = differs & ~moved & ~any_moved;
+    moved = moved | differs;
+    x.servos.saturation[i] = select(differs, sigma + clamp(found - sigma, T(-1), T(1)), sigma);
+  }
+  return any_moved | moved;
+}
+
+/// Gauss-Seidel by (M55), one velocity after the other, for lanes that ran out of rounds. It always converges.
+template <class T>
+void sweep_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase,
+                      typename T::Mask lanes, Tile<T>& x) {
+  const Columns& columns = t.solver;
+  const int n = columns.n, rows = t.bounds.rows.count;
+  T *const z = x.held.velocity + phase * n, *const change = x.held.raw;
+  round_terms(t, batch, phase, x);
+  for (int r = 0; r < rows; ++r) {  // sweeps find the impulses anew
+    const Branch<T>& own = x.search.branch[phase * rows + r];
+    x.held.rhs[t.bounds.velocity[r]] -= select(held(own), T(0), own.impulse);
+  }
+  for (int k = 0; k < n; ++k) change[k] = z[k] - x.dynamics.start[k];
+  for (int s = 0; s < sweeps_for_the_rest; ++s)
+    for (int k = 0; k < n; ++k) {
+      T momentum = x.held.rhs[k];
+      for (int e = 1; e < columns.size[k]; ++e)
+        momentum = fnma(x.held.matrix[columns.offset[k] + e], change[k + e], momentum);
+      int ancestor = columns.parent[k];
+      for (int a = columns.row_start[k]; a < columns.row_start[k + 1]; ++a, ancestor = columns.parent[ancestor])
+        momentum = fnma(x.held.matrix[columns.row[a]], change[ancestor], momentum);
+      const T inertia = x.held.diagonal[k], speed = fma(T(1) / inertia, momentum, x.dynamics.start[k]);
+      T impulse = T(0);
+      if (const int r = t.bounds.row_of[k]; r >= 0) {
+        Branch<T>& own = x.search.branch[phase * rows + r];
+        const Branch<T> found = project(interval_of(t, x, r, phase), speed, T(1) / inertia);
+        impulse = found.impulse;
+        own.low = (own.low & ~lanes) | (found.low & lanes);
+        own.high = (own.high & ~lanes) | (found.high & lanes);
+        own.stuck = (own.stuck & ~lanes) | (found.stuck & lanes);
+        own.impulse = select(lanes, select(held(found), T(0), impulse), own.impulse);
+        x.held.impulse[phase * n + k] = select(lanes, impulse, x.held.impulse[phase * n + k]);
+      }
+      change[k] = select(lanes, (speed + impulse / inertia) - x.dynamics.start[k], change[k]);
+      z[k] = select(lanes, speed + impulse / inertia, z[k]);
+    }
+}
+
+/// Rounds until all lanes have finished. `phases` is 1 where both have the same solution.
+template <class T>
+void search_held_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases,
+                            typename T::Mask open, Tile<T>& x) {
+  const int rows = t.bounds.rows.count, budget = all_move + rounds_for_each * (rows + t.limited_servos.count);
+  guess(t, batch, phases, open, x);
+  for (int r = 0; r < rows; ++r) x.held.light[r] = T(1) / x.held.matrix[t.solver.offset[t.bounds.velocity[r]]];
+  for (int z = 0; z < t.solver.n; ++z) x.held.mask[z] = T::none();
+  for (int round = 0; round < budget; ++round) {
+    for (int p = 0; p < phases; ++p) {
+      const bool differs = set_goals(t, Phase(p), x);
+      round_terms(t, batch, Phase(p), x);
+      if (differs || p == 0) {
+        const auto weak = factor_masked(t, x);
+        if (round == 0 && p == 0) x.singular = weak;
+      }
+      solve_masked(t, Phase(p), x);
+    }
+    open = move_pieces(t, batch, phases, round >= all_move, open, x);
+    if (!any(open)) return;
+  }
+  for (int p = 0; p < phases; ++p) sweep_velocities(t, batch, Phase(p), open, x);
+}
+
+/// Whether the phases have different solutions in some lane: a joint bounces or is beyond its range, or a follower is
+/// corrected.
+template <class T>
+bool phases_differ(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x) {
+  const Bounds<ScalarOf<T>>& b = t.bounds;
+  const int n = t.solver.n;
+  typename T::Mask differ = T::none();
+  for (int f = 0; t.reduction.eliminates() && f < t.reduction.followers; ++f)
+    differ = differ | beyond(x.couplings.correction[f], T(0));
+  for (int z = 0; z < n; ++z) differ = differ | beyond(x.held.momentum[z] - x.held.momentum[n + z], T(0));
+  for (int i = 0; i < b.watched.count; ++i) {
+    if (b.watched[i].bounces) return true;
+    if (!b.watched[i].ranged) continue;
+    const T q = x.state.q[b.watched[i].joint];
+    const Interval<T> range = position_limits<T>(t, batch, b.watched[i].joint);
+    differ = differ | less(T(0), up_to_rounding(range.lo - q, range.lo)) |
+             less(up_to_rounding(range.hi - q, range.hi), T(0));
+  }
+  return any(differ);
+}
+
+/// Intervals of all rows in one phase, and the lanes in which one asks for NaN or infinity.
+template <class T>
+void open_intervals(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase, Tile<T>& x) {
+  const int rows = t.bounds.rows.count;
+  const StepTime<T> at{phase == velocity_phase && t.velocity_iterations > 0, ScalarOf<T>(1) / t.dt};
+  for (int r = 0; r < rows; ++r) {
+    joint_row(t, batch, r, phase, at, T(0), x);
+    const T demand = x.bounds.lo[phase * rows + r] + x.bounds.hi[phase * rows + r] + x.bounds.force[r];
+    x.bounds.invalid = x.bounds.invalid | beyond(demand, T(largest_number<ScalarOf<T>>));
+  }
+}
+
+}  // namespace lockstep::kernels
