@@ -13,11 +13,14 @@ LOCKSTEP_INLINE void store(const Tables<ScalarOf<T>>& t, const StatePointers<Sca
   // Locals, or each store would make the compiler read these pointers again.
   ScalarOf<T>*const position = batch.position, *const velocity = batch.velocity;
   const std::ptrdiff_t stride = batch.stride;
-  for (int j = 0; j < shape.joints; ++j) {
-    store(position + shape.dof[j] * stride, q[j]);
-    store(velocity + shape.dof[j] * stride, v[shape.velocity[j]]);
+  for (int j = 0; j < shape.joints; ++j) store(velocity + shape.dof[j] * stride, v[shape.velocity[j]]);
+  if (t.turning.count > 0) {
+    store_turns(t, batch, x);
+    for (int r = 0; r < t.other_runs.count; ++r)
+      for (int j = t.other_runs[r].first; j < t.other_runs[r].last; ++j) store(position + t.dof[j] * stride, q[j]);
+  } else {
+    for (int j = 0; j < shape.joints; ++j) store(position + shape.dof[j] * stride, q[j]);
   }
-  if (t.turning.count > 0) store_turns(t, batch, x);
   for (int i = 0; i < 7 * shape.roots; ++i) store(batch.root_pose + i * stride, x.state.pose[i]);
   for (int r = 0; r < shape.roots; ++r)
     for (int i = 0; i < 6; ++i) store(batch.root_velocity + (6 * r + i) * stride, v[shape.root[r].velocity + i]);

@@ -186,6 +186,27 @@ TEST_P(OwnBounds, act_like_those_of_a_model) {
 
 INSTANTIATE_TEST_SUITE_P(method, OwnBounds, testing::ValuesIn(physics::methods), physics::method_name);
 
+// A rotor without mass is fixed to a heavy link; its inertia counts although no mass scales it.
+TEST(OwnInertias, change_nothing_where_a_link_has_inertia_and_no_mass) {
+  Model model = scenes::gripper13();
+  model.links.push_back({"rotor", {}});
+  model.links.back().inertia.about_center = Eigen::Vector3d(0.02, 0.02, 0.03).asDiagonal();
+  Joint weld;
+  weld.name = "weld", weld.parent = "l1", weld.child = "rotor";
+  model.joints.push_back(weld);
+  model.joints[0].velocity = model.joints[1].velocity = 1.0;
+  StepSettings settings = contract::settings(Method::reduced);
+  Batch<double> plain(compile(model, settings), 1, serial);
+  for (const ParameterSet& fields : {ParameterSet{Parameter::center_of_mass}, ParameterSet{Parameter::inertia}}) {
+    settings.per_environment = fields;
+    Batch<double> own(compile(model, settings), 1, serial);
+    EXPECT_NEAR(own.kinetic_energies()(0, 0), plain.kinetic_energies()(0, 0), 1e-12);
+    Batch<double> twin(compile(model, contract::settings(Method::reduced)), 1, serial);
+    own.step(20), twin.step(20);
+    EXPECT_LE((own.velocities() - twin.velocities()).abs().maxCoeff(), 1e-10);
+  }
+}
+
 TEST(OwnLimits, are_only_where_the_model_has_one_and_in_order) {
   Model model = scenes::gripper13();
   model.joints[0].lower = -1.0, model.joints[0].upper = 1.0, model.joints[1].velocity_limit = 3.0;

@@ -243,6 +243,59 @@ TYPED_TEST(Turns, drives_and_springs_reach_targets_that_are_turns_away) {
     }
 }
 
+// What a user writes after a joint has been beyond a turn and back must not depend on the neighbours, nor on how the
+// steps were split into calls.
+TYPED_TEST(Turns, a_turn_that_is_written_is_taken_alike_beside_any_neighbour) {
+  using S = TypeParam;
+  const Plan plan = compile(rotor(0.5, 0.1, 0.0), physics::settings(Method::reduced));
+  for (const Engine engine : engines(plan))
+    for (int trial = 0; trial < 30; ++trial) {
+      const BatchOptions by{.threads = 1, .engine = engine};
+      Batch<S> alone(plan, 1, by), beside(plan, 2, by);
+      beside.positions()(0, 1) = S(20);
+      for (Batch<S>* batch : {&alone, &beside}) batch->velocities()(0, 0) = S(0.1 * trial + 0.3);
+      alone.step(8);
+      for (int i = 0; i < 8; ++i) beside.step(1);
+      for (Batch<S>* batch : {&alone, &beside}) batch->positions()(0, 0) += S(turn), batch->step(10);
+      ASSERT_TRUE(contract::same_bits(alone, 0, beside, 0)) << trial << to_string(engine);
+    }
+}
+
+TYPED_TEST(Turns, a_frozen_environment_keeps_the_position_that_was_written) {
+  using S = TypeParam;
+  StepSettings settings = physics::settings(Method::reduced);
+  settings.per_environment = {Parameter::damping};
+  const Plan plan = compile(rotor(0.5, 0.0, 0.0), settings);
+  for (const Engine engine : engines(plan))
+    for (int trial = 0; trial < 30; ++trial) {
+      Batch<S> batch(plan, 2, {.threads = 1, .engine = engine});
+      const S far = S(5 + 7.31 * trial);
+      batch.positions()(0, 0) = far, batch.positions()(1, 0) = S(-0.0), batch.positions()(0, 1) = S(20);
+      batch.parameter(Parameter::damping)(0, 0) = S(-1);
+      batch.step(2);
+      ASSERT_EQ(batch.faults()[0], Fault::bad_value);
+      ASSERT_EQ(batch.positions()(0, 0), far);
+      ASSERT_TRUE(std::signbit(batch.positions()(1, 0)));
+    }
+}
+
+// Followers that are consistent step by a list of their own, which must not lose the last good state either.
+TYPED_TEST(Turns, a_joint_too_fast_to_count_keeps_its_state_in_every_engine) {
+  using S = TypeParam;
+  StepSettings settings = physics::settings(Method::reduced);
+  settings.velocity_bound = 1e30;
+  const Plan plan = compile(rotor(0.5, 0.0, 0.0), settings);
+  for (const Engine engine : engines(plan)) {
+    Batch<S> batch(plan, 2, {.threads = 1, .engine = engine});
+    batch.velocities()(0, 0) = S(sizeof(S) == 4 ? 1e10 : 1e19);
+    batch.velocities()(1, 0) = S(-0.5) * batch.velocities()(0, 0);
+    batch.step(3);
+    EXPECT_EQ(batch.faults()[0], Fault::diverged);
+    EXPECT_EQ(batch.positions()(0, 0), S(0)) << to_string(engine);
+    EXPECT_EQ(batch.faults()[1], Fault::none);
+  }
+}
+
 // More turns than a rounded position tells apart, and numbers that are none.
 TYPED_TEST(Turns, what_cannot_be_counted_is_a_fault) {
   using S = TypeParam;
