@@ -93,11 +93,7 @@ typename T::Mask factor_masked(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     x.held.pivot[i] = pivot;
     inverse[i] = select(x.held.mask[i], T(0), inverse_of(pivot, least_pivot<T>(), weak));
     if (t.per_environment != 0) weak = weak | beyond(pivot, T(ScalarOf<T>(0x1p126)));
-    const int* const row = columns.row.data;
-    int a = columns.row_start[i];
-    const int last = columns.row_start[i + 1];
-    for (; a + 4 <= last; a += 4) subtract_dots<4>(own, matrix, row + a, below);
-    for (; a < last; ++a) subtract_dots<1>(own, matrix, row + a, below);
+    subtract_from_ancestors(columns, i, own, matrix);
     for (int k = 1; k < below; ++k) own[k] = select(x.held.mask[i + k], raw[k], own[k]);
   }
   return weak;

@@ -72,6 +72,19 @@ LOCKSTEP_INLINE T inverse_of(T pivot, T least, typename T::Mask& weak) {
   return select(too_small, T(0), T(1) / pivot);
 }
 
+/// Row i of every ancestor's column, eight ancestors at a time, whose sums need not wait for each other: subtracts the
+/// products with column i, whose entries below the diagonal are scaled.
+template <class T>
+LOCKSTEP_INLINE void subtract_from_ancestors(const Columns& columns, int i, const T* own, T* matrix) {
+  const int* const row = columns.row.data;
+  const int below = columns.size[i], last = columns.row_start[i + 1];
+  int a = columns.row_start[i];
+  for (; a + 8 <= last; a += 8) subtract_dots<8>(own, matrix, row + a, below);
+  if (a + 4 <= last) subtract_dots<4>(own, matrix, row + a, below), a += 4;
+  if (a + 2 <= last) subtract_dots<2>(own, matrix, row + a, below), a += 2;
+  if (a < last) matrix[row[a]] = subtract_dot(own + 1, matrix + row[a] + 1, below - 1, matrix[row[a]]);
+}
+
 /// All rows and columns.
 LOCKSTEP_INLINE SupportRun all_of(const Columns& columns) { return {0, columns.n}; }
 
@@ -87,14 +100,7 @@ typename T::Mask factor(const Columns& columns, SupportRun run, T* matrix, T* in
     const T least = fma(tolerance, own[0], least_pivot<T>());
     const T pivot = own[0] = scale_column(own, inverse + i, below);
     inverse[i] = inverse_of(pivot, least, weak);
-    // Row i of every ancestor's column, eight ancestors at a time, whose sums need not wait for each other.
-    const int* const row = columns.row.data;
-    int a = columns.row_start[i];
-    const int last = columns.row_start[i + 1];
-    for (; a + 8 <= last; a += 8) subtract_dots<8>(own, matrix, row + a, below);
-    if (a + 4 <= last) subtract_dots<4>(own, matrix, row + a, below), a += 4;
-    if (a + 2 <= last) subtract_dots<2>(own, matrix, row + a, below), a += 2;
-    if (a < last) matrix[row[a]] = subtract_dot(own + 1, matrix + row[a] + 1, below - 1, matrix[row[a]]);
+    subtract_from_ancestors(columns, i, own, matrix);
   }
   return weak;
 }
