@@ -229,84 +229,12 @@ struct Batch<S>::Impl {
     placer.project(e, couplings, {stride, position.data(), velocity.data(), angle.data(), fields}, unmet);
   }
 
-  // A pose has seven rows, the last four are the quaternion. Returns false where there may be one of length 0.
-  bool normalise_roots(std::ptrdiff_t first, std::ptrdiff_t last) {
-    constexpr S slack = sizeof(S) == 4 ? S(1e-5) : S(1e-12);  // far above what a step leaves
-    const std::ptrdiff_t rows = static_cast<std::ptrdiff_t>(root_pose.size()) / stride;
-    bool all_unit = true;
-    for (std::ptrdiff_t pose = 0; pose < rows; pose += 7) {
-      S *const w = root_pose.data() + (pose + 3) * stride, *const x = w + stride, *const y = x + stride,
-               *const z = y + stride;
-      const auto excess = [&](std::ptrdiff_t e) {
-        return w[e] * w[e] + x[e] * x[e] + y[e] * y[e] + z[e] * z[e] - S(1);
-      };
-      if (all_within(first, last, -slack, slack, excess)) continue;
-      all_unit = false;
-      for (std::ptrdiff_t e = first; e < last; ++e) {
-        if (std::abs(excess(e)) <= slack || fault.data()[e] != Fault::none) continue;
-        double length = 0.0;
-        for (const S* part : {w, x, y, z}) length = std::hypot(length, static_cast<double>(part[e]));
-        for (S* part : {w, x, y, z})
-          if (length > 0.0 && std::isfinite(length)) part[e] = static_cast<S>(static_cast<double>(part[e]) / length);
-      }
-    }
-    return all_unit;
-  }
-
-  bool has_turn(std::ptrdiff_t e, int root) const {
-    const S* const w = root_pose.data() + (7 * root + 3) * stride + e;
-    return w[0] != S(0) || w[stride] != S(0) || w[2 * stride] != S(0) || w[3 * stride] != S(0);
-  }
-  bool have_turns(std::ptrdiff_t e) const {
-    for (int root = 0; root < tables.roots.count; ++root)
-      if (!has_turn(e, root)) return false;
-    return true;
-  }
-
-  // Normalises quaternions, and flags environments [first, last) with values that cannot be.
-  void check_values(std::ptrdiff_t first, std::ptrdiff_t last) {
-    const auto flag_unless = [&](const auto& holds) {
-      for (std::ptrdiff_t e = first; e < last; ++e)
-        if (!holds(e) && fault.data()[e] == Fault::none) fault.data()[e] = Fault::bad_value;
-    };
-    if (!normalise_roots(first, last)) flag_unless([&](std::ptrdiff_t e) { return have_turns(e); });
-    for (const ValueRule<S>& rule : rules.rows) {
-      const S* const values = field[static_cast<int>(rule.field)].data() + rule.row * stride;
-      const bool hold =
-          rule.field == Parameter::gear_ratio
-              ? all_within(first, last, rule.least, rule.most, [&](std::ptrdiff_t e) { return std::abs(values[e]); })
-              : all_within(first, last, rule.least, rule.most, [&](std::ptrdiff_t e) { return values[e]; });
-      if (!hold) flag_unless([&](std::ptrdiff_t e) { return rule.holds(values[e]); });
-    }
-    for (const LimitPair& pair : rules.pairs) {
-      const S* const lower = field[static_cast<int>(Parameter::position_limits)].data() + pair.row * stride;
-      flag_unless([&](std::ptrdiff_t e) { return lower[e] <= lower[stride + e]; });
-    }
-    for (const InertiaRule<S>& rule : rules.inertias)
-      flag_unless([&](std::ptrdiff_t e) { return is_possible(rule, e); });
-    for (const BodyLinks& body : rules.bodies) {
-      const S* const one = field[static_cast<int>(Parameter::mass)].data() + body.links[0] * stride;
-      constexpr S least = std::numeric_limits<S>::min(), most = std::numeric_limits<S>::max();
-      if (!all_within(first, last, least, most, [&](std::ptrdiff_t e) { return one[e]; }))
-        flag_unless([&](std::ptrdiff_t e) { return mass_of(body, e) > S(0); });
-    }
-  }
-
-  S mass_of(const BodyLinks& body, std::ptrdiff_t e) const {
-    const AlignedBlock<S>& masses = field[static_cast<int>(Parameter::mass)];
-    S sum = S(0);
-    for (int link : body.links) sum += masses.data()[link * stride + e];
-    return sum;
-  }
-
-  // Whether matter could have the inertia of the links that move together: see Model::validate().
-  bool is_possible(const InertiaRule<S>& rule, std::ptrdiff_t e) const {
-    const auto number = [&](Parameter parameter, std::ptrdiff_t row, double model) {
-      const AlignedBlock<S>& block = field[static_cast<int>(parameter)];
-      return block.size() > 0 ? static_cast<double>(block.data()[row * stride + e]) : model;
-    };
-    return rule.holds(number);
-  }
+  // Values that an application may have written (check_values.cpp).
+  bool normalise_roots(std::ptrdiff_t first, std::ptrdiff_t last);
+  bool has_turn(std::ptrdiff_t e, int root) const;
+  void check_values(std::ptrdiff_t first, std::ptrdiff_t last);
+  S mass_of(const BodyLinks& body, std::ptrdiff_t e) const;
+  bool is_possible(const InertiaRule<S>& rule, std::ptrdiff_t e) const;
 
   void check_id(int id) const {
     if (id < 0 || id >= environments)

@@ -31,7 +31,7 @@ const std::vector<Area> areas = {
     {"src/import/",
      {"include/lockstep/import.h", "include/lockstep/model.h", "include/lockstep/error.h", "src/model/", "std",
       "Eigen/", "fmt/", "tinyxml2.h"}},
-    {"src/plan/tables.h", {"include/lockstep/enums.h", "src/model/softness_kind.h", "cstdint"}},
+    {"src/plan/tables", {"include/lockstep/enums.h", "src/model/softness_kind.h", "src/plan/tables/", "cstdint"}},
     {"src/plan/",
      {"include/lockstep/plan.h", "include/lockstep/step.h", "include/lockstep/model.h", "include/lockstep/error.h",
       "src/model/", "src/plan/tables.h", "std", "Eigen/", "fmt/"}},

@@ -137,10 +137,7 @@ typename T::Mask pivot(const Tables<ScalarOf<T>>& t, Phase phase, const T* impul
     changed = changed & x.bounds.active[r] & ~waiting;
     if (one_by_one) changed = changed & ~moved;
     moved = moved | changed;
-    own.low = (own.low & ~changed) | (next.low & changed);
-    own.high = (own.high & ~changed) | (next.high & changed);
-    own.stuck = (own.stuck & ~changed) | (next.stuck & changed);
-    own.impulse = select(changed, next.impulse, own.impulse);
+    replace(own, next, changed);
   }
   return ~moved & ~waiting;
 }
@@ -201,10 +198,7 @@ void begin_search(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
       Branch<T>& own = x.search.branch[count + r];
       const Branch<T>& before = x.search.branch[r];
       const T force = x.bounds.force[r];
-      own.low = (own.low & ~inherited) | (before.low & inherited);
-      own.high = (own.high & ~inherited) | (before.high & inherited);
-      own.stuck = (own.stuck & ~inherited) | (before.stuck & inherited);
-      own.impulse = select(inherited, clamp(before.impulse, -force, force), own.impulse);
+      replace(own, {before.low, before.high, before.stuck, clamp(before.impulse, -force, force)}, inherited);
       known = known | inherited;
     }
     all_known = all_known && !any(x.bounds.active[r] & ~known);

@@ -220,10 +220,7 @@ typename T::Mask move_pieces(const Tables<ScalarOf<T>>& t, const StatePointers<S
       changed = changed & open;
       if (one_by_one) changed = changed & ~moved;
       moved = moved | changed;
-      own.low = (own.low & ~changed) | (next.low & changed);
-      own.high = (own.high & ~changed) | (next.high & changed);
-      own.stuck = (own.stuck & ~changed) | (next.stuck & changed);
-      own.impulse = select(changed, next.impulse, own.impulse);
+      replace(own, next, changed);
     }
     any_moved = any_moved | moved;
   }
@@ -271,10 +268,7 @@ void sweep_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
         Branch<T>& own = x.search.branch[phase * rows + r];
         const Branch<T> found = project(interval_of(t, x, r, phase), speed, T(1) / inertia);
         impulse = found.impulse;
-        own.low = (own.low & ~lanes) | (found.low & lanes);
-        own.high = (own.high & ~lanes) | (found.high & lanes);
-        own.stuck = (own.stuck & ~lanes) | (found.stuck & lanes);
-        own.impulse = select(lanes, select(held(found), T(0), impulse), own.impulse);
+        replace(own, {found.low, found.high, found.stuck, select(held(found), T(0), impulse)}, lanes);
         x.held.impulse[phase * n + k] = select(lanes, impulse, x.held.impulse[phase * n + k]);
       }
       change[k] = select(lanes, (speed + impulse / inertia) - x.dynamics.start[k], change[k]);

@@ -24,6 +24,15 @@ LOCKSTEP_INLINE typename T::Mask held(const Branch<T>& b) {
   return b.low | b.high | b.stuck;
 }
 
+/// Takes the other branch in these lanes.
+template <class T>
+LOCKSTEP_INLINE void replace(Branch<T>& own, const Branch<T>& other, typename T::Mask lanes) {
+  own.low = (own.low & ~lanes) | (other.low & lanes);
+  own.high = (own.high & ~lanes) | (other.high & lanes);
+  own.stuck = (own.stuck & ~lanes) | (other.stuck & lanes);
+  own.impulse = select(lanes, other.impulse, own.impulse);
+}
+
 /// What u + cfm impulse of a held row must be.
 template <class T>
 LOCKSTEP_INLINE T target(const Bound<T>& row, const Branch<T>& b) {
