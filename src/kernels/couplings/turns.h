@@ -98,14 +98,11 @@ LOCKSTEP_INLINE void store_turns(const Tables<ScalarOf<T>>& t, const StatePointe
     const int j = t.turning[i];
     const std::ptrdiff_t row = t.dof[j] * batch.stride;
     T angle = x.state.q[j], position = angle;
-    if (x.turned) {
-      const T turns = x.couplings.turns[j];
+    if (x.turned || some_frozen) {
+      const T turns = x.turned ? x.couplings.turns[j] : T(0);
       position = select(beyond(turns, T(0)), simd::position_of(simd::Turned<T>{angle, turns}), angle);
-    }
-    if (some_frozen) {
       const T before = T::load(batch.position + row), kept = T::load(batch.angle + row);
       const simd::Turned<T> loaded = simd::turned(before, kept);
-      const T turns = x.turned ? x.couplings.turns[j] : T(0);
       const auto differs = beyond(loaded.angle - angle, T(0)) | beyond(loaded.turns - turns, T(0));
       const auto keep = x.frozen & (~differs | ~beyond(before - position, T(0)));
       position = select(keep, before, position), angle = select(keep, kept, angle);
