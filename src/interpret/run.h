@@ -115,7 +115,7 @@ void call(Call wanted, const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   }
 }
 
-/// Calls hold() for tiles with frozen lanes, or solve_bounds() for tiles with candidate lanes.
+/// Calls hold() for tiles with frozen lanes, or solve_bounds() or step_again() for tiles with candidate lanes.
 template <class T>
 void call_if(InterpreterTiles<T>& l, const Operation& o) {
   const Access* const accesses = l.list->accesses.data;
@@ -127,6 +127,8 @@ void call_if(InterpreterTiles<T>& l, const Operation& o) {
       l.has_turned = hold_frozen(l.t, l.batch[k], l.tile(k), failed) || l.has_turned;
     else if (static_cast<Call>(o.d) == Call::hold)
       hold(l.t, l.batch[k], l.tile(k), failed);
+    else if (static_cast<Call>(o.d) == Call::step_again)
+      step_again(l.t, l.batch[k], l.tile(k));
     else
       solve_bounds(l.t, l.batch[k], l.tile(k));
     for (int i = o.b; i < o.c; ++i) read_place(l, k, accesses[i]);

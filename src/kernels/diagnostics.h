@@ -104,7 +104,7 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     default:
       row_state = T(1);
       if (!hard) return;
-      residual = kinematic_velocity(t, batch, x, j) - u;
+      residual = kinematic_velocity(t, batch, x, j, x.state.q[j]) - u;
       residual = h * larger(residual, -residual);
   }
 }

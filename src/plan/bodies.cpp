@@ -267,7 +267,7 @@ void lay_out_joint_terms(Program& program) {
   std::vector<double> armature(t.joints), damping(t.joints), kp(t.joints), kd(t.joints), implicit(t.joints);
   std::vector<double> stiffness(t.joints), rest(t.joints);
   std::vector<double> effort_limit(t.joints, unlimited);
-  std::vector<int> unlimited_servos, limited, clamped, springs;
+  std::vector<int> linear_servos, limited, clamped, springs;
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const int i = program.solver_joint[j];
     if (i < 0) continue;
@@ -285,14 +285,15 @@ void lay_out_joint_terms(Program& program) {
     const bool servo =
         !joint.drive.kinematic && (declared(program, Parameter::drive_gains) || kp[i] > 0.0 || kd[i] > 0.0);
     if (has_effort_limit) effort_limit[i] = std::min(joint.effort_limit, unlimited);
-    // The kernels add the terms of a limited servo: each lane decides whether they apply.
-    if (servo && !has_effort_limit) implicit[i] += h * kd[i] + h * h * kp[i];
-    if (servo)
-      (has_effort_limit ? limited : unlimited_servos).push_back(i);
-    else if (has_effort_limit)
-      clamped.push_back(i);
+    // In a step of euler the kernels add the terms of a limited servo: each lane decides whether they apply.
+    const bool limited_servo = servo && has_effort_limit,
+               linear = servo && (!has_effort_limit || program.integrator != Integrator::euler);
+    if (linear) implicit[i] += h * kd[i] + h * h * kp[i];
+    if (linear) linear_servos.push_back(i);
+    if (limited_servo) limited.push_back(i);
+    if (has_effort_limit && !servo) clamped.push_back(i);
   }
-  for (std::vector<int>* list : {&unlimited_servos, &limited, &clamped, &springs})
+  for (std::vector<int>* list : {&linear_servos, &limited, &clamped, &springs})
     std::sort(list->begin(), list->end());
   t.armature = program.storage.keep(std::move(armature));
   t.damping = program.storage.keep(std::move(damping));
@@ -302,7 +303,7 @@ void lay_out_joint_terms(Program& program) {
   t.rest = program.storage.keep(std::move(rest));
   t.springs = program.storage.keep(std::move(springs));
   t.implicit = program.storage.keep(std::move(implicit));
-  t.servos = program.storage.keep(std::move(unlimited_servos));
+  t.servos = program.storage.keep(std::move(linear_servos));
   t.limited_servos = program.storage.keep(std::move(limited));
   t.limited_efforts = program.storage.keep(std::move(clamped));
   t.effort_limit = program.storage.keep(std::move(effort_limit));

@@ -1,5 +1,7 @@
 // Whether every bounded row and every limited servo acts on one velocity of the solver. SPDX-License-Identifier:
 // Apache-2.0
+#include <fmt/format.h>
+
 #include "layout.h"
 
 namespace lockstep {
@@ -23,23 +25,30 @@ void choose_search(Program& program) {
   Tables<double>& t = program.f64;
   Bounds<double>& b = t.bounds;
   const Rows<double>& rows = b.rows;
-  if (program.method != Method::reduced && program.method != Method::direct) return;
-  if (program.integrator != Integrator::euler || t.rows.count > 0 || t.articulated.used()) return;
+  const auto refuse = [&](const std::string& reason) { program.search_obstacle = reason; };
+  const bool stages = program.integrator == Integrator::leapfrog;
+  if (program.method != Method::reduced && program.method != Method::direct)
+    return refuse(fmt::format("{} visits bounds in its sweeps", to_string(program.method)));
+  if (program.integrator != Integrator::euler && !stages) return;
   if (rows.count == 0 && t.limited_servos.count == 0) return;
+  if (t.rows.count > 0) return refuse("couplings that are not eliminated compete with the bounds");
+  if (t.articulated.used()) return refuse("the bounds act on trees that are solved by articulated bodies");
   std::vector<int> velocity, row_of(static_cast<std::size_t>(t.solver.n), -1);
   for (int r = 0; r < rows.count; ++r) {
     const int term = rows.term_start[r];
-    if (b.kind[r] != BoundKind::joint || rows.term_start[r + 1] - term != 1 || rows.term_value[term] != 1.0) return;
+    if (b.kind[r] != BoundKind::joint) return refuse("a limit, a kinematic drive or a coupling's force limit is soft");
+    if (rows.term_start[r + 1] - term != 1 || rows.term_value[term] != 1.0)
+      return refuse("a joint with bounds follows several others");
     velocity.push_back(rows.term_index[term]);
     row_of[static_cast<std::size_t>(velocity.back())] = r;
   }
   std::vector<LimitedServo> servos;
   for (int i = 0; i < t.limited_servos.count; ++i) {
     servos.push_back(velocity_of(t, t.limited_servos[i]));
-    if (servos.back().velocity < 0) return;
+    if (servos.back().velocity < 0) return refuse("a joint with a limited servo follows several others");
   }
   b.by_velocity = true;
-  b.always |= !servos.empty();
+  b.always |= !servos.empty() && !stages;
   b.velocity = program.storage.keep(std::move(velocity));
   b.row_of = program.storage.keep(std::move(row_of));
   t.servo_velocities = program.storage.keep(std::move(servos));

@@ -24,9 +24,15 @@ std::optional<Obstacle> obstacle_of(const Program& program) {
     return Obstacle{
         fmt::format("{} uses sweeps, which leave an error of their own in every stage", to_string(program.method)),
         "use the method reduced or direct"};
-  if (t.bounds.rows.count > 0 || t.limited_servos.count > 0 || t.limited_efforts.count > 0)
-    return Obstacle{"the scene has bounds, which may become active within a step",
-                    "use euler, or leave out the bounds by StepSettings::ignore"};
+  if (t.bounds.rows.count > 0 || t.limited_servos.count > 0) {
+    if (program.integrator != Integrator::leapfrog)
+      return Obstacle{"the scene has bounds, which may become active within a step",
+                      "use leapfrog or euler, or leave out the bounds by StepSettings::ignore"};
+    if (!t.bounds.by_velocity)
+      return Obstacle{program.search_obstacle, "use euler, or leave out the bounds by StepSettings::ignore"};
+    if (s.velocity_iterations == 0)
+      return Obstacle{"velocity_iterations is 0, so corrections of positions would stay in the velocities", "give 1"};
+  }
   if (s.record_impulses || s.record_diagnostics)
     return Obstacle{"a step of several stages has no single impulse or balance to record",
                     "use euler, or record nothing"};

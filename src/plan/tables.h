@@ -39,7 +39,7 @@ struct TableStructure {
   Columns solver;                               ///< structure of the matrix that is factored: A or A_r
   Span<SupportRun> factored;                    ///< its velocities, but for those of articulated bodies
   Span<SupportRun> undamped_velocities;         ///< velocities of trees with undamped rows
-  Span<int> servos;                             ///< joints that have a servo without an effort limit
+  Span<int> servos;                             ///< joints with a servo that is linear, until a stage finds it limited
   Span<int> limited_servos;                     ///< joints that have a servo with an effort limit
   Span<LimitedServo> servo_velocities;          ///< of these, if Bounds::by_velocity
   Span<int> springs;                            ///< joints that have a spring

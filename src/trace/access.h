@@ -4,7 +4,7 @@
 namespace lockstep {
 
 /// Stages whose work depends on the values in the lanes. A traced step calls them as they are.
-enum class Call : int { none, solve_bounds, coupling_impulses, diagnose, hold };
+enum class Call : int { none, solve_bounds, coupling_impulses, diagnose, hold, step_again };
 
 /// A read or write of a number in memory.
 struct Access {

@@ -17,6 +17,9 @@ bool saturation_differs(const Tables<double>& t, const StatePointers<double>& ba
 void clear_bounds(Tile<Traced>& x);
 bool bounds_active(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void solve_bounds(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
+void bound_prediction(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time);
+void bound_stages(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time);
+void settle(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void coupling_impulses(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void diagnose(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void check(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);

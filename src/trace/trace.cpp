@@ -31,6 +31,16 @@ bool saturation_differs(const Tables<double>&, const StatePointers<double>&, Til
 void clear_bounds(Tile<Traced>&) {}
 void solve_bounds(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}
 
+namespace {
+
+// Looks are not reassociated.
+template <class Look>
+void tracer_aside(Look look) {
+  counting ? look() : tracer->aside(look);
+}
+
+}  // namespace
+
 // Straight-line code finds out whether a bound may be active, unless other stages read what solve_bounds() leaves in
 // memory.
 bool bounds_active(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
@@ -59,6 +69,20 @@ bool bounds_active(const Tables<double>& t, const StatePointers<double>& batch, 
   if (!t.articulated.used()) unread.insert({x.bodies.sine, x.bodies.cosine});
   tracer->solve_bounds_if(candidate.id, unread);
   return false;
+}
+
+// Straight-line code finds the lanes in which bounds act, and a called stage takes the step again in these.
+void bound_prediction(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time) {
+  if (counting || !tracer->learns()) tracer_aside([&] { x.bounds.candidate = bounds_act_on_prediction(t, batch, x, time); });
+}
+void bound_stages(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time) {
+  if (counting || !tracer->learns())
+    tracer_aside([&] { x.bounds.candidate = x.bounds.candidate | bounds_act_on_stages(t, batch, x, time); });
+}
+void settle(const Tables<double>&, const StatePointers<double>&, Tile<Traced>& x) {
+  if (counting) return;
+  if (tracer->learns()) return tracer->leave_out();
+  tracer->step_again_if((x.bounds.candidate & ~x.frozen).id);
 }
 
 void diagnose(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {

@@ -255,6 +255,11 @@ void Tracer::solve_bounds_if(Id candidate, const std::set<const void*>& unread) 
   run_if(candidate, std::move(stores), "solve_bounds(t, batch, x);", Call::solve_bounds, ends);
 }
 
+void Tracer::step_again_if(Id candidate) {
+  run_if(candidate, {{{"x.bounds.candidate", Access::candidate}, candidate}}, "step_again(t, batch, x);",
+         Call::step_again, {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.singular.id});
+}
+
 void Tracer::finish() {
   graph.effect(changed([](const TileNumber& number) { return number.lasts == Lifetime::state; }), "");
 }

@@ -32,6 +32,9 @@ class Tracer {
   /// Records solve_bounds() under a condition. Everything is stored except for `unread` arrays, and the new state is
   /// read again.
   void solve_bounds_if(Id candidate, const std::set<const void*>& unread);
+  /// Records step_again() under a condition. The tile in memory has the state at the start of the step, and the new state is
+  /// read again.
+  void step_again_if(Id candidate);
   /// Stores the state from which the next step starts.
   void finish();
 

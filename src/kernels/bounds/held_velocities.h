@@ -29,14 +29,21 @@ LOCKSTEP_INLINE void keep_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& 
   for (int z = 0; t.solve_twice && z < n; ++z) x.held.momentum[n + z] = x.dynamics.half_solved_velocity[z];
 }
 
+/// Lanes in which the search decides about limited servo i. Elsewhere a stage has it among the linear terms.
+template <class T>
+LOCKSTEP_INLINE typename T::Mask searched(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int i) {
+  return t.integrator == Integrator::euler ? ~T::none() : x.servos.bounded[i];
+}
+
 /// A limited servo at velocity z of its solver velocity: its force (M63) if nothing limits it.
 template <class T>
 LOCKSTEP_INLINE T servo_force(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Servo<T>& own, int i, Phase phase,
                               T effort, T z) {
   const LimitedServo& servo = t.servo_velocities[i];
   T v = servo.share < 0 ? z : x.couplings.share[servo.share] * z;
-  if (phase == position_phase && servo.follower >= 0) v += x.couplings.correction[servo.follower];
-  return own.force(T(t.dt), x.state.q[t.limited_servos[i]], v) + effort;
+  if (phase == position_phase && x.servos.corrected && servo.follower >= 0)
+    v += x.couplings.correction[servo.follower];
+  return own.force(x.servos.duration, x.servos.from[t.limited_servos[i]], v) + effort;
 }
 
 /// -1 or 1 for the end of the limit that the force is beyond, 0 if it is within.
@@ -50,7 +57,7 @@ LOCKSTEP_INLINE T saturated(T force, T most) {
 template <class T>
 void round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase, Tile<T>& x) {
   const int n = t.solver.n;
-  const T zero = T(0), h = T(t.dt);
+  const T zero = T(0), h = x.servos.duration;
   T* const rhs = x.held.rhs;
   for (int z = 0; z < n; ++z) {
     x.held.diagonal[z] = x.held.matrix[t.solver.offset[z]];
@@ -59,15 +66,15 @@ void round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   for (int i = 0; i < t.limited_servos.count; ++i) {
     const int j = t.limited_servos[i];
     const LimitedServo& servo = t.servo_velocities[i];
-    const Servo<T> own = kernels::servo<T>(t, batch, x, j);
-    const T effort = feed_forward<T>(t, batch, j), sigma = x.servos.saturation[i];
+    const Servo<T> own = kernels::servo<T>(t, batch, x, j, x.servos.time);
+    const T effort = feed_forward<T>(t, batch, j, x.servos.time), sigma = x.servos.saturation[i];
     const T share = servo.share < 0 ? T(1) : x.couplings.share[servo.share];
-    const auto linear = ~(less(zero, sigma) | less(sigma, zero));
+    const auto linear = ~(less(zero, sigma) | less(sigma, zero)), acts = searched(t, x, i);
     const T force = select(linear, servo_force(t, x, own, i, phase, effort, x.dynamics.start[servo.velocity]),
                            sigma * effort_limit<T>(t, batch, j));
     const T gain = share * share * (h * fma(h, own.kp, own.kd));
-    x.held.diagonal[servo.velocity] += select(linear, gain, zero);
-    rhs[servo.velocity] = fma(h * share, force - effort, rhs[servo.velocity]);
+    x.held.diagonal[servo.velocity] += select(linear & acts, gain, zero);
+    rhs[servo.velocity] = fma(h * share, select(acts, force - effort, zero), rhs[servo.velocity]);
   }
   for (int r = 0; r < t.bounds.rows.count; ++r) {
     const Branch<T>& own = x.search.branch[phase * t.bounds.rows.count + r];
@@ -133,19 +140,19 @@ LOCKSTEP_INLINE Bound<T> interval_of(const Tables<ScalarOf<T>>& t, const Tile<T>
 template <class T>
 void guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases, typename T::Mask open,
            Tile<T>& x) {
-  const int rows = t.bounds.rows.count;
-  const T zero = T(0), h = T(t.dt);
+  const int rows = t.bounds.rows.count, time = x.servos.time;
+  const T zero = T(0), h = x.servos.duration;
   const Phase closing = Phase(phases - 1);
   for (int i = 0; i < t.limited_servos.count; ++i) {
     const LimitedServo& servo = t.servo_velocities[i];
-    const Servo<T> own = kernels::servo<T>(t, batch, x, t.limited_servos[i]);
+    const Servo<T> own = kernels::servo<T>(t, batch, x, t.limited_servos[i], time);
     const T share = servo.share < 0 ? T(1) : x.couplings.share[servo.share];
     const T inertia = x.held.matrix[t.solver.offset[servo.velocity]];
     const T gain = share * share * (h * fma(h, own.kp, own.kd));
-    const T force = servo_force(t, x, own, i, closing, feed_forward<T>(t, batch, t.limited_servos[i]),
+    const T force = servo_force(t, x, own, i, closing, feed_forward<T>(t, batch, t.limited_servos[i], time),
                                 x.dynamics.start[servo.velocity]);
-    x.servos.saturation[i] =
-        saturated(force * inertia, effort_limit<T>(t, batch, t.limited_servos[i]) * (inertia + gain));
+    const T guessed = saturated(force * inertia, effort_limit<T>(t, batch, t.limited_servos[i]) * (inertia + gain));
+    x.servos.saturation[i] = select(searched(t, x, i), guessed, zero);
   }
   for (int r = 0; r < rows; ++r)
     for (int p = 0; p < 2; ++p) x.search.branch[p * rows + r] = {T::none(), T::none(), T::none(), zero};
@@ -168,11 +175,12 @@ void guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     const int r = t.bounds.row_of[servo.velocity];
     if (r < 0) continue;
     const Branch<T>& own = x.search.branch[closing * rows + r];
-    const Servo<T> drive = kernels::servo<T>(t, batch, x, t.limited_servos[i]);
-    const T force = servo_force(t, x, drive, i, closing, feed_forward<T>(t, batch, t.limited_servos[i]),
+    const Servo<T> drive = kernels::servo<T>(t, batch, x, t.limited_servos[i], time);
+    const T force = servo_force(t, x, drive, i, closing, feed_forward<T>(t, batch, t.limited_servos[i], time),
                                 target(interval_of(t, x, r, closing), own));
     x.servos.saturation[i] =
-        select(held(own), saturated(force, effort_limit<T>(t, batch, t.limited_servos[i])), x.servos.saturation[i]);
+        select(held(own) & searched(t, x, i), saturated(force, effort_limit<T>(t, batch, t.limited_servos[i])),
+               x.servos.saturation[i]);
   }
 }
 
@@ -228,12 +236,12 @@ typename T::Mask move_pieces(const Tables<ScalarOf<T>>& t, const StatePointers<S
   const Phase closing = Phase(phases - 1);
   for (int i = 0; i < t.limited_servos.count; ++i) {
     const int j = t.limited_servos[i];
-    const Servo<T> own = kernels::servo<T>(t, batch, x, j);
+    const Servo<T> own = kernels::servo<T>(t, batch, x, j, x.servos.time);
     // In both cases (M63) asks for the force at the velocities that the step ends with.
-    const T force = servo_force(t, x, own, i, closing, feed_forward<T>(t, batch, j),
+    const T force = servo_force(t, x, own, i, closing, feed_forward<T>(t, batch, j, x.servos.time),
                                 x.held.velocity[closing * n + t.servo_velocities[i].velocity]);
     const T sigma = x.servos.saturation[i], found = saturated(force, effort_limit<T>(t, batch, j));
-    auto differs = (less(found, sigma) | less(sigma, found)) & open;
+    auto differs = (less(found, sigma) | less(sigma, found)) & open & searched(t, x, i);
     if (one_by_one) differs = differs & ~moved & ~any_moved;
     moved = moved | differs;
     x.servos.saturation[i] = select(differs, sigma + clamp(found - sigma, T(-1), T(1)), sigma);
@@ -274,6 +282,13 @@ void sweep_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
       change[k] = select(lanes, (speed + impulse / inertia) - x.dynamics.start[k], change[k]);
       z[k] = select(lanes, speed + impulse / inertia, z[k]);
     }
+  for (int k = 0; k < n; ++k) x.held.rhs[k] = change[k];
+}
+
+/// The change of velocity k that the last solve found.
+template <class T>
+LOCKSTEP_INLINE T found_change(const Tile<T>& x, int k) {
+  return select(x.held.mask[k], x.held.raw[k], x.held.rhs[k]);
 }
 
 /// Rounds until all lanes have finished. `phases` is 1 where both have the same solution.

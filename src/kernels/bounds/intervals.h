@@ -39,7 +39,7 @@ LOCKSTEP_INLINE T speed_limit(const Tables<ScalarOf<T>>& t, const StatePointers<
 template <class T>
 LOCKSTEP_INLINE T friction_impulse(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int j) {
   const ScalarOf<T>* const own = batch.field(Parameter::friction);
-  return own ? T(t.dt) * T::load(own + t.dof[j] * batch.stride) : T(t.bounds.friction[j]);
+  return own ? T(t.step) * T::load(own + t.dof[j] * batch.stride) : T(t.bounds.friction[j]);
 }
 
 /// The time in the step at which a row is evaluated: its start, or a sub-step of tgs.
@@ -87,11 +87,11 @@ LOCKSTEP_INLINE Interval<T> joint_interval(const Tables<ScalarOf<T>>& t, const S
 /// k of (M58): the velocity that a kinematic drive prescribes.
 template <class T>
 LOCKSTEP_INLINE T kinematic_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
-                                     const Tile<T>& x, int j) {
+                                     const Tile<T>& x, int j, T q) {
   const std::ptrdiff_t row = t.dof[j] * batch.stride;
   const T target = without_whole_turns(t, x, j, T::load(batch.position_target + row)),
           speed = T::load(batch.velocity_target + row);
-  return fma(T(t.bounds.drive_rate[j]), fnma(T(t.dt), speed, target - x.state.q[j]), speed);
+  return fma(T(t.bounds.drive_rate[j]), fnma(T(t.step), speed, target - q), speed);
 }
 
 /// (M59): the hard bounds of all joints that move with the row's velocity.
@@ -117,7 +117,8 @@ void joint_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
     }
     if (has & has_friction) force = fma(larger(share, -share), friction_impulse<T>(t, batch, member.joint), force);
     if (has & has_kinematic_drive) {
-      prescribed = fma(kinematic_velocity(t, batch, x, member.joint) - correction, inverse, prescribed);
+      prescribed = fma(kinematic_velocity(t, batch, x, member.joint, x.state.q[member.joint]) - correction, inverse,
+                       prescribed);
       corrected_by = fma(correction, inverse, corrected_by);
       ++drives;
     }

@@ -86,7 +86,7 @@ void inertia_matrix(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
     for (int j = tree.first_joint; j < tree.last_joint; ++j) {
       T& diagonal = x.dynamics.matrix[t.matrix.offset[t.velocity_of(j)]];
       diagonal += x.dynamics.joint_inertia[j];
-      if (t.limited_servos.count > 0) x.dynamics.joint_inertia[j] = diagonal;
+      if (t.limited_servos.count > 0 && t.integrator == Integrator::euler) x.dynamics.joint_inertia[j] = diagonal;
     }
   }
 }

@@ -5,53 +5,11 @@
 // couplings take the three stages of Alexander's (1977) diagonally implicit method, which share one factorisation.
 #pragma once
 
-#include "kernels/couplings/coupling_error.h"
-#include "kernels/couplings/joint_terms.h"
 #include "kernels/dynamics/bias_forces.h"
 #include "kernels/dynamics/kinematics.h"
-#include "solve.h"
+#include "leapfrog_bounds.h"
 
 namespace lockstep::kernels {
-
-/// Coefficients of (M69).
-template <class S>
-struct Alexander {
-  static constexpr double g = alexander_gamma;
-  static constexpr S gamma = S(g);
-  static constexpr S weight[leapfrog_stages] = {S(-(6 * g * g - 16 * g + 1) / 4), S((6 * g * g - 20 * g + 5) / 4),
-                                                S(g)};
-  /// a_ik, k < i
-  static constexpr S before[leapfrog_stages][2] = {{S(0), S(0)}, {S((1 - g) / 2), S(0)}, {weight[0], weight[1]}};
-};
-
-/// One stage of (M68), from x.stages.begin.q, x.stages.midpoint.v and the earlier stages.
-template <class T>
-void stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int i, int time) {
-  using S = ScalarOf<T>;
-  using A = Alexander<S>;
-  const int n = t.velocities;
-  for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.begin.q[j];
-  for (int k = 0; k < n; ++k) x.state.v[k] = x.stages.midpoint.v[k];
-  for (int earlier = 0; earlier < i; ++earlier) {
-    const T duration = T(t.step * A::before[i][earlier]), share = T(A::before[i][earlier] / A::gamma);
-    for (int j = 0; j < t.joints; ++j)
-      x.state.q[j] = fma(duration, x.stages.velocity[earlier * n + t.velocity_of(j)], x.state.q[j]);
-    for (int k = 0; k < n; ++k) x.state.v[k] = fma(share, x.stages.change[earlier * n + k], x.state.v[k]);
-  }
-  const bool last = i == leapfrog_stages - 1;
-  x.corrects_positions = last;
-  x.solves_twice = last && t.solve_twice;
-  if (t.rows.count > 0 || (last && t.couplings > 0)) coupling_errors(t, x);
-  if (t.reduction.followers > 0) follow(t, x);
-  joint_forces(t, batch, x, time + i);
-  solve(t, x);
-  T *change = x.stages.change + i * n, *velocity = x.stages.velocity + i * n;
-  expand_changes(t, x, x.dynamics.solution, change);
-  for (int k = 0; k < n; ++k) velocity[k] = changed_by(x.state.v[k], change[k]);
-  for (int f = 0; last && f < t.reduction.followers; ++f)
-    velocity[t.velocity_of(t.reduction.follower[f])] += x.couplings.correction[f];
-  if (x.solves_twice) expand_changes(t, x, x.dynamics.velocity_solution, change);
-}
 
 /// A step from x.stages.begin to x.next. x.stages.mean_velocity is the velocity that moved the positions, and
 /// x.stages.gained_velocity is what the velocities gained, along the midpoint's axes. x.state is overwritten.
@@ -75,6 +33,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
 
   bias_forces(t, batch, x);
   stage(t, batch, x, 0, time);
+  if (t.bounds.by_velocity) bound_prediction(t, batch, x, time);
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];  // (M67)
   for (int k = 0; k < n; ++k) x.state.v[k] = fma(T(S(0.5) / A::gamma), x.stages.change[k], x.stages.midpoint.v[k]);
   bias_forces(t, batch, x);
@@ -90,6 +49,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     x.stages.gained_velocity[k] = change;
     x.next.v[k] = changed_by(x.stages.midpoint.v[k], change);
   }
+  if (t.bounds.by_velocity) bound_stages(t, batch, x, time);
   for (int j = 0; j < t.joints; ++j)
     x.next.q[j] = fma(T(t.step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.begin.q[j]);
   for (int r = 0; r < t.roots.count; ++r)
@@ -97,6 +57,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
       x.state.v[k] = fma(T(S(2)), x.stages.mean_velocity[k], -x.stages.midpoint.v[k]);
   move_roots(t, x, half, x.state.v, x.state.pose, x.next.pose);
   turn_root_twists(t, x, x.next.v);
+  if (t.bounds.by_velocity) settle(t, batch, x);
 }
 
 template <class T>
@@ -104,6 +65,18 @@ void leapfrog_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   copy_state(t, x.state, x.stages.begin);
   leapfrog(t, batch, x, 0);
   copy_state(t, x.stages.begin, x.state);  // lanes that fail keep it
+}
+
+/// Takes the step again in lanes in which straight-line code found that bounds act.
+template <class T>
+void step_again(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  const auto lanes = x.bounds.candidate, singular = x.singular;
+  copy_state(t, x.next, x.stages.kept);
+  leapfrog_step(t, batch, x);
+  each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
+    for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(lanes, (x.next.*part)[i], (x.stages.kept.*part)[i]);
+  });
+  x.singular = (x.singular & lanes) | (singular & ~lanes);
 }
 
 /// Adds `share` of the change that the last leapfrog made to x.stages.total_change. The axes of a floating root have

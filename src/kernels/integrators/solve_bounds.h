@@ -129,6 +129,7 @@ void solve_by_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   const int count = t.bounds.rows.count, n = t.solver.n;
   const bool first = t.limited_servos.count > 0, twice = phases<T>(t) == 2;
   const bool differ = twice && phases_differ(t, batch, x);
+  x.servos.duration = T(t.dt), x.servos.from = x.state.q, x.servos.time = 0, x.servos.corrected = true;
   x.bounds.invalid = T::none();
   open_intervals(t, batch, position_phase, x);
   if (differ) open_intervals(t, batch, velocity_phase, x);

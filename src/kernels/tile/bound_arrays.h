@@ -146,15 +146,67 @@ struct HeldVelocities {
   }
 };
 
-/// Servos with an effort limit.
+/// Servos with an effort limit. The search of held_velocities.h sees a force that acts for a time from given positions.
 template <class T>
 struct LimitedServos {
-  T* saturation;  // [limited servos] -1 or 1 at an end of the limit, else 0
+  T* saturation;             // [limited servos] -1 or 1 at an end of the limit, else 0
+  typename T::Mask* bounded;  // [limited servos] lanes in which a stage leaves the servo to the search
+  const T* from;             // [joints] positions
+  T duration;
+  bool corrected;  // the position phase corrects followers
+  int time;        // of its inputs
   int pass;
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
     take("servos.saturation", saturation, t.limited_servos.count);
+    take("servos.bounded", bounded, t.integrator == Integrator::euler ? 0 : t.limited_servos.count);
+  }
+};
+
+/// One end of a range in the stages of a step, seen so that the row moves towards it with a negative speed.
+template <class T>
+struct RangeEnd {
+  T gap;          // displacement to the end, positive beyond it
+  T rate;         // at which an error is corrected
+  T restitution;  // of the joint that reaches its end first
+  T time;         // share of the step after which the row has arrived; beyond 1 if it has not
+  T arrival;      // its speed then
+  T gained;       // the speed that it would gain in a step, if it arrives within this one
+};
+
+/// A bounded row in the stages of a step (stage_bounds.h).
+template <class T>
+struct StageRow {
+  RangeEnd<T> low, high;
+  T most;        // velocity limit
+  T prescribed;  // by kinematic drives
+  T force;       // impulse of friction in a whole step
+  T direction;   // -1 or 1 if it slips at the start, else 0
+  T reversal;    // share of the step after which it slips no longer that way
+  T inertia_share;  // of the diagonal of the matrix
+};
+
+/// By solver velocity, but for `row`.
+template <class T>
+struct StageBounds {
+  StageRow<T>* row;  // [rows]
+  bool opened;       // bounds have acted in this step
+  T* start;          // velocity at the start of the step
+  T* end;            // velocity at its end
+  T* mean;           // velocity that moves the positions
+  T* correction;     // momentum that corrects followers' positions
+  T* impulse;        // [stages] of each stage alone
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    const int n = t.solver.n;
+    take("stage_bounds.row", row, t.bounds.rows.count);
+    take("stage_bounds.start", start, n);
+    take("stage_bounds.end", end, n);
+    take("stage_bounds.mean", mean, n);
+    take("stage_bounds.correction", correction, n);
+    take("stage_bounds.impulse", impulse, leapfrog_stages * n);
   }
 };
 

@@ -34,6 +34,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
     x.search.arrays(t, take);
   }
   if (t.bounds.by_velocity) x.held.arrays(t, take);
+  if (t.bounds.by_velocity && t.integrator != Integrator::euler) x.stage_bounds.arrays(t, take);
   x.servos.arrays(t, take);
   if (t.record_diagnostics) x.diagnostics.arrays(t, take);
 }

@@ -61,6 +61,7 @@ struct Stages {
   State<T> midpoint;      // without poses; v is that of the beginning, roots' parts along the midpoint's axes
   State<T> first;         // where the first of several steps began
   State<T> total_change;  // of the step
+  State<T> kept;          // where the step ends in lanes that are not taken again
   T* velocity;            // [stages][velocities]
   T* change;              // [stages][velocities]
   T* mean_velocity;       // [velocities] that moves the positions
@@ -83,6 +84,8 @@ struct Stages {
     take("stages.pose", pose, root_pose);
     take("stages.pose_rate", pose_rate, root_pose);
     first.arrays(t, "stages.first.q", "stages.first.v", "stages.first.pose", take, Lifetime::step, twice);
+    kept.arrays(t, "stages.kept.q", "stages.kept.v", "stages.kept.pose", take, Lifetime::step,
+                t.integrator == Integrator::leapfrog);
     total_change.arrays(t, "stages.total_change.q", "stages.total_change.v", "stages.total_change.pose", take,
                         Lifetime::step, classical || twice);
   }

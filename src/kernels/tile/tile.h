@@ -32,6 +32,7 @@ struct Tile {
   BoundRows<T> bounds;
   ActiveSetSearch<T> search;
   HeldVelocities<T> held;
+  StageBounds<T> stage_bounds;
   LimitedServos<T> servos;
   Diagnostics<T> diagnostics;
 
