@@ -73,6 +73,7 @@ enum class Fault : std::uint32_t {
                    ///< impossible, or the masses are too far apart for this precision
   bad_value = 4,   ///< a per-environment parameter is outside the range that it has in a Model, or a root's quaternion
                    ///< is 0: found when step() is called, before it moves anything
+  too_fast = 5,    ///< the motion is too fast for the step, so its energy would not be right: StepSettings::guard
 };
 
 /// The enumerator's name: "reduced", "leapfrog", "gear_ratio", "not_finite" ... The string lives forever.

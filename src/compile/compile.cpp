@@ -27,6 +27,7 @@ void check(const StepSettings& s) {
           "give for instance 1e5");
   require(s.velocity_bound > 0.0 && s.velocity_bound <= 1e30, "velocity_bound", "is outside (0, 1e30]",
           "give for instance 1e5");
+  require(s.guard > 0.0, "guard", fmt::format("is {}, not above 0", s.guard), "give for instance 0.01, or infinity");
   require(s.method >= Method::automatic && s.method <= Method::reduced, "method",
           fmt::format("is {}, none of the enumerators", static_cast<int>(s.method)), "give one of Method");
   require(s.integrator >= Integrator::automatic && s.integrator <= Integrator::runge_kutta, "integrator",
@@ -109,6 +110,9 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   t.velocity_iterations = settings.velocity_iterations;
   t.position_bound = settings.position_bound;
   t.velocity_bound = settings.velocity_bound;
+  t.guarded = integrator == Integrator::leapfrog && settings.guard < infinity;
+  t.coarse_above = settings.guard * settings.guard;
+  t.too_fast_above = 1.0;
   t.record_impulses = settings.record_impulses;
   t.record_diagnostics = settings.record_diagnostics;
   for (unsigned p = 0; p < parameter_count; ++p)
@@ -118,9 +122,9 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   return program;
 }
 
-// The step of half the length, of which an extrapolated step takes two. ErpCfm depends on the length of a step, so it
-// is converted to the same spring.
-std::shared_ptr<const Program> compiled_half(Model model, StepSettings settings) {
+// The step of half the length, of which an extrapolated step takes two, and a guarded one two in lanes where it is too
+// coarse. ErpCfm depends on the length of a step, so it is converted to the same spring.
+std::shared_ptr<Program> compiled_half(Model model, StepSettings settings) {
   for (Coupling& coupling : model.couplings) {
     Softness& softness = coupling.softness;
     const auto* stated = std::get_if<ErpCfm>(&softness);
@@ -130,6 +134,16 @@ std::shared_ptr<const Program> compiled_half(Model model, StepSettings settings)
   }
   settings.dt /= 2.0;
   return compiled(model, settings, Integrator::leapfrog);
+}
+
+void take_halves(Program& program, int deep) {
+  if (deep == 0) return;
+  const std::shared_ptr<Program> half = compiled_half(program.model, program.settings);
+  take_halves(*half, deep - 1);
+  program.f64.half = &half->f64;
+  program.f32.half = &half->f32;
+  program.fits_single = program.fits_single && half->fits_single;
+  program.half = half;
 }
 
 }  // namespace
@@ -150,12 +164,10 @@ Plan compile(const Model& model, const StepSettings& settings) {
     program = compiled(model, settings, Integrator::euler);
     program->integrator_reason = obstacle->reason;
   }
-  if (program->integrator == Integrator::extrapolated) {
-    program->half = compiled_half(model, settings);
-    program->f64.half = &program->half->f64;
-    program->f32.half = &program->half->f32;
-    program->fits_single = program->fits_single && program->half->fits_single;
-  }
+  const int halvings = program->integrator == Integrator::extrapolated ? 1
+                       : program->f64.guarded                          ? guard_depth
+                                                                       : 0;
+  take_halves(*program, halvings);
   return Plan(std::move(program));
 }
 

@@ -22,7 +22,7 @@ struct Slot {
 
 /// Keeps where each array of a tile begins, in memory order.
 struct Places : Carver {
-  static constexpr int most = 160;  // arrays that a list can name
+  static constexpr int most = 256;  // arrays that a list can name
   struct Firsts {
     std::ptrdiff_t first[most];
     int count = 0;
@@ -88,7 +88,9 @@ LOCKSTEP_INLINE void read_place(InterpreterTiles<T>& l, int k, const Access& acc
   else if (access.array >= 0)
     to = number_of(l, k, access);
   else
-    to = number_from<T>(access.array == Access::frozen ? l.tile(k).frozen : l.tile(k).singular);
+    to = number_from<T>(access.array == Access::frozen     ? l.tile(k).frozen
+                        : access.array == Access::singular ? l.tile(k).singular
+                                                           : l.tile(k).too_fast);
 }
 
 template <class T>
@@ -97,6 +99,7 @@ LOCKSTEP_INLINE void write_place(InterpreterTiles<T>& l, int k, const Access& ac
   switch (access.array) {
     case Access::frozen: l.tile(k).frozen = mask_of(from); break;
     case Access::singular: l.tile(k).singular = mask_of(from); break;
+    case Access::too_fast: l.tile(k).too_fast = mask_of(from); break;
     case Access::candidate: l.tile(k).bounds.candidate = mask_of(from); break;
     case Access::failed: failed = mask_of(from); break;
     default: number_of(l, k, access) = from;

@@ -23,7 +23,10 @@ void flag(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
   const typename T::Mask infinite = beyond(farthest_number, T(largest_number<ScalarOf<T>>));
   for (int i = 0; i < T::lanes; ++i) {
     if (!lane(failed, i) || batch.fault[i] != Fault::none) continue;
-    batch.fault[i] = lane(x.singular, i) ? Fault::singular : lane(infinite, i) ? Fault::not_finite : Fault::diverged;
+    batch.fault[i] = lane(x.singular, i)   ? Fault::singular
+                     : lane(infinite, i)   ? Fault::not_finite
+                     : lane(x.too_fast, i) ? Fault::too_fast
+                                           : Fault::diverged;
   }
 }
 
@@ -58,7 +61,9 @@ template <class T>
 void check(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const auto far = beyond(farthest_position(t, x), T(t.position_bound));
   const auto fast = beyond(farthest(x.next.v, t.velocities, T(0)), T(t.velocity_bound));
-  const typename T::Mask failed = (x.singular | far | fast) & ~x.frozen;
+  typename T::Mask failed = x.singular | far | fast;
+  if (t.guarded) failed = failed | x.too_fast;
+  failed = failed & ~x.frozen;
   x.frozen = x.frozen | failed;
   typename T::Mask held = x.frozen;
   if (t.turning.count > 0) held = held | has_turned(t, x, x.next);

@@ -40,6 +40,7 @@ const char* to_string(Fault fault) noexcept {
     case Fault::not_finite: return "not_finite";
     case Fault::diverged: return "diverged";
     case Fault::singular: return "singular";
+    case Fault::too_fast: return "too_fast";
     case Fault::bad_value: return "bad_value";
   }
   return "none";

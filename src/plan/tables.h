@@ -26,6 +26,8 @@ struct LimitedServo {
   int follower;  ///< -1 if the joint is independent
 };
 
+constexpr int guard_depth = 5;  ///< how often a step may be halved (M92)
+
 struct TableStructure {
   Method method = Method::direct;
   Integrator integrator = Integrator::euler;
@@ -57,6 +59,7 @@ struct TableStructure {
   Span<int> follows;             ///< by coupling: 1 if it is redundant and takes no impulse
   Span<int> undamped_row;        ///< by row of `rows`: its row in `undamped`, -1 if none
   bool solve_twice = false;      ///< the position phase and the velocity phase have different solutions
+  bool guarded = false;          ///< steps that are too coarse are found (M92)
   bool renewed = false;          ///< tgs: every sub-step computes its rows anew
   unsigned per_environment = 0;  ///< declared fields, bit by Parameter
   bool record_impulses = false;
@@ -74,11 +77,12 @@ struct TableStructure {
 
 template <class S>
 struct Tables : TableStructure {
-  const Tables* half = nullptr;  ///< tables of half the step, for Integrator::extrapolated
+  const Tables* half = nullptr;  ///< tables of half the step, null at the shortest
   S dt = 0;                      ///< length of a solve: the step, or gamma times the step (M68)
   S step = 0;                    ///< the step
   S ahead = 0;                   ///< how far ahead linear terms are taken: dt, or 0 if they are explicit
   S position_bound = 0, velocity_bound = 0;
+  S coarse_above = 0, too_fast_above = 0;  ///< squares of eta (M92)
   S gravity[3] = {};  ///< world axes
   S free_share = 1;   ///< share of the free motion that moves positions: (N + 1) / 2N in tgs
   Span<TreePlace<S>> tree;
@@ -105,6 +109,7 @@ struct Tables : TableStructure {
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
     visit(from.dt, to.dt), visit(from.step, to.step), visit(from.ahead, to.ahead);
     visit(from.position_bound, to.position_bound), visit(from.velocity_bound, to.velocity_bound);
+    visit(from.coarse_above, to.coarse_above), visit(from.too_fast_above, to.too_fast_above);
     visit(from.gravity, to.gravity), visit(from.tree, to.tree);
     visit(from.free_share, to.free_share), visit(from.body, to.body), visit(from.link, to.link);
     visit(from.link_mass, to.link_mass), visit(from.armature, to.armature), visit(from.damping, to.damping);

@@ -16,6 +16,7 @@ struct Access {
     failed = -3,
     candidate = -4,
     nowhere = -5,
+    too_fast = -6,
     first_row = 1000,
     position_target = first_row,
     velocity_target,

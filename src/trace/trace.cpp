@@ -79,10 +79,18 @@ void bound_stages(const Tables<double>& t, const StatePointers<double>& batch, T
   if (counting || !tracer->learns())
     tracer_aside([&] { x.bounds.candidate = x.bounds.candidate | bounds_act_on_stages(t, batch, x, time); });
 }
-void settle(const Tables<double>&, const StatePointers<double>&, Tile<Traced>& x) {
+void settle(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}
+void judge(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>& x) {
+  if (counting || !tracer->learns()) tracer_aside([&] { x.guard.coarse = is_coarse(t, x, squared_coarseness(t, x)); });
+}
+void step_again_if(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>& x) {
   if (counting) return;
   if (tracer->learns()) return tracer->leave_out();
-  tracer->step_again_if((x.bounds.candidate & ~x.frozen).id);
+  x.too_fast = Traced::none();
+  Traced::Mask lanes = Traced::none();
+  if (t.bounds.by_velocity) lanes = lanes | x.bounds.candidate;
+  if (t.guarded) lanes = lanes | x.guard.coarse;
+  tracer->step_again_if((lanes & ~x.frozen).id);
 }
 
 void diagnose(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {

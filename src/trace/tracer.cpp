@@ -137,6 +137,8 @@ Tracer::Tracer(const Tables<double>& tables, TracedTile& tile) : tile_(tile) {
   kernels::arrays(tables, tile, take);
   add_number(&tile.frozen.id, {"x.frozen", Access::frozen}, "frozen", Lifetime::state, nullptr);
   add_number(&tile.singular.id, {"x.singular", Access::singular}, "singular", Lifetime::step, nullptr);
+  if (tables.guarded)
+    add_number(&tile.too_fast.id, {"x.too_fast", Access::too_fast}, "too_fast", Lifetime::step, nullptr);
 }
 
 void Tracer::add_number(Id* now, const Place& place, const std::string& name, Lifetime lasts, const void* array) {
@@ -257,7 +259,7 @@ void Tracer::solve_bounds_if(Id candidate, const std::set<const void*>& unread) 
 
 void Tracer::step_again_if(Id candidate) {
   run_if(candidate, {{{"x.bounds.candidate", Access::candidate}, candidate}}, "step_again(t, batch, x);",
-         Call::step_again, {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.singular.id});
+         Call::step_again, {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.singular.id, &tile_.too_fast.id});
 }
 
 void Tracer::finish() {

@@ -188,6 +188,18 @@ typename T::Mask find_landings(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   return any_landed;
 }
 
+/// The share of the step after which the first row has landed in it, never() if none has.
+template <class T>
+T first_landing(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  T first = never<T>();
+  for (int r = 0; r < t.bounds.rows.count; ++r)
+    for (int side = 0; side < 2; ++side) {
+      const T time = end_of(x.stage_bounds.row[r], side).time;
+      first = select(less(T(0), time), smaller(first, time), first);
+    }
+  return first;
+}
+
 /// (M90): what the mean velocity of row r has to be, after a stage that ended with the velocity `ended` on `branch`.
 template <class T>
 LOCKSTEP_INLINE void set_mean_interval(const Tables<ScalarOf<T>>& t, int r, const Branch<T>& branch, T ended,

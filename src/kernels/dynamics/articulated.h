@@ -285,4 +285,34 @@ void solve_outwards(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* first, T*
   }
 }
 
+/// y = L v, the other way round: v are velocities, and what their bodies' parents move is added.
+template <class T>
+void multiply_outwards(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* v, T* y) {
+  Vec3<T> *const angular = x.articulated.reached_angular, *const linear = x.articulated.reached_linear;
+  for (int i = 0; i < t.tree.count; ++i) {
+    const TreeStructure& tree = t.tree[i];
+    if (tree.inertia != InertiaKind::articulated_bodies) continue;
+    int b = tree.first_body;
+    if (tree.root >= 0) {
+      const int first = t.articulated.velocity[b];
+      const T *const own = v + first, *const block = block_of_root(t, x, b);
+      const Columns& root = t.articulated.root;
+      for (int j = 0; j < root.n; ++j)
+        for (int k = 1; k < root.size[j]; ++k)
+          y[first + j + k] = fma(block[root.offset[j] + k], own[j], y[first + j + k]);
+      angular[b] = {own[0], own[1], own[2]};
+      linear[b] = {own[3], own[4], own[5]};
+      ++b;
+    }
+    for (; b < tree.last_body; ++b)
+      with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED {
+        const int z = t.articulated.velocity[b];
+        T moved = T(0);  // -L's entries times what the parent does
+        pass_outwards(joint, t, x, b, moved, angular, linear);
+        y[z] = y[z] - moved;
+        if (!t.body[b].leaf) (joint.prismatic ? linear : angular)[b][joint.k] += T(t.body[b].sign) * (v[z] - moved);
+      });
+  }
+}
+
 }  // namespace lockstep::kernels

@@ -5,6 +5,7 @@
 // couplings take the three stages of Alexander's (1977) diagonally implicit method, which share one factorisation.
 #pragma once
 
+#include "guard.h"
 #include "kernels/dynamics/bias_forces.h"
 #include "kernels/dynamics/kinematics.h"
 #include "leapfrog_bounds.h"
@@ -34,6 +35,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   bias_forces(t, batch, x);
   stage(t, batch, x, 0, time);
   if (t.bounds.by_velocity) bound_prediction(t, batch, x, time);
+  if (t.guarded) keep_prediction(t, x);
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];  // (M67)
   for (int k = 0; k < n; ++k) x.state.v[k] = fma(T(S(0.5) / A::gamma), x.stages.change[k], x.stages.midpoint.v[k]);
   bias_forces(t, batch, x);
@@ -50,6 +52,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     x.next.v[k] = changed_by(x.stages.midpoint.v[k], change);
   }
   if (t.bounds.by_velocity) bound_stages(t, batch, x, time);
+  if (t.guarded) judge(t, batch, x);
   for (int j = 0; j < t.joints; ++j)
     x.next.q[j] = fma(T(t.step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.begin.q[j]);
   for (int r = 0; r < t.roots.count; ++r)
@@ -60,23 +63,61 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   if (t.bounds.by_velocity) settle(t, batch, x);
 }
 
+/// Takes the step from x.stages.begin again in these lanes, by two steps of half the length. Lanes of x.too_fast are too
+/// coarse even for the shortest.
+template <class T>
+void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes, int depth,
+                 Tile<T>& x) {
+  const Tables<ScalarOf<T>>& half = *t.half;
+  const State<T>&begin = x.guard.begin[depth], &end = x.guard.end[depth];
+  auto singular = x.singular;
+  copy_state(t, x.stages.begin, begin);
+  copy_state(t, x.next, end);
+  for (int part = 0; part < 2; ++part) {
+    leapfrog(half, batch, x, 0);
+    const auto coarse = x.guard.coarse & lanes;
+    if (any(coarse) && half.half)
+      take_halves(half, batch, coarse, depth + 1, x);
+    else if (any(coarse))
+      x.too_fast = x.too_fast | (~less(x.guard.eta, T(t.too_fast_above)) & coarse);
+    singular = singular | (x.singular & lanes);
+    copy_state(t, x.next, x.stages.begin);
+  }
+  each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
+    for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(lanes, (x.next.*part)[i], (end.*part)[i]);
+  });
+  copy_state(t, begin, x.stages.begin);
+  x.singular = singular;
+}
+
+/// Takes the step in halves in lanes where it was too coarse. (Straight-line code takes it again from its start, also
+/// where bounds act.)
+template <class T>
+LOCKSTEP_INLINE void step_again_if(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  if (!t.guarded) return;
+  x.too_fast = T::none();
+  if (any(x.guard.coarse)) take_halves(t, batch, x.guard.coarse, 0, x);
+}
+
 template <class T>
 void leapfrog_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   copy_state(t, x.state, x.stages.begin);
   leapfrog(t, batch, x, 0);
+  if (t.guarded || t.bounds.by_velocity) step_again_if(t, batch, x);
   copy_state(t, x.stages.begin, x.state);  // lanes that fail keep it
 }
 
 /// Takes the step again in lanes in which straight-line code found that bounds act.
 template <class T>
 void step_again(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  const auto lanes = x.bounds.candidate, singular = x.singular;
+  const auto lanes = x.bounds.candidate, singular = x.singular, too_fast = x.too_fast;
   copy_state(t, x.next, x.stages.kept);
   leapfrog_step(t, batch, x);
   each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
     for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(lanes, (x.next.*part)[i], (x.stages.kept.*part)[i]);
   });
   x.singular = (x.singular & lanes) | (singular & ~lanes);
+  x.too_fast = (x.too_fast & lanes) | (too_fast & ~lanes);
 }
 
 /// Adds `share` of the change that the last leapfrog made to x.stages.total_change. The axes of a floating root have

@@ -13,6 +13,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   x.next.arrays(t, "next.q", "next.v", "next.pose", take);
   take("half_turn", x.half_turn, 4 * t.roots.count);
   if (t.integrator != Integrator::euler) x.stages.arrays(t, take);
+  if (t.guarded) x.guard.arrays(t, take);
   x.bodies.kinematics(t, take);
   // The arrays of the bias forces are free when the mass matrix begins. Both share memory, to stay in the cache.
   Take shared = take;

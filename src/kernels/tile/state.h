@@ -91,4 +91,29 @@ struct Stages {
   }
 };
 
+/// What the guard keeps (guard.h).
+template <class T>
+struct Guard {
+  T* bias;      // [velocities] at the start's velocity
+  T* change;    // [velocities] of the prediction
+  T* velocity;  // [solver]
+  T* product;   // [solver]
+  State<T> begin[guard_depth], end[guard_depth];  // of the steps that are taken in halves
+  T eta;                                          // squared, of the last step
+  T size;                                         // v^T A v, which eta is relative to
+  typename T::Mask coarse;                        // lanes in which it was too large
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    take("guard.bias", bias, t.velocities);
+    take("guard.change", change, t.velocities);
+    take("guard.velocity", velocity, t.solver.n, Lifetime::stage);
+    take("guard.product", product, t.solver.n, Lifetime::stage);
+    for (int d = 0; d < guard_depth; ++d) {
+      begin[d].arrays(t, "guard.begin.q", "guard.begin.v", "guard.begin.pose", take, Lifetime::stage);
+      end[d].arrays(t, "guard.end.q", "guard.end.v", "guard.end.pose", take, Lifetime::stage);
+    }
+  }
+};
+
 }  // namespace lockstep::kernels

@@ -23,6 +23,7 @@ struct Tile {
   State<T> next;   // where the step ends, before check()
   T* half_turn;    // [4] by floating root: quaternion of half its turn over the step
   Stages<T> stages;
+  Guard<T> guard;
   Bodies<T> bodies;
   ArticulatedBodies<T> articulated;
   Dynamics<T> dynamics;
@@ -38,6 +39,7 @@ struct Tile {
 
   typename T::Mask frozen;    // lanes that failed and take no more steps
   typename T::Mask singular;  // lanes whose matrix could not be factored
+  typename T::Mask too_fast;  // lanes that move too fast for the step
   bool turned;                // some lane may have whole turns
   bool consistent;            // all placed followers of all lanes are consistent, and stay so (M76)
   bool corrects_positions;    // the position phase corrects the couplings' errors
