@@ -12,6 +12,8 @@
 namespace lockstep {
 namespace {
 
+constexpr double least_turn = 0.1, euler_turn = 0.02;  // in a step that the guard judges by its turns, rad
+
 void require(bool holds, const char* setting, const std::string& rule, const char* remedy) {
   if (!holds) throw SettingsError(setting, rule, remedy);
 }
@@ -110,9 +112,11 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   t.velocity_iterations = settings.velocity_iterations;
   t.position_bound = settings.position_bound;
   t.velocity_bound = settings.velocity_bound;
-  t.guarded = integrator == Integrator::leapfrog && settings.guard < infinity;
-  t.coarse_above = settings.guard * settings.guard;
-  t.too_fast_above = 1.0;
+  const bool euler = integrator == Integrator::euler;
+  t.guarded = (integrator == Integrator::leapfrog || euler) && settings.guard < infinity;
+  t.coarse_above = t.guarded ? settings.guard * settings.guard : 0.0;
+  t.fast_above = (euler ? euler_turn : least_turn) / settings.dt;
+  t.too_fast_above = euler ? t.coarse_above : std::pow(getenv("TF") ? atof(getenv("TF")) : 1.0, 2);
   t.record_impulses = settings.record_impulses;
   t.record_diagnostics = settings.record_diagnostics;
   for (unsigned p = 0; p < parameter_count; ++p)
@@ -165,7 +169,7 @@ Plan compile(const Model& model, const StepSettings& settings) {
     program->integrator_reason = obstacle->reason;
   }
   const int halvings = program->integrator == Integrator::extrapolated ? 1
-                       : program->f64.guarded                          ? guard_depth
+                       : program->f64.guarded && program->integrator == Integrator::leapfrog ? guard_depth
                                                                        : 0;
   take_halves(*program, halvings);
   return Plan(std::move(program));

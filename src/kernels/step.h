@@ -9,6 +9,7 @@
 #include "check.h"
 #include "diagnostics.h"
 #include "kernels/integrators/euler.h"
+#include "kernels/integrators/euler_guard.h"
 #include "kernels/integrators/leapfrog.h"
 #include "kernels/integrators/runge_kutta.h"
 #include "kernels/tile/lay_out.h"
@@ -27,6 +28,7 @@ void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
     default: euler(t, batch, x); break;
   }
   if (t.record_diagnostics) diagnose(t, batch, x);
+  if (t.guarded && t.integrator == Integrator::euler) guard_euler(t, batch, x);
   check(t, batch, x);
   if (t.record_diagnostics) add_energies(x);
 }

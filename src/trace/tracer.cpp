@@ -262,6 +262,11 @@ void Tracer::step_again_if(Id candidate) {
          Call::step_again, {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.singular.id, &tile_.too_fast.id});
 }
 
+void Tracer::judge_euler_if(Id fast) {
+  run_if(fast, {{{"x.guard.coarse", Access::coarse}, fast}}, "judge_euler(t, batch, x);", Call::judge_euler,
+         {tile_.next.v, &tile_.too_fast.id});
+}
+
 void Tracer::finish() {
   graph.effect(changed([](const TileNumber& number) { return number.lasts == Lifetime::state; }), "");
 }

@@ -155,7 +155,7 @@ LOCKSTEP_INLINE T set_interval(const Tables<ScalarOf<T>>& t, int r, T chi, Tile<
 /// The share of the step after which a row that slips stops, if it has the speed `reached` after one step: (M88).
 template <class T>
 LOCKSTEP_INLINE T time_of_stop(T speed, T reached) {
-  return speed / (speed - reached);
+  return smaller(speed / (speed - reached), T(1) - T::rounding());
 }
 
 /// (M89): rows that the mean velocity takes past an end land. Returns the lanes with such a row.

@@ -5,7 +5,9 @@
 #pragma once
 
 #include "kernels/bounds/stage_bounds.h"
+#include "kernels/couplings/free_velocity.h"
 #include "kernels/dynamics/bias_forces.h"
+#include "kernels/dynamics/kinematics.h"
 #include "stage.h"
 
 namespace lockstep::kernels {
@@ -53,24 +55,52 @@ T squared_coarseness(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   return select(beyond(missed, T(0)), (T(t.step) * inverse_gamma) * missed / x.guard.size, T(0));
 }
 
-/// (M93): the same for the bias forces after a landing, which the stages do not have.
+/// The square of what the bias forces have changed since x.guard.bias, in a time, relative to the momentum.
+template <class T>
+T squared_change_of_bias(const Tables<ScalarOf<T>>& t, Tile<T>& x, T time) {
+  T *const change = x.guard.bias, *const b = x.dynamics.half_solved_position;
+  for (int k = 0; k < t.velocities; ++k) change[k] = x.dynamics.bias[k] - change[k];
+  for (int z = 0; z < t.solver.n; ++z)
+    b[z] = t.reduction.followers > 0 ? collected(t.reduction, x, z, change) : change[z];
+  x.dynamics.half_solved_velocity = b;
+  half_solve(t, x);
+  T square = T(0);
+  for (int z = 0; z < t.solver.n; ++z) square = fma(b[z] * b[z], T(1) / x.dynamics.inverse[z], square);
+  return select(beyond(square, T(0)), time * time * square / x.guard.size, T(0));
+}
+
+/// (M93): eta with the bias forces after a landing, which the stages do not have.
 template <class T>
 T squared_coarseness_of_landings(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const T first = first_landing(t, x);
-  if (!any(less(first, T(1)) & x.bounds.candidate)) return T(0);
-  T *const bias = x.guard.bias, *const b = x.guard.velocity;
-  for (int k = 0; k < t.velocities; ++k) bias[k] = x.dynamics.bias[k];
+  const auto landed = less(first, T(1)) & x.bounds.candidate;
+  if (!any(landed)) return T(0);
+  for (int k = 0; k < t.velocities; ++k) x.guard.bias[k] = x.dynamics.bias[k];
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];
   for (int k = 0; k < t.velocities; ++k) x.state.v[k] = x.next.v[k];
   bias_forces(t, batch, x);
-  for (int k = 0; k < t.velocities; ++k) bias[k] = x.dynamics.bias[k] - bias[k];
-  for (int z = 0; z < t.solver.n; ++z)
-    b[z] = t.reduction.followers > 0 ? collected(t.reduction, x, z, bias) : bias[z];
-  T missed = T(0);
-  for (int r = 0; r < t.factored.count; ++r) solve_upwards(t.solver, t.factored[r], x.dynamics.reduced, b);
-  for (int z = 0; z < t.solver.n; ++z) missed = fma(b[z] * b[z], x.dynamics.inverse[z], missed);
-  const T time = T(t.step) * (T(1) - first);
-  return select(less(first, T(1)) & x.bounds.candidate, time * time * missed / x.guard.size, T(0));
+  const T eta = squared_change_of_bias(t, x, T(t.step) * (T(1) - first));
+  return select(landed, eta, T(0));
+}
+
+/// Lanes in which a joint turns so far in the step that bias forces may depend on where in the step they are taken.
+template <class T>
+typename T::Mask turns_far(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  return beyond(farthest(x.next.v, t.velocities, farthest(x.stages.begin.v, t.velocities, T(0))), T(t.fast_above));
+}
+
+/// (M94): eta with the bias forces at the positions where the step began.
+template <class T>
+T squared_coarseness_of_turns(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];
+  for (int k = 0; k < t.velocities; ++k)
+    x.state.v[k] = fma(T(ScalarOf<T>(0.5) / Alexander<ScalarOf<T>>::gamma), x.guard.change[k], x.stages.midpoint.v[k]);
+  bias_forces(t, batch, x);
+  for (int k = 0; k < t.velocities; ++k) x.guard.bias[k] = x.dynamics.bias[k];
+  for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.begin.q[j];
+  kinematics(t, x);
+  bias_forces(t, batch, x);
+  return squared_change_of_bias(t, x, T(t.step));
 }
 
 template <class T>
@@ -84,6 +114,8 @@ void judge(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   x.guard.eta = squared_coarseness(t, x);
   if (t.bounds.by_velocity && x.stage_bounds.opened)
     x.guard.eta = farther(x.guard.eta, squared_coarseness_of_landings(t, batch, x));
+  if (const auto far = turns_far(t, x) & ~x.frozen; any(far))
+    x.guard.eta = farther(x.guard.eta, select(far, squared_coarseness_of_turns(t, batch, x), T(0)));
   x.guard.coarse = is_coarse(t, x, x.guard.eta);
 }
 
