@@ -63,6 +63,7 @@ struct Batch<S>::Impl {
     effort = rows(dofs * tables.input_times);
     if (tables.roots.count > 0) root_pose = rows(7 * tables.roots.count), root_velocity = rows(6 * tables.roots.count);
     if (tables.record_impulses) impulse = rows(tables.couplings);
+    if (tables.audited) audit = rows(2);
     if (tables.record_diagnostics)
       residual = rows(tables.reported.count), row_state = rows(tables.reported.count), energy = rows(4);
     for (int f = 0; f < parameter_count; ++f)
@@ -198,6 +199,7 @@ struct Batch<S>::Impl {
     for (const Start& part : start)
       for (std::size_t row = 0; row < part.numbers.size() && !(part.is_input && keep_inputs); ++row)
         part.block->data()[static_cast<std::ptrdiff_t>(row) * stride + e] = part.numbers[row];
+    for (int row = 0; row < 2 && audit.size() > 0; ++row) audit.data()[row * stride + e] = S(0);
     fault.data()[e] = Fault::none;
   }
 
@@ -269,6 +271,7 @@ struct Batch<S>::Impl {
     l.residual = residual.data();
     l.row_state = row_state.data();
     l.energy = energy.data();
+    l.audit = audit.data();
     l.fault = fault.data();
     return l;
   }
@@ -402,7 +405,7 @@ struct Batch<S>::Impl {
   Placer<S> placer;
   std::vector<Start> start;
   AlignedBlock<S> position, velocity, angle, root_pose, root_velocity;
-  AlignedBlock<S> position_target, velocity_target, effort, impulse, residual, row_state, energy;
+  AlignedBlock<S> position_target, velocity_target, effort, impulse, residual, row_state, energy, audit;
   AlignedBlock<S> field[parameter_count];
   AlignedBlock<Fault> fault;
 };

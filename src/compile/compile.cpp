@@ -12,7 +12,19 @@
 namespace lockstep {
 namespace {
 
-constexpr double least_turn = 0.1, euler_turn = 0.02;  // in a step that the guard judges by its turns, rad
+constexpr double least_turn = 0.02;  // in a step that is audited, rad
+constexpr double most_gain = 0.04;   // from nowhere, as a share of the largest kinetic energy
+
+// Whether the audit knows all energy that may enter: (M95).
+bool can_audit(const Program& program) {
+  const Bounds<double>& b = program.f64.bounds;
+  for (int r = 0; r < b.rows.count; ++r)
+    if (b.kinematic[r] || b.kind[r] == BoundKind::soft_limit || b.kind[r] == BoundKind::soft_drive) return false;
+  for (const Coupling& coupling : program.model.couplings)
+    if (!is_hard(coupling.softness)) return false;
+  return !declared(program, Parameter::softness) && !declared(program, Parameter::coupling_switch) &&
+         !declared(program, Parameter::link_wrench);
+}
 
 void require(bool holds, const char* setting, const std::string& rule, const char* remedy) {
   if (!holds) throw SettingsError(setting, rule, remedy);
@@ -112,11 +124,12 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   t.velocity_iterations = settings.velocity_iterations;
   t.position_bound = settings.position_bound;
   t.velocity_bound = settings.velocity_bound;
-  const bool euler = integrator == Integrator::euler;
-  t.guarded = (integrator == Integrator::leapfrog || euler) && settings.guard < infinity;
+  t.guarded = integrator == Integrator::leapfrog && settings.guard < infinity;
+  t.audited = settings.guard < infinity && can_audit(*program);
   t.coarse_above = t.guarded ? settings.guard * settings.guard : 0.0;
-  t.fast_above = (euler ? euler_turn : least_turn) / settings.dt;
-  t.too_fast_above = euler ? t.coarse_above : std::pow(getenv("TF") ? atof(getenv("TF")) : 1.0, 2);
+  t.too_fast_above = 100.0 * t.coarse_above;
+  t.fast_above = least_turn / settings.dt;
+  t.most_gain = most_gain;
   t.record_impulses = settings.record_impulses;
   t.record_diagnostics = settings.record_diagnostics;
   for (unsigned p = 0; p < parameter_count; ++p)
@@ -142,7 +155,9 @@ std::shared_ptr<Program> compiled_half(Model model, StepSettings settings) {
 
 void take_halves(Program& program, int deep) {
   if (deep == 0) return;
-  const std::shared_ptr<Program> half = compiled_half(program.model, program.settings);
+  StepSettings settings = program.settings;
+  if (!program.f64.guarded) settings.guard = infinity;
+  const std::shared_ptr<Program> half = compiled_half(program.model, settings);
   take_halves(*half, deep - 1);
   program.f64.half = &half->f64;
   program.f32.half = &half->f32;

@@ -99,7 +99,7 @@ LOCKSTEP_INLINE void write_place(InterpreterTiles<T>& l, int k, const Access& ac
   switch (access.array) {
     case Access::frozen: l.tile(k).frozen = mask_of(from); break;
     case Access::singular: l.tile(k).singular = mask_of(from); break;
-    case Access::coarse: l.tile(k).guard.coarse = mask_of(from); break;
+    case Access::fast: l.tile(k).audit.fast = mask_of(from); break;
     case Access::too_fast: l.tile(k).too_fast = mask_of(from); break;
     case Access::candidate: l.tile(k).bounds.candidate = mask_of(from); break;
     case Access::failed: failed = mask_of(from); break;
@@ -133,8 +133,8 @@ void call_if(InterpreterTiles<T>& l, const Operation& o) {
       hold(l.t, l.batch[k], l.tile(k), failed);
     else if (static_cast<Call>(o.d) == Call::step_again)
       step_again(l.t, l.batch[k], l.tile(k));
-    else if (static_cast<Call>(o.d) == Call::judge_euler)
-      judge_euler(l.t, l.batch[k], l.tile(k));
+    else if (static_cast<Call>(o.d) == Call::audit)
+      l.tile(k).audit.known = false, audit(l.t, l.batch[k], l.tile(k));
     else
       solve_bounds(l.t, l.batch[k], l.tile(k));
     for (int i = o.b; i < o.c; ++i) read_place(l, k, accesses[i]);

@@ -47,7 +47,9 @@ LOCKSTEP_INLINE bool hold_frozen(const Tables<ScalarOf<T>>& t, const StatePointe
 /// The same, and in the other lanes joints lose their whole turns.
 template <class T>
 void hold(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, typename T::Mask failed) {
-  if (hold_frozen(t, batch, x, failed)) take_turns(t, batch, x, x.next);
+  if (!hold_frozen(t, batch, x, failed)) return;
+  take_turns(t, batch, x, x.next);
+  x.audit.known = false;
 }
 
 template <class T>
@@ -62,7 +64,7 @@ void check(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   const auto far = beyond(farthest_position(t, x), T(t.position_bound));
   const auto fast = beyond(farthest(x.next.v, t.velocities, T(0)), T(t.velocity_bound));
   typename T::Mask failed = x.singular | far | fast;
-  if (t.guarded) failed = failed | x.too_fast;
+  if (t.guarded || t.audited) failed = failed | x.too_fast;
   failed = failed & ~x.frozen;
   x.frozen = x.frozen | failed;
   typename T::Mask held = x.frozen;

@@ -6,10 +6,10 @@
 // read euler.h first. A stage whose table is empty does not run.
 #pragma once
 
+#include "audit.h"
 #include "check.h"
 #include "diagnostics.h"
 #include "kernels/integrators/euler.h"
-#include "kernels/integrators/euler_guard.h"
 #include "kernels/integrators/leapfrog.h"
 #include "kernels/integrators/runge_kutta.h"
 #include "kernels/tile/lay_out.h"
@@ -28,7 +28,7 @@ void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
     default: euler(t, batch, x); break;
   }
   if (t.record_diagnostics) diagnose(t, batch, x);
-  if (t.guarded && t.integrator == Integrator::euler) guard_euler(t, batch, x);
+  if (t.audited) audit_if(t, batch, x);
   check(t, batch, x);
   if (t.record_diagnostics) add_energies(x);
 }

@@ -59,7 +59,8 @@ struct TableStructure {
   Span<int> follows;             ///< by coupling: 1 if it is redundant and takes no impulse
   Span<int> undamped_row;        ///< by row of `rows`: its row in `undamped`, -1 if none
   bool solve_twice = false;      ///< the position phase and the velocity phase have different solutions
-  bool guarded = false;          ///< steps that are too coarse are found (M92)
+  bool guarded = false;          ///< steps that are too coarse are taken in halves (M92)
+  bool audited = false;          ///< energy from nowhere is found (M96)
   bool renewed = false;          ///< tgs: every sub-step computes its rows anew
   unsigned per_environment = 0;  ///< declared fields, bit by Parameter
   bool record_impulses = false;
@@ -83,7 +84,7 @@ struct Tables : TableStructure {
   S ahead = 0;                   ///< how far ahead linear terms are taken: dt, or 0 if they are explicit
   S position_bound = 0, velocity_bound = 0;
   S coarse_above = 0, too_fast_above = 0;  ///< squares of eta (M92)
-  S fast_above = 0;                        ///< a velocity
+  S fast_above = 0, most_gain = 0;         ///< a velocity, and a share of the kinetic energy (M96)
   S gravity[3] = {};  ///< world axes
   S free_share = 1;   ///< share of the free motion that moves positions: (N + 1) / 2N in tgs
   Span<TreePlace<S>> tree;
@@ -111,7 +112,7 @@ struct Tables : TableStructure {
     visit(from.dt, to.dt), visit(from.step, to.step), visit(from.ahead, to.ahead);
     visit(from.position_bound, to.position_bound), visit(from.velocity_bound, to.velocity_bound);
     visit(from.coarse_above, to.coarse_above), visit(from.too_fast_above, to.too_fast_above);
-    visit(from.fast_above, to.fast_above);
+    visit(from.fast_above, to.fast_above), visit(from.most_gain, to.most_gain);
     visit(from.gravity, to.gravity), visit(from.tree, to.tree);
     visit(from.free_share, to.free_share), visit(from.body, to.body), visit(from.link, to.link);
     visit(from.link_mass, to.link_mass), visit(from.armature, to.armature), visit(from.damping, to.damping);

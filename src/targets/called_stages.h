@@ -13,8 +13,8 @@
                                                            kernels::Tile<T>&);                                         \
   linkage template LOCKSTEP_API void kernels::step_again(const Tables<T::Scalar>&, const StatePointers<T::Scalar>&,    \
                                                          kernels::Tile<T>&);                                           \
-  linkage template LOCKSTEP_API void kernels::judge_euler(const Tables<T::Scalar>&, const StatePointers<T::Scalar>&,   \
-                                                          kernels::Tile<T>&);                                          \
+  linkage template LOCKSTEP_API void kernels::audit(const Tables<T::Scalar>&, const StatePointers<T::Scalar>&,         \
+                                                    kernels::Tile<T>&);                                                \
   linkage template LOCKSTEP_API void kernels::coupling_impulses(const Tables<T::Scalar>&,                              \
                                                                 const StatePointers<T::Scalar>&, kernels::Tile<T>&);   \
   linkage template LOCKSTEP_API void kernels::diagnose(const Tables<T::Scalar>&, const StatePointers<T::Scalar>&,      \

@@ -4,7 +4,7 @@
 namespace lockstep {
 
 /// Stages whose work depends on the values in the lanes. A traced step calls them as they are.
-enum class Call : int { none, solve_bounds, coupling_impulses, diagnose, hold, step_again, judge_euler };
+enum class Call : int { none, solve_bounds, coupling_impulses, diagnose, hold, step_again, audit };
 
 /// A read or write of a number in memory.
 struct Access {
@@ -17,7 +17,7 @@ struct Access {
     candidate = -4,
     nowhere = -5,
     too_fast = -6,
-    coarse = -7,
+    fast = -7,
     first_row = 1000,
     position_target = first_row,
     velocity_target,

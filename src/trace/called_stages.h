@@ -21,7 +21,7 @@ void bound_prediction(const Tables<double>& t, const StatePointers<double>& batc
 void bound_stages(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time);
 void judge(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void step_again_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
-void guard_euler(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
+void audit_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void settle(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void coupling_impulses(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void diagnose(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);

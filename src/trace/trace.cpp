@@ -83,11 +83,11 @@ void settle(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) 
 void judge(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>& x) {
   if (counting || !tracer->learns()) tracer_aside([&] { x.guard.coarse = is_coarse(t, x, squared_coarseness(t, x)) | turns_far(t, x); });
 }
-void guard_euler(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>& x) {
+void audit_if(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>& x) {
   if (counting) return;
-  x.too_fast = Traced::none();
   if (tracer->learns()) return tracer->leave_out();
-  tracer->judge_euler_if((beyond(farthest(x.next.v, t.velocities, Traced(0.0)), Traced(t.fast_above)) & ~x.frozen).id);
+  const Traced fastest = farthest(x.next.v, t.velocities, farthest(x.state.v, t.velocities, Traced(0.0)));
+  tracer->audit_if((beyond(fastest, Traced(t.fast_above)) & ~x.frozen).id);
 }
 void step_again_if(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>& x) {
   if (counting) return;

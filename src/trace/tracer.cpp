@@ -137,7 +137,7 @@ Tracer::Tracer(const Tables<double>& tables, TracedTile& tile) : tile_(tile) {
   kernels::arrays(tables, tile, take);
   add_number(&tile.frozen.id, {"x.frozen", Access::frozen}, "frozen", Lifetime::state, nullptr);
   add_number(&tile.singular.id, {"x.singular", Access::singular}, "singular", Lifetime::step, nullptr);
-  if (tables.guarded)
+  if (tables.guarded || tables.audited)
     add_number(&tile.too_fast.id, {"x.too_fast", Access::too_fast}, "too_fast", Lifetime::step, nullptr);
 }
 
@@ -262,9 +262,9 @@ void Tracer::step_again_if(Id candidate) {
          Call::step_again, {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.singular.id, &tile_.too_fast.id});
 }
 
-void Tracer::judge_euler_if(Id fast) {
-  run_if(fast, {{{"x.guard.coarse", Access::coarse}, fast}}, "judge_euler(t, batch, x);", Call::judge_euler,
-         {tile_.next.v, &tile_.too_fast.id});
+void Tracer::audit_if(Id fast) {
+  run_if(fast, {{{"x.audit.fast", Access::fast}, fast}}, "x.audit.known = false;\naudit(t, batch, x);", Call::audit,
+         {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.too_fast.id});
 }
 
 void Tracer::finish() {

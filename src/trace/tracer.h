@@ -35,8 +35,8 @@ class Tracer {
   /// Records step_again() under a condition. The tile in memory has the state at the start of the step, and the new state is
   /// read again.
   void step_again_if(Id candidate);
-  /// Records judge_euler() under a condition.
-  void judge_euler_if(Id fast);
+  /// Records audit() under a condition.
+  void audit_if(Id fast);
   /// Stores the state from which the next step starts.
   void finish();
 

@@ -86,7 +86,7 @@ T squared_coarseness_of_landings(const Tables<ScalarOf<T>>& t, const StatePointe
 /// Lanes in which a joint turns so far in the step that bias forces may depend on where in the step they are taken.
 template <class T>
 typename T::Mask turns_far(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
-  return beyond(farthest(x.next.v, t.velocities, farthest(x.stages.begin.v, t.velocities, T(0))), T(t.fast_above));
+  return beyond(farthest(x.next.v, t.velocities, farthest(x.stages.begin.v, t.velocities, T(0))), T(ScalarOf<T>(5) * t.fast_above));
 }
 
 /// (M94): eta with the bias forces at the positions where the step began.

@@ -22,6 +22,15 @@ struct Motion {
   }
 };
 
+/// What the audit of energy keeps (audit.h).
+template <class T>
+struct Audit {
+  Motion<T> motion;
+  typename T::Mask fast;  // lanes that it is for
+  T kinetic, potential;   // of the state
+  bool known;             // these two are
+};
+
 template <class T>
 struct Diagnostics {
   Motion<T> motion;

@@ -38,6 +38,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   if (t.bounds.by_velocity && t.integrator != Integrator::euler) x.stage_bounds.arrays(t, take);
   x.servos.arrays(t, take);
   if (t.record_diagnostics) x.diagnostics.arrays(t, take);
+  if (t.audited) x.audit.motion.arrays(t, take);
 }
 
 /// Tells the step whether all placed followers are consistent (M76). If they are, and there are neither other followers

@@ -25,6 +25,7 @@ struct StatePointers {
   S* residual = nullptr;                  ///< by reported row, null unless diagnostics are recorded
   S* row_state = nullptr;                 ///< the same
   S* energy = nullptr;                    ///< 4 rows, the same
+  S* audit = nullptr;                     ///< 2 rows, null unless audited: energy from nowhere, largest kinetic energy
   Fault* fault = nullptr;
 
   inline __attribute__((always_inline)) const S* field(Parameter parameter) const {

@@ -36,6 +36,7 @@ struct Tile {
   StageBounds<T> stage_bounds;
   LimitedServos<T> servos;
   Diagnostics<T> diagnostics;
+  Audit<T> audit;
 
   typename T::Mask frozen;    // lanes that failed and take no more steps
   typename T::Mask singular;  // lanes whose matrix could not be factored

@@ -49,6 +49,7 @@ LOCKSTEP_INLINE void move(StatePointers<S>& batch, std::ptrdiff_t by, const Tile
   if (shape.record_impulses && batch.impulse) batch.impulse += by;
   if (shape.record_diagnostics && batch.residual) batch.residual += by, batch.row_state += by;
   if (shape.record_diagnostics) batch.energy += by;
+  if (batch.audit) batch.audit += by;
   batch.fault += by;
 }
 

@@ -1,0 +1,72 @@
+// The audit of energy: finds motion that gains energy from nowhere. SPDX-License-Identifier: Apache-2.0
+//
+// (M95), (M96). It serves every integrator and method. Only tiles in which a joint turns far in the step pay for it.
+#pragma once
+
+#include "kernels/couplings/joint_terms.h"
+#include "kernels/dynamics/energies.h"
+
+namespace lockstep::kernels {
+
+/// The most work that the actuators and springs of joint j can have done in the step (M95).
+template <class T>
+T most_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x, int j) {
+  const int k = t.velocity_of(j);
+  const T zero = T(0), moved = x.next.q[j] - x.state.q[j], limit = effort_limit<T>(t, batch, j);
+  T best = zero;
+  for (int time = 0; time < t.input_times; ++time) {
+    const Servo<T> own = servo<T>(t, batch, x, j, time);
+    const T effort = feed_forward<T>(t, batch, j, time);
+    const T first = own.force(zero, x.state.q[j], x.state.v[k]) + effort,
+            last = own.force(zero, x.next.q[j], x.next.v[k]) + effort;
+    best = larger(best, larger(clamp(first, -limit, limit) * moved, clamp(last, -limit, limit) * moved));
+  }
+  const T rest = without_whole_turns(t, x, j, T(t.rest[j])), middle = T(ScalarOf<T>(0.5)) * (x.state.q[j] + x.next.q[j]);
+  return fnma(stiffness<T>(t, batch, j) * moved, middle - rest, best);
+}
+
+/// Kinetic and potential energy of a state.
+template <class T>
+void energies_of(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const State<T>& state, Tile<T>& x,
+                 T& kinetic, T& potential) {
+  const State<T> own = x.state;
+  x.state = state;
+  motions(t, x, x.audit.motion);
+  kinetic = kinetic_energy(t, batch, x, x.audit.motion);
+  potential = potential_energy(t, batch, x, x.audit.motion);
+  x.state = own;
+}
+
+/// (M96): adds up what the step has gained from nowhere, in lanes of x.audit.fast, and sets x.too_fast where it is too
+/// much.
+template <class T>
+void audit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  T kinetic[2] = {x.audit.kinetic, T(0)}, potential[2] = {x.audit.potential, T(0)};
+  if (!x.audit.known) energies_of(t, batch, x.state, x, kinetic[0], potential[0]);
+  energies_of(t, batch, x.next, x, kinetic[1], potential[1]);
+  x.audit.kinetic = kinetic[1], x.audit.potential = potential[1];
+  x.audit.known = true;
+  T gained = (kinetic[1] - kinetic[0]) + (potential[1] - potential[0]);
+  for (int j = 0; j < t.joints; ++j) gained = gained - most_work(t, batch, x, j);
+  const T rounding = farther(farther(farther(kinetic[0], kinetic[1]), potential[0]), potential[1]) * T::rounding();
+  gained = fnma(T(S(4)), larger(rounding, -rounding), gained);
+  S* const rows = batch.audit;
+  const T total = larger(T::load(rows) + gained, T(0)),
+          most = larger(T::load(rows + batch.stride), larger(kinetic[0], kinetic[1]));
+  store(rows, select(x.audit.fast, total, T::load(rows)));
+  store(rows + batch.stride, select(x.audit.fast, most, T::load(rows + batch.stride)));
+  x.too_fast = x.too_fast | (less(T(t.most_gain) * most, total) & x.audit.fast);
+}
+
+/// Audits the step in lanes where a velocity is large.
+template <class T>
+LOCKSTEP_INLINE void audit_if(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  x.audit.fast = beyond(farthest(x.next.v, t.velocities, farthest(x.state.v, t.velocities, T(0))), T(t.fast_above)) & ~x.frozen;
+  if (any(x.audit.fast))
+    audit(t, batch, x);
+  else
+    x.audit.known = false;
+}
+
+}  // namespace lockstep::kernels
