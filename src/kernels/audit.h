@@ -3,7 +3,7 @@
 // (M95), (M96). It serves every integrator and method. Only tiles in which a joint turns far in the step pay for it.
 #pragma once
 
-#include "kernels/couplings/joint_terms.h"
+#include "kernels/bounds/intervals.h"
 #include "kernels/dynamics/energies.h"
 
 namespace lockstep::kernels {
@@ -37,6 +37,32 @@ void energies_of(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   x.state = own;
 }
 
+/// The largest error of a coupling, and distance of a joint beyond its range.
+template <class T>
+T largest_error(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x, const T* q) {
+  T largest = T(0);
+  for (int c = 0; c < t.couplings; ++c) {
+    T error = x.couplings.offset[c];
+    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
+      error = fma(x.couplings.coefficient[k], q[t.term_joint[k]], error);
+    largest = larger(largest, larger(error, -error));
+  }
+  for (int i = 0; i < t.bounds.watched.count; ++i) {
+    const int j = t.bounds.watched[i].joint;
+    if (!t.bounds.watched[i].ranged) continue;
+    const Interval<T> range = position_limits<T>(t, batch, j);
+    largest = larger(largest, larger(range.lo - q[j], q[j] - range.hi));
+  }
+  return largest;
+}
+
+/// Lanes in which errors of positions are corrected, which moves masses in gravity.
+template <class T>
+typename T::Mask corrects(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x) {
+  const T before = largest_error(t, batch, x, x.state.q), after = largest_error(t, batch, x, x.next.q);
+  return less(T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 1e-4 : 1e-6)), before) & less(after, before);
+}
+
 /// (M96): adds up what the step has gained from nowhere, in lanes of x.audit.fast, and sets x.too_fast where it is too
 /// much.
 template <class T>
@@ -52,11 +78,12 @@ void audit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   const T rounding = farther(farther(farther(kinetic[0], kinetic[1]), potential[0]), potential[1]) * T::rounding();
   gained = fnma(T(S(4)), larger(rounding, -rounding), gained);
   S* const rows = batch.audit;
-  const T total = larger(T::load(rows) + gained, T(0)),
-          most = larger(T::load(rows + batch.stride), larger(kinetic[0], kinetic[1]));
-  store(rows, select(x.audit.fast, total, T::load(rows)));
-  store(rows + batch.stride, select(x.audit.fast, most, T::load(rows + batch.stride)));
-  x.too_fast = x.too_fast | (less(T(t.most_gain) * most, total) & x.audit.fast);
+  const auto lanes = x.audit.fast & ~corrects(t, batch, x);
+  const T most = larger(T::load(rows + batch.stride), larger(kinetic[0], kinetic[1]));
+  const T total = larger(T::load(rows) + gained, T(S(-0.25)) * most);
+  store(rows, select(lanes, total, T::load(rows)));
+  store(rows + batch.stride, select(lanes, most, T::load(rows + batch.stride)));
+  x.too_fast = x.too_fast | (less(T(t.most_gain) * most, total) & lanes);
 }
 
 /// Audits the step in lanes where a velocity is large.
