@@ -30,6 +30,7 @@ ParameterSet all_parameters(Method method, const Model& model = {});
 
 inline StepSettings settings(Method method, ParameterSet per_environment = {}) {
   StepSettings result = physics::settings(method);
+  result.guard = StepSettings().guard;
   result.per_environment = per_environment;
   result.record_impulses = true;
   return result;

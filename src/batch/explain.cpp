@@ -74,22 +74,29 @@ std::string Batch<S>::explain_fault(int environment) const {
     case Fault::bad_value: words += "a value cannot be"; break;
     case Fault::not_finite: words += "a position or velocity became NaN or infinite"; break;
     case Fault::singular: words += "the mass matrix was not positive definite"; break;
+    case Fault::too_fast: {
+      words += "the motion is too fast for the step, so it would gain energy from nowhere";
+      break;
+    }
     default: {
       words += "a position would pass " + text_of(program.settings.position_bound) +
                (batch.tables.turning.count > 0 ? ", a joint without a range " + text_of(simd::most_turns<S>) + " turns,"
                                                : "") +
                " or a velocity " + text_of(program.settings.velocity_bound);
-      int fastest = 0;
-      for (int dof = 1; dof < batch.tables.joints; ++dof)
-        if (std::abs(number(batch.velocity, dof)) > std::abs(number(batch.velocity, fastest))) fastest = dof;
-      if (batch.tables.joints > 0)
-        words += "; the fastest joint before was '" + program.dof_names[fastest] + "', at " +
-                 text_of(number(batch.position, fastest)) + " with velocity " +
-                 text_of(number(batch.velocity, fastest));
     }
   }
+  if (fault == Fault::diverged || fault == Fault::too_fast) {
+    int fastest = 0;
+    for (int dof = 1; dof < batch.tables.joints; ++dof)
+      if (std::abs(number(batch.velocity, dof)) > std::abs(number(batch.velocity, fastest))) fastest = dof;
+    if (batch.tables.joints > 0)
+      words += "; the fastest joint before was '" + program.dof_names[fastest] + "', at " +
+               text_of(number(batch.position, fastest)) + " with velocity " + text_of(number(batch.velocity, fastest));
+  }
   if (!wrong.empty()) words += "; " + wrong;
-  return words + "; " + (wrong.empty() ? "look at inputs, parameters and dt" : "correct what is named") +
+  return words + "; " + (!wrong.empty()               ? "correct what is named"
+                         : fault == Fault::too_fast ? "use a smaller dt, leapfrog or more damping, or StepSettings::guard"
+                                                    : "look at inputs, parameters and dt") +
          ", and reset the environment";
 }
 

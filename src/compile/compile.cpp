@@ -19,7 +19,7 @@ constexpr double most_gain = 0.04;   // from nowhere, as a share of the largest 
 bool can_audit(const Program& program) {
   const Bounds<double>& b = program.f64.bounds;
   for (int r = 0; r < b.rows.count; ++r)
-    if (b.kinematic[r] || b.kind[r] == BoundKind::soft_limit || b.kind[r] == BoundKind::soft_drive) return false;
+    if (b.kinematic[r] || b.kind[r] == BoundKind::soft_drive) return false;
   for (const Coupling& coupling : program.model.couplings)
     if (!is_hard(coupling.softness)) return false;
   return !declared(program, Parameter::softness) && !declared(program, Parameter::coupling_switch) &&
@@ -174,7 +174,9 @@ Plan compile(const Model& model, const StepSettings& settings) {
   check_masses(settings, model);
   const bool automatic = settings.integrator == Integrator::automatic;
   std::shared_ptr<Program> program = compiled(model, settings, automatic ? Integrator::leapfrog : settings.integrator);
-  program->integrator_reason = automatic ? "the scene is smooth" : "as asked for";
+  program->integrator_reason = !automatic ? "as asked for"
+                               : program->f64.bounds.by_velocity ? "every bound is on one velocity"
+                                                                 : "the scene is smooth";
   if (const std::optional<Obstacle> obstacle = obstacle_of(*program)) {
     if (!automatic)
       throw SettingsError("integrator",

@@ -208,7 +208,8 @@ class Lowering {
     for (std::size_t i = 0; i < item.variable.size(); ++i) {
       const Value start = value(item.start[i]);
       const bool exclusive = count[start] == 1 && !lasting_.contains(start) && !is_constant(item.start[i]) &&
-                             node(item.start[i]).op != Op::variable && last_use_[item.start[i]] <= here;
+                             node(item.start[i]).op != Op::variable && node(item.start[i]).op != Op::none &&
+                             last_use_[item.start[i]] <= here;
       const Value changed = exclusive ? start : new_value();
       if (!exclusive) operations_.push_back({.opcode = Opcode::copy, .to = changed, .from = {start}});
       value_[item.variable[i]] = changed;

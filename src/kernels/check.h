@@ -21,12 +21,18 @@ void flag(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
           typename T::Mask failed) {
   const T farthest_number = farthest(x.next.v, t.velocities, farthest_position(t, x));
   const typename T::Mask infinite = beyond(farthest_number, T(largest_number<ScalarOf<T>>));
+  const typename T::Mask slow = ~beyond(farthest(x.next.v, t.velocities, farthest_position(t, x)),
+                                        T(t.velocity_bound < t.position_bound ? t.velocity_bound : t.position_bound));
+  // Stages overflow where a start is beyond its bound. That is the cause then.
+  const T start = farthest(x.state.v, t.velocities, T(0));
+  const typename T::Mask began_beyond = beyond(start, T(t.velocity_bound)) & ~beyond(start, T(largest_number<ScalarOf<T>>));
   for (int i = 0; i < T::lanes; ++i) {
     if (!lane(failed, i) || batch.fault[i] != Fault::none) continue;
-    batch.fault[i] = lane(x.singular, i)   ? Fault::singular
-                     : lane(infinite, i)   ? Fault::not_finite
-                     : lane(x.too_fast, i) ? Fault::too_fast
-                                           : Fault::diverged;
+    batch.fault[i] = lane(began_beyond, i)                  ? Fault::diverged
+                     : lane(x.singular, i)                  ? Fault::singular
+                     : lane(infinite, i)                    ? Fault::not_finite
+                     : lane(x.too_fast, i) && lane(slow, i) ? Fault::too_fast
+                                                            : Fault::diverged;
   }
 }
 

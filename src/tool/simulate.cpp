@@ -143,14 +143,26 @@ Outcome run(const SimulateOptions& options, const Inputs& inputs, const Plan& pl
 // the tables are sure to take a plan that records.
 template <class S>
 Diagnosis diagnosed(const SimulateOptions& options, const Inputs& inputs, const Plan& plan, long steps) {
+  const auto run = [&](const StepSettings& settings) {
+    const Plan recording = compile(plan.model(), settings);
+    const Engine engine = options.engine == Engine::tables ? Engine::tables : Engine::automatic;
+    Batch<S> batch(recording, std::min(options.environments, most_diagnosed),
+                   {.threads = options.threads, .engine = engine});
+    put_to_start(options, inputs.state, batch);
+    return diagnose(batch, inputs.targets_of(recording), steps);
+  };
   StepSettings settings = plan.settings();
-  settings.record_diagnostics = plan.integrator() == Integrator::euler;  // others keep no energy balance
-  const Plan recording = compile(plan.model(), settings);
-  const Engine engine = options.engine == Engine::tables ? Engine::tables : Engine::automatic;
-  Batch<S> batch(recording, std::min(options.environments, most_diagnosed),
-                 {.threads = options.threads, .engine = engine});
-  put_to_start(options, inputs.state, batch);
-  return diagnose(batch, inputs.targets_of(recording), steps);
+  settings.record_diagnostics = plan.integrator() == Integrator::euler;
+  Diagnosis diagnosis = run(settings);
+  const bool bounded = plan.row_names().size() > static_cast<std::size_t>(plan.couplings());
+  if (settings.record_diagnostics || !bounded) return diagnosis;
+  // Only Euler records conflicts. They lie in the model and its inputs, so those of Euler are those of all.
+  settings.record_diagnostics = true;
+  settings.integrator = Integrator::euler;
+  const Diagnosis by_euler = run(settings);
+  diagnosis.conflict_count = by_euler.conflict_count;
+  diagnosis.conflicts = by_euler.conflicts;
+  return diagnosis;
 }
 
 int thread_count(const SimulateOptions& options) {

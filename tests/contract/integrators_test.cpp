@@ -143,9 +143,22 @@ TEST(IntegratorSettings, are_refused_with_reason_and_remedy_where_they_do_not_ap
   for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta}) {
     const auto of_chain = [&](auto change) { return refusal(scenes::chain8(), integrator, change); };
     EXPECT_EQ(of_chain([](Model&, StepSettings&) {}), "");
-    expect_contains(of_chain([](Model& m, StepSettings&) { m.joints[0].upper = 1.0; }), "has bounds",
-                    "StepSettings::ignore");
-    expect_contains(of_chain([](Model& m, StepSettings&) { m.joints[0].effort_limit = 1.0; }), "has bounds", "euler");
+    if (integrator == Integrator::leapfrog) {
+      EXPECT_EQ(of_chain([](Model& m, StepSettings&) { m.joints[0].upper = 1.0; }), "");
+      EXPECT_EQ(of_chain([](Model& m, StepSettings&) { m.joints[0].effort_limit = 1.0; }), "");
+      expect_contains(of_chain([](Model& m, StepSettings&) {
+                        m.joints[0].upper = 1.0, m.joints[0].limit_softness = Spring{10.0, 1.0};
+                      }),
+                      "is soft", "euler");
+      expect_contains(of_chain([](Model& m, StepSettings&) {
+                        m.joints[0].upper = 1.0, m.couplings[0].softness = Spring{10.0, 1.0};
+                      }),
+                      "not eliminated", "euler");
+    } else {
+      expect_contains(of_chain([](Model& m, StepSettings&) { m.joints[0].upper = 1.0; }), "has bounds",
+                      "StepSettings::ignore");
+      expect_contains(of_chain([](Model& m, StepSettings&) { m.joints[0].effort_limit = 1.0; }), "has bounds", "euler");
+    }
     expect_contains(of_chain([](Model&, StepSettings& s) { s.method = Method::pgs; }), "sweeps", "reduced");
     expect_contains(of_chain([](Model&, StepSettings& s) { s.record_impulses = true; }), "record", "euler");
     if (integrator != Integrator::runge_kutta)
@@ -195,11 +208,14 @@ TEST(IntegratorSettings, choose_leapfrog_for_smooth_scenes_and_give_the_reason_f
   EXPECT_EQ(smooth.integrator(), Integrator::leapfrog);
   EXPECT_NE(smooth.describe().find("leapfrog with an implicit linear part (the scene is smooth)"), std::string::npos);
   Model model = scenes::chain8();
-  model.joints[3].friction = 0.1;
-  const Plan bounded = compile(model);
-  EXPECT_EQ(bounded.integrator(), Integrator::euler);
-  EXPECT_NE(bounded.describe().find("semi-implicit Euler (the scene has bounds"), std::string::npos)
-      << bounded.describe();
+  model.joints[3].friction = 0.1, model.joints[0].upper = 0.5, model.joints[1].velocity_limit = 2.0;
+  EXPECT_EQ(compile(model).integrator(), Integrator::leapfrog);
+  model.joints[0].limit_softness = Spring{10.0, 1.0};
+  const Plan soft = compile(model);
+  EXPECT_EQ(soft.integrator(), Integrator::euler);
+  EXPECT_NE(soft.describe().find("semi-implicit Euler (a limit, a kinematic drive or a coupling's force limit is soft"),
+            std::string::npos)
+      << soft.describe();
 }
 
 }  // namespace
