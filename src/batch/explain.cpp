@@ -94,9 +94,10 @@ std::string Batch<S>::explain_fault(int environment) const {
                text_of(number(batch.position, fastest)) + " with velocity " + text_of(number(batch.velocity, fastest));
   }
   if (!wrong.empty()) words += "; " + wrong;
-  return words + "; " + (!wrong.empty()               ? "correct what is named"
-                         : fault == Fault::too_fast ? "use a smaller dt, leapfrog or more damping, or StepSettings::guard"
-                                                    : "look at inputs, parameters and dt") +
+  return words + "; " +
+         (!wrong.empty()             ? "correct what is named"
+          : fault == Fault::too_fast ? "use a smaller dt, leapfrog or more damping, or StepSettings::guard"
+                                     : "look at inputs, parameters and dt") +
          ", and reset the environment";
 }
 

@@ -15,7 +15,7 @@ namespace {
 constexpr double least_turn = 0.02;  // in a step that is audited, rad
 constexpr double most_gain = 0.04;   // from nowhere, as a share of the largest kinetic energy
 
-// Whether the audit knows all energy that may enter: (M95).
+// Whether the audit knows all energy that may enter: (M93).
 bool can_audit(const Program& program) {
   const Bounds<double>& b = program.f64.bounds;
   for (int r = 0; r < b.rows.count; ++r)
@@ -174,7 +174,7 @@ Plan compile(const Model& model, const StepSettings& settings) {
   check_masses(settings, model);
   const bool automatic = settings.integrator == Integrator::automatic;
   std::shared_ptr<Program> program = compiled(model, settings, automatic ? Integrator::leapfrog : settings.integrator);
-  program->integrator_reason = !automatic ? "as asked for"
+  program->integrator_reason = !automatic                        ? "as asked for"
                                : program->f64.bounds.by_velocity ? "every bound is on one velocity"
                                                                  : "the scene is smooth";
   if (const std::optional<Obstacle> obstacle = obstacle_of(*program)) {
@@ -185,9 +185,9 @@ Plan compile(const Model& model, const StepSettings& settings) {
     program = compiled(model, settings, Integrator::euler);
     program->integrator_reason = obstacle->reason;
   }
-  const int halvings = program->integrator == Integrator::extrapolated ? 1
+  const int halvings = program->integrator == Integrator::extrapolated                       ? 1
                        : program->f64.guarded && program->integrator == Integrator::leapfrog ? guard_depth
-                                                                       : 0;
+                                                                                             : 0;
   take_halves(*program, halvings);
   return Plan(std::move(program));
 }

@@ -1,6 +1,6 @@
 // The audit of energy: finds motion that gains energy from nowhere. SPDX-License-Identifier: Apache-2.0
 //
-// (M95), (M96). It serves every integrator and method. Only tiles in which a joint turns far in the step pay for it.
+// (M93), (M94). It serves every integrator and method. Only tiles in which a joint turns far in the step pay for it.
 #pragma once
 
 #include "kernels/bounds/intervals.h"
@@ -8,7 +8,7 @@
 
 namespace lockstep::kernels {
 
-/// The most work that the actuators and springs of joint j can have done in the step (M95).
+/// The most work that the actuators and springs of joint j can have done in the step (M93).
 template <class T>
 T most_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x, int j) {
   const int k = t.velocity_of(j);
@@ -21,14 +21,15 @@ T most_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batc
             last = own.force(zero, x.next.q[j], x.next.v[k]) + effort;
     best = larger(best, larger(clamp(first, -limit, limit) * moved, clamp(last, -limit, limit) * moved));
   }
-  const T rest = without_whole_turns(t, x, j, T(t.rest[j])), middle = T(ScalarOf<T>(0.5)) * (x.state.q[j] + x.next.q[j]);
+  const T rest = without_whole_turns(t, x, j, T(t.rest[j])),
+          middle = T(ScalarOf<T>(0.5)) * (x.state.q[j] + x.next.q[j]);
   return fnma(stiffness<T>(t, batch, j) * moved, middle - rest, best);
 }
 
 /// Kinetic and potential energy of a state.
 template <class T>
-void energies_of(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const State<T>& state, Tile<T>& x,
-                 T& kinetic, T& potential) {
+void energies_of(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const State<T>& state,
+                 Tile<T>& x, T& kinetic, T& potential) {
   const State<T> own = x.state;
   x.state = state;
   motions(t, x, x.audit.motion);
@@ -63,7 +64,7 @@ typename T::Mask corrects(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
   return less(T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 1e-4 : 1e-6)), before) & less(after, before);
 }
 
-/// (M96): adds up what the step has gained from nowhere, in lanes of x.audit.fast, and sets x.too_fast where it is too
+/// (M94): adds up what the step has gained from nowhere, in lanes of x.audit.fast, and sets x.too_fast where it is too
 /// much.
 template <class T>
 void audit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
@@ -89,7 +90,8 @@ void audit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
 /// Audits the step in lanes where a velocity is large.
 template <class T>
 LOCKSTEP_INLINE void audit_if(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  x.audit.fast = beyond(farthest(x.next.v, t.velocities, farthest(x.state.v, t.velocities, T(0))), T(t.fast_above)) & ~x.frozen;
+  x.audit.fast =
+      beyond(farthest(x.next.v, t.velocities, farthest(x.state.v, t.velocities, T(0))), T(t.fast_above)) & ~x.frozen;
   if (any(x.audit.fast))
     audit(t, batch, x);
   else

@@ -25,7 +25,10 @@ void flag(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                         T(t.velocity_bound < t.position_bound ? t.velocity_bound : t.position_bound));
   // Stages overflow where a start is beyond its bound. That is the cause then.
   const T start = farthest(x.state.v, t.velocities, T(0));
-  const typename T::Mask began_beyond = beyond(start, T(t.velocity_bound)) & ~beyond(start, T(largest_number<ScalarOf<T>>));
+  const typename T::Mask began_beyond =
+      t.integrator == Integrator::euler
+          ? T::none()
+          : beyond(start, T(t.velocity_bound)) & ~beyond(start, T(largest_number<ScalarOf<T>>));
   for (int i = 0; i < T::lanes; ++i) {
     if (!lane(failed, i) || batch.fault[i] != Fault::none) continue;
     batch.fault[i] = lane(began_beyond, i)                  ? Fault::diverged

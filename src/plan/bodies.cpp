@@ -293,8 +293,7 @@ void lay_out_joint_terms(Program& program) {
     if (limited_servo) limited.push_back(i);
     if (has_effort_limit && !servo) clamped.push_back(i);
   }
-  for (std::vector<int>* list : {&linear_servos, &limited, &clamped, &springs})
-    std::sort(list->begin(), list->end());
+  for (std::vector<int>* list : {&linear_servos, &limited, &clamped, &springs}) std::sort(list->begin(), list->end());
   t.armature = program.storage.keep(std::move(armature));
   t.damping = program.storage.keep(std::move(damping));
   t.kp = program.storage.keep(std::move(kp));

@@ -26,7 +26,7 @@ struct LimitedServo {
   int follower;  ///< -1 if the joint is independent
 };
 
-constexpr int guard_depth = 5;  ///< how often a step may be halved (M92)
+constexpr int guard_depth = 5;  ///< how often a step may be halved (M91)
 
 struct TableStructure {
   Method method = Method::direct;
@@ -59,8 +59,8 @@ struct TableStructure {
   Span<int> follows;             ///< by coupling: 1 if it is redundant and takes no impulse
   Span<int> undamped_row;        ///< by row of `rows`: its row in `undamped`, -1 if none
   bool solve_twice = false;      ///< the position phase and the velocity phase have different solutions
-  bool guarded = false;          ///< steps that are too coarse are taken in halves (M92)
-  bool audited = false;          ///< energy from nowhere is found (M96)
+  bool guarded = false;          ///< steps that are too coarse are taken in halves (M91)
+  bool audited = false;          ///< energy from nowhere is found (M94)
   bool renewed = false;          ///< tgs: every sub-step computes its rows anew
   unsigned per_environment = 0;  ///< declared fields, bit by Parameter
   bool record_impulses = false;
@@ -83,10 +83,10 @@ struct Tables : TableStructure {
   S step = 0;                    ///< the step
   S ahead = 0;                   ///< how far ahead linear terms are taken: dt, or 0 if they are explicit
   S position_bound = 0, velocity_bound = 0;
-  S coarse_above = 0, too_fast_above = 0;  ///< squares of eta (M92)
-  S fast_above = 0, most_gain = 0;         ///< a velocity, and a share of the kinetic energy (M96)
-  S gravity[3] = {};  ///< world axes
-  S free_share = 1;   ///< share of the free motion that moves positions: (N + 1) / 2N in tgs
+  S coarse_above = 0, too_fast_above = 0;  ///< squares of eta (M91)
+  S fast_above = 0, most_gain = 0;         ///< a velocity, and a share of the kinetic energy (M94)
+  S gravity[3] = {};                       ///< world axes
+  S free_share = 1;                        ///< share of the free motion that moves positions: (N + 1) / 2N in tgs
   Span<TreePlace<S>> tree;
   Span<Body<S>> body;
   Span<LinkPlace<S>> link;

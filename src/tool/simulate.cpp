@@ -139,6 +139,8 @@ Outcome run(const SimulateOptions& options, const Inputs& inputs, const Plan& pl
   return outcome;
 }
 
+bool is_bounded(const Plan& plan) { return plan.row_names().size() > static_cast<std::size_t>(plan.couplings()); }
+
 // Runs the first environments once more and records diagnostics. The timed run records none, as that takes time. Only
 // the tables are sure to take a plan that records.
 template <class S>
@@ -154,8 +156,7 @@ Diagnosis diagnosed(const SimulateOptions& options, const Inputs& inputs, const 
   StepSettings settings = plan.settings();
   settings.record_diagnostics = plan.integrator() == Integrator::euler;
   Diagnosis diagnosis = run(settings);
-  const bool bounded = plan.row_names().size() > static_cast<std::size_t>(plan.couplings());
-  if (settings.record_diagnostics || !bounded) return diagnosis;
+  if (settings.record_diagnostics || !is_bounded(plan)) return diagnosis;
   // Only Euler records conflicts. They lie in the model and its inputs, so those of Euler are those of all.
   settings.record_diagnostics = true;
   settings.integrator = Integrator::euler;
@@ -282,7 +283,7 @@ int run(const SimulateOptions& options) {
       options.f64 ? run<double>(options, inputs, plan, steps) : run<float>(options, inputs, plan, steps);
   print(options, plan, outcome);
   // Only Euler's scenes have bounds that could be in conflict.
-  if (!options.json.empty() || plan.integrator() == Integrator::euler) {
+  if (!options.json.empty() || plan.integrator() == Integrator::euler || is_bounded(plan)) {
     const Diagnosis diagnosis =
         options.f64 ? diagnosed<double>(options, inputs, plan, steps) : diagnosed<float>(options, inputs, plan, steps);
     warn(diagnosis);

@@ -73,7 +73,8 @@ bool bounds_active(const Tables<double>& t, const StatePointers<double>& batch, 
 
 // Straight-line code finds the lanes in which bounds act, and a called stage takes the step again in these.
 void bound_prediction(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time) {
-  if (counting || !tracer->learns()) tracer_aside([&] { x.bounds.candidate = bounds_act_on_prediction(t, batch, x, time); });
+  if (counting || !tracer->learns())
+    tracer_aside([&] { x.bounds.candidate = bounds_act_on_prediction(t, batch, x, time); });
 }
 void bound_stages(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time) {
   if (counting || !tracer->learns())
@@ -81,7 +82,8 @@ void bound_stages(const Tables<double>& t, const StatePointers<double>& batch, T
 }
 void settle(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}
 void judge(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>& x) {
-  if (counting || !tracer->learns()) tracer_aside([&] { x.guard.coarse = is_coarse(t, x, squared_coarseness(t, x)) | turns_far(t, x); });
+  if (counting || !tracer->learns())
+    tracer_aside([&] { x.guard.coarse = is_coarse(t, x, squared_coarseness(t, x)) | turns_far(t, x); });
 }
 void audit_if(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>& x) {
   if (counting) return;

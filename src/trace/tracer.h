@@ -32,8 +32,8 @@ class Tracer {
   /// Records solve_bounds() under a condition. Everything is stored except for `unread` arrays, and the new state is
   /// read again.
   void solve_bounds_if(Id candidate, const std::set<const void*>& unread);
-  /// Records step_again() under a condition. The tile in memory has the state at the start of the step, and the new state is
-  /// read again.
+  /// Records step_again() under a condition. The tile in memory has the state at the start of the step, and the new
+  /// state is read again.
   void step_again_if(Id candidate);
   /// Records audit() under a condition.
   void audit_if(Id fast);

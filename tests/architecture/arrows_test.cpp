@@ -198,7 +198,7 @@ TEST(Arrows, forbid_what_they_should) {
 
 TEST(Arrows, read_the_includes_of_a_file) {
   const std::vector<std::string> found = includes(root / "src/kernels/step.h");
-  EXPECT_EQ(found.front(), "src/kernels/check.h");
+  EXPECT_EQ(found.front(), "src/kernels/audit.h");
   EXPECT_TRUE(std::find(found.begin(), found.end(), "src/kernels/integrators/euler.h") != found.end());
 }
 

@@ -87,6 +87,7 @@ TEST_P(InactiveBounds, change_no_bit_where_they_are_never_reached) {
     for (int velocity_iterations : {1, 0}) {
       StepSettings settings = contract::settings(GetParam());
       settings.velocity_iterations = velocity_iterations;
+      if (GetParam() == Method::tgs) settings.guard = infinity;  // its sub-steps feed some of these scenes
       const Plan unbounded = compile_without_bounds(limited, settings);
       for (const bool recorded : {false, true}) {
         settings.record_diagnostics = recorded;
@@ -111,6 +112,7 @@ TEST_P(InactiveBounds, change_no_bit_of_an_interpreted_step) {
     const Model limited = with_distant_limits(model, kinds);
     SCOPED_TRACE(model.name);
     StepSettings settings = contract::settings(GetParam());
+    if (GetParam() == Method::tgs) settings.guard = infinity;
     for (const bool recorded : {true, false}) {
       settings.record_impulses = recorded;
       expect_same_steps<float>(compile(limited, settings), compile_without_bounds(limited, settings),

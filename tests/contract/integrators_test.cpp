@@ -157,7 +157,9 @@ TEST(IntegratorSettings, are_refused_with_reason_and_remedy_where_they_do_not_ap
     } else {
       expect_contains(of_chain([](Model& m, StepSettings&) { m.joints[0].upper = 1.0; }), "has bounds",
                       "StepSettings::ignore");
-      expect_contains(of_chain([](Model& m, StepSettings&) { m.joints[0].effort_limit = 1.0; }), "has bounds", "euler");
+      expect_contains(
+          of_chain([](Model& m, StepSettings&) { m.joints[0].effort_limit = 1.0, m.joints[0].drive.kp = 1.0; }),
+          "has bounds", "euler");
     }
     expect_contains(of_chain([](Model&, StepSettings& s) { s.method = Method::pgs; }), "sweeps", "reduced");
     expect_contains(of_chain([](Model&, StepSettings& s) { s.record_impulses = true; }), "record", "euler");

@@ -123,6 +123,7 @@ TEST_P(IntegratorAgreement, holds_for_environments_with_their_own_parameters) {
     options.drives = options.damping = !explicitly;
     if (explicitly) options.soft = scenes::RandomOptions::Soft::never;
     StepSettings settings;
+    settings.guard = infinity;
     settings.integrator = GetParam();
     settings.method = switches ? Method::direct : Method::reduced;
     settings.dt = 1.0 / 480;

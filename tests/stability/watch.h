@@ -19,7 +19,6 @@ constexpr double steps[] = {1.0 / 30, 1.0 / 60, 1.0 / 120, 1.0 / 240, 1.0 / 1000
 inline StepSettings recorded(double dt, Method method = Method::automatic) {
   StepSettings settings = physics::settings(method, 4, 1, dt);
   settings.record_diagnostics = true;
-  settings.guard = StepSettings().guard;
   return settings;
 }
 

@@ -41,8 +41,7 @@ LOCKSTEP_INLINE T servo_force(const Tables<ScalarOf<T>>& t, const Tile<T>& x, co
                               T effort, T z) {
   const LimitedServo& servo = t.servo_velocities[i];
   T v = servo.share < 0 ? z : x.couplings.share[servo.share] * z;
-  if (phase == position_phase && x.servos.corrected && servo.follower >= 0)
-    v += x.couplings.correction[servo.follower];
+  if (phase == position_phase && x.servos.corrected && servo.follower >= 0) v += x.couplings.correction[servo.follower];
   return own.force(x.servos.duration, x.servos.from[t.limited_servos[i]], v) + effort;
 }
 

@@ -117,8 +117,8 @@ void joint_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
     }
     if (has & has_friction) force = fma(larger(share, -share), friction_impulse<T>(t, batch, member.joint), force);
     if (has & has_kinematic_drive) {
-      prescribed = fma(kinematic_velocity(t, batch, x, member.joint, x.state.q[member.joint]) - correction, inverse,
-                       prescribed);
+      prescribed =
+          fma(kinematic_velocity(t, batch, x, member.joint, x.state.q[member.joint]) - correction, inverse, prescribed);
       corrected_by = fma(correction, inverse, corrected_by);
       ++drives;
     }

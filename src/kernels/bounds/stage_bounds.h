@@ -1,7 +1,7 @@
 // Bounds in the stages of a step: what they ask of a stage, and when rows land and stop. SPDX-License-Identifier:
 // Apache-2.0
 //
-// (M86) to (M91). A stage's velocity is that of a time within the step, so bounds ask it for what has acted until then:
+// (M86) to (M90). A stage's velocity is that of a time within the step, so bounds ask it for what has acted until then:
 // a range only after its row has landed, friction one way until the row stops and as a box from then on.
 #pragma once
 
@@ -88,7 +88,7 @@ LOCKSTEP_INLINE RangeEnd<T>& end_of(StageRow<T>& row, int side) {
   return side == 0 ? row.low : row.high;
 }
 
-/// (M91): inertia without what is implicit, as a share of the diagonal of the matrix, for rows with friction.
+/// (M90): inertia without what is implicit, as a share of the diagonal of the matrix, for rows with friction.
 template <class T>
 T share_of_inertia(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x, int r) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
@@ -111,7 +111,8 @@ void open_rows(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
   const T zero = T(0), rest = at_rest<T>();
   x.bounds.invalid = T::none();
   for (int r = 0; r < t.bounds.rows.count; ++r) {
-    read_row(t, batch, r, x.stages.begin.q, [](const Member&) LOCKSTEP_INLINED { return T(0); }, x);
+    read_row(
+        t, batch, r, x.stages.begin.q, [](const Member&) LOCKSTEP_INLINED { return T(0); }, x);
     StageRow<T>& row = x.stage_bounds.row[r];
     const T speed = x.stage_bounds.start[t.bounds.velocity[r]];
     for (int side = 0; side < 2; ++side) {
@@ -130,7 +131,8 @@ void open_rows(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
   }
 }
 
-/// (M87): the interval of row r at the share `chi` of the step, and its box. Returns the part of friction that is known.
+/// (M87): the interval of row r at the share `chi` of the step, and its box. Returns the part of friction that is
+/// known.
 template <class T>
 LOCKSTEP_INLINE T set_interval(const Tables<ScalarOf<T>>& t, int r, T chi, Tile<T>& x) {
   const T zero = T(0);

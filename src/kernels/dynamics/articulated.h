@@ -288,7 +288,7 @@ void solve_outwards(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* first, T*
 /// y = L v, the other way round: v are velocities, and what their bodies' parents move is added.
 template <class T>
 void multiply_outwards(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* v, T* y) {
-  Vec3<T> *const angular = x.articulated.reached_angular, *const linear = x.articulated.reached_linear;
+  Vec3<T>*const angular = x.articulated.reached_angular, *const linear = x.articulated.reached_linear;
   for (int i = 0; i < t.tree.count; ++i) {
     const TreeStructure& tree = t.tree[i];
     if (tree.inertia != InertiaKind::articulated_bodies) continue;

@@ -1,7 +1,7 @@
 // The guard: finds steps that are too coarse for the motion. SPDX-License-Identifier: Apache-2.0
 //
-// Section 20. A leapfrog step has two bias forces. What they differ by, as a share of the momentum, is eta. A lane above
-// the limit takes its step in halves (leapfrog.h).
+// Section 20. A leapfrog step has two bias forces. What they differ by, as a share of the momentum, is eta. A lane
+// above the limit takes its step in halves (leapfrog.h).
 #pragma once
 
 #include "kernels/bounds/stage_bounds.h"
@@ -37,7 +37,7 @@ void keep_prediction(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
-/// (M92): the square of eta.
+/// (M91): the square of eta.
 template <class T>
 T squared_coarseness(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   using S = ScalarOf<T>;
@@ -49,7 +49,8 @@ T squared_coarseness(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   T *const v = x.guard.velocity, *const y = x.guard.product;
   for (int z = 0; z < t.solver.n; ++z) v[z] = x.stages.midpoint.v[independent ? independent[z] : z];
   const T start = form_of_matrix(t, x, v, y);
-  for (int z = 0; z < t.solver.n; ++z) v[z] = fma(inverse_gamma, x.guard.change[independent ? independent[z] : z], v[z]);
+  for (int z = 0; z < t.solver.n; ++z)
+    v[z] = fma(inverse_gamma, x.guard.change[independent ? independent[z] : z], v[z]);
   const T end = form_of_matrix(t, x, v, y);
   x.guard.size = larger(start, end);
   return select(beyond(missed, T(0)), (T(t.step) * inverse_gamma) * missed / x.guard.size, T(0));
@@ -69,7 +70,7 @@ T squared_change_of_bias(const Tables<ScalarOf<T>>& t, Tile<T>& x, T time) {
   return select(beyond(square, T(0)), time * time * square / x.guard.size, T(0));
 }
 
-/// (M93): eta with the bias forces after a landing, which the stages do not have.
+/// (M92): eta with the bias forces after a landing, which the stages do not have.
 template <class T>
 T squared_coarseness_of_landings(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const T first = first_landing(t, x);
@@ -86,10 +87,11 @@ T squared_coarseness_of_landings(const Tables<ScalarOf<T>>& t, const StatePointe
 /// Lanes in which a joint turns so far in the step that bias forces may depend on where in the step they are taken.
 template <class T>
 typename T::Mask turns_far(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
-  return beyond(farthest(x.next.v, t.velocities, farthest(x.stages.begin.v, t.velocities, T(0))), T(ScalarOf<T>(5) * t.fast_above));
+  return beyond(farthest(x.next.v, t.velocities, farthest(x.stages.begin.v, t.velocities, T(0))),
+                T(ScalarOf<T>(5) * t.fast_above));
 }
 
-/// (M94): eta with the bias forces at the positions where the step began.
+/// (M92): eta with the bias forces at the positions where the step began.
 template <class T>
 T squared_coarseness_of_turns(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];

@@ -63,11 +63,11 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   if (t.bounds.by_velocity) settle(t, batch, x);
 }
 
-/// Takes the step from x.stages.begin again in these lanes, by two steps of half the length. Lanes of x.too_fast are too
-/// coarse even for the shortest.
+/// Takes the step from x.stages.begin again in these lanes, by two steps of half the length. Lanes of x.too_fast are
+/// too coarse even for the shortest.
 template <class T>
-void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes, int depth,
-                 Tile<T>& x) {
+void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes,
+                 int depth, Tile<T>& x) {
   const Tables<ScalarOf<T>>& half = *t.half;
   const State<T>&begin = x.guard.begin[depth], &end = x.guard.end[depth];
   auto singular = x.singular;

@@ -1,8 +1,8 @@
 // Bounds within a leapfrog step. SPDX-License-Identifier: Apache-2.0
 //
-// Section 19. The step is made without bounds first. Lanes where they act take the prediction and the stages again, with
-// bounds on the impulses since the start of the step, and then one solve for the positions. All solves share the matrix
-// of the step, in which held velocities are masked.
+// Section 19. The step is made without bounds first. Lanes where they act take the prediction and the stages again,
+// with bounds on the impulses since the start of the step, and then one solve for the positions. All solves share the
+// matrix of the step, in which held velocities are masked.
 #pragma once
 
 #include "kernels/bounds/stage_bounds.h"
@@ -48,8 +48,8 @@ typename T::Mask stages_exceed(const Tables<ScalarOf<T>>& t, const StatePointers
   return found;
 }
 
-/// Lanes in which bounds act on the prediction: at the start of the step a joint is at an end of its range, or the first
-/// stage exceeds a limit.
+/// Lanes in which bounds act on the prediction: at the start of the step a joint is at an end of its range, or the
+/// first stage exceeds a limit.
 template <class T>
 typename T::Mask bounds_act_on_prediction(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                           const Tile<T>& x, int time) {
@@ -98,8 +98,8 @@ void leave_servo_to_search(const Tables<ScalarOf<T>>& t, const StatePointers<Sca
   x.servos.bounded[i] = x.servos.bounded[i] | lanes;
 }
 
-/// What a servo that is left to the search adds to the momentum of stage i beside the search: its effort since the start
-/// instead of all that the stage has of it.
+/// What a servo that is left to the search adds to the momentum of stage i beside the search: its effort since the
+/// start instead of all that the stage has of it.
 template <class T>
 LOCKSTEP_INLINE T effort_since_start(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                      const Tile<T>& x, int i, T duration, int time) {
@@ -128,7 +128,8 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     for (int k = 0; k < i; ++k) before = fma(T(A::before[i][k] / A::gamma), x.stage_bounds.impulse[k * n + z], before);
     own[z] = -before;  // of the stage alone: what has acted since the start less this
     x.held.momentum[z] = momentum[z] - before;
-    if (x.corrects_positions) x.stage_bounds.correction[z] = twice ? x.dynamics.half_solved_position[z] - momentum[z] : T(0);
+    if (x.corrects_positions)
+      x.stage_bounds.correction[z] = twice ? x.dynamics.half_solved_position[z] - momentum[z] : T(0);
   }
   for (int r = 0; r < rows; ++r) {
     const int z = t.bounds.velocity[r];
@@ -160,9 +161,8 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     own[z] += select(x.servos.bounded[s], share * duration * clamp(force, -most, most), T(0));
   }
   for (int z = 0; z < n; ++z) x.dynamics.solution[z] = found_change(x, z);
-  expand(t, x, x.dynamics.solution, x.dynamics.scratch, [&](int f, T following) LOCKSTEP_INLINED {
-    return following - x.couplings.velocity_error[f];
-  });
+  expand(t, x, x.dynamics.solution, x.dynamics.scratch,
+         [&](int f, T following) LOCKSTEP_INLINED { return following - x.couplings.velocity_error[f]; });
   for (int k = 0; k < all; ++k) change[k] = select(lanes, x.dynamics.scratch[k], change[k]);
   expand(t, x, x.held.velocity, x.dynamics.scratch, [](int, T following) LOCKSTEP_INLINED { return following; });
   for (int k = 0; k < all; ++k) velocity[k] = select(lanes, x.dynamics.scratch[k], velocity[k]);
@@ -172,8 +172,7 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
 template <class T>
 void open_stage_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const int* const independent = t.reduction.followers > 0 ? t.reduction.independent.data : nullptr;
-  for (int z = 0; z < t.solver.n; ++z)
-    x.stage_bounds.start[z] = x.stages.midpoint.v[independent ? independent[z] : z];
+  for (int z = 0; z < t.solver.n; ++z) x.stage_bounds.start[z] = x.stages.midpoint.v[independent ? independent[z] : z];
   open_rows(t, batch, x);
   for (int i = 0; i < t.limited_servos.count; ++i) x.servos.bounded[i] = T::none();
 }
@@ -253,9 +252,8 @@ void stages_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   search_held_velocities(t, batch, 1, lanes, x);
   x.singular = singular;
 
-  expand(t, x, x.held.velocity, x.dynamics.scratch, [&](int f, T following) LOCKSTEP_INLINED {
-    return fma(weight, x.couplings.correction[f], following);
-  });
+  expand(t, x, x.held.velocity, x.dynamics.scratch,
+         [&](int f, T following) LOCKSTEP_INLINED { return fma(weight, x.couplings.correction[f], following); });
   for (int k = 0; k < t.velocities; ++k)
     x.stages.mean_velocity[k] = select(lanes, x.dynamics.scratch[k], x.stages.mean_velocity[k]);
   expand(t, x, end, x.dynamics.scratch, [](int, T following) LOCKSTEP_INLINED { return following; });

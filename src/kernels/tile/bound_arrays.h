@@ -149,9 +149,9 @@ struct HeldVelocities {
 /// Servos with an effort limit. The search of held_velocities.h sees a force that acts for a time from given positions.
 template <class T>
 struct LimitedServos {
-  T* saturation;             // [limited servos] -1 or 1 at an end of the limit, else 0
+  T* saturation;              // [limited servos] -1 or 1 at an end of the limit, else 0
   typename T::Mask* bounded;  // [limited servos] lanes in which a stage leaves the servo to the search
-  const T* from;             // [joints] positions
+  const T* from;              // [joints] positions
   T duration;
   bool corrected;  // the position phase corrects followers
   int time;        // of its inputs
@@ -179,11 +179,11 @@ struct RangeEnd {
 template <class T>
 struct StageRow {
   RangeEnd<T> low, high;
-  T most;        // velocity limit
-  T prescribed;  // by kinematic drives
-  T force;       // impulse of friction in a whole step
-  T direction;   // -1 or 1 if it slips at the start, else 0
-  T reversal;    // share of the step after which it slips no longer that way
+  T most;           // velocity limit
+  T prescribed;     // by kinematic drives
+  T force;          // impulse of friction in a whole step
+  T direction;      // -1 or 1 if it slips at the start, else 0
+  T reversal;       // share of the step after which it slips no longer that way
   T inertia_share;  // of the diagonal of the matrix
 };
 

@@ -94,10 +94,10 @@ struct Stages {
 /// What the guard keeps (guard.h).
 template <class T>
 struct Guard {
-  T* bias;      // [velocities] at the start's velocity
-  T* change;    // [velocities] of the prediction
-  T* velocity;  // [solver]
-  T* product;   // [solver]
+  T* bias;                                        // [velocities] at the start's velocity
+  T* change;                                      // [velocities] of the prediction
+  T* velocity;                                    // [solver]
+  T* product;                                     // [solver]
   State<T> begin[guard_depth], end[guard_depth];  // of the steps that are taken in halves
   T eta;                                          // squared, of the last step
   T size;                                         // v^T A v, which eta is relative to
