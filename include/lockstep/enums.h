@@ -17,16 +17,19 @@ enum class Method : int {
   reduced,    ///< followers of always-hard couplings are eliminated when compiling; soft ones are solved as in direct
 };
 
-/// How positions and velocities are taken through time: docs/mathematics.md, sections 9 and 13. docs/choose.md says
-/// which to choose. All but `euler` are for smooth scenes, that is:
-/// - no bounds (limits, friction, kinematic drives, force limits) except those that StepSettings::ignore leaves out;
+/// How positions and velocities are taken through time: docs/mathematics.md, sections 9, 13 and 19. docs/choose.md says
+/// which to choose. All but `euler` need:
+/// - no bounds (limits, friction, kinematic drives, force limits) except those that StepSettings::ignore leaves out.
+///   leapfrog takes hard ones, where each joint with bounds moves with one velocity of the solver and no coupling is
+///   left to solve beside them;
 /// - method direct or reduced, nothing recorded, velocity_iterations of at least 1 where couplings are hard;
 /// - no Parameter::softness of couplings whose softness is an ErpCfm.
 /// Asking for one that does not apply is a SettingsError. `automatic` takes euler then, and Plan::describe() says why.
 enum class Integrator : int {
   automatic,     ///< leapfrog where it applies, else euler
   euler,         ///< semi-implicit Euler, (M45): first order, for every scene
-  leapfrog,      ///< second order, linear terms implicit, (M66) to (M70): two to three times the cost of euler
+  leapfrog,      ///< second order, linear terms implicit, (M66) to (M70), bounds in every stage, (M86) to (M90): about
+                 ///< twice the cost of euler, four to six times where bounds act
   extrapolated,  ///< third order, from leapfrogs of one and of half a step, (M71): about three times the cost of
                  ///< leapfrog; the erp of hard couplings is at most 1.75
   runge_kutta,  ///< the classical method of fourth order, (M72): every coupling hard and eliminated, drives and damping
@@ -52,7 +55,7 @@ enum class Parameter : unsigned {
   armature,         ///< one row per dof, kg m^2 or kg
   stiffness,        ///< one row per dof: of the joint's spring, N m/rad or N/m. Its rest is the model's
   friction,  ///< one row per dof: dry friction, N m or N. Every joint may have some then, so every step solves for
-             ///< it, by Integrator::euler
+             ///< it
   position_limits,  ///< two rows per dof: lower and upper. This and the next two are for joints to which the model
                     ///< gives such a limit; rows of others stay infinite
   velocity_limit,   ///< one row per dof, rad/s or m/s

@@ -217,10 +217,13 @@ void StepOptions::add_to(CLI::App& app) {
       ->type_name("M")
       ->default_str("automatic");
   add_parsed(app, "--integrator", settings.integrator, integrator_of,
-             "How a step goes through time: automatic, euler; for scenes without bounds also leapfrog, extrapolated, "
+             "How a step goes through time: automatic, euler, leapfrog; for scenes without bounds also extrapolated, "
              "runge_kutta")
       ->type_name("I")
       ->default_str("automatic");
+  app.add_option("--guard", settings.guard, "Largest coarseness of a step; inf switches the guard off")
+      ->type_name("E")
+      ->capture_default_str();
   app.add_option("--iterations", settings.iterations, "Sweeps of pgs, sub-steps of tgs")
       ->type_name("K")
       ->capture_default_str()
