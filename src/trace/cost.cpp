@@ -21,6 +21,7 @@ long Plan::bytes_per_environment(int scalar_bytes) const {
   long rows = 2 * t.joints + 3 * t.joints * t.input_times + (7 + 6) * t.roots.count;
   if (t.turning.count > 0) rows += t.joints;
   if (t.record_impulses) rows += t.couplings;
+  if (t.audited) rows += 2;
   if (t.record_diagnostics) rows += 2 * t.reported.count + 4;
   for (unsigned p = 0; p < parameter_count; ++p)
     if (t.declares(static_cast<Parameter>(p))) rows += parameter_rows(static_cast<Parameter>(p));

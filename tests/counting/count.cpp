@@ -33,6 +33,9 @@ Count count(const Plan& plan) {
     batch.residual = block(t.reported.count), batch.row_state = block(t.reported.count), batch.energy = block(4);
   for (int f = 0; f < parameter_count; ++f)
     if ((t.per_environment >> f) & 1u) batch.fields[f] = block(rows_of(t, static_cast<Parameter>(f)));
+  if (t.audited) batch.audit = block(2);
+  t.audited = false;  // count a step that is neither fast nor coarse
+  t.coarse_above = 1e30f;
   std::vector<Fault> fault(1, Fault::none);
   batch.fault = fault.data();
 
