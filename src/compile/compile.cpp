@@ -139,25 +139,10 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   return program;
 }
 
-// The step of half the length, of which an extrapolated step takes two, and a guarded one two in lanes where it is too
-// coarse. ErpCfm depends on the length of a step, so it is converted to the same spring.
-std::shared_ptr<Program> compiled_half(Model model, StepSettings settings) {
-  for (Coupling& coupling : model.couplings) {
-    Softness& softness = coupling.softness;
-    const auto* stated = std::get_if<ErpCfm>(&softness);
-    if (!stated || is_hard(softness)) continue;
-    const double erp = stated->erp, cfm = stated->cfm, dt = settings.dt;
-    softness = Spring{erp / (dt * dt * cfm), (1.0 - erp) / (dt * cfm)};  // (M29)
-  }
-  settings.dt /= 2.0;
-  return compiled(model, settings, Integrator::leapfrog);
-}
-
+// An extrapolated step takes two of half the length. A guarded one takes them in lanes where it is too coarse.
 void take_halves(Program& program, int deep) {
   if (deep == 0) return;
-  StepSettings settings = program.settings;
-  if (!program.f64.guarded) settings.guard = infinity;
-  const std::shared_ptr<Program> half = compiled_half(program.model, settings);
+  const std::shared_ptr<Program> half = half_step(program);
   take_halves(*half, deep - 1);
   program.f64.half = &half->f64;
   program.f32.half = &half->f32;
@@ -185,10 +170,7 @@ Plan compile(const Model& model, const StepSettings& settings) {
     program = compiled(model, settings, Integrator::euler);
     program->integrator_reason = obstacle->reason;
   }
-  const int halvings = program->integrator == Integrator::extrapolated                       ? 1
-                       : program->f64.guarded && program->integrator == Integrator::leapfrog ? guard_depth
-                                                                                             : 0;
-  take_halves(*program, halvings);
+  take_halves(*program, program->integrator == Integrator::extrapolated ? 1 : program->f64.guarded ? guard_depth : 0);
   return Plan(std::move(program));
 }
 

@@ -339,7 +339,9 @@ const OperationList* interpreted_step(const Program& program) {
 bool interpreter_pays(const Program& program) {
   constexpr int most_velocities = 30;  // of the solver: see docs/kernels.md
   const Tables<double>& t = program.f64;
-  return t.solver.n <= most_velocities && program.second_phase_anyway && !t.bounds.always;
+  // Bounds that act take the step again by the tables, and limits act often.
+  const bool again = t.bounds.by_velocity && t.integrator == Integrator::leapfrog;
+  return t.solver.n <= most_velocities && program.second_phase_anyway && !t.bounds.always && !again;
 }
 
 }  // namespace lockstep::interpret

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "kernels/bounds/intervals.h"
+#include "kernels/couplings/coupling_error.h"
 #include "kernels/dynamics/energies.h"
 
 namespace lockstep::kernels {
@@ -42,12 +43,7 @@ void energies_of(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
 template <class T>
 T largest_error(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x, const T* q) {
   T largest = T(0);
-  for (int c = 0; c < t.couplings; ++c) {
-    T error = x.couplings.offset[c];
-    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
-      error = fma(x.couplings.coefficient[k], q[t.term_joint[k]], error);
-    largest = larger(largest, larger(error, -error));
-  }
+  for (int c = 0; c < t.couplings; ++c) largest = larger(largest, absolute(coupling_error(t, x, c, q)));
   for (int i = 0; i < t.bounds.watched.count; ++i) {
     const int j = t.bounds.watched[i].joint;
     if (!t.bounds.watched[i].ranged) continue;
@@ -77,7 +73,7 @@ void audit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   T gained = (kinetic[1] - kinetic[0]) + (potential[1] - potential[0]);
   for (int j = 0; j < t.joints; ++j) gained = gained - most_work(t, batch, x, j);
   const T rounding = farther(farther(farther(kinetic[0], kinetic[1]), potential[0]), potential[1]) * T::rounding();
-  gained = fnma(T(S(4)), larger(rounding, -rounding), gained);
+  gained = fnma(T(S(4)), absolute(rounding), gained);
   S* const rows = batch.audit;
   const auto lanes = x.audit.fast & ~corrects(t, batch, x);
   const T most = larger(T::load(rows + batch.stride), larger(kinetic[0], kinetic[1]));

@@ -48,6 +48,8 @@ double hard_rate(const StepSettings& s, double erp) {
   return (1.0 - std::pow(1.0 - erp, 1.0 / s.iterations)) * s.iterations / s.dt;
 }
 
+}  // namespace
+
 void lay_out_joint_bounds(Program& program) {
   Tables<double>& t = program.f64;
   Bounds<double>& b = t.bounds;
@@ -88,6 +90,8 @@ void lay_out_joint_bounds(Program& program) {
   b.sub_step_rate = storage.keep(std::move(sub_step_rate));
   b.force_limit = storage.keep(std::move(force_limit));
 }
+
+namespace {
 
 double value_of(const Tables<double>& t, const Contribution& share) {
   return (share.term < 0 ? 1.0 : t.term_value[share.term]) * (share.value < 0 ? 1.0 : t.reduction.value[share.value]);

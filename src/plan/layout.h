@@ -145,6 +145,12 @@ struct BoundForms {
 };
 BoundForms lay_out_bounds(Program& program);
 
+/// What bounds each joint has, and their numbers (bounds.cpp).
+void lay_out_joint_bounds(Program& program);
+
+/// The step of half the length (half_step.cpp).
+std::shared_ptr<Program> half_step(const Program& whole);
+
 /// The rows of the diagnostics, and their names (bounds.cpp).
 void lay_out_report(Program& program);
 

@@ -19,6 +19,7 @@ bool bounds_active(const Tables<double>& t, const StatePointers<double>& batch, 
 void solve_bounds(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void bound_prediction(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time);
 void bound_stages(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time);
+inline bool all_bounded(const Tables<double>&, const Tile<Traced>&) { return false; }
 void judge(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void step_again_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void audit_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);

@@ -52,23 +52,28 @@ LOCKSTEP_INLINE T saturated(T force, T most) {
   return select(less(slack, force), T(1), select(less(force, -slack), T(-1), T(0)));
 }
 
-/// Diagonal and right side of a round: A and the momentum with the servos' parts and the known impulses.
+/// Diagonal and right side of a round: A and the momentum with the servos' parts and the known impulses. Returns
+/// whether the diagonal differs from that of the round before.
 template <class T>
-void round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase, Tile<T>& x) {
+bool round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase, Tile<T>& x) {
   const int n = t.solver.n;
   const T zero = T(0), h = x.servos.duration;
   T* const rhs = x.held.rhs;
+  T* const before = x.held.raw;
   for (int z = 0; z < n; ++z) {
+    before[z] = x.held.diagonal[z];
     x.held.diagonal[z] = x.held.matrix[t.solver.offset[z]];
     rhs[z] = x.held.momentum[phase * n + z];
   }
   for (int i = 0; i < t.limited_servos.count; ++i) {
+    const auto acts = searched(t, x, i);
+    if (!any(acts)) continue;
     const int j = t.limited_servos[i];
     const LimitedServo& servo = t.servo_velocities[i];
     const Servo<T> own = kernels::servo<T>(t, batch, x, j, x.servos.time);
     const T effort = feed_forward<T>(t, batch, j, x.servos.time), sigma = x.servos.saturation[i];
     const T share = servo.share < 0 ? T(1) : x.couplings.share[servo.share];
-    const auto linear = ~(less(zero, sigma) | less(sigma, zero)), acts = searched(t, x, i);
+    const auto linear = ~(less(zero, sigma) | less(sigma, zero));
     const T force = select(linear, servo_force(t, x, own, i, phase, effort, x.dynamics.start[servo.velocity]),
                            sigma * effort_limit<T>(t, batch, j));
     const T gain = share * share * (h * fma(h, own.kp, own.kd));
@@ -80,6 +85,9 @@ void round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     const int z = t.bounds.velocity[r];
     rhs[z] += select(held(own), zero, own.impulse);
   }
+  typename T::Mask differs = T::none();
+  for (int z = 0; z < n; ++z) differs = differs | beyond(x.held.diagonal[z] - before[z], zero);
+  return any(differs);
 }
 
 /// (M83): the factor of A with the velocities `mask` held. A held velocity has the inverse 0, so it passes through the
@@ -135,14 +143,17 @@ LOCKSTEP_INLINE Bound<T> interval_of(const Tables<ScalarOf<T>>& t, const Tile<T>
   return {x.bounds.lo[i], x.bounds.hi[i], T(0), x.bounds.force[r], T(0)};
 }
 
-/// (M85): what a step begins with, from the diagonal of A alone.
+/// (M85): what a search begins with, from the diagonal of A alone. Rows without friction go on where the search before
+/// has ended, in these lanes. Returns whether the diagonal differs from that of the round before.
 template <class T>
-void guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases, typename T::Mask open,
-           Tile<T>& x) {
+bool guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases, typename T::Mask open,
+           typename T::Mask going_on, Tile<T>& x) {
   const int rows = t.bounds.rows.count, time = x.servos.time;
   const T zero = T(0), h = x.servos.duration;
   const Phase closing = Phase(phases - 1);
   for (int i = 0; i < t.limited_servos.count; ++i) {
+    x.servos.saturation[i] = zero;
+    if (!any(searched(t, x, i))) continue;
     const LimitedServo& servo = t.servo_velocities[i];
     const Servo<T> own = kernels::servo<T>(t, batch, x, t.limited_servos[i], time);
     const T share = servo.share < 0 ? T(1) : x.couplings.share[servo.share];
@@ -154,25 +165,30 @@ void guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     x.servos.saturation[i] = select(searched(t, x, i), guessed, zero);
   }
   for (int r = 0; r < rows; ++r)
-    for (int p = 0; p < 2; ++p) x.search.branch[p * rows + r] = {T::none(), T::none(), T::none(), zero};
+    for (int p = 0; p < 2; ++p) {
+      Branch<T>& own = x.search.branch[p * rows + r];
+      own = {own.low & going_on, own.high & going_on, T::none(), zero};
+    }
+  bool differs = false;
   for (int p = 0; p < phases; ++p) {
-    round_terms(t, batch, Phase(p), x);
+    differs = round_terms(t, batch, Phase(p), x) || differs;
     for (int r = 0; r < rows; ++r) {
       const int z = t.bounds.velocity[r];
       const Bound<T> row = interval_of(t, x, r, Phase(p));
       const T inertia = x.held.diagonal[z], momentum = fma(inertia, x.dynamics.start[z], x.held.rhs[z]);
       const T slipping = clamp(-momentum, -row.force, row.force), reached = momentum + slipping;
-      Branch<T>& own = x.search.branch[p * rows + r];
+      Branch<T> own;
       own.low = less(reached, inertia * row.lo) & open;
       own.high = less(inertia * row.hi, reached) & ~own.low & open;
       own.stuck = less(-row.force, momentum) & less(momentum, row.force) & ~own.low & ~own.high & open;
       own.impulse = select(open & ~held(own), slipping, zero);
+      replace(x.search.branch[p * rows + r], own, ~going_on | less(zero, row.force));
     }
   }
   for (int i = 0; i < t.limited_servos.count; ++i) {  // of what is held, that of its goal
     const LimitedServo& servo = t.servo_velocities[i];
     const int r = t.bounds.row_of[servo.velocity];
-    if (r < 0) continue;
+    if (r < 0 || !any(searched(t, x, i))) continue;
     const Branch<T>& own = x.search.branch[closing * rows + r];
     const Servo<T> drive = kernels::servo<T>(t, batch, x, t.limited_servos[i], time);
     const T force = servo_force(t, x, drive, i, closing, feed_forward<T>(t, batch, t.limited_servos[i], time),
@@ -181,6 +197,7 @@ void guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
         select(held(own) & searched(t, x, i), saturated(force, effort_limit<T>(t, batch, t.limited_servos[i])),
                x.servos.saturation[i]);
   }
+  return differs;
 }
 
 /// Sets the masks and goals of a phase. Returns whether a mask differs from the one before.
@@ -234,13 +251,15 @@ typename T::Mask move_pieces(const Tables<ScalarOf<T>>& t, const StatePointers<S
   typename T::Mask moved = T::none();
   const Phase closing = Phase(phases - 1);
   for (int i = 0; i < t.limited_servos.count; ++i) {
+    const auto acts = searched(t, x, i);
+    if (!any(acts)) continue;
     const int j = t.limited_servos[i];
     const Servo<T> own = kernels::servo<T>(t, batch, x, j, x.servos.time);
     // In both cases (M63) asks for the force at the velocities that the step ends with.
     const T force = servo_force(t, x, own, i, closing, feed_forward<T>(t, batch, j, x.servos.time),
                                 x.held.velocity[closing * n + t.servo_velocities[i].velocity]);
     const T sigma = x.servos.saturation[i], found = saturated(force, effort_limit<T>(t, batch, j));
-    auto differs = (less(found, sigma) | less(sigma, found)) & open & searched(t, x, i);
+    auto differs = (less(found, sigma) | less(sigma, found)) & open & acts;
     if (one_by_one) differs = differs & ~moved & ~any_moved;
     moved = moved | differs;
     x.servos.saturation[i] = select(differs, sigma + clamp(found - sigma, T(-1), T(1)), sigma);
@@ -290,22 +309,24 @@ LOCKSTEP_INLINE T found_change(const Tile<T>& x, int k) {
   return select(x.held.mask[k], x.held.raw[k], x.held.rhs[k]);
 }
 
-/// Rounds until all lanes have finished. `phases` is 1 where both have the same solution.
+/// Rounds until all lanes have finished. `phases` is 1 where both have the same solution. A search with the matrix of
+/// the one before goes on with its factor, and in the lanes `going_on` with its branches.
 template <class T>
 void search_held_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases,
-                            typename T::Mask open, Tile<T>& x) {
+                            typename T::Mask open, bool same_matrix, typename T::Mask going_on, Tile<T>& x) {
   const int rows = t.bounds.rows.count, budget = all_move + rounds_for_each * (rows + t.limited_servos.count);
-  guess(t, batch, phases, open, x);
+  const bool other_guess = guess(t, batch, phases, open, going_on, x);
   for (int r = 0; r < rows; ++r) x.held.light[r] = T(1) / x.held.matrix[t.solver.offset[t.bounds.velocity[r]]];
-  for (int z = 0; z < t.solver.n; ++z) x.held.mask[z] = T::none();
+  for (int z = 0; z < t.solver.n && !same_matrix; ++z) x.held.mask[z] = T::none();
+  bool factored = same_matrix && !other_guess;
   for (int round = 0; round < budget; ++round) {
     for (int p = 0; p < phases; ++p) {
-      const bool differs = set_goals(t, Phase(p), x);
-      round_terms(t, batch, Phase(p), x);
-      if (differs || p == 0) {
+      const bool other_masks = set_goals(t, Phase(p), x), other_diagonal = round_terms(t, batch, Phase(p), x);
+      if (other_masks || other_diagonal || !factored) {
         const auto weak = factor_masked(t, x);
         if (round == 0 && p == 0) x.singular = weak;
       }
+      factored = true;
       solve_masked(t, Phase(p), x);
     }
     open = move_pieces(t, batch, phases, round >= all_move, open, x);

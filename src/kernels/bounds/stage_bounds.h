@@ -21,11 +21,6 @@ LOCKSTEP_INLINE T at_rest() {
   return T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 1e-6 : 1e-13));
 }
 
-template <class T>
-LOCKSTEP_INLINE T absolute(T a) {
-  return larger(a, -a);
-}
-
 /// A range has this gap at an end, by joint j.
 template <class T>
 LOCKSTEP_INLINE void narrow_range(const Bounds<ScalarOf<T>>& b, int j, T gap, RangeEnd<T>& end) {

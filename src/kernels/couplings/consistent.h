@@ -58,7 +58,7 @@ LOCKSTEP_INLINE typename T::Mask any_inconsistent(const Tables<ScalarOf<T>>& t, 
   }
   if (shape.pair_count > 0) return inconsistent;
   for (int i = 0; i < r.placing.count; ++i)
-    inconsistent = inconsistent | beyond(coupling_error(t, x, r.placing[i]), T(0));
+    inconsistent = inconsistent | beyond(coupling_error(t, x, r.placing[i], x.state.q), T(0));
   for (int f = 0; f < r.followers; ++f) {
     if (!r.placed[f]) continue;
     T speed = T(0);  // in the order of followed()

@@ -22,14 +22,14 @@ LOCKSTEP_INLINE T others_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int 
 }
 
 template <class T>
-LOCKSTEP_INLINE T coupling_error(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int c) {
+LOCKSTEP_INLINE T coupling_error(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int c, const T* q) {
   const int first = t.term_start[c];
-  return fma(x.couplings.coefficient[first], x.state.q[t.term_joint[first]], others_of(t, x, c, x.state.q));
+  return fma(x.couplings.coefficient[first], q[t.term_joint[first]], others_of(t, x, c, q));
 }
 
 template <class T>
 void coupling_errors(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  for (int c = 0; c < t.couplings; ++c) x.couplings.error[c] = coupling_error(t, x, c);
+  for (int c = 0; c < t.couplings; ++c) x.couplings.error[c] = coupling_error(t, x, c, x.state.q);
 }
 
 }  // namespace lockstep::kernels

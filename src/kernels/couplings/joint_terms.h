@@ -19,6 +19,10 @@ LOCKSTEP_INLINE T larger(T a, T b) {
   return select(less(a, b), b, a);
 }
 template <class T>
+LOCKSTEP_INLINE T absolute(T a) {
+  return larger(a, -a);
+}
+template <class T>
 LOCKSTEP_INLINE T clamp(T a, T lo, T hi) {
   return smaller(larger(a, lo), hi);
 }

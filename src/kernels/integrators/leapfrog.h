@@ -39,7 +39,8 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];  // (M67)
   for (int k = 0; k < n; ++k) x.state.v[k] = fma(T(S(0.5) / A::gamma), x.stages.change[k], x.stages.midpoint.v[k]);
   bias_forces(t, batch, x);
-  for (int i = 0; i < leapfrog_stages; ++i) stage(t, batch, x, i, time);
+  if (!all_bounded(t, x))
+    for (int i = 0; i < leapfrog_stages; ++i) stage(t, batch, x, i, time);
 
   for (int k = 0; k < n; ++k) {
     T mean = T(0), change = T(0);

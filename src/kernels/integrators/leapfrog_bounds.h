@@ -30,7 +30,8 @@ typename T::Mask beyond_effort(const Tables<ScalarOf<T>>& t, const StatePointers
   return found;
 }
 
-/// Lanes in which the stages first to last - 1 exceed a limit of velocity or effort.
+/// Lanes in which the stages first to last - 1 exceed a limit of velocity or effort, or after the last stage their mean
+/// that of velocity.
 template <class T>
 typename T::Mask stages_exceed(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
                                int first, int last, int time) {
@@ -39,7 +40,7 @@ typename T::Mask stages_exceed(const Tables<ScalarOf<T>>& t, const StatePointers
   for (int i = 0; i < b.watched.count; ++i) {
     const Watched& joint = b.watched[i];
     if (!joint.has_way) continue;
-    T fastest = T(0);
+    T fastest = last == leapfrog_stages ? x.stages.mean_velocity[t.velocity_of(joint.joint)] : T(0);
     for (int s = first; s < last; ++s)
       fastest = farther(fastest, x.stages.velocity[s * t.velocities + t.velocity_of(joint.joint)]);
     found = found | less(speed_limit<T>(t, batch, joint.joint), absolute(fastest));
@@ -48,42 +49,42 @@ typename T::Mask stages_exceed(const Tables<ScalarOf<T>>& t, const StatePointers
   return found;
 }
 
+/// Lanes in which a joint is at an end of its range or beyond, at the positions `q_of(joint)`, or within `slack` of
+/// one.
+template <class T, class Positions>
+typename T::Mask at_end_of_range(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, T slack,
+                                 Positions&& q_of) {
+  typename T::Mask found = T::none();
+  for (int i = 0; i < t.bounds.watched.count; ++i) {
+    if (!t.bounds.watched[i].ranged) continue;
+    const int j = t.bounds.watched[i].joint;
+    const Interval<T> range = position_limits<T>(t, batch, j);
+    const T q = q_of(j);
+    found = found | ~less(up_to_rounding(range.lo - q, range.lo), -slack) |
+            ~less(up_to_rounding(q - range.hi, range.hi), -slack);
+  }
+  return found;
+}
+
 /// Lanes in which bounds act on the prediction: at the start of the step a joint is at an end of its range, or the
 /// first stage exceeds a limit.
 template <class T>
 typename T::Mask bounds_act_on_prediction(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                           const Tile<T>& x, int time) {
-  const Bounds<ScalarOf<T>>& b = t.bounds;
-  if (b.always) return ~T::none();
-  typename T::Mask found = stages_exceed(t, batch, x, 0, 1, time);
-  for (int i = 0; i < b.watched.count; ++i) {
-    const Watched& joint = b.watched[i];
-    if (!joint.ranged) continue;
-    const Interval<T> range = position_limits<T>(t, batch, joint.joint);
-    const T q = x.stages.begin.q[joint.joint], rest = at_rest<T>();
-    const T below = up_to_rounding(range.lo - q, range.lo), above = up_to_rounding(q - range.hi, range.hi);
-    found = found | ~less(below, -rest) | ~less(above, -rest);
-  }
-  return found;
+  if (t.bounds.always) return ~T::none();
+  const auto begin = [&](int j) LOCKSTEP_INLINED { return x.stages.begin.q[j]; };
+  return stages_exceed(t, batch, x, 0, 1, time) | at_end_of_range(t, batch, at_rest<T>(), begin);
 }
 
 /// Lanes in which the stages exceed a limit, or the step leaves a range.
 template <class T>
 typename T::Mask bounds_act_on_stages(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                       const Tile<T>& x, int time) {
-  const Bounds<ScalarOf<T>>& b = t.bounds;
-  if (b.always) return ~T::none();
-  typename T::Mask found = stages_exceed(t, batch, x, 0, leapfrog_stages, time);
-  for (int i = 0; i < b.watched.count; ++i) {
-    const Watched& joint = b.watched[i];
-    const T mean = x.stages.mean_velocity[t.velocity_of(joint.joint)];
-    if (joint.has_way) found = found | less(speed_limit<T>(t, batch, joint.joint), absolute(mean));
-    if (!joint.ranged) continue;
-    const Interval<T> range = position_limits<T>(t, batch, joint.joint);
-    const T q = fma(T(t.step), mean, x.stages.begin.q[joint.joint]);
-    found = found | less(q, range.lo) | less(range.hi, q);
-  }
-  return found;
+  if (t.bounds.always) return ~T::none();
+  const auto end = [&](int j) LOCKSTEP_INLINED {
+    return fma(T(t.step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.begin.q[j]);
+  };
+  return stages_exceed(t, batch, x, 0, leapfrog_stages, time) | at_end_of_range(t, batch, T(0), end);
 }
 
 /// Takes the servo's gains out of the matrix in these lanes: the search adds what is left of them.
@@ -108,6 +109,17 @@ LOCKSTEP_INLINE T effort_since_start(const Tables<ScalarOf<T>>& t, const StatePo
   const T effort = feed_forward<T>(t, batch, j, time), share = servo.share < 0 ? T(1) : x.couplings.share[servo.share];
   const T linear = kernels::servo<T>(t, batch, x, j, time).force(T(t.dt), x.state.q[j], x.state.v[t.velocity_of(j)]);
   return select(x.servos.bounded[i], share * fnma(T(t.dt), linear + effort, duration * effort), T(0));
+}
+
+/// Searches from where the last search of this step has ended.
+template <class T>
+void go_on_searching(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes,
+                     Tile<T>& x) {
+  const auto singular = x.singular;
+  search_held_velocities(t, batch, 1, lanes, x.stage_bounds.factored, x.stage_bounds.searched & lanes, x);
+  x.singular = singular;
+  x.stage_bounds.factored = true;
+  x.stage_bounds.searched = x.stage_bounds.searched | lanes;
 }
 
 /// Stage i with bounds (M86). Lanes that are not in `lanes` keep the stage that they have.
@@ -139,12 +151,10 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   }
   x.servos.duration = duration, x.servos.from = x.stages.begin.q, x.servos.time = time + i, x.servos.corrected = false;
   for (int s = 0; s < t.limited_servos.count; ++s)
-    x.held.momentum[t.servo_velocities[s].velocity] += effort_since_start(t, batch, x, s, duration, time + i);
+    if (any(x.servos.bounded[s]))
+      x.held.momentum[t.servo_velocities[s].velocity] += effort_since_start(t, batch, x, s, duration, time + i);
 
-  const auto singular = x.singular;
-  search_held_velocities(t, batch, 1, lanes, x);
-  x.singular = singular;
-
+  go_on_searching(t, batch, lanes, x);
   for (int r = 0; r < rows; ++r) {
     const int z = t.bounds.velocity[r];
     const Branch<T>& branch = x.search.branch[r];
@@ -153,6 +163,7 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     x.bounds.invalid = x.bounds.invalid | (beyond(impulse, T(largest_number<ScalarOf<T>>)) & lanes);
   }
   for (int s = 0; s < t.limited_servos.count; ++s) {
+    if (!any(x.servos.bounded[s])) continue;
     const LimitedServo& limited = t.servo_velocities[s];
     const int j = t.limited_servos[s], z = limited.velocity;
     const T share = limited.share < 0 ? T(1) : x.couplings.share[limited.share], most = effort_limit<T>(t, batch, j);
@@ -174,6 +185,8 @@ void open_stage_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   const int* const independent = t.reduction.followers > 0 ? t.reduction.independent.data : nullptr;
   for (int z = 0; z < t.solver.n; ++z) x.stage_bounds.start[z] = x.stages.midpoint.v[independent ? independent[z] : z];
   open_rows(t, batch, x);
+  x.stage_bounds.factored = false;
+  x.stage_bounds.searched = T::none();
   for (int i = 0; i < t.limited_servos.count; ++i) x.servos.bounded[i] = T::none();
 }
 
@@ -248,10 +261,7 @@ void stages_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     x.dynamics.start[z] = mean[z];
     x.held.momentum[z] = weight * x.stage_bounds.correction[z];
   }
-  const auto singular = x.singular;
-  search_held_velocities(t, batch, 1, lanes, x);
-  x.singular = singular;
-
+  go_on_searching(t, batch, lanes, x);
   expand(t, x, x.held.velocity, x.dynamics.scratch,
          [&](int f, T following) LOCKSTEP_INLINED { return fma(weight, x.couplings.correction[f], following); });
   for (int k = 0; k < t.velocities; ++k)
@@ -269,6 +279,12 @@ LOCKSTEP_INLINE void bound_prediction(const Tables<ScalarOf<T>>& t, const StateP
   if (!x.stage_bounds.opened) return;
   open_stage_bounds(t, batch, x);
   predict_with_bounds(t, batch, x, time);
+}
+
+/// Whether all lanes take the stages with bounds, so that nobody needs them without.
+template <class T>
+LOCKSTEP_INLINE bool all_bounded(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  return t.bounds.by_velocity && !any(~x.bounds.candidate & ~x.frozen);
 }
 
 /// After the last stage: takes the stages again in lanes where bounds act.

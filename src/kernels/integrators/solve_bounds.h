@@ -135,7 +135,7 @@ void solve_by_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   if (differ) open_intervals(t, batch, velocity_phase, x);
   const auto open = x.bounds.candidate & ~x.bounds.invalid & ~x.frozen;
   const auto singular = x.singular;
-  search_held_velocities(t, batch, differ ? 2 : 1, open, x);
+  search_held_velocities(t, batch, differ ? 2 : 1, open, false, T::none(), x);
   if (!first) x.singular = singular;
   for (int z = 0; twice && !differ && z < n; ++z) {
     x.held.velocity[n + z] = x.held.velocity[z];

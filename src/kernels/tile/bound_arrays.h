@@ -190,13 +190,15 @@ struct StageRow {
 /// By solver velocity, but for `row`.
 template <class T>
 struct StageBounds {
-  StageRow<T>* row;  // [rows]
-  bool opened;       // bounds have acted in this step
-  T* start;          // velocity at the start of the step
-  T* end;            // velocity at its end
-  T* mean;           // velocity that moves the positions
-  T* correction;     // momentum that corrects followers' positions
-  T* impulse;        // [stages] of each stage alone
+  StageRow<T>* row;           // [rows]
+  bool opened;                // bounds have acted in this step
+  bool factored;              // and the matrix of the step has been factored with velocities held
+  typename T::Mask searched;  // lanes in which they have acted
+  T* start;                   // velocity at the start of the step
+  T* end;                     // velocity at its end
+  T* mean;                    // velocity that moves the positions
+  T* correction;              // momentum that corrects followers' positions
+  T* impulse;                 // [stages] of each stage alone
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
