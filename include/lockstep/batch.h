@@ -78,6 +78,17 @@ struct UnmetCoupling {
   double velocity_error;  ///< dC/dt, rad/s or m/s
 };
 
+/// Where and when an environment failed.
+struct FaultReport {
+  Fault fault = Fault::none;
+  FaultStage stage = FaultStage::none;
+  /// The dof whose new position or velocity is beyond its bound or no number, or the fastest one if the motion is too
+  /// fast. -1 where a floating root, a parameter or the matrix is to blame.
+  int dof = -1;
+  std::uint32_t step = 0;  ///< steps of dt that it had taken since its last reset
+  double time = 0.0;       ///< s, of these steps
+};
+
 /// Rows of numbers in memory of the caller: the number of a row and an environment stands at
 /// data[row * row_stride + environment * environment_stride]. Strides count numbers.
 template <class S>
@@ -192,9 +203,15 @@ class LOCKSTEP_API Batch {
   // --- faults ----------------------------------------------------------------------------------
   std::span<const Fault> faults() const;  ///< one per environment
   int faulted() const;                    ///< how many are not Fault::none
+  /// All zero but for dof without a fault. Throws UsageError for an environment outside the batch.
+  FaultReport fault_report(int environment) const;
   /// In words: the fault, the fields, joints and values that are to blame now, the rule they break and the remedy.
   /// Empty without a fault. Throws UsageError for an environment outside the batch.
   std::string explain_fault(int environment) const;
+
+  // --- counts, one per environment; they wrap around at 2^32 ------------------------------------
+  std::span<const std::uint32_t> steps() const;   ///< of dt that it has taken since its last reset
+  std::span<const std::uint32_t> resets() const;  ///< of the environment
 
   // --- readbacks, computed when asked for ------------------------------------------------------
   /// Frames of all links and sites in one kinematics pass, into memory of the caller. Allocates nothing with one

@@ -79,10 +79,21 @@ enum class Fault : std::uint32_t {
   too_fast = 5,    ///< the motion is too fast for the step, so its energy would not be right: StepSettings::guard
 };
 
+/// What found the fault.
+enum class FaultStage : std::uint32_t {
+  none,
+  values,  ///< the look at parameters and quaternions when step() is called, before anything moves
+  matrix,  ///< the factorisation of the mass matrix
+  guard,   ///< the guard, in the finest of its halvings
+  energy,  ///< the audit of energy
+  state,   ///< the look at the new positions and velocities
+};
+
 /// The enumerator's name: "reduced", "leapfrog", "gear_ratio", "not_finite" ... The string lives forever.
 LOCKSTEP_API const char* to_string(Method method) noexcept;
 LOCKSTEP_API const char* to_string(Integrator integrator) noexcept;
 LOCKSTEP_API const char* to_string(Parameter parameter) noexcept;
 LOCKSTEP_API const char* to_string(Fault fault) noexcept;
+LOCKSTEP_API const char* to_string(FaultStage stage) noexcept;
 
 }  // namespace lockstep

@@ -181,6 +181,25 @@ int Batch<S>::faulted() const {
 }
 
 template <class S>
+FaultReport Batch<S>::fault_report(int environment) const {
+  impl().check_id(environment);
+  const Fault fault = impl().fault.data()[environment];
+  if (fault == Fault::none) return {};
+  const FaultPlace& place = impl().fault_place.data()[environment];
+  const std::uint32_t step = impl().steps.data()[environment];
+  return {fault, place.stage, place.dof, step, step * plan().settings().dt};
+}
+
+template <class S>
+std::span<const std::uint32_t> Batch<S>::steps() const {
+  return {impl().steps.data(), static_cast<std::size_t>(impl().environments)};
+}
+template <class S>
+std::span<const std::uint32_t> Batch<S>::resets() const {
+  return {impl().resets.data(), static_cast<std::size_t>(impl().environments)};
+}
+
+template <class S>
 auto Batch<S>::coupling_errors() const -> Array {
   return impl().read(Quantity::coupling_errors, impl().tables.couplings);
 }

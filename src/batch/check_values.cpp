@@ -38,7 +38,8 @@ template <class S>
 void Batch<S>::Impl::check_values(std::ptrdiff_t first, std::ptrdiff_t last) {
   const auto flag_unless = [&](const auto& holds) {
     for (std::ptrdiff_t e = first; e < last; ++e)
-      if (!holds(e) && fault.data()[e] == Fault::none) fault.data()[e] = Fault::bad_value;
+      if (!holds(e) && fault.data()[e] == Fault::none)
+        fault.data()[e] = Fault::bad_value, fault_place.data()[e] = {FaultStage::values, -1};
   };
   if (!normalise_roots(first, last))
     flag_unless([&](std::ptrdiff_t e) {

@@ -12,6 +12,16 @@ std::string text_of(Number number) {
   return std::string(text, std::to_chars(text, text + sizeof text, number).ptr);
 }
 
+const char* finder_of(FaultStage stage) {
+  switch (stage) {
+    case FaultStage::values: return "the look at values before the step";
+    case FaultStage::matrix: return "the factorisation";
+    case FaultStage::guard: return "the guard";
+    case FaultStage::energy: return "the audit of energy";
+    default: return "the look at the new state";
+  }
+}
+
 void add(std::string& list, const std::string& what) { list += (list.empty() ? "" : ", ") + what; }
 
 }  // namespace
@@ -85,15 +95,15 @@ std::string Batch<S>::explain_fault(int environment) const {
                " or a velocity " + text_of(program.settings.velocity_bound);
     }
   }
-  if (fault == Fault::diverged || fault == Fault::too_fast) {
-    int fastest = 0;
-    for (int dof = 1; dof < batch.tables.joints; ++dof)
-      if (std::abs(number(batch.velocity, dof)) > std::abs(number(batch.velocity, fastest))) fastest = dof;
-    if (batch.tables.joints > 0)
-      words += "; the fastest joint before was '" + program.dof_names[fastest] + "', at " +
-               text_of(number(batch.position, fastest)) + " with velocity " + text_of(number(batch.velocity, fastest));
-  }
   if (!wrong.empty()) words += "; " + wrong;
+  const FaultReport report = fault_report(environment);
+  words += "; found in step " + text_of(report.step) + " since the reset, at " + text_of(report.time) + " s, by " +
+           finder_of(report.stage);
+  if (report.dof >= 0 && wrong.empty())
+    words += "; " + std::string(fault == Fault::too_fast ? "the fastest joint" : "the joint to blame") + " is '" +
+             program.dof_names[static_cast<std::size_t>(report.dof)] + "', now at " +
+             text_of(number(batch.position, report.dof)) + " with velocity " +
+             text_of(number(batch.velocity, report.dof));
   return words + "; " +
          (!wrong.empty()             ? "correct what is named"
           : fault == Fault::too_fast ? "use a smaller dt, leapfrog or more damping, or StepSettings::guard"

@@ -69,10 +69,13 @@ struct Batch<S>::Impl {
     for (int f = 0; f < parameter_count; ++f)
       if (plan.settings().per_environment.contains(static_cast<Parameter>(f)))
         field[f] = rows(plan.parameter_rows(static_cast<Parameter>(f)));
-    fault = AlignedBlock<Fault>(static_cast<std::size_t>(stride));
+    const std::size_t counted = static_cast<std::size_t>(stride);
+    fault = AlignedBlock<Fault>(counted), fault_place = AlignedBlock<FaultPlace>(counted);
+    steps = AlignedBlock<std::uint32_t>(counted), resets = AlignedBlock<std::uint32_t>(counted);
     find_start();
     fill_parameters();
     for (int e = 0; e < stride; ++e) reset(e, false);  // the padding as well: it is stepped, so it must be sound
+    std::fill_n(resets.data(), stride, 0u);
     require_representable();
   }
 
@@ -200,7 +203,8 @@ struct Batch<S>::Impl {
       for (std::size_t row = 0; row < part.numbers.size() && !(part.is_input && keep_inputs); ++row)
         part.block->data()[static_cast<std::ptrdiff_t>(row) * stride + e] = part.numbers[row];
     for (int row = 0; row < 2 && audit.size() > 0; ++row) audit.data()[row * stride + e] = S(0);
-    fault.data()[e] = Fault::none;
+    fault.data()[e] = Fault::none, fault_place.data()[e] = {};
+    steps.data()[e] = 0, ++resets.data()[e];
   }
 
   void check_mask(std::span<const bool> mask, const char* whose) const {
@@ -272,7 +276,7 @@ struct Batch<S>::Impl {
     l.row_state = row_state.data();
     l.energy = energy.data();
     l.audit = audit.data();
-    l.fault = fault.data();
+    l.fault = fault.data(), l.place = fault_place.data(), l.steps = steps.data();
     return l;
   }
 
@@ -288,8 +292,11 @@ struct Batch<S>::Impl {
     const Advance<S> advance = chosen.kernel ? advance_of<S>(*chosen.kernel) : kernels.advance;
     const auto step_part = [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
       check_values(first, std::min<std::ptrdiff_t>(last, environments));
-      if (operations) return kernels.interpret(tables, l, first, last, substeps, scratch, *operations);
-      advance(tables, l, first, last, substeps, scratch);
+      if (operations)
+        kernels.interpret(tables, l, first, last, substeps, scratch, *operations);
+      else
+        advance(tables, l, first, last, substeps, scratch);
+      count_steps(first, last, static_cast<std::uint32_t>(substeps));
     };
     // Parts whose values are still in the cache when they are stepped.
     const std::ptrdiff_t most = rules.rows.empty() && tables.roots.count == 0 ? stepped() : 2048;
@@ -298,6 +305,13 @@ struct Batch<S>::Impl {
                                for (; first < last; first += most)
                                  step_part(first, std::min(first + most, last), scratch);
                              });
+  }
+
+  // Of environments that have failed, the kernel has counted.
+  void count_steps(std::ptrdiff_t first, std::ptrdiff_t last, std::uint32_t substeps) {
+    const Fault* const faults = fault.data();
+    std::uint32_t* const counts = steps.data();
+    for (std::ptrdiff_t e = first; e < last; ++e) counts[e] += faults[e] == Fault::none ? substeps : 0u;
   }
 
   Array read(const kernels::Request<S>& request, int row_count) {
@@ -408,6 +422,8 @@ struct Batch<S>::Impl {
   AlignedBlock<S> position_target, velocity_target, effort, impulse, residual, row_state, energy, audit;
   AlignedBlock<S> field[parameter_count];
   AlignedBlock<Fault> fault;
+  AlignedBlock<FaultPlace> fault_place;
+  AlignedBlock<std::uint32_t> steps, resets;
 };
 
 }  // namespace lockstep

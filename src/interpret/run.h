@@ -378,6 +378,7 @@ void interpret(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
       begin_tiles(l, batch, first, last, false);
     }
     for (int i = 0; i < substeps; ++i) {
+      for (Tile<T>& tile : l.x) tile.step = static_cast<std::uint32_t>(i);
       run(l);
       if (!l.has_turned || i + 1 == substeps) continue;
       for (int k = 0; k < l.tiles; ++k) end_tile(l, k);

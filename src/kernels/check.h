@@ -7,6 +7,12 @@
 
 namespace lockstep::kernels {
 
+/// Whether the audit (M94) has found too much energy from nowhere.
+template <class S>
+bool gains_energy(const Tables<S>& t, const StatePointers<S>& batch, int lane) {
+  return t.audited && batch.audit[lane] > t.most_gain * batch.audit[batch.stride + lane];
+}
+
 /// The farthest position of a joint that does not turn for ever, or number of a floating root's pose.
 template <class T>
 LOCKSTEP_INLINE T farthest_position(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
@@ -14,7 +20,7 @@ LOCKSTEP_INLINE T farthest_position(const Tables<ScalarOf<T>>& t, const Tile<T>&
   return t.turning.count == 0 ? farthest(x.next.q, t.joints, most) : farthest(x.next.q, t.other_runs, most);
 }
 
-/// Sets the fault of lanes that have just failed and have none yet. A matrix that cannot be factored comes first,
+/// Sets the fault of lanes that have just failed. A matrix that cannot be factored comes first,
 /// because it explains any numbers that follow from it.
 template <class T>
 void flag(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
@@ -30,12 +36,17 @@ void flag(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
           ? T::none()
           : beyond(start, T(t.velocity_bound)) & ~beyond(start, T(largest_number<ScalarOf<T>>));
   for (int i = 0; i < T::lanes; ++i) {
-    if (!lane(failed, i) || batch.fault[i] != Fault::none) continue;
-    batch.fault[i] = lane(began_beyond, i)                  ? Fault::diverged
-                     : lane(x.singular, i)                  ? Fault::singular
-                     : lane(infinite, i)                    ? Fault::not_finite
-                     : lane(x.too_fast, i) && lane(slow, i) ? Fault::too_fast
-                                                            : Fault::diverged;
+    if (!lane(failed, i)) continue;
+    if (lane(x.singular, i) && !lane(began_beyond, i))
+      set_fault(batch, x, i, Fault::singular, {FaultStage::matrix, -1});
+    else if (lane(infinite, i) && !lane(began_beyond, i))
+      set_fault(batch, x, i, Fault::not_finite, {FaultStage::state, dof_beyond(t, x.next, i)});
+    else if (lane(x.too_fast, i) && lane(slow, i) && !lane(began_beyond, i))
+      set_fault(batch, x, i, Fault::too_fast,
+                {gains_energy(t, batch, i) ? FaultStage::energy : FaultStage::guard, fastest_dof(t, x.state, i)});
+    else
+      set_fault(batch, x, i, Fault::diverged,
+                {FaultStage::state, dof_beyond(t, lane(began_beyond, i) ? x.state : x.next, i)});
   }
 }
 

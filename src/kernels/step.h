@@ -70,7 +70,10 @@ void advance(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& bat
     int tiles = 0;
     for (; tiles < Way::tiles_per_call && first < last; ++tiles, first += T::lanes)
       load(t, own[tiles], x[tiles], shape);
-    for (int i = 0; i < substeps; ++i) Way::step(t, own, x, carried, tiles);
+    for (int i = 0; i < substeps; ++i) {
+      for (int k = 0; k < tiles; ++k) x[k].step = static_cast<std::uint32_t>(i);
+      Way::step(t, own, x, carried, tiles);
+    }
     for (int k = 0; k < tiles; ++k) {
       store(t, own[k], x[k], shape);
       move(own[k], Way::tiles_per_call * T::lanes, shape);

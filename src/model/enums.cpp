@@ -34,6 +34,18 @@ const char* to_string(Parameter parameter) noexcept {
   return index < parameter_count ? names[index] : "unknown";
 }
 
+const char* to_string(FaultStage stage) noexcept {
+  switch (stage) {
+    case FaultStage::none: break;
+    case FaultStage::values: return "values";
+    case FaultStage::matrix: return "matrix";
+    case FaultStage::guard: return "guard";
+    case FaultStage::energy: return "energy";
+    case FaultStage::state: return "state";
+  }
+  return "none";
+}
+
 const char* to_string(Fault fault) noexcept {
   switch (fault) {
     case Fault::none: break;

@@ -18,6 +18,7 @@ Recorder::Recorder(const std::string& path, int environment, const Plan& plan)
   for (auto column = dofs; column != columns.end(); ++column) names.push_back(csv_field(column->name));
   for (const Site& site : plan.model().sites)
     for (const char* axis : {"x", "y", "z"}) names.push_back(csv_field(fmt::format("site.{}.{}", site.name, axis)));
+  names.push_back("fault");
   file_->write(fmt::format("{}\n", fmt::join(names, ",")));
 }
 
@@ -38,6 +39,7 @@ void Recorder::add(double time, Batch<S>& batch, const typename Batch<S>::Array&
     const typename Batch<S>::Array place = batch.site_positions(static_cast<int>(site));
     for (int k = 0; k < 3; ++k) append(place(k, environment_));
   }
+  append(static_cast<unsigned>(batch.faults()[environment_]));
   line.push_back('\n');
   file_->write(fmt::to_string(line));
 }

@@ -9,7 +9,8 @@
 namespace lockstep::tool {
 
 /// Columns: time; NAME, NAME.v by joint; C.NAME by coupling; the root's pose and velocity if it floats; site.NAME.x,
-/// .y, .z. Numbers have enough digits to read back to the same bits.
+/// .y, .z; fault: the number of Fault, 0 while the environment steps, else the row is that of a frozen environment.
+/// Numbers have enough digits to read back to the same bits.
 class Recorder {
  public:
   Recorder() = default;  ///< records nothing

@@ -44,7 +44,8 @@ struct Outcome {
   Engine engine = Engine::automatic;
   double coupling_error_max = 0.0, coupling_error_rms = 0.0;  ///< NaN where every environment faulted
   int faulted = 0, first_faulted = -1;
-  Fault first_fault = Fault::none;
+  FaultReport first_fault = {};
+  std::string first_joint = {};
   std::string explanation = {};  ///< Batch::explain_fault() of the first
 };
 
@@ -77,8 +78,12 @@ template <class S>
 void note_faults(const Batch<S>& batch, Outcome& outcome) {
   outcome.faulted = batch.faulted();
   for (int e = batch.environments() - 1; e >= 0; --e)
-    if (batch.faults()[e] != Fault::none) outcome.first_faulted = e, outcome.first_fault = batch.faults()[e];
-  if (outcome.faulted > 0) outcome.explanation = batch.explain_fault(outcome.first_faulted);
+    if (batch.faults()[e] != Fault::none) outcome.first_faulted = e;
+  if (outcome.faulted > 0) {
+    outcome.first_fault = batch.fault_report(outcome.first_faulted);
+    if (outcome.first_fault.dof >= 0) outcome.first_joint = batch.plan().dof_names()[outcome.first_fault.dof];
+    outcome.explanation = batch.explain_fault(outcome.first_faulted);
+  }
   if (outcome.faulted == batch.environments())
     outcome.coupling_error_max = outcome.coupling_error_rms = std::numeric_limits<double>::quiet_NaN();
 }
@@ -216,7 +221,12 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   json["coupling_error_rms"] = outcome.coupling_error_rms;
   json["faulted_environments"] = outcome.faulted;
   if (outcome.faulted > 0)
-    json["first_fault"] = {{"environment", outcome.first_faulted}, {"fault", to_string(outcome.first_fault)}};
+    json["first_fault"] = {{"environment", outcome.first_faulted},
+                           {"fault", to_string(outcome.first_fault.fault)},
+                           {"stage", to_string(outcome.first_fault.stage)},
+                           {"joint", outcome.first_joint},
+                           {"step", outcome.first_fault.step},
+                           {"time", outcome.first_fault.time}};
   json["diagnosed_environments"] = diagnosis.environments;
   json["energy_excess_max"] = diagnosis.energy_excess_max;
   json["limit_violation_max"] = diagnosis.limit_violation_max;

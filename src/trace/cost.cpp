@@ -1,6 +1,7 @@
 // Plan's costs: operations and bytes. SPDX-License-Identifier: Apache-2.0
 #include "cost.h"
 
+#include "kernels/tile/state_pointers.h"
 #include "lockstep/plan.h"
 
 namespace lockstep {
@@ -13,7 +14,8 @@ long Plan::bytes_per_step(int scalar_bytes) const {
   const long recorded = (t.record_impulses ? t.couplings : 0) + (t.record_diagnostics ? 2 * t.reported.count + 4 : 0);
   const long loaded = static_cast<long>(trace::cost_of(*program_).loaded.size());
   const long angles = t.turning.count;  // stored
-  return (2 * state + angles + loaded + recorded) * scalar_bytes + static_cast<long>(sizeof(Fault));
+  return (2 * state + angles + loaded + recorded) * scalar_bytes +
+         static_cast<long>(sizeof(Fault) + 2 * sizeof(std::uint32_t));
 }
 
 long Plan::bytes_per_environment(int scalar_bytes) const {
@@ -25,7 +27,8 @@ long Plan::bytes_per_environment(int scalar_bytes) const {
   if (t.record_diagnostics) rows += 2 * t.reported.count + 4;
   for (unsigned p = 0; p < parameter_count; ++p)
     if (t.declares(static_cast<Parameter>(p))) rows += parameter_rows(static_cast<Parameter>(p));
-  return rows * scalar_bytes + static_cast<long>(sizeof(Fault));
+  constexpr long counts = 2 * sizeof(std::uint32_t);  // steps, resets
+  return rows * scalar_bytes + static_cast<long>(sizeof(Fault) + sizeof(FaultPlace)) + counts;
 }
 
 }  // namespace lockstep

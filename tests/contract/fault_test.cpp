@@ -171,6 +171,60 @@ TEST(Fault, freezes_at_the_last_good_substep) {
   at_once.step(good + 5);
   EXPECT_EQ(at_once.faults()[4], Fault::diverged);
   EXPECT_TRUE(same_bits(outcome(at_once, 4), last));
+  for (Batch<double>* batch : {&at_once, &one_by_one}) {
+    const FaultReport report = batch->fault_report(4);
+    EXPECT_EQ(report.fault, Fault::diverged);
+    EXPECT_EQ(report.stage, FaultStage::state);
+    EXPECT_EQ(report.step, static_cast<std::uint32_t>(good));
+    EXPECT_DOUBLE_EQ(report.time, good / 240.0);
+    EXPECT_EQ(batch->steps()[4], report.step);
+    EXPECT_EQ(batch->fault_report(3).dof, -1);
+  }
+  EXPECT_EQ(at_once.steps()[3], static_cast<std::uint32_t>(good + 5));
+  at_once.reset(std::vector<int>{4});
+  EXPECT_EQ(at_once.fault_report(4).stage, FaultStage::none);
+  EXPECT_EQ(at_once.steps()[4], 0u);
+  EXPECT_EQ(at_once.resets()[4], 1u);
+  EXPECT_EQ(at_once.resets()[3], 0u);
+}
+
+// Every stage that finds faults says so, and names a dof where it can; by the tables and by the interpreter.
+TEST(Fault, reports_what_found_it) {
+  struct Case {
+    const char* name;
+    std::function<void(Batch<double>&)> write;
+    FaultStage stage;
+    int dof;
+  };
+  const std::vector<Case> cases = {
+      {"mass below 0", [](Batch<double>& b) { b.parameter(Parameter::mass).col(1).setConstant(-1.0); },
+       FaultStage::values, -1},
+      {"armature without end", [](Batch<double>& b) { b.parameter(Parameter::armature)(2, 1) = 1e308; },
+       FaultStage::matrix, -1},
+      {"far joint", [](Batch<double>& b) { b.positions()(3, 1) = 3e5; }, FaultStage::state, 3},
+      {"fast joint", [](Batch<double>& b) { b.velocities()(2, 1) = 3e5; }, FaultStage::state, 2},
+      {"whirling joint", [](Batch<double>& b) { b.velocities()(0, 1) = 2e3; }, FaultStage::guard, 0},
+  };
+  Model model = scenes::chain8();
+  model.couplings.clear();
+  for (Joint& joint : model.joints) joint.lower = -1e9, joint.upper = 1e9;  // positions have a bound then
+  StepSettings settings;
+  settings.per_environment = {Parameter::mass, Parameter::armature};
+  const Plan plan = compile(model, settings);
+  for (Engine engine : {Engine::tables, Engine::interpreter})
+    for (const Case& wrong : cases) {
+      SCOPED_TRACE(std::string(wrong.name) + ", " + to_string(engine));
+      Batch<double> batch(plan, 9, {.threads = 1, .engine = engine});
+      batch.step(2);
+      wrong.write(batch);
+      batch.step(3);
+      const FaultReport report = batch.fault_report(1);
+      EXPECT_NE(report.fault, Fault::none);
+      EXPECT_STREQ(to_string(report.stage), to_string(wrong.stage)) << batch.explain_fault(1);
+      EXPECT_EQ(report.dof, wrong.dof);
+      EXPECT_EQ(report.step, 2u);
+      EXPECT_EQ(batch.faulted(), 1);
+    }
 }
 
 // `reduced` must not hide the error by moving the follower to its leader.

@@ -106,8 +106,11 @@ TEST(Guard, names_the_fault_the_joint_and_the_remedy) {
   for (int i = 0; i < 600 && batch.faulted() == 0; ++i) batch.step();
   ASSERT_EQ(batch.faults()[0], Fault::too_fast);
   const std::string words = batch.explain_fault(0);
-  for (const char* part : {"too_fast", "too fast for the step", "fastest joint before was 'j", "smaller dt"})
+  for (const char* part : {"too_fast", "too fast for the step", "the fastest joint is 'j", "smaller dt"})
     EXPECT_NE(words.find(part), std::string::npos) << words;
+  EXPECT_EQ(batch.fault_report(0).stage, FaultStage::energy);
+  EXPECT_EQ(batch.fault_report(0).step, batch.steps()[0]);
+  EXPECT_GE(batch.fault_report(0).dof, 0);
   batch.reset();
   EXPECT_EQ(batch.faulted(), 0);
 }

@@ -159,8 +159,27 @@ TEST_F(Command, reports_faults_with_exit_code_1_and_one_line) {
   expect_one_complaint(ran.err, "2 of 9 environments faulted; the first is number 2: diverged");
   const auto json = nlohmann::json::parse(contents(path("r.json")));
   EXPECT_EQ(json.at("faulted_environments"), 2);
-  EXPECT_EQ(json.at("first_fault").at("environment"), 2);
+  const auto& first = json.at("first_fault");
+  EXPECT_EQ(first.at("environment"), 2);
+  EXPECT_EQ(first.at("fault"), "diverged");
+  EXPECT_EQ(first.at("stage"), "state");
+  EXPECT_EQ(first.at("joint"), "wrist");
+  EXPECT_EQ(first.at("step"), 0);
+  EXPECT_EQ(first.at("time"), 0.0);
   EXPECT_TRUE(std::isfinite(json.at("coupling_error_max").get<double>()));
+}
+
+TEST_F(Command, record_marks_the_rows_of_a_frozen_environment) {
+  const std::string state = write("wild.csv", "wrist.v\n0\n1e9\n");
+  for (const char* environment : {"0", "1"}) {
+    run({"simulate", model, "--envs", "2", "--state", state, "--seconds", "0.1", "--record", path("r.csv"),
+         "--record-env", environment});
+    const Table table = read_csv(path("r.csv"));
+    ASSERT_EQ(table.columns.back(), "fault");
+    EXPECT_EQ(table.rows.front().back(), 0.0) << "before the first step nothing has failed";
+    const double fault = environment[0] == '1' ? static_cast<double>(Fault::diverged) : 0.0;
+    for (std::size_t row = 1; row < table.rows.size(); ++row) EXPECT_EQ(table.rows[row].back(), fault);
+  }
 }
 
 }  // namespace

@@ -108,11 +108,11 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
 TEST_F(Command, record_has_the_documented_columns_and_a_row_per_step) {
   const std::vector<std::string> rows = lines(recorded({"--seconds", "0.1", "--dt", "1/60"}));
   ASSERT_EQ(rows.size(), 1u + 1 + 6);
-  EXPECT_EQ(rows[0], "time,shoulder,shoulder.v,elbow,elbow.v,wrist,wrist.v,slide,slide.v,C.elbow,C.slide");
+  EXPECT_EQ(rows[0], "time,shoulder,shoulder.v,elbow,elbow.v,wrist,wrist.v,slide,slide.v,C.elbow,C.slide,fault");
   EXPECT_TRUE(rows[1].starts_with("0,0,0,0,0,0,0,"));
   recorded({"--floating-base", "--seconds", "0.1"}, "floating.csv");
   const Table table = read_csv(path("floating.csv"));
-  ASSERT_EQ(table.columns.size(), 11u + 13);
+  ASSERT_EQ(table.columns.size(), 11u + 13 + 1);
   EXPECT_EQ(table.columns[11], "root.x");
   EXPECT_EQ(table.columns[14], "root.qw");
   EXPECT_EQ(table.columns[23], "root.vz");

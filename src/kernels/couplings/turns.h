@@ -4,6 +4,7 @@
 // change at the end of a step in which an angle has left [-pi, pi], which is rare.
 #pragma once
 
+#include "kernels/tile/faults.h"
 #include "kernels/tile/lay_out.h"
 #include "simd/turns.h"
 
@@ -137,6 +138,19 @@ LOCKSTEP_INLINE typename T::Mask has_turned(const Tables<ScalarOf<T>>& t, const 
   return beyond(farthest(next.q, t.turning_runs, T(0)), T(ScalarOf<T>(simd::most_angle))) & ~x.frozen;
 }
 
+template <class T>
+int dof_with_most_turns(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int lane) {
+  using S = ScalarOf<T>;
+  int worst = t.turning[0];
+  const auto turns_of = [&](int j) {
+    const S turns = x.couplings.turns[j].lane(lane) + simd::whole_turns(x.next.q[j]).lane(lane);
+    return turns < S(0) ? -turns : turns;
+  };
+  for (int i = 1; i < t.turning.count; ++i)
+    if (!(turns_of(t.turning[i]) <= turns_of(worst))) worst = t.turning[i];
+  return t.dof[worst];
+}
+
 /// Lanes whose turns cannot be counted, or whose angle is no number, keep their last state, with a fault.
 template <class T>
 void freeze_countless(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
@@ -149,8 +163,9 @@ void freeze_countless(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
   if (!any(countless)) return;
   const auto infinite = beyond(farthest(x.next.q, t.turning_runs, T(0)), T(largest_number<S>));
   for (int i = 0; i < T::lanes; ++i)
-    if (lane(countless, i) && batch.fault[i] == Fault::none)
-      batch.fault[i] = lane(infinite, i) ? Fault::not_finite : Fault::diverged;
+    if (lane(countless, i))
+      set_fault(batch, x, i, lane(infinite, i) ? Fault::not_finite : Fault::diverged,
+                {FaultStage::state, dof_with_most_turns(t, x, i)});
   each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
     for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(countless, (x.state.*part)[i], (x.next.*part)[i]);
   });

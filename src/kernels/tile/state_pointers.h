@@ -8,6 +8,12 @@
 
 namespace lockstep {
 
+/// What found the fault of an environment, and in which dof, -1 if in none.
+struct FaultPlace {
+  FaultStage stage = FaultStage::none;
+  std::int32_t dof = -1;
+};
+
 /// Rows [dof][environment], `stride` numbers apart. Environments are padded to whole tiles.
 template <class S>
 struct StatePointers {
@@ -27,6 +33,8 @@ struct StatePointers {
   S* energy = nullptr;                    ///< 4 rows, the same
   S* audit = nullptr;                     ///< 2 rows, null unless audited: energy from nowhere, largest kinetic energy
   Fault* fault = nullptr;
+  FaultPlace* place = nullptr;
+  std::uint32_t* steps = nullptr;  ///< good ones since the last reset, as they were when step() was called
 
   inline __attribute__((always_inline)) const S* field(Parameter parameter) const {
     return fields[static_cast<unsigned>(parameter)];

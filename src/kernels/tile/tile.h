@@ -38,6 +38,7 @@ struct Tile {
   Diagnostics<T> diagnostics;
   Audit<T> audit;
 
+  std::uint32_t step;         // steps that this call has taken
   typename T::Mask frozen;    // lanes that failed and take no more steps
   typename T::Mask singular;  // lanes whose matrix could not be factored
   typename T::Mask too_fast;  // lanes that move too fast for the step

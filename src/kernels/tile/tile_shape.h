@@ -51,6 +51,7 @@ LOCKSTEP_INLINE void move(StatePointers<S>& batch, std::ptrdiff_t by, const Tile
   if (shape.record_diagnostics) batch.energy += by;
   if (batch.audit) batch.audit += by;
   batch.fault += by;
+  batch.place += by, batch.steps += by;
 }
 
 /// The same pointers for the tile that begins at environment `first`.
