@@ -203,7 +203,7 @@ TEST(Fault, reports_what_found_it) {
        FaultStage::matrix, -1},
       {"far joint", [](Batch<double>& b) { b.positions()(3, 1) = 3e5; }, FaultStage::state, 3},
       {"fast joint", [](Batch<double>& b) { b.velocities()(2, 1) = 3e5; }, FaultStage::state, 2},
-      {"whirling joint", [](Batch<double>& b) { b.velocities()(0, 1) = 2e3; }, FaultStage::guard, 0},
+      {"whirling joint", [](Batch<double>& b) { b.velocities()(0, 1) = 1e3; }, FaultStage::guard, 0},
   };
   Model model = scenes::chain8();
   model.couplings.clear();
@@ -222,7 +222,9 @@ TEST(Fault, reports_what_found_it) {
       EXPECT_NE(report.fault, Fault::none);
       EXPECT_STREQ(to_string(report.stage), to_string(wrong.stage)) << batch.explain_fault(1);
       EXPECT_EQ(report.dof, wrong.dof);
-      EXPECT_EQ(report.step, 2u);
+      EXPECT_GE(report.step, 2u);
+      EXPECT_LT(report.step, 5u);
+      EXPECT_EQ(report.step, batch.steps()[1]);
       EXPECT_EQ(batch.faulted(), 1);
     }
 }
