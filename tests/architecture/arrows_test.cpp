@@ -35,6 +35,7 @@ const std::vector<Area> areas = {
     {"src/plan/",
      {"include/lockstep/plan.h", "include/lockstep/step.h", "include/lockstep/model.h", "include/lockstep/error.h",
       "src/model/", "src/plan/tables.h", "std", "Eigen/", "fmt/"}},
+    {"src/c/", {"include/lockstep/", "std"}},
     {"src/compile/",
      {"include/lockstep/plan.h", "include/lockstep/error.h", "src/model/", "src/plan/", "src/measure/", "std", "fmt/"}},
     {"src/simd/", {"cstdint", "cstddef"}},

@@ -1,0 +1,233 @@
+/* The C interface of lockstep. SPDX-License-Identifier: Apache-2.0
+ *
+ * Functions return LOCKSTEP_OK or the kind of failure; lockstep_message() has the words. No exception leaves them.
+ * Structs begin with their size, so that later versions can have more members: fill them by their _init function first.
+ * Objects belong to the caller, who frees them. Arrays belong to their batch.
+ *
+ * Promise: a program that was compiled with a version of the library runs with all later ones of the same number
+ * lockstep_abi(). Within it functions and members are added, not changed.
+ *
+ * Threads: models and plans may be shared. The functions of one batch must not run at the same time. */
+#ifndef LOCKSTEP_C_H
+#define LOCKSTEP_C_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define LOCKSTEP_C_API __attribute__((visibility("default")))
+
+/* --- failures ----------------------------------------------------------------------------------------------------- */
+
+enum {
+  LOCKSTEP_OK = 0,
+  LOCKSTEP_MODEL_ERROR = 1,    /* the mechanism is impossible or incomplete */
+  LOCKSTEP_IMPORT_ERROR = 2,   /* a file cannot be read as a mechanism */
+  LOCKSTEP_SETTINGS_ERROR = 3, /* a setting is out of its range, or does not apply */
+  LOCKSTEP_USAGE_ERROR = 4,    /* an index, a name, a size or a null pointer is wrong, or a batch is in use */
+  LOCKSTEP_MEMORY_ERROR = 5,
+  LOCKSTEP_INTERNAL_ERROR = 6 /* a bug of the library */
+};
+
+/* 1. */
+LOCKSTEP_C_API int lockstep_abi(void);
+/* "major.minor.patch" */
+LOCKSTEP_C_API const char* lockstep_version(void);
+/* "element: rule; remedy" of this thread's last failure; "" before there was one. Valid until the next failure. */
+LOCKSTEP_C_API const char* lockstep_message(void);
+
+/* --- models and plans --------------------------------------------------------------------------------------------- */
+
+typedef struct lockstep_model lockstep_model;
+typedef struct lockstep_plan lockstep_plan;
+typedef struct lockstep_batch lockstep_batch;
+
+LOCKSTEP_C_API int lockstep_model_from_urdf(const char* path, lockstep_model** out);
+LOCKSTEP_C_API int lockstep_model_from_urdf_text(const char* text, lockstep_model** out);
+/* What moves a joint: kp in N m/rad or N/m, kd in N m s/rad or N s/m, both >= 0. */
+LOCKSTEP_C_API int lockstep_model_set_drive(lockstep_model* model, const char* joint, double kp, double kd);
+/* A frame on a link: x, y, z in m, quaternion w, x, y, z, in the link's axes. */
+LOCKSTEP_C_API int lockstep_model_add_site(lockstep_model* model, const char* name, const char* link,
+                                           const double pose[7]);
+LOCKSTEP_C_API void lockstep_model_free(lockstep_model* model); /* null is fine here and in the other _free functions */
+
+/* Numbers of fields that may differ per environment, as in enums.h: bits of lockstep_settings.per_environment, and
+ * LOCKSTEP_PARAMETER + number is a field of a batch. */
+enum {
+  LOCKSTEP_GEAR_RATIO = 0,
+  LOCKSTEP_OFFSET = 1,
+  LOCKSTEP_SOFTNESS = 2,
+  LOCKSTEP_DRIVE_GAINS = 3,
+  LOCKSTEP_DAMPING = 4,
+  LOCKSTEP_MASS = 5,
+  LOCKSTEP_GRAVITY = 6,
+  LOCKSTEP_LINK_WRENCH = 7,
+  LOCKSTEP_COUPLING_SWITCH = 8,
+  LOCKSTEP_ARMATURE = 9,
+  LOCKSTEP_STIFFNESS = 10,
+  LOCKSTEP_FRICTION = 11,
+  LOCKSTEP_POSITION_LIMITS = 12,
+  LOCKSTEP_VELOCITY_LIMIT = 13,
+  LOCKSTEP_EFFORT_LIMIT = 14,
+  LOCKSTEP_CENTER_OF_MASS = 15,
+  LOCKSTEP_INERTIA = 16
+};
+
+typedef struct {
+  uint32_t size;
+  uint32_t per_environment; /* 1u << LOCKSTEP_MASS | ... */
+  double dt;                /* s */
+  double guard;             /* see StepSettings::guard */
+  const char* method;       /* "automatic", "pgs", "tgs", "direct", "reduced" */
+  const char* integrator;   /* "automatic", "euler", "leapfrog", "extrapolated", "runge_kutta" */
+  int32_t iterations;
+  int32_t velocity_iterations;
+  int32_t stage_inputs; /* 0 or 1, as the next two */
+  int32_t record_impulses;
+  int32_t record_diagnostics;
+  int32_t reserved; /* 0 */
+} lockstep_settings;
+
+LOCKSTEP_C_API void lockstep_settings_init(lockstep_settings* settings);
+/* settings: null for the defaults. */
+LOCKSTEP_C_API int lockstep_compile(const lockstep_model* model, const lockstep_settings* settings,
+                                    lockstep_plan** out);
+LOCKSTEP_C_API void lockstep_plan_free(lockstep_plan* plan);
+
+/* Lists of a plan. */
+enum {
+  LOCKSTEP_DOFS = 0,        /* moving joints, in the order of positions */
+  LOCKSTEP_INDEPENDENT = 1, /* those that couplings leave free */
+  LOCKSTEP_DRIVEN = 2,      /* those of them that have a drive: the rows of actions */
+  LOCKSTEP_COUPLINGS = 3,
+  LOCKSTEP_LINKS = 4,
+  LOCKSTEP_SITES = 5,
+  LOCKSTEP_ROOTS = 6 /* floating ones */
+};
+LOCKSTEP_C_API int lockstep_plan_count(const lockstep_plan* plan, int list, int64_t* out);
+/* The name lives as long as the plan. */
+LOCKSTEP_C_API int lockstep_plan_name(const lockstep_plan* plan, int list, int64_t index, const char** out);
+/* The dof, link, site ... of that name: its index in LOCKSTEP_DOFS, LOCKSTEP_LINKS or LOCKSTEP_SITES. */
+LOCKSTEP_C_API int lockstep_plan_index(const lockstep_plan* plan, int list, const char* name, int64_t* out);
+/* In words: what a step does. The string lives as long as the plan. */
+LOCKSTEP_C_API int lockstep_plan_describe(lockstep_plan* plan, const char** out);
+
+/* --- batches ------------------------------------------------------------------------------------------------------ */
+
+typedef struct {
+  uint32_t size;
+  uint32_t first_id; /* environments have the ids first_id, first_id + 1 ... */
+  uint64_t seed;     /* of random numbers */
+  int64_t environments;
+  int32_t threads;   /* 1: the calling one; 0: all cores */
+  int32_t precision; /* 32 or 64 */
+} lockstep_options;
+
+LOCKSTEP_C_API void lockstep_options_init(lockstep_options* options);
+LOCKSTEP_C_API int lockstep_batch_new(const lockstep_plan* plan, const lockstep_options* options, lockstep_batch** out);
+LOCKSTEP_C_API void lockstep_batch_free(lockstep_batch* batch);
+
+enum { LOCKSTEP_F32 = 0, LOCKSTEP_F64 = 1, LOCKSTEP_U32 = 2, LOCKSTEP_U64 = 3 };
+enum { LOCKSTEP_READ_ONLY = 1 };
+
+/* Numbers in memory: element [i][k] is at data + i * stride[0] + k * stride[1]; strides in bytes. */
+typedef struct {
+  uint32_t size;
+  uint32_t flags; /* LOCKSTEP_READ_ONLY */
+  void* data;
+  int32_t type; /* LOCKSTEP_F32 ... */
+  int32_t rank; /* 2 */
+  int64_t shape[2];
+  int64_t stride[2];
+} lockstep_array;
+
+enum {
+  LOCKSTEP_POSITIONS = 0,        /* [dofs][environments] rad or m */
+  LOCKSTEP_VELOCITIES = 1,       /* rad/s or m/s */
+  LOCKSTEP_POSITION_TARGETS = 2, /* for joints with a drive */
+  LOCKSTEP_VELOCITY_TARGETS = 3,
+  LOCKSTEP_EFFORTS = 4,         /* feed-forward, N m or N */
+  LOCKSTEP_ROOT_POSES = 5,      /* [7 roots][environments] x, y, z, quaternion w, x, y, z */
+  LOCKSTEP_ROOT_VELOCITIES = 6, /* [6 roots][environments] angular, linear, in the root's axes */
+  LOCKSTEP_FAULTS = 7,          /* [1][environments] 0, or why the environment is frozen; read-only */
+  LOCKSTEP_STEPS = 8,           /* since the last reset; read-only */
+  LOCKSTEP_EPISODES = 9,        /* how often it was reset */
+  LOCKSTEP_IDS = 10,
+  LOCKSTEP_SEEDS = 11,
+  LOCKSTEP_PARAMETER = 100 /* + the number of a field that was declared */
+};
+/* The live array of a field: valid until lockstep_batch_free(), edits need no announcement. */
+LOCKSTEP_C_API int lockstep_field(lockstep_batch* batch, int field, lockstep_array* out);
+
+/* substeps >= 1 steps of dt. Allocates nothing with one thread. A bad environment is frozen; see LOCKSTEP_FAULTS. */
+LOCKSTEP_C_API int lockstep_step(lockstep_batch* batch, int32_t substeps);
+
+enum { LOCKSTEP_KEEP_INPUTS = 1 };
+/* To the model's state: those with a 1 in the mask (n = environments), or those listed; null with 0 is all. Flags:
+ * LOCKSTEP_KEEP_INPUTS. */
+LOCKSTEP_C_API int lockstep_reset_mask(lockstep_batch* batch, const uint8_t* mask, int64_t n, uint32_t flags);
+LOCKSTEP_C_API int lockstep_reset_ids(lockstep_batch* batch, const int32_t* ids, int64_t n, uint32_t flags);
+/* The same to random states: see Batch::reset_random(). */
+LOCKSTEP_C_API int lockstep_reset_random(lockstep_batch* batch, const uint8_t* mask, int64_t n, double spread,
+                                         double speed);
+/* Puts followers where the other joints put them. */
+LOCKSTEP_C_API int lockstep_project(lockstep_batch* batch, const uint8_t* mask, int64_t n);
+
+enum { LOCKSTEP_SCALE = 0, LOCKSTEP_ADD = 1, LOCKSTEP_ABSOLUTE = 2 };
+enum { LOCKSTEP_UNIFORM = 0, LOCKSTEP_LOG_UNIFORM = 1, LOCKSTEP_NORMAL = 2 };
+typedef struct {
+  uint32_t size;
+  int32_t parameter;    /* LOCKSTEP_MASS ... */
+  int32_t operation;    /* LOCKSTEP_SCALE ... on the compiled values */
+  int32_t distribution; /* LOCKSTEP_UNIFORM ... */
+  double low, high;     /* LOCKSTEP_NORMAL: mean and standard deviation */
+  uint32_t stream;
+  int32_t shared; /* 1: one number for all rows */
+} lockstep_randomization;
+LOCKSTEP_C_API void lockstep_randomization_init(lockstep_randomization* randomization);
+LOCKSTEP_C_API int lockstep_randomize(lockstep_batch* batch, const lockstep_randomization* randomization,
+                                      const uint8_t* mask, int64_t n);
+
+/* Actions in [-1, 1], [driven][environments] by the array's strides, become position targets within the ranges. */
+LOCKSTEP_C_API int lockstep_act(lockstep_batch* batch, const lockstep_array* actions);
+
+enum {
+  LOCKSTEP_READ_POSITION = 0,
+  LOCKSTEP_READ_VELOCITY = 1,
+  LOCKSTEP_READ_POSITION_TARGET = 2,
+  LOCKSTEP_READ_LINK_POSE = 3,     /* 7 rows */
+  LOCKSTEP_READ_LINK_VELOCITY = 4, /* 6 rows */
+  LOCKSTEP_READ_SITE_POSE = 5,
+  LOCKSTEP_READ_SITE_POSITION = 6, /* 3 rows */
+  LOCKSTEP_READ_SITE_VELOCITY = 7,
+  LOCKSTEP_READ_COUPLING_ERROR = 8,
+  LOCKSTEP_READ_KINETIC_ENERGY = 9,
+  LOCKSTEP_READ_POTENTIAL_ENERGY = 10
+};
+typedef struct {
+  uint32_t size;
+  int32_t quantity; /* LOCKSTEP_READ_POSITION ... */
+  int32_t row;      /* dof, link or site; -1 is all of them */
+  int32_t reserved; /* 0 */
+  double scale;
+} lockstep_query;
+/* Fills out, [rows of all queries][environments] by its strides, with the batch's precision. */
+LOCKSTEP_C_API int lockstep_read(lockstep_batch* batch, const lockstep_query* queries, int64_t count,
+                                 const lockstep_array* out);
+
+/* Everything that the next steps depend on. `to` null: only *bytes is set. *bytes: in, what there is room for; out,
+ * what it takes. */
+LOCKSTEP_C_API int lockstep_save(const lockstep_batch* batch, void* to, uint64_t* bytes);
+/* Into all environments of a batch of the same size and plan; they go on with the same bits. */
+LOCKSTEP_C_API int lockstep_restore(lockstep_batch* batch, const void* from, uint64_t bytes);
+
+/* The fault of an environment in words, into text of that size, cut off if it does not fit. */
+LOCKSTEP_C_API int lockstep_explain_fault(const lockstep_batch* batch, int64_t environment, char* text, uint64_t size);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

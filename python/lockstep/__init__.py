@@ -1,0 +1,66 @@
+# lockstep for Python. SPDX-License-Identifier: Apache-2.0
+"""Steps thousands of identical articulated mechanisms with mimic joints at once.
+
+    import lockstep as ls
+    model = ls.from_urdf("gripper.urdf")
+    plan = ls.compile(model, vary=["gear_ratio"])
+    batch = plan.batch(4096, threads=2)
+    batch.q_target[:, plan.dof("driver")] = 0.4
+    batch.step(4)
+
+Arrays of a batch are live views: [num_envs, k], without copies, valid for ever. `batch.rows` has the same memory as
+[k, num_envs], which is the fast layout. Copy what you keep: `batch.q.copy()`.
+"""
+
+from ._lockstep import Batch, Plan, Rows, __version__, compile, from_urdf, from_urdf_text, load_kernel
+from .errors import Error, ImportFileError, ModelError, SettingsError, UsageError
+from .model import (
+    Coupling,
+    Drive,
+    ErpCfm,
+    Frequency,
+    Hard,
+    Inertia,
+    Joint,
+    Link,
+    Model,
+    Root,
+    Site,
+    Softness,
+    Spring,
+    infinity,
+    pose,
+)
+from .query import Query
+
+__all__ = [
+    "Batch",
+    "Coupling",
+    "Drive",
+    "ErpCfm",
+    "Error",
+    "Frequency",
+    "Hard",
+    "ImportFileError",
+    "Inertia",
+    "Joint",
+    "Link",
+    "Model",
+    "ModelError",
+    "Plan",
+    "Query",
+    "Root",
+    "Rows",
+    "SettingsError",
+    "Site",
+    "Softness",
+    "Spring",
+    "UsageError",
+    "__version__",
+    "compile",
+    "from_urdf",
+    "from_urdf_text",
+    "infinity",
+    "load_kernel",
+    "pose",
+]

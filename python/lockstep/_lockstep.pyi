@@ -1,0 +1,203 @@
+# Types of the extension module. SPDX-License-Identifier: Apache-2.0
+import os
+from typing import Any, Mapping, Optional, Sequence, Union, final
+
+import numpy as np
+import numpy.typing as npt
+
+from .model import Model
+from .query import Query
+
+__version__: str
+
+Floats = npt.NDArray[Any]  # float32 or float64, as the batch
+Counts = npt.NDArray[np.int32]
+Which = Union[None, npt.NDArray[np.bool_], npt.NDArray[np.integer[Any]], Sequence[int], Sequence[bool]]
+Unmet = list[tuple[int, str, float, float]]  # environment, coupling, error, velocity error
+Ignore = Union[None, str, Sequence[str], Mapping[str, Union[bool, str, Sequence[str]]]]
+
+def compile(
+    model: Model,
+    *,
+    dt: float = ...,
+    vary: Union[str, Sequence[str]] = ...,
+    method: str = ...,
+    integrator: str = ...,
+    iterations: int = ...,
+    velocity_iterations: int = ...,
+    ignore: Ignore = ...,
+    stage_inputs: bool = ...,
+    record_impulses: bool = ...,
+    diagnostics: bool = ...,
+    guard: float = ...,
+    position_bound: float = ...,
+    velocity_bound: float = ...,
+) -> Plan: ...
+def from_urdf(
+    path: Union[str, os.PathLike[str]],
+    *,
+    least_mass: float = ...,
+    least_inertia: float = ...,
+    density: float = ...,
+    repair_inertias: bool = ...,
+    leave_out_foreign: bool = ...,
+    ignore: Ignore = ...,
+) -> Model: ...
+def from_urdf_text(
+    text: str,
+    source: str = ...,
+    *,
+    least_mass: float = ...,
+    least_inertia: float = ...,
+    density: float = ...,
+    repair_inertias: bool = ...,
+    leave_out_foreign: bool = ...,
+    ignore: Ignore = ...,
+) -> Model: ...
+def load_kernel(path: str) -> None: ...
+def philox(counter: Sequence[int], key: Sequence[int]) -> list[int]: ...
+
+@final
+class Plan:
+    @property
+    def model(self) -> Model: ...
+    @property
+    def settings(self) -> dict[str, Any]: ...
+    @property
+    def dt(self) -> float: ...
+    @property
+    def method(self) -> str: ...
+    @property
+    def integrator(self) -> str: ...
+    @property
+    def nv(self) -> int: ...
+    @property
+    def dof_names(self) -> list[str]: ...
+    @property
+    def root_names(self) -> list[str]: ...
+    @property
+    def row_names(self) -> list[str]: ...
+    @property
+    def independent(self) -> list[str]: ...
+    @property
+    def driven(self) -> list[str]: ...
+    @property
+    def followers(self) -> dict[str, tuple[tuple[tuple[str, float], ...], float]]: ...
+    @property
+    def vary(self) -> list[str]: ...
+    @property
+    def limits(self) -> npt.NDArray[np.float64]: ...
+    @property
+    def hash(self) -> int: ...
+    @property
+    def stage_times(self) -> list[float]: ...
+    def parameter_rows(self, name: str) -> list[str]: ...
+    def dof(self, joint: str) -> int: ...
+    def link(self, name: str) -> int: ...
+    def site(self, name: str) -> int: ...
+    def describe(self) -> str: ...
+    def batch(
+        self,
+        num_envs: int,
+        *,
+        threads: int = ...,
+        seed: int = ...,
+        first_id: int = ...,
+        dtype: npt.DTypeLike = ...,
+        target: str = ...,
+        engine: str = ...,
+    ) -> Batch: ...
+
+@final
+class Rows:
+    q: Floats
+    qd: Floats
+    q_target: Floats
+    qd_target: Floats
+    effort: Floats
+    root_pose: Floats
+    root_twist: Floats
+    def parameter(self, name: str) -> Floats: ...
+
+@final
+class Batch:
+    q: Floats
+    qd: Floats
+    q_target: Floats
+    qd_target: Floats
+    effort: Floats
+    root_pose: Floats
+    root_twist: Floats
+    seed: npt.NDArray[np.uint64]
+    env_id: npt.NDArray[np.uint32]
+    episode: Counts
+    def parameter(self, name: str) -> Floats: ...
+    def expand(self, name: str) -> Floats: ...
+    def bind(self, name: str) -> Floats: ...
+    @property
+    def rows(self) -> Rows: ...
+    @property
+    def fault(self) -> Counts: ...
+    @property
+    def steps(self) -> Counts: ...
+    @property
+    def num_envs(self) -> int: ...
+    @property
+    def plan(self) -> Plan: ...
+    @property
+    def dtype(self) -> np.dtype[Any]: ...
+    @property
+    def engine(self) -> str: ...
+    @property
+    def target(self) -> str: ...
+    @property
+    def kernel(self) -> str: ...
+    def step(self, substeps: int = ...) -> None: ...
+    def reset(
+        self,
+        which: Which = ...,
+        q: Optional[npt.ArrayLike] = ...,
+        qd: Optional[npt.ArrayLike] = ...,
+        *,
+        keep_inputs: bool = ...,
+        project: Union[bool, str] = ...,
+    ) -> Unmet: ...
+    def reset_random(self, which: Which = ..., spread: float = ..., speed: float = ..., *, stream: int = ...) -> Unmet: ...
+    def randomize(
+        self,
+        name: str,
+        operation: str,
+        low: float,
+        high: float,
+        *,
+        distribution: str = ...,
+        which: Which = ...,
+        rows: Optional[Sequence[Union[int, str]]] = ...,
+        shared: bool = ...,
+        stream: int = ...,
+    ) -> None: ...
+    def draw(self, count: int, which: Which = ..., stream: int = ...) -> Floats: ...
+    def normal(self, count: int, which: Which = ..., stream: int = ...) -> Floats: ...
+    def act(
+        self,
+        actions: npt.ArrayLike,
+        kind: str = ...,
+        which: Which = ...,
+        *,
+        low: Optional[Sequence[float]] = ...,
+        high: Optional[Sequence[float]] = ...,
+    ) -> None: ...
+    def project(self, which: Which = ..., *, soft: bool = ...) -> Unmet: ...
+    def check(self, which: Which = ...) -> list[tuple[int, str, int, float, str]]: ...
+    def read(self, *queries: Union[str, Query], out: Optional[Floats] = ...) -> Floats: ...
+    def save(self, which: Which = ...) -> bytes: ...
+    def restore(self, blob: bytes, into: Which = ..., rows: Which = ..., *, other_settings: bool = ...) -> None: ...
+    def explain_fault(self, environment: int) -> str: ...
+    def fault_report(self, environment: int) -> dict[str, Any]: ...
+    def coupling_error(self) -> Floats: ...
+    def coupling_impulse(self) -> Floats: ...
+    def row_residuals(self) -> Floats: ...
+    def row_states(self) -> Floats: ...
+    def energy_balance(self) -> Floats: ...
+    def site_jacobian(self, site: str) -> Floats: ...
+    def conflicts(self, environment: int) -> list[str]: ...

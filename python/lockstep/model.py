@@ -1,0 +1,219 @@
+# Models: mechanisms in names and SI units. SPDX-License-Identifier: Apache-2.0
+"""Plain data, as in the C++ header lockstep/model.h. compile() checks it. Units: m, kg, s, rad, N, N m."""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import dataclass, field
+from typing import Any, Iterable, Iterator, Sequence, TypeVar, Union, overload
+
+infinity = math.inf
+
+Vector = Sequence[float]
+Matrix = Sequence[Sequence[float]]
+
+IDENTITY: Matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+NO_INERTIA: Matrix = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+def pose(xyz: Vector = (0.0, 0.0, 0.0), rpy: Vector = (0.0, 0.0, 0.0)) -> Matrix:
+    """The 4 x 4 matrix of a frame at xyz (m), turned by roll, pitch and yaw (rad) about fixed axes, as in URDF."""
+    (cr, cp, cy), (sr, sp, sy) = ([f(angle) for angle in rpy] for f in (math.cos, math.sin))
+    x, y, z = xyz
+    return (
+        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr, float(x)),
+        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr, float(y)),
+        (-sp, cp * sr, cp * cr, float(z)),
+        (0.0, 0.0, 0.0, 1.0),
+    )
+
+
+@dataclass
+class Hard:
+    """Never yields. `erp`: share of the position error that is corrected per step, in [0, 2)."""
+
+    erp: float = 0.2
+
+
+@dataclass
+class ErpCfm:
+    """Error reduction (0 to 1) and constraint force mixing (>= 0), as in ODE and Bullet."""
+
+    erp: float = 0.2
+    cfm: float = 0.0
+
+
+@dataclass
+class Spring:
+    """An implicit spring: stiffness kp >= 0 and damping kd >= 0."""
+
+    kp: float = 0.0
+    kd: float = 0.0
+
+
+@dataclass
+class Frequency:
+    """The spring with this natural frequency (rad/s) and damping ratio at the inertia that the coupling moves."""
+
+    rad_per_s: float = 0.0
+    damping_ratio: float = 1.0
+
+
+Softness = Union[Hard, ErpCfm, Spring, Frequency]
+
+
+@dataclass
+class Inertia:
+    """mass in kg; centre of mass in the link's frame, m; rotational inertia about it, kg m^2, 3 x 3."""
+
+    mass: float = 0.0
+    center: Vector = (0.0, 0.0, 0.0)
+    about_center: Matrix = NO_INERTIA
+
+    @staticmethod
+    def box(mass: float, size: Vector, center: Vector = (0.0, 0.0, 0.0)) -> Inertia:
+        """A solid box of uniform density with edges `size`, m."""
+        square = [length * length for length in size]
+        moments = [mass / 12.0 * (square[(i + 1) % 3] + square[(i + 2) % 3]) for i in range(3)]
+        return Inertia(mass, center, [[moments[i] if i == k else 0.0 for k in range(3)] for i in range(3)])
+
+
+@dataclass
+class Link:
+    name: str
+    inertia: Inertia = field(default_factory=Inertia)
+
+
+@dataclass
+class Drive:
+    """A servo: effort = kp (position_target - q) + kd (velocity_target - v), within the joint's effort limit.
+
+    A kinematic drive prescribes the motion instead; `softness` is its own, kp and kd are 0 then."""
+
+    kp: float = 0.0
+    kd: float = 0.0
+    position_target: float = 0.0
+    velocity_target: float = 0.0
+    kinematic: bool = False
+    softness: Softness = field(default_factory=lambda: Hard(1.0))
+
+
+@dataclass
+class Joint:
+    """kind: "fixed", "revolute", "continuous" or "prismatic". origin: the child's frame in the parent's at q = 0,
+    4 x 4. axis: in the child's frame. The other fields are those of lockstep/model.h."""
+
+    name: str
+    kind: str = "fixed"
+    parent: str = ""
+    child: str = ""
+    origin: Matrix = IDENTITY
+    axis: Vector = (1.0, 0.0, 0.0)
+    damping: float = 0.0
+    armature: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    drive: Drive = field(default_factory=Drive)
+    effort: float = 0.0
+    lower: float = -infinity
+    upper: float = infinity
+    limit_softness: Softness = field(default_factory=Hard)
+    restitution: float = 0.0
+    velocity_limit: float = infinity
+    effort_limit: float = infinity
+    friction: float = 0.0
+    position: float = 0.0
+    velocity: float = 0.0
+
+
+@dataclass
+class Coupling:
+    """joint + ratio_1 leader_1 + ... + offset = 0. `terms` are pairs of a leader's name and its ratio. URDF's
+    multiplier is -ratio, its offset -offset. Beyond `force_limit` the coupling slips."""
+
+    joint: str
+    terms: Sequence[tuple[str, float]]
+    offset: float = 0.0
+    softness: Softness = field(default_factory=Hard)
+    force_limit: float = infinity
+
+    @property
+    def name(self) -> str:
+        return self.joint
+
+
+@dataclass
+class Site:
+    """A named frame on a link: a fingertip, a sensor."""
+
+    name: str
+    link: str
+    pose: Matrix = IDENTITY
+
+
+@dataclass
+class Root:
+    """Where a tree begins: a link that is bolted to the world or floats in it. velocity: angular (rad/s), then linear
+    (m/s), in the root's axes."""
+
+    link: str
+    floating: bool = False
+    pose: Matrix = IDENTITY
+    velocity: Vector = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def name(self) -> str:
+        return self.link
+
+
+Element = TypeVar("Element", Link, Joint, Coupling, Site, Root)
+
+
+class Named(list[Element]):
+    """A list whose elements can be asked for by name, too: the first one of that name."""
+
+    def position(self, name: str) -> int:
+        for place, element in enumerate(self):
+            if element.name == name:
+                return place
+        raise KeyError(f"no {name!r}; there are {', '.join(self.names) or 'none'}")
+
+    @property
+    def names(self) -> list[str]:
+        return [element.name for element in self]
+
+    @overload
+    def __getitem__(self, key: Union[int, str]) -> Element: ...  # type: ignore[override]
+    @overload
+    def __getitem__(self, key: slice) -> list[Element]: ...
+    def __getitem__(self, key: Any) -> Any:
+        return super().__getitem__(self.position(key) if isinstance(key, str) else key)
+
+    def __contains__(self, key: object) -> bool:
+        return key in self.names if isinstance(key, str) else super().__contains__(key)
+
+
+@dataclass
+class Model:
+    """Links and joints form one tree or several. Links, joints, couplings and sites are lists that take names as
+    well as numbers: model.joints["driver"]. gravity: m/s^2, world axes."""
+
+    name: str = "model"
+    links: Named[Link] = field(default_factory=Named)
+    joints: Named[Joint] = field(default_factory=Named)
+    couplings: Named[Coupling] = field(default_factory=Named)
+    sites: Named[Site] = field(default_factory=Named)
+    roots: Named[Root] = field(default_factory=Named)
+    gravity: Vector = (0.0, 0.0, -9.81)
+    report: list[str] = field(default_factory=list, compare=False)
+    warnings: list[str] = field(default_factory=list, compare=False)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        lists = ("links", "joints", "couplings", "sites", "roots")
+        if name in lists and not isinstance(value, Named):
+            value = Named(value)
+        super().__setattr__(name, value)
+
+    def copy(self) -> Model:
+        return copy.deepcopy(self)

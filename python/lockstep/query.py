@@ -1,0 +1,24 @@
+# What Batch.read() reads. SPDX-License-Identifier: Apache-2.0
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Optional, Sequence
+
+
+@dataclass(frozen=True)
+class Query:
+    """A quantity of some joints, links or sites, times `scale`. rows: their names; None is all of them.
+
+    quantity                             rows    columns for each
+    q, qd, q_target, qd_target, effort   joints  1
+    link_pose, site_pose                 links, sites  7: x, y, z, quaternion w, x, y, z
+    site_position                        sites   3
+    link_velocity, site_velocity         links, sites  6: angular, then linear, world axes
+    coupling_error                       couplings  1
+    root_pose, root_twist                -       7, 6 for each floating root
+    kinetic_energy, potential_energy     -       1
+    """
+
+    quantity: str
+    rows: Optional[Sequence[str]] = None
+    scale: float = 1.0

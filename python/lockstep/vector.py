@@ -1,0 +1,273 @@
+# Vector environments by Gymnasium's rules. SPDX-License-Identifier: Apache-2.0
+"""VectorEnv has the interface of gymnasium.vector.VectorEnv (1.x) and does not need Gymnasium. Where Gymnasium can be
+imported, spaces and the autoreset mode are its own types. check() tests any vector environment against these rules."""
+
+from __future__ import annotations
+
+from typing import Any, Callable, Mapping, Optional, Sequence, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from ._lockstep import Batch, Plan
+from .query import Query
+
+try:
+    from gymnasium.spaces import Box
+    from gymnasium.vector import AutoresetMode
+except ImportError:
+    from .spaces import AutoresetMode, Box  # type: ignore[assignment]
+
+Array = npt.NDArray[Any]
+Mask = npt.NDArray[np.bool_]
+Rule = Callable[["VectorEnv"], Array]
+
+
+class VectorEnv:
+    """Environments of one plan with observations, rewards and ends of episodes.
+
+    Give rules as functions of the environment, or override the methods of the same names (advance only so):
+        observe    queries (see Batch.read()), or a function that returns [num_envs, k]; default: q and qd
+        reward     [num_envs] float; default: 0
+        terminate  [num_envs] bool; default: never. A fault terminates an episode in any case
+        randomize  called with the mask of the environments that are being reset, before they get a random state
+        advance    takes the actions of a control step; default: Batch.act() and Batch.step()
+    limit: control steps after which an episode is truncated. decimation: steps of dt in a control step. Actions lie in
+    [-1, 1] and act on Plan.driven by `action_kind`, see Batch.act(). spread: of the random start, see
+    Batch.reset_random(). copy=False returns the same observation array in every step.
+
+    Observations of an environment depend on its seed, its id and its actions, not on num_envs, its place, the number of
+    threads or the autoreset mode.
+    """
+
+    render_mode = None
+    spec = None
+
+    def __init__(
+        self,
+        plan: Plan,
+        num_envs: int,
+        *,
+        observe: Union[None, Sequence[Union[str, Query]], Rule] = None,
+        reward: Optional[Rule] = None,
+        terminate: Optional[Rule] = None,
+        randomize: Optional[Callable[["VectorEnv", Mask], None]] = None,
+        limit: Optional[int] = None,
+        decimation: int = 4,
+        action_kind: str = "position",
+        autoreset_mode: Any = "NextStep",
+        spread: float = 1.0,
+        seed: int = 0,
+        first_id: int = 0,
+        threads: int = 0,
+        dtype: str = "f4",
+        copy: bool = True,
+    ) -> None:
+        self.plan = plan
+        self.num_envs = num_envs
+        self.batch: Batch = plan.batch(num_envs, threads=threads, seed=seed, first_id=first_id, dtype=dtype)
+        self.limit = limit
+        self.decimation = decimation
+        self.action_kind = action_kind
+        self.spread = spread
+        self.copy = copy
+        self.closed = False
+        self.autoreset_mode = AutoresetMode(getattr(autoreset_mode, "value", autoreset_mode))
+        self.metadata: dict[str, Any] = {"autoreset_mode": self.autoreset_mode}
+        self._observe = observe if observe is not None else ("q", "qd")
+        self._reward = reward
+        self._terminate = terminate
+        self._randomize = randomize
+        self.elapsed = np.zeros(num_envs, np.int64)  # control steps of the episode
+        self._ended = np.ones(num_envs, np.bool_)  # the next step resets these, or refuses
+        self._started = False
+
+        actions = len(plan.driven)
+        self.single_action_space = Box(-1.0, 1.0, (actions,), np.float32)
+        self.action_space = Box(-1.0, 1.0, (num_envs, actions), np.float32)
+        size = self.observe().shape[1]
+        self.single_observation_space = Box(-np.inf, np.inf, (size,), np.float32)
+        self.observation_space = Box(-np.inf, np.inf, (num_envs, size), np.float32)
+        self._observations = np.zeros((num_envs, size), np.float32)
+
+    # --- rules, to override ------------------------------------------------------------------
+
+    def observe(self) -> Array:
+        """[num_envs, k]"""
+        if callable(self._observe):
+            return self._observe(self)
+        return self.batch.read(*self._observe)
+
+    def reward(self) -> Array:
+        """[num_envs]"""
+        return self._reward(self) if self._reward else np.zeros(self.num_envs, np.float32)
+
+    def terminate(self) -> Array:
+        """[num_envs] bool"""
+        return self._terminate(self) if self._terminate else np.zeros(self.num_envs, np.bool_)
+
+    def randomize(self, which: Mask) -> None:
+        if self._randomize:
+            self._randomize(self, which)
+
+    def advance(self, actions: Array) -> None:
+        """A control step of all environments."""
+        self.batch.act(actions, self.action_kind)
+        self.batch.step(self.decimation)
+
+    # --- Gymnasium's interface ---------------------------------------------------------------
+
+    def reset(
+        self, *, seed: Union[None, int, Sequence[Optional[int]]] = None, options: Optional[Mapping[str, Any]] = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """All environments, or those of options["reset_mask"]. A seed is for all of them; ids make the difference. A
+        list has a seed for each, and None keeps what the environment has. Without a seed random numbers go on."""
+        which = self._mask(options)
+        self._seed(seed, which)
+        self._start(which)
+        return self._observed(), {}
+
+    def step(self, actions: npt.ArrayLike) -> tuple[Array, Array, Mask, Mask, dict[str, Any]]:
+        """One control step: observations, rewards, terminated, truncated, info."""
+        if not self._started:
+            raise RuntimeError("reset() must come before step()")
+        given = np.asarray(actions)
+        if given.shape != self.action_space.shape:
+            raise ValueError(f"actions have the shape {given.shape}, not {self.action_space.shape}")
+        disabled = self.autoreset_mode.value == "Disabled"
+        if disabled and self._ended.any():
+            place = int(np.argmax(self._ended))
+            raise RuntimeError(f"environment {place} has ended: reset it with options={{'reset_mask': mask}}")
+
+        self.advance(given)
+        self.elapsed += 1
+        restarted = self._ended.copy()
+        if restarted.any():
+            self._start(restarted)
+        fault = self.batch.fault != 0
+        terminated = (np.asarray(self.terminate(), np.bool_) | fault) & ~restarted
+        truncated = np.zeros(self.num_envs, np.bool_)
+        if self.limit is not None:
+            truncated = (self.elapsed >= self.limit) & ~restarted
+        rewards = np.where(restarted, 0, self.reward()).astype(np.float32)
+        self._ended = terminated | truncated
+
+        info: dict[str, Any] = {}
+        if fault.any():
+            info["fault"] = self.batch.fault.astype(np.uint8)
+            info["_fault"] = fault
+        observations = self._observed()
+        if self._ended.any() and self.autoreset_mode.value == "SameStep":
+            observations = self._restart_ended(observations, info)
+        return observations, rewards, terminated, truncated, info
+
+    def close(self) -> None:
+        self.closed = True
+
+    def render(self) -> None:
+        return None
+
+    @property
+    def unwrapped(self) -> "VectorEnv":
+        return self
+
+    # --- parts -------------------------------------------------------------------------------
+
+    def _mask(self, options: Optional[Mapping[str, Any]]) -> Mask:
+        mask = (options or {}).get("reset_mask")
+        if mask is None:
+            return np.ones(self.num_envs, np.bool_)
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            raise TypeError("reset_mask must be a numpy array of bool")
+        if mask.shape != (self.num_envs,) or not mask.any():
+            raise ValueError(f"reset_mask must have the shape ({self.num_envs},) and one True at least")
+        return mask
+
+    def _seed(self, seed: Union[None, int, Sequence[Optional[int]]], which: Mask) -> None:
+        if seed is None:
+            return
+        if isinstance(seed, (int, np.integer)):
+            seeds: Sequence[Optional[int]] = [int(seed)] * self.num_envs
+        else:
+            seeds = list(seed)
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"{len(seeds)} seeds for {self.num_envs} environments")
+        for place in np.flatnonzero(which):
+            own = seeds[place]
+            if own is not None:
+                self.batch.seed[place] = own
+                self.batch.episode[place] = -1  # the reset makes it 0
+
+    def _start(self, which: Mask) -> None:
+        self.randomize(which)
+        self.batch.reset_random(which, spread=self.spread)
+        self.elapsed[which] = 0
+        self._ended[which] = False
+        self._started = True
+
+    def _observed(self) -> Array:
+        seen = self.observe()
+        if self.copy:
+            return np.array(seen, np.float32, order="C")
+        self._observations[...] = seen
+        return self._observations
+
+    def _restart_ended(self, observations: Array, info: dict[str, Any]) -> Array:
+        ended = self._ended.copy()
+        final = observations.copy()
+        info["final_obs"] = np.full(self.num_envs, None, object)
+        for place in np.flatnonzero(ended):
+            info["final_obs"][place] = final[place]
+        info["_final_obs"] = ended
+        info["final_obs_batch"] = final
+        info["final_info"] = {key: value.copy() for key, value in info.items() if key in ("fault", "_fault")}
+        info["_final_info"] = ended
+        self._start(ended)
+        return self._observed()
+
+
+class RslRlEnv:
+    """A VectorEnv in the form that rsl_rl and Isaac Lab use: torch tensors, dones, extras["time_outs"]. The
+    environment's autoreset mode must be SameStep. Observations are a TensorDict where tensordict can be imported."""
+
+    def __init__(self, env: VectorEnv) -> None:
+        import torch
+
+        if env.autoreset_mode.value != "SameStep":
+            raise ValueError("the environment needs autoreset_mode='SameStep'")
+        if env.limit is None:
+            raise ValueError("the environment needs a limit: it is the maximal length of an episode")
+        self._torch = torch
+        self.env = env
+        self.num_envs = env.num_envs
+        self.num_actions = len(env.plan.driven)
+        self.max_episode_length = env.limit
+        self.device = "cpu"
+        self.cfg: dict[str, Any] = {}
+        self._latest = env.reset()[0]
+
+    @property
+    def episode_length_buf(self) -> Any:
+        return self._torch.from_numpy(self.env.elapsed)
+
+    @episode_length_buf.setter
+    def episode_length_buf(self, lengths: Any) -> None:
+        self.env.elapsed[...] = lengths.cpu().numpy()
+
+    def get_observations(self) -> Any:
+        seen = self._torch.from_numpy(self._latest)
+        try:
+            from tensordict import TensorDict
+        except ImportError:
+            return seen
+        return TensorDict({"policy": seen}, batch_size=[self.num_envs])
+
+    def reset(self) -> tuple[Any, dict[str, Any]]:
+        self._latest = self.env.reset()[0]
+        return self.get_observations(), {}
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, dict[str, Any]]:
+        self._latest, rewards, terminated, truncated, _ = self.env.step(actions.detach().cpu().numpy())
+        tensor = self._torch.from_numpy
+        extras = {"time_outs": tensor(truncated & ~terminated), "log": {}}
+        return self.get_observations(), tensor(rewards), tensor(terminated | truncated).long(), extras

@@ -1,0 +1,374 @@
+// Batch for Python: live views and steps. SPDX-License-Identifier: Apache-2.0
+#include "batch.h"
+
+#include <pybind11/stl.h>
+
+namespace lockstep::python {
+namespace {
+
+using namespace pybind11::literals;
+
+// --- live views ----------------------------------------------------------------------------------
+
+enum class Layout { items, rows };  // [num_envs, k] or [k, num_envs]
+
+template <class S>
+py::array view_of(S* data, Eigen::Index rows, Eigen::Index stride, Eigen::Index count, Layout layout,
+                  const py::object& owner) {
+  constexpr py::ssize_t item = sizeof(S);
+  if (layout == Layout::rows) return py::array_t<S>({rows, count}, {stride * item, item}, data, owner);
+  return py::array_t<S>({count, rows}, {item, stride * item}, data, owner);
+}
+
+template <class Eigen>
+py::array view_of(const Eigen& view, Layout layout, const py::object& owner) {
+  return view_of(const_cast<typename Eigen::Scalar*>(view.data()), view.rows(), view.outerStride(), view.cols(), layout,
+                 owner);
+}
+
+template <class Number, class From>
+py::array live(std::span<From> numbers, const py::object& owner) {
+  static_assert(sizeof(Number) == sizeof(From));
+  return py::array_t<Number>({static_cast<py::ssize_t>(numbers.size())}, {static_cast<py::ssize_t>(sizeof(Number))},
+                             reinterpret_cast<const Number*>(numbers.data()), owner);
+}
+
+template <class Number, class From>
+py::array read_only(std::span<From> numbers, const py::object& owner) {
+  py::array array = live<Number>(numbers, owner);
+  py::detail::array_proxy(array.ptr())->flags &= ~py::detail::npy_api::NPY_ARRAY_WRITEABLE_;
+  return array;
+}
+
+using Field = py::array (*)(AnyBatch&, Layout, const py::object&);
+
+template <auto view>
+py::array field(AnyBatch& batch, Layout layout, const py::object& owner) {
+  return batch.use([&](auto& own) { return view_of(view(own), layout, owner); });
+}
+
+struct NamedField {
+  const char* name;
+  Field view;
+  const char* help;
+};
+
+constexpr NamedField fields[] = {
+    {"q", field<[](auto& b) { return b.positions(); }>, "[num_envs, nv] positions, rad or m; live"},
+    {"qd", field<[](auto& b) { return b.velocities(); }>, "[num_envs, nv] velocities, rad/s or m/s; live"},
+    {"q_target", field<[](auto& b) { return b.position_targets(); }>,
+     "[num_envs, nv] position targets, rad or m; live; for joints with a drive"},
+    {"qd_target", field<[](auto& b) { return b.velocity_targets(); }>,
+     "[num_envs, nv] velocity targets, rad/s or m/s; live; for joints with a drive"},
+    {"effort", field<[](auto& b) { return b.efforts(); }>, "[num_envs, nv] feed-forward efforts, N m or N; live"},
+    {"root_pose", field<[](auto& b) { return b.root_poses(); }>,
+     "[num_envs, 7 per floating root] x, y, z (m), quaternion w, x, y, z; live"},
+    {"root_twist", field<[](auto& b) { return b.root_velocities(); }>,
+     "[num_envs, 6 per floating root] angular, then linear velocity in the root's axes; live"},
+};
+
+void assign(const py::array& view, const py::object& value) {
+  if (value.ptr() == view.ptr()) return;
+  view[py::ellipsis()] = value;
+}
+
+/// The same arrays as those of a Batch, as [k, num_envs].
+struct Rows {
+  py::object batch;
+};
+
+// --- which environments --------------------------------------------------------------------------
+
+std::vector<int> ids_of_mask(const py::array_t<bool>& mask, int environments) {
+  if (mask.ndim() != 1 || mask.shape(0) != environments)
+    throw UsageError("mask", "has the shape " + text_of(mask.attr("shape")),
+                     "give one bool for each of the " + std::to_string(environments) + " environments");
+  std::vector<int> ids;
+  const auto at = mask.unchecked<1>();
+  for (int e = 0; e < environments; ++e)
+    if (at(e)) ids.push_back(e);
+  return ids;
+}
+
+// --- resets --------------------------------------------------------------------------------------
+
+// A state for each of these environments, [k, nv] or [nv] for all of them.
+template <class S>
+typename Batch<S>::Array states_of(const py::object& given, const char* name, Eigen::Index environments,
+                                   Eigen::Index dofs) {
+  const py::module_ numpy = py::module_::import("numpy");
+  const py::object array = numpy.attr("asarray")(given, "dtype"_a = py::dtype::of<S>());
+  const py::ssize_t dimensions = array.attr("ndim").cast<py::ssize_t>();
+  const py::tuple shape = array.attr("shape");
+  const bool fits = (dimensions == 1 || dimensions == 2) && shape[dimensions - 1].cast<Eigen::Index>() == dofs &&
+                    (dimensions == 1 || shape[0].cast<Eigen::Index>() == environments);
+  if (!fits)
+    throw UsageError(name, "has the shape " + text_of(shape),
+                     "give [" + std::to_string(environments) + ", " + std::to_string(dofs) + "]");
+  const py::array_t<S> full = numpy.attr("broadcast_to")(array, py::make_tuple(environments, dofs));
+  typename Batch<S>::Array states(dofs, environments);
+  const auto at = full.template unchecked<2>();
+  for (Eigen::Index e = 0; e < environments; ++e)
+    for (Eigen::Index dof = 0; dof < dofs; ++dof) states(dof, e) = at(e, dof);
+  return states;
+}
+
+template <class S>
+typename Batch<S>::Array model_states(const Plan& plan, Eigen::Index environments, double Joint::*number) {
+  typename Batch<S>::Array states(plan.dofs(), environments);
+  for (int dof = 0; dof < plan.dofs(); ++dof) {
+    const Model& model = plan.model();
+    states.row(dof) = static_cast<S>(model.joints[model.joint_index(plan.dof_names()[dof])].*number);
+  }
+  return states;
+}
+
+Couplings couplings_of(const py::object& project) {
+  if (py::isinstance<py::bool_>(project)) return project.cast<bool>() ? Couplings::hard : Couplings::none;
+  const std::string name = py::str(project);
+  if (name == "none") return Couplings::none;
+  if (name == "hard") return Couplings::hard;
+  if (name == "all") return Couplings::all;
+  throw UsageError("project '" + name + "'", "is unknown", "give True, False, 'none', 'hard' or 'all'");
+}
+
+py::list reset(AnyBatch& batch, const py::object& which, const py::object& q, const py::object& qd, bool keep_inputs,
+               const py::object& project) {
+  return batch.use([&]<class S>(Batch<S>& own) {
+    const ResetOptions options{keep_inputs, couplings_of(project)};
+    const std::vector<int> ids = environments_of(which, own.environments());
+    if (q.is_none() && qd.is_none()) {
+      own.reset(ids, options);
+      return py::list();
+    }
+    const Eigen::Index count = static_cast<Eigen::Index>(ids.size()), dofs = own.plan().dofs();
+    const auto states = [&](const py::object& given, const char* name, double Joint::*number) {
+      return given.is_none() ? model_states<S>(own.plan(), count, number) : states_of<S>(given, name, count, dofs);
+    };
+    const auto positions = states(q, "q", &Joint::position), velocities = states(qd, "qd", &Joint::velocity);
+    return unmet_to_python(own.plan(), own.reset(ids, positions, velocities, options));
+  });
+}
+
+py::list project(AnyBatch& batch, const py::object& which, bool soft) {
+  return batch.use([&](auto& own) {
+    return unmet_to_python(own.plan(), own.project(environments_of(which, own.environments()),
+                                                   soft ? Couplings::all : Couplings::hard));
+  });
+}
+
+// --- readbacks -----------------------------------------------------------------------------------
+
+template <class Array>
+py::array items(const Array& rows) {  // [num_envs, k], C-contiguous
+  using S = typename Array::Scalar;
+  py::array_t<S> result({rows.cols(), rows.rows()});
+  S* to = result.mutable_data();
+  for (Eigen::Index e = 0; e < rows.cols(); ++e)
+    for (Eigen::Index row = 0; row < rows.rows(); ++row) *to++ = rows(row, e);
+  return result;
+}
+
+template <auto readback>
+py::array read_back(AnyBatch& batch) {
+  return batch.use([](auto& own) { return items(readback(own)); });
+}
+
+// --- what Python sees ----------------------------------------------------------------------------
+
+using Class = py::class_<AnyBatch>;
+
+void bind_views(py::class_<Rows>& rows, Class& batch) {
+  for (const NamedField& f : fields) {
+    const Field view = f.view;
+    rows.def_property(
+        f.name, [view](const Rows& self) { return view(self.batch.cast<AnyBatch&>(), Layout::rows, self.batch); },
+        [view](const Rows& self, const py::object& value) {
+          assign(view(self.batch.cast<AnyBatch&>(), Layout::rows, self.batch), value);
+        },
+        f.help);
+    batch.def_property(
+        f.name,
+        py::cpp_function([view](const py::object& self) { return view(self.cast<AnyBatch&>(), Layout::items, self); }),
+        py::cpp_function([view](const py::object& self, const py::object& value) {
+          assign(view(self.cast<AnyBatch&>(), Layout::items, self), value);
+        }),
+        f.help);
+  }
+  const auto parameter = [](AnyBatch& own, const std::string& name, Layout layout, const py::object& owner) {
+    return own.use([&](auto& b) { return view_of(b.parameter(parameter_of(name)), layout, owner); });
+  };
+  rows.def(
+      "parameter",
+      [parameter](const Rows& self, const std::string& name) {
+        return parameter(self.batch.cast<AnyBatch&>(), name, Layout::rows, self.batch);
+      },
+      "name"_a, "as Batch.parameter(), [k, num_envs]");
+  const auto items = [parameter](const py::object& self, const std::string& name) {
+    return parameter(self.cast<AnyBatch&>(), name, Layout::items, self);
+  };
+  batch.def("parameter", items, "name"_a,
+            "[num_envs, k] a field of compile(vary=...); live. Columns: Plan.parameter_rows(name). Raises UsageError for "
+            "a field that does not vary.");
+  batch.def("expand", items, "name"_a, "as parameter()");
+  batch.def(
+      "bind", [](const py::object& self, const std::string& name) { return self.attr(name.c_str()); }, "name"_a,
+      "the live array of that name: bind('q') is q");
+  batch.def_property_readonly("rows", [](const py::object& self) { return Rows{self}; },
+                              "the same arrays as [k, num_envs]");
+  const auto counts = [&](const char* name, auto numbers, const char* help) {
+    batch.def_property_readonly(
+        name,
+        [numbers](const py::object& self) {
+          return self.cast<AnyBatch&>().use([&](auto& own) { return numbers(own, self); });
+        },
+        help);
+  };
+  // As int32, because torch has no uint32.
+  counts("fault", [](auto& b, const py::object& owner) { return read_only<std::int32_t>(b.faults(), owner); },
+         "int32 [num_envs], read-only, live: 0, or the number of the fault that froze the environment");
+  counts("steps", [](auto& b, const py::object& owner) { return read_only<std::int32_t>(b.steps(), owner); },
+         "int32 [num_envs], read-only, live: steps of dt since the last reset");
+  counts("env_id", [](auto& b, const py::object& owner) { return live<std::uint32_t>(b.ids(), owner); },
+         "uint32 [num_envs], live, writable: what tells an environment's random numbers from those of others");
+  counts("seed", [](auto& b, const py::object& owner) { return live<std::uint64_t>(b.seeds(), owner); },
+         "uint64 [num_envs], live, writable: seeds of the random numbers");
+  counts("episode", [](auto& b, const py::object& owner) { return live<std::int32_t>(b.resets(), owner); },
+         "int32 [num_envs], live, writable: how often the environment has been reset. Random numbers depend on it");
+  batch.def_property_readonly("num_envs", [](AnyBatch& b) { return b.use([](auto& own) { return own.environments(); }); });
+  batch.def_property_readonly("plan", [](AnyBatch& b) { return b.use([](auto& own) { return own.plan(); }); });
+  batch.def_property_readonly("dtype", [](AnyBatch& b) {
+    return b.use([]<class S>(Batch<S>&) { return py::dtype::of<S>(); });
+  });
+  batch.def_property_readonly("engine", [](AnyBatch& b) { return b.use([](auto& o) { return to_string(o.engine()); }); },
+                              "the one in use");
+  batch.def_property_readonly("target", [](AnyBatch& b) { return b.use([](auto& o) { return to_string(o.target()); }); },
+                              "the instruction set in use");
+  batch.def_property_readonly("kernel", [](AnyBatch& b) { return b.use([](auto& own) { return own.kernel_name(); }); },
+                              "name of the generated kernel in use; empty for other engines");
+}
+
+void step(AnyBatch& batch, int substeps) {
+  if (substeps < 1) throw py::value_error("substeps must be 1 or more, not " + std::to_string(substeps));
+  batch.use([&](auto& own) {
+    const py::gil_scoped_release release;
+    own.step(substeps);
+  });
+}
+
+py::dict report_of(AnyBatch& batch, int environment) {
+  return batch.use([&](auto& own) {
+    const FaultReport report = own.fault_report(environment);
+    const py::object joint = report.dof < 0 ? py::object(py::none()) : py::str(own.plan().dof_names()[report.dof]);
+    return py::dict("fault"_a = to_string(report.fault), "stage"_a = to_string(report.stage), "joint"_a = joint,
+                    "step"_a = report.step, "time"_a = report.time);
+  });
+}
+
+void bind_steps(Class& batch) {
+  batch.def("step", &step, "substeps"_a = 1,
+            "Takes `substeps` steps of dt. Other Python threads run meanwhile, but must not use this batch.");
+  batch.def("reset", &reset, "which"_a = py::none(), "q"_a = py::none(), "qd"_a = py::none(), py::kw_only(),
+            "keep_inputs"_a = false, "project"_a = true,
+            "To the model's state, or to q and qd, [k, nv] or [nv]. which: None (all), a mask of bool or ids. Clears "
+            "faults. project: place the followers of given states. Returns couplings that could not be met, as "
+            "(environment, coupling, error, velocity error).");
+  batch.def("project", &project, "which"_a = py::none(), py::kw_only(), "soft"_a = false,
+            "Puts followers where the other joints and this environment's ratios and offsets put them. Returns couplings "
+            "that cannot be met.");
+  batch.def("explain_fault",
+            [](AnyBatch& b, int environment) { return b.use([&](auto& own) { return own.explain_fault(environment); }); },
+            "environment"_a, "the fault in words; empty without one");
+  batch.def("fault_report", &report_of, "environment"_a, "fault, stage, joint, step and time of the fault, as a dict");
+}
+
+void bind_readbacks(Class& batch) {
+  batch.def("coupling_error", &read_back<[](auto& b) { return b.coupling_errors(); }>, "[num_envs, couplings] C, rad or m");
+  batch.def("coupling_impulse", &read_back<[](auto& b) { return b.coupling_impulses(); }>,
+            "[num_envs, couplings] of the last step, N m s or N s; needs compile(record_impulses=True)");
+  batch.def("row_residuals", &read_back<[](auto& b) { return b.row_residuals(); }>,
+            "[num_envs, Plan.row_names] what the last step left of each condition; needs compile(diagnostics=True)");
+  batch.def("row_states", &read_back<[](auto& b) { return b.row_states(); }>,
+            "[num_envs, Plan.row_names] 0 inactive, 1 holds, 2 and -2 at its largest force; the same");
+  batch.def("energy_balance", &read_back<[](auto& b) { return b.energy_balances(); }>,
+            "[num_envs, 4] work, dissipation, corrections, change of energy in the last step(), J; the same");
+  batch.def("site_jacobian",
+            [](AnyBatch& b, const std::string& site) {
+              return b.use([&](auto& own) {
+                const py::array flat = items(own.site_jacobians(own.plan().site(site)));
+                const py::object by_column = flat.attr("reshape")(own.environments(), -1, 6);
+                return by_column.attr("transpose")(0, 2, 1);
+              });
+            },
+            "site"_a, "[num_envs, 6, velocities] angular, then linear velocity of the site by generalised velocity");
+  batch.def("conflicts",
+            [](AnyBatch& b, int environment) { return b.use([&](auto& own) { return own.conflicts(environment); }); },
+            "environment"_a, "names of rows that the last step could not meet; needs compile(diagnostics=True)");
+}
+
+}  // namespace
+
+py::list unmet_to_python(const Plan& plan, const std::vector<UnmetCoupling>& unmet) {
+  const std::vector<std::string> names = coupling_names(plan.model());
+  py::list list;
+  for (const UnmetCoupling& u : unmet)
+    list.append(py::make_tuple(u.environment, names[static_cast<std::size_t>(u.coupling)], u.error, u.velocity_error));
+  return list;
+}
+
+std::vector<int> environments_of(const py::object& which, int environments) {
+  std::vector<int> ids;
+  if (which.is_none()) {
+    ids.resize(static_cast<std::size_t>(environments));
+    for (int e = 0; e < environments; ++e) ids[static_cast<std::size_t>(e)] = e;
+    return ids;
+  }
+  const py::array given = py::module_::import("numpy").attr("asarray")(which);
+  const char kind = given.dtype().kind();
+  if (kind == 'b') return ids_of_mask(given, environments);
+  if (given.size() == 0) return ids;  // an empty list is an array of float64
+  if ((kind != 'i' && kind != 'u') || (kind == 'u' && given.itemsize() == 1))
+    throw py::type_error("environments are a mask of bool or a sequence of integers, not an array of " +
+                         text_of(given.dtype()));
+  const py::array_t<std::int64_t> numbers = given;
+  if (numbers.ndim() > 1) throw py::type_error("environments are a one-dimensional mask or sequence of ids");
+  const std::int64_t* const at = numbers.data();
+  for (py::ssize_t i = 0; i < numbers.size(); ++i) {
+    if (at[i] < 0 || at[i] >= environments)
+      throw UsageError("environment " + std::to_string(at[i]), "is outside the batch of " + std::to_string(environments),
+                       "give 0 to " + std::to_string(environments - 1));
+    ids.push_back(static_cast<int>(at[i]));
+  }
+  return ids;
+}
+
+std::unique_ptr<AnyBatch> make_batch(const Plan& plan, int environments, int threads, std::uint64_t seed,
+                                     std::uint32_t first_id, const py::object& dtype, const std::string& target,
+                                     const std::string& engine) {
+  const BatchOptions options{threads, target_of(target), engine_of(engine), seed, first_id};
+  const py::dtype wanted = py::dtype::from_args(dtype);
+  auto batch = std::make_unique<AnyBatch>();
+  if (wanted.is(py::dtype::of<float>()) || wanted.equal(py::dtype::of<float>()))
+    batch->batch = std::make_unique<Batch<float>>(plan, environments, options);
+  else if (wanted.equal(py::dtype::of<double>()))
+    batch->batch = std::make_unique<Batch<double>>(plan, environments, options);
+  else
+    throw SettingsError("dtype " + text_of(wanted), "is no precision of a batch",
+                        "give 'f4' or 'f8'");
+  return batch;
+}
+
+void bind_batch(py::module_& module) {
+  py::class_<Rows> rows(module, "Rows", py::is_final(),
+                        "The arrays of a Batch as [k, num_envs]: the same memory, where an environment's neighbour is "
+                        "next to it.");
+  py::class_<AnyBatch> batch(module, "Batch", py::is_final(),
+                             "Many environments of one Plan, made by Plan.batch(). Arrays are live views: writing to "
+                             "them is writing to the environments, and edits need no announcement.");
+  bind_views(rows, batch);
+  bind_steps(batch);
+  bind_readbacks(batch);
+  bind_control(batch);
+}
+
+}  // namespace lockstep::python

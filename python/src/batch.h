@@ -1,0 +1,38 @@
+// A Batch of either precision, for Python. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <pybind11/numpy.h>
+
+#include <memory>
+#include <variant>
+
+#include "convert.h"
+
+namespace lockstep::python {
+
+/// Views point into the Batch, so it is never moved.
+struct AnyBatch {
+  std::variant<std::unique_ptr<Batch<float>>, std::unique_ptr<Batch<double>>> batch;
+
+  template <class Use>
+  decltype(auto) use(Use&& use) {
+    return std::visit([&](auto& own) -> decltype(auto) { return use(*own); }, batch);
+  }
+};
+
+std::unique_ptr<AnyBatch> make_batch(const Plan& plan, int environments, int threads, std::uint64_t seed,
+                                     std::uint32_t first_id, const py::object& dtype, const std::string& target,
+                                     const std::string& engine);
+
+/// The environments that None (all), a mask of bool or a sequence of ids stands for. Only bool is a mask. Throws
+/// UsageError for ids outside the batch, and TypeError for other types.
+std::vector<int> environments_of(const py::object& which, int environments);
+
+/// (environment, coupling, error, velocity error) of each.
+py::list unmet_to_python(const Plan& plan, const std::vector<UnmetCoupling>& unmet);
+
+void bind_control(py::class_<AnyBatch>& batch);
+void bind_plan(py::module_& module);
+void bind_batch(py::module_& module);
+
+}  // namespace lockstep::python

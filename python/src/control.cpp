@@ -1,0 +1,253 @@
+// Random numbers, actions, readings and save points for Python. SPDX-License-Identifier: Apache-2.0
+#include <pybind11/stl.h>
+
+#include "batch.h"
+
+namespace lockstep::python {
+namespace {
+
+using namespace pybind11::literals;
+
+template <class Enum>
+Enum one_of(const char* setting, const std::string& name, std::initializer_list<std::pair<const char*, Enum>> all) {
+  std::string names;
+  for (const auto& [known, value] : all) {
+    if (name == known) return value;
+    names += (names.empty() ? "" : ", ") + std::string(known);
+  }
+  throw UsageError(std::string(setting) + " '" + name + "'", "is unknown", "give one of: " + names);
+}
+
+// --- random numbers ------------------------------------------------------------------------------
+
+template <class S>
+py::array_t<S> drawn(const Batch<S>& batch, int count, const py::object& which, unsigned stream, bool normal) {
+  if (count < 0) throw py::value_error("count must be 0 or more");
+  const std::vector<int> ids = environments_of(which, batch.environments());
+  py::array_t<S> all({static_cast<py::ssize_t>(batch.environments()), static_cast<py::ssize_t>(count)});
+  const StridedRows<S> rows{all.mutable_data(), 1, count};
+  normal ? batch.draw_normal(rows, count, stream, ids) : batch.draw(rows, count, stream, ids);
+  return which.is_none() ? all : py::array_t<S>(all[py::cast(ids)]);
+}
+
+Randomization randomization_of(const Plan& plan, Parameter field, const std::string& operation, double low, double high,
+                               const std::string& distribution, const py::object& rows, bool shared, unsigned stream) {
+  Randomization r;
+  r.change = one_of<Change>("operation", operation,
+                            {{"scale", Change::scale}, {"add", Change::add}, {"abs", Change::absolute}});
+  r.distribution = one_of<Distribution>("distribution", distribution,
+                                        {{"uniform", Distribution::uniform},
+                                         {"log_uniform", Distribution::log_uniform},
+                                         {"normal", Distribution::normal}});
+  r.low = low, r.high = high, r.shared = shared, r.stream = stream;
+  if (rows.is_none()) return r;
+  const std::vector<std::string>& names = plan.parameter_row_names(field);
+  for (const py::handle& row : rows) {
+    if (!py::isinstance<py::str>(row)) {
+      r.rows.push_back(row.cast<int>());
+      continue;
+    }
+    const std::string name = row.cast<std::string>();
+    const auto found = std::find(names.begin(), names.end(), name);
+    if (found == names.end())
+      throw UsageError("row '" + name + "' of " + to_string(field), "is unknown", "see Plan.parameter_rows()");
+    r.rows.push_back(static_cast<int>(found - names.begin()));
+  }
+  return r;
+}
+
+// --- actions and readings ------------------------------------------------------------------------
+
+template <class S>
+void act(Batch<S>& batch, const py::object& actions, const std::string& kind, const py::object& which,
+         const py::object& low, const py::object& high) {
+  ActionMap map;
+  map.kind = one_of<ActionKind>("kind", kind,
+                                {{"position", ActionKind::position},
+                                 {"position_change", ActionKind::position_change},
+                                 {"velocity", ActionKind::velocity},
+                                 {"effort", ActionKind::effort}});
+  if (!low.is_none()) map.low = low.cast<std::vector<double>>();
+  if (!high.is_none()) map.high = high.cast<std::vector<double>>();
+  const std::vector<int>& commanded =
+      map.kind == ActionKind::effort ? batch.plan().independent_dofs() : batch.plan().driven_dofs();
+  const py::array_t<S, py::array::forcecast> given(actions);
+  const py::ssize_t columns = static_cast<py::ssize_t>(commanded.size());
+  if (given.ndim() != 2 || given.shape(0) != batch.environments() || given.shape(1) != columns)
+    throw UsageError("actions", "have the shape " + text_of(given.attr("shape")),
+                     "give [" + std::to_string(batch.environments()) + ", " + std::to_string(columns) + "]");
+  constexpr py::ssize_t item = sizeof(S);
+  const StridedRows<const S> rows{given.data(), given.strides(1) / item, given.strides(0) / item};
+  if (which.is_none())
+    batch.set_actions(rows, map);
+  else
+    batch.set_actions(rows, map, environments_of(which, batch.environments()));
+}
+
+const std::initializer_list<std::pair<const char*, Quantity>> quantities = {
+    {"q", Quantity::position},
+    {"qd", Quantity::velocity},
+    {"q_target", Quantity::position_target},
+    {"qd_target", Quantity::velocity_target},
+    {"effort", Quantity::effort},
+    {"link_pose", Quantity::link_pose},
+    {"link_velocity", Quantity::link_velocity},
+    {"site_pose", Quantity::site_pose},
+    {"site_position", Quantity::site_position},
+    {"site_velocity", Quantity::site_velocity},
+    {"coupling_error", Quantity::coupling_error},
+    {"root_pose", Quantity::root_pose},
+    {"root_twist", Quantity::root_velocity},
+    {"kinetic_energy", Quantity::kinetic_energy},
+    {"potential_energy", Quantity::potential_energy}};
+
+int row_of(const Plan& plan, const std::string& quantity, const std::string& name) {
+  if (quantity.starts_with("link")) return plan.link(name);
+  if (quantity.starts_with("site")) return plan.site(name);
+  if (!quantity.starts_with("coupling")) return plan.dof(name);
+  const std::vector<std::string> names = coupling_names(plan.model());
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found == names.end()) throw UsageError("coupling '" + name + "'", "is unknown", "see Model.couplings");
+  return static_cast<int>(found - names.begin());
+}
+
+Query query_of(const Plan& plan, const py::handle& given) {
+  Query query;
+  const bool named = py::isinstance<py::str>(given);
+  const std::string name = (named ? py::reinterpret_borrow<py::object>(given) : py::object(given.attr("quantity")))
+                               .cast<std::string>();
+  query.quantity = one_of<Quantity>("quantity", name, quantities);
+  if (named) return query;
+  query.scale = given.attr("scale").cast<double>();
+  if (const py::object rows = given.attr("rows"); !rows.is_none())
+    for (const py::handle& row : rows) query.elements.push_back(row_of(plan, name, row.cast<std::string>()));
+  return query;
+}
+
+template <class S>
+py::array read(const Batch<S>& batch, const py::args& given, const py::object& out) {
+  std::vector<Query> queries;
+  py::ssize_t columns = 0;
+  for (const py::handle& query : given) {
+    queries.push_back(query_of(batch.plan(), query));
+    columns += batch.plan().query_rows(queries.back());
+  }
+  py::array_t<S> to;
+  if (out.is_none())
+    to = py::array_t<S>({static_cast<py::ssize_t>(batch.environments()), columns});
+  else if (py::array_t<S>::check_(out) && py::cast<py::array>(out).writeable())
+    to = py::reinterpret_borrow<py::array_t<S>>(out);
+  else
+    throw py::type_error("out must be a writable array of " + text_of(py::dtype::of<S>()));
+  if (to.ndim() != 2 || to.shape(0) != batch.environments() || to.shape(1) != columns)
+    throw UsageError("out", "has the shape " + text_of(to.attr("shape")),
+                     "give [" + std::to_string(batch.environments()) + ", " + std::to_string(columns) + "]");
+  constexpr py::ssize_t item = sizeof(S);
+  batch.read(queries, StridedRows<S>{to.mutable_data(), to.strides(1) / item, to.strides(0) / item});
+  return to;
+}
+
+}  // namespace
+
+void bind_control(py::class_<AnyBatch>& batch) {
+  batch.def(
+      "draw",
+      [](AnyBatch& b, int count, const py::object& which, unsigned stream) -> py::array {
+        return b.use([&](auto& own) -> py::array { return drawn(own, count, which, stream, false); });
+      },
+      "count"_a, "which"_a = py::none(), "stream"_a = 0,
+      "[k, count] uniform random numbers in [0, 1). They depend on the environment's seed, env_id and episode, on the "
+      "stream (below 32768) and the column, and on nothing else.");
+  batch.def(
+      "normal",
+      [](AnyBatch& b, int count, const py::object& which, unsigned stream) -> py::array {
+        return b.use([&](auto& own) -> py::array { return drawn(own, count, which, stream, true); });
+      },
+      "count"_a, "which"_a = py::none(), "stream"_a = 0, "the same, normal with mean 0 and standard deviation 1");
+  batch.def(
+      "randomize",
+      [](AnyBatch& b, const std::string& name, const std::string& operation, double low, double high,
+         const std::string& distribution, const py::object& which, const py::object& rows, bool shared,
+         unsigned stream) {
+        b.use([&](auto& own) {
+          const Parameter field = parameter_of(name);
+          own.randomize(field,
+                        randomization_of(own.plan(), field, operation, low, high, distribution, rows, shared, stream),
+                        environments_of(which, own.environments()));
+        });
+      },
+      "name"_a, "operation"_a, "low"_a, "high"_a, py::kw_only(), "distribution"_a = "uniform", "which"_a = py::none(),
+      "rows"_a = py::none(), "shared"_a = false, "stream"_a = 0,
+      "Sets a field to random values: the compiled ones times, plus, or replaced by ('scale', 'add', 'abs') numbers "
+      "between low and high, 'uniform' or 'log_uniform', or 'normal' with the mean low and the standard deviation high. "
+      "rows: numbers or names of columns. shared: one number for all of them. Raises UsageError, and changes nothing, "
+      "where a value could be impossible.");
+  batch.def(
+      "reset_random",
+      [](AnyBatch& b, const py::object& which, double spread, double speed, unsigned stream) {
+        return b.use([&](auto& own) {
+          RandomReset random;
+          random.spread = spread, random.speed = speed, random.stream = stream;
+          return unmet_to_python(own.plan(), own.reset_random(environments_of(which, own.environments()), random));
+        });
+      },
+      "which"_a = py::none(), "spread"_a = 1.0, "speed"_a = 0.0, py::kw_only(), "stream"_a = 0,
+      "reset() to random states: independent joints uniform within spread times their range about its middle (joints "
+      "without a range start as the model says), velocities within -speed to speed, followers where they belong.");
+  batch.def(
+      "act",
+      [](AnyBatch& b, const py::object& actions, const std::string& kind, const py::object& which, const py::object& low,
+         const py::object& high) { b.use([&](auto& own) { act(own, actions, kind, which, low, high); }); },
+      "actions"_a, "kind"_a = "position", "which"_a = py::none(), py::kw_only(), "low"_a = py::none(),
+      "high"_a = py::none(),
+      "Actions in [-1, 1], [num_envs, len(plan.driven)], become targets of the driven joints ('position', "
+      "'position_change', 'velocity') or efforts of the independent ones ('effort'), between low and high: by default "
+      "the joint's range, 5 % of it, its velocity or effort limit. Followers are never commanded. An environment with a "
+      "NaN gets the fault bad_input and keeps its targets.");
+  batch.def(
+      "check",
+      [](AnyBatch& b, const py::object& which) {
+        return b.use([&](auto& own) {
+          py::list all;
+          for (const Problem& p : own.check(environments_of(which, own.environments())))
+            all.append(py::make_tuple(p.environment, p.field, p.row, p.value, p.element + " " + p.rule));
+          return all;
+        });
+      },
+      "which"_a = py::none(), "values that cannot be, as (environment, field, row, value, rule)");
+  batch.def(
+      "read",
+      [](AnyBatch& b, const py::args& queries, const py::object& out) {
+        return b.use([&](auto& own) { return read(own, queries, out); });
+      },
+      "out"_a = py::none(),
+      "[num_envs, k] the quantities of names or lockstep.Query objects, side by side, in one pass. out: an array of that "
+      "shape and dtype to write to.");
+  batch.def(
+      "save",
+      [](AnyBatch& b, const py::object& which) {
+        const std::vector<std::byte> blob = b.use([&](auto& own) {
+          return which.is_none() ? own.save() : own.save(environments_of(which, own.environments()));
+        });
+        return py::bytes(reinterpret_cast<const char*>(blob.data()), blob.size());
+      },
+      "which"_a = py::none(), "everything that the next steps depend on, of these environments, as bytes");
+  batch.def(
+      "restore",
+      [](AnyBatch& b, const std::string_view& blob, const py::object& into, const py::object& rows,
+         bool other_settings) {
+        const std::span<const std::byte> bytes(reinterpret_cast<const std::byte*>(blob.data()), blob.size());
+        b.use([&](auto& own) {
+          const RestoreOptions options{other_settings};
+          if (into.is_none() && rows.is_none()) return own.restore(bytes, options);
+          std::vector<int> from;
+          if (!rows.is_none()) from = py::cast<std::vector<int>>(rows);
+          own.restore(bytes, environments_of(into, own.environments()), from, options);
+        });
+      },
+      "blob"_a, "into"_a = py::none(), "rows"_a = py::none(), py::kw_only(), "other_settings"_a = false,
+      "Puts environments `rows` of save()'s bytes (all by default) into the environments `into`. They go on with the "
+      "same bits. Raises UsageError, and changes nothing, where bytes are damaged or do not fit.");
+}
+
+}  // namespace lockstep::python

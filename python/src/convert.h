@@ -1,0 +1,29 @@
+// Models, settings and errors between C++ and Python. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <lockstep/lockstep.h>
+
+namespace lockstep::python {
+
+namespace py = pybind11;
+
+/// str() of a Python object.
+inline std::string text_of(const py::handle& thing) { return py::str(thing).cast<std::string>(); }
+
+/// A lockstep.Model from its Python class. Throws TypeError that names the attribute where a type does not fit.
+Model model_of(const py::handle& model);
+py::object to_python(const Model& model);
+
+/// The enumerator of that name; throws SettingsError that lists the names.
+Method method_of(const std::string& name);
+Integrator integrator_of(const std::string& name);
+Target target_of(const std::string& name);
+Engine engine_of(const std::string& name);
+Parameter parameter_of(const std::string& name);
+
+/// Exceptions of lockstep become those of lockstep/errors.py.
+void translate_errors();
+
+}  // namespace lockstep::python

@@ -1,0 +1,208 @@
+// Models between C++ and the classes of lockstep/model.py. SPDX-License-Identifier: Apache-2.0
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+
+#include "convert.h"
+
+namespace lockstep::python {
+namespace {
+
+using namespace pybind11::literals;
+
+py::object python_class(const char* name) { return py::module_::import("lockstep.model").attr(name); }
+
+[[noreturn]] void refuse(const py::handle& element, const char* attribute) {
+  const py::object name = py::getattr(element, "name", py::type::of(element).attr("__name__"));
+  throw py::type_error(py::str("{}: {} cannot be {!r}").format(name, attribute, element.attr(attribute)));
+}
+
+template <class Value>
+void read(const py::handle& element, const char* attribute, Value& to) {
+  try {
+    to = element.attr(attribute).cast<Value>();
+  } catch (const py::cast_error&) {
+    refuse(element, attribute);
+  }
+}
+
+// A vector or matrix of this size, from nested sequences or an array.
+template <class Matrix>
+Matrix matrix_of(const py::handle& element, const char* attribute) {
+  using Numbers = py::array_t<double, py::array::c_style | py::array::forcecast>;
+  constexpr int rows = Matrix::RowsAtCompileTime, columns = Matrix::ColsAtCompileTime;
+  Numbers numbers;
+  try {
+    numbers = Numbers(element.attr(attribute));
+  } catch (py::error_already_set&) {
+    refuse(element, attribute);
+  }
+  const bool fits = columns == 1 ? numbers.ndim() == 1 && numbers.shape(0) == rows
+                                 : numbers.ndim() == 2 && numbers.shape(0) == rows && numbers.shape(1) == columns;
+  if (!fits) refuse(element, attribute);
+  Matrix matrix;
+  for (int i = 0; i < rows; ++i)
+    for (int k = 0; k < columns; ++k) matrix(i, k) = numbers.data()[i * columns + k];
+  return matrix;
+}
+
+template <class Matrix>
+py::tuple tuple_of(const Matrix& matrix) {
+  py::tuple rows(matrix.rows());
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    if (matrix.cols() == 1) {
+      rows[i] = py::float_(matrix(i, 0));
+      continue;
+    }
+    py::tuple row(matrix.cols());
+    for (Eigen::Index k = 0; k < matrix.cols(); ++k) row[k] = py::float_(matrix(i, k));
+    rows[i] = row;
+  }
+  return rows;
+}
+
+Pose pose_of(const py::handle& element, const char* attribute) {
+  Pose pose;
+  pose.matrix() = matrix_of<Eigen::Matrix4d>(element, attribute);
+  return pose;
+}
+
+constexpr const char* joint_kinds[] = {"fixed", "revolute", "continuous", "prismatic"};
+
+JointKind kind_of(const py::handle& joint) {
+  std::string kind;
+  read(joint, "kind", kind);
+  for (int k = 0; k < 4; ++k)
+    if (kind == joint_kinds[k]) return static_cast<JointKind>(k);
+  throw ModelError("joint '" + text_of(joint.attr("name")) + "'", "is of the unknown kind '" + kind + "'",
+                   "give fixed, revolute, continuous or prismatic");
+}
+
+Softness softness_of(const py::handle& element, const char* attribute) {
+  const py::object softness = element.attr(attribute);
+  const auto numbers = [&](const char* first, const char* second) {
+    std::pair<double, double> both;
+    read(softness, first, both.first);
+    if (second) read(softness, second, both.second);
+    return both;
+  };
+  const auto is = [&](const char* name) { return py::isinstance(softness, python_class(name)); };
+  if (is("Hard")) return Hard{numbers("erp", nullptr).first};
+  if (is("ErpCfm")) return std::make_from_tuple<ErpCfm>(numbers("erp", "cfm"));
+  if (is("Spring")) return std::make_from_tuple<Spring>(numbers("kp", "kd"));
+  if (is("Frequency")) return std::make_from_tuple<Frequency>(numbers("rad_per_s", "damping_ratio"));
+  refuse(element, attribute);
+}
+
+struct SoftnessToPython {
+  py::object operator()(const Hard& s) const { return python_class("Hard")(s.erp); }
+  py::object operator()(const ErpCfm& s) const { return python_class("ErpCfm")(s.erp, s.cfm); }
+  py::object operator()(const Spring& s) const { return python_class("Spring")(s.kp, s.kd); }
+  py::object operator()(const Frequency& s) const { return python_class("Frequency")(s.rad_per_s, s.damping_ratio); }
+};
+
+// Every number of a joint that has the same name in both languages.
+template <class Visit>
+void each_number(Joint& j, Visit&& visit) {
+  visit("damping", j.damping), visit("armature", j.armature), visit("stiffness", j.stiffness), visit("rest", j.rest);
+  visit("effort", j.effort), visit("lower", j.lower), visit("upper", j.upper), visit("restitution", j.restitution);
+  visit("velocity_limit", j.velocity_limit), visit("effort_limit", j.effort_limit), visit("friction", j.friction);
+  visit("position", j.position), visit("velocity", j.velocity);
+}
+template <class Visit>
+void each_number(Drive& d, Visit&& visit) {
+  visit("kp", d.kp), visit("kd", d.kd), visit("position_target", d.position_target);
+  visit("velocity_target", d.velocity_target), visit("kinematic", d.kinematic);
+}
+
+Joint joint_of(const py::handle& from) {
+  Joint joint;
+  read(from, "name", joint.name), read(from, "parent", joint.parent), read(from, "child", joint.child);
+  joint.kind = kind_of(from);
+  joint.origin = pose_of(from, "origin");
+  joint.axis = matrix_of<Eigen::Vector3d>(from, "axis");
+  each_number(joint, [&](const char* name, double& number) { read(from, name, number); });
+  const py::object drive = from.attr("drive");
+  each_number(joint.drive, [&](const char* name, auto& number) { read(drive, name, number); });
+  joint.drive.softness = softness_of(drive, "softness");
+  joint.limit_softness = softness_of(from, "limit_softness");
+  return joint;
+}
+
+py::object joint_to_python(Joint joint) {
+  py::object drive = python_class("Drive")();
+  each_number(joint.drive, [&](const char* name, auto number) { drive.attr(name) = number; });
+  drive.attr("softness") = std::visit(SoftnessToPython{}, joint.drive.softness);
+  py::object to = python_class("Joint")(joint.name, joint_kinds[static_cast<int>(joint.kind)], joint.parent, joint.child,
+                                        tuple_of(joint.origin.matrix()), tuple_of(joint.axis));
+  each_number(joint, [&](const char* name, double number) { to.attr(name) = number; });
+  to.attr("drive") = drive;
+  to.attr("limit_softness") = std::visit(SoftnessToPython{}, joint.limit_softness);
+  return to;
+}
+
+Coupling coupling_of(const py::handle& from) {
+  Coupling coupling;
+  read(from, "joint", coupling.joint);
+  std::vector<std::pair<std::string, double>> terms;
+  read(from, "terms", terms);
+  for (auto& [joint, ratio] : terms) coupling.terms.push_back({joint, ratio});
+  read(from, "offset", coupling.offset), read(from, "force_limit", coupling.force_limit);
+  coupling.softness = softness_of(from, "softness");
+  return coupling;
+}
+
+py::object coupling_to_python(const Coupling& coupling) {
+  py::list terms;
+  for (const CouplingTerm& term : coupling.terms) terms.append(py::make_tuple(term.joint, term.ratio));
+  return python_class("Coupling")(coupling.joint, terms, coupling.offset,
+                                  std::visit(SoftnessToPython{}, coupling.softness), coupling.force_limit);
+}
+
+}  // namespace
+
+Model model_of(const py::handle& from) {
+  if (!py::isinstance(from, python_class("Model")))
+    throw py::type_error("a lockstep.Model is needed, not a " + text_of(py::type::of(from)));
+  Model model;
+  read(from, "name", model.name);
+  for (const py::handle& link : from.attr("links")) {
+    const py::object inertia = link.attr("inertia");
+    model.links.emplace_back();
+    read(link, "name", model.links.back().name);
+    read(inertia, "mass", model.links.back().inertia.mass);
+    model.links.back().inertia.center = matrix_of<Eigen::Vector3d>(inertia, "center");
+    model.links.back().inertia.about_center = matrix_of<Eigen::Matrix3d>(inertia, "about_center");
+  }
+  for (const py::handle& joint : from.attr("joints")) model.joints.push_back(joint_of(joint));
+  for (const py::handle& coupling : from.attr("couplings")) model.couplings.push_back(coupling_of(coupling));
+  for (const py::handle& site : from.attr("sites")) {
+    model.sites.emplace_back();
+    read(site, "name", model.sites.back().name), read(site, "link", model.sites.back().link);
+    model.sites.back().pose = pose_of(site, "pose");
+  }
+  for (const py::handle& root : from.attr("roots")) {
+    model.roots.emplace_back();
+    read(root, "link", model.roots.back().link), read(root, "floating", model.roots.back().floating);
+    model.roots.back().pose = pose_of(root, "pose");
+    model.roots.back().velocity = matrix_of<Eigen::Matrix<double, 6, 1>>(root, "velocity");
+  }
+  model.gravity = matrix_of<Eigen::Vector3d>(from, "gravity");
+  return model;
+}
+
+py::object to_python(const Model& model) {
+  py::list links, joints, couplings, sites, roots;
+  for (const Link& link : model.links)
+    links.append(python_class("Link")(
+        link.name, python_class("Inertia")(link.inertia.mass, tuple_of(link.inertia.center),
+                                           tuple_of(link.inertia.about_center))));
+  for (const Joint& joint : model.joints) joints.append(joint_to_python(joint));
+  for (const Coupling& coupling : model.couplings) couplings.append(coupling_to_python(coupling));
+  for (const Site& site : model.sites)
+    sites.append(python_class("Site")(site.name, site.link, tuple_of(site.pose.matrix())));
+  for (const Root& root : model.roots)
+    roots.append(python_class("Root")(root.link, root.floating, tuple_of(root.pose.matrix()), tuple_of(root.velocity)));
+  return python_class("Model")(model.name, links, joints, couplings, sites, roots, tuple_of(model.gravity));
+}
+
+}  // namespace lockstep::python

@@ -1,0 +1,35 @@
+// Enumerators by their names. SPDX-License-Identifier: Apache-2.0
+#include "convert.h"
+
+namespace lockstep::python {
+namespace {
+
+// The enumerators are numbered from 0.
+template <class Enum>
+Enum enumerator_of(const char* setting, const std::string& name, int count) {
+  std::string all;
+  for (int i = 0; i < count; ++i) {
+    const char* const known = to_string(static_cast<Enum>(i));
+    if (name == known) return static_cast<Enum>(i);
+    all += (i == 0 ? "" : ", ") + std::string(known);
+  }
+  throw SettingsError(std::string(setting) + " '" + name + "'", "is unknown", "give one of: " + all);
+}
+
+}  // namespace
+
+Method method_of(const std::string& name) {
+  return enumerator_of<Method>("method", name, static_cast<int>(Method::reduced) + 1);
+}
+Integrator integrator_of(const std::string& name) {
+  return enumerator_of<Integrator>("integrator", name, static_cast<int>(Integrator::runge_kutta) + 1);
+}
+Target target_of(const std::string& name) {
+  return enumerator_of<Target>("target", name, static_cast<int>(Target::neon) + 1);
+}
+Engine engine_of(const std::string& name) {
+  return enumerator_of<Engine>("engine", name, static_cast<int>(Engine::generated) + 1);
+}
+Parameter parameter_of(const std::string& name) { return enumerator_of<Parameter>("field", name, parameter_count); }
+
+}  // namespace lockstep::python

@@ -1,0 +1,233 @@
+// Plan, compile() and the importer for Python. SPDX-License-Identifier: Apache-2.0
+#include <pybind11/numpy.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <filesystem>
+
+#include "batch.h"
+
+namespace lockstep::python {
+namespace {
+
+using namespace pybind11::literals;
+
+constexpr std::pair<const char*, JointSet Ignored::*> bounds[] = {{"position_limits", &Ignored::position_limits},
+                                                                  {"velocity_limits", &Ignored::velocity_limits},
+                                                                  {"effort_limits", &Ignored::effort_limits},
+                                                                  {"friction", &Ignored::friction}};
+
+// {"position_limits": True | ["joint", ...] | "followers", ...}, or the names of bounds that all joints leave out.
+Ignored ignored_of(const py::object& given) {
+  Ignored ignored;
+  const auto set_of = [&](const py::handle& name) -> JointSet& {
+    for (const auto& [known, set] : bounds)
+      if (text_of(name) == known) return ignored.*set;
+    throw SettingsError("ignore " + text_of(py::repr(name)), "is unknown",
+                        "give position_limits, velocity_limits, effort_limits or friction");
+  };
+  if (given.is_none()) return ignored;
+  if (py::isinstance<py::str>(given)) {
+    set_of(given) = true;
+  } else if (py::isinstance<py::dict>(given)) {
+    for (const auto& [name, joints] : given.cast<py::dict>()) {
+      JointSet& set = set_of(name);
+      if (py::isinstance<py::bool_>(joints))
+        set = joints.cast<bool>();
+      else if (py::isinstance<py::str>(joints) && joints.cast<std::string>() == "followers")
+        set = JointSet::of_followers();
+      else
+        set.names = joints.cast<std::vector<std::string>>();
+    }
+  } else {
+    for (const py::handle& name : given) set_of(name) = true;
+  }
+  return ignored;
+}
+
+py::dict ignored_to_python(const Ignored& ignored) {
+  py::dict all;
+  for (const auto& [name, set] : bounds) {
+    const JointSet& joints = ignored.*set;
+    if (joints.all)
+      all[name] = true;
+    else if (joints.followers)
+      all[name] = "followers";
+    else if (!joints.empty())
+      all[name] = joints.names;
+  }
+  return all;
+}
+
+Plan compiled(const py::object& model, double dt, const py::object& vary, const std::string& method,
+              const std::string& integrator, int iterations, int velocity_iterations, const py::object& ignore,
+              bool stage_inputs, bool record_impulses, bool diagnostics, double guard, double position_bound,
+              double velocity_bound) {
+  StepSettings settings;
+  settings.dt = dt;
+  settings.method = method_of(method), settings.integrator = integrator_of(integrator);
+  settings.iterations = iterations, settings.velocity_iterations = velocity_iterations;
+  if (py::isinstance<py::str>(vary))
+    settings.per_environment.insert(parameter_of(vary.cast<std::string>()));
+  else
+    for (const py::handle& name : vary) settings.per_environment.insert(parameter_of(name.cast<std::string>()));
+  settings.ignore = ignored_of(ignore);
+  settings.stage_inputs = stage_inputs, settings.record_impulses = record_impulses;
+  settings.record_diagnostics = diagnostics;
+  settings.guard = guard, settings.position_bound = position_bound, settings.velocity_bound = velocity_bound;
+  return compile(model_of(model), settings);
+}
+
+std::vector<std::string> varied(const Plan& plan) {
+  std::vector<std::string> names;
+  for (int f = 0; f < parameter_count; ++f)
+    if (plan.settings().per_environment.contains(static_cast<Parameter>(f)))
+      names.push_back(to_string(static_cast<Parameter>(f)));
+  return names;
+}
+
+py::dict settings_of(const Plan& plan) {
+  const StepSettings& s = plan.settings();
+  return py::dict("dt"_a = s.dt, "vary"_a = varied(plan), "method"_a = to_string(s.method),
+                  "integrator"_a = to_string(s.integrator), "iterations"_a = s.iterations,
+                  "velocity_iterations"_a = s.velocity_iterations, "ignore"_a = ignored_to_python(s.ignore),
+                  "stage_inputs"_a = s.stage_inputs, "record_impulses"_a = s.record_impulses,
+                  "diagnostics"_a = s.record_diagnostics, "guard"_a = s.guard, "position_bound"_a = s.position_bound,
+                  "velocity_bound"_a = s.velocity_bound);
+}
+
+std::vector<std::string> names_of(const Plan& plan, const std::vector<int>& dofs) {
+  std::vector<std::string> names;
+  for (int dof : dofs) names.push_back(plan.dof_names()[static_cast<std::size_t>(dof)]);
+  return names;
+}
+
+// {follower: (((leader, ratio), ...), offset)}
+py::dict followers_of(const Plan& plan) {
+  py::dict followers;
+  for (int dof : plan.follower_dofs()) {
+    const Following& following = plan.following(dof);
+    py::list leaders;
+    for (const Following::Leader& leader : following.leaders)
+      leaders.append(py::make_tuple(plan.dof_names()[static_cast<std::size_t>(leader.dof)], leader.ratio));
+    followers[py::str(plan.dof_names()[static_cast<std::size_t>(dof)])] =
+        py::make_tuple(py::tuple(leaders), following.offset);
+  }
+  return followers;
+}
+
+// [nv, 2]
+py::array_t<double> limits_of(const Plan& plan) {
+  py::array_t<double> limits({plan.dofs(), 2});
+  for (int dof = 0; dof < plan.dofs(); ++dof) {
+    const Model& model = plan.model();
+    const Joint& joint = model.joints[static_cast<std::size_t>(model.joint_index(plan.dof_names()[dof]))];
+    limits.mutable_at(dof, 0) = joint.lower, limits.mutable_at(dof, 1) = joint.upper;
+  }
+  return limits;
+}
+
+py::object imported(const Import& import) {
+  py::object model = to_python(import.model);
+  model.attr("report") = import.report;
+  model.attr("warnings") = import.warnings;
+  return model;
+}
+
+ImportOptions import_options(double least_mass, double least_inertia, double density, bool repair_inertias,
+                             bool leave_out_foreign, const py::object& ignore) {
+  ImportOptions options;
+  options.least_mass = least_mass, options.least_inertia = least_inertia, options.density = density;
+  options.repair_inertias = repair_inertias, options.leave_out_foreign = leave_out_foreign;
+  options.ignore = ignored_of(ignore);
+  return options;
+}
+
+}  // namespace
+
+void bind_plan(py::module_& module) {
+  py::class_<Plan>(module, "Plan", py::is_final(), "A compiled model. Immutable, picklable; threads may share it.")
+      .def_property_readonly("model", [](const Plan& plan) { return to_python(plan.model()); }, "a copy of the Model")
+      .def_property_readonly("settings", &settings_of, "what compile() was given, as a dict")
+      .def_property_readonly("dt", [](const Plan& plan) { return plan.settings().dt; }, "s")
+      .def_property_readonly("method", [](const Plan& plan) { return to_string(plan.method()); }, "the one in use")
+      .def_property_readonly("integrator", [](const Plan& plan) { return to_string(plan.integrator()); },
+                             "the one in use")
+      .def_property_readonly("nv", &Plan::dofs, "number of moving joints")
+      .def_property_readonly("dof_names", &Plan::dof_names, "names of the moving joints, in the order of q")
+      .def_property_readonly("root_names", &Plan::root_names, "links that float, in the order of root_pose")
+      .def_property_readonly("row_names", &Plan::row_names, "what a step holds or bounds; see Batch.row_states()")
+      .def_property_readonly("independent", [](const Plan& plan) { return names_of(plan, plan.independent_dofs()); },
+                             "names of the joints that an agent may command")
+      .def_property_readonly("driven", [](const Plan& plan) { return names_of(plan, plan.driven_dofs()); },
+                             "those of them that have a drive: the columns of Batch.act()")
+      .def_property_readonly("followers", &followers_of, "{follower: (((leader, ratio), ...), offset)}")
+      .def_property_readonly("vary", &varied, "the fields that differ from environment to environment")
+      .def_property_readonly("limits", &limits_of, "[nv, 2] lower and upper position limits, rad or m")
+      .def_property_readonly("hash", &Plan::hash, "64 bits, of model and settings")
+      .def_property_readonly("stage_times", &Plan::stage_times, "when in a step inputs are used, as shares of dt")
+      .def("parameter_rows",
+           [](const Plan& plan, const std::string& name) { return plan.parameter_row_names(parameter_of(name)); },
+           "name"_a, "names of the columns of Batch.parameter(name)")
+      .def("dof", &Plan::dof, "joint"_a, "the joint's column in q")
+      .def("link", &Plan::link, "name"_a)
+      .def("site", &Plan::site, "name"_a)
+      .def("describe", &Plan::describe, "in words: what a step does, by which method and why, and what it costs")
+      .def("batch", &make_batch, "num_envs"_a, py::kw_only(), "threads"_a = 0, "seed"_a = 0, "first_id"_a = 0,
+           "dtype"_a = "f4", "target"_a = "automatic", "engine"_a = "automatic",
+           "num_envs environments in the model's state. threads: 1 is the calling thread, 0 all cores. seed, first_id: "
+           "what random numbers depend on, see Batch.draw(). dtype: 'f4' or 'f8'.")
+      .def("__reduce__",
+           [](const py::object& self) {
+             const Plan& plan = self.cast<const Plan&>();
+             const py::object again = py::module_::import("functools").attr("partial")(
+                 py::module_::import("lockstep").attr("compile"), **settings_of(plan));
+             return py::make_tuple(again, py::make_tuple(to_python(plan.model())));
+           })
+      .def("__repr__", [](const Plan& plan) {
+        return "<lockstep.Plan of '" + plan.model().name + "': " + std::to_string(plan.dofs()) + " dofs, " +
+               to_string(plan.method()) + ", " + to_string(plan.integrator()) + ">";
+      });
+
+  const StepSettings defaults;
+  module.def("compile", &compiled, "model"_a, py::kw_only(), "dt"_a = defaults.dt, "vary"_a = py::tuple(),
+             "method"_a = "automatic", "integrator"_a = "automatic", "iterations"_a = defaults.iterations,
+             "velocity_iterations"_a = defaults.velocity_iterations, "ignore"_a = py::none(), "stage_inputs"_a = false,
+             "record_impulses"_a = false, "diagnostics"_a = false, "guard"_a = defaults.guard,
+             "position_bound"_a = defaults.position_bound, "velocity_bound"_a = defaults.velocity_bound,
+             "Validates and compiles a Model. dt: s. vary: fields that differ from environment to environment. ignore: "
+             "bounds that are left out, as names or {name: True | joints | 'followers'}. Raises ModelError, "
+             "SettingsError.");
+  const ImportOptions o;
+  module.def(
+      "from_urdf",
+      [](const std::filesystem::path& path, double least_mass, double least_inertia, double density,
+         bool repair_inertias, bool leave_out_foreign, const py::object& ignore) {
+        if (!std::filesystem::exists(path)) {  // as open() does it
+          errno = ENOENT;
+          PyErr_SetFromErrnoWithFilename(PyExc_OSError, path.c_str());
+          throw py::error_already_set();
+        }
+        return imported(import_urdf_file(path.string(), import_options(least_mass, least_inertia, density,
+                                                                       repair_inertias, leave_out_foreign, ignore)));
+      },
+      "path"_a, py::kw_only(), "least_mass"_a = o.least_mass, "least_inertia"_a = o.least_inertia,
+      "density"_a = o.density, "repair_inertias"_a = o.repair_inertias, "leave_out_foreign"_a = o.leave_out_foreign,
+      "ignore"_a = py::none(),
+      "Reads a Model from a URDF file. model.report says what became of everything in it, model.warnings what its owner "
+      "should act on. The options are those of ImportOptions. Raises ImportFileError, ModelError, FileNotFoundError.");
+  module.def(
+      "from_urdf_text",
+      [](const std::string& text, const std::string& source, double least_mass, double least_inertia, double density,
+         bool repair_inertias, bool leave_out_foreign, const py::object& ignore) {
+        return imported(import_urdf(
+            text, source,
+            import_options(least_mass, least_inertia, density, repair_inertias, leave_out_foreign, ignore)));
+      },
+      "text"_a, "source"_a = "URDF text", py::kw_only(), "least_mass"_a = o.least_mass,
+      "least_inertia"_a = o.least_inertia, "density"_a = o.density, "repair_inertias"_a = o.repair_inertias,
+      "leave_out_foreign"_a = o.leave_out_foreign, "ignore"_a = py::none(),
+      "The same from text; `source` names it in errors.");
+}
+
+}  // namespace lockstep::python

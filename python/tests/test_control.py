@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+import numpy as np
+import pytest
+from conftest import VARIED
+
+import lockstep as ls
+
+
+def test_draws_depend_on_seed_id_and_episode_alone(plan):
+    one, many = plan.batch(1, seed=3, first_id=100), plan.batch(50, seed=3, first_id=90)
+    assert np.array_equal(one.draw(48)[0], many.draw(48)[10])
+    assert not np.array_equal(one.draw(48), one.draw(48, stream=1))
+    before = one.draw(48)
+    one.reset()
+    assert one.episode[0] == 1 and not np.array_equal(one.draw(48), before)
+    one.episode[0] = 0
+    assert np.array_equal(one.draw(48), before)
+    one.seed[0] = 4
+    assert not np.array_equal(one.draw(48), before)
+    assert many.draw(3, which=[7, 8]).shape == (2, 3)
+    numbers = plan.batch(2000, seed=1).draw(100)
+    assert 0 <= numbers.min() and numbers.max() < 1 and abs(numbers.mean() - 0.5) < 2e-3
+    normal = plan.batch(2000, seed=1).normal(100)
+    assert abs(normal.mean()) < 1e-2 and abs(normal.std() - 1) < 1e-2
+
+
+def test_randomize_starts_from_the_compiled_values(batch):
+    compiled = batch.parameter("mass").copy()
+    for _ in range(3):
+        batch.randomize("mass", "scale", 0.5, 2.0, distribution="log_uniform")
+    factors = batch.parameter("mass")[:, 1:] / compiled[:, 1:]
+    assert 0.5 <= factors.min() < 0.8 < 1.5 < factors.max() <= 2.0
+    batch.randomize("mass", "scale", 1, 1)
+    assert np.array_equal(batch.parameter("mass"), compiled)
+    batch.randomize("mass", "scale", 1.5, 1.5, which=[2], rows=["palm"])
+    changed = batch.parameter("mass") != compiled
+    assert changed.sum() == 1 and changed[2, batch.plan.parameter_rows("mass").index("palm")]
+    batch.randomize("gear_ratio", "scale", 0.9, 1.1, shared=True)
+    scales = batch.parameter("gear_ratio") / batch.plan.batch(1).parameter("gear_ratio")
+    assert np.allclose(scales, scales[:, :1]) and len(np.unique(scales[:, 0])) == 9
+
+
+def test_impossible_values_are_refused_before_anything_changes(batch):
+    compiled = batch.parameter("mass").copy()
+    for wrong in (
+        lambda: batch.randomize("mass", "scale", -1.0, 1.0),
+        lambda: batch.randomize("gear_ratio", "abs", 0.0, 0.0),
+        lambda: batch.randomize("mass", "scale", 2.0, 1.0),
+        lambda: batch.randomize("mass", "scale", np.nan, 1.0),
+        lambda: batch.randomize("mass", "times", 1.0, 2.0),
+        lambda: batch.randomize("mass", "scale", 1.0, 2.0, rows=["nothing"]),
+        lambda: batch.randomize("mass", "scale", 1.0, 2.0, rows=[1000]),
+        lambda: batch.randomize("mass", "scale", 1.0, 2.0, distribution="cauchy"),
+        lambda: batch.randomize("damping", "scale", 1.0, 2.0),
+        lambda: batch.draw(3, stream=1 << 15),
+    ):
+        with pytest.raises(ls.UsageError):
+            wrong()
+    assert np.array_equal(batch.parameter("mass"), compiled)
+
+
+def test_random_resets_stay_in_their_ranges(plan):
+    batch = plan.batch(500, seed=2)
+    assert batch.reset_random(spread=0.5, speed=0.3) == []
+    driven = [plan.dof(name) for name in plan.driven]
+    low, high = plan.limits[driven].T
+    middle, half = (low + high) / 2, (high - low) / 2
+    share = (batch.q[:, driven] - middle) / half
+    assert 0.49 < np.abs(share).max() <= 0.5 + 1e-6
+    assert 0.29 < np.abs(batch.qd[:, driven]).max() <= 0.3
+    assert np.abs(batch.coupling_error()).max() < 1e-6
+
+
+def test_actions_are_shares_of_ranges(plan, batch):
+    driven = [plan.dof(name) for name in plan.driven]
+    actions = np.zeros((9, 4))
+    actions[0], actions[1], actions[2] = 1, -1, 5  # clipped
+    actions[3, 1] = np.nan
+    batch.q_target[3] = 0.25
+    batch.act(actions)
+    low, high = plan.limits[driven].T
+    assert np.allclose(batch.q_target[0, driven], high) and np.allclose(batch.q_target[1, driven], low)
+    assert np.array_equal(batch.q_target[2], batch.q_target[0])
+    assert np.allclose(batch.q_target[4, driven], (low + high) / 2)
+    assert np.all(batch.q_target[3] == 0.25)
+    assert batch.fault_report(3)["fault"] == "bad_input" and np.count_nonzero(batch.fault) == 1
+    followers = [plan.dof(name) for name in plan.followers]
+    assert not batch.q_target[:3, followers].any()
+    with pytest.raises(ls.UsageError, match="shape"):
+        batch.act(np.zeros((9, 9)))
+    with pytest.raises(ls.UsageError, match="kind"):
+        batch.act(actions, "torque")
+    batch.reset()
+    batch.act(np.full((9, 4), 0.5), "position", low=[0, 0, 0, 0], high=[0.4] * 4)
+    assert np.allclose(batch.q_target[:, driven], 0.3)
+    batch.act(np.full((9, 4), 0.5), "effort", low=[-2] * 4, high=[2] * 4)
+    assert np.allclose(batch.effort[:, driven], 1.0)
+
+
+def test_read_packs_quantities_side_by_side(plan, batch):
+    batch.q_target[:, :4] = 0.3
+    batch.step(20)
+    queries = ("q", ls.Query("qd", ["elbow"], 0.5), ls.Query("site_pose", ["tip"]), "coupling_error", "kinetic_energy")
+    seen = batch.read(*queries)
+    assert seen.shape == (9, 9 + 1 + 7 + 5 + 1) and seen.flags.c_contiguous and seen.dtype == np.float32
+    assert np.array_equal(seen[:, :9], batch.q)
+    assert np.array_equal(seen[:, 9], batch.qd[:, plan.dof("elbow")] * np.float32(0.5))
+    assert np.array_equal(seen[:, 10:13], batch.read(ls.Query("site_position", ["tip"])))
+    assert np.allclose(np.linalg.norm(seen[:, 13:17], axis=1), 1, atol=1e-6)
+    out = np.zeros_like(seen)
+    assert batch.read(*queries, out=out) is out and np.array_equal(out, seen)
+    for wrong, kind in ((np.zeros((9, 3), np.float32), ls.UsageError), (np.zeros((9, 23)), TypeError)):
+        with pytest.raises(kind):
+            batch.read(*queries, out=wrong)
+    with pytest.raises(ls.UsageError):
+        batch.read("speed")
+    jacobian = batch.site_jacobian("tip")
+    assert jacobian.shape == (9, 6, 9)
+    # the site's velocity is the Jacobian times qd
+    velocity = np.einsum("nij,nj->ni", jacobian, batch.qd)
+    assert np.allclose(velocity, batch.read(ls.Query("site_velocity", ["tip"])), atol=1e-5)
+
+
+def test_saved_environments_go_on_with_the_same_bits(plan):
+    a = plan.batch(9, seed=7, threads=1)
+    a.randomize("gear_ratio", "scale", 0.9, 1.1)
+    a.reset_random(speed=0.5)
+    a.q[4] = np.nan
+    a.step(10)
+    blob = a.save()
+    b, c = plan.batch(9, threads=2), plan.batch(20, threads=1)
+    b.restore(blob)
+    c.restore(blob, into=[17, 3], rows=[2, 4])
+    for batch in (a, b, c):
+        batch.step(50)
+    assert np.array_equal(a.q, b.q) and np.array_equal(a.fault, b.fault) and a.fault[4] != 0
+    assert np.array_equal(a.q[2], c.q[17]) and c.fault[3] == a.fault[4]
+    a.reset_random([2])
+    b.reset_random([2])
+    assert np.array_equal(a.q[2], b.q[2])
+    damaged = bytearray(blob)
+    damaged[len(blob) // 2] ^= 1
+    for wrong in (bytes(damaged), blob[:-1], blob + b"x", b""):
+        with pytest.raises(ls.UsageError):
+            b.restore(wrong)
+
+
+def test_check_names_impossible_values(batch):
+    assert batch.check() == []
+    batch.parameter("mass")[3, 1] = -1
+    problems = batch.check()
+    assert [p[0] for p in problems] == [3] and problems[0][1] == "mass"
+    assert batch.check([0, 1]) == []
+
+
+def test_the_example_of_the_readme(plan):
+    batch = plan.batch(4096, threads=2, seed=7)
+
+    def start(which=None):
+        batch.randomize("gear_ratio", "scale", 0.95, 1.05, which=which)
+        batch.randomize("offset", "add", -0.01, 0.01, which=which)
+        batch.randomize("mass", "scale", 0.8, 1.2, which=which)
+        batch.reset_random(which, spread=0.5)
+
+    start()
+    random = np.random.default_rng(0)
+    for t in range(250):
+        batch.act(random.uniform(-1, 1, (4096, len(plan.driven))))
+        batch.step(4)
+        start((batch.steps >= 800) | (batch.fault != 0))
+        if t % 50 == 49:
+            assert np.abs(batch.coupling_error()).max() < 1e-6
+    assert not batch.fault.any() and batch.episode.min() >= 2

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from conftest import MODELS, gripper_model
+
+import lockstep as ls
+
+
+def test_elements_by_name_and_number():
+    model = gripper_model()
+    assert model.joints["knuckle"] is model.joints[model.joints.position("knuckle")]
+    assert "knuckle" in model.joints and "nothing" not in model.joints
+    assert model.joints["elbow"].upper == 1.2
+    assert model.couplings["left_tip_joint"].terms == [("knuckle", 1.0)]  # q_tip + 1 q_knuckle = 0
+    with pytest.raises(KeyError, match="shoulder_yaw"):
+        model.joints["nothing"]
+
+
+def test_models_are_plain_data():
+    model = gripper_model()
+    for other in (copy.deepcopy(model), pickle.loads(pickle.dumps(model)), model.copy()):
+        assert other == model
+        other.joints["elbow"].damping += 1
+        assert other != model
+
+
+def test_a_model_goes_to_cpp_and_back_without_losing_a_bit():
+    model = gripper_model()
+    model.joints["elbow"].limit_softness = ls.Frequency(30.0, 0.7)
+    model.couplings[0].softness = ls.Spring(40.0, 1.5)
+    model.couplings[1].softness = ls.ErpCfm(0.3, 0.1)
+    model.joints["elbow"].drive.position_target = 0.1234567890123456789
+    assert ls.compile(model).model == model
+    again = pickle.loads(pickle.dumps(ls.compile(model, dt=1 / 500, vary="mass", ignore={"friction": True})))
+    assert again.model == model and again.dt == 1 / 500 and again.vary == ["mass"]
+    assert again.settings["ignore"] == {"friction": True}
+
+
+def test_a_model_in_code_moves_as_theory_says():
+    model = ls.Model("pendulum", gravity=(0, 0, -9.81))
+    model.links = [ls.Link("base"), ls.Link("bob", ls.Inertia(2.0, (0, 0, -0.5)))]
+    model.joints = [ls.Joint("hinge", "revolute", "base", "bob", axis=(0, 1, 0), position=0.01)]
+    batch = ls.compile(model, dt=1e-3).batch(1, dtype="f8")
+    batch.step(700)
+    assert batch.q[0, 0] == pytest.approx(0.01 * np.cos(np.sqrt(9.81 / 0.5) * 0.7), abs=1e-6)
+
+
+def test_errors_name_element_rule_and_remedy():
+    model = gripper_model()
+    model.joints["elbow"].damping = -1
+    with pytest.raises(ls.ModelError) as caught:
+        ls.compile(model)
+    error = caught.value
+    assert "elbow" in error.element and error.rule and error.remedy
+    assert str(error) == f"{error.element}: {error.rule}; {error.remedy}"
+    assert isinstance(error, ls.Error) and isinstance(error, ValueError)
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)
+
+
+@pytest.mark.parametrize(
+    "change, kind, words",
+    [
+        (lambda m: setattr(m.joints["elbow"], "damping", "much"), TypeError, "elbow: damping"),
+        (lambda m: setattr(m.joints["elbow"], "axis", (0, 1)), TypeError, "elbow: axis"),
+        (lambda m: setattr(m.joints["elbow"], "kind", "hinge"), ls.ModelError, "hinge"),
+        (lambda m: setattr(m.joints["elbow"], "drive", None), TypeError, "kp|drive"),
+        (lambda m: setattr(m.couplings[0], "softness", 3.0), TypeError, "softness"),
+        (lambda m: setattr(m, "gravity", "down"), TypeError, "gravity"),
+    ],
+)
+def test_wrong_values_are_refused_by_name(change, kind, words):
+    model = gripper_model()
+    change(model)
+    with pytest.raises((kind, AttributeError) if kind is TypeError else kind, match=words):
+        ls.compile(model)
+
+
+def test_wrong_settings_are_refused():
+    model = gripper_model()
+    with pytest.raises(ls.SettingsError, match="reduced"):
+        ls.compile(model, method="magic")
+    with pytest.raises(ls.SettingsError, match="gear_ratio"):
+        ls.compile(model, vary=["gears"])
+    with pytest.raises(ls.SettingsError, match="position_limits"):
+        ls.compile(model, ignore="limits")
+    with pytest.raises(ls.SettingsError, match="dt"):
+        ls.compile(model, dt=0)
+    with pytest.raises(TypeError, match="Model"):
+        ls.compile("gripper.urdf")
+
+
+def test_files(tmp_path):
+    assert any("mimic" in line for line in ls.from_urdf(MODELS / "gripper.urdf").report)
+    with pytest.raises(FileNotFoundError):
+        ls.from_urdf(tmp_path / "nothing.urdf")
+    (tmp_path / "bad.urdf").write_text("<robot><link></robot>")
+    with pytest.raises(ls.ImportFileError, match="bad.urdf"):
+        ls.from_urdf(tmp_path / "bad.urdf")
+    with pytest.raises(ls.ImportFileError, match="here"):
+        ls.from_urdf_text("no xml", "here")
+
+
+def test_plans_say_what_follows(plan):
+    assert plan.independent == ["shoulder_yaw", "shoulder_pitch", "elbow", "knuckle"] == plan.driven
+    leaders, offset = plan.followers["left_tip_joint"]
+    assert leaders == (("knuckle", -1.0),) and offset == 0
+    assert plan.limits[plan.dof("elbow")] == pytest.approx([-2.2, 1.2])
+    assert "reduced" in plan.describe() and plan.nv == len(plan.dof_names) == 9
+    assert len(plan.parameter_rows("gear_ratio")) == 5
+    with pytest.raises(ls.UsageError):
+        plan.dof("nothing")
