@@ -73,7 +73,7 @@ std::vector<long> work_by_part(const Program& program, const std::vector<int>& p
   const Tables<double>& t = program.f64;
   const Rows<double>& rows = t.rows;
   std::vector<long> work(t.velocities, 0);
-  const auto part_of = [&](int z) { return part[t.reduction.followers > 0 ? t.reduction.independent[z] : z]; };
+  const auto part_of = [&](int z) { return part[t.reduction.velocity_of(z)]; };
   const auto part_of_row = [&](int r) { return part_of(rows.term_index[rows.term_start[r]]); };
   const auto factoring = [](const Columns& columns, int i) {
     return static_cast<long>(columns.row_start[i + 1] - columns.row_start[i] + 2) * columns.size[i];

@@ -50,7 +50,7 @@ void subtract_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
 /// velocity errors, x.dynamics.rhs holds A times these errors as well.
 template <class T>
 void coupling_impulses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  const Rows<ScalarOf<T>>& rows = t.rows;
+  const Rows<ScalarOf<T>>& rows = t.impulse_rows();
   const Reduction<ScalarOf<T>>& r = t.reduction;
   const T* solved = t.solve_twice ? x.rows.velocity_impulse : x.rows.position_impulse;
   for (int c = 0; c < t.couplings; ++c) x.couplings.impulse[c] = T(0);
