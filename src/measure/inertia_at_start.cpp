@@ -44,6 +44,17 @@ MatrixXd matrix_at_start(const Program& program, Tables<float> t, Span<float> ad
   return a;
 }
 
+// A itself, over all velocities.
+MatrixXd unreduced_at_start(const Program& program, Span<float> added) {
+  Tables<float> t = program.f32;
+  t.reduction = {};
+  t.solver = t.matrix;
+  std::vector<TreePlace<float>> trees(t.tree.data, t.tree.data + t.tree.count);
+  for (TreePlace<float>& tree : trees) tree.inertia = InertiaKind::matrix;
+  t.tree.data = trees.data();
+  return matrix_at_start(program, t, added);
+}
+
 // A coupling as a row over all velocities.
 VectorXd row_of(const Tables<double>& t, int coupling) {
   VectorXd row = VectorXd::Zero(t.velocities);
@@ -73,7 +84,7 @@ double largest_rate(const Program& program) {
 
 std::vector<double> first_joints_shares(const Program& program) {
   const Tables<double>& t = program.f64;
-  const MatrixXd a = matrix_at_start(program, program.f32, program.f32.implicit);
+  const MatrixXd a = unreduced_at_start(program, program.f32.implicit);
   const Eigen::LDLT<MatrixXd> factored(a);
   std::vector<double> shares;
   for (int c = 0; c < t.couplings; ++c) {
@@ -86,13 +97,7 @@ std::vector<double> first_joints_shares(const Program& program) {
 
 std::vector<double> largest_folded_shares(const Program& program) {
   const Tables<double>& t = program.f64;
-  Tables<float> unreduced = program.f32;
-  unreduced.reduction = {};
-  unreduced.solver = unreduced.matrix;
-  std::vector<TreePlace<float>> trees(unreduced.tree.data, unreduced.tree.data + unreduced.tree.count);
-  for (TreePlace<float>& tree : trees) tree.inertia = InertiaKind::matrix;
-  unreduced.tree.data = trees.data();
-  const MatrixXd inertia = matrix_at_start(program, unreduced, program.f32.armature);
+  const MatrixXd inertia = unreduced_at_start(program, program.f32.armature);
   const Eigen::LDLT<MatrixXd> factored(inertia);
   std::vector<double> shares(static_cast<std::size_t>(t.couplings), 0.0);
   for (int r = 0; r < t.rows.count; ++r) {

@@ -10,8 +10,25 @@ namespace {
 
 constexpr double largest_share = 1e3;  // (M97)
 
-bool is_soft(const Program& program, int row) {
-  return program.f64.rows.softness[row].soft || declared(program, Parameter::softness);
+// Why no coupling of the program is folded; empty if some may be.
+std::string common_obstacle(const Program& program) {
+  if (program.integrator != Integrator::euler) return "an integrator with several stages has them as rows";
+  if (declared(program, Parameter::softness)) return "the softness differs per environment";
+  if (declared(program, Parameter::coupling_switch)) return "couplings are switched per environment";
+  return "";
+}
+
+// Why a row keeps those of its component from being folded; empty if it does not.
+std::string row_obstacle(const Program& program, int row, double share) {
+  const Tables<double>& t = program.f64;
+  const int c = t.rows.coupling[row];
+  const std::string name = coupling_names(program.model)[static_cast<std::size_t>(c)];
+  if (!t.rows.softness[row].soft) return fmt::format("coupling '{}' is hard", name);
+  if (t.tree_of_joint(t.term_joint[t.term_start[c]]).inertia == InertiaKind::articulated_bodies)
+    return fmt::format("coupling '{}' is on a tree that is solved by articulated bodies", name);
+  if (!(share <= largest_share))
+    return fmt::format("coupling '{}' is so stiff that the inertia of a joint would drown in single precision", name);
+  return "";
 }
 
 }  // namespace
@@ -19,27 +36,27 @@ bool is_soft(const Program& program, int row) {
 void choose_folding(Program& program, const std::function<std::vector<double>(const Program&)>& shares) {
   const Tables<double>& t = program.f64;
   if (program.method != Method::direct && program.method != Method::reduced) return;
-  bool any_soft = false;
-  for (int r = 0; r < t.rows.count; ++r) any_soft |= is_soft(program, r);
+  bool any_soft = declared(program, Parameter::softness) && t.rows.count > 0;
+  for (int r = 0; r < t.rows.count; ++r) any_soft |= t.rows.softness[r].soft;
   if (!any_soft) return;
-  const std::vector<std::string> names = coupling_names(program.model);
-  const auto refuse = [&](const std::string& reason) { program.folding_obstacle = reason; };
-  if (program.integrator != Integrator::euler) return refuse("an integrator with several stages has them as rows");
-  if (declared(program, Parameter::softness)) return refuse("the softness differs per environment");
-  if (declared(program, Parameter::coupling_switch)) return refuse("couplings are switched per environment");
-  for (int r = 0; r < t.rows.count; ++r) {
-    const int c = t.rows.coupling[r];
-    if (!is_soft(program, r)) return refuse(fmt::format("coupling '{}' is hard", names[c]));
-    if (t.tree_of_joint(t.term_joint[t.term_start[c]]).inertia == InertiaKind::articulated_bodies)
-      return refuse(fmt::format("coupling '{}' is on a tree that is solved by articulated bodies", names[c]));
-  }
+  program.folding_obstacle = common_obstacle(program);
+  if (!program.folding_obstacle.empty()) return;
   narrow(program);
   const std::vector<double> share = shares(program);
+  const std::vector<int> component = components(t);
+  std::vector<std::string> obstacle(t.tree.count);  // by component
+  const auto obstacle_beside = [&](int row) -> std::string& {
+    return obstacle[component[t.body[t.joint_body[t.term_joint[t.term_start[t.rows.coupling[row]]]]].tree]];
+  };
   for (int r = 0; r < t.rows.count; ++r)
-    if (const int c = t.rows.coupling[r]; !(share[c] <= largest_share))
-      return refuse(fmt::format("coupling '{}' is so stiff that the inertia of a joint would drown in single precision",
-                                names[c]));
-  program.folded.assign(t.rows.coupling.data, t.rows.coupling.data + t.rows.count);
+    if (std::string& known = obstacle_beside(r); known.empty())
+      known = row_obstacle(program, r, share[t.rows.coupling[r]]);
+  for (int r = 0; r < t.rows.count; ++r) {
+    if (obstacle_beside(r).empty())
+      program.folded.push_back(t.rows.coupling[r]);
+    else if (t.rows.softness[r].soft)
+      program.folding_obstacle = obstacle_beside(r);
+  }
 }
 
 void add_folded(const Program& program, const std::vector<std::vector<int>>& parts, Pattern& pattern) {
@@ -64,6 +81,9 @@ void lay_out_folding(Program& program) {
       for (int l = rows.term_start[r]; l <= k; ++l)
         entry.push_back(entry_of(t.solver, rows.term_index[k], rows.term_index[l]));
   t.folded_entry = program.storage.keep(std::move(entry));
+  std::vector<int> coupling(t.rows.coupling.data, t.rows.coupling.data + t.rows.count);
+  coupling.insert(coupling.end(), rows.coupling.data, rows.coupling.data + rows.count);
+  t.impulse_coupling = program.storage.keep(std::move(coupling));
 }
 
 }  // namespace lockstep

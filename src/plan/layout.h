@@ -84,8 +84,8 @@ void eliminate_followers(Program& program);
 /// Rows over the solver's velocities: the couplings that are left to solve, and the bounds (rows.cpp).
 void lay_out_rows(Program& program);
 
-/// Chooses the couplings that are folded into A_r: all that would be rows, or none. `shares` gives, by coupling, the
-/// largest share (M97) of a joint's inertia at the model's start (folding.cpp).
+/// Chooses the couplings that are folded into A_r: in each component all that would be rows, or none. `shares` gives,
+/// by coupling, the largest share (M97) of a joint's inertia at the model's start (folding.cpp).
 void choose_folding(Program& program, const std::function<std::vector<double>(const Program&)>& shares);
 /// Adds what the folded couplings fill to the pattern of A_r. `parts` names, by velocity, the solver velocities that it
 /// depends on (folding.cpp).

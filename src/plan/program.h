@@ -67,7 +67,7 @@ struct Program {
   std::string integrator_reason;
   std::string search_obstacle;   ///< why Bounds::by_velocity is false
   std::vector<int> folded;       ///< couplings that are part of A_r instead of rows
-  std::string folding_obstacle;  ///< why there are none although couplings are rows
+  std::string folding_obstacle;  ///< why soft couplings are rows, if some are
   double length = 0.0;           ///< Tables::dt
   std::vector<double> stage_times;
   double explicit_rate = 0.0;  ///< the largest |lambda| of (M75), for Integrator::runge_kutta

@@ -337,14 +337,16 @@ void lay_out_rows(Program& program) {
   const std::vector<int> component = components(t);
   std::stable_sort(forms.begin(), forms.end(),
                    [&](const RowForm& a, const RowForm& b) { return component[a.tree] < component[b.tree]; });
-  const bool folds = !program.folded.empty();
-  t.rows = lay_out_forms(program, folds ? std::vector<RowForm>{} : forms, t.solver, factored);
-  t.folded = lay_out_forms(program, folds ? forms : std::vector<RowForm>{}, t.solver, false);
+  const auto folded = std::stable_partition(forms.begin(), forms.end(), [&](const RowForm& form) {
+    return std::find(program.folded.begin(), program.folded.end(), form.coupling) == program.folded.end();
+  });
+  t.rows = lay_out_forms(program, {forms.begin(), folded}, t.solver, factored);
+  t.folded = lay_out_forms(program, {folded, forms.end()}, t.solver, false);
   lay_out_folding(program);
 
-  const Rows<double>& rows = t.impulse_rows();
   std::vector<RowForm> undamped, ordered;  // ordered: as the elimination tree numbers them
-  for (int r = 0; r < rows.count; ++r) ordered.push_back(coupling_form(program, t.reduction, rows.coupling[r]));
+  for (int i = 0; i < t.impulse_coupling.count; ++i)
+    ordered.push_back(coupling_form(program, t.reduction, t.impulse_coupling[i]));
   t.undamped_row = program.storage.keep(find_undamped(program, ordered, undamped, {}));
   const BoundForms bounds = lay_out_bounds(program);
   t.bounds.undamped_row = program.storage.keep(find_undamped(program, bounds.forms, undamped, bounds.joint));

@@ -57,7 +57,8 @@ struct TableStructure {
   Articulated articulated;
   Span<Reported> reported;       ///< only if diagnostics are recorded
   Span<int> follows;             ///< by coupling: 1 if it is redundant and takes no impulse
-  Span<int> undamped_row;        ///< by row of impulse_rows(): its row in `undamped`, -1 if none
+  Span<int> impulse_coupling;    ///< couplings that have an impulse of their own: those of `rows`, then of `folded`
+  Span<int> undamped_row;        ///< in this order: the coupling's row in `undamped`, -1 if none
   Span<int> folded_entry;        ///< of A_r, by row of `folded`, term, and term up to that one
   bool solve_twice = false;      ///< the position phase and the velocity phase have different solutions
   bool guarded = false;          ///< steps that are too coarse are taken in halves (M91)
@@ -102,10 +103,7 @@ struct Tables : TableStructure {
   Reduction<S> reduction;
   Span<S> hard_rate;  ///< erp / dt by coupling, 0 for soft ones
   Rows<S> undamped;   ///< rows whose softness refers to the undamped inertia, if A differs from that
-  Rows<S> folded;     ///< soft couplings that are part of A_r instead of rows (M95)
-
-  /// The couplings that have impulses of their own. Either all of them are rows, or all are folded.
-  inline __attribute__((always_inline)) const Rows<S>& impulse_rows() const { return folded.count > 0 ? folded : rows; }
+  Rows<S> folded;  ///< soft couplings that are part of A_r (M95); their numbers in a tile stand behind those of `rows`
   inline __attribute__((always_inline)) const TreeStructure& tree_of_joint(int joint) const {
     return tree[body[joint_body[joint]].tree];
   }

@@ -115,11 +115,14 @@ std::string method_lines(const Program& program) {
   std::string text =
       fmt::format("Method: {} ({}).\nIntegrator: {} ({}), dt {:.6g} s ({:.4g} Hz).\n", to_string(program.method),
                   program.method_reason, words_of(program.integrator), program.integrator_reason, s.dt, 1.0 / s.dt);
-  if (const int folded = t.folded.count; folded > 0)
-    text += fmt::format("  {} into the matrix, so that no row is left to solve.\n",
-                        count_of(folded, "soft coupling is folded", "soft couplings are folded"));
+  const int folded = t.folded.count;
+  if (folded > 0)
+    text += fmt::format("  {} into the matrix{}.\n",
+                        count_of(folded, "soft coupling is folded", "soft couplings are folded"),
+                        rows > 0 ? "" : ", so that no row is left to solve");
   if (!program.folding_obstacle.empty())
-    text += fmt::format("  soft couplings are not folded into the matrix: {}.\n", program.folding_obstacle);
+    text += fmt::format("  {}soft couplings are not folded into the matrix: {}.\n", folded > 0 ? "other " : "",
+                        program.folding_obstacle);
   const std::string solved = "solved together by L^T D L";
   const std::string met = !t.rows.known_suffice ? solved
                           : t.bounds.rows.count > 0
@@ -137,7 +140,7 @@ std::string method_lines(const Program& program) {
         text += fmt::format("  {} {}{}.\n", count_of(rows, "soft row is", "soft rows are"), solved, once_more);
       break;
     case Method::direct:
-      if (rows > 0 || t.folded.count == 0)
+      if (rows > 0 || folded == 0)
         text += fmt::format("  {} {}{}.\n", count_of(rows, "row is", "rows are"), met, once_more);
       break;
     default:

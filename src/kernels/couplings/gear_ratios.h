@@ -68,7 +68,8 @@ void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   spread(t.reduction.inverse_value, x.couplings.follower_inverse);
   for (int c = 0; c < t.couplings && !t.declares(Parameter::offset); ++c)
     if (t.turning.count == 0 || !t.coupling_turns[c]) x.couplings.offset[c] = T(t.offset[c]);
-  spread(t.impulse_rows().term_value, x.rows.value);
+  spread(t.rows.term_value, x.rows.value);
+  spread(t.folded.term_value, x.rows.value + t.rows.term_value.count);
 }
 
 /// Ratios of this tile, by the elimination (M43) that the plan lists.
@@ -98,7 +99,8 @@ void own_ratios(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& 
   }
   composite_factors(t, x);
 
-  combine(t.impulse_rows(), x, x.rows.value);
+  combine(t.rows, x, x.rows.value);
+  combine(t.folded, x, x.rows.value + t.rows.term_value.count);
 
   const Bounds<ScalarOf<T>>& bounds = t.bounds;
   if (bounds.rows.count == 0) return;

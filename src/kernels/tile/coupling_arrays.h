@@ -51,7 +51,7 @@ struct Couplings {
   }
 };
 
-/// Couplings that are solved as rows or folded, by row.
+/// Couplings that are solved as rows, by row, and behind them those that are folded.
 template <class T>
 struct CouplingRows {
   T* value;     // [terms]
@@ -72,7 +72,7 @@ struct CouplingRows {
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
-    const int rows = t.rows.count, with_impulse = t.impulse_rows().count;
+    const int rows = t.rows.count, with_impulse = t.impulse_coupling.count;
     take("rows.response", response, rows * t.solver.n);
     take("rows.delassus", delassus, t.rows.response_entries);
     take("rows.error", error, rows);
@@ -90,7 +90,7 @@ struct CouplingRows {
   }
   template <class Take>
   void values(const Tables<ScalarOf<T>>& t, Take& take) {
-    take("rows.value", value, t.impulse_rows().term_value.count, Lifetime::call);
+    take("rows.value", value, t.rows.term_value.count + t.folded.term_value.count, Lifetime::call);
   }
 };
 
