@@ -94,6 +94,19 @@ void check_force_limits(const Program& program) {
         "leave out the softness or the force limit");
 }
 
+// What a step solves, and how its matrix is made.
+void lay_out_solver(Program& program) {
+  Tables<double>& t = program.f64;
+  t.reduction = {};
+  t.solver = t.matrix;
+  set_inertia(program, std::vector<bool>(static_cast<std::size_t>(t.tree.count), true), InertiaKind::matrix);
+  if (program.method == Method::reduced) eliminate_followers(program);
+  if (!t.reduction.used() && !program.folded.empty()) lay_out_basis(program, {}, false);
+  lay_out_rows(program);
+  take_composite_columns(program);
+  take_articulated_bodies(program);
+}
+
 std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settings, Integrator integrator) {
   auto program = std::make_shared<Program>();
   program->model = model;
@@ -110,10 +123,9 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   choose_method(*program);
   check_substeps(*program);
   check_force_limits(*program);
-  if (program->method == Method::reduced) eliminate_followers(*program);
-  lay_out_rows(*program);
-  take_composite_columns(*program);
-  take_articulated_bodies(*program);
+  lay_out_solver(*program);
+  choose_folding(*program, largest_folded_shares);
+  if (!program->folded.empty()) lay_out_solver(*program);
   take_constraint_velocities(*program, first_joints_shares);
   lay_out_factoring(*program);
   choose_search(*program);

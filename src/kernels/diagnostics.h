@@ -147,9 +147,9 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     return false;
   };
   const T* solved = phase == velocity_phase ? x.rows.velocity_impulse : x.rows.position_impulse;
-  for (int e = 0; e < t.rows.count; ++e) {
+  for (int e = 0; e < t.impulse_coupling.count; ++e) {
     const T soft = select(less(smallest<T>(), x.rows.cfm[e]), solved[e], zero);
-    work = fma(soft, moved(t.rows.coupling[e]), work);
+    work = fma(soft, moved(t.impulse_coupling[e]), work);
   }
   for (int i = 0; i < x.bounds.active_count; ++i) {
     const int r = x.bounds.active_rows[i], m = b.member_start[r];

@@ -11,11 +11,12 @@ namespace lockstep {
 namespace {
 
 using Eigen::MatrixXd;
+using Eigen::VectorXd;
 
 // S over all velocities (M39).
 MatrixXd all_shares(const Tables<double>& t) {
   const Reduction<double>& r = t.reduction;
-  if (r.followers == 0) return MatrixXd::Identity(t.velocities, t.velocities);
+  if (!r.used()) return MatrixXd::Identity(t.velocities, t.velocities);
   MatrixXd s = MatrixXd::Zero(t.velocities, t.solver.n);
   for (int z = 0; z < t.solver.n; ++z) s(r.independent[z], z) = 1.0;
   for (int f = 0; f < r.followers; ++f)
@@ -23,9 +24,8 @@ MatrixXd all_shares(const Tables<double>& t) {
   return s;
 }
 
-// A_r at the model's start. `added` is added to the diagonal of A, by joint.
-MatrixXd matrix_at_start(const Program& program, Span<float> added) {
-  Tables<float> t = program.f32;
+// A_r of the tables at the model's start. `added` is added to the diagonal of A, by joint.
+MatrixXd matrix_at_start(const Program& program, Tables<float> t, Span<float> added) {
   t.articulated = {};
   std::vector<TreePlace<float>> trees(t.tree.data, t.tree.data + t.tree.count);  // A of all of them
   for (TreePlace<float>& tree : trees)
@@ -44,6 +44,25 @@ MatrixXd matrix_at_start(const Program& program, Span<float> added) {
   return a;
 }
 
+// A itself, over all velocities.
+MatrixXd unreduced_at_start(const Program& program, Span<float> added) {
+  Tables<float> t = program.f32;
+  t.reduction = {};
+  t.solver = t.matrix;
+  std::vector<TreePlace<float>> trees(t.tree.data, t.tree.data + t.tree.count);
+  for (TreePlace<float>& tree : trees) tree.inertia = InertiaKind::matrix;
+  t.tree.data = trees.data();
+  return matrix_at_start(program, t, added);
+}
+
+// A coupling as a row over all velocities.
+VectorXd row_of(const Tables<double>& t, int coupling) {
+  VectorXd row = VectorXd::Zero(t.velocities);
+  for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k)
+    row[t.velocity_of(t.term_joint[k])] = t.term_value[k];
+  return row;
+}
+
 }  // namespace
 
 double largest_rate(const Program& program) {
@@ -55,7 +74,7 @@ double largest_rate(const Program& program) {
     stiffness[t.velocity_of(j)] = t.kp[j] + t.stiffness[j];
   }
   const MatrixXd s = all_shares(t);
-  const Eigen::LDLT<MatrixXd> a(matrix_at_start(program, program.f32.armature));
+  const Eigen::LDLT<MatrixXd> a(matrix_at_start(program, program.f32, program.f32.armature));
   MatrixXd motion = MatrixXd::Zero(2 * n, 2 * n);  // d/dt of (z, dz/dt)
   motion.topRightCorner(n, n).setIdentity();
   motion.bottomLeftCorner(n, n) = -a.solve(s.transpose() * stiffness.asDiagonal() * s);
@@ -65,14 +84,27 @@ double largest_rate(const Program& program) {
 
 std::vector<double> first_joints_shares(const Program& program) {
   const Tables<double>& t = program.f64;
-  const MatrixXd a = matrix_at_start(program, program.f32.implicit);
+  const MatrixXd a = unreduced_at_start(program, program.f32.implicit);
   const Eigen::LDLT<MatrixXd> factored(a);
   std::vector<double> shares;
   for (int c = 0; c < t.couplings; ++c) {
-    Eigen::VectorXd row = Eigen::VectorXd::Zero(t.velocities);
-    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) row[t.velocity_of(t.term_joint[k])] = t.term_value[k];
+    const VectorXd row = row_of(t, c);
     const int first = t.velocity_of(t.term_joint[t.term_start[c]]);
     shares.push_back(1.0 / (row.dot(factored.solve(row)) * a(first, first)));
+  }
+  return shares;
+}
+
+std::vector<double> largest_folded_shares(const Program& program) {
+  const Tables<double>& t = program.f64;
+  const MatrixXd inertia = unreduced_at_start(program, program.f32.armature);
+  const Eigen::LDLT<MatrixXd> factored(inertia);
+  std::vector<double> shares(static_cast<std::size_t>(t.couplings), 0.0);
+  for (int r = 0; r < t.rows.count; ++r) {
+    const VectorXd row = row_of(t, t.rows.coupling[r]);
+    const RowSoftness<double>& softness = t.rows.softness[r];
+    const double cfm = softness.cfm + softness.cfm_per_response * row.dot(factored.solve(row));
+    shares[t.rows.coupling[r]] = (row.array().square() / inertia.diagonal().array()).maxCoeff() / cfm;
   }
   return shares;
 }

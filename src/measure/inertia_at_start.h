@@ -16,4 +16,7 @@ double largest_rate(const Program& program);
 /// leaves.
 std::vector<double> first_joints_shares(const Program& program);
 
+/// By coupling: the largest share (M97) of one of its joints, 0 for couplings that are no rows.
+std::vector<double> largest_folded_shares(const Program& program);
+
 }  // namespace lockstep

@@ -14,7 +14,7 @@ class Paths {
   Paths(const Tables<double>& t, const std::vector<bool>& trees)
       : t_(t), trees_(trees), velocity_(t.bodies, -1), body_(t.solver.n, -1) {
     std::vector<int> solver(t.velocities, -1);
-    for (int z = 0; z < t.solver.n; ++z) solver[t.reduction.followers > 0 ? t.reduction.independent[z] : z] = z;
+    for (int z = 0; z < t.solver.n; ++z) solver[t.reduction.velocity_of(z)] = z;
     for (int b = 0; b < t.bodies; ++b) {
       const Body<double>& body = t.body[b];
       if (!trees[body.tree]) continue;
@@ -119,6 +119,8 @@ std::vector<bool> can_articulate(const Tables<double>& t, const std::vector<int>
   const auto component_of_joint = [&](int j) { return component[t.body[t.joint_body[j]].tree]; };
   for (int j = 0; j < t.joints; ++j) moves[component_of_joint(j)] = 1;
   for (int f = 0; f < t.reduction.followers; ++f) needs[component_of_joint(t.reduction.follower[f])] = 1;
+  for (int r = 0; r < t.folded.count; ++r)
+    needs[component_of_joint(t.term_joint[t.term_start[t.folded.coupling[r]]])] = 1;
   for (int i = 0; i < t.limited_servos.count; ++i) needs[component_of_joint(t.limited_servos[i])] = 1;
   std::vector<bool> trees(t.tree.count);
   for (int i = 0; i < t.tree.count; ++i) trees[i] = moves[component[i]] && !needs[component[i]];
@@ -144,7 +146,7 @@ std::vector<long> work_by_matrix(const Tables<double>& t, const std::vector<int>
     const RowGroup& group = t.rows.groups[g];
     for (int s = group.support_first; s < group.support_last; ++s) {
       const SupportRange range = t.rows.group_support[s];
-      const int i = t.reduction.followers > 0 ? t.reduction.independent[range.index] : range.index;
+      const int i = t.reduction.velocity_of(range.index);
       work[component[tree[i]]] += static_cast<long>(group.count) * (range.end - range.index);
     }
   }
@@ -178,9 +180,7 @@ void lay_out_factoring(Program& program) {
   Tables<double>& t = program.f64;
   const std::vector<bool> trees = trees_with(t, InertiaKind::articulated_bodies);
   const std::vector<int> tree = trees_of_velocities(t);
-  const auto articulated = [&](int z) {
-    return trees[tree[t.reduction.followers > 0 ? t.reduction.independent[z] : z]];
-  };
+  const auto articulated = [&](int z) { return trees[tree[t.reduction.velocity_of(z)]]; };
   std::vector<SupportRun> factored;
   for (int z = 0; z < t.solver.n; ++z) {
     if (articulated(z)) continue;

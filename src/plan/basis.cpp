@@ -110,7 +110,9 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
   for (const Follower& follower : followers)
     for (const auto& [joint, value] : follower.shares)
       parts[t.velocity_of(follower.joint)].push_back(place[t.velocity_of(joint)]);
-  const Elimination tree = elimination_tree(pattern_of(t, parts, n));
+  Pattern pattern = pattern_of(t, parts, n);
+  add_folded(program, parts, pattern);
+  const Elimination tree = elimination_tree(std::move(pattern));
   t.solver = make_columns(tree.parent, storage);
 
   std::vector<int> independent(n), solver(t.velocities, -1);

@@ -262,7 +262,7 @@ void lay_out_report(Program& program) {
   for (int c = 0; c < t.couplings; ++c) {
     const Coupling& coupling = program.model.couplings[c];
     if (is_hard(coupling.softness)) hard[c] = erp_of(coupling.softness) / program.settings.dt;
-    add({Reported::coupling, c, index_of(t.rows.coupling, c), bounded_row(BoundKind::coupling, c),
+    add({Reported::coupling, c, index_of(t.impulse_coupling, c), bounded_row(BoundKind::coupling, c),
          is_hard(coupling.softness) ? 1 : -1},
         "coupling " + couplings[c]);
   }

@@ -73,13 +73,14 @@ std::vector<long> work_by_part(const Program& program, const std::vector<int>& p
   const Tables<double>& t = program.f64;
   const Rows<double>& rows = t.rows;
   std::vector<long> work(t.velocities, 0);
-  const auto part_of = [&](int z) { return part[t.reduction.followers > 0 ? t.reduction.independent[z] : z]; };
+  const auto part_of = [&](int z) { return part[t.reduction.velocity_of(z)]; };
   const auto part_of_row = [&](int r) { return part_of(rows.term_index[rows.term_start[r]]); };
   const auto factoring = [](const Columns& columns, int i) {
     return static_cast<long>(columns.row_start[i + 1] - columns.row_start[i] + 2) * columns.size[i];
   };
   for (int z = 0; z < t.solver.n; ++z) work[part_of(z)] += factoring(t.solver, z);
-  for (int e = 0; e < t.reduction.product_entry.count; ++e) {
+  // Without followers, these are copies beside folded couplings of other parts.
+  for (int e = 0; t.reduction.followers > 0 && e < t.reduction.product_entry.count; ++e) {
     const int* const first = t.solver.offset.data;
     const auto column = std::upper_bound(first, first + t.solver.n, t.reduction.product_entry[e]) - first - 1;
     work[part_of(static_cast<int>(column))] += t.reduction.product_start[e + 1] - t.reduction.product_start[e];

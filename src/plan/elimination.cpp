@@ -225,6 +225,7 @@ void eliminate_followers(Program& program) {
   std::tie(reduction.momentum_start, reduction.momentum) = flattened(by_velocity, storage);
   std::vector<double> rate(t.couplings, 0.0);
   for (int c : rows.coupling) rate[c] = erp_of(program.model.couplings[c].softness) / program.length;
+  program.eliminated.clear();
   for (int joint : rows.pivot) program.eliminated.push_back(t.dof[joint]);
   reduction.inverse_start = storage.keep(std::move(inverse_start));
   reduction.inverse_coupling = storage.keep(std::move(inverse_coupling));

@@ -10,7 +10,7 @@ namespace {
 // Where the joint's velocity comes from; velocity -1 if it is the sum of several.
 LimitedServo velocity_of(const Tables<double>& t, int joint) {
   const Reduction<double>& r = t.reduction;
-  if (r.followers == 0) return {t.velocity_of(joint), -1, -1};
+  if (!r.used()) return {t.velocity_of(joint), -1, -1};
   if (const int f = r.follower_of[joint]; f >= 0)
     return r.start[f + 1] - r.start[f] == 1 ? LimitedServo{r.column[r.start[f]], r.start[f], f}
                                             : LimitedServo{-1, -1, -1};

@@ -84,6 +84,16 @@ void eliminate_followers(Program& program);
 /// Rows over the solver's velocities: the couplings that are left to solve, and the bounds (rows.cpp).
 void lay_out_rows(Program& program);
 
+/// Chooses the couplings that are folded into A_r: in each component all that would be rows, or none. `shares` gives,
+/// by coupling, the largest share (M97) of a joint's inertia at the model's start (folding.cpp).
+void choose_folding(Program& program, const std::function<std::vector<double>(const Program&)>& shares);
+/// Adds what the folded couplings fill to the pattern of A_r. `parts` names, by velocity, the solver velocities that it
+/// depends on (folding.cpp).
+void add_folded(const Program& program, const std::vector<std::vector<int>>& parts,
+                std::vector<std::vector<char>>& pattern);
+/// Where the products of their terms stand in A_r (folding.cpp).
+void lay_out_folding(Program& program);
+
 /// Measured costs of the tables' loops, by which a plan chooses. The unit is one product of a long sum.
 namespace work {
 constexpr int column_past_body = 10;  ///< a column passes one body

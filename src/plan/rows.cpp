@@ -10,7 +10,7 @@ namespace lockstep {
 
 void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int joint, int term, RowForm& form) {
   form.tree = t.body[t.joint_body[joint]].tree;
-  if (reduction.followers == 0) {
+  if (!reduction.used()) {
     form.terms[t.velocity_of(joint)].push_back({term, -1});
     return;
   }
@@ -295,6 +295,7 @@ std::vector<bool> matrix_holds_more(const Program& program, const std::vector<in
   for (int j = 0; j < t.joints; ++j)
     if (t.implicit[j] != t.armature[j]) mark(j);
   for (int f = 0; t.reduction.eliminates() && f < t.reduction.followers; ++f) mark(t.reduction.follower[f]);
+  for (const int c : program.folded) mark(t.term_joint[t.term_start[c]]);
   return more;
 }
 
@@ -336,10 +337,16 @@ void lay_out_rows(Program& program) {
   const std::vector<int> component = components(t);
   std::stable_sort(forms.begin(), forms.end(),
                    [&](const RowForm& a, const RowForm& b) { return component[a.tree] < component[b.tree]; });
-  t.rows = lay_out_forms(program, forms, t.solver, factored);
+  const auto folded = std::stable_partition(forms.begin(), forms.end(), [&](const RowForm& form) {
+    return std::find(program.folded.begin(), program.folded.end(), form.coupling) == program.folded.end();
+  });
+  t.rows = lay_out_forms(program, {forms.begin(), folded}, t.solver, factored);
+  t.folded = lay_out_forms(program, {folded, forms.end()}, t.solver, false);
+  lay_out_folding(program);
 
   std::vector<RowForm> undamped, ordered;  // ordered: as the elimination tree numbers them
-  for (int r = 0; r < t.rows.count; ++r) ordered.push_back(coupling_form(program, t.reduction, t.rows.coupling[r]));
+  for (int i = 0; i < t.impulse_coupling.count; ++i)
+    ordered.push_back(coupling_form(program, t.reduction, t.impulse_coupling[i]));
   t.undamped_row = program.storage.keep(find_undamped(program, ordered, undamped, {}));
   const BoundForms bounds = lay_out_bounds(program);
   t.bounds.undamped_row = program.storage.keep(find_undamped(program, bounds.forms, undamped, bounds.joint));

@@ -57,7 +57,9 @@ struct TableStructure {
   Articulated articulated;
   Span<Reported> reported;       ///< only if diagnostics are recorded
   Span<int> follows;             ///< by coupling: 1 if it is redundant and takes no impulse
-  Span<int> undamped_row;        ///< by row of `rows`: its row in `undamped`, -1 if none
+  Span<int> impulse_coupling;    ///< couplings that have an impulse of their own: those of `rows`, then of `folded`
+  Span<int> undamped_row;        ///< in this order: the coupling's row in `undamped`, -1 if none
+  Span<int> folded_entry;        ///< of A_r, by row of `folded`, term, and term up to that one
   bool solve_twice = false;      ///< the position phase and the velocity phase have different solutions
   bool guarded = false;          ///< steps that are too coarse are taken in halves (M91)
   bool audited = false;          ///< energy from nowhere is found (M94)
@@ -101,7 +103,7 @@ struct Tables : TableStructure {
   Reduction<S> reduction;
   Span<S> hard_rate;  ///< erp / dt by coupling, 0 for soft ones
   Rows<S> undamped;   ///< rows whose softness refers to the undamped inertia, if A differs from that
-
+  Rows<S> folded;  ///< soft couplings that are part of A_r (M95); their numbers in a tile stand behind those of `rows`
   inline __attribute__((always_inline)) const TreeStructure& tree_of_joint(int joint) const {
     return tree[body[joint_body[joint]].tree];
   }
@@ -120,7 +122,7 @@ struct Tables : TableStructure {
     visit(from.stiffness, to.stiffness), visit(from.rest, to.rest);
     visit(from.effort_limit, to.effort_limit), visit(from.term_value, to.term_value), visit(from.offset, to.offset);
     visit(from.rows, to.rows), visit(from.bounds, to.bounds), visit(from.reduction, to.reduction);
-    visit(from.hard_rate, to.hard_rate), visit(from.undamped, to.undamped);
+    visit(from.hard_rate, to.hard_rate), visit(from.undamped, to.undamped), visit(from.folded, to.folded);
   }
 };
 

@@ -115,6 +115,14 @@ std::string method_lines(const Program& program) {
   std::string text =
       fmt::format("Method: {} ({}).\nIntegrator: {} ({}), dt {:.6g} s ({:.4g} Hz).\n", to_string(program.method),
                   program.method_reason, words_of(program.integrator), program.integrator_reason, s.dt, 1.0 / s.dt);
+  const int folded = t.folded.count;
+  if (folded > 0)
+    text += fmt::format("  {} into the matrix{}.\n",
+                        count_of(folded, "soft coupling is folded", "soft couplings are folded"),
+                        rows > 0 ? "" : ", so that no row is left to solve");
+  if (!program.folding_obstacle.empty())
+    text += fmt::format("  {}soft couplings are not folded into the matrix: {}.\n", folded > 0 ? "other " : "",
+                        program.folding_obstacle);
   const std::string solved = "solved together by L^T D L";
   const std::string met = !t.rows.known_suffice ? solved
                           : t.bounds.rows.count > 0
@@ -132,7 +140,8 @@ std::string method_lines(const Program& program) {
         text += fmt::format("  {} {}{}.\n", count_of(rows, "soft row is", "soft rows are"), solved, once_more);
       break;
     case Method::direct:
-      text += fmt::format("  {} {}{}.\n", count_of(rows, "row is", "rows are"), met, once_more);
+      if (rows > 0 || folded == 0)
+        text += fmt::format("  {} {}{}.\n", count_of(rows, "row is", "rows are"), met, once_more);
       break;
     default:
       text += fmt::format("  {}, {} {}, then {}.\n", count_of(rows, "row", "rows"), s.iterations,
@@ -162,15 +171,16 @@ std::string stage_lines(const Program& program) {
   if (t.couplings > 0) stages.insert(stages.begin() + 1, "coupling errors");
   if (t.makes_matrix) stages.push_back("mass matrix (composite bodies)");
   if (t.reduction.composite.places > 0) stages.push_back("reduced mass matrix (composite bodies, composite columns)");
-  if (t.reduction.by_entries())
+  if (t.undamped.count > 0)
+    stages.push_back("responses of the undamped inertia (a second factorisation, for softness by frequency)");
+  if (t.reduction.by_entries() && t.reduction.followers > 0)
     stages.push_back(t.reduction.has_constraint_velocities() ? "constraint velocities in place of followers'"
                                                              : "elimination");
+  if (t.folded.count > 0) stages.push_back("soft couplings folded into the matrix");
   std::vector<std::string> ways;
   if (t.articulated.used()) ways.push_back("articulated bodies");
   if (t.factored.count > 0 || !t.articulated.used()) ways.push_back("L^T D L");
   stages.push_back(fmt::format("free velocity ({})", fmt::join(ways, ", ")));
-  if (t.undamped.count > 0)
-    stages.push_back("responses of the undamped inertia (a second factorisation, for softness by frequency)");
   if (t.rows.known_suffice)
     stages.push_back("known constraint velocities");
   else if (t.rows.count > 0)
@@ -188,7 +198,7 @@ std::string stage_lines(const Program& program) {
                         ? fmt::format(" and the sines of {} that turn as their leaders do", t.reduction.mirrors.count)
                         : "");
   std::vector<std::string> absent;
-  if (t.rows.count == 0) absent.push_back("solver rows");
+  if (t.rows.count == 0 && t.folded.count == 0) absent.push_back("solver rows");
   if (t.servos.count + t.limited_servos.count == 0) absent.push_back("drives");
   bool damped = false, rotors = false;
   for (int j = 0; j < t.joints; ++j) damped |= t.damping[j] != 0.0, rotors |= t.armature[j] != 0.0;

@@ -65,7 +65,7 @@ bool bounds_active(const Tables<double>& t, const StatePointers<double>& batch, 
                                   x.couplings.acceleration,
                                   x.couplings.velocity_error,
                                   x.couplings.removed_this_step};
-  if (t.reduction.followers > 0) unread.insert(x.dynamics.matrix);
+  if (t.reduction.used()) unread.insert(x.dynamics.matrix);
   if (!t.articulated.used()) unread.insert({x.bodies.sine, x.bodies.cosine});
   tracer->solve_bounds_if(candidate.id, unread);
   return false;

@@ -53,6 +53,8 @@ Plan plan_of(const std::string& name) {
   for (const Integrator integrator : {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta})
     if (has(lockstep::to_string(integrator))) settings.integrator = integrator;
   settings.stage_inputs = has("_inputs");
+  if (has("_soft"))
+    for (Coupling& coupling : model.couplings) coupling.softness = Frequency{60.0, 1.0};
   if (has("_bounds")) model = contract::bounded(model), settings.record_diagnostics = true;
   if (has("_fields")) {
     settings.per_environment = fields(settings.method, model);

@@ -78,6 +78,7 @@ struct Kernel {
     Tables<double>& t = program.f64;
     if (formulation == Formulation::as_planned) return program;
     const std::vector<bool> all(static_cast<std::size_t>(t.tree.count), true);
+    program.folded.clear();
     t.reduction = {}, t.articulated = {};
     t.solver = t.matrix;
     set_inertia(program, all, InertiaKind::matrix);
@@ -165,8 +166,7 @@ struct Basis {
     for (int c = 0; c < stage.couplings.count(); ++c)
       if (stage.rows[c].active && stage.rows[c].hard) hard.push_back(c);
     for (int dof : eliminated) followers.push_back(root + dof);
-    for (int z = 0; z < n; ++z)
-      independents.push_back(permutes ? kernel.outer(z) : kernel.outer(reduction.independent[z]));
+    for (int z = 0; z < n; ++z) independents.push_back(kernel.outer(reduction.velocity_of(z)));
     s = MatrixXd::Zero(nv, n);
     w = VectorXd::Zero(nv);
     if (reduction.has_constraint_velocities()) {
@@ -249,7 +249,7 @@ void expect_same_rows(const Model& model, const StepSettings& settings, const Pl
   kernels::kinematics(t, x);
   kernels::coupling_errors(t, x);
   if (t.reduction.eliminates()) kernels::follow(t, x);
-  if (t.reduction.has_constraint_velocities()) kernels::start_constraint_velocities(t, x);
+  if (t.reduction.used() && !t.reduction.eliminates()) kernels::start_velocities(t, x);
   kernels::bias_forces(t, kernel.batch, x);
   kernels::joint_inertias(t, kernel.batch, x);
   kernels::joint_forces(t, kernel.batch, x);

@@ -55,8 +55,21 @@ TEST(Description, tells_whether_constraint_velocities_are_solved_for) {
   settings.per_environment = {Parameter::gear_ratio};
   expect_omits(compile(scenes::chain8(), settings), {speeds});
   Model soft = scenes::chain8();
-  for (Coupling& coupling : soft.couplings) coupling.softness = Spring{40.0, 1.0};
+  for (Coupling& coupling : soft.couplings) coupling.softness = Spring{1e6, 1e4};
   expect_contains(compile(soft, {.integrator = Integrator::euler}), {speeds, "responses, row terms, direct"});
+}
+
+TEST(Description, tells_whether_soft_couplings_are_folded) {
+  Model soft = scenes::chain8();
+  for (Coupling& coupling : soft.couplings) coupling.softness = Spring{40.0, 1.0};
+  const Plan folded = compile(soft, {.integrator = Integrator::euler});
+  expect_contains(folded, {"4 soft couplings are folded into the matrix, so that no row is left to solve.",
+                           "soft couplings folded into the matrix, free velocity"});
+  expect_omits(folded, {"responses", "elimination", "solver rows", "not folded"});
+  soft.couplings[1].softness = Spring{1e6, 1e4};
+  expect_contains(compile(soft, {.integrator = Integrator::euler}),
+                  {"soft couplings are not folded into the matrix: coupling 'j1' is so stiff", "4 rows are solved"});
+  expect_omits(compile(scenes::chain8(), {.integrator = Integrator::euler}), {"folded"});
 }
 
 TEST(Description, describes_every_kind_of_softness) {

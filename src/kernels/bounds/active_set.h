@@ -183,8 +183,8 @@ void forget_searches(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
-/// The velocity phase begins where the position phase ended. Any other search begins with a few sweeps. A search that
-/// only other lanes repeat begins at its own end.
+/// The velocity phase begins where the position phase ended, but a row that has to bounce does not stick. Any other
+/// search begins with a few sweeps. A search that only other lanes repeat begins at its own end.
 template <class T>
 void begin_search(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
   const int count = t.bounds.rows.count;
@@ -198,7 +198,8 @@ void begin_search(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
       Branch<T>& own = x.search.branch[count + r];
       const Branch<T>& before = x.search.branch[r];
       const T force = x.bounds.force[r];
-      replace(own, {before.low, before.high, before.stuck, clamp(before.impulse, -force, force)}, inherited);
+      const auto stuck = before.stuck & may_stick(bound(t, x, r, phase));
+      replace(own, {before.low, before.high, stuck, clamp(before.impulse, -force, force)}, inherited);
       known = known | inherited;
     }
     all_known = all_known && !any(x.bounds.active[r] & ~known);

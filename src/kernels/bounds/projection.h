@@ -39,6 +39,12 @@ LOCKSTEP_INLINE T target(const Bound<T>& row, const Branch<T>& b) {
   return select(b.low, row.lo, select(b.high, row.hi, -row.centre));
 }
 
+/// Whether the row may stick: its centre is in its interval.
+template <class T>
+LOCKSTEP_INLINE typename T::Mask may_stick(const Bound<T>& row) {
+  return ~less(-row.centre, row.lo) & ~less(row.hi, -row.centre);
+}
+
 /// (M55): `speed` is the row's speed without its own impulse, `response` its r.
 template <class T>
 LOCKSTEP_INLINE Branch<T> project(const Bound<T>& row, T speed, T response) {
@@ -71,7 +77,7 @@ LOCKSTEP_INLINE Branch<T> advance_branch(const Bound<T>& row, const Branch<T>& b
   // A row that slips past its centre sticks before it may reach an end, or it could go round for ever.
   const auto passes = free & ((less(zero, b.impulse) & less(centre + slack, speed)) |
                               (less(b.impulse, zero) & less(speed, centre - slack)));
-  const auto within = ~less(centre, row.lo) & ~less(row.hi, centre);
+  const auto within = may_stick(row);
   const auto below = free & less(speed, row.lo - slack) & ~(passes & within),
              above = free & less(row.hi + slack, speed) & ~below & ~(passes & within);
   const auto sticks = passes & ~below & ~above;

@@ -120,9 +120,9 @@ LOCKSTEP_INLINE T correcting_velocity(const Tables<ScalarOf<T>>& t, const Tile<T
   return correction;
 }
 
-/// The velocities that a solve for constraint velocities starts from.
+/// The velocities that a solve starts from where no follower is eliminated.
 template <class T>
-void start_constraint_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+void start_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   for (int z = 0; z < t.solver.n; ++z) x.dynamics.start[z] = x.state.v[r.independent[z]];
   for (int f = 0; f < r.followers; ++f)

@@ -23,7 +23,7 @@ LOCKSTEP_INLINE void momenta_to_gain(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   // A traced step always keeps the two arrays apart.
   x.dynamics.half_solved_velocity = x.consistent && t.reduction.all_placed ? x.dynamics.half_solved_position
                                                                            : x.dynamics.half_solved_velocity_storage;
-  if (t.reduction.followers == 0)
+  if (!t.reduction.used())
     for (int z = 0; z < t.solver.n; ++z) {
       x.dynamics.start[z] = x.state.v[z];
       x.dynamics.half_solved_position[z] = x.dynamics.rhs[z];

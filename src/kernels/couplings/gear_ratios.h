@@ -69,6 +69,7 @@ void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int c = 0; c < t.couplings && !t.declares(Parameter::offset); ++c)
     if (t.turning.count == 0 || !t.coupling_turns[c]) x.couplings.offset[c] = T(t.offset[c]);
   spread(t.rows.term_value, x.rows.value);
+  spread(t.folded.term_value, x.rows.value + t.rows.term_value.count);
 }
 
 /// Ratios of this tile, by the elimination (M43) that the plan lists.
@@ -99,6 +100,7 @@ void own_ratios(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& 
   composite_factors(t, x);
 
   combine(t.rows, x, x.rows.value);
+  combine(t.folded, x, x.rows.value + t.rows.term_value.count);
 
   const Bounds<ScalarOf<T>>& bounds = t.bounds;
   if (bounds.rows.count == 0) return;

@@ -58,6 +58,13 @@ void follow_softness(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
   x.rows.cfm[row] = select(absent, infinite_compliance<T>(), cfm);
 }
 
+/// rate and cfm of a row from the plan's softness, for the response to which (M28) refers.
+template <class T>
+LOCKSTEP_INLINE void set_softness(const RowSoftness<ScalarOf<T>>& softness, T response, int row, Tile<T>& x) {
+  x.rows.rate[row] = T(softness.rate);
+  x.rows.cfm[row] = fma(T(softness.cfm_per_response), response, T(softness.cfm));
+}
+
 /// rate and cfm of each row. They hold as long as the matrix does.
 template <class T>
 void row_softness(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
@@ -66,13 +73,10 @@ void row_softness(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   for (int r = 0; r < rows.count; ++r) {
     const T response = x.rows.delassus[factored ? rows.columns.offset[r] : r * rows.count + r];
     const T undamped = t.undamped_row[r] < 0 ? response : x.undamped.compliance[t.undamped_row[r]];
-    if (t.declares(Parameter::softness)) {
+    if (t.declares(Parameter::softness))
       follow_softness(t, batch, r, undamped, x);
-    } else {
-      const RowSoftness<ScalarOf<T>>& softness = rows.softness[r];
-      x.rows.rate[r] = T(softness.rate);
-      x.rows.cfm[r] = fma(T(softness.cfm_per_response), undamped, T(softness.cfm));
-    }
+    else
+      set_softness(rows.softness[r], undamped, r, x);
     if (t.declares(Parameter::coupling_switch)) {
       const T on = switched_on<T>(batch, rows.coupling[r]);
       x.rows.rate[r] *= on;
@@ -87,6 +91,16 @@ template <class T>
 LOCKSTEP_INLINE T velocity_phase_bias(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int r) {
   if (!t.declares(Parameter::softness) && t.rows.softness[r].soft) return x.rows.bias[r];
   return select(less(x.rows.cfm[r], smallest<T>()), T(0), x.rows.bias[r]);
+}
+
+/// The speed of a coupling, with what the corrections of followers add to it.
+template <class T>
+LOCKSTEP_INLINE T with_corrections(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int coupling, T speed) {
+  if (!t.reduction.eliminates()) return speed;
+  for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k)
+    if (const int f = t.reduction.follower_of[t.term_joint[k]]; f >= 0)
+      speed += x.couplings.coefficient[k] * x.couplings.correction[f];
+  return speed;
 }
 
 /// Error, bias and speeds of each row under the free motion.
@@ -108,17 +122,10 @@ void row_terms(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     const T free_in_velocity_phase =
         one_motion ? free : supported_dot(rows, r, x.rows.response + r * n, x.dynamics.half_solved_velocity);
     x.rows.start[r] = now;
-    x.rows.speed[r] = now + free;
+    x.rows.speed[r] = with_corrections(t, x, rows.coupling[r], now + free);
     x.rows.velocity_phase_speed[r] = now + free_in_velocity_phase;
-    if (!t.reduction.eliminates()) continue;
-    const int coupling = rows.coupling[r];
-    for (int k = t.term_start[coupling]; k < t.term_start[coupling + 1]; ++k) {
-      const int f = t.reduction.follower_of[t.term_joint[k]];
-      if (f < 0) continue;
-      const T corrected = x.couplings.coefficient[k] * x.couplings.correction[f];
-      x.rows.speed[r] += corrected;
-      if (!x.solves_twice) x.rows.velocity_phase_speed[r] += corrected;
-    }
+    if (!x.solves_twice)
+      x.rows.velocity_phase_speed[r] = with_corrections(t, x, rows.coupling[r], x.rows.velocity_phase_speed[r]);
   }
 }
 

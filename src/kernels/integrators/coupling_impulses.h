@@ -50,11 +50,10 @@ void subtract_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
 /// velocity errors, x.dynamics.rhs holds A times these errors as well.
 template <class T>
 void coupling_impulses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  const Rows<ScalarOf<T>>& rows = t.rows;
   const Reduction<ScalarOf<T>>& r = t.reduction;
   const T* solved = t.solve_twice ? x.rows.velocity_impulse : x.rows.position_impulse;
   for (int c = 0; c < t.couplings; ++c) x.couplings.impulse[c] = T(0);
-  for (int i = 0; i < rows.count; ++i) x.couplings.impulse[rows.coupling[i]] = solved[i];
+  for (int i = 0; i < t.impulse_coupling.count; ++i) x.couplings.impulse[t.impulse_coupling[i]] = solved[i];
   const int bounds = t.bounds.rows.count;
   for (int i = 0; i < bounds; ++i)
     if (t.bounds.kind[i] == BoundKind::coupling)
@@ -77,8 +76,8 @@ void coupling_impulses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   for (int f = 0; r.removes_by_force && f < r.followers; ++f)
     change[t.velocity_of(r.follower[f])] += x.couplings.velocity_error[f];
   if (bounds > 0) subtract_bounds(t, batch, x, x.dynamics.product);
-  for (int i = 0; i < rows.count; ++i) {
-    const int c = rows.coupling[i];
+  for (int i = 0; i < t.impulse_coupling.count; ++i) {
+    const int c = t.impulse_coupling[i];
     for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) {
       T& sum = x.dynamics.product[t.velocity_of(t.term_joint[k])];
       sum = fnma(x.couplings.coefficient[k], solved[i], sum);

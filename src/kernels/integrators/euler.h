@@ -4,7 +4,7 @@
 #include "coupling_impulses.h"
 #include "integrate.h"
 #include "kernels/couplings/coupling_error.h"
-#include "kernels/couplings/free_velocity.h"
+#include "kernels/couplings/folding.h"
 #include "kernels/couplings/joint_terms.h"
 #include "kernels/couplings/solve_couplings.h"
 #include "kernels/dynamics/bias_forces.h"
@@ -18,8 +18,10 @@ template <class T>
 void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   kinematics(t, x);
   if (t.couplings > 0) coupling_errors(t, x);
-  if (t.reduction.eliminates()) follow(t, x);
-  if (t.reduction.has_constraint_velocities()) start_constraint_velocities(t, x);
+  if (t.reduction.eliminates())
+    follow(t, x);
+  else if (t.reduction.used())
+    start_velocities(t, x);
   const bool limited = t.limited_servos.count > 0, by_velocity = t.bounds.by_velocity;
   if (limited && !by_velocity) first_saturation_pass(x);
   do {  // again only if a guess about limited servos was wrong
@@ -30,10 +32,12 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     if (limited && !by_velocity) limited_drives(t, batch, x);
     if (t.undamped.count > 0) undamped_responses(t, x);
     if (t.reduction.by_entries()) reduce_matrix(t, x);
+    if (t.folded.count > 0) fold_matrix(t, x);
     if (t.bounds.rows.count > 0) clear_bounds(x);
     if (by_velocity) keep_matrix(t, x);
     if (!(limited && by_velocity)) factor_matrix(t, x);
     momenta_to_gain(t, x);
+    if (t.folded.count > 0) fold_forces(t, x);
     if (by_velocity) keep_momentum(t, x);
     if (!(limited && by_velocity)) {  // else the search finds the first solution
       half_solve(t, x);
@@ -47,6 +51,7 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     const bool bounded = t.bounds.rows.count > 0 || (limited && by_velocity);
     if (bounded && bounds_active(t, batch, x)) solve_bounds(t, batch, x);
   } while (limited && !by_velocity && saturation_differs(t, batch, x));
+  if (t.record_impulses || t.record_diagnostics) folded_impulses(t, x);
   if (t.record_impulses) coupling_impulses(t, batch, x);  // before the roots' axes turn
   turn_root_twists(t, x, x.next.v);
 }

@@ -91,7 +91,7 @@ void solved_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 template <class T, class Finish>
 void expand(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* z, T* v, Finish&& finish) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
-  if (r.followers == 0) {
+  if (!r.used()) {
     for (int i = 0; i < t.velocities; ++i) v[i] = z[i];
     return;
   }

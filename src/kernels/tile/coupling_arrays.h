@@ -51,7 +51,7 @@ struct Couplings {
   }
 };
 
-/// Couplings that are solved as rows, by row.
+/// Couplings that are solved as rows, by row, and behind them those that are folded.
 template <class T>
 struct CouplingRows {
   T* value;     // [terms]
@@ -65,32 +65,32 @@ struct CouplingRows {
   T* speed;                 // J v, in the position phase
   T* residual;              // J v + b + cfm impulse, in sweeps
   T* velocity_phase_speed;  // J v, in the velocity phase
-  T* inverse;               // 1 / (r + cfm), or 1 / D where K is factored
+  T* inverse;               // 1 / (r + cfm), 1 / D where K is factored, or 1 / cfm of folded couplings
   T* impulse;
   T* position_impulse;
   T* velocity_impulse;
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
-    const int rows = t.rows.count;
+    const int rows = t.rows.count, with_impulse = t.impulse_coupling.count;
     take("rows.response", response, rows * t.solver.n);
     take("rows.delassus", delassus, t.rows.response_entries);
     take("rows.error", error, rows);
-    take("rows.rate", rate, rows);
-    take("rows.cfm", cfm, rows);
+    take("rows.rate", rate, with_impulse);
+    take("rows.cfm", cfm, with_impulse);
     take("rows.bias", bias, rows);
     take("rows.start", start, rows);
     take("rows.speed", speed, rows);
     take("rows.residual", residual, t.rows.columns.n > 0 ? 0 : rows, Lifetime::stage);
     take("rows.velocity_phase_speed", velocity_phase_speed, rows);
-    take("rows.inverse", inverse, rows);
+    take("rows.inverse", inverse, with_impulse);
     take("rows.impulse", impulse, rows);
-    take("rows.position_impulse", position_impulse, rows);
-    take("rows.velocity_impulse", velocity_impulse, rows);
+    take("rows.position_impulse", position_impulse, with_impulse);
+    take("rows.velocity_impulse", velocity_impulse, with_impulse);
   }
   template <class Take>
   void values(const Tables<ScalarOf<T>>& t, Take& take) {
-    take("rows.value", value, t.rows.term_value.count, Lifetime::call);
+    take("rows.value", value, t.rows.term_value.count + t.folded.term_value.count, Lifetime::call);
   }
 };
 

@@ -117,8 +117,8 @@ struct Dynamics {
     take("dynamics.bias", bias, stages ? t.velocities : 0);
     if (!stages) bias = rhs;
     const int behind = composite && t.solve_twice ? t.solver.n : 0;
-    take("dynamics.reduced", reduced, t.reduction.followers ? t.solver.entries + behind : 0);
-    if (t.reduction.followers == 0) reduced = matrix;
+    take("dynamics.reduced", reduced, t.reduction.used() ? t.solver.entries + behind : 0);
+    if (!t.reduction.used()) reduced = matrix;
     take("dynamics.inverse", inverse, t.solver.n);
   }
   template <class Take>

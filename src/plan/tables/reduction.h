@@ -102,15 +102,19 @@ struct Mirror {
 };
 
 /// The velocities in terms of the solver's velocities: v = S z, A_r = S^T A S. Either followers are eliminated (M39),
-/// for `reduced`, or constraint velocities replace theirs (M77). Empty if A itself is factored.
+/// for `reduced`, or constraint velocities replace theirs (M77). Without followers, only the order of velocities
+/// differs from that of A, for the fill of folded couplings (M95). Empty if A itself is factored.
 struct ReductionStructure {
   int followers = 0;
   bool removes_by_force = false;  ///< bias forces remove followers' velocity error within a step
   CompositeColumns composite;
+  inline __attribute__((always_inline)) bool used() const { return independent.count > 0; }
   inline __attribute__((always_inline)) bool has_constraint_velocities() const { return constraint_velocity.count > 0; }
   inline __attribute__((always_inline)) bool eliminates() const {
     return followers > 0 && constraint_velocity.count == 0;
   }
+  /// The velocity that solver velocity z is, unless it is a constraint velocity.
+  inline __attribute__((always_inline)) int velocity_of(int z) const { return used() ? independent[z] : z; }
   /// A_r is computed from the entries of A, at least for some trees.
   inline __attribute__((always_inline)) bool by_entries() const { return product_entry.count > 0; }
   Span<int> constraint_velocity;    ///< by follower: the solver velocity that is its coupling's constraint velocity
