@@ -115,7 +115,8 @@ struct FrameRows {
 /// A batch that was moved from throws UsageError, except that step() does nothing; it may be assigned to.
 ///
 /// Thread-safety: the functions of one Batch, const ones too, must not run at the same time. Different batches are
-/// independent.
+/// independent. While one runs, step() does nothing (debug builds assert), and reset(), project(), save(), restore()
+/// and readbacks that compute throw UsageError.
 ///
 /// The same bits result for any number of threads, batch size and place in the batch.
 template <class S>
