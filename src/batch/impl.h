@@ -7,6 +7,7 @@
 #include <functional>
 #include <limits>
 
+#include "blob.h"
 #include "engine.h"
 #include "in_use.h"
 #include "lockstep/batch.h"
@@ -211,6 +212,16 @@ struct Batch<S>::Impl {
   void begin_audit(int e) {
     for (int row = 0; row < 2 && audit.size() > 0; ++row) audit.data()[row * stride + e] = S(0);
   }
+
+  // The memory of one block that is saved (save.cpp).
+  struct SavedRows {
+    const char* name;
+    int rows;
+    std::size_t number_bytes;
+    std::byte* data;
+  };
+  std::vector<SavedRows> saved_rows() const;
+  void restore(const Blob& blob, std::span<const int> into, std::span<const int> from, bool other_settings);
 
   void check_mask(std::span<const bool> mask, const char* whose) const {
     if (mask.size() != static_cast<std::size_t>(environments))

@@ -42,6 +42,7 @@ TEST(InUse, refuses_every_function_beside_a_step) {
   const std::vector<int> none;
   const std::unique_ptr<bool[]> mask(new bool[512]());
   const Batch<float>::Array empty(8, 0);
+  const std::vector<std::byte> blob = batch.save(none);
   const std::vector<std::function<void()>> calls = {
       [&] { batch.reset(none); },
       [&] { batch.reset(std::span<const bool>(mask.get(), 512)); },
@@ -49,6 +50,8 @@ TEST(InUse, refuses_every_function_beside_a_step) {
       [&] { batch.project(none); },
       [&] { batch.project(std::span<const bool>(mask.get(), 512)); },
       [&] { batch.project(Couplings::none); },
+      [&] { batch.save(none); },
+      [&] { batch.restore(blob, none); },
       [&] { batch.coupling_errors(); },
       [&] { batch.link_poses(2); },
       [&] {
