@@ -69,6 +69,13 @@ struct ResetOptions {
   Couplings project = Couplings::hard;  ///< for given states: see Batch::project()
 };
 
+/// What Batch::restore() takes beside a blob of its own plan.
+struct RestoreOptions {
+  /// Also a blob of the same model with other settings. Fields that the blob lacks keep their values; a field or rows
+  /// of inputs that only the blob has are refused. The audit of energy begins anew. Steps count the blob's dt.
+  bool other_settings = false;
+};
+
 /// A coupling that project() could not meet, because others that are placed before it contradict it: ratios, offsets or
 /// switches of this environment leave no position for all of them.
 struct UnmetCoupling {
@@ -115,7 +122,8 @@ struct FrameRows {
 /// A batch that was moved from throws UsageError, except that step() does nothing; it may be assigned to.
 ///
 /// Thread-safety: the functions of one Batch, const ones too, must not run at the same time. Different batches are
-/// independent.
+/// independent. While one runs, step() does nothing (debug builds assert), and reset(), project(), save(), restore()
+/// and readbacks that compute throw UsageError.
 ///
 /// The same bits result for any number of threads, batch size and place in the batch.
 template <class S>
@@ -199,6 +207,22 @@ class LOCKSTEP_API Batch {
   std::vector<UnmetCoupling> project(Couplings couplings = Couplings::hard);
   std::vector<UnmetCoupling> project(std::span<const bool> mask, Couplings couplings = Couplings::hard);
   std::vector<UnmetCoupling> project(std::span<const int> ids, Couplings couplings = Couplings::hard);
+
+  // --- saving ----------------------------------------------------------------------------------
+  /// All environments, or those listed in that order, as bytes: state, inputs, declared parameters, faults, counts and
+  /// what the library keeps between steps. restore() puts them into any places of any batch of that plan, scalar and
+  /// byte order, where they continue with the same bits; with the same arithmetic, that is, as for any step. The
+  /// diagnostics and impulses of the last step are not saved; restore() leaves the batch's own. Throws UsageError for
+  /// an environment outside the batch.
+  std::vector<std::byte> save() const;
+  std::vector<std::byte> save(std::span<const int> ids) const;
+  /// Environments of the blob into those of the batch: all, which must be as many, or those that `from` lists (all if
+  /// it is empty) into those that `into` lists. Where an environment is listed twice, the last one counts. Throws
+  /// UsageError on a byte that is not as save() wrote it, another byte order, scalar or plan, a wrong size or index,
+  /// and changes nothing then. Checksums find damage, not malice.
+  void restore(std::span<const std::byte> blob, const RestoreOptions& options = {});
+  void restore(std::span<const std::byte> blob, std::span<const int> into, std::span<const int> from = {},
+               const RestoreOptions& options = {});
 
   // --- faults ----------------------------------------------------------------------------------
   std::span<const Fault> faults() const;  ///< one per environment

@@ -1,6 +1,7 @@
 // Plan: a Model compiled to flat tables that hold only what the scene uses. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -43,6 +44,11 @@ class LOCKSTEP_API Plan {
  public:
   const Model& model() const;
   const StepSettings& settings() const;
+
+  /// Of the model and the settings as they were given, and of the model alone: every name and every bit of every number
+  /// counts. The same on every machine. Two plans that differ have the same with a chance of 2^-64.
+  std::uint64_t hash() const;
+  std::uint64_t model_hash() const;
 
   Method method() const;          ///< the one in use, never automatic
   Integrator integrator() const;  ///< the one in use, never automatic

@@ -1,4 +1,6 @@
 // Batch: views, stepping, resets, readbacks. SPDX-License-Identifier: Apache-2.0
+#include <cassert>
+
 #include "impl.h"
 
 namespace lockstep {
@@ -101,16 +103,21 @@ auto Batch<S>::impl() const -> Impl& {
 
 template <class S>
 void Batch<S>::step(int substeps) noexcept {
-  if (impl_ && substeps > 0) impl_->step(substeps);
+  if (!impl_ || substeps <= 0) return;
+  const InUse in_use(impl_->in_use);
+  assert(in_use.alone() && "the functions of one Batch must not run at the same time");
+  if (in_use.alone()) impl_->step(substeps);
 }
 
 template <class S>
 void Batch<S>::reset(const ResetOptions& options) {
+  const Alone alone(impl().in_use);
   for (int e = 0; e < environments(); ++e) impl().reset(e, options.keep_inputs);
 }
 
 template <class S>
 void Batch<S>::reset(std::span<const bool> mask, const ResetOptions& options) {
+  const Alone alone(impl().in_use);
   impl().check_mask(mask, "reset");
   for (int e = 0; e < environments(); ++e)
     if (mask[e]) impl().reset(e, options.keep_inputs);
@@ -118,6 +125,7 @@ void Batch<S>::reset(std::span<const bool> mask, const ResetOptions& options) {
 
 template <class S>
 void Batch<S>::reset(std::span<const int> ids, const ResetOptions& options) {
+  const Alone alone(impl().in_use);
   for (int id : ids) impl().check_id(id);
   for (int id : ids) impl().reset(id, options.keep_inputs);
 }
@@ -126,26 +134,26 @@ template <class S>
 std::vector<UnmetCoupling> Batch<S>::reset(std::span<const int> ids, const Eigen::Ref<const Array>& new_positions,
                                            const Eigen::Ref<const Array>& new_velocities, const ResetOptions& options) {
   Impl& batch = impl();
+  const Alone alone(batch.in_use);
   const Eigen::Index dofs = batch.tables.joints, count = static_cast<Eigen::Index>(ids.size());
   for (const auto* given : {&new_positions, &new_velocities})
     if (given->rows() != dofs || given->cols() != count)
       throw UsageError("reset state", "is " + std::to_string(given->rows()) + " x " + std::to_string(given->cols()),
                        "give " + std::to_string(dofs) + " dofs x " + std::to_string(count) + " environments");
-  // Views of this batch change while it is reset.
-  if (batch.overlaps(new_positions) || batch.overlaps(new_velocities)) {
+  for (int id : ids) batch.check_id(id);
+  std::vector<UnmetCoupling> unmet;
+  if (batch.overlaps(new_positions) || batch.overlaps(new_velocities)) {  // they change while it is reset
     const Array positions_before = new_positions, velocities_before = new_velocities;
-    return reset(ids, positions_before, velocities_before, options);
+    batch.reset(ids, positions_before, velocities_before, options, unmet);
+  } else {
+    batch.reset(ids, new_positions, new_velocities, options, unmet);
   }
-  reset(ids, options);
-  for (Eigen::Index i = 0; i < count; ++i) {
-    positions().col(ids[i]) = new_positions.col(i);
-    velocities().col(ids[i]) = new_velocities.col(i);
-  }
-  return project(ids, options.project);
+  return unmet;
 }
 
 template <class S>
 std::vector<UnmetCoupling> Batch<S>::project(Couplings couplings) {
+  const Alone alone(impl().in_use);
   std::vector<UnmetCoupling> unmet;
   for (int e = 0; e < environments(); ++e) impl().project(e, couplings, unmet);
   return unmet;
@@ -153,6 +161,7 @@ std::vector<UnmetCoupling> Batch<S>::project(Couplings couplings) {
 
 template <class S>
 std::vector<UnmetCoupling> Batch<S>::project(std::span<const bool> mask, Couplings couplings) {
+  const Alone alone(impl().in_use);
   impl().check_mask(mask, "project");
   std::vector<UnmetCoupling> unmet;
   for (int e = 0; e < environments(); ++e)
@@ -162,6 +171,7 @@ std::vector<UnmetCoupling> Batch<S>::project(std::span<const bool> mask, Couplin
 
 template <class S>
 std::vector<UnmetCoupling> Batch<S>::project(std::span<const int> ids, Couplings couplings) {
+  const Alone alone(impl().in_use);
   for (int id : ids) impl().check_id(id);
   std::vector<UnmetCoupling> unmet;
   for (int id : ids) impl().project(id, couplings, unmet);

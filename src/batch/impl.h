@@ -7,7 +7,9 @@
 #include <functional>
 #include <limits>
 
+#include "blob.h"
 #include "engine.h"
+#include "in_use.h"
 #include "lockstep/batch.h"
 #include "lockstep/error.h"
 #include "model/softness_numbers.h"
@@ -202,10 +204,24 @@ struct Batch<S>::Impl {
     for (const Start& part : start)
       for (std::size_t row = 0; row < part.numbers.size() && !(part.is_input && keep_inputs); ++row)
         part.block->data()[static_cast<std::ptrdiff_t>(row) * stride + e] = part.numbers[row];
-    for (int row = 0; row < 2 && audit.size() > 0; ++row) audit.data()[row * stride + e] = S(0);
+    begin_audit(e);
     fault.data()[e] = Fault::none, fault_place.data()[e] = {};
     steps.data()[e] = 0, ++resets.data()[e];
   }
+
+  void begin_audit(int e) {
+    for (int row = 0; row < 2 && audit.size() > 0; ++row) audit.data()[row * stride + e] = S(0);
+  }
+
+  // The memory of one block that is saved (save.cpp).
+  struct SavedRows {
+    const char* name;
+    int rows;
+    std::size_t number_bytes;
+    std::byte* data;
+  };
+  std::vector<SavedRows> saved_rows() const;
+  void restore(const Blob& blob, std::span<const int> into, std::span<const int> from, bool other_settings);
 
   void check_mask(std::span<const bool> mask, const char* whose) const {
     if (mask.size() != static_cast<std::size_t>(environments))
@@ -226,6 +242,17 @@ struct Batch<S>::Impl {
     for (const Start& part : start)
       if (in(*part.block)) return true;
     return std::any_of(std::begin(field), std::end(field), in);
+  }
+
+  void reset(std::span<const int> ids, const Eigen::Ref<const Array>& positions,
+             const Eigen::Ref<const Array>& velocities, const ResetOptions& options,
+             std::vector<UnmetCoupling>& unmet) {
+    for (const int id : ids) reset(id, options.keep_inputs);
+    for (std::size_t i = 0; i < ids.size(); ++i) {
+      view(position).col(ids[i]) = positions.col(static_cast<Eigen::Index>(i));
+      view(velocity).col(ids[i]) = velocities.col(static_cast<Eigen::Index>(i));
+    }
+    for (const int id : ids) project(id, options.project, unmet);
   }
 
   void project(int e, Couplings couplings, std::vector<UnmetCoupling>& unmet) {
@@ -315,6 +342,7 @@ struct Batch<S>::Impl {
   }
 
   Array read(const kernels::Request<S>& request, int row_count) {
+    const Alone alone(in_use);
     AlignedBlock<S> result = rows(row_count);
     const StatePointers<S> l = state_pointers();
     workers.for_environments(stepped(), step_nanoseconds, kernels.lanes,
@@ -357,6 +385,7 @@ struct Batch<S>::Impl {
   }
 
   void read_frames(const FrameRows<S>& to) {
+    const Alone alone(in_use);
     const int links = tables.links;
     const std::vector<Site>& sites = plan.model().sites;
     const StatePointers<S> pointers = state_pointers();
@@ -405,6 +434,7 @@ struct Batch<S>::Impl {
                      Eigen::OuterStride<>(stride));
   }
 
+  std::atomic<bool> in_use{false};  ///< by a function that runs
   Plan plan;
   int environments;
   Target target;

@@ -10,6 +10,7 @@
 #include "lockstep/error.h"
 #include "lockstep/generate.h"
 #include "lockstep/version.h"
+#include "plan/hash.h"
 #include "trace/cost.h"
 #include "trace/trace.h"
 
@@ -17,11 +18,11 @@ namespace lockstep {
 namespace codegen {
 namespace {
 
-// FNV-1a of the code, so plans with the same step have the same hash.
+// Plans with the same step have the same hash.
 std::uint64_t hash_of_code(const std::string& text) {
-  std::uint64_t h = 14695981039346656037ull;
-  for (const char c : text) h = (h ^ static_cast<unsigned char>(c)) * 1099511628211ull;
-  return h;
+  Hash hash;
+  hash.add(std::string_view(text));
+  return hash.value();
 }
 
 std::string identifier(const std::string& name) {

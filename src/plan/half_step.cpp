@@ -28,7 +28,7 @@ Span<RowSoftness<double>> softness_of(Program& program, const Rows<double>& rows
 std::shared_ptr<Program> half_step(const Program& whole) {
   auto half = std::make_shared<Program>(whole);
   Tables<double>& t = half->f64;
-  half->kernel_hash = {}, half->interpreted = {}, half->half = nullptr;
+  half->kernel_hash = {}, half->interpreted = {}, half->identity = {}, half->half = nullptr;
   t.half = nullptr;
   keep_springs(half->model, half->settings.dt);
   half->settings.dt /= 2.0;

@@ -1,6 +1,7 @@
 // Look-ups of a Plan. SPDX-License-Identifier: Apache-2.0
 #include "lockstep/plan.h"
 
+#include "identity.h"
 #include "lockstep/error.h"
 #include "program.h"
 
@@ -10,6 +11,8 @@ const Program& program_of(const Plan& plan) { return *plan.program_; }
 
 const Model& Plan::model() const { return program_->model; }
 const StepSettings& Plan::settings() const { return program_->settings; }
+std::uint64_t Plan::hash() const { return identity_of(*program_).plan; }
+std::uint64_t Plan::model_hash() const { return identity_of(*program_).model; }
 Method Plan::method() const { return program_->method; }
 Integrator Plan::integrator() const { return program_->integrator; }
 std::vector<double> Plan::stage_times() const { return program_->stage_times; }

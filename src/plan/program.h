@@ -55,6 +55,7 @@ struct Placing {
   std::vector<int> ring_followers;  ///< joints in the solver's order
 };
 
+struct Identity;         // identity.h
 struct InterpretedStep;  // src/interpret/lower.h
 
 /// A compiled scene: the tables, what they were made from, and the reasons for each choice.
@@ -93,6 +94,7 @@ struct Program {
   Tables<float> f32;
   Lazy<std::uint64_t> kernel_hash;
   Lazy<InterpretedStep> interpreted;
+  Lazy<Identity> identity;
   std::shared_ptr<const Program> half;  ///< owns Tables::half
   bool fits_single = true;              ///< no number of f64 is too large for f32
 };

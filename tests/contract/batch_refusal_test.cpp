@@ -110,6 +110,7 @@ TEST(Batch, that_was_moved_from_refuses_everything_but_an_assignment) {
   const Batch<double>::Array state = Batch<double>::Array::Zero(8, 1);
   const std::vector<int> ids = {0};
   const bool mask[2] = {};
+  const std::vector<std::byte> blob = second.save();
   const std::vector<std::function<void()>> calls = {[&] { first.plan(); },
                                                     [&] { first.environments(); },
                                                     [&] { first.target(); },
@@ -127,6 +128,10 @@ TEST(Batch, that_was_moved_from_refuses_everything_but_an_assignment) {
                                                     [&] { first.project(); },
                                                     [&] { first.project(ids); },
                                                     [&] { first.project(mask); },
+                                                    [&] { first.save(); },
+                                                    [&] { first.save(ids); },
+                                                    [&] { first.restore(blob); },
+                                                    [&] { first.restore(blob, ids); },
                                                     [&] { first.faults(); },
                                                     [&] { first.faulted(); },
                                                     [&] { first.explain_fault(0); },
