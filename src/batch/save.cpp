@@ -79,6 +79,8 @@ auto Batch<S>::Impl::saved_rows() const -> std::vector<SavedRows> {
   add("fault place", fault_place);
   add("steps", steps);
   add("resets", resets);
+  add("id", id);
+  add("seed", seed);
   add("position", position);
   add("angle", angle);
   add("velocity", velocity);
