@@ -286,8 +286,8 @@ class LOCKSTEP_API Batch {
   std::vector<Problem> check(const EnvironmentSet& which = EnvironmentSet::all()) const;
 
   // --- counts, one per environment; they wrap around at 2^32 ------------------------------------
-  std::span<const std::uint32_t> steps() const;   ///< of dt that it has taken since its last reset
-  std::span<std::uint32_t> resets();              ///< of the environment, to read and to write: see ids()
+  std::span<const std::uint32_t> steps() const;  ///< of dt that it has taken since its last reset
+  std::span<std::uint32_t> resets();             ///< of the environment, to read and to write: see ids()
   std::span<const std::uint32_t> resets() const;
 
   // --- readbacks, computed when asked for ------------------------------------------------------

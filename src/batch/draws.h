@@ -1,4 +1,5 @@
-// Random numbers of one environment (M98) to (M101): the same bits on every machine. SPDX-License-Identifier: Apache-2.0
+// Random numbers of one environment (M98) to (M101): the same bits on every machine. SPDX-License-Identifier:
+// Apache-2.0
 #pragma once
 
 #include <array>
