@@ -28,7 +28,8 @@ class Batch<S>::Impl::ProblemFinder {
     find_infinite(batch_.position_target, "position_targets", [&](int row) { return "position target" + joint(row); });
     find_infinite(batch_.velocity_target, "velocity_targets", [&](int row) { return "velocity target" + joint(row); });
     find_infinite(batch_.effort, "efforts", [&](int row) { return "effort" + joint(row); });
-    for (const Parameter field : {Parameter::offset, Parameter::gravity, Parameter::link_wrench})  // others have rules
+    for (const Parameter field : {Parameter::offset, Parameter::gravity, Parameter::link_wrench,
+                                  Parameter::coupling_switch})  // the others have rules
       find_infinite(batch_.field[static_cast<int>(field)], to_string(field), [&](int row) {
         return to_string(field) + (" '" + batch_.plan.parameter_row_names(field)[static_cast<std::size_t>(row)] + "'");
       });

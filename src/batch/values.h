@@ -180,9 +180,6 @@ ValueRules<S> value_rules(const Program& program) {
                               "ratio of joint '" + term.joint + "' in " + element, "1e-9 to 1e9 in magnitude"});
       ++gear;
     }
-    if (declares(Parameter::coupling_switch))
-      rules.rows.push_back(
-          {Parameter::coupling_switch, static_cast<int>(c), -largest, largest, "switch of " + element, "a number"});
     if (!declares(Parameter::softness)) continue;
     const int row = 2 * static_cast<int>(c);
     switch (kind_of(coupling.softness)) {

@@ -168,7 +168,8 @@ INSTANTIATE_TEST_SUITE_P(
     values, RefusedRandomization,
     testing::Values(
         Refused{"mass_zero", Parameter::mass, {.low = 0.0, .high = 1.0}, "may become 0, must be above 0"},
-        Refused{"mass_negative", Parameter::mass, {.change = Change::add, .low = -50.0}, "must be above 0"},
+        Refused{
+            "mass_negative", Parameter::mass, {.change = Change::add, .low = -50.0, .rows = {2}}, "must be above 0"},
         Refused{"sum_of_masses", Parameter::mass, {.low = 0.0, .high = 0.0, .rows = {4, 9}}, "masses of link"},
         Refused{"kp_negative", Parameter::drive_gains, {.change = Change::add, .low = -100.0}, "kp of joint 'j0'"},
         Refused{"ratio_through_zero", Parameter::gear_ratio, {.low = -1.0}, "1e-9 to 1e9 in magnitude"},
@@ -264,16 +265,18 @@ TEST(RandomReset, spreads_independent_joints_over_their_ranges_and_places_follow
 }
 
 TEST(RandomReset, uses_the_limits_of_the_environment_and_keeps_inputs_if_asked) {
-  const Plan plan = compile(limited(), {.per_environment = {Parameter::position_limits}});
+  Model model = limited();
+  model.joints[2].lower = -1.0, model.joints[2].upper = 1.5;
+  const Plan plan = compile(model, {.per_environment = {Parameter::position_limits}});
   Batch<float> batch(plan, 50, {.threads = 1});
-  batch.parameter(Parameter::position_limits).row(0) = 1.25f;
+  batch.parameter(Parameter::position_limits).row(4) = 1.25f;
   batch.position_targets().setConstant(0.5f);
   batch.reset_random(EnvironmentSet::all(), {.keep_inputs = true});
-  EXPECT_GE(batch.positions().row(0).minCoeff(), 1.25f);
-  EXPECT_LE(batch.positions().row(0).maxCoeff(), 1.5f);
-  EXPECT_EQ(batch.position_targets()(2, 7), 0.5f);
+  EXPECT_GE(batch.positions().row(2).minCoeff(), 1.25f);
+  EXPECT_LE(batch.positions().row(2).maxCoeff(), 1.5f);
+  EXPECT_EQ(batch.position_targets()(3, 7), 0.5f);
   batch.reset_random();
-  EXPECT_EQ(batch.position_targets()(2, 7), 0.0f);
+  EXPECT_EQ(batch.position_targets()(3, 7), 0.0f);
 }
 
 TEST(RandomReset, refuses_what_is_out_of_range_and_changes_nothing) {
