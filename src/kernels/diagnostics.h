@@ -182,6 +182,7 @@ T energy_at(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batc
 
 template <class T>
 void diagnose(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  folded_impulses(t, x);
   for (int i = 0; i < t.reported.count; ++i) {
     const Reported& row = t.reported[i];
     T residual, row_state;

@@ -108,7 +108,8 @@ void diagnose(const Tables<double>& t, const StatePointers<double>& batch, Tile<
 
 void coupling_impulses(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
   if (counting) return coupling_impulses<Traced>(t, batch, x);
-  if (t.bounds.rows.count > 0) return tracer->run("coupling_impulses(t, batch, x);", Call::coupling_impulses);
+  if (t.bounds.rows.count > 0 || t.servo_velocities.count > 0)
+    return tracer->run("coupling_impulses(t, batch, x);", Call::coupling_impulses);
   const std::vector<Traced> before(x.couplings.impulse, x.couplings.impulse + t.couplings);
   coupling_impulses<Traced>(t, batch, x);
   // The first tracing runs this stage too, as all tracings must have the same sums. But it drops the results.

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "contract.h"
@@ -238,30 +239,33 @@ TEST(FoldingRule, says_what_stands_against_it) {
   EXPECT_TRUE(contains(obstacle(hard, settings), "'s2' is hard"));
 }
 
-// Two pairs on trees of their own. The second one is too stiff, or hard.
+// Two pairs on trees of their own. The second one is soft, too stiff, or hard.
 TEST(FoldingRule, holds_for_each_component_by_itself) {
-  for (const Softness& second : {Softness(Spring{0.0, 1e4}), Softness(Hard{0.5})})
-    for (const bool bounded : {false, true}) {
-      Model model = physics::sliders({0.2, 1.0, 0.3, 0.8});
-      model.links.push_back({"other base", {}});
-      model.roots = {{"base", false}, {"other base", false}};
-      model.joints[2].parent = model.joints[3].parent = "other base";
-      model.couplings.push_back(Coupling::mimic("s0", "s1", -0.5, 0.01, Frequency{30.0, 0.5}));
-      model.couplings.push_back(Coupling::mimic("s2", "s3", 0.7, 0.0, second));
-      for (Joint& joint : model.joints) joint.velocity = 0.7, joint.drive.kp = 30.0, joint.drive.position_target = 0.4;
-      if (bounded)
-        for (Joint& joint : model.joints) joint.velocity_limit = 0.3;
-      StepSettings settings = physics::settings(Method::direct);
-      settings.record_impulses = settings.record_diagnostics = true;
-      const Plan plan = compile(model, settings);
-      EXPECT_EQ(tables_of(plan).folded.count, 1);
-      EXPECT_EQ(tables_of(plan).rows.count, 1);
-      EXPECT_NE(plan.describe().find("1 soft coupling is folded into the matrix.\n"), std::string::npos);
-      Batch<double> batch(plan, 1, {.threads = 1});
-      batch.step();
-      expect_agreement(batch, 0, model, bounded ? 1e-9 : close);
-      EXPECT_LE(batch.row_residuals().abs().maxCoeff(), 1e-12);
-    }
+  const std::pair<Softness, int> cases[] = {{Spring{0.0, 1e4}, 0}, {Spring{0.0, 1e6}, 1}, {Hard{0.5}, 1}};
+  for (const auto& [second, rows] : cases)
+    for (const bool bounded : {false, true})
+      for (const Engine engine : {Engine::tables, Engine::interpreter}) {
+        Model model = physics::sliders({0.2, 1.0, 0.3, 0.8});
+        model.links.push_back({"other base", {}});
+        model.roots = {{"base", false}, {"other base", false}};
+        model.joints[2].parent = model.joints[3].parent = "other base";
+        model.couplings.push_back(Coupling::mimic("s0", "s1", -0.5, 0.01, Frequency{30.0, 0.5}));
+        model.couplings.push_back(Coupling::mimic("s2", "s3", 0.7, 0.0, second));
+        for (Joint& joint : model.joints)
+          joint.velocity = 0.7, joint.drive.kp = 30.0, joint.drive.position_target = 0.4;
+        if (bounded)
+          for (Joint& joint : model.joints) joint.velocity_limit = 0.3;
+        StepSettings settings = physics::settings(Method::direct);
+        settings.record_impulses = settings.record_diagnostics = true;
+        const Plan plan = compile(model, settings);
+        EXPECT_EQ(tables_of(plan).rows.count, rows);
+        EXPECT_EQ(tables_of(plan).folded.count, 2 - rows);
+        EXPECT_EQ(plan.describe().find("1 soft coupling is folded into the matrix.\n") != std::string::npos, rows == 1);
+        Batch<double> batch(plan, 1, {.threads = 1, .engine = engine});
+        batch.step();
+        expect_agreement(batch, 0, model, bounded ? 1e-9 : close);
+        EXPECT_LE(batch.row_residuals().abs().maxCoeff(), 1e-12);
+      }
 }
 
 // Ratios and offsets of one environment act like those of a model.

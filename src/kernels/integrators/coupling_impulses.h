@@ -1,6 +1,7 @@
 // The impulses of the couplings in this step, for plans that record them. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "kernels/couplings/folding.h"
 #include "solve_bounds.h"
 
 namespace lockstep::kernels {
@@ -52,6 +53,7 @@ template <class T>
 void coupling_impulses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   const T* solved = t.solve_twice ? x.rows.velocity_impulse : x.rows.position_impulse;
+  folded_impulses(t, x);
   for (int c = 0; c < t.couplings; ++c) x.couplings.impulse[c] = T(0);
   for (int i = 0; i < t.impulse_coupling.count; ++i) x.couplings.impulse[t.impulse_coupling[i]] = solved[i];
   const int bounds = t.bounds.rows.count;

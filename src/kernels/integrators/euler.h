@@ -51,7 +51,6 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     const bool bounded = t.bounds.rows.count > 0 || (limited && by_velocity);
     if (bounded && bounds_active(t, batch, x)) solve_bounds(t, batch, x);
   } while (limited && !by_velocity && saturation_differs(t, batch, x));
-  if (t.record_impulses || t.record_diagnostics) folded_impulses(t, x);
   if (t.record_impulses) coupling_impulses(t, batch, x);  // before the roots' axes turn
   turn_root_twists(t, x, x.next.v);
 }

@@ -108,7 +108,7 @@ struct ReductionStructure {
   int followers = 0;
   bool removes_by_force = false;  ///< bias forces remove followers' velocity error within a step
   CompositeColumns composite;
-  inline __attribute__((always_inline)) bool used() const { return independent.count > 0; }
+  inline __attribute__((always_inline)) bool used() const { return followers > 0 || independent.count > 0; }
   inline __attribute__((always_inline)) bool has_constraint_velocities() const { return constraint_velocity.count > 0; }
   inline __attribute__((always_inline)) bool eliminates() const {
     return followers > 0 && constraint_velocity.count == 0;
