@@ -45,7 +45,7 @@ void run(benchmark::State& state, const Load& load) {
     batch.step(load.substeps);
     if ((steps += load.substeps) >= load.reset_after) {
       state.PauseTiming();
-      batch.reset({.keep_inputs = true});
+      batch.reset(EnvironmentSet::all(), {.keep_inputs = true});
       steps = 0;
       state.ResumeTiming();
     }

@@ -14,7 +14,7 @@ class OwnPeer : public Peer {
   OwnPeer(const Model& model, const StepSettings& settings, int environments, int steps, const BatchOptions& options)
       : OwnPeer(compile(model, settings), environments, steps, options) {}
 
-  void reset() override { batch_.reset({.keep_inputs = true}); }
+  void reset() override { batch_.reset(EnvironmentSet::all(), {.keep_inputs = true}); }
   void set_targets(const Eigen::VectorXd& targets) override {
     auto rows = batch_.position_targets();
     for (int dof = 0; dof < rows.rows(); ++dof) rows.row(dof) = static_cast<S>(targets[dof]);

@@ -1,4 +1,4 @@
-// Poses and velocities of all links and sites in one pass, written straight into the array that a policy reads.
+// Poses and velocities of links and sites in one pass, written straight into the array that a policy reads.
 // SPDX-License-Identifier: Apache-2.0
 #include <lockstep/lockstep.h>
 
@@ -12,25 +12,23 @@ int main() {
   model.joints[model.joint_index("knuckle")].drive = {.kp = 20.0, .kd = 1.0, .position_target = 0.4};
   Pose fingertip = Pose::Identity();
   fingertip.translation() = Eigen::Vector3d(0.0, 0.0, 0.045);  // in the frame of the link, m
-  model.sites = {{"left_fingertip", "left_tip", fingertip}, {"right_fingertip", "right_tip", fingertip}};
+  model.add_site("left_fingertip", "left_tip", fingertip);
+  model.add_site("right_fingertip", "right_tip", fingertip);
   const Plan plan = compile(model, {.dt = 1.0 / 240});
   Batch<float> batch(plan, environments);
   batch.step(60);
 
-  // One row for each environment: poses of links, velocities of links, poses of sites.
+  // One row for each environment: poses of links, velocities of links, positions of sites.
   const int links = static_cast<int>(model.links.size()), sites = static_cast<int>(model.sites.size());
-  const int width = 13 * links + 7 * sites;
+  const Query queries[] = {{Quantity::link_pose}, {Quantity::link_velocity}, {Quantity::site_position}};
+  int width = 0;
+  for (const Query& query : queries) width += plan.query_rows(query);
   using Observations = Eigen::Array<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   Observations observations(environments, width);
-  float* const data = observations.data();
-  FrameRows<float> rows;  // what is left empty, here the velocities of sites, is not written
-  rows.link_poses = {.data = data, .row_stride = 1, .environment_stride = width};
-  rows.link_velocities = {.data = data + 7 * links, .row_stride = 1, .environment_stride = width};
-  rows.site_poses = {.data = data + 13 * links, .row_stride = 1, .environment_stride = width};
-  batch.read_frames(rows);
+  batch.read(queries, {.data = observations.data(), .row_stride = 1, .environment_stride = width});
   std::printf("%d environments, %d numbers each\n", environments, width);
   for (int s = 0; s < sites; ++s) {
-    const auto place = observations.row(0).segment(13 * links + 7 * s, 3);
+    const auto place = observations.row(0).segment(13 * links + 3 * s, 3);
     std::printf("%s at %.3f, %.3f, %.3f m\n", model.sites[s].name.c_str(), place[0], place[1], place[2]);
   }
 

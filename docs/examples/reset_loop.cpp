@@ -4,7 +4,6 @@
 
 #include <cstdio>
 #include <limits>
-#include <span>
 
 using namespace lockstep;
 using Row = Eigen::Array<float, 1, Eigen::Dynamic>;  // one number for each environment
@@ -47,7 +46,7 @@ int main() {
       if (ended[e]) age[e] = 0;
     }
     // Back to the state of the model, with the fault cleared. Parameters always stay; here the targets do, too.
-    batch.reset(std::span<const bool>(ended.data(), environments), {.keep_inputs = true});
+    batch.reset(ended, {.keep_inputs = true});
   }
   std::printf("episodes: %d reached the target, %d took too long, %d faulted\n", reached, late, faulted);
   std::printf("environments with a fault now: %d\n", batch.faulted());

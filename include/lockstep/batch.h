@@ -10,7 +10,10 @@
 #include <type_traits>
 #include <vector>
 
+#include "lockstep/actions.h"
+#include "lockstep/environment_set.h"
 #include "lockstep/plan.h"
+#include "lockstep/random.h"
 
 namespace lockstep {
 
@@ -53,6 +56,8 @@ struct BatchOptions {
   int threads = 0;
   Target target = Target::automatic;
   Engine engine = Engine::automatic;
+  std::uint64_t seed = 0;      ///< of all environments: what Batch::seeds() begins with
+  std::uint32_t first_id = 0;  ///< of environment 0; the others count on: what Batch::ids() begins with
 };
 
 /// The couplings by which Batch::project() and Batch::reset() place followers.
@@ -69,6 +74,15 @@ struct ResetOptions {
   Couplings project = Couplings::hard;  ///< for given states: see Batch::project()
 };
 
+/// Where Batch::reset_random() puts environments.
+struct RandomReset {
+  double spread = 1.0;                 ///< share of the joints' ranges, 0 to 1, about their middle
+  double speed = 0.0;                  ///< the largest one, rad/s or m/s, >= 0
+  unsigned stream = 0;                 ///< below stream_count
+  bool keep_inputs = false;            ///< see ResetOptions
+  Couplings project = Couplings::all;  ///< by which followers are placed; soft ones are at rest then
+};
+
 /// A coupling that project() could not meet, because others that are placed before it contradict it: ratios, offsets or
 /// switches of this environment leave no position for all of them.
 struct UnmetCoupling {
@@ -82,28 +96,30 @@ struct UnmetCoupling {
 struct FaultReport {
   Fault fault = Fault::none;
   FaultStage stage = FaultStage::none;
-  /// The dof whose new position or velocity is beyond its bound or no number, or the fastest one if the motion is too
-  /// fast. -1 where a floating root, a parameter or the matrix is to blame.
+  /// The dof whose new position or velocity is beyond its bound or no number, the fastest one if the motion is too
+  /// fast, or the one with the bad action. -1 where a floating root, a parameter or the matrix is to blame.
   int dof = -1;
   std::uint32_t step = 0;  ///< steps of dt that it had taken since its last reset
   double time = 0.0;       ///< s, of these steps
 };
 
-/// Rows of numbers in memory of the caller: the number of a row and an environment stands at
-/// data[row * row_stride + environment * environment_stride]. Strides count numbers.
-template <class S>
-struct StridedRows {
-  S* data = nullptr;  ///< null: not wanted
-  std::ptrdiff_t row_stride = 0, environment_stride = 1;
+/// A value that stands in a batch and should not.
+struct Problem {
+  int environment;
+  std::string field;    ///< the view: "mass" and other names of Parameters, "positions", "position_targets" ...
+  int row;              ///< of the view; of a rule about several rows the first
+  double value;         ///< there, or their sum if that is what the rule is about
+  std::string element;  ///< "mass of link 'forearm'"
+  std::string rule;     ///< "must be above 0"
 };
 
-/// What Batch::read_frames() fills. Rows of links and sites follow each other in the order of the Model.
+/// Rows of numbers in memory of the caller: the number of a row and an environment stands at
+/// data[row * row_stride + environment * environment_stride]. Strides count numbers. So rows of a view are
+/// {view.data(), view.outerStride()}, and one row for each environment is {data, 1, width}.
 template <class S>
-struct FrameRows {
-  StridedRows<S> link_poses = {};       ///< [7 * links] each as link_poses()
-  StridedRows<S> link_velocities = {};  ///< [6 * links] each as link_velocities()
-  StridedRows<S> site_poses = {};       ///< [7 * sites] x, y, z (m), quaternion w, x, y, z, in the world
-  StridedRows<S> site_velocities = {};  ///< [6 * sites] angular velocity, then that of the site's origin, world axes
+struct StridedRows {
+  S* data = nullptr;
+  std::ptrdiff_t row_stride = 0, environment_stride = 1;
 };
 
 /// State and inputs of many environments as a structure of arrays, and the step over them.
@@ -167,6 +183,13 @@ class LOCKSTEP_API Batch {
   /// written. Throws UsageError for a field that was not declared in StepSettings::per_environment.
   View parameter(Parameter parameter);
 
+  /// Actions [actions][environments] of an agent, mapped to targets or efforts, of all stage times alike. Followers are
+  /// never commanded: one with a drive of its own keeps its targets. An environment with a NaN among its actions gets
+  /// Fault::bad_input at once. Environments with a fault keep their inputs. Allocates nothing. Throws UsageError, and
+  /// changes nothing, for ranges that do not fit, and for a joint without the limit that is to be its range.
+  void set_actions(const StridedRows<const S>& actions, const ActionMap& map = {},
+                   const EnvironmentSet& which = EnvironmentSet::all());
+
   // --- stepping --------------------------------------------------------------------------------
   /// `substeps` steps of dt with the inputs held. Never throws; allocates nothing with one thread. An environment that
   /// fails is flagged and keeps its last good state; the others go on.
@@ -175,13 +198,10 @@ class LOCKSTEP_API Batch {
   /// impossible value get Fault::bad_value. The host's rounding mode and floating-point traps do not matter.
   void step(int substeps = 1) noexcept;
 
-  /// Back to the model's state and inputs: all environments, those with a true in the mask (length environments), or
-  /// those listed. Parameters stay. Clears the faults of these environments and of no others; nothing else clears a
-  /// fault, not even writing to a faulted environment. Throws UsageError on a wrong size or index, and changes nothing
-  /// then.
-  void reset(const ResetOptions& options = {});
-  void reset(std::span<const bool> mask, const ResetOptions& options = {});
-  void reset(std::span<const int> ids, const ResetOptions& options = {});
+  /// Back to the model's state and inputs. Parameters stay. Clears the faults of these environments and of no others;
+  /// nothing else clears a fault, not even writing to a faulted environment. Throws UsageError for environments that do
+  /// not fit, and changes nothing then; so do all functions with an EnvironmentSet.
+  void reset(const EnvironmentSet& which = EnvironmentSet::all(), const ResetOptions& options = {});
   /// Joints to given states: one column per listed environment, rows as in the views; views of this batch are allowed.
   /// Where an environment is listed twice, the last column counts. Followers are then placed as project() does it, and
   /// the couplings that it cannot meet are returned. A floating root goes back to the model's state; root_poses() and
@@ -190,15 +210,42 @@ class LOCKSTEP_API Batch {
                                    const Eigen::Ref<const Array>& velocities, const ResetOptions& options = {});
 
   /// Puts the positions and velocities of followers where the other joints and this environment's ratios and offsets
-  /// put them: in all environments, those with a true in the mask, or those listed. So it is enough to write the
-  /// Plan::independent_dofs(), where all couplings take part. Works for every method. Joints that hold their couplings
-  /// to rounding keep their bits. Faults stay.
+  /// put them. So it is enough to write the Plan::independent_dofs(), where all couplings take part. Works for every
+  /// method. Joints that hold their couplings to rounding keep their bits. Faults stay.
   ///
-  /// Returns the couplings that cannot be met, by environment; allocates only where there are some. Throws UsageError
-  /// on a wrong size or index, and changes nothing then.
-  std::vector<UnmetCoupling> project(Couplings couplings = Couplings::hard);
-  std::vector<UnmetCoupling> project(std::span<const bool> mask, Couplings couplings = Couplings::hard);
-  std::vector<UnmetCoupling> project(std::span<const int> ids, Couplings couplings = Couplings::hard);
+  /// Returns the couplings that cannot be met, by environment; allocates only where there are some.
+  std::vector<UnmetCoupling> project(const EnvironmentSet& which = EnvironmentSet::all(),
+                                     Couplings couplings = Couplings::hard);
+
+  // --- random numbers, see random.h ------------------------------------------------------------
+  /// One per environment, to read and to write. Environments of the same id and seed draw the same numbers in the same
+  /// episode; the episode is resets().
+  std::span<std::uint32_t> ids();
+  std::span<std::uint64_t> seeds();
+  std::span<const std::uint32_t> ids() const;
+  std::span<const std::uint64_t> seeds() const;
+  /// [rows][environments] uniform in [0, 1), multiples of 2^-24, so float and double are the same numbers. A row has
+  /// the same number however many rows are drawn. Other environments stay unwritten. Allocates nothing. Throws
+  /// UsageError for a stream that is none, less than 0 rows, or rows without memory.
+  void draw(const StridedRows<S>& out, int rows, unsigned stream = 0,
+            const EnvironmentSet& which = EnvironmentSet::all()) const;
+  /// The same, from the standard normal distribution.
+  void draw_normal(const StridedRows<S>& out, int rows, unsigned stream = 0,
+                   const EnvironmentSet& which = EnvironmentSet::all()) const;
+  /// Writes a declared field: its compiled values, changed by random numbers of each environment and row. Calls do not
+  /// add up, and one in the same episode and stream draws the same again.
+  ///
+  /// Throws UsageError, and writes nothing, for a field that was not declared and for results that a Model could not
+  /// have: it names element, bound and remedy. What low and high allow is judged; normal draws, and rules about several
+  /// rows, are judged by the values that would be written.
+  void randomize(Parameter parameter, const Randomization& how, const EnvironmentSet& which = EnvironmentSet::all());
+  /// Resets, then draws the state of the Plan::independent_dofs(): positions uniform within `spread` times the joint's
+  /// range about its middle, velocities uniform up to `speed`. The range is the environment's, where position_limits
+  /// are declared. Joints without two finite limits, and floating roots, keep the model's position. Followers are
+  /// placed as project() does it, beyond their own ranges if need be, and the couplings that it cannot meet are
+  /// returned. Throws UsageError for numbers outside the ranges of RandomReset.
+  std::vector<UnmetCoupling> reset_random(const EnvironmentSet& which = EnvironmentSet::all(),
+                                          const RandomReset& how = {});
 
   // --- faults ----------------------------------------------------------------------------------
   std::span<const Fault> faults() const;  ///< one per environment
@@ -209,14 +256,20 @@ class LOCKSTEP_API Batch {
   /// Empty without a fault. Throws UsageError for an environment outside the batch.
   std::string explain_fault(int environment) const;
 
+  /// Looks at the values that stand there, by the rules of step(): impossible values in declared fields, NaN and
+  /// infinity in state, inputs and fields, root quaternions of 0; and targets that differ from the model's although the
+  /// joint has no drive. By environment. Changes nothing.
+  std::vector<Problem> check(const EnvironmentSet& which = EnvironmentSet::all()) const;
+
   // --- counts, one per environment; they wrap around at 2^32 ------------------------------------
   std::span<const std::uint32_t> steps() const;   ///< of dt that it has taken since its last reset
   std::span<const std::uint32_t> resets() const;  ///< of the environment
 
   // --- readbacks, computed when asked for ------------------------------------------------------
-  /// Frames of all links and sites in one kinematics pass, into memory of the caller. Allocates nothing with one
-  /// thread.
-  void read_frames(const FrameRows<S>& rows) const;
+  /// Writes the rows of the queries one after the other, Plan::query_rows() for each. All frames of links and sites
+  /// together take one kinematics pass, each energy takes another. Allocates nothing with one thread. Throws UsageError
+  /// for elements outside the plan, a scale that is no number, and rows without memory.
+  void read(std::span<const Query> queries, const StridedRows<S>& out) const;
 
   // These allocate their result.
   Array coupling_errors() const;  ///< [couplings][environments] C of (3), (17) of the note, rad or m

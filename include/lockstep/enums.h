@@ -77,12 +77,13 @@ enum class Fault : std::uint32_t {
   bad_value = 4,   ///< a per-environment parameter is outside the range that it has in a Model, or a root's quaternion
                    ///< is 0: found when step() is called, before it moves anything
   too_fast = 5,    ///< the motion is too fast for the step, so its energy would not be right: StepSettings::guard
+  bad_input = 6,   ///< an action was NaN: found by Batch::set_actions(), which left the environment's inputs alone
 };
 
 /// What found the fault.
 enum class FaultStage : std::uint32_t {
   none,
-  values,  ///< the look at parameters and quaternions when step() is called, before anything moves
+  values,  ///< the look at parameters and quaternions when step() is called, before anything moves, or at actions
   matrix,  ///< the factorisation of the mass matrix
   guard,   ///< the guard, in the finest of its halvings
   energy,  ///< the audit of energy

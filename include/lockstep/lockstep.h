@@ -7,13 +7,17 @@
 //     batch.step(4);                                             // four sub-steps for one action
 #pragma once
 
+#include "lockstep/actions.h"
 #include "lockstep/batch.h"
 #include "lockstep/enums.h"
+#include "lockstep/environment_set.h"
 #include "lockstep/error.h"
 #include "lockstep/generate.h"
 #include "lockstep/import.h"
 #include "lockstep/model.h"
 #include "lockstep/plan.h"
+#include "lockstep/query.h"
+#include "lockstep/random.h"
 #include "lockstep/softness.h"
 #include "lockstep/step.h"
 #include "lockstep/version.h"

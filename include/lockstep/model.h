@@ -154,6 +154,10 @@ struct Model {
   /// compile() calls it.
   LOCKSTEP_API void validate() const;
 
+  /// Adds a site at a pose in the link's frame. Throws ModelError for an unknown link and for a name that is empty or
+  /// taken. The reference holds until the next site is added.
+  LOCKSTEP_API Site& add_site(const std::string& name, const std::string& link, const Pose& pose = Pose::Identity());
+
   /// Index of the element of that name; throws ModelError where there is none.
   LOCKSTEP_API int link_index(const std::string& link) const;
   LOCKSTEP_API int joint_index(const std::string& joint) const;

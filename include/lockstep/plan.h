@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "lockstep/model.h"
+#include "lockstep/query.h"
 #include "lockstep/step.h"
 
 namespace lockstep {
@@ -60,6 +61,15 @@ class LOCKSTEP_API Plan {
   int link(const std::string& name) const;             ///< index of the link; throws UsageError for an unknown one
   int site(const std::string& name) const;             ///< index of the site; throws UsageError for an unknown one
   int parameter_rows(Parameter parameter) const;       ///< rows of that field, declared or not; throws UsageError
+  /// What the rows of a field are about, declared or not, for instance "driver" or "driver upper". Ratios are
+  /// "follower: leader". A component comes last: "kp" and "kd"; "lower" and "upper"; "x", "y", "z"; "ixx" ... "iyz";
+  /// "torque x" ... "force z"; of a softness "erp" and "cfm", "kp" and "kd", or "frequency" and "damping ratio". Throws
+  /// UsageError for none of the enumerators.
+  const std::vector<std::string>& parameter_row_names(Parameter parameter) const;
+
+  /// Rows that Batch::read() writes for the query. Throws UsageError for elements outside the plan and a scale that is
+  /// no number.
+  int query_rows(const Query& query) const;
 
   /// Everything that a step holds or bounds, in the order of Batch::row_residuals() and row_states(): "coupling NAME"
   /// for each coupling, then by dof what it has of "position limit NAME", "velocity limit NAME", "friction NAME",
@@ -77,8 +87,10 @@ class LOCKSTEP_API Plan {
 
   /// The dofs that an agent may command, in ascending order.
   const std::vector<int>& independent_dofs() const;
-  /// All others, in an order in which each can be computed from the ones before; those of couplings in a ring come last
-  /// and are computed together.
+  /// Those of them that follow their targets: joints with a drive in the model, or all where drive_gains are declared.
+  const std::vector<int>& driven_dofs() const;
+  /// All others than independent ones, in an order in which each can be computed from the ones before; those of
+  /// couplings in a ring come last and are computed together.
   const std::vector<int>& follower_dofs() const;
   /// What a dof follows, through all couplings between. Throws UsageError for a dof outside the plan.
   const Following& following(int dof) const;

@@ -3,8 +3,6 @@
 
 namespace lockstep {
 
-using kernels::Quantity;
-
 template <class S>
 Batch<S>::Batch(const Plan& plan, int environments, const BatchOptions& options)
     : impl_(std::make_unique<Impl>(plan, environments, options)) {}
@@ -105,21 +103,9 @@ void Batch<S>::step(int substeps) noexcept {
 }
 
 template <class S>
-void Batch<S>::reset(const ResetOptions& options) {
-  for (int e = 0; e < environments(); ++e) impl().reset(e, options.keep_inputs);
-}
-
-template <class S>
-void Batch<S>::reset(std::span<const bool> mask, const ResetOptions& options) {
-  impl().check_mask(mask, "reset");
-  for (int e = 0; e < environments(); ++e)
-    if (mask[e]) impl().reset(e, options.keep_inputs);
-}
-
-template <class S>
-void Batch<S>::reset(std::span<const int> ids, const ResetOptions& options) {
-  for (int id : ids) impl().check_id(id);
-  for (int id : ids) impl().reset(id, options.keep_inputs);
+void Batch<S>::reset(const EnvironmentSet& which, const ResetOptions& options) {
+  Impl& batch = impl();
+  which.for_each(batch.environments, [&](int e) { batch.reset(e, options.keep_inputs); });
 }
 
 template <class S>
@@ -131,6 +117,7 @@ std::vector<UnmetCoupling> Batch<S>::reset(std::span<const int> ids, const Eigen
     if (given->rows() != dofs || given->cols() != count)
       throw UsageError("reset state", "is " + std::to_string(given->rows()) + " x " + std::to_string(given->cols()),
                        "give " + std::to_string(dofs) + " dofs x " + std::to_string(count) + " environments");
+  check_couplings(options.project);
   // Views of this batch change while it is reset.
   if (batch.overlaps(new_positions) || batch.overlaps(new_velocities)) {
     const Array positions_before = new_positions, velocities_before = new_velocities;
@@ -145,26 +132,11 @@ std::vector<UnmetCoupling> Batch<S>::reset(std::span<const int> ids, const Eigen
 }
 
 template <class S>
-std::vector<UnmetCoupling> Batch<S>::project(Couplings couplings) {
+std::vector<UnmetCoupling> Batch<S>::project(const EnvironmentSet& which, Couplings couplings) {
+  Impl& batch = impl();
+  check_couplings(couplings);
   std::vector<UnmetCoupling> unmet;
-  for (int e = 0; e < environments(); ++e) impl().project(e, couplings, unmet);
-  return unmet;
-}
-
-template <class S>
-std::vector<UnmetCoupling> Batch<S>::project(std::span<const bool> mask, Couplings couplings) {
-  impl().check_mask(mask, "project");
-  std::vector<UnmetCoupling> unmet;
-  for (int e = 0; e < environments(); ++e)
-    if (mask[e]) impl().project(e, couplings, unmet);
-  return unmet;
-}
-
-template <class S>
-std::vector<UnmetCoupling> Batch<S>::project(std::span<const int> ids, Couplings couplings) {
-  for (int id : ids) impl().check_id(id);
-  std::vector<UnmetCoupling> unmet;
-  for (int id : ids) impl().project(id, couplings, unmet);
+  which.for_each(batch.environments, [&](int e) { batch.project(e, couplings, unmet); });
   return unmet;
 }
 
@@ -201,7 +173,7 @@ std::span<const std::uint32_t> Batch<S>::resets() const {
 
 template <class S>
 auto Batch<S>::coupling_errors() const -> Array {
-  return impl().read(Quantity::coupling_errors, impl().tables.couplings);
+  return impl().read(kernels::Quantity::coupling_errors, impl().tables.couplings);
 }
 
 template <class S>
@@ -223,7 +195,7 @@ auto Batch<S>::turns() const -> Array {
 template <class S>
 auto Batch<S>::link_poses(int link) const -> Array {
   impl().check_link(link);
-  const Array frame = impl().read_frame(Quantity::frame, link, Eigen::Vector3d::Zero(), 12);
+  const Array frame = impl().read_frame(kernels::Quantity::frame, link, Eigen::Vector3d::Zero(), 12);
   Array poses(7, frame.cols());
   poses.topRows(3) = frame.topRows(3);
   for (Eigen::Index e = 0; e < frame.cols(); ++e) {
@@ -235,40 +207,35 @@ auto Batch<S>::link_poses(int link) const -> Array {
 }
 
 template <class S>
-void Batch<S>::read_frames(const FrameRows<S>& rows) const {
-  impl().read_frames(rows);
-}
-
-template <class S>
 auto Batch<S>::link_velocities(int link) const -> Array {
   impl().check_link(link);
-  return impl().read_frame(Quantity::frame_velocity, link, Eigen::Vector3d::Zero(), 6);
+  return impl().read_frame(kernels::Quantity::frame_velocity, link, Eigen::Vector3d::Zero(), 6);
 }
 
 template <class S>
 auto Batch<S>::site_positions(int site) const -> Array {
   const Site& s = impl().site(site);
-  return impl().read_frame(Quantity::frame_position, impl().plan.link(s.link), s.pose.translation(), 3);
+  return impl().read_frame(kernels::Quantity::frame_position, impl().plan.link(s.link), s.pose.translation(), 3);
 }
 
 template <class S>
 auto Batch<S>::site_jacobians(int site) const -> Array {
   const Site& s = impl().site(site);
-  return impl().read_frame(Quantity::frame_jacobian, impl().plan.link(s.link), s.pose.translation(),
+  return impl().read_frame(kernels::Quantity::frame_jacobian, impl().plan.link(s.link), s.pose.translation(),
                            6 * impl().tables.velocities);
 }
 
 template <class S>
 auto Batch<S>::kinetic_energies() const -> Array {
-  return impl().read(Quantity::kinetic_energy, 1);
+  return impl().read(kernels::Quantity::kinetic_energy, 1);
 }
 template <class S>
 auto Batch<S>::potential_energies() const -> Array {
-  return impl().read(Quantity::potential_energy, 1);
+  return impl().read(kernels::Quantity::potential_energy, 1);
 }
 template <class S>
 auto Batch<S>::momenta() const -> Array {
-  return impl().read(Quantity::momentum, 6);
+  return impl().read(kernels::Quantity::momentum, 6);
 }
 
 template class Batch<float>;

@@ -6,12 +6,14 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numeric>
 
+#include "draws.h"
 #include "engine.h"
 #include "lockstep/batch.h"
 #include "lockstep/error.h"
-#include "model/softness_numbers.h"
 #include "placer.h"
+#include "plan/fields.h"
 #include "plan/program.h"
 #include "targets/dispatch.h"
 #include "targets/registry.h"
@@ -54,6 +56,7 @@ struct Batch<S>::Impl {
         workers(options.threads, scratch_bytes()),
         rules(value_rules<S>(program_of(p))),
         placer(program_of(p)) {
+    wanted.reserve(frames.size()), slot.resize(frames.size());
     const int dofs = tables.joints;
     position = rows(dofs);
     if (tables.turning.count > 0) angle = rows(dofs);
@@ -72,6 +75,9 @@ struct Batch<S>::Impl {
     const std::size_t counted = static_cast<std::size_t>(stride);
     fault = AlignedBlock<Fault>(counted), fault_place = AlignedBlock<FaultPlace>(counted);
     steps = AlignedBlock<std::uint32_t>(counted), resets = AlignedBlock<std::uint32_t>(counted);
+    id = AlignedBlock<std::uint32_t>(counted), seed = AlignedBlock<std::uint64_t>(counted);
+    std::iota(id.data(), id.data() + counted, options.first_id);
+    std::fill_n(seed.data(), counted, options.seed);
     find_start();
     fill_parameters();
     for (int e = 0; e < stride; ++e) reset(e, false);  // the padding as well: it is stepped, so it must be sound
@@ -79,12 +85,12 @@ struct Batch<S>::Impl {
     require_representable();
   }
 
-  // Where the frames of a tile stand in a worker's scratch memory: behind what the kernels want.
+  // Where the numbers that read() asks for stand in a worker's scratch memory: behind what the kernels want.
   std::size_t frames_at() const { return (step_bytes() + cache_line - 1) / cache_line * cache_line; }
 
   std::size_t scratch_bytes() const {
-    const std::size_t numbers = static_cast<std::size_t>(kernels::frame_numbers * kernels.lanes) * frames.size();
-    return frames_at() + numbers * sizeof(S);
+    const std::size_t numbers = kernels::frame_numbers * frames.size() + static_cast<std::size_t>(tables.couplings) + 1;
+    return frames_at() + numbers * static_cast<std::size_t>(kernels.lanes) * sizeof(S);
   }
 
   std::size_t step_bytes() const {
@@ -142,47 +148,10 @@ struct Batch<S>::Impl {
   }
 
   void fill_parameters() {
-    const Program& program = program_of(plan);
-    const Model& model = program.model;
-    const auto fill = [&](Parameter p, int row, double value) {
-      AlignedBlock<S>& block = field[static_cast<int>(p)];
-      if (block.size() > 0) fill_row(block, row, value);
-    };
-    int gear = 0;
-    for (std::size_t c = 0; c < model.couplings.size(); ++c) {
-      const Coupling& coupling = model.couplings[c];
-      const int row = static_cast<int>(c);
-      for (const CouplingTerm& term : coupling.terms) fill(Parameter::gear_ratio, gear++, term.ratio);
-      fill(Parameter::offset, row, coupling.offset);
-      fill(Parameter::coupling_switch, row, 1.0);
-      const SoftnessNumbers softness = numbers_of(coupling.softness);
-      fill(Parameter::softness, 2 * row, softness.first);
-      fill(Parameter::softness, 2 * row + 1, softness.second);
-    }
-    for (std::size_t j = 0; j < model.joints.size(); ++j) {
-      const int row = program.dof_of_joint[j];
-      if (row < 0) continue;
-      fill(Parameter::drive_gains, 2 * row, model.joints[j].drive.kp);
-      fill(Parameter::drive_gains, 2 * row + 1, model.joints[j].drive.kd);
-      const Joint& joint = model.joints[j];
-      fill(Parameter::damping, row, joint.damping);
-      fill(Parameter::armature, row, joint.armature);
-      fill(Parameter::stiffness, row, joint.stiffness);
-      fill(Parameter::friction, row, joint.friction);
-      fill(Parameter::position_limits, 2 * row, joint.lower);
-      fill(Parameter::position_limits, 2 * row + 1, joint.upper);
-      fill(Parameter::velocity_limit, row, joint.velocity_limit);
-      fill(Parameter::effort_limit, row, joint.effort_limit);
-    }
-    for (std::size_t l = 0; l < model.links.size(); ++l) {
-      const int link = static_cast<int>(l);
-      const Inertia& inertia = model.links[l].inertia;
-      fill(Parameter::mass, link, inertia.mass);
-      for (int k = 0; k < 3; ++k) fill(Parameter::center_of_mass, 3 * link + k, inertia.center[k]);
-      for (int k = 0; k < 6; ++k)
-        fill(Parameter::inertia, 6 * link + k, inertia.about_center(tensor_rows[k], tensor_columns[k]));
-    }
-    for (int k = 0; k < 3; ++k) fill(Parameter::gravity, k, model.gravity[k]);
+    const Fields& model = fields_of(program_of(plan));
+    for (int f = 0; f < parameter_count; ++f)
+      for (std::size_t row = 0; field[f].size() > 0 && row < model.values[f].size(); ++row)
+        fill_row(field[f], static_cast<int>(row), model.values[f][row]);
   }
 
   // The model's numbers are finite, so what is not was too large for S.
@@ -205,14 +174,6 @@ struct Batch<S>::Impl {
     for (int row = 0; row < 2 && audit.size() > 0; ++row) audit.data()[row * stride + e] = S(0);
     fault.data()[e] = Fault::none, fault_place.data()[e] = {};
     steps.data()[e] = 0, ++resets.data()[e];
-  }
-
-  void check_mask(std::span<const bool> mask, const char* whose) const {
-    if (mask.size() != static_cast<std::size_t>(environments))
-      throw UsageError(
-          std::string(whose) + " mask",
-          "has " + std::to_string(mask.size()) + " entries for " + std::to_string(environments) + " environments",
-          "give one per environment");
   }
 
   // Whether numbers of the caller stand in the memory of the state.
@@ -242,10 +203,10 @@ struct Batch<S>::Impl {
   S mass_of(const BodyLinks& body, std::ptrdiff_t e) const;
   bool is_possible(const InertiaRule<S>& rule, std::ptrdiff_t e) const;
 
-  void check_id(int id) const {
-    if (id < 0 || id >= environments)
-      throw UsageError("environment " + std::to_string(id), "is outside the batch of " + std::to_string(environments),
-                       "give 0 to " + std::to_string(environments - 1));
+  void check_id(int id) const { EnvironmentSet(std::span(&id, 1)).check(environments); }
+
+  Draws draws(int e, unsigned stream, Purpose purpose) const {
+    return {seed.data()[e], id.data()[e], resets.data()[e], stream, purpose};
   }
 
   void check_link(int link) const {
@@ -346,7 +307,8 @@ struct Batch<S>::Impl {
 
   // The model's links, then its sites.
   static std::vector<kernels::Request<S>> frames_of(const Model& model) {
-    std::vector<kernels::Request<S>> frames;
+    std::vector<kernels::Request<S>> frames, wanted;  // of all links, then sites; those that read() computes
+    std::vector<int> slot;                            // by frame: its place in `wanted`
     for (std::size_t l = 0; l < model.links.size(); ++l)
       frames.push_back({kernels::Quantity::frame, static_cast<int>(l)});
     for (const Site& site : model.sites) {
@@ -356,44 +318,9 @@ struct Batch<S>::Impl {
     return frames;
   }
 
-  void read_frames(const FrameRows<S>& to) {
-    const int links = tables.links;
-    const std::vector<Site>& sites = plan.model().sites;
-    const StatePointers<S> pointers = state_pointers();
-    const auto put_tile = [&](std::ptrdiff_t first, const S* numbers) {
-      const std::ptrdiff_t count = std::min<std::ptrdiff_t>(kernels.lanes, environments - first);
-      for (std::size_t f = 0; f < frames.size(); ++f, numbers += kernels::frame_numbers * kernels.lanes) {
-        const bool is_link = static_cast<int>(f) < links;
-        const int index = static_cast<int>(f) - (is_link ? 0 : links);
-        const StridedRows<S>&poses = is_link ? to.link_poses : to.site_poses,
-              &velocities = is_link ? to.link_velocities : to.site_velocities;
-        for (std::ptrdiff_t lane = 0; lane < count; ++lane) {
-          const auto number = [&](int k) { return numbers[k * kernels.lanes + lane]; };
-          const auto put = [&](const StridedRows<S>& rows, int row, S value) {
-            rows.data[row * rows.row_stride + (first + lane) * rows.environment_stride] = value;
-          };
-          for (int k = 0; velocities.data && k < 6; ++k) put(velocities, 6 * index + k, number(12 + k));
-          if (!poses.data) continue;
-          for (int k = 0; k < 3; ++k) put(poses, 7 * index + k, number(k));
-          Eigen::Matrix<S, 3, 3> rotation;
-          for (int k = 0; k < 9; ++k) rotation(k / 3, k % 3) = number(3 + k);
-          if (!is_link) rotation = (rotation * sites[index].pose.linear().template cast<S>()).eval();
-          const Eigen::Matrix<S, 4, 1> turn = quaternion_of(rotation);
-          for (int k = 0; k < 4; ++k) put(poses, 7 * index + 3 + k, turn[k]);
-        }
-      }
-    };
-    workers.for_environments(stepped(), step_nanoseconds, kernels.lanes,
-                             [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
-                               normalise_roots(first, std::min<std::ptrdiff_t>(last, environments));
-                               S* const numbers = reinterpret_cast<S*>(static_cast<std::byte*>(scratch) + frames_at());
-                               for (; first < last; first += kernels.lanes) {
-                                 kernels.read_frames(tables, pointers, first, frames.data(),
-                                                     static_cast<int>(frames.size()), numbers, scratch);
-                                 put_tile(first, numbers);
-                               }
-                             });
-  }
+  class TileReader;     // read.cpp
+  class ProblemFinder;  // problems.cpp
+  std::vector<Problem> bad_values(int environment) const;
 
   View view(const AlignedBlock<S>& block) const {
     return View(block.data(), static_cast<Eigen::Index>(block.size()) / stride, environments,
@@ -412,8 +339,9 @@ struct Batch<S>::Impl {
   const KernelSet<S>& kernels;
   ChosenEngine chosen;
   std::ptrdiff_t stride;
-  double step_nanoseconds;  // of one environment, about: for the size of tasks
-  std::vector<kernels::Request<S>> frames;
+  double step_nanoseconds;                          // of one environment, about: for the size of tasks
+  std::vector<kernels::Request<S>> frames, wanted;  // of all links, then sites; those that read() computes
+  std::vector<int> slot;                            // by frame: its place in `wanted`
   Workers workers;
   ValueRules<S> rules;
   Placer<S> placer;
@@ -423,7 +351,8 @@ struct Batch<S>::Impl {
   AlignedBlock<S> field[parameter_count];
   AlignedBlock<Fault> fault;
   AlignedBlock<FaultPlace> fault_place;
-  AlignedBlock<std::uint32_t> steps, resets;
+  AlignedBlock<std::uint32_t> steps, resets, id;
+  AlignedBlock<std::uint64_t> seed;
 };
 
 }  // namespace lockstep

@@ -21,6 +21,11 @@ namespace lockstep {
 template <class S>
 constexpr double rounding = sizeof(S) == 4 ? 1e-5 : 1e-8;
 
+inline void check_couplings(Couplings couplings) {
+  if (couplings < Couplings::none || couplings > Couplings::all)
+    throw UsageError("couplings", "are none of the enumerators", "give none, hard or all");
+}
+
 template <class S>
 class Placer {
  public:
@@ -43,8 +48,6 @@ class Placer {
   /// In environment e.
   void project(int e, Couplings couplings, const Rows& rows, std::vector<UnmetCoupling>& unmet) {
     if (couplings == Couplings::none) return;
-    if (couplings != Couplings::hard && couplings != Couplings::all)
-      throw UsageError("couplings", "are none of the enumerators", "give none, hard or all");
     const bool all = couplings == Couplings::all;
     const Placing& placing = all ? program_.placing_all : program_.placing_hard;
     for (const bool of_positions : {true, false}) {

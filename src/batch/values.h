@@ -13,6 +13,7 @@
 #include "model/inertia.h"
 #include "model/softness_numbers.h"
 #include "model/trees.h"
+#include "plan/fields.h"
 #include "plan/program.h"
 #include "simd/wide.h"
 
@@ -35,9 +36,6 @@ struct BodyLinks {
   std::vector<int> links;
   std::string element;
 };
-
-/// Rows of Parameter::inertia: ixx, iyy, izz, ixy, ixz, iyz.
-inline constexpr int tensor_rows[] = {0, 1, 2, 0, 0, 1}, tensor_columns[] = {0, 1, 2, 1, 2, 2};
 
 /// Links that move together, at their poses in one of them. Matter must be able to have their inertia.
 template <class S>
@@ -132,7 +130,7 @@ void add_limit_rules(const Program& program, ValueRules<S>& rules) {
     add(Parameter::position_limits, 2 * dof + 1, ranged, -largest, infinite, infinite, "upper limit" + of,
         "a number or infinity");
     if (ranged && program.settings.per_environment.contains(Parameter::position_limits))
-      rules.pairs.push_back({2 * dof, "limits" + of});
+      rules.pairs.push_back({2 * dof, "joint '" + joint.name + "'"});
     add(Parameter::velocity_limit, dof, joint.velocity_limit < infinity, std::numeric_limits<S>::min(), infinite,
         infinite, "velocity limit" + of, "above 0");
     add(Parameter::effort_limit, dof, joint.effort_limit < infinity, S(0), infinite, infinite, "effort limit" + of,
@@ -230,6 +228,7 @@ ValueRules<S> value_rules(const Program& program) {
   std::vector<double> mass(bodies.size(), 0.0);
   for (int l = 0; l < t.links; ++l) {
     const int body = t.link[l].body;
+    if (body < 0) add(Parameter::mass, l, largest, "mass of link '" + model.links[l].name + "'", "0 or more");
     if (body < 0) continue;
     bodies[body].links.push_back(l);
     bodies[body].element += (bodies[body].element.empty() ? "'" : ", '") + model.links[l].name + "'";

@@ -54,6 +54,7 @@ const char* to_string(Fault fault) noexcept {
     case Fault::singular: return "singular";
     case Fault::too_fast: return "too_fast";
     case Fault::bad_value: return "bad_value";
+    case Fault::bad_input: return "bad_input";
   }
   return "none";
 }

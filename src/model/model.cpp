@@ -1,6 +1,7 @@
 // Look-ups in a Model, and small functions that make parts of it. SPDX-License-Identifier: Apache-2.0
 #include "lockstep/model.h"
 
+#include <algorithm>
 #include <map>
 
 #include "lockstep/error.h"
@@ -27,6 +28,14 @@ Inertia Inertia::box(double mass, const Eigen::Vector3d& size, const Eigen::Vect
 int Model::link_index(const std::string& link) const { return index_of(links, link, "link", *this); }
 int Model::joint_index(const std::string& joint) const { return index_of(joints, joint, "joint", *this); }
 int Model::site_index(const std::string& site) const { return index_of(sites, site, "site", *this); }
+
+Site& Model::add_site(const std::string& site, const std::string& link, const Pose& pose) {
+  link_index(link);
+  const bool taken = std::any_of(sites.begin(), sites.end(), [&](const Site& s) { return s.name == site; });
+  if (site.empty() || taken)
+    throw ModelError("site '" + site + "'", site.empty() ? "has no name" : "is there already", "give it its own name");
+  return sites.emplace_back(Site{site, link, pose});
+}
 
 std::vector<std::string> coupling_names(const Model& model) {
   std::vector<std::string> names;

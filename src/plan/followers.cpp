@@ -185,6 +185,13 @@ void choose_followers(Program& program) {
   for (const int dof : program.follower_dofs) is_follower[dof] = 1;
   for (int dof = 0; dof < t.joints; ++dof)
     if (!is_follower[dof]) program.independent_dofs.push_back(dof);
+  for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
+    const Drive& drive = program.model.joints[j].drive;
+    const int dof = program.dof_of_joint[j];
+    const bool driven =
+        declared(program, Parameter::drive_gains) || drive.kinematic || drive.kp > 0.0 || drive.kd > 0.0;
+    if (dof >= 0 && !is_follower[dof] && driven) program.driven_dofs.push_back(dof);
+  }
 }
 
 bool leaves_out(const Program& program, const JointSet& bounds, const Joint& joint) {

@@ -1,6 +1,7 @@
 // Look-ups of a Plan. SPDX-License-Identifier: Apache-2.0
 #include "lockstep/plan.h"
 
+#include "fields.h"
 #include "lockstep/error.h"
 #include "program.h"
 
@@ -24,6 +25,7 @@ const std::vector<int>& Plan::eliminated_dofs() const { return program_->elimina
 
 const std::vector<int>& Plan::independent_dofs() const { return program_->independent_dofs; }
 const std::vector<int>& Plan::follower_dofs() const { return program_->follower_dofs; }
+const std::vector<int>& Plan::driven_dofs() const { return program_->driven_dofs; }
 const std::vector<LockedJoints>& Plan::locked_joints() const { return program_->locked; }
 
 const Following& Plan::following(int dof) const {
@@ -60,6 +62,11 @@ int Plan::link(const std::string& wanted) const {
 int Plan::site(const std::string& wanted) const {
   return find(
       program_->model.sites, wanted, [](const Site& s) { return s.name; }, "site", "see Model::sites");
+}
+
+const std::vector<std::string>& Plan::parameter_row_names(Parameter parameter) const {
+  parameter_rows(parameter);
+  return fields_of(*program_).names[static_cast<unsigned>(parameter)];
 }
 
 int Plan::parameter_rows(Parameter parameter) const {

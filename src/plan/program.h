@@ -56,6 +56,7 @@ struct Placing {
 };
 
 struct InterpretedStep;  // src/interpret/lower.h
+struct Fields;           // fields.h
 
 /// A compiled scene: the tables, what they were made from, and the reasons for each choice.
 struct Program {
@@ -79,7 +80,7 @@ struct Program {
   std::vector<std::vector<int>> follows_from;  ///< by redundant coupling: the couplings that it follows from
   std::vector<int> absent;                     ///< couplings without stiffness and damping
   std::vector<int> eliminated;                 ///< dofs
-  std::vector<int> independent_dofs, follower_dofs;
+  std::vector<int> independent_dofs, follower_dofs, driven_dofs;
   std::vector<Following> following;  ///< by dof
   std::vector<LockedJoints> locked;
   Placing placing_all, placing_hard;  ///< by all couplings, by those that may be hard
@@ -91,6 +92,7 @@ struct Program {
   Tables<float> f32;
   Lazy<std::uint64_t> kernel_hash;
   Lazy<InterpretedStep> interpreted;
+  Lazy<Fields> fields;
   std::shared_ptr<const Program> half;  ///< owns Tables::half
   bool fits_single = true;              ///< no number of f64 is too large for f32
 };

@@ -141,7 +141,7 @@ Model with_moving_start(Model model) {
     start.positions()(dof, 0) = moved_within_limits(*joints[dof], slides ? start_slide : start_angle);
     start.velocities()(dof, 0) = slides ? start_sliding : start_turning;
   }
-  start.project(Couplings::all);
+  start.project(EnvironmentSet::all(), Couplings::all);
   for (std::size_t dof = 0; dof < joints.size(); ++dof) {
     joints[dof]->position = start.positions()(static_cast<Eigen::Index>(dof), 0);
     joints[dof]->velocity = start.velocities()(static_cast<Eigen::Index>(dof), 0);

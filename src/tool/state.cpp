@@ -131,7 +131,7 @@ void apply_state(const Table& table, Batch<S>& batch) {
     }
   };
   write();
-  batch.project(Couplings::all);
+  batch.project(EnvironmentSet::all(), Couplings::all);
   write();  // what the file gives stays, even if it breaks a coupling
   for (const auto& [root, count] : quaternion_columns(columns))
     for (int e = 0; e < environments; ++e) normalize_quaternion(table, one_for_all ? 0 : e, e, root, batch);
@@ -180,7 +180,7 @@ void perturb(double sigma, std::uint64_t seed, Batch<S>& batch) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> noise(0.0, sigma);
   auto positions = batch.positions();
-  batch.project(Couplings::all);
+  batch.project(EnvironmentSet::all(), Couplings::all);
   const typename Batch<S>::Array start = positions;
   for (int e = 0; e < batch.environments(); ++e) {
     for (const int dof : plan.independent_dofs())
@@ -190,11 +190,10 @@ void perturb(double sigma, std::uint64_t seed, Batch<S>& batch) {
       const double q = positions(dof, e), q0 = start(dof, e), slack = 1e-6 * (1.0 + std::abs(q));
       return q < std::min(q0, held[dof].lower) - slack || q > std::max(q0, held[dof].upper) + slack;
     };
-    const std::vector<int> this_one = {e};
     const typename Batch<S>::Array change = positions.col(e) - start.col(e);
     for (S share = S(1); share > S(1e-3); share /= S(2)) {
       for (const int dof : plan.independent_dofs()) positions(dof, e) = start(dof, e) + share * change(dof, 0);
-      batch.project(this_one, Couplings::all);
+      batch.project({e}, Couplings::all);
       if (std::none_of(plan.follower_dofs().begin(), plan.follower_dofs().end(), beyond)) break;
     }
   }

@@ -27,7 +27,7 @@ long Plan::bytes_per_environment(int scalar_bytes) const {
   if (t.record_diagnostics) rows += 2 * t.reported.count + 4;
   for (unsigned p = 0; p < parameter_count; ++p)
     if (t.declares(static_cast<Parameter>(p))) rows += parameter_rows(static_cast<Parameter>(p));
-  constexpr long counts = 2 * sizeof(std::uint32_t);  // steps, resets
+  constexpr long counts = 3 * sizeof(std::uint32_t) + sizeof(std::uint64_t);  // steps, resets, id, seed
   return rows * scalar_bytes + static_cast<long>(sizeof(Fault) + sizeof(FaultPlace)) + counts;
 }
 

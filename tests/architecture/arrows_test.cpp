@@ -66,7 +66,7 @@ const std::vector<Area> areas = {
       "src/interpret/operations.h", "src/simd/", "cstdint", "cstddef"}},
     {"src/batch/",
      {"include/lockstep/", "src/interpret/lower.h", "src/interpret/operations.h", "src/plan/", "src/model/",
-      "src/simd/", "src/targets/", "std", "Eigen/", "tbb/", "sys/mman.h"}},
+      "src/simd/", "src/targets/", "std", "Eigen/", "fmt/", "tbb/", "sys/mman.h"}},
     {"src/reference/", {"include/lockstep/", "src/model/", "std", "Eigen/"}},
     {"src/report/",
      {"include/lockstep/", "src/plan/", "src/interpret/lower.h", "src/targets/registry.h", "std", "fmt/"}},

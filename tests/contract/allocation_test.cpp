@@ -87,8 +87,8 @@ TEST_P(Allocation, does_not_happen_in_resets_and_views) {
   const bool mask[19] = {true, false, true};
   EXPECT_EQ(allocated_by([&] {
               batch.reset();
-              batch.reset(std::span<const int>(ids));
-              batch.reset(std::span<const bool>(mask));
+              batch.reset(ids);
+              batch.reset(mask);
               batch.positions().row(2) = 0.25f;
               batch.root_poses().row(0) += 1.0f;
               batch.faults();
@@ -100,10 +100,39 @@ TEST_P(Allocation, does_not_happen_in_resets_and_views) {
 TEST_P(Allocation, does_not_happen_where_followers_are_placed) {
   Batch<float> batch(compile(scenes::chain32(), contract::settings(GetParam())), 19, {.threads = 1});
   batch.positions().setConstant(0.2f);
-  EXPECT_EQ(allocated_by([&] { batch.project(Couplings::all); }), 0u);
+  EXPECT_EQ(allocated_by([&] { batch.project(EnvironmentSet::all(), Couplings::all); }), 0u);
   const int ids[] = {3, 5};
   const Batch<float>::Array state = Batch<float>::Array::Constant(32, 2, 0.1f);
   EXPECT_EQ(allocated_by([&] { batch.reset(ids, state, state); }), 0u);
+}
+
+TEST_P(Allocation, does_not_happen_in_draws_actions_and_queries_with_one_thread) {
+  Model model = scenes::gripper13();
+  model.add_site("tip", model.links.back().name);
+  const Plan plan = compile(model, contract::settings(GetParam()));
+  Batch<float> batch(plan, 19, {.threads = 1});
+  const std::vector<Query> queries = {{Quantity::position},
+                                      {Quantity::link_pose},
+                                      {Quantity::site_velocity, {0}},
+                                      {Quantity::coupling_error},
+                                      {Quantity::kinetic_energy}};
+  int rows = 0;
+  for (const Query& query : queries) rows += plan.query_rows(query);
+  std::vector<float> memory(static_cast<std::size_t>(rows) * 19);
+  const StridedRows<float> out{memory.data(), 1, rows};
+  const std::vector<double> low(plan.driven_dofs().size(), -1.0), high(plan.driven_dofs().size(), 1.0);
+  const ActionMap map{ActionKind::position, low, high};
+  const std::vector<int> places = {3, 5};
+  EXPECT_EQ(allocated_by([&] {
+              batch.draw(out, 40);
+              batch.draw_normal(out, 40, 1, places);
+              batch.set_actions({memory.data(), 1, rows}, map);
+              batch.set_actions({memory.data(), 1, rows}, map, places);
+              batch.reset_random(places, {.spread = 0.5, .speed = 0.1});
+              batch.read(queries, out);
+              batch.ids()[3] = 7;
+            }),
+            0u);
 }
 
 // The memory of threads is taken when a batch is made, where it can be refused.

@@ -42,7 +42,7 @@ TEST(Reset, refuses_masks_numbers_and_states_that_do_not_fit_and_changes_nothing
   const std::vector<int> beyond = {1, 6}, negative = {0, -1}, good = {0, 1};
   const Batch<double>::Array two = Batch<double>::Array::Zero(8, 2), three = Batch<double>::Array::Zero(8, 3),
                              few = Batch<double>::Array::Zero(7, 2);
-  expect_refused<UsageError>([&] { batch.reset(short_mask); }, "reset mask", "one per environment");
+  expect_refused<UsageError>([&] { batch.reset(short_mask); }, "mask of environments", "one per environment");
   expect_refused<UsageError>([&] { batch.reset(beyond); }, "environment 6", "0 to 5");
   expect_refused<UsageError>([&] { batch.reset(negative); }, "environment -1", "0 to 5");
   expect_refused<UsageError>([&] { batch.reset(good, three, three); }, "reset state", "8 dofs x 2 environments");
@@ -130,7 +130,15 @@ TEST(Batch, that_was_moved_from_refuses_everything_but_an_assignment) {
                                                     [&] { first.faults(); },
                                                     [&] { first.faulted(); },
                                                     [&] { first.explain_fault(0); },
-                                                    [&] { first.read_frames({}); },
+                                                    [&] { first.ids(); },
+                                                    [&] { std::as_const(first).seeds(); },
+                                                    [&] { first.draw({}, 0); },
+                                                    [&] { first.draw_normal({}, 0); },
+                                                    [&] { first.randomize(Parameter::mass, {}); },
+                                                    [&] { first.reset_random(); },
+                                                    [&] { first.set_actions({}); },
+                                                    [&] { first.check(); },
+                                                    [&] { first.read({}, {}); },
                                                     [&] { first.coupling_errors(); },
                                                     [&] { first.link_poses(0); },
                                                     [&] { first.kinetic_energies(); },

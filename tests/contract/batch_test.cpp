@@ -90,8 +90,9 @@ TEST(Views, are_all_the_memory_of_an_environment) {
                     batch.position_targets(), batch.velocity_targets(), batch.efforts(),
                     batch.parameter(Parameter::mass), batch.parameter(Parameter::gravity)})
     rows += view.rows();
-  EXPECT_EQ(plan.bytes_per_environment(8), 8 * rows + 4);
-  EXPECT_EQ(plan.bytes_per_environment(4), 4 * rows + 4);
+  constexpr long counts = 4 + 8 + 3 * 4 + 8;  // fault, its place; steps, resets, id; seed
+  EXPECT_EQ(plan.bytes_per_environment(8), 8 * rows + counts);
+  EXPECT_EQ(plan.bytes_per_environment(4), 4 * rows + counts);
 }
 
 TEST(Views, stay_where_they_are_and_have_contiguous_rows) {
@@ -158,7 +159,7 @@ TEST(Inputs, become_the_models_in_a_reset_unless_they_are_kept) {
   const auto targets = batch.position_targets().eval(), efforts = batch.efforts().eval();
   const auto masses = batch.parameter(Parameter::mass).eval();
   batch.step(3);
-  batch.reset({.keep_inputs = true});
+  batch.reset(EnvironmentSet::all(), {.keep_inputs = true});
   EXPECT_TRUE((batch.position_targets() == targets).all());
   EXPECT_TRUE((batch.efforts() == efforts).all());
   EXPECT_TRUE((batch.parameter(Parameter::mass) == masses).all());

@@ -141,7 +141,7 @@ TEST_P(BoundsReadback, reports_the_energy_of_the_good_steps_of_a_failed_environm
   for (; good.faulted() == 0 && steps < 100; ++steps) good.step();
   ASSERT_GT(steps, 2);
   ASSERT_EQ(good.faults()[4], Fault::diverged);
-  good.reset({.keep_inputs = true});
+  good.reset(EnvironmentSet::all(), {.keep_inputs = true});
   good.step(steps - 1);
   batch.step(steps + 3);
   ASSERT_EQ(batch.faults()[4], Fault::diverged);

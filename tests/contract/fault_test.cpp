@@ -181,7 +181,7 @@ TEST(Fault, freezes_at_the_last_good_substep) {
     EXPECT_EQ(batch->fault_report(3).dof, -1);
   }
   EXPECT_EQ(at_once.steps()[3], static_cast<std::uint32_t>(good + 5));
-  at_once.reset(std::vector<int>{4});
+  at_once.reset({4});
   EXPECT_EQ(at_once.fault_report(4).stage, FaultStage::none);
   EXPECT_EQ(at_once.steps()[4], 0u);
   EXPECT_EQ(at_once.resets()[4], 1u);
@@ -323,7 +323,7 @@ TEST(Fault, is_cleared_by_every_kind_of_reset) {
 
   fail_all();
   const bool mask[count] = {false, true, false, false, false, false, false, false, true, false};
-  batch.reset(std::span<const bool>(mask));
+  batch.reset(mask);
   expect_only({1, 8});
 
   fail_all();

@@ -229,12 +229,13 @@ TEST(OwnLimits, are_only_where_the_model_has_one_and_in_order) {
   EXPECT_EQ(batch.faults()[0], Fault::none);
   for (int e = 1; e < 7; ++e) EXPECT_EQ(batch.faults()[e], Fault::bad_value) << e;
   EXPECT_EQ(batch.faults()[7], Fault::none);
-  const char* const words[] = {"limits of joint 'j0'",
-                               "velocity limit of joint 'j0'",
-                               "velocity limit of joint 'j1'",
-                               "effort limit of joint 'j2'",
-                               "no body can have the inertia of link 'l2'",
-                               "friction of joint 'j3'"};
+  const char* const words[] = {
+      "lower limit of joint 'j0' (position_limits, row 0) is 0.5, must be at most the upper limit, which is 0.4",
+      "velocity limit of joint 'j0'",
+      "velocity limit of joint 'j1'",
+      "effort limit of joint 'j2'",
+      "inertia of link 'l2' (inertia, row 18)",
+      "friction of joint 'j3'"};
   for (int e = 1; e < 7; ++e)
     EXPECT_NE(batch.explain_fault(e).find(words[e - 1]), std::string::npos) << batch.explain_fault(e);
 }

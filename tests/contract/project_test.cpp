@@ -188,10 +188,10 @@ TEST(SoftCouplings, keep_their_stretch_unless_all_are_projected) {
     EXPECT_TRUE(batch.project().empty());
     EXPECT_EQ(batch.positions()(1, 0), 0.4);
     EXPECT_NEAR(batch.positions()(2, 0), -0.3, 1e-15);  // it hangs on s1, where that is
-    EXPECT_TRUE(batch.project(Couplings::all).empty());
+    EXPECT_TRUE(batch.project(EnvironmentSet::all(), Couplings::all).empty());
     for (int e : {0, 1}) expect_in_train(batch, e);
     batch.positions().setConstant(0.4);
-    EXPECT_TRUE(batch.project(Couplings::none).empty());
+    EXPECT_TRUE(batch.project(EnvironmentSet::all(), Couplings::none).empty());
     EXPECT_EQ(batch.positions()(2, 1), 0.4);
   }
 }
@@ -207,7 +207,7 @@ TEST(SoftCouplings, are_told_apart_by_environment) {
   EXPECT_NEAR(batch.positions()(1, 0), 1.2, 1e-15);
   EXPECT_EQ(batch.positions()(1, 1), 0.4);
   EXPECT_EQ(batch.positions()(1, 2), 0.4);
-  EXPECT_TRUE(batch.project(Couplings::all).empty());
+  EXPECT_TRUE(batch.project(EnvironmentSet::all(), Couplings::all).empty());
   EXPECT_NEAR(batch.positions()(1, 1), 1.2, 1e-15);
   EXPECT_EQ(batch.positions()(1, 2), 0.4);
 }
@@ -258,9 +258,9 @@ TEST(Reset, clears_the_faults_of_listed_environments_alone) {
   batch.step();
   EXPECT_EQ(batch.faulted(), 2);
   EXPECT_EQ(batch.faults()[2], Fault::not_finite);
-  EXPECT_THROW(batch.reset(std::vector<int>{2, 9}), UsageError);
+  EXPECT_THROW(batch.reset({2, 9}), UsageError);
   EXPECT_EQ(batch.faults()[2], Fault::not_finite) << "a reset that is refused clears nothing";
-  batch.reset(std::vector<int>{2});
+  batch.reset({2});
   EXPECT_EQ(batch.faulted(), 1);
 }
 
@@ -268,8 +268,8 @@ TEST(Project, refuses_what_does_not_fit) {
   Batch<double> batch(compile(train()), 4, serial);
   const bool short_mask[3] = {};
   EXPECT_THROW(batch.project(short_mask), UsageError);
-  EXPECT_THROW(batch.project(std::vector<int>{4}), UsageError);
-  EXPECT_THROW(batch.project(static_cast<Couplings>(7)), UsageError);
+  EXPECT_THROW(batch.project({4}), UsageError);
+  EXPECT_THROW(batch.project(EnvironmentSet::all(), static_cast<Couplings>(7)), UsageError);
 }
 
 }  // namespace

@@ -206,7 +206,7 @@ TYPED_TEST(Turns, positions_show_the_whole_angle_and_take_any_number) {
   EXPECT_LE(batch.velocities().abs().maxCoeff(), S(1e-4));
   EXPECT_EQ(batch.turns()(0, 0), S(0));
 
-  batch.reset(std::vector<int>{1});
+  batch.reset({1});
   EXPECT_EQ(batch.turns().abs().maxCoeff(), S(0));
   EXPECT_EQ(batch.positions()(0, 1), S(0));
 

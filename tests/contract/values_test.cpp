@@ -1,6 +1,7 @@
 // Values that no model could have, and the host's floating-point mode. SPDX-License-Identifier: Apache-2.0
 #include <cfenv>
 
+#include "batch/values.h"
 #include "contract.h"
 
 namespace lockstep {
@@ -68,7 +69,7 @@ void expect_flagged(const BadValue& bad, Method method, Engine engine) {
   batch.parameter(bad.field)(bad.row, damaged) = sound.parameter(bad.field)(bad.row, damaged);
   batch.step();
   EXPECT_EQ(batch.faults()[damaged], Fault::bad_value);
-  batch.reset(std::vector<int>{damaged});
+  batch.reset({damaged});
   batch.step();
   EXPECT_EQ(batch.faulted(), 0);
 }
@@ -82,6 +83,45 @@ TEST_P(ImpossibleValue, is_a_fault_at_once_that_names_field_value_and_rule) {
 
 INSTANTIATE_TEST_SUITE_P(value, ImpossibleValue, testing::ValuesIn(bad_values),
                          [](const auto& bad) { return std::string(bad.param.name); });
+
+// Whatever stands in whichever row, it is a fault, or a value that a Model may have, or without any effect. Other
+// environments keep their bits.
+TEST(EveryRowOfEveryField, has_no_value_that_changes_the_motion_silently) {
+  Model model = springs();
+  model.joints[1].lower = -1.0, model.joints[1].upper = 1.0;
+  model.joints[1].velocity_limit = 50.0, model.joints[1].effort_limit = 50.0;
+  int faults = 0, quiet = 0;
+  for (const bool soft : {false, true})
+    for (int f = 0; f < parameter_count; ++f) {
+      const Parameter field = static_cast<Parameter>(f);
+      StepSettings settings = physics::settings(Method::direct);
+      settings.per_environment = {field};
+      const Plan plan = compile(soft ? model : scenes::gripper13(), settings);
+      const int rows = plan.parameter_rows(field);
+      for (const double value : {std::nan(""), -infinity, infinity, -1e6}) {
+        // Environment e + 1 has it in row e.
+        Batch<double> batch(plan, rows + 1, serial), sound(plan, rows + 1, serial);
+        for (int row = 0; row < rows; ++row) batch.parameter(field)(row, row + 1) = value;
+        const std::vector<Problem> found = batch.check();
+        batch.step(3), sound.step(3);
+        EXPECT_TRUE(same_bits(batch, 0, sound, 0));
+        for (int row = 0; row < rows; ++row) {
+          const bool named = std::any_of(found.begin(), found.end(), [&](const Problem& p) {
+            return p.environment == row + 1 && p.row / 2 == row / 2 && p.field == to_string(field);
+          });
+          const bool fault = batch.faults()[row + 1] != Fault::none;
+          const bool same = same_bits(batch, row + 1, sound, 0);
+          // Limits may be infinite; anything finite may be an offset, a place, a force, a switch.
+          const bool legal = std::isinf(value) ? is_limit(field) : !std::isnan(value) && !named;
+          EXPECT_TRUE(fault || legal || same) << to_string(field) << " row " << row << " is " << value;
+          EXPECT_TRUE(named || legal) << to_string(field) << " row " << row << " is " << value;
+          EXPECT_TRUE(fault || same || !named) << to_string(field) << " row " << row << " is " << value;
+          faults += fault, quiet += !fault;
+        }
+      }
+    }
+  EXPECT_GT(faults, 3 * quiet);
+}
 
 // A payload may be taken off: the body that it is fixed to keeps its mass.
 TEST(MassOfALink, may_be_zero_where_its_body_has_others) {
@@ -103,7 +143,9 @@ TEST(MassOfALink, may_be_zero_where_its_body_has_others) {
   batch.step();
   EXPECT_EQ(batch.faults()[1], Fault::bad_value);
   EXPECT_EQ(batch.faulted(), 1);
-  EXPECT_NE(batch.explain_fault(1).find("masses of link 'body0', 'payload' sum up to 0"), std::string::npos)
+  EXPECT_NE(batch.explain_fault(1).find(
+                "the sum of the masses of link 'body0', 'payload' (mass, row 1) is 0, must be above 0"),
+            std::string::npos)
       << batch.explain_fault(1);
 }
 
@@ -148,7 +190,7 @@ TEST(QuaternionOfARoot, of_length_zero_is_a_fault) {
   batch.step();
   EXPECT_EQ(batch.faults()[1], Fault::bad_value);
   EXPECT_EQ(batch.faulted(), 1);
-  EXPECT_NE(batch.explain_fault(1).find("the quaternion of root 'box' is 0"), std::string::npos)
+  EXPECT_NE(batch.explain_fault(1).find("the quaternion of root 'box' (root_poses, row 3) is 0"), std::string::npos)
       << batch.explain_fault(1);
 }
 
@@ -158,7 +200,7 @@ TEST(ExplainedFault, names_the_joint_and_its_number) {
   batch.velocities()(6, 2) = 5e6;
   batch.step();
   EXPECT_NE(batch.explain_fault(1).find("not_finite: a position or velocity became NaN or infinite; effort of joint "
-                                        "'j3' is nan; correct"),
+                                        "'j3' (efforts, row 3) is nan, must be finite; found in step 0"),
             std::string::npos)
       << batch.explain_fault(1);
   EXPECT_NE(batch.explain_fault(2).find("the joint to blame is 'j6'"), std::string::npos) << batch.explain_fault(2);

@@ -11,8 +11,8 @@ namespace {
 void expect_counted(const Plan& plan) {
   const counting::Count counted = counting::count(plan);
   EXPECT_EQ(plan.flops_per_step(), counted.flops) << plan.describe();
-  EXPECT_EQ(plan.bytes_per_step(4), 4 * counted.numbers + 4) << plan.describe();
-  EXPECT_EQ(plan.bytes_per_environment(8), 8 * counted.rows + 4) << plan.describe();
+  EXPECT_EQ(plan.bytes_per_step(4), 4 * counted.numbers + 4 + 2 * 4) << plan.describe();
+  EXPECT_EQ(plan.bytes_per_environment(8), 8 * counted.rows + 4 + 8 + 3 * 4 + 8) << plan.describe();
 }
 
 TEST(Cost, is_counted_for_every_method_and_integrator) {

@@ -1,0 +1,109 @@
+// Batch::set_actions(): actions become targets or efforts. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include "impl.h"
+
+namespace lockstep {
+namespace {
+
+constexpr double default_change = 0.05;  // of the range
+
+struct Range {
+  double low, high;
+};
+
+Range default_range(ActionKind kind, const Fields& model, int dof) {
+  const double lower = model.value(Parameter::position_limits, 2 * dof),
+               upper = model.value(Parameter::position_limits, 2 * dof + 1);
+  switch (kind) {
+    case ActionKind::position: return {lower, upper};
+    case ActionKind::position_change: return {-default_change * (upper - lower), default_change * (upper - lower)};
+    case ActionKind::velocity: {
+      const double limit = model.value(Parameter::velocity_limit, dof);
+      return {-limit, limit};
+    }
+    case ActionKind::effort: break;
+  }
+  const double limit = model.value(Parameter::effort_limit, dof);
+  return {-limit, limit};
+}
+
+const char* limit_of(ActionKind kind) {
+  switch (kind) {
+    case ActionKind::position:
+    case ActionKind::position_change: return "position range";
+    case ActionKind::velocity: return "velocity limit";
+    case ActionKind::effort: break;
+  }
+  return "effort limit";
+}
+
+// The range of action i, which moves this dof.
+Range range_of(const ActionMap& map, const Plan& plan, const Fields& model, std::size_t i, int dof) {
+  const std::string& joint = plan.dof_names()[static_cast<std::size_t>(dof)];
+  if (map.low.empty()) {
+    const Range range = default_range(map.kind, model, dof);
+    if (!std::isfinite(range.high - range.low))
+      throw UsageError("actions of joint '" + joint + "'",
+                       fmt::format("have no range, as the model gives it no {}", limit_of(map.kind)),
+                       "give ActionMap::low and high, or the model a limit");
+    return range;
+  }
+  const Range range = {map.low[i], map.high[i]};
+  if (!std::isfinite(range.low) || !std::isfinite(range.high) || range.low > range.high)
+    throw UsageError("actions of joint '" + joint + "'", fmt::format("have the range {} to {}", range.low, range.high),
+                     "give finite numbers, low <= high");
+  return range;
+}
+
+}  // namespace
+
+template <class S>
+void Batch<S>::set_actions(const StridedRows<const S>& actions, const ActionMap& map, const EnvironmentSet& which) {
+  Impl& batch = impl();
+  const Plan& plan = batch.plan;
+  if (map.kind < ActionKind::position || map.kind > ActionKind::effort)
+    throw UsageError("kind of actions", "is none of the enumerators", "give one of ActionKind");
+  const std::vector<int>& dofs = map.kind == ActionKind::effort ? plan.independent_dofs() : plan.driven_dofs();
+  for (const std::vector<double>* bounds : {&map.low, &map.high})
+    if (bounds->size() != (map.low.empty() && map.high.empty() ? 0 : dofs.size()))
+      throw UsageError("range of actions",
+                       fmt::format("has {} lower and {} upper ends", map.low.size(), map.high.size()),
+                       fmt::format("give {} of each, or none", dofs.size()));
+  const Fields& model = fields_of(program_of(plan));
+  for (std::size_t i = 0; i < dofs.size(); ++i) range_of(map, plan, model, i, dofs[i]);
+  if (!actions.data && !dofs.empty()) throw UsageError("actions", "are null", "give one row for each");
+  which.check(batch.environments);
+
+  const auto action = [&](std::size_t i, int e) {
+    return actions.data[static_cast<std::ptrdiff_t>(i) * actions.row_stride + e * actions.environment_stride];
+  };
+  which.for_each(batch.environments, [&](int e) {
+    for (std::size_t i = 0; i < dofs.size() && batch.fault.data()[e] == Fault::none; ++i)
+      if (std::isnan(action(i, e)))
+        batch.fault.data()[e] = Fault::bad_input, batch.fault_place.data()[e] = {FaultStage::values, dofs[i]};
+  });
+  AlignedBlock<S>& inputs = map.kind == ActionKind::effort     ? batch.effort
+                            : map.kind == ActionKind::velocity ? batch.velocity_target
+                                                               : batch.position_target;
+  const simd::StepMode mode;
+  for (std::size_t i = 0; i < dofs.size(); ++i) {
+    const Range range = range_of(map, plan, model, i, dofs[i]);
+    const double middle = 0.5 * range.low + 0.5 * range.high, reach = 0.5 * range.high - 0.5 * range.low;
+    const S lower = static_cast<S>(model.value(Parameter::position_limits, 2 * dofs[i])),
+            upper = static_cast<S>(model.value(Parameter::position_limits, 2 * dofs[i] + 1));
+    for (int time = 0; time < batch.tables.input_times; ++time) {
+      S* const row = inputs.data() + (time * batch.tables.joints + dofs[i]) * batch.stride;
+      which.for_each(batch.environments, [&](int e) {
+        if (batch.fault.data()[e] != Fault::none) return;
+        const S value = static_cast<S>(middle + reach * static_cast<double>(std::clamp(action(i, e), S(-1), S(1))));
+        row[e] = map.kind == ActionKind::position_change ? std::clamp(row[e] + value, lower, upper) : value;
+      });
+    }
+  }
+}
+
+template void Batch<float>::set_actions(const StridedRows<const float>&, const ActionMap&, const EnvironmentSet&);
+template void Batch<double>::set_actions(const StridedRows<const double>&, const ActionMap&, const EnvironmentSet&);
+
+}  // namespace lockstep

@@ -1,0 +1,120 @@
+// Batch: ids, seeds, draws, and resets to random states. SPDX-License-Identifier: Apache-2.0
+#include "impl.h"
+
+namespace lockstep {
+
+void check_stream(unsigned stream) {
+  if (stream >= stream_count)
+    throw UsageError("stream " + std::to_string(stream), "is none of the " + std::to_string(stream_count) + " streams",
+                     "give 0 to " + std::to_string(stream_count - 1));
+}
+
+namespace {
+
+// For each row of each environment.
+template <class S, class Number>
+void fill(const StridedRows<S>& out, int rows, unsigned stream, const EnvironmentSet& which, int environments,
+          const Number& number) {
+  check_stream(stream);
+  if (rows < 0) throw UsageError("rows", "are " + std::to_string(rows), "give 0 or more");
+  if (!out.data && rows > 0) throw UsageError("memory of the draws", "is null", "give memory for the rows");
+  const simd::StepMode mode;
+  which.for_each(environments, [&](int e) {
+    S* const column = out.data + e * out.environment_stride;
+    number(e, [&](const auto& drawn) {
+      for (int row = 0; row < rows; ++row) column[row * out.row_stride] = static_cast<S>(drawn(row));
+    });
+  });
+}
+
+void check_share(double number, double most, const char* name, const char* range) {
+  if (!(number >= 0.0 && number <= most))
+    throw UsageError(std::string(name) + " of the random reset", "is " + std::to_string(number),
+                     std::string("give ") + range);
+}
+
+}  // namespace
+
+template <class S>
+std::span<std::uint32_t> Batch<S>::ids() {
+  return {impl().id.data(), static_cast<std::size_t>(impl().environments)};
+}
+template <class S>
+std::span<std::uint64_t> Batch<S>::seeds() {
+  return {impl().seed.data(), static_cast<std::size_t>(impl().environments)};
+}
+template <class S>
+std::span<const std::uint32_t> Batch<S>::ids() const {
+  return {impl().id.data(), static_cast<std::size_t>(impl().environments)};
+}
+template <class S>
+std::span<const std::uint64_t> Batch<S>::seeds() const {
+  return {impl().seed.data(), static_cast<std::size_t>(impl().environments)};
+}
+
+template <class S>
+void Batch<S>::draw(const StridedRows<S>& out, int rows, unsigned stream, const EnvironmentSet& which) const {
+  const Impl& batch = impl();
+  fill(out, rows, stream, which, batch.environments, [&](int e, const auto& put) {
+    Draws draws = batch.draws(e, stream, Purpose::uniform);
+    put([&](int row) { return draws.uniform(row); });
+  });
+}
+
+template <class S>
+void Batch<S>::draw_normal(const StridedRows<S>& out, int rows, unsigned stream, const EnvironmentSet& which) const {
+  const Impl& batch = impl();
+  fill(out, rows, stream, which, batch.environments, [&](int e, const auto& put) {
+    Draws draws = batch.draws(e, stream, Purpose::normal);
+    put([&](int row) { return draws.normal(row); });
+  });
+}
+
+template <class S>
+std::vector<UnmetCoupling> Batch<S>::reset_random(const EnvironmentSet& which, const RandomReset& how) {
+  Impl& batch = impl();
+  check_stream(how.stream);
+  check_share(how.spread, 1.0, "spread", "0 to 1");
+  check_share(how.speed, std::numeric_limits<S>::max(), "speed", "a finite number of 0 or more");
+  check_couplings(how.project);
+  reset(which, {.keep_inputs = how.keep_inputs});
+  const Fields& model = fields_of(program_of(batch.plan));
+  const AlignedBlock<S>& own = batch.field[static_cast<int>(Parameter::position_limits)];
+  const auto limit = [&](int row, int e) {
+    return own.size() > 0 ? static_cast<double>(own.data()[row * batch.stride + e])
+                          : model.value(Parameter::position_limits, row);
+  };
+  {
+    const simd::StepMode mode;
+    which.for_each(batch.environments, [&](int e) {
+      Draws positions = batch.draws(e, how.stream, Purpose::position),
+            velocities = batch.draws(e, how.stream, Purpose::velocity);
+      for (const int dof : batch.plan.independent_dofs()) {
+        const double lower = limit(2 * dof, e), upper = limit(2 * dof + 1, e), range = upper - lower;
+        if (std::isfinite(range))
+          batch.position.data()[dof * batch.stride + e] =
+              static_cast<S>(lower + range * (0.5 + how.spread * (positions.uniform(dof) - 0.5)));
+        batch.velocity.data()[dof * batch.stride + e] =
+            static_cast<S>(how.speed * (2.0 * velocities.uniform(dof) - 1.0));
+      }
+    });
+  }
+  return project(which, how.project);
+}
+
+template std::span<std::uint32_t> Batch<float>::ids();
+template std::span<std::uint32_t> Batch<double>::ids();
+template std::span<std::uint64_t> Batch<float>::seeds();
+template std::span<std::uint64_t> Batch<double>::seeds();
+template std::span<const std::uint32_t> Batch<float>::ids() const;
+template std::span<const std::uint32_t> Batch<double>::ids() const;
+template std::span<const std::uint64_t> Batch<float>::seeds() const;
+template std::span<const std::uint64_t> Batch<double>::seeds() const;
+template void Batch<float>::draw(const StridedRows<float>&, int, unsigned, const EnvironmentSet&) const;
+template void Batch<double>::draw(const StridedRows<double>&, int, unsigned, const EnvironmentSet&) const;
+template void Batch<float>::draw_normal(const StridedRows<float>&, int, unsigned, const EnvironmentSet&) const;
+template void Batch<double>::draw_normal(const StridedRows<double>&, int, unsigned, const EnvironmentSet&) const;
+template std::vector<UnmetCoupling> Batch<float>::reset_random(const EnvironmentSet&, const RandomReset&);
+template std::vector<UnmetCoupling> Batch<double>::reset_random(const EnvironmentSet&, const RandomReset&);
+
+}  // namespace lockstep

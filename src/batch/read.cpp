@@ -1,0 +1,147 @@
+// Batch::read(): what an observation is made of, in one kinematics pass. SPDX-License-Identifier: Apache-2.0
+#include "impl.h"
+#include "plan/query.h"
+
+namespace lockstep {
+namespace {
+
+bool is_of_links(Quantity quantity) { return quantity == Quantity::link_pose || quantity == Quantity::link_velocity; }
+bool is_of_frames(Quantity quantity) { return quantity >= Quantity::link_pose && quantity <= Quantity::site_velocity; }
+
+template <class Act>
+void for_each_element(const Query& query, int elements, const Act& act) {
+  if (query.elements.empty())
+    for (int i = 0; i < elements; ++i) act(i);
+  else
+    for (const int i : query.elements) act(i);
+}
+
+}  // namespace
+
+/// Writes the answers of one tile.
+template <class S>
+class Batch<S>::Impl::TileReader {
+ public:
+  TileReader(Impl& batch, const StridedRows<S>& out, std::ptrdiff_t first, S* numbers, void* scratch)
+      : batch_(batch),
+        out_(out),
+        first_(first),
+        lanes_(batch.kernels.lanes),
+        count_(std::min<std::ptrdiff_t>(lanes_, batch.environments - first)),
+        tile_(kernels::at(batch.state_pointers(), first, kernels::tile_shape(batch.tables))),
+        frames_(numbers),
+        numbers_(numbers + kernels::frame_numbers * lanes_ * static_cast<std::ptrdiff_t>(batch.wanted.size())),
+        scratch_(scratch) {
+    if (!batch.wanted.empty())
+      batch.kernels.read_frames(batch.tables, tile_, 0, batch.wanted.data(), static_cast<int>(batch.wanted.size()),
+                                numbers, scratch);
+  }
+
+  void answer(const Query& query) {
+    scale_ = static_cast<S>(query.scale);
+    const int elements = shape_of(program_of(batch_.plan), query.quantity).elements;
+    switch (query.quantity) {
+      case Quantity::position: return copy(query, elements, tile_.position, 1);
+      case Quantity::velocity: return copy(query, elements, tile_.velocity, 1);
+      case Quantity::position_target: return copy(query, elements, tile_.position_target, 1);
+      case Quantity::velocity_target: return copy(query, elements, tile_.velocity_target, 1);
+      case Quantity::effort: return copy(query, elements, tile_.effort, 1);
+      case Quantity::root_pose: return copy(query, elements, tile_.root_pose, 7);
+      case Quantity::root_velocity: return copy(query, elements, tile_.root_velocity, 6);
+      case Quantity::coupling_error: return compute(query, elements, kernels::Quantity::coupling_errors);
+      case Quantity::kinetic_energy: return compute(query, elements, kernels::Quantity::kinetic_energy);
+      case Quantity::potential_energy: return compute(query, elements, kernels::Quantity::potential_energy);
+      default: break;
+    }
+    for_each_element(query, elements, [&](int i) {
+      const int frame = is_of_links(query.quantity) ? i : batch_.tables.links + i;
+      const S* const numbers = frames_ + kernels::frame_numbers * lanes_ * batch_.slot[frame];
+      switch (query.quantity) {
+        case Quantity::link_velocity:
+        case Quantity::site_velocity: return put(numbers + 12 * lanes_, 6, lanes_);
+        case Quantity::site_position: return put(numbers, 3, lanes_);
+        default: break;
+      }
+      put(numbers, 3, lanes_);
+      put_turn(numbers + 3 * lanes_, is_of_links(query.quantity) ? nullptr : &batch_.plan.model().sites[i].pose);
+    });
+  }
+
+ private:
+  void put(const S* numbers, int rows, std::ptrdiff_t stride) {
+    for (int k = 0; k < rows; ++k, ++row_)
+      for (std::ptrdiff_t lane = 0; lane < count_; ++lane) at(row_, lane) = scale_ * numbers[k * stride + lane];
+  }
+
+  S& at(int row, std::ptrdiff_t lane) const {
+    return out_.data[row * out_.row_stride + (first_ + lane) * out_.environment_stride];
+  }
+
+  void copy(const Query& query, int elements, const S* rows, int rows_of_each) {
+    for_each_element(query, elements,
+                     [&](int i) { put(rows + rows_of_each * i * batch_.stride, rows_of_each, batch_.stride); });
+  }
+
+  void compute(const Query& query, int elements, kernels::Quantity quantity) {
+    batch_.kernels.read(batch_.tables, tile_, 0, lanes_, {quantity}, numbers_, lanes_, scratch_);
+    for_each_element(query, elements, [&](int i) { put(numbers_ + i * lanes_, 1, lanes_); });
+  }
+
+  // The quaternion of a rotation, row-major, and of a pose on it.
+  void put_turn(const S* numbers, const Pose* pose) {
+    for (std::ptrdiff_t lane = 0; lane < count_; ++lane) {
+      Eigen::Matrix<S, 3, 3> rotation;
+      for (int k = 0; k < 9; ++k) rotation(k / 3, k % 3) = numbers[k * lanes_ + lane];
+      if (pose) rotation = (rotation * pose->linear().template cast<S>()).eval();
+      const Eigen::Matrix<S, 4, 1> turn = quaternion_of(rotation);
+      for (int k = 0; k < 4; ++k) at(row_ + k, lane) = scale_ * turn[k];
+    }
+    row_ += 4;
+  }
+
+  Impl& batch_;
+  const StridedRows<S>& out_;
+  std::ptrdiff_t first_, lanes_, count_;
+  StatePointers<S> tile_;
+  S *frames_, *numbers_;
+  void* scratch_;
+  S scale_ = S(1);
+  int row_ = 0;
+};
+
+template <class S>
+void Batch<S>::read(std::span<const Query> queries, const StridedRows<S>& out) const {
+  Impl& batch = impl();
+  int rows = 0;
+  for (const Query& query : queries) rows += batch.plan.query_rows(query);
+  if (rows == 0) return;
+  if (!out.data) throw UsageError("memory of the queries", "is null", "give " + std::to_string(rows) + " rows");
+
+  // The frames that are asked for, once each.
+  batch.wanted.clear();
+  std::fill(batch.slot.begin(), batch.slot.end(), -1);
+  for (const Query& query : queries)
+    if (is_of_frames(query.quantity))
+      for_each_element(query, shape_of(program_of(batch.plan), query.quantity).elements, [&](int i) {
+        const int frame = is_of_links(query.quantity) ? i : batch.tables.links + i;
+        if (batch.slot[frame] >= 0) return;
+        batch.slot[frame] = static_cast<int>(batch.wanted.size());
+        batch.wanted.push_back(batch.frames[frame]);
+      });
+
+  const int lanes = batch.kernels.lanes;
+  batch.workers.for_environments(
+      batch.stepped(), batch.step_nanoseconds, lanes, [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
+        batch.normalise_roots(first, std::min<std::ptrdiff_t>(last, batch.environments));
+        S* const numbers = reinterpret_cast<S*>(static_cast<std::byte*>(scratch) + batch.frames_at());
+        for (; first < last; first += lanes) {
+          typename Impl::TileReader tile(batch, out, first, numbers, scratch);
+          for (const Query& query : queries) tile.answer(query);
+        }
+      });
+}
+
+template void Batch<float>::read(std::span<const Query>, const StridedRows<float>&) const;
+template void Batch<double>::read(std::span<const Query>, const StridedRows<double>&) const;
+
+}  // namespace lockstep

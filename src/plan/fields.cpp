@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "fields.h"
+
+#include "model/softness_numbers.h"
+
+namespace lockstep {
+namespace {
+
+constexpr const char* axes[] = {"x", "y", "z"};
+
+struct SoftnessNames {
+  const char *first, *second;
+};
+
+SoftnessNames names_of(const Softness& softness) {
+  switch (kind_of(softness)) {
+    case SoftnessKind::hard:
+    case SoftnessKind::erp_cfm: return {"erp", "cfm"};
+    case SoftnessKind::spring: return {"kp", "kd"};
+    case SoftnessKind::frequency: break;
+  }
+  return {"frequency", "damping ratio"};
+}
+
+Fields make_fields(const Program& program) {
+  const Model& model = program.model;
+  Fields fields;
+  const auto add = [&](Parameter parameter, const std::string& name, double value) {
+    fields.names[static_cast<unsigned>(parameter)].push_back(name);
+    fields.values[static_cast<unsigned>(parameter)].push_back(value);
+  };
+  const std::vector<std::string> couplings = coupling_names(model);
+  for (std::size_t c = 0; c < couplings.size(); ++c) {
+    const Coupling& coupling = model.couplings[c];
+    for (const CouplingTerm& term : coupling.terms)
+      add(Parameter::gear_ratio, couplings[c] + ": " + term.joint, term.ratio);
+    add(Parameter::offset, couplings[c], coupling.offset);
+    add(Parameter::coupling_switch, couplings[c], 1.0);
+    const SoftnessNumbers softness = numbers_of(coupling.softness);
+    add(Parameter::softness, couplings[c] + " " + names_of(coupling.softness).first, softness.first);
+    add(Parameter::softness, couplings[c] + " " + names_of(coupling.softness).second, softness.second);
+  }
+  for (const Joint& joint : model.joints) {
+    if (!joint.moves()) continue;
+    add(Parameter::drive_gains, joint.name + " kp", joint.drive.kp);
+    add(Parameter::drive_gains, joint.name + " kd", joint.drive.kd);
+    add(Parameter::damping, joint.name, joint.damping);
+    add(Parameter::armature, joint.name, joint.armature);
+    add(Parameter::stiffness, joint.name, joint.stiffness);
+    add(Parameter::friction, joint.name, joint.friction);
+    add(Parameter::position_limits, joint.name + " lower", joint.lower);
+    add(Parameter::position_limits, joint.name + " upper", joint.upper);
+    add(Parameter::velocity_limit, joint.name, joint.velocity_limit);
+    add(Parameter::effort_limit, joint.name, joint.effort_limit);
+  }
+  for (const Link& link : model.links) {
+    add(Parameter::mass, link.name, link.inertia.mass);
+    for (int k = 0; k < 3; ++k) add(Parameter::center_of_mass, link.name + " " + axes[k], link.inertia.center[k]);
+    for (const char* kind : {" torque ", " force "})
+      for (const char* axis : axes) add(Parameter::link_wrench, link.name + kind + axis, 0.0);
+    for (int k = 0; k < 6; ++k)
+      add(Parameter::inertia, link.name + " i" + axes[tensor_rows[k]] + axes[tensor_columns[k]],
+          link.inertia.about_center(tensor_rows[k], tensor_columns[k]));
+  }
+  for (int k = 0; k < 3; ++k) add(Parameter::gravity, axes[k], model.gravity[k]);
+  return fields;
+}
+
+}  // namespace
+
+const Fields& fields_of(const Program& program) {
+  return program.fields.get([&] { return std::make_shared<const Fields>(make_fields(program)); });
+}
+
+}  // namespace lockstep

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "query.h"
+
+#include <cmath>
+
+#include "lockstep/error.h"
+
+namespace lockstep {
+
+const char* to_string(Quantity quantity) noexcept {
+  static const char* const names[] = {"position",      "velocity",       "position_target", "velocity_target",
+                                      "effort",        "link_pose",      "link_velocity",   "site_pose",
+                                      "site_position", "site_velocity",  "coupling_error",  "root_pose",
+                                      "root_velocity", "kinetic_energy", "potential_energy"};
+  const auto index = static_cast<unsigned>(quantity);
+  return index < std::size(names) ? names[index] : "unknown";
+}
+
+QueryShape shape_of(const Program& program, Quantity quantity) {
+  const Tables<double>& t = program.f64;
+  const int sites = static_cast<int>(program.model.sites.size());
+  switch (quantity) {
+    case Quantity::position:
+    case Quantity::velocity: return {t.joints, 1};
+    case Quantity::position_target:
+    case Quantity::velocity_target:
+    case Quantity::effort: return {t.joints * t.input_times, 1};
+    case Quantity::link_pose: return {t.links, 7};
+    case Quantity::link_velocity: return {t.links, 6};
+    case Quantity::site_pose: return {sites, 7};
+    case Quantity::site_position: return {sites, 3};
+    case Quantity::site_velocity: return {sites, 6};
+    case Quantity::coupling_error: return {t.couplings, 1};
+    case Quantity::root_pose: return {t.roots.count, 7};
+    case Quantity::root_velocity: return {t.roots.count, 6};
+    case Quantity::kinetic_energy:
+    case Quantity::potential_energy: return {1, 1};
+  }
+  throw UsageError("quantity " + std::to_string(static_cast<int>(quantity)), "is none of the enumerators",
+                   "give one of Quantity");
+}
+
+int Plan::query_rows(const Query& query) const {
+  const QueryShape shape = shape_of(*program_, query.quantity);
+  for (const int element : query.elements)
+    if (element < 0 || element >= shape.elements)
+      throw UsageError("element " + std::to_string(element) + " of query " + to_string(query.quantity),
+                       "is not part of the plan", "give 0 to " + std::to_string(shape.elements - 1));
+  if (!std::isfinite(query.scale))
+    throw UsageError(std::string("scale of query ") + to_string(query.quantity), "is " + std::to_string(query.scale),
+                     "give a finite number");
+  return shape.rows * (query.elements.empty() ? shape.elements : static_cast<int>(query.elements.size()));
+}
+
+}  // namespace lockstep
