@@ -145,5 +145,20 @@ TEST(CouplingNames, differ_for_couplings_of_the_same_first_joint) {
   EXPECT_EQ(coupling_names(model), (std::vector<std::string>{"elbow", "elbow#2"}));
 }
 
+TEST(Sites, are_added_to_links_that_are_there_by_names_of_their_own) {
+  Model model = two_joints();
+  model.sites.clear();
+  Pose pose = Pose::Identity();
+  pose.translation().x() = 0.1;
+  EXPECT_EQ(model.add_site("tip", model.links.back().name, pose).pose.translation().x(), 0.1);
+  model.add_site("palm", model.links[1].name);
+  EXPECT_EQ(model.site_index("palm"), 1);
+  EXPECT_NO_THROW(model.validate());
+  EXPECT_THROW(model.add_site("tip", model.links[1].name), ModelError);
+  EXPECT_THROW(model.add_site("", model.links[1].name), ModelError);
+  EXPECT_THROW(model.add_site("other", "nowhere"), ModelError);
+  EXPECT_EQ(model.sites.size(), 2u);
+}
+
 }  // namespace
 }  // namespace lockstep
