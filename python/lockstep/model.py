@@ -6,7 +6,7 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass, field
-from typing import Any, Iterable, Iterator, Sequence, TypeVar, Union, overload
+from typing import Any, List, Sequence, SupportsIndex, TypeVar, Union, overload
 
 infinity = math.inf
 
@@ -170,7 +170,7 @@ class Root:
 Element = TypeVar("Element", Link, Joint, Coupling, Site, Root)
 
 
-class Named(list[Element]):
+class Named(List[Element]):
     """A list whose elements can be asked for by name, too: the first one of that name."""
 
     def position(self, name: str) -> int:
@@ -184,7 +184,7 @@ class Named(list[Element]):
         return [element.name for element in self]
 
     @overload
-    def __getitem__(self, key: Union[int, str]) -> Element: ...  # type: ignore[override]
+    def __getitem__(self, key: Union[SupportsIndex, str]) -> Element: ...
     @overload
     def __getitem__(self, key: slice) -> list[Element]: ...
     def __getitem__(self, key: Any) -> Any:
@@ -217,3 +217,10 @@ class Model:
 
     def copy(self) -> Model:
         return copy.deepcopy(self)
+
+
+def recompiled(model: Model, settings: dict[str, Any]) -> Any:
+    """What a pickled Plan is made again by."""
+    from ._lockstep import compile
+
+    return compile(model, **settings)

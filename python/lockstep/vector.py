@@ -16,7 +16,7 @@ try:
     from gymnasium.spaces import Box
     from gymnasium.vector import AutoresetMode
 except ImportError:
-    from .spaces import AutoresetMode, Box  # type: ignore[assignment]
+    from .spaces import AutoresetMode, Box
 
 Array = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]

@@ -216,25 +216,33 @@ void bind_views(py::class_<Rows>& rows, Class& batch) {
       "the live array of that name: bind('q') is q");
   batch.def_property_readonly("rows", [](const py::object& self) { return Rows{self}; },
                               "the same arrays as [k, num_envs]");
-  const auto counts = [&](const char* name, auto numbers, const char* help) {
-    batch.def_property_readonly(
-        name,
-        [numbers](const py::object& self) {
-          return self.cast<AnyBatch&>().use([&](auto& own) { return numbers(own, self); });
-        },
-        help);
+  const auto read = [](const auto& numbers) {
+    return py::cpp_function([numbers](const py::object& self) {
+      return self.cast<AnyBatch&>().use([&](auto& own) { return numbers(own, self); });
+    });
+  };
+  const auto read_only_counts = [&](const char* name, const auto& numbers, const char* help) {
+    batch.def_property_readonly(name, read(numbers), help);
+  };
+  const auto counts = [&](const char* name, const auto& numbers, const char* help) {
+    const auto write = [numbers](const py::object& self, const py::object& value) {
+      assign(self.cast<AnyBatch&>().use([&](auto& own) { return numbers(own, self); }), value);
+    };
+    batch.def_property(name, read(numbers), py::cpp_function(write), help);
   };
   // As int32, because torch has no uint32.
-  counts("fault", [](auto& b, const py::object& owner) { return read_only<std::int32_t>(b.faults(), owner); },
-         "int32 [num_envs], read-only, live: 0, or the number of the fault that froze the environment");
-  counts("steps", [](auto& b, const py::object& owner) { return read_only<std::int32_t>(b.steps(), owner); },
-         "int32 [num_envs], read-only, live: steps of dt since the last reset");
-  counts("env_id", [](auto& b, const py::object& owner) { return live<std::uint32_t>(b.ids(), owner); },
-         "uint32 [num_envs], live, writable: what tells an environment's random numbers from those of others");
-  counts("seed", [](auto& b, const py::object& owner) { return live<std::uint64_t>(b.seeds(), owner); },
-         "uint64 [num_envs], live, writable: seeds of the random numbers");
+  read_only_counts(
+      "fault", [](auto& b, const py::object& owner) { return read_only<std::int32_t>(b.faults(), owner); },
+      "int32 [num_envs], read-only, live: 0, or the number of the fault that froze the environment");
+  read_only_counts(
+      "steps", [](auto& b, const py::object& owner) { return read_only<std::int32_t>(b.steps(), owner); },
+      "int32 [num_envs], read-only, live: steps of dt since the last reset");
   counts("episode", [](auto& b, const py::object& owner) { return live<std::int32_t>(b.resets(), owner); },
-         "int32 [num_envs], live, writable: how often the environment has been reset. Random numbers depend on it");
+         "int32 [num_envs], live: how often the environment has been reset. Random numbers depend on it");
+  counts("env_id", [](auto& b, const py::object& owner) { return live<std::uint32_t>(b.ids(), owner); },
+         "uint32 [num_envs], live: what tells an environment's random numbers from those of others");
+  counts("seed", [](auto& b, const py::object& owner) { return live<std::uint64_t>(b.seeds(), owner); },
+         "uint64 [num_envs], live: seeds of the random numbers");
   batch.def_property_readonly("num_envs", [](AnyBatch& b) { return b.use([](auto& own) { return own.environments(); }); });
   batch.def_property_readonly("plan", [](AnyBatch& b) { return b.use([](auto& own) { return own.plan(); }); });
   batch.def_property_readonly("dtype", [](AnyBatch& b) {

@@ -180,9 +180,8 @@ void bind_plan(py::module_& module) {
       .def("__reduce__",
            [](const py::object& self) {
              const Plan& plan = self.cast<const Plan&>();
-             const py::object again = py::module_::import("functools").attr("partial")(
-                 py::module_::import("lockstep").attr("compile"), **settings_of(plan));
-             return py::make_tuple(again, py::make_tuple(to_python(plan.model())));
+             return py::make_tuple(py::module_::import("lockstep.model").attr("recompiled"),
+                                   py::make_tuple(to_python(plan.model()), settings_of(plan)));
            })
       .def("__repr__", [](const Plan& plan) {
         return "<lockstep.Plan of '" + plan.model().name + "': " + std::to_string(plan.dofs()) + " dofs, " +

@@ -133,7 +133,7 @@ def test_saved_environments_go_on_with_the_same_bits(plan):
     c.restore(blob, into=[17, 3], rows=[2, 4])
     for batch in (a, b, c):
         batch.step(50)
-    assert np.array_equal(a.q, b.q) and np.array_equal(a.fault, b.fault) and a.fault[4] != 0
+    assert np.array_equal(a.q, b.q, equal_nan=True) and np.array_equal(a.fault, b.fault) and a.fault[4] != 0
     assert np.array_equal(a.q[2], c.q[17]) and c.fault[3] == a.fault[4]
     a.reset_random([2])
     b.reset_random([2])

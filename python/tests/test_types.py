@@ -19,12 +19,15 @@ def run(*arguments, tmp_path):
 
 def test_the_stubs_describe_the_module(tmp_path):
     pytest.importorskip("mypy")
-    run("mypy.stubtest", "lockstep._lockstep", "--ignore-missing-stub", tmp_path=tmp_path)
+    own_to_pybind = tmp_path / "allowed"
+    own_to_pybind.write_text("lockstep._lockstep.(Batch|Plan|Rows)(.__init__)?\n")
+    run("mypy.stubtest", "lockstep._lockstep", "--ignore-missing-stub", "--allowlist", str(own_to_pybind),
+        tmp_path=tmp_path)
 
 
 def test_the_package_is_typed(tmp_path):
     pytest.importorskip("mypy")
-    run("mypy", "--strict", "-p", "lockstep", tmp_path=tmp_path)
+    run("mypy", "--strict", "--ignore-missing-imports", "-p", "lockstep", tmp_path=tmp_path)
 
 
 def test_programs_are_checked(tmp_path):

@@ -134,7 +134,8 @@ class Broken(VectorEnv):
 )
 def test_the_checker_finds_what_is_broken(wrong, mode, words):
     def broken():
-        env = Broken(plan, 7, observe=QUERIES, randomize=randomize, limit=13, threads=1, autoreset_mode=mode)
+        env = Broken(plan, 7, observe=QUERIES, randomize=randomize, limit=13, threads=1, autoreset_mode=mode,
+                     terminate=lambda env: env.batch.q[:, 2] > 0.5)
         env.wrong = wrong
         return env
 
@@ -148,7 +149,7 @@ def test_shared_observations_are_found():
 def test_faults_end_episodes_with_finite_numbers():
     env = make(autoreset_mode="SameStep")
     env.reset(seed=1)
-    env.batch.q[3] = np.inf
+    env.batch.effort[3] = np.inf
     seen, rewards, terminated, _, info = env.step(np.zeros((7, 4), np.float32))
     assert terminated.tolist() == [False] * 3 + [True] + [False] * 3
     assert info["fault"][3] != 0 and info["fault"].dtype == np.uint8

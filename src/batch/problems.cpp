@@ -117,7 +117,7 @@ std::vector<Problem> Batch<S>::Impl::bad_values(int environment) const {
 template <class S>
 std::vector<Problem> Batch<S>::check(const EnvironmentSet& which) const {
   const Impl& batch = impl();
-  const Alone alone(batch.in_use);
+  const Alone alone(impl().in_use);
   std::vector<Problem> found;
   which.for_each(batch.environments, [&](int e) {
     typename Impl::ProblemFinder finder(batch, e, found);

@@ -55,7 +55,7 @@ std::span<const std::uint64_t> Batch<S>::seeds() const {
 template <class S>
 void Batch<S>::draw(const StridedRows<S>& out, int rows, unsigned stream, const EnvironmentSet& which) const {
   const Impl& batch = impl();
-  const Alone alone(batch.in_use);
+  const Alone alone(impl().in_use);
   fill(out, rows, stream, which, batch.environments, [&](int e, const auto& put) {
     Draws draws = batch.draws(e, stream, Purpose::uniform);
     put([&](int row) { return draws.uniform(row); });
@@ -65,7 +65,7 @@ void Batch<S>::draw(const StridedRows<S>& out, int rows, unsigned stream, const 
 template <class S>
 void Batch<S>::draw_normal(const StridedRows<S>& out, int rows, unsigned stream, const EnvironmentSet& which) const {
   const Impl& batch = impl();
-  const Alone alone(batch.in_use);
+  const Alone alone(impl().in_use);
   fill(out, rows, stream, which, batch.environments, [&](int e, const auto& put) {
     Draws draws = batch.draws(e, stream, Purpose::normal);
     put([&](int row) { return draws.normal(row); });
@@ -75,7 +75,7 @@ void Batch<S>::draw_normal(const StridedRows<S>& out, int rows, unsigned stream,
 template <class S>
 std::vector<UnmetCoupling> Batch<S>::reset_random(const EnvironmentSet& which, const RandomReset& how) {
   Impl& batch = impl();
-  const Alone alone(batch.in_use);
+  const Alone alone(impl().in_use);
   check_stream(how.stream);
   check_share(how.spread, 1.0, "spread", "0 to 1");
   check_share(how.speed, std::numeric_limits<S>::max(), "speed", "a finite number of 0 or more");

@@ -195,8 +195,8 @@ TEST(Flops, grow_linearly_with_sweeps) {
 TEST(Bytes, count_the_state_the_inputs_and_the_fault) {
   const long numbers = 2 * 13 + 13 + 2 * 8 + 2 * 13 + 13;  // the last: angles
   const Plan plan = compile(scenes::gripper13());
-  EXPECT_EQ(plan.bytes_per_step(4), 4 * numbers + static_cast<long>(sizeof(Fault)));
-  EXPECT_EQ(plan.bytes_per_step(8), 8 * numbers + static_cast<long>(sizeof(Fault)));
+  EXPECT_EQ(plan.bytes_per_step(4), 4 * numbers + static_cast<long>(sizeof(Fault) + 2 * sizeof(std::uint32_t)));
+  EXPECT_EQ(plan.bytes_per_step(8), 8 * numbers + static_cast<long>(sizeof(Fault) + 2 * sizeof(std::uint32_t)));
   const Plan fields = compile(scenes::gripper13(), {.per_environment = {Parameter::damping, Parameter::gravity}});
   EXPECT_EQ(fields.bytes_per_step(4), plan.bytes_per_step(4) + 4 * (13 + 3));
 }
