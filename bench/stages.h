@@ -61,7 +61,7 @@ struct Stages {
        [](const Table& t, const StatePointers<S>&, Tile& x) {
          kernels::coupling_errors(t, x);
          if (t.reduction.eliminates()) kernels::follow(t, x);
-         if (t.reduction.has_constraint_velocities()) kernels::start_constraint_velocities(t, x);
+         if (t.reduction.has_constraint_velocities()) kernels::start_velocities(t, x);
        }},
       {"bias forces", always,
        [](const Table& t, const StatePointers<S>& batch, Tile& x) { kernels::bias_forces(t, batch, x); }},

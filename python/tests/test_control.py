@@ -1,4 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
+import pathlib
+import re
+
 import numpy as np
 import pytest
 from conftest import VARIED
@@ -153,21 +156,13 @@ def test_check_names_impossible_values(batch):
     assert batch.check([0, 1]) == []
 
 
-def test_the_example_of_the_readme(plan):
-    batch = plan.batch(4096, threads=2, seed=7)
-
-    def start(which=None):
-        batch.randomize("gear_ratio", "scale", 0.95, 1.05, which=which)
-        batch.randomize("offset", "add", -0.01, 0.01, which=which)
-        batch.randomize("mass", "scale", 0.8, 1.2, which=which)
-        batch.reset_random(which, spread=0.5)
-
-    start()
-    random = np.random.default_rng(0)
-    for t in range(250):
-        batch.act(random.uniform(-1, 1, (4096, len(plan.driven))))
-        batch.step(4)
-        start((batch.steps >= 800) | (batch.fault != 0))
-        if t % 50 == 49:
-            assert np.abs(batch.coupling_error()).max() < 1e-6
-    assert not batch.fault.any() and batch.episode.min() >= 2
+def test_the_example_of_the_readme(monkeypatch):
+    root = pathlib.Path(__file__).parents[2]
+    program = re.search(r"```python\n(.*?)```", (root / "README.md").read_text(), re.DOTALL).group(1)
+    assert len(program.splitlines()) <= 16
+    monkeypatch.chdir(root)
+    names = {}
+    exec(program, names)
+    batch = names["batch"]
+    assert batch.num_envs == 4096 and not batch.fault.any() and batch.episode.min() >= 5
+    assert np.abs(batch.coupling_error()).max() < 1e-6

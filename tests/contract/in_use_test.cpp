@@ -39,6 +39,7 @@ TEST(InUse, refuses_every_function_beside_a_step) {
   const Plan plan = compile(scenes::chain8());
   Batch<float> batch = contract::scattered<float>(plan, 512), alone = contract::scattered<float>(plan, 512);
   Batch<float>::Array frame(7 * static_cast<Eigen::Index>(plan.model().links.size()), 512);
+  const std::vector<Query> poses = {{Quantity::link_pose}};
   const std::vector<int> none;
   const std::unique_ptr<bool[]> mask(new bool[512]());
   const Batch<float>::Array empty(8, 0);
@@ -49,14 +50,16 @@ TEST(InUse, refuses_every_function_beside_a_step) {
       [&] { batch.reset(none, empty, empty); },
       [&] { batch.project(none); },
       [&] { batch.project(std::span<const bool>(mask.get(), 512)); },
-      [&] { batch.project(Couplings::none); },
+      [&] { batch.project(none, Couplings::none); },
       [&] { batch.save(none); },
       [&] { batch.restore(blob, none); },
       [&] { batch.coupling_errors(); },
       [&] { batch.link_poses(2); },
-      [&] {
-        batch.read_frames({.link_poses = {frame.data(), frame.outerStride()}});
-      }};
+      [&] { batch.read(poses, {frame.data(), frame.outerStride()}); },
+      [&] { batch.draw({frame.data(), frame.outerStride()}, 2, 0, none); },
+      [&] { batch.reset_random(none); },
+      [&] { batch.set_actions({frame.data(), frame.outerStride()}, {.kind = ActionKind::position}, none); },
+      [&] { batch.check(none); }};
   std::atomic<int> steps = 0;
   std::atomic<bool> stop = false;
   std::thread stepper([&] {

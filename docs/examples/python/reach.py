@@ -25,8 +25,9 @@ def plan():
 
 
 class Reach(VectorEnv):
-    """Observations: position, velocity and target of the driven joints, the tip and the goal. Reward: minus the distance
-    of the tip from the goal, m. `seconds` says where the time went."""
+    """Actions change the targets by up to 5 % of a joint's range. Observations: position, velocity and target of the driven
+    joints, the tip, and 20 times the way from the tip to the goal. Reward: minus that way's length, m. `seconds` says
+    where the time went."""
 
     def __init__(self, num_envs, **options):
         compiled = plan()
@@ -38,12 +39,9 @@ class Reach(VectorEnv):
         ]
         self.seen = np.zeros((num_envs, OBSERVATIONS), np.float32)
         self.known = np.zeros((num_envs, OBSERVATIONS - 3), np.float32)
+        self.goal = np.zeros((num_envs, 3), np.float32)
         self.seconds = {"step": 0.0, "observe": 0.0, "reset": 0.0}
-        super().__init__(compiled, num_envs, limit=CONTROL_STEPS, **options)
-
-    @property
-    def goal(self):
-        return self.seen[:, -3:]
+        super().__init__(compiled, num_envs, limit=CONTROL_STEPS, action_kind="position_change", spread=0.5, **options)
 
     def randomize(self, which):
         start = time.perf_counter()
@@ -52,7 +50,7 @@ class Reach(VectorEnv):
         batch.randomize("offset", "add", -0.01, 0.01, which=which)
         batch.randomize("drive_gains", "scale", 0.8, 1.25, distribution="log_uniform", which=which)
         batch.randomize("mass", "scale", 0.8, 1.2, which=which)
-        batch.reset_random(which, spread=0.8)  # the goal is where the tip is now
+        batch.reset_random(which, spread=0.5)  # the goal is where the tip is now
         self.goal[which] = batch.read(self.queries[-1])[which]
         self.seconds["reset"] += time.perf_counter() - start
 
@@ -64,12 +62,13 @@ class Reach(VectorEnv):
     def observe(self):
         start = time.perf_counter()
         self.seen[:, :-3] = self.batch.read(*self.queries, out=self.known)
+        self.seen[:, -3:] = 20 * (self.goal - self.known[:, -3:])
         self.seconds["observe"] += time.perf_counter() - start
         return self.seen
 
     def distance(self):
         """[num_envs] m"""
-        return np.linalg.norm(self.seen[:, -6:-3] - self.goal, axis=1)
+        return np.linalg.norm(self.goal - self.known[:, -3:], axis=1)
 
     def reward(self):
         return -self.distance()

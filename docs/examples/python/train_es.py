@@ -44,9 +44,9 @@ def train(generations, threads, seed=1):
     env = Reach(2 * PAIRS * SHARED, threads=threads, seed=seed, autoreset_mode="Disabled")
     env.batch.env_id[:] = np.tile(np.arange(SHARED), 2 * PAIRS)  # all policies are tried in the same 32 environments
     held_out = Reach(4096, threads=threads, seed=seed + 1, autoreset_mode="Disabled")
-    weights = random.normal(size=SIZE).astype(np.float32) * 0.1
+    weights = random.normal(size=SIZE).astype(np.float32) * 0.05
     moment, square = np.zeros(SIZE, np.float32), np.zeros(SIZE, np.float32)
-    sigma, rate, curve = 0.05, 0.03, []
+    curve = []
     begin = time.perf_counter()
     for generation in range(generations + 1):
         if generation % 5 == 0 or generation == generations:
@@ -55,11 +55,14 @@ def train(generations, threads, seed=1):
             print(f"generation {generation:3}   {curve[-1][1]:5.1f} s   median error {median:6.1f} mm", flush=True)
         if generation == generations:
             break
+        fade = 0.2 ** (generation / generations)
+        sigma, rate = 0.1 * fade, 0.1 * fade
         noise = random.normal(size=(PAIRS, SIZE)).astype(np.float32)
         tried = weights + sigma * np.concatenate([noise, -noise])
         distances = episode(env, tried, clock)
         start = time.perf_counter()
-        score = -distances[CONTROL_STEPS // 2 :].mean(axis=0).reshape(2 * PAIRS, SHARED).mean(axis=1)
+        late = np.log(distances[CONTROL_STEPS // 2 :] + 0.01)  # near the goal every millimetre counts
+        score = -late.mean(axis=0).reshape(2 * PAIRS, SHARED).mean(axis=1)
         ranks = np.argsort(np.argsort(score)) / (2 * PAIRS - 1) - 0.5
         slope = (ranks[:PAIRS] - ranks[PAIRS:]) @ noise / (2 * PAIRS * sigma)
         moment = 0.9 * moment + 0.1 * slope  # Adam

@@ -74,7 +74,7 @@ def main():
             after, rewards, terminated, truncated, info = env.step(actions.numpy())
             if truncated.any():
                 final = info["final_obs_batch"][truncated]
-                errors.append(np.linalg.norm(final[:, -6:-3] - final[:, -3:], axis=1))
+                errors.append(np.linalg.norm(final[:, -3:], axis=1) / 20)
             numbers = (seen, actions, chances, values, torch.from_numpy(10.0 * rewards),
                        torch.from_numpy(terminated | truncated).float())
             for row, number in zip(rows.values(), numbers):
