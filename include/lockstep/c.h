@@ -11,7 +11,6 @@
 #ifndef LOCKSTEP_C_H
 #define LOCKSTEP_C_H
 
-#include <stddef.h>
 #include <stdint.h>
 
 #ifdef __cplusplus

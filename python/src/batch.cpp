@@ -152,8 +152,8 @@ py::list reset(AnyBatch& batch, const py::object& which, const py::object& q, co
 
 py::list project(AnyBatch& batch, const py::object& which, bool soft) {
   return batch.use([&](auto& own) {
-    return unmet_to_python(own.plan(), own.project(environments_of(which, own.environments()),
-                                                   soft ? Couplings::all : Couplings::hard));
+    return unmet_to_python(
+        own.plan(), own.project(environments_of(which, own.environments()), soft ? Couplings::all : Couplings::hard));
   });
 }
 
@@ -187,13 +187,13 @@ void bind_views(py::class_<Rows>& rows, Class& batch) {
           assign(view(self.batch.cast<AnyBatch&>(), Layout::rows, self.batch), value);
         },
         f.help);
-    batch.def_property(
-        f.name,
-        py::cpp_function([view](const py::object& self) { return view(self.cast<AnyBatch&>(), Layout::items, self); }),
-        py::cpp_function([view](const py::object& self, const py::object& value) {
-          assign(view(self.cast<AnyBatch&>(), Layout::items, self), value);
-        }),
-        f.help);
+    batch.def_property(f.name, py::cpp_function([view](const py::object& self) {
+                         return view(self.cast<AnyBatch&>(), Layout::items, self);
+                       }),
+                       py::cpp_function([view](const py::object& self, const py::object& value) {
+                         assign(view(self.cast<AnyBatch&>(), Layout::items, self), value);
+                       }),
+                       f.help);
   }
   const auto parameter = [](AnyBatch& own, const std::string& name, Layout layout, const py::object& owner) {
     return own.use([&](auto& b) { return view_of(b.parameter(parameter_of(name)), layout, owner); });
@@ -207,15 +207,16 @@ void bind_views(py::class_<Rows>& rows, Class& batch) {
   const auto items = [parameter](const py::object& self, const std::string& name) {
     return parameter(self.cast<AnyBatch&>(), name, Layout::items, self);
   };
-  batch.def("parameter", items, "name"_a,
-            "[num_envs, k] a field of compile(vary=...); live. Columns: Plan.parameter_rows(name). Raises UsageError for "
-            "a field that does not vary.");
+  batch.def(
+      "parameter", items, "name"_a,
+      "[num_envs, k] a field of compile(vary=...); live. Columns: Plan.parameter_rows(name). Raises UsageError for "
+      "a field that does not vary.");
   batch.def("expand", items, "name"_a, "as parameter()");
   batch.def(
       "bind", [](const py::object& self, const std::string& name) { return self.attr(name.c_str()); }, "name"_a,
       "the live array of that name: bind('q') is q");
-  batch.def_property_readonly("rows", [](const py::object& self) { return Rows{self}; },
-                              "the same arrays as [k, num_envs]");
+  batch.def_property_readonly(
+      "rows", [](const py::object& self) { return Rows{self}; }, "the same arrays as [k, num_envs]");
   const auto read = [](const auto& numbers) {
     return py::cpp_function([numbers](const py::object& self) {
       return self.cast<AnyBatch&>().use([&](auto& own) { return numbers(own, self); });
@@ -237,23 +238,28 @@ void bind_views(py::class_<Rows>& rows, Class& batch) {
   read_only_counts(
       "steps", [](auto& b, const py::object& owner) { return read_only<std::int32_t>(b.steps(), owner); },
       "int32 [num_envs], read-only, live: steps of dt since the last reset");
-  counts("episode", [](auto& b, const py::object& owner) { return live<std::int32_t>(b.resets(), owner); },
-         "int32 [num_envs], live: how often the environment has been reset. Random numbers depend on it");
-  counts("env_id", [](auto& b, const py::object& owner) { return live<std::uint32_t>(b.ids(), owner); },
-         "uint32 [num_envs], live: what tells an environment's random numbers from those of others");
-  counts("seed", [](auto& b, const py::object& owner) { return live<std::uint64_t>(b.seeds(), owner); },
-         "uint64 [num_envs], live: seeds of the random numbers");
-  batch.def_property_readonly("num_envs", [](AnyBatch& b) { return b.use([](auto& own) { return own.environments(); }); });
+  counts(
+      "episode", [](auto& b, const py::object& owner) { return live<std::int32_t>(b.resets(), owner); },
+      "int32 [num_envs], live: how often the environment has been reset. Random numbers depend on it");
+  counts(
+      "env_id", [](auto& b, const py::object& owner) { return live<std::uint32_t>(b.ids(), owner); },
+      "uint32 [num_envs], live: what tells an environment's random numbers from those of others");
+  counts(
+      "seed", [](auto& b, const py::object& owner) { return live<std::uint64_t>(b.seeds(), owner); },
+      "uint64 [num_envs], live: seeds of the random numbers");
+  batch.def_property_readonly("num_envs",
+                              [](AnyBatch& b) { return b.use([](auto& own) { return own.environments(); }); });
   batch.def_property_readonly("plan", [](AnyBatch& b) { return b.use([](auto& own) { return own.plan(); }); });
-  batch.def_property_readonly("dtype", [](AnyBatch& b) {
-    return b.use([]<class S>(Batch<S>&) { return py::dtype::of<S>(); });
-  });
-  batch.def_property_readonly("engine", [](AnyBatch& b) { return b.use([](auto& o) { return to_string(o.engine()); }); },
-                              "the one in use");
-  batch.def_property_readonly("target", [](AnyBatch& b) { return b.use([](auto& o) { return to_string(o.target()); }); },
-                              "the instruction set in use");
-  batch.def_property_readonly("kernel", [](AnyBatch& b) { return b.use([](auto& own) { return own.kernel_name(); }); },
-                              "name of the generated kernel in use; empty for other engines");
+  batch.def_property_readonly("dtype",
+                              [](AnyBatch& b) { return b.use([]<class S>(Batch<S>&) { return py::dtype::of<S>(); }); });
+  batch.def_property_readonly(
+      "engine", [](AnyBatch& b) { return b.use([](auto& o) { return to_string(o.engine()); }); }, "the one in use");
+  batch.def_property_readonly(
+      "target", [](AnyBatch& b) { return b.use([](auto& o) { return to_string(o.target()); }); },
+      "the instruction set in use");
+  batch.def_property_readonly(
+      "kernel", [](AnyBatch& b) { return b.use([](auto& own) { return own.kernel_name(); }); },
+      "name of the generated kernel in use; empty for other engines");
 }
 
 void step(AnyBatch& batch, int substeps) {
@@ -281,17 +287,20 @@ void bind_steps(Class& batch) {
             "To the model's state, or to q and qd, [k, nv] or [nv]. which: None (all), a mask of bool or ids. Clears "
             "faults. project: place the followers of given states. Returns couplings that could not be met, as "
             "(environment, coupling, error, velocity error).");
-  batch.def("project", &project, "which"_a = py::none(), py::kw_only(), "soft"_a = false,
-            "Puts followers where the other joints and this environment's ratios and offsets put them. Returns couplings "
-            "that cannot be met.");
-  batch.def("explain_fault",
-            [](AnyBatch& b, int environment) { return b.use([&](auto& own) { return own.explain_fault(environment); }); },
-            "environment"_a, "the fault in words; empty without one");
+  batch.def(
+      "project", &project, "which"_a = py::none(), py::kw_only(), "soft"_a = false,
+      "Puts followers where the other joints and this environment's ratios and offsets put them. Returns couplings "
+      "that cannot be met.");
+  batch.def(
+      "explain_fault",
+      [](AnyBatch& b, int environment) { return b.use([&](auto& own) { return own.explain_fault(environment); }); },
+      "environment"_a, "the fault in words; empty without one");
   batch.def("fault_report", &report_of, "environment"_a, "fault, stage, joint, step and time of the fault, as a dict");
 }
 
 void bind_readbacks(Class& batch) {
-  batch.def("coupling_error", &read_back<[](auto& b) { return b.coupling_errors(); }>, "[num_envs, couplings] C, rad or m");
+  batch.def("coupling_error", &read_back<[](auto& b) { return b.coupling_errors(); }>,
+            "[num_envs, couplings] C, rad or m");
   batch.def("coupling_impulse", &read_back<[](auto& b) { return b.coupling_impulses(); }>,
             "[num_envs, couplings] of the last step, N m s or N s; needs compile(record_impulses=True)");
   batch.def("row_residuals", &read_back<[](auto& b) { return b.row_residuals(); }>,
@@ -300,18 +309,20 @@ void bind_readbacks(Class& batch) {
             "[num_envs, Plan.row_names] 0 inactive, 1 holds, 2 and -2 at its largest force; the same");
   batch.def("energy_balance", &read_back<[](auto& b) { return b.energy_balances(); }>,
             "[num_envs, 4] work, dissipation, corrections, change of energy in the last step(), J; the same");
-  batch.def("site_jacobian",
-            [](AnyBatch& b, const std::string& site) {
-              return b.use([&](auto& own) {
-                const py::array flat = items(own.site_jacobians(own.plan().site(site)));
-                const py::object by_column = flat.attr("reshape")(own.environments(), -1, 6);
-                return by_column.attr("transpose")(0, 2, 1);
-              });
-            },
-            "site"_a, "[num_envs, 6, velocities] angular, then linear velocity of the site by generalised velocity");
-  batch.def("conflicts",
-            [](AnyBatch& b, int environment) { return b.use([&](auto& own) { return own.conflicts(environment); }); },
-            "environment"_a, "names of rows that the last step could not meet; needs compile(diagnostics=True)");
+  batch.def(
+      "site_jacobian",
+      [](AnyBatch& b, const std::string& site) {
+        return b.use([&](auto& own) {
+          const py::array flat = items(own.site_jacobians(own.plan().site(site)));
+          const py::object by_column = flat.attr("reshape")(own.environments(), -1, 6);
+          return by_column.attr("transpose")(0, 2, 1);
+        });
+      },
+      "site"_a, "[num_envs, 6, velocities] angular, then linear velocity of the site by generalised velocity");
+  batch.def(
+      "conflicts",
+      [](AnyBatch& b, int environment) { return b.use([&](auto& own) { return own.conflicts(environment); }); },
+      "environment"_a, "names of rows that the last step could not meet; needs compile(diagnostics=True)");
 }
 
 }  // namespace
@@ -343,7 +354,8 @@ std::vector<int> environments_of(const py::object& which, int environments) {
   const std::int64_t* const at = numbers.data();
   for (py::ssize_t i = 0; i < numbers.size(); ++i) {
     if (at[i] < 0 || at[i] >= environments)
-      throw UsageError("environment " + std::to_string(at[i]), "is outside the batch of " + std::to_string(environments),
+      throw UsageError("environment " + std::to_string(at[i]),
+                       "is outside the batch of " + std::to_string(environments),
                        "give 0 to " + std::to_string(environments - 1));
     ids.push_back(static_cast<int>(at[i]));
   }
@@ -361,8 +373,7 @@ std::unique_ptr<AnyBatch> make_batch(const Plan& plan, int environments, int thr
   else if (wanted.equal(py::dtype::of<double>()))
     batch->batch = std::make_unique<Batch<double>>(plan, environments, options);
   else
-    throw SettingsError("dtype " + text_of(wanted), "is no precision of a batch",
-                        "give 'f4' or 'f8'");
+    throw SettingsError("dtype " + text_of(wanted), "is no precision of a batch", "give 'f4' or 'f8'");
   return batch;
 }
 

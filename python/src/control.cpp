@@ -114,8 +114,8 @@ int row_of(const Plan& plan, const std::string& quantity, const std::string& nam
 Query query_of(const Plan& plan, const py::handle& given) {
   Query query;
   const bool named = py::isinstance<py::str>(given);
-  const std::string name = (named ? py::reinterpret_borrow<py::object>(given) : py::object(given.attr("quantity")))
-                               .cast<std::string>();
+  const std::string name =
+      (named ? py::reinterpret_borrow<py::object>(given) : py::object(given.attr("quantity"))).cast<std::string>();
   query.quantity = one_of<Quantity>("quantity", name, quantities);
   if (named) return query;
   query.scale = given.attr("scale").cast<double>();
@@ -179,7 +179,8 @@ void bind_control(py::class_<AnyBatch>& batch) {
       "name"_a, "operation"_a, "low"_a, "high"_a, py::kw_only(), "distribution"_a = "uniform", "which"_a = py::none(),
       "rows"_a = py::none(), "shared"_a = false, "stream"_a = 0,
       "Sets a field to random values: the compiled ones times, plus, or replaced by ('scale', 'add', 'abs') numbers "
-      "between low and high, 'uniform' or 'log_uniform', or 'normal' with the mean low and the standard deviation high. "
+      "between low and high, 'uniform' or 'log_uniform', or 'normal' with the mean low and the standard deviation "
+      "high. "
       "rows: numbers or names of columns. shared: one number for all of them. Raises UsageError, and changes nothing, "
       "where a value could be impossible.");
   batch.def(
@@ -196,13 +197,15 @@ void bind_control(py::class_<AnyBatch>& batch) {
       "without a range start as the model says), velocities within -speed to speed, followers where they belong.");
   batch.def(
       "act",
-      [](AnyBatch& b, const py::object& actions, const std::string& kind, const py::object& which, const py::object& low,
+      [](AnyBatch& b, const py::object& actions, const std::string& kind, const py::object& which,
+         const py::object& low,
          const py::object& high) { b.use([&](auto& own) { act(own, actions, kind, which, low, high); }); },
       "actions"_a, "kind"_a = "position", "which"_a = py::none(), py::kw_only(), "low"_a = py::none(),
       "high"_a = py::none(),
       "Actions in [-1, 1], [num_envs, len(plan.driven)], become targets of the driven joints ('position', "
       "'position_change', 'velocity') or efforts of the independent ones ('effort'), between low and high: by default "
-      "the joint's range, 5 % of it, its velocity or effort limit. Followers are never commanded. An environment with a "
+      "the joint's range, 5 % of it, its velocity or effort limit. Followers are never commanded. An environment with "
+      "a "
       "NaN gets the fault bad_input and keeps its targets.");
   batch.def(
       "check",
@@ -221,7 +224,8 @@ void bind_control(py::class_<AnyBatch>& batch) {
         return b.use([&](auto& own) { return read(own, queries, out); });
       },
       "out"_a = py::none(),
-      "[num_envs, k] the quantities of names or lockstep.Query objects, side by side, in one pass. out: an array of that "
+      "[num_envs, k] the quantities of names or lockstep.Query objects, side by side, in one pass. out: an array of "
+      "that "
       "shape and dtype to write to.");
   batch.def(
       "save",

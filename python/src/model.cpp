@@ -132,8 +132,8 @@ py::object joint_to_python(Joint joint) {
   py::object drive = python_class("Drive")();
   each_number(joint.drive, [&](const char* name, auto number) { drive.attr(name) = number; });
   drive.attr("softness") = std::visit(SoftnessToPython{}, joint.drive.softness);
-  py::object to = python_class("Joint")(joint.name, joint_kinds[static_cast<int>(joint.kind)], joint.parent, joint.child,
-                                        tuple_of(joint.origin.matrix()), tuple_of(joint.axis));
+  py::object to = python_class("Joint")(joint.name, joint_kinds[static_cast<int>(joint.kind)], joint.parent,
+                                        joint.child, tuple_of(joint.origin.matrix()), tuple_of(joint.axis));
   each_number(joint, [&](const char* name, double number) { to.attr(name) = number; });
   to.attr("drive") = drive;
   to.attr("limit_softness") = std::visit(SoftnessToPython{}, joint.limit_softness);
@@ -193,9 +193,9 @@ Model model_of(const py::handle& from) {
 py::object to_python(const Model& model) {
   py::list links, joints, couplings, sites, roots;
   for (const Link& link : model.links)
-    links.append(python_class("Link")(
-        link.name, python_class("Inertia")(link.inertia.mass, tuple_of(link.inertia.center),
-                                           tuple_of(link.inertia.about_center))));
+    links.append(
+        python_class("Link")(link.name, python_class("Inertia")(link.inertia.mass, tuple_of(link.inertia.center),
+                                                                tuple_of(link.inertia.about_center))));
   for (const Joint& joint : model.joints) joints.append(joint_to_python(joint));
   for (const Coupling& coupling : model.couplings) couplings.append(coupling_to_python(coupling));
   for (const Site& site : model.sites)

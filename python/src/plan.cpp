@@ -147,28 +147,34 @@ ImportOptions import_options(double least_mass, double least_inertia, double den
 
 void bind_plan(py::module_& module) {
   py::class_<Plan>(module, "Plan", py::is_final(), "A compiled model. Immutable, picklable; threads may share it.")
-      .def_property_readonly("model", [](const Plan& plan) { return to_python(plan.model()); }, "a copy of the Model")
+      .def_property_readonly(
+          "model", [](const Plan& plan) { return to_python(plan.model()); }, "a copy of the Model")
       .def_property_readonly("settings", &settings_of, "what compile() was given, as a dict")
-      .def_property_readonly("dt", [](const Plan& plan) { return plan.settings().dt; }, "s")
-      .def_property_readonly("method", [](const Plan& plan) { return to_string(plan.method()); }, "the one in use")
-      .def_property_readonly("integrator", [](const Plan& plan) { return to_string(plan.integrator()); },
-                             "the one in use")
+      .def_property_readonly(
+          "dt", [](const Plan& plan) { return plan.settings().dt; }, "s")
+      .def_property_readonly(
+          "method", [](const Plan& plan) { return to_string(plan.method()); }, "the one in use")
+      .def_property_readonly(
+          "integrator", [](const Plan& plan) { return to_string(plan.integrator()); }, "the one in use")
       .def_property_readonly("nv", &Plan::dofs, "number of moving joints")
       .def_property_readonly("dof_names", &Plan::dof_names, "names of the moving joints, in the order of q")
       .def_property_readonly("root_names", &Plan::root_names, "links that float, in the order of root_pose")
       .def_property_readonly("row_names", &Plan::row_names, "what a step holds or bounds; see Batch.row_states()")
-      .def_property_readonly("independent", [](const Plan& plan) { return names_of(plan, plan.independent_dofs()); },
-                             "names of the joints that an agent may command")
-      .def_property_readonly("driven", [](const Plan& plan) { return names_of(plan, plan.driven_dofs()); },
-                             "those of them that have a drive: the columns of Batch.act()")
+      .def_property_readonly(
+          "independent", [](const Plan& plan) { return names_of(plan, plan.independent_dofs()); },
+          "names of the joints that an agent may command")
+      .def_property_readonly(
+          "driven", [](const Plan& plan) { return names_of(plan, plan.driven_dofs()); },
+          "those of them that have a drive: the columns of Batch.act()")
       .def_property_readonly("followers", &followers_of, "{follower: (((leader, ratio), ...), offset)}")
       .def_property_readonly("vary", &varied, "the fields that differ from environment to environment")
       .def_property_readonly("limits", &limits_of, "[nv, 2] lower and upper position limits, rad or m")
       .def_property_readonly("hash", &Plan::hash, "64 bits, of model and settings")
       .def_property_readonly("stage_times", &Plan::stage_times, "when in a step inputs are used, as shares of dt")
-      .def("parameter_rows",
-           [](const Plan& plan, const std::string& name) { return plan.parameter_row_names(parameter_of(name)); },
-           "name"_a, "names of the columns of Batch.parameter(name)")
+      .def(
+          "parameter_rows",
+          [](const Plan& plan, const std::string& name) { return plan.parameter_row_names(parameter_of(name)); },
+          "name"_a, "names of the columns of Batch.parameter(name)")
       .def("dof", &Plan::dof, "joint"_a, "the joint's column in q")
       .def("link", &Plan::link, "name"_a)
       .def("site", &Plan::site, "name"_a)
@@ -213,7 +219,8 @@ void bind_plan(py::module_& module) {
       "path"_a, py::kw_only(), "least_mass"_a = o.least_mass, "least_inertia"_a = o.least_inertia,
       "density"_a = o.density, "repair_inertias"_a = o.repair_inertias, "leave_out_foreign"_a = o.leave_out_foreign,
       "ignore"_a = py::none(),
-      "Reads a Model from a URDF file. model.report says what became of everything in it, model.warnings what its owner "
+      "Reads a Model from a URDF file. model.report says what became of everything in it, model.warnings what its "
+      "owner "
       "should act on. The options are those of ImportOptions. Raises ImportFileError, ModelError, FileNotFoundError.");
   module.def(
       "from_urdf_text",

@@ -24,6 +24,7 @@ struct Area {
 };
 
 const std::vector<Area> areas = {
+    {"include/lockstep/c.h", {"stdint.h"}},
     {"include/lockstep/", {"std", "Eigen/"}},
     {"src/model/",
      {"include/lockstep/model.h", "include/lockstep/softness.h", "include/lockstep/enums.h", "include/lockstep/error.h",

@@ -55,10 +55,16 @@ TEST(InUse, refuses_every_function_beside_a_step) {
       [&] { batch.restore(blob, none); },
       [&] { batch.coupling_errors(); },
       [&] { batch.link_poses(2); },
-      [&] { batch.read(poses, {frame.data(), frame.outerStride()}); },
-      [&] { batch.draw({frame.data(), frame.outerStride()}, 2, 0, none); },
+      [&] {
+        batch.read(poses, {frame.data(), frame.outerStride()});
+      },
+      [&] {
+        batch.draw({frame.data(), frame.outerStride()}, 2, 0, none);
+      },
       [&] { batch.reset_random(none); },
-      [&] { batch.set_actions({frame.data(), frame.outerStride()}, {.kind = ActionKind::position}, none); },
+      [&] {
+        batch.set_actions({frame.data(), frame.outerStride()}, {.kind = ActionKind::position}, none);
+      },
       [&] { batch.check(none); }};
   std::atomic<int> steps = 0;
   std::atomic<bool> stop = false;
