@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import xml.etree.ElementTree as xml
 
 import numpy as np
 
@@ -24,15 +25,21 @@ SUBSTEPS, REPEATS = 8, 40
 
 
 def robot(path):
-    """A servo on every joint that nothing else moves: stiff enough to reach its limit of effort."""
+    """A servo on every joint that nothing else moves: stiff enough to reach its limit of effort. Joints without a range get
+    one of 3 rad or m to either side, so that actions have one."""
     model = ls.from_urdf(path)
     followers = {coupling.joint for coupling in model.couplings}
     for joint in model.joints:
+        if joint.kind == "fixed" or joint.name in followers:
+            continue
+        if not math.isfinite(joint.upper - joint.lower):
+            joint.kind = "revolute" if joint.kind == "continuous" else joint.kind
+            joint.lower, joint.upper = -3.0, 3.0
         span = joint.upper - joint.lower
-        if joint.kind == "fixed" or joint.name in followers or span <= 0:
+        if span <= 0:
             continue
         effort = joint.effort_limit if 0 < joint.effort_limit < math.inf else 10.0
-        joint.drive.kp = 4 * effort / span if math.isfinite(span) else effort
+        joint.drive.kp = 4 * effort / span
         joint.drive.kd = 0.05 * joint.drive.kp
     return model
 
@@ -76,18 +83,19 @@ def bare(plan, num_envs, acting):
 def mujoco(module, model, plan, integrator):
     driven = plan.driven
     low, high = plan.limits[[plan.dof(name) for name in driven]].T
-    low, high = np.where(np.isfinite(low), low, -3.0), np.where(np.isfinite(high), high, 3.0)
     targets = np.random.default_rng(0).uniform(low, high, (64, len(driven)))
     with tempfile.TemporaryDirectory() as folder:
         file = pathlib.Path(folder) / "model.xml"
-        file.write_text(mjcf(model, plan.dt, integrator))
-        place = {name: i for i, name in enumerate(j.name for j in model.joints if j.kind != "fixed")}
+        text = mjcf(model, plan.dt, integrator)
+        file.write_text(text)
+        order = [joint.get("name") for joint in xml.fromstring(text).find("worldbody").iter("joint")]
+        place = {name: i for i, name in enumerate(order)}
         couplings = [[place[c.joint], place[c.terms[0][0]], c.terms[0][1], c.offset] for c in model.couplings]
         pathlib.Path(f"{file}.couplings.json").write_text(json.dumps(couplings))
         rows = pathlib.Path(folder) / "targets.json"
         rows.write_text(json.dumps(targets.tolist()))
         script = pathlib.Path(__file__).with_name("mujoco.mjs")
-        done = subprocess.run(["node", script, module, file, rows, "4000"], capture_output=True, text=True)
+        done = subprocess.run(["node", "--no-liftoff", script, module, file, rows, "40000"], capture_output=True, text=True)
     if done.returncode:
         sys.exit(done.stdout + done.stderr)
     return json.loads(done.stdout.splitlines()[-1])

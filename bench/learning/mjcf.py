@@ -36,7 +36,9 @@ def mjcf(model, dt, integrator="implicitfast", stiff=True):
     """solref of the couplings is two steps if they are stiff, the shortest that is stable by itself."""
     root = xml.Element("mujoco", model=model.name)
     xml.SubElement(root, "compiler", autolimits="true", balanceinertia="true", boundmass="1e-9", boundinertia="1e-12")
-    xml.SubElement(root, "option", timestep=repr(dt), integrator=integrator, gravity=numbers(model.gravity))
+    option = xml.SubElement(root, "option", timestep=repr(dt), integrator=integrator, gravity=numbers(model.gravity),
+                            jacobian="dense", solver="Newton", iterations="10", ls_iterations="10")
+    xml.SubElement(option, "flag", contact="disable", warmstart="enable")
     world = xml.SubElement(root, "worldbody")
 
     def body(parent, link, pose, joint):

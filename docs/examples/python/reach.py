@@ -21,7 +21,8 @@ def plan():
     for joint, (kp, kd) in gains.items():
         model.joints[joint].drive = ls.Drive(kp=kp, kd=kd)
     model.sites.append(ls.Site("tip", "left_tip", ls.pose((0.0, 0.0, 0.045))))
-    return ls.compile(model, vary=["gear_ratio", "offset", "drive_gains", "mass"])
+    # Where limits act, as they do in learning, euler is several times as fast as leapfrog, and accurate enough.
+    return ls.compile(model, integrator="euler", vary=["gear_ratio", "offset", "drive_gains", "mass"])
 
 
 class Reach(VectorEnv):
