@@ -13,6 +13,7 @@ Arrays of a batch are live views: [num_envs, k], without copies, valid for ever.
 """
 
 from ._lockstep import Batch, Plan, Rows, __version__, compile, from_urdf, from_urdf_text, load_kernel
+from ._lockstep import _require_main_interpreter
 from .errors import Error, ImportFileError, ModelError, SettingsError, UsageError
 from .model import (
     Coupling,
@@ -32,6 +33,8 @@ from .model import (
     pose,
 )
 from .query import Query
+
+_require_main_interpreter()
 
 __all__ = [
     "Batch",

@@ -6,12 +6,16 @@
 namespace lockstep::python {
 namespace {
 
-// pybind11 keeps its types in one place for all interpreters of a process.
-void refuse_subinterpreter() {
-  if (PyInterpreterState_Get() == PyInterpreterState_Main()) return;
+// pybind11 works in one interpreter of a process. Another one copies the module without initialising it, so the package
+// asks, by a function that is not pybind11's.
+PyObject* require_main_interpreter(PyObject*, PyObject*) {
+  if (PyInterpreterState_Get() == PyInterpreterState_Main()) Py_RETURN_NONE;
   PyErr_SetString(PyExc_ImportError, "lockstep works in the main interpreter only; use threads or processes");
-  throw py::error_already_set();
+  return nullptr;
 }
+
+PyMethodDef requirement = {"_require_main_interpreter", require_main_interpreter, METH_NOARGS,
+                           "Raises ImportError in a sub-interpreter."};
 
 void load_kernel(const std::string& path) {
   if (dlopen(path.c_str(), RTLD_NOW | RTLD_GLOBAL)) return;
@@ -22,11 +26,11 @@ void load_kernel(const std::string& path) {
 }  // namespace
 
 PYBIND11_MODULE(_lockstep, module) {
-  refuse_subinterpreter();
   translate_errors();
   module.attr("__version__") = version();
   bind_batch(module);
   bind_plan(module);
+  module.attr("_require_main_interpreter") = py::reinterpret_steal<py::object>(PyCFunction_New(&requirement, nullptr));
   module.def("load_kernel", &load_kernel, py::arg("path"),
              "Loads generated kernels from a shared library. Batches that are made later use those of their plan.");
 }

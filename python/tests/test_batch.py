@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 import gc
+import multiprocessing
+import os
+import sys
 import threading
 import weakref
 
 import numpy as np
 import pytest
-from conftest import VARIED, gripper_model
+from conftest import MODELS, VARIED, gripper_model
 
 import lockstep as ls
 
@@ -185,6 +188,56 @@ def test_a_second_thread_is_refused_or_waits(plan):
     assert refused > 0
 
 
+def test_views_do_not_leak(batch):
+    batch.step()
+    resident = lambda: int(open("/proc/self/statm").read().split()[1]) * 4096  # noqa: E731
+    for _ in range(1000):
+        batch.q, batch.fault, batch.rows.q, batch.coupling_error()
+    before = resident()
+    for _ in range(20000):
+        batch.q, batch.fault, batch.rows.q
+    for _ in range(200):
+        batch.coupling_error(), batch.save()
+    assert resident() - before < 1 << 20
+
+
+def test_a_forked_process_steps_too(plan):
+    batch = plan.batch(64, threads=2)
+    batch.step(2)
+    child = os.fork()
+    if child == 0:
+        batch.step(10)
+        os._exit(0 if np.all(batch.steps == 12) else 1)
+    assert os.waitpid(child, 0)[1] == 0
+    batch.step(1)
+    assert np.all(batch.steps == 3)
+
+
+def test_a_spawned_process_gets_plan_and_state(plan):
+    batch = plan.batch(5, seed=1)
+    batch.reset_random()
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        there = pool.apply(stepped, (plan, batch.save(), 30))
+    batch.step(30)
+    assert np.array_equal(there, batch.q)
+
+
+def stepped(plan, blob, steps):
+    batch = plan.batch(5)
+    batch.restore(blob)
+    batch.step(steps)
+    return batch.q.copy()
+
+
+def test_sub_interpreters_are_refused():
+    interpreters = pytest.importorskip("_xxsubinterpreters")
+    other = interpreters.create()
+    paths = repr([path for path in sys.path])
+    with pytest.raises(interpreters.RunFailedError, match="main interpreter"):
+        interpreters.run_string(other, f"import sys; sys.path = {paths}\nimport lockstep._lockstep")
+    interpreters.destroy(other)
+
+
 def test_arrays_are_shared_with_torch(batch):
     torch = pytest.importorskip("torch")
     tensor = torch.from_dlpack(batch.q)
@@ -203,6 +256,24 @@ def test_precisions_and_engines(plan):
         b.step(100)
         ends.append(b.q.copy())
     assert np.allclose(*ends, atol=1e-10)
+
+
+def test_a_generated_kernel_is_loaded_from_a_file():
+    kernel = os.environ.get("LOCKSTEP_TEST_KERNEL")
+    if not kernel:
+        pytest.skip("no kernel was built")
+    plan = ls.compile(ls.from_urdf(MODELS / "prismatic_pair.urdf"))
+    before = plan.batch(3)
+    assert before.engine != "generated" and before.kernel == ""
+    ls.load_kernel(kernel)
+    after = plan.batch(3)
+    assert after.engine == "generated" and after.kernel == "prismatic_pair"
+    for batch in (before, after):
+        batch.qd[:, 0] = 0.1
+        batch.step(20)
+    assert np.allclose(before.q, after.q, atol=1e-6) and np.abs(after.q).max() > 1e-3
+    with pytest.raises(ls.UsageError, match="cannot be loaded"):
+        ls.load_kernel("/no/such/kernel.so")
 
 
 def test_edits_need_no_announcement():

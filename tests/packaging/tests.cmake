@@ -12,7 +12,12 @@ set(flags "")
 if(LOCKSTEP_SANITIZE)
   set(flags -fsanitize=address,undefined)
 endif()
-lockstep_packaging_test(installed "" "-DFLAGS=${flags}")
+set(other_languages -DC_MODEL=${PROJECT_SOURCE_DIR}/tests/models/gripper.urdf)
+if(TARGET lockstep_python AND NOT LOCKSTEP_SANITIZE)
+  list(APPEND other_languages -DPYTHON=${LOCKSTEP_PYTHON} -DPYTHON_DIR=${LOCKSTEP_PYTHON_DIR}
+       -DC_SOURCE=${PROJECT_SOURCE_DIR}/tests/c/consumer.c)
+endif()
+lockstep_packaging_test(installed "" "-DFLAGS=${flags}" ${other_languages})
 set(examples ${PROJECT_SOURCE_DIR}/docs/examples)
 lockstep_packaging_test(example "examples" "-DFLAGS=${flags}" -DCONSUMER=${examples}/generated
                         -DEXPECTED=${examples}/generated/main.expected -DRUN=${examples}/run.cmake)
