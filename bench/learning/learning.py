@@ -120,7 +120,8 @@ def main():
         if options.mujoco:
             for integrator in ("implicitfast", "discrete"):
                 ran = mujoco(options.mujoco, model, plan, integrator)
-                print(f"  MuJoCo    {integrator:26} {1.33e-6 / ran['seconds']:8.4f}   |C| up to {ran['error']:.1e} rad")
+                print(f"  MuJoCo    {integrator:26} {1.33e-6 / ran['seconds']:8.4f}   |C| up to {ran['error']:.1e} rad"
+                      f"{', diverged and was reset' if ran['reset'] else ''}")
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ enum class ActionKind {
 /// How Batch::set_actions() maps actions from [-1, 1]: -1 is `low` and 1 is `high`, and between it is linear. Actions
 /// beyond are clipped.
 ///
-/// There is one action for each of Plan::driven_dofs(), and of `effort` for each of Plan::independent_dofs().
+/// There is one action for each of Plan::driven_dofs(). For `effort` there is one for each of Plan::independent_dofs().
 struct ActionMap {
   ActionKind kind = ActionKind::position;
   /// By action, finite, low <= high; rad, m, rad/s, m/s, N m or N. Empty: the model's position range, 5 % of it to

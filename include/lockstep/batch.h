@@ -138,7 +138,7 @@ struct StridedRows {
 /// A batch that was moved from throws UsageError, except that step() does nothing; it may be assigned to.
 ///
 /// Thread-safety: the functions of one Batch, const ones too, must not run at the same time. Different batches are
-/// independent. While one runs, step() does nothing (debug builds assert), and reset(), project(), save(), restore()
+/// independent. While one runs, step() does nothing and returns false, and reset(), project(), save(), restore()
 /// and readbacks that compute throw UsageError.
 ///
 /// The same bits result for any number of threads, batch size and place in the batch.
@@ -194,7 +194,8 @@ class LOCKSTEP_API Batch {
   /// Actions [actions][environments] of an agent, mapped to targets or efforts, of all stage times alike. Followers are
   /// never commanded: one with a drive of its own keeps its targets. An environment with a NaN among its actions gets
   /// Fault::bad_input at once. Environments with a fault keep their inputs. Allocates nothing. Throws UsageError, and
-  /// changes nothing, for ranges that do not fit, and for a joint without the limit that is to be its range.
+  /// changes nothing, for ranges that do not fit, and for a joint without the limit that is to be its range. Actions
+  /// must not lie in memory of this batch.
   void set_actions(const StridedRows<const S>& actions, const ActionMap& map = {},
                    const EnvironmentSet& which = EnvironmentSet::all());
 
@@ -204,7 +205,8 @@ class LOCKSTEP_API Batch {
   ///
   /// Before the first of them, quaternions of root_poses() that are not unit are normalised, and environments with an
   /// impossible value get Fault::bad_value. The host's rounding mode and floating-point traps do not matter.
-  void step(int substeps = 1) noexcept;
+  /// Returns false, and does nothing, where another function of this batch runs.
+  bool step(int substeps = 1) noexcept;
 
   /// Back to the model's state and inputs. Parameters stay. Clears the faults of these environments and of no others;
   /// nothing else clears a fault, not even writing to a faulted environment. Throws UsageError for environments that do
@@ -234,7 +236,7 @@ class LOCKSTEP_API Batch {
   std::span<const std::uint64_t> seeds() const;
   /// [rows][environments] uniform in [0, 1), multiples of 2^-24, so float and double are the same numbers. A row has
   /// the same number however many rows are drawn. Other environments stay unwritten. Allocates nothing. Throws
-  /// UsageError for a stream that is none, less than 0 rows, or rows without memory.
+  /// UsageError for a stream that is none, a negative number of rows, or rows without memory.
   void draw(const StridedRows<S>& out, int rows, unsigned stream = 0,
             const EnvironmentSet& which = EnvironmentSet::all()) const;
   /// The same, from the standard normal distribution.
@@ -292,8 +294,9 @@ class LOCKSTEP_API Batch {
 
   // --- readbacks, computed when asked for ------------------------------------------------------
   /// Writes the rows of the queries one after the other, Plan::query_rows() for each. All frames of links and sites
-  /// together take one kinematics pass, each energy takes another. Allocates nothing with one thread. Throws UsageError
-  /// for elements outside the plan, a scale that is no number, and rows without memory.
+  /// together take one kinematics pass, each energy takes another. `out` must not lie in memory of this batch.
+  /// Allocates nothing with one thread. Throws UsageError for elements outside the plan, a scale that is no number, and
+  /// rows without memory.
   void read(std::span<const Query> queries, const StridedRows<S>& out) const;
 
   // These allocate their result.

@@ -1,7 +1,8 @@
 /* The C interface of lockstep. SPDX-License-Identifier: Apache-2.0
  *
  * Functions return LOCKSTEP_OK or the kind of failure; lockstep_message() has the words. No exception leaves them.
- * Structs begin with their size, so that later versions can have more members: fill them by their _init function first.
+ * Structs begin with their size. Those that have an _init function may have more members in later versions: call it
+ * first. lockstep_array and lockstep_query stay as they are. Members and flags that are not listed are 0.
  * Objects belong to the caller, who frees them. Arrays belong to their batch.
  *
  * Promise: a program that was compiled with a version of the library runs with all later ones of the same number
@@ -46,6 +47,9 @@ typedef struct lockstep_batch lockstep_batch;
 
 LOCKSTEP_C_API int lockstep_model_from_urdf(const char* path, lockstep_model** out);
 LOCKSTEP_C_API int lockstep_model_from_urdf_text(const char* text, lockstep_model** out);
+/* What became of everything in the file, line by line; lines of what its owner should act on begin with "warning: ". It
+ * lives as long as the model. */
+LOCKSTEP_C_API int lockstep_model_report(const lockstep_model* model, const char** out);
 /* What moves a joint: kp in N m/rad or N/m, kd in N m s/rad or N s/m, both >= 0. */
 LOCKSTEP_C_API int lockstep_model_set_drive(lockstep_model* model, const char* joint, double kp, double kd);
 /* A frame on a link: x, y, z in m, quaternion w, x, y, z, in the link's axes. */

@@ -57,7 +57,8 @@ enum class Change {
 /// How Batch::randomize() changes a field.
 struct Randomization {
   Change change = Change::scale;
-  double low = 1.0, high = 1.0;  ///< finite, low <= high; of a normal distribution: mean and standard deviation
+  double low = 1.0,
+         high = 1.0;  ///< finite, low <= high, high - low finite; of a normal distribution: mean and standard deviation
   Distribution distribution = Distribution::uniform;
   std::vector<int> rows = {};  ///< of the field. Empty: all whose compiled value is finite, as a limit may be infinite
   bool shared = false;         ///< one draw of an environment for all these rows

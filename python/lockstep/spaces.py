@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import enum
-from typing import Any
+from typing import Any, Optional
 
 import numpy as np
 
@@ -23,20 +23,23 @@ class Box:
         self.high = np.full(self.shape, high, self.dtype)
         self._random = np.random.default_rng()
 
-    def seed(self, seed: int) -> list[int]:
+    def seed(self, seed: Optional[int] = None) -> Optional[int]:
         self._random = np.random.default_rng(seed)
-        return [seed]
+        return seed
 
     def sample(self) -> Any:
-        """Uniform where bounded, normal where not."""
-        bounded = np.isfinite(self.low) & np.isfinite(self.high)
-        low, high = np.where(bounded, self.low, 0.0), np.where(bounded, self.high, 1.0)
-        numbers = np.where(bounded, self._random.uniform(low, high), self._random.normal(size=self.shape))
-        return numbers.astype(self.dtype)
+        """Uniform where bounded, exponential beyond one bound, normal where there is none."""
+        below, above = np.isfinite(self.low), np.isfinite(self.high)
+        low, high = np.where(below, self.low, 0.0), np.where(above, self.high, 0.0)
+        beyond = self._random.exponential(size=self.shape)
+        numbers = np.where(below, low + beyond, np.where(above, high - beyond, self._random.normal(size=self.shape)))
+        both = below & above
+        uniform = self._random.uniform(np.where(both, low, 0.0), np.where(both, high, 1.0))
+        return np.where(both, uniform, numbers).astype(self.dtype)
 
     def contains(self, x: Any) -> bool:
         x = np.asarray(x)
-        fits = x.shape == self.shape and np.can_cast(x.dtype, self.dtype)
+        fits = x.shape == self.shape and np.can_cast(x.dtype, self.dtype, "same_kind")
         return bool(fits and np.all(x >= self.low) and np.all(x <= self.high))
 
     def __contains__(self, x: Any) -> bool:
@@ -51,4 +54,5 @@ class Box:
         )
 
     def __repr__(self) -> str:
-        return f"Box({self.low.min()}, {self.high.max()}, {self.shape}, {self.dtype})"
+        low, high = (bound.flat[0] if bound.size else "-" for bound in (self.low, self.high))
+        return f"Box({low}, {high}, {self.shape}, {self.dtype})"

@@ -4,6 +4,7 @@ imported, spaces and the autoreset mode are its own types. check() tests any vec
 
 from __future__ import annotations
 
+import operator
 from typing import Any, Callable, Mapping, Optional, Sequence, Union
 
 import numpy as np
@@ -15,18 +16,23 @@ from .query import Query
 try:
     from gymnasium.spaces import Box
     from gymnasium.vector import AutoresetMode
+    from gymnasium.vector import VectorEnv as Base
 except ImportError:
     from .spaces import AutoresetMode, Box
 
+    Base = object
+
 Array = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]
+ACTION_KINDS = ("position", "position_change", "velocity", "effort")
 Rule = Callable[["VectorEnv"], Array]
 
 
-class VectorEnv:
+class VectorEnv(Base):  # type: ignore[misc]
     """Environments of one plan with observations, rewards and ends of episodes.
 
-    Give rules as functions of the environment, or override the methods of the same names (advance only so):
+    Give rules as functions of the environment, or override the methods of the same names; advance can only be overridden.
+    A class sets what its rules need before it calls __init__(), which observes once:
         observe    queries (see Batch.read()), or a function that returns [num_envs, k]; default: q and qd
         reward     [num_envs] float; default: 0
         terminate  [num_envs] bool; default: never. A fault terminates an episode in any case
@@ -63,6 +69,12 @@ class VectorEnv:
         dtype: str = "f4",
         copy: bool = True,
     ) -> None:
+        if action_kind not in ACTION_KINDS:
+            raise ValueError(f"action_kind {action_kind!r} is none of {', '.join(ACTION_KINDS)}")
+        if not 0.0 <= spread <= 1.0:
+            raise ValueError(f"spread is {spread}, not 0 to 1")
+        if decimation < 1 or (limit is not None and limit < 1):
+            raise ValueError(f"limit and decimation must be 1 or more, not {limit} and {decimation}")
         self.plan = plan
         self.num_envs = num_envs
         self.batch: Batch = plan.batch(num_envs, threads=threads, seed=seed, first_id=first_id, dtype=dtype)
@@ -82,10 +94,14 @@ class VectorEnv:
         self._ended = np.ones(num_envs, np.bool_)  # the next step resets these, or refuses
         self._started = False
 
-        actions = len(plan.driven)
+        self.batch.episode[:] = -1  # so that the first reset begins episode 0
+        actions = len(plan.independent if action_kind == "effort" else plan.driven)
         self.single_action_space = Box(-1.0, 1.0, (actions,), np.float32)
         self.action_space = Box(-1.0, 1.0, (num_envs, actions), np.float32)
-        size = self.observe().shape[1]
+        seen = np.asarray(self.observe())
+        if seen.ndim != 2 or len(seen) != num_envs:
+            raise ValueError(f"observations have the shape {seen.shape}, not ({num_envs}, k)")
+        size = seen.shape[1]
         self.single_observation_space = Box(-np.inf, np.inf, (size,), np.float32)
         self.observation_space = Box(-np.inf, np.inf, (num_envs, size), np.float32)
         self._observations = np.zeros((num_envs, size), np.float32)
@@ -129,8 +145,8 @@ class VectorEnv:
 
     def step(self, actions: npt.ArrayLike) -> tuple[Array, Array, Mask, Mask, dict[str, Any]]:
         """One control step: observations, rewards, terminated, truncated, info."""
-        if not self._started:
-            raise RuntimeError("reset() must come before step()")
+        if not self._started or self.closed:
+            raise RuntimeError("step() comes after reset() and before close()")
         given = np.asarray(actions)
         if given.shape != self.action_space.shape:
             raise ValueError(f"actions have the shape {given.shape}, not {self.action_space.shape}")
@@ -145,23 +161,22 @@ class VectorEnv:
         if restarted.any():
             self._start(restarted)
         fault = self.batch.fault != 0
-        terminated = (np.asarray(self.terminate(), np.bool_) | fault) & ~restarted
+        terminated = (self._one_each(self.terminate(), np.bool_, "terminate") | fault) & ~restarted
         truncated = np.zeros(self.num_envs, np.bool_)
         if self.limit is not None:
             truncated = (self.elapsed >= self.limit) & ~restarted
-        rewards = np.where(restarted, 0, self.reward()).astype(np.float32)
+        rewards = np.where(restarted, 0, self._one_each(self.reward(), np.float32, "reward")).astype(np.float32)
         self._ended = terminated | truncated
 
         info: dict[str, Any] = {}
         if fault.any():
-            info["fault"] = self.batch.fault.astype(np.uint8)
-            info["_fault"] = fault
+            info = {"fault": self.batch.fault.astype(np.uint8), "_fault": fault}
         observations = self._observed()
         if self._ended.any() and self.autoreset_mode.value == "SameStep":
             observations = self._restart_ended(observations, info)
         return observations, rewards, terminated, truncated, info
 
-    def close(self) -> None:
+    def close(self, **kwargs: Any) -> None:
         self.closed = True
 
     def render(self) -> None:
@@ -170,6 +185,9 @@ class VectorEnv:
     @property
     def unwrapped(self) -> "VectorEnv":
         return self
+
+    def __repr__(self) -> str:
+        return f"VectorEnv({self.plan!r}, num_envs={self.num_envs}, {self.autoreset_mode.value})"
 
     # --- parts -------------------------------------------------------------------------------
 
@@ -187,11 +205,13 @@ class VectorEnv:
         if seed is None:
             return
         if isinstance(seed, (int, np.integer)):
-            seeds: Sequence[Optional[int]] = [int(seed)] * self.num_envs
-        else:
-            seeds = list(seed)
+            seed = [int(seed)] * self.num_envs
+        seeds = [None if own is None else operator.index(own) for own in seed]
         if len(seeds) != self.num_envs:
             raise ValueError(f"{len(seeds)} seeds for {self.num_envs} environments")
+        for own in seeds:
+            if own is not None and not 0 <= own < 1 << 64:
+                raise ValueError(f"seed {own} is outside 0 to 2^64 - 1")
         for place in np.flatnonzero(which):
             own = seeds[place]
             if own is not None:
@@ -205,8 +225,16 @@ class VectorEnv:
         self._ended[which] = False
         self._started = True
 
+    def _one_each(self, given: Any, dtype: Any, rule: str) -> Array:
+        numbers = np.asarray(given, dtype)
+        if numbers.shape != (self.num_envs,):
+            raise ValueError(f"{rule} gives the shape {numbers.shape}, not ({self.num_envs},)")
+        return numbers
+
     def _observed(self) -> Array:
-        seen = self.observe()
+        seen = np.asarray(self.observe())
+        if seen.shape != self.observation_space.shape:
+            raise ValueError(f"observations have the shape {seen.shape}, not {self.observation_space.shape}")
         if self.copy:
             return np.array(seen, np.float32, order="C")
         self._observations[...] = seen
@@ -220,7 +248,7 @@ class VectorEnv:
             info["final_obs"][place] = final[place]
         info["_final_obs"] = ended
         info["final_obs_batch"] = final
-        info["final_info"] = {key: value.copy() for key, value in info.items() if key in ("fault", "_fault")}
+        info["final_info"] = {key: info.pop(key) for key in ("fault", "_fault") if key in info}
         info["_final_info"] = ended
         self._start(ended)
         return self._observed()

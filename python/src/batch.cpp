@@ -57,10 +57,11 @@ constexpr NamedField fields[] = {
     {"q", field<[](auto& b) { return b.positions(); }>, "[num_envs, nv] positions, rad or m; live"},
     {"qd", field<[](auto& b) { return b.velocities(); }>, "[num_envs, nv] velocities, rad/s or m/s; live"},
     {"q_target", field<[](auto& b) { return b.position_targets(); }>,
-     "[num_envs, nv] position targets, rad or m; live; for joints with a drive"},
+     "[num_envs, nv for each of Plan.stage_times] position targets, rad or m; live; for joints with a drive"},
     {"qd_target", field<[](auto& b) { return b.velocity_targets(); }>,
-     "[num_envs, nv] velocity targets, rad/s or m/s; live; for joints with a drive"},
-    {"effort", field<[](auto& b) { return b.efforts(); }>, "[num_envs, nv] feed-forward efforts, N m or N; live"},
+     "[num_envs, nv for each of Plan.stage_times] velocity targets, rad/s or m/s; live; for joints with a drive"},
+    {"effort", field<[](auto& b) { return b.efforts(); }>,
+     "[num_envs, nv for each of Plan.stage_times] feed-forward efforts, N m or N; live"},
     {"root_pose", field<[](auto& b) { return b.root_poses(); }>,
      "[num_envs, 7 per floating root] x, y, z (m), quaternion w, x, y, z; live"},
     {"root_twist", field<[](auto& b) { return b.root_velocities(); }>,
@@ -124,7 +125,7 @@ typename Batch<S>::Array model_states(const Plan& plan, Eigen::Index environment
 }
 
 Couplings couplings_of(const py::object& project) {
-  if (py::isinstance<py::bool_>(project)) return project.cast<bool>() ? Couplings::hard : Couplings::none;
+  if (is_bool(project)) return truth_of(project) ? Couplings::hard : Couplings::none;
   const std::string name = py::str(project);
   if (name == "none") return Couplings::none;
   if (name == "hard") return Couplings::hard;
@@ -213,8 +214,13 @@ void bind_views(py::class_<Rows>& rows, Class& batch) {
       "a field that does not vary.");
   batch.def("expand", items, "name"_a, "as parameter()");
   batch.def(
-      "bind", [](const py::object& self, const std::string& name) { return self.attr(name.c_str()); }, "name"_a,
-      "the live array of that name: bind('q') is q");
+      "bind",
+      [items](const py::object& self, const std::string& name) {
+        for (const NamedField& f : fields)
+          if (name == f.name) return f.view(self.cast<AnyBatch&>(), Layout::items, self);
+        return items(self, name);
+      },
+      "name"_a, "the live array of that name: bind('q') is q, bind('mass') is parameter('mass')");
   batch.def_property_readonly(
       "rows", [](const py::object& self) { return Rows{self}; }, "the same arrays as [k, num_envs]");
   const auto read = [](const auto& numbers) {
@@ -264,10 +270,13 @@ void bind_views(py::class_<Rows>& rows, Class& batch) {
 
 void step(AnyBatch& batch, int substeps) {
   if (substeps < 1) throw py::value_error("substeps must be 1 or more, not " + std::to_string(substeps));
-  batch.use([&](auto& own) {
+  const bool alone = batch.use([&](auto& own) {
     const py::gil_scoped_release release;
-    own.step(substeps);
+    return own.step(substeps);
   });
+  if (!alone)
+    throw UsageError("batch", "is in use by another thread: the functions of one Batch must not run at the same time",
+                     "call them one after the other");
 }
 
 py::dict report_of(AnyBatch& batch, int environment) {
@@ -335,6 +344,23 @@ py::list unmet_to_python(const Plan& plan, const std::vector<UnmetCoupling>& unm
   return list;
 }
 
+bool overlaps(AnyBatch& batch, const py::array& array) {
+  const auto range = [](const py::array& a) {
+    const char* first = static_cast<const char*>(a.data());
+    const char* last = first + a.itemsize();
+    for (py::ssize_t i = 0; i < a.ndim(); ++i) {
+      if (a.shape(i) == 0) return std::pair(first, first);
+      (a.strides(i) > 0 ? last : first) += (a.shape(i) - 1) * a.strides(i);
+    }
+    return std::pair(first, last);
+  };
+  const auto [first, last] = range(array);
+  return std::any_of(std::begin(fields), std::end(fields), [&](const NamedField& f) {
+    const auto [begin, end] = range(f.view(batch, Layout::items, py::none()));
+    return std::less<>()(first, end) && std::less<>()(begin, last);
+  });
+}
+
 std::vector<int> environments_of(const py::object& which, int environments) {
   std::vector<int> ids;
   if (which.is_none()) {
@@ -345,11 +371,11 @@ std::vector<int> environments_of(const py::object& which, int environments) {
   const py::array given = py::module_::import("numpy").attr("asarray")(which);
   const char kind = given.dtype().kind();
   if (kind == 'b') return ids_of_mask(given, environments);
-  if (given.size() == 0) return ids;  // an empty list is an array of float64
-  if ((kind != 'i' && kind != 'u') || (kind == 'u' && given.itemsize() == 1))
+  if (given.size() == 0) return ids;                          // an empty list is an array of float64
+  if ((kind != 'i' && kind != 'u') || given.itemsize() == 1)  // a byte is more likely part of a mask
     throw py::type_error("environments are a mask of bool or a sequence of integers, not an array of " +
                          text_of(given.dtype()));
-  const py::array_t<std::int64_t> numbers = given;
+  const py::array_t<std::int64_t, py::array::c_style | py::array::forcecast> numbers = given;
   if (numbers.ndim() > 1) throw py::type_error("environments are a one-dimensional mask or sequence of ids");
   const std::int64_t* const at = numbers.data();
   for (py::ssize_t i = 0; i < numbers.size(); ++i) {

@@ -28,6 +28,9 @@ std::unique_ptr<AnyBatch> make_batch(const Plan& plan, int environments, int thr
 /// UsageError for ids outside the batch, and TypeError for other types.
 std::vector<int> environments_of(const py::object& which, int environments);
 
+/// Whether an array lies in the memory of the batch's fields.
+bool overlaps(AnyBatch& batch, const py::array& array);
+
 /// (environment, coupling, error, velocity error) of each.
 py::list unmet_to_python(const Plan& plan, const std::vector<UnmetCoupling>& unmet);
 

@@ -44,7 +44,7 @@ Randomization randomization_of(const Plan& plan, Parameter field, const std::str
   const std::vector<std::string>& names = plan.parameter_row_names(field);
   for (const py::handle& row : rows) {
     if (!py::isinstance<py::str>(row)) {
-      r.rows.push_back(row.cast<int>());
+      r.rows.push_back(value_of<int>(row, "rows"));
       continue;
     }
     const std::string name = row.cast<std::string>();
@@ -67,11 +67,12 @@ void act(Batch<S>& batch, const py::object& actions, const std::string& kind, co
                                  {"position_change", ActionKind::position_change},
                                  {"velocity", ActionKind::velocity},
                                  {"effort", ActionKind::effort}});
-  if (!low.is_none()) map.low = low.cast<std::vector<double>>();
-  if (!high.is_none()) map.high = high.cast<std::vector<double>>();
+  if (!low.is_none()) map.low = value_of<std::vector<double>>(low, "low");
+  if (!high.is_none()) map.high = value_of<std::vector<double>>(high, "high");
   const std::vector<int>& commanded =
       map.kind == ActionKind::effort ? batch.plan().independent_dofs() : batch.plan().driven_dofs();
-  const py::array_t<S, py::array::forcecast> given(actions);
+  // A copy: actions may lie in memory of the batch, or not be aligned.
+  const py::array_t<S> given = py::module_::import("numpy").attr("array")(actions, "dtype"_a = py::dtype::of<S>());
   const py::ssize_t columns = static_cast<py::ssize_t>(commanded.size());
   if (given.ndim() != 2 || given.shape(0) != batch.environments() || given.shape(1) != columns)
     throw UsageError("actions", "have the shape " + text_of(given.attr("shape")),
@@ -101,14 +102,26 @@ const std::initializer_list<std::pair<const char*, Quantity>> quantities = {
     {"kinetic_energy", Quantity::kinetic_energy},
     {"potential_energy", Quantity::potential_energy}};
 
+int place_in(const std::vector<std::string>& names, const std::string& name, const char* kind) {
+  const auto found = std::find(names.begin(), names.end(), name);
+  if (found == names.end()) throw UsageError(std::string(kind) + " '" + name + "'", "is unknown", "see the model");
+  return static_cast<int>(found - names.begin());
+}
+
 int row_of(const Plan& plan, const std::string& quantity, const std::string& name) {
   if (quantity.starts_with("link")) return plan.link(name);
   if (quantity.starts_with("site")) return plan.site(name);
-  if (!quantity.starts_with("coupling")) return plan.dof(name);
-  const std::vector<std::string> names = coupling_names(plan.model());
-  const auto found = std::find(names.begin(), names.end(), name);
-  if (found == names.end()) throw UsageError("coupling '" + name + "'", "is unknown", "see Model.couplings");
-  return static_cast<int>(found - names.begin());
+  if (quantity.starts_with("coupling")) return place_in(coupling_names(plan.model()), name, "coupling");
+  if (quantity.starts_with("root")) return place_in(plan.root_names(), name, "floating root");
+  if (quantity.ends_with("energy"))
+    throw UsageError("query of " + quantity, "has rows, and there is only one", "leave them out");
+  if ((quantity.ends_with("target") || quantity == "effort") && plan.settings().stage_inputs)
+    throw UsageError("query of " + quantity, "has rows, and there are several stages", "leave them out");
+  return plan.dof(name);
+}
+
+bool asks_for_nothing(const py::handle& query) {
+  return !py::isinstance<py::str>(query) && !query.attr("rows").is_none() && py::len(query.attr("rows")) == 0;
 }
 
 Query query_of(const Plan& plan, const py::handle& given) {
@@ -120,31 +133,43 @@ Query query_of(const Plan& plan, const py::handle& given) {
   if (named) return query;
   query.scale = given.attr("scale").cast<double>();
   if (const py::object rows = given.attr("rows"); !rows.is_none())
-    for (const py::handle& row : rows) query.elements.push_back(row_of(plan, name, row.cast<std::string>()));
+    for (const py::handle& row : rows)
+      query.elements.push_back(row_of(plan, name, value_of<std::string>(row, "rows of a Query")));
   return query;
 }
 
 template <class S>
-py::array read(const Batch<S>& batch, const py::args& given, const py::object& out) {
+py::array read(const Batch<S>& batch, const py::args& given, const py::object& out, const py::object& query_class) {
   std::vector<Query> queries;
   py::ssize_t columns = 0;
   for (const py::handle& query : given) {
+    if (!py::isinstance<py::str>(query) && !py::isinstance(query, query_class))
+      throw py::type_error("a query is a name or a lockstep.Query, not " + text_of(py::repr(query)));
+    if (asks_for_nothing(query)) continue;
     queries.push_back(query_of(batch.plan(), query));
     columns += batch.plan().query_rows(queries.back());
   }
   py::array_t<S> to;
   if (out.is_none())
     to = py::array_t<S>({static_cast<py::ssize_t>(batch.environments()), columns});
-  else if (py::array_t<S>::check_(out) && py::cast<py::array>(out).writeable())
+  else if (py::array_t<S>::check_(out) && py::cast<py::array>(out).writeable() &&
+           py::cast<bool>(out.attr("flags").attr("aligned")))
     to = py::reinterpret_borrow<py::array_t<S>>(out);
   else
-    throw py::type_error("out must be a writable array of " + text_of(py::dtype::of<S>()));
+    throw py::type_error("out must be a writable, aligned array of " + text_of(py::dtype::of<S>()));
   if (to.ndim() != 2 || to.shape(0) != batch.environments() || to.shape(1) != columns)
     throw UsageError("out", "has the shape " + text_of(to.attr("shape")),
                      "give [" + std::to_string(batch.environments()) + ", " + std::to_string(columns) + "]");
   constexpr py::ssize_t item = sizeof(S);
   batch.read(queries, StridedRows<S>{to.mutable_data(), to.strides(1) / item, to.strides(0) / item});
   return to;
+}
+
+// Ids only: how many environments a blob has is not known here.
+std::vector<int> places_in_blob(const py::object& rows) {
+  for (const py::handle& row : rows)
+    if (is_bool(row)) throw py::type_error("rows are places in the blob, not a mask");
+  return environments_of(rows, std::numeric_limits<int>::max());
 }
 
 }  // namespace
@@ -169,6 +194,7 @@ void bind_control(py::class_<AnyBatch>& batch) {
       [](AnyBatch& b, const std::string& name, const std::string& operation, double low, double high,
          const std::string& distribution, const py::object& which, const py::object& rows, bool shared,
          unsigned stream) {
+        if (!rows.is_none() && py::len(rows) == 0) return;
         b.use([&](auto& own) {
           const Parameter field = parameter_of(name);
           own.randomize(field,
@@ -221,7 +247,10 @@ void bind_control(py::class_<AnyBatch>& batch) {
   batch.def(
       "read",
       [](AnyBatch& b, const py::args& queries, const py::object& out) {
-        return b.use([&](auto& own) { return read(own, queries, out); });
+        if (!out.is_none() && py::isinstance<py::array>(out) && overlaps(b, out))
+          throw UsageError("out", "lies in memory of the batch", "give an array of its own");
+        const py::object query_class = py::module_::import("lockstep.query").attr("Query");
+        return b.use([&](auto& own) { return read(own, queries, out, query_class); });
       },
       "out"_a = py::none(),
       "[num_envs, k] the quantities of names or lockstep.Query objects, side by side, in one pass. out: an array of "
@@ -244,9 +273,17 @@ void bind_control(py::class_<AnyBatch>& batch) {
         b.use([&](auto& own) {
           const RestoreOptions options{other_settings};
           if (into.is_none() && rows.is_none()) return own.restore(bytes, options);
+          const std::vector<int> to = environments_of(into, own.environments());
           std::vector<int> from;
-          if (!rows.is_none()) from = py::cast<std::vector<int>>(rows);
-          own.restore(bytes, environments_of(into, own.environments()), from, options);
+          if (!rows.is_none()) {
+            from = places_in_blob(rows);
+            if (from.size() != to.size())
+              throw UsageError(
+                  "rows", "are " + std::to_string(from.size()) + " for " + std::to_string(to.size()) + " environments",
+                  "give one for each");
+            if (from.empty()) return;
+          }
+          own.restore(bytes, to, from, options);
         });
       },
       "blob"_a, "into"_a = py::none(), "rows"_a = py::none(), py::kw_only(), "other_settings"_a = false,

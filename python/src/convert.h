@@ -12,6 +12,22 @@ namespace py = pybind11;
 /// str() of a Python object.
 inline std::string text_of(const py::handle& thing) { return py::str(thing).cast<std::string>(); }
 
+/// True and False, of Python or numpy.
+inline bool is_bool(const py::handle& thing) {
+  return py::isinstance<py::bool_>(thing) || text_of(py::type::of(thing).attr("__name__")) == "bool_";
+}
+inline bool truth_of(const py::handle& thing) { return PyObject_IsTrue(thing.ptr()) == 1; }
+
+/// A value of an argument; throws TypeError that names it.
+template <class Value>
+Value value_of(const py::handle& given, const char* argument) {
+  try {
+    return given.cast<Value>();
+  } catch (const py::cast_error&) {
+    throw py::type_error(std::string(argument) + " cannot be " + text_of(py::repr(given)));
+  }
+}
+
 /// A lockstep.Model from its Python class. Throws TypeError that names the attribute where a type does not fit.
 Model model_of(const py::handle& model);
 py::object to_python(const Model& model);

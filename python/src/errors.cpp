@@ -24,6 +24,8 @@ void translate_errors() {
       raise("SettingsError", error);
     } catch (const UsageError& error) {
       raise("UsageError", error);
+    } catch (const py::cast_error&) {
+      PyErr_SetString(PyExc_TypeError, "an argument has a value of a wrong type");
     }
   });
 }

@@ -32,12 +32,12 @@ Ignored ignored_of(const py::object& given) {
   } else if (py::isinstance<py::dict>(given)) {
     for (const auto& [name, joints] : given.cast<py::dict>()) {
       JointSet& set = set_of(name);
-      if (py::isinstance<py::bool_>(joints))
-        set = joints.cast<bool>();
-      else if (py::isinstance<py::str>(joints) && joints.cast<std::string>() == "followers")
+      if (is_bool(joints))
+        set = truth_of(joints);
+      else if (py::isinstance<py::str>(joints) && text_of(joints) == "followers")
         set = JointSet::of_followers();
       else
-        set.names = joints.cast<std::vector<std::string>>();
+        set.names = value_of<std::vector<std::string>>(joints, "ignore");
     }
   } else {
     for (const py::handle& name : given) set_of(name) = true;
@@ -70,7 +70,8 @@ Plan compiled(const py::object& model, double dt, const py::object& vary, const 
   if (py::isinstance<py::str>(vary))
     settings.per_environment.insert(parameter_of(vary.cast<std::string>()));
   else
-    for (const py::handle& name : vary) settings.per_environment.insert(parameter_of(name.cast<std::string>()));
+    for (const py::handle& name : vary)
+      settings.per_environment.insert(parameter_of(value_of<std::string>(name, "vary")));
   settings.ignore = ignored_of(ignore);
   settings.stage_inputs = stage_inputs, settings.record_impulses = record_impulses;
   settings.record_diagnostics = diagnostics;

@@ -78,8 +78,16 @@ def test_which_environments(batch):
     batch.reset([])
     batch.reset(np.zeros(9, bool))
     assert np.flatnonzero(batch.q[:, 0] == 0).tolist() == [0, 4, 8]
+    table = np.arange(27).reshape(9, 3)
+    for ids in (np.arange(9)[::4], np.arange(9)[::-4], table[[0, 1, 2], 1], np.nonzero(np.eye(9)[[3, 7]])[1]):
+        episode = batch.episode.copy()
+        batch.reset(ids[ids < 9])
+        assert np.flatnonzero(batch.episode - episode).tolist() == sorted(ids[ids < 9])
+    batch.q[[1, 2, 3, 5, 6, 7]] = 1
+    batch.reset([0, 4, 8])
     for wrong, kind in (
         (np.ones(9, np.uint8), TypeError),
+        (np.ones(9, np.int8), TypeError),
         ([1.5], TypeError),
         ([9], ls.UsageError),
         ([-1], IndexError),
@@ -180,10 +188,14 @@ def test_a_second_thread_is_refused_or_waits(plan):
     refused = 0
     while worker.is_alive():
         try:
-            batch.reset([0])
+            batch.step()
         except ls.UsageError as error:
             assert "same time" in str(error)
             refused += 1
+        try:
+            batch.reset([0])
+        except ls.UsageError as error:
+            assert "same time" in str(error)
     worker.join()
     assert refused > 0
 

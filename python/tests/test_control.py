@@ -38,6 +38,8 @@ def test_randomize_starts_from_the_compiled_values(batch):
     batch.randomize("mass", "scale", 1.5, 1.5, which=[2], rows=["palm"])
     changed = batch.parameter("mass") != compiled
     assert changed.sum() == 1 and changed[2, batch.plan.parameter_rows("mass").index("palm")]
+    batch.randomize("mass", "scale", 2, 2, rows=[])
+    assert (batch.parameter("mass") != compiled).sum() == 1
     batch.randomize("gear_ratio", "scale", 0.9, 1.1, shared=True)
     scales = batch.parameter("gear_ratio") / batch.plan.batch(1).parameter("gear_ratio")
     assert np.allclose(scales, scales[:, :1]) and len(np.unique(scales[:, 0])) == 9
@@ -117,6 +119,19 @@ def test_read_packs_quantities_side_by_side(plan, batch):
             batch.read(*queries, out=wrong)
     with pytest.raises(ls.UsageError):
         batch.read("speed")
+    assert batch.read(ls.Query("q", [])).shape == (9, 0)
+    for wrong, kind in (
+        (lambda: batch.read(["q", "qd"]), TypeError),
+        (lambda: batch.read(ls.Query("kinetic_energy", ["elbow"])), ls.UsageError),
+        (lambda: batch.read(ls.Query("root_pose", ["base"])), ls.UsageError),
+        (lambda: batch.read("q", out=batch.q), ls.UsageError),
+        (lambda: batch.act(np.zeros((9, 4)), low=-1.0, high=1.0), TypeError),
+    ):
+        with pytest.raises(kind):
+            wrong()
+    batch.q_target[:, :4] = [0.1, 0.2, 0.3, 0.4]
+    batch.act(batch.q_target[:, 3::-1], low=[-1] * 4, high=[1] * 4)  # of its own memory
+    assert np.allclose(batch.q_target[:, :4], [0.4, 0.3, 0.2, 0.1])
     jacobian = batch.site_jacobian("tip")
     assert jacobian.shape == (9, 6, 9)
     # the site's velocity is the Jacobian times qd
@@ -141,6 +156,10 @@ def test_saved_environments_go_on_with_the_same_bits(plan):
     a.reset_random([2])
     b.reset_random([2])
     assert np.array_equal(a.q[2], b.q[2])
+    with pytest.raises(TypeError):
+        b.restore(blob, into=[0, 1], rows=[True, False])
+    with pytest.raises(ls.UsageError):
+        b.restore(blob, into=[0, 1], rows=[])
     damaged = bytearray(blob)
     damaged[len(blob) // 2] ^= 1
     for wrong in (bytes(damaged), blob[:-1], blob + b"x", b""):

@@ -152,7 +152,7 @@ def test_faults_end_episodes_with_finite_numbers():
     env.batch.effort[3] = np.inf
     seen, rewards, terminated, _, info = env.step(np.zeros((7, 4), np.float32))
     assert terminated.tolist() == [False] * 3 + [True] + [False] * 3
-    assert info["fault"][3] != 0 and info["fault"].dtype == np.uint8
+    assert info["final_info"]["fault"][3] != 0 and info["final_info"]["fault"].dtype == np.uint8
     assert np.isfinite(seen).all() and np.isfinite(rewards).all() and not env.batch.fault.any()
 
 
@@ -163,8 +163,39 @@ def test_wrong_calls():
     env.reset()
     with pytest.raises(ValueError, match="shape"):
         env.step(np.zeros((7, 3)))
-    with pytest.raises(ValueError):
-        make(autoreset_mode="Sometimes")
+    for wrong in ({"autoreset_mode": "Sometimes"}, {"action_kind": "torque"}, {"spread": 2.0}, {"limit": 0},
+                  {"decimation": 0}, {"observe": lambda env: env.batch.rows.q}):
+        with pytest.raises(ValueError):
+            make(**wrong)
+    for seed in (-1, 1 << 64, [1] * 6, [1.5] * 7, [4, "x", 6, 7, 8, 9, 10]):
+        with pytest.raises((ValueError, TypeError)):
+            env.reset(seed=seed)
+    assert set(env.batch.seed) == {5}
+    for rule in ("reward", "terminate"):
+        wide = make(**{rule: lambda env: env.batch.q[:, :1]})
+        wide.reset()
+        with pytest.raises(ValueError, match=rule):
+            wide.step(np.zeros((7, 4)))
+    env.close()
+    with pytest.raises(RuntimeError, match="close"):
+        env.step(np.zeros((7, 4)))
+
+
+def test_every_kind_of_action():
+    for kind in ("position", "position_change", "velocity", "effort"):
+        env = make(action_kind=kind)
+        env.reset()
+        assert env.action_space.contains(env.action_space.sample())
+        env.step(env.action_space.sample())
+        assert not env.batch.fault.any()
+
+
+def test_the_seed_of_the_constructor_is_that_of_a_reset():
+    assert np.array_equal(make(seed=3).reset()[0], make(seed=4).reset(seed=3)[0])
+
+
+def test_the_checker_needs_episodes():
+    assert any("no episode ended" in line for line in check(lambda: make(limit=None, terminate=None)))
 
 
 def test_the_form_of_rsl_rl():

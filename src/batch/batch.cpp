@@ -1,5 +1,4 @@
 // Batch: views, stepping, resets, readbacks. SPDX-License-Identifier: Apache-2.0
-#include <cassert>
 
 #include "impl.h"
 
@@ -100,11 +99,11 @@ auto Batch<S>::impl() const -> Impl& {
 }
 
 template <class S>
-void Batch<S>::step(int substeps) noexcept {
-  if (!impl_ || substeps <= 0) return;
+bool Batch<S>::step(int substeps) noexcept {
+  if (!impl_ || substeps <= 0) return true;
   const InUse in_use(impl_->in_use);
-  assert(in_use.alone() && "the functions of one Batch must not run at the same time");
   if (in_use.alone()) impl_->step(substeps);
+  return in_use.alone();
 }
 
 template <class S>

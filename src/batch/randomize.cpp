@@ -21,7 +21,8 @@ void check_randomization(const Randomization& how, Parameter parameter, int rows
   if (how.distribution == Distribution::normal)
     require(how.high >= 0.0, "standard deviation", fmt::format("is {}", how.high), "give 0 or more as high");
   else
-    require(how.low <= how.high, "range", fmt::format("is {} to {}", how.low, how.high), "give low <= high");
+    require(how.low <= how.high && std::isfinite(how.high - how.low), "range",
+            fmt::format("is {} to {}", how.low, how.high), "give low <= high, and a finite difference");
   if (how.distribution == Distribution::log_uniform)
     require(how.low > 0.0, "low", fmt::format("is {}, which has no logarithm", how.low), "give a number above 0");
   for (const int row : how.rows)

@@ -10,6 +10,7 @@
 
 struct lockstep_model {
   lockstep::Model model;
+  std::string report;  // of the importer, line by line
 };
 
 struct lockstep_plan {
@@ -80,6 +81,10 @@ Struct known(const Struct* from, void (*initialise)(Struct*), const char* name) 
   if (from->size < 2 * sizeof(uint32_t) || from->size > 4096)
     throw UsageError(name, "has the size " + std::to_string(from->size), "fill it by its _init function first");
   std::memcpy(&own, from, std::min<std::size_t>(from->size, sizeof own));
+  const auto* bytes = reinterpret_cast<const unsigned char*>(from);
+  for (std::size_t i = sizeof own; i < from->size; ++i)
+    if (bytes[i] != 0)
+      throw UsageError(name, "has members that this version does not know", "set them to 0, or use a newer library");
   return own;
 }
 
@@ -98,7 +103,26 @@ Enum numbered(const char* name, int32_t number, Enum last) {
   return static_cast<Enum>(number);
 }
 
+void require_count(int64_t n) {
+  if (n < 0) throw UsageError("n", "is " + std::to_string(n), "give the number of entries");
+}
+
+void require_zero(int64_t value, const char* name) {
+  if (value != 0) throw UsageError(name, "is " + std::to_string(value), "set it to 0, or to what lockstep/c.h lists");
+}
+
+bool truth(int32_t value, const char* name) {
+  require_zero(value & ~1, name);
+  return value != 0;
+}
+
+ResetOptions reset_options(uint32_t flags) {
+  require_zero(flags & ~static_cast<uint32_t>(LOCKSTEP_KEEP_INPUTS), "flags");
+  return {.keep_inputs = flags != 0};
+}
+
 EnvironmentSet environments(const uint8_t* mask, int64_t n) {
+  require_count(n);
   if (!mask && n == 0) return EnvironmentSet::all();
   return EnvironmentSet(std::span<const uint8_t>(given(mask, "mask"), static_cast<std::size_t>(n)));
 }
@@ -161,8 +185,11 @@ StridedRows<S> rows_of(const lockstep_array* array, int64_t rows, int64_t enviro
   if (array->shape[0] != rows || array->shape[1] != environments)
     throw UsageError(name, "has the shape " + std::to_string(array->shape[0]) + " x " + std::to_string(array->shape[1]),
                      "give " + std::to_string(rows) + " rows x " + std::to_string(environments) + " environments");
-  if (array->stride[0] % item != 0 || array->stride[1] % item != 0)
-    throw UsageError(name, "has strides that are no multiples of its numbers", "align the numbers");
+  if (array->stride[0] % item != 0 || array->stride[1] % item != 0 ||
+      reinterpret_cast<std::uintptr_t>(array->data) % item != 0)
+    throw UsageError(name, "has data or strides that are no multiples of its numbers", "align the numbers");
+  if (!std::is_const_v<S> && (array->flags & LOCKSTEP_READ_ONLY) != 0)
+    throw UsageError(name, "is read-only", "give memory to write to");
   return {static_cast<S*>(given(array->data, name)), array->stride[0] / item, array->stride[1] / item};
 }
 
@@ -211,11 +238,20 @@ std::vector<Query> queries_of(const lockstep_query* queries, int64_t count) {
     const lockstep_query query = known(from, initialise, "query");
     if (query.quantity < 0 || query.quantity >= static_cast<int32_t>(std::size(quantities)))
       throw UsageError("quantity " + std::to_string(query.quantity), "is none of the enumerators", "see lockstep/c.h");
+    require_zero(query.reserved, "reserved member of a query");
+    if (query.row < -1) throw UsageError("row " + std::to_string(query.row), "is negative", "give -1 for all rows");
     all.push_back({quantities[query.quantity], {}, query.scale});
     if (query.row >= 0) all.back().elements = {query.row};
     at += from->size;
   }
   return all;
+}
+
+lockstep_model* imported(Import&& import) {
+  std::string report;
+  for (const std::string& line : import.report) report += line + "\n";
+  for (const std::string& line : import.warnings) report += "warning: " + line + "\n";
+  return new lockstep_model{std::move(import.model), std::move(report)};
 }
 
 }  // namespace
@@ -230,14 +266,17 @@ const char* lockstep_message(void) { return message.c_str(); }
 int lockstep_model_from_urdf(const char* path, lockstep_model** out) {
   return guarded([&] {
     *given(out, "out") = nullptr;
-    *out = new lockstep_model{import_urdf_file(given(path, "path")).model};
+    *out = imported(import_urdf_file(given(path, "path")));
   });
 }
 int lockstep_model_from_urdf_text(const char* text, lockstep_model** out) {
   return guarded([&] {
     *given(out, "out") = nullptr;
-    *out = new lockstep_model{import_urdf(given(text, "text")).model};
+    *out = imported(import_urdf(given(text, "text")));
   });
+}
+int lockstep_model_report(const lockstep_model* model, const char** out) {
+  return guarded([&] { *given(out, "out") = given(model, "model")->report.c_str(); });
 }
 int lockstep_model_set_drive(lockstep_model* model, const char* joint, double kp, double kd) {
   return guarded([&] {
@@ -251,7 +290,9 @@ int lockstep_model_add_site(lockstep_model* model, const char* name, const char*
     Pose at = Pose::Identity();
     const double* const p = given(pose, "pose");
     at.translation() = Eigen::Vector3d(p[0], p[1], p[2]);
-    at.linear() = Eigen::Quaterniond(p[3], p[4], p[5], p[6]).normalized().toRotationMatrix();
+    const Eigen::Quaterniond turn(p[3], p[4], p[5], p[6]);
+    if (!(turn.norm() > 0.0)) throw UsageError("pose", "has no rotation", "give a quaternion w, x, y, z");
+    at.linear() = turn.normalized().toRotationMatrix();
     given(model, "model")->model.sites.push_back({given(name, "name"), given(link, "link"), at});
   });
 }
@@ -283,8 +324,10 @@ int lockstep_compile(const lockstep_model* model, const lockstep_settings* setti
     to.iterations = from.iterations, to.velocity_iterations = from.velocity_iterations;
     for (unsigned p = 0; p < 32; ++p)
       if (from.per_environment >> p & 1u) to.per_environment.insert(static_cast<Parameter>(p));
-    to.stage_inputs = from.stage_inputs != 0, to.record_impulses = from.record_impulses != 0;
-    to.record_diagnostics = from.record_diagnostics != 0;
+    to.stage_inputs = truth(from.stage_inputs, "stage_inputs");
+    to.record_impulses = truth(from.record_impulses, "record_impulses");
+    to.record_diagnostics = truth(from.record_diagnostics, "record_diagnostics");
+    require_zero(from.reserved, "reserved member of the settings");
     const Model& own = given(model, "model")->model;
     *out = new lockstep_plan{compile(own, to), coupling_names(own)};
   });
@@ -306,8 +349,9 @@ int lockstep_plan_name(const lockstep_plan* plan, int list, int64_t index, const
 int lockstep_plan_index(const lockstep_plan* plan, int list, const char* name, int64_t* out) {
   return guarded([&] {
     const std::vector<const std::string*> names = names_of(*given(plan, "plan"), list);
+    given(name, "name");
     for (std::size_t i = 0; i < names.size(); ++i)
-      if (*names[i] == given(name, "name")) {
+      if (*names[i] == name) {
         *given(out, "out") = static_cast<int64_t>(i);
         return;
       }
@@ -328,7 +372,9 @@ int lockstep_batch_new(const lockstep_plan* plan, const lockstep_options* option
     const lockstep_options from = known(options, lockstep_options_init, "options");
     const BatchOptions to{.threads = from.threads, .seed = from.seed, .first_id = from.first_id};
     const Plan& own = given(plan, "plan")->plan;
-    const int count = from.environments > 0 && from.environments <= INT32_MAX ? static_cast<int>(from.environments) : 0;
+    if (from.environments < 1 || from.environments > INT32_MAX)
+      throw SettingsError("environments", "is " + std::to_string(from.environments), "give 1 or more");
+    const int count = static_cast<int>(from.environments);
     auto batch = std::make_unique<lockstep_batch>();
     if (from.precision == 32)
       batch->batch = std::make_unique<Batch<float>>(own, count, to);
@@ -351,19 +397,21 @@ int lockstep_field(lockstep_batch* batch, int field, lockstep_array* out) {
 int lockstep_step(lockstep_batch* batch, int32_t substeps) {
   return guarded([&] {
     if (substeps < 1) throw UsageError("substeps", "is " + std::to_string(substeps), "give 1 or more");
-    given(batch, "batch")->use([&](auto& own) { own.step(substeps); });
+    if (!given(batch, "batch")->use([&](auto& own) { return own.step(substeps); }))
+      throw UsageError("batch", "is in use by another thread", "call its functions one after the other");
   });
 }
 
 int lockstep_reset_mask(lockstep_batch* batch, const uint8_t* mask, int64_t n, uint32_t flags) {
   return guarded([&] {
-    const ResetOptions options{.keep_inputs = (flags & LOCKSTEP_KEEP_INPUTS) != 0};
+    const ResetOptions options = reset_options(flags);
     given(batch, "batch")->use([&](auto& own) { own.reset(environments(mask, n), options); });
   });
 }
 int lockstep_reset_ids(lockstep_batch* batch, const int32_t* ids, int64_t n, uint32_t flags) {
   return guarded([&] {
-    const ResetOptions options{.keep_inputs = (flags & LOCKSTEP_KEEP_INPUTS) != 0};
+    const ResetOptions options = reset_options(flags);
+    require_count(n);
     const std::span<const int> chosen(n > 0 ? given(ids, "ids") : ids, static_cast<std::size_t>(n));
     given(batch, "batch")->use([&](auto& own) {
       own.reset(!ids && n == 0 ? EnvironmentSet::all() : EnvironmentSet(chosen), options);
@@ -392,7 +440,7 @@ int lockstep_randomize(lockstep_batch* batch, const lockstep_randomization* rand
     Randomization to;
     to.change = numbered("operation", from.operation, Change::absolute);
     to.distribution = numbered("distribution", from.distribution, Distribution::normal);
-    to.low = from.low, to.high = from.high, to.stream = from.stream, to.shared = from.shared != 0;
+    to.low = from.low, to.high = from.high, to.stream = from.stream, to.shared = truth(from.shared, "shared");
     given(batch, "batch")->use([&](auto& own) {
       own.randomize(static_cast<Parameter>(from.parameter), to, environments(mask, n));
     });

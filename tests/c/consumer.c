@@ -43,6 +43,7 @@ int main(int count, char** arguments) {
   expect(strstr(lockstep_message(), "/no/such/file.urdf") != NULL, "the message must name the file");
   expect(lockstep_model_from_urdf(arguments[1], &model) == LOCKSTEP_OK, "the gripper must be read");
   expect(lockstep_model_set_drive(model, "knuckle", 8.0, 0.3) == LOCKSTEP_OK, "the knuckle must take a drive");
+  expect(lockstep_model_report(model, &text) == LOCKSTEP_OK && strstr(text, "5 couplings") != NULL, "there is a report");
   expect(lockstep_model_set_drive(model, "nothing", 8.0, 0.3) == LOCKSTEP_MODEL_ERROR, "joints must be known");
 
   lockstep_settings_init(&settings);
@@ -135,6 +136,12 @@ int main(int count, char** arguments) {
   expect(lockstep_reset_mask(batch, mask, 63, 0) == LOCKSTEP_USAGE_ERROR, "a mask has an entry for each environment");
   expect(lockstep_reset_mask(batch, mask, 64, 0) == LOCKSTEP_OK, "it must be reset");
   expect(*(const uint32_t*)at(&faults, 0, 3) == 0, "which clears the fault");
+  expect(lockstep_reset_mask(batch, mask, 64, 2) == LOCKSTEP_USAGE_ERROR, "unknown flags must be refused");
+  expect(lockstep_reset_mask(batch, mask, -1, 0) == LOCKSTEP_USAGE_ERROR, "a negative length must be refused");
+  expect(lockstep_reset_ids(batch, NULL, -1, 0) == LOCKSTEP_USAGE_ERROR, "here, too");
+  expect(lockstep_plan_index(plan, LOCKSTEP_ROOTS, NULL, &dofs) == LOCKSTEP_USAGE_ERROR, "a name must be given");
+  query.row = -7;
+  expect(lockstep_read(batch, &query, 1, &errors) == LOCKSTEP_USAGE_ERROR, "rows are -1 or more");
   expect(lockstep_step(NULL, 1) == LOCKSTEP_USAGE_ERROR, "null is refused");
 
   lockstep_batch_free(batch);

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # Proximal policy optimisation teaches a randomised gripper to reach. SPDX-License-Identifier: Apache-2.0
-"""Needs torch. The dense form of PPO (Schulman et al. 2017) in one file."""
+"""Needs torch. The dense form of PPO (Schulman et al. 2017) in one file. Ends by time count as ends, as the goal is new
+then."""
 
 import argparse
 import time
