@@ -54,8 +54,8 @@ def fastest(action, steps):
     return 1e9 * float(np.quantile(spent, 0.1)) / steps
 
 
-def loop(plan, num_envs):
-    env = VectorEnv(plan, num_envs, observe=("q", "qd"), limit=100, decimation=SUBSTEPS, threads=1,
+def loop(plan, num_envs, threads=1):
+    env = VectorEnv(plan, num_envs, observe=("q", "qd"), limit=100, decimation=SUBSTEPS, threads=threads,
                     reward=lambda env: -np.square(env.batch.rows.q[:4]).sum(axis=0), autoreset_mode="SameStep")
     env.reset(seed=1)
     env.elapsed[:] = np.arange(num_envs) % 100  # resets spread over the steps
@@ -78,6 +78,35 @@ def bare(plan, num_envs, acting):
         batch.step(SUBSTEPS)
 
     return once
+
+
+def scaling(plan, picture):
+    """Wall-clock speed of the Python loop over environments and threads."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(6, 3.4), layout="constrained")
+    counts = [16, 64, 256, 1024, 4096, 16384]
+    for threads in (1, 2):
+        speeds = []
+        for count in counts:
+            step = loop(plan, count, threads)
+            spent = []
+            for _ in range(REPEATS):
+                start = time.perf_counter()
+                for _ in range(max(1, 1024 // count)):
+                    step()
+                spent.append((time.perf_counter() - start) / max(1, 1024 // count))
+            speeds.append(1e-6 * count * SUBSTEPS / float(np.quantile(spent, 0.1)))
+            print(f"  {threads} threads {count:6} environments {speeds[-1]:8.2f}", flush=True)
+        axes.loglog(counts, speeds, marker="o", label=f"{threads} thread{'s' if threads > 1 else ''}")
+    axes.set(xlabel="environments", ylabel="million environment-steps a second",
+             title=f"{plan.model.name}: learning loop in Python, {plan.integrator}")
+    axes.grid(True, which="both", alpha=0.3)
+    axes.legend()
+    figure.savefig(picture, dpi=110)
 
 
 def mujoco(module, model, plan, integrator):
@@ -106,7 +135,12 @@ def main():
     parser.add_argument("robots", nargs="*", type=pathlib.Path, default=[GRIPPER], help="URDF files")
     parser.add_argument("--envs", type=int, default=4096)
     parser.add_argument("--mujoco", help="folder of @mujoco/mujoco")
+    parser.add_argument("--loop", help="the program learning_loop, for the same loop in C++")
+    parser.add_argument("--scaling", help="picture of the speed over environments and threads, for the first robot")
     options = parser.parse_args()
+    if options.scaling:
+        scaling(ls.compile(robot(options.robots[0]), integrator="euler"), options.scaling)
+        return
     for path in options.robots:
         model = robot(path)
         print(f"{model.name}: million environment steps a second on one core")
@@ -117,6 +151,9 @@ def main():
                                  ("step, random actions", bare(plan, options.envs, True)),
                                  ("learning loop in Python", loop(plan, options.envs))):
                 print(f"  {integrator:9} {name:26} {1e3 / fastest(action, steps):8.2f}", flush=True)
+            if options.loop:
+                ran = subprocess.run([options.loop, path, str(options.envs), integrator], capture_output=True, text=True)
+                print(f"  {integrator:9} {'learning loop in C++':26} {ran.stdout.strip():>8}", flush=True)
         if options.mujoco:
             for integrator in ("implicitfast", "discrete"):
                 ran = mujoco(options.mujoco, model, plan, integrator)
