@@ -15,7 +15,7 @@ string(REGEX REPLACE "LOCKSTEP_C_API void ([^;]*);" "void \\1 {}" bodies "${head
 string(REGEX REPLACE "LOCKSTEP_C_API ([^;]*\\));" "LOCKSTEP_C_API \\1 { return 0; }" bodies "${bodies}")
 string(REPLACE "[7]) {" "[7]) {" bodies "${bodies}")
 file(WRITE ${WORK}/abi.c "${bodies}")
-run(${CC} -g -shared -fPIC -w -o ${WORK}/libabi.so ${WORK}/abi.c)
+execute_process(COMMAND ${CC} -g -shared -fPIC -w -o libabi.so abi.c WORKING_DIRECTORY ${WORK} COMMAND_ERROR_IS_FATAL ANY)
 run(${ABIDW} --no-corpus-path --no-comp-dir-path --no-show-locs --no-elf-needed --no-architecture --out-file ${WORK}/abi.xml
     ${WORK}/libabi.so)
 if(STORE)

@@ -1,0 +1,111 @@
+// What the functions of lockstep/c.h share: handles, failures, checked arguments. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstring>
+#include <mutex>
+#include <new>
+#include <variant>
+
+#include "lockstep/c.h"
+#include "lockstep/lockstep.h"
+
+struct lockstep_model {
+  lockstep::Model model;
+  std::string report;  // of the importer, line by line
+};
+
+struct lockstep_plan {
+  lockstep::Plan plan;
+  std::vector<std::string> couplings;
+  std::once_flag described = {};
+  std::string description = {};
+};
+
+struct lockstep_batch {
+  std::variant<std::unique_ptr<lockstep::Batch<float>>, std::unique_ptr<lockstep::Batch<double>>> batch;
+
+  template <class Use>
+  decltype(auto) use(Use&& use) const {
+    return std::visit([&](const auto& own) -> decltype(auto) { return use(*own); }, batch);
+  }
+};
+
+namespace lockstep::c {
+
+/// Keeps the words for lockstep_message(), and returns the status.
+int failed(int status, const char* words) noexcept;
+
+// Runs a function and turns what it throws into a status.
+template <class Function>
+int guarded(Function&& function) noexcept {
+  try {
+    function();
+    return LOCKSTEP_OK;
+  } catch (const ModelError& error) {
+    return failed(LOCKSTEP_MODEL_ERROR, error.what());
+  } catch (const ImportError& error) {
+    return failed(LOCKSTEP_IMPORT_ERROR, error.what());
+  } catch (const SettingsError& error) {
+    return failed(LOCKSTEP_SETTINGS_ERROR, error.what());
+  } catch (const UsageError& error) {
+    return failed(LOCKSTEP_USAGE_ERROR, error.what());
+  } catch (const std::bad_alloc&) {
+    return failed(LOCKSTEP_MEMORY_ERROR, "memory: there is not enough; free some, or use a smaller batch");
+  } catch (const std::exception& error) {
+    return failed(LOCKSTEP_INTERNAL_ERROR, error.what());
+  } catch (...) {
+    return failed(LOCKSTEP_INTERNAL_ERROR, "an unknown exception");
+  }
+}
+
+template <class Pointer>
+Pointer given(Pointer pointer, const char* name) {
+  if (!pointer) throw UsageError(name, "is null", "give an object");
+  return pointer;
+}
+
+// A struct that a program filled: as much of it as both sides know, the rest as _init leaves it.
+template <class Struct>
+Struct known(const Struct* from, void (*initialise)(Struct*), const char* name) {
+  Struct own;
+  initialise(&own);
+  if (!from) return own;
+  if (from->size < 2 * sizeof(uint32_t) || from->size > 4096)
+    throw UsageError(name, "has the size " + std::to_string(from->size), "fill it by its _init function first");
+  std::memcpy(&own, from, std::min<std::size_t>(from->size, sizeof own));
+  const auto* bytes = reinterpret_cast<const unsigned char*>(from);
+  for (std::size_t i = sizeof own; i < from->size; ++i)
+    if (bytes[i] != 0)
+      throw UsageError(name, "has members that this version does not know", "set them to 0, or use a newer library");
+  return own;
+}
+
+template <class Enum>
+Enum enumerator(const char* setting, const char* name, Enum last) {
+  for (int i = 0; i <= static_cast<int>(last); ++i)
+    if (name && std::strcmp(name, to_string(static_cast<Enum>(i))) == 0) return static_cast<Enum>(i);
+  throw SettingsError(setting, name ? "'" + std::string(name) + "' is unknown" : "is null", "see lockstep/c.h");
+}
+
+template <class Enum>
+Enum numbered(const char* name, int32_t number, Enum last) {
+  if (number < 0 || number > static_cast<int32_t>(last))
+    throw UsageError(std::string(name) + " " + std::to_string(number), "is none of the enumerators",
+                     "see lockstep/c.h");
+  return static_cast<Enum>(number);
+}
+
+inline void require_count(int64_t n) {
+  if (n < 0) throw UsageError("n", "is " + std::to_string(n), "give the number of entries");
+}
+
+inline void require_zero(int64_t value, const char* name) {
+  if (value != 0) throw UsageError(name, "is " + std::to_string(value), "set it to 0, or to what lockstep/c.h lists");
+}
+
+inline bool truth(int32_t value, const char* name) {
+  require_zero(value & ~1, name);
+  return value != 0;
+}
+
+}  // namespace lockstep::c
