@@ -8,16 +8,6 @@ namespace {
 
 using namespace pybind11::literals;
 
-template <class Enum>
-Enum one_of(const char* setting, const std::string& name, std::initializer_list<std::pair<const char*, Enum>> all) {
-  std::string names;
-  for (const auto& [known, value] : all) {
-    if (name == known) return value;
-    names += (names.empty() ? "" : ", ") + std::string(known);
-  }
-  throw UsageError(std::string(setting) + " '" + name + "'", "is unknown", "give one of: " + names);
-}
-
 // --- random numbers ------------------------------------------------------------------------------
 
 template <class S>
@@ -33,12 +23,12 @@ py::array_t<S> drawn(const Batch<S>& batch, int count, const py::object& which, 
 Randomization randomization_of(const Plan& plan, Parameter field, const std::string& operation, double low, double high,
                                const std::string& distribution, const py::object& rows, bool shared, unsigned stream) {
   Randomization r;
-  r.change = one_of<Change>("operation", operation,
-                            {{"scale", Change::scale}, {"add", Change::add}, {"abs", Change::absolute}});
-  r.distribution = one_of<Distribution>("distribution", distribution,
-                                        {{"uniform", Distribution::uniform},
-                                         {"log_uniform", Distribution::log_uniform},
-                                         {"normal", Distribution::normal}});
+  r.change = one_of<UsageError, Change>("operation", operation,
+                                        {{"scale", Change::scale}, {"add", Change::add}, {"abs", Change::absolute}});
+  r.distribution = one_of<UsageError, Distribution>("distribution", distribution,
+                                                    {{"uniform", Distribution::uniform},
+                                                     {"log_uniform", Distribution::log_uniform},
+                                                     {"normal", Distribution::normal}});
   r.low = low, r.high = high, r.shared = shared, r.stream = stream;
   if (rows.is_none()) return r;
   const std::vector<std::string>& names = plan.parameter_row_names(field);
@@ -62,11 +52,11 @@ template <class S>
 void act(Batch<S>& batch, const py::object& actions, const std::string& kind, const py::object& which,
          const py::object& low, const py::object& high) {
   ActionMap map;
-  map.kind = one_of<ActionKind>("kind", kind,
-                                {{"position", ActionKind::position},
-                                 {"position_change", ActionKind::position_change},
-                                 {"velocity", ActionKind::velocity},
-                                 {"effort", ActionKind::effort}});
+  map.kind = one_of<UsageError, ActionKind>("kind", kind,
+                                            {{"position", ActionKind::position},
+                                             {"position_change", ActionKind::position_change},
+                                             {"velocity", ActionKind::velocity},
+                                             {"effort", ActionKind::effort}});
   if (!low.is_none()) map.low = value_of<std::vector<double>>(low, "low");
   if (!high.is_none()) map.high = value_of<std::vector<double>>(high, "high");
   const std::vector<int>& commanded =
@@ -85,22 +75,21 @@ void act(Batch<S>& batch, const py::object& actions, const std::string& kind, co
     batch.set_actions(rows, map, environments_of(which, batch.environments()));
 }
 
-const std::initializer_list<std::pair<const char*, Quantity>> quantities = {
-    {"q", Quantity::position},
-    {"qd", Quantity::velocity},
-    {"q_target", Quantity::position_target},
-    {"qd_target", Quantity::velocity_target},
-    {"effort", Quantity::effort},
-    {"link_pose", Quantity::link_pose},
-    {"link_velocity", Quantity::link_velocity},
-    {"site_pose", Quantity::site_pose},
-    {"site_position", Quantity::site_position},
-    {"site_velocity", Quantity::site_velocity},
-    {"coupling_error", Quantity::coupling_error},
-    {"root_pose", Quantity::root_pose},
-    {"root_twist", Quantity::root_velocity},
-    {"kinetic_energy", Quantity::kinetic_energy},
-    {"potential_energy", Quantity::potential_energy}};
+const Names<Quantity> quantities = {{"q", Quantity::position},
+                                    {"qd", Quantity::velocity},
+                                    {"q_target", Quantity::position_target},
+                                    {"qd_target", Quantity::velocity_target},
+                                    {"effort", Quantity::effort},
+                                    {"link_pose", Quantity::link_pose},
+                                    {"link_velocity", Quantity::link_velocity},
+                                    {"site_pose", Quantity::site_pose},
+                                    {"site_position", Quantity::site_position},
+                                    {"site_velocity", Quantity::site_velocity},
+                                    {"coupling_error", Quantity::coupling_error},
+                                    {"root_pose", Quantity::root_pose},
+                                    {"root_twist", Quantity::root_velocity},
+                                    {"kinetic_energy", Quantity::kinetic_energy},
+                                    {"potential_energy", Quantity::potential_energy}};
 
 int place_in(const std::vector<std::string>& names, const std::string& name, const char* kind) {
   const auto found = std::find(names.begin(), names.end(), name);
@@ -129,7 +118,7 @@ Query query_of(const Plan& plan, const py::handle& given) {
   const bool named = py::isinstance<py::str>(given);
   const std::string name =
       (named ? py::reinterpret_borrow<py::object>(given) : py::object(given.attr("quantity"))).cast<std::string>();
-  query.quantity = one_of<Quantity>("quantity", name, quantities);
+  query.quantity = one_of<UsageError, Quantity>("quantity", name, quantities);
   if (named) return query;
   query.scale = given.attr("scale").cast<double>();
   if (const py::object rows = given.attr("rows"); !rows.is_none())

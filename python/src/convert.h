@@ -18,6 +18,21 @@ inline bool is_bool(const py::handle& thing) {
 }
 inline bool truth_of(const py::handle& thing) { return PyObject_IsTrue(thing.ptr()) == 1; }
 
+/// Names of enumerators, as Python has them.
+template <class Enum>
+using Names = std::vector<std::pair<const char*, Enum>>;
+
+/// The enumerator of that name; throws a Failure that lists all names.
+template <class Failure, class Enum>
+Enum one_of(const char* setting, const std::string& name, const Names<Enum>& all) {
+  std::string names;
+  for (const auto& [known, value] : all) {
+    if (name == known) return value;
+    names += (names.empty() ? "" : ", ") + std::string(known);
+  }
+  throw Failure(std::string(setting) + " '" + name + "'", "is unknown", "give one of: " + names);
+}
+
 /// A value of an argument; throws TypeError that names it.
 template <class Value>
 Value value_of(const py::handle& given, const char* argument) {

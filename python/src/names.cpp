@@ -7,13 +7,9 @@ namespace {
 // The enumerators are numbered from 0.
 template <class Enum>
 Enum enumerator_of(const char* setting, const std::string& name, int count) {
-  std::string all;
-  for (int i = 0; i < count; ++i) {
-    const char* const known = to_string(static_cast<Enum>(i));
-    if (name == known) return static_cast<Enum>(i);
-    all += (i == 0 ? "" : ", ") + std::string(known);
-  }
-  throw SettingsError(std::string(setting) + " '" + name + "'", "is unknown", "give one of: " + all);
+  Names<Enum> all;
+  for (int i = 0; i < count; ++i) all.push_back({to_string(static_cast<Enum>(i)), static_cast<Enum>(i)});
+  return one_of<SettingsError, Enum>(setting, name, all);
 }
 
 }  // namespace
