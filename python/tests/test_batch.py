@@ -183,34 +183,35 @@ def test_the_lock_of_python_is_free_while_a_batch_steps(plan):
 
 def test_a_second_thread_is_refused_or_waits(plan):
     batch = plan.batch(4096, threads=1)
-    worker = threading.Thread(target=lambda: batch.step(2000))
+    refused = []
+
+    def attempt(call, *arguments):
+        try:
+            call(*arguments)
+        except ls.UsageError as error:
+            refused.append(str(error))
+
+    worker = threading.Thread(target=attempt, args=(batch.step, 2000))
     worker.start()
-    refused = 0
-    while worker.is_alive():
-        try:
-            batch.step()
-        except ls.UsageError as error:
-            assert "same time" in str(error)
-            refused += 1
-        try:
-            batch.reset([0])
-        except ls.UsageError as error:
-            assert "same time" in str(error)
+    while worker.is_alive():  # whoever comes second is refused
+        attempt(batch.step)
+        attempt(batch.reset, [0])
     worker.join()
-    assert refused > 0
+    assert refused and all("same time" in message for message in refused)
 
 
 def test_views_do_not_leak(batch):
     batch.step()
     resident = lambda: int(open("/proc/self/statm").read().split()[1]) * 4096  # noqa: E731
-    for _ in range(1000):
-        batch.q, batch.fault, batch.rows.q, batch.coupling_error()
-    before = resident()
-    for _ in range(20000):
-        batch.q, batch.fault, batch.rows.q
-    for _ in range(200):
-        batch.coupling_error(), batch.save()
-    assert resident() - before < 1 << 20
+    sizes = []
+    for _ in range(6):
+        for _ in range(20000):
+            batch.q, batch.fault, batch.rows.q
+        for _ in range(2000):
+            batch.coupling_error(), batch.save()
+        sizes.append(resident())
+    # The kernel counts pages roughly, on many cores by megabytes. A leak is there in every round.
+    assert min(np.diff(sizes)) < 1 << 20
 
 
 def test_a_forked_process_steps_too(plan):
