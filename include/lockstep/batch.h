@@ -168,6 +168,8 @@ class LOCKSTEP_API Batch {
   std::string kernel_name() const;  ///< of the generated kernel in use; empty for other engines
 
   // --- state, to read and to write -------------------------------------------------------------
+  // An environment whose positions, velocities or poses are written to other numbers forgets its contacts: what they
+  // held by friction starts anew in the next step, as after a reset.
   /// [dofs][environments] rad or m. A joint that turns for ever shows its whole angle, rounded: see angles(). A number
   /// that is written is taken as it is.
   View positions();

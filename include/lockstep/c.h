@@ -208,12 +208,18 @@ enum {
   LOCKSTEP_READ_SITE_VELOCITY = 7,
   LOCKSTEP_READ_COUPLING_ERROR = 8,
   LOCKSTEP_READ_KINETIC_ENERGY = 9,
-  LOCKSTEP_READ_POTENTIAL_ENERGY = 10
+  LOCKSTEP_READ_POTENTIAL_ENERGY = 10,
+  LOCKSTEP_READ_CONTACT_FORCE = 11, /* 3 rows, on the second collider of a pair, world axes */
+  LOCKSTEP_READ_CONTACT_NORMAL_FORCE = 12,
+  LOCKSTEP_READ_CONTACT_GAP = 13,
+  LOCKSTEP_READ_CONTACT_SLIP = 14,
+  LOCKSTEP_READ_CONTACT_POINT = 15, /* 11 rows by slot: point, normal, force, gap, speed along the surface */
+  LOCKSTEP_READ_UNFINISHED_CONTACTS = 16
 };
 typedef struct {
   uint32_t size;
   int32_t quantity; /* LOCKSTEP_READ_POSITION ... */
-  int32_t row;      /* dof, link or site; -1 is all of them */
+  int32_t row;      /* dof, link, site, pair or slot; -1 is all of them */
   int32_t reserved; /* 0 */
   double scale;
 } lockstep_query;

@@ -35,6 +35,9 @@ struct ImportOptions {
   /// capsules, and an <inertial> without <inertia> or <mass> gets what it lacks from them. Shapes that overlap count
   /// twice. Meshes are not used.
   double density = 0.0;
+  /// Collision boxes, spheres and capsules become colliders of the group "robot", named after their links. They touch
+  /// nothing until Model::contacts says so. Meshes and cylinders are named in the report and left out.
+  bool colliders = false;
   /// An inertia that no body can have becomes the nearest that one can have, in the (Frobenius) norm of the tensor.
   bool repair_inertias = false;
   /// Bounds that are not judged. They stay in the Model if they are possible, so give StepSettings::ignore the same.

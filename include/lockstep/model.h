@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -121,6 +122,47 @@ struct Site {
   Pose pose = Pose::Identity();  ///< in the link frame
 };
 
+enum class ShapeKind { half_space, box, capsule, sphere };
+
+/// A solid.
+struct Shape {
+  ShapeKind kind = ShapeKind::sphere;
+  /// Box: its edges along x, y and z. Capsule: radius, and length of the cylinder between its half spheres, which lies
+  /// along z. Sphere: radius. m, > 0. Numbers that a kind does not have are 0.
+  Eigen::Vector3d size = Eigen::Vector3d::Zero();
+
+  /// Everything below the plane z = 0 of the collider's frame. It never moves.
+  static Shape half_space() { return {ShapeKind::half_space, Eigen::Vector3d::Zero()}; }
+  static Shape box(const Eigen::Vector3d& edges) { return {ShapeKind::box, edges}; }
+  static Shape capsule(double radius, double length) { return {ShapeKind::capsule, {radius, length, 0.0}}; }
+  static Shape sphere(double radius) { return {ShapeKind::sphere, {radius, 0.0, 0.0}}; }
+};
+
+/// A solid on a link, or in the world. It touches others only as Model::contacts says.
+struct Collider {
+  std::string name = {};
+  std::string link = {};  ///< empty: it stands in the world
+  Shape shape = {};
+  Pose pose = Pose::Identity();  ///< in the link's frame, or in the world's
+  double friction = 0.5;         ///< Coulomb's coefficient, >= 0. A pair has the geometric mean of both
+  double restitution = 0.0;      ///< share of the speed that an impact gives back, 0 to 1. A pair has the larger one
+  /// How far contacts yield, section 23 of docs/mathematics.md. Hard ones yield by a thousandth of what the mass that
+  /// they move would, and lose the share `erp` of an overlap per step.
+  Softness softness = Hard{};
+  std::string group = {};  ///< empty: in none
+};
+
+/// Colliders that may touch: two of them, or all of a group with one or with all of another group, or with each other.
+/// A group leaves out pairs that cannot move against each other and those on links that a joint connects;
+/// Plan::describe() lists these. Two colliders that are named here may touch whatever connects them.
+struct Contact {
+  std::string first, second;  ///< each the name of a collider or of a group
+  // Where these are absent, the colliders' own numbers hold, and colliders that differ from the default in softness
+  // have to agree.
+  std::optional<double> friction = {}, restitution = {};
+  std::optional<Softness> softness = {};
+};
+
 /// Where a tree of links begins: at a link that no joint carries, bolted to the world or floating in it.
 ///
 /// Conventions of a floating root, here and wherever a Batch shows them:
@@ -142,13 +184,16 @@ struct Model {
   std::vector<Joint> joints;
   std::vector<Coupling> couplings;
   std::vector<Site> sites;
+  std::vector<Collider> colliders;
+  std::vector<Contact> contacts;
   /// One for each tree, in the order in which a Batch shows floating roots. May be empty if there is one tree: it is
   /// bolted to the world's origin then.
   std::vector<Root> roots;
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< m/s^2, world axes
 
   /// Throws ModelError for the first rule that is broken: names unique and known, trees with a root each, finite
-  /// numbers in their ranges, inertias that a body can have, couplings between moving joints.
+  /// numbers in their ranges, inertias that a body can have, couplings between moving joints, contacts of colliders
+  /// that can meet.
   /// A tensor is judged as part of the body that its link forms with all links fixed to it. Links
   /// may be without mass where the mass matrix is positive definite at the model's start.
   /// compile() calls it.

@@ -37,6 +37,14 @@ struct PlanTree {
   std::vector<int> dofs;  ///< ascending
 };
 
+/// Two colliders that may touch, and the slots in which their contact points stand.
+struct PlanContact {
+  std::string name;       ///< "first-second"
+  int first, second;      ///< in Model::colliders
+  int first_slot, slots;  ///< of Quantity::contact_point
+  double friction, restitution;
+};
+
 /// An immutable compiled model; copies share it. Thread-safe.
 ///
 /// Rows of a Batch follow the Model: dofs are its moving joints in the order of Model::joints,
@@ -62,10 +70,12 @@ class LOCKSTEP_API Plan {
   int couplings() const;
   const std::vector<std::string>& root_names() const;  ///< links that float, in the order of Batch::root_poses()
   const std::vector<PlanTree>& trees() const;          ///< in the order of Model::roots
+  const std::vector<PlanContact>& contacts() const;    ///< pairs of colliders, groups resolved
   const std::vector<std::string>& dof_names() const;   ///< joint names, by dof
   int dof(const std::string& joint) const;             ///< throws UsageError for unknown or fixed joints
   int link(const std::string& name) const;             ///< index of the link; throws UsageError for an unknown one
   int site(const std::string& name) const;             ///< index of the site; throws UsageError for an unknown one
+  int contact(const std::string& name) const;          ///< index of a pair; throws UsageError for an unknown one
   int parameter_rows(Parameter parameter) const;       ///< rows of that field, declared or not; throws UsageError
   /// What the rows of a field are about, declared or not, for instance "driver" or "driver upper". Ratios are
   /// "follower: leader". A component comes last: "kp" and "kd"; "lower" and "upper"; "x", "y", "z"; "ixx" ... "iyz";

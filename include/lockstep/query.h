@@ -7,7 +7,7 @@
 
 namespace lockstep {
 
-/// Elements are dofs, links, sites, couplings or floating roots, in the order of the Plan.
+/// Elements are dofs, links, sites, couplings, floating roots or contacts, in the order of the Plan.
 enum class Quantity {
   position,          ///< by dof, rad or m
   velocity,          ///< by dof, rad/s or m/s
@@ -24,6 +24,16 @@ enum class Quantity {
   root_velocity,     ///< 6 rows by floating root, as Batch::root_velocities()
   kinetic_energy,    ///< one row, J
   potential_energy,  ///< one row, J
+  // Of contacts, by pair of Plan::contacts() or by its slots. Forces are those of the last step, and 0 where a state
+  // was written or reset since; the rest is that of the present state. A gap is infinite where the colliders are not
+  // near.
+  contact_force,         ///< 3 rows by pair: on its second collider, N, world axes
+  contact_normal_force,  ///< by pair, the sum over its points, N, >= 0
+  contact_gap,           ///< by pair, the least one, m; negative where the colliders overlap
+  contact_slip,          ///< by pair, the largest speed along the surface of its points that bear a force, m/s
+  contact_point,  ///< 11 rows by slot: point (m), normal from first to second, force on the second (N), all in the
+                  ///< world, gap (m), speed along the surface (m/s)
+  unfinished_contacts,  ///< one row: solves of contacts since the last reset that ended at their cap of rounds
 };
 
 /// The enumerator's name: "link_pose" ... The string lives forever.

@@ -55,6 +55,14 @@ struct Ignored {
   JointSet position_limits = {}, velocity_limits = {}, effort_limits = {}, friction = {};
 };
 
+/// How contacts are solved, section 23 of docs/mathematics.md. The defaults are for grasps and legs; lower numbers are
+/// faster, and show in the slip of fast motions first.
+struct ContactSettings {
+  int passes = 3;           ///< 1 to 100: solves that renew how fast contacts slide
+  int rounds = 30;          ///< 1 to 1000: the most Newton rounds of each solve
+  double tolerance = 1e-4;  ///< in (0, 0.1]: a solve ends at a smaller change of velocity, relative to 1 + the largest
+};
+
 /// Everything that compile() must know beside the Model. The defaults are what most users want.
 struct StepSettings {
   double dt = 1.0 / 240.0;  ///< s, > 0
@@ -78,6 +86,7 @@ struct StepSettings {
   /// halves, quarters ... down to 1/32, if the integrator is leapfrog. What is too coarse even then is frozen with
   /// Fault::too_fast.
   double guard = 0.01;
+  ContactSettings contacts = {};
   /// rad or m; an environment beyond it is frozen with Fault::diverged. It is not for joints that turn for ever.
   double position_bound = 1e5;
   double velocity_bound = 1e5;  ///< rad/s or m/s; the same

@@ -16,6 +16,8 @@ from ._lockstep import Batch, Plan, Rows, __version__, compile, from_urdf, from_
 from ._lockstep import _require_main_interpreter
 from .errors import Error, ImportFileError, ModelError, SettingsError, UsageError
 from .model import (
+    Collider,
+    Contact,
     Coupling,
     Drive,
     ErpCfm,
@@ -26,6 +28,7 @@ from .model import (
     Link,
     Model,
     Root,
+    Shape,
     Site,
     Softness,
     Spring,
@@ -38,6 +41,8 @@ _require_main_interpreter()
 
 __all__ = [
     "Batch",
+    "Collider",
+    "Contact",
     "Coupling",
     "Drive",
     "ErpCfm",
@@ -55,6 +60,7 @@ __all__ = [
     "Root",
     "Rows",
     "SettingsError",
+    "Shape",
     "Site",
     "Softness",
     "Spring",

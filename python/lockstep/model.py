@@ -6,7 +6,7 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass, field
-from typing import Any, List, Sequence, SupportsIndex, TypeVar, Union, overload
+from typing import Any, List, Optional, Sequence, SupportsIndex, TypeVar, Union, overload
 
 infinity = math.inf
 
@@ -153,6 +153,61 @@ class Site:
 
 
 @dataclass
+class Shape:
+    """A solid. size: a box's edges; a capsule's radius and the length of its cylinder, along z; a sphere's radius. A
+    half_space is everything below the plane z = 0 of its frame."""
+
+    kind: str
+    size: Vector = (0.0, 0.0, 0.0)
+
+    @staticmethod
+    def half_space() -> Shape:
+        return Shape("half_space")
+
+    @staticmethod
+    def box(x: float, y: float, z: float) -> Shape:
+        return Shape("box", (x, y, z))
+
+    @staticmethod
+    def capsule(radius: float, length: float) -> Shape:
+        return Shape("capsule", (radius, length, 0.0))
+
+    @staticmethod
+    def sphere(radius: float) -> Shape:
+        return Shape("sphere", (radius, 0.0, 0.0))
+
+
+@dataclass
+class Collider:
+    """A solid on a link, or in the world if link is "". It touches what Model.contacts says. pose: in the link's
+    frame. friction: a pair has the geometric mean. restitution: 0 to 1, a pair has the larger. group: "" is none."""
+
+    name: str
+    link: str
+    shape: Shape
+    pose: Matrix = IDENTITY
+    friction: float = 0.5
+    restitution: float = 0.0
+    softness: Softness = field(default_factory=Hard)
+    group: str = ""
+
+
+@dataclass
+class Contact:
+    """Two colliders that may touch, or all of a group with others. None: what the colliders have."""
+
+    first: str
+    second: str
+    friction: Optional[float] = None
+    restitution: Optional[float] = None
+    softness: Optional[Softness] = None
+
+    @property
+    def name(self) -> str:
+        return f"{self.first}-{self.second}"
+
+
+@dataclass
 class Root:
     """Where a tree begins: a link that is bolted to the world or floats in it. velocity: angular (rad/s), then linear
     (m/s), in the root's axes."""
@@ -167,7 +222,7 @@ class Root:
         return self.link
 
 
-Element = TypeVar("Element", Link, Joint, Coupling, Site, Root)
+Element = TypeVar("Element", Link, Joint, Coupling, Site, Collider, Contact, Root)
 
 
 class Named(List[Element]):
@@ -204,13 +259,15 @@ class Model:
     joints: Named[Joint] = field(default_factory=Named)
     couplings: Named[Coupling] = field(default_factory=Named)
     sites: Named[Site] = field(default_factory=Named)
+    colliders: Named[Collider] = field(default_factory=Named)
+    contacts: Named[Contact] = field(default_factory=Named)
     roots: Named[Root] = field(default_factory=Named)
     gravity: Vector = (0.0, 0.0, -9.81)
     report: list[str] = field(default_factory=list, compare=False)
     warnings: list[str] = field(default_factory=list, compare=False)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        lists = ("links", "joints", "couplings", "sites", "roots")
+        lists = ("links", "joints", "couplings", "sites", "colliders", "contacts", "roots")
         if name in lists and not isinstance(value, Named):
             value = Named(value)
         super().__setattr__(name, value)

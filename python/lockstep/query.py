@@ -17,6 +17,11 @@ class Query:
     coupling_error                       couplings  1
     root_pose, root_twist                -       7, 6 for each floating root
     kinetic_energy, potential_energy     -       1
+    contact_force                        pairs   3: on the second collider, N, world axes
+    contact_normal_force                 pairs   1: N
+    contact_gap, contact_slip            pairs   1: m, m/s
+    contact_point                        -       11 for each slot: point, normal, force, gap, speed along the surface
+    unfinished_contacts                  -       1
     """
 
     quantity: str

@@ -89,7 +89,13 @@ const Names<Quantity> quantities = {{"q", Quantity::position},
                                     {"root_pose", Quantity::root_pose},
                                     {"root_twist", Quantity::root_velocity},
                                     {"kinetic_energy", Quantity::kinetic_energy},
-                                    {"potential_energy", Quantity::potential_energy}};
+                                    {"potential_energy", Quantity::potential_energy},
+                                    {"contact_force", Quantity::contact_force},
+                                    {"contact_normal_force", Quantity::contact_normal_force},
+                                    {"contact_gap", Quantity::contact_gap},
+                                    {"contact_slip", Quantity::contact_slip},
+                                    {"contact_point", Quantity::contact_point},
+                                    {"unfinished_contacts", Quantity::unfinished_contacts}};
 
 int place_in(const std::vector<std::string>& names, const std::string& name, const char* kind) {
   const auto found = std::find(names.begin(), names.end(), name);
@@ -102,6 +108,9 @@ int row_of(const Plan& plan, const std::string& quantity, const std::string& nam
   if (quantity.starts_with("site")) return plan.site(name);
   if (quantity.starts_with("coupling")) return place_in(coupling_names(plan.model()), name, "coupling");
   if (quantity.starts_with("root")) return place_in(plan.root_names(), name, "floating root");
+  if (quantity == "contact_point" || quantity == "unfinished_contacts")
+    throw UsageError("query of " + quantity, "has rows, which have no names", "leave them out");
+  if (quantity.starts_with("contact")) return plan.contact(name);
   if (quantity.ends_with("energy"))
     throw UsageError("query of " + quantity, "has rows, and there is only one", "leave them out");
   if ((quantity.ends_with("target") || quantity == "effort") && plan.settings().stage_inputs)

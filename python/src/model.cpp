@@ -2,6 +2,8 @@
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
 
+#include <algorithm>
+
 #include "convert.h"
 
 namespace lockstep::python {
@@ -158,6 +160,44 @@ py::object coupling_to_python(const Coupling& coupling) {
                                   std::visit(SoftnessToPython{}, coupling.softness), coupling.force_limit);
 }
 
+constexpr const char* shape_kinds[] = {"half_space", "box", "capsule", "sphere"};
+
+Collider collider_of(const py::handle& from) {
+  Collider collider;
+  read(from, "name", collider.name), read(from, "link", collider.link), read(from, "group", collider.group);
+  read(from, "friction", collider.friction), read(from, "restitution", collider.restitution);
+  collider.pose = pose_of(from, "pose");
+  collider.softness = softness_of(from, "softness");
+  const py::object shape = from.attr("shape");
+  std::string kind;
+  read(shape, "kind", kind);
+  const auto found = std::find(std::begin(shape_kinds), std::end(shape_kinds), kind);
+  if (found == std::end(shape_kinds))
+    throw ModelError("collider '" + collider.name + "'", "has a shape of the unknown kind '" + kind + "'",
+                     "give half_space, box, capsule or sphere");
+  collider.shape = {static_cast<ShapeKind>(found - std::begin(shape_kinds)), matrix_of<Eigen::Vector3d>(shape, "size")};
+  return collider;
+}
+
+py::object collider_to_python(const Collider& c) {
+  return python_class("Collider")(
+      c.name, c.link, python_class("Shape")(shape_kinds[static_cast<int>(c.shape.kind)], tuple_of(c.shape.size)),
+      tuple_of(c.pose.matrix()), c.friction, c.restitution, std::visit(SoftnessToPython{}, c.softness), c.group);
+}
+
+Contact contact_of(const py::handle& from) {
+  Contact contact;
+  read(from, "first", contact.first), read(from, "second", contact.second);
+  read(from, "friction", contact.friction), read(from, "restitution", contact.restitution);
+  if (!from.attr("softness").is_none()) contact.softness = softness_of(from, "softness");
+  return contact;
+}
+
+py::object contact_to_python(const Contact& c) {
+  const py::object softness = c.softness ? std::visit(SoftnessToPython{}, *c.softness) : py::none();
+  return python_class("Contact")(c.first, c.second, c.friction, c.restitution, softness);
+}
+
 }  // namespace
 
 Model model_of(const py::handle& from) {
@@ -180,6 +220,8 @@ Model model_of(const py::handle& from) {
     read(site, "name", model.sites.back().name), read(site, "link", model.sites.back().link);
     model.sites.back().pose = pose_of(site, "pose");
   }
+  for (const py::handle& collider : from.attr("colliders")) model.colliders.push_back(collider_of(collider));
+  for (const py::handle& contact : from.attr("contacts")) model.contacts.push_back(contact_of(contact));
   for (const py::handle& root : from.attr("roots")) {
     model.roots.emplace_back();
     read(root, "link", model.roots.back().link), read(root, "floating", model.roots.back().floating);
@@ -191,7 +233,7 @@ Model model_of(const py::handle& from) {
 }
 
 py::object to_python(const Model& model) {
-  py::list links, joints, couplings, sites, roots;
+  py::list links, joints, couplings, sites, colliders, contacts, roots;
   for (const Link& link : model.links)
     links.append(
         python_class("Link")(link.name, python_class("Inertia")(link.inertia.mass, tuple_of(link.inertia.center),
@@ -200,9 +242,12 @@ py::object to_python(const Model& model) {
   for (const Coupling& coupling : model.couplings) couplings.append(coupling_to_python(coupling));
   for (const Site& site : model.sites)
     sites.append(python_class("Site")(site.name, site.link, tuple_of(site.pose.matrix())));
+  for (const Collider& collider : model.colliders) colliders.append(collider_to_python(collider));
+  for (const Contact& contact : model.contacts) contacts.append(contact_to_python(contact));
   for (const Root& root : model.roots)
     roots.append(python_class("Root")(root.link, root.floating, tuple_of(root.pose.matrix()), tuple_of(root.velocity)));
-  return python_class("Model")(model.name, links, joints, couplings, sites, roots, tuple_of(model.gravity));
+  return python_class("Model")(model.name, links, joints, couplings, sites, colliders, contacts, roots,
+                               tuple_of(model.gravity));
 }
 
 }  // namespace lockstep::python

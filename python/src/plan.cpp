@@ -62,8 +62,9 @@ py::dict ignored_to_python(const Ignored& ignored) {
 Plan compiled(const py::object& model, double dt, const py::object& vary, const std::string& method,
               const std::string& integrator, int iterations, int velocity_iterations, const py::object& ignore,
               bool stage_inputs, bool record_impulses, bool diagnostics, double guard, double position_bound,
-              double velocity_bound) {
+              double velocity_bound, int contact_passes, int contact_rounds, double contact_tolerance) {
   StepSettings settings;
+  settings.contacts = {contact_passes, contact_rounds, contact_tolerance};
   settings.dt = dt;
   settings.method = method_of(method), settings.integrator = integrator_of(integrator);
   settings.iterations = iterations, settings.velocity_iterations = velocity_iterations;
@@ -94,7 +95,8 @@ py::dict settings_of(const Plan& plan) {
                   "velocity_iterations"_a = s.velocity_iterations, "ignore"_a = ignored_to_python(s.ignore),
                   "stage_inputs"_a = s.stage_inputs, "record_impulses"_a = s.record_impulses,
                   "diagnostics"_a = s.record_diagnostics, "guard"_a = s.guard, "position_bound"_a = s.position_bound,
-                  "velocity_bound"_a = s.velocity_bound);
+                  "velocity_bound"_a = s.velocity_bound, "contact_passes"_a = s.contacts.passes,
+                  "contact_rounds"_a = s.contacts.rounds, "contact_tolerance"_a = s.contacts.tolerance);
 }
 
 std::vector<std::string> names_of(const Plan& plan, const std::vector<int>& dofs) {
@@ -136,8 +138,9 @@ py::object imported(const Import& import) {
 }
 
 ImportOptions import_options(double least_mass, double least_inertia, double density, bool repair_inertias,
-                             bool leave_out_foreign, const py::object& ignore) {
+                             bool leave_out_foreign, bool colliders, const py::object& ignore) {
   ImportOptions options;
+  options.colliders = colliders;
   options.least_mass = least_mass, options.least_inertia = least_inertia, options.density = density;
   options.repair_inertias = repair_inertias, options.leave_out_foreign = leave_out_foreign;
   options.ignore = ignored_of(ignore);
@@ -159,6 +162,14 @@ void bind_plan(py::module_& module) {
           "integrator", [](const Plan& plan) { return to_string(plan.integrator()); }, "the one in use")
       .def_property_readonly("nv", &Plan::dofs, "number of moving joints")
       .def_property_readonly("dof_names", &Plan::dof_names, "names of the moving joints, in the order of q")
+      .def_property_readonly(
+          "contact_names",
+          [](const Plan& plan) {
+            std::vector<std::string> names;
+            for (const PlanContact& contact : plan.contacts()) names.push_back(contact.name);
+            return names;
+          },
+          "pairs of colliders that may touch, in the order of what Batch.read() gives of them")
       .def_property_readonly("root_names", &Plan::root_names, "links that float, in the order of root_pose")
       .def_property_readonly("row_names", &Plan::row_names, "what a step holds or bounds; see Batch.row_states()")
       .def_property_readonly(
@@ -179,6 +190,7 @@ void bind_plan(py::module_& module) {
       .def("dof", &Plan::dof, "joint"_a, "the joint's column in q")
       .def("link", &Plan::link, "name"_a)
       .def("site", &Plan::site, "name"_a)
+      .def("contact", &Plan::contact, "name"_a)
       .def("describe", &Plan::describe, "in words: what a step does, by which method and why, and what it costs")
       .def("batch", &make_batch, "num_envs"_a, py::kw_only(), "threads"_a = 0, "seed"_a = 0, "first_id"_a = 0,
            "dtype"_a = "f4", "target"_a = "automatic", "engine"_a = "automatic",
@@ -201,6 +213,8 @@ void bind_plan(py::module_& module) {
              "velocity_iterations"_a = defaults.velocity_iterations, "ignore"_a = py::none(), "stage_inputs"_a = false,
              "record_impulses"_a = false, "diagnostics"_a = false, "guard"_a = defaults.guard,
              "position_bound"_a = defaults.position_bound, "velocity_bound"_a = defaults.velocity_bound,
+             "contact_passes"_a = defaults.contacts.passes, "contact_rounds"_a = defaults.contacts.rounds,
+             "contact_tolerance"_a = defaults.contacts.tolerance,
              "Validates and compiles a Model. dt: s. vary: fields that differ from environment to environment. ignore: "
              "bounds that are left out, as names or {name: True | joints | 'followers'}. Raises ModelError, "
              "SettingsError.");
@@ -208,32 +222,33 @@ void bind_plan(py::module_& module) {
   module.def(
       "from_urdf",
       [](const std::filesystem::path& path, double least_mass, double least_inertia, double density,
-         bool repair_inertias, bool leave_out_foreign, const py::object& ignore) {
+         bool repair_inertias, bool leave_out_foreign, bool colliders, const py::object& ignore) {
         if (!std::filesystem::exists(path)) {  // as open() does it
           errno = ENOENT;
           PyErr_SetFromErrnoWithFilename(PyExc_OSError, path.c_str());
           throw py::error_already_set();
         }
-        return imported(import_urdf_file(path.string(), import_options(least_mass, least_inertia, density,
-                                                                       repair_inertias, leave_out_foreign, ignore)));
+        return imported(import_urdf_file(
+            path.string(),
+            import_options(least_mass, least_inertia, density, repair_inertias, leave_out_foreign, colliders, ignore)));
       },
       "path"_a, py::kw_only(), "least_mass"_a = o.least_mass, "least_inertia"_a = o.least_inertia,
       "density"_a = o.density, "repair_inertias"_a = o.repair_inertias, "leave_out_foreign"_a = o.leave_out_foreign,
-      "ignore"_a = py::none(),
+      "colliders"_a = o.colliders, "ignore"_a = py::none(),
       "Reads a Model from a URDF file. model.report says what became of everything in it, model.warnings what its "
       "owner "
       "should act on. The options are those of ImportOptions. Raises ImportFileError, ModelError, FileNotFoundError.");
   module.def(
       "from_urdf_text",
       [](const std::string& text, const std::string& source, double least_mass, double least_inertia, double density,
-         bool repair_inertias, bool leave_out_foreign, const py::object& ignore) {
+         bool repair_inertias, bool leave_out_foreign, bool colliders, const py::object& ignore) {
         return imported(import_urdf(
             text, source,
-            import_options(least_mass, least_inertia, density, repair_inertias, leave_out_foreign, ignore)));
+            import_options(least_mass, least_inertia, density, repair_inertias, leave_out_foreign, colliders, ignore)));
       },
       "text"_a, "source"_a = "URDF text", py::kw_only(), "least_mass"_a = o.least_mass,
       "least_inertia"_a = o.least_inertia, "density"_a = o.density, "repair_inertias"_a = o.repair_inertias,
-      "leave_out_foreign"_a = o.leave_out_foreign, "ignore"_a = py::none(),
+      "leave_out_foreign"_a = o.leave_out_foreign, "colliders"_a = o.colliders, "ignore"_a = py::none(),
       "The same from text; `source` names it in errors.");
 }
 

@@ -69,6 +69,7 @@ struct Batch<S>::Impl {
     if (tables.roots.count > 0) root_pose = rows(7 * tables.roots.count), root_velocity = rows(6 * tables.roots.count);
     if (tables.record_impulses) impulse = rows(tables.couplings);
     if (tables.audited) audit = rows(2);
+    if (tables.contacts.used()) contact_memory = rows(tables.contacts.remembered(tables));
     if (tables.record_diagnostics)
       residual = rows(tables.reported.count), row_state = rows(tables.reported.count), energy = rows(4);
     for (int f = 0; f < parameter_count; ++f)
@@ -92,7 +93,8 @@ struct Batch<S>::Impl {
 
   std::size_t scratch_bytes() const {
     const std::size_t numbers = kernels::frame_numbers * frames.size() + static_cast<std::size_t>(tables.couplings) + 1;
-    return frames_at() + numbers * static_cast<std::size_t>(kernels.lanes) * sizeof(S);
+    const std::size_t contacts = kernels::contact_numbers * static_cast<std::size_t>(tables.contacts.slots) + 1;
+    return frames_at() + (numbers + contacts) * static_cast<std::size_t>(kernels.lanes) * sizeof(S);
   }
 
   std::size_t step_bytes() const {
@@ -174,12 +176,23 @@ struct Batch<S>::Impl {
       for (std::size_t row = 0; row < part.numbers.size() && !(part.is_input && keep_inputs); ++row)
         part.block->data()[static_cast<std::ptrdiff_t>(row) * stride + e] = part.numbers[row];
     begin_audit(e);
+    forget_contacts(e);
     fault.data()[e] = Fault::none, fault_place.data()[e] = {};
     steps.data()[e] = 0, ++resets.data()[e];
   }
 
   void begin_audit(int e) {
     for (int row = 0; row < 2 && audit.size() > 0; ++row) audit.data()[row * stride + e] = S(0);
+  }
+
+  // Rows as kernels/contacts/memory.h has them. No state is NaN, so the memory belongs to none.
+  void forget_contacts(int e) {
+    const auto count = static_cast<std::ptrdiff_t>(contact_memory.size()) / stride;
+    for (std::ptrdiff_t row = 0; row < count; ++row)
+      contact_memory.data()[row * stride + e] =
+          row < 4 * tables.contacts.slots + 9 * tables.contacts.pairs.count || row + 1 == count
+              ? S(0)
+              : std::numeric_limits<S>::quiet_NaN();
   }
 
   // The memory of one block that is saved (save.cpp).
@@ -264,6 +277,7 @@ struct Batch<S>::Impl {
     l.row_state = row_state.data();
     l.energy = energy.data();
     l.audit = audit.data();
+    l.contact_memory = contact_memory.data();
     l.fault = fault.data(), l.place = fault_place.data(), l.steps = steps.data();
     return l;
   }
@@ -376,7 +390,7 @@ struct Batch<S>::Impl {
   Placer<S> placer;
   std::vector<Start> start;
   AlignedBlock<S> position, velocity, angle, root_pose, root_velocity;
-  AlignedBlock<S> position_target, velocity_target, effort, impulse, residual, row_state, energy, audit;
+  AlignedBlock<S> position_target, velocity_target, effort, impulse, residual, row_state, energy, audit, contact_memory;
   AlignedBlock<S> field[parameter_count];
   AlignedBlock<Fault> fault;
   AlignedBlock<FaultPlace> fault_place;

@@ -8,6 +8,8 @@ namespace {
 bool is_of_links(Quantity quantity) { return quantity == Quantity::link_pose || quantity == Quantity::link_velocity; }
 bool is_of_frames(Quantity quantity) { return quantity >= Quantity::link_pose && quantity <= Quantity::site_velocity; }
 
+bool is_of_contacts(Quantity quantity) { return quantity >= Quantity::contact_force; }
+
 template <class Act>
 void for_each_element(const Query& query, int elements, const Act& act) {
   if (query.elements.empty())
@@ -22,7 +24,8 @@ void for_each_element(const Query& query, int elements, const Act& act) {
 template <class S>
 class Batch<S>::Impl::TileReader {
  public:
-  TileReader(Impl& batch, const StridedRows<S>& out, std::ptrdiff_t first, S* numbers, void* scratch)
+  TileReader(Impl& batch, const StridedRows<S>& out, std::ptrdiff_t first, bool reads_contacts, S* numbers,
+             void* scratch)
       : batch_(batch),
         out_(out),
         first_(first),
@@ -30,11 +33,14 @@ class Batch<S>::Impl::TileReader {
         count_(std::min<std::ptrdiff_t>(lanes_, batch.environments - first)),
         tile_(kernels::at(batch.state_pointers(), first, kernels::tile_shape(batch.tables))),
         frames_(numbers),
-        numbers_(numbers + kernels::frame_numbers * lanes_ * static_cast<std::ptrdiff_t>(batch.wanted.size())),
+        contacts_(numbers + kernels::frame_numbers * lanes_ * static_cast<std::ptrdiff_t>(batch.wanted.size())),
+        numbers_(contacts_ + (kernels::contact_numbers * batch.tables.contacts.slots + 1) * lanes_),
         scratch_(scratch) {
     if (!batch.wanted.empty())
       batch.kernels.read_frames(batch.tables, tile_, 0, batch.wanted.data(), static_cast<int>(batch.wanted.size()),
                                 numbers, scratch);
+    if (reads_contacts && batch.tables.contacts.used())
+      batch.kernels.read_contacts(batch.tables, tile_, 0, contacts_, scratch);
   }
 
   void answer(const Query& query) {
@@ -53,6 +59,7 @@ class Batch<S>::Impl::TileReader {
       case Quantity::potential_energy: return compute(query, elements, kernels::Quantity::potential_energy);
       default: break;
     }
+    if (is_of_contacts(query.quantity)) return answer_contacts(query, elements);
     for_each_element(query, elements, [&](int i) {
       const int frame = is_of_links(query.quantity) ? i : batch_.tables.links + i;
       const S* const numbers = frames_ + kernels::frame_numbers * lanes_ * batch_.slot[frame];
@@ -82,6 +89,71 @@ class Batch<S>::Impl::TileReader {
                      [&](int i) { put(rows + rows_of_each * i * batch_.stride, rows_of_each, batch_.stride); });
   }
 
+  // Number k of a slot. Normals are from the pair's first collider as users name it.
+  S contact(int slot, int k, std::ptrdiff_t lane) const {
+    return contacts_[(slot * kernels::contact_numbers + k) * lanes_ + lane];
+  }
+
+  void answer_contacts(const Query& query, int elements) {
+    const Program& program = program_of(batch_.plan);
+    const auto put_row = [&](const auto& number_in) {
+      for (std::ptrdiff_t lane = 0; lane < count_; ++lane) at(row_, lane) = scale_ * number_in(lane);
+      ++row_;
+    };
+    if (query.quantity == Quantity::unfinished_contacts)
+      return put_row([&](std::ptrdiff_t lane) {
+        const int row = batch_.tables.contacts.slots * kernels::contact_numbers;
+        return batch_.tables.contacts.used() ? contacts_[row * lanes_ + lane] : S(0);
+      });
+    for_each_element(query, elements, [&](int i) {
+      const bool by_slot = query.quantity == Quantity::contact_point;
+      const int pair = by_slot ? pair_of_slot(i) : i;
+      const S sign = program.contacts.pairs[static_cast<std::size_t>(pair)].swapped ? S(-1) : S(1);
+      if (by_slot) {
+        for (int k = 0; k < kernels::contact_numbers; ++k)
+          put_row([&](std::ptrdiff_t lane) { return (k >= 3 && k < 9 ? sign : S(1)) * contact(i, k, lane); });
+        return;
+      }
+      const PlanContact& own = program.plan_contacts[static_cast<std::size_t>(pair)];
+      const auto over_slots = [&](S first, const auto& take) {
+        return [&, first](std::ptrdiff_t lane) {
+          S result = first;
+          for (int slot = own.first_slot; slot < own.first_slot + own.slots; ++slot) result = take(result, slot, lane);
+          return result;
+        };
+      };
+      const auto normal_force = [&](int slot, std::ptrdiff_t lane) {
+        S sum = 0;
+        for (int k = 0; k < 3; ++k) sum += contact(slot, 3 + k, lane) * contact(slot, 6 + k, lane);
+        return sum;
+      };
+      switch (query.quantity) {
+        case Quantity::contact_normal_force:
+          return put_row(
+              over_slots(S(0), [&](S sum, int slot, std::ptrdiff_t lane) { return sum + normal_force(slot, lane); }));
+        case Quantity::contact_gap:
+          return put_row(over_slots(std::numeric_limits<S>::infinity(), [&](S least, int slot, std::ptrdiff_t lane) {
+            return std::min(least, contact(slot, 9, lane));
+          }));
+        case Quantity::contact_slip:
+          return put_row(over_slots(S(0), [&](S most, int slot, std::ptrdiff_t lane) {
+            return normal_force(slot, lane) > S(0) ? std::max(most, contact(slot, 10, lane)) : most;
+          }));
+        default: break;
+      }
+      for (int k = 0; k < 3; ++k)
+        put_row(over_slots(
+            S(0), [&](S sum, int slot, std::ptrdiff_t lane) { return sum + sign * contact(slot, 6 + k, lane); }));
+    });
+  }
+
+  int pair_of_slot(int slot) const {
+    const auto& all = program_of(batch_.plan).plan_contacts;
+    int pair = 0;
+    while (slot >= all[static_cast<std::size_t>(pair)].first_slot + all[static_cast<std::size_t>(pair)].slots) ++pair;
+    return pair;
+  }
+
   void compute(const Query& query, int elements, kernels::Quantity quantity) {
     batch_.kernels.read(batch_.tables, tile_, 0, lanes_, {quantity}, numbers_, lanes_, scratch_);
     for_each_element(query, elements, [&](int i) { put(numbers_ + i * lanes_, 1, lanes_); });
@@ -103,7 +175,7 @@ class Batch<S>::Impl::TileReader {
   const StridedRows<S>& out_;
   std::ptrdiff_t first_, lanes_, count_;
   StatePointers<S> tile_;
-  S *frames_, *numbers_;
+  S *frames_, *contacts_, *numbers_;
   void* scratch_;
   S scale_ = S(1);
   int row_ = 0;
@@ -130,13 +202,15 @@ void Batch<S>::read(std::span<const Query> queries, const StridedRows<S>& out) c
         batch.wanted.push_back(batch.frames[frame]);
       });
 
+  const bool reads_contacts =
+      std::any_of(queries.begin(), queries.end(), [](const Query& query) { return is_of_contacts(query.quantity); });
   const int lanes = batch.kernels.lanes;
   batch.workers.for_environments(
       batch.stepped(), batch.step_nanoseconds, lanes, [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
         batch.normalise_roots(first, std::min<std::ptrdiff_t>(last, batch.environments));
         S* const numbers = reinterpret_cast<S*>(static_cast<std::byte*>(scratch) + batch.frames_at());
         for (; first < last; first += lanes) {
-          typename Impl::TileReader tile(batch, out, first, numbers, scratch);
+          typename Impl::TileReader tile(batch, out, first, reads_contacts, numbers, scratch);
           for (const Query& query : queries) tile.answer(query);
         }
       });

@@ -90,6 +90,7 @@ auto Batch<S>::Impl::saved_rows() const -> std::vector<SavedRows> {
   add("velocity target", velocity_target);
   add("effort", effort);
   add("audit", audit);
+  add("contacts", contact_memory);
   for (int f = 0; f < parameter_count; ++f) add(to_string(static_cast<Parameter>(f)), field[f]);
   return all;
 }
@@ -146,14 +147,14 @@ void Batch<S>::Impl::restore(const Blob& blob, std::span<const int> into, std::s
                        "is outside the " + std::to_string(saved) + " that it holds",
                        "give 0 to " + std::to_string(saved - 1));
 
-  // The audit goes with the settings: under other ones it begins anew, as after a reset.
+  // The audit and the memory of contacts go with the settings: under other ones they begin anew, as after a reset.
   const bool same_settings = blob.head.plan_hash == own.plan;
   const std::vector<SavedRows> rows = saved_rows();
   std::vector<const SavedRows*> targets;
   for (const Blob::Section& section : blob.sections) {
     const auto target =
         std::find_if(rows.begin(), rows.end(), [&](const SavedRows& r) { return section.name == r.name; });
-    const bool anew = section.name == "audit" && !same_settings;
+    const bool anew = (section.name == "audit" || section.name == "contacts") && !same_settings;
     const std::string element = "section '" + section.name + "' of the blob";
     if (target == rows.end() && !anew)
       throw UsageError(element, "has no place in this batch", "declare the field in StepSettings::per_environment");
@@ -177,7 +178,7 @@ void Batch<S>::Impl::restore(const Blob& blob, std::span<const int> into, std::s
                targets[i]->data + static_cast<std::size_t>(row * stride) * bytes, into);
   }
   if (!same_settings)
-    for (const int id : into) begin_audit(id);
+    for (const int id : into) begin_audit(id), forget_contacts(id);
 }
 
 template <class S>

@@ -81,10 +81,23 @@ StridedRows<S> rows_of(const lockstep_array* array, int64_t rows, int64_t enviro
   return {static_cast<S*>(given(array->data, name)), array->stride[0] / item, array->stride[1] / item};
 }
 
-constexpr Quantity quantities[] = {Quantity::position,       Quantity::velocity,        Quantity::position_target,
-                                   Quantity::link_pose,      Quantity::link_velocity,   Quantity::site_pose,
-                                   Quantity::site_position,  Quantity::site_velocity,   Quantity::coupling_error,
-                                   Quantity::kinetic_energy, Quantity::potential_energy};
+constexpr Quantity quantities[] = {Quantity::position,
+                                   Quantity::velocity,
+                                   Quantity::position_target,
+                                   Quantity::link_pose,
+                                   Quantity::link_velocity,
+                                   Quantity::site_pose,
+                                   Quantity::site_position,
+                                   Quantity::site_velocity,
+                                   Quantity::coupling_error,
+                                   Quantity::kinetic_energy,
+                                   Quantity::potential_energy,
+                                   Quantity::contact_force,
+                                   Quantity::contact_normal_force,
+                                   Quantity::contact_gap,
+                                   Quantity::contact_slip,
+                                   Quantity::contact_point,
+                                   Quantity::unfinished_contacts};
 
 void initialise(lockstep_query* query) { *query = {sizeof(lockstep_query), 0, -1, 0, 1.0}; }
 

@@ -17,6 +17,7 @@ constexpr double most_gain = 0.04;   // from nowhere, as a share of the largest 
 
 // Whether the audit knows all energy that may enter: (M93).
 bool can_audit(const Program& program) {
+  if (program.f64.contacts.used()) return false;
   const Bounds<double>& b = program.f64.bounds;
   for (int r = 0; r < b.rows.count; ++r)
     if (b.kinematic[r] || b.kind[r] == BoundKind::soft_drive) return false;
@@ -42,6 +43,13 @@ void check(const StepSettings& s) {
   require(s.velocity_bound > 0.0 && s.velocity_bound <= 1e30, "velocity_bound", "is outside (0, 1e30]",
           "give for instance 1e5");
   require(s.guard > 0.0, "guard", fmt::format("is {}, not above 0", s.guard), "give for instance 0.01, or infinity");
+  const ContactSettings& c = s.contacts;
+  require(c.passes >= 1 && c.passes <= 100, "contacts.passes", fmt::format("is {}, outside 1 to 100", c.passes),
+          "give for instance 3");
+  require(c.rounds >= 1 && c.rounds <= 1000, "contacts.rounds", fmt::format("is {}, outside 1 to 1000", c.rounds),
+          "give for instance 30");
+  require(c.tolerance > 0.0 && c.tolerance <= 0.1, "contacts.tolerance",
+          fmt::format("is {}, outside (0, 0.1]", c.tolerance), "give for instance 1e-4");
   require(s.method >= Method::automatic && s.method <= Method::reduced, "method",
           fmt::format("is {}, none of the enumerators", static_cast<int>(s.method)), "give one of Method");
   require(s.integrator >= Integrator::automatic && s.integrator <= Integrator::runge_kutta, "integrator",
@@ -101,10 +109,11 @@ void lay_out_solver(Program& program) {
   t.solver = t.matrix;
   set_inertia(program, std::vector<bool>(static_cast<std::size_t>(t.tree.count), true), InertiaKind::matrix);
   if (program.method == Method::reduced) eliminate_followers(program);
-  if (!t.reduction.used() && !program.folded.empty()) lay_out_basis(program, {}, false);
+  const bool fills = !program.folded.empty() || !program.contacts.pairs.empty();
+  if (!t.reduction.used() && fills) lay_out_basis(program, {}, false);
   lay_out_rows(program);
   take_composite_columns(program);
-  take_articulated_bodies(program);
+  if (program.contacts.pairs.empty()) take_articulated_bodies(program);
 }
 
 std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settings, Integrator integrator) {
@@ -116,6 +125,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
 
   lay_out_times(*program, integrator);
   lay_out_bodies(*program, Trees(program->model));
+  program->contacts = contact_pairs(program->model, Trees(program->model));
   lay_out_couplings(*program);
   choose_followers(*program);
   lay_out_joint_terms(*program);
@@ -128,7 +138,9 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   if (!program->folded.empty()) lay_out_solver(*program);
   take_constraint_velocities(*program, first_joints_shares);
   lay_out_factoring(*program);
+  lay_out_contacts(*program);
   choose_search(*program);
+  if (integrator == Integrator::euler) check_contacts(*program);
   lay_out_report(*program);
   lay_out_turns(*program);
   t.method = program->method;

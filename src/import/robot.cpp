@@ -58,6 +58,15 @@ Inertia read_inertial(Element inertial, LinkExtras& extras) {
   return inertia;
 }
 
+void take_colliders(const std::string& link, const Shapes& shapes, Report& report, Model& model) {
+  for (const Collider& collider : shapes.colliders) {
+    report.remark("colliders of the group 'robot'", collider.name);
+    model.colliders.push_back(collider);
+  }
+  if (shapes.meshes > 0) report.warn("collision meshes, left out of the colliders", link);
+  if (shapes.cylinders > 0) report.warn("collision cylinders, left out of the colliders", link);
+}
+
 void read_link(Element element, const ImportOptions& options, Robot& robot) {
   Link link;
   link.name = element.name("name");
@@ -66,7 +75,11 @@ void read_link(Element element, const ImportOptions& options, Robot& robot) {
   LinkExtras extras;
   if (std::optional<Element> inertial = element.child("inertial")) link.inertia = read_inertial(*inertial, extras);
   const bool is_complete = link.inertia.mass != 0.0 && !extras.lacks_tensor;
-  if (options.density > 0.0 && !is_complete) extras.shapes = read_shapes(element);
+  if ((options.density > 0.0 && !is_complete) || options.colliders) {
+    extras.shapes = read_shapes(element, link.name);
+    if (options.colliders) take_colliders(link.name, extras.shapes, element.report(), robot.model);
+    if (is_complete) extras.shapes = {};
+  }
   element.tally_rest();
   if (extras.lacks_mass || extras.lacks_tensor || extras.shapes.collisions > 0)
     robot.extras[link.name] = std::move(extras);

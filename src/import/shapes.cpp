@@ -36,13 +36,21 @@ double length(Element& shape, const char* attribute, bool may_be_zero = false) {
 
 }  // namespace
 
-Shapes read_shapes(Element& link) {
+Shapes read_shapes(Element& link, const std::string& name) {
   Shapes shapes;
   link.each_child("collision", [&](Element collision) {
     collision.rename("collision of " + link.title());
     ++shapes.collisions;
     const Eigen::Isometry3d pose = read_origin(collision);
     const auto add = [&](const Inertia& solid) { shapes.solid = shapes.solid + transformed(solid, pose); };
+    const auto collide = [&](const Shape& shape) {
+      const std::size_t number = shapes.colliders.size() + 1;
+      shapes.colliders.push_back({.name = number == 1 ? name : name + "#" + std::to_string(number),
+                                  .link = name,
+                                  .shape = shape,
+                                  .pose = pose,
+                                  .group = "robot"});
+    };
     std::optional<Element> geometry = collision.child("geometry");
     if (!geometry) return;
     geometry->each_child("mesh", [&](const Element&) { ++shapes.meshes; });
@@ -50,15 +58,23 @@ Shapes read_shapes(Element& link) {
       const Eigen::Vector3d size = box.triple("size");
       if (!(size.minCoeff() > 0.0)) box.fail("size is not above 0, so the shape has no volume", "give it in metres");
       add(Inertia::box(size.prod(), size, Eigen::Vector3d::Zero()));
+      collide(Shape::box(size));
     });
-    geometry->each_child("sphere", [&](Element sphere) { add(capsule(length(sphere, "radius"), 0.0)); });
+    geometry->each_child("sphere", [&](Element sphere) {
+      const double radius = length(sphere, "radius");
+      add(capsule(radius, 0.0));
+      collide(Shape::sphere(radius));
+    });
     geometry->each_child("cylinder", [&](Element shape) {
       const double radius = length(shape, "radius");
       add(cylinder(radius, length(shape, "length")));
+      ++shapes.cylinders;
     });
     geometry->each_child("capsule", [&](Element shape) {
       const double radius = length(shape, "radius");
-      add(capsule(radius, length(shape, "length", true)));
+      const double height = length(shape, "length", true);
+      add(capsule(radius, height));
+      collide(height > 0.0 ? Shape::capsule(radius, height) : Shape::sphere(radius));
     });
     geometry->tally_rest();
   });

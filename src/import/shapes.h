@@ -1,4 +1,4 @@
-// Inertia of collision shapes. SPDX-License-Identifier: Apache-2.0
+// Inertia and colliders of collision shapes. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include "element.h"
@@ -11,9 +11,11 @@ struct Shapes {
   Inertia solid;       ///< of all boxes, spheres, cylinders and capsules, of density 1 kg/m^3; its mass is their volume
   int collisions = 0;  ///< elements, of which
   int meshes = 0;      ///< have a mesh, which is never opened
+  int cylinders = 0;   ///< have a cylinder, which is no collider
+  std::vector<Collider> colliders;
 };
 
 /// Reads all <collision> elements of a link. Throws ImportError where a shape has no volume.
-Shapes read_shapes(Element& link);
+Shapes read_shapes(Element& link, const std::string& name);
 
 }  // namespace lockstep::urdf

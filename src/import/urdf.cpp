@@ -117,10 +117,13 @@ void float_roots(Robot& robot, Report& report) {
   bool stands_for_world =
       !robot.floating.empty() && world.inertia.mass == 0.0 && world.inertia.about_center.isZero(0.0);
   for (const Joint& joint : model.joints) stands_for_world = stands_for_world && joint.parent != world.name;
-  if (stands_for_world)
+  if (stands_for_world) {
     model.links.erase(model.links.begin());
-  else
+    for (Collider& collider : model.colliders)
+      if (collider.link == world.name) collider.link.clear();
+  } else {
     model.roots = {{world.name}};
+  }
   for (const auto& [joint, place] : robot.floating) {
     if (joint.parent != world.name)
       throw ImportError(place, "floats below link '" + joint.parent + "', which is not the root of the file",

@@ -1,6 +1,7 @@
 // First stage: reads the state of a tile from the batch. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "kernels/contacts/memory.h"
 #include "kernels/couplings/consistent.h"
 #include "kernels/couplings/gear_ratios.h"
 #include "kernels/couplings/turns.h"
@@ -128,6 +129,7 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
     move_masses_inwards(t, x);
   }
   set_consistent(t, x, all_consistent(t, x, shape));
+  if (t.contacts.used()) load_contacts(t, batch, x);
 }
 
 template <class T>

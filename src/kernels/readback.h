@@ -3,6 +3,7 @@
 // Not part of a step; computed anew on request, by the same templates: (M49) to (M53).
 #pragma once
 
+#include "kernels/contacts/readback.h"
 #include "kernels/couplings/coupling_error.h"
 #include "kernels/dynamics/energies.h"
 #include "load.h"
@@ -176,6 +177,17 @@ void read_frames(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     for (int k = 0; k < 9; ++k) out.put(3 + k, place.rotation(k / 3, k % 3));
     put_velocity(t, m, requests[i], Output<T>{out.rows + 12 * T::lanes, T::lanes});
   }
+}
+
+/// Contacts of the one tile that begins at environment `first`: see contacts/readback.h.
+template <class T>
+void read_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, std::ptrdiff_t first,
+                   ScalarOf<T>* numbers, void* scratch) {
+  Tile<T> x;
+  lay_out(t, scratch, x);
+  uniform_ratios(t, x);
+  load(t, at(batch, first, tile_shape(t)), x);
+  read_contacts(t, numbers, x);
 }
 
 }  // namespace lockstep::kernels

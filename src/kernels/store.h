@@ -1,6 +1,7 @@
 // Last stage: writes the state of a tile to the batch. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "kernels/contacts/memory.h"
 #include "kernels/couplings/turns.h"
 #include "kernels/tile/tile_shape.h"
 
@@ -24,6 +25,7 @@ LOCKSTEP_INLINE void store(const Tables<ScalarOf<T>>& t, const StatePointers<Sca
   for (int i = 0; i < 7 * shape.roots; ++i) store(batch.root_pose + i * stride, x.state.pose[i]);
   for (int r = 0; r < shape.roots; ++r)
     for (int i = 0; i < 6; ++i) store(batch.root_velocity + (6 * r + i) * stride, v[shape.root[r].velocity + i]);
+  if (t.contacts.used()) store_contacts(t, batch, x);
   for (int c = 0; shape.record_impulses && c < t.couplings; ++c)
     store(batch.impulse + c * batch.stride, x.couplings.impulse[c]);
   if (!shape.record_diagnostics) return;

@@ -30,7 +30,7 @@ void choose_search(Program& program) {
   if (program.method != Method::reduced && program.method != Method::direct)
     return refuse(fmt::format("{} visits bounds in its sweeps", to_string(program.method)));
   if (program.integrator != Integrator::euler && !stages) return;
-  if (rows.count == 0 && t.limited_servos.count == 0) return;
+  if (rows.count == 0 && t.limited_servos.count == 0 && !t.contacts.used()) return;
   if (t.rows.count > 0) return refuse("couplings that are not eliminated compete with the bounds");
   if (t.articulated.used()) return refuse("the bounds act on trees that are solved by articulated bodies");
   std::vector<int> velocity, row_of(static_cast<std::size_t>(t.solver.n), -1);

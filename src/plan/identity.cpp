@@ -79,13 +79,31 @@ class ModelHash {
     const auto& [name, link, pose] = site;
     all(name, link, pose);
   }
+  void put(const Shape& shape) {
+    const auto& [kind, size] = shape;
+    all(static_cast<std::uint64_t>(kind), size);
+  }
+  void put(const Collider& collider) {
+    const auto& [name, link, shape, pose, friction, restitution, softness, group] = collider;
+    all(name, link, shape, pose, friction, restitution, softness, group);
+  }
+  template <class E>
+  void put(const std::optional<E>& value) {
+    put(value.has_value());
+    if (value) put(*value);
+  }
+  void put(const Contact& contact) {
+    const auto& [first, second, friction, restitution, softness] = contact;
+    all(first, second, friction, restitution, softness);
+  }
   void put(const Root& root) {
     const auto& [link, floating, pose, velocity] = root;
     all(link, floating, pose, velocity);
   }
   void put(const Model& model) {
-    const auto& [name, links, joints, couplings, sites, roots, gravity] = model;
+    const auto& [name, links, joints, couplings, sites, colliders, contacts, roots, gravity] = model;
     all(name, links, joints, couplings, sites, roots, gravity);
+    if (!colliders.empty()) all(colliders, contacts);  // as before for models without
   }
 
   Hash hash_;
@@ -107,7 +125,8 @@ std::string words_of(const ParameterSet& set) {
 
 std::string lines_of(const StepSettings& settings) {
   const auto& [dt, method, integrator, iterations, velocity_iterations, per_environment, ignore, stage_inputs,
-               record_impulses, record_diagnostics, guard, position_bound, velocity_bound] = settings;
+               record_impulses, record_diagnostics, guard, contacts, position_bound, velocity_bound] = settings;
+  const auto& [passes, rounds, tolerance] = contacts;
   const auto& [position_limits, velocity_limits, effort_limits, friction] = ignore;
   return fmt::format("dt {}\nmethod {}\nintegrator {}\niterations {}\nvelocity_iterations {}\nper_environment{}\n", dt,
                      to_string(method), to_string(integrator), iterations, velocity_iterations,
@@ -117,7 +136,8 @@ std::string lines_of(const StepSettings& settings) {
                      words_of(friction)) +
          fmt::format("stage_inputs {}\nrecord_impulses {}\nrecord_diagnostics {}\n", stage_inputs, record_impulses,
                      record_diagnostics) +
-         fmt::format("guard {}\nposition_bound {}\nvelocity_bound {}\n", guard, position_bound, velocity_bound);
+         fmt::format("guard {}\nposition_bound {}\nvelocity_bound {}\n", guard, position_bound, velocity_bound) +
+         fmt::format("contacts.passes {}\ncontacts.rounds {}\ncontacts.tolerance {}\n", passes, rounds, tolerance);
 }
 
 }  // namespace

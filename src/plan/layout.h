@@ -94,6 +94,14 @@ void add_folded(const Program& program, const std::vector<std::vector<int>>& par
 /// Where the products of their terms stand in A_r (folding.cpp).
 void lay_out_folding(Program& program);
 
+/// Adds what pairs of colliders fill to the pattern of A_r, as add_folded() does (contacts.cpp).
+void add_contacts(const Program& program, const std::vector<std::vector<int>>& parts,
+                  std::vector<std::vector<char>>& pattern);
+/// The tables of contacts, after the basis (contacts.cpp).
+void lay_out_contacts(Program& program);
+/// Throws SettingsError where the plan's method, couplings or bounds leave contacts no solve (contacts.cpp).
+void check_contacts(const Program& program);
+
 /// Measured costs of the tables' loops, by which a plan chooses. The unit is one product of a long sum.
 namespace work {
 constexpr int column_past_body = 10;  ///< a column passes one body

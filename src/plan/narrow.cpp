@@ -22,7 +22,9 @@ constexpr bool names_all = sizeof(Table) == (sizeof(Structure) + 7) / 8 * 8 + by
 static_assert(names_all<Body<double>, BodyStructure> && names_all<LinkPlace<double>, LinkStructure> &&
               names_all<TreePlace<double>, TreeStructure> && names_all<RowSoftness<double>, RowSoftnessStructure> &&
               names_all<Rows<double>, RowStructure> && names_all<Bounds<double>, BoundStructure> &&
-              names_all<Fill<double>, FillStructure> && names_all<Reduction<double>, ReductionStructure>);
+              names_all<Fill<double>, FillStructure> && names_all<Reduction<double>, ReductionStructure> &&
+              names_all<ColliderPlace<double>, ColliderStructure> &&
+              names_all<TouchingPair<double>, TouchingStructure> && names_all<ContactTables<double>, ContactStructure>);
 static_assert(sizeof(Tables<double>) ==
               (sizeof(TableStructure) + 7) / 8 * 8 + sizeof(void*) + bytes_of_numbers<Tables<double>>());
 
@@ -59,6 +61,9 @@ struct Narrowing {
   void operator()(const Bounds<double>& from, Bounds<float>& to) { table<BoundStructure>(from, to); }
   void operator()(const Fill<double>& from, Fill<float>& to) { table<FillStructure>(from, to); }
   void operator()(const Reduction<double>& from, Reduction<float>& to) { table<ReductionStructure>(from, to); }
+  void operator()(const ColliderPlace<double>& from, ColliderPlace<float>& to) { table<ColliderStructure>(from, to); }
+  void operator()(const TouchingPair<double>& from, TouchingPair<float>& to) { table<TouchingStructure>(from, to); }
+  void operator()(const ContactTables<double>& from, ContactTables<float>& to) { table<ContactStructure>(from, to); }
 };
 
 }  // namespace

@@ -21,6 +21,7 @@ int Plan::dofs() const { return program_->f64.joints; }
 int Plan::couplings() const { return program_->f64.couplings; }
 const std::vector<std::string>& Plan::root_names() const { return program_->root_names; }
 const std::vector<PlanTree>& Plan::trees() const { return program_->trees; }
+const std::vector<PlanContact>& Plan::contacts() const { return program_->plan_contacts; }
 const std::vector<std::string>& Plan::dof_names() const { return program_->dof_names; }
 const std::vector<std::string>& Plan::row_names() const { return program_->row_names; }
 const std::vector<int>& Plan::redundant_couplings() const { return program_->redundant; }
@@ -65,6 +66,11 @@ int Plan::link(const std::string& wanted) const {
 int Plan::site(const std::string& wanted) const {
   return find(
       program_->model.sites, wanted, [](const Site& s) { return s.name; }, "site", "see Model::sites");
+}
+
+int Plan::contact(const std::string& wanted) const {
+  return find(
+      program_->plan_contacts, wanted, [](const PlanContact& c) { return c.name; }, "contact", "see Plan::contacts()");
 }
 
 const std::vector<std::string>& Plan::parameter_row_names(Parameter parameter) const {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "lockstep/plan.h"
+#include "model/contact_pairs.h"
 #include "tables.h"
 
 namespace lockstep {
@@ -87,6 +88,8 @@ struct Program {
   std::vector<Following> following;  ///< by dof
   std::vector<LockedJoints> locked;
   Placing placing_all, placing_hard;  ///< by all couplings, by those that may be hard
+  ContactPairs contacts;
+  std::vector<PlanContact> plan_contacts;
   std::vector<std::string> row_names;
   std::vector<Reported> reported;  ///< by row name
   int merged_links = 0;

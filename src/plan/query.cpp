@@ -8,10 +8,27 @@
 namespace lockstep {
 
 const char* to_string(Quantity quantity) noexcept {
-  static const char* const names[] = {"position",      "velocity",       "position_target", "velocity_target",
-                                      "effort",        "link_pose",      "link_velocity",   "site_pose",
-                                      "site_position", "site_velocity",  "coupling_error",  "root_pose",
-                                      "root_velocity", "kinetic_energy", "potential_energy"};
+  static const char* const names[] = {"position",
+                                      "velocity",
+                                      "position_target",
+                                      "velocity_target",
+                                      "effort",
+                                      "link_pose",
+                                      "link_velocity",
+                                      "site_pose",
+                                      "site_position",
+                                      "site_velocity",
+                                      "coupling_error",
+                                      "root_pose",
+                                      "root_velocity",
+                                      "kinetic_energy",
+                                      "potential_energy",
+                                      "contact_force",
+                                      "contact_normal_force",
+                                      "contact_gap",
+                                      "contact_slip",
+                                      "contact_point",
+                                      "unfinished_contacts"};
   const auto index = static_cast<unsigned>(quantity);
   return index < std::size(names) ? names[index] : "unknown";
 }
@@ -34,7 +51,13 @@ QueryShape shape_of(const Program& program, Quantity quantity) {
     case Quantity::root_pose: return {t.roots.count, 7};
     case Quantity::root_velocity: return {t.roots.count, 6};
     case Quantity::kinetic_energy:
-    case Quantity::potential_energy: return {1, 1};
+    case Quantity::potential_energy:
+    case Quantity::unfinished_contacts: return {1, 1};
+    case Quantity::contact_force: return {t.contacts.pairs.count, 3};
+    case Quantity::contact_normal_force:
+    case Quantity::contact_gap:
+    case Quantity::contact_slip: return {t.contacts.pairs.count, 1};
+    case Quantity::contact_point: return {t.contacts.slots, 11};
   }
   throw UsageError("quantity " + std::to_string(static_cast<int>(quantity)), "is none of the enumerators",
                    "give one of Quantity");

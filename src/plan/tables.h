@@ -15,6 +15,7 @@
 
 #include "lockstep/enums.h"
 #include "tables/bodies.h"
+#include "tables/contacts.h"
 #include "tables/reduction.h"
 
 namespace lockstep {
@@ -101,6 +102,7 @@ struct Tables : TableStructure {
   Rows<S> rows;
   Bounds<S> bounds;
   Reduction<S> reduction;
+  ContactTables<S> contacts;
   Span<S> hard_rate;  ///< erp / dt by coupling, 0 for soft ones
   Rows<S> undamped;   ///< rows whose softness refers to the undamped inertia, if A differs from that
   Rows<S> folded;  ///< soft couplings that are part of A_r (M95); their numbers in a tile stand behind those of `rows`
@@ -122,6 +124,7 @@ struct Tables : TableStructure {
     visit(from.stiffness, to.stiffness), visit(from.rest, to.rest);
     visit(from.effort_limit, to.effort_limit), visit(from.term_value, to.term_value), visit(from.offset, to.offset);
     visit(from.rows, to.rows), visit(from.bounds, to.bounds), visit(from.reduction, to.reduction);
+    visit(from.contacts, to.contacts);
     visit(from.hard_rate, to.hard_rate), visit(from.undamped, to.undamped), visit(from.folded, to.folded);
   }
 };

@@ -260,7 +260,26 @@ std::string bounds_lines(const Program& program) {
   return text;
 }
 
+std::string contact_lines(const Program& program) {
+  const ContactPairs& contacts = program.contacts;
+  if (contacts.pairs.empty() && contacts.left_out.empty()) return "";
+  const Tables<double>& t = program.f64;
+  std::vector<std::string> names;
+  for (const PlanContact& contact : program.plan_contacts) names.push_back(contact.name);
+  std::string text = fmt::format("Contacts: {}, {}: {}.\n", count_of(static_cast<int>(names.size()), "pair", "pairs"),
+                                 count_of(t.contacts.slots, "slot", "slots"), joined(names));
+  if (!names.empty())
+    text += fmt::format(
+        "  Found in each step; where one acts, solved by Newton on the reduced velocities together with the bounds: at "
+        "most {} passes of {} rounds, tolerance {:g}.\n",
+        t.contacts.passes, t.contacts.rounds, program.settings.contacts.tolerance);
+  if (!contacts.left_out.empty())
+    text += fmt::format("  Left out of groups: {}.\n", fmt::join(contacts.left_out, "; "));
+  return text;
+}
+
 std::string engine_line(const Plan& plan) {
+  if (program_of(plan).f64.contacts.used()) return "Engine: tables, which alone solve contacts.\n";
   const std::uint64_t hash = kernel_hash(plan);
   if (hash == 0) return "Engine: tables; there is no straight-line code where softness is worked out lane by lane.\n";
   std::vector<std::string> generated;
@@ -284,7 +303,7 @@ std::string Plan::describe() const {
   const Program& p = *program_;
   const long flops = flops_per_step();
   return mechanism_line(p) + coupling_lines(p) + locked_lines(p) + method_lines(p) + input_line(p) + stage_lines(p) +
-         bounds_lines(p) + engine_line(*this) +
+         bounds_lines(p) + contact_lines(p) + engine_line(*this) +
          fmt::format("Cost of a step of one environment: {} flops; {} bytes read and written in f32, {} in f64.\n",
                      flops, bytes_per_step(4), bytes_per_step(8)) +
          fmt::format("Memory of one environment: {} bytes in f32, {} in f64.\n", bytes_per_environment(4),

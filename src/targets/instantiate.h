@@ -23,7 +23,8 @@ constexpr KernelSet<typename T::Scalar> kernel_set() {
           kernels::interpreter_bytes<T>,
           kernels::interpret<T>,
           kernels::read<T>,
-          kernels::read_frames<T>};
+          kernels::read_frames<T>,
+          kernels::read_contacts<T>};
 }
 
 }  // namespace lockstep

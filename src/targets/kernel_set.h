@@ -25,6 +25,8 @@ struct KernelSet {
   /// Frames of one tile: kernels::frame_numbers rows of `lanes` numbers for each request.
   void (*read_frames)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, const kernels::Request<S>*,
                       int count, S* numbers, void* scratch);
+  /// Contacts of one tile: kernels::contact_numbers rows of `lanes` numbers for each slot, and one more row.
+  void (*read_contacts)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, S* numbers, void* scratch);
 };
 
 // Each is compiled for its instruction set: avx2 and avx512 on x86-64, neon on AArch64.

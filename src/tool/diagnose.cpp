@@ -42,6 +42,32 @@ void diagnose_step(const Batch<S>& batch, double time, std::vector<Watched>& wat
   }
 }
 
+// Adds a step's contacts. `pressing` counts the pairs.
+template <class S>
+void diagnose_contacts(const Batch<S>& batch, typename Batch<S>::Array& numbers, long& pressing, Diagnosis& diagnosis) {
+  static const Query queries[] = {{Quantity::contact_gap}, {Quantity::contact_slip}, {Quantity::contact_normal_force}};
+  const auto pairs = static_cast<Eigen::Index>(batch.plan().contacts().size());
+  numbers.resize(3 * pairs, batch.environments());
+  batch.read(queries, {numbers.data(), batch.environments(), 1});
+  for (int e = 0; e < batch.environments(); ++e) {
+    if (batch.faults()[e] != Fault::none) continue;
+    for (Eigen::Index p = 0; p < pairs; ++p) {
+      diagnosis.penetration_max = std::max(diagnosis.penetration_max, -static_cast<double>(numbers(p, e)));
+      diagnosis.slip_max = std::max(diagnosis.slip_max, static_cast<double>(numbers(pairs + p, e)));
+      pressing += numbers(2 * pairs + p, e) > S(0);
+    }
+  }
+}
+
+// Solves at their cap since the start.
+template <class S>
+long unfinished(const Batch<S>& batch) {
+  static const Query query{Quantity::unfinished_contacts};
+  typename Batch<S>::Array counts(1, batch.environments());
+  batch.read(std::span(&query, 1), {counts.data(), batch.environments(), 1});
+  return static_cast<long>(counts.sum());
+}
+
 }  // namespace
 
 template <class S>
@@ -53,13 +79,19 @@ Diagnosis diagnose(Batch<S>& batch, const Targets& targets, long steps) {
     diagnosis.energy_excess_max = std::numeric_limits<double>::quiet_NaN();
   std::vector<Watched> watched(batch.environments());
   Progress progress(static_cast<double>(steps), "steps");
+  typename Batch<S>::Array contacts;
+  long pressing = 0;
+  const bool touches = !batch.plan().contacts().empty();
   int target_row = -1;
   for (long done = 0; done < steps; ++done) {
     if (const int row = targets.row_at(done, dt); row != target_row) targets.apply(target_row = row, batch);
     batch.step();
     diagnose_step(batch, static_cast<double>(done + 1) * dt, watched, diagnosis);
+    if (touches) diagnose_contacts(batch, contacts, pressing, diagnosis);
     progress.update(static_cast<double>(done + 1));
   }
+  if (touches) diagnosis.unfinished_contacts = unfinished(batch);
+  diagnosis.contacts_mean = static_cast<double>(pressing) / static_cast<double>(steps) / batch.environments();
   return diagnosis;
 }
 

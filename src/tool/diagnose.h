@@ -26,6 +26,10 @@ struct Diagnosis {
                                      ///< NaN if the plan records no diagnostics
   double limit_violation_max = 0.0;  ///< rad or m
   double speed_max = 0.0;            ///< rad/s or m/s
+  double penetration_max = 0.0;      ///< m, of colliders
+  double slip_max = 0.0;             ///< m/s, of contacts that bear a force
+  double contacts_mean = 0.0;        ///< pairs of colliders that press on each other, in an environment and step
+  long unfinished_contacts = 0;      ///< solves that ended at their cap of rounds
   int conflict_count = 0;            ///< environments that had one
   std::vector<Conflict> conflicts;   ///< in the order of time, at most most_conflicts_listed
 };

@@ -118,6 +118,18 @@ void make_kinematic(const std::string& name, Model& model) {
   drive.kinematic = true;
 }
 
+void add_ground(double friction, Model& model) {
+  for (Collider& collider : model.colliders) collider.friction = friction;
+  model.colliders.push_back({.name = "ground", .shape = Shape::half_space(), .friction = friction});
+  model.contacts.push_back({"ground", "robot"});
+}
+
+void add_contact(const std::string& text, Model& model) {
+  const std::vector<std::string> names = split(text, ',');
+  if (names.size() != 2) throw InputError(fmt::format("--contact: '{}' should be COLLIDER,COLLIDER", text));
+  model.contacts.push_back({names[0], names[1]});
+}
+
 }  // namespace
 
 void ModelOptions::add_to(CLI::App& app) {
@@ -175,6 +187,15 @@ void ModelOptions::add_to(CLI::App& app) {
                  "Gives the joint a servo with these gains, N m/rad and N m s/rad, or N/m and N s/m. Repeatable")
       ->type_name("JOINT=KP,KD")
       ->allow_extra_args(false);
+  app.add_flag("--colliders", import.colliders,
+               "Collision boxes, spheres and capsules become colliders of the group 'robot'");
+  app.add_option("--ground", ground, "The robot's colliders may touch the ground z = 0, with this friction of both")
+      ->type_name("MU")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--contact", contacts,
+                 "These colliders may touch; a group such as 'robot' stands for all of its colliders. Repeatable")
+      ->type_name("A,B")
+      ->allow_extra_args(false);
   app.add_option("--kinematic", kinematic,
                  "Puts the joint on its target in each step, whatever force that takes. Repeatable")
       ->type_name("JOINT")
@@ -195,11 +216,14 @@ void apply(const ModelOptions& options, Model& model) {
   for (const std::string& text : options.force_limits) limit_force(text, model);
   for (const std::string& text : options.drives) drive(text, model);
   for (const std::string& name : options.kinematic) make_kinematic(name, model);
+  if (options.ground) add_ground(*options.ground, model);
+  for (const std::string& text : options.contacts) add_contact(text, model);
 }
 
 Import ModelOptions::load(const Ignored& ignore) const {
   ImportOptions options = import;
   options.ignore = ignore;
+  options.colliders = import.colliders || ground || !contacts.empty();
   options.change = [this](Model& model) { apply(*this, model); };
   const Import read = import_urdf_file(file, options);
   for (const std::string& line : read.warnings) fmt::print(stderr, "lockstep: warning: {}\n", line);

@@ -159,9 +159,10 @@ Diagnosis diagnosed(const SimulateOptions& options, const Inputs& inputs, const 
     return diagnose(batch, inputs.targets_of(recording), steps);
   };
   StepSettings settings = plan.settings();
-  settings.record_diagnostics = plan.integrator() == Integrator::euler;
+  const bool touches = !plan.contacts().empty();  // nothing is recorded beside contacts
+  settings.record_diagnostics = plan.integrator() == Integrator::euler && !touches;
   Diagnosis diagnosis = run(settings);
-  if (settings.record_diagnostics || !is_bounded(plan)) return diagnosis;
+  if (settings.record_diagnostics || touches || !is_bounded(plan)) return diagnosis;
   // Only Euler records conflicts. They lie in the model and its inputs, so those of Euler are those of all.
   settings.record_diagnostics = true;
   settings.integrator = Integrator::euler;
@@ -202,6 +203,13 @@ void print(const SimulateOptions& options, const Plan& plan, const Outcome& outc
   fmt::print("faults   {}\n", outcome.faulted == 0 ? "none" : fmt::format("{} environments", outcome.faulted));
 }
 
+void print_contacts(const Diagnosis& diagnosis) {
+  fmt::print(
+      "contacts {:.3g} pairs press, penetration max {:.2e} m, slip max {:.2e} m/s{}\n", diagnosis.contacts_mean,
+      diagnosis.penetration_max, diagnosis.slip_max,
+      diagnosis.unfinished_contacts == 0 ? "" : fmt::format(", {} solves not finished", diagnosis.unfinished_contacts));
+}
+
 void warn(const Diagnosis& diagnosis) {
   if (diagnosis.conflict_count == 0) return;
   const Conflict& first = diagnosis.conflicts.front();
@@ -236,6 +244,12 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   for (const Conflict& conflict : diagnosis.conflicts)
     json["conflicts"].push_back(
         {{"environment", conflict.environment}, {"time", conflict.time}, {"rows", conflict.rows}});
+  if (!plan.contacts().empty())
+    json["contacts"] = {{"pairs", plan.contacts().size()},
+                        {"pressing_mean", diagnosis.contacts_mean},
+                        {"penetration_max", diagnosis.penetration_max},
+                        {"slip_max", diagnosis.slip_max},
+                        {"unfinished", diagnosis.unfinished_contacts}};
   json["method"] = to_string(plan.method());
   json["integrator"] = to_string(plan.integrator());
   json["iterations"] = plan.settings().iterations;
@@ -296,6 +310,7 @@ int run(const SimulateOptions& options) {
   if (!options.json.empty() || plan.integrator() == Integrator::euler || is_bounded(plan)) {
     const Diagnosis diagnosis =
         options.f64 ? diagnosed<double>(options, inputs, plan, steps) : diagnosed<float>(options, inputs, plan, steps);
+    if (!plan.contacts().empty()) print_contacts(diagnosis);
     warn(diagnosis);
     if (!options.json.empty()) {
       OutputFile json(options.json);

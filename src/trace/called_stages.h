@@ -11,6 +11,8 @@ namespace lockstep::kernels {
 
 using trace::Traced;
 
+/// Refuses: the tables alone solve contacts.
+void touch(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void first_saturation_pass(Tile<Traced>& x);
 void limited_drives(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 bool saturation_differs(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);

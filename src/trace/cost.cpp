@@ -24,6 +24,7 @@ long Plan::bytes_per_environment(int scalar_bytes) const {
   if (t.turning.count > 0) rows += t.joints;
   if (t.record_impulses) rows += t.couplings;
   if (t.audited) rows += 2;
+  rows += t.contacts.remembered(t);
   if (t.record_diagnostics) rows += 2 * t.reported.count + 4;
   for (unsigned p = 0; p < parameter_count; ++p)
     if (t.declares(static_cast<Parameter>(p))) rows += parameter_rows(static_cast<Parameter>(p));

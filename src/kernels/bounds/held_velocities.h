@@ -90,18 +90,16 @@ bool round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   return any(differs);
 }
 
-/// (M83): the factor of A with the velocities `mask` held. A held velocity has the inverse 0, so it passes through the
-/// elimination, and its entries stay as they were. Returns the lanes with a pivot that is too small.
+/// (M83): factors x.held.factor with the velocities `mask` held. A held velocity has the inverse 0, so it passes
+/// through the elimination, and its entries stay as they were. Returns the lanes with a pivot that is too small.
 template <class T>
 typename T::Mask factor_masked(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Columns& columns = t.solver;
   T *const matrix = x.held.factor, *const inverse = x.held.inverse, *const raw = x.held.raw;
   typename T::Mask weak = T::none();
-  for (int e = 0; e < columns.entries; ++e) matrix[e] = x.held.matrix[e];
   for (int i = columns.n - 1; i >= 0; --i) {
     T* const own = matrix + columns.offset[i];
     const int below = columns.size[i];
-    own[0] = x.held.diagonal[i];
     for (int k = 1; k < below; ++k) raw[k] = own[k];
     const T pivot = own[0] = scale_column(own, inverse + i, below);
     x.held.pivot[i] = pivot;
@@ -113,9 +111,17 @@ typename T::Mask factor_masked(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   return weak;
 }
 
-/// (M84): velocities, and the impulses that hold those of `mask` at their goals.
+/// A with the diagonal of this round, where factor_masked() expects it.
 template <class T>
-void solve_masked(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
+LOCKSTEP_INLINE void copy_matrix(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  for (int e = 0; e < t.solver.entries; ++e) x.held.factor[e] = x.held.matrix[e];
+  for (int z = 0; z < t.solver.n; ++z) x.held.factor[t.solver.offset[z]] = x.held.diagonal[z];
+}
+
+/// (M84): velocities, and the impulses that hold those of `mask` at their goals. x.held.rhs is the momentum to gain
+/// from the velocities `from`.
+template <class T>
+void solve_masked(const Tables<ScalarOf<T>>& t, Phase phase, const T* from, Tile<T>& x) {
   const Columns& columns = t.solver;
   const int n = columns.n;
   const T* const factor = x.held.factor;
@@ -123,14 +129,14 @@ void solve_masked(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
            *const impulse = x.held.impulse + phase * n;
   for (int j = n - 1; j >= 0; --j) {
     const T b = subtract_dot(factor + columns.offset[j] + 1, u + j + 1, columns.size[j] - 1, y[j]);
-    const T moved = x.held.goal[phase * n + j] - x.dynamics.start[j];
+    const T moved = x.held.goal[phase * n + j] - from[j];
     u[j] = select(x.held.mask[j], moved, b);
     y[j] = select(x.held.mask[j], fnma(x.held.pivot[j], moved, b), b * x.held.inverse[j]);
   }
   for (int j = 0; j < n; ++j) {
     const T value = select(x.held.mask[j], u[j], y[j]);
     impulse[j] = select(x.held.mask[j], -y[j], T(0));
-    z[j] = select(x.held.mask[j], x.held.goal[phase * n + j], x.dynamics.start[j] + value);
+    z[j] = select(x.held.mask[j], x.held.goal[phase * n + j], from[j] + value);
     const T* const own = factor + columns.offset[j];
     for (int k = 1, below = columns.size[j]; k < below; ++k) y[j + k] = fnma(own[k], value, y[j + k]);
   }
@@ -323,11 +329,12 @@ void search_held_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<Sc
     for (int p = 0; p < phases; ++p) {
       const bool other_masks = set_goals(t, Phase(p), x), other_diagonal = round_terms(t, batch, Phase(p), x);
       if (other_masks || other_diagonal || !factored) {
+        copy_matrix(t, x);
         const auto weak = factor_masked(t, x);
         if (round == 0 && p == 0) x.singular = weak;
       }
       factored = true;
-      solve_masked(t, Phase(p), x);
+      solve_masked(t, Phase(p), x.dynamics.start, x);
     }
     open = move_pieces(t, batch, phases, round >= all_move, open, x);
     if (!any(open)) return;
@@ -335,10 +342,11 @@ void search_held_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<Sc
   for (int p = 0; p < phases; ++p) sweep_velocities(t, batch, Phase(p), open, x);
 }
 
-/// Whether the phases have different solutions in some lane: a joint bounces or is beyond its range, or a follower is
+/// Lanes in which the phases may have different solutions: a joint bounces or is beyond its range, or a follower is
 /// corrected.
 template <class T>
-bool phases_differ(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x) {
+typename T::Mask lanes_with_two_phases(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                       const Tile<T>& x) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
   const int n = t.solver.n;
   typename T::Mask differ = T::none();
@@ -346,14 +354,14 @@ bool phases_differ(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     differ = differ | beyond(x.couplings.correction[f], T(0));
   for (int z = 0; z < n; ++z) differ = differ | beyond(x.held.momentum[z] - x.held.momentum[n + z], T(0));
   for (int i = 0; i < b.watched.count; ++i) {
-    if (b.watched[i].bounces) return true;
+    if (b.watched[i].bounces) return ~T::none();
     if (!b.watched[i].ranged) continue;
     const T q = x.state.q[b.watched[i].joint];
     const Interval<T> range = position_limits<T>(t, batch, b.watched[i].joint);
     differ = differ | less(T(0), up_to_rounding(range.lo - q, range.lo)) |
              less(up_to_rounding(range.hi - q, range.hi), T(0));
   }
-  return any(differ);
+  return differ;
 }
 
 /// Intervals of all rows in one phase, and the lanes in which one asks for NaN or infinity.

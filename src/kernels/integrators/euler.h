@@ -11,6 +11,7 @@
 #include "kernels/dynamics/kinematics.h"
 #include "limited_servos.h"
 #include "solve_bounds.h"
+#include "solve_contacts.h"
 
 namespace lockstep::kernels {
 
@@ -51,6 +52,7 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     const bool bounded = t.bounds.rows.count > 0 || (limited && by_velocity);
     if (bounded && bounds_active(t, batch, x)) solve_bounds(t, batch, x);
   } while (limited && !by_velocity && saturation_differs(t, batch, x));
+  if (t.contacts.used()) touch(t, batch, x);
   if (t.record_impulses) coupling_impulses(t, batch, x);  // before the roots' axes turn
   turn_root_twists(t, x, x.next.v);
 }

@@ -128,7 +128,7 @@ template <class T>
 void solve_by_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const int count = t.bounds.rows.count, n = t.solver.n;
   const bool first = t.limited_servos.count > 0, twice = phases<T>(t) == 2;
-  const bool differ = twice && phases_differ(t, batch, x);
+  const bool differ = twice && any(lanes_with_two_phases(t, batch, x));
   x.servos.duration = T(t.dt), x.servos.from = x.state.q, x.servos.time = 0, x.servos.corrected = true;
   x.bounds.invalid = T::none();
   open_intervals(t, batch, position_phase, x);

@@ -37,6 +37,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   if (t.bounds.by_velocity) x.held.arrays(t, take);
   if (t.bounds.by_velocity && t.integrator != Integrator::euler) x.stage_bounds.arrays(t, take);
   x.servos.arrays(t, take);
+  if (t.contacts.used()) x.contacts.arrays(t, take);
   if (t.record_diagnostics) x.diagnostics.arrays(t, take);
   if (t.audited) x.audit.motion.arrays(t, take);
 }
@@ -45,7 +46,8 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
 /// nor rows to solve, both phases have the same solution.
 template <class T>
 LOCKSTEP_INLINE void set_consistent(const Tables<ScalarOf<T>>& t, Tile<T>& x, bool consistent) {
-  const bool one_motion = consistent && t.reduction.all_placed && t.rows.count == 0 && t.bounds.rows.count == 0;
+  const bool one_motion =
+      consistent && t.reduction.all_placed && t.rows.count == 0 && t.bounds.rows.count == 0 && !t.contacts.used();
   x.consistent = consistent;
   x.solves_twice = t.solve_twice && !one_motion;
 }

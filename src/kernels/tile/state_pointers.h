@@ -32,6 +32,7 @@ struct StatePointers {
   S* row_state = nullptr;                 ///< the same
   S* energy = nullptr;                    ///< 4 rows, the same
   S* audit = nullptr;                     ///< 2 rows, null unless audited: energy from nowhere, largest kinetic energy
+  S* contact_memory = nullptr;            ///< ContactTables::remembered() rows, null without contacts
   Fault* fault = nullptr;
   FaultPlace* place = nullptr;
   std::uint32_t* steps = nullptr;  ///< good ones since the last reset, as they were when step() was called

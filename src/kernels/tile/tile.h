@@ -2,6 +2,7 @@
 #pragma once
 
 #include "bound_arrays.h"
+#include "contact_arrays.h"
 #include "coupling_arrays.h"
 #include "diagnostic_arrays.h"
 #include "dynamics_arrays.h"
@@ -35,6 +36,7 @@ struct Tile {
   HeldVelocities<T> held;
   StageBounds<T> stage_bounds;
   LimitedServos<T> servos;
+  Contacts<T> contacts;
   Diagnostics<T> diagnostics;
   Audit<T> audit;
 

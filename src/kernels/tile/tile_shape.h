@@ -50,6 +50,7 @@ LOCKSTEP_INLINE void move(StatePointers<S>& batch, std::ptrdiff_t by, const Tile
   if (shape.record_diagnostics && batch.residual) batch.residual += by, batch.row_state += by;
   if (shape.record_diagnostics) batch.energy += by;
   if (batch.audit) batch.audit += by;
+  if (batch.contact_memory) batch.contact_memory += by;
   batch.fault += by;
   batch.place += by, batch.steps += by;
 }

@@ -1,0 +1,143 @@
+// J z, J^T impulse and J^T G J of contacts, pair by pair. SPDX-License-Identifier: Apache-2.0
+//
+// (M108). A pair moves as one: its slots see the relative twist of two colliders, and their impulses add up to one
+// wrench. So the velocities of the solver meet six numbers of a pair, or three if it has one slot, not three for each
+// slot.
+#pragma once
+
+#include "shapes.h"
+
+namespace lockstep::kernels {
+
+/// Lanes in which the slot's memory is of this contact.
+template <class T>
+LOCKSTEP_INLINE typename T::Mask is_same(const ContactSlot<T>& slot, typename T::Mask known) {
+  return slot.live & known & ~less(slot.face, slot.kept_face) & ~less(slot.kept_face, slot.face);
+}
+
+/// Relative angular velocity, and velocity of the pair's reference point, in the frame of its contacts.
+template <class T>
+struct RelativeTwist {
+  Vec3<T> turning, moving;
+};
+
+/// act(pair, patch, its slots) for the pairs that are near in some lane.
+template <class T, class Act>
+LOCKSTEP_INLINE void each_near(const Tables<ScalarOf<T>>& t, Tile<T>& x, Act&& act) {
+  for (int p = 0; p < t.contacts.pairs.count; ++p)
+    if (any(x.contacts.patch[p].near))
+      act(t.contacts.pairs[p], x.contacts.patch[p], x.contacts.slot + t.contacts.pairs[p].slot);
+}
+
+/// act(pair, patch, slot) for the slots that are live in some lane.
+template <class T, class Act>
+LOCKSTEP_INLINE void each_live(const Tables<ScalarOf<T>>& t, Tile<T>& x, Act&& act) {
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    for (int s = 0; s < pair.slots; ++s)
+      if (any(slots[s].live)) act(pair, patch, slots[s]);
+  });
+}
+
+template <class T>
+LOCKSTEP_INLINE RelativeTwist<T> twist_of(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair,
+                                          const Tile<T>& x, const T* z) {
+  RelativeTwist<T> twist{Vec3<T>::zero(), Vec3<T>::zero()};
+  for (int k = pair.column; k < pair.column + pair.columns; ++k) {
+    const T speed = z[t.contacts.columns[k].velocity];
+    twist.moving = fma(x.contacts.moving[k], speed, twist.moving);
+    if (pair.slots > 1) twist.turning = fma(x.contacts.turning[k], speed, twist.turning);
+  }
+  return twist;
+}
+
+/// u of a slot: normal speed, positive where the colliders part, and speeds along the tangents.
+template <class T>
+LOCKSTEP_INLINE void slot_speed(const ContactPatch<T>&, const ContactSlot<T>& slot, const RelativeTwist<T>& twist,
+                                T (&u)[3]) {
+  const Vec3<T> v = cross_add(twist.turning, slot.arm, twist.moving);
+  for (int i = 0; i < 3; ++i) u[i] = v[i];
+}
+
+/// J z of all slots, into the member `to` of each.
+template <class T>
+void slot_speeds(const Tables<ScalarOf<T>>& t, const T* z, T (ContactSlot<T>::*to)[3], Tile<T>& x) {
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    const RelativeTwist<T> twist = twist_of(t, pair, x, z);
+    for (int s = 0; s < pair.slots; ++s) slot_speed(patch, slots[s], twist, slots[s].*to);
+  });
+}
+
+/// J^T impulse of all slots.
+template <class T>
+void momentum_of_contacts(const Tables<ScalarOf<T>>& t, T* momentum, Tile<T>& x) {
+  for (int z = 0; z < t.solver.n; ++z) momentum[z] = T(0);
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    Vec3<T> force = Vec3<T>::zero(), moment = force;
+    for (int s = 0; s < pair.slots; ++s) {
+      const T* const impulse = slots[s].force.impulse;
+      const Vec3<T> f{impulse[0], impulse[1], impulse[2]};
+      force = force + f;
+      moment = cross_add(slots[s].arm, f, moment);
+    }
+    for (int k = pair.column; k < pair.column + pair.columns; ++k) {
+      T& sum = momentum[t.contacts.columns[k].velocity];
+      sum += dot(x.contacts.moving[k], force);
+      if (pair.slots > 1) sum += dot(x.contacts.turning[k], moment);
+    }
+  });
+}
+
+/// How a pair's wrench falls with its twist: -d (moment, force) / d (turning, moving).
+template <class T>
+struct PairGain {
+  Mat3<T> moving, across, turning;  // force by moving; force by turning; moment by turning
+
+  LOCKSTEP_INLINE void add(const ContactSlot<T>& slot) {
+    const T* const g = slot.force.gain;
+    const Vec3<T>& r = slot.arm;
+    const Vec3<T> rows[3] = {{g[0], g[1], g[2]}, {g[1], g[3], g[4]}, {g[2], g[4], g[5]}};
+    Mat3<T> by_turning;  // G B, B w = w x r
+    for (int i = 0; i < 3; ++i) {
+      const Vec3<T> row = cross(r, rows[i]);
+      for (int j = 0; j < 3; ++j) {
+        moving(i, j) += rows[i][j];
+        by_turning(i, j) = row[j];
+        across(i, j) += row[j];
+      }
+    }
+    for (int j = 0; j < 3; ++j) {
+      const Vec3<T> column = cross(r, column_of_matrix(by_turning, j));
+      for (int i = 0; i < 3; ++i) turning(i, j) += column[i];
+    }
+  }
+  LOCKSTEP_INLINE static Vec3<T> column_of_matrix(const Mat3<T>& m, int k) { return {m(0, k), m(1, k), m(2, k)}; }
+  LOCKSTEP_INLINE static PairGain zero() {
+    const Vec3<T> none = Vec3<T>::zero();
+    return {{none, none, none}, {none, none, none}, {none, none, none}};
+  }
+};
+
+/// Adds J^T G J to the packed `matrix`.
+template <class T>
+void add_gains(const Tables<ScalarOf<T>>& t, T* matrix, Tile<T>& x) {
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    PairGain<T> gain = PairGain<T>::zero();
+    for (int s = 0; s < pair.slots; ++s) gain.add(slots[s]);
+    const bool turns = pair.slots > 1;
+    const int* entry = t.contacts.entries.data + pair.entry;
+    const Vec3<T>*const turning = x.contacts.turning + pair.column, *const moving = x.contacts.moving + pair.column;
+    for (int k = 0; k < pair.columns; ++k) {
+      Vec3<T> force = multiply(gain.moving, moving[k]), moment = Vec3<T>::zero();
+      if (turns) {
+        force = multiply_add(gain.across, turning[k], force);
+        moment = multiply(gain.turning, turning[k]) + multiply_transposed(gain.across, moving[k]);
+      }
+      for (int l = 0; l <= k; ++l, ++entry) {
+        matrix[*entry] += dot(moving[l], force);
+        if (turns) matrix[*entry] += dot(turning[l], moment);
+      }
+    }
+  });
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,60 @@
+// What users ask of contacts: points, normals, forces, gaps, slip. SPDX-License-Identifier: Apache-2.0
+//
+// Not part of a step. Shapes are those of the present state, impulses those that the last step left.
+#pragma once
+
+#include "collide.h"
+
+namespace lockstep::kernels {
+
+/// Numbers of one slot: point, normal, force on the second collider, gap, speed along the surface, all in the world.
+constexpr int contact_numbers = 11;
+
+/// Of all slots of a tile that has been loaded; `numbers` has contact_numbers rows of T::lanes for each, and one row
+/// behind them for the solves that ended at their cap. Normals are from the first collider to the second in the order
+/// of PairKind.
+template <class T>
+void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const T none = T(S(__builtin_inf())), zero = T(0), per_second = T(S(1) / t.dt);
+  x.frozen = T::none();
+  collide(t, x);
+  for (int p = 0; p < t.contacts.pairs.count; ++p) {
+    const TouchingPair<S>& pair = t.contacts.pairs[p];
+    const ContactPatch<T>& patch = x.contacts.patch[p];
+    const bool near = any(patch.near);
+    for (int s = 0; s < pair.slots; ++s) {
+      const ContactSlot<T>& slot = x.contacts.slot[pair.slot + s];
+      S* row = numbers + (pair.slot + s) * contact_numbers * T::lanes;
+      const auto put = [&](T number) LOCKSTEP_INLINED {
+        store(row, number);
+        row += T::lanes;
+      };
+      const auto put_vector = [&](const Vec3<T>& v) LOCKSTEP_INLINED {
+        for (int k = 0; k < 3; ++k) put(select(slot.live, v[k], zero));
+      };
+      if (!near) {
+        for (int k = 0; k < contact_numbers; ++k) put(k == 9 ? none : zero);
+        continue;
+      }
+      const auto in_world = [&](const Vec3<T>& v) LOCKSTEP_INLINED {
+        return fma(patch.axes[0], v.x, fma(patch.axes[1], v.y, scaled(patch.axes[2], v.z)));
+      };
+      const auto remembered = is_same(slot, x.contacts.known);
+      const Vec3<T> impulse{slot.pressed, slot.memory[0], slot.memory[1]};
+      const Vec3<T> point = in_world(slot.arm) + patch.point;
+      Vec3<T> turning, first, second;
+      velocity_at(x.contacts.motion, t.contacts.colliders[pair.first].body, point, turning, first);
+      velocity_at(x.contacts.motion, t.contacts.colliders[pair.second].body, point, turning, second);
+      const Vec3<T> moves = second - first, along = fma(patch.axes[0], -dot(moves, patch.axes[0]), moves);
+      put_vector(point);
+      put_vector(patch.axes[0]);
+      put_vector(select<T>(remembered, scaled(in_world(impulse), per_second), Vec3<T>::zero()));
+      put(select(slot.live, slot.gap, none));
+      put(select(slot.live, sqrt(dot(along, along)), zero));
+    }
+  }
+  store(numbers + t.contacts.slots * contact_numbers * T::lanes, x.contacts.unfinished);
+}
+
+}  // namespace lockstep::kernels

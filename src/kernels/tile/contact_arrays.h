@@ -1,0 +1,93 @@
+// Arrays of the contacts: pairs, slots, and what a step remembers of them. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "diagnostic_arrays.h"
+
+namespace lockstep::kernels {
+
+/// The law of contact (M105) of one slot at one velocity: impulse along normal and tangents, and how fast it falls with
+/// the velocity, -d impulse / d u, as nn, n1, n2, 11, 12, 22.
+template <class T>
+struct ContactForce {
+  T impulse[3];
+  T gain[6];
+  typename T::Mask sticks, slides;  // lanes; elsewhere the slot is off
+};
+
+/// One contact point. Vectors are in the frame of the pair: normal and tangents, from its reference point.
+template <class T>
+struct ContactSlot {
+  typename T::Mask live;  // lanes in which it may act
+  Vec3<T> arm;
+  T gap;
+  T face;       // of this step
+  T kept_face;  // of the memory
+  T memory[2];  // tangential impulse of the step before (state)
+  T pressed;    // normal impulse of the step before (state); in a relaxing solve that of the first one
+  T rebound;    // minus the speed after an impact, in lanes that bounce
+  T bias;       // b of (M104)
+  T drift[2];   // tangential speed that takes the pair's drift back (M111)
+  T slip;       // speed along the surface that the normal target allows for (M105)
+  T target;     // b' of this solve
+  T stiffness;  // 1 / R
+  T push;       // normal memory, only while relaxing
+  typename T::Mask bounces, relaxes;
+  T speed[3];   // u
+  T change[3];  // of u by the Newton step
+  ContactForce<T> force, trial;
+};
+
+/// What two colliders of a pair have in common.
+template <class T>
+struct ContactPatch {
+  typename T::Mask near;  // lanes in which they may touch
+  Vec3<T> axes[3];        // normal and tangents in the world
+  Vec3<T> point;          // the reference point in the world
+  Vec3<T> center;         // of the second collider in the world
+  Vec3<T> place;          // the same in the first collider's frame
+  Mat3<T> turn;           // the second collider's axes in the first one's, as columns
+  Mat3<T> frame;          // the first collider's axes in the world, as columns
+  // Where the step before would have put the second collider if velocities moved it exactly (state).
+  Vec3<T> expected_place, expected_axis, expected_other_axis;
+  // By how much it is elsewhere, in the frame of the contact, about its centre (M111); what of it may be rounding.
+  Vec3<T> drift_turning, drift_moving, kept_turning, kept_moving;
+  T friction;
+};
+
+template <class T>
+struct Contacts {
+  Motion<T> motion;
+  ContactPatch<T>* patch;  // [pairs]
+  ContactSlot<T>* slot;    // [slots]
+  Vec3<T>* turning;        // [columns] relative angular velocity, by velocity of the solver
+  Vec3<T>* moving;         // [columns] relative velocity of the reference point
+  T* previous;             // [solver] velocities at the start of the step before (state)
+  T* z;                    // [solver] iterate
+  T* step;                 // [solver] Newton step
+  T* gradient;             // [solver]
+  T* momentum;             // [solver] J^T impulse
+  T* kept;                 // [solver] momentum to gain; result of the first solve
+  T* unbounded_result;     // of the step without contacts (solve_contacts.h)
+  T unfinished;            // steps at the cap since the last reset (state)
+  typename T::Mask known;  // lanes whose memory belongs to their state
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    const auto& c = t.contacts;
+    const int n = t.solver.n;
+    motion.arrays(t, take);
+    take("contacts.patch", patch, c.pairs.count);
+    take("contacts.slot", slot, c.slots);
+    take("contacts.turning", turning, c.columns.count);
+    take("contacts.moving", moving, c.columns.count);
+    take("contacts.previous", previous, n);
+    take("contacts.z", z, n);
+    take("contacts.step", step, n);
+    take("contacts.gradient", gradient, n);
+    take("contacts.momentum", momentum, n);
+    take("contacts.kept", kept, n);
+    take("contacts.unbounded_result", unbounded_result, 2 * n + t.joints + t.velocities + 11 * t.roots.count);
+  }
+};
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,174 @@
+// Which colliders may touch: the rules for colliders, groups as pairs. SPDX-License-Identifier: Apache-2.0
+#include "contact_pairs.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "lockstep/error.h"
+#include "rules.h"
+
+namespace lockstep {
+namespace {
+
+using std::string;
+
+void proper_friction(double friction, const string& element) { not_negative(friction, element, "friction"); }
+
+void proper_restitution(double restitution, const string& element) {
+  require(restitution >= 0.0 && restitution <= 1.0, element,
+          "restitution is " + std::to_string(restitution) + ", outside [0, 1]", "give a share between 0 and 1");
+}
+
+void proper_contact_softness(const Softness& softness, const string& element) {
+  proper_softness(softness, element, "contact");
+  require(!is_absent(softness), element, "softness of the contact has neither stiffness nor damping",
+          "give it stiffness or damping, or leave the contact out");
+  require(!is_hard(softness) || erp_of(softness) <= 1.0, element,
+          "erp of a hard contact is " + std::to_string(erp_of(softness)) + ", above 1", "give 0.2");
+}
+
+void proper_shape(const Shape& shape, const string& element) {
+  const int numbers = shape.kind == ShapeKind::box       ? 3
+                      : shape.kind == ShapeKind::capsule ? 2
+                      : shape.kind == ShapeKind::sphere  ? 1
+                                                         : 0;
+  require(shape.kind >= ShapeKind::half_space && shape.kind <= ShapeKind::sphere, element,
+          "has a shape that is none of the enumerators", "give one of ShapeKind");
+  for (int k = 0; k < 3; ++k) {
+    const double size = shape.size[k];
+    require(k < numbers || size == 0.0, element, "has a size that its kind of shape does not have",
+            "set it to 0; make shapes by Shape::box() and its like");
+    require(k >= numbers || (std::isfinite(size) && size > 0.0), element,
+            "has a size of " + std::to_string(size) + " m, which is not above 0", "give its edges, radius and length");
+  }
+}
+
+class Resolver {
+ public:
+  Resolver(const Model& model, const Trees& trees) : model_(model), trees_(trees) {}
+
+  ContactPairs resolve() {
+    proper_colliders();
+    for (const Contact& contact : model_.contacts) add(contact);
+    return std::move(found_);
+  }
+
+ private:
+  void proper_colliders() {
+    unique_names(model_.colliders, "collider");
+    for (const Collider& collider : model_.colliders) {
+      const string element = quoted("collider", collider.name);
+      const int link = collider.link.empty() ? -1 : model_.link_index(collider.link);
+      rigid(collider.pose, element, "pose");
+      proper_shape(collider.shape, element);
+      proper_friction(collider.friction, element);
+      proper_restitution(collider.restitution, element);
+      proper_contact_softness(collider.softness, element);
+      carrier_.push_back(link < 0 ? -1 : trees_.carrier[link]);
+      require(collider.shape.kind != ShapeKind::half_space || stands_still(carrier_.back()), element,
+              "is a half-space on a link that moves", "put it in the world or on a bolted link, or make it a box");
+    }
+    for (const Collider& collider : model_.colliders)
+      require(index_of(collider.group) < 0, quoted("collider", collider.name),
+              "is in group '" + collider.group + "', which is also the name of a collider", "rename one of them");
+  }
+
+  int index_of(const string& name) const {
+    const auto found = std::find_if(model_.colliders.begin(), model_.colliders.end(),
+                                    [&](const Collider& c) { return c.name == name; });
+    return found == model_.colliders.end() ? -1 : static_cast<int>(found - model_.colliders.begin());
+  }
+
+  std::vector<int> members(const string& name, const string& element) const {
+    if (const int collider = index_of(name); collider >= 0) return {collider};
+    std::vector<int> all;
+    for (std::size_t i = 0; i < model_.colliders.size(); ++i)
+      if (!name.empty() && model_.colliders[i].group == name) all.push_back(static_cast<int>(i));
+    require(!all.empty(), element, "names '" + name + "', which is neither a collider nor a group",
+            "correct the name, or give colliders that group");
+    return all;
+  }
+
+  bool stands_still(int carrier) const { return carrier < 0 || trees_.is_bolted(carrier); }
+
+  // A joint connects the links' bodies, in either order.
+  bool joined(int a, int b) const {
+    const auto carried_by = [&](int child, int parent) {
+      return child >= 0 && trees_.parent_joint[child] >= 0 &&
+             trees_.carrier[trees_.joint_parent[trees_.parent_joint[child]]] == parent;
+    };
+    return carried_by(a, b) || carried_by(b, a);
+  }
+
+  // Why two colliders cannot touch whatever they are called; empty if they can.
+  string obstacle(int a, int b) const {
+    if (a == b) return "they are the same collider";
+    if (carrier_[a] == carrier_[b] && carrier_[a] >= 0) return "they are parts of one body";
+    if (stands_still(carrier_[a]) && stands_still(carrier_[b])) return "both stand still";
+    return "";
+  }
+
+  void add(const Contact& contact) {
+    const string element = quoted("contact", contact.first + "-" + contact.second);
+    if (contact.friction) proper_friction(*contact.friction, element);
+    if (contact.restitution) proper_restitution(*contact.restitution, element);
+    if (contact.softness) proper_contact_softness(*contact.softness, element);
+    const std::vector<int> firsts = members(contact.first, element), seconds = members(contact.second, element);
+    const bool named = index_of(contact.first) >= 0 && index_of(contact.second) >= 0;
+    for (const int a : firsts)
+      for (const int b : seconds) {
+        const string why = obstacle(a, b);
+        require(!named || why.empty(), element, "can never be a contact: " + why, "remove it");
+        const string names = model_.colliders[a].name + "-" + model_.colliders[b].name;
+        if (a == b || (contact.first == contact.second && b < a)) continue;
+        if (!why.empty()) {
+          found_.left_out.push_back(names + ": " + why);
+        } else if (!named && joined(carrier_[a], carrier_[b])) {
+          found_.left_out.push_back(names + ": a joint connects their links");
+        } else {
+          const bool is_new = seen_.insert({std::min(a, b), std::max(a, b)}).second;
+          require(is_new || !named, element, "appears twice", "name each pair once");
+          if (is_new) add(contact, a, b, element);
+        }
+      }
+  }
+
+  void add(const Contact& contact, int a, int b, const string& element) {
+    const Collider &one = model_.colliders[a], &other = model_.colliders[b];
+    ColliderPair pair{a, b, other.shape.kind < one.shape.kind, 0.0, 0.0, {}};
+    if (pair.swapped) std::swap(pair.first, pair.second);
+    pair.friction = contact.friction.value_or(std::sqrt(one.friction * other.friction));
+    pair.restitution = contact.restitution.value_or(std::max(one.restitution, other.restitution));
+    const bool own = !same(one.softness, Hard{}), others = !same(other.softness, Hard{});
+    require(contact.softness || !own || !others || same(one.softness, other.softness), element,
+            "joins colliders '" + one.name + "' and '" + other.name + "', which differ in softness",
+            "give the contact a softness of its own");
+    pair.softness = contact.softness.value_or(own ? one.softness : other.softness);
+    found_.pairs.push_back(pair);
+  }
+
+  static bool same(const Softness& a, const Softness& b) {
+    const SoftnessNumbers one = numbers_of(a), other = numbers_of(b);
+    return a.index() == b.index() && one.first == other.first && one.second == other.second;
+  }
+
+  const Model& model_;
+  const Trees& trees_;
+  std::vector<int> carrier_;  // by collider: the link that carries its body, -1 in the world
+  std::set<std::pair<int, int>> seen_;
+  ContactPairs found_;
+};
+
+}  // namespace
+
+ContactPairs contact_pairs(const Model& model, const Trees& trees) { return Resolver(model, trees).resolve(); }
+
+std::string pair_name(const Model& model, const ColliderPair& pair) {
+  const std::string &first = model.colliders[static_cast<std::size_t>(pair.first)].name,
+                    &second = model.colliders[static_cast<std::size_t>(pair.second)].name;
+  return pair.swapped ? second + "-" + first : first + "-" + second;
+}
+
+}  // namespace lockstep
