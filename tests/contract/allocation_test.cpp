@@ -5,6 +5,7 @@
 
 #include "allocation_counter.h"
 #include "bounded_scenes.h"
+#include "contact_scenes.h"
 
 namespace lockstep {
 namespace {
@@ -49,6 +50,22 @@ void expect_no_allocation(const Plan& plan, Target target) {
   batch.velocities().col(3).setConstant(std::numeric_limits<S>::quiet_NaN());
   EXPECT_EQ(allocated_by([&] { batch.step(2); }), 0u) << "a step that fails";
   EXPECT_GT(batch.faulted(), 0);
+}
+
+TEST(AllocationWithContacts, does_not_happen_in_a_step_and_a_readback) {
+  const Model models[] = {contact_scenes::stack(10.0), contact_scenes::Grasp{}.model(), contact_scenes::quadruped()};
+  for (const Model& model : models) {
+    const Plan plan = compile(model);
+    Batch<float> batch(plan, 19, {.threads = 1});
+    const Query queries[] = {{Quantity::contact_point}, {Quantity::contact_force}};
+    std::vector<float> numbers(static_cast<std::size_t>(plan.query_rows(queries[0]) + plan.query_rows(queries[1])) *
+                               19);
+    EXPECT_EQ(allocated_by([&] { batch.step(60); }), 0u) << model.name;
+    EXPECT_EQ(allocated_by([&] { batch.read(queries, {numbers.data(), 19, 1}); }), 0u) << model.name;
+    batch.root_velocities().col(3).setConstant(std::numeric_limits<float>::quiet_NaN());
+    EXPECT_EQ(allocated_by([&] { batch.step(2); }), 0u) << model.name;
+    EXPECT_GT(batch.faulted(), 0);
+  }
 }
 
 TEST_P(Allocation, does_not_happen_in_a_step_with_one_thread) {

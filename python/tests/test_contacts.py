@@ -1,0 +1,123 @@
+# Contacts from Python. SPDX-License-Identifier: Apache-2.0
+import pathlib
+import pickle
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from conftest import MODELS
+
+import lockstep as ls
+
+EXAMPLE = pathlib.Path(__file__).parents[2] / "docs" / "examples" / "python" / "grasp.py"
+
+
+def block(friction=0.5, tilt=0.0):
+    inertia = ls.Inertia(2.0, (0, 0, 0), np.diag([0.01, 0.01, 0.01]))
+    return ls.Model(
+        links=[ls.Link("block", inertia)],
+        colliders=[ls.Collider("block", "block", ls.Shape.box(0.1, 0.1, 0.1), friction=friction),
+                   ls.Collider("floor", "", ls.Shape.half_space(), friction=friction)],
+        contacts=[ls.Contact("floor", "block")],
+        roots=[ls.Root("block", floating=True, pose=ls.pose((0, 0, 0.05)))],
+        gravity=(10 * np.sin(tilt), 0, -10 * np.cos(tilt)),
+    )
+
+
+def test_forces_balance_the_weight():
+    plan = ls.compile(block(tilt=0.3))
+    assert plan.contact_names == ["floor-block"] and plan.contact("floor-block") == 0
+    batch = plan.batch(5, dtype="f8", threads=1)
+    batch.step(200)
+    force = batch.read("contact_force")
+    assert force.shape == (5, 3)
+    assert np.allclose(force, [-20 * np.sin(0.3), 0, 20 * np.cos(0.3)], atol=1e-6)
+    assert np.allclose(batch.read(ls.Query("contact_normal_force", ["floor-block"])), 20 * np.cos(0.3), atol=1e-6)
+    assert -1e-5 < batch.read("contact_gap").min() < 0 and batch.read("contact_slip").max() < 1e-9
+    points = batch.read("contact_point").reshape(5, 4, 11)
+    assert np.allclose(points[..., 3:6], [0, 0, 1])  # from the floor to the block
+    assert np.allclose(points[..., 6:9].sum(axis=1), force)
+    assert np.allclose(np.abs(points[..., :2]), 0.05, atol=1e-3) and batch.read("unfinished_contacts").max() == 0
+
+
+def test_the_order_of_a_pair_turns_its_normal():
+    model = block()
+    model.contacts = [ls.Contact("block", "floor")]
+    batch = ls.compile(model).batch(1, dtype="f8", threads=1)
+    batch.step(200)
+    assert np.allclose(batch.read("contact_force"), [0, 0, -20], atol=1e-6)  # on the floor
+    assert np.allclose(batch.read("contact_point").reshape(4, 11)[:, 3:6], [0, 0, -1])
+
+
+def test_a_reset_forgets_forces():
+    batch = ls.compile(block()).batch(3, threads=1)
+    batch.step(100)
+    batch.reset([1])
+    assert (batch.read("contact_normal_force")[:, 0] > 1).tolist() == [True, False, True]
+
+
+def test_models_keep_their_colliders():
+    model = block(friction=0.7)
+    model.contacts[0].friction = 0.2
+    model.contacts[0].softness = ls.Spring(1e5, 1e2)
+    plan = pickle.loads(pickle.dumps(ls.compile(model)))
+    assert plan.model.colliders["block"] == model.colliders["block"] and plan.model.contacts == model.contacts
+    assert plan.hash == ls.compile(model).hash != ls.compile(block(friction=0.7)).hash
+
+
+def test_shapes_of_a_file_become_colliders():
+    model = ls.from_urdf(MODELS / "arm_gripper.urdf", colliders=True)
+    assert model.colliders.names == ["palm", "left_tip", "right_tip", "box"]
+    assert {collider.group for collider in model.colliders} == {"robot"}
+    assert not ls.from_urdf(MODELS / "arm_gripper.urdf").colliders
+    model.contacts = [ls.Contact("robot", "robot")]
+    plan = ls.compile(model)
+    assert plan.contact_names == ["palm-left_tip", "palm-right_tip", "palm-box", "left_tip-right_tip", "left_tip-box",
+                                  "right_tip-box"]
+
+
+@pytest.mark.parametrize("change, element, rule", [
+    (lambda m: m.contacts.append(ls.Contact("floor", "ball")), "floor-ball", "neither a collider nor a group"),
+    (lambda m: m.contacts.append(ls.Contact("floor", "block")), "floor-block", "twice"),
+    (lambda m: setattr(m.colliders["block"], "friction", -1.0), "block", "friction"),
+    (lambda m: setattr(m.colliders["block"], "restitution", 1.5), "block", "restitution"),
+    (lambda m: setattr(m.colliders["block"], "shape", ls.Shape.sphere(0.0)), "block", "not above 0"),
+    (lambda m: setattr(m.colliders["block"], "shape", ls.Shape("cone")), "block", "unknown kind"),
+    (lambda m: setattr(m.colliders["block"], "shape", ls.Shape.half_space()), "block", "half-space"),
+    (lambda m: setattr(m.colliders["block"], "link", "blok"), "blok", ""),
+    (lambda m: setattr(m.colliders["block"], "name", "floor"), "floor", "twice"),
+])
+def test_bad_colliders_are_refused(change, element, rule):
+    model = block()
+    change(model)
+    with pytest.raises(ls.ModelError, match=rule) as caught:
+        ls.compile(model)
+    assert element in str(caught.value)
+
+
+@pytest.mark.parametrize("settings, rule", [
+    ({"method": "pgs"}, "pgs has no contacts"),
+    ({"integrator": "leapfrog"}, "contacts are solved once"),
+    ({"diagnostics": True}, "record"),
+    ({"contact_passes": 0}, "outside 1 to 100"),
+    ({"contact_tolerance": 0.0}, "tolerance|outside"),
+])
+def test_settings_that_do_not_apply_are_refused(settings, rule):
+    with pytest.raises(ls.SettingsError, match=rule):
+        ls.compile(block(), **settings)
+
+
+def test_only_the_tables_take_contacts():
+    plan = ls.compile(block())
+    assert plan.batch(1).engine == "tables"
+    with pytest.raises(ls.SettingsError, match="contacts"):
+        plan.batch(1, engine="interpreter")
+
+
+def test_the_example_holds_its_boxes():
+    done = subprocess.run([sys.executable, EXAMPLE], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    slips = [float(slip) for slip in re.findall(r"held, slip +([0-9.]+) um", done.stdout)]
+    assert len(slips) == 4 and max(slips) < 150, done.stdout

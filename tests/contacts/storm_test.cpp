@@ -1,0 +1,183 @@
+// Random drops, piles and jumping targets: nothing breaks, nothing depends on neighbours. SPDX-License-Identifier:
+// Apache-2.0
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "contact_scenes.h"
+
+namespace lockstep {
+namespace {
+
+using namespace contact_scenes;
+
+constexpr int environments = 32;
+
+/// Four bodies of every shape that fall onto each other, masses over four decades.
+Model pile(unsigned seed) {
+  std::mt19937 generator(seed);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(generator);
+  };
+  Model model;
+  model.name = "pile";
+  for (int i = 0; i < 4; ++i) {
+    const double mass = std::pow(10.0, uniform(-2.0, 2.0)), size = uniform(0.06, 0.12);
+    const Vector3d place(uniform(-0.05, 0.05), uniform(-0.05, 0.05), 0.12 + 0.16 * i);
+    const std::string name = "body" + std::to_string(i);
+    if (i == 1) {
+      add_free(model, name, {mass, Vector3d::Zero(), 0.4 * mass * size * size * Eigen::Matrix3d::Identity()},
+               Shape::sphere(size / 2), place, uniform(0.2, 1.0));
+    } else if (i == 3) {
+      add_free(model, name, {mass, Vector3d::Zero(), 0.2 * mass * size * size * Eigen::Matrix3d::Identity()},
+               Shape::capsule(size / 3, size), place, uniform(0.2, 1.0));
+    } else {
+      add_block(model, name, mass, {size, 0.8 * size, 0.7 * size}, place, uniform(0.2, 1.0));
+    }
+    model.colliders.back().group = "bodies";
+  }
+  add_floor(model, uniform(0.2, 1.0));
+  model.contacts = {{"floor", "bodies"}, {"bodies", "bodies"}};
+  return model;
+}
+
+// Kinetic and potential energy of every environment.
+template <class S>
+Eigen::ArrayXXd energies(const Batch<S>& batch) {
+  const Query queries[] = {{Quantity::kinetic_energy}, {Quantity::potential_energy}};
+  Eigen::Array<S, 2, environments, Eigen::RowMajor> numbers;
+  batch.read(queries, {numbers.data(), environments, 1});
+  return numbers.template cast<double>();
+}
+
+template <class S>
+void turn(Batch<S>& batch, unsigned seed) {
+  std::mt19937 generator(seed);
+  std::normal_distribution<double> normal;
+  for (int e = 0; e < batch.environments(); ++e)
+    for (int r = 0; 7 * r < batch.root_poses().rows(); ++r) {
+      const Eigen::Quaterniond q =
+          Eigen::Quaterniond(normal(generator), normal(generator), normal(generator), normal(generator)).normalized();
+      const double wxyz[] = {q.w(), q.x(), q.y(), q.z()};
+      for (int k = 0; k < 4; ++k) batch.root_poses()(7 * r + 3 + k, e) = static_cast<S>(wxyz[k]);
+      for (int k = 0; k < 6; ++k) batch.root_velocities()(6 * r + k, e) = static_cast<S>(normal(generator));
+    }
+}
+
+template <class S>
+struct Storms : testing::Test {};
+using Precisions = testing::Types<double, float>;
+TYPED_TEST_SUITE(Storms, Precisions);
+
+TYPED_TEST(Storms, piles_fall_and_come_to_rest_without_energy_from_nowhere) {
+  int unfinished = 0;
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    Batch<TypeParam> batch(compile(pile(seed)), environments, {.threads = 1});
+    turn(batch, seed);
+    Eigen::ArrayXd before = energies(batch).colwise().sum(), first = before;
+    for (int i = 0; i < 480; ++i) {
+      batch.step(1);
+      const Eigen::ArrayXd now = energies(batch).colwise().sum();
+      // An overlap may be pushed out, which lifts what lies on it by less than a hundredth of what has fallen.
+      EXPECT_LT((now - before).maxCoeff(), 0.01 * first.abs().maxCoeff()) << "seed " << seed << ", step " << i;
+      before = now;
+    }
+    EXPECT_LT((before - first).maxCoeff(), 0.0) << seed;
+    for (const Fault fault : batch.faults()) EXPECT_EQ(fault, Fault::none) << seed;
+    Eigen::Array<TypeParam, 1, environments> counts;
+    const Query query{Quantity::unfinished_contacts};
+    batch.read(std::span(&query, 1), {counts.data(), environments, 1});
+    unfinished += static_cast<int>(counts.sum());
+    EXPECT_GT(static_cast<double>(batch.root_poses().row(2).minCoeff()), 0.0) << seed;
+  }
+  EXPECT_LT(unfinished, 8 * 480 * environments / 1000);  // a tenth of a per cent of the steps
+}
+
+TYPED_TEST(Storms, a_gripper_with_jumping_targets_keeps_its_couplings_and_limits) {
+  Grasp grasp{0.5};
+  Model model = grasp.model();
+  for (Joint& joint : model.joints)
+    if (joint.name == "left") joint.lower = -0.01, joint.upper = 0.05, joint.velocity_limit = 2.0;
+  const Plan plan = compile(model);
+  Batch<TypeParam> batch(plan, environments, {.threads = 1});
+  std::mt19937 generator(3);
+  for (int i = 0; i < 1200; ++i) {
+    if (i % 60 == 0)
+      for (int e = 0; e < environments; ++e) {
+        const auto uniform = [&](double low, double high) {
+          return static_cast<TypeParam>(std::uniform_real_distribution<double>(low, high)(generator));
+        };
+        batch.position_targets()(plan.dof("y"), e) = uniform(-0.1, 0.1);
+        batch.position_targets()(plan.dof("z"), e) = uniform(0.0, 0.2);
+        batch.position_targets()(plan.dof("wrist"), e) = uniform(-1.5, 1.5);
+        batch.position_targets()(plan.dof("left"), e) = uniform(0.0, 0.05);
+      }
+    batch.step(1);
+  }
+  for (const Fault fault : batch.faults()) EXPECT_EQ(fault, Fault::none);
+  EXPECT_LT(static_cast<double>(batch.coupling_errors().abs().maxCoeff()), 1e-12);
+  const auto left = batch.positions().row(plan.dof("left"));
+  EXPECT_LE(static_cast<double>(left.maxCoeff()), 0.05 * (1 + 1e-6));
+  EXPECT_GE(static_cast<double>(left.minCoeff()), -0.01 * (1 + 1e-6));
+}
+
+TYPED_TEST(Storms, no_environment_sees_threads_batch_place_or_neighbours) {
+  const Plan plan = compile(pile(5));
+  Batch<TypeParam> all(plan, environments, {.threads = 2}), one(plan, 1, {.threads = 1});
+  turn(all, 11);
+  for (const int e : {0, 7, 19, 31}) {
+    one.reset();
+    one.root_poses() = all.root_poses().col(e), one.root_velocities() = all.root_velocities().col(e);
+    Batch<TypeParam> copy(plan, environments, {.threads = 1});
+    turn(copy, 11);
+    copy.root_velocities().col((e + 1) % environments)[2] = std::numeric_limits<TypeParam>::quiet_NaN();
+    for (int i = 0; i < 150; ++i) one.step(1);
+    copy.step(150);
+    EXPECT_TRUE((one.root_poses().col(0) == copy.root_poses().col(e)).all()) << e;
+    EXPECT_TRUE((one.root_velocities().col(0) == copy.root_velocities().col(e)).all()) << e;
+    EXPECT_NE(copy.faults()[static_cast<std::size_t>((e + 1) % environments)], Fault::none);
+  }
+  Batch<TypeParam> start(plan, environments, {.threads = 1});
+  turn(start, 11);
+  start.step(150), all.step(150);
+  EXPECT_TRUE((start.root_poses() == all.root_poses()).all());
+}
+
+TYPED_TEST(Storms, save_and_restore_go_on_with_the_same_bits) {
+  const Plan plan = compile(pile(2));
+  Batch<TypeParam> batch(plan, environments, {.threads = 1}), other(plan, environments, {.threads = 1});
+  turn(batch, 4);
+  batch.step(200);
+  other.restore(batch.save());
+  batch.step(100), other.step(100);
+  EXPECT_TRUE((batch.root_poses() == other.root_poses()).all());
+  EXPECT_TRUE((batch.root_velocities() == other.root_velocities()).all());
+}
+
+// A resting block has a memory, which holds it on the slope. A write of the same numbers keeps it; a changed number
+// forgets it, as a reset does.
+TYPED_TEST(Storms, a_write_to_the_state_forgets_contacts) {
+  const Plan plan = compile(slope(0.9));
+  Batch<TypeParam> batch(plan, 3, {.threads = 1});
+  batch.step(240);
+  Batch<TypeParam> fresh(plan, 3, {.threads = 1});
+  fresh.root_poses() = batch.root_poses(), fresh.root_velocities() = batch.root_velocities();
+  const auto force = [](const Batch<TypeParam>& b, int e) {
+    Eigen::Array<TypeParam, 1, 3> numbers;
+    const Query query{Quantity::contact_normal_force};
+    b.read(std::span(&query, 1), {numbers.data(), 3, 1});
+    return static_cast<double>(numbers[e]);
+  };
+  batch.root_poses().row(0) = batch.root_poses().row(0).eval();
+  EXPECT_NEAR(force(batch, 0), 9.81 * std::cos(0.9 * std::atan(0.5)), 1e-3);
+  EXPECT_EQ(force(fresh, 0), 0.0);
+  batch.root_poses()(0, 1) += TypeParam(0.25), fresh.root_poses()(0, 1) += TypeParam(0.25);
+  EXPECT_EQ(force(batch, 1), 0.0);
+  EXPECT_GT(force(batch, 0), 1.0);
+  batch.step(1), fresh.step(1);
+  EXPECT_FALSE((batch.root_velocities().col(0) == fresh.root_velocities().col(0)).all());
+  EXPECT_TRUE((batch.root_velocities().col(1) == fresh.root_velocities().col(1)).all());
+}
+
+}  // namespace
+}  // namespace lockstep
