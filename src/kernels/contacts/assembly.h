@@ -29,31 +29,22 @@ LOCKSTEP_INLINE void each_near(const Tables<ScalarOf<T>>& t, Tile<T>& x, Act&& a
       act(t.contacts.pairs[p], x.contacts.patch[p], x.contacts.slot + t.contacts.pairs[p].slot);
 }
 
-/// act(pair, patch, slot) for the slots that are live in some lane.
-template <class T, class Act>
-LOCKSTEP_INLINE void each_live(const Tables<ScalarOf<T>>& t, Tile<T>& x, Act&& act) {
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s)
-      if (any(slots[s].live)) act(pair, patch, slots[s]);
-  });
-}
-
+/// Of the velocities z. A pair with one slot has its point as the reference, and `whole` alone asks for its turning.
 template <class T>
 LOCKSTEP_INLINE RelativeTwist<T> twist_of(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair,
-                                          const Tile<T>& x, const T* z) {
+                                          const Tile<T>& x, const T* z, bool whole = false) {
   RelativeTwist<T> twist{Vec3<T>::zero(), Vec3<T>::zero()};
   for (int k = pair.column; k < pair.column + pair.columns; ++k) {
     const T speed = z[t.contacts.columns[k].velocity];
     twist.moving = fma(x.contacts.moving[k], speed, twist.moving);
-    if (pair.slots > 1) twist.turning = fma(x.contacts.turning[k], speed, twist.turning);
+    if (whole || pair.slots > 1) twist.turning = fma(x.contacts.turning[k], speed, twist.turning);
   }
   return twist;
 }
 
 /// u of a slot: normal speed, positive where the colliders part, and speeds along the tangents.
 template <class T>
-LOCKSTEP_INLINE void slot_speed(const ContactPatch<T>&, const ContactSlot<T>& slot, const RelativeTwist<T>& twist,
-                                T (&u)[3]) {
+LOCKSTEP_INLINE void slot_speed(const ContactSlot<T>& slot, const RelativeTwist<T>& twist, T (&u)[3]) {
   const Vec3<T> v = cross_add(twist.turning, slot.arm, twist.moving);
   for (int i = 0; i < 3; ++i) u[i] = v[i];
 }
@@ -61,9 +52,9 @@ LOCKSTEP_INLINE void slot_speed(const ContactPatch<T>&, const ContactSlot<T>& sl
 /// J z of all slots, into the member `to` of each.
 template <class T>
 void slot_speeds(const Tables<ScalarOf<T>>& t, const T* z, T (ContactSlot<T>::*to)[3], Tile<T>& x) {
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     const RelativeTwist<T> twist = twist_of(t, pair, x, z);
-    for (int s = 0; s < pair.slots; ++s) slot_speed(patch, slots[s], twist, slots[s].*to);
+    for (int s = 0; s < pair.slots; ++s) slot_speed(slots[s], twist, slots[s].*to);
   });
 }
 
@@ -106,11 +97,10 @@ struct PairGain {
       }
     }
     for (int j = 0; j < 3; ++j) {
-      const Vec3<T> column = cross(r, column_of_matrix(by_turning, j));
+      const Vec3<T> column = cross(r, column_of(by_turning, j));
       for (int i = 0; i < 3; ++i) turning(i, j) += column[i];
     }
   }
-  LOCKSTEP_INLINE static Vec3<T> column_of_matrix(const Mat3<T>& m, int k) { return {m(0, k), m(1, k), m(2, k)}; }
   LOCKSTEP_INLINE static PairGain zero() {
     const Vec3<T> none = Vec3<T>::zero();
     return {{none, none, none}, {none, none, none}, {none, none, none}};

@@ -18,11 +18,6 @@ namespace lockstep::kernels {
 constexpr double least_margin = 0.005;  // (M103), m
 
 template <class T>
-LOCKSTEP_INLINE Vec3<T> column_of(const Mat3<T>& m, int k) {
-  return {m(0, k), m(1, k), m(2, k)};
-}
-
-template <class T>
 PlacedShape<T> placed_shape(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int collider) {
   const ColliderPlace<ScalarOf<T>>& own = t.contacts.colliders[collider];
   PlacedShape<T> shape;

@@ -19,8 +19,7 @@ LOCKSTEP_INLINE void find_drift(typename T::Mask held, ContactPatch<T>& patch) {
   const Vec3<T> expected[3] = {patch.expected_axis, patch.expected_other_axis,
                                cross(patch.expected_axis, patch.expected_other_axis)};
   Vec3<T> turned = Vec3<T>::zero();  // twice the small turn from the expected axes to the present ones
-  for (int k = 0; k < 3; ++k)
-    turned = cross_add(expected[k], Vec3<T>{patch.turn(0, k), patch.turn(1, k), patch.turn(2, k)}, turned);
+  for (int k = 0; k < 3; ++k) turned = cross_add(expected[k], column_of(patch.turn, k), turned);
   const Vec3<T> turning = multiply(patch.frame, scaled(turned, T(S(0.5)))),
                 moving = multiply(patch.frame, patch.place - patch.expected_place);
   const T far = T(1) + absolute(patch.center.x) + absolute(patch.center.y) + absolute(patch.center.z);
@@ -48,16 +47,10 @@ LOCKSTEP_INLINE Vec3<T> in_first_frame(const ContactPatch<T>& patch, const Vec3<
 template <class T>
 RelativeTwist<T> twist_in_frame(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair,
                                 const ContactPatch<T>& patch, const Tile<T>& x, const T* z) {
-  RelativeTwist<T> twist{Vec3<T>::zero(), Vec3<T>::zero()};
-  for (int k = pair.column; k < pair.column + pair.columns; ++k) {
-    const T speed = z[t.contacts.columns[k].velocity];
-    twist.moving = fma(x.contacts.moving[k], speed, twist.moving);
-    twist.turning = fma(x.contacts.turning[k], speed, twist.turning);
-  }
-  const auto in_frame = [&](const Vec3<T>& v) LOCKSTEP_INLINED { return in_first_frame(patch, v); };
-  const Vec3<T> turning = in_frame(twist.turning);
+  const RelativeTwist<T> twist = twist_of(t, pair, x, z, true);
+  const Vec3<T> turning = in_first_frame(patch, twist.turning);
   const Vec3<T> arm = multiply_transposed(patch.frame, patch.center - patch.point);
-  return {turning, cross_add(turning, arm, in_frame(twist.moving))};
+  return {turning, cross_add(turning, arm, in_first_frame(patch, twist.moving))};
 }
 
 /// Where the velocities z would put the pair after the time h, without the drift that is left for later.
@@ -76,7 +69,7 @@ void expect(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair,
   const T second = select(small, fnma(a2, T(S(1.0 / 24)), T(S(0.5))), (T(1) - cosine) / (safe * safe));
   const Vec3<T> turn = scaled(twist.turning, h), kept_turning = in_first_frame(patch, patch.kept_turning);
   const auto turned = [&](int k) LOCKSTEP_INLINED {
-    const Vec3<T> axis{patch.turn(0, k), patch.turn(1, k), patch.turn(2, k)};
+    const Vec3<T> axis = column_of(patch.turn, k);
     const Vec3<T> across = cross(turn, axis);
     return fma(cross(turn, across), second, fma(across, first, axis - cross(kept_turning, axis)));
   };

@@ -35,7 +35,7 @@ void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& p
   const T overlap = larger(T(pair.rate) * slot.gap, T(S(-push_out)));
   slot.bias = select(less(zero, slot.gap), slot.gap * T(S(1) / t.dt), overlap);
   T u[3];
-  slot_speed(patch, slot, twist_of(t, pair, x, x.dynamics.start), u);
+  slot_speed(slot, twist_of(t, pair, x, x.dynamics.start), u);
   slot.bounces = T::none();
   if (pair.restitution > S(0)) {
     slot.bounces = slot.live & less(fma(T(t.dt), u[0], slot.gap), zero) & less(u[0], T(S(-least_bounce)));

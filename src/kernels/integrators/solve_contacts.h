@@ -72,9 +72,9 @@ void exchange_phases(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int k = 0; k < n; ++k) exchange(x.held.momentum[k], x.held.momentum[n + k]);
 }
 
-/// Lanes in which the speed that moved the positions must not stay (M109). Slots
-/// that remove an overlap fast keep the first solve's impulse and have no target for the gap; those that bounce have
-/// their rebound as the target, and a compliance that takes nothing of it.
+/// Lanes in which the speed that moved the positions must not stay (M109). Slots that remove an overlap fast keep the
+/// first solve's impulse and have no target for the gap; those that bounce have their rebound as the target, and a
+/// compliance that takes nothing of it.
 template <class T>
 typename T::Mask begin_relaxing(const Tables<ScalarOf<T>>& t, typename T::Mask open, Tile<T>& x) {
   using S = ScalarOf<T>;
@@ -158,7 +158,7 @@ void touch(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     const RelativeTwist<T> twist = twist_of(t, pair, x, x.dynamics.solution);
     for (int s = 0; s < pair.slots; ++s) {
-      slot_speed(patch, slots[s], twist, slots[s].speed);
+      slot_speed(slots[s], twist, slots[s].speed);
       begin_slot(t, pair, patch, slots[s], x);
       contact_force(slots[s], patch.friction, slots[s].speed, slots[s].force);
       acting = acting | slots[s].force.sticks | slots[s].force.slides;
