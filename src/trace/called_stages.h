@@ -12,7 +12,8 @@ namespace lockstep::kernels {
 using trace::Traced;
 
 /// Refuses: the tables alone solve contacts.
-void touch(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
+bool find_contacts(const Tables<double>& t, Tile<Traced>& x);
+inline void touch(const Tables<double>&, const StatePointers<double>&, bool, Tile<Traced>&) {}
 void first_saturation_pass(Tile<Traced>& x);
 void limited_drives(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 bool saturation_differs(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);

@@ -80,10 +80,11 @@ void bound_stages(const Tables<double>& t, const StatePointers<double>& batch, T
   if (counting || !tracer->learns())
     tracer_aside([&] { x.bounds.candidate = x.bounds.candidate | bounds_act_on_stages(t, batch, x, time); });
 }
-void touch(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {
+bool find_contacts(const Tables<double>&, Tile<Traced>&) {
   if (!counting)
     throw SettingsError("contacts", "are solved by the tables, not by generated code or the interpreter",
                         "use Engine::tables or automatic");
+  return false;
 }
 void settle(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}
 void judge(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>& x) {

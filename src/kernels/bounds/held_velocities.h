@@ -96,17 +96,18 @@ template <class T>
 typename T::Mask factor_masked(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Columns& columns = t.solver;
   T *const matrix = x.held.factor, *const inverse = x.held.inverse, *const raw = x.held.raw;
+  const bool masks = t.bounds.rows.count > 0;
   typename T::Mask weak = T::none();
   for (int i = columns.n - 1; i >= 0; --i) {
     T* const own = matrix + columns.offset[i];
     const int below = columns.size[i];
-    for (int k = 1; k < below; ++k) raw[k] = own[k];
+    for (int k = 1; masks && k < below; ++k) raw[k] = own[k];
     const T pivot = own[0] = scale_column(own, inverse + i, below);
     x.held.pivot[i] = pivot;
     inverse[i] = select(x.held.mask[i], T(0), inverse_of(pivot, least_pivot<T>(), weak));
     if (t.per_environment != 0) weak = weak | beyond(pivot, T(ScalarOf<T>(0x1p126)));
     subtract_from_ancestors(columns, i, own, matrix);
-    for (int k = 1; k < below; ++k) own[k] = select(x.held.mask[i + k], raw[k], own[k]);
+    for (int k = 1; masks && k < below; ++k) own[k] = select(x.held.mask[i + k], raw[k], own[k]);
   }
   return weak;
 }

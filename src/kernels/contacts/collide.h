@@ -91,9 +91,10 @@ void find_columns(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>&
   }
 }
 
-/// Finds the slots of one pair. Those beyond the margin (M103) are off.
+/// Finds the slots of one pair. Those beyond the margin (M103) are off. Returns the lanes in which a contact goes on
+/// that has pressed in the step before.
 template <class T>
-void collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, ContactPatch<T>& touch,
+typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, ContactPatch<T>& touch,
                   Tile<T>& x) {
   using S = ScalarOf<T>;
   const ColliderPlace<S>&first = t.contacts.colliders[pair.first], &second = t.contacts.colliders[pair.second];
@@ -109,7 +110,7 @@ void collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>&
   touch.near = less(distance, margin) & ~x.frozen;
   ContactSlot<T>* const slots = x.contacts.slot + pair.slot;
   for (int s = 0; s < pair.slots; ++s) slots[s].live = T::none();
-  if (!any(touch.near)) return;
+  if (!any(touch.near)) return T::none();
   Patch<T> patch;
   touch_shapes(pair.kind, a, b, margin, patch);
   touch.axes[0] = patch.normal, touch.axes[1] = patch.tangent, touch.axes[2] = patch.other_tangent;
@@ -133,12 +134,17 @@ void collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>&
     held = held | (is_same(slots[s], x.contacts.known) & less(T(0), slots[s].pressed));
   find_drift(held, touch);
   find_columns(t, pair, touch, x);
+  return held;
 }
 
+/// Of all pairs. Returns the lanes in which a contact goes on that has pressed in the step before.
 template <class T>
-void collide(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+typename T::Mask collide(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   motions(t, x, x.contacts.motion);
-  for (int p = 0; p < t.contacts.pairs.count; ++p) collide_pair(t, t.contacts.pairs[p], x.contacts.patch[p], x);
+  typename T::Mask held = T::none();
+  for (int p = 0; p < t.contacts.pairs.count; ++p)
+    held = held | collide_pair(t, t.contacts.pairs[p], x.contacts.patch[p], x);
+  return held;
 }
 
 }  // namespace lockstep::kernels

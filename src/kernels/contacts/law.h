@@ -17,25 +17,56 @@ LOCKSTEP_INLINE Vec3<T> from_center(const ContactPatch<T>& patch, const ContactS
   return slot.arm + Vec3<T>{dot(patch.axes[0], apart), dot(patch.axes[1], apart), dot(patch.axes[2], apart)};
 }
 
-/// (M104), (M109): compliance and target of the slot's normal, and whether its memory is of this contact. slot.speed is
-/// that without contacts. What bounces within the step is thrown back over what it would go too far, at the speed that
-/// it arrives with: that of the end of the free step, which keeps energies, unless forces change it by much.
+/// How far the pair's points answer a unit impulse if each velocity answers by itself: the sum over its columns of
+/// |J|^2 / A_kk, for (M104). With J = m + w x r it is a quadratic function of the arm r.
+template <class T>
+struct PairResponse {
+  T constant = T(0);                   // of |m|^2
+  Vec3<T> linear = Vec3<T>::zero();    // of m x w
+  Vec3<T> squares = Vec3<T>::zero();   // of |w|^2 - w w^T: the diagonal
+  Vec3<T> products = Vec3<T>::zero();  // its yz, zx, xy
+
+  PairResponse(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, const Tile<T>& x) {
+    for (int k = pair.column; k < pair.column + pair.columns; ++k) {
+      const T mobility = T(1) / x.held.matrix[t.solver.offset[t.contacts.columns[k].velocity]];
+      const Vec3<T>& m = x.contacts.moving[k];
+      constant = fma(mobility, dot(m, m), constant);
+      if (pair.slots == 1) continue;
+      const Vec3<T>&w = x.contacts.turning[k], scaled_w = scaled(w, mobility);
+      linear = cross_add(m, scaled_w, linear);
+      for (int i = 0; i < 3; ++i) {
+        const int j = (i + 1) % 3, l = (i + 2) % 3;
+        squares[i] = fma(scaled_w[j], w[j], fma(scaled_w[l], w[l], squares[i]));
+        products[i] = fnma(scaled_w[j], w[l], products[i]);
+      }
+    }
+  }
+  LOCKSTEP_INLINE T at(const Vec3<T>& r) const {
+    const T two = T(2);
+    T sum = fma(two, dot(linear, r), constant);
+    for (int i = 0; i < 3; ++i) {
+      const int j = (i + 1) % 3, l = (i + 2) % 3;
+      sum = fma(r[i] * r[i], squares[i], fma(two * (r[j] * r[l]), products[i], sum));
+    }
+    return sum;
+  }
+};
+
+/// (M104), (M109): compliance and target of the slot's normal, and whether its memory is of this contact. `start` is
+/// the pair's twist at the start of the step; slot.speed is that without contacts, if the pair bounces. What bounces
+/// within the step is thrown back over what it would go too far, at the speed that it arrives with: that of the end of
+/// the free step, which keeps energies, unless forces change it by much.
 template <class T>
 void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, const ContactPatch<T>& patch,
-                ContactSlot<T>& slot, Tile<T>& x) {
+                const RelativeTwist<T>& start, const PairResponse<T>& response, ContactSlot<T>& slot, Tile<T>& x) {
   using S = ScalarOf<T>;
   const T zero = T(0);
-  T response = zero;
-  for (int k = pair.column; k < pair.column + pair.columns; ++k) {
-    const Vec3<T> moved = cross_add(x.contacts.turning[k], slot.arm, x.contacts.moving[k]);
-    response = fma(dot(moved, moved), T(1) / x.held.matrix[t.solver.offset[t.contacts.columns[k].velocity]], response);
-  }
-  const T compliance = fma(T(pair.cfm_per_response / S(3)), response, T(pair.cfm));
+  const T compliance = fma(T(pair.cfm_per_response / S(3)), response.at(slot.arm), T(pair.cfm));
   slot.stiffness = select(slot.live, T(1) / select(slot.live, compliance, T(1)), zero);
   const T overlap = larger(T(pair.rate) * slot.gap, T(S(-push_out)));
   slot.bias = select(less(zero, slot.gap), slot.gap * T(S(1) / t.dt), overlap);
   T u[3];
-  slot_speed(slot, twist_of(t, pair, x, x.dynamics.start), u);
+  slot_speed(slot, start, u);
   slot.bounces = T::none();
   if (pair.restitution > S(0)) {
     slot.bounces = slot.live & less(fma(T(t.dt), u[0], slot.gap), zero) & less(u[0], T(S(-least_bounce)));

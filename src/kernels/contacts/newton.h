@@ -104,13 +104,13 @@ T search_along(const Tables<ScalarOf<T>>& t, typename T::Mask open, T first_slop
   return a;
 }
 
-/// The matrix of a round, factored.
+/// The matrix of a round, factored. Returns the lanes with a pivot that is too small.
 template <class T>
-void factor_with_contacts(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+typename T::Mask factor_with_contacts(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int e = 0; e < t.solver.entries; ++e) x.held.factor[e] = x.held.matrix[e] + T(0);  // no -0: others add 0 to it
   for (int z = 0; z < t.solver.n; ++z) x.held.factor[t.solver.offset[z]] = x.held.diagonal[z];
   add_gains(t, x.held.factor, x);
-  factor_masked(t, x);
+  return factor_masked(t, x);
 }
 
 /// What the last step has done to the slots of a lane.
@@ -134,8 +134,9 @@ Regions<T> regions(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   return found;
 }
 
-/// From the iterate x.contacts.z, whose speeds and forces are known, to the solution of the present targets. `phase`
-/// has the momentum, and slot 0 of the bounds the intervals. Returns the lanes of `open` that are not finished.
+/// From the iterate x.contacts.z, whose speeds, forces and their momentum are known, to the solution of the present
+/// targets. `phase` has the momentum, and slot 0 of the bounds the intervals. Returns the lanes of `open` that are not
+/// finished.
 template <class T>
 typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask open,
                         Tile<T>& x) {
@@ -149,10 +150,9 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     round_terms(t, batch, position_phase, x);
     for (int k = 0; k < n; ++k) step[k] = z[k] - x.dynamics.start[k];
     momentum_left(t, step, x.held.rhs, x.contacts.gradient, x);
-    momentum_of_contacts(t, x.contacts.momentum, x);
     for (int k = 0; k < n; ++k)
       x.held.rhs[k] = x.contacts.gradient[k] = x.contacts.gradient[k] + x.contacts.momentum[k];
-    factor_with_contacts(t, x);
+    x.contacts.weak = x.contacts.weak | factor_with_contacts(t, x);
     solve_masked(t, position_phase, z, x);
     T largest = zero, fastest = zero, slope = zero;
     for (int k = 0; k < n; ++k) {
@@ -179,6 +179,7 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     for (int k = 0; k < n; ++k) x.held.velocity[k] = z[k];
     const auto moved = move_pieces(t, batch, 1, round >= all_move, open, x);
     open = open & ~(finished & ~moved);
+    if (any(open)) momentum_of_contacts(t, x.contacts.momentum, x);
   }
   return open;
 }

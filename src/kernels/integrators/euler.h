@@ -25,6 +25,7 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     start_velocities(t, x);
   const bool limited = t.limited_servos.count > 0, by_velocity = t.bounds.by_velocity;
   if (limited && !by_velocity) first_saturation_pass(x);
+  const bool solves = !(t.contacts.used() && find_contacts(t, x));  // the step without contacts
   do {  // again only if a guess about limited servos was wrong
     bias_forces(t, batch, x);
     joint_inertias(t, batch, x);
@@ -36,11 +37,13 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     if (t.folded.count > 0) fold_matrix(t, x);
     if (t.bounds.rows.count > 0) clear_bounds(x);
     if (by_velocity) keep_matrix(t, x);
-    if (!(limited && by_velocity)) factor_matrix(t, x);
+    const bool by_search = limited && by_velocity;  // which then finds the first solution
+    if (!solves) x.singular = T::none();
+    if (solves && !by_search) factor_matrix(t, x);
     momenta_to_gain(t, x);
     if (t.folded.count > 0) fold_forces(t, x);
     if (by_velocity) keep_momentum(t, x);
-    if (!(limited && by_velocity)) {  // else the search finds the first solution
+    if (solves && !by_search) {
       half_solve(t, x);
       if (t.rows.known_suffice)
         known_constraint_velocities(t, x);
@@ -49,10 +52,10 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
       solved_velocities(t, x);
       integrate(t, x);
     }
-    const bool bounded = t.bounds.rows.count > 0 || (limited && by_velocity);
-    if (bounded && bounds_active(t, batch, x)) solve_bounds(t, batch, x);
+    const bool bounded = t.bounds.rows.count > 0 || by_search;
+    if (solves && bounded && bounds_active(t, batch, x)) solve_bounds(t, batch, x);
   } while (limited && !by_velocity && saturation_differs(t, batch, x));
-  if (t.contacts.used()) touch(t, batch, x);
+  if (t.contacts.used()) touch(t, batch, solves, x);
   if (t.record_impulses) coupling_impulses(t, batch, x);  // before the roots' axes turn
   turn_root_twists(t, x, x.next.v);
 }

@@ -1,9 +1,9 @@
 // Contacts in a step: found, solved together with the bounds, remembered. SPDX-License-Identifier: Apache-2.0
 //
-// Section 23. The step has been solved without contacts. Lanes in which some slot would act at that result are solved
-// again by newton.h; the others keep theirs to the last bit. Slip passes (M105) let the normals see how fast contacts
-// slide. A second solve, for the velocity that stays, runs in lanes that push an overlap out or whose bounds ask for
-// it.
+// Section 23. Lanes in which a contact has pressed in the step before are solved by newton.h. In the others, lanes in
+// which some slot would act at the result of the step without contacts are solved again, and the rest keep theirs to
+// the last bit. Slip passes (M105) let the normals see how fast contacts slide. A second solve, for the velocity that
+// stays, runs in lanes that push an overlap out or whose bounds ask for it.
 #pragma once
 
 #include "kernels/contacts/collide.h"
@@ -51,6 +51,7 @@ void solve_contact_phase(const Tables<ScalarOf<T>>& t, const StatePointers<Scala
     if (pass + 1 == t.contacts.passes) break;
     open = renew_slips(t, open, x);
     if (!any(open)) break;
+    momentum_of_contacts(t, x.contacts.momentum, x);
   }
   for (int r = 0; r < t.bounds.rows.count; ++r) {  // what is not finished may be beyond its interval
     T& speed = x.contacts.z[t.bounds.velocity[r]];
@@ -121,15 +122,18 @@ void solve_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   x.bounds.invalid = T::none();
   open_intervals(t, batch, position_phase, x);
   if (t.solve_twice) open_intervals(t, batch, velocity_phase, x);
+  const bool some_free = any(~(acting | x.frozen));
   T* kept = x.contacts.unbounded_result;
-  each_result(t, x, [&](const T& number) { *kept++ = number; });
+  if (some_free) each_result(t, x, [&](const T& number) { *kept++ = number; });
 
   const T two = T(2);
   for (int k = 0; k < n; ++k)
     x.contacts.z[k] =
         select(x.contacts.known, fma(two, x.dynamics.start[k], -x.contacts.previous[k]), x.dynamics.start[k]);
   x.servos.corrected = true;
+  x.contacts.weak = T::none();
   solve_contact_phase(t, batch, acting, x);
+  x.singular = (x.singular & ~x.contacts.held) | (x.contacts.weak & x.contacts.held);
   for (int k = 0; k < n; ++k) x.dynamics.solution[k] = x.contacts.z[k];
   remember(t, acting, x);
   if (x.solves_twice) {
@@ -146,31 +150,44 @@ void solve_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   }
   integrate(t, x);
   const T* restored = x.contacts.unbounded_result;
-  each_result(t, x, [&](T& number) { number = select(acting, number, *restored++); });
+  if (some_free) each_result(t, x, [&](T& number) { number = select(acting, number, *restored++); });
   if (rows > 0) mark_invalid(t, x);
 }
 
-/// Finds contacts, and solves the step again in lanes where one acts.
+/// Finds contacts. Returns whether all lanes are solved with them at once, so that nothing asks for the step without.
+/// A rebound asks for it.
 template <class T>
-void touch(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  collide(t, x);
+bool find_contacts(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const auto held = collide(t, x);
+  x.contacts.held = t.contacts.bounces ? T::none() : held;
+  return !any(~(x.contacts.held | x.frozen));
+}
+
+/// Solves the step with contacts in lanes where one acts. `solved` says whether the step without has been.
+template <class T>
+void touch(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, bool solved, Tile<T>& x) {
   typename T::Mask acting = T::none();
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    const RelativeTwist<T> twist = twist_of(t, pair, x, x.dynamics.solution);
+    const RelativeTwist<T> start = twist_of(t, pair, x, x.dynamics.start);
+    const RelativeTwist<T> free = solved ? twist_of(t, pair, x, x.dynamics.solution) : start;
+    const PairResponse<T> response(t, pair, x);
     for (int s = 0; s < pair.slots; ++s) {
-      slot_speed(slots[s], twist, slots[s].speed);
-      begin_slot(t, pair, patch, slots[s], x);
+      slot_speed(slots[s], free, slots[s].speed);
+      begin_slot(t, pair, patch, start, response, slots[s], x);
+      if (!solved) continue;
       contact_force(slots[s], patch.friction, slots[s].speed, slots[s].force);
       acting = acting | slots[s].force.sticks | slots[s].force.slides;
     }
   });
-  acting = acting & ~x.frozen & ~x.singular;
+  acting = ((acting & ~x.singular) | x.contacts.held) & ~x.frozen;
   if (any(acting))
     solve_contacts(t, batch, acting, x);
   else
     remember(t, T::none(), x);
   for (int k = 0; k < t.solver.n; ++k)
     x.contacts.previous[k] = select(x.frozen, x.contacts.previous[k], x.dynamics.start[k]);
+  for (int r = 0; r < t.roots.count; ++r)  // to the axes that the next step starts in
+    turn_root_twist(x.half_turn + 4 * r, x.contacts.previous + t.roots[r].solver);
   x.contacts.known = ~T::none();
 }
 

@@ -70,6 +70,8 @@ struct Contacts {
   T* unbounded_result;     // of the step without contacts (solve_contacts.h)
   T unfinished;            // steps at the cap since the last reset (state)
   typename T::Mask known;  // lanes whose memory belongs to their state
+  typename T::Mask weak;   // lanes with a pivot that is too small
+  typename T::Mask held;   // lanes that are solved with contacts at once (solve_contacts.h)
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {

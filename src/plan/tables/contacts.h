@@ -86,6 +86,7 @@ struct ContactStructure {
   Span<int> entries;
   int slots = 0;
   int passes = 0, rounds = 0;
+  bool bounces = false;  ///< some pair has a restitution
 };
 template <class S>
 struct ContactTables : ContactStructure {
