@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cmath>
+#include <random>
 #include <string>
 
 #include "lockstep/lockstep.h"
@@ -71,6 +72,34 @@ inline Model stack(double top) {
     add_block(model, "block" + std::to_string(i + 1), masses[i], {0.1, 0.1, 0.1}, places[i], 0.6);
   add_floor(model, 0.6);
   model.contacts = {{"floor", "block1"}, {"block1", "block2"}, {"block2", "block3"}};
+  return model;
+}
+
+/// Four bodies of every shape that fall onto each other, masses over four decades.
+inline Model pile(unsigned seed) {
+  std::mt19937 generator(seed);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(generator);
+  };
+  Model model;
+  model.name = "pile";
+  for (int i = 0; i < 4; ++i) {
+    const double mass = std::pow(10.0, uniform(-2.0, 2.0)), size = uniform(0.06, 0.12);
+    const Vector3d place(uniform(-0.05, 0.05), uniform(-0.05, 0.05), 0.12 + 0.16 * i);
+    const std::string name = "body" + std::to_string(i);
+    if (i == 1) {
+      add_free(model, name, {mass, Vector3d::Zero(), 0.4 * mass * size * size * Eigen::Matrix3d::Identity()},
+               Shape::sphere(size / 2), place, uniform(0.2, 1.0));
+    } else if (i == 3) {
+      add_free(model, name, {mass, Vector3d::Zero(), 0.2 * mass * size * size * Eigen::Matrix3d::Identity()},
+               Shape::capsule(size / 3, size), place, uniform(0.2, 1.0));
+    } else {
+      add_block(model, name, mass, {size, 0.8 * size, 0.7 * size}, place, uniform(0.2, 1.0));
+    }
+    model.colliders.back().group = "bodies";
+  }
+  add_floor(model, uniform(0.2, 1.0));
+  model.contacts = {{"floor", "bodies"}, {"bodies", "bodies"}};
   return model;
 }
 

@@ -63,8 +63,9 @@ enum class Parameter : unsigned {
   center_of_mass,   ///< three rows per link of the model: x, y, z in the link's frame, m
   inertia,  ///< six rows per link of the model: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass, kg m^2, in
             ///< the link's axes. They do not scale with the mass then
+  contact_friction,  ///< one row per contact, as in Plan::contacts(): Coulomb's coefficient of the pair
 };
-inline constexpr int parameter_count = 17;
+inline constexpr int parameter_count = 18;
 
 /// Why an environment was frozen. It stays until the environment is reset. Batch::explain_fault() says it in words.
 enum class Fault : std::uint32_t {

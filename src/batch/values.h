@@ -213,6 +213,9 @@ ValueRules<S> value_rules(const Program& program) {
     if (declares(Parameter::stiffness)) add(Parameter::stiffness, row, largest, "stiffness" + joint, "0 or more");
     if (declares(Parameter::friction)) add(Parameter::friction, row, largest, "friction" + joint, "0 or more");
   }
+  for (std::size_t c = 0; declares(Parameter::contact_friction) && c < program.plan_contacts.size(); ++c)
+    add(Parameter::contact_friction, static_cast<int>(c), largest,
+        "friction of contact '" + program.plan_contacts[c].name + "'", "0 or more");
   add_limit_rules(program, rules);
   for (std::size_t l = 0; l < model.links.size(); ++l)
     for (const Parameter field : {Parameter::center_of_mass, Parameter::inertia})

@@ -29,7 +29,7 @@ const char* to_string(Parameter parameter) noexcept {
   constexpr const char* names[parameter_count] = {
       "gear_ratio",      "offset",         "softness",        "drive_gains",    "damping",   "mass",
       "gravity",         "link_wrench",    "coupling_switch", "armature",       "stiffness", "friction",
-      "position_limits", "velocity_limit", "effort_limit",    "center_of_mass", "inertia"};
+      "position_limits", "velocity_limit", "effort_limit",    "center_of_mass", "inertia",   "contact_friction"};
   const auto index = static_cast<unsigned>(parameter);
   return index < parameter_count ? names[index] : "unknown";
 }

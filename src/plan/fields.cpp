@@ -62,6 +62,8 @@ Fields make_fields(const Program& program) {
       add(Parameter::inertia, link.name + " i" + axes[tensor_rows[k]] + axes[tensor_columns[k]],
           link.inertia.about_center(tensor_rows[k], tensor_columns[k]));
   }
+  for (const PlanContact& contact : program.plan_contacts)
+    add(Parameter::contact_friction, contact.name, contact.friction);
   for (int k = 0; k < 3; ++k) add(Parameter::gravity, axes[k], model.gravity[k]);
   return fields;
 }

@@ -107,7 +107,8 @@ struct Program {
 const Program& program_of(const Plan& plan);
 
 /// Rows of a per-environment field; -1 for none of the enumerators.
-inline int rows_of(const TableStructure& t, Parameter parameter) {
+template <class S>
+int rows_of(const Tables<S>& t, Parameter parameter) {
   switch (parameter) {
     case Parameter::gear_ratio: return t.term_gear.count - t.couplings;
     case Parameter::offset:
@@ -123,6 +124,7 @@ inline int rows_of(const TableStructure& t, Parameter parameter) {
     case Parameter::effort_limit: return t.joints;
     case Parameter::mass: return t.links;
     case Parameter::gravity: return 3;
+    case Parameter::contact_friction: return t.contacts.pairs.count;
     case Parameter::center_of_mass: return 3 * t.links;
     case Parameter::link_wrench:
     case Parameter::inertia: return 6 * t.links;

@@ -57,7 +57,8 @@ INSTANTIATE_TEST_SUITE_P(
         Rule{"method_77", [](StepSettings& s) { s.method = Method(77); }, "method"},
         Rule{"method_negative", [](StepSettings& s) { s.method = Method(-1); }, "method"},
         Rule{"integrator_77", [](StepSettings& s) { s.integrator = Integrator(77); }, "integrator"},
-        Rule{"parameter_17", [](StepSettings& s) { s.per_environment.insert(Parameter(17)); }, "per_environment"},
+        Rule{"parameter_unknown", [](StepSettings& s) { s.per_environment.insert(Parameter(parameter_count)); },
+             "per_environment"},
         Rule{"parameter_77", [](StepSettings& s) { s.per_environment = {Parameter(77)}; }, "per_environment"},
         Rule{"unknown_ignored",
              [](StepSettings& s) {
@@ -191,7 +192,7 @@ TEST(ToString, names_methods_and_parameters) {
   const char* parameters[parameter_count] = {
       "gear_ratio",      "offset",         "softness",        "drive_gains",    "damping",   "mass",
       "gravity",         "link_wrench",    "coupling_switch", "armature",       "stiffness", "friction",
-      "position_limits", "velocity_limit", "effort_limit",    "center_of_mass", "inertia"};
+      "position_limits", "velocity_limit", "effort_limit",    "center_of_mass", "inertia",   "contact_friction"};
   for (unsigned p = 0; p < parameter_count; ++p) EXPECT_STREQ(to_string(static_cast<Parameter>(p)), parameters[p]);
 }
 

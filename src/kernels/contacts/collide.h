@@ -94,8 +94,8 @@ void find_columns(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>&
 /// Finds the slots of one pair. Those beyond the margin (M103) are off. Returns the lanes in which a contact goes on
 /// that has pressed in the step before.
 template <class T>
-typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, ContactPatch<T>& touch,
-                  Tile<T>& x) {
+typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair,
+                              ContactPatch<T>& touch, Tile<T>& x) {
   using S = ScalarOf<T>;
   const ColliderPlace<S>&first = t.contacts.colliders[pair.first], &second = t.contacts.colliders[pair.second];
   const PlacedShape<T> a = placed_shape(t, x, pair.first), b = placed_shape(t, x, pair.second);
@@ -115,7 +115,6 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
   touch_shapes(pair.kind, a, b, margin, patch);
   touch.axes[0] = patch.normal, touch.axes[1] = patch.tangent, touch.axes[2] = patch.other_tangent;
   touch.point = pair.slots == 1 ? patch.point[0] : b.center;
-  touch.friction = T(pair.friction);
   touch.center = b.center;
   touch.frame = a.rotation;
   touch.place = multiply_transposed(a.rotation, between);

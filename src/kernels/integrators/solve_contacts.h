@@ -167,7 +167,10 @@ bool find_contacts(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 template <class T>
 void touch(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, bool solved, Tile<T>& x) {
   typename T::Mask acting = T::none();
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+  const ScalarOf<T>* const frictions = batch.field(Parameter::contact_friction);
+  each_near(t, x, [&](const auto& pair, ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    const std::ptrdiff_t row = (&pair - t.contacts.pairs.data) * batch.stride;
+    patch.friction = frictions ? T::load(frictions + row) : T(pair.friction);
     const RelativeTwist<T> start = twist_of(t, pair, x, x.dynamics.start);
     const RelativeTwist<T> free = solved ? twist_of(t, pair, x, x.dynamics.solution) : start;
     const PairResponse<T> response(t, pair, x);
