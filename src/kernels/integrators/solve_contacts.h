@@ -28,6 +28,7 @@ typename T::Mask renew_slips(const Tables<ScalarOf<T>>& t, typename T::Mask open
     }
   });
   differs = differs & open;
+  if (!any(differs)) return differs;
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     for (int s = 0; s < pair.slots; ++s) {
       const T* const u = slots[s].speed;
