@@ -65,6 +65,58 @@ TYPED_TEST(Storms, piles_fall_and_come_to_rest_without_energy_from_nowhere) {
   EXPECT_LT(unfinished, 8 * 480 * environments / 1000);  // a tenth of a per cent of the steps
 }
 
+// Slots appear, merge and change places, and pairs part: the forces are those of the step all the same. One solve, so
+// the velocity that moves the positions is the one that stays.
+TEST(Piles, are_moved_by_gravity_and_the_reported_forces_alone) {
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    const Model model = pile(seed);
+    StepSettings settings;
+    settings.velocity_iterations = 0;
+    settings.contacts = {3, 200, 1e-12};
+    const Plan plan = compile(model, settings);
+    Batch<double> batch(plan, environments, {.threads = 1});
+    turn(batch, seed);
+    const auto velocities = [&] {  // of the bodies, along the world's axes
+      Eigen::ArrayXXd v(3 * model.roots.size(), environments);
+      for (int e = 0; e < environments; ++e)
+        for (std::size_t r = 0; r < model.roots.size(); ++r) {
+          const auto pose = batch.root_poses().col(e).segment<7>(7 * static_cast<Eigen::Index>(r));
+          const Eigen::Quaterniond turn(pose[3], pose[4], pose[5], pose[6]);
+          v.col(e).segment<3>(3 * static_cast<Eigen::Index>(r)) =
+              turn * batch.root_velocities().col(e).segment<3>(6 * static_cast<Eigen::Index>(r) + 3).matrix();
+        }
+      return v;
+    };
+    const Query query{Quantity::contact_force};
+    Batch<double>::Array forces(plan.query_rows(query), environments);
+    Eigen::ArrayXXd before = velocities();
+    for (int i = 0; i < 200; ++i) {
+      batch.step(1);
+      batch.read(std::span(&query, 1), {forces.data(), environments, 1});
+      const Eigen::ArrayXXd after = velocities();
+      Eigen::ArrayXXd momentum = Eigen::ArrayXXd::Zero(before.rows(), environments), largest = momentum;
+      for (std::size_t r = 0; r < model.roots.size(); ++r) {
+        const double mass = model.links[r].inertia.mass;
+        const auto rows = Eigen::seqN(3 * static_cast<Eigen::Index>(r), 3);
+        momentum(rows, Eigen::all) = mass * (after - before)(rows, Eigen::all);
+        momentum.row(3 * static_cast<Eigen::Index>(r) + 2) += mass * 9.81 * settings.dt;
+      }
+      for (std::size_t c = 0; c < plan.contacts().size(); ++c)
+        for (const auto& [collider, sign] :
+             {std::pair(plan.contacts()[c].first, -1.0), {plan.contacts()[c].second, 1.0}})
+          for (std::size_t r = 0; r < model.roots.size(); ++r) {
+            if (model.roots[r].link != model.colliders[static_cast<std::size_t>(collider)].link) continue;
+            const auto rows = Eigen::seqN(3 * static_cast<Eigen::Index>(r), 3);
+            const Eigen::ArrayXXd impulse = settings.dt * forces.middleRows(3 * static_cast<Eigen::Index>(c), 3);
+            momentum(rows, Eigen::all) -= sign * impulse;
+            largest(rows, Eigen::all) += impulse.abs();
+          }
+      EXPECT_LT((momentum.abs() - 1e-9 * largest).maxCoeff(), 1e-9) << "seed " << seed << ", step " << i;
+      before = after;
+    }
+  }
+}
+
 TYPED_TEST(Storms, a_gripper_with_jumping_targets_keeps_its_couplings_and_limits) {
   Grasp grasp{0.5};
   Model model = grasp.model();

@@ -9,12 +9,6 @@
 
 namespace lockstep::kernels {
 
-/// Lanes in which the slot's memory is of this contact.
-template <class T>
-LOCKSTEP_INLINE typename T::Mask is_same(const ContactSlot<T>& slot, typename T::Mask known) {
-  return slot.live & known & ~less(slot.face, slot.kept_face) & ~less(slot.kept_face, slot.face);
-}
-
 /// Relative angular velocity, and velocity of the pair's reference point, in the frame of its contacts.
 template <class T>
 struct RelativeTwist {

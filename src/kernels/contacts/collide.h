@@ -6,6 +6,7 @@
 #include "box_sphere.h"
 #include "capsule_capsule.h"
 #include "capsule_sphere.h"
+#include "carry.h"
 #include "drift.h"
 #include "half_space_box.h"
 #include "half_space_capsule.h"
@@ -128,9 +129,7 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
     slot.gap = patch.gap[s];
     slot.face = patch.face[s];
   }
-  typename T::Mask held = T::none();
-  for (int s = 0; s < pair.slots; ++s)
-    held = held | (is_same(slots[s], x.contacts.known) & less(T(0), slots[s].pressed));
+  const auto held = carry_memory(pair.slots, x.contacts.known, touch, slots);
   find_drift(held, touch);
   find_columns(t, pair, touch, x);
   return held;

@@ -52,13 +52,13 @@ struct PairResponse {
   }
 };
 
-/// (M104), (M109): compliance and target of the slot's normal, and whether its memory is of this contact. `start` is
+/// (M104), (M109), (M111): compliance and target of the slot's normal, drift along its tangents. `start` is
 /// the pair's twist at the start of the step; slot.speed is that without contacts, if the pair bounces. What bounces
 /// within the step is thrown back over what it would go too far, at the speed that it arrives with: that of the end of
 /// the free step, which keeps energies, unless forces change it by much.
 template <class T>
 void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, const ContactPatch<T>& patch,
-                const RelativeTwist<T>& start, const PairResponse<T>& response, ContactSlot<T>& slot, Tile<T>& x) {
+                const RelativeTwist<T>& start, const PairResponse<T>& response, ContactSlot<T>& slot) {
   using S = ScalarOf<T>;
   const T zero = T(0);
   const T compliance = fma(T(pair.cfm_per_response / S(3)), response.at(slot.arm), T(pair.cfm));
@@ -79,12 +79,9 @@ void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& p
   slot.target = slot.bias + slot.slip;
   slot.push = zero;
   slot.relaxes = T::none();
-  const auto same = is_same(slot, x.contacts.known);
-  for (T& impulse : slot.memory) impulse = select(same, impulse, zero);
-  const auto held = same & less(zero, slot.pressed);
   const Vec3<T> drift = cross_add(patch.drift_turning, from_center(patch, slot), patch.drift_moving);
   for (int i = 0; i < 2; ++i)
-    slot.drift[i] = select(held, within(drift[i + 1] * T(S(1) / t.dt), T(S(fastest_return))), zero);
+    slot.drift[i] = select(slot.goes_on, within(drift[i + 1] * T(S(1) / t.dt), T(S(fastest_return))), zero);
 }
 
 /// (M105), (M106): impulse and its derivative at the speed u. The projection on the friction cone of the impulse that
@@ -94,7 +91,7 @@ LOCKSTEP_INLINE void contact_force(const ContactSlot<T>& slot, T friction, const
   using S = ScalarOf<T>;
   const T zero = T(0), one = T(1), k = slot.stiffness;
   const T normal = fnma(u[0] + slot.target, k, slot.push);
-  const T t1 = fnma(u[1] + slot.drift[0], k, slot.memory[0]), t2 = fnma(u[2] + slot.drift[1], k, slot.memory[1]);
+  const T t1 = fnma(u[1] + slot.drift[0], k, slot.carried[0]), t2 = fnma(u[2] + slot.drift[1], k, slot.carried[1]);
   const T length = sqrt(fma(t1, t1, t2 * t2)), inverse = one / larger(length, T(S(1e-30)));
   const T reached = fma(friction, length, normal), share = one / fma(friction, friction, one);
   force.sticks = less(length, friction * normal) & slot.live;

@@ -2,9 +2,9 @@
 // Apache-2.0
 //
 // Rows of an environment: for each slot its face, the tangential and the normal impulse; for each pair where its second
-// collider is expected; the velocities at the start of the last step; the state that all this belongs to; the count of
-// steps that ended at a cap. An environment whose state is another one, because an application wrote to it or reset it,
-// begins without memory.
+// collider is expected, and the axes of its impulses; the velocities at the start of the last step; the state that all
+// this belongs to; the count of steps that ended at a cap. An environment whose state is another one, because an
+// application wrote to it or reset it, begins without memory.
 #pragma once
 
 #include "kernels/tile/tile.h"
@@ -25,6 +25,8 @@ LOCKSTEP_INLINE void each_expected(Patch& patch, Act&& act) {
   for (int k = 0; k < 3; ++k) act(patch.expected_place[k]);
   for (int k = 0; k < 3; ++k) act(patch.expected_axis[k]);
   for (int k = 0; k < 3; ++k) act(patch.expected_other_axis[k]);
+  for (int k = 0; k < 3; ++k) act(patch.kept_normal[k]);
+  for (int k = 0; k < 3; ++k) act(patch.kept_tangent[k]);
 }
 
 template <class T>

@@ -8,6 +8,7 @@
 namespace lockstep::kernels {
 
 /// Numbers of one slot: point, normal, force on the second collider, gap, speed along the surface, all in the world.
+/// The normal is that of the force where there is one.
 constexpr int contact_numbers = 11;
 
 /// Of all slots of a tile that has been loaded; `numbers` has contact_numbers rows of T::lanes for each, and one row
@@ -33,23 +34,37 @@ void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& 
       const auto put_vector = [&](const Vec3<T>& v) LOCKSTEP_INLINED {
         for (int k = 0; k < 3; ++k) put(select(slot.live, v[k], zero));
       };
+      // What the step has found, along its own axes: the contact may have other ones by now, or be over.
+      const auto pressed = x.contacts.known & less(zero, slot.pressed);
+      const Vec3<T> other = cross(patch.kept_normal, patch.kept_tangent);
+      const Vec3<T> impulse =
+          fma(patch.kept_normal, slot.pressed, fma(patch.kept_tangent, slot.memory[0], scaled(other, slot.memory[1])));
+      const auto put_force = [&] {
+        const Vec3<T> force = select<T>(pressed, scaled(impulse, per_second), Vec3<T>::zero());
+        for (int k = 0; k < 3; ++k) put(force[k]);
+      };
+      const auto put_normal = [&](const Vec3<T>& now) {
+        const Vec3<T> normal = select<T>(pressed, patch.kept_normal, now);
+        for (int k = 0; k < 3; ++k) put(normal[k]);
+      };
       if (!near) {
-        for (int k = 0; k < contact_numbers; ++k) put(k == 9 ? none : zero);
+        for (int k = 0; k < 3; ++k) put(zero);
+        put_normal(Vec3<T>::zero());
+        put_force();
+        put(none), put(zero);
         continue;
       }
       const auto in_world = [&](const Vec3<T>& v) LOCKSTEP_INLINED {
         return fma(patch.axes[0], v.x, fma(patch.axes[1], v.y, scaled(patch.axes[2], v.z)));
       };
-      const auto remembered = is_same(slot, x.contacts.known);
-      const Vec3<T> impulse{slot.pressed, slot.memory[0], slot.memory[1]};
       const Vec3<T> point = in_world(slot.arm) + patch.point;
       Vec3<T> turning, first, second;
       velocity_at(x.contacts.motion, t.contacts.colliders[pair.first].body, point, turning, first);
       velocity_at(x.contacts.motion, t.contacts.colliders[pair.second].body, point, turning, second);
       const Vec3<T> moves = second - first, along = fma(patch.axes[0], -dot(moves, patch.axes[0]), moves);
       put_vector(point);
-      put_vector(patch.axes[0]);
-      put_vector(select<T>(remembered, scaled(in_world(impulse), per_second), Vec3<T>::zero()));
+      put_normal(select<T>(slot.live, patch.axes[0], Vec3<T>::zero()));
+      put_force();
       put(select(slot.live, slot.gap, none));
       put(select(slot.live, sqrt(dot(along, along)), zero));
     }

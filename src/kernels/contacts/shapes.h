@@ -30,7 +30,7 @@ struct Patch {
   Vec3<T> normal, tangent, other_tangent;
   Vec3<T> point[most];           // in the middle of the gap
   T gap[most];                   // negative where the shapes overlap
-  T face[most];                  // a slot with another number than in the step before is a new contact
+  T face[most];                  // a slot with another number than in the step before is another point
   typename T::Mask valid[most];  // lanes in which the slot holds a point
 };
 

@@ -97,11 +97,24 @@ typename T::Mask begin_relaxing(const Tables<ScalarOf<T>>& t, typename T::Mask o
   return lanes;
 }
 
+/// Friction of the second solve starts from what the first has found.
+template <class T>
+void carry_on(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    for (int s = 0; s < pair.slots; ++s)
+      for (int i = 0; i < 2; ++i)
+        slots[s].carried[i] = select(lanes, slots[s].force.impulse[1 + i], slots[s].carried[i]);
+  });
+}
+
 /// What the next step is to know of this one.
 template <class T>
 void remember(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<T>& x) {
   each_near(t, x, [&](const auto& pair, ContactPatch<T>& patch, ContactSlot<T>*) LOCKSTEP_INLINED {
-    expect(t, pair, x.dynamics.solution, acting & ~x.frozen, patch, x);
+    const auto lanes = acting & ~x.frozen;
+    expect(t, pair, x.dynamics.solution, lanes, patch, x);
+    patch.kept_normal = select<T>(lanes, patch.axes[0], patch.kept_normal);
+    patch.kept_tangent = select<T>(lanes, patch.axes[1], patch.kept_tangent);
   });
   for (int p = 0; p < t.contacts.pairs.count; ++p)
     for (int s = 0; s < t.contacts.pairs[p].slots; ++s) {
@@ -141,6 +154,7 @@ void solve_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
     auto again = begin_relaxing(t, acting, x);
     again = again | (lanes_with_two_phases(t, batch, x) & acting);
     if (any(again)) {
+      carry_on(t, again, x);
       exchange_phases(t, x);
       x.servos.corrected = false;
       solve_contact_phase(t, batch, again, x);
@@ -177,7 +191,7 @@ void touch(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     const PairResponse<T> response(t, pair, x);
     for (int s = 0; s < pair.slots; ++s) {
       slot_speed(slots[s], free, slots[s].speed);
-      begin_slot(t, pair, patch, start, response, slots[s], x);
+      begin_slot(t, pair, patch, start, response, slots[s]);
       if (!solved) continue;
       contact_force(slots[s], patch.friction, slots[s].speed, slots[s].force);
       acting = acting | slots[s].force.sticks | slots[s].force.slides;

@@ -20,17 +20,19 @@ struct ContactSlot {
   typename T::Mask live;  // lanes in which it may act
   Vec3<T> arm;
   T gap;
-  T face;       // of this step
-  T kept_face;  // of the memory
-  T memory[2];  // tangential impulse of the step before (state)
-  T pressed;    // normal impulse of the step before (state); in a relaxing solve that of the first one
-  T rebound;    // minus the speed after an impact, in lanes that bounce
-  T bias;       // b of (M104)
-  T drift[2];   // tangential speed that takes the pair's drift back (M111)
-  T slip;       // speed along the surface that the normal target allows for (M105)
-  T target;     // b' of this solve
-  T stiffness;  // 1 / R
-  T push;       // normal memory, only while relaxing
+  T face;                    // of this step
+  T kept_face;               // of the memory
+  T memory[2];               // tangential impulse of the step before (state)
+  T pressed;                 // normal impulse of the step before (state)
+  T carried[2];              // tangential impulse that this solve starts from
+  typename T::Mask goes_on;  // lanes in which it has pressed in the step before
+  T rebound;                 // minus the speed after an impact, in lanes that bounce
+  T bias;                    // b of (M104)
+  T drift[2];                // tangential speed that takes the pair's drift back (M111)
+  T slip;                    // speed along the surface that the normal target allows for (M105)
+  T target;                  // b' of this solve
+  T stiffness;               // 1 / R
+  T push;                    // normal memory, only while relaxing
   typename T::Mask bounces, relaxes;
   T speed[3];   // u
   T change[3];  // of u by the Newton step
@@ -49,6 +51,7 @@ struct ContactPatch {
   Mat3<T> frame;          // the first collider's axes in the world, as columns
   // Where the step before would have put the second collider if velocities moved it exactly (state).
   Vec3<T> expected_place, expected_axis, expected_other_axis;
+  Vec3<T> kept_normal, kept_tangent;  // axes of the memory in the world (state)
   // By how much it is elsewhere, in the frame of the contact, about its centre (M111); what of it may be rounding.
   Vec3<T> drift_turning, drift_moving, kept_turning, kept_moving;
   T friction;

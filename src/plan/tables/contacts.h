@@ -97,7 +97,7 @@ struct ContactTables : ContactStructure {
   /// Rows of a batch that remember contacts (kernels/contacts/memory.h).
   template <class Structure>
   int remembered(const Structure& t) const {
-    return used() ? 4 * slots + 9 * pairs.count + t.solver.n + t.joints + t.velocities + 7 * t.roots.count + 1 : 0;
+    return used() ? 4 * slots + 15 * pairs.count + t.solver.n + t.joints + t.velocities + 7 * t.roots.count + 1 : 0;
   }
 
   template <class From, class To, class Visit>
