@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "progress.h"
+#include "run.h"
 
 namespace lockstep::tool {
 namespace {
@@ -78,18 +78,13 @@ Diagnosis diagnose(Batch<S>& batch, const Targets& targets, long steps) {
   if (!batch.plan().settings().record_diagnostics)
     diagnosis.energy_excess_max = std::numeric_limits<double>::quiet_NaN();
   std::vector<Watched> watched(batch.environments());
-  Progress progress(static_cast<double>(steps), "steps");
   typename Batch<S>::Array contacts;
   long pressing = 0;
   const bool touches = !batch.plan().contacts().empty();
-  int target_row = -1;
-  for (long done = 0; done < steps; ++done) {
-    if (const int row = targets.row_at(done, dt); row != target_row) targets.apply(target_row = row, batch);
-    batch.step();
-    diagnose_step(batch, static_cast<double>(done + 1) * dt, watched, diagnosis);
+  advance(batch, targets, steps, 1, [&](long done) {
+    diagnose_step(batch, static_cast<double>(done) * dt, watched, diagnosis);
     if (touches) diagnose_contacts(batch, contacts, pressing, diagnosis);
-    progress.update(static_cast<double>(done + 1));
-  }
+  });
   if (touches) diagnosis.unfinished_contacts = unfinished(batch);
   diagnosis.contacts_mean = static_cast<double>(pressing) / static_cast<double>(steps) / batch.environments();
   return diagnosis;

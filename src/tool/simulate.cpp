@@ -3,7 +3,6 @@
 #include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
-#include <chrono>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -11,13 +10,10 @@
 
 #include "diagnose.h"
 #include "lockstep/batch.h"
-#include "options.h"
-#include "progress.h"
 #include "record.h"
+#include "run.h"
 #include "state.h"
-#include "targets.h"
 #include "text.h"
-#include "tolerance.h"
 #include "tool.h"
 
 namespace lockstep::tool {
@@ -27,14 +23,9 @@ namespace {
 constexpr long longest_sampling_interval = 8;
 
 struct SimulateOptions {
-  ModelOptions model;
-  StepOptions step;
-  int environments = 1024, threads = 0, recorded = 0;
-  double seconds = 1.0, sigma = 0.0, tolerance = 0.0;
-  std::uint64_t seed = 1;
-  bool f64 = false;
-  Engine engine = Engine::automatic;
-  std::string state, targets, record, json;
+  RunOptions run;
+  int recorded = 0;
+  std::string record, json;
 };
 
 struct Outcome {
@@ -48,14 +39,6 @@ struct Outcome {
   std::string first_joint = {};
   std::string explanation = {};  ///< Batch::explain_fault() of the first
 };
-
-long step_count(double seconds, double dt) {
-  const double steps = std::round(seconds / dt);
-  if (steps < 1.0)
-    throw InputError(fmt::format("--seconds: {} s is less than half a step of {} s", seconds, fraction(dt)));
-  if (steps > 1e12) throw InputError(fmt::format("--seconds: {} s are {} steps, too many to take", seconds, steps));
-  return static_cast<long>(steps);
-}
 
 // Largest and root mean square error over the environments that have not faulted.
 template <class S>
@@ -88,57 +71,23 @@ void note_faults(const Batch<S>& batch, Outcome& outcome) {
     outcome.coupling_error_max = outcome.coupling_error_rms = std::numeric_limits<double>::quiet_NaN();
 }
 
-// The files of states and targets. They are read once, though used twice: a file may be a pipe.
-struct Inputs {
-  std::optional<Table> state, targets;
-  explicit Inputs(const SimulateOptions& options) {
-    if (!options.targets.empty()) targets = read_csv(options.targets);
-    if (!options.state.empty()) state = read_csv(options.state);
-  }
-  Targets targets_of(const Plan& plan) const { return targets ? Targets(*targets, plan) : Targets(); }
-};
-
-// Gives the batch the start states of the run's first environments, as many as it has.
-template <class S>
-void put_to_start(const SimulateOptions& options, std::optional<Table> state, Batch<S>& batch) {
-  if (state) {
-    if (state->rows.size() == static_cast<std::size_t>(options.environments)) state->rows.resize(batch.environments());
-    apply_state(*state, batch);
-  }
-  if (options.sigma > 0.0) perturb(options.sigma, options.seed, batch);
-}
-
 template <class S>
 Outcome run(const SimulateOptions& options, const Inputs& inputs, const Plan& plan, long steps) {
-  using Clock = std::chrono::steady_clock;
-  const double dt = plan.settings().dt;
   const Targets targets = inputs.targets_of(plan);
-  Batch<S> batch(plan, options.environments, {.threads = options.threads, .engine = options.engine});
+  Batch<S> batch(plan, options.run.environments, {.threads = options.run.threads, .engine = options.run.engine});
   batch.step();  // wakes the threads and maps the memory, before the clock runs
   batch.reset();
-  put_to_start(options, inputs.state, batch);
+  put_to_start(options.run, inputs, batch);
   Recorder recorder = options.record.empty() ? Recorder() : Recorder(options.record, options.recorded, plan);
   if (recorder.active()) recorder.add(0.0, batch, batch.coupling_errors());
 
   Outcome outcome{.steps = steps, .target = batch.target(), .engine = batch.engine()};
-  const long interval = recorder.active() ? 1 : longest_sampling_interval;
-  Progress progress(static_cast<double>(steps) * options.environments, "env-steps");
-  int target_row = -1;
-  for (long done = 0; done < steps;) {
-    if (const int row = targets.row_at(done, dt); row != target_row) targets.apply(target_row = row, batch);
-    int count = 1;
-    while (count < interval && done + count < steps && targets.row_at(done + count, dt) == target_row) ++count;
-
-    const Clock::time_point start = Clock::now();
-    batch.step(count);
-    outcome.stepping_seconds += std::chrono::duration<double>(Clock::now() - start).count();
-    done += count;
-
-    const typename Batch<S>::Array errors = batch.coupling_errors();
-    sample(batch, errors, outcome);
-    if (recorder.active()) recorder.add(static_cast<double>(done) * dt, batch, errors);
-    progress.update(static_cast<double>(done) * options.environments);
-  }
+  outcome.stepping_seconds =
+      advance(batch, targets, steps, recorder.active() ? 1 : longest_sampling_interval, [&](long done) {
+        const typename Batch<S>::Array errors = batch.coupling_errors();
+        sample(batch, errors, outcome);
+        if (recorder.active()) recorder.add(static_cast<double>(done) * plan.settings().dt, batch, errors);
+      });
   recorder.close();
   note_faults(batch, outcome);
   return outcome;
@@ -152,10 +101,10 @@ template <class S>
 Diagnosis diagnosed(const SimulateOptions& options, const Inputs& inputs, const Plan& plan, long steps) {
   const auto run = [&](const StepSettings& settings) {
     const Plan recording = compile(plan.model(), settings);
-    const Engine engine = options.engine == Engine::tables ? Engine::tables : Engine::automatic;
-    Batch<S> batch(recording, std::min(options.environments, most_diagnosed),
-                   {.threads = options.threads, .engine = engine});
-    put_to_start(options, inputs.state, batch);
+    const Engine engine = options.run.engine == Engine::tables ? Engine::tables : Engine::automatic;
+    Batch<S> batch(recording, std::min(options.run.environments, most_diagnosed),
+                   {.threads = options.run.threads, .engine = engine});
+    put_to_start(options.run, inputs, batch);
     return diagnose(batch, inputs.targets_of(recording), steps);
   };
   StepSettings settings = plan.settings();
@@ -173,11 +122,12 @@ Diagnosis diagnosed(const SimulateOptions& options, const Inputs& inputs, const 
 }
 
 int thread_count(const SimulateOptions& options) {
-  return options.threads > 0 ? options.threads : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  return options.run.threads > 0 ? options.run.threads
+                                 : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
 }
 
 double speed(const SimulateOptions& options, const Outcome& outcome) {
-  return static_cast<double>(outcome.steps) * options.environments / std::max(outcome.stepping_seconds, 1e-9);
+  return static_cast<double>(outcome.steps) * options.run.environments / std::max(outcome.stepping_seconds, 1e-9);
 }
 
 void print(const SimulateOptions& options, const Plan& plan, const Outcome& outcome) {
@@ -187,15 +137,16 @@ void print(const SimulateOptions& options, const Plan& plan, const Outcome& outc
              base_of(plan.model()));
   fmt::print("method   {}{}, {}, {}, step {} s, {} thread{}, {}, {}\n", to_string(plan.method()),
              sweeps ? fmt::format(" {}+{}", plan.settings().iterations, plan.settings().velocity_iterations) : "",
-             to_string(plan.integrator()), options.f64 ? "f64" : "f32", fraction(plan.settings().dt),
+             to_string(plan.integrator()), options.run.f64 ? "f64" : "f32", fraction(plan.settings().dt),
              thread_count(options), thread_count(options) == 1 ? "" : "s", to_string(outcome.target),
              to_string(outcome.engine));
-  fmt::print("run      {} environments x {} steps = {:.6g} s each\n", options.environments, outcome.steps, simulated);
-  if (std::abs(simulated - options.seconds) > 1e-9 * options.seconds)
-    fmt::print("         (rounded: {:.6g} s is not a whole number of steps)\n", options.seconds);
+  fmt::print("run      {} environments x {} steps = {:.6g} s each\n", options.run.environments, outcome.steps,
+             simulated);
+  if (std::abs(simulated - options.run.seconds) > 1e-9 * options.run.seconds)
+    fmt::print("         (rounded: {:.6g} s is not a whole number of steps)\n", options.run.seconds);
   fmt::print("speed    {} env-steps/s in {:.3g} s of stepping\n", with_prefix(speed(options, outcome)),
              outcome.stepping_seconds);
-  if (outcome.faulted == options.environments)
+  if (outcome.faulted == options.run.environments)
     fmt::print("|C|      none: every environment faulted\n");
   else
     fmt::print("|C|      max {:.2e}, rms at the end {:.2e} (rad, m)\n", outcome.coupling_error_max,
@@ -223,7 +174,7 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
                     const Diagnosis& diagnosis) {
   nlohmann::ordered_json json;
   json["model"] = plan.model().name;
-  json["file"] = options.model.file;
+  json["file"] = options.run.model.file;
   json["env_steps_per_second"] = speed(options, outcome);
   json["coupling_error_max"] = outcome.coupling_error_max;  // null for NaN
   json["coupling_error_rms"] = outcome.coupling_error_rms;
@@ -254,62 +205,33 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   json["integrator"] = to_string(plan.integrator());
   json["iterations"] = plan.settings().iterations;
   json["velocity_iterations"] = plan.settings().velocity_iterations;
-  json["precision"] = options.f64 ? "f64" : "f32";
+  json["precision"] = options.run.f64 ? "f64" : "f32";
   json["threads"] = thread_count(options);
   json["target"] = to_string(outcome.target);
   json["engine"] = to_string(outcome.engine);
   json["dt"] = plan.settings().dt;
-  json["envs"] = options.environments;
+  json["envs"] = options.run.environments;
   json["steps"] = outcome.steps;
   json["seconds"] = static_cast<double>(outcome.steps) * plan.settings().dt;
   json["stepping_seconds"] = outcome.stepping_seconds;
   return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
-// With --tolerance: the step that meets it, tried from the first environment's start.
-std::optional<Chosen> chosen_step(const SimulateOptions& options, const Inputs& inputs, const Model& model) {
-  if (options.tolerance == 0.0) return std::nullopt;
-  Model start = model;
-  if (std::optional<Table> state = inputs.state) {
-    state->rows.resize(1);
-    start = with_state(std::move(start), *state);
-  }
-  StepSettings for_names = options.step.settings;  // the targets need a plan's joints; no step of it is taken
-  for_names.integrator = Integrator::automatic;
-  const Targets targets = inputs.targets_of(compile(model, for_names));
-  const Chosen chosen =
-      choose_step(start, options.step.settings, options.f64, options.tolerance, options.seconds, targets);
-  fmt::print("chosen   {}: error {:.1e} (rad, m; RMS over {:g} s of one environment), tolerance {:g}\n",
-             described(chosen.setting), chosen.error, chosen.seconds, options.tolerance);
-  return chosen;
-}
-
-StepSettings settings_of(const SimulateOptions& options, const std::optional<Chosen>& chosen) {
-  StepSettings settings = options.step.settings;
-  if (!chosen) return settings;
-  settings.dt = 1.0 / chosen->setting.steps_per_second;
-  settings.integrator = chosen->setting.integrator;
-  return settings;
-}
-
 int run(const SimulateOptions& options) {
-  if (options.recorded >= options.environments)
+  if (options.recorded >= options.run.environments)
     throw InputError(fmt::format("--record-env: {} is not below the number of environments, {}", options.recorded,
-                                 options.environments));
-  keep_apart({options.model.file, options.state, options.targets}, {options.record, options.json});
+                                 options.run.environments));
+  keep_apart(options.run.files(), {options.record, options.json});
   for (const std::string& output : {options.record, options.json}) require_writable(output);  // before a long run
-  const Inputs inputs(options);
-  const Model model = options.model.load(options.step.settings.ignore).model;
-  const std::optional<Chosen> chosen = chosen_step(options, inputs, model);
-  const Plan plan = compile(model, settings_of(options, chosen));
-  const long steps = step_count(options.seconds, plan.settings().dt);
+  const Inputs inputs(options.run);
+  const auto [plan, steps] = prepare(options.run, inputs);
   const Outcome outcome =
-      options.f64 ? run<double>(options, inputs, plan, steps) : run<float>(options, inputs, plan, steps);
+      options.run.f64 ? run<double>(options, inputs, plan, steps) : run<float>(options, inputs, plan, steps);
   print(options, plan, outcome);
   // Only Euler's scenes have bounds that could be in conflict.
   if (!options.json.empty() || plan.integrator() == Integrator::euler || is_bounded(plan)) {
-    const Diagnosis diagnosis =
-        options.f64 ? diagnosed<double>(options, inputs, plan, steps) : diagnosed<float>(options, inputs, plan, steps);
+    const Diagnosis diagnosis = options.run.f64 ? diagnosed<double>(options, inputs, plan, steps)
+                                                : diagnosed<float>(options, inputs, plan, steps);
     if (!plan.contacts().empty()) print_contacts(diagnosis);
     warn(diagnosis);
     if (!options.json.empty()) {
@@ -321,7 +243,7 @@ int run(const SimulateOptions& options) {
   if (outcome.faulted == 0) return fine;
   std::fflush(stdout);
   fmt::print(stderr, "lockstep: {} of {} environments faulted; the first is number {}: {}\n", outcome.faulted,
-             options.environments, outcome.first_faulted,
+             options.run.environments, outcome.first_faulted,
              outcome.explanation.substr(outcome.explanation.find(": ") + 2));  // without the environment's number
   return some_faulted;
 }
@@ -331,52 +253,7 @@ int run(const SimulateOptions& options) {
 void add_simulate(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand("simulate", "Steps many environments; says how fast and how accurately");
   const auto options = std::make_shared<SimulateOptions>();
-  options->model.add_to(*command);
-  options->step.add_to(*command);
-  command->add_option("--envs", options->environments, "Number of environments")
-      ->type_name("N")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 1 << 24));
-  add_parsed(
-      *command, "--seconds", options->seconds, [](const std::string& text) { return seconds_of(text, "--seconds"); },
-      "Simulated time in s")
-      ->type_name("T")
-      ->default_str("1");
-  add_parsed(
-      *command, "--precision", options->f64,
-      [](const std::string& text) {
-        if (text != "f32" && text != "f64")
-          throw InputError(fmt::format("--precision: there is no '{}'; give f32 or f64", text));
-        return text == "f64";
-      },
-      "f32 or f64")
-      ->type_name("P")
-      ->default_str("f32");
-  add_parsed(*command, "--engine", options->engine, engine_of,
-             "What runs the step: automatic, tables, interpreter, generated. An engine that does not take the plan is "
-             "an error")
-      ->type_name("ENGINE")
-      ->default_str("automatic");
-  command
-      ->add_option(
-          "--tolerance", options->tolerance,
-          "Takes the cheapest integrator and step that keep the joints this close to the exact motion, RMS, rad or m")
-      ->type_name("E")
-      ->check(CLI::PositiveNumber)
-      ->excludes("--dt");
-  command->add_option("--threads", options->threads, "Number of threads; 0: all cores")
-      ->type_name("N")
-      ->capture_default_str()
-      ->check(CLI::Range(0, 1024));
-  command->add_option("--state", options->state, "CSV of start states: one row for all environments, or one for each")
-      ->type_name("FILE");
-  command->add_option("--targets", options->targets, "CSV of drive targets over time")->type_name("FILE");
-  command
-      ->add_option("--perturb", options->sigma,
-                   "Adds normal noise, rad or m, to the start of every joint that follows none, within position ranges")
-      ->type_name("SIGMA")
-      ->check(CLI::Range(0.0, 1e3));
-  command->add_option("--seed", options->seed, "Seed of the noise")->type_name("S")->capture_default_str();
+  options->run.add_to(*command);
   command->add_option("--record", options->record, "Writes one environment's trajectory as CSV")->type_name("FILE");
   command->add_option("--record-env", options->recorded, "The environment that --record writes, from 0")
       ->type_name("I")
