@@ -20,6 +20,7 @@ enum ExitCode : int { fine = 0, some_faulted = 1, bad_input = 2 };
 void add_info(CLI::App& app, int& exit_code);
 void add_simulate(CLI::App& app, int& exit_code);
 void add_chart(CLI::App& app, int& exit_code);
+void add_view(CLI::App& app, int& exit_code);
 void add_generate(CLI::App& app, int& exit_code);
 
 }  // namespace lockstep::tool

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "motion.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "tool.h"
+
+namespace lockstep::tool {
+namespace {
+
+constexpr double most_numbers = 5e7;       // 270 MB of text, which browsers still read
+constexpr std::size_t rows_of_point = 11;  // of Quantity::contact_point
+
+// The points of a pair as one: their mean, weighted with their forces, and the sum of these. Zero where none bears any.
+Eigen::Matrix<float, 6, 1> push_of(const float* points, int slots) {
+  Eigen::Vector3f centre = Eigen::Vector3f::Zero(), force = Eigen::Vector3f::Zero();
+  float weights = 0.0f;
+  for (int slot = 0; slot < slots; ++slot, points += rows_of_point) {
+    const Eigen::Map<const Eigen::Vector3f> at(points), on_second(points + 6);
+    if (on_second.isZero(0.0f)) continue;  // where no point is, the rest says nothing
+    centre += on_second.norm() * at;
+    force += on_second;
+    weights += on_second.norm();
+  }
+  Eigen::Matrix<float, 6, 1> push = Eigen::Matrix<float, 6, 1>::Zero();
+  if (weights > 0.0f) push << centre / weights, force;
+  return push;
+}
+
+}  // namespace
+
+Motion::Motion(const Plan& the_plan, bool with_forces, std::vector<std::string> labels, long samples)
+    : plan(the_plan), has_forces(with_forces && !the_plan.contacts().empty()), links(drawn_links(the_plan)) {
+  const auto ask = [this](Query query) {
+    queries_.push_back(std::move(query));
+    return static_cast<std::size_t>(plan.query_rows(queries_.back()));
+  };
+  if (!links.empty()) {  // no elements would be all
+    Query poses{Quantity::link_pose};
+    for (const DrawnLink& drawn : links) poses.elements.push_back(drawn.link);
+    pose_rows_ = ask(std::move(poses));
+  }
+  if (has_forces) point_rows_ = ask({Quantity::contact_point});
+  curves_ = ask({Quantity::position}) + ask({Quantity::coupling_error});
+  if (has_forces) curves_ += ask({Quantity::contact_normal_force});
+  curves_ += ask({Quantity::kinetic_energy}) + ask({Quantity::potential_energy});
+
+  const std::size_t pushes = has_forces ? 6 * plan.contacts().size() : 0;
+  const double numbers = static_cast<double>(pose_rows_ + pushes + curves_) * static_cast<double>(samples) *
+                         static_cast<double>(labels.size());
+  if (numbers > most_numbers)
+    throw InputError(
+        fmt::format("a page of {:.3g} numbers is too large for a browser, which takes {:.3g}; give a lower "
+                    "--rate, fewer --environments or a shorter motion",
+                    numbers, most_numbers));
+  for (std::string& label : labels) {
+    tracks.emplace_back().label = std::move(label);
+    tracks.back().curves.resize(curves_);
+  }
+}
+
+template <class S>
+typename Batch<S>::Array Motion::read(const Batch<S>& batch) const {
+  typename Batch<S>::Array numbers(pose_rows_ + point_rows_ + curves_, batch.environments());
+  batch.read(queries_, {numbers.data(), batch.environments(), 1});
+  return numbers;
+}
+
+template <class Column>
+void Motion::append(const Column& numbers, Track& track) const {
+  const Eigen::ArrayXf all = numbers.template cast<float>();
+  track.poses.insert(track.poses.end(), all.begin(), all.begin() + static_cast<Eigen::Index>(pose_rows_));
+  if (has_forces)
+    for (const PlanContact& contact : plan.contacts()) {
+      const Eigen::Matrix<float, 6, 1> push = push_of(
+          all.data() + pose_rows_ + rows_of_point * static_cast<std::size_t>(contact.first_slot), contact.slots);
+      track.pushes.insert(track.pushes.end(), push.begin(), push.end());
+    }
+  for (std::size_t i = 0; i < curves_; ++i)
+    track.curves[i].push_back(all[static_cast<Eigen::Index>(pose_rows_ + point_rows_ + i)]);
+}
+
+template <class S>
+void Motion::add(double time, const Batch<S>& batch, const std::vector<int>& environments) {
+  const typename Batch<S>::Array numbers = read(batch);
+  times.push_back(static_cast<float>(time));
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
+    append(numbers.col(environments[i]), tracks[i]);
+    if (const FaultReport report = batch.fault_report(environments[i]); report.fault != Fault::none)
+      tracks[i].frozen = {report.time, report.fault};
+  }
+}
+
+void Motion::add(const std::vector<double>& at, const Batch<double>& states, int track) {
+  const Batch<double>::Array numbers = read(states);
+  times.assign(at.begin(), at.end());
+  for (Eigen::Index sample = 0; sample < numbers.cols(); ++sample) append(numbers.col(sample), tracks[track]);
+}
+
+long sampling_interval(double rate, double dt) { return std::max(1L, std::lround(1.0 / (rate * dt))); }
+
+template void Motion::add(double, const Batch<float>&, const std::vector<int>&);
+template void Motion::add(double, const Batch<double>&, const std::vector<int>&);
+
+}  // namespace lockstep::tool

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "page.h"
+
+#include <bit>
+#include <nlohmann/json.hpp>
+
+#include "tool.h"
+
+namespace lockstep::tool {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::string_view place_of_motion = "/*MOTION*/";
+
+// In a Pose's order: x, y, z, then the quaternion w, x, y, z.
+Json json_of(const Pose& pose) {
+  const Eigen::Quaterniond turn(pose.linear());
+  const Eigen::Vector3d at = pose.translation();
+  return {at.x(), at.y(), at.z(), turn.w(), turn.x(), turn.y(), turn.z()};
+}
+
+Json json_of(const std::vector<Solid>& solids) {
+  Json list = Json::array();
+  for (const Solid& solid : solids) {
+    Json entry = {{"kind", solid.kind},
+                  {"size", {solid.size.x(), solid.size.y(), solid.size.z()}},
+                  {"pose", json_of(solid.pose)}};
+    if (solid.from_inertia) entry["inertia"] = true;
+    list.push_back(std::move(entry));
+  }
+  return list;
+}
+
+const char* unit_of(const Model& model, const std::string& joint) {
+  return model.joints[static_cast<std::size_t>(model.joint_index(joint))].kind == JointKind::prismatic ? "m" : "rad";
+}
+
+// A follower has `leader`, the joint that it follows; -1 where that is not one joint.
+Json joints_of(const Plan& plan) {
+  Json list = Json::array();
+  for (const std::string& name : plan.dof_names())
+    list.push_back({{"name", name}, {"unit", unit_of(plan.model(), name)}});
+  for (const int dof : plan.follower_dofs()) list[static_cast<std::size_t>(dof)]["leader"] = plan.leader(dof);
+  return list;
+}
+
+Json couplings_of(const Model& model) {
+  Json list = Json::array();
+  const std::vector<std::string> names = coupling_names(model);
+  for (std::size_t i = 0; i < names.size(); ++i)
+    list.push_back({{"name", names[i]}, {"unit", unit_of(model, model.couplings[i].joint)}});
+  return list;
+}
+
+std::string numbers_of(const Motion& motion) {
+  static_assert(std::endian::native == std::endian::little && sizeof(float) == 4, "the page is read as it is written");
+  std::vector<float> numbers = motion.times;
+  for (const Track& track : motion.tracks) {
+    numbers.insert(numbers.end(), track.poses.begin(), track.poses.end());
+    numbers.insert(numbers.end(), track.pushes.begin(), track.pushes.end());
+    for (const std::vector<float>& curve : track.curves) numbers.insert(numbers.end(), curve.begin(), curve.end());
+  }
+  return base64({reinterpret_cast<const unsigned char*>(numbers.data()), numbers.size() * sizeof(float)});
+}
+
+}  // namespace
+
+void require_viewer() {
+  if (page_template.empty())
+    throw InputError(
+        "view: this command was built without the viewer; install nodejs and npm (Debian's names), and build it again "
+        "with -DLOCKSTEP_VIEWER=ON");
+}
+
+std::string motion_json(const Motion& motion, const std::string& about, const std::vector<std::string>& notes) {
+  const Model& model = motion.plan.model();
+  Json json = {{"model", model.name}, {"about", about}, {"notes", notes}, {"samples", motion.times.size()}};
+  json["links"] = Json::array();
+  for (const DrawnLink& drawn : motion.links)
+    json["links"].push_back({{"name", model.links[static_cast<std::size_t>(drawn.link)].name},
+                             {"role", to_string(drawn.role)},
+                             {"solids", json_of(drawn.solids)}});
+  json["world"] = json_of(world_solids(model));
+  json["joints"] = joints_of(motion.plan);
+  json["couplings"] = couplings_of(model);
+  json["contacts"] = Json::array();
+  if (motion.has_forces)
+    for (const PlanContact& contact : motion.plan.contacts()) json["contacts"].push_back(contact.name);
+  json["environments"] = Json::array();
+  for (const Track& track : motion.tracks) {
+    Json entry = {{"label", track.label}};
+    if (track.frozen) entry["fault"] = {{"time", track.frozen->time}, {"name", to_string(track.frozen->fault)}};
+    json["environments"].push_back(std::move(entry));
+  }
+  json["numbers"] = numbers_of(motion);
+  std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace);
+  // Only texts can hold this character, which could end the script element.
+  for (std::size_t at = text.find('<'); at != std::string::npos; at = text.find('<', at))
+    text.replace(at, 1, "\\u003c");
+  return text;
+}
+
+std::string page_of(const Motion& motion, const std::string& about, const std::vector<std::string>& notes) {
+  std::string page(page_template);
+  return page.replace(page.find(place_of_motion), place_of_motion.size(), motion_json(motion, about, notes));
+}
+
+std::string base64(std::span<const unsigned char> bytes) {
+  constexpr char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  text.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t at = 0; at < bytes.size(); at += 3) {
+    const std::size_t count = std::min<std::size_t>(3, bytes.size() - at);
+    unsigned triple = 0;
+    for (std::size_t i = 0; i < 3; ++i) triple = triple << 8 | (i < count ? bytes[at + i] : 0u);
+    for (std::size_t i = 0; i < 4; ++i) text += i <= count ? digits[triple >> (18 - 6 * i) & 63] : '=';
+  }
+  return text;
+}
+
+}  // namespace lockstep::tool

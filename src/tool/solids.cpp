@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "solids.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace lockstep::tool {
+namespace {
+
+constexpr double water = 1000.0;      // kg/m^3
+constexpr double least_share = 0.01;  // of the longest edge
+constexpr double same_moment = 1e-3;
+
+const char* kind_of(ShapeKind kind) {
+  switch (kind) {
+    case ShapeKind::half_space: return "half_space";
+    case ShapeKind::box: return "box";
+    case ShapeKind::capsule: return "capsule";
+    case ShapeKind::sphere: break;
+  }
+  return "sphere";
+}
+
+std::vector<Solid> colliders_of(const Model& model, const std::string& link) {
+  std::vector<Solid> solids;
+  for (const Collider& collider : model.colliders)
+    if (collider.link == link) solids.push_back({kind_of(collider.shape.kind), collider.shape.size, collider.pose});
+  return solids;
+}
+
+// The axis of the one moment that differs from the two others, which agree; -1 where there is none.
+int axis_of_symmetry(const Eigen::Vector3d& moments) {
+  const auto agree = [&](int a, int b) {
+    return std::abs(moments[a] - moments[b]) <= same_moment * moments.maxCoeff();
+  };
+  for (int axis = 0; axis < 3; ++axis) {
+    const int a = (axis + 1) % 3, b = (axis + 2) % 3;
+    if (agree(a, b) && !agree(axis, a) && !agree(axis, b)) return axis;
+  }
+  return -1;
+}
+
+// The joint that carries the link, or none for a root.
+const Joint* carrier(const Model& model, const std::string& link) {
+  for (const Joint& joint : model.joints)
+    if (joint.child == link) return &joint;
+  return nullptr;
+}
+
+Role role_of(const Plan& plan, const std::string& link) {
+  const Joint* joint = carrier(plan.model(), link);
+  if (!joint) {
+    const std::vector<std::string>& floating = plan.root_names();
+    return std::find(floating.begin(), floating.end(), link) == floating.end() ? Role::base : Role::free;
+  }
+  if (!joint->moves()) return role_of(plan, joint->parent);
+  const std::vector<int>& followers = plan.follower_dofs();
+  const bool follows = std::find(followers.begin(), followers.end(), plan.dof(joint->name)) != followers.end();
+  return follows ? Role::follower : Role::driver;
+}
+
+}  // namespace
+
+std::optional<Solid> solid_of(const Inertia& inertia) {
+  if (!(inertia.mass > 0.0)) return std::nullopt;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(inertia.about_center);
+  const Eigen::Vector3d moments = solver.eigenvalues().cwiseMax(0.0) / inertia.mass;  // m^2
+  Eigen::Matrix3d axes = solver.eigenvectors();
+  if (axes.determinant() < 0.0) axes.col(0) = -axes.col(0);
+  Solid solid{.kind = "box", .size = {}, .pose = Pose::Identity(), .from_inertia = true};
+  solid.pose.translation() = inertia.center;
+  if (moments.maxCoeff() == 0.0) {
+    solid.kind = "sphere";
+    solid.size = {std::cbrt(0.75 * inertia.mass / (std::numbers::pi * water)), 0.0, 0.0};
+    return solid;
+  }
+  if (const int axis = axis_of_symmetry(moments); axis >= 0) {
+    const double radius = std::sqrt(2.0 * moments[axis]);
+    const double length = std::sqrt(std::max(0.0, 12.0 * moments[(axis + 1) % 3] - 3.0 * radius * radius));
+    const double least = least_share * std::max(radius, length);
+    solid.kind = "cylinder";
+    solid.size = {std::max(radius, least), std::max(length, least), 0.0};
+    solid.pose.linear() << axes.col((axis + 1) % 3), axes.col((axis + 2) % 3), axes.col(axis);
+    return solid;
+  }
+  const Eigen::Vector3d squares = 6.0 * (Eigen::Vector3d::Constant(moments.sum()) - 2.0 * moments);
+  solid.size = squares.cwiseMax(0.0).cwiseSqrt();
+  solid.size = solid.size.cwiseMax(least_share * solid.size.maxCoeff()).eval();
+  solid.pose.linear() = axes;
+  return solid;
+}
+
+const char* to_string(Role role) noexcept {
+  switch (role) {
+    case Role::base: return "base";
+    case Role::driver: return "driver";
+    case Role::follower: return "follower";
+    case Role::free: break;
+  }
+  return "free";
+}
+
+std::vector<DrawnLink> drawn_links(const Plan& plan) {
+  const Model& model = plan.model();
+  std::vector<DrawnLink> links;
+  for (std::size_t i = 0; i < model.links.size(); ++i) {
+    std::vector<Solid> solids = colliders_of(model, model.links[i].name);
+    if (solids.empty())
+      if (std::optional<Solid> solid = solid_of(model.links[i].inertia)) solids.push_back(*std::move(solid));
+    if (!solids.empty()) links.push_back({static_cast<int>(i), role_of(plan, model.links[i].name), std::move(solids)});
+  }
+  return links;
+}
+
+std::vector<Solid> world_solids(const Model& model) { return colliders_of(model, ""); }
+
+}  // namespace lockstep::tool

@@ -1,0 +1,43 @@
+// What links look like: their colliders, or a solid of the same inertia. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "lockstep/plan.h"
+
+namespace lockstep::tool {
+
+/// A solid to draw, in a link's frame or in the world's.
+struct Solid {
+  std::string kind;      ///< half_space, box, capsule, sphere (sizes as in Shape) or cylinder: radius, length along z
+  Eigen::Vector3d size;  ///< m
+  Pose pose;
+  bool from_inertia = false;
+};
+
+/// The solid of uniform density whose mass and inertia these are: a cylinder where two principal moments agree to a
+/// thousandth and the third does not, else a box. A point mass is a ball of the density of water. Edges thinner than a
+/// hundredth of the longest are drawn that thick. Empty without mass.
+std::optional<Solid> solid_of(const Inertia& inertia);
+
+/// What moves a link, for its colour.
+enum class Role { base, driver, follower, free };
+
+/// The enumerator's name. The string lives forever.
+const char* to_string(Role role) noexcept;
+
+struct DrawnLink {
+  int link;  ///< in Model::links
+  Role role;
+  std::vector<Solid> solids;  ///< its colliders, else that of its inertia; never empty
+};
+
+/// The links that have something to draw, in the model's order.
+std::vector<DrawnLink> drawn_links(const Plan& plan);
+
+/// Colliders that stand in the world.
+std::vector<Solid> world_solids(const Model& model);
+
+}  // namespace lockstep::tool

@@ -1,0 +1,146 @@
+// lockstep view: a page that plays a motion. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+
+#include "page.h"
+#include "replay.h"
+#include "run.h"
+#include "text.h"
+#include "tool.h"
+
+namespace lockstep::tool {
+namespace {
+
+struct ViewOptions {
+  RunOptions run;
+  std::vector<int> environments = {0};
+  std::vector<std::string> recordings;
+  std::string out;
+  double rate = 60.0;
+};
+
+// What only a simulation uses.
+constexpr const char* options_of_runs[] = {"--envs",      "--seconds",      "--precision",  "--engine",
+                                           "--tolerance", "--state",        "--targets",    "--perturb",
+                                           "--seed",      "--environments", "--dt",         "--integrator",
+                                           "--guard",     "--method",       "--iterations", "--velocity-iterations"};
+
+template <class S>
+Motion simulated(const ViewOptions& options, const Inputs& inputs, const Run& run) {
+  for (const int environment : options.environments)
+    if (environment >= options.run.environments)
+      throw InputError(fmt::format("--environments: {} is not below the number of environments, {}; raise --envs",
+                                   environment, options.run.environments));
+  const double dt = run.plan.settings().dt;
+  const long interval = sampling_interval(options.rate, dt);
+  std::vector<std::string> labels;
+  for (const int environment : options.environments) labels.push_back(fmt::format("environment {}", environment));
+  Motion motion(run.plan, true, std::move(labels), run.steps / interval + 2);
+  Batch<S> batch(run.plan, options.run.environments, {.threads = options.run.threads, .engine = options.run.engine});
+  put_to_start(options.run, inputs, batch);
+  motion.add(0.0, batch, options.environments);
+  advance(batch, inputs.targets_of(run.plan), run.steps, interval, [&](long done) {
+    if (done % interval == 0 || done == run.steps)
+      motion.add(static_cast<double>(done) * dt, batch, options.environments);
+  });
+  return motion;
+}
+
+struct Shown {
+  Motion motion;
+  std::string about;
+};
+
+Shown simulated(const ViewOptions& options) {
+  const Inputs inputs(options.run);
+  const Run run = prepare(options.run, inputs);
+  const StepSettings& settings = run.plan.settings();
+  const std::string about =
+      fmt::format("{}, {}, step {} s, {}", to_string(run.plan.method()), to_string(run.plan.integrator()),
+                  fraction(settings.dt), options.run.f64 ? "f64" : "f32");
+  return {options.run.f64 ? simulated<double>(options, inputs, run) : simulated<float>(options, inputs, run), about};
+}
+
+Shown replayed(const ViewOptions& options) {
+  const StepSettings& settings = options.run.step.settings;
+  const Plan plan = compile(options.run.model.load(settings.ignore).model, settings);
+  std::vector<Recording> recordings;
+  for (const std::string& file : options.recordings) recordings.push_back(recording_of(read_csv(file), plan));
+  return {replay(recordings, plan, options.rate, options.run.threads), "recorded"};
+}
+
+// What the page does not show, and why.
+std::vector<std::string> notes_on(const Motion& motion) {
+  std::vector<std::string> notes, without;
+  std::vector<bool> drawn(motion.plan.model().links.size(), false);
+  for (const DrawnLink& link : motion.links) drawn[static_cast<std::size_t>(link.link)] = true;
+  for (std::size_t i = 0; i < drawn.size(); ++i)
+    if (!drawn[i]) without.push_back(motion.plan.model().links[i].name);
+  if (!without.empty()) notes.push_back(fmt::format("neither collider nor mass: {}", fmt::join(without, ", ")));
+  if (!motion.has_forces && !motion.plan.contacts().empty()) notes.push_back("recordings hold no contact forces");
+  return notes;
+}
+
+int run(const ViewOptions& options) {
+  require_viewer();
+  const std::string out =
+      options.out.empty() ? std::filesystem::path(options.run.model.file).stem().string() + "_view.html" : options.out;
+  std::vector<std::string> read = options.run.files();
+  read.insert(read.end(), options.recordings.begin(), options.recordings.end());
+  keep_apart(read, {out});
+  require_writable(out);
+  const Shown shown = options.recordings.empty() ? simulated(options) : replayed(options);
+  const std::vector<std::string> notes = notes_on(shown.motion);
+  const std::string page = page_of(shown.motion, shown.about, notes);
+  OutputFile file(out);
+  file.write(page);
+  file.close();
+  const std::vector<float>& times = shown.motion.times;
+  fmt::print("{}: {:.6g} s in {} samples of {} environment{}, {:.1f} MB\n", out, times.back() - times.front(),
+             times.size(), shown.motion.tracks.size(), shown.motion.tracks.size() == 1 ? "" : "s",
+             static_cast<double>(page.size()) / 1e6);
+  for (const std::string& note : notes) fmt::print("note     {}\n", note);
+  std::fflush(stdout);
+  int exit_code = fine;
+  for (const Track& track : shown.motion.tracks) {
+    if (!track.frozen) continue;
+    fmt::print(stderr, "lockstep: {} faulted at {:.4g} s and was frozen: {}\n", track.label, track.frozen->time,
+               to_string(track.frozen->fault));
+    exit_code = some_faulted;
+  }
+  return exit_code;
+}
+
+}  // namespace
+
+void add_view(CLI::App& app, int& exit_code) {
+  CLI::App* command = app.add_subcommand("view", "Writes a page that plays a motion, simulated or recorded");
+  const auto options = std::make_shared<ViewOptions>();
+  options->run.environments = 1;
+  options->run.model.import.colliders = true;  // to draw them; they touch what --contact and --ground say
+  options->run.add_to(*command);
+  command->add_option("-o,--out", options->out, "The page (default MODEL_view.html)")->type_name("FILE");
+  command->add_option("--environments", options->environments, "The environments that are shown side by side, from 0")
+      ->type_name("I,J,...")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  command->add_option("--rate", options->rate, "Samples per second that the page holds, of every step at most")
+      ->type_name("HZ")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  CLI::Option* recordings = command->add_option("--record", options->recordings,
+                                                "Plays what `simulate --record` wrote instead of a simulation. "
+                                                "Repeatable: recordings are shown side by side");
+  recordings->type_name("FILE")->allow_extra_args(false);
+  for (const char* name : options_of_runs) recordings->excludes(command->get_option(name));
+  command->callback([options, &exit_code] { exit_code = run(*options); });
+}
+
+}  // namespace lockstep::tool

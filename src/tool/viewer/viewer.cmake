@@ -1,0 +1,56 @@
+# The page of `lockstep view`, made with node from the files here and libraries from npm.
+# SPDX-License-Identifier: Apache-2.0
+#
+# Sets LOCKSTEP_PAGE, the source file that holds the page, or the one that says there is none.
+if(PROJECT_IS_TOP_LEVEL)
+  set(LOCKSTEP_VIEWER AUTO CACHE STRING "The page of `lockstep view`, made with node and npm: ON, OFF, or AUTO where it can be")
+else()
+  set(LOCKSTEP_VIEWER OFF CACHE STRING "The page of `lockstep view`, made with node and npm: ON, OFF, or AUTO where it can be")
+endif()
+set_property(CACHE LOCKSTEP_VIEWER PROPERTY STRINGS AUTO ON OFF)
+set(LOCKSTEP_PAGE page_absent.cpp)
+if(NOT LOCKSTEP_VIEWER MATCHES "^(AUTO|ON|OFF)$")
+  message(FATAL_ERROR "LOCKSTEP_VIEWER is '${LOCKSTEP_VIEWER}'; set it to AUTO, ON or OFF")
+endif()
+if(LOCKSTEP_VIEWER STREQUAL OFF)
+  return()
+endif()
+
+set(viewer ${CMAKE_CURRENT_LIST_DIR})
+set(made ${CMAKE_CURRENT_BINARY_DIR}/viewer)
+find_program(LOCKSTEP_NODE NAMES node nodejs DOC "node, which makes the page of `lockstep view`")
+find_program(LOCKSTEP_NPM npm DOC "npm, which fetches the libraries of that page")
+mark_as_advanced(LOCKSTEP_NODE LOCKSTEP_NPM)
+set(lacking "")
+if(NOT LOCKSTEP_NODE OR NOT LOCKSTEP_NPM)
+  set(lacking "it needs nodejs and npm")
+elseif(NOT EXISTS ${made}/fetched OR ${viewer}/package-lock.json IS_NEWER_THAN ${made}/fetched)
+  # Fetched when configuring, so that AUTO can do without where there is no network. No package runs a script.
+  configure_file(${viewer}/package.json ${made}/package.json COPYONLY)
+  configure_file(${viewer}/package-lock.json ${made}/package-lock.json COPYONLY)
+  execute_process(COMMAND ${LOCKSTEP_NPM} ci --ignore-scripts --no-audit --no-fund --fetch-retries=1
+                  WORKING_DIRECTORY ${made} RESULT_VARIABLE status OUTPUT_VARIABLE said ERROR_VARIABLE said TIMEOUT 120)
+  if(status EQUAL 0)
+    file(TOUCH ${made}/fetched)
+  else()
+    set(lacking "npm could not fetch its libraries: ${said}")
+  endif()
+endif()
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${viewer}/package-lock.json)
+if(lacking)
+  set(message "`lockstep view` is left out; ${lacking}")
+  if(LOCKSTEP_VIEWER STREQUAL ON)
+    message(FATAL_ERROR "${message}")
+  endif()
+  message(STATUS "${message}")
+  return()
+endif()
+
+set(LOCKSTEP_PAGE ${made}/page.cpp)
+file(GLOB parts CONFIGURE_DEPENDS ${viewer}/*.js ${viewer}/*.css ${viewer}/*.html ${viewer}/*.mjs)
+add_custom_command(OUTPUT ${LOCKSTEP_PAGE} ${made}/LICENCES.txt
+  COMMAND ${LOCKSTEP_NODE} ${viewer}/bundle.mjs ${made}/node_modules ${LOCKSTEP_PAGE} ${made}/LICENCES.txt
+  DEPENDS ${parts} ${made}/fetched COMMENT "Bundling the page of `lockstep view`" VERBATIM)
+if(LOCKSTEP_INSTALL)
+  install(FILES ${made}/LICENCES.txt DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME viewer-licences.txt)
+endif()
