@@ -42,7 +42,7 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
     Arguments arguments;
     const char* said;
   } cases[] = {
-      {{}, "info, simulate, chart or generate"},
+      {{}, "info, simulate, chart, view or generate"},
       {{"simulat", model}, "'simulat'"},
       {{"--fast"}, "'--fast'"},
       {{"simulate"}, "MODEL"},
