@@ -29,11 +29,11 @@ elseif(NOT EXISTS ${made}/fetched OR ${viewer}/package-lock.json IS_NEWER_THAN $
   configure_file(${viewer}/package.json ${made}/package.json COPYONLY)
   configure_file(${viewer}/package-lock.json ${made}/package-lock.json COPYONLY)
   execute_process(COMMAND ${LOCKSTEP_NPM} ci --ignore-scripts --no-audit --no-fund --fetch-retries=1
-                  WORKING_DIRECTORY ${made} RESULT_VARIABLE status OUTPUT_VARIABLE said ERROR_VARIABLE said TIMEOUT 120)
+                  WORKING_DIRECTORY ${made} RESULT_VARIABLE status OUTPUT_FILE npm.log ERROR_FILE npm.log TIMEOUT 120)
   if(status EQUAL 0)
     file(TOUCH ${made}/fetched)
   else()
-    set(lacking "npm could not fetch its libraries: ${said}")
+    set(lacking "npm could not fetch its libraries: ${made}/npm.log says why")
   endif()
 endif()
 set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${viewer}/package-lock.json)
