@@ -74,6 +74,8 @@ Shown replayed(const ViewOptions& options) {
   return {replay(recordings, plan, options.rate, options.run.threads), "recorded"};
 }
 
+constexpr std::size_t most_named = 3;  // links in a line of the page
+
 // What the page does not show, and why.
 std::vector<std::string> notes_on(const Motion& motion) {
   std::vector<std::string> notes, without;
@@ -81,7 +83,12 @@ std::vector<std::string> notes_on(const Motion& motion) {
   for (const DrawnLink& link : motion.links) drawn[static_cast<std::size_t>(link.link)] = true;
   for (std::size_t i = 0; i < drawn.size(); ++i)
     if (!drawn[i]) without.push_back(motion.plan.model().links[i].name);
-  if (!without.empty()) notes.push_back(fmt::format("neither collider nor mass: {}", fmt::join(without, ", ")));
+  if (!without.empty()) {
+    const std::size_t named = std::min(without.size(), most_named);
+    notes.push_back(
+        fmt::format("neither collider nor mass: {}", fmt::join(without.begin(), without.begin() + named, ", ")));
+    if (without.size() > named) notes.back() += fmt::format(" and {} more links", without.size() - named);
+  }
   if (!motion.has_forces && !motion.plan.contacts().empty()) notes.push_back("recordings hold no contact forces");
   return notes;
 }

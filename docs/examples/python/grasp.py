@@ -3,6 +3,7 @@
 
     python3 grasp.py                       # the numbers
     python3 grasp.py --picture grasp.svg   # and what one arm does (matplotlib)
+    python3 grasp.py --targets grasp.csv   # only the targets, for `lockstep view` (docs/viewing.md)
 """
 
 import argparse
@@ -54,6 +55,15 @@ def targets(t):
     arm[1] += 0.05 * shake * np.sin(4 * np.pi * (t - 3.5))
     arm[6] += 0.30 * shake * np.sin(2.6 * np.pi * (t - 3.5))
     return arm, CLOSED * ramp(t, 1.2, 1.6)
+
+
+def write_targets(path):
+    """As a file for the command: a row for each step."""
+    rows = []
+    for i in range(int(SECONDS * RATE)):
+        arm, knuckle = targets((i + 1) / RATE)
+        rows.append([i / RATE, *arm, knuckle])
+    np.savetxt(path, rows, fmt="%.6g", delimiter=",", header=",".join(["time", *GAINS]), comments="")
 
 
 def rotation(wxyz):
@@ -142,7 +152,11 @@ def draw(path):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--picture", metavar="FILE")
+    parser.add_argument("--targets", metavar="FILE")
     options = parser.parse_args()
+    if options.targets:
+        write_targets(options.targets)
+        return
     for mass, friction in ((0.05, 0.5), (0.2, 0.9), (1.0, 0.9), (2.0, 1.2)):
         slip, batch = run(scene(mass, friction), 64)
         held = batch.root_pose[:, 2].min() > 0.1 and not batch.fault.any()

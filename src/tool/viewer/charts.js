@@ -46,7 +46,7 @@ function options_of(chart, width, seek, times) {
     width, height: 150, padding: [6, units.length > 1 ? 0 : 10, 0, 0],
     scales: { x: { time: false }, ...Object.fromEntries(units.map((unit) => [unit, { range }])) },
     axes: [{ ...axis, size: 24, values: (_, ticks) => ticks.map((tick) => `${+tick.toPrecision(6)} s`) },
-      ...units.map((unit, i) => ({ ...axis, scale: unit, size: 58, side: i === 0 ? 3 : 1, gap: 2,
+      ...units.map((unit, i) => ({ ...axis, scale: unit, size: 66, side: i === 0 ? 3 : 1, gap: 2,
         grid: { ...axis.grid, show: i === 0 }, values: (_, ticks) => ticks.map((tick) => `${+tick.toPrecision(4)} ${unit}`) }))],
     series: [{ label: 'time', value: (_, value) => (value == null ? '' : `${value.toFixed(3)} s`) },
       ...chart.series.map((series) => ({ label: series.label, scale: series.unit, stroke: series.colour, dash: series.dash,
