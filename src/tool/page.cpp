@@ -76,6 +76,7 @@ void require_viewer() {
 std::string motion_json(const Motion& motion, const std::string& about, const std::vector<std::string>& notes) {
   const Model& model = motion.plan.model();
   Json json = {{"model", model.name}, {"about", about}, {"notes", notes}, {"samples", motion.times.size()}};
+  json["floats"] = motion.plan.root_names().size() == motion.plan.trees().size();  // all trees do
   json["links"] = Json::array();
   for (const DrawnLink& drawn : motion.links)
     json["links"].push_back({{"name", model.links[static_cast<std::size_t>(drawn.link)].name},

@@ -235,6 +235,7 @@ TEST_F(View, json_describes_its_numbers) {
   const nlohmann::json json = nlohmann::json::parse(text);
   EXPECT_EQ(json["environments"][0]["label"], "<b>");
   EXPECT_EQ(json["world"][0]["kind"], "half_space");
+  EXPECT_EQ(json["floats"], false);  // the box floats, the arm does not
   const std::vector<unsigned char> bytes = decoded(json["numbers"]);
   const Track& track = motion.tracks[0];
   const std::size_t samples = json["samples"], pairs = json["contacts"].size(), links = json["links"].size();

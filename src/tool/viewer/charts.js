@@ -5,6 +5,11 @@ import { colour_now } from './style.js';
 // Okabe and Ito's colours, which most people can tell apart; the dark one is a mid grey that shows on both grounds.
 const palette = ['#0072b2', '#e69f00', '#009e73', '#d55e00', '#cc79a7', '#56b4e9', '#9a8f00', '#808890'];
 const colour_of = (i) => palette[i % palette.length];
+// A tick of an axis, as short as it can be.
+const tick_of = (value) => {
+  const round = Number(value.toPrecision(4));
+  return round !== 0 && Math.abs(round) < 1e-3 ? round.toExponential() : String(round);
+};
 const number = (value) => (value == null ? '' : value === 0 ? '0' : Math.abs(value) < 1e-3 || Math.abs(value) >= 1e5
   ? value.toExponential(2) : value.toPrecision(4));
 
@@ -47,7 +52,7 @@ function options_of(chart, width, seek, times) {
     scales: { x: { time: false }, ...Object.fromEntries(units.map((unit) => [unit, { range }])) },
     axes: [{ ...axis, size: 24, values: (_, ticks) => ticks.map((tick) => `${+tick.toPrecision(6)} s`) },
       ...units.map((unit, i) => ({ ...axis, scale: unit, size: 66, side: i === 0 ? 3 : 1, gap: 2,
-        grid: { ...axis.grid, show: i === 0 }, values: (_, ticks) => ticks.map((tick) => `${+tick.toPrecision(4)} ${unit}`) }))],
+        grid: { ...axis.grid, show: i === 0 }, values: (_, ticks) => ticks.map((tick) => `${tick_of(tick)} ${unit}`) }))],
     series: [{ label: 'time', value: (_, value) => (value == null ? '' : `${value.toFixed(3)} s`) },
       ...chart.series.map((series) => ({ label: series.label, scale: series.unit, stroke: series.colour, dash: series.dash,
         width: 1.5, points: { show: false }, value: (_, value) => number(value) }))],

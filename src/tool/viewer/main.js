@@ -102,6 +102,7 @@ for (const [role, { words, colour }] of Object.entries(roles)) if (used.has(role
 if (scene?.arrows.largest > 0) legend(arrow_colour, `contact force, up to ${scene.arrows.largest.toPrecision(3)} N`);
 const note = (text) => get('roles').append(Object.assign(document.createElement('li'), { textContent: text }));
 if (motion.links.some((link) => link.solids.some((solid) => solid.inertia))) note('pale: shape of the inertia');
+if (scene?.follows) note('the view follows the links');
 for (const text of motion.notes) note(text);
 
 motion.environments.forEach(({ label }, i) => {

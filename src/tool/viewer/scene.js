@@ -55,10 +55,12 @@ export class Scene {
     this.renderer.toneMapping = THREE.NeutralToneMapping;
     this.renderer.setScissorTest(true);
     this.scene = new THREE.Scene();
+    this.world = new THREE.Group();  // moves where the view follows
+    this.scene.add(this.world);
     this.links = motion.links.map((link) => this.add_link(link));
     this.add_world();
     this.frame();
-    this.arrows = new Arrows(this.scene, motion, 0.3 * this.radius);
+    this.arrows = new Arrows(this.world, motion, 0.3 * this.radius);
     this.dress();
   }
 
@@ -79,7 +81,7 @@ export class Scene {
   add_link(link) {
     const group = new THREE.Group();
     for (const solid of link.solids) this.add_solid(group, solid, roles[link.role].colour);
-    this.scene.add(group);
+    this.world.add(group);
     return group;
   }
 
@@ -89,17 +91,17 @@ export class Scene {
     this.grounds = [];
     for (const solid of this.motion.world) {
       if (solid.kind !== 'half_space') {
-        this.add_solid(this.scene, solid, roles.base.colour);
+        this.add_solid(this.world, solid, roles.base.colour);
         continue;
       }
       const ground = new THREE.Group();
       place(ground, solid.pose);
       this.grounds.push(ground);
-      this.scene.add(ground);
+      this.world.add(ground);
     }
   }
 
-  // The box around all that moves, over all samples unless that is far more than the first.
+  // The box around all that moves: over all samples, or at the first where a view follows what goes far away.
   bounds() {
     const reach = this.links.map((link) => {
       place(link, [0, 0, 0, 1, 0, 0, 0]);
@@ -123,7 +125,8 @@ export class Scene {
     const length = (box) => box.getSize(new THREE.Vector3()).length();
     const first = around([0]), rows = this.motion.samples, stride = Math.ceil(rows / 200);
     const all = around(Array.from({ length: Math.ceil(rows / stride) }, (_, i) => i * stride));
-    const box = length(all) < 3 * length(first) ? all : first;
+    this.follows = this.motion.floats && length(all) > 2 * length(first);
+    const box = this.follows ? first : all;
     if (box.isEmpty()) box.set(new THREE.Vector3(-0.5, -0.5, -0.5), new THREE.Vector3(0.5, 0.5, 0.5));
     return box;
   }
@@ -154,7 +157,7 @@ export class Scene {
     const flat = this.grounds[0] ?? new THREE.Group();
     if (!this.grounds.length) {  // only lines, below everything: there is no ground
       flat.position.z = box.min.z;
-      this.scene.add(flat);
+      this.world.add(flat);
     }
     for (const ground of this.grounds) {
       const plane = new THREE.Mesh(new THREE.CircleGeometry(60 * this.spacing, 48), this.ground_material);
@@ -222,10 +225,20 @@ export class Scene {
     this.framed = true;
   }
 
+  // The mean place of the links in a sample.
+  middle({ poses }, row) {
+    const count = this.links.length, sum = new THREE.Vector3();
+    for (let i = 0; i < count; ++i) sum.add(new THREE.Vector3().fromArray(poses, (row * count + i) * 7));
+    return sum.divideScalar(Math.max(count, 1));
+  }
+
   pose(environment, time) {
     const { row, share, nearest } = sample_at(this.motion.times, time), count = this.links.length;
     const next = Math.min(row + 1, this.motion.samples - 1), turn = new THREE.Quaternion();
     this.arrows.pose(environment, nearest);
+    if (this.follows)
+      this.world.position.lerpVectors(this.middle(environment, row), this.middle(environment, next), share).negate()
+        .add(this.middle(environment, 0));
     this.links.forEach((link, i) => {
       const a = (row * count + i) * 7, b = (next * count + i) * 7, p = environment.poses;
       place(link, p.subarray(a, a + 7));

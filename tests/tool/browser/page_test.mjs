@@ -20,6 +20,7 @@ if (/without the viewer/.test(absent.stderr)) {
 execFileSync(lockstep, ['view', arm, ...scene, '--envs', '2', '--environments', '0,1', '-o', 'arm.html']);
 execFileSync(lockstep, ['simulate', arm, ...scene, '--envs', '1', '--record', 'arm.csv']);
 execFileSync(lockstep, ['view', arm, '--ground', '0.9', '--record', 'arm.csv', '-o', 'replay.html']);
+execFileSync(lockstep, ['view', path.join(models, 'gripper.urdf'), '--floating-base', '--seconds', '3', '-o', 'fall.html']);
 const hostile = '<!--<script>.csv';  // which would keep HTML from seeing the end of the script around it
 copyFileSync('arm.csv', hostile);
 execFileSync(lockstep, ['view', arm, '--record', 'arm.csv', '--record', hostile, '-o', 'hostile.html']);
@@ -165,6 +166,13 @@ test('a recording plays, and says that it holds no contact forces', () => with_p
   await shoot(page, 'start', 0);
   await shoot(page, 'later', 0.8);
   assert.ok(await differing(page, 'start', 'later') > 2000);
+}));
+
+test('the view follows what falls', () => with_page('fall.html', async (page) => {
+  await shoot(page, 'start', 0);
+  await shoot(page, 'end', 3);  // 44 m below
+  const [before, after] = [await blue(page, 'start', 0, 1), await blue(page, 'end', 0, 1)];
+  assert.ok(before > 0.005 && after > 0.5 * before, `shares of ${before} and ${after}`);
 }));
 
 test('names cannot leave their place', () => with_page('hostile.html', async (page) => {
