@@ -86,10 +86,10 @@ export class Charts {
 
   show(environment = this.environment) {
     this.environment = environment;
+    this.row = undefined;  // new legends hold no numbers yet
     this.plots.forEach(({ plot }) => plot.destroy());
     this.place.replaceChildren();
     const charts = charts_of(this.motion, this.motion.environments[environment]);
-    this.place.style.setProperty('--count', charts.length);
     this.plots = charts.map((chart) => {
       const figure = document.createElement('figure'), caption = document.createElement('figcaption');
       caption.append(chart.title, ' ', Object.assign(document.createElement('small'), { textContent: chart.note }));

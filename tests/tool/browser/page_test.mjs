@@ -33,24 +33,32 @@ before(async () => {
 });
 after(() => browser.close());
 
-// Opens a page, and fails the test for anything that the browser complains of or asks of a network.
-async function with_page(file, look, context = {}) {
-  const page = await browser.newPage({ viewport: { width: 760, height: 620 }, ...context });
-  const complaints = [], asked = [];
-  page.on('console', (message) => ['error', 'warning'].includes(message.type())
-    // Chromium's own remark on reading pixels back, which only this test does.
-    && !/GPU stall due to ReadPixels/.test(message.text()) && complaints.push(message.text()));
-  page.on('pageerror', (error) => complaints.push(error.stack));
-  page.on('request', (request) => /^(file|data|blob):/.test(request.url()) || asked.push(request.url()));
-  await page.goto(`file://${path.resolve(file)}`);
-  await page.waitForFunction(() => window.lockstep?.script_ms > 0, null, { timeout: 20000 });
-  try {
-    await look(page);
-    assert.deepEqual(complaints, []);
-    assert.deepEqual(asked, []);
-  } finally {
-    await page.close();
+// Opens a page once for all tests of that file and colours, at its start and at rest.
+const opened = new Map();
+async function page_of(file, colorScheme) {
+  const key = `${file} ${colorScheme}`;
+  if (!opened.has(key)) {
+    const page = await browser.newPage({ viewport: { width: 760, height: 620 }, colorScheme });
+    const complaints = [], asked = [];
+    page.on('console', (message) => ['error', 'warning'].includes(message.type())
+      // Chromium's own remark on reading pixels back, which only this test does.
+      && !/GPU stall due to ReadPixels/.test(message.text()) && complaints.push(message.text()));
+    page.on('pageerror', (error) => complaints.push(error.stack));
+    page.on('request', (request) => /^(file|data|blob):/.test(request.url()) || asked.push(request.url()));
+    await page.goto(`file://${path.resolve(file)}`);
+    await page.waitForFunction(() => window.lockstep?.script_ms > 0);
+    opened.set(key, { page, complaints, asked });
   }
+  return opened.get(key);
+}
+
+// Fails the test for anything that the browser complains of or asks of a network.
+async function with_page(file, look, colorScheme = 'light') {
+  const { page, complaints, asked } = await page_of(file, colorScheme);
+  await page.evaluate(() => { lockstep.play(false), lockstep.seek(0), lockstep.select(0); });
+  await look(page);
+  assert.deepEqual(complaints, []);
+  assert.deepEqual(asked, []);
 }
 
 // Keeps the scene's pixels under a name, at a time if one is given. Read in the call that draws them: afterwards they
@@ -153,7 +161,6 @@ test('curves are those of the chosen environment', () => with_page('arm.html', a
   const titles = await page.locator('figcaption').allTextContents();
   assert.deepEqual(titles.map((title) => title.split(' ')[0]), ['joints', 'coupling', 'contact', 'energy']);
   const value = () => page.locator('figure').first().locator('.u-value').nth(1).textContent();
-  await page.keyboard.press('Home');
   await page.waitForFunction(() => document.querySelectorAll('.u-value')[1].textContent !== '--');
   const first = await value();
   await page.click('#labels button:nth-child(2)');
@@ -185,7 +192,7 @@ test('light and dark differ', async () => {
     await with_page('arm.html', async (page) => {
       await shoot(page, 'start', 0);
       colours.push(await page.evaluate(() => [shots.start.data[0], getComputedStyle(document.body).color]));
-    }, { colorScheme });
+    }, colorScheme);
   assert.ok(colours[0][0] > colours[1][0] + 100);
   assert.notEqual(colours[0][1], colours[1][1]);
 });
