@@ -13,8 +13,8 @@ export class Arrows {
         this.largest = Math.max(this.largest, Math.hypot(pushes[at + 3], pushes[at + 4], pushes[at + 5]));
     this.longest = longest;
     // Seen through bodies: a contact lies between two of them.
-    const material = new THREE.MeshBasicMaterial({ color: arrow_colour, depthTest: false, transparent: true, opacity: 0.85,
-      toneMapped: false });
+    const material = new THREE.MeshBasicMaterial({ color: arrow_colour, depthTest: false, transparent: true,
+      opacity: 0.85, toneMapped: false });
     const head = 0.06 * longest;
     this.head = 2 * head;
     const cone = new THREE.ConeGeometry(head, this.head, 20).translate(0, -head, 0);

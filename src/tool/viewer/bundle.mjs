@@ -16,12 +16,13 @@ const licence = libraries.map((name) => {
 }).join('\n');
 writeFileSync(licences, licence);
 
-const options = { bundle: true, minify: true, write: false, legalComments: 'none', charset: 'utf8', nodePaths: [modules],
-  target: 'es2022', logLevel: 'warning' };
+const options = { bundle: true, minify: true, write: false, legalComments: 'none', charset: 'utf8',
+  nodePaths: [modules], target: 'es2022', logLevel: 'warning' };
 const bundled = (entry, more) => esbuild.buildSync({ ...options, ...more, entryPoints: [entry] }).outputFiles[0].text;
 const script = bundled(path.join(here, 'main.js'), { format: 'iife' }).replaceAll('</script', '<\\/script');
 // Styles keep light-dark(), which esbuild would not know in older targets.
-const css = bundled(path.join(modules, 'uplot/dist/uPlot.min.css')) + bundled(path.join(here, 'page.css'), { target: 'esnext' });
+const css = bundled(path.join(modules, 'uplot/dist/uPlot.min.css')) +
+  bundled(path.join(here, 'page.css'), { target: 'esnext' });
 
 // Functions as replacements: a text would have its dollar signs interpreted.
 const page = text(here, 'page.html').replace('/*STYLE*/', () => css).replace('/*SCRIPT*/', () => script)

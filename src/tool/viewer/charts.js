@@ -2,7 +2,7 @@
 import uPlot from 'uplot';
 import { colour_now } from './style.js';
 
-// Okabe and Ito's colours, which most people can tell apart; the dark one is a mid grey that shows on both grounds.
+// Okabe and Ito's colours, which most people can tell apart; the yellow is darker, and grey stands for black.
 const palette = ['#0072b2', '#e69f00', '#009e73', '#d55e00', '#cc79a7', '#56b4e9', '#9a8f00', '#808890'];
 const colour_of = (i) => palette[i % palette.length];
 // A tick of an axis, as short as it can be.
@@ -19,12 +19,13 @@ function charts_of(motion, environment) {
   const joints = motion.joints.map((joint, i) => {
     const leader = joint.leader === undefined ? joint : motion.joints[joint.leader] ?? joint;
     const own = Math.max(0, independent.indexOf(leader));
-    return { label: joint.name, unit: joint.unit, colour: colour_of(own), dash: joint === leader ? [] : [4, 3],
-      values: environment.positions[i] };
+    return { label: joint.name, unit: joint.unit, colour: colour_of(own),
+      dash: joint.leader === undefined ? [] : [4, 3], values: environment.positions[i] };
   });
-  const plain = (names, values, unit) => names.map((label, i) => ({ label, unit, colour: colour_of(i), values: values[i] }));
-  const errors = motion.couplings.map((coupling, i) => ({ label: coupling.name, unit: coupling.unit, colour: colour_of(i),
-    values: environment.errors[i] }));
+  const plain = (names, values, unit) =>
+    names.map((label, i) => ({ label, unit, colour: colour_of(i), values: values[i] }));
+  const errors = motion.couplings.map(({ name, unit }, i) =>
+    ({ label: name, unit, colour: colour_of(i), values: environment.errors[i] }));
   const [kinetic, potential] = environment.energies;
   const total = kinetic.map((value, i) => value + potential[i]);
   return [
@@ -52,10 +53,11 @@ function options_of(chart, width, seek, times) {
     scales: { x: { time: false }, ...Object.fromEntries(units.map((unit) => [unit, { range }])) },
     axes: [{ ...axis, size: 24, values: (_, ticks) => ticks.map((tick) => `${+tick.toPrecision(6)} s`) },
       ...units.map((unit, i) => ({ ...axis, scale: unit, size: 66, side: i === 0 ? 3 : 1, gap: 2,
-        grid: { ...axis.grid, show: i === 0 }, values: (_, ticks) => ticks.map((tick) => `${tick_of(tick)} ${unit}`) }))],
+        grid: { ...axis.grid, show: i === 0 },
+        values: (_, ticks) => ticks.map((tick) => `${tick_of(tick)} ${unit}`) }))],
     series: [{ label: 'time', value: (_, value) => (value == null ? '' : `${value.toFixed(3)} s`) },
-      ...chart.series.map((series) => ({ label: series.label, scale: series.unit, stroke: series.colour, dash: series.dash,
-        width: 1.5, points: { show: false }, value: (_, value) => number(value) }))],
+      ...chart.series.map((series) => ({ label: series.label, scale: series.unit, stroke: series.colour,
+        dash: series.dash, width: 1.5, points: { show: false }, value: (_, value) => number(value) }))],
     cursor: { y: false, drag: { x: false, y: false }, sync: { key: 'time' }, points: { size: 5 } },
     legend: { live: true },
     hooks: {

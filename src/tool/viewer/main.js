@@ -117,7 +117,9 @@ get('play').addEventListener('click', () => play());
 scene?.controls.addEventListener('change', () => (wanted = true));
 
 const speed = get('speed');
-const faster = (by) => (speed.selectedIndex = Math.min(Math.max(speed.selectedIndex + by, 0), speed.options.length - 1));
+const faster = (by) => {
+  speed.selectedIndex = Math.min(Math.max(speed.selectedIndex + by, 0), speed.options.length - 1);
+};
 const keys = {
   ' ': () => play(),
   ArrowLeft: (event) => step(event.shiftKey ? -10 : -1),

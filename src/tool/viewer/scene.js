@@ -144,8 +144,9 @@ export class Scene {
     this.sun.target.position.copy(this.centre);
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.set(2048, 2048);
-    Object.assign(this.sun.shadow.camera, { left: -1.6 * r, right: 1.6 * r, top: 1.6 * r, bottom: -1.6 * r, near: 0.1 * r,
-      far: 7 * r });
+    const wide = 1.6 * r;
+    Object.assign(this.sun.shadow.camera,
+      { left: -wide, right: wide, top: wide, bottom: -wide, near: 0.1 * r, far: 7 * r });
     this.sun.shadow.bias = -5e-4;
     this.sun.shadow.normalBias = 0.004 * r;
     this.sun.shadow.radius = 3;

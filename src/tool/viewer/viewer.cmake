@@ -2,11 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 #
 # Sets LOCKSTEP_PAGE, the source file that holds the page, or the one that says there is none.
+set(default OFF)
 if(PROJECT_IS_TOP_LEVEL)
-  set(LOCKSTEP_VIEWER AUTO CACHE STRING "The page of `lockstep view`, made with node and npm: ON, OFF, or AUTO where it can be")
-else()
-  set(LOCKSTEP_VIEWER OFF CACHE STRING "The page of `lockstep view`, made with node and npm: ON, OFF, or AUTO where it can be")
+  set(default AUTO)
 endif()
+set(LOCKSTEP_VIEWER ${default} CACHE STRING "The page of `lockstep view`, made by node and npm: AUTO (if it can), ON, OFF")
 set_property(CACHE LOCKSTEP_VIEWER PROPERTY STRINGS AUTO ON OFF)
 set(LOCKSTEP_PAGE page_absent.cpp)
 if(NOT LOCKSTEP_VIEWER MATCHES "^(AUTO|ON|OFF)$")

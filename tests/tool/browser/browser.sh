@@ -11,7 +11,8 @@ chromium=$(command -v chromium || command -v chromium-browser || command -v goog
 mkdir -p "$folder" && cd "$folder" || exit 1
 if ! cmp -s "$here/package-lock.json" node_modules/fetched; then
   cp "$here/package.json" "$here/package-lock.json" .
-  npm ci --ignore-scripts --no-audit --no-fund --fetch-retries=1 >npm.log 2>&1 || skip "npm could not fetch playwright-core"
+  npm ci --ignore-scripts --no-audit --no-fund --fetch-retries=1 >npm.log 2>&1 ||
+    skip "npm could not fetch playwright-core: $folder/npm.log says why"
   cp package-lock.json node_modules/fetched
 fi
 cp "$here"/*.mjs .

@@ -20,7 +20,8 @@ if (/without the viewer/.test(absent.stderr)) {
 execFileSync(lockstep, ['view', arm, ...scene, '--envs', '2', '--environments', '0,1', '-o', 'arm.html']);
 execFileSync(lockstep, ['simulate', arm, ...scene, '--envs', '1', '--record', 'arm.csv']);
 execFileSync(lockstep, ['view', arm, '--ground', '0.9', '--record', 'arm.csv', '-o', 'replay.html']);
-execFileSync(lockstep, ['view', path.join(models, 'gripper.urdf'), '--floating-base', '--seconds', '3', '-o', 'fall.html']);
+execFileSync(lockstep, ['view', path.join(models, 'gripper.urdf'), '--floating-base', '--seconds', '3', '-o',
+  'fall.html']);
 const hostile = '<!--<script>.csv';  // which would keep HTML from seeing the end of the script around it
 copyFileSync('arm.csv', hostile);
 execFileSync(lockstep, ['view', arm, '--record', 'arm.csv', '--record', hostile, '-o', 'hostile.html']);
@@ -98,7 +99,8 @@ test('every environment is drawn: links moved by joints are blue', () => with_pa
     const { width, height, data } = shots.start, half = width / 2;
     let found = 0;
     for (let y = 0; y < height; ++y)
-      for (let x = 0; x < half; ++x) found += Math.abs(data[4 * (y * width + x)] - data[4 * (y * width + x + half)]) > 24;
+      for (let x = 0, at = 4 * y * width; x < half; ++x, at += 4)
+        found += Math.abs(data[at] - data[at + 4 * half]) > 24;
     return found;
   });
   assert.ok(unlike > 1000, `${unlike} pixels differ`);
@@ -164,7 +166,8 @@ test('curves are those of the chosen environment', () => with_page('arm.html', a
   await page.waitForFunction(() => document.querySelectorAll('.u-value')[1].textContent !== '--');
   const first = await value();
   await page.click('#labels button:nth-child(2)');
-  await page.waitForFunction((was) => !['--', was].includes(document.querySelectorAll('.u-value')[1].textContent), first);
+  await page.waitForFunction((was) =>
+    !['--', was].includes(document.querySelectorAll('.u-value')[1].textContent), first);
 }));
 
 test('a recording plays, and says that it holds no contact forces', () => with_page('replay.html', async (page) => {
@@ -205,5 +208,6 @@ test('says what a frame costs', () => with_page('arm.html', async (page) => {
     lockstep.draw();
     return performance.now() - before;
   }).sort((a, b) => a - b));
-  console.log(`script per frame of two environments: median ${times[30].toFixed(1)} ms, 95 % ${times[57].toFixed(1)} ms`);
+  const [median, most] = [times[30].toFixed(1), times[57].toFixed(1)];
+  console.log(`script per frame of two environments: median ${median} ms, 95 % ${most} ms`);
 }));
