@@ -58,6 +58,13 @@ Eigen::Isometry3d pose_of(const Eigen::Ref<const Eigen::ArrayXd>& numbers) {
 }
 
 template <class S>
+void put_targets(double t, double closed, Batch<S>& batch) {
+  const Joints arm = arm_targets(t);
+  for (int k = 0; k < 7; ++k) batch.position_targets().row(batch.plan().dof(arm_joints[k])) = static_cast<S>(arm[k]);
+  batch.position_targets().row(batch.plan().dof("knuckle")) = static_cast<S>(closed * ramp(t, 1.2, 1.6));
+}
+
+template <class S>
 struct Arms : testing::Test {};
 using Precisions = testing::Types<double, float>;
 TYPED_TEST_SUITE(Arms, Precisions);
@@ -86,8 +93,6 @@ TYPED_TEST(Arms, hold_random_boxes_through_lift_and_shake_with_parallel_fingers)
       batch.root_poses()(3, e) = static_cast<TypeParam>(std::cos(yaw / 2));
       batch.root_poses()(6, e) = static_cast<TypeParam>(std::sin(yaw / 2));
     }
-    int rows[7];
-    for (int k = 0; k < 7; ++k) rows[k] = plan.dof(arm_joints[k]);
     const Query queries[] = {{Quantity::root_pose},
                              {Quantity::link_pose, {plan.link("palm")}},
                              {Quantity::link_pose, {plan.link("left_tip")}},
@@ -97,9 +102,7 @@ TYPED_TEST(Arms, hold_random_boxes_through_lift_and_shake_with_parallel_fingers)
     std::vector<std::optional<Eigen::Isometry3d>> held(each);
     for (int i = 0; i < 1920; ++i) {
       const double t = (i + 1) / 240.0;
-      const Joints arm = arm_targets(t);
-      for (int k = 0; k < 7; ++k) batch.position_targets().row(rows[k]) = static_cast<TypeParam>(arm[k]);
-      batch.position_targets().row(plan.dof("knuckle")) = static_cast<TypeParam>(closed * ramp(t, 1.2, 1.6));
+      put_targets(t, closed, batch);
       batch.step(1);
       if (t < 2.0 || i % 12 != 0) continue;
       batch.read(queries, {numbers.data(), each, 1});
@@ -127,6 +130,39 @@ TYPED_TEST(Arms, hold_random_boxes_through_lift_and_shake_with_parallel_fingers)
     }
     EXPECT_LT(static_cast<double>(batch.coupling_errors().abs().maxCoeff()), sizeof(TypeParam) == 8 ? 1e-14 : 1e-6);
     for (const Fault fault : batch.faults()) EXPECT_EQ(fault, Fault::none);
+  }
+}
+
+// Boxes that lie elsewhere are touched at other times, so lanes of a tile go different ways. Limits of efforts act,
+// too.
+TYPED_TEST(Arms, move_alone_as_beside_others) {
+  constexpr int count = 12;
+  Model model = scene({0.05, 0.05, 0.05});
+  model.joints[model.joint_index("knuckle")].effort_limit = 4.0;
+  const Plan plan = compile(model);
+  Batch<TypeParam> all(plan, count, {.threads = 1});
+  const auto put_box = [](int e, Batch<TypeParam>& batch, int column) {
+    batch.root_poses()(1, column) = static_cast<TypeParam>(0.002 * (e % 7 - 3));
+    batch.root_poses()(2, column) += static_cast<TypeParam>(0.001 * e);
+  };
+  for (int e = 0; e < count; ++e) put_box(e, all, e);
+  std::vector<Batch<TypeParam>> alone;
+  for (const int e : {0, 5, 11}) {
+    alone.emplace_back(plan, 1, BatchOptions{.threads = 1});
+    put_box(e, alone.back(), 0);
+  }
+  for (int i = 0; i < 900; ++i) {
+    const double t = (i + 1) / 240.0;
+    put_targets(t, 0.5, all);
+    all.step(1);
+    for (Batch<TypeParam>& one : alone) put_targets(t, 0.5, one), one.step(1);
+  }
+  int i = 0;
+  for (const int e : {0, 5, 11}) {
+    EXPECT_TRUE((alone[static_cast<std::size_t>(i)].root_poses().col(0) == all.root_poses().col(e)).all()) << e;
+    EXPECT_TRUE((alone[static_cast<std::size_t>(i)].positions().col(0) == all.positions().col(e)).all()) << e;
+    EXPECT_GT(all.root_poses()(2, e), TypeParam(0.1)) << e;
+    ++i;
   }
 }
 
