@@ -21,6 +21,18 @@ struct Import {
   std::vector<std::string> warnings;
 };
 
+/// What becomes of closed loops of an MJCF file: connect and weld of bodies that move.
+enum class Loops {
+  refuse,     ///< they are errors
+  leave_out,  ///< the trees are read without them; the report names each
+};
+
+/// What becomes of the softness that MuJoCo gives to all couplings.
+enum class Soft {
+  harden,      ///< couplings are hard; the report names their softness
+  as_in_file,  ///< a Frequency that sags as MuJoCo's does. It rings faster: MuJoCo's yields by a virtual mass, too
+};
+
 /// What to do where a file leaves out inertias, has impossible ones, or holds what lockstep does not have. By default
 /// nothing is repaired or left out: a body whose joint has no inertia to move, or whose inertia no body can have, is an
 /// error. The report names every link that was changed. A body is a moving link, or the root, with all links fixed to
@@ -31,25 +43,39 @@ struct ImportOptions {
   double least_mass = 0.0;
   /// kg m^2, >= 0. Raises smaller principal moments of bodies with mass; MuJoCo's boundinertia.
   double least_inertia = 0.0;
-  /// kg/m^3, >= 0. Above 0, bodies without mass and inertia get those of their collision boxes, spheres, cylinders and
+  /// URDF only. kg/m^3, >= 0. Above 0, bodies without mass and inertia get those of their collision boxes, spheres, cylinders and
   /// capsules, and an <inertial> without <inertia> or <mass> gets what it lacks from them. Shapes that overlap count
   /// twice. Meshes are not used.
   double density = 0.0;
-  /// Collision boxes, spheres and capsules become colliders of the group "robot", named after their links. They touch
-  /// nothing until Model::contacts says so. Meshes and cylinders are named in the report and left out.
+  /// Collision boxes, spheres and capsules become colliders of the group "robot", named after their links. Those of URDF
+  /// touch nothing until Model::contacts says so. MJCF's geoms touch what the file lets them. Meshes, cylinders and
+  /// ellipsoids are named in the report and left out.
   bool colliders = false;
   /// An inertia that no body can have becomes the nearest that one can have, in the (Frobenius) norm of the tensor.
   bool repair_inertias = false;
   /// Bounds that are not judged. They stay in the Model if they are possible, so give StepSettings::ignore the same.
   /// Followers are the joints with a <mimic>. Names must be those of moving joints.
   Ignored ignore = {};
-  /// Leaves out closed loops, couplings and joints that other tools add to URDF, and joints whose child another joint
+  /// URDF only. Leaves out closed loops, couplings and joints that other tools add to URDF, and joints whose child another joint
   /// carries already. By default they are errors.
   bool leave_out_foreign = false;
+  /// MJCF only. The <key> that the Model starts in, by its name, or by its number from 0 where no key has that name.
+  /// Empty: the pose that the file draws, at rest, with servos that hold it.
+  std::string keyframe = {};
+  /// MJCF only. Reads this body and what it carries, and leaves out all else. It stands where the file draws it.
+  std::string body = {};
+  Loops loops = Loops::refuse;  ///< MJCF only
+  Soft soft = Soft::harden;     ///< MJCF only
+  /// MJCF only. Geoms with meshes give their moving bodies no inertia, with a warning. By default they are errors.
+  bool leave_out_meshes = false;
   /// Called once with what was read, before inertias are repaired and the Model is validated: armatures, a floating
   /// root. May be empty.
   std::function<void(Model&)> change = {};
 };
+
+/// Reads URDF or MJCF, whichever the root element says it is. An option that the format cannot use is a SettingsError,
+/// here and in the functions below. Thread-safe, as they are.
+LOCKSTEP_API Import import_file(const std::string& path, const ImportOptions& options = {});
 
 /// Reads URDF (docs/importing.md has the details). Meshes are never opened. Throws ImportError where the text is no
 /// URDF, ModelError where it describes an impossible mechanism: a moving body without inertia, a mimic multiplier of 0,
@@ -59,6 +85,18 @@ LOCKSTEP_API Import import_urdf_file(const std::string& path, const ImportOption
 
 /// The same from text; `source` names it in errors.
 LOCKSTEP_API Import import_urdf(const std::string& text, const std::string& source = "URDF text",
+                                const ImportOptions& options = {});
+
+/// Reads MJCF, MuJoCo's XML, as MuJoCo 3.3 does (docs/importing.md has the details). Files that it includes must lie in
+/// its folder. Meshes are never opened. Throws ImportError where the text is no MJCF, or where its mechanism would be
+/// another one without what lockstep lacks: closed loops, ball joints, couplings that are not linear, inertia from
+/// meshes. Throws ModelError where the mechanism is impossible. Both name file and line. SettingsError as above, and
+/// where the keyframe or the body does not exist. What only drives or resists the mechanism and cannot be had is a
+/// warning. The Model is validated. Thread-safe.
+LOCKSTEP_API Import import_mjcf_file(const std::string& path, const ImportOptions& options = {});
+
+/// The same from text, which cannot include files; `source` names it in errors.
+LOCKSTEP_API Import import_mjcf(const std::string& text, const std::string& source = "MJCF text",
                                 const ImportOptions& options = {});
 
 }  // namespace lockstep

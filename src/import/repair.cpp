@@ -10,7 +10,7 @@
 #include "model/inertia.h"
 #include "model/trees.h"
 
-namespace lockstep::urdf {
+namespace lockstep::importer {
 namespace {
 
 void proper(double bound, const char* option) {
@@ -142,12 +142,12 @@ void Bodies::raise_inertias(double least) {
 }
 
 // What the file says of inertia and no repair has changed.
-void report_oddities(const Robot& robot, Report& report) {
-  for (const Link& link : robot.model.links) {
+void report_oddities(const Draft& draft, Report& report) {
+  for (const Link& link : draft.model.links) {
     if (link.inertia.mass == 0.0 && !link.inertia.about_center.isZero(0.0))
       report.warn("inertia, but no mass", link.name);
-    const auto extras = robot.extras.find(link.name);
-    if (extras != robot.extras.end() && extras->second.lacks_tensor && link.inertia.about_center.isZero(0.0))
+    const auto extras = draft.extras.find(link.name);
+    if (extras != draft.extras.end() && extras->second.lacks_tensor && link.inertia.about_center.isZero(0.0))
       report.warn("<inertial> without <inertia>, taken as a point mass", link.name);
     if (fault_of(link.inertia) != InertiaFault::none)
       report.remark("impossible inertias that are not judged alone: of a bolted root, or part of a possible body",
@@ -157,20 +157,20 @@ void report_oddities(const Robot& robot, Report& report) {
 
 }  // namespace
 
-void repair_inertias(const ImportOptions& options, Robot& robot, Report& report) {
+void repair_inertias(const ImportOptions& options, Draft& draft, Report& report) {
   proper(options.density, "density");
   proper(options.least_mass, "least_mass");
   proper(options.least_inertia, "least_inertia");
-  for (const Link& link : robot.model.links) {
+  for (const Link& link : draft.model.links) {
     const bool is_finite = link.inertia.about_center.allFinite() && link.inertia.center.allFinite();
     if (!(link.inertia.mass >= 0.0) || !is_finite) return;  // nothing repairs that; Model::validate() reports it
   }
-  Bodies bodies(robot.model, report);
-  if (options.density > 0.0) bodies.fill_from_shapes(options.density, robot.extras);
+  Bodies bodies(draft.model, report);
+  if (options.density > 0.0) bodies.fill_from_shapes(options.density, draft.extras);
   if (options.repair_inertias || options.least_mass > 0.0 || options.least_inertia > 0.0) bodies.balance();
   if (options.least_mass > 0.0) bodies.raise_masses(options.least_mass);
   if (options.least_inertia > 0.0) bodies.raise_inertias(options.least_inertia);
-  report_oddities(robot, report);
+  report_oddities(draft, report);
 }
 
-}  // namespace lockstep::urdf
+}  // namespace lockstep::importer

@@ -1,17 +1,17 @@
 // Inertias that a robot file leaves out or gets wrong. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "draft.h"
 #include "lockstep/import.h"
 #include "report.h"
-#include "robot.h"
 
-namespace lockstep::urdf {
+namespace lockstep::importer {
 
 /// The kind of remark on links with collision meshes that could have filled in an inertia.
 inline const char* const unused_meshes = "collision meshes, not used for inertia";
 
 /// Makes the changes that ImportOptions asks for, with a warning for each kind, and reports odd inertias that stay.
 /// Throws SettingsError if a number of the options is out of its range, ModelError if links form no tree.
-void repair_inertias(const ImportOptions& options, Robot& robot, Report& report);
+void repair_inertias(const ImportOptions& options, Draft& draft, Report& report);
 
-}  // namespace lockstep::urdf
+}  // namespace lockstep::importer

@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-namespace lockstep::urdf {
+namespace lockstep::importer {
 namespace {
 
 // Real files have few kinds of things.
@@ -39,10 +39,18 @@ void Report::warn(const std::string& what, const std::string& item) {
   warned_.insert(what);
 }
 
+void Report::tally(const std::string& what, const std::string& kind) {
+  if (!tallies_.contains(what)) order_.push_back(what);
+  ++tallies_[what][kind];
+}
+
 std::string Report::line(const std::string& what) const {
+  if (const auto tally = tallies_.find(what); tally != tallies_.end())
+    return fmt::format("{}: {}", what, tallied(tally->second));
   const auto found = remarks_.find(what);
   if (found == remarks_.end()) return "";
-  return fmt::format("{} ({}): {}", what, found->second.size(), listed(found->second));
+  const std::size_t shown = whole_.contains(what) ? found->second.size() : 8;
+  return fmt::format("{} ({}): {}", what, found->second.size(), listed(found->second, ", ", shown));
 }
 
 std::vector<std::string> Report::lines() const {
@@ -74,4 +82,4 @@ std::string counted(std::size_t number, const char* noun) {
   return fmt::format("{} {}{}", number, noun, number == 1 ? "" : "s");
 }
 
-}  // namespace lockstep::urdf
+}  // namespace lockstep::importer

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-namespace lockstep::urdf {
+namespace lockstep::importer {
 
 /// Collects remarks while a file is read. Each kind of remark becomes one line.
 class Report {
@@ -15,6 +15,9 @@ class Report {
   void remark(const std::string& what, const std::string& item);
   /// The same, of what the owner of the file should look at.
   void warn(const std::string& what, const std::string& item);
+  void show_all(const std::string& what) { whole_.insert(what); }  ///< this line is not shortened
+  /// "what: 3 of kindA, 1 of kindB". Lines stand with the remarks.
+  void tally(const std::string& what, const std::string& kind);
   void kept(const std::string& kind) { ++kept_[kind]; }  ///< of a joint: a bound that a step enforces
   void not_used(const std::string& kind, int times = 1) { not_used_[kind] += times; }  ///< part of URDF, not of a step
   void unknown(const std::string& kind) { ++unknown_[kind]; }  ///< not part of URDF: perhaps a misspelling
@@ -29,7 +32,8 @@ class Report {
  private:
   std::vector<std::string> order_;
   std::map<std::string, std::vector<std::string>> remarks_;
-  std::set<std::string> warned_;  // of order_
+  std::map<std::string, std::map<std::string, int>> tallies_;
+  std::set<std::string> warned_, whole_;  // of order_
   std::map<std::string, int> kept_, not_used_, unknown_;
 };
 
@@ -39,4 +43,4 @@ std::string listed(const std::vector<std::string>& items, const char* between = 
 /// "1 link", "2 links".
 std::string counted(std::size_t number, const char* noun);
 
-}  // namespace lockstep::urdf
+}  // namespace lockstep::importer

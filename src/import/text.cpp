@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-namespace lockstep::urdf {
+namespace lockstep::importer {
 namespace {
 
 constexpr std::size_t longest = 40;  // characters
@@ -68,4 +68,4 @@ bool is_plain(std::string_view text) {
   return true;
 }
 
-}  // namespace lockstep::urdf
+}  // namespace lockstep::importer

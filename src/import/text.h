@@ -4,7 +4,7 @@
 #include <string>
 #include <string_view>
 
-namespace lockstep::urdf {
+namespace lockstep::importer {
 
 /// The beginning of a text, for messages: one line of at most 40 characters. What a terminal would not show as it
 /// stands is escaped: invalid UTF-8 and control characters as \x1b, invisible ones and those that turn the direction of
@@ -14,4 +14,4 @@ std::string shortened(std::string_view text);
 /// All of its characters can be shown as they stand.
 bool is_plain(std::string_view text);
 
-}  // namespace lockstep::urdf
+}  // namespace lockstep::importer

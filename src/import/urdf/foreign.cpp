@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-namespace lockstep::urdf {
+namespace lockstep::importer::urdf {
 namespace {
 
 struct Kind {
@@ -94,4 +94,4 @@ void judge_foreign(Element& robot, const std::vector<std::string>& followers, co
   });
 }
 
-}  // namespace lockstep::urdf
+}  // namespace lockstep::importer::urdf

@@ -1,19 +1,15 @@
-// Strict, locale-independent reading of attributes. SPDX-License-Identifier: Apache-2.0
+// Elements, and what was not read of them. SPDX-License-Identifier: Apache-2.0
 #include "element.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
-#include <charconv>
-#include <cmath>
 
 #include "lockstep/error.h"
 
-namespace lockstep::urdf {
+namespace lockstep::importer::urdf {
 namespace {
-
-constexpr std::string_view blanks = " \t\r\n";
 
 // Names that URDF and its tools write and a step does not use. Every other name is unknown.
 constexpr std::array known = {
@@ -40,22 +36,6 @@ constexpr std::array known = {
     "lower",
     "upper",  // of joints that do not use them
 };
-
-enum class Parsed { number, out_of_range, nothing };
-
-// A plain decimal number, and nothing around it.
-Parsed parse(std::string_view word, double& value) {
-  if (word.size() > 1 && word[0] == '+' && word[1] != '-') word.remove_prefix(1);  // from_chars knows no plus
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
-  if (error == std::errc::result_out_of_range) return Parsed::out_of_range;
-  const bool is_number = error == std::errc() && end == word.data() + word.size() && std::isfinite(value);
-  return is_number ? Parsed::number : Parsed::nothing;
-}
-
-std::string_view trimmed(std::string_view text) {
-  text.remove_prefix(std::min(text.find_first_not_of(blanks), text.size()));
-  return text.substr(0, text.find_last_not_of(blanks) + 1);
-}
 
 bool contains(const std::vector<std::string_view>& names, std::string_view name) {
   return std::find(names.begin(), names.end(), name) != names.end();
@@ -89,37 +69,10 @@ std::string_view Element::required(const char* attribute) {
   return text;
 }
 
-std::string Element::name(const char* attribute) {
-  const std::string_view text = required(attribute);
-  if (text.find_first_not_of(blanks) == std::string_view::npos)
-    fail(fmt::format("{}=\"\" is empty", attribute), "give a name");
-  if (text.find('&') != std::string_view::npos || !is_plain(text))
-    fail(fmt::format("{}=\"{}\" holds an entity, invalid UTF-8, or a character that controls or cannot be seen",
-                     attribute, shortened(text)),
-         "use plain characters in names, in UTF-8");
-  return std::string(text);
-}
+std::string Element::name(const char* attribute) { return name_in(attribute, required(attribute), failing()); }
 
 void Element::numbers(const char* attribute, std::string_view text, double* values, int count) const {
-  const std::string shown = fmt::format("{}=\"{}\"", attribute, shortened(text));
-  const char* const remedy = text.find("${") == std::string_view::npos
-                                 ? "write plain decimal numbers such as 0.5 or 1e-3, blanks between them"
-                                 : "expand it first: xacro robot.urdf.xacro > robot.urdf";
-  int found = 0;
-  std::size_t at = text.find_first_not_of(blanks);
-  while (at != std::string_view::npos) {
-    const std::size_t stop = std::min(text.find_first_of(blanks, at), text.size());
-    const std::string_view word = text.substr(at, stop - at);
-    double value = 0.0;
-    const Parsed parsed = parse(word, value);
-    if (parsed == Parsed::out_of_range)
-      fail(fmt::format("{}: '{}' is beyond the range of numbers", shown, shortened(word)), remedy);
-    if (parsed == Parsed::nothing) fail(fmt::format("{}: '{}' is not a finite number", shown, shortened(word)), remedy);
-    if (found < count) values[found] = value;
-    ++found;
-    at = text.find_first_not_of(blanks, stop);
-  }
-  if (found != count) fail(fmt::format("{} has {}, not {}", shown, counted(found, "number"), count), remedy);
+  numbers_in(attribute, text, values, count, count, failing());
 }
 
 double Element::number(const char* attribute) {
@@ -136,9 +89,7 @@ double Element::number(const char* attribute, double fallback) {
 std::optional<double> Element::number_if_any(const char* attribute, double fallback) {
   asked_attributes_.push_back(attribute);
   if (!has(attribute)) return fallback;
-  double value = 0.0;
-  if (parse(trimmed(required(attribute)), value) != Parsed::number) return std::nullopt;
-  return value;
+  return number_in(required(attribute));
 }
 
 Eigen::Vector3d Element::triple(const char* attribute) {
@@ -228,4 +179,4 @@ void Element::refuse_rest(const std::string& remedy) const {
            remedy);
 }
 
-}  // namespace lockstep::urdf
+}  // namespace lockstep::importer::urdf

@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
+#include "import/report.h"
 #include "lockstep/model.h"
-#include "report.h"
 
-namespace lockstep::urdf {
+namespace lockstep::importer::urdf {
 
 /// q_follower = multiplier * q_leader + offset, as in the file.
 struct Mimic {
@@ -21,7 +21,4 @@ struct Mimic {
 /// couplings hold. Throws ModelError if a mimic is impossible.
 void couple_mimics(const std::vector<Mimic>& mimics, Model& model, Report& report);
 
-/// Reports followers whose limits do not let their leaders reach theirs.
-void report_mimic_ranges(const Model& model, Report& report);
-
-}  // namespace lockstep::urdf
+}  // namespace lockstep::importer::urdf

@@ -1,31 +1,12 @@
-// Solid primitives: volumes and second moments. SPDX-License-Identifier: Apache-2.0
-#include "shapes.h"
+// <collision>, shape by shape. SPDX-License-Identifier: Apache-2.0
+#include "collisions.h"
 
+#include "import/solids.h"
 #include "model/trees.h"
 #include "origin.h"
 
-namespace lockstep::urdf {
+namespace lockstep::importer::urdf {
 namespace {
-
-constexpr double pi = 3.14159265358979323846;
-
-// About the centre, of density 1, round about z.
-Inertia round(double volume, double about_x, double about_z) {
-  return {volume, Eigen::Vector3d::Zero(), Eigen::Vector3d(about_x, about_x, about_z).asDiagonal()};
-}
-
-Inertia cylinder(double r, double h) {
-  const double m = pi * r * r * h;
-  return round(m, m * (3.0 * r * r + h * h) / 12.0, m * r * r / 2.0);
-}
-
-// A cylinder of length h between two halves of a ball. A half's centre of mass lies 3/8 r above its flat side.
-Inertia capsule(double r, double h) {
-  const Inertia middle = cylinder(r, h);
-  const double ball = 4.0 / 3.0 * pi * r * r * r, about_z = 0.4 * ball * r * r;
-  const double about_x = about_z + ball * (h * h / 4.0 + 3.0 / 8.0 * h * r);
-  return round(middle.mass + ball, middle.about_center(0, 0) + about_x, middle.about_center(2, 2) + about_z);
-}
 
 double length(Element& shape, const char* attribute, bool may_be_zero = false) {
   const double value = shape.number(attribute);
@@ -62,18 +43,18 @@ Shapes read_shapes(Element& link, const std::string& name) {
     });
     geometry->each_child("sphere", [&](Element sphere) {
       const double radius = length(sphere, "radius");
-      add(capsule(radius, 0.0));
+      add(solid_capsule(radius, 0.0));
       collide(Shape::sphere(radius));
     });
     geometry->each_child("cylinder", [&](Element shape) {
       const double radius = length(shape, "radius");
-      add(cylinder(radius, length(shape, "length")));
+      add(solid_cylinder(radius, length(shape, "length")));
       ++shapes.cylinders;
     });
     geometry->each_child("capsule", [&](Element shape) {
       const double radius = length(shape, "radius");
       const double height = length(shape, "length", true);
-      add(capsule(radius, height));
+      add(solid_capsule(radius, height));
       collide(height > 0.0 ? Shape::capsule(radius, height) : Shape::sphere(radius));
     });
     geometry->tally_rest();
@@ -81,4 +62,4 @@ Shapes read_shapes(Element& link, const std::string& name) {
   return shapes;
 }
 
-}  // namespace lockstep::urdf
+}  // namespace lockstep::importer::urdf

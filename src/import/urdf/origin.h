@@ -5,9 +5,9 @@
 
 #include "element.h"
 
-namespace lockstep::urdf {
+namespace lockstep::importer::urdf {
 
 /// The pose of the element's <origin>; the identity if it has none.
 Eigen::Isometry3d read_origin(Element& owner);
 
-}  // namespace lockstep::urdf
+}  // namespace lockstep::importer::urdf

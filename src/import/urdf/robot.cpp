@@ -6,15 +6,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "collisions.h"
 #include "foreign.h"
+#include "import/finish.h"
 #include "origin.h"
 
-namespace lockstep::urdf {
-
-bool holds(const JointSet& set, const std::string& joint, bool follows) {
-  return set.all || (set.followers && follows) ||
-         std::find(set.names.begin(), set.names.end(), joint) != set.names.end();
-}
+namespace lockstep::importer::urdf {
 
 Eigen::Isometry3d read_origin(Element& owner) {
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
@@ -242,4 +239,4 @@ Robot read_robot(Element element, const ImportOptions& options) {
   return robot;
 }
 
-}  // namespace lockstep::urdf
+}  // namespace lockstep::importer::urdf

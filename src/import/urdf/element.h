@@ -9,10 +9,11 @@
 #include <string_view>
 #include <vector>
 
-#include "report.h"
-#include "text.h"
+#include "import/attributes.h"
+#include "import/report.h"
+#include "import/text.h"
 
-namespace lockstep::urdf {
+namespace lockstep::importer::urdf {
 
 /// What all elements of one file share.
 struct File {
@@ -62,6 +63,9 @@ class Element {
   [[noreturn]] void fail(const std::string& rule, const std::string& remedy) const;
 
  private:
+  Fail failing() const {
+    return [this](const std::string& rule, const std::string& remedy) { fail(rule, remedy); };
+  }
   std::string_view required(const char* attribute);
   void numbers(const char* attribute, std::string_view text, double* values, int count) const;
   void tally_attribute(std::string_view name, const std::string& owner);
@@ -81,4 +85,4 @@ void Element::each_child(const char* name, Use use) {
     use(Element(*xml, *file_, std::string("<") + name + ">"));
 }
 
-}  // namespace lockstep::urdf
+}  // namespace lockstep::importer::urdf

@@ -1,0 +1,33 @@
+// What a reader has read, before it is judged. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "lockstep/model.h"
+
+namespace lockstep::importer {
+
+/// What the <collision> elements of one link come to.
+struct Shapes {
+  Inertia solid;       ///< of all boxes, spheres, cylinders and capsules, of density 1 kg/m^3; its mass is their volume
+  int collisions = 0;  ///< elements, of which
+  int meshes = 0;      ///< have a mesh, which is never opened
+  int cylinders = 0;   ///< have a cylinder, which is no collider
+  std::vector<Collider> colliders;
+};
+
+/// What a link has beside its name and its inertia.
+struct LinkExtras {
+  bool lacks_mass = false, lacks_tensor = false;  ///< its <inertial> has only the other
+  Shapes shapes;                                  ///< read only if ImportOptions::density asks for them
+};
+
+struct Draft {
+  Model model;
+  std::unordered_map<std::string, LinkExtras> extras;   ///< by link
+  std::unordered_map<std::string, std::string> places;  ///< "file:line: element" by "link 'a'", "joint 'j'", "coupling 'j'"
+};
+
+}  // namespace lockstep::importer

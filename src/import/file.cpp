@@ -1,0 +1,21 @@
+// A file by its root element. SPDX-License-Identifier: Apache-2.0
+#include <string_view>
+
+#include "lockstep/import.h"
+#include "xml.h"
+
+namespace lockstep {
+
+Import import_file(const std::string& path, const ImportOptions& options) {
+  const std::string text = importer::text_of(path);
+  bool is_mjcf = false;
+  {
+    tinyxml2::XMLDocument document(/*processEntities=*/false);
+    const std::string_view root =
+        importer::parsed(text, path, "a URDF or MJCF file, <robot name=\"...\"> or <mujoco>", document).Name();
+    is_mjcf = root == "mujoco" || root == "mujocoinclude";
+  }
+  return is_mjcf ? import_mjcf_file(path, options) : import_urdf(text, path, options);
+}
+
+}  // namespace lockstep

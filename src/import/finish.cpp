@@ -1,0 +1,98 @@
+// What both readers do with what they have read. SPDX-License-Identifier: Apache-2.0
+#include "finish.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <unordered_set>
+
+#include "lockstep/error.h"
+#include "ranges.h"
+#include "repair.h"
+#include "text.h"
+
+namespace lockstep::importer {
+namespace {
+
+// The model as a step takes it: without the bounds that are ignored.
+Model judged(Model model, const Ignored& ignore) {
+  std::unordered_set<std::string> followers;
+  for (const Coupling& coupling : model.couplings) followers.insert(coupling.joint);
+  for (Joint& joint : model.joints) {
+    const bool follows = followers.count(joint.name) > 0;
+    if (holds(ignore.position_limits, joint.name, follows)) joint.lower = -infinity, joint.upper = infinity;
+    if (holds(ignore.velocity_limits, joint.name, follows)) joint.velocity_limit = infinity;
+    if (holds(ignore.effort_limits, joint.name, follows)) joint.effort_limit = infinity;
+    if (holds(ignore.friction, joint.name, follows)) joint.friction = 0.0;
+  }
+  return model;
+}
+
+void report_joints(const Model& model, Report& report) {
+  for (const Joint& joint : model.joints) {
+    if (!joint.moves()) {
+      report.remark("fixed joints, merged when compiling", joint.name);
+      continue;
+    }
+    if (joint.position < joint.lower || joint.position > joint.upper)
+      report.warn(
+          "joints that start outside of their limits",
+          fmt::format("{} at {:.4g}, not {:.4g} to {:.4g}", joint.name, joint.position, joint.lower, joint.upper));
+    if (joint.lower == joint.upper) report.warn("joints that cannot move, lower = upper", joint.name);
+    if (joint.lower > -infinity || joint.upper < infinity) report.kept("position limits");
+    if (joint.velocity_limit < infinity) report.kept("velocity limits");
+    if (joint.effort_limit < infinity) report.kept("effort limits");
+    if (joint.friction > 0.0) report.kept("dry friction");
+  }
+}
+
+// A misspelt name would ignore nothing.
+void check_names(const Ignored& ignore, const Model& model) {
+  for (const JointSet* set :
+       {&ignore.position_limits, &ignore.velocity_limits, &ignore.effort_limits, &ignore.friction})
+    for (const std::string& name : set->names) {
+      const auto is_meant = [&](const Joint& joint) { return joint.name == name && joint.moves(); };
+      if (std::none_of(model.joints.begin(), model.joints.end(), is_meant))
+        throw SettingsError("ImportOptions::ignore", "names '" + shortened(name) + "', which is no moving joint",
+                            "check the spelling");
+    }
+}
+
+std::string summary(const Model& model) {
+  std::size_t moving = 0;
+  for (const Joint& joint : model.joints) moving += joint.moves();
+  return fmt::format("read {}, {}, {}", counted(model.links.size(), "link"), counted(moving, "moving joint"),
+                     counted(model.couplings.size(), "coupling"));
+}
+
+}  // namespace
+
+bool holds(const JointSet& set, const std::string& joint, bool follows) {
+  return set.all || (set.followers && follows) ||
+         std::find(set.names.begin(), set.names.end(), joint) != set.names.end();
+}
+
+Import finished(Draft& draft, const ImportOptions& options, Report& report, const std::string& source,
+                const std::function<void()>& assemble) {
+  Model& model = draft.model;
+  try {
+    assemble();
+    check_names(options.ignore, model);
+    if (options.change) options.change(model);
+    repair_inertias(options, draft, report);
+    model.validate();
+    const Model as_stepped = judged(model, options.ignore);
+    report_followers_ranges(as_stepped, report);
+    report_joints(as_stepped, report);
+  } catch (const ModelError& error) {
+    const auto place = draft.places.find(error.element());
+    const std::string meshes = error.element().starts_with("link") ? report.line(unused_meshes) : "";
+    throw ModelError(place != draft.places.end() ? place->second : source + ": " + error.element(),
+                     error.rule() + (meshes.empty() ? "" : "; " + meshes), error.remedy());
+  }
+  Import result{std::move(model), report.lines(), report.warnings()};
+  result.report.insert(result.report.begin(), summary(result.model));
+  return result;
+}
+
+}  // namespace lockstep::importer

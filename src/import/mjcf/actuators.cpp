@@ -1,0 +1,176 @@
+// <actuator>: each as a linear force along a joint or a tendon. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+#include <string_view>
+
+#include "scene.h"
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+const std::vector<std::string_view> tags = {"general", "motor",    "position", "velocity", "intvelocity",
+                                            "damper",  "cylinder", "muscle",   "adhesion"};
+
+enum class Dynamics { none, integrator, filter, filterexact, muscle, user };
+enum class Gain { fixed, affine, muscle, user };
+enum class Bias { none, affine, muscle, user };
+
+// What all tags of a class write into, one after the other, as in MuJoCo.
+struct Numbers {
+  Dynamics dynamics = Dynamics::none;
+  Gain gain_type = Gain::fixed;
+  Bias bias_type = Bias::none;
+  double gain[10] = {1.0}, bias[10] = {};
+
+  void servo() { gain_type = Gain::fixed, bias_type = Bias::affine; }
+};
+
+// A tag by itself, without the layers below it: they were written before.
+void write(const Element& element, Numbers& numbers) {
+  const std::string tag = element.tag();
+  if (tag == "general") {
+    numbers.dynamics =
+        static_cast<Dynamics>(element.word("dyntype", {"none", "integrator", "filter", "filterexact", "muscle", "user"},
+                                           static_cast<int>(numbers.dynamics)));
+    numbers.gain_type = static_cast<Gain>(
+        element.word("gaintype", {"fixed", "affine", "muscle", "user"}, static_cast<int>(numbers.gain_type)));
+    numbers.bias_type = static_cast<Bias>(
+        element.word("biastype", {"none", "affine", "muscle", "user"}, static_cast<int>(numbers.bias_type)));
+    element.numbers("gainprm", numbers.gain, 1, 10);
+    element.numbers("biasprm", numbers.bias, 1, 10);
+  } else if (tag == "motor") {
+    numbers.gain[0] = 1.0;
+    numbers.dynamics = Dynamics::none, numbers.gain_type = Gain::fixed, numbers.bias_type = Bias::none;
+  } else if (tag == "position" || tag == "intvelocity") {
+    numbers.gain[0] = element.number("kp", numbers.gain[0]);
+    numbers.bias[1] = -numbers.gain[0];
+    const bool has_kv = element.has("kv"), has_ratio = element.has("dampratio");
+    if (has_kv && has_ratio) element.fail("has kv and dampratio", "keep one of them");
+    const double damping = element.number(has_kv ? "kv" : "dampratio", 0.0);
+    if (damping < 0.0) element.fail("has a negative kv or dampratio", "give 0 or more");
+    if (has_kv || has_ratio) numbers.bias[2] = has_kv ? -damping : damping;
+    if (element.has("timeconst"))
+      numbers.dynamics = element.number("timeconst") == 0.0 ? Dynamics::none : Dynamics::filterexact;
+    if (tag == "intvelocity") numbers.dynamics = Dynamics::integrator;
+    numbers.servo();
+  } else if (tag == "velocity") {
+    numbers.gain[0] = element.number("kv", numbers.gain[0]);
+    std::fill(std::begin(numbers.bias), std::end(numbers.bias), 0.0);
+    numbers.bias[2] = -numbers.gain[0];
+    numbers.dynamics = Dynamics::none;
+    numbers.servo();
+  } else if (tag == "damper") {
+    numbers.gain_type = Gain::affine;
+  } else if (tag == "cylinder") {
+    numbers.dynamics = Dynamics::filter;
+    numbers.servo();
+  } else {
+    numbers.gain_type = Gain::muscle;
+  }
+}
+
+const char* name_of(Dynamics dynamics) {
+  constexpr const char* names[] = {"", "integrator", "filter", "filterexact", "muscle", "user"};
+  return names[static_cast<std::size_t>(dynamics)];
+}
+
+// Why a linear force along a joint cannot stand for it; empty if it can.
+std::string obstacle(const std::string& tag, const Numbers& numbers) {
+  if (tag == "damper" || tag == "cylinder" || tag == "muscle" || tag == "adhesion" || tag == "plugin" || tag == "dcmotor")
+    return "is a " + tag;
+  if (numbers.gain_type != Gain::fixed) return "has a gain that is not fixed";
+  if (numbers.bias_type == Bias::muscle || numbers.bias_type == Bias::user) return "has a bias that is not affine";
+  if (numbers.dynamics == Dynamics::muscle || numbers.dynamics == Dynamics::user) return "has dynamics that are not linear";
+  return "";
+}
+
+void read_target(const Element& element, Scene& scene, Actuator& actuator) {
+  for (const char* other : {"site", "body", "cranksite", "slidersite"})
+    if (actuator.lost.empty() && element.has(other)) actuator.lost = fmt::format("acts on a {}", other);
+  if (!actuator.lost.empty()) return;
+  const char* joint = element.has("joint") ? "joint" : "jointinparent";
+  if (element.has(joint)) {
+    const std::string name = element.name(joint);
+    const auto found = scene.joint_of.find(name);
+    if (found == scene.joint_of.end())
+      element.fail(fmt::format("names joint '{}', which does not exist", shortened(name)), "correct the name");
+    const JointType type = scene.joint(found->second).type;
+    if (type == JointType::ball || type == JointType::free)
+      actuator.lost = "acts on a ball or free joint";
+    else if (!scene.is_joint_read(found->second))
+      actuator.lost = "acts on a body that is left out";
+    else
+      actuator.joint = found->second;
+    return;
+  }
+  const std::string name = element.name("tendon", "");
+  if (name.empty()) element.fail("acts on nothing", "write joint=\"...\" or tendon=\"...\"");
+  const auto tendon = std::find_if(scene.tendons.begin(), scene.tendons.end(),
+                                   [&](const Tendon& candidate) { return candidate.name == name; });
+  if (tendon == scene.tendons.end())
+    element.fail(fmt::format("names tendon '{}', which does not exist", shortened(name)), "correct the name");
+  if (tendon->is_spatial)
+    actuator.lost = "acts on a spatial tendon";
+  else if (!tendon->is_whole)
+    actuator.lost = "acts on a body that is left out";
+  else
+    actuator.tendon = static_cast<int>(tendon - scene.tendons.begin());
+}
+
+void read_actuator(const Element::Xml& xml, Scene& scene) {
+  Numbers numbers;
+  for (const Element::Xml* layer : scene.classes.defaults(xml, "", tags)) write(Element(scene.document, *layer), numbers);
+  write(Element(scene.document, xml), numbers);
+  Element element(scene.document, xml, scene.classes.defaults(xml, "", tags));
+  Actuator actuator;
+  actuator.name = element.name("name", fmt::format("#{}", scene.actuators.size()));
+  element.rename("actuator '" + actuator.name + "'");
+  actuator.lost = obstacle(element.tag(), numbers);
+  read_target(element, scene, actuator);
+  double gear[6] = {1.0};
+  element.numbers("gear", gear, 1, 6);
+  actuator.gear = gear[0];
+  actuator.filter = name_of(numbers.dynamics);
+  actuator.gain = numbers.gain[0];
+  if (numbers.bias_type == Bias::affine) std::copy_n(numbers.bias, 3, actuator.bias);
+  if (actuator.bias[2] > 0.0 && actuator.bias[1] == -actuator.gain) {
+    actuator.has_damping_ratio = true;
+    actuator.damping_ratio = std::exchange(actuator.bias[2], 0.0);
+  }
+  const bool autolimits = scene.settings.autolimits;
+  actuator.force = limited_range(element, "forcerange", "forcelimited", autolimits);
+  actuator.control = limited_range(element, "ctrlrange", "ctrllimited", autolimits);
+  if (!actuator.filter.empty()) {
+    for (const char* number : {"dynprm", "timeconst"}) element.has(number);
+    limited_range(element, "actrange", "actlimited", autolimits);
+  }
+  if (actuator.gear == 0.0 && actuator.lost.empty()) actuator.lost = "has a gear of 0";
+  scene.actuators.push_back(std::move(actuator));
+}
+
+}  // namespace
+
+void read_actuators(Scene& scene) {
+  for (const Element::Xml* section : scene.document.children(scene.document.root())) {
+    if (std::string_view(section->Name()) != "actuator") continue;
+    const Element owner(scene.document, *section);
+    for (const Element::Xml* xml : owner.children()) {
+      const std::string_view tag = xml->Name();
+      const bool is_read = std::find(tags.begin(), tags.end(), tag) != tags.end();
+      if (!is_read && tag != "plugin" && tag != "dcmotor") continue;
+      if (is_read) {
+        read_actuator(*xml, scene);
+        continue;
+      }
+      const Element lost(scene.document, *xml);
+      Actuator actuator;
+      actuator.name = lost.name("name", fmt::format("#{}", scene.actuators.size()));
+      actuator.lost = fmt::format("is a {}", tag);
+      scene.actuators.push_back(actuator);
+    }
+  }
+}
+
+}  // namespace lockstep::importer::mjcf

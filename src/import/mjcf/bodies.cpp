@@ -1,0 +1,205 @@
+// The tree of bodies, frames and replicates. SPDX-License-Identifier: Apache-2.0
+#include "bodies.h"
+
+#include <fmt/format.h>
+
+#include <string_view>
+#include <unordered_set>
+
+#include "body_inertia.h"
+#include "body_parts.h"
+#include "lockstep/error.h"
+#include "pose.h"
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+// No robot has more. The limit keeps replicates of replicates from filling the memory.
+constexpr std::size_t most_copies = 20000;
+
+// Where an element stands.
+struct Around {
+  std::size_t body = 0;
+  Eigen::Isometry3d frame = Eigen::Isometry3d::Identity();  // in the body
+  std::string childclass = {};
+  std::string suffix = {};  // that replicates give to names
+};
+
+class Reader {
+ public:
+  Reader(Document& document, const Settings& settings, const Classes& classes)
+      : document_(document), settings_(settings), classes_(classes) {}
+
+  Bodies read() {
+    bodies_.push_back({.name = "world", .place = document_.line(document_.root()) + ": <worldbody>"});
+    bool is_there = false;
+    for (const Element::Xml* xml : document_.children(document_.root())) {
+      if (std::string_view(xml->Name()) != "worldbody") continue;
+      is_there = true;
+      const Element world(document_, *xml);
+      read_children(world, {.childclass = classes_.childclass(world, "")});
+    }
+    if (!is_there)
+      Element(document_, document_.root()).fail("has no <worldbody>", "give a whole model, or the file that includes it");
+    name_unnamed();
+    Bodies result{std::move(bodies_), {}};
+    weigh(result.all, settings_, document_);
+    for (Body& body : result.all) {
+      if (body.parent < 0) {
+        result.moves.push_back(false);
+        continue;
+      }
+      const auto parent = static_cast<std::size_t>(body.parent);
+      result.moves.push_back(result.moves[parent] || !body.joints.empty());
+      body.in_world = result.all[parent].in_world * body.pose;
+    }
+    return result;
+  }
+
+ private:
+  void read_children(const Element& owner, const Around& around) {
+    // Joints and masses belong to the body wherever they stand, so its own children come after them.
+    for (const Element::Xml* xml : owner.children()) read_part(*xml, around);
+    for (const Element::Xml* xml : owner.children()) {
+      const std::string_view tag = xml->Name();
+      if (tag == "body") read_body(*xml, around);
+      if (tag == "frame") read_frame(*xml, around);
+      if (tag == "replicate") read_replicate(*xml, around);
+    }
+  }
+
+  void read_part(const Element::Xml& xml, const Around& around) {
+    const std::string_view tag = xml.Name();
+    const auto element = [&] { return classes_.element(xml, around.childclass); };
+    Body& body = bodies_[around.body];
+    if (tag == "joint" || tag == "freejoint") {
+      read_joint(tag == "joint" ? element() : Element(document_, xml), around);
+    } else if (tag == "inertial") {
+      const Element inertial(document_, xml);
+      if (around.body == 0) inertial.fail("is in the world, which has no mass", "remove it");
+      body.inertia = read_inertial(inertial, settings_);
+      has_inertial_.insert(around.body);
+    } else if (tag == "geom") {
+      body.geoms.push_back(read_geom(element(), around.frame, around.suffix, settings_));
+    } else if (tag == "site") {
+      const Element site = element();
+      SitePart part = read_site(site, around.frame, settings_);
+      if (site.has("name")) part.name = site.name("name") + around.suffix;
+      body.sites.push_back(std::move(part));
+    } else if (tag == "composite" || tag == "flexcomp" || tag == "attach") {
+      Element(document_, xml).fail("makes bodies that only MuJoCo can make", "let MuJoCo save the model, and read that");
+    } else if (tag == "plugin") {
+      Element(document_, xml).report().warn("plugins, left out", Element(document_, xml).place());
+    }
+  }
+
+  void read_joint(const Element& element, const Around& around) {
+    Body& body = bodies_[around.body];
+    if (around.body == 0) element.fail("is in the world, which does not move", "put it into a body");
+    JointPart part = read_joint_part(element, around.frame, settings_);
+    if (element.has("name")) part.name = element.name("name") + around.suffix;
+    const bool frees = part.type == JointType::free;
+    if (frees && body.parent != 0)
+      element.fail("frees a body that another one carries", "let the body be a child of worldbody");
+    if (!body.joints.empty() && (frees || body.floats()))
+      element.fail("stands beside a free joint", "a free body has no other joints");
+    body.joints.push_back(std::move(part));
+  }
+
+  void read_body(const Element::Xml& xml, const Around& around) {
+    Element element(document_, xml);
+    Body body;
+    if (element.has("name")) {
+      body.name = element.name("name") + around.suffix;
+      element.rename("body '" + body.name + "'");
+      if (body.name == "world" || !names_.insert(body.name).second)
+        element.fail("has a name that is taken", "give each body its own name");
+    }
+    body.place = element.place();
+    body.parent = static_cast<int>(around.body);
+    body.pose = around.frame * read_pose(element, settings_);
+    body.is_mocap = element.truth("mocap", false);
+    body.gravity_compensation = element.number("gravcomp", 0.0);
+    bodies_.push_back(std::move(body));
+    const std::size_t index = bodies_.size() - 1;
+    read_children(element, {.body = index,
+                            .childclass = classes_.childclass(element, around.childclass),
+                            .suffix = around.suffix});
+    Body& own = bodies_[index];
+    if (own.is_mocap && (own.parent != 0 || !own.joints.empty()))
+      element.fail("is a mocap body with joints, or not a child of worldbody", "remove mocap, or the joints");
+    add_geoms(own, element, has_inertial_.contains(index), settings_);
+  }
+
+  void read_frame(const Element::Xml& xml, const Around& around) {
+    const Element frame(document_, xml);
+    Around inside = around;
+    inside.frame = around.frame * read_pose(frame, settings_);
+    inside.childclass = classes_.childclass(frame, around.childclass);
+    read_children(frame, inside);
+  }
+
+  void read_replicate(const Element::Xml& xml, const Around& around) {
+    const Element replicate(document_, xml);
+    const int count = replicate.whole("count", 0);
+    if (!replicate.has("count") || count < 0) replicate.fail("has no count of 0 or more", "write count=\"...\"");
+    const std::string separator = replicate.name("sep", "");
+    const std::size_t digits = std::to_string(count).size();
+    Eigen::Isometry3d step = read_pose(replicate, settings_), frame = Eigen::Isometry3d::Identity();
+    step.translation() = replicate.triple("offset", Eigen::Vector3d::Zero());
+    const std::string childclass = classes_.childclass(replicate, around.childclass);
+    for (int i = 0; i < count; ++i, frame = frame * step) {
+      copies_ += 1 + replicate.children().size();
+      if (copies_ > most_copies)
+        replicate.fail(fmt::format("makes more than {} copies of elements", most_copies), "give a smaller count");
+      std::string number = std::to_string(i);
+      number.insert(0, digits - number.size(), '0');
+      read_children(replicate, {around.body, around.frame * frame, childclass, separator + number + around.suffix});
+    }
+  }
+
+  // An unnamed body is called after the one that carries it, an unnamed joint after its body.
+  void name_unnamed() {
+    const auto unused = [](std::unordered_set<std::string>& taken, const std::string& base) {
+      std::string name = base;
+      for (int n = 2; !taken.insert(name).second; ++n) name = fmt::format("{}#{}", base, n);
+      return name;
+    };
+    std::unordered_set<std::string> joints;
+    for (const Body& body : bodies_)
+      for (const JointPart& joint : body.joints)
+        if (!joint.name.empty() && !joints.insert(joint.name).second)
+          throw_taken(joint);
+    names_.insert("world");
+    for (Body& body : bodies_) {
+      if (body.name.empty()) {
+        const Body& carrier = bodies_[static_cast<std::size_t>(body.parent)];
+        body.name = unused(names_, body.parent == 0 ? "body" : carrier.name);
+      }
+      for (JointPart& joint : body.joints)
+        if (joint.name.empty()) joint.name = unused(joints, body.name);
+    }
+  }
+
+  [[noreturn]] static void throw_taken(const JointPart& joint);
+
+  Document& document_;
+  const Settings& settings_;
+  const Classes& classes_;
+  std::vector<Body> bodies_;
+  std::unordered_set<std::string> names_;
+  std::unordered_set<std::size_t> has_inertial_;
+  std::size_t copies_ = 0;
+};
+
+void Reader::throw_taken(const JointPart& joint) {
+  throw ImportError(joint.place, "has a name that is taken", "give each joint its own name");
+}
+
+}  // namespace
+
+Bodies read_bodies(Document& document, const Settings& settings, const Classes& classes) {
+  return Reader(document, settings, classes).read();
+}
+
+}  // namespace lockstep::importer::mjcf

@@ -1,0 +1,72 @@
+// <worldbody>: bodies, joints, geoms and sites. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Geometry>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "classes.h"
+#include "lockstep/model.h"
+#include "settings.h"
+
+namespace lockstep::importer::mjcf {
+
+enum class JointType { hinge, slide, ball, free };
+
+/// Angles in rad; positions and axes in the body's frame, where its joints are at `ref`.
+struct JointPart {
+  JointType type = JointType::hinge;
+  std::string name, place;
+  Eigen::Vector3d anchor = Eigen::Vector3d::Zero(), axis = Eigen::Vector3d::UnitZ();
+  double ref = 0.0, lower = -infinity, upper = infinity;
+  double stiffness = 0.0, rest = 0.0, damping = 0.0, armature = 0.0, friction = 0.0, effort_limit = infinity;
+  double time_constant = 0.0, damping_ratio = 0.0;  ///< springdamper: both above 0 in place of stiffness and damping
+};
+
+enum class GeomType { plane, hfield, sphere, capsule, ellipsoid, cylinder, box, mesh, sdf };
+
+struct GeomPart {
+  GeomType type = GeomType::sphere;
+  std::string name = {}, place = {};
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< as in the file, with the half length of a fromto
+  Element element;                                 ///< for what only colliders need
+};
+
+struct SitePart {
+  std::string name, place;
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+};
+
+struct Body {
+  std::string name, place;
+  int parent = -1;                                             ///< -1: the world is body 0
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();      ///< in the parent's frame, where joints are at `ref`
+  Eigen::Isometry3d in_world = Eigen::Isometry3d::Identity();  ///< likewise
+  bool is_mocap = false;
+  double gravity_compensation = 0.0;
+  std::vector<JointPart> joints = {};  ///< the outermost first
+  std::vector<GeomPart> geoms = {};
+  std::vector<SitePart> sites = {};
+  Inertia inertia = {};
+  std::vector<std::string> mesh_masses = {};  ///< places of geoms whose meshes would give it inertia
+
+  bool floats() const { return !joints.empty() && joints[0].type == JointType::free; }
+};
+
+struct JointId {
+  int body, joint;
+};
+
+/// Bodies in MuJoCo's order, parents first; the world is the first.
+struct Bodies {
+  std::vector<Body> all;
+  std::vector<bool> moves;  ///< by body: it or one that carries it has joints
+};
+
+/// Reads all bodies with their inertias. Throws ImportError for what is no MJCF, and for elements that make bodies by
+/// themselves.
+Bodies read_bodies(Document& document, const Settings& settings, const Classes& classes);
+
+}  // namespace lockstep::importer::mjcf

@@ -1,0 +1,133 @@
+// Inertia as the file states it, or of geoms. SPDX-License-Identifier: Apache-2.0
+#include "body_inertia.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+
+#include "import/solids.h"
+#include "lockstep/error.h"
+#include "model/trees.h"
+#include "pose.h"
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+// Of density 1; without mass where the type has no volume.
+Inertia solid(const GeomPart& geom) {
+  const Vector3d& size = geom.size;
+  switch (geom.type) {
+    case GeomType::sphere: return solid_capsule(size[0], 0.0);
+    case GeomType::capsule: return solid_capsule(size[0], 2.0 * size[1]);
+    case GeomType::cylinder: return solid_cylinder(size[0], 2.0 * size[1]);
+    case GeomType::ellipsoid: return solid_ellipsoid(size);
+    case GeomType::box: return Inertia::box(8.0 * size.prod(), 2.0 * size, Vector3d::Zero());
+    default: return {};
+  }
+}
+
+bool has_mesh(const GeomPart& geom) { return geom.type == GeomType::mesh || geom.type == GeomType::sdf; }
+
+// With the geom's mass, or else its density.
+Inertia weighed(const GeomPart& geom) {
+  const Element& element = geom.element;
+  const double density = element.number("density", 1000.0);
+  const bool has_mass = element.has("mass");
+  const double mass = element.number("mass", 0.0);
+  if (mass < 0.0 || density < 0.0) element.fail("has a negative mass or density", "give 0 or more");
+  Inertia inertia = solid(geom);
+  if (!(inertia.mass > 0.0)) return {};
+  const double factor = has_mass ? mass / inertia.mass : density;
+  if (element.truth("shellinertia", false) && factor > 0.0)
+    element.fail("has the inertia of a shell, which lockstep lacks", "add an <inertial>, or make it solid");
+  inertia.mass *= factor;
+  inertia.about_center *= factor;
+  return transformed(inertia, geom.pose);
+}
+
+bool counts(const GeomPart& geom, const Settings& settings) {
+  const int group = geom.element.whole("group", 0);
+  return group >= settings.first_group && group <= settings.last_group;
+}
+
+template <class Change>
+void change_moments(Matrix3d& tensor, Change change) {
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> principal(tensor);
+  const Vector3d changed = change(principal.eigenvalues());
+  if (changed == principal.eigenvalues()) return;
+  tensor = principal.eigenvectors() * changed.asDiagonal() * principal.eigenvectors().transpose();
+}
+
+}  // namespace
+
+Inertia read_inertial(const Element& element, const Settings& settings) {
+  const Eigen::Isometry3d pose = read_pose(element, settings);
+  Inertia inertia;
+  inertia.center = pose.translation();
+  inertia.mass = element.number("mass");
+  double full[6];
+  if (element.numbers("fullinertia", full, 6, 6)) {
+    if (element.has("diaginertia")) element.fail("has diaginertia and fullinertia", "keep one of them");
+    for (const char* turn : {"quat", "axisangle", "xyaxes", "zaxis", "euler"})
+      if (element.has(turn)) element.fail(fmt::format("has fullinertia and {}", turn), "turn the tensor yourself");
+    inertia.about_center << full[0], full[3], full[4],  //
+        full[3], full[1], full[5],                      //
+        full[4], full[5], full[2];
+    return inertia;
+  }
+  const Vector3d moments = element.triple("diaginertia", Vector3d::Zero());
+  inertia.about_center = pose.linear() * moments.asDiagonal() * pose.linear().transpose();
+  return inertia;
+}
+
+void add_geoms(Body& body, const Element& element, bool has_inertial, const Settings& settings) {
+  if (settings.inertia_from_geoms == FromGeoms::never && !has_inertial && !body.joints.empty())
+    element.fail("has no <inertial>, which inertiafromgeom=\"false\" asks for", "add one");
+  if (settings.inertia_from_geoms == FromGeoms::never ||
+      (settings.inertia_from_geoms == FromGeoms::where_missing && has_inertial))
+    return;
+  Inertia sum;
+  bool is_any = false;
+  for (const GeomPart& geom : body.geoms) {
+    if (!counts(geom, settings)) continue;
+    is_any = true;
+    if (!has_mesh(geom)) {
+      sum = sum + weighed(geom);
+    } else if (geom.element.number(geom.element.has("mass") ? "mass" : "density", 1000.0) != 0.0) {
+      body.mesh_masses.push_back(geom.place);
+    }
+  }
+  if (is_any) body.inertia = sum;
+}
+
+void weigh(std::vector<Body>& bodies, const Settings& settings, Document& document) {
+  double total = 0.0;
+  for (std::size_t i = 1; i < bodies.size(); ++i) {
+    Inertia& inertia = bodies[i].inertia;
+    inertia.mass = std::max(inertia.mass, settings.least_mass);
+    if (settings.least_inertia > 0.0)
+      change_moments(inertia.about_center,
+                     [&](const Vector3d& moments) -> Vector3d { return moments.cwiseMax(settings.least_inertia); });
+    if (settings.balances)
+      change_moments(inertia.about_center, [](const Vector3d& moments) -> Vector3d {
+        return moments[0] + moments[1] < moments[2] ? Vector3d::Constant(moments.mean()) : moments;
+      });
+    total += inertia.mass;
+    if (settings.total_mass > 0.0 && !bodies[i].mesh_masses.empty())
+      throw ImportError(bodies[i].mesh_masses.front(),
+                        "would count for settotalmass by the volume of its mesh, which is not opened",
+                        "add an <inertial> to its body, or let MuJoCo save the model, and read that");
+  }
+  if (!(settings.total_mass > 0.0) || !(total > 0.0)) return;
+  document.report().remark("masses scaled to the file's total mass", fmt::format("{:g} kg", settings.total_mass));
+  for (Body& body : bodies) {
+    body.inertia.mass *= settings.total_mass / total;
+    body.inertia.about_center *= settings.total_mass / total;
+  }
+}
+
+}  // namespace lockstep::importer::mjcf

@@ -1,0 +1,154 @@
+// One function for each kind of part. SPDX-License-Identifier: Apache-2.0
+#include "body_parts.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "limited.h"
+#include "pose.h"
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+// MuJoCo 3.11 has polynomials of position and velocity here.
+double linear(const Element& element, const char* attribute) {
+  double terms[] = {0.0, 0.0, 0.0};
+  element.numbers(attribute, terms, 1, 3);
+  if (terms[1] != 0.0 || terms[2] != 0.0)
+    element.fail(fmt::format("{} has terms of higher order, which lockstep lacks", attribute),
+                 "keep the first number alone");
+  return terms[0];
+}
+
+void read_range(const Element& element, const Settings& settings, JointPart& part) {
+  const std::optional<Range> range = limited_range(element, "range", "limited", settings.autolimits);
+  if (!range || !settings.has_limits) return;
+  const bool turns = part.type == JointType::hinge;
+  part.lower = turns ? settings.radians(range->lower) : range->lower;
+  part.upper = turns ? settings.radians(range->upper) : range->upper;
+  element.report().tally("position limits made hard, soft in MuJoCo",
+                         fmt::format("of solref {}, solimp {}", fmt::join(element.all_numbers("solreflimit", 2), " "),
+                                     fmt::join(element.all_numbers("solimplimit", 5), " ")));
+  if (element.number("margin", 0.0) != 0.0)
+    element.report().warn("margins of position limits, left out", fmt::format("{:g}", element.number("margin", 0.0)));
+}
+
+void read_passive(const Element& element, const Settings& settings, JointPart& part) {
+  if (settings.has_springs) part.stiffness = linear(element, "stiffness");
+  part.rest = element.number("springref", 0.0);
+  if (part.type == JointType::hinge) part.rest = settings.radians(part.rest);
+  if (settings.has_damping) part.damping = linear(element, "damping");
+  part.armature = element.number("armature", 0.0);
+  if (settings.has_friction) part.friction = element.number("frictionloss", 0.0);
+  double pair[] = {0.0, 0.0};
+  element.numbers("springdamper", pair, 2, 2);
+  if (pair[0] > 0.0 && pair[1] > 0.0) part.time_constant = pair[0], part.damping_ratio = pair[1];
+}
+
+void read_effort(const Element& element, const Settings& settings, JointPart& part) {
+  const std::optional<Range> range =
+      limited_range(element, "actuatorfrcrange", "actuatorfrclimited", settings.autolimits);
+  if (range) part.effort_limit = symmetric(*range, "actuatorfrcrange of " + element.title(), element.report());
+  if (element.truth("actuatorgravcomp", false))
+    element.report().warn("gravity compensation by actuators, left out", element.title());
+}
+
+// A sphere has one number, a capsule or cylinder two; a fromto gives the half length instead.
+int sizes_of(GeomType type) {
+  switch (type) {
+    case GeomType::sphere: return 1;
+    case GeomType::capsule:
+    case GeomType::cylinder: return 2;
+    case GeomType::box:
+    case GeomType::ellipsoid: return 3;
+    default: return 0;
+  }
+}
+
+void place_between(const Element& element, GeomPart& part) {
+  double ends[6] = {};
+  element.numbers("fromto", ends, 6, 6);
+  const Eigen::Vector3d from(ends[0], ends[1], ends[2]), to(ends[3], ends[4], ends[5]);
+  if (sizes_of(part.type) < 2)
+    element.fail("has fromto, which its type does not take", "give pos, or make it a capsule, cylinder, box, ellipsoid");
+  const double length = (from - to).stableNorm();
+  if (!(length > 1e-14)) element.fail("has fromto with both ends in one place", "give two different points");
+  part.pose.translation() = 0.5 * (from + to);
+  part.pose.linear() = turn_to((from - to) / length).toRotationMatrix();
+  if (sizes_of(part.type) == 2)
+    part.size[1] = 0.5 * length;
+  else
+    part.size = {part.size[0], part.size[0], 0.5 * length};
+}
+
+}  // namespace
+
+JointPart read_joint_part(Element element, const Eigen::Isometry3d& frame, const Settings& settings) {
+  JointPart part;
+  if (element.has("name")) element.rename("joint '" + element.name("name") + "'");
+  part.place = element.place();
+  part.type = element.tag() == "freejoint"
+                  ? JointType::free
+                  : static_cast<JointType>(element.word("type", {"hinge", "slide", "ball", "free"}, 0));
+  if (element.tag() == "freejoint") {
+    element.truth("align", false);
+    return part;
+  }
+  if (part.type == JointType::free || part.type == JointType::ball) {
+    read_passive(element, settings, part);
+    if (part.type == JointType::free &&
+        (part.stiffness != 0.0 || part.damping != 0.0 || part.armature != 0.0 || part.friction != 0.0))
+      element.report().warn("springs, damping, armature and friction of free joints, left out", element.title());
+    return part;
+  }
+  part.anchor = frame * element.triple("pos", Eigen::Vector3d::Zero());
+  part.axis = element.triple("axis", Eigen::Vector3d::UnitZ());
+  if (!(part.axis.stableNorm() > 1e-14)) element.fail("axis has no length", "give a direction such as 0 0 1");
+  part.axis = (frame.linear() * part.axis.stableNormalized()).eval();
+  part.ref = element.number("ref", 0.0);
+  if (part.type == JointType::hinge) part.ref = settings.radians(part.ref);
+  read_range(element, settings, part);
+  read_passive(element, settings, part);
+  read_effort(element, settings, part);
+  return part;
+}
+
+GeomPart read_geom(Element element, const Eigen::Isometry3d& frame, const std::string& suffix,
+                   const Settings& settings) {
+  if (element.has("name")) element.rename("geom '" + element.name("name") + suffix + "'");
+  GeomPart part{.element = element};
+  if (element.has("name")) part.name = element.name("name") + suffix;
+  part.place = element.place();
+  part.type = static_cast<GeomType>(element.word(
+      "type", {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf"}, 2));
+  if (element.has("mesh")) part.type = part.type == GeomType::sdf ? part.type : GeomType::mesh;
+  element.numbers("size", part.size.data(), 1, 3);
+  if (element.has("fromto") && part.type != GeomType::mesh)
+    place_between(element, part);
+  else
+    part.pose = read_pose(element, settings);
+  for (int i = 0; i < sizes_of(part.type); ++i)
+    if (!(part.size[i] > 0.0)) element.fail("has a size that is not above 0", "give its radius or half lengths in m");
+  part.pose = frame * part.pose;
+  return part;
+}
+
+SitePart read_site(const Element& element, const Eigen::Isometry3d& frame, const Settings& settings) {
+  SitePart part;
+  part.place = element.place();
+  double ends[6] = {};
+  if (element.numbers("fromto", ends, 6, 6) == 6) {
+    const Eigen::Vector3d from(ends[0], ends[1], ends[2]), to(ends[3], ends[4], ends[5]);
+    part.pose.translation() = 0.5 * (from + to);
+    if (from != to) part.pose.linear() = turn_to(from - to).toRotationMatrix();
+  } else {
+    part.pose = read_pose(element, settings);
+  }
+  part.pose = frame * part.pose;
+  return part;
+}
+
+}  // namespace lockstep::importer::mjcf

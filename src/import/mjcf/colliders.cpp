@@ -1,0 +1,190 @@
+// Pairs of geoms by MuJoCo's rules. SPDX-License-Identifier: Apache-2.0
+#include "colliders.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <optional>
+#include <set>
+#include <string_view>
+#include <unordered_map>
+#include <unordered_set>
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+constexpr std::size_t most_contacts = 200000;
+
+// How a geom touches.
+struct Touch {
+  std::size_t body;
+  std::string collider, geom;  // names
+  int type, affinity, dimension, priority;
+  double friction;
+};
+
+const char* name_of(GeomType type) {
+  constexpr const char* names[] = {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf"};
+  return names[static_cast<std::size_t>(type)];
+}
+
+std::optional<Shape> shape_of(const GeomPart& geom) {
+  switch (geom.type) {
+    case GeomType::plane: return Shape::half_space();
+    case GeomType::sphere: return Shape::sphere(geom.size[0]);
+    case GeomType::capsule: return Shape::capsule(geom.size[0], 2.0 * geom.size[1]);
+    case GeomType::box: return Shape::box(2.0 * geom.size);
+    default: return std::nullopt;
+  }
+}
+
+class Collision {
+ public:
+  Collision(const Scene& scene, const std::vector<Place>& places, Draft& draft)
+      : scene_(scene), places_(places), model_(draft.model), draft_(draft) {}
+
+  void collide() {
+    read_section();
+    for (std::size_t b = 0; b < scene_.bodies.all.size(); ++b)
+      if (b == 0 || scene_.is_read[b])
+        for (const GeomPart& geom : scene_.bodies.all[b].geoms) add_geom(b, geom);
+    find_welds();
+    for (const Element::Xml* xml : pairs_) add_pair(scene_.classes.element(*xml, ""));
+    for (std::size_t i = 0; i < touches_.size(); ++i)
+      for (std::size_t j = i + 1; j < touches_.size(); ++j) add_by_masks(touches_[i], touches_[j]);
+  }
+
+ private:
+  Report& report() const { return scene_.report(); }
+
+  void read_section() {
+    for (const Element::Xml* section : scene_.document.children(scene_.document.root())) {
+      if (std::string_view(section->Name()) != "contact") continue;
+      for (const Element::Xml* xml : Element(scene_.document, *section).children()) {
+        const std::string_view tag = xml->Name();
+        if (tag == "pair") {
+          const Element pair = scene_.classes.element(*xml, "");
+          for (const char* geom : {"geom1", "geom2"}) paired_.insert(pair.name(geom));
+          pairs_.push_back(xml);
+        } else if (tag == "exclude") {
+          const Element exclude(scene_.document, *xml);
+          excluded_.insert(std::minmax({exclude.name("body1"), exclude.name("body2")}));
+        }
+      }
+    }
+  }
+
+  void add_geom(std::size_t b, const GeomPart& geom) {
+    const Element& element = geom.element;
+    const int type = element.whole("contype", 1), affinity = element.whole("conaffinity", 1);
+    if (type == 0 && affinity == 0 && !paired_.contains(geom.name)) return;
+    const Body& body = scene_.bodies.all[b];
+    const std::optional<Shape> shape = shape_of(geom);
+    if (!shape) {
+      report().warn("geoms of types that no collider has, left out of the colliders",
+                    fmt::format("{} of {}", name_of(geom.type), geom.name.empty() ? body.name : geom.name));
+      return;
+    }
+    double friction[3] = {1.0, 0.005, 0.0001};
+    element.numbers("friction", friction, 1, 3);
+    const std::string name = unused(geom.name.empty() ? body.name : geom.name);
+    touches_.push_back({b, name, geom.name, type, affinity, element.whole("condim", 3), element.whole("priority", 0), friction[0]});
+    touch_of_.emplace(geom.name, touches_.size() - 1);
+    model_.colliders.push_back({.name = name,
+                                .link = places_[b].link,
+                                .shape = *shape,
+                                .pose = places_[b].pose * geom.pose,
+                                .friction = friction[0],
+                                .group = b == 0 ? "" : "robot"});
+    draft_.places["collider '" + name + "'"] = geom.place;
+    report().tally("contacts take lockstep's own softness, in MuJoCo",
+                   fmt::format("of solref {}, solimp {}", fmt::join(element.all_numbers("solref", 2), " "),
+                               fmt::join(element.all_numbers("solimp", 5), " ")));
+    for (const char* number : {"margin", "gap"})
+      if (element.number(number, 0.0) != 0.0) report().warn("margins and gaps of contacts, left out", name);
+  }
+
+  // By body: the body that carries all that is fixed to it, and the one that carries that.
+  void find_welds() {
+    for (std::size_t b = 0; b < scene_.bodies.all.size(); ++b) {
+      const Body& body = scene_.bodies.all[b];
+      const auto parent = static_cast<std::size_t>(std::max(0, body.parent));
+      weld_.push_back(b > 0 && body.joints.empty() ? weld_[parent] : b);
+      weld_parent_.push_back(b == 0 ? 0 : body.joints.empty() ? weld_parent_[parent] : weld_[parent]);
+    }
+  }
+
+  bool can_touch(const Touch& a, const Touch& b) const {
+    return weld_[a.body] != weld_[b.body] && (scene_.bodies.moves[a.body] || scene_.bodies.moves[b.body]);
+  }
+
+  void add_by_masks(const Touch& a, const Touch& b) {
+    if (!((a.type & b.affinity) || (b.type & a.affinity)) || !can_touch(a, b)) return;
+    const std::size_t one = weld_[a.body], other = weld_[b.body];
+    const bool are_joined = one != 0 && other != 0 && (weld_parent_[a.body] == other || weld_parent_[b.body] == one);
+    if (are_joined && scene_.settings.filters_parents) return;
+    if (excluded_.contains(std::minmax({scene_.bodies.all[a.body].name, scene_.bodies.all[b.body].name}))) return;
+    const auto [friction, dimension] = combined(a, b);
+    add(a, b, friction, dimension);
+  }
+
+  static std::pair<double, int> combined(const Touch& a, const Touch& b) {
+    if (a.priority > b.priority) return {a.friction, a.dimension};
+    if (b.priority > a.priority) return {b.friction, b.dimension};
+    return {std::max(a.friction, b.friction), std::max(a.dimension, b.dimension)};
+  }
+
+  void add_pair(const Element& element) {
+    const auto first = touch_of_.find(element.name("geom1")), second = touch_of_.find(element.name("geom2"));
+    if (first == touch_of_.end() || second == touch_of_.end())
+      return report().warn("contact pairs of geoms that are no colliders, left out", element.place());
+    const Touch &a = touches_[first->second], &b = touches_[second->second];
+    if (!can_touch(a, b)) return report().warn("contact pairs that cannot move against each other, left out", element.place());
+    auto [friction, dimension] = combined(a, b);
+    double own[5] = {friction};
+    element.numbers("friction", own, 1, 5);
+    friction = own[0];
+    add(a, b, friction, element.whole("condim", dimension));
+  }
+
+  void add(const Touch& a, const Touch& b, double friction, int dimension) {
+    if (!seen_.insert(std::minmax({a.collider, b.collider})).second) return;
+    if (seen_.size() > most_contacts)
+      scene_.bodies.all[a.body].geoms.front().element.fail(
+          fmt::format("belongs to more than {} pairs that may touch", most_contacts), "give contype and conaffinity");
+    if (dimension > 3) report().tally("friction against turning and rolling, left out", fmt::format("pairs of condim {}", dimension));
+    model_.contacts.push_back({.first = a.collider, .second = b.collider, .friction = dimension == 1 ? 0.0 : friction});
+  }
+
+  std::string unused(const std::string& base) {
+    std::string name = base;
+    for (int n = 2; !taken_.insert(name).second; ++n) name = fmt::format("{}#{}", base, n);
+    return name;
+  }
+
+  const Scene& scene_;
+  const std::vector<Place>& places_;
+  Model& model_;
+  Draft& draft_;
+  std::vector<Touch> touches_;
+  std::unordered_map<std::string, std::size_t> touch_of_;  // by the geom's name
+  std::vector<const Element::Xml*> pairs_;
+  std::unordered_set<std::string> paired_;
+  std::set<std::pair<std::string, std::string>> excluded_, seen_;
+  std::unordered_set<std::string> taken_ = {"robot"};
+  std::vector<std::size_t> weld_, weld_parent_;
+};
+
+}  // namespace
+
+void collide(const Scene& scene, const std::vector<Place>& places, Draft& draft) {
+  if (scene.settings.has_contacts) Collision(scene, places, draft).collide();
+}
+
+void list_contacts(Document& document) {
+  for (const Element::Xml* section : document.children(document.root()))
+    if (std::string_view(section->Name()) == "contact") document.visit(*section);
+}
+
+}  // namespace lockstep::importer::mjcf

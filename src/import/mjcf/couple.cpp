@@ -1,0 +1,150 @@
+// Hard and soft couplings, and joints that stand still. SPDX-License-Identifier: Apache-2.0
+#include "couple.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "lockstep/error.h"
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+// MuJoCo's acceleration of the error r is (1 - d) a_free - 2 r' / t - r / (t z)^2 where the impedance is d: this spring
+// and a virtual mass.
+Softness softness_of(const Equality& equality) {
+  const double rest = 1.0 - std::clamp(equality.solimp[1], 0.0001, 0.9999);
+  const auto [first, second] = equality.solref;
+  if (first > 0.0)
+    return Frequency{1.0 / (first * std::max(second, 1e-6) * std::sqrt(rest)), second / std::sqrt(rest)};
+  const double stiffness = std::max(-first, 0.0), damping = std::max(-second, 0.0);
+  if (!(stiffness > 0.0)) return Hard{};
+  return Frequency{std::sqrt(stiffness / rest), damping / (2.0 * std::sqrt(stiffness * rest))};
+}
+
+class Coupler {
+ public:
+  Coupler(const Scene& scene, Draft& draft) : scene_(scene), draft_(draft), rows_(scene.equalities) {}
+
+  Ties couple() {
+    while (lock_one()) {
+    }
+    for (const Equality& row : rows_) add(row);
+    start_followers();
+    return std::move(ties_);
+  }
+
+ private:
+  Joint& joint(int index) {
+    Model& model = draft_.model;
+    return model.joints[static_cast<std::size_t>(model.joint_index(scene_.joint(index).name))];
+  }
+  static const std::string& place(const Equality& row) { return row.place; }
+
+  // Without joints that stand still and terms without effect.
+  void simplify(Form& form) const {
+    Form left;
+    left.constant = form.constant;
+    for (const auto& [index, coefficient] : form.terms) {
+      const auto still = still_.find(index);
+      if (still != still_.end())
+        left.constant += coefficient * still->second;
+      else if (coefficient != 0.0)
+        left.add(index, coefficient);
+    }
+    form = left;
+  }
+
+  bool lock_one() {
+    for (auto row = rows_.begin(); row != rows_.end(); ++row) {
+      simplify(row->form);
+      if (row->form.terms.size() > 1) continue;
+      const Equality held = *row;
+      rows_.erase(row);
+      if (held.form.terms.empty()) {
+        if (std::abs(held.form.constant) > 1e-9) contradict(held);
+        scene_.report().remark("equalities that hold anyway", held.place);
+        return true;
+      }
+      const auto& [index, coefficient] = held.form.terms.front();
+      stop(index, -held.form.constant / coefficient);
+      ties_.add(held.form);
+      return true;
+    }
+    return false;
+  }
+
+  void stop(int index, double position) {
+    still_[index] = position;
+    Joint& own = joint(index);
+    Joint fixed;
+    fixed.name = own.name, fixed.parent = own.parent, fixed.child = own.child;
+    Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
+    if (own.kind == JointKind::prismatic)
+      motion.translation() = position * own.axis;
+    else
+      motion.linear() = Eigen::AngleAxisd(position, own.axis).toRotationMatrix();
+    fixed.origin = own.origin * motion;
+    own = fixed;
+    scene_.report().remark("joints that an equality holds alone, made fixed", fmt::format("{} at {:.6g}", own.name, position));
+  }
+
+  [[noreturn]] static void contradict(const Equality& row) {
+    throw ImportError(row.place, "contradicts the equalities before it", "correct or remove one of them");
+  }
+
+  void add(const Equality& row) {
+    const bool is_soft = scene_.options.soft == Soft::as_in_file;
+    const Softness softness = is_soft ? softness_of(row) : Softness(Hard{});
+    if (is_hard(softness)) {
+      const Ties::Added added = ties_.add(row.form);
+      if (added == Ties::Added::contradiction) contradict(row);
+      if (added == Ties::Added::redundant) scene_.report().remark("equalities that follow from others", row.place);
+    }
+    scene_.report().tally(is_soft ? "couplings soft as in MuJoCo, without its virtual mass"
+                                  : "couplings made hard, soft in MuJoCo",
+                          fmt::format("of solref {:g}, solimp {:g}", fmt::join(row.solref, " "),
+                                      fmt::join(row.solimp, " ")));
+    draft_.model.couplings.push_back(coupling_of(row.form, scene_, softness));
+    draft_.places[fmt::format("coupling '{}'", coupling_names(draft_.model).back())] = row.place;
+  }
+
+  void start_followers() {
+    const auto value = [&](const Form& form, double Joint::*number, double constant) {
+      for (const auto& [leader, factor] : form.terms) constant += factor * (joint(leader).*number);
+      return constant;
+    };
+    for (const auto& [index, form] : ties_.tied()) {
+      if (still_.contains(index)) continue;
+      Joint& own = joint(index);
+      const double position = value(form, &Joint::position, form.constant);
+      if (std::abs(position - own.position) > 1e-9)
+        scene_.report().remark("followers that start where their coupling puts them",
+                               fmt::format("{} at {:.6g}", own.name, position));
+      own.position = position;
+      own.velocity = value(form, &Joint::velocity, 0.0);
+    }
+  }
+
+  const Scene& scene_;
+  Draft& draft_;
+  std::vector<Equality> rows_;
+  std::map<int, double> still_;  // positions by joint
+  Ties ties_;
+};
+
+}  // namespace
+
+Ties couple(const Scene& scene, Draft& draft) { return Coupler(scene, draft).couple(); }
+
+Coupling coupling_of(const Form& form, const Scene& scene, const Softness& softness) {
+  const double first = form.terms.front().second;
+  Coupling coupling{scene.joint(form.terms.front().first).name, {}, 0.0 + form.constant / first, softness};
+  for (std::size_t t = 1; t < form.terms.size(); ++t)
+    coupling.terms.push_back({scene.joint(form.terms[t].first).name, form.terms[t].second / first});
+  return coupling;
+}
+
+}  // namespace lockstep::importer::mjcf

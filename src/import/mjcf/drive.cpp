@@ -1,0 +1,174 @@
+// Linear forces along one joint. SPDX-License-Identifier: Apache-2.0
+#include "drive.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "start_inertia.h"
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+// What all actuators of a joint come to.
+struct Sum {
+  double kp = 0.0, kd = 0.0, effort = 0.0;
+  double pull = 0.0, drag = 0.0;  // kp times the target, kd times the velocity target
+  double limit = 0.0;
+  int count = 0, limited = 0;
+};
+
+// "2 u - 0.1"
+std::string of_control(double scale, double shift) {
+  return fmt::format("{:.10g} u", scale) + (shift == 0.0 ? "" : fmt::format(" {} {:.10g}", shift < 0.0 ? '-' : '+', std::abs(shift)));
+}
+
+class Driver {
+ public:
+  Driver(const Scene& scene, const Ties& ties, const Start& start, Draft& draft)
+      : scene_(scene), ties_(ties), start_(start), model_(draft.model) {}
+
+  void drive() {
+    for (std::size_t a = 0; a < scene_.actuators.size(); ++a) add(scene_.actuators[a], a);
+    for (const auto& [index, sum] : sums_) apply(index, sum);
+  }
+
+ private:
+  Report& report() const { return scene_.report(); }
+  Joint& joint(int index) const {
+    return model_.joints[static_cast<std::size_t>(model_.joint_index(scene_.joint(index).name))];
+  }
+
+  void lose(const Actuator& actuator, const std::string& why) const {
+    report().warn("actuators left out", fmt::format("{} {}", actuator.name, why));
+    report().show_all("actuators left out");
+  }
+
+  // The length along which it acts, as factor q_joint + constant.
+  bool find_joint(const Actuator& actuator, int& index, double& factor, double& constant) const {
+    Form length;
+    if (actuator.tendon >= 0)
+      length = scene_.tendons[static_cast<std::size_t>(actuator.tendon)].length;
+    else
+      length.add(actuator.joint, 1.0);
+    Form left = ties_.reduced(length);
+    if (left.terms.empty()) return lose(actuator, "acts on what an equality holds"), false;
+    if (actuator.tendon < 0) left = length;  // a follower keeps its own drive
+    if (left.terms.size() > 1) return lose(actuator, "acts on several joints that are not tied to one"), false;
+    index = left.terms.front().first;
+    factor = left.terms.front().second;
+    constant = left.constant;
+    return true;
+  }
+
+  double damping(const Actuator& actuator) {
+    if (!actuator.has_damping_ratio || !(actuator.gain > 0.0)) return -actuator.bias[2];
+    if (inertia_.empty()) inertia_ = locked_inertia(scene_);
+    double reflected = 0.0;
+    const auto reflect = [&](int index, double coefficient) {
+      const double ratio = actuator.gear * coefficient;
+      if (ratio * ratio > 1e-15) reflected += inertia_[static_cast<std::size_t>(index)] / (ratio * ratio);
+    };
+    if (actuator.tendon < 0)
+      reflect(actuator.joint, 1.0);
+    else
+      for (const auto& [index, coefficient] : scene_.tendons[static_cast<std::size_t>(actuator.tendon)].length.terms)
+        reflect(index, coefficient);
+    const double kv = 2.0 * actuator.damping_ratio * std::sqrt(actuator.gain * reflected);
+    report().remark("damping of servos by dampratio, at the inertia of the drawn pose",
+                    fmt::format("{} {:.6g}", actuator.name, kv));
+    return kv;
+  }
+
+  double control(const Actuator& actuator, std::size_t number) const {
+    double u = start_.control[number];
+    if (actuator.control && scene_.settings.clamps_controls)
+      u = std::clamp(u, actuator.control->lower, actuator.control->upper);
+    return u;
+  }
+
+  // Force before the gear, along the actuator.
+  double force_limit(const Actuator& actuator, bool is_motor) const {
+    double limit = infinity;
+    if (actuator.force) limit = symmetric(*actuator.force, "forcerange of actuator '" + actuator.name + "'", report());
+    if (is_motor && actuator.bias[0] == 0.0 && actuator.control && scene_.settings.clamps_controls)
+      limit = std::min(limit, std::abs(actuator.gain) * std::max(std::abs(actuator.control->lower),
+                                                                 std::abs(actuator.control->upper)));
+    return limit;
+  }
+
+  void add(const Actuator& actuator, std::size_t number) {
+    if (!actuator.lost.empty()) return lose(actuator, actuator.lost);
+    if (!scene_.settings.has_actuation) return;
+    int index = -1;
+    double factor = 1.0, constant = 0.0;
+    if (!find_joint(actuator, index, factor, constant)) return;
+    if (actuator.bias[1] > 0.0 || actuator.bias[2] > 0.0) return lose(actuator, "pushes away from its target");
+    const double gear = actuator.gear * factor;
+    const double offset = actuator.bias[0] + actuator.bias[1] * actuator.gear * constant;
+    const double kp = -actuator.bias[1] * gear * gear, kd = damping(actuator) * gear * gear;
+    const bool is_motor = kp == 0.0 && kd == 0.0;
+    const bool has_control = !start_.control.empty();
+    const double force = offset + (has_control ? actuator.gain * control(actuator, number) : 0.0);
+    Sum& sum = sums_[index];
+    sum.kp += kp, sum.kd += kd;
+    ++sum.count;
+    const std::string& name = joint(index).name;
+    if (is_motor) {
+      sum.effort += gear * force;
+      report().remark("efforts by the file's controls u",
+                      fmt::format("{} of {}: {}", actuator.name, name, of_control(gear * actuator.gain, gear * offset)));
+    } else {
+      const double stiffness = kp > 0.0 ? kp : kd;
+      if (kp > 0.0)
+        sum.pull += has_control ? gear * force : kp * joint(index).position;
+      else
+        sum.drag += has_control ? gear * force : 0.0;
+      report().remark(kp > 0.0 ? "servos, with position targets by the file's controls u"
+                               : "servos, with velocity targets by the file's controls u",
+                      fmt::format("{} of {}: {}", actuator.name, name,
+                                  of_control(gear * actuator.gain / stiffness, gear * offset / stiffness)));
+      if (actuator.control)
+        report().tally("ranges of servos' controls, which no step keeps",
+                       fmt::format("{:g} to {:g}", actuator.control->lower, actuator.control->upper));
+    }
+    for (const char* line : {"efforts by the file's controls u", "servos, with position targets by the file's controls u",
+                             "servos, with velocity targets by the file's controls u"})
+      report().show_all(line);
+    if (!actuator.filter.empty())
+      report().warn("dynamics of actuators, left out", fmt::format("{} of {}", actuator.filter, actuator.name));
+    double limit = std::abs(gear) * force_limit(actuator, is_motor);
+    if (actuator.tendon >= 0)
+      limit = std::min(limit, std::abs(factor) * scene_.tendons[static_cast<std::size_t>(actuator.tendon)].effort_limit);
+    sum.limit += limit;
+    sum.limited += limit < infinity;
+  }
+
+  void apply(int index, const Sum& sum) {
+    Joint& own = joint(index);
+    own.drive.kp = sum.kp, own.drive.kd = sum.kd;
+    own.drive.position_target = sum.kp > 0.0 ? sum.pull / sum.kp : 0.0;
+    own.drive.velocity_target = sum.kd > 0.0 ? sum.drag / sum.kd : 0.0;
+    own.effort = sum.effort;
+    own.effort_limit = std::min(own.effort_limit, sum.limit);
+    if (sum.count == 1) return;
+    report().remark("joints with several actuators, whose gains are added", own.name);
+    if (sum.limited > 0) report().warn("limits of single actuators that share a joint, taken for their sum", own.name);
+  }
+
+  const Scene& scene_;
+  const Ties& ties_;
+  const Start& start_;
+  Model& model_;
+  std::map<int, Sum> sums_;  // by joint of the scene
+  std::vector<double> inertia_;
+};
+
+}  // namespace
+
+void drive_joints(const Scene& scene, const Ties& ties, const Start& start, Draft& draft) {
+  Driver(scene, ties, start, draft).drive();
+}
+
+}  // namespace lockstep::importer::mjcf

@@ -1,0 +1,14 @@
+// Names of MJCF that a Model has no use for. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string_view>
+
+namespace lockstep::importer::mjcf {
+
+/// An element or attribute of MuJoCo 3. Every other name is unknown.
+bool is_known(std::string_view name);
+
+/// An attribute that names its element or its class: it says nothing of the mechanism by itself.
+bool is_for_names(std::string_view attribute);
+
+}  // namespace lockstep::importer::mjcf

@@ -1,0 +1,34 @@
+// Which ranges limit. SPDX-License-Identifier: Apache-2.0
+#include "limited.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace lockstep::importer::mjcf {
+
+std::optional<Range> limited_range(const Element& element, const char* range, const char* limited, bool autolimits) {
+  enum { no, yes, automatic };
+  const int mode = element.word(limited, {"false", "true", "auto"}, automatic);
+  if (mode == no) return std::nullopt;
+  double ends[] = {0.0, 0.0};
+  element.numbers(range, ends, 2, 2);
+  const bool is_given = ends[0] != 0.0 || ends[1] != 0.0;
+  if (mode == automatic && !is_given) return std::nullopt;
+  if (mode == automatic && !autolimits)
+    element.fail(fmt::format("has {}, but not {}, with autolimits=\"false\"", range, limited),
+                 fmt::format("write {}=\"true\" or \"false\"", limited));
+  if (!(ends[0] < ends[1])) element.fail(fmt::format("{} is empty", range), "give the lower end first");
+  return Range{ends[0], ends[1]};
+}
+
+double symmetric(const Range& range, const std::string& what, Report& report) {
+  const double bound = std::max(0.0, std::min(-range.lower, range.upper));
+  if (-range.lower != range.upper)
+    report.warn("effort limits whose ends differ, taken as the smaller one",
+                fmt::format("{} is {:g} to {:g}", what, range.lower, range.upper));
+  return bound;
+}
+
+}  // namespace lockstep::importer::mjcf

@@ -1,0 +1,22 @@
+// Ranges that a file may switch off. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "element.h"
+
+namespace lockstep::importer::mjcf {
+
+struct Range {
+  double lower, upper;
+};
+
+/// The range if it limits: the switch says so, or it is automatic and there is a range. "0 0" is none. Throws
+/// ImportError where it limits and is empty, and where MuJoCo would ask for the switch.
+std::optional<Range> limited_range(const Element& element, const char* range, const char* limited, bool autolimits);
+
+/// The bound of an interval about 0. Warns where the ends differ in size, and takes the smaller one.
+double symmetric(const Range& range, const std::string& what, Report& report);
+
+}  // namespace lockstep::importer::mjcf

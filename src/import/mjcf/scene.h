@@ -1,0 +1,88 @@
+// What a file says, before it becomes a Model. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "bodies.h"
+#include "limited.h"
+#include "lockstep/import.h"
+
+namespace lockstep::importer::mjcf {
+
+/// A sum of joint positions, each times its coefficient, and a constant. Joints are numbers of Scene::joints.
+struct Form {
+  std::vector<std::pair<int, double>> terms;
+  double constant = 0.0;
+
+  void add(int joint, double coefficient);  ///< terms of one joint are added up
+};
+
+struct Tendon {
+  std::string name, place;
+  bool is_spatial = false;
+  bool is_whole = true;  ///< all of its joints are read
+  Form length;           ///< of a fixed tendon
+  std::optional<Range> range;
+  double stiffness = 0.0, damping = 0.0, friction = 0.0, armature = 0.0, effort_limit = infinity;
+  double shortest = -1.0, longest = -1.0;  ///< between these the spring has no force; -1: at the joints' springref
+};
+
+/// A linear relation: form = 0.
+struct Equality {
+  std::string place, name;
+  Form form;
+  double solref[2] = {0.02, 1.0}, solimp[5] = {0.9, 0.95, 0.001, 0.5, 2.0};
+};
+
+/// F = gain u + bias[0] + bias[1] length + bias[2] rate, along a joint or tendon times the gear.
+struct Actuator {
+  std::string name;
+  int joint = -1, tendon = -1;  ///< one of these, or else `lost` says why it is left out
+  std::string lost;
+  std::string filter;  ///< its dynamics, which are left out
+  double gear = 1.0, gain = 1.0, bias[3] = {0.0, 0.0, 0.0};
+  bool has_damping_ratio = false;  ///< in place of bias[2]
+  double damping_ratio = 0.0;
+  std::optional<Range> force, control;
+};
+
+struct Scene {
+  Document& document;
+  const Settings& settings;
+  const Classes& classes;
+  const ImportOptions& options;
+  Bodies bodies;
+  std::vector<JointId> joints;  ///< in MuJoCo's order
+  std::unordered_map<std::string, int> joint_of, body_of;
+  std::vector<bool> is_read;  ///< by body: options.body or what it carries; all without that option
+  std::vector<Tendon> tendons;
+  std::vector<Equality> equalities;
+  std::vector<Actuator> actuators;
+
+  Report& report() const { return document.report(); }
+  const JointPart& joint(int index) const {
+    const JointId id = joints[static_cast<std::size_t>(index)];
+    return bodies.all[static_cast<std::size_t>(id.body)].joints[static_cast<std::size_t>(id.joint)];
+  }
+  /// The hinge or slide of that name; -1 for one that options.body leaves out. Throws ImportError at the element if
+  /// there is none.
+  int scalar_joint(const std::string& name, const Element& element) const;
+  bool is_joint_read(int index) const {
+    return is_read[static_cast<std::size_t>(joints[static_cast<std::size_t>(index)].body)];
+  }
+};
+
+/// Reads the whole file. Throws ImportError where it is no MJCF or cannot be a Model, SettingsError where options.body
+/// is no body.
+Scene read_scene(Document& document, const Settings& settings, const Classes& classes, const ImportOptions& options);
+
+// Parts of it, in this order.
+void read_tendons(Scene& scene);
+void read_equalities(Scene& scene);
+void read_actuators(Scene& scene);
+
+}  // namespace lockstep::importer::mjcf

@@ -1,0 +1,92 @@
+// What holds for a whole file. SPDX-License-Identifier: Apache-2.0
+#include "settings.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+// All elements of one tag below these, as layers of one element.
+std::optional<Element> merged(Document& document, const std::vector<const Element::Xml*>& owners, std::string_view tag) {
+  std::vector<const Element::Xml*> sections;
+  for (const Element::Xml* owner : owners)
+    for (const Element::Xml* child : document.children(*owner))
+      if (child->Name() == tag) document.visit(*child), sections.push_back(child);
+  if (sections.empty()) return std::nullopt;
+  const Element::Xml& last = *sections.back();
+  sections.pop_back();
+  return Element(document, last, sections);
+}
+
+void read_compiler(const Element& compiler, Settings& settings) {
+  settings.angle_is_given = compiler.has("angle");
+  settings.degrees = compiler.word("angle", {"radian", "degree"}, 1) == 1;
+  settings.euler = compiler.name("eulerseq", "xyz");
+  if (settings.euler.size() != 3 || settings.euler.find_first_not_of("xyzXYZ") != std::string::npos)
+    compiler.fail("eulerseq is no sequence of three of x, y, z, X, Y, Z", "write one such as xyz or XYZ");
+  if (compiler.word("coordinate", {"local", "global"}, 0) == 1)
+    compiler.fail("uses global coordinates, which MuJoCo 2.3 gave up", "save the file with an older MuJoCo, as local");
+  settings.autolimits = compiler.truth("autolimits", true);
+  settings.inertia_from_geoms =
+      static_cast<FromGeoms>(compiler.word("inertiafromgeom", {"false", "true", "auto"}, 2));
+  double groups[] = {0.0, 5.0};
+  compiler.numbers("inertiagrouprange", groups, 2, 2);
+  settings.first_group = static_cast<int>(std::clamp(groups[0], -1e9, 1e9));
+  settings.last_group = static_cast<int>(std::clamp(groups[1], -1e9, 1e9));
+  settings.least_mass = compiler.number("boundmass", 0.0);
+  settings.least_inertia = compiler.number("boundinertia", 0.0);
+  settings.balances = compiler.truth("balanceinertia", false);
+  settings.total_mass = compiler.number("settotalmass", -1.0);
+}
+
+void read_flag(const Element& flag, Settings& settings) {
+  const auto is_on = [&](const char* name, bool matters = true) {
+    const bool on = flag.word(name, {"disable", "enable"}, 1) == 1;
+    if (!on && matters) flag.report().warn("switched off by the file's flags, left out", name);
+    return on;
+  };
+  const bool constraints = is_on("constraint"), passive = is_on("passive");
+  settings.has_equalities = is_on("equality") && constraints;
+  settings.has_limits = is_on("limit") && constraints;
+  settings.has_friction = is_on("frictionloss") && constraints;
+  settings.has_contacts = is_on("contact") && constraints;
+  settings.has_springs = is_on("spring") && passive;
+  settings.has_damping = is_on("damper") && passive;
+  settings.has_actuation = is_on("actuation");
+  settings.clamps_controls = is_on("clampctrl", false);
+  settings.filters_parents = is_on("filterparent", false);
+  if (!is_on("gravity")) settings.gravity.setZero();
+}
+
+void read_option(const Element& option, Settings& settings) {
+  settings.gravity = option.triple("gravity", settings.gravity);
+  const auto lost = [&](const char* what, const Eigen::Vector3d& value) {
+    if (!value.isZero(0.0)) option.report().warn("forces of a fluid, left out", what);
+  };
+  lost("density", {option.number("density", 0.0), 0.0, 0.0});
+  lost("viscosity", {option.number("viscosity", 0.0), 0.0, 0.0});
+  lost("wind", option.triple("wind", Eigen::Vector3d::Zero()));
+  if (option.has("timestep"))
+    option.report().remark("step size of the file, not used", fmt::format("{:g} s", option.number("timestep")));
+}
+
+}  // namespace
+
+Settings read_settings(Document& document) {
+  Settings settings;
+  const std::vector<const Element::Xml*> root = {&document.root()};
+  if (const auto compiler = merged(document, root, "compiler")) read_compiler(*compiler, settings);
+  if (const auto option = merged(document, root, "option")) read_option(*option, settings);
+  std::vector<const Element::Xml*> options;
+  for (const Element::Xml* section : document.children(document.root()))
+    if (std::string_view(section->Name()) == "option") options.push_back(section);
+  if (const auto flag = merged(document, options, "flag")) read_flag(*flag, settings);
+  return settings;
+}
+
+}  // namespace lockstep::importer::mjcf

@@ -1,0 +1,32 @@
+// <compiler> and <option>. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+
+#include "element.h"
+
+namespace lockstep::importer::mjcf {
+
+enum class FromGeoms { never, always, where_missing };
+
+/// What holds for a whole file. Sections that stand there several times are one: the last attribute counts.
+struct Settings {
+  bool degrees = true, angle_is_given = false;
+  std::string euler = "xyz";
+  bool autolimits = true;
+  FromGeoms inertia_from_geoms = FromGeoms::where_missing;
+  int first_group = 0, last_group = 5;  ///< geoms that count for inertia
+  double least_mass = 0.0, least_inertia = 0.0, total_mass = -1.0;
+  bool balances = false;
+
+  Eigen::Vector3d gravity{0.0, 0.0, -9.81};
+  bool has_equalities = true, has_limits = true, has_friction = true, has_actuation = true, has_contacts = true;
+  bool has_springs = true, has_damping = true, clamps_controls = true, filters_parents = true;
+
+  double radians(double angle) const { return degrees ? angle * (3.14159265358979323846 / 180.0) : angle; }
+};
+
+Settings read_settings(Document& document);
+
+}  // namespace lockstep::importer::mjcf

@@ -1,0 +1,106 @@
+// <keyframe>. SPDX-License-Identifier: Apache-2.0
+#include "start.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <string_view>
+
+#include "lockstep/error.h"
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+std::size_t positions_of(JointType type) { return type == JointType::free ? 7 : type == JointType::ball ? 4 : 1; }
+std::size_t velocities_of(JointType type) { return type == JointType::free ? 6 : type == JointType::ball ? 3 : 1; }
+
+// All numbers of an attribute; empty if it is not there.
+std::vector<double> exactly(const Element& key, const char* attribute, std::size_t count) {
+  if (!key.has(attribute)) return {};
+  std::vector<double> values = key.all_numbers(attribute, std::max<std::size_t>(count, 100000));
+  if (values.size() != count)
+    key.fail(fmt::format("{} has {}, not {}", attribute, counted(values.size(), "number"), count),
+             "give one for each joint coordinate of the file, in its order");
+  return values;
+}
+
+void apply(const Element& key, const Scene& scene, Start& start) {
+  std::size_t positions = 0, velocities = 0;
+  for (std::size_t j = 0; j < scene.joints.size(); ++j) {
+    positions += positions_of(scene.joint(static_cast<int>(j)).type);
+    velocities += velocities_of(scene.joint(static_cast<int>(j)).type);
+  }
+  const std::vector<double> q = exactly(key, "qpos", positions), v = exactly(key, "qvel", velocities);
+  start.control = exactly(key, "ctrl", scene.actuators.size());
+  for (const char* other : {"mpos", "mquat", "act"})
+    if (key.has(other)) scene.report().warn("parts of the keyframe, left out", other);
+  key.has("time");
+  const double *position = q.data(), *velocity = v.data();
+  for (std::size_t j = 0; j < scene.joints.size(); ++j) {
+    const JointType type = scene.joint(static_cast<int>(j)).type;
+    const int body = scene.joints[j].body;
+    if (type == JointType::free && !q.empty()) {
+      const Eigen::Vector4d turn(position[4], position[5], position[6], position[3]);
+      if (!(turn.stableNorm() > 1e-14)) key.fail("qpos has a quaternion without length", "give a unit quaternion");
+      Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+      pose.translation() = Eigen::Vector3d(position[0], position[1], position[2]);
+      pose.linear() = Eigen::Quaterniond(Eigen::Vector4d(turn.stableNormalized())).toRotationMatrix();
+      start.pose[body] = pose;
+    } else if (type != JointType::ball && !q.empty()) {
+      start.position[j] = *position;
+    }
+    if (type == JointType::free && !v.empty()) {  // MuJoCo: linear in world axes, then angular in the body's
+      Twist twist;
+      twist << velocity[3], velocity[4], velocity[5],
+          start.pose[body].linear().transpose() * Eigen::Vector3d(velocity[0], velocity[1], velocity[2]);
+      start.twist[body] = twist;
+    } else if (type != JointType::ball && type != JointType::free && !v.empty()) {
+      start.velocity[j] = *velocity;
+    }
+    if (!q.empty()) position += positions_of(type);
+    if (!v.empty()) velocity += velocities_of(type);
+  }
+}
+
+}  // namespace
+
+Start read_start(const Scene& scene) {
+  Start start;
+  for (std::size_t j = 0; j < scene.joints.size(); ++j) {
+    const Body& body = scene.bodies.all[static_cast<std::size_t>(scene.joints[j].body)];
+    start.position.push_back(scene.joint(static_cast<int>(j)).ref);
+    if (body.floats()) start.pose[scene.joints[j].body] = body.in_world;
+  }
+  start.velocity.resize(scene.joints.size());
+  std::vector<const Element::Xml*> keys;
+  for (const Element::Xml* section : scene.document.children(scene.document.root())) {
+    if (std::string_view(section->Name()) != "keyframe") continue;
+    const Element owner(scene.document, *section);
+    for (const Element::Xml* xml : owner.children())
+      if (std::string_view(xml->Name()) == "key") keys.push_back(xml);
+  }
+  const std::string& wanted = scene.options.keyframe;
+  std::vector<std::string> names;
+  for (std::size_t k = 0; k < keys.size(); ++k) {
+    const char* name = keys[k]->Attribute("name");
+    names.push_back(name ? name : std::to_string(k));
+  }
+  if (wanted.empty()) {
+    if (!keys.empty()) scene.report().remark("keyframes, not used: give ImportOptions::keyframe", listed(names));
+    return start;
+  }
+  std::size_t found = keys.size();
+  for (std::size_t k = keys.size(); k-- > 0;)
+    if (names[k] == wanted || (std::to_string(k) == wanted && found == keys.size())) found = k;
+  for (std::size_t k = 0; k < keys.size(); ++k)
+    if (names[k] == wanted) found = k;
+  if (found == keys.size())
+    throw SettingsError("ImportOptions::keyframe", "names '" + shortened(wanted) + "', which is no key of the file",
+                        keys.empty() ? "leave it out, the file has none" : "give one of " + listed(names));
+  Element key(scene.document, *keys[found]);
+  key.rename("key '" + names[found] + "'");
+  apply(key, scene, start);
+  return start;
+}
+
+}  // namespace lockstep::importer::mjcf

@@ -1,0 +1,101 @@
+// The mass matrix of the drawn pose, dense and in world axes. SPDX-License-Identifier: Apache-2.0
+#include "start_inertia.h"
+
+#include <Eigen/Dense>
+#include <limits>
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+using Eigen::Vector3d;
+
+// A direction of motion of a body and of all that it carries, about the world's origin.
+struct Direction {
+  Vector3d angular, linear;
+  double armature;
+};
+
+struct Directions {
+  std::vector<Direction> all;
+  std::vector<std::vector<int>> of_body;  // those of the bodies that carry it, too
+  std::vector<int> of_joint;              // by joint of the scene: its direction, -1 for free and ball joints
+};
+
+Directions directions(const Scene& scene) {
+  Directions result;
+  const std::vector<Body>& bodies = scene.bodies.all;
+  result.of_body.resize(bodies.size());
+  for (std::size_t b = 1; b < bodies.size(); ++b) {
+    const Eigen::Isometry3d& pose = bodies[b].in_world;
+    result.of_body[b] = result.of_body[static_cast<std::size_t>(bodies[b].parent)];
+    const auto add = [&](const Direction& direction) {
+      result.of_body[b].push_back(static_cast<int>(result.all.size()));
+      result.all.push_back(direction);
+    };
+    const auto turn = [&](const Vector3d& axis, const Vector3d& anchor, double armature) {
+      add({axis, anchor.cross(axis), armature});
+    };
+    for (const JointPart& joint : bodies[b].joints) {
+      const bool is_single = joint.type == JointType::hinge || joint.type == JointType::slide;
+      result.of_joint.push_back(is_single ? static_cast<int>(result.all.size()) : -1);
+      const Vector3d axis = pose.linear() * joint.axis, anchor = pose * joint.anchor;
+      if (joint.type == JointType::hinge) turn(axis, anchor, joint.armature);
+      if (joint.type == JointType::slide) add({Vector3d::Zero(), axis, joint.armature});
+      for (int i = 0; i < 3 && joint.type == JointType::free; ++i) add({Vector3d::Zero(), Vector3d::Unit(i), joint.armature});
+      for (int i = 0; i < 3 && !is_single; ++i) turn(pose.linear().col(i), anchor, joint.armature);
+    }
+  }
+  return result;
+}
+
+// Calls use(i, j, share) for what each body adds to each element, below and on the diagonal.
+template <class Use>
+void each_share(const Scene& scene, const Directions& directions, bool is_diagonal, Use use) {
+  for (std::size_t b = 1; b < scene.bodies.all.size(); ++b) {
+    const Body& body = scene.bodies.all[b];
+    const Vector3d center = body.in_world * body.inertia.center;
+    const Eigen::Matrix3d tensor =
+        body.in_world.linear() * body.inertia.about_center * body.in_world.linear().transpose();
+    const auto share = [&](const Direction& x, const Direction& y) {
+      return body.inertia.mass * (x.linear + x.angular.cross(center)).dot(y.linear + y.angular.cross(center)) +
+             x.angular.dot(tensor * y.angular);
+    };
+    const std::vector<int>& own = directions.of_body[b];
+    for (std::size_t i = 0; i < own.size(); ++i)
+      for (std::size_t j = is_diagonal ? i : 0; j <= i; ++j)
+        use(own[i], own[j],
+            share(directions.all[static_cast<std::size_t>(own[i])], directions.all[static_cast<std::size_t>(own[j])]));
+  }
+}
+
+std::vector<double> by_joint(const Directions& directions, const Eigen::VectorXd& values) {
+  std::vector<double> result;
+  for (const int direction : directions.of_joint)
+    result.push_back(direction < 0 ? std::numeric_limits<double>::quiet_NaN() : values[direction]);
+  return result;
+}
+
+}  // namespace
+
+std::vector<double> locked_inertia(const Scene& scene) {
+  const Directions motion = directions(scene);
+  Eigen::VectorXd diagonal(static_cast<Eigen::Index>(motion.all.size()));
+  for (std::size_t i = 0; i < motion.all.size(); ++i) diagonal[static_cast<Eigen::Index>(i)] = motion.all[i].armature;
+  each_share(scene, motion, true, [&](int i, int, double share) { diagonal[i] += share; });
+  return by_joint(motion, diagonal);
+}
+
+std::vector<double> free_inertia(const Scene& scene) {
+  const Directions motion = directions(scene);
+  const auto size = static_cast<Eigen::Index>(motion.all.size());
+  Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(size, size);
+  for (Eigen::Index i = 0; i < size; ++i) matrix(i, i) = motion.all[static_cast<std::size_t>(i)].armature;
+  each_share(scene, motion, false, [&](int i, int j, double share) {
+    matrix(i, j) += share;
+    if (i != j) matrix(j, i) += share;
+  });
+  const Eigen::MatrixXd inverse = matrix.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+  return by_joint(motion, inverse.diagonal().cwiseInverse());
+}
+
+}  // namespace lockstep::importer::mjcf

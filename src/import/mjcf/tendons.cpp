@@ -1,0 +1,66 @@
+// <tendon>. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <string_view>
+
+#include "scene.h"
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+void read_fixed(const Element& element, Tendon& tendon, const Scene& scene) {
+  for (const Element::Xml* xml : element.children()) {
+    if (std::string_view(xml->Name()) != "joint") continue;
+    const Element term(scene.document, *xml);
+    const int joint = scene.scalar_joint(term.name("joint"), term);
+    const double coefficient = term.number("coef");
+    joint < 0 ? void(tendon.is_whole = false) : tendon.length.add(joint, coefficient);
+  }
+  if (tendon.length.terms.empty() && tendon.is_whole) element.fail("has no joints", "add <joint joint=\"...\" coef=\"...\"/>");
+}
+
+void read_tendon(const Element::Xml& xml, Scene& scene) {
+  Element element(scene.classes.element(xml, "", "tendon"));
+  const Settings& settings = scene.settings;
+  Tendon tendon;
+  tendon.name = element.name("name", "");
+  if (!tendon.name.empty()) element.rename("tendon '" + tendon.name + "'");
+  tendon.place = element.place();
+  tendon.is_spatial = element.tag() == "spatial";
+  if (!tendon.is_spatial) read_fixed(element, tendon, scene);
+  if (settings.has_limits) tendon.range = limited_range(element, "range", "limited", settings.autolimits);
+  const auto linear = [&](const char* attribute) {
+    double terms[] = {0.0, 0.0, 0.0};
+    element.numbers(attribute, terms, 1, 3);
+    if (terms[1] != 0.0 || terms[2] != 0.0)
+      element.fail(std::string(attribute) + " has terms of higher order, which lockstep lacks",
+                   "keep the first number alone");
+    return terms[0];
+  };
+  if (settings.has_springs) tendon.stiffness = linear("stiffness");
+  if (settings.has_damping) tendon.damping = linear("damping");
+  double lengths[] = {-1.0, -1.0};
+  const int given = element.numbers("springlength", lengths, 1, 2);
+  tendon.shortest = lengths[0];
+  tendon.longest = given == 2 ? lengths[1] : lengths[0];
+  if (settings.has_friction) tendon.friction = element.number("frictionloss", 0.0);
+  tendon.armature = element.number("armature", 0.0);
+  if (const auto range = limited_range(element, "actuatorfrcrange", "actuatorfrclimited", settings.autolimits))
+    tendon.effort_limit = symmetric(*range, "actuatorfrcrange of " + element.title(), element.report());
+  scene.tendons.push_back(std::move(tendon));
+}
+
+}  // namespace
+
+void read_tendons(Scene& scene) {
+  for (const Element::Xml* section : scene.document.children(scene.document.root())) {
+    if (std::string_view(section->Name()) != "tendon") continue;
+    const Element owner(scene.document, *section);
+    for (const Element::Xml* xml : owner.children()) {
+      const std::string_view tag = xml->Name();
+      if (tag == "fixed" || tag == "spatial") read_tendon(*xml, scene);
+    }
+  }
+}
+
+}  // namespace lockstep::importer::mjcf

@@ -1,0 +1,231 @@
+// Trees of links. SPDX-License-Identifier: Apache-2.0
+#include "trees.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <unordered_set>
+
+#include "lockstep/error.h"
+#include "model/trees.h"
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+
+Isometry3d shift(const Vector3d& by) { return Isometry3d(Eigen::Translation3d(by)); }
+
+class Grower {
+ public:
+  Grower(const Scene& scene, const Start& start, Draft& draft)
+      : scene_(scene), start_(start), draft_(draft), places_(scene.bodies.all.size()) {
+    for (const Body& body : scene.bodies.all) {
+      links_.insert(body.name);
+      for (const JointPart& joint : body.joints) joints_.insert(joint.name);
+    }
+  }
+
+  std::vector<Place> grow() {
+    has_world_ = needs_world();
+    if (has_world_) {
+      draft_.model.links.push_back({"world", {}});
+      draft_.model.roots.push_back({"world"});
+      places_[0].link = "world";
+    }
+    for (std::size_t b = 1; b < places_.size(); ++b)
+      if (scene_.is_read[b]) add(b);
+    add_sites(0);
+    return std::move(places_);
+  }
+
+ private:
+  const Body& body(std::size_t b) const { return scene_.bodies.all[b]; }
+  // Of the bodies that are read.
+  bool is_top(std::size_t b) const {
+    return body(b).parent == 0 || !scene_.is_read[static_cast<std::size_t>(body(b).parent)];
+  }
+  Report& report() const { return scene_.report(); }
+
+  // Something stands on the world and moves, or nothing floats.
+  bool needs_world() const {
+    bool floats = false, stands = false;
+    std::vector<bool> is_bolted(places_.size(), true);
+    for (std::size_t b = 1; b < places_.size(); ++b) {
+      if (!scene_.is_read[b]) continue;
+      is_bolted[b] = !body(b).floats() && (is_top(b) || is_bolted[static_cast<std::size_t>(body(b).parent)]);
+      floats = floats || body(b).floats();
+      stands = stands || (is_bolted[b] && !body(b).joints.empty());
+    }
+    return stands || !floats;
+  }
+
+  void add(std::size_t b) {
+    const Body& own = body(b);
+    judge(b);
+    const auto parent = static_cast<std::size_t>(own.parent);
+    const Place carrier = is_top(b) ? Place{has_world_ ? "world" : "", Isometry3d::Identity()} : places_[parent];
+    const Isometry3d pose = is_top(b) ? own.in_world : own.pose;
+    if (own.is_mocap) report().warn("mocap bodies, which stand where the file draws them", own.name);
+    if (own.floats()) {
+      add_root(b);
+    } else if (!has_world_ && carrier.link.empty()) {
+      places_[b].pose = carrier.pose * pose;
+      report().remark("bodies that stand still beside floating ones, left out", own.name);
+      if (own.inertia.mass > 0.0) report().tally("masses of bodies that stand still, left out", fmt::format("{:g} kg", own.inertia.mass));
+      return;
+    } else {
+      add_joints(b, carrier, pose);
+    }
+    add_sites(b);
+  }
+
+  void judge(std::size_t b) const {
+    const Body& own = body(b);
+    for (const JointPart& joint : own.joints)
+      if (joint.type == JointType::ball)
+        throw ImportError(joint.place, "is a ball joint, which lockstep lacks",
+                          "build it from three hinges if their gimbal lock does not matter");
+    for (const std::string& place : own.mesh_masses) {
+      if (!scene_.bodies.moves[b])
+        report().remark("meshes that give bodies that stand still no mass, as they are not opened", place);
+      else if (scene_.options.leave_out_meshes)
+        report().warn("meshes that give moving bodies no inertia, left out on request", place);
+      else
+        throw ImportError(place, "would give body '" + own.name + "' the inertia of its mesh, which is not opened",
+                          "add an <inertial> to the body, let MuJoCo save the model, or leave such meshes out: "
+                          "ImportOptions::leave_out_meshes");
+    }
+  }
+
+  void add_link(const std::string& name, const Inertia& inertia, const std::string& place) {
+    draft_.places["link '" + name + "'"] = place;
+    draft_.model.links.push_back({name, inertia});
+  }
+
+  void add_root(std::size_t b) {
+    const Body& own = body(b);
+    add_link(own.name, own.inertia, own.place);
+    draft_.places["root '" + own.name + "'"] = own.place;
+    Root root{own.name, true, start_.pose.at(static_cast<int>(b)), Twist::Zero()};
+    if (const auto twist = start_.twist.find(static_cast<int>(b)); twist != start_.twist.end())
+      root.velocity = twist->second;
+    draft_.model.roots.push_back(root);
+    places_[b].link = own.name;
+  }
+
+  // One link for each joint, or one fixed link; the body's own inertia is on the last.
+  void add_joints(std::size_t b, const Place& carrier, const Isometry3d& pose) {
+    const Body& own = body(b);
+    Isometry3d origin = carrier.pose * pose;
+    std::string parent = carrier.link;
+    Vector3d anchor = Vector3d::Zero();
+    for (std::size_t j = 0; j < own.joints.size(); ++j) {
+      const JointPart& part = own.joints[j];
+      const bool is_last = j + 1 == own.joints.size();
+      const bool turns = part.type == JointType::hinge;
+      const Vector3d next = turns ? part.anchor : anchor;
+      origin = origin * shift(next - anchor);
+      anchor = next;
+      origin = turns ? Isometry3d(origin * Eigen::AngleAxisd(-part.ref, part.axis)) : Isometry3d(origin * shift(-part.ref * part.axis));
+      const std::string child = is_last ? own.name : unused(links_, part.name);
+      if (!is_last) {
+        add_link(child, {}, part.place);
+        report().remark("links without mass between the joints of one body", child);
+      }
+      add_joint(part, parent, child, origin);
+      origin = Isometry3d::Identity();
+      parent = child;
+    }
+    add_link(own.name, transformed(own.inertia, shift(-anchor)), own.place);
+    places_[b] = {own.name, shift(-anchor)};
+    if (!own.joints.empty()) return;
+    Joint joint;
+    joint.name = unused(joints_, own.name);
+    joint.parent = parent, joint.child = own.name;
+    joint.origin = origin;
+    draft_.places["joint '" + joint.name + "'"] = own.place;
+    draft_.model.joints.push_back(joint);
+  }
+
+  void add_joint(const JointPart& part, const std::string& parent, const std::string& child, const Isometry3d& origin) {
+    Joint joint;
+    joint.name = part.name;
+    joint.parent = parent, joint.child = child;
+    joint.origin = origin;
+    joint.axis = part.axis;
+    joint.kind = part.type == JointType::slide ? JointKind::prismatic
+                 : part.lower > -infinity      ? JointKind::revolute
+                                               : JointKind::continuous;
+    joint.lower = part.lower, joint.upper = part.upper;
+    joint.damping = part.damping, joint.armature = part.armature, joint.friction = part.friction;
+    joint.stiffness = part.stiffness, joint.rest = part.rest;
+    joint.effort_limit = part.effort_limit;
+    const auto index = static_cast<std::size_t>(scene_.joint_of.at(part.name));
+    joint.position = start_.position[index], joint.velocity = start_.velocity[index];
+    draft_.places["joint '" + joint.name + "'"] = part.place;
+    draft_.model.joints.push_back(joint);
+  }
+
+  void add_sites(std::size_t b) {
+    const Place& place = places_[b];
+    for (const SitePart& part : body(b).sites) {
+      if (part.name.empty())
+        report().not_used("site without a name");
+      else if (place.link.empty())
+        report().remark("sites in the world, left out", part.name);
+      else {
+        draft_.model.sites.push_back({part.name, place.link, place.pose * part.pose});
+        draft_.places["site '" + part.name + "'"] = part.place;
+      }
+    }
+  }
+
+  static std::string unused(std::unordered_set<std::string>& taken, const std::string& base) {
+    std::string name = base;
+    for (int n = 2; !taken.insert(name).second; ++n) name = fmt::format("{}#{}", base, n);
+    return name;
+  }
+
+  const Scene& scene_;
+  const Start& start_;
+  Draft& draft_;
+  std::vector<Place> places_;
+  std::unordered_set<std::string> links_, joints_;
+  bool has_world_ = false;
+};
+
+// Gravity acts on each link as on all, so only equal shares can be had.
+void compensate_gravity(const Scene& scene, Model& model) {
+  std::vector<std::string> parts;
+  bool is_any = false, are_equal = true;
+  double share = 0.0;
+  for (std::size_t b = 1; b < scene.bodies.all.size(); ++b) {
+    const Body& body = scene.bodies.all[b];
+    if (!scene.is_read[b] || !scene.bodies.moves[b] || !(body.inertia.mass > 0.0)) continue;
+    if (!is_any) share = body.gravity_compensation;
+    is_any = true;
+    are_equal = are_equal && body.gravity_compensation == share;
+    if (body.gravity_compensation != 0.0)
+      parts.push_back(fmt::format("{} {:g}", body.name, body.gravity_compensation));
+  }
+  if (are_equal && share != 0.0) {
+    model.gravity *= 1.0 - share;
+    scene.report().remark("gravity reduced, as all bodies compensate the same share", fmt::format("{:g}", share));
+  } else {
+    for (const std::string& part : parts) scene.report().warn("compensation of gravity, left out", part);
+    scene.report().show_all("compensation of gravity, left out");
+  }
+}
+
+}  // namespace
+
+std::vector<Place> grow_trees(const Scene& scene, const Start& start, Draft& draft) {
+  draft.model.gravity = scene.settings.gravity;
+  std::vector<Place> places = Grower(scene, start, draft).grow();
+  compensate_gravity(scene, draft.model);
+  return places;
+}
+
+}  // namespace lockstep::importer::mjcf

@@ -1,0 +1,26 @@
+// Options of one format for files of another. SPDX-License-Identifier: Apache-2.0
+#include "options.h"
+
+#include "lockstep/error.h"
+
+namespace lockstep::importer {
+
+void refuse_others(const ImportOptions& options, Format format) {
+  const auto refuse = [&](bool is_set, Format used, const char* name, const char* remedy) {
+    if (is_set && used != format)
+      throw SettingsError(std::string("ImportOptions::") + name,
+                          format == Format::urdf ? "is set for URDF, which has no use for it"
+                                                 : "is set for MJCF, which has no use for it",
+                          remedy);
+  };
+  const char* const mjcf_only = "leave it out, it is for MJCF";
+  refuse(!options.keyframe.empty(), Format::mjcf, "keyframe", mjcf_only);
+  refuse(!options.body.empty(), Format::mjcf, "body", mjcf_only);
+  refuse(options.loops != Loops::refuse, Format::mjcf, "loops", "use leave_out_foreign, URDF itself has no loops");
+  refuse(options.soft != Soft::harden, Format::mjcf, "soft", mjcf_only);
+  refuse(options.leave_out_meshes, Format::mjcf, "leave_out_meshes", "leave it out, URDF's meshes give no inertia");
+  refuse(options.density != 0.0, Format::urdf, "density", "leave it out, MJCF's geoms have densities of their own");
+  refuse(options.leave_out_foreign, Format::urdf, "leave_out_foreign", "use loops, MJCF's own elements are no others'");
+}
+
+}  // namespace lockstep::importer

@@ -1,0 +1,122 @@
+// URDF text to Model: import_urdf is the main path. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <unordered_set>
+
+#include "import/finish.h"
+#include "import/options.h"
+#include "import/xml.h"
+#include "lockstep/error.h"
+#include "lockstep/import.h"
+#include "robot.h"
+
+namespace lockstep {
+namespace importer::urdf {
+namespace {
+
+const char* const convert_remedy = "convert it to URDF, or fill a Model in code";
+
+Element robot_of(const tinyxml2::XMLElement& root, File& file) {
+  Element element(root, file, fmt::format("<{}>", shortened(root.Name())));
+  const std::string_view tag = root.Name();
+  if (tag == "sdf") element.fail("is SDF, not URDF", convert_remedy);
+  if (tag == "mujoco")
+    element.fail("is MJCF (MuJoCo), not URDF", "read it by import_mjcf_file(), or by import_file(), which reads both");
+  if (tag != "robot") element.fail("is no URDF: the root element is not <robot>", convert_remedy);
+  return element;
+}
+
+// The rules that finding the root depends on. Model::validate() checks all others.
+void check_names(const Robot& robot) {
+  std::unordered_set<std::string> links;
+  for (const Link& link : robot.model.links)
+    if (!links.insert(link.name).second)
+      throw ModelError("link '" + link.name + "'", "appears twice", "give each its own name");
+  const auto check = [&](const Joint& joint) {
+    for (const std::string& end : {joint.parent, joint.child})
+      if (!links.count(end))
+        throw ImportError(robot.places.at("joint '" + joint.name + "'"),
+                          "refers to link '" + end + "', which does not exist", "add the link or correct the name");
+  };
+  for (const Joint& joint : robot.model.joints) check(joint);
+  for (const FloatingJoint& floating : robot.floating) check(floating.joint);
+}
+
+std::size_t root_of(const Robot& robot) {
+  std::unordered_set<std::string> children;
+  for (const Joint& joint : robot.model.joints) children.insert(joint.child);
+  for (const FloatingJoint& floating : robot.floating) children.insert(floating.joint.child);
+  std::vector<std::string> names;
+  std::size_t root = 0;
+  for (std::size_t i = 0; i < robot.model.links.size(); ++i) {
+    if (children.count(robot.model.links[i].name)) continue;
+    names.push_back(robot.model.links[i].name);
+    root = i;
+  }
+  const std::string element = "robot '" + robot.model.name + "'";
+  if (names.empty())
+    throw ModelError(element, "has no root: each of its links is the child of a joint", "cut the loop of joints");
+  if (names.size() > 1)
+    throw ModelError(element, "has several roots, links that no joint carries: " + listed(names),
+                     "connect them with joints, or remove all but one");
+  return root;
+}
+
+// A link that floats below the root link, which stands still in the world, is the root of a tree of its own. A root
+// link without mass that carries nothing else stands for the world and is left out.
+void float_roots(Robot& robot, Report& report) {
+  Model& model = robot.model;
+  const Link world = model.links[0];
+  bool stands_for_world =
+      !robot.floating.empty() && world.inertia.mass == 0.0 && world.inertia.about_center.isZero(0.0);
+  for (const Joint& joint : model.joints) stands_for_world = stands_for_world && joint.parent != world.name;
+  if (stands_for_world) {
+    model.links.erase(model.links.begin());
+    for (Collider& collider : model.colliders)
+      if (collider.link == world.name) collider.link.clear();
+  } else {
+    model.roots = {{world.name}};
+  }
+  for (const auto& [joint, place] : robot.floating) {
+    if (joint.parent != world.name)
+      throw ImportError(place, "floats below link '" + joint.parent + "', which is not the root of the file",
+                        "a link floats in the world, not on another link: let the root link '" + world.name +
+                            "' be its parent, or use single joints");
+    model.roots.push_back({joint.child, true, joint.origin});
+    report.remark("floating roots instead of floating joints",
+                  joint.name + (stands_for_world ? ", without its parent " + world.name : ""));
+  }
+  const auto first = model.links.begin() + model.link_index(model.roots.front().link);
+  std::rotate(model.links.begin(), first, first + 1);
+}
+
+// Links and joints as trees with couplings.
+void assemble(Robot& robot, Report& report) {
+  check_names(robot);
+  std::vector<Link>& links = robot.model.links;
+  const auto root = links.begin() + static_cast<std::ptrdiff_t>(root_of(robot));
+  std::rotate(links.begin(), root, root + 1);  // to the front; the others keep their order
+  float_roots(robot, report);
+  couple_mimics(robot.mimics, robot.model, report);
+}
+
+}  // namespace
+}  // namespace importer::urdf
+
+Import import_urdf(const std::string& text, const std::string& source, const ImportOptions& options) {
+  importer::refuse_others(options, importer::Format::urdf);
+  importer::urdf::File file{source, {}};
+  tinyxml2::XMLDocument document(/*processEntities=*/false);
+  const tinyxml2::XMLElement& root =
+      importer::parsed(text, source, "a URDF file, <robot name=\"...\"> ... </robot>", document);
+  importer::urdf::Robot robot = importer::urdf::read_robot(importer::urdf::robot_of(root, file), options);
+  return importer::finished(robot, options, file.report, source,
+                            [&] { importer::urdf::assemble(robot, file.report); });
+}
+
+Import import_urdf_file(const std::string& path, const ImportOptions& options) {
+  return import_urdf(importer::text_of(path), path, options);
+}
+
+}  // namespace lockstep

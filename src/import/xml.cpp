@@ -1,0 +1,64 @@
+// Files and XML, and how they fail. SPDX-License-Identifier: Apache-2.0
+#include "xml.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <filesystem>
+#include <fstream>
+#include <string_view>
+#include <system_error>
+#include <vector>
+
+#include "lockstep/error.h"
+
+namespace lockstep::importer {
+
+std::string text_of(const std::string& path) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) throw ImportError(path, "is a folder", "name a file in it");
+  errno = 0;
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream)
+    throw ImportError(path, "cannot be opened: " + std::generic_category().message(errno),
+                      "check the path and its permissions");
+  std::string text;
+  std::vector<char> piece(std::size_t{1} << 16);
+  while (stream.read(piece.data(), static_cast<std::streamsize>(piece.size())) || stream.gcount() > 0) {
+    text.append(piece.data(), static_cast<std::size_t>(stream.gcount()));
+    if (text.size() > largest_file)
+      throw ImportError(path, fmt::format("is larger than {} MB", largest_file >> 20), "give a robot description");
+  }
+  if (stream.bad()) throw ImportError(path, "cannot be read to its end", "check the file and the disk");
+  return text;
+}
+
+const tinyxml2::XMLElement& parsed(const std::string& text, const std::string& source, const std::string& wanted,
+                                   tinyxml2::XMLDocument& document) {
+  if (const std::size_t zero = text.find('\0'); zero != std::string::npos)
+    throw ImportError(fmt::format("{}:{}", source, std::count(text.begin(), text.begin() + zero, '\n') + 1),
+                      "is not UTF-8 text: it holds a zero byte", "save it as UTF-8");
+  if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
+    const std::string place = fmt::format("{}:{}", source, document.ErrorLineNum());
+    if (document.ErrorID() == tinyxml2::XML_ERROR_EMPTY_DOCUMENT)
+      throw ImportError(source, "is empty", "give " + wanted);
+    if (document.ErrorID() == tinyxml2::XML_ELEMENT_DEPTH_EXCEEDED)
+      throw ImportError(place, fmt::format("nests elements deeper than {}", TINYXML2_MAX_ELEMENT_DEPTH),
+                        "give a robot description; none needs that");
+    throw ImportError(place, fmt::format("is not well-formed XML ({})", document.ErrorName()),
+                      "check the tags and quotes there");
+  }
+  const tinyxml2::XMLElement* root = document.RootElement();
+  for (auto* node = document.FirstChild(); node; node = node->NextSibling()) {
+    const std::string place = fmt::format("{}:{}", source, node->GetLineNum());
+    if (node->ToText() || (node->ToElement() && node != root))
+      throw ImportError(place, "has text or elements outside of the root element", "keep one root element");
+    if (node->ToUnknown() && std::string_view(node->Value()).find("ENTITY") != std::string_view::npos)
+      throw ImportError(place, "declares entities, which are not expanded", "replace them by their text");
+  }
+  if (!root) throw ImportError(source, "has no XML element", "give " + wanted);
+  return *root;
+}
+
+}  // namespace lockstep::importer
