@@ -119,6 +119,20 @@ void read_target(const Element& element, Scene& scene, Actuator& actuator) {
     actuator.tendon = static_cast<int>(tendon - scene.tendons.begin());
 }
 
+// A share of the range of what it acts on, about its middle.
+void inherit_range(const Element& element, const Scene& scene, Actuator& actuator) {
+  const double share = element.number("inheritrange", 0.0);
+  if (!(share > 0.0) || !actuator.lost.empty()) return;
+  std::optional<Range> range;
+  if (actuator.tendon >= 0)
+    range = scene.tendons[static_cast<std::size_t>(actuator.tendon)].range;
+  else if (const JointPart& joint = scene.joint(actuator.joint); joint.lower > -infinity)
+    range = Range{joint.lower, joint.upper};
+  if (!range) element.fail("inherits a range, but what it acts on has none", "give ctrlrange");
+  const double middle = 0.5 * (range->lower + range->upper), half = 0.5 * share * (range->upper - range->lower);
+  actuator.control = Range{middle - half, middle + half};
+}
+
 void read_actuator(const Element::Xml& xml, Scene& scene) {
   Numbers numbers;
   for (const Element::Xml* layer : scene.classes.defaults(xml, "", tags)) write(Element(scene.document, *layer), numbers);
@@ -142,6 +156,7 @@ void read_actuator(const Element::Xml& xml, Scene& scene) {
   const bool autolimits = scene.settings.autolimits;
   actuator.force = limited_range(element, "forcerange", "forcelimited", autolimits);
   actuator.control = limited_range(element, "ctrlrange", "ctrllimited", autolimits);
+  inherit_range(element, scene, actuator);
   if (!actuator.filter.empty()) {
     for (const char* number : {"dynprm", "timeconst"}) element.has(number);
     limited_range(element, "actrange", "actlimited", autolimits);

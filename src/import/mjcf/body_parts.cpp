@@ -2,7 +2,6 @@
 #include "body_parts.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -30,8 +29,7 @@ void read_range(const Element& element, const Settings& settings, JointPart& par
   part.lower = turns ? settings.radians(range->lower) : range->lower;
   part.upper = turns ? settings.radians(range->upper) : range->upper;
   element.report().tally("position limits made hard, soft in MuJoCo",
-                         fmt::format("of solref {}, solimp {}", fmt::join(element.all_numbers("solreflimit", 2), " "),
-                                     fmt::join(element.all_numbers("solimplimit", 5), " ")));
+                         softness_words(element, "solreflimit", "solimplimit"));
   if (element.number("margin", 0.0) != 0.0)
     element.report().warn("margins of position limits, left out", fmt::format("{:g}", element.number("margin", 0.0)));
 }

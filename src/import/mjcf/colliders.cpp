@@ -2,7 +2,6 @@
 #include "colliders.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <optional>
@@ -99,8 +98,7 @@ class Collision {
                                 .group = b == 0 ? "" : "robot"});
     draft_.places["collider '" + name + "'"] = geom.place;
     report().tally("contacts take lockstep's own softness, in MuJoCo",
-                   fmt::format("of solref {}, solimp {}", fmt::join(element.all_numbers("solref", 2), " "),
-                               fmt::join(element.all_numbers("solimp", 5), " ")));
+                   softness_words(element, "solref", "solimp"));
     for (const char* number : {"margin", "gap"})
       if (element.number(number, 0.0) != 0.0) report().warn("margins and gaps of contacts, left out", name);
   }

@@ -2,6 +2,7 @@
 #include "limited.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -21,6 +22,13 @@ std::optional<Range> limited_range(const Element& element, const char* range, co
                  fmt::format("write {}=\"true\" or \"false\"", limited));
   if (!(ends[0] < ends[1])) element.fail(fmt::format("{} is empty", range), "give the lower end first");
   return Range{ends[0], ends[1]};
+}
+
+std::string softness_words(const Element& element, const char* solref, const char* solimp) {
+  double reference[] = {0.02, 1.0}, impedance[] = {0.9, 0.95, 0.001, 0.5, 2.0};
+  element.numbers(solref, reference, 1, 2);
+  element.numbers(solimp, impedance, 1, 5);
+  return fmt::format("of solref {:g}, solimp {:g}", fmt::join(reference, " "), fmt::join(impedance, " "));
 }
 
 double symmetric(const Range& range, const std::string& what, Report& report) {

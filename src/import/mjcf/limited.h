@@ -1,4 +1,4 @@
-// Ranges that a file may switch off. SPDX-License-Identifier: Apache-2.0
+// Ranges that a file may switch off, and softness. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
@@ -15,6 +15,9 @@ struct Range {
 /// The range if it limits: the switch says so, or it is automatic and there is a range. "0 0" is none. Throws
 /// ImportError where it limits and is empty, and where MuJoCo would ask for the switch.
 std::optional<Range> limited_range(const Element& element, const char* range, const char* limited, bool autolimits);
+
+/// "of solref 0.02 1, solimp ...", with MuJoCo's numbers where the file has none.
+std::string softness_words(const Element& element, const char* solref, const char* solimp);
 
 /// The bound of an interval about 0. Warns where the ends differ in size, and takes the smaller one.
 double symmetric(const Range& range, const std::string& what, Report& report);
