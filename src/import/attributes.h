@@ -17,8 +17,8 @@ std::string_view trimmed(std::string_view text);
 /// The attribute as a name. Fails where it is empty or holds characters that cannot be shown as they stand.
 std::string name_in(const char* attribute, std::string_view text, const Fail& fail);
 
-/// Reads finite decimal numbers with blanks between them, and returns how many there are. Fails unless they are at least
-/// `least` and at most `most`.
+/// Reads finite decimal numbers with blanks between them, and returns how many there are. Fails unless they are at
+/// least `least` and at most `most`.
 int numbers_in(const char* attribute, std::string_view text, double* values, int least, int most, const Fail& fail);
 
 /// Not strict: empty if the text is no finite number.

@@ -26,8 +26,9 @@ struct LinkExtras {
 
 struct Draft {
   Model model;
-  std::unordered_map<std::string, LinkExtras> extras;   ///< by link
-  std::unordered_map<std::string, std::string> places;  ///< "file:line: element" by "link 'a'", "joint 'j'", "coupling 'j'"
+  std::unordered_map<std::string, LinkExtras> extras;  ///< by link
+  std::unordered_map<std::string, std::string>
+      places;  ///< "file:line: element" by "link 'a'", "joint 'j'", "coupling 'j'"
 };
 
 }  // namespace lockstep::importer

@@ -42,7 +42,8 @@ TEST_P(MjcfRobots, are_read_or_refused_as_expected) {
   if (expected["verdict"] != "refused") {
     const Import import = import_mjcf_file(path);
     for (const json& loss : expected["named_losses"]) {
-      const string what = loss.get<string>().starts_with("tendon friction") ? "friction of tendons" : "actuators left out";
+      const string what =
+          loss.get<string>().starts_with("tendon friction") ? "friction of tendons" : "actuators left out";
       EXPECT_TRUE(warns(import, what)) << report_of(import);
     }
     return;
@@ -79,7 +80,8 @@ TEST_P(MjcfModels, have_joints_as_expected) {
   EXPECT_EQ(moving, expected["moving_joints"].get<int>());
   EXPECT_EQ(model.roots.size(), 1u);
   EXPECT_EQ(model.roots.at(0).floating, expected["root"] == "floating");
-  for (int i = 0; i < 3; ++i) EXPECT_EQ(model.gravity[i], expected["gravity"][static_cast<std::size_t>(i)].get<double>());
+  for (int i = 0; i < 3; ++i)
+    EXPECT_EQ(model.gravity[i], expected["gravity"][static_cast<std::size_t>(i)].get<double>());
   for (const json& wanted : expected["joints"]) {
     const Joint& own = joint(model, wanted["name"]);
     SCOPED_TRACE(own.name);
@@ -155,7 +157,8 @@ TEST_P(MjcfModels, have_the_energies_of_mujoco) {
   const double constant = expect(expected["at_qpos0"]);
   const json& test = expected["at_test"]["qpos"];
   for (std::size_t j = 0; j < expected["joints"].size(); ++j)
-    batch.positions()(plan.dof(expected["joints"][j]["name"].get<string>()), 0) = test[j + (floats ? 7 : 0)].get<double>();
+    batch.positions()(plan.dof(expected["joints"][j]["name"].get<string>()), 0) =
+        test[j + (floats ? 7 : 0)].get<double>();
   EXPECT_NEAR(expect(expected["at_test"]), constant, 1e-6);
   double mass = 0.0;
   for (const Link& own : model.links) mass += own.inertia.mass;

@@ -78,11 +78,13 @@ const char* name_of(Dynamics dynamics) {
 
 // Why a linear force along a joint cannot stand for it; empty if it can.
 std::string obstacle(const std::string& tag, const Numbers& numbers) {
-  if (tag == "damper" || tag == "cylinder" || tag == "muscle" || tag == "adhesion" || tag == "plugin" || tag == "dcmotor")
+  if (tag == "damper" || tag == "cylinder" || tag == "muscle" || tag == "adhesion" || tag == "plugin" ||
+      tag == "dcmotor")
     return "is a " + tag;
   if (numbers.gain_type != Gain::fixed) return "has a gain that is not fixed";
   if (numbers.bias_type == Bias::muscle || numbers.bias_type == Bias::user) return "has a bias that is not affine";
-  if (numbers.dynamics == Dynamics::muscle || numbers.dynamics == Dynamics::user) return "has dynamics that are not linear";
+  if (numbers.dynamics == Dynamics::muscle || numbers.dynamics == Dynamics::user)
+    return "has dynamics that are not linear";
   return "";
 }
 
@@ -135,7 +137,8 @@ void inherit_range(const Element& element, const Scene& scene, Actuator& actuato
 
 void read_actuator(const Element::Xml& xml, Scene& scene) {
   Numbers numbers;
-  for (const Element::Xml* layer : scene.classes.defaults(xml, "", tags)) write(Element(scene.document, *layer), numbers);
+  for (const Element::Xml* layer : scene.classes.defaults(xml, "", tags))
+    write(Element(scene.document, *layer), numbers);
   write(Element(scene.document, xml), numbers);
   Element element(scene.document, xml, scene.classes.defaults(xml, "", tags));
   Actuator actuator;

@@ -40,7 +40,8 @@ class Reader {
       read_children(world, {.childclass = classes_.childclass(world, "")});
     }
     if (!is_there)
-      Element(document_, document_.root()).fail("has no <worldbody>", "give a whole model, or the file that includes it");
+      Element(document_, document_.root())
+          .fail("has no <worldbody>", "give a whole model, or the file that includes it");
     name_unnamed();
     Bodies result{std::move(bodies_), {}};
     weigh(result.all, settings_, document_);
@@ -87,7 +88,8 @@ class Reader {
       if (site.has("name")) part.name = site.name("name") + around.suffix;
       body.sites.push_back(std::move(part));
     } else if (tag == "composite" || tag == "flexcomp" || tag == "attach") {
-      Element(document_, xml).fail("makes bodies that only MuJoCo can make", "let MuJoCo save the model, and read that");
+      Element(document_, xml)
+          .fail("makes bodies that only MuJoCo can make", "let MuJoCo save the model, and read that");
     } else if (tag == "plugin") {
       Element(document_, xml).report().warn("plugins, left out", Element(document_, xml).place());
     }
@@ -122,9 +124,9 @@ class Reader {
     body.gravity_compensation = element.number("gravcomp", 0.0);
     bodies_.push_back(std::move(body));
     const std::size_t index = bodies_.size() - 1;
-    read_children(element, {.body = index,
-                            .childclass = classes_.childclass(element, around.childclass),
-                            .suffix = around.suffix});
+    read_children(
+        element,
+        {.body = index, .childclass = classes_.childclass(element, around.childclass), .suffix = around.suffix});
     Body& own = bodies_[index];
     if (own.is_mocap && (own.parent != 0 || !own.joints.empty()))
       element.fail("is a mocap body with joints, or not a child of worldbody", "remove mocap, or the joints");
@@ -168,8 +170,7 @@ class Reader {
     std::unordered_set<std::string> joints;
     for (const Body& body : bodies_)
       for (const JointPart& joint : body.joints)
-        if (!joint.name.empty() && !joints.insert(joint.name).second)
-          throw_taken(joint);
+        if (!joint.name.empty() && !joints.insert(joint.name).second) throw_taken(joint);
     names_.insert("world");
     for (Body& body : bodies_) {
       if (body.name.empty()) {

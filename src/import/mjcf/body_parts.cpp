@@ -71,7 +71,8 @@ void place_between(const Element& element, GeomPart& part) {
   element.numbers("fromto", ends, 6, 6);
   const Eigen::Vector3d from(ends[0], ends[1], ends[2]), to(ends[3], ends[4], ends[5]);
   if (sizes_of(part.type) < 2)
-    element.fail("has fromto, which its type does not take", "give pos, or make it a capsule, cylinder, box, ellipsoid");
+    element.fail("has fromto, which its type does not take",
+                 "give pos, or make it a capsule, cylinder, box, ellipsoid");
   const double length = (from - to).stableNorm();
   if (!(length > 1e-14)) element.fail("has fromto with both ends in one place", "give two different points");
   part.pose.translation() = 0.5 * (from + to);
@@ -120,8 +121,8 @@ GeomPart read_geom(Element element, const Eigen::Isometry3d& frame, const std::s
   GeomPart part{.element = element};
   if (element.has("name")) part.name = element.name("name") + suffix;
   part.place = element.place();
-  part.type = static_cast<GeomType>(element.word(
-      "type", {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf"}, 2));
+  part.type = static_cast<GeomType>(
+      element.word("type", {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf"}, 2));
   if (element.has("mesh")) part.type = part.type == GeomType::sdf ? part.type : GeomType::mesh;
   element.numbers("size", part.size.data(), 1, 3);
   if (element.has("fromto") && part.type != GeomType::mesh)

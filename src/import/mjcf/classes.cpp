@@ -11,51 +11,55 @@ namespace lockstep::importer::mjcf {
 namespace {
 
 // What a Model takes from defaults.
-constexpr std::string_view used[] = {"joint",    "geom",        "site",   "equality", "tendon", "general", "motor",   "position",
-                                     "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion", "pair"};
+constexpr std::string_view used[] = {"joint",   "geom",     "site",     "equality", "tendon",
+                                     "general", "motor",    "position", "velocity", "intvelocity",
+                                     "damper",  "cylinder", "muscle",   "adhesion", "pair"};
 
 }  // namespace
 
 Classes::Classes(Document& document) : document_(document) {
-  classes_["main"];
+  Class& outermost = classes_["main"];
   for (const Element::Xml* xml : document.children(document.root())) {
     if (std::string_view(xml->Name()) != "default") continue;
-    Element section(document, *xml);
+    const Element section(document, *xml);
     if (section.name("class", "main") != "main")
       section.fail("has a class other than 'main' at the top", "leave the class of the outermost default out");
-    read(section, "main");
+    read(section, outermost);
   }
 }
 
-void Classes::read(const Element& section, const std::string& name) {
-  for (const Element::Xml* xml : section.children()) {
-    const std::string_view tag = xml->Name();
-    if (tag == "default") {
-      Element nested(document_, *xml);
-      const std::string own = nested.name("class");
-      if (!classes_.try_emplace(own, Class{name, {}}).second)
-        nested.fail(fmt::format("defines class '{}' once more", shortened(own)), "define each class once");
-      read(nested, own);
-    } else if (std::find(std::begin(used), std::end(used), tag) != std::end(used)) {
-      document_.visit(*xml);
-      classes_[name].elements.push_back(xml);
-    }
+void Classes::read(const Element& section, Class& own) {
+  const std::vector<const Element::Xml*> children = section.children();
+  for (const Element::Xml* xml : children) {
+    if (std::find(std::begin(used), std::end(used), xml->Name()) == std::end(used)) continue;
+    document_.visit(*xml);
+    own.elements.push_back(xml);
+  }
+  for (const Element::Xml* xml : children) {
+    if (std::string_view(xml->Name()) != "default") continue;
+    const Element nested(document_, *xml);
+    const std::string name = nested.name("class");
+    const auto [place, is_new] = classes_.try_emplace(name, Class{&own, own.elements.size(), {}});
+    if (!is_new) nested.fail(fmt::format("defines class '{}' once more", shortened(name)), "define each class once");
+    read(nested, place->second);
   }
 }
 
 std::vector<const Element::Xml*> Classes::defaults(const Element::Xml& xml, const std::string& childclass,
                                                    const std::vector<std::string_view>& tags) const {
   const Element element(document_, xml);
-  std::string name = element.name("class", childclass.empty() ? "main" : childclass);
-  if (!classes_.contains(name))
+  const std::string name = element.name("class", childclass.empty() ? "main" : childclass);
+  const auto found = classes_.find(name);
+  if (found == classes_.end())
     element.fail(fmt::format("has class '{}', which no <default> defines", shortened(name)), "correct the name");
-  std::vector<const Class*> chain;
-  for (; !name.empty(); name = classes_.at(name).parent) chain.push_back(&classes_.at(name));
-  std::vector<const Element::Xml*> found;
-  for (auto own = chain.rbegin(); own != chain.rend(); ++own)
-    for (const Element::Xml* candidate : (*own)->elements)
-      if (std::find(tags.begin(), tags.end(), candidate->Name()) != tags.end()) found.push_back(candidate);
-  return found;
+  std::vector<const Element::Xml*> layers;  // the innermost first
+  const Class* own = &found->second;
+  for (std::size_t count = own->elements.size(); own; count = own->taken, own = own->parent)
+    for (std::size_t i = count; i-- > 0;)
+      if (std::find(tags.begin(), tags.end(), own->elements[i]->Name()) != tags.end())
+        layers.push_back(own->elements[i]);
+  std::reverse(layers.begin(), layers.end());
+  return layers;
 }
 
 Element Classes::element(const Element::Xml& xml, const std::string& childclass, const char* tag) const {

@@ -10,7 +10,8 @@
 
 namespace lockstep::importer::mjcf {
 
-/// All <default> sections. A class takes its parent's attributes wherever the parent states them.
+/// All <default> sections. A class takes its parent's attributes wherever the parent states them in the section around
+/// the class or before it. Later sections do not reach it.
 class Classes {
  public:
   /// Throws ImportError for a nested class without a name, and for a name that appears twice.
@@ -27,13 +28,14 @@ class Classes {
 
  private:
   struct Class {
-    std::string parent;
+    const Class* parent = nullptr;
+    std::size_t taken = 0;  // the first elements of the parent
     std::vector<const Element::Xml*> elements;
   };
-  void read(const Element& section, const std::string& parent);
+  void read(const Element& section, Class& own);
 
   Document& document_;
-  std::unordered_map<std::string, Class> classes_;
+  std::unordered_map<std::string, Class> classes_;  // which keeps them in their places
 };
 
 }  // namespace lockstep::importer::mjcf

@@ -24,7 +24,8 @@ struct Touch {
 };
 
 const char* name_of(GeomType type) {
-  constexpr const char* names[] = {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf"};
+  constexpr const char* names[] = {"plane",    "hfield", "sphere", "capsule", "ellipsoid",
+                                   "cylinder", "box",    "mesh",   "sdf"};
   return names[static_cast<std::size_t>(type)];
 }
 
@@ -88,7 +89,8 @@ class Collision {
     double friction[3] = {1.0, 0.005, 0.0001};
     element.numbers("friction", friction, 1, 3);
     const std::string name = unused(geom.name.empty() ? body.name : geom.name);
-    touches_.push_back({b, name, geom.name, type, affinity, element.whole("condim", 3), element.whole("priority", 0), friction[0]});
+    touches_.push_back(
+        {b, name, geom.name, type, affinity, element.whole("condim", 3), element.whole("priority", 0), friction[0]});
     touch_of_.emplace(geom.name, touches_.size() - 1);
     model_.colliders.push_back({.name = name,
                                 .link = places_[b].link,
@@ -97,8 +99,7 @@ class Collision {
                                 .friction = friction[0],
                                 .group = b == 0 ? "" : "robot"});
     draft_.places["collider '" + name + "'"] = geom.place;
-    report().tally("contacts take lockstep's own softness, in MuJoCo",
-                   softness_words(element, "solref", "solimp"));
+    report().tally("contacts take lockstep's own softness, in MuJoCo", softness_words(element, "solref", "solimp"));
     for (const char* number : {"margin", "gap"})
       if (element.number(number, 0.0) != 0.0) report().warn("margins and gaps of contacts, left out", name);
   }
@@ -138,7 +139,8 @@ class Collision {
     if (first == touch_of_.end() || second == touch_of_.end())
       return report().warn("contact pairs of geoms that are no colliders, left out", element.place());
     const Touch &a = touches_[first->second], &b = touches_[second->second];
-    if (!can_touch(a, b)) return report().warn("contact pairs that cannot move against each other, left out", element.place());
+    if (!can_touch(a, b))
+      return report().warn("contact pairs that cannot move against each other, left out", element.place());
     auto [friction, dimension] = combined(a, b);
     double own[5] = {friction};
     element.numbers("friction", own, 1, 5);
@@ -151,7 +153,8 @@ class Collision {
     if (seen_.size() > most_contacts)
       scene_.bodies.all[a.body].geoms.front().element.fail(
           fmt::format("belongs to more than {} pairs that may touch", most_contacts), "give contype and conaffinity");
-    if (dimension > 3) report().tally("friction against turning and rolling, left out", fmt::format("pairs of condim {}", dimension));
+    if (dimension > 3)
+      report().tally("friction against turning and rolling, left out", fmt::format("pairs of condim {}", dimension));
     model_.contacts.push_back({.first = a.collider, .second = b.collider, .friction = dimension == 1 ? 0.0 : friction});
   }
 

@@ -17,8 +17,7 @@ namespace {
 Softness softness_of(const Equality& equality) {
   const double rest = 1.0 - std::clamp(equality.solimp[1], 0.0001, 0.9999);
   const auto [first, second] = equality.solref;
-  if (first > 0.0)
-    return Frequency{1.0 / (first * std::max(second, 1e-6) * std::sqrt(rest)), second / std::sqrt(rest)};
+  if (first > 0.0) return Frequency{1.0 / (first * std::max(second, 1e-6) * std::sqrt(rest)), second / std::sqrt(rest)};
   const double stiffness = std::max(-first, 0.0), damping = std::max(-second, 0.0);
   if (!(stiffness > 0.0)) return Hard{};
   return Frequency{std::sqrt(stiffness / rest), damping / (2.0 * std::sqrt(stiffness * rest))};
@@ -88,7 +87,8 @@ class Coupler {
       motion.linear() = Eigen::AngleAxisd(position, own.axis).toRotationMatrix();
     fixed.origin = own.origin * motion;
     own = fixed;
-    scene_.report().remark("joints that an equality holds alone, made fixed", fmt::format("{} at {:.6g}", own.name, position));
+    scene_.report().remark("joints that an equality holds alone, made fixed",
+                           fmt::format("{} at {:.6g}", own.name, position));
   }
 
   [[noreturn]] static void contradict(const Equality& row) {
@@ -103,10 +103,9 @@ class Coupler {
       if (added == Ties::Added::contradiction) contradict(row);
       if (added == Ties::Added::redundant) scene_.report().remark("equalities that follow from others", row.place);
     }
-    scene_.report().tally(is_soft ? "couplings soft as in MuJoCo, without its virtual mass"
-                                  : "couplings made hard, soft in MuJoCo",
-                          fmt::format("of solref {:g}, solimp {:g}", fmt::join(row.solref, " "),
-                                      fmt::join(row.solimp, " ")));
+    scene_.report().tally(
+        is_soft ? "couplings soft as in MuJoCo, without its virtual mass" : "couplings made hard, soft in MuJoCo",
+        fmt::format("of solref {:g}, solimp {:g}", fmt::join(row.solref, " "), fmt::join(row.solimp, " ")));
     draft_.model.couplings.push_back(coupling_of(row.form, scene_, softness));
     draft_.places[fmt::format("coupling '{}'", coupling_names(draft_.model).back())] = row.place;
   }

@@ -7,8 +7,8 @@
 
 namespace lockstep::importer::mjcf {
 
-/// Adds a coupling for each equality. A joint that an equality holds alone becomes fixed. Joints that hard couplings tie
-/// start where these hold. Throws ImportError for equalities that contradict each other.
+/// Adds a coupling for each equality. A joint that an equality holds alone becomes fixed. Joints that hard couplings
+/// tie start where these hold. Throws ImportError for equalities that contradict each other.
 Ties couple(const Scene& scene, Draft& draft);
 
 /// The form as a coupling of at least two joints.

@@ -100,8 +100,8 @@ void Document::include(const Xml& element, const Source& from, int depth) {
   bytes_ += text.size();
   if (bytes_ > largest_file)
     refuse(fmt::format("makes the files larger than {} MB", largest_file >> 20), "give a robot description");
-  const Source& included = load(text, (fs::path(sources_[0]->name).parent_path() / fs::relative(path, folder_)).string(),
-                                path);
+  const Source& included =
+      load(text, (fs::path(sources_[0]->name).parent_path() / fs::relative(path, folder_)).string(), path);
   const std::string_view tag = included.root->Name();
   if (tag != "mujoco" && tag != "mujocoinclude")
     fail(line(*included.root), "is no MJCF: the root element is not <mujoco> or <mujocoinclude>", "include MJCF");
@@ -126,8 +126,8 @@ std::vector<const Document::Xml*> Document::children(const Xml& owner) const {
 void Document::account(const Xml& element) {
   const std::string_view tag = element.Name();
   if (tag == "include") return;
-  if (!visited_.contains(&element)) return is_known(tag) ? report_.not_used(std::string(tag))
-                                                         : report_.unknown(shortened(tag));
+  if (!visited_.contains(&element))
+    return is_known(tag) ? report_.not_used(std::string(tag)) : report_.unknown(shortened(tag));
   for (auto* attribute = element.FirstAttribute(); attribute; attribute = attribute->Next()) {
     const std::string_view name = attribute->Name();
     if (read_.contains(attribute) || is_for_names(name)) continue;

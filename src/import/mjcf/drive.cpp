@@ -21,7 +21,8 @@ struct Sum {
 
 // "2 u - 0.1"
 std::string of_control(double scale, double shift) {
-  return fmt::format("{:.10g} u", scale) + (shift == 0.0 ? "" : fmt::format(" {} {:.10g}", shift < 0.0 ? '-' : '+', std::abs(shift)));
+  return fmt::format("{:.10g} u", scale) +
+         (shift == 0.0 ? "" : fmt::format(" {} {:.10g}", shift < 0.0 ? '-' : '+', std::abs(shift)));
 }
 
 class Driver {
@@ -93,8 +94,8 @@ class Driver {
     double limit = infinity;
     if (actuator.force) limit = symmetric(*actuator.force, "forcerange of actuator '" + actuator.name + "'", report());
     if (is_motor && actuator.bias[0] == 0.0 && actuator.control && scene_.settings.clamps_controls)
-      limit = std::min(limit, std::abs(actuator.gain) * std::max(std::abs(actuator.control->lower),
-                                                                 std::abs(actuator.control->upper)));
+      limit = std::min(limit, std::abs(actuator.gain) *
+                                  std::max(std::abs(actuator.control->lower), std::abs(actuator.control->upper)));
     return limit;
   }
 
@@ -117,8 +118,8 @@ class Driver {
     const std::string& name = joint(index).name;
     if (is_motor) {
       sum.effort += gear * force;
-      report().remark("efforts by the file's controls u",
-                      fmt::format("{} of {}: {}", actuator.name, name, of_control(gear * actuator.gain, gear * offset)));
+      report().remark("efforts by the file's controls u", fmt::format("{} of {}: {}", actuator.name, name,
+                                                                      of_control(gear * actuator.gain, gear * offset)));
     } else {
       const double stiffness = kp > 0.0 ? kp : kd;
       if (kp > 0.0)
@@ -133,14 +134,16 @@ class Driver {
         report().tally("ranges of servos' controls, which no step keeps",
                        fmt::format("{:g} to {:g}", actuator.control->lower, actuator.control->upper));
     }
-    for (const char* line : {"efforts by the file's controls u", "servos, with position targets by the file's controls u",
-                             "servos, with velocity targets by the file's controls u"})
+    for (const char* line :
+         {"efforts by the file's controls u", "servos, with position targets by the file's controls u",
+          "servos, with velocity targets by the file's controls u"})
       report().show_all(line);
     if (!actuator.filter.empty())
       report().warn("dynamics of actuators, left out", fmt::format("{} of {}", actuator.filter, actuator.name));
     double limit = std::abs(gear) * force_limit(actuator, is_motor);
     if (actuator.tendon >= 0)
-      limit = std::min(limit, std::abs(factor) * scene_.tendons[static_cast<std::size_t>(actuator.tendon)].effort_limit);
+      limit =
+          std::min(limit, std::abs(factor) * scene_.tendons[static_cast<std::size_t>(actuator.tendon)].effort_limit);
     sum.limit += limit;
     sum.limited += limit < infinity;
   }

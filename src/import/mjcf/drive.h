@@ -9,7 +9,8 @@
 namespace lockstep::importer::mjcf {
 
 /// Gives joints the drives, efforts and effort limits of the actuators. One on a tendon drives the joint that the
-/// tendon's joints are tied to. The report says how the file's controls become targets. What cannot be had is a warning.
+/// tendon's joints are tied to. The report says how the file's controls become targets. What cannot be had is a
+/// warning.
 void drive_joints(const Scene& scene, const Ties& ties, const Start& start, Draft& draft);
 
 }  // namespace lockstep::importer::mjcf

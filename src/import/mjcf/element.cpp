@@ -24,8 +24,9 @@ void Element::fail(const std::string& rule, const std::string& remedy) const {
 
 void Element::fail_in(const Xml& layer, const std::string& rule, const std::string& remedy) const {
   if (&layer == &xml()) fail(rule, remedy);
-  throw ImportError(fmt::format("{}: default <{}>, which {} takes", document_->line(layer), shortened(layer.Name()), title_),
-                    rule, remedy);
+  throw ImportError(
+      fmt::format("{}: default <{}>, which {} takes", document_->line(layer), shortened(layer.Name()), title_), rule,
+      remedy);
 }
 
 const char* Element::in(const Xml& layer, const char* attribute) const {
@@ -67,9 +68,8 @@ int Element::numbers(const char* attribute, double* values, int least, int most)
   int count = 0;
   for (const Xml* layer : layers_)
     if (const char* text = in(*layer, attribute))
-      count = numbers_in(attribute, text, values, least, most, [&](const std::string& rule, const std::string& remedy) {
-        fail_in(*layer, rule, remedy);
-      });
+      count = numbers_in(attribute, text, values, least, most,
+                         [&](const std::string& rule, const std::string& remedy) { fail_in(*layer, rule, remedy); });
   return count;
 }
 

@@ -93,7 +93,8 @@ class Reader {
     const int ends[] = {end(element, "body1", "site1"), end(element, "body2", "site2")};
     bool moves = false;
     for (const int body : ends)
-      moves = moves || (scene_.bodies.moves[static_cast<std::size_t>(body)] && scene_.is_read[static_cast<std::size_t>(body)]);
+      moves = moves ||
+              (scene_.bodies.moves[static_cast<std::size_t>(body)] && scene_.is_read[static_cast<std::size_t>(body)]);
     if (!moves)
       return scene_.report().remark("closed loops of bodies that do not move or are left out, without effect",
                                     element.place());

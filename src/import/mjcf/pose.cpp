@@ -43,8 +43,8 @@ Quaterniond turn(const Element& element, const char* attribute, const Settings& 
   Quaterniond all = Quaterniond::Identity();
   for (int i = 0; i < 3; ++i) {  // small letters turn about moved axes, capital letters about fixed ones
     const char axis = settings.euler[static_cast<std::size_t>(i)];
-    const Quaterniond one(
-        Eigen::AngleAxisd(settings.radians(n[i]), Vector3d::Unit(std::tolower(static_cast<unsigned char>(axis)) - 'x')));
+    const Quaterniond one(Eigen::AngleAxisd(settings.radians(n[i]),
+                                            Vector3d::Unit(std::tolower(static_cast<unsigned char>(axis)) - 'x')));
     all = axis >= 'x' ? all * one : one * all;
   }
   return all;

@@ -24,7 +24,11 @@ void add_spring(Joint& joint, double stiffness, double rest) {
 class Resistance {
  public:
   Resistance(const Tendon& tendon, const Scene& scene, const Ties& ties, Draft& draft)
-      : tendon_(tendon), scene_(scene), draft_(draft), free_(ties.reduced(tendon.length)), name_(tendon.name.empty() ? tendon.place : tendon.name) {}
+      : tendon_(tendon),
+        scene_(scene),
+        draft_(draft),
+        free_(ties.reduced(tendon.length)),
+        name_(tendon.name.empty() ? tendon.place : tendon.name) {}
 
   void add() {
     limit();
@@ -55,7 +59,8 @@ class Resistance {
     report().warn(what, why.empty() ? name_ : fmt::format("{}: {}", name_, why));
   }
   bool is_held(const char* what) const {
-    if (free_.terms.empty()) report().remark("tendons that an equality holds, without effect", fmt::format("{} of {}", what, name_));
+    if (free_.terms.empty())
+      report().remark("tendons that an equality holds, without effect", fmt::format("{} of {}", what, name_));
     return free_.terms.empty();
   }
 
@@ -92,7 +97,8 @@ class Resistance {
       Joint& own = joint();
       add_spring(own, stiffness * factor() * factor(), (rest - free_.constant) / factor());
       own.damping += damping * factor() * factor();
-      return report().remark("springs of tendons, on the joint that moves them", fmt::format("{} on {}", name_, own.name));
+      return report().remark("springs of tendons, on the joint that moves them",
+                             fmt::format("{} on {}", name_, own.name));
     }
     Form error = free_;
     error.constant -= rest;
@@ -118,7 +124,8 @@ void resist_tendons(const Scene& scene, const Ties& ties, Draft& draft) {
                          tendon.armature != 0.0;
     if (!resists) continue;
     if (tendon.is_spatial)
-      scene.report().warn("spatial tendons that limit, pull or resist, left out", tendon.name.empty() ? tendon.place : tendon.name);
+      scene.report().warn("spatial tendons that limit, pull or resist, left out",
+                          tendon.name.empty() ? tendon.place : tendon.name);
     else if (!tendon.is_whole)
       scene.report().warn("tendons over bodies left out, left out", tendon.name.empty() ? tendon.place : tendon.name);
     else
@@ -132,7 +139,8 @@ void resist_by_time_constants(const Scene& scene, Draft& draft) {
     const JointPart& part = scene.joint(static_cast<int>(j));
     if (!(part.time_constant > 0.0) || !scene.is_joint_read(static_cast<int>(j))) continue;
     if (scene.joints.size() > 2000)
-      throw ImportError(part.place, "has a springdamper, among more than 2000 joints", "give stiffness and damping instead");
+      throw ImportError(part.place, "has a springdamper, among more than 2000 joints",
+                        "give stiffness and damping instead");
     if (inertia.empty()) inertia = free_inertia(scene);
     if (!(inertia[j] > 0.0))
       throw ImportError(part.place, "has a springdamper, but moves no inertia", "give stiffness and damping instead");

@@ -12,7 +12,8 @@ namespace lockstep::importer::mjcf {
 namespace {
 
 // All elements of one tag below these, as layers of one element.
-std::optional<Element> merged(Document& document, const std::vector<const Element::Xml*>& owners, std::string_view tag) {
+std::optional<Element> merged(Document& document, const std::vector<const Element::Xml*>& owners,
+                              std::string_view tag) {
   std::vector<const Element::Xml*> sections;
   for (const Element::Xml* owner : owners)
     for (const Element::Xml* child : document.children(*owner))
@@ -32,8 +33,7 @@ void read_compiler(const Element& compiler, Settings& settings) {
   if (compiler.word("coordinate", {"local", "global"}, 0) == 1)
     compiler.fail("uses global coordinates, which MuJoCo 2.3 gave up", "save the file with an older MuJoCo, as local");
   settings.autolimits = compiler.truth("autolimits", true);
-  settings.inertia_from_geoms =
-      static_cast<FromGeoms>(compiler.word("inertiafromgeom", {"false", "true", "auto"}, 2));
+  settings.inertia_from_geoms = static_cast<FromGeoms>(compiler.word("inertiafromgeom", {"false", "true", "auto"}, 2));
   double groups[] = {0.0, 5.0};
   compiler.numbers("inertiagrouprange", groups, 2, 2);
   settings.first_group = static_cast<int>(std::clamp(groups[0], -1e9, 1e9));

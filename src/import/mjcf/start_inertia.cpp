@@ -41,7 +41,8 @@ Directions directions(const Scene& scene) {
       const Vector3d axis = pose.linear() * joint.axis, anchor = pose * joint.anchor;
       if (joint.type == JointType::hinge) turn(axis, anchor, joint.armature);
       if (joint.type == JointType::slide) add({Vector3d::Zero(), axis, joint.armature});
-      for (int i = 0; i < 3 && joint.type == JointType::free; ++i) add({Vector3d::Zero(), Vector3d::Unit(i), joint.armature});
+      for (int i = 0; i < 3 && joint.type == JointType::free; ++i)
+        add({Vector3d::Zero(), Vector3d::Unit(i), joint.armature});
       for (int i = 0; i < 3 && !is_single; ++i) turn(pose.linear().col(i), anchor, joint.armature);
     }
   }

@@ -16,7 +16,8 @@ void read_fixed(const Element& element, Tendon& tendon, const Scene& scene) {
     const double coefficient = term.number("coef");
     joint < 0 ? void(tendon.is_whole = false) : tendon.length.add(joint, coefficient);
   }
-  if (tendon.length.terms.empty() && tendon.is_whole) element.fail("has no joints", "add <joint joint=\"...\" coef=\"...\"/>");
+  if (tendon.length.terms.empty() && tendon.is_whole)
+    element.fail("has no joints", "add <joint joint=\"...\" coef=\"...\"/>");
 }
 
 void read_tendon(const Element::Xml& xml, Scene& scene) {

@@ -73,7 +73,8 @@ class Grower {
     } else if (!has_world_ && carrier.link.empty()) {
       places_[b].pose = carrier.pose * pose;
       report().remark("bodies that stand still beside floating ones, left out", own.name);
-      if (own.inertia.mass > 0.0) report().tally("masses of bodies that stand still, left out", fmt::format("{:g} kg", own.inertia.mass));
+      if (own.inertia.mass > 0.0)
+        report().tally("masses of bodies that stand still, left out", fmt::format("{:g} kg", own.inertia.mass));
       return;
     } else {
       add_joints(b, carrier, pose);
@@ -128,7 +129,8 @@ class Grower {
       const Vector3d next = turns ? part.anchor : anchor;
       origin = origin * shift(next - anchor);
       anchor = next;
-      origin = turns ? Isometry3d(origin * Eigen::AngleAxisd(-part.ref, part.axis)) : Isometry3d(origin * shift(-part.ref * part.axis));
+      origin = turns ? Isometry3d(origin * Eigen::AngleAxisd(-part.ref, part.axis))
+                     : Isometry3d(origin * shift(-part.ref * part.axis));
       const std::string child = is_last ? own.name : unused(links_, part.name);
       if (!is_last) {
         add_link(child, {}, part.place);
@@ -207,8 +209,7 @@ void compensate_gravity(const Scene& scene, Model& model) {
     if (!is_any) share = body.gravity_compensation;
     is_any = true;
     are_equal = are_equal && body.gravity_compensation == share;
-    if (body.gravity_compensation != 0.0)
-      parts.push_back(fmt::format("{} {:g}", body.name, body.gravity_compensation));
+    if (body.gravity_compensation != 0.0) parts.push_back(fmt::format("{} {:g}", body.name, body.gravity_compensation));
   }
   if (are_equal && share != 0.0) {
     model.gravity *= 1.0 - share;

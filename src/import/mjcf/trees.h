@@ -11,7 +11,7 @@ namespace lockstep::importer::mjcf {
 
 /// Where a body is in the model.
 struct Place {
-  std::string link;  ///< empty: it stands in the world, which has no link
+  std::string link;                                        ///< empty: it stands in the world, which has no link
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();  ///< of the body's frame in the link's, or in the world
 };
 

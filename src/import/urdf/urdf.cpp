@@ -111,8 +111,7 @@ Import import_urdf(const std::string& text, const std::string& source, const Imp
   const tinyxml2::XMLElement& root =
       importer::parsed(text, source, "a URDF file, <robot name=\"...\"> ... </robot>", document);
   importer::urdf::Robot robot = importer::urdf::read_robot(importer::urdf::robot_of(root, file), options);
-  return importer::finished(robot, options, file.report, source,
-                            [&] { importer::urdf::assemble(robot, file.report); });
+  return importer::finished(robot, options, file.report, source, [&] { importer::urdf::assemble(robot, file.report); });
 }
 
 Import import_urdf_file(const std::string& path, const ImportOptions& options) {

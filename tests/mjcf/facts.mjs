@@ -1,0 +1,101 @@
+// What MuJoCo makes of MJCF files, as JSON beside the tests. SPDX-License-Identifier: Apache-2.0
+//   npm install mujoco-js@0.0.7   (MuJoCo 3.3.8)
+//   node facts.mjs FOLDER/node_modules/mujoco-js MODELS_FOLDER FACTS_FOLDER
+// For each model in its first keyframe, or off the drawn pose: the joints, the mass matrix, the energy of
+// gravity, the efforts of springs, damping and actuators, and the pairs of geoms that may touch. Constraints are off.
+import fs from 'fs';
+import path from 'path';
+
+const [library, models, facts] = process.argv.slice(2);
+const mj = await (await import(path.resolve(library, 'dist/mujoco_wasm.js'))).default();
+const types = ['free', 'ball', 'slide', 'hinge'];
+
+function copy(from, to) {
+  mj.FS.mkdir(to);
+  for (const entry of fs.readdirSync(from, {withFileTypes: true})) {
+    const [source, target] = [`${from}/${entry.name}`, `${to}/${entry.name}`];
+    entry.isDirectory() ? copy(source, target) : mj.FS.writeFile(target, fs.readFileSync(source));
+  }
+}
+
+// The pairs of geoms that MuJoCo lets touch, with names where they have one.
+function pairs(m, name) {
+  const found = [], seen = new Set();
+  const key = (i, j) => Math.min(i, j) * m.ngeom + Math.max(i, j);
+  const words = (i, j, friction) => [name(5, i) || `#${i}`, name(5, j) || `#${j}`, friction];
+  for (let p = 0; p < m.npair; ++p) {
+    const [i, j] = [m.pair_geom1[p], m.pair_geom2[p]];
+    seen.add(key(i, j));
+    found.push(words(i, j, m.pair_dim[p] == 1 ? 0 : m.pair_friction[5 * p]));
+  }
+  const excluded = new Set(m.exclude_signature);
+  const weld = g => m.body_weldid[m.geom_bodyid[g]];
+  const above = g => m.body_weldid[m.body_parentid[weld(g)]];
+  for (let i = 0; i < m.ngeom; ++i)
+    for (let j = i + 1; j < m.ngeom; ++j) {
+      const masks = (m.geom_contype[i] & m.geom_conaffinity[j]) | (m.geom_contype[j] & m.geom_conaffinity[i]);
+      if (!masks || seen.has(key(i, j)) || weld(i) == weld(j)) continue;
+      if (weld(i) && weld(j) && (weld(i) == above(j) || weld(j) == above(i))) continue;
+      const bodies = [m.geom_bodyid[i], m.geom_bodyid[j]];
+      if (excluded.has((Math.min(...bodies) << 16) + Math.max(...bodies))) continue;
+      const [p, q] = [m.geom_priority[i], m.geom_priority[j]];
+      const chosen = p == q ? [i, j] : [p > q ? i : j];
+      const dimension = Math.max(...chosen.map(g => m.geom_condim[g]));
+      found.push(words(i, j, dimension == 1 ? 0 : Math.max(...chosen.map(g => m.geom_friction[3 * g]))));
+    }
+  return found;
+}
+
+function facts_of(file) {
+  const m = mj.MjModel.loadFromXML(file), d = new mj.MjData(m);
+  const adr = {1: m.name_bodyadr, 3: m.name_jntadr, 5: m.name_geomadr};
+  const name = (kind, i) => m.names[adr[kind][i]] ? mj.mj_id2name(m, kind, i) : '';
+  m.opt.disableflags |= 1 | 16;  // constraints, contacts
+  if (m.nkey) {
+    mj.mj_resetDataKeyframe(m, d, 0);
+  } else {
+    for (let j = 0; j < m.njnt; ++j) {
+      if (m.jnt_type[j] < 2) continue;
+      d.qpos[m.jnt_qposadr[j]] += 0.3 * Math.sin(j + 1);
+      d.qvel[m.jnt_dofadr[j]] = 0.5 * Math.cos(j + 1);
+    }
+  }
+  mj.mj_forward(m, d);
+  const column = i => {
+    const product = new mj.DoubleBuffer(m.nv);
+    mj.mj_mulM(m, d, product, [...Array(m.nv).keys()].map(k => k == i ? 1 : 0));
+    const values = [...product.GetView()];
+    product.delete();
+    return values;
+  };
+  let gravity = 0;  // the energy without springs
+  for (let b = 1; b < m.nbody; ++b)
+    for (let k = 0; k < 3; ++k) gravity -= m.body_mass[b] * m.opt.gravity[k] * d.xipos[3 * b + k];
+  const result = {mass: 0, energy: gravity, joints: [], pairs: pairs(m, name)};
+  result.mass_matrix = [...Array(m.nv).keys()].map(column);
+  for (let b = 1; b < m.nbody; ++b) result.mass += m.body_mass[b];
+  for (let j = 0; j < m.njnt; ++j) {
+    const dof = m.jnt_dofadr[j], type = types[m.jnt_type[j]];
+    const joint = {name: name(3, j), type, body: name(1, m.jnt_bodyid[j]), dof};
+    result.joints.push(joint);
+    if (type == 'free' || type == 'ball') continue;
+    Object.assign(joint, {
+      position: d.qpos[m.jnt_qposadr[j]], velocity: d.qvel[dof],
+      range: m.jnt_limited[j] ? [m.jnt_range[2 * j], m.jnt_range[2 * j + 1]] : null,
+      damping: m.dof_damping[dof], armature: m.dof_armature[dof], friction: m.dof_frictionloss[dof],
+      stiffness: m.jnt_stiffness[j], rest: m.qpos_spring[m.jnt_qposadr[j]],
+      effort: d.qfrc_passive[dof] + d.qfrc_actuator[dof],
+    });
+  }
+  return result;
+}
+
+copy(models, '/models');
+for (const file of fs.readdirSync(models).filter(file => file.endsWith('.xml')).sort()) {
+  try {
+    const text = JSON.stringify(facts_of(`/models/${file}`), null, 1).replace(/\n\s+(?=[-\d\]"]|null)/g, ' ');
+    fs.writeFileSync(`${facts}/${file.replace('.xml', '.json')}`, text + '\n');
+  } catch (error) {
+    console.log(`${file}: ${error.message ?? error}`);
+  }
+}

@@ -1,0 +1,168 @@
+// Models of our own against what MuJoCo makes of them: facts.mjs wrote the facts. SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "lockstep/batch.h"
+#include "lockstep/plan.h"
+#include "unit/import_helpers.h"
+
+namespace lockstep {
+namespace {
+
+using nlohmann::json;
+using std::string;
+using Efforts = std::map<string, double>;
+
+const std::filesystem::path folder = LOCKSTEP_MJCF;
+
+class MjcfFacts : public testing::TestWithParam<string> {
+ protected:
+  void SetUp() override {
+    std::ifstream stream(folder / "facts" / (GetParam() + ".json"));
+    facts = json::parse(stream);
+    const string path = folder / "models" / (GetParam() + ".xml");
+    std::ifstream text(path);
+    const bool has_key = string(std::istreambuf_iterator<char>(text), {}).find("<key ") != string::npos;
+    import = import_mjcf_file(path, {.keyframe = has_key ? "0" : ""});
+  }
+  const Model& model() const { return import.model; }
+  // Hinges and slides that no equality holds, by name.
+  bool is_here(const json& fact) const { return fact["type"] != "free" && joint(model(), name_of(fact)).moves(); }
+  static string name_of(const json& fact) {
+    const string name = fact["name"], body = fact["body"];
+    return !name.empty() ? name : body.empty() ? "body" : body;
+  }
+
+  json facts;
+  Import import;
+};
+
+TEST_P(MjcfFacts, hold_for_each_joint) {
+  for (const json& fact : facts["joints"]) {
+    if (!is_here(fact)) continue;
+    const Joint& own = joint(model(), name_of(fact));
+    SCOPED_TRACE(own.name);
+    const bool takes_tendons = std::any_of(import.report.begin(), import.report.end(), [&](const string& line) {
+      return line.find("on the joint that moves them") != string::npos && line.find("on " + own.name) != string::npos;
+    });
+    EXPECT_NEAR(own.armature, fact["armature"].get<double>(), takes_tendons ? infinity : 1e-12);
+    EXPECT_NEAR(own.friction, fact["friction"].get<double>(), takes_tendons ? infinity : 1e-12);
+    if (fact["range"].is_null()) {
+      EXPECT_TRUE(own.lower == -infinity || takes_tendons);
+    } else {
+      EXPECT_NEAR(own.lower, fact["range"][0].get<double>(), 1e-12);
+      EXPECT_NEAR(own.upper, fact["range"][1].get<double>(), 1e-12);
+    }
+  }
+}
+
+// Effort of what acts on joints alone or along soft couplings.
+Efforts efforts(const Model& model, const Efforts& q, const Efforts& v) {
+  Efforts sums;
+  for (const Joint& own : model.joints) {
+    if (!own.moves()) continue;
+    const double drive = own.drive.kp * (own.drive.position_target - q.at(own.name)) +
+                         own.drive.kd * (own.drive.velocity_target - v.at(own.name)) + own.effort;
+    sums[own.name] = std::clamp(drive, -own.effort_limit, own.effort_limit) -
+                     own.stiffness * (q.at(own.name) - own.rest) - own.damping * v.at(own.name);
+  }
+  for (const Coupling& coupling : model.couplings) {
+    const auto* spring = std::get_if<Spring>(&coupling.softness);
+    if (!spring) continue;
+    double error = q.at(coupling.joint) + coupling.offset, rate = v.at(coupling.joint);
+    for (const CouplingTerm& term : coupling.terms)
+      error += term.ratio * q.at(term.joint), rate += term.ratio * v.at(term.joint);
+    const double force = -spring->kp * error - spring->kd * rate;
+    sums[coupling.joint] += force;
+    for (const CouplingTerm& term : coupling.terms) sums[term.joint] += term.ratio * force;
+  }
+  return sums;
+}
+
+// Of the leaders: what followers of hard couplings pass on to them.
+Efforts passed_on(Efforts sums, const Model& model) {
+  for (std::size_t pass = 0; pass < model.couplings.size(); ++pass)
+    for (const Coupling& coupling : model.couplings) {
+      if (!is_hard(coupling.softness)) continue;
+      const double effort = std::exchange(sums[coupling.joint], 0.0);
+      for (const CouplingTerm& term : coupling.terms) sums[term.joint] -= term.ratio * effort;
+    }
+  return sums;
+}
+
+TEST_P(MjcfFacts, hold_for_inertia_energy_and_efforts) {
+  const Plan plan = compile(model(), {.ignore = {.position_limits = {.all = true}}});
+  Batch<double> batch(plan, 1);
+  Efforts q, v, theirs;
+  for (const json& fact : facts["joints"]) {
+    if (!is_here(fact)) continue;
+    const string name = name_of(fact);
+    q[name] = batch.positions()(plan.dof(name), 0) = fact["position"];
+    v[name] = fact["velocity"];
+    theirs[name] = fact["effort"];
+  }
+  const Efforts own = passed_on(efforts(model(), q, v), model()), wanted = passed_on(theirs, model());
+  for (const auto& [name, effort] : own) EXPECT_NEAR(effort, wanted.at(name), 1e-9 * (1.0 + std::abs(effort))) << name;
+
+  // The energy, but for what has no link: it stands still.
+  EXPECT_NEAR(batch.potential_energies()(0, 0), facts["energy"].get<double>(), 1e-9);
+  double mass = 0.0;
+  for (const Link& link : model().links) mass += link.inertia.mass;
+  EXPECT_NEAR(mass, facts["mass"].get<double>(), 1e-12);
+
+  batch.root_velocities().setZero();
+  // Twice the kinetic energy of each independent joint that moves with unit velocity, its followers with it.
+  const json& matrix = facts["mass_matrix"];
+  for (const int independent : plan.independent_dofs()) {
+    Efforts motion;
+    for (const auto& [name, velocity] : v) motion[name] = plan.dof(name) == independent ? 1.0 : 0.0;
+    for (std::size_t pass = 0; pass < model().couplings.size(); ++pass)
+      for (const Coupling& coupling : model().couplings) {
+        if (!is_hard(coupling.softness)) continue;
+        double follower = 0.0;
+        for (const CouplingTerm& term : coupling.terms) follower -= term.ratio * motion.at(term.joint);
+        motion.at(coupling.joint) = follower;
+      }
+    std::vector<double> unit(matrix.size());
+    for (const json& fact : facts["joints"])
+      if (is_here(fact)) unit[fact["dof"].get<std::size_t>()] = motion.at(name_of(fact));
+    for (const auto& [name, velocity] : motion) batch.velocities()(plan.dof(name), 0) = velocity;
+    double twice = 0.0;
+    for (std::size_t i = 0; i < unit.size(); ++i)
+      for (std::size_t j = 0; j < unit.size(); ++j) twice += unit[i] * unit[j] * matrix[i][j].get<double>();
+    // MuJoCo finds principal axes to about 1e-12 kg m^2.
+    EXPECT_NEAR(2.0 * batch.kinetic_energies()(0, 0), twice, 1e-9 * twice + 1e-11)
+        << plan.dof_names()[static_cast<std::size_t>(independent)];
+  }
+}
+
+std::vector<string> models() {
+  std::vector<string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(folder / "models"))
+    if (entry.path().extension() == ".xml") names.push_back(entry.path().stem());
+  std::sort(names.begin(), names.end());
+  return names;
+}
+INSTANTIATE_TEST_SUITE_P(models, MjcfFacts, testing::ValuesIn(models()), [](const auto& name) { return name.param; });
+
+TEST(MjcfContacts, are_the_pairs_of_mujoco) {
+  std::ifstream stream(folder / "facts/contacts.json");
+  std::set<std::tuple<string, string, double>> wanted, own;
+  const json facts = json::parse(stream);
+  for (const json& pair : facts["pairs"]) {
+    const auto [first, second] = std::minmax(pair[0].get<string>(), pair[1].get<string>());
+    wanted.emplace(first, second, pair[2]);
+  }
+  const Import import = import_mjcf_file(folder / "models/contacts.xml", {.colliders = true});
+  for (const Contact& contact : import.model.contacts)
+    own.emplace(std::min(contact.first, contact.second), std::max(contact.first, contact.second), *contact.friction);
+  EXPECT_EQ(own, wanted);
+  EXPECT_EQ(import.model.contacts.size(), wanted.size());
+}
+
+}  // namespace
+}  // namespace lockstep
