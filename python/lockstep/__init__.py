@@ -12,7 +12,19 @@ Arrays of a batch are live views: [num_envs, k], without copies, valid for ever.
 [k, num_envs], which is the fast layout. Copy what you keep: `batch.q.copy()`.
 """
 
-from ._lockstep import Batch, Plan, Rows, __version__, compile, from_urdf, from_urdf_text, load_kernel
+from ._lockstep import (
+    Batch,
+    Plan,
+    Rows,
+    __version__,
+    compile,
+    from_file,
+    from_mjcf,
+    from_mjcf_text,
+    from_urdf,
+    from_urdf_text,
+    load_kernel,
+)
 from ._lockstep import _require_main_interpreter
 from .errors import Error, ImportFileError, ModelError, SettingsError, UsageError
 from .model import (
@@ -67,6 +79,9 @@ __all__ = [
     "UsageError",
     "__version__",
     "compile",
+    "from_file",
+    "from_mjcf",
+    "from_mjcf_text",
     "from_urdf",
     "from_urdf_text",
     "infinity",

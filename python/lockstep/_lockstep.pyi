@@ -36,7 +36,7 @@ def compile(
     contact_rounds: int = ...,
     contact_tolerance: float = ...,
 ) -> Plan: ...
-def from_urdf(
+def from_file(
     path: Union[str, os.PathLike[str]],
     *,
     least_mass: float = ...,
@@ -45,6 +45,11 @@ def from_urdf(
     repair_inertias: bool = ...,
     leave_out_foreign: bool = ...,
     colliders: bool = ...,
+    keyframe: str = ...,
+    body: str = ...,
+    leave_out_loops: bool = ...,
+    soft_as_in_file: bool = ...,
+    leave_out_meshes: bool = ...,
     ignore: _Ignore = ...,
 ) -> Model: ...
 def from_urdf_text(
@@ -57,8 +62,18 @@ def from_urdf_text(
     repair_inertias: bool = ...,
     leave_out_foreign: bool = ...,
     colliders: bool = ...,
+    keyframe: str = ...,
+    body: str = ...,
+    leave_out_loops: bool = ...,
+    soft_as_in_file: bool = ...,
+    leave_out_meshes: bool = ...,
     ignore: _Ignore = ...,
 ) -> Model: ...
+
+from_urdf = from_file
+from_mjcf = from_file
+from_mjcf_text = from_urdf_text
+
 def _require_main_interpreter() -> None: ...
 def load_kernel(path: str) -> None: ...
 

@@ -36,6 +36,12 @@ py::list unmet_to_python(const Plan& plan, const std::vector<UnmetCoupling>& unm
 
 void bind_control(py::class_<AnyBatch>& batch);
 void bind_plan(py::module_& module);
+void bind_import(py::module_& module);
+
+/// From {"position_limits": True | ["joint", ...] | "followers", ...}, or the names of bounds that all joints leave
+/// out.
+Ignored ignored_of(const py::object& given);
+
 void bind_batch(py::module_& module);
 
 }  // namespace lockstep::python

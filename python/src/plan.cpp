@@ -1,9 +1,6 @@
 // Plan, compile() and the importer for Python. SPDX-License-Identifier: Apache-2.0
 #include <pybind11/numpy.h>
 #include <pybind11/stl.h>
-#include <pybind11/stl/filesystem.h>
-
-#include <filesystem>
 
 #include "batch.h"
 
@@ -17,7 +14,8 @@ constexpr std::pair<const char*, JointSet Ignored::*> bounds[] = {{"position_lim
                                                                   {"effort_limits", &Ignored::effort_limits},
                                                                   {"friction", &Ignored::friction}};
 
-// {"position_limits": True | ["joint", ...] | "followers", ...}, or the names of bounds that all joints leave out.
+}  // namespace
+
 Ignored ignored_of(const py::object& given) {
   Ignored ignored;
   const auto set_of = [&](const py::handle& name) -> JointSet& {
@@ -44,6 +42,8 @@ Ignored ignored_of(const py::object& given) {
   }
   return ignored;
 }
+
+namespace {
 
 py::dict ignored_to_python(const Ignored& ignored) {
   py::dict all;
@@ -130,23 +130,6 @@ py::array_t<double> limits_of(const Plan& plan) {
   return limits;
 }
 
-py::object imported(const Import& import) {
-  py::object model = to_python(import.model);
-  model.attr("report") = import.report;
-  model.attr("warnings") = import.warnings;
-  return model;
-}
-
-ImportOptions import_options(double least_mass, double least_inertia, double density, bool repair_inertias,
-                             bool leave_out_foreign, bool colliders, const py::object& ignore) {
-  ImportOptions options;
-  options.colliders = colliders;
-  options.least_mass = least_mass, options.least_inertia = least_inertia, options.density = density;
-  options.repair_inertias = repair_inertias, options.leave_out_foreign = leave_out_foreign;
-  options.ignore = ignored_of(ignore);
-  return options;
-}
-
 }  // namespace
 
 void bind_plan(py::module_& module) {
@@ -218,38 +201,6 @@ void bind_plan(py::module_& module) {
              "Validates and compiles a Model. dt: s. vary: fields that differ from environment to environment. ignore: "
              "bounds that are left out, as names or {name: True | joints | 'followers'}. Raises ModelError, "
              "SettingsError.");
-  const ImportOptions o;
-  module.def(
-      "from_urdf",
-      [](const std::filesystem::path& path, double least_mass, double least_inertia, double density,
-         bool repair_inertias, bool leave_out_foreign, bool colliders, const py::object& ignore) {
-        if (!std::filesystem::exists(path)) {  // as open() does it
-          errno = ENOENT;
-          PyErr_SetFromErrnoWithFilename(PyExc_OSError, path.c_str());
-          throw py::error_already_set();
-        }
-        return imported(import_urdf_file(
-            path.string(),
-            import_options(least_mass, least_inertia, density, repair_inertias, leave_out_foreign, colliders, ignore)));
-      },
-      "path"_a, py::kw_only(), "least_mass"_a = o.least_mass, "least_inertia"_a = o.least_inertia,
-      "density"_a = o.density, "repair_inertias"_a = o.repair_inertias, "leave_out_foreign"_a = o.leave_out_foreign,
-      "colliders"_a = o.colliders, "ignore"_a = py::none(),
-      "Reads a Model from a URDF file. model.report says what became of everything in it, model.warnings what its "
-      "owner "
-      "should act on. The options are those of ImportOptions. Raises ImportFileError, ModelError, FileNotFoundError.");
-  module.def(
-      "from_urdf_text",
-      [](const std::string& text, const std::string& source, double least_mass, double least_inertia, double density,
-         bool repair_inertias, bool leave_out_foreign, bool colliders, const py::object& ignore) {
-        return imported(import_urdf(
-            text, source,
-            import_options(least_mass, least_inertia, density, repair_inertias, leave_out_foreign, colliders, ignore)));
-      },
-      "text"_a, "source"_a = "URDF text", py::kw_only(), "least_mass"_a = o.least_mass,
-      "least_inertia"_a = o.least_inertia, "density"_a = o.density, "repair_inertias"_a = o.repair_inertias,
-      "leave_out_foreign"_a = o.leave_out_foreign, "colliders"_a = o.colliders, "ignore"_a = py::none(),
-      "The same from text; `source` names it in errors.");
 }
 
 }  // namespace lockstep::python

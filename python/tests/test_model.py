@@ -103,6 +103,24 @@ def test_files(tmp_path):
         ls.from_urdf_text("no xml", "here")
 
 
+def test_mjcf_files(tmp_path):
+    text = """<mujoco><worldbody><body name="arm" pos="0 0 1"><joint name="hinge" axis="0 1 0" range="-90 90"/>
+        <geom type="capsule" size=".02 .1"/></body></worldbody>
+        <keyframe><key name="bent" qpos="0.5"/></keyframe></mujoco>"""
+    (tmp_path / "arm.xml").write_text(text)
+    for read in (ls.from_file, ls.from_mjcf):
+        model = read(tmp_path / "arm.xml", keyframe="bent", body="arm")
+        assert model.joints["hinge"].position == 0.5
+        assert model.joints["hinge"].upper == pytest.approx(np.pi / 2)
+    assert ls.from_mjcf_text(text).joints["hinge"].position == 0
+    with pytest.raises(ls.ImportFileError, match="arm.xml:1.*from_|arm.xml:1.*import_mjcf_file"):
+        ls.from_urdf(tmp_path / "arm.xml")
+    with pytest.raises(ls.SettingsError, match="density"):
+        ls.from_mjcf_text(text, density=1000)
+    with pytest.raises(ls.SettingsError, match="keyframe"):
+        ls.from_urdf(MODELS / "gripper.urdf", keyframe="bent")
+
+
 def test_plans_say_what_follows(plan):
     assert plan.independent == ["shoulder_yaw", "shoulder_pitch", "elbow", "knuckle"] == plan.driven
     leaders, offset = plan.followers["left_tip_joint"]

@@ -74,6 +74,19 @@ int lockstep_model_from_urdf_text(const char* text, lockstep_model** out) {
     *out = imported(import_urdf(given(text, "text")));
   });
 }
+int lockstep_model_from_file(const char* path, const char* keyframe, const char* body, uint32_t flags,
+                             lockstep_model** out) {
+  return guarded([&] {
+    *given(out, "out") = nullptr;
+    require_zero(flags & ~(LOCKSTEP_LEAVE_OUT_LOOPS | LOCKSTEP_LEAVE_OUT_MESHES | LOCKSTEP_SOFT_AS_IN_FILE), "a flag");
+    ImportOptions options;
+    options.keyframe = keyframe ? keyframe : "", options.body = body ? body : "";
+    if (flags & LOCKSTEP_LEAVE_OUT_LOOPS) options.loops = Loops::leave_out;
+    if (flags & LOCKSTEP_SOFT_AS_IN_FILE) options.soft = Soft::as_in_file;
+    options.leave_out_meshes = (flags & LOCKSTEP_LEAVE_OUT_MESHES) != 0;
+    *out = imported(import_file(given(path, "path"), options));
+  });
+}
 int lockstep_model_report(const lockstep_model* model, const char** out) {
   return guarded([&] { *given(out, "out") = given(model, "model")->report.c_str(); });
 }

@@ -133,7 +133,7 @@ void add_contact(const std::string& text, Model& model) {
 }  // namespace
 
 void ModelOptions::add_to(CLI::App& app) {
-  app.add_option("MODEL", file, "The mechanism, a URDF file")->required();
+  app.add_option("MODEL", file, "The mechanism, a URDF or MJCF file")->required();
   const auto bound = [&](const char* name, double& value, const char* unit, const char* help) {
     app.add_option(name, value, help)->type_name(unit)->check(CLI::NonNegativeNumber);
   };
@@ -146,6 +146,16 @@ void ModelOptions::add_to(CLI::App& app) {
         "Raises smaller principal moments of bodies with mass to this; repairs inertias, too");
   app.add_flag("--leave-out-foreign", import.leave_out_foreign,
                "Leaves out closed loops and couplings that other tools add to URDF");
+  app.add_option("--keyframe", import.keyframe, "MJCF: the <key> to start in, by name or number from 0")
+      ->type_name("KEY");
+  app.add_option("--body", import.body, "MJCF: reads this body and what it carries, and leaves out all else")
+      ->type_name("BODY");
+  app.add_flag_callback(
+      "--leave-out-loops", [this] { import.loops = Loops::leave_out; }, "MJCF: leaves out connect and weld");
+  app.add_flag("--leave-out-meshes", import.leave_out_meshes, "MJCF: meshes give no inertia, instead of being refused");
+  app.add_flag_callback(
+      "--soft-as-in-file", [this] { import.soft = Soft::as_in_file; },
+      "MJCF: couplings are as soft as the file says, instead of hard");
   CLI::Option* floats = app.add_flag_callback(
       "--floating-base", [this] { floating = true; }, "Lets root links float in the world (default: as in the file)");
   app.add_flag_callback(
@@ -155,9 +165,9 @@ void ModelOptions::add_to(CLI::App& app) {
     const std::vector<double> numbers = to_numbers(text, 3, "--gravity");
     return Eigen::Vector3d(numbers[0], numbers[1], numbers[2]);
   };
-  add_parsed(app, "--gravity", gravity, vector, "Gravity in m/s^2, world axes")
-      ->type_name("X,Y,Z")
-      ->default_str("0,0,-9.81");
+  add_parsed(app, "--gravity", gravity, vector,
+             "Gravity in m/s^2, world axes (default: as in the file; 0,0,-9.81 for URDF)")
+      ->type_name("X,Y,Z");
   app.add_option("--erp", erp, "Share of its error that every hard coupling corrects per step")
       ->type_name("E")
       ->default_str("0.2")
@@ -205,7 +215,7 @@ void ModelOptions::add_to(CLI::App& app) {
 void apply(const ModelOptions& options, Model& model) {
   if (options.floating)
     for (Root& root : model.roots) root.floating = *options.floating;
-  model.gravity = options.gravity;
+  if (options.gravity) model.gravity = *options.gravity;
   if (options.erp)
     for (Coupling& coupling : model.couplings)
       if (std::holds_alternative<Hard>(coupling.softness)) coupling.softness = Hard{*options.erp};
@@ -225,7 +235,7 @@ Import ModelOptions::load(const Ignored& ignore) const {
   options.ignore = ignore;
   options.colliders = import.colliders || ground || !contacts.empty();
   options.change = [this](Model& model) { apply(*this, model); };
-  const Import read = import_urdf_file(file, options);
+  const Import read = import_file(file, options);
   for (const std::string& line : read.warnings) fmt::print(stderr, "lockstep: warning: {}\n", line);
   return read;
 }

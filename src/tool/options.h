@@ -20,18 +20,18 @@ namespace lockstep::tool {
 struct ModelOptions {
   std::string file;
   ImportOptions import;
-  std::optional<bool> floating;  ///< as in the file if empty
-  Eigen::Vector3d gravity{0.0, 0.0, -9.81};
-  std::optional<double> erp;              ///< of every hard coupling
-  std::vector<std::string> softness;      ///< "JOINT=MU,ZETA", or "MU,ZETA" for all couplings
-  std::vector<std::string> damping;       ///< "JOINT=D", or "D" for all joints
-  std::vector<std::string> armature;      ///< "JOINT=A", or "A" for all joints
-  std::vector<std::string> sites;         ///< "NAME=LINK" or "NAME=LINK,X,Y,Z"
-  std::vector<std::string> force_limits;  ///< "JOINT=F"
-  std::vector<std::string> drives;        ///< "JOINT=KP,KD"
-  std::vector<std::string> kinematic;     ///< "JOINT"
-  std::optional<double> ground;           ///< friction of a half-space below z = 0, which the robot may touch
-  std::vector<std::string> contacts;      ///< "COLLIDER,COLLIDER", groups too
+  std::optional<bool> floating;            ///< as in the file if empty
+  std::optional<Eigen::Vector3d> gravity;  ///< as in the file if empty
+  std::optional<double> erp;               ///< of every hard coupling
+  std::vector<std::string> softness;       ///< "JOINT=MU,ZETA", or "MU,ZETA" for all couplings
+  std::vector<std::string> damping;        ///< "JOINT=D", or "D" for all joints
+  std::vector<std::string> armature;       ///< "JOINT=A", or "A" for all joints
+  std::vector<std::string> sites;          ///< "NAME=LINK" or "NAME=LINK,X,Y,Z"
+  std::vector<std::string> force_limits;   ///< "JOINT=F"
+  std::vector<std::string> drives;         ///< "JOINT=KP,KD"
+  std::vector<std::string> kinematic;      ///< "JOINT"
+  std::optional<double> ground;            ///< friction of a half-space below z = 0, which the robot may touch
+  std::vector<std::string> contacts;       ///< "COLLIDER,COLLIDER", groups too
 
   void add_to(CLI::App& app);
   /// Reads the file, prints the import's warnings on standard error and applies the other options. What is ignored is

@@ -41,6 +41,11 @@ int main(int count, char** arguments) {
   expect(lockstep_model_from_urdf("/no/such/file.urdf", &model) == LOCKSTEP_IMPORT_ERROR && model == NULL,
          "a missing file must be an import error");
   expect(strstr(lockstep_message(), "/no/such/file.urdf") != NULL, "the message must name the file");
+  expect(lockstep_model_from_file(arguments[1], "home", NULL, 0, &model) == LOCKSTEP_SETTINGS_ERROR && model == NULL,
+         "URDF has no keyframes");
+  expect(lockstep_model_from_file(arguments[1], NULL, "", 8, &model) == LOCKSTEP_USAGE_ERROR, "flags must be known");
+  expect(lockstep_model_from_file(arguments[1], NULL, "", 0, &model) == LOCKSTEP_OK, "any file must be read");
+  lockstep_model_free(model);
   expect(lockstep_model_from_urdf(arguments[1], &model) == LOCKSTEP_OK, "the gripper must be read");
   expect(lockstep_model_set_drive(model, "knuckle", 8.0, 0.3) == LOCKSTEP_OK, "the knuckle must take a drive");
   expect(lockstep_model_report(model, &text) == LOCKSTEP_OK && strstr(text, "5 couplings") != NULL, "there is a report");

@@ -91,17 +91,17 @@ void add_geoms(Body& body, const Element& element, bool has_inertial, const Sett
       (settings.inertia_from_geoms == FromGeoms::where_missing && has_inertial))
     return;
   Inertia sum;
-  bool is_any = false;
   for (const GeomPart& geom : body.geoms) {
     if (!counts(geom, settings)) continue;
-    is_any = true;
     if (!has_mesh(geom)) {
       sum = sum + weighed(geom);
     } else if (geom.element.number(geom.element.has("mass") ? "mass" : "density", 1000.0) != 0.0) {
       body.mesh_masses.push_back(geom.place);
     }
   }
-  if (is_any) body.inertia = sum;
+  if (!(sum.mass > 0.0)) return;
+  if (has_inertial) element.report().remark("inertials that geoms override", body.name);
+  body.inertia = sum;
 }
 
 void weigh(std::vector<Body>& bodies, const Settings& settings, Document& document) {

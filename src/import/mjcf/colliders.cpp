@@ -10,6 +10,8 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "model/trees.h"
+
 namespace lockstep::importer::mjcf {
 namespace {
 
@@ -18,6 +20,7 @@ constexpr std::size_t most_contacts = 200000;
 // How a geom touches.
 struct Touch {
   std::size_t body;
+  int carrier;  // the link that carries its body in the model, where equalities may hold joints; -1 in the world
   std::string collider, geom;  // names
   int type, affinity, dimension, priority;
   double friction;
@@ -42,7 +45,7 @@ std::optional<Shape> shape_of(const GeomPart& geom) {
 class Collision {
  public:
   Collision(const Scene& scene, const std::vector<Place>& places, Draft& draft)
-      : scene_(scene), places_(places), model_(draft.model), draft_(draft) {}
+      : scene_(scene), places_(places), model_(draft.model), draft_(draft), trees_(draft.model) {}
 
   void collide() {
     read_section();
@@ -89,8 +92,10 @@ class Collision {
     double friction[3] = {1.0, 0.005, 0.0001};
     element.numbers("friction", friction, 1, 3);
     const std::string name = unused(geom.name.empty() ? body.name : geom.name);
-    touches_.push_back(
-        {b, name, geom.name, type, affinity, element.whole("condim", 3), element.whole("priority", 0), friction[0]});
+    const std::string& link = places_[b].link;
+    const int carrier = link.empty() ? -1 : trees_.carrier[static_cast<std::size_t>(model_.link_index(link))];
+    touches_.push_back({b, carrier, name, geom.name, type, affinity, element.whole("condim", 3),
+                        element.whole("priority", 0), friction[0]});
     touch_of_.emplace(geom.name, touches_.size() - 1);
     model_.colliders.push_back({.name = name,
                                 .link = places_[b].link,
@@ -115,7 +120,8 @@ class Collision {
   }
 
   bool can_touch(const Touch& a, const Touch& b) const {
-    return weld_[a.body] != weld_[b.body] && (scene_.bodies.moves[a.body] || scene_.bodies.moves[b.body]);
+    const auto stands = [&](const Touch& touch) { return touch.carrier < 0 || trees_.is_bolted(touch.carrier); };
+    return weld_[a.body] != weld_[b.body] && a.carrier != b.carrier && !(stands(a) && stands(b));
   }
 
   void add_by_masks(const Touch& a, const Touch& b) {
@@ -141,11 +147,9 @@ class Collision {
     const Touch &a = touches_[first->second], &b = touches_[second->second];
     if (!can_touch(a, b))
       return report().warn("contact pairs that cannot move against each other, left out", element.place());
-    auto [friction, dimension] = combined(a, b);
-    double own[5] = {friction};
-    element.numbers("friction", own, 1, 5);
-    friction = own[0];
-    add(a, b, friction, element.whole("condim", dimension));
+    double friction[5] = {1.0};
+    element.numbers("friction", friction, 1, 5);
+    add(a, b, friction[0], element.whole("condim", 3));
   }
 
   void add(const Touch& a, const Touch& b, double friction, int dimension) {
@@ -168,6 +172,7 @@ class Collision {
   const std::vector<Place>& places_;
   Model& model_;
   Draft& draft_;
+  const Trees trees_;
   std::vector<Touch> touches_;
   std::unordered_map<std::string, std::size_t> touch_of_;  // by the geom's name
   std::vector<const Element::Xml*> pairs_;

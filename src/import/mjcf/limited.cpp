@@ -20,7 +20,12 @@ std::optional<Range> limited_range(const Element& element, const char* range, co
   if (mode == automatic && !autolimits)
     element.fail(fmt::format("has {}, but not {}, with autolimits=\"false\"", range, limited),
                  fmt::format("write {}=\"true\" or \"false\"", limited));
-  if (!(ends[0] < ends[1])) element.fail(fmt::format("{} is empty", range), "give the lower end first");
+  if (!(ends[0] < ends[1])) {
+    if (mode == yes) element.fail(fmt::format("{} is empty", range), "give the lower end first");
+    element.report().warn("ranges that are empty, so that they limit nothing",
+                          fmt::format("{} of {}", range, element.title()));
+    return std::nullopt;
+  }
   return Range{ends[0], ends[1]};
 }
 

@@ -12,8 +12,9 @@ struct Range {
   double lower, upper;
 };
 
-/// The range if it limits: the switch says so, or it is automatic and there is a range. "0 0" is none. Throws
-/// ImportError where it limits and is empty, and where MuJoCo would ask for the switch.
+/// The range if it limits: the switch says so, or it is automatic and there is a range. "0 0" is none.
+/// An empty one is none, with a warning, unless the switch says that it limits. Throws ImportError then, and where
+/// MuJoCo would ask for the switch.
 std::optional<Range> limited_range(const Element& element, const char* range, const char* limited, bool autolimits);
 
 /// "of solref 0.02 1, solimp ...", with MuJoCo's numbers where the file has none.

@@ -63,13 +63,14 @@ Quaterniond turn_to(const Vector3d& direction) {
 Eigen::Isometry3d read_pose(const Element& element, const Settings& settings) {
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   pose.translation() = element.triple("pos", Vector3d::Zero());
-  const char* chosen = nullptr;
-  int own = 0;
-  for (const char* attribute : {"quat", "axisangle", "xyaxes", "zaxis", "euler"}) {
+  const char* chosen = nullptr;  // a quat counts last, even an own one beside a default, as in MuJoCo
+  int own = element.has_own("quat");
+  for (const char* attribute : {"axisangle", "xyaxes", "zaxis", "euler"}) {
     if (!element.has(attribute)) continue;
     own += element.has_own(attribute);
     if (!chosen || element.has_own(attribute)) chosen = attribute;
   }
+  if (!chosen && element.has("quat")) chosen = "quat";
   if (own > 1) element.fail("has two orientations", "keep one of quat, axisangle, xyaxes, zaxis, euler");
   if (chosen) pose.linear() = turn(element, chosen, settings).toRotationMatrix();
   return pose;

@@ -1,0 +1,83 @@
+// Models from files. SPDX-License-Identifier: Apache-2.0
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <cerrno>
+#include <filesystem>
+
+#include "batch.h"
+
+namespace lockstep::python {
+namespace {
+
+using namespace pybind11::literals;
+
+using FromFile = Import (*)(const std::string&, const ImportOptions&);
+using FromText = Import (*)(const std::string&, const std::string&, const ImportOptions&);
+
+py::object imported(const Import& import) {
+  py::object model = to_python(import.model);
+  model.attr("report") = import.report;
+  model.attr("warnings") = import.warnings;
+  return model;
+}
+
+// Adds a function of `first` and all options. `read(first..., options)` gives the Import.
+template <class... First, class Read, class... Arguments>
+void add(py::module_& module, const char* name, const char* help, Read read, const Arguments&... arguments) {
+  const ImportOptions o;
+  module.def(
+      name,
+      [read](First... first, double least_mass, double least_inertia, double density, bool repair_inertias,
+             bool leave_out_foreign, bool colliders, const std::string& keyframe, const std::string& body,
+             bool leave_out_loops, bool soft_as_in_file, bool leave_out_meshes, const py::object& ignore) {
+        ImportOptions options;
+        options.least_mass = least_mass, options.least_inertia = least_inertia, options.density = density;
+        options.repair_inertias = repair_inertias, options.leave_out_foreign = leave_out_foreign;
+        options.colliders = colliders, options.keyframe = keyframe, options.body = body;
+        options.loops = leave_out_loops ? Loops::leave_out : Loops::refuse;
+        options.soft = soft_as_in_file ? Soft::as_in_file : Soft::harden;
+        options.leave_out_meshes = leave_out_meshes;
+        options.ignore = ignored_of(ignore);
+        return imported(read(first..., options));
+      },
+      arguments..., py::kw_only(), "least_mass"_a = o.least_mass, "least_inertia"_a = o.least_inertia,
+      "density"_a = o.density, "repair_inertias"_a = o.repair_inertias, "leave_out_foreign"_a = o.leave_out_foreign,
+      "colliders"_a = o.colliders, "keyframe"_a = o.keyframe, "body"_a = o.body, "leave_out_loops"_a = false,
+      "soft_as_in_file"_a = false, "leave_out_meshes"_a = o.leave_out_meshes, "ignore"_a = py::none(), help);
+}
+
+void add_file(py::module_& module, const char* name, const char* help, FromFile read) {
+  add<const std::filesystem::path&>(
+      module, name, help,
+      [read](const std::filesystem::path& path, const ImportOptions& options) {
+        if (!std::filesystem::exists(path)) {  // as open() does it
+          errno = ENOENT;
+          PyErr_SetFromErrnoWithFilename(PyExc_OSError, path.c_str());
+          throw py::error_already_set();
+        }
+        return read(path.string(), options);
+      },
+      "path"_a);
+}
+
+void add_text(py::module_& module, const char* name, const char* source, FromText read) {
+  add<const std::string&, const std::string&>(module, name, "The same from text; `source` names it in errors.", read,
+                                              "text"_a, "source"_a = source);
+}
+
+}  // namespace
+
+void bind_import(py::module_& module) {
+  add_file(module, "from_file",
+           "Reads a Model from a URDF or MJCF file. model.report says what became of everything in it, model.warnings "
+           "what its owner should act on. The options are those of ImportOptions; one that the format cannot use is a "
+           "SettingsError. Raises ImportFileError, ModelError, FileNotFoundError, too.",
+           import_file);
+  add_file(module, "from_urdf", "from_file() for URDF alone.", import_urdf_file);
+  add_text(module, "from_urdf_text", "URDF text", import_urdf);
+  add_file(module, "from_mjcf", "from_file() for MJCF, MuJoCo's XML, alone.", import_mjcf_file);
+  add_text(module, "from_mjcf_text", "MJCF text", import_mjcf);
+}
+
+}  // namespace lockstep::python

@@ -1,0 +1,95 @@
+// Every attribute matters: without it the Model or the report is another. SPDX-License-Identifier: Apache-2.0
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <regex>
+#include <set>
+
+#include "lockstep/error.h"
+#include "model_text.h"
+#include "unit/import_helpers.h"
+
+namespace lockstep {
+namespace {
+
+using std::string;
+
+const std::filesystem::path folder = LOCKSTEP_MJCF;
+
+string contents(const std::filesystem::path& path) {
+  std::ifstream stream(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+// What is read: the Model and the report, or the error.
+string read(const string& text, const ImportOptions& options) {
+  try {
+    const Import import = import_mjcf(text, "file", options);
+    return text_of(import.model) + report_of(import);
+  } catch (const Error& error) {
+    return error.what();
+  }
+}
+
+// "tag: attribute" of all attributes whose deletion changes nothing.
+std::set<string> without_effect(const string& text, const ImportOptions& options) {
+  std::set<string> found;
+  const string whole = read(text, options);
+  string bare = text;  // without comments, but with their lines
+  for (std::size_t at; (at = bare.find("<!--")) != string::npos;)
+    for (const std::size_t end = bare.find("-->", at) + 3; at < end; ++at)
+      if (bare[at] != '\n') bare[at] = ' ';
+  EXPECT_EQ(read(bare, options), whole);
+  const std::regex attribute("\\s([A-Za-z_0-9]+)\\s*=\\s*(\"[^\"]*\"|'[^']*')");
+  for (auto at = std::sregex_iterator(bare.begin(), bare.end(), attribute); at != std::sregex_iterator(); ++at) {
+    const auto position = static_cast<std::size_t>(at->position()), length = static_cast<std::size_t>(at->length());
+    string less = bare;
+    less.erase(position, length);
+    if (read(less, options) != whole) continue;
+    const std::size_t open = bare.rfind('<', position);
+    found.insert(bare.substr(open + 1, bare.find_first_of(" \t\n", open) - open - 1) + ": " + at->str(1) + "=" +
+                 at->str(2));
+  }
+  return found;
+}
+
+struct Case {
+  const char* model;
+  std::set<string> allowed;  // because they say what holds without them
+};
+
+void PrintTo(const Case& given, std::ostream* stream) { *stream << given.model; }
+
+class Deletion : public testing::TestWithParam<Case> {};
+
+TEST_P(Deletion, of_any_attribute_changes_the_model_or_the_report) {
+  const string text = contents(folder / "models" / (string(GetParam().model) + ".xml"));
+  const string key = text.find("<key") != string::npos ? "0" : "";
+  EXPECT_EQ(without_effect(text, {.colliders = true, .keyframe = key}), GetParam().allowed);
+}
+
+// Numbers that are the default ones, names that a joint or key has without it, and what other attributes override.
+INSTANTIATE_TEST_SUITE_P(
+    models, Deletion,
+    testing::Values(Case{"contacts",
+                         {R"(geom: condim="1")", R"(geom: name="d")", R"(geom: name="post")", R"(geom: name="shown")",
+                          R"(geom: size="1 1 1")", R"(geom: type="sphere")", R"(pair: condim="3")"}},
+                    Case{"drives", {R"(general: biasprm="5 -10 -1")", R"(general: biastype="none")"}},
+                    Case{"frames",
+                         {R"(geom: group="4")", R"(geom: type="box")", R"(geom: type="sphere")", R"(joint: name="hub")",
+                          R"(joint: name="spoke")"}},
+                    Case{"hand",
+                         {R"(general: biasprm="0 -7 -0.3")", R"(general: gainprm="12")", R"(geom: name="tip")",
+                          R"(joint: name="left")", R"(joint: name="right")", R"(key: name="held")"}},
+                    Case{"masses",
+                         {R"(geom: group="0")", R"(inertial: diaginertia="1 1 1")", R"(inertial: pos="1 1 1")",
+                          R"(joint: axis="0 0 1")", R"(joint: name="a")", R"(joint: name="b")", R"(joint: name="c")"}},
+                    Case{"several",
+                         {R"(body: pos="0 0 1")", R"(body: pos="1 2 0.5")", R"(body: quat="1 0.3 -0.2 0.5")",
+                          R"(freejoint: name="car")", R"(joint: axis="0 0 1")", R"(joint: name="ball")",
+                          R"(joint: name="wheel")", R"(joint: pos="5 5 5")", R"(key: name="moving")"}},
+                    Case{"tendons", {R"(fixed: limited="true")", R"(fixed: springlength="3")"}}),
+    [](const auto& given) { return string(given.param.model); });
+
+}  // namespace
+}  // namespace lockstep
