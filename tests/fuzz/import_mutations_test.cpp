@@ -22,11 +22,11 @@ struct File {
   string name, text;
 };
 
-// The files of tests/models, sorted by name, so that the seed of a failure means the same everywhere.
-std::vector<File> files() {
+// The files of a folder, sorted by name, so that the seed of a failure means the same everywhere.
+std::vector<File> files(const string& folder, const string& extension) {
   std::vector<std::filesystem::path> paths;
-  for (const auto& entry : std::filesystem::directory_iterator(LOCKSTEP_MODELS))
-    if (entry.path().extension() == ".urdf") paths.push_back(entry.path());
+  for (const auto& entry : std::filesystem::directory_iterator(folder))
+    if (entry.path().extension() == extension) paths.push_back(entry.path());
   std::sort(paths.begin(), paths.end());
   std::vector<File> result;
   for (const auto& path : paths) {
@@ -97,14 +97,16 @@ class Damage {
   std::mt19937 random_;
 };
 
-TEST(ImportMutations, every_damaged_file_is_read_or_refused_by_name) {
+// Reads mutants of all files, or sees them refused.
+template <class Read>
+void expect_read_or_refused(const std::vector<File>& files, Read read_text) {
   int read = 0, refused = 0;
   unsigned seed = 0;
-  for (const File& file : files())
+  for (const File& file : files)
     for (int i = 0; i < mutants_per_file; ++i, ++seed) {
       const string text = Damage(seed)(file.text);
       try {
-        const Import import = import_urdf(text, file.name);
+        const Import import = read_text(text, file.name);
         ASSERT_NO_THROW(import.model.validate()) << file.name << ", seed " << seed;
         ASSERT_FALSE(import.report.empty());
         ++read;
@@ -118,8 +120,19 @@ TEST(ImportMutations, every_damaged_file_is_read_or_refused_by_name) {
   // Damage that is always or never refused would test only half of the reader.
   EXPECT_GT(read, static_cast<int>(seed) / 10);
   EXPECT_GT(refused, static_cast<int>(seed) / 10);
-  RecordProperty("read", read);
-  RecordProperty("refused", refused);
+  testing::Test::RecordProperty("read", read);
+  testing::Test::RecordProperty("refused", refused);
+}
+
+TEST(ImportMutations, every_damaged_file_is_read_or_refused_by_name) {
+  expect_read_or_refused(files(LOCKSTEP_MODELS, ".urdf"),
+                         [](const string& text, const string& name) { return import_urdf(text, name); });
+}
+
+TEST(ImportMutations, every_damaged_mjcf_file_is_read_or_refused_by_name) {
+  expect_read_or_refused(files(LOCKSTEP_MODELS "/../mjcf/models", ".xml"), [](const string& text, const string& name) {
+    return import_mjcf(text, name, {.colliders = true, .loops = Loops::leave_out, .leave_out_meshes = true});
+  });
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "body_inertia.h"
 #include "body_parts.h"
 #include "lockstep/error.h"
+#include "names.h"
 #include "pose.h"
 
 namespace lockstep::importer::mjcf {
@@ -31,6 +32,7 @@ class Reader {
       : document_(document), settings_(settings), classes_(classes) {}
 
   Bodies read() {
+    names_.take("world");
     bodies_.push_back({.name = "world", .place = document_.line(document_.root()) + ": <worldbody>"});
     bool is_there = false;
     for (const Element::Xml* xml : document_.children(document_.root())) {
@@ -114,8 +116,7 @@ class Reader {
     if (element.has("name")) {
       body.name = element.name("name") + around.suffix;
       element.rename("body '" + body.name + "'");
-      if (body.name == "world" || !names_.insert(body.name).second)
-        element.fail("has a name that is taken", "give each body its own name");
+      if (!names_.take(body.name)) element.fail("has a name that is taken", "give each body its own name");
     }
     body.place = element.place();
     body.parent = static_cast<int>(around.body);
@@ -160,25 +161,16 @@ class Reader {
     }
   }
 
-  // An unnamed body is called after the one that carries it, an unnamed joint after its body.
+  // An unnamed joint is called after its body.
   void name_unnamed() {
-    const auto unused = [](std::unordered_set<std::string>& taken, const std::string& base) {
-      std::string name = base;
-      for (int n = 2; !taken.insert(name).second; ++n) name = fmt::format("{}#{}", base, n);
-      return name;
-    };
-    std::unordered_set<std::string> joints;
+    Names joints;
     for (const Body& body : bodies_)
       for (const JointPart& joint : body.joints)
-        if (!joint.name.empty() && !joints.insert(joint.name).second) throw_taken(joint);
-    names_.insert("world");
+        if (!joint.name.empty() && !joints.take(joint.name)) throw_taken(joint);
     for (Body& body : bodies_) {
-      if (body.name.empty()) {
-        const Body& carrier = bodies_[static_cast<std::size_t>(body.parent)];
-        body.name = unused(names_, body.parent == 0 ? "body" : carrier.name);
-      }
+      if (body.name.empty()) body.name = names_.unused("body");
       for (JointPart& joint : body.joints)
-        if (joint.name.empty()) joint.name = unused(joints, body.name);
+        if (joint.name.empty()) joint.name = joints.unused(body.name);
     }
   }
 
@@ -188,7 +180,7 @@ class Reader {
   const Settings& settings_;
   const Classes& classes_;
   std::vector<Body> bodies_;
-  std::unordered_set<std::string> names_;
+  Names names_;
   std::unordered_set<std::size_t> has_inertial_;
   std::size_t copies_ = 0;
 };

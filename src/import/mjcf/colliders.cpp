@@ -11,6 +11,7 @@
 #include <unordered_set>
 
 #include "model/trees.h"
+#include "names.h"
 
 namespace lockstep::importer::mjcf {
 namespace {
@@ -48,6 +49,7 @@ class Collision {
       : scene_(scene), places_(places), model_(draft.model), draft_(draft), trees_(draft.model) {}
 
   void collide() {
+    names_.take("robot");  // the group
     read_section();
     for (std::size_t b = 0; b < scene_.bodies.all.size(); ++b)
       if (b == 0 || scene_.is_read[b])
@@ -91,7 +93,7 @@ class Collision {
     }
     double friction[3] = {1.0, 0.005, 0.0001};
     element.numbers("friction", friction, 1, 3);
-    const std::string name = unused(geom.name.empty() ? body.name : geom.name);
+    const std::string name = names_.unused(geom.name.empty() ? body.name : geom.name);
     const std::string& link = places_[b].link;
     const int carrier = link.empty() ? -1 : trees_.carrier[static_cast<std::size_t>(model_.link_index(link))];
     touches_.push_back({b, carrier, name, geom.name, type, affinity, element.whole("condim", 3),
@@ -162,12 +164,6 @@ class Collision {
     model_.contacts.push_back({.first = a.collider, .second = b.collider, .friction = dimension == 1 ? 0.0 : friction});
   }
 
-  std::string unused(const std::string& base) {
-    std::string name = base;
-    for (int n = 2; !taken_.insert(name).second; ++n) name = fmt::format("{}#{}", base, n);
-    return name;
-  }
-
   const Scene& scene_;
   const std::vector<Place>& places_;
   Model& model_;
@@ -178,7 +174,7 @@ class Collision {
   std::vector<const Element::Xml*> pairs_;
   std::unordered_set<std::string> paired_;
   std::set<std::pair<std::string, std::string>> excluded_, seen_;
-  std::unordered_set<std::string> taken_ = {"robot"};
+  Names names_;
   std::vector<std::size_t> weld_, weld_parent_;
 };
 

@@ -4,10 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <unordered_set>
 
 #include "lockstep/error.h"
 #include "model/trees.h"
+#include "names.h"
 
 namespace lockstep::importer::mjcf {
 namespace {
@@ -22,8 +22,8 @@ class Grower {
   Grower(const Scene& scene, const Start& start, Draft& draft)
       : scene_(scene), start_(start), draft_(draft), places_(scene.bodies.all.size()) {
     for (const Body& body : scene.bodies.all) {
-      links_.insert(body.name);
-      for (const JointPart& joint : body.joints) joints_.insert(joint.name);
+      links_.take(body.name);
+      for (const JointPart& joint : body.joints) joints_.take(joint.name);
     }
   }
 
@@ -131,7 +131,7 @@ class Grower {
       anchor = next;
       origin = turns ? Isometry3d(origin * Eigen::AngleAxisd(-part.ref, part.axis))
                      : Isometry3d(origin * shift(-part.ref * part.axis));
-      const std::string child = is_last ? own.name : unused(links_, part.name);
+      const std::string child = is_last ? own.name : links_.unused(part.name);
       if (!is_last) {
         add_link(child, {}, part.place);
         report().remark("links without mass between the joints of one body", child);
@@ -144,7 +144,7 @@ class Grower {
     places_[b] = {own.name, shift(-anchor)};
     if (!own.joints.empty()) return;
     Joint joint;
-    joint.name = unused(joints_, own.name);
+    joint.name = joints_.unused(own.name);
     joint.parent = parent, joint.child = own.name;
     joint.origin = origin;
     draft_.places["joint '" + joint.name + "'"] = own.place;
@@ -184,17 +184,11 @@ class Grower {
     }
   }
 
-  static std::string unused(std::unordered_set<std::string>& taken, const std::string& base) {
-    std::string name = base;
-    for (int n = 2; !taken.insert(name).second; ++n) name = fmt::format("{}#{}", base, n);
-    return name;
-  }
-
   const Scene& scene_;
   const Start& start_;
   Draft& draft_;
   std::vector<Place> places_;
-  std::unordered_set<std::string> links_, joints_;
+  Names links_, joints_;
   bool has_world_ = false;
 };
 

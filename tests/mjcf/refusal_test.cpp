@@ -1,0 +1,226 @@
+// What MJCF cannot become a Model of, and hostile files. SPDX-License-Identifier: Apache-2.0
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "lockstep/error.h"
+#include "unit/import_helpers.h"
+
+namespace lockstep {
+namespace {
+
+using std::string;
+
+const string ball = "<geom size='0.1'/>";
+string body(const string& inside, const string& name = "b") {
+  return "<body name='" + name + "'>" + inside + ball + "</body>";
+}
+string world(const string& bodies, const string& beside = "") {
+  return "<mujoco>" + beside + "\n<worldbody>" + bodies + "</worldbody></mujoco>";
+}
+const string pair = body("<joint name='x'/>", "one") + body("<joint name='y'/>", "two");
+
+// The error names line, rule and remedy.
+void expect_refused(const string& text, const string& line, const string& rule, const ImportOptions& options = {}) {
+  try {
+    import_mjcf(text, "file", options);
+    ADD_FAILURE() << "accepted: " << text;
+  } catch (const Error& error) {
+    EXPECT_TRUE(string(error.what()).starts_with("file:" + line)) << error.what();
+    EXPECT_NE(error.rule().find(rule), string::npos) << error.what();
+    EXPECT_FALSE(error.remedy().empty());
+  }
+}
+
+TEST(MjcfRefusal, is_of_what_would_be_another_mechanism) {
+  expect_refused(world(body("<joint type='ball'/>")), "2: <joint>", "ball joint");
+  expect_refused(world(body("<joint/>" + body("<freejoint/>", "c"))), "2: <freejoint>", "frees a body");
+  expect_refused(world(body("<freejoint/><joint/>")), "2: <joint>", "beside a free joint");
+  expect_refused(world("<joint/>"), "2: <joint>", "world");
+  expect_refused(world(pair, "<equality><connect body1='one' body2='two' anchor='0 0 0'/></equality>"),
+                 "1:", "closes a loop");
+  expect_refused(world(pair, "<equality><weld body1='one'/></equality>"), "1:", "closes a loop");
+  expect_refused(world(pair, "<equality><joint joint1='x' joint2='y' polycoef='0 1 0.1'/></equality>"),
+                 "1:", "not linear");
+  expect_refused(world(pair, "<equality><joint joint1='x' joint2='z'/></equality>"), "1:", "does not exist");
+  expect_refused(world(pair, "<equality><joint joint1='x' joint2='x'/></equality>"), "1:", "itself");
+  expect_refused(world(pair, "<equality><flex flex='f'/></equality>"), "1:", "lacks");
+  expect_refused(world(pair,
+                       "<equality><joint joint1='x' joint2='y'/><joint joint1='x' joint2='y' "
+                       "polycoef='0.1 1'/></equality>"),
+                 "1:", "contradicts");
+  expect_refused(world(pair, "<tendon><spatial name='s'/></tendon><equality><tendon tendon1='s'/></equality>"),
+                 "1:", "spatial");
+  expect_refused(world(body("<joint/><geom type='mesh' mesh='m'/>")), "2: <geom>", "inertia of its mesh");
+  expect_refused(world(body("<joint/><geom size='0.1' shellinertia='true'/>")), "2: <geom>", "shell");
+  expect_refused(world(body("<joint damping='1 2 0'/>")), "2: <joint>", "higher order");
+  expect_refused(world("<composite type='cable'/>"), "2: <composite>", "only MuJoCo");
+}
+
+TEST(MjcfRefusal, is_of_what_mujoco_refuses) {
+  expect_refused(world(body("<joint class='none'/>")), "2: <joint>", "class 'none'");
+  expect_refused(world("<body childclass='none'/>"), "2: <body>", "childclass 'none'");
+  expect_refused(world(body("<joint/>"), "<default><default><joint/></default></default>"), "1: <default>", "'class'");
+  expect_refused(world(body("<joint/>"), "<default class='other'/>"), "1: <default>", "at the top");
+  expect_refused(world(body("<joint/>"), "<default><default class='a'/><default class='a'/></default>"), "1: <default>",
+                 "once more");
+  expect_refused(world(body("<joint range='0 1'/>"), "<compiler autolimits='false'/>"), "2: <joint>", "autolimits");
+  expect_refused(world(body("<joint limited='true' range='1 0'/>")), "2: <joint>", "range is empty");
+  expect_refused(world(body("<joint axis='0 0 0'/>")), "2: <joint>", "axis has no length");
+  expect_refused(world(body("<joint type='screw'/>")), "2: <joint>", "not known");
+  expect_refused(world(body("<joint/>") + body("<joint/>")), "2: body 'b'", "taken");
+  expect_refused(world(body("<joint name='j'/>", "c") + body("<joint name='j'/>")), "2: joint 'j'", "taken");
+  expect_refused(world(body("<joint/><geom/>")), "2: <geom>", "not above 0");
+  expect_refused(world(body("<joint/><geom size='0.1' mass='-1'/>")), "2: <geom>", "negative mass");
+  expect_refused(world(body("<joint/><geom type='capsule' size='0.1' fromto='1 1 1 1 1 1'/>")), "2: <geom>",
+                 "both ends");
+  expect_refused(world("<body quat='1 0 0 0' euler='0 0 0'/>"), "2: <body>", "two orientations");
+  expect_refused(world("<body quat='0 0 0 0'/>"), "2: <body>", "no length");
+  expect_refused(world("<body xyaxes='1 0 0 2 0 0'/>"), "2: <body>", "no length");
+  const string inertial = "<joint/><inertial pos='0 0 0' mass='1' ";
+  expect_refused(world(body(inertial + "diaginertia='1 1 1' fullinertia='1 1 1 0 0 0'/>")), "2: <inertial>",
+                 "has diaginertia and fullinertia");
+  expect_refused(world(body(inertial + "euler='1 2 3' fullinertia='1 1 1 0 0 0'/>")), "2: <inertial>", "euler");
+  expect_refused(world(body("<joint/>"), "<compiler inertiafromgeom='false'/>"), "2: body 'b'", "no <inertial>");
+  expect_refused(world("", "<compiler eulerseq='xyw'/>"), "1: <compiler>", "eulerseq");
+  expect_refused(world("", "<compiler coordinate='global'/>"), "1: <compiler>", "global");
+  expect_refused("<mujoco/>", "1: <mujoco>", "no <worldbody>");
+  expect_refused(world(pair, "<actuator><motor joint='z'/></actuator>"), "1:", "does not exist");
+  expect_refused(world(pair, "<actuator><motor/></actuator>"), "1:", "acts on nothing");
+  expect_refused(world(pair, "<actuator><position joint='x' kv='1' dampratio='1'/></actuator>"),
+                 "1:", "kv and dampratio");
+  expect_refused(world(pair, "<tendon><fixed/></tendon>"), "1: <fixed>", "no joints");
+  expect_refused(world("<replicate count='2.5'/>"), "2: <replicate>", "whole");
+  expect_refused(world(body("<joint/>"), "<keyframe><key name='k' qpos='1 2'/></keyframe>"), "1: key 'k'",
+                 "2 numbers, not 1", {.keyframe = "k"});
+}
+
+TEST(MjcfRefusal, names_options_that_do_not_fit) {
+  const auto expect = [](const ImportOptions& options, const string& name) {
+    try {
+      import_mjcf(world(pair), "file", options);
+      ADD_FAILURE() << name;
+    } catch (const SettingsError& error) {
+      EXPECT_EQ(error.element(), "ImportOptions::" + name);
+    }
+  };
+  expect({.density = 1.0}, "density");
+  expect({.leave_out_foreign = true}, "leave_out_foreign");
+  expect({.keyframe = "home"}, "keyframe");
+  expect({.body = "three"}, "body");
+  for (const auto& [options, name] : {std::pair<ImportOptions, string>{{.keyframe = "k"}, "keyframe"},
+                                      {{.body = "b"}, "body"},
+                                      {{.loops = Loops::leave_out}, "loops"},
+                                      {{.soft = Soft::as_in_file}, "soft"},
+                                      {{.leave_out_meshes = true}, "leave_out_meshes"}})
+    try {
+      import_urdf("<robot name='r'><link name='a'/></robot>", "file", options);
+      ADD_FAILURE() << name;
+    } catch (const SettingsError& error) {
+      EXPECT_EQ(error.element(), "ImportOptions::" + name);
+    }
+}
+
+TEST(MjcfRefusal, sends_each_format_to_its_reader) {
+  expect_refused("<robot name='r'/>", "1: <robot>", "URDF");
+  expect_refused("<sdf/>", "1: <sdf>", "no MJCF");
+  try {
+    import_urdf(world(""), "file");
+    FAIL() << "accepted";
+  } catch (const ImportError& error) {
+    EXPECT_NE(error.remedy().find("import_mjcf_file"), string::npos) << error.what();
+  }
+}
+
+// A folder of files for one test.
+class MjcfFiles : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder = std::filesystem::temp_directory_path() / ("lockstep_mjcf_" + std::to_string(getpid()));
+    std::filesystem::create_directories(folder / "robot/parts");
+  }
+  void TearDown() override { std::filesystem::remove_all(folder); }
+  void write(const string& name, const string& text) const { std::ofstream(folder / name) << text; }
+  void expect_refused_file(const string& place, const string& rule) const {
+    try {
+      import_mjcf_file(folder / "robot/main.xml");
+      ADD_FAILURE() << "accepted";
+    } catch (const ImportError& error) {
+      EXPECT_TRUE(error.element().starts_with((folder / "robot" / place).string())) << error.what();
+      EXPECT_NE(error.rule().find(rule), string::npos) << error.what();
+    }
+  }
+  std::filesystem::path folder;
+};
+
+TEST_F(MjcfFiles, are_included_from_their_folder_alone) {
+  write("outside.xml", world(""));
+  std::filesystem::create_symlink(folder / "outside.xml", folder / "robot/link.xml");
+  const auto including = [](const string& name) { return world("", "\n<include file='" + name + "'/>"); };
+  for (const auto& [name, rule] : {std::pair<string, string>{"/etc/passwd", "no path below"},
+                                   {"../outside.xml", "leads out"},
+                                   {"link.xml", "leads out"},
+                                   {"parts/../../outside.xml", "leads out"},
+                                   {"https://example.org/a.xml", "no path below"},
+                                   {"none.xml", "does not exist"},
+                                   {"", "is empty"},
+                                   {"main.xml", "twice"}}) {
+    write("robot/main.xml", including(name));
+    expect_refused_file("main.xml:2: <include>", rule);
+  }
+  write("robot/main.xml", including("a.xml"));
+  write("robot/a.xml", "<mujoco>\n\n<include file='parts/b.xml'/></mujoco>");
+  write("robot/parts/b.xml", "<mujoco><include file='c.xml'/></mujoco>");
+  write("robot/parts/c.xml", "<mujoco><include file='a.xml'/></mujoco>");
+  expect_refused_file("parts/c.xml:1: <include>", "twice");
+  write("robot/parts/c.xml", "<mujoco><worldbody><body><joint/></mujoco>");
+  expect_refused_file("parts/c.xml:1", "well-formed");
+  write("robot/parts/c.xml", "<mujoco>\n<worldbody><joint/></worldbody></mujoco>");
+  expect_refused_file("parts/c.xml:2: <joint>", "world");
+  write("robot/parts/c.xml", "<robot/>");
+  expect_refused_file("parts/c.xml:1", "no MJCF");
+  EXPECT_THROW(import_mjcf(including("a.xml")), ImportError);
+}
+
+TEST_F(MjcfFiles, are_included_to_a_bounded_depth) {
+  for (int i = 0; i < 30; ++i)
+    write("robot/" + std::to_string(i) + ".xml",
+          "<mujoco><include file='" + std::to_string(i + 1) + ".xml'/></mujoco>");
+  write("robot/main.xml", world("", "<include file='0.xml'/>"));
+  expect_refused_file("19.xml:1", "deeper than 20");
+}
+
+TEST_F(MjcfFiles, are_told_from_urdf_by_the_root) {
+  write("robot/main.xml", world(pair));
+  write("robot/a.urdf", "<robot name='r'><link name='a'/></robot>");
+  EXPECT_EQ(import_file(folder / "robot/main.xml").model.joints.size(), 2u);
+  EXPECT_EQ(import_file(folder / "robot/a.urdf").model.name, "r");
+  EXPECT_THROW(import_file(folder / "robot/none"), ImportError);
+}
+
+TEST(MjcfHostile, is_refused_in_bounded_time_and_memory) {
+  string deep = ball, defaults;
+  for (int i = 0; i < 90; ++i) deep = "<body><joint/>" + ball + deep + "</body>";
+  EXPECT_EQ(import_mjcf(world(deep)).model.joints.size(), 90u);
+  for (int i = 0; i < 200; ++i) deep = "<body>" + deep + "</body>";
+  expect_refused(world(deep), "2", "nests elements deeper");
+  for (int i = 0; i < 90; ++i) defaults = "<default class='c" + std::to_string(i) + "'>" + defaults + "</default>";
+  EXPECT_NO_THROW(import_mjcf(world(body("<joint class='c0'/>"), "<default>" + defaults + "</default>")));
+  for (int i = 0; i < 100; ++i) defaults = "<default class='d" + std::to_string(i) + "'>" + defaults + "</default>";
+  expect_refused(world(pair, "<default>" + defaults + "</default>"), "1", "nests elements deeper");
+  expect_refused(world("<replicate count='1000000'>" + body("<joint/>", "r") + "</replicate>"), "2: <replicate>",
+                 "copies");
+  string nested = "<geom size='0.1'/>";
+  for (int i = 0; i < 20; ++i) nested = "<replicate count='100'>" + nested + "</replicate>";
+  expect_refused(world(nested), "2: <replicate>", "copies");
+  expect_refused(world(pair, "<equality><joint joint1='x' joint2='y' polycoef='nan 1'/></equality>"), "1:", "finite");
+  expect_refused(world("<body pos='1e400 0 0'/>"), "2: <body>", "beyond the range");
+  expect_refused(world(body("<joint range='0 inf'/>")), "2: <joint>", "finite");
+  expect_refused("<!DOCTYPE d [<!ENTITY e 'x'>]>" + world(pair), "1", "entities");
+  expect_refused("<mujoco><worldbody>", "1", "well-formed");
+  expect_refused(world("<replicate count='-5'/>"), "2: <replicate>", "count of 0");
+}
+
+}  // namespace
+}  // namespace lockstep
