@@ -1,0 +1,18 @@
+# The stored facts are what MuJoCo says today, as cmake -P with:   SPDX-License-Identifier: Apache-2.0
+#   NODE, LIBRARY (the folder of mujoco-js), SOURCE (this folder), WORK
+cmake_minimum_required(VERSION 3.22)
+if(NOT NODE OR NOT EXISTS "${LIBRARY}/dist/mujoco_wasm.js")
+  message("skipped: needs node, and LOCKSTEP_MUJOCO_JS with the folder of npm's mujoco-js@0.0.7")
+  return()
+endif()
+file(REMOVE_RECURSE ${WORK})
+file(MAKE_DIRECTORY ${WORK})
+execute_process(COMMAND ${NODE} ${SOURCE}/facts.mjs ${LIBRARY} ${SOURCE}/models ${WORK} COMMAND_ERROR_IS_FATAL ANY)
+file(GLOB models RELATIVE ${SOURCE}/models ${SOURCE}/models/*.xml)
+foreach(model ${models})
+  string(REPLACE .xml .json facts ${model})
+  execute_process(COMMAND ${CMAKE_COMMAND} -E compare_files ${SOURCE}/facts/${facts} ${WORK}/${facts} RESULT_VARIABLE differs)
+  if(differs)
+    message(SEND_ERROR "${facts} is not what MuJoCo says: see ${WORK}/${facts}")
+  endif()
+endforeach()
