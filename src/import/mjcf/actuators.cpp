@@ -160,10 +160,6 @@ void read_actuator(const Element::Xml& xml, Scene& scene) {
   actuator.force = limited_range(element, "forcerange", "forcelimited", autolimits);
   actuator.control = limited_range(element, "ctrlrange", "ctrllimited", autolimits);
   inherit_range(element, scene, actuator);
-  if (!actuator.filter.empty()) {
-    for (const char* number : {"dynprm", "timeconst"}) element.has(number);
-    limited_range(element, "actrange", "actlimited", autolimits);
-  }
   if (actuator.gear == 0.0 && actuator.lost.empty()) actuator.lost = "has a gear of 0";
   scene.actuators.push_back(std::move(actuator));
 }

@@ -100,7 +100,9 @@ JointPart read_joint_part(Element element, const Eigen::Isometry3d& frame, const
     read_passive(element, settings, part);
     if (part.type == JointType::free &&
         (part.stiffness != 0.0 || part.damping != 0.0 || part.armature != 0.0 || part.friction != 0.0))
-      element.report().warn("springs, damping, armature and friction of free joints, left out", element.title());
+      element.report().warn("springs, damping, armature and friction of free joints, left out",
+                            fmt::format("{}: {:g} {:g} {:g} {:g}", element.title(), part.stiffness, part.damping,
+                                        part.armature, part.friction));
     return part;
   }
   part.anchor = frame * element.triple("pos", Eigen::Vector3d::Zero());

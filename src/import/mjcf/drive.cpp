@@ -42,7 +42,15 @@ class Driver {
   }
 
   void lose(const Actuator& actuator, const std::string& why) const {
-    report().warn("actuators left out", fmt::format("{} {}", actuator.name, why));
+    const auto& [constant, stiffness, damping] = actuator.bias;
+    std::string force = fmt::format("{:g} u", actuator.gain);
+    if (constant != 0.0) force += fmt::format(" + {:g}", constant);
+    if (stiffness != 0.0) force += fmt::format(" + {:g} length", stiffness);
+    if (damping != 0.0) force += fmt::format(" + {:g} rate", damping);
+    if (actuator.gear != 1.0) force += fmt::format(", gear {:g}", actuator.gear);
+    for (const auto& [name, range] : {std::pair("force", actuator.force), std::pair("control", actuator.control)})
+      if (range) force += fmt::format(", {} {:g} to {:g}", name, range->lower, range->upper);
+    report().warn("actuators left out", fmt::format("{} {} ({})", actuator.name, why, force));
     report().show_all("actuators left out");
   }
 

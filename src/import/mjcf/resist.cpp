@@ -38,7 +38,7 @@ class Resistance {
       if (free_.terms.size() == 1)
         use(joint(), factor());
       else
-        lose(what, free_.terms.empty() ? "an equality holds it" : "");
+        lose(what, fmt::format("{:g}{}", value, free_.terms.empty() ? ", an equality holds it" : ""));
     };
     loss("friction of tendons, left out", tendon_.friction,
          [&](Joint& own, double c) { own.friction += tendon_.friction * std::abs(c); });
@@ -55,8 +55,8 @@ class Resistance {
   }
   double factor() const { return free_.terms.front().second; }
 
-  void lose(const char* what, const std::string& why) const {
-    report().warn(what, why.empty() ? name_ : fmt::format("{}: {}", name_, why));
+  void lose(const char* what, const std::string& numbers) const {
+    report().warn(what, fmt::format("{} ({})", name_, numbers));
   }
   bool is_held(const char* what) const {
     if (free_.terms.empty())
@@ -66,7 +66,9 @@ class Resistance {
 
   void limit() {
     if (!tendon_.range || is_held("range")) return;
-    if (free_.terms.size() > 1) return lose("limits of tendons over several joints, left out", "");
+    if (free_.terms.size() > 1)
+      return lose("limits of tendons over several joints, left out",
+                  fmt::format("{:g} to {:g}", tendon_.range->lower, tendon_.range->upper));
     Joint& own = joint();
     const double one = (tendon_.range->lower - free_.constant) / factor();
     const double other = (tendon_.range->upper - free_.constant) / factor();
@@ -88,7 +90,8 @@ class Resistance {
     if ((stiffness == 0.0 && damping == 0.0) || is_held("spring")) return;
     const bool is_automatic = tendon_.shortest == -1.0;
     if (stiffness != 0.0 && !is_automatic && tendon_.shortest != tendon_.longest) {
-      lose("springs of tendons with a range without force, left out", "");
+      lose("springs of tendons with a range without force, left out",
+           fmt::format("{:g} beyond {:g} to {:g}", stiffness, tendon_.shortest, tendon_.longest));
       stiffness = 0.0;
       if (damping == 0.0) return;
     }
@@ -120,14 +123,20 @@ class Resistance {
 
 void resist_tendons(const Scene& scene, const Ties& ties, Draft& draft) {
   for (const Tendon& tendon : scene.tendons) {
-    const bool resists = tendon.range || tendon.stiffness != 0.0 || tendon.damping != 0.0 || tendon.friction != 0.0 ||
-                         tendon.armature != 0.0;
-    if (!resists) continue;
+    std::string numbers;
+    const auto add = [&](const char* what, double value) {
+      if (value != 0.0) numbers += fmt::format("{}{} {:g}", numbers.empty() ? "" : ", ", what, value);
+    };
+    add("stiffness", tendon.stiffness), add("damping", tendon.damping);
+    add("friction", tendon.friction), add("armature", tendon.armature);
+    if (tendon.range)
+      numbers += fmt::format("{}{:g} to {:g}", numbers.empty() ? "" : ", ", tendon.range->lower, tendon.range->upper);
+    if (numbers.empty()) continue;
+    const std::string what = fmt::format("{} ({})", tendon.name.empty() ? tendon.place : tendon.name, numbers);
     if (tendon.is_spatial)
-      scene.report().warn("spatial tendons that limit, pull or resist, left out",
-                          tendon.name.empty() ? tendon.place : tendon.name);
+      scene.report().warn("spatial tendons that limit, pull or resist, left out", what);
     else if (!tendon.is_whole)
-      scene.report().warn("tendons over bodies left out, left out", tendon.name.empty() ? tendon.place : tendon.name);
+      scene.report().warn("tendons over bodies left out, left out", what);
     else
       Resistance(tendon, scene, ties, draft).add();
   }
