@@ -1,13 +1,5 @@
 // Every attribute matters: without it the Model or the report is another. SPDX-License-Identifier: Apache-2.0
-#include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <regex>
-#include <set>
-
-#include "lockstep/error.h"
-#include "model_text.h"
-#include "unit/import_helpers.h"
+#include "deletion.h"
 
 namespace lockstep {
 namespace {
@@ -15,43 +7,6 @@ namespace {
 using std::string;
 
 const std::filesystem::path folder = LOCKSTEP_MJCF;
-
-string contents(const std::filesystem::path& path) {
-  std::ifstream stream(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(stream), {}};
-}
-
-// What is read: the Model and the report, or the error.
-string read(const string& text, const ImportOptions& options) {
-  try {
-    const Import import = import_mjcf(text, "file", options);
-    return text_of(import.model) + report_of(import);
-  } catch (const Error& error) {
-    return error.what();
-  }
-}
-
-// "tag: attribute" of all attributes whose deletion changes nothing.
-std::set<string> without_effect(const string& text, const ImportOptions& options) {
-  std::set<string> found;
-  const string whole = read(text, options);
-  string bare = text;  // without comments, but with their lines
-  for (std::size_t at; (at = bare.find("<!--")) != string::npos;)
-    for (const std::size_t end = bare.find("-->", at) + 3; at < end; ++at)
-      if (bare[at] != '\n') bare[at] = ' ';
-  EXPECT_EQ(read(bare, options), whole);
-  const std::regex attribute("\\s([A-Za-z_0-9]+)\\s*=\\s*(\"[^\"]*\"|'[^']*')");
-  for (auto at = std::sregex_iterator(bare.begin(), bare.end(), attribute); at != std::sregex_iterator(); ++at) {
-    const auto position = static_cast<std::size_t>(at->position()), length = static_cast<std::size_t>(at->length());
-    string less = bare;
-    less.erase(position, length);
-    if (read(less, options) != whole) continue;
-    const std::size_t open = bare.rfind('<', position);
-    found.insert(bare.substr(open + 1, bare.find_first_of(" \t\n", open) - open - 1) + ": " + at->str(1) + "=" +
-                 at->str(2));
-  }
-  return found;
-}
 
 struct Case {
   const char* model;

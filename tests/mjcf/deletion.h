@@ -1,13 +1,19 @@
-// All of a Model as text, for comparisons. SPDX-License-Identifier: Apache-2.0
+// Which attributes of an MJCF file have no effect. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <filesystem>
+#include <fstream>
+#include <regex>
+#include <set>
 #include <sstream>
 #include <string>
 
-#include "lockstep/model.h"
+#include "lockstep/error.h"
+#include "unit/import_helpers.h"
 
 namespace lockstep {
 
+/// All of a Model, for comparisons.
 inline std::string text_of(const Model& model) {
   std::ostringstream out;
   out.precision(17);
@@ -43,6 +49,43 @@ inline std::string text_of(const Model& model) {
     out << root.link << ' ' << root.floating << ' ' << root.pose.matrix() << ' ' << root.velocity.transpose() << '\n';
   out << model.name << ' ' << model.gravity.transpose();
   return out.str();
+}
+
+inline std::string contents(const std::filesystem::path& path) {
+  std::ifstream stream(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+/// What is read: the Model and the report, or the error.
+inline std::string read(const std::string& text, const ImportOptions& options) {
+  try {
+    const Import import = import_mjcf(text, "file", options);
+    return text_of(import.model) + report_of(import);
+  } catch (const Error& error) {
+    return error.what();
+  }
+}
+
+/// 'tag: attribute="value"' of all attributes whose deletion changes nothing.
+inline std::set<std::string> without_effect(const std::string& text, const ImportOptions& options) {
+  std::set<std::string> found;
+  const std::string whole = read(text, options);
+  std::string bare = text;  // without comments, but with their lines
+  for (std::size_t at; (at = bare.find("<!--")) != std::string::npos;)
+    for (const std::size_t end = bare.find("-->", at) + 3; at < end; ++at)
+      if (bare[at] != '\n') bare[at] = ' ';
+  EXPECT_EQ(read(bare, options), whole);
+  const std::regex attribute("\\s([A-Za-z_0-9]+)\\s*=\\s*(\"[^\"]*\"|'[^']*')");
+  for (auto at = std::sregex_iterator(bare.begin(), bare.end(), attribute); at != std::sregex_iterator(); ++at) {
+    const auto position = static_cast<std::size_t>(at->position()), length = static_cast<std::size_t>(at->length());
+    std::string less = bare;
+    less.erase(position, length);
+    if (read(less, options) != whole) continue;
+    const std::size_t open = bare.rfind('<', position);
+    found.insert(bare.substr(open + 1, bare.find_first_of(" \t\n", open) - open - 1) + ": " + at->str(1) + "=" +
+                 at->str(2));
+  }
+  return found;
 }
 
 }  // namespace lockstep
