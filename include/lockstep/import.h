@@ -33,6 +33,9 @@ enum class Soft {
   as_in_file,  ///< a Frequency that sags as MuJoCo's does. It rings faster: MuJoCo's yields by a virtual mass, too
 };
 
+LOCKSTEP_API const char* to_string(Loops loops);
+LOCKSTEP_API const char* to_string(Soft soft);
+
 /// What to do where a file leaves out inertias, has impossible ones, or holds what lockstep does not have. By default
 /// nothing is repaired or left out: a body whose joint has no inertia to move, or whose inertia no body can have, is an
 /// error. The report names every link that was changed. A body is a moving link, or the root, with all links fixed to

@@ -47,8 +47,8 @@ def from_file(
     colliders: bool = ...,
     keyframe: str = ...,
     body: str = ...,
-    leave_out_loops: bool = ...,
-    soft_as_in_file: bool = ...,
+    loops: str = ...,
+    soft: str = ...,
     leave_out_meshes: bool = ...,
     ignore: _Ignore = ...,
 ) -> Model: ...
@@ -64,8 +64,8 @@ def from_urdf_text(
     colliders: bool = ...,
     keyframe: str = ...,
     body: str = ...,
-    leave_out_loops: bool = ...,
-    soft_as_in_file: bool = ...,
+    loops: str = ...,
+    soft: str = ...,
     leave_out_meshes: bool = ...,
     ignore: _Ignore = ...,
 ) -> Model: ...

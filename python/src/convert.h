@@ -52,6 +52,8 @@ Method method_of(const std::string& name);
 Integrator integrator_of(const std::string& name);
 Target target_of(const std::string& name);
 Engine engine_of(const std::string& name);
+Loops loops_of(const std::string& name);
+Soft soft_of(const std::string& name);
 Parameter parameter_of(const std::string& name);
 
 /// Exceptions of lockstep become those of lockstep/errors.py.

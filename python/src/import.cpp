@@ -30,21 +30,21 @@ void add(py::module_& module, const char* name, const char* help, Read read, con
       name,
       [read](First... first, double least_mass, double least_inertia, double density, bool repair_inertias,
              bool leave_out_foreign, bool colliders, const std::string& keyframe, const std::string& body,
-             bool leave_out_loops, bool soft_as_in_file, bool leave_out_meshes, const py::object& ignore) {
+             const std::string& loops, const std::string& soft, bool leave_out_meshes, const py::object& ignore) {
         ImportOptions options;
         options.least_mass = least_mass, options.least_inertia = least_inertia, options.density = density;
         options.repair_inertias = repair_inertias, options.leave_out_foreign = leave_out_foreign;
         options.colliders = colliders, options.keyframe = keyframe, options.body = body;
-        options.loops = leave_out_loops ? Loops::leave_out : Loops::refuse;
-        options.soft = soft_as_in_file ? Soft::as_in_file : Soft::harden;
+        options.loops = loops_of(loops);
+        options.soft = soft_of(soft);
         options.leave_out_meshes = leave_out_meshes;
         options.ignore = ignored_of(ignore);
         return imported(read(first..., options));
       },
       arguments..., py::kw_only(), "least_mass"_a = o.least_mass, "least_inertia"_a = o.least_inertia,
       "density"_a = o.density, "repair_inertias"_a = o.repair_inertias, "leave_out_foreign"_a = o.leave_out_foreign,
-      "colliders"_a = o.colliders, "keyframe"_a = o.keyframe, "body"_a = o.body, "leave_out_loops"_a = false,
-      "soft_as_in_file"_a = false, "leave_out_meshes"_a = o.leave_out_meshes, "ignore"_a = py::none(), help);
+      "colliders"_a = o.colliders, "keyframe"_a = o.keyframe, "body"_a = o.body, "loops"_a = to_string(o.loops),
+      "soft"_a = to_string(o.soft), "leave_out_meshes"_a = o.leave_out_meshes, "ignore"_a = py::none(), help);
 }
 
 void add_file(py::module_& module, const char* name, const char* help, FromFile read) {

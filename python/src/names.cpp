@@ -23,6 +23,10 @@ Integrator integrator_of(const std::string& name) {
 Target target_of(const std::string& name) {
   return enumerator_of<Target>("target", name, static_cast<int>(Target::neon) + 1);
 }
+Loops loops_of(const std::string& name) { return enumerator_of<Loops>("loops", name, 2); }
+
+Soft soft_of(const std::string& name) { return enumerator_of<Soft>("soft", name, 2); }
+
 Engine engine_of(const std::string& name) {
   return enumerator_of<Engine>("engine", name, static_cast<int>(Engine::generated) + 1);
 }

@@ -115,6 +115,12 @@ def test_mjcf_files(tmp_path):
     assert ls.from_mjcf_text(text).joints["hinge"].position == 0
     with pytest.raises(ls.ImportFileError, match="arm.xml:1.*from_|arm.xml:1.*import_mjcf_file"):
         ls.from_urdf(tmp_path / "arm.xml")
+    loop = text.replace("<keyframe>", '<equality><connect body1="arm" anchor="0 0 0"/></equality><keyframe>')
+    assert ls.from_mjcf_text(loop, loops="leave_out", soft="as_in_file").warnings
+    with pytest.raises(ls.ImportFileError, match="closes a loop"):
+        ls.from_mjcf_text(loop)
+    with pytest.raises(ls.SettingsError, match="refuse, leave_out"):
+        ls.from_mjcf_text(loop, loops="cut")
     with pytest.raises(ls.SettingsError, match="density"):
         ls.from_mjcf_text(text, density=1000)
     with pytest.raises(ls.SettingsError, match="keyframe"):

@@ -3,6 +3,13 @@
 
 #include "lockstep/error.h"
 
+namespace lockstep {
+
+const char* to_string(Loops loops) { return loops == Loops::refuse ? "refuse" : "leave_out"; }
+const char* to_string(Soft soft) { return soft == Soft::harden ? "harden" : "as_in_file"; }
+
+}  // namespace lockstep
+
 namespace lockstep::importer {
 
 void refuse_others(const ImportOptions& options, Format format) {

@@ -23,6 +23,20 @@ constexpr Integrator all_integrators[] = {Integrator::automatic, Integrator::eul
 constexpr Method all_methods[] = {Method::automatic, Method::pgs, Method::tgs, Method::direct, Method::reduced};
 constexpr Engine all_engines[] = {Engine::automatic, Engine::tables, Engine::interpreter, Engine::generated};
 
+constexpr Loops all_loops[] = {Loops::refuse, Loops::leave_out};
+constexpr Soft all_soft[] = {Soft::harden, Soft::as_in_file};
+
+// The one of `all` whose name is `text`.
+template <class E, std::size_t n>
+E named(const E (&all)[n], const std::string& text, const char* option, const char* what) {
+  std::vector<const char*> known;
+  for (const E value : all) {
+    if (text == to_string(value)) return value;
+    known.push_back(to_string(value));
+  }
+  throw InputError(fmt::format("{}: there is no '{}'; the {} are {}", option, text, what, fmt::join(known, ", ")));
+}
+
 struct Named {
   std::string name;
   std::vector<double> numbers;
@@ -150,12 +164,18 @@ void ModelOptions::add_to(CLI::App& app) {
       ->type_name("KEY");
   app.add_option("--body", import.body, "MJCF: reads this body and what it carries, and leaves out all else")
       ->type_name("BODY");
-  app.add_flag_callback(
-      "--leave-out-loops", [this] { import.loops = Loops::leave_out; }, "MJCF: leaves out connect and weld");
+  add_parsed(
+      app, "--loops", import.loops,
+      [](const std::string& text) { return named(all_loops, text, "--loops", "choices"); },
+      "MJCF: leave_out reads the trees without connect and weld")
+      ->type_name("CHOICE")
+      ->default_str("refuse");
+  add_parsed(
+      app, "--soft", import.soft, [](const std::string& text) { return named(all_soft, text, "--soft", "choices"); },
+      "MJCF: as_in_file leaves couplings as soft as the file says")
+      ->type_name("CHOICE")
+      ->default_str("harden");
   app.add_flag("--leave-out-meshes", import.leave_out_meshes, "MJCF: meshes give no inertia, instead of being refused");
-  app.add_flag_callback(
-      "--soft-as-in-file", [this] { import.soft = Soft::as_in_file; },
-      "MJCF: couplings are as soft as the file says, instead of hard");
   CLI::Option* floats = app.add_flag_callback(
       "--floating-base", [this] { floating = true; }, "Lets root links float in the world (default: as in the file)");
   app.add_flag_callback(
@@ -275,21 +295,6 @@ void add_ignore(CLI::App& app, Ignored& ignore) {
              "with :JOINT behind, of followers with :followers")
       ->type_name("LIST");
 }
-
-namespace {
-
-// The one of `all` whose name is `text`.
-template <class E, std::size_t n>
-E named(const E (&all)[n], const std::string& text, const char* option, const char* what) {
-  std::vector<const char*> known;
-  for (const E value : all) {
-    if (text == to_string(value)) return value;
-    known.push_back(to_string(value));
-  }
-  throw InputError(fmt::format("{}: there is no '{}'; the {} are {}", option, text, what, fmt::join(known, ", ")));
-}
-
-}  // namespace
 
 Method method_of(const std::string& text) { return named(all_methods, text, "--method", "methods"); }
 

@@ -279,6 +279,32 @@ TEST_F(Command, prints_warnings_of_the_import_in_every_command) {
   EXPECT_EQ(run({"info", file, "--armature", "0.1"}).status, 0);
 }
 
+TEST_F(Command, reads_mjcf_with_its_options) {
+  const std::string file = write(
+      "pair.xml",
+      "<mujoco><option gravity='0 0 -2'/><worldbody><body name='a'><joint name='x' axis='0 1 0'/><geom size='0.1' "
+      "pos='0.1 0 0'/></body><body name='b'><joint name='y'/><geom size='0.1'/></body></worldbody><equality><joint "
+      "joint1='y' joint2='x'/><connect body1='a' body2='b' anchor='0 0 0'/></equality><keyframe><key name='up' "
+      "qpos='0.5 0.5'/></keyframe></mujoco>");
+  const Ran refused = run({"info", file});
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_NE(refused.err.find("pair.xml:1: equality <connect>"), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("--loops"), std::string::npos) << refused.err;
+  EXPECT_EQ(refused.err.find("Loops::"), std::string::npos) << refused.err;
+  const Arguments options = {"--loops", "leave_out", "--soft", "as_in_file", "--keyframe", "up"};
+  for (Arguments command : {Arguments{"info", file}, Arguments{"simulate", file, "--envs", "2", "--seconds", "0.01"},
+                            Arguments{"generate", file, "--out", path("kernel.cpp")}}) {
+    command.insert(command.end(), options.begin(), options.end());
+    const Ran ran = run(command);
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_NE(ran.err.find("closed loops, left out on request"), std::string::npos) << ran.err;
+  }
+  Arguments info = {"info", file, "--body", "b", "--loops", "leave_out"};
+  EXPECT_NE(run(info).out.find("1 moving joint"), std::string::npos);
+  EXPECT_EQ(run({"info", file, "--loops", "cut"}).status, 2);
+  EXPECT_EQ(run({"info", model, "--keyframe", "up"}).status, 2);
+}
+
 TEST_F(Command, records_the_place_of_a_site) {
   recorded({"--site", "tip=hand,0.02,0,0.01", "--site", "grip=finger", "--state", write("s.csv", "shoulder\n0\n"),
             "--precision", "f64"});

@@ -102,8 +102,7 @@ class Reader {
       scene_.report().show_all("closed loops, left out on request");
       return scene_.report().warn("closed loops, left out on request", element.place());
     }
-    element.fail("closes a loop, and lockstep models trees",
-                 "remove it, or leave all loops out: ImportOptions::loops = Loops::leave_out");
+    element.fail("closes a loop, and lockstep models trees", "remove it, or leave all loops out: ImportOptions::loops");
   }
 
   Scene& scene_;

@@ -62,6 +62,34 @@ void apply(const Element& key, const Scene& scene, Start& start) {
   }
 }
 
+// The key of the options, if there is one.
+std::optional<Element> chosen_key(const Scene& scene) {
+  std::vector<Element> keys;
+  std::vector<std::string> names;
+  const std::string& wanted = scene.options.keyframe;
+  for (const Element::Xml* section : scene.document.children(scene.document.root())) {
+    if (std::string_view(section->Name()) != "keyframe") continue;
+    for (const Element::Xml* xml : Element(scene.document, *section).children()) {
+      if (std::string_view(xml->Name()) != "key") continue;
+      const char* name = xml->Attribute("name");
+      names.push_back(name ? name : std::to_string(names.size()));
+      if (wanted.empty()) continue;  // unread keys are counted
+      keys.emplace_back(scene.document, *xml);
+      keys.back().rename("key '" + shortened(names.back()) + "'");
+    }
+  }
+  if (wanted.empty()) {
+    if (!names.empty()) scene.report().remark("keyframes, not used as none is asked for", listed(names));
+    return std::nullopt;
+  }
+  for (std::size_t k = 0; k < keys.size(); ++k)
+    if (names[k] == wanted) return keys[k];
+  for (std::size_t k = 0; k < keys.size(); ++k)
+    if (std::to_string(k) == wanted) return keys[k];
+  throw SettingsError("ImportOptions::keyframe", "names '" + shortened(wanted) + "', which is no key of the file",
+                      keys.empty() ? "leave it out, the file has none" : "give one of " + listed(names));
+}
+
 }  // namespace
 
 Start read_start(const Scene& scene) {
@@ -72,34 +100,7 @@ Start read_start(const Scene& scene) {
     if (body.floats()) start.pose[scene.joints[j].body] = body.in_world;
   }
   start.velocity.resize(scene.joints.size());
-  std::vector<const Element::Xml*> keys;
-  for (const Element::Xml* section : scene.document.children(scene.document.root())) {
-    if (std::string_view(section->Name()) != "keyframe") continue;
-    const Element owner(scene.document, *section);
-    for (const Element::Xml* xml : owner.children())
-      if (std::string_view(xml->Name()) == "key") keys.push_back(xml);
-  }
-  const std::string& wanted = scene.options.keyframe;
-  std::vector<std::string> names;
-  for (std::size_t k = 0; k < keys.size(); ++k) {
-    const char* name = keys[k]->Attribute("name");
-    names.push_back(name ? name : std::to_string(k));
-  }
-  if (wanted.empty()) {
-    if (!keys.empty()) scene.report().remark("keyframes, not used: give ImportOptions::keyframe", listed(names));
-    return start;
-  }
-  std::size_t found = keys.size();
-  for (std::size_t k = keys.size(); k-- > 0;)
-    if (names[k] == wanted || (std::to_string(k) == wanted && found == keys.size())) found = k;
-  for (std::size_t k = 0; k < keys.size(); ++k)
-    if (names[k] == wanted) found = k;
-  if (found == keys.size())
-    throw SettingsError("ImportOptions::keyframe", "names '" + shortened(wanted) + "', which is no key of the file",
-                        keys.empty() ? "leave it out, the file has none" : "give one of " + listed(names));
-  Element key(scene.document, *keys[found]);
-  key.rename("key '" + names[found] + "'");
-  apply(key, scene, start);
+  if (const std::optional<Element> key = chosen_key(scene)) apply(*key, scene, start);
   return start;
 }
 
