@@ -303,6 +303,44 @@ TEST(MjcfTrees, may_be_several) {
   EXPECT_NO_THROW(compile(model, {}));
 }
 
+// Sections hold wherever they stand; angles are degrees unless the file says otherwise.
+TEST(MjcfSections, may_stand_anywhere) {
+  const string bodies = "<worldbody>" + body("<joint name='x' range='-1 90'/>", "a") + "</worldbody>";
+  const auto upper = [&](const string& behind) {
+    return joint(import_mjcf("<mujoco>" + bodies + behind + "</mujoco>").model, "x").upper;
+  };
+  EXPECT_DOUBLE_EQ(upper(""), 3.14159265358979323846 / 2.0);
+  EXPECT_EQ(upper("<compiler angle='radian'/>"), 90.0);
+  EXPECT_EQ(upper("<compiler angle='radian'/><compiler autolimits='true'/>"), 90.0);
+  EXPECT_DOUBLE_EQ(upper("<compiler angle='radian'/><compiler angle='degree'/>"), 3.14159265358979323846 / 2.0);
+  const Model model = import_mjcf("<mujoco>" + bodies + "<default><joint damping='2'/></default></mujoco>").model;
+  EXPECT_EQ(joint(model, "x").damping, 2.0);
+}
+
+// The drawn pose is q = ref; ranges and springs are in the joint's own coordinate.
+TEST(MjcfJoints, keep_their_coordinate_with_a_ref) {
+  const Model model = import_mjcf(world(body("<joint name='x' type='slide' axis='0 0 2' ref='0.3' range='0.1 0.4' "
+                                             "stiffness='5' springref='0.2' pos='7 7 7'/>",
+                                             "a")))
+                          .model;
+  const Joint& own = joint(model, "x");
+  EXPECT_EQ(own.position, 0.3);
+  EXPECT_EQ(own.lower, 0.1);
+  EXPECT_EQ(own.upper, 0.4);
+  EXPECT_EQ(own.rest, 0.2);
+  EXPECT_LT((own.origin.translation() - Eigen::Vector3d(0, 0, -0.3)).norm(), 1e-15);
+}
+
+// Joints come by body, even those that stand behind child bodies.
+TEST(MjcfJoints, come_in_the_order_of_mujoco) {
+  const Model model = import_mjcf(world("<body name='a'>" + ball + body("<joint name='last'/>", "b") +
+                                        "<joint name='first'/><joint name='second' axis='1 0 0'/></body>"))
+                          .model;
+  std::vector<string> names;
+  for (const Joint& own : model.joints) names.push_back(own.name);
+  EXPECT_EQ(names, (std::vector<string>{"first", "second", "last"}));
+}
+
 // Equalities hold in any place of a chain, and with more than two joints.
 TEST(MjcfCouplings, may_have_many_joints) {
   const Model model =

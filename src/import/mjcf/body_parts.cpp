@@ -43,7 +43,8 @@ void read_passive(const Element& element, const Settings& settings, JointPart& p
   if (settings.has_friction) part.friction = element.number("frictionloss", 0.0);
   double pair[] = {0.0, 0.0};
   element.numbers("springdamper", pair, 2, 2);
-  if (pair[0] > 0.0 && pair[1] > 0.0) part.time_constant = pair[0], part.damping_ratio = pair[1];
+  if (settings.has_springs && pair[0] > 0.0 && pair[1] > 0.0)
+    part.time_constant = pair[0], part.damping_ratio = pair[1];
 }
 
 void read_effort(const Element& element, const Settings& settings, JointPart& part) {
