@@ -30,8 +30,8 @@ void read_range(const Element& element, const Settings& settings, JointPart& par
   part.upper = turns ? settings.radians(range->upper) : range->upper;
   element.report().tally("position limits made hard, soft in MuJoCo",
                          softness_words(element, "solreflimit", "solimplimit"));
-  if (element.number("margin", 0.0) != 0.0)
-    element.report().warn("margins of position limits, left out", fmt::format("{:g}", element.number("margin", 0.0)));
+  if (const double margin = element.number("margin", 0.0); margin != 0.0)
+    element.report().warn("margins of position limits, left out", fmt::format("{:g} of {}", margin, element.title()));
 }
 
 void read_passive(const Element& element, const Settings& settings, JointPart& part) {

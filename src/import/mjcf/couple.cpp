@@ -40,7 +40,6 @@ class Coupler {
     Model& model = draft_.model;
     return model.joints[static_cast<std::size_t>(model.joint_index(scene_.joint(index).name))];
   }
-  static const std::string& place(const Equality& row) { return row.place; }
 
   // Without joints that stand still and terms without effect.
   void simplify(Form& form) const {
