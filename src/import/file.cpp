@@ -2,6 +2,7 @@
 #include <string_view>
 
 #include "lockstep/import.h"
+#include "mjcf/mjcf.h"
 #include "xml.h"
 
 namespace lockstep {
@@ -15,7 +16,7 @@ Import import_file(const std::string& path, const ImportOptions& options) {
         importer::parsed(text, path, "a URDF or MJCF file, <robot name=\"...\"> or <mujoco>", document).Name();
     is_mjcf = root == "mujoco" || root == "mujocoinclude";
   }
-  return is_mjcf ? import_mjcf_file(path, options) : import_urdf(text, path, options);
+  return is_mjcf ? importer::mjcf::read_file(text, path, options) : import_urdf(text, path, options);
 }
 
 }  // namespace lockstep

@@ -21,6 +21,13 @@ namespace {
 constexpr int deepest_include = 20;
 const char* const wanted = "an MJCF file, <mujoco> ... </mujoco>";
 
+// Where the path leads, through all links. Never throws: what does not exist stays as it is.
+fs::path real_path(const fs::path& path) {
+  std::error_code ignored;
+  fs::path real = fs::weakly_canonical(path, ignored);
+  return ignored ? path : real;
+}
+
 bool is_within(const fs::path& path, const fs::path& folder) {
   return std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first == folder.end();
 }
@@ -39,8 +46,8 @@ struct Document::Source {
 };
 
 Document::Document(const std::string& text, const std::string& source, const std::string& folder, Report& report)
-    : folder_(folder.empty() ? fs::path() : fs::canonical(folder)), report_(report) {
-  const Source& main = load(text, source, folder.empty() ? fs::path() : fs::canonical(source));
+    : folder_(folder.empty() ? fs::path() : real_path(folder)), report_(report) {
+  const Source& main = load(text, source, folder.empty() ? fs::path() : real_path(source));
   root_ = main.root;
   const std::string_view tag = root_->Name();
   const std::string place = line(*root_) + ": <" + shortened(tag) + ">";
@@ -92,7 +99,7 @@ void Document::include(const Xml& element, const Source& from, int depth) {
   if (!fs::exists(path, ignored)) path = from.path.parent_path() / name;
   if (!fs::exists(path, ignored))
     refuse(fmt::format("names '{}', which does not exist", shortened(name.string())), inside);
-  path = fs::canonical(path, ignored);
+  path = real_path(path);
   if (!is_within(path, folder_)) refuse("leads out of the main file's folder", inside);
   for (const auto& source : sources_)
     if (source->path == path) refuse(fmt::format("includes '{}' twice", shortened(name.string())), "include it once");

@@ -1,4 +1,6 @@
-// MJCF text to Model: import_mjcf is the main path. SPDX-License-Identifier: Apache-2.0
+// MJCF text to Model: read() is the main path. SPDX-License-Identifier: Apache-2.0
+#include "mjcf.h"
+
 #include <filesystem>
 
 #include "colliders.h"
@@ -41,6 +43,12 @@ Import read(const std::string& text, const std::string& source, const std::strin
 }
 
 }  // namespace
+
+Import read_file(const std::string& text, const std::string& path, const ImportOptions& options) {
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  return read(text, path, folder.empty() ? "." : folder.string(), options);
+}
+
 }  // namespace importer::mjcf
 
 Import import_mjcf(const std::string& text, const std::string& source, const ImportOptions& options) {
@@ -48,9 +56,7 @@ Import import_mjcf(const std::string& text, const std::string& source, const Imp
 }
 
 Import import_mjcf_file(const std::string& path, const ImportOptions& options) {
-  const std::string text = importer::text_of(path);
-  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  return importer::mjcf::read(text, path, folder.empty() ? "." : folder.string(), options);
+  return importer::mjcf::read_file(importer::text_of(path), path, options);
 }
 
 }  // namespace lockstep
