@@ -131,6 +131,13 @@ TEST(Csv, reads_back_the_fields_that_it_writes) {
     EXPECT_EQ(parse_csv(csv_field(name) + "\n1\n", "t").columns.at(0), name);
 }
 
+TEST(Options, keep_the_gravity_of_the_file_unless_they_give_one) {
+  Model model = chain();
+  model.gravity = {0, 0, -2};
+  apply({}, model);
+  EXPECT_EQ(model.gravity, Eigen::Vector3d(0, 0, -2));
+}
+
 TEST(Options, change_the_model) {
   Model model = chain();
   ModelOptions options;
