@@ -72,8 +72,7 @@ def heat(axes, rows, x, y, value, edges, colors, title, x_label):
         grid[ys.index(r[y]), xs.index(r[x])] = np.inf if r["fault"] else r[value]
     picture = axes.imshow(np.clip(grid, edges[0], edges[-1] * 0.999), origin="lower", aspect="auto",
                           cmap=ListedColormap(colors), norm=BoundaryNorm(edges, len(colors)))
-    exact = [abs(v - float(f"{v:.1g}")) < 1e-3 * v for v in xs]  # others have no round number to show
-    axes.set_xticks(range(len(xs)), [f"{v:g}" if round_ else "" for v, round_ in zip(xs, exact)], fontsize=7, rotation=45)
+    axes.set_xticks(range(len(xs)), [f"{float(f'{v:.2g}'):g}" for v in xs], fontsize=7, rotation=45)
     axes.set_yticks(range(len(ys)), [f"{v} Hz" for v in ys], fontsize=8)
     axes.set_xlabel(x_label)
     axes.set_title(title, fontsize=9.5)

@@ -96,7 +96,7 @@ TEST(Batch, refuses_numbers_that_are_no_enumerators) {
                                   "engine " + text, "one of Engine");
   }
   Batch<float> batch(plan, 1, serial);
-  for (const unsigned number : {17u, 31u, 32u, 77u, 4294967295u}) {
+  for (const unsigned number : {static_cast<unsigned>(parameter_count), 31u, 32u, 77u, 4294967295u}) {
     expect_refused<UsageError>([&] { batch.parameter(Parameter(number)); }, "field " + std::to_string(number),
                                "one of");
     expect_refused<UsageError>([&] { plan.parameter_rows(Parameter(number)); }, "field " + std::to_string(number),
