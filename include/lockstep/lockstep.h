@@ -12,6 +12,7 @@
 #include "lockstep/enums.h"
 #include "lockstep/environment_set.h"
 #include "lockstep/error.h"
+#include "lockstep/export_model.h"
 #include "lockstep/generate.h"
 #include "lockstep/import.h"
 #include "lockstep/model.h"

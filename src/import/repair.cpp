@@ -19,16 +19,6 @@ void proper(double bound, const char* option) {
                         "give a number above 0, or 0 to repair nothing");
 }
 
-// The nearest triple for which none exceeds the sum of the others, so that none is negative. `moments` ascend.
-Eigen::Vector3d nearest_possible(const Eigen::Vector3d& moments) {
-  const double third = triangle_excess(moments) / 3.0;
-  if (third <= 0.0) return moments;
-  Eigen::Vector3d in_plane = moments + Eigen::Vector3d(third, third, -third);
-  if (in_plane[0] >= 0.0) return in_plane;
-  const double others = std::max(0.0, 0.5 * (moments[1] + moments[2]));
-  return {0.0, others, others};
-}
-
 // What to add to a tensor so that change(principal moments) are its moments. As their axes stay, this is the least
 // change in the norm of the tensor if it is the least in the moments.
 template <class Change>

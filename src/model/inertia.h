@@ -31,6 +31,16 @@ inline double inertia_scale(double mass, const Eigen::Vector3d& moments) {
 /// By how much the largest moment exceeds the sum of the others, kg m^2; below 0 if it does not.
 inline double triangle_excess(const Eigen::Vector3d& moments) { return moments[2] - moments[1] - moments[0]; }
 
+/// The nearest triple for which none exceeds the sum of the others, so that none is negative. `moments` ascend.
+inline Eigen::Vector3d nearest_possible(const Eigen::Vector3d& moments) {
+  const double third = triangle_excess(moments) / 3.0;
+  if (third <= 0.0) return moments;
+  Eigen::Vector3d in_plane = moments + Eigen::Vector3d(third, third, -third);
+  if (in_plane[0] >= 0.0) return in_plane;
+  const double others = std::max(0.0, 0.5 * (moments[1] + moments[2]));
+  return {0.0, others, others};
+}
+
 enum class InertiaFault { none, asymmetric, negative, triangle };
 
 /// The first rule that the inertia breaks.

@@ -44,6 +44,8 @@ const std::vector<Area> areas = {
     {"src/import/",
      {"include/lockstep/import.h", "include/lockstep/model.h", "include/lockstep/error.h", "src/model/", "std",
       "Eigen/", "fmt/", "tinyxml2.h"}},
+    // Of the importer it knows the report, and of the kernels what a Batch shows.
+    {"src/export/", {"include/lockstep/", "src/model/", "src/import/report.h", "std", "Eigen/", "fmt/", "tinyxml2.h"}},
     {"src/plan/tables", {"include/lockstep/enums.h", "src/model/softness_kind.h", "src/plan/tables/", "cstdint"}},
     {"src/plan/",
      {"include/lockstep/plan.h", "include/lockstep/step.h", "include/lockstep/model.h", "include/lockstep/error.h",

@@ -1,0 +1,44 @@
+// Model to MJCF text: export_mjcf is the main path. SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
+#include "lockstep/error.h"
+#include "sections.h"
+
+namespace lockstep {
+namespace exporter::mjcf {
+namespace {
+
+void write_settings(const Writing& writing) {
+  Xml& xml = writing.xml;
+  xml.open("compiler").set("angle", "radian").set("autolimits", "false").set("inertiafromgeom", "false").close();
+  // Servos and damping are implicit in this integrator as they are in lockstep.
+  xml.open("option")
+      .set("timestep", numbers(writing.options.timestep))
+      .set("gravity", numbers(writing.model.gravity))
+      .set("integrator", "implicitfast")
+      .close();
+}
+
+}  // namespace
+}  // namespace exporter::mjcf
+
+Export export_mjcf(const Model& model, const MjcfOptions& options) {
+  using namespace exporter;
+  if (!(options.timestep > 0.0) || !std::isfinite(options.timestep))
+    throw SettingsError("MjcfOptions::timestep", "is not above 0, or not finite", "give a step in s, such as 0.001");
+  model.validate();
+  Report report;
+  Xml xml;
+  const Trees trees(model);
+  const mjcf::Writing writing{model, options, trees, mjcf::lay_out(model, trees, report), report, xml};
+  xml.open("mujoco").set("model", model.name);
+  mjcf::write_settings(writing);
+  mjcf::write_world(writing);
+  mjcf::write_contacts(writing);
+  mjcf::write_couplings(writing);
+  mjcf::write_actuators_and_start(writing);
+  xml.close();
+  return finished(xml.text(), model, report);
+}
+
+}  // namespace lockstep

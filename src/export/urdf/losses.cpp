@@ -1,0 +1,47 @@
+// One line for each kind. SPDX-License-Identifier: Apache-2.0
+#include "losses.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "model/softness_numbers.h"
+
+namespace lockstep::exporter::urdf {
+
+void report_losses(const Model& model, Report& report) {
+  if (model.gravity != Model().gravity)
+    report.warn("gravity, left out",
+                fmt::format("{:g} {:g} {:g}", model.gravity[0], model.gravity[1], model.gravity[2]));
+  for (const Root& root : model.roots)
+    if (!root.velocity.isZero(0.0)) report.warn("velocities of roots, left out", root.link);
+  for (const Collider& collider : model.colliders) {
+    if (collider.link.empty())
+      report.warn("colliders of the world, left out", collider.name);
+    else if (collider.shape.kind == ShapeKind::half_space)
+      report.warn("half-spaces, left out", collider.name);
+    else
+      report.remark("colliders, without their friction and group", collider.name);
+  }
+  for (const Contact& contact : model.contacts) report.warn("contacts, left out", contact.first + "-" + contact.second);
+}
+
+void report_losses(const Joint& joint, double start, Report& report) {
+  const auto lose = [&](bool has, const char* what) {
+    if (has) report.warn(what, joint.name);
+  };
+  const bool has_range = joint.lower > -infinity || joint.upper < infinity;
+  lose(joint.drive.kp > 0.0 || joint.drive.kd > 0.0 || joint.drive.kinematic, "drives, left out");
+  lose(joint.effort != 0.0, "efforts, left out");
+  lose(joint.armature > 0.0, "armatures, left out");
+  lose(joint.stiffness > 0.0, "springs of joints, left out");
+  lose(joint.effort_limit == 0.0, "effort limits of 0, which readers of URDF take for none");
+  lose(has_range && !is_hard(joint.limit_softness), "softness of position limits, left out");
+  lose(has_range && joint.restitution > 0.0, "restitution of position limits, left out");
+  lose(joint.velocity != 0.0, "velocities of the start, left out");
+  if (has_range && is_hard(joint.limit_softness) && erp_of(joint.limit_softness) != Hard().erp)
+    report.remark("shares of an error that a step corrects (erp), left out", joint.name);
+  if (std::abs(joint.position - start) > 1e-12) report.warn("positions of the start, left out", joint.name);
+}
+
+}  // namespace lockstep::exporter::urdf
