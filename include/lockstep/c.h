@@ -56,6 +56,11 @@ LOCKSTEP_C_API int lockstep_model_from_file(const char* path, const char* keyfra
 /* What became of everything in the file, line by line; lines of what its owner should act on begin with "warning: ". It
  * lives as long as the model. */
 LOCKSTEP_C_API int lockstep_model_report(const lockstep_model* model, const char** out);
+/* Writes a file: URDF where its name ends with .urdf, MJCF where it ends with .xml or .mjcf, for a step of MuJoCo of
+ * `timestep` s, > 0, or 0 for 0.001. The report names what the format cannot say; it is valid until this thread's next
+ * export, and may be null. */
+LOCKSTEP_C_API int lockstep_model_export(const lockstep_model* model, const char* path, double timestep,
+                                         const char** report);
 /* What moves a joint: kp in N m/rad or N/m, kd in N m s/rad or N s/m, both >= 0. */
 LOCKSTEP_C_API int lockstep_model_set_drive(lockstep_model* model, const char* joint, double kp, double kd);
 /* A frame on a link: x, y, z in m, quaternion w, x, y, z, in the link's axes. */

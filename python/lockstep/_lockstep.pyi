@@ -5,7 +5,7 @@ from typing import Any, Mapping, Optional, Sequence, Union, final
 import numpy as np
 import numpy.typing as npt
 
-from .model import Model
+from .model import Export, Model
 from .query import Query
 
 __version__: str
@@ -74,6 +74,8 @@ from_urdf = from_file
 from_mjcf = from_file
 from_mjcf_text = from_urdf_text
 
+def export_mjcf(model: Model, *, timestep: float = ...) -> Export: ...
+def export_urdf(model: Model) -> Export: ...
 def _require_main_interpreter() -> None: ...
 def load_kernel(path: str) -> None: ...
 

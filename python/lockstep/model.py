@@ -281,3 +281,13 @@ def recompiled(model: Model, settings: dict[str, Any]) -> Any:
     from ._lockstep import compile
 
     return compile(model, **settings)
+
+
+@dataclass
+class Export:
+    """The text of a robot file, and how far it says what the model says. `warnings` are the lines of the report about
+    what the format cannot say."""
+
+    text: str
+    report: List[str]
+    warnings: List[str]

@@ -1,4 +1,4 @@
-// Models from files. SPDX-License-Identifier: Apache-2.0
+// Models from files and to them. SPDX-License-Identifier: Apache-2.0
 #include <pybind11/stl.h>
 #include <pybind11/stl/filesystem.h>
 
@@ -66,6 +66,23 @@ void add_text(py::module_& module, const char* name, const char* source, FromTex
                                               "text"_a, "source"_a = source);
 }
 
+void bind_export(py::module_& module) {
+  const auto exported = [](const Export& made) {
+    return py::module_::import("lockstep.model").attr("Export")(made.text, made.report, made.warnings);
+  };
+  module.def(
+      "export_mjcf",
+      [exported](const py::object& model, double timestep) {
+        return exported(export_mjcf(model_of(model), {.timestep = timestep}));
+      },
+      "model"_a, py::kw_only(), "timestep"_a = MjcfOptions().timestep,
+      "The model as MJCF, MuJoCo's XML: an Export with text, report and warnings. The report names what the format "
+      "cannot say. MuJoCo shall take steps of `timestep` s.");
+  module.def(
+      "export_urdf", [exported](const py::object& model) { return exported(export_urdf(model_of(model))); }, "model"_a,
+      "The model as URDF, which has no drives, gravity or start: an Export with text, report and warnings.");
+}
+
 }  // namespace
 
 void bind_import(py::module_& module) {
@@ -78,6 +95,7 @@ void bind_import(py::module_& module) {
   add_text(module, "from_urdf_text", "URDF text", import_urdf);
   add_file(module, "from_mjcf", "from_file() for MJCF, MuJoCo's XML, alone.", import_mjcf_file);
   add_text(module, "from_mjcf_text", "MJCF text", import_mjcf);
+  bind_export(module);
 }
 
 }  // namespace lockstep::python

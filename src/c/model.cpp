@@ -4,7 +4,7 @@
 namespace lockstep::c {
 namespace {
 
-thread_local std::string message;
+thread_local std::string message, export_report;
 
 // The names of a list of the plan.
 std::vector<const std::string*> names_of(const lockstep_plan& plan, int list) {
@@ -35,10 +35,17 @@ std::vector<const std::string*> names_of(const lockstep_plan& plan, int list) {
   return names;
 }
 
-lockstep_model* imported(Import&& import) {
+// Of an Import or Export.
+template <class Result>
+std::string report_of(const Result& result) {
   std::string report;
-  for (const std::string& line : import.report) report += line + "\n";
-  for (const std::string& line : import.warnings) report += "warning: " + line + "\n";
+  for (const std::string& line : result.report) report += line + "\n";
+  for (const std::string& line : result.warnings) report += "warning: " + line + "\n";
+  return report;
+}
+
+lockstep_model* imported(Import&& import) {
+  std::string report = report_of(import);
   return new lockstep_model{std::move(import.model), std::move(report)};
 }
 
@@ -89,6 +96,14 @@ int lockstep_model_from_file(const char* path, const char* keyframe, const char*
 }
 int lockstep_model_report(const lockstep_model* model, const char** out) {
   return guarded([&] { *given(out, "out") = given(model, "model")->report.c_str(); });
+}
+int lockstep_model_export(const lockstep_model* model, const char* path, double timestep, const char** report) {
+  return guarded([&] {
+    MjcfOptions options;
+    if (timestep != 0.0) options.timestep = timestep;
+    export_report = report_of(export_file(given(model, "model")->model, given(path, "path"), options));
+    if (report) *report = export_report.c_str();
+  });
 }
 int lockstep_model_set_drive(lockstep_model* model, const char* joint, double kp, double kd) {
   return guarded([&] {

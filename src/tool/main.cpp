@@ -1,4 +1,4 @@
-// The lockstep command: info, simulate, chart, view, generate. SPDX-License-Identifier: Apache-2.0
+// The lockstep command: info, simulate, chart, view, generate, export. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -32,15 +32,17 @@ int main(int argc, char** argv) {
   add_chart(app, exit_code);
   add_view(app, exit_code);
   add_generate(app, exit_code);
+  add_export(app, exit_code);
   app.require_subcommand(0, 1);
   app.allow_extras();  // a misspelt command is named below
   try {
     app.parse(argc, argv);
     const std::vector<std::string> extras = app.remaining();
     if (!extras.empty())
-      return complain(fmt::format("there is no command '{}'; give info, simulate, chart, view or generate", extras[0]));
+      return complain(
+          fmt::format("there is no command '{}'; give info, simulate, chart, view, generate or export", extras[0]));
     if (app.get_subcommands().empty())
-      return complain("give a command: info, simulate, chart, view or generate; see --help");
+      return complain("give a command: info, simulate, chart, view, generate or export; see --help");
     return exit_code;
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version

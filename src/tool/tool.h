@@ -22,5 +22,6 @@ void add_simulate(CLI::App& app, int& exit_code);
 void add_chart(CLI::App& app, int& exit_code);
 void add_view(CLI::App& app, int& exit_code);
 void add_generate(CLI::App& app, int& exit_code);
+void add_export(CLI::App& app, int& exit_code);
 
 }  // namespace lockstep::tool

@@ -1,0 +1,181 @@
+// What MJCF says of a Model, and what its report says. SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+
+#include "export/export_helpers.h"
+#include "lockstep/batch.h"
+#include "lockstep/plan.h"
+#include "unit/import_helpers.h"
+
+namespace lockstep {
+namespace {
+
+using std::string;
+
+Model read(const Export& made, const string& keyframe = "start") {
+  return import_mjcf(made.text, "exported", {.colliders = true, .keyframe = keyframe}).model;
+}
+
+TEST(MjcfExport, says_what_it_cannot_say) {
+  Model model = fingers();
+  Joint& lead = model.joints[0];
+  lead.velocity_limit = 2.0;
+  lead.restitution = 0.5;
+  lead.lower = -1.0, lead.upper = 1.0;
+  model.joints[1].limit_softness = Spring{10.0, 1.0};
+  model.joints[1].upper = 1.0;
+  model.joints[1].drive.kinematic = true;
+  model.couplings[0].force_limit = 3.0;
+  model.couplings[0].softness = Hard{0.1};
+  model.colliders = {{.name = "floor", .shape = Shape::half_space(), .restitution = 0.3},
+                     {.name = "ball", .link = "l1", .shape = Shape::sphere(0.1), .softness = Spring{1e4, 10.0}},
+                     {.name = "idle", .link = "l1", .shape = Shape::sphere(0.1)}};
+  model.contacts = {{"floor", "ball"}};
+  const Export made = export_mjcf(model);
+  for (const char* line :
+       {"velocity limits, left out (1): j0", "restitution of position limits, left out (1): j0",
+        "softness of position limits, left out: they are MuJoCo's (1): j1", "kinematic drives, left out (1): j1",
+        "force limits of couplings, left out (1): j1", "restitution of contacts, left out (1): floor-ball",
+        "softness of contacts, left out: it is MuJoCo's (1): floor-ball"})
+    EXPECT_TRUE(warns(made, line)) << line << "\n" << report_of(made);
+  for (const char* line :
+       {"shares of an error that a step corrects (erp), left out (1): j1",
+        "ranges with an open end, written as 1e+10 (1): j1", "bolted roots, written as bodies of the world (1): base",
+        "colliders that touch nothing, written as geoms that touch nothing (1): idle"})
+    EXPECT_TRUE(reports(made, line)) << line << "\n" << report_of(made);
+  EXPECT_EQ(made.warnings.size(), 7u) << report_of(made);
+}
+
+TEST(MjcfExport, warns_of_nothing_that_it_says) {
+  Model model = fingers();
+  model.joints[0].drive = {.kp = 3.0, .kd = 0.2, .position_target = 0.1, .velocity_target = 0.5};
+  model.joints[0].effort = 0.7, model.joints[0].effort_limit = 0.0;
+  model.joints[1].lower = model.joints[1].upper = 0.25;
+  const Export made = export_mjcf(model);
+  EXPECT_TRUE(made.warnings.empty()) << report_of(made);
+  expect_same(mechanism_of(read(made)), mechanism_of(model));
+}
+
+TEST(MjcfExport, folds_links_without_mass_into_the_next_body) {
+  const Model model = wrist();
+  const Export made = export_mjcf(model);
+  EXPECT_TRUE(reports(made, "links without mass, left out: the next body has their joints (2): roll, frame"))
+      << report_of(made);
+  const Model again = read(made);
+  EXPECT_EQ(again.links.size(), 4u);  // the world, the arm, one between the joints, the hand
+  expect_same(mechanism_of(again), mechanism_of(model));
+}
+
+TEST(MjcfExport, gives_mass_to_links_that_cannot_be_folded) {
+  Model model = wrist();
+  model.add_site("eye", "frame");
+  const Export made = export_mjcf(model);
+  EXPECT_TRUE(warns(made, "moving bodies that MuJoCo finds too light")) << report_of(made);
+  Mechanism own = mechanism_of(read(made));
+  EXPECT_EQ(own.erase("body on joint roll"), 1u);
+  expect_same(own, mechanism_of(model));
+}
+
+// MuJoCo judges each body alone, and without any tolerance.
+TEST(MjcfExport, has_inertias_that_mujoco_takes) {
+  Model model = fingers();
+  const auto tensor = [&](const char* name) -> Eigen::Matrix3d& {
+    return model.links[static_cast<std::size_t>(model.link_index(name))].inertia.about_center;
+  };
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  tensor("l0") = turn * Eigen::Vector3d(0.01, 0.02, 0.03).asDiagonal() * turn.transpose();           // a plate
+  tensor("l1") = turn * Eigen::Vector3d(0.01, 0.02, 0.03 * 1.0003).asDiagonal() * turn.transpose();  // of four digits
+  const Export made = export_mjcf(model);
+  EXPECT_TRUE(warns(made, "inertias that MuJoCo refuses, changed to the nearest that it takes (1): l1"))
+      << report_of(made);
+  for (const Eigen::Vector3d& m : triples_of(made.text, "diaginertia"))
+    EXPECT_TRUE(m[0] + m[1] >= m[2] && m[1] + m[2] >= m[0] && m[2] + m[0] >= m[1]) << m.transpose();
+  const Model again = read(made);
+  EXPECT_NEAR((link(again, "l0").inertia.about_center - tensor("l0")).norm(), 0.0, 1e-15);
+  EXPECT_NEAR((link(again, "l1").inertia.about_center - tensor("l1")).norm(), 0.0, 1e-5);
+}
+
+TEST(MjcfExport, moves_inertias_of_fixed_links_that_are_impossible_alone) {
+  Model model = fingers();
+  Joint weld;
+  weld.name = weld.child = "sensor", weld.parent = "l1";
+  weld.origin.translation() = Eigen::Vector3d(0.1, 0.0, 0.0);
+  model.joints.push_back(weld);
+  model.links.push_back({"sensor", {0.01, Eigen::Vector3d::Zero(), Eigen::Vector3d(1e-6, 1e-6, 5e-6).asDiagonal()}});
+  const Export made = export_mjcf(model);
+  EXPECT_TRUE(made.warnings.empty()) << report_of(made);
+  EXPECT_TRUE(reports(made, "inertias of fixed links, added to the link that carries them (1): sensor"));
+  expect_same(mechanism_of(read(made)), mechanism_of(model));
+}
+
+// Softness that depends on the step or on the inertia becomes the spring that moves the same way in a step.
+class SoftCouplings : public testing::TestWithParam<Softness> {};
+
+TEST_P(SoftCouplings, move_as_in_the_file) {
+  Model model = fingers();
+  model.couplings[0].softness = GetParam();
+  model.couplings.push_back({"j2", {{"j0", 0.5}, {"j1", -0.7}}, 0.02, GetParam()});
+  model.joints[0].position = 0.3;
+  const double step = 1.0 / 512;
+  const Export made = export_mjcf(model, {.timestep = step});
+  EXPECT_TRUE(warns(made, "(2): j1, j2")) << report_of(made);
+  const Model again = read(made);
+  const auto moved = [&](const Model& from) {
+    Model alone = from;  // each by itself: the inertia that they move together is another one
+    std::vector<double> found;
+    for (std::size_t c = 0; c < 2; ++c) {
+      alone.couplings = {from.couplings[c]};
+      const Plan plan = compile(alone, {.dt = step, .method = Method::direct, .integrator = Integrator::euler});
+      Batch<double> batch(plan, 1);
+      batch.step();
+      for (const char* name : {"j0", "j1", "j2"}) found.push_back(batch.velocities()(plan.dof(name), 0));
+    }
+    return found;
+  };
+  const std::vector<double> own = moved(again), wanted = moved(model);
+  for (std::size_t i = 0; i < own.size(); ++i) EXPECT_NEAR(own[i], wanted[i], 1e-9 * (1.0 + std::abs(wanted[i]))) << i;
+}
+INSTANTIATE_TEST_SUITE_P(kinds, SoftCouplings,
+                         testing::Values(Softness(Frequency{40.0, 0.3}), Softness(ErpCfm{0.1, 0.02})));
+
+TEST(MjcfExport, keeps_a_spring_whose_length_would_mean_another) {
+  Model model = fingers();
+  model.couplings[0].softness = Spring{3.0, 0.1};
+  model.couplings[0].offset = 1.0;  // a springlength of -1 means that of the joints
+  expect_same(mechanism_of(read(export_mjcf(model))), mechanism_of(model));
+}
+
+TEST(MjcfExport, keeps_names_and_the_bits_of_numbers) {
+  Model model = fingers();
+  model.name = "a <b> & \"c\"";
+  model.joints[0].damping = 0.1 + 0.2;
+  const Export made = export_mjcf(model);
+  EXPECT_NE(made.text.find("damping=\"0.30000000000000004\""), string::npos);
+  EXPECT_NE(made.text.find("model=\"a &lt;b&gt; &amp; &quot;c&quot;\""), string::npos) << made.text;
+}
+
+TEST(MjcfExport, refuses_steps_and_models_that_cannot_be) {
+  for (const double step : {0.0, -1.0, infinity, std::nan("")})
+    EXPECT_THROW(export_mjcf(fingers(), {.timestep = step}), SettingsError);
+  Model model = fingers();
+  model.links[1].inertia.mass = -1.0;
+  EXPECT_THROW(export_mjcf(model), ModelError);
+  EXPECT_THROW(export_urdf(model), ModelError);
+}
+
+TEST(ExportFile, chooses_the_format_by_the_extension) {
+  const string folder = testing::TempDir();
+  EXPECT_EQ(export_file(fingers(), folder + "fingers.urdf").text, export_urdf(fingers()).text);
+  EXPECT_EQ(export_file(fingers(), folder + "fingers.xml").text, export_mjcf(fingers()).text);
+  expect_same(mechanism_of(import_file(folder + "fingers.xml").model), mechanism_of(fingers()));
+  EXPECT_THROW(export_file(fingers(), folder + "fingers.sdf"), UsageError);
+  try {
+    export_file(fingers(), "/no/such/folder/fingers.urdf");
+    FAIL() << "written";
+  } catch (const UsageError& error) {
+    EXPECT_NE(string(error.what()).find("/no/such/folder/fingers.urdf"), string::npos) << error.what();
+  }
+}
+
+}  // namespace
+}  // namespace lockstep
