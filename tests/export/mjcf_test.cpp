@@ -51,9 +51,11 @@ TEST(MjcfExport, warns_of_nothing_that_it_says) {
   model.joints[0].drive = {.kp = 3.0, .kd = 0.2, .position_target = 0.1, .velocity_target = 0.5};
   model.joints[0].effort = 0.7, model.joints[0].effort_limit = 0.0;
   model.joints[1].lower = model.joints[1].upper = 0.25;
+  model.joints[2].lower = model.joints[2].upper = 0.0;
   const Export made = export_mjcf(model);
   EXPECT_TRUE(made.warnings.empty()) << report_of(made);
   expect_same(mechanism_of(read(made)), mechanism_of(model));
+  EXPECT_EQ(made.text.find("e-324"), string::npos);  // MuJoCo refuses denormal numbers
 }
 
 TEST(MjcfExport, folds_links_without_mass_into_the_next_body) {

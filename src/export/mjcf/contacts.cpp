@@ -24,6 +24,7 @@ void write_contacts(const Writing& writing) {
       xml.set("condim", "1");
     xml.close();
     const std::string name = pair_name(model, pair);
+    report.remark("contacts, soft in MuJoCo", name);
     if (pair.restitution > 0.0) report.warn("restitution of contacts, left out", name);
     if (!is_hard(pair.softness) || erp_of(pair.softness) != Hard().erp)
       report.warn("softness of contacts, left out: it is MuJoCo's", name);

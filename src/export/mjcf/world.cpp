@@ -1,8 +1,8 @@
 // <worldbody>: bodies, joints, sites and geoms. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "model/softness_numbers.h"
 #include "sections.h"
@@ -13,7 +13,8 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
-constexpr double open_end = 1e10;  // of a range, as MuJoCo wants two ends
+// MuJoCo wants two ends of a range, the lower one first, and takes no denormal numbers.
+constexpr double open_end = 1e10, least_width = 1e-300;
 
 void place(Xml& xml, const Vector3d& position, Eigen::Quaterniond turn) {
   if (!position.isZero(0.0)) xml.set("pos", numbers(position));
@@ -67,8 +68,8 @@ class World {
         .set_unless(0.0, "armature", joint.armature)
         .set_unless(0.0, "frictionloss", joint.friction);
     if (joint.stiffness > 0.0) xml_.set("stiffness", numbers(joint.stiffness)).set_unless(0.0, "springref", joint.rest);
-    if (joint.effort_limit < infinity) {  // MuJoCo wants an end above the other
-      const double limit = std::max(joint.effort_limit, std::numeric_limits<double>::min());
+    if (joint.effort_limit < infinity) {
+      const double limit = std::max(joint.effort_limit, least_width);
       xml_.set("actuatorfrclimited", "true").set("actuatorfrcrange", numbers({-limit, limit}));
     }
     xml_.close();
@@ -85,13 +86,14 @@ class World {
     double lower = std::max(joint.lower, -open_end), upper = std::min(joint.upper, open_end);
     if (!has_lower || !has_upper)
       report_.remark(fmt::format("ranges with an open end, written as {:g}", open_end), joint.name);
-    if (lower == upper) upper = std::nextafter(upper, infinity);
+    if (lower == upper) upper = std::max(std::nextafter(upper, infinity), upper + least_width);
     xml_.set("limited", "true").set("range", numbers({lower, upper}));
-    report_.remark("position limits, soft in MuJoCo as are friction and contacts", joint.name);
+    report_.remark("position limits, soft in MuJoCo", joint.name);
   }
 
   void report_losses(const Joint& joint) {
     const bool has_range = joint.lower > -infinity || joint.upper < infinity;
+    if (joint.friction > 0.0) report_.remark("dry friction, soft in MuJoCo", joint.name);
     if (joint.velocity_limit < infinity) report_.warn("velocity limits, left out", joint.name);
     if (!has_range) return;
     if (!is_hard(joint.limit_softness))
