@@ -136,3 +136,18 @@ def test_plans_say_what_follows(plan):
     assert len(plan.parameter_rows("gear_ratio")) == 5
     with pytest.raises(ls.UsageError):
         plan.dof("nothing")
+
+
+def test_a_model_is_written_and_read():
+    model = gripper_model()
+    model.joints["elbow"].position = 0.25
+    made = ls.export_mjcf(model, timestep=1 / 500)
+    assert 'timestep="0.002"' in made.text
+    assert any("velocity limits, left out" in line for line in made.warnings)
+    assert set(made.warnings) < set(made.report)
+    again = ls.from_mjcf_text(made.text, keyframe="start")
+    assert again.joints["elbow"].position == 0.25
+    assert again.joints["knuckle"].drive.kp == model.joints["knuckle"].drive.kp
+    assert ls.from_urdf_text(ls.export_urdf(model).text).couplings == model.couplings
+    with pytest.raises(ls.SettingsError):
+        ls.export_mjcf(model, timestep=0.0)

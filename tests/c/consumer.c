@@ -19,6 +19,7 @@ static float* at(const lockstep_array* array, long row, long environment) {
 
 int main(int count, char** arguments) {
   lockstep_model* model = NULL;
+  lockstep_model* copy = NULL;
   lockstep_plan* plan = NULL;
   lockstep_batch* batch = NULL;
   lockstep_batch* other = NULL;
@@ -49,6 +50,14 @@ int main(int count, char** arguments) {
   expect(lockstep_model_from_urdf(arguments[1], &model) == LOCKSTEP_OK, "the gripper must be read");
   expect(lockstep_model_set_drive(model, "knuckle", 8.0, 0.3) == LOCKSTEP_OK, "the knuckle must take a drive");
   expect(lockstep_model_report(model, &text) == LOCKSTEP_OK && strstr(text, "5 couplings") != NULL, "there is a report");
+  expect(lockstep_model_export(model, "gripper.xml", 0.0, &text) == LOCKSTEP_OK &&
+             strstr(text, "warning: velocity limits, left out") != NULL,
+         "the gripper must be written, and what MJCF lacks be named");
+  expect(lockstep_model_from_file("gripper.xml", "start", NULL, 0, &copy) == LOCKSTEP_OK, "what is written is read");
+  lockstep_model_free(copy);
+  remove("gripper.xml");
+  expect(lockstep_model_export(model, "gripper.sdf", 0.0, NULL) == LOCKSTEP_USAGE_ERROR, "formats must be known");
+  expect(lockstep_model_export(model, "gripper.xml", -1.0, NULL) == LOCKSTEP_SETTINGS_ERROR, "steps are above 0");
   expect(lockstep_model_set_drive(model, "nothing", 8.0, 0.3) == LOCKSTEP_MODEL_ERROR, "joints must be known");
 
   lockstep_settings_init(&settings);

@@ -42,7 +42,7 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
     Arguments arguments;
     const char* said;
   } cases[] = {
-      {{}, "info, simulate, chart, view or generate"},
+      {{}, "info, simulate, chart, view, generate or export"},
       {{"simulat", model}, "'simulat'"},
       {{"--fast"}, "'--fast'"},
       {{"simulate"}, "MODEL"},
@@ -277,6 +277,36 @@ TEST_F(Command, prints_warnings_of_the_import_in_every_command) {
   const Ran ignored = run({"info", file, "--density", "1000", "--ignore", "position:followers"});
   EXPECT_EQ(ignored.err.find("no room"), std::string::npos) << ignored.err;
   EXPECT_EQ(run({"info", file, "--armature", "0.1"}).status, 0);
+}
+
+TEST_F(Command, exports_both_formats_and_reads_them) {
+  const Ran said = run({"export", model, "--drive", "wrist=5,0.1", "--out", path("out.xml")});
+  EXPECT_EQ(said.status, 0) << said.err;
+  EXPECT_NE(said.out.find("controls of the file, in its order"), std::string::npos) << said.out;
+  const Ran lost = run({"export", path("out.xml"), "--keyframe", "start", "--out", path("out.txt"), "--format", "urdf"});
+  EXPECT_EQ(lost.status, 0) << lost.err;
+  EXPECT_NE(lost.err.find("lockstep: warning: drives, left out (1): wrist\n"), std::string::npos) << lost.err;
+  for (const char* file : {"out.xml", "out.txt"}) EXPECT_EQ(run({"info", path(file)}).status, 0) << file;
+  const std::string before = contents(path("out.xml"));
+  EXPECT_EQ(run({"export", model, "--timestep", "1/500", "--out", path("out.xml")}).status, 0);
+  EXPECT_NE(contents(path("out.xml")).find("timestep=\"0.002\""), std::string::npos);
+  EXPECT_NE(contents(path("out.xml")), before);
+  const struct {
+    Arguments arguments;
+    const char* said;
+  } cases[] = {{{"--out", path("out.sdf")}, ".urdf"},
+               {{"--out", path("no/such/folder.xml")}, "folder.xml"},
+               {{"--out", path("out.xml"), "--format", "sdf"}, "--format"},
+               {{"--out", path("out.xml"), "--timestep", "0"}, "--timestep"},
+               {{"--out", model}, "linkage.urdf"},
+               {{}, "--out"}};
+  for (const auto& [arguments, said_then] : cases) {
+    Arguments all = {"export", model};
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    const Ran refused = run(all);
+    EXPECT_EQ(refused.status, 2) << said_then;
+    expect_one_complaint(refused.err, said_then);
+  }
 }
 
 TEST_F(Command, reads_mjcf_with_its_options) {
