@@ -154,7 +154,7 @@ TEST(MjcfContacts, are_the_pairs_of_mujoco) {
   std::set<std::tuple<string, string, double>> wanted, own;
   const json facts = json::parse(stream);
   for (const json& pair : facts["pairs"]) {
-    const auto [first, second] = std::minmax(pair[0].get<string>(), pair[1].get<string>());
+    const auto [first, second] = std::minmax({pair[0].get<string>(), pair[1].get<string>()});
     wanted.emplace(first, second, pair[2]);
   }
   const Import import = import_mjcf_file(folder / "models/contacts.xml", {.colliders = true});

@@ -61,13 +61,17 @@ class Reader {
 
  private:
   void read_children(const Element& owner, const Around& around) {
-    // Joints and masses belong to the body wherever they stand, so its own children come after them.
-    for (const Element::Xml* xml : owner.children()) read_part(*xml, around);
+    // In the order of the file: the joints of a frame move what the body's joints behind it carry.
     for (const Element::Xml* xml : owner.children()) {
       const std::string_view tag = xml->Name();
-      if (tag == "body") read_body(*xml, around);
-      if (tag == "frame") read_frame(*xml, around);
-      if (tag == "replicate") read_replicate(*xml, around);
+      if (tag == "body")
+        read_body(*xml, around);
+      else if (tag == "frame")
+        read_frame(*xml, around);
+      else if (tag == "replicate")
+        read_replicate(*xml, around);
+      else
+        read_part(*xml, around);
     }
   }
 
