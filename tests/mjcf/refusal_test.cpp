@@ -94,6 +94,13 @@ TEST(MjcfRefusal, is_of_what_mujoco_refuses) {
   expect_refused(world("<replicate count='2.5'/>"), "2: <replicate>", "whole");
   expect_refused(world(body("<joint/>"), "<keyframe><key name='k' qpos='1 2'/></keyframe>"), "1: key 'k'",
                  "2 numbers, not 1", {.keyframe = "k"});
+  const string key = "<keyframe><key name='k' qpos='0 0 0 1 0 0 0'/></keyframe>";
+  expect_refused(world(body("<freejoint align='true'/>"), key), "1: key 'k'", "principal axes", {.keyframe = "k"});
+  expect_refused(world(body("<joint type='free'/>"), "<compiler alignfree='true'/>" + key), "1: key 'k'",
+                 "principal axes", {.keyframe = "k"});
+  const string carrying = body("<freejoint align='true'/>" + body("", "c"));
+  for (const string& alike : {body("<freejoint/>"), body("<freejoint align='auto'/>"), carrying})
+    EXPECT_NO_THROW(import_mjcf(world(alike, key), "file", {.keyframe = "k"}));
 }
 
 TEST(MjcfRefusal, names_options_that_do_not_fit) {

@@ -1,5 +1,6 @@
 // <actuator>: each as a linear force along a joint or a tendon. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <iterator>
@@ -80,7 +81,7 @@ const char* name_of(Dynamics dynamics) {
 std::string obstacle(const std::string& tag, const Numbers& numbers) {
   if (tag == "damper" || tag == "cylinder" || tag == "muscle" || tag == "adhesion" || tag == "plugin" ||
       tag == "dcmotor")
-    return "is a " + tag;
+    return (tag == "adhesion" ? "is an " : "is a ") + tag;
   if (numbers.gain_type != Gain::fixed) return "has a gain that is not fixed";
   if (numbers.bias_type == Bias::muscle || numbers.bias_type == Bias::user) return "has a bias that is not affine";
   if (numbers.dynamics == Dynamics::muscle || numbers.dynamics == Dynamics::user)
@@ -149,6 +150,10 @@ void read_actuator(const Element::Xml& xml, Scene& scene) {
   double gear[6] = {1.0};
   element.numbers("gear", gear, 1, 6);
   actuator.gear = gear[0];
+  if (!actuator.lost.empty() && std::any_of(gear + 1, gear + 6, [](double part) { return part != 0.0; })) {
+    actuator.lost += fmt::format(" along {:g}", fmt::join(gear, " "));
+    actuator.gear = 1.0;
+  }
   actuator.filter = name_of(numbers.dynamics);
   actuator.gain = numbers.gain[0];
   if (numbers.bias_type == Bias::affine) std::copy_n(numbers.bias, 3, actuator.bias);

@@ -22,6 +22,7 @@ struct JointPart {
   double ref = 0.0, lower = -infinity, upper = infinity;
   double stiffness = 0.0, rest = 0.0, damping = 0.0, armature = 0.0, friction = 0.0, effort_limit = infinity;
   double time_constant = 0.0, damping_ratio = 0.0;  ///< springdamper: both above 0 in place of stiffness and damping
+  bool is_aligned = false;  ///< a free joint whose coordinates are those of the body's principal axes
 };
 
 enum class GeomType { plane, hfield, sphere, capsule, ellipsoid, cylinder, box, mesh, sdf };

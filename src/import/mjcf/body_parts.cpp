@@ -93,10 +93,11 @@ JointPart read_joint_part(Element element, const Eigen::Isometry3d& frame, const
   part.type = element.tag() == "freejoint"
                   ? JointType::free
                   : static_cast<JointType>(element.word("type", {"hinge", "slide", "ball", "free"}, 0));
-  if (element.tag() == "freejoint") {
-    element.truth("align", false);
-    return part;
+  if (part.type == JointType::free) {
+    const int align = element.word("align", {"false", "true", "auto"}, 2);
+    part.is_aligned = align == 2 ? settings.aligns_free : align == 1;
   }
+  if (element.tag() == "freejoint") return part;
   if (part.type == JointType::free || part.type == JointType::ball) {
     read_passive(element, settings, part);
     if (part.type == JointType::free &&

@@ -63,8 +63,13 @@ class Driver {
       length.add(actuator.joint, 1.0);
     Form left = ties_.reduced(length);
     if (left.terms.empty()) return lose(actuator, "acts on what an equality holds"), false;
-    if (actuator.tendon < 0) left = length;  // a follower keeps its own drive
+    std::erase_if(length.terms, [](const auto& term) { return term.second == 0.0; });
+    if (length.terms.size() == 1) left = length;  // a follower keeps its own drive
     if (left.terms.size() > 1) return lose(actuator, "acts on several joints that are not tied to one"), false;
+    for (const auto& [moved, coefficient] : length.terms)
+      if (length.terms.size() > 1 && scene_.joint(moved).effort_limit < infinity)
+        report().warn("effort limits of single joints that a tendon drives together, kept as they are",
+                      scene_.joint(moved).name);
     index = left.terms.front().first;
     factor = left.terms.front().second;
     constant = left.constant;

@@ -102,7 +102,8 @@ class Reader {
       scene_.report().show_all("closed loops, left out on request");
       return scene_.report().warn("closed loops, left out on request", element.place());
     }
-    element.fail("closes a loop, and lockstep models trees", "remove it, or leave all loops out: ImportOptions::loops");
+    element.fail("closes a loop, and lockstep models trees",
+                 "remove it, or leave all loops out: ImportOptions::loops leave_out");
   }
 
   Scene& scene_;

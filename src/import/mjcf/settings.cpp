@@ -42,6 +42,7 @@ void read_compiler(const Element& compiler, Settings& settings) {
   settings.least_inertia = compiler.number("boundinertia", 0.0);
   settings.balances = compiler.truth("balanceinertia", false);
   settings.total_mass = compiler.number("settotalmass", -1.0);
+  settings.aligns_free = compiler.truth("alignfree", false);
 }
 
 void read_flag(const Element& flag, Settings& settings) {

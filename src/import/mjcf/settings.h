@@ -19,6 +19,7 @@ struct Settings {
   int first_group = 0, last_group = 5;  ///< geoms that count for inertia
   double least_mass = 0.0, least_inertia = 0.0, total_mass = -1.0;
   bool balances = false;
+  bool aligns_free = false;  ///< free joints that do not say so themselves move principal axes
 
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};
   bool has_equalities = true, has_limits = true, has_friction = true, has_actuation = true, has_contacts = true;

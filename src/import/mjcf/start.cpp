@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <string_view>
 
 #include "lockstep/error.h"
@@ -24,6 +25,14 @@ std::vector<double> exactly(const Element& key, const char* attribute, std::size
   return values;
 }
 
+// MuJoCo aligns only bodies that carry no other.
+bool moves_principal_axes(const Scene& scene, int joint) {
+  return scene.joint(joint).is_aligned &&
+         std::none_of(scene.bodies.all.begin(), scene.bodies.all.end(), [&](const Body& body) {
+           return body.parent == scene.joints[static_cast<std::size_t>(joint)].body;
+         });
+}
+
 void apply(const Element& key, const Scene& scene, Start& start) {
   std::size_t positions = 0, velocities = 0;
   for (std::size_t j = 0; j < scene.joints.size(); ++j) {
@@ -39,6 +48,10 @@ void apply(const Element& key, const Scene& scene, Start& start) {
   for (std::size_t j = 0; j < scene.joints.size(); ++j) {
     const JointType type = scene.joint(static_cast<int>(j)).type;
     const int body = scene.joints[j].body;
+    if (moves_principal_axes(scene, static_cast<int>(j)) && !(q.empty() && v.empty()))
+      key.fail(fmt::format("moves body '{}' by its principal axes, as align or alignfree say",
+                           scene.bodies.all[static_cast<std::size_t>(body)].name),
+               "set align=\"false\", and give the pose of the body's own axes");
     if (type == JointType::free && !q.empty()) {
       const Eigen::Vector4d turn(position[4], position[5], position[6], position[3]);
       if (!(turn.stableNorm() > 1e-14)) key.fail("qpos has a quaternion without length", "give a unit quaternion");
