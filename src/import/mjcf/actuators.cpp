@@ -98,7 +98,8 @@ void read_target(const Element& element, Scene& scene, Actuator& actuator) {
     const std::string name = element.name(joint);
     const auto found = scene.joint_of.find(name);
     if (found == scene.joint_of.end())
-      element.fail(fmt::format("names joint '{}', which does not exist", shortened(name)), "correct the name");
+      element.fail(fmt::format("names joint '{}', which does not exist", shortened(name)),
+                   "correct the name, or read the file that includes this one");
     const JointType type = scene.joint(found->second).type;
     if (type == JointType::ball || type == JointType::free)
       actuator.lost = "acts on a ball or free joint";
@@ -155,6 +156,7 @@ void read_actuator(const Element::Xml& xml, Scene& scene) {
     actuator.gear = 1.0;
   }
   actuator.filter = name_of(numbers.dynamics);
+  if (element.number("delay", 0.0) > 0.0) actuator.filter += actuator.filter.empty() ? "delay" : " and delay";
   actuator.gain = numbers.gain[0];
   if (numbers.bias_type == Bias::affine) std::copy_n(numbers.bias, 3, actuator.bias);
   if (actuator.bias[2] > 0.0 && actuator.bias[1] == -actuator.gain) {

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <string_view>
 
 #include "lockstep/error.h"
 
@@ -41,6 +42,16 @@ void suspect_angles(const Scene& scene) {
                         fmt::format("the widest range ends at {:.2g} degrees", degrees));
 }
 
+// Flexes pull at the bodies that carry their corners; skins are drawn only.
+void name_flexes(const Scene& scene) {
+  for (const Element::Xml* section : scene.document.children(scene.document.root())) {
+    if (std::string_view(section->Name()) != "deformable") continue;
+    for (const Element::Xml* xml : Element(scene.document, *section).children())
+      if (std::string_view(xml->Name()) == "flex")
+        scene.report().warn("flexes, left out", Element(scene.document, *xml).place());
+  }
+}
+
 }  // namespace
 
 void Form::add(int joint, double coefficient) {
@@ -54,7 +65,8 @@ void Form::add(int joint, double coefficient) {
 int Scene::scalar_joint(const std::string& name, const Element& element) const {
   const auto found = joint_of.find(name);
   if (found == joint_of.end())
-    element.fail(fmt::format("names joint '{}', which does not exist", shortened(name)), "correct the name");
+    element.fail(fmt::format("names joint '{}', which does not exist", shortened(name)),
+                 "correct the name, or read the file that includes this one");
   const JointType type = joint(found->second).type;
   if (type != JointType::hinge && type != JointType::slide)
     element.fail(fmt::format("names joint '{}', which is no hinge or slide", shortened(name)), "name one of these");
@@ -74,6 +86,7 @@ Scene read_scene(Document& document, const Settings& settings, const Classes& cl
   }
   choose_bodies(scene);
   suspect_angles(scene);
+  name_flexes(scene);
   read_tendons(scene);
   read_equalities(scene);
   read_actuators(scene);
