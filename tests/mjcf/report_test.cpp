@@ -187,6 +187,8 @@ const std::vector<Line> lines = {
      "actuators left out (1): m acts on a ball or free joint (1 u)"},
     {true, world(pair, "<actuator><general name='m' joint='x' biastype='affine' biasprm='0 1'/></actuator>"),
      "actuators left out (1): m pushes away from its target (1 u + 1 length)"},
+    {true, world(pair, "<actuator><position name='m' joint='x' forcerange='0 3'/></actuator>"),
+     "actuators left out (1): m pushes one way only (1 u + -1 length, force 0 to 3)"},
     {true, world(pair, "<actuator><general name='m' joint='x' gaintype='affine'/></actuator>"),
      "actuators left out (1): m has a gain that is not fixed (1 u)"},
     {true, world(pair, "<actuator><general name='m' joint='x' biastype='muscle'/></actuator>"),

@@ -118,6 +118,8 @@ class Driver {
     int index = -1;
     double factor = 1.0, constant = 0.0;
     if (!find_joint(actuator, index, factor, constant)) return;
+    if (actuator.force && !(actuator.force->lower < 0.0 && actuator.force->upper > 0.0))
+      return lose(actuator, "pushes one way only");
     if (actuator.bias[1] > 0.0 || actuator.bias[2] > 0.0) return lose(actuator, "pushes away from its target");
     const double gear = actuator.gear * factor;
     const double offset = actuator.bias[0] + actuator.bias[1] * actuator.gear * constant;
