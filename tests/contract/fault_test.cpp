@@ -63,7 +63,7 @@ std::vector<Cause<S>> causes(const Plan& plan) {
   }
   for (unsigned p = 0; p < parameter_count; ++p) {
     const Parameter parameter = static_cast<Parameter>(p);
-    if (!declared.contains(parameter)) continue;
+    if (!declared.contains(parameter) || plan.parameter_rows(parameter) == 0) continue;
     const bool by_coupling = parameter == Parameter::offset || parameter == Parameter::coupling_switch;
     std::vector<int> rows = {0, plan.parameter_rows(parameter) - 1};
     if (by_coupling) rows.push_back(contract::limited_coupling);  // a bounded row in the bounded scenes
