@@ -91,6 +91,8 @@ TEST(MjcfRefusal, is_of_what_mujoco_refuses) {
   expect_refused(world(pair, "<actuator><position joint='x' kv='1' dampratio='1'/></actuator>"),
                  "1:", "kv and dampratio");
   expect_refused(world(pair, "<tendon><fixed/></tendon>"), "1: <fixed>", "no joints");
+  const string slide = "<joint type='slide' springdamper='0.1 1'/>";
+  expect_refused(world(body(slide + slide)), "2: <joint>", "has a springdamper, but moves no inertia");
   expect_refused(world("<replicate count='2.5'/>"), "2: <replicate>", "whole");
   expect_refused(world(body("<joint/>"), "<keyframe><key name='k' qpos='1 2'/></keyframe>"), "1: key 'k'",
                  "2 numbers, not 1", {.keyframe = "k"});

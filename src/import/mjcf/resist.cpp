@@ -151,7 +151,7 @@ void resist_by_time_constants(const Scene& scene, Draft& draft) {
       throw ImportError(part.place, "has a springdamper, among more than 2000 joints",
                         "give stiffness and damping instead");
     if (inertia.empty()) inertia = free_inertia(scene);
-    if (!(inertia[j] > 0.0))
+    if (!(inertia[j] > 0.0) || inertia[j] == infinity)
       throw ImportError(part.place, "has a springdamper, but moves no inertia", "give stiffness and damping instead");
     Joint& joint = draft.model.joints[static_cast<std::size_t>(draft.model.joint_index(part.name))];
     if (!joint.moves()) continue;
