@@ -156,6 +156,25 @@ TEST(MjcfExport, keeps_names_and_the_bits_of_numbers) {
   EXPECT_NE(made.text.find("model=\"a &lt;b&gt; &amp; &quot;c&quot;\""), string::npos) << made.text;
 }
 
+TEST(MjcfExport, warns_where_bodies_nest_deeper_than_xml_is_read) {
+  const auto chain = [](int length) {
+    Model model;
+    model.links.push_back({"world", {}});
+    for (int i = 0; i < length; ++i) {
+      Joint joint;
+      joint.name = joint.child = "l" + std::to_string(i);
+      joint.kind = JointKind::revolute, joint.parent = model.links.back().name;
+      model.links.push_back({joint.child, Inertia::box(1.0, {0.1, 0.1, 0.1}, Eigen::Vector3d::Zero())});
+      model.joints.push_back(joint);
+    }
+    return export_mjcf(model);
+  };
+  int longest = 50;
+  while (!warns(chain(longest), "readers by tinyxml2 do not follow")) ++longest;
+  EXPECT_THROW(read(chain(longest)), ImportError);
+  EXPECT_NO_THROW(read(chain(longest - 1)));
+}
+
 TEST(MjcfExport, refuses_steps_and_models_that_cannot_be) {
   for (const double step : {0.0, -1.0, infinity, std::nan("")})
     EXPECT_THROW(export_mjcf(fingers(), {.timestep = step}), SettingsError);

@@ -283,7 +283,8 @@ TEST_F(Command, exports_both_formats_and_reads_them) {
   const Ran said = run({"export", model, "--drive", "wrist=5,0.1", "--out", path("out.xml")});
   EXPECT_EQ(said.status, 0) << said.err;
   EXPECT_NE(said.out.find("controls of the file, in its order"), std::string::npos) << said.out;
-  const Ran lost = run({"export", path("out.xml"), "--keyframe", "start", "--out", path("out.txt"), "--format", "urdf"});
+  const Ran lost =
+      run({"export", path("out.xml"), "--keyframe", "start", "--out", path("out.txt"), "--format", "urdf"});
   EXPECT_EQ(lost.status, 0) << lost.err;
   EXPECT_NE(lost.err.find("lockstep: warning: drives, left out (1): wrist\n"), std::string::npos) << lost.err;
   for (const char* file : {"out.xml", "out.txt"}) EXPECT_EQ(run({"info", path(file)}).status, 0) << file;

@@ -36,13 +36,16 @@ class World {
       if (collider.link.empty()) write_geom(collider);
     for (std::size_t i = 0; i < writing_.layout.is_world.size(); ++i)
       if (writing_.layout.is_world[i]) write_parts(model_.links[i].name);
-    for (const int body : writing_.layout.in_world) write_body(body);
+    for (const int body : writing_.layout.in_world) write_body(body, 3);
     xml_.close();
   }
 
  private:
-  void write_body(int index) {
+  // `depth` is that of the element, whose own elements are one deeper.
+  void write_body(int index, int depth) {
     const Body& body = writing_.layout.bodies[static_cast<std::size_t>(index)];
+    if (depth + 1 == TINYXML2_MAX_ELEMENT_DEPTH)
+      report_.warn("bodies nested so deep that readers by tinyxml2 do not follow", body.name);
     xml_.open("body").set("name", body.name);
     place(xml_, body.pose);
     if (body.floats) xml_.open("freejoint").close();
@@ -53,7 +56,7 @@ class World {
       xml_.set("diaginertia", numbers(body.inertial.moments)).close();
     }
     write_parts(model_.links[static_cast<std::size_t>(body.link)].name);
-    for (const int child : body.children) write_body(child);
+    for (const int child : body.children) write_body(child, depth + 1);
     xml_.close();
   }
 
