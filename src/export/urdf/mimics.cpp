@@ -8,7 +8,7 @@ namespace lockstep::exporter::urdf {
 Mimics mimics_of(const Model& model, Report& report) {
   Mimics mimics;
   const auto follows = [&](std::string joint, const std::string& leader) {
-    for (auto at = mimics.find(joint); joint != leader && at != mimics.end(); at = mimics.find(joint))
+    for (auto at = mimics.find(joint); at != mimics.end(); at = mimics.find(joint))
       joint = at->second->terms.front().joint;
     return joint == leader;
   };
