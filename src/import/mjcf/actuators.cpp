@@ -174,17 +174,11 @@ void read_actuator(const Element::Xml& xml, Scene& scene) {
 }  // namespace
 
 void read_actuators(Scene& scene) {
-  for (const Element::Xml* section : scene.document.children(scene.document.root())) {
-    if (std::string_view(section->Name()) != "actuator") continue;
-    const Element owner(scene.document, *section);
-    for (const Element::Xml* xml : owner.children()) {
-      const std::string_view tag = xml->Name();
-      const bool is_read = std::find(tags.begin(), tags.end(), tag) != tags.end();
-      if (!is_read && tag != "plugin" && tag != "dcmotor") continue;
-      if (is_read) {
-        read_actuator(*xml, scene);
-        continue;
-      }
+  for (const Element::Xml* xml : scene.document.section("actuator")) {
+    const std::string_view tag = xml->Name();
+    if (std::find(tags.begin(), tags.end(), tag) != tags.end()) {
+      read_actuator(*xml, scene);
+    } else if (tag == "plugin" || tag == "dcmotor") {
       const Element lost(scene.document, *xml);
       Actuator actuator;
       actuator.name = lost.name("name", fmt::format("#{}", scene.actuators.size()));

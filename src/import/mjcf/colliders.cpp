@@ -64,18 +64,15 @@ class Collision {
   Report& report() const { return scene_.report(); }
 
   void read_section() {
-    for (const Element::Xml* section : scene_.document.children(scene_.document.root())) {
-      if (std::string_view(section->Name()) != "contact") continue;
-      for (const Element::Xml* xml : Element(scene_.document, *section).children()) {
-        const std::string_view tag = xml->Name();
-        if (tag == "pair") {
-          const Element pair = scene_.classes.element(*xml, "");
-          for (const char* geom : {"geom1", "geom2"}) paired_.insert(pair.name(geom));
-          pairs_.push_back(xml);
-        } else if (tag == "exclude") {
-          const Element exclude(scene_.document, *xml);
-          excluded_.insert(std::minmax({exclude.name("body1"), exclude.name("body2")}));
-        }
+    for (const Element::Xml* xml : scene_.document.section("contact")) {
+      const std::string_view tag = xml->Name();
+      if (tag == "pair") {
+        const Element pair = scene_.classes.element(*xml, "");
+        for (const char* geom : {"geom1", "geom2"}) paired_.insert(pair.name(geom));
+        pairs_.push_back(xml);
+      } else if (tag == "exclude") {
+        const Element exclude(scene_.document, *xml);
+        excluded_.insert(std::minmax({exclude.name("body1"), exclude.name("body2")}));
       }
     }
   }
@@ -185,8 +182,7 @@ void collide(const Scene& scene, const std::vector<Place>& places, Draft& draft)
 }
 
 void list_contacts(Document& document) {
-  for (const Element::Xml* section : document.children(document.root()))
-    if (std::string_view(section->Name()) == "contact") document.visit(*section);
+  document.section("contact");  // visits it, so that pairs and excludes are counted
 }
 
 }  // namespace lockstep::importer::mjcf

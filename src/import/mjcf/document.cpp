@@ -130,6 +130,17 @@ std::vector<const Document::Xml*> Document::children(const Xml& owner) const {
   return found;
 }
 
+std::vector<const Document::Xml*> Document::section(std::string_view tag) {
+  std::vector<const Xml*> inside;
+  for (const Xml* xml : children(*root_)) {
+    if (xml->Name() != tag) continue;
+    visit(*xml);
+    const std::vector<const Xml*> own = children(*xml);
+    inside.insert(inside.end(), own.begin(), own.end());
+  }
+  return inside;
+}
+
 void Document::account(const Xml& element) {
   const std::string_view tag = element.Name();
   if (tag == "include") return;

@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <unordered_set>
 #include <vector>
 
@@ -30,6 +31,8 @@ class Document {
 
   /// Child elements, those of included files among them.
   std::vector<const Xml*> children(const Xml& owner) const;
+  /// What stands in the root's sections of this tag, in order. The sections are visited.
+  std::vector<const Xml*> section(std::string_view tag);
   std::string line(const Xml& xml) const;  ///< "file:line"
 
   void visit(const Xml& xml) { visited_.insert(&xml); }  ///< its attributes and children are looked at one by one

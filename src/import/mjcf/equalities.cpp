@@ -112,11 +112,7 @@ class Reader {
 }  // namespace
 
 void read_equalities(Scene& scene) {
-  for (const Element::Xml* section : scene.document.children(scene.document.root())) {
-    if (std::string_view(section->Name()) != "equality") continue;
-    const Element owner(scene.document, *section);
-    for (const Element::Xml* xml : owner.children()) Reader(scene).read(*xml);
-  }
+  for (const Element::Xml* xml : scene.document.section("equality")) Reader(scene).read(*xml);
 }
 
 }  // namespace lockstep::importer::mjcf

@@ -44,12 +44,9 @@ void suspect_angles(const Scene& scene) {
 
 // Flexes pull at the bodies that carry their corners; skins are drawn only.
 void name_flexes(const Scene& scene) {
-  for (const Element::Xml* section : scene.document.children(scene.document.root())) {
-    if (std::string_view(section->Name()) != "deformable") continue;
-    for (const Element::Xml* xml : Element(scene.document, *section).children())
-      if (std::string_view(xml->Name()) == "flex")
-        scene.report().warn("flexes, left out", Element(scene.document, *xml).place());
-  }
+  for (const Element::Xml* xml : scene.document.section("deformable"))
+    if (std::string_view(xml->Name()) == "flex")
+      scene.report().warn("flexes, left out", Element(scene.document, *xml).place());
 }
 
 }  // namespace

@@ -80,16 +80,13 @@ std::optional<Element> chosen_key(const Scene& scene) {
   std::vector<Element> keys;
   std::vector<std::string> names;
   const std::string& wanted = scene.options.keyframe;
-  for (const Element::Xml* section : scene.document.children(scene.document.root())) {
-    if (std::string_view(section->Name()) != "keyframe") continue;
-    for (const Element::Xml* xml : Element(scene.document, *section).children()) {
-      if (std::string_view(xml->Name()) != "key") continue;
-      const char* name = xml->Attribute("name");
-      names.push_back(name ? name : std::to_string(names.size()));
-      if (wanted.empty()) continue;  // unread keys are counted
-      keys.emplace_back(scene.document, *xml);
-      keys.back().rename("key '" + shortened(names.back()) + "'");
-    }
+  for (const Element::Xml* xml : scene.document.section("keyframe")) {
+    if (std::string_view(xml->Name()) != "key") continue;
+    const char* name = xml->Attribute("name");
+    names.push_back(name ? name : std::to_string(names.size()));
+    if (wanted.empty()) continue;  // unread keys are counted
+    keys.emplace_back(scene.document, *xml);
+    keys.back().rename("key '" + shortened(names.back()) + "'");
   }
   if (wanted.empty()) {
     if (!names.empty()) scene.report().remark("keyframes, not used as none is asked for", listed(names));

@@ -54,13 +54,9 @@ void read_tendon(const Element::Xml& xml, Scene& scene) {
 }  // namespace
 
 void read_tendons(Scene& scene) {
-  for (const Element::Xml* section : scene.document.children(scene.document.root())) {
-    if (std::string_view(section->Name()) != "tendon") continue;
-    const Element owner(scene.document, *section);
-    for (const Element::Xml* xml : owner.children()) {
-      const std::string_view tag = xml->Name();
-      if (tag == "fixed" || tag == "spatial") read_tendon(*xml, scene);
-    }
+  for (const Element::Xml* xml : scene.document.section("tendon")) {
+    const std::string_view tag = xml->Name();
+    if (tag == "fixed" || tag == "spatial") read_tendon(*xml, scene);
   }
 }
 
