@@ -42,6 +42,10 @@ enum class JointKind {
   revolute,    ///< turns about the axis, rad
   continuous,  ///< the same without position limits. It turns for ever: see Batch::angles()
   prismatic,   ///< slides along the axis, m
+  /// Moves no link: its position is a sum of other joints' positions, each times a ratio, and its forces act on them.
+  /// A range, a spring, a servo, friction or an armature of such a sum: fixed tendons, differential drives. See
+  /// Coupling.
+  tendon,
 };
 
 /// What moves a joint towards its targets.
@@ -64,8 +68,8 @@ struct Drive {
 struct Joint {
   std::string name;
   JointKind kind = JointKind::fixed;
-  std::string parent;                               ///< link that carries the joint
-  std::string child;                                ///< link that it moves
+  std::string parent;                               ///< link that carries the joint; empty for a tendon
+  std::string child;                                ///< link that it moves; empty for a tendon
   Pose origin = Pose::Identity();                   ///< child frame in the parent's at q = 0
   Eigen::Vector3d axis = Eigen::Vector3d::UnitX();  ///< in the child frame; any length > 0
 
@@ -86,8 +90,8 @@ struct Joint {
   double effort_limit = infinity;              ///< N m or N, >= 0: of servo and feed-forward effort together
   double friction = 0.0;                       ///< dry friction, N m or N, >= 0
 
-  double position = 0.0;  ///< state after reset(), rad or m
-  double velocity = 0.0;  ///< rad/s or m/s
+  double position = 0.0;  ///< state after reset(), rad or m; a tendon's is that of its joints, whatever stands here
+  double velocity = 0.0;  ///< rad/s or m/s; the same
 
   bool moves() const { return kind != JointKind::fixed; }
 };
@@ -101,6 +105,9 @@ struct CouplingTerm {
 ///     C = q_joint + ratio_1 q_1 + ... + ratio_k q_k + offset = 0.
 /// With one term it is the mimic joint (3). The joints may lie anywhere in the tree.
 /// URDF's q_joint = multiplier * q_leader + offset is ratio = -multiplier, offset = -offset.
+///
+/// A tendon is the follower of one coupling, hard and without a force limit, which says what its position is, and leads
+/// no other. q_tendon = q_1 + q_2 is the ratios -1 and -1.
 struct Coupling {
   std::string joint;                ///< the follower
   std::vector<CouplingTerm> terms;  ///< its leaders

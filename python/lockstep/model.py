@@ -101,8 +101,8 @@ class Drive:
 
 @dataclass
 class Joint:
-    """kind: "fixed", "revolute", "continuous" or "prismatic". origin: the child's frame in the parent's at q = 0,
-    4 x 4. axis: in the child's frame. The other fields are those of lockstep/model.h."""
+    """kind: "fixed", "revolute", "continuous", "prismatic" or "tendon". origin: the child's frame in the parent's at
+    q = 0, 4 x 4. axis: in the child's frame. The other fields are those of lockstep/model.h."""
 
     name: str
     kind: str = "fixed"

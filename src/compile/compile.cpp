@@ -7,6 +7,7 @@
 #include "lockstep/error.h"
 #include "lockstep/plan.h"
 #include "measure/inertia_at_start.h"
+#include "model/tendons.h"
 #include "plan/layout.h"
 
 namespace lockstep {
@@ -127,6 +128,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   lay_out_bodies(*program, Trees(program->model));
   program->contacts = contact_pairs(program->model, Trees(program->model));
   lay_out_couplings(*program);
+  place_tendons(program->model);
   choose_followers(*program);
   lay_out_joint_terms(*program);
   find_redundant_couplings(*program);

@@ -28,12 +28,8 @@ Export written(Export result, const std::string& path) {
 }  // namespace
 
 Export finished(std::string text, const Model& model, const Report& report) {
-  using importer::counted;
-  const auto moving = std::count_if(model.joints.begin(), model.joints.end(), [](const Joint& j) { return j.moves(); });
   Export result{std::move(text), report.lines(), report.warnings()};
-  result.report.insert(result.report.begin(), fmt::format("wrote {}, {}, {}", counted(model.links.size(), "link"),
-                                                          counted(static_cast<std::size_t>(moving), "moving joint"),
-                                                          counted(model.couplings.size(), "coupling")));
+  result.report.insert(result.report.begin(), "wrote " + importer::contents_of(model));
   return result;
 }
 

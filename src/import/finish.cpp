@@ -19,7 +19,7 @@ Model judged(Model model, const Ignored& ignore) {
   std::unordered_set<std::string> followers;
   for (const Coupling& coupling : model.couplings) followers.insert(coupling.joint);
   for (Joint& joint : model.joints) {
-    const bool follows = followers.count(joint.name) > 0;
+    const bool follows = joint.kind != JointKind::tendon && followers.count(joint.name) > 0;
     if (holds(ignore.position_limits, joint.name, follows)) joint.lower = -infinity, joint.upper = infinity;
     if (holds(ignore.velocity_limits, joint.name, follows)) joint.velocity_limit = infinity;
     if (holds(ignore.effort_limits, joint.name, follows)) joint.effort_limit = infinity;
@@ -58,13 +58,6 @@ void check_names(const Ignored& ignore, const Model& model) {
     }
 }
 
-std::string summary(const Model& model) {
-  std::size_t moving = 0;
-  for (const Joint& joint : model.joints) moving += joint.moves();
-  return fmt::format("read {}, {}, {}", counted(model.links.size(), "link"), counted(moving, "moving joint"),
-                     counted(model.couplings.size(), "coupling"));
-}
-
 }  // namespace
 
 bool holds(const JointSet& set, const std::string& joint, bool follows) {
@@ -91,7 +84,7 @@ Import finished(Draft& draft, const ImportOptions& options, Report& report, cons
                      error.rule() + (meshes.empty() ? "" : "; " + meshes), error.remedy());
   }
   Import result{std::move(model), report.lines(), report.warnings()};
-  result.report.insert(result.report.begin(), summary(result.model));
+  result.report.insert(result.report.begin(), "read " + contents_of(result.model));
   return result;
 }
 

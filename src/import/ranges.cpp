@@ -41,9 +41,10 @@ void report_followers_ranges(const Model& model, Report& report) {
   std::unordered_map<std::string, const Joint*> joints;
   for (const Joint& joint : model.joints) joints.emplace(joint.name, &joint);
   for (const Coupling& coupling : model.couplings) {
-    if (coupling.terms.size() != 1 || !is_hard(coupling.softness)) continue;
+    const Joint& follower = *joints.at(coupling.joint);
+    if (coupling.terms.size() != 1 || !is_hard(coupling.softness) || follower.kind == JointKind::tendon) continue;
     const CouplingTerm& term = coupling.terms.front();
-    report_range(*joints.at(coupling.joint), *joints.at(term.joint), -term.ratio, -coupling.offset, report);
+    report_range(follower, *joints.at(term.joint), -term.ratio, -coupling.offset, report);
   }
 }
 

@@ -82,4 +82,12 @@ std::string counted(std::size_t number, const char* noun) {
   return fmt::format("{} {}{}", number, noun, number == 1 ? "" : "s");
 }
 
+std::string contents_of(const Model& model) {
+  std::size_t moving = 0, tendons = 0;
+  for (const Joint& joint : model.joints) joint.kind == JointKind::tendon ? ++tendons : moving += joint.moves();
+  std::string text = fmt::format("{}, {}, ", counted(model.links.size(), "link"), counted(moving, "moving joint"));
+  if (tendons > 0) text += counted(tendons, "tendon") + ", ";
+  return text + counted(model.couplings.size(), "coupling");
+}
+
 }  // namespace lockstep::importer

@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "lockstep/model.h"
+
 namespace lockstep::importer {
 
 /// Collects remarks while a file is read. Each kind of remark becomes one line.
@@ -42,5 +44,8 @@ std::string listed(const std::vector<std::string>& items, const char* between = 
 
 /// "1 link", "2 links".
 std::string counted(std::size_t number, const char* noun);
+
+/// "2 links, 1 moving joint, 0 couplings", and its tendons.
+std::string contents_of(const Model& model);
 
 }  // namespace lockstep::importer

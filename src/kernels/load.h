@@ -4,6 +4,7 @@
 #include "kernels/contacts/memory.h"
 #include "kernels/couplings/consistent.h"
 #include "kernels/couplings/gear_ratios.h"
+#include "kernels/couplings/tendons.h"
 #include "kernels/couplings/turns.h"
 #include "kernels/dynamics/frame.h"
 #include "kernels/tile/lay_out.h"
@@ -128,6 +129,7 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
     own_inertias(t, batch, x);
     move_masses_inwards(t, x);
   }
+  if (t.tendons.count > 0) place_tendons(t, x);
   set_consistent(t, x, all_consistent(t, x, shape));
   if (t.contacts.used()) load_contacts(t, batch, x);
 }

@@ -104,7 +104,9 @@ std::vector<double> largest_folded_shares(const Program& program) {
     const VectorXd row = row_of(t, t.rows.coupling[r]);
     const RowSoftness<double>& softness = t.rows.softness[r];
     const double cfm = softness.cfm + softness.cfm_per_response * row.dot(factored.solve(row));
-    shares[t.rows.coupling[r]] = (row.array().square() / inertia.diagonal().array()).maxCoeff() / cfm;
+    // Tendons have no inertia, but no row over joints has them.
+    const auto squares = row.array().square();
+    shares[t.rows.coupling[r]] = (squares > 0.0).select(squares / inertia.diagonal().array(), 0.0).maxCoeff() / cfm;
   }
   return shares;
 }

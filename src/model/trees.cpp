@@ -29,6 +29,10 @@ Trees::Trees(const Model& model) {
   child_joints.resize(links);
   for (std::size_t j = 0; j < joints; ++j) {
     const Joint& joint = model.joints[j];
+    if (joint.kind == JointKind::tendon) {
+      joint_parent.push_back(-1), joint_child.push_back(-1);
+      continue;
+    }
     for (const std::string& end : {joint.parent, joint.child})
       if (!link_of.count(end))
         throw ModelError("joint '" + joint.name + "'", "refers to link '" + end + "', which does not exist",

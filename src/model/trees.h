@@ -18,11 +18,11 @@ struct Trees {
   std::vector<int> tree_of;                    ///< by link
   std::vector<int> parent_joint;               ///< by link: the joint that carries it, -1 for a root
   std::vector<std::vector<int>> child_joints;  ///< by link, in the model's order
-  std::vector<int> joint_parent, joint_child;  ///< by joint: links
+  std::vector<int> joint_parent, joint_child;  ///< by joint: links; -1 for a tendon
   std::vector<int> carrier;                    ///< by link: itself or the nearest link up the tree that is a root or
                                                ///< is carried by a moving joint; both belong to one rigid body
   std::vector<Eigen::Isometry3d> in_carrier;   ///< by link: its frame in its carrier's
-  std::vector<int> joints_depth_first;         ///< all joints, tree by tree, parents before children
+  std::vector<int> joints_depth_first;         ///< all but tendons, tree by tree, parents before children
 
   int count() const { return static_cast<int>(roots.size()); }
   /// Whether the body of a link stands still in the world.

@@ -132,10 +132,21 @@ void proper_drive(const Drive& drive, const string& element) {
           "give 1 to reach the target in each step, less to approach it");
 }
 
+// A tendon has no place and no inertia of its own.
+void proper_tendon(const Joint& joint, const string& element) {
+  require(joint.parent.empty() && joint.child.empty(), element, "is a tendon, and yet has a parent or a child link",
+          "leave both empty: a tendon connects joints, by the coupling that it follows");
+  const auto by_frequency = [](const Softness& softness) { return std::holds_alternative<Frequency>(softness); };
+  require(!by_frequency(joint.limit_softness) && !by_frequency(joint.drive.softness), element,
+          "is a tendon, and yet has a softness by frequency, which refers to an inertia of its own",
+          "give the softness as a spring");
+}
+
 void proper_joint(const Joint& joint) {
   const string element = quoted("joint", joint.name);
   rigid(joint.origin, element, "origin");
   if (!joint.moves()) return;
+  if (joint.kind == JointKind::tendon) proper_tendon(joint, element);
   finite(joint.axis, element, "axis");
   require(joint.axis.norm() > 1e-9, element, "axis has no length", "give a direction such as 0 0 1");
   not_negative(joint.damping, element, "damping");
@@ -199,8 +210,14 @@ void proper_coupling(const JointsByName& joints, const Coupling& coupling, const
     require(seen.insert(joint).second, element, "names joint '" + joint + "' twice", "add up the ratios");
   };
   moving(coupling.joint);
+  require(joints.at(coupling.joint)->kind != JointKind::tendon ||
+              (is_hard(coupling.softness) && coupling.force_limit == infinity),
+          element, "says what the position of a tendon is, and yet is soft or has a force limit",
+          "leave it hard; give the tendon a spring, soft limits or an effort limit");
   for (const CouplingTerm& term : coupling.terms) {
     moving(term.joint);
+    require(joints.at(term.joint)->kind != JointKind::tendon, element,
+            "has tendon '" + term.joint + "' among its leaders", "name the joints of the tendon in its place");
     finite(term.ratio, element, "gear ratio of joint '" + term.joint + "'");
     require(term.ratio != 0.0, element, "gear ratio of joint '" + term.joint + "' is 0",
             "remove the term; a joint that stands still is a fixed joint");
@@ -208,6 +225,17 @@ void proper_coupling(const JointsByName& joints, const Coupling& coupling, const
         std::abs(term.ratio) <= largest_ratio && std::abs(term.ratio) >= 1.0 / largest_ratio, element,
         "gear ratio of joint '" + term.joint + "' is beyond 1e-9 to 1e9: rounding leaves nothing of the smaller side",
         "check the ratio; write the coupling the other way round if need be");
+  }
+}
+
+void one_coupling_each(const Model& model) {
+  for (const Joint& joint : model.joints) {
+    if (joint.kind != JointKind::tendon) continue;
+    const auto followed = std::count_if(model.couplings.begin(), model.couplings.end(),
+                                        [&](const Coupling& coupling) { return coupling.joint == joint.name; });
+    require(followed == 1, quoted("joint", joint.name),
+            "is a tendon that follows " + std::to_string(followed) + " couplings",
+            "add the one coupling that says what its position is");
   }
 }
 
@@ -229,6 +257,7 @@ void Model::validate() const {
   for (const Joint& joint : joints) joints_by_name.emplace(joint.name, &joint);
   const std::vector<string> names = coupling_names(*this);
   for (std::size_t c = 0; c < couplings.size(); ++c) proper_coupling(joints_by_name, couplings[c], names[c]);
+  one_coupling_each(*this);
   for (const Site& site : sites) {
     link_index(site.link);
     rigid(site.pose, quoted("site", site.name), "pose");

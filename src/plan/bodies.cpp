@@ -210,6 +210,32 @@ void lay_out_bodies(Program& program, const Trees& trees) {
     place.last_joint = static_cast<int>(joint_row.size());
     places_of_trees.push_back(place);
   }
+  // A tendon is a sliding body without mass, in a tree of its own.
+  for (std::size_t j = 0; j < model.joints.size(); ++j) {
+    if (model.joints[j].kind != JointKind::tendon) continue;
+    TreePlace<double> place{};
+    place.root = -1;
+    place.first_body = static_cast<int>(bodies.size());
+    place.first_joint = static_cast<int>(joint_row.size());
+    place.last_body = place.first_body + 1, place.last_joint = place.first_joint + 1;
+    copy(Matrix3d::Identity(), place.rotation);
+    Body<double> body{};
+    body.parent = -1;
+    body.tree = static_cast<int>(places_of_trees.size());
+    body.velocity = static_cast<int>(parents.size());
+    body.joint = place.first_joint;
+    body.prismatic = true;
+    body.sign = 1.0;
+    copy(Matrix3d::Identity(), body.rotation);
+    body.kind = kind_of(body);
+    program.solver_joint[j] = body.joint;
+    parents.push_back(-1);
+    joint_row.push_back(program.dof_of_joint[j]);
+    joint_velocity.push_back(body.velocity);
+    joint_body.push_back(place.first_body);
+    bodies.push_back(body);
+    places_of_trees.push_back(place);
+  }
 
   // Links: where they are in their bodies, and their inertia there.
   std::vector<LinkPlace<double>> places(links);

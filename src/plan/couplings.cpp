@@ -1,6 +1,7 @@
 // Couplings as linear forms over the joints, and which are redundant. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 #include <Eigen/Core>
+#include <algorithm>
 #include <cmath>
 
 #include "layout.h"
@@ -41,10 +42,14 @@ bool is_absent(const Program& program, int coupling) {
   return false;
 }
 
+bool places_tendon(const Tables<double>& t, int coupling) {
+  return std::find(t.tendons.data, t.tendons.data + t.tendons.count, coupling) != t.tendons.data + t.tendons.count;
+}
+
 void lay_out_couplings(Program& program) {
   const Model& model = program.model;
   Tables<double>& t = program.f64;
-  std::vector<int> start{0}, joint, gear;
+  std::vector<int> start{0}, joint, gear, tendons;
   std::vector<double> value, offset;
   int gear_row = 0;
   for (std::size_t c = 0; c < model.couplings.size(); ++c) {
@@ -59,6 +64,8 @@ void lay_out_couplings(Program& program) {
     }
     start.push_back(static_cast<int>(joint.size()));
     offset.push_back(coupling.offset);
+    if (model.joints[model.joint_index(coupling.joint)].kind == JointKind::tendon)
+      tendons.push_back(static_cast<int>(c));
     const Softness& softness = coupling.softness;
     if (is_absent(softness) && !declared(program, Parameter::softness)) program.absent.push_back(static_cast<int>(c));
   }
@@ -68,6 +75,7 @@ void lay_out_couplings(Program& program) {
   t.term_gear = program.storage.keep(std::move(gear));
   t.term_value = program.storage.keep(std::move(value));
   t.offset = program.storage.keep(std::move(offset));
+  t.tendons = program.storage.keep(std::move(tendons));
 }
 
 // Gaussian elimination of the hard rows in the model's order. Each row keeps a record of the rows that it came from.

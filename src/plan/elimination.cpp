@@ -37,7 +37,8 @@ HardRows gauss_jordan(const Program& program) {
     int pivot = 0;
     const double largest = row.maxCoeff(&pivot);
     const int first = t.term_joint[t.term_start[rows.coupling[p]]];
-    if (!is_pivot(rows, first) && row[first] * follower_preference >= largest) pivot = first;
+    if (places_tendon(t, rows.coupling[p]) || (!is_pivot(rows, first) && row[first] * follower_preference >= largest))
+      pivot = first;
     rows.pivot.push_back(pivot);
     for (int r = 0; r < count; ++r) {
       if (r == p || rows.matrix(r, pivot) == 0.0) continue;
@@ -115,7 +116,7 @@ std::vector<int> placing_order(const Tables<double>& t, std::vector<int> remaini
 }
 
 // The couplings that place their followers, component by component. A component where a follower is not the first joint
-// of its coupling, or where couplings form a ring, places none.
+// of its coupling, or where couplings form a ring, places none but its tendons, which come last.
 void place(Program& program, const HardRows& rows) {
   Tables<double>& t = program.f64;
   const std::vector<int> component = components(t);
@@ -124,17 +125,21 @@ void place(Program& program, const HardRows& rows) {
   std::vector<bool> possible(t.tree.count, true);
   for (std::size_t p = 0; p < rows.pivot.size(); ++p) {
     const int c = rows.coupling[p], first = t.term_joint[t.term_start[c]];
+    if (places_tendon(t, c)) continue;
     couplings[component_of(first)].push_back(c);
     if (rows.pivot[p] != first) possible[component_of(first)] = false;
   }
   std::vector<int> placing, placed;
   for (int i = 0; i < t.tree.count; ++i) {
     const std::vector<int> order = possible[i] ? placing_order(t, couplings[i]) : std::vector<int>{};
-    possible[i] = !order.empty();
+    possible[i] = !order.empty() || couplings[i].empty();
     placing.insert(placing.end(), order.begin(), order.end());
   }
-  for (const int joint : rows.pivot) placed.push_back(possible[component_of(joint)]);
-  t.reduction.all_placed = placing.size() == placed.size();
+  for (std::size_t p = 0; p < rows.pivot.size(); ++p) {
+    if (places_tendon(t, rows.coupling[p])) placing.push_back(rows.coupling[p]);
+    placed.push_back(possible[component_of(rows.pivot[p])]);  // a tendon moves as consistently as its joints do
+  }
+  t.reduction.all_placed = std::all_of(placed.begin(), placed.end(), [](int is_placed) { return is_placed; });
   t.reduction.placing = program.storage.keep(std::move(placing));
   t.reduction.placed = program.storage.keep(std::move(placed));
 }

@@ -90,7 +90,9 @@ Choice choose(const Program& program, const Takes& takes) {
     for (auto other = left.begin(); other != left.end(); ++other)
       if (std::abs(other->second) > std::abs(pivot->second)) pivot = other;
     const auto first = left.find(t.term_joint[t.term_start[c]]);
-    if (first != left.end() && std::abs(first->second) * follower_preference >= std::abs(pivot->second)) pivot = first;
+    if (places_tendon(t, c) ||
+        (first != left.end() && std::abs(first->second) * follower_preference >= std::abs(pivot->second)))
+      pivot = first;
     Form form;
     for (const auto& [joint, ratio] : left)
       if (joint != pivot->first) form.shares.emplace(joint, -ratio / pivot->second);
@@ -190,14 +192,15 @@ void choose_followers(Program& program) {
     const int dof = program.dof_of_joint[j];
     const bool driven =
         declared(program, Parameter::drive_gains) || drive.kinematic || drive.kp > 0.0 || drive.kd > 0.0;
-    if (dof >= 0 && !is_follower[dof] && driven) program.driven_dofs.push_back(dof);
+    const bool leads = dof >= 0 && (!is_follower[dof] || program.model.joints[j].kind == JointKind::tendon);
+    if (leads && driven) program.driven_dofs.push_back(dof);
   }
 }
 
 bool leaves_out(const Program& program, const JointSet& bounds, const Joint& joint) {
   if (bounds.all) return true;
   if (std::find(bounds.names.begin(), bounds.names.end(), joint.name) != bounds.names.end()) return true;
-  if (!bounds.followers) return false;
+  if (!bounds.followers || joint.kind == JointKind::tendon) return false;
   const std::size_t index = static_cast<std::size_t>(&joint - program.model.joints.data());
   const std::vector<int>& followers = program.follower_dofs;
   return std::find(followers.begin(), followers.end(), program.dof_of_joint.at(index)) != followers.end();

@@ -38,14 +38,14 @@ void choose_search(Program& program) {
     const int term = rows.term_start[r];
     if (b.kind[r] != BoundKind::joint) return refuse("a limit, a kinematic drive or a coupling's force limit is soft");
     if (rows.term_start[r + 1] - term != 1 || rows.term_value[term] != 1.0)
-      return refuse("a joint with bounds follows several others");
+      return refuse("a joint or a tendon with bounds follows several joints");
     velocity.push_back(rows.term_index[term]);
     row_of[static_cast<std::size_t>(velocity.back())] = r;
   }
   std::vector<LimitedServo> servos;
   for (int i = 0; i < t.limited_servos.count; ++i) {
     servos.push_back(velocity_of(t, t.limited_servos[i]));
-    if (servos.back().velocity < 0) return refuse("a joint with a limited servo follows several others");
+    if (servos.back().velocity < 0) return refuse("a joint or a tendon with a limited servo follows several joints");
   }
   b.by_velocity = true;
   b.always |= !servos.empty() && !stages;

@@ -45,6 +45,9 @@ void lay_out_joint_terms(Program& program);
 /// Couplings as linear forms over the joints (couplings.cpp).
 void lay_out_couplings(Program& program);
 
+/// Whether the coupling's follower is a tendon, which no other joint can stand for (couplings.cpp).
+bool places_tendon(const Tables<double>& t, int coupling);
+
 /// By tree, its component: trees that couplings join have the same number (components.cpp).
 std::vector<int> components(const Tables<double>& t);
 /// Gives the trees with a true another InertiaKind (components.cpp).
@@ -54,7 +57,8 @@ std::vector<bool> trees_with(const Tables<double>& t, InertiaKind inertia);
 /// By velocity: its tree (components.cpp).
 std::vector<int> trees_of_velocities(const Tables<double>& t);
 
-/// A coupling's first joint is its follower unless another joint's coefficient is this many times larger.
+/// A coupling's first joint is its follower, unless another joint's coefficient is this many times larger and the first
+/// is no tendon.
 inline constexpr double follower_preference = 1000.0;
 
 /// Followers and what they follow, the order in which they are placed, and locked joints (followers.cpp).

@@ -15,6 +15,15 @@ void choose_method(Program& program) {
     obstacle = "couplings are switched per environment, so none is always hard";
   else if (declared(program, Parameter::gear_ratio) && !program.redundant.empty())
     obstacle = "gear ratios differ per environment, and some couplings are redundant";
+  const bool has_tendons = program.f64.tendons.count > 0;
+  if (has_tendons && !obstacle.empty())
+    throw SettingsError("per_environment", "does not fit tendons, which take eliminated couplings: " + obstacle,
+                        "leave it out, or remove the tendons");
+  if (has_tendons && program.method != Method::automatic && program.method != Method::reduced)
+    throw SettingsError("method",
+                        std::string(to_string(program.method)) +
+                            " does not apply: tendons have no inertia of their own, which it needs",
+                        "use reduced, or automatic");
   if (program.method == Method::reduced && !obstacle.empty())
     throw SettingsError("method", "reduced does not apply: " + obstacle, "use direct");
   if (program.method != Method::automatic) {

@@ -53,6 +53,7 @@ struct TableStructure {
   Span<int> turning_placed;                     ///< those that place a follower, in their order in `placing`
   Span<double> exact_ratio, exact_offset;       ///< term_value and offset, in double
   Span<int> limited_efforts;                    ///< joints without a servo whose effort is limited
+  Span<int> tendons;                            ///< couplings whose follower is a tendon, (M112)
   Span<int> term_start, term_joint, term_gear;  ///< couplings in joint space; gear: row of the gear_ratio field, -1 for
                                                 ///< the leading 1
   Articulated articulated;

@@ -10,8 +10,8 @@ void lay_out_turns(Program& program) {
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const Joint& joint = program.model.joints[j];
     if (program.solver_joint[j] < 0) continue;
-    turns[program.solver_joint[j]] =
-        joint.kind != JointKind::prismatic && joint.lower == -infinity && joint.upper == infinity;
+    turns[program.solver_joint[j]] = joint.kind != JointKind::prismatic && joint.kind != JointKind::tendon &&
+                                     joint.lower == -infinity && joint.upper == infinity;
   }
   for (int j = 0; j < t.joints; ++j) {
     if (turns[j]) turning.push_back(j);

@@ -155,7 +155,8 @@ std::vector<BoundedRow> bounded_rows(const Mechanism& mechanism, const Stage& st
 
 Model without(const Ignored& ignored, Model model) {
   for (Joint& joint : model.joints) {
-    const bool follows = std::any_of(model.couplings.begin(), model.couplings.end(),
+    const bool follows = joint.kind != JointKind::tendon &&
+                         std::any_of(model.couplings.begin(), model.couplings.end(),
                                      [&](const Coupling& coupling) { return coupling.joint == joint.name; });
     const auto takes = [&](const JointSet& set) {
       return set.all || (set.followers && follows) ||

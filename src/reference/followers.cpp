@@ -26,7 +26,10 @@ std::vector<int> chosen_followers(const Mechanism& mechanism, const MatrixXd& ro
     const int first = mechanism.root_velocities() + mechanism.dof(mechanism.model().couplings[couplings[p]].joint);
     int follower = 0;
     const double largest = remaining.cwiseAbs().maxCoeff(&follower);
-    if (std::abs(remaining[first]) * 1000.0 >= largest) follower = first;
+    const Model& model = mechanism.model();
+    const bool is_tendon =
+        model.joints[model.joint_index(model.couplings[couplings[p]].joint)].kind == JointKind::tendon;
+    if (is_tendon || std::abs(remaining[first]) * 1000.0 >= largest) follower = first;
     followers.push_back(follower);
   }
   return followers;

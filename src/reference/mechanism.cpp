@@ -155,6 +155,15 @@ State Mechanism::initial_state() const {
     state.q[i] = joint(i).position;
     state.v[root_velocities() + i] = joint(i).velocity;
   }
+  for (const Coupling& coupling : model_.couplings) {
+    if (model_.joints[model_.joint_index(coupling.joint)].kind != JointKind::tendon) continue;
+    const int tendon = dof(coupling.joint);
+    state.q[tendon] = -coupling.offset, state.v[root_velocities() + tendon] = 0.0;
+    for (const CouplingTerm& term : coupling.terms) {
+      state.q[tendon] -= term.ratio * state.q[dof(term.joint)];
+      state.v[root_velocities() + tendon] -= term.ratio * state.v[root_velocities() + dof(term.joint)];
+    }
+  }
   return state;
 }
 
@@ -209,6 +218,12 @@ MatrixXd Mechanism::mass_matrix(const State& state) const {
     const auto angular = j.topRows<3>(), linear = j.bottomRows<3>();
     mass += inertia.mass * linear.transpose() * linear +
             angular.transpose() * world_inertia(poses[l].rotation, inertia) * angular;
+  }
+  for (const Coupling& coupling : model_.couplings) {
+    if (model_.joints[model_.joint_index(coupling.joint)].kind != JointKind::tendon) continue;
+    VectorXd error = VectorXd::Unit(velocities(), root_velocities() + dof(coupling.joint));
+    for (const CouplingTerm& term : coupling.terms) error[root_velocities() + dof(term.joint)] = term.ratio;
+    mass += error * error.transpose();
   }
   return mass;
 }

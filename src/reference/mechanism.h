@@ -71,7 +71,8 @@ class Mechanism {
   Eigen::MatrixXd site_jacobian(const State& state, int site) const;
 
   // --- dynamics: M dv/dt + c = generalised forces; armatures are not in M ----------------------------
-  /// Sum over the links of J^T I J, without armature.
+  /// Sum over the links of J^T I J, without armature. A coupling that says what a tendon's position is adds the inertia
+  /// 1 of its error, which never moves: it changes nothing, and the matrix stays regular.
   Eigen::MatrixXd mass_matrix(const State& state) const;
   /// c(q, v): the forces of dv/dt = 0, with gravity. A root's dv/dt are the rates of the twist's components in root
   /// axes, so for a single body I dw/dt + w x I w = 0.

@@ -68,13 +68,16 @@ std::string words_of(const Coupling& coupling, const std::string& name) {
 std::string mechanism_line(const Program& program) {
   const Tables<double>& t = program.f64;
   std::string base = t.roots.count > 0 ? "floating base" : "fixed base";
-  if (t.tree.count > 1)
+  if (program.trees.size() > 1)
     base = fmt::format(
-        "{} trees, {}", t.tree.count,
+        "{} trees, {}", program.trees.size(),
         t.roots.count == 0 ? "all bolted" : joined(program.root_names) + (t.roots.count == 1 ? " floats" : " float"));
-  std::string text =
-      fmt::format("{}: {}, {}, {}", program.model.name, base, count_of(t.joints, "moving joint", "moving joints"),
-                  count_of(t.couplings, "coupling", "couplings"));
+  std::string text = fmt::format("{}: {}, {}, {}", program.model.name, base,
+                                 count_of(t.joints - t.tendons.count, "moving joint", "moving joints"),
+                                 count_of(t.couplings, "coupling", "couplings"));
+  if (t.tendons.count > 0)
+    text += fmt::format("; {} of the couplings {} what the position of a tendon is", t.tendons.count,
+                        t.tendons.count == 1 ? "says" : "say");
   if (program.merged_links > 0)
     text += fmt::format("; {} fixed to others and merged", count_of(program.merged_links, "link is", "links are"));
   return text + ".\n";

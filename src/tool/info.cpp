@@ -24,12 +24,13 @@ const char* name_of(JointKind kind) {
     case JointKind::revolute: return "revolute";
     case JointKind::continuous: return "continuous";
     case JointKind::prismatic: return "prismatic";
+    case JointKind::tendon: return "tendon";
     case JointKind::fixed: break;
   }
   return "fixed";
 }
 
-std::string words_of(double lower, double upper, const char* unit) {
+std::string words_of(double lower, double upper, const std::string& unit) {
   return fmt::format("{:.6g} to {:.6g} {}", lower, upper, unit);
 }
 
@@ -43,15 +44,14 @@ std::string words_of(const Following& follows, const Plan& plan) {
 
 // A joint: its bounds and drive, what it follows, and what its followers leave of its range.
 std::string line_of(const Joint& joint, const Plan& plan, const Range& held, const Range& usable) {
-  const bool slides = joint.kind == JointKind::prismatic;
-  const char* const unit = slides ? "m" : "rad";
+  const std::string unit = unit_of(plan.model(), joint.name);
   std::string line = fmt::format("  {}: {}", joint.name, name_of(joint.kind));
   if (joint.lower > -infinity || joint.upper < infinity) {
     line += ", " + words_of(joint.lower, joint.upper, unit);
     if (held == Range()) line += " (ignored)";
   }
   if (joint.velocity_limit < infinity) line += fmt::format(", {:.6g} {}/s", joint.velocity_limit, unit);
-  if (joint.effort_limit < infinity) line += fmt::format(", {:.6g} {}", joint.effort_limit, slides ? "N" : "N m");
+  if (joint.effort_limit < infinity) line += fmt::format(", {:.6g} {}", joint.effort_limit, unit == "m" ? "N" : "N m");
   if (joint.damping > 0.0) line += fmt::format(", damping {:.6g}", joint.damping);
   if (joint.stiffness > 0.0) line += fmt::format(", spring {:.6g} at rest at {:.6g}", joint.stiffness, joint.rest);
   if (joint.armature > 0.0) line += fmt::format(", armature {:.6g}", joint.armature);

@@ -4,6 +4,7 @@
 #include <bit>
 #include <nlohmann/json.hpp>
 
+#include "ranges.h"
 #include "tool.h"
 
 namespace lockstep::tool {
@@ -30,10 +31,6 @@ Json json_of(const std::vector<Solid>& solids) {
     list.push_back(std::move(entry));
   }
   return list;
-}
-
-const char* unit_of(const Model& model, const std::string& joint) {
-  return model.joints[static_cast<std::size_t>(model.joint_index(joint))].kind == JointKind::prismatic ? "m" : "rad";
 }
 
 // A follower has `leader`, the joint that it follows; -1 where that is not one joint.

@@ -78,13 +78,13 @@ std::string fraction(double dt) {
 }
 
 std::string with_own_options(std::string message) {
-  constexpr std::string_view members = "ImportOptions::";
-  for (std::size_t at; (at = message.find(members)) != std::string::npos;) {
-    message.replace(at, members.size(), "--");
-    for (at += 2; at < message.size() && (std::isalpha(static_cast<unsigned char>(message[at])) || message[at] == '_');
-         ++at)
-      if (message[at] == '_') message[at] = '-';
-  }
+  for (const std::string_view members : {"ImportOptions::", "StepSettings::"})
+    for (std::size_t at; (at = message.find(members)) != std::string::npos;) {
+      message.replace(at, members.size(), "--");
+      for (at += 2;
+           at < message.size() && (std::isalpha(static_cast<unsigned char>(message[at])) || message[at] == '_'); ++at)
+        if (message[at] == '_') message[at] = '-';
+    }
   return message;
 }
 

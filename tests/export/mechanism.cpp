@@ -68,17 +68,30 @@ class Reading {
   void add_joint(int index) {
     const Joint& joint = model_.joints[at(index)];
     const string name = "joint " + joint.name;
+    const bool is_tendon = joint.kind == JointKind::tendon;
+    if (is_tendon)
+      found_[name + " is a tendon"];
+    else
+      add_axis(index, name);
+    const Drive& drive = joint.drive;
+    append(name,
+           {joint.damping, joint.armature, joint.friction, joint.stiffness, joint.stiffness * joint.rest, drive.kp,
+            drive.kd, drive.kp * drive.position_target, drive.kd * drive.velocity_target, joint.effort});
+    if (!is_tendon) append(name, {joint.position, joint.velocity});
+    append(name + " bounds", {bound(joint.lower), bound(joint.upper), bound(joint.effort_limit)});
+    if (is_tendon)
+      append(name + " slack",
+             {std::get_if<Spring>(&joint.limit_softness) ? std::get<Spring>(joint.limit_softness).kp : infinity});
+  }
+
+  void add_axis(int index, const string& name) {
+    const Joint& joint = model_.joints[at(index)];
     const Isometry3d& frame = in_world_[at(trees_.joint_child[at(index)])];
     const bool slides = joint.kind == JointKind::prismatic;
     const Vector3d axis = frame.linear() * joint.axis.normalized();
     found_[name + (slides ? " slides on " : " turns on ") + carrier(trees_.joint_parent[at(index)])];
     add(name, axis);
     if (!slides) add(name, frame.translation().cross(axis));
-    const Drive& drive = joint.drive;
-    append(name, {joint.damping, joint.armature, joint.friction, joint.stiffness, joint.stiffness * joint.rest,
-                  drive.kp, drive.kd, drive.kp * drive.position_target, drive.kd * drive.velocity_target, joint.effort,
-                  joint.position, joint.velocity});
-    append(name + " bounds", {bound(joint.lower), bound(joint.upper), bound(joint.effort_limit)});
   }
 
   void add_bodies() {

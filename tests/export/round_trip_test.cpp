@@ -5,8 +5,10 @@
 #include <set>
 
 #include "export/mechanism.h"
+#include "lockstep/batch.h"
 #include "lockstep/error.h"
 #include "lockstep/export_model.h"
+#include "lockstep/plan.h"
 #include "scenes/scenes.h"
 #include "unit/import_helpers.h"
 
@@ -44,7 +46,10 @@ Model within_urdf(Model model) {
     joint.drive = {};
     joint.effort = joint.armature = joint.stiffness = joint.position = joint.velocity = 0.0;
   }
-  std::erase_if(model.couplings, [](const Coupling& coupling) { return coupling.terms.size() > 1; });
+  std::erase_if(model.couplings, [&](const Coupling& coupling) {
+    return coupling.terms.size() > 1 || joint(model, coupling.joint).kind == JointKind::tendon;
+  });
+  std::erase_if(model.joints, [](const Joint& joint) { return joint.kind == JointKind::tendon; });
   resolve_chains(model);
   for (const Coupling& coupling : model.couplings) {
     Joint& follower = model.joints[static_cast<std::size_t>(model.joint_index(coupling.joint))];
@@ -141,6 +146,39 @@ TEST(RoundTripOfRandomModels, gives_the_same_mechanism) {
     ++compared;
   }
   EXPECT_GT(compared, 80);
+}
+
+// MJCF has no offset of a tendon: what it has is shifted.
+TEST(RoundTripOfTendons, moves_the_same_with_an_offset) {
+  Model model = scenes::scene("chain8").model;
+  model.couplings.clear();
+  Joint tendon;
+  tendon.name = "sum", tendon.kind = JointKind::tendon;
+  tendon.lower = -0.2, tendon.upper = 0.9, tendon.stiffness = 3.0, tendon.rest = 0.4, tendon.damping = 0.1;
+  tendon.drive.kp = 5.0, tendon.drive.kd = 0.2, tendon.drive.position_target = 0.7;
+  model.joints.push_back(tendon);
+  model.couplings.push_back(
+      {"sum", {{model.joints[1].name, -1.0}, {model.joints[3].name, -0.5}}, 0.3, Hard{}, infinity});
+  tendon.name = "slack", tendon.stiffness = 0.0, tendon.drive = {}, tendon.limit_softness = Spring{20.0, 0.0};
+  model.joints.push_back(tendon);
+  model.couplings.push_back(
+      {"slack", {{model.joints[2].name, -1.0}, {model.joints[4].name, 2.0}}, -0.2, Hard{}, infinity});
+  const Export made = export_mjcf(model);
+  EXPECT_NE(report_of(Import{{}, made.report, {}}).find("tendons whose length has their offset"), string::npos);
+  const Model again = import_mjcf(made.text, "exported", {.keyframe = "start"}).model;
+  StepSettings settings;
+  settings.integrator = Integrator::euler;
+  Batch<double> one(compile(model, settings), 1), other(compile(again, settings), 1);
+  one.step(200), other.step(200);
+  double moved = 0.0;
+  for (const Joint& own : model.joints) {
+    if (own.kind == JointKind::tendon || !own.moves()) continue;
+    const double q = one.positions()(one.plan().dof(own.name), 0);
+    EXPECT_NEAR(other.positions()(other.plan().dof(own.name), 0), q, 1e-9) << own.name;
+    moved = std::max(moved, std::abs(q - own.position));
+  }
+  EXPECT_GT(moved, 0.1);
+  EXPECT_NEAR(other.positions()(other.plan().dof("sum"), 0), one.positions()(one.plan().dof("sum"), 0) + 0.3, 1e-9);
 }
 
 }  // namespace

@@ -60,6 +60,16 @@ TEST_P(MjcfFacts, hold_for_each_joint) {
   }
 }
 
+// Tendons have the numbers that their couplings give them.
+void place_tendons(const Model& model, Efforts& q, Efforts& v) {
+  for (const Coupling& coupling : model.couplings) {
+    if (joint(model, coupling.joint).kind != JointKind::tendon) continue;
+    double &length = q[coupling.joint] = -coupling.offset, &rate = v[coupling.joint] = 0.0;
+    for (const CouplingTerm& term : coupling.terms)
+      length -= term.ratio * q.at(term.joint), rate -= term.ratio * v.at(term.joint);
+  }
+}
+
 // Effort of what acts on joints alone or along soft couplings.
 Efforts efforts(const Model& model, const Efforts& q, const Efforts& v) {
   Efforts sums;
@@ -69,6 +79,8 @@ Efforts efforts(const Model& model, const Efforts& q, const Efforts& v) {
                          own.drive.kd * (own.drive.velocity_target - v.at(own.name)) + own.effort;
     sums[own.name] = std::clamp(drive, -own.effort_limit, own.effort_limit) -
                      own.stiffness * (q.at(own.name) - own.rest) - own.damping * v.at(own.name);
+    if (const auto* spring = std::get_if<Spring>(&own.limit_softness))
+      sums[own.name] -= spring->kp * (q.at(own.name) - std::clamp(q.at(own.name), own.lower, own.upper));
   }
   for (const Coupling& coupling : model.couplings) {
     const auto* spring = std::get_if<Spring>(&coupling.softness);
@@ -105,6 +117,8 @@ TEST_P(MjcfFacts, hold_for_inertia_energy_and_efforts) {
     v[name] = fact["velocity"];
     theirs[name] = fact["effort"];
   }
+  place_tendons(model(), q, v);
+  for (const auto& [name, position] : q) theirs.try_emplace(name, 0.0);
   const Efforts own = passed_on(efforts(model(), q, v), model()), wanted = passed_on(theirs, model());
   for (const auto& [name, effort] : own) EXPECT_NEAR(effort, wanted.at(name), 1e-9 * (1.0 + std::abs(effort))) << name;
 

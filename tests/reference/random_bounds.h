@@ -34,7 +34,9 @@ class RandomBounds {
       for (Joint& joint : model.joints)
         if (joint.moves() && chance(0.5)) bound(joint);
     for (Coupling& coupling : model.couplings)
-      if (chance(0.3) && take(1)) coupling.force_limit = size(0.05, 100.0);
+      if (!is_tendon(model.joints[static_cast<std::size_t>(model.joint_index(coupling.joint))]) && chance(0.3) &&
+          take(1))
+        coupling.force_limit = size(0.05, 100.0);
     return model;
   }
 
@@ -48,11 +50,13 @@ class RandomBounds {
     return true;
   }
 
-  Softness soft() {
+  static bool is_tendon(const Joint& joint) { return joint.kind == JointKind::tendon; }
+
+  Softness soft(const Joint& joint) {
     const int kind = static_cast<int>(uniform_.engine() % 3);
     const double first = uniform(0.0, 1.0), second = uniform(0.0, 1.0);
     if (kind == 0) return ErpCfm{0.8 * first, 0.01 + second};
-    if (kind == 1) return Spring{200.0 * first, 0.1 + 2.0 * second};
+    if (kind == 1 || is_tendon(joint)) return Spring{200.0 * first, 0.1 + 2.0 * second};
     return Frequency{5.0 + 60.0 * first, 1.5 * second};
   }
 
@@ -66,7 +70,7 @@ class RandomBounds {
     if (below || closed) joint.lower = joint.position - (below ? near : far);
     if (!below || closed) joint.upper = joint.position + (below ? far : near);
     if (chance(0.35)) {
-      joint.limit_softness = soft();
+      joint.limit_softness = soft(joint);
     } else {
       joint.limit_softness = Hard{uniform(0.0, 1.0)};
       if (chance(0.4)) joint.restitution = uniform(0.0, 1.0);
@@ -78,7 +82,7 @@ class RandomBounds {
     joint.drive.kinematic = true;
     joint.drive.position_target = joint.position + uniform(-0.02, 0.02);
     joint.drive.velocity_target = uniform(-1.0, 1.0);
-    joint.drive.softness = chance(0.4) ? soft() : Hard{chance(0.5) ? 1.0 : uniform(0.1, 1.0)};
+    joint.drive.softness = chance(0.4) ? soft(joint) : Hard{chance(0.5) ? 1.0 : uniform(0.1, 1.0)};
   }
 
   void bound(Joint& joint) {

@@ -218,6 +218,37 @@ void fit_couplings_and_state(Model& model, Random& random, const RandomOptions& 
   for (int i = 0; i < dofs; ++i) moving[i]->velocity = v[i];
 }
 
+void add_tendons(Model& model, Random& random, const RandomOptions& options) {
+  std::vector<Joint> moving;
+  for (const Joint& joint : model.joints)
+    if (joint.moves()) moving.push_back(joint);
+  const int count = random.integer(1, options.max_tendons);
+  for (int t = 0; t < count; ++t) {
+    random.shuffle(moving);
+    Joint tendon;
+    tendon.name = std::string("tendon").append(std::to_string(t));
+    tendon.kind = JointKind::tendon;
+    Coupling coupling{tendon.name, {}, random.uniform(-1.0, 1.0), Hard{}};
+    tendon.position = -coupling.offset;
+    for (int k = 0; k < std::min(static_cast<int>(moving.size()), random.integer(1, 4)); ++k) {
+      coupling.terms.push_back({moving[k].name, random.either_sign(options.min_ratio, options.max_ratio)});
+      tendon.position -= coupling.terms.back().ratio * moving[k].position;
+    }
+    if (options.springs && random.chance(0.5)) tendon.stiffness = random.uniform(0.0, 50.0);
+    if (random.chance(0.5)) tendon.rest = tendon.position + random.uniform(-0.5, 0.5);
+    if (options.damping && random.chance(0.5)) tendon.damping = random.uniform(0.0, 1.0);
+    if (options.efforts && random.chance(0.5)) tendon.effort = random.uniform(-1.0, 1.0);
+    if (options.drives && random.chance(0.5)) {
+      tendon.drive.kp = random.uniform(0.0, 50.0), tendon.drive.kd = random.uniform(0.0, 2.0);
+      tendon.drive.position_target = tendon.position + random.uniform(-0.5, 0.5);
+      tendon.drive.velocity_target = random.uniform(-1.0, 1.0);
+    }
+    model.couplings.insert(model.couplings.begin() + random.integer(0, static_cast<int>(model.couplings.size())),
+                           coupling);
+    model.joints.insert(model.joints.begin() + random.integer(0, static_cast<int>(model.joints.size())), tendon);
+  }
+}
+
 }  // namespace
 
 Model random_model(std::uint64_t seed, const RandomOptions& options) {
@@ -250,6 +281,7 @@ Model random_model(std::uint64_t seed, const RandomOptions& options) {
   }
   if (options.couplings) add_couplings(model, random, options);
   fit_couplings_and_state(model, random, options);
+  if (options.max_tendons > 0) add_tendons(model, random, options);
   return model;
 }
 

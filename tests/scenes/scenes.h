@@ -60,6 +60,7 @@ struct RandomOptions {
   bool redundant = true;       ///< a coupling may follow from two others; it never contradicts them
   bool coupling_error = true;  ///< the state violates the couplings, in position by about 0.05; if false, it satisfies
                                ///< all in position and the hard ones in velocity
+  int max_tendons = 0;         ///< each over 1 to 4 joints, with springs and servos
 };
 
 /// One to five trees, with couplings between them, and springs.

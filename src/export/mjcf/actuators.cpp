@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <unordered_map>
 #include <unordered_set>
 
 #include "export/names.h"
@@ -16,8 +17,10 @@ class Actuators {
  public:
   explicit Actuators(const Writing& writing)
       : model_(writing.model), layout_(writing.layout), report_(writing.report), xml_(writing.xml) {
-    for (const Coupling& coupling : model_.couplings)
+    for (const Coupling& coupling : model_.couplings) {
+      offsets_.emplace(coupling.joint, coupling.offset);
       if (is_hard(coupling.softness)) followers_.insert(coupling.joint);
+    }
     report_.show_all(controls_line);
   }
 
@@ -29,17 +32,20 @@ class Actuators {
   }
 
  private:
+  static bool is_tendon(const Joint& joint) { return joint.kind == JointKind::tendon; }
+
   void add(const Joint& joint) {
     const Drive& drive = joint.drive;
     if (drive.kinematic) report_.warn("kinematic drives, left out", joint.name);
     // A velocity target that is not 0 has a control of its own.
     const bool is_apart = drive.kp > 0.0 && drive.kd > 0.0 && drive.velocity_target != 0.0;
     if (drive.kp > 0.0)
-      write(joint, "position", drive.kp, {0.0, -drive.kp, is_apart ? 0.0 : -drive.kd}, drive.position_target);
+      write(joint, "position", drive.kp, {0.0, -drive.kp, is_apart ? 0.0 : -drive.kd},
+            drive.position_target + (is_tendon(joint) ? offsets_.at(joint.name) : 0.0));
     if (drive.kd > 0.0 && (is_apart || drive.kp == 0.0))
       write(joint, "velocity", drive.kd, {0.0, 0.0, -drive.kd}, drive.velocity_target);
     const bool is_motor = drive.kp == 0.0 && drive.kd == 0.0 && !drive.kinematic && joint.effort_limit < infinity &&
-                          !followers_.contains(joint.name);
+                          (is_tendon(joint) || !followers_.contains(joint.name));
     if (joint.effort != 0.0 || is_motor) write(joint, "effort", 1.0, {}, joint.effort);
   }
 
@@ -47,7 +53,7 @@ class Actuators {
     if (control_.empty()) xml_.open("actuator");
     const bool is_motor = bias.size() == 0;
     xml_.open(is_motor ? "motor" : "general").set("name", names_.take(joint.name + "_" + what));
-    xml_.set("joint", joint.name);
+    xml_.set(is_tendon(joint) ? "tendon" : "joint", joint.name);
     if (!is_motor) xml_.set("biastype", "affine").set("gainprm", numbers(gain)).set("biasprm", numbers(bias));
     xml_.close();
     control_.push_back(control);
@@ -82,7 +88,7 @@ class Actuators {
     report_.remark("state and targets of the start, in a keyframe", "start");
     std::vector<std::string> own;
     for (const Joint& joint : model_.joints)
-      if (joint.moves()) own.push_back(joint.name);
+      if (joint.moves() && !is_tendon(joint)) own.push_back(joint.name);
     if (own != order)
       for (const std::string& joint : order) report_.remark("joints in MuJoCo's order, depth first", joint);
   }
@@ -98,6 +104,7 @@ class Actuators {
   Xml& xml_;
   Names names_;
   std::unordered_set<std::string> followers_;
+  std::unordered_map<std::string, double> offsets_;  // of the first coupling that a joint follows
   std::vector<double> control_;
 };
 

@@ -36,6 +36,7 @@ Eigen::MatrixXd mass_matrix(const Plan& plan, int size) {
 std::vector<double> coupling_inertias(const Model& model) {
   Model free = model;
   free.couplings.clear(), free.contacts.clear();
+  std::erase_if(free.joints, [](const Joint& joint) { return joint.kind == JointKind::tendon; });
   for (Joint& joint : free.joints) joint.drive = {}, joint.velocity = 0.0;
   const Plan plan = compile(free, {.integrator = Integrator::euler});
   int size = static_cast<int>(plan.dof_names().size());
@@ -43,6 +44,10 @@ std::vector<double> coupling_inertias(const Model& model) {
   const Eigen::LDLT<Eigen::MatrixXd> factors(mass_matrix(plan, size));
   std::vector<double> result;
   for (const Coupling& coupling : model.couplings) {
+    if (model.joints[static_cast<std::size_t>(model.joint_index(coupling.joint))].kind == JointKind::tendon) {
+      result.push_back(0.0);
+      continue;
+    }
     Eigen::VectorXd form = Eigen::VectorXd::Zero(size);
     form[plan.dof(coupling.joint)] = 1.0;
     for (const CouplingTerm& term : coupling.terms) form[plan.dof(term.joint)] += term.ratio;

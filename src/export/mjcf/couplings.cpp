@@ -23,10 +23,12 @@ class Couplings {
   void write() {
     const std::vector<std::string> names = coupling_names(model_);
     for (std::size_t c = 0; c < names.size(); ++c) judge(c, names[c]);
-    const auto has_tendon = [&](std::size_t c) { return springs_[c] || model_.couplings[c].terms.size() > 1; };
+    const auto has_tendon = [&](std::size_t c) {
+      return springs_[c] || model_.couplings[c].terms.size() > 1 || tendon_of(c);
+    };
     section("tendon", has_tendon, [&](std::size_t c) { write_tendon(c, names[c]); });
     section(
-        "equality", [&](std::size_t c) { return is_hard(model_.couplings[c].softness); },
+        "equality", [&](std::size_t c) { return is_hard(model_.couplings[c].softness) && !tendon_of(c); },
         [&](std::size_t c) { write_equality(c, names[c]); });
   }
 
@@ -48,6 +50,11 @@ class Couplings {
     const Softness& softness = coupling.softness;
     springs_.push_back(spring_of(c, name));
     is_without_effect_.push_back(is_absent(softness));
+    if (tendon_of(c)) {
+      report_.remark("tendons, as fixed tendons", name);
+      if (coupling.offset != 0.0) report_.remark("tendons whose length has their offset", name);
+      return;
+    }
     if (is_absent(softness)) report_.remark("couplings without stiffness and damping, left out", name);
     if (coupling.force_limit < infinity) report_.warn("force limits of couplings, left out", name);
     if (!is_hard(softness)) return;
@@ -77,7 +84,13 @@ class Couplings {
     return std::nullopt;
   }
 
-  // The joints' sum, which is -offset where the coupling holds.
+  // The tendon whose position the coupling says.
+  const Joint* tendon_of(std::size_t c) const {
+    const Joint& joint = model_.joints[static_cast<std::size_t>(model_.joint_index(model_.couplings[c].joint))];
+    return joint.kind == JointKind::tendon ? &joint : nullptr;
+  }
+
+  // The joints' sum, which is -offset where the coupling holds. A tendon's length is its position and its offset.
   void write_tendon(std::size_t c, const std::string& name) {
     const Coupling& coupling = model_.couplings[c];
     xml_.open("fixed").set("name", name);
@@ -87,11 +100,13 @@ class Couplings {
       xml_.set_unless(0.0, "stiffness", springs_[c]->kp).set_unless(0.0, "damping", springs_[c]->kd);
       xml_.set("springlength", numbers(length));
     }
+    const Joint* tendon = tendon_of(c);
+    if (tendon) write_resistance(*tendon, coupling.offset, xml_, report_);
     const auto add = [&](const std::string& joint, double ratio) {
       xml_.open("joint").set("joint", joint).set("coef", numbers(ratio)).close();
     };
-    add(coupling.joint, 1.0);
-    for (const CouplingTerm& term : coupling.terms) add(term.joint, term.ratio);
+    if (!tendon) add(coupling.joint, 1.0);
+    for (const CouplingTerm& term : coupling.terms) add(term.joint, tendon ? -term.ratio : term.ratio);
     xml_.close();
   }
 

@@ -15,6 +15,10 @@ struct Writing {
   Xml& xml;
 };
 
+/// The resistance and the bounds of a joint, or of a tendon, whose positions `shift` is added to. Into the element that
+/// is open.
+void write_resistance(const Joint& joint, double shift, Xml& xml, Report& report);
+
 // Each writes its sections, in this order, and reports what they lack.
 void write_world(const Writing& writing);
 void write_contacts(const Writing& writing);

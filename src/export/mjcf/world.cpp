@@ -1,10 +1,4 @@
 // <worldbody>: bodies, joints, sites and geoms. SPDX-License-Identifier: Apache-2.0
-#include <fmt/format.h>
-
-#include <algorithm>
-#include <cmath>
-
-#include "model/softness_numbers.h"
 #include "sections.h"
 
 namespace lockstep::exporter::mjcf {
@@ -12,9 +6,6 @@ namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
-
-// MuJoCo wants two ends of a range, the lower one first, and takes no denormal numbers.
-constexpr double open_end = 1e10, least_width = 1e-300;
 
 void place(Xml& xml, const Vector3d& position, Eigen::Quaterniond turn) {
   if (!position.isZero(0.0)) xml.set("pos", numbers(position));
@@ -66,44 +57,8 @@ class World {
     xml_.open("joint").set("name", joint.name).set("type", slides ? "slide" : "hinge");
     if (!slides && !where.pose.translation().isZero(0.0)) xml_.set("pos", numbers(where.pose.translation()));
     xml_.set("axis", numbers(Vector3d(where.pose.linear() * joint.axis.normalized())));
-    write_range(joint);
-    xml_.set_unless(0.0, "damping", joint.damping)
-        .set_unless(0.0, "armature", joint.armature)
-        .set_unless(0.0, "frictionloss", joint.friction);
-    if (joint.stiffness > 0.0) xml_.set("stiffness", numbers(joint.stiffness)).set_unless(0.0, "springref", joint.rest);
-    if (joint.effort_limit < infinity) {
-      const double limit = std::max(joint.effort_limit, least_width);
-      xml_.set("actuatorfrclimited", "true").set("actuatorfrcrange", numbers({-limit, limit}));
-    }
+    write_resistance(joint, 0.0, xml_, report_);
     xml_.close();
-    report_losses(joint);
-  }
-
-  void write_range(const Joint& joint) {
-    const bool has_lower = joint.lower > -infinity, has_upper = joint.upper < infinity;
-    if (!has_lower && !has_upper) {
-      if (joint.kind == JointKind::revolute)
-        report_.remark("revolute joints without a range, which are continuous in MJCF", joint.name);
-      return;
-    }
-    double lower = std::max(joint.lower, -open_end), upper = std::min(joint.upper, open_end);
-    if (!has_lower || !has_upper)
-      report_.remark(fmt::format("ranges with an open end, written as {:g}", open_end), joint.name);
-    if (lower == upper) upper = std::max(std::nextafter(upper, infinity), upper + least_width);
-    xml_.set("limited", "true").set("range", numbers({lower, upper}));
-    report_.remark("position limits, soft in MuJoCo", joint.name);
-  }
-
-  void report_losses(const Joint& joint) {
-    const bool has_range = joint.lower > -infinity || joint.upper < infinity;
-    if (joint.friction > 0.0) report_.remark("dry friction, soft in MuJoCo", joint.name);
-    if (joint.velocity_limit < infinity) report_.warn("velocity limits, left out", joint.name);
-    if (!has_range) return;
-    if (!is_hard(joint.limit_softness))
-      report_.warn("softness of position limits, left out: they are MuJoCo's", joint.name);
-    else if (erp_of(joint.limit_softness) != Hard().erp)
-      report_.remark("shares of an error that a step corrects (erp), left out", joint.name);
-    if (joint.restitution > 0.0) report_.warn("restitution of position limits, left out", joint.name);
   }
 
   // Sites and geoms of a link.

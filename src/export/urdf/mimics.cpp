@@ -15,6 +15,7 @@ Mimics mimics_of(const Model& model, Report& report) {
   const std::vector<std::string> names = coupling_names(model);
   for (std::size_t c = 0; c < names.size(); ++c) {
     const Coupling& coupling = model.couplings[c];
+    if (model.joints[static_cast<std::size_t>(model.joint_index(coupling.joint))].kind == JointKind::tendon) continue;
     if (coupling.terms.size() > 1) {
       report.warn("couplings of more than two joints, left out", names[c]);
     } else if (mimics.contains(coupling.joint)) {

@@ -30,7 +30,8 @@ class Writer {
     xml_.open("robot").set("name", model_.name);
     write_roots();
     for (const Link& link : model_.links) write_link(link);
-    for (const Joint& joint : model_.joints) write_joint(joint);
+    for (const Joint& joint : model_.joints)
+      joint.kind == JointKind::tendon ? report_.warn("tendons, left out", joint.name) : write_joint(joint);
     for (const Site& site : model_.sites) write_site(site);
     xml_.close();
     return xml_.text();

@@ -27,19 +27,17 @@ std::string of_control(double scale, double shift) {
 
 class Driver {
  public:
-  Driver(const Scene& scene, const Ties& ties, const Start& start, Draft& draft)
-      : scene_(scene), ties_(ties), start_(start), model_(draft.model) {}
+  Driver(const Scene& scene, const Ties& ties, const std::vector<std::optional<Grip>>& grips, const Start& start,
+         Draft& draft)
+      : scene_(scene), ties_(ties), grips_(grips), start_(start), model_(draft.model) {}
 
   void drive() {
     for (std::size_t a = 0; a < scene_.actuators.size(); ++a) add(scene_.actuators[a], a);
-    for (const auto& [index, sum] : sums_) apply(index, sum);
+    for (const auto& [index, sum] : sums_) apply(model_.joints[static_cast<std::size_t>(index)], sum);
   }
 
  private:
   Report& report() const { return scene_.report(); }
-  Joint& joint(int index) const {
-    return model_.joints[static_cast<std::size_t>(model_.joint_index(scene_.joint(index).name))];
-  }
 
   void lose(const Actuator& actuator, const std::string& why) const {
     const auto& [constant, stiffness, damping] = actuator.bias;
@@ -54,26 +52,22 @@ class Driver {
     report().show_all("actuators left out");
   }
 
-  // The length along which it acts, as factor q_joint + constant.
-  bool find_joint(const Actuator& actuator, int& index, double& factor, double& constant) const {
+  // The length along which it acts. Nothing if it has no effect.
+  std::optional<Grip> grip_of(const Actuator& actuator) const {
     Form length;
     if (actuator.tendon >= 0)
       length = scene_.tendons[static_cast<std::size_t>(actuator.tendon)].length;
     else
       length.add(actuator.joint, 1.0);
-    Form left = ties_.reduced(length);
-    if (left.terms.empty()) return lose(actuator, "acts on what an equality holds"), false;
+    if (ties_.reduced(length).terms.empty()) return lose(actuator, "acts on what an equality holds"), std::nullopt;
     std::erase_if(length.terms, [](const auto& term) { return term.second == 0.0; });
-    if (length.terms.size() == 1) left = length;  // a follower keeps its own drive
-    if (left.terms.size() > 1) return lose(actuator, "acts on several joints that are not tied to one"), false;
+    if (length.terms.size() == 1)  // a follower keeps its own drive
+      return Grip{scene_.joint(length.terms.front().first).name, length.terms.front().second, length.constant};
     for (const auto& [moved, coefficient] : length.terms)
       if (length.terms.size() > 1 && scene_.joint(moved).effort_limit < infinity)
         report().warn("effort limits of single joints that a tendon drives together, kept as they are",
                       scene_.joint(moved).name);
-    index = left.terms.front().first;
-    factor = left.terms.front().second;
-    constant = left.constant;
-    return true;
+    return grips_[static_cast<std::size_t>(actuator.tendon)];
   }
 
   double damping(const Actuator& actuator) {
@@ -115,9 +109,10 @@ class Driver {
   void add(const Actuator& actuator, std::size_t number) {
     if (!actuator.lost.empty()) return lose(actuator, actuator.lost);
     if (!scene_.settings.has_actuation) return;
-    int index = -1;
-    double factor = 1.0, constant = 0.0;
-    if (!find_joint(actuator, index, factor, constant)) return;
+    const std::optional<Grip> grip = grip_of(actuator);
+    if (!grip) return;
+    const auto& [name, factor, constant] = *grip;
+    const int index = model_.joint_index(name);
     if (actuator.force && !(actuator.force->lower < 0.0 && actuator.force->upper > 0.0))
       return lose(actuator, "pushes one way only");
     if (actuator.bias[1] > 0.0 || actuator.bias[2] > 0.0) return lose(actuator, "pushes away from its target");
@@ -130,7 +125,6 @@ class Driver {
     Sum& sum = sums_[index];
     sum.kp += kp, sum.kd += kd;
     ++sum.count;
-    const std::string& name = joint(index).name;
     if (is_motor) {
       sum.effort += gear * force;
       report().remark("efforts by the file's controls u", fmt::format("{} of {}: {}", actuator.name, name,
@@ -138,7 +132,7 @@ class Driver {
     } else {
       const double stiffness = kp > 0.0 ? kp : kd;
       if (kp > 0.0)
-        sum.pull += has_control ? gear * force : kp * joint(index).position;
+        sum.pull += has_control ? gear * force : kp * model_.joints[static_cast<std::size_t>(index)].position;
       else
         sum.drag += has_control ? gear * force : 0.0;
       report().remark(kp > 0.0 ? "servos, with position targets by the file's controls u"
@@ -163,8 +157,7 @@ class Driver {
     sum.limited += limit < infinity;
   }
 
-  void apply(int index, const Sum& sum) {
-    Joint& own = joint(index);
+  void apply(Joint& own, const Sum& sum) {
     own.drive.kp = sum.kp, own.drive.kd = sum.kd;
     own.drive.position_target = sum.kp > 0.0 ? sum.pull / sum.kp : 0.0;
     own.drive.velocity_target = sum.kd > 0.0 ? sum.drag / sum.kd : 0.0;
@@ -177,16 +170,18 @@ class Driver {
 
   const Scene& scene_;
   const Ties& ties_;
+  const std::vector<std::optional<Grip>>& grips_;
   const Start& start_;
   Model& model_;
-  std::map<int, Sum> sums_;  // by joint of the scene
+  std::map<int, Sum> sums_;  // by joint of the model
   std::vector<double> inertia_;
 };
 
 }  // namespace
 
-void drive_joints(const Scene& scene, const Ties& ties, const Start& start, Draft& draft) {
-  Driver(scene, ties, start, draft).drive();
+void drive_joints(const Scene& scene, const Ties& ties, const std::vector<std::optional<Grip>>& grips,
+                  const Start& start, Draft& draft) {
+  Driver(scene, ties, grips, start, draft).drive();
 }
 
 }  // namespace lockstep::importer::mjcf

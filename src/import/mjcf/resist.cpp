@@ -23,88 +23,51 @@ void add_spring(Joint& joint, double stiffness, double rest) {
 // One fixed tendon.
 class Resistance {
  public:
-  Resistance(const Tendon& tendon, const Scene& scene, const Ties& ties, Draft& draft)
-      : tendon_(tendon),
-        scene_(scene),
-        draft_(draft),
-        free_(ties.reduced(tendon.length)),
-        name_(tendon.name.empty() ? tendon.place : tendon.name) {}
+  Resistance(const Tendon& tendon, const Scene& scene, const Ties& ties, const std::optional<Grip>& grip, Draft& draft)
+      : tendon_(tendon), scene_(scene), ties_(ties), grip_(grip), draft_(draft), name_(title_of(tendon)) {}
 
-  void add() {
-    limit();
-    spring();
-    const auto loss = [&](const char* what, double value, auto use) {
-      if (value == 0.0) return;
-      if (free_.terms.size() == 1)
-        use(joint(), factor());
-      else
-        lose(what, fmt::format("{:g}{}", value, free_.terms.empty() ? ", an equality holds it" : ""));
-    };
-    loss("friction of tendons, left out", tendon_.friction,
-         [&](Joint& own, double c) { own.friction += tendon_.friction * std::abs(c); });
-    loss("armature of tendons, left out", tendon_.armature,
-         [&](Joint& own, double c) { own.armature += tendon_.armature * c * c; });
+  // `what` names all of it.
+  void add(const std::string& what) {
+    const Form free = ties_.reduced(tendon_.length);
+    if (free.terms.empty()) return report().remark("tendons that an equality holds, without effect", what);
+    if (!grip_) return add_coupling(free);
+    Joint& own = draft_.model.joints[static_cast<std::size_t>(draft_.model.joint_index(grip_->joint))];
+    const auto& [joint, factor, constant] = *grip_;
+    if (tendon_.range) limit(own);
+    if (!tendon_.has_slack()) add_spring(own, tendon_.stiffness * factor * factor, (rest() - constant) / factor);
+    own.damping += tendon_.damping * factor * factor;
+    own.friction += tendon_.friction * std::abs(factor);
+    own.armature += tendon_.armature * factor * factor;
+    if (own.kind == JointKind::tendon) return;
+    if (tendon_.range)
+      report().remark("limits of tendons, on the joint that moves them", fmt::format("{} on {}", name_, joint));
+    if (tendon_.stiffness != 0.0 || tendon_.damping != 0.0)
+      report().remark("springs of tendons, on the joint that moves them", fmt::format("{} on {}", name_, joint));
   }
 
  private:
   Report& report() const { return scene_.report(); }
-  // Of the one joint that all are tied to.
-  Joint& joint() {
-    Model& model = draft_.model;
-    return model.joints[static_cast<std::size_t>(model.joint_index(scene_.joint(free_.terms.front().first).name))];
-  }
-  double factor() const { return free_.terms.front().second; }
 
-  void lose(const char* what, const std::string& numbers) const {
-    report().warn(what, fmt::format("{} ({})", name_, numbers));
-  }
-  bool is_held(const char* what) const {
-    if (free_.terms.empty())
-      report().remark("tendons that an equality holds, without effect", fmt::format("{} of {}", what, name_));
-    return free_.terms.empty();
-  }
-
-  void limit() {
-    if (!tendon_.range || is_held("range")) return;
-    if (free_.terms.size() > 1)
-      return lose("limits of tendons over several joints, left out",
-                  fmt::format("{:g} to {:g}", tendon_.range->lower, tendon_.range->upper));
-    Joint& own = joint();
-    const double one = (tendon_.range->lower - free_.constant) / factor();
-    const double other = (tendon_.range->upper - free_.constant) / factor();
+  void limit(Joint& own) const {
+    const double one = (tendon_.range->lower - grip_->constant) / grip_->factor;
+    const double other = (tendon_.range->upper - grip_->constant) / grip_->factor;
     own.lower = std::max(own.lower, std::min(one, other));
     own.upper = std::min(own.upper, std::max(one, other));
     if (own.kind == JointKind::continuous) own.kind = JointKind::revolute;
-    report().remark("limits of tendons, on the joint that moves them", fmt::format("{} on {}", name_, own.name));
   }
 
-  double length_at_springref() const {
+  // The length at which the spring has no force.
+  double rest() const {
+    if (tendon_.shortest != -1.0 || tendon_.longest != -1.0) return tendon_.shortest;
     double length = 0.0;
     for (const auto& [index, coefficient] : tendon_.length.terms) length += coefficient * scene_.joint(index).rest;
     return length;
   }
 
-  void spring() {
-    double stiffness = tendon_.stiffness;
-    const double damping = tendon_.damping;
-    if ((stiffness == 0.0 && damping == 0.0) || is_held("spring")) return;
-    const bool is_automatic = tendon_.shortest == -1.0;
-    if (stiffness != 0.0 && !is_automatic && tendon_.shortest != tendon_.longest) {
-      lose("springs of tendons with a range without force, left out",
-           fmt::format("{:g} beyond {:g} to {:g}", stiffness, tendon_.shortest, tendon_.longest));
-      stiffness = 0.0;
-      if (damping == 0.0) return;
-    }
-    const double rest = is_automatic ? length_at_springref() : tendon_.shortest;
-    if (free_.terms.size() == 1) {
-      Joint& own = joint();
-      add_spring(own, stiffness * factor() * factor(), (rest - free_.constant) / factor());
-      own.damping += damping * factor() * factor();
-      return report().remark("springs of tendons, on the joint that moves them",
-                             fmt::format("{} on {}", name_, own.name));
-    }
-    Form error = free_;
-    error.constant -= rest;
+  void add_coupling(Form error) {
+    const double stiffness = tendon_.has_slack() ? 0.0 : tendon_.stiffness, damping = tendon_.damping;
+    if (stiffness == 0.0 && damping == 0.0) return;
+    error.constant -= rest();
     const double first = error.terms.front().second;
     draft_.model.couplings.push_back(
         coupling_of(error, scene_, Spring{stiffness * first * first, damping * first * first}));
@@ -114,15 +77,17 @@ class Resistance {
 
   const Tendon& tendon_;
   const Scene& scene_;
+  const Ties& ties_;
+  const std::optional<Grip>& grip_;
   Draft& draft_;
-  const Form free_;  // its length in independent joints
   const std::string name_;
 };
 
 }  // namespace
 
-void resist_tendons(const Scene& scene, const Ties& ties, Draft& draft) {
-  for (const Tendon& tendon : scene.tendons) {
+void resist_tendons(const Scene& scene, const Ties& ties, const std::vector<std::optional<Grip>>& grips, Draft& draft) {
+  for (std::size_t t = 0; t < scene.tendons.size(); ++t) {
+    const Tendon& tendon = scene.tendons[t];
     std::string numbers;
     const auto add = [&](const char* what, double value) {
       if (value != 0.0) numbers += fmt::format("{}{} {:g}", numbers.empty() ? "" : ", ", what, value);
@@ -132,13 +97,13 @@ void resist_tendons(const Scene& scene, const Ties& ties, Draft& draft) {
     if (tendon.range)
       numbers += fmt::format("{}{:g} to {:g}", numbers.empty() ? "" : ", ", tendon.range->lower, tendon.range->upper);
     if (numbers.empty()) continue;
-    const std::string what = fmt::format("{} ({})", tendon.name.empty() ? tendon.place : tendon.name, numbers);
+    const std::string what = fmt::format("{} ({})", title_of(tendon), numbers);
     if (tendon.is_spatial)
       scene.report().warn("spatial tendons that limit, pull or resist, left out", what);
     else if (!tendon.is_whole)
       scene.report().warn("tendons over bodies left out, left out", what);
     else
-      Resistance(tendon, scene, ties, draft).add();
+      Resistance(tendon, scene, ties, grips[t], draft).add(what);
   }
 }
 

@@ -29,6 +29,8 @@ struct Tendon {
   std::optional<Range> range;
   double stiffness = 0.0, damping = 0.0, friction = 0.0, armature = 0.0, effort_limit = infinity;
   double shortest = -1.0, longest = -1.0;  ///< between these the spring has no force; -1: at the joints' springref
+
+  bool has_slack() const { return stiffness != 0.0 && shortest != longest; }
 };
 
 /// A linear relation: form = 0.

@@ -183,8 +183,8 @@ void forget_searches(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
 }
 
-/// The velocity phase begins where the position phase ended, but a row that has to bounce does not stick. Any other
-/// search begins with a few sweeps. A search that only other lanes repeat begins at its own end.
+/// The velocity phase begins where the position phase ended, but a row that has to bounce slips instead of sticking.
+/// Any other search begins with a few sweeps. A search that only other lanes repeat begins at its own end.
 template <class T>
 void begin_search(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
   const int count = t.bounds.rows.count;
@@ -197,9 +197,11 @@ void begin_search(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
       const auto inherited = x.search.known[r] & ~known;
       Branch<T>& own = x.search.branch[count + r];
       const Branch<T>& before = x.search.branch[r];
-      const T force = x.bounds.force[r];
-      const auto stuck = before.stuck & may_stick(bound(t, x, r, phase));
-      replace(own, {before.low, before.high, stuck, clamp(before.impulse, -force, force)}, inherited);
+      const Bound<T> row = bound(t, x, r, phase);
+      const auto stuck = before.stuck & may_stick(row);
+      const T slipping = select(less(-row.centre, row.lo), -row.force, row.force);
+      const T known_impulse = select(before.stuck, slipping, clamp(before.impulse, -row.force, row.force));
+      replace(own, {before.low, before.high, stuck, select(stuck, T(0), known_impulse)}, inherited);
       known = known | inherited;
     }
     all_known = all_known && !any(x.bounds.active[r] & ~known);

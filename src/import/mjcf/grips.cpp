@@ -1,0 +1,98 @@
+// Tendons over several joints become joints of the kind tendon. SPDX-License-Identifier: Apache-2.0
+#include "grips.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "model/tendons.h"
+#include "names.h"
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+class Gripper {
+ public:
+  Gripper(const Scene& scene, const Ties& ties, Draft& draft) : scene_(scene), ties_(ties), draft_(draft) {
+    for (const Joint& joint : draft.model.joints) names_.take(joint.name);
+  }
+
+  std::optional<Grip> grip(std::size_t index) {
+    const Tendon& tendon = scene_.tendons[index];
+    if (tendon.is_spatial || !tendon.is_whole) return std::nullopt;
+    const Form free = ties_.reduced(tendon.length);
+    if (free.terms.empty()) return std::nullopt;
+    if (free.terms.size() == 1) {
+      const auto& [joint, factor] = free.terms.front();
+      return Grip{scene_.joint(joint).name, factor, free.constant};
+    }
+    if (!has_more_than_a_spring(index)) return std::nullopt;
+    return Grip{add(tendon)};
+  }
+
+  // A joint whose soft range is the spring's, apart from the tendon's own range.
+  void slacken(const Tendon& tendon) {
+    if (tendon.is_spatial || !tendon.is_whole || !tendon.has_slack()) return;
+    if (ties_.reduced(tendon.length).terms.empty()) return;
+    Joint& joint = joint_of(add(tendon));
+    joint.lower = tendon.shortest, joint.upper = tendon.longest;
+    joint.limit_softness = Spring{tendon.stiffness, 0.0};
+    scene_.report().remark("springs of tendons with a range without force, as soft limits of tendons", joint.name);
+  }
+
+ private:
+  bool has_more_than_a_spring(std::size_t index) const {
+    const Tendon& tendon = scene_.tendons[index];
+    return tendon.range || tendon.friction != 0.0 || tendon.armature != 0.0 ||
+           std::any_of(scene_.actuators.begin(), scene_.actuators.end(), [&](const Actuator& actuator) {
+             return scene_.settings.has_actuation && actuator.lost.empty() &&
+                    actuator.tendon == static_cast<int>(index);
+           });
+  }
+
+  Joint& joint_of(const std::string& name) {
+    Model& model = draft_.model;
+    return model.joints[static_cast<std::size_t>(model.joint_index(name))];
+  }
+
+  // Its position is the tendon's length. Joints that stand still are constants.
+  std::string add(const Tendon& tendon) {
+    Joint joint;
+    joint.name = names_.unused(tendon.name.empty() ? "tendon" : tendon.name);
+    joint.kind = JointKind::tendon;
+    Coupling coupling{joint.name, {}, 0.0, Hard{}};
+    for (const auto& term : tendon.length.terms) {
+      if (term.second == 0.0) continue;
+      const Form alone = ties_.reduced({{term}, 0.0});
+      if (alone.terms.empty())
+        coupling.offset -= alone.constant;
+      else
+        coupling.terms.push_back({scene_.joint(term.first).name, -term.second});
+    }
+    draft_.places["joint '" + joint.name + "'"] = draft_.places["coupling '" + joint.name + "'"] = tendon.place;
+    scene_.report().remark("tendons as joints of their own, whose position is the tendon's length", joint.name);
+    draft_.model.joints.push_back(joint);
+    draft_.model.couplings.push_back(coupling);
+    return joint.name;
+  }
+
+  const Scene& scene_;
+  const Ties& ties_;
+  Draft& draft_;
+  Names names_;
+};
+
+}  // namespace
+
+std::vector<std::optional<Grip>> grip_tendons(const Scene& scene, const Ties& ties, Draft& draft) {
+  Gripper gripper(scene, ties, draft);
+  std::vector<std::optional<Grip>> grips;
+  for (std::size_t t = 0; t < scene.tendons.size(); ++t) grips.push_back(gripper.grip(t));
+  for (const Tendon& tendon : scene.tendons) gripper.slacken(tendon);
+  place_tendons(draft.model);
+  return grips;
+}
+
+std::string title_of(const Tendon& tendon) { return tendon.name.empty() ? tendon.place : tendon.name; }
+
+}  // namespace lockstep::importer::mjcf

@@ -1,0 +1,27 @@
+// What forces of fixed tendons act on. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "import/draft.h"
+#include "ties.h"
+
+namespace lockstep::importer::mjcf {
+
+/// A joint of the model, and the tendon's length as a function of its position.
+struct Grip {
+  std::string joint;
+  double factor = 1.0, constant = 0.0;  ///< length = factor q + constant
+};
+
+/// By tendon: the one joint that moves it, or a joint of the kind tendon, which this adds to the draft's model where a
+/// tendon over several joints has more than a spring, or a spring of any tendon has a range without force. Nothing
+/// where an equality holds the tendon, or where nothing needs a joint.
+std::vector<std::optional<Grip>> grip_tendons(const Scene& scene, const Ties& ties, Draft& draft);
+
+/// The name of a tendon in reports.
+std::string title_of(const Tendon& tendon);
+
+}  // namespace lockstep::importer::mjcf

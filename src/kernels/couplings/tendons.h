@@ -1,0 +1,23 @@
+// Puts tendons where their joints have them. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "coupling_error.h"
+
+namespace lockstep::kernels {
+
+/// (M112). Velocities in the order of followed() in consistent.h: a step leaves a tendon's where this puts it.
+template <class T>
+LOCKSTEP_INLINE void place_tendons(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Reduction<ScalarOf<T>>& r = t.reduction;
+  for (int i = 0; i < t.tendons.count; ++i) {
+    const int c = t.tendons[i], j = t.term_joint[t.term_start[c]], f = r.follower_of[j];
+    T &q = x.state.q[j], &v = x.state.v[t.velocity_of(j)];
+    T speed = T(0);
+    for (int s = r.start[f]; s < r.start[f + 1]; ++s)
+      speed = add_product(x.couplings.share[s], x.state.v[t.velocity_of(r.leader[s])], speed);
+    q = select(x.frozen, q, -others_of(t, x, c, x.state.q));
+    v = select(x.frozen, v, speed);
+  }
+}
+
+}  // namespace lockstep::kernels
