@@ -3,6 +3,7 @@
 #include <complex>
 
 #include "accuracy.h"
+#include "lockstep/import.h"
 
 namespace lockstep {
 namespace {
@@ -10,8 +11,8 @@ namespace {
 // Steps one environment of a scene with the targets at the time of each stage, and calls watch(step) after each step.
 template <class S>
 struct Play {
-  Play(const std::string& name, Integrator integrator, int steps_per_second)
-      : scene(scenes::scene(name)),
+  Play(const scenes::Scene& which, Integrator integrator, int steps_per_second)
+      : scene(which),
         dt(1.0 / steps_per_second),
         batch(compile(scene.model, {.dt = dt, .integrator = integrator, .stage_inputs = true}), 1, {.threads = 1}) {}
 
@@ -35,8 +36,9 @@ struct Play {
 
 // RMS error over all joints and the first second at rows of 1/240 s, as in accuracy.h.
 template <class S>
-double rms_error(const std::string& name, Integrator integrator, int steps_per_second, const Eigen::MatrixXd& truth) {
-  Play<S> play(name, integrator, steps_per_second);
+double rms_error(const scenes::Scene& scene, Integrator integrator, int steps_per_second,
+                 const Eigen::MatrixXd& truth) {
+  Play<S> play(scene, integrator, steps_per_second);
   double sum = 0.0;
   play.run(steps_per_second, [&](int step) {
     if (step * 240 % steps_per_second != 0) return;
@@ -44,6 +46,11 @@ double rms_error(const std::string& name, Integrator integrator, int steps_per_s
     sum += (play.batch.positions().col(0).matrix().template cast<double>() - truth.row(row).transpose()).squaredNorm();
   });
   return std::sqrt(sum / static_cast<double>(truth.size() - truth.cols()));
+}
+
+template <class S>
+double rms_error(const std::string& name, Integrator integrator, int steps_per_second, const Eigen::MatrixXd& truth) {
+  return rms_error<S>(scenes::scene(name), integrator, steps_per_second, truth);
 }
 
 class AgainstTruth : public testing::Test {
@@ -92,6 +99,28 @@ TEST_F(AgainstTruth, errors_shrink_by_the_order_of_each_integrator) {
   }
 }
 
+// The files have no starts. The bounds are those of the files of truth, as in truth_test.cpp.
+TEST_F(AgainstTruth, is_reached_by_the_scenes_from_their_mjcf) {
+  const struct {
+    const char* scene;
+    int steps_per_second;
+    double bound;
+  } cases[] = {{"chain8", 480, 1e-7},    {"gripper13", 7680, 1e-7}, {"chain32", 480, 2e-6},  {"gear100", 480, 1e-7},
+               {"drive1e6", 4800, 1e-7}, {"redundant", 480, 1e-7},  {"mass1000", 3840, 1e-7}};
+  for (const auto& c : cases) {
+    scenes::Scene scene = scenes::scene(c.scene);
+    Model model = import_mjcf_file(physics::test_data() + "/scenes/" + c.scene + ".xml").model;
+    for (const Joint& start : scene.model.joints) {
+      Joint& joint = model.joints[static_cast<std::size_t>(model.joint_index(start.name))];
+      joint.position = start.position, joint.velocity = start.velocity;
+    }
+    ASSERT_EQ(compile(model, {}).dof_names(), compile(scene.model, {}).dof_names());
+    scene.model = model;
+    EXPECT_LE(rms_error<double>(scene, Integrator::runge_kutta, c.steps_per_second, truth(c.scene)), c.bound)
+        << c.scene;
+  }
+}
+
 // The whip starts with 907.75 J. Damping removes 2 J in the first second.
 double energy(Batch<double>& batch) { return batch.kinetic_energies()(0, 0) + batch.potential_energies()(0, 0); }
 
@@ -100,7 +129,7 @@ double energy(Batch<double>& batch) { return batch.kinetic_energies()(0, 0) + ba
 double energy_error(Integrator integrator, int steps_per_second) {
   constexpr int rows = 60;
   const auto energies = [&](Integrator how, int rate) {
-    Play<double> play("chain32", how, rate);
+    Play<double> play(scenes::scene("chain32"), how, rate);
     std::vector<double> all;
     play.run(rate, [&](int step) {
       if (step % (rate / rows) == 0) all.push_back(energy(play.batch));
@@ -123,7 +152,7 @@ TEST(Whip, keeps_its_energy_with_leapfrogs) {
 
 TEST(Whip, keeps_its_momentum_to_the_order_of_the_integrator) {
   const auto change = [](Integrator integrator, int rate) {
-    Play<double> play("chain32", integrator, rate);
+    Play<double> play(scenes::scene("chain32"), integrator, rate);
     const Eigen::ArrayXd start = play.batch.momenta().col(0);
     play.run(rate / 4, [](int) {});
     return (play.batch.momenta().col(0) - start).abs().maxCoeff();
@@ -137,8 +166,8 @@ TEST(Float, follows_double_to_1e_6_over_a_second) {
     for (const Integrator integrator :
          {Integrator::euler, Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta}) {
       if (scene == std::string("gripper13") && integrator == Integrator::runge_kutta) continue;  // refused as too stiff
-      Play<float> single(scene, integrator, 240);
-      Play<double> in_double(scene, integrator, 240);
+      Play<float> single(scenes::scene(scene), integrator, 240);
+      Play<double> in_double(scenes::scene(scene), integrator, 240);
       std::vector<Eigen::ArrayXd> exact;
       in_double.run(240, [&](int) { exact.push_back(in_double.batch.positions().col(0)); });
       double largest = 0.0;
