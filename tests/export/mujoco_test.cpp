@@ -1,20 +1,13 @@
 // What is written, in MuJoCo: it loads, weighs and moves as in lockstep. SPDX-License-Identifier: Apache-2.0
-//
-// Needs node, and LOCKSTEP_MUJOCO_JS, the folder that `npm install mujoco-js@0.0.7` (MuJoCo 3.3.8) has filled:
-// .../node_modules/mujoco-js.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "export/export_helpers.h"
-#include "lockstep/batch.h"
-#include "lockstep/plan.h"
-#include "model/trees.h"
+#include "mjcf/mujoco.h"
 #include "scenes/scenes.h"
 #include "unit/import_helpers.h"
 
@@ -24,30 +17,6 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 using std::string;
-
-class MujocoTest : public testing::Test {
- protected:
-  void SetUp() override {
-    const char* folder = std::getenv("LOCKSTEP_MUJOCO_JS");
-    if (!folder || !fs::exists(folder)) GTEST_SKIP() << "LOCKSTEP_MUJOCO_JS names no folder";
-    library = folder;
-    work = fs::path(testing::TempDir()) / testing::UnitTest::GetInstance()->current_test_info()->name();
-    fs::remove_all(work);
-    fs::create_directories(work / "facts");
-  }
-
-  string run(const string& command) const {
-    FILE* pipe = popen(command.c_str(), "r");
-    string text;
-    char piece[4096];
-    while (const std::size_t count = std::fread(piece, 1, sizeof piece, pipe)) text.append(piece, count);
-    EXPECT_EQ(pclose(pipe), 0) << command;
-    return text;
-  }
-
-  string library;
-  fs::path work;
-};
 
 using MujocoFacts = MujocoTest;
 using MujocoMotion = MujocoTest;
@@ -118,8 +87,8 @@ TEST_F(MujocoFacts, are_those_of_the_models) {
   for (const auto& [name, model] : all)
     if (warns(export_mjcf_file(model, work / (name + ".xml")), "inertias that MuJoCo refuses")) changed.insert(name);
   EXPECT_LT(changed.size(), all.size() / 4);
-  const string complaints =
-      run("node '" LOCKSTEP_MJCF "/facts.mjs' '" + library + "' '" + work.string() + "' '" + work.string() + "/facts'");
+  fs::create_directories(work / "facts");
+  const string complaints = run(LOCKSTEP_MJCF "/facts.mjs", {work, work / "facts"});
   EXPECT_EQ(complaints, "") << "MuJoCo refuses files";
   for (const auto& [name, model] : all) {
     SCOPED_TRACE(name);
@@ -136,46 +105,13 @@ struct Motion {
   double seconds, tolerance;  // rad or m
 };
 
-// The largest difference of a position, with steps of 0.1 ms on both sides; limits and friction are off.
-double largest_difference(const Motion& motion, const fs::path& file, const std::function<string(string)>& run) {
-  Model model = motion.model;
+// Without limits and friction.
+Model freed(Model model) {
   for (Joint& joint : model.joints) {
     joint.lower = -infinity, joint.upper = joint.velocity_limit = joint.effort_limit = infinity;
     joint.friction = 0.0;
   }
-  const double step = 1e-4;
-  const Export made = export_mjcf_file(model, file, {.timestep = step});
-  const Model order = import_mjcf(made.text).model;  // its links and joints are in MuJoCo's order
-  const Trees trees(order);
-  Batch<double> batch(compile(model, {.dt = step, .integrator = motion.integrator, .guard = infinity}), 1);
-  const Plan& plan = batch.plan();
-  std::istringstream rows(run(file.string() + "' " + std::to_string(motion.seconds)));
-  double largest = 0.0;
-  int count = 0;
-  for (string line; std::getline(rows, line); ++count) {
-    std::istringstream row(line);
-    const auto compare = [&](double own) {
-      double theirs = std::nan("");
-      row >> theirs;
-      largest = std::max(largest, std::isnan(theirs) ? infinity : std::abs(theirs - own));
-    };
-    for (std::size_t i = 0; i < order.links.size(); ++i) {
-      const int joint = trees.parent_joint[i];
-      const std::vector<string>& roots = plan.root_names();
-      const auto root = std::find(roots.begin(), roots.end(), order.links[i].name) - roots.begin();
-      if (joint < 0 && root < static_cast<std::ptrdiff_t>(roots.size())) {
-        for (int k = 0; k < 3; ++k) compare(batch.root_poses()(7 * root + k, 0));
-        Eigen::Vector4d own, theirs;
-        for (int k = 0; k < 4; ++k) row >> theirs[k], own[k] = batch.root_poses()(7 * root + 3 + k, 0);
-        largest = std::max(largest, std::min((own - theirs).norm(), (own + theirs).norm()));  // half the angle between
-      } else if (joint >= 0 && order.joints[static_cast<std::size_t>(joint)].moves()) {
-        compare(batch.positions()(plan.dof(order.joints[static_cast<std::size_t>(joint)].name), 0));
-      }
-    }
-    batch.step(100);
-  }
-  EXPECT_EQ(count, static_cast<int>(std::round(motion.seconds / 0.01)) + 1);
-  return largest;
+  return model;
 }
 
 TEST_F(MujocoMotion, is_that_of_the_models) {
@@ -194,9 +130,13 @@ TEST_F(MujocoMotion, is_that_of_the_models) {
     motions.push_back({"random" + std::to_string(seed), model, Integrator::extrapolated, 0.1, 1e-6});
   }
   for (const Motion& motion : motions) {
-    const double largest = largest_difference(motion, work / (motion.name + ".xml"), [&](const string& arguments) {
-      return run("node '" LOCKSTEP_EXPORT "/motion.mjs' '" + library + "' '" + arguments);
-    });
+    const Model model = freed(motion.model);
+    const double step = 1e-4;  // on both sides
+    const fs::path file = work / (motion.name + ".xml");
+    export_mjcf_file(model, file, {.timestep = step});
+    Batch<double> batch(compile(model, {.dt = step, .integrator = motion.integrator, .guard = infinity}), 1);
+    const double largest =
+        follow(batch, run(LOCKSTEP_EXPORT "/motion.mjs", {file, std::to_string(motion.seconds)})).difference;
     EXPECT_LT(largest, motion.tolerance) << motion.name;
     std::printf("%s: %.2g\n", motion.name.c_str(), largest);
   }

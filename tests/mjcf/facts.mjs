@@ -1,22 +1,13 @@
 // What MuJoCo makes of MJCF files, as JSON beside the tests. SPDX-License-Identifier: Apache-2.0
-//   npm install mujoco-js@0.0.7   (MuJoCo 3.3.8)
 //   node facts.mjs FOLDER/node_modules/mujoco-js MODELS_FOLDER FACTS_FOLDER
 // For each model in its first keyframe, or off the drawn pose: the joints, the mass matrix, the energy of
 // gravity, the efforts of springs, damping and actuators, and the pairs of geoms that may touch. Constraints are off.
 import fs from 'fs';
-import path from 'path';
+import {copy, name_of, open} from './mujoco.mjs';
 
 const [library, models, facts] = process.argv.slice(2);
-const mj = await (await import(path.resolve(library, 'dist/mujoco_wasm.js'))).default();
+const mj = await open(library);
 const types = ['free', 'ball', 'slide', 'hinge'];
-
-function copy(from, to) {
-  mj.FS.mkdir(to);
-  for (const entry of fs.readdirSync(from, {withFileTypes: true})) {
-    const [source, target] = [`${from}/${entry.name}`, `${to}/${entry.name}`];
-    entry.isDirectory() ? copy(source, target) : mj.FS.writeFile(target, fs.readFileSync(source));
-  }
-}
 
 // The pairs of geoms that MuJoCo lets touch, with names where they have one.
 function pairs(m, name) {
@@ -48,8 +39,7 @@ function pairs(m, name) {
 
 function facts_of(file) {
   const m = mj.MjModel.loadFromXML(file), d = new mj.MjData(m);
-  const adr = {1: m.name_bodyadr, 3: m.name_jntadr, 5: m.name_geomadr};
-  const name = (kind, i) => m.names[adr[kind][i]] ? mj.mj_id2name(m, kind, i) : '';
+  const name = (kind, i) => name_of(mj, m, kind, i);
   m.opt.disableflags |= 1 | 16;  // constraints, contacts
   if (m.nkey) {
     mj.mj_resetDataKeyframe(m, d, 0);
@@ -90,7 +80,7 @@ function facts_of(file) {
   return result;
 }
 
-copy(models, '/models');
+copy(mj, models, '/models');
 for (const file of fs.readdirSync(models).filter(file => file.endsWith('.xml')).sort()) {
   try {
     const text = JSON.stringify(facts_of(`/models/${file}`), null, 1).replace(/\n\s+(?=[-\d\]"]|null)/g, ' ');

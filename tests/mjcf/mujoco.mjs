@@ -1,0 +1,53 @@
+// MuJoCo for the scripts of tests. SPDX-License-Identifier: Apache-2.0
+//   npm install mujoco-js@0.0.7   (MuJoCo 3.3.8)
+import fs from 'fs';
+import path from 'path';
+
+export const open = async library => (await import(path.resolve(library, 'dist/mujoco_wasm.js'))).default();
+
+// Shapes and pictures that need not be there: all are a tetrahedron and a dot. No inertia may come from a mesh.
+function without_assets(text) {
+  const replaced = (tag, inline) => {
+    const file = / file="(.*?)"/.exec(tag)[1];
+    return tag.replace(/ file=".*?"/, / name=/.test(tag) ? inline : ` name="${path.parse(file).name}"${inline}`);
+  };
+  return text.replace(/<mesh\b[^>]* file=[^>]*>/g, tag => replaced(tag, ' vertex="0 0 0 1 0 0 0 1 0 0 0 1"'))
+    .replace(/<texture\b[^>]* file=[^>]*>/g, tag => replaced(tag, ' builtin="flat" width="1" height="1"'));
+}
+
+// A folder with all that it holds, for MuJoCo to read.
+export function copy(mj, from, to) {
+  mj.FS.mkdir(to);
+  for (const entry of fs.readdirSync(from, {withFileTypes: true})) {
+    const [source, target] = [`${from}/${entry.name}`, `${to}/${entry.name}`];
+    if (entry.isDirectory()) copy(mj, source, target);
+    else mj.FS.writeFile(target, without_assets(fs.readFileSync(source, 'utf8')));
+  }
+}
+
+// Of a body (1), joint (3) or geom (5); empty where it has none.
+export function name_of(mj, m, kind, i) {
+  const starts = {1: m.name_bodyadr, 3: m.name_jntadr, 5: m.name_geomadr}[kind];
+  return m.names[starts[i]] ? mj.mj_id2name(m, kind, i) : '';
+}
+
+// What each position belongs to, by the names that lockstep gives: joints, and free bodies seven times.
+function owners(mj, m) {
+  const found = Array(m.nq);
+  for (let j = 0; j < m.njnt; ++j) {
+    const body = name_of(mj, m, 1, m.jnt_bodyid[j]) || 'body', at = m.jnt_qposadr[j];
+    if (m.jnt_type[j] == mj.mjtJoint.mjJNT_FREE.value) found.fill(body, at, at + 7);
+    else found[at] = name_of(mj, m, 3, j) || body;
+  }
+  return found;
+}
+
+// Prints these, and the positions at the start and every 10 ms, as JSON.
+export function play(mj, m, d, seconds) {
+  const rows = [[...d.qpos]], between = Math.round(0.01 / m.opt.timestep);
+  while (rows.length <= Math.round(seconds / 0.01)) {
+    for (let k = 0; k < between; ++k) mj.mj_step(m, d);
+    rows.push([...d.qpos]);
+  }
+  console.log(JSON.stringify({owners: owners(mj, m), rows}));
+}
