@@ -139,6 +139,9 @@ const std::vector<Line> lines = {
            "<equality><joint joint1='x'/></equality><tendon><fixed name='t' damping='1'><joint joint='x' "
            "coef='1'/></fixed></tendon>"),
      "tendons that an equality holds, without effect (1): t (damping 1)"},
+    {true,
+     world(pair, "<tendon><fixed name='t'><joint joint='x' coef='1'/><joint joint='x' coef='2'/></fixed></tendon>"),
+     "joints that a tendon names twice, summed; the last alone gives forces in MuJoCo (1): x of tendon 't'"},
     {true, world(pair, "<tendon><spatial name='t' range='0 1'/></tendon>"),
      "spatial tendons that limit, pull or resist, left out (1): t (0 to 1)"},
     {true,

@@ -1,6 +1,7 @@
 // <tendon>. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <string_view>
 
 #include "scene.h"
@@ -14,6 +15,10 @@ void read_fixed(const Element& element, Tendon& tendon, const Scene& scene) {
     const Element term(scene.document, *xml);
     const int joint = scene.scalar_joint(term.name("joint"), term);
     const double coefficient = term.number("coef");
+    const auto& terms = tendon.length.terms;
+    if (std::any_of(terms.begin(), terms.end(), [&](const auto& other) { return other.first == joint; }))
+      scene.report().warn("joints that a tendon names twice, summed; the last alone gives forces in MuJoCo",
+                          fmt::format("{} of {}", scene.joint(joint).name, element.title()));
     joint < 0 ? void(tendon.is_whole = false) : tendon.length.add(joint, coefficient);
   }
   if (tendon.length.terms.empty() && tendon.is_whole)
