@@ -34,7 +34,7 @@ void report_joints(const Model& model, Report& report) {
       report.remark("fixed joints, merged when compiling", joint.name);
       continue;
     }
-    if (joint.position < joint.lower || joint.position > joint.upper)
+    if (is_hard(joint.limit_softness) && (joint.position < joint.lower || joint.position > joint.upper))
       report.warn(
           "joints that start outside of their limits",
           fmt::format("{} at {:.4g}, not {:.4g} to {:.4g}", joint.name, joint.position, joint.lower, joint.upper));

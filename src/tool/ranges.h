@@ -15,7 +15,7 @@ struct Range {
   bool operator==(const Range&) const = default;
 };
 
-/// By dof: the range that a step of the plan holds; infinite where it holds none.
+/// By dof: the range that a step of the plan holds; infinite where it holds none. A tendon's soft range is a spring.
 std::vector<Range> held_ranges(const Plan& plan);
 
 /// The same for independent dofs within the ranges of the followers that have them as their only leader. lower > upper

@@ -1,13 +1,13 @@
 // The motion of an MJCF file in MuJoCo with couplings as hard as lockstep's. SPDX-License-Identifier: Apache-2.0
-//   node motion.mjs FOLDER/node_modules/mujoco-js FOLDER/model.xml SECONDS STEP [KEY [WITHOUT]]
+//   node motion.mjs FOLDER/node_modules/mujoco-js FOLDER/model.xml SECONDS STEP [KEY]
 // Starts in the keyframe KEY or as drawn, with each control half-way to the farther end of its range. Steps by the
-// fourth-order Runge-Kutta method without contacts, limits, dry friction, loops and actuators named like WITHOUT.
+// fourth-order Runge-Kutta method without contacts, limits, dry friction and loops.
 // Prints positions as mujoco.mjs does. FOLDER/motion.xml is the file with this start as its key "motion".
 import fs from 'fs';
 import path from 'path';
 import {copy, open, play} from './mujoco.mjs';
 
-const [library, file, seconds, step, key, without] = process.argv.slice(2);
+const [library, file, seconds, step, key] = process.argv.slice(2);
 const mj = await open(library), {mjtDisableBit: disable, mjtEq: kind, mjtObj: object} = mj;
 const folder = path.dirname(file), name = path.basename(file);
 copy(mj, folder, '/model');
@@ -28,7 +28,6 @@ for (let a = 0; a < m.nu; ++a) {
   const holding = bias[1] ? -(bias[0] + bias[1] * d.actuator_length[a]) / gain[0] : 0;
   const [lower, upper] = m.actuator_ctrllimited[a] ? m.actuator_ctrlrange.slice(2 * a) : [holding - 1, holding + 1];
   d.ctrl[a] = 0.5 * (holding + (upper - holding < holding - lower ? lower : upper));
-  if (without && mj.mj_id2name(m, object.mjOBJ_ACTUATOR.value, a).match(without)) gain[0] = bias[1] = bias[2] = 0;
 }
 const start = ['qpos', 'qvel', 'ctrl'].map(field => `${field}="${[...d[field]].join(' ')}"`).join(' ');
 fs.writeFileSync(`${folder}/motion.xml`,

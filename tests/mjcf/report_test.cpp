@@ -120,6 +120,11 @@ const std::vector<Line> lines = {
      "tendons as joints of their own, whose position is the tendon's length (1): t"},
     {false,
      world(pair,
+           "<tendon><fixed name='t' armature='1'>"
+           "<joint joint='x' coef='1'/><joint joint='y' coef='1'/></fixed></tendon>"),
+     "armature of tendons across branches, which MuJoCo keeps on each branch alone (1): t"},
+    {false,
+     world(pair,
            "<tendon><fixed name='t'><joint joint='x' coef='1'/><joint joint='y' coef='1'/></fixed></tendon>"
            "<actuator><motor name='m' tendon='t' gear='2'/></actuator>"),
      "efforts by the file's controls u (1): m of t: 2 u"},

@@ -34,6 +34,11 @@ class Actuators {
  private:
   static bool is_tendon(const Joint& joint) { return joint.kind == JointKind::tendon; }
 
+  // Without a motor, a reader may take such a tendon for a coupling.
+  static bool has_spring_alone(const Joint& tendon) {
+    return tendon.lower == -infinity && tendon.upper == infinity && tendon.friction == 0.0 && tendon.armature == 0.0;
+  }
+
   void add(const Joint& joint) {
     const Drive& drive = joint.drive;
     if (drive.kinematic) report_.warn("kinematic drives, left out", joint.name);
@@ -44,8 +49,10 @@ class Actuators {
             drive.position_target + (is_tendon(joint) ? offsets_.at(joint.name) : 0.0));
     if (drive.kd > 0.0 && (is_apart || drive.kp == 0.0))
       write(joint, "velocity", drive.kd, {0.0, 0.0, -drive.kd}, drive.velocity_target);
-    const bool is_motor = drive.kp == 0.0 && drive.kd == 0.0 && !drive.kinematic && joint.effort_limit < infinity &&
-                          (is_tendon(joint) || !followers_.contains(joint.name));
+    const bool has_no_drive = drive.kp == 0.0 && drive.kd == 0.0 && !drive.kinematic;
+    const bool is_motor =
+        has_no_drive && (is_tendon(joint) ? has_spring_alone(joint)
+                                          : joint.effort_limit < infinity && !followers_.contains(joint.name));
     if (joint.effort != 0.0 || is_motor) write(joint, "effort", 1.0, {}, joint.effort);
   }
 

@@ -27,23 +27,38 @@ class Gripper {
       return Grip{scene_.joint(joint).name, factor, free.constant};
     }
     if (!has_more_than_a_spring(index)) return std::nullopt;
+    if (tendon.armature != 0.0 && !is_on_one_branch(tendon.length))
+      scene_.report().remark("armature of tendons across branches, which MuJoCo keeps on each branch alone",
+                             title_of(tendon));
     return Grip{add(tendon)};
   }
 
-  // A joint whose soft range is the spring's, apart from the tendon's own range.
-  void slacken(const Tendon& tendon) {
-    if (tendon.is_spatial || !tendon.is_whole || !tendon.has_slack()) return;
-    if (ties_.reduced(tendon.length).terms.empty()) return;
-    Joint& joint = joint_of(add(tendon));
+  // A soft range is the spring's, on a joint of its own beside the tendon's range.
+  void slacken(const Tendon& tendon, const std::optional<Grip>& grip) {
+    if (!grip || !tendon.has_slack()) return;
+    const bool is_apart = tendon.range || joint_of(grip->joint).kind != JointKind::tendon;
+    Joint& joint = joint_of(is_apart ? add(tendon) : grip->joint);
     joint.lower = tendon.shortest, joint.upper = tendon.longest;
     joint.limit_softness = Spring{tendon.stiffness, 0.0};
     scene_.report().remark("springs of tendons with a range without force, as soft limits of tendons", joint.name);
   }
 
  private:
+  bool is_above(int body, int other) const {
+    while (other > body) other = scene_.bodies.all[static_cast<std::size_t>(other)].parent;
+    return other == body;
+  }
+  bool is_on_one_branch(const Form& length) const {
+    const auto body_of = [&](const auto& term) { return scene_.joints[static_cast<std::size_t>(term.first)].body; };
+    for (const auto& one : length.terms)
+      for (const auto& other : length.terms)
+        if (!is_above(body_of(one), body_of(other)) && !is_above(body_of(other), body_of(one))) return false;
+    return true;
+  }
+
   bool has_more_than_a_spring(std::size_t index) const {
     const Tendon& tendon = scene_.tendons[index];
-    return tendon.range || tendon.friction != 0.0 || tendon.armature != 0.0 ||
+    return tendon.range || tendon.has_slack() || tendon.friction != 0.0 || tendon.armature != 0.0 ||
            std::any_of(scene_.actuators.begin(), scene_.actuators.end(), [&](const Actuator& actuator) {
              return scene_.settings.has_actuation && actuator.lost.empty() &&
                     actuator.tendon == static_cast<int>(index);
@@ -88,7 +103,7 @@ std::vector<std::optional<Grip>> grip_tendons(const Scene& scene, const Ties& ti
   Gripper gripper(scene, ties, draft);
   std::vector<std::optional<Grip>> grips;
   for (std::size_t t = 0; t < scene.tendons.size(); ++t) grips.push_back(gripper.grip(t));
-  for (const Tendon& tendon : scene.tendons) gripper.slacken(tendon);
+  for (std::size_t t = 0; t < grips.size(); ++t) gripper.slacken(scene.tendons[t], grips[t]);
   place_tendons(draft.model);
   return grips;
 }

@@ -17,8 +17,8 @@ struct Grip {
 };
 
 /// By tendon: the one joint that moves it, or a joint of the kind tendon, which this adds to the draft's model where a
-/// tendon over several joints has more than a spring, or a spring of any tendon has a range without force. Nothing
-/// where an equality holds the tendon, or where nothing needs a joint.
+/// tendon over several joints has more than a spring. Nothing where an equality holds the tendon, or where nothing
+/// needs a joint. Springs with a range without force are soft limits of tendons then.
 std::vector<std::optional<Grip>> grip_tendons(const Scene& scene, const Ties& ties, Draft& draft);
 
 /// The name of a tendon in reports.

@@ -65,12 +65,11 @@ class Resistance {
   }
 
   void add_coupling(Form error) {
-    const double stiffness = tendon_.has_slack() ? 0.0 : tendon_.stiffness, damping = tendon_.damping;
-    if (stiffness == 0.0 && damping == 0.0) return;
+    if (tendon_.stiffness == 0.0 && tendon_.damping == 0.0) return;
     error.constant -= rest();
     const double first = error.terms.front().second;
     draft_.model.couplings.push_back(
-        coupling_of(error, scene_, Spring{stiffness * first * first, damping * first * first}));
+        coupling_of(error, scene_, Spring{tendon_.stiffness * first * first, tendon_.damping * first * first}));
     draft_.places[fmt::format("coupling '{}'", coupling_names(draft_.model).back())] = tendon_.place;
     report().remark("springs of tendons, as soft couplings", name_);
   }
