@@ -48,6 +48,23 @@ def test_a_model_in_code_moves_as_theory_says():
     assert batch.q[0, 0] == pytest.approx(0.01 * np.cos(np.sqrt(9.81 / 0.5) * 0.7), abs=1e-6)
 
 
+def test_a_servo_on_a_tendon_drives_a_differential():
+    model = gripper_model()
+    model.couplings, model.contacts, model.colliders = [], [], []
+    for name, sign in (("sum", 1.0), ("difference", -1.0)):
+        model.joints.append(ls.Joint(name, "tendon", drive=ls.Drive(kp=40.0, kd=4.0)))
+        model.couplings.append(ls.Coupling(name, [("elbow", -1.0), ("knuckle", -sign)]))
+    plan = ls.compile(model, dt=1e-3, ignore={"position_limits": True})
+    assert {"sum", "difference"} <= set(plan.driven) and plan.model.joints["sum"].kind == "tendon"
+    batch = plan.batch(2, dtype="f8")
+    total, difference, elbow, knuckle = (plan.dof(name) for name in ("sum", "difference", "elbow", "knuckle"))
+    batch.q_target[:, total], batch.q_target[:, difference] = 0.5, -0.3
+    batch.step(2000)
+    assert batch.q[:, total] == pytest.approx(batch.q[:, elbow] + batch.q[:, knuckle], abs=1e-12)
+    assert batch.q[:, difference] == pytest.approx(batch.q[:, elbow] - batch.q[:, knuckle], abs=1e-12)
+    assert np.abs(batch.q[:, [total, difference]] - [0.5, -0.3]).max() < 0.1
+
+
 def test_errors_name_element_rule_and_remedy():
     model = gripper_model()
     model.joints["elbow"].damping = -1

@@ -6,6 +6,7 @@
 
 #include "bounded_scenes.h"
 #include "plan/program.h"
+#include "reference/random_bounds.h"
 #include "reference/step.h"
 
 namespace lockstep {
@@ -36,12 +37,26 @@ std::vector<Model> scenes_and_random_models(int random_models) {
   return models;
 }
 
+// With and without bounds. Other methods refuse them.
+std::vector<Model> models_with_tendons() {
+  scenes::RandomOptions options;
+  options.redundant = false, options.springs = true, options.max_dofs = 10, options.max_tendons = 3;
+  std::vector<Model> models;
+  for (std::uint64_t seed = 0; seed < 6; ++seed) {
+    models.push_back(scenes::random_model(seed, options));
+    models.push_back(physics::random_bounds(seed, 1.0 / 240, options));
+  }
+  return models;
+}
+
 // Calls check(plan, scalar) for scenes, bounded scenes and random models, without and with all parameters per
 // environment, in single and double precision.
 template <class Check>
 void for_every_plan(Method method, int random_models, const std::vector<Model>& bounded, Check check) {
   std::vector<Model> models = scenes_and_random_models(random_models);
   for (const Model& model : bounded) models.push_back(model);
+  if (method == Method::reduced)
+    for (const Model& model : models_with_tendons()) models.push_back(model);
   for (const Model& model : models)
     for (const ParameterSet& fields : {ParameterSet{}, contract::all_parameters(method, model)}) {
       SCOPED_TRACE(model.name + (fields.empty() ? "" : " with all parameters"));

@@ -40,6 +40,9 @@ std::vector<StepCase> all_steps() {
   for (int seed = 10; seed < 40; ++seed)
     for (const char* what : more[static_cast<std::size_t>(seed % 4)])
       all.push_back({"random_" + std::to_string(seed) + what, Engine::interpreter});
+  for (int seed = 8; seed < 32; seed += 4)
+    for (const char* what : {"_tendons", "_tendons_fields", "_tendons_leapfrog", "_tendons_limits"})
+      all.push_back({"random_" + std::to_string(seed) + what, Engine::interpreter});
   for (int seed = 10; seed < 30; ++seed) all.push_back({"forest_" + std::to_string(seed), Engine::interpreter});
   for (int seed = 40; seed < 60; ++seed)
     all.push_back({"random_" + std::to_string(seed) + "_limits", Engine::interpreter});

@@ -50,9 +50,8 @@ class Actuators {
     if (drive.kd > 0.0 && (is_apart || drive.kp == 0.0))
       write(joint, "velocity", drive.kd, {0.0, 0.0, -drive.kd}, drive.velocity_target);
     const bool has_no_drive = drive.kp == 0.0 && drive.kd == 0.0 && !drive.kinematic;
-    const bool is_motor =
-        has_no_drive && (is_tendon(joint) ? has_spring_alone(joint)
-                                          : joint.effort_limit < infinity && !followers_.contains(joint.name));
+    const bool is_limited = joint.effort_limit < infinity && (is_tendon(joint) || !followers_.contains(joint.name));
+    const bool is_motor = has_no_drive && (is_limited || (is_tendon(joint) && has_spring_alone(joint)));
     if (joint.effort != 0.0 || is_motor) write(joint, "effort", 1.0, {}, joint.effort);
   }
 
