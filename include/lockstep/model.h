@@ -35,6 +35,9 @@ struct Inertia {
 struct Link {
   std::string name;
   Inertia inertia;
+  /// The share of Model::gravity that acts on the link's mass; finite. Where it is 0, the link is balanced: it hangs at
+  /// rest in any pose. Below 0 it rises.
+  double gravity = 1.0;
 };
 
 enum class JointKind {

@@ -81,8 +81,11 @@ class Inertia:
 
 @dataclass
 class Link:
+    """gravity: the share of the model's gravity that acts on the link's mass; 0 balances it."""
+
     name: str
     inertia: Inertia = field(default_factory=Inertia)
+    gravity: float = 1.0
 
 
 @dataclass

@@ -212,6 +212,7 @@ Model model_of(const py::handle& from) {
     read(inertia, "mass", model.links.back().inertia.mass);
     model.links.back().inertia.center = matrix_of<Eigen::Vector3d>(inertia, "center");
     model.links.back().inertia.about_center = matrix_of<Eigen::Matrix3d>(inertia, "about_center");
+    read(link, "gravity", model.links.back().gravity);
   }
   for (const py::handle& joint : from.attr("joints")) model.joints.push_back(joint_of(joint));
   for (const py::handle& coupling : from.attr("couplings")) model.couplings.push_back(coupling_of(coupling));
@@ -235,9 +236,10 @@ Model model_of(const py::handle& from) {
 py::object to_python(const Model& model) {
   py::list links, joints, couplings, sites, colliders, contacts, roots;
   for (const Link& link : model.links)
-    links.append(
-        python_class("Link")(link.name, python_class("Inertia")(link.inertia.mass, tuple_of(link.inertia.center),
-                                                                tuple_of(link.inertia.about_center))));
+    links.append(python_class("Link")(
+        link.name,
+        python_class("Inertia")(link.inertia.mass, tuple_of(link.inertia.center), tuple_of(link.inertia.about_center)),
+        link.gravity));
   for (const Joint& joint : model.joints) joints.append(joint_to_python(joint));
   for (const Coupling& coupling : model.couplings) couplings.append(coupling_to_python(coupling));
   for (const Site& site : model.sites)

@@ -32,6 +32,7 @@ def test_a_model_goes_to_cpp_and_back_without_losing_a_bit():
     model.joints["elbow"].limit_softness = ls.Frequency(30.0, 0.7)
     model.couplings[0].softness = ls.Spring(40.0, 1.5)
     model.couplings[1].softness = ls.ErpCfm(0.3, 0.1)
+    model.links[2].gravity = 0.3
     model.joints["elbow"].drive.position_target = 0.1234567890123456789
     assert ls.compile(model).model == model
     again = pickle.loads(pickle.dumps(ls.compile(model, dt=1 / 500, vary="mass", ignore={"friction": True})))

@@ -24,6 +24,7 @@ void proper_numbers(const Link& link) {
   not_negative(link.inertia.mass, element, "mass");
   finite(link.inertia.center, element, "centre of mass");
   finite(link.inertia.about_center, element, "inertia");
+  finite(link.gravity, element, "share of gravity");
 }
 
 // "a, b, c", not too long.

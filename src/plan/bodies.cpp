@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 
 #include "layout.h"
 
@@ -119,6 +120,28 @@ void move_masses_inwards(std::vector<Body<double>>& bodies, bool masses_differ) 
     parent.leaf = false;
     parent.heavy = parent.heavy || bodies[b].heavy;
   }
+}
+
+// A tree moves in the share of gravity that most of its moving links have. Returns the links that have another one.
+std::vector<int> share_gravity(const Program& program, std::vector<LinkPlace<double>>& links,
+                               std::vector<TreePlace<double>>& trees) {
+  std::vector<std::map<double, int>> counts(trees.size());
+  std::vector<int> own_weights;
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    const Link& link = program.model.links[i];
+    links[i].gravity_share = link.gravity;
+    if (links[i].body < 0 || (link.inertia.mass == 0.0 && !declared(program, Parameter::mass))) continue;
+    ++counts[links[i].tree][link.gravity];
+    own_weights.push_back(static_cast<int>(i));
+  }
+  for (std::size_t tree = 0; tree < trees.size(); ++tree) {
+    const auto most = std::max_element(counts[tree].begin(), counts[tree].end(),
+                                       [](const auto& a, const auto& b) { return a.second < b.second; });
+    trees[tree].gravity_share = most == counts[tree].end() ? 1.0 : most->first;
+    for (double& component : trees[tree].gravity) component *= trees[tree].gravity_share;
+  }
+  std::erase_if(own_weights, [&](int l) { return links[l].gravity_share == trees[links[l].tree].gravity_share; });
+  return own_weights;
 }
 
 struct Frames {
@@ -269,6 +292,7 @@ void lay_out_bodies(Program& program, const Trees& trees) {
     copy_symmetric(second_moment(sums[b]), bodies[b].second);
   }
   move_masses_inwards(bodies, has_own_inertias(program));
+  t.own_weights = program.storage.keep(share_gravity(program, places, places_of_trees));
 
   t.bodies = static_cast<int>(bodies.size());
   t.joints = static_cast<int>(joint_row.size());

@@ -53,8 +53,9 @@ class ModelHash {
     all(mass, center, about_center);
   }
   void put(const Link& link) {
-    const auto& [name, inertia] = link;
+    const auto& [name, inertia, gravity] = link;
     all(name, inertia);
+    if (gravity != 1.0) put(gravity);  // as before for links that have all of it
   }
   void put(const Drive& drive) {
     const auto& [kp, kd, position_target, velocity_target, kinematic, softness] = drive;

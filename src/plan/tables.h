@@ -36,6 +36,7 @@ struct TableStructure {
   int iterations = 0, velocity_iterations = 0;
   int bodies = 0, joints = 0, velocities = 0, couplings = 0, links = 0;
   Span<FloatingRoot> roots;                     ///< in the order of the views
+  Span<int> own_weights;                        ///< moving links whose share of gravity is not their tree's
   bool makes_matrix = true;                     ///< A is computed, if only for some trees or for undamped rows
   Span<int> dof, joint_velocity, joint_body;    ///< by joint
   Columns matrix;                               ///< structure of the mass matrix
@@ -76,6 +77,10 @@ struct TableStructure {
   /// Whether masses, centres of mass or inertias differ per environment.
   inline __attribute__((always_inline)) bool has_own_inertias() const {
     return declares(Parameter::mass) || declares(Parameter::center_of_mass) || declares(Parameter::inertia);
+  }
+  /// Whether forces act along the world's axes.
+  inline __attribute__((always_inline)) bool has_orientations() const {
+    return declares(Parameter::link_wrench) || own_weights.count > 0;
   }
   inline __attribute__((always_inline)) int velocity_of(int joint) const { return joint_velocity[joint]; }
 };

@@ -251,7 +251,7 @@ VectorXd Mechanism::bias(const State& state) const {
     const Vector6d acceleration = velocity.imag() / complex_step;  // dJ/dt v
     const Vector3d omega = velocity.real().head<3>();
     const Matrix3d tensor = world_inertia(poses[l].rotation.real(), inertia);
-    const Vector3d force = inertia.mass * (acceleration.tail<3>() - model_.gravity);
+    const Vector3d force = inertia.mass * (acceleration.tail<3>() - model_.links[l].gravity * model_.gravity);
     const Vector3d torque = tensor * acceleration.head<3>() + omega.cross(tensor * omega);
     result += j.topRows<3>().real().transpose() * torque + j.bottomRows<3>().real().transpose() * force;
   }
@@ -284,7 +284,7 @@ double Mechanism::potential_energy(const State& state) const {
   double energy = 0.0;
   for (int l = 0; l < links(); ++l) {
     const Inertia& inertia = model_.links[l].inertia;
-    energy -= inertia.mass * model_.gravity.dot(center_of_mass(poses[l], inertia));
+    energy -= model_.links[l].gravity * inertia.mass * model_.gravity.dot(center_of_mass(poses[l], inertia));
   }
   return energy;
 }

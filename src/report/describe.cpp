@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <numbers>
 
 #include "interpret/lower.h"
@@ -80,6 +81,11 @@ std::string mechanism_line(const Program& program) {
                         t.tendons.count == 1 ? "says" : "say");
   if (program.merged_links > 0)
     text += fmt::format("; {} fixed to others and merged", count_of(program.merged_links, "link is", "links are"));
+  const auto sharing = std::count_if(program.model.links.begin(), program.model.links.end(),
+                                     [](const Link& link) { return link.gravity != 1.0; });
+  if (sharing > 0)
+    text += fmt::format("; {} of gravity",
+                        count_of(static_cast<int>(sharing), "link has its own share", "links have their own shares"));
   return text + ".\n";
 }
 
@@ -171,6 +177,9 @@ std::string input_line(const Program& program) {
 std::string stage_lines(const Program& program) {
   const Tables<double>& t = program.f64;
   std::vector<std::string> stages{"kinematics", "bias forces (Newton-Euler)", "joint terms"};
+  if (t.own_weights.count > 0)
+    stages.insert(stages.begin() + 2, fmt::format("weights of {} that differ from their trees' in the share of gravity",
+                                                  count_of(t.own_weights.count, "link", "links")));
   if (t.couplings > 0) stages.insert(stages.begin() + 1, "coupling errors");
   if (t.makes_matrix) stages.push_back("mass matrix (composite bodies)");
   if (t.reduction.composite.places > 0) stages.push_back("reduced mass matrix (composite bodies, composite columns)");

@@ -51,7 +51,8 @@ TEST(PlanHash, differs_where_anything_does_and_nowhere_else) {
         m.sites.push_back({"tip", m.links.back().name, Pose::Identity()});
       },
       [](Model& m) { m.gravity[0] = -0.0; },
-      [](Model& m) { m.gravity[1] = 1.0; }};
+      [](Model& m) { m.gravity[1] = 1.0; },
+      [](Model& m) { m.links[0].gravity = 0.5; }};
   std::set<std::uint64_t> models = {plan.model_hash()}, plans = {plan.hash()};
   for (std::size_t i = 0; i < changes.size(); ++i) {
     Model other = model;

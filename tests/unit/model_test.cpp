@@ -100,6 +100,7 @@ INSTANTIATE_TEST_SUITE_P(
              "impossible"},
         Rule{"asymmetric", [](Model& m) { m.links[1].inertia.about_center(0, 1) = 1e-5; }, "link 'upper'", "symmetric"},
         Rule{"negative_mass", [](Model& m) { m.links[1].inertia.mass = -1; }, "link 'upper'", "negative"},
+        Rule{"share_of_gravity", [](Model& m) { m.links[1].gravity = nan; }, "link 'upper'", "share of gravity"},
         Rule{"floating_massless_root",
              [](Model& m) {
                m.roots = {{m.links[0].name, true}};

@@ -7,6 +7,8 @@
 
 #include "frame.h"
 #include "link_wrenches.h"
+#include "orientation.h"
+#include "own_weights.h"
 
 namespace lockstep::kernels {
 
@@ -73,14 +75,16 @@ LOCKSTEP_INLINE void inertial_forces(J, const PseudoInertia<T>& body, bool diago
   }
 }
 
-/// Gravity along the axes of a tree's root.
+/// A tree's share of gravity, along the axes of its root.
 template <class T>
 LOCKSTEP_INLINE Vec3<T> gravity_at_root(const Tables<ScalarOf<T>>& t, const TreePlace<ScalarOf<T>>& tree,
                                         const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x) {
   Vec3<T> g;
   for (int k = 0; k < 3; ++k) g[k] = field<T>(batch, Parameter::gravity, tree.gravity).at(k, k);
+  if (t.declares(Parameter::gravity) && tree.gravity_share != 1)
+    for (int k = 0; k < 3; ++k) g[k] *= T(tree.gravity_share);
   if (tree.root >= 0) return multiply_transposed(rotation_of_quaternion(x.state.pose + 7 * tree.root + 3), g);
-  if (!t.declares(Parameter::gravity)) return g;  // compile() has rotated it
+  if (!t.declares(Parameter::gravity)) return g;  // compile() has rotated it and taken the share
   return multiply_transposed(Mat3<T>::constant(tree.rotation), g);
 }
 
@@ -165,7 +169,9 @@ void bias_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
       with_joint(t.body[b], [&](auto joint) LOCKSTEP_INLINED { move_body(joint, t, x, b, upwards); });
   }
 
+  if (t.has_orientations()) orientations(t, x, x.bodies.orientation);
   if (t.declares(Parameter::link_wrench)) subtract_link_wrenches(t, batch, x);
+  if (t.own_weights.count > 0) subtract_own_weights(t, batch, x);
 
   for (int b = t.bodies - 1; b >= 0; --b) {
     if (!t.body[b].root) {

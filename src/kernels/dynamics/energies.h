@@ -23,16 +23,22 @@ T kinetic_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   return twice * T(ScalarOf<T>(0.5));
 }
 
-/// In gravity, zero at the world's origin.
+/// In gravity, zero at the world's origin; links as (M113) shares it.
 template <class T>
 T potential_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
                    const Motion<T>& m) {
-  Vec3<T> g;
-  for (int k = 0; k < 3; ++k) g[k] = field<T>(batch, Parameter::gravity, t.gravity).at(k, k);
+  const Vec3<T> g = world_gravity<T>(t, batch);
   T sum = T(0);
   for (int b = 0; b < t.bodies; ++b) {
     const PseudoInertia<T> body = inertia_of(t, x, b);
-    sum = sum - dot(g, fma(m.place[b], body.mass, multiply(m.world[b], body.moment)));
+    T depth = dot(g, fma(m.place[b], body.mass, multiply(m.world[b], body.moment)));
+    if (const ScalarOf<T> share = t.tree[t.body[b].tree].gravity_share; share != 1) depth *= T(share);
+    sum = sum - depth;
+  }
+  for (int i = 0; i < t.own_weights.count; ++i) {
+    const int l = t.own_weights[i], b = t.link[l].body;
+    const Vec3<T> center = multiply_add(m.world[b], center_of_link<T>(t, batch, l), m.place[b]);
+    sum = fnma(own_weight<T>(t, batch, l), dot(g, center), sum);
   }
   for (int l = 0; l < t.links; ++l) {  // links of a bolted root count as bodies at rest
     const LinkPlace<ScalarOf<T>>& place = t.link[l];
@@ -40,7 +46,9 @@ T potential_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     const TreePlace<ScalarOf<T>>& tree = t.tree[place.tree];
     const Vec3<T> center =
         multiply_add(Mat3<T>::constant(tree.rotation), center_of_link<T>(t, batch, l), Vec3<T>::constant(tree.offset));
-    sum = fnma(field<T>(batch, Parameter::mass, t.link_mass.data).at(l, l), dot(g, center), sum);
+    T weight = field<T>(batch, Parameter::mass, t.link_mass.data).at(l, l);
+    if (place.gravity_share != 1) weight *= T(place.gravity_share);
+    sum = fnma(weight, dot(g, center), sum);
   }
   return sum;
 }

@@ -1,14 +1,14 @@
 // Wrenches that the user applies to links, in world axes. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "orientation.h"
+#include "frame.h"
 
 namespace lockstep::kernels {
 
-/// (M8): subtracts them from the forces that the joints must supply. Runs only if the field is declared.
+/// (M8): subtracts them from the forces that the joints must supply. Runs only if the field is declared, and after
+/// orientations().
 template <class T>
 void subtract_link_wrenches(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  orientations(t, x, x.bodies.orientation);
   for (int l = 0; l < t.links; ++l) {
     const LinkPlace<ScalarOf<T>>& place = t.link[l];
     if (place.body < 0) continue;

@@ -22,7 +22,7 @@ struct Bodies {
   Vec3<T>* linear;                 // acceleration of the origin
   Vec3<T>* force;
   Vec3<T>* moment;
-  Mat3<T>* orientation;  // in the world: only with link wrenches
+  Mat3<T>* orientation;  // in the world: only where forces act along its axes
   PseudoInertia<T>* composite;
   Vec3<T>* column_force;  // of the mass matrix, as they are passed inwards
   Vec3<T>* column_moment;
@@ -43,7 +43,7 @@ struct Bodies {
     take("bodies.linear", linear, t.bodies, Lifetime::stage);
     take("bodies.force", force, t.bodies, Lifetime::stage);
     take("bodies.moment", moment, t.bodies, Lifetime::stage);
-    take("bodies.orientation", orientation, t.declares(Parameter::link_wrench) ? t.bodies : 0, Lifetime::stage);
+    take("bodies.orientation", orientation, t.has_orientations() ? t.bodies : 0, Lifetime::stage);
   }
   template <class Take>
   void composites(const Tables<ScalarOf<T>>& t, Take& take) {

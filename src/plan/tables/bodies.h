@@ -60,13 +60,14 @@ struct LinkPlace : LinkStructure {
   S rotation[9];  ///< link coordinates to body coordinates, row-major
   S offset[3];
   S unit_moment[3], unit_second[6];  ///< per kg, about the body's origin, or a bolted root's
+  S gravity_share;                   ///< of the model's gravity
   S spread[6];  ///< the second moment about the centre of mass, in the link's axes; per kg if masses differ
 
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
     visit(from.rotation, to.rotation), visit(from.offset, to.offset);
     visit(from.unit_moment, to.unit_moment), visit(from.unit_second, to.unit_second);
-    visit(from.spread, to.spread);
+    visit(from.gravity_share, to.gravity_share), visit(from.spread, to.spread);
   }
 };
 
@@ -90,13 +91,15 @@ struct TreeStructure {
 };
 template <class S>
 struct TreePlace : TreeStructure {
-  S rotation[9];  ///< of a bolted root: its coordinates to world coordinates, row-major
-  S offset[3];    ///< the same
-  S gravity[3];   ///< along the axes of a bolted root; of a floating one, along the world's
+  S rotation[9];    ///< of a bolted root: its coordinates to world coordinates, row-major
+  S offset[3];      ///< the same
+  S gravity_share;  ///< of the model's gravity: what most of its moving links have
+  S gravity[3];     ///< that share, along the axes of a bolted root; of a floating one, along the world's
 
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
-    visit(from.rotation, to.rotation), visit(from.offset, to.offset), visit(from.gravity, to.gravity);
+    visit(from.rotation, to.rotation), visit(from.offset, to.offset);
+    visit(from.gravity_share, to.gravity_share), visit(from.gravity, to.gravity);
   }
 };
 
