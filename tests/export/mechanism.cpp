@@ -95,6 +95,17 @@ class Reading {
   }
 
   void add_bodies() {
+    std::map<string, Eigen::Vector4d> weights;  // with their moments, of links that move
+    for (std::size_t i = 0; i < model_.links.size(); ++i) {
+      const Link& link = model_.links[i];
+      if (trees_.is_bolted(trees_.carrier[i]) || link.inertia.mass == 0.0) continue;
+      const int body = trees_.carrier[i];
+      const Vector3d center = in_world_[at(body)] * trees_.in_carrier[i] * link.inertia.center;
+      weights.try_emplace(carrier(body), Eigen::Vector4d::Zero()).first->second +=
+          link.gravity * link.inertia.mass * center.homogeneous();
+    }
+    for (const auto& [name, weight] : weights) add("weight on " + name, weight);
+
     std::map<string, Inertia> sums;
     const std::vector<Inertia> bodies = rigid_bodies(model_, trees_);
     for (std::size_t i = 0; i < bodies.size(); ++i) {

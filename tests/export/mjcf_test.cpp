@@ -74,7 +74,7 @@ TEST(MjcfExport, gives_mass_to_links_that_cannot_be_folded) {
   const Export made = export_mjcf(model);
   EXPECT_TRUE(warns(made, "moving bodies that MuJoCo finds too light")) << report_of(made);
   Mechanism own = mechanism_of(read(made));
-  EXPECT_EQ(own.erase("body on joint roll"), 1u);
+  EXPECT_EQ(own.erase("body on joint roll") + own.erase("weight on joint roll"), 2u);
   expect_same(own, mechanism_of(model));
 }
 
@@ -108,6 +108,24 @@ TEST(MjcfExport, moves_inertias_of_fixed_links_that_are_impossible_alone) {
   EXPECT_TRUE(made.warnings.empty()) << report_of(made);
   EXPECT_TRUE(reports(made, "inertias of fixed links, added to the link that carries them (1): sensor"));
   expect_same(mechanism_of(read(made)), mechanism_of(model));
+}
+
+TEST(MjcfExport, writes_shares_of_gravity) {
+  Model model = fingers();
+  model.links[1].gravity = 0.0, model.links[3].gravity = 2.0;
+  const Export made = export_mjcf(model);
+  EXPECT_TRUE(made.warnings.empty()) << report_of(made);
+  expect_same(mechanism_of(read(made)), mechanism_of(model));
+
+  Joint weld;
+  weld.name = weld.child = "sensor", weld.parent = "l1";
+  model.joints.push_back(weld);
+  model.links.push_back(
+      {"sensor", {0.05, Eigen::Vector3d::Zero(), Eigen::Vector3d(1e-6, 1e-6, 5e-6).asDiagonal()}, 0.5});
+  const Export mixed = export_mjcf(model);  // MuJoCo takes the sensor only as a part of the link, which has 0.2 kg
+  EXPECT_TRUE(warns(mixed, "shares of gravity of links that become one body, which gets their mean (1): l1"))
+      << report_of(mixed);
+  EXPECT_DOUBLE_EQ(link(read(mixed), "l1").gravity, 0.9);
 }
 
 // Softness that depends on the step or on the inertia becomes the spring that moves the same way in a step.

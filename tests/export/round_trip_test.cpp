@@ -41,6 +41,7 @@ void resolve_chains(Model& model) {
 // Without what URDF does not have.
 Model within_urdf(Model model) {
   model.gravity = Model().gravity;
+  for (Link& link : model.links) link.gravity = 1.0;
   for (Root& root : model.roots) root.velocity.setZero();
   for (Joint& joint : model.joints) {
     joint.drive = {};

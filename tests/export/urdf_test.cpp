@@ -44,14 +44,16 @@ TEST(UrdfExport, says_what_it_cannot_say) {
   model.couplings.push_back(Coupling::mimic("j0", "j1", 1.0));
   model.roots = {{"base", true, Pose::Identity(), Twist::Ones()}};
   model.links[0].inertia = Inertia::box(1.0, {0.1, 0.1, 0.1}, Vector3d::Zero());
+  model.links[0].gravity = 0.5;
   model.colliders = {{.name = "floor", .shape = Shape::half_space()},
                      {.name = "ball", .link = "l1", .shape = Shape::sphere(0.1)},
                      {.name = "rod", .link = "l1", .shape = Shape::capsule(0.1, 0.2)}};
   model.contacts = {{"floor", "ball"}};
   const Export made = export_urdf(model);
   for (const char* line :
-       {"gravity, left out (1): 0 0 -1.62", "velocities of roots, left out (1): base", "drives, left out (1): j0",
-        "efforts, left out (1): j0", "armatures, left out (1): j0", "springs of joints, left out (1): j0",
+       {"gravity, left out (1): 0 0 -1.62", "shares of gravity, left out (1): base",
+        "velocities of roots, left out (1): base", "drives, left out (1): j0", "efforts, left out (1): j0",
+        "armatures, left out (1): j0", "springs of joints, left out (1): j0",
         "effort limits of 0, which readers of URDF take for none (1): j0", "velocities of the start, left out (1): j0",
         "positions of the start, left out (1): j0", "restitution of position limits, left out (1): j0",
         "softness of position limits, left out (1): j1", "softness of couplings, left out: mimics are hard (1): j1",
@@ -65,7 +67,7 @@ TEST(UrdfExport, says_what_it_cannot_say) {
         "roots that float or stand apart, on joints of a link for the world (1): base",
         "colliders, without their friction and group (2): ball, rod", "limits without an end, written as 1e+10"})
     EXPECT_TRUE(reports(made, line)) << line << "\n" << report_of(made);
-  EXPECT_EQ(made.warnings.size(), 18u) << report_of(made);
+  EXPECT_EQ(made.warnings.size(), 19u) << report_of(made);
 }
 
 TEST(UrdfExport, hangs_several_roots_on_the_world) {

@@ -23,7 +23,7 @@ inline std::string text_of(const Model& model) {
   };
   for (const Link& link : model.links)
     out << link.name << ' ' << link.inertia.mass << ' ' << link.inertia.center.transpose() << ' '
-        << link.inertia.about_center << '\n';
+        << link.inertia.about_center << ' ' << link.gravity << '\n';
   for (const Joint& j : model.joints) {
     out << j.name << ' ' << static_cast<int>(j.kind) << ' ' << j.parent << ' ' << j.child << ' ' << j.origin.matrix()
         << ' ' << j.axis.transpose() << ' ';

@@ -33,6 +33,8 @@ INSTANTIATE_TEST_SUITE_P(
                     Case{"frames",
                          {R"(geom: group="4")", R"(geom: type="box")", R"(geom: type="sphere")", R"(joint: name="hub")",
                           R"(joint: name="spoke")"}},
+                    Case{"gravcomp",
+                         {R"(freejoint: name="balloon")", R"(joint: name="basket")", R"(joint: name="lift")"}},
                     Case{"hand",
                          {R"(general: biasprm="0 -7 -0.3")", R"(general: gainprm="12")", R"(geom: name="tip")",
                           R"(joint: name="left")", R"(joint: name="right")", R"(key: name="held")"}},

@@ -2,6 +2,7 @@
 //   node facts.mjs FOLDER/node_modules/mujoco-js MODELS_FOLDER FACTS_FOLDER
 // For each model in its first keyframe, or off the drawn pose: the joints, the mass matrix, the energy of
 // gravity, the efforts of springs, damping and actuators, and the pairs of geoms that may touch. Constraints are off.
+// Where bodies compensate gravity, also the forces that hold all joints at rest.
 import fs from 'fs';
 import {copy, name_of, open} from './mujoco.mjs';
 
@@ -60,7 +61,8 @@ function facts_of(file) {
   };
   let gravity = 0;  // the energy without springs
   for (let b = 1; b < m.nbody; ++b)
-    for (let k = 0; k < 3; ++k) gravity -= m.body_mass[b] * m.opt.gravity[k] * d.xipos[3 * b + k];
+    for (let k = 0; k < 3; ++k)
+      gravity -= m.body_mass[b] * (1 - m.body_gravcomp[b]) * m.opt.gravity[k] * d.xipos[3 * b + k];
   const result = {mass: 0, energy: gravity, joints: [], pairs: pairs(m, name)};
   result.mass_matrix = [...Array(m.nv).keys()].map(column);
   for (let b = 1; b < m.nbody; ++b) result.mass += m.body_mass[b];
@@ -74,8 +76,16 @@ function facts_of(file) {
       range: m.jnt_limited[j] ? [m.jnt_range[2 * j], m.jnt_range[2 * j + 1]] : null,
       damping: m.dof_damping[dof], armature: m.dof_armature[dof], friction: m.dof_frictionloss[dof],
       stiffness: m.jnt_stiffness[j], rest: m.qpos_spring[m.jnt_qposadr[j]],
-      effort: d.qfrc_passive[dof] + d.qfrc_actuator[dof],
+      effort: d.qfrc_passive[dof] - d.qfrc_gravcomp[dof] + d.qfrc_actuator[dof],
     });
+  }
+  if (m.ngravcomp) {
+    d.qvel.fill(0);
+    mj.mj_forward(m, d);
+    for (const joint of result.joints) {
+      const dofs = [...Array(joint.type == 'free' ? 6 : 1).keys()].map(k => joint.dof + k);
+      joint.holding = dofs.map(k => d.qfrc_bias[k] - d.qfrc_gravcomp[k]);
+    }
   }
   return result;
 }

@@ -19,6 +19,11 @@ using Efforts = std::map<string, double>;
 
 const std::filesystem::path folder = LOCKSTEP_MJCF;
 
+string name_of(const json& fact) {
+  const string name = fact["name"], body = fact["body"];
+  return !name.empty() ? name : body.empty() ? "body" : body;
+}
+
 class MjcfFacts : public testing::TestWithParam<string> {
  protected:
   void SetUp() override {
@@ -32,10 +37,6 @@ class MjcfFacts : public testing::TestWithParam<string> {
   const Model& model() const { return import.model; }
   // Hinges and slides that no equality holds, by name.
   bool is_here(const json& fact) const { return fact["type"] != "free" && joint(model(), name_of(fact)).moves(); }
-  static string name_of(const json& fact) {
-    const string name = fact["name"], body = fact["body"];
-    return !name.empty() ? name : body.empty() ? "body" : body;
-  }
 
   json facts;
   Import import;
@@ -152,6 +153,58 @@ TEST_P(MjcfFacts, hold_for_inertia_energy_and_efforts) {
     EXPECT_NEAR(2.0 * batch.kinetic_energies()(0, 0), twice, 1e-9 * twice + 1e-11)
         << plan.dof_names()[static_cast<std::size_t>(independent)];
   }
+}
+
+// Bodies that compensate gravity have a share of it. MuJoCo's forces hold them at rest.
+TEST(MjcfGravcomp, leaves_shares_of_gravity_that_the_forces_of_mujoco_hold) {
+  std::ifstream stream(folder / "facts/gravcomp.json");
+  const json facts = json::parse(stream);
+  const Import import = import_mjcf_file(folder / "models/gravcomp.xml");
+  EXPECT_TRUE(import.warnings.empty()) << report_of(import);
+  EXPECT_EQ(import.model.gravity, Eigen::Vector3d(1, -2, -9));
+  std::map<string, double> shares;
+  for (const Link& link : import.model.links)
+    if (link.inertia.mass > 0.0) shares[link.name] = link.gravity;
+  EXPECT_EQ(shares, (std::map<string, double>{{"upper", 0.25},
+                                              {"lower", 1.0},
+                                              {"counterweight", -0.5},
+                                              {"lift", 1.5},
+                                              {"balloon", 0.0},
+                                              {"basket", 0.75}}));
+
+  const Plan plan = compile(import.model, {.per_environment = {Parameter::link_wrench}});
+  Batch<double> batch(plan, 1);
+  for (const json& fact : facts["joints"]) {
+    const std::vector<double> holding = fact["holding"];
+    if (fact["type"] != "free") {
+      batch.positions()(plan.dof(name_of(fact)), 0) = fact["position"];
+      batch.efforts()(plan.dof(name_of(fact)), 0) = holding[0];
+      continue;
+    }
+    const Eigen::Map<const Eigen::Vector3d> force(holding.data()), torque(holding.data() + 3);  // in the body's axes
+    const int link = import.model.link_index(fact["body"]);
+    batch.parameter(Parameter::link_wrench).col(0).segment(6 * link, 6)
+        << (import.model.roots.back().pose.linear() * torque).array(),
+        force.array();
+  }
+  batch.step();
+  EXPECT_LT(batch.velocities().abs().maxCoeff(), 1e-10);
+  EXPECT_LT(batch.root_velocities().abs().maxCoeff(), 1e-10);
+}
+
+TEST(MjcfGravcomp, is_off_where_all_passive_forces_are) {
+  const auto share = [](const string& flags) {
+    return import_mjcf(
+               "<mujoco><option><flag " + flags +
+               "/></option><worldbody><body gravcomp='0.25'><joint/><geom size='1'/></body></worldbody></mujoco>")
+        .model.links.back()
+        .gravity;
+  };
+  EXPECT_EQ(share(""), 0.75);
+  EXPECT_EQ(share("spring='disable'"), 0.75);
+  EXPECT_EQ(share("damper='disable'"), 0.75);
+  EXPECT_EQ(share("spring='disable' damper='disable'"), 1.0);
+  EXPECT_EQ(share("passive='disable'"), 1.0);  // as older files say it
 }
 
 std::vector<string> models() {

@@ -5,6 +5,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <set>
 
 #include "model/inertia.h"
 
@@ -63,12 +64,30 @@ Inertial taken(Inertial inertial, bool moves, const std::string& link, Report& r
   return inertial;
 }
 
+// Of links that become one body: what makes it weigh as much as they do.
+double mean_gravity(const Model& model, const std::vector<std::size_t>& links, Report& report) {
+  std::set<double> shares;
+  double mass = 0.0, weight = 0.0;
+  for (const std::size_t i : links) {
+    const Link& link = model.links[i];
+    if (link.inertia.mass > 0.0) shares.insert(link.gravity);
+    mass += link.inertia.mass, weight += link.gravity * link.inertia.mass;
+  }
+  if (shares.size() <= 1) return shares.empty() ? 1.0 : *shares.begin();
+  report.warn("shares of gravity of links that become one body, which gets their mean",
+              model.links[links.front()].name);
+  return weight / mass;
+}
+
 }  // namespace
 
 std::vector<Inertial> inertials(const Model& model, const Trees& trees, const std::vector<bool>& folded,
                                 Report& report) {
   std::vector<Inertial> result;
-  for (const Link& link : model.links) result.push_back(inertial_of(link.inertia));
+  for (const Link& link : model.links) {
+    result.push_back(inertial_of(link.inertia));
+    result.back().gravity = link.gravity;
+  }
   const std::vector<Inertia> bodies = rigid_bodies(model, trees);
   for (std::size_t c = 0; c < bodies.size(); ++c) {
     const auto carrier = static_cast<int>(c);
@@ -91,6 +110,7 @@ std::vector<Inertial> inertials(const Model& model, const Trees& trees, const st
         report.remark("inertias of fixed links, added to the link that carries them", model.links[i].name);
       result[i] = i == c ? taken(inertial_of(bodies[c]), true, model.links[c].name, report) : Inertial();
     }
+    if (moves) result[c].gravity = mean_gravity(model, members, report);
   }
   return result;
 }

@@ -13,6 +13,7 @@ struct Inertial {
   double mass = 0.0;
   Eigen::Vector3d center = Eigen::Vector3d::Zero(), moments = Eigen::Vector3d::Zero();
   Eigen::Quaterniond axes = Eigen::Quaterniond::Identity();
+  double gravity = 1.0;  ///< share of the model's
 
   bool is_none() const { return mass == 0.0 && moments.isZero(0.0); }
 };

@@ -39,6 +39,7 @@ class World {
       report_.warn("bodies nested so deep that readers by tinyxml2 do not follow", body.name);
     xml_.open("body").set("name", body.name);
     place(xml_, body.pose);
+    if (body.inertial.mass > 0.0) xml_.set_unless(0.0, "gravcomp", 1.0 - body.inertial.gravity);
     if (body.floats) xml_.open("freejoint").close();
     for (const JointPlace& joint : body.joints) write_joint(joint);
     if (!body.inertial.is_none()) {

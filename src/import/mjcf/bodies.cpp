@@ -126,7 +126,8 @@ class Reader {
     body.parent = static_cast<int>(around.body);
     body.pose = around.frame * read_pose(element, settings_);
     body.is_mocap = element.truth("mocap", false);
-    body.gravity_compensation = element.number("gravcomp", 0.0);
+    const double compensated = element.number("gravcomp", 0.0);
+    if (settings_.has_springs || settings_.has_damping) body.gravity = 1.0 - compensated;
     bodies_.push_back(std::move(body));
     const std::size_t index = bodies_.size() - 1;
     read_children(

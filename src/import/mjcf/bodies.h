@@ -46,7 +46,7 @@ struct Body {
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();      ///< in the parent's frame, where joints are at `ref`
   Eigen::Isometry3d in_world = Eigen::Isometry3d::Identity();  ///< likewise
   bool is_mocap = false;
-  double gravity_compensation = 0.0;
+  double gravity = 1.0;                ///< 1 - gravcomp, which MuJoCo takes for a passive force
   std::vector<JointPart> joints = {};  ///< the outermost first
   std::vector<GeomPart> geoms = {};
   std::vector<SitePart> sites = {};

@@ -52,7 +52,8 @@ void read_effort(const Element& element, const Settings& settings, JointPart& pa
       limited_range(element, "actuatorfrcrange", "actuatorfrclimited", settings.autolimits);
   if (range) part.effort_limit = symmetric(*range, "actuatorfrcrange of " + element.title(), element.report());
   if (element.truth("actuatorgravcomp", false))
-    element.report().warn("gravity compensation by actuators, left out", element.title());
+    element.report().warn("gravity compensation by actuators, made passive: no effort limit bounds it",
+                          element.title());
 }
 
 // A sphere has one number, a capsule or cylinder two; a fromto gives the half length instead.

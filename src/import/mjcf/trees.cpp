@@ -3,8 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include "lockstep/error.h"
 #include "model/trees.h"
 #include "names.h"
@@ -100,14 +98,14 @@ class Grower {
     }
   }
 
-  void add_link(const std::string& name, const Inertia& inertia, const std::string& place) {
+  void add_link(const std::string& name, const Inertia& inertia, double gravity, const std::string& place) {
     draft_.places["link '" + name + "'"] = place;
-    draft_.model.links.push_back({name, inertia});
+    draft_.model.links.push_back({name, inertia, gravity});
   }
 
   void add_root(std::size_t b) {
     const Body& own = body(b);
-    add_link(own.name, own.inertia, own.place);
+    add_link(own.name, own.inertia, own.gravity, own.place);
     draft_.places["root '" + own.name + "'"] = own.place;
     Root root{own.name, true, start_.pose.at(static_cast<int>(b)), Twist::Zero()};
     if (const auto twist = start_.twist.find(static_cast<int>(b)); twist != start_.twist.end())
@@ -133,14 +131,14 @@ class Grower {
                      : Isometry3d(origin * shift(-part.ref * part.axis));
       const std::string child = is_last ? own.name : links_.unused(part.name);
       if (!is_last) {
-        add_link(child, {}, part.place);
+        add_link(child, {}, own.gravity, part.place);
         report().remark("links without mass between the joints of one body", child);
       }
       add_joint(part, parent, child, origin);
       origin = Isometry3d::Identity();
       parent = child;
     }
-    add_link(own.name, transformed(own.inertia, shift(-anchor)), own.place);
+    add_link(own.name, transformed(own.inertia, shift(-anchor)), own.gravity, own.place);
     places_[b] = {own.name, shift(-anchor)};
     if (!own.joints.empty()) return;
     Joint joint;
@@ -192,35 +190,11 @@ class Grower {
   bool has_world_ = false;
 };
 
-// Gravity acts on each link as on all, so only equal shares can be had.
-void compensate_gravity(const Scene& scene, Model& model) {
-  std::vector<std::string> parts;
-  bool is_any = false, are_equal = true;
-  double share = 0.0;
-  for (std::size_t b = 1; b < scene.bodies.all.size(); ++b) {
-    const Body& body = scene.bodies.all[b];
-    if (!scene.is_read[b] || !scene.bodies.moves[b] || !(body.inertia.mass > 0.0)) continue;
-    if (!is_any) share = body.gravity_compensation;
-    is_any = true;
-    are_equal = are_equal && body.gravity_compensation == share;
-    if (body.gravity_compensation != 0.0) parts.push_back(fmt::format("{} {:g}", body.name, body.gravity_compensation));
-  }
-  if (are_equal && share != 0.0) {
-    model.gravity *= 1.0 - share;
-    scene.report().remark("gravity reduced, as all bodies compensate the same share", fmt::format("{:g}", share));
-  } else {
-    for (const std::string& part : parts) scene.report().warn("compensation of gravity, left out", part);
-    scene.report().show_all("compensation of gravity, left out");
-  }
-}
-
 }  // namespace
 
 std::vector<Place> grow_trees(const Scene& scene, const Start& start, Draft& draft) {
   draft.model.gravity = scene.settings.gravity;
-  std::vector<Place> places = Grower(scene, start, draft).grow();
-  compensate_gravity(scene, draft.model);
-  return places;
+  return Grower(scene, start, draft).grow();
 }
 
 }  // namespace lockstep::importer::mjcf
