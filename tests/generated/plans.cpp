@@ -38,7 +38,8 @@ Plan plan_of(const std::string& name) {
     scenes::RandomOptions options;
     options.min_dofs = has("deep_") ? 12 : 1, options.max_dofs = has("deep_") ? 14 : 8;
     if (has("forest_")) options.min_trees = 2, options.max_trees = 4;
-    options.redundant = false;  // reduced refuses redundant couplings with gear ratios per environment
+    options.gravity_shares = !has("_limits");  // with both, rounding moves some steps farther than targets differ
+    options.redundant = false;                 // reduced refuses redundant couplings with gear ratios per environment
     options.max_tendons = has("_tendons") ? 3 : 0;
     const auto seed = std::stoull(name.substr(name.find('_') + 1));
     model = scenes::random_model(seed, options);

@@ -206,18 +206,19 @@ TEST(ReferenceMechanism, momentum_changes_by_the_weight_and_is_the_roots_share_o
     const Mechanism mechanism(model);
     const State state = mechanism.initial_state();
     Vector3d moment = Vector3d::Zero();
-    double mass = 0.0;
+    double heavy = 0.0;  // mass, each link's by its share of gravity
     const auto poses = mechanism.link_poses(state);
     for (int l = 0; l < mechanism.links(); ++l) {
-      mass += model.links[l].inertia.mass;
-      moment += model.links[l].inertia.mass * (poses[l] * model.links[l].inertia.center);
+      const double share = model.links[l].gravity * model.links[l].inertia.mass;
+      heavy += share;
+      moment += share * (poses[l] * model.links[l].inertia.center);
     }
     const double e = 1e-4;
     const Vector6d rate = (mechanism.momentum(integrate(mechanism, state, held, e, 1, 2).end) -
                            mechanism.momentum(integrate(mechanism, state, held, -e, 1, 2).end)) /
                           (2 * e);
     Vector6d weight;
-    weight << moment.cross(model.gravity), mass * model.gravity;
+    weight << moment.cross(model.gravity), heavy * model.gravity;
     EXPECT_LT(difference(rate, weight), 1e-4) << seed;
 
     const VectorXd share = (mechanism.mass_matrix(state) * state.v).head<6>();

@@ -54,6 +54,7 @@ struct RandomOptions {
   bool shuffled = true;     ///< links and joints may be listed in any order
   bool armature = true, damping = true, drives = true, efforts = true;
   bool springs = false;
+  bool gravity_shares = true;               ///< in two of five models: of most links the same, in some of all
   bool couplings = true;                    ///< of 2 to 5 joints, if there are 2 dofs; their rank is below the dofs
   double min_ratio = 0.3, max_ratio = 3.0;  ///< of couplings, either sign
   Soft soft = Soft::sometimes;
