@@ -117,6 +117,11 @@ TEST(MjcfExport, writes_shares_of_gravity) {
   EXPECT_TRUE(made.warnings.empty()) << report_of(made);
   expect_same(mechanism_of(read(made)), mechanism_of(model));
 
+  model.links[1].gravity = 1.0;
+  const Export heavy = export_mjcf(model);
+  EXPECT_TRUE(warns(heavy, "shares of gravity above 1, which MuJoCo takes only beside one below 1 (1): l2"));
+  EXPECT_EQ(link(read(heavy), "l2").gravity, 1.0);
+
   Joint weld;
   weld.name = weld.child = "sensor", weld.parent = "l1";
   model.joints.push_back(weld);

@@ -72,6 +72,8 @@ const std::vector<Line> lines = {
      "meshes that give moving bodies no inertia, left out on request (1): MJCF text:1: <geom>",
      {.leave_out_meshes = true}},
     {true, world(body("<joint/><plugin plugin='p'/>", "a")), "plugins, left out (1): MJCF text:1: <plugin>"},
+    {false, world(pair + "<body name='g' gravcomp='-1'><joint/>" + ball + "</body>"),
+     "gravcomp below 0 with none above, which MuJoCo does not use (1): g"},
     {true, world(pair, "<equality><joint joint1='x' joint2='y' active='false'/></equality>"),
      "equalities that are not active, left out (1): MJCF text:1: equality <joint>"},
     {true,

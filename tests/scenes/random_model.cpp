@@ -282,8 +282,9 @@ Model random_model(std::uint64_t seed, const RandomOptions& options) {
   if (options.couplings) add_couplings(model, random, options);
   fit_couplings_and_state(model, random, options);
   if (options.gravity_shares && random.chance(0.4)) {
-    const double common = random.uniform(-0.5, 1.5), others = random.chance(0.3) ? 0.0 : 0.4;
+    const double common = random.uniform(-0.5, 1.0), others = random.chance(0.3) ? 0.0 : 0.4;
     for (Link& link : model.links) link.gravity = random.chance(others) ? random.uniform(-0.5, 1.5) : common;
+    model.links.front().gravity = common;  // MuJoCo takes shares above 1 only beside one below
   }
   if (options.max_tendons > 0) add_tendons(model, random, options);
   return model;

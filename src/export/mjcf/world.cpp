@@ -29,9 +29,18 @@ class World {
       if (writing_.layout.is_world[i]) write_parts(model_.links[i].name);
     for (const int body : writing_.layout.in_world) write_body(body, 3);
     xml_.close();
+    report_gravity();
   }
 
  private:
+  void report_gravity() {
+    const std::vector<Body>& bodies = writing_.layout.bodies;
+    if (std::any_of(bodies.begin(), bodies.end(), [](const Body& body) { return body.inertial.gravity < 1.0; })) return;
+    for (const Body& body : bodies)
+      if (body.inertial.gravity > 1.0)
+        report_.warn("shares of gravity above 1, which MuJoCo takes only beside one below 1", body.name);
+  }
+
   // `depth` is that of the element, whose own elements are one deeper.
   void write_body(int index, int depth) {
     const Body& body = writing_.layout.bodies[static_cast<std::size_t>(index)];
@@ -39,7 +48,7 @@ class World {
       report_.warn("bodies nested so deep that readers by tinyxml2 do not follow", body.name);
     xml_.open("body").set("name", body.name);
     place(xml_, body.pose);
-    if (body.inertial.mass > 0.0) xml_.set_unless(0.0, "gravcomp", 1.0 - body.inertial.gravity);
+    xml_.set_unless(0.0, "gravcomp", 1.0 - body.inertial.gravity);
     if (body.floats) xml_.open("freejoint").close();
     for (const JointPlace& joint : body.joints) write_joint(joint);
     if (!body.inertial.is_none()) {

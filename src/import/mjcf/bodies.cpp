@@ -3,8 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <string_view>
 #include <unordered_set>
+#include <utility>
 
 #include "body_inertia.h"
 #include "body_parts.h"
@@ -45,6 +47,7 @@ class Reader {
       Element(document_, document_.root())
           .fail("has no <worldbody>", "give a whole model, or the file that includes it");
     name_unnamed();
+    share_gravity();
     Bodies result{std::move(bodies_), {}};
     weigh(result.all, settings_, document_);
     for (Body& body : result.all) {
@@ -60,6 +63,14 @@ class Reader {
   }
 
  private:
+  // MuJoCo looks at the compensation of any body only where that of some body is above 0.
+  void share_gravity() {
+    if (std::ranges::any_of(bodies_, [](const Body& body) { return body.gravity < 1.0; })) return;
+    for (Body& body : bodies_)
+      if (std::exchange(body.gravity, 1.0) > 1.0)
+        document_.report().remark("gravcomp below 0 with none above, which MuJoCo does not use", body.name);
+  }
+
   void read_children(const Element& owner, const Around& around) {
     // In the order of the file: the joints of a frame move what the body's joints behind it carry.
     for (const Element::Xml* xml : owner.children()) {
