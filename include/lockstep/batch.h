@@ -171,7 +171,7 @@ class LOCKSTEP_API Batch {
   // An environment whose positions, velocities or poses are written to other numbers forgets its contacts: what they
   // held by friction starts anew in the next step, as after a reset.
   /// [dofs][environments] rad or m. A joint that turns for ever shows its whole angle, rounded: see angles(). A number
-  /// that is written is taken as it is.
+  /// that is written is taken as it is. A step puts tendons where their joints are, whatever is written.
   View positions();
   View velocities();  ///< [dofs][environments] rad/s or m/s
   /// [7 roots][environments] x, y, z (m), quaternion w, x, y, z of each floating root, in the order of
