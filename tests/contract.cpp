@@ -183,6 +183,22 @@ Eigen::MatrixXd wrenches_of(Batch<double>& batch, int environment) {
   return wrenches;
 }
 
+namespace {
+
+bool is_tendon(const Plan& plan, int dof) {
+  const Model& model = plan.model();
+  const std::string& name = plan.dof_names()[static_cast<std::size_t>(dof)];
+  return model.joints[static_cast<std::size_t>(model.joint_index(name))].kind == JointKind::tendon;
+}
+
+}  // namespace
+
+int first_joint(const Plan& plan) {
+  int dof = 0;
+  while (is_tendon(plan, dof)) ++dof;
+  return dof;
+}
+
 template <class S>
 void put_consistent(Batch<S>& batch) {
   const Tables<double>& t = program_of(batch.plan()).f64;
@@ -225,7 +241,9 @@ void expect_the_same_bits_where_consistent(const Plan& plan, int environments, c
   // An environment that failed stays frozen while the consistent ones beside it step on.
   const int failed = 4;
   const Tables<double>& t = program_of(plan).f64;
-  all.positions()(t.dof[t.reduction.follower[0]], failed) = std::numeric_limits<S>::quiet_NaN();
+  const int follower = t.dof[t.reduction.follower[0]];
+  all.positions()(is_tendon(plan, follower) ? first_joint(plan) : follower, failed) =
+      std::numeric_limits<S>::quiet_NaN();
   all.step();
   EXPECT_NE(all.faults()[failed], Fault::none);
   const std::vector<S> frozen = outcome(all, failed);

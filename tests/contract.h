@@ -108,6 +108,9 @@ testing::AssertionResult same_bits(const Batch<S>& a, const Batch<S>& b, int exc
   return testing::AssertionSuccess();
 }
 
+/// The first dof that is no tendon: what is written into a tendon's rows is not its state.
+int first_joint(const Plan& plan);
+
 /// A model with the parameters, the state and the inputs of one environment.
 Model model_of(Batch<double>& batch, int environment);
 

@@ -55,7 +55,7 @@ enum class Parameter : unsigned {
   armature,         ///< one row per dof, kg m^2 or kg
   stiffness,        ///< one row per dof: of the joint's spring, N m/rad or N/m. Its rest is the model's
   friction,  ///< one row per dof: dry friction, N m or N. Every joint may have some then, so every step solves for
-             ///< it
+             ///< it; a tendon only if it has some in the model
   position_limits,  ///< two rows per dof: lower and upper. This and the next two are for joints to which the model
                     ///< gives such a limit; rows of others stay infinite
   velocity_limit,   ///< one row per dof, rad/s or m/s

@@ -103,8 +103,8 @@ class LOCKSTEP_API Plan {
 
   /// The dofs that an agent may command, in ascending order.
   const std::vector<int>& independent_dofs() const;
-  /// Those of them, and those tendons, that follow their targets: joints with a drive in the model, or all where
-  /// drive_gains are declared. In ascending order.
+  /// Those of them that follow their targets: joints with a drive in the model, or all where drive_gains are declared.
+  /// And tendons with a drive in the model. In ascending order.
   const std::vector<int>& driven_dofs() const;
   /// All others than independent ones, in an order in which each can be computed from the ones before; those of
   /// couplings in a ring come last and are computed together.

@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "impl.h"
+#include "model/tendons.h"
 
 namespace lockstep {
 
@@ -13,14 +14,42 @@ void require_recorded(bool recorded) {
 
 }  // namespace
 
+// Rows of positions or velocities, with tendons where their joints are.
+template <class S, class Impl, class View>
+auto with_tendons(const Impl& impl, const View& rows, bool of_positions) {
+  typename Batch<S>::Array placed = rows;
+  const TableStructure& t = impl.tables;
+  const auto field = [&](Parameter parameter) -> const AlignedBlock<S>& {
+    return impl.field[static_cast<int>(parameter)];
+  };
+  for (int i = 0; i < t.tendons.count; ++i) {
+    const int c = t.tendons[i];
+    auto tendon = placed.row(t.dof[t.term_joint[t.term_start[c]]]);
+    if (!of_positions)
+      tendon.setZero();
+    else if (field(Parameter::offset).size() > 0)
+      tendon = -impl.const_view(field(Parameter::offset)).row(c);
+    else
+      tendon.setConstant(-impl.tables.offset[c]);
+    for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k) {
+      const auto other = placed.row(t.dof[t.term_joint[k]]);
+      if (field(Parameter::gear_ratio).size() > 0)
+        tendon -= impl.const_view(field(Parameter::gear_ratio)).row(t.term_gear[k]) * other;
+      else
+        tendon -= impl.tables.term_value[k] * other;
+    }
+  }
+  return placed;
+}
+
 template <class S>
 auto Batch<S>::limit_violations() const -> Array {
   const Model& model = impl().plan.model();
-  const ConstView q = positions();
+  const Array q = with_tendons<S>(impl(), positions(), true);
   Array worst = Array::Zero(1, environments());
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
     const int dof = program_of(impl().plan).dof_of_joint[j];
-    if (dof < 0) continue;
+    if (dof < 0 || has_slack_spring(model.joints[j])) continue;
     if (const AlignedBlock<S>& limits = impl().field[static_cast<int>(Parameter::position_limits)]; limits.size() > 0) {
       const ConstView own = impl().const_view(limits);
       worst = worst.max((own.row(2 * dof) - q.row(dof)).max(q.row(dof) - own.row(2 * dof + 1)));
@@ -35,7 +64,8 @@ auto Batch<S>::limit_violations() const -> Array {
 template <class S>
 auto Batch<S>::speeds() const -> Array {
   Array fastest = Array::Zero(1, environments());
-  for (Eigen::Index dof = 0; dof < impl().tables.joints; ++dof) fastest = fastest.max(velocities().row(dof).abs());
+  const Array v = with_tendons<S>(impl(), velocities(), false);
+  for (Eigen::Index dof = 0; dof < impl().tables.joints; ++dof) fastest = fastest.max(v.row(dof).abs());
   return fastest;
 }
 

@@ -7,6 +7,7 @@
 #include <unordered_set>
 
 #include "lockstep/error.h"
+#include "model/tendons.h"
 #include "ranges.h"
 #include "repair.h"
 #include "text.h"
@@ -20,7 +21,8 @@ Model judged(Model model, const Ignored& ignore) {
   for (const Coupling& coupling : model.couplings) followers.insert(coupling.joint);
   for (Joint& joint : model.joints) {
     const bool follows = joint.kind != JointKind::tendon && followers.count(joint.name) > 0;
-    if (holds(ignore.position_limits, joint.name, follows)) joint.lower = -infinity, joint.upper = infinity;
+    if (holds(ignore.position_limits, joint.name, follows) && !has_slack_spring(joint))
+      joint.lower = -infinity, joint.upper = infinity;
     if (holds(ignore.velocity_limits, joint.name, follows)) joint.velocity_limit = infinity;
     if (holds(ignore.effort_limits, joint.name, follows)) joint.effort_limit = infinity;
     if (holds(ignore.friction, joint.name, follows)) joint.friction = 0.0;
@@ -34,12 +36,12 @@ void report_joints(const Model& model, Report& report) {
       report.remark("fixed joints, merged when compiling", joint.name);
       continue;
     }
-    if (is_hard(joint.limit_softness) && (joint.position < joint.lower || joint.position > joint.upper))
+    if (!has_slack_spring(joint) && (joint.position < joint.lower || joint.position > joint.upper))
       report.warn(
           "joints that start outside of their limits",
           fmt::format("{} at {:.4g}, not {:.4g} to {:.4g}", joint.name, joint.position, joint.lower, joint.upper));
     if (joint.lower == joint.upper) report.warn("joints that cannot move, lower = upper", joint.name);
-    if (joint.lower > -infinity || joint.upper < infinity) report.kept("position limits");
+    if (!has_slack_spring(joint) && (joint.lower > -infinity || joint.upper < infinity)) report.kept("position limits");
     if (joint.velocity_limit < infinity) report.kept("velocity limits");
     if (joint.effort_limit < infinity) report.kept("effort limits");
     if (joint.friction > 0.0) report.kept("dry friction");

@@ -87,7 +87,7 @@ std::string contents_of(const Model& model) {
   for (const Joint& joint : model.joints) joint.kind == JointKind::tendon ? ++tendons : moving += joint.moves();
   std::string text = fmt::format("{}, {}, ", counted(model.links.size(), "link"), counted(moving, "moving joint"));
   if (tendons > 0) text += counted(tendons, "tendon") + ", ";
-  return text + counted(model.couplings.size(), "coupling");
+  return text + counted(model.couplings.size() - tendons, "coupling");
 }
 
 }  // namespace lockstep::importer

@@ -3,6 +3,11 @@
 
 namespace lockstep {
 
+bool has_slack_spring(const Joint& joint) {
+  return joint.kind == JointKind::tendon && !is_hard(joint.limit_softness) &&
+         (joint.lower > -infinity || joint.upper < infinity);
+}
+
 void place_tendons(Model& model) {
   for (const Coupling& coupling : model.couplings) {
     Joint& tendon = model.joints[static_cast<std::size_t>(model.joint_index(coupling.joint))];

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "layout.h"
+#include "model/tendons.h"
 
 namespace lockstep {
 namespace {
@@ -16,8 +17,8 @@ struct Row {
 };
 
 bool has_range_of(const Program& program, const Joint& joint) {
-  return (joint.lower > -infinity || joint.upper < infinity) &&
-         !leaves_out(program, program.settings.ignore.position_limits, joint);
+  return has_slack_spring(joint) || ((joint.lower > -infinity || joint.upper < infinity) &&
+                                     !leaves_out(program, program.settings.ignore.position_limits, joint));
 }
 
 // The hard bounds of a joint as JointBound bits.
@@ -27,8 +28,8 @@ int hard_bounds(const Program& program, const Joint& joint) {
   if (has_range_of(program, joint) && is_hard(joint.limit_softness)) has |= has_range;
   if (has & has_range && joint.restitution > 0.0) has |= has_restitution;
   if (joint.velocity_limit < infinity && !leaves_out(program, ignore.velocity_limits, joint)) has |= has_speed_limit;
-  if ((joint.friction > 0.0 || declared(program, Parameter::friction)) && !leaves_out(program, ignore.friction, joint))
-    has |= has_friction;
+  const bool may_have_friction = declared(program, Parameter::friction) && joint.kind != JointKind::tendon;
+  if ((joint.friction > 0.0 || may_have_friction) && !leaves_out(program, ignore.friction, joint)) has |= has_friction;
   if (joint.drive.kinematic && is_hard(joint.drive.softness)) has |= has_kinematic_drive;
   return has;
 }

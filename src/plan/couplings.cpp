@@ -89,7 +89,7 @@ void find_redundant_couplings(Program& program) {
   };
   std::vector<Reduced> basis;
   for (int c = 0; c < t.couplings; ++c) {
-    if (!always_hard(program, c)) continue;
+    if (!always_hard(program, c) || places_tendon(t, c)) continue;  // nothing else places a tendon
     Reduced r{Eigen::VectorXd::Zero(t.joints), Eigen::VectorXd::Unit(t.couplings, c), t.offset[c], 0};
     for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) r.row[t.term_joint[k]] += t.term_value[k];
     const double scale = r.row.cwiseAbs().maxCoeff();

@@ -190,10 +190,10 @@ void choose_followers(Program& program) {
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const Drive& drive = program.model.joints[j].drive;
     const int dof = program.dof_of_joint[j];
-    const bool driven =
-        declared(program, Parameter::drive_gains) || drive.kinematic || drive.kp > 0.0 || drive.kd > 0.0;
-    const bool leads = dof >= 0 && (!is_follower[dof] || program.model.joints[j].kind == JointKind::tendon);
-    if (leads && driven) program.driven_dofs.push_back(dof);
+    const bool has_drive = drive.kinematic || drive.kp > 0.0 || drive.kd > 0.0;
+    const bool is_tendon = program.model.joints[j].kind == JointKind::tendon;
+    const bool driven = has_drive || (declared(program, Parameter::drive_gains) && !is_tendon);
+    if (dof >= 0 && (!is_follower[dof] || is_tendon) && driven) program.driven_dofs.push_back(dof);
   }
 }
 

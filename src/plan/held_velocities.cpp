@@ -1,6 +1,7 @@
 // Whether every bounded row and every limited servo acts on one velocity of the solver. SPDX-License-Identifier:
 // Apache-2.0
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "layout.h"
 
@@ -33,20 +34,27 @@ void choose_search(Program& program) {
   if (rows.count == 0 && t.limited_servos.count == 0 && !t.contacts.used()) return;
   if (t.rows.count > 0) return refuse("couplings that are not eliminated compete with the bounds");
   if (t.articulated.used()) return refuse("the bounds act on trees that are solved by articulated bodies");
+  const auto name_of = [&](int joint) { return program.dof_names[static_cast<std::size_t>(t.dof[joint])]; };
+  std::vector<std::string> several;
   std::vector<int> velocity, row_of(static_cast<std::size_t>(t.solver.n), -1);
   for (int r = 0; r < rows.count; ++r) {
     const int term = rows.term_start[r];
     if (b.kind[r] != BoundKind::joint) return refuse("a limit, a kinematic drive or a coupling's force limit is soft");
-    if (rows.term_start[r + 1] - term != 1 || rows.term_value[term] != 1.0)
-      return refuse("a joint or a tendon with bounds follows several joints");
+    if (rows.term_start[r + 1] - term != 1 || rows.term_value[term] != 1.0) {
+      several.push_back(name_of(b.member[b.member_start[r]].joint));
+      continue;
+    }
     velocity.push_back(rows.term_index[term]);
     row_of[static_cast<std::size_t>(velocity.back())] = r;
   }
   std::vector<LimitedServo> servos;
   for (int i = 0; i < t.limited_servos.count; ++i) {
     servos.push_back(velocity_of(t, t.limited_servos[i]));
-    if (servos.back().velocity < 0) return refuse("a joint or a tendon with a limited servo follows several joints");
+    if (servos.back().velocity < 0) several.push_back(name_of(t.limited_servos[i]));
   }
+  if (!several.empty())
+    return refuse(
+        fmt::format("what has bounds or a limited servo follows several joints: {}", fmt::join(several, ", ")));
   b.by_velocity = true;
   b.always |= !servos.empty() && !stages;
   b.velocity = program.storage.keep(std::move(velocity));

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/tendons.h"
+
 namespace lockstep::reference {
 namespace {
 
@@ -162,7 +164,7 @@ Model without(const Ignored& ignored, Model model) {
       return set.all || (set.followers && follows) ||
              std::find(set.names.begin(), set.names.end(), joint.name) != set.names.end();
     };
-    if (takes(ignored.position_limits)) joint.lower = -infinity, joint.upper = infinity;
+    if (takes(ignored.position_limits) && !has_slack_spring(joint)) joint.lower = -infinity, joint.upper = infinity;
     if (takes(ignored.velocity_limits)) joint.velocity_limit = infinity;
     if (takes(ignored.effort_limits)) joint.effort_limit = infinity;
     if (takes(ignored.friction)) joint.friction = 0.0;

@@ -47,8 +47,10 @@ std::string line_of(const Joint& joint, const Plan& plan, const Range& held, con
   const std::string unit = unit_of(plan.model(), joint.name);
   std::string line = fmt::format("  {}: {}", joint.name, name_of(joint.kind));
   if (joint.lower > -infinity || joint.upper < infinity) {
-    line += ", " + words_of(joint.lower, joint.upper, unit);
-    if (held == Range()) line += " (ignored)";
+    const auto* slack = joint.kind == JointKind::tendon ? std::get_if<Spring>(&joint.limit_softness) : nullptr;
+    line += slack ? fmt::format(", spring {:.6g} beyond ", slack->kp) : ", ";
+    line += words_of(joint.lower, joint.upper, unit);
+    if (held == Range() && !slack) line += " (ignored)";
   }
   if (joint.velocity_limit < infinity) line += fmt::format(", {:.6g} {}/s", joint.velocity_limit, unit);
   if (joint.effort_limit < infinity) line += fmt::format(", {:.6g} {}", joint.effort_limit, unit == "m" ? "N" : "N m");

@@ -83,12 +83,16 @@ void set_all_then_named(const std::vector<std::string>& texts, std::size_t count
   }
 }
 
+const Joint& joint_of(const Model& model, const std::string& name) {
+  return model.joints[static_cast<std::size_t>(model.joint_index(name))];
+}
+
 void soften(const std::vector<std::string>& texts, Model& model) {
   set_all_then_named(texts, 2, "--softness", [&](const std::string* name, const std::vector<double>& numbers) {
     const Frequency softness{numbers[0], numbers[1]};
     if (name) coupling_of(model, *name, "--softness").softness = softness;
     for (Coupling& coupling : model.couplings)
-      if (!name) coupling.softness = softness;
+      if (!name && joint_of(model, coupling.joint).kind != JointKind::tendon) coupling.softness = softness;
   });
 }
 
@@ -96,7 +100,7 @@ void set_number(const std::vector<std::string>& texts, const char* option, doubl
   set_all_then_named(texts, 1, option, [&](const std::string* name, const std::vector<double>& numbers) {
     if (name) moving_joint(model, *name, option).*number = numbers[0];
     for (Joint& joint : model.joints)
-      if (!name && joint.moves()) joint.*number = numbers[0];
+      if (!name && joint.moves() && joint.kind != JointKind::tendon) joint.*number = numbers[0];
   });
 }
 
@@ -248,6 +252,7 @@ void apply(const ModelOptions& options, Model& model) {
   for (const std::string& name : options.kinematic) make_kinematic(name, model);
   if (options.ground) add_ground(*options.ground, model);
   for (const std::string& text : options.contacts) add_contact(text, model);
+  if (options.leave_out_contacts) model.contacts.clear();
 }
 
 Import ModelOptions::load(const Ignored& ignore) const {

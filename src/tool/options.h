@@ -32,6 +32,7 @@ struct ModelOptions {
   std::vector<std::string> kinematic;      ///< "JOINT"
   std::optional<double> ground;            ///< friction of a half-space below z = 0, which the robot may touch
   std::vector<std::string> contacts;       ///< "COLLIDER,COLLIDER", groups too
+  bool leave_out_contacts = false;         ///< all, those of the file too
 
   void add_to(CLI::App& app);
   /// Reads the file, prints the import's warnings on standard error and applies the other options. What is ignored is

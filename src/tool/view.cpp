@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "lockstep/error.h"
 #include "page.h"
 #include "replay.h"
 #include "run.h"
@@ -56,9 +57,23 @@ struct Shown {
   std::string about;
 };
 
-Shown simulated(const ViewOptions& options) {
+// Colliders are read to be drawn. So contacts of the file that a step cannot take are left out.
+Run prepared(ViewOptions& options, const Inputs& inputs) {
+  ModelOptions& model = options.run.model;
+  if (model.ground || !model.contacts.empty()) return prepare(options.run, inputs);
+  try {
+    return prepare(options.run, inputs);
+  } catch (const SettingsError& error) {
+    model.leave_out_contacts = true;
+    Run run = prepare(options.run, inputs);
+    fmt::print(stderr, "lockstep: warning: contacts of the file are left out: {}\n", with_own_options(error.what()));
+    return run;
+  }
+}
+
+Shown simulated(ViewOptions options) {
   const Inputs inputs(options.run);
-  const Run run = prepare(options.run, inputs);
+  const Run run = prepared(options, inputs);
   const StepSettings& settings = run.plan.settings();
   const std::string about =
       fmt::format("{}, {}, step {} s, {}", to_string(run.plan.method()), to_string(run.plan.integrator()),

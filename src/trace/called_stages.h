@@ -11,6 +11,7 @@ namespace lockstep::kernels {
 
 using trace::Traced;
 
+void keep_state(Tile<Traced>& x);
 /// Refuses: the tables alone solve contacts.
 bool find_contacts(const Tables<double>& t, Tile<Traced>& x);
 inline void touch(const Tables<double>&, const StatePointers<double>&, bool, Tile<Traced>&) {}

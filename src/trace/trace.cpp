@@ -80,6 +80,9 @@ void bound_stages(const Tables<double>& t, const StatePointers<double>& batch, T
   if (counting || !tracer->learns())
     tracer_aside([&] { x.bounds.candidate = x.bounds.candidate | bounds_act_on_stages(t, batch, x, time); });
 }
+void keep_state(Tile<Traced>&) {
+  if (!counting) tracer->keep_state();
+}
 bool find_contacts(const Tables<double>&, Tile<Traced>&) {
   if (!counting)
     throw SettingsError("contacts", "are solved by the tables, not by generated code or the interpreter",
@@ -227,7 +230,7 @@ Tracing trace_once(const Program& program, bool consistent, const Learned* learn
   else
     tracing.learn();
   kernels::step(t, batch, x);
-  tracing.finish();
+  tracing.keep_state();
   return {std::move(tracing.graph), tracing.sums()};
 }
 

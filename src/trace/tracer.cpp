@@ -267,8 +267,11 @@ void Tracer::audit_if(Id fast) {
          {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.too_fast.id});
 }
 
-void Tracer::finish() {
-  graph.effect(changed([](const TileNumber& number) { return number.lasts == Lifetime::state; }), "");
+void Tracer::keep_state() {
+  const auto is_state = [](const TileNumber& number) { return number.lasts == Lifetime::state; };
+  graph.effect(changed(is_state), "");
+  for (TileNumber& number : numbers_)
+    if (is_state(number)) number.stored = *number.now;
 }
 
 }  // namespace lockstep::trace

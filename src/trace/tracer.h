@@ -37,8 +37,8 @@ class Tracer {
   void step_again_if(Id candidate);
   /// Records audit() under a condition.
   void audit_if(Id fast);
-  /// Stores the state from which the next step starts.
-  void finish();
+  /// Writes the changed numbers of the state to the tile's memory: for called stages, and for the next step.
+  void keep_state();
 
   /// Begins the first tracing, which decides how sums are added up: sums are recorded, and calls are left out.
   void learn() { sums_.clear(), learns_ = true; }

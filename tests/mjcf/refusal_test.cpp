@@ -67,6 +67,10 @@ TEST(MjcfRefusal, is_of_what_mujoco_refuses) {
                  "once more");
   expect_refused(world(body("<joint range='0 1'/>"), "<compiler autolimits='false'/>"), "2: <joint>", "autolimits");
   expect_refused(world(body("<joint limited='true' range='1 0'/>")), "2: <joint>", "range is empty");
+  expect_refused(
+      world(body("<joint name='j'/>"),
+            "<tendon><fixed stiffness='1' springlength='0.5 0.1'><joint joint='j' coef='1'/></fixed></tendon>"),
+      "1: <fixed>", "ends before it begins");
   expect_refused(world(body("<joint axis='0 0 0'/>")), "2: <joint>", "axis has no length");
   expect_refused(world(body("<joint type='screw'/>")), "2: <joint>", "not known");
   expect_refused(world(body("<joint/>") + body("<joint/>")), "2: body 'b'", "taken");

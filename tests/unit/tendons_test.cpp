@@ -223,6 +223,56 @@ TEST(Tendons, are_where_their_joints_are_whatever_is_written) {
   EXPECT_TRUE((one.velocities() == other.velocities()).all());
 }
 
+TEST(Tendons, are_read_where_their_joints_are) {
+  Model model = pair_of_sliders();
+  Joint& tendon = add_tendon(model, "t", {{"s0", 1.0}, {"s1", 1.0}});
+  tendon.lower = -0.1, tendon.upper = 0.3;
+  add_tendon(model, "slack", {{"s0", 1.0}}).upper = 0.0;
+  model.joints.back().limit_softness = Spring{1.0, 0.0};
+  Batch<double> batch(planned(model), 1);
+  batch.positions()(0, 0) = 1.0, batch.velocities().col(0).head(2).setConstant(2.0);
+  EXPECT_NEAR(batch.limit_violations()(0, 0), 1.0 - 0.1 - 0.3, 1e-15);
+  EXPECT_EQ(batch.speeds()(0, 0), 4.0);
+}
+
+// A spring is no bound, though a soft range stands for it.
+TEST(Tendons, keep_their_springs_where_position_limits_are_ignored) {
+  Model model = pair_of_sliders();
+  Joint& tendon = add_tendon(model, "t", {{"s0", 1.0}, {"s1", 1.0}});
+  tendon.upper = 0.1, tendon.limit_softness = Spring{50.0, 0.0};
+  StepSettings settings;
+  settings.integrator = Integrator::euler;
+  Batch<double> one(compile(model, settings), 1);
+  settings.ignore.position_limits = true;
+  Batch<double> other(compile(model, settings), 1);
+  one.step(100), other.step(100);
+  EXPECT_TRUE((one.positions() == other.positions()).all());
+  EXPECT_LT(one.velocities()(0, 0), 0.4);  // the spring has pulled
+}
+
+// A coupling of locked joints and of no others is redundant, unless it places a tendon.
+TEST(Tendons, over_locked_joints_stand_still) {
+  Model model = pair_of_sliders();
+  model.couplings = {Coupling::mimic("s0", "s1", -1.0), Coupling::mimic("s0", "s1", 1.0)};
+  for (Joint& joint : model.joints) joint.position = joint.velocity = 0.0;
+  add_tendon(model, "t", {{"s0", 1e9}});
+  Batch<double> batch(planned(model), 1);
+  batch.step(10);
+  EXPECT_EQ(batch.faults()[0], Fault::none);
+  EXPECT_EQ(position(batch, "t"), 0.0);
+  EXPECT_TRUE(batch.plan().redundant_couplings().empty());
+}
+
+TEST(Tendons, have_friction_and_drives_only_where_the_model_has_them) {
+  Model model = pair_of_sliders();
+  add_tendon(model, "t", {{"s0", 1.0}, {"s1", 1.0}}).stiffness = 1.0;
+  StepSettings settings;
+  settings.per_environment = {Parameter::friction, Parameter::drive_gains};
+  const Plan plan = compile(model, settings);
+  EXPECT_EQ(plan.integrator(), Integrator::leapfrog);
+  EXPECT_EQ(plan.driven_dofs(), (std::vector<int>{0, 1}));
+}
+
 TEST(Tendons, of_frozen_environments_stay_as_they_are) {
   Model model = pair_of_sliders();
   add_tendon(model, "t", {{"s0", 1.0}, {"s1", 1.0}}).stiffness = 10.0;

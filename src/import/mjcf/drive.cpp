@@ -59,7 +59,7 @@ class Driver {
       length = scene_.tendons[static_cast<std::size_t>(actuator.tendon)].length;
     else
       length.add(actuator.joint, 1.0);
-    if (ties_.reduced(length).terms.empty()) return lose(actuator, "acts on what an equality holds"), std::nullopt;
+    if (ties_.reduced(length).terms.empty()) return lose(actuator, "acts on what no joint moves"), std::nullopt;
     std::erase_if(length.terms, [](const auto& term) { return term.second == 0.0; });
     if (length.terms.size() == 1)  // a follower keeps its own drive
       return Grip{scene_.joint(length.terms.front().first).name, length.terms.front().second, length.constant};

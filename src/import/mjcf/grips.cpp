@@ -4,12 +4,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "model/tendons.h"
 #include "names.h"
 
 namespace lockstep::importer::mjcf {
 namespace {
+
+constexpr double least_share = 1e-6;  // of a tendon's largest coefficient
 
 class Gripper {
  public:
@@ -76,8 +79,13 @@ class Gripper {
     joint.name = names_.unused(tendon.name.empty() ? "tendon" : tendon.name);
     joint.kind = JointKind::tendon;
     Coupling coupling{joint.name, {}, 0.0, Hard{}};
+    double largest = 0.0;
+    for (const auto& term : tendon.length.terms) largest = std::max(largest, std::abs(term.second));
     for (const auto& term : tendon.length.terms) {
-      if (term.second == 0.0) continue;
+      if (std::abs(term.second) < least_share * largest && term.second != 0.0)
+        scene_.report().warn("joints that move a tendon by less than a millionth of what others do, left out",
+                             fmt::format("{} of {}", scene_.joint(term.first).name, title_of(tendon)));
+      if (std::abs(term.second) <= least_share * largest) continue;
       const Form alone = ties_.reduced({{term}, 0.0});
       if (alone.terms.empty())
         coupling.offset -= alone.constant;

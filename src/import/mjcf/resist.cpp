@@ -29,7 +29,7 @@ class Resistance {
   // `what` names all of it.
   void add(const std::string& what) {
     const Form free = ties_.reduced(tendon_.length);
-    if (free.terms.empty()) return report().remark("tendons that an equality holds, without effect", what);
+    if (free.terms.empty()) return report().remark("tendons whose length no joint changes, without effect", what);
     if (!grip_) return add_coupling(free);
     Joint& own = draft_.model.joints[static_cast<std::size_t>(draft_.model.joint_index(grip_->joint))];
     const auto& [joint, factor, constant] = *grip_;
@@ -41,7 +41,7 @@ class Resistance {
     if (own.kind == JointKind::tendon) return;
     if (tendon_.range)
       report().remark("limits of tendons, on the joint that moves them", fmt::format("{} on {}", name_, joint));
-    if (tendon_.stiffness != 0.0 || tendon_.damping != 0.0)
+    if ((tendon_.stiffness != 0.0 && !tendon_.has_slack()) || tendon_.damping != 0.0)
       report().remark("springs of tendons, on the joint that moves them", fmt::format("{} on {}", name_, joint));
   }
 

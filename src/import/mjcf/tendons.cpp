@@ -35,6 +35,9 @@ void read_tendon(const Element::Xml& xml, Scene& scene) {
   tendon.is_spatial = element.tag() == "spatial";
   if (!tendon.is_spatial) read_fixed(element, tendon, scene);
   if (settings.has_limits) tendon.range = limited_range(element, "range", "limited", settings.autolimits);
+  if (tendon.range)
+    element.report().tally("position limits made hard, soft in MuJoCo",
+                           softness_words(element, "solreflimit", "solimplimit"));
   const auto linear = [&](const char* attribute) {
     double terms[] = {0.0, 0.0, 0.0};
     element.numbers(attribute, terms, 1, 3);
@@ -49,6 +52,8 @@ void read_tendon(const Element::Xml& xml, Scene& scene) {
   const int given = element.numbers("springlength", lengths, 1, 2);
   tendon.shortest = lengths[0];
   tendon.longest = given == 2 ? lengths[1] : lengths[0];
+  if (tendon.longest < tendon.shortest)
+    element.fail("springlength ends before it begins", "give the shorter length first");
   if (settings.has_friction) tendon.friction = element.number("frictionloss", 0.0);
   tendon.armature = element.number("armature", 0.0);
   if (const auto range = limited_range(element, "actuatorfrcrange", "actuatorfrclimited", settings.autolimits))

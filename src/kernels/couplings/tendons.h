@@ -5,6 +5,10 @@
 
 namespace lockstep::kernels {
 
+/// Tells a traced step that the state has changed, which called stages read in memory.
+template <class T>
+LOCKSTEP_INLINE void keep_state(Tile<T>&) {}
+
 /// (M112). Velocities in the order of followed() in consistent.h: a step leaves a tendon's where this puts it.
 template <class T>
 LOCKSTEP_INLINE void place_tendons(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
@@ -18,6 +22,7 @@ LOCKSTEP_INLINE void place_tendons(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     q = select(x.frozen, q, -others_of(t, x, c, x.state.q));
     v = select(x.frozen, v, speed);
   }
+  keep_state(x);
 }
 
 }  // namespace lockstep::kernels
