@@ -19,7 +19,7 @@ enum class ActionKind {
 struct ActionMap {
   ActionKind kind = ActionKind::position;
   /// By action, finite, low <= high; rad, m, rad/s, m/s, N m or N. Empty: the model's position range, 5 % of it to
-  /// either side, its velocity limit or its effort limit.
+  /// either side, its velocity limit or its effort limit. A tendon's position range is within those of its joints.
   std::vector<double> low = {}, high = {};
 };
 

@@ -12,9 +12,27 @@ struct Range {
   double low, high;
 };
 
-Range default_range(ActionKind kind, const Fields& model, int dof) {
-  const double lower = model.value(Parameter::position_limits, 2 * dof),
-               upper = model.value(Parameter::position_limits, 2 * dof + 1);
+// The model's; of a tendon, what the ranges of its joints leave of it.
+Range position_range(const Program& program, const Fields& model, int dof) {
+  Range range = {model.value(Parameter::position_limits, 2 * dof),
+                 model.value(Parameter::position_limits, 2 * dof + 1)};
+  const Tables<double>& t = program.f64;
+  for (int i = 0; i < t.tendons.count; ++i) {
+    const int c = t.tendons[i], first = t.term_start[c];
+    if (t.dof[t.term_joint[first]] != dof) continue;
+    Range sum = {-t.offset[c], -t.offset[c]};
+    for (int k = first + 1; k < t.term_start[c + 1]; ++k) {
+      const Range joint = position_range(program, model, t.dof[t.term_joint[k]]);
+      const auto [low, high] = std::minmax({-t.term_value[k] * joint.low, -t.term_value[k] * joint.high});
+      sum.low += low, sum.high += high;
+    }
+    range = {std::max(range.low, sum.low), std::min(range.high, sum.high)};
+  }
+  return range;
+}
+
+Range default_range(ActionKind kind, const Program& program, const Fields& model, int dof) {
+  const auto [lower, upper] = position_range(program, model, dof);
   switch (kind) {
     case ActionKind::position: return {lower, upper};
     case ActionKind::position_change: return {-default_change * (upper - lower), default_change * (upper - lower)};
@@ -42,7 +60,7 @@ const char* limit_of(ActionKind kind) {
 Range range_of(const ActionMap& map, const Plan& plan, const Fields& model, std::size_t i, int dof) {
   const std::string& joint = plan.dof_names()[static_cast<std::size_t>(dof)];
   if (map.low.empty()) {
-    const Range range = default_range(map.kind, model, dof);
+    const Range range = default_range(map.kind, program_of(plan), model, dof);
     if (!std::isfinite(range.high - range.low))
       throw UsageError("actions of joint '" + joint + "'",
                        fmt::format("have no range, as the model gives it no {}", limit_of(map.kind)),
@@ -91,8 +109,8 @@ void Batch<S>::set_actions(const StridedRows<const S>& actions, const ActionMap&
   for (std::size_t i = 0; i < dofs.size(); ++i) {
     const Range range = range_of(map, plan, model, i, dofs[i]);
     const double middle = 0.5 * range.low + 0.5 * range.high, reach = 0.5 * range.high - 0.5 * range.low;
-    const S lower = static_cast<S>(model.value(Parameter::position_limits, 2 * dofs[i])),
-            upper = static_cast<S>(model.value(Parameter::position_limits, 2 * dofs[i] + 1));
+    const Range positions = position_range(program_of(plan), model, dofs[i]);
+    const S lower = static_cast<S>(positions.low), upper = static_cast<S>(positions.high);
     for (int time = 0; time < batch.tables.input_times; ++time) {
       S* const row = inputs.data() + (time * batch.tables.joints + dofs[i]) * batch.stride;
       which.for_each(batch.environments, [&](int e) {

@@ -172,6 +172,20 @@ TEST(Tendons, drive_a_differential) {
   EXPECT_NEAR(position(batch, "s1"), 0.4, 1e-9);
 }
 
+// Their actions reach as far as the ranges of their joints.
+TEST(Tendons, take_actions) {
+  Model model = sliders({1.0, 1.0});
+  joint_of(model, "s0").lower = -0.5, joint_of(model, "s0").upper = 1.0;
+  joint_of(model, "s1").lower = 0.0, joint_of(model, "s1").upper = 2.0;
+  Joint& tendon = add_tendon(model, "t", {{"s0", 2.0}, {"s1", -1.0}}, 0.5);
+  tendon.drive.kp = 10.0, tendon.upper = 2.0;
+  Batch<double> batch(planned(model), 2);
+  const double actions[] = {-1.0, 1.0};
+  batch.set_actions({actions, 2, 1}, {});
+  EXPECT_NEAR(batch.position_targets()(2, 0), 2.0 * -0.5 - 2.0 + 0.5, 1e-15);
+  EXPECT_NEAR(batch.position_targets()(2, 1), 2.0, 1e-15);  // its own end
+}
+
 TEST(Tendons, stick_by_friction_and_slip_beyond_it) {
   for (const double effort : {0.9, 1.1}) {
     Model model = sliders({1.0, 1.0});
