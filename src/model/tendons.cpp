@@ -8,10 +8,15 @@ bool has_slack_spring(const Joint& joint) {
          (joint.lower > -infinity || joint.upper < infinity);
 }
 
+const Joint* tendon_of(const Coupling& coupling, const Model& model) {
+  const Joint& follower = model.joints[static_cast<std::size_t>(model.joint_index(coupling.joint))];
+  return follower.kind == JointKind::tendon ? &follower : nullptr;
+}
+
 void place_tendons(Model& model) {
   for (const Coupling& coupling : model.couplings) {
+    if (!tendon_of(coupling, model)) continue;
     Joint& tendon = model.joints[static_cast<std::size_t>(model.joint_index(coupling.joint))];
-    if (tendon.kind != JointKind::tendon) continue;
     tendon.position = -coupling.offset;
     tendon.velocity = 0.0;
     for (const CouplingTerm& term : coupling.terms) {

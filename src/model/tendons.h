@@ -5,6 +5,9 @@
 
 namespace lockstep {
 
+/// The tendon whose position the coupling says; null if it is no tendon's.
+const Joint* tendon_of(const Coupling& coupling, const Model& model);
+
 /// Whether the joint's soft range is a tendon's spring, which has no force within it: no bound that could be ignored.
 bool has_slack_spring(const Joint& joint);
 

@@ -6,6 +6,7 @@
 
 #include "layout.h"
 #include "lockstep/error.h"
+#include "model/tendons.h"
 
 namespace lockstep {
 namespace {
@@ -64,8 +65,7 @@ void lay_out_couplings(Program& program) {
     }
     start.push_back(static_cast<int>(joint.size()));
     offset.push_back(coupling.offset);
-    if (model.joints[model.joint_index(coupling.joint)].kind == JointKind::tendon)
-      tendons.push_back(static_cast<int>(c));
+    if (tendon_of(coupling, model)) tendons.push_back(static_cast<int>(c));
     const Softness& softness = coupling.softness;
     if (is_absent(softness) && !declared(program, Parameter::softness)) program.absent.push_back(static_cast<int>(c));
   }

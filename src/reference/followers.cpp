@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "model/tendons.h"
+
 namespace lockstep::reference {
 namespace {
 
@@ -27,9 +29,8 @@ std::vector<int> chosen_followers(const Mechanism& mechanism, const MatrixXd& ro
     int follower = 0;
     const double largest = remaining.cwiseAbs().maxCoeff(&follower);
     const Model& model = mechanism.model();
-    const bool is_tendon =
-        model.joints[model.joint_index(model.couplings[couplings[p]].joint)].kind == JointKind::tendon;
-    if (is_tendon || std::abs(remaining[first]) * 1000.0 >= largest) follower = first;
+    if (tendon_of(model.couplings[couplings[p]], model) || std::abs(remaining[first]) * 1000.0 >= largest)
+      follower = first;
     followers.push_back(follower);
   }
   return followers;

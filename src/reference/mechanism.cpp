@@ -4,6 +4,8 @@
 #include <cmath>
 #include <complex>
 
+#include "model/tendons.h"
+
 namespace lockstep::reference {
 namespace {
 
@@ -119,6 +121,7 @@ Matrix3d world_inertia(const Matrix3d& rotation, const Inertia& inertia) {
 
 Mechanism::Mechanism(const Model& model) : model_((model.validate(), model)), trees_(model) {
   model_.roots = trees_.roots;
+  place_tendons(model_);
   for (const Root& root : model_.roots) {
     root_velocity_.push_back(root.floating ? root_velocities_ : -1);
     root_velocities_ += root.floating ? 6 : 0;
@@ -154,15 +157,6 @@ State Mechanism::initial_state() const {
   for (int i = 0; i < dofs(); ++i) {
     state.q[i] = joint(i).position;
     state.v[root_velocities() + i] = joint(i).velocity;
-  }
-  for (const Coupling& coupling : model_.couplings) {
-    if (model_.joints[model_.joint_index(coupling.joint)].kind != JointKind::tendon) continue;
-    const int tendon = dof(coupling.joint);
-    state.q[tendon] = -coupling.offset, state.v[root_velocities() + tendon] = 0.0;
-    for (const CouplingTerm& term : coupling.terms) {
-      state.q[tendon] -= term.ratio * state.q[dof(term.joint)];
-      state.v[root_velocities() + tendon] -= term.ratio * state.v[root_velocities() + dof(term.joint)];
-    }
   }
   return state;
 }
@@ -220,7 +214,7 @@ MatrixXd Mechanism::mass_matrix(const State& state) const {
             angular.transpose() * world_inertia(poses[l].rotation, inertia) * angular;
   }
   for (const Coupling& coupling : model_.couplings) {
-    if (model_.joints[model_.joint_index(coupling.joint)].kind != JointKind::tendon) continue;
+    if (!tendon_of(coupling, model_)) continue;
     VectorXd error = VectorXd::Unit(velocities(), root_velocities() + dof(coupling.joint));
     for (const CouplingTerm& term : coupling.terms) error[root_velocities() + dof(term.joint)] = term.ratio;
     mass += error * error.transpose();

@@ -45,6 +45,16 @@ void arm(Model& model) {
       model.joints[j].armature = 0.02 * static_cast<double>(j % 4);
 }
 
+void expect_same_step(const Model& model, const StepSettings& settings, int seed) {
+  const Plan plan = compile(model, settings);
+  const reference::Mechanism mechanism(model);
+  Batch<double> batch(plan, 1, physics::by_turns(plan, seed));
+  batch.step();
+  const reference::Step theirs =
+      reference::step(mechanism, settings, mechanism.initial_state(), mechanism.initial_inputs());
+  expect_same(batch, theirs.state, close);
+}
+
 TEST(TendonAgreement, holds_after_a_step_of_euler) {
   for (int seed = 0; seed < 400; ++seed) {
     SCOPED_TRACE(seed);
@@ -55,13 +65,7 @@ TEST(TendonAgreement, holds_after_a_step_of_euler) {
     StepSettings settings = physics::settings(Method::reduced, 1, seed / 2 % 2);
     settings.integrator = Integrator::euler;
     settings.record_impulses = seed % 2 == 0;
-    const Plan plan = compile(model, settings);
-    const reference::Mechanism mechanism(model);
-    Batch<double> batch(plan, 1, physics::by_turns(plan, seed));
-    batch.step();
-    const reference::Step theirs =
-        reference::step(mechanism, settings, mechanism.initial_state(), mechanism.initial_inputs());
-    expect_same(batch, theirs.state, close);
+    expect_same_step(model, settings, seed);
     if (HasFailure()) return;
   }
 }
@@ -79,13 +83,7 @@ TEST(TendonAgreement, holds_for_bounds_after_a_step_of_euler) {
     }
     StepSettings settings = physics::settings(Method::reduced, 1, seed / 2 % 2);
     settings.integrator = Integrator::euler;
-    const Plan plan = compile(model, settings);
-    const reference::Mechanism mechanism(model);
-    Batch<double> batch(plan, 1, physics::by_turns(plan, seed));
-    batch.step();
-    const reference::Step theirs =
-        reference::step(mechanism, settings, mechanism.initial_state(), mechanism.initial_inputs());
-    expect_same(batch, theirs.state, close);
+    expect_same_step(model, settings, seed);
     if (HasFailure()) return;
   }
   EXPECT_GT(limited, 100);

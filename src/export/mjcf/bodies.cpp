@@ -15,7 +15,7 @@ std::vector<int> only_joints(const Model& model, const Trees& trees) {
   const std::vector<Inertia> bodies = rigid_bodies(model, trees);
   std::vector<int> only(bodies.size(), -1), count(bodies.size(), 0);
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
-    if (!model.joints[j].moves()) continue;
+    if (!model.joints[j].moves() || model.joints[j].kind == JointKind::tendon) continue;
     const auto carrier = static_cast<std::size_t>(trees.carrier[static_cast<std::size_t>(trees.joint_parent[j])]);
     only[carrier] = static_cast<int>(j);
     ++count[carrier];

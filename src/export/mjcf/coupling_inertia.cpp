@@ -5,6 +5,7 @@
 
 #include "lockstep/batch.h"
 #include "lockstep/plan.h"
+#include "model/tendons.h"
 
 namespace lockstep::exporter::mjcf {
 namespace {
@@ -44,7 +45,7 @@ std::vector<double> coupling_inertias(const Model& model) {
   const Eigen::LDLT<Eigen::MatrixXd> factors(mass_matrix(plan, size));
   std::vector<double> result;
   for (const Coupling& coupling : model.couplings) {
-    if (model.joints[static_cast<std::size_t>(model.joint_index(coupling.joint))].kind == JointKind::tendon) {
+    if (tendon_of(coupling, model)) {
       result.push_back(0.0);
       continue;
     }

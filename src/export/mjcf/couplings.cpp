@@ -6,6 +6,7 @@
 
 #include "coupling_inertia.h"
 #include "model/softness_numbers.h"
+#include "model/tendons.h"
 #include "sections.h"
 
 namespace lockstep::exporter::mjcf {
@@ -24,11 +25,12 @@ class Couplings {
     const std::vector<std::string> names = coupling_names(model_);
     for (std::size_t c = 0; c < names.size(); ++c) judge(c, names[c]);
     const auto has_tendon = [&](std::size_t c) {
-      return springs_[c] || model_.couplings[c].terms.size() > 1 || tendon_of(c);
+      return springs_[c] || model_.couplings[c].terms.size() > 1 || tendon_of(model_.couplings[c], model_);
     };
     section("tendon", has_tendon, [&](std::size_t c) { write_tendon(c, names[c]); });
     section(
-        "equality", [&](std::size_t c) { return is_hard(model_.couplings[c].softness) && !tendon_of(c); },
+        "equality",
+        [&](std::size_t c) { return is_hard(model_.couplings[c].softness) && !tendon_of(model_.couplings[c], model_); },
         [&](std::size_t c) { write_equality(c, names[c]); });
   }
 
@@ -50,7 +52,7 @@ class Couplings {
     const Softness& softness = coupling.softness;
     springs_.push_back(spring_of(c, name));
     is_without_effect_.push_back(is_absent(softness));
-    if (tendon_of(c)) {
+    if (tendon_of(model_.couplings[c], model_)) {
       report_.remark("tendons, as fixed tendons", name);
       if (coupling.offset != 0.0) report_.remark("tendons whose length has their offset", name);
       return;
@@ -84,12 +86,6 @@ class Couplings {
     return std::nullopt;
   }
 
-  // The tendon whose position the coupling says.
-  const Joint* tendon_of(std::size_t c) const {
-    const Joint& joint = model_.joints[static_cast<std::size_t>(model_.joint_index(model_.couplings[c].joint))];
-    return joint.kind == JointKind::tendon ? &joint : nullptr;
-  }
-
   // The joints' sum, which is -offset where the coupling holds. A tendon's length is its position and its offset.
   void write_tendon(std::size_t c, const std::string& name) {
     const Coupling& coupling = model_.couplings[c];
@@ -100,7 +96,7 @@ class Couplings {
       xml_.set_unless(0.0, "stiffness", springs_[c]->kp).set_unless(0.0, "damping", springs_[c]->kd);
       xml_.set("springlength", numbers(length));
     }
-    const Joint* tendon = tendon_of(c);
+    const Joint* tendon = tendon_of(model_.couplings[c], model_);
     if (tendon) write_resistance(*tendon, coupling.offset, xml_, report_);
     const auto add = [&](const std::string& joint, double ratio) {
       xml_.open("joint").set("joint", joint).set("coef", numbers(ratio)).close();

@@ -2,6 +2,7 @@
 #include "mimics.h"
 
 #include "model/softness_numbers.h"
+#include "model/tendons.h"
 
 namespace lockstep::exporter::urdf {
 
@@ -15,7 +16,7 @@ Mimics mimics_of(const Model& model, Report& report) {
   const std::vector<std::string> names = coupling_names(model);
   for (std::size_t c = 0; c < names.size(); ++c) {
     const Coupling& coupling = model.couplings[c];
-    if (model.joints[static_cast<std::size_t>(model.joint_index(coupling.joint))].kind == JointKind::tendon) continue;
+    if (tendon_of(coupling, model)) continue;
     if (coupling.terms.size() > 1) {
       report.warn("couplings of more than two joints, left out", names[c]);
     } else if (mimics.contains(coupling.joint)) {
