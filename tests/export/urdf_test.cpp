@@ -1,9 +1,11 @@
 // What URDF says of a Model, and what its report says. SPDX-License-Identifier: Apache-2.0
 #include "export/urdf/rpy.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "export/export_helpers.h"
+#include "scenes/scenes.h"
 #include "unit/import_helpers.h"
 
 namespace lockstep {
@@ -109,6 +111,21 @@ TEST(UrdfExport, keeps_chains_of_mimics) {
   EXPECT_NEAR(again.joints[2].position, 0.08, 1e-15);
   EXPECT_EQ(again.couplings[1].terms[0].joint, "j0");
   EXPECT_NEAR(again.couplings[1].terms[0].ratio, -1.0, 1e-15);
+}
+
+TEST(UrdfExport, leaves_out_tendons_by_name) {
+  Model model = scenes::scene("chain8").model;
+  const std::size_t joints = model.joints.size(), couplings = model.couplings.size();
+  Joint tendon;
+  tendon.name = "sum", tendon.kind = JointKind::tendon, tendon.stiffness = 1.0;
+  model.joints.push_back(tendon);
+  model.couplings.push_back({"sum", {{model.joints[1].name, -1.0}}, 0.0, Hard{}, infinity});
+  const Export made = export_urdf(model);
+  EXPECT_EQ(made.report.front().find("tendon"), std::string::npos) << made.report.front();
+  EXPECT_NE(std::find(made.warnings.begin(), made.warnings.end(), "tendons, left out (1): sum"), made.warnings.end());
+  const Model again = import_urdf(made.text).model;
+  EXPECT_EQ(again.joints.size(), joints);
+  EXPECT_EQ(again.couplings.size(), couplings);
 }
 
 }  // namespace

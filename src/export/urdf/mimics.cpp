@@ -2,7 +2,6 @@
 #include "mimics.h"
 
 #include "model/softness_numbers.h"
-#include "model/tendons.h"
 
 namespace lockstep::exporter::urdf {
 
@@ -16,7 +15,6 @@ Mimics mimics_of(const Model& model, Report& report) {
   const std::vector<std::string> names = coupling_names(model);
   for (std::size_t c = 0; c < names.size(); ++c) {
     const Coupling& coupling = model.couplings[c];
-    if (tendon_of(coupling, model)) continue;
     if (coupling.terms.size() > 1) {
       report.warn("couplings of more than two joints, left out", names[c]);
     } else if (mimics.contains(coupling.joint)) {

@@ -7,6 +7,7 @@
 #include "export/xml.h"
 #include "losses.h"
 #include "mimics.h"
+#include "model/tendons.h"
 #include "model/trees.h"
 #include "rpy.h"
 
@@ -30,8 +31,7 @@ class Writer {
     xml_.open("robot").set("name", model_.name);
     write_roots();
     for (const Link& link : model_.links) write_link(link);
-    for (const Joint& joint : model_.joints)
-      joint.kind == JointKind::tendon ? report_.warn("tendons, left out", joint.name) : write_joint(joint);
+    for (const Joint& joint : model_.joints) write_joint(joint);
     for (const Site& site : model_.sites) write_site(site);
     xml_.close();
     return xml_.text();
@@ -163,12 +163,23 @@ class Writer {
   Xml xml_;
 };
 
+Model without_tendons(Model model, Report& report) {
+  std::erase_if(model.couplings, [&](const Coupling& coupling) { return tendon_of(coupling, model); });
+  std::erase_if(model.joints, [&](const Joint& joint) {
+    const bool is_tendon = joint.kind == JointKind::tendon;
+    if (is_tendon) report.warn("tendons, left out", joint.name);
+    return is_tendon;
+  });
+  return model;
+}
+
 }  // namespace
 }  // namespace exporter::urdf
 
-Export export_urdf(const Model& model) {
-  model.validate();
+Export export_urdf(const Model& original) {
+  original.validate();
   exporter::Report report;
+  const Model model = exporter::urdf::without_tendons(original, report);
   exporter::urdf::report_losses(model, report);
   std::string text = exporter::urdf::Writer(model, report).write();
   return exporter::finished(std::move(text), model, report);
