@@ -27,9 +27,9 @@ std::string of_control(double scale, double shift) {
 
 class Driver {
  public:
-  Driver(const Scene& scene, const Ties& ties, const std::vector<std::optional<Grip>>& grips, const Start& start,
-         Draft& draft)
-      : scene_(scene), ties_(ties), grips_(grips), start_(start), model_(draft.model) {}
+  Driver(const Scene& scene, const Ties& ties, const std::vector<std::optional<Transmission>>& transmissions,
+         const Start& start, Draft& draft)
+      : scene_(scene), ties_(ties), transmissions_(transmissions), start_(start), model_(draft.model) {}
 
   void drive() {
     for (std::size_t a = 0; a < scene_.actuators.size(); ++a) add(scene_.actuators[a], a);
@@ -53,7 +53,7 @@ class Driver {
   }
 
   // The length along which it acts. Nothing if it has no effect.
-  std::optional<Grip> grip_of(const Actuator& actuator) const {
+  std::optional<Transmission> transmission_of(const Actuator& actuator) const {
     Form length;
     if (actuator.tendon >= 0)
       length = scene_.tendons[static_cast<std::size_t>(actuator.tendon)].length;
@@ -62,12 +62,12 @@ class Driver {
     if (ties_.reduced(length).terms.empty()) return lose(actuator, "acts on what no joint moves"), std::nullopt;
     std::erase_if(length.terms, [](const auto& term) { return term.second == 0.0; });
     if (length.terms.size() == 1)  // a follower keeps its own drive
-      return Grip{scene_.joint(length.terms.front().first).name, length.terms.front().second, length.constant};
+      return Transmission{scene_.joint(length.terms.front().first).name, length.terms.front().second, length.constant};
     for (const auto& [moved, coefficient] : length.terms)
       if (length.terms.size() > 1 && scene_.joint(moved).effort_limit < infinity)
         report().warn("effort limits of single joints that a tendon drives together, kept as they are",
                       scene_.joint(moved).name);
-    return grips_[static_cast<std::size_t>(actuator.tendon)];
+    return transmissions_[static_cast<std::size_t>(actuator.tendon)];
   }
 
   double damping(const Actuator& actuator) {
@@ -109,9 +109,9 @@ class Driver {
   void add(const Actuator& actuator, std::size_t number) {
     if (!actuator.lost.empty()) return lose(actuator, actuator.lost);
     if (!scene_.settings.has_actuation) return;
-    const std::optional<Grip> grip = grip_of(actuator);
-    if (!grip) return;
-    const auto& [name, factor, constant] = *grip;
+    const std::optional<Transmission> transmission = transmission_of(actuator);
+    if (!transmission) return;
+    const auto& [name, factor, constant] = *transmission;
     const int index = model_.joint_index(name);
     if (actuator.force && !(actuator.force->lower < 0.0 && actuator.force->upper > 0.0))
       return lose(actuator, "pushes one way only");
@@ -170,7 +170,7 @@ class Driver {
 
   const Scene& scene_;
   const Ties& ties_;
-  const std::vector<std::optional<Grip>>& grips_;
+  const std::vector<std::optional<Transmission>>& transmissions_;
   const Start& start_;
   Model& model_;
   std::map<int, Sum> sums_;  // by joint of the model
@@ -179,9 +179,9 @@ class Driver {
 
 }  // namespace
 
-void drive_joints(const Scene& scene, const Ties& ties, const std::vector<std::optional<Grip>>& grips,
+void drive_joints(const Scene& scene, const Ties& ties, const std::vector<std::optional<Transmission>>& transmissions,
                   const Start& start, Draft& draft) {
-  Driver(scene, ties, grips, start, draft).drive();
+  Driver(scene, ties, transmissions, start, draft).drive();
 }
 
 }  // namespace lockstep::importer::mjcf

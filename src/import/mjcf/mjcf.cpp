@@ -32,9 +32,9 @@ Import read(const std::string& text, const std::string& source, const std::strin
     const std::vector<Place> places = grow_trees(scene, start, draft);
     resist_by_time_constants(scene, draft);
     const Ties ties = couple(scene, draft);
-    const std::vector<std::optional<Grip>> grips = grip_tendons(scene, ties, draft);
-    resist_tendons(scene, ties, grips, draft);
-    drive_joints(scene, ties, grips, start, draft);
+    const std::vector<std::optional<Transmission>> transmissions = transmissions_of_tendons(scene, ties, draft);
+    resist_tendons(scene, ties, transmissions, draft);
+    drive_joints(scene, ties, transmissions, start, draft);
     if (options.colliders)
       collide(scene, places, draft);
     else

@@ -23,16 +23,22 @@ void add_spring(Joint& joint, double stiffness, double rest) {
 // One fixed tendon.
 class Resistance {
  public:
-  Resistance(const Tendon& tendon, const Scene& scene, const Ties& ties, const std::optional<Grip>& grip, Draft& draft)
-      : tendon_(tendon), scene_(scene), ties_(ties), grip_(grip), draft_(draft), name_(title_of(tendon)) {}
+  Resistance(const Tendon& tendon, const Scene& scene, const Ties& ties,
+             const std::optional<Transmission>& transmission, Draft& draft)
+      : tendon_(tendon),
+        scene_(scene),
+        ties_(ties),
+        transmission_(transmission),
+        draft_(draft),
+        name_(title_of(tendon)) {}
 
   // `what` names all of it.
   void add(const std::string& what) {
     const Form free = ties_.reduced(tendon_.length);
     if (free.terms.empty()) return report().remark("tendons whose length no joint changes, without effect", what);
-    if (!grip_) return add_coupling(free);
-    Joint& own = draft_.model.joints[static_cast<std::size_t>(draft_.model.joint_index(grip_->joint))];
-    const auto& [joint, factor, constant] = *grip_;
+    if (!transmission_) return add_coupling(free);
+    Joint& own = draft_.model.joints[static_cast<std::size_t>(draft_.model.joint_index(transmission_->joint))];
+    const auto& [joint, factor, constant] = *transmission_;
     if (tendon_.range) limit(own);
     if (!tendon_.has_slack()) add_spring(own, tendon_.stiffness * factor * factor, (rest() - constant) / factor);
     own.damping += tendon_.damping * factor * factor;
@@ -49,8 +55,8 @@ class Resistance {
   Report& report() const { return scene_.report(); }
 
   void limit(Joint& own) const {
-    const double one = (tendon_.range->lower - grip_->constant) / grip_->factor;
-    const double other = (tendon_.range->upper - grip_->constant) / grip_->factor;
+    const double one = (tendon_.range->lower - transmission_->constant) / transmission_->factor;
+    const double other = (tendon_.range->upper - transmission_->constant) / transmission_->factor;
     own.lower = std::max(own.lower, std::min(one, other));
     own.upper = std::min(own.upper, std::max(one, other));
     if (own.kind == JointKind::continuous) own.kind = JointKind::revolute;
@@ -77,14 +83,15 @@ class Resistance {
   const Tendon& tendon_;
   const Scene& scene_;
   const Ties& ties_;
-  const std::optional<Grip>& grip_;
+  const std::optional<Transmission>& transmission_;
   Draft& draft_;
   const std::string name_;
 };
 
 }  // namespace
 
-void resist_tendons(const Scene& scene, const Ties& ties, const std::vector<std::optional<Grip>>& grips, Draft& draft) {
+void resist_tendons(const Scene& scene, const Ties& ties, const std::vector<std::optional<Transmission>>& transmissions,
+                    Draft& draft) {
   for (std::size_t t = 0; t < scene.tendons.size(); ++t) {
     const Tendon& tendon = scene.tendons[t];
     std::string numbers;
@@ -102,7 +109,7 @@ void resist_tendons(const Scene& scene, const Ties& ties, const std::vector<std:
     else if (!tendon.is_whole)
       scene.report().warn("tendons over bodies left out, left out", what);
     else
-      Resistance(tendon, scene, ties, grips[t], draft).add(what);
+      Resistance(tendon, scene, ties, transmissions[t], draft).add(what);
   }
 }
 

@@ -1,5 +1,5 @@
 // Tendons over several joints become joints of the kind tendon. SPDX-License-Identifier: Apache-2.0
-#include "grips.h"
+#include "transmissions.h"
 
 #include <fmt/format.h>
 
@@ -14,33 +14,33 @@ namespace {
 
 constexpr double least_share = 1e-6;  // of a tendon's largest coefficient
 
-class Gripper {
+class Finder {
  public:
-  Gripper(const Scene& scene, const Ties& ties, Draft& draft) : scene_(scene), ties_(ties), draft_(draft) {
+  Finder(const Scene& scene, const Ties& ties, Draft& draft) : scene_(scene), ties_(ties), draft_(draft) {
     for (const Joint& joint : draft.model.joints) names_.take(joint.name);
   }
 
-  std::optional<Grip> grip(std::size_t index) {
+  std::optional<Transmission> transmission(std::size_t index) {
     const Tendon& tendon = scene_.tendons[index];
     if (tendon.is_spatial || !tendon.is_whole) return std::nullopt;
     const Form free = ties_.reduced(tendon.length);
     if (free.terms.empty()) return std::nullopt;
     if (free.terms.size() == 1) {
       const auto& [joint, factor] = free.terms.front();
-      return Grip{scene_.joint(joint).name, factor, free.constant};
+      return Transmission{scene_.joint(joint).name, factor, free.constant};
     }
     if (!has_more_than_a_spring(index)) return std::nullopt;
     if (tendon.armature != 0.0 && !is_on_one_branch(tendon.length))
       scene_.report().remark("armature of tendons across branches, which MuJoCo keeps on each branch alone",
                              title_of(tendon));
-    return Grip{add(tendon)};
+    return Transmission{add(tendon)};
   }
 
   // A soft range is the spring's, on a joint of its own beside the tendon's range.
-  void slacken(const Tendon& tendon, const std::optional<Grip>& grip) {
-    if (!grip || !tendon.has_slack()) return;
-    const bool is_apart = tendon.range || joint_of(grip->joint).kind != JointKind::tendon;
-    Joint& joint = joint_of(is_apart ? add(tendon) : grip->joint);
+  void slacken(const Tendon& tendon, const std::optional<Transmission>& transmission) {
+    if (!transmission || !tendon.has_slack()) return;
+    const bool is_apart = tendon.range || joint_of(transmission->joint).kind != JointKind::tendon;
+    Joint& joint = joint_of(is_apart ? add(tendon) : transmission->joint);
     joint.lower = tendon.shortest, joint.upper = tendon.longest;
     joint.limit_softness = Spring{tendon.stiffness, 0.0};
     scene_.report().remark("springs of tendons with a range without force, as soft limits of tendons", joint.name);
@@ -107,13 +107,13 @@ class Gripper {
 
 }  // namespace
 
-std::vector<std::optional<Grip>> grip_tendons(const Scene& scene, const Ties& ties, Draft& draft) {
-  Gripper gripper(scene, ties, draft);
-  std::vector<std::optional<Grip>> grips;
-  for (std::size_t t = 0; t < scene.tendons.size(); ++t) grips.push_back(gripper.grip(t));
-  for (std::size_t t = 0; t < grips.size(); ++t) gripper.slacken(scene.tendons[t], grips[t]);
+std::vector<std::optional<Transmission>> transmissions_of_tendons(const Scene& scene, const Ties& ties, Draft& draft) {
+  Finder finder(scene, ties, draft);
+  std::vector<std::optional<Transmission>> transmissions;
+  for (std::size_t t = 0; t < scene.tendons.size(); ++t) transmissions.push_back(finder.transmission(t));
+  for (std::size_t t = 0; t < transmissions.size(); ++t) finder.slacken(scene.tendons[t], transmissions[t]);
   place_tendons(draft.model);
-  return grips;
+  return transmissions;
 }
 
 std::string title_of(const Tendon& tendon) { return tendon.name.empty() ? tendon.place : tendon.name; }

@@ -1,4 +1,4 @@
-// What forces of fixed tendons act on. SPDX-License-Identifier: Apache-2.0
+// The joints that forces of fixed tendons act on. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
@@ -10,8 +10,8 @@
 
 namespace lockstep::importer::mjcf {
 
-/// A joint of the model, and the tendon's length as a function of its position.
-struct Grip {
+/// A joint of the model that takes the forces of a tendon or an actuator, and their length by its position.
+struct Transmission {
   std::string joint;
   double factor = 1.0, constant = 0.0;  ///< length = factor q + constant
 };
@@ -19,7 +19,7 @@ struct Grip {
 /// By tendon: the one joint that moves it, or a joint of the kind tendon, which this adds to the draft's model where a
 /// tendon over several joints has more than a spring. Nothing where an equality holds the tendon, or where nothing
 /// needs a joint. Springs with a range without force are soft limits of tendons then.
-std::vector<std::optional<Grip>> grip_tendons(const Scene& scene, const Ties& ties, Draft& draft);
+std::vector<std::optional<Transmission>> transmissions_of_tendons(const Scene& scene, const Ties& ties, Draft& draft);
 
 /// The name of a tendon in reports.
 std::string title_of(const Tendon& tendon);
