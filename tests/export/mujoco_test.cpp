@@ -8,6 +8,7 @@
 
 #include "export/export_helpers.h"
 #include "mjcf/mujoco.h"
+#include "model/tendons.h"
 #include "scenes/scenes.h"
 #include "unit/import_helpers.h"
 
@@ -45,9 +46,10 @@ std::map<string, Model> models() {
   return found;
 }
 
-// Without what only constraints do.
+// Without what only constraints do. Tendons move their armature.
 Model bare(Model model) {
-  model.couplings.clear(), model.contacts.clear();
+  model.contacts.clear();
+  std::erase_if(model.couplings, [&](const Coupling& coupling) { return !tendon_of(coupling, model); });
   for (Joint& joint : model.joints) joint.lower = -infinity, joint.upper = infinity;
   return model;
 }
