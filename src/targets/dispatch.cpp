@@ -15,8 +15,8 @@ namespace {
 bool always() { return true; }
 
 #ifdef __x86_64__
-bool has_avx2() { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
-bool has_avx512() {
+[[maybe_unused]] bool has_avx2() { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
+[[maybe_unused]] bool has_avx512() {
   return has_avx2() && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
          __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
 }
@@ -25,11 +25,13 @@ bool has_avx512() {
 // Automatic takes the first one that runs here. baseline runs everywhere.
 std::vector<TargetKernels>& all_kernels() {
   static std::vector<TargetKernels> all = {
-#ifdef __x86_64__
+#ifdef LOCKSTEP_HAS_AVX512
       {Target::avx512, "avx512", has_avx512, avx512_f32, avx512_f64},
+#endif
+#ifdef LOCKSTEP_HAS_AVX2
       {Target::avx2, "avx2", has_avx2, avx2_f32, avx2_f64},
 #endif
-#ifdef __aarch64__
+#ifdef LOCKSTEP_HAS_NEON
       {Target::neon, "neon", always, neon_f32, neon_f64},
 #endif
       {Target::baseline, "baseline", always, baseline_f32, baseline_f64},
