@@ -3,6 +3,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "kernels/couplings/tendons.h"
 #include "kernels/couplings/turns.h"
 
 namespace lockstep::kernels {
@@ -92,6 +93,7 @@ void check(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   hold_if(t, batch, x, held, failed);
 
   copy_state(t, x.next, x.state);
+  if (t.tendons.count > 0) put_back_tendons(t, x);
 }
 
 }  // namespace lockstep::kernels

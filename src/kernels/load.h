@@ -129,7 +129,7 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
     own_inertias(t, batch, x);
     move_masses_inwards(t, x);
   }
-  if (t.tendons.count > 0) place_tendons(t, x);
+  if (t.tendons.count > 0) keep_tendons(t, x), place_tendons(t, x);
   set_consistent(t, x, all_consistent(t, x, shape));
   if (t.contacts.used()) load_contacts(t, batch, x);
 }

@@ -340,6 +340,60 @@ TEST(Fault, is_cleared_by_every_kind_of_reset) {
   for (int e : ids) EXPECT_TRUE(same_bits(batch, e, initial, 0)) << "it must step like a new environment";
 }
 
+// Joint b follows a, and starts away from its coupling, which is corrected over some steps. So a step puts the tendon
+// where it was not. The effort drives a beyond the velocity bound in some steps.
+template <class S>
+void expect_tendon_is_kept(Integrator integrator, Engine engine, double effort) {
+  Model model;
+  model.links = {{"base", {}}};
+  for (const char* name : {"a", "b"})
+    model.links.push_back({name, Inertia::box(0.5, {0.1, 0.05, 0.05}, {0.05, 0.0, 0.0})});
+  const auto add = [&](const char* name, const char* parent, JointKind kind) -> Joint& {
+    Joint joint;
+    joint.name = name, joint.kind = kind;
+    if (kind != JointKind::tendon) joint.parent = parent, joint.child = name, joint.axis = {0.0, 1.0, 0.0};
+    return model.joints.emplace_back(joint);
+  };
+  add("a", "base", JointKind::revolute);
+  add("b", "a", JointKind::revolute).position = 0.2;
+  model.joints.back().origin.translation().x() = 0.1;
+  add("t", "", JointKind::tendon).stiffness = 1.0;
+  model.couplings = {{"b", {{"a", 1.0}}, 0.0, Hard{}, infinity},
+                     {"t", {{"a", -1.0}, {"b", -2.0}}, 0.0, Hard{}, infinity}};
+  const Plan plan = compile(model, {.integrator = integrator,
+                                    .velocity_iterations = integrator == Integrator::euler ? 0 : 1,
+                                    .velocity_bound = 100.0});
+  Batch<S> batch(plan, 5, {.threads = 1, .engine = engine}), at_once(plan, 5, {.threads = 1, .engine = engine});
+  for (Batch<S>* one : {&batch, &at_once}) {
+    one->step();
+    one->efforts()(0, 3) = static_cast<S>(effort);
+    one->positions()(2, 3) += S(0.5), one->velocities()(2, 3) = S(7);  // what stands there is no state, but is kept
+  }
+  std::vector<S> before;
+  int steps = 0;
+  for (; steps < 1000 && batch.faulted() == 0; ++steps) {
+    before = outcome(batch, 3);
+    batch.step();
+  }
+  ASSERT_NE(batch.faults()[3], Fault::none);
+  ASSERT_EQ(steps == 1, std::isinf(effort)) << steps;
+  EXPECT_TRUE(same_bits(outcome(batch, 3), before));
+  batch.step(3);
+  EXPECT_TRUE(same_bits(outcome(batch, 3), before));
+  at_once.step(steps + 3);
+  for (int e = 0; e < 5; ++e) EXPECT_TRUE(same_bits(at_once, e, batch, e)) << e;
+}
+
+TEST(Fault, leaves_tendons_where_they_were) {
+  for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog})
+    for (const Engine engine : {Engine::tables, Engine::interpreter})
+      for (const double effort : {infinity, 20.0}) {
+        SCOPED_TRACE(std::string(to_string(integrator)) + " " + to_string(engine) + " " + std::to_string(effort));
+        expect_tendon_is_kept<float>(integrator, engine, effort);
+        expect_tendon_is_kept<double>(integrator, engine, effort);
+      }
+}
+
 // The effort of the model makes its environments fail, and so the padding lanes of the tile. The only environment of
 // the batch has zero effort.
 TEST(Fault, does_not_count_in_padding_lanes) {

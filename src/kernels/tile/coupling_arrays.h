@@ -22,6 +22,8 @@ struct Couplings {
   T* factor;             // products of entries of S, for composite columns
   T* error;              // [couplings] C
   T* impulse;            // [couplings]: only if recorded
+  T* tendon_position;    // [tendons] in the state that a lane keeps if it fails
+  T* tendon_velocity;    // [tendons] the same
 
   template <class Take>
   void ratios(const Tables<ScalarOf<T>>& t, Take& take) {
@@ -48,6 +50,8 @@ struct Couplings {
   void results(const Tables<ScalarOf<T>>& t, Take& take) {
     take("couplings.error", error, t.couplings);
     take("couplings.impulse", impulse, t.record_impulses ? t.couplings : 0, Lifetime::state);
+    take("couplings.tendon_position", tendon_position, t.tendons.count, Lifetime::state);
+    take("couplings.tendon_velocity", tendon_velocity, t.tendons.count, Lifetime::state);
   }
 };
 
