@@ -269,8 +269,9 @@ class LOCKSTEP_API Batch {
   std::vector<std::byte> save(std::span<const int> ids) const;
   /// Environments of the blob into those of the batch: all, which must be as many, or those that `from` lists (all if
   /// it is empty) into those that `into` lists. Where an environment is listed twice, the last one counts. Throws
-  /// UsageError on a byte that is not as save() wrote it, another byte order, scalar or plan, a wrong size or index,
-  /// and changes nothing then. Checksums find damage, not malice.
+  /// UsageError on a byte that is not as save() wrote it, another byte order, scalar, plan or format, a fault or dof
+  /// that the plan does not have, a wrong size or index, and changes nothing then. Other numbers are taken as they are:
+  /// check() looks at them. Checksums find damage, not malice.
   void restore(std::span<const std::byte> blob, const RestoreOptions& options = {});
   void restore(std::span<const std::byte> blob, std::span<const int> into, std::span<const int> from = {},
                const RestoreOptions& options = {});

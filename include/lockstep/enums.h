@@ -81,6 +81,8 @@ enum class Fault : std::uint32_t {
   bad_input = 6,   ///< an action was NaN: found by Batch::set_actions(), which left the environment's inputs alone
 };
 
+inline constexpr unsigned fault_count = 7;
+
 /// What found the fault.
 enum class FaultStage : std::uint32_t {
   none,
@@ -90,6 +92,7 @@ enum class FaultStage : std::uint32_t {
   energy,  ///< the audit of energy
   state,   ///< the look at the new positions and velocities
 };
+inline constexpr unsigned fault_stage_count = 6;
 
 /// The enumerator's name: "reduced", "leapfrog", "gear_ratio", "not_finite" ... The string lives forever.
 LOCKSTEP_API const char* to_string(Method method) noexcept;

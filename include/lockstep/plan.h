@@ -55,7 +55,8 @@ class LOCKSTEP_API Plan {
   const StepSettings& settings() const;
 
   /// Of the model and the settings as they were given, and of the model alone: every name and every bit of every number
-  /// counts. The same on every machine. Two plans that differ have the same with a chance of 2^-64.
+  /// counts. The same on every machine, and by every version of the library with the same format of save points. Two
+  /// plans that differ have the same with a chance of 2^-64.
   std::uint64_t hash() const;
   std::uint64_t model_hash() const;
 

@@ -98,13 +98,13 @@ void Batch<S>::set_actions(const StridedRows<const S>& actions, const ActionMap&
     return actions.data[static_cast<std::ptrdiff_t>(i) * actions.row_stride + e * actions.environment_stride];
   };
   which.for_each(batch.environments, [&](int e) {
-    for (std::size_t i = 0; i < dofs.size() && batch.fault.data()[e] == Fault::none; ++i)
+    for (std::size_t i = 0; i < dofs.size() && batch.rows.fault.data()[e] == Fault::none; ++i)
       if (std::isnan(action(i, e)))
-        batch.fault.data()[e] = Fault::bad_input, batch.fault_place.data()[e] = {FaultStage::values, dofs[i]};
+        batch.rows.fault.data()[e] = Fault::bad_input, batch.rows.place.data()[e] = {FaultStage::values, dofs[i]};
   });
-  AlignedBlock<S>& inputs = map.kind == ActionKind::effort     ? batch.effort
-                            : map.kind == ActionKind::velocity ? batch.velocity_target
-                                                               : batch.position_target;
+  AlignedBlock<S>& inputs = map.kind == ActionKind::effort     ? batch.rows.effort
+                            : map.kind == ActionKind::velocity ? batch.rows.velocity_target
+                                                               : batch.rows.position_target;
   const simd::StepMode mode;
   for (std::size_t i = 0; i < dofs.size(); ++i) {
     const Range range = range_of(map, plan, model, i, dofs[i]);
@@ -114,7 +114,7 @@ void Batch<S>::set_actions(const StridedRows<const S>& actions, const ActionMap&
     for (int time = 0; time < batch.tables.input_times; ++time) {
       S* const row = inputs.data() + (time * batch.tables.joints + dofs[i]) * batch.stride;
       which.for_each(batch.environments, [&](int e) {
-        if (batch.fault.data()[e] != Fault::none) return;
+        if (batch.rows.fault.data()[e] != Fault::none) return;
         const S value = static_cast<S>(middle + reach * static_cast<double>(std::clamp(action(i, e), S(-1), S(1))));
         row[e] = map.kind == ActionKind::position_change ? std::clamp(row[e] + value, lower, upper) : value;
       });

@@ -37,47 +37,47 @@ Target Batch<S>::target() const {
 
 template <class S>
 auto Batch<S>::positions() -> View {
-  return impl().view(impl().position);
+  return impl().view(impl().rows.position);
 }
 template <class S>
 auto Batch<S>::velocities() -> View {
-  return impl().view(impl().velocity);
+  return impl().view(impl().rows.velocity);
 }
 template <class S>
 auto Batch<S>::root_poses() -> View {
-  return impl().view(impl().root_pose);
+  return impl().view(impl().rows.root_pose);
 }
 template <class S>
 auto Batch<S>::root_velocities() -> View {
-  return impl().view(impl().root_velocity);
+  return impl().view(impl().rows.root_velocity);
 }
 template <class S>
 auto Batch<S>::positions() const -> ConstView {
-  return impl().const_view(impl().position);
+  return impl().const_view(impl().rows.position);
 }
 template <class S>
 auto Batch<S>::velocities() const -> ConstView {
-  return impl().const_view(impl().velocity);
+  return impl().const_view(impl().rows.velocity);
 }
 template <class S>
 auto Batch<S>::root_poses() const -> ConstView {
-  return impl().const_view(impl().root_pose);
+  return impl().const_view(impl().rows.root_pose);
 }
 template <class S>
 auto Batch<S>::root_velocities() const -> ConstView {
-  return impl().const_view(impl().root_velocity);
+  return impl().const_view(impl().rows.root_velocity);
 }
 template <class S>
 auto Batch<S>::position_targets() -> View {
-  return impl().view(impl().position_target);
+  return impl().view(impl().rows.position_target);
 }
 template <class S>
 auto Batch<S>::velocity_targets() -> View {
-  return impl().view(impl().velocity_target);
+  return impl().view(impl().rows.velocity_target);
 }
 template <class S>
 auto Batch<S>::efforts() -> View {
-  return impl().view(impl().effort);
+  return impl().view(impl().rows.effort);
 }
 
 template <class S>
@@ -89,7 +89,7 @@ auto Batch<S>::parameter(Parameter parameter) -> View {
     throw UsageError(std::string("field ") + to_string(parameter),
                      "was not declared, so it is the same for all environments",
                      "add it to StepSettings::per_environment");
-  return impl().view(impl().field[static_cast<int>(parameter)]);
+  return impl().view(impl().rows.field(parameter));
 }
 
 template <class S>
@@ -147,7 +147,7 @@ std::vector<UnmetCoupling> Batch<S>::project(const EnvironmentSet& which, Coupli
 
 template <class S>
 std::span<const Fault> Batch<S>::faults() const {
-  return {impl().fault.data(), static_cast<std::size_t>(impl().environments)};
+  return {impl().rows.fault.data(), static_cast<std::size_t>(impl().environments)};
 }
 
 template <class S>
@@ -160,24 +160,24 @@ int Batch<S>::faulted() const {
 template <class S>
 FaultReport Batch<S>::fault_report(int environment) const {
   impl().check_id(environment);
-  const Fault fault = impl().fault.data()[environment];
+  const Fault fault = impl().rows.fault.data()[environment];
   if (fault == Fault::none) return {};
-  const FaultPlace& place = impl().fault_place.data()[environment];
-  const std::uint32_t step = impl().steps.data()[environment];
+  const FaultPlace& place = impl().rows.place.data()[environment];
+  const std::uint32_t step = impl().rows.steps.data()[environment];
   return {fault, place.stage, place.dof, step, step * plan().settings().dt};
 }
 
 template <class S>
 std::span<const std::uint32_t> Batch<S>::steps() const {
-  return {impl().steps.data(), static_cast<std::size_t>(impl().environments)};
+  return {impl().rows.steps.data(), static_cast<std::size_t>(impl().environments)};
 }
 template <class S>
 std::span<std::uint32_t> Batch<S>::resets() {
-  return {impl().resets.data(), static_cast<std::size_t>(impl().environments)};
+  return {impl().rows.resets.data(), static_cast<std::size_t>(impl().environments)};
 }
 template <class S>
 std::span<const std::uint32_t> Batch<S>::resets() const {
-  return {impl().resets.data(), static_cast<std::size_t>(impl().environments)};
+  return {impl().rows.resets.data(), static_cast<std::size_t>(impl().environments)};
 }
 
 template <class S>
@@ -189,7 +189,7 @@ template <class S>
 auto Batch<S>::coupling_impulses() const -> Array {
   if (!impl().tables.record_impulses)
     throw UsageError("coupling impulses", "are not kept by this plan", "set StepSettings::record_impulses");
-  return impl().view(impl().impulse);
+  return impl().view(impl().rows.impulse);
 }
 
 template <class S>

@@ -1,6 +1,7 @@
 // Writes and checks blobs. SPDX-License-Identifier: Apache-2.0
 #include "blob.h"
 
+#include <fmt/format.h>
 #include <zlib.h>
 
 #include <bit>
@@ -8,6 +9,7 @@
 #include <type_traits>
 
 #include "lockstep/error.h"
+#include "lockstep/version.h"
 
 namespace lockstep {
 namespace {
@@ -75,9 +77,16 @@ std::string text_of(const std::array<char, most>& text) {
   return std::string(text.data(), strnlen(text.data(), most));
 }
 
-constexpr const char* whole = "give all bytes that Batch::save() returned, unchanged";
-
 }  // namespace
+
+std::string escaped(const std::string& text) {
+  std::string words;
+  for (const char c : text)
+    words += c >= ' ' && c <= '~' ? std::string(1, c) : fmt::format("\\x{:02x}", static_cast<unsigned char>(c));
+  return words;
+}
+
+std::string section_of_blob(const std::string& name) { return "section '" + escaped(name) + "' of the blob"; }
 
 std::vector<std::byte> write_blob(BlobHead head, const std::string& settings, std::vector<BlobSection> sections,
                                   const std::function<void(std::size_t, std::byte*)>& fill) {
@@ -105,43 +114,47 @@ std::vector<std::byte> write_blob(BlobHead head, const std::string& settings, st
 Blob read_blob(std::span<const std::byte> bytes) {
   const std::uint64_t size = bytes.size();
   const std::string has = "has " + std::to_string(size) + " bytes, ";
-  require(size >= sizeof(BlobHead), "blob", has + "fewer than its head of " + std::to_string(sizeof(BlobHead)), whole);
+  require(size >= sizeof(BlobHead), "blob", has + "fewer than its head of " + std::to_string(sizeof(BlobHead)),
+          whole_blob);
   Reader from(bytes.data());
   Blob blob{from.next<BlobHead>(), {}, {}, {}};
   const BlobHead& head = blob.head;
-  require(head.magic == BlobHead().magic, "blob", "does not begin with LOCKSTEP", whole);
+  require(head.magic == BlobHead().magic, "blob", "does not begin with LOCKSTEP", whole_blob);
   require(head.byte_order != swapped(BlobHead().byte_order), "blob", "was saved on a machine with the other byte order",
           "restore it on one like that");
-  require(head.byte_order == BlobHead().byte_order, "blob", "has a damaged mark of its byte order", whole);
+  require(head.byte_order == BlobHead().byte_order, "blob", "has a damaged mark of its byte order", whole_blob);
   require(head.format == BlobHead().format, "blob",
-          "has format " + std::to_string(head.format) + ", and this library reads format " +
-              std::to_string(BlobHead().format),
+          "has format " + std::to_string(head.format) + " of lockstep " + escaped(text_of(head.version)) +
+              ", and lockstep " + version() + " reads format " + std::to_string(identity_format),
           "restore it by the version of the library that saved it");
   require(size == head.bytes, "blob",
           has + "and its head says " + std::to_string(head.bytes) +
               (size < head.bytes ? ": the end is missing" : ": something was added"),
-          whole);
-  require(head_bytes(head) + sizeof(Checksum) <= size, "blob", "has a damaged head: its parts are too long", whole);
+          whole_blob);
+  require(head_bytes(head) + sizeof(Checksum) <= size, "blob", "has a damaged head: its parts are too long",
+          whole_blob);
+  require(head.environments <= size, "blob", "has a damaged head: it has no room for its environments", whole_blob);
   std::vector<BlobSection> sections;
   for (std::uint32_t i = 0; i < head.sections; ++i) sections.push_back(from.next<BlobSection>());
   blob.settings.assign(reinterpret_cast<const char*>(from.skip(head.settings_bytes)), head.settings_bytes);
   require(from.next<Checksum>() == checksum_of(bytes.data(), head_bytes(head)), "blob",
-          "has a damaged head: its checksum does not fit", whole);
+          "has a damaged head: its checksum does not fit", whole_blob);
 
   blob.version = text_of(head.version);
   std::uint64_t left = size - head_bytes(head) - sizeof(Checksum);
   for (const BlobSection& section : sections) {
-    const std::string name = text_of(section.name), element = "section '" + name + "' of the blob";
+    const std::string name = text_of(section.name), element = section_of_blob(name);
     const std::uint64_t numbers = std::uint64_t{section.rows} * head.environments;
     require((section.number_bytes == 4 || section.number_bytes == 8) && numbers <= left / section.number_bytes, element,
-            "does not fit into the blob", whole);
+            "does not fit into the blob", whole_blob);
     const std::uint64_t length = numbers * section.number_bytes;
     const std::byte* const data = from.skip(length);
-    require(section.checksum == checksum_of(data, length), element, "is damaged: its checksum does not fit", whole);
+    require(section.checksum == checksum_of(data, length), element, "is damaged: its checksum does not fit",
+            whole_blob);
     blob.sections.push_back({name, static_cast<int>(section.rows), section.number_bytes, data});
     left -= length;
   }
-  require(left == 0, "blob", "holds bytes of no section", whole);
+  require(left == 0, "blob", "holds bytes of no section", whole_blob);
   return blob;
 }
 

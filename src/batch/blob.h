@@ -14,11 +14,13 @@
 #include <string>
 #include <vector>
 
+#include "plan/identity.h"
+
 namespace lockstep {
 
 struct BlobHead {
   std::array<char, 8> magic{'L', 'O', 'C', 'K', 'S', 'T', 'E', 'P'};
-  std::uint32_t byte_order = 0x01020304, format = 1;
+  std::uint32_t byte_order = 0x01020304, format = identity_format;
   std::uint64_t bytes = 0;  ///< of the whole blob
   std::uint64_t plan_hash = 0, model_hash = 0;
   std::uint32_t scalar_bytes = 0, environments = 0, sections = 0, settings_bytes = 0;
@@ -42,6 +44,13 @@ struct Blob {
   std::string version, settings;
   std::vector<Section> sections;
 };
+
+/// Text of a blob for a message: bytes that are no printable ASCII become \x0a and the like.
+std::string escaped(const std::string& text);
+
+std::string section_of_blob(const std::string& name);
+
+inline constexpr const char* whole_blob = "give all bytes that Batch::save() returned, unchanged";
 
 /// fill(section, to) writes the rows of a section.
 std::vector<std::byte> write_blob(BlobHead head, const std::string& settings, std::vector<BlobSection> sections,

@@ -8,16 +8,15 @@ namespace lockstep {
 template <class S>
 bool Batch<S>::Impl::normalise_roots(std::ptrdiff_t first, std::ptrdiff_t last) {
   constexpr S slack = sizeof(S) == 4 ? S(1e-5) : S(1e-12);  // far above what a step leaves
-  const std::ptrdiff_t rows = static_cast<std::ptrdiff_t>(root_pose.size()) / stride;
   bool all_unit = true;
-  for (std::ptrdiff_t pose = 0; pose < rows; pose += 7) {
-    S *const w = root_pose.data() + (pose + 3) * stride, *const x = w + stride, *const y = x + stride,
+  for (int pose = 0; pose < 7 * tables.roots.count; pose += 7) {
+    S *const w = rows.root_pose.data() + (pose + 3) * stride, *const x = w + stride, *const y = x + stride,
              *const z = y + stride;
     const auto excess = [&](std::ptrdiff_t e) { return w[e] * w[e] + x[e] * x[e] + y[e] * y[e] + z[e] * z[e] - S(1); };
     if (all_within(first, last, -slack, slack, excess)) continue;
     all_unit = false;
     for (std::ptrdiff_t e = first; e < last; ++e) {
-      if (std::abs(excess(e)) <= slack || fault.data()[e] != Fault::none) continue;
+      if (std::abs(excess(e)) <= slack || rows.fault.data()[e] != Fault::none) continue;
       double length = 0.0;
       for (const S* part : {w, x, y, z}) length = std::hypot(length, static_cast<double>(part[e]));
       for (S* part : {w, x, y, z})
@@ -29,7 +28,7 @@ bool Batch<S>::Impl::normalise_roots(std::ptrdiff_t first, std::ptrdiff_t last) 
 
 template <class S>
 bool Batch<S>::Impl::has_turn(std::ptrdiff_t e, int root) const {
-  const S* const w = root_pose.data() + (7 * root + 3) * stride + e;
+  const S* const w = rows.root_pose.data() + (7 * root + 3) * stride + e;
   return w[0] != S(0) || w[stride] != S(0) || w[2 * stride] != S(0) || w[3 * stride] != S(0);
 }
 
@@ -38,8 +37,8 @@ template <class S>
 void Batch<S>::Impl::check_values(std::ptrdiff_t first, std::ptrdiff_t last) {
   const auto flag_unless = [&](const auto& holds) {
     for (std::ptrdiff_t e = first; e < last; ++e)
-      if (!holds(e) && fault.data()[e] == Fault::none)
-        fault.data()[e] = Fault::bad_value, fault_place.data()[e] = {FaultStage::values, -1};
+      if (!holds(e) && rows.fault.data()[e] == Fault::none)
+        rows.fault.data()[e] = Fault::bad_value, rows.place.data()[e] = {FaultStage::values, -1};
   };
   if (!normalise_roots(first, last))
     flag_unless([&](std::ptrdiff_t e) {
@@ -48,7 +47,7 @@ void Batch<S>::Impl::check_values(std::ptrdiff_t first, std::ptrdiff_t last) {
       return true;
     });
   for (const ValueRule<S>& rule : rules.rows) {
-    const S* const values = field[static_cast<int>(rule.field)].data() + rule.row * stride;
+    const S* const values = rows.field(rule.field).data() + rule.row * stride;
     const bool hold =
         rule.field == Parameter::gear_ratio
             ? all_within(first, last, rule.least, rule.most, [&](std::ptrdiff_t e) { return std::abs(values[e]); })
@@ -56,12 +55,12 @@ void Batch<S>::Impl::check_values(std::ptrdiff_t first, std::ptrdiff_t last) {
     if (!hold) flag_unless([&](std::ptrdiff_t e) { return rule.holds(values[e]); });
   }
   for (const LimitPair& pair : rules.pairs) {
-    const S* const lower = field[static_cast<int>(Parameter::position_limits)].data() + pair.row * stride;
+    const S* const lower = rows.field(Parameter::position_limits).data() + pair.row * stride;
     flag_unless([&](std::ptrdiff_t e) { return lower[e] <= lower[stride + e]; });
   }
   for (const InertiaRule<S>& rule : rules.inertias) flag_unless([&](std::ptrdiff_t e) { return is_possible(rule, e); });
   for (const BodyLinks& body : rules.bodies) {
-    const S* const one = field[static_cast<int>(Parameter::mass)].data() + body.links[0] * stride;
+    const S* const one = rows.field(Parameter::mass).data() + body.links[0] * stride;
     constexpr S least = std::numeric_limits<S>::min(), most = std::numeric_limits<S>::max();
     if (!all_within(first, last, least, most, [&](std::ptrdiff_t e) { return one[e]; }))
       flag_unless([&](std::ptrdiff_t e) { return mass_of(body, e) > S(0); });
@@ -70,7 +69,7 @@ void Batch<S>::Impl::check_values(std::ptrdiff_t first, std::ptrdiff_t last) {
 
 template <class S>
 S Batch<S>::Impl::mass_of(const BodyLinks& body, std::ptrdiff_t e) const {
-  const AlignedBlock<S>& masses = field[static_cast<int>(Parameter::mass)];
+  const AlignedBlock<S>& masses = rows.field(Parameter::mass);
   S sum = S(0);
   for (int link : body.links) sum += masses.data()[link * stride + e];
   return sum;
@@ -80,7 +79,7 @@ S Batch<S>::Impl::mass_of(const BodyLinks& body, std::ptrdiff_t e) const {
 template <class S>
 bool Batch<S>::Impl::is_possible(const InertiaRule<S>& rule, std::ptrdiff_t e) const {
   const auto number = [&](Parameter parameter, std::ptrdiff_t row, double model) {
-    const AlignedBlock<S>& block = field[static_cast<int>(parameter)];
+    const AlignedBlock<S>& block = rows.field(parameter);
     return block.size() > 0 ? static_cast<double>(block.data()[row * stride + e]) : model;
   };
   return rule.holds(number);

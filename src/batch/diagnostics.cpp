@@ -19,9 +19,7 @@ template <class S, class Impl, class View>
 auto with_tendons(const Impl& impl, const View& rows, bool of_positions) {
   typename Batch<S>::Array placed = rows;
   const TableStructure& t = impl.tables;
-  const auto field = [&](Parameter parameter) -> const AlignedBlock<S>& {
-    return impl.field[static_cast<int>(parameter)];
-  };
+  const auto field = [&](Parameter parameter) -> const AlignedBlock<S>& { return impl.rows.field(parameter); };
   for (int i = 0; i < t.tendons.count; ++i) {
     const int c = t.tendons[i];
     auto tendon = placed.row(t.dof[t.term_joint[t.term_start[c]]]);
@@ -50,7 +48,7 @@ auto Batch<S>::limit_violations() const -> Array {
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
     const int dof = program_of(impl().plan).dof_of_joint[j];
     if (dof < 0 || has_slack_spring(model.joints[j])) continue;
-    if (const AlignedBlock<S>& limits = impl().field[static_cast<int>(Parameter::position_limits)]; limits.size() > 0) {
+    if (const AlignedBlock<S>& limits = impl().rows.field(Parameter::position_limits); limits.size() > 0) {
       const ConstView own = impl().const_view(limits);
       worst = worst.max((own.row(2 * dof) - q.row(dof)).max(q.row(dof) - own.row(2 * dof + 1)));
       continue;
@@ -72,19 +70,19 @@ auto Batch<S>::speeds() const -> Array {
 template <class S>
 auto Batch<S>::row_residuals() const -> Array {
   require_recorded(impl().tables.record_diagnostics);
-  return impl().view(impl().residual);
+  return impl().view(impl().rows.residual);
 }
 
 template <class S>
 auto Batch<S>::row_states() const -> Array {
   require_recorded(impl().tables.record_diagnostics);
-  return impl().view(impl().row_state);
+  return impl().view(impl().rows.row_state);
 }
 
 template <class S>
 auto Batch<S>::energy_balances() const -> Array {
   require_recorded(impl().tables.record_diagnostics);
-  return impl().view(impl().energy);
+  return impl().view(impl().rows.energy);
 }
 
 // A row that was not met, and what stood in its way: rows that act on the same velocity, or the couplings that a
@@ -94,8 +92,8 @@ std::vector<std::string> Batch<S>::conflicts(int environment) const {
   require_recorded(impl().tables.record_diagnostics);
   impl().check_id(environment);
   const Program& program = program_of(impl().plan);
-  const auto residual = impl().view(impl().residual).col(environment);
-  const auto state = impl().view(impl().row_state).col(environment);
+  const auto residual = impl().view(impl().rows.residual).col(environment);
+  const auto state = impl().view(impl().rows.row_state).col(environment);
   std::vector<bool> named(program.row_names.size(), false);
   for (std::size_t r = 0; r < named.size(); ++r) {
     if (!(residual[static_cast<Eigen::Index>(r)] > rounding<S>)) continue;

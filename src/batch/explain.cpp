@@ -28,7 +28,7 @@ template <class S>
 std::string Batch<S>::explain_fault(int environment) const {
   const Impl& batch = impl();
   batch.check_id(environment);
-  const Fault fault = batch.fault.data()[environment];
+  const Fault fault = batch.rows.fault.data()[environment];
   if (fault == Fault::none) return "";
   const Program& program = program_of(batch.plan);
   const auto number = [&](const AlignedBlock<S>& block, std::ptrdiff_t row) {
@@ -68,8 +68,8 @@ std::string Batch<S>::explain_fault(int environment) const {
                          : fault == Fault::bad_input ? "the joint that it commands"
                                                      : "the joint to blame") +
              " is '" + program.dof_names[static_cast<std::size_t>(report.dof)] + "', now at " +
-             text_of(number(batch.position, report.dof)) + " with velocity " +
-             text_of(number(batch.velocity, report.dof));
+             text_of(number(batch.rows.position, report.dof)) + " with velocity " +
+             text_of(number(batch.rows.velocity, report.dof));
   return words + "; " +
          (!wrong.empty()              ? "correct what is named"
           : fault == Fault::bad_input ? "correct the agent"

@@ -59,33 +59,24 @@ struct Batch<S>::Impl {
         rules(value_rules<S>(program_of(p))),
         placer(program_of(p)) {
     wanted.reserve(frames.size()), slot.resize(frames.size());
-    const int dofs = tables.joints;
-    position = rows(dofs);
-    if (tables.turning.count > 0) angle = rows(dofs);
-    velocity = rows(dofs);
-    position_target = rows(dofs * tables.input_times);
-    velocity_target = rows(dofs * tables.input_times);
-    effort = rows(dofs * tables.input_times);
-    if (tables.roots.count > 0) root_pose = rows(7 * tables.roots.count), root_velocity = rows(6 * tables.roots.count);
-    if (tables.record_impulses) impulse = rows(tables.couplings);
-    if (tables.audited) audit = rows(2);
-    if (tables.contacts.used()) contact_memory = rows(tables.contacts.remembered(tables));
-    if (tables.record_diagnostics)
-      residual = rows(tables.reported.count), row_state = rows(tables.reported.count), energy = rows(4);
-    for (int f = 0; f < parameter_count; ++f)
-      if (plan.settings().per_environment.contains(static_cast<Parameter>(f)))
-        field[f] = rows(plan.parameter_rows(static_cast<Parameter>(f)));
-    const std::size_t counted = static_cast<std::size_t>(stride);
-    fault = AlignedBlock<Fault>(counted), fault_place = AlignedBlock<FaultPlace>(counted);
-    steps = AlignedBlock<std::uint32_t>(counted), resets = AlignedBlock<std::uint32_t>(counted);
-    id = AlignedBlock<std::uint32_t>(counted), seed = AlignedBlock<std::uint64_t>(counted);
-    std::iota(id.data(), id.data() + counted, options.first_id);
-    std::fill_n(seed.data(), counted, options.seed);
+    each_block(
+        tables,
+        [&]<class E>(const BatchBlock& block, AlignedBlock<E>& own, std::vector<E>& first) {
+          first.resize(static_cast<std::size_t>(block.rows));
+          own = block_of<E>(block.rows);
+        },
+        rows, start);
     find_start();
-    fill_parameters();
-    for (int e = 0; e < stride; ++e) reset(e, false);  // the padding as well: it is stepped, so it must be sound
-    std::fill_n(resets.data(), stride, 0u);
     require_representable();
+    each_block(
+        tables,  // the padding as well: it is stepped, so it must be sound
+        [&]<class E>(const BatchBlock&, const AlignedBlock<E>& own, const std::vector<E>& first) {
+          for (std::size_t row = 0; row < first.size(); ++row)
+            std::fill_n(own.data() + static_cast<std::ptrdiff_t>(row) * stride, stride, first[row]);
+        },
+        rows, start);
+    std::iota(rows.id.data(), rows.id.data() + stride, options.first_id);
+    std::fill_n(rows.seed.data(), stride, options.seed);
   }
 
   // Where the numbers that read() asks for stand in a worker's scratch memory: behind what the kernels want.
@@ -104,19 +95,12 @@ struct Batch<S>::Impl {
     return chosen.kernel ? chosen.kernel->tiles_per_call * (tile + chosen.kernel->carried_values * number) : tile;
   }
 
-  AlignedBlock<S> rows(int count) const { return AlignedBlock<S>(static_cast<std::size_t>(count * stride)); }
-
-  void fill_row(AlignedBlock<S>& block, int row, double value) const {
-    std::fill_n(block.data() + row * stride, stride, static_cast<S>(value));
+  template <class E>
+  AlignedBlock<E> block_of(int count) const {
+    return AlignedBlock<E>(static_cast<std::size_t>(count * stride));
   }
 
-  // What reset() puts into a column of a block.
-  struct Start {
-    AlignedBlock<S>* block;
-    std::vector<S> numbers;
-    bool is_input;
-  };
-
+  // Zero but for these.
   void find_start() {
     const Program& program = program_of(plan);
     const auto by_dof = [&](const auto& number_of, int times = 1) {
@@ -127,80 +111,74 @@ struct Batch<S>::Impl {
       return numbers;
     };
     const int times = tables.input_times;
-    start = {
-        {&position, by_dof([](const Joint& j) { return j.position; }), false},
-        {&velocity, by_dof([](const Joint& j) { return j.velocity; }), false},
-        {&position_target, by_dof([](const Joint& j) { return j.drive.position_target; }, times), true},
-        {&velocity_target, by_dof([](const Joint& j) { return j.drive.velocity_target; }, times), true},
-        {&effort, by_dof([](const Joint& j) { return j.effort; }, times), true},
-    };
-    std::vector<S> poses, twists;
+    start.position = by_dof([](const Joint& j) { return j.position; });
+    start.velocity = by_dof([](const Joint& j) { return j.velocity; });
+    start.position_target = by_dof([](const Joint& j) { return j.drive.position_target; }, times);
+    start.velocity_target = by_dof([](const Joint& j) { return j.drive.velocity_target; }, times);
+    start.effort = by_dof([](const Joint& j) { return j.effort; }, times);
+    start.root_pose.clear(), start.root_velocity.clear();
     for (const Root& root : program.model.roots) {
       if (!root.floating) continue;
       const Eigen::Vector3d at = root.pose.translation();
       const Eigen::Quaterniond turn(root.pose.linear());
       for (double number : {at.x(), at.y(), at.z(), turn.w(), turn.x(), turn.y(), turn.z()})
-        poses.push_back(static_cast<S>(number));
-      for (int i = 0; i < 6; ++i) twists.push_back(static_cast<S>(root.velocity[i]));
+        start.root_pose.push_back(static_cast<S>(number));
+      for (int i = 0; i < 6; ++i) start.root_velocity.push_back(static_cast<S>(root.velocity[i]));
     }
-    if (angle.size() > 0)  // none is kept: see simd::turned()
-      start.push_back({&angle,
-                       std::vector<S>(static_cast<std::size_t>(tables.joints), std::numeric_limits<S>::quiet_NaN()),
-                       false});
-    start.push_back({&root_pose, std::move(poses), false});
-    start.push_back({&root_velocity, std::move(twists), false});
-  }
-
-  void fill_parameters() {
-    const Fields& model = fields_of(program_of(plan));
+    const Fields& model = fields_of(program);
     for (int f = 0; f < parameter_count; ++f)
-      for (std::size_t row = 0; field[f].size() > 0 && row < model.values[f].size(); ++row)
-        fill_row(field[f], static_cast<int>(row), model.values[f][row]);
+      for (std::size_t row = 0; row < std::min(start.fields[f].size(), model.values[f].size()); ++row)
+        start.fields[f][row] = static_cast<S>(model.values[f][row]);
+    constexpr S none = std::numeric_limits<S>::quiet_NaN();
+    std::fill(start.angle.begin(), start.angle.end(), none);  // none is kept: see simd::turned()
+    if (!start.contact_memory.empty())                        // no state is NaN, so the memory belongs to none
+      std::fill(start.contact_memory.begin() + tables.contacts.remembered_state(tables), start.contact_memory.end() - 1,
+                none);
   }
 
-  // The model's numbers are finite, so what is not was too large for S.
+  // The model's numbers are finite, so what is infinite was too large for S.
   void require_representable() const {
     bool all = sizeof(S) > 4 || program_of(plan).fits_single;
-    for (const AlignedBlock<S>* block :
-         {&position, &velocity, &root_pose, &root_velocity, &position_target, &velocity_target, &effort})
-      all = all && view(*block).col(0).isFinite().all();
-    for (int f = 0; f < parameter_count; ++f)  // the tables have the limits, of which some are infinite
-      all = all && (is_limit(static_cast<Parameter>(f)) || view(field[f]).col(0).isFinite().all());
+    each_block(
+        tables,
+        [&]<class E>(const BatchBlock& block, const std::vector<E>& first) {
+          if (block.parameter >= 0 && is_limit(Parameter(block.parameter))) return;  // some are infinite
+          if constexpr (std::is_same_v<E, S>)
+            all = all && std::none_of(first.begin(), first.end(), [](S number) { return std::isinf(number); });
+        },
+        start);
     if (!all)
       throw UsageError("model '" + plan.model().name + "'", "has numbers beyond single precision", "use Batch<double>");
   }
 
+  // Rows of the kinds that are wanted begin anew.
+  template <class Wanted>
+  void begin(int e, const Wanted& wanted) {
+    each_block(
+        tables,
+        [&]<class E>(const BatchBlock& block, const AlignedBlock<E>& own, const std::vector<E>& first) {
+          for (std::size_t row = 0; wanted(block.kind) && row < first.size(); ++row)
+            own.data()[static_cast<std::ptrdiff_t>(row) * stride + e] = first[row];
+        },
+        rows, start);
+  }
+
   // To the model's state.
   void reset(int e, bool keep_inputs) {
-    for (const Start& part : start)
-      for (std::size_t row = 0; row < part.numbers.size() && !(part.is_input && keep_inputs); ++row)
-        part.block->data()[static_cast<std::ptrdiff_t>(row) * stride + e] = part.numbers[row];
-    begin_audit(e);
-    forget_contacts(e);
-    fault.data()[e] = Fault::none, fault_place.data()[e] = {};
-    steps.data()[e] = 0, ++resets.data()[e];
+    begin(e, [&](RowKind kind) {
+      return kind == RowKind::state || kind == RowKind::memory || (kind == RowKind::input && !keep_inputs);
+    });
+    ++rows.resets.data()[e];
   }
 
-  void begin_audit(int e) {
-    for (int row = 0; row < 2 && audit.size() > 0; ++row) audit.data()[row * stride + e] = S(0);
-  }
-
-  // Rows as kernels/contacts/memory.h has them. No state is NaN, so the memory belongs to none.
-  void forget_contacts(int e) {
-    const auto count = static_cast<std::ptrdiff_t>(contact_memory.size()) / stride;
-    for (std::ptrdiff_t row = 0; row < count; ++row)
-      contact_memory.data()[row * stride + e] =
-          row < 4 * tables.contacts.slots + 9 * tables.contacts.pairs.count || row + 1 == count
-              ? S(0)
-              : std::numeric_limits<S>::quiet_NaN();
-  }
-
-  // The memory of one block that is saved (save.cpp).
+  // What is saved of one name (save.cpp).
   struct SavedRows {
-    const char* name;
+    std::string name;
+    RowKind kind;
     int rows;
     std::size_t number_bytes;
     std::byte* data;
+    bool (*is_known)(const std::byte* number, int dofs);  // null if any number may be
   };
   std::vector<SavedRows> saved_rows() const;
   void restore(const Blob& blob, std::span<const int> into, std::span<const int> from, bool other_settings);
@@ -210,12 +188,15 @@ struct Batch<S>::Impl {
     if (given.size() == 0) return false;
     const S* const first = given.data();
     const S* const last = first + (given.rows() - 1) * given.outerStride() + given.cols();
-    const auto in = [&](const AlignedBlock<S>& block) {
-      return std::less<>()(first, block.data() + block.size()) && std::less<>()(block.data(), last);
-    };
-    for (const Start& part : start)
-      if (in(*part.block)) return true;
-    return std::any_of(std::begin(field), std::end(field), in);
+    bool inside = false;
+    each_block(
+        tables,
+        [&]<class E>(const BatchBlock&, const AlignedBlock<E>& block) {
+          if constexpr (std::is_same_v<E, S>)
+            inside |= std::less<>()(first, block.data() + block.size()) && std::less<>()(block.data(), last);
+        },
+        rows);
+    return inside;
   }
 
   void reset(std::span<const int> ids, const Eigen::Ref<const Array>& positions,
@@ -223,17 +204,15 @@ struct Batch<S>::Impl {
              std::vector<UnmetCoupling>& unmet) {
     for (const int id : ids) reset(id, options.keep_inputs);
     for (std::size_t i = 0; i < ids.size(); ++i) {
-      view(position).col(ids[i]) = positions.col(static_cast<Eigen::Index>(i));
-      view(velocity).col(ids[i]) = velocities.col(static_cast<Eigen::Index>(i));
+      view(rows.position).col(ids[i]) = positions.col(static_cast<Eigen::Index>(i));
+      view(rows.velocity).col(ids[i]) = velocities.col(static_cast<Eigen::Index>(i));
     }
     for (const int id : ids) project(id, options.project, unmet);
   }
 
   void project(int e, Couplings couplings, std::vector<UnmetCoupling>& unmet) {
     const simd::StepMode mode;
-    const S* fields[parameter_count];
-    for (int f = 0; f < parameter_count; ++f) fields[f] = field[f].data();
-    placer.project(e, couplings, {stride, position.data(), velocity.data(), angle.data(), fields}, unmet);
+    placer.project(e, couplings, state_pointers(), unmet);
   }
 
   // Values that an application may have written (check_values.cpp).
@@ -246,7 +225,7 @@ struct Batch<S>::Impl {
   void check_id(int id) const { EnvironmentSet(std::span(&id, 1)).check(environments); }
 
   Draws draws(int e, unsigned stream, Purpose purpose) const {
-    return {seed.data()[e], id.data()[e], resets.data()[e], stream, purpose};
+    return {rows.seed.data()[e], rows.id.data()[e], rows.resets.data()[e], stream, purpose};
   }
 
   void check_link(int link) const {
@@ -261,25 +240,11 @@ struct Batch<S>::Impl {
   }
 
   StatePointers<S> state_pointers() const {
-    StatePointers<S> l;
-    l.stride = stride;
-    l.position = position.data();
-    l.velocity = velocity.data();
-    l.angle = angle.data();
-    l.root_pose = root_pose.data();
-    l.root_velocity = root_velocity.data();
-    l.position_target = position_target.data();
-    l.velocity_target = velocity_target.data();
-    l.effort = effort.data();
-    for (int f = 0; f < parameter_count; ++f) l.fields[f] = field[f].data();
-    l.impulse = impulse.data();
-    l.residual = residual.data();
-    l.row_state = row_state.data();
-    l.energy = energy.data();
-    l.audit = audit.data();
-    l.contact_memory = contact_memory.data();
-    l.fault = fault.data(), l.place = fault_place.data(), l.steps = steps.data();
-    return l;
+    StatePointers<S> pointers;
+    pointers.stride = stride;
+    each_block(
+        tables, [](const BatchBlock&, const auto& own, auto*& pointer) { pointer = own.data(); }, rows, pointers);
+    return pointers;
   }
 
   /// Environments in whole tiles.
@@ -311,14 +276,14 @@ struct Batch<S>::Impl {
 
   // Of environments that have failed, the kernel has counted.
   void count_steps(std::ptrdiff_t first, std::ptrdiff_t last, std::uint32_t substeps) {
-    const Fault* const faults = fault.data();
-    std::uint32_t* const counts = steps.data();
+    const Fault* const faults = rows.fault.data();
+    std::uint32_t* const counts = rows.steps.data();
     for (std::ptrdiff_t e = first; e < last; ++e) counts[e] += faults[e] == Fault::none ? substeps : 0u;
   }
 
   Array read(const kernels::Request<S>& request, int row_count) {
     const Alone alone(in_use);
-    AlignedBlock<S> result = rows(row_count);
+    AlignedBlock<S> result = block_of<S>(row_count);
     const StatePointers<S> l = state_pointers();
     workers.for_environments(stepped(), step_nanoseconds, kernels.lanes,
                              [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
@@ -330,11 +295,11 @@ struct Batch<S>::Impl {
 
   // Angles or whole turns of the joints.
   Array read_turned(S JointTurns<S>::*part) const {
-    Array result = Array(const_view(position));
+    Array result = Array(const_view(rows.position));
     for (int j = 0; j < tables.joints; ++j)
       for (int e = 0; e < environments; ++e) {
         const std::ptrdiff_t at = tables.dof[j] * stride + e;
-        result(tables.dof[j], e) = turned(tables, j, position.data()[at], angle.data(), at).*part;
+        result(tables.dof[j], e) = turned(tables, j, rows.position.data()[at], rows.angle.data(), at).*part;
       }
     return result;
   }
@@ -349,8 +314,7 @@ struct Batch<S>::Impl {
 
   // The model's links, then its sites.
   static std::vector<kernels::Request<S>> frames_of(const Model& model) {
-    std::vector<kernels::Request<S>> frames, wanted;  // of all links, then sites; those that read() computes
-    std::vector<int> slot;                            // by frame: its place in `wanted`
+    std::vector<kernels::Request<S>> frames;
     for (std::size_t l = 0; l < model.links.size(); ++l)
       frames.push_back({kernels::Quantity::frame, static_cast<int>(l)});
     for (const Site& site : model.sites) {
@@ -388,14 +352,20 @@ struct Batch<S>::Impl {
   Workers workers;
   ValueRules<S> rules;
   Placer<S> placer;
-  std::vector<Start> start;
-  AlignedBlock<S> position, velocity, angle, root_pose, root_velocity;
-  AlignedBlock<S> position_target, velocity_target, effort, impulse, residual, row_state, energy, audit, contact_memory;
-  AlignedBlock<S> field[parameter_count];
-  AlignedBlock<Fault> fault;
-  AlignedBlock<FaultPlace> fault_place;
-  AlignedBlock<std::uint32_t> steps, resets, id;
-  AlignedBlock<std::uint64_t> seed;
+  struct Blocks {
+    template <class E>
+    using Rows = AlignedBlock<E>;
+    template <class E>
+    using Inputs = AlignedBlock<E>;
+  };
+  struct Numbers {
+    template <class E>
+    using Rows = std::vector<E>;
+    template <class E>
+    using Inputs = std::vector<E>;
+  };
+  BatchRows<S, Blocks> rows;
+  BatchRows<S, Numbers> start;  // one number for each row: what an environment begins with
 };
 
 }  // namespace lockstep

@@ -36,17 +36,8 @@ class Placer {
     }
   }
 
-  /// Rows of a batch.
-  struct Rows {
-    std::ptrdiff_t stride;
-    S* position;
-    S* velocity;
-    S* angle;                ///< null if no joint turns for ever
-    const S* const* fields;  ///< by Parameter, null if not declared
-  };
-
   /// In environment e.
-  void project(int e, Couplings couplings, const Rows& rows, std::vector<UnmetCoupling>& unmet) {
+  void project(int e, Couplings couplings, const StatePointers<S>& rows, std::vector<UnmetCoupling>& unmet) {
     if (couplings == Couplings::none) return;
     const bool all = couplings == Couplings::all;
     const Placing& placing = all ? program_.placing_all : program_.placing_hard;
@@ -77,12 +68,12 @@ class Placer {
   // Positions or velocities of one environment.
   struct Environment {
     const Tables<double>& t;
-    const Rows& rows;
+    const StatePointers<S>& rows;
     int e;
     bool of_positions;
 
     double parameter(Parameter field, int row, double model) const {
-      const S* const values = rows.fields[static_cast<unsigned>(field)];
+      const S* const values = rows.field(field);
       return values ? static_cast<double>(values[row * rows.stride + e]) : static_cast<double>(static_cast<S>(model));
     }
     JointTurns<S> turns(int joint) const {
@@ -97,7 +88,7 @@ class Placer {
     // Of a coupling. As in the kernels, ratios are rounded to S but where they multiply turns (M81).
     Error term(int k) const {
       const JointTurns<S> joint = turns(t.term_joint[k]);
-      const bool own = t.term_gear[k] >= 0 && rows.fields[static_cast<unsigned>(Parameter::gear_ratio)];
+      const bool own = t.term_gear[k] >= 0 && rows.field(Parameter::gear_ratio);
       const double by_angle = ratio(k) * static_cast<double>(joint.angle);
       const double by_turns = (own ? ratio(k) : t.term_value[k]) * static_cast<double>(joint.turns);
       return {by_angle + 2.0 * std::numbers::pi * by_turns, std::abs(by_angle)};

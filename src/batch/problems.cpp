@@ -21,16 +21,18 @@ class Batch<S>::Impl::ProblemFinder {
     const auto joint = [&](int row) {
       return " of joint '" + program_.dof_names[static_cast<std::size_t>(row % batch_.tables.joints)] + "'";
     };
-    find_infinite(batch_.position, "positions", [&](int row) { return "position" + joint(row); });
-    find_infinite(batch_.velocity, "velocities", [&](int row) { return "velocity" + joint(row); });
-    find_infinite(batch_.root_pose, "root_poses", [&](int row) { return "pose" + root(row / 7); });
-    find_infinite(batch_.root_velocity, "root_velocities", [&](int row) { return "velocity" + root(row / 6); });
-    find_infinite(batch_.position_target, "position_targets", [&](int row) { return "position target" + joint(row); });
-    find_infinite(batch_.velocity_target, "velocity_targets", [&](int row) { return "velocity target" + joint(row); });
-    find_infinite(batch_.effort, "efforts", [&](int row) { return "effort" + joint(row); });
+    find_infinite(batch_.rows.position, "positions", [&](int row) { return "position" + joint(row); });
+    find_infinite(batch_.rows.velocity, "velocities", [&](int row) { return "velocity" + joint(row); });
+    find_infinite(batch_.rows.root_pose, "root_poses", [&](int row) { return "pose" + root(row / 7); });
+    find_infinite(batch_.rows.root_velocity, "root_velocities", [&](int row) { return "velocity" + root(row / 6); });
+    find_infinite(batch_.rows.position_target, "position_targets",
+                  [&](int row) { return "position target" + joint(row); });
+    find_infinite(batch_.rows.velocity_target, "velocity_targets",
+                  [&](int row) { return "velocity target" + joint(row); });
+    find_infinite(batch_.rows.effort, "efforts", [&](int row) { return "effort" + joint(row); });
     for (const Parameter field : {Parameter::offset, Parameter::gravity, Parameter::link_wrench,
                                   Parameter::coupling_switch})  // the others have rules
-      find_infinite(batch_.field[static_cast<int>(field)], to_string(field), [&](int row) {
+      find_infinite(batch_.rows.field(field), to_string(field), [&](int row) {
         return to_string(field) + (" '" + batch_.plan.parameter_row_names(field)[static_cast<std::size_t>(row)] + "'");
       });
   }
@@ -46,20 +48,20 @@ class Batch<S>::Impl::ProblemFinder {
           if (const S target = number(targets, row); std::isfinite(target) && target != static_cast<S>(model))
             add(field, row, target, what + (" of joint '" + joint.name + "'"), "has no effect: the joint has no drive");
       };
-      look(batch_.position_target, "position_targets", "position target", joint.drive.position_target);
-      look(batch_.velocity_target, "velocity_targets", "velocity target", joint.drive.velocity_target);
+      look(batch_.rows.position_target, "position_targets", "position target", joint.drive.position_target);
+      look(batch_.rows.velocity_target, "velocity_targets", "velocity target", joint.drive.velocity_target);
     }
   }
 
  private:
   void find_broken_rules() {
     for (const ValueRule<S>& rule : batch_.rules.rows)
-      if (const S value = number(batch_.field[static_cast<int>(rule.field)], rule.row); !rule.holds(value))
+      if (const S value = number(batch_.rows.field(rule.field), rule.row); !rule.holds(value))
         add(to_string(rule.field), rule.row, value, rule.element, "must be " + rule.range);
     for (const BodyLinks& body : batch_.rules.bodies)
       if (const S mass = batch_.mass_of(body, environment_); !(mass > S(0)))
         add("mass", body.links[0], mass, "the sum of the masses of link " + body.element, "must be above 0");
-    const AlignedBlock<S>& limits = batch_.field[static_cast<int>(Parameter::position_limits)];
+    const AlignedBlock<S>& limits = batch_.rows.field(Parameter::position_limits);
     for (const LimitPair& pair : batch_.rules.pairs)
       if (const S lower = number(limits, pair.row), upper = number(limits, pair.row + 1); !(lower <= upper))
         add("position_limits", pair.row, lower, "lower limit of " + pair.element,
@@ -70,7 +72,7 @@ class Batch<S>::Impl::ProblemFinder {
       int row = 6 * rule.parts[0].link;
       if (!batch_.tables.declares(field)) field = Parameter::center_of_mass, row = 3 * rule.parts[0].link;
       if (!batch_.tables.declares(field)) field = Parameter::mass, row = rule.parts[0].link;
-      add(to_string(field), row, number(batch_.field[static_cast<int>(field)], row), "inertia of link " + rule.element,
+      add(to_string(field), row, number(batch_.rows.field(field), row), "inertia of link " + rule.element,
           "must be one that a body can have: no moment is negative, or larger than the sum of the two others");
     }
   }
@@ -88,7 +90,7 @@ class Batch<S>::Impl::ProblemFinder {
   }
 
   double gain(int row) const {
-    const AlignedBlock<S>& own = batch_.field[static_cast<int>(Parameter::drive_gains)];
+    const AlignedBlock<S>& own = batch_.rows.field(Parameter::drive_gains);
     return own.size() > 0 ? static_cast<double>(number(own, row))
                           : fields_of(program_).value(Parameter::drive_gains, row);
   }

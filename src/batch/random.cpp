@@ -37,19 +37,19 @@ void check_share(double number, double most, const char* name, const char* range
 
 template <class S>
 std::span<std::uint32_t> Batch<S>::ids() {
-  return {impl().id.data(), static_cast<std::size_t>(impl().environments)};
+  return {impl().rows.id.data(), static_cast<std::size_t>(impl().environments)};
 }
 template <class S>
 std::span<std::uint64_t> Batch<S>::seeds() {
-  return {impl().seed.data(), static_cast<std::size_t>(impl().environments)};
+  return {impl().rows.seed.data(), static_cast<std::size_t>(impl().environments)};
 }
 template <class S>
 std::span<const std::uint32_t> Batch<S>::ids() const {
-  return {impl().id.data(), static_cast<std::size_t>(impl().environments)};
+  return {impl().rows.id.data(), static_cast<std::size_t>(impl().environments)};
 }
 template <class S>
 std::span<const std::uint64_t> Batch<S>::seeds() const {
-  return {impl().seed.data(), static_cast<std::size_t>(impl().environments)};
+  return {impl().rows.seed.data(), static_cast<std::size_t>(impl().environments)};
 }
 
 template <class S>
@@ -82,7 +82,7 @@ std::vector<UnmetCoupling> Batch<S>::reset_random(const EnvironmentSet& which, c
   check_couplings(how.project);
   which.for_each(batch.environments, [&](int e) { batch.reset(e, how.keep_inputs); });
   const Fields& model = fields_of(program_of(batch.plan));
-  const AlignedBlock<S>& own = batch.field[static_cast<int>(Parameter::position_limits)];
+  const AlignedBlock<S>& own = batch.rows.field(Parameter::position_limits);
   const auto limit = [&](int row, int e) {
     return own.size() > 0 ? static_cast<double>(own.data()[row * batch.stride + e])
                           : model.value(Parameter::position_limits, row);
@@ -95,9 +95,9 @@ std::vector<UnmetCoupling> Batch<S>::reset_random(const EnvironmentSet& which, c
       for (const int dof : batch.plan.independent_dofs()) {
         const double lower = limit(2 * dof, e), upper = limit(2 * dof + 1, e), range = upper - lower;
         if (std::isfinite(range))
-          batch.position.data()[dof * batch.stride + e] =
+          batch.rows.position.data()[dof * batch.stride + e] =
               static_cast<S>(lower + range * (0.5 + how.spread * (positions.uniform(dof) - 0.5)));
-        batch.velocity.data()[dof * batch.stride + e] =
+        batch.rows.velocity.data()[dof * batch.stride + e] =
             static_cast<S>(how.speed * (2.0 * velocities.uniform(dof) - 1.0));
       }
     });

@@ -44,7 +44,7 @@ template <class S, class Batch>
 class Randomizer {
  public:
   Randomizer(Batch& batch, Parameter parameter, const Randomization& how)
-      : batch_(batch), parameter_(parameter), how_(how), block_(batch.field[static_cast<int>(parameter)]) {
+      : batch_(batch), parameter_(parameter), how_(how), block_(batch.rows.field(parameter)) {
     const std::vector<double>& compiled = fields_of(program_of(batch.plan)).values[static_cast<int>(parameter)];
     const auto add = [&](int row) { rows_.push_back({row, compiled[static_cast<std::size_t>(row)], nullptr}); };
     for (const int row : how.rows) add(row);
@@ -147,7 +147,7 @@ class Randomizer {
   Batch& batch_;
   Parameter parameter_;
   const Randomization& how_;
-  AlignedBlock<S>& block_;
+  const AlignedBlock<S>& block_;
   double log_ratio_ = 0.0;  // of high to low
   std::vector<Row> rows_;
   std::vector<S> before_, after_;  // of one environment

@@ -31,7 +31,7 @@ class Batch<S>::Impl::TileReader {
         first_(first),
         lanes_(batch.kernels.lanes),
         count_(std::min<std::ptrdiff_t>(lanes_, batch.environments - first)),
-        tile_(kernels::at(batch.state_pointers(), first, kernels::tile_shape(batch.tables))),
+        tile_(kernels::at(batch.tables, batch.state_pointers(), first)),
         frames_(numbers),
         contacts_(numbers + kernels::frame_numbers * lanes_ * static_cast<std::ptrdiff_t>(batch.wanted.size())),
         numbers_(contacts_ + (kernels::contact_numbers * batch.tables.contacts.slots + 1) * lanes_),

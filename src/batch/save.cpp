@@ -44,7 +44,7 @@ std::string first_difference(const std::string& saved, const std::string& own) {
     const std::size_t begin = place == 0 ? 0 : text.rfind('\n', place - 1) + 1;
     return text.substr(begin, text.find('\n', begin) - begin);
   };
-  return "'" + line(saved) + "' there and '" + line(own) + "' here";
+  return "'" + escaped(line(saved)) + "' there and '" + escaped(line(own)) + "' here";
 }
 
 void require_same_plan(const Blob& blob, const Identity& own, bool other_settings) {
@@ -52,7 +52,7 @@ void require_same_plan(const Blob& blob, const Identity& own, bool other_setting
   if (head.plan_hash == own.plan) return;
   const bool same_model = head.model_hash == own.model;
   if (same_model && other_settings) return;
-  const std::string rule = "was saved by lockstep " + blob.version + " for plan " + hex(head.plan_hash) +
+  const std::string rule = "was saved by lockstep " + escaped(blob.version) + " for plan " + hex(head.plan_hash) +
                            ", and this batch has plan " + hex(own.plan);
   if (same_model)
     throw UsageError("blob",
@@ -64,34 +64,37 @@ void require_same_plan(const Blob& blob, const Identity& own, bool other_setting
                    "compile the model that it was saved for");
 }
 
+// Enumerators and dofs of a blob are used as such, so they must be some.
+bool is_known(Fault fault, int) { return static_cast<unsigned>(fault) < fault_count; }
+bool is_known(const FaultPlace& place, int dofs) {
+  return static_cast<unsigned>(place.stage) < fault_stage_count && place.dof >= -1 && place.dof < dofs;
+}
+
 }  // namespace
 
-// What is saved of a batch. A new block of numbers for each environment is one line here.
+// What is saved of a batch: all rows but results.
 template <class S>
 auto Batch<S>::Impl::saved_rows() const -> std::vector<SavedRows> {
   std::vector<SavedRows> all;
-  const auto add = [&](const char* name, const auto& block) {
-    if (block.size() > 0)
-      all.push_back({name, static_cast<int>(block.size() / static_cast<std::size_t>(stride)), sizeof(*block.data()),
-                     reinterpret_cast<std::byte*>(block.data())});
-  };
-  add("fault", fault);
-  add("fault place", fault_place);
-  add("steps", steps);
-  add("resets", resets);
-  add("id", id);
-  add("seed", seed);
-  add("position", position);
-  add("angle", angle);
-  add("velocity", velocity);
-  add("root pose", root_pose);
-  add("root velocity", root_velocity);
-  add("position target", position_target);
-  add("velocity target", velocity_target);
-  add("effort", effort);
-  add("audit", audit);
-  add("contacts", contact_memory);
-  for (int f = 0; f < parameter_count; ++f) add(to_string(static_cast<Parameter>(f)), field[f]);
+  each_block(
+      tables,
+      [&]<class E>(const BatchBlock& block, const AlignedBlock<E>& own) {
+        if (block.kind == RowKind::result) return;
+        SavedRows saved{block.parameter < 0 ? block.name : to_string(Parameter(block.parameter)),
+                        block.kind,
+                        block.rows,
+                        sizeof(E),
+                        reinterpret_cast<std::byte*>(own.data()),
+                        nullptr};
+        if constexpr (std::is_same_v<E, Fault> || std::is_same_v<E, FaultPlace>)
+          saved.is_known = [](const std::byte* number, int dofs) {
+            E value;
+            std::memcpy(&value, number, sizeof value);
+            return is_known(value, dofs);
+          };
+        all.push_back(std::move(saved));
+      },
+      rows);
   return all;
 }
 
@@ -110,10 +113,11 @@ std::vector<std::byte> Batch<S>::save(std::span<const int> ids) const {
   head.plan_hash = identity.plan, head.model_hash = identity.model;
   head.scalar_bytes = sizeof(S), head.environments = static_cast<std::uint32_t>(ids.size());
   std::strncpy(head.version.data(), version(), head.version.size() - 1);
-  const auto rows = batch.saved_rows();
+  auto rows = batch.saved_rows();
+  std::erase_if(rows, [](const auto& own) { return own.rows == 0; });
   std::vector<BlobSection> sections(rows.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    std::strncpy(sections[i].name.data(), rows[i].name, sections[i].name.size() - 1);
+    std::strncpy(sections[i].name.data(), rows[i].name.c_str(), sections[i].name.size() - 1);
     sections[i].rows = static_cast<std::uint32_t>(rows[i].rows);
     sections[i].number_bytes = static_cast<std::uint32_t>(rows[i].number_bytes);
   }
@@ -147,28 +151,34 @@ void Batch<S>::Impl::restore(const Blob& blob, std::span<const int> into, std::s
                        "is outside the " + std::to_string(saved) + " that it holds",
                        "give 0 to " + std::to_string(saved - 1));
 
-  // The audit and the memory of contacts go with the settings: under other ones they begin anew, as after a reset.
+  // What the library keeps between steps goes with the settings: under other ones it begins anew, as after a reset.
   const bool same_settings = blob.head.plan_hash == own.plan;
   const std::vector<SavedRows> rows = saved_rows();
   std::vector<const SavedRows*> targets;
   for (const Blob::Section& section : blob.sections) {
     const auto target =
         std::find_if(rows.begin(), rows.end(), [&](const SavedRows& r) { return section.name == r.name; });
-    const bool anew = (section.name == "audit" || section.name == "contacts") && !same_settings;
-    const std::string element = "section '" + section.name + "' of the blob";
-    if (target == rows.end() && !anew)
+    const std::string element = section_of_blob(section.name);
+    if (target == rows.end() || (target->rows == 0 && target->kind == RowKind::field))
       throw UsageError(element, "has no place in this batch", "declare the field in StepSettings::per_environment");
+    const bool anew = target->kind == RowKind::memory && !same_settings;
     targets.push_back(anew ? nullptr : &*target);
-    if (!anew && (target->rows != section.rows || target->number_bytes != section.number_bytes))
+    if (anew) continue;
+    if (target->rows != section.rows || target->number_bytes != section.number_bytes)
       throw UsageError(element,
                        "has " + std::to_string(section.rows) + " rows, and this batch " + std::to_string(target->rows),
                        "use the same StepSettings::stage_inputs and integrator");
+    const std::byte* number = section.data;
+    for (int e = 0; target->is_known && e < saved; ++e, number += section.number_bytes)
+      if (!target->is_known(number, tables.joints))
+        throw UsageError(element, "names for environment " + std::to_string(e) + " what this plan does not have",
+                         whole_blob);
   }
   for (const SavedRows& own_rows : rows)
-    if (same_settings && std::none_of(blob.sections.begin(), blob.sections.end(),
-                                      [&](const Blob::Section& section) { return section.name == own_rows.name; }))
-      throw UsageError("section '" + std::string(own_rows.name) + "' of the blob", "is missing",
-                       "restore it by the version of the library that saved it");
+    if (same_settings && own_rows.rows > 0 &&
+        std::none_of(blob.sections.begin(), blob.sections.end(),
+                     [&](const Blob::Section& section) { return section.name == own_rows.name; }))
+      throw UsageError(section_of_blob(own_rows.name), "is missing", "restore it by the library that saved it");
   for (std::size_t i = 0; i < targets.size(); ++i) {
     if (!targets[i]) continue;
     const Blob::Section& section = blob.sections[i];
@@ -178,7 +188,7 @@ void Batch<S>::Impl::restore(const Blob& blob, std::span<const int> into, std::s
                targets[i]->data + static_cast<std::size_t>(row * stride) * bytes, into);
   }
   if (!same_settings)
-    for (const int id : into) begin_audit(id), forget_contacts(id);
+    for (const int id : into) begin(id, [](RowKind kind) { return kind == RowKind::memory; });
 }
 
 template <class S>

@@ -294,7 +294,7 @@ bool begin_tiles(InterpreterTiles<T>& l, const StatePointers<ScalarOf<T>>& batch
                  std::ptrdiff_t last, bool consistent) {
   for (l.tiles = 0; l.tiles < l.most && first < last; ++l.tiles, first += T::lanes) {
     const int k = l.tiles;
-    l.batch[k] = at(batch, first, tile_shape(l.t));
+    l.batch[k] = at(l.t, batch, first);
     load(l.t, l.batch[k], l.tile(k));
     if (consistent && !l.tile(k).consistent) return false;
     set_consistent(l.t, l.tile(k), consistent);  // the same for all tiles

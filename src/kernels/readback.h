@@ -130,7 +130,7 @@ void read(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
   lay_out(t, scratch, x, m);
   uniform_ratios(t, x);
   for (std::ptrdiff_t environment = first; environment < last; environment += T::lanes) {
-    const StatePointers<ScalarOf<T>> own = at(batch, environment, tile_shape(t));
+    const StatePointers<ScalarOf<T>> own = at(t, batch, environment);
     const Output<T> out{rows + environment, stride};
     load(t, own, x);
     if (request.quantity == Quantity::coupling_errors) {
@@ -168,7 +168,7 @@ void read_frames(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   Motion<T> m;
   lay_out(t, scratch, x, m);
   uniform_ratios(t, x);
-  load(t, at(batch, first, tile_shape(t)), x);
+  load(t, at(t, batch, first), x);
   motions(t, x, m);
   for (int i = 0; i < count; ++i) {
     const Output<T> out{numbers + i * frame_numbers * T::lanes, T::lanes};
@@ -186,7 +186,7 @@ void read_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   Tile<T> x;
   lay_out(t, scratch, x);
   uniform_ratios(t, x);
-  load(t, at(batch, first, tile_shape(t)), x);
+  load(t, at(t, batch, first), x);
   read_contacts(t, numbers, x);
 }
 

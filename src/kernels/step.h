@@ -66,7 +66,7 @@ void advance(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& bat
     uniform_ratios(t, x[k]);
   }
   const TileShape shape = Way::shape(t);
-  for (int k = 0; k < Way::tiles_per_call; ++k) own[k] = at(batch, first + k * T::lanes, shape);
+  for (int k = 0; k < Way::tiles_per_call; ++k) own[k] = at(t, batch, first + k * T::lanes);
   while (first < last) {
     int tiles = 0;
     for (; tiles < Way::tiles_per_call && first < last; ++tiles, first += T::lanes)
@@ -77,7 +77,7 @@ void advance(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& bat
     }
     for (int k = 0; k < tiles; ++k) {
       store(t, own[k], x[k], shape);
-      move(own[k], Way::tiles_per_call * T::lanes, shape);
+      move(t, own[k], Way::tiles_per_call * T::lanes);
     }
   }
 }

@@ -16,7 +16,7 @@ namespace {
 
 class ModelHash {
  public:
-  explicit ModelHash(const Model& model) { put(model); }
+  explicit ModelHash(const Model& model) { put(std::uint64_t{identity_format}), put(model); }
   std::uint64_t value() const { return hash_.value(); }
 
  private:
@@ -54,8 +54,7 @@ class ModelHash {
   }
   void put(const Link& link) {
     const auto& [name, inertia, gravity] = link;
-    all(name, inertia);
-    if (gravity != 1.0) put(gravity);  // as before for links that have all of it
+    all(name, inertia, gravity);
   }
   void put(const Drive& drive) {
     const auto& [kp, kd, position_target, velocity_target, kinematic, softness] = drive;
@@ -103,8 +102,7 @@ class ModelHash {
   }
   void put(const Model& model) {
     const auto& [name, links, joints, couplings, sites, colliders, contacts, roots, gravity] = model;
-    all(name, links, joints, couplings, sites, roots, gravity);
-    if (!colliders.empty()) all(colliders, contacts);  // as before for models without
+    all(name, links, joints, couplings, sites, colliders, contacts, roots, gravity);
   }
 
   Hash hash_;

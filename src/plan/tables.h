@@ -135,4 +135,30 @@ struct Tables : TableStructure {
   }
 };
 
+/// Rows of a per-environment field; -1 for none of the enumerators.
+template <class S>
+inline __attribute__((always_inline)) int rows_of(const Tables<S>& t, Parameter parameter) {
+  switch (parameter) {
+    case Parameter::gear_ratio: return t.term_gear.count - t.couplings;
+    case Parameter::offset:
+    case Parameter::coupling_switch: return t.couplings;
+    case Parameter::softness: return 2 * t.couplings;
+    case Parameter::drive_gains:
+    case Parameter::position_limits: return 2 * t.joints;
+    case Parameter::damping:
+    case Parameter::armature:
+    case Parameter::stiffness:
+    case Parameter::friction:
+    case Parameter::velocity_limit:
+    case Parameter::effort_limit: return t.joints;
+    case Parameter::mass: return t.links;
+    case Parameter::gravity: return 3;
+    case Parameter::contact_friction: return t.contacts.pairs.count;
+    case Parameter::center_of_mass: return 3 * t.links;
+    case Parameter::link_wrench:
+    case Parameter::inertia: return 6 * t.links;
+  }
+  return -1;
+}
+
 }  // namespace lockstep

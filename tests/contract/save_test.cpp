@@ -5,9 +5,12 @@
 #include <numeric>
 #include <set>
 
+#include "batch/blob.h"
 #include "bounded_scenes.h"
+#include "contact_scenes.h"
 #include "interpret/lower.h"
 #include "lockstep/error.h"
+#include "lockstep/version.h"
 #include "plan/program.h"
 
 namespace lockstep {
@@ -236,6 +239,93 @@ struct Small {
   }
 };
 
+// The blob with a section that change() has written to, with right checksums.
+template <class Change>
+Bytes forged(const Bytes& bytes, const std::string& name, const Change& change) {
+  const Blob blob = read_blob(bytes);
+  std::vector<BlobSection> sections(blob.sections.size());
+  for (std::size_t i = 0; i < sections.size(); ++i) {
+    blob.sections[i].name.copy(sections[i].name.data(), sections[i].name.size());
+    sections[i].rows = static_cast<std::uint32_t>(blob.sections[i].rows);
+    sections[i].number_bytes = static_cast<std::uint32_t>(blob.sections[i].number_bytes);
+  }
+  int changed = 0;
+  const Bytes result = write_blob(blob.head, blob.settings, sections, [&](std::size_t i, std::byte* to) {
+    const Blob::Section& own = blob.sections[i];
+    std::memcpy(to, own.data, static_cast<std::size_t>(own.rows) * own.number_bytes * blob.head.environments);
+    if (own.name == name) change(to), ++changed;
+  });
+  EXPECT_EQ(changed, 1) << name;
+  return result;
+}
+
+TEST(Restore, refuses_faults_stages_and_dofs_that_are_none) {
+  Small small;
+  const Bytes before = small.batch.save();
+  const auto put = [&](const char* section, std::size_t at, std::int32_t number) {
+    return forged(small.blob, section, [&](std::byte* to) { std::memcpy(to + at, &number, sizeof number); });
+  };
+  constexpr std::size_t second = 8;  // environment 1 has the fault; a place is a stage and a dof
+  for (const std::int32_t fault : {7, 77, -1})
+    expect_words(refusal([&] { small.batch.restore(put("fault", 4, fault)); }), {"section 'fault'", "environment 1"});
+  for (const std::int32_t stage : {6, 1000, -1})
+    expect_words(refusal([&] { small.batch.restore(put("fault place", second, stage)); }),
+                 {"section 'fault place'", "environment 1"});
+  for (const std::int32_t dof : {-2, small.plan.dofs(), 100000000})
+    expect_words(refusal([&] { small.batch.restore(put("fault place", second + 4, dof)); }),
+                 {"section 'fault place'", "environment 1"});
+  EXPECT_EQ(small.batch.save(), before);
+  for (const std::int32_t dof : {-1, 0, small.plan.dofs() - 1}) {
+    small.batch.restore(put("fault place", second + 4, dof));
+    EXPECT_EQ(small.batch.fault_report(1).dof, dof);
+    EXPECT_FALSE(small.batch.explain_fault(1).empty());
+  }
+}
+
+TEST(Restore, refuses_an_older_format_and_names_both_versions) {
+  Small small;
+  Bytes old = small.blob;
+  old[12] = std::byte(1);                                                       // the format
+  old[56] = std::byte('0'), old[57] = std::byte('\n'), old[58] = std::byte(0);  // the version
+  expect_words(refusal([&] { small.batch.restore(old); }),
+               {"format 1 of lockstep 0\\x0a,", std::string("lockstep ") + version() + " reads format 2"});
+}
+
+TEST(Restore, shows_text_of_the_blob_on_one_line) {
+  Small small;
+  const Blob blob = read_blob(small.blob);
+  std::vector<BlobSection> sections(1);
+  const std::string name = "fa\n\x1b[31m\xff";
+  name.copy(sections[0].name.data(), name.size());
+  sections[0].rows = 1, sections[0].number_bytes = 4;
+  const Bytes strange = write_blob(blob.head, blob.settings, sections, [](std::size_t, std::byte*) {});
+  expect_words(refusal([&] { small.batch.restore(strange); }), {"section 'fa\\x0a\\x1b[31m\\xff' of the blob"});
+}
+
+// The state that it belongs to is none. All other numbers are zero.
+TEST(Save, has_a_memory_of_contacts_that_begins_with_zeros) {
+  Batch<double> batch(compile(contact_scenes::block()), 1, {.threads = 1}), fresh(batch.plan(), 1, {.threads = 1});
+  batch.step(5);
+  batch.reset();
+  batch.resets()[0] = 0;
+  const Bytes bytes = batch.save();
+  EXPECT_EQ(bytes, fresh.save());
+  const Blob blob = read_blob(bytes);
+  const auto memory = std::find_if(blob.sections.begin(), blob.sections.end(),
+                                   [](const Blob::Section& section) { return section.name == "contacts"; });
+  ASSERT_NE(memory, blob.sections.end());
+  const int state = batch.plan().dofs() + batch.plan().dofs() + 13;  // one floating root
+  ASSERT_GT(memory->rows, state + 1);
+  for (int row = 0; row < memory->rows; ++row) {
+    double number;
+    std::memcpy(&number, memory->data + sizeof number * static_cast<std::size_t>(row), sizeof number);
+    if (row < memory->rows - 1 - state || row == memory->rows - 1)
+      EXPECT_EQ(number, 0.0) << row;
+    else
+      EXPECT_TRUE(std::isnan(number)) << row;
+  }
+}
+
 TEST(Restore, refuses_every_flipped_byte_and_changes_nothing) {
   Small small;
   const Bytes before = small.batch.save();
@@ -281,8 +371,8 @@ TEST(Restore, refuses_another_byte_order_format_and_scalar) {
   std::reverse(other.begin() + 8, other.begin() + 12);
   expect_words(refusal([&] { small.batch.restore(other); }), {"other byte order"});
   other = small.blob;
-  other[12] = std::byte(2);
-  expect_words(refusal([&] { small.batch.restore(other); }), {"format 2", "format 1"});
+  other[12] = std::byte(3);
+  expect_words(refusal([&] { small.batch.restore(other); }), {"format 3", "format 2"});
   Batch<double> wide(small.plan, 3, {.threads = 1});
   expect_words(refusal([&] { wide.restore(small.blob); }), {"4 bytes", "8", "Batch<float>"});
   expect_words(refusal([&] { small.batch.restore(wide.save()); }), {"8 bytes", "4", "Batch<double>"});

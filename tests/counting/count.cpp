@@ -1,6 +1,7 @@
 // Flops and memory of a step. SPDX-License-Identifier: Apache-2.0
 #include "count.h"
 
+#include <algorithm>
 #include <vector>
 
 #include "counted.h"
@@ -16,28 +17,19 @@ Count count(const Plan& plan) {
   t.reduction.consistent_is_shorter = false;  // count the step for inconsistent followers
   StatePointers<float> batch;
   batch.stride = 1;
-  std::vector<std::vector<float>> blocks;
-  const auto block = [&](int rows) {
-    result.rows += rows;
-    return blocks.emplace_back(static_cast<std::size_t>(rows) + 1, 0.5f).data();
-  };
-  batch.position = block(t.joints);
-  batch.velocity = block(t.joints);
-  if (t.turning.count > 0) batch.angle = block(t.joints);
-  batch.position_target = block(t.joints * t.input_times);
-  batch.velocity_target = block(t.joints * t.input_times);
-  batch.effort = block(t.joints * t.input_times);
-  if (t.roots.count > 0) batch.root_pose = block(7 * t.roots.count), batch.root_velocity = block(6 * t.roots.count);
-  if (t.record_impulses) batch.impulse = block(t.couplings);
-  if (t.record_diagnostics)
-    batch.residual = block(t.reported.count), batch.row_state = block(t.reported.count), batch.energy = block(4);
-  for (int f = 0; f < parameter_count; ++f)
-    if ((t.per_environment >> f) & 1u) batch.fields[f] = block(rows_of(t, static_cast<Parameter>(f)));
-  if (t.audited) batch.audit = block(2);
+  std::vector<std::vector<std::uint64_t>> blocks;
+  each_block(
+      t,
+      [&]<class E>(const BatchBlock& block, E*& rows) {
+        using Number = std::remove_const_t<E>;
+        if (block.rows == 0) return;
+        auto* const own = reinterpret_cast<Number*>(blocks.emplace_back(static_cast<std::size_t>(block.rows)).data());
+        rows = own;
+        if constexpr (std::is_same_v<Number, float>) result.rows += block.rows, std::fill_n(own, block.rows, 0.5f);
+      },
+      batch);
   t.audited = false;  // count a step that is neither fast nor coarse
   t.coarse_above = 1e30f;
-  std::vector<Fault> fault(1, Fault::none);
-  batch.fault = fault.data();
 
   kernels::Tile<Counted> x;
   std::vector<std::max_align_t> scratch(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);

@@ -1,6 +1,7 @@
 // The cost that a Plan reports is what the kernels do on counting numbers. SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include "contact_scenes.h"
 #include "counting/count.h"
 #include "lockstep/lockstep.h"
 #include "scenes/scenes.h"
@@ -44,6 +45,14 @@ TEST(Cost, is_counted_with_parameters_impulses_and_inactive_ranges) {
         joint.lower = joint.position - 1e3, joint.upper = joint.position + 1e3;
     expect_counted(compile(model, settings));
   }
+}
+
+// Flops are those without a contact that acts.
+TEST(Cost, counts_the_memory_of_contacts) {
+  const Plan plan = compile(contact_scenes::block());
+  const counting::Count counted = counting::count(plan);
+  EXPECT_EQ(plan.bytes_per_step(4), 4 * counted.numbers + 4 + 2 * 4) << plan.describe();
+  EXPECT_EQ(plan.bytes_per_environment(8), 8 * counted.rows + 4 + 8 + 3 * 4 + 8);
 }
 
 }  // namespace

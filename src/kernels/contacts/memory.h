@@ -19,14 +19,24 @@ LOCKSTEP_INLINE void each_state_row(const Tables<ScalarOf<T>>& t, const Tile<T>&
   for (int i = 0; i < 7 * t.roots.count; ++i) act(x.state.pose[i], row++);
 }
 
+/// act(number) for what a slot remembers.
+template <class S, class Slot, class Act>
+LOCKSTEP_INLINE void each_kept(const ContactTables<S>&, Slot& slot, Act&& act) {
+  const auto all = [&](auto&... numbers) LOCKSTEP_INLINED {
+    static_assert(sizeof...(numbers) == ContactTables<S>::rows_of_slot);
+    (act(numbers), ...);
+  };
+  all(slot.kept_face, slot.memory[0], slot.memory[1], slot.pressed);
+}
+
 /// act(number) for what a pair remembers.
-template <class Patch, class Act>
-LOCKSTEP_INLINE void each_expected(Patch& patch, Act&& act) {
-  for (int k = 0; k < 3; ++k) act(patch.expected_place[k]);
-  for (int k = 0; k < 3; ++k) act(patch.expected_axis[k]);
-  for (int k = 0; k < 3; ++k) act(patch.expected_other_axis[k]);
-  for (int k = 0; k < 3; ++k) act(patch.kept_normal[k]);
-  for (int k = 0; k < 3; ++k) act(patch.kept_tangent[k]);
+template <class S, class Patch, class Act>
+LOCKSTEP_INLINE void each_expected(const ContactTables<S>&, Patch& patch, Act&& act) {
+  const auto all = [&](auto&... vectors) LOCKSTEP_INLINED {
+    static_assert(3 * sizeof...(vectors) == ContactTables<S>::rows_of_pair);
+    ((act(vectors[0]), act(vectors[1]), act(vectors[2])), ...);
+  };
+  all(patch.expected_place, patch.expected_axis, patch.expected_other_axis, patch.kept_normal, patch.kept_tangent);
 }
 
 template <class T>
@@ -34,14 +44,10 @@ void load_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   const ScalarOf<T>* const rows = batch.contact_memory;
   const auto number = [&](int row) LOCKSTEP_INLINED { return T::load(rows + row * batch.stride); };
   int row = 0;
-  for (int s = 0; s < t.contacts.slots; ++s, row += 4) {
-    ContactSlot<T>& slot = x.contacts.slot[s];
-    slot.kept_face = number(row), slot.memory[0] = number(row + 1), slot.memory[1] = number(row + 2);
-    slot.pressed = number(row + 3);
-  }
-  for (int p = 0; p < t.contacts.pairs.count; ++p)
-    each_expected(x.contacts.patch[p], [&](T& kept) { kept = number(row++); });
-  for (int k = 0; k < t.solver.n; ++k) x.contacts.previous[k] = number(row++);
+  const auto take = [&](T& kept) LOCKSTEP_INLINED { kept = number(row++); };
+  for (int s = 0; s < t.contacts.slots; ++s) each_kept(t.contacts, x.contacts.slot[s], take);
+  for (int p = 0; p < t.contacts.pairs.count; ++p) each_expected(t.contacts, x.contacts.patch[p], take);
+  for (int k = 0; k < t.solver.n; ++k) take(x.contacts.previous[k]);
   typename T::Mask other = T::none();
   each_state_row(t, x, row, [&](T now, int at) { other = other | beyond(now - number(at), T(0)); });
   x.contacts.known = ~other;
@@ -53,13 +59,10 @@ void store_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   ScalarOf<T>* const rows = batch.contact_memory;
   const auto put = [&](int row, T number) LOCKSTEP_INLINED { store(rows + row * batch.stride, number); };
   int row = 0;
-  for (int s = 0; s < t.contacts.slots; ++s, row += 4) {
-    const ContactSlot<T>& slot = x.contacts.slot[s];
-    put(row, slot.kept_face), put(row + 1, slot.memory[0]), put(row + 2, slot.memory[1]), put(row + 3, slot.pressed);
-  }
-  for (int p = 0; p < t.contacts.pairs.count; ++p)
-    each_expected(x.contacts.patch[p], [&](const T& kept) { put(row++, kept); });
-  for (int k = 0; k < t.solver.n; ++k) put(row++, x.contacts.previous[k]);
+  const auto give = [&](const T& kept) LOCKSTEP_INLINED { put(row++, kept); };
+  for (int s = 0; s < t.contacts.slots; ++s) each_kept(t.contacts, x.contacts.slot[s], give);
+  for (int p = 0; p < t.contacts.pairs.count; ++p) each_expected(t.contacts, x.contacts.patch[p], give);
+  for (int k = 0; k < t.solver.n; ++k) give(x.contacts.previous[k]);
   each_state_row(t, x, row, [&](T now, int at) { put(at, now); });
   put(t.contacts.remembered(t) - 1, x.contacts.unfinished);
 }

@@ -1,10 +1,12 @@
-// StatePointers: the rows of a batch, as plain pointers for kernels. SPDX-License-Identifier: Apache-2.0
+// The rows of a batch, stated once: what each is called, how many there are, and what becomes of them.
+// SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 
 #include "lockstep/enums.h"
+#include "plan/tables.h"
 
 namespace lockstep {
 
@@ -14,32 +16,103 @@ struct FaultPlace {
   std::int32_t dof = -1;
 };
 
-/// Rows [dof][environment], `stride` numbers apart. Environments are padded to whole tiles.
-template <class S>
-struct StatePointers {
-  std::ptrdiff_t stride = 0;
-  S* position = nullptr;
-  S* velocity = nullptr;
-  S* angle = nullptr;          ///< rows of positions without whole turns, null if no joint turns for ever
-  S* root_pose = nullptr;      ///< 7 rows for each floating root, null if there is none
-  S* root_velocity = nullptr;  ///< 6 rows for each, the same
-  const S* position_target = nullptr;
-  const S* velocity_target = nullptr;
-  const S* effort = nullptr;
-  const S* fields[parameter_count] = {};  ///< by Parameter, null if not declared or without rows
-  S* impulse = nullptr;                   ///< rows by coupling, null unless recorded
-  S* residual = nullptr;                  ///< by reported row, null unless diagnostics are recorded
-  S* row_state = nullptr;                 ///< the same
-  S* energy = nullptr;                    ///< 4 rows, the same
-  S* audit = nullptr;                     ///< 2 rows, null unless audited: energy from nowhere, largest kinetic energy
-  S* contact_memory = nullptr;            ///< ContactTables::remembered() rows, null without contacts
-  Fault* fault = nullptr;
-  FaultPlace* place = nullptr;
-  std::uint32_t* steps = nullptr;  ///< good ones since the last reset, as they were when step() was called
+/// What becomes of rows when an environment is reset, saved and restored.
+enum class RowKind {
+  state,   ///< reset and saved
+  input,   ///< the same, but a reset may keep them
+  field,   ///< a parameter: saved, not reset
+  memory,  ///< what the library keeps between steps: reset and saved; restored under other settings, it begins anew
+  result,  ///< of the last step: neither reset nor saved
+  label,   ///< who the environment is, and its episode: saved, not reset
+};
 
-  inline __attribute__((always_inline)) const S* field(Parameter parameter) const {
+/// Rows of one name.
+struct BatchBlock {
+  const char* name;  ///< null for a field
+  RowKind kind;
+  int rows;
+  int traffic;         ///< numbers that step(1) reads and writes. Which inputs and fields it reads depends on the plan
+  int parameter = -1;  ///< of a field
+};
+
+/// Rows [dof][environment], `stride` numbers apart, as Hold::Rows<E> keeps them. Environments are padded to whole
+/// tiles.
+template <class S, class Hold>
+struct BatchRows {
+  template <class E>
+  using Rows = typename Hold::template Rows<E>;
+  template <class E>
+  using Inputs = typename Hold::template Inputs<E>;
+
+  std::ptrdiff_t stride = 0;
+  Rows<S> position{};
+  Rows<S> velocity{};
+  Rows<S> angle{};          ///< positions without whole turns, if a joint turns for ever
+  Rows<S> root_pose{};      ///< 7 rows for each floating root
+  Rows<S> root_velocity{};  ///< 6 rows for each
+  Inputs<S> position_target{};
+  Inputs<S> velocity_target{};
+  Inputs<S> effort{};
+  Inputs<S> fields[parameter_count] = {};  ///< by Parameter, if declared
+  Rows<S> impulse{};                       ///< by coupling, if recorded
+  Rows<S> residual{};                      ///< by reported row, if diagnostics are recorded
+  Rows<S> row_state{};                     ///< the same
+  Rows<S> energy{};                        ///< 4 rows, the same
+  Rows<S> audit{};                         ///< 2 rows if audited: energy from nowhere, largest kinetic energy
+  Rows<S> contact_memory{};                ///< see ContactTables::remembered()
+  Rows<Fault> fault{};
+  Rows<FaultPlace> place{};
+  Rows<std::uint32_t> steps{};  ///< good ones since the last reset; in a step, as they were when it was called
+  Rows<std::uint32_t> resets{};
+  Rows<std::uint32_t> id{};
+  Rows<std::uint64_t> seed{};
+
+  inline __attribute__((always_inline)) const Inputs<S>& field(Parameter parameter) const {
     return fields[static_cast<unsigned>(parameter)];
   }
 };
+
+/// act(block, rows of each of `all`...) for every block that a batch may have; one that it has not has 0 rows.
+template <class S, class Act, class... All>
+inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const Act& act, All&... all) {
+  using enum RowKind;
+  const int n = t.joints, inputs = n * t.input_times, roots = t.roots.count;
+  const int angles = t.turning.count > 0 ? n : 0, impulses = t.record_impulses ? t.couplings : 0;
+  const int reported = t.record_diagnostics ? t.reported.count : 0, energies = t.record_diagnostics ? 4 : 0;
+  const int remembered = t.contacts.remembered(t);
+  act(BatchBlock{"fault", state, 1, 1}, all.fault...);
+  act(BatchBlock{"fault place", state, 1, 0}, all.place...);
+  act(BatchBlock{"steps", state, 1, 2}, all.steps...);
+  act(BatchBlock{"resets", label, 1, 0}, all.resets...);
+  act(BatchBlock{"id", label, 1, 0}, all.id...);
+  act(BatchBlock{"seed", label, 1, 0}, all.seed...);
+  act(BatchBlock{"position", state, n, 2 * n}, all.position...);
+  act(BatchBlock{"angle", state, angles, t.turning.count}, all.angle...);
+  act(BatchBlock{"velocity", state, n, 2 * n}, all.velocity...);
+  act(BatchBlock{"root pose", state, 7 * roots, 14 * roots}, all.root_pose...);
+  act(BatchBlock{"root velocity", state, 6 * roots, 12 * roots}, all.root_velocity...);
+  act(BatchBlock{"position target", input, inputs, 0}, all.position_target...);
+  act(BatchBlock{"velocity target", input, inputs, 0}, all.velocity_target...);
+  act(BatchBlock{"effort", input, inputs, 0}, all.effort...);
+  act(BatchBlock{"audit", memory, t.audited ? 2 : 0, 0}, all.audit...);  // read where the motion is fast
+  act(BatchBlock{"contacts", memory, remembered, 2 * remembered}, all.contact_memory...);
+  act(BatchBlock{"impulse", result, impulses, impulses}, all.impulse...);
+  act(BatchBlock{"residual", result, reported, reported}, all.residual...);
+  act(BatchBlock{"row state", result, reported, reported}, all.row_state...);
+  act(BatchBlock{"energy", result, energies, energies}, all.energy...);
+  for (int f = 0; t.per_environment != 0 && f < parameter_count; ++f)
+    act(BatchBlock{nullptr, field, t.declares(Parameter(f)) ? rows_of(t, Parameter(f)) : 0, 0, f}, all.fields[f]...);
+}
+
+struct PlainPointers {
+  template <class E>
+  using Rows = E*;
+  template <class E>
+  using Inputs = const E*;
+};
+
+/// What kernels know of a batch.
+template <class S>
+using StatePointers = BatchRows<S, PlainPointers>;
 
 }  // namespace lockstep

@@ -36,29 +36,19 @@ LOCKSTEP_INLINE TileShape tile_shape(const Tables<S>& t) {
 
 /// Moves all pointers `by` environments onwards.
 template <class S>
-LOCKSTEP_INLINE void move(StatePointers<S>& batch, std::ptrdiff_t by, const TileShape& shape) {
-  batch.position += by;
-  batch.velocity += by;
-  if (batch.angle) batch.angle += by;
-  if (shape.roots > 0) batch.root_pose += by, batch.root_velocity += by;
-  batch.position_target += by;
-  batch.velocity_target += by;
-  batch.effort += by;
-  for (int f = 0; shape.per_environment != 0 && f < parameter_count; ++f)
-    if (batch.fields[f]) batch.fields[f] += by;
-  if (shape.record_impulses && batch.impulse) batch.impulse += by;
-  if (shape.record_diagnostics && batch.residual) batch.residual += by, batch.row_state += by;
-  if (shape.record_diagnostics) batch.energy += by;
-  if (batch.audit) batch.audit += by;
-  if (batch.contact_memory) batch.contact_memory += by;
-  batch.fault += by;
-  batch.place += by, batch.steps += by;
+LOCKSTEP_INLINE void move(const Tables<S>& t, StatePointers<S>& batch, std::ptrdiff_t by) {
+  each_block(
+      t,
+      [by](const BatchBlock&, auto& rows) LOCKSTEP_INLINED {
+        if (rows) rows += by;
+      },
+      batch);
 }
 
 /// The same pointers for the tile that begins at environment `first`.
 template <class S>
-LOCKSTEP_INLINE StatePointers<S> at(StatePointers<S> batch, std::ptrdiff_t first, const TileShape& shape) {
-  move(batch, first, shape);
+LOCKSTEP_INLINE StatePointers<S> at(const Tables<S>& t, StatePointers<S> batch, std::ptrdiff_t first) {
+  move(t, batch, first);
   return batch;
 }
 

@@ -94,10 +94,17 @@ struct ContactTables : ContactStructure {
   Span<TouchingPair<S>> pairs;
   S tolerance = 0;  ///< of a solve
   inline __attribute__((always_inline)) bool used() const { return pairs.count > 0; }
-  /// Rows of a batch that remember contacts (kernels/contacts/memory.h).
+  /// Rows of a batch that remember contacts (kernels/contacts/memory.h): of slots, of pairs, the solver's velocities,
+  /// the state that they belong to, and a count.
+  static constexpr int rows_of_slot = 4, rows_of_pair = 15;
   template <class Structure>
-  int remembered(const Structure& t) const {
-    return used() ? 4 * slots + 15 * pairs.count + t.solver.n + t.joints + t.velocities + 7 * t.roots.count + 1 : 0;
+  inline __attribute__((always_inline)) int remembered(const Structure& t) const {
+    return used() ? remembered_state(t) + t.joints + t.velocities + 7 * t.roots.count + 1 : 0;
+  }
+  /// The first row of the state.
+  template <class Structure>
+  inline __attribute__((always_inline)) int remembered_state(const Structure& t) const {
+    return rows_of_slot * slots + rows_of_pair * pairs.count + t.solver.n;
   }
 
   template <class From, class To, class Visit>
