@@ -38,6 +38,11 @@ LOCKSTEP_C_API int lockstep_abi(void);
 LOCKSTEP_C_API const char* lockstep_version(void);
 /* "element: rule; remedy" of this thread's last failure; "" before there was one. Valid until the next failure. */
 LOCKSTEP_C_API const char* lockstep_message(void);
+/* Its code, such as "model.joint" or "memory", "" before there was a failure: docs/errors.md. It stays the same when
+ * the words change. The string lives forever. */
+LOCKSTEP_C_API const char* lockstep_code(void);
+/* The code of a number of lockstep_faults(), such as "fault.not_finite"; "" for 0 and for what is no fault. */
+LOCKSTEP_C_API const char* lockstep_fault_code(uint32_t fault);
 
 /* --- models and plans --------------------------------------------------------------------------------------------- */
 

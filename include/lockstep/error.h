@@ -1,47 +1,78 @@
 // What is thrown, and when. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <span>
 #include <stdexcept>
 #include <string>
 
+#include "lockstep/enums.h"
 #include "lockstep/export.h"
 
 namespace lockstep {
 
-/// Every error names the element, the rule that it breaks and the remedy; what() is "element: rule; remedy".
+/// A code and what it stands for. Codes stay what they are from version to version; words of messages may change.
+struct ErrorCode {
+  const char* code;
+  const char* meaning;
+};
+
+/// All codes of errors and faults: docs/errors.md is written from this.
+LOCKSTEP_API std::span<const ErrorCode> error_codes() noexcept;
+
+/// "fault.not_finite" ...; "" for Fault::none and what is no enumerator. The string lives forever.
+LOCKSTEP_API const char* code_of(Fault fault) noexcept;
+
+/// Every error names the element, the rule that it breaks and the remedy; what() is "element: rule; remedy". Its code()
+/// says which class of error it is and what kind of element is named: "model.joint", "settings.dt", "usage.save", or
+/// the class alone, "import".
 /// Thrown by importing, compiling and using a Batch, never by Batch::step.
 class LOCKSTEP_API Error : public std::runtime_error {
  public:
+  /// A bug of the library: its code is "internal".
   Error(const std::string& element, const std::string& rule, const std::string& remedy)
-      : std::runtime_error(element + ": " + rule + "; " + remedy), element_(element), rule_(rule), remedy_(remedy) {}
+      : Error("internal", element, rule, remedy) {}
 
+  /// One of error_codes().
+  const char* code() const noexcept { return code_; }
   const std::string& element() const noexcept { return element_; }
   const std::string& rule() const noexcept { return rule_; }
   const std::string& remedy() const noexcept { return remedy_; }
 
+ protected:
+  Error(const char* group, const std::string& element, const std::string& rule, const std::string& remedy);
+
  private:
   std::string element_, rule_, remedy_;
+  const char* code_;
 };
 
 /// The mechanism is impossible or incomplete (a link, joint, coupling or site is named; behind file and line if it
 /// comes from a file).
 class LOCKSTEP_API ModelError : public Error {
-  using Error::Error;
+ public:
+  ModelError(const std::string& element, const std::string& rule, const std::string& remedy)
+      : Error("model", element, rule, remedy) {}
 };
 
 /// A file cannot be read as a mechanism (the file and, where known, the line is named).
 class LOCKSTEP_API ImportError : public Error {
-  using Error::Error;
+ public:
+  ImportError(const std::string& element, const std::string& rule, const std::string& remedy)
+      : Error("import", element, rule, remedy) {}
 };
 
 /// A setting is out of its range, or does not apply to this model (the setting is named).
 class LOCKSTEP_API SettingsError : public Error {
-  using Error::Error;
+ public:
+  SettingsError(const std::string& element, const std::string& rule, const std::string& remedy)
+      : Error("settings", element, rule, remedy) {}
 };
 
 /// A Plan or Batch was asked for something that it does not hold (an index, a name, an undeclared field).
 class LOCKSTEP_API UsageError : public Error {
-  using Error::Error;
+ public:
+  UsageError(const std::string& element, const std::string& rule, const std::string& remedy)
+      : Error("usage", element, rule, remedy) {}
 };
 
 }  // namespace lockstep

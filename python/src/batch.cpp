@@ -283,8 +283,9 @@ py::dict report_of(AnyBatch& batch, int environment) {
   return batch.use([&](auto& own) {
     const FaultReport report = own.fault_report(environment);
     const py::object joint = report.dof < 0 ? py::object(py::none()) : py::str(own.plan().dof_names()[report.dof]);
-    return py::dict("fault"_a = to_string(report.fault), "stage"_a = to_string(report.stage), "joint"_a = joint,
-                    "step"_a = report.step, "time"_a = report.time);
+    return py::dict("fault"_a = to_string(report.fault), "code"_a = code_of(report.fault),
+                    "stage"_a = to_string(report.stage), "joint"_a = joint, "step"_a = report.step,
+                    "time"_a = report.time);
   });
 }
 
@@ -304,7 +305,8 @@ void bind_steps(Class& batch) {
       "explain_fault",
       [](AnyBatch& b, int environment) { return b.use([&](auto& own) { return own.explain_fault(environment); }); },
       "environment"_a, "the fault in words; empty without one");
-  batch.def("fault_report", &report_of, "environment"_a, "fault, stage, joint, step and time of the fault, as a dict");
+  batch.def("fault_report", &report_of, "environment"_a,
+            "fault, code, stage, joint, step and time of the fault, as a dict");
 }
 
 void bind_readbacks(Class& batch) {

@@ -6,7 +6,7 @@ namespace {
 
 void raise(const char* type, const Error& error) {
   const py::object exception =
-      py::module_::import("lockstep.errors").attr(type)(error.element(), error.rule(), error.remedy());
+      py::module_::import("lockstep.errors").attr(type)(error.element(), error.rule(), error.remedy(), error.code());
   PyErr_SetObject(reinterpret_cast<PyObject*>(Py_TYPE(exception.ptr())), exception.ptr());
 }
 

@@ -124,6 +124,7 @@ def test_faults_stay_alone_and_explain_themselves(batch):
         b.step(3)
     assert np.flatnonzero(batch.fault).tolist() == [4]
     assert "not_finite" in batch.explain_fault(4) and batch.explain_fault(3) == ""
+    assert batch.fault_report(4)["code"] == "fault.not_finite"
     assert batch.fault_report(4)["fault"] == "not_finite" and batch.fault_report(4)["step"] == 0
     keep = np.arange(9) != 4
     assert np.array_equal(batch.q[keep], other.q[keep])

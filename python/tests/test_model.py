@@ -75,7 +75,8 @@ def test_errors_name_element_rule_and_remedy():
     assert "elbow" in error.element and error.rule and error.remedy
     assert str(error) == f"{error.element}: {error.rule}; {error.remedy}"
     assert isinstance(error, ls.Error) and isinstance(error, ValueError)
-    assert str(pickle.loads(pickle.dumps(error))) == str(error)
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error) and again.code == error.code == "model.joint"
 
 
 @pytest.mark.parametrize(

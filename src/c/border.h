@@ -32,8 +32,9 @@ struct lockstep_batch {
 
 namespace lockstep::c {
 
-/// Keeps the words for lockstep_message(), and returns the status.
-int failed(int status, const char* words) noexcept;
+/// Keeps the words for lockstep_message() and the code for lockstep_code(), and returns the status.
+int failed(int status, const char* words, const char* code) noexcept;
+inline int failed(int status, const Error& error) noexcept { return failed(status, error.what(), error.code()); }
 
 // Runs a function and turns what it throws into a status.
 template <class Function>
@@ -42,19 +43,19 @@ int guarded(Function&& function) noexcept {
     function();
     return LOCKSTEP_OK;
   } catch (const ModelError& error) {
-    return failed(LOCKSTEP_MODEL_ERROR, error.what());
+    return failed(LOCKSTEP_MODEL_ERROR, error);
   } catch (const ImportError& error) {
-    return failed(LOCKSTEP_IMPORT_ERROR, error.what());
+    return failed(LOCKSTEP_IMPORT_ERROR, error);
   } catch (const SettingsError& error) {
-    return failed(LOCKSTEP_SETTINGS_ERROR, error.what());
+    return failed(LOCKSTEP_SETTINGS_ERROR, error);
   } catch (const UsageError& error) {
-    return failed(LOCKSTEP_USAGE_ERROR, error.what());
+    return failed(LOCKSTEP_USAGE_ERROR, error);
   } catch (const std::bad_alloc&) {
-    return failed(LOCKSTEP_MEMORY_ERROR, "memory: there is not enough; free some, or use a smaller batch");
+    return failed(LOCKSTEP_MEMORY_ERROR, "memory: there is not enough; free some, or use a smaller batch", "memory");
   } catch (const std::exception& error) {
-    return failed(LOCKSTEP_INTERNAL_ERROR, error.what());
+    return failed(LOCKSTEP_INTERNAL_ERROR, error.what(), "internal");
   } catch (...) {
-    return failed(LOCKSTEP_INTERNAL_ERROR, "an unknown exception");
+    return failed(LOCKSTEP_INTERNAL_ERROR, "an unknown exception", "internal");
   }
 }
 

@@ -5,6 +5,7 @@ namespace lockstep::c {
 namespace {
 
 thread_local std::string message, export_report;
+thread_local const char* failure_code = "";
 
 // The names of a list of the plan.
 std::vector<const std::string*> names_of(const lockstep_plan& plan, int list) {
@@ -51,7 +52,8 @@ lockstep_model* imported(Import&& import) {
 
 }  // namespace
 
-int failed(int status, const char* words) noexcept {
+int failed(int status, const char* words, const char* code) noexcept {
+  failure_code = code;
   try {
     message = words;
   } catch (...) {  // too little memory for the words
@@ -68,6 +70,8 @@ using namespace lockstep::c;
 int lockstep_abi(void) { return 1; }
 const char* lockstep_version(void) { return version(); }
 const char* lockstep_message(void) { return message.c_str(); }
+const char* lockstep_code(void) { return failure_code; }
+const char* lockstep_fault_code(uint32_t fault) { return code_of(static_cast<Fault>(fault)); }
 
 int lockstep_model_from_urdf(const char* path, lockstep_model** out) {
   return guarded([&] {

@@ -182,6 +182,7 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   if (outcome.faulted > 0)
     json["first_fault"] = {{"environment", outcome.first_faulted},
                            {"fault", to_string(outcome.first_fault.fault)},
+                           {"code", code_of(outcome.first_fault.fault)},
                            {"stage", to_string(outcome.first_fault.stage)},
                            {"joint", outcome.first_joint},
                            {"step", outcome.first_fault.step},
@@ -217,6 +218,20 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
   return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
 
+void write_json(const SimulateOptions& options, const std::string& text) {
+  if (options.json.empty()) return;
+  OutputFile json(options.json);
+  json.write(text);
+  json.close();
+}
+
+std::string as_json(const Error& error) {
+  const nlohmann::ordered_json json = {
+      {"error",
+       {{"code", error.code()}, {"element", error.element()}, {"rule", error.rule()}, {"remedy", error.remedy()}}}};
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
 int run(const SimulateOptions& options) {
   if (options.recorded >= options.run.environments)
     throw InputError(fmt::format("--record-env: {} is not below the number of environments, {}", options.recorded,
@@ -234,11 +249,7 @@ int run(const SimulateOptions& options) {
                                                 : diagnosed<float>(options, inputs, plan, steps);
     if (!plan.contacts().empty()) print_contacts(diagnosis);
     warn(diagnosis);
-    if (!options.json.empty()) {
-      OutputFile json(options.json);
-      json.write(as_json(options, plan, outcome, diagnosis));
-      json.close();
-    }
+    write_json(options, as_json(options, plan, outcome, diagnosis));
   }
   if (outcome.faulted == 0) return fine;
   std::fflush(stdout);
@@ -260,7 +271,14 @@ void add_simulate(CLI::App& app, int& exit_code) {
       ->capture_default_str()
       ->check(CLI::Range(0, (1 << 24) - 1));
   command->add_option("--json", options->json, "Writes the results as JSON")->type_name("FILE");
-  command->callback([options, &exit_code] { exit_code = run(*options); });
+  command->callback([options, &exit_code] {
+    try {
+      exit_code = run(*options);
+    } catch (const Error& error) {  // found after the names of files were
+      write_json(*options, as_json(error));
+      throw;
+    }
+  });
 }
 
 }  // namespace lockstep::tool

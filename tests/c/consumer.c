@@ -138,6 +138,7 @@ int main(int count, char** arguments) {
   lockstep_step(batch, 10);
   expect(worst == *at(&positions, 0, 7), "and go on with the same bits");
   expect(lockstep_restore(batch, saved, bytes - 1) == LOCKSTEP_USAGE_ERROR, "half a batch must be refused");
+  expect(strcmp(lockstep_code(), "usage.save") == 0, "by a code");
   free(saved);
 
   *at(&positions, 0, 3) = (float)HUGE_VAL;
@@ -145,6 +146,8 @@ int main(int count, char** arguments) {
   expect(*(const uint32_t*)at(&faults, 0, 3) != 0, "an infinite position must be a fault");
   expect(lockstep_explain_fault(batch, 3, words, sizeof words) == LOCKSTEP_OK && strstr(words, "not_finite") != NULL,
          "and be explained");
+  expect(strcmp(lockstep_fault_code(*(const uint32_t*)at(&faults, 0, 3)), "fault.not_finite") == 0, "and have a code");
+  expect(strcmp(lockstep_fault_code(0), "") == 0 && strcmp(lockstep_fault_code(77), "") == 0, "which others have not");
   memset(mask, 0, sizeof mask);
   mask[3] = 1;
   expect(lockstep_reset_mask(batch, mask, 63, 0) == LOCKSTEP_USAGE_ERROR, "a mask has an entry for each environment");

@@ -162,11 +162,20 @@ TEST_F(Command, reports_faults_with_exit_code_1_and_one_line) {
   const auto& first = json.at("first_fault");
   EXPECT_EQ(first.at("environment"), 2);
   EXPECT_EQ(first.at("fault"), "diverged");
+  EXPECT_EQ(first.at("code"), "fault.diverged");
   EXPECT_EQ(first.at("stage"), "state");
   EXPECT_EQ(first.at("joint"), "wrist");
   EXPECT_EQ(first.at("step"), 0);
   EXPECT_EQ(first.at("time"), 0.0);
   EXPECT_TRUE(std::isfinite(json.at("coupling_error_max").get<double>()));
+}
+
+TEST_F(Command, writes_the_code_of_an_error) {
+  const Ran ran = run({"simulate", model, "--ignore", "friction:nobody", "--json", path("r.json")});
+  EXPECT_NE(ran.status, 0);
+  const auto json = nlohmann::json::parse(contents(path("r.json")));
+  EXPECT_EQ(json.at("error").at("code"), "settings.ignore");
+  EXPECT_EQ(json.size(), 1u);
 }
 
 TEST_F(Command, record_marks_the_rows_of_a_frozen_environment) {
