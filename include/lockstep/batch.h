@@ -41,8 +41,7 @@ enum class Engine {
               ///< faster than the tables, else the tables. Plan::describe() tells
   tables,     ///< the solver's stages as loops over tables. Takes every plan
   interpreter,  ///< the plan as a list of operations, each done for many environments before the next. Made in
-                ///< milliseconds, once for a plan. Not for limited servos beside rows of couplings, `tgs` with a
-                ///< softness per environment, or more than 40,000 operations
+                ///< milliseconds, once for a plan. Not for every plan: Plan::describe() tells
   generated,    ///< straight-line code that was written for the plan and compiled into the program (generate.h)
 };
 

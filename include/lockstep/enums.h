@@ -18,13 +18,8 @@ enum class Method : int {
 };
 
 /// How positions and velocities are taken through time: docs/mathematics.md, sections 9, 13 and 19. docs/choose.md says
-/// which to choose. All but `euler` need:
-/// - no bounds (limits, friction, kinematic drives, force limits) except those that StepSettings::ignore leaves out.
-///   leapfrog takes hard ones, where each joint with bounds moves with one velocity of the solver and no coupling is
-///   left to solve beside them;
-/// - method direct or reduced, nothing recorded, velocity_iterations of at least 1 where couplings are hard;
-/// - no Parameter::softness of couplings whose softness is an ErpCfm.
-/// Asking for one that does not apply is a SettingsError. `automatic` takes euler then, and Plan::describe() says why.
+/// which to choose. `euler` takes every scene, the others do not: asking for one that does not apply is a SettingsError
+/// that names the obstacle. `automatic` takes euler then, and Plan::describe() says why.
 enum class Integrator : int {
   automatic,     ///< leapfrog where it applies, else euler
   euler,         ///< semi-implicit Euler, (M45): first order, for every scene

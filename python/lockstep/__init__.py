@@ -5,7 +5,7 @@
     model = ls.from_urdf("gripper.urdf")
     plan = ls.compile(model, vary=["gear_ratio"])
     batch = plan.batch(4096, threads=2)
-    batch.q_target[:, plan.dof("driver")] = 0.4
+    batch.q_target[:, plan.dof("knuckle")] = 0.4
     batch.step(4)
 
 Arrays of a batch are live views: [num_envs, k], without copies, valid for ever. `batch.rows` has the same memory as

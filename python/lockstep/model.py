@@ -255,7 +255,7 @@ class Named(List[Element]):
 @dataclass
 class Model:
     """Links and joints form one tree or several. Links, joints, couplings and sites are lists that take names as
-    well as numbers: model.joints["driver"]. gravity: m/s^2, world axes."""
+    well as numbers: model.joints["knuckle"]. gravity: m/s^2, world axes."""
 
     name: str = "model"
     links: Named[Link] = field(default_factory=Named)
