@@ -161,7 +161,8 @@ TEST_P(SoftCouplings, move_as_in_the_file) {
   for (std::size_t i = 0; i < own.size(); ++i) EXPECT_NEAR(own[i], wanted[i], 1e-9 * (1.0 + std::abs(wanted[i]))) << i;
 }
 INSTANTIATE_TEST_SUITE_P(kinds, SoftCouplings,
-                         testing::Values(Softness(Frequency{40.0, 0.3}), Softness(ErpCfm{0.1, 0.02})));
+                         testing::Values(Softness(Frequency{40.0, 0.3}), Softness(ErpCfm{0.1, 0.02})),
+                         [](const auto& info) { return info.index == 0 ? "frequency" : "erp_cfm"; });
 
 TEST(MjcfExport, keeps_a_spring_whose_length_would_mean_another) {
   Model model = fingers();
