@@ -133,6 +133,11 @@ struct Site {
 };
 
 enum class ShapeKind { half_space, box, capsule, sphere };
+inline constexpr ShapeKind all_shape_kinds[] = {ShapeKind::half_space, ShapeKind::box, ShapeKind::capsule,
+                                                ShapeKind::sphere};
+
+/// The enumerator's name: "half_space", "box" ... The string lives forever.
+LOCKSTEP_API const char* to_string(ShapeKind kind) noexcept;
 
 /// A solid.
 struct Shape {

@@ -160,8 +160,6 @@ py::object coupling_to_python(const Coupling& coupling) {
                                   std::visit(SoftnessToPython{}, coupling.softness), coupling.force_limit);
 }
 
-constexpr const char* shape_kinds[] = {"half_space", "box", "capsule", "sphere"};
-
 Collider collider_of(const py::handle& from) {
   Collider collider;
   read(from, "name", collider.name), read(from, "link", collider.link), read(from, "group", collider.group);
@@ -171,18 +169,19 @@ Collider collider_of(const py::handle& from) {
   const py::object shape = from.attr("shape");
   std::string kind;
   read(shape, "kind", kind);
-  const auto found = std::find(std::begin(shape_kinds), std::end(shape_kinds), kind);
-  if (found == std::end(shape_kinds))
+  const auto found = std::find_if(std::begin(all_shape_kinds), std::end(all_shape_kinds),
+                                  [&](ShapeKind k) { return to_string(k) == kind; });
+  if (found == std::end(all_shape_kinds))
     throw ModelError("collider '" + collider.name + "'", "has a shape of the unknown kind '" + kind + "'",
                      "give half_space, box, capsule or sphere");
-  collider.shape = {static_cast<ShapeKind>(found - std::begin(shape_kinds)), matrix_of<Eigen::Vector3d>(shape, "size")};
+  collider.shape = {*found, matrix_of<Eigen::Vector3d>(shape, "size")};
   return collider;
 }
 
 py::object collider_to_python(const Collider& c) {
   return python_class("Collider")(
-      c.name, c.link, python_class("Shape")(shape_kinds[static_cast<int>(c.shape.kind)], tuple_of(c.shape.size)),
-      tuple_of(c.pose.matrix()), c.friction, c.restitution, std::visit(SoftnessToPython{}, c.softness), c.group);
+      c.name, c.link, python_class("Shape")(to_string(c.shape.kind), tuple_of(c.shape.size)), tuple_of(c.pose.matrix()),
+      c.friction, c.restitution, std::visit(SoftnessToPython{}, c.softness), c.group);
 }
 
 Contact contact_of(const py::handle& from) {

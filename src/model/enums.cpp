@@ -1,6 +1,8 @@
 // Names of enumerators. SPDX-License-Identifier: Apache-2.0
 #include "lockstep/enums.h"
 
+#include "lockstep/model.h"
+
 namespace lockstep {
 
 const char* to_string(Method method) noexcept {
@@ -32,6 +34,16 @@ const char* to_string(Parameter parameter) noexcept {
       "position_limits", "velocity_limit", "effort_limit",    "center_of_mass", "inertia",   "contact_friction"};
   const auto index = static_cast<unsigned>(parameter);
   return index < parameter_count ? names[index] : "unknown";
+}
+
+const char* to_string(ShapeKind kind) noexcept {
+  switch (kind) {
+    case ShapeKind::half_space: return "half_space";
+    case ShapeKind::box: return "box";
+    case ShapeKind::capsule: return "capsule";
+    case ShapeKind::sphere: break;
+  }
+  return "sphere";
 }
 
 const char* to_string(FaultStage stage) noexcept {

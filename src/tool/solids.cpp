@@ -13,20 +13,10 @@ constexpr double water = 1000.0;      // kg/m^3
 constexpr double least_share = 0.01;  // of the longest edge
 constexpr double same_moment = 1e-3;
 
-const char* kind_of(ShapeKind kind) {
-  switch (kind) {
-    case ShapeKind::half_space: return "half_space";
-    case ShapeKind::box: return "box";
-    case ShapeKind::capsule: return "capsule";
-    case ShapeKind::sphere: break;
-  }
-  return "sphere";
-}
-
 std::vector<Solid> colliders_of(const Model& model, const std::string& link) {
   std::vector<Solid> solids;
   for (const Collider& collider : model.colliders)
-    if (collider.link == link) solids.push_back({kind_of(collider.shape.kind), collider.shape.size, collider.pose});
+    if (collider.link == link) solids.push_back({to_string(collider.shape.kind), collider.shape.size, collider.pose});
   return solids;
 }
 
