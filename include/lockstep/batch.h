@@ -102,7 +102,7 @@ struct UnmetCoupling {
 struct FaultReport {
   Fault fault = Fault::none;
   FaultStage stage = FaultStage::none;
-  /// The dof whose new position or velocity is beyond its bound or no number, the fastest one if the motion is too
+  /// The dof whose new position or velocity is beyond its bound or NaN, the fastest one if the motion is too
   /// fast, or the one with the bad action. -1 where a floating root, a parameter or the matrix is to blame.
   int dof = -1;
   std::uint32_t step = 0;  ///< steps of dt that it had taken since its last reset
@@ -297,12 +297,12 @@ class LOCKSTEP_API Batch {
   // --- readbacks, computed when asked for ------------------------------------------------------
   /// Writes the rows of the queries one after the other, Plan::query_rows() for each. All frames of links and sites
   /// together take one kinematics pass, each energy takes another. `out` must not lie in memory of this batch.
-  /// Allocates nothing with one thread. Throws UsageError for elements outside the plan, a scale that is no number, and
+  /// Allocates nothing with one thread. Throws UsageError for elements outside the plan, a scale that is NaN, and
   /// rows without memory.
   void read(std::span<const Query> queries, const StridedRows<S>& out) const;
 
   // These allocate their result.
-  Array coupling_errors() const;  ///< [couplings][environments] C of (3), (17) of the note, rad or m
+  Array coupling_errors() const;  ///< [couplings][environments] C of (M2), rad or m
   /// [couplings][environments] impulse of the last step, N m s or N s along the coupling's first joint.
   /// Throws UsageError unless StepSettings::record_impulses.
   Array coupling_impulses() const;

@@ -85,7 +85,7 @@ class LOCKSTEP_API Plan {
   const std::vector<std::string>& parameter_row_names(Parameter parameter) const;
 
   /// Rows that Batch::read() writes for the query. Throws UsageError for elements outside the plan and a scale that is
-  /// no number.
+  /// NaN.
   int query_rows(const Query& query) const;
 
   /// Everything that a step holds or bounds, in the order of Batch::row_residuals() and row_states(): "coupling NAME"

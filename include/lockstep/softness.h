@@ -27,7 +27,7 @@ struct Spring {
   double kd = 0.0;  ///< damping, >= 0; with both 0 the coupling is absent
 };
 
-/// The spring with this frequency and damping at the inertia that the coupling itself moves, (26) and (27) of the note.
+/// The spring with this frequency and damping at the inertia that the coupling itself moves: (M28).
 struct Frequency {
   double rad_per_s = 0.0;      ///< natural frequency, >= 0
   double damping_ratio = 1.0;  ///< >= 0; 1 is critical

@@ -77,7 +77,7 @@ void bind_export(py::module_& module) {
       },
       "model"_a, py::kw_only(), "timestep"_a = MjcfOptions().timestep,
       "The model as MJCF, MuJoCo's XML: an Export with text, report and warnings. The report names what the format "
-      "cannot say. MuJoCo shall take steps of `timestep` s.");
+      "cannot say. The file asks MuJoCo for steps of `timestep` s.");
   module.def(
       "export_urdf", [exported](const py::object& model) { return exported(export_urdf(model_of(model))); }, "model"_a,
       "The model as URDF, which has no drives, gravity or start: an Export with text, report and warnings.");
