@@ -51,6 +51,7 @@ const OpcodeRule& rule_of(Op op) {
 
 // Longer lists, of many sweeps over many rows, are much slower than the tables' loops, and take long to make.
 constexpr std::size_t longest = 40000;
+constexpr const char* too_long = "a step takes more operations than the interpreter is made for";
 
 // Lowers the items in order. Loops are unrolled.
 class Lowering {
@@ -61,18 +62,18 @@ class Lowering {
     find_last_uses();
   }
 
-  // False if the graph has code that is not a Call, or if the list would be too long.
-  bool run() {
+  // Why the graph has no list: it has code that is not a Call, or the list would be too long. Empty if it has one.
+  std::string run() {
     for (const Item& item : graph_.items())  // all of the state, even numbers that a step does not read
       if (!calls_ && item.kind == Item::effect && item.condition < 0)
         for (const Write& store : item.stores) lasting_value(store.place);
     for (const Item& item : graph_.items()) {
       if (item.kind == Item::straight) lower_nodes(item);
-      if (operations_.size() + static_cast<std::size_t>(item.times) * item.nodes.size() > longest) return false;
+      if (operations_.size() + static_cast<std::size_t>(item.times) * item.nodes.size() > longest) return too_long;
       if (item.kind == Item::loop) lower_loop(item);
-      if (item.kind == Item::effect && !lower_effect(item)) return false;
+      if (item.kind == Item::effect && !lower_effect(item)) return "a step has a loop that only the tables run";
     }
-    return operations_.size() <= longest;
+    return operations_.size() <= longest ? "" : too_long;
   }
 
   OperationList finish(TableStorage& storage, bool apart) {
@@ -311,37 +312,54 @@ bool has_numbers_per_environment(const Program& program, bool consistent) {
          program.f64.has_own_inertias() || (!consistent && program.f64.turning.count > 0);
 }
 
-}  // namespace
-
-const OperationList* interpreted_step(const Program& program) {
-  const InterpretedStep& step = program.interpreted.get([&] {
+const InterpretedStep& interpreted(const Program& program) {
+  return program.interpreted.get([&] {
     const auto result = std::make_shared<InterpretedStep>();
-    if (trace::cost_of(program).flops > trace::most_traced_flops) return std::shared_ptr<const InterpretedStep>(result);
+    if (trace::cost_of(program).flops > trace::most_traced_flops) {
+      result->obstacle = too_long;
+      return std::shared_ptr<const InterpretedStep>(result);
+    }
     try {
       const auto list = [&](const Graph& graph, bool consistent) {
         Lowering lowering(graph);
-        if (!lowering.run()) return OperationList{};
+        if (const std::string obstacle = lowering.run(); !obstacle.empty()) {
+          if (!consistent) result->obstacle = obstacle;
+          return OperationList{};
+        }
         return lowering.finish(result->storage, has_numbers_per_environment(program, consistent));
       };
       const trace::TracedStep traced = trace::trace_step(program);
       result->any = list(traced.any, false);
       if (traced.consistent) result->consistent = list(*traced.consistent, true);
       if (result->consistent.step.count > 0) result->any.consistent = &result->consistent;
-    } catch (const SettingsError&) {      // a step solves lane by lane
-    } catch (const std::length_error&) {  // the list is too long
+    } catch (const SettingsError& error) {  // contacts, or a step that solves lane by lane
+      result->obstacle = error.element() + " " + error.rule();
+    } catch (const std::length_error&) {
+      result->obstacle = too_long;
       result->any = {};
     }
     return std::shared_ptr<const InterpretedStep>(result);
   });
+}
+
+}  // namespace
+
+const OperationList* interpreted_step(const Program& program) {
+  const InterpretedStep& step = interpreted(program);
   return step.any.step.count > 0 ? &step.any : nullptr;
 }
 
-bool interpreter_pays(const Program& program) {
+const std::string& list_obstacle(const Program& program) { return interpreted(program).obstacle; }
+
+const char* speed_obstacle(const Program& program) {
   constexpr int most_velocities = 30;  // of the solver: see docs/kernels.md
   const Tables<double>& t = program.f64;
-  // Bounds that act take the step again by the tables, and limits act often.
-  const bool again = t.bounds.by_velocity && t.integrator == Integrator::leapfrog;
-  return t.solver.n <= most_velocities && program.second_phase_anyway && !t.bounds.always && !again;
+  if (t.solver.n > most_velocities) return "a step solves for more than 30 velocities";
+  if (t.bounds.always) return "friction, kinematic drives or force limits call the tables in every step";
+  if (!program.second_phase_anyway) return "where no bound acts, the tables leave out the velocity phase";
+  if (t.bounds.by_velocity && t.integrator == Integrator::leapfrog)  // limits act often
+    return "leapfrog takes each step in which a bound acts again by the tables";
+  return nullptr;
 }
 
 }  // namespace lockstep::interpret

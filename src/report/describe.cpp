@@ -200,6 +200,7 @@ std::string stage_lines(const Program& program) {
                   {"responses", "row terms", to_string(t.rows.columns.n > 0 ? Method::direct : program.method)});
   if (t.bounds.rows.count > 0) stages.push_back("bounds");
   if (t.limited_servos.count > 0) stages.push_back("limited servos");
+  if (t.contacts.used()) stages.push_back("contacts");
   stages.insert(stages.end(), {"integration", "check"});
   std::string text = fmt::format("Stages{}: {}.\n", evaluations_of(program.integrator), fmt::join(stages, ", "));
 
@@ -217,10 +218,12 @@ std::string stage_lines(const Program& program) {
   if (!damped && !declared(program, Parameter::damping)) absent.push_back("damping");
   if (!rotors && !declared(program, Parameter::armature)) absent.push_back("armature");
   if (t.springs.count == 0) absent.push_back("springs");
+  std::vector<std::string> fields;
   for (int p = 0; p < parameter_count; ++p)
-    if (!declared(program, static_cast<Parameter>(p)))
-      absent.push_back(fmt::format("{} per environment", to_string(static_cast<Parameter>(p))));
+    if (declared(program, static_cast<Parameter>(p))) fields.push_back(to_string(static_cast<Parameter>(p)));
+  if (fields.empty()) absent.push_back("fields per environment");
   if (!absent.empty()) text += fmt::format("Left out, because the scene has none: {}.\n", fmt::join(absent, ", "));
+  if (!fields.empty()) text += fmt::format("May differ per environment: {}.\n", fmt::join(fields, ", "));
   return text;
 }
 
@@ -290,23 +293,42 @@ std::string contact_lines(const Program& program) {
   return text;
 }
 
+// Why there is no generated kernel of a plan.
+std::string kernel_obstacle(const Plan& plan) {
+  try {
+    generate_kernel(plan);
+  } catch (const SettingsError& error) {
+    return error.element() + " " + error.rule();
+  }
+  return "";
+}
+
 std::string engine_line(const Plan& plan) {
-  if (program_of(plan).f64.contacts.used()) return "Engine: tables, which alone solve contacts.\n";
+  const Program& program = program_of(plan);
+  if (program.f64.contacts.used()) return "Engine: tables, which alone solve contacts.\n";
+  // Without generated code.
+  std::string engine = to_string(Engine::tables), reason;
+  if (const char* obstacle = interpret::speed_obstacle(program))
+    reason = fmt::format("the interpreter is not taken by itself: {}", obstacle);
+  else if (interpret::interpreted_step(program))
+    engine = to_string(Engine::interpreter);
+  else
+    reason = fmt::format("the interpreter does not apply: {}", interpret::list_obstacle(program));
+  const std::string because = reason.empty() ? "" : fmt::format("  {}.\n", reason);
+
   const std::uint64_t hash = kernel_hash(plan);
-  if (hash == 0) return "Engine: tables; there is no straight-line code where softness is worked out lane by lane.\n";
+  if (hash == 0)
+    return fmt::format("Engine: {}; no kernel can be generated: {}.\n{}", engine, kernel_obstacle(plan), because);
   std::vector<std::string> generated;
   for (const GeneratedKernel* kernel : find_kernels(hash)) {
     if (kernel->f32) generated.push_back(fmt::format("{} for {} in f32", kernel->name, kernel->target));
     if (kernel->f64) generated.push_back(fmt::format("{} for {} in f64", kernel->name, kernel->target));
   }
-  const Program& program = program_of(plan);
-  const bool interpreted = interpret::interpreter_pays(program) && interpret::interpreted_step(program);
-  const char* otherwise = to_string(interpreted ? Engine::interpreter : Engine::tables);
   if (generated.empty())
-    return fmt::format("Engine: {}; this program holds no kernel that was generated for this step ({:016x}).\n",
-                       otherwise, hash);
-  return fmt::format("Engine: generated for this step ({:016x}): {}; {} otherwise.\n", hash, fmt::join(generated, ", "),
-                     otherwise);
+    return fmt::format("Engine: {}; this program holds no kernel that was generated for this step ({:016x}).\n{}",
+                       engine, hash, because);
+  return fmt::format("Engine: generated for this step ({:016x}): {}; {} otherwise.\n{}", hash,
+                     fmt::join(generated, ", "), engine, because);
 }
 
 }  // namespace

@@ -87,12 +87,38 @@ TEST(Description, describes_every_kind_of_softness) {
 
 TEST(Description, lists_features_that_were_left_out) {
   const Plan simple = compile(scenes::chain8());
-  expect_contains(simple, {"Left out, because the scene has none:", "solver rows", "drives", "armature",
-                           "gear_ratio per environment", "link_wrench per environment"});
+  expect_contains(
+      simple, {"Left out, because the scene has none:", "solver rows", "drives", "armature", "fields per environment"});
+  expect_omits(simple, {"May differ"});
   const Plan full = compile(scenes::gripper13(), {.method = Method::direct,
                                                   .per_environment = {Parameter::gear_ratio, Parameter::link_wrench}});
-  expect_omits(full, {"solver rows", "drives,", "gear_ratio per environment", "link_wrench per environment"});
-  expect_contains(full, {"damping", "armature", "mass per environment"});
+  expect_omits(full, {"solver rows", "drives,", "fields per environment"});
+  expect_contains(full, {"damping", "armature", "May differ per environment: gear_ratio, link_wrench."});
+}
+
+TEST(Description, says_why_an_engine_is_not_taken) {
+  expect_omits(compile(scenes::chain8()), {"interpreter is not taken", "does not apply"});
+  expect_contains(compile(scenes::chain32(), {.method = Method::direct}),
+                  {"Engine: tables;", "the interpreter is not taken by itself: a step solves for more than 30"});
+  Model model = scenes::chain8();
+  model.joints[0].lower = -1.0;
+  expect_contains(compile(model), {"Engine: tables;", "taken by itself: leapfrog takes each step in which a bound"});
+  model.joints[1].friction = 0.1;
+  expect_contains(compile(model), {"taken by itself: friction, kinematic drives or force limits"});
+  expect_contains(compile(scenes::chain8(), {.method = Method::tgs, .per_environment = {Parameter::softness}}),
+                  {"Engine: tables; no kernel can be generated: method tgs with a softness per environment is computed",
+                   "the interpreter does not apply: method tgs with a softness per environment"});
+  expect_contains(compile(scenes::chain32(), {.method = Method::pgs, .iterations = 1000}),
+                  {"no kernel can be generated: kernel would have a step of"});
+}
+
+TEST(Description, names_contacts_among_the_stages) {
+  Model model = scenes::chain8();
+  model.colliders = {{.name = "ground", .shape = Shape::half_space()},
+                     {.name = "tip", .link = model.joints.back().child, .shape = Shape::sphere(0.01)}};
+  model.contacts = {{"ground", "tip"}};
+  const std::string text = compile(model).describe(), stages = text.substr(text.find("Stages"));
+  EXPECT_NE(stages.substr(0, stages.find('\n')).find("contacts"), std::string::npos) << text;
 }
 
 TEST(Description, lists_bounds_and_those_to_be_ignored) {
