@@ -103,7 +103,8 @@ const RegisterKernels registered{@registered@};
 extern "C" void lockstep_kernel_@arg_NAME@() {}
 ]=])
   target_sources(${target} PRIVATE ${registration})
-  set_source_files_properties(${registration} PROPERTIES INCLUDE_DIRECTORIES "${LOCKSTEP_KERNEL_INCLUDE_DIRS}")
+  set_source_files_properties(${registration} PROPERTIES INCLUDE_DIRECTORIES "${LOCKSTEP_KERNEL_INCLUDE_DIRS}"
+                              SKIP_PRECOMPILE_HEADERS ON)
   get_target_property(type ${target} TYPE)
   if(type STREQUAL "STATIC_LIBRARY")
     # Nothing refers to the registration, so a linker would leave it out of a program.
