@@ -16,6 +16,8 @@
 
 namespace lockstep::contract {
 
+inline constexpr BatchOptions serial = {.threads = 1};
+
 /// Whether LOCKSTEP_TEST_ENGINE chose an engine: see engine.cpp.
 extern const bool engine_preferred;
 

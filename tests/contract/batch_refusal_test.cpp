@@ -13,8 +13,7 @@ namespace {
 
 using contract::same_bits;
 using contract::scattered;
-
-constexpr BatchOptions serial = {.threads = 1};
+using contract::serial;
 
 // The error of type E that act() throws.
 template <class E, class Act>

@@ -12,8 +12,7 @@ namespace {
 
 using contract::same_bits;
 using contract::scattered;
-
-constexpr BatchOptions serial = {.threads = 1};
+using contract::serial;
 
 // ---------------------------------------------------------------- views
 

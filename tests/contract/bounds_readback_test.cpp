@@ -8,8 +8,7 @@ namespace lockstep {
 namespace {
 
 using contract::scattered;
-
-constexpr BatchOptions serial = {.threads = 1};
+using contract::serial;
 
 StepSettings recording(Method method) {
   StepSettings settings = contract::settings(method);

@@ -9,8 +9,8 @@ namespace {
 
 using contract::same_bits;
 using contract::scattered;
+using contract::serial;
 
-constexpr BatchOptions serial = {.threads = 1};
 constexpr int environments = 19;  // two full tiles of eight lanes and a part of a third
 constexpr int steps = 50;
 

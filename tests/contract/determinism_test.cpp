@@ -14,8 +14,8 @@ namespace {
 
 using contract::same_bits;
 using contract::scattered;
+using contract::serial;
 
-constexpr BatchOptions serial = {.threads = 1};
 struct ArithmeticClass {  // targets that give the same bits
   Target twin;
   std::vector<Target> wide;

@@ -9,9 +9,8 @@
 namespace lockstep {
 namespace {
 
+using contract::serial;
 using Eigen::VectorXd;
-
-constexpr BatchOptions serial = {.threads = 1};
 
 // How far another order of operations may change a step: the number of velocities times epsilon times the condition
 // numbers of the two matrices that the step solves with (Higham 2002, section 10.1), and at least 1e-10.

@@ -8,8 +8,8 @@ namespace {
 using contract::outcome;
 using contract::Random;
 using contract::same_bits;
+using contract::serial;
 
-constexpr BatchOptions serial = {.threads = 1};
 constexpr int environments = 11;
 
 template <class S>

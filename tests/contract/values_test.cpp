@@ -9,8 +9,8 @@ namespace {
 
 using contract::same_bits;
 using contract::scattered;
+using contract::serial;
 
-constexpr BatchOptions serial = {.threads = 1};
 constexpr int environments = 9, damaged = 5;
 
 struct BadValue {
