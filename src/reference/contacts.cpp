@@ -101,17 +101,29 @@ Vector3d projected(const Vector3d& y, double friction) {
   return slides;
 }
 
-// The impulses that minimise, by FISTA with restarts.
-VectorXd cone_minimum(const MatrixXd& hessian, const VectorXd& linear, const std::vector<ContactPoint>& points) {
+// With the normal impulse given, friction is in a disc.
+Vector3d in_disc(const Vector3d& y, double normal, double friction) {
+  const double length = y.tail(2).norm(), most = friction * normal;
+  Vector3d found;
+  found << normal, (length > most ? most / length : 1.0) * y.tail(2);
+  return found;
+}
+
+// The impulses that minimise, by FISTA with restarts. Where `normal` is not below 0 it is given.
+VectorXd cone_minimum(const MatrixXd& hessian, const VectorXd& linear, const std::vector<ContactPoint>& points,
+                      const VectorXd& normal) {
   const double step = 1.0 / hessian.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff();
   VectorXd x = VectorXd::Zero(linear.size()), ahead = x;
   double t = 1.0;
   for (int i = 0; i < 2000000; ++i) {
     const VectorXd y = ahead - step * (hessian * ahead + linear);
     VectorXd next(x.size());
-    for (std::size_t c = 0; c < points.size(); ++c)
-      next.segment<3>(3 * static_cast<Eigen::Index>(c)) =
-          projected(y.segment<3>(3 * static_cast<Eigen::Index>(c)), points[c].friction);
+    for (std::size_t p = 0; p < points.size(); ++p) {
+      const auto c = static_cast<Eigen::Index>(p);
+      const Vector3d own = y.segment<3>(3 * c);
+      next.segment<3>(3 * c) =
+          normal[c] < 0.0 ? projected(own, points[p].friction) : in_disc(own, normal[c], points[p].friction);
+    }
     const double moved = (next - ahead).norm();
     if (moved <= 1e-15 * (1.0 + next.norm())) return next;
     if ((ahead - next).dot(next - x) > 0.0) t = 1.0;  // uphill
@@ -122,14 +134,45 @@ VectorXd cone_minimum(const MatrixXd& hessian, const VectorXd& linear, const std
   throw std::logic_error("the projected gradient has not converged");
 }
 
+// Compliance is a number in 1/kg, plus a share of a response in 1/kg; what an overlap asks for is rate * gap in m/s.
+struct Yielding {
+  double rate, compliance, share;
+  bool soft;
+};
+
+Yielding yielding(const Softness& softness, double h) {
+  if (const auto* spring = std::get_if<Spring>(&softness)) {
+    const double damping = h * spring->kp + spring->kd;  // of a force -kp (x + h u) - kd u
+    return {spring->kp / damping, 1.0 / (h * damping), 0.0, true};
+  }
+  if (const auto* vibration = std::get_if<Frequency>(&softness)) {  // the same with kp = w^2 m, kd = 2 zeta w m
+    const double w = vibration->rad_per_s, damping = h * w * w + 2.0 * vibration->damping_ratio * w;
+    return {w * w / damping, 0.0, 1.0 / (h * damping), true};
+  }
+  if (const auto* hard = std::get_if<Hard>(&softness)) return {hard->erp / h, 0.0, 1e-3, false};
+  throw std::logic_error("this softness has no reference");
+}
+
+// The speed after an impact over the speed of the step without contacts. Velocities of the step are those of half a
+// step before its end: u at the start is the speed at -h/2, and gravity's share of a half step is added twice.
+double restored_share(double restitution, double h, double gap, double start, double free) {
+  const double acceleration = (free - start) / h, now = start + 0.5 * h * acceleration;
+  const double at_surface = std::sqrt(std::max(0.0, now * now - 2.0 * acceleration * gap));
+  const double half_step = 0.5 * h * acceleration;
+  if (restitution * at_surface <= std::abs(half_step)) return 0.0;
+  return std::min(1.5, (restitution * at_surface - half_step) / std::abs(free));
+}
+
 }  // namespace
 
 ContactStep contact_step(const Mechanism& mechanism, const StepSettings& settings, const State& state,
-                         const Inputs& inputs, int passes) {
+                         const Inputs& inputs) {
   const Model& model = mechanism.model();
   const Stage stage(mechanism, settings.dt, state, inputs);
   const MatrixXd shares = shares_of(stage, mechanism);
   const MatrixXd reduced = shares.transpose() * stage.implicit * shares;
+  const MatrixXd inverse = shares * reduced.ldlt().solve(shares.transpose());
+  const VectorXd free = inverse * (stage.implicit * stage.free);  // the velocity without contacts
   const std::vector<Isometry3d> links = mechanism.link_poses(state);
   const auto solid = [&](const std::string& name) {
     for (const Collider& collider : model.colliders)
@@ -142,6 +185,8 @@ ContactStep contact_step(const Mechanism& mechanism, const StepSettings& setting
   ContactStep result;
   for (const Contact& contact : model.contacts) {
     const Solid a = solid(contact.first), b = solid(contact.second);
+    const Yielding yields = yielding(contact.softness.value_or(Hard{}), settings.dt);
+    const double restitution = contact.restitution.value_or(std::max(a.collider->restitution, b.collider->restitution));
     for (const Touch& touch : touches_of(a, b)) {
       ContactPoint point;
       point.frame.row(0) = touch.normal;
@@ -150,16 +195,28 @@ ContactStep contact_step(const Mechanism& mechanism, const StepSettings& setting
       MatrixXd jacobian = MatrixXd::Zero(3, mechanism.velocities());
       for (const auto& [side, sign] : {std::pair(&a, -1.0), std::pair(&b, 1.0)})
         if (side->link >= 0)
-          jacobian +=
-              sign * mechanism.jacobian(state, side->link, links[side->link].inverse() * touch.point).bottomRows(3);
+          jacobian += sign * mechanism
+                                 .jacobian(state, side->link,
+                                           links[side->link].inverse() *
+                                               (touch.point + 0.5 * sign * touch.gap * touch.normal).eval())
+                                 .bottomRows(3);
       point.jacobian = point.frame * jacobian;
       const MatrixXd own = point.jacobian * shares;
-      double response = 0.0;
-      for (Eigen::Index z = 0; z < own.cols(); ++z) response += own.col(z).squaredNorm() / reduced(z, z) / 3.0;
-      point.compliance = 1e-3 * response;
-      point.gap = touch.gap;
-      point.friction = std::sqrt(a.collider->friction * b.collider->friction);
-      point.target = touch.gap > 0 ? touch.gap / settings.dt : std::max(0.2 / settings.dt * touch.gap, -3.0);
+      Vector3d response = Vector3d::Zero();  // of the three rows
+      for (Eigen::Index z = 0; z < own.cols(); ++z) response += own.col(z).cwiseAbs2() / reduced(z, z);
+      const double mean = response.sum() / 3.0;
+      point.soft = yields.soft, point.gap = touch.gap;
+      point.compliance = yields.compliance + yields.share * (yields.soft ? std::max(response[0], 0.01 * mean) : mean);
+      point.friction = contact.friction.value_or(std::sqrt(a.collider->friction * b.collider->friction));
+      const double start = point.jacobian.row(0).dot(state.v), arrives = point.jacobian.row(0).dot(free);
+      point.bounces = restitution > 0.0 && touch.gap + settings.dt * arrives < 0.0 && start < -0.05;
+      point.restored = point.bounces ? restored_share(restitution, settings.dt, touch.gap, start, arrives) : 0.0;
+      if (point.bounces) point.compliance = std::min(point.compliance, 1e-3 * mean);
+      const double most = 3.0 * std::min(1.0, 3.0 * std::sqrt(response[0] / response.sum()));
+      const double pushed = yields.rate * touch.gap;
+      point.target = touch.gap > 0                   ? touch.gap / settings.dt
+                     : yields.soft && !point.bounces ? pushed
+                                                     : std::max(pushed, -most);
       result.points.push_back(point);
     }
   }
@@ -167,24 +224,48 @@ ContactStep contact_step(const Mechanism& mechanism, const StepSettings& setting
   MatrixXd rows(3 * count, mechanism.velocities());
   for (Eigen::Index c = 0; c < count; ++c)
     rows.middleRows(3 * c, 3) = result.points[static_cast<std::size_t>(c)].jacobian;
-  const MatrixXd inverse = shares * reduced.ldlt().solve(shares.transpose());
-  const VectorXd free = inverse * (stage.implicit * stage.free);
   MatrixXd hessian = rows * inverse * rows.transpose();
   for (Eigen::Index c = 0; c < count; ++c)
     hessian.diagonal().segment<3>(3 * c).array() += result.points[static_cast<std::size_t>(c)].compliance;
-  result.velocity = state.v;
-  VectorXd impulses;
-  for (int pass = 0; pass < passes; ++pass) {
-    const VectorXd seen = rows * result.velocity;
-    VectorXd linear = rows * free;
-    for (Eigen::Index c = 0; c < count; ++c) {
-      const ContactPoint& point = result.points[static_cast<std::size_t>(c)];
-      linear[3 * c] += point.target + point.friction * seen.segment<2>(3 * c + 1).norm();
-    }
-    impulses = cone_minimum(hessian, linear, result.points);
-    result.velocity = free + inverse * rows.transpose() * impulses;
-  }
+  const VectorXd seen = rows * state.v, free_speed = rows * free;
+  // The impulses that answer to targets, with some normal impulses given.
+  const auto impulses_for = [&](const VectorXd& targets, const VectorXd& normal) {
+    VectorXd linear = free_speed;
+    for (Eigen::Index c = 0; c < count; ++c)
+      linear[3 * c] +=
+          targets[c] + result.points[static_cast<std::size_t>(c)].friction * seen.segment<2>(3 * c + 1).norm();
+    return cone_minimum(hessian, linear, result.points, normal);
+  };
+  VectorXd targets(count), normal = VectorXd::Constant(count, -1.0);
+  for (Eigen::Index c = 0; c < count; ++c) targets[c] = result.points[static_cast<std::size_t>(c)].target;
+  VectorXd impulses = impulses_for(targets, normal);
   for (Eigen::Index c = 0; c < count; ++c) result.impulses.push_back(impulses.segment<3>(3 * c));
+  result.velocity = result.stays = free + inverse * rows.transpose() * impulses;
+
+  // No speed of a push-out stays, and what bounces is stopped.
+  bool again = false, restores = false;
+  for (Eigen::Index c = 0; c < count; ++c) {
+    const ContactPoint& point = result.points[static_cast<std::size_t>(c)];
+    again = again || point.bounces || (!point.soft && targets[c] < -0.01 && impulses[3 * c] > 0.0);
+  }
+  if (!again) return result;
+  for (Eigen::Index c = 0; c < count; ++c) {
+    const ContactPoint& point = result.points[static_cast<std::size_t>(c)];
+    if (point.bounces || (!point.soft && point.gap <= 0.0)) targets[c] = 0.0;
+  }
+  impulses = impulses_for(targets, normal);
+  result.stays = free + inverse * rows.transpose() * impulses;
+
+  // Poisson's restitution: what has stopped it comes back in part.
+  const VectorXd stopped = rows * result.stays;
+  for (Eigen::Index c = 0; c < count; ++c) {
+    const ContactPoint& point = result.points[static_cast<std::size_t>(c)];
+    if (!point.bounces) continue;
+    const double arrives = std::abs(free_speed[3 * c]), left = std::min(stopped[3 * c], 0.0);
+    normal[c] = (1.0 + point.restored) * impulses[3 * c] * std::min(1.01, arrives / (arrives + left));
+    restores = restores || (point.restored > 0.0 && impulses[3 * c] > 0.0);
+  }
+  if (restores) result.stays = free + inverse * rows.transpose() * impulses_for(targets, normal);
   return result;
 }
 

@@ -2,7 +2,8 @@
 //
 // The kernels minimise over velocities by Newton's method. This looks for the impulses instead: in the product of
 // friction cones K they minimise 1/2 L^T (J A^-1 J^T + R) L + L^T (J v* + b'), by an accelerated projected gradient. It
-// has its own shapes, its own Jacobians and no reduced velocities. Contacts are new: there is no memory.
+// has its own shapes, its own Jacobians, each body's at the point of its own surface, and no reduced velocities.
+// Contacts are new: there is no memory.
 #pragma once
 
 #include "step.h"
@@ -13,19 +14,22 @@ struct ContactPoint {
   Eigen::Matrix3d frame;     ///< rows: normal from the first collider to the second, two tangents
   Eigen::MatrixXd jacobian;  ///< [3][velocities], along the frame
   double gap, friction, compliance;
-  double target;  ///< b, without the slip term
+  double target;    ///< b, without the slip term
+  double restored;  ///< share of the impulse that stops it that comes back; 0 also where it does not bounce
+  bool bounces, soft;
 };
 
 struct ContactStep {
-  Eigen::VectorXd velocity;  ///< along the axes of the start
+  Eigen::VectorXd velocity;  ///< that moves the positions, along the axes of the start
+  Eigen::VectorXd stays;     ///< that the next step starts from, along the same axes
   std::vector<ContactPoint> points;
-  std::vector<Eigen::Vector3d> impulses;  ///< along the frames
+  std::vector<Eigen::Vector3d> impulses;  ///< of the positions' solve, along the frames
 };
 
-/// The velocity that moves the positions in the first step from a state, with hard couplings that hold in it, no
-/// bounds, and `passes` solves. Pairs: half-spaces with boxes, capsules and spheres, spheres with spheres and boxes.
+/// The first step from a state, with hard couplings that hold in it and no bounds. Normals allow for the slip of the
+/// start. Pairs: half-spaces with boxes, capsules and spheres, spheres with spheres and boxes. Half-spaces stand still.
 /// Throws std::logic_error for others.
 ContactStep contact_step(const Mechanism& mechanism, const StepSettings& settings, const State& state,
-                         const Inputs& inputs, int passes);
+                         const Inputs& inputs);
 
 }  // namespace lockstep::reference

@@ -91,7 +91,7 @@ Checked check(Environment& e) {
   for (int j = 0; j < n; ++j)
     for (int k = 0; k < t.solver.size[j]; ++k) a(j, j + k) = a(j + k, j) = value(x.held.matrix[t.solver.offset[j] + k]);
   Eigen::VectorXd z(n), gradient(n);
-  bool solved_again = false;  // (M109): then the memory is what the first solve has found
+  bool solved_again = false;  // (M109)
   for (int s = 0; s < t.contacts.slots; ++s)
     solved_again = solved_again || holds(x.contacts.slot[s].relaxes & x.contacts.slot[s].live);
   for (int k = 0; k < n; ++k) {
@@ -122,7 +122,8 @@ Checked check(Environment& e) {
       a += k * jacobian.transpose() * jacobian * (impulse[0] > 0.0 ? 1.0 : 0.0);
       if (impulse[0] <= 0.0) continue;
       found.acts = true;
-      found.slip = std::max(found.slip, t.dt * std::abs(pair.friction * u.tail<2>().norm() - slip));
+      const Eigen::Vector2d sliding(u[1] + value(slot.drift[0]), u[2] + value(slot.drift[1]));
+      found.slip = std::max(found.slip, t.dt * std::abs(pair.friction * sliding.norm() - slip));
     }
   }
   if (found.acts)

@@ -63,13 +63,15 @@ void touch_shapes(PairKind kind, const PlacedShape<T>& a, const PlacedShape<T>& 
 }
 
 /// (M108): how the pair's velocities turn and move its second collider against the first, in the frame of the contact.
+/// Each body is taken at its end of `gap` along the normal, the second one's at + gap / 2 from the reference point.
 template <class T>
 void find_columns(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, const ContactPatch<T>& patch,
-                  Tile<T>& x) {
+                  T gap, Tile<T>& x) {
   const Motion<T>& m = x.contacts.motion;
+  const Vec3<T> to_end = scaled(patch.axes[0], T(ScalarOf<T>(0.5)) * gap);
   for (int k = pair.column; k < pair.column + pair.columns; ++k) {
     const PairColumn& column = t.contacts.columns[k];
-    Vec3<T> turning = Vec3<T>::zero(), moving = turning;
+    Vec3<T> turning = Vec3<T>::zero(), moving = turning, parted = turning;
     for (int p = column.first; p < column.last; ++p) {
       const ColumnPart& part = t.contacts.parts[p];
       const Body<ScalarOf<T>>& body = t.body[part.body];
@@ -84,10 +86,13 @@ void find_columns(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>&
       }
       turning = turning + e;
       moving = cross_add(e, patch.point - m.place[part.body], moving);
+      parted = fma(cross(e, to_end), T(ScalarOf<T>(part.sign)), parted);
     }
+    moving = moving + parted;
     for (int i = 0; i < 3; ++i) {
       x.contacts.turning[k][i] = dot(patch.axes[i], turning);
       x.contacts.moving[k][i] = dot(patch.axes[i], moving);
+      x.contacts.parted[k][i] = dot(patch.axes[i], parted);
     }
   }
 }
@@ -115,6 +120,11 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
   Patch<T> patch;
   touch_shapes(pair.kind, a, b, margin, patch);
   touch.axes[0] = patch.normal, touch.axes[1] = patch.tangent, touch.axes[2] = patch.other_tangent;
+  // Friction acts on the surfaces: where one body stands still, the point is the other's end of the gap. Two moving
+  // bodies of a pair with one slot have an end each; those of others meet in the middle.
+  const S end = first.body < 0 ? S(0.5) : second.body < 0 ? S(-0.5) : S(0);
+  for (int s = 0; s < pair.slots; ++s) patch.point[s] = fma(patch.normal, T(end) * patch.gap[s], patch.point[s]);
+  const bool parts = pair.slots == 1 && first.body >= 0 && second.body >= 0;
   touch.point = pair.slots == 1 ? patch.point[0] : b.center;
   touch.center = b.center;
   touch.frame = a.rotation;
@@ -130,8 +140,8 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
     slot.face = patch.face[s];
   }
   const auto held = carry_memory(pair.slots, x.contacts.known, touch, slots);
-  find_drift(held, touch);
-  find_columns(t, pair, touch, x);
+  find_drift(held, T(t.dt) * sqrt(dot(turns, turns)), touch);
+  find_columns(t, pair, touch, parts ? patch.gap[0] : T(0), x);
   return held;
 }
 

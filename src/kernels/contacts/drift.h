@@ -11,10 +11,13 @@
 
 namespace lockstep::kernels {
 
+constexpr double most_turn = 0.05;  // (M111), rad: pairs that turn further in a step have no drift
+
 /// The drift of the pair since the step before, in the frame of the contact, in lanes where the pair has been `held`.
-/// What may be rounding stays for later and fades, or a resting pair would tremble.
+/// What may be rounding stays for later and fades, or a resting pair would tremble. `angle` is the turn of the pair
+/// in a step: what turns by more than most_turn rolls and is no longer held, and a line says nothing of its way.
 template <class T>
-LOCKSTEP_INLINE void find_drift(typename T::Mask held, ContactPatch<T>& patch) {
+LOCKSTEP_INLINE void find_drift(typename T::Mask held, T angle, ContactPatch<T>& patch) {
   using S = ScalarOf<T>;
   const Vec3<T> expected[3] = {patch.expected_axis, patch.expected_other_axis,
                                cross(patch.expected_axis, patch.expected_other_axis)};
@@ -24,11 +27,12 @@ LOCKSTEP_INLINE void find_drift(typename T::Mask held, ContactPatch<T>& patch) {
                 moving = multiply(patch.frame, patch.place - patch.expected_place);
   const T far = T(1) + absolute(patch.center.x) + absolute(patch.center.y) + absolute(patch.center.z);
   const T rounding = T(S(3)) * T::rounding();
+  const T counted = smaller(larger(fnma(angle, T(S(2 / most_turn)), T(2)), T(0)), T(1));
   // Rounding of single precision is not to be seen in a speed, and does not add up to a walk.
   const T gain = T(S(sizeof(S) == 4 ? 0.25 : 1.0)), fading = T(S(sizeof(S) == 4 ? 0.01 : 0.0));
   for (int i = 0; i < 3; ++i) {
-    const T turn = select(held, dot(patch.axes[i], turning), T(0)),
-            move = select(held, dot(patch.axes[i], moving), T(0));
+    const T turn = select(held, counted * dot(patch.axes[i], turning), T(0)),
+            move = select(held, counted * dot(patch.axes[i], moving), T(0));
     const T small_turn = within(turn, rounding), small_move = within(move, far * rounding);
     patch.drift_turning[i] = gain * (turn - small_turn), patch.drift_moving[i] = gain * (move - small_move);
     patch.kept_turning[i] = fnma(fading, small_turn, turn - patch.drift_turning[i]);
@@ -43,11 +47,14 @@ LOCKSTEP_INLINE Vec3<T> in_first_frame(const ContactPatch<T>& patch, const Vec3<
   return multiply_transposed(patch.frame, world);
 }
 
-/// The pair's twist at the velocities z, in the frame of its first collider, at the second one's centre.
+/// The pair's twist at the velocities z, in the frame of its first collider, at the second one's centre. Both bodies
+/// are seen at the reference point here, also where each has its friction on its own surface.
 template <class T>
 RelativeTwist<T> twist_in_frame(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair,
                                 const ContactPatch<T>& patch, const Tile<T>& x, const T* z) {
-  const RelativeTwist<T> twist = twist_of(t, pair, x, z, true);
+  RelativeTwist<T> twist = twist_of(t, pair, x, z, true);
+  for (int k = pair.column; k < pair.column + pair.columns; ++k)
+    twist.moving = fma(x.contacts.parted[k], -z[t.contacts.columns[k].velocity], twist.moving);
   const Vec3<T> turning = in_first_frame(patch, twist.turning);
   const Vec3<T> arm = multiply_transposed(patch.frame, patch.center - patch.point);
   return {turning, cross_add(turning, arm, in_first_frame(patch, twist.moving))};

@@ -5,10 +5,14 @@
 
 namespace lockstep::kernels {
 
-constexpr double push_out = 3.0;        // (M104), m/s: the largest speed at which an overlap is removed
-constexpr double fastest_return = 0.1;  // (M111), m/s: of what has drifted
-constexpr double least_bounce = 0.05;   // m/s: slower impacts do not bounce
-constexpr double relaxed_above = 0.01;  // m/s: overlaps that are removed faster leave no speed behind (M109)
+constexpr double push_out = 3.0;            // (M104), m/s: the largest speed at which an overlap is removed
+constexpr double least_response = 0.01;     // (M104): of a soft normal, in the mean of its three rows
+constexpr double fastest_return = 0.1;      // (M111), m/s: of what has drifted
+constexpr double least_bounce = 0.05;       // (M109), m/s: slower impacts do not bounce
+constexpr double bounce_compliance = 1e-3;  // (M109), of the response: what bounces yields no more than this
+constexpr double most_restored = 1.5;       // (M109)
+constexpr double relaxed_above = 0.01;      // (M109), m/s: overlaps that are removed faster leave no speed behind
+constexpr double carried_above = 0.01;      // (M116): of that speed, what carried impulses may leave
 
 /// From the second collider's centre to the slot, in the frame of the contact.
 template <class T>
@@ -17,23 +21,33 @@ LOCKSTEP_INLINE Vec3<T> from_center(const ContactPatch<T>& patch, const ContactS
   return slot.arm + Vec3<T>{dot(patch.axes[0], apart), dot(patch.axes[1], apart), dot(patch.axes[2], apart)};
 }
 
-/// How far the pair's points answer a unit impulse if each velocity answers by itself: the sum over its columns of
-/// |J|^2 / A_kk, for (M104). With J = m + w x r it is a quadratic function of the arm r.
+/// How far the pair's points answer a unit impulse if each velocity answers by itself, for (M104): the sum over its
+/// columns of |J|^2 / A_kk, and the part of it along the normal. With J = m + w x r both are quadratic functions of the
+/// arm r.
 template <class T>
 struct PairResponse {
   T constant = T(0);                   // of |m|^2
   Vec3<T> linear = Vec3<T>::zero();    // of m x w
   Vec3<T> squares = Vec3<T>::zero();   // of |w|^2 - w w^T: the diagonal
   Vec3<T> products = Vec3<T>::zero();  // its yz, zx, xy
+  T normal_constant = T(0);            // of m_x^2
+  T normal_linear[2] = {T(0), T(0)};   // of m_x times -w_z, w_y
+  T normal_squares[2] = {T(0), T(0)};  // of w_z^2, w_y^2; their product is that of y and z above
 
   PairResponse(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, const Tile<T>& x) {
     for (int k = pair.column; k < pair.column + pair.columns; ++k) {
       const T mobility = T(1) / x.held.matrix[t.solver.offset[t.contacts.columns[k].velocity]];
       const Vec3<T>& m = x.contacts.moving[k];
+      const T scaled_m = mobility * m.x;
       constant = fma(mobility, dot(m, m), constant);
+      normal_constant = fma(scaled_m, m.x, normal_constant);
       if (pair.slots == 1) continue;
       const Vec3<T>&w = x.contacts.turning[k], scaled_w = scaled(w, mobility);
       linear = cross_add(m, scaled_w, linear);
+      normal_linear[0] = fnma(scaled_m, w.z, normal_linear[0]);
+      normal_linear[1] = fma(scaled_m, w.y, normal_linear[1]);
+      normal_squares[0] = fma(scaled_w.z, w.z, normal_squares[0]);
+      normal_squares[1] = fma(scaled_w.y, w.y, normal_squares[1]);
       for (int i = 0; i < 3; ++i) {
         const int j = (i + 1) % 3, l = (i + 2) % 3;
         squares[i] = fma(scaled_w[j], w[j], fma(scaled_w[l], w[l], squares[i]));
@@ -41,7 +55,7 @@ struct PairResponse {
       }
     }
   }
-  LOCKSTEP_INLINE T at(const Vec3<T>& r) const {
+  LOCKSTEP_INLINE T of_all_rows(const Vec3<T>& r) const {
     const T two = T(2);
     T sum = fma(two, dot(linear, r), constant);
     for (int i = 0; i < 3; ++i) {
@@ -50,59 +64,103 @@ struct PairResponse {
     }
     return sum;
   }
+  LOCKSTEP_INLINE T of_normal(const Vec3<T>& r) const {
+    const T two = T(2);
+    T sum = fma(two, fma(normal_linear[0], r.y, normal_linear[1] * r.z), normal_constant);
+    sum = fma(r.y * r.y, normal_squares[0], fma(r.z * r.z, normal_squares[1], sum));
+    return larger(fma(two * (r.y * r.z), products.x, sum), T(0));
+  }
 };
 
-/// (M104), (M109), (M111): compliance and target of the slot's normal, drift along its tangents. `start` is
-/// the pair's twist at the start of the step; slot.speed is that without contacts, if the pair bounces. What bounces
-/// within the step is thrown back over what it would go too far, at the speed that it arrives with: that of the end of
-/// the free step, which keeps energies, unless forces change it by much.
+/// The speed along the surface that friction works against: with the drift that it takes back (M111).
+template <class T>
+LOCKSTEP_INLINE T sliding_speed(const ContactSlot<T>& slot, const T (&u)[3]) {
+  const T a = u[1] + slot.drift[0], b = u[2] + slot.drift[1];
+  return sqrt(fma(a, a, b * b));
+}
+
+/// (M109): whether a slot bounces, and the share of the impulse that comes back. Velocities of semi-implicit Euler are
+/// those of the middle of their step. `u` is the normal speed at the start of the step, slot.free that of the step
+/// without contacts.
+template <class T>
+LOCKSTEP_INLINE void begin_bounce(ScalarOf<T> restitution, ScalarOf<T> dt, T u, ContactSlot<T>& slot) {
+  using S = ScalarOf<T>;
+  const T zero = T(0), half = T(S(0.5)), h = T(dt), e = T(restitution), arrives = slot.free[0];
+  slot.bounces = slot.live & less(fma(h, arrives, slot.gap), zero) & less(u, T(S(-least_bounce)));
+  const T gain = arrives - u, middle = fma(half, gain, u);
+  const T at_surface = sqrt(larger(fnma(T(S(2) / dt) * gain, slot.gap, middle * middle), zero));
+  const T leaves = fma(e, at_surface, -half * gain);
+  const T share = smaller(leaves / larger(absolute(arrives), T(S(1e-6))), T(S(most_restored)));
+  slot.restored = select(slot.bounces & less(half * absolute(gain), e * at_surface), share, zero);
+}
+
+/// (M104), (M109), (M111): compliance and target of the slot's normal, drift along its tangents. `start` is the pair's
+/// twist at the start of the step; slot.free has the speeds without contacts, if the pair bounces.
 template <class T>
 void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, const ContactPatch<T>& patch,
                 const RelativeTwist<T>& start, const PairResponse<T>& response, ContactSlot<T>& slot) {
   using S = ScalarOf<T>;
-  const T zero = T(0);
-  const T compliance = fma(T(pair.cfm_per_response / S(3)), response.at(slot.arm), T(pair.cfm));
-  slot.stiffness = select(slot.live, T(1) / select(slot.live, compliance, T(1)), zero);
-  const T overlap = larger(T(pair.rate) * slot.gap, T(S(-push_out)));
-  slot.bias = select(less(zero, slot.gap), slot.gap * T(S(1) / t.dt), overlap);
+  const T zero = T(0), one = T(1);
   T u[3];
   slot_speed(slot, start, u);
-  slot.bounces = T::none();
-  if (pair.restitution > S(0)) {
-    slot.bounces = slot.live & less(fma(T(t.dt), u[0], slot.gap), zero) & less(u[0], T(S(-least_bounce)));
-    const T arrival = u[0] + within(slot.speed[0] - u[0], T(S(0.25)) * absolute(u[0]));
-    const T reached = larger(slot.gap, zero) * T(S(1) / t.dt);
-    slot.rebound = T(pair.restitution) * arrival;
-    slot.bias = select(slot.bounces, fma(T(pair.restitution), smaller(arrival + reached, zero), reached), slot.bias);
+  slot.bounces = slot.given = slot.relaxes = T::none();
+  slot.restored = slot.stopping = slot.normal = slot.push = zero;
+  if (pair.restitution > S(0)) begin_bounce(pair.restitution, t.dt, u[0], slot);
+
+  // What answers in no row at all cannot be pushed: such a slot is off.
+  const T all_rows = response.of_all_rows(slot.arm), normal = response.of_normal(slot.arm);
+  const T mean = T(S(1) / S(3)) * all_rows;
+  const T stated = pair.soft ? larger(normal, T(S(least_response)) * mean) : mean;
+  T compliance = fma(T(pair.cfm_per_response), stated, T(pair.cfm));
+  compliance = select(slot.bounces, smaller(compliance, T(S(bounce_compliance)) * mean), compliance);
+  slot.live = slot.live & less(zero, compliance);
+  slot.bounces = slot.bounces & slot.live;
+  slot.stiffness = select(slot.live, one / select(slot.live, compliance, one), zero);
+
+  const T share = smaller(T(3) * sqrt(normal / larger(all_rows, T(S(1e-30)))), one);
+  slot.slow = T(S(relaxed_above)) * share;
+  const T overlap = T(pair.rate) * slot.gap, capped = larger(overlap, T(S(-push_out)) * share);
+  const T pushed = pair.soft ? select(slot.bounces, capped, overlap) : capped;
+  slot.bias = select(less(zero, slot.gap), slot.gap * T(S(1) / t.dt), pushed);
+
+  // A soft contact's memory is a spring along the surface. It holds no more than the normal spring allows.
+  if (pair.soft) {
+    const T most = patch.friction * larger(-slot.bias, zero) * slot.stiffness;
+    const T length = sqrt(fma(slot.carried[0], slot.carried[0], slot.carried[1] * slot.carried[1]));
+    const T part = smaller(most / larger(length, T(S(1e-30))), one);
+    for (int i = 0; i < 2; ++i) slot.carried[i] = part * slot.carried[i];
   }
-  slot.slip = patch.friction * sqrt(fma(u[1], u[1], u[2] * u[2]));
-  slot.target = slot.bias + slot.slip;
-  slot.push = zero;
-  slot.relaxes = T::none();
+  slot.load = select(slot.goes_on, slot.pressed, zero);
   const Vec3<T> drift = cross_add(patch.drift_turning, from_center(patch, slot), patch.drift_moving);
   for (int i = 0; i < 2; ++i)
-    slot.drift[i] = select(slot.goes_on, within(drift[i + 1] * T(S(1) / t.dt), T(S(fastest_return))), zero);
+    slot.drift[i] =
+        select(slot.goes_on & ~slot.bounces, within(drift[i + 1] * T(S(1) / t.dt), T(S(fastest_return))), zero);
+  slot.slip = slot.slip_before = slot.found_before = patch.friction * sliding_speed(slot, u);
+  slot.target = slot.bias + slot.slip;
 }
 
 /// (M105), (M106): impulse and its derivative at the speed u. The projection on the friction cone of the impulse that
-/// the compliance asks for: it sticks, slides or is off.
+/// the compliance asks for: it sticks, slides or is off. Where the normal impulse is given (M115), friction is the
+/// projection on a disc.
 template <class T>
 LOCKSTEP_INLINE void contact_force(const ContactSlot<T>& slot, T friction, const T (&u)[3], ContactForce<T>& force) {
   using S = ScalarOf<T>;
   const T zero = T(0), one = T(1), k = slot.stiffness;
-  const T normal = fnma(u[0] + slot.target, k, slot.push);
+  const T asked = fnma(u[0] + slot.target, k, slot.push);
   const T t1 = fnma(u[1] + slot.drift[0], k, slot.carried[0]), t2 = fnma(u[2] + slot.drift[1], k, slot.carried[1]);
   const T length = sqrt(fma(t1, t1, t2 * t2)), inverse = one / larger(length, T(S(1e-30)));
-  const T reached = fma(friction, length, normal), share = one / fma(friction, friction, one);
+  const T share = select(slot.given, zero, one / fma(friction, friction, one));
+  const T normal = select(slot.given, slot.normal, asked);
+  const T reached = fma(friction, length, normal);
+  const T sliding = select(slot.given, slot.normal, reached * share);
   force.sticks = less(length, friction * normal) & slot.live;
-  force.slides = less(zero, reached) & ~force.sticks & slot.live;
-  const T sliding = reached * share;
+  force.slides = less(zero, select(slot.given, slot.normal, reached)) & ~force.sticks & slot.live;
   force.impulse[0] = select(force.sticks, normal, select(force.slides, sliding, zero));
   const T f = select(force.sticks, one, select(force.slides, friction * sliding * inverse, zero));
   force.impulse[1] = f * t1, force.impulse[2] = f * t2;
   const T across = select(force.slides, k * friction * share * inverse, zero);
   const T along = select(force.slides, k * (fma(friction, friction * share, -f)) * inverse * inverse, zero);
-  force.gain[0] = k * select(force.sticks, one, select(force.slides, share, zero));
+  force.gain[0] = k * select(force.sticks & ~slot.given, one, select(force.slides, share, zero));
   force.gain[1] = across * t1, force.gain[2] = across * t2;
   force.gain[3] = fma(along * t1, t1, k * f);
   force.gain[4] = along * t1 * t2;

@@ -24,6 +24,8 @@ void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& 
     const TouchingPair<S>& pair = t.contacts.pairs[p];
     const ContactPatch<T>& patch = x.contacts.patch[p];
     const bool near = any(patch.near);
+    const int bodies[2] = {t.contacts.colliders[pair.first].body, t.contacts.colliders[pair.second].body};
+    const bool parts = pair.slots == 1 && bodies[0] >= 0 && bodies[1] >= 0;
     for (int s = 0; s < pair.slots; ++s) {
       const ContactSlot<T>& slot = x.contacts.slot[pair.slot + s];
       S* row = numbers + (pair.slot + s) * contact_numbers * T::lanes;
@@ -59,8 +61,9 @@ void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& 
       };
       const Vec3<T> point = in_world(slot.arm) + patch.point;
       Vec3<T> turning, first, second;
-      velocity_at(x.contacts.motion, t.contacts.colliders[pair.first].body, point, turning, first);
-      velocity_at(x.contacts.motion, t.contacts.colliders[pair.second].body, point, turning, second);
+      const Vec3<T> to_end = scaled(patch.axes[0], T(S(parts ? 0.5 : 0.0)) * slot.gap);
+      velocity_at(x.contacts.motion, bodies[0], point - to_end, turning, first);
+      velocity_at(x.contacts.motion, bodies[1], point + to_end, turning, second);
       const Vec3<T> moves = second - first, along = fma(patch.axes[0], -dot(moves, patch.axes[0]), moves);
       put_vector(point);
       put_normal(select<T>(slot.live, patch.axes[0], Vec3<T>::zero()));

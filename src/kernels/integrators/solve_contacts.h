@@ -2,8 +2,10 @@
 //
 // Section 23. Lanes in which a contact has pressed in the step before are solved by newton.h. In the others, lanes in
 // which some slot would act at the result of the step without contacts are solved again, and the rest keep theirs to
-// the last bit. Slip passes (M105) let the normals see how fast contacts slide. A second solve, for the velocity that
-// stays, runs in lanes that push an overlap out or whose bounds ask for it.
+// the last bit. Slip passes (M105) let the normals see how fast contacts slide. The first solve moves the positions. A
+// second one, for the velocity that stays, runs in lanes that push an overlap out, stop an impact or whose bounds ask
+// for it; a third one gives back what impacts restore (M109).
+
 #pragma once
 
 #include "kernels/contacts/collide.h"
@@ -12,30 +14,58 @@
 
 namespace lockstep::kernels {
 
-constexpr double stiffer_bounce = 100.0;
 constexpr double slip_tolerance = 1e-5;  ///< m: by how much the slip of a step may differ from the one assumed
+constexpr double most_slip_gain = 3.0;   ///< (M114)
+constexpr double most_slip_slope = 0.9;
+constexpr double most_let_through = 1.01;  ///< (M109): of what the compliance lets through while an impact is stopped
+constexpr double energy_tolerance = 0.01;  ///< (M116)
 
-/// Recomputes the slip of all slots. Returns the lanes in which it has changed by more than the tolerance.
+/// Slips of the speeds at z.
 template <class T>
-typename T::Mask renew_slips(const Tables<ScalarOf<T>>& t, typename T::Mask open, Tile<T>& x) {
-  const T allowed = T(ScalarOf<T>(slip_tolerance / static_cast<double>(t.dt)));
+void begin_slips(const Tables<ScalarOf<T>>& t, const T* z, Tile<T>& x) {
+  slot_speeds(t, z, &ContactSlot<T>::speed, x);
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    for (int s = 0; s < pair.slots; ++s) {
+      slots[s].slip = patch.friction * sliding_speed(slots[s], slots[s].speed);
+      slots[s].target = slots[s].bias + slots[s].slip;
+    }
+  });
+}
+
+/// Recomputes the slip of all slots, by a secant from the second pass on (M114), in the lanes in which it has changed
+/// by more than the tolerance. Returns them.
+template <class T>
+typename T::Mask renew_slips(const Tables<ScalarOf<T>>& t, typename T::Mask open, int pass, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const T zero = T(0), one = T(1);
+  const T allowed = T(S(slip_tolerance / static_cast<double>(t.dt)));
   typename T::Mask differs = T::none();
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     for (int s = 0; s < pair.slots; ++s) {
-      const T* const u = slots[s].speed;
-      const T slip = patch.friction * sqrt(fma(u[1], u[1], u[2] * u[2]));
-      differs = differs | (less(allowed, absolute(slip - slots[s].slip)) & less(T(0), slots[s].force.impulse[0]));
+      const T found = patch.friction * sliding_speed(slots[s], slots[s].speed);
+      differs = differs | (less(allowed, absolute(found - slots[s].slip)) & less(zero, slots[s].force.impulse[0]) &
+                           ~slots[s].given);
     }
   });
   differs = differs & open;
   if (!any(differs)) return differs;
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     for (int s = 0; s < pair.slots; ++s) {
-      const T* const u = slots[s].speed;
-      const T slip = patch.friction * sqrt(fma(u[1], u[1], u[2] * u[2]));
-      slots[s].slip = select(differs, slip, slots[s].slip);
-      slots[s].target = slots[s].bias + slots[s].slip;
-      contact_force(slots[s], patch.friction, slots[s].speed, slots[s].force);
+      ContactSlot<T>& slot = slots[s];
+      const T found = patch.friction * sliding_speed(slot, slot.speed), assumed = slot.slip, step = found - assumed;
+      T gain = one;
+      if (pass > 0) {
+        const T moved = assumed - slot.slip_before;
+        const auto comparable = less(zero, absolute(moved));
+        const T slope = (found - slot.found_before) / select(comparable, moved, one);
+        const auto converges = comparable & less(slope, T(S(most_slip_slope)));
+        gain = select(converges, smaller(one / select(converges, one - slope, one), T(S(most_slip_gain))), one);
+      }
+      slot.slip_before = select(differs, assumed, slot.slip_before);
+      slot.found_before = select(differs, found, slot.found_before);
+      slot.slip = select(differs, larger(fma(gain, step, assumed), zero), assumed);
+      slot.target = slot.bias + slot.slip;
+      contact_force(slot, patch.friction, slot.speed, slot.force);
     }
   });
   return differs;
@@ -50,7 +80,7 @@ void solve_contact_phase(const Tables<ScalarOf<T>>& t, const StatePointers<Scala
   for (int pass = 0; pass < t.contacts.passes; ++pass) {
     unfinished = unfinished | newton(t, batch, open, x);
     if (pass + 1 == t.contacts.passes) break;
-    open = renew_slips(t, open, x);
+    open = renew_slips(t, open, pass, x);
     if (!any(open)) break;
     momentum_of_contacts(t, x.contacts.momentum, x);
   }
@@ -74,40 +104,136 @@ void exchange_phases(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int k = 0; k < n; ++k) exchange(x.held.momentum[k], x.held.momentum[n + k]);
 }
 
-/// Lanes in which the speed that moved the positions must not stay (M109). Slots that remove an overlap fast keep the
-/// first solve's impulse and have no target for the gap; those that bounce have their rebound as the target, and a
-/// compliance that takes nothing of it.
+/// Lanes in which hard contacts have added energy beyond what slow push-outs may: sum lambda . u > sum lambda_n v
+/// (M116).
 template <class T>
-typename T::Mask begin_relaxing(const Tables<ScalarOf<T>>& t, typename T::Mask open, Tile<T>& x) {
-  using S = ScalarOf<T>;
-  typename T::Mask lanes = T::none();
+typename T::Mask push_ahead(const Tables<ScalarOf<T>>& t, typename T::Mask open, double part, Tile<T>& x) {
+  T work = T(0);
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    if (pair.soft) return;
+    for (int s = 0; s < pair.slots; ++s) {
+      const T *const impulse = slots[s].force.impulse, *const u = slots[s].speed;
+      const T slow = fma(impulse[0], fnma(T(ScalarOf<T>(part)), slots[s].slow, u[0]), work);
+      work = select(slots[s].live, fma(impulse[1], u[1], fma(impulse[2], u[2], slow)), work);
+    }
+  });
+  return open & less(T(0), work);
+}
+
+/// What solves begin with adds energy where an impulse of the step before is carried to a lever that has little use for
+/// it. Such lanes solve once more without.
+template <class T>
+void forget_impulses(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    for (int s = 0; s < pair.slots; ++s) {
+      slots[s].push = select(lanes, T(0), slots[s].push);
+      for (int i = 0; i < 2; ++i) {
+        slots[s].carried[i] = select(lanes, T(0), slots[s].carried[i]);
+        slots[s].drift[i] = select(lanes, T(0), slots[s].drift[i]);
+      }
+    }
+  });
+}
+
+/// Prepares the second solve, for the velocity that stays (M109). Returns its lanes: those of `asked`, and those in
+/// which a slot stops an impact or removes an overlap fast. What overlaps or bounces has no target for the gap there,
+/// so that no speed of a push-out stays. Soft pairs keep theirs: it is their force.
+template <class T>
+typename T::Mask begin_relaxing(const Tables<ScalarOf<T>>& t, typename T::Mask open, typename T::Mask asked,
+                                Tile<T>& x) {
+  const T zero = T(0);
+  typename T::Mask lanes = asked;
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    for (int s = 0; s < pair.slots; ++s) {
+      const auto pushed = less(zero, slots[s].force.impulse[0]) & less(slots[s].bias, -slots[s].slow);
+      lanes = lanes | slots[s].bounces | (pair.soft ? T::none() : slots[s].live & pushed);
+    }
+  });
+  lanes = lanes & open;
+  if (!any(lanes)) return lanes;
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     for (int s = 0; s < pair.slots; ++s) {
       ContactSlot<T>& slot = slots[s];
-      slot.relaxes =
-          open & slot.live & ~slot.bounces & less(T(0), slot.force.impulse[0]) & less(slot.bias, T(S(-relaxed_above)));
-      const auto bounces = open & slot.bounces;
-      lanes = lanes | slot.relaxes | bounces;
-      slot.push = select(slot.relaxes, slot.force.impulse[0], T(0));
-      slot.stiffness = select(bounces, T(S(stiffer_bounce)) * slot.stiffness, slot.stiffness);
-      slot.bias = select(slot.relaxes, T(0), select(bounces, slot.rebound, slot.bias));
+      const auto overlaps = pair.soft ? T::none() : ~less(zero, slot.gap) & ~slot.bounces;
+      slot.push = select(lanes & overlaps, smaller(slot.load, slot.force.impulse[0]), zero);
+      slot.bias = select(lanes & (overlaps | slot.bounces), zero, slot.bias);
       slot.target = slot.bias + slot.slip;
+      slot.relaxes = lanes;
+      const auto goes_on = slot.goes_on & ~slot.bounces;
+      for (int i = 0; i < 2; ++i) {
+        const T begins = pair.soft ? slot.carried[i] : slot.force.impulse[1 + i];
+        slot.carried[i] = select(lanes, select(goes_on, begins, zero), slot.carried[i]);
+      }
     }
   });
   return lanes;
 }
 
-/// Friction of the second solve starts from what the first has found.
+/// Gives what bounces the normal impulse that stops it and the restored share of that, (M109) and (M115). Returns the
+/// lanes in which something comes back. Impulses are those remembered and speeds are renewed: a repeated solve has
+/// evaluated them beside its lanes.
 template <class T>
-void carry_on(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
+typename T::Mask begin_restoring(const Tables<ScalarOf<T>>& t, typename T::Mask open, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const T zero = T(0);
+  typename T::Mask lanes = T::none();
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    if (pair.restitution == S(0)) return;
     for (int s = 0; s < pair.slots; ++s)
-      for (int i = 0; i < 2; ++i)
-        slots[s].carried[i] = select(lanes, slots[s].force.impulse[1 + i], slots[s].carried[i]);
+      lanes = lanes | (slots[s].bounces & less(zero, slots[s].restored) & less(zero, slots[s].pressed));
+  });
+  lanes = lanes & open;
+  if (!any(lanes)) return lanes;
+  slot_speeds(t, x.contacts.z, &ContactSlot<T>::speed, x);
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    if (pair.restitution == S(0)) return;
+    for (int s = 0; s < pair.slots; ++s) {
+      ContactSlot<T>& slot = slots[s];
+      const T arrives = larger(absolute(slot.free[0]), T(S(1e-6)));
+      const T stopped = larger(arrives + smaller(slot.speed[0], zero), arrives * T(S(1 / most_let_through)));
+      slot.given = lanes & slot.bounces;
+      slot.stopping = select(slot.given, slot.pressed * (arrives / stopped), zero);
+      slot.normal = fma(slot.restored, slot.stopping, slot.stopping);
+    }
+  });
+  return lanes;
+}
+
+/// Lanes in which the contacts have added energy to the step without them, beyond what single slots ask for whose
+/// restored share is above 1 (M116).
+template <class T>
+typename T::Mask gains_energy(const Tables<ScalarOf<T>>& t, typename T::Mask open, Tile<T>& x) {
+  const T zero = T(0), one = T(1);
+  T gain = zero, allowed = zero;
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    for (int s = 0; s < pair.slots; ++s) {
+      const ContactSlot<T>& slot = slots[s];
+      for (int i = 0; i < 3; ++i)
+        gain = select(slot.live, fma(slot.force.impulse[i], slot.speed[i] + slot.free[i], gain), gain);
+      const T share = larger(slot.restored, one) - T(ScalarOf<T>(1 - energy_tolerance));
+      allowed = select(slot.given, fma(slot.normal * absolute(slot.free[0]), share, allowed), allowed);
+    }
+  });
+  return open & less(allowed, gain);
+}
+
+/// What lanes restore that would gain energy: at first one share for all slots, which cannot unless something else
+/// presses, and then nothing.
+template <class T>
+void restore_less(const Tables<ScalarOf<T>>& t, typename T::Mask open, bool nothing, Tile<T>& x) {
+  T least = T(nothing ? 0 : 1);
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    for (int s = 0; s < pair.slots; ++s) least = select(slots[s].given, smaller(least, slots[s].restored), least);
+  });
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    for (int s = 0; s < pair.slots; ++s) {
+      slots[s].restored = select(open, least, slots[s].restored);
+      slots[s].normal = fma(slots[s].restored, slots[s].stopping, slots[s].stopping);
+    }
   });
 }
 
-/// What the next step is to know of this one.
+/// What the next step is to know of this one: the impulses of the first solve, and where that moves the pairs.
 template <class T>
 void remember(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<T>& x) {
   each_near(t, x, [&](const auto& pair, ContactPatch<T>& patch, ContactSlot<T>*) LOCKSTEP_INLINED {
@@ -116,16 +242,40 @@ void remember(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<T>& x)
     patch.kept_normal = select<T>(lanes, patch.axes[0], patch.kept_normal);
     patch.kept_tangent = select<T>(lanes, patch.axes[1], patch.kept_tangent);
   });
-  for (int p = 0; p < t.contacts.pairs.count; ++p)
-    for (int s = 0; s < t.contacts.pairs[p].slots; ++s) {
-      ContactSlot<T>& slot = x.contacts.slot[t.contacts.pairs[p].slot + s];
-      const auto acts = slot.live & acting;
-      const auto keep = [&](T& kept, T now)
-                            LOCKSTEP_INLINED { kept = select(x.frozen, kept, select(acts, now, T(0))); };
-      keep(slot.pressed, slot.force.impulse[0]);
-      keep(slot.memory[0], slot.force.impulse[1]), keep(slot.memory[1], slot.force.impulse[2]);
-      keep(slot.kept_face, slot.face);
-    }
+  for (int s = 0; s < t.contacts.slots; ++s) {
+    ContactSlot<T>& slot = x.contacts.slot[s];
+    const auto acts = slot.live & acting;
+    const auto keep = [&](T& kept, T now) LOCKSTEP_INLINED { kept = select(x.frozen, kept, select(acts, now, T(0))); };
+    keep(slot.pressed, slot.force.impulse[0]);
+    keep(slot.memory[0], slot.force.impulse[1]), keep(slot.memory[1], slot.force.impulse[2]);
+    keep(slot.kept_face, slot.face);
+  }
+}
+
+/// The impulses of a later solve in its lanes alone: the others have been evaluated beside them, and differ by
+/// rounding.
+template <class T>
+void remember_impulses(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
+  for (int s = 0; s < t.contacts.slots; ++s) {
+    ContactSlot<T>& slot = x.contacts.slot[s];
+    const auto acts = slot.live & lanes;
+    slot.pressed = select(acts, slot.force.impulse[0], slot.pressed);
+    for (int i = 0; i < 2; ++i) slot.memory[i] = select(acts, slot.force.impulse[1 + i], slot.memory[i]);
+  }
+}
+
+/// The third solve, in lanes of `again` in which an impact gives something back (M109).
+template <class T>
+void restore_impacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask again,
+                     Tile<T>& x) {
+  auto open = begin_restoring(t, again, x);
+  for (int trial = 0; any(open); ++trial) {
+    solve_contact_phase(t, batch, open, x);
+    remember_impulses(t, open, x);
+    if (trial == 2) break;
+    open = gains_energy(t, open, x);
+    if (any(open)) restore_less(t, open, trial == 1, x);
+  }
 }
 
 template <class T>
@@ -144,6 +294,7 @@ void solve_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   for (int k = 0; k < n; ++k)
     x.contacts.z[k] =
         select(x.contacts.known, fma(two, x.dynamics.start[k], -x.contacts.previous[k]), x.dynamics.start[k]);
+  begin_slips(t, x.contacts.z, x);
   x.servos.corrected = true;
   x.contacts.weak = T::none();
   solve_contact_phase(t, batch, acting, x);
@@ -151,13 +302,20 @@ void solve_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   for (int k = 0; k < n; ++k) x.dynamics.solution[k] = x.contacts.z[k];
   remember(t, acting, x);
   if (x.solves_twice) {
-    auto again = begin_relaxing(t, acting, x);
-    again = again | (lanes_with_two_phases(t, batch, x) & acting);
+    const auto asked = lanes_with_two_phases(t, batch, x) | push_ahead(t, acting, 1.0, x);
+    const auto again = begin_relaxing(t, acting, asked, x);
     if (any(again)) {
-      carry_on(t, again, x);
       exchange_phases(t, x);
       x.servos.corrected = false;
       solve_contact_phase(t, batch, again, x);
+      remember_impulses(t, again, x);
+      const auto adding = push_ahead(t, again, carried_above, x);
+      if (any(adding)) {
+        forget_impulses(t, adding, x);
+        solve_contact_phase(t, batch, adding, x);
+        remember_impulses(t, adding, x);
+      }
+      if (t.contacts.bounces) restore_impacts(t, batch, again, x);
       exchange_phases(t, x);
     }
     for (int k = 0; k < n; ++k)
@@ -190,10 +348,10 @@ void touch(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     const RelativeTwist<T> free = solved ? twist_of(t, pair, x, x.dynamics.solution) : start;
     const PairResponse<T> response(t, pair, x);
     for (int s = 0; s < pair.slots; ++s) {
-      slot_speed(slots[s], free, slots[s].speed);
+      slot_speed(slots[s], free, slots[s].free);
       begin_slot(t, pair, patch, start, response, slots[s]);
       if (!solved) continue;
-      contact_force(slots[s], patch.friction, slots[s].speed, slots[s].force);
+      contact_force(slots[s], patch.friction, slots[s].free, slots[s].force);
       acting = acting | slots[s].force.sticks | slots[s].force.slides;
     }
   });

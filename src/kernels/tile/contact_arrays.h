@@ -20,22 +20,29 @@ struct ContactSlot {
   typename T::Mask live;  // lanes in which it may act
   Vec3<T> arm;
   T gap;
-  T face;                    // of this step
-  T kept_face;               // of the memory
-  T memory[2];               // tangential impulse of the step before (state)
-  T pressed;                 // normal impulse of the step before (state)
-  T carried[2];              // tangential impulse that this solve starts from
-  typename T::Mask goes_on;  // lanes in which it has pressed in the step before
-  T rebound;                 // minus the speed after an impact, in lanes that bounce
-  T bias;                    // b of (M104)
-  T drift[2];                // tangential speed that takes the pair's drift back (M111)
-  T slip;                    // speed along the surface that the normal target allows for (M105)
-  T target;                  // b' of this solve
-  T stiffness;               // 1 / R
-  T push;                    // normal memory, only while relaxing
-  typename T::Mask bounces, relaxes;
-  T speed[3];   // u
-  T change[3];  // of u by the Newton step
+  T face;                       // of this step
+  T kept_face;                  // of the memory
+  T memory[2];                  // tangential impulse of the step before (state)
+  T pressed;                    // normal impulse of the step before (state)
+  T carried[2];                 // tangential impulse that this solve starts from
+  typename T::Mask goes_on;     // lanes in which it has pressed in the step before
+  T slow;                       // speed of a push-out that may stay (M109)
+  T load;                       // normal impulse of the step before, where it goes on
+  T restored;                   // f of (M109), in lanes that bounce: share of the impulse that comes back
+  T stopping;                   // normal impulse that has stopped what bounces (M109)
+  T bias;                       // b of (M104)
+  T drift[2];                   // tangential speed that takes the pair's drift back (M111)
+  T slip;                       // speed along the surface that the normal target allows for, times the friction (M105)
+  T slip_before, found_before;  // slip of the pass before, and the one that its solution had (M114)
+  T target;                     // b' of this solve
+  T stiffness;                  // 1 / R
+  T push;                       // normal impulse that this solve starts from: of the step before, in a second solve
+  T normal;                     // N of (M115), where the normal impulse is given
+  typename T::Mask bounces, given;
+  typename T::Mask relaxes;  // lanes that have had a second solve
+  T free[3];                 // u of the step without contacts
+  T speed[3];                // u
+  T change[3];               // of u by the Newton step
   ContactForce<T> force, trial;
 };
 
@@ -64,6 +71,7 @@ struct Contacts {
   ContactSlot<T>* slot;    // [slots]
   Vec3<T>* turning;        // [columns] relative angular velocity, by velocity of the solver
   Vec3<T>* moving;         // [columns] relative velocity of the reference point
+  Vec3<T>* parted;         // [columns] what of it is due to the gap between the points of two moving bodies
   T* previous;             // [solver] velocities at the start of the step before (state)
   T* z;                    // [solver] iterate
   T* step;                 // [solver] Newton step
@@ -85,6 +93,7 @@ struct Contacts {
     take("contacts.slot", slot, c.slots);
     take("contacts.turning", turning, c.columns.count);
     take("contacts.moving", moving, c.columns.count);
+    take("contacts.parted", parted, c.columns.count);
     take("contacts.previous", previous, n);
     take("contacts.z", z, n);
     take("contacts.step", step, n);

@@ -55,6 +55,7 @@ struct TouchingStructure {
   int slot, slots;
   int column, columns;  ///< in ContactStructure::columns
   int entry;            ///< in ContactStructure::entries: of A_r, by column and column up to that one
+  bool soft;            ///< its compliance is stated, so an overlap has a force of its own
 };
 template <class S>
 struct TouchingPair : TouchingStructure {
