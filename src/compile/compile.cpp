@@ -21,7 +21,7 @@ bool can_audit(const Program& program) {
   if (program.f64.contacts.used()) return false;
   const Bounds<double>& b = program.f64.bounds;
   for (int r = 0; r < b.rows.count; ++r)
-    if (b.kinematic[r] || b.kind[r] == BoundKind::soft_drive) return false;
+    if (b.kinematic[r] || b.kind[r] == BoundKind::soft_drive || b.kind[r] == BoundKind::drive) return false;
   for (const Coupling& coupling : program.model.couplings)
     if (!is_hard(coupling.softness)) return false;
   return !declared(program, Parameter::softness) && !declared(program, Parameter::coupling_switch) &&
@@ -110,11 +110,10 @@ void lay_out_solver(Program& program) {
   t.solver = t.matrix;
   set_inertia(program, std::vector<bool>(static_cast<std::size_t>(t.tree.count), true), InertiaKind::matrix);
   if (program.method == Method::reduced) eliminate_followers(program);
-  const bool fills = !program.folded.empty() || !program.contacts.pairs.empty();
-  if (!t.reduction.used() && fills) lay_out_basis(program, {}, false);
+  if (!t.reduction.used() && !program.folded.empty()) lay_out_basis(program, {}, false);
   lay_out_rows(program);
   take_composite_columns(program);
-  if (program.contacts.pairs.empty()) take_articulated_bodies(program);
+  take_articulated_bodies(program);
 }
 
 std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settings, Integrator integrator) {
@@ -140,8 +139,8 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   if (!program->folded.empty()) lay_out_solver(*program);
   take_constraint_velocities(*program, first_joints_shares);
   lay_out_factoring(*program);
+  lay_out_rounds(*program);
   lay_out_contacts(*program);
-  choose_search(*program);
   if (integrator == Integrator::euler) check_contacts(*program);
   lay_out_report(*program);
   lay_out_turns(*program);
@@ -185,9 +184,9 @@ Plan compile(const Model& model, const StepSettings& settings) {
   check_masses(settings, model);
   const bool automatic = settings.integrator == Integrator::automatic;
   std::shared_ptr<Program> program = compiled(model, settings, automatic ? Integrator::leapfrog : settings.integrator);
-  program->integrator_reason = !automatic                        ? "as asked for"
-                               : program->f64.bounds.by_velocity ? "every bound is on one velocity"
-                                                                 : "the scene is smooth";
+  program->integrator_reason = !automatic                   ? "as asked for"
+                               : program->f64.rounds.used() ? "every bound is on one velocity"
+                                                            : "the scene is smooth";
   if (const std::optional<Obstacle> obstacle = obstacle_of(*program)) {
     if (!automatic)
       throw SettingsError("integrator",

@@ -357,7 +357,7 @@ const char* speed_obstacle(const Program& program) {
   if (t.solver.n > most_velocities) return "a step solves for more than 30 velocities";
   if (t.bounds.always) return "friction, kinematic drives or force limits call the tables in every step";
   if (!program.second_phase_anyway) return "where no bound acts, the tables leave out the velocity phase";
-  if (t.bounds.by_velocity && t.integrator == Integrator::leapfrog)  // limits act often
+  if (t.rounds.used() && t.integrator == Integrator::leapfrog)  // limits act often
     return "leapfrog takes each step in which a bound acts again by the tables";
   return nullptr;
 }

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "kernels/dynamics/energies.h"
-#include "kernels/integrators/limited_servos.h"
+#include "kernels/integrators/solve_bounds.h"
 
 namespace lockstep::kernels {
 
@@ -64,7 +64,12 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   residual = row_state = zero;
   if (row.kind == Reported::effort_limit) {
     const T most = effort_limit<T>(t, batch, j), effort = feed_forward<T>(t, batch, j);
-    row_state = row.member >= 0 ? x.servos.saturation[row.member] : saturated(effort, most);
+    if (row.member >= 0)
+      row_state = x.servos.saturation[row.member];
+    else if (r >= 0)
+      row_state = saturated(whole_impulse(t, x, r), x.bounds.force[r]);
+    else
+      row_state = saturated(effort, most);
     row_state = row_state + row_state;
     return;
   }
@@ -75,7 +80,7 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   const auto reaches = [&](T bound, T speed) {
     return held & ~less(fma(slack, T(1) + larger(speed, -speed), bound), speed);
   };
-  const bool hard = b.kind[r] == BoundKind::joint;
+  const bool hard = b.kind[r] == BoundKind::joint || b.kind[r] == BoundKind::drive;
   const StepTime<T> at{false, S(1) / t.dt};
   switch (row.kind) {
     case Reported::position_limit: {
@@ -126,6 +131,7 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     bool has_servo = false;
     for (int i = 0; i < t.servos.count; ++i) has_servo |= t.servos[i] == j;
     for (int i = 0; i < t.limited_servos.count; ++i) has_servo |= t.limited_servos[i] == j;
+    for (int i = 0; i < t.row_servos.count; ++i) has_servo |= t.row_servos[i] == j;
     if (has_servo) effort += force(j);
     work = fma(clamp(effort, -most, most), displacement, work);
   }
@@ -153,6 +159,7 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   }
   for (int i = 0; i < x.bounds.active_count; ++i) {
     const int r = x.bounds.active_rows[i], m = b.member_start[r];
+    if (b.kind[r] == BoundKind::servo) continue;  // among the drives
     const T impulse = x.bounds.impulse[phase * b.rows.count + r];
     if (b.kind[r] == BoundKind::coupling) {
       work = fma(impulse, moved(b.rows.coupling[r]), work);

@@ -112,7 +112,7 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
   for (int r = 0; r < shape.roots; ++r)
     for (int i = 0; i < 6; ++i)
       v[shape.root[r].velocity + i] = T::load(batch.root_velocity + (6 * r + i) * batch.stride);
-  x.frozen = x.too_fast = T::none();
+  x.frozen = x.too_fast = x.servos.decided = T::none();
   x.audit.known = false;
   std::uint32_t faults = 0;
   for (int i = 0; i < T::lanes; ++i) faults |= static_cast<std::uint32_t>(batch.fault[i]);

@@ -114,14 +114,15 @@ Articulated articulated_bodies(const Tables<double>& t, const std::vector<bool>&
 namespace {
 
 // Trees of components where no stage needs the entries of A.
-std::vector<bool> can_articulate(const Tables<double>& t, const std::vector<int>& component) {
+std::vector<bool> can_articulate(const Program& program, const std::vector<int>& component) {
+  const Tables<double>& t = program.f64;
   std::vector<char> moves(t.tree.count, 0), needs(t.tree.count, 0);  // by component
   const auto component_of_joint = [&](int j) { return component[t.body[t.joint_body[j]].tree]; };
   for (int j = 0; j < t.joints; ++j) moves[component_of_joint(j)] = 1;
   for (int f = 0; f < t.reduction.followers; ++f) needs[component_of_joint(t.reduction.follower[f])] = 1;
   for (int r = 0; r < t.folded.count; ++r)
     needs[component_of_joint(t.term_joint[t.term_start[t.folded.coupling[r]]])] = 1;
-  for (int i = 0; i < t.limited_servos.count; ++i) needs[component_of_joint(t.limited_servos[i])] = 1;
+  for (const int joint : program.limited_servos) needs[component_of_joint(joint)] = 1;
   std::vector<bool> trees(t.tree.count);
   for (int i = 0; i < t.tree.count; ++i) trees[i] = moves[component[i]] && !needs[component[i]];
   return trees;
@@ -169,7 +170,7 @@ std::vector<long> work_by_bodies(const Tables<double>& t, const Articulated& pat
 void take_articulated_bodies(Program& program) {
   Tables<double>& t = program.f64;
   const std::vector<int> component = components(t);
-  std::vector<bool> trees = can_articulate(t, component);
+  std::vector<bool> trees = can_articulate(program, component);
   const std::vector<long> by_matrix = work_by_matrix(t, component);
   const std::vector<long> by_bodies = work_by_bodies(t, articulated_bodies(t, trees, program.storage), component);
   for (int i = 0; i < t.tree.count; ++i) trees[i] = trees[i] && by_bodies[component[i]] < by_matrix[component[i]];

@@ -112,7 +112,6 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
       parts[t.velocity_of(follower.joint)].push_back(place[t.velocity_of(joint)]);
   Pattern pattern = pattern_of(t, parts, n);
   add_folded(program, parts, pattern);
-  add_contacts(program, parts, pattern);
   const Elimination tree = elimination_tree(std::move(pattern));
   t.solver = make_columns(tree.parent, storage);
 

@@ -353,6 +353,7 @@ void lay_out_joint_terms(Program& program) {
   t.springs = program.storage.keep(std::move(springs));
   t.implicit = program.storage.keep(std::move(implicit));
   t.servos = program.storage.keep(std::move(linear_servos));
+  program.limited_servos = limited;
   t.limited_servos = program.storage.keep(std::move(limited));
   t.limited_efforts = program.storage.keep(std::move(clamped));
   t.effort_limit = program.storage.keep(std::move(effort_limit));

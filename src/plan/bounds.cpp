@@ -3,6 +3,7 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "layout.h"
 #include "model/tendons.h"
@@ -136,6 +137,57 @@ bool depend(const Program& program, const std::vector<Row>& rows, const std::vec
   return factored.rank() < directions.rows();
 }
 
+// Limited servos that follow several velocities are rows, where the plan has rounds for these.
+void split_servos(Program& program, bool rounds) {
+  Tables<double>& t = program.f64;
+  std::vector<int> single, rows;
+  for (const int joint : program.limited_servos)
+    (!rounds || acts_on_one_velocity(t, joint) ? single : rows).push_back(joint);
+  t.limited_servos = program.storage.keep(std::move(single));
+  t.row_servos = program.storage.keep(std::move(rows));
+}
+
+// Whether some bound is a row over several velocities, or stands beside couplings that are rows.
+bool rows_compete(const Program& program) {
+  const Tables<double>& t = program.f64;
+  if (t.rows.count > 0 || t.row_servos.count > 0) return true;
+  for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
+    const Joint& joint = program.model.joints[j];
+    const int i = program.solver_joint[j];
+    if (i < 0) continue;
+    const bool soft = (has_range_of(program, joint) && !is_hard(joint.limit_softness)) ||
+                      (joint.drive.kinematic && !is_hard(joint.drive.softness));
+    if (soft || (t.bounds.has[i] != 0 && !acts_on_one_velocity(t, i))) return true;
+  }
+  for (int c = 0; c < t.couplings; ++c)
+    if (program.model.couplings[c].force_limit < infinity && !is_absent(program, c)) return true;
+  return false;
+}
+
+bool all_single(const std::vector<Row>& rows, const BoundForms& bounds) {
+  for (std::size_t r = 0; r < rows.size(); ++r)
+    if (rows[r].kind != BoundKind::joint || velocity_of(bounds.forms[r]) < 0) return false;
+  return true;
+}
+
+// Rows that bound one velocity come first, and their number becomes `single`.
+void put_single_first(std::vector<Row>& rows, BoundForms& bounds, int& single) {
+  std::vector<std::size_t> order(rows.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  const auto end = std::stable_partition(order.begin(), order.end(), [&](std::size_t r) {
+    return rows[r].kind == BoundKind::joint && velocity_of(bounds.forms[r]) >= 0;
+  });
+  single = static_cast<int>(end - order.begin());
+  std::vector<Row> sorted;
+  BoundForms forms;
+  for (const std::size_t r : order) {
+    sorted.push_back(std::move(rows[r]));
+    forms.forms.push_back(std::move(bounds.forms[r]));
+    forms.joint.push_back(bounds.joint[r]);
+  }
+  rows = std::move(sorted), bounds = std::move(forms);
+}
+
 }  // namespace
 
 BoundForms lay_out_bounds(Program& program) {
@@ -152,7 +204,8 @@ BoundForms lay_out_bounds(Program& program) {
     return form;
   };
   const auto add = [&](Row row, RowForm form) {
-    if (form.terms.empty()) return;  // couplings leave no freedom that could be bounded
+    // Couplings may leave no freedom that could be bounded. A servo pulls at them all the same.
+    if (form.terms.empty() && row.kind != BoundKind::servo) return;
     result.joint.push_back(row.kind == BoundKind::coupling ? -1 : row.members[0].joint);
     rows.push_back(std::move(row));
     result.forms.push_back(std::move(form));
@@ -161,10 +214,14 @@ BoundForms lay_out_bounds(Program& program) {
     for (std::size_t j = 0; j < model.joints.size(); ++j)
       if (const int i = program.solver_joint[j]; i >= 0) act(model.joints[j], i);
   };
-  // (M59): joints that move with one solver velocity share a row. Its form is that velocity itself.
+  const bool rounds = !program.contacts.pairs.empty();  // which have rows over several velocities as slots
+  split_servos(program, rounds);
+  const bool compete = rounds && rows_compete(program);
+  // (M59): joints that move with one solver velocity share a row. Its form is that velocity itself. Beside rows over
+  // several velocities, a kinematic drive is a row of its own, which gives way to the others (section 27).
   std::vector<int> row_of_velocity(t.solver.n, -1);
   each_joint([&](const Joint&, int i) {
-    if (b.has[i] == 0) return;
+    if ((compete ? b.has[i] & ~has_kinematic_drive : b.has[i]) == 0) return;
     RowForm form = joint_form(i);
     const Member member = member_of(t, i);
     const int z = velocity_of(form);
@@ -190,6 +247,10 @@ BoundForms lay_out_bounds(Program& program) {
     if (joint.drive.kinematic && !is_hard(joint.drive.softness) && !is_absent(joint.drive.softness))
       add_soft(BoundKind::soft_drive, joint.drive.softness, i);
   });
+  each_joint([&](const Joint&, int i) {
+    if (compete && (b.has[i] & has_kinematic_drive)) add_soft(BoundKind::drive, Hard{}, i);
+  });
+  for (int i = 0; i < t.row_servos.count; ++i) add_soft(BoundKind::servo, Hard{}, t.row_servos[i]);
   for (int c = 0; c < t.couplings; ++c) {
     if (!(model.couplings[c].force_limit < infinity) || is_absent(program, c)) continue;
     RowForm form = coupling_form(program, t.reduction, c);
@@ -197,6 +258,8 @@ BoundForms lay_out_bounds(Program& program) {
     add({BoundKind::coupling, c, {}}, std::move(form));
   }
 
+  b.single = 0;
+  if (t.rows.count == 0 && (rounds || all_single(rows, result))) put_single_first(rows, result, b.single);
   b.rows = lay_out_forms(program, result.forms, t.solver, false);
   b.may_depend = depend(program, rows, result.forms);
   std::vector<Watched> watched;
@@ -205,7 +268,7 @@ BoundForms lay_out_bounds(Program& program) {
     b.always |= (b.has[i] & (has_friction | has_kinematic_drive)) != 0;
     if (has_speed || ranged) watched.push_back({i, (b.has[i] & has_restitution) != 0, ranged, has_speed});
   });
-  for (const Row& row : rows) b.always |= row.kind == BoundKind::soft_drive || row.kind == BoundKind::coupling;
+  for (const Row& row : rows) b.always |= row.kind != BoundKind::joint && row.kind != BoundKind::soft_limit;
   b.watched = program.storage.keep(std::move(watched));
   std::vector<BoundKind> kind;
   std::vector<int> member_start{0};
@@ -215,7 +278,7 @@ BoundForms lay_out_bounds(Program& program) {
   for (const Row& row : rows) {
     bool drives = false;
     for (const Member& member : row.members) drives |= (b.has[member.joint] & has_kinematic_drive) != 0;
-    kinematic.push_back(drives && row.kind == BoundKind::joint);
+    kinematic.push_back(drives && (row.kind == BoundKind::drive || (row.kind == BoundKind::joint && !compete)));
   }
   b.kinematic = program.storage.keep(std::move(kinematic));
   std::vector<double> soft_rate;
@@ -282,9 +345,12 @@ void lay_out_report(Program& program) {
     if (has & has_friction) joint_row(Reported::friction, "friction", BoundKind::joint);
     if (joint.drive.kinematic)
       joint_row(Reported::kinematic_drive, "kinematic drive",
-                is_hard(joint.drive.softness) ? BoundKind::joint : BoundKind::soft_drive);
+                !is_hard(joint.drive.softness)          ? BoundKind::soft_drive
+                : bounded_row(BoundKind::drive, i) >= 0 ? BoundKind::drive
+                                                        : BoundKind::joint);
     if (t.effort_limit[i] < unlimited)
-      add({Reported::effort_limit, i, -1, -1, index_of(t.limited_servos, i)}, "effort limit " + joint.name);
+      add({Reported::effort_limit, i, -1, bounded_row(BoundKind::servo, i), index_of(t.limited_servos, i)},
+          "effort limit " + joint.name);
   }
   if (program.settings.record_diagnostics) t.reported = program.storage.keep(program.reported);
   t.hard_rate = program.storage.keep(std::move(hard));

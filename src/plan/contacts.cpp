@@ -122,15 +122,13 @@ ColliderPlace<double> placed(const Program& program, const Collider& collider) {
 
 }  // namespace
 
-void add_contacts(const Program& program, const std::vector<std::vector<int>>& parts, Pattern& pattern) {
-  const Tables<double>& t = program.f64;
+std::vector<std::vector<int>> contact_velocities(const Program& program) {
+  std::vector<std::vector<int>> all;
   for (const ColliderPair& pair : program.contacts.pairs) {
-    std::set<int> moved;
-    for (const MovingVelocity& m : moving(t, body_of(program, pair.first), body_of(program, pair.second)))
-      moved.insert(parts[m.velocity].begin(), parts[m.velocity].end());
-    for (const int a : moved)
-      for (const int b : moved) pattern[std::max(a, b)][std::min(a, b)] = 1;
+    all.emplace_back();
+    for (const auto& [z, parts] : columns_of(program, pair)) all.back().push_back(z);
   }
+  return all;
 }
 
 void lay_out_contacts(Program& program) {
@@ -151,13 +149,13 @@ void lay_out_contacts(Program& program) {
     pair.slot = slots, pair.slots = slots_of(pair.kind);
     slots += pair.slots;
     pair.column = static_cast<int>(columns.size()), pair.entry = static_cast<int>(entries.size());
-    for (const auto& [z, list] : columns_of(program, from)) {
+    for (const auto& [solver, list] : columns_of(program, from)) {
+      const int z = t.rounds.place[solver];
       const int first = static_cast<int>(parts.size());
       parts.insert(parts.end(), list.begin(), list.end());
       columns.push_back({z, first, static_cast<int>(parts.size())});
       for (int l = pair.column; l < static_cast<int>(columns.size()); ++l)
-        entries.push_back(entry_of(t.solver, std::max(z, columns[static_cast<std::size_t>(l)].velocity),
-                                   std::min(z, columns[static_cast<std::size_t>(l)].velocity)));
+        entries.push_back(entry_of(t.rounds.columns, z, columns[static_cast<std::size_t>(l)].velocity));
     }
     pair.columns = static_cast<int>(columns.size()) - pair.column;
     pair.friction = from.friction, pair.restitution = from.restitution;
@@ -172,8 +170,6 @@ void lay_out_contacts(Program& program) {
                                      from.friction, from.restitution});
   }
   t.contacts.slots = slots;
-  t.contacts.passes = program.settings.contacts.passes, t.contacts.rounds = program.settings.contacts.rounds;
-  t.contacts.tolerance = program.settings.contacts.tolerance;
   t.contacts.colliders = program.storage.keep(std::move(colliders));
   t.contacts.pairs = program.storage.keep(std::move(pairs));
   t.contacts.columns = program.storage.keep(std::move(columns));
@@ -182,22 +178,15 @@ void lay_out_contacts(Program& program) {
 }
 
 void check_contacts(const Program& program) {
-  const Tables<double>& t = program.f64;
   if (program.contacts.pairs.empty()) return;
   const auto refuse = [](const char* setting, const std::string& rule, const std::string& remedy) {
     throw SettingsError(setting, "does not apply to a model with contacts: " + rule, remedy);
   };
   if (program.method != Method::reduced && program.method != Method::direct)
     refuse("method", std::string(to_string(program.method)) + " has no contacts yet", "use reduced, or automatic");
-  if (t.rows.count > 0)
-    refuse("method",
-           "contacts are solved where all couplings are eliminated or folded, and " +
-               (program.folding_obstacle.empty() ? "some are rows" : program.folding_obstacle),
-           "use reduced, and soft couplings without a force limit");
-  if (!t.bounds.by_velocity)
-    refuse("bounds", program.search_obstacle, "leave these bounds out by StepSettings::ignore");
   if (program.settings.record_impulses || program.settings.record_diagnostics)
-    refuse("record_diagnostics", "balances and coupling impulses leave contacts out yet", "record neither");
+    refuse(program.settings.record_diagnostics ? "record_diagnostics" : "record_impulses",
+           "balances and coupling impulses leave contacts out yet", "record neither");
 }
 
 }  // namespace lockstep

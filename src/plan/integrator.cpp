@@ -25,11 +25,11 @@ std::optional<Obstacle> obstacle_of(const Program& program) {
     return Obstacle{
         fmt::format("{} uses sweeps, which leave an error of their own in every stage", to_string(program.method)),
         "use the method reduced or direct"};
-  if (t.bounds.rows.count > 0 || t.limited_servos.count > 0) {
+  if (t.bounds.rows.count > 0 || t.limited_servos.count > 0 || t.row_servos.count > 0) {
     if (program.integrator != Integrator::leapfrog)
       return Obstacle{"the scene has bounds, which may become active within a step",
                       "use leapfrog or euler, or leave out the bounds by StepSettings::ignore"};
-    if (!t.bounds.by_velocity)
+    if (!program.search_obstacle.empty())
       return Obstacle{program.search_obstacle, "use euler, or leave out the bounds by StepSettings::ignore"};
     if (s.velocity_iterations == 0)
       return Obstacle{"velocity_iterations is 0, so corrections of positions would stay in the velocities", "give 1"};

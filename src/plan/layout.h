@@ -98,12 +98,11 @@ void add_folded(const Program& program, const std::vector<std::vector<int>>& par
 /// Where the products of their terms stand in A_r (folding.cpp).
 void lay_out_folding(Program& program);
 
-/// Adds what pairs of colliders fill to the pattern of A_r, as add_folded() does (contacts.cpp).
-void add_contacts(const Program& program, const std::vector<std::vector<int>>& parts,
-                  std::vector<std::vector<char>>& pattern);
-/// The tables of contacts, after the basis (contacts.cpp).
+/// By pair of colliders: the solver's velocities that move them against each other (contacts.cpp).
+std::vector<std::vector<int>> contact_velocities(const Program& program);
+/// The tables of contacts, after the rounds (contacts.cpp).
 void lay_out_contacts(Program& program);
-/// Throws SettingsError where the plan's method, couplings or bounds leave contacts no solve (contacts.cpp).
+/// Throws SettingsError where the plan's method or settings leave contacts no solve (contacts.cpp).
 void check_contacts(const Program& program);
 
 /// Measured costs of the tables' loops, by which a plan chooses. The unit is one product of a long sum.
@@ -179,9 +178,10 @@ void lay_out_report(Program& program);
 /// f32 from f64 (narrow.cpp).
 void narrow(Program& program);
 
-/// Whether bounds and limited servos act on single velocities of the solver, so that these can be held in the factor of
-/// A itself (held_velocities.cpp).
-void choose_search(Program& program);
+/// The Newton rounds, if something is bounded or touches and the method has no sweeps (rounds.cpp).
+void lay_out_rounds(Program& program);
+/// Whether the joint moves with one velocity of the solver (rounds.cpp).
+bool acts_on_one_velocity(const Tables<double>& t, int joint);
 
 /// Which joints turn for ever, after all other tables (turns.cpp).
 void lay_out_turns(Program& program);

@@ -291,7 +291,7 @@ std::vector<bool> matrix_holds_more(const Program& program, const std::vector<in
                    declared(program, Parameter::stiffness);
   std::vector<bool> more(t.tree.count, all);
   const auto mark = [&](int j) { more[component[t.body[t.joint_body[j]].tree]] = true; };
-  for (int i = 0; i < t.limited_servos.count; ++i) mark(t.limited_servos[i]);
+  for (const int joint : program.limited_servos) mark(joint);
   for (int j = 0; j < t.joints; ++j)
     if (t.implicit[j] != t.armature[j]) mark(j);
   for (int f = 0; t.reduction.eliminates() && f < t.reduction.followers; ++f) mark(t.reduction.follower[f]);

@@ -17,15 +17,9 @@
 #include "tables/bodies.h"
 #include "tables/contacts.h"
 #include "tables/reduction.h"
+#include "tables/rounds.h"
 
 namespace lockstep {
-
-/// A servo with an effort limit, where it acts on one velocity of the solver.
-struct LimitedServo {
-  int velocity;
-  int share;     ///< entry of S, -1 for 1
-  int follower;  ///< -1 if the joint is independent
-};
 
 constexpr int guard_depth = 5;  ///< how often a step may be halved (M91)
 
@@ -44,8 +38,9 @@ struct TableStructure {
   Span<SupportRun> factored;                    ///< its velocities, but for those of articulated bodies
   Span<SupportRun> undamped_velocities;         ///< velocities of trees with undamped rows
   Span<int> servos;                             ///< joints with a servo that is linear, until a stage finds it limited
-  Span<int> limited_servos;                     ///< joints that have a servo with an effort limit
-  Span<LimitedServo> servo_velocities;          ///< of these, if Bounds::by_velocity
+  Span<int> limited_servos;                     ///< joints that have a servo with an effort limit, on one velocity
+  Span<int> row_servos;                         ///< joints whose limited servo is a row of Bounds
+  Rounds rounds;                                ///< empty if nothing is bounded, kept or touching
   Span<int> springs;                            ///< joints that have a spring
   Span<int> turning;                            ///< joints that turn for ever (M80)
   Span<SupportRun> turning_runs, other_runs;    ///< the same as runs, and those of the other joints
@@ -81,6 +76,10 @@ struct TableStructure {
   /// Whether forces act along the world's axes.
   inline __attribute__((always_inline)) bool has_orientations() const {
     return declares(Parameter::link_wrench) || own_weights.count > 0;
+  }
+  /// Whether a step guesses which servos are at their limits, and solves again where it was wrong.
+  inline __attribute__((always_inline)) bool guesses_servos() const {
+    return limited_servos.count > 0 && !rounds.used() && integrator == Integrator::euler;
   }
   inline __attribute__((always_inline)) int velocity_of(int joint) const { return joint_velocity[joint]; }
 };

@@ -199,7 +199,7 @@ std::string stage_lines(const Program& program) {
     stages.insert(stages.end(),
                   {"responses", "row terms", to_string(t.rows.columns.n > 0 ? Method::direct : program.method)});
   if (t.bounds.rows.count > 0) stages.push_back("bounds");
-  if (t.limited_servos.count > 0) stages.push_back("limited servos");
+  if (t.limited_servos.count + t.row_servos.count > 0) stages.push_back("limited servos");
   if (t.contacts.used()) stages.push_back("contacts");
   stages.insert(stages.end(), {"integration", "check"});
   std::string text = fmt::format("Stages{}: {}.\n", evaluations_of(program.integrator), fmt::join(stages, ", "));
@@ -212,7 +212,7 @@ std::string stage_lines(const Program& program) {
                         : "");
   std::vector<std::string> absent;
   if (t.rows.count == 0 && t.folded.count == 0) absent.push_back("solver rows");
-  if (t.servos.count + t.limited_servos.count == 0) absent.push_back("drives");
+  if (t.servos.count + t.limited_servos.count + t.row_servos.count == 0) absent.push_back("drives");
   bool damped = false, rotors = false;
   for (int j = 0; j < t.joints; ++j) damped |= t.damping[j] != 0.0, rotors |= t.armature[j] != 0.0;
   if (!damped && !declared(program, Parameter::damping)) absent.push_back("damping");

@@ -15,7 +15,6 @@ namespace lockstep::kernels {
 
 using trace::counting;
 using trace::tracer;
-
 void first_saturation_pass(Tile<Traced>&) {
   if (!counting) tracer->run("first_saturation_pass(x);\ndo {");
 }
@@ -27,6 +26,7 @@ bool saturation_differs(const Tables<double>&, const StatePointers<double>&, Til
   if (!counting) tracer->run("} while (saturation_differs(t, batch, x));");
   return false;
 }
+
 // bounds_active() records the calls of these two.
 void clear_bounds(Tile<Traced>&) {}
 void solve_bounds(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}
@@ -66,7 +66,10 @@ bool bounds_active(const Tables<double>& t, const StatePointers<double>& batch, 
                                   x.couplings.velocity_error,
                                   x.couplings.removed_this_step};
   if (t.reduction.used()) unread.insert(x.dynamics.matrix);
-  if (!t.articulated.used()) unread.insert({x.bodies.sine, x.bodies.cosine});
+  if (t.rounds.from_bodies.count > 0)
+    unread.erase(x.dynamics.joint_inertia);
+  else if (!t.articulated.used())
+    unread.insert({x.bodies.sine, x.bodies.cosine});
   tracer->solve_bounds_if(candidate.id, unread);
   return false;
 }
@@ -105,7 +108,7 @@ void step_again_if(const Tables<double>& t, const StatePointers<double>&, Tile<T
   if (tracer->learns()) return tracer->leave_out();
   x.too_fast = Traced::none();
   Traced::Mask lanes = Traced::none();
-  if (t.bounds.by_velocity) lanes = lanes | x.bounds.candidate;
+  if (t.rounds.used()) lanes = lanes | x.bounds.candidate;
   if (t.guarded) lanes = lanes | x.guard.coarse;
   tracer->step_again_if((lanes & ~x.frozen).id);
 }
@@ -117,7 +120,7 @@ void diagnose(const Tables<double>& t, const StatePointers<double>& batch, Tile<
 
 void coupling_impulses(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
   if (counting) return coupling_impulses<Traced>(t, batch, x);
-  if (t.bounds.rows.count > 0 || t.servo_velocities.count > 0)
+  if (t.bounds.rows.count > 0 || t.rounds.servos.count > 0)
     return tracer->run("coupling_impulses(t, batch, x);", Call::coupling_impulses);
   const std::vector<Traced> before(x.couplings.impulse, x.couplings.impulse + t.couplings);
   coupling_impulses<Traced>(t, batch, x);

@@ -86,19 +86,17 @@ struct Checked {
 Checked check(Environment& e) {
   const Tables<double>& t = e.t;
   auto& x = e.x;
-  const int n = t.solver.n;
+  const int n = t.rounds.columns.n;
   Eigen::MatrixXd a = Eigen::MatrixXd::Zero(n, n);
   for (int j = 0; j < n; ++j)
-    for (int k = 0; k < t.solver.size[j]; ++k) a(j, j + k) = a(j + k, j) = value(x.held.matrix[t.solver.offset[j] + k]);
+    for (int k = 0; k < t.rounds.columns.size[j]; ++k)
+      a(j, j + k) = a(j + k, j) = value(x.held.matrix[t.rounds.columns.offset[j] + k]);
   Eigen::VectorXd z(n), gradient(n);
-  bool solved_again = false;  // (M109)
-  for (int s = 0; s < t.contacts.slots; ++s)
-    solved_again = solved_again || holds(x.contacts.slot[s].relaxes & x.contacts.slot[s].live);
   for (int k = 0; k < n; ++k) {
-    z[k] = value(solved_again ? x.contacts.z[k] : x.dynamics.solution[k]);
+    z[k] = value(x.rounds.z[k]);
     gradient[k] = value(x.held.momentum[k]);
   }
-  for (int k = 0; k < n; ++k) gradient -= a.col(k) * (z[k] - value(x.dynamics.start[k]));
+  for (int k = 0; k < n; ++k) gradient -= a.col(k) * (z[k] - value(x.held.start[k]));
   Checked found;
   for (int p = 0; p < t.contacts.pairs.count; ++p) {
     const auto& pair = t.contacts.pairs[p];

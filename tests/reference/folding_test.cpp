@@ -29,6 +29,11 @@ constexpr double close = 1e-12;
 
 const Tables<double>& tables_of(const Plan& plan) { return program_of(plan).f64; }
 bool folds(const Plan& plan) { return tables_of(plan).folded.count > 0; }
+// Whether bounds are held as single velocities, and none is a slot.
+bool by_velocity_alone(const Plan& plan) {
+  const Tables<double>& t = tables_of(plan);
+  return t.rounds.used() && t.rounds.slots.count == 0;
+}
 
 // A random mechanism with hard bounds. Its couplings are soft and without a force limit; with `some_hard` every second
 // one is hard.
@@ -112,7 +117,7 @@ TEST_P(Folding, agrees_with_rows_of_the_reference_beside_bounds) {
     const Model model = soft_model(seed, GetParam() == Method::reduced);
     const Plan plan = compile(model, settings_of(GetParam(), seed));
     if (!folds(plan)) continue;
-    ++folded, by_velocity += tables_of(plan).bounds.by_velocity;
+    ++folded, by_velocity += by_velocity_alone(plan);
     Batch<double> batch(plan, 1, physics::by_turns(plan, seed));
     batch.step();
     try {
@@ -140,7 +145,7 @@ const StepSettings euler{.integrator = Integrator::euler};
 TEST(FoldingSearch, holds_velocities_in_the_folded_matrix) {
   const Plan plan = compile(soft_gripper(), euler);
   EXPECT_TRUE(folds(plan));
-  EXPECT_TRUE(tables_of(plan).bounds.by_velocity);
+  EXPECT_TRUE(by_velocity_alone(plan));
   EXPECT_NE(plan.describe().find("soft couplings are folded into the matrix"), std::string::npos) << plan.describe();
 }
 
@@ -280,7 +285,7 @@ TEST(FoldingParameters, act_in_one_environment_like_the_numbers_of_a_model) {
       settings.per_environment = {Parameter::gear_ratio, Parameter::offset};
       if (!compile(model, physics::settings(Method::direct)).redundant_couplings().empty()) continue;
       const Plan plan = compile(model, settings);
-      if (!folds(plan) || !tables_of(plan).bounds.by_velocity) continue;
+      if (!folds(plan) || !by_velocity_alone(plan)) continue;
       ++folded;
       Batch<double> batch(plan, 2, physics::by_turns(plan, seed));
       contract::Random random(static_cast<std::uint64_t>(seed));

@@ -15,18 +15,53 @@ constexpr int all_move = 8;         ///< rounds in which everything may move; la
 constexpr int rounds_for_each = 4;  ///< further rounds, for each row and servo
 constexpr int sweeps_for_the_rest = 50;  ///< of lanes that ran out of rounds
 
-/// Keeps A before it is factored in place.
+/// Keeps A before it is factored in place, but for trees with articulated bodies (matrix_of_bodies()).
 template <class T>
 LOCKSTEP_INLINE void keep_matrix(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
-  for (int e = 0; e < t.solver.entries; ++e) x.held.matrix[e] = x.dynamics.reduced[e];
+  const int entries = t.rounds.columns.entries;
+  if (!t.rounds.renumbered) {
+    for (int e = 0; e < entries; ++e) x.held.matrix[e] = x.dynamics.reduced[e];
+    return;
+  }
+  for (int e = 0; e < entries; ++e) x.held.matrix[e] = T(0);
+  const Span<CopiedEntry> copies = t.rounds.from_reduced;
+  for (int i = 0; i < copies.count; ++i) x.held.matrix[copies[i].to] = x.dynamics.reduced[copies[i].from];
 }
 
-/// Keeps the momentum to gain, before it is half solved in place.
+/// A of the trees that articulated bodies solve, which have not computed it.
+template <class T>
+void matrix_of_bodies(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const Span<CopiedEntry> copies = t.rounds.from_bodies;
+  if (copies.count == 0) return;
+  for (int i = t.tree.count - 1; i >= 0; --i) {
+    const TreeStructure& tree = t.tree[i];
+    if (tree.inertia != InertiaKind::articulated_bodies) continue;
+    mass_matrix(t, tree, x);
+    for (int j = tree.first_joint; j < tree.last_joint; ++j)
+      x.dynamics.matrix[t.matrix.offset[t.velocity_of(j)]] += x.dynamics.joint_inertia[j];
+  }
+  for (int i = 0; i < copies.count; ++i) x.held.matrix[copies[i].to] = x.dynamics.matrix[copies[i].from];
+}
+
+/// From the solver's numbers to those of the rounds, and back.
+template <class T>
+LOCKSTEP_INLINE void to_rounds(const Tables<ScalarOf<T>>& t, const T* solver, T* rounds) {
+  const Span<int> place = t.rounds.place;
+  for (int z = 0; z < place.count; ++z) rounds[place[z]] = solver[z];
+}
+template <class T>
+LOCKSTEP_INLINE void from_rounds(const Tables<ScalarOf<T>>& t, const T* rounds, T* solver) {
+  const Span<int> place = t.rounds.place;
+  for (int z = 0; z < place.count; ++z) solver[z] = rounds[place[z]];
+}
+
+/// Keeps the momentum to gain, before it is half solved in place, and the velocities at the start.
 template <class T>
 LOCKSTEP_INLINE void keep_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
-  const int n = t.solver.n;
-  for (int z = 0; z < n; ++z) x.held.momentum[z] = x.dynamics.half_solved_position[z];
-  for (int z = 0; t.solve_twice && z < n; ++z) x.held.momentum[n + z] = x.dynamics.half_solved_velocity[z];
+  const int n = t.rounds.columns.n;
+  to_rounds(t, x.dynamics.half_solved_position, x.held.momentum);
+  if (t.solve_twice) to_rounds(t, x.dynamics.half_solved_velocity, x.held.momentum + n);
+  if (t.rounds.renumbered) to_rounds(t, x.dynamics.start, x.held.start);
 }
 
 /// Lanes in which the search decides about limited servo i. Elsewhere a stage has it among the linear terms.
@@ -39,7 +74,7 @@ LOCKSTEP_INLINE typename T::Mask searched(const Tables<ScalarOf<T>>& t, const Ti
 template <class T>
 LOCKSTEP_INLINE T servo_force(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Servo<T>& own, int i, Phase phase,
                               T effort, T z) {
-  const LimitedServo& servo = t.servo_velocities[i];
+  const LimitedServo& servo = t.rounds.servos[i];
   T v = servo.share < 0 ? z : x.couplings.share[servo.share] * z;
   if (phase == position_phase && x.servos.corrected && servo.follower >= 0) v += x.couplings.correction[servo.follower];
   return own.force(x.servos.duration, x.servos.from[t.limited_servos[i]], v) + effort;
@@ -56,33 +91,33 @@ LOCKSTEP_INLINE T saturated(T force, T most) {
 /// whether the diagonal differs from that of the round before.
 template <class T>
 bool round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase, Tile<T>& x) {
-  const int n = t.solver.n;
+  const int n = t.rounds.columns.n;
   const T zero = T(0), h = x.servos.duration;
   T* const rhs = x.held.rhs;
   T* const before = x.held.raw;
   for (int z = 0; z < n; ++z) {
     before[z] = x.held.diagonal[z];
-    x.held.diagonal[z] = x.held.matrix[t.solver.offset[z]];
+    x.held.diagonal[z] = x.held.matrix[t.rounds.columns.offset[z]];
     rhs[z] = x.held.momentum[phase * n + z];
   }
   for (int i = 0; i < t.limited_servos.count; ++i) {
     const auto acts = searched(t, x, i);
     if (!any(acts)) continue;
     const int j = t.limited_servos[i];
-    const LimitedServo& servo = t.servo_velocities[i];
+    const LimitedServo& servo = t.rounds.servos[i];
     const Servo<T> own = kernels::servo<T>(t, batch, x, j, x.servos.time);
     const T effort = feed_forward<T>(t, batch, j, x.servos.time), sigma = x.servos.saturation[i];
     const T share = servo.share < 0 ? T(1) : x.couplings.share[servo.share];
     const auto linear = ~(less(zero, sigma) | less(sigma, zero));
-    const T force = select(linear, servo_force(t, x, own, i, phase, effort, x.dynamics.start[servo.velocity]),
+    const T force = select(linear, servo_force(t, x, own, i, phase, effort, x.held.start[servo.velocity]),
                            sigma * effort_limit<T>(t, batch, j));
     const T gain = share * share * (h * fma(h, own.kp, own.kd));
     x.held.diagonal[servo.velocity] += select(linear & acts, gain, zero);
     rhs[servo.velocity] = fma(h * share, select(acts, force - effort, zero), rhs[servo.velocity]);
   }
-  for (int r = 0; r < t.bounds.rows.count; ++r) {
+  for (int r = 0; r < t.bounds.single; ++r) {
     const Branch<T>& own = x.search.branch[phase * t.bounds.rows.count + r];
-    const int z = t.bounds.velocity[r];
+    const int z = t.rounds.velocity[r];
     rhs[z] += select(held(own), zero, own.impulse);
   }
   typename T::Mask differs = T::none();
@@ -94,9 +129,9 @@ bool round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
 /// through the elimination, and its entries stay as they were. Returns the lanes with a pivot that is too small.
 template <class T>
 typename T::Mask factor_masked(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  const Columns& columns = t.solver;
+  const Columns& columns = t.rounds.columns;
   T *const matrix = x.held.factor, *const inverse = x.held.inverse, *const raw = x.held.raw;
-  const bool masks = t.bounds.rows.count > 0;
+  const bool masks = t.bounds.single > 0;
   typename T::Mask weak = T::none();
   for (int i = columns.n - 1; i >= 0; --i) {
     T* const own = matrix + columns.offset[i];
@@ -115,15 +150,15 @@ typename T::Mask factor_masked(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 /// A with the diagonal of this round, where factor_masked() expects it.
 template <class T>
 LOCKSTEP_INLINE void copy_matrix(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
-  for (int e = 0; e < t.solver.entries; ++e) x.held.factor[e] = x.held.matrix[e];
-  for (int z = 0; z < t.solver.n; ++z) x.held.factor[t.solver.offset[z]] = x.held.diagonal[z];
+  for (int e = 0; e < t.rounds.columns.entries; ++e) x.held.factor[e] = x.held.matrix[e];
+  for (int z = 0; z < t.rounds.columns.n; ++z) x.held.factor[t.rounds.columns.offset[z]] = x.held.diagonal[z];
 }
 
 /// (M84): velocities, and the impulses that hold those of `mask` at their goals. x.held.rhs is the momentum to gain
 /// from the velocities `from`.
 template <class T>
 void solve_masked(const Tables<ScalarOf<T>>& t, Phase phase, const T* from, Tile<T>& x) {
-  const Columns& columns = t.solver;
+  const Columns& columns = t.rounds.columns;
   const int n = columns.n;
   const T* const factor = x.held.factor;
   T *const y = x.held.rhs, *const u = x.held.raw, *const z = x.held.velocity + phase * n,
@@ -158,20 +193,21 @@ bool guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   const int rows = t.bounds.rows.count, time = x.servos.time;
   const T zero = T(0), h = x.servos.duration;
   const Phase closing = Phase(phases - 1);
+  const auto undecided = ~x.servos.decided;
   for (int i = 0; i < t.limited_servos.count; ++i) {
-    x.servos.saturation[i] = zero;
+    x.servos.saturation[i] = select(undecided, zero, x.servos.saturation[i]);
     if (!any(searched(t, x, i))) continue;
-    const LimitedServo& servo = t.servo_velocities[i];
+    const LimitedServo& servo = t.rounds.servos[i];
     const Servo<T> own = kernels::servo<T>(t, batch, x, t.limited_servos[i], time);
     const T share = servo.share < 0 ? T(1) : x.couplings.share[servo.share];
-    const T inertia = x.held.matrix[t.solver.offset[servo.velocity]];
+    const T inertia = x.held.matrix[t.rounds.columns.offset[servo.velocity]];
     const T gain = share * share * (h * fma(h, own.kp, own.kd));
     const T force = servo_force(t, x, own, i, closing, feed_forward<T>(t, batch, t.limited_servos[i], time),
-                                x.dynamics.start[servo.velocity]);
+                                x.held.start[servo.velocity]);
     const T guessed = saturated(force * inertia, effort_limit<T>(t, batch, t.limited_servos[i]) * (inertia + gain));
-    x.servos.saturation[i] = select(searched(t, x, i), guessed, zero);
+    x.servos.saturation[i] = select(searched(t, x, i) & undecided, guessed, x.servos.saturation[i]);
   }
-  for (int r = 0; r < rows; ++r)
+  for (int r = 0; r < t.bounds.single; ++r)
     for (int p = 0; p < 2; ++p) {
       Branch<T>& own = x.search.branch[p * rows + r];
       own = {own.low & going_on, own.high & going_on, T::none(), zero};
@@ -179,10 +215,10 @@ bool guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   bool differs = false;
   for (int p = 0; p < phases; ++p) {
     differs = round_terms(t, batch, Phase(p), x) || differs;
-    for (int r = 0; r < rows; ++r) {
-      const int z = t.bounds.velocity[r];
+    for (int r = 0; r < t.bounds.single; ++r) {
+      const int z = t.rounds.velocity[r];
       const Bound<T> row = interval_of(t, x, r, Phase(p));
-      const T inertia = x.held.diagonal[z], momentum = fma(inertia, x.dynamics.start[z], x.held.rhs[z]);
+      const T inertia = x.held.diagonal[z], momentum = fma(inertia, x.held.start[z], x.held.rhs[z]);
       const T slipping = clamp(-momentum, -row.force, row.force), reached = momentum + slipping;
       Branch<T> own;
       own.low = less(reached, inertia * row.lo) & open;
@@ -193,16 +229,16 @@ bool guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     }
   }
   for (int i = 0; i < t.limited_servos.count; ++i) {  // of what is held, that of its goal
-    const LimitedServo& servo = t.servo_velocities[i];
-    const int r = t.bounds.row_of[servo.velocity];
+    const LimitedServo& servo = t.rounds.servos[i];
+    const int r = t.rounds.row_of[servo.velocity];
     if (r < 0 || !any(searched(t, x, i))) continue;
     const Branch<T>& own = x.search.branch[closing * rows + r];
     const Servo<T> drive = kernels::servo<T>(t, batch, x, t.limited_servos[i], time);
     const T force = servo_force(t, x, drive, i, closing, feed_forward<T>(t, batch, t.limited_servos[i], time),
                                 target(interval_of(t, x, r, closing), own));
     x.servos.saturation[i] =
-        select(held(own) & searched(t, x, i), saturated(force, effort_limit<T>(t, batch, t.limited_servos[i])),
-               x.servos.saturation[i]);
+        select(held(own) & searched(t, x, i) & undecided,
+               saturated(force, effort_limit<T>(t, batch, t.limited_servos[i])), x.servos.saturation[i]);
   }
   return differs;
 }
@@ -210,11 +246,11 @@ bool guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
 /// Sets the masks and goals of a phase. Returns whether a mask differs from the one before.
 template <class T>
 bool set_goals(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
-  const int rows = t.bounds.rows.count, n = t.solver.n;
+  const int rows = t.bounds.rows.count, n = t.rounds.columns.n;
   typename T::Mask differs = T::none();
-  for (int r = 0; r < rows; ++r) {
+  for (int r = 0; r < t.bounds.single; ++r) {
     const Branch<T>& own = x.search.branch[phase * rows + r];
-    const int z = t.bounds.velocity[r];
+    const int z = t.rounds.velocity[r];
     const auto holds = held(own);
     differs = differs | (holds & ~x.held.mask[z]) | (x.held.mask[z] & ~holds);
     x.held.mask[z] = holds;
@@ -228,26 +264,26 @@ bool set_goals(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
 template <class T>
 typename T::Mask move_pieces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases,
                              bool one_by_one, typename T::Mask open, Tile<T>& x) {
-  const int rows = t.bounds.rows.count, n = t.solver.n;
+  const int rows = t.bounds.rows.count, n = t.rounds.columns.n;
   typename T::Mask any_moved = T::none();
   for (int p = 0; p < phases; ++p) {
     const T *const z = x.held.velocity + p * n, *const impulses = x.held.impulse + p * n;
     T scale = T(0);  // of rows that act in the lane, so that others do not decide what counts as rounding
-    for (int r = 0; r < rows; ++r) {
-      const int k = t.bounds.velocity[r];
+    for (int r = 0; r < t.bounds.single; ++r) {
+      const int k = t.rounds.velocity[r];
       const Branch<T>& own = x.search.branch[p * rows + r];
       const T size = farther(farther(T(0), z[k]), impulses[k] * x.held.light[r]);
       scale = select(held(own) | beyond(own.impulse, T(0)), larger(scale, size), scale);
     }
     typename T::Mask moved = T::none();
-    for (int r = 0; r < rows; ++r) {
-      const int k = t.bounds.velocity[r];
+    for (int r = 0; r < t.bounds.single; ++r) {
+      const int k = t.rounds.velocity[r];
       Branch<T>& own = x.search.branch[p * rows + r];
       const T impulse = select(held(own), impulses[k], own.impulse);
       const T slack = rounding<T>() * farther(scale, z[k]);
       typename T::Mask changed;
       const Branch<T> next = advance_branch(interval_of(t, x, r, Phase(p)), own, z[k], impulse, slack,
-                                            slack * x.held.matrix[t.solver.offset[k]], changed);
+                                            slack * x.held.matrix[t.rounds.columns.offset[k]], changed);
       changed = changed & open;
       if (one_by_one) changed = changed & ~moved;
       moved = moved | changed;
@@ -264,9 +300,9 @@ typename T::Mask move_pieces(const Tables<ScalarOf<T>>& t, const StatePointers<S
     const Servo<T> own = kernels::servo<T>(t, batch, x, j, x.servos.time);
     // In both cases (M63) asks for the force at the velocities that the step ends with.
     const T force = servo_force(t, x, own, i, closing, feed_forward<T>(t, batch, j, x.servos.time),
-                                x.held.velocity[closing * n + t.servo_velocities[i].velocity]);
+                                x.held.velocity[closing * n + t.rounds.servos[i].velocity]);
     const T sigma = x.servos.saturation[i], found = saturated(force, effort_limit<T>(t, batch, j));
-    auto differs = (less(found, sigma) | less(sigma, found)) & open & acts;
+    auto differs = (less(found, sigma) | less(sigma, found)) & open & acts & ~x.servos.decided;
     if (one_by_one) differs = differs & ~moved & ~any_moved;
     moved = moved | differs;
     x.servos.saturation[i] = select(differs, sigma + clamp(found - sigma, T(-1), T(1)), sigma);
@@ -278,15 +314,15 @@ typename T::Mask move_pieces(const Tables<ScalarOf<T>>& t, const StatePointers<S
 template <class T>
 void sweep_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase,
                       typename T::Mask lanes, Tile<T>& x) {
-  const Columns& columns = t.solver;
+  const Columns& columns = t.rounds.columns;
   const int n = columns.n, rows = t.bounds.rows.count;
   T *const z = x.held.velocity + phase * n, *const change = x.held.raw;
   round_terms(t, batch, phase, x);
-  for (int r = 0; r < rows; ++r) {  // sweeps find the impulses anew
+  for (int r = 0; r < t.bounds.single; ++r) {  // sweeps find the impulses anew
     const Branch<T>& own = x.search.branch[phase * rows + r];
-    x.held.rhs[t.bounds.velocity[r]] -= select(held(own), T(0), own.impulse);
+    x.held.rhs[t.rounds.velocity[r]] -= select(held(own), T(0), own.impulse);
   }
-  for (int k = 0; k < n; ++k) change[k] = z[k] - x.dynamics.start[k];
+  for (int k = 0; k < n; ++k) change[k] = z[k] - x.held.start[k];
   for (int s = 0; s < sweeps_for_the_rest; ++s)
     for (int k = 0; k < n; ++k) {
       T momentum = x.held.rhs[k];
@@ -295,16 +331,16 @@ void sweep_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
       int ancestor = columns.parent[k];
       for (int a = columns.row_start[k]; a < columns.row_start[k + 1]; ++a, ancestor = columns.parent[ancestor])
         momentum = fnma(x.held.matrix[columns.row[a]], change[ancestor], momentum);
-      const T inertia = x.held.diagonal[k], speed = fma(T(1) / inertia, momentum, x.dynamics.start[k]);
+      const T inertia = x.held.diagonal[k], speed = fma(T(1) / inertia, momentum, x.held.start[k]);
       T impulse = T(0);
-      if (const int r = t.bounds.row_of[k]; r >= 0) {
+      if (const int r = t.rounds.row_of[k]; r >= 0) {
         Branch<T>& own = x.search.branch[phase * rows + r];
         const Branch<T> found = project(interval_of(t, x, r, phase), speed, T(1) / inertia);
         impulse = found.impulse;
         replace(own, {found.low, found.high, found.stuck, select(held(found), T(0), impulse)}, lanes);
         x.held.impulse[phase * n + k] = select(lanes, impulse, x.held.impulse[phase * n + k]);
       }
-      change[k] = select(lanes, (speed + impulse / inertia) - x.dynamics.start[k], change[k]);
+      change[k] = select(lanes, (speed + impulse / inertia) - x.held.start[k], change[k]);
       z[k] = select(lanes, speed + impulse / inertia, z[k]);
     }
   for (int k = 0; k < n; ++k) x.held.rhs[k] = change[k];
@@ -321,10 +357,11 @@ LOCKSTEP_INLINE T found_change(const Tile<T>& x, int k) {
 template <class T>
 void search_held_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases,
                             typename T::Mask open, bool same_matrix, typename T::Mask going_on, Tile<T>& x) {
-  const int rows = t.bounds.rows.count, budget = all_move + rounds_for_each * (rows + t.limited_servos.count);
+  const int budget = all_move + rounds_for_each * (t.bounds.single + t.limited_servos.count);
   const bool other_guess = guess(t, batch, phases, open, going_on, x);
-  for (int r = 0; r < rows; ++r) x.held.light[r] = T(1) / x.held.matrix[t.solver.offset[t.bounds.velocity[r]]];
-  for (int z = 0; z < t.solver.n && !same_matrix; ++z) x.held.mask[z] = T::none();
+  for (int r = 0; r < t.bounds.single; ++r)
+    x.held.light[r] = T(1) / x.held.matrix[t.rounds.columns.offset[t.rounds.velocity[r]]];
+  for (int z = 0; z < t.rounds.columns.n && !same_matrix; ++z) x.held.mask[z] = T::none();
   bool factored = same_matrix && !other_guess;
   for (int round = 0; round < budget; ++round) {
     for (int p = 0; p < phases; ++p) {
@@ -335,7 +372,7 @@ void search_held_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<Sc
         if (round == 0 && p == 0) x.singular = weak;
       }
       factored = true;
-      solve_masked(t, Phase(p), x.dynamics.start, x);
+      solve_masked(t, Phase(p), x.held.start, x);
     }
     open = move_pieces(t, batch, phases, round >= all_move, open, x);
     if (!any(open)) return;
@@ -349,7 +386,7 @@ template <class T>
 typename T::Mask lanes_with_two_phases(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                        const Tile<T>& x) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
-  const int n = t.solver.n;
+  const int n = t.rounds.columns.n;
   typename T::Mask differ = T::none();
   for (int f = 0; t.reduction.eliminates() && f < t.reduction.followers; ++f)
     differ = differ | beyond(x.couplings.correction[f], T(0));
@@ -371,8 +408,9 @@ void open_intervals(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   const int rows = t.bounds.rows.count;
   const StepTime<T> at{phase == velocity_phase && t.velocity_iterations > 0, ScalarOf<T>(1) / t.dt};
   for (int r = 0; r < rows; ++r) {
-    joint_row(t, batch, r, phase, at, T(0), x);
-    const T demand = x.bounds.lo[phase * rows + r] + x.bounds.hi[phase * rows + r] + x.bounds.force[r];
+    bounded_row(t, batch, r, phase, at, T(0), x);
+    T demand = x.bounds.lo[phase * rows + r] + x.bounds.hi[phase * rows + r] + x.bounds.force[r];
+    if (t.bounds.kind[r] != BoundKind::joint) demand += x.bounds.centre[phase * rows + r];
     x.bounds.invalid = x.bounds.invalid | beyond(demand, T(largest_number<ScalarOf<T>>));
   }
 }

@@ -116,7 +116,7 @@ void joint_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
       hi = smaller(hi, larger(one, other));
     }
     if (has & has_friction) force = fma(larger(share, -share), friction_impulse<T>(t, batch, member.joint), force);
-    if (has & has_kinematic_drive) {
+    if ((has & has_kinematic_drive) && b.kinematic[r]) {
       prescribed =
           fma(kinematic_velocity(t, batch, x, member.joint, x.state.q[member.joint]) - correction, inverse, prescribed);
       corrected_by = fma(correction, inverse, corrected_by);
@@ -151,10 +151,43 @@ LOCKSTEP_INLINE T correction_speed(const Tables<ScalarOf<T>>& t, const Tile<T>& 
   return sum;
 }
 
+/// (M58) as a row of its own, which may give way to the joint's other bounds.
+template <class T>
+void drive_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int r, Phase phase,
+               const StepTime<T>& at, T moved, Tile<T>& x) {
+  const Member member = t.bounds.member[t.bounds.member_start[r]];
+  const int i = phase * t.bounds.rows.count + r, j = member.joint;
+  const T correction = phase == position_phase && member.follower >= 0 ? x.couplings.correction[member.follower] : T(0);
+  const Interval<T> own = joint_interval(t, batch, x, j, at, moved);
+  x.bounds.lo[i] = x.bounds.hi[i] =
+      clamp(kinematic_velocity(t, batch, x, j, x.state.q[j]), own.lo, own.hi) - correction;
+  x.bounds.centre[i] = x.bounds.force[r] = T(0);
+}
+
+/// (M63) as a box: the servo and its effort, at most the limit, as a spring and a damper that reach the end of the
+/// step. A servo without gains is a force, which a compliance this large makes of it to rounding.
+template <class T>
+void servo_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int r, Phase phase,
+               const StepTime<T>& at, T moved, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const Member member = t.bounds.member[t.bounds.member_start[r]];
+  const int i = phase * t.bounds.rows.count + r, j = member.joint;
+  const T far = T(S(unlimited)), h = at.sub_step ? T(S(1) / at.inverse) : T(t.dt);
+  const Servo<T> own = servo<T>(t, batch, x, j);
+  const T gain = larger(h * fma(h, own.kp, own.kd), T(S(sizeof(S) == 4 ? 1e-16 : 1e-20)));
+  const T correction = phase == position_phase && member.follower >= 0 ? x.couplings.correction[member.follower] : T(0);
+  // The force at the speed u is that at rest less gain u / h.
+  const T at_rest = own.force(h, x.state.q[j] + moved, correction) + feed_forward<T>(t, batch, j);
+  x.bounds.lo[i] = -far, x.bounds.hi[i] = far;
+  x.bounds.cfm[r] = T(1) / gain;
+  x.bounds.centre[i] = -(h * at_rest) * x.bounds.cfm[r];
+  x.bounds.force[r] = T(t.dt) * effort_limit<T>(t, batch, j);
+}
+
 /// A soft limit, a soft kinematic drive, or a coupling with a force limit.
 template <class T>
-void other_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int r, Phase phase,
-               const StepTime<T>& at, T moved, Tile<T>& x) {
+void soft_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int r, Phase phase,
+              const StepTime<T>& at, T moved, Tile<T>& x) {
   using S = ScalarOf<T>;
   const Bounds<S>& b = t.bounds;
   const int i = phase * b.rows.count + r;
@@ -196,8 +229,12 @@ void bounded_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
                  const StepTime<T>& at, T moved, Tile<T>& x) {
   if (t.bounds.kind[r] == BoundKind::joint)
     joint_row(t, batch, r, phase, at, moved, x);
+  else if (t.bounds.kind[r] == BoundKind::drive)
+    drive_row(t, batch, r, phase, at, moved, x);
+  else if (t.bounds.kind[r] == BoundKind::servo)
+    servo_row(t, batch, r, phase, at, moved, x);
   else
-    other_row(t, batch, r, phase, at, moved, x);
+    soft_row(t, batch, r, phase, at, moved, x);
 }
 
 }  // namespace lockstep::kernels

@@ -87,7 +87,7 @@ LOCKSTEP_INLINE RangeEnd<T>& end_of(StageRow<T>& row, int side) {
 template <class T>
 T share_of_inertia(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x, int r) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
-  const T all = x.held.matrix[t.solver.offset[b.velocity[r]]], h = T(t.ahead);
+  const T all = x.held.matrix[t.rounds.columns.offset[t.rounds.velocity[r]]], h = T(t.ahead);
   const Field<T> damping = field<T>(batch, Parameter::damping, t.damping.data);
   T implicit = T(0);
   for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m) {
@@ -109,7 +109,7 @@ void open_rows(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
     read_row(
         t, batch, r, x.stages.begin.q, [](const Member&) LOCKSTEP_INLINED { return T(0); }, x);
     StageRow<T>& row = x.stage_bounds.row[r];
-    const T speed = x.stage_bounds.start[t.bounds.velocity[r]];
+    const T speed = x.stage_bounds.start[t.rounds.velocity[r]];
     for (int side = 0; side < 2; ++side) {
       RangeEnd<T>& end = end_of(row, side);
       const T seen = seen_from(side, speed);
@@ -163,7 +163,7 @@ typename T::Mask find_landings(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const T *const mean = x.stage_bounds.mean, *const reached = x.stage_bounds.end;
   typename T::Mask any_landed = T::none();
   for (int r = 0; r < t.bounds.rows.count; ++r) {
-    const int z = t.bounds.velocity[r];
+    const int z = t.rounds.velocity[r];
     for (int side = 0; side < 2; ++side) {
       RangeEnd<T>& end = end_of(x.stage_bounds.row[r], side);
       const T w = seen_from(side, mean[z]), u = seen_from(side, x.stage_bounds.start[z]),
@@ -218,7 +218,7 @@ LOCKSTEP_INLINE void set_mean_interval(const Tables<ScalarOf<T>>& t, int r, cons
   const T middle = half * (lo + hi);
   lo = select(empty, middle, lo), hi = select(empty, middle, hi);
   hi = select(holds[0], lo, hi), lo = select(holds[1], hi, lo);
-  const T stopped = clamp(half * row.reversal * row.inertia_share * x.stage_bounds.start[t.bounds.velocity[r]], lo, hi);
+  const T stopped = clamp(half * row.reversal * row.inertia_share * x.stage_bounds.start[t.rounds.velocity[r]], lo, hi);
   lo = select(branch.stuck, stopped, lo), hi = select(branch.stuck, stopped, hi);
   if (t.bounds.kinematic[r]) lo = hi = clamp(row.prescribed, lo, hi);
   x.bounds.lo[r] = lo, x.bounds.hi[r] = hi;

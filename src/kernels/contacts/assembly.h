@@ -55,7 +55,7 @@ void slot_speeds(const Tables<ScalarOf<T>>& t, const T* z, T (ContactSlot<T>::*t
 /// J^T impulse of all slots.
 template <class T>
 void momentum_of_contacts(const Tables<ScalarOf<T>>& t, T* momentum, Tile<T>& x) {
-  for (int z = 0; z < t.solver.n; ++z) momentum[z] = T(0);
+  for (int z = 0; z < t.rounds.columns.n; ++z) momentum[z] = T(0);
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     Vec3<T> force = Vec3<T>::zero(), moment = force;
     for (int s = 0; s < pair.slots; ++s) {

@@ -36,7 +36,7 @@ struct PairResponse {
 
   PairResponse(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, const Tile<T>& x) {
     for (int k = pair.column; k < pair.column + pair.columns; ++k) {
-      const T mobility = T(1) / x.held.matrix[t.solver.offset[t.contacts.columns[k].velocity]];
+      const T mobility = T(1) / x.held.matrix[t.rounds.columns.offset[t.contacts.columns[k].velocity]];
       const Vec3<T>& m = x.contacts.moving[k];
       const T scaled_m = mobility * m.x;
       constant = fma(mobility, dot(m, m), constant);

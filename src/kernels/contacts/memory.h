@@ -47,7 +47,7 @@ void load_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   const auto take = [&](T& kept) LOCKSTEP_INLINED { kept = number(row++); };
   for (int s = 0; s < t.contacts.slots; ++s) each_kept(t.contacts, x.contacts.slot[s], take);
   for (int p = 0; p < t.contacts.pairs.count; ++p) each_expected(t.contacts, x.contacts.patch[p], take);
-  for (int k = 0; k < t.solver.n; ++k) take(x.contacts.previous[k]);
+  for (int k = 0; k < t.rounds.columns.n; ++k) take(x.contacts.previous[k]);
   typename T::Mask other = T::none();
   each_state_row(t, x, row, [&](T now, int at) { other = other | beyond(now - number(at), T(0)); });
   x.contacts.known = ~other;
@@ -62,7 +62,7 @@ void store_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   const auto give = [&](const T& kept) LOCKSTEP_INLINED { put(row++, kept); };
   for (int s = 0; s < t.contacts.slots; ++s) each_kept(t.contacts, x.contacts.slot[s], give);
   for (int p = 0; p < t.contacts.pairs.count; ++p) each_expected(t.contacts, x.contacts.patch[p], give);
-  for (int k = 0; k < t.solver.n; ++k) give(x.contacts.previous[k]);
+  for (int k = 0; k < t.rounds.columns.n; ++k) give(x.contacts.previous[k]);
   each_state_row(t, x, row, [&](T now, int at) { put(at, now); });
   put(t.contacts.remembered(t) - 1, x.contacts.unfinished);
 }

@@ -92,7 +92,7 @@ LOCKSTEP_INLINE void composite_rows_of_body(J joint, const Tables<ScalarOf<T>>& 
   const T unit = J::prismatic ? unit_force[J::k] : unit_moment[J::k];
   const T own = (reversed ? -unit : unit) + x.dynamics.joint_inertia[j];
   add_squares(t, x, b, own);
-  if (t.limited_servos.count > 0 && t.integrator == Integrator::euler) x.dynamics.joint_inertia[j] = own;
+  if (t.guesses_servos()) x.dynamics.joint_inertia[j] = own;
   if (body.parent < 0) return;
 
   for (int i = m.unit_start[b], last = m.unit_start[b + 1]; i < last; ++i)

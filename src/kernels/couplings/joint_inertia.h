@@ -30,7 +30,7 @@ LOCKSTEP_INLINE T stiffness(const Tables<ScalarOf<T>>& t, const StatePointers<Sc
   return field<T>(batch, Parameter::stiffness, t.stiffness.data).at(j, t.dof[j]);
 }
 
-/// a + h (d + kd) + h^2 (kp + k) of each joint. Servos with an effort limit are added later (limited_servos.h).
+/// a + h (d + kd) + h^2 (kp + k) of each joint. Servos with an effort limit are not among them.
 template <class T>
 void joint_inertias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   if (!t.declares(Parameter::drive_gains) && !t.declares(Parameter::damping) && !t.declares(Parameter::armature) &&
@@ -67,8 +67,8 @@ LOCKSTEP_INLINE void keep_undamped(const Tables<ScalarOf<T>>& t, const StatePoin
 }
 
 /// A, or A_r at once with composite columns, or neither with articulated bodies, tree by tree. Keeps M + armature if
-/// softness by frequency needs it and A has more than that. x.dynamics.joint_inertia becomes the diagonal of A if a
-/// limited servo needs it.
+/// softness by frequency needs it and A has more than that. x.dynamics.joint_inertia becomes the diagonal of A if the
+/// guess about a limited servo needs it.
 template <class T>
 void inertia_matrix(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   if (t.reduction.composite.places > 0) clear_reduced(t, x);
@@ -86,7 +86,7 @@ void inertia_matrix(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
     for (int j = tree.first_joint; j < tree.last_joint; ++j) {
       T& diagonal = x.dynamics.matrix[t.matrix.offset[t.velocity_of(j)]];
       diagonal += x.dynamics.joint_inertia[j];
-      if (t.limited_servos.count > 0 && t.integrator == Integrator::euler) x.dynamics.joint_inertia[j] = diagonal;
+      if (t.guesses_servos()) x.dynamics.joint_inertia[j] = diagonal;
     }
   }
 }

@@ -73,10 +73,12 @@ void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   for (int r = 0; r < t.roots.count; ++r)
     for (int i = t.roots[r].velocity, last = i + 6; i < last; ++i) x.dynamics.rhs[i] = -(h * x.dynamics.bias[i]);
   const int *limited = t.limited_efforts.data, *const end = limited + t.limited_efforts.count;
+  const int *searched = t.row_servos.data, *const searched_end = searched + t.row_servos.count;
   for (int j = 0; j < t.joints; ++j) {
     const T d = damping.at(j, t.dof[j]);
     T effort = feed_forward<T>(t, batch, j, time);
-    if (limited != end && *limited == j) {  // (M63) without a servo
+    if (searched != searched_end && *searched == j) effort = T(0), ++searched;  // it is in the servo's row
+    if (limited != end && *limited == j) {                                      // (M63) without a servo
       const T most = effort_limit<T>(t, batch, j);
       effort = clamp(effort, -most, most);
       ++limited;

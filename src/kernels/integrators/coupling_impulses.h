@@ -68,7 +68,7 @@ void coupling_impulses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
     x.dynamics.product[i] = -x.dynamics.rhs[i];
     change[i] = x.next.v[i] - x.state.v[i];
   }
-  for (int i = 0; i < t.servo_velocities.count; ++i) {  // neither A nor the forces hold these servos
+  for (int i = 0; i < t.rounds.servos.count; ++i) {  // neither A nor the forces hold these servos
     const int j = t.limited_servos[i];
     const T effort = feed_forward<T>(t, batch, j), sigma = x.servos.saturation[i], v = x.next.v[t.velocity_of(j)];
     const T force = select(beyond(sigma, T(0)), sigma * effort_limit<T>(t, batch, j),

@@ -114,7 +114,7 @@ typename T::Mask is_coarse(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T eta
 template <class T>
 void judge(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   x.guard.eta = squared_coarseness(t, x);
-  if (t.bounds.by_velocity && x.stage_bounds.opened)
+  if (t.rounds.used() && x.stage_bounds.opened)
     x.guard.eta = farther(x.guard.eta, squared_coarseness_of_landings(t, batch, x));
   if (const auto far = turns_far(t, x) & ~x.frozen; any(far))
     x.guard.eta = farther(x.guard.eta, select(far, squared_coarseness_of_turns(t, batch, x), T(0)));

@@ -34,7 +34,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
 
   bias_forces(t, batch, x);
   stage(t, batch, x, 0, time);
-  if (t.bounds.by_velocity) bound_prediction(t, batch, x, time);
+  if (t.rounds.used()) bound_prediction(t, batch, x, time);
   if (t.guarded) keep_prediction(t, x);
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];  // (M67)
   for (int k = 0; k < n; ++k) x.state.v[k] = fma(T(S(0.5) / A::gamma), x.stages.change[k], x.stages.midpoint.v[k]);
@@ -52,7 +52,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     x.stages.gained_velocity[k] = change;
     x.next.v[k] = changed_by(x.stages.midpoint.v[k], change);
   }
-  if (t.bounds.by_velocity) bound_stages(t, batch, x, time);
+  if (t.rounds.used()) bound_stages(t, batch, x, time);
   if (t.guarded) judge(t, batch, x);
   for (int j = 0; j < t.joints; ++j)
     x.next.q[j] = fma(T(t.step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.begin.q[j]);
@@ -61,7 +61,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
       x.state.v[k] = fma(T(S(2)), x.stages.mean_velocity[k], -x.stages.midpoint.v[k]);
   move_roots(t, x, half, x.state.v, x.state.pose, x.next.pose);
   turn_root_twists(t, x, x.next.v);
-  if (t.bounds.by_velocity) settle(t, batch, x);
+  if (t.rounds.used()) settle(t, batch, x);
 }
 
 /// Takes the step from x.stages.begin again in these lanes, by two steps of half the length. Lanes of x.too_fast are
@@ -104,7 +104,7 @@ template <class T>
 void leapfrog_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   copy_state(t, x.state, x.stages.begin);
   leapfrog(t, batch, x, 0);
-  if (t.guarded || t.bounds.by_velocity) step_again_if(t, batch, x);
+  if (t.guarded || t.rounds.used()) step_again_if(t, batch, x);
   copy_state(t, x.stages.begin, x.state);  // lanes that fail keep it
 }
 

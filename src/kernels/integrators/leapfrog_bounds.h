@@ -91,10 +91,10 @@ typename T::Mask bounds_act_on_stages(const Tables<ScalarOf<T>>& t, const StateP
 template <class T>
 void leave_servo_to_search(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int i,
                            typename T::Mask lanes, Tile<T>& x) {
-  const LimitedServo& servo = t.servo_velocities[i];
+  const LimitedServo& servo = t.rounds.servos[i];
   const Gains<T> own = gains<T>(t, batch, t.limited_servos[i]);
   const T share = servo.share < 0 ? T(1) : x.couplings.share[servo.share], h = T(t.dt);
-  T& diagonal = x.held.matrix[t.solver.offset[servo.velocity]];
+  T& diagonal = x.held.matrix[t.rounds.columns.offset[servo.velocity]];
   diagonal -= select(lanes & ~x.servos.bounded[i], share * share * (h * fma(h, own.kp, own.kd)), T(0));
   x.servos.bounded[i] = x.servos.bounded[i] | lanes;
 }
@@ -104,7 +104,7 @@ void leave_servo_to_search(const Tables<ScalarOf<T>>& t, const StatePointers<Sca
 template <class T>
 LOCKSTEP_INLINE T effort_since_start(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                      const Tile<T>& x, int i, T duration, int time) {
-  const LimitedServo& servo = t.servo_velocities[i];
+  const LimitedServo& servo = t.rounds.servos[i];
   const int j = t.limited_servos[i];
   const T effort = feed_forward<T>(t, batch, j, time), share = servo.share < 0 ? T(1) : x.couplings.share[servo.share];
   const T linear = kernels::servo<T>(t, batch, x, j, time).force(T(t.dt), x.state.q[j], x.state.v[t.velocity_of(j)]);
@@ -144,7 +144,7 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
       x.stage_bounds.correction[z] = twice ? x.dynamics.half_solved_position[z] - momentum[z] : T(0);
   }
   for (int r = 0; r < rows; ++r) {
-    const int z = t.bounds.velocity[r];
+    const int z = t.rounds.velocity[r];
     const T known = set_interval(t, r, chi, x);
     x.held.momentum[z] += known;
     own[z] += known;
@@ -152,11 +152,11 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   x.servos.duration = duration, x.servos.from = x.stages.begin.q, x.servos.time = time + i, x.servos.corrected = false;
   for (int s = 0; s < t.limited_servos.count; ++s)
     if (any(x.servos.bounded[s]))
-      x.held.momentum[t.servo_velocities[s].velocity] += effort_since_start(t, batch, x, s, duration, time + i);
+      x.held.momentum[t.rounds.servos[s].velocity] += effort_since_start(t, batch, x, s, duration, time + i);
 
   go_on_searching(t, batch, lanes, x);
   for (int r = 0; r < rows; ++r) {
-    const int z = t.bounds.velocity[r];
+    const int z = t.rounds.velocity[r];
     const Branch<T>& branch = x.search.branch[r];
     const T impulse = select(held(branch), x.held.impulse[z], branch.impulse);
     own[z] += impulse;
@@ -164,7 +164,7 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   }
   for (int s = 0; s < t.limited_servos.count; ++s) {
     if (!any(x.servos.bounded[s])) continue;
-    const LimitedServo& limited = t.servo_velocities[s];
+    const LimitedServo& limited = t.rounds.servos[s];
     const int j = t.limited_servos[s], z = limited.velocity;
     const T share = limited.share < 0 ? T(1) : x.couplings.share[limited.share], most = effort_limit<T>(t, batch, j);
     const T force = servo_force(t, x, servo<T>(t, batch, x, j, time + i), s, position_phase,
@@ -199,7 +199,7 @@ void predict_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<Scala
   bounded_stage(t, batch, lanes, 0, time, x);
   typename T::Mask stops = T::none();
   for (int r = 0; r < t.bounds.rows.count; ++r) {
-    const int z = t.bounds.velocity[r];
+    const int z = t.rounds.velocity[r];
     StageRow<T>& row = x.stage_bounds.row[r];
     const T speed = x.stage_bounds.start[z];
     const T reached = fma(T(ScalarOf<T>(1) / Alexander<ScalarOf<T>>::gamma), x.held.velocity[z] - speed, speed);
@@ -221,7 +221,7 @@ bool stages_differ(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     differ = differ | reaches;
   }
   for (int r = 0; r < t.bounds.rows.count; ++r) {
-    const int z = t.bounds.velocity[r];
+    const int z = t.rounds.velocity[r];
     StageRow<T>& row = x.stage_bounds.row[r];
     const T speed = x.stage_bounds.start[z], reached = x.stage_bounds.end[z];
     const auto stops = less(row.direction * reached, T(0)) & less(T(0), row.force) & ~less(row.reversal, T(1)) & lanes;
@@ -254,7 +254,7 @@ void stages_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
       return member.follower < 0 ? T(0) : h * weight * x.couplings.correction[member.follower];
     };
     if (t.reduction.followers > 0) read_row(t, batch, r, x.stages.begin.q, correction, x);
-    set_mean_interval(t, r, x.search.branch[r], end[t.bounds.velocity[r]], x);
+    set_mean_interval(t, r, x.search.branch[r], end[t.rounds.velocity[r]], x);
   }
   for (int i = 0; i < t.limited_servos.count; ++i) x.servos.bounded[i] = T::none();
   for (int z = 0; z < n; ++z) {
@@ -284,7 +284,7 @@ LOCKSTEP_INLINE void bound_prediction(const Tables<ScalarOf<T>>& t, const StateP
 /// Whether all lanes take the stages with bounds, so that nobody needs them without.
 template <class T>
 LOCKSTEP_INLINE bool all_bounded(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
-  return t.bounds.by_velocity && !any(~x.bounds.candidate & ~x.frozen);
+  return t.rounds.used() && !any(~x.bounds.candidate & ~x.frozen);
 }
 
 /// After the last stage: takes the stages again in lanes where bounds act.

@@ -14,7 +14,7 @@ template <class T>
 void factorise(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   if (t.undamped.count > 0) undamped_responses(t, x);
   if (t.reduction.by_entries()) reduce_matrix(t, x);
-  if (t.bounds.by_velocity) keep_matrix(t, x);
+  if (t.rounds.used()) keep_matrix(t, x);
   factor_matrix(t, x);
   if (t.rows.count == 0) return;
   responses(t, x);

@@ -1,7 +1,8 @@
 // The solve with bounds: limits, friction, kinematic drives, force limits. SPDX-License-Identifier: Apache-2.0
 //
 // Section 12. The step has been solved without bounds. Rows that its result violates are now solved together with the
-// couplings, by the plan's method, until no further row is violated. Lanes that violate none keep their result.
+// couplings, by the plan's method, until no further row is violated. Where the plan has rounds, velocities are held in
+// the factor of A, and rows over several velocities are slots of the rounds. Lanes that violate none keep their result.
 #pragma once
 
 #include "integrate.h"
@@ -9,6 +10,7 @@
 #include "kernels/bounds/bounded_sweeps.h"
 #include "kernels/bounds/held_velocities.h"
 #include "kernels/couplings/solve_couplings.h"
+#include "solve_rounds.h"
 
 namespace lockstep::kernels {
 
@@ -16,26 +18,6 @@ namespace lockstep::kernels {
 template <class T>
 LOCKSTEP_INLINE void clear_bounds(Tile<T>& x) {
   x.bounds.active_count = 0;
-}
-
-/// Calls visit(number) for all numbers that a solve produces, the coupling rows' impulses first.
-template <class T, class Visit>
-LOCKSTEP_INLINE void each_result(const Tables<ScalarOf<T>>& t, Tile<T>& x, Visit&& visit) {
-  const auto all = [&](T* numbers, int count) LOCKSTEP_INLINED {
-    for (int i = 0; i < count; ++i) visit(numbers[i]);
-  };
-  const int rows = t.rows.count, solver = t.solver.n, twice = t.solve_twice ? 1 : 0;
-  all(x.rows.position_impulse, rows);
-  all(x.rows.velocity_impulse, twice * rows);
-  all(x.rows.speed, rows);
-  all(x.rows.velocity_phase_speed, twice * rows);
-  all(x.dynamics.solution, solver);
-  all(x.dynamics.velocity_solution, twice * solver);
-  all(x.next.q, t.joints);
-  all(x.next.v, t.velocities);
-  all(x.next.pose, 7 * t.roots.count);
-  all(x.half_turn, 4 * t.roots.count);
-  all(x.diagnostics.moved_velocity, t.record_diagnostics ? t.velocities : 0);
 }
 
 /// Restores the unbounded result in lanes without an active bound. They have been solved again with the others, and by
@@ -98,23 +80,16 @@ bool bounds_active(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   return any(x.bounds.candidate) || t.record_diagnostics;  // diagnostics need the rows in any case
 }
 
-/// No velocity meets a row that asks for NaN or infinity. Makes a velocity of such lanes NaN, which check() finds.
-template <class T>
-void mark_invalid(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  T& last = x.next.v[t.velocities - 1];
-  last = select(x.bounds.invalid, T(ScalarOf<T>(__builtin_nan(""))), last);
-}
-
 /// Lists the rows that hold a velocity or have an impulse, and their impulses.
 template <class T>
 void list_held_rows(const Tables<ScalarOf<T>>& t, typename T::Mask open, Tile<T>& x) {
-  const int count = t.bounds.rows.count, n = t.solver.n;
+  const int count = t.bounds.rows.count, n = t.rounds.columns.n;
   x.bounds.active_count = 0;
   for (int r = 0; r < count; ++r) {
     x.bounds.active[r] = T::none();
     for (int p = 0; p < phases<T>(t); ++p) {
       const Branch<T>& own = x.search.branch[p * count + r];
-      const T impulse = select(held(own), x.held.impulse[p * n + t.bounds.velocity[r]], own.impulse);
+      const T impulse = select(held(own), x.held.impulse[p * n + t.rounds.velocity[r]], own.impulse);
       x.bounds.impulse[p * count + r] = impulse;
       x.bounds.active[r] = x.bounds.active[r] | ((held(own) | beyond(impulse, T(0))) & open);
       x.bounds.invalid = x.bounds.invalid | (beyond(impulse, T(largest_number<ScalarOf<T>>)) & open);
@@ -164,7 +139,11 @@ void solve_by_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
 /// Activates violated rows and solves with them, until no further row is violated.
 template <class T>
 void solve_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  if (t.bounds.by_velocity) return solve_by_velocity(t, batch, x);
+  if (t.rounds.used()) {
+    if (t.rounds.slots.count == 0 && t.rounds.from_bodies.count == 0) return solve_by_velocity(t, batch, x);
+    if (t.rows.known_suffice) solve_couplings(t, batch, x);  // rounds need the couplings' softness
+    return solve_rounds(t, batch, x.bounds.candidate & ~x.frozen, x);
+  }
   const int count = t.bounds.rows.count;
   T* solution[2] = {x.dynamics.solution, x.dynamics.velocity_solution};
   open_bounds(t, batch, x);

@@ -9,8 +9,7 @@
 #pragma once
 
 #include "kernels/contacts/collide.h"
-#include "kernels/contacts/newton.h"
-#include "solve_bounds.h"
+#include "solve_rounds.h"
 
 namespace lockstep::kernels {
 
@@ -71,37 +70,26 @@ typename T::Mask renew_slips(const Tables<ScalarOf<T>>& t, typename T::Mask open
   return differs;
 }
 
-/// Newton and slip passes from x.contacts.z, which becomes the solution.
+/// Newton and slip passes from x.rounds.z, which becomes the solution.
 template <class T>
-void solve_contact_phase(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask open,
-                         Tile<T>& x) {
+void solve_contact_phase(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase,
+                         typename T::Mask open, Tile<T>& x) {
+  open_row_slots(t, phase, x);
+  if (phase == velocity_phase) exchange_phases(t, x);
   begin_newton(t, batch, open, x);
   typename T::Mask unfinished = T::none();
+  const auto open_first = open;
   for (int pass = 0; pass < t.contacts.passes; ++pass) {
     unfinished = unfinished | newton(t, batch, open, x);
     if (pass + 1 == t.contacts.passes) break;
     open = renew_slips(t, open, pass, x);
     if (!any(open)) break;
-    momentum_of_contacts(t, x.contacts.momentum, x);
+    momentum_of_impulses(t, x.rounds.momentum, x);
   }
-  for (int r = 0; r < t.bounds.rows.count; ++r) {  // what is not finished may be beyond its interval
-    T& speed = x.contacts.z[t.bounds.velocity[r]];
-    speed = select(unfinished, clamp(speed, x.bounds.lo[r], x.bounds.hi[r]), speed);
-  }
+  clamp_unfinished(t, unfinished, x);
+  if (phase == velocity_phase) exchange_phases(t, x);
+  keep_impulses(t, phase, open_first, x);
   x.contacts.unfinished += select(unfinished, T(1), T(0));
-}
-
-/// Exchanges the two phases' intervals and momenta: a solve takes those of the first.
-template <class T>
-void exchange_phases(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  const int rows = t.bounds.rows.count, n = t.solver.n;
-  const auto exchange = [](T& a, T& b) LOCKSTEP_INLINED {
-    const T kept = a;
-    a = b, b = kept;
-  };
-  for (int r = 0; r < rows; ++r)
-    exchange(x.bounds.lo[r], x.bounds.lo[rows + r]), exchange(x.bounds.hi[r], x.bounds.hi[rows + r]);
-  for (int k = 0; k < n; ++k) exchange(x.held.momentum[k], x.held.momentum[n + k]);
 }
 
 /// Lanes in which hard contacts have added energy beyond what slow push-outs may: sum lambda . u > sum lambda_n v
@@ -184,7 +172,7 @@ typename T::Mask begin_restoring(const Tables<ScalarOf<T>>& t, typename T::Mask 
   });
   lanes = lanes & open;
   if (!any(lanes)) return lanes;
-  slot_speeds(t, x.contacts.z, &ContactSlot<T>::speed, x);
+  slot_speeds(t, x.rounds.z, &ContactSlot<T>::speed, x);
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     if (pair.restitution == S(0)) return;
     for (int s = 0; s < pair.slots; ++s) {
@@ -238,7 +226,7 @@ template <class T>
 void remember(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<T>& x) {
   each_near(t, x, [&](const auto& pair, ContactPatch<T>& patch, ContactSlot<T>*) LOCKSTEP_INLINED {
     const auto lanes = acting & ~x.frozen;
-    expect(t, pair, x.dynamics.solution, lanes, patch, x);
+    expect(t, pair, x.rounds.z, lanes, patch, x);
     patch.kept_normal = select<T>(lanes, patch.axes[0], patch.kept_normal);
     patch.kept_tangent = select<T>(lanes, patch.axes[1], patch.kept_tangent);
   });
@@ -270,7 +258,7 @@ void restore_impacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
                      Tile<T>& x) {
   auto open = begin_restoring(t, again, x);
   for (int trial = 0; any(open); ++trial) {
-    solve_contact_phase(t, batch, open, x);
+    solve_contact_phase(t, batch, velocity_phase, open, x);
     remember_impulses(t, open, x);
     if (trial == 2) break;
     open = gains_energy(t, open, x);
@@ -281,48 +269,45 @@ void restore_impacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
 template <class T>
 void solve_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask acting,
                     Tile<T>& x) {
-  const int n = t.solver.n, rows = t.bounds.rows.count;
-  x.servos.duration = T(t.dt), x.servos.from = x.state.q, x.servos.time = 0;
-  x.bounds.invalid = T::none();
-  open_intervals(t, batch, position_phase, x);
-  if (t.solve_twice) open_intervals(t, batch, velocity_phase, x);
+  const int n = t.rounds.columns.n, rows = t.bounds.rows.count;
+  begin_rounds(t, batch, x);
   const bool some_free = any(~(acting | x.frozen));
-  T* kept = x.contacts.unbounded_result;
+  T* kept = x.rounds.unbounded_result;
   if (some_free) each_result(t, x, [&](const T& number) { *kept++ = number; });
 
   const T two = T(2);
   for (int k = 0; k < n; ++k)
-    x.contacts.z[k] =
-        select(x.contacts.known, fma(two, x.dynamics.start[k], -x.contacts.previous[k]), x.dynamics.start[k]);
-  begin_slips(t, x.contacts.z, x);
-  x.servos.corrected = true;
-  x.contacts.weak = T::none();
-  solve_contact_phase(t, batch, acting, x);
-  x.singular = (x.singular & ~x.contacts.held) | (x.contacts.weak & x.contacts.held);
-  for (int k = 0; k < n; ++k) x.dynamics.solution[k] = x.contacts.z[k];
+    x.rounds.z[k] = select(x.contacts.known, fma(two, x.held.start[k], -x.contacts.previous[k]), x.held.start[k]);
+  begin_slips(t, x.rounds.z, x);
+
+  // The speed that moves the positions.
+  solve_contact_phase(t, batch, position_phase, acting, x);
+  x.singular = (x.singular & ~x.contacts.held) | (x.rounds.weak & x.contacts.held);
+  from_rounds(t, x.rounds.z, x.dynamics.solution);
   remember(t, acting, x);
+
+  // The speed that stays.
   if (x.solves_twice) {
-    const auto asked = lanes_with_two_phases(t, batch, x) | push_ahead(t, acting, 1.0, x);
+    keep_impulses(t, velocity_phase, acting, x);
+    const auto asked = rows_with_two_phases(t, x) | lanes_with_two_phases(t, batch, x) | push_ahead(t, acting, 1.0, x);
     const auto again = begin_relaxing(t, acting, asked, x);
     if (any(again)) {
-      exchange_phases(t, x);
       x.servos.corrected = false;
-      solve_contact_phase(t, batch, again, x);
+      solve_contact_phase(t, batch, velocity_phase, again, x);
       remember_impulses(t, again, x);
       const auto adding = push_ahead(t, again, carried_above, x);
       if (any(adding)) {
         forget_impulses(t, adding, x);
-        solve_contact_phase(t, batch, adding, x);
+        solve_contact_phase(t, batch, velocity_phase, adding, x);
         remember_impulses(t, adding, x);
       }
       if (t.contacts.bounces) restore_impacts(t, batch, again, x);
-      exchange_phases(t, x);
     }
-    for (int k = 0; k < n; ++k)
-      x.dynamics.velocity_solution[k] = select(again, x.contacts.z[k], x.dynamics.solution[k]);
+    from_rounds(t, x.rounds.z, x.dynamics.velocity_solution);
   }
+  list_active_rows_of(t, acting, x);
   integrate(t, x);
-  const T* restored = x.contacts.unbounded_result;
+  const T* restored = x.rounds.unbounded_result;
   if (some_free) each_result(t, x, [&](T& number) { number = select(acting, number, *restored++); });
   if (rows > 0) mark_invalid(t, x);
 }
@@ -340,12 +325,14 @@ bool find_contacts(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 template <class T>
 void touch(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, bool solved, Tile<T>& x) {
   typename T::Mask acting = T::none();
+  if (solved) to_rounds(t, x.dynamics.solution, x.rounds.z);
+  matrix_of_bodies(t, x);
   const ScalarOf<T>* const frictions = batch.field(Parameter::contact_friction);
   each_near(t, x, [&](const auto& pair, ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     const std::ptrdiff_t row = (&pair - t.contacts.pairs.data) * batch.stride;
     patch.friction = frictions ? T::load(frictions + row) : T(pair.friction);
-    const RelativeTwist<T> start = twist_of(t, pair, x, x.dynamics.start);
-    const RelativeTwist<T> free = solved ? twist_of(t, pair, x, x.dynamics.solution) : start;
+    const RelativeTwist<T> start = twist_of(t, pair, x, x.held.start);
+    const RelativeTwist<T> free = solved ? twist_of(t, pair, x, x.rounds.z) : start;
     const PairResponse<T> response(t, pair, x);
     for (int s = 0; s < pair.slots; ++s) {
       slot_speed(slots[s], free, slots[s].free);
@@ -360,10 +347,10 @@ void touch(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     solve_contacts(t, batch, acting, x);
   else
     remember(t, T::none(), x);
-  for (int k = 0; k < t.solver.n; ++k)
-    x.contacts.previous[k] = select(x.frozen, x.contacts.previous[k], x.dynamics.start[k]);
+  for (int k = 0; k < t.rounds.columns.n; ++k)
+    x.contacts.previous[k] = select(x.frozen, x.contacts.previous[k], x.held.start[k]);
   for (int r = 0; r < t.roots.count; ++r)  // to the axes that the next step starts in
-    turn_root_twist(x.half_turn + 4 * r, x.contacts.previous + t.roots[r].solver);
+    turn_root_twist(x.half_turn + 4 * r, x.contacts.previous + t.rounds.place[t.roots[r].solver]);
   x.contacts.known = ~T::none();
 }
 

@@ -50,7 +50,7 @@ struct BoundRows {
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
     const auto& b = t.bounds;
     const int bounds = b.rows.count, rows = t.rows.count;
-    const int responding = b.by_velocity ? 0 : bounds, solver = t.solver.n;
+    const int responding = t.rounds.used() ? 0 : bounds, solver = t.solver.n;
     take("bounds.member_share", member_share, b.member.count, Lifetime::call);
     take("bounds.member_inverse", member_inverse, b.member.count, Lifetime::call);
     take("bounds.value", value, b.rows.term_value.count, Lifetime::call);
@@ -103,7 +103,7 @@ struct ActiveSetSearch {
     take("search.impulse", impulse, bounds);
     take("search.speed", speed, bounds);
     take("search.noise", noise, bounds);
-    take("search.matrix", matrix, t.bounds.by_velocity ? 0 : bounds * bounds);
+    take("search.matrix", matrix, t.rounds.used() ? 0 : bounds * bounds);
     take("search.branch", branch, 2 * bounds);
     take("search.held", held, bounds);
     take("search.known", known, 2 * bounds);
@@ -114,6 +114,7 @@ struct ActiveSetSearch {
 template <class T>
 struct HeldVelocities {
   T* matrix;               // A or A_r (packed)
+  T* start;                // [solver] velocities at the start
   T* momentum;             // 2 [solver] to gain, without impulses
   T* factor;               // of a round (packed)
   T* diagonal;             // [solver] with the servos' parts
@@ -129,8 +130,9 @@ struct HeldVelocities {
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
-    const int n = t.solver.n, entries = t.solver.entries, phases = t.solve_twice ? 2 : 1;
+    const int n = t.rounds.columns.n, entries = t.rounds.columns.entries, phases = t.solve_twice ? 2 : 1;
     take("held.matrix", matrix, entries);
+    take("held.start", start, t.rounds.renumbered ? n : 0);
     take("held.momentum", momentum, phases * n);
     take("held.factor", factor, entries, Lifetime::stage);
     take("held.diagonal", diagonal, n, Lifetime::stage);
@@ -141,8 +143,51 @@ struct HeldVelocities {
     take("held.goal", goal, phases * n, Lifetime::stage);
     take("held.velocity", velocity, phases * n, Lifetime::stage);
     take("held.impulse", impulse, phases * n, Lifetime::stage);
-    take("held.light", light, t.bounds.rows.count, Lifetime::stage);
+    take("held.light", light, t.bounds.single, Lifetime::stage);
     take("held.mask", mask, n, Lifetime::stage);
+  }
+};
+
+/// The law of a row over several velocities (section 12) at one speed: its branch and impulse. `active`: its slope is
+/// not 0.
+template <class T>
+struct ActingRow {
+  T lo, hi, centre, force, cfm;  // of the phase
+  T response;                    // (M118)
+  T own_response;                // J A^-1 J^T, where the softness refers to it
+  T added;                       // R - cfm: compliance that updates take back
+  T multiplier;                  // m
+  T speed, change;               // u, and what the Newton step adds
+  T rounding;                    // speeds below which nothing counts, without those of the iterate
+  T missing;                     // what the law misses, as a share of what is allowed
+  Branch<T> law, trial;
+  typename T::Mask yields;  // lanes in which it has given way
+};
+
+/// Newton rounds (rounds/newton.h).
+template <class T>
+struct RoundArrays {
+  T* z;     // [velocities of the rounds] iterate
+  T* step;  // Newton step
+  T* gradient;
+  T* momentum;            // J^T impulse
+  T* kept;                // momentum to gain
+  ActingRow<T>* row;      // [slots]
+  T* unbounded_result;    // of the step in which none of them acts (integrators/solve_rounds.h)
+  typename T::Mask weak;  // lanes with a pivot that is too small
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    const int n = t.rounds.columns.n;
+    take("rounds.z", z, n);
+    take("rounds.step", step, n);
+    take("rounds.gradient", gradient, n);
+    take("rounds.momentum", momentum, n);
+    take("rounds.kept", kept, n);
+    take("rounds.row", row, t.rounds.slots.count);
+    const int results = (t.solve_twice ? 2 : 1) * (2 * t.rows.count + t.solver.n) + t.joints +
+                        (t.record_diagnostics ? 2 : 1) * t.velocities + (7 + 4) * t.roots.count;
+    take("rounds.unbounded_result", unbounded_result, results);
   }
 };
 
@@ -153,9 +198,10 @@ struct LimitedServos {
   typename T::Mask* bounded;  // [limited servos] lanes in which a stage leaves the servo to the search
   const T* from;              // [joints] positions
   T duration;
-  bool corrected;  // the position phase corrects followers
-  int time;        // of its inputs
-  int pass;
+  typename T::Mask decided;  // lanes in which the other phase has decided
+  bool corrected;            // the position phase corrects followers
+  int time;                  // of its inputs
+  int pass;                  // of the guess (limited_servos.h)
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {

@@ -73,21 +73,14 @@ struct Contacts {
   Vec3<T>* moving;         // [columns] relative velocity of the reference point
   Vec3<T>* parted;         // [columns] what of it is due to the gap between the points of two moving bodies
   T* previous;             // [solver] velocities at the start of the step before (state)
-  T* z;                    // [solver] iterate
-  T* step;                 // [solver] Newton step
-  T* gradient;             // [solver]
-  T* momentum;             // [solver] J^T impulse
-  T* kept;                 // [solver] momentum to gain; result of the first solve
-  T* unbounded_result;     // of the step without contacts (solve_contacts.h)
   T unfinished;            // steps at the cap since the last reset (state)
   typename T::Mask known;  // lanes whose memory belongs to their state
-  typename T::Mask weak;   // lanes with a pivot that is too small
   typename T::Mask held;   // lanes that are solved with contacts at once (solve_contacts.h)
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
     const auto& c = t.contacts;
-    const int n = t.solver.n;
+    const int n = t.rounds.columns.n;
     motion.arrays(t, take);
     take("contacts.patch", patch, c.pairs.count);
     take("contacts.slot", slot, c.slots);
@@ -95,12 +88,6 @@ struct Contacts {
     take("contacts.moving", moving, c.columns.count);
     take("contacts.parted", parted, c.columns.count);
     take("contacts.previous", previous, n);
-    take("contacts.z", z, n);
-    take("contacts.step", step, n);
-    take("contacts.gradient", gradient, n);
-    take("contacts.momentum", momentum, n);
-    take("contacts.kept", kept, n);
-    take("contacts.unbounded_result", unbounded_result, 2 * n + t.joints + t.velocities + 11 * t.roots.count);
   }
 };
 

@@ -92,7 +92,7 @@ struct ArticulatedBodies {
 /// A dv = rhs: the matrix, its factors, the solutions.
 template <class T>
 struct Dynamics {
-  T* joint_inertia;         // [joints] the diagonal A - M (M14); later that of A, if a limited servo needs it
+  T* joint_inertia;         // [joints] the diagonal A - M (M14)
   T* matrix;                // A (packed), unless A_r is made without it or all bodies are articulated
   T* rhs;                   // [velocities] dt times all forces, and what removes followers' velocity errors by force
   T* bias;                  // [velocities] c; in the array of rhs unless it is used more than once

@@ -34,8 +34,12 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
     x.bounds.arrays(t, take);
     x.search.arrays(t, take);
   }
-  if (t.bounds.by_velocity) x.held.arrays(t, take);
-  if (t.bounds.by_velocity && t.integrator != Integrator::euler) x.stage_bounds.arrays(t, take);
+  if (t.rounds.used()) {
+    x.held.arrays(t, take);
+    if (!t.rounds.renumbered) x.held.start = x.dynamics.start;
+    if (t.contacts.used()) x.rounds.arrays(t, take);
+    if (t.integrator != Integrator::euler) x.stage_bounds.arrays(t, take);
+  }
   x.servos.arrays(t, take);
   if (t.contacts.used()) x.contacts.arrays(t, take);
   if (t.record_diagnostics) x.diagnostics.arrays(t, take);

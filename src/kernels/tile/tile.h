@@ -34,6 +34,7 @@ struct Tile {
   BoundRows<T> bounds;
   ActiveSetSearch<T> search;
   HeldVelocities<T> held;
+  RoundArrays<T> rounds;
   StageBounds<T> stage_bounds;
   LimitedServos<T> servos;
   Contacts<T> contacts;

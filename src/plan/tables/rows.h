@@ -94,8 +94,9 @@ struct Rows : RowStructure {
 };
 
 /// What a bounded row holds: the hard bounds of a joint (or of all joints that move with one velocity), a soft limit, a
-/// soft kinematic drive, or a coupling with a force limit.
-enum class BoundKind : int { joint, soft_limit, soft_drive, coupling };
+/// soft kinematic drive, a coupling with a force limit, a hard kinematic drive beside other rows, or a servo with an
+/// effort limit.
+enum class BoundKind : int { joint, soft_limit, soft_drive, coupling, drive, servo };
 
 /// The hard bounds of a joint, as bits.
 enum JointBound : int {
@@ -124,15 +125,13 @@ struct BoundStructure {
   Span<BoundKind> kind;    ///< by row
   Span<int> member_start;  ///< by row, rows + 1
   Span<Member> member;
-  bool may_depend = false;   ///< the directions of hard rows may be linearly dependent
-  Span<int> kinematic;       ///< by row: whether it holds a hard kinematic drive
-  bool always = false;       ///< some row is active in every step: friction, a kinematic drive, a force limit
-  Span<int> has;             ///< by joint: JointBound
-  Span<int> undamped_row;    ///< by row, as Tables::undamped_row
-  bool by_velocity = false;  ///< each row and each limited servo acts on one velocity (held_velocities.h)
-  Span<int> velocity;        ///< by row, then: of the solver
-  Span<int> row_of;          ///< by solver velocity, then: its row, -1 if none
-  Span<Watched> watched;     ///< the joints with limits
+  bool may_depend = false;  ///< the directions of hard rows may be linearly dependent
+  int single = 0;           ///< where the plan has rounds: the first rows, which bound one velocity each
+  Span<int> kinematic;      ///< by row: whether it holds a hard kinematic drive
+  bool always = false;      ///< some row is active in every step: friction, a drive, a force limit, a limited servo
+  Span<int> has;            ///< by joint: JointBound
+  Span<int> undamped_row;   ///< by row, as Tables::undamped_row
+  Span<Watched> watched;    ///< the joints with limits
 };
 template <class S>
 struct Bounds : BoundStructure {

@@ -1,22 +1,25 @@
-// Newton's method on the velocities of the solver, with contacts and bounds. SPDX-License-Identifier: Apache-2.0
+// Newton's method on the velocities of the solver, with bounds, kept couplings and contacts. SPDX-License-Identifier:
+// Apache-2.0
 //
-// (M107). A round linearises the law of every slot, holds the velocities that the bounds hold, and solves with the
-// masked factor of A + J^T G J. A search along the step follows in lanes where the law bends too much. Bounded rows and
-// limited servos then move to the neighbouring piece as in held_velocities.h. A lane that has finished has a step of 0.
+// (M107), (M117). A round linearises the law of every contact slot and of every row over several velocities, holds the
+// velocities that bounds hold, and solves with the masked factor of A + J^T G J. A search along the step follows in
+// lanes where a law bends too much. Bounds of single velocities and limited servos then move to the neighbouring piece
+// as in held_velocities.h. Where nothing has moved, multipliers of hard rows are updated. A lane that has finished has
+// a step of 0.
 #pragma once
 
-#include "kernels/bounds/held_velocities.h"
-#include "law.h"
+#include "kernels/contacts/law.h"
+#include "rows.h"
 
 namespace lockstep::kernels {
 
-constexpr int most_trials = 12;  ///< of one search along a step
+constexpr int most_trials = 40;  ///< of one search along a step: the pieces of a hard row are this short
 constexpr double enough_descent = 0.1;
 
 /// y = A v - rhs with the diagonal of this round, for the gradient.
 template <class T>
 void momentum_left(const Tables<ScalarOf<T>>& t, const T* v, const T* rhs, T* y, const Tile<T>& x) {
-  const Columns& columns = t.solver;
+  const Columns& columns = t.rounds.columns;
   for (int j = 0; j < columns.n; ++j) y[j] = fnma(x.held.diagonal[j], v[j], rhs[j]);
   for (int j = 0; j < columns.n; ++j) {
     const T* const own = x.held.matrix + columns.offset[j];
@@ -27,7 +30,7 @@ void momentum_left(const Tables<ScalarOf<T>>& t, const T* v, const T* rhs, T* y,
   }
 }
 
-/// Evaluates the law of all slots at the speed u + a du, into `to`.
+/// Evaluates the law of all contact slots at the speed u + a du, into `to`.
 template <class T>
 void evaluate(const Tables<ScalarOf<T>>& t, T a, ContactForce<T> ContactSlot<T>::*to, Tile<T>& x) {
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
@@ -39,7 +42,7 @@ void evaluate(const Tables<ScalarOf<T>>& t, T a, ContactForce<T> ContactSlot<T>:
   });
 }
 
-/// Slope and curvature of the line function of a step: what its contacts add.
+/// Slope and curvature of the line function of a step: what its contacts and rows add.
 template <class T>
 struct AlongStep {
   T force = T(0);  // du . impulse
@@ -47,8 +50,13 @@ struct AlongStep {
 };
 
 template <class T>
-AlongStep<T> along_step(const Tables<ScalarOf<T>>& t, ContactForce<T> ContactSlot<T>::*of, Tile<T>& x) {
+AlongStep<T> along_step(const Tables<ScalarOf<T>>& t, ContactForce<T> ContactSlot<T>::*of, Branch<T> ActingRow<T>::*law,
+                        Tile<T>& x) {
   AlongStep<T> sum;
+  each_row(t, x, [&](const RowSlot&, ActingRow<T>& row, const int*, const T*) LOCKSTEP_INLINED {
+    sum.force = fma(row.change, (row.*law).impulse, sum.force);
+    sum.gain = fma(row.change * row.change, row_gain(row, row.*law), sum.gain);
+  });
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     for (int s = 0; s < pair.slots; ++s) {
       T product[3];
@@ -66,6 +74,10 @@ AlongStep<T> along_step(const Tables<ScalarOf<T>>& t, ContactForce<T> ContactSlo
 template <class T>
 T slope_at_end(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   T slope = T(0);
+  each_row(t, x, [&](const RowSlot&, ActingRow<T>& row, const int*, const T*) LOCKSTEP_INLINED {
+    const T linear = row_gain(row, row.law) * row.change;
+    slope = fma(row.change, (row.law.impulse - linear) - row.trial.impulse, slope);
+  });
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     for (int s = 0; s < pair.slots; ++s) {
       T linear[3];
@@ -83,11 +95,11 @@ template <class T>
 T search_along(const Tables<ScalarOf<T>>& t, typename T::Mask open, T first_slope, T last_slope, Tile<T>& x) {
   using S = ScalarOf<T>;
   const T zero = T(0), one = T(1), half = T(S(0.5));
-  const AlongStep<T> start = along_step(t, &ContactSlot<T>::force, x);
+  const AlongStep<T> start = along_step(t, &ContactSlot<T>::force, &ActingRow<T>::law, x);
   const T stiff = -first_slope - start.gain;  // d A d
   const T enough = T(S(enough_descent)) * absolute(first_slope);
   T low = zero, high = one, a = one, slope = last_slope,
-    curvature = stiff + along_step(t, &ContactSlot<T>::trial, x).gain;
+    curvature = stiff + along_step(t, &ContactSlot<T>::trial, &ActingRow<T>::trial, x).gain;
   for (int trial = 1; trial <= most_trials; ++trial) {
     const auto past = less(zero, slope);
     high = select(open & past, a, high), low = select(open & ~past, a, low);
@@ -95,7 +107,8 @@ T search_along(const Tables<ScalarOf<T>>& t, typename T::Mask open, T first_slop
     next = select(less(low, next) & less(next, high), next, half * (low + high));
     a = select(open, trial == most_trials ? low : next, a);
     evaluate(t, a, &ContactSlot<T>::trial, x);
-    const AlongStep<T> here = along_step(t, &ContactSlot<T>::trial, x);
+    try_rows(t, a, x);
+    const AlongStep<T> here = along_step(t, &ContactSlot<T>::trial, &ActingRow<T>::trial, x);
     slope = fma(a, stiff, first_slope + (start.force - here.force));
     curvature = stiff + here.gain;
     open = open & less(enough, absolute(slope));
@@ -106,10 +119,12 @@ T search_along(const Tables<ScalarOf<T>>& t, typename T::Mask open, T first_slop
 
 /// The matrix of a round, factored. Returns the lanes with a pivot that is too small.
 template <class T>
-typename T::Mask factor_with_contacts(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  for (int e = 0; e < t.solver.entries; ++e) x.held.factor[e] = x.held.matrix[e] + T(0);  // no -0: others add 0 to it
-  for (int z = 0; z < t.solver.n; ++z) x.held.factor[t.solver.offset[z]] = x.held.diagonal[z];
+typename T::Mask factor_round(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int e = 0; e < t.rounds.columns.entries; ++e)
+    x.held.factor[e] = x.held.matrix[e] + T(0);  // no -0: others add 0 to it
+  for (int z = 0; z < t.rounds.columns.n; ++z) x.held.factor[t.rounds.columns.offset[z]] = x.held.diagonal[z];
   add_gains(t, x.held.factor, x);
+  add_row_gains(t, x.held.factor, x);
   return factor_masked(t, x);
 }
 
@@ -134,41 +149,56 @@ Regions<T> regions(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   return found;
 }
 
-/// From the iterate x.contacts.z, whose speeds, forces and their momentum are known, to the solution of the present
-/// targets. `phase` has the momentum, and slot 0 of the bounds the intervals. Returns the lanes of `open` that are not
+/// J^T impulse of all contacts and rows at the iterate.
+template <class T>
+void momentum_of_impulses(const Tables<ScalarOf<T>>& t, T* momentum, Tile<T>& x) {
+  momentum_of_contacts(t, momentum, x);
+  add_row_momentum(t, momentum, x);
+}
+
+/// From the iterate x.rounds.z, whose speeds, forces and their momentum are known, to the solution of the present
+/// targets. The first phase of the bounds has the momentum and the intervals. Returns the lanes of `open` that are not
 /// finished.
 template <class T>
 typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask open,
                         Tile<T>& x) {
   using S = ScalarOf<T>;
   constexpr double tiny_step = sizeof(S) == 4 ? 1e-3 : 1e-6;
-  const int n = t.solver.n;
+  const int n = t.rounds.columns.n;
   const T zero = T(0), one = T(1);
-  T *const z = x.contacts.z, *const step = x.contacts.step;
+  T *const z = x.rounds.z, *const step = x.rounds.step;
+  Updates<T> updates;
   for (int round = 0; round < t.contacts.rounds && any(open); ++round) {
+    // The gradient, and a step of Newton's method with held velocities masked.
     set_goals(t, position_phase, x);
     round_terms(t, batch, position_phase, x);
-    for (int k = 0; k < n; ++k) step[k] = z[k] - x.dynamics.start[k];
-    momentum_left(t, step, x.held.rhs, x.contacts.gradient, x);
-    for (int k = 0; k < n; ++k)
-      x.held.rhs[k] = x.contacts.gradient[k] = x.contacts.gradient[k] + x.contacts.momentum[k];
-    x.contacts.weak = x.contacts.weak | factor_with_contacts(t, x);
+    for (int k = 0; k < n; ++k) step[k] = z[k] - x.held.start[k];
+    momentum_left(t, step, x.held.rhs, x.rounds.gradient, x);
+    for (int k = 0; k < n; ++k) x.held.rhs[k] = x.rounds.gradient[k] = x.rounds.gradient[k] + x.rounds.momentum[k];
+    x.rounds.weak = x.rounds.weak | factor_round(t, x);
     solve_masked(t, position_phase, z, x);
     T largest = zero, fastest = zero, slope = zero;
     for (int k = 0; k < n; ++k) {
       step[k] = select(open, found_change(x, k), zero);
-      slope = fnma(step[k], x.contacts.gradient[k] + x.held.impulse[k], slope);
+      slope = fnma(step[k], x.rounds.gradient[k] + x.held.impulse[k], slope);
       largest = farther(largest, step[k]), fastest = farther(fastest, z[k]);
     }
+
+    // How the laws bend along the step, and a search where they bend too much.
     slot_speeds(t, step, &ContactSlot<T>::change, x);
+    each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int* velocity, const T* value) LOCKSTEP_INLINED {
+      row.change = row_speed(slot, velocity, value, step);
+    });
     evaluate(t, one, &ContactSlot<T>::trial, x);
+    try_rows(t, one, x);
     const T allowed = T(t.contacts.tolerance) * (one + fastest);
     const auto small = less(largest, allowed), tiny = less(largest, T(S(tiny_step)) * allowed);
     const T last = slope_at_end(t, x);
     const auto bends = open & ~small & less(T(S(enough_descent)) * absolute(slope), last);
     const T share = any(bends) ? search_along(t, bends, slope, last, x) : one;
+
+    // The new iterate, and the pieces of the laws that it is on.
     const Regions<T> seen = regions(t, x);
-    const auto finished = ((~seen.slides | small) & ~seen.changed & ~bends) | tiny;
     for (int k = 0; k < n; ++k) z[k] = select(open, select(bends, fma(share, step[k], z[k]), x.held.velocity[k]), z[k]);
     each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
       for (int s = 0; s < pair.slots; ++s) {
@@ -176,10 +206,16 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
         slots[s].force = slots[s].trial;
       }
     });
+    const auto changed = seen.changed | move_rows(t, z, bends, x);
     for (int k = 0; k < n; ++k) x.held.velocity[k] = z[k];
     const auto moved = move_pieces(t, batch, 1, round >= all_move, open, x);
-    open = open & ~(finished & ~moved);
-    if (any(open)) momentum_of_contacts(t, x.contacts.momentum, x);
+
+    // Lanes that have settled end, or update the multipliers of their hard rows.
+    const auto finished = ((~seen.slides | small) & ~changed & ~bends & ~moved) | (tiny & ~moved);
+    const auto settled = open & ~changed & ~moved & ~bends;
+    const auto updated = update_multipliers(t, z, settled, updates, x);
+    open = (open & ~finished) | updated;
+    if (any(open)) momentum_of_impulses(t, x.rounds.momentum, x);
   }
   return open;
 }
@@ -189,20 +225,22 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
 template <class T>
 void begin_newton(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask open,
                   Tile<T>& x) {
-  const int n = t.solver.n, rows = t.bounds.rows.count;
-  slot_speeds(t, x.contacts.z, &ContactSlot<T>::speed, x);
+  const int n = t.rounds.columns.n;
+  slot_speeds(t, x.rounds.z, &ContactSlot<T>::speed, x);
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     for (int s = 0; s < pair.slots; ++s) contact_force(slots[s], patch.friction, slots[s].speed, slots[s].force);
   });
-  momentum_of_contacts(t, x.contacts.momentum, x);
+  evaluate_rows(t, x.rounds.z, x);
+  momentum_of_impulses(t, x.rounds.momentum, x);
   for (int k = 0; k < n; ++k) {
-    x.contacts.kept[k] = x.held.momentum[k];
-    x.held.momentum[k] += x.contacts.momentum[k];
+    x.rounds.kept[k] = x.held.momentum[k];
+    x.held.momentum[k] += x.rounds.momentum[k];
     x.held.mask[k] = T::none();
   }
   guess(t, batch, 1, open, T::none(), x);
-  for (int r = 0; r < rows; ++r) x.held.light[r] = T(1) / x.held.matrix[t.solver.offset[t.bounds.velocity[r]]];
-  for (int k = 0; k < n; ++k) x.held.momentum[k] = x.contacts.kept[k];
+  for (int r = 0; r < t.bounds.single; ++r)
+    x.held.light[r] = T(1) / x.held.matrix[t.rounds.columns.offset[t.rounds.velocity[r]]];
+  for (int k = 0; k < n; ++k) x.held.momentum[k] = x.rounds.kept[k];
 }
 
 }  // namespace lockstep::kernels

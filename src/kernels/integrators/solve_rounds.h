@@ -1,0 +1,175 @@
+// One solve for bounds, kept couplings and contacts: what all its uses share. SPDX-License-Identifier: Apache-2.0
+//
+// (M107), (M117) to (M119). The position phase and the velocity phase are solved by the same rounds, where they differ.
+#pragma once
+
+#include "integrate.h"
+#include "kernels/rounds/newton.h"
+
+namespace lockstep::kernels {
+
+/// Calls visit(number) for all numbers that a solve produces, the coupling rows' impulses first.
+template <class T, class Visit>
+LOCKSTEP_INLINE void each_result(const Tables<ScalarOf<T>>& t, Tile<T>& x, Visit&& visit) {
+  const auto all = [&](T* numbers, int count) LOCKSTEP_INLINED {
+    for (int i = 0; i < count; ++i) visit(numbers[i]);
+  };
+  const int rows = t.rows.count, solver = t.solver.n, twice = t.solve_twice ? 1 : 0;
+  all(x.rows.position_impulse, rows);
+  all(x.rows.velocity_impulse, twice * rows);
+  all(x.rows.speed, rows);
+  all(x.rows.velocity_phase_speed, twice * rows);
+  all(x.dynamics.solution, solver);
+  all(x.dynamics.velocity_solution, twice * solver);
+  all(x.next.q, t.joints);
+  all(x.next.v, t.velocities);
+  all(x.next.pose, 7 * t.roots.count);
+  all(x.half_turn, 4 * t.roots.count);
+  all(x.diagnostics.moved_velocity, t.record_diagnostics ? t.velocities : 0);
+}
+
+/// No velocity meets a row that asks for NaN or infinity. Makes a velocity of such lanes NaN, which check() finds.
+template <class T>
+void mark_invalid(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  T& last = x.next.v[t.velocities - 1];
+  last = select(x.bounds.invalid, T(ScalarOf<T>(__builtin_nan(""))), last);
+}
+
+/// What all solves of a step need: the matrix, and the intervals of both phases.
+template <class T>
+void begin_rounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  x.servos.duration = T(t.dt), x.servos.from = x.state.q, x.servos.time = 0, x.servos.corrected = true;
+  x.bounds.invalid = T::none();
+  x.rounds.weak = T::none();
+  open_intervals(t, batch, position_phase, x);
+  if (t.solve_twice) open_intervals(t, batch, velocity_phase, x);
+  if (t.rounds.needs_responses) exact_responses(t, x);
+}
+
+/// Exchanges the two phases' intervals and momenta: a solve takes those of the first.
+template <class T>
+void exchange_phases(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const int rows = t.bounds.rows.count, n = t.rounds.columns.n;
+  const auto exchange = [](T& a, T& b) LOCKSTEP_INLINED {
+    const T kept = a;
+    a = b, b = kept;
+  };
+  for (int r = 0; r < rows; ++r)
+    exchange(x.bounds.lo[r], x.bounds.lo[rows + r]), exchange(x.bounds.hi[r], x.bounds.hi[rows + r]);
+  for (int k = 0; k < n; ++k) exchange(x.held.momentum[k], x.held.momentum[n + k]);
+}
+
+/// Lanes in which a row over several velocities asks for something else in the velocity phase.
+template <class T>
+typename T::Mask rows_with_two_phases(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const int count = t.bounds.rows.count;
+  auto differ = T::none();
+  each_row(t, x, [&](const RowSlot& slot, ActingRow<T>&, const int*, const T*) LOCKSTEP_INLINED {
+    if (slot.coupling >= 0) {
+      const int e = slot.coupling;
+      differ = differ | beyond(position_phase_bias(t, x, e) - velocity_phase_bias(t, x, e), T(0));
+      return;
+    }
+    const int r = slot.bounded;
+    differ = differ | beyond(x.bounds.lo[r] - x.bounds.lo[count + r], T(0)) |
+             beyond(x.bounds.hi[r] - x.bounds.hi[count + r], T(0));
+    if (t.bounds.kind[r] != BoundKind::joint)
+      differ = differ | beyond(x.bounds.centre[r] - x.bounds.centre[count + r], T(0));
+  });
+  return differ;
+}
+
+/// What is not finished may be beyond its interval.
+template <class T>
+void clamp_unfinished(const Tables<ScalarOf<T>>& t, typename T::Mask unfinished, Tile<T>& x) {
+  for (int r = 0; r < t.bounds.single; ++r) {
+    T& speed = x.rounds.z[t.rounds.velocity[r]];
+    speed = select(unfinished, clamp(speed, x.bounds.lo[r], x.bounds.hi[r]), speed);
+  }
+}
+
+/// Keeps the impulses of a solve in these lanes, as those of a phase.
+template <class T>
+void keep_impulses(const Tables<ScalarOf<T>>& t, Phase phase, typename T::Mask lanes, Tile<T>& x) {
+  const int count = t.bounds.rows.count;
+  const auto keep = [&](T& kept, T now) LOCKSTEP_INLINED { kept = select(lanes, now, kept); };
+  for (int r = 0; r < t.bounds.single; ++r) {
+    const Branch<T>& own = x.search.branch[r];
+    keep(x.bounds.impulse[phase * count + r], select(held(own), x.held.impulse[t.rounds.velocity[r]], own.impulse));
+  }
+  each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int*, const T*) LOCKSTEP_INLINED {
+    if (slot.bounded >= 0) return keep(x.bounds.impulse[phase * count + slot.bounded], row.law.impulse);
+    keep(phase == position_phase ? x.rows.position_impulse[slot.coupling] : x.rows.velocity_impulse[slot.coupling],
+         row.law.impulse);
+    keep(phase == position_phase ? x.rows.speed[slot.coupling] : x.rows.velocity_phase_speed[slot.coupling], row.speed);
+  });
+}
+
+/// Lists the bounded rows that have an impulse. Returns the lanes in which some has.
+template <class T>
+typename T::Mask list_active_rows_of(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
+  const int count = t.bounds.rows.count;
+  auto some = T::none();
+  x.bounds.active_count = 0;
+  for (int r = 0; r < count; ++r) {
+    auto& active = x.bounds.active[r];
+    active = T::none();
+    for (int p = 0; p < phases<T>(t); ++p) {
+      active = active | (beyond(x.bounds.impulse[p * count + r], T(0)) & lanes);
+      x.bounds.invalid =
+          x.bounds.invalid | (beyond(x.bounds.impulse[p * count + r], T(largest_number<ScalarOf<T>>)) & lanes);
+    }
+    some = some | active;
+    if (any(active)) x.bounds.active_rows[x.bounds.active_count++] = r;
+  }
+  return some;
+}
+
+/// Solves the lanes `open` with bounds and kept couplings, and no contacts. Lanes in which no bound acts keep the
+/// result that they have, to the last bit.
+template <class T>
+void solve_rounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask open,
+                  Tile<T>& x) {
+  const int n = t.rounds.columns.n;
+  const bool first = t.limited_servos.count > 0 || t.row_servos.count > 0;  // nothing has been solved yet
+  matrix_of_bodies(t, x);
+  begin_rounds(t, batch, x);
+  open = open & ~x.bounds.invalid;
+  T* kept = x.rounds.unbounded_result;
+  if (!first) each_result(t, x, [&](const T& number) { *kept++ = number; });
+
+  const auto twice =
+      t.solve_twice ? (rows_with_two_phases(t, x) | lanes_with_two_phases(t, batch, x)) & open : T::none();
+  for (int k = 0; k < n; ++k) x.rounds.z[k] = x.held.start[k];
+  const auto solve = [&](Phase phase, typename T::Mask lanes) {
+    open_row_slots(t, phase, x);
+    x.servos.corrected = phase == position_phase;
+    if (phase == velocity_phase) exchange_phases(t, x);
+    begin_newton(t, batch, lanes, x);
+    clamp_unfinished(t, newton(t, batch, lanes, x), x);
+    if (phase == velocity_phase) exchange_phases(t, x);
+    keep_impulses(t, phase, lanes, x);
+  };
+  if (any(twice)) {
+    solve(velocity_phase, twice);
+    from_rounds(t, x.rounds.z, x.dynamics.velocity_solution);
+    x.servos.decided = twice;
+  }
+  solve(position_phase, open);
+  x.servos.decided = T::none();
+  from_rounds(t, x.rounds.z, x.dynamics.solution);
+  if (t.solve_twice) {
+    keep_impulses(t, velocity_phase, open & ~twice, x);
+    for (int z = 0; z < n; ++z)
+      x.dynamics.velocity_solution[z] = select(twice, x.dynamics.velocity_solution[z], x.dynamics.solution[z]);
+  }
+  if (first) x.singular = x.rounds.weak & open;
+
+  const auto acts = list_active_rows_of(t, open, x);
+  integrate(t, x);
+  const T* restored = x.rounds.unbounded_result;
+  if (!first) each_result(t, x, [&](T& number) { number = select(acts, number, *restored++); });
+  mark_invalid(t, x);
+}
+
+}  // namespace lockstep::kernels

@@ -1,0 +1,184 @@
+// The Newton rounds: their matrix, and which rows are slots of them. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "layout.h"
+
+namespace lockstep {
+namespace {
+
+// Where the joint's velocity comes from; velocity -1 if it is the sum of several.
+LimitedServo velocity_of(const Tables<double>& t, int joint) {
+  const Reduction<double>& r = t.reduction;
+  if (!r.used()) return {t.velocity_of(joint), -1, -1};
+  if (const int f = r.follower_of[joint]; f >= 0)
+    return r.eliminates() && r.start[f + 1] - r.start[f] == 1 ? LimitedServo{r.column[r.start[f]], r.start[f], f}
+                                                              : LimitedServo{-1, -1, -1};
+  for (int z = 0; z < t.solver.n; ++z)
+    if (r.independent[z] == t.velocity_of(joint)) return {z, -1, -1};
+  return {-1, -1, -1};
+}
+
+}  // namespace
+
+bool acts_on_one_velocity(const Tables<double>& t, int joint) { return velocity_of(t, joint).velocity >= 0; }
+
+namespace {
+
+// A row of Bounds::rows or of Tables::rows that is a slot, over the solver's velocities.
+struct Slot {
+  RowSlot row;
+  std::vector<int> velocities;
+};
+
+std::vector<Slot> slots_of(const Tables<double>& t) {
+  std::vector<Slot> slots;
+  const auto add = [&](const Rows<double>& rows, int r, RowSlot slot) {
+    slot.value = rows.term_start[r];
+    slots.push_back({slot, {rows.term_index.data + rows.term_start[r], rows.term_index.data + rows.term_start[r + 1]}});
+  };
+  for (int e = 0; e < t.rows.count; ++e) add(t.rows, e, {-1, e, 0, 0, 0, 0, Rank::coupling});
+  const Bounds<double>& b = t.bounds;
+  for (int r = b.single; r < b.rows.count; ++r) {
+    const bool drives = b.kind[r] == BoundKind::drive || b.kind[r] == BoundKind::soft_drive;
+    const Rank rank = b.kind[r] == BoundKind::coupling ? Rank::coupling : drives ? Rank::drive : Rank::limit;
+    add(b.rows, r, {r, -1, 0, 0, 0, 0, rank});
+  }
+  return slots;
+}
+
+// A_r, and what slots and contacts fill in.
+Pattern pattern_of(const Tables<double>& t, const std::vector<std::vector<int>>& together) {
+  const int n = t.solver.n;
+  Pattern pattern(n, std::vector<char>(n, 0));
+  for (int j = 0; j < n; ++j)
+    for (int i = j; i < j + t.solver.size[j]; ++i) pattern[i][j] = 1;
+  for (const std::vector<int>& velocities : together)
+    for (const int a : velocities)
+      for (const int b : velocities) pattern[std::max(a, b)][std::min(a, b)] = 1;
+  return pattern;
+}
+
+// By velocity of the solver, whether articulated bodies solve its tree.
+std::vector<bool> of_bodies(const Tables<double>& t) {
+  const std::vector<bool> trees = trees_with(t, InertiaKind::articulated_bodies);
+  const std::vector<int> tree = trees_of_velocities(t);
+  std::vector<bool> result;
+  for (int z = 0; z < t.solver.n; ++z) result.push_back(trees[tree[t.reduction.velocity_of(z)]]);
+  return result;
+}
+
+void lay_out_matrix(Program& program, const std::vector<std::vector<int>>& together) {
+  Tables<double>& t = program.f64;
+  Rounds& rounds = t.rounds;
+  const int n = t.solver.n;
+  const std::vector<bool> bodies = of_bodies(t);
+  const Elimination tree = elimination_tree(pattern_of(t, together));
+  rounds.columns = make_columns(tree.parent, program.storage);
+  rounds.renumbered = rounds.columns.entries != t.solver.entries || t.articulated.used();
+  std::vector<int> place(static_cast<std::size_t>(n));
+  for (int z = 0; z < n; ++z) place[static_cast<std::size_t>(tree.order[static_cast<std::size_t>(z)])] = z;
+  std::vector<CopiedEntry> from_reduced, from_bodies;
+  for (int j = 0; j < n && rounds.renumbered; ++j)
+    for (int i = j; i < j + t.solver.size[j]; ++i) {
+      const int to = entry_of(rounds.columns, place[static_cast<std::size_t>(i)], place[static_cast<std::size_t>(j)]);
+      if (bodies[static_cast<std::size_t>(j)])
+        from_bodies.push_back({entry_of(t.matrix, t.reduction.velocity_of(i), t.reduction.velocity_of(j)), to});
+      else
+        from_reduced.push_back({entry_of(t.solver, i, j), to});
+    }
+  t.makes_matrix = t.makes_matrix || !from_bodies.empty();
+  rounds.place = program.storage.keep(std::move(place));
+  rounds.from_reduced = program.storage.keep(std::move(from_reduced));
+  rounds.from_bodies = program.storage.keep(std::move(from_bodies));
+}
+
+void lay_out_slots(Program& program, std::vector<Slot> slots) {
+  Tables<double>& t = program.f64;
+  Rounds& rounds = t.rounds;
+  std::vector<RowSlot> rows;
+  std::vector<int> term, entry;
+  for (auto& [row, velocities] : slots) {
+    row.first = static_cast<int>(term.size()), row.entry = static_cast<int>(entry.size());
+    for (const int z : velocities) {
+      term.push_back(rounds.place[z]);
+      for (int l = row.first; l < static_cast<int>(term.size()); ++l)
+        entry.push_back(entry_of(rounds.columns, term.back(), term[static_cast<std::size_t>(l)]));
+    }
+    row.last = static_cast<int>(term.size());
+    if (row.bounded >= 0 && t.bounds.kind[row.bounded] != BoundKind::servo)
+      rounds.needs_responses = rounds.needs_responses || (t.bounds.rows.softness[row.bounded].cfm_per_response > 0.0 &&
+                                                          t.bounds.undamped_row[row.bounded] < 0);
+    rows.push_back(row);
+  }
+  rounds.slots = program.storage.keep(std::move(rows));
+  rounds.term = program.storage.keep(std::move(term));
+  rounds.term_entry = program.storage.keep(std::move(entry));
+}
+
+// Why bounds cannot be held as single velocities alone.
+std::string obstacle_of_single(const Program& program) {
+  const Tables<double>& t = program.f64;
+  if (t.rows.count > 0) return "couplings that are not eliminated compete with the bounds";
+  std::vector<std::string> several;
+  for (int i = 0; i < t.limited_servos.count; ++i)
+    if (!acts_on_one_velocity(t, t.limited_servos[i]))
+      several.push_back(program.dof_names[static_cast<std::size_t>(t.dof[t.limited_servos[i]])]);
+  for (int r = t.bounds.single; r < t.bounds.rows.count; ++r) {
+    const BoundKind kind = t.bounds.kind[r];
+    if (kind != BoundKind::joint && kind != BoundKind::servo && kind != BoundKind::drive)
+      return "a limit, a kinematic drive or a coupling's force limit is soft";
+    const int joint = t.bounds.member[t.bounds.member_start[r]].joint;
+    several.push_back(program.dof_names[static_cast<std::size_t>(t.dof[joint])]);
+  }
+  if (!several.empty())
+    return fmt::format("what has bounds or a limited servo follows several joints: {}", fmt::join(several, ", "));
+  if (t.articulated.used()) return "the bounds act on trees that are solved by articulated bodies";
+  return "";
+}
+
+}  // namespace
+
+void lay_out_rounds(Program& program) {
+  Tables<double>& t = program.f64;
+  Bounds<double>& b = t.bounds;
+  if (program.method != Method::reduced && program.method != Method::direct) {
+    program.search_obstacle = fmt::format("{} visits bounds in its sweeps", to_string(program.method));
+    return;
+  }
+  const bool stages = program.integrator == Integrator::leapfrog;
+  if (program.integrator != Integrator::euler && !stages) return;
+  const bool limited = t.limited_servos.count + t.row_servos.count > 0;
+  if (b.rows.count == 0 && !limited && program.contacts.pairs.empty()) return;
+  program.search_obstacle = obstacle_of_single(program);
+  if (!program.search_obstacle.empty() && program.contacts.pairs.empty()) return;
+
+  std::vector<Slot> slots = slots_of(t);
+  std::vector<std::vector<int>> together = contact_velocities(program);
+  for (const Slot& slot : slots) together.push_back(slot.velocities);
+  lay_out_matrix(program, together);
+  lay_out_slots(program, std::move(slots));
+
+  Rounds& rounds = t.rounds;
+  std::vector<int> velocity, row_of(static_cast<std::size_t>(t.solver.n), -1);
+  for (int r = 0; r < b.single; ++r) {
+    velocity.push_back(rounds.place[b.rows.term_index[b.rows.term_start[r]]]);
+    row_of[static_cast<std::size_t>(velocity.back())] = r;
+  }
+  std::vector<LimitedServo> servos;
+  for (int i = 0; i < t.limited_servos.count; ++i) {
+    servos.push_back(velocity_of(t, t.limited_servos[i]));
+    servos.back().velocity = rounds.place[servos.back().velocity];
+  }
+  b.always |= limited && !stages;
+  rounds.velocity = program.storage.keep(std::move(velocity));
+  rounds.row_of = program.storage.keep(std::move(row_of));
+  rounds.servos = program.storage.keep(std::move(servos));
+  t.contacts.passes = program.settings.contacts.passes, t.contacts.rounds = program.settings.contacts.rounds;
+  t.contacts.tolerance = program.settings.contacts.tolerance;
+}
+
+}  // namespace lockstep
