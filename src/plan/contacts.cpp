@@ -133,7 +133,7 @@ std::vector<std::vector<int>> contact_velocities(const Program& program) {
 
 void lay_out_contacts(Program& program) {
   Tables<double>& t = program.f64;
-  if (program.contacts.pairs.empty()) return;
+  if (program.contacts.pairs.empty() || !t.rounds.used()) return;  // sweeps and smooth integrators refuse them later
   std::vector<ColliderPlace<double>> colliders;
   for (const Collider& collider : program.model.colliders) colliders.push_back(placed(program, collider));
   std::vector<TouchingPair<double>> pairs;

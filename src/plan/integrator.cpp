@@ -20,7 +20,7 @@ std::optional<Obstacle> obstacle_of(const Program& program) {
   if (program.integrator == Integrator::euler) return std::nullopt;
   const Tables<double>& t = program.f64;
   const StepSettings& s = program.settings;
-  if (t.contacts.used()) return Obstacle{"contacts are solved once in a step", "use euler"};
+  if (!program.contacts.pairs.empty()) return Obstacle{"contacts are solved once in a step", "use euler"};
   if (program.method != Method::reduced && program.method != Method::direct)
     return Obstacle{
         fmt::format("{} uses sweeps, which leave an error of their own in every stage", to_string(program.method)),

@@ -129,6 +129,7 @@ std::string obstacle_of_single(const Program& program) {
       several.push_back(program.dof_names[static_cast<std::size_t>(t.dof[t.limited_servos[i]])]);
   for (int r = t.bounds.single; r < t.bounds.rows.count; ++r) {
     const BoundKind kind = t.bounds.kind[r];
+    if (kind == BoundKind::joint && t.bounds.rows.term_start[r + 1] - t.bounds.rows.term_start[r] == 1) continue;
     if (kind != BoundKind::joint && kind != BoundKind::servo && kind != BoundKind::drive)
       return "a limit, a kinematic drive or a coupling's force limit is soft";
     const int joint = t.bounds.member[t.bounds.member_start[r]].joint;
@@ -160,6 +161,7 @@ void lay_out_rounds(Program& program) {
   std::vector<std::vector<int>> together = contact_velocities(program);
   for (const Slot& slot : slots) together.push_back(slot.velocities);
   lay_out_matrix(program, together);
+  t.rows.known_suffice = t.rows.known_suffice && slots.empty();  // slots need the softness of their rows
   lay_out_slots(program, std::move(slots));
 
   Rounds& rounds = t.rounds;

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "contacts.h"
 
+#include "bounds.h"
+#include "servos.h"
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -75,19 +78,22 @@ std::vector<Touch> touches_of(const Solid& a, const Solid& b) {
   return {{nearest + n * (radius + 0.5 * gap), n, gap}};
 }
 
-// Velocities that hard couplings leave: v = S z, each follower being the coupling's first joint.
+// Velocities that hard couplings without a force limit leave: v = S z, each follower being the coupling's first joint.
 MatrixXd shares_of(const Stage& stage, const Mechanism& mechanism) {
   const int n = mechanism.velocities();
-  std::vector<int> followers, others;
-  for (const Coupling& coupling : mechanism.model().couplings)
-    followers.push_back(mechanism.root_velocities() + mechanism.dof(coupling.joint));
+  std::vector<int> hard, followers, others;
+  for (int c = 0; c < stage.couplings.count(); ++c) {
+    if (!stage.rows[c].active || !stage.rows[c].hard || stage.rows[c].limited) continue;
+    hard.push_back(c);
+    followers.push_back(mechanism.root_velocities() +
+                        mechanism.dof(mechanism.model().couplings[static_cast<std::size_t>(c)].joint));
+  }
   for (int i = 0; i < n; ++i)
     if (std::find(followers.begin(), followers.end(), i) == followers.end()) others.push_back(i);
   MatrixXd shares = MatrixXd::Zero(n, static_cast<Eigen::Index>(others.size()));
   for (std::size_t z = 0; z < others.size(); ++z) shares(others[z], static_cast<Eigen::Index>(z)) = 1.0;
   if (!followers.empty())
-    shares(followers, Eigen::all) =
-        -stage.jacobian(Eigen::all, followers).fullPivLu().solve(stage.jacobian(Eigen::all, others));
+    shares(followers, Eigen::all) = -stage.jacobian(hard, followers).fullPivLu().solve(stage.jacobian(hard, others));
   return shares;
 }
 
@@ -109,9 +115,44 @@ Vector3d in_disc(const Vector3d& y, double normal, double friction) {
   return found;
 }
 
-// The impulses that minimise, by FISTA with restarts. Where `normal` is not below 0 it is given.
+// An impulse along a direction within an interval, and the speed that it answers to: a side of an interval of speeds,
+// or a box of (M54).
+struct Pull {
+  VectorXd direction;
+  double speed, compliance;
+  double least, most;  // impulse
+};
+
+// Bounds, soft couplings and limited servos as pulls.
+std::vector<Pull> pulls_of(const Mechanism& mechanism, const Stage& stage, const Inputs& inputs) {
+  std::vector<Pull> pulls;
+  const auto add = [&](const BoundedRow& row) {
+    if (row.lo > -infinity) pulls.push_back({row.direction, row.lo, row.cfm, 0.0, infinity});
+    if (row.hi < infinity) pulls.push_back({row.direction, row.hi, row.cfm, -infinity, 0.0});
+    if (row.box > 0.0) pulls.push_back({row.direction, -row.bias, row.cfm, -row.box, row.box});
+  };
+  for (const BoundedRow& row : bounded_rows(mechanism, stage, inputs, {Phase::position, stage.state.q})) add(row);
+  for (int c = 0; c < stage.couplings.count(); ++c) {
+    const Row& row = stage.rows[c];
+    if (row.active && !row.hard && !row.limited)
+      pulls.push_back({stage.jacobian.row(c), -stage.correction[c], row.cfm, -infinity, infinity});
+  }
+  for (int dof = 0; dof < mechanism.dofs(); ++dof) {
+    const Joint& joint = mechanism.joint(dof);
+    if (!limited_servo(joint)) continue;
+    const double kp = joint.drive.kp, kd = joint.drive.kd, h = stage.h, gain = h * (h * kp + kd);
+    const double at_rest = inputs.efforts[dof] + kd * inputs.velocity_targets[dof] -
+                           kp * (stage.state.q[dof] - inputs.position_targets[dof]);
+    pulls.push_back({VectorXd::Unit(mechanism.velocities(), mechanism.root_velocities() + dof), h * at_rest / gain,
+                     1.0 / gain, -h * joint.effort_limit, h * joint.effort_limit});
+  }
+  return pulls;
+}
+
+// The impulses that minimise, by FISTA with restarts: those of the points, then those of the pulls. Where `normal` is
+// not below 0 it is given.
 VectorXd cone_minimum(const MatrixXd& hessian, const VectorXd& linear, const std::vector<ContactPoint>& points,
-                      const VectorXd& normal) {
+                      const VectorXd& normal, const std::vector<Pull>& pulls) {
   const double step = 1.0 / hessian.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff();
   VectorXd x = VectorXd::Zero(linear.size()), ahead = x;
   double t = 1.0;
@@ -123,6 +164,10 @@ VectorXd cone_minimum(const MatrixXd& hessian, const VectorXd& linear, const std
       const Vector3d own = y.segment<3>(3 * c);
       next.segment<3>(3 * c) =
           normal[c] < 0.0 ? projected(own, points[p].friction) : in_disc(own, normal[c], points[p].friction);
+    }
+    for (std::size_t p = 0; p < pulls.size(); ++p) {
+      const Eigen::Index i = 3 * static_cast<Eigen::Index>(points.size()) + static_cast<Eigen::Index>(p);
+      next[i] = std::clamp(y[i], pulls[p].least, pulls[p].most);
     }
     const double moved = (next - ahead).norm();
     if (moved <= 1e-15 * (1.0 + next.norm())) return next;
@@ -168,7 +213,10 @@ double restored_share(double restitution, double h, double gap, double start, do
 ContactStep contact_step(const Mechanism& mechanism, const StepSettings& settings, const State& state,
                          const Inputs& inputs) {
   const Model& model = mechanism.model();
-  const Stage stage(mechanism, settings.dt, state, inputs);
+  const std::vector<Servo> servos(static_cast<std::size_t>(mechanism.dofs()), Servo::apart);
+  const Acting without_servos = acting(mechanism, inputs, servos);
+  const Stage stage(without_servos.mechanism, settings.dt, state, without_servos.inputs);
+  const std::vector<Pull> pulls = pulls_of(mechanism, stage, inputs);
   const MatrixXd shares = shares_of(stage, mechanism);
   const MatrixXd reduced = shares.transpose() * stage.implicit * shares;
   const MatrixXd inverse = shares * reduced.ldlt().solve(shares.transpose());
@@ -221,10 +269,15 @@ ContactStep contact_step(const Mechanism& mechanism, const StepSettings& setting
     }
   }
   const auto count = static_cast<Eigen::Index>(result.points.size());
-  MatrixXd rows(3 * count, mechanism.velocities());
+  const auto pulling = static_cast<Eigen::Index>(pulls.size());
+  MatrixXd rows(3 * count + pulling, mechanism.velocities());
   for (Eigen::Index c = 0; c < count; ++c)
     rows.middleRows(3 * c, 3) = result.points[static_cast<std::size_t>(c)].jacobian;
+  for (Eigen::Index p = 0; p < pulling; ++p)
+    rows.row(3 * count + p) = pulls[static_cast<std::size_t>(p)].direction.transpose();
   MatrixXd hessian = rows * inverse * rows.transpose();
+  for (Eigen::Index p = 0; p < pulling; ++p)
+    hessian(3 * count + p, 3 * count + p) += pulls[static_cast<std::size_t>(p)].compliance;
   for (Eigen::Index c = 0; c < count; ++c)
     hessian.diagonal().segment<3>(3 * c).array() += result.points[static_cast<std::size_t>(c)].compliance;
   const VectorXd seen = rows * state.v, free_speed = rows * free;
@@ -234,7 +287,8 @@ ContactStep contact_step(const Mechanism& mechanism, const StepSettings& setting
     for (Eigen::Index c = 0; c < count; ++c)
       linear[3 * c] +=
           targets[c] + result.points[static_cast<std::size_t>(c)].friction * seen.segment<2>(3 * c + 1).norm();
-    return cone_minimum(hessian, linear, result.points, normal);
+    for (Eigen::Index p = 0; p < pulling; ++p) linear[3 * count + p] -= pulls[static_cast<std::size_t>(p)].speed;
+    return cone_minimum(hessian, linear, result.points, normal, pulls);
   };
   VectorXd targets(count), normal = VectorXd::Constant(count, -1.0);
   for (Eigen::Index c = 0; c < count; ++c) targets[c] = result.points[static_cast<std::size_t>(c)].target;
@@ -248,7 +302,7 @@ ContactStep contact_step(const Mechanism& mechanism, const StepSettings& setting
     const ContactPoint& point = result.points[static_cast<std::size_t>(c)];
     again = again || point.bounces || (!point.soft && targets[c] < -0.01 && impulses[3 * c] > 0.0);
   }
-  if (!again) return result;
+  if (!again || pulling > 0) return result;
   for (Eigen::Index c = 0; c < count; ++c) {
     const ContactPoint& point = result.points[static_cast<std::size_t>(c)];
     if (point.bounces || (!point.soft && point.gap <= 0.0)) targets[c] = 0.0;

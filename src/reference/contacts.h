@@ -26,7 +26,8 @@ struct ContactStep {
   std::vector<Eigen::Vector3d> impulses;  ///< of the positions' solve, along the frames
 };
 
-/// The first step from a state, with hard couplings that hold in it and no bounds. Normals allow for the slip of the
+/// The first step from a state in which hard couplings hold. Bounds, soft couplings, force limits and limited servos
+/// take part; with any of these `stays` is the velocity that moves the positions. Normals allow for the slip of the
 /// start. Pairs: half-spaces with boxes, capsules and spheres, spheres with spheres and boxes. Half-spaces stand still.
 /// Throws std::logic_error for others.
 ContactStep contact_step(const Mechanism& mechanism, const StepSettings& settings, const State& state,

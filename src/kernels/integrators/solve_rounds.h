@@ -113,7 +113,7 @@ typename T::Mask list_active_rows_of(const Tables<ScalarOf<T>>& t, typename T::M
   x.bounds.active_count = 0;
   for (int r = 0; r < count; ++r) {
     auto& active = x.bounds.active[r];
-    active = T::none();
+    active = r < t.bounds.single ? held(x.search.branch[r]) & lanes : T::none();  // also with no impulse
     for (int p = 0; p < phases<T>(t); ++p) {
       active = active | (beyond(x.bounds.impulse[p * count + r], T(0)) & lanes);
       x.bounds.invalid =
@@ -125,6 +125,19 @@ typename T::Mask list_active_rows_of(const Tables<ScalarOf<T>>& t, typename T::M
   return some;
 }
 
+/// Contacts have been found when the step without them is solved, but their law is not known yet.
+template <class T>
+void set_contacts_aside(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int p = 0; p < t.contacts.pairs.count; ++p) {
+    x.contacts.patch[p].aside = x.contacts.patch[p].near;
+    x.contacts.patch[p].near = T::none();
+  }
+}
+template <class T>
+void bring_contacts_back(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int p = 0; p < t.contacts.pairs.count; ++p) x.contacts.patch[p].near = x.contacts.patch[p].aside;
+}
+
 /// Solves the lanes `open` with bounds and kept couplings, and no contacts. Lanes in which no bound acts keep the
 /// result that they have, to the last bit.
 template <class T>
@@ -132,6 +145,7 @@ void solve_rounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
                   Tile<T>& x) {
   const int n = t.rounds.columns.n;
   const bool first = t.limited_servos.count > 0 || t.row_servos.count > 0;  // nothing has been solved yet
+  set_contacts_aside(t, x);
   matrix_of_bodies(t, x);
   begin_rounds(t, batch, x);
   open = open & ~x.bounds.invalid;
@@ -146,7 +160,9 @@ void solve_rounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
     x.servos.corrected = phase == position_phase;
     if (phase == velocity_phase) exchange_phases(t, x);
     begin_newton(t, batch, lanes, x);
-    clamp_unfinished(t, newton(t, batch, lanes, x), x);
+    const auto unfinished = newton(t, batch, lanes, x);
+    clamp_unfinished(t, unfinished, x);
+    x.contacts.unfinished += select(unfinished, T(1), T(0));
     if (phase == velocity_phase) exchange_phases(t, x);
     keep_impulses(t, phase, lanes, x);
   };
@@ -165,6 +181,7 @@ void solve_rounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   }
   if (first) x.singular = x.rounds.weak & open;
 
+  bring_contacts_back(t, x);
   const auto acts = list_active_rows_of(t, open, x);
   integrate(t, x);
   const T* restored = x.rounds.unbounded_result;

@@ -175,7 +175,7 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     for (int k = 0; k < n; ++k) step[k] = z[k] - x.held.start[k];
     momentum_left(t, step, x.held.rhs, x.rounds.gradient, x);
     for (int k = 0; k < n; ++k) x.held.rhs[k] = x.rounds.gradient[k] = x.rounds.gradient[k] + x.rounds.momentum[k];
-    x.rounds.weak = x.rounds.weak | factor_round(t, x);
+    x.rounds.weak = x.rounds.weak | (factor_round(t, x) & open);
     solve_masked(t, position_phase, z, x);
     T largest = zero, fastest = zero, slope = zero;
     for (int k = 0; k < n; ++k) {

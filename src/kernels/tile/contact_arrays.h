@@ -49,7 +49,8 @@ struct ContactSlot {
 /// What two colliders of a pair have in common.
 template <class T>
 struct ContactPatch {
-  typename T::Mask near;  // lanes in which they may touch
+  typename T::Mask near;   // lanes in which they may touch
+  typename T::Mask aside;  // the same, while a solve is made without contacts
   Vec3<T> axes[3];        // normal and tangents in the world
   Vec3<T> point;          // the reference point in the world
   Vec3<T> center;         // of the second collider in the world

@@ -1,0 +1,257 @@
+// Which features stand beside which: the page that says it. SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+
+#include "contact_scenes.h"
+#include "interpret/lower.h"
+#include "lockstep/error.h"
+#include "lockstep/generate.h"
+#include "physics.h"
+#include "plan/program.h"
+
+namespace lockstep {
+namespace {
+
+// Scenes are made of features, which change the model or the settings.
+struct Feature {
+  const char* name;
+  void (*add)(Model&, StepSettings&);
+};
+
+Joint& joint_of(Model& model, const char* name) {
+  return model.joints[static_cast<std::size_t>(model.joint_index(name))];
+}
+void range(Joint& joint, Softness softness = Hard{}) {
+  joint.lower = -1.0, joint.upper = 1.0, joint.limit_softness = softness;
+}
+void servo(Joint& joint) { joint.drive = {.kp = 20.0, .kd = 1.0}, joint.effort_limit = 3.0; }
+Joint& add_tendon(Model& model) {
+  Joint joint;
+  joint.name = "tendon", joint.kind = JointKind::tendon;
+  model.couplings.push_back({"tendon", {{"q0", -1.0}, {"q1", -0.5}}, 0.0, Hard{}});
+  return model.joints.emplace_back(joint);
+}
+template <Parameter field>
+void vary(Model&, StepSettings& settings) {
+  settings.per_environment.insert(field);
+}
+
+const Feature hard{"hard coupling",
+                   [](Model& m, StepSettings&) { m.couplings.push_back(Coupling::mimic("q2", "q0", -1.5)); }};
+const Feature soft{"soft coupling", [](Model& m, StepSettings& s) {
+                     hard.add(m, s);
+                     m.couplings.back().softness = Spring{40.0, 0.5};
+                   }};
+const Feature stiff{"very stiff soft coupling", [](Model& m, StepSettings& s) {
+                      hard.add(m, s);
+                      m.couplings.back().softness = Spring{1e8, 1e3};
+                    }};
+const Feature limits{"position limits",
+                     [](Model& m, StepSettings&) { range(joint_of(m, "q0")), range(joint_of(m, "q1")); }};
+const Feature speed{"velocity limits", [](Model& m, StepSettings&) { joint_of(m, "q0").velocity_limit = 2.0; }};
+const Feature friction{"dry friction", [](Model& m, StepSettings&) { joint_of(m, "q1").friction = 0.1; }};
+const Feature servos{"limited servos",
+                     [](Model& m, StepSettings&) { servo(joint_of(m, "q0")), servo(joint_of(m, "q1")); }};
+const Feature drive{"kinematic drive", [](Model& m, StepSettings&) { joint_of(m, "q1").drive.kinematic = true; }};
+const Feature soft_limit{"soft limit", [](Model& m, StepSettings&) { range(joint_of(m, "q1"), Spring{30.0, 1.0}); }};
+const Feature soft_drive{
+    "soft kinematic drive", [](Model& m, StepSettings&) {
+      joint_of(m, "q1").drive.kinematic = true, joint_of(m, "q1").drive.softness = Spring{30.0, 1.0};
+    }};
+const Feature force_limit{"coupling with a force limit", [](Model& m, StepSettings& s) {
+                            hard.add(m, s);
+                            m.couplings.back().force_limit = 1.0;
+                          }};
+const Feature sum{"follower of two", [](Model& m, StepSettings&) {
+                    m.couplings.push_back({"q2", {{"q0", -1.0}, {"q1", -0.5}}, 0.0, Hard{}});
+                  }};
+const Feature sum_limits{"its limits", [](Model& m, StepSettings&) { range(joint_of(m, "q2")); }};
+const Feature spring{"spring of a tendon", [](Model& m, StepSettings&) { add_tendon(m).stiffness = 5.0; }};
+const Feature tendon_servo{"servo of a tendon",
+                           [](Model& m, StepSettings&) { add_tendon(m).drive = {.kp = 20.0, .kd = 1.0}; }};
+const Feature tendon_range{"range of a tendon", [](Model& m, StepSettings&) { range(add_tendon(m)); }};
+const Feature tendon_limited{"limited servo of a tendon", [](Model& m, StepSettings&) { servo(add_tendon(m)); }};
+const Feature ratios{"gear ratios per environment", vary<Parameter::gear_ratio>};
+const Feature masses{"masses per environment", vary<Parameter::mass>};
+const Feature softness{"softness per environment", vary<Parameter::softness>};
+const Feature switches{"switches per environment", vary<Parameter::coupling_switch>};
+const Feature impulses{"recorded impulses", [](Model&, StepSettings& s) { s.record_impulses = true; }};
+const Feature balances{"recorded diagnostics", [](Model&, StepSettings& s) { s.record_diagnostics = true; }};
+const Feature contact{"contact", [](Model& m, StepSettings&) {
+                        m.colliders.push_back({.name = "ball", .link = "l2", .shape = Shape::sphere(0.05)});
+                        contact_scenes::add_floor(m, 0.5);
+                        m.colliders.back().pose.translation().z() = -0.5;
+                        m.contacts = {{"floor", "ball"}};
+                      }};
+
+const std::vector<std::vector<Feature>> scenes{
+    {},
+    {hard},
+    {soft},
+    {stiff},
+    {hard, limits},
+    {hard, speed},
+    {hard, friction},
+    {hard, drive},
+    {hard, servos},
+    {hard, limits, servos},
+    {soft, limits},
+    {soft, limits, servos},
+    {stiff, limits},
+    {hard, soft_limit},
+    {hard, soft_drive},
+    {force_limit},
+    {force_limit, limits},
+    {sum},
+    {sum, limits},
+    {sum, sum_limits},
+    {spring},
+    {tendon_servo},
+    {tendon_range},
+    {tendon_limited},
+    {hard, tendon_range, servos},
+    {hard, ratios},
+    {hard, ratios, limits},
+    {hard, masses, limits},
+    {hard, softness},
+    {soft, softness},
+    {hard, switches},
+    {soft, softness, limits},
+    {hard, switches, limits},
+    {tendon_servo, softness},
+    {hard, tendon_servo, switches},
+    {hard, impulses},
+    {hard, balances},
+    {hard, limits, balances},
+    {contact},
+    {contact, hard},
+    {contact, soft},
+    {contact, stiff},
+    {contact, hard, limits},
+    {contact, hard, speed},
+    {contact, hard, friction},
+    {contact, hard, drive},
+    {contact, hard, limits, servos},
+    {contact, soft, limits},
+    {contact, stiff, limits},
+    {contact, hard, soft_limit},
+    {contact, hard, soft_drive},
+    {contact, force_limit},
+    {contact, sum, sum_limits},
+    {contact, tendon_servo},
+    {contact, tendon_range},
+    {contact, tendon_limited},
+    {contact, hard, tendon_range, servos},
+    {contact, hard, ratios},
+    {contact, hard, masses},
+    {contact, soft, softness},
+    {contact, soft, softness, limits},
+    {contact, hard, switches},
+    {contact, hard, impulses},
+    {contact, hard, balances},
+};
+
+Model arm() {
+  Model model = physics::sliders({1.0, 1.0, 1.0});
+  for (std::size_t i = 0; i < model.joints.size(); ++i) model.joints[i].name = "q" + std::to_string(i);
+  for (std::size_t i = 1; i < model.links.size(); ++i) {
+    const std::string before = model.links[i].name, after = "l" + std::to_string(i - 1);
+    for (Joint& joint : model.joints)
+      if (joint.child == before) joint.child = after;
+    model.links[i].name = after;
+  }
+  return model;
+}
+
+struct Cell {
+  std::string text;      // engines, or "-"
+  std::string obstacle;  // rule and remedy
+};
+
+Cell cell(const Model& model, StepSettings settings, Method method, Integrator integrator) {
+  settings.method = method, settings.integrator = integrator;
+  try {
+    const Plan plan = compile(model, settings);
+    std::string engines = "T";
+    if (interpret::interpreted_step(program_of(plan))) engines += "I";
+    if (kernel_hash(plan) != 0 && !program_of(plan).f64.contacts.used()) engines += "G";
+    return {engines, ""};
+  } catch (const Error& error) {
+    return {"-", error.element() + ": " + error.rule() + "; " + error.remedy()};
+  }
+}
+
+struct Table {
+  std::string page;
+  int by_default = 0, by_reduced = 0, in_leapfrog = 0;
+};
+
+Table table() {
+  Table result;
+  std::vector<std::string> obstacles;
+  std::ostringstream rows;
+  for (const std::vector<Feature>& features : scenes) {
+    Model model = arm();
+    StepSettings settings;
+    std::string name;
+    for (const Feature& feature : features) {
+      feature.add(model, settings);
+      name += (name.empty() ? "" : " + ") + std::string(feature.name);
+    }
+    rows << "| " << (name.empty() ? "nothing" : name);
+    const auto add = [&](Method method, Integrator integrator) {
+      const Cell found = cell(model, settings, method, integrator);
+      if (!found.obstacle.empty()) {
+        auto place = std::find(obstacles.begin(), obstacles.end(), found.obstacle);
+        if (place == obstacles.end()) place = obstacles.insert(place, found.obstacle);
+        rows << " " << found.text << " (" << place - obstacles.begin() + 1 << ")";
+        return false;
+      }
+      rows << " " << found.text;
+      return true;
+    };
+    rows << " |";
+    result.by_default += add(Method::automatic, Integrator::automatic);
+    rows << " |";
+    result.by_reduced += add(Method::reduced, Integrator::euler);
+    rows << " |";
+    result.in_leapfrog += add(Method::reduced, Integrator::leapfrog);
+    rows << " |";
+    add(Method::reduced, Integrator::extrapolated), add(Method::reduced, Integrator::runge_kutta);
+    rows << " |";
+    add(Method::direct, Integrator::euler), add(Method::direct, Integrator::leapfrog);
+    rows << " |";
+    add(Method::pgs, Integrator::euler), add(Method::tgs, Integrator::euler);
+    rows << " |\n";
+  }
+  std::ostringstream page;
+  page << "# Which features stand beside which\n\n"
+          "T: tables, I: interpreter, G: generated code, -: refused, for the numbered reason below. Of "
+       << scenes.size() << " scenes, " << result.by_default << " run by default, " << result.by_reduced
+       << " by `reduced` with `euler`, " << result.in_leapfrog
+       << " by `reduced` with `leapfrog`.\n\n"
+          "| scene | default | reduced, euler | reduced, leapfrog | reduced, extrapolated and runge_kutta | direct, "
+          "euler "
+          "and leapfrog | pgs and tgs, euler |\n"
+          "| --- | --- | --- | --- | --- | --- | --- |\n"
+       << rows.str() << "\n";
+  for (std::size_t i = 0; i < obstacles.size(); ++i) page << i + 1 << ". " << obstacles[i] << "\n";
+  page << "\n`LOCKSTEP_WRITE_PAGES=1 ctest -R CombinationsPage` writes this page.\n";
+  result.page = page.str();
+  return result;
+}
+
+TEST(CombinationsPage, is_what_compile_says) {
+  const Table found = table();
+  const std::string path = LOCKSTEP_MODELS "/../../docs/results/combinations.md";
+  if (std::getenv("LOCKSTEP_WRITE_PAGES")) std::ofstream(path) << found.page;
+  std::ostringstream committed;
+  committed << std::ifstream(path).rdbuf();
+  EXPECT_EQ(committed.str(), found.page);
+}
+
+}  // namespace
+}  // namespace lockstep
