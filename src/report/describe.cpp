@@ -268,7 +268,11 @@ std::string bounds_lines(const Program& program) {
           "; {}, {}", count_of(b.rows.count, "row", "rows"),
           exact ? "active ones solved exactly through the couplings" : "active ones swept after the couplings");
     }
-    if (b.may_depend) text += "; hard ones that contradict each other share the violation";
+    if (program.f64.rounds.slots.count > 0)
+      text += fmt::format("; {} over several velocities beside the contacts, where drives yield first, then limits",
+                          count_of(program.f64.rounds.slots.count, "row", "rows"));
+    else if (b.may_depend)
+      text += "; hard ones that contradict each other share the violation";
     text += ".\n";
   }
   if (!ignored.empty()) text += fmt::format("Left out by StepSettings::ignore: {}.\n", fmt::join(ignored, ", "));

@@ -232,7 +232,7 @@ typename T::Mask update_multipliers(const Tables<ScalarOf<T>>& t, const T* z, ty
   using S = ScalarOf<T>;
   const T zero = T(0), tolerance = T(row_tolerance<S>);
   T largest = zero;
-  typename T::Mask missing[ranks];
+  typename T::Mask missing[ranks], may_stiffen = T::none();
   for (auto& rank : missing) rank = T::none();
   each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int* velocity, const T* value) LOCKSTEP_INLINED {
     const T error = row.added * absolute(row.law.impulse - row.multiplier),
@@ -240,6 +240,7 @@ typename T::Mask update_multipliers(const Tables<ScalarOf<T>>& t, const T* z, ty
     const auto misses = settled & held(row.law) & ~row.yields & less(allowed, error);
     row.missing = select(misses, error / larger(allowed, T(S(1e-30))), zero);
     largest = larger(largest, row.missing);
+    may_stiffen = may_stiffen | (misses & less(T(S(1.01) * least_added_share<S>) * row.response, row.added));
     missing[static_cast<int>(slot.rank)] = missing[static_cast<int>(slot.rank)] | misses;
   });
   auto open = settled & less(zero, largest) & less(updates.count, T(S(most_updates)));
@@ -247,7 +248,7 @@ typename T::Mask update_multipliers(const Tables<ScalarOf<T>>& t, const T* z, ty
   // An update that leaves much behind: the added compliance is too large, or rows contradict each other.
   const auto again = open & less(zero, updates.count);
   const auto slow = again & ~less(largest, T(S(0.1)) * updates.missing),
-             stalls = again & ~less(largest, T(S(0.5)) * updates.missing);
+             stalls = again & ~less(largest, T(S(0.5)) * updates.missing) & ~may_stiffen;
   auto higher = T::none(), gives_way = stalls;
   typename T::Mask yields[ranks];
   for (int rank = 0; rank < ranks; ++rank) yields[rank] = T::none();
@@ -259,7 +260,7 @@ typename T::Mask update_multipliers(const Tables<ScalarOf<T>>& t, const T* z, ty
   }
   auto conflict = T::none();
   for (const auto& rank : yields) conflict = conflict | rank;
-  open = open & (conflict | ~(again & ~less(largest, T(S(0.9)) * updates.missing)));
+  open = open & (conflict | may_stiffen | ~(again & ~less(largest, T(S(0.9)) * updates.missing)));
   each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int*, const T*) LOCKSTEP_INLINED {
     const auto misses = less(zero, row.missing) & open;
     const auto gives = misses & yields[static_cast<int>(slot.rank)];
