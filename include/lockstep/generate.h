@@ -24,8 +24,8 @@ struct KernelSource {
 
 /// Writes the code of the plan's step. Inputs and declared per-environment fields stay variable; everything else is
 /// written in as a number, and what a number makes superfluous (an offset of 0, an identity rotation) is left out.
-/// Where bounds act or a servo is at its limit, the code calls the library. Throws SettingsError if no precision is asked
-/// for, and for plans of which no kernel can be generated: Plan::describe() tells. Thread-safe.
+/// Where bounds act or a servo is at its limit, the code calls the library. Throws SettingsError if no precision is
+/// asked for, and for plans of which no kernel can be generated: Plan::describe() tells. Thread-safe.
 LOCKSTEP_API KernelSource generate_kernel(const Plan& plan, const KernelOptions& options = {});
 
 /// The hash that generate_kernel() would give, 0 where it would throw. Two plans with the same hash share the same

@@ -1,6 +1,7 @@
 // lockstep simulate: many environments of one model over a time span. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <filesystem>
 
 #include <CLI/CLI.hpp>
 #include <cmath>
@@ -275,7 +276,7 @@ void add_simulate(CLI::App& app, int& exit_code) {
     try {
       exit_code = run(*options);
     } catch (const Error& error) {  // found after the names of files were
-      write_json(*options, as_json(error));
+      if (!std::filesystem::exists(options->json)) write_json(*options, as_json(error));  // results before it stay
       throw;
     }
   });

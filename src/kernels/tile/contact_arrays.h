@@ -51,12 +51,12 @@ template <class T>
 struct ContactPatch {
   typename T::Mask near;   // lanes in which they may touch
   typename T::Mask aside;  // the same, while a solve is made without contacts
-  Vec3<T> axes[3];        // normal and tangents in the world
-  Vec3<T> point;          // the reference point in the world
-  Vec3<T> center;         // of the second collider in the world
-  Vec3<T> place;          // the same in the first collider's frame
-  Mat3<T> turn;           // the second collider's axes in the first one's, as columns
-  Mat3<T> frame;          // the first collider's axes in the world, as columns
+  Vec3<T> axes[3];         // normal and tangents in the world
+  Vec3<T> point;           // the reference point in the world
+  Vec3<T> center;          // of the second collider in the world
+  Vec3<T> place;           // the same in the first collider's frame
+  Mat3<T> turn;            // the second collider's axes in the first one's, as columns
+  Mat3<T> frame;           // the first collider's axes in the world, as columns
   // Where the step before would have put the second collider if velocities moved it exactly (state).
   Vec3<T> expected_place, expected_axis, expected_other_axis;
   Vec3<T> kept_normal, kept_tangent;  // axes of the memory in the world (state)
