@@ -75,7 +75,8 @@ struct BatchRows {
 /// act(block, rows of each of `all`...) for every block that a batch may have; one that it has not has 0 rows.
 template <class S, class Act, class... All>
 inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const Act& act, All&... all) {
-  using enum RowKind;
+  constexpr RowKind state = RowKind::state, label = RowKind::label, input = RowKind::input, memory = RowKind::memory,
+                    result = RowKind::result, field = RowKind::field;
   const int n = t.joints, inputs = n * t.input_times, roots = t.roots.count;
   const int angles = t.turning.count > 0 ? n : 0, impulses = t.record_impulses ? t.couplings : 0;
   const int reported = t.record_diagnostics ? t.reported.count : 0, energies = t.record_diagnostics ? 4 : 0;
