@@ -18,7 +18,6 @@ constexpr double most_gain = 0.04;   // from nowhere, as a share of the largest 
 
 // Whether the audit knows all energy that may enter: (M93).
 bool can_audit(const Program& program) {
-  if (program.f64.contacts.used()) return false;
   const Bounds<double>& b = program.f64.bounds;
   for (int r = 0; r < b.rows.count; ++r)
     if (b.kinematic[r] || b.kind[r] == BoundKind::soft_drive || b.kind[r] == BoundKind::drive) return false;
@@ -164,8 +163,19 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   return program;
 }
 
+// What the stages of a leapfrog cannot hold is solved at the midpoint.
+void take_midpoint(Program& program) {
+  if (program.integrator != Integrator::leapfrog || !program.f64.rounds.at_midpoint) return;
+  const std::shared_ptr<Program> solve = midpoint_solve(program);
+  program.f64.midpoint = &solve->f64;
+  program.f32.midpoint = &solve->f32;
+  program.fits_single = program.fits_single && solve->fits_single;
+  program.midpoint = solve;
+}
+
 // An extrapolated step takes two of half the length. A guarded one takes them in lanes where it is too coarse.
 void take_halves(Program& program, int deep) {
+  take_midpoint(program);
   if (deep == 0) return;
   const std::shared_ptr<Program> half = half_step(program);
   take_halves(*half, deep - 1);

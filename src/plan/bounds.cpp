@@ -214,7 +214,8 @@ BoundForms lay_out_bounds(Program& program) {
     for (std::size_t j = 0; j < model.joints.size(); ++j)
       if (const int i = program.solver_joint[j]; i >= 0) act(model.joints[j], i);
   };
-  const bool rounds = !program.contacts.pairs.empty();  // which have rows over several velocities as slots
+  // Rounds have rows over several velocities as slots.
+  const bool rounds = !program.contacts.pairs.empty() || program.integrator == Integrator::leapfrog;
   split_servos(program, rounds);
   const bool compete = rounds && rows_compete(program);
   // (M59): joints that move with one solver velocity share a row. Its form is that velocity itself. Beside rows over
@@ -281,6 +282,8 @@ BoundForms lay_out_bounds(Program& program) {
     kinematic.push_back(drives && (row.kind == BoundKind::drive || (row.kind == BoundKind::joint && !compete)));
   }
   b.kinematic = program.storage.keep(std::move(kinematic));
+  program.bound_softness.clear();
+  for (const RowForm& form : result.forms) program.bound_softness.push_back(form.softness);
   std::vector<double> soft_rate;
   for (std::size_t r = 0; r < rows.size(); ++r)
     soft_rate.push_back(row_softness(program, result.forms[r].softness, program.settings.dt, 1).rate);

@@ -160,7 +160,7 @@ void lay_out_contacts(Program& program) {
     pair.columns = static_cast<int>(columns.size()) - pair.column;
     pair.friction = from.friction, pair.restitution = from.restitution;
     t.contacts.bounces = t.contacts.bounces || from.restitution > 0.0;
-    const RowSoftness<double> softness = row_softness(program, from.softness, program.length, 1);
+    const RowSoftness<double> softness = row_softness(program, from.softness, program.settings.dt, 1);
     pair.rate = softness.rate, pair.cfm = softness.cfm, pair.soft = !is_hard(from.softness);
     pair.cfm_per_response = is_hard(from.softness) ? hard_compliance : softness.cfm_per_response;
     pairs.push_back(pair);

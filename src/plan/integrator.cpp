@@ -20,17 +20,16 @@ std::optional<Obstacle> obstacle_of(const Program& program) {
   if (program.integrator == Integrator::euler) return std::nullopt;
   const Tables<double>& t = program.f64;
   const StepSettings& s = program.settings;
-  if (!program.contacts.pairs.empty()) return Obstacle{"contacts are solved once in a step", "use euler"};
   if (program.method != Method::reduced && program.method != Method::direct)
     return Obstacle{
         fmt::format("{} uses sweeps, which leave an error of their own in every stage", to_string(program.method)),
         "use the method reduced or direct"};
-  if (t.bounds.rows.count > 0 || t.limited_servos.count > 0 || t.row_servos.count > 0) {
+  const bool bounded = t.bounds.rows.count > 0 || t.limited_servos.count > 0 || t.row_servos.count > 0;
+  if (bounded || !program.contacts.pairs.empty()) {
     if (program.integrator != Integrator::leapfrog)
-      return Obstacle{"the scene has bounds, which may become active within a step",
-                      "use leapfrog or euler, or leave out the bounds by StepSettings::ignore"};
-    if (!program.search_obstacle.empty())
-      return Obstacle{program.search_obstacle, "use euler, or leave out the bounds by StepSettings::ignore"};
+      return bounded ? Obstacle{"the scene has bounds, which may become active within a step",
+                                "use leapfrog or euler, or leave out the bounds by StepSettings::ignore"}
+                     : Obstacle{"contacts may begin and end within a step", "use leapfrog or euler"};
     if (s.velocity_iterations == 0)
       return Obstacle{"velocity_iterations is 0, so corrections of positions would stay in the velocities", "give 1"};
   }

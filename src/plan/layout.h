@@ -169,8 +169,11 @@ BoundForms lay_out_bounds(Program& program);
 /// What bounds each joint has, and their numbers (bounds.cpp).
 void lay_out_joint_bounds(Program& program);
 
-/// The step of half the length (half_step.cpp).
+/// The step of half the length (other_lengths.cpp).
 std::shared_ptr<Program> half_step(const Program& whole);
+/// A solve over the whole step at the midpoint of a leapfrog, for contacts and rows that its stages cannot hold
+/// (other_lengths.cpp).
+std::shared_ptr<Program> midpoint_solve(const Program& whole);
 
 /// The rows of the diagnostics, and their names (bounds.cpp).
 void lay_out_report(Program& program);

@@ -26,7 +26,7 @@ static_assert(names_all<Body<double>, BodyStructure> && names_all<LinkPlace<doub
               names_all<ColliderPlace<double>, ColliderStructure> &&
               names_all<TouchingPair<double>, TouchingStructure> && names_all<ContactTables<double>, ContactStructure>);
 static_assert(sizeof(Tables<double>) ==
-              (sizeof(TableStructure) + 7) / 8 * 8 + sizeof(void*) + bytes_of_numbers<Tables<double>>());
+              (sizeof(TableStructure) + 7) / 8 * 8 + 2 * sizeof(void*) + bytes_of_numbers<Tables<double>>());
 
 // Converts everything to single precision. `all_fit`: no number was too large for it.
 struct Narrowing {

@@ -101,7 +101,9 @@ struct Program {
   Lazy<InterpretedStep> interpreted;
   Lazy<Identity> identity;
   Lazy<Fields> fields;
-  std::shared_ptr<const Program> half;  ///< owns Tables::half
+  std::vector<Softness> bound_softness;  ///< by row of Bounds
+  std::shared_ptr<const Program> half;      ///< owns Tables::half
+  std::shared_ptr<const Program> midpoint;  ///< owns Tables::midpoint
   bool fits_single = true;              ///< no number of f64 is too large for f32
 };
 

@@ -119,6 +119,37 @@ void lay_out_slots(Program& program, std::vector<Slot> slots) {
   rounds.term_entry = program.storage.keep(std::move(entry));
 }
 
+// (L2), (L3): the joints whose linear terms a solve at the midpoint changes in the matrix.
+void lay_out_implicit(Program& program) {
+  Tables<double>& t = program.f64;
+  const Reduction<double>& r = t.reduction;
+  Rounds& rounds = t.rounds;
+  std::vector<int> solver_of(static_cast<std::size_t>(t.velocities), -1);
+  for (int z = 0; z < t.solver.n; ++z) solver_of[static_cast<std::size_t>(r.used() ? r.independent[z] : z)] = z;
+  std::vector<ImplicitJoint> joints;
+  std::vector<ImplicitTerm> terms;
+  std::vector<int> entries;
+  const bool may_differ = declared(program, Parameter::damping) || declared(program, Parameter::drive_gains) ||
+                          declared(program, Parameter::stiffness);
+  for (int j = 0; j < t.joints; ++j) {
+    if (!may_differ && t.damping[j] == 0.0 && t.kp[j] == 0.0 && t.kd[j] == 0.0 && t.stiffness[j] == 0.0) continue;
+    ImplicitJoint joint{j, static_cast<int>(terms.size()), 0, static_cast<int>(entries.size())};
+    if (const int f = r.used() ? r.follower_of[j] : -1; f >= 0)
+      for (int k = r.start[f]; k < r.start[f + 1]; ++k) terms.push_back({rounds.place[r.column[k]], k});
+    else
+      terms.push_back({rounds.place[solver_of[static_cast<std::size_t>(t.velocity_of(j))]], -1});
+    joint.last = static_cast<int>(terms.size());
+    for (int k = joint.first; k < joint.last; ++k)
+      for (int l = joint.first; l <= k; ++l)
+        entries.push_back(entry_of(rounds.columns, terms[static_cast<std::size_t>(k)].velocity,
+                                   terms[static_cast<std::size_t>(l)].velocity));
+    joints.push_back(joint);
+  }
+  rounds.implicit = program.storage.keep(std::move(joints));
+  rounds.implicit_term = program.storage.keep(std::move(terms));
+  rounds.implicit_entry = program.storage.keep(std::move(entries));
+}
+
 // Why bounds cannot be held as single velocities alone.
 std::string obstacle_of_single(const Program& program) {
   const Tables<double>& t = program.f64;
@@ -155,7 +186,7 @@ void lay_out_rounds(Program& program) {
   const bool limited = t.limited_servos.count + t.row_servos.count > 0;
   if (b.rows.count == 0 && !limited && program.contacts.pairs.empty()) return;
   program.search_obstacle = obstacle_of_single(program);
-  if (!program.search_obstacle.empty() && program.contacts.pairs.empty()) return;
+  if (!program.search_obstacle.empty() && program.contacts.pairs.empty() && !stages) return;
 
   std::vector<Slot> slots = slots_of(t);
   std::vector<std::vector<int>> together = contact_velocities(program);
@@ -175,7 +206,10 @@ void lay_out_rounds(Program& program) {
     servos.push_back(velocity_of(t, t.limited_servos[i]));
     servos.back().velocity = rounds.place[servos.back().velocity];
   }
-  b.always |= limited && !stages;
+  rounds.in_stages = stages && program.search_obstacle.empty();
+  rounds.at_midpoint = stages && (!rounds.in_stages || !program.contacts.pairs.empty());
+  if (rounds.at_midpoint) lay_out_implicit(program);
+  b.always |= limited && !rounds.in_stages;
   rounds.velocity = program.storage.keep(std::move(velocity));
   rounds.row_of = program.storage.keep(std::move(row_of));
   rounds.servos = program.storage.keep(std::move(servos));

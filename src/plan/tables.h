@@ -61,6 +61,7 @@ struct TableStructure {
   bool solve_twice = false;      ///< the position phase and the velocity phase have different solutions
   bool guarded = false;          ///< steps that are too coarse are taken in halves (M91)
   bool audited = false;          ///< energy from nowhere is found (M94)
+  bool solves_midpoint = false;  ///< these are tables of a solve at a leapfrog's midpoint
   bool renewed = false;          ///< tgs: every sub-step computes its rows anew
   unsigned per_environment = 0;  ///< declared fields, bit by Parameter
   bool record_impulses = false;
@@ -86,7 +87,8 @@ struct TableStructure {
 
 template <class S>
 struct Tables : TableStructure {
-  const Tables* half = nullptr;  ///< tables of half the step, null at the shortest
+  const Tables* half = nullptr;      ///< tables of half the step, null at the shortest
+  const Tables* midpoint = nullptr;  ///< tables of a solve over the whole step at a leapfrog's midpoint (L3), if needed
   S dt = 0;                      ///< length of a solve: the step, or gamma times the step (M68)
   S step = 0;                    ///< the step
   S ahead = 0;                   ///< how far ahead linear terms are taken: dt, or 0 if they are explicit
@@ -115,7 +117,7 @@ struct Tables : TableStructure {
     return tree[body[joint_body[joint]].tree];
   }
 
-  /// All but `half`.
+  /// All but `half` and `midpoint`.
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
     visit(from.dt, to.dt), visit(from.step, to.step), visit(from.ahead, to.ahead);

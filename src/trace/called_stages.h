@@ -15,6 +15,10 @@ void keep_state(Tile<Traced>& x);
 /// Refuses: the tables alone solve contacts.
 bool find_contacts(const Tables<double>& t, Tile<Traced>& x);
 inline void touch(const Tables<double>&, const StatePointers<double>&, bool, Tile<Traced>&) {}
+void find_contacts_at_midpoint(const Tables<double>& t, Tile<Traced>& x);
+inline void step_from_midpoint(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&, int) {}
+inline void remember_midpoint(const Tables<double>&, Tile<Traced>&) {}
+inline void copy_contacts(const Tables<double>&, Tile<Traced>&, Traced*) {}
 void first_saturation_pass(Tile<Traced>& x);
 void limited_drives(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 bool saturation_differs(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);

@@ -105,7 +105,7 @@ bool round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     if (!any(acts)) continue;
     const int j = t.limited_servos[i];
     const LimitedServo& servo = t.rounds.servos[i];
-    const Servo<T> own = kernels::servo<T>(t, batch, x, j, x.servos.time);
+    const Servo<T> own = servo_of_solve<T>(t, batch, x, j, x.servos.time);
     const T effort = feed_forward<T>(t, batch, j, x.servos.time), sigma = x.servos.saturation[i];
     const T share = servo.share < 0 ? T(1) : x.couplings.share[servo.share];
     const auto linear = ~(less(zero, sigma) | less(sigma, zero));
@@ -198,7 +198,7 @@ bool guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     x.servos.saturation[i] = select(undecided, zero, x.servos.saturation[i]);
     if (!any(searched(t, x, i))) continue;
     const LimitedServo& servo = t.rounds.servos[i];
-    const Servo<T> own = kernels::servo<T>(t, batch, x, t.limited_servos[i], time);
+    const Servo<T> own = servo_of_solve<T>(t, batch, x, t.limited_servos[i], time);
     const T share = servo.share < 0 ? T(1) : x.couplings.share[servo.share];
     const T inertia = x.held.matrix[t.rounds.columns.offset[servo.velocity]];
     const T gain = share * share * (h * fma(h, own.kp, own.kd));
@@ -233,7 +233,7 @@ bool guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     const int r = t.rounds.row_of[servo.velocity];
     if (r < 0 || !any(searched(t, x, i))) continue;
     const Branch<T>& own = x.search.branch[closing * rows + r];
-    const Servo<T> drive = kernels::servo<T>(t, batch, x, t.limited_servos[i], time);
+    const Servo<T> drive = servo_of_solve<T>(t, batch, x, t.limited_servos[i], time);
     const T force = servo_force(t, x, drive, i, closing, feed_forward<T>(t, batch, t.limited_servos[i], time),
                                 target(interval_of(t, x, r, closing), own));
     x.servos.saturation[i] =
@@ -297,7 +297,7 @@ typename T::Mask move_pieces(const Tables<ScalarOf<T>>& t, const StatePointers<S
     const auto acts = searched(t, x, i);
     if (!any(acts)) continue;
     const int j = t.limited_servos[i];
-    const Servo<T> own = kernels::servo<T>(t, batch, x, j, x.servos.time);
+    const Servo<T> own = servo_of_solve<T>(t, batch, x, j, x.servos.time);
     // In both cases (M63) asks for the force at the velocities that the step ends with.
     const T force = servo_force(t, x, own, i, closing, feed_forward<T>(t, batch, j, x.servos.time),
                                 x.held.velocity[closing * n + t.rounds.servos[i].velocity]);
@@ -406,7 +406,8 @@ typename T::Mask lanes_with_two_phases(const Tables<ScalarOf<T>>& t, const State
 template <class T>
 void open_intervals(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase, Tile<T>& x) {
   const int rows = t.bounds.rows.count;
-  const StepTime<T> at{phase == velocity_phase && t.velocity_iterations > 0, ScalarOf<T>(1) / t.dt};
+  StepTime<T> at{phase == velocity_phase && t.velocity_iterations > 0, ScalarOf<T>(1) / t.dt};
+  if (t.solves_midpoint) at.start = x.stages.begin.q;
   for (int r = 0; r < rows; ++r) {
     bounded_row(t, batch, r, phase, at, T(0), x);
     T demand = x.bounds.lo[phase * rows + r] + x.bounds.hi[phase * rows + r] + x.bounds.force[r];

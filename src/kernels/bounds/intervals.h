@@ -49,6 +49,7 @@ struct StepTime {
   ScalarOf<T> inverse;      ///< 1 / the step, or 1 / the sub-step
   ScalarOf<T> elapsed = 0;  ///< since the start of the step
   bool sub_step = false;
+  const T* start = nullptr;  ///< [joints] positions at the start of the step, if x.state has those of its midpoint
 };
 
 /// (M56), (M57): the interval that the range of joint j gives its velocity. `moved` is its displacement since the start
@@ -62,7 +63,12 @@ LOCKSTEP_INLINE Interval<T> range_interval(const Tables<ScalarOf<T>>& t, const S
           above = up_to_rounding(range.hi - q, range.hi);
   const T inside = T(at.inverse),
           beyond = at.in_velocity_phase ? zero : T(at.sub_step ? b.sub_step_rate[j] : b.limit_rate[j]);
-  Interval<T> i{below * select(less(zero, below), beyond, inside), above * select(less(above, zero), beyond, inside)};
+  T back[2] = {beyond, beyond};
+  if (at.start && !at.in_velocity_phase) {  // what has left its range on the way to the midpoint comes back at once
+    const T began = at.start[j];
+    back[0] = select(less(began, range.lo), beyond, inside), back[1] = select(less(range.hi, began), beyond, inside);
+  }
+  Interval<T> i{below * select(less(zero, below), back[0], inside), above * select(less(above, zero), back[1], inside)};
   if (at.in_velocity_phase && (b.has[j] & has_restitution)) {
     const T v = x.state.v[t.velocity_of(j)], back = -(T(b.restitution[j]) * v);
     const auto hits_lower = less(v, i.lo), hits_upper = less(i.hi, v);
@@ -91,7 +97,8 @@ LOCKSTEP_INLINE T kinematic_velocity(const Tables<ScalarOf<T>>& t, const StatePo
   const std::ptrdiff_t row = t.dof[j] * batch.stride;
   const T target = without_whole_turns(t, x, j, T::load(batch.position_target + row)),
           speed = T::load(batch.velocity_target + row);
-  return fma(T(t.bounds.drive_rate[j]), fnma(T(t.step), speed, target - q), speed);
+  const ScalarOf<T> left = t.solves_midpoint ? t.step * ScalarOf<T>(0.5) : t.step;  // of the step, from q on
+  return fma(T(t.bounds.drive_rate[j]), fnma(T(left), speed, target - q), speed);
 }
 
 /// (M59): the hard bounds of all joints that move with the row's velocity.
@@ -173,7 +180,7 @@ void servo_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
   const Member member = t.bounds.member[t.bounds.member_start[r]];
   const int i = phase * t.bounds.rows.count + r, j = member.joint;
   const T far = T(S(unlimited)), h = at.sub_step ? T(S(1) / at.inverse) : T(t.dt);
-  const Servo<T> own = servo<T>(t, batch, x, j);
+  const Servo<T> own = servo_of_solve<T>(t, batch, x, j);
   const T gain = larger(h * fma(h, own.kp, own.kd), T(S(sizeof(S) == 4 ? 1e-16 : 1e-20)));
   const T correction = phase == position_phase && member.follower >= 0 ? x.couplings.correction[member.follower] : T(0);
   // The force at the speed u is that at rest less gain u / h.
@@ -218,7 +225,8 @@ void soft_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     const std::ptrdiff_t row = t.dof[j] * batch.stride;
     const T target = without_whole_turns(t, x, j, T::load(batch.position_target + row)),
             speed = T::load(batch.velocity_target + row);
-    x.bounds.centre[i] = fma(rate, fma(T(t.dt - at.elapsed), speed, q - target), correction - speed);
+    const ScalarOf<T> left = t.solves_midpoint ? t.dt * ScalarOf<T>(0.5) : t.dt - at.elapsed;
+    x.bounds.centre[i] = fma(rate, fma(T(left), speed, q - target), correction - speed);
     x.bounds.force[r] = far;
   }
 }

@@ -10,6 +10,7 @@ constexpr double least_response = 0.01;     // (M104): of a soft normal, in the 
 constexpr double fastest_return = 0.1;      // (M111), m/s: of what has drifted
 constexpr double least_bounce = 0.05;       // (M109), m/s: slower impacts do not bounce
 constexpr double bounce_compliance = 1e-3;  // (M109), of the response: what bounces yields no more than this
+constexpr double bounce_compliance_in_step = 1e-5;  // (L6)
 constexpr double most_restored = 1.5;       // (M109)
 constexpr double relaxed_above = 0.01;      // (M109), m/s: overlaps that are removed faster leave no speed behind
 constexpr double carried_above = 0.01;      // (M116): of that speed, what carried impulses may leave
@@ -94,6 +95,23 @@ LOCKSTEP_INLINE void begin_bounce(ScalarOf<T> restitution, ScalarOf<T> dt, T u, 
   slot.restored = select(slot.bounces & less(half * absolute(gain), e * at_surface), share, zero);
 }
 
+/// (L6): the same in a leapfrog, whose velocities are those of the ends of a step. What approaches and does not land in
+/// this step is off. `slot.bias` becomes minus the speed that brings it to where it flies after its landing.
+template <class T>
+LOCKSTEP_INLINE void begin_bounce_in_step(ScalarOf<T> restitution, ScalarOf<T> dt, T u, ContactSlot<T>& slot) {
+  using S = ScalarOf<T>;
+  const T zero = T(0), one = T(1), half = T(S(0.5)), h = T(dt), e = T(restitution), free = slot.free[0];
+  const T gain = free - u, start = larger(fnma(half * h, u, slot.gap), zero);
+  const T arrives = sqrt(larger(fnma(T(S(2) / dt) * gain, start, u * u), zero)), back = e * arrives;
+  const auto approaches = slot.live & less(u, T(S(-least_bounce))) & less(-gain, back);
+  slot.bounces = approaches & less(fma(half * h, free, slot.gap), zero);
+  slot.live = slot.live & (slot.bounces | ~approaches);
+  const T time = smaller(start * T(S(2) / dt) / larger(arrives - u, T(S(1e-6))), one), left = one - time;
+  const T leaves = fma(left, smaller(gain, zero), back);
+  slot.restored = select(slot.bounces, smaller(leaves / larger(absolute(free), T(S(1e-6))), T(S(most_restored))), zero);
+  slot.bias = fma(half, -fma(left, back + leaves, leaves), slot.gap * T(S(1) / dt));
+}
+
 /// (M104), (M109), (M111): compliance and target of the slot's normal, drift along its tangents. `start` is the pair's
 /// twist at the start of the step; slot.free has the speeds without contacts, if the pair bounces.
 template <class T>
@@ -105,14 +123,17 @@ void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& p
   slot_speed(slot, start, u);
   slot.bounces = slot.given = slot.relaxes = T::none();
   slot.restored = slot.stopping = slot.normal = slot.push = zero;
-  if (pair.restitution > S(0)) begin_bounce(pair.restitution, t.dt, u[0], slot);
+  if (pair.restitution > S(0))
+    t.solves_midpoint ? begin_bounce_in_step(pair.restitution, t.dt, u[0], slot)
+                      : begin_bounce(pair.restitution, t.dt, u[0], slot);
 
   // What answers in no row at all cannot be pushed: such a slot is off.
   const T all_rows = response.of_all_rows(slot.arm), normal = response.of_normal(slot.arm);
   const T mean = T(S(1) / S(3)) * all_rows;
   const T stated = pair.soft ? larger(normal, T(S(least_response)) * mean) : mean;
   T compliance = fma(T(pair.cfm_per_response), stated, T(pair.cfm));
-  compliance = select(slot.bounces, smaller(compliance, T(S(bounce_compliance)) * mean), compliance);
+  const S least = S(t.solves_midpoint ? bounce_compliance_in_step : bounce_compliance);
+  compliance = select(slot.bounces, smaller(compliance, T(least) * mean), compliance);
   slot.live = slot.live & less(zero, compliance);
   slot.bounces = slot.bounces & slot.live;
   slot.stiffness = select(slot.live, one / select(slot.live, compliance, one), zero);
@@ -121,7 +142,8 @@ void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& p
   slot.slow = T(S(relaxed_above)) * share;
   const T overlap = T(pair.rate) * slot.gap, capped = larger(overlap, T(S(-push_out)) * share);
   const T pushed = pair.soft ? select(slot.bounces, capped, overlap) : capped;
-  slot.bias = select(less(zero, slot.gap), slot.gap * T(S(1) / t.dt), pushed);
+  const T bias = select(less(zero, slot.gap), slot.gap * T(S(1) / t.dt), pushed);
+  slot.bias = t.solves_midpoint ? select(slot.bounces, slot.bias, bias) : bias;
 
   // A soft contact's memory is a spring along the surface. It holds no more than the normal spring allows.
   if (pair.soft) {

@@ -2,8 +2,8 @@
 // Apache-2.0
 //
 // Rows of an environment: for each slot its face, the tangential and the normal impulse; for each pair where its second
-// collider is expected, and the axes of its impulses; the velocities at the start of the last step; the state that all
-// this belongs to; the count of steps that ended at a cap. An environment whose state is another one, because an
+// collider is expected, and the axes of its impulses; the velocities at the start of the last step; its length, if the
+// guard may take steps in halves; the state that all this belongs to; the count of steps that ended at a cap. An environment whose state is another one, because an
 // application wrote to it or reset it, begins without memory.
 #pragma once
 
@@ -39,15 +39,21 @@ LOCKSTEP_INLINE void each_expected(const ContactTables<S>&, Patch& patch, Act&& 
   all(patch.expected_place, patch.expected_axis, patch.expected_other_axis, patch.kept_normal, patch.kept_tangent);
 }
 
+/// act(number) for all that a tile remembers but the state that it belongs to and the count, in the order of the rows.
+template <class S, class AnyTile, class Act>
+LOCKSTEP_INLINE void each_remembered(const Tables<S>& t, AnyTile& x, Act&& act) {
+  for (int s = 0; s < t.contacts.slots; ++s) each_kept(t.contacts, x.contacts.slot[s], act);
+  for (int p = 0; p < t.contacts.pairs.count; ++p) each_expected(t.contacts, x.contacts.patch[p], act);
+  for (int k = 0; k < t.rounds.columns.n; ++k) act(x.contacts.previous[k]);
+  if (t.guarded) act(x.contacts.length);
+}
+
 template <class T>
 void load_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const ScalarOf<T>* const rows = batch.contact_memory;
   const auto number = [&](int row) LOCKSTEP_INLINED { return T::load(rows + row * batch.stride); };
   int row = 0;
-  const auto take = [&](T& kept) LOCKSTEP_INLINED { kept = number(row++); };
-  for (int s = 0; s < t.contacts.slots; ++s) each_kept(t.contacts, x.contacts.slot[s], take);
-  for (int p = 0; p < t.contacts.pairs.count; ++p) each_expected(t.contacts, x.contacts.patch[p], take);
-  for (int k = 0; k < t.rounds.columns.n; ++k) take(x.contacts.previous[k]);
+  each_remembered(t, x, [&](T& kept) LOCKSTEP_INLINED { kept = number(row++); });
   typename T::Mask other = T::none();
   each_state_row(t, x, row, [&](T now, int at) { other = other | beyond(now - number(at), T(0)); });
   x.contacts.known = ~other;
@@ -59,12 +65,19 @@ void store_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   ScalarOf<T>* const rows = batch.contact_memory;
   const auto put = [&](int row, T number) LOCKSTEP_INLINED { store(rows + row * batch.stride, number); };
   int row = 0;
-  const auto give = [&](const T& kept) LOCKSTEP_INLINED { put(row++, kept); };
-  for (int s = 0; s < t.contacts.slots; ++s) each_kept(t.contacts, x.contacts.slot[s], give);
-  for (int p = 0; p < t.contacts.pairs.count; ++p) each_expected(t.contacts, x.contacts.patch[p], give);
-  for (int k = 0; k < t.rounds.columns.n; ++k) give(x.contacts.previous[k]);
+  each_remembered(t, x, [&](const T& kept) LOCKSTEP_INLINED { put(row++, kept); });
   each_state_row(t, x, row, [&](T now, int at) { put(at, now); });
   put(t.contacts.remembered(t) - 1, x.contacts.unfinished);
+}
+
+/// (L7): impulses of a step of another length become those of this one.
+template <class T>
+void scale_memory(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const T scale = select(x.contacts.known, T(t.step) / select(x.contacts.known, x.contacts.length, T(1)), T(1));
+  for (int s = 0; s < t.contacts.slots; ++s) {
+    ContactSlot<T>& slot = x.contacts.slot[s];
+    slot.pressed *= scale, slot.memory[0] *= scale, slot.memory[1] *= scale;
+  }
 }
 
 }  // namespace lockstep::kernels

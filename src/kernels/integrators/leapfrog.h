@@ -9,6 +9,7 @@
 #include "kernels/dynamics/bias_forces.h"
 #include "kernels/dynamics/kinematics.h"
 #include "leapfrog_bounds.h"
+#include "midpoint.h"
 
 namespace lockstep::kernels {
 
@@ -28,13 +29,14 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   for (int k = 0; k < n; ++k) x.stages.midpoint.v[k] = x.state.v[k];
 
   kinematics(t, x);
+  find_contacts_at_midpoint(t, x);
   joint_inertias(t, batch, x);
   inertia_matrix(t, batch, x);
   factorise(t, batch, x);
 
   bias_forces(t, batch, x);
   stage(t, batch, x, 0, time);
-  if (t.rounds.used()) bound_prediction(t, batch, x, time);
+  if (t.rounds.in_stages) bound_prediction(t, batch, x, time);
   if (t.guarded) keep_prediction(t, x);
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];  // (M67)
   for (int k = 0; k < n; ++k) x.state.v[k] = fma(T(S(0.5) / A::gamma), x.stages.change[k], x.stages.midpoint.v[k]);
@@ -52,7 +54,8 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     x.stages.gained_velocity[k] = change;
     x.next.v[k] = changed_by(x.stages.midpoint.v[k], change);
   }
-  if (t.rounds.used()) bound_stages(t, batch, x, time);
+  if (t.rounds.in_stages) bound_stages(t, batch, x, time);
+  step_from_midpoint(t, batch, x, time);
   if (t.guarded) judge(t, batch, x);
   for (int j = 0; j < t.joints; ++j)
     x.next.q[j] = fma(T(t.step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.begin.q[j]);
@@ -61,7 +64,8 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
       x.state.v[k] = fma(T(S(2)), x.stages.mean_velocity[k], -x.stages.midpoint.v[k]);
   move_roots(t, x, half, x.state.v, x.state.pose, x.next.pose);
   turn_root_twists(t, x, x.next.v);
-  if (t.rounds.used()) settle(t, batch, x);
+  if (t.rounds.in_stages) settle(t, batch, x);
+  remember_midpoint(t, x);
 }
 
 /// Takes the step from x.stages.begin again in these lanes, by two steps of half the length. Lanes of x.too_fast are
@@ -74,7 +78,10 @@ void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   auto singular = x.singular;
   copy_state(t, x.stages.begin, begin);
   copy_state(t, x.next, end);
+  copy_contacts(t, x, x.guard.found[depth]);
+  restore_contacts(t, ~T::none(), x.guard.remembered[depth], x);
   for (int part = 0; part < 2; ++part) {
+    if (half.half) copy_contacts(t, x, x.guard.remembered[depth + 1]);
     leapfrog(half, batch, x, 0);
     const auto coarse = x.guard.coarse & lanes;
     if (any(coarse) && half.half)
@@ -87,6 +94,7 @@ void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
     for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(lanes, (x.next.*part)[i], (end.*part)[i]);
   });
+  restore_contacts(t, ~lanes, x.guard.found[depth], x);
   copy_state(t, begin, x.stages.begin);
   x.singular = singular;
 }
@@ -103,6 +111,8 @@ LOCKSTEP_INLINE void step_again_if(const Tables<ScalarOf<T>>& t, const StatePoin
 template <class T>
 void leapfrog_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   copy_state(t, x.state, x.stages.begin);
+  x.contacts.work = T(0);
+  if (t.guarded) copy_contacts(t, x, x.guard.remembered[0]);
   leapfrog(t, batch, x, 0);
   if (t.guarded || t.rounds.used()) step_again_if(t, batch, x);
   copy_state(t, x.stages.begin, x.state);  // lanes that fail keep it

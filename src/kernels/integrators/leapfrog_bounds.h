@@ -135,13 +135,15 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   const T* const momentum = twice ? x.dynamics.half_solved_velocity : x.dynamics.half_solved_position;
   T *const own = x.stage_bounds.impulse + i * n, *const change = x.stages.change + i * all,
            *const velocity = x.stages.velocity + i * all;
-  for (int z = 0; z < n; ++z) {
+  if (t.rounds.renumbered) to_rounds(t, x.dynamics.start, x.held.start);
+  for (int s = 0; s < n; ++s) {
+    const int z = t.rounds.place[s];
     T before = T(0);
     for (int k = 0; k < i; ++k) before = fma(T(A::before[i][k] / A::gamma), x.stage_bounds.impulse[k * n + z], before);
     own[z] = -before;  // of the stage alone: what has acted since the start less this
-    x.held.momentum[z] = momentum[z] - before;
+    x.held.momentum[z] = momentum[s] - before;
     if (x.corrects_positions)
-      x.stage_bounds.correction[z] = twice ? x.dynamics.half_solved_position[z] - momentum[z] : T(0);
+      x.stage_bounds.correction[z] = twice ? x.dynamics.half_solved_position[s] - momentum[s] : T(0);
   }
   for (int r = 0; r < rows; ++r) {
     const int z = t.rounds.velocity[r];
@@ -171,11 +173,12 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
                                 feed_forward<T>(t, batch, j, time + i), x.held.velocity[z]);
     own[z] += select(x.servos.bounded[s], share * duration * clamp(force, -most, most), T(0));
   }
-  for (int z = 0; z < n; ++z) x.dynamics.solution[z] = found_change(x, z);
+  for (int z = 0; z < n; ++z) x.dynamics.solution[z] = found_change(x, t.rounds.place[z]);
   expand(t, x, x.dynamics.solution, x.dynamics.scratch,
          [&](int f, T following) LOCKSTEP_INLINED { return following - x.couplings.velocity_error[f]; });
   for (int k = 0; k < all; ++k) change[k] = select(lanes, x.dynamics.scratch[k], change[k]);
-  expand(t, x, x.held.velocity, x.dynamics.scratch, [](int, T following) LOCKSTEP_INLINED { return following; });
+  from_rounds(t, x.held.velocity, x.dynamics.solution);
+  expand(t, x, x.dynamics.solution, x.dynamics.scratch, [](int, T following) LOCKSTEP_INLINED { return following; });
   for (int k = 0; k < all; ++k) velocity[k] = select(lanes, x.dynamics.scratch[k], velocity[k]);
 }
 
@@ -183,7 +186,8 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
 template <class T>
 void open_stage_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const int* const independent = t.reduction.followers > 0 ? t.reduction.independent.data : nullptr;
-  for (int z = 0; z < t.solver.n; ++z) x.stage_bounds.start[z] = x.stages.midpoint.v[independent ? independent[z] : z];
+  for (int z = 0; z < t.solver.n; ++z)
+    x.stage_bounds.start[t.rounds.place[z]] = x.stages.midpoint.v[independent ? independent[z] : z];
   open_rows(t, batch, x);
   x.stage_bounds.factored = false;
   x.stage_bounds.searched = T::none();
@@ -258,15 +262,17 @@ void stages_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   }
   for (int i = 0; i < t.limited_servos.count; ++i) x.servos.bounded[i] = T::none();
   for (int z = 0; z < n; ++z) {
-    x.dynamics.start[z] = mean[z];
+    x.held.start[z] = mean[z];
     x.held.momentum[z] = weight * x.stage_bounds.correction[z];
   }
   go_on_searching(t, batch, lanes, x);
-  expand(t, x, x.held.velocity, x.dynamics.scratch,
+  from_rounds(t, x.held.velocity, x.dynamics.solution);
+  expand(t, x, x.dynamics.solution, x.dynamics.scratch,
          [&](int f, T following) LOCKSTEP_INLINED { return fma(weight, x.couplings.correction[f], following); });
   for (int k = 0; k < t.velocities; ++k)
     x.stages.mean_velocity[k] = select(lanes, x.dynamics.scratch[k], x.stages.mean_velocity[k]);
-  expand(t, x, end, x.dynamics.scratch, [](int, T following) LOCKSTEP_INLINED { return following; });
+  from_rounds(t, end, x.dynamics.solution);
+  expand(t, x, x.dynamics.solution, x.dynamics.scratch, [](int, T following) LOCKSTEP_INLINED { return following; });
   for (int k = 0; k < t.velocities; ++k) x.next.v[k] = select(lanes, x.dynamics.scratch[k], x.next.v[k]);
 }
 
@@ -284,7 +290,7 @@ LOCKSTEP_INLINE void bound_prediction(const Tables<ScalarOf<T>>& t, const StateP
 /// Whether all lanes take the stages with bounds, so that nobody needs them without.
 template <class T>
 LOCKSTEP_INLINE bool all_bounded(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
-  return t.rounds.used() && !any(~x.bounds.candidate & ~x.frozen);
+  return t.rounds.in_stages && !any(~x.bounds.candidate & ~x.frozen);
 }
 
 /// After the last stage: takes the stages again in lanes where bounds act.

@@ -266,50 +266,92 @@ void restore_impacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
   }
 }
 
+/// (L9): the work of overlaps that are pushed out, and of soft pairs.
+template <class T>
+T work_of_push_outs(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<T>& x) {
+  T work = T(0);
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    for (int s = 0; s < pair.slots; ++s) {
+      const auto pushes = slots[s].live & less(slots[s].bias, T(0));
+      work = select(pushes, fma(slots[s].force.impulse[0], larger(slots[s].speed[0], T(0)), work), work);
+    }
+  });
+  return select(acting, work, T(0));
+}
+
+/// Both solves with contacts, from the matrix and the momenta of the rounds, in the lanes `acting`. Their results are
+/// x.dynamics.solution, which moves the positions, and x.dynamics.velocity_solution, which stays.
 template <class T>
 void solve_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask acting,
                     Tile<T>& x) {
-  const int n = t.rounds.columns.n, rows = t.bounds.rows.count;
-  begin_rounds(t, batch, x);
-  const bool some_free = any(~(acting | x.frozen));
-  T* kept = x.rounds.unbounded_result;
-  if (some_free) each_result(t, x, [&](const T& number) { *kept++ = number; });
-
   const T two = T(2);
-  for (int k = 0; k < n; ++k)
+  for (int k = 0; k < t.rounds.columns.n; ++k)
     x.rounds.z[k] = select(x.contacts.known, fma(two, x.held.start[k], -x.contacts.previous[k]), x.held.start[k]);
   begin_slips(t, x.rounds.z, x);
 
   // The speed that moves the positions.
   solve_contact_phase(t, batch, position_phase, acting, x);
-  x.singular = (x.singular & ~x.contacts.held) | (x.rounds.weak & x.contacts.held);
   from_rounds(t, x.rounds.z, x.dynamics.solution);
   remember(t, acting, x);
+  if (t.audited) x.contacts.work += work_of_push_outs(t, acting, x);
+  if (!x.solves_twice) return;
 
   // The speed that stays.
-  if (x.solves_twice) {
-    keep_impulses(t, velocity_phase, acting, x);
-    const auto asked = rows_with_two_phases(t, x) | lanes_with_two_phases(t, batch, x) | push_ahead(t, acting, 1.0, x);
-    const auto again = begin_relaxing(t, acting, asked, x);
-    if (any(again)) {
-      x.servos.corrected = false;
-      solve_contact_phase(t, batch, velocity_phase, again, x);
-      remember_impulses(t, again, x);
-      const auto adding = push_ahead(t, again, carried_above, x);
-      if (any(adding)) {
-        forget_impulses(t, adding, x);
-        solve_contact_phase(t, batch, velocity_phase, adding, x);
-        remember_impulses(t, adding, x);
-      }
-      if (t.contacts.bounces) restore_impacts(t, batch, again, x);
+  keep_impulses(t, velocity_phase, acting, x);
+  const auto asked = rows_with_two_phases(t, x) | lanes_with_two_phases(t, batch, x) | push_ahead(t, acting, 1.0, x);
+  const auto again = begin_relaxing(t, acting, asked, x);
+  if (any(again)) {
+    x.servos.corrected = false;
+    solve_contact_phase(t, batch, velocity_phase, again, x);
+    remember_impulses(t, again, x);
+    const auto adding = push_ahead(t, again, carried_above, x);
+    if (any(adding)) {
+      forget_impulses(t, adding, x);
+      solve_contact_phase(t, batch, velocity_phase, adding, x);
+      remember_impulses(t, adding, x);
     }
-    from_rounds(t, x.rounds.z, x.dynamics.velocity_solution);
+    if (t.contacts.bounces) restore_impacts(t, batch, again, x);
   }
-  list_active_rows_of(t, acting, x);
-  integrate(t, x);
-  const T* restored = x.rounds.unbounded_result;
-  if (some_free) each_result(t, x, [&](T& number) { number = select(acting, number, *restored++); });
-  if (rows > 0) mark_invalid(t, x);
+  from_rounds(t, x.rounds.z, x.dynamics.velocity_solution);
+}
+
+/// The law of all slots at the start of a solve. `free` are the velocities without contacts if they are `known`.
+/// Returns the lanes in which some slot acts at these.
+template <class T>
+typename T::Mask open_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const T* free,
+                               bool known, Tile<T>& x) {
+  typename T::Mask acting = T::none();
+  const ScalarOf<T>* const frictions = batch.field(Parameter::contact_friction);
+  each_near(t, x, [&](const auto& pair, ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    const std::ptrdiff_t row = (&pair - t.contacts.pairs.data) * batch.stride;
+    patch.friction = frictions ? T::load(frictions + row) : T(pair.friction);
+    const RelativeTwist<T> start = twist_of(t, pair, x, x.held.start);
+    const RelativeTwist<T> without = known ? twist_of(t, pair, x, free) : start;
+    const PairResponse<T> response(t, pair, x);
+    for (int s = 0; s < pair.slots; ++s) {
+      slot_speed(slots[s], without, slots[s].free);
+      begin_slot(t, pair, patch, start, response, slots[s]);
+      if (!known) continue;
+      contact_force(slots[s], patch.friction, slots[s].free, slots[s].force);
+      acting = acting | slots[s].force.sticks | slots[s].force.slides;
+    }
+  });
+  return acting;
+}
+
+/// The velocities that the step began with, from which the next one guesses.
+template <class T>
+void remember_start(const Tables<ScalarOf<T>>& t, const T* start, Tile<T>& x) {
+  for (int k = 0; k < t.rounds.columns.n; ++k)
+    x.contacts.previous[k] = select(x.frozen, x.contacts.previous[k], start[k]);
+  x.contacts.known = ~T::none();
+}
+
+/// Turns them to the axes that the roots have now.
+template <class T>
+void turn_start(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int r = 0; r < t.roots.count; ++r)
+    turn_root_twist(x.half_turn + 4 * r, x.contacts.previous + t.rounds.place[t.roots[r].solver]);
 }
 
 /// Finds contacts. Returns whether all lanes are solved with them at once, so that nothing asks for the step without.
@@ -318,40 +360,34 @@ template <class T>
 bool find_contacts(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const auto held = collide(t, x);
   x.contacts.held = t.contacts.bounces ? T::none() : held;
+  x.contacts.work = T(0);
   return !any(~(x.contacts.held | x.frozen));
 }
 
-/// Solves the step with contacts in lanes where one acts. `solved` says whether the step without has been.
+/// Solves the step of euler with contacts in lanes where one acts. `solved` says whether the step without has been.
 template <class T>
 void touch(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, bool solved, Tile<T>& x) {
-  typename T::Mask acting = T::none();
   if (solved) to_rounds(t, x.dynamics.solution, x.rounds.z);
   matrix_of_bodies(t, x);
-  const ScalarOf<T>* const frictions = batch.field(Parameter::contact_friction);
-  each_near(t, x, [&](const auto& pair, ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    const std::ptrdiff_t row = (&pair - t.contacts.pairs.data) * batch.stride;
-    patch.friction = frictions ? T::load(frictions + row) : T(pair.friction);
-    const RelativeTwist<T> start = twist_of(t, pair, x, x.held.start);
-    const RelativeTwist<T> free = solved ? twist_of(t, pair, x, x.rounds.z) : start;
-    const PairResponse<T> response(t, pair, x);
-    for (int s = 0; s < pair.slots; ++s) {
-      slot_speed(slots[s], free, slots[s].free);
-      begin_slot(t, pair, patch, start, response, slots[s]);
-      if (!solved) continue;
-      contact_force(slots[s], patch.friction, slots[s].free, slots[s].force);
-      acting = acting | slots[s].force.sticks | slots[s].force.slides;
-    }
-  });
+  auto acting = open_contacts(t, batch, x.rounds.z, solved, x);
   acting = ((acting & ~x.singular) | x.contacts.held) & ~x.frozen;
-  if (any(acting))
+  if (any(acting)) {
+    begin_rounds(t, batch, x);
+    const bool some_free = any(~(acting | x.frozen));
+    T* kept = x.rounds.unbounded_result;
+    if (some_free) each_result(t, x, [&](const T& number) { *kept++ = number; });
     solve_contacts(t, batch, acting, x);
-  else
+    x.singular = (x.singular & ~x.contacts.held) | (x.rounds.weak & x.contacts.held);
+    list_active_rows_of(t, acting, x);
+    integrate(t, x);
+    const T* restored = x.rounds.unbounded_result;
+    if (some_free) each_result(t, x, [&](T& number) { number = select(acting, number, *restored++); });
+    if (t.bounds.rows.count > 0) mark_invalid(t, x);
+  } else {
     remember(t, T::none(), x);
-  for (int k = 0; k < t.rounds.columns.n; ++k)
-    x.contacts.previous[k] = select(x.frozen, x.contacts.previous[k], x.held.start[k]);
-  for (int r = 0; r < t.roots.count; ++r)  // to the axes that the next step starts in
-    turn_root_twist(x.half_turn + 4 * r, x.contacts.previous + t.rounds.place[t.roots[r].solver]);
-  x.contacts.known = ~T::none();
+  }
+  remember_start(t, x.held.start, x);
+  turn_start(t, x);
 }
 
 }  // namespace lockstep::kernels

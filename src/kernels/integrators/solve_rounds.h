@@ -138,20 +138,13 @@ void bring_contacts_back(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int p = 0; p < t.contacts.pairs.count; ++p) x.contacts.patch[p].near = x.contacts.patch[p].aside;
 }
 
-/// Solves the lanes `open` with bounds and kept couplings, and no contacts. Lanes in which no bound acts keep the
-/// result that they have, to the last bit.
+/// Both solves with bounds and kept couplings and without contacts, in the lanes `open`. Their results are
+/// x.dynamics.solution and x.dynamics.velocity_solution.
 template <class T>
-void solve_rounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask open,
-                  Tile<T>& x) {
+void solve_rows(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask open,
+                Tile<T>& x) {
   const int n = t.rounds.columns.n;
-  const bool first = t.limited_servos.count > 0 || t.row_servos.count > 0;  // nothing has been solved yet
   set_contacts_aside(t, x);
-  matrix_of_bodies(t, x);
-  begin_rounds(t, batch, x);
-  open = open & ~x.bounds.invalid;
-  T* kept = x.rounds.unbounded_result;
-  if (!first) each_result(t, x, [&](const T& number) { *kept++ = number; });
-
   const auto twice =
       t.solve_twice ? (rows_with_two_phases(t, x) | lanes_with_two_phases(t, batch, x)) & open : T::none();
   for (int k = 0; k < n; ++k) x.rounds.z[k] = x.held.start[k];
@@ -179,9 +172,22 @@ void solve_rounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
     for (int z = 0; z < n; ++z)
       x.dynamics.velocity_solution[z] = select(twice, x.dynamics.velocity_solution[z], x.dynamics.solution[z]);
   }
-  if (first) x.singular = x.rounds.weak & open;
-
   bring_contacts_back(t, x);
+}
+
+/// Solves a step of euler in the lanes `open`. Lanes in which no bound acts keep the result that they have, to the last
+/// bit.
+template <class T>
+void solve_rounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask open,
+                  Tile<T>& x) {
+  const bool first = t.limited_servos.count > 0 || t.row_servos.count > 0;  // nothing has been solved yet
+  matrix_of_bodies(t, x);
+  begin_rounds(t, batch, x);
+  open = open & ~x.bounds.invalid;
+  T* kept = x.rounds.unbounded_result;
+  if (!first) each_result(t, x, [&](const T& number) { *kept++ = number; });
+  solve_rows(t, batch, open, x);
+  if (first) x.singular = x.rounds.weak & open;
   const auto acts = list_active_rows_of(t, open, x);
   integrate(t, x);
   const T* restored = x.rounds.unbounded_result;

@@ -191,6 +191,27 @@ struct RoundArrays {
   }
 };
 
+/// A solve at a leapfrog's midpoint (integrators/midpoint.h).
+template <class T>
+struct MidpointArrays {
+  typename T::Mask* halved;  // [joints] lanes in which kappa of (L2) is 1/2
+  T* diagonal;               // [velocities of the rounds] of the matrix of the stages
+  T* implicit;               // [velocities of the rounds] what linear terms add to that
+  T* way;                    // [velocities of the rounds] to the next midpoint over the step, without contacts
+  T *rate, *cfm;             // [coupling rows] of a solve over the whole step
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    const int n = t.rounds.columns.n;
+    take("midpoint.halved", halved, t.joints);
+    take("midpoint.diagonal", diagonal, n);
+    take("midpoint.implicit", implicit, n);
+    take("midpoint.way", way, n);
+    take("midpoint.rate", rate, t.rows.count);
+    take("midpoint.cfm", cfm, t.rows.count);
+  }
+};
+
 /// Servos with an effort limit. The search of held_velocities.h sees a force that acts for a time from given positions.
 template <class T>
 struct LimitedServos {
@@ -233,7 +254,7 @@ struct StageRow {
   T inertia_share;  // of the diagonal of the matrix
 };
 
-/// By solver velocity, but for `row`.
+/// By velocity of the rounds, but for `row`.
 template <class T>
 struct StageBounds {
   StageRow<T>* row;           // [rows]

@@ -74,9 +74,11 @@ struct Contacts {
   Vec3<T>* moving;         // [columns] relative velocity of the reference point
   Vec3<T>* parted;         // [columns] what of it is due to the gap between the points of two moving bodies
   T* previous;             // [solver] velocities at the start of the step before (state)
+  T length;                // of the step that the memory is of, where steps may be taken in halves (state)
   T unfinished;            // steps at the cap since the last reset (state)
   typename T::Mask known;  // lanes whose memory belongs to their state
   typename T::Mask held;   // lanes that are solved with contacts at once (solve_contacts.h)
+  T work;                  // that push-outs have done in the step, for the audit (L9)
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {

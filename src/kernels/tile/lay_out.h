@@ -37,8 +37,9 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   if (t.rounds.used()) {
     x.held.arrays(t, take);
     if (!t.rounds.renumbered) x.held.start = x.dynamics.start;
-    if (t.contacts.used()) x.rounds.arrays(t, take);
+    if (t.contacts.used() || t.rounds.at_midpoint) x.rounds.arrays(t, take);
     if (t.integrator != Integrator::euler) x.stage_bounds.arrays(t, take);
+    if (t.rounds.at_midpoint) x.midpoint.arrays(t, take);
   }
   x.servos.arrays(t, take);
   if (t.contacts.used()) x.contacts.arrays(t, take);

@@ -99,6 +99,7 @@ struct Guard {
   T* velocity;                                    // [solver]
   T* product;                                     // [solver]
   State<T> begin[guard_depth], end[guard_depth];  // of the steps that are taken in halves
+  T *remembered[guard_depth], *found[guard_depth];  // of contacts, in the same way
   T eta;                                          // squared, of the last step
   T size;                                         // v^T A v, which eta is relative to
   typename T::Mask coarse;                        // lanes in which it was too large
@@ -112,6 +113,9 @@ struct Guard {
     for (int d = 0; d < guard_depth; ++d) {
       begin[d].arrays(t, "guard.begin.q", "guard.begin.v", "guard.begin.pose", take, Lifetime::stage);
       end[d].arrays(t, "guard.end.q", "guard.end.v", "guard.end.pose", take, Lifetime::stage);
+      const int contacts = t.contacts.used() ? t.contacts.remembered_state(t) + 3 : 0;
+      take("guard.remembered", remembered[d], contacts, Lifetime::stage);
+      take("guard.found", found[d], contacts, Lifetime::stage);
     }
   }
 };

@@ -36,6 +36,7 @@ struct Tile {
   HeldVelocities<T> held;
   RoundArrays<T> rounds;
   StageBounds<T> stage_bounds;
+  MidpointArrays<T> midpoint;
   LimitedServos<T> servos;
   Contacts<T> contacts;
   Diagnostics<T> diagnostics;

@@ -30,6 +30,17 @@ struct CopiedEntry {
   int from, to;
 };
 
+/// A joint with damping, a spring or a servo, and the velocities of the rounds that it moves with.
+struct ImplicitJoint {
+  int joint;
+  int first, last;  ///< in Rounds::implicit_term; the last is one past the end
+  int entry;        ///< in Rounds::implicit_entry: by term, and term up to that one
+};
+struct ImplicitTerm {
+  int velocity;
+  int share;  ///< entry of S, -1 for 1
+};
+
 /// The matrix of a round is A_r with what slots and contacts fill in, so its velocities are numbered by a tree of their
 /// own. Bounds alone fill in nothing and keep the numbers of the solver.
 struct Rounds {
@@ -44,6 +55,11 @@ struct Rounds {
   Span<RowSlot> slots;
   Span<int> term;                ///< velocity
   Span<int> term_entry;          ///< of the matrix
+  bool in_stages = false;        ///< the stages of a leapfrog hold the bounds
+  bool at_midpoint = false;      ///< a leapfrog has contacts, or bounds that its stages cannot hold
+  Span<ImplicitJoint> implicit;  ///< if `at_midpoint`
+  Span<ImplicitTerm> implicit_term;
+  Span<int> implicit_entry;      ///< of the matrix
   bool needs_responses = false;  ///< the softness of some slot refers to its response under A
   inline __attribute__((always_inline)) bool used() const { return columns.n > 0; }
 };

@@ -1,0 +1,301 @@
+// Contacts, and bounds that stages cannot hold, in a leapfrog step. SPDX-License-Identifier: Apache-2.0
+//
+// Section 28. From midpoint to midpoint a leapfrog is semi-implicit Euler. So contacts are found at the midpoint, and
+// lanes in which they act are solved there by the rounds of euler, for the velocities that lead to the next midpoint.
+// Bounds of lanes in which no contact acts stay in the stages, unless some are rows over several velocities. A lane in
+// which nothing acts keeps the step that the stages have made, to the last bit.
+#pragma once
+
+#include "leapfrog_bounds.h"
+#include "solve_contacts.h"
+
+namespace lockstep::kernels {
+
+constexpr double most_explicit = 16.0;  // (L2)
+
+/// What is linear in the speed and in the position of joint j: damping and stiffness.
+template <class T>
+struct LinearTerms {
+  T damping, stiffness;
+  LOCKSTEP_INLINE T inertia(T time) const { return time * fma(time, stiffness, damping); }
+};
+
+/// Of springs and dampers. Servos add theirs.
+template <class T>
+LOCKSTEP_INLINE LinearTerms<T> passive_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                             int j) {
+  return {field<T>(batch, Parameter::damping, t.damping.data).at(j, t.dof[j]), stiffness<T>(t, batch, j)};
+}
+
+/// act(joint, its row of S: velocities of the rounds and shares, linear terms of the stages, those of the midpoint's
+/// matrix). Servos with an effort limit are not among the last: the rounds have them.
+template <class T, class Act>
+void each_implicit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Act&& act) {
+  const Rounds& rounds = t.rounds;
+  const Span<int> all = t.servos, linear = t.midpoint->servos;
+  int a = 0, b = 0;
+  for (int i = 0; i < rounds.implicit.count; ++i) {
+    const ImplicitJoint& joint = rounds.implicit[i];
+    LinearTerms<T> of_stage = passive_terms<T>(t, batch, joint.joint), of_midpoint = of_stage;
+    const auto add = [&](LinearTerms<T>& terms) LOCKSTEP_INLINED {
+      const Gains<T> own = gains<T>(t, batch, joint.joint);
+      terms.damping += own.kd, terms.stiffness += own.kp;
+    };
+    while (a < all.count && all[a] < joint.joint) ++a;
+    while (b < linear.count && linear[b] < joint.joint) ++b;
+    if (a < all.count && all[a] == joint.joint) add(of_stage);
+    if (b < linear.count && linear[b] == joint.joint) add(of_midpoint);
+    act(joint, of_stage, of_midpoint);
+  }
+}
+
+/// (L2), (L3): the matrix, in x.held.matrix, from that of the stages.
+template <class T>
+void matrix_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const Rounds& rounds = t.rounds;
+  const Columns& columns = rounds.columns;
+  const T ahead = T(t.ahead), h = T(t.step), half = T(S(0.5)) * h;
+  const auto share_of = [&](const ImplicitTerm& term) LOCKSTEP_INLINED {
+    return term.share < 0 ? T(1) : x.couplings.share[term.share];
+  };
+  for (int k = 0; k < columns.n; ++k) {
+    x.held.matrix[columns.offset[k]] = x.midpoint.diagonal[k];
+    x.midpoint.implicit[k] = T(0);
+  }
+  each_implicit<T>(t, batch, [&](const ImplicitJoint& joint, const LinearTerms<T>& stage, const LinearTerms<T>&) {
+    for (int i = joint.first; i < joint.last; ++i) {
+      const T share = share_of(rounds.implicit_term[i]);
+      T& sum = x.midpoint.implicit[rounds.implicit_term[i].velocity];
+      sum = fma(share * share, stage.inertia(ahead), sum);
+    }
+  });
+  for (int j = 0; j < t.joints; ++j) x.midpoint.halved[j] = ~T::none();
+  each_implicit<T>(t, batch, [&](const ImplicitJoint& joint, const LinearTerms<T>& stage, const LinearTerms<T>& own) {
+    T response = T(0);  // of the joint, without its linear terms and those beside it
+    for (int i = joint.first; i < joint.last; ++i) {
+      const ImplicitTerm& term = rounds.implicit_term[i];
+      const T share = share_of(term), inertia = x.midpoint.diagonal[term.velocity] - x.midpoint.implicit[term.velocity];
+      response = fma(share * share, T(1) / larger(inertia, T(S(1e-30))), response);
+    }
+    const auto halved = less(stage.inertia(h) * response, T(S(most_explicit)));
+    x.midpoint.halved[joint.joint] = halved;
+    const T more = select(halved, own.inertia(half), own.inertia(h)) - stage.inertia(ahead);
+    const int* entry = rounds.implicit_entry.data + joint.entry;
+    for (int i = joint.first; i < joint.last; ++i)
+      for (int l = joint.first; l <= i; ++l, ++entry)
+        x.held.matrix[*entry] =
+            fma(share_of(rounds.implicit_term[i]) * share_of(rounds.implicit_term[l]), more, x.held.matrix[*entry]);
+  });
+}
+
+/// (L3): step times all forces at the midpoint, with the bias forces of the prediction. `t` are the tables of the
+/// solve.
+template <class T>
+void forces_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
+  const T h = T(t.dt), zero = T(0);
+  for (int r = 0; r < t.roots.count; ++r)
+    for (int i = t.roots[r].velocity, last = i + 6; i < last; ++i) x.dynamics.rhs[i] = -(h * x.dynamics.bias[i]);
+  const int *limited = t.limited_efforts.data, *const end = limited + t.limited_efforts.count;
+  const int *searched = t.row_servos.data, *const searched_end = searched + t.row_servos.count;
+  for (int j = 0; j < t.joints; ++j) {
+    const int k = t.velocity_of(j);
+    const LinearTerms<T> passive = passive_terms<T>(t, batch, j);
+    const T v = x.state.v[k];
+    T effort = feed_forward<T>(t, batch, j, time);
+    if (searched != searched_end && *searched == j) effort = zero, ++searched;  // it is in the servo's row
+    if (limited != end && *limited == j) {
+      const T most = effort_limit<T>(t, batch, j);
+      effort = clamp(effort, -most, most);
+      ++limited;
+    }
+    const T stretched =
+        x.state.q[j] + select(x.midpoint.halved[j], zero, h * v) - without_whole_turns(t, x, j, T(t.rest[j]));
+    x.dynamics.rhs[k] = h * (fnma(passive.stiffness, stretched, fnma(passive.damping, v, effort)) - x.dynamics.bias[k]);
+  }
+  for (int i = 0; i < t.servos.count; ++i) {
+    const int j = t.servos[i], k = t.velocity_of(j);
+    const Servo<T> own = servo_of_solve<T>(t, batch, x, j, time);
+    x.dynamics.rhs[k] = fma(h, own.force(h, x.state.q[j], x.state.v[k]), x.dynamics.rhs[k]);
+  }
+}
+
+/// The system of the rounds at the midpoint.
+template <class T>
+void open_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
+  const Tables<ScalarOf<T>>& solve = *t.midpoint;
+  for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];
+  for (int k = 0; k < t.velocities; ++k) x.state.v[k] = x.stages.midpoint.v[k];
+  x.corrects_positions = true;
+  x.solves_twice = t.solve_twice;
+  if (t.couplings > 0) coupling_errors(t, x);
+  if (t.reduction.followers > 0) follow(solve, x);
+  matrix_at_midpoint(t, batch, x);
+  forces_at_midpoint(solve, batch, x, time);
+  momenta_to_gain(solve, x);
+  keep_momentum(solve, x);
+  for (int r = 0; r < t.rows.count; ++r) {
+    x.rows.error[r] = x.couplings.error[t.rows.coupling[r]];
+    x.rows.bias[r] = x.midpoint.rate[r] * x.rows.error[r];
+  }
+}
+
+/// (L4), (L5): the solutions as the velocities that end the step, in these lanes. A joint that was within its range
+/// stays there, also where the two solutions differ.
+template <class T>
+void close_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes,
+                    Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const T half = T(S(0.5)), per_step = T(S(1) / t.step);
+  const int n = t.solver.n;
+  const T* const first = x.dynamics.solution;
+  const T* const second = x.solves_twice ? x.dynamics.velocity_solution : first;
+  T* const mean = x.rounds.kept;
+  for (int z = 0; z < n; ++z) mean[z] = fma(half, x.dynamics.start[z] - second[z], first[z]);
+  for (int i = 0; i < t.bounds.watched.count; ++i) {
+    const int j = t.bounds.watched[i].joint;
+    if (!t.bounds.watched[i].ranged || !(t.bounds.has[j] & has_range)) continue;
+    const Interval<T> range = position_limits<T>(t, batch, j);
+    const T began = x.stages.begin.q[j];
+    for (int z = 0; z < n; ++z) {
+      if (t.reduction.velocity_of(z) != t.velocity_of(j)) continue;
+      const T lo = select(less(began, range.lo), mean[z], (range.lo - began) * per_step),
+              hi = select(less(range.hi, began), mean[z], (range.hi - began) * per_step);
+      mean[z] = clamp(mean[z], lo, hi);
+    }
+  }
+  const T* const error = x.couplings.velocity_error;
+  expand(t, x, mean, x.dynamics.scratch, [&](int f, T following) LOCKSTEP_INLINED {
+    return fma(half, error[f], following + x.couplings.correction[f]);
+  });
+  for (int k = 0; k < t.velocities; ++k)
+    x.stages.mean_velocity[k] = select(lanes, x.dynamics.scratch[k], x.stages.mean_velocity[k]);
+  expand(t, x, second, x.dynamics.scratch, [](int, T following) LOCKSTEP_INLINED { return following; });
+  for (int k = 0; k < t.velocities; ++k) x.next.v[k] = select(lanes, x.dynamics.scratch[k], x.next.v[k]);
+}
+
+/// Solves the bounds that stages cannot hold. A lane in which none acts keeps its step.
+template <class T>
+void solve_rows_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                            typename T::Mask open, Tile<T>& x) {
+  const Tables<ScalarOf<T>>& solve = *t.midpoint;
+  begin_rounds(solve, batch, x);
+  x.bounds.invalid = x.bounds.invalid & open;
+  open = open & ~x.bounds.invalid;
+  exchange_softness(t, x);
+  solve_rows(solve, batch, open, x);
+  exchange_softness(t, x);
+  x.singular = x.singular | (x.rounds.weak & open);
+  close_midpoint(t, batch, list_active_rows_of(solve, open, x), x);
+  mark_invalid(t, x);
+}
+
+/// (L1): lanes in which some slot acts on the way to the next midpoint.
+template <class T>
+typename T::Mask acts_on_way(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  auto acting = T::none();
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    const RelativeTwist<T> way = twist_of(t, pair, x, x.midpoint.way);
+    for (int s = 0; s < pair.slots; ++s) {
+      slot_speed(slots[s], way, slots[s].speed);
+      contact_force(slots[s], patch.friction, slots[s].speed, slots[s].trial);
+      acting = acting | ((slots[s].trial.sticks | slots[s].trial.slides) & ~slots[s].bounces);
+    }
+  });
+  return acting;
+}
+
+/// Solves the contacts in lanes where one acts. A lane in which all let go keeps its step.
+template <class T>
+void solve_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const Tables<S>& solve = *t.midpoint;
+  const T half = T(S(0.5));
+  for (int z = 0; z < t.solver.n; ++z) {
+    const int k = t.reduction.used() ? t.reduction.independent[z] : z, place = t.rounds.place[z];
+    x.rounds.z[place] = x.next.v[k];
+    x.midpoint.way[place] = fma(half, x.next.v[k] - x.stages.midpoint.v[k], x.stages.mean_velocity[k]);
+  }
+  auto free = open_contacts(solve, batch, x.rounds.z, true, x);
+  free = (free | acts_on_way(solve, x)) & ~x.singular & ~x.frozen;
+  const auto acting = (free | x.contacts.held) & ~x.singular & ~x.frozen;
+  if (!any(acting)) return remember(solve, T::none(), x);
+  const auto invalid = x.bounds.invalid;
+  begin_rounds(solve, batch, x);
+  exchange_softness(t, x);
+  solve_contacts(solve, batch, acting, x);
+  exchange_softness(t, x);
+  auto presses = free;
+  for (int s = 0; s < t.contacts.slots; ++s)
+    presses = presses | (less(T(0), x.contacts.slot[s].pressed) & acting);
+  x.singular = x.singular | (x.rounds.weak & presses);
+  list_active_rows_of(solve, presses, x);
+  x.bounds.invalid = (x.bounds.invalid & presses) | (invalid & ~presses);
+  close_midpoint(t, batch, presses, x);
+  if (t.bounds.rows.count > 0) mark_invalid(t, x);
+}
+
+/// After the kinematics of the midpoint: finds contacts there.
+template <class T>
+void find_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  if (!t.contacts.used()) return;
+  if (t.guarded) scale_memory(t, x);
+  turn_start(t, x);
+  const auto held = collide(*t.midpoint, x);
+  x.contacts.held = t.contacts.bounces ? T::none() : held;
+}
+
+/// After the stages: takes the step again from the midpoint in lanes where something acts that the stages do not hold.
+template <class T>
+void step_from_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
+  if (!t.rounds.at_midpoint) return;
+  auto rows = T::none();
+  if (!t.rounds.in_stages) {
+    x.stage_bounds.opened = false;
+    if (t.bounds.rows.count + t.limited_servos.count > 0)
+      rows = (bounds_act_on_prediction(t, batch, x, time) | bounds_act_on_stages(t, batch, x, time)) & ~x.frozen;
+  }
+  bool near = false;
+  for (int p = 0; p < t.contacts.pairs.count; ++p) near = near || any(x.contacts.patch[p].near);
+  if (any(rows) || near) open_midpoint(t, batch, x, time);
+  if (any(rows)) solve_rows_at_midpoint(t, batch, rows, x);
+  if (!t.contacts.used()) return;
+  if (near)
+    solve_contacts_at_midpoint(t, batch, x);
+  else
+    remember(*t.midpoint, T::none(), x);
+}
+
+/// At the end of the step, when roots have their axes: what the next step is to know of this one's start.
+template <class T>
+void remember_midpoint(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  if (!t.contacts.used()) return;
+  for (int z = 0; z < t.solver.n; ++z) {
+    const int k = t.reduction.used() ? t.reduction.independent[z] : z;
+    x.midpoint.way[t.rounds.place[z]] = x.stages.midpoint.v[k];
+  }
+  remember_start(t, x.midpoint.way, x);
+  turn_start(t, x);
+  x.contacts.length = select(x.frozen, x.contacts.length, T(t.step));
+}
+
+/// What the guard takes back where it takes a step again: act(number).
+template <class T, class Act>
+void each_of_contacts(const Tables<ScalarOf<T>>& t, Tile<T>& x, Act&& act) {
+  each_remembered(t, x, act);
+  T known = select(x.contacts.known, T(1), T(0));
+  act(known), act(x.contacts.unfinished), act(x.contacts.work);
+  x.contacts.known = less(T(0), known);
+}
+template <class T>
+void copy_contacts(const Tables<ScalarOf<T>>& t, Tile<T>& x, T* to) {
+  if (t.contacts.used()) each_of_contacts(t, x, [&](const T& number) LOCKSTEP_INLINED { *to++ = number; });
+}
+/// In lanes of `open`, back to what has been copied.
+template <class T>
+void restore_contacts(const Tables<ScalarOf<T>>& t, typename T::Mask open, const T* from, Tile<T>& x) {
+  if (!t.contacts.used()) return;
+  each_of_contacts(t, x, [&](T& number) LOCKSTEP_INLINED { number = select(open, *from++, number); });
+}
+
+}  // namespace lockstep::kernels
