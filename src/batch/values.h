@@ -180,6 +180,17 @@ ValueRules<S> value_rules(const Program& program) {
                               "ratio of joint '" + term.joint + "' in " + element, "1e-9 to 1e9 in magnitude"});
       ++gear;
     }
+    if (places_tendon(program.f64, static_cast<int>(c))) {  // nothing else says where it is
+      const char* const always = "the tendon's own, as nothing else says where it is";
+      const auto fixed = [&](Parameter field, int row, double value, const std::string& what) {
+        if (declares(field))
+          rules.rows.push_back({field, row, static_cast<S>(value), static_cast<S>(value), what + element, always});
+      };
+      fixed(Parameter::coupling_switch, static_cast<int>(c), 1.0, "switch of ");
+      fixed(Parameter::softness, 2 * static_cast<int>(c), erp_of(coupling.softness), "erp of ");
+      fixed(Parameter::softness, 2 * static_cast<int>(c) + 1, 0.0, "cfm of ");
+      continue;
+    }
     if (!declares(Parameter::softness)) continue;
     const int row = 2 * static_cast<int>(c);
     switch (kind_of(coupling.softness)) {

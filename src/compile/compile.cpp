@@ -16,15 +16,19 @@ namespace {
 constexpr double least_turn = 0.02;  // in a step that is audited, rad
 constexpr double most_gain = 0.04;   // from nowhere, as a share of the largest kinetic energy
 
-// Whether the audit knows all energy that may enter: (M93).
-bool can_audit(const Program& program) {
+// What may bring energy that the audit does not know of, (M93); empty if nothing.
+std::string audit_obstacle(const Program& program) {
+  if (program.settings.guard == infinity) return "guard is infinity";
   const Bounds<double>& b = program.f64.bounds;
   for (int r = 0; r < b.rows.count; ++r)
-    if (b.kinematic[r] || b.kind[r] == BoundKind::soft_drive || b.kind[r] == BoundKind::drive) return false;
+    if (b.kinematic[r] || b.kind[r] == BoundKind::soft_drive || b.kind[r] == BoundKind::drive)
+      return "kinematic drives may do any work";
   for (const Coupling& coupling : program.model.couplings)
-    if (!is_hard(coupling.softness)) return false;
-  return !declared(program, Parameter::softness) && !declared(program, Parameter::coupling_switch) &&
-         !declared(program, Parameter::link_wrench);
+    if (!is_hard(coupling.softness)) return "soft couplings keep energy";
+  if (declared(program, Parameter::softness) || declared(program, Parameter::coupling_switch))
+    return "couplings are soft or switched per environment";
+  if (declared(program, Parameter::link_wrench)) return "wrenches may do any work";
+  return "";
 }
 
 void require(bool holds, const char* setting, const std::string& rule, const char* remedy) {
@@ -149,7 +153,8 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   t.position_bound = settings.position_bound;
   t.velocity_bound = settings.velocity_bound;
   t.guarded = integrator == Integrator::leapfrog && settings.guard < infinity;
-  t.audited = settings.guard < infinity && can_audit(*program);
+  program->audit_obstacle = audit_obstacle(*program);
+  t.audited = program->audit_obstacle.empty();
   t.coarse_above = t.guarded ? settings.guard * settings.guard : 0.0;
   t.too_fast_above = 100.0 * t.coarse_above;
   t.fast_above = least_turn / settings.dt;
@@ -194,9 +199,9 @@ Plan compile(const Model& model, const StepSettings& settings) {
   check_masses(settings, model);
   const bool automatic = settings.integrator == Integrator::automatic;
   std::shared_ptr<Program> program = compiled(model, settings, automatic ? Integrator::leapfrog : settings.integrator);
-  program->integrator_reason = !automatic                   ? "as asked for"
-                               : program->f64.rounds.used() ? "every bound is on one velocity"
-                                                            : "the scene is smooth";
+  program->integrator_reason = automatic ? "its errors are of second order" : "as asked for";
+  if (!program->search_obstacle.empty())
+    program->integrator_reason += ", and bounds act at its midpoint: " + program->search_obstacle;
   if (const std::optional<Obstacle> obstacle = obstacle_of(*program)) {
     if (!automatic)
       throw SettingsError("integrator",

@@ -72,7 +72,7 @@ void audit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   x.audit.known = true;
   T gained = (kinetic[1] - kinetic[0]) + (potential[1] - potential[0]);
   for (int j = 0; j < t.joints; ++j) gained = gained - most_work(t, batch, x, j);
-  if (t.contacts.used()) gained = gained - x.contacts.work;  // (L9)
+  if (t.contacts.used()) gained = gained - x.contacts.work;  // (M126)
   const T rounding = farther(farther(farther(kinetic[0], kinetic[1]), potential[0]), potential[1]) * T::rounding();
   gained = fnma(T(S(4)), absolute(rounding), gained);
   S* const rows = batch.audit;

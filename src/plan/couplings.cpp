@@ -25,10 +25,15 @@ bool has_own_inertias(const Program& program) {
          declared(program, Parameter::inertia);
 }
 
+bool places_tendon(const Tables<double>& t, int coupling) {
+  return std::find(t.tendons.data, t.tendons.data + t.tendons.count, coupling) != t.tendons.data + t.tendons.count;
+}
+
 bool always_hard(const Program& program, int coupling) {
   const Coupling& c = program.model.couplings[coupling];
-  return is_hard(c.softness) && !(c.force_limit < infinity) && !declared(program, Parameter::softness) &&
-         !declared(program, Parameter::coupling_switch);
+  if (!is_hard(c.softness) || c.force_limit < infinity) return false;
+  return places_tendon(program.f64, coupling) ||
+         (!declared(program, Parameter::softness) && !declared(program, Parameter::coupling_switch));
 }
 
 bool is_redundant(const Program& program, int coupling) {
@@ -41,10 +46,6 @@ bool is_absent(const Program& program, int coupling) {
   for (int c : program.absent)
     if (c == coupling) return true;
   return false;
-}
-
-bool places_tendon(const Tables<double>& t, int coupling) {
-  return std::find(t.tendons.data, t.tendons.data + t.tendons.count, coupling) != t.tendons.data + t.tendons.count;
 }
 
 void lay_out_couplings(Program& program) {

@@ -25,11 +25,12 @@ std::optional<Obstacle> obstacle_of(const Program& program) {
         fmt::format("{} uses sweeps, which leave an error of their own in every stage", to_string(program.method)),
         "use the method reduced or direct"};
   const bool bounded = t.bounds.rows.count > 0 || t.limited_servos.count > 0 || t.row_servos.count > 0;
-  if (bounded || !program.contacts.pairs.empty()) {
-    if (program.integrator != Integrator::leapfrog)
-      return bounded ? Obstacle{"the scene has bounds, which may become active within a step",
-                                "use leapfrog or euler, or leave out the bounds by StepSettings::ignore"}
-                     : Obstacle{"contacts may begin and end within a step", "use leapfrog or euler"};
+  const bool touches = !program.contacts.pairs.empty(), leapfrog = program.integrator == Integrator::leapfrog;
+  if (touches && !leapfrog) return Obstacle{"contacts may begin and end within a step", "use leapfrog or euler"};
+  if (bounded || touches) {
+    if (!leapfrog)
+      return Obstacle{"the scene has bounds, which may become active within a step",
+                      "use leapfrog or euler, or leave out the bounds by StepSettings::ignore"};
     if (s.velocity_iterations == 0)
       return Obstacle{"velocity_iterations is 0, so corrections of positions would stay in the velocities", "give 1"};
   }

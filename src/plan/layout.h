@@ -45,9 +45,6 @@ void lay_out_joint_terms(Program& program);
 /// Couplings as linear forms over the joints (couplings.cpp).
 void lay_out_couplings(Program& program);
 
-/// Whether the coupling's follower is a tendon, which no other joint can stand for (couplings.cpp).
-bool places_tendon(const Tables<double>& t, int coupling);
-
 /// By tree, its component: trees that couplings join have the same number (components.cpp).
 std::vector<int> components(const Tables<double>& t);
 /// Gives the trees with a true another InertiaKind (components.cpp).

@@ -6,16 +6,13 @@ namespace lockstep {
 
 void choose_method(Program& program) {
   program.method = program.settings.method;
+  const bool has_tendons = program.f64.tendons.count > 0;
+  const bool varies = declared(program, Parameter::softness) || declared(program, Parameter::coupling_switch);
   int hard = 0;
   for (int c = 0; c < program.f64.couplings; ++c) hard += always_hard(program, c);
   std::string obstacle;
-  if (declared(program, Parameter::softness) && program.f64.couplings > 0)
-    obstacle = "the softness differs per environment, so no coupling is always hard";
-  else if (declared(program, Parameter::coupling_switch) && program.f64.couplings > 0)
-    obstacle = "couplings are switched per environment, so none is always hard";
-  else if (declared(program, Parameter::gear_ratio) && !program.redundant.empty())
+  if (declared(program, Parameter::gear_ratio) && !program.redundant.empty())
     obstacle = "gear ratios differ per environment, and some couplings are redundant";
-  const bool has_tendons = program.f64.tendons.count > 0;
   if (has_tendons && !obstacle.empty())
     throw SettingsError("per_environment", "does not fit tendons, which take eliminated couplings: " + obstacle,
                         "leave it out, or remove the tendons");
@@ -34,7 +31,9 @@ void choose_method(Program& program) {
                                      : "there is nothing to solve";
   } else {
     program.method = Method::direct;
-    program.method_reason = obstacle.empty() ? "no coupling is always hard" : obstacle;
+    program.method_reason = !obstacle.empty() ? obstacle
+                            : varies          ? "softness or switches of couplings differ per environment"
+                                              : "no coupling is always hard";
   }
 }
 

@@ -79,7 +79,7 @@ std::shared_ptr<Program> half_step(const Program& whole) {
   lay_out_lengths(*half, Integrator::leapfrog);
   t.hard_rate = scaled(*half, t.hard_rate, 2.0);
   t.reduction.rate = scaled(*half, t.reduction.rate, 2.0);
-  // (L8): spring and damper of a contact stay those of the whole step, so that a body at rest stays where it is.
+  // (M125): spring and damper of a contact stay those of the whole step, so that a body at rest stays where it is.
   std::vector<TouchingPair<double>> pairs(t.contacts.pairs.data, t.contacts.pairs.data + t.contacts.pairs.count);
   for (TouchingPair<double>& pair : pairs) pair.cfm *= 2.0, pair.cfm_per_response *= 2.0;
   t.contacts.pairs = half->storage.keep(std::move(pairs));

@@ -69,7 +69,8 @@ struct Program {
   bool second_phase_anyway = false;  ///< a step has as many solves without active bounds as with them
   std::string integrator_reason;
   std::vector<int> limited_servos;  ///< joints that have a servo with an effort limit
-  std::string search_obstacle;      ///< why the stages of leapfrog cannot hold the bounds
+  std::string search_obstacle;      ///< why the stages of a leapfrog cannot hold the bounds
+  std::string audit_obstacle;       ///< why the audit does not watch the energy
   std::vector<int> folded;          ///< couplings that are part of A_r instead of rows
   std::string folding_obstacle;     ///< why soft couplings are rows, if some are
   double length = 0.0;              ///< Tables::dt
@@ -101,13 +102,16 @@ struct Program {
   Lazy<InterpretedStep> interpreted;
   Lazy<Identity> identity;
   Lazy<Fields> fields;
-  std::vector<Softness> bound_softness;  ///< by row of Bounds
+  std::vector<Softness> bound_softness;     ///< by row of Bounds
   std::shared_ptr<const Program> half;      ///< owns Tables::half
   std::shared_ptr<const Program> midpoint;  ///< owns Tables::midpoint
-  bool fits_single = true;              ///< no number of f64 is too large for f32
+  bool fits_single = true;                  ///< no number of f64 is too large for f32
 };
 
 const Program& program_of(const Plan& plan);
+
+/// Whether the coupling's follower is a tendon, which no other joint can stand for (couplings.cpp).
+bool places_tendon(const Tables<double>& t, int coupling);
 
 template <class S>
 const Tables<S>& tables(const Program& program);

@@ -119,7 +119,7 @@ void lay_out_slots(Program& program, std::vector<Slot> slots) {
   rounds.term_entry = program.storage.keep(std::move(entry));
 }
 
-// (L2), (L3): the joints whose linear terms a solve at the midpoint changes in the matrix.
+// (M121), (M122): the joints whose linear terms a solve at the midpoint changes in the matrix.
 void lay_out_implicit(Program& program) {
   Tables<double>& t = program.f64;
   const Reduction<double>& r = t.reduction;
@@ -177,16 +177,13 @@ std::string obstacle_of_single(const Program& program) {
 void lay_out_rounds(Program& program) {
   Tables<double>& t = program.f64;
   Bounds<double>& b = t.bounds;
-  if (program.method != Method::reduced && program.method != Method::direct) {
-    program.search_obstacle = fmt::format("{} visits bounds in its sweeps", to_string(program.method));
-    return;
-  }
+  if (program.method != Method::reduced && program.method != Method::direct) return;
   const bool stages = program.integrator == Integrator::leapfrog;
   if (program.integrator != Integrator::euler && !stages) return;
   const bool limited = t.limited_servos.count + t.row_servos.count > 0;
   if (b.rows.count == 0 && !limited && program.contacts.pairs.empty()) return;
-  program.search_obstacle = obstacle_of_single(program);
-  if (!program.search_obstacle.empty() && program.contacts.pairs.empty() && !stages) return;
+  const std::string obstacle = obstacle_of_single(program);
+  if (!obstacle.empty() && program.contacts.pairs.empty() && !stages) return;
 
   std::vector<Slot> slots = slots_of(t);
   std::vector<std::vector<int>> together = contact_velocities(program);
@@ -206,7 +203,8 @@ void lay_out_rounds(Program& program) {
     servos.push_back(velocity_of(t, t.limited_servos[i]));
     servos.back().velocity = rounds.place[servos.back().velocity];
   }
-  rounds.in_stages = stages && program.search_obstacle.empty();
+  rounds.in_stages = stages && obstacle.empty();
+  if (stages && (b.rows.count > 0 || limited)) program.search_obstacle = obstacle;
   rounds.at_midpoint = stages && (!rounds.in_stages || !program.contacts.pairs.empty());
   if (rounds.at_midpoint) lay_out_implicit(program);
   b.always |= limited && !rounds.in_stages;

@@ -87,11 +87,12 @@ struct TableStructure {
 
 template <class S>
 struct Tables : TableStructure {
-  const Tables* half = nullptr;      ///< tables of half the step, null at the shortest
-  const Tables* midpoint = nullptr;  ///< tables of a solve over the whole step at a leapfrog's midpoint (L3), if needed
-  S dt = 0;                      ///< length of a solve: the step, or gamma times the step (M68)
-  S step = 0;                    ///< the step
-  S ahead = 0;                   ///< how far ahead linear terms are taken: dt, or 0 if they are explicit
+  const Tables* half = nullptr;  ///< tables of half the step, null at the shortest
+  const Tables* midpoint =
+      nullptr;  ///< tables of a solve over the whole step at a leapfrog's midpoint (M122), if needed
+  S dt = 0;     ///< length of a solve: the step, or gamma times the step (M68)
+  S step = 0;   ///< the step
+  S ahead = 0;  ///< how far ahead linear terms are taken: dt, or 0 if they are explicit
   S position_bound = 0, velocity_bound = 0;
   S coarse_above = 0, too_fast_above = 0;  ///< squares of eta (M91)
   S fast_above = 0, most_gain = 0;         ///< a velocity, and a share of the kinetic energy (M94)

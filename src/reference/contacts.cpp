@@ -2,6 +2,7 @@
 #include "contacts.h"
 
 #include "bounds.h"
+#include "integrators.h"
 #include "servos.h"
 
 #include <algorithm>
@@ -208,20 +209,39 @@ double restored_share(double restitution, double h, double gap, double start, do
   return std::min(1.5, (restitution * at_surface - half_step) / std::abs(free));
 }
 
-}  // namespace
+// A rebound within a step whose velocities are those of its ends; the gap is that of the middle.
+struct Rebound {
+  bool lands = false, later = false;  // within this step, or in a later one
+  double share = 0.0;                 // of the speed without contacts that is left at the end, upwards
+  double way = 0.0;                   // from this middle to the next one, over the step
+};
 
-ContactStep contact_step(const Mechanism& mechanism, const StepSettings& settings, const State& state,
-                         const Inputs& inputs) {
+Rebound rebound_within(double restitution, double h, double gap, double start, double end) {
+  Rebound rebound;
+  const double acceleration = (end - start) / h, height = std::max(0.0, gap - 0.5 * h * start);
+  const double impact = std::sqrt(std::max(0.0, start * start - 2.0 * acceleration * height));
+  if (restitution <= 0.0 || start >= -0.05 || restitution * impact <= -acceleration * h) return rebound;
+  rebound.lands = gap + 0.5 * h * end < 0.0, rebound.later = !rebound.lands;
+  if (rebound.later) return rebound;
+  const double falls = std::min(h, 2.0 * height / (impact - start)), flies = h - falls;
+  const double slows = std::min(0.0, acceleration), leaves = restitution * impact;
+  const double height_after = leaves * flies + 0.5 * slows * flies * flies, speed_after = leaves + slows * flies;
+  rebound.share = std::min(1.5, speed_after / std::abs(end));
+  rebound.way = (height_after - gap) / h + 0.5 * speed_after;
+  return rebound;
+}
+
+// The step from stage.state, by stage.implicit, stage.free and the pulls. `expected` is the velocity at its end without
+// contacts. `in_middle`: stage.state is the middle of a step of leapfrog.
+ContactStep solved(const Mechanism& mechanism, const Stage& stage, const std::vector<Pull>& pulls,
+                   const VectorXd* expects, bool in_middle) {
   const Model& model = mechanism.model();
-  const std::vector<Servo> servos(static_cast<std::size_t>(mechanism.dofs()), Servo::apart);
-  const Acting without_servos = acting(mechanism, inputs, servos);
-  const Stage stage(without_servos.mechanism, settings.dt, state, without_servos.inputs);
-  const std::vector<Pull> pulls = pulls_of(mechanism, stage, inputs);
   const MatrixXd shares = shares_of(stage, mechanism);
   const MatrixXd reduced = shares.transpose() * stage.implicit * shares;
   const MatrixXd inverse = shares * reduced.ldlt().solve(shares.transpose());
   const VectorXd free = inverse * (stage.implicit * stage.free);  // the velocity without contacts
-  const std::vector<Isometry3d> links = mechanism.link_poses(state);
+  const VectorXd& expected = expects ? *expects : free;
+  const std::vector<Isometry3d> links = mechanism.link_poses(stage.state);
   const auto solid = [&](const std::string& name) {
     for (const Collider& collider : model.colliders)
       if (collider.name == name) {
@@ -233,7 +253,7 @@ ContactStep contact_step(const Mechanism& mechanism, const StepSettings& setting
   ContactStep result;
   for (const Contact& contact : model.contacts) {
     const Solid a = solid(contact.first), b = solid(contact.second);
-    const Yielding yields = yielding(contact.softness.value_or(Hard{}), settings.dt);
+    const Yielding yields = yielding(contact.softness.value_or(Hard{}), stage.h);
     const double restitution = contact.restitution.value_or(std::max(a.collider->restitution, b.collider->restitution));
     for (const Touch& touch : touches_of(a, b)) {
       ContactPoint point;
@@ -244,7 +264,7 @@ ContactStep contact_step(const Mechanism& mechanism, const StepSettings& setting
       for (const auto& [side, sign] : {std::pair(&a, -1.0), std::pair(&b, 1.0)})
         if (side->link >= 0)
           jacobian += sign * mechanism
-                                 .jacobian(state, side->link,
+                                 .jacobian(stage.state, side->link,
                                            links[side->link].inverse() *
                                                (touch.point + 0.5 * sign * touch.gap * touch.normal).eval())
                                  .bottomRows(3);
@@ -256,15 +276,24 @@ ContactStep contact_step(const Mechanism& mechanism, const StepSettings& setting
       point.soft = yields.soft, point.gap = touch.gap;
       point.compliance = yields.compliance + yields.share * (yields.soft ? std::max(response[0], 0.01 * mean) : mean);
       point.friction = contact.friction.value_or(std::sqrt(a.collider->friction * b.collider->friction));
-      const double start = point.jacobian.row(0).dot(state.v), arrives = point.jacobian.row(0).dot(free);
-      point.bounces = restitution > 0.0 && touch.gap + settings.dt * arrives < 0.0 && start < -0.05;
-      point.restored = point.bounces ? restored_share(restitution, settings.dt, touch.gap, start, arrives) : 0.0;
-      if (point.bounces) point.compliance = std::min(point.compliance, 1e-3 * mean);
+      const double start = point.jacobian.row(0).dot(stage.state.v), arrives = point.jacobian.row(0).dot(expected);
+      Rebound rebound;
+      if (in_middle) {
+        rebound = rebound_within(restitution, stage.h, touch.gap, start, arrives);
+        if (rebound.later) continue;
+        point.bounces = rebound.lands, point.restored = rebound.share;
+        if (point.bounces) point.compliance = std::min(point.compliance, 1e-5 * mean);
+      } else {
+        point.bounces = restitution > 0.0 && touch.gap + stage.h * arrives < 0.0 && start < -0.05;
+        point.restored = point.bounces ? restored_share(restitution, stage.h, touch.gap, start, arrives) : 0.0;
+        if (point.bounces) point.compliance = std::min(point.compliance, 1e-3 * mean);
+      }
       const double most = 3.0 * std::min(1.0, 3.0 * std::sqrt(response[0] / response.sum()));
       const double pushed = yields.rate * touch.gap;
-      point.target = touch.gap > 0                   ? touch.gap / settings.dt
+      point.target = touch.gap > 0                   ? touch.gap / stage.h
                      : yields.soft && !point.bounces ? pushed
                                                      : std::max(pushed, -most);
+      if (rebound.lands) point.target = -rebound.way;
       result.points.push_back(point);
     }
   }
@@ -280,7 +309,7 @@ ContactStep contact_step(const Mechanism& mechanism, const StepSettings& setting
     hessian(3 * count + p, 3 * count + p) += pulls[static_cast<std::size_t>(p)].compliance;
   for (Eigen::Index c = 0; c < count; ++c)
     hessian.diagonal().segment<3>(3 * c).array() += result.points[static_cast<std::size_t>(c)].compliance;
-  const VectorXd seen = rows * state.v, free_speed = rows * free;
+  const VectorXd seen = rows * stage.state.v, free_speed = rows * free;
   // The impulses that answer to targets, with some normal impulses given.
   const auto impulses_for = [&](const VectorXd& targets, const VectorXd& normal) {
     VectorXd linear = free_speed;
@@ -315,12 +344,67 @@ ContactStep contact_step(const Mechanism& mechanism, const StepSettings& setting
   for (Eigen::Index c = 0; c < count; ++c) {
     const ContactPoint& point = result.points[static_cast<std::size_t>(c)];
     if (!point.bounces) continue;
-    const double arrives = std::abs(free_speed[3 * c]), left = std::min(stopped[3 * c], 0.0);
+    const double arrives = std::abs(point.jacobian.row(0).dot(expected)), left = std::min(stopped[3 * c], 0.0);
     normal[c] = (1.0 + point.restored) * impulses[3 * c] * std::min(1.01, arrives / (arrives + left));
     restores = restores || (point.restored > 0.0 && impulses[3 * c] > 0.0);
   }
   if (restores) result.stays = free + inverse * rows.transpose() * impulses_for(targets, normal);
   return result;
+}
+
+}  // namespace
+
+ContactStep contact_step(const Mechanism& mechanism, const StepSettings& settings, const State& state,
+                         const Inputs& inputs) {
+  const std::vector<Servo> servos(static_cast<std::size_t>(mechanism.dofs()), Servo::apart);
+  const Acting without_servos = acting(mechanism, inputs, servos);
+  const Stage stage(without_servos.mechanism, settings.dt, state, without_servos.inputs);
+  return solved(mechanism, stage, pulls_of(mechanism, stage, inputs), nullptr, false);
+}
+
+MiddleStep middle_step(const Mechanism& mechanism, const StepSettings& settings, const State& start,
+                       const Inputs& inputs) {
+  const double h = settings.dt;
+  const int dofs = mechanism.dofs();
+  State middle = mechanism.advanced(start, start.v, 0.5 * h);
+  mechanism.turn_axes(start, middle);
+  StepSettings smooth = settings;
+  smooth.integrator = Integrator::leapfrog;
+  const State end = integrated(mechanism, smooth, start, [&](double, Inputs& own) { own = inputs; });
+  State expected = middle;
+  expected.v = end.v;
+  mechanism.turn_axes(end, expected);
+
+  // Springs and dampers by the implicit midpoint rule, or where they are stiff by their force at the next middle.
+  Stage stage(mechanism, h, middle, inputs);
+  MatrixXd inertia = stage.mass;
+  inertia.diagonal() += mechanism.armature();
+  const MatrixXd shares = shares_of(stage, mechanism), reduced = shares.transpose() * inertia * shares;
+  const VectorXd damping = mechanism.damping() + mechanism.kd(), stiffness = mechanism.kp() + mechanism.stiffness();
+  State seen = middle;
+  Inputs targets = inputs;
+  stage.implicit = inertia;
+  for (int dof = 0; dof < dofs; ++dof) {
+    const int i = mechanism.root_velocities() + dof;
+    double response = 0.0;
+    for (Eigen::Index z = 0; z < shares.cols(); ++z) response += shares(i, z) * shares(i, z) / reduced(z, z);
+    const bool stiff = !((h * damping[i] + h * h * stiffness[i]) * response < 16.0);
+    const double part = stiff ? 1.0 : 0.5;
+    stage.implicit(i, i) += part * h * damping[i] + part * part * h * h * stiffness[i];
+    if (stiff) seen.q[dof] += h * middle.v[i];
+    targets.position_targets[dof] += (stiff ? 0.5 : -0.5) * h * inputs.velocity_targets[dof];
+  }
+  const VectorXd forces = mechanism.joint_forces(seen, targets) - predicted_bias(mechanism, smooth, start, inputs);
+  stage.free = middle.v + stage.implicit.ldlt().solve(h * forces);
+  MiddleStep step{middle, solved(mechanism, stage, {}, &expected.v, true)};
+  const ContactStep& contacts = step.contacts;
+  step.presses = std::any_of(contacts.impulses.begin(), contacts.impulses.end(),
+                             [](const Vector3d& impulse) { return impulse[0] > 0.0; });
+  step.end = mechanism.advanced(middle, 2.0 * contacts.velocity - contacts.stays, 0.5 * h);
+  step.end.v = contacts.stays;
+  mechanism.turn_axes(middle, step.end);
+  if (!step.presses) step.end = end;
+  return step;
 }
 
 }  // namespace lockstep::reference

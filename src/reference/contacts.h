@@ -33,4 +33,16 @@ struct ContactStep {
 ContactStep contact_step(const Mechanism& mechanism, const StepSettings& settings, const State& state,
                          const Inputs& inputs);
 
+struct MiddleStep {
+  State middle;  ///< of the step, where contacts are found
+  ContactStep contacts;
+  State end = {};
+  bool presses = false;  ///< some contact has an impulse; otherwise the step is that without contacts
+};
+
+/// One leapfrog step with contacts, from a state in which hard couplings hold. There may be no bounds, soft couplings
+/// and limited servos. Pairs are those of contact_step().
+MiddleStep middle_step(const Mechanism& mechanism, const StepSettings& settings, const State& start,
+                       const Inputs& inputs);
+
 }  // namespace lockstep::reference

@@ -57,8 +57,8 @@ struct System {
   VectorXd kp, kd;  // by coupling; zero for hard ones
 };
 
-// (M66) to (M70) for a part of a step: `from` and `length` are shares of the step.
-State leapfrog(const Task& task, const State& start, double from, double length) {
+// (M66) to (M70) for a part of a step: `from` and `length` are shares of the step. `predicted` becomes c of (M67).
+State leapfrog(const Task& task, const State& start, double from, double length, VectorXd* predicted = nullptr) {
   const Mechanism& mechanism = task.mechanism;
   const double h = length * task.settings.dt, stage_h = gamma * h;
   State middle = mechanism.advanced(start, start.v, h / 2.0);
@@ -87,6 +87,7 @@ State leapfrog(const Task& task, const State& start, double from, double length)
   State at = middle;
   at.q = start.q;
   const VectorXd c = bias(v + stage(0, bias(v), at, zero) / (2.0 * gamma));  // (M67)
+  if (predicted) *predicted = c;
   MatrixXd velocities(v.size(), 3), changes(v.size(), 3);
   for (int i = 0; i < 3; ++i) {
     at.q = start.q, at.v = v;
@@ -156,6 +157,13 @@ State runge_kutta(const Task& task, const State& start) {
 }
 
 }  // namespace
+
+VectorXd predicted_bias(const Mechanism& mechanism, const StepSettings& settings, const State& start,
+                        const Inputs& inputs) {
+  VectorXd bias;
+  leapfrog({mechanism, settings, [&](double) { return inputs; }}, start, 0.0, 1.0, &bias);
+  return bias;
+}
 
 State integrated(const Mechanism& mechanism, const StepSettings& settings, const State& state,
                  const InputsInStep& set) {

@@ -16,4 +16,8 @@ using InputsInStep = std::function<void(double share, Inputs& inputs)>;
 /// spring of a step of settings.dt, (M29), also in the half steps of `extrapolated`.
 State integrated(const Mechanism& mechanism, const StepSettings& settings, const State& state, const InputsInStep& set);
 
+/// (M67): the bias forces of a leapfrog, at its middle and along its axes there.
+Eigen::VectorXd predicted_bias(const Mechanism& mechanism, const StepSettings& settings, const State& start,
+                               const Inputs& inputs);
+
 }  // namespace lockstep::reference

@@ -269,7 +269,7 @@ std::string bounds_lines(const Program& program) {
           exact ? "active ones solved exactly through the couplings" : "active ones swept after the couplings");
     }
     if (program.f64.rounds.slots.count > 0)
-      text += fmt::format("; {} over several velocities beside the contacts, where drives yield first, then limits",
+      text += fmt::format("; {} over several velocities, where drives yield first, then limits",
                           count_of(program.f64.rounds.slots.count, "row", "rows"));
     else if (b.may_depend)
       text += "; hard ones that contradict each other share the violation";
@@ -295,6 +295,15 @@ std::string contact_lines(const Program& program) {
   if (!contacts.left_out.empty())
     text += fmt::format("  Left out of groups: {}.\n", fmt::join(contacts.left_out, "; "));
   return text;
+}
+
+// What finds motion that cannot be right.
+std::string watch_line(const Program& program) {
+  std::string text = "Watched: ";
+  text += program.f64.guarded ? fmt::format("steps with an eta above {:g} are taken in halves", program.settings.guard)
+                              : std::string("no step is taken in halves");
+  return text + (program.f64.audited ? "; energy from nowhere is a fault.\n"
+                                     : fmt::format("; energy is not watched: {}.\n", program.audit_obstacle));
 }
 
 // Why there is no generated kernel of a plan.
@@ -341,7 +350,7 @@ std::string Plan::describe() const {
   const Program& p = *program_;
   const long flops = flops_per_step();
   return mechanism_line(p) + coupling_lines(p) + locked_lines(p) + method_lines(p) + input_line(p) + stage_lines(p) +
-         bounds_lines(p) + contact_lines(p) + engine_line(*this) +
+         bounds_lines(p) + contact_lines(p) + watch_line(p) + engine_line(*this) +
          fmt::format("Cost of a step of one environment: {} flops; {} bytes read and written in f32, {} in f64.\n",
                      flops, bytes_per_step(4), bytes_per_step(8)) +
          fmt::format("Memory of one environment: {} bytes in f32, {} in f64.\n", bytes_per_environment(4),

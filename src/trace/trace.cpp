@@ -94,10 +94,11 @@ bool find_contacts(const Tables<double>&, Tile<Traced>&) {
 }
 void find_contacts_at_midpoint(const Tables<double>& t, Tile<Traced>&) {
   if (!counting && t.rounds.at_midpoint)
-    throw SettingsError("integrator",
-                        "leapfrog with contacts, or with bounds over several velocities, is solved by the tables, not by "
-                        "generated code or the interpreter",
-                        "use Engine::tables or automatic");
+    throw SettingsError(
+        "integrator",
+        "leapfrog with contacts, or with bounds over several velocities, is solved by the tables, not by "
+        "generated code or the interpreter",
+        "use Engine::tables or automatic");
 }
 void settle(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}
 void judge(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>& x) {

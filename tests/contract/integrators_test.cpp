@@ -205,19 +205,25 @@ TEST(IntegratorSettings, limit_the_step_of_runge_kutta_to_a_stable_one) {
   EXPECT_LT(batch.velocities().abs().maxCoeff(), 50.0);
 }
 
-TEST(IntegratorSettings, choose_leapfrog_for_smooth_scenes_and_give_the_reason_for_others) {
+TEST(IntegratorSettings, choose_leapfrog_where_it_applies_and_give_the_reason_for_others) {
   const Plan smooth = compile(scenes::chain8());
   EXPECT_EQ(smooth.integrator(), Integrator::leapfrog);
-  EXPECT_NE(smooth.describe().find("leapfrog with an implicit linear part (the scene is smooth)"), std::string::npos);
+  EXPECT_NE(smooth.describe().find("leapfrog with an implicit linear part (its errors are of second order)"),
+            std::string::npos);
   Model model = scenes::chain8();
   model.joints[3].friction = 0.1, model.joints[0].upper = 0.5, model.joints[1].velocity_limit = 2.0;
   EXPECT_EQ(compile(model).integrator(), Integrator::leapfrog);
   model.joints[0].limit_softness = Spring{10.0, 1.0};
   const Plan soft = compile(model);
-  EXPECT_EQ(soft.integrator(), Integrator::euler);
-  EXPECT_NE(soft.describe().find("semi-implicit Euler (a limit, a kinematic drive or a coupling's force limit is soft"),
+  EXPECT_EQ(soft.integrator(), Integrator::leapfrog);
+  EXPECT_NE(soft.describe().find("bounds act at its midpoint: a limit, a kinematic drive or a coupling's force limit is"),
             std::string::npos)
       << soft.describe();
+  StepSettings swept;
+  swept.method = Method::pgs;
+  const Plan sweeps = compile(model, swept);
+  EXPECT_EQ(sweeps.integrator(), Integrator::euler);
+  EXPECT_NE(sweeps.describe().find("semi-implicit Euler (pgs uses sweeps"), std::string::npos) << sweeps.describe();
 }
 
 }  // namespace

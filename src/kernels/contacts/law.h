@@ -5,15 +5,15 @@
 
 namespace lockstep::kernels {
 
-constexpr double push_out = 3.0;            // (M104), m/s: the largest speed at which an overlap is removed
-constexpr double least_response = 0.01;     // (M104): of a soft normal, in the mean of its three rows
-constexpr double fastest_return = 0.1;      // (M111), m/s: of what has drifted
-constexpr double least_bounce = 0.05;       // (M109), m/s: slower impacts do not bounce
-constexpr double bounce_compliance = 1e-3;  // (M109), of the response: what bounces yields no more than this
-constexpr double bounce_compliance_in_step = 1e-5;  // (L6)
-constexpr double most_restored = 1.5;       // (M109)
-constexpr double relaxed_above = 0.01;      // (M109), m/s: overlaps that are removed faster leave no speed behind
-constexpr double carried_above = 0.01;      // (M116): of that speed, what carried impulses may leave
+constexpr double push_out = 3.0;                    // (M104), m/s: the largest speed at which an overlap is removed
+constexpr double least_response = 0.01;             // (M104): of a soft normal, in the mean of its three rows
+constexpr double fastest_return = 0.1;              // (M111), m/s: of what has drifted
+constexpr double least_bounce = 0.05;               // (M109), m/s: slower impacts do not bounce
+constexpr double bounce_compliance = 1e-3;          // (M109), of the response: what bounces yields no more than this
+constexpr double bounce_compliance_in_step = 1e-5;  // (M124)
+constexpr double most_restored = 1.5;               // (M109)
+constexpr double relaxed_above = 0.01;  // (M109), m/s: overlaps that are removed faster leave no speed behind
+constexpr double carried_above = 0.01;  // (M116): of that speed, what carried impulses may leave
 
 /// From the second collider's centre to the slot, in the frame of the contact.
 template <class T>
@@ -95,8 +95,8 @@ LOCKSTEP_INLINE void begin_bounce(ScalarOf<T> restitution, ScalarOf<T> dt, T u, 
   slot.restored = select(slot.bounces & less(half * absolute(gain), e * at_surface), share, zero);
 }
 
-/// (L6): the same in a leapfrog, whose velocities are those of the ends of a step. What approaches and does not land in
-/// this step is off. `slot.bias` becomes minus the speed that brings it to where it flies after its landing.
+/// (M124): the same in a leapfrog, whose velocities are those of the ends of a step. What approaches and does not land
+/// in this step is off. `slot.bias` becomes minus the speed that brings it to where it flies after its landing.
 template <class T>
 LOCKSTEP_INLINE void begin_bounce_in_step(ScalarOf<T> restitution, ScalarOf<T> dt, T u, ContactSlot<T>& slot) {
   using S = ScalarOf<T>;

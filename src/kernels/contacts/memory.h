@@ -3,8 +3,8 @@
 //
 // Rows of an environment: for each slot its face, the tangential and the normal impulse; for each pair where its second
 // collider is expected, and the axes of its impulses; the velocities at the start of the last step; its length, if the
-// guard may take steps in halves; the state that all this belongs to; the count of steps that ended at a cap. An environment whose state is another one, because an
-// application wrote to it or reset it, begins without memory.
+// guard may take steps in halves; the state that all this belongs to; the count of steps that ended at a cap. An
+// environment whose state is another one, because an application wrote to it or reset it, begins without memory.
 #pragma once
 
 #include "kernels/tile/tile.h"
@@ -70,7 +70,7 @@ void store_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   put(t.contacts.remembered(t) - 1, x.contacts.unfinished);
 }
 
-/// (L7): impulses of a step of another length become those of this one.
+/// (M125): impulses of a step of another length become those of this one.
 template <class T>
 void scale_memory(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const T scale = select(x.contacts.known, T(t.step) / select(x.contacts.known, x.contacts.length, T(1)), T(1));

@@ -17,8 +17,7 @@ constexpr int contact_numbers = 11;
 template <class T>
 void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& x) {
   using S = ScalarOf<T>;
-  const T none = T(S(__builtin_inf())), zero = T(0),
-          per_second = T(S(1)) / (t.guarded ? x.contacts.length : T(t.step));
+  const T none = T(S(__builtin_inf())), zero = T(0), per_second = T(S(1)) / (t.guarded ? x.contacts.length : T(t.step));
   x.frozen = T::none();
   collide(t, x);
   for (int p = 0; p < t.contacts.pairs.count; ++p) {

@@ -51,8 +51,8 @@ LOCKSTEP_INLINE Servo<T> servo(const Tables<ScalarOf<T>>& t, const StatePointers
           T::load(batch.velocity_target + input)};
 }
 
-/// (L2), (L3): the servo as a solve over the step sees it. At a leapfrog's midpoint, in the lanes where its mean force
-/// acts, this is the servo of the end of the step that has this force: with kappa^2 kp and kappa kd.
+/// (M121), (M122): the servo as a solve over the step sees it. At a leapfrog's midpoint, in the lanes where its mean
+/// force acts, this is the servo of the end of the step that has this force: with kappa^2 kp and kappa kd.
 template <class T>
 LOCKSTEP_INLINE Servo<T> servo_of_solve(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                         const Tile<T>& x, int j, int time = 0) {
@@ -63,8 +63,7 @@ LOCKSTEP_INLINE Servo<T> servo_of_solve(const Tables<ScalarOf<T>>& t, const Stat
   const auto halved = x.midpoint.halved[j];
   const T half = T(S(0.5)), h = T(t.dt), q = x.state.q[j], v = x.state.v[t.velocity_of(j)];
   const T early = several ? T(S(0.5 - alexander_gamma)) : -half;  // from the time of the input to the middle
-  const T middle = fma(early * h, first.velocity, first.position),
-          after = fma(half * h, last.velocity, last.position);
+  const T middle = fma(early * h, first.velocity, first.position), after = fma(half * h, last.velocity, last.position);
   Servo<T> own = last;
   own.kp = select(halved, half * half * last.kp, last.kp);
   own.kd = select(halved, half * last.kd, last.kd);

@@ -11,7 +11,7 @@
 
 namespace lockstep::kernels {
 
-constexpr double most_explicit = 16.0;  // (L2)
+constexpr double most_explicit = 16.0;  // (M121)
 
 /// What is linear in the speed and in the position of joint j: damping and stiffness.
 template <class T>
@@ -49,16 +49,15 @@ void each_implicit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   }
 }
 
-/// (L2), (L3): the matrix, in x.held.matrix, from that of the stages.
+/// (M121), (M122): the matrix, in x.held.matrix, from that of the stages.
 template <class T>
 void matrix_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   using S = ScalarOf<T>;
   const Rounds& rounds = t.rounds;
   const Columns& columns = rounds.columns;
   const T ahead = T(t.ahead), h = T(t.step), half = T(S(0.5)) * h;
-  const auto share_of = [&](const ImplicitTerm& term) LOCKSTEP_INLINED {
-    return term.share < 0 ? T(1) : x.couplings.share[term.share];
-  };
+  const auto share_of = [&](const ImplicitTerm& term)
+                            LOCKSTEP_INLINED { return term.share < 0 ? T(1) : x.couplings.share[term.share]; };
   for (int k = 0; k < columns.n; ++k) {
     x.held.matrix[columns.offset[k]] = x.midpoint.diagonal[k];
     x.midpoint.implicit[k] = T(0);
@@ -89,7 +88,7 @@ void matrix_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   });
 }
 
-/// (L3): step times all forces at the midpoint, with the bias forces of the prediction. `t` are the tables of the
+/// (M122): step times all forces at the midpoint, with the bias forces of the prediction. `t` are the tables of the
 /// solve.
 template <class T>
 void forces_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
@@ -140,7 +139,7 @@ void open_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   }
 }
 
-/// (L4), (L5): the solutions as the velocities that end the step, in these lanes. A joint that was within its range
+/// (M123): the solutions as the velocities that end the step, in these lanes. A joint that was within its range
 /// stays there, also where the two solutions differ.
 template <class T>
 void close_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes,
@@ -190,7 +189,7 @@ void solve_rows_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Sc
   mark_invalid(t, x);
 }
 
-/// (L1): lanes in which some slot acts on the way to the next midpoint.
+/// (M120): lanes in which some slot acts on the way to the next midpoint.
 template <class T>
 typename T::Mask acts_on_way(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   auto acting = T::none();
@@ -226,8 +225,7 @@ void solve_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointer
   solve_contacts(solve, batch, acting, x);
   exchange_softness(t, x);
   auto presses = free;
-  for (int s = 0; s < t.contacts.slots; ++s)
-    presses = presses | (less(T(0), x.contacts.slot[s].pressed) & acting);
+  for (int s = 0; s < t.contacts.slots; ++s) presses = presses | (less(T(0), x.contacts.slot[s].pressed) & acting);
   x.singular = x.singular | (x.rounds.weak & presses);
   list_active_rows_of(solve, presses, x);
   x.bounds.invalid = (x.bounds.invalid & presses) | (invalid & ~presses);

@@ -266,7 +266,7 @@ void restore_impacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
   }
 }
 
-/// (L9): the work of overlaps that are pushed out, and of soft pairs.
+/// (M126): the work of overlaps that are pushed out, and of soft pairs.
 template <class T>
 T work_of_push_outs(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<T>& x) {
   T work = T(0);

@@ -194,7 +194,7 @@ struct RoundArrays {
 /// A solve at a leapfrog's midpoint (integrators/midpoint.h).
 template <class T>
 struct MidpointArrays {
-  typename T::Mask* halved;  // [joints] lanes in which kappa of (L2) is 1/2
+  typename T::Mask* halved;  // [joints] lanes in which kappa of (M121) is 1/2
   T* diagonal;               // [velocities of the rounds] of the matrix of the stages
   T* implicit;               // [velocities of the rounds] what linear terms add to that
   T* way;                    // [velocities of the rounds] to the next midpoint over the step, without contacts

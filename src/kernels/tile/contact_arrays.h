@@ -78,7 +78,7 @@ struct Contacts {
   T unfinished;            // steps at the cap since the last reset (state)
   typename T::Mask known;  // lanes whose memory belongs to their state
   typename T::Mask held;   // lanes that are solved with contacts at once (solve_contacts.h)
-  T work;                  // that push-outs have done in the step, for the audit (L9)
+  T work;                  // that push-outs have done in the step, for the audit (M126)
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {

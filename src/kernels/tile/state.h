@@ -94,15 +94,15 @@ struct Stages {
 /// What the guard keeps (guard.h).
 template <class T>
 struct Guard {
-  T* bias;                                        // [velocities] at the start's velocity
-  T* change;                                      // [velocities] of the prediction
-  T* velocity;                                    // [solver]
-  T* product;                                     // [solver]
-  State<T> begin[guard_depth], end[guard_depth];  // of the steps that are taken in halves
+  T* bias;                                          // [velocities] at the start's velocity
+  T* change;                                        // [velocities] of the prediction
+  T* velocity;                                      // [solver]
+  T* product;                                       // [solver]
+  State<T> begin[guard_depth], end[guard_depth];    // of the steps that are taken in halves
   T *remembered[guard_depth], *found[guard_depth];  // of contacts, in the same way
-  T eta;                                          // squared, of the last step
-  T size;                                         // v^T A v, which eta is relative to
-  typename T::Mask coarse;                        // lanes in which it was too large
+  T eta;                                            // squared, of the last step
+  T size;                                           // v^T A v, which eta is relative to
+  typename T::Mask coarse;                          // lanes in which it was too large
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {

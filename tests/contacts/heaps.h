@@ -1,0 +1,60 @@
+// Random heaps of a box, balls and a rod on a floor. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cmath>
+#include <random>
+
+#include "contact_scenes.h"
+
+namespace lockstep::contact_scenes {
+
+/// A ball on a box on the floor, a second ball beside them, and a capsule; all near each other and moving.
+inline Model heap(unsigned seed) {
+  std::mt19937 generator(seed);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(generator);
+  };
+  Model model;
+  model.name = "heap";
+  const auto mass = [&] { return std::pow(10.0, uniform(-1.0, 1.0)); };
+  add_block(model, "box", mass(), {0.1, 0.12, 0.08}, {0, 0, 0.04 + uniform(-1e-3, 1e-3)}, uniform(0.2, 1.0));
+  model.roots.back().pose.linear() =
+      Eigen::AngleAxisd(uniform(-0.01, 0.01), Vector3d(uniform(-1, 1), uniform(-1, 1), 3).normalized())
+          .toRotationMatrix();
+  for (const auto& [name, place] :
+       {std::pair("top", Vector3d(0.02, 0.01, 0.11)), std::pair("side", Vector3d(0.08, 0.0, 0.03))}) {
+    const double m = mass();
+    add_free(model, name, {m, Vector3d::Zero(), m * 3.6e-4 * Eigen::Matrix3d::Identity()}, Shape::sphere(0.03),
+             place + Vector3d(0, 0, uniform(-1e-3, 1e-3)), uniform(0.2, 1.0));
+  }
+  const double m = mass();
+  add_free(model, "rod", {m, Vector3d::Zero(), m * Vector3d(1e-3, 1e-3, 2e-4).asDiagonal().toDenseMatrix()},
+           Shape::capsule(0.02, 0.1), {0.0, 0.3, 0.02}, uniform(0.2, 1.0));
+  model.roots.back().pose.linear() = Eigen::AngleAxisd(std::acos(0.0), Vector3d::UnitY()).toRotationMatrix();
+  add_floor(model, uniform(0.2, 1.0));
+  model.contacts = {{"floor", "box"}, {"floor", "side"}, {"floor", "rod"}, {"box", "top"}, {"box", "side"}};
+  for (Root& root : model.roots)
+    for (int k = 0; k < 6; ++k) root.velocity[k] = uniform(-0.3, 0.3);
+  return model;
+}
+
+/// The heap's contacts take turns in being soft and in bouncing, and some begin deep inside of each other.
+inline Model lively_heap(unsigned seed) {
+  Model model = heap(seed);
+  std::mt19937 generator(seed + 1000);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(generator);
+  };
+  for (Contact& contact : model.contacts) {
+    if (uniform(0, 1) < 0.5) contact.restitution = uniform(0.1, 1.0);
+    const double kind = uniform(0, 1);
+    if (kind < 0.2)
+      contact.softness = Spring{std::pow(10.0, uniform(2, 5)), std::pow(10.0, uniform(0, 2))};
+    else if (kind < 0.4)
+      contact.softness = Frequency{uniform(30, 300), uniform(0.1, 2.0)};
+  }
+  for (Root& root : model.roots) root.pose.translation().z() -= uniform(0.0, 4e-3);
+  return model;
+}
+
+}  // namespace lockstep::contact_scenes
