@@ -203,6 +203,7 @@ void diagnose(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
 
   T work = T(0), dissipated = T(0), corrected = T(0);
   add_work(t, batch, x, work, dissipated);
+  if (t.contacts.used()) add_contact_work(t, x.rounds.z, x, work, dissipated);
   const T before = energy_at(t, batch, x, x.state, true);
   const T after = energy_at(t, batch, x, x.next, true);
   if (t.solve_twice && !t.renewed) {  // tgs moves positions by a mean velocity, not by a correction

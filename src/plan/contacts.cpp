@@ -184,9 +184,6 @@ void check_contacts(const Program& program) {
   };
   if (program.method != Method::reduced && program.method != Method::direct)
     refuse("method", std::string(to_string(program.method)) + " has no contacts yet", "use reduced, or automatic");
-  if (program.settings.record_impulses || program.settings.record_diagnostics)
-    refuse(program.settings.record_diagnostics ? "record_diagnostics" : "record_impulses",
-           "balances and coupling impulses leave contacts out yet", "record neither");
 }
 
 }  // namespace lockstep

@@ -216,8 +216,9 @@ TEST(IntegratorSettings, choose_leapfrog_where_it_applies_and_give_the_reason_fo
   model.joints[0].limit_softness = Spring{10.0, 1.0};
   const Plan soft = compile(model);
   EXPECT_EQ(soft.integrator(), Integrator::leapfrog);
-  EXPECT_NE(soft.describe().find("bounds act at its midpoint: a limit, a kinematic drive or a coupling's force limit is"),
-            std::string::npos)
+  EXPECT_NE(
+      soft.describe().find("bounds act at its midpoint: a limit, a kinematic drive or a coupling's force limit is"),
+      std::string::npos)
       << soft.describe();
   StepSettings swept;
   swept.method = Method::pgs;

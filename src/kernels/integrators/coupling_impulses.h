@@ -1,6 +1,7 @@
 // The impulses of the couplings in this step, for plans that record them. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "kernels/contacts/impulses.h"
 #include "kernels/couplings/folding.h"
 #include "solve_bounds.h"
 
@@ -78,6 +79,7 @@ void coupling_impulses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   for (int f = 0; r.removes_by_force && f < r.followers; ++f)
     change[t.velocity_of(r.follower[f])] += x.couplings.velocity_error[f];
   if (bounds > 0) subtract_bounds(t, batch, x, x.dynamics.product);
+  if (t.contacts.used()) subtract_contacts(t, x, x.dynamics.product);
   for (int i = 0; i < t.impulse_coupling.count; ++i) {
     const int c = t.impulse_coupling[i];
     for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) {

@@ -125,6 +125,7 @@ void open_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   const Tables<ScalarOf<T>>& solve = *t.midpoint;
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];
   for (int k = 0; k < t.velocities; ++k) x.state.v[k] = x.stages.midpoint.v[k];
+  x.bounds.active_count = 0;
   x.corrects_positions = true;
   x.solves_twice = t.solve_twice;
   if (t.couplings > 0) coupling_errors(t, x);

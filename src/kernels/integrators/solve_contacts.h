@@ -266,6 +266,68 @@ void restore_impacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
   }
 }
 
+/// The first of (M116) for what stays, with the impulses that are remembered: a solve of other lanes has evaluated the
+/// slots beside these.
+template <class T>
+typename T::Mask pushes_along(const Tables<ScalarOf<T>>& t, typename T::Mask open, Tile<T>& x) {
+  T work = T(0);
+  slot_speeds(t, x.rounds.z, &ContactSlot<T>::speed, x);
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    if (pair.soft) return;
+    for (int s = 0; s < pair.slots; ++s) {
+      const ContactSlot<T>& slot = slots[s];
+      const T along = fma(slot.memory[0], slot.speed[1], slot.memory[1] * slot.speed[2]);
+      work = select(slot.live, fma(slot.pressed, slot.speed[0] - slot.slow, work + along), work);
+    }
+  });
+  return open & less(T(0), work);
+}
+
+/// v^T A v with the matrix of the rounds.
+template <class T>
+T form_of_rounds(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* v) {
+  const Columns& columns = t.rounds.columns;
+  T sum = T(0);
+  for (int j = 0; j < columns.n; ++j) {
+    const T* const own = x.held.matrix + columns.offset[j];
+    T below = T(0);
+    for (int k = 1; k < columns.size[j]; ++k) below = fma(own[k], v[j + k], below);
+    sum = fma(v[j], fma(own[0], v[j], below + below), sum);
+  }
+  return sum;
+}
+
+/// (M127): in these lanes contacts have pushed along the motion. What stays then is no more than what has the energy of
+/// the start, or of the step without contacts, on the line from the latter to the solution.
+template <class T>
+void keep_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes,
+                 Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const int n = t.rounds.columns.n;
+  T *const z = x.rounds.z, *const ended = x.rounds.ended;
+  for (int k = 0; k < n; ++k) ended[k] = z[k], z[k] = x.held.start[k];
+  set_contacts_aside(t, x);
+  open_row_slots(t, velocity_phase, x);
+  exchange_phases(t, x);
+  begin_newton(t, batch, lanes, x);
+  newton(t, batch, lanes, x);
+  exchange_phases(t, x);
+  bring_contacts_back(t, x);
+  const T before = form_of_rounds(t, x, x.held.start), free = form_of_rounds(t, x, z),
+          after = form_of_rounds(t, x, ended), most = T(S(1 + 0.5 * energy_tolerance)) * larger(before, free);
+  const auto gains = lanes & less(most, after);
+  for (int k = 0; k < n; ++k) x.rounds.step[k] = ended[k] - z[k];
+  const T curve = form_of_rounds(t, x, x.rounds.step), slope = T(S(0.5)) * ((after - free) - curve);
+  const T root = sqrt(larger(fma(curve, most - free, slope * slope), T(0)));
+  const T share = select(gains, (root - slope) / select(gains, curve, T(1)), T(1));
+  for (int k = 0; k < n; ++k) z[k] = select(gains, fma(share, x.rounds.step[k], z[k]), ended[k]);
+  for (int s = 0; s < t.contacts.slots; ++s) {
+    ContactSlot<T>& slot = x.contacts.slot[s];
+    slot.pressed *= share, slot.memory[0] *= share, slot.memory[1] *= share;
+  }
+  x.contacts.unfinished += select(gains, T(1), T(0));
+}
+
 /// (M126): the work of overlaps that are pushed out, and of soft pairs.
 template <class T>
 T work_of_push_outs(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<T>& x) {
@@ -311,6 +373,8 @@ void solve_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
       remember_impulses(t, adding, x);
     }
     if (t.contacts.bounces) restore_impacts(t, batch, again, x);
+    const auto pushing = pushes_along(t, again, x);
+    if (any(pushing)) keep_energy(t, batch, pushing, x);
   }
   from_rounds(t, x.rounds.z, x.dynamics.velocity_solution);
 }

@@ -105,22 +105,28 @@ void keep_impulses(const Tables<ScalarOf<T>>& t, Phase phase, typename T::Mask l
   });
 }
 
-/// Lists the bounded rows that have an impulse. Returns the lanes in which some has.
+/// Lists the bounded rows that have an impulse in these lanes, beside those that are listed in others. Returns the
+/// lanes in which some has.
 template <class T>
 typename T::Mask list_active_rows_of(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
   const int count = t.bounds.rows.count;
   auto some = T::none();
+  for (int r = 0, listed = 0; r < count; ++r) {
+    const bool is_listed = listed < x.bounds.active_count && x.bounds.active_rows[listed] == r;
+    x.bounds.active[r] = is_listed ? x.bounds.active[r] & ~lanes : T::none();
+    listed += is_listed;
+  }
   x.bounds.active_count = 0;
   for (int r = 0; r < count; ++r) {
-    auto& active = x.bounds.active[r];
-    active = r < t.bounds.single ? held(x.search.branch[r]) & lanes : T::none();  // also with no impulse
+    auto active = r < t.bounds.single ? held(x.search.branch[r]) & lanes : T::none();  // also with no impulse
     for (int p = 0; p < phases<T>(t); ++p) {
       active = active | (beyond(x.bounds.impulse[p * count + r], T(0)) & lanes);
       x.bounds.invalid =
           x.bounds.invalid | (beyond(x.bounds.impulse[p * count + r], T(largest_number<ScalarOf<T>>)) & lanes);
     }
     some = some | active;
-    if (any(active)) x.bounds.active_rows[x.bounds.active_count++] = r;
+    x.bounds.active[r] = x.bounds.active[r] | active;
+    if (any(x.bounds.active[r])) x.bounds.active_rows[x.bounds.active_count++] = r;
   }
   return some;
 }

@@ -172,6 +172,7 @@ struct RoundArrays {
   T* gradient;
   T* momentum;            // J^T impulse
   T* kept;                // momentum to gain
+  T* ended;               // velocities of a solve that may gain energy
   ActingRow<T>* row;      // [slots]
   T* unbounded_result;    // of the step in which none of them acts (integrators/solve_rounds.h)
   typename T::Mask weak;  // lanes with a pivot that is too small
@@ -184,6 +185,7 @@ struct RoundArrays {
     take("rounds.gradient", gradient, n);
     take("rounds.momentum", momentum, n);
     take("rounds.kept", kept, n);
+    take("rounds.ended", ended, n);
     take("rounds.row", row, t.rounds.slots.count);
     const int results = (t.solve_twice ? 2 : 1) * (2 * t.rows.count + t.solver.n) + t.joints +
                         (t.record_diagnostics ? 2 : 1) * t.velocities + (7 + 4) * t.roots.count;

@@ -1,0 +1,73 @@
+// What the contacts of a step did: their impulses on all velocities, and their work. SPDX-License-Identifier:
+// Apache-2.0
+#pragma once
+
+#include "shapes.h"
+
+namespace lockstep::kernels {
+
+/// Subtracts from `sum`, over all velocities, what an impulse at a point of a body gives them.
+template <class T>
+void subtract_impulse(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int body, const Vec3<T>& point,
+                      const Vec3<T>& impulse, T* sum) {
+  const Motion<T>& m = x.contacts.motion;
+  for (; body >= 0; body = t.body[body].parent) {
+    const Body<ScalarOf<T>>& own = t.body[body];
+    const Vec3<T> moment = cross(point - m.place[body], impulse);
+    const auto along = [&](const Vec3<T>& v, int axis)
+                           LOCKSTEP_INLINED { return dot(column_of(m.world[body], axis), v); };
+    if (own.root)
+      for (int k = 0; k < 3; ++k) {
+        sum[own.velocity + k] -= along(moment, k);
+        sum[own.velocity + 3 + k] -= along(impulse, k);
+      }
+    else
+      sum[own.velocity] = fnma(T(own.sign), along(own.prismatic ? impulse : moment, own.axis), sum[own.velocity]);
+  }
+}
+
+/// Subtracts J^T of the last solve's impulses from `sum`, over all velocities. Each body takes them at its own surface
+/// where find_columns() does.
+template <class T>
+void subtract_contacts(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* sum) {
+  using S = ScalarOf<T>;
+  for (int p = 0; p < t.contacts.pairs.count; ++p) {
+    const TouchingPair<S>& pair = t.contacts.pairs[p];
+    const ContactPatch<T>& patch = x.contacts.patch[p];
+    if (!any(patch.near)) continue;
+    const int first = t.contacts.colliders[pair.first].body, second = t.contacts.colliders[pair.second].body;
+    const bool parts = pair.slots == 1 && first >= 0 && second >= 0;
+    const auto in_world = [&](const Vec3<T>& v) LOCKSTEP_INLINED {
+      return fma(patch.axes[0], v.x, fma(patch.axes[1], v.y, scaled(patch.axes[2], v.z)));
+    };
+    for (int s = pair.slot; s < pair.slot + pair.slots; ++s) {
+      const ContactSlot<T>& slot = x.contacts.slot[s];
+      const auto acts = patch.near & slot.live;
+      const Vec3<T> impulse =
+          select<T>(acts, in_world({slot.pressed, slot.memory[0], slot.memory[1]}), Vec3<T>::zero());
+      const Vec3<T> point = select<T>(acts, patch.point + in_world(slot.arm), Vec3<T>::zero());
+      const Vec3<T> to_end = scaled(patch.axes[0], select(acts, T(S(parts ? 0.5 : 0.0)) * slot.gap, T(0)));
+      subtract_impulse(t, x, second, point + to_end, impulse, sum);
+      subtract_impulse(t, x, first, point - to_end, impulse - scaled(impulse, T(S(2))), sum);
+    }
+  }
+}
+
+/// (M65): what contacts do at the speeds z that stay: `work` by soft pairs and by what pushes, `dissipated` by
+/// friction.
+template <class T>
+void add_contact_work(const Tables<ScalarOf<T>>& t, const T* z, Tile<T>& x, T& work, T& dissipated) {
+  const T zero = T(0);
+  slot_speeds(t, z, &ContactSlot<T>::change, x);
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    for (int s = 0; s < pair.slots; ++s) {
+      const ContactSlot<T>& slot = slots[s];
+      const T normal = slot.pressed * slot.change[0],
+              along = fma(slot.memory[0], slot.change[1], slot.memory[1] * slot.change[2]);
+      work += select(slot.live, pair.soft ? normal : larger(normal, zero), zero);
+      dissipated -= select(slot.live, along, zero);
+    }
+  });
+}
+
+}  // namespace lockstep::kernels
