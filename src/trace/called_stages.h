@@ -15,6 +15,8 @@ void keep_state(Tile<Traced>& x);
 /// Refuses: the tables alone solve contacts.
 bool find_contacts(const Tables<double>& t, Tile<Traced>& x);
 inline void touch(const Tables<double>&, const StatePointers<double>&, bool, Tile<Traced>&) {}
+inline void subtract_contacts(const Tables<double>&, const Tile<Traced>&, Traced*) {}
+inline void add_contact_work(const Tables<double>&, const Traced*, Tile<Traced>&, Traced&, Traced&) {}
 void find_contacts_at_midpoint(const Tables<double>& t, Tile<Traced>& x);
 inline void step_from_midpoint(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&, int) {}
 inline void remember_midpoint(const Tables<double>&, Tile<Traced>&) {}

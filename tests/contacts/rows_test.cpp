@@ -165,7 +165,7 @@ TYPED_TEST(TendonsBesideContacts, hold_their_ends_and_press) {
         batch.position_targets()(t, e) = static_cast<S>(uniform(0.0, 1.0) < 0.7 ? 2.0 : -0.5);
     batch.step(1);
     for (int e = 0; e < environments; ++e) {
-      ASSERT_EQ(batch.faults()[e], Fault::none) << step << " " << e;
+      ASSERT_EQ(batch.faults()[e], Fault::none) << step << " " << e << " " << batch.explain_fault(e);
       const double length = static_cast<double>(batch.positions()(t, e));
       beyond = std::max(beyond, length - 1.2);
       at_end += length > 1.2 - 1e-6;

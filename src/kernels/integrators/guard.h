@@ -114,6 +114,8 @@ typename T::Mask is_coarse(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T eta
 template <class T>
 void judge(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   x.guard.eta = squared_coarseness(t, x);
+  if (t.rounds.at_midpoint && any(x.midpoint.predicted))
+    x.guard.eta = select(x.midpoint.predicted, squared_change_of_bias(t, x, T(t.step)), x.guard.eta);
   if (t.rounds.used() && x.stage_bounds.opened)
     x.guard.eta = farther(x.guard.eta, squared_coarseness_of_landings(t, batch, x));
   if (const auto far = turns_far(t, x) & ~x.frozen; any(far))

@@ -35,6 +35,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   factorise(t, batch, x);
 
   bias_forces(t, batch, x);
+  for (int k = 0; t.rounds.at_midpoint && k < n; ++k) x.midpoint.first_bias[k] = x.dynamics.bias[k];
   stage(t, batch, x, 0, time);
   if (t.rounds.in_stages) bound_prediction(t, batch, x, time);
   if (t.guarded) keep_prediction(t, x);

@@ -119,18 +119,51 @@ void forces_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   }
 }
 
-/// The system of the rounds at the midpoint.
+/// (M67) in lanes where something holds what the stages move freely: the bias forces at the velocities `middle` of the
+/// solver, in place of those of the stages' prediction.
 template <class T>
-void open_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
+void predict_bias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes,
+                  const T* middle, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const T twice_gamma = T(S(2) * Alexander<S>::gamma);
+  for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];
+  expand(t, x, middle, x.state.v, [](int, T following) LOCKSTEP_INLINED { return following; });
+  for (int k = 0; k < t.velocities; ++k) {
+    x.midpoint.bias[k] = x.dynamics.bias[k];
+    if (t.guarded)
+      x.guard.change[k] = select(lanes, twice_gamma * (x.state.v[k] - x.stages.midpoint.v[k]), x.guard.change[k]);
+  }
+  bias_forces(t, batch, x);
+  for (int k = 0; k < t.velocities; ++k) x.dynamics.bias[k] = select(lanes, x.dynamics.bias[k], x.midpoint.bias[k]);
+  x.midpoint.predicted = x.midpoint.predicted | lanes;
+}
+
+/// The same from the step before, where its contacts go on.
+template <class T>
+void predict_from_memory(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const auto lanes = x.contacts.goes_on & ~x.frozen;
+  if (!any(lanes)) return;
+  T share = T(S(0.5));
+  if (t.guarded) share *= T(t.step) / select(lanes, x.contacts.length, T(1));
+  T* const middle = x.midpoint.way;
+  for (int z = 0; z < t.solver.n; ++z) {
+    const T start = x.stages.midpoint.v[t.reduction.used() ? t.reduction.independent[z] : z];
+    middle[z] = fma(share, start - x.contacts.previous[t.rounds.place[z]], start);
+  }
+  predict_bias(t, batch, lanes, middle, x);
+}
+
+/// The momenta of the rounds at the midpoint, with the present bias forces.
+template <class T>
+void momenta_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
   const Tables<ScalarOf<T>>& solve = *t.midpoint;
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];
   for (int k = 0; k < t.velocities; ++k) x.state.v[k] = x.stages.midpoint.v[k];
-  x.bounds.active_count = 0;
   x.corrects_positions = true;
   x.solves_twice = t.solve_twice;
   if (t.couplings > 0) coupling_errors(t, x);
   if (t.reduction.followers > 0) follow(solve, x);
-  matrix_at_midpoint(t, batch, x);
   forces_at_midpoint(solve, batch, x, time);
   momenta_to_gain(solve, x);
   keep_momentum(solve, x);
@@ -177,13 +210,25 @@ void close_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
 /// Solves the bounds that stages cannot hold. A lane in which none acts keeps its step.
 template <class T>
 void solve_rows_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
-                            typename T::Mask open, Tile<T>& x) {
+                            typename T::Mask open, int time, Tile<T>& x) {
   const Tables<ScalarOf<T>>& solve = *t.midpoint;
   begin_rounds(solve, batch, x);
   x.bounds.invalid = x.bounds.invalid & open;
   open = open & ~x.bounds.invalid;
   exchange_softness(t, x);
+  const T unfinished = x.contacts.unfinished;
   solve_rows(solve, batch, open, x);
+  if (const auto free = open & ~x.midpoint.predicted; any(free)) {  // once more, with the bias forces in its middle
+    const T* const second = t.solve_twice ? x.dynamics.velocity_solution : x.dynamics.solution;
+    T* const middle = x.midpoint.way;
+    for (int z = 0; z < t.solver.n; ++z) middle[z] = T(ScalarOf<T>(0.5)) * (x.dynamics.start[z] + second[z]);
+    predict_bias(t, batch, free, middle, x);
+    exchange_softness(t, x);
+    momenta_at_midpoint(t, batch, x, time);
+    exchange_softness(t, x);
+    x.contacts.unfinished = unfinished;
+    solve_rows(solve, batch, open, x);
+  }
   exchange_softness(t, x);
   x.singular = x.singular | (x.rounds.weak & open);
   close_midpoint(t, batch, list_active_rows_of(solve, open, x), x);
@@ -241,6 +286,7 @@ void find_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   if (t.guarded) scale_memory(t, x);
   turn_start(t, x);
   const auto held = collide(*t.midpoint, x);
+  x.contacts.goes_on = held;
   x.contacts.held = t.contacts.bounces ? T::none() : held;
 }
 
@@ -256,8 +302,18 @@ void step_from_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   }
   bool near = false;
   for (int p = 0; p < t.contacts.pairs.count; ++p) near = near || any(x.contacts.patch[p].near);
-  if (any(rows) || near) open_midpoint(t, batch, x, time);
-  if (any(rows)) solve_rows_at_midpoint(t, batch, rows, x);
+  x.midpoint.predicted = T::none();
+  if (near) predict_from_memory(t, batch, x);
+  // What the stages let go where bounds hold it says nothing of bias forces.
+  if (const auto unknown = rows & ~x.midpoint.predicted; any(unknown))
+    for (int k = 0; k < t.velocities; ++k)
+      x.dynamics.bias[k] = select(unknown, x.midpoint.first_bias[k], x.dynamics.bias[k]);
+  if (any(rows) || near) {
+    matrix_at_midpoint(t, batch, x);
+    momenta_at_midpoint(t, batch, x, time);
+    x.bounds.active_count = 0;
+  }
+  if (any(rows)) solve_rows_at_midpoint(t, batch, rows, time, x);
   if (!t.contacts.used()) return;
   if (near)
     solve_contacts_at_midpoint(t, batch, x);

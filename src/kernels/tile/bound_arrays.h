@@ -196,11 +196,14 @@ struct RoundArrays {
 /// A solve at a leapfrog's midpoint (integrators/midpoint.h).
 template <class T>
 struct MidpointArrays {
-  typename T::Mask* halved;  // [joints] lanes in which kappa of (M121) is 1/2
-  T* diagonal;               // [velocities of the rounds] of the matrix of the stages
-  T* implicit;               // [velocities of the rounds] what linear terms add to that
-  T* way;                    // [velocities of the rounds] to the next midpoint over the step, without contacts
-  T *rate, *cfm;             // [coupling rows] of a solve over the whole step
+  typename T::Mask* halved;    // [joints] lanes in which kappa of (M121) is 1/2
+  T* diagonal;                 // [velocities of the rounds] of the matrix of the stages
+  T* implicit;                 // [velocities of the rounds] what linear terms add to that
+  T* way;                      // [velocities of the rounds] to the next midpoint over the step, without contacts
+  T *rate, *cfm;               // [coupling rows] of a solve over the whole step
+  T* first_bias;               // [velocities] at the start's velocity
+  T* bias;                     // [velocities] of the stages' prediction
+  typename T::Mask predicted;  // lanes whose bias forces are not those of that prediction
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
@@ -211,6 +214,8 @@ struct MidpointArrays {
     take("midpoint.way", way, n);
     take("midpoint.rate", rate, t.rows.count);
     take("midpoint.cfm", cfm, t.rows.count);
+    take("midpoint.first_bias", first_bias, t.velocities);
+    take("midpoint.bias", bias, t.velocities);
   }
 };
 

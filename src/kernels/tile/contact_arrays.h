@@ -68,17 +68,18 @@ struct ContactPatch {
 template <class T>
 struct Contacts {
   Motion<T> motion;
-  ContactPatch<T>* patch;  // [pairs]
-  ContactSlot<T>* slot;    // [slots]
-  Vec3<T>* turning;        // [columns] relative angular velocity, by velocity of the solver
-  Vec3<T>* moving;         // [columns] relative velocity of the reference point
-  Vec3<T>* parted;         // [columns] what of it is due to the gap between the points of two moving bodies
-  T* previous;             // [solver] velocities at the start of the step before (state)
-  T length;                // of the step that the memory is of, where steps may be taken in halves (state)
-  T unfinished;            // steps at the cap since the last reset (state)
-  typename T::Mask known;  // lanes whose memory belongs to their state
-  typename T::Mask held;   // lanes that are solved with contacts at once (solve_contacts.h)
-  T work;                  // that push-outs have done in the step, for the audit (M126)
+  ContactPatch<T>* patch;    // [pairs]
+  ContactSlot<T>* slot;      // [slots]
+  Vec3<T>* turning;          // [columns] relative angular velocity, by velocity of the solver
+  Vec3<T>* moving;           // [columns] relative velocity of the reference point
+  Vec3<T>* parted;           // [columns] what of it is due to the gap between the points of two moving bodies
+  T* previous;               // [solver] velocities at the start of the step before (state)
+  T length;                  // of the step that the memory is of, where steps may be taken in halves (state)
+  T unfinished;              // steps at the cap since the last reset (state)
+  typename T::Mask known;    // lanes whose memory belongs to their state
+  typename T::Mask held;     // lanes that are solved with contacts at once (solve_contacts.h)
+  typename T::Mask goes_on;  // lanes in which a contact that has pressed goes on
+  T work;                    // that push-outs have done in the step, for the audit (M126)
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
