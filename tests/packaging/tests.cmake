@@ -5,7 +5,7 @@ function(lockstep_packaging_test name labels)
                    -DWORK=${CMAKE_CURRENT_BINARY_DIR}/packaging/${name} -DGENERATOR=${CMAKE_GENERATOR}
                    -DCOMPILER=${CMAKE_CXX_COMPILER} -DBUILD_TYPE=${CMAKE_BUILD_TYPE} ${ARGN}
                    -P ${CMAKE_CURRENT_FUNCTION_LIST_DIR}/consume.cmake)
-  set_tests_properties(packaging.${name} PROPERTIES LABELS "packaging;${labels}")
+  set_tests_properties(packaging.${name} PROPERTIES LABELS "packaging;${labels}" COST 30)  # long, so early
 endfunction()
 
 set(flags "")
