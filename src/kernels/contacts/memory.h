@@ -73,7 +73,8 @@ void store_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
 /// (M125): impulses of a step of another length become those of this one.
 template <class T>
 void scale_memory(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  const T scale = select(x.contacts.known, T(t.step) / select(x.contacts.known, x.contacts.length, T(1)), T(1));
+  const auto lanes = x.contacts.known & ~x.frozen;
+  const T scale = select(lanes, T(t.step) / select(lanes, x.contacts.length, T(1)), T(1));
   for (int s = 0; s < t.contacts.slots; ++s) {
     ContactSlot<T>& slot = x.contacts.slot[s];
     slot.pressed *= scale, slot.memory[0] *= scale, slot.memory[1] *= scale;

@@ -19,7 +19,7 @@ void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& 
   using S = ScalarOf<T>;
   const T none = T(S(__builtin_inf())), zero = T(0), per_second = T(S(1)) / (t.guarded ? x.contacts.length : T(t.step));
   x.frozen = T::none();
-  collide(t, x);
+  collide(t.midpoint ? *t.midpoint : t, x);
   for (int p = 0; p < t.contacts.pairs.count; ++p) {
     const TouchingPair<S>& pair = t.contacts.pairs[p];
     const ContactPatch<T>& patch = x.contacts.patch[p];

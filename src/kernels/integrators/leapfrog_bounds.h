@@ -78,13 +78,18 @@ typename T::Mask bounds_act_on_prediction(const Tables<ScalarOf<T>>& t, const St
 
 /// Lanes in which the stages exceed a limit, or the step leaves a range.
 template <class T>
-typename T::Mask bounds_act_on_stages(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
-                                      const Tile<T>& x, int time) {
-  if (t.bounds.always) return ~T::none();
+typename T::Mask violated_by_stages(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                    const Tile<T>& x, int time) {
   const auto end = [&](int j) LOCKSTEP_INLINED {
     return fma(T(t.step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.begin.q[j]);
   };
   return stages_exceed(t, batch, x, 0, leapfrog_stages, time) | at_end_of_range(t, batch, T(0), end);
+}
+
+template <class T>
+typename T::Mask bounds_act_on_stages(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                      const Tile<T>& x, int time) {
+  return t.bounds.always ? ~T::none() : violated_by_stages(t, batch, x, time);
 }
 
 /// Takes the servo's gains out of the matrix in these lanes: the search adds what is left of them.

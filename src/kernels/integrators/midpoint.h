@@ -128,14 +128,32 @@ void predict_bias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   const T twice_gamma = T(S(2) * Alexander<S>::gamma);
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];
   expand(t, x, middle, x.state.v, [](int, T following) LOCKSTEP_INLINED { return following; });
+  T* const before = x.midpoint.before;
   for (int k = 0; k < t.velocities; ++k) {
-    x.midpoint.bias[k] = x.dynamics.bias[k];
+    before[k] = x.dynamics.bias[k];
     if (t.guarded)
       x.guard.change[k] = select(lanes, twice_gamma * (x.state.v[k] - x.stages.midpoint.v[k]), x.guard.change[k]);
   }
   bias_forces(t, batch, x);
-  for (int k = 0; k < t.velocities; ++k) x.dynamics.bias[k] = select(lanes, x.dynamics.bias[k], x.midpoint.bias[k]);
+  for (int k = 0; k < t.velocities; ++k) x.dynamics.bias[k] = select(lanes, x.dynamics.bias[k], before[k]);
   x.midpoint.predicted = x.midpoint.predicted | lanes;
+}
+
+/// The prediction of the stages, for lanes that keep them.
+template <class T>
+void keep_stages(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int k = 0; k < t.velocities; ++k) {
+    x.midpoint.bias[k] = x.dynamics.bias[k];
+    if (t.guarded) x.midpoint.change[k] = x.guard.change[k];
+  }
+}
+template <class T>
+void return_to_stages(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
+  for (int k = 0; k < t.velocities; ++k) {
+    x.dynamics.bias[k] = select(lanes, x.midpoint.bias[k], x.dynamics.bias[k]);
+    if (t.guarded) x.guard.change[k] = select(lanes, x.midpoint.change[k], x.guard.change[k]);
+  }
+  x.midpoint.predicted = x.midpoint.predicted & ~lanes;
 }
 
 /// The same from the step before, where its contacts go on.
@@ -207,10 +225,11 @@ void close_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   for (int k = 0; k < t.velocities; ++k) x.next.v[k] = select(lanes, x.dynamics.scratch[k], x.next.v[k]);
 }
 
-/// Solves the bounds that stages cannot hold. A lane in which none acts keeps its step.
+/// Solves the bounds that stages cannot hold. A lane in which none acts keeps its step, unless the stages have
+/// `violated` some. Returns the others.
 template <class T>
-void solve_rows_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
-                            typename T::Mask open, int time, Tile<T>& x) {
+typename T::Mask solve_rows_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                        typename T::Mask open, typename T::Mask violated, int time, Tile<T>& x) {
   const Tables<ScalarOf<T>>& solve = *t.midpoint;
   begin_rounds(solve, batch, x);
   x.bounds.invalid = x.bounds.invalid & open;
@@ -231,40 +250,52 @@ void solve_rows_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Sc
   }
   exchange_softness(t, x);
   x.singular = x.singular | (x.rounds.weak & open);
-  close_midpoint(t, batch, list_active_rows_of(solve, open, x), x);
+  auto acts = list_active_rows_of(solve, open, x) | (violated & open);
+  if (t.row_servos.count > 0) acts = acts | open;  // the stages have them without limits
+  for (int i = 0; i < t.limited_servos.count; ++i) acts = acts | (beyond(x.servos.saturation[i], T(0)) & open);
+  close_midpoint(t, batch, acts, x);
   mark_invalid(t, x);
+  return acts;
 }
 
-/// (M120): lanes in which some slot acts on the way to the next midpoint.
+/// (M120): lanes in which some slot acts on the way to the step's end or to the next midpoint.
 template <class T>
 typename T::Mask acts_on_way(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   auto acting = T::none();
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    const RelativeTwist<T> way = twist_of(t, pair, x, x.midpoint.way);
-    for (int s = 0; s < pair.slots; ++s) {
-      slot_speed(slots[s], way, slots[s].speed);
-      contact_force(slots[s], patch.friction, slots[s].speed, slots[s].trial);
-      acting = acting | ((slots[s].trial.sticks | slots[s].trial.slides) & ~slots[s].bounces);
+    const T* const ways[] = {x.midpoint.way, x.midpoint.end};
+    for (const T* const z : ways) {
+      const RelativeTwist<T> twist = twist_of(t, pair, x, z);
+      for (int s = 0; s < pair.slots; ++s) {
+        slot_speed(slots[s], twist, slots[s].speed);
+        contact_force(slots[s], patch.friction, slots[s].speed, slots[s].trial);
+        acting = acting | ((slots[s].trial.sticks | slots[s].trial.slides) & ~slots[s].bounces);
+      }
     }
   });
   return acting;
 }
 
-/// Solves the contacts in lanes where one acts. A lane in which all let go keeps its step.
+/// Solves the contacts in lanes where one acts. A lane in which all let go keeps its step. Returns the others.
 template <class T>
-void solve_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+typename T::Mask solve_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                            Tile<T>& x) {
   using S = ScalarOf<T>;
   const Tables<S>& solve = *t.midpoint;
   const T half = T(S(0.5));
   for (int z = 0; z < t.solver.n; ++z) {
     const int k = t.reduction.used() ? t.reduction.independent[z] : z, place = t.rounds.place[z];
     x.rounds.z[place] = x.next.v[k];
-    x.midpoint.way[place] = fma(half, x.next.v[k] - x.stages.midpoint.v[k], x.stages.mean_velocity[k]);
+    x.midpoint.end[place] = fnma(half, x.stages.midpoint.v[k], x.stages.mean_velocity[k]);
+    x.midpoint.way[place] = fma(half, x.next.v[k], x.midpoint.end[place]);
   }
   auto free = open_contacts(solve, batch, x.rounds.z, true, x);
   free = (free | acts_on_way(solve, x)) & ~x.singular & ~x.frozen;
   const auto acting = (free | x.contacts.held) & ~x.singular & ~x.frozen;
-  if (!any(acting)) return remember(solve, T::none(), x);
+  if (!any(acting)) {
+    remember(solve, T::none(), x);
+    return acting;
+  }
   const auto invalid = x.bounds.invalid;
   begin_rounds(solve, batch, x);
   exchange_softness(t, x);
@@ -277,6 +308,7 @@ void solve_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointer
   x.bounds.invalid = (x.bounds.invalid & presses) | (invalid & ~presses);
   close_midpoint(t, batch, presses, x);
   if (t.bounds.rows.count > 0) mark_invalid(t, x);
+  return presses;
 }
 
 /// After the kinematics of the midpoint: finds contacts there.
@@ -294,31 +326,31 @@ void find_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 template <class T>
 void step_from_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
   if (!t.rounds.at_midpoint) return;
-  auto rows = T::none();
-  if (!t.rounds.in_stages) {
-    x.stage_bounds.opened = false;
-    if (t.bounds.rows.count + t.limited_servos.count > 0)
-      rows = (bounds_act_on_prediction(t, batch, x, time) | bounds_act_on_stages(t, batch, x, time)) & ~x.frozen;
+  if (!t.rounds.in_stages) x.stage_bounds.opened = false;
+  if (!x.stage_bounds.opened) x.bounds.invalid = T::none();
+  auto rows = T::none(), violated = T::none(), acts = T::none();
+  if (!t.rounds.in_stages && t.bounds.rows.count + t.limited_servos.count > 0) {
+    violated = violated_by_stages(t, batch, x, time) & ~x.frozen;
+    rows = (t.bounds.always ? ~T::none() : violated | bounds_act_on_prediction(t, batch, x, time)) & ~x.frozen;
   }
   bool near = false;
   for (int p = 0; p < t.contacts.pairs.count; ++p) near = near || any(x.contacts.patch[p].near);
   x.midpoint.predicted = T::none();
-  if (near) predict_from_memory(t, batch, x);
-  // What the stages let go where bounds hold it says nothing of bias forces.
-  if (const auto unknown = rows & ~x.midpoint.predicted; any(unknown))
-    for (int k = 0; k < t.velocities; ++k)
-      x.dynamics.bias[k] = select(unknown, x.midpoint.first_bias[k], x.dynamics.bias[k]);
   if (any(rows) || near) {
+    keep_stages(t, x);
+    if (near) predict_from_memory(t, batch, x);
+    // What the stages let go where bounds hold it says nothing of bias forces.
+    if (const auto unknown = rows & ~x.midpoint.predicted; any(unknown))
+      for (int k = 0; k < t.velocities; ++k)
+        x.dynamics.bias[k] = select(unknown, x.midpoint.first_bias[k], x.dynamics.bias[k]);
     matrix_at_midpoint(t, batch, x);
     momenta_at_midpoint(t, batch, x, time);
     x.bounds.active_count = 0;
+    if (any(rows)) acts = solve_rows_at_midpoint(t, batch, rows, violated, time, x);
+    if (near) acts = acts | solve_contacts_at_midpoint(t, batch, x);
+    return_to_stages(t, ~acts, x);
   }
-  if (any(rows)) solve_rows_at_midpoint(t, batch, rows, time, x);
-  if (!t.contacts.used()) return;
-  if (near)
-    solve_contacts_at_midpoint(t, batch, x);
-  else
-    remember(*t.midpoint, T::none(), x);
+  if (t.contacts.used() && !near) remember(*t.midpoint, T::none(), x);
 }
 
 /// At the end of the step, when roots have their axes: what the next step is to know of this one's start.

@@ -334,8 +334,12 @@ T work_of_push_outs(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<
   T work = T(0);
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     for (int s = 0; s < pair.slots; ++s) {
-      const auto pushes = slots[s].live & less(slots[s].bias, T(0));
-      work = select(pushes, fma(slots[s].force.impulse[0], larger(slots[s].speed[0], T(0)), work), work);
+      const T *const impulse = slots[s].force.impulse, *const u = slots[s].speed;
+      const auto pushes = slots[s].live & ~slots[s].bounces & less(slots[s].bias, T(0));
+      work = select(pushes, fma(impulse[0], larger(u[0], T(0)), work), work);
+      if (!pair.soft) continue;  // the memory of a soft pair is a spring along the surface
+      const T along = fma(impulse[1], u[1], impulse[2] * u[2]);
+      work = select(slots[s].live, work + larger(along, T(0)), work);
     }
   });
   return select(acting, work, T(0));
@@ -394,6 +398,8 @@ typename T::Mask open_contacts(const Tables<ScalarOf<T>>& t, const StatePointers
     const PairResponse<T> response(t, pair, x);
     for (int s = 0; s < pair.slots; ++s) {
       slot_speed(slots[s], without, slots[s].free);
+      if (t.solves_midpoint && pair.restitution > ScalarOf<T>(0))
+        slot_speed(slots[s], twist_of(t, pair, x, x.midpoint.way), slots[s].speed);
       begin_slot(t, pair, patch, start, response, slots[s]);
       if (!known) continue;
       contact_force(slots[s], patch.friction, slots[s].free, slots[s].force);
@@ -414,8 +420,13 @@ void remember_start(const Tables<ScalarOf<T>>& t, const T* start, Tile<T>& x) {
 /// Turns them to the axes that the roots have now.
 template <class T>
 void turn_start(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  for (int r = 0; r < t.roots.count; ++r)
-    turn_root_twist(x.half_turn + 4 * r, x.contacts.previous + t.rounds.place[t.roots[r].solver]);
+  for (int r = 0; r < t.roots.count; ++r) {
+    T* const twist = x.contacts.previous + t.rounds.place[t.roots[r].solver];
+    T turned[6];
+    for (int k = 0; k < 6; ++k) turned[k] = twist[k];
+    turn_root_twist(x.half_turn + 4 * r, turned);
+    for (int k = 0; k < 6; ++k) twist[k] = select(x.frozen, twist[k], turned[k]);
+  }
 }
 
 /// Finds contacts. Returns whether all lanes are solved with them at once, so that nothing asks for the step without.

@@ -206,7 +206,7 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
         slots[s].force = slots[s].trial;
       }
     });
-    const auto changed = seen.changed | move_rows(t, z, bends, x);
+    const auto changed = seen.changed | move_rows(t, z, bends, open, x);
     for (int k = 0; k < n; ++k) x.held.velocity[k] = z[k];
     const auto moved = move_pieces(t, batch, 1, round >= all_move, open, x);
 

@@ -198,7 +198,8 @@ LOCKSTEP_INLINE T size_of_row(const RowSlot& slot, const ActingRow<T>& row, cons
 /// unless the solution of the round contradicts it by more than rounding, or the lane has not taken all of the step
 /// (`bends`). Returns the lanes in which some row leaves its branch.
 template <class T>
-typename T::Mask move_rows(const Tables<ScalarOf<T>>& t, const T* z, typename T::Mask bends, Tile<T>& x) {
+typename T::Mask move_rows(const Tables<ScalarOf<T>>& t, const T* z, typename T::Mask bends, typename T::Mask open,
+                           Tile<T>& x) {
   typename T::Mask moved = T::none();
   each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int* velocity, const T* value) LOCKSTEP_INLINED {
     row.speed = row_speed(slot, velocity, value, z);
@@ -207,12 +208,14 @@ typename T::Mask move_rows(const Tables<ScalarOf<T>>& t, const T* z, typename T:
     const T impulse = impulse_on_branch(row, row.speed);
     const T slack = rounding<T>() * size_of_row(slot, row, velocity, value, z);
     typename T::Mask changed;
+    const Branch<T> before = row.law;
     advance_branch(bound, row.law, fma(compliance, impulse, without), impulse, slack,
                    slack / larger(row.response + row.cfm, T(ScalarOf<T>(1e-30))), changed);
     const auto renewed = changed | bends;
     row.law.impulse = impulse;
     replace(row.law, row_law(row, row.speed), renewed);
-    moved = moved | changed;
+    replace(row.law, before, ~open);
+    moved = moved | (changed & open);
   });
   return moved;
 }
@@ -272,7 +275,7 @@ typename T::Mask update_multipliers(const Tables<ScalarOf<T>>& t, const T* z, ty
     // Beside a conflict that has just ended, multipliers have grown for nothing.
     row.multiplier = select(open & conflict, zero, select(takes, row.law.impulse, row.multiplier));
     row.multiplier = select(row.yields, zero, row.multiplier);
-    row.law.impulse = impulse_on_branch(row, row.speed);
+    row.law.impulse = select(settled, impulse_on_branch(row, row.speed), row.law.impulse);
   });
   updates.count = select(open, updates.count + T(1), updates.count);
   updates.missing = select(open, select(conflict, T(S(1e30)), largest), updates.missing);

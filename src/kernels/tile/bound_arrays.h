@@ -203,6 +203,9 @@ struct MidpointArrays {
   T *rate, *cfm;               // [coupling rows] of a solve over the whole step
   T* first_bias;               // [velocities] at the start's velocity
   T* bias;                     // [velocities] of the stages' prediction
+  T* before;                   // [velocities] bias forces of lanes that are not predicted
+  T* change;                   // [velocities] of the stages' prediction, for the guard
+  T* end;                      // [velocities of the rounds] from the midpoint to the step's end over the step
   typename T::Mask predicted;  // lanes whose bias forces are not those of that prediction
 
   template <class Take>
@@ -216,6 +219,9 @@ struct MidpointArrays {
     take("midpoint.cfm", cfm, t.rows.count);
     take("midpoint.first_bias", first_bias, t.velocities);
     take("midpoint.bias", bias, t.velocities);
+    take("midpoint.before", before, t.velocities);
+    take("midpoint.change", change, t.guarded ? t.velocities : 0);
+    take("midpoint.end", end, n);
   }
 };
 
