@@ -212,6 +212,7 @@ double restored_share(double restitution, double h, double gap, double start, do
 // A rebound within a step whose velocities are those of its ends; the gap is that of the middle.
 struct Rebound {
   bool lands = false, later = false;  // within this step, or in a later one
+  double landing = 2.0;               // share of the step before it
   double share = 0.0;                 // of the speed without contacts that is left at the end, upwards
   double way = 0.0;                   // from this middle to the next one, over the step
 };
@@ -224,6 +225,7 @@ Rebound rebound_within(double restitution, double h, double gap, double start, d
   rebound.lands = gap + 0.5 * h * end < 0.0, rebound.later = !rebound.lands;
   if (rebound.later) return rebound;
   const double falls = std::min(h, 2.0 * height / (impact - start)), flies = h - falls;
+  rebound.landing = falls / h;
   const double slows = std::min(0.0, acceleration), leaves = restitution * impact;
   const double height_after = leaves * flies + 0.5 * slows * flies * flies, speed_after = leaves + slows * flies;
   rebound.share = std::min(1.5, speed_after / std::abs(end));
@@ -294,6 +296,7 @@ ContactStep solved(const Mechanism& mechanism, const Stage& stage, const std::ve
                      : yields.soft && !point.bounces ? pushed
                                                      : std::max(pushed, -most);
       if (rebound.lands) point.target = -rebound.way;
+      point.landing = rebound.landing;
       result.points.push_back(point);
     }
   }
@@ -331,6 +334,7 @@ ContactStep solved(const Mechanism& mechanism, const Stage& stage, const std::ve
     const ContactPoint& point = result.points[static_cast<std::size_t>(c)];
     again = again || point.bounces || (!point.soft && targets[c] < -0.01 && impulses[3 * c] > 0.0);
   }
+  result.last = result.impulses;
   if (!again || pulling > 0) return result;
   for (Eigen::Index c = 0; c < count; ++c) {
     const ContactPoint& point = result.points[static_cast<std::size_t>(c)];
@@ -338,6 +342,10 @@ ContactStep solved(const Mechanism& mechanism, const Stage& stage, const std::ve
   }
   impulses = impulses_for(targets, normal);
   result.stays = free + inverse * rows.transpose() * impulses;
+  const auto keep = [&] {
+    for (Eigen::Index c = 0; c < count; ++c) result.last[static_cast<std::size_t>(c)] = impulses.segment<3>(3 * c);
+  };
+  keep();
 
   // Poisson's restitution: what has stopped it comes back in part.
   const VectorXd stopped = rows * result.stays;
@@ -348,7 +356,10 @@ ContactStep solved(const Mechanism& mechanism, const Stage& stage, const std::ve
     normal[c] = (1.0 + point.restored) * impulses[3 * c] * std::min(1.01, arrives / (arrives + left));
     restores = restores || (point.restored > 0.0 && impulses[3 * c] > 0.0);
   }
-  if (restores) result.stays = free + inverse * rows.transpose() * impulses_for(targets, normal);
+  if (!restores) return result;
+  impulses = impulses_for(targets, normal);
+  result.stays = free + inverse * rows.transpose() * impulses;
+  keep();
   return result;
 }
 
@@ -400,7 +411,19 @@ MiddleStep middle_step(const Mechanism& mechanism, const StepSettings& settings,
   const ContactStep& contacts = step.contacts;
   step.presses = std::any_of(contacts.impulses.begin(), contacts.impulses.end(),
                              [](const Vector3d& impulse) { return impulse[0] > 0.0; });
-  step.end = mechanism.advanced(middle, 2.0 * contacts.velocity - contacts.stays, 0.5 * h);
+  // Where all that presses bounces, the way before the first landing and the way after it.
+  double landing = 2.0;
+  bool others = false;
+  for (std::size_t c = 0; c < contacts.points.size(); ++c) {
+    if (contacts.last[c][0] <= 0.0) continue;
+    landing = std::min(landing, contacts.points[c].landing), others = others || !contacts.points[c].bounces;
+  }
+  VectorXd way = contacts.velocity - 0.5 * (contacts.stays - middle.v);
+  if (landing <= 1.0 && !others) {
+    const VectorXd gain = 0.5 * (expected.v - middle.v);
+    way = landing * (middle.v + landing * gain) + (1.0 - landing) * (contacts.stays - (1.0 - landing) * gain);
+  }
+  step.end = mechanism.advanced(middle, 2.0 * way - middle.v, 0.5 * h);
   step.end.v = contacts.stays;
   mechanism.turn_axes(middle, step.end);
   if (!step.presses) step.end = end;

@@ -16,6 +16,7 @@ struct ContactPoint {
   double gap, friction, compliance;
   double target;    ///< b, without the slip term
   double restored;  ///< share of the impulse that stops it that comes back; 0 also where it does not bounce
+  double landing;   ///< share of a leapfrog step before it, above 1 where it does not bounce in the step
   bool bounces, soft;
 };
 
@@ -24,6 +25,7 @@ struct ContactStep {
   Eigen::VectorXd stays;     ///< that the next step starts from, along the same axes
   std::vector<ContactPoint> points;
   std::vector<Eigen::Vector3d> impulses;  ///< of the positions' solve, along the frames
+  std::vector<Eigen::Vector3d> last;      ///< of the last solve
 };
 
 /// The first step from a state in which hard couplings hold. Bounds, soft couplings, force limits and limited servos

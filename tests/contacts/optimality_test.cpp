@@ -37,6 +37,7 @@ struct Environment {
     batch.effort = block(t.joints);
     batch.root_pose = block(7 * t.roots.count), batch.root_velocity = block(6 * t.roots.count);
     batch.contact_memory = block(t.contacts.remembered(t));
+    batch.audit = block(2);
     batch.fault = &fault;
     Batch<double> start(plan, 1, {.threads = 1});
     const auto copy = [](const auto& from, double* to) {

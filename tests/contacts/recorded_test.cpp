@@ -24,7 +24,7 @@ Model press(double ratio, bool hard) {
     joint.axis = Vector3d::UnitX();
     m.joints.push_back(joint);
   }
-  m.couplings.push_back(Coupling::mimic("pad", "push", ratio));
+  m.couplings.push_back(Coupling::mimic("pad", "push", -ratio));
   if (!hard) m.couplings.back().softness = Spring{1e7, 1e4};
   Collider pad;
   pad.name = "pad", pad.link = "pad", pad.shape = Shape::box(Vector3d(0.1, 0.1, 0.1));

@@ -96,8 +96,9 @@ LOCKSTEP_INLINE void begin_bounce(ScalarOf<T> restitution, ScalarOf<T> dt, T u, 
 }
 
 /// (M124): the same in a leapfrog, whose velocities are those of the ends of a step. What approaches and does not land
-/// in this step is off, unless what moves it takes it through all the same: slot.speed is the way to the next midpoint
-/// over the step. `slot.bias` becomes minus the speed that brings it to where it flies after its landing.
+/// in this step is off, unless what moves it takes it through all the same: slot.speed is the way from the midpoint to
+/// the step's end, over the step. `slot.bias` becomes minus the speed that brings it to where it flies after its
+/// landing.
 template <class T>
 LOCKSTEP_INLINE void begin_bounce_in_step(ScalarOf<T> restitution, ScalarOf<T> dt, T u, ContactSlot<T>& slot) {
   using S = ScalarOf<T>;
@@ -107,7 +108,8 @@ LOCKSTEP_INLINE void begin_bounce_in_step(ScalarOf<T> restitution, ScalarOf<T> d
   const auto approaches = slot.live & less(u, T(S(-least_bounce))) & less(-gain, back);
   slot.bounces = approaches & less(fma(half * h, free, slot.gap), zero);
   slot.live = slot.live & (slot.bounces | ~approaches | less(fma(h, slot.speed[0], slot.gap), zero));
-  const T time = smaller(start * T(S(2) / dt) / larger(arrives - u, T(S(1e-6))), one), left = one - time;
+  slot.landing = smaller(start * T(S(2) / dt) / larger(arrives - u, T(S(1e-6))), one);
+  const T left = one - slot.landing;
   const T leaves = fma(left, smaller(gain, zero), back);
   slot.restored = select(slot.bounces, smaller(leaves / larger(absolute(free), T(S(1e-6))), T(S(most_restored))), zero);
   slot.bias = fma(half, -fma(left, back + leaves, leaves), slot.gap * T(S(1) / dt));

@@ -38,6 +38,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   for (int k = 0; t.rounds.at_midpoint && k < n; ++k) x.midpoint.first_bias[k] = x.dynamics.bias[k];
   stage(t, batch, x, 0, time);
   if (t.rounds.in_stages) bound_prediction(t, batch, x, time);
+  for (int k = 0; t.rounds.at_midpoint && k < n; ++k) x.midpoint.change[k] = x.stages.change[k];
   if (t.guarded) keep_prediction(t, x);
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];  // (M67)
   for (int k = 0; k < n; ++k) x.state.v[k] = fma(T(S(0.5) / A::gamma), x.stages.change[k], x.stages.midpoint.v[k]);

@@ -139,14 +139,7 @@ void predict_bias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   x.midpoint.predicted = x.midpoint.predicted | lanes;
 }
 
-/// The prediction of the stages, for lanes that keep them.
-template <class T>
-void keep_stages(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  for (int k = 0; k < t.velocities; ++k) {
-    x.midpoint.bias[k] = x.dynamics.bias[k];
-    if (t.guarded) x.midpoint.change[k] = x.guard.change[k];
-  }
-}
+/// Back to the prediction of the stages, in lanes that keep these.
 template <class T>
 void return_to_stages(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
   for (int k = 0; k < t.velocities; ++k) {
@@ -156,18 +149,29 @@ void return_to_stages(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile
   x.midpoint.predicted = x.midpoint.predicted & ~lanes;
 }
 
-/// The same from the step before, where its contacts go on.
+/// The same where contacts go on: with the impulses that they had in the step before.
 template <class T>
-void predict_from_memory(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+void predict_with_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   using S = ScalarOf<T>;
   const auto lanes = x.contacts.goes_on & ~x.frozen;
   if (!any(lanes)) return;
-  T share = T(S(0.5));
-  if (t.guarded) share *= T(t.step) / select(lanes, x.contacts.length, T(1));
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+    for (int s = 0; s < pair.slots; ++s) {
+      const T impulse[3] = {slots[s].pressed, slots[s].carried[0], slots[s].carried[1]};
+      for (int i = 0; i < 3; ++i) slots[s].force.impulse[i] = select(slots[s].goes_on, impulse[i], T(0));
+    }
+  });
+  momentum_of_contacts(t, x.rounds.momentum, x);
+  x.dynamics.half_solved_velocity = x.dynamics.half_solved_position;
+  from_rounds(t, x.rounds.momentum, x.dynamics.half_solved_position);
+  half_solve(t, x);
   T* const middle = x.midpoint.way;
+  for (int z = 0; z < t.solver.n; ++z) middle[z] = x.dynamics.half_solved_position[z];
+  solve_downwards(t, x, middle, static_cast<T*>(nullptr));
+  const T half = T(S(0.5)), share = T(S(0.5) / Alexander<S>::gamma);
   for (int z = 0; z < t.solver.n; ++z) {
-    const T start = x.stages.midpoint.v[t.reduction.used() ? t.reduction.independent[z] : z];
-    middle[z] = fma(share, start - x.contacts.previous[t.rounds.place[z]], start);
+    const int k = t.reduction.used() ? t.reduction.independent[z] : z;
+    middle[z] = fma(half, middle[z], fma(share, x.midpoint.change[k], x.stages.midpoint.v[k]));
   }
   predict_bias(t, batch, lanes, middle, x);
 }
@@ -191,11 +195,12 @@ void momenta_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scala
   }
 }
 
-/// (M123): the solutions as the velocities that end the step, in these lanes. A joint that was within its range
-/// stays there, also where the two solutions differ.
+/// (M123): the solutions as the velocities that end the step, in these lanes. Where all that presses bounces, the share
+/// `landing` of the step is made before and the rest after (M128); elsewhere it is above 1. A joint that was within its
+/// range stays there.
 template <class T>
 void close_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes,
-                    Tile<T>& x) {
+                    T landing, Tile<T>& x) {
   using S = ScalarOf<T>;
   const T half = T(S(0.5)), per_step = T(S(1) / t.step);
   const int n = t.solver.n;
@@ -203,6 +208,13 @@ void close_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   const T* const second = x.solves_twice ? x.dynamics.velocity_solution : first;
   T* const mean = x.rounds.kept;
   for (int z = 0; z < n; ++z) mean[z] = fma(half, x.dynamics.start[z] - second[z], first[z]);
+  if (const auto flies = lanes & ~less(T(1), landing); any(flies))
+    for (int z = 0; z < n; ++z) {
+      const T start = x.dynamics.start[z], left = T(1) - landing;
+      const T gain = half * (x.next.v[t.reduction.used() ? t.reduction.independent[z] : z] - start);
+      const T way = fma(landing, fma(landing, gain, start), left * fnma(left, gain, second[z]));
+      mean[z] = select(flies, way, mean[z]);
+    }
   for (int i = 0; i < t.bounds.watched.count; ++i) {
     const int j = t.bounds.watched[i].joint;
     if (!t.bounds.watched[i].ranged || !(t.bounds.has[j] & has_range)) continue;
@@ -253,7 +265,7 @@ typename T::Mask solve_rows_at_midpoint(const Tables<ScalarOf<T>>& t, const Stat
   auto acts = list_active_rows_of(solve, open, x) | (violated & open);
   if (t.row_servos.count > 0) acts = acts | open;  // the stages have them without limits
   for (int i = 0; i < t.limited_servos.count; ++i) acts = acts | (beyond(x.servos.saturation[i], T(0)) & open);
-  close_midpoint(t, batch, acts, x);
+  close_midpoint(t, batch, acts, never<T>(), x);
   mark_invalid(t, x);
   return acts;
 }
@@ -301,12 +313,19 @@ typename T::Mask solve_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, const 
   exchange_softness(t, x);
   solve_contacts(solve, batch, acting, x);
   exchange_softness(t, x);
-  auto presses = free;
-  for (int s = 0; s < t.contacts.slots; ++s) presses = presses | (less(T(0), x.contacts.slot[s].pressed) & acting);
+  auto presses = free, others = T::none();
+  T landing = never<T>();
+  for (int s = 0; s < t.contacts.slots; ++s) {
+    const ContactSlot<T>& slot = x.contacts.slot[s];
+    const auto pressed = less(T(0), slot.pressed) & acting;
+    presses = presses | pressed, others = others | (pressed & ~slot.bounces);
+    landing = select(pressed & slot.bounces, smaller(landing, slot.landing), landing);
+  }
+  landing = select(others, never<T>(), landing);
   x.singular = x.singular | (x.rounds.weak & presses);
   list_active_rows_of(solve, presses, x);
   x.bounds.invalid = (x.bounds.invalid & presses) | (invalid & ~presses);
-  close_midpoint(t, batch, presses, x);
+  close_midpoint(t, batch, presses, landing, x);
   if (t.bounds.rows.count > 0) mark_invalid(t, x);
   return presses;
 }
@@ -337,8 +356,8 @@ void step_from_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   for (int p = 0; p < t.contacts.pairs.count; ++p) near = near || any(x.contacts.patch[p].near);
   x.midpoint.predicted = T::none();
   if (any(rows) || near) {
-    keep_stages(t, x);
-    if (near) predict_from_memory(t, batch, x);
+    for (int k = 0; k < t.velocities; ++k) x.midpoint.bias[k] = x.dynamics.bias[k];
+    if (near) predict_with_contacts(t, batch, x);
     // What the stages let go where bounds hold it says nothing of bias forces.
     if (const auto unknown = rows & ~x.midpoint.predicted; any(unknown))
       for (int k = 0; k < t.velocities; ++k)

@@ -145,6 +145,12 @@ typename T::Mask begin_relaxing(const Tables<ScalarOf<T>>& t, typename T::Mask o
       const auto overlaps = pair.soft ? T::none() : ~less(zero, slot.gap) & ~slot.bounces;
       slot.push = select(lanes & overlaps, smaller(slot.load, slot.force.impulse[0]), zero);
       slot.bias = select(lanes & (overlaps | slot.bounces), zero, slot.bias);
+      if (t.solves_midpoint) {  // what bounces has moved positions by its flight, and is to stop now
+        const auto stops = lanes & slot.bounces;
+        slot.slip = select(stops, zero, slot.slip);
+        slot.slip_before = select(stops, zero, slot.slip_before);
+        slot.found_before = select(stops, zero, slot.found_before);
+      }
       slot.target = slot.bias + slot.slip;
       slot.relaxes = lanes;
       const auto goes_on = slot.goes_on & ~slot.bounces;
@@ -399,7 +405,7 @@ typename T::Mask open_contacts(const Tables<ScalarOf<T>>& t, const StatePointers
     for (int s = 0; s < pair.slots; ++s) {
       slot_speed(slots[s], without, slots[s].free);
       if (t.solves_midpoint && pair.restitution > ScalarOf<T>(0))
-        slot_speed(slots[s], twist_of(t, pair, x, x.midpoint.way), slots[s].speed);
+        slot_speed(slots[s], twist_of(t, pair, x, x.midpoint.end), slots[s].speed);
       begin_slot(t, pair, patch, start, response, slots[s]);
       if (!known) continue;
       contact_force(slots[s], patch.friction, slots[s].free, slots[s].force);

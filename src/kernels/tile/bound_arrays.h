@@ -204,7 +204,7 @@ struct MidpointArrays {
   T* first_bias;               // [velocities] at the start's velocity
   T* bias;                     // [velocities] of the stages' prediction
   T* before;                   // [velocities] bias forces of lanes that are not predicted
-  T* change;                   // [velocities] of the stages' prediction, for the guard
+  T* change;                   // [velocities] of the stages' prediction
   T* end;                      // [velocities of the rounds] from the midpoint to the step's end over the step
   typename T::Mask predicted;  // lanes whose bias forces are not those of that prediction
 
@@ -220,7 +220,7 @@ struct MidpointArrays {
     take("midpoint.first_bias", first_bias, t.velocities);
     take("midpoint.bias", bias, t.velocities);
     take("midpoint.before", before, t.velocities);
-    take("midpoint.change", change, t.guarded ? t.velocities : 0);
+    take("midpoint.change", change, t.velocities);
     take("midpoint.end", end, n);
   }
 };

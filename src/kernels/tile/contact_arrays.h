@@ -28,6 +28,7 @@ struct ContactSlot {
   typename T::Mask goes_on;     // lanes in which it has pressed in the step before
   T slow;                       // speed of a push-out that may stay (M109)
   T load;                       // normal impulse of the step before, where it goes on
+  T landing;                    // share of the step after which it lands (M124), if it bounces within a leapfrog
   T restored;                   // f of (M109), in lanes that bounce: share of the impulse that comes back
   T stopping;                   // normal impulse that has stopped what bounces (M109)
   T bias;                       // b of (M104)
