@@ -18,9 +18,9 @@ using Precisions = testing::Types<double, float>;
 TYPED_TEST_SUITE(Impacts, Precisions);
 
 template <class S>
-Batch<S> batch_of(const Model& model, double dt, int environments = 1) {
+Batch<S> batch_of(const Model& model, double dt, int environments = 1, Integrator integrator = Integrator::automatic) {
   StepSettings settings;
-  settings.dt = dt;
+  settings.dt = dt, settings.integrator = integrator;
   return Batch<S>(compile(model, settings), environments, {.threads = 1});
 }
 
@@ -151,7 +151,8 @@ TYPED_TEST(Impacts, two_spinning_balls_leave_rolling_on_each_other) {
     EXPECT_NEAR(v(3, 0), 10.0 / 7.0, 0.03) << radius;
     EXPECT_NEAR(v(1, 0) * radius, 10.0 / 7.0, 0.03) << radius;
     EXPECT_NEAR(v(3, 0), -v(9, 0), 1e-3) << radius;
-    EXPECT_NEAR(v(1, 0) * radius, v(7, 0) * radius, 1e-3) << radius;
+    // A slip of 1e-5 m in the step is not renewed.
+    EXPECT_NEAR(v(1, 0) * radius, v(7, 0) * radius, this->is_double ? 1e-3 : 3e-5 * 240) << radius;
   }
 }
 
@@ -191,7 +192,7 @@ TYPED_TEST(Impacts, bounces_have_apexes_of_e_to_the_2n) {
         if (count > 0) {
           EXPECT_NEAR(top, std::pow(e, 2 * count), 0.02 * std::pow(e, 2 * count) + 9.81 / (8.0 * rate * rate))
               << rate << " Hz, e " << e << ", bounce " << count;
-          EXPECT_LT(top, 1.0 + 9.81 / (8.0 * rate * rate));
+          EXPECT_LT(top, 1.0 + 9.81 / (8.0 * rate * rate) + (this->is_double ? 1e-12 : 3e-5));
         }
         ++count, top = 0.0;
       }
@@ -283,7 +284,7 @@ TYPED_TEST(Impacts, a_turning_hand_goes_on_pressing) {
   }
 }
 
-// A block slides between two pads: its way is v^2 / (2 a) with a = 2 mu N / m, but for the half step of the integrator.
+// A block slides between two pads: its way is v^2 / (2 a) with a = 2 mu N / m, but for a half step of euler.
 TYPED_TEST(Impacts, braking_pads_brake_whatever_their_servos_stiffness) {
   for (const auto& [rate, kp, mass] :
        {std::tuple(240, 1e3, 20.0), {240, 1e4, 20.0}, {240, 1e5, 20.0}, {240, 1e5, 80.0}, {60, 1e5, 20.0}}) {
@@ -298,9 +299,12 @@ TYPED_TEST(Impacts, braking_pads_brake_whatever_their_servos_stiffness) {
     model.roots.back().velocity[5] = 0.5;
     model.contacts = {{"left", "block"}, {"right", "block"}};
     const double way = 0.25 * mass / (4 * 0.5 * 20.0);
-    Batch<TypeParam> batch = batch_of<TypeParam>(model, 1.0 / rate);
-    batch.step(static_cast<int>(6 * way / 0.5 * rate) + 10);
-    EXPECT_NEAR(batch.root_poses()(2, 0), way - 0.25 / rate, 0.02 * way) << rate << ' ' << kp << ' ' << mass;
+    for (const auto& [integrator, half_step] :
+         {std::pair(Integrator::euler, 0.25 / rate), {Integrator::leapfrog, 0.0}}) {
+      Batch<TypeParam> batch = batch_of<TypeParam>(model, 1.0 / rate, 1, integrator);
+      batch.step(static_cast<int>(6 * way / 0.5 * rate) + 10);
+      EXPECT_NEAR(batch.root_poses()(2, 0), way - half_step, 0.02 * way) << rate << ' ' << kp << ' ' << mass;
+    }
   }
 }
 

@@ -173,13 +173,9 @@ TEST_P(BoundsSettings, refuse_a_softness_per_environment_beside_a_force_limit) {
   EXPECT_NO_THROW(compile(model, settings));
 }
 
-TEST_P(BoundsSettings, refuse_coupling_switches_for_reduced_only) {
+TEST_P(BoundsSettings, stand_beside_coupling_switches) {
   const Model model = contract::bounded(scenes::chain8());
-  const StepSettings settings = contract::settings(GetParam(), {Parameter::coupling_switch});
-  if (GetParam() == Method::reduced)
-    expect_refused(model, settings, "method", "couplings are switched per environment", "use direct");
-  else
-    EXPECT_NO_THROW(compile(model, settings));
+  EXPECT_NO_THROW(compile(model, contract::settings(GetParam(), {Parameter::coupling_switch})));
 }
 
 // The sub-steps of tgs share the erp of a hard limit. A Spring has none.

@@ -31,8 +31,9 @@ TEST(Description, names_the_method_its_reason_and_what_it_costs) {
                   {"Method: tgs (as asked for)", "5 rows, 4 sub-steps of one sweep, then 1 velocity iteration"});
   expect_contains(compile(scenes::gripper13(), {.method = Method::pgs}),
                   {"Method: pgs (as asked for)", "5 rows, 4 sweeps"});
-  expect_contains(compile(scenes::chain8(), {.per_environment = {Parameter::softness}}),
-                  {"Method: direct (the softness differs per environment", "4 rows are solved together"});
+  expect_contains(
+      compile(scenes::chain8(), {.per_environment = {Parameter::softness}}),
+      {"Method: direct (softness or switches of couplings differ per environment", "4 rows are solved together"});
 }
 
 // Plans with solved rows have constraint velocities (M77) where A is formed and each coupling has a joint of its own.

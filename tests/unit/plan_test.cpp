@@ -65,9 +65,7 @@ INSTANTIATE_TEST_SUITE_P(
                s.ignore.friction = {"j0", "nobody"};
              },
              "ignore"},
-        Rule{"reduced_with_own_softness",
-             [](StepSettings& s) { s = {.method = Method::reduced, .per_environment = {Parameter::softness}}; },
-             "method"}),
+        Rule{"guard_of_zero", [](StepSettings& s) { s.guard = 0.0; }, "guard"}),
     [](const auto& rule) { return std::string(rule.param.name); });
 
 TEST(Compile, accepts_settings_at_their_limits) {

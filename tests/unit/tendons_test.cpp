@@ -367,11 +367,26 @@ TEST(Tendons, need_couplings_that_are_eliminated) {
     settings.method = method;
     EXPECT_THROW(compile(model, settings), SettingsError) << to_string(method);
   }
-  for (const Parameter field : {Parameter::softness, Parameter::coupling_switch}) {
-    StepSettings settings;
-    settings.per_environment = {field};
-    EXPECT_THROW(compile(model, settings), SettingsError);
-  }
+}
+
+// Other couplings may be soft or off in an environment; where the tendon is must not depend on it.
+TEST(Tendons, stand_beside_softness_and_switches_per_environment) {
+  Model model = pair_of_sliders();
+  add_tendon(model, "t", {{"s0", 1.0}, {"s1", 1.0}});
+  StepSettings settings;
+  settings.per_environment = {Parameter::softness, Parameter::coupling_switch};
+  Batch<double> batch(compile(model, settings), 3, {.threads = 1});
+  batch.efforts().setConstant(1.0);
+  batch.step(10);
+  for (int e = 0; e < 3; ++e) EXPECT_EQ(batch.faults()[e], Fault::none);
+  const int t = batch.plan().dof("t"), s0 = batch.plan().dof("s0"), s1 = batch.plan().dof("s1");
+  EXPECT_NEAR(batch.positions()(t, 0), batch.positions()(s0, 0) + batch.positions()(s1, 0), 1e-12);
+  batch.parameter(Parameter::coupling_switch)(0, 1) = 0.0;
+  batch.parameter(Parameter::softness)(1, 2) = 0.1;
+  batch.step(1);
+  EXPECT_EQ(batch.faults()[0], Fault::none);
+  EXPECT_EQ(batch.faults()[1], Fault::bad_value);
+  EXPECT_EQ(batch.faults()[2], Fault::bad_value);
 }
 
 }  // namespace

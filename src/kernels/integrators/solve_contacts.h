@@ -42,8 +42,10 @@ typename T::Mask renew_slips(const Tables<ScalarOf<T>>& t, typename T::Mask open
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     for (int s = 0; s < pair.slots; ++s) {
       const T found = patch.friction * sliding_speed(slots[s], slots[s].speed);
-      differs = differs | (less(allowed, absolute(found - slots[s].slip)) & less(zero, slots[s].force.impulse[0]) &
-                           ~slots[s].given);
+      // A slip that is too large lets a slot through that ought to press.
+      const auto acts =
+          less(zero, slots[s].force.impulse[0]) | (less(slots[s].speed[0] + slots[s].bias, -allowed) & slots[s].live);
+      differs = differs | (less(allowed, absolute(found - slots[s].slip)) & acts & ~slots[s].given);
     }
   });
   differs = differs & open;
@@ -145,12 +147,6 @@ typename T::Mask begin_relaxing(const Tables<ScalarOf<T>>& t, typename T::Mask o
       const auto overlaps = pair.soft ? T::none() : ~less(zero, slot.gap) & ~slot.bounces;
       slot.push = select(lanes & overlaps, smaller(slot.load, slot.force.impulse[0]), zero);
       slot.bias = select(lanes & (overlaps | slot.bounces), zero, slot.bias);
-      if (t.solves_midpoint) {  // what bounces has moved positions by its flight, and is to stop now
-        const auto stops = lanes & slot.bounces;
-        slot.slip = select(stops, zero, slot.slip);
-        slot.slip_before = select(stops, zero, slot.slip_before);
-        slot.found_before = select(stops, zero, slot.found_before);
-      }
       slot.target = slot.bias + slot.slip;
       slot.relaxes = lanes;
       const auto goes_on = slot.goes_on & ~slot.bounces;
