@@ -13,8 +13,9 @@
 
 namespace lockstep::kernels {
 
-constexpr double slip_tolerance = 1e-5;  ///< m: by how much the slip of a step may differ from the one assumed
-constexpr double most_slip_gain = 3.0;   ///< (M114)
+constexpr double slip_tolerance = 1e-5;     ///< m: by how much the slip of a step may differ from the one assumed
+constexpr double most_slip_error = 2.4e-3;  ///< m/s: the same for short steps, in which errors add up
+constexpr double most_slip_gain = 3.0;      ///< (M114)
 constexpr double most_slip_slope = 0.9;
 constexpr double most_let_through = 1.01;  ///< (M109): of what the compliance lets through while an impact is stopped
 constexpr double energy_tolerance = 0.01;  ///< (M116)
@@ -37,7 +38,7 @@ template <class T>
 typename T::Mask renew_slips(const Tables<ScalarOf<T>>& t, typename T::Mask open, int pass, Tile<T>& x) {
   using S = ScalarOf<T>;
   const T zero = T(0), one = T(1);
-  const T allowed = T(S(slip_tolerance / static_cast<double>(t.dt)));
+  const T allowed = smaller(T(S(slip_tolerance / static_cast<double>(t.dt))), T(S(most_slip_error)));
   typename T::Mask differs = T::none();
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     for (int s = 0; s < pair.slots; ++s) {
