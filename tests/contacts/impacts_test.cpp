@@ -55,7 +55,8 @@ Model pendulum(double height, double friction, double restitution) {
 
 // A locked tip, nearly below its pivot, has friction that no slip can follow. It loses energy all the same. The slack
 // is gravity's way of a step: a state shows speeds of half a step before it.
-TYPED_TEST(Impacts, of_a_pendulums_tip_give_no_energy) {
+template <class S>
+void pendulums_gain_no_energy(Integrator integrator, double slack) {
   constexpr int environments = 40;
   std::mt19937 generator(1);
   const auto uniform = [&](double low, double high) {
@@ -65,24 +66,33 @@ TYPED_TEST(Impacts, of_a_pendulums_tip_give_no_energy) {
     for (const double restitution : {0.0, 0.3, 0.8, 1.0})
       for (const int rate : {60, 240, 1000}) {
         const double height = uniform(0.12, 0.26);
-        Batch<TypeParam> batch = batch_of<TypeParam>(pendulum(height, friction, restitution), 1.0 / rate, environments);
+        Batch<S> batch = batch_of<S>(pendulum(height, friction, restitution), 1.0 / rate, environments, integrator);
         for (int e = 0; e < environments; ++e) {
           double angle = uniform(-1.5, 1.5);
           while (height - 0.2 * std::cos(angle) < 0.021) angle = uniform(-1.5, 1.5);
-          batch.positions()(0, e) = static_cast<TypeParam>(angle);
-          batch.velocities()(0, e) = static_cast<TypeParam>(uniform(-3, 3));
+          batch.positions()(0, e) = static_cast<S>(angle);
+          batch.velocities()(0, e) = static_cast<S>(uniform(-3, 3));
         }
         Eigen::ArrayXd before = energy(batch);
         for (int i = 0; i < rate; ++i) {
           const double fastest = batch.velocities().abs().maxCoeff() + 9.81 / rate;
           batch.step(1);
           const Eigen::ArrayXd now = energy(batch);
-          EXPECT_LT((now - before).maxCoeff(), 1e-4 + 1.5 * 9.81 / rate * 0.5 * 0.2 * fastest)
+          EXPECT_LT((now - before).maxCoeff(), slack + 1.5 * 9.81 / rate * 0.5 * 0.2 * fastest)
               << friction << ' ' << restitution << ' ' << rate << ' ' << i;
           before = now;
         }
-        for (const Fault fault : batch.faults()) EXPECT_EQ(fault, Fault::none);
+        // Perfect bounces at 60 Hz gain half a per cent each in a leapfrog, as the tip turns. The audit stops them.
+        const bool may_stop = integrator == Integrator::leapfrog && restitution == 1.0 && rate == 60;
+        for (const Fault fault : batch.faults())
+          EXPECT_TRUE(fault == Fault::none || (may_stop && fault == Fault::too_fast));
       }
+}
+TYPED_TEST(Impacts, of_a_pendulums_tip_give_no_energy) { pendulums_gain_no_energy<TypeParam>(Integrator::euler, 1e-4); }
+
+// Here what jams in an overlap is lifted out by more in a step: 0.1 mm.
+TYPED_TEST(Impacts, of_a_pendulums_tip_give_no_energy_in_leapfrog) {
+  pendulums_gain_no_energy<TypeParam>(Integrator::leapfrog, 5e-4);
 }
 
 // The tip begins inside of the floor at rest, without friction. Near its dead point a push-out needs much turning for
