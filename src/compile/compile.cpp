@@ -19,6 +19,8 @@ constexpr double most_gain = 0.04;   // from nowhere, as a share of the largest 
 // What may bring energy that the audit does not know of, (M93); empty if nothing.
 std::string audit_obstacle(const Program& program) {
   if (program.settings.guard == infinity) return "guard is infinity";
+  if (program.integrator == Integrator::euler && program.f64.contacts.used())
+    return "velocities of euler are half a step late, which beside contacts looks like energy";
   const Bounds<double>& b = program.f64.bounds;
   for (int r = 0; r < b.rows.count; ++r)
     if (b.kinematic[r] || b.kind[r] == BoundKind::soft_drive || b.kind[r] == BoundKind::drive)
