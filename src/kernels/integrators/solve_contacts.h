@@ -14,7 +14,7 @@
 namespace lockstep::kernels {
 
 constexpr double slip_tolerance = 1e-5;     ///< m: by how much the slip of a step may differ from the one assumed
-constexpr double most_slip_error = 2.4e-3;  ///< m/s: the same for short steps, in which errors add up
+constexpr double most_slip_error = 2.4e-3;  ///< m/s: the same for short steps of a leapfrog, where errors add up
 constexpr double most_slip_gain = 3.0;      ///< (M114)
 constexpr double most_slip_slope = 0.9;
 constexpr double most_let_through = 1.01;  ///< (M109): of what the compliance lets through while an impact is stopped
@@ -38,14 +38,15 @@ template <class T>
 typename T::Mask renew_slips(const Tables<ScalarOf<T>>& t, typename T::Mask open, int pass, Tile<T>& x) {
   using S = ScalarOf<T>;
   const T zero = T(0), one = T(1);
-  const T allowed = smaller(T(S(slip_tolerance / static_cast<double>(t.dt))), T(S(most_slip_error)));
+  const double tolerance = slip_tolerance / static_cast<double>(t.dt);
+  const T allowed = T(S(t.solves_midpoint && tolerance > most_slip_error ? most_slip_error : tolerance));
   typename T::Mask differs = T::none();
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
     for (int s = 0; s < pair.slots; ++s) {
       const T found = patch.friction * sliding_speed(slots[s], slots[s].speed);
       // A slip that is too large lets a slot through that ought to press.
-      const auto acts =
-          less(zero, slots[s].force.impulse[0]) | (less(slots[s].speed[0] + slots[s].bias, -allowed) & slots[s].live);
+      auto acts = less(zero, slots[s].force.impulse[0]);
+      if (t.solves_midpoint) acts = acts | (less(slots[s].speed[0] + slots[s].bias, -allowed) & slots[s].live);
       differs = differs | (less(allowed, absolute(found - slots[s].slip)) & acts & ~slots[s].given);
     }
   });
