@@ -1,7 +1,7 @@
 // What contacts cost and how well they hold, in the scenes of tests/contact_scenes.h. SPDX-License-Identifier:
 // Apache-2.0
 //
-//   contacts_bench [f32|f64] [environments] [hertz]
+//   contacts_bench [f32|f64] [environments] [hertz] [euler|leapfrog]
 //
 // One JSON line a scene: processor time of a step of one environment (ns; minimum and median of 15 stretches of the
 // motion, one thread), and the scene's error as peer.mjs measures it. Environments do the same at the same time.
@@ -26,13 +26,15 @@ double seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
+Integrator integrator = Integrator::euler;
+
 /// Steps a scene and times stretches of it. `inputs` sets targets for the time t; `look` measures after a step.
 template <class S>
 struct Run {
   Run(const char* name, const Model& model, int environments, int hertz)
       : name(name),
         hertz(hertz),
-        plan(compile(model, {.dt = 1.0 / hertz})),
+        plan(compile(model, {.dt = 1.0 / hertz, .integrator = integrator})),
         batch(plan, environments, {.threads = 1}) {}
 
   template <class Inputs, class Look>
@@ -195,9 +197,11 @@ void all(int environments, int hertz) {
 int main(int count, char** arguments) {
   const bool twice = count > 1 && std::string(arguments[1]) == "f64";
   const int environments = count > 2 ? std::atoi(arguments[2]) : 256, hertz = count > 3 ? std::atoi(arguments[3]) : 240;
-  if (environments < 1 || hertz < 1) {
-    std::fprintf(stderr, "contacts_bench [f32|f64] [environments] [hertz]\n");
+  const std::string steps_by = count > 4 ? arguments[4] : "euler";
+  if (environments < 1 || hertz < 1 || (steps_by != "euler" && steps_by != "leapfrog")) {
+    std::fprintf(stderr, "contacts_bench [f32|f64] [environments] [hertz] [euler|leapfrog]\n");
     return 2;
   }
+  if (steps_by == "leapfrog") integrator = Integrator::leapfrog;
   twice ? all<double>(environments, hertz) : all<float>(environments, hertz);
 }
