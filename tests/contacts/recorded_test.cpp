@@ -61,11 +61,8 @@ TEST(RecordedImpulses, of_couplings_carry_the_force_of_a_contact) {
 
 // A box that slides to rest gives all of its energy to friction.
 TEST(RecordedBalances, name_what_friction_takes) {
-  Model model;
-  add_block(model, "box", 1.0, {0.2, 0.2, 0.1}, {0, 0, 0.05}, 0.5);
-  model.roots.back().velocity[3] = 3.0;
-  add_floor(model, 0.5);
-  model.contacts = {{"floor", "box"}};
+  Model model = block();
+  model.roots[0].velocity[3] = 3.0;
   StepSettings settings;
   settings.dt = 1e-3;
   settings.record_diagnostics = true;
