@@ -208,6 +208,23 @@ inline Model wall(double limit = 1.2) {
   return m;
 }
 
+/// A finger whose joints a tendon's servo bends until its tip presses on a wall and the tendon is at its end.
+inline Model finger() {
+  Model model = wall();
+  model.couplings.clear();
+  model.joints[0].drive = {.kp = 0.02, .kd = 0.002};
+  model.joints[1].lower = -1.0, model.joints[1].upper = 1.4;
+  for (Joint& joint : model.joints) joint.damping = 1e-3;
+  Joint tendon;
+  tendon.name = "t", tendon.kind = JointKind::tendon;
+  tendon.position = 0.1, tendon.lower = -3.0, tendon.upper = 1.2;
+  tendon.drive = {.kp = 20.0, .kd = 0.05, .position_target = 2.0};
+  tendon.effort_limit = 0.15;
+  model.joints.push_back(tendon);
+  model.couplings.push_back({"t", {{"q1", -1.0}, {"q2", -1.0}}, 0.0, Hard{}});
+  return model;
+}
+
 /// Four legs with two servos and a knee that follows the hip, each with a round foot.
 inline Model quadruped() {
   Model m;

@@ -167,6 +167,22 @@ TEST(Midpoint, stamping_feet_are_several_times_as_accurate_as_those_of_euler) {
   EXPECT_LT(error(Integrator::leapfrog), 3e-4);
 }
 
+// A tendon pulls with all its effort: the row takes the solve at the midpoint, which small steps of euler confirm.
+TEST(Midpoint, rows_over_several_velocities_move_as_small_steps_say) {
+  const auto end = [](Integrator integrator, int parts) {
+    StepSettings settings = leapfrog(240.0 * parts);
+    settings.integrator = integrator;
+    Batch<double> batch(compile(finger(), settings), 1, {.threads = 1});
+    batch.step(10 * parts);
+    EXPECT_EQ(batch.faults()[0], Fault::none);
+    return Eigen::ArrayXd(batch.positions().col(0));
+  };
+  const Eigen::ArrayXd truth = end(Integrator::euler, 128);
+  const double ours = (end(Integrator::leapfrog, 1) - truth).abs().maxCoeff();
+  EXPECT_LT(ours, 2e-3);
+  EXPECT_LT(20.0 * ours, (end(Integrator::euler, 1) - truth).abs().maxCoeff());
+}
+
 // Contacts that are declared and far away change no bit, also where the guard takes halves and bounds act.
 TEST(Midpoint, contacts_that_nothing_touches_change_no_bit) {
   for (const double guard : {0.01, infinity}) {

@@ -2,6 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
+#include <cstring>
+
 #include <Eigen/Dense>
 #include <random>
 #include <vector>
@@ -50,7 +52,7 @@ struct Environment {
     kernels::lay_out(t, scratch.data(), x);
   }
 
-  void step() { baseline_scalar_f64.advance(t, batch, 0, 1, 1, scratch.data()); }
+  void step(int steps = 1) { baseline_scalar_f64.advance(t, batch, 0, 1, steps, scratch.data()); }
 
   double* block(int rows) { return blocks.emplace_back(static_cast<std::size_t>(rows) + 1, 0.0).data(); }
 
@@ -214,6 +216,26 @@ TEST(ContactSteps, of_a_gripper_with_jumping_targets_do_both) {
   EXPECT_LT(tally.newton_step, 1.0);
   EXPECT_LT(tally.unfinished, tally.steps / 100);
   EXPECT_LT(tally.unsettled, tally.steps / 20);
+}
+
+// What a tile has left in memory, of another environment or of nothing at all, says nothing to the next steps.
+TEST(Scratch, of_other_environments_changes_no_bit) {
+  Model soft = finger();
+  soft.joints[0].limit_softness = Spring{30.0, 1.0}, soft.joints[1].friction = 0.01;
+  for (const Model& model : {pile(1), quadruped(), finger(), soft, Grasp{0.1}.model()})
+    for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
+      StepSettings settings;
+      settings.integrator = integrator;
+      const Plan plan = compile(model, settings);
+      Environment clean(plan), dirty(plan);
+      for (int i = 0; i < 40; ++i) {
+        std::memset(clean.scratch.data(), 0, sizeof(clean.scratch[0]) * clean.scratch.size());
+        std::memset(dirty.scratch.data(), 0xff, sizeof(dirty.scratch[0]) * dirty.scratch.size());
+        clean.step(6), dirty.step(6);
+        ASSERT_EQ(clean.fault, dirty.fault) << model.name << " " << i;
+        ASSERT_EQ(clean.blocks, dirty.blocks) << model.name << " " << to_string(integrator) << " " << i;
+      }
+    }
 }
 
 }  // namespace

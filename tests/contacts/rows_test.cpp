@@ -121,23 +121,6 @@ TEST(RowsBesideContacts, agree_with_the_reference) {
   EXPECT_LT(errors[errors.size() * 97 / 100], 1e-6);  // the rest: rows that slow updates take for contradictions
 }
 
-// A finger whose joints a tendon's servo bends until its tip presses on a wall and the tendon is at its end.
-Model finger() {
-  Model model = wall();
-  model.couplings.clear();
-  model.joints[0].drive = {.kp = 0.02, .kd = 0.002};
-  model.joints[1].lower = -1.0, model.joints[1].upper = 1.4;
-  for (Joint& joint : model.joints) joint.damping = 1e-3;
-  Joint tendon;
-  tendon.name = "t", tendon.kind = JointKind::tendon;
-  tendon.position = 0.1, tendon.lower = -3.0, tendon.upper = 1.2;
-  tendon.drive = {.kp = 20.0, .kd = 0.05, .position_target = 2.0};
-  tendon.effort_limit = 0.15;
-  model.joints.push_back(tendon);
-  model.couplings.push_back({"t", {{"q1", -1.0}, {"q2", -1.0}}, 0.0, Hard{}});
-  return model;
-}
-
 template <class S>
 class TendonsBesideContacts : public testing::Test {};
 using Precisions = testing::Types<float, double>;

@@ -109,7 +109,7 @@ void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   }
   for (int i = 0; i < t.servos.count; ++i) {
     const int j = t.servos[i];
-    const Servo<T> own = servo<T>(t, batch, x, j, time);
+    const Servo<T> own = servo_of_solve<T>(t, batch, x, j, time);
     const T v = x.state.v[t.velocity_of(j)];
     const T reached = fma(ahead, v, x.state.q[j]) - own.position;  // kp acts on the position that the joint reaches
     x.dynamics.rhs[t.velocity_of(j)] =
@@ -117,7 +117,8 @@ void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   }
   for (int i = 0; i < t.springs.count; ++i) {
     const int j = t.springs[i], z = t.velocity_of(j);
-    const T stretched = fma(ahead, x.state.v[z], x.state.q[j]) - without_whole_turns(t, x, j, T(t.rest[j]));
+    const T until = t.solves_midpoint ? select(x.midpoint.halved[j], T(0), ahead) : ahead;  // (M122)
+    const T stretched = fma(until, x.state.v[z], x.state.q[j]) - without_whole_turns(t, x, j, T(t.rest[j]));
     x.dynamics.rhs[z] = fnma(h * stiffness<T>(t, batch, j), stretched, x.dynamics.rhs[z]);
   }
   if (t.reduction.removes_by_force)

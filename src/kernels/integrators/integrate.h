@@ -44,7 +44,7 @@ void apply_impulses(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Phase phase,
     each_of(rows.moved, [&](int z) LOCKSTEP_INLINED { v[z] = fma(free[z], share, x.dynamics.inverse[z] * v[z]); });
     each_of(rows.unmoved, [&](int z) LOCKSTEP_INLINED { v[z] = free[z] * share; });
   }
-  if (t.bounds.rows.count > 0) add_bounds(t, x, phase, v);
+  if (t.bounds.rows.count > 0 && !t.rounds.used()) add_bounds(t, x, phase, v);  // rounds need no responses
 }
 
 /// v <- L^-1 v for one or two vectors. Constraint velocities that are known are set, not solved (M79).

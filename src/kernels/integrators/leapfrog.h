@@ -21,7 +21,6 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   using A = Alexander<S>;
   const int n = t.velocities;
   const S half = t.step * S(0.5);
-  x.bounds.active_count = 0;  // stages have no rows of the step before
   for (int j = 0; j < t.joints; ++j)
     x.state.q[j] = x.stages.midpoint.q[j] = fma(T(half), x.stages.begin.v[t.velocity_of(j)], x.stages.begin.q[j]);
   for (int k = 0; k < n; ++k) x.state.v[k] = x.stages.begin.v[k];

@@ -20,15 +20,8 @@ struct LinearTerms {
   LOCKSTEP_INLINE T inertia(T time) const { return time * fma(time, stiffness, damping); }
 };
 
-/// Of springs and dampers. Servos add theirs.
-template <class T>
-LOCKSTEP_INLINE LinearTerms<T> passive_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
-                                             int j) {
-  return {field<T>(batch, Parameter::damping, t.damping.data).at(j, t.dof[j]), stiffness<T>(t, batch, j)};
-}
-
-/// act(joint, its row of S: velocities of the rounds and shares, linear terms of the stages, those of the midpoint's
-/// matrix). Servos with an effort limit are not among the last: the rounds have them.
+/// act(joint, its linear terms in the stages, those in the matrix of the midpoint). Servos with an effort limit are not
+/// among the last: the rounds have them.
 template <class T, class Act>
 void each_implicit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Act&& act) {
   const Rounds& rounds = t.rounds;
@@ -36,7 +29,8 @@ void each_implicit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   int a = 0, b = 0;
   for (int i = 0; i < rounds.implicit.count; ++i) {
     const ImplicitJoint& joint = rounds.implicit[i];
-    LinearTerms<T> of_stage = passive_terms<T>(t, batch, joint.joint), of_midpoint = of_stage;
+    const T damping = field<T>(batch, Parameter::damping, t.damping.data).at(joint.joint, t.dof[joint.joint]);
+    LinearTerms<T> of_stage{damping, stiffness<T>(t, batch, joint.joint)}, of_midpoint = of_stage;
     const auto add = [&](LinearTerms<T>& terms) LOCKSTEP_INLINED {
       const Gains<T> own = gains<T>(t, batch, joint.joint);
       terms.damping += own.kd, terms.stiffness += own.kp;
@@ -88,37 +82,6 @@ void matrix_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   });
 }
 
-/// (M122): step times all forces at the midpoint, with the bias forces of the prediction. `t` are the tables of the
-/// solve.
-template <class T>
-void forces_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
-  const T h = T(t.dt), zero = T(0);
-  for (int r = 0; r < t.roots.count; ++r)
-    for (int i = t.roots[r].velocity, last = i + 6; i < last; ++i) x.dynamics.rhs[i] = -(h * x.dynamics.bias[i]);
-  const int *limited = t.limited_efforts.data, *const end = limited + t.limited_efforts.count;
-  const int *searched = t.row_servos.data, *const searched_end = searched + t.row_servos.count;
-  for (int j = 0; j < t.joints; ++j) {
-    const int k = t.velocity_of(j);
-    const LinearTerms<T> passive = passive_terms<T>(t, batch, j);
-    const T v = x.state.v[k];
-    T effort = feed_forward<T>(t, batch, j, time);
-    if (searched != searched_end && *searched == j) effort = zero, ++searched;  // it is in the servo's row
-    if (limited != end && *limited == j) {
-      const T most = effort_limit<T>(t, batch, j);
-      effort = clamp(effort, -most, most);
-      ++limited;
-    }
-    const T stretched =
-        x.state.q[j] + select(x.midpoint.halved[j], zero, h * v) - without_whole_turns(t, x, j, T(t.rest[j]));
-    x.dynamics.rhs[k] = h * (fnma(passive.stiffness, stretched, fnma(passive.damping, v, effort)) - x.dynamics.bias[k]);
-  }
-  for (int i = 0; i < t.servos.count; ++i) {
-    const int j = t.servos[i], k = t.velocity_of(j);
-    const Servo<T> own = servo_of_solve<T>(t, batch, x, j, time);
-    x.dynamics.rhs[k] = fma(h, own.force(h, x.state.q[j], x.state.v[k]), x.dynamics.rhs[k]);
-  }
-}
-
 /// (M67) in lanes where something holds what the stages move freely: the bias forces at the velocities `middle` of the
 /// solver, in place of those of the stages' prediction.
 template <class T>
@@ -137,16 +100,6 @@ void predict_bias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   bias_forces(t, batch, x);
   for (int k = 0; k < t.velocities; ++k) x.dynamics.bias[k] = select(lanes, x.dynamics.bias[k], before[k]);
   x.midpoint.predicted = x.midpoint.predicted | lanes;
-}
-
-/// Back to the prediction of the stages, in lanes that keep these.
-template <class T>
-void return_to_stages(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
-  for (int k = 0; k < t.velocities; ++k) {
-    x.dynamics.bias[k] = select(lanes, x.midpoint.bias[k], x.dynamics.bias[k]);
-    if (t.guarded) x.guard.change[k] = select(lanes, x.midpoint.change[k], x.guard.change[k]);
-  }
-  x.midpoint.predicted = x.midpoint.predicted & ~lanes;
 }
 
 /// The same where contacts go on: with the impulses that they had in the step before.
@@ -170,10 +123,20 @@ void predict_with_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<Sca
   solve_downwards(t, x, middle, static_cast<T*>(nullptr));
   const T half = T(S(0.5)), share = T(S(0.5) / Alexander<S>::gamma);
   for (int z = 0; z < t.solver.n; ++z) {
-    const int k = t.reduction.used() ? t.reduction.independent[z] : z;
+    const int k = t.reduction.velocity_of(z);
     middle[z] = fma(half, middle[z], fma(share, x.midpoint.change[k], x.stages.midpoint.v[k]));
   }
   predict_bias(t, batch, lanes, middle, x);
+}
+
+/// Back to the prediction of the stages, in lanes that keep these.
+template <class T>
+void return_to_stages(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
+  for (int k = 0; k < t.velocities; ++k) {
+    x.dynamics.bias[k] = select(lanes, x.midpoint.bias[k], x.dynamics.bias[k]);
+    if (t.guarded) x.guard.change[k] = select(lanes, x.midpoint.change[k], x.guard.change[k]);
+  }
+  x.midpoint.predicted = x.midpoint.predicted & ~lanes;
 }
 
 /// The momenta of the rounds at the midpoint, with the present bias forces.
@@ -186,7 +149,7 @@ void momenta_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scala
   x.solves_twice = t.solve_twice;
   if (t.couplings > 0) coupling_errors(t, x);
   if (t.reduction.followers > 0) follow(solve, x);
-  forces_at_midpoint(solve, batch, x, time);
+  joint_forces(solve, batch, x, time);
   momenta_to_gain(solve, x);
   keep_momentum(solve, x);
   for (int r = 0; r < t.rows.count; ++r) {
@@ -211,7 +174,7 @@ void close_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   if (const auto flies = lanes & ~less(T(1), landing); any(flies))
     for (int z = 0; z < n; ++z) {
       const T start = x.dynamics.start[z], left = T(1) - landing;
-      const T gain = half * (x.next.v[t.reduction.used() ? t.reduction.independent[z] : z] - start);
+      const T gain = half * (x.next.v[t.reduction.velocity_of(z)] - start);
       const T way = fma(landing, fma(landing, gain, start), left * fnma(left, gain, second[z]));
       mean[z] = select(flies, way, mean[z]);
     }
@@ -296,7 +259,7 @@ typename T::Mask solve_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, const 
   const Tables<S>& solve = *t.midpoint;
   const T half = T(S(0.5));
   for (int z = 0; z < t.solver.n; ++z) {
-    const int k = t.reduction.used() ? t.reduction.independent[z] : z, place = t.rounds.place[z];
+    const int k = t.reduction.velocity_of(z), place = t.rounds.place[z];
     x.rounds.z[place] = x.next.v[k];
     x.midpoint.end[place] = fnma(half, x.stages.midpoint.v[k], x.stages.mean_velocity[k]);
     x.midpoint.way[place] = fma(half, x.next.v[k], x.midpoint.end[place]);
@@ -377,7 +340,7 @@ template <class T>
 void remember_midpoint(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   if (!t.contacts.used()) return;
   for (int z = 0; z < t.solver.n; ++z) {
-    const int k = t.reduction.used() ? t.reduction.independent[z] : z;
+    const int k = t.reduction.velocity_of(z);
     x.midpoint.way[t.rounds.place[z]] = x.stages.midpoint.v[k];
   }
   remember_start(t, x.midpoint.way, x);
