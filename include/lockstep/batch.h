@@ -284,6 +284,11 @@ class LOCKSTEP_API Batch {
   /// Empty without a fault. Throws UsageError for an environment outside the batch.
   std::string explain_fault(int environment) const;
 
+  /// In words: what the last call of step() has spent on contacts and on rows over several velocities, in the mean of
+  /// an environment and step, and how many solves have ended at their cap since the resets. Quantity::solve_counts has
+  /// the numbers by environment. For people, so the words may change.
+  std::string describe() const;
+
   /// Looks at the values that stand there, by the rules of step(): impossible values in declared fields, NaN and
   /// infinity in state, inputs and fields, root quaternions of 0; and targets that differ from the model's although the
   /// joint has no drive. By environment. Changes nothing.

@@ -230,7 +230,8 @@ enum {
   LOCKSTEP_READ_CONTACT_GAP = 13,
   LOCKSTEP_READ_CONTACT_SLIP = 14,
   LOCKSTEP_READ_CONTACT_POINT = 15, /* 11 rows by slot: point, normal, force, gap, speed along the surface */
-  LOCKSTEP_READ_UNFINISHED_CONTACTS = 16
+  LOCKSTEP_READ_UNFINISHED_CONTACTS = 16,
+  LOCKSTEP_READ_SOLVE_COUNTS = 17 /* 11 rows: what the last step has spent on contacts, see query.h */
 };
 typedef struct {
   uint32_t size;

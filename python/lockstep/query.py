@@ -22,6 +22,8 @@ class Query:
     contact_gap, contact_slip            pairs   1: m, m/s
     contact_point                        -       11 for each slot: point, normal, force, gap, speed along the surface
     unfinished_contacts                  -       1
+    solve_counts                         -       11: of the last step: steps, pairs near, points live, points pressing,
+                                                 solves, passes, rounds, trials; points, rounds, trials of the tile
     """
 
     quantity: str

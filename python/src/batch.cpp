@@ -305,6 +305,9 @@ void bind_steps(Class& batch) {
       "explain_fault",
       [](AnyBatch& b, int environment) { return b.use([&](auto& own) { return own.explain_fault(environment); }); },
       "environment"_a, "the fault in words; empty without one");
+  batch.def(
+      "describe", [](AnyBatch& b) { return b.use([](auto& own) { return own.describe(); }); },
+      "in words: what the last call of step() has spent on contacts, in the mean of an environment and step");
   batch.def("fault_report", &report_of, "environment"_a,
             "fault, code, stage, joint, step and time of the fault, as a dict");
 }

@@ -95,7 +95,8 @@ const Names<Quantity> quantities = {{"q", Quantity::position},
                                     {"contact_gap", Quantity::contact_gap},
                                     {"contact_slip", Quantity::contact_slip},
                                     {"contact_point", Quantity::contact_point},
-                                    {"unfinished_contacts", Quantity::unfinished_contacts}};
+                                    {"unfinished_contacts", Quantity::unfinished_contacts},
+                                    {"solve_counts", Quantity::solve_counts}};
 
 int place_in(const std::vector<std::string>& names, const std::string& name, const char* kind) {
   const auto found = std::find(names.begin(), names.end(), name);
@@ -108,7 +109,7 @@ int row_of(const Plan& plan, const std::string& quantity, const std::string& nam
   if (quantity.starts_with("site")) return plan.site(name);
   if (quantity.starts_with("coupling")) return place_in(coupling_names(plan.model()), name, "coupling");
   if (quantity.starts_with("root")) return place_in(plan.root_names(), name, "floating root");
-  if (quantity == "contact_point" || quantity == "unfinished_contacts")
+  if (quantity == "contact_point" || quantity == "unfinished_contacts" || quantity == "solve_counts")
     throw UsageError("query of " + quantity, "has rows, which have no names", "leave them out");
   if (quantity.starts_with("contact")) return plan.contact(name);
   if (quantity.ends_with("energy"))

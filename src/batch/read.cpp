@@ -8,7 +8,9 @@ namespace {
 bool is_of_links(Quantity quantity) { return quantity == Quantity::link_pose || quantity == Quantity::link_velocity; }
 bool is_of_frames(Quantity quantity) { return quantity >= Quantity::link_pose && quantity <= Quantity::site_velocity; }
 
-bool is_of_contacts(Quantity quantity) { return quantity >= Quantity::contact_force; }
+bool is_of_contacts(Quantity quantity) {
+  return quantity >= Quantity::contact_force && quantity <= Quantity::unfinished_contacts;
+}
 
 template <class Act>
 void for_each_element(const Query& query, int elements, const Act& act) {
@@ -54,6 +56,7 @@ class Batch<S>::Impl::TileReader {
       case Quantity::effort: return copy(query, elements, tile_.effort, 1);
       case Quantity::root_pose: return copy(query, elements, tile_.root_pose, 7);
       case Quantity::root_velocity: return copy(query, elements, tile_.root_velocity, 6);
+      case Quantity::solve_counts: return copy(query, elements, tile_.solve_counts, solve_count_rows);
       case Quantity::coupling_error: return compute(query, elements, kernels::Quantity::coupling_errors);
       case Quantity::kinetic_energy: return compute(query, elements, kernels::Quantity::kinetic_energy);
       case Quantity::potential_energy: return compute(query, elements, kernels::Quantity::potential_energy);

@@ -97,7 +97,8 @@ constexpr Quantity quantities[] = {Quantity::position,
                                    Quantity::contact_gap,
                                    Quantity::contact_slip,
                                    Quantity::contact_point,
-                                   Quantity::unfinished_contacts};
+                                   Quantity::unfinished_contacts,
+                                   Quantity::solve_counts};
 
 void initialise(lockstep_query* query) { *query = {sizeof(lockstep_query), 0, -1, 0, 1.0}; }
 

@@ -28,7 +28,8 @@ const char* to_string(Quantity quantity) noexcept {
                                       "contact_gap",
                                       "contact_slip",
                                       "contact_point",
-                                      "unfinished_contacts"};
+                                      "unfinished_contacts",
+                                      "solve_counts"};
   const auto index = static_cast<unsigned>(quantity);
   return index < std::size(names) ? names[index] : "unknown";
 }
@@ -57,6 +58,7 @@ QueryShape shape_of(const Program& program, Quantity quantity) {
     case Quantity::contact_normal_force:
     case Quantity::contact_gap:
     case Quantity::contact_slip: return {t.contacts.pairs.count, 1};
+    case Quantity::solve_counts: return {t.counts_solves() ? 1 : 0, solve_count_rows};
     case Quantity::contact_point: return {t.contacts.slots, 11};
   }
   throw UsageError("quantity " + std::to_string(static_cast<int>(quantity)), "is none of the enumerators",

@@ -114,6 +114,8 @@ struct Tables : TableStructure {
   Span<S> hard_rate;  ///< erp / dt by coupling, 0 for soft ones
   Rows<S> undamped;   ///< rows whose softness refers to the undamped inertia, if A differs from that
   Rows<S> folded;  ///< soft couplings that are part of A_r (M95); their numbers in a tile stand behind those of `rows`
+  /// Whether a batch keeps what its solves have cost.
+  inline __attribute__((always_inline)) bool counts_solves() const { return contacts.used() || rounds.slots.count > 0; }
   inline __attribute__((always_inline)) const TreeStructure& tree_of_joint(int joint) const {
     return tree[body[joint_body[joint]].tree];
   }

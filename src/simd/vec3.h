@@ -74,6 +74,11 @@ struct Mat3 {
   }
 };
 
+template <class T>
+LOCKSTEP_INLINE Vec3<T> column_of(const Mat3<T>& m, int k) {
+  return {m(0, k), m(1, k), m(2, k)};
+}
+
 // M a + b
 template <class T>
 LOCKSTEP_INLINE Vec3<T> multiply_add(const Mat3<T>& m, const Vec3<T>& a, const Vec3<T>& b) {

@@ -45,9 +45,10 @@ void diagnose_step(const Batch<S>& batch, double time, std::vector<Watched>& wat
 // Adds a step's contacts. `pressing` counts the pairs.
 template <class S>
 void diagnose_contacts(const Batch<S>& batch, typename Batch<S>::Array& numbers, long& pressing, Diagnosis& diagnosis) {
-  static const Query queries[] = {{Quantity::contact_gap}, {Quantity::contact_slip}, {Quantity::contact_normal_force}};
+  static const Query queries[] = {
+      {Quantity::contact_gap}, {Quantity::contact_slip}, {Quantity::contact_normal_force}, {Quantity::solve_counts}};
   const auto pairs = static_cast<Eigen::Index>(batch.plan().contacts().size());
-  numbers.resize(3 * pairs, batch.environments());
+  numbers.resize(3 * pairs + batch.plan().query_rows({Quantity::solve_counts}), batch.environments());
   batch.read(queries, {numbers.data(), batch.environments(), 1});
   for (int e = 0; e < batch.environments(); ++e) {
     if (batch.faults()[e] != Fault::none) continue;
@@ -56,6 +57,9 @@ void diagnose_contacts(const Batch<S>& batch, typename Batch<S>::Array& numbers,
       diagnosis.slip_max = std::max(diagnosis.slip_max, static_cast<double>(numbers(pairs + p, e)));
       pressing += numbers(2 * pairs + p, e) > S(0);
     }
+    const auto count = [&](Eigen::Index row) { return static_cast<double>(numbers(3 * pairs + row, e)); };
+    diagnosis.near_mean += count(1), diagnosis.points_mean += count(2);
+    diagnosis.rounds_mean += count(6), diagnosis.tile_rounds_mean += count(9);
   }
 }
 
@@ -86,7 +90,11 @@ Diagnosis diagnose(Batch<S>& batch, const Targets& targets, long steps) {
     if (touches) diagnose_contacts(batch, contacts, pressing, diagnosis);
   });
   if (touches) diagnosis.unfinished_contacts = unfinished(batch);
-  diagnosis.contacts_mean = static_cast<double>(pressing) / static_cast<double>(steps) / batch.environments();
+  const double all = static_cast<double>(steps) * batch.environments();
+  diagnosis.contacts_mean = static_cast<double>(pressing) / all;
+  for (double* mean :
+       {&diagnosis.near_mean, &diagnosis.points_mean, &diagnosis.rounds_mean, &diagnosis.tile_rounds_mean})
+    *mean /= all;
   return diagnosis;
 }
 

@@ -29,6 +29,10 @@ struct Diagnosis {
   double penetration_max = 0.0;      ///< m, of colliders
   double slip_max = 0.0;             ///< m/s, of contacts that bear a force
   double contacts_mean = 0.0;        ///< pairs of colliders that press on each other, in an environment and step
+  double near_mean = 0.0;            ///< the same: pairs that are near
+  double points_mean = 0.0;          ///< the same: points that could act
+  double rounds_mean = 0.0;          ///< the same: rounds of the environment's solves
+  double tile_rounds_mean = 0.0;     ///< the same: of all solves of its tile
   long unfinished_contacts = 0;      ///< solves that ended at their cap of rounds
   int conflict_count = 0;            ///< environments that had one
   std::vector<Conflict> conflicts;   ///< in the order of time, at most most_conflicts_listed

@@ -157,8 +157,11 @@ void print(const SimulateOptions& options, const Plan& plan, const Outcome& outc
 
 void print_contacts(const Diagnosis& diagnosis) {
   fmt::print(
-      "contacts {:.3g} pairs press, penetration max {:.2e} m, slip max {:.2e} m/s{}\n", diagnosis.contacts_mean,
-      diagnosis.penetration_max, diagnosis.slip_max,
+      "contacts {:.3g} pairs are near, {:.3g} press, penetration max {:.2e} m, slip max {:.2e} m/s; {:.1f} rounds a "
+      "step, "
+      "of a tile {:.1f}{}\n",
+      diagnosis.near_mean, diagnosis.contacts_mean, diagnosis.penetration_max, diagnosis.slip_max,
+      diagnosis.rounds_mean, diagnosis.tile_rounds_mean,
       diagnosis.unfinished_contacts == 0 ? "" : fmt::format(", {} solves not finished", diagnosis.unfinished_contacts));
 }
 
@@ -199,7 +202,11 @@ std::string as_json(const SimulateOptions& options, const Plan& plan, const Outc
         {{"environment", conflict.environment}, {"time", conflict.time}, {"rows", conflict.rows}});
   if (!plan.contacts().empty())
     json["contacts"] = {{"pairs", plan.contacts().size()},
+                        {"near_mean", diagnosis.near_mean},
+                        {"points_mean", diagnosis.points_mean},
                         {"pressing_mean", diagnosis.contacts_mean},
+                        {"rounds_mean", diagnosis.rounds_mean},
+                        {"tile_rounds_mean", diagnosis.tile_rounds_mean},
                         {"penetration_max", diagnosis.penetration_max},
                         {"slip_max", diagnosis.slip_max},
                         {"unfinished", diagnosis.unfinished_contacts}};

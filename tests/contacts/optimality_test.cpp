@@ -38,7 +38,7 @@ struct Environment {
     batch.position_target = targets = block(t.joints), batch.velocity_target = block(t.joints);
     batch.effort = block(t.joints);
     batch.root_pose = block(7 * t.roots.count), batch.root_velocity = block(6 * t.roots.count);
-    batch.contact_memory = block(t.contacts.remembered(t));
+    batch.contact_memory = block(t.contacts.remembered(t)), batch.solve_counts = block(solve_count_rows);
     batch.audit = block(2);
     batch.fault = &fault;
     Batch<double> start(plan, 1, {.threads = 1});

@@ -15,12 +15,39 @@ struct RelativeTwist {
   Vec3<T> turning, moving;
 };
 
-/// act(pair, patch, its slots) for the pairs that are near in some lane.
+/// The slots of a pair that are live in some lane.
+template <class T>
+struct LiveSlots {
+  ContactSlot<T>* slots;
+  const ContactPatch<T>& patch;
+
+  struct Iterator {
+    ContactSlot<T>* slots;
+    const int* at;
+    LOCKSTEP_INLINE ContactSlot<T>& operator*() const { return slots[*at]; }
+    LOCKSTEP_INLINE void operator++() { ++at; }
+    LOCKSTEP_INLINE bool operator!=(const Iterator& other) const { return at != other.at; }
+  };
+  LOCKSTEP_INLINE Iterator begin() const { return {slots, patch.live}; }
+  LOCKSTEP_INLINE Iterator end() const { return {slots, patch.live + patch.live_count}; }
+};
+
+/// act(pair, patch, its live slots) for the pairs with one. The numbers of other slots are those of any step.
 template <class T, class Act>
 LOCKSTEP_INLINE void each_near(const Tables<ScalarOf<T>>& t, Tile<T>& x, Act&& act) {
-  for (int p = 0; p < t.contacts.pairs.count; ++p)
-    if (any(x.contacts.patch[p].near))
-      act(t.contacts.pairs[p], x.contacts.patch[p], x.contacts.slot + t.contacts.pairs[p].slot);
+  for (int i = 0; i < x.contacts.near_count; ++i) {
+    const int p = x.contacts.near_pairs[i];
+    ContactPatch<T>& patch = x.contacts.patch[p];
+    act(t.contacts.pairs[p], patch, LiveSlots<T>{x.contacts.slot + t.contacts.pairs[p].slot, patch});
+  }
+}
+
+/// act(pair, patch, slot) for each of their live slots.
+template <class T, class Act>
+LOCKSTEP_INLINE void each_slot(const Tables<ScalarOf<T>>& t, Tile<T>& x, Act&& act) {
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, const LiveSlots<T>& slots) LOCKSTEP_INLINED {
+    for (ContactSlot<T>& slot : slots) act(pair, patch, slot);
+  });
 }
 
 /// Of the velocities z. A pair with one slot has its point as the reference, and `whole` alone asks for its turning.
@@ -46,9 +73,9 @@ LOCKSTEP_INLINE void slot_speed(const ContactSlot<T>& slot, const RelativeTwist<
 /// J z of all slots, into the member `to` of each.
 template <class T>
 void slot_speeds(const Tables<ScalarOf<T>>& t, const T* z, T (ContactSlot<T>::*to)[3], Tile<T>& x) {
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, const LiveSlots<T>& slots) LOCKSTEP_INLINED {
     const RelativeTwist<T> twist = twist_of(t, pair, x, z);
-    for (int s = 0; s < pair.slots; ++s) slot_speed(slots[s], twist, slots[s].*to);
+    for (ContactSlot<T>& slot : slots) slot_speed(slot, twist, slot.*to);
   });
 }
 
@@ -56,14 +83,18 @@ void slot_speeds(const Tables<ScalarOf<T>>& t, const T* z, T (ContactSlot<T>::*t
 template <class T>
 void momentum_of_contacts(const Tables<ScalarOf<T>>& t, T* momentum, Tile<T>& x) {
   for (int z = 0; z < t.rounds.columns.n; ++z) momentum[z] = T(0);
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, const LiveSlots<T>& slots) LOCKSTEP_INLINED {
     Vec3<T> force = Vec3<T>::zero(), moment = force;
-    for (int s = 0; s < pair.slots; ++s) {
-      const T* const impulse = slots[s].force.impulse;
+    bool acts = false;
+    for (const ContactSlot<T>& slot : slots) {
+      if (!any(slot.force.sticks | slot.force.slides)) continue;
+      acts = true;
+      const T* const impulse = slot.force.impulse;
       const Vec3<T> f{impulse[0], impulse[1], impulse[2]};
       force = force + f;
-      moment = cross_add(slots[s].arm, f, moment);
+      moment = cross_add(slot.arm, f, moment);
     }
+    if (!acts) return;
     for (int k = pair.column; k < pair.column + pair.columns; ++k) {
       T& sum = momentum[t.contacts.columns[k].velocity];
       sum += dot(x.contacts.moving[k], force);
@@ -104,9 +135,15 @@ struct PairGain {
 /// Adds J^T G J to the packed `matrix`.
 template <class T>
 void add_gains(const Tables<ScalarOf<T>>& t, T* matrix, Tile<T>& x) {
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, const LiveSlots<T>& slots) LOCKSTEP_INLINED {
     PairGain<T> gain = PairGain<T>::zero();
-    for (int s = 0; s < pair.slots; ++s) gain.add(slots[s]);
+    bool acts = false;
+    for (const ContactSlot<T>& slot : slots) {
+      if (!any(slot.force.sticks | slot.force.slides)) continue;
+      acts = true;
+      gain.add(slot);
+    }
+    if (!acts) return;
     const bool turns = pair.slots > 1;
     const int* entry = t.contacts.entries.data + pair.entry;
     const Vec3<T>*const turning = x.contacts.turning + pair.column, *const moving = x.contacts.moving + pair.column;

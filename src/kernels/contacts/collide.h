@@ -18,33 +18,26 @@ namespace lockstep::kernels {
 
 constexpr double least_margin = 0.005;  // (M103), m
 
+/// Colliders that stand in the world have the body -1.
 template <class T>
-PlacedShape<T> placed_shape(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int collider) {
-  const ColliderPlace<ScalarOf<T>>& own = t.contacts.colliders[collider];
-  PlacedShape<T> shape;
-  for (int k = 0; k < 3; ++k) shape.size[k] = T(own.size[k]);
+void place_collider(const ColliderPlace<ScalarOf<T>>& own, const Motion<T>& m, MovingCollider<T>& moving) {
+  for (int k = 0; k < 3; ++k) moving.shape.size[k] = T(own.size[k]);
   const Mat3<T> rotation = Mat3<T>::constant(own.rotation);
   const Vec3<T> offset = Vec3<T>::constant(own.offset);
   if (own.body < 0) {
-    shape.rotation = rotation, shape.center = offset;
-    return shape;
+    moving.shape.rotation = rotation, moving.shape.center = offset;
+    moving.place = moving.angular = moving.linear = Vec3<T>::zero();
+    return;
   }
-  const Mat3<T>& world = x.contacts.motion.world[own.body];
-  shape.center = multiply_add(world, offset, x.contacts.motion.place[own.body]);
+  const Mat3<T>& world = m.world[own.body];
+  moving.place = m.place[own.body];
+  moving.shape.center = multiply_add(world, offset, moving.place);
   for (int c = 0; c < 3; ++c) {
     const Vec3<T> column = multiply(world, column_of(rotation, c));
-    for (int r = 0; r < 3; ++r) shape.rotation(r, c) = column[r];
+    for (int r = 0; r < 3; ++r) moving.shape.rotation(r, c) = column[r];
   }
-  return shape;
-}
-
-/// Velocity of a point of a body, and its angular velocity, in the world.
-template <class T>
-void velocity_at(const Motion<T>& m, int body, const Vec3<T>& point, Vec3<T>& angular, Vec3<T>& linear) {
-  angular = linear = Vec3<T>::zero();
-  if (body < 0) return;
-  angular = multiply(m.world[body], m.angular[body]);
-  linear = cross_add(angular, point - m.place[body], multiply(m.world[body], m.linear[body]));
+  moving.angular = multiply(world, m.angular[own.body]);
+  moving.linear = multiply(world, m.linear[own.body]);
 }
 
 template <class T>
@@ -104,11 +97,10 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
                               ContactPatch<T>& touch, Tile<T>& x) {
   using S = ScalarOf<T>;
   const ColliderPlace<S>&first = t.contacts.colliders[pair.first], &second = t.contacts.colliders[pair.second];
-  const PlacedShape<T> a = placed_shape(t, x, pair.first), b = placed_shape(t, x, pair.second);
-  Vec3<T> turning[2], moving[2];
-  velocity_at(x.contacts.motion, first.body, b.center, turning[0], moving[0]);
-  velocity_at(x.contacts.motion, second.body, b.center, turning[1], moving[1]);
-  const Vec3<T> turns = turning[1] - turning[0], moves = moving[1] - moving[0], between = b.center - a.center;
+  const MovingCollider<T>&before = x.contacts.collider[pair.first], &after = x.contacts.collider[pair.second];
+  const PlacedShape<T>&a = before.shape, &b = after.shape;
+  const Vec3<T> turns = after.angular - before.angular, between = b.center - a.center,
+                moves = after.velocity_at(b.center) - before.velocity_at(b.center);
   const T speed = fma(sqrt(dot(turns, turns)), T(second.reach), sqrt(dot(moves, moves)));
   const T margin = fma(T(2 * t.dt), speed, T(S(least_margin)));
   const T distance = first.unlimited ? dot(a.axis(2), between) - T(second.reach)
@@ -116,6 +108,7 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
   touch.near = less(distance, margin) & ~x.frozen;
   ContactSlot<T>* const slots = x.contacts.slot + pair.slot;
   for (int s = 0; s < pair.slots; ++s) slots[s].live = T::none();
+  touch.live_count = 0;
   if (!any(touch.near)) return T::none();
   Patch<T> patch;
   touch_shapes(pair.kind, a, b, margin, patch);
@@ -138,6 +131,7 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
     for (int i = 0; i < 3; ++i) slot.arm[i] = select(slot.live, dot(touch.axes[i], arm), T(0));
     slot.gap = patch.gap[s];
     slot.face = patch.face[s];
+    if (any(slot.live)) touch.live[touch.live_count++] = s;
   }
   const auto held = carry_memory(pair.slots, x.contacts.known, touch, slots);
   find_drift(held, T(t.dt) * sqrt(dot(turns, turns)), touch);
@@ -145,13 +139,32 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
   return held;
 }
 
+template <class T>
+void count_live(const LiveSlots<T>& slots, SolveCounts<T>& counts) {
+  const T one = T(1), zero = T(0);
+  T live = zero;
+  for (const ContactSlot<T>& slot : slots) live += select(slot.live, one, zero);
+  counts.live += live;
+  counts.near += select(less(zero, live), one, zero);
+  counts.tile_live += T(slots.patch.live_count);
+}
+
 /// Of all pairs. Returns the lanes in which a contact goes on that has pressed in the step before.
 template <class T>
 typename T::Mask collide(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   motions(t, x, x.contacts.motion);
+  for (int c = 0; c < t.contacts.colliders.count; ++c)
+    place_collider(t.contacts.colliders[c], x.contacts.motion, x.contacts.collider[c]);
   typename T::Mask held = T::none();
-  for (int p = 0; p < t.contacts.pairs.count; ++p)
+  x.contacts.near_count = 0;
+  x.counts.steps += select(x.frozen, T(0), T(1));
+  for (int p = 0; p < t.contacts.pairs.count; ++p) {
     held = held | collide_pair(t, t.contacts.pairs[p], x.contacts.patch[p], x);
+    const ContactPatch<T>& patch = x.contacts.patch[p];
+    if (patch.live_count == 0) continue;
+    x.contacts.near_pairs[x.contacts.near_count++] = p;
+    count_live(LiveSlots<T>{x.contacts.slot + t.contacts.pairs[p].slot, patch}, x.counts);
+  }
   return held;
 }
 

@@ -59,14 +59,11 @@ template <class T>
 void add_contact_work(const Tables<ScalarOf<T>>& t, const T* z, Tile<T>& x, T& work, T& dissipated) {
   const T zero = T(0);
   slot_speeds(t, z, &ContactSlot<T>::change, x);
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      const ContactSlot<T>& slot = slots[s];
-      const T normal = slot.pressed * slot.change[0],
-              along = fma(slot.memory[0], slot.change[1], slot.memory[1] * slot.change[2]);
-      work += select(slot.live, pair.soft ? normal : larger(normal, zero), zero);
-      dissipated -= select(slot.live, along, zero);
-    }
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    const T normal = slot.pressed * slot.change[0],
+            along = fma(slot.memory[0], slot.change[1], slot.memory[1] * slot.change[2]);
+    work += select(slot.live, pair.soft ? normal : larger(normal, zero), zero);
+    dissipated -= select(slot.live, along, zero);
   });
 }
 

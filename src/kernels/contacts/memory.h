@@ -70,6 +70,15 @@ void store_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   put(t.contacts.remembered(t) - 1, x.contacts.unfinished);
 }
 
+template <class T>
+void store_counts(const StatePointers<ScalarOf<T>>& batch, SolveCounts<T> counts) {
+  ScalarOf<T>* row = batch.solve_counts;
+  counts.each([&](const T& number) LOCKSTEP_INLINED {
+    store(row, number);
+    row += batch.stride;
+  });
+}
+
 /// (M125): impulses of a step of another length become those of this one.
 template <class T>
 void scale_memory(const Tables<ScalarOf<T>>& t, Tile<T>& x) {

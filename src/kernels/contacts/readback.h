@@ -60,11 +60,10 @@ void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& 
         return fma(patch.axes[0], v.x, fma(patch.axes[1], v.y, scaled(patch.axes[2], v.z)));
       };
       const Vec3<T> point = in_world(slot.arm) + patch.point;
-      Vec3<T> turning, first, second;
       const Vec3<T> to_end = scaled(patch.axes[0], T(S(parts ? 0.5 : 0.0)) * slot.gap);
-      velocity_at(x.contacts.motion, bodies[0], point - to_end, turning, first);
-      velocity_at(x.contacts.motion, bodies[1], point + to_end, turning, second);
-      const Vec3<T> moves = second - first, along = fma(patch.axes[0], -dot(moves, patch.axes[0]), moves);
+      const Vec3<T> moves = x.contacts.collider[pair.second].velocity_at(point + to_end) -
+                            x.contacts.collider[pair.first].velocity_at(point - to_end),
+                    along = fma(patch.axes[0], -dot(moves, patch.axes[0]), moves);
       put_vector(point);
       put_normal(select<T>(slot.live, patch.axes[0], Vec3<T>::zero()));
       put_force();

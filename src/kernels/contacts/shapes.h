@@ -8,21 +8,6 @@
 
 namespace lockstep::kernels {
 
-template <class T>
-LOCKSTEP_INLINE Vec3<T> column_of(const Mat3<T>& m, int k) {
-  return {m(0, k), m(1, k), m(2, k)};
-}
-
-/// A collider in the world. Half-spaces are solid below the plane z = 0 of their own frame; capsules lie along z.
-template <class T>
-struct PlacedShape {
-  Mat3<T> rotation;
-  Vec3<T> center;
-  T size[3];  // half the edges of a box; radius and half the length of a capsule; radius of a sphere
-
-  LOCKSTEP_INLINE Vec3<T> axis(int k) const { return column_of(rotation, k); }
-};
-
 /// Where two shapes touch. The frame is right-handed; its normal points from the first shape to the second.
 template <class T>
 struct Patch {

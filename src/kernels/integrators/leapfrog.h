@@ -78,6 +78,7 @@ void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   const Tables<ScalarOf<T>>& half = *t.half;
   const State<T>&begin = x.guard.begin[depth], &end = x.guard.end[depth];
   auto singular = x.singular;
+  const SolveCounts<T> counts = x.counts;
   copy_state(t, x.stages.begin, begin);
   copy_state(t, x.next, end);
   copy_contacts(t, x, x.guard.found[depth]);
@@ -97,6 +98,7 @@ void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(lanes, (x.next.*part)[i], (end.*part)[i]);
   });
   restore_contacts(t, ~lanes, x.guard.found[depth], x);
+  x.counts.restore(~lanes, counts);
   copy_state(t, begin, x.stages.begin);
   x.singular = singular;
 }

@@ -108,11 +108,10 @@ void predict_with_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<Sca
   using S = ScalarOf<T>;
   const auto lanes = x.contacts.goes_on & ~x.frozen;
   if (!any(lanes)) return;
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      const T impulse[3] = {slots[s].pressed, slots[s].carried[0], slots[s].carried[1]};
-      for (int i = 0; i < 3; ++i) slots[s].force.impulse[i] = select(slots[s].goes_on, impulse[i], T(0));
-    }
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    const T impulse[3] = {slot.pressed, slot.carried[0], slot.carried[1]};
+    for (int i = 0; i < 3; ++i) slot.force.impulse[i] = select(slot.goes_on, impulse[i], T(0));
+    slot.force.sticks = slot.goes_on;
   });
   momentum_of_contacts(t, x.rounds.momentum, x);
   x.dynamics.half_solved_velocity = x.dynamics.half_solved_position;
@@ -237,14 +236,14 @@ typename T::Mask solve_rows_at_midpoint(const Tables<ScalarOf<T>>& t, const Stat
 template <class T>
 typename T::Mask acts_on_way(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   auto acting = T::none();
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, const LiveSlots<T>& slots) LOCKSTEP_INLINED {
     const T* const ways[] = {x.midpoint.way, x.midpoint.end};
     for (const T* const z : ways) {
       const RelativeTwist<T> twist = twist_of(t, pair, x, z);
-      for (int s = 0; s < pair.slots; ++s) {
-        slot_speed(slots[s], twist, slots[s].speed);
-        contact_force(slots[s], patch.friction, slots[s].speed, slots[s].trial);
-        acting = acting | ((slots[s].trial.sticks | slots[s].trial.slides) & ~slots[s].bounces);
+      for (ContactSlot<T>& slot : slots) {
+        slot_speed(slot, twist, slot.speed);
+        contact_force(slot, patch.friction, slot.speed, slot.trial);
+        acting = acting | ((slot.trial.sticks | slot.trial.slides) & ~slot.bounces);
       }
     }
   });
@@ -315,8 +314,7 @@ void step_from_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     violated = violated_by_stages(t, batch, x, time) & ~x.frozen;
     rows = (t.bounds.always ? ~T::none() : violated | bounds_act_on_prediction(t, batch, x, time)) & ~x.frozen;
   }
-  bool near = false;
-  for (int p = 0; p < t.contacts.pairs.count; ++p) near = near || any(x.contacts.patch[p].near);
+  const bool near = x.contacts.near_count > 0;
   x.midpoint.predicted = T::none();
   if (any(rows) || near) {
     for (int k = 0; k < t.velocities; ++k) x.midpoint.bias[k] = x.dynamics.bias[k];

@@ -24,11 +24,9 @@ constexpr double most_let_through = 1.01;  ///< (M109): of what the compliance l
 template <class T>
 void begin_slips(const Tables<ScalarOf<T>>& t, const T* z, Tile<T>& x) {
   slot_speeds(t, z, &ContactSlot<T>::speed, x);
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      slots[s].slip = patch.friction * sliding_speed(slots[s], slots[s].speed);
-      slots[s].target = slots[s].bias + slots[s].slip;
-    }
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    slot.slip = patch.friction * sliding_speed(slot, slot.speed);
+    slot.target = slot.bias + slot.slip;
   });
 }
 
@@ -41,35 +39,30 @@ typename T::Mask renew_slips(const Tables<ScalarOf<T>>& t, typename T::Mask open
   const double tolerance = slip_tolerance / static_cast<double>(t.dt);
   const T allowed = T(S(t.solves_midpoint && tolerance > most_slip_error ? most_slip_error : tolerance));
   typename T::Mask differs = T::none();
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      const T found = patch.friction * sliding_speed(slots[s], slots[s].speed);
-      // A slip that is too large lets a slot through that ought to press.
-      auto acts = less(zero, slots[s].force.impulse[0]);
-      if (t.solves_midpoint) acts = acts | (less(slots[s].speed[0] + slots[s].bias, -allowed) & slots[s].live);
-      differs = differs | (less(allowed, absolute(found - slots[s].slip)) & acts & ~slots[s].given);
-    }
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    const T found = patch.friction * sliding_speed(slot, slot.speed);
+    // A slip that is too large lets a slot through that ought to press.
+    auto acts = less(zero, slot.force.impulse[0]);
+    if (t.solves_midpoint) acts = acts | (less(slot.speed[0] + slot.bias, -allowed) & slot.live);
+    differs = differs | (less(allowed, absolute(found - slot.slip)) & acts & ~slot.given);
   });
   differs = differs & open;
   if (!any(differs)) return differs;
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      ContactSlot<T>& slot = slots[s];
-      const T found = patch.friction * sliding_speed(slot, slot.speed), assumed = slot.slip, step = found - assumed;
-      T gain = one;
-      if (pass > 0) {
-        const T moved = assumed - slot.slip_before;
-        const auto comparable = less(zero, absolute(moved));
-        const T slope = (found - slot.found_before) / select(comparable, moved, one);
-        const auto converges = comparable & less(slope, T(S(most_slip_slope)));
-        gain = select(converges, smaller(one / select(converges, one - slope, one), T(S(most_slip_gain))), one);
-      }
-      slot.slip_before = select(differs, assumed, slot.slip_before);
-      slot.found_before = select(differs, found, slot.found_before);
-      slot.slip = select(differs, larger(fma(gain, step, assumed), zero), assumed);
-      slot.target = slot.bias + slot.slip;
-      contact_force(slot, patch.friction, slot.speed, slot.force);
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    const T found = patch.friction * sliding_speed(slot, slot.speed), assumed = slot.slip, step = found - assumed;
+    T gain = one;
+    if (pass > 0) {
+      const T moved = assumed - slot.slip_before;
+      const auto comparable = less(zero, absolute(moved));
+      const T slope = (found - slot.found_before) / select(comparable, moved, one);
+      const auto converges = comparable & less(slope, T(S(most_slip_slope)));
+      gain = select(converges, smaller(one / select(converges, one - slope, one), T(S(most_slip_gain))), one);
     }
+    slot.slip_before = select(differs, assumed, slot.slip_before);
+    slot.found_before = select(differs, found, slot.found_before);
+    slot.slip = select(differs, larger(fma(gain, step, assumed), zero), assumed);
+    slot.target = slot.bias + slot.slip;
+    contact_force(slot, patch.friction, slot.speed, slot.force);
   });
   return differs;
 }
@@ -84,6 +77,7 @@ void solve_contact_phase(const Tables<ScalarOf<T>>& t, const StatePointers<Scala
   typename T::Mask unfinished = T::none();
   const auto open_first = open;
   for (int pass = 0; pass < t.contacts.passes; ++pass) {
+    x.counts.passes += select(open, T(1), T(0));
     unfinished = unfinished | newton(t, batch, open, x);
     if (pass + 1 == t.contacts.passes) break;
     open = renew_slips(t, open, pass, x);
@@ -104,27 +98,22 @@ typename T::Mask begin_relaxing(const Tables<ScalarOf<T>>& t, typename T::Mask o
                                 Tile<T>& x) {
   const T zero = T(0);
   typename T::Mask lanes = asked;
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      const auto pushed = less(zero, slots[s].force.impulse[0]) & less(slots[s].bias, -slots[s].slow);
-      lanes = lanes | slots[s].bounces | (pair.soft ? T::none() : slots[s].live & pushed);
-    }
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    const auto pushed = less(zero, slot.force.impulse[0]) & less(slot.bias, -slot.slow);
+    lanes = lanes | slot.bounces | (pair.soft ? T::none() : slot.live & pushed);
   });
   lanes = lanes & open;
   if (!any(lanes)) return lanes;
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      ContactSlot<T>& slot = slots[s];
-      const auto overlaps = pair.soft ? T::none() : ~less(zero, slot.gap) & ~slot.bounces;
-      slot.push = select(lanes & overlaps, smaller(slot.load, slot.force.impulse[0]), zero);
-      slot.bias = select(lanes & (overlaps | slot.bounces), zero, slot.bias);
-      slot.target = slot.bias + slot.slip;
-      slot.relaxes = lanes;
-      const auto goes_on = slot.goes_on & ~slot.bounces;
-      for (int i = 0; i < 2; ++i) {
-        const T begins = pair.soft ? slot.carried[i] : slot.force.impulse[1 + i];
-        slot.carried[i] = select(lanes, select(goes_on, begins, zero), slot.carried[i]);
-      }
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    const auto overlaps = pair.soft ? T::none() : ~less(zero, slot.gap) & ~slot.bounces;
+    slot.push = select(lanes & overlaps, smaller(slot.load, slot.force.impulse[0]), zero);
+    slot.bias = select(lanes & (overlaps | slot.bounces), zero, slot.bias);
+    slot.target = slot.bias + slot.slip;
+    slot.relaxes = lanes;
+    const auto goes_on = slot.goes_on & ~slot.bounces;
+    for (int i = 0; i < 2; ++i) {
+      const T begins = pair.soft ? slot.carried[i] : slot.force.impulse[1 + i];
+      slot.carried[i] = select(lanes, select(goes_on, begins, zero), slot.carried[i]);
     }
   });
   return lanes;
@@ -138,24 +127,20 @@ typename T::Mask begin_restoring(const Tables<ScalarOf<T>>& t, typename T::Mask 
   using S = ScalarOf<T>;
   const T zero = T(0);
   typename T::Mask lanes = T::none();
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
     if (pair.restitution == S(0)) return;
-    for (int s = 0; s < pair.slots; ++s)
-      lanes = lanes | (slots[s].bounces & less(zero, slots[s].restored) & less(zero, slots[s].pressed));
+    lanes = lanes | (slot.bounces & less(zero, slot.restored) & less(zero, slot.pressed));
   });
   lanes = lanes & open;
   if (!any(lanes)) return lanes;
   slot_speeds(t, x.rounds.z, &ContactSlot<T>::speed, x);
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
     if (pair.restitution == S(0)) return;
-    for (int s = 0; s < pair.slots; ++s) {
-      ContactSlot<T>& slot = slots[s];
-      const T arrives = larger(absolute(slot.free[0]), T(S(1e-6)));
-      const T stopped = larger(arrives + smaller(slot.speed[0], zero), arrives * T(S(1 / most_let_through)));
-      slot.given = lanes & slot.bounces;
-      slot.stopping = select(slot.given, slot.pressed * (arrives / stopped), zero);
-      slot.normal = fma(slot.restored, slot.stopping, slot.stopping);
-    }
+    const T arrives = larger(absolute(slot.free[0]), T(S(1e-6)));
+    const T stopped = larger(arrives + smaller(slot.speed[0], zero), arrives * T(S(1 / most_let_through)));
+    slot.given = lanes & slot.bounces;
+    slot.stopping = select(slot.given, slot.pressed * (arrives / stopped), zero);
+    slot.normal = fma(slot.restored, slot.stopping, slot.stopping);
   });
   return lanes;
 }
@@ -163,8 +148,10 @@ typename T::Mask begin_restoring(const Tables<ScalarOf<T>>& t, typename T::Mask 
 /// What the next step is to know of this one: the impulses of the first solve, and where that moves the pairs.
 template <class T>
 void remember(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<T>& x) {
-  each_near(t, x, [&](const auto& pair, ContactPatch<T>& patch, ContactSlot<T>*) LOCKSTEP_INLINED {
-    const auto lanes = acting & ~x.frozen;
+  each_near(t, x, [&](const auto& pair, ContactPatch<T>& patch, const LiveSlots<T>& slots) LOCKSTEP_INLINED {
+    auto lanes = T::none();
+    for (const ContactSlot<T>& slot : slots) lanes = lanes | slot.live;
+    lanes = lanes & acting & ~x.frozen;
     expect(t, pair, x.rounds.z, lanes, patch, x);
     patch.kept_normal = select<T>(lanes, patch.axes[0], patch.kept_normal);
     patch.kept_tangent = select<T>(lanes, patch.axes[1], patch.kept_tangent);
@@ -174,6 +161,7 @@ void remember(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<T>& x)
     const auto acts = slot.live & acting;
     const auto keep = [&](T& kept, T now) LOCKSTEP_INLINED { kept = select(x.frozen, kept, select(acts, now, T(0))); };
     keep(slot.pressed, slot.force.impulse[0]);
+    x.counts.pressing += select(acts & less(T(0), slot.pressed), T(1), T(0));
     keep(slot.memory[0], slot.force.impulse[1]), keep(slot.memory[1], slot.force.impulse[2]);
     keep(slot.kept_face, slot.face);
   }
@@ -230,7 +218,7 @@ void solve_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
     x.servos.corrected = false;
     solve_contact_phase(t, batch, velocity_phase, again, x);
     remember_impulses(t, again, x);
-    const auto adding = push_ahead(t, again, carried_above, x);
+    const auto adding = push_ahead(t, again, carried_above, x) | pushes_along(t, again, x);
     if (any(adding)) {
       forget_impulses(t, adding, x);
       solve_contact_phase(t, batch, velocity_phase, adding, x);
@@ -250,20 +238,20 @@ typename T::Mask open_contacts(const Tables<ScalarOf<T>>& t, const StatePointers
                                bool known, Tile<T>& x) {
   typename T::Mask acting = T::none();
   const ScalarOf<T>* const frictions = batch.field(Parameter::contact_friction);
-  each_near(t, x, [&](const auto& pair, ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+  each_near(t, x, [&](const auto& pair, ContactPatch<T>& patch, const LiveSlots<T>& slots) LOCKSTEP_INLINED {
     const std::ptrdiff_t row = (&pair - t.contacts.pairs.data) * batch.stride;
     patch.friction = frictions ? T::load(frictions + row) : T(pair.friction);
     const RelativeTwist<T> start = twist_of(t, pair, x, x.held.start);
     const RelativeTwist<T> without = known ? twist_of(t, pair, x, free) : start;
     const PairResponse<T> response(t, pair, x);
-    for (int s = 0; s < pair.slots; ++s) {
-      slot_speed(slots[s], without, slots[s].free);
+    for (ContactSlot<T>& slot : slots) {
+      slot_speed(slot, without, slot.free);
       if (t.solves_midpoint && pair.restitution > ScalarOf<T>(0))
-        slot_speed(slots[s], twist_of(t, pair, x, x.midpoint.end), slots[s].speed);
-      begin_slot(t, pair, patch, start, response, slots[s]);
+        slot_speed(slot, twist_of(t, pair, x, x.midpoint.end), slot.speed);
+      begin_slot(t, pair, patch, start, response, slot);
       if (!known) continue;
-      contact_force(slots[s], patch.friction, slots[s].free, slots[s].force);
-      acting = acting | slots[s].force.sticks | slots[s].force.slides;
+      contact_force(slot, patch.friction, slot.free, slot.force);
+      acting = acting | slot.force.sticks | slot.force.slides;
     }
   });
   return acting;

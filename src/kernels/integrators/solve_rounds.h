@@ -93,10 +93,7 @@ template <class T>
 void keep_impulses(const Tables<ScalarOf<T>>& t, Phase phase, typename T::Mask lanes, Tile<T>& x) {
   const int count = t.bounds.rows.count;
   const auto keep = [&](T& kept, T now) LOCKSTEP_INLINED { kept = select(lanes, now, kept); };
-  for (int r = 0; r < t.bounds.single; ++r) {
-    const Branch<T>& own = x.search.branch[r];
-    keep(x.bounds.impulse[phase * count + r], select(held(own), x.held.impulse[t.rounds.velocity[r]], own.impulse));
-  }
+  for (int r = 0; r < t.bounds.single; ++r) keep(x.bounds.impulse[phase * count + r], x.rounds.single_impulse[r]);
   each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int*, const T*) LOCKSTEP_INLINED {
     if (slot.bounded >= 0) return keep(x.bounds.impulse[phase * count + slot.bounded], row.law.impulse);
     keep(phase == position_phase ? x.rows.position_impulse[slot.coupling] : x.rows.velocity_impulse[slot.coupling],
@@ -133,15 +130,13 @@ typename T::Mask list_active_rows_of(const Tables<ScalarOf<T>>& t, typename T::M
 
 /// Contacts have been found when the step without them is solved, but their law is not known yet.
 template <class T>
-void set_contacts_aside(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  for (int p = 0; p < t.contacts.pairs.count; ++p) {
-    x.contacts.patch[p].aside = x.contacts.patch[p].near;
-    x.contacts.patch[p].near = T::none();
-  }
+void set_contacts_aside(Tile<T>& x) {
+  x.contacts.set_aside = x.contacts.near_count;
+  x.contacts.near_count = 0;
 }
 template <class T>
-void bring_contacts_back(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  for (int p = 0; p < t.contacts.pairs.count; ++p) x.contacts.patch[p].near = x.contacts.patch[p].aside;
+void bring_contacts_back(Tile<T>& x) {
+  x.contacts.near_count = x.contacts.set_aside;
 }
 
 /// Both solves with bounds and kept couplings and without contacts, in the lanes `open`. Their results are
@@ -150,7 +145,7 @@ template <class T>
 void solve_rows(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask open,
                 Tile<T>& x) {
   const int n = t.rounds.columns.n;
-  set_contacts_aside(t, x);
+  set_contacts_aside(x);
   const auto twice =
       t.solve_twice ? (rows_with_two_phases(t, x) | lanes_with_two_phases(t, batch, x)) & open : T::none();
   for (int k = 0; k < n; ++k) x.rounds.z[k] = x.held.start[k];
@@ -178,7 +173,7 @@ void solve_rows(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& 
     for (int z = 0; z < n; ++z)
       x.dynamics.velocity_solution[z] = select(twice, x.dynamics.velocity_solution[z], x.dynamics.solution[z]);
   }
-  bring_contacts_back(t, x);
+  bring_contacts_back(x);
 }
 
 /// Solves a step of euler in the lanes `open`. Lanes in which no bound acts keep the result that they have, to the last

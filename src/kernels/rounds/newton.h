@@ -33,12 +33,10 @@ void momentum_left(const Tables<ScalarOf<T>>& t, const T* v, const T* rhs, T* y,
 /// Evaluates the law of all contact slots at the speed u + a du, into `to`.
 template <class T>
 void evaluate(const Tables<ScalarOf<T>>& t, T a, ContactForce<T> ContactSlot<T>::*to, Tile<T>& x) {
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      T u[3];
-      for (int i = 0; i < 3; ++i) u[i] = fma(a, slots[s].change[i], slots[s].speed[i]);
-      contact_force(slots[s], patch.friction, u, slots[s].*to);
-    }
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    T u[3];
+    for (int i = 0; i < 3; ++i) u[i] = fma(a, slot.change[i], slot.speed[i]);
+    contact_force(slot, patch.friction, u, slot.*to);
   });
 }
 
@@ -57,14 +55,12 @@ AlongStep<T> along_step(const Tables<ScalarOf<T>>& t, ContactForce<T> ContactSlo
     sum.force = fma(row.change, (row.*law).impulse, sum.force);
     sum.gain = fma(row.change * row.change, row_gain(row, row.*law), sum.gain);
   });
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      T product[3];
-      times_gain(slots[s].*of, slots[s].change, product);
-      for (int i = 0; i < 3; ++i) {
-        sum.force = fma(slots[s].change[i], (slots[s].*of).impulse[i], sum.force);
-        sum.gain = fma(slots[s].change[i], product[i], sum.gain);
-      }
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    T product[3];
+    times_gain(slot.*of, slot.change, product);
+    for (int i = 0; i < 3; ++i) {
+      sum.force = fma(slot.change[i], (slot.*of).impulse[i], sum.force);
+      sum.gain = fma(slot.change[i], product[i], sum.gain);
     }
   });
   return sum;
@@ -78,13 +74,11 @@ T slope_at_end(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     const T linear = row_gain(row, row.law) * row.change;
     slope = fma(row.change, (row.law.impulse - linear) - row.trial.impulse, slope);
   });
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      T linear[3];
-      times_gain(slots[s].force, slots[s].change, linear);
-      for (int i = 0; i < 3; ++i)
-        slope = fma(slots[s].change[i], (slots[s].force.impulse[i] - linear[i]) - slots[s].trial.impulse[i], slope);
-    }
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    T linear[3];
+    times_gain(slot.force, slot.change, linear);
+    for (int i = 0; i < 3; ++i)
+      slope = fma(slot.change[i], (slot.force.impulse[i] - linear[i]) - slot.trial.impulse[i], slope);
   });
   return slope;
 }
@@ -111,6 +105,7 @@ T search_along(const Tables<ScalarOf<T>>& t, typename T::Mask open, T first_slop
     const AlongStep<T> here = along_step(t, &ContactSlot<T>::trial, &ActingRow<T>::trial, x);
     slope = fma(a, stiff, first_slope + (start.force - here.force));
     curvature = stiff + here.gain;
+    x.counts.trials += select(open, one, zero), x.counts.tile_trials += one;
     open = open & less(enough, absolute(slope));
     if (!any(open)) break;
   }
@@ -138,13 +133,11 @@ struct Regions {
 template <class T>
 Regions<T> regions(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   Regions<T> found{T::none(), T::none()};
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      const ContactForce<T>&from = slots[s].force, &to = slots[s].trial;
-      found.changed = found.changed | (from.sticks & ~to.sticks) | (to.sticks & ~from.sticks) |
-                      (from.slides & ~to.slides) | (to.slides & ~from.slides);
-      found.slides = found.slides | from.slides | to.slides;
-    }
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    const ContactForce<T>&from = slot.force, &to = slot.trial;
+    found.changed = found.changed | (from.sticks & ~to.sticks) | (to.sticks & ~from.sticks) |
+                    (from.slides & ~to.slides) | (to.slides & ~from.slides);
+    found.slides = found.slides | from.slides | to.slides;
   });
   return found;
 }
@@ -169,6 +162,8 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   T *const z = x.rounds.z, *const step = x.rounds.step;
   Updates<T> updates;
   for (int round = 0; round < t.contacts.rounds && any(open); ++round) {
+    x.counts.rounds += select(open, one, zero), x.counts.tile_rounds += one;
+
     // The gradient, and a step of Newton's method with held velocities masked.
     set_goals(t, position_phase, x);
     round_terms(t, batch, position_phase, x);
@@ -200,15 +195,20 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     // The new iterate, and the pieces of the laws that it is on.
     const Regions<T> seen = regions(t, x);
     for (int k = 0; k < n; ++k) z[k] = select(open, select(bends, fma(share, step[k], z[k]), x.held.velocity[k]), z[k]);
-    each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-      for (int s = 0; s < pair.slots; ++s) {
-        for (int i = 0; i < 3; ++i) slots[s].speed[i] = fma(share, slots[s].change[i], slots[s].speed[i]);
-        slots[s].force = slots[s].trial;
-      }
+    each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+      for (int i = 0; i < 3; ++i) slot.speed[i] = fma(share, slot.change[i], slot.speed[i]);
+      slot.force = slot.trial;
     });
     const auto changed = seen.changed | move_rows(t, z, bends, open, x);
     for (int k = 0; k < n; ++k) x.held.velocity[k] = z[k];
     const auto moved = move_pieces(t, batch, 1, round >= all_move, open, x);
+
+    // A lane that has ended is solved once more beside others, to an impulse that differs by rounding.
+    for (int r = 0; r < t.bounds.single; ++r) {
+      const Branch<T>& own = x.search.branch[r];
+      T& kept = x.rounds.single_impulse[r];
+      kept = select(open, select(held(own), x.held.impulse[t.rounds.velocity[r]], own.impulse), kept);
+    }
 
     // Lanes that have settled end, or update the multipliers of their hard rows.
     const auto finished = ((~seen.slides | small) & ~changed & ~bends & ~moved) | (tiny & ~moved);
@@ -226,9 +226,10 @@ template <class T>
 void begin_newton(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask open,
                   Tile<T>& x) {
   const int n = t.rounds.columns.n;
+  x.counts.solves += select(open, T(1), T(0));
   slot_speeds(t, x.rounds.z, &ContactSlot<T>::speed, x);
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) contact_force(slots[s], patch.friction, slots[s].speed, slots[s].force);
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    contact_force(slot, patch.friction, slot.speed, slot.force);
   });
   evaluate_rows(t, x.rounds.z, x);
   momentum_of_impulses(t, x.rounds.momentum, x);

@@ -14,6 +14,26 @@ struct ContactForce {
   typename T::Mask sticks, slides;  // lanes; elsewhere the slot is off
 };
 
+/// A collider in the world. Half-spaces are solid below the plane z = 0 of their own frame; capsules lie along z.
+template <class T>
+struct PlacedShape {
+  Mat3<T> rotation;
+  Vec3<T> center;
+  T size[3];  // half the edges of a box; radius and half the length of a capsule; radius of a sphere
+
+  LOCKSTEP_INLINE Vec3<T> axis(int k) const { return column_of(rotation, k); }
+};
+
+/// A collider in a step, and how its body moves, in the world.
+template <class T>
+struct MovingCollider {
+  PlacedShape<T> shape;
+  Vec3<T> place;  // of its body, whose origin has the velocity `linear`
+  Vec3<T> angular, linear;
+
+  LOCKSTEP_INLINE Vec3<T> velocity_at(const Vec3<T>& point) const { return cross_add(angular, point - place, linear); }
+};
+
 /// One contact point. Vectors are in the frame of the pair: normal and tangents, from its reference point.
 template <class T>
 struct ContactSlot {
@@ -50,14 +70,15 @@ struct ContactSlot {
 /// What two colliders of a pair have in common.
 template <class T>
 struct ContactPatch {
-  typename T::Mask near;   // lanes in which they may touch
-  typename T::Mask aside;  // the same, while a solve is made without contacts
-  Vec3<T> axes[3];         // normal and tangents in the world
-  Vec3<T> point;           // the reference point in the world
-  Vec3<T> center;          // of the second collider in the world
-  Vec3<T> place;           // the same in the first collider's frame
-  Mat3<T> turn;            // the second collider's axes in the first one's, as columns
-  Mat3<T> frame;           // the first collider's axes in the world, as columns
+  typename T::Mask near;  // lanes in which they may touch
+  int live[most_slots];   // its slots that are live in some lane
+  int live_count;
+  Vec3<T> axes[3];  // normal and tangents in the world
+  Vec3<T> point;    // the reference point in the world
+  Vec3<T> center;   // of the second collider in the world
+  Vec3<T> place;    // the same in the first collider's frame
+  Mat3<T> turn;     // the second collider's axes in the first one's, as columns
+  Mat3<T> frame;    // the first collider's axes in the world, as columns
   // Where the step before would have put the second collider if velocities moved it exactly (state).
   Vec3<T> expected_place, expected_axis, expected_other_axis;
   Vec3<T> kept_normal, kept_tangent;  // axes of the memory in the world (state)
@@ -66,10 +87,39 @@ struct ContactPatch {
   T friction;
 };
 
+/// What the rounds of a call of step() have done, summed over its steps: what Quantity::solve_counts shows.
+template <class T>
+struct SolveCounts {
+  T steps;     // in which contacts were looked for, or rows were solved
+  T near;      // pairs of which a slot was live
+  T live;      // slots that could act
+  T pressing;  // slots that pressed
+  T solves, passes, rounds, trials;
+  T tile_live, tile_rounds, tile_trials;  // as many as the tile went through
+
+  template <class Act>
+  LOCKSTEP_INLINE void each(Act&& act) {
+    T* const numbers[solve_count_rows] = {&steps,  &near,   &live,      &pressing,    &solves,     &passes,
+                                          &rounds, &trials, &tile_live, &tile_rounds, &tile_trials};
+    for (T* number : numbers) act(*number);
+  }
+  /// What is of the lane, as it was before what these lanes have not taken part in.
+  LOCKSTEP_INLINE void restore(typename T::Mask lanes, const SolveCounts& before) {
+    T SolveCounts::*const own[] = {&SolveCounts::steps,    &SolveCounts::near,   &SolveCounts::live,
+                                   &SolveCounts::pressing, &SolveCounts::solves, &SolveCounts::passes,
+                                   &SolveCounts::rounds,   &SolveCounts::trials};
+    for (T SolveCounts::*const number : own) this->*number = select(lanes, before.*number, this->*number);
+  }
+};
+
 template <class T>
 struct Contacts {
   Motion<T> motion;
-  ContactPatch<T>* patch;    // [pairs]
+  MovingCollider<T>* collider;  // [colliders]
+  ContactPatch<T>* patch;       // [pairs]
+  int* near_pairs;              // [pairs] those with a live slot, in the plan's order
+  int near_count = 0;
+  int set_aside = 0;         // near_count, while a solve is made without contacts
   ContactSlot<T>* slot;      // [slots]
   Vec3<T>* turning;          // [columns] relative angular velocity, by velocity of the solver
   Vec3<T>* moving;           // [columns] relative velocity of the reference point
@@ -87,7 +137,9 @@ struct Contacts {
     const auto& c = t.contacts;
     const int n = t.rounds.columns.n;
     motion.arrays(t, take);
+    take("contacts.collider", collider, c.colliders.count);
     take("contacts.patch", patch, c.pairs.count);
+    take("contacts.near_pairs", near_pairs, c.pairs.count);
     take("contacts.slot", slot, c.slots);
     take("contacts.turning", turning, c.columns.count);
     take("contacts.moving", moving, c.columns.count);

@@ -60,6 +60,7 @@ struct BatchRows {
   Rows<S> energy{};                        ///< 4 rows, the same
   Rows<S> audit{};                         ///< 2 rows if audited: energy from nowhere, largest kinetic energy
   Rows<S> contact_memory{};                ///< see ContactTables::remembered()
+  Rows<S> solve_counts{};                  ///< see SolveCounts, of the last call of step()
   Rows<Fault> fault{};
   Rows<FaultPlace> place{};
   Rows<std::uint32_t> steps{};  ///< good ones since the last reset; in a step, as they were when it was called
@@ -80,7 +81,7 @@ inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const 
   const int n = t.joints, inputs = n * t.input_times, roots = t.roots.count;
   const int angles = t.turning.count > 0 ? n : 0, impulses = t.record_impulses ? t.couplings : 0;
   const int reported = t.record_diagnostics ? t.reported.count : 0, energies = t.record_diagnostics ? 4 : 0;
-  const int remembered = t.contacts.remembered(t);
+  const int remembered = t.contacts.remembered(t), counts = t.counts_solves() ? solve_count_rows : 0;
   act(BatchBlock{"fault", state, 1, 1}, all.fault...);
   act(BatchBlock{"fault place", state, 1, 0}, all.place...);
   act(BatchBlock{"steps", state, 1, 2}, all.steps...);
@@ -100,6 +101,7 @@ inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const 
   act(BatchBlock{"impulse", result, impulses, impulses}, all.impulse...);
   act(BatchBlock{"residual", result, reported, reported}, all.residual...);
   act(BatchBlock{"row state", result, reported, reported}, all.row_state...);
+  act(BatchBlock{"solve counts", result, counts, counts}, all.solve_counts...);
   act(BatchBlock{"energy", result, energies, energies}, all.energy...);
   for (int f = 0; t.per_environment != 0 && f < parameter_count; ++f)
     act(BatchBlock{nullptr, field, t.declares(Parameter(f)) ? rows_of(t, Parameter(f)) : 0, 0, f}, all.fields[f]...);

@@ -39,6 +39,7 @@ struct Tile {
   MidpointArrays<T> midpoint;
   LimitedServos<T> servos;
   Contacts<T> contacts;
+  SolveCounts<T> counts;
   Diagnostics<T> diagnostics;
   Audit<T> audit;
 

@@ -30,6 +30,8 @@ constexpr int slots_of(PairKind kind) {
   }
 }
 
+constexpr int most_slots = 4;  ///< of a pair
+
 struct ColliderStructure {
   int body;        ///< -1: it stands in the world
   bool unlimited;  ///< a half-space

@@ -41,6 +41,8 @@ struct ImplicitTerm {
   int share;  ///< entry of S, -1 for 1
 };
 
+constexpr int solve_count_rows = 11;  ///< numbers of an environment's solves that a batch keeps
+
 /// The matrix of a round is A_r with what slots and contacts fill in, so its velocities are numbered by a tree of their
 /// own. Bounds alone fill in nothing and keep the numbers of the solver.
 struct Rounds {

@@ -1,0 +1,41 @@
+// What the solves of a batch cost, in words. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include "impl.h"
+
+namespace lockstep {
+
+template <class S>
+std::string Batch<S>::describe() const {
+  const Impl& batch = impl();
+  const Plan& plan = batch.plan;
+  std::string text = fmt::format("{} environments of '{}', {}, {}, {}.\n", batch.environments, plan.model().name,
+                                 sizeof(S) == 4 ? "f32" : "f64", to_string(batch.target), to_string(engine()));
+  if (!batch.tables.counts_solves()) return text + "Nothing in its steps is solved by rounds.\n";
+  const auto sum_of = [&](int row) {
+    const S* const numbers = batch.rows.solve_counts.data() + row * batch.stride;
+    return std::accumulate(numbers, numbers + batch.environments, 0.0);
+  };
+  const double steps = sum_of(0);
+  if (steps == 0.0) return text + "It has taken no step yet.\n";
+  const auto mean_of = [&](int row) { return sum_of(row) / steps; };
+  if (batch.tables.contacts.used())
+    text += fmt::format(
+        "Contacts, in the mean of an environment and step: {} pairs declared, {:.1f} near; {:.1f} points "
+        "could act, {:.1f} pressed.\n",
+        plan.contacts().size(), mean_of(1), mean_of(2), mean_of(3));
+  text += fmt::format(
+      "Solves: {:.2f} with {:.2f} passes, {:.1f} rounds and {:.1f} search trials. Its tile, whose lanes "
+      "wait for each other, went through {:.1f} points, {:.1f} rounds and {:.1f} trials.\n",
+      mean_of(4), mean_of(5), mean_of(6), mean_of(7), mean_of(8), mean_of(9), mean_of(10));
+  if (!batch.tables.contacts.used()) return text;
+  const Query query{Quantity::unfinished_contacts};
+  Array unfinished(1, batch.environments);
+  read(std::span(&query, 1), {unfinished.data(), batch.environments, 1});
+  return text + fmt::format("Ended at their cap since the resets: {} solves.\n", static_cast<long>(unfinished.sum()));
+}
+
+template std::string Batch<float>::describe() const;
+template std::string Batch<double>::describe() const;
+
+}  // namespace lockstep
