@@ -172,29 +172,37 @@ void scatter(Batch<double>& batch, Random& random, bool moving) {
   }
 }
 
-// The kinetic energy after a step is at most 1.01 times the larger of that before it and that of the step without
-// contacts, beside what soft contacts held, and the half step by which velocities are late: 1.5 g h times the momentum.
+// The kinetic energy after a step, with the mass matrix of its start, is at most 1.01 times the larger of that before
+// it and that of the step without contacts, beside what soft contacts held, and the half step by which velocities are
+// late: 1.5 g h times the momentum.
 TEST(EnergySearch, no_step_with_contacts_adds_energy) {
   int scenes = 0, failing = 0;
   double acting = 0.0;
-  for (unsigned seed = 0; seed < 240; ++seed) {
+  for (unsigned seed = 0; seed < 1600; ++seed) {
     const Scene s = scene(seed, seed % 3 == 0);
     Model bare = s.model;
     bare.contacts.clear(), bare.colliders.clear();
     Batch<double> batch(compile(s.model, settings_of(s)), environments, {.threads = 1});
     Batch<double> free(compile(bare, settings_of(s)), environments, {.threads = 1, .engine = Engine::tables});
+    Batch<double> own(compile(bare, settings_of(s)), environments, {.threads = 1, .engine = Engine::tables});
     Random random{std::mt19937(seed + 100000)};
     scatter(batch, random, true);
     std::vector<bool> failed(environments);
     double worst = 0.0;
     for (int i = 0; i < 90; ++i) {
       const Eigen::ArrayXd before = read(batch, Quantity::kinetic_energy), held = held_energy(s, batch);
+      const Batch<double>::Array start = batch.positions();
       free.reset();
       free.positions() = batch.positions(), free.velocities() = batch.velocities();
       free.root_poses() = batch.root_poses(), free.root_velocities() = batch.root_velocities();
       batch.step(1), free.step(1);
-      const Eigen::ArrayXd after = read(batch, Quantity::kinetic_energy),
-                           without = read(free, Quantity::kinetic_energy);
+      const auto at_start = [&](Batch<double>& stepped) {
+        own.reset();
+        own.positions() = start, own.velocities() = stepped.velocities();
+        own.root_poses() = stepped.root_poses(), own.root_velocities() = stepped.root_velocities();
+        return read(own, Quantity::kinetic_energy);
+      };
+      const Eigen::ArrayXd after = at_start(batch), without = at_start(free);
       acting += ((after - without).abs() > 1e-9 * without).count();
       for (int e = 0; e < environments; ++e) {
         const double most = std::max(before[e], without[e]), h = s.dt, way = 9.81 * h;
@@ -216,10 +224,10 @@ TEST(EnergySearch, no_step_with_contacts_adds_energy) {
       std::printf("seed %u: %d scenes, worst gain %.3g of the energy: %s\n", seed, count, worst, s.words.c_str());
   }
   std::printf("%d of %d scenes gain energy in some step; contacts act in %.0f steps\n", failing, scenes, acting);
-  EXPECT_GE(scenes, 10000);
-  EXPECT_GT(acting, 100000);
-  // What is left are chains: near a dead point with a deep overlap, or too fast for Euler's step.
-  EXPECT_LT(failing, scenes / 100);
+  EXPECT_GE(scenes, 100000);
+  EXPECT_GT(acting, 1000000);
+  // What is left are chains near a dead point, jammed in deep overlaps.
+  EXPECT_LE(failing, scenes / 5000);
 }
 
 // Without gravity what begins at rest inside of the floor or of another body is moved out and stays at rest. Overlaps

@@ -10,19 +10,18 @@
 namespace lockstep::kernels {
 
 constexpr double energy_tolerance = 0.01;  ///< (M116)
+constexpr double rounding_of_work = 0.1;   ///< of jammed contacts: large impulses whose work cancels
 
 /// Lanes in which hard contacts have added energy beyond what slow push-outs may: sum lambda . u > sum lambda_n v
 /// (M116).
 template <class T>
 typename T::Mask push_ahead(const Tables<ScalarOf<T>>& t, typename T::Mask open, double part, Tile<T>& x) {
   T work = T(0);
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
     if (pair.soft) return;
-    for (int s = 0; s < pair.slots; ++s) {
-      const T *const impulse = slots[s].force.impulse, *const u = slots[s].speed;
-      const T slow = fma(impulse[0], fnma(T(ScalarOf<T>(part)), slots[s].slow, u[0]), work);
-      work = select(slots[s].live, fma(impulse[1], u[1], fma(impulse[2], u[2], slow)), work);
-    }
+    const T *const impulse = slot.force.impulse, *const u = slot.speed;
+    const T slow = fma(impulse[0], fnma(T(ScalarOf<T>(part)), slot.slow, u[0]), work);
+    work = select(slot.live, fma(impulse[1], u[1], fma(impulse[2], u[2], slow)), work);
   });
   return open & less(T(0), work);
 }
@@ -31,13 +30,11 @@ typename T::Mask push_ahead(const Tables<ScalarOf<T>>& t, typename T::Mask open,
 /// it. Such lanes solve once more without.
 template <class T>
 void forget_impulses(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      slots[s].push = select(lanes, T(0), slots[s].push);
-      for (int i = 0; i < 2; ++i) {
-        slots[s].carried[i] = select(lanes, T(0), slots[s].carried[i]);
-        slots[s].drift[i] = select(lanes, T(0), slots[s].drift[i]);
-      }
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    slot.push = select(lanes, T(0), slot.push);
+    for (int i = 0; i < 2; ++i) {
+      slot.carried[i] = select(lanes, T(0), slot.carried[i]);
+      slot.drift[i] = select(lanes, T(0), slot.drift[i]);
     }
   });
 }
@@ -48,14 +45,11 @@ template <class T>
 typename T::Mask gains_energy(const Tables<ScalarOf<T>>& t, typename T::Mask open, Tile<T>& x) {
   const T zero = T(0), one = T(1);
   T gain = zero, allowed = zero;
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      const ContactSlot<T>& slot = slots[s];
-      for (int i = 0; i < 3; ++i)
-        gain = select(slot.live, fma(slot.force.impulse[i], slot.speed[i] + slot.free[i], gain), gain);
-      const T share = larger(slot.restored, one) - T(ScalarOf<T>(1 - energy_tolerance));
-      allowed = select(slot.given, fma(slot.normal * absolute(slot.free[0]), share, allowed), allowed);
-    }
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    for (int i = 0; i < 3; ++i)
+      gain = select(slot.live, fma(slot.force.impulse[i], slot.speed[i] + slot.free[i], gain), gain);
+    const T share = larger(slot.restored, one) - T(ScalarOf<T>(1 - energy_tolerance));
+    allowed = select(slot.given, fma(slot.normal * absolute(slot.free[0]), share, allowed), allowed);
   });
   return open & less(allowed, gain);
 }
@@ -65,32 +59,13 @@ typename T::Mask gains_energy(const Tables<ScalarOf<T>>& t, typename T::Mask ope
 template <class T>
 void restore_less(const Tables<ScalarOf<T>>& t, typename T::Mask open, bool nothing, Tile<T>& x) {
   T least = T(nothing ? 0 : 1);
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) least = select(slots[s].given, smaller(least, slots[s].restored), least);
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    least = select(slot.given, smaller(least, slot.restored), least);
   });
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      slots[s].restored = select(open, least, slots[s].restored);
-      slots[s].normal = fma(slots[s].restored, slots[s].stopping, slots[s].stopping);
-    }
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    slot.restored = select(open, least, slot.restored);
+    slot.normal = fma(slot.restored, slot.stopping, slot.stopping);
   });
-}
-
-/// The first of (M116) for what stays, with the impulses that are remembered: a solve of other lanes has evaluated the
-/// slots beside these.
-template <class T>
-typename T::Mask pushes_along(const Tables<ScalarOf<T>>& t, typename T::Mask open, Tile<T>& x) {
-  T work = T(0);
-  slot_speeds(t, x.rounds.z, &ContactSlot<T>::speed, x);
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    if (pair.soft) return;
-    for (int s = 0; s < pair.slots; ++s) {
-      const ContactSlot<T>& slot = slots[s];
-      const T along = fma(slot.memory[0], slot.speed[1], slot.memory[1] * slot.speed[2]);
-      work = select(slot.live, fma(slot.pressed, slot.speed[0] - slot.slow, work + along), work);
-    }
-  });
-  return open & less(T(0), work);
 }
 
 /// v^T A v with the matrix of the rounds.
@@ -107,6 +82,31 @@ T form_of_rounds(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const T* v) {
   return sum;
 }
 
+/// Lanes in which contacts may have pushed along the motion that stays: the first of (M116) says so, with the impulses
+/// that are remembered, or the kinetic energy has risen and the work of jammed contacts, whose large impulses cancel,
+/// may be positive. A solve of other lanes has evaluated the slots beside these.
+template <class T>
+typename T::Mask pushes_along(const Tables<ScalarOf<T>>& t, typename T::Mask open, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  T work = T(0), size = T(0), slow = T(0);
+  slot_speeds(t, x.rounds.z, &ContactSlot<T>::speed, x);
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    if (pair.soft) return;
+    const T parts[] = {slot.pressed * slot.speed[0], slot.memory[0] * slot.speed[1], slot.memory[1] * slot.speed[2]};
+    for (const T part : parts) {
+      work = select(slot.live, work + part, work);
+      size = select(slot.live, size + absolute(part), size);
+    }
+    slow = select(slot.live, fma(slot.pressed, slot.slow, slow), slow);
+  });
+  const auto pushes = open & less(slow, work), unclear = open & ~pushes & less(-T(S(rounding_of_work)) * size, work);
+  auto rises = T::none();
+  if (any(unclear))
+    rises =
+        less(T(S(1 + 0.5 * energy_tolerance)) * form_of_rounds(t, x, x.held.start), form_of_rounds(t, x, x.rounds.z));
+  return pushes | (unclear & rises);
+}
+
 /// (M127): in these lanes contacts have pushed along the motion. What stays then is no more than what has the energy of
 /// the start, or of the step without contacts, on the line from the latter to the solution.
 template <class T>
@@ -116,13 +116,13 @@ void keep_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   const int n = t.rounds.columns.n;
   T *const z = x.rounds.z, *const ended = x.rounds.ended;
   for (int k = 0; k < n; ++k) ended[k] = z[k], z[k] = x.held.start[k];
-  set_contacts_aside(t, x);
+  set_contacts_aside(x);
   open_row_slots(t, velocity_phase, x);
   exchange_phases(t, x);
   begin_newton(t, batch, lanes, x);
   newton(t, batch, lanes, x);
   exchange_phases(t, x);
-  bring_contacts_back(t, x);
+  bring_contacts_back(x);
   const T before = form_of_rounds(t, x, x.held.start), free = form_of_rounds(t, x, z),
           after = form_of_rounds(t, x, ended), most = T(S(1 + 0.5 * energy_tolerance)) * larger(before, free);
   const auto gains = lanes & less(most, after);
@@ -142,15 +142,13 @@ void keep_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
 template <class T>
 T work_of_push_outs(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<T>& x) {
   T work = T(0);
-  each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>* slots) LOCKSTEP_INLINED {
-    for (int s = 0; s < pair.slots; ++s) {
-      const T *const impulse = slots[s].force.impulse, *const u = slots[s].speed;
-      const auto pushes = slots[s].live & ~slots[s].bounces & less(slots[s].bias, T(0));
-      work = select(pushes, fma(impulse[0], larger(u[0], T(0)), work), work);
-      if (!pair.soft) continue;  // the memory of a soft pair is a spring along the surface
-      const T along = fma(impulse[1], u[1], impulse[2] * u[2]);
-      work = select(slots[s].live, work + larger(along, T(0)), work);
-    }
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    const T *const impulse = slot.force.impulse, *const u = slot.speed;
+    const auto pushes = slot.live & ~slot.bounces & less(slot.bias, T(0));
+    work = select(pushes, fma(impulse[0], larger(u[0], T(0)), work), work);
+    if (!pair.soft) return;  // the memory of a soft pair is a spring along the surface
+    const T along = fma(impulse[1], u[1], impulse[2] * u[2]);
+    work = select(slot.live, work + larger(along, T(0)), work);
   });
   return select(acting, work, T(0));
 }
