@@ -1,0 +1,132 @@
+// What contacts cost where no two environments do the same. SPDX-License-Identifier: Apache-2.0
+//
+//   divergence_bench [f32|f64] [environments] [euler|leapfrog] [seconds]
+//
+// One JSON line for each scene of tests/divergence_scenes.h and each motion: still, and random targets within +-0.1 and
+// +-0.5 rad every 50 ms, the same in all environments or others in each. Where they differ, masses and friction do too,
+// and environments are reset in turn. Processor time of a step of one environment on one thread (us; least, median and
+// ninth decile of stretches of 50 steps), faults, resets, and the means of Quantity::solve_counts.
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "divergence_scenes.h"
+
+using namespace lockstep;
+using namespace lockstep::contact_scenes;
+
+namespace {
+
+double seconds() {
+  timespec now;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+struct Options {
+  int environments = 256;
+  Integrator integrator = Integrator::euler;
+  double duration = 4.0;
+};
+
+template <class S>
+void run(const char* name, const Model& model, double dt, double amplitude, bool differ, const Options& options) {
+  const int environments = options.environments, steps = static_cast<int>(options.duration / dt);
+  StepSettings settings;
+  settings.dt = dt, settings.integrator = options.integrator;
+  settings.per_environment = {Parameter::mass, Parameter::contact_friction};
+  const Plan plan = compile(model, settings);
+  Batch<S> batch(plan, environments, {.threads = 1});
+  std::mt19937 random(7);
+  const auto within = [&](double most) { return std::uniform_real_distribution<double>(-most, most)(random); };
+  for (const Parameter parameter : {Parameter::mass, Parameter::contact_friction}) {
+    auto rows = batch.parameter(parameter);
+    for (int e = 0; differ && e < environments; ++e) rows.col(e) *= static_cast<S>(1.0 + within(0.2));
+  }
+  std::vector<std::pair<int, double>> driven;  // dof, target at rest
+  for (const Joint& joint : plan.model().joints)
+    if (joint.drive.kp > 0.0) driven.emplace_back(plan.dof(joint.name), joint.drive.position_target);
+
+  const int control = std::max(1, static_cast<int>(0.05 / dt + 0.5)), stretch = 50, cycle = 40 * control;
+  const Query counted{Quantity::solve_counts}, capped{Quantity::unfinished_contacts};
+  typename Batch<S>::Array counts(plan.query_rows(counted), environments), unfinished(1, environments);
+  Eigen::ArrayXd sums = Eigen::ArrayXd::Zero(counts.rows());
+  std::vector<double> microseconds;
+  std::vector<int> again;
+  double spent = 0.0;
+  int faults = 0, resets = 0;
+  for (int i = 0; i < steps; ++i) {
+    if (amplitude > 0.0 && i % control == 0)
+      for (const auto& [dof, rest] : driven) {
+        const double same = within(amplitude);
+        for (int e = 0; e < environments; ++e)
+          batch.position_targets()(dof, e) = static_cast<S>(rest + (differ ? within(amplitude) : same));
+      }
+    const double begin = seconds();
+    batch.step(1);
+    spent += seconds() - begin;
+    batch.read(std::span(&counted, 1), {counts.data(), environments, 1});
+    sums += counts.template cast<double>().rowwise().sum();
+    if (i % stretch == stretch - 1) {
+      microseconds.push_back(1e6 * spent / stretch / environments);
+      spent = 0.0;
+    }
+    again.clear();
+    for (int e = 0; e < environments; ++e) {
+      const bool failed = batch.faults()[e] != Fault::none;
+      faults += failed;
+      if (failed || (differ && amplitude > 0.0 && i % cycle == (e * 7919) % cycle)) again.push_back(e);
+    }
+    if (!again.empty()) batch.reset(again);
+    resets += static_cast<int>(again.size());
+  }
+  batch.read(std::span(&capped, 1), {unfinished.data(), environments, 1});
+  std::sort(microseconds.begin(), microseconds.end());
+  sums /= sums[0];
+  std::printf(
+      "{\"scene\": \"%s\", \"targets\": %g, \"differ\": %s, \"precision\": \"f%zu\", \"target\": \"%s\", "
+      "\"integrator\": "
+      "\"%s\", \"environments\": %d, ",
+      name, amplitude, differ ? "true" : "false", 8 * sizeof(S), to_string(batch.target()),
+      to_string(plan.integrator()), environments);
+  std::printf("\"us_min\": %.3f, \"us_median\": %.3f, \"us_p90\": %.3f, \"faults\": %d, \"resets\": %d, ",
+              microseconds.front(), microseconds[microseconds.size() / 2], microseconds[microseconds.size() * 9 / 10],
+              faults, resets);
+  const char* const names[] = {"near",   "points", "pressing",    "solves",      "passes",
+                               "rounds", "trials", "tile_points", "tile_rounds", "tile_trials"};
+  for (int k = 0; k < 10; ++k) std::printf("\"%s\": %.3g, ", names[k], sums[k + 1]);
+  std::printf("\"unfinished\": %g}\n", static_cast<double>(unfinished.sum()));
+  std::fflush(stdout);
+}
+
+template <class S>
+void all(const Options& options) {
+  const auto each_motion = [&](const char* name, const Model& model, double dt) {
+    run<S>(name, model, dt, 0.0, false, options);
+    for (const double amplitude : {0.1, 0.5})
+      for (const bool differ : {false, true}) run<S>(name, model, dt, amplitude, differ, options);
+  };
+  each_motion("quadruped, feet", limited_quadruped(false), 1.0 / 240);
+  each_motion("quadruped, all pairs", limited_quadruped(true), 1.0 / 240);
+  each_motion("hand with cube", hand_with_cube(), 1.0 / 200);
+}
+
+}  // namespace
+
+int main(int count, char** arguments) {
+  Options options;
+  const bool twice = count > 1 && std::string(arguments[1]) == "f64";
+  if (count > 2) options.environments = std::atoi(arguments[2]);
+  const std::string steps_by = count > 3 ? arguments[3] : "euler";
+  if (steps_by == "leapfrog") options.integrator = Integrator::leapfrog;
+  if (count > 4) options.duration = std::atof(arguments[4]);
+  if (options.environments < 1 || options.duration < 0.5 || (steps_by != "euler" && steps_by != "leapfrog")) {
+    std::fprintf(stderr, "divergence_bench [f32|f64] [environments] [euler|leapfrog] [seconds, at least 0.5]\n");
+    return 2;
+  }
+  twice ? all<double>(options) : all<float>(options);
+}
