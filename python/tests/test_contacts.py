@@ -98,7 +98,7 @@ def test_bad_colliders_are_refused(change, element, rule):
 
 
 @pytest.mark.parametrize("settings, rule", [
-    ({"method": "pgs"}, "pgs has no contacts"),
+    ({"method": "tgs"}, "tgs renews couplings"),
     ({"integrator": "extrapolated"}, "contacts may begin and end"),
     ({"contact_passes": 0}, "outside 1 to 100"),
     ({"contact_tolerance": 0.0}, "tolerance|outside"),

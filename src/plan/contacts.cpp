@@ -133,7 +133,7 @@ std::vector<std::vector<int>> contact_velocities(const Program& program) {
 
 void lay_out_contacts(Program& program) {
   Tables<double>& t = program.f64;
-  if (program.contacts.pairs.empty() || !t.rounds.used()) return;  // sweeps and smooth integrators refuse them later
+  if (program.contacts.pairs.empty() || !t.rounds.used()) return;  // tgs and smooth integrators refuse them later
   std::vector<ColliderPlace<double>> colliders;
   for (const Collider& collider : program.model.colliders) colliders.push_back(placed(program, collider));
   std::vector<TouchingPair<double>> pairs;
@@ -182,8 +182,8 @@ void check_contacts(const Program& program) {
   const auto refuse = [](const char* setting, const std::string& rule, const std::string& remedy) {
     throw SettingsError(setting, "does not apply to a model with contacts: " + rule, remedy);
   };
-  if (program.method != Method::reduced && program.method != Method::direct)
-    refuse("method", std::string(to_string(program.method)) + " has no contacts yet", "use reduced, or automatic");
+  if (program.method == Method::tgs)
+    refuse("method", "tgs renews couplings and bounds in its sub-steps, and contacts not yet", "use pgs, or automatic");
 }
 
 }  // namespace lockstep

@@ -177,7 +177,7 @@ std::string obstacle_of_single(const Program& program) {
 void lay_out_rounds(Program& program) {
   Tables<double>& t = program.f64;
   Bounds<double>& b = t.bounds;
-  if (program.method != Method::reduced && program.method != Method::direct) return;
+  if (program.method == Method::tgs || (program.method == Method::pgs && program.contacts.pairs.empty())) return;
   const bool stages = program.integrator == Integrator::leapfrog;
   if (program.integrator != Integrator::euler && !stages) return;
   const bool limited = t.limited_servos.count + t.row_servos.count > 0;

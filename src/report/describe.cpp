@@ -287,7 +287,12 @@ std::string contact_lines(const Program& program) {
   for (const PlanContact& contact : program.plan_contacts) names.push_back(contact.name);
   std::string text = fmt::format("Contacts: {}, {}: {}.\n", count_of(static_cast<int>(names.size()), "pair", "pairs"),
                                  count_of(t.contacts.slots, "slot", "slots"), joined(names));
-  if (!names.empty())
+  if (!names.empty() && program.method == Method::pgs)
+    text += fmt::format(
+        "  Found in each step; where one acts, {} sweeps visit contacts, bounds and couplings, and {} more for the "
+        "velocity that stays. What they leave is left.\n",
+        program.settings.iterations, program.settings.velocity_iterations);
+  else if (!names.empty())
     text += fmt::format(
         "  Found in each step; where one acts, solved by Newton on the reduced velocities together with the bounds: at "
         "most {} passes of {} rounds, tolerance {:g}.\n",

@@ -3,6 +3,7 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <random>
 #include <sstream>
 
 #include "contact_scenes.h"
@@ -166,6 +167,20 @@ Model arm() {
   return model;
 }
 
+struct Scene {
+  Model model = arm();
+  StepSettings settings;
+  std::string name;
+
+  explicit Scene(const std::vector<Feature>& features) {
+    for (const Feature& feature : features) {
+      feature.add(model, settings);
+      name += (name.empty() ? "" : " + ") + std::string(feature.name);
+    }
+  }
+  bool has(const char* feature) const { return name.find(feature) != std::string::npos; }
+};
+
 struct Cell {
   std::string text;      // engines, or "-"
   std::string obstacle;  // rule and remedy
@@ -194,13 +209,7 @@ Table table() {
   std::vector<std::string> obstacles;
   std::ostringstream rows;
   for (const std::vector<Feature>& features : scenes) {
-    Model model = arm();
-    StepSettings settings;
-    std::string name;
-    for (const Feature& feature : features) {
-      feature.add(model, settings);
-      name += (name.empty() ? "" : " + ") + std::string(feature.name);
-    }
+    const auto [model, settings, name] = Scene(features);
     rows << "| " << (name.empty() ? "nothing" : name);
     const auto add = [&](Method method, Integrator integrator) {
       const Cell found = cell(model, settings, method, integrator);
@@ -242,6 +251,48 @@ Table table() {
   page << "\n`LOCKSTEP_WRITE_PAGES=1 ctest -R CombinationsPage` writes this page.\n";
   result.page = page.str();
   return result;
+}
+
+// Whatever is accepted moves without a fault under random efforts and targets that differ, for two seconds. Where the
+// coupling is hard it holds, and ranges hold, but by sweeps.
+TEST(Combinations, of_all_features_move_soundly_with_actions_that_differ) {
+  constexpr int environments = 40;
+  const std::pair<Method, Integrator> ways[] = {{Method::automatic, Integrator::automatic},
+                                                {Method::reduced, Integrator::euler},
+                                                {Method::reduced, Integrator::leapfrog},
+                                                {Method::pgs, Integrator::euler}};
+  int runs = 0;
+  for (const std::vector<Feature>& features : scenes)
+    for (const auto& [method, integrator] : ways) {
+      Scene scene(features);
+      scene.settings.method = method, scene.settings.integrator = integrator;
+      if (cell(scene.model, scene.settings, method, integrator).text == "-") continue;
+      const Plan plan = compile(scene.model, scene.settings);
+      const std::string words = scene.name + " by " + to_string(plan.method()) + ", " + to_string(plan.integrator());
+      Batch<float> batch(plan, environments, {.threads = 1});
+      std::mt19937 random(11);
+      std::uniform_real_distribution<float> within(-1.0f, 1.0f);
+      float coupling = 0.0f, range = 0.0f;
+      const int first = plan.dof("q0"), second = plan.dof("q1");
+      for (int control = 0; control < 40; ++control) {
+        for (int e = 0; e < environments; ++e)
+          for (const Joint& joint : plan.model().joints) {
+            const int dof = plan.dof(joint.name);
+            batch.efforts()(dof, e) = 2.0f * within(random);
+            if (joint.drive.kp > 0.0 || joint.drive.kinematic) batch.position_targets()(dof, e) = within(random);
+          }
+        batch.step(12);
+        coupling = std::max(coupling, batch.coupling_errors().size() ? batch.coupling_errors().abs().maxCoeff() : 0.0f);
+        range = std::max(
+            {range, batch.positions().row(first).abs().maxCoeff(), batch.positions().row(second).abs().maxCoeff()});
+      }
+      EXPECT_EQ(batch.faulted(), 0) << words << (batch.faulted() ? ": " + batch.explain_fault(0) : "");
+      if (method == Method::pgs) continue;
+      if (scene.has("hard coupling") && !scene.has("per environment")) EXPECT_LT(coupling, 1e-5f) << words;
+      if (scene.has("position limits")) EXPECT_LT(range, 1.0f + 1e-4f) << words;
+      ++runs;
+    }
+  EXPECT_GT(runs, 170);
 }
 
 TEST(CombinationsPage, is_what_compile_says) {

@@ -259,6 +259,29 @@ bool set_goals(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
   return any(differs);
 }
 
+/// Moves the servos whose limit the solution of the closing phase contradicts, in the lanes that are open, or one of
+/// them where nothing has moved `before`. Returns the lanes in which some has moved.
+template <class T>
+typename T::Mask move_servos(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase closing,
+                             bool one_by_one, typename T::Mask before, typename T::Mask open, Tile<T>& x) {
+  typename T::Mask moved = T::none();
+  for (int i = 0; i < t.limited_servos.count; ++i) {
+    const auto acts = searched(t, x, i);
+    if (!any(acts)) continue;
+    const int j = t.limited_servos[i];
+    const Servo<T> own = servo_of_solve<T>(t, batch, x, j, x.servos.time);
+    // In both cases (M63) asks for the force at the velocities that the step ends with.
+    const T force = servo_force(t, x, own, i, closing, feed_forward<T>(t, batch, j, x.servos.time),
+                                x.held.velocity[closing * t.rounds.columns.n + t.rounds.servos[i].velocity]);
+    const T sigma = x.servos.saturation[i], found = saturated(force, effort_limit<T>(t, batch, j));
+    auto differs = (less(found, sigma) | less(sigma, found)) & open & acts & ~x.servos.decided;
+    if (one_by_one) differs = differs & ~moved & ~before;
+    moved = moved | differs;
+    x.servos.saturation[i] = select(differs, sigma + clamp(found - sigma, T(-1), T(1)), sigma);
+  }
+  return moved;
+}
+
 /// Moves the rows and servos that the solution contradicts, in the lanes that are open. Returns the lanes in which
 /// something has moved.
 template <class T>
@@ -291,23 +314,7 @@ typename T::Mask move_pieces(const Tables<ScalarOf<T>>& t, const StatePointers<S
     }
     any_moved = any_moved | moved;
   }
-  typename T::Mask moved = T::none();
-  const Phase closing = Phase(phases - 1);
-  for (int i = 0; i < t.limited_servos.count; ++i) {
-    const auto acts = searched(t, x, i);
-    if (!any(acts)) continue;
-    const int j = t.limited_servos[i];
-    const Servo<T> own = servo_of_solve<T>(t, batch, x, j, x.servos.time);
-    // In both cases (M63) asks for the force at the velocities that the step ends with.
-    const T force = servo_force(t, x, own, i, closing, feed_forward<T>(t, batch, j, x.servos.time),
-                                x.held.velocity[closing * n + t.rounds.servos[i].velocity]);
-    const T sigma = x.servos.saturation[i], found = saturated(force, effort_limit<T>(t, batch, j));
-    auto differs = (less(found, sigma) | less(sigma, found)) & open & acts & ~x.servos.decided;
-    if (one_by_one) differs = differs & ~moved & ~any_moved;
-    moved = moved | differs;
-    x.servos.saturation[i] = select(differs, sigma + clamp(found - sigma, T(-1), T(1)), sigma);
-  }
-  return any_moved | moved;
+  return any_moved | move_servos(t, batch, Phase(phases - 1), one_by_one, any_moved, open, x);
 }
 
 /// Gauss-Seidel by (M55), one velocity after the other, for lanes that ran out of rounds. It always converges.

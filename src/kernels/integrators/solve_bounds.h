@@ -140,7 +140,8 @@ void solve_by_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
 template <class T>
 void solve_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   if (t.rounds.used()) {
-    if (t.rounds.slots.count == 0 && t.rounds.from_bodies.count == 0) return solve_by_velocity(t, batch, x);
+    if (t.method != Method::pgs && t.rounds.slots.count == 0 && t.rounds.from_bodies.count == 0)
+      return solve_by_velocity(t, batch, x);
     return solve_rounds(t, batch, x.bounds.candidate & ~x.frozen, x);
   }
   const int count = t.bounds.rows.count;

@@ -76,7 +76,12 @@ void solve_contact_phase(const Tables<ScalarOf<T>>& t, const StatePointers<Scala
   begin_newton(t, batch, open, x);
   typename T::Mask unfinished = T::none();
   const auto open_first = open;
-  for (int pass = 0; pass < t.contacts.passes; ++pass) {
+  if (t.method == Method::pgs) {
+    const bool first = phase == position_phase;
+    unfinished = sweep(t, batch, first ? t.iterations : t.velocity_iterations, first, open, x);
+    open = T::none();
+  }
+  for (int pass = 0; pass < t.contacts.passes && any(open); ++pass) {
     x.counts.passes += select(open, T(1), T(0));
     unfinished = unfinished | newton(t, batch, open, x);
     if (pass + 1 == t.contacts.passes) break;

@@ -5,6 +5,7 @@
 
 #include "integrate.h"
 #include "kernels/rounds/newton.h"
+#include "kernels/rounds/sweeps.h"
 
 namespace lockstep::kernels {
 
@@ -154,7 +155,9 @@ void solve_rows(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& 
     x.servos.corrected = phase == position_phase;
     if (phase == velocity_phase) exchange_phases(t, x);
     begin_newton(t, batch, lanes, x);
-    const auto unfinished = newton(t, batch, lanes, x);
+    const int sweeps = t.iterations + (phase == velocity_phase ? t.velocity_iterations : 0);
+    const auto unfinished =
+        t.method == Method::pgs ? sweep(t, batch, sweeps, true, lanes, x) : newton(t, batch, lanes, x);
     clamp_unfinished(t, unfinished, x);
     x.contacts.unfinished += select(unfinished, T(1), T(0));
     if (phase == velocity_phase) exchange_phases(t, x);

@@ -64,6 +64,8 @@ struct ContactSlot {
   T free[3];                 // u of the step without contacts
   T speed[3];                // u
   T change[3];               // of u by the Newton step
+  T visit[2];                // of a sweep: impulse along the normal and along a tangent for a speed that is missing
+  T across[2];               // speeds along the tangents that answer a unit normal impulse
   ContactForce<T> force, trial;
 };
 
