@@ -100,11 +100,13 @@ typename T::Mask pushes_along(const Tables<ScalarOf<T>>& t, typename T::Mask ope
     slow = select(slot.live, fma(slot.pressed, slot.slow, slow), slow);
   });
   const auto pushes = open & less(slow, work), unclear = open & ~pushes & less(-T(S(rounding_of_work)) * size, work);
-  auto rises = T::none();
-  if (any(unclear))
-    rises =
-        less(T(S(1 + 0.5 * energy_tolerance)) * form_of_rounds(t, x, x.held.start), form_of_rounds(t, x, x.rounds.z));
-  return pushes | (unclear & rises);
+  auto gains = T::none();
+  if (any(unclear)) {
+    const T gain =
+        fnma(T(S(1 + 0.5 * energy_tolerance)), form_of_rounds(t, x, x.held.start), form_of_rounds(t, x, x.rounds.z));
+    gains = less(T(0), gain) & less(gain, size + size);  // or it cannot be theirs
+  }
+  return pushes | (unclear & gains);
 }
 
 /// (M127): in these lanes contacts have pushed along the motion. What stays then is no more than what has the energy of
