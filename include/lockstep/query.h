@@ -35,9 +35,9 @@ enum class Quantity {
                   ///< world, gap (m), speed along the surface (m/s)
   unfinished_contacts,  ///< one row: solves of contacts since the last reset that ended at their cap of rounds
   solve_counts  ///< 11 rows: what the last call of step() has spent on contacts and rows over several velocities,
-                ///< summed over its steps. Steps; pairs near; contact points that could act, and those that pressed;
-                ///< solves, passes, rounds and search trials of the environment; points, rounds and trials of its tile.
-                ///< No rows in a plan without contacts and such rows
+                ///< summed over its steps. Steps with contacts to look for; pairs near; contact points that could act,
+                ///< and those that pressed; solves, passes, rounds and search trials of the environment; points, rounds
+                ///< and trials of its tile. No rows in a plan without contacts and such rows
 };
 
 /// The enumerator's name: "link_pose" ... The string lives forever.

@@ -16,10 +16,13 @@ std::string Batch<S>::describe() const {
     const S* const numbers = batch.rows.solve_counts.data() + row * batch.stride;
     return std::accumulate(numbers, numbers + batch.environments, 0.0);
   };
-  const double steps = sum_of(0);
-  if (steps == 0.0) return text + "It has taken no step yet.\n";
+  const bool touches = batch.tables.contacts.used();
+  const double steps = sum_of(touches ? 0 : 4);
+  if (steps == 0.0)
+    return text + (touches ? "It has taken no step yet.\n" : "Its last steps, if any, needed no rounds.\n");
   const auto mean_of = [&](int row) { return sum_of(row) / steps; };
-  if (batch.tables.contacts.used())
+  text += touches ? "" : "No contacts. In the mean of a solve of rows over several velocities:\n";
+  if (touches)
     text += fmt::format(
         "Contacts, in the mean of an environment and step: {} pairs declared, {:.1f} near; {:.1f} points "
         "could act, {:.1f} pressed.\n",
@@ -28,7 +31,7 @@ std::string Batch<S>::describe() const {
       "Solves: {:.2f} with {:.2f} passes, {:.1f} rounds and {:.1f} search trials. Its tile, whose lanes "
       "wait for each other, went through {:.1f} points, {:.1f} rounds and {:.1f} trials.\n",
       mean_of(4), mean_of(5), mean_of(6), mean_of(7), mean_of(8), mean_of(9), mean_of(10));
-  if (!batch.tables.contacts.used()) return text;
+  if (!touches) return text;
   const Query query{Quantity::unfinished_contacts};
   Array unfinished(1, batch.environments);
   read(std::span(&query, 1), {unfinished.data(), batch.environments, 1});

@@ -55,6 +55,21 @@ TEST(SolveCounts, have_no_rows_in_a_plan_without_contacts) {
   EXPECT_NE(batch.describe().find("Nothing in its steps"), std::string::npos);
 }
 
+TEST(SolveCounts, of_rows_without_contacts_are_those_of_their_solves) {
+  Model model = finger();
+  model.contacts.clear();
+  StepSettings settings;
+  settings.integrator = Integrator::leapfrog;
+  Batch<double> batch(compile(model, settings), 2, {.threads = 1});
+  EXPECT_NE(batch.describe().find("needed no rounds"), std::string::npos) << batch.describe();
+  batch.step(400);
+  const Eigen::ArrayXXd counts = counts_of(batch);
+  ASSERT_EQ(counts.rows(), 11);
+  EXPECT_GT(counts(4, 0), 0.0);
+  EXPECT_GE(counts(6, 0), counts(4, 0));
+  EXPECT_NE(batch.describe().find("In the mean of a solve"), std::string::npos) << batch.describe();
+}
+
 // Walkers with limits, friction and targets of their own. Each walks once among others and once alone.
 TEST(SolveCounts, and_all_readings_of_an_environment_do_not_depend_on_its_company) {
   constexpr int environments = 24;

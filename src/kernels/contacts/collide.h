@@ -139,6 +139,7 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
   return held;
 }
 
+/// Of one pair.
 template <class T>
 void count_live(const LiveSlots<T>& slots, SolveCounts<T>& counts) {
   const T one = T(1), zero = T(0);
