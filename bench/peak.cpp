@@ -7,7 +7,6 @@
 #include <immintrin.h>
 
 #include <algorithm>
-#include <ctime>
 
 namespace lockstep::bench {
 namespace {
@@ -49,12 +48,6 @@ Kind kind(Peak peak) {
 }
 
 }  // namespace
-
-double cpu_seconds() {
-  timespec now;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 const char* to_string(Peak peak) { return kind(peak).name; }
 

@@ -1,10 +1,9 @@
 // Measures the peak of this machine. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-namespace lockstep::bench {
+#include "cpu_seconds.h"
 
-/// CPU time of the calling thread, s.
-double cpu_seconds();
+namespace lockstep::bench {
 
 /// Peaks of fused multiply-adds on one core: independent chains of them in registers.
 enum class Peak { avx2_f32, avx2_f64, avx512_f32, avx512_f64 };

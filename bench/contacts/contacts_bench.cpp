@@ -8,23 +8,18 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <functional>
 #include <string>
 #include <vector>
 
 #include "contact_scenes.h"
+#include "cpu_seconds.h"
 
 using namespace lockstep;
 using namespace lockstep::contact_scenes;
+using lockstep::bench::cpu_seconds;
 
 namespace {
-
-double seconds() {
-  timespec now;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 Integrator integrator = Integrator::euler;
 
@@ -44,9 +39,9 @@ struct Run {
     for (int i = 0; i < steps; ++i) {
       const double t = (i + 1.0) / hertz;
       inputs(t);
-      const double begin = seconds();
+      const double begin = cpu_seconds();
       batch.step(1);
-      spent += seconds() - begin;
+      spent += cpu_seconds() - begin;
       look(t);
       if (i % stretch != stretch - 1) continue;
       nanoseconds.push_back(1e9 * spent / stretch / batch.environments());

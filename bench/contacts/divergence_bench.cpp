@@ -9,23 +9,18 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <random>
 #include <string>
 #include <vector>
 
+#include "cpu_seconds.h"
 #include "divergence_scenes.h"
 
 using namespace lockstep;
 using namespace lockstep::contact_scenes;
+using lockstep::bench::cpu_seconds;
 
 namespace {
-
-double seconds() {
-  timespec now;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 struct Options {
   int environments = 256;
@@ -66,9 +61,9 @@ void run(const char* name, const Model& model, double dt, double amplitude, bool
         for (int e = 0; e < environments; ++e)
           batch.position_targets()(dof, e) = static_cast<S>(rest + (differ ? within(amplitude) : same));
       }
-    const double begin = seconds();
+    const double begin = cpu_seconds();
     batch.step(1);
-    spent += seconds() - begin;
+    spent += cpu_seconds() - begin;
     batch.read(std::span(&counted, 1), {counts.data(), environments, 1});
     sums += counts.template cast<double>().rowwise().sum();
     if (i % stretch == stretch - 1) {

@@ -42,6 +42,15 @@ def test_forces_balance_the_weight():
     assert np.allclose(np.abs(points[..., :2]), 0.05, atol=1e-3) and batch.read("unfinished_contacts").max() == 0
 
 
+def test_a_batch_says_what_its_solves_cost():
+    batch = ls.compile(block()).batch(3, threads=1)
+    batch.step(100)
+    counts = batch.read("solve_counts")
+    assert counts.shape == (3, 11) and (counts[:, :4] == [100, 100, 400, 400]).all()
+    assert (counts[:, 6] >= counts[:, 4]).all() and (counts[:, 9] >= counts[:, 6]).all()  # rounds, solves; tile
+    assert "1 pairs declared, 1.0 near; 4.0 points could act, 4.0 pressed" in batch.describe()
+
+
 def test_the_order_of_a_pair_turns_its_normal():
     model = block()
     model.contacts = [ls.Contact("block", "floor")]

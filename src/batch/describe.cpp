@@ -21,8 +21,9 @@ std::string Batch<S>::describe() const {
   if (steps == 0.0)
     return text + (touches ? "It has taken no step yet.\n" : "Its last steps, if any, needed no rounds.\n");
   const auto mean_of = [&](int row) { return sum_of(row) / steps; };
-  text += touches ? "" : "No contacts. In the mean of a solve of rows over several velocities:\n";
-  if (touches)
+  if (!touches)
+    text += "No contacts. In the mean of a solve of rows over several velocities:\n";
+  else
     text += fmt::format(
         "Contacts, in the mean of an environment and step: {} pairs declared, {:.1f} near; {:.1f} points "
         "could act, {:.1f} pressed.\n",

@@ -40,11 +40,12 @@ Model press(double ratio, bool hard) {
 // The force of the pad on the wall is effort / ratio, and the coupling carries it.
 TEST(RecordedImpulses, of_couplings_carry_the_force_of_a_contact) {
   for (const double ratio : {1.0, 2.0})
-    for (const Method method : {Method::reduced, Method::direct})
+    for (const Method method : {Method::reduced, Method::direct, Method::pgs})
       for (const bool hard : {true, false}) {
         StepSettings settings;
         settings.method = method;
         settings.record_impulses = true;
+        settings.iterations = settings.velocity_iterations = 100;  // of pgs
         const Plan plan = compile(press(ratio, hard), settings);
         Batch<double> batch(plan, 2, {.threads = 1});
         batch.efforts()(plan.dof("push"), 0) = 30.0;
