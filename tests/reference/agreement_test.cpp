@@ -28,7 +28,7 @@ using physics::distance;
 using physics::size;
 using Scalar = simd::Wide<double, 1, simd::Unfused>;
 
-constexpr int seeds = 1000, forest_seeds = 300;
+constexpr int seeds = 500, forest_seeds = 150;
 constexpr double close = 1e-12, solved_close = 1e-11;
 
 double solved(double condition, int n) { return std::max(solved_close, n * physics::epsilon * condition); }

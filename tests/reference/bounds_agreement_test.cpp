@@ -28,7 +28,7 @@ using Eigen::VectorXd;
 using physics::distance;
 using physics::size;
 
-constexpr int seeds = 800;
+constexpr int seeds = 480;
 constexpr double close = 1e-8;
 
 StepSettings settings_of(Method method, int seed) {
