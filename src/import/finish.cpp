@@ -79,6 +79,9 @@ Import finished(Draft& draft, const ImportOptions& options, Report& report, cons
     const Model as_stepped = judged(model, options.ignore);
     report_followers_ranges(as_stepped, report);
     report_joints(as_stepped, report);
+    if (model.contacts.empty())
+      for (const Collider& collider : model.colliders)
+        report.warn("colliders that touch nothing, as Model::contacts declares no pair", collider.name);
   } catch (const ModelError& error) {
     const auto place = draft.places.find(error.element());
     const std::string meshes = error.element().starts_with("link") ? report.line(unused_meshes) : "";

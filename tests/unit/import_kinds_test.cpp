@@ -298,5 +298,19 @@ TEST(FieldFiles, are_read_or_refused_as_their_kinds_are) {
   EXPECT_TRUE(warns(read("follower_sign"), "no room to move (1): fb"));
 }
 
+bool warns_that_nothing_touches(const Import& import) {
+  for (const std::string& warning : import.warnings)
+    if (warning.find("colliders that touch nothing") != std::string::npos) return true;
+  return false;
+}
+
+TEST(Import, warns_of_colliders_that_touch_nothing) {
+  ImportOptions options{.colliders = true};
+  EXPECT_TRUE(warns_that_nothing_touches(import_urdf_file(LOCKSTEP_MODELS "/arm_gripper.urdf", options)));
+  options.change = [](Model& model) { model.contacts = {{"left_tip", "box"}}; };
+  EXPECT_FALSE(warns_that_nothing_touches(import_urdf_file(LOCKSTEP_MODELS "/arm_gripper.urdf", options)));
+  EXPECT_FALSE(warns_that_nothing_touches(import_urdf_file(LOCKSTEP_MODELS "/arm_gripper.urdf", {})));
+}
+
 }  // namespace
 }  // namespace lockstep

@@ -259,11 +259,11 @@ bool set_goals(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
   return any(differs);
 }
 
-/// Moves the servos whose limit the solution of the closing phase contradicts, in the lanes that are open, or one of
-/// them where nothing has moved `before`. Returns the lanes in which some has moved.
+/// Moves the servos whose limit the solution of the closing phase contradicts, in the lanes that are open. In lanes of
+/// `one_by_one` one of them moves, where nothing has moved `before`. Returns the lanes in which some has moved.
 template <class T>
 typename T::Mask move_servos(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase closing,
-                             bool one_by_one, typename T::Mask before, typename T::Mask open, Tile<T>& x) {
+                             typename T::Mask one_by_one, typename T::Mask before, typename T::Mask open, Tile<T>& x) {
   typename T::Mask moved = T::none();
   for (int i = 0; i < t.limited_servos.count; ++i) {
     const auto acts = searched(t, x, i);
@@ -275,18 +275,18 @@ typename T::Mask move_servos(const Tables<ScalarOf<T>>& t, const StatePointers<S
                                 x.held.velocity[closing * t.rounds.columns.n + t.rounds.servos[i].velocity]);
     const T sigma = x.servos.saturation[i], found = saturated(force, effort_limit<T>(t, batch, j));
     auto differs = (less(found, sigma) | less(sigma, found)) & open & acts & ~x.servos.decided;
-    if (one_by_one) differs = differs & ~moved & ~before;
+    differs = differs & ~((moved | before) & one_by_one);
     moved = moved | differs;
     x.servos.saturation[i] = select(differs, sigma + clamp(found - sigma, T(-1), T(1)), sigma);
   }
   return moved;
 }
 
-/// Moves the rows and servos that the solution contradicts, in the lanes that are open. Returns the lanes in which
-/// something has moved.
+/// Moves the rows and servos that the solution contradicts, in the lanes that are open; in lanes of `one_by_one` one of
+/// them. Returns the lanes in which something has moved.
 template <class T>
 typename T::Mask move_pieces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases,
-                             bool one_by_one, typename T::Mask open, Tile<T>& x) {
+                             typename T::Mask one_by_one, typename T::Mask open, Tile<T>& x) {
   const int rows = t.bounds.rows.count, n = t.rounds.columns.n;
   typename T::Mask any_moved = T::none();
   for (int p = 0; p < phases; ++p) {
@@ -307,8 +307,7 @@ typename T::Mask move_pieces(const Tables<ScalarOf<T>>& t, const StatePointers<S
       typename T::Mask changed;
       const Branch<T> next = advance_branch(interval_of(t, x, r, Phase(p)), own, z[k], impulse, slack,
                                             slack * x.held.matrix[t.rounds.columns.offset[k]], changed);
-      changed = changed & open;
-      if (one_by_one) changed = changed & ~moved;
+      changed = changed & open & ~(moved & one_by_one);
       moved = moved | changed;
       replace(own, next, changed);
     }
@@ -381,7 +380,7 @@ void search_held_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<Sc
       factored = true;
       solve_masked(t, Phase(p), x.held.start, x);
     }
-    open = move_pieces(t, batch, phases, round >= all_move, open, x);
+    open = move_pieces(t, batch, phases, round >= all_move ? ~T::none() : T::none(), open, x);
     if (!any(open)) return;
   }
   for (int p = 0; p < phases; ++p) sweep_velocities(t, batch, Phase(p), open, x);

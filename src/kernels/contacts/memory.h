@@ -2,9 +2,10 @@
 // Apache-2.0
 //
 // Rows of an environment: for each slot its face, the tangential and the normal impulse; for each pair where its second
-// collider is expected, and the axes of its impulses; the velocities at the start of the last step; its length, if the
-// guard may take steps in halves; the state that all this belongs to; the count of steps that ended at a cap. An
-// environment whose state is another one, because an application wrote to it or reset it, begins without memory.
+// collider is expected, and the axes of its impulses; the velocities at the start of the last step; the pieces that
+// bounds and servos ended it on; its length, if the guard may take steps in halves; the state that all this belongs to;
+// the count of steps that ended at a cap. An environment whose state is another one, because an application wrote to it
+// or reset it, begins without memory.
 #pragma once
 
 #include "kernels/tile/tile.h"
@@ -45,6 +46,8 @@ LOCKSTEP_INLINE void each_remembered(const Tables<S>& t, AnyTile& x, Act&& act) 
   for (int s = 0; s < t.contacts.slots; ++s) each_kept(t.contacts, x.contacts.slot[s], act);
   for (int p = 0; p < t.contacts.pairs.count; ++p) each_expected(t.contacts, x.contacts.patch[p], act);
   for (int k = 0; k < t.rounds.columns.n; ++k) act(x.contacts.previous[k]);
+  for (int r = 0; r < t.bounds.single; ++r) act(x.contacts.piece[r]);
+  for (int i = 0; i < t.limited_servos.count; ++i) act(x.contacts.saturation[i]);
   if (t.guarded) act(x.contacts.length);
 }
 

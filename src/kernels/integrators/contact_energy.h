@@ -122,7 +122,7 @@ void keep_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   open_row_slots(t, velocity_phase, x);
   exchange_phases(t, x);
   begin_newton(t, batch, lanes, x);
-  newton(t, batch, lanes, x);
+  newton(t, batch, lanes, 1, x);
   exchange_phases(t, x);
   bring_contacts_back(x);
   const T before = form_of_rounds(t, x, x.held.start), free = form_of_rounds(t, x, z),

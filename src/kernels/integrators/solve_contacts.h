@@ -10,62 +10,12 @@
 
 #include "contact_energy.h"
 #include "kernels/contacts/collide.h"
+#include "kernels/contacts/pieces.h"
 #include "solve_rounds.h"
 
 namespace lockstep::kernels {
 
-constexpr double slip_tolerance = 1e-5;     ///< m: by how much the slip of a step may differ from the one assumed
-constexpr double most_slip_error = 2.4e-3;  ///< m/s: the same for short steps of a leapfrog, where errors add up
-constexpr double most_slip_gain = 3.0;      ///< (M114)
-constexpr double most_slip_slope = 0.9;
 constexpr double most_let_through = 1.01;  ///< (M109): of what the compliance lets through while an impact is stopped
-
-/// Slips of the speeds at z.
-template <class T>
-void begin_slips(const Tables<ScalarOf<T>>& t, const T* z, Tile<T>& x) {
-  slot_speeds(t, z, &ContactSlot<T>::speed, x);
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    slot.slip = patch.friction * sliding_speed(slot, slot.speed);
-    slot.target = slot.bias + slot.slip;
-  });
-}
-
-/// Recomputes the slip of all slots, by a secant from the second pass on (M114), in the lanes in which it has changed
-/// by more than the tolerance. Returns them.
-template <class T>
-typename T::Mask renew_slips(const Tables<ScalarOf<T>>& t, typename T::Mask open, int pass, Tile<T>& x) {
-  using S = ScalarOf<T>;
-  const T zero = T(0), one = T(1);
-  const double tolerance = slip_tolerance / static_cast<double>(t.dt);
-  const T allowed = T(S(t.solves_midpoint && tolerance > most_slip_error ? most_slip_error : tolerance));
-  typename T::Mask differs = T::none();
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    const T found = patch.friction * sliding_speed(slot, slot.speed);
-    // A slip that is too large lets a slot through that ought to press.
-    auto acts = less(zero, slot.force.impulse[0]);
-    if (t.solves_midpoint) acts = acts | (less(slot.speed[0] + slot.bias, -allowed) & slot.live);
-    differs = differs | (less(allowed, absolute(found - slot.slip)) & acts & ~slot.given);
-  });
-  differs = differs & open;
-  if (!any(differs)) return differs;
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    const T found = patch.friction * sliding_speed(slot, slot.speed), assumed = slot.slip, step = found - assumed;
-    T gain = one;
-    if (pass > 0) {
-      const T moved = assumed - slot.slip_before;
-      const auto comparable = less(zero, absolute(moved));
-      const T slope = (found - slot.found_before) / select(comparable, moved, one);
-      const auto converges = comparable & less(slope, T(S(most_slip_slope)));
-      gain = select(converges, smaller(one / select(converges, one - slope, one), T(S(most_slip_gain))), one);
-    }
-    slot.slip_before = select(differs, assumed, slot.slip_before);
-    slot.found_before = select(differs, found, slot.found_before);
-    slot.slip = select(differs, larger(fma(gain, step, assumed), zero), assumed);
-    slot.target = slot.bias + slot.slip;
-    contact_force(slot, patch.friction, slot.speed, slot.force);
-  });
-  return differs;
-}
 
 /// Newton and slip passes from x.rounds.z, which becomes the solution.
 template <class T>
@@ -81,14 +31,12 @@ void solve_contact_phase(const Tables<ScalarOf<T>>& t, const StatePointers<Scala
     unfinished = sweep(t, batch, first ? t.iterations : t.velocity_iterations, first, open, x);
     open = T::none();
   }
-  for (int pass = 0; pass < t.contacts.passes && any(open); ++pass) {
+  if (any(open)) {
+    begin_on_pieces(t, phase == position_phase ? open & x.contacts.known : open, x);
     x.counts.passes += select(open, T(1), T(0));
-    unfinished = unfinished | newton(t, batch, open, x);
-    if (pass + 1 == t.contacts.passes) break;
-    open = renew_slips(t, open, pass, x);
-    if (!any(open)) break;
-    momentum_of_impulses(t, x.rounds.momentum, x);
+    unfinished = newton(t, batch, open, t.contacts.passes, x);
   }
+  if (phase == position_phase) keep_pieces(t, open_first, x);
   clamp_unfinished(t, unfinished, x);
   if (phase == velocity_phase) exchange_phases(t, x);
   keep_impulses(t, phase, open_first, x);
@@ -153,6 +101,7 @@ typename T::Mask begin_restoring(const Tables<ScalarOf<T>>& t, typename T::Mask 
 /// What the next step is to know of this one: the impulses of the first solve, and where that moves the pairs.
 template <class T>
 void remember(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<T>& x) {
+  forget_pieces(t, ~(acting | x.frozen), x);
   each_near(t, x, [&](const auto& pair, ContactPatch<T>& patch, const LiveSlots<T>& slots) LOCKSTEP_INLINED {
     auto lanes = T::none();
     for (const ContactSlot<T>& slot : slots) lanes = lanes | slot.live;

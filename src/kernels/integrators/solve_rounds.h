@@ -157,7 +157,7 @@ void solve_rows(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& 
     begin_newton(t, batch, lanes, x);
     const int sweeps = t.iterations + (phase == velocity_phase ? t.velocity_iterations : 0);
     const auto unfinished =
-        t.method == Method::pgs ? sweep(t, batch, sweeps, true, lanes, x) : newton(t, batch, lanes, x);
+        t.method == Method::pgs ? sweep(t, batch, sweeps, true, lanes, x) : newton(t, batch, lanes, 1, x);
     clamp_unfinished(t, unfinished, x);
     x.contacts.unfinished += select(unfinished, T(1), T(0));
     if (phase == velocity_phase) exchange_phases(t, x);

@@ -8,13 +8,13 @@
 // a step of 0.
 #pragma once
 
-#include "kernels/contacts/law.h"
+#include "kernels/contacts/slips.h"
 #include "rows.h"
 
 namespace lockstep::kernels {
 
-constexpr int most_trials = 40;  ///< of one search along a step: the pieces of a hard row are this short
-constexpr double enough_descent = 0.1;
+constexpr int most_trials = 40;         ///< of one search along a step: the pieces of a hard row are this short
+constexpr double enough_descent = 0.5;  ///< of the slope, what a search may leave
 
 /// y = A v - rhs with the diagonal of this round, for the gradient.
 template <class T>
@@ -149,19 +149,21 @@ void momentum_of_impulses(const Tables<ScalarOf<T>>& t, T* momentum, Tile<T>& x)
   add_row_momentum(t, momentum, x);
 }
 
-/// From the iterate x.rounds.z, whose speeds, forces and their momentum are known, to the solution of the present
-/// targets. The first phase of the bounds has the momentum and the intervals. Returns the lanes of `open` that are not
-/// finished.
+/// From the iterate x.rounds.z, whose speeds, forces and their momentum are known, to the solution. Slips are assumed
+/// at most `passes` times. The first phase of the bounds has the momentum and the intervals. Returns the lanes of
+/// `open` that have not finished.
 template <class T>
 typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask open,
-                        Tile<T>& x) {
+                        int passes, Tile<T>& x) {
   using S = ScalarOf<T>;
   constexpr double tiny_step = sizeof(S) == 4 ? 1e-3 : 1e-6;
   const int n = t.rounds.columns.n;
   const T zero = T(0), one = T(1);
   T *const z = x.rounds.z, *const step = x.rounds.step;
+  T pass = zero, round = zero;  // of a lane, which counts its rounds since slips have been renewed
+  auto unfinished = T::none();
   Updates<T> updates;
-  for (int round = 0; round < t.contacts.rounds && any(open); ++round) {
+  while (any(open)) {
     x.counts.rounds += select(open, one, zero), x.counts.tile_rounds += one;
 
     // The gradient, and a step of Newton's method with held velocities masked.
@@ -201,7 +203,7 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     });
     const auto changed = seen.changed | move_rows(t, z, bends, open, x);
     for (int k = 0; k < n; ++k) x.held.velocity[k] = z[k];
-    const auto moved = move_pieces(t, batch, 1, round >= all_move, open, x);
+    const auto moved = move_pieces(t, batch, 1, ~less(round, T(S(all_move))), open, x);
 
     // A lane that has ended is solved once more beside others, to an impulse that differs by rounding.
     for (int r = 0; r < t.bounds.single; ++r) {
@@ -210,14 +212,21 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
       kept = select(open, select(held(own), x.held.impulse[t.rounds.velocity[r]], own.impulse), kept);
     }
 
-    // Lanes that have settled end, or update the multipliers of their hard rows.
-    const auto finished = ((~seen.slides | small) & ~changed & ~bends & ~moved) | (tiny & ~moved);
+    // Lanes that have settled end, or update the multipliers of their hard rows, or assume other slips.
     const auto settled = open & ~changed & ~moved & ~bends;
+    const auto finished = (settled & (~seen.slides | small)) | (open & tiny & ~moved);
     const auto updated = update_multipliers(t, z, settled, updates, x);
-    open = (open & ~finished) | updated;
+    round += select(open, one, zero);
+    const auto over = open & ~finished & ~less(round, T(S(t.contacts.rounds)));
+    const auto ends = over | (finished & ~updated), asks = ends & less(pass + one, T(S(passes)));
+    const auto renewed = any(asks) ? renew_slips(t, asks, less(zero, pass), x) : asks;
+    pass += select(renewed, one, zero), x.counts.passes += select(renewed, one, zero);
+    round = select(renewed, zero, round);
+    unfinished = unfinished | (over & ~renewed);
+    open = open & (~ends | renewed);
     if (any(open)) momentum_of_impulses(t, x.rounds.momentum, x);
   }
-  return open;
+  return unfinished;
 }
 
 /// Where a solve begins: twice the velocity of the step's start less that of the step before (M107), and the guess of

@@ -180,7 +180,7 @@ typename T::Mask sweep(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
     for (int k = 0; k < n; ++k) swept[k] += x.held.start[k];
     for (int s = 0; s < times; ++s) sweep_all(t, open, swept, x);
     for (int k = 0; k < n; ++k) x.held.velocity[k] = z[k] = select(open, swept[k], z[k]);
-    open = move_servos(t, batch, position_phase, false, T::none(), open, x);
+    open = move_servos(t, batch, position_phase, T::none(), T::none(), open, x);
   }
   slot_speeds(t, z, &ContactSlot<T>::speed, x);
   each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int* velocity, const T* value) LOCKSTEP_INLINED {

@@ -127,6 +127,8 @@ struct Contacts {
   Vec3<T>* moving;           // [columns] relative velocity of the reference point
   Vec3<T>* parted;           // [columns] what of it is due to the gap between the points of two moving bodies
   T* previous;               // [solver] velocities at the start of the step before (state)
+  T* piece;                  // [bounds of one velocity] contacts/pieces.h (state)
+  T* saturation;             // [limited servos] the same (state)
   T length;                  // of the step that the memory is of, where steps may be taken in halves (state)
   T unfinished;              // steps at the cap since the last reset (state)
   typename T::Mask known;    // lanes whose memory belongs to their state
@@ -147,6 +149,8 @@ struct Contacts {
     take("contacts.moving", moving, c.columns.count);
     take("contacts.parted", parted, c.columns.count);
     take("contacts.previous", previous, n);
+    take("contacts.piece", piece, t.bounds.single);
+    take("contacts.saturation", saturation, t.limited_servos.count);
   }
 };
 

@@ -98,7 +98,8 @@ struct ContactTables : ContactStructure {
   S tolerance = 0;  ///< of a solve
   inline __attribute__((always_inline)) bool used() const { return pairs.count > 0; }
   /// Rows of a batch that remember contacts (kernels/contacts/memory.h): of slots, of pairs, the solver's velocities,
-  /// the length of the step if that may differ, the state that they belong to, and a count.
+  /// the pieces of bounds and servos, the length of the step if that may differ, the state that they belong to, and a
+  /// count.
   static constexpr int rows_of_slot = 4, rows_of_pair = 15;
   template <class Structure>
   inline __attribute__((always_inline)) int remembered(const Structure& t) const {
@@ -107,7 +108,8 @@ struct ContactTables : ContactStructure {
   /// The first row of the state.
   template <class Structure>
   inline __attribute__((always_inline)) int remembered_state(const Structure& t) const {
-    return rows_of_slot * slots + rows_of_pair * pairs.count + t.solver.n + (t.guarded ? 1 : 0);
+    return rows_of_slot * slots + rows_of_pair * pairs.count + t.solver.n + t.bounds.single + t.limited_servos.count +
+           (t.guarded ? 1 : 0);
   }
 
   template <class From, class To, class Visit>
