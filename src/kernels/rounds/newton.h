@@ -222,6 +222,7 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     const auto renewed = any(asks) ? renew_slips(t, asks, less(zero, pass), x) : asks;
     pass += select(renewed, one, zero), x.counts.passes += select(renewed, one, zero);
     round = select(renewed, zero, round);
+    updates.count = select(renewed, zero, updates.count), updates.missing = select(renewed, zero, updates.missing);
     unfinished = unfinished | (over & ~renewed);
     open = open & (~ends | renewed);
     if (any(open)) momentum_of_impulses(t, x.rounds.momentum, x);
