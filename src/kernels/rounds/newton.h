@@ -14,7 +14,7 @@
 namespace lockstep::kernels {
 
 constexpr int most_trials = 40;         ///< of one search along a step: the pieces of a hard row are this short
-constexpr double enough_descent = 0.5;  ///< of the slope, what a search may leave
+constexpr double enough_descent = 0.1;  ///< of the slope, what a search may leave
 
 /// y = A v - rhs with the diagonal of this round, for the gradient.
 template <class T>
