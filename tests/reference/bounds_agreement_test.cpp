@@ -19,6 +19,7 @@
 #include "reference/bounds.h"
 #include "reference/servos.h"
 #include "reference/step.h"
+#include "seeds.h"
 
 namespace lockstep {
 namespace {
@@ -28,7 +29,7 @@ using Eigen::VectorXd;
 using physics::distance;
 using physics::size;
 
-constexpr int seeds = 480;
+const int seeds = seeds_of(800, 480);
 constexpr double close = 1e-8;
 
 StepSettings settings_of(Method method, int seed) {

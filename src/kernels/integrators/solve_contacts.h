@@ -35,8 +35,8 @@ void solve_contact_phase(const Tables<ScalarOf<T>>& t, const StatePointers<Scala
     begin_on_pieces(t, phase == position_phase ? open & x.contacts.known : open, x);
     x.counts.passes += select(open, T(1), T(0));
     unfinished = newton(t, batch, open, t.contacts.passes, x);
+    if (phase == position_phase) keep_pieces(t, open, x);
   }
-  if (phase == position_phase) keep_pieces(t, open_first, x);
   clamp_unfinished(t, unfinished, x);
   if (phase == velocity_phase) exchange_phases(t, x);
   keep_impulses(t, phase, open_first, x);

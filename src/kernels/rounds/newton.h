@@ -160,7 +160,7 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   const int n = t.rounds.columns.n;
   const T zero = T(0), one = T(1);
   T *const z = x.rounds.z, *const step = x.rounds.step;
-  T pass = zero, round = zero;  // of a lane, which counts its rounds since slips have been renewed
+  T pass = zero, round = zero;  // of each lane: its slip passes, and its rounds in the present one
   auto unfinished = T::none();
   Updates<T> updates;
   while (any(open)) {
