@@ -15,7 +15,7 @@ struct RelativeTwist {
   Vec3<T> turning, moving;
 };
 
-/// The slots of a pair that are live in some lane.
+/// The slots of a pair that are live in some of the listed lanes.
 template <class T>
 struct LiveSlots {
   ContactSlot<T>* slots;
@@ -32,11 +32,28 @@ struct LiveSlots {
   LOCKSTEP_INLINE Iterator end() const { return {slots, patch.live + patch.live_count}; }
 };
 
+/// From now on loops over slots visit those that are live in some of these lanes. A slot adds nothing to a lane in
+/// which it is not live, so no lane can tell what is listed for others.
+template <class T>
+void list_live_slots(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
+  x.contacts.listed_lanes = lanes;
+  x.contacts.listed_count = 0;
+  for (int i = 0; i < x.contacts.near_count; ++i) {
+    const int p = x.contacts.near_pairs[i];
+    const auto& pair = t.contacts.pairs[p];
+    ContactPatch<T>& patch = x.contacts.patch[p];
+    patch.live_count = 0;
+    for (int s = 0; s < pair.slots; ++s)
+      if (any(x.contacts.slot[pair.slot + s].live & lanes)) patch.live[patch.live_count++] = s;
+    if (patch.live_count > 0) x.contacts.listed_pairs[x.contacts.listed_count++] = p;
+  }
+}
+
 /// act(pair, patch, its live slots) for the pairs with one. The numbers of other slots are those of any step.
 template <class T, class Act>
 LOCKSTEP_INLINE void each_near(const Tables<ScalarOf<T>>& t, Tile<T>& x, Act&& act) {
-  for (int i = 0; i < x.contacts.near_count; ++i) {
-    const int p = x.contacts.near_pairs[i];
+  for (int i = 0; i < x.contacts.listed_count; ++i) {
+    const int p = x.contacts.listed_pairs[i];
     ContactPatch<T>& patch = x.contacts.patch[p];
     act(t.contacts.pairs[p], patch, LiveSlots<T>{x.contacts.slot + t.contacts.pairs[p].slot, patch});
   }
@@ -87,7 +104,7 @@ void momentum_of_contacts(const Tables<ScalarOf<T>>& t, T* momentum, Tile<T>& x)
     Vec3<T> force = Vec3<T>::zero(), moment = force;
     bool acts = false;
     for (const ContactSlot<T>& slot : slots) {
-      if (!any(slot.force.sticks | slot.force.slides)) continue;
+      if (!any((slot.force.sticks | slot.force.slides) & x.contacts.listed_lanes)) continue;
       acts = true;
       const T* const impulse = slot.force.impulse;
       const Vec3<T> f{impulse[0], impulse[1], impulse[2]};
@@ -139,7 +156,7 @@ void add_gains(const Tables<ScalarOf<T>>& t, T* matrix, Tile<T>& x) {
     PairGain<T> gain = PairGain<T>::zero();
     bool acts = false;
     for (const ContactSlot<T>& slot : slots) {
-      if (!any(slot.force.sticks | slot.force.slides)) continue;
+      if (!any((slot.force.sticks | slot.force.slides) & x.contacts.listed_lanes)) continue;
       acts = true;
       gain.add(slot);
     }

@@ -163,9 +163,12 @@ typename T::Mask collide(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     held = held | collide_pair(t, t.contacts.pairs[p], x.contacts.patch[p], x);
     const ContactPatch<T>& patch = x.contacts.patch[p];
     if (patch.live_count == 0) continue;
-    x.contacts.near_pairs[x.contacts.near_count++] = p;
+    x.contacts.listed_pairs[x.contacts.near_count] = x.contacts.near_pairs[x.contacts.near_count] = p;
+    ++x.contacts.near_count;
     count_live(LiveSlots<T>{x.contacts.slot + t.contacts.pairs[p].slot, patch}, x.counts);
   }
+  x.contacts.listed_count = x.contacts.near_count;
+  x.contacts.listed_lanes = ~T::none();
   return held;
 }
 

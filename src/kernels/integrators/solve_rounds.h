@@ -133,11 +133,11 @@ typename T::Mask list_active_rows_of(const Tables<ScalarOf<T>>& t, typename T::M
 template <class T>
 void set_contacts_aside(Tile<T>& x) {
   x.contacts.set_aside = x.contacts.near_count;
-  x.contacts.near_count = 0;
+  x.contacts.near_count = x.contacts.listed_count = 0;
 }
 template <class T>
 void bring_contacts_back(Tile<T>& x) {
-  x.contacts.near_count = x.contacts.set_aside;
+  x.contacts.near_count = x.contacts.listed_count = x.contacts.set_aside;
 }
 
 /// Both solves with bounds and kept couplings and without contacts, in the lanes `open`. Their results are

@@ -30,55 +30,83 @@ void momentum_left(const Tables<ScalarOf<T>>& t, const T* v, const T* rhs, T* y,
   }
 }
 
-/// Evaluates the law of all contact slots at the speed u + a du, into `to`.
-template <class T>
-void evaluate(const Tables<ScalarOf<T>>& t, T a, ContactForce<T> ContactSlot<T>::*to, Tile<T>& x) {
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    T u[3];
-    for (int i = 0; i < 3; ++i) u[i] = fma(a, slot.change[i], slot.speed[i]);
-    contact_force(slot, patch.friction, u, slot.*to);
-  });
-}
-
 /// Slope and curvature of the line function of a step: what its contacts and rows add.
 template <class T>
 struct AlongStep {
   T force = T(0);  // du . impulse
   T gain = T(0);   // du . G du
+
+  LOCKSTEP_INLINE void add(const ActingRow<T>& row, const Branch<T>& law) {
+    force = fma(row.change, law.impulse, force);
+    gain = fma(row.change * row.change, row_gain(row, law), gain);
+  }
+  LOCKSTEP_INLINE void add(const ContactSlot<T>& slot, const ContactForce<T>& law) {
+    T product[3];
+    times_gain(law, slot.change, product);
+    for (int i = 0; i < 3; ++i) {
+      force = fma(slot.change[i], law.impulse[i], force);
+      gain = fma(slot.change[i], product[i], gain);
+    }
+  }
 };
 
+/// With the laws `of` and `law`, which are known.
 template <class T>
 AlongStep<T> along_step(const Tables<ScalarOf<T>>& t, ContactForce<T> ContactSlot<T>::*of, Branch<T> ActingRow<T>::*law,
                         Tile<T>& x) {
   AlongStep<T> sum;
-  each_row(t, x, [&](const RowSlot&, ActingRow<T>& row, const int*, const T*) LOCKSTEP_INLINED {
-    sum.force = fma(row.change, (row.*law).impulse, sum.force);
-    sum.gain = fma(row.change * row.change, row_gain(row, row.*law), sum.gain);
-  });
+  each_row(t, x,
+           [&](const RowSlot&, ActingRow<T>& row, const int*, const T*) LOCKSTEP_INLINED { sum.add(row, row.*law); });
   each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    T product[3];
-    times_gain(slot.*of, slot.change, product);
-    for (int i = 0; i < 3; ++i) {
-      sum.force = fma(slot.change[i], (slot.*of).impulse[i], sum.force);
-      sum.gain = fma(slot.change[i], product[i], sum.gain);
-    }
+    sum.add(slot, slot.*of);
   });
   return sum;
 }
 
-/// Slope of the line function at the whole step: what the law misses of its linearisation. No product with A.
+/// The law of a slot at the share a of the step, into its `trial`.
 template <class T>
-T slope_at_end(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  T slope = T(0);
+LOCKSTEP_INLINE void try_slot(const ContactPatch<T>& patch, T a, ContactSlot<T>& slot) {
+  T u[3];
+  for (int i = 0; i < 3; ++i) u[i] = fma(a, slot.change[i], slot.speed[i]);
+  contact_force(slot, patch.friction, u, slot.trial);
+}
+
+/// All laws at the share a of the step, into `trial`.
+template <class T>
+AlongStep<T> try_share(const Tables<ScalarOf<T>>& t, T a, Tile<T>& x) {
+  AlongStep<T> sum;
   each_row(t, x, [&](const RowSlot&, ActingRow<T>& row, const int*, const T*) LOCKSTEP_INLINED {
+    row.trial = row_law(row, fma(a, row.change, row.speed));
+    sum.add(row, row.trial);
+  });
+  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    try_slot(patch, a, slot);
+    sum.add(slot, slot.trial);
+  });
+  return sum;
+}
+
+/// What the step changes in all speeds, and the laws at its end, into `trial`. Returns the slope of the line function
+/// there: what the laws miss of their linearisation. No product with A.
+template <class T>
+T try_step(const Tables<ScalarOf<T>>& t, const T* step, Tile<T>& x) {
+  T slope = T(0);
+  each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int* velocity, const T* value) LOCKSTEP_INLINED {
+    row.change = row_speed(slot, velocity, value, step);
+    row.trial = row_law(row, row.change + row.speed);
     const T linear = row_gain(row, row.law) * row.change;
     slope = fma(row.change, (row.law.impulse - linear) - row.trial.impulse, slope);
   });
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    T linear[3];
-    times_gain(slot.force, slot.change, linear);
-    for (int i = 0; i < 3; ++i)
-      slope = fma(slot.change[i], (slot.force.impulse[i] - linear[i]) - slot.trial.impulse[i], slope);
+  each_near(t, x, [&](const auto& pair, const ContactPatch<T>& patch, const LiveSlots<T>& slots) LOCKSTEP_INLINED {
+    const RelativeTwist<T> twist = twist_of(t, pair, x, step);
+    for (ContactSlot<T>& slot : slots) {
+      slot_speed(slot, twist, slot.change);
+      try_slot(patch, T(1), slot);
+      T linear[3];
+      times_gain(slot.force, slot.change, linear);
+      for (int i = 0; i < 3; ++i)
+        slope = fma(slot.change[i], (slot.force.impulse[i] - linear[i]) - slot.trial.impulse[i], slope);
+    }
   });
   return slope;
 }
@@ -100,9 +128,7 @@ T search_along(const Tables<ScalarOf<T>>& t, typename T::Mask open, T first_slop
     T next = a - slope / larger(curvature, T(S(1e-30)));
     next = select(less(low, next) & less(next, high), next, half * (low + high));
     a = select(open, trial == most_trials ? low : next, a);
-    evaluate(t, a, &ContactSlot<T>::trial, x);
-    try_rows(t, a, x);
-    const AlongStep<T> here = along_step(t, &ContactSlot<T>::trial, &ActingRow<T>::trial, x);
+    const AlongStep<T> here = try_share(t, a, x);
     slope = fma(a, stiff, first_slope + (start.force - here.force));
     curvature = stiff + here.gain;
     x.counts.trials += select(open, one, zero), x.counts.tile_trials += one;
@@ -130,14 +156,17 @@ struct Regions {
   typename T::Mask slides;   // some slot slides
 };
 
+/// Takes this share of the step: slots have the speeds and the laws there.
 template <class T>
-Regions<T> regions(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+Regions<T> move_slots(const Tables<ScalarOf<T>>& t, T share, Tile<T>& x) {
   Regions<T> found{T::none(), T::none()};
   each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
     const ContactForce<T>&from = slot.force, &to = slot.trial;
     found.changed = found.changed | (from.sticks & ~to.sticks) | (to.sticks & ~from.sticks) |
                     (from.slides & ~to.slides) | (to.slides & ~from.slides);
     found.slides = found.slides | from.slides | to.slides;
+    for (int i = 0; i < 3; ++i) slot.speed[i] = fma(share, slot.change[i], slot.speed[i]);
+    slot.force = slot.trial;
   });
   return found;
 }
@@ -182,25 +211,21 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     }
 
     // How the laws bend along the step, and a search where they bend too much.
-    slot_speeds(t, step, &ContactSlot<T>::change, x);
-    each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int* velocity, const T* value) LOCKSTEP_INLINED {
-      row.change = row_speed(slot, velocity, value, step);
-    });
-    evaluate(t, one, &ContactSlot<T>::trial, x);
-    try_rows(t, one, x);
+    const T last = try_step(t, step, x);
     const T allowed = T(t.contacts.tolerance) * (one + fastest);
     const auto small = less(largest, allowed), tiny = less(largest, T(S(tiny_step)) * allowed);
-    const T last = slope_at_end(t, x);
     const auto bends = open & ~small & less(T(S(enough_descent)) * absolute(slope), last);
-    const T share = any(bends) ? search_along(t, bends, slope, last, x) : one;
+    T share = one;
+    if (any(bends)) {
+      const bool fewer = any(open & ~bends);
+      if (fewer) list_live_slots(t, bends, x);
+      share = search_along(t, bends, slope, last, x);
+      if (fewer) list_live_slots(t, open, x);
+    }
 
     // The new iterate, and the pieces of the laws that it is on.
-    const Regions<T> seen = regions(t, x);
+    const Regions<T> seen = move_slots(t, share, x);
     for (int k = 0; k < n; ++k) z[k] = select(open, select(bends, fma(share, step[k], z[k]), x.held.velocity[k]), z[k]);
-    each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-      for (int i = 0; i < 3; ++i) slot.speed[i] = fma(share, slot.change[i], slot.speed[i]);
-      slot.force = slot.trial;
-    });
     const auto changed = seen.changed | move_rows(t, z, bends, open, x);
     for (int k = 0; k < n; ++k) x.held.velocity[k] = z[k];
     const auto moved = move_pieces(t, batch, 1, ~less(round, T(S(all_move))), open, x);
@@ -224,9 +249,13 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     round = select(renewed, zero, round);
     updates.count = select(renewed, zero, updates.count), updates.missing = select(renewed, zero, updates.missing);
     unfinished = unfinished | (over & ~renewed);
-    open = open & (~ends | renewed);
-    if (any(open)) momentum_of_impulses(t, x.rounds.momentum, x);
+    const auto ended = ends & ~renewed;
+    open = open & ~ended;
+    if (!any(open)) break;
+    if (any(ended)) list_live_slots(t, open, x);
+    momentum_of_impulses(t, x.rounds.momentum, x);
   }
+  if (any(~x.contacts.listed_lanes)) list_live_slots(t, ~T::none(), x);
   return unfinished;
 }
 

@@ -155,14 +155,6 @@ void evaluate_rows(const Tables<ScalarOf<T>>& t, const T* z, Tile<T>& x) {
   });
 }
 
-/// The law at the share a of the step, of which row.change is known.
-template <class T>
-void try_rows(const Tables<ScalarOf<T>>& t, T a, Tile<T>& x) {
-  each_row(t, x, [&](const RowSlot&, ActingRow<T>& row, const int*, const T*) LOCKSTEP_INLINED {
-    row.trial = row_law(row, fma(a, row.change, row.speed));
-  });
-}
-
 /// Adds J^T impulse.
 template <class T>
 void add_row_momentum(const Tables<ScalarOf<T>>& t, T* momentum, Tile<T>& x) {

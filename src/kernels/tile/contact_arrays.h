@@ -34,46 +34,49 @@ struct MovingCollider {
   LOCKSTEP_INLINE Vec3<T> velocity_at(const Vec3<T>& point) const { return cross_add(angular, point - place, linear); }
 };
 
-/// One contact point. Vectors are in the frame of the pair: normal and tangents, from its reference point.
+/// One contact point. Vectors are in the frame of the pair: normal and tangents, from its reference point. What the
+/// rounds read stands together.
 template <class T>
 struct ContactSlot {
   typename T::Mask live;  // lanes in which it may act
+  typename T::Mask given;
   Vec3<T> arm;
-  T gap;
-  T face;                       // of this step
-  T kept_face;                  // of the memory
-  T memory[2];                  // tangential impulse of the step before (state)
-  T pressed;                    // normal impulse of the step before (state)
-  T carried[2];                 // tangential impulse that this solve starts from
-  typename T::Mask goes_on;     // lanes in which it has pressed in the step before
-  T slow;                       // speed of a push-out that may stay (M109)
-  T load;                       // normal impulse of the step before, where it goes on
-  T landing;                    // share of the step after which it lands (M124), if it bounces within a leapfrog
-  T restored;                   // f of (M109), in lanes that bounce: share of the impulse that comes back
-  T stopping;                   // normal impulse that has stopped what bounces (M109)
+  T target;      // b' of this solve
+  T stiffness;   // 1 / R
+  T push;        // normal impulse that this solve starts from: of the step before, in a second solve
+  T normal;      // N of (M115), where the normal impulse is given
+  T carried[2];  // tangential impulse that this solve starts from
+  T drift[2];    // tangential speed that takes the pair's drift back (M111)
+  T speed[3];    // u
+  T change[3];   // of u by the Newton step
+  ContactForce<T> force, trial;
+
   T bias;                       // b of (M104)
-  T drift[2];                   // tangential speed that takes the pair's drift back (M111)
   T slip;                       // speed along the surface that the normal target allows for, times the friction (M105)
   T slip_before, found_before;  // slip of the pass before, and the one that its solution had (M114)
-  T target;                     // b' of this solve
-  T stiffness;                  // 1 / R
-  T push;                       // normal impulse that this solve starts from: of the step before, in a second solve
-  T normal;                     // N of (M115), where the normal impulse is given
-  typename T::Mask bounces, given;
+  T free[3];                    // u of the step without contacts
+  T gap;
+  T face;                    // of this step
+  T kept_face;               // of the memory
+  T memory[2];               // tangential impulse of the step before (state)
+  T pressed;                 // normal impulse of the step before (state)
+  T slow;                    // speed of a push-out that may stay (M109)
+  T load;                    // normal impulse of the step before, where it goes on
+  T landing;                 // share of the step after which it lands (M124), if it bounces within a leapfrog
+  T restored;                // f of (M109), in lanes that bounce: share of the impulse that comes back
+  T stopping;                // normal impulse that has stopped what bounces (M109)
+  typename T::Mask goes_on;  // lanes in which it has pressed in the step before
+  typename T::Mask bounces;
   typename T::Mask relaxes;  // lanes that have had a second solve
-  T free[3];                 // u of the step without contacts
-  T speed[3];                // u
-  T change[3];               // of u by the Newton step
   T visit[2];                // of a sweep: impulse along the normal and along a tangent for a speed that is missing
   T across[2];               // speeds along the tangents that answer a unit normal impulse
-  ContactForce<T> force, trial;
 };
 
 /// What two colliders of a pair have in common.
 template <class T>
 struct ContactPatch {
   typename T::Mask near;  // lanes in which they may touch
-  int live[most_slots];   // its slots that are live in some lane
+  int live[most_slots];   // its slots that are live in some of the listed lanes
   int live_count;
   Vec3<T> axes[3];  // normal and tangents in the world
   Vec3<T> point;    // the reference point in the world
@@ -119,9 +122,12 @@ struct Contacts {
   Motion<T> motion;
   MovingCollider<T>* collider;  // [colliders]
   ContactPatch<T>* patch;       // [pairs]
-  int* near_pairs;              // [pairs] those with a live slot, in the plan's order
+  int* near_pairs;              // [pairs] those with a slot that is live in some lane, in the plan's order
   int near_count = 0;
-  int set_aside = 0;         // near_count, while a solve is made without contacts
+  int set_aside = 0;  // near_count, while a solve is made without contacts
+  int* listed_pairs;  // [pairs] what loops over slots visit: those live in some of these lanes
+  int listed_count = 0;
+  typename T::Mask listed_lanes = ~T::none();
   ContactSlot<T>* slot;      // [slots]
   Vec3<T>* turning;          // [columns] relative angular velocity, by velocity of the solver
   Vec3<T>* moving;           // [columns] relative velocity of the reference point
@@ -144,6 +150,7 @@ struct Contacts {
     take("contacts.collider", collider, c.colliders.count);
     take("contacts.patch", patch, c.pairs.count);
     take("contacts.near_pairs", near_pairs, c.pairs.count);
+    take("contacts.listed_pairs", listed_pairs, c.pairs.count);
     take("contacts.slot", slot, c.slots);
     take("contacts.turning", turning, c.columns.count);
     take("contacts.moving", moving, c.columns.count);
