@@ -45,6 +45,14 @@ struct PlanContact {
   double friction, restitution;
 };
 
+/// Something of the scene or its settings that keeps a method, an integrator or a part of a step from applying.
+struct Obstacle {
+  std::string feature;     ///< what stands in the way: "tendons", "contacts", "softness per environment"
+  std::string applies_to;  ///< what it keeps from applying: "tgs", "runge_kutta", "folding", "stages", "audit"
+  std::string reason;
+  std::string remedy;  ///< empty where the plan does as well without
+};
+
 /// An immutable compiled model; copies share it. Thread-safe.
 ///
 /// Rows of a Batch follow the Model: dofs are its moving joints in the order of Model::joints,

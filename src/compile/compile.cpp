@@ -16,23 +16,6 @@ namespace {
 constexpr double least_turn = 0.02;  // in a step that is audited, rad
 constexpr double most_gain = 0.04;   // from nowhere, as a share of the largest kinetic energy
 
-// What may bring energy that the audit does not know of, (M93); empty if nothing.
-std::string audit_obstacle(const Program& program) {
-  if (program.settings.guard == infinity) return "guard is infinity";
-  if (program.integrator == Integrator::euler && program.f64.contacts.used())
-    return "velocities of euler are half a step late, which beside contacts looks like energy";
-  const Bounds<double>& b = program.f64.bounds;
-  for (int r = 0; r < b.rows.count; ++r)
-    if (b.kinematic[r] || b.kind[r] == BoundKind::soft_drive || b.kind[r] == BoundKind::drive)
-      return "kinematic drives may do any work";
-  for (const Coupling& coupling : program.model.couplings)
-    if (!is_hard(coupling.softness)) return "soft couplings keep energy";
-  if (declared(program, Parameter::softness) || declared(program, Parameter::coupling_switch))
-    return "couplings are soft or switched per environment";
-  if (declared(program, Parameter::link_wrench)) return "wrenches may do any work";
-  return "";
-}
-
 void require(bool holds, const char* setting, const std::string& rule, const char* remedy) {
   if (!holds) throw SettingsError(setting, rule, remedy);
 }
@@ -84,30 +67,6 @@ void check_masses(const StepSettings& settings, const Model& model) {
             "give the link a mass, or its inertia to the link that it is fixed to");
 }
 
-void check_substeps(const Program& program) {
-  if (program.method != Method::tgs || program.settings.iterations == 1) return;
-  const auto check = [&](const Softness& softness, const char* kind, const std::string& name) {
-    require(!(is_hard(softness) && erp_of(softness) > 1.0), "method",
-            fmt::format("tgs with {} sub-steps cannot divide the erp {} of {} '{}': it is above 1",
-                        program.settings.iterations, erp_of(softness), kind, name),
-            "lower the erp, or use one iteration or another method");
-  };
-  for (const Coupling& coupling : program.model.couplings) check(coupling.softness, "coupling", coupling.joint);
-  for (const Joint& joint : program.model.joints)
-    if ((joint.lower > -infinity || joint.upper < infinity) &&
-        !leaves_out(program, program.settings.ignore.position_limits, joint))
-      check(joint.limit_softness, "the limits of joint", joint.name);
-}
-
-void check_force_limits(const Program& program) {
-  for (const Coupling& coupling : program.model.couplings)
-    require(
-        !(coupling.force_limit < infinity && declared(program, Parameter::softness)), "per_environment",
-        fmt::format("has the softness, but coupling '{}' has a force limit, which needs the same softness everywhere",
-                    coupling.joint),
-        "leave out the softness or the force limit");
-}
-
 // What a step solves, and how its matrix is made.
 void lay_out_solver(Program& program) {
   Tables<double>& t = program.f64;
@@ -137,8 +96,6 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   lay_out_joint_terms(*program);
   find_redundant_couplings(*program);
   choose_method(*program);
-  check_substeps(*program);
-  check_force_limits(*program);
   lay_out_solver(*program);
   choose_folding(*program, largest_folded_shares);
   if (!program->folded.empty()) lay_out_solver(*program);
@@ -146,7 +103,6 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   lay_out_factoring(*program);
   lay_out_rounds(*program);
   lay_out_contacts(*program);
-  if (integrator == Integrator::euler) check_contacts(*program);
   lay_out_report(*program);
   lay_out_turns(*program);
   t.method = program->method;
@@ -155,8 +111,8 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   t.position_bound = settings.position_bound;
   t.velocity_bound = settings.velocity_bound;
   t.guarded = integrator == Integrator::leapfrog && settings.guard < infinity;
-  program->audit_obstacle = audit_obstacle(*program);
-  t.audited = program->audit_obstacle.empty();
+  find_audit_obstacles(*program);
+  t.audited = !find_obstacle(*program, Axis::audit);
   t.coarse_above = t.guarded ? settings.guard * settings.guard : 0.0;
   t.too_fast_above = 100.0 * t.coarse_above;
   t.fast_above = least_turn / settings.dt;
@@ -167,6 +123,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
     if (settings.per_environment.contains(static_cast<Parameter>(p))) t.per_environment |= 1u << p;
   narrow(*program);
   if (integrator == Integrator::runge_kutta) program->explicit_rate = largest_rate(*program);
+  find_integrator_obstacles(*program);
   return program;
 }
 
@@ -202,15 +159,13 @@ Plan compile(const Model& model, const StepSettings& settings) {
   const bool automatic = settings.integrator == Integrator::automatic;
   std::shared_ptr<Program> program = compiled(model, settings, automatic ? Integrator::leapfrog : settings.integrator);
   program->integrator_reason = automatic ? "its errors are of second order" : "as asked for";
-  if (!program->search_obstacle.empty())
-    program->integrator_reason += ", and bounds act at its midpoint: " + program->search_obstacle;
-  if (const std::optional<Obstacle> obstacle = obstacle_of(*program)) {
-    if (!automatic)
-      throw SettingsError("integrator",
-                          fmt::format("{} does not apply: {}", to_string(settings.integrator), obstacle->reason),
-                          obstacle->remedy);
+  if (const PlanObstacle* obstacle = find_obstacle(*program, Axis::stages))
+    program->integrator_reason += ", and bounds act at its midpoint: " + obstacle->reason;
+  if (const PlanObstacle* obstacle = find_obstacle(*program, Axis::integrator, to_string(program->integrator))) {
+    if (!automatic) refuse(*obstacle);
+    const std::string reason = obstacle->reason;
     program = compiled(model, settings, Integrator::euler);
-    program->integrator_reason = obstacle->reason;
+    program->integrator_reason = reason;
   }
   take_halves(*program, program->integrator == Integrator::extrapolated ? 1 : program->f64.guarded ? guard_depth : 0);
   return Plan(std::move(program));

@@ -5,7 +5,6 @@
 #include <set>
 
 #include "layout.h"
-#include "lockstep/error.h"
 
 namespace lockstep {
 namespace {
@@ -133,7 +132,7 @@ std::vector<std::vector<int>> contact_velocities(const Program& program) {
 
 void lay_out_contacts(Program& program) {
   Tables<double>& t = program.f64;
-  if (program.contacts.pairs.empty() || !t.rounds.used()) return;  // tgs and smooth integrators refuse them later
+  if (program.contacts.pairs.empty() || !t.rounds.used()) return;  // smooth integrators refuse them later
   std::vector<ColliderPlace<double>> colliders;
   for (const Collider& collider : program.model.colliders) colliders.push_back(placed(program, collider));
   std::vector<TouchingPair<double>> pairs;
@@ -175,15 +174,6 @@ void lay_out_contacts(Program& program) {
   t.contacts.columns = program.storage.keep(std::move(columns));
   t.contacts.parts = program.storage.keep(std::move(parts));
   t.contacts.entries = program.storage.keep(std::move(entries));
-}
-
-void check_contacts(const Program& program) {
-  if (program.contacts.pairs.empty()) return;
-  const auto refuse = [](const char* setting, const std::string& rule, const std::string& remedy) {
-    throw SettingsError(setting, "does not apply to a model with contacts: " + rule, remedy);
-  };
-  if (program.method == Method::tgs)
-    refuse("method", "tgs renews couplings and bounds in its sub-steps, and contacts not yet", "use pgs, or automatic");
 }
 
 }  // namespace lockstep

@@ -3,7 +3,6 @@
 
 #include <functional>
 #include <map>
-#include <optional>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -17,12 +16,6 @@ namespace lockstep {
 
 /// The length of this integrator's solves, and the times at which it reads its inputs (integrator.cpp).
 void lay_out_times(Program& program, Integrator integrator);
-
-/// Why the program's integrator does not apply to its scene, if so, and what to do about it (integrator.cpp).
-struct Obstacle {
-  std::string reason, remedy;
-};
-std::optional<Obstacle> obstacle_of(const Program& program);
 
 /// Bodies, frames, joints and the structure of the mass matrix (bodies.cpp).
 void lay_out_bodies(Program& program, const Trees& trees);
@@ -67,7 +60,8 @@ bool leaves_out(const Program& program, const JointSet& bounds, const Joint& joi
 /// each other, and names them (couplings.cpp).
 void find_redundant_couplings(Program& program);
 
-/// Which method a step uses, and why. Throws SettingsError if the requested method does not apply (method.cpp).
+/// Which method a step uses, and why. Throws SettingsError for what the obstacles known by then stand against
+/// (method.cpp).
 void choose_method(Program& program);
 
 /// A joint whose velocity is a weighted sum of other joints' velocities, plus its constraint velocity if it has one.
@@ -99,8 +93,6 @@ void lay_out_folding(Program& program);
 std::vector<std::vector<int>> contact_velocities(const Program& program);
 /// The tables of contacts, after the rounds (contacts.cpp).
 void lay_out_contacts(Program& program);
-/// Throws SettingsError where the plan's method or settings leave contacts no solve (contacts.cpp).
-void check_contacts(const Program& program);
 
 /// Measured costs of the tables' loops, by which a plan chooses. The unit is one product of a long sum.
 namespace work {

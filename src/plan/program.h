@@ -9,6 +9,7 @@
 
 #include "lockstep/plan.h"
 #include "model/contact_pairs.h"
+#include "obstacles.h"
 #include "tables.h"
 
 namespace lockstep {
@@ -68,12 +69,10 @@ struct Program {
   Integrator integrator = Integrator::automatic;
   bool second_phase_anyway = false;  ///< a step has as many solves without active bounds as with them
   std::string integrator_reason;
-  std::vector<int> limited_servos;  ///< joints that have a servo with an effort limit
-  std::string search_obstacle;      ///< why the stages of a leapfrog cannot hold the bounds
-  std::string audit_obstacle;       ///< why the audit does not watch the energy
-  std::vector<int> folded;          ///< couplings that are part of A_r instead of rows
-  std::string folding_obstacle;     ///< why soft couplings are rows, if some are
-  double length = 0.0;              ///< Tables::dt
+  std::vector<int> limited_servos;      ///< joints that have a servo with an effort limit
+  std::vector<PlanObstacle> obstacles;  ///< in the order in which the stages of compile() found them
+  std::vector<int> folded;              ///< couplings that are part of A_r instead of rows
+  double length = 0.0;                  ///< Tables::dt
   std::vector<double> stage_times;
   double explicit_rate = 0.0;  ///< the largest |lambda| of (M75), for Integrator::runge_kutta
   std::string method_reason;

@@ -1,7 +1,4 @@
 // The Newton rounds: their matrix, and which rows are slots of them. SPDX-License-Identifier: Apache-2.0
-#include <fmt/format.h>
-#include <fmt/ranges.h>
-
 #include <algorithm>
 #include <numeric>
 
@@ -150,28 +147,6 @@ void lay_out_implicit(Program& program) {
   rounds.implicit_entry = program.storage.keep(std::move(entries));
 }
 
-// Why bounds cannot be held as single velocities alone.
-std::string obstacle_of_single(const Program& program) {
-  const Tables<double>& t = program.f64;
-  if (t.rows.count > 0) return "couplings that are not eliminated compete with the bounds";
-  std::vector<std::string> several;
-  for (int i = 0; i < t.limited_servos.count; ++i)
-    if (!acts_on_one_velocity(t, t.limited_servos[i]))
-      several.push_back(program.dof_names[static_cast<std::size_t>(t.dof[t.limited_servos[i]])]);
-  for (int r = t.bounds.single; r < t.bounds.rows.count; ++r) {
-    const BoundKind kind = t.bounds.kind[r];
-    if (kind == BoundKind::joint && t.bounds.rows.term_start[r + 1] - t.bounds.rows.term_start[r] == 1) continue;
-    if (kind != BoundKind::joint && kind != BoundKind::servo && kind != BoundKind::drive)
-      return "a limit, a kinematic drive or a coupling's force limit is soft";
-    const int joint = t.bounds.member[t.bounds.member_start[r]].joint;
-    several.push_back(program.dof_names[static_cast<std::size_t>(t.dof[joint])]);
-  }
-  if (!several.empty())
-    return fmt::format("what has bounds or a limited servo follows several joints: {}", fmt::join(several, ", "));
-  if (t.articulated.used()) return "the bounds act on trees that are solved by articulated bodies";
-  return "";
-}
-
 }  // namespace
 
 void lay_out_rounds(Program& program) {
@@ -182,8 +157,8 @@ void lay_out_rounds(Program& program) {
   if (program.integrator != Integrator::euler && !stages) return;
   const bool limited = t.limited_servos.count + t.row_servos.count > 0;
   if (b.rows.count == 0 && !limited && program.contacts.pairs.empty()) return;
-  const std::string obstacle = obstacle_of_single(program);
-  if (!obstacle.empty() && program.contacts.pairs.empty() && !stages) return;
+  const std::optional<PlanObstacle> obstacle = obstacle_to_single_velocities(program);
+  if (obstacle && program.contacts.pairs.empty() && !stages) return;
 
   std::vector<Slot> slots = slots_of(t);
   std::vector<std::vector<int>> together = contact_velocities(program);
@@ -203,8 +178,8 @@ void lay_out_rounds(Program& program) {
     servos.push_back(velocity_of(t, t.limited_servos[i]));
     servos.back().velocity = rounds.place[servos.back().velocity];
   }
-  rounds.in_stages = stages && obstacle.empty();
-  if (stages && (b.rows.count > 0 || limited)) program.search_obstacle = obstacle;
+  rounds.in_stages = stages && !obstacle;
+  if (stages && obstacle && (b.rows.count > 0 || limited)) program.obstacles.push_back(*obstacle);
   rounds.at_midpoint = stages && (!rounds.in_stages || !program.contacts.pairs.empty());
   if (rounds.at_midpoint) lay_out_implicit(program);
   b.always |= limited && !rounds.in_stages;

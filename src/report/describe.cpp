@@ -129,9 +129,9 @@ std::string method_lines(const Program& program) {
     text += fmt::format("  {} into the matrix{}.\n",
                         count_of(folded, "soft coupling is folded", "soft couplings are folded"),
                         rows > 0 ? "" : ", so that no row is left to solve");
-  if (!program.folding_obstacle.empty())
+  if (const PlanObstacle* obstacle = find_obstacle(program, Axis::folding))
     text += fmt::format("  {}soft couplings are not folded into the matrix: {}.\n", folded > 0 ? "other " : "",
-                        program.folding_obstacle);
+                        obstacle->reason);
   const std::string solved = "solved together by L^T D L";
   const std::string met = !t.rows.known_suffice ? solved
                           : t.bounds.rows.count > 0
@@ -307,8 +307,9 @@ std::string watch_line(const Program& program) {
   std::string text = "Watched: ";
   text += program.f64.guarded ? fmt::format("steps with an eta above {:g} are taken in halves", program.settings.guard)
                               : std::string("no step is taken in halves");
-  return text + (program.f64.audited ? "; energy from nowhere is a fault.\n"
-                                     : fmt::format("; energy is not watched: {}.\n", program.audit_obstacle));
+  const PlanObstacle* const obstacle = find_obstacle(program, Axis::audit);
+  return text + (obstacle ? fmt::format("; energy is not watched: {}.\n", obstacle->reason)
+                          : "; energy from nowhere is a fault.\n");
 }
 
 // Why there is no generated kernel of a plan.

@@ -224,7 +224,7 @@ TEST(FoldingRule, says_what_stands_against_it) {
   const auto obstacle = [](const Model& model, const StepSettings& settings) {
     const Plan plan = compile(model, settings);
     EXPECT_FALSE(folds(plan));
-    return program_of(plan).folding_obstacle;
+    return find_obstacle(program_of(plan), Axis::folding)->reason;
   };
   const auto contains = [](const std::string& text, const char* part) { return text.find(part) != std::string::npos; };
   const Model model = two_sliders(1.0, false);
