@@ -53,11 +53,8 @@ ChosenEngine choose_engine(const Plan& plan, Target target, Engine wanted) {
     if (const OperationList* operations = interpret::interpreted_step(program))
       return {Engine::interpreter, nullptr, operations};
     if (!automatic)
-      throw SettingsError(
-          "engine",
-          "interpreter does not apply: the plan has contacts, limited servos beside other rows, tgs with a "
-          "softness per environment, or too many operations",
-          "use the tables or automatic");
+      throw SettingsError("engine", "interpreter does not apply: " + interpret::list_obstacle(program),
+                          "use the tables or automatic");
   }
   return {Engine::tables};
 }

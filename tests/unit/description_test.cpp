@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "lockstep/batch.h"
+#include "lockstep/error.h"
 #include "lockstep/plan.h"
 #include "scenes/scenes.h"
 
@@ -111,6 +112,17 @@ TEST(Description, says_why_an_engine_is_not_taken) {
                    "the interpreter does not apply: method tgs with a softness per environment"});
   expect_contains(compile(scenes::chain32(), {.method = Method::pgs, .iterations = 1000}),
                   {"no kernel can be generated: kernel would have a step of"});
+}
+
+TEST(Description, and_refusal_give_the_same_reason_against_the_interpreter) {
+  const Plan plan = compile(scenes::chain8(), {.method = Method::tgs, .per_environment = {Parameter::softness}});
+  try {
+    Batch<float>(plan, 1, {.engine = Engine::interpreter});
+    FAIL() << "accepted";
+  } catch (const SettingsError& error) {
+    EXPECT_NE(error.rule().find("lane by lane"), std::string::npos) << error.what();
+    expect_contains(plan, {error.rule().c_str()});
+  }
 }
 
 TEST(Description, names_contacts_among_the_stages) {
