@@ -126,6 +126,12 @@ class LOCKSTEP_API Plan {
   /// Joints that cannot move because always-hard couplings contradict their motion. describe() names them.
   const std::vector<LockedJoints>& locked_joints() const;
 
+  /// What the model and the settings keep from applying: methods, where the integrator is automatic; integrators beside
+  /// this plan's method; soft couplings in the matrix ("folding"), bounds in the stages of leapfrog ("stages"), the
+  /// watch over energy ("audit"). compile() refuses what is named here, but for the last three, which describe() tells
+  /// too. Not named are rates that are too fast for runge_kutta: they are measured where it is asked for. Thread-safe.
+  std::vector<Obstacle> obstacles() const;
+
   /// In words: what a step does, by which method and why, what was left out, which engine runs it, what it costs.
   std::string describe() const;
 

@@ -174,6 +174,17 @@ void bind_plan(py::module_& module) {
       .def("link", &Plan::link, "name"_a)
       .def("site", &Plan::site, "name"_a)
       .def("contact", &Plan::contact, "name"_a)
+      .def(
+          "obstacles",
+          [](const Plan& plan) {
+            py::list all;
+            for (const Obstacle& o : plan.obstacles())
+              all.append(py::dict("feature"_a = o.feature, "applies_to"_a = o.applies_to, "reason"_a = o.reason,
+                                  "remedy"_a = o.remedy));
+            return all;
+          },
+          "what keeps methods, integrators, 'folding' of soft couplings, bounds in 'stages' and the 'audit' from "
+          "applying: dicts of feature, applies_to, reason, remedy")
       .def("describe", &Plan::describe, "in words: what a step does, by which method and why, and what it costs")
       .def("batch", &make_batch, "num_envs"_a, py::kw_only(), "threads"_a = 0, "seed"_a = 0, "first_id"_a = 0,
            "dtype"_a = "f4", "target"_a = "automatic", "engine"_a = "automatic",

@@ -157,6 +157,15 @@ def test_plans_say_what_follows(plan):
         plan.dof("nothing")
 
 
+def test_plans_say_what_stands_in_the_way():
+    model = gripper_model()
+    with pytest.raises(ls.SettingsError) as refused:
+        ls.compile(model, method="pgs", integrator="leapfrog")
+    against = [o for o in ls.compile(model, method="pgs").obstacles() if o["applies_to"] == "leapfrog"]
+    assert against[0]["feature"] == "sweeps" and against[0]["remedy"] == refused.value.remedy
+    assert refused.value.rule.endswith(against[0]["reason"])
+
+
 def test_a_model_is_written_and_read():
     model = gripper_model()
     model.joints["elbow"].position = 0.25

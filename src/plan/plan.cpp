@@ -31,6 +31,7 @@ const std::vector<int>& Plan::independent_dofs() const { return program_->indepe
 const std::vector<int>& Plan::follower_dofs() const { return program_->follower_dofs; }
 const std::vector<int>& Plan::driven_dofs() const { return program_->driven_dofs; }
 const std::vector<LockedJoints>& Plan::locked_joints() const { return program_->locked; }
+std::vector<Obstacle> Plan::obstacles() const { return {program_->obstacles.begin(), program_->obstacles.end()}; }
 
 const Following& Plan::following(int dof) const {
   if (dof < 0 || dof >= dofs())

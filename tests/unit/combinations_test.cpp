@@ -299,6 +299,54 @@ TEST(Combinations, of_all_features_move_soundly_with_actions_that_differ) {
   EXPECT_GT(runs, 170);
 }
 
+// What compile() refuses of a scene by its method or integrator, the plan by default lists, in the same words; and
+// what it lists, compile() refuses.
+TEST(Combinations, that_are_refused_are_obstacles_of_the_plan_by_default) {
+  constexpr Integrator staged[] = {Integrator::leapfrog, Integrator::extrapolated, Integrator::runge_kutta};
+  std::vector<std::pair<Method, Integrator>> ways{{Method::pgs, Integrator::euler},
+                                                  {Method::tgs, Integrator::euler},
+                                                  {Method::direct, Integrator::euler},
+                                                  {Method::direct, Integrator::leapfrog}};
+  for (const Integrator integrator : staged) ways.push_back({Method::reduced, integrator});
+  int refused = 0, listed = 0;
+  for (const std::vector<Feature>& features : scenes) {
+    const auto [model, settings, name] = Scene(features);
+    const Plan plan = compile(model, settings);
+    const std::vector<Obstacle> obstacles = plan.obstacles();
+    for (const auto& [method, integrator] : ways) {
+      StepSettings asked = settings;
+      asked.method = method, asked.integrator = integrator;
+      try {
+        compile(model, asked);
+      } catch (const SettingsError& error) {
+        const bool by_method = error.element() == "method";
+        EXPECT_TRUE(std::any_of(obstacles.begin(), obstacles.end(),
+                                [&](const Obstacle& o) {
+                                  return o.applies_to == (by_method ? to_string(method) : to_string(integrator)) &&
+                                         error.rule().ends_with(o.reason) && error.remedy() == o.remedy &&
+                                         !o.feature.empty();
+                                }))
+            << name << ": " << error.what();
+        ++refused;
+      }
+    }
+    for (const Obstacle& obstacle : obstacles) {
+      for (const Method method : {Method::pgs, Method::tgs, Method::direct, Method::reduced})
+        if (obstacle.applies_to == to_string(method)) {
+          EXPECT_EQ(cell(model, settings, method, Integrator::automatic).text, "-") << name << ": " << obstacle.reason;
+          ++listed;
+        }
+      for (const Integrator integrator : staged)
+        if (obstacle.applies_to == to_string(integrator)) {
+          EXPECT_EQ(cell(model, settings, plan.method(), integrator).text, "-") << name << ": " << obstacle.reason;
+          ++listed;
+        }
+    }
+  }
+  EXPECT_GT(refused, 150);
+  EXPECT_GT(listed, 150);
+}
+
 TEST(CombinationsPage, is_what_compile_says) {
   const Table found = table();
   const std::string path = LOCKSTEP_MODELS "/../../docs/results/combinations.md";

@@ -154,6 +154,29 @@ TEST(Plan, chooses_reduced_where_it_applies_and_direct_elsewhere) {
     EXPECT_EQ(compile(model, {.method = method}).method(), method);
 }
 
+TEST(Plan, lists_what_stands_in_the_way_of_what) {
+  const auto names = [](const Model& model, const StepSettings& settings, const char* applies_to, const char* feature) {
+    for (const Obstacle& obstacle : compile(model, settings).obstacles())
+      if (obstacle.applies_to == applies_to && obstacle.feature == feature) return !obstacle.reason.empty();
+    return false;
+  };
+  Model model = scenes::chain8();
+  EXPECT_TRUE(compile(model).obstacles().empty());
+  EXPECT_TRUE(names(model, {.guard = infinity}, "audit", "guard"));
+  EXPECT_TRUE(names(model, {.method = Method::pgs}, "leapfrog", "sweeps"));
+  EXPECT_TRUE(names(model, {.velocity_iterations = 0}, "leapfrog", "velocity_iterations"));
+  EXPECT_TRUE(names(scenes::redundant(), {.per_environment = {Parameter::gear_ratio}}, "reduced",
+                    "gear ratios per environment"));
+  model.couplings[2].softness = Hard{1.9};
+  EXPECT_TRUE(names(model, {}, "tgs", "high erp"));
+  EXPECT_FALSE(names(model, {.iterations = 1}, "tgs", "high erp"));
+  EXPECT_TRUE(names(model, {}, "extrapolated", "high erp"));
+  model.couplings[2].softness = Spring{10.0, 1.0};
+  EXPECT_TRUE(names(model, {}, "folding", "stages"));
+  model.joints[0].lower = -1.0;
+  EXPECT_TRUE(names(model, {}, "stages", "kept couplings"));
+}
+
 TEST(Plan, looks_names_up_and_refuses_unknown_ones) {
   const Model model = scenes::random_model(3);
   const Plan plan = compile(model);
