@@ -37,6 +37,7 @@ struct LiveSlots {
 template <class T>
 void list_live_slots(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
   x.contacts.listed_lanes = lanes;
+  x.contacts.lists_all = !any(~lanes);
   x.contacts.listed_count = 0;
   for (int i = 0; i < x.contacts.near_count; ++i) {
     const int p = x.contacts.near_pairs[i];

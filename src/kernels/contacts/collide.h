@@ -169,6 +169,7 @@ typename T::Mask collide(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
   x.contacts.listed_count = x.contacts.near_count;
   x.contacts.listed_lanes = ~T::none();
+  x.contacts.lists_all = true;
   return held;
 }
 

@@ -255,7 +255,7 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     if (any(ended)) list_live_slots(t, open, x);
     momentum_of_impulses(t, x.rounds.momentum, x);
   }
-  if (any(~x.contacts.listed_lanes)) list_live_slots(t, ~T::none(), x);
+  if (!x.contacts.lists_all) list_live_slots(t, ~T::none(), x);
   return unfinished;
 }
 

@@ -127,7 +127,8 @@ struct Contacts {
   int set_aside = 0;  // near_count, while a solve is made without contacts
   int* listed_pairs;  // [pairs] what loops over slots visit: those live in some of these lanes
   int listed_count = 0;
-  typename T::Mask listed_lanes = ~T::none();
+  typename T::Mask listed_lanes;
+  bool lists_all = true;     // lanes
   ContactSlot<T>* slot;      // [slots]
   Vec3<T>* turning;          // [columns] relative angular velocity, by velocity of the solver
   Vec3<T>* moving;           // [columns] relative velocity of the reference point
