@@ -1,7 +1,7 @@
 // Places followers by their couplings, in the state of one environment. SPDX-License-Identifier: Apache-2.0
 //
-// Most couplings place one follower after the other (plan/followers.cpp). Those of a ring wait for each other: they are
-// solved together, by Gauss-Jordan elimination. In double, whatever the state's precision is.
+// Most couplings place one follower after the other (plan/couplings/followers.cpp). Those of a ring wait for each
+// other: they are solved together, by Gauss-Jordan elimination. In double, whatever the state's precision is.
 #pragma once
 
 #include <algorithm>

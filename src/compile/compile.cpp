@@ -87,6 +87,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   program->settings = settings;
   Tables<double>& t = program->f64;
 
+  // What moves, which joints follow others, and the method: plan/bodies and plan/couplings.
   lay_out_times(*program, integrator);
   lay_out_bodies(*program, Trees(program->model));
   program->contacts = contact_pairs(program->model, Trees(program->model));
@@ -96,15 +97,21 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   lay_out_joint_terms(*program);
   find_redundant_couplings(*program);
   choose_method(*program);
+
+  // What a step solves: plan/matrix, and plan/rows over its velocities. Two choices need the tables that they replace.
   lay_out_solver(*program);
   choose_folding(*program, largest_folded_shares);
   if (!program->folded.empty()) lay_out_solver(*program);
   take_constraint_velocities(*program, first_joints_shares);
   lay_out_factoring(*program);
+
+  // What acts only at times, what a step reports, and which joints turn: plan/rows and plan/couplings.
   lay_out_rounds(*program);
   lay_out_contacts(*program);
   lay_out_report(*program);
   lay_out_turns(*program);
+
+  // Settings, and the guard.
   t.method = program->method;
   t.iterations = settings.iterations;
   t.velocity_iterations = settings.velocity_iterations;
@@ -121,6 +128,8 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   t.record_diagnostics = settings.record_diagnostics;
   for (unsigned p = 0; p < parameter_count; ++p)
     if (settings.per_environment.contains(static_cast<Parameter>(p))) t.per_environment |= 1u << p;
+
+  // From all tables: single precision, and what keeps integrators from applying.
   narrow(*program);
   if (integrator == Integrator::runge_kutta) program->explicit_rate = largest_rate(*program);
   find_integrator_obstacles(*program);

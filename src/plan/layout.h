@@ -1,4 +1,7 @@
-// The stages of compile(), one file each. SPDX-License-Identifier: Apache-2.0
+// The stages of compile(), in their order. SPDX-License-Identifier: Apache-2.0
+//
+// Each folder of src/plan has the stages that lay out one thing: bodies/, couplings/, matrix/ (the matrix that a step
+// factors, A or A_r, and its velocities), rows/. They call each other, so all are declared here.
 #pragma once
 
 #include <functional>
@@ -14,12 +17,6 @@
 
 namespace lockstep {
 
-/// The length of this integrator's solves, and the times at which it reads its inputs (integrator.cpp).
-void lay_out_times(Program& program, Integrator integrator);
-
-/// Bodies, frames, joints and the structure of the mass matrix (bodies.cpp).
-void lay_out_bodies(Program& program, const Trees& trees);
-
 /// Concatenates lists. Returns where each begins, and all elements.
 template <class E>
 std::tuple<Span<int>, Span<E>> flattened(const std::vector<std::vector<E>>& lists, TableStorage& storage) {
@@ -32,37 +29,78 @@ std::tuple<Span<int>, Span<E>> flattened(const std::vector<std::vector<E>>& list
   return {storage.keep(std::move(start)), storage.keep(std::move(all))};
 }
 
-/// Damping, drives, armature, and their part of the matrix (bodies.cpp).
+// ---------------------------------------------------------------- times
+
+/// The length of this integrator's solves, and the times at which it reads its inputs (integrator.cpp).
+void lay_out_times(Program& program, Integrator integrator);
+
+// ---------------------------------------------------------------- bodies
+
+/// Bodies, frames, joints and the structure of the mass matrix (bodies/bodies.cpp).
+void lay_out_bodies(Program& program, const Trees& trees);
+
+/// Damping, drives, armature, and their part of the matrix, when followers are known (bodies/joint_terms.cpp).
 void lay_out_joint_terms(Program& program);
 
-/// Couplings as linear forms over the joints (couplings.cpp).
+// ---------------------------------------------------------------- couplings
+
+/// Couplings as linear forms over the joints (couplings/couplings.cpp).
 void lay_out_couplings(Program& program);
 
-/// By tree, its component: trees that couplings join have the same number (components.cpp).
-std::vector<int> components(const Tables<double>& t);
-/// Gives the trees with a true another InertiaKind (components.cpp).
-void set_inertia(Program& program, const std::vector<bool>& trees, InertiaKind inertia);
-/// By tree, whether it is of this kind (components.cpp).
-std::vector<bool> trees_with(const Tables<double>& t, InertiaKind inertia);
-/// By velocity: its tree (components.cpp).
-std::vector<int> trees_of_velocities(const Tables<double>& t);
+/// Whether the coupling is hard in every environment.
+bool always_hard(const Program& program, int coupling);
+bool is_redundant(const Program& program, int coupling);
+bool is_absent(const Program& program, int coupling);
+bool declared(const Program& program, Parameter parameter);
+/// Whether masses, centres of mass or inertias differ per environment.
+bool has_own_inertias(const Program& program);
 
 /// A coupling's first joint is its follower, unless another joint's coefficient is this many times larger and the first
 /// is no tendon.
 inline constexpr double follower_preference = 1000.0;
 
-/// Followers and what they follow, the order in which they are placed, and locked joints (followers.cpp).
+/// Followers and what they follow, the order in which they are placed, and locked joints (couplings/followers.cpp).
 void choose_followers(Program& program);
-/// Whether StepSettings::ignore leaves out these bounds for a joint of program.model (followers.cpp).
+/// Whether StepSettings::ignore leaves out these bounds for a joint of program.model (couplings/followers.cpp).
 bool leaves_out(const Program& program, const JointSet& bounds, const Joint& joint);
 
 /// Adds hard couplings that follow from earlier ones to program.redundant. Throws ModelError if couplings contradict
-/// each other, and names them (couplings.cpp).
+/// each other, and names them (couplings/couplings.cpp).
 void find_redundant_couplings(Program& program);
 
 /// Which method a step uses, and why. Throws SettingsError for what the obstacles known by then stand against
 /// (method.cpp).
 void choose_method(Program& program);
+
+// ---------------------------------------------------------------- matrix
+
+/// A square symmetric pattern; only [i][j] with j <= i is read.
+using Pattern = std::vector<std::vector<char>>;
+
+/// The elimination from last to first, with its fill-in, renumbered depth first (matrix/columns.cpp).
+struct Elimination {
+  std::vector<int> order;   ///< by new number: the old number
+  std::vector<int> parent;  ///< by new number
+};
+Elimination elimination_tree(Pattern pattern);
+/// Sizes and offsets from the parents in a depth-first numbering (matrix/columns.cpp).
+Columns make_columns(const std::vector<int>& parent, TableStorage& storage);
+/// By entry: its column (matrix/columns.cpp).
+std::vector<int> columns_of_entries(const Columns& columns);
+/// The place of H_ij, or -1 if neither is the other's ancestor (matrix/columns.cpp).
+int entry_of(const Columns& columns, int i, int j);
+
+/// By tree, its component: trees that couplings join have the same number (matrix/components.cpp).
+std::vector<int> components(const Tables<double>& t);
+/// Gives the trees with a true another InertiaKind (matrix/components.cpp).
+void set_inertia(Program& program, const std::vector<bool>& trees, InertiaKind inertia);
+/// By tree, whether it is of this kind (matrix/components.cpp).
+std::vector<bool> trees_with(const Tables<double>& t, InertiaKind inertia);
+/// By velocity: its tree (matrix/components.cpp).
+std::vector<int> trees_of_velocities(const Tables<double>& t);
+
+/// The followers of `reduced`, and its elimination per environment (matrix/elimination.cpp).
+void eliminate_followers(Program& program);
 
 /// A joint whose velocity is a weighted sum of other joints' velocities, plus its constraint velocity if it has one.
 struct Follower {
@@ -70,29 +108,8 @@ struct Follower {
   std::vector<std::pair<int, double>> shares;  ///< other joints, and their weights
 };
 /// S of v = S z, and the products of A_r. The solver either eliminates the followers' velocities or replaces them by
-/// constraint velocities (basis.cpp).
+/// constraint velocities (matrix/basis.cpp).
 void lay_out_basis(Program& program, const std::vector<Follower>& followers, bool has_constraint_velocities);
-
-/// The followers of `reduced`, and its elimination per environment (elimination.cpp).
-void eliminate_followers(Program& program);
-
-/// Rows over the solver's velocities: the couplings that are left to solve, and the bounds (rows.cpp).
-void lay_out_rows(Program& program);
-
-/// Chooses the couplings that are folded into A_r: in each component all that would be rows, or none. `shares` gives,
-/// by coupling, the largest share (M97) of a joint's inertia at the model's start (folding.cpp).
-void choose_folding(Program& program, const std::function<std::vector<double>(const Program&)>& shares);
-/// Adds what the folded couplings fill to the pattern of A_r. `parts` names, by velocity, the solver velocities that it
-/// depends on (folding.cpp).
-void add_folded(const Program& program, const std::vector<std::vector<int>>& parts,
-                std::vector<std::vector<char>>& pattern);
-/// Where the products of their terms stand in A_r (folding.cpp).
-void lay_out_folding(Program& program);
-
-/// By pair of colliders: the solver's velocities that move them against each other (contacts.cpp).
-std::vector<std::vector<int>> contact_velocities(const Program& program);
-/// The tables of contacts, after the rounds (contacts.cpp).
-void lay_out_contacts(Program& program);
 
 /// Measured costs of the tables' loops, by which a plan chooses. The unit is one product of a long sum.
 namespace work {
@@ -105,29 +122,42 @@ constexpr int vector_past_body = 18;  ///< a vector passes one body
 }  // namespace work
 
 /// A_r of the trees with a true from composite columns, and by tree the work of a step that uses them
-/// (composite_columns.cpp).
+/// (matrix/composite_columns.cpp).
 std::pair<CompositeColumns, std::vector<long>> composite_columns(const Tables<double>& t,
                                                                  const std::vector<bool>& trees, TableStorage& storage);
-/// Takes composite columns for the components where they apply and are less work than A (composite_columns.cpp).
+/// Takes composite columns for the components where they apply and are less work than A
+/// (matrix/composite_columns.cpp).
 void take_composite_columns(Program& program);
-/// Takes them for the trees with a true (composite_columns.cpp).
+/// Takes them for the trees with a true (matrix/composite_columns.cpp).
 void use_composite_columns(Program& program, const std::vector<bool>& trees);
 
-/// The paths over the articulated bodies of the trees with a true (articulated.cpp).
+/// The paths over the articulated bodies of the trees with a true (matrix/articulated.cpp).
 Articulated articulated_bodies(const Tables<double>& t, const std::vector<bool>& trees, TableStorage& storage);
-/// Factors A by articulated bodies for the components where they apply and are less work (articulated.cpp).
+/// Factors A by articulated bodies for the components where they apply and are less work (matrix/articulated.cpp).
 void take_articulated_bodies(Program& program);
-/// What follows from the choice of each tree: which velocities are factored by columns, and which rows by paths
-/// (articulated.cpp).
-void lay_out_factoring(Program& program);
+
+/// Chooses the couplings that are folded into A_r: in each component all that would be rows, or none. `shares` gives,
+/// by coupling, the largest share (M97) of a joint's inertia at the model's start (matrix/folding.cpp).
+void choose_folding(Program& program, const std::function<std::vector<double>(const Program&)>& shares);
+/// Adds what the folded couplings fill to the pattern of A_r. `parts` names, by velocity, the solver velocities that it
+/// depends on (matrix/folding.cpp).
+void add_folded(const Program& program, const std::vector<std::vector<int>>& parts, Pattern& pattern);
+/// Where the products of their terms stand in A_r (matrix/folding.cpp).
+void lay_out_folding(Program& program);
 
 /// Takes constraint velocities as velocities of the solver, for couplings with a first joint of their own and where
-/// they are less work (constraint_velocities.cpp).
+/// they are less work (matrix/constraint_velocities.cpp).
 ///
 /// `first_joints_shares` gives, by coupling, 1 / (K_cc A_ff) at the model's start: the share of the follower's entry of
 /// A that is left when all other velocities are eliminated from it.
 void take_constraint_velocities(Program& program,
                                 const std::function<std::vector<double>(const Program&)>& first_joints_shares);
+
+/// What follows from the choice of each tree: which velocities are factored by columns, and which rows by paths
+/// (matrix/articulated.cpp).
+void lay_out_factoring(Program& program);
+
+// ---------------------------------------------------------------- rows
 
 /// A row as a linear form over the solver's velocities.
 struct RowForm {
@@ -137,72 +167,57 @@ struct RowForm {
   int tree = -1;                                        ///< of one of its joints
 };
 
-/// Adds a joint's velocity, times a term of a coupling, to the form. An eliminated joint is added by S (rows.cpp).
+/// Adds a joint's velocity, times a term of a coupling, to the form. An eliminated joint is added by S (rows/rows.cpp).
 void add_joint(const Tables<double>& t, const Reduction<double>& reduction, int joint, int term, RowForm& form);
 RowForm coupling_form(const Program& program, const Reduction<double>& reduction, int coupling);
 
 /// (M27), (M28), (M36): rate and cfm, (22), (23), (26) to (29) of the note, for a step or for one of its sub-steps of
-/// length h (rows.cpp).
+/// length h (rows/rows.cpp).
 RowSoftness<double> row_softness(const Program& program, const Softness& softness, double h, int substeps);
 
-/// The tables of rows with these forms. Rows that are `factored` are numbered by their elimination tree (rows.cpp).
+/// The tables of rows with these forms. Rows that are `factored` are numbered by their elimination tree
+/// (rows/rows.cpp).
 Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, const Columns& columns, bool factored);
 
-/// Limits, frictions, kinematic drives and force limits as bounded rows (bounds.cpp).
+/// Rows over the solver's velocities: the couplings that are left to solve, and the bounds (rows/rows.cpp).
+void lay_out_rows(Program& program);
+
+/// Whether the joint's position is bounded, and StepSettings::ignore does not leave that out (rows/bounds.cpp).
+bool has_range_of(const Program& program, const Joint& joint);
+/// What bounds each joint has, and their numbers (rows/bounds.cpp).
+void lay_out_joint_bounds(Program& program);
+/// Limits, frictions, kinematic drives and force limits as bounded rows (rows/bounds.cpp).
 struct BoundForms {
   std::vector<RowForm> forms;  ///< by row
   std::vector<int> joint;      ///< by row, -1 for the row of a coupling
 };
 BoundForms lay_out_bounds(Program& program);
 
-/// What bounds each joint has, and their numbers (bounds.cpp).
-void lay_out_joint_bounds(Program& program);
+/// The Newton rounds, if something is bounded or touches and the method has no sweeps (rows/rounds.cpp).
+void lay_out_rounds(Program& program);
+/// Whether the joint moves with one velocity of the solver (rows/rounds.cpp).
+bool acts_on_one_velocity(const Tables<double>& t, int joint);
+
+/// By pair of colliders: the solver's velocities that move them against each other (rows/contacts.cpp).
+std::vector<std::vector<int>> contact_velocities(const Program& program);
+/// The tables of contacts, after the rounds (rows/contacts.cpp).
+void lay_out_contacts(Program& program);
+
+/// The rows of the diagnostics, and their names (rows/diagnostics.cpp).
+void lay_out_report(Program& program);
+
+// ---------------------------------------------------------------- when all other tables are there
+
+/// Which joints turn for ever (couplings/turns.cpp).
+void lay_out_turns(Program& program);
+
+/// f32 from f64 (narrow.cpp).
+void narrow(Program& program);
 
 /// The step of half the length (other_lengths.cpp).
 std::shared_ptr<Program> half_step(const Program& whole);
 /// A solve over the whole step at the midpoint of a leapfrog, for contacts and rows that its stages cannot hold
 /// (other_lengths.cpp).
 std::shared_ptr<Program> midpoint_solve(const Program& whole);
-
-/// The rows of the diagnostics, and their names (bounds.cpp).
-void lay_out_report(Program& program);
-
-/// f32 from f64 (narrow.cpp).
-void narrow(Program& program);
-
-/// The Newton rounds, if something is bounded or touches and the method has no sweeps (rounds.cpp).
-void lay_out_rounds(Program& program);
-/// Whether the joint moves with one velocity of the solver (rounds.cpp).
-bool acts_on_one_velocity(const Tables<double>& t, int joint);
-
-/// Which joints turn for ever, after all other tables (turns.cpp).
-void lay_out_turns(Program& program);
-
-/// Whether the coupling is hard in every environment.
-bool always_hard(const Program& program, int coupling);
-bool is_redundant(const Program& program, int coupling);
-bool is_absent(const Program& program, int coupling);
-bool declared(const Program& program, Parameter parameter);
-/// Whether masses, centres of mass or inertias differ per environment.
-bool has_own_inertias(const Program& program);
-
-/// A square symmetric pattern; only [i][j] with j <= i is read.
-using Pattern = std::vector<std::vector<char>>;
-
-/// The elimination from last to first, with its fill-in, renumbered depth first (columns.cpp).
-struct Elimination {
-  std::vector<int> order;   ///< by new number: the old number
-  std::vector<int> parent;  ///< by new number
-};
-Elimination elimination_tree(Pattern pattern);
-
-/// Sizes and offsets from the parents in a depth-first numbering (columns.cpp).
-Columns make_columns(const std::vector<int>& parent, TableStorage& storage);
-
-/// By entry: its column (columns.cpp).
-std::vector<int> columns_of_entries(const Columns& columns);
-
-/// The place of H_ij, or -1 if neither is the other's ancestor (columns.cpp).
-int entry_of(const Columns& columns, int i, int j);
 
 }  // namespace lockstep

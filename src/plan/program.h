@@ -109,7 +109,7 @@ struct Program {
 
 const Program& program_of(const Plan& plan);
 
-/// Whether the coupling's follower is a tendon, which no other joint can stand for (couplings.cpp).
+/// Whether the coupling's follower is a tendon, which no other joint can stand for (couplings/couplings.cpp).
 bool places_tendon(const Tables<double>& t, int coupling);
 
 template <class S>

@@ -1,7 +1,7 @@
 // Elimination trees: the structure of the sparse L^T D L factors. SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
-#include "layout.h"
+#include "plan/layout.h"
 
 namespace lockstep {
 

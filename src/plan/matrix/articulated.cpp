@@ -3,7 +3,7 @@
 #include <map>
 #include <vector>
 
-#include "layout.h"
+#include "plan/layout.h"
 
 namespace lockstep {
 namespace {

@@ -4,13 +4,13 @@
 #include <tuple>
 #include <vector>
 
-#include "layout.h"
+#include "plan/layout.h"
 
 namespace lockstep {
 namespace {
 
 // One entry of S.
-struct Share {
+struct ColumnShare {
   int column;  // solver velocity
   int index;   // in Reduction::value, -1 for a 1 that is not stored there
 };
@@ -121,12 +121,12 @@ class ColumnBuilder {
       }
       const bool corrected = has_corrections_ && follower_[b] >= 0;
       for (const auto& [column, place] : places) {
-        for (const Share& own : shares_[b])  // A_r is symmetric: a term on its diagonal counts twice
+        for (const ColumnShare& own : shares_[b])  // A_r is symmetric: a term on its diagonal counts twice
           rows[b].push_back({place, entry(column, own.column), factor(own.index, -1, column == own.column ? 2 : 1)});
         if (corrected && column < n_) pulls[b].push_back({place, entry(column, n_), -1});
       }
       for (std::size_t i = 0; i < shares_[b].size(); ++i) {
-        const Share& own = shares_[b][i];
+        const ColumnShare& own = shares_[b][i];
         for (std::size_t k = 0; k <= i; ++k)
           squares[b].push_back({entry(own.column, shares_[b][k].column), factor(own.index, shares_[b][k].index, 1)});
         if (corrected) pulled[b].push_back({entry(own.column, n_), factor(own.index, -1, 1)});
@@ -137,7 +137,7 @@ class ColumnBuilder {
           if (first) places[column] = take_place();
           return places[column];
         };
-        for (const Share& own : shares_[b]) {
+        for (const ColumnShare& own : shares_[b]) {
           M::Unit unit{0, factor(own.index, -1, 1), false};
           unit.place = place_of(own.column, unit.first);
           units[b].push_back(unit);
@@ -194,8 +194,8 @@ class ColumnBuilder {
   std::vector<long> work_;  // by tree
   std::vector<int> free_;
   std::vector<CompositeColumns::Factor> factors_;
-  std::vector<std::vector<Share>> shares_;  // by body: the joint's row of S
-  std::vector<int> follower_;               // by body: its joint's number among the followers, -1 if independent
+  std::vector<std::vector<ColumnShare>> shares_;  // by body: the joint's row of S
+  std::vector<int> follower_;                     // by body: its joint's number among the followers, -1 if independent
 };
 
 }  // namespace

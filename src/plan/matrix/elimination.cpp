@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "layout.h"
+#include "plan/layout.h"
 
 namespace lockstep {
 namespace {

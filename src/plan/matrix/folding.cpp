@@ -1,7 +1,7 @@
 // Which soft couplings are folded into A_r (M95), and where they stand in it. SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
-#include "layout.h"
+#include "plan/layout.h"
 
 namespace lockstep {
 void choose_folding(Program& program, const std::function<std::vector<double>(const Program&)>& shares) {

@@ -4,7 +4,7 @@
 #include <map>
 #include <set>
 
-#include "layout.h"
+#include "plan/layout.h"
 
 namespace lockstep {
 

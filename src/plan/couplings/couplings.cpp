@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "layout.h"
 #include "lockstep/error.h"
 #include "model/tendons.h"
+#include "plan/layout.h"
 
 namespace lockstep {
 namespace {

@@ -1,7 +1,7 @@
 // Constraint velocities as velocities of the solver (M77). SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
-#include "layout.h"
+#include "plan/layout.h"
 
 namespace lockstep {
 namespace {

@@ -1,5 +1,5 @@
 // Joints that turn for ever, and the couplings whose offsets take up their turns. SPDX-License-Identifier: Apache-2.0
-#include "layout.h"
+#include "plan/layout.h"
 
 namespace lockstep {
 

@@ -1,14 +1,19 @@
 // Limits, friction, kinematic drives and force limits as bounded rows (section 12). SPDX-License-Identifier: Apache-2.0
-#include <fmt/format.h>
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
-#include "layout.h"
 #include "model/tendons.h"
+#include "plan/layout.h"
 
 namespace lockstep {
+
+bool has_range_of(const Program& program, const Joint& joint) {
+  return has_slack_spring(joint) || ((joint.lower > -infinity || joint.upper < infinity) &&
+                                     !leaves_out(program, program.settings.ignore.position_limits, joint));
+}
+
 namespace {
 
 struct Row {
@@ -16,11 +21,6 @@ struct Row {
   int coupling;
   std::vector<Member> members;
 };
-
-bool has_range_of(const Program& program, const Joint& joint) {
-  return has_slack_spring(joint) || ((joint.lower > -infinity || joint.upper < infinity) &&
-                                     !leaves_out(program, program.settings.ignore.position_limits, joint));
-}
 
 // The hard bounds of a joint as JointBound bits.
 int hard_bounds(const Program& program, const Joint& joint) {
@@ -301,65 +301,6 @@ BoundForms lay_out_bounds(Program& program) {
   b.member = program.storage.keep(std::move(members));
   b.member_share = program.storage.keep(std::move(shares));
   return result;
-}
-
-void lay_out_report(Program& program) {
-  Tables<double>& t = program.f64;
-  const Bounds<double>& b = t.bounds;
-  const auto add = [&](Reported row, const std::string& name) {
-    program.reported.push_back(row);
-    program.row_names.push_back(name);
-  };
-  const auto index_of = [](const auto& list, int wanted) {
-    for (int i = 0; i < list.count; ++i)
-      if (list[i] == wanted) return i;
-    return -1;
-  };
-  const auto bounded_row = [&](BoundKind kind, int index) {
-    for (int r = 0; r < b.rows.count; ++r) {
-      if (b.kind[r] != kind) continue;
-      if (kind == BoundKind::coupling && b.rows.coupling[r] == index) return r;
-      for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m)
-        if (b.member[m].joint == index) return r;
-    }
-    return -1;
-  };
-  const std::vector<std::string> couplings = coupling_names(program.model);
-  std::vector<double> hard(t.couplings, 0.0);
-  for (int c = 0; c < t.couplings; ++c) {
-    const Coupling& coupling = program.model.couplings[c];
-    if (is_hard(coupling.softness)) hard[c] = erp_of(coupling.softness) / program.settings.dt;
-    add({Reported::coupling, c, index_of(t.impulse_coupling, c), bounded_row(BoundKind::coupling, c),
-         is_hard(coupling.softness) ? 1 : -1},
-        "coupling " + couplings[c]);
-  }
-  for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
-    const int i = program.solver_joint[j];
-    if (i < 0) continue;
-    const Joint& joint = program.model.joints[j];
-    const auto joint_row = [&](Reported::Kind reported, const char* what, BoundKind bound) {
-      add({reported, i, -1, bounded_row(bound, i), -1}, fmt::format("{} {}", what, joint.name));
-    };
-    const int has = b.has[i];
-    const auto kind = [](bool hard) { return hard ? BoundKind::joint : BoundKind::soft_limit; };
-    if (has_range_of(program, joint))
-      joint_row(Reported::position_limit, "position limit", kind(is_hard(joint.limit_softness)));
-    if (has & has_speed_limit) joint_row(Reported::velocity_limit, "velocity limit", BoundKind::joint);
-    if (has & has_friction) joint_row(Reported::friction, "friction", BoundKind::joint);
-    if (joint.drive.kinematic)
-      joint_row(Reported::kinematic_drive, "kinematic drive",
-                !is_hard(joint.drive.softness)          ? BoundKind::soft_drive
-                : bounded_row(BoundKind::drive, i) >= 0 ? BoundKind::drive
-                                                        : BoundKind::joint);
-    if (t.effort_limit[i] < unlimited)
-      add({Reported::effort_limit, i, -1, bounded_row(BoundKind::servo, i), index_of(t.limited_servos, i)},
-          "effort limit " + joint.name);
-  }
-  if (program.settings.record_diagnostics) t.reported = program.storage.keep(program.reported);
-  t.hard_rate = program.storage.keep(std::move(hard));
-  std::vector<int> redundant(t.couplings, 0);
-  for (int c : program.redundant) redundant[c] = 1;
-  t.follows = program.storage.keep(std::move(redundant));
 }
 
 }  // namespace lockstep

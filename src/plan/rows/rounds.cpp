@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "layout.h"
+#include "plan/layout.h"
 
 namespace lockstep {
 namespace {

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <unordered_map>
 
-#include "layout.h"
+#include "plan/layout.h"
 
 namespace lockstep {
 namespace {
