@@ -29,6 +29,8 @@ void find_method_obstacles(Program& program) {
   const StepSettings& s = program.settings;
   const Model& model = program.model;
   const bool has_tendons = program.f64.tendons.count > 0;
+
+  // Which couplings are redundant is known for the model's ratios alone.
   if (declared(program, Parameter::gear_ratio) && !program.redundant.empty()) {
     const char* const feature = "gear ratios per environment";
     const std::string reason = "gear ratios differ per environment, and some couplings are redundant";
@@ -37,11 +39,14 @@ void find_method_obstacles(Program& program) {
            "does not fit tendons, which take eliminated couplings: " + reason, "leave it out, or remove the tendons");
     note(program, Axis::method, to_string(Method::reduced), feature, reason, "use direct");
   }
+
+  // Tendons, which only elimination places.
   if (has_tendons)
     for (const Method method : {Method::direct, Method::pgs, Method::tgs})
       note(program, Axis::method, to_string(method), "tendons", "tendons have no inertia of their own, which it needs",
            "use reduced, or automatic");
 
+  // Sub-steps, whose rate (M36) an erp above 1 does not have.
   const auto divide = [&](const Softness& softness, const char* kind, const std::string& name) {
     if (s.iterations > 1 && is_hard(softness) && erp_of(softness) > 1.0)
       note(program, Axis::sub_steps, to_string(Method::tgs), "high erp",
@@ -54,6 +59,7 @@ void find_method_obstacles(Program& program) {
     if ((joint.lower > -infinity || joint.upper < infinity) && !leaves_out(program, s.ignore.position_limits, joint))
       divide(joint.limit_softness, "the limits of joint", joint.name);
 
+  // Force limits beside softness per environment.
   for (const Coupling& coupling : model.couplings)
     if (coupling.force_limit < infinity && declared(program, Parameter::softness))
       note(
@@ -62,6 +68,7 @@ void find_method_obstacles(Program& program) {
                       coupling.joint),
           "leave out the softness or the force limit");
 
+  // What does not go with sweeps.
   if (program.method == Method::pgs || program.method == Method::tgs)
     for (const Integrator integrator : staged)
       note(program, Axis::integrator, to_string(integrator), "sweeps",
@@ -157,6 +164,8 @@ void find_audit_obstacles(Program& program) {
 void find_integrator_obstacles(Program& program) {
   const Tables<double>& t = program.f64;
   const StepSettings& s = program.settings;
+
+  // What the scene has that stages may not be able to hold.
   const bool touches = !program.contacts.pairs.empty();
   const bool bounded = t.bounds.rows.count > 0 || t.limited_servos.count > 0 || t.row_servos.count > 0;
   bool hard = false, depends_on_step = false;
@@ -174,15 +183,21 @@ void find_integrator_obstacles(Program& program) {
       stands("velocity_iterations",
              "velocity_iterations is 0, so corrections of positions would stay in the velocities", "give 1");
     };
+
+    // Contacts and bounds.
     if (touches && !leapfrog) stands("contacts", "contacts may begin and end within a step", "use leapfrog or euler");
     if (bounded && !leapfrog)
       stands("bounds", "the scene has bounds, which may become active within a step",
              "use leapfrog or euler, or leave out the bounds by StepSettings::ignore");
     const bool holds = leapfrog && (bounded || touches);
     if (holds && s.velocity_iterations == 0) corrections_stay();
+
+    // Records of a single solve.
     if (s.record_impulses || s.record_diagnostics)
       stands("recorded impulses or diagnostics", "a step of several stages has no single impulse or balance to record",
              "use euler, or record nothing");
+
+    // Couplings: corrections that stay or grow, and softness that depends on the length of a stage.
     if (integrator == Integrator::extrapolated)
       for (const Coupling& coupling : program.model.couplings)
         if (is_hard(coupling.softness) && erp_of(coupling.softness) > most_extrapolated_erp)
@@ -196,6 +211,8 @@ void find_integrator_obstacles(Program& program) {
              "softness differs per environment and is given by erp and cfm, which mean a different spring for each "
              "length of a stage",
              "give it as a spring or by frequency");
+
+    // What has to be explicit: rows, and the rates of (M75).
     if (!runge_kutta) continue;
     if (t.rows.count + t.folded.count > 0)
       stands("kept couplings", "some couplings are soft, switched or not eliminated, which takes an implicit step",

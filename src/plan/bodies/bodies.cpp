@@ -156,6 +156,7 @@ void lay_out_bodies(Program& program, const Trees& trees) {
   Tables<double>& t = program.f64;
   const int links = static_cast<int>(model.links.size());
 
+  // Dofs: the moving joints in the model's order.
   program.dof_of_joint.assign(model.joints.size(), -1);
   program.solver_joint.assign(model.joints.size(), -1);
   for (std::size_t j = 0; j < model.joints.size(); ++j)
@@ -173,6 +174,8 @@ void lay_out_bodies(Program& program, const Trees& trees) {
   auto next_joint = trees.joints_depth_first.begin();
   for (int tree = 0; tree < trees.count(); ++tree) {
     const Root& root = trees.roots[tree];
+
+    // The root's frame in the world. A fixed root has gravity along its own axes, a floating one along the world's.
     TreePlace<double> place{};
     place.root = -1;
     place.first_body = static_cast<int>(bodies.size());
@@ -181,6 +184,8 @@ void lay_out_bodies(Program& program, const Trees& trees) {
     copy(rotation, place.rotation);
     copy(root.pose.translation(), place.offset);
     copy(root.floating ? model.gravity : (rotation.transpose() * model.gravity).eval(), place.gravity);
+
+    // A floating root is a body with six velocities. In the matrix each is the parent of the next.
     if (root.floating) {
       Body<double> body{};
       body.parent = -1;
@@ -196,6 +201,8 @@ void lay_out_bodies(Program& program, const Trees& trees) {
       frames.body_of_link[trees.root_link[tree]] = static_cast<int>(bodies.size());
       bodies.push_back(body);
     }
+
+    // Each moving joint carries a body, whose frame (M3) says where the child link is.
     for (; next_joint != trees.joints_depth_first.end() && trees.tree_of[trees.joint_child[*next_joint]] == tree;
          ++next_joint) {
       const int j = *next_joint;
@@ -218,6 +225,7 @@ void lay_out_bodies(Program& program, const Trees& trees) {
       frames.link_in_body[child].translation()[body.axis] = along;
       frames.body_of_link[child] = static_cast<int>(bodies.size());
 
+      // Joints and velocities in the solver's order.
       program.solver_joint[j] = body.joint;
       const Body<double>* const parent = body.parent < 0 ? nullptr : &bodies[body.parent];
       parents.push_back(!parent ? -1 : parent->velocity + (parent->root ? 5 : 0));
@@ -226,6 +234,8 @@ void lay_out_bodies(Program& program, const Trees& trees) {
       joint_body.push_back(static_cast<int>(bodies.size()));
       bodies.push_back(body);
     }
+
+    // What users see of the tree, and where it ends.
     std::vector<int> dofs(joint_row.begin() + place.first_joint, joint_row.end());
     std::sort(dofs.begin(), dofs.end());
     program.trees.push_back({root.link, place.root, std::move(dofs)});
@@ -233,6 +243,7 @@ void lay_out_bodies(Program& program, const Trees& trees) {
     place.last_joint = static_cast<int>(joint_row.size());
     places_of_trees.push_back(place);
   }
+
   // A tendon is a sliding body without mass, in a tree of its own.
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
     if (model.joints[j].kind != JointKind::tendon) continue;
@@ -274,6 +285,8 @@ void lay_out_bodies(Program& program, const Trees& trees) {
     copy(pose.translation(), place.offset);
     masses[i] = model.links[i].inertia.mass;
     if (carrier != i) ++program.merged_links;
+
+    // Its share of the body's moments (M4), and the same for a mass of 1, for masses per environment.
     const Inertia inertia = transformed(model.links[i].inertia, pose);
     if (place.body >= 0) sums[place.body] = sums[place.body] + inertia;
     Inertia unit = inertia;
@@ -281,11 +294,15 @@ void lay_out_bodies(Program& program, const Trees& trees) {
     unit.mass = 1.0;
     copy(unit.center, place.unit_moment);
     copy_symmetric(second_moment(unit), place.unit_second);
+
+    // What does not depend on the centre of mass, in the link's own axes (M82).
     Inertia spread = model.links[i].inertia;
     if (declared(program, Parameter::mass)) spread.about_center /= spread.mass > 0.0 ? spread.mass : 1.0;
     spread.mass = 0.0;
     copy_symmetric(second_moment(spread), place.spread);
   }
+
+  // The bodies' moments, their base inertias (M10), and shares of gravity (section 25).
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     bodies[b].mass = sums[b].mass;
     copy(sums[b].mass * sums[b].center, bodies[b].moment);
@@ -294,6 +311,7 @@ void lay_out_bodies(Program& program, const Trees& trees) {
   move_masses_inwards(bodies, has_own_inertias(program));
   t.own_weights = program.storage.keep(share_gravity(program, places, places_of_trees));
 
+  // The tables. Until later stages choose otherwise, the solver factors A over all velocities.
   t.bodies = static_cast<int>(bodies.size());
   t.joints = static_cast<int>(joint_row.size());
   t.velocities = static_cast<int>(parents.size());

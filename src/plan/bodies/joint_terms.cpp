@@ -16,6 +16,8 @@ void lay_out_joint_terms(Program& program) {
     const int i = program.solver_joint[j];
     if (i < 0) continue;
     const Joint& joint = program.model.joints[j];
+
+    // Numbers of (M13), and what they add to the diagonal (M14).
     armature[i] = joint.armature;
     damping[i] = joint.damping;
     kp[i] = joint.drive.kp;
@@ -24,6 +26,8 @@ void lay_out_joint_terms(Program& program) {
     rest[i] = joint.rest;
     if (joint.stiffness > 0.0 || declared(program, Parameter::stiffness)) springs.push_back(i);
     implicit[i] = joint.armature + h * joint.damping + h * h * joint.stiffness;
+
+    // Servos are linear, limited or both. An effort limit without a servo clamps the effort alone.
     const bool has_effort_limit = joint.effort_limit < infinity && !joint.drive.kinematic &&
                                   !leaves_out(program, program.settings.ignore.effort_limits, joint);
     const bool servo =
@@ -37,6 +41,7 @@ void lay_out_joint_terms(Program& program) {
     if (limited_servo) limited.push_back(i);
     if (has_effort_limit && !servo) clamped.push_back(i);
   }
+
   for (std::vector<int>* list : {&linear_servos, &limited, &clamped, &springs}) std::sort(list->begin(), list->end());
   t.armature = program.storage.keep(std::move(armature));
   t.damping = program.storage.keep(std::move(damping));

@@ -91,6 +91,8 @@ void find_redundant_couplings(Program& program) {
   std::vector<Reduced> basis;
   for (int c = 0; c < t.couplings; ++c) {
     if (!always_hard(program, c) || places_tendon(t, c)) continue;  // nothing else places a tendon
+
+    // The row less what earlier rows say already.
     Reduced r{Eigen::VectorXd::Zero(t.joints), Eigen::VectorXd::Unit(t.couplings, c), t.offset[c], 0};
     for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) r.row[t.term_joint[k]] += t.term_value[k];
     const double scale = r.row.cwiseAbs().maxCoeff();
@@ -104,6 +106,8 @@ void find_redundant_couplings(Program& program) {
       r.offset -= factor * b.offset;
       offset_scale = std::max(offset_scale, std::abs(factor * b.offset));
     }
+
+    // What is left is a row of its own, or rounding: then the coupling follows from its origins.
     if (r.row.cwiseAbs().maxCoeff(&r.pivot) > rank_tolerance * scale) {
       basis.push_back(r);
       continue;

@@ -68,6 +68,8 @@ Choice choose(const Program& program, const Takes& takes) {
   Choice choice;
   for (int c = 0; c < t.couplings; ++c) {
     if (!takes(c)) continue;
+
+    // The row in independent joints: forms stand for the followers that are known.
     std::map<int, Sum> row, parts;
     parts[c].add(1.0);
     double offset = t.offset[c];
@@ -86,6 +88,8 @@ Choice choose(const Program& program, const Takes& takes) {
     }
     const std::map<int, double> left = left_of(row);
     if (left.empty()) continue;  // redundant
+
+    // Its follower: the first joint, or the one with the largest coefficient.
     auto pivot = left.begin();
     for (auto other = left.begin(); other != left.end(); ++other)
       if (std::abs(other->second) > std::abs(pivot->second)) pivot = other;
@@ -93,6 +97,8 @@ Choice choose(const Program& program, const Takes& takes) {
     if (places_tendon(t, c) ||
         (first != left.end() && std::abs(first->second) * follower_preference >= std::abs(pivot->second)))
       pivot = first;
+
+    // The follower's form, which now stands for it in the forms before.
     Form form;
     for (const auto& [joint, ratio] : left)
       if (joint != pivot->first) form.shares.emplace(joint, -ratio / pivot->second);
@@ -168,11 +174,14 @@ void choose_followers(Program& program) {
     return is_hard(softness) ||
            (declared(program, Parameter::softness) && (kind == SoftnessKind::hard || kind == SoftnessKind::erp_cfm));
   };
+
+  // Followers of all couplings, of those that may be hard, and of those that always are.
   const Choice all = choose(program, [](int) { return true; });
   program.placing_all = placing_of(program, all);
   program.placing_hard = placing_of(program, choose(program, may_be_hard));
   program.locked = locked_by(program, choose(program, [&](int c) { return always_hard(program, c); }));
 
+  // What users see: followers in the order of placing, and what they follow.
   program.following.resize(t.joints);
   const auto follows = [&](int joint) {
     const Form& form = all.forms.at(joint);
@@ -187,6 +196,8 @@ void choose_followers(Program& program) {
   for (const int dof : program.follower_dofs) is_follower[dof] = 1;
   for (int dof = 0; dof < t.joints; ++dof)
     if (!is_follower[dof]) program.independent_dofs.push_back(dof);
+
+  // Dofs that actions drive: independent joints and tendons with a drive, or with gains per environment.
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const Drive& drive = program.model.joints[j].drive;
     const int dof = program.dof_of_joint[j];

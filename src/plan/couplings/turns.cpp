@@ -7,6 +7,8 @@ void lay_out_turns(Program& program) {
   Tables<double>& t = program.f64;
   std::vector<int> turns(t.joints, 0), turning, coupling_turns(t.couplings, 0), couplings, placed;
   std::vector<SupportRun> turning_runs, other_runs;
+
+  // Joints that turn: revolute ones without a range. As a list, and as runs beside those of the others.
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const Joint& joint = program.model.joints[j];
     if (program.solver_joint[j] < 0) continue;
@@ -20,12 +22,15 @@ void lay_out_turns(Program& program) {
     ++own.back().last;
   }
   if (turning.empty()) return;
+
+  // Couplings of such joints, and those among them that place a follower.
   for (int c = 0; c < t.couplings; ++c) {
     for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) coupling_turns[c] |= turns[t.term_joint[k]];
     if (coupling_turns[c]) couplings.push_back(c);
   }
   for (int i = 0; i < t.reduction.placing.count; ++i)
     if (coupling_turns[t.reduction.placing[i]]) placed.push_back(t.reduction.placing[i]);
+
   t.exact_ratio = t.term_value;
   t.exact_offset = t.offset;
   t.turns = program.storage.keep(std::move(turns));

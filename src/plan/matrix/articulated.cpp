@@ -31,6 +31,8 @@ class Paths {
     int taken = 0;
     for (int b = t_.bodies - 1; b >= 0; --b) {
       if (moved[b].empty()) continue;
+
+      // Vectors arrive from the children. Where two branches bring one, their wrenches are added.
       std::map<int, int>& known = arrived[b];
       Visit visit{b, static_cast<int>(merges_.size()), 0, static_cast<int>(carried_.size()), 0, 0};
       for (int child = t_.bodies - 1; child > b; --child) {
@@ -42,12 +44,16 @@ class Paths {
           free.push_back(place);
         }
       }
+
+      // Vectors that begin here take a free place.
       std::map<int, int> starting;
       for (const int vector : moved[b]) {
         if (known.count(vector)) continue;
         starting[vector] = free.empty() ? taken++ : free.back();
         if (!free.empty()) free.pop_back();
       }
+
+      // The visit: those that begin, then those that came. A root frees their places.
       const auto carry = [&](const std::map<int, int>& places) {
         for (const auto& [vector, place] : places) carried_.push_back({place, vector});
         return static_cast<int>(carried_.size());
@@ -182,6 +188,8 @@ void lay_out_factoring(Program& program) {
   const std::vector<bool> trees = trees_with(t, InertiaKind::articulated_bodies);
   const std::vector<int> tree = trees_of_velocities(t);
   const auto articulated = [&](int z) { return trees[tree[t.reduction.velocity_of(z)]]; };
+
+  // Velocities that are factored by columns.
   std::vector<SupportRun> factored;
   for (int z = 0; z < t.solver.n; ++z) {
     if (articulated(z)) continue;
@@ -192,6 +200,7 @@ void lay_out_factoring(Program& program) {
   }
   t.factored = program.storage.keep(std::move(factored));
 
+  // Trees with undamped rows, whose A is computed however they are solved.
   std::vector<TreePlace<double>> places(t.tree.data, t.tree.data + t.tree.count);
   std::vector<SupportRun> undamped;
   for (TreePlace<double>& place : places) place.has_undamped_rows = false;
@@ -209,6 +218,7 @@ void lay_out_factoring(Program& program) {
   });
   t.tree = program.storage.keep(std::move(places));
 
+  // Groups of rows whose responses go along paths.
   std::vector<RowGroup> groups(t.rows.groups.data, t.rows.groups.data + t.rows.groups.count);
   for (RowGroup& group : groups)
     group.articulated = t.tree_of_joint(t.term_joint[t.term_start[t.rows.coupling[group.first]]]).inertia ==

@@ -47,6 +47,8 @@ void lay_out_products(Program& program, const std::vector<std::vector<Share>>& s
     double value;
     int left, right;
   };
+
+  // By entry of A_r: its products. Unless ratios differ, those with the same entry of A are one product.
   std::vector<std::vector<Product>> products(t.solver.entries);
   std::unordered_map<long, std::size_t> known;  // by entry of A_r and entry of A: the place of their product
   const bool merges = !declared(program, Parameter::gear_ratio);
@@ -66,6 +68,8 @@ void lay_out_products(Program& program, const std::vector<std::vector<Share>>& s
             sum.push_back({source, a.value * b.value, a.index, b.index});
         }
     }
+
+  // Entries with equally many products follow each other: the kernels' loops then have one length for a group.
   std::vector<int> entries(products.size()), start{0}, source, left, right;
   for (std::size_t e = 0; e < entries.size(); ++e) entries[e] = static_cast<int>(e);
   std::stable_sort(entries.begin(), entries.end(),
@@ -85,6 +89,7 @@ void lay_out_products(Program& program, const std::vector<std::vector<Share>>& s
     }
     start.push_back(static_cast<int>(source.size()));
   }
+
   Reduction<double>& reduction = t.reduction;
   reduction.product_groups = program.storage.keep(std::move(groups));
   reduction.product_entry = program.storage.keep(std::move(entries));
@@ -101,6 +106,8 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
   Tables<double>& t = program.f64;
   Reduction<double>& reduction = t.reduction;
   TableStorage& storage = program.storage;
+
+  // By velocity: the solver velocities that it depends on, in the initial order.
   const std::vector<int> order = initial_order(t, followers, has_constraint_velocities);
   const int n = static_cast<int>(order.size());
   std::vector<int> place(t.velocities, -1);  // by velocity: in the initial order
@@ -110,11 +117,14 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
   for (const Follower& follower : followers)
     for (const auto& [joint, value] : follower.shares)
       parts[t.velocity_of(follower.joint)].push_back(place[t.velocity_of(joint)]);
+
+  // The pattern of A_r with its fill, and the depth-first numbering of its elimination.
   Pattern pattern = pattern_of(t, parts, n);
   add_folded(program, parts, pattern);
   const Elimination tree = elimination_tree(std::move(pattern));
   t.solver = make_columns(tree.parent, storage);
 
+  // Velocities and floating roots in that numbering.
   std::vector<int> independent(n), solver(t.velocities, -1);
   for (int z = 0; z < n; ++z) {
     independent[z] = order[tree.order[z]];
@@ -123,6 +133,8 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
   std::vector<FloatingRoot> roots(t.roots.data, t.roots.data + t.roots.count);
   for (FloatingRoot& root : roots) root.solver = solver[root.velocity];
   t.roots = storage.keep(std::move(roots));
+
+  // S by rows, with a 1 where a velocity is the solver's own, and S^T of the followers.
   std::vector<std::vector<Share>> shares(t.velocities);
   for (int i : order) shares[i] = {{solver[i], 1.0, -1}};
   std::vector<int> follower_joint, follower_of(t.joints, -1), start{0}, column, leader, constraint_velocity;
@@ -143,6 +155,7 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
     }
     start.push_back(static_cast<int>(value.size()));
   }
+
   std::tie(reduction.collect_start, reduction.collected) = flattened(by_solver, storage);
   lay_out_products(program, shares);
   reduction.followers = static_cast<int>(followers.size());

@@ -37,6 +37,8 @@ void drop_entries(Program& program, const std::vector<bool>& trees) {
   Tables<double>& t = program.f64;
   Reduction<double>& r = t.reduction;
   const std::vector<int> tree = trees_of_velocities(t), column = columns_of_entries(t.solver);
+
+  // Products of the other trees, in their groups.
   std::vector<ProductGroup> groups;
   std::vector<int> entry, start{0}, source, left, right;
   std::vector<double> value;
@@ -56,10 +58,13 @@ void drop_entries(Program& program, const std::vector<bool>& trees) {
     group.last = static_cast<int>(entry.size());
     if (group.first < group.last) groups.push_back(group);
   }
+
+  // Products with corrections, of the other trees.
   std::vector<std::vector<Momentum>> momentum(t.velocities);
   for (int i = 0; i < t.velocities; ++i)
     if (!trees[tree[i]])
       momentum[i].assign(r.momentum.data + r.momentum_start[i], r.momentum.data + r.momentum_start[i + 1]);
+
   TableStorage& storage = program.storage;
   r.product_groups = storage.keep(std::move(groups));
   r.product_entry = storage.keep(std::move(entry));
@@ -92,6 +97,8 @@ class ColumnBuilder {
   std::pair<CompositeColumns, std::vector<long>> build(TableStorage& storage) {
     using M = CompositeColumns;
     const int bodies = t_.bodies;
+
+    // By body: what a step does there.
     std::vector<std::vector<Merge>> merges(bodies);
     std::vector<std::vector<M::Row>> rows(bodies), pulls(bodies);
     std::vector<std::vector<M::Square>> squares(bodies), pulled(bodies);
@@ -102,6 +109,8 @@ class ColumnBuilder {
     std::vector<std::map<int, int>> carried(bodies);
     for (int b = bodies - 1; b >= 0; --b) {
       if (!trees_[t_.body[b].tree]) continue;
+
+      // Columns arrive from the children. Two of one velocity become one.
       std::map<int, int>& places = carried[b];
       for (int child = b + 1; child < bodies; ++child) {
         if (t_.body[child].parent != b) continue;
@@ -112,6 +121,8 @@ class ColumnBuilder {
           free_.push_back(place);
         }
       }
+
+      // At a floating root they end. Their six components are entries of A_r.
       if (t_.body[b].root) {
         const int root = t_.roots[t_.body[b].joint].solver;
         for (const auto& [column, place] : places)
@@ -119,6 +130,8 @@ class ColumnBuilder {
         for (const auto& [column, place] : places) free_.push_back(place);
         continue;
       }
+
+      // Components along the joint (M41): of the columns that arrive, then of the joint's own.
       const bool corrected = has_corrections_ && follower_[b] >= 0;
       for (const auto& [column, place] : places) {
         for (const ColumnShare& own : shares_[b])  // A_r is symmetric: a term on its diagonal counts twice
@@ -131,6 +144,8 @@ class ColumnBuilder {
           squares[b].push_back({entry(own.column, shares_[b][k].column), factor(own.index, shares_[b][k].index, 1)});
         if (corrected) pulled[b].push_back({entry(own.column, n_), factor(own.index, -1, 1)});
       }
+
+      // The joint's own columns join those that pass on to the parent. At a fixed root all end.
       if (t_.body[b].parent >= 0) {
         const auto place_of = [&](int column, bool& first) {
           first = places.count(column) == 0;
@@ -148,11 +163,14 @@ class ColumnBuilder {
       } else {
         for (const auto& [column, place] : places) free_.push_back(place);
       }
+
+      // What that costs a step.
       work_[t_.body[b].tree] +=
           work::column_past_body * static_cast<long>(passed[b].size()) +
           work::addition_to_entry * static_cast<long>(rows[b].size() + pulls[b].size() + squares[b].size() +
                                                       pulled[b].size() + 2 * units[b].size());
     }
+
     M all;
     all.places = places_;
     all.factors = storage.keep(factors_);
@@ -209,6 +227,8 @@ std::pair<CompositeColumns, std::vector<long>> composite_columns(const Tables<do
 void take_composite_columns(Program& program) {
   Tables<double>& t = program.f64;
   if (!t.reduction.removes_by_force || program.settings.record_impulses) return;
+
+  // Components that may: they have followers, and no row needs the undamped inertia.
   const std::vector<int> component = components(t), tree = trees_of_velocities(t);
   std::vector<char> follows(t.tree.count, 0), undamped(t.tree.count, 0);  // by component
   for (int f = 0; f < t.reduction.followers; ++f) follows[component[tree[t.velocity_of(t.reduction.follower[f])]]] = 1;
@@ -216,6 +236,8 @@ void take_composite_columns(Program& program) {
   std::vector<bool> trees(t.tree.count);
   std::vector<long> saved(t.tree.count, 0);  // by component
   for (int i = 0; i < t.tree.count; ++i) trees[i] = follows[component[i]] && !undamped[component[i]];
+
+  // Components where it is less work, and where some column passes a body at all.
   const std::vector<long> by_entries = work_by_entries(t);
   const auto [columns, by_columns] = composite_columns(t, trees, program.storage);
   std::vector<char> passes(t.tree.count, 0);  // by component: some column passes a body

@@ -78,6 +78,8 @@ std::vector<long> work_by_part(const Program& program, const std::vector<int>& p
   const auto factoring = [](const Columns& columns, int i) {
     return static_cast<long>(columns.row_start[i + 1] - columns.row_start[i] + 2) * columns.size[i];
   };
+
+  // To factor A or A_r, and to compute A_r.
   for (int z = 0; z < t.solver.n; ++z) work[part_of(z)] += factoring(t.solver, z);
   // Without followers, these are copies beside folded couplings of other parts.
   for (int e = 0; t.reduction.followers > 0 && e < t.reduction.product_entry.count; ++e) {
@@ -86,6 +88,7 @@ std::vector<long> work_by_part(const Program& program, const std::vector<int>& p
     work[part_of(static_cast<int>(column))] += t.reduction.product_start[e + 1] - t.reduction.product_start[e];
   }
 
+  // To compute K and factor it, in parts where not all constraint velocities are known.
   std::vector<char> solves(t.velocities, 0);  // by part: not all of its constraint velocities are known
   std::vector<std::vector<char>> moved(rows.count, std::vector<char>(t.solver.n, 0));
   for (int r = 0; r < rows.count; ++r) {
@@ -124,16 +127,22 @@ void solve_for_constraint_velocities(Program& program, const std::vector<Candida
 void take_constraint_velocities(Program& program,
                                 const std::function<std::vector<double>(const Program&)>& first_joints_shares) {
   Tables<double>& t = program.f64;
+
+  // Where they apply (section 15).
   if (t.rows.count == 0 || t.reduction.followers > 0) return;
   if (program.integrator != Integrator::euler) return;
   if (has_own_inertias(program)) return;  // the share that elimination leaves is unknown
   for (const Parameter inertia :
        {Parameter::gear_ratio, Parameter::drive_gains, Parameter::damping, Parameter::armature, Parameter::stiffness})
     if (declared(program, inertia)) return;
+
+  // Candidates: first by structure alone, then by the share that elimination leaves.
   if (find_candidates(t, std::vector<double>(t.couplings, 1.0)).empty()) return;
   narrow(program);
   std::vector<Candidate> candidates = find_candidates(t, first_joints_shares(program));
   if (candidates.empty()) return;
+
+  // Tried on all candidates, kept where the part of the candidate gets less work.
   const Tables<double> original = t;
   const std::vector<int> part = parts_of(t);
   const std::vector<long> before = work_by_part(program, part);

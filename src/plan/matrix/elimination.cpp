@@ -65,12 +65,16 @@ Eigen::MatrixXi record_elimination(Program& program, const HardRows& rows) {
     entry(r, column) = entries;
     fills.push_back({{entries++, gear}, value});
   };
+
+  // The entries of [J_h, 1] to begin with.
   for (int r = 0; r < count; ++r) {
     const int c = rows.coupling[r];
     for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
       fill(r, t.term_joint[k], t.term_gear[k], t.term_value[k]);
     fill(r, t.joints + r, -1, 1.0);
   }
+
+  // (M43), pivot by pivot. An entry that fills in begins as 0.
   for (int p = 0; p < count; ++p) {
     const int pivot = rows.pivot[p];
     for (int r = 0; r < count; ++r) {
@@ -85,6 +89,7 @@ Eigen::MatrixXi record_elimination(Program& program, const HardRows& rows) {
       entry(r, pivot) = -1;
     }
   }
+
   for (int f = 0; f < count; ++f) pivots.push_back(entry(f, rows.pivot[f]));
   reduction.entries = entries;
   reduction.fills = program.storage.keep(std::move(fills));
@@ -189,6 +194,8 @@ void eliminate_followers(Program& program) {
   Reduction<double>& reduction = t.reduction;
   TableStorage& storage = program.storage;
   const bool gears_differ = declared(program, Parameter::gear_ratio);
+
+  // [J_h, 1] after elimination: in numbers, and as operations where ratios differ per environment.
   const HardRows rows = gauss_jordan(program);
   const int count = static_cast<int>(rows.coupling.size());
   if (count == 0) return;
@@ -222,16 +229,20 @@ void eliminate_followers(Program& program) {
   lay_out_basis(program, followers, false);
   reduction.removes_by_force = program.integrator == Integrator::euler || program.integrator == Integrator::runge_kutta;
 
+  // By velocity: the followers with which it shares entries of A, for products of A with corrections (M40).
   std::vector<std::vector<Momentum>> by_velocity(t.velocities);
   for (int f = 0; f < count; ++f)
     for (int i = 0; i < t.velocities; ++i)
       if (const int shared = entry_of(t.matrix, i, t.velocity_of(rows.pivot[f])); shared >= 0)
         by_velocity[i].push_back({shared, f});
   std::tie(reduction.momentum_start, reduction.momentum) = flattened(by_velocity, storage);
+
+  // Rates of w (M39), and the eliminated dofs.
   std::vector<double> rate(t.couplings, 0.0);
   for (int c : rows.coupling) rate[c] = erp_of(program.model.couplings[c].softness) / program.length;
   program.eliminated.clear();
   for (int joint : rows.pivot) program.eliminated.push_back(t.dof[joint]);
+
   reduction.inverse_start = storage.keep(std::move(inverse_start));
   reduction.inverse_coupling = storage.keep(std::move(inverse_coupling));
   reduction.inverse_value = storage.keep(std::move(inverse_value));

@@ -7,10 +7,14 @@ namespace lockstep {
 void choose_folding(Program& program, const std::function<std::vector<double>(const Program&)>& shares) {
   const Tables<double>& t = program.f64;
   if (program.method != Method::direct && program.method != Method::reduced) return;
+
+  // Whether there is something to fold, and nothing against all folding.
   bool any_soft = declared(program, Parameter::softness) && t.rows.count > 0;
   for (int r = 0; r < t.rows.count; ++r) any_soft |= t.rows.softness[r].soft;
   if (!any_soft) return;
   if (const auto obstacle = obstacle_to_folding(program)) return program.obstacles.push_back(*obstacle);
+
+  // By component: the first row that stands in the way of the others.
   narrow(program);
   const std::vector<double> share = shares(program);
   const std::vector<int> component = components(t);
@@ -20,6 +24,8 @@ void choose_folding(Program& program, const std::function<std::vector<double>(co
   };
   for (int r = 0; r < t.rows.count; ++r)
     if (auto& known = obstacle_beside(r); !known) known = obstacle_to_folding(program, r, share[t.rows.coupling[r]]);
+
+  // Components without one are folded. Of the others the last reason is told.
   std::optional<PlanObstacle> told;
   for (int r = 0; r < t.rows.count; ++r) {
     if (!obstacle_beside(r))

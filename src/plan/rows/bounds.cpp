@@ -60,6 +60,8 @@ void lay_out_joint_bounds(Program& program) {
   std::vector<int> has(t.joints, 0);
   std::vector<double> lower = zeros(), upper = zeros(), limit_rate = zeros(), restitution = zeros(), speed = zeros(),
                       friction = zeros(), drive_rate = zeros(), sub_step_rate = zeros();
+
+  // By joint, for (M56) to (M58): ends, rates of correction, friction as an impulse.
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const int i = program.solver_joint[j];
     if (i < 0) continue;
@@ -77,9 +79,12 @@ void lay_out_joint_bounds(Program& program) {
     friction[i] = s.dt * joint.friction;
     if (has[i] & has_kinematic_drive) drive_rate[i] = erp_of(joint.drive.softness) / s.dt;
   }
+
+  // By coupling.
   std::vector<double> force_limit;
   for (const Coupling& coupling : program.model.couplings)
     force_limit.push_back(std::min(coupling.force_limit, unlimited));
+
   TableStorage& storage = program.storage;
   b.has = storage.keep(std::move(has));
   b.lower = storage.keep(std::move(lower));
@@ -214,10 +219,12 @@ BoundForms lay_out_bounds(Program& program) {
     for (std::size_t j = 0; j < model.joints.size(); ++j)
       if (const int i = program.solver_joint[j]; i >= 0) act(model.joints[j], i);
   };
+
   // Rounds have rows over several velocities as slots.
   const bool rounds = !program.contacts.pairs.empty() || program.integrator == Integrator::leapfrog;
   split_servos(program, rounds);
   const bool compete = rounds && rows_compete(program);
+
   // (M59): joints that move with one solver velocity share a row. Its form is that velocity itself. Beside rows over
   // several velocities, a kinematic drive is a row of its own, which gives way to the others (section 27).
   std::vector<int> row_of_velocity(t.solver.n, -1);
@@ -233,6 +240,8 @@ BoundForms lay_out_bounds(Program& program) {
     }
     add({BoundKind::joint, -1, {member}}, std::move(form));
   });
+
+  // All other rows stand for one joint or one coupling each.
   const auto add_soft = [&](BoundKind kind, const Softness& softness, int i) {
     RowForm form = joint_form(i);
     form.softness = softness;
@@ -259,10 +268,13 @@ BoundForms lay_out_bounds(Program& program) {
     add({BoundKind::coupling, c, {}}, std::move(form));
   }
 
+  // As rows over the solver's velocities; those of one velocity first, if they may be held there (M83).
   b.single = 0;
   if (t.rows.count == 0 && (rounds || all_single(rows, result))) put_single_first(rows, result, b.single);
   b.rows = lay_out_forms(program, result.forms, t.solver, false);
   b.may_depend = depend(program, rows, result.forms);
+
+  // When some row may be active: joints to look at in each step, or always.
   std::vector<Watched> watched;
   each_joint([&](const Joint& joint, int i) {
     const bool has_speed = b.has[i] & has_speed_limit, ranged = has_range_of(program, joint);
@@ -271,6 +283,8 @@ BoundForms lay_out_bounds(Program& program) {
   });
   for (const Row& row : rows) b.always |= row.kind != BoundKind::joint && row.kind != BoundKind::soft_limit;
   b.watched = program.storage.keep(std::move(watched));
+
+  // By row: kinematic drives, softness, kinds and members.
   std::vector<BoundKind> kind;
   std::vector<int> member_start{0};
   std::vector<Member> members;

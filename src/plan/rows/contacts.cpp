@@ -141,12 +141,15 @@ void lay_out_contacts(Program& program) {
   std::vector<int> entries;
   int slots = 0;
   for (const ColliderPair& from : program.contacts.pairs) {
+    // Shapes, and the slots that they need.
     TouchingPair<double> pair{};
     pair.first = from.first, pair.second = from.second;
     pair.kind = kind_of_pair(program.model.colliders[static_cast<std::size_t>(from.first)].shape.kind,
                              program.model.colliders[static_cast<std::size_t>(from.second)].shape.kind);
     pair.slot = slots, pair.slots = slots_of(pair.kind);
     slots += pair.slots;
+
+    // The columns of its velocities (M108), and the entries of the matrix between them.
     pair.column = static_cast<int>(columns.size()), pair.entry = static_cast<int>(entries.size());
     for (const auto& [solver, list] : columns_of(program, from)) {
       const int z = t.rounds.place[solver];
@@ -157,17 +160,22 @@ void lay_out_contacts(Program& program) {
         entries.push_back(entry_of(t.rounds.columns, z, columns[static_cast<std::size_t>(l)].velocity));
     }
     pair.columns = static_cast<int>(columns.size()) - pair.column;
+
+    // Friction, bounce, rate and compliance (M104).
     pair.friction = from.friction, pair.restitution = from.restitution;
     t.contacts.bounces = t.contacts.bounces || from.restitution > 0.0;
     const RowSoftness<double> softness = row_softness(program, from.softness, program.settings.dt, 1);
     pair.rate = softness.rate, pair.cfm = softness.cfm, pair.soft = !is_hard(from.softness);
     pair.cfm_per_response = is_hard(from.softness) ? hard_compliance : softness.cfm_per_response;
     pairs.push_back(pair);
+
+    // The pair as users named it.
     const int named_first = from.swapped ? from.second : from.first,
               named_second = from.swapped ? from.first : from.second;
     program.plan_contacts.push_back({pair_name(program.model, from), named_first, named_second, pair.slot, pair.slots,
                                      from.friction, from.restitution});
   }
+
   t.contacts.slots = slots;
   t.contacts.colliders = program.storage.keep(std::move(colliders));
   t.contacts.pairs = program.storage.keep(std::move(pairs));

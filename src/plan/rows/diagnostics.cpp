@@ -17,6 +17,8 @@ void lay_out_report(Program& program) {
       if (list[i] == wanted) return i;
     return -1;
   };
+
+  // The bounded row of this kind that holds the joint or the coupling, -1 if there is none.
   const auto bounded_row = [&](BoundKind kind, int index) {
     for (int r = 0; r < b.rows.count; ++r) {
       if (b.kind[r] != kind) continue;
@@ -26,6 +28,8 @@ void lay_out_report(Program& program) {
     }
     return -1;
   };
+
+  // Couplings, in the model's order.
   const std::vector<std::string> couplings = coupling_names(program.model);
   std::vector<double> hard(t.couplings, 0.0);
   for (int c = 0; c < t.couplings; ++c) {
@@ -35,6 +39,8 @@ void lay_out_report(Program& program) {
          is_hard(coupling.softness) ? 1 : -1},
         "coupling " + couplings[c]);
   }
+
+  // What bounds each joint has.
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const int i = program.solver_joint[j];
     if (i < 0) continue;
@@ -57,6 +63,7 @@ void lay_out_report(Program& program) {
       add({Reported::effort_limit, i, -1, bounded_row(BoundKind::servo, i), index_of(t.limited_servos, i)},
           "effort limit " + joint.name);
   }
+
   if (program.settings.record_diagnostics) t.reported = program.storage.keep(program.reported);
   t.hard_rate = program.storage.keep(std::move(hard));
   std::vector<int> redundant(t.couplings, 0);

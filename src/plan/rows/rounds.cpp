@@ -152,6 +152,9 @@ void lay_out_implicit(Program& program) {
 void lay_out_rounds(Program& program) {
   Tables<double>& t = program.f64;
   Bounds<double>& b = t.bounds;
+
+  // There are none for tgs, for pgs without contacts, for smooth integrators, and where nothing is bounded. Without
+  // contacts, bounds that euler cannot hold as single velocities take (M62).
   if (program.method == Method::tgs || (program.method == Method::pgs && program.contacts.pairs.empty())) return;
   const bool stages = program.integrator == Integrator::leapfrog;
   if (program.integrator != Integrator::euler && !stages) return;
@@ -160,6 +163,7 @@ void lay_out_rounds(Program& program) {
   const std::optional<PlanObstacle> obstacle = obstacle_to_single_velocities(program);
   if (obstacle && program.contacts.pairs.empty() && !stages) return;
 
+  // Their matrix has A_r, and what slots and contacts fill in.
   std::vector<Slot> slots = slots_of(t);
   std::vector<std::vector<int>> together = contact_velocities(program);
   for (const Slot& slot : slots) together.push_back(slot.velocities);
@@ -167,6 +171,7 @@ void lay_out_rounds(Program& program) {
   t.rows.known_suffice = t.rows.known_suffice && slots.empty();  // slots need the softness of their rows
   lay_out_slots(program, std::move(slots));
 
+  // Bounds and limited servos of one velocity, which rounds hold there.
   Rounds& rounds = t.rounds;
   std::vector<int> velocity, row_of(static_cast<std::size_t>(t.solver.n), -1);
   for (int r = 0; r < b.single; ++r) {
@@ -178,11 +183,14 @@ void lay_out_rounds(Program& program) {
     servos.push_back(velocity_of(t, t.limited_servos[i]));
     servos.back().velocity = rounds.place[servos.back().velocity];
   }
+
+  // In a leapfrog: whether its stages hold the bounds, and whether something is left for its midpoint.
   rounds.in_stages = stages && !obstacle;
   if (stages && obstacle && (b.rows.count > 0 || limited)) program.obstacles.push_back(*obstacle);
   rounds.at_midpoint = stages && (!rounds.in_stages || !program.contacts.pairs.empty());
   if (rounds.at_midpoint) lay_out_implicit(program);
   b.always |= limited && !rounds.in_stages;
+
   rounds.velocity = program.storage.keep(std::move(velocity));
   rounds.row_of = program.storage.keep(std::move(row_of));
   rounds.servos = program.storage.keep(std::move(servos));

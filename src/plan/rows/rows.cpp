@@ -135,6 +135,8 @@ std::pair<int, std::vector<int>> widest_group(const std::vector<std::vector<int>
 Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, const Columns& columns, bool factored) {
   const Tables<double>& t = program.f64;
   const int count = static_cast<int>(forms.size());
+
+  // By row: what its impulse moves, and its component.
   std::vector<std::vector<int>> supports;
   std::vector<int> component;
   for (const RowForm& form : forms) {
@@ -155,6 +157,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
     rows.columns = make_columns(tree.parent, program.storage);
   }
 
+  // Row by row: terms and what they consist of, what the row moves, its softness.
   std::vector<int> coupling, term_start{0}, term_index, contribution_start{0}, support_start{0}, run_start{0};
   std::vector<double> term_value;
   std::vector<Contribution> contributions;
@@ -184,6 +187,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
     softness.push_back(row_softness(program, form.softness, program.length / substeps, substeps));
   }
 
+  // Velocities that some row moves, and the others.
   std::vector<int> moved_by_some, unmoved;
   for (const std::vector<int>& moved : supports) moved_by_some = either(moved_by_some, moved);
   for (int z = 0; z < columns.n; ++z)
@@ -195,6 +199,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
   };
   rows.moved = runs_of(moved_by_some), rows.unmoved = runs_of(unmoved);
 
+  // Rows whose responses (M19) are computed side by side.
   std::vector<RowGroup> groups;
   std::vector<SupportRange> group_support;
   std::vector<SupportRun> group_runs;
@@ -210,6 +215,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
     r += members;
   }
 
+  // K in blocks, without those that are zero. Where K is swept, rows know their neighbours in it.
   std::vector<RowBlock> blocks;
   std::vector<SupportRun> block_runs;
   std::vector<std::vector<int>> neighbours(count);
@@ -243,6 +249,7 @@ Rows<double> lay_out_forms(Program& program, const std::vector<RowForm>& forms, 
       block.run_last = static_cast<int>(block_runs.size());
       blocks.push_back(block);
     }
+
   std::vector<int> neighbour_start{0};
   std::vector<SupportRun> neighbour_runs;
   for (std::vector<int>& list : neighbours) {
@@ -324,6 +331,8 @@ std::vector<int> find_undamped(const Program& program, const std::vector<RowForm
 void lay_out_rows(Program& program) {
   Tables<double>& t = program.f64;
   const bool factored = program.method == Method::direct || program.method == Method::reduced;
+
+  // Couplings that are left to solve: neither absent, redundant, eliminated nor bounded.
   std::vector<RowForm> forms;
   bool any_hard = false;
   for (int c = 0; c < t.couplings; ++c) {
@@ -333,6 +342,7 @@ void lay_out_rows(Program& program) {
     any_hard |= is_hard(coupling.softness) || declared(program, Parameter::softness);
     forms.push_back(coupling_form(program, t.reduction, c));
   }
+
   // Rows of a component follow each other, so that they are grouped and numbered as they are without the others.
   const std::vector<int> component = components(t);
   std::stable_sort(forms.begin(), forms.end(),
@@ -344,6 +354,7 @@ void lay_out_rows(Program& program) {
   t.folded = lay_out_forms(program, {folded, forms.end()}, t.solver, false);
   lay_out_folding(program);
 
+  // Bounds, and rows whose frequency refers to the undamped inertia (M28).
   std::vector<RowForm> undamped, ordered;  // ordered: as the elimination tree numbers them
   for (int i = 0; i < t.impulse_coupling.count; ++i)
     ordered.push_back(coupling_form(program, t.reduction, t.impulse_coupling[i]));
@@ -352,6 +363,7 @@ void lay_out_rows(Program& program) {
   t.bounds.undamped_row = program.storage.keep(find_undamped(program, bounds.forms, undamped, bounds.joint));
   t.undamped = lay_out_forms(program, undamped, t.matrix, false);
 
+  // (M37), and whether the two phases (M33) have different solutions.
   const StepSettings& settings = program.settings;
   t.renewed = program.method == Method::tgs && settings.iterations > 1;
   t.free_share = t.renewed ? (settings.iterations + 1.0) / (2.0 * settings.iterations) : 1.0;
