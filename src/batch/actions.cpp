@@ -81,6 +81,8 @@ void Batch<S>::set_actions(const StridedRows<const S>& actions, const ActionMap&
   Impl& batch = impl();
   const Alone alone(batch.in_use);
   const Plan& plan = batch.plan;
+
+  // The map, the rows and the environments, before anything is written.
   if (map.kind < ActionKind::position || map.kind > ActionKind::effort)
     throw UsageError("kind of actions", "is none of the enumerators", "give one of ActionKind");
   const std::vector<int>& dofs = map.kind == ActionKind::effort ? plan.independent_dofs() : plan.driven_dofs();
@@ -94,6 +96,7 @@ void Batch<S>::set_actions(const StridedRows<const S>& actions, const ActionMap&
   if (!actions.data && !dofs.empty()) throw UsageError("actions", "are null", "give one row for each");
   which.check(batch.environments);
 
+  // An action that is NaN is a fault.
   const auto action = [&](std::size_t i, int e) {
     return actions.data[static_cast<std::ptrdiff_t>(i) * actions.row_stride + e * actions.environment_stride];
   };
@@ -102,6 +105,8 @@ void Batch<S>::set_actions(const StridedRows<const S>& actions, const ActionMap&
       if (std::isnan(action(i, e)))
         batch.rows.fault.data()[e] = Fault::bad_input, batch.rows.place.data()[e] = {FaultStage::values, dofs[i]};
   });
+
+  // From -1 to 1 onto the range, for all times of a step.
   AlignedBlock<S>& inputs = map.kind == ActionKind::effort     ? batch.rows.effort
                             : map.kind == ActionKind::velocity ? batch.rows.velocity_target
                                                                : batch.rows.position_target;

@@ -116,6 +116,8 @@ Blob read_blob(std::span<const std::byte> bytes) {
   const std::string has = "has " + std::to_string(size) + " bytes, ";
   require(size >= sizeof(BlobHead), "blob", has + "fewer than its head of " + std::to_string(sizeof(BlobHead)),
           whole_blob);
+
+  // What it is, of which machine, and of which format.
   Reader from(bytes.data());
   Blob blob{from.next<BlobHead>(), {}, {}, {}};
   const BlobHead& head = blob.head;
@@ -127,6 +129,8 @@ Blob read_blob(std::span<const std::byte> bytes) {
           "has format " + std::to_string(head.format) + " of lockstep " + escaped(text_of(head.version)) +
               ", and lockstep " + version() + " reads format " + std::to_string(identity_format),
           "restore it by the version of the library that saved it");
+
+  // Lengths, before anything is read by them.
   require(size == head.bytes, "blob",
           has + "and its head says " + std::to_string(head.bytes) +
               (size < head.bytes ? ": the end is missing" : ": something was added"),
@@ -134,12 +138,15 @@ Blob read_blob(std::span<const std::byte> bytes) {
   require(head_bytes(head) + sizeof(Checksum) <= size, "blob", "has a damaged head: its parts are too long",
           whole_blob);
   require(head.environments <= size, "blob", "has a damaged head: it has no room for its environments", whole_blob);
+
+  // The rest of the head, and its checksum.
   std::vector<BlobSection> sections;
   for (std::uint32_t i = 0; i < head.sections; ++i) sections.push_back(from.next<BlobSection>());
   blob.settings.assign(reinterpret_cast<const char*>(from.skip(head.settings_bytes)), head.settings_bytes);
   require(from.next<Checksum>() == checksum_of(bytes.data(), head_bytes(head)), "blob",
           "has a damaged head: its checksum does not fit", whole_blob);
 
+  // Sections, each with a checksum of its own.
   blob.version = text_of(head.version);
   std::uint64_t left = size - head_bytes(head) - sizeof(Checksum);
   for (const BlobSection& section : sections) {

@@ -41,6 +41,7 @@ std::string Batch<S>::explain_fault(int environment) const {
     wrong += (wrong.empty() ? "" : ", ") + problem.element + " (" + problem.field + ", row " + text_of(problem.row) +
              ") is " + text_of(static_cast<S>(problem.value)) + ", " + problem.rule;
 
+  // What happened.
   std::string words = "environment " + text_of(environment) + ": " + to_string(fault) + ": ";
   switch (fault) {
     case Fault::bad_value: words += "a value cannot be"; break;
@@ -59,6 +60,8 @@ std::string Batch<S>::explain_fault(int environment) const {
     }
   }
   if (!wrong.empty()) words += "; " + wrong;
+
+  // When, by which look, and to which joint.
   const FaultReport report = fault_report(environment);
   words += "; found in step " + text_of(report.step) + " since the reset, at " + text_of(report.time) + " s, by " +
            finder_of(report.stage);
@@ -70,6 +73,7 @@ std::string Batch<S>::explain_fault(int environment) const {
              " is '" + program.dof_names[static_cast<std::size_t>(report.dof)] + "', now at " +
              text_of(number(batch.rows.position, report.dof)) + " with velocity " +
              text_of(number(batch.rows.velocity, report.dof));
+
   return words + "; " +
          (!wrong.empty()              ? "correct what is named"
           : fault == Fault::bad_input ? "correct the agent"

@@ -142,6 +142,8 @@ class Placer {
   bool solve(const Environment& at, const Placing& placing, bool all) {
     const std::size_t rows = placing.ring.size(), columns = placing.ring_followers.size();
     const auto entry = [&](std::size_t r, std::size_t c) -> double& { return ring_[r * (columns + 1) + c]; };
+
+    // J of the ring over its followers, beside minus the errors.
     std::fill(ring_.begin(), ring_.end(), 0.0);
     bool holds = true;
     for (const int joint : placing.ring_followers)
@@ -157,6 +159,8 @@ class Placer {
           if (placing.ring_followers[f] == at.t.term_joint[k]) entry(r, f) = at.ratio(k);
     }
     if (holds) return false;
+
+    // Elimination, with the largest entry of each row as pivot.
     for (std::size_t r = 0; r < rows; ++r) {
       std::size_t pivot = 0;
       for (std::size_t f = 1; f < columns; ++f)
@@ -170,6 +174,8 @@ class Placer {
         entry(other, pivot) = 0.0;
       }
     }
+
+    // The followers' changes.
     for (std::size_t r = 0; r < rows; ++r) {
       if (pivot_[r] == columns) continue;
       const int joint = placing.ring_followers[pivot_[r]];

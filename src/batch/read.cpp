@@ -103,6 +103,8 @@ class Batch<S>::Impl::TileReader {
       for (std::ptrdiff_t lane = 0; lane < count_; ++lane) at(row_, lane) = scale_ * number_in(lane);
       ++row_;
     };
+
+    // One number of each environment.
     if (query.quantity == Quantity::unfinished_contacts)
       return put_row([&](std::ptrdiff_t lane) {
         const int row = batch_.tables.contacts.slots * kernels::contact_numbers;
@@ -112,11 +114,15 @@ class Batch<S>::Impl::TileReader {
       const bool by_slot = query.quantity == Quantity::contact_point;
       const int pair = by_slot ? pair_of_slot(i) : i;
       const S sign = program.contacts.pairs[static_cast<std::size_t>(pair)].swapped ? S(-1) : S(1);
+
+      // All numbers of a slot. Normal and force are seen from the collider that users name first.
       if (by_slot) {
         for (int k = 0; k < kernels::contact_numbers; ++k)
           put_row([&](std::ptrdiff_t lane) { return (k >= 3 && k < 9 ? sign : S(1)) * contact(i, k, lane); });
         return;
       }
+
+      // Sums and extremes over the slots of a pair.
       const PlanContact& own = program.plan_contacts[static_cast<std::size_t>(pair)];
       const auto over_slots = [&](S first, const auto& take) {
         return [&, first](std::ptrdiff_t lane) {
@@ -144,6 +150,8 @@ class Batch<S>::Impl::TileReader {
           }));
         default: break;
       }
+
+      // The force, as a vector.
       for (int k = 0; k < 3; ++k)
         put_row(over_slots(
             S(0), [&](S sum, int slot, std::ptrdiff_t lane) { return sum + sign * contact(slot, 6 + k, lane); }));

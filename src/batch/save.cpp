@@ -133,6 +133,7 @@ std::vector<std::byte> Batch<S>::save(std::span<const int> ids) const {
 template <class S>
 void Batch<S>::Impl::restore(const Blob& blob, std::span<const int> into, std::span<const int> from,
                              bool other_settings) {
+  // The blob as a whole, and the environments to restore.
   if (blob.head.scalar_bytes != sizeof(S))
     throw UsageError("blob",
                      "holds numbers of " + std::to_string(blob.head.scalar_bytes) + " bytes, and this batch of " +
@@ -174,11 +175,15 @@ void Batch<S>::Impl::restore(const Blob& blob, std::span<const int> into, std::s
         throw UsageError(element, "names for environment " + std::to_string(e) + " what this plan does not have",
                          whole_blob);
   }
+
+  // No section is missing.
   for (const SavedRows& own_rows : rows)
     if (same_settings && own_rows.rows > 0 &&
         std::none_of(blob.sections.begin(), blob.sections.end(),
                      [&](const Blob::Section& section) { return section.name == own_rows.name; }))
       throw UsageError(section_of_blob(own_rows.name), "is missing", "restore it by the library that saved it");
+
+  // Nothing is wrong, so write.
   for (std::size_t i = 0; i < targets.size(); ++i) {
     if (!targets[i]) continue;
     const Blob::Section& section = blob.sections[i];

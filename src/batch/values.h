@@ -169,6 +169,8 @@ ValueRules<S> value_rules(const Program& program) {
   const auto add = [&](Parameter field, int row, S most, const std::string& element, const char* range) {
     rules.rows.push_back({field, row, S(0), most, element, range});
   };
+
+  // Couplings: ratios, and the two numbers of a softness by what they mean.
   const std::vector<std::string> names = coupling_names(model);
   int gear = 0;
   for (std::size_t c = 0; c < names.size(); ++c) {
@@ -212,6 +214,8 @@ ValueRules<S> value_rules(const Program& program) {
         break;
     }
   }
+
+  // What must not be negative: numbers of joints, and friction of contacts.
   for (std::size_t dof = 0; dof < program.dof_names.size(); ++dof) {
     const int row = static_cast<int>(dof);
     const std::string joint = " of joint '" + program.dof_names[dof] + "'";
@@ -227,6 +231,8 @@ ValueRules<S> value_rules(const Program& program) {
   for (std::size_t c = 0; declares(Parameter::contact_friction) && c < program.plan_contacts.size(); ++c)
     add(Parameter::contact_friction, static_cast<int>(c), largest,
         "friction of contact '" + program.plan_contacts[c].name + "'", "0 or more");
+
+  // Limits. Centres of mass and inertias may be any number, as long as the body as a whole is possible.
   add_limit_rules(program, rules);
   for (std::size_t l = 0; l < model.links.size(); ++l)
     for (const Parameter field : {Parameter::center_of_mass, Parameter::inertia})
@@ -236,6 +242,8 @@ ValueRules<S> value_rules(const Program& program) {
                                   model.links[l].name + "'",
                               "a number"});
   if (program.f64.has_own_inertias()) add_inertia_rules(program, rules);
+
+  // Masses. Where the model's body has one, its only link needs a mass, or several links together do.
   if (!declares(Parameter::mass)) return rules;
   const Tables<double>& t = program.f64;
   std::vector<BodyLinks> bodies(static_cast<std::size_t>(t.bodies));

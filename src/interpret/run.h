@@ -348,12 +348,16 @@ void interpret(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
                std::ptrdiff_t last, int substeps, void* scratch, const OperationList& list) {
   const simd::StepMode mode;
   InterpreterTiles<T> l(t, list);
+
+  // The list of a step, the shorter one of consistent tiles if there is one, and the slots of each.
   const OperationList* const lists[2] = {&list, list.consistent};
   Slot<T>* const slots[2] = {static_cast<Slot<T>*>(scratch), static_cast<Slot<T>*>(scratch) + list.slots};
   std::byte* behind = reinterpret_cast<std::byte*>(slots[1] + (list.consistent ? list.consistent->slots : 0));
   Places places(l.arrays);
   arrays(t, l.x[0], places);
   int laid_out = 0;
+
+  // Goes over to a list, and lays out the tiles that it is the first to need.
   const auto take = [&](int which) LOCKSTEP_INLINED {
     l.list = lists[which];
     l.slots = slots[which];
@@ -365,12 +369,16 @@ void interpret(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
       uniform_ratios(t, l.x[laid_out]);
     }
   };
+
+  // Numbers that never change, once for each list.
   const int shortest = list.consistent ? 1 : 0;
   l.tiles = l.most;
   for (int which = 0; which <= shortest; ++which) {
     l.list = lists[which], l.slots = slots[which];
     run<InterpreterTiles<T>::most>(l, l.list->constants_first);
   }
+
+  // As many tiles at once as there is room for: by the shorter list if all of them are consistent.
   while (first < last) {
     take(shortest);
     if (!begin_tiles(l, batch, first, last, shortest > 0)) {
@@ -380,6 +388,7 @@ void interpret(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
     for (int i = 0; i < substeps; ++i) {
       for (Tile<T>& tile : l.x) tile.step = static_cast<std::uint32_t>(i);
       run(l);
+      // When a joint has turned, they go on by the list of a step.
       if (!l.has_turned || i + 1 == substeps) continue;
       for (int k = 0; k < l.tiles; ++k) end_tile(l, k);
       take(0);

@@ -28,6 +28,8 @@ void look_at_coupling(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Repo
   auto present = ~T::none();
   row_state = hard ? T(1) : T(0);
   residual = T(0);
+
+  // By its row, its bounded row, or neither: what (M64) needs, and the state.
   if (row.row >= 0) {
     cfm = x.rows.cfm[row.row];
     impulse = x.rows.position_impulse[row.row];
@@ -48,6 +50,8 @@ void look_at_coupling(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Repo
     row_state = T(0);
     if (!hard) return;
   }
+
+  // (M64), where the condition is that of an equality.
   T speed = fma(rate, x.couplings.error[c], cfm * impulse);
   for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
     speed = fma(x.couplings.coefficient[k], x.diagnostics.moved_velocity[t.velocity_of(t.term_joint[k])], speed);
@@ -62,6 +66,8 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   const int j = row.index, r = row.bounded;
   const T h = T(t.dt), zero = T(0), u = x.diagnostics.moved_velocity[t.velocity_of(j)];
   residual = row_state = zero;
+
+  // An effort limit has no residual: the servo, its row, or the effort alone shows whether it is reached.
   if (row.kind == Reported::effort_limit) {
     const T most = effort_limit<T>(t, batch, j), effort = feed_forward<T>(t, batch, j);
     if (row.member >= 0)
@@ -73,6 +79,8 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     row_state = row_state + row_state;
     return;
   }
+
+  // Whether the interval holds the row, beyond what friction does, and at which end.
   if (r < 0) return;
   const T impulse = whole_impulse(t, x, r), force = x.bounds.force[r];
   const auto held = x.bounds.active[r] & (less(force, impulse) | less(impulse, -force));
@@ -124,6 +132,8 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   const T h = T(t.dt), zero = T(0);
   const Field<T> damping = field<T>(batch, Parameter::damping, t.damping.data);
   const auto force = [&](int j) { return servo<T>(t, batch, x, j).force(h, x.state.q[j], x.next.v[t.velocity_of(j)]); };
+
+  // Damping, efforts and servos.
   for (int j = 0; j < t.joints; ++j) {
     const T v = x.next.v[t.velocity_of(j)], displacement = h * v, most = effort_limit<T>(t, batch, j);
     dissipated = fma(damping.at(j, t.dof[j]) * v, displacement, dissipated);
@@ -135,6 +145,8 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     if (has_servo) effort += force(j);
     work = fma(clamp(effort, -most, most), displacement, work);
   }
+
+  // Springs.
   for (int i = 0; i < t.springs.count; ++i) {
     const int j = t.springs[i];
     const T displacement = h * x.next.v[t.velocity_of(j)],
@@ -152,11 +164,15 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
       if (b.has[b.member[k].joint] & has_restitution) return true;
     return false;
   };
+
+  // Soft couplings.
   const T* solved = phase == velocity_phase ? x.rows.velocity_impulse : x.rows.position_impulse;
   for (int e = 0; e < t.impulse_coupling.count; ++e) {
     const T soft = select(less(smallest<T>(), x.rows.cfm[e]), solved[e], zero);
     work = fma(soft, moved(t.impulse_coupling[e]), work);
   }
+
+  // Bounded rows: soft ones and drives do work, friction takes, bounces give.
   for (int i = 0; i < x.bounds.active_count; ++i) {
     const int r = x.bounds.active_rows[i], m = b.member_start[r];
     if (b.kind[r] == BoundKind::servo) continue;  // among the drives

@@ -29,6 +29,8 @@ Fields make_fields(const Program& program) {
     fields.names[static_cast<unsigned>(parameter)].push_back(name);
     fields.values[static_cast<unsigned>(parameter)].push_back(value);
   };
+
+  // By coupling, and by its terms.
   const std::vector<std::string> couplings = coupling_names(model);
   for (std::size_t c = 0; c < couplings.size(); ++c) {
     const Coupling& coupling = model.couplings[c];
@@ -40,6 +42,8 @@ Fields make_fields(const Program& program) {
     add(Parameter::softness, couplings[c] + " " + names_of(coupling.softness).first, softness.first);
     add(Parameter::softness, couplings[c] + " " + names_of(coupling.softness).second, softness.second);
   }
+
+  // By joint that moves, so by dof.
   for (const Joint& joint : model.joints) {
     if (!joint.moves()) continue;
     add(Parameter::drive_gains, joint.name + " kp", joint.drive.kp);
@@ -53,6 +57,8 @@ Fields make_fields(const Program& program) {
     add(Parameter::velocity_limit, joint.name, joint.velocity_limit);
     add(Parameter::effort_limit, joint.name, joint.effort_limit);
   }
+
+  // By link; wrenches are 0.
   for (const Link& link : model.links) {
     add(Parameter::mass, link.name, link.inertia.mass);
     for (int k = 0; k < 3; ++k) add(Parameter::center_of_mass, link.name + " " + axes[k], link.inertia.center[k]);
@@ -62,6 +68,8 @@ Fields make_fields(const Program& program) {
       add(Parameter::inertia, link.name + " i" + axes[tensor_rows[k]] + axes[tensor_columns[k]],
           link.inertia.about_center(tensor_rows[k], tensor_columns[k]));
   }
+
+  // By contact, and for the whole environment.
   for (const PlanContact& contact : program.plan_contacts)
     add(Parameter::contact_friction, contact.name, contact.friction);
   for (int k = 0; k < 3; ++k) add(Parameter::gravity, axes[k], model.gravity[k]);

@@ -56,11 +56,15 @@ typename T::Mask solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& 
   T *known = x.search.speed, *noise = x.search.noise;
   const T epsilon = T(S(sizeof(S) == 4 ? 3e-7 : 1e-15)),
           least_share = T(t.bounds.may_depend ? limit_compliance<S> : S(0));
+
+  // Which rows are held, and the impulses of the others.
   for (int i = 0; i < m; ++i) {
     const Branch<T>& own = x.search.branch[phase * count + x.bounds.active_rows[i]];
     x.search.held[i] = held(own);
     known[i] = select(x.search.held[i], zero, own.impulse);
   }
+
+  // Matrix and right side (M62). A row that a lane does not hold has 1 on its diagonal there.
   for (int i = 0; i < m; ++i) {
     const auto holds = x.search.held[i];
     impulse[i] = known[i];
@@ -77,6 +81,7 @@ typename T::Mask solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& 
     noise[i] = epsilon * x.bounds.own_response[r];
     impulse[i] = select(holds, rhs, known[i]);
   }
+
   // Eliminate from the last row to the first, as in (M17). A pivot that is only rounding takes no impulse. Where rows
   // may depend on each other, its floor replaces it: then the impulses show which joints cannot all stick. `noise` is
   // the rounding of the pivots. A small pivot passes on much of it to those that it is eliminated from.
@@ -97,6 +102,8 @@ typename T::Mask solve_held(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& 
       impulse[a] = fnma(factor, impulse[i], impulse[a]);
     }
   }
+
+  // Substitute from the first row to the last.
   for (int i = 0; i < m; ++i) {
     if (!any(x.search.held[i])) continue;
     T sum = impulse[i];
@@ -215,6 +222,8 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
   const int count = t.bounds.rows.count, m = x.bounds.active_count;
   T* impulse = x.search.impulse;
   begin_search(t, phase, x);
+
+  // The lanes that search, and how many rounds each of them may take.
   typename T::Mask open = T::none();
   const int retry_rounds = t.bounds.may_depend ? 2 * most_retries : 0;
   T rounds = T(ScalarOf<T>(block_rounds + retry_rounds));  // of each lane, by the rows that are active in it
@@ -230,6 +239,8 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
       x.search.known[r] = (x.search.known[r] & ~lanes) | (known & x.bounds.active[x.bounds.active_rows[i]]);
     }
   };
+
+  // Rounds. A lane that runs out of them takes the result of an earlier search, if there is one, or is swept.
   typename T::Mask unsolved = T::none(), has_fallback = T::none(), retry_rigid = T::none();
   T& retries = x.search.retries[phase];
   const T enough = T(ScalarOf<T>(most_retries));
@@ -238,9 +249,12 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
     unsolved = unsolved | (out_of_rounds & ~has_fallback);
     x.search.compliant[phase] = x.search.compliant[phase] | (out_of_rounds & has_fallback);
     open = open & ~out_of_rounds;
+
+    // Solve, and move the rows that the solution contradicts.
     const auto waiting = solve_held(t, phase, x, impulse);
     retries = select(waiting & retry_rigid, enough, retries);
     auto finished = pivot(t, phase, impulse, round >= block_rounds, waiting, x) & open;
+
     // Rows that depend on each other on the way may not do so at the end. So a search that ends with compliance is
     // repeated without it. Its result is the fallback.
     retry_rigid = finished & x.search.compliant[phase] & less(retries, enough);
@@ -252,6 +266,8 @@ void find_active_set(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
     accept(finished, finished);
     open = open & ~finished;
   }
+
+  // Lanes that found nothing are swept.
   if (!any(unsolved)) return;
   sweep_bounds(t, phase, rescue_sweeps, x, impulse);
   accept(unsolved, T::none());

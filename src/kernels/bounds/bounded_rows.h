@@ -80,6 +80,8 @@ template <class T>
 void respond_to_bound(const Tables<ScalarOf<T>>& t, int r, Tile<T>& x) {
   const Rows<ScalarOf<T>>&bounds = t.bounds.rows, &rows = t.rows;
   const int n = t.solver.n, count = bounds.count;
+
+  // Responses (M19) of the row, by paths where articulated bodies solve its trees.
   T* response = x.bounds.response + r * n;
   T* scaled = x.bounds.scaled_response + r * n;
   place_terms(bounds, r, n, x.bounds.value, response);

@@ -88,6 +88,8 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
   const T share = T(S(1) / S(t.iterations)), h = T(t.dt) * share;
   const StepTime<T> whole_step{false, S(1) / t.dt};
   const auto is_joint = [&](int r) { return t.bounds.kind[r] == BoundKind::joint; };
+
+  // The part of the free motion that each sub-step adds (M35), and the speeds at the start.
   begin_sweeps(t, x);
   for (int e = 0; e < rows.count; ++e) {
     x.rows.velocity_phase_speed[e] = (x.rows.speed[e] - x.rows.start[e]) * share;
@@ -100,6 +102,8 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
     x.bounds.speed[r] = bound_speed(t, x, r, x.dynamics.start);
     x.bounds.moved[r] = x.bounds.impulse[r] = x.bounds.impulse[count + r] = T(0);
   }
+
+  // Sub-steps: the part of the free motion, rows where their joints are by now, one sweep.
   for (int s = 0; s < t.iterations; ++s) {
     const StepTime<T> sub_step{false, S(t.iterations) / t.dt, S(s) / S(t.iterations) * t.dt, true};
     for (int e = 0; e < rows.count; ++e) {
@@ -114,6 +118,8 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
       bounded_row(t, batch, r, position_phase, sub_step, x.bounds.moved[r], x);
     }
     sweep_with_bounds(t, position_phase, T(S(s + 1)) * share, share, x);
+
+    // Impulses so far and their mean (M37), and where the rows have moved.
     const auto sum = [&](T impulse, T& total, T& mean) {
       total += impulse;
       mean = fma(share, total, mean);
@@ -130,6 +136,8 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
       x.bounds.moved[r] = fma(h, x.bounds.speed[r], x.bounds.moved[r]);
     }
   }
+
+  // Velocity iterations go on from the last sub-step, whose impulses they change.
   for (int e = 0; e < rows.count; ++e) {
     x.rows.velocity_impulse[e] -= x.rows.impulse[e];
     change_bias(x, e, velocity_phase_bias(t, x, e));
@@ -137,6 +145,7 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
   for (int i = 0; i < x.bounds.active_count; ++i)
     x.bounds.impulse[count + x.bounds.active_rows[i]] -= x.search.impulse[x.bounds.active_rows[i]];
   for (int s = 0; s < t.velocity_iterations; ++s) sweep_with_bounds(t, velocity_phase, T(1), share, x);
+
   for (int e = 0; e < rows.count; ++e) x.rows.velocity_impulse[e] += x.rows.impulse[e];
   for (int i = 0; i < x.bounds.active_count; ++i) {
     const int r = x.bounds.active_rows[i];

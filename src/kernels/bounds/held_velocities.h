@@ -100,6 +100,8 @@ bool round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     x.held.diagonal[z] = x.held.matrix[t.rounds.columns.offset[z]];
     rhs[z] = x.held.momentum[phase * n + z];
   }
+
+  // Servos: a gain within their limit, a force beyond it (M63).
   for (int i = 0; i < t.limited_servos.count; ++i) {
     const auto acts = searched(t, x, i);
     if (!any(acts)) continue;
@@ -115,11 +117,14 @@ bool round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     x.held.diagonal[servo.velocity] += select(linear & acts, gain, zero);
     rhs[servo.velocity] = fma(h * share, select(acts, force - effort, zero), rhs[servo.velocity]);
   }
+
+  // Impulses of rows that are not held.
   for (int r = 0; r < t.bounds.single; ++r) {
     const Branch<T>& own = x.search.branch[phase * t.bounds.rows.count + r];
     const int z = t.rounds.velocity[r];
     rhs[z] += select(held(own), zero, own.impulse);
   }
+
   typename T::Mask differs = T::none();
   for (int z = 0; z < n; ++z) differs = differs | beyond(x.held.diagonal[z] - before[z], zero);
   return any(differs);
@@ -194,6 +199,8 @@ bool guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   const T zero = T(0), h = x.servos.duration;
   const Phase closing = Phase(phases - 1);
   const auto undecided = ~x.servos.decided;
+
+  // Servos: what is left of their force at the start once the joint alone has given way.
   for (int i = 0; i < t.limited_servos.count; ++i) {
     x.servos.saturation[i] = select(undecided, zero, x.servos.saturation[i]);
     if (!any(searched(t, x, i))) continue;
@@ -207,11 +214,15 @@ bool guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     const T guessed = saturated(force * inertia, effort_limit<T>(t, batch, t.limited_servos[i]) * (inertia + gain));
     x.servos.saturation[i] = select(searched(t, x, i) & undecided, guessed, x.servos.saturation[i]);
   }
+
+  // Rows begin free, or go on where they ended.
   for (int r = 0; r < t.bounds.single; ++r)
     for (int p = 0; p < 2; ++p) {
       Branch<T>& own = x.search.branch[p * rows + r];
       own = {own.low & going_on, own.high & going_on, T::none(), zero};
     }
+
+  // Rows by (M85), phase by phase.
   bool differs = false;
   for (int p = 0; p < phases; ++p) {
     differs = round_terms(t, batch, Phase(p), x) || differs;
@@ -228,6 +239,7 @@ bool guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
       replace(x.search.branch[p * rows + r], own, ~going_on | less(zero, row.force));
     }
   }
+
   for (int i = 0; i < t.limited_servos.count; ++i) {  // of what is held, that of its goal
     const LimitedServo& servo = t.rounds.servos[i];
     const int r = t.rounds.row_of[servo.velocity];
@@ -331,6 +343,7 @@ void sweep_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
   for (int k = 0; k < n; ++k) change[k] = z[k] - x.held.start[k];
   for (int s = 0; s < sweeps_for_the_rest; ++s)
     for (int k = 0; k < n; ++k) {
+      // The speed that the other velocities leave it.
       T momentum = x.held.rhs[k];
       for (int e = 1; e < columns.size[k]; ++e)
         momentum = fnma(x.held.matrix[columns.offset[k] + e], change[k + e], momentum);
@@ -338,6 +351,7 @@ void sweep_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
       for (int a = columns.row_start[k]; a < columns.row_start[k + 1]; ++a, ancestor = columns.parent[ancestor])
         momentum = fnma(x.held.matrix[columns.row[a]], change[ancestor], momentum);
       const T inertia = x.held.diagonal[k], speed = fma(T(1) / inertia, momentum, x.held.start[k]);
+      // The impulse that its row has at that speed.
       T impulse = T(0);
       if (const int r = t.rounds.row_of[k]; r >= 0) {
         Branch<T>& own = x.search.branch[phase * rows + r];

@@ -110,6 +110,8 @@ void joint_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
   const T far = T(S(unlimited));
   T lo = -far, hi = far, force = T(0), prescribed = T(0), corrected_by = T(0);
   int drives = 0;
+
+  // What each member asks, in terms of the row's velocity.
   for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m) {
     const Member member = b.member[m];
     const int has = b.has[member.joint];
@@ -130,10 +132,14 @@ void joint_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
       ++drives;
     }
   }
+
+  // Where no velocity meets all, the two ends share the violation.
   const T middle = T(S(0.5)) * (lo + hi);
   const auto empty = less(hi, lo);
   lo = select(empty, middle, lo);
   hi = select(empty, middle, hi);
+
+  // Drives: their mean within the limits, and what (M60) needs of them.
   if (drives > 0) {
     const T each = T(S(1) / S(drives));
     if (b.may_depend && phase == position_phase) x.bounds.correction[r] = corrected_by * each;
@@ -199,9 +205,13 @@ void soft_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   const Bounds<S>& b = t.bounds;
   const int i = phase * b.rows.count + r;
   const T zero = T(0), far = T(S(unlimited)), rate = T(at.sub_step ? b.rows.softness[r].rate : b.soft_rate[r]);
+
+  // No interval and no bias yet.
   x.bounds.lo[i] = -far;
   x.bounds.hi[i] = far;
   x.bounds.centre[i] = zero;
+
+  // A coupling: a box with its bias, which hard ones drop in the velocity phase (M33).
   if (b.kind[r] == BoundKind::coupling) {
     const int c = b.rows.coupling[r];
     const bool drops = at.in_velocity_phase && b.rows.softness[r].cfm == 0 && b.rows.softness[r].cfm_per_response == 0;
@@ -211,6 +221,8 @@ void soft_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     if (t.declares(Parameter::coupling_switch)) x.bounds.force[r] *= switched_on<T>(batch, c);
     return;
   }
+
+  // A soft limit (M56), or a soft drive: an unlimited box (M58).
   const Member member = b.member[b.member_start[r]];
   const int j = member.joint;
   const T correction = phase == position_phase && member.follower >= 0 ? x.couplings.correction[member.follower] : zero;

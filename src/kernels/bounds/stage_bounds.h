@@ -39,11 +39,15 @@ void read_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   const Bounds<S>& b = t.bounds;
   const T zero = T(0), far = T(S(unlimited));
   StageRow<T>& row = x.stage_bounds.row[r];
+
+  // No bound yet.
   row.low.gap = row.high.gap = -far;
   row.low.rate = row.high.rate = row.low.restitution = row.high.restitution = zero;
   row.most = far;
   row.force = row.prescribed = zero;
   int drives = 0;
+
+  // What each member has, in terms of the row's velocity.
   for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m) {
     const Member member = b.member[m];
     const int j = member.joint, has = b.has[j];
@@ -65,6 +69,8 @@ void read_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
       ++drives;
     }
   }
+
+  // Several drives take their mean. Ends that cross share the violation.
   if (drives > 1) row.prescribed *= T(S(1) / S(drives));
   const auto empty = less(-row.high.gap, row.low.gap);
   const T middle = T(S(0.5)) * (row.low.gap - row.high.gap);

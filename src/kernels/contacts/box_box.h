@@ -33,6 +33,8 @@ SeparatingAxis<T> separating_axis(const PlacedShape<T>& first, const PlacedShape
     best.number = select(wins, T(S(number)), best.number);
     best.normal = select<T>(wins, n, best.normal);
   };
+
+  // Faces of the first box.
   for (int i = 0; i < 3; ++i) {
     T reach = a[i];
     for (int j = 0; j < 3; ++j) reach = fma(b[j], absolute(turn(i, j)), reach);
@@ -40,6 +42,8 @@ SeparatingAxis<T> separating_axis(const PlacedShape<T>& first, const PlacedShape
     n[i] = sign_of(between[i]);
     take(absolute(between[i]) - reach, i == 0 ? T(0) : hysteresis, i, n, ~T::none());
   }
+
+  // Faces of the second box.
   for (int j = 0; j < 3; ++j) {
     const Vec3<T> axis{turn(0, j), turn(1, j), turn(2, j)};
     const T along = dot(between, axis);
@@ -47,6 +51,8 @@ SeparatingAxis<T> separating_axis(const PlacedShape<T>& first, const PlacedShape
     for (int i = 0; i < 3; ++i) reach = fma(a[i], absolute(turn(i, j)), reach);
     take(absolute(along) - reach, hysteresis, 3 + j, scaled(axis, sign_of(along)), ~T::none());
   }
+
+  // Pairs of edges, but for those that are nearly parallel.
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) {
       const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
@@ -82,6 +88,8 @@ template <class T>
 void find_candidates(const FaceOpposite<T>& face, T u, T v, T margin, Candidates<T>& found) {
   using S = ScalarOf<T>;
   const T tolerance = T(S(1e-6)) * (u + v), zero = T(0), one = T(1);
+
+  // The ends of each edge, clipped to the rectangle.
   for (int e = 0; e < 4; ++e) {
     const bool along_first = e % 2 == 0;
     const Vec3<T> way = along_first ? face.edge : face.other_edge, side = along_first ? face.other_edge : face.edge;
@@ -106,6 +114,8 @@ void find_candidates(const FaceOpposite<T>& face, T u, T v, T margin, Candidates
       found.valid[c] = crosses & less(found.z[c], margin);
     }
   }
+
+  // The corners of the rectangle, as shares p and q of the face's half edges.
   const T area = face.edge.x * face.other_edge.y - face.edge.y * face.other_edge.x;
   const auto flat = less(absolute(area), T(S(1e-12)));
   const T inverse = one / select(flat, one, area);
@@ -136,6 +146,8 @@ void choose_slots(const Candidates<T>& all, T size, T (&x)[4], T (&y)[4], T (&z)
   using S = ScalarOf<T>;
   constexpr int count = Candidates<T>::count;
   const T same = T(S(1e-5)) * size, deeper_by = T(S(1e-6)) * size;
+
+  // The deepest candidate.
   T deepest = T(S(1e30)), to_beat = deepest, deep_x = T(0), deep_y = T(0);
   for (int c = 0; c < count; ++c) {
     const auto deeper = all.valid[c] & less(all.z[c], to_beat);
@@ -143,6 +155,8 @@ void choose_slots(const Candidates<T>& all, T size, T (&x)[4], T (&y)[4], T (&z)
     deepest = select(deeper, all.z[c], deepest);
     deep_x = select(deeper, all.x[c], deep_x), deep_y = select(deeper, all.y[c], deep_y);
   }
+
+  // The farthest along each diagonal. What an earlier slot has already is left out.
   for (int slot = 0; slot < 4; ++slot) {
     const T right = T(S(slot % 2 == 0 ? -1 : 1)), up = T(S(slot < 2 ? -1.02 : 1.02));
     T best = T(S(-1e30));
@@ -162,6 +176,7 @@ void choose_slots(const Candidates<T>& all, T size, T (&x)[4], T (&y)[4], T (&z)
       valid[slot] = valid[slot] & ~(equal & valid[earlier]);
     }
   }
+
   // The deepest candidate takes the place of the shallowest slot, or of an empty one.
   typename T::Mask missing = less(deepest, T(S(1e29)));
   T shallowest = T(S(-1e30));
@@ -187,6 +202,8 @@ void touch_edges(const PlacedShape<T>& first, const PlacedShape<T>& second, cons
   const Vec3<T> n = found.normal;
   Vec3<T> a = Vec3<T>::zero(), b = between, e = Vec3<T>::zero(), f = Vec3<T>::zero();
   T half = T(0), other_half = T(0);
+
+  // The middles a, b of the two edges, their directions e, f and half lengths: the edges that face each other.
   for (int i = 0; i < 3; ++i) {
     typename T::Mask own = T::none(), other = T::none();
     for (int j = 0; j < 3; ++j) {
@@ -202,6 +219,8 @@ void touch_edges(const PlacedShape<T>& first, const PlacedShape<T>& second, cons
     f = select<T>(other, axis_b, f);
     other_half = select(other, second.size[i], other_half);
   }
+
+  // The nearest points of two segments, and the middle between them.
   const Vec3<T> d = b - a;
   const T c = dot(e, f), along = dot(e, d), other_along = dot(f, d);
   const T sine = larger(fnma(c, c, T(1)), T(S(1e-6)));
@@ -215,6 +234,8 @@ void touch_edges(const PlacedShape<T>& first, const PlacedShape<T>& second, cons
 template <class T>
 void box_box(const PlacedShape<T>& first, const PlacedShape<T>& second, T margin, Patch<T>& patch) {
   using S = ScalarOf<T>;
+
+  // What separates: a face of either box, or a pair of edges.
   const Vec3<T> between = multiply_transposed(first.rotation, second.center - first.center);
   Mat3<T> turn;  // the second's axes in the first's frame, as columns
   for (int i = 0; i < 3; ++i)
@@ -234,6 +255,8 @@ void box_box(const PlacedShape<T>& first, const PlacedShape<T>& second, T margin
     other_size[k] = select(of_second, first.size[k], second.size[k]);
   }
   const Vec3<T> way = select<T>(of_second, scaled(apart, T(-1)), apart);  // to the other box
+
+  // The frame of the reference face: n outwards, ex and ey along its edges, u and v half of these.
   const T number = found.number - select(of_second, T(3), T(0));
   const auto is_first = less(number, T(S(0.5))), is_last = less(T(S(1.5)), number);
   const auto turned = [&](const auto& a, const auto& b, const auto& c) LOCKSTEP_INLINED {
@@ -262,6 +285,8 @@ void box_box(const PlacedShape<T>& first, const PlacedShape<T>& second, T margin
   for (int k = 0; k < 3; ++k) edge[k] = scaled(other[k], other_size[k]);
   const Vec3<T> outwards = chosen(edge[0], edge[1], edge[2]);
   const Vec3<T> middle = fma(outwards, -sign_of(dot(n, outwards)), way);
+
+  // That face from the frame of the reference face, and the slots.
   const auto seen = [&](const Vec3<T>& p) LOCKSTEP_INLINED { return Vec3<T>{dot(ex, p), dot(ey, p), dot(n, p)}; };
   FaceOpposite<T> face{seen(middle), seen(chosen(edge[1], edge[2], edge[0])), seen(chosen(edge[2], edge[0], edge[1]))};
   face.middle.z = face.middle.z - reach;
@@ -271,6 +296,7 @@ void box_box(const PlacedShape<T>& first, const PlacedShape<T>& second, T margin
   typename T::Mask valid[4], replaced[4];
   choose_slots(candidates, u + v, x, y, z, valid, replaced);
 
+  // A pair of edges touches in slot 0 alone. Each lane takes the normal and the tangents of its own case.
   Vec3<T> crossing, axis;
   touch_edges(first, second, turn, between, found, crossing, axis);
   const T flip = select(of_second, T(-1), T(1));
@@ -279,6 +305,8 @@ void box_box(const PlacedShape<T>& first, const PlacedShape<T>& second, T margin
   // x, y and the flipped normal are left-handed where the side is negative or the reference is the second box.
   patch.tangent = select<T>(edges, edge_tangent, ex);
   patch.other_tangent = cross(patch.normal, patch.tangent);
+
+  // Points are half way between the faces. patch.face names what separates, and slots that the deepest point took.
   const Vec3<T> from = select<T>(of_second, second.center, first.center);
   const T code = fma(T(S(2)), found.number, select(less(side, T(0)), T(1), T(0)));
   for (int slot = 0; slot < 4; ++slot) {

@@ -17,6 +17,8 @@ void box_capsule(const PlacedShape<T>& box, const PlacedShape<T>& capsule, T, Pa
   const Vec3<T> c = multiply_transposed(box.rotation, capsule.center - box.center),
                 a = multiply_transposed(box.rotation, capsule.axis(2));
   const T half = capsule.size[1], radius = capsule.size[0];
+
+  // From the box to the axis at t.
   const auto away = [&](T t) LOCKSTEP_INLINED {
     Vec3<T> d;
     for (int k = 0; k < 3; ++k) {
@@ -25,6 +27,8 @@ void box_capsule(const PlacedShape<T>& box, const PlacedShape<T>& capsule, T, Pa
     }
     return d;
   };
+
+  // The last break with g <= 0 and the first with g >= 0, and the zero of g between them.
   T low = -half, high = half, slope_low = dot(a, away(low)), slope_high = dot(a, away(high));
   const T start = slope_low, end = slope_high;
   for (int k = 0; k < 3; ++k)
@@ -41,9 +45,11 @@ void box_capsule(const PlacedShape<T>& box, const PlacedShape<T>& capsule, T, Pa
   T nearest = fma(high - low, select(rises, -slope_low / select(rises, width, T(1)), T(S(0.5))), low);
   nearest = select(less(T(0), start), -half, select(less(end, T(0)), half, nearest));
 
+  // How far the nearest point is from the box: 0 if it is inside.
   const Vec3<T> d = away(nearest);
   const T squared = dot(d, d), distance = sqrt(squared);
   const auto outside = less(T(S(1e-18)), squared);
+
   // The face that the whole axis leaves with least: its separation (M110).
   Vec3<T> out = Vec3<T>::zero();
   T depth = T(S(-1e30)), face = T(0);
@@ -55,6 +61,8 @@ void box_capsule(const PlacedShape<T>& box, const PlacedShape<T>& capsule, T, Pa
     face = select(nearer, T(S(2 * k)) + select(less(side, T(0)), T(1), T(0)), face);
     depth = select(nearer, beyond_face, depth);
   }
+
+  // The normal: to the nearest point, or that of a face if the point is inside or on the face.
   const Vec3<T> direct = scaled(d, T(1) / select(outside, distance, T(1)));
   for (int k = 0; k < 3; ++k) {  // a nearest point above a face, up to rounding, is on that face
     const auto on_face = outside & less(T(S(0.999999)), absolute(direct[k]));
@@ -76,6 +84,8 @@ void box_capsule(const PlacedShape<T>& box, const PlacedShape<T>& capsule, T, Pa
     from = select(across & ~flat, larger(from, smaller(one, other)), from);
     to = select(across & ~flat, smaller(to, larger(one, other)), to);
   }
+
+  // The slots: the ends of that part, or the nearest point alone.
   const auto above = lies & less(from, to);
   from = smaller(from, nearest), to = larger(to, nearest);
   for (int slot = 0; slot < 2; ++slot) {

@@ -67,6 +67,8 @@ void find_columns(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>&
     Vec3<T> turning = Vec3<T>::zero(), moving = turning, parted = turning;
     for (int p = column.first; p < column.last; ++p) {
       const ColumnPart& part = t.contacts.parts[p];
+
+      // The axis that this part turns about or slides along, times its share of the solver's velocity.
       const Body<ScalarOf<T>>& body = t.body[part.body];
       const bool slides = part.component < 0 ? body.prismatic : part.component >= 3;
       const int axis = part.component < 0 ? body.axis : part.component % 3;
@@ -77,6 +79,8 @@ void find_columns(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>&
         moving = moving + e;
         continue;
       }
+
+      // A rotation moves the reference point, and the two ends of the gap against each other.
       turning = turning + e;
       moving = cross_add(e, patch.point - m.place[part.body], moving);
       parted = fma(cross(e, to_end), T(ScalarOf<T>(part.sign)), parted);
@@ -99,6 +103,8 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
   const ColliderPlace<S>&first = t.contacts.colliders[pair.first], &second = t.contacts.colliders[pair.second];
   const MovingCollider<T>&before = x.contacts.collider[pair.first], &after = x.contacts.collider[pair.second];
   const PlacedShape<T>&a = before.shape, &b = after.shape;
+
+  // The margin (M103), and the lanes in which the colliders can be within it.
   const Vec3<T> turns = after.angular - before.angular, between = b.center - a.center,
                 moves = after.velocity_at(b.center) - before.velocity_at(b.center);
   const T speed = fma(sqrt(dot(turns, turns)), T(second.reach), sqrt(dot(moves, moves)));
@@ -110,20 +116,27 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
   for (int s = 0; s < pair.slots; ++s) slots[s].live = T::none();
   touch.live_count = 0;
   if (!any(touch.near)) return T::none();
+
+  // Points, gaps and the frame of the contact, by the pair of shapes.
   Patch<T> patch;
   touch_shapes(pair.kind, a, b, margin, patch);
   touch.axes[0] = patch.normal, touch.axes[1] = patch.tangent, touch.axes[2] = patch.other_tangent;
+
   // Friction acts on the surfaces: where one body stands still, the point is the other's end of the gap. Two moving
   // bodies of a pair with one slot have an end each; those of others meet in the middle.
   const S end = first.body < 0 ? S(0.5) : second.body < 0 ? S(-0.5) : S(0);
   for (int s = 0; s < pair.slots; ++s) patch.point[s] = fma(patch.normal, T(end) * patch.gap[s], patch.point[s]);
   const bool parts = pair.slots == 1 && first.body >= 0 && second.body >= 0;
+
+  // The reference point (M108), and the second collider as the first sees it, for drift.
   touch.point = pair.slots == 1 ? patch.point[0] : b.center;
   touch.center = b.center;
   touch.frame = a.rotation;
   touch.place = multiply_transposed(a.rotation, between);
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) touch.turn(i, j) = dot(a.axis(i), b.axis(j));
+
+  // Slots within the margin are live.
   for (int s = 0; s < pair.slots; ++s) {
     ContactSlot<T>& slot = slots[s];
     slot.live = touch.near & patch.valid[s] & less(patch.gap[s], margin);
@@ -133,6 +146,8 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
     slot.face = patch.face[s];
     if (any(slot.live)) touch.live[touch.live_count++] = s;
   }
+
+  // What goes on from the step before, and what moves the pair.
   const auto held = carry_memory(pair.slots, x.contacts.known, touch, slots);
   find_drift(held, T(t.dt) * sqrt(dot(turns, turns)), touch);
   find_columns(t, pair, touch, parts ? patch.gap[0] : T(0), x);

@@ -122,6 +122,8 @@ void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& p
                 const RelativeTwist<T>& start, const PairResponse<T>& response, ContactSlot<T>& slot) {
   using S = ScalarOf<T>;
   const T zero = T(0), one = T(1);
+
+  // Whether the slot bounces: (M109), or (M124) within a leapfrog.
   T u[3];
   slot_speed(slot, start, u);
   slot.bounces = slot.given = slot.relaxes = T::none();
@@ -141,6 +143,7 @@ void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& p
   slot.bounces = slot.bounces & slot.live;
   slot.stiffness = select(slot.live, one / select(slot.live, compliance, one), zero);
 
+  // b of (M104), with the cap on the speed that removes an overlap.
   const T share = smaller(T(3) * sqrt(normal / larger(all_rows, T(S(1e-30)))), one);
   slot.slow = T(S(relaxed_above)) * share;
   const T overlap = T(pair.rate) * slot.gap, capped = larger(overlap, T(S(-push_out)) * share);
@@ -155,6 +158,8 @@ void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& p
     const T part = smaller(most / larger(length, T(S(1e-30))), one);
     for (int i = 0; i < 2; ++i) slot.carried[i] = part * slot.carried[i];
   }
+
+  // What goes on from the step before: load and drift (M111). The slip of (M105) begins with the speed `u`.
   slot.load = select(slot.goes_on, slot.pressed, zero);
   const Vec3<T> drift = cross_add(patch.drift_turning, from_center(patch, slot), patch.drift_moving);
   for (int i = 0; i < 2; ++i)
@@ -171,9 +176,13 @@ template <class T>
 LOCKSTEP_INLINE void contact_force(const ContactSlot<T>& slot, T friction, const T (&u)[3], ContactForce<T>& force) {
   using S = ScalarOf<T>;
   const T zero = T(0), one = T(1), k = slot.stiffness;
+
+  // y of (M105), and how long its tangential part is.
   const T asked = fnma(u[0] + slot.target, k, slot.push);
   const T t1 = fnma(u[1] + slot.drift[0], k, slot.carried[0]), t2 = fnma(u[2] + slot.drift[1], k, slot.carried[1]);
   const T length = sqrt(fma(t1, t1, t2 * t2)), inverse = one / larger(length, T(S(1e-30)));
+
+  // Which part of the cone, and the impulse there.
   const T share = select(slot.given, zero, one / fma(friction, friction, one));
   const T normal = select(slot.given, slot.normal, asked);
   const T reached = fma(friction, length, normal);
@@ -183,6 +192,8 @@ LOCKSTEP_INLINE void contact_force(const ContactSlot<T>& slot, T friction, const
   force.impulse[0] = select(force.sticks, normal, select(force.slides, sliding, zero));
   const T f = select(force.sticks, one, select(force.slides, friction * sliding * inverse, zero));
   force.impulse[1] = f * t1, force.impulse[2] = f * t2;
+
+  // (M106), as nn, n1, n2, 11, 12, 22.
   const T across = select(force.slides, k * friction * share * inverse, zero);
   const T along = select(force.slides, k * (fma(friction, friction * share, -f)) * inverse * inverse, zero);
   force.gain[0] = k * select(force.sticks & ~slot.given, one, select(force.slides, share, zero));

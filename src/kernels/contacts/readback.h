@@ -18,6 +18,8 @@ template <class T>
 void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& x) {
   using S = ScalarOf<T>;
   const T none = T(S(__builtin_inf())), zero = T(0), per_second = T(S(1)) / (t.guarded ? x.contacts.length : T(t.step));
+
+  // Contacts of the present state, in all lanes.
   x.frozen = T::none();
   collide(t.midpoint ? *t.midpoint : t, x);
   for (int p = 0; p < t.contacts.pairs.count; ++p) {
@@ -49,6 +51,8 @@ void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& 
         const Vec3<T> normal = select<T>(pressed, patch.kept_normal, now);
         for (int k = 0; k < 3; ++k) put(normal[k]);
       };
+
+      // Where no lane is near, only what the step has found.
       if (!near) {
         for (int k = 0; k < 3; ++k) put(zero);
         put_normal(Vec3<T>::zero());
@@ -56,6 +60,8 @@ void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& 
         put(none), put(zero);
         continue;
       }
+
+      // The point, and the motion along the surface there. Two moving bodies with one slot have a point each (M102).
       const auto in_world = [&](const Vec3<T>& v) LOCKSTEP_INLINED {
         return fma(patch.axes[0], v.x, fma(patch.axes[1], v.y, scaled(patch.axes[2], v.z)));
       };

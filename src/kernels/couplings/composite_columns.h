@@ -72,6 +72,8 @@ LOCKSTEP_INLINE void composite_rows_of_body(J joint, const Tables<ScalarOf<T>>& 
     const T value = J::prismatic ? force[place][J::k] : moment[place][J::k];
     return reversed ? -value : value;
   };
+
+  // Components of the columns that arrive, for A_r (M41).
   T* const reduced = x.dynamics.reduced;
   const T* const factor = x.couplings.factor;
   const CompositeColumns::Row* const rows = m.rows.data;
@@ -79,6 +81,8 @@ LOCKSTEP_INLINE void composite_rows_of_body(J joint, const Tables<ScalarOf<T>>& 
     const CompositeColumns::Row row = rows[i];
     reduced[row.entry] = fma(factor[row.factor], component(row.place), reduced[row.entry]);
   }
+
+  // The same with the follower's correction, for S^T A w.
   if (const int first = m.pull_start[b], last = m.pull_start[b + 1]; first < last) {
     const CompositeColumns::Row* const pulls = m.pulls.data;
     const T correction = x.couplings.correction[follower];
@@ -86,6 +90,7 @@ LOCKSTEP_INLINE void composite_rows_of_body(J joint, const Tables<ScalarOf<T>>& 
       reduced[pulls[i].entry] = fma(correction, component(pulls[i].place), reduced[pulls[i].entry]);
   }
 
+  // The joint's own unit column (M11), for A_r.
   const PseudoInertia<T>& composite = body.leaf ? x.bodies.base_inertia[b] : x.bodies.composite[b];
   Vec3<T> unit_force, unit_moment;
   unit_column(joint, composite, reversed, unit_force, unit_moment);
@@ -95,12 +100,15 @@ LOCKSTEP_INLINE void composite_rows_of_body(J joint, const Tables<ScalarOf<T>>& 
   if (t.guesses_servos()) x.dynamics.joint_inertia[j] = own;
   if (body.parent < 0) return;
 
+  // It joins the columns of the joint's velocities, and that of corrections.
   for (int i = m.unit_start[b], last = m.unit_start[b + 1]; i < last; ++i)
     add_unit(joint, x, m.units[i].place, m.units[i].first, x.couplings.factor[m.units[i].factor], unit_force,
              unit_moment);
   if (m.correction[b].place >= 0)
     add_unit(joint, x, m.correction[b].place, m.correction[b].first, x.couplings.correction[follower], unit_force,
              unit_moment);
+
+  // Composite (M10) and columns (M9) go on to the parent.
   const int parent = body.parent;
   const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
   const Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[j] : T(0));

@@ -75,10 +75,12 @@ void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 /// Ratios of this tile, by the elimination (M43) that the plan lists.
 template <class T>
 void own_ratios(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  // The coefficients of the couplings, J.
   const ScalarOf<T>* gears = batch.field(Parameter::gear_ratio);
   for (int k = 0; k < t.term_gear.count; ++k)
     if (t.term_gear[k] >= 0) x.couplings.coefficient[k] = T::load(gears + t.term_gear[k] * batch.stride);
 
+  // (M43), then S and J_F^-1 from what it leaves.
   const Reduction<ScalarOf<T>>& r = t.reduction;
   for (int i = 0; i < r.fills.count; ++i)
     x.couplings.elimination[r.fills[i].entry] =
@@ -99,6 +101,7 @@ void own_ratios(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& 
   }
   composite_factors(t, x);
 
+  // J S: values of rows, and shares of joints in the rows of their bounds.
   combine(t.rows, x, x.rows.value);
   combine(t.folded, x, x.rows.value + t.rows.term_value.count);
 

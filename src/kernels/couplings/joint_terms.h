@@ -91,8 +91,12 @@ template <class T>
 void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time = 0) {
   const T h = T(t.dt), ahead = T(t.ahead);
   const Field<T> damping = field<T>(batch, Parameter::damping, t.damping.data);
+
+  // Roots have nothing but bias forces.
   for (int r = 0; r < t.roots.count; ++r)
     for (int i = t.roots[r].velocity, last = i + 6; i < last; ++i) x.dynamics.rhs[i] = -(h * x.dynamics.bias[i]);
+
+  // Joint by joint: effort and damping.
   const int *limited = t.limited_efforts.data, *const end = limited + t.limited_efforts.count;
   const int *searched = t.row_servos.data, *const searched_end = searched + t.row_servos.count;
   for (int j = 0; j < t.joints; ++j) {
@@ -107,6 +111,8 @@ void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
     x.dynamics.rhs[t.velocity_of(j)] =
         h * (fnma(d, x.state.v[t.velocity_of(j)], effort) - x.dynamics.bias[t.velocity_of(j)]);
   }
+
+  // Linear servos and springs, at the position that the joint reaches (M15).
   for (int i = 0; i < t.servos.count; ++i) {
     const int j = t.servos[i];
     const Servo<T> own = servo_of_solve<T>(t, batch, x, j, time);
@@ -121,6 +127,7 @@ void joint_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
     const T stretched = fma(until, x.state.v[z], x.state.q[j]) - without_whole_turns(t, x, j, T(t.rest[j]));
     x.dynamics.rhs[z] = fnma(h * stiffness<T>(t, batch, j), stretched, x.dynamics.rhs[z]);
   }
+
   if (t.reduction.removes_by_force)
     for (int f = 0; f < t.reduction.followers; ++f)
       remove_velocity_error(t, x, f, x.dynamics.joint_inertia[t.reduction.follower[f]]);

@@ -17,6 +17,8 @@ void subtract_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
   for (int i = 0; i < x.bounds.active_count; ++i) {
     const int r = x.bounds.active_rows[i], p = phase * b.rows.count + r;
     const T impulse = select(x.bounds.active[r], x.bounds.impulse[p], T(0));
+
+    // A coupling's row pushes all of its joints.
     if (b.kind[r] == BoundKind::coupling) {
       const int c = b.rows.coupling[r];
       for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
@@ -24,6 +26,8 @@ void subtract_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
             fnma(x.couplings.coefficient[k], impulse, sum[t.velocity_of(t.term_joint[k])]);
       continue;
     }
+
+    // A joint's row: within the box all is friction, beyond it one joint is at its end.
     const auto in_box = ~(less(x.bounds.force[r], impulse) | less(impulse, -x.bounds.force[r]));
     auto remaining = ~in_box;
     for (int m = b.member_start[r]; m < b.member_start[r + 1]; ++m) {
@@ -54,6 +58,8 @@ template <class T>
 void coupling_impulses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   const T* solved = t.solve_twice ? x.rows.velocity_impulse : x.rows.position_impulse;
+
+  // Impulses that were solved: of rows, of folded couplings, of couplings with a force limit.
   folded_impulses(t, x);
   for (int c = 0; c < t.couplings; ++c) x.couplings.impulse[c] = T(0);
   for (int i = 0; i < t.impulse_coupling.count; ++i) x.couplings.impulse[t.impulse_coupling[i]] = solved[i];
@@ -64,6 +70,7 @@ void coupling_impulses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
           select(x.bounds.active[i], x.bounds.impulse[(t.solve_twice ? bounds : 0) + i], T(0));
   if (!r.eliminates()) return;
 
+  // (M44): v' - v, and minus the impulses that are known.
   T* const change = x.dynamics.corrected_product;
   for (int i = 0; i < t.velocities; ++i) {
     x.dynamics.product[i] = -x.dynamics.rhs[i];
@@ -87,6 +94,8 @@ void coupling_impulses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
       sum = fnma(x.couplings.coefficient[k], solved[i], sum);
     }
   }
+
+  // What each follower lacks, and the couplings that supply it.
   const Columns& columns = t.matrix;
   for (int f = 0; f < r.followers; ++f) {
     const int i = t.velocity_of(r.follower[f]);

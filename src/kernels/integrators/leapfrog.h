@@ -21,6 +21,8 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   using A = Alexander<S>;
   const int n = t.velocities;
   const S half = t.step * S(0.5);
+
+  // To the midpoint (M66). From here on velocities are along the axes that roots have there.
   for (int j = 0; j < t.joints; ++j)
     x.state.q[j] = x.stages.midpoint.q[j] = fma(T(half), x.stages.begin.v[t.velocity_of(j)], x.stages.begin.q[j]);
   for (int k = 0; k < n; ++k) x.state.v[k] = x.stages.begin.v[k];
@@ -28,24 +30,29 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   turn_root_twists(t, x, x.state.v);
   for (int k = 0; k < n; ++k) x.stages.midpoint.v[k] = x.state.v[k];
 
+  // The one matrix of the step, and its factors.
   kinematics(t, x);
   find_contacts_at_midpoint(t, x);
   joint_inertias(t, batch, x);
   inertia_matrix(t, batch, x);
   factorise(t, batch, x);
 
+  // The prediction (M67), with bounds in lanes where they act on it. The guard and the midpoint need it later.
   bias_forces(t, batch, x);
   for (int k = 0; t.rounds.at_midpoint && k < n; ++k) x.midpoint.first_bias[k] = x.dynamics.bias[k];
   stage(t, batch, x, 0, time);
   if (t.rounds.in_stages) bound_prediction(t, batch, x, time);
   for (int k = 0; t.rounds.at_midpoint && k < n; ++k) x.midpoint.change[k] = x.stages.change[k];
   if (t.guarded) keep_prediction(t, x);
+
+  // The stages (M68), with the bias forces at the predicted velocities.
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];  // (M67)
   for (int k = 0; k < n; ++k) x.state.v[k] = fma(T(S(0.5) / A::gamma), x.stages.change[k], x.stages.midpoint.v[k]);
   bias_forces(t, batch, x);
   if (!all_bounded(t, x))
     for (int i = 0; i < leapfrog_stages; ++i) stage(t, batch, x, i, time);
 
+  // Mean and last velocity of the stages (M70).
   for (int k = 0; k < n; ++k) {
     T mean = T(0), change = T(0);
     for (int i = 0; i < leapfrog_stages; ++i) {
@@ -56,9 +63,13 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     x.stages.gained_velocity[k] = change;
     x.next.v[k] = changed_by(x.stages.midpoint.v[k], change);
   }
+
+  // Bounds within the stages (section 19), contacts and bounds at the midpoint (section 28), the guard (section 20).
   if (t.rounds.in_stages) bound_stages(t, batch, x, time);
   step_from_midpoint(t, batch, x, time);
   if (t.guarded) judge(t, batch, x);
+
+  // Positions, and roots along the second half of their way (M70).
   for (int j = 0; j < t.joints; ++j)
     x.next.q[j] = fma(T(t.step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.begin.q[j]);
   for (int r = 0; r < t.roots.count; ++r)
@@ -79,10 +90,14 @@ void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   const State<T>&begin = x.guard.begin[depth], &end = x.guard.end[depth];
   auto singular = x.singular;
   const SolveCounts<T> counts = x.counts;
+
+  // Keeps the step that was made, and goes back to the contacts of its start.
   copy_state(t, x.stages.begin, begin);
   copy_state(t, x.next, end);
   copy_contacts(t, x, x.guard.found[depth]);
   restore_contacts(t, ~T::none(), x.guard.remembered[depth], x);
+
+  // Each half may be too coarse again.
   for (int part = 0; part < 2; ++part) {
     if (half.half) copy_contacts(t, x, x.guard.remembered[depth + 1]);
     leapfrog(half, batch, x, 0);
@@ -94,6 +109,8 @@ void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     singular = singular | (x.singular & lanes);
     copy_state(t, x.next, x.stages.begin);
   }
+
+  // Other lanes keep the step that they had.
   each_part<T>(t, [&](T* State<T>::*part, int count) LOCKSTEP_INLINED {
     for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(lanes, (x.next.*part)[i], (end.*part)[i]);
   });

@@ -134,12 +134,16 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   using A = Alexander<ScalarOf<T>>;
   const int n = t.solver.n, all = t.velocities, rows = t.bounds.rows.count;
   const T chi = T(A::time[i]), duration = T(A::time[i] * t.step);
+
+  // Momenta of the stage without bounds (M68).
   begin_stage(t, batch, x, i, time);
   momenta_to_gain(t, x);
   const bool twice = x.solves_twice && x.dynamics.half_solved_velocity != x.dynamics.half_solved_position;
   const T* const momentum = twice ? x.dynamics.half_solved_velocity : x.dynamics.half_solved_position;
   T *const own = x.stage_bounds.impulse + i * n, *const change = x.stages.change + i * all,
            *const velocity = x.stages.velocity + i * all;
+
+  // (M86): what has acted since the start, and the momentum of corrections apart from the rest.
   if (t.rounds.renumbered) to_rounds(t, x.dynamics.start, x.held.start);
   for (int s = 0; s < n; ++s) {
     const int z = t.rounds.place[s];
@@ -150,17 +154,22 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     if (x.corrects_positions)
       x.stage_bounds.correction[z] = twice ? x.dynamics.half_solved_position[s] - momentum[s] : T(0);
   }
+
+  // What each row asks at this time, with the friction that is known.
   for (int r = 0; r < rows; ++r) {
     const int z = t.rounds.velocity[r];
     const T known = set_interval(t, r, chi, x);
     x.held.momentum[z] += known;
     own[z] += known;
   }
+
+  // Servos that are left to the search act since the start, too.
   x.servos.duration = duration, x.servos.from = x.stages.begin.q, x.servos.time = time + i, x.servos.corrected = false;
   for (int s = 0; s < t.limited_servos.count; ++s)
     if (any(x.servos.bounded[s]))
       x.held.momentum[t.rounds.servos[s].velocity] += effort_since_start(t, batch, x, s, duration, time + i);
 
+  // The search, and in `own` the impulses of this stage alone.
   go_on_searching(t, batch, lanes, x);
   for (int r = 0; r < rows; ++r) {
     const int z = t.rounds.velocity[r];
@@ -178,6 +187,8 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
                                 feed_forward<T>(t, batch, j, time + i), x.held.velocity[z]);
     own[z] += select(x.servos.bounded[s], share * duration * clamp(force, -most, most), T(0));
   }
+
+  // Change and velocity of the stage, in these lanes.
   for (int z = 0; z < n; ++z) x.dynamics.solution[z] = found_change(x, t.rounds.place[z]);
   expand(t, x, x.dynamics.solution, x.dynamics.scratch,
          [&](int f, T following) LOCKSTEP_INLINED { return following - x.couplings.velocity_error[f]; });
@@ -247,6 +258,8 @@ void stages_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   const auto lanes = x.bounds.candidate;
   const int n = t.solver.n, rows = t.bounds.rows.count;
   T *const mean = x.stage_bounds.mean, *const end = x.stage_bounds.end;
+
+  // The stages, until nothing more lands, stops or reaches its limit.
   do {
     for (int z = 0; z < n; ++z) mean[z] = T(0);
     for (int i = 0; i < leapfrog_stages; ++i) {
@@ -271,6 +284,8 @@ void stages_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     x.held.momentum[z] = weight * x.stage_bounds.correction[z];
   }
   go_on_searching(t, batch, lanes, x);
+
+  // The mean velocity, and the velocity at the end, in these lanes.
   from_rounds(t, x.held.velocity, x.dynamics.solution);
   expand(t, x, x.dynamics.solution, x.dynamics.scratch,
          [&](int f, T following) LOCKSTEP_INLINED { return fma(weight, x.couplings.correction[f], following); });

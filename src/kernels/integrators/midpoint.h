@@ -52,6 +52,8 @@ void matrix_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   const T ahead = T(t.ahead), h = T(t.step), half = T(S(0.5)) * h;
   const auto share_of = [&](const ImplicitTerm& term)
                             LOCKSTEP_INLINED { return term.share < 0 ? T(1) : x.couplings.share[term.share]; };
+
+  // By velocity: the diagonal of the stages, and what of it is implicit.
   for (int k = 0; k < columns.n; ++k) {
     x.held.matrix[columns.offset[k]] = x.midpoint.diagonal[k];
     x.midpoint.implicit[k] = T(0);
@@ -63,6 +65,8 @@ void matrix_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
       sum = fma(share * share, stage.inertia(ahead), sum);
     }
   });
+
+  // By joint: kappa (M121), and its terms (M122) in place of the stages'.
   for (int j = 0; j < t.joints; ++j) x.midpoint.halved[j] = ~T::none();
   each_implicit<T>(t, batch, [&](const ImplicitJoint& joint, const LinearTerms<T>& stage, const LinearTerms<T>& own) {
     T response = T(0);  // of the joint, without its linear terms and those beside it
@@ -169,6 +173,8 @@ void close_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   const T* const first = x.dynamics.solution;
   const T* const second = x.solves_twice ? x.dynamics.velocity_solution : first;
   T* const mean = x.rounds.kept;
+
+  // The mean velocity: of (M123), or of a flight (M128).
   for (int z = 0; z < n; ++z) mean[z] = fma(half, x.dynamics.start[z] - second[z], first[z]);
   if (const auto flies = lanes & ~less(T(1), landing); any(flies))
     for (int z = 0; z < n; ++z) {
@@ -177,6 +183,8 @@ void close_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
       const T way = fma(landing, fma(landing, gain, start), left * fnma(left, gain, second[z]));
       mean[z] = select(flies, way, mean[z]);
     }
+
+  // Joints that began within their range end within it.
   for (int i = 0; i < t.bounds.watched.count; ++i) {
     const int j = t.bounds.watched[i].joint;
     if (!t.bounds.watched[i].ranged || !(t.bounds.has[j] & has_range)) continue;
@@ -189,6 +197,8 @@ void close_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
       mean[z] = clamp(mean[z], lo, hi);
     }
   }
+
+  // All velocities, in these lanes.
   const T* const error = x.couplings.velocity_error;
   expand(t, x, mean, x.dynamics.scratch, [&](int f, T following) LOCKSTEP_INLINED {
     return fma(half, error[f], following + x.couplings.correction[f]);
@@ -257,12 +267,16 @@ typename T::Mask solve_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, const 
   using S = ScalarOf<T>;
   const Tables<S>& solve = *t.midpoint;
   const T half = T(S(0.5));
+
+  // The velocities of (M120).
   for (int z = 0; z < t.solver.n; ++z) {
     const int k = t.reduction.velocity_of(z), place = t.rounds.place[z];
     x.rounds.z[place] = x.next.v[k];
     x.midpoint.end[place] = fnma(half, x.stages.midpoint.v[k], x.stages.mean_velocity[k]);
     x.midpoint.way[place] = fma(half, x.next.v[k], x.midpoint.end[place]);
   }
+
+  // Lanes in which a contact acts at one of them, or goes on.
   auto free = open_contacts(solve, batch, x.rounds.z, true, x);
   free = (free | acts_on_way(solve, x)) & ~x.singular & ~x.frozen;
   const auto acting = (free | x.contacts.held) & ~x.singular & ~x.frozen;
@@ -270,11 +284,15 @@ typename T::Mask solve_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, const 
     remember(solve, T::none(), x);
     return acting;
   }
+
+  // Euler's solves, with the whole step.
   const auto invalid = x.bounds.invalid;
   begin_rounds(solve, batch, x);
   exchange_softness(t, x);
   solve_contacts(solve, batch, acting, x);
   exchange_softness(t, x);
+
+  // Lanes that take the result. If all that presses bounces, the first landing counts (M128).
   auto presses = free, others = T::none();
   T landing = never<T>();
   for (int s = 0; s < t.contacts.slots; ++s) {
@@ -284,6 +302,7 @@ typename T::Mask solve_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, const 
     landing = select(pressed & slot.bounces, smaller(landing, slot.landing), landing);
   }
   landing = select(others, never<T>(), landing);
+
   x.singular = x.singular | (x.rounds.weak & presses);
   list_active_rows_of(solve, presses, x);
   x.bounds.invalid = (x.bounds.invalid & presses) | (invalid & ~presses);

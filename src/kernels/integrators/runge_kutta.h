@@ -62,6 +62,8 @@ void runge_kutta_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
   constexpr S share[4] = {S(0), S(0.5), S(0.5), S(1)}, weight[4] = {S(1.0 / 6), S(1.0 / 3), S(1.0 / 3), S(1.0 / 6)};
   constexpr int time[4] = {0, 1, 1, 2};
   const S h = t.dt;
+
+  // All stages begin here. Couplings are corrected once, at the end.
   copy_state(t, x.state, x.stages.begin);
   clear_state(t, x.stages.total_change);
   for (int k = 0; k < 7 * t.roots.count; ++k) x.stages.pose[k] = x.state.pose[k];
@@ -69,12 +71,15 @@ void runge_kutta_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
   x.corrects_positions = x.solves_twice = false;
   auto singular = T::none();
   for (int i = 0; i < 4; ++i) {
+    // The state of the stage (M72).
     if (i > 0) {
       for (int j = 0; j < t.joints; ++j)
         x.state.q[j] = fma(T(h * share[i]), x.state.v[t.velocity_of(j)], x.stages.begin.q[j]);
       for (int k = 0; k < t.velocities; ++k) x.state.v[k] = fma(T(share[i]), x.stages.change[k], x.stages.begin.v[k]);
       move_stage_poses(t, x, T(h * share[i]));
     }
+
+    // Its change, with its weight (M73).
     slope(t, batch, x, time[i], x.stages.change);
     singular = singular | x.singular;
     for (int j = 0; j < t.joints; ++j)
@@ -85,6 +90,8 @@ void runge_kutta_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
     for (int k = 0; k < 7 * t.roots.count; ++k)
       x.stages.total_change.pose[k] = fma(T(h * weight[i]), x.stages.pose_rate[k], x.stages.total_change.pose[k]);
   }
+
+  // The correction of followers, and the whole step.
   x.singular = singular;
   for (int f = 0; f < t.reduction.followers; ++f) {
     T& change = x.stages.total_change.q[t.reduction.follower[f]];

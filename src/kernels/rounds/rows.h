@@ -129,6 +129,8 @@ void open_row_slots(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
         x.bounds.cfm[r] = row.cfm;
       }
     }
+
+    // Response by the diagonal of A (M118), speeds that meet in the row (M119), compliance to add (M117).
     T response = zero;
     row.rounding = zero;
     for (int k = 0; k < slot.last - slot.first; ++k) {
@@ -226,6 +228,8 @@ typename T::Mask update_multipliers(const Tables<ScalarOf<T>>& t, const T* z, ty
                                     Updates<T>& updates, Tile<T>& x) {
   using S = ScalarOf<T>;
   const T zero = T(0), tolerance = T(row_tolerance<S>);
+
+  // What each row misses, by rank, and whether some row may still get stiffer.
   T largest = zero;
   typename T::Mask missing[ranks], may_stiffen = T::none();
   for (auto& rank : missing) rank = T::none();
@@ -240,6 +244,7 @@ typename T::Mask update_multipliers(const Tables<ScalarOf<T>>& t, const T* z, ty
   });
   auto open = settled & less(zero, largest) & less(updates.count, T(S(most_updates)));
   if (!any(open)) return open;
+
   // An update that leaves much behind: the added compliance is too large, or rows contradict each other.
   const auto again = open & less(zero, updates.count);
   const auto slow = again & ~less(largest, T(S(0.1)) * updates.missing),
@@ -253,9 +258,13 @@ typename T::Mask update_multipliers(const Tables<ScalarOf<T>>& t, const T* z, ty
     yields[rank] = gives_way & missing[rank] & higher;
     gives_way = gives_way & ~missing[rank];
   }
+
+  // Lanes go on while updates help.
   auto conflict = T::none();
   for (const auto& rank : yields) conflict = conflict | rank;
   open = open & (conflict | may_stiffen | ~(again & ~less(largest, T(S(0.9)) * updates.missing)));
+
+  // Rows yield, get stiffer, or keep their impulse as multiplier.
   each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int*, const T*) LOCKSTEP_INLINED {
     const auto misses = less(zero, row.missing) & open;
     const auto gives = misses & yields[static_cast<int>(slot.rank)];

@@ -45,6 +45,8 @@ void find_answers(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const auto clear = [&](int rows) LOCKSTEP_INLINED {
     for (int k = 0; k < rows * n; ++k) y[k] = zero;
   };
+
+  // Contacts: W_c of (M129), of which a visit needs the normal's part and the larger eigenvalue of the tangents'.
   each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
     clear(3);
     each_entry(t, pair, slot, x, [&](int k, const Vec3<T>& entry) LOCKSTEP_INLINED {
@@ -61,6 +63,8 @@ void find_answers(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     slot.visit[0] = one / (response[0][0] + compliance), slot.visit[1] = one / (most + compliance);
     slot.across[0] = response[0][1], slot.across[1] = response[0][2];
   });
+
+  // Bounds of single velocities, then rows over several.
   for (int r = 0; r < t.bounds.single; ++r, y += n) {
     clear(1);
     y[t.rounds.velocity[r]] = one;
@@ -83,12 +87,16 @@ LOCKSTEP_INLINE void visit_slot(const Tables<ScalarOf<T>>& t, const TouchingPair
   T* const impulse = slot.force.impulse;
   T u[3], change[3], along[2];
   slot_speed(slot, twist_of(t, pair, x, z), u);
+
+  // The normal (M129).
   const T compliance = select(slot.live, one / select(slot.live, slot.stiffness, one), zero);
   const auto acts = slot.live & lanes;
   const T missing = fma(compliance, impulse[0] - slot.push, u[0] + slot.bias);
   const T asked = larger(fnma(slot.visit[0], missing, impulse[0]), zero);
   change[0] = select(acts, select(slot.given, slot.normal, asked) - impulse[0], zero);
   impulse[0] += change[0];
+
+  // Friction, on the disc that the new normal impulse allows.
   for (int i = 0; i < 2; ++i) {
     const T slides = fma(slot.across[i], change[0], u[1 + i]) + slot.drift[i];
     along[i] = fnma(slot.visit[1], fma(compliance, impulse[1 + i] - slot.carried[i], slides), impulse[1 + i]);
@@ -100,6 +108,8 @@ LOCKSTEP_INLINE void visit_slot(const Tables<ScalarOf<T>>& t, const TouchingPair
     change[1 + i] = select(acts, fma(share, along[i], -impulse[1 + i]), zero);
     impulse[1 + i] += change[1 + i];
   }
+
+  // What has changed, and the velocities that it moves.
   slot.force.slides = (slot.force.slides & ~lanes) | (acts & slides & less(zero, impulse[0]));
   slot.force.sticks = (slot.force.sticks & ~lanes) | (acts & ~slides & less(zero, impulse[0]));
   for (int i = 0; i < 3; ++i)
@@ -149,6 +159,7 @@ typename T::Mask sweep(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   constexpr int most_guesses = 4;  // of the limited servos
   auto open = lanes;
   for (int guess = 0; guess < most_guesses && any(open); ++guess) {
+    // The impulses to begin with.
     const auto fresh = from_zero ? open : T::none();
     for (int r = 0; r < t.bounds.single; ++r) {
       x.rounds.single_impulse[r] = select(fresh, zero, x.rounds.single_impulse[r]);
@@ -163,12 +174,15 @@ typename T::Mask sweep(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
       const T last = slot.bounded >= 0 ? x.bounds.impulse[slot.bounded] : x.rows.position_impulse[slot.coupling];
       row.law.impulse = select(open, select(fresh, zero, last), row.law.impulse);
     });
+
+    // The matrix, with servos as they are taken for, and what all velocities answer.
     round_terms(t, batch, position_phase, x);
     for (int k = 0; k < n; ++k) x.held.mask[k] = T::none();
     copy_matrix(t, x);
     x.rounds.weak = x.rounds.weak | (factor_masked(t, x) & open);
     find_answers(t, x);
 
+    // The velocities that these impulses lead to, and the sweeps from there.
     for (int k = 0; k < n; ++k) swept[k] = x.held.rhs[k];
     for (int r = 0; r < t.bounds.single; ++r) swept[t.rounds.velocity[r]] += x.rounds.single_impulse[r];
     each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
@@ -182,6 +196,8 @@ typename T::Mask sweep(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
     for (int k = 0; k < n; ++k) x.held.velocity[k] = z[k] = select(open, swept[k], z[k]);
     open = move_servos(t, batch, position_phase, T::none(), T::none(), open, x);
   }
+
+  // Speeds at the result.
   slot_speeds(t, z, &ContactSlot<T>::speed, x);
   each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int* velocity, const T* value) LOCKSTEP_INLINED {
     row.speed = select(lanes, row_speed(slot, velocity, value, z), row.speed);
