@@ -1,6 +1,6 @@
 // What contacts cost where no two environments do the same. SPDX-License-Identifier: Apache-2.0
 //
-//   divergence_bench [f32|f64] [environments] [euler|leapfrog] [seconds] [passes rounds tolerance]
+//   divergence_bench [f32|f64] [environments] [euler|leapfrog] [seconds] [learning|default|accurate] [seed]
 //   divergence_bench export FOLDER
 //
 // The second writes the models as MJCF, for divergence_peer.mjs. The first prints one JSON line for each scene of
@@ -9,10 +9,11 @@
 // turn. Processor time of a step of one environment on one thread (us; least, median and
 // ninth decile of stretches of 50 steps), faults, resets, and the means of Quantity::solve_counts. `error` is the
 // difference of velocities to the same step with 100 passes to 2e-6, over 1 + the largest velocity: median and 99 % of
-// every eighth step. The last three arguments are ContactSettings.
+// every eighth step. `seed` is that of the targets, masses and frictions.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <iterator>
 #include <random>
 #include <string>
 #include <utility>
@@ -33,6 +34,7 @@ struct Options {
   Integrator integrator = Integrator::euler;
   double duration = 4.0;
   ContactSettings contacts;
+  unsigned seed = 7;
 };
 
 /// The plan, which nobody else has, with contact solves that go on until they converge. Its own settings do not say so:
@@ -78,7 +80,7 @@ void run(const char* name, const Model& model, double dt, double amplitude, bool
   const Plan plan = compile(model, settings);
   Batch<S> batch(plan, environments, {.threads = 1});
   Batch<S> exact(converging<S>(compile(model, settings)), environments, {.threads = 1});
-  std::mt19937 random(7);
+  std::mt19937 random(options.seed);
   const auto within = [&](double most) { return std::uniform_real_distribution<double>(-most, most)(random); };
   for (const Parameter parameter : {Parameter::mass, Parameter::contact_friction}) {
     auto rows = batch.parameter(parameter);
@@ -178,11 +180,16 @@ int main(int count, char** arguments) {
   const std::string steps_by = count > 3 ? arguments[3] : "euler";
   if (steps_by == "leapfrog") options.integrator = Integrator::leapfrog;
   if (count > 4) options.duration = std::atof(arguments[4]);
-  if (count > 7) options.contacts = {std::atoi(arguments[5]), std::atoi(arguments[6]), std::atof(arguments[7])};
-  if (options.environments < 1 || options.duration < 0.5 || (steps_by != "euler" && steps_by != "leapfrog")) {
+  const std::string solved_by = count > 5 ? arguments[5] : "default";
+  const auto named = std::ranges::find(all_contact_settings, solved_by, [](const auto& entry) { return entry.first; });
+  const bool is_known = named != std::end(all_contact_settings);
+  if (is_known) options.contacts = named->second;
+  if (count > 6) options.seed = static_cast<unsigned>(std::strtoul(arguments[6], nullptr, 10));
+  if (options.environments < 1 || options.duration < 0.5 || !is_known ||
+      (steps_by != "euler" && steps_by != "leapfrog")) {
     std::fprintf(stderr,
                  "divergence_bench [f32|f64] [environments] [euler|leapfrog] [seconds, at least 0.5] "
-                 "[passes rounds tolerance]\n"
+                 "[learning|default|accurate] [seed]\n"
                  "divergence_bench export FOLDER\n");
     return 2;
   }

@@ -32,9 +32,10 @@ def compile(
     guard: float = ...,
     position_bound: float = ...,
     velocity_bound: float = ...,
-    contact_passes: int = ...,
-    contact_rounds: int = ...,
-    contact_tolerance: float = ...,
+    contact_settings: str = ...,
+    contact_passes: Optional[int] = ...,
+    contact_rounds: Optional[int] = ...,
+    contact_tolerance: Optional[float] = ...,
 ) -> Plan: ...
 def from_file(
     path: Union[str, os.PathLike[str]],

@@ -18,13 +18,13 @@ inline bool is_bool(const py::handle& thing) {
 }
 inline bool truth_of(const py::handle& thing) { return PyObject_IsTrue(thing.ptr()) == 1; }
 
-/// Names of enumerators, as Python has them.
-template <class Enum>
-using Names = std::vector<std::pair<const char*, Enum>>;
+/// Names of values, such as enumerators, as Python has them.
+template <class Value>
+using Names = std::vector<std::pair<const char*, Value>>;
 
-/// The enumerator of that name; throws a Failure that lists all names.
-template <class Failure, class Enum>
-Enum one_of(const char* setting, const std::string& name, const Names<Enum>& all) {
+/// The value of that name; throws a Failure that lists all names.
+template <class Failure, class Value>
+Value one_of(const char* setting, const std::string& name, const Names<Value>& all) {
   std::string names;
   for (const auto& [known, value] : all) {
     if (name == known) return value;
@@ -47,7 +47,7 @@ Value value_of(const py::handle& given, const char* argument) {
 Model model_of(const py::handle& model);
 py::object to_python(const Model& model);
 
-/// The enumerator of that name; throws SettingsError that lists the names.
+/// The value of that name; throws SettingsError that lists the names.
 Method method_of(const std::string& name);
 Integrator integrator_of(const std::string& name);
 Target target_of(const std::string& name);
@@ -55,6 +55,7 @@ Engine engine_of(const std::string& name);
 Loops loops_of(const std::string& name);
 Soft soft_of(const std::string& name);
 Parameter parameter_of(const std::string& name);
+ContactSettings contact_settings_of(const std::string& name);
 
 /// Exceptions of lockstep become those of lockstep/errors.py.
 void translate_errors();

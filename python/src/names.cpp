@@ -1,4 +1,6 @@
-// Enumerators by their names. SPDX-License-Identifier: Apache-2.0
+// Enumerators and settings by their names. SPDX-License-Identifier: Apache-2.0
+#include <iterator>
+
 #include "convert.h"
 
 namespace lockstep::python {
@@ -31,5 +33,10 @@ Engine engine_of(const std::string& name) {
   return enumerator_of<Engine>("engine", name, static_cast<int>(Engine::generated) + 1);
 }
 Parameter parameter_of(const std::string& name) { return enumerator_of<Parameter>("field", name, parameter_count); }
+
+ContactSettings contact_settings_of(const std::string& name) {
+  const Names<ContactSettings> all(std::begin(all_contact_settings), std::end(all_contact_settings));
+  return one_of<SettingsError>("contact_settings", name, all);
+}
 
 }  // namespace lockstep::python

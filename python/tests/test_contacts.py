@@ -117,6 +117,24 @@ def test_settings_that_do_not_apply_are_refused(settings, rule):
         ls.compile(block(), **settings)
 
 
+def test_contact_settings_have_names():
+    numbers = ("contact_passes", "contact_rounds", "contact_tolerance")
+
+    def solved(**settings):
+        plan = ls.compile(block(), **settings)
+        assert pickle.loads(pickle.dumps(plan)).hash == plan.hash
+        return tuple(plan.settings[number] for number in numbers)
+
+    assert solved() == solved(contact_settings="default") == (3, 30, 1e-4)
+    assert solved(contact_settings="learning") == (2, 30, 1e-2)
+    assert solved(contact_settings="accurate") == (10, 30, 1e-4)
+    assert solved(contact_settings="learning", contact_passes=7) == (7, 30, 1e-2)
+    assert solved(contact_settings="accurate", contact_rounds=9, contact_tolerance=1e-3) == (10, 9, 1e-3)
+    with pytest.raises(ls.SettingsError, match="'quick'.*learning, default, accurate") as caught:
+        ls.compile(block(), contact_settings="quick")
+    assert caught.value.code == "settings.contacts"
+
+
 def test_only_the_tables_take_contacts():
     plan = ls.compile(block())
     assert plan.batch(1).engine == "tables"

@@ -26,13 +26,20 @@ constexpr Engine all_engines[] = {Engine::automatic, Engine::tables, Engine::int
 constexpr Loops all_loops[] = {Loops::refuse, Loops::leave_out};
 constexpr Soft all_soft[] = {Soft::harden, Soft::as_in_file};
 
+using NamedContactSettings = std::pair<const char*, ContactSettings>;
+const char* name_of(const NamedContactSettings& settings) { return settings.first; }
+template <class E>
+const char* name_of(E value) {
+  return to_string(value);
+}
+
 // The one of `all` whose name is `text`.
 template <class E, std::size_t n>
 E named(const E (&all)[n], const std::string& text, const char* option, const char* what) {
   std::vector<const char*> known;
-  for (const E value : all) {
-    if (text == to_string(value)) return value;
-    known.push_back(to_string(value));
+  for (const E& value : all) {
+    if (text == name_of(value)) return value;
+    known.push_back(name_of(value));
   }
   throw InputError(fmt::format("{}: there is no '{}'; the {} are {}", option, text, what, fmt::join(known, ", ")));
 }
@@ -291,6 +298,10 @@ void StepOptions::add_to(CLI::App& app) {
       ->type_name("K")
       ->capture_default_str()
       ->check(CLI::Range(0, 1000));
+  add_parsed(app, "--contact-settings", settings.contacts, contact_settings_of,
+             "How contacts are solved: learning (faster), default, accurate (near the exact law)")
+      ->type_name("NAME")
+      ->default_str("default");
   add_ignore(app, settings.ignore);
 }
 
@@ -308,6 +319,10 @@ Integrator integrator_of(const std::string& text) {
 }
 
 Engine engine_of(const std::string& text) { return named(all_engines, text, "--engine", "engines"); }
+
+ContactSettings contact_settings_of(const std::string& text) {
+  return named(all_contact_settings, text, "--contact-settings", "contact settings").second;
+}
 
 Ignored ignored_of(const std::string& list) {
   Ignored ignored;

@@ -52,10 +52,11 @@ struct StepOptions {
 /// Adds --ignore alone. StepOptions adds it too.
 void add_ignore(CLI::App& app, Ignored& ignore);
 
-/// The enumerator of this name. They throw InputError, which lists the known names.
+/// The value of this name. They throw InputError, which lists the known names.
 Method method_of(const std::string& name);
 Integrator integrator_of(const std::string& name);
 Engine engine_of(const std::string& name);
+ContactSettings contact_settings_of(const std::string& name);
 
 /// From a list such as "position:left,position:right,friction:followers,effort". Throws InputError, which lists the
 /// known names.

@@ -29,6 +29,17 @@ TEST_F(Command, info_says_what_the_file_holds_and_what_a_step_does) {
   EXPECT_GT(lines(ran.out).size(), 3u);
 }
 
+TEST_F(Command, takes_contact_settings_by_name) {
+  for (const auto& [name, solve] : {std::pair("learning", "at most 2 passes of 30 rounds, tolerance 0.01."),
+                                    {"default", "at most 3 passes of 30 rounds, tolerance 0.0001."},
+                                    {"accurate", "at most 10 passes of 30 rounds, tolerance 0.0001."}}) {
+    const Ran ran =
+        run({"info", LOCKSTEP_MODELS "/arm_gripper.urdf", "--contact", "left_tip,box", "--contact-settings", name});
+    EXPECT_EQ(ran.status, 0) << ran.err;
+    EXPECT_NE(ran.out.find(solve), std::string::npos) << ran.out;
+  }
+}
+
 TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
   const std::string unknown_column = write("unknown.csv", "shoulder,knee\n1,2\n");
   const std::string no_number = write("letters.csv", "shoulder,wrist\n1,2\n1,x\n");
@@ -61,6 +72,7 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
       {{"simulate", model, "--seconds", "soon"}, "--seconds"},
       {{"simulate", model, "--seconds", "0.001"}, "less than half a step"},
       {{"simulate", model, "--method", "magic"}, "automatic, pgs, tgs, direct, reduced"},
+      {{"simulate", model, "--contact-settings", "quick"}, "the contact settings are learning, default, accurate"},
       {{"simulate", model, "--precision", "f16"}, "f32 or f64"},
       {{"simulate", model, "--engine", "fast"}, "the engines are automatic, tables, interpreter, generated"},
       {{"simulate", model, "--engine", "generated"}, "add one by lockstep_add_kernel()"},

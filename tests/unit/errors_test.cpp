@@ -73,6 +73,7 @@ TEST(ErrorCodes, say_what_kind_of_element_is_named) {
   EXPECT_EQ(code<ImportError>("arm.urdf:3: joint 'a'"), "import");
   EXPECT_EQ(code<SettingsError>("dt"), "settings.dt");
   EXPECT_EQ(code<SettingsError>("contacts.passes"), "settings.contacts");
+  EXPECT_EQ(code<SettingsError>("contact_settings 'quick'"), "settings.contacts");
   EXPECT_EQ(code<SettingsError>("ImportOptions::body"), "settings.import");
   EXPECT_EQ(code<SettingsError>("dtype 'f2'"), "settings.precision");
   EXPECT_EQ(code<SettingsError>("dtail"), "settings");
