@@ -222,6 +222,11 @@ struct Model {
   LOCKSTEP_API int link_index(const std::string& link) const;
   LOCKSTEP_API int joint_index(const std::string& joint) const;
   LOCKSTEP_API int site_index(const std::string& site) const;
+
+  /// Names of the colliders at the ends of chains, in the order of the colliders: on bodies that move and carry no
+  /// other moving body, such as feet, fingertips and free objects. Links that fixed joints connect are one body. Throws
+  /// ModelError where links and joints form no trees, and for an unknown link.
+  LOCKSTEP_API std::vector<std::string> end_colliders() const;
 };
 
 /// Names of the couplings in files and reports: the follower's name, with "#2", "#3" ... behind it where several

@@ -278,6 +278,13 @@ class Model:
     def copy(self) -> Model:
         return copy.deepcopy(self)
 
+    def end_colliders(self) -> list[str]:
+        """Names of the colliders on bodies that move and carry no other moving body: feet, fingertips, free objects.
+        Links that fixed joints connect are one body. Raises ModelError where links and joints form no trees."""
+        from ._lockstep import _end_colliders
+
+        return _end_colliders(self)
+
 
 def recompiled(model: Model, settings: dict[str, Any]) -> Any:
     """What a pickled Plan is made again by."""

@@ -138,6 +138,9 @@ py::array_t<double> limits_of(const Plan& plan) {
 }  // namespace
 
 void bind_plan(py::module_& module) {
+  module.def(
+      "_end_colliders", [](const py::object& model) { return model_of(model).end_colliders(); }, "model"_a,
+      "What Model.end_colliders() returns.");
   py::class_<Plan>(module, "Plan", py::is_final(), "A compiled model. Immutable, picklable; threads may share it.")
       .def_property_readonly(
           "model", [](const Plan& plan) { return to_python(plan.model()); }, "a copy of the Model")

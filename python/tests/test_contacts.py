@@ -87,6 +87,17 @@ def test_shapes_of_a_file_become_colliders():
                                   "right_tip-box"]
 
 
+def test_ends_of_chains_may_touch_the_ground():
+    model = ls.from_urdf(MODELS / "arm_gripper.urdf", colliders=True)
+    assert model.end_colliders() == ["left_tip", "right_tip", "box"]
+    model.colliders.append(ls.Collider("ground", "", ls.Shape.half_space()))
+    model.contacts = [ls.Contact("ground", name) for name in model.end_colliders()]
+    assert ls.compile(model).contact_names == ["ground-left_tip", "ground-right_tip", "ground-box"]
+    model.colliders["palm"].link = "plam"
+    with pytest.raises(ls.ModelError, match="plam"):
+        model.end_colliders()
+
+
 @pytest.mark.parametrize("change, element, rule", [
     (lambda m: m.contacts.append(ls.Contact("floor", "ball")), "floor-ball", "neither a collider nor a group"),
     (lambda m: m.contacts.append(ls.Contact("floor", "block")), "floor-block", "twice"),

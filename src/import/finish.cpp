@@ -7,13 +7,17 @@
 #include <unordered_set>
 
 #include "lockstep/error.h"
+#include "model/contact_pairs.h"
 #include "model/tendons.h"
+#include "model/trees.h"
 #include "ranges.h"
 #include "repair.h"
 #include "text.h"
 
 namespace lockstep::importer {
 namespace {
+
+constexpr std::size_t many_pairs = 50;  // a step looks at each
 
 // The model as a step takes it: without the bounds that are ignored.
 Model judged(Model model, const Ignored& ignore) {
@@ -48,6 +52,33 @@ void report_joints(const Model& model, Report& report) {
   }
 }
 
+void report_colliders(const Model& model, Report& report) {
+  if (model.contacts.empty())
+    for (const Collider& collider : model.colliders)
+      report.warn("colliders that touch nothing, as Model::contacts declares no pair", collider.name);
+  const std::vector<std::string> ends = model.end_colliders();
+  if (ends.size() < model.colliders.size())
+    for (const std::string& name : ends)
+      report.remark("colliders at the ends of chains, which Model::end_colliders() lists", name);
+
+  const Trees trees(model);
+  const std::vector<ColliderPair> pairs = contact_pairs(model, trees).pairs;
+  if (pairs.size() <= many_pairs || ends.empty()) return;
+  std::vector<bool> is_amid_a_chain;  // by collider
+  for (const Collider& collider : model.colliders)
+    is_amid_a_chain.push_back(!collider.link.empty() && !trees.is_bolted(model.link_index(collider.link)) &&
+                              std::find(ends.begin(), ends.end(), collider.name) == ends.end());
+  if (std::none_of(pairs.begin(), pairs.end(), [&](const ColliderPair& pair) {
+        return is_amid_a_chain[pair.first] || is_amid_a_chain[pair.second];
+      }))
+    return;
+  for (const ColliderPair& pair : pairs)
+    report.warn(
+        "pairs of colliders that may touch; those of feet, fingertips and objects alone are cheaper, see "
+        "Model::end_colliders()",
+        pair_name(model, pair));
+}
+
 // A misspelt name would ignore nothing.
 void check_names(const Ignored& ignore, const Model& model) {
   for (const JointSet* set :
@@ -79,9 +110,7 @@ Import finished(Draft& draft, const ImportOptions& options, Report& report, cons
     const Model as_stepped = judged(model, options.ignore);
     report_followers_ranges(as_stepped, report);
     report_joints(as_stepped, report);
-    if (model.contacts.empty())
-      for (const Collider& collider : model.colliders)
-        report.warn("colliders that touch nothing, as Model::contacts declares no pair", collider.name);
+    report_colliders(model, report);
   } catch (const ModelError& error) {
     const auto place = draft.places.find(error.element());
     const std::string meshes = error.element().starts_with("link") ? report.line(unused_meshes) : "";

@@ -5,6 +5,7 @@
 #include <map>
 
 #include "lockstep/error.h"
+#include "trees.h"
 
 namespace lockstep {
 namespace {
@@ -35,6 +36,20 @@ Site& Model::add_site(const std::string& site, const std::string& link, const Po
   if (site.empty() || taken)
     throw ModelError("site '" + site + "'", site.empty() ? "has no name" : "is there already", "give it its own name");
   return sites.emplace_back(Site{site, link, pose});
+}
+
+std::vector<std::string> Model::end_colliders() const {
+  const Trees trees(*this);
+  std::vector<bool> carries(links.size());  // by carrier: another moving body
+  for (std::size_t j = 0; j < joints.size(); ++j)
+    if (joints[j].moves() && trees.joint_parent[j] >= 0) carries[trees.carrier[trees.joint_parent[j]]] = true;
+  std::vector<std::string> names;
+  for (const Collider& collider : colliders) {
+    if (collider.link.empty()) continue;
+    const int link = link_index(collider.link);
+    if (!trees.is_bolted(link) && !carries[trees.carrier[link]]) names.push_back(collider.name);
+  }
+  return names;
 }
 
 std::vector<std::string> coupling_names(const Model& model) {

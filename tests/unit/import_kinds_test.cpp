@@ -312,5 +312,33 @@ TEST(Import, warns_of_colliders_that_touch_nothing) {
   EXPECT_FALSE(warns_that_nothing_touches(import_urdf_file(LOCKSTEP_MODELS "/arm_gripper.urdf", {})));
 }
 
+TEST(Import, names_colliders_at_the_ends_of_chains_where_others_are_amid_them) {
+  const Import gripper = import_urdf_file(LOCKSTEP_MODELS "/arm_gripper.urdf", {.colliders = true});
+  const string line = "colliders at the ends of chains, which Model::end_colliders() lists";
+  expect_reports(gripper, line + " (3): left_tip, right_tip, box");
+  EXPECT_FALSE(warns(gripper, line));
+  const string ball = "<mujoco><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>";
+  EXPECT_EQ(report_of(import_mjcf(ball, "ball", {.colliders = true})).find(line), string::npos);
+}
+
+// Arms of `links` links with a ball each, all of which touch all.
+Import arms(int count, int links) {
+  string bodies;
+  for (int arm = 0; arm < count; ++arm) {
+    for (int link = 0; link < links; ++link) bodies += "<body pos='1 0 0'><joint/><geom size='0.1'/>";
+    for (int link = 0; link < links; ++link) bodies += "</body>";
+  }
+  return import_mjcf("<mujoco><worldbody>" + bodies + "</worldbody></mujoco>", "arms", {.colliders = true});
+}
+
+TEST(Import, warns_of_many_pairs_where_those_of_ends_are_fewer) {
+  const string line =
+      "pairs of colliders that may touch; those of feet, fingertips and objects alone are cheaper, see "
+      "Model::end_colliders()";
+  EXPECT_TRUE(warns(arms(6, 2), line + " (60): "));  // of 66, 6 are joined
+  EXPECT_FALSE(warns(arms(5, 2), line));             // 40
+  EXPECT_FALSE(warns(arms(12, 1), line));            // 66, all of ends
+}
+
 }  // namespace
 }  // namespace lockstep

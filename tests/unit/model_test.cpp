@@ -140,6 +140,31 @@ TEST(Model, counts_the_inertia_of_links_that_are_fixed_to_a_moving_one) {
   EXPECT_NO_THROW(model.validate());
 }
 
+TEST(EndColliders, are_on_bodies_that_move_and_carry_no_other_moving_body) {
+  Model model = two_joints();
+  for (const char* link : {"tool", "mount", "ball", "hand"}) model.links.push_back({link, model.links[2].inertia});
+  const auto join = [&](const char* name, JointKind kind, const char* parent, const char* child) {
+    Joint joint;
+    joint.name = name, joint.kind = kind, joint.parent = parent, joint.child = child;
+    model.joints.push_back(joint);
+  };
+  join("weld", JointKind::fixed, "lower", "tool"), join("bolt", JointKind::fixed, "base", "mount");
+  join("wrist", JointKind::fixed, "tool", "hand"), join("sum", JointKind::tendon, "", "");
+  model.couplings.push_back({"sum", {{"shoulder", -1.0}, {"elbow", -1.0}}, 0.0, Hard{}});
+  model.roots = {{"base"}, {"ball", true}};
+  for (const char* link : {"", "base", "mount", "upper", "lower", "tool", "ball", "hand"})
+    model.colliders.push_back({.name = std::string("on ") + link, .link = link, .shape = Shape::sphere(0.1)});
+  ASSERT_NO_THROW(model.validate());
+  using Names = std::vector<std::string>;
+  EXPECT_EQ(model.end_colliders(), (Names{"on lower", "on tool", "on ball", "on hand"}));
+  model.joints[4].kind = JointKind::revolute;
+  EXPECT_EQ(model.end_colliders(), (Names{"on ball", "on hand"}));
+  model.colliders[3].link = "uper";
+  EXPECT_THROW(model.end_colliders(), ModelError);
+  model.colliders.clear();
+  EXPECT_TRUE(model.end_colliders().empty());
+}
+
 TEST(CouplingNames, differ_for_couplings_of_the_same_first_joint) {
   Model model = two_joints();
   model.couplings.push_back(Coupling::mimic("elbow", "shoulder", -1.0));
