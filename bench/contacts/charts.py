@@ -2,7 +2,8 @@
 """python3 bench/contacts/charts.py: from bench/contacts/results to docs/contacts
 
 lockstep.jsonl has the lines of contacts_bench at several rates, mujoco-3.14.jsonl those of peer.mjs, sweeps.jsonl those
-of sweeps.py."""
+of sweeps.py, divergence.jsonl those of divergence_bench with all contact settings by euler and leapfrog, and
+divergence-mujoco-3.14.jsonl those of divergence_peer.mjs."""
 import json
 import pathlib
 
@@ -65,6 +66,35 @@ def front():
     save(figure, "front.svg")
 
 
+def settings():
+    """Contact settings: error against cost where environments differ, beside those of MuJoCo."""
+    own, others = lines("divergence.jsonl"), lines("divergence-mujoco-3.14.jsonl")
+    least = 1e-9  # smaller errors are drawn here
+    figure, all_axes = plt.subplots(1, 3, figsize=(13.5, 3.9), sharey=True)
+    for axes, scene in zip(all_axes, ("quadruped, feet", "quadruped, all pairs", "hand with cube")):
+        for targets, face in ((0.5, None), (0.0, "white")):
+            for integrator, color, marker in (("euler", OWN, "o"), ("leapfrog", DOUBLE, "^")):
+                points = [p for p in own if p["scene"] == scene and p["targets"] == targets and
+                          p["integrator"] == integrator and p["differ"] == (targets > 0)]
+                axes.plot([p["us_median"] for p in points], [max(p["error_99"], least) for p in points], marker + "-",
+                          color=color, markerfacecolor=face or color, markersize=5.5, linewidth=1 if targets else 0,
+                          label=f"lockstep, {integrator}" if targets else None)
+                for p in points if targets and integrator == "euler" else []:
+                    axes.annotate(p["settings"], (p["us_median"], max(p["error_99"], least)), fontsize=7.5, color=GREY,
+                                  textcoords="offset points", xytext=(5, 5))
+            points = [p for p in others if p["scene"] == scene and p["targets"] == targets]
+            axes.plot([p["us"] / WASM for p in points], [max(p["error99"], least) for p in points], "s", color=OTHERS,
+                      markerfacecolor=face or OTHERS, markersize=5.5, label="MuJoCo 3.14" if targets else None)
+        axes.set(xscale="log", yscale="log", xlabel="µs an environment-step", title=scene, ylim=(least / 2, 2))
+        axes.grid(color="#ececec")
+    all_axes[0].set_ylabel("error of 99 % of the steps")
+    all_axes[0].legend(frameon=False, fontsize=8, loc="upper left")
+    figure.suptitle("Contact settings: random targets within 0.5 rad that differ (filled), and at rest (hollow)", x=0.01,
+                    ha="left", fontsize=11.5, fontweight="bold", color=INK)
+    figure.tight_layout(rect=(0, 0, 1, 0.96))
+    save(figure, "settings.svg")
+
+
 def heat(axes, rows, x, y, value, edges, colors, title, x_label):
     xs, ys = sorted({r[x] for r in rows}), sorted({r[y] for r in rows})
     grid = np.full((len(ys), len(xs)), np.nan)
@@ -123,3 +153,4 @@ if __name__ == "__main__":
     front()
     maps()
     costs()
+    settings()

@@ -33,6 +33,7 @@ struct Options {
   int environments = 256;
   Integrator integrator = Integrator::euler;
   double duration = 4.0;
+  std::string settings = "default";
   ContactSettings contacts;
   unsigned seed = 7;
 };
@@ -132,9 +133,9 @@ void run(const char* name, const Model& model, double dt, double amplitude, bool
   std::printf(
       "{\"scene\": \"%s\", \"targets\": %g, \"differ\": %s, \"precision\": \"f%zu\", \"target\": \"%s\", "
       "\"integrator\": "
-      "\"%s\", \"environments\": %d, ",
+      "\"%s\", \"settings\": \"%s\", \"environments\": %d, ",
       name, amplitude, differ ? "true" : "false", 8 * sizeof(S), to_string(batch.target()),
-      to_string(plan.integrator()), environments);
+      to_string(plan.integrator()), options.settings.c_str(), environments);
   std::printf("\"us_min\": %.3f, \"us_median\": %.3f, \"us_p90\": %.3f, \"faults\": %d, \"resets\": %d, ",
               microseconds.front(), microseconds[microseconds.size() / 2], microseconds[microseconds.size() * 9 / 10],
               faults, resets);
@@ -180,8 +181,9 @@ int main(int count, char** arguments) {
   const std::string steps_by = count > 3 ? arguments[3] : "euler";
   if (steps_by == "leapfrog") options.integrator = Integrator::leapfrog;
   if (count > 4) options.duration = std::atof(arguments[4]);
-  const std::string solved_by = count > 5 ? arguments[5] : "default";
-  const auto named = std::ranges::find(all_contact_settings, solved_by, [](const auto& entry) { return entry.first; });
+  if (count > 5) options.settings = arguments[5];
+  const auto named =
+      std::ranges::find(all_contact_settings, options.settings, [](const auto& entry) { return entry.first; });
   const bool is_known = named != std::end(all_contact_settings);
   if (is_known) options.contacts = named->second;
   if (count > 6) options.seed = static_cast<unsigned>(std::strtoul(arguments[6], nullptr, 10));
