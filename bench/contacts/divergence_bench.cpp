@@ -6,10 +6,12 @@
 // The second writes the models as MJCF, for divergence_peer.mjs. The first prints one JSON line for each scene of
 // tests/divergence_scenes.h and each motion: still, and random targets within +-0.1 and +-0.5 rad every 50 ms, the same
 // in all environments or others in each. Where they differ, masses and friction do too, and environments are reset in
-// turn. Processor time of a step of one environment on one thread (us; least, median and
-// ninth decile of stretches of 50 steps), faults, resets, and the means of Quantity::solve_counts. `error` is the
-// difference of velocities to the same step with 100 passes to 2e-6, over 1 + the largest velocity: median and 99 % of
-// every eighth step. `seed` is that of the targets, masses and frictions.
+// turn. `seed` is that of the targets, masses and frictions.
+//
+// A line has the processor time of a step of one environment on one thread (us; least, median and ninth decile of
+// stretches of 50 steps), faults, resets, and the means of Quantity::solve_counts. `error` is the difference of
+// velocities to the same step with 100 passes to 2e-6, over 1 + the largest velocity: median and 99 % of every eighth
+// step.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>

@@ -57,15 +57,8 @@ struct Ignored {
 };
 
 /// How contacts are solved, section 23 of docs/mathematics.md. The defaults are for grasps and legs; lower numbers are
-/// faster, and show in the slip of fast motions first.
-///
-/// What they cost and miss where no two environments do the same (docs/contacts.md): microseconds that a step of an
-/// environment takes, and the error that 99 % of the steps stay below, of velocities after a step over 1 + the largest.
-/// The scenes are a quadruped on its feet, the same with 75 pairs, and a hand with a cube:
-///
-///     learning()   2.5, 3.6, 13 us   0.2,  0.15, 0.3
-///     {}           3.7, 4.3, 19 us   0.03, 0.02, 0.2
-///     accurate()   4.2, 4.4, 30 us   6e-6, 1e-5, 0.07
+/// faster, and show in the slip of fast motions first. docs/contacts.md, "Environments that differ", has what each
+/// costs and misses on three scenes.
 struct ContactSettings {
   int passes = 3;           ///< 1 to 100: solves that renew how fast contacts slide
   int rounds = 30;          ///< 1 to 1000: the most Newton rounds of each solve
