@@ -15,7 +15,7 @@ struct RelativeTwist {
   Vec3<T> turning, moving;
 };
 
-/// The slots of a pair that are live in some of the listed lanes.
+/// The slots of a pair that are live in some listed lane.
 template <class T>
 struct LiveSlots {
   ContactSlot<T>* slots;

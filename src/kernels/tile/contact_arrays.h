@@ -76,7 +76,7 @@ struct ContactSlot {
 template <class T>
 struct ContactPatch {
   typename T::Mask near;  // lanes in which they may touch
-  int live[most_slots];   // its slots that are live in some of the listed lanes
+  int live[most_slots];   // its slots that are live in some listed lane
   int live_count;
   Vec3<T> axes[3];  // normal and tangents in the world
   Vec3<T> point;    // the reference point in the world
@@ -124,11 +124,11 @@ struct Contacts {
   ContactPatch<T>* patch;       // [pairs]
   int* near_pairs;              // [pairs] those with a slot that is live in some lane, in the plan's order
   int near_count = 0;
-  int set_aside = 0;  // near_count, while a solve is made without contacts
-  int* listed_pairs;  // [pairs] what loops over slots visit: those live in some of these lanes
+  int set_aside = 0;              // near_count, while a solve is made without contacts
+  typename T::Mask listed_lanes;  // those whose slots loops visit
+  bool lists_all = true;          // lanes are listed
+  int* listed_pairs;              // [pairs] those with a slot that is live in some listed lane
   int listed_count = 0;
-  typename T::Mask listed_lanes;
-  bool lists_all = true;     // lanes
   ContactSlot<T>* slot;      // [slots]
   Vec3<T>* turning;          // [columns] relative angular velocity, by velocity of the solver
   Vec3<T>* moving;           // [columns] relative velocity of the reference point
