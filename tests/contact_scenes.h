@@ -24,6 +24,15 @@ inline Pose at(const Vector3d& place) {
   return pose;
 }
 
+/// Quantity::solve_counts of the last call of step(), [rows][environments].
+template <class S>
+Eigen::ArrayXXd counts_of(const Batch<S>& batch) {
+  const Query query{Quantity::solve_counts};
+  typename Batch<S>::Array numbers(batch.plan().query_rows(query), batch.environments());
+  batch.read(std::span(&query, 1), {numbers.data(), batch.environments(), 1});
+  return numbers.template cast<double>();
+}
+
 /// Adds a free body with one collider of the same name.
 inline Root& add_free(Model& model, const std::string& name, const Inertia& inertia, const Shape& shape,
                       const Vector3d& place, double friction) {

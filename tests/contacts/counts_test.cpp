@@ -11,14 +11,6 @@ namespace {
 
 using namespace contact_scenes;
 
-template <class S>
-Eigen::ArrayXXd counts_of(const Batch<S>& batch) {
-  const Query query{Quantity::solve_counts};
-  typename Batch<S>::Array numbers(batch.plan().query_rows(query), batch.environments());
-  batch.read(std::span(&query, 1), {numbers.data(), batch.environments(), 1});
-  return numbers.template cast<double>();
-}
-
 TEST(SolveCounts, of_a_block_at_rest_are_four_points_and_a_round_a_step) {
   Batch<double> batch(compile(block()), 3, {.threads = 1});
   EXPECT_NE(batch.describe().find("no step yet"), std::string::npos);

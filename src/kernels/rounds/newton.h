@@ -15,7 +15,7 @@ namespace lockstep::kernels {
 
 constexpr int most_trials = 40;          ///< of one search along a step: the pieces of a hard row are this short
 constexpr double enough_descent = 0.1;   ///< of the slope, what a search may leave
-constexpr double searched_above = 1e-4;  ///< steps over 1 + the largest velocity, or above a smaller tolerance
+constexpr double searched_above = 1e-4;  ///< of 1 + the largest velocity; shorter steps are taken whole
 
 /// y = A v - rhs with the diagonal of this round, for the gradient.
 template <class T>
@@ -215,7 +215,7 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     const T last = try_step(t, step, x);
     const T allowed = T(t.contacts.tolerance) * (one + fastest);
     const auto small = less(largest, allowed), tiny = less(largest, T(S(tiny_step)) * allowed);
-    // However loose the tolerance: without a search, stiff rows would go to and fro between their pieces.
+    // A looser tolerance leaves no more unsearched: stiff rows would go to and fro between their pieces.
     const T unsearched = smaller(allowed, T(S(searched_above)) * (one + fastest));
     const auto bends = open & ~less(largest, unsearched) & less(T(S(enough_descent)) * absolute(slope), last);
     T share = one;
