@@ -21,15 +21,15 @@ struct Import {
   std::vector<std::string> warnings;
 };
 
-/// What becomes of closed loops of an MJCF file: connect and weld of bodies that move.
+/// What becomes of closed loops of an MJCF file: connect and weld.
 enum class Loops {
-  refuse,     ///< they are errors
+  keep,       ///< they become Model::loops
   leave_out,  ///< the trees are read without them; the report names each
 };
 
-/// What becomes of the softness that MuJoCo gives to all couplings.
+/// What becomes of the softness that MuJoCo gives to all couplings and loops.
 enum class Soft {
-  harden,      ///< couplings are hard; the report names their softness
+  harden,      ///< they are hard; the report names their softness
   as_in_file,  ///< a Frequency that sags as MuJoCo's does. It rings faster: MuJoCo's yields by a virtual mass, too
 };
 
@@ -60,15 +60,15 @@ struct ImportOptions {
   /// Followers are the joints with a <mimic>. Names must be those of moving joints.
   Ignored ignore = {};
   /// URDF only. Leaves out closed loops, couplings and joints that other tools add to URDF, and joints whose child
-  /// another joint carries already. By default they are errors.
+  /// another joint carries already. By default they are errors, but for a <loop_joint>, which is read.
   bool leave_out_foreign = false;
   /// MJCF only. The <key> that the Model starts in, by its name, or by its number from 0 where no key has that name.
   /// Empty: the pose that the file draws, at rest, with servos that hold it.
   std::string keyframe = {};
   /// MJCF only. Reads this body and what it carries, and leaves out all else. It stands where the file draws it.
   std::string body = {};
-  Loops loops = Loops::refuse;  ///< MJCF only
-  Soft soft = Soft::harden;     ///< MJCF only
+  Loops loops = Loops::keep;  ///< MJCF only
+  Soft soft = Soft::harden;   ///< MJCF only
   /// MJCF only. Geoms with meshes give their moving bodies no inertia, with a warning. By default they are errors.
   bool leave_out_meshes = false;
   /// Called once with what was read, before inertias are repaired and the Model is validated: armatures, a floating
@@ -92,10 +92,10 @@ LOCKSTEP_API Import import_urdf(const std::string& text, const std::string& sour
 
 /// Reads MJCF, MuJoCo's XML, as MuJoCo 3.3 does (docs/importing.md has the details). Files that it includes must lie in
 /// its folder. Meshes are never opened. Throws ImportError where the text is no MJCF, or where its mechanism would be
-/// another one without what lockstep lacks: closed loops, ball joints, couplings that are not linear, inertia from
-/// meshes. Throws ModelError where the mechanism is impossible. Both name file and line. SettingsError as above, and
-/// where the keyframe or the body does not exist. What only drives or resists the mechanism and cannot be had is a
-/// warning. The Model is validated. Thread-safe.
+/// another one without what lockstep lacks: ball joints, sums of joints that are not linear, inertia from meshes.
+/// Throws ModelError where the mechanism is impossible. Both name file and line. SettingsError as above, and where the
+/// keyframe or the body does not exist. What only drives or resists the mechanism and cannot be had is a warning. The
+/// Model is validated. Thread-safe.
 LOCKSTEP_API Import import_mjcf_file(const std::string& path, const ImportOptions& options = {});
 
 /// The same from text, which cannot include files; `source` names it in errors.

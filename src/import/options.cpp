@@ -5,7 +5,7 @@
 
 namespace lockstep {
 
-const char* to_string(Loops loops) { return loops == Loops::refuse ? "refuse" : "leave_out"; }
+const char* to_string(Loops loops) { return loops == Loops::keep ? "keep" : "leave_out"; }
 const char* to_string(Soft soft) { return soft == Soft::harden ? "harden" : "as_in_file"; }
 
 }  // namespace lockstep
@@ -23,7 +23,7 @@ void refuse_others(const ImportOptions& options, Format format) {
   const char* const mjcf_only = "leave it out, it is for MJCF";
   refuse(!options.keyframe.empty(), Format::mjcf, "keyframe", mjcf_only);
   refuse(!options.body.empty(), Format::mjcf, "body", mjcf_only);
-  refuse(options.loops != Loops::refuse, Format::mjcf, "loops", "use leave_out_foreign, URDF itself has no loops");
+  refuse(options.loops != Loops::keep, Format::mjcf, "loops", "use leave_out_foreign, loops are no URDF");
   refuse(options.soft != Soft::harden, Format::mjcf, "soft", mjcf_only);
   refuse(options.leave_out_meshes, Format::mjcf, "leave_out_meshes", "leave it out, URDF's meshes give no inertia");
   refuse(options.density != 0.0, Format::urdf, "density", "leave it out, MJCF's geoms have densities of their own");

@@ -42,7 +42,9 @@ void report_followers_ranges(const Model& model, Report& report) {
   for (const Joint& joint : model.joints) joints.emplace(joint.name, &joint);
   for (const Coupling& coupling : model.couplings) {
     const Joint& follower = *joints.at(coupling.joint);
-    if (coupling.terms.size() != 1 || !is_hard(coupling.softness) || follower.kind == JointKind::tendon) continue;
+    if (coupling.terms.size() != 1 || coupling.function || !is_hard(coupling.softness) ||
+        follower.kind == JointKind::tendon)
+      continue;
     const CouplingTerm& term = coupling.terms.front();
     report_range(follower, *joints.at(term.joint), -term.ratio, -coupling.offset, report);
   }

@@ -87,7 +87,8 @@ std::string contents_of(const Model& model) {
   for (const Joint& joint : model.joints) joint.kind == JointKind::tendon ? ++tendons : moving += joint.moves();
   std::string text = fmt::format("{}, {}, ", counted(model.links.size(), "link"), counted(moving, "moving joint"));
   if (tendons > 0) text += counted(tendons, "tendon") + ", ";
-  return text + counted(model.couplings.size() - tendons, "coupling");
+  text += counted(model.couplings.size() - tendons, "coupling");
+  return model.loops.empty() ? text : text + ", " + counted(model.loops.size(), "loop");
 }
 
 }  // namespace lockstep::importer

@@ -45,7 +45,8 @@ std::string listed(const std::vector<std::string>& items, const char* between = 
 /// "1 link", "2 links".
 std::string counted(std::size_t number, const char* noun);
 
-/// "2 links, 1 moving joint, 0 couplings". Tendons and their couplings are counted apart, where there are some.
+/// "2 links, 1 moving joint, 0 couplings". Tendons and their couplings are counted apart, where there are
+/// some, and so are loops.
 std::string contents_of(const Model& model);
 
 }  // namespace lockstep::importer

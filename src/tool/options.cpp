@@ -23,7 +23,7 @@ constexpr Integrator all_integrators[] = {Integrator::automatic, Integrator::eul
 constexpr Method all_methods[] = {Method::automatic, Method::pgs, Method::tgs, Method::direct, Method::reduced};
 constexpr Engine all_engines[] = {Engine::automatic, Engine::tables, Engine::interpreter, Engine::generated};
 
-constexpr Loops all_loops[] = {Loops::refuse, Loops::leave_out};
+constexpr Loops all_loops[] = {Loops::keep, Loops::leave_out};
 constexpr Soft all_soft[] = {Soft::harden, Soft::as_in_file};
 
 using NamedContactSettings = std::pair<const char*, ContactSettings>;

@@ -23,6 +23,7 @@ std::vector<Range> usable_ranges(const Plan& plan) {
     const int leader = plan.leader(dof);
     if (leader < 0) continue;
     const Following& follows = plan.following(dof);
+    if (follows.curved) continue;
     const double ratio = follows.leaders[0].ratio;
     double lower = (held[dof].lower - follows.offset) / ratio, upper = (held[dof].upper - follows.offset) / ratio;
     if (lower > upper) std::swap(lower, upper);

@@ -33,6 +33,7 @@ class Reading {
       if (model_.joints[j].moves()) add_joint(static_cast<int>(j));
     add_bodies();
     add_couplings();
+    for (const Loop& loop : model_.loops) add_loop(loop);
     if (!except_.sites)
       for (const Site& site : model_.sites) {
         const int link = model_.link_index(site.link);
@@ -129,9 +130,27 @@ class Reading {
       name += "#" + std::to_string(++count[name]);
       for (const CouplingTerm& term : coupling.terms) append(name + " to " + term.joint, {term.ratio});
       append(name, {coupling.offset});
+      if (coupling.function) found_[name + " by a polynomial"] = std::get<Polynomial>(*coupling.function).coefficients;
       const SoftnessNumbers softness = numbers_of(coupling.softness);
       if (!hard) append(name, {softness.first, softness.second});
     }
+  }
+
+  // What it holds: a point or two of an axis by their places on both bodies, or the one body's frame in the other's.
+  void add_loop(const Loop& loop) {
+    const auto end = [&](const string& link, const Pose& pose) {
+      if (link.empty()) return std::pair{string("world"), Isometry3d(pose)};
+      const int index = model_.link_index(link);
+      return std::pair{carrier(index), in_world_[at(index)] * Isometry3d(pose)};
+    };
+    const auto [first, one] = end(loop.first, loop.first_pose);
+    const auto [second, other] = end(loop.second, loop.second_pose);
+    const string name = "loop " + loop.name + " from " + first + " to " + second;
+    add(name, Vector3d(one.translation())), add(name, Vector3d(other.translation()));
+    if (loop.kind == LoopKind::weld) add(name, Eigen::Matrix3d(one.linear() * other.linear().transpose()));
+    if (loop.kind == LoopKind::hinge || loop.kind == LoopKind::slider)
+      for (const Isometry3d& frame : {one, other}) add(name, Vector3d(frame.linear() * loop.axis.normalized()));
+    found_[name + " is a " + to_string(loop.kind)];
   }
 
   // Colliders that touch, as no other matters.

@@ -128,5 +128,32 @@ TEST(UrdfExport, leaves_out_tendons_by_name) {
   EXPECT_EQ(again.couplings.size(), couplings);
 }
 
+TEST(UrdfExport, writes_loops_as_loop_joints) {
+  for (const bool floats : {false, true}) {
+    Model model = fingers();
+    model.couplings.clear(), model.joints[1].position = 0.0;
+    if (floats) model.roots = {{"base", true}};
+    for (const LoopKind kind : all_loop_kinds) {
+      Loop loop;
+      loop.name = to_string(kind), loop.kind = kind;
+      loop.first = kind == LoopKind::slider ? "" : "l0", loop.second = "l1";
+      loop.first_pose.translation() = Eigen::Vector3d(0.1, 0.2, 0.3);
+      loop.second_pose.linear() = Eigen::AngleAxisd(0.4, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+      loop.axis = {1.0, 0.0, 2.0};
+      model.loops.push_back(loop);
+    }
+    const Export made = export_urdf(model);
+    EXPECT_TRUE(made.warnings.empty()) << report_of(made);
+    expect_same(mechanism_of(import_urdf(made.text).model), mechanism_of(model));
+    model.loops[0].softness = Spring{1e4, 10.0};
+    model.loops[1].force_limit = 3.0;
+    model.couplings = {Coupling::cam("j1", "j0", Polynomial{{0.0, 1.0, 0.5}})};
+    const Export lossy = export_urdf(model);
+    EXPECT_TRUE(warns(lossy, "softness of loops, left out (1): point")) << report_of(lossy);
+    EXPECT_TRUE(warns(lossy, "force limits of loops, left out (1): hinge"));
+    EXPECT_TRUE(warns(lossy, "followers by a function, left out (1): j1"));
+  }
+}
+
 }  // namespace
 }  // namespace lockstep

@@ -37,7 +37,15 @@ inline std::string text_of(const Model& model) {
   for (const Coupling& coupling : model.couplings) {
     out << coupling.joint << ' ' << coupling.offset << ' ';
     for (const CouplingTerm& term : coupling.terms) out << term.joint << ' ' << term.ratio << ' ';
+    if (coupling.function)
+      for (const double c : std::get<Polynomial>(*coupling.function).coefficients) out << c << ' ';
     softness(coupling.softness);
+    out << '\n';
+  }
+  for (const Loop& loop : model.loops) {
+    out << loop.name << ' ' << to_string(loop.kind) << ' ' << loop.first << ' ' << loop.second << ' '
+        << loop.first_pose.matrix() << ' ' << loop.second_pose.matrix() << ' ';
+    softness(loop.softness);
     out << '\n';
   }
   for (const Site& site : model.sites) out << site.name << ' ' << site.link << ' ' << site.pose.matrix() << '\n';

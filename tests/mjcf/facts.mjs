@@ -2,7 +2,8 @@
 //   node facts.mjs FOLDER/node_modules/mujoco-js MODELS_FOLDER FACTS_FOLDER
 // For each model in its first keyframe, or off the drawn pose: the joints, the mass matrix, the energy of
 // gravity, the efforts of springs, damping and actuators, and the pairs of geoms that may touch. Constraints are off.
-// Where bodies compensate gravity, also the forces that hold all joints at rest.
+// Off the drawn pose, also by how much connects, welds and joints that are polynomials of others miss each other, in
+// world axes, and as the vector part of the quaternion between welded frames. Where bodies compensate gravity, also the forces that hold all joints at rest.
 import fs from 'fs';
 import {copy, name_of, open} from './mujoco.mjs';
 
@@ -38,19 +39,40 @@ function pairs(m, name) {
   return found;
 }
 
+function leave_the_drawn_pose(m, d) {
+  mj.mj_resetData(m, d);
+  for (let j = 0; j < m.njnt; ++j) {
+    if (m.jnt_type[j] < 2) continue;
+    d.qpos[m.jnt_qposadr[j]] += 0.3 * Math.sin(j + 1);
+    d.qvel[m.jnt_dofadr[j]] = 0.5 * Math.cos(j + 1);
+  }
+}
+
+function missed(m, d, name) {
+  const found = {positions: {}, equalities: []};
+  const is_linear = e => m.eq_type[e] == 2 && [2, 3, 4].every(k => m.eq_data[11 * e + k] == 0);
+  leave_the_drawn_pose(m, d);
+  for (let j = 0; j < m.njnt; ++j)
+    if (m.jnt_type[j] > 1) found.positions[name(3, j)] = d.qpos[m.jnt_qposadr[j]];
+  m.opt.disableflags &= ~1;
+  mj.mj_forward(m, d);
+  for (let row = 0; row < d.ne; ++row) {
+    const e = d.efc_id[row];
+    if (m.eq_type[e] > 2 || is_linear(e)) continue;
+    if (found.equalities.at(-1)?.name != name(17, e)) found.equalities.push({name: name(17, e), misses: []});
+    found.equalities.at(-1).misses.push(d.efc_pos[row]);
+  }
+  return found;
+}
+
 function facts_of(file) {
   const m = mj.MjModel.loadFromXML(file), d = new mj.MjData(m);
   const name = (kind, i) => name_of(mj, m, kind, i);
   m.opt.disableflags |= 1 | 16;  // constraints, contacts
-  if (m.nkey) {
+  if (m.nkey)
     mj.mj_resetDataKeyframe(m, d, 0);
-  } else {
-    for (let j = 0; j < m.njnt; ++j) {
-      if (m.jnt_type[j] < 2) continue;
-      d.qpos[m.jnt_qposadr[j]] += 0.3 * Math.sin(j + 1);
-      d.qvel[m.jnt_dofadr[j]] = 0.5 * Math.cos(j + 1);
-    }
-  }
+  else
+    leave_the_drawn_pose(m, d);
   mj.mj_forward(m, d);
   const column = i => {
     const product = new mj.DoubleBuffer(m.nv);
@@ -87,6 +109,8 @@ function facts_of(file) {
       joint.holding = dofs.map(k => d.qfrc_bias[k] - d.qfrc_gravcomp[k]);
     }
   }
+  const off = missed(m, d, name);
+  if (off.equalities.length) result.missed = off;
   return result;
 }
 

@@ -8,6 +8,7 @@
 
 #include "lockstep/batch.h"
 #include "lockstep/plan.h"
+#include "model/trees.h"
 #include "unit/import_helpers.h"
 
 namespace lockstep {
@@ -24,11 +25,15 @@ string name_of(const json& fact) {
   return !name.empty() ? name : body.empty() ? "body" : body;
 }
 
+json facts_of(const string& name) {
+  std::ifstream stream(folder / "facts" / (name + ".json"));
+  return json::parse(stream);
+}
+
 class MjcfFacts : public testing::TestWithParam<string> {
  protected:
   void SetUp() override {
-    std::ifstream stream(folder / "facts" / (GetParam() + ".json"));
-    facts = json::parse(stream);
+    facts = facts_of(GetParam());
     const string path = folder / "models" / (GetParam() + ".xml");
     std::ifstream text(path);
     const bool has_key = string(std::istreambuf_iterator<char>(text), {}).find("<key ") != string::npos;
@@ -71,6 +76,23 @@ void place_tendons(const Model& model, Efforts& q, Efforts& v) {
   }
 }
 
+// f(x) of a polynomial, and its slope.
+std::pair<double, double> value_of(const Function& function, double x) {
+  double value = 0.0, slope = 0.0, power = 1.0;
+  const std::vector<double>& c = std::get<Polynomial>(function).coefficients;
+  for (std::size_t k = 0; k < c.size(); ++k) {
+    value += c[k] * power;
+    if (k + 1 < c.size()) slope += static_cast<double>(k + 1) * c[k + 1] * power;
+    power *= x;
+  }
+  return {value, slope};
+}
+
+// What multiplies the velocities of a coupling's leaders at q.
+double ratio_of(const Coupling& coupling, const CouplingTerm& term, const Efforts& q) {
+  return coupling.function ? -value_of(*coupling.function, q.at(term.joint)).second : term.ratio;
+}
+
 // Effort of what acts on joints alone or along soft couplings.
 Efforts efforts(const Model& model, const Efforts& q, const Efforts& v) {
   Efforts sums;
@@ -97,18 +119,20 @@ Efforts efforts(const Model& model, const Efforts& q, const Efforts& v) {
 }
 
 // Of the leaders: what followers of hard couplings pass on to them.
-Efforts passed_on(Efforts sums, const Model& model) {
+Efforts passed_on(Efforts sums, const Model& model, const Efforts& q) {
   for (std::size_t pass = 0; pass < model.couplings.size(); ++pass)
     for (const Coupling& coupling : model.couplings) {
       if (!is_hard(coupling.softness)) continue;
       const double effort = std::exchange(sums[coupling.joint], 0.0);
-      for (const CouplingTerm& term : coupling.terms) sums[term.joint] -= term.ratio * effort;
+      for (const CouplingTerm& term : coupling.terms) sums[term.joint] -= ratio_of(coupling, term, q) * effort;
     }
   return sums;
 }
 
 TEST_P(MjcfFacts, hold_for_inertia_energy_and_efforts) {
-  const Plan plan = compile(model(), {.ignore = {.position_limits = {.all = true}}});
+  Model open = model();
+  open.loops.clear();  // they do not close together
+  const Plan plan = compile(open, {.ignore = {.position_limits = {.all = true}}});
   Batch<double> batch(plan, 1);
   Efforts q, v, theirs;
   for (const json& fact : facts["joints"]) {
@@ -120,7 +144,7 @@ TEST_P(MjcfFacts, hold_for_inertia_energy_and_efforts) {
   }
   place_tendons(model(), q, v);
   for (const auto& [name, position] : q) theirs.try_emplace(name, 0.0);
-  const Efforts own = passed_on(efforts(model(), q, v), model()), wanted = passed_on(theirs, model());
+  const Efforts own = passed_on(efforts(model(), q, v), model(), q), wanted = passed_on(theirs, model(), q);
   for (const auto& [name, effort] : own) EXPECT_NEAR(effort, wanted.at(name), 1e-9 * (1.0 + std::abs(effort))) << name;
 
   // The energy, but for what has no link: it stands still.
@@ -139,7 +163,7 @@ TEST_P(MjcfFacts, hold_for_inertia_energy_and_efforts) {
       for (const Coupling& coupling : model().couplings) {
         if (!is_hard(coupling.softness)) continue;
         double follower = 0.0;
-        for (const CouplingTerm& term : coupling.terms) follower -= term.ratio * motion.at(term.joint);
+        for (const CouplingTerm& term : coupling.terms) follower -= ratio_of(coupling, term, q) * motion.at(term.joint);
         motion.at(coupling.joint) = follower;
       }
     std::vector<double> unit(matrix.size());
@@ -155,10 +179,114 @@ TEST_P(MjcfFacts, hold_for_inertia_energy_and_efforts) {
   }
 }
 
+// By link: its pose in the world where the joints are at q.
+std::vector<Eigen::Isometry3d> link_poses(const Model& model, const Efforts& q) {
+  const Trees trees(model);
+  std::vector<Eigen::Isometry3d> poses(model.links.size());
+  for (std::size_t tree = 0; tree < trees.roots.size(); ++tree)
+    poses[static_cast<std::size_t>(trees.root_link[tree])] = trees.roots[tree].pose;
+  for (const int j : trees.joints_depth_first) {
+    const Joint& own = model.joints[static_cast<std::size_t>(j)];
+    Eigen::Isometry3d pose(own.origin);
+    if (own.kind == JointKind::prismatic)
+      pose.translate(q.at(own.name) * own.axis);
+    else if (own.moves())
+      pose.rotate(Eigen::AngleAxisd(q.at(own.name), own.axis));
+    poses[static_cast<std::size_t>(model.link_index(own.child))] =
+        poses[static_cast<std::size_t>(model.link_index(own.parent))] * pose;
+  }
+  return poses;
+}
+
+// MuJoCo's error of a connect or weld: of the first point against the second, then of the first frame in the second.
+std::vector<double> misses_of(const Loop& loop, const Model& model, const std::vector<Eigen::Isometry3d>& poses,
+                              bool is_swapped) {
+  const auto in_world = [&](const string& link, const Pose& pose) {
+    return link.empty() ? Eigen::Isometry3d(pose)
+                        : Eigen::Isometry3d(poses[static_cast<std::size_t>(model.link_index(link))] * pose);
+  };
+  Eigen::Isometry3d first = in_world(loop.first, loop.first_pose), second = in_world(loop.second, loop.second_pose);
+  if (is_swapped) std::swap(first, second);
+  const Eigen::Vector3d gap = first.translation() - second.translation();
+  const Eigen::Quaterniond turn(Eigen::Matrix3d(second.linear().transpose() * first.linear()));
+  if (loop.kind == LoopKind::point) return {gap[0], gap[1], gap[2]};
+  return {gap[0], gap[1], gap[2], turn.x(), turn.y(), turn.z()};
+}
+
+TEST(MjcfLoops, miss_by_what_they_miss_in_mujoco) {
+  const json facts = facts_of("loops")["missed"];
+  const Import import = import_mjcf_file(folder / "models/loops.xml");
+  const Model& model = import.model;
+  const std::vector<Eigen::Isometry3d> poses = link_poses(model, facts["positions"].get<Efforts>());
+  // Equalities whose second end is in the world: it comes first in a loop.
+  const std::set<string> swapped = {"grounded", "to the world", "pulled", "on a hook"};
+  ASSERT_EQ(model.loops.size(), facts["equalities"].size());
+  for (std::size_t i = 0; i < model.loops.size(); ++i) {
+    const Loop& loop = model.loops[i];
+    SCOPED_TRACE(loop.name);
+    EXPECT_EQ(loop.name, facts["equalities"][i]["name"]);
+    EXPECT_EQ(loop.first.empty(), swapped.contains(loop.name) || loop.name == "led");
+    const std::vector<double> own = misses_of(loop, model, poses, swapped.contains(loop.name)),
+                              wanted = facts["equalities"][i]["misses"];
+    ASSERT_LE(own.size(), wanted.size());
+    double sign = 1.0;  // a quaternion and its opposite are one turn
+    for (std::size_t k = 3; k < own.size(); ++k)
+      if (std::abs(wanted[k]) > 1e-3) sign = wanted[k] * own[k] < 0.0 ? -1.0 : 1.0;
+    for (std::size_t k = 0; k < wanted.size(); ++k)
+      EXPECT_NEAR(k >= own.size() ? 0.0 : (k < 3 ? 1.0 : sign) * own[k], wanted[k], 1e-12) << k;
+  }
+}
+
+// Where a file gives no pose, the drawn one closes the loop.
+TEST(MjcfLoops, close_in_the_drawn_pose) {
+  const Import import = import_mjcf_file(folder / "models/loops.xml");
+  Efforts drawn;
+  for (const Joint& own : import.model.joints) drawn[own.name] = own.position;
+  const std::vector<Eigen::Isometry3d> poses = link_poses(import.model, drawn);
+  int closed = 0;
+  for (const Loop& loop : import.model.loops) {
+    if (loop.name != "anchored" && loop.name != "grounded" && !loop.name.starts_with("drawn") &&
+        loop.name != "position without a turn" && loop.name != "pulled")
+      continue;
+    for (const double miss : misses_of(loop, import.model, poses, false)) EXPECT_NEAR(miss, 0.0, 1e-13) << loop.name;
+    ++closed;
+  }
+  EXPECT_EQ(closed, 6);
+}
+
+TEST(MjcfFunctions, miss_by_what_they_miss_in_mujoco) {
+  const json facts = facts_of("functions")["missed"];
+  const Model model = import_mjcf_file(folder / "models/functions.xml").model;
+  const Efforts q = facts["positions"];
+  std::vector<double> own, wanted;
+  for (const Coupling& coupling : model.couplings)
+    if (coupling.function)
+      own.push_back(q.at(coupling.joint) - value_of(*coupling.function, q.at(coupling.terms[0].joint)).first);
+  for (const json& fact : facts["equalities"])
+    if (fact["name"] != "") wanted.push_back(fact["misses"][0]);
+  ASSERT_EQ(own.size(), 3u);
+  ASSERT_EQ(wanted.size(), 3u);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(own[i], wanted[i], 1e-14);
+  // k = 30 degrees + 0.2, and l = 0.1 + 0.2 * 0.2 + 0.3 * 0.2^2 stand still.
+  EXPECT_FALSE(joint(model, "k").moves());
+  EXPECT_FALSE(joint(model, "l").moves());
+  const Eigen::AngleAxisd turn(Eigen::Matrix3d(joint(model, "l").origin.linear()));
+  EXPECT_NEAR(turn.angle(), 0.152, 1e-14);
+  const Model moving = import_mjcf_file(folder / "models/functions.xml", {.keyframe = "moving"}).model;
+  const double u = 0.3 + 10.0 * EIGEN_PI / 180.0;
+  EXPECT_NEAR(joint(moving, "s").velocity, 0.5 * (0.05 + 2.0 * 0.04 * u), 1e-15);
+  // They start where they hold, the last of a chain, too.
+  const double x = -10.0 * EIGEN_PI / 180.0, z = 5.0 * EIGEN_PI / 180.0 + 0.1;
+  EXPECT_NEAR(joint(model, "x").position, x, 1e-15);
+  EXPECT_NEAR(joint(model, "y").position, 20.0 * EIGEN_PI / 180.0 + 0.1, 1e-15);
+  EXPECT_NEAR(joint(model, "s").position, 0.12, 1e-15);
+  EXPECT_NEAR(joint(model, "z").position, z, 1e-15);
+  EXPECT_NEAR(joint(model, "t").position, 0.3 * 0.1 + 0.1 * 0.001, 1e-15);
+}
+
 // Bodies that compensate gravity have a share of it. MuJoCo's forces hold them at rest.
 TEST(MjcfGravcomp, leaves_shares_of_gravity_that_the_forces_of_mujoco_hold) {
-  std::ifstream stream(folder / "facts/gravcomp.json");
-  const json facts = json::parse(stream);
+  const json facts = facts_of("gravcomp");
   const Import import = import_mjcf_file(folder / "models/gravcomp.xml");
   EXPECT_TRUE(import.warnings.empty()) << report_of(import);
   EXPECT_EQ(import.model.gravity, Eigen::Vector3d(1, -2, -9));
@@ -217,9 +345,8 @@ std::vector<string> models() {
 INSTANTIATE_TEST_SUITE_P(models, MjcfFacts, testing::ValuesIn(models()), [](const auto& name) { return name.param; });
 
 TEST(MjcfContacts, are_the_pairs_of_mujoco) {
-  std::ifstream stream(folder / "facts/contacts.json");
   std::set<std::tuple<string, string, double>> wanted, own;
-  const json facts = json::parse(stream);
+  const json facts = facts_of("contacts");
   for (const json& pair : facts["pairs"]) {
     const auto [first, second] = std::minmax({pair[0].get<string>(), pair[1].get<string>()});
     wanted.emplace(first, second, pair[2]);

@@ -1,13 +1,13 @@
 // The motion of an MJCF file in MuJoCo with couplings as hard as lockstep's. SPDX-License-Identifier: Apache-2.0
-//   node motion.mjs FOLDER/node_modules/mujoco-js FOLDER/model.xml SECONDS STEP [KEY]
+//   node motion.mjs FOLDER/node_modules/mujoco-js FOLDER/model.xml SECONDS STEP LOOPS [KEY]
 // Starts in the keyframe KEY or as drawn, with each control half-way to the farther end of its range. Steps by the
-// fourth-order Runge-Kutta method without contacts, limits, dry friction and loops.
+// fourth-order Runge-Kutta method without contacts, limits and dry friction. LOOPS says whether loops are held.
 // Prints positions as mujoco.mjs does. FOLDER/motion.xml is the file with this start as its key "motion".
 import fs from 'fs';
 import path from 'path';
 import {copy, open, play} from './mujoco.mjs';
 
-const [library, file, seconds, step, key] = process.argv.slice(2);
+const [library, file, seconds, step, loops, key] = process.argv.slice(2);
 const mj = await open(library), {mjtDisableBit: disable, mjtEq: kind, mjtObj: object} = mj;
 const folder = path.dirname(file), name = path.basename(file);
 copy(mj, folder, '/model');
@@ -18,7 +18,7 @@ for (const what of ['FRICTIONLOSS', 'LIMIT', 'CONTACT']) m.opt.disableflags |= d
 for (let e = 0; e < m.neq; ++e) {
   m.eq_solref.set([4 * step, 1], 2 * e);
   m.eq_solimp.set([0.9999, 0.9999, 0.001, 0.5, 2], 5 * e);
-  if ([kind.mjEQ_CONNECT.value, kind.mjEQ_WELD.value].includes(m.eq_type[e])) m.eq_active0[e] = 0;
+  if (loops !== 'held' && [kind.mjEQ_CONNECT.value, kind.mjEQ_WELD.value].includes(m.eq_type[e])) m.eq_active0[e] = 0;
 }
 if (key) mj.mj_resetDataKeyframe(m, d, Math.max(0, mj.mj_name2id(m, object.mjOBJ_KEY.value, key)));
 else mj.mj_resetData(m, d);

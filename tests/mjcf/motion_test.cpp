@@ -14,6 +14,7 @@ struct File {
   const char* key = "";
   const char* mujoco_step = "1e-4";  // s; Runge-Kutta diverges with stiff servos on light links
   double step = 5e-5;                // s; Euler needs smaller ones
+  bool loops = false;                // held for a second, else left out for half of one
 };
 
 void PrintTo(const File& file, std::ostream* stream) { *stream << file.path; }
@@ -26,12 +27,15 @@ class MjcfMotion : public MujocoTest, public testing::WithParamInterface<File> {
     if (folder.empty() || !std::filesystem::exists(file)) GTEST_SKIP() << "no " << file;
     std::filesystem::copy(file.parent_path(), work, std::filesystem::copy_options::recursive);
     const std::string motion =
-        run(LOCKSTEP_MJCF "/motion.mjs", {work / file.filename(), "0.5", given.mujoco_step, given.key});
-    const Model model = import_mjcf_file(work / "motion.xml", {.keyframe = "motion", .loops = Loops::leave_out}).model;
+        run(LOCKSTEP_MJCF "/motion.mjs", {work / file.filename(), given.loops ? "1" : "0.5", given.mujoco_step,
+                                          given.loops ? "held" : "left out", given.key});
+    const Model model = import_mjcf_file(work / "motion.xml",
+                                         {.keyframe = "motion", .loops = given.loops ? Loops::keep : Loops::leave_out})
+                            .model;
     const Ignored ignore = {.position_limits = true, .velocity_limits = true, .friction = true};
     Batch<double> batch(compile(model, {.dt = given.step, .ignore = ignore, .guard = infinity}), 1);
     const Deviation result = follow(batch, motion);
-    EXPECT_LT(result.difference, 1e-4 * std::min(1.0, result.travel));
+    EXPECT_LT(result.difference, given.loops ? 1e-3 : 1e-4 * std::min(1.0, result.travel));
     EXPECT_GT(result.travel, 0.01);
     std::printf("%s: %.2g of %.2g\n", given.path, result.difference, result.travel);
   }
@@ -67,6 +71,10 @@ INSTANTIATE_TEST_SUITE_P(
                     File{"mjcf/toddlerbot/toddlerbot_2xc_mjx.xml", "home"},
                     File{"robots/mjcf_armature_equivalence.xml"}, File{"robots/mjcf_xarm_gripper.xml"}),
     name_of_file);
+INSTANTIATE_TEST_SUITE_P(loops, MjcfRobotMotion,
+                         testing::Values(File{"mjcf/robotiq_2f85_v4/2f85.xml", "", "1e-4", 1e-4, true},
+                                         File{"robots/mjcf_xarm_gripper.xml", "", "1e-4", 1e-4, true}),
+                         name_of_file);
 
 }  // namespace
 }  // namespace lockstep

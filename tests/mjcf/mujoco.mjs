@@ -25,9 +25,9 @@ export function copy(mj, from, to) {
   }
 }
 
-// Of a body (1), joint (3) or geom (5); empty where it has none.
+// Of a body (1), joint (3), geom (5) or equality (17); empty where it has none.
 export function name_of(mj, m, kind, i) {
-  const starts = {1: m.name_bodyadr, 3: m.name_jntadr, 5: m.name_geomadr}[kind];
+  const starts = {1: m.name_bodyadr, 3: m.name_jntadr, 5: m.name_geomadr, 17: m.name_eqadr}[kind];
   return m.names[starts[i]] ? mj.mj_id2name(m, kind, i) : '';
 }
 

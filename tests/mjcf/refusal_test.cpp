@@ -38,11 +38,17 @@ TEST(MjcfRefusal, is_of_what_would_be_another_mechanism) {
   expect_refused(world(body("<joint/>" + body("<freejoint/>", "c"))), "2: <freejoint>", "frees a body");
   expect_refused(world(body("<freejoint/><joint/>")), "2: <joint>", "beside a free joint");
   expect_refused(world("<joint/>"), "2: <joint>", "world");
-  expect_refused(world(pair, "<equality><connect body1='one' body2='two' anchor='0 0 0'/></equality>"),
-                 "1:", "closes a loop");
-  expect_refused(world(pair, "<equality><weld body1='one'/></equality>"), "1:", "closes a loop");
-  expect_refused(world(pair, "<equality><joint joint1='x' joint2='y' polycoef='0 1 0.1'/></equality>"),
+  expect_refused(world(pair, "<equality><connect body1='one' body2='three' anchor='0 0 0'/></equality>"),
+                 "1: equality <connect>", "names body 'three', which does not exist");
+  expect_refused(world(pair, "<equality><connect body1='one' body2='two'/></equality>"), "1: equality <connect>",
+                 "neither an anchor nor sites");
+  expect_refused(world(pair, "<equality><weld name='w' site1='s' site2='t'/></equality>"), "1: weld 'w'",
+                 "names site 's', which does not exist");
+  const string lengths = "<tendon><fixed name='s'><joint joint='x' coef='1'/></fixed></tendon>";
+  expect_refused(world(pair, lengths + "<equality><tendon tendon1='s' polycoef='0 1 0.1'/></equality>"),
                  "1:", "not linear");
+  expect_refused(world(pair, "<equality><joint joint1='x'/><joint joint1='x' joint2='y' polycoef='0 1 1'/></equality>"),
+                 "1:", "holds a joint by what stands still and is a function of it");
   expect_refused(world(pair, "<equality><joint joint1='x' joint2='z'/></equality>"), "1:", "does not exist");
   expect_refused(world(pair, "<equality><joint joint1='x' joint2='x'/></equality>"), "1:", "itself");
   expect_refused(world(pair, "<equality><flex flex='f'/></equality>"), "1:", "lacks");

@@ -58,7 +58,22 @@ const std::vector<Line> lines = {
      world(body("<joint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>", "a"),
            "<compiler inertiafromgeom='true'/>"),
      "inertials that geoms override (1): a"},
-    {true, world(pair + "<body name='m' mocap='true'/>"), "mocap bodies, which stand where the file draws them (1): m"},
+    {true, world(pair + "<body name='m' mocap='true'/>"),
+     "mocap bodies, part of the world: Parameter::loop_frame moves their loops, not their geoms (1): m"},
+    {false, world(pair, "<equality><connect body1='one' body2='two' anchor='0 0 0' solref='0.1 2'/></equality>"),
+     "loops made hard, soft in MuJoCo: 1 of solref 0.1 2, solimp 0.9 0.95 0.001 0.5 2"},
+    {false,
+     world(pair, "<equality><weld body1='one'/></equality>"),
+     "loops soft as in MuJoCo, without its virtual mass: 1 of solref 0.02 1, solimp 0.9 0.95 0.001 0.5 2",
+     {.soft = Soft::as_in_file}},
+    {true, world(pair, "<equality><weld name='w' body1='one' body2='two' torquescale='0.5'/></equality>"),
+     "torque scales of welds, left out (1): 0.5 of weld 'w'"},
+    {true,
+     world(pair, "<equality><weld name='w' body1='one' body2='two'/></equality>"),
+     "loops of bodies left out, left out (1): MJCF text:1: weld 'w'",
+     {.body = "one"}},
+    {true, world(pair, "<equality><weld name='w' body1='one' body2='two' active='false'/></equality>"),
+     "equalities that are not active, left out (1): MJCF text:1: weld 'w'"},
     {false, world(floating + body("", "table")), "bodies that stand still beside floating ones, left out (1): table"},
     {false, world(floating + body("", "table")), "masses of bodies that stand still, left out: 1 4.18879 kg"},
     {false, world(floating + "<site name='s'/>"), "sites in the world, left out (1): s"},
@@ -81,7 +96,7 @@ const std::vector<Line> lines = {
      "closed loops, left out on request (1): MJCF text:1: connect 'c'",
      {.loops = Loops::leave_out}},
     {false, world(pair + body("", "still"), "<equality><weld name='w' body1='still'/></equality>"),
-     "closed loops of bodies that do not move or are left out, without effect (1): MJCF text:1: weld 'w'"},
+     "loops of bodies that do not move against each other, without effect (1): MJCF text:1: weld 'w'"},
     {true,
      world(pair, "<equality><joint joint1='x' joint2='y'/></equality>"),
      "equalities of bodies left out, left out (1): MJCF text:1: equality <joint>",
@@ -221,8 +236,8 @@ const std::vector<Line> lines = {
      "effort limits whose ends differ, taken as the smaller one (1): forcerange of actuator 'm' is -1 to 3"},
     {false, world(pair, "<keyframe><key name='k'/></keyframe>"), "keyframes, not used as none is asked for (1): k"},
     {true,
-     world(pair, "<keyframe><key name='k' act='1' mpos='0 0 0'/></keyframe>"),
-     "parts of the keyframe, left out (2): mpos, act",
+     world(pair, "<keyframe><key name='k' act='1'/></keyframe>"),
+     "parts of the keyframe, left out (1): act",
      {.keyframe = "k"}},
     {true,
      world(pair + body("<joint/><geom name='c' type='cylinder' size='1 1'/>", "a")),
@@ -387,6 +402,45 @@ TEST(MjcfCouplings, may_have_many_joints) {
   EXPECT_EQ(coupling.terms[1].ratio, -3.0);
   EXPECT_EQ(coupling.offset, -0.5);
   EXPECT_EQ(joint(model, "x").position, 0.5);
+}
+
+// The first pose of a weld is that of the mocap body, whatever its relpose, and a keyframe moves it alone.
+TEST(MjcfMocap, is_the_first_pose_of_its_loops) {
+  const string text =
+      world(body("<freejoint/>", "hand") + "<body name='m' mocap='true' pos='1 2 3' quat='0.6 0 0.8 0'/>",
+            "<keyframe><key name='k' mpos='4 5 6' mquat='0 0 2 0'/></keyframe><equality>"
+            "<weld body1='hand' body2='m' relpose='0.1 0.2 0.3 0.5 0.5 0.5 0.5' anchor='0.4 0 0.1'/></equality>");
+  const Loop drawn = import_mjcf(text).model.loops.at(0);
+  const Loop moved = import_mjcf(text, "file", {.keyframe = "k"}).model.loops.at(0);
+  EXPECT_EQ(drawn.first, "");
+  EXPECT_EQ(drawn.second, "hand");
+  Pose mocap = Pose::Identity();
+  mocap.translation() = Eigen::Vector3d(1.0, 2.0, 3.0);
+  mocap.linear() = Eigen::Quaterniond(0.6, 0.0, 0.8, 0.0).toRotationMatrix();
+  EXPECT_TRUE(drawn.first_pose.isApprox(mocap, 1e-15));
+  mocap.translation() = Eigen::Vector3d(4.0, 5.0, 6.0);
+  mocap.linear() = Eigen::Vector3d(-1.0, 1.0, -1.0).asDiagonal();  // half a turn about y
+  EXPECT_TRUE(moved.first_pose.isApprox(mocap, 1e-15));
+  EXPECT_TRUE(moved.second_pose.isApprox(drawn.second_pose, 0.0));
+  // The hand is where the mocap body's axes are those of relpose in the hand, and the points meet.
+  const Pose hand = drawn.first_pose * drawn.second_pose.inverse();
+  const Eigen::Matrix3d turn = Eigen::Quaterniond(0.5, 0.5, 0.5, 0.5).toRotationMatrix();
+  EXPECT_TRUE((hand.linear() * turn).isApprox(drawn.first_pose.linear(), 1e-14));
+  EXPECT_TRUE(
+      (hand * Eigen::Vector3d(0.1, 0.2, 0.3)).isApprox(drawn.first_pose * Eigen::Vector3d(0.4, 0.0, 0.1), 1e-14));
+}
+
+TEST(MjcfMocap, has_geoms_in_the_world) {
+  const Model model = import_mjcf(world(body("<freejoint/>", "hand") + "<body name='m' mocap='true' pos='0 0 3'>" +
+                                        "<geom name='g' size='0.1' pos='0 0 1'/></body>"),
+                                  "file", {.colliders = true})
+                          .model;
+  ASSERT_EQ(model.colliders.size(), 2u);
+  EXPECT_EQ(model.colliders[1].link, "");
+  EXPECT_EQ(model.colliders[1].group, "");
+  EXPECT_EQ(model.colliders[1].pose.translation().z(), 4.0);
+  EXPECT_EQ(model.contacts.size(), 1u);
+  EXPECT_EQ(model.links.size(), 1u);
 }
 
 }  // namespace

@@ -155,6 +155,33 @@ INSTANTIATE_TEST_SUITE_P(
              "", "1 link"}),
     [](const auto& kind) { return string(kind.param.name); });
 
+TEST(LoopJoints, have_frames_in_both_links) {
+  const auto loop = [](const string& type, const string& inside = "") {
+    return import_urdf(pair("", doubles,
+                            "<loop_joint name='close' type='" + type +
+                                "'><link1 link='a' xyz='1 2 3' rpy='0 0 0.5'/><link2 link='b' xyz='4 5 6'/>" + inside +
+                                "</loop_joint>"))
+        .model.loops.at(0);
+  };
+  for (const auto& [type, kind] : {std::pair<string, LoopKind>{"spherical", LoopKind::point},
+                                   {"ball", LoopKind::point},
+                                   {"revolute", LoopKind::hinge},
+                                   {"continuous", LoopKind::hinge},
+                                   {"prismatic", LoopKind::slider},
+                                   {"fixed", LoopKind::weld}})
+    EXPECT_EQ(loop(type).kind, kind) << type;
+  const Loop own = loop("revolute", "<axis xyz='0 2 0'/>");
+  EXPECT_EQ(own.name, "close");
+  EXPECT_EQ(own.first, "a");
+  EXPECT_EQ(own.second, "b");
+  EXPECT_EQ(own.axis, Eigen::Vector3d(0.0, 2.0, 0.0));
+  EXPECT_EQ(loop("revolute").axis, Eigen::Vector3d::UnitX());
+  EXPECT_EQ(Eigen::Vector3d(own.first_pose.translation()), Eigen::Vector3d(1.0, 2.0, 3.0));
+  EXPECT_EQ(Eigen::Vector3d(own.second_pose.translation()), Eigen::Vector3d(4.0, 5.0, 6.0));
+  EXPECT_NEAR(own.first_pose.linear()(1, 0), std::sin(0.5), 1e-15);  // rpy 0 0 0.5 turns x towards y
+  EXPECT_TRUE(own.second_pose.linear().isIdentity(0.0));
+}
+
 struct Refused {
   const char* name;
   string text;
@@ -214,27 +241,37 @@ INSTANTIATE_TEST_SUITE_P(
 
 INSTANTIATE_TEST_SUITE_P(
     foreign, RefusedFiles,
-    testing::Values(Refused{"loop_joint", foreign(loop_joint), "kind.urdf:6: <loop_joint>", "'close' closes a loop",
-                            leave_out},
-                    Refused{"gazebo_loop", foreign(gazebo_loop), "kind.urdf:7: <joint>", "for Gazebo alone", leave_out},
-                    Refused{"gazebo_mimic", pair("", "", gazebo_mimic), "kind.urdf:6: <plugin>",
-                            "couples joint 'follow'", leave_out},
-                    Refused{"control_mimic", pair("", "", control_mimic), "kind.urdf:6: <joint>",
-                            "couples joint 'follow'", leave_out},
-                    Refused{"drake_ball", foreign("<drake:ball_constraint/>"), "kind.urdf:6: <drake:ball_constraint>",
-                            "closes a loop", leave_out},
-                    Refused{"drake_bushing", foreign("<drake:linear_bushing_rpy/>"),
-                            "kind.urdf:6: <drake:linear_bushing_rpy>", "closes a loop by springs", leave_out},
-                    Refused{"drake_joint", foreign("<drake:joint name='j' type='ball'/>"), "kind.urdf:6: <drake:joint>",
-                            "is a joint of Drake's", leave_out},
-                    Refused{"mujoco_equality", foreign("<mujoco><equality/></mujoco>"), "kind.urdf:6: <equality>",
-                            "for MuJoCo alone", leave_out},
-                    Refused{"second_parent", foreign(second_parent), "kind.urdf:6: joint 'close'",
-                            "carries link 'b', as joint 'follow' does already: that closes a loop", leave_out},
-                    Refused{"quaternion",
-                            foreign("<joint name='f' type='fixed'><parent link='a'/><child link='c'/>"
-                                    "<origin quat_xyzw='0 0 0 1'/></joint><link name='c'/>"),
-                            "kind.urdf:6: origin of joint 'f'", "quat_xyzw", "rpy"}),
+    testing::Values(
+        Refused{"loop_of_a_planar_joint",
+                foreign("<loop_joint name='close' type='planar'><link1 link='a'/><link2 link='b'/></loop_joint>"),
+                "kind.urdf:6: loop_joint 'close'", "is of type 'planar'", leave_out},
+        Refused{"loop_with_one_end", foreign("<loop_joint name='close' type='fixed'><link1 link='a'/></loop_joint>"),
+                "kind.urdf:6: loop_joint 'close'", "has no <link2>", "add <link2"},
+        Refused{"loop_with_an_end_twice",
+                foreign("<loop_joint name='close' type='fixed'><link1 link='a'/><link1 link='b'/></loop_joint>"),
+                "kind.urdf:6: link1 of loop_joint 'close'", "is there already", "keep one"},
+        Refused{"loop_of_no_link",
+                foreign("<loop_joint name='close' type='fixed'><link1 link='a'/><link2 link='z'/></loop_joint>"),
+                "kind.urdf:6: loop_joint 'close'", "holds link 'z', which does not exist", "correct"},
+        Refused{"gazebo_loop", foreign(gazebo_loop), "kind.urdf:7: <joint>", "for Gazebo alone", leave_out},
+        Refused{"gazebo_mimic", pair("", "", gazebo_mimic), "kind.urdf:6: <plugin>", "couples joint 'follow'",
+                leave_out},
+        Refused{"control_mimic", pair("", "", control_mimic), "kind.urdf:6: <joint>", "couples joint 'follow'",
+                leave_out},
+        Refused{"drake_ball", foreign("<drake:ball_constraint/>"), "kind.urdf:6: <drake:ball_constraint>",
+                "closes a loop", leave_out},
+        Refused{"drake_bushing", foreign("<drake:linear_bushing_rpy/>"), "kind.urdf:6: <drake:linear_bushing_rpy>",
+                "closes a loop by springs", leave_out},
+        Refused{"drake_joint", foreign("<drake:joint name='j' type='ball'/>"), "kind.urdf:6: <drake:joint>",
+                "is a joint of Drake's", leave_out},
+        Refused{"mujoco_equality", foreign("<mujoco><equality/></mujoco>"), "kind.urdf:6: <equality>",
+                "for MuJoCo alone", leave_out},
+        Refused{"second_parent", foreign(second_parent), "kind.urdf:6: joint 'close'",
+                "carries link 'b', as joint 'follow' does already: that closes a loop", leave_out},
+        Refused{"quaternion",
+                foreign("<joint name='f' type='fixed'><parent link='a'/><child link='c'/>"
+                        "<origin quat_xyzw='0 0 0 1'/></joint><link name='c'/>"),
+                "kind.urdf:6: origin of joint 'f'", "quat_xyzw", "rpy"}),
     [](const auto& kind) { return string(kind.param.name); });
 
 string named(const string& name) { return "<robot name='r'>\n<link name='" + name + "'/></robot>"; }

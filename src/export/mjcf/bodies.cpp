@@ -26,6 +26,7 @@ std::vector<int> only_joints(const Model& model, const Trees& trees) {
   };
   for (const Site& site : model.sites) bears(site.link);
   for (const Collider& collider : model.colliders) bears(collider.link);
+  for (const Loop& loop : model.loops) bears(loop.first), bears(loop.second);
   for (std::size_t i = 0; i < bodies.size(); ++i)
     if (count[i] != 1 || trees.parent_joint[i] < 0 || bodies[i].mass > 0.0 || !bodies[i].about_center.isZero(0.0))
       only[i] = -1;
@@ -46,7 +47,7 @@ class Walk {
     for (std::size_t tree = 0; tree < trees_.roots.size(); ++tree) {
       const Root& root = trees_.roots[tree];
       const int link = trees_.root_link[tree];
-      if (stands_for_world(root, link)) {
+      if (stands_for_world(root, model_)) {
         layout_.is_world[static_cast<std::size_t>(link)] = true;
         add_children(link, -1);
         continue;
@@ -59,12 +60,6 @@ class Walk {
 
  private:
   const std::string& name(int link) const { return model_.links[static_cast<std::size_t>(link)].name; }
-
-  bool stands_for_world(const Root& root, int link) const {
-    const Inertia& inertia = model_.links[static_cast<std::size_t>(link)].inertia;
-    return root.link == "world" && !root.floating && root.pose.matrix().isIdentity(0.0) && inertia.mass == 0.0 &&
-           inertia.about_center.isZero(0.0);
-  }
 
   void add_children(int link, int body) {
     for (const int j : trees_.child_joints[static_cast<std::size_t>(link)]) {
@@ -113,6 +108,12 @@ class Walk {
 };
 
 }  // namespace
+
+bool stands_for_world(const Root& root, const Model& model) {
+  const Inertia& inertia = model.links[static_cast<std::size_t>(model.link_index(root.link))].inertia;
+  return root.link == "world" && !root.floating && root.pose.matrix().isIdentity(0.0) && inertia.mass == 0.0 &&
+         inertia.about_center.isZero(0.0);
+}
 
 Layout lay_out(const Model& model, const Trees& trees, Report& report) { return Walk(model, trees, report).lay_out(); }
 

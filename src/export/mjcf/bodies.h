@@ -30,6 +30,9 @@ struct Layout {
   std::vector<bool> is_world;  ///< by link: its frame is the world's
 };
 
+/// A root that is the world and no body in it.
+bool stands_for_world(const Root& root, const Model& model);
+
 Layout lay_out(const Model& model, const Trees& trees, Report& report);
 
 }  // namespace lockstep::exporter::mjcf

@@ -15,6 +15,7 @@ namespace {
 // Of the constraints' springs. MuJoCo raises time constants below 2 steps, and takes impedances up to 0.9999.
 constexpr double steps = 4.0;
 constexpr const char* impedance = "0.9999 0.9999 0.001 0.5 2";
+constexpr std::size_t most_coefficients = 5;  // of MuJoCo's polynomials
 
 class Couplings {
  public:
@@ -29,8 +30,7 @@ class Couplings {
     };
     section("tendon", has_tendon, [&](std::size_t c) { write_tendon(c, names[c]); });
     section(
-        "equality",
-        [&](std::size_t c) { return is_hard(model_.couplings[c].softness) && !tendon_of(model_.couplings[c], model_); },
+        "equality", [&](std::size_t c) { return is_held_[c] && !tendon_of(model_.couplings[c], model_); },
         [&](std::size_t c) { write_equality(c, names[c]); });
   }
 
@@ -50,8 +50,9 @@ class Couplings {
   void judge(std::size_t c, const std::string& name) {
     const Coupling& coupling = model_.couplings[c];
     const Softness& softness = coupling.softness;
-    springs_.push_back(spring_of(c, name));
+    springs_.push_back(coupling.function ? std::nullopt : spring_of(c, name));
     is_without_effect_.push_back(is_absent(softness));
+    is_held_.push_back(coupling.function ? polynomial_of(coupling) != nullptr : is_hard(softness));
     if (tendon_of(model_.couplings[c], model_)) {
       report_.remark("tendons, as fixed tendons", name);
       if (coupling.offset != 0.0) report_.remark("tendons whose length has their offset", name);
@@ -59,14 +60,23 @@ class Couplings {
     }
     if (is_absent(softness)) report_.remark("couplings without stiffness and damping, left out", name);
     if (coupling.force_limit < infinity) report_.warn("force limits of couplings, left out", name);
-    if (!is_hard(softness)) return;
+    if (coupling.function && !is_held_[c])
+      return report_.warn("followers by a function that is no polynomial of at most degree 4, left out", name);
+    if (coupling.function && !is_hard(softness))
+      report_.warn("softness of followers by a function, left out: they are hard", name);
+    else if (!is_hard(softness))
+      return;
     report_.remark(fmt::format("hard couplings, which MuJoCo holds by springs of {:g} s: larger steps do not hold them",
-                               time_constant()),
+                               time_constant(writing_.options)),
                    name);
     if (erp_of(softness) != Hard().erp) report_.remark("shares of an error that a step corrects (erp), left out", name);
   }
 
-  double time_constant() const { return steps * writing_.options.timestep; }
+  // The function, if MuJoCo can have it.
+  static const Polynomial* polynomial_of(const Coupling& coupling) {
+    const Polynomial* found = std::get_if<Polynomial>(&*coupling.function);
+    return found && found->coefficients.size() <= most_coefficients ? found : nullptr;
+  }
 
   // Of a soft coupling, along its first joint.
   std::optional<Spring> spring_of(std::size_t c, const std::string& name) {
@@ -114,20 +124,30 @@ class Couplings {
       xml_.set("joint1", coupling.joint).set("joint2", coupling.terms.front().joint);
     else
       xml_.set("tendon1", name);
-    xml_.set("polycoef", numbers({-coupling.offset, is_pair ? -coupling.terms.front().ratio : 1.0, 0.0, 0.0, 0.0}));
-    xml_.set("solref", numbers({time_constant(), 1.0})).set("solimp", impedance).close();
+    std::vector<double> coefficients = {-coupling.offset, is_pair ? -coupling.terms.front().ratio : 1.0};
+    if (coupling.function) coefficients = polynomial_of(coupling)->coefficients;
+    coefficients.resize(most_coefficients);
+    xml_.set("polycoef", numbers(coefficients));
+    write_hardness(writing_.options, xml_);
+    xml_.close();
   }
 
   const Writing& writing_;
   const Model& model_;
   Report& report_;
   Xml& xml_;
-  std::vector<std::optional<Spring>> springs_;  // by coupling
-  std::vector<bool> is_without_effect_;
+  std::vector<std::optional<Spring>> springs_;     // by coupling
+  std::vector<bool> is_without_effect_, is_held_;  // by an equality
   std::vector<double> inertias_;
 };
 
 }  // namespace
+
+double time_constant(const MjcfOptions& options) { return steps * options.timestep; }
+
+void write_hardness(const MjcfOptions& options, Xml& xml) {
+  xml.set("solref", numbers({time_constant(options), 1.0})).set("solimp", impedance);
+}
 
 void write_couplings(const Writing& writing) { Couplings(writing).write(); }
 

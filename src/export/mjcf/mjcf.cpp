@@ -1,5 +1,6 @@
 // Model to MJCF text: export_mjcf is the main path. SPDX-License-Identifier: Apache-2.0
 #include <cmath>
+#include <utility>
 
 #include "lockstep/error.h"
 #include "sections.h"
@@ -22,20 +23,23 @@ void write_settings(const Writing& writing) {
 }  // namespace
 }  // namespace exporter::mjcf
 
-Export export_mjcf(const Model& model, const MjcfOptions& options) {
+Export export_mjcf(const Model& original, const MjcfOptions& options) {
   using namespace exporter;
   if (!(options.timestep > 0.0) || !std::isfinite(options.timestep))
     throw SettingsError("MjcfOptions::timestep", "is not above 0, or not finite", "give a step in s, such as 0.001");
-  model.validate();
+  original.validate();
+  Model model = original;
+  std::vector<mjcf::HeldPoint> held = mjcf::add_sites_of_loops(model);
   Report report;
   Xml xml;
   const Trees trees(model);
-  const mjcf::Writing writing{model, options, trees, mjcf::lay_out(model, trees, report), report, xml};
+  const mjcf::Writing writing{model, options, trees, mjcf::lay_out(model, trees, report), std::move(held), report, xml};
   xml.open("mujoco").set("model", model.name);
   mjcf::write_settings(writing);
   mjcf::write_world(writing);
   mjcf::write_contacts(writing);
   mjcf::write_couplings(writing);
+  mjcf::write_loops(writing);
   mjcf::write_actuators_and_start(writing);
   xml.close();
   return finished(xml.text(), model, report);

@@ -3,6 +3,7 @@
 
 #include "bodies.h"
 #include "export/xml.h"
+#include "loops.h"
 
 namespace lockstep::exporter::mjcf {
 
@@ -11,6 +12,7 @@ struct Writing {
   const MjcfOptions& options;
   const Trees trees;
   const Layout layout;
+  const std::vector<HeldPoint> held;
   Report& report;
   Xml& xml;
 };
@@ -19,10 +21,16 @@ struct Writing {
 /// is open.
 void write_resistance(const Joint& joint, double shift, Xml& xml, Report& report);
 
+/// The time constant of the springs that hold what is hard here, s.
+double time_constant(const MjcfOptions& options);
+/// These springs. Into the element that is open.
+void write_hardness(const MjcfOptions& options, Xml& xml);
+
 // Each writes its sections, in this order, and reports what they lack.
 void write_world(const Writing& writing);
 void write_contacts(const Writing& writing);
 void write_couplings(const Writing& writing);
+void write_loops(const Writing& writing);
 void write_actuators_and_start(const Writing& writing);
 
 }  // namespace lockstep::exporter::mjcf

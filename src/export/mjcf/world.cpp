@@ -23,8 +23,7 @@ class World {
 
   void write() {
     xml_.open("worldbody");
-    for (const Collider& collider : model_.colliders)
-      if (collider.link.empty()) write_geom(collider);
+    write_parts("");
     for (std::size_t i = 0; i < writing_.layout.is_world.size(); ++i)
       if (writing_.layout.is_world[i]) write_parts(model_.links[i].name);
     for (const int body : writing_.layout.in_world) write_body(body, 3);

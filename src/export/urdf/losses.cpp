@@ -28,6 +28,16 @@ void report_losses(const Model& model, Report& report) {
   for (const Contact& contact : model.contacts) report.warn("contacts, left out", contact.first + "-" + contact.second);
 }
 
+void report_losses(const Loop& loop, Report& report) {
+  report.remark("loops, as loop_joint of Isaac Sim, which most readers of URDF lack", loop.name);
+  if (!is_hard(loop.softness))
+    report.warn("softness of loops, left out", loop.name);
+  else if (erp_of(loop.softness) != erp_of(Loop().softness))
+    report.remark("shares of an error that a step corrects (erp), left out", loop.name);
+  if (loop.force_limit < infinity || loop.torque_limit < infinity)
+    report.warn("force limits of loops, left out", loop.name);
+}
+
 void report_losses(const Joint& joint, double start, Report& report) {
   const auto lose = [&](bool has, const char* what) {
     if (has) report.warn(what, joint.name);

@@ -7,6 +7,8 @@ namespace lockstep::exporter::urdf {
 
 void report_losses(const Model& model, Report& report);
 
+void report_losses(const Loop& loop, Report& report);
+
 /// Of a moving joint. `start` is where readers start it.
 void report_losses(const Joint& joint, double start, Report& report);
 

@@ -17,6 +17,8 @@ Mimics mimics_of(const Model& model, Report& report) {
     const Coupling& coupling = model.couplings[c];
     if (coupling.terms.size() > 1) {
       report.warn("couplings of more than two joints, left out", names[c]);
+    } else if (coupling.function) {
+      report.warn("followers by a function, left out", names[c]);
     } else if (mimics.contains(coupling.joint)) {
       report.warn("second couplings of a joint, left out", names[c]);
     } else if (follows(coupling.terms.front().joint, coupling.joint)) {

@@ -33,6 +33,7 @@ class Writer {
     for (const Link& link : model_.links) write_link(link);
     for (const Joint& joint : model_.joints) write_joint(joint);
     for (const Site& site : model_.sites) write_site(site);
+    for (const Loop& loop : model_.loops) write_loop(loop);
     xml_.close();
     return xml_.text();
   }
@@ -57,12 +58,12 @@ class Writer {
   // URDF has one root, at the world's origin. Others hang on it.
   void write_roots() {
     const Root& first = trees_.roots.front();
-    if (trees_.count() == 1 && !first.floating && first.pose.matrix().isIdentity(0.0)) return;
-    const std::string world = links_.take("world");
-    xml_.open("link").set("name", world).close();
+    if (trees_.count() == 1 && !first.floating && first.pose.matrix().isIdentity(0.0)) return void(world_ = first.link);
+    world_ = links_.take("world");
+    xml_.open("link").set("name", world_).close();
     for (const Root& root : trees_.roots) {
       const std::string name = joints_.take(root.link + "_root");
-      open_joint(name, root.floating ? "floating" : "fixed", root.pose, world, root.link);
+      open_joint(name, root.floating ? "floating" : "fixed", root.pose, world_, root.link);
       xml_.close();
       report_.remark("roots that float or stand apart, on joints of a link for the world", root.link);
     }
@@ -155,11 +156,36 @@ class Writer {
     report_.remark("sites, written as links", link);
   }
 
+  static const char* type_of(LoopKind kind) {
+    switch (kind) {
+      case LoopKind::point: return "spherical";
+      case LoopKind::hinge: return "continuous";
+      case LoopKind::slider: return "prismatic";
+      case LoopKind::weld: break;
+    }
+    return "fixed";
+  }
+
+  void write_loop(const Loop& loop) {
+    xml_.open("loop_joint").set("name", loop.name).set("type", type_of(loop.kind));
+    const auto write_end = [&](const char* tag, const std::string& link, const Pose& pose) {
+      xml_.open(tag).set("link", link.empty() ? world_ : link);
+      xml_.set("xyz", numbers(Vector3d(pose.translation()))).set("rpy", numbers(rpy_of(pose.linear()))).close();
+    };
+    write_end("link1", loop.first, loop.first_pose);
+    write_end("link2", loop.second, loop.second_pose);
+    if (loop.kind == LoopKind::hinge || loop.kind == LoopKind::slider)
+      xml_.open("axis").set("xyz", numbers(Vector3d(loop.axis.normalized()))).close();
+    xml_.close();
+    report_losses(loop, report_);
+  }
+
   const Model& model_;
   Report& report_;
   const Trees trees_;
   const Mimics mimics_;
   Names links_, joints_;
+  std::string world_;  // the link whose frame is the world's
   Xml xml_;
 };
 

@@ -29,7 +29,7 @@ void read_range(const Element& element, const Settings& settings, JointPart& par
   part.lower = turns ? settings.radians(range->lower) : range->lower;
   part.upper = turns ? settings.radians(range->upper) : range->upper;
   element.report().tally("position limits made hard, soft in MuJoCo",
-                         softness_words(element, "solreflimit", "solimplimit"));
+                         words_of(yielding_of(element, "solreflimit", "solimplimit")));
   if (const double margin = element.number("margin", 0.0); margin != 0.0)
     element.report().warn("margins of position limits, left out", fmt::format("{:g} of {}", margin, element.title()));
 }

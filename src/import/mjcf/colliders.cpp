@@ -101,9 +101,10 @@ class Collision {
                                 .shape = *shape,
                                 .pose = places_[b].pose * geom.pose,
                                 .friction = friction[0],
-                                .group = b == 0 ? "" : "robot"});
+                                .group = b == 0 || body.is_mocap ? "" : "robot"});
     draft_.places["collider '" + name + "'"] = geom.place;
-    report().tally("contacts take lockstep's own softness, in MuJoCo", softness_words(element, "solref", "solimp"));
+    report().tally("contacts take lockstep's own softness, in MuJoCo",
+                   words_of(yielding_of(element, "solref", "solimp")));
     for (const char* number : {"margin", "gap"})
       if (element.number(number, 0.0) != 0.0) report().warn("margins and gaps of contacts, left out", name);
   }

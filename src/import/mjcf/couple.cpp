@@ -2,7 +2,6 @@
 #include "couple.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,25 +11,27 @@
 namespace lockstep::importer::mjcf {
 namespace {
 
-// MuJoCo's acceleration of the error r is (1 - d) a_free - 2 r' / t - r / (t z)^2 where the impedance is d: this spring
-// and a virtual mass.
-Softness softness_of(const Equality& equality) {
-  const double rest = 1.0 - std::clamp(equality.solimp[1], 0.0001, 0.9999);
-  const auto [first, second] = equality.solref;
-  if (first > 0.0) return Frequency{1.0 / (first * std::max(second, 1e-6) * std::sqrt(rest)), second / std::sqrt(rest)};
-  const double stiffness = std::max(-first, 0.0), damping = std::max(-second, 0.0);
-  if (!(stiffness > 0.0)) return Hard{};
-  return Frequency{std::sqrt(stiffness / rest), damping / (2.0 * std::sqrt(stiffness * rest))};
+struct Value {
+  double value, slope;
+};
+
+Value value_of(const Polynomial& polynomial, double x) {
+  Value result{0.0, 0.0};
+  for (auto c = polynomial.coefficients.rbegin(); c != polynomial.coefficients.rend(); ++c)
+    result = {result.value * x + *c, result.slope * x + result.value};
+  return result;
 }
 
 class Coupler {
  public:
-  Coupler(const Scene& scene, Draft& draft) : scene_(scene), draft_(draft), rows_(scene.equalities) {}
+  Coupler(const Scene& scene, Draft& draft)
+      : scene_(scene), draft_(draft), rows_(scene.equalities), curves_(scene.curves) {}
 
   Ties couple() {
-    while (lock_one()) {
+    while (lock_one() || straighten_one()) {
     }
     for (const Equality& row : rows_) add(row);
+    for (const Curve& curve : curves_) add(curve);
     start_followers();
     return std::move(ties_);
   }
@@ -74,6 +75,19 @@ class Coupler {
     return false;
   }
 
+  // What follows a joint that stands still does, too.
+  bool straighten_one() {
+    const auto curve = std::find_if(curves_.begin(), curves_.end(),
+                                    [&](const Curve& candidate) { return still_.contains(candidate.leader); });
+    if (curve == curves_.end()) return false;
+    Equality row{curve->place, curve->place, {}, curve->yielding};
+    row.form.add(curve->follower, 1.0);
+    row.form.constant = -value_of(curve->polynomial, still_.at(curve->leader)).value;
+    rows_.push_back(row);
+    curves_.erase(curve);
+    return true;
+  }
+
   void stop(int index, double position) {
     still_[index] = position;
     Joint& own = joint(index);
@@ -94,41 +108,83 @@ class Coupler {
     throw ImportError(row.place, "contradicts the equalities before it", "correct or remove one of them");
   }
 
-  void add(const Equality& row) {
+  Softness softness_for(const Yielding& yielding) const {
     const bool is_soft = scene_.options.soft == Soft::as_in_file;
-    const Softness softness = is_soft ? softness_of(row) : Softness(Hard{});
+    scene_.report().tally(
+        is_soft ? "couplings soft as in MuJoCo, without its virtual mass" : "couplings made hard, soft in MuJoCo",
+        words_of(yielding));
+    return is_soft ? softness_of(yielding) : Softness(Hard{});
+  }
+
+  void add(Coupling coupling, const std::string& place) {
+    draft_.model.couplings.push_back(std::move(coupling));
+    draft_.places[fmt::format("coupling '{}'", coupling_names(draft_.model).back())] = place;
+  }
+
+  void add(const Equality& row) {
+    const Softness softness = softness_for(row.yielding);
     if (is_hard(softness)) {
       const Ties::Added added = ties_.add(row.form);
       if (added == Ties::Added::contradiction) contradict(row);
       if (added == Ties::Added::redundant) scene_.report().remark("equalities that follow from others", row.place);
     }
-    scene_.report().tally(
-        is_soft ? "couplings soft as in MuJoCo, without its virtual mass" : "couplings made hard, soft in MuJoCo",
-        fmt::format("of solref {:g}, solimp {:g}", fmt::join(row.solref, " "), fmt::join(row.solimp, " ")));
-    draft_.model.couplings.push_back(coupling_of(row.form, scene_, softness));
-    draft_.places[fmt::format("coupling '{}'", coupling_names(draft_.model).back())] = row.place;
+    add(coupling_of(row.form, scene_, softness), row.place);
   }
 
+  void add(const Curve& curve) {
+    if (still_.contains(curve.follower))
+      throw ImportError(curve.place, "holds a joint by what stands still and is a function of it",
+                        "hold the leader, and let the function hold the follower");
+    Coupling coupling =
+        Coupling::cam(scene_.joint(curve.follower).name, scene_.joint(curve.leader).name, curve.polynomial);
+    coupling.softness = softness_for(curve.yielding);
+    add(std::move(coupling), curve.place);
+  }
+
+  // Leaders of the one kind may be followers of the other.
   void start_followers() {
+    std::map<int, double> before;
+    place_tied(before);
+    for (std::size_t pass = 0; pass < curves_.size(); ++pass) {
+      for (const Curve& curve : curves_) place_on(curve, before);
+      place_tied(before);
+    }
+    for (const auto& [index, position] : before) {
+      const Joint& own = joint(index);
+      if (std::abs(own.position - position) > 1e-9)
+        scene_.report().remark("followers that start where their coupling puts them",
+                               fmt::format("{} at {:.6g}", own.name, own.position));
+    }
+  }
+
+  void place_tied(std::map<int, double>& before) {
     const auto value = [&](const Form& form, double Joint::*number, double constant) {
       for (const auto& [leader, factor] : form.terms) constant += factor * (joint(leader).*number);
       return constant;
     };
-    for (const auto& [index, form] : ties_.tied()) {
-      if (still_.contains(index)) continue;
-      Joint& own = joint(index);
-      const double position = value(form, &Joint::position, form.constant);
-      if (std::abs(position - own.position) > 1e-9)
-        scene_.report().remark("followers that start where their coupling puts them",
-                               fmt::format("{} at {:.6g}", own.name, position));
-      own.position = position;
-      own.velocity = value(form, &Joint::velocity, 0.0);
-    }
+    for (const auto& [index, form] : ties_.tied())
+      if (!still_.contains(index))
+        place(index, value(form, &Joint::position, form.constant), value(form, &Joint::velocity, 0.0), before);
+  }
+
+  void place_on(const Curve& curve, std::map<int, double>& before) {
+    if (scene_.options.soft == Soft::as_in_file && !is_hard(softness_of(curve.yielding))) return;
+    const Joint& leader = joint(curve.leader);
+    const auto [value, slope] = value_of(curve.polynomial, leader.position);
+    place(curve.follower, value, slope * leader.velocity, before);
+  }
+
+  void place(int index, double position, double velocity, std::map<int, double>& before) {
+    Joint& own = joint(index);
+    before.emplace(index, own.position);
+    own.position = position;
+    own.velocity = velocity;
   }
 
   const Scene& scene_;
   Draft& draft_;
   std::vector<Equality> rows_;
+  std::vector<Curve> curves_;
   std::map<int, double> still_;  // positions by joint
   Ties ties_;
 };
@@ -136,6 +192,17 @@ class Coupler {
 }  // namespace
 
 Ties couple(const Scene& scene, Draft& draft) { return Coupler(scene, draft).couple(); }
+
+// MuJoCo's acceleration of the error r is (1 - d) a_free - 2 r' / t - r / (t z)^2 where the impedance is d: this spring
+// and a virtual mass.
+Softness softness_of(const Yielding& yielding) {
+  const double rest = 1.0 - std::clamp(yielding.solimp[1], 0.0001, 0.9999);
+  const auto [first, second] = yielding.solref;
+  if (first > 0.0) return Frequency{1.0 / (first * std::max(second, 1e-6) * std::sqrt(rest)), second / std::sqrt(rest)};
+  const double stiffness = std::max(-first, 0.0), damping = std::max(-second, 0.0);
+  if (!(stiffness > 0.0)) return Hard{};
+  return Frequency{std::sqrt(stiffness / rest), damping / (2.0 * std::sqrt(stiffness * rest))};
+}
 
 Coupling coupling_of(const Form& form, const Scene& scene, const Softness& softness) {
   const double first = form.terms.front().second;

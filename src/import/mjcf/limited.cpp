@@ -29,11 +29,15 @@ std::optional<Range> limited_range(const Element& element, const char* range, co
   return Range{ends[0], ends[1]};
 }
 
-std::string softness_words(const Element& element, const char* solref, const char* solimp) {
-  double reference[] = {0.02, 1.0}, impedance[] = {0.9, 0.95, 0.001, 0.5, 2.0};
-  element.numbers(solref, reference, 1, 2);
-  element.numbers(solimp, impedance, 1, 5);
-  return fmt::format("of solref {:g}, solimp {:g}", fmt::join(reference, " "), fmt::join(impedance, " "));
+Yielding yielding_of(const Element& element, const char* solref, const char* solimp) {
+  Yielding yielding;
+  element.numbers(solref, yielding.solref, 1, 2);
+  element.numbers(solimp, yielding.solimp, 1, 5);
+  return yielding;
+}
+
+std::string words_of(const Yielding& yielding) {
+  return fmt::format("of solref {:g}, solimp {:g}", fmt::join(yielding.solref, " "), fmt::join(yielding.solimp, " "));
 }
 
 double symmetric(const Range& range, const std::string& what, Report& report) {

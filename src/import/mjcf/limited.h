@@ -17,8 +17,14 @@ struct Range {
 /// MuJoCo would ask for the switch.
 std::optional<Range> limited_range(const Element& element, const char* range, const char* limited, bool autolimits);
 
-/// "of solref 0.02 1, solimp ...", with MuJoCo's numbers where the file has none.
-std::string softness_words(const Element& element, const char* solref, const char* solimp);
+/// How a constraint yields, by MuJoCo's numbers where the file has none.
+struct Yielding {
+  double solref[2] = {0.02, 1.0}, solimp[5] = {0.9, 0.95, 0.001, 0.5, 2.0};
+};
+Yielding yielding_of(const Element& element, const char* solref, const char* solimp);
+
+/// "of solref 0.02 1, solimp ...".
+std::string words_of(const Yielding& yielding);
 
 /// The bound of an interval about 0. Warns where the ends differ in size, and takes the smaller one.
 double symmetric(const Range& range, const std::string& what, Report& report);

@@ -10,6 +10,7 @@
 #include "import/options.h"
 #include "import/xml.h"
 #include "lockstep/import.h"
+#include "loops.h"
 #include "resist.h"
 #include "trees.h"
 
@@ -32,6 +33,7 @@ Import read(const std::string& text, const std::string& source, const std::strin
     const std::vector<Place> places = grow_trees(scene, start, draft);
     resist_by_time_constants(scene, draft);
     const Ties ties = couple(scene, draft);
+    close_loops(scene, start, places, draft);
     const std::vector<std::optional<Transmission>> transmissions = transmissions_of_tendons(scene, ties, draft);
     resist_tendons(scene, ties, transmissions, draft);
     drive_joints(scene, ties, transmissions, start, draft);

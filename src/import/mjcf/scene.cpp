@@ -71,7 +71,7 @@ int Scene::scalar_joint(const std::string& name, const Element& element) const {
 }
 
 Scene read_scene(Document& document, const Settings& settings, const Classes& classes, const ImportOptions& options) {
-  Scene scene{document, settings, classes, options, read_bodies(document, settings, classes), {}, {}, {},
+  Scene scene{document, settings, classes, options, read_bodies(document, settings, classes), {}, {}, {}, {}, {},
               {},       {},       {},      {}};
   for (std::size_t b = 0; b < scene.bodies.all.size(); ++b) {
     const Body& body = scene.bodies.all[b];

@@ -37,7 +37,15 @@ struct Tendon {
 struct Equality {
   std::string place, name;
   Form form;
-  double solref[2] = {0.02, 1.0}, solimp[5] = {0.9, 0.95, 0.001, 0.5, 2.0};
+  Yielding yielding;
+};
+
+/// A joint whose position is a polynomial of another's.
+struct Curve {
+  std::string place;
+  int follower, leader;
+  Polynomial polynomial;
+  Yielding yielding;
 };
 
 /// F = gain u + bias[0] + bias[1] length + bias[2] rate, along a joint or tendon times the gear.
@@ -63,6 +71,8 @@ struct Scene {
   std::vector<bool> is_read;  ///< by body: options.body or what it carries; all without that option
   std::vector<Tendon> tendons;
   std::vector<Equality> equalities;
+  std::vector<Curve> curves;
+  std::vector<Element> closures;  ///< <connect> and <weld>
   std::vector<Actuator> actuators;
 
   Report& report() const { return document.report(); }

@@ -21,7 +21,7 @@ std::vector<double> exactly(const Element& key, const char* attribute, std::size
   std::vector<double> values = key.all_numbers(attribute, std::max<std::size_t>(count, 100000));
   if (values.size() != count)
     key.fail(fmt::format("{} has {}, not {}", attribute, counted(values.size(), "number"), count),
-             "give one for each joint coordinate of the file, in its order");
+             "give one for each coordinate of the file, in its order");
   return values;
 }
 
@@ -33,6 +33,26 @@ bool moves_principal_axes(const Scene& scene, int joint) {
          });
 }
 
+Eigen::Matrix3d turn_of(const double* wxyz, const char* attribute, const Element& key) {
+  const Eigen::Vector4d turn(wxyz[1], wxyz[2], wxyz[3], wxyz[0]);
+  if (!(turn.stableNorm() > 1e-14))
+    key.fail(fmt::format("{} has a quaternion without length", attribute), "give a unit quaternion");
+  return Eigen::Quaterniond(Eigen::Vector4d(turn.stableNormalized())).toRotationMatrix();
+}
+
+void place_mocaps(const Element& key, const Scene& scene, Start& start) {
+  std::vector<int> mocaps;
+  for (std::size_t b = 0; b < scene.bodies.all.size(); ++b)
+    if (scene.bodies.all[b].is_mocap) mocaps.push_back(static_cast<int>(b));
+  const std::vector<double> at = exactly(key, "mpos", 3 * mocaps.size()),
+                            turns = exactly(key, "mquat", 4 * mocaps.size());
+  for (std::size_t m = 0; m < mocaps.size(); ++m) {
+    Eigen::Isometry3d& pose = start.pose.at(mocaps[m]);
+    if (!at.empty()) pose.translation() = Eigen::Vector3d(at[3 * m], at[3 * m + 1], at[3 * m + 2]);
+    if (!turns.empty()) pose.linear() = turn_of(&turns[4 * m], "mquat", key);
+  }
+}
+
 void apply(const Element& key, const Scene& scene, Start& start) {
   std::size_t positions = 0, velocities = 0;
   for (std::size_t j = 0; j < scene.joints.size(); ++j) {
@@ -41,8 +61,8 @@ void apply(const Element& key, const Scene& scene, Start& start) {
   }
   const std::vector<double> q = exactly(key, "qpos", positions), v = exactly(key, "qvel", velocities);
   start.control = exactly(key, "ctrl", scene.actuators.size());
-  for (const char* other : {"mpos", "mquat", "act"})
-    if (key.has(other)) scene.report().warn("parts of the keyframe, left out", other);
+  if (key.has("act")) scene.report().warn("parts of the keyframe, left out", "act");
+  place_mocaps(key, scene, start);
   key.has("time");
   const double *position = q.data(), *velocity = v.data();
   for (std::size_t j = 0; j < scene.joints.size(); ++j) {
@@ -53,11 +73,9 @@ void apply(const Element& key, const Scene& scene, Start& start) {
                            scene.bodies.all[static_cast<std::size_t>(body)].name),
                "set align=\"false\", and give the pose of the body's own axes");
     if (type == JointType::free && !q.empty()) {
-      const Eigen::Vector4d turn(position[4], position[5], position[6], position[3]);
-      if (!(turn.stableNorm() > 1e-14)) key.fail("qpos has a quaternion without length", "give a unit quaternion");
       Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
       pose.translation() = Eigen::Vector3d(position[0], position[1], position[2]);
-      pose.linear() = Eigen::Quaterniond(Eigen::Vector4d(turn.stableNormalized())).toRotationMatrix();
+      pose.linear() = turn_of(position + 3, "qpos", key);
       start.pose[body] = pose;
     } else if (type != JointType::ball && !q.empty()) {
       start.position[j] = *position;
@@ -109,6 +127,8 @@ Start read_start(const Scene& scene) {
     start.position.push_back(scene.joint(static_cast<int>(j)).ref);
     if (body.floats()) start.pose[scene.joints[j].body] = body.in_world;
   }
+  for (std::size_t b = 0; b < scene.bodies.all.size(); ++b)
+    if (scene.bodies.all[b].is_mocap) start.pose[static_cast<int>(b)] = scene.bodies.all[b].in_world;
   start.velocity.resize(scene.joints.size());
   if (const std::optional<Element> key = chosen_key(scene)) apply(*key, scene, start);
   return start;

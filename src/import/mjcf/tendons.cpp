@@ -37,7 +37,7 @@ void read_tendon(const Element::Xml& xml, Scene& scene) {
   if (settings.has_limits) tendon.range = limited_range(element, "range", "limited", settings.autolimits);
   if (tendon.range)
     element.report().tally("position limits made hard, soft in MuJoCo",
-                           softness_words(element, "solreflimit", "solimplimit"));
+                           words_of(yielding_of(element, "solreflimit", "solimplimit")));
   const auto linear = [&](const char* attribute) {
     double terms[] = {0.0, 0.0, 0.0};
     element.numbers(attribute, terms, 1, 3);

@@ -65,19 +65,30 @@ class Grower {
     const auto parent = static_cast<std::size_t>(own.parent);
     const Place carrier = is_top(b) ? Place{has_world_ ? "world" : "", Isometry3d::Identity()} : places_[parent];
     const Isometry3d pose = is_top(b) ? own.in_world : own.pose;
-    if (own.is_mocap) report().warn("mocap bodies, which stand where the file draws them", own.name);
+    if (own.is_mocap) return add_mocap(b);
     if (own.floats()) {
       add_root(b);
     } else if (!has_world_ && carrier.link.empty()) {
       places_[b].pose = carrier.pose * pose;
       report().remark("bodies that stand still beside floating ones, left out", own.name);
-      if (own.inertia.mass > 0.0)
-        report().tally("masses of bodies that stand still, left out", fmt::format("{:g} kg", own.inertia.mass));
-      return;
+      return lose_mass(own);
     } else {
       add_joints(b, carrier, pose);
     }
     add_sites(b);
+  }
+
+  void add_mocap(std::size_t b) {
+    places_[b] = {places_[0].link, start_.pose.at(static_cast<int>(b))};
+    report().warn("mocap bodies, part of the world: Parameter::loop_frame moves their loops, not their geoms",
+                  body(b).name);
+    lose_mass(body(b));
+    add_sites(b);
+  }
+
+  void lose_mass(const Body& own) const {
+    if (own.inertia.mass > 0.0)
+      report().tally("masses of bodies that stand still, left out", fmt::format("{:g} kg", own.inertia.mass));
   }
 
   void judge(std::size_t b) const {

@@ -15,7 +15,6 @@ struct Kind {
 
 // Children of <robot>.
 constexpr Kind kinds[] = {
-    {"loop_joint", "closes a loop (Isaac Sim, old Drake)"},
     {"loop", "closes a loop (URDF+)"},
     {"coupling", "couples joints (URDF+)"},
     {"constraint", "constrains links or joints"},

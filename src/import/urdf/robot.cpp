@@ -9,21 +9,27 @@
 #include "collisions.h"
 #include "foreign.h"
 #include "import/finish.h"
+#include "loop_joints.h"
 #include "origin.h"
 
 namespace lockstep::importer::urdf {
 
-Eigen::Isometry3d read_origin(Element& owner) {
+Eigen::Isometry3d read_pose(Element& element) {
+  if (element.has("quat_xyzw"))
+    element.fail("has quat_xyzw, which lockstep does not read", "write the same rotation as rpy");
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  std::optional<Element> origin = owner.child("origin");
-  if (!origin) return pose;
-  if (origin->has("quat_xyzw"))
-    origin->fail("has quat_xyzw, which lockstep does not read", "write the same rotation as rpy");
-  pose.translation() = origin->triple("xyz", Eigen::Vector3d::Zero());
-  const Eigen::Vector3d rpy = origin->triple("rpy", Eigen::Vector3d::Zero());
+  pose.translation() = element.triple("xyz", Eigen::Vector3d::Zero());
+  const Eigen::Vector3d rpy = element.triple("rpy", Eigen::Vector3d::Zero());
   const Eigen::AngleAxisd roll(rpy[0], Eigen::Vector3d::UnitX()), pitch(rpy[1], Eigen::Vector3d::UnitY()),
       yaw(rpy[2], Eigen::Vector3d::UnitZ());
   pose.linear() = (yaw * pitch * roll).toRotationMatrix();  // about the parent's fixed axes, the roll first
+  return pose;
+}
+
+Eigen::Isometry3d read_origin(Element& owner) {
+  std::optional<Element> origin = owner.child("origin");
+  if (!origin) return Eigen::Isometry3d::Identity();
+  const Eigen::Isometry3d pose = read_pose(*origin);
   origin->tally_rest();
   return pose;
 }
@@ -231,6 +237,7 @@ Robot read_robot(Element element, const ImportOptions& options) {
   element.each_child("link", [&](Element link) { read_link(std::move(link), options, robot); });
   std::unordered_map<std::string, std::string> carrier;
   element.each_child("joint", [&](Element joint) { read_joint(std::move(joint), options, carrier, robot); });
+  read_loop_joints(element, options, robot);
   std::vector<std::string> followers;
   for (const Mimic& mimic : robot.mimics) followers.push_back(robot.model.joints[mimic.follower].name);
   judge_foreign(element, followers, options);

@@ -19,14 +19,14 @@ struct FloatingJoint {
   std::string place;
 };
 
-/// Links and joints are in the file's order; there are no couplings yet.
+/// Links, joints and loops are in the file's order; there are no couplings yet.
 struct Robot : Draft {
   std::vector<Mimic> mimics;
   std::vector<FloatingJoint> floating;
 };
 
-/// Reads all links and joints. Bounds that are ignored are kept where they are possible. Throws ImportError if an
-/// element is not URDF. Does not check the names that they refer to.
+/// Reads all links, joints and loops. Bounds that are ignored are kept where they are possible. Throws ImportError if
+/// an element is not URDF. Does not check the names that they refer to.
 Robot read_robot(Element element, const ImportOptions& options);
 
 }  // namespace lockstep::importer::urdf

@@ -75,6 +75,9 @@ void float_roots(Robot& robot, Report& report) {
     model.links.erase(model.links.begin());
     for (Collider& collider : model.colliders)
       if (collider.link == world.name) collider.link.clear();
+    for (Loop& loop : model.loops)
+      for (std::string* end : {&loop.first, &loop.second})
+        if (*end == world.name) end->clear();
   } else {
     model.roots = {{world.name}};
   }

@@ -1,0 +1,152 @@
+// <connect> and <weld>. SPDX-License-Identifier: Apache-2.0
+#include "loops.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "couple.h"
+#include "model/trees.h"
+#include "names.h"
+
+namespace lockstep::importer::mjcf {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+
+Isometry3d shift(const Vector3d& by) { return Isometry3d(Eigen::Translation3d(by)); }
+
+// A frame on a body.
+struct End {
+  std::size_t body;
+  Isometry3d frame = Isometry3d::Identity();
+};
+
+class Closer {
+ public:
+  Closer(const Scene& scene, const Start& start, const std::vector<Place>& places, Draft& draft)
+      : scene_(scene), start_(start), places_(places), draft_(draft), trees_(draft.model) {}
+
+  void close(const Element& element) {
+    if (scene_.options.loops == Loops::leave_out) {
+      report().show_all("closed loops, left out on request");
+      return report().warn("closed loops, left out on request", element.place());
+    }
+    bool holds_frames = element.tag() == "weld";
+    auto [first, second] = ends(element, holds_frames);
+    if (is_left_out(first.body) || is_left_out(second.body))
+      return report().warn("loops of bodies left out, left out", element.place());
+    if (is_in_world(second.body)) std::swap(first, second);
+    // A weld to a mocap body holds what the user moves: the body's own frame.
+    if (holds_frames && scene_.bodies.all[first.body].is_mocap)
+      second.frame = second.frame * first.frame.inverse(), first.frame.setIdentity();
+    const Place one = place_of(first), other = place_of(second);
+    if (!can_move(one.link, other.link))
+      return report().remark("loops of bodies that do not move against each other, without effect", element.place());
+
+    Loop loop;
+    loop.name = names_.unused(element.name("name", element.tag()));
+    loop.kind = holds_frames ? LoopKind::weld : LoopKind::point;
+    loop.first = one.link, loop.second = other.link;
+    loop.first_pose = one.pose, loop.second_pose = other.pose;
+    soften(yielding_of(element, "solref", "solimp"), loop);
+    draft_.places["loop '" + loop.name + "'"] = element.place();
+    draft_.model.loops.push_back(std::move(loop));
+  }
+
+ private:
+  Report& report() const { return scene_.report(); }
+  const Isometry3d& drawn(std::size_t body) const { return scene_.bodies.all[body].in_world; }
+
+  // `holds_frames` becomes false for a weld that turns freely.
+  std::pair<End, End> ends(const Element& element, bool& holds_frames) const {
+    if (holds_frames) {
+      const double scale = element.number("torquescale", 1.0);
+      holds_frames = scale != 0.0;
+      if (scale != 0.0 && scale != 1.0)
+        report().warn("torque scales of welds, left out", fmt::format("{:g} of {}", scale, element.title()));
+    }
+    if (element.has("site1") || element.has("site2"))
+      return {site(element, element.name("site1")), site(element, element.name("site2"))};
+    End first{body(element, element.name("body1"))}, second{body(element, element.name("body2", "world"))};
+    if (element.tag() == "connect") {
+      if (!element.has("anchor")) element.fail("has neither an anchor nor sites", "write anchor=\"0 0 0\"");
+      first.frame = shift(element.triple("anchor", Vector3d::Zero()));
+      second.frame = drawn(second.body).inverse() * drawn(first.body) * first.frame;
+    } else {
+      second.frame = shift(element.triple("anchor", Vector3d::Zero()));
+      first.frame = relative_pose(element, first, second);
+    }
+    return {first, second};
+  }
+
+  // Of the second body's frame in the first body. A quaternion of zeros stands for the drawn pose.
+  Isometry3d relative_pose(const Element& element, const End& first, const End& second) const {
+    double given[7] = {0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    element.numbers("relpose", given, 7, 7);
+    const Eigen::Vector4d turn(given[4], given[5], given[6], given[3]);
+    if (turn.isZero(0.0)) return drawn(first.body).inverse() * drawn(second.body) * second.frame;
+    Isometry3d pose = shift({given[0], given[1], given[2]});
+    pose.linear() = Eigen::Quaterniond(Eigen::Vector4d(turn.stableNormalized())).toRotationMatrix();
+    return pose;
+  }
+
+  std::size_t body(const Element& element, const std::string& name) const {
+    const auto found = scene_.body_of.find(name);
+    if (found == scene_.body_of.end())
+      element.fail(fmt::format("names body '{}', which does not exist", shortened(name)),
+                   "correct the name, or read the file that includes this one");
+    return static_cast<std::size_t>(found->second);
+  }
+
+  End site(const Element& element, const std::string& name) const {
+    for (std::size_t b = 0; b < scene_.bodies.all.size(); ++b)
+      for (const SitePart& part : scene_.bodies.all[b].sites)
+        if (part.name == name) return {b, part.pose};
+    element.fail(fmt::format("names site '{}', which does not exist", shortened(name)),
+                 "correct the name, or read the file that includes this one");
+  }
+
+  bool is_left_out(std::size_t body) const { return scene_.bodies.moves[body] && !scene_.is_read[body]; }
+  bool is_in_world(std::size_t body) const { return body == 0 || scene_.bodies.all[body].is_mocap; }
+
+  Place place_of(const End& end) const {
+    const auto b = static_cast<int>(end.body);
+    if (scene_.bodies.all[end.body].is_mocap) return {"", start_.pose.at(b) * end.frame};
+    if (is_in_world(end.body) || !scene_.is_read[end.body]) return {"", drawn(end.body) * end.frame};
+    return {places_[end.body].link, places_[end.body].pose * end.frame};
+  }
+
+  bool can_move(const std::string& one, const std::string& other) const {
+    const auto carrier = [&](const std::string& link) {
+      const int own = link.empty() ? -1 : trees_.carrier[static_cast<std::size_t>(draft_.model.link_index(link))];
+      return own < 0 || trees_.is_bolted(own) ? -1 : own;
+    };
+    return carrier(one) != carrier(other);
+  }
+
+  void soften(const Yielding& yielding, Loop& loop) const {
+    const bool is_soft = scene_.options.soft == Soft::as_in_file;
+    if (const Softness softness = softness_of(yielding); is_soft && !is_hard(softness)) loop.softness = softness;
+    report().tally(is_soft ? "loops soft as in MuJoCo, without its virtual mass" : "loops made hard, soft in MuJoCo",
+                   words_of(yielding));
+  }
+
+  const Scene& scene_;
+  const Start& start_;
+  const std::vector<Place>& places_;
+  Draft& draft_;
+  const Trees trees_;
+  Names names_;
+};
+
+}  // namespace
+
+void close_loops(const Scene& scene, const Start& start, const std::vector<Place>& places, Draft& draft) {
+  if (scene.closures.empty()) return;
+  Closer closer(scene, start, places, draft);
+  for (const Element& element : scene.closures) closer.close(element);
+}
+
+}  // namespace lockstep::importer::mjcf
