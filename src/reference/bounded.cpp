@@ -32,7 +32,7 @@ Step exact_step(const Mechanism& mechanism, const StepSettings& settings, const 
   VectorXd position_velocity = last.velocity;
   if (two_phases)
     position_velocity = exact_phase({decided.mechanism, settings, decided.inputs, stage}, Phase::position, {}).velocity;
-  return finished(mechanism, std::move(stage), {position_velocity, last.velocity, last.impulses});
+  return finished(mechanism, std::move(stage), {position_velocity, last.velocity, last.impulses, last.loops});
 }
 
 // Sweeps do not minimise anything, so the servos at their limits are guessed until the velocities agree with the guess.

@@ -19,10 +19,10 @@ struct Bounded {
   const Stage& stage;
 };
 
-/// The result of one phase of direct and reduced: velocity, impulses of the couplings, and impulses of the curves
-/// `apart`.
+/// The result of one phase of direct and reduced: velocity, impulses of the couplings, of the loops' rows, and of the
+/// curves `apart`.
 struct Exact {
-  Eigen::VectorXd velocity, impulses, apart;
+  Eigen::VectorXd velocity, impulses, loops, apart;
 };
 struct Curve;
 /// The convex minimum with all rows and the further curves `apart`.

@@ -2,13 +2,16 @@
 #include "bounded.h"
 #include "convex.h"
 #include "followers.h"
+#include "loop_step.h"
 
 namespace lockstep::reference {
 
 using Eigen::VectorXd;
 
-// Couplings are curves too: boxes of infinite size. All rows hold at once, so the elimination of followers changes one
-// thing only: in reduced, friction acts on a follower's velocity without its correction w, (M59).
+constexpr double no_motion = 1e-9;  // of a loop's row that no velocity moves, such as those across a planar mechanism
+
+// Couplings and loops are curves too: boxes, most of infinite size. All rows hold at once, so the elimination of
+// followers changes one thing only: in reduced, friction acts on a follower's velocity without its correction w, (M59).
 Exact exact_phase(const Bounded& step, Phase phase, const std::vector<Curve>& apart) {
   const Stage& stage = step.stage;
   Convex problem{stage.implicit, stage.implicit * stage.free, {}};
@@ -32,12 +35,23 @@ Exact exact_phase(const Bounded& step, Phase phase, const std::vector<Curve>& ap
     const double bias = row.dof >= 0 && row.cfm == 0.0 ? -row.direction.dot(w) : row.bias;
     if (row.box > 0.0) add(row.coupling, {row.direction, box_pieces(bias, row.box, row.cfm)});
   }
+  const LoopTargets loops = loop_targets(step.mechanism, stage, phase);
+  std::vector<Eigen::Index> loop_curve(loops.bias.size(), -1);
+  for (Eigen::Index i = 0; i < loops.bias.size(); ++i) {
+    const VectorXd direction = loops.rows.jacobian.row(i).transpose();
+    if (direction.norm() < no_motion) continue;
+    loop_curve[i] = static_cast<Eigen::Index>(problem.curves.size());
+    add(-1, {direction, box_pieces(loops.bias[i], loops.box[i], loops.cfm[i])});
+  }
   for (const Curve& curve : apart) add(-1, curve);
 
   const Minimum found = minimum(problem);
-  Exact result{found.v, VectorXd::Zero(stage.couplings.count()), found.impulses.tail(apart.size())};
+  Exact result{found.v, VectorXd::Zero(stage.couplings.count()), VectorXd::Zero(loops.bias.size()),
+               found.impulses.tail(apart.size())};
   for (std::size_t i = 0; i < coupling.size(); ++i)
     if (coupling[i] >= 0) result.impulses[coupling[i]] = found.impulses[i];
+  for (std::size_t i = 0; i < loop_curve.size(); ++i)
+    if (loop_curve[i] >= 0) result.loops[i] = found.impulses[loop_curve[i]];
   return result;
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "functions.h"
 #include "lockstep/error.h"
 
 namespace lockstep::reference {
@@ -39,7 +40,7 @@ Row spring_row(const SpringConstants& spring, double h) {
 
 }  // namespace
 
-Couplings::Couplings(const Mechanism& mechanism, const std::vector<bool>& switched_off)
+Couplings::Couplings(const Mechanism& mechanism, const std::vector<bool>& switched_off, const VectorXd& q)
     : off(switched_off), velocities_(mechanism.velocities()) {
   const std::vector<Coupling>& all = mechanism.model().couplings;
   jacobian = MatrixXd::Zero(all.size(), mechanism.dofs());
@@ -50,6 +51,13 @@ Couplings::Couplings(const Mechanism& mechanism, const std::vector<bool>& switch
     jacobian(i, mechanism.dof(all[i].joint)) = 1.0;
     for (const CouplingTerm& term : all[i].terms) jacobian(i, mechanism.dof(term.joint)) = term.ratio;
     gamma[i] = all[i].offset;
+    if (all[i].function) {
+      const int leader = mechanism.dof(all[i].terms[0].joint);
+      const double x = (q.size() > 0 ? q : mechanism.initial_state().q)[leader];
+      const FunctionValue f = value_of(*all[i].function, x);
+      jacobian(i, leader) = -f.slope;
+      gamma[i] = f.slope * x - f.value;
+    }
     softness.push_back(all[i].softness);
     force_limit.push_back(all[i].force_limit);
     hard.push_back(is_hard(softness[i]) && !off[i] && force_limit[i] == infinity);

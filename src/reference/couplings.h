@@ -9,10 +9,10 @@
 
 namespace lockstep::reference {
 
-/// (17) for all couplings of a model: C = J q + gamma.
+/// (17) for all couplings of a model: C = J q + gamma. A function of a joint is its tangent at q.
 struct Couplings {
-  /// `off` has a flag for each coupling that is switched off; empty: none is.
-  explicit Couplings(const Mechanism& mechanism, const std::vector<bool>& off = {});
+  /// `off` has a flag for each coupling that is switched off; empty: none is. Without q, it is where the model starts.
+  explicit Couplings(const Mechanism& mechanism, const std::vector<bool>& off = {}, const Eigen::VectorXd& q = {});
 
   int count() const { return static_cast<int>(gamma.size()); }
   Eigen::VectorXd error(const Eigen::VectorXd& q) const { return jacobian * q + gamma; }

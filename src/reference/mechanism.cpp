@@ -108,6 +108,23 @@ MatX<T> point_jacobian(const Mechanism& mechanism, const std::vector<Pose<T>>& p
   return jacobian;
 }
 
+// The links' poses a step along the velocities: q + i e dq/dt, and the roots' poses moved to first order by their
+// twists.
+std::vector<Pose<Complex>> moving_poses(const Mechanism& mechanism, const State& state) {
+  const Complex step(0.0, complex_step);
+  std::vector<Pose<Complex>> moved_roots;
+  for (const Pose<double>& root : root_poses(state)) {
+    Pose<Complex> moved = {root.rotation.cast<Complex>(), root.position.cast<Complex>()};
+    if (const int first = mechanism.root_velocity(static_cast<int>(moved_roots.size())); first >= 0) {
+      moved.rotation += step * (root.rotation * skew<double>(state.v.segment<3>(first))).cast<Complex>();
+      moved.position += step * (root.rotation * state.v.segment<3>(first + 3)).cast<Complex>();
+    }
+    moved_roots.push_back(moved);
+  }
+  const VecX<Complex> moved_q = state.q.cast<Complex>() + step * state.v.tail(mechanism.dofs()).cast<Complex>();
+  return forward<Complex>(mechanism, moved_roots, moved_q);
+}
+
 template <class T>
 Vec3<T> center_of_mass(const Pose<T>& pose, const Inertia& inertia) {
   return pose.rotation * inertia.center.cast<T>() + pose.position;
@@ -222,21 +239,15 @@ MatrixXd Mechanism::mass_matrix(const State& state) const {
   return mass;
 }
 
-VectorXd Mechanism::bias(const State& state) const {
-  // q + i e dq/dt, and the roots' poses moved to first order by their twists.
-  const Complex step(0.0, complex_step);
-  std::vector<Pose<Complex>> moved_roots;
-  for (const Pose<double>& root : root_poses(state)) {
-    Pose<Complex> moved = {root.rotation.cast<Complex>(), root.position.cast<Complex>()};
-    if (const int first = root_velocity_[moved_roots.size()]; first >= 0) {
-      moved.rotation += step * (root.rotation * skew<double>(state.v.segment<3>(first))).cast<Complex>();
-      moved.position += step * (root.rotation * state.v.segment<3>(first + 3)).cast<Complex>();
-    }
-    moved_roots.push_back(moved);
-  }
-  const VecX<Complex> moved_q = state.q.cast<Complex>() + step * state.v.tail(dofs()).cast<Complex>();
-  const auto poses = forward<Complex>(*this, moved_roots, moved_q);
+Vector6d Mechanism::acceleration(const State& state, int link, const Vector3d& point) const {
+  const auto poses = moving_poses(*this, state);
+  const Vec3<Complex> place = poses[link].rotation * point.cast<Complex>() + poses[link].position;
+  const VecX<Complex> velocity = point_jacobian<Complex>(*this, poses, link, place) * state.v.cast<Complex>();
+  return velocity.imag() / complex_step;
+}
 
+VectorXd Mechanism::bias(const State& state) const {
+  const auto poses = moving_poses(*this, state);
   VectorXd result = VectorXd::Zero(velocities());
   for (int l = 0; l < links(); ++l) {
     const Inertia& inertia = model_.links[l].inertia;

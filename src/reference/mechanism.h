@@ -67,6 +67,8 @@ class Mechanism {
   /// [6][velocities]: angular velocity of the link, then velocity of a point given in the link's frame.
   Eigen::MatrixXd jacobian(const State& state, int link, const Eigen::Vector3d& point = Eigen::Vector3d::Zero()) const;
   Vector6d link_velocity(const State& state, int link) const;  ///< angular, then that of the frame's origin
+  /// Of the same, at dv/dt = 0: dJ/dt v.
+  Vector6d acceleration(const State& state, int link, const Eigen::Vector3d& point = Eigen::Vector3d::Zero()) const;
   Eigen::Vector3d site_position(const State& state, int site) const;
   Eigen::MatrixXd site_jacobian(const State& state, int site) const;
 

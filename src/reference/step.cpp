@@ -2,7 +2,9 @@
 #include "step.h"
 
 #include "bounded.h"
+#include "functions.h"
 #include "lockstep/error.h"
+#include "loop_step.h"
 
 namespace lockstep::reference {
 
@@ -10,11 +12,13 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 Stage::Stage(const Mechanism& mechanism, double step, const State& start, const Inputs& inputs)
-    : h(step), state(start), couplings(mechanism, inputs.off) {
+    : h(step), state(start), couplings(mechanism, inputs.off, start.q) {
   const int dofs = mechanism.dofs(), nv = mechanism.velocities();
   mass = mechanism.mass_matrix(state);
   bias = mechanism.bias(state);
   bias += mechanism.inertial_axes_bias(mass, state.v);
+  const VectorXd curving = curved_acceleration(mechanism, state);
+  bias += mass * curving + mechanism.armature().cwiseProduct(curving);
 
   // Damping and drives are linear and implicit, at the end of the step:
   // A (v* - v) = h (tau - c - d v - kp (q + h v - q_t) - kd (v - v_t) - k (q + h v - rest)).
@@ -59,13 +63,22 @@ Step finished(const Mechanism& mechanism, Stage stage, Solution solution) {
   State next = mechanism.advanced(stage.state, solution.position_velocity, stage.h);
   next.v = solution.velocity;
   mechanism.turn_axes(stage.state, next);
-  return {std::move(next), std::move(solution.impulses), std::move(stage)};
+  next = placed(mechanism, std::move(next));
+  return {std::move(next), std::move(solution.impulses), std::move(stage), std::move(solution.loop_impulses)};
 }
 
 Step step(const Mechanism& mechanism, const StepSettings& settings, const State& state, const Inputs& inputs) {
-  if (has_bounds(mechanism.model(), settings.ignore)) return bounded_step(mechanism, settings, state, inputs);
+  const Model& model = mechanism.model();
+  if (!model.loops.empty() && (settings.method == Method::pgs || settings.method == Method::tgs))
+    throw SettingsError("method", "has no closed loops", "name direct or reduced");
+  if (has_bounds(model, settings.ignore) || has_yielding_loops(model))
+    return bounded_step(mechanism, settings, state, inputs);
   Stage stage(mechanism, settings.dt, state, inputs);
   Solution solution;
+  if (!model.loops.empty()) {
+    solution = with_loops(mechanism, stage, settings);
+    return finished(mechanism, std::move(stage), std::move(solution));
+  }
   switch (settings.method) {
     case Method::pgs: solution = pgs(stage, settings); break;
     case Method::tgs: solution = tgs(stage, settings); break;

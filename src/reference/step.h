@@ -33,9 +33,10 @@ struct Stage {
 
 /// The result of a method.
 struct Solution {
-  Eigen::VectorXd position_velocity;  ///< mean velocity over the step, which moves the positions
-  Eigen::VectorXd velocity;           ///< at its end
-  Eigen::VectorXd impulses;           ///< of all couplings over the step, velocity iterations included
+  Eigen::VectorXd position_velocity;   ///< mean velocity over the step, which moves the positions
+  Eigen::VectorXd velocity;            ///< at its end
+  Eigen::VectorXd impulses;            ///< of all couplings over the step, velocity iterations included
+  Eigen::VectorXd loop_impulses = {};  ///< of the loops' rows (loops.h); absent where there are none
 };
 Solution pgs(const Stage& stage, const StepSettings& settings);
 Solution tgs(const Stage& stage, const StepSettings& settings);
@@ -50,8 +51,9 @@ struct Step {
   State state;
   Eigen::VectorXd impulses;
   Stage stage;
+  Eigen::VectorXd loop_impulses;
 };
-/// One step of settings.dt. Throws SettingsError for the method automatic.
+/// One step of settings.dt. Throws SettingsError for the method automatic, and for pgs and tgs with closed loops.
 Step step(const Mechanism& mechanism, const StepSettings& settings, const State& state, const Inputs& inputs);
 
 /// The state at the end of the step: positions moved, and the root's twist in its new axes.

@@ -2,7 +2,10 @@
 #include "truth.h"
 
 #include "couplings.h"
+#include "functions.h"
 #include "lockstep/error.h"
+#include "loops.h"
+#include "nearest.h"
 
 namespace lockstep::reference {
 namespace {
@@ -10,8 +13,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// An orthonormal basis of the generalised velocities that the hard couplings allow. J is constant, so a motion with
-// accelerations in this space satisfies the couplings to rounding.
+// An orthonormal basis of the generalised velocities that the hard couplings allow.
 MatrixXd allowed_velocities(const Mechanism& mechanism, const Couplings& couplings) {
   std::vector<int> hard;
   for (int i = 0; i < couplings.count(); ++i)
@@ -23,10 +25,13 @@ MatrixXd allowed_velocities(const Mechanism& mechanism, const Couplings& couplin
   return q.rightCols(nv - rows.rows());
 }
 
-// A mechanism, and what does not change over a motion.
+// A mechanism at positions q.
 struct Constrained {
-  explicit Constrained(const Mechanism& m)
-      : mechanism(m), couplings(m), jacobian(couplings.velocity_jacobian()), allowed(allowed_velocities(m, couplings)) {
+  Constrained(const Mechanism& m, const VectorXd& q)
+      : mechanism(m),
+        couplings(m, {}, q),
+        jacobian(couplings.velocity_jacobian()),
+        allowed(allowed_velocities(m, couplings)) {
     for (int i = 0; i < couplings.count(); ++i) {
       if (is_hard(couplings.softness[i])) continue;
       if (std::holds_alternative<ErpCfm>(couplings.softness[i]))
@@ -53,12 +58,31 @@ struct Constrained {
     return forces;
   }
 
-  // N^T (M dv/dt + c - forces) = 0 and dv/dt = N y: the couplings' forces do no work on the velocities that they allow.
+  // N^T (M dv/dt + c - forces) = 0 and dv/dt = N y + w: the couplings' forces do no work on the velocities that they
+  // allow. w is what functions of joints ask for.
   VectorXd acceleration(const State& state, const Inputs& inputs) const {
     const MatrixXd m = mass(state);
     const VectorXd forces = mechanism.joint_forces(state, inputs) + mechanism.wrench_forces(state, inputs.wrenches) +
                             soft_forces(state, m) - mechanism.bias(state);
-    return allowed * (allowed.transpose() * m * allowed).llt().solve(allowed.transpose() * forces);
+    const VectorXd w = curved_acceleration(mechanism, state);
+    if (has_loops()) {
+      const LoopRows loops = loop_rows(mechanism, state);
+      return w + held(m, forces - m * w, loops.jacobian, -loops.bias - loops.jacobian * w);
+    }
+    return w + allowed * (allowed.transpose() * m * allowed).llt().solve(allowed.transpose() * (forces - m * w));
+  }
+
+  bool has_loops() const { return !mechanism.model().loops.empty(); }
+
+  // The least 1/2 x^T M x - p^T x that the couplings allow and that gives the loops' rows these rates.
+  VectorXd held(const MatrixXd& m, const VectorXd& p, const MatrixXd& loops, const VectorXd& rates) const {
+    return allowed * nearest(allowed.transpose() * m * allowed, allowed.transpose() * p, {{loops * allowed, rates}}).v;
+  }
+
+  // The velocities that impulses of couplings and loops leave.
+  VectorXd fitting(const State& state) const {
+    const MatrixXd m = mass(state), loops = loop_rows(mechanism, state).jacobian;
+    return held(m, m * state.v, loops, VectorXd::Zero(loops.rows()));
   }
 
   const Mechanism& mechanism;
@@ -90,13 +114,13 @@ State unpacked(const VectorXd& y, const State& like) {
   return state;
 }
 
-VectorXd derivative(const Constrained& system, const State& state, const Inputs& inputs) {
+VectorXd derivative(const Mechanism& mechanism, const State& state, const Inputs& inputs) {
   State rate = state;
   for (std::size_t tree = 0; tree < state.roots.size(); ++tree) {
     RootPose& root = rate.roots[tree];
     root.position.setZero();
     root.orientation.coeffs().setZero();
-    const int first = system.mechanism.root_velocity(static_cast<int>(tree));
+    const int first = mechanism.root_velocity(static_cast<int>(tree));
     if (first < 0) continue;
     // dp/dt = R v and dQ/dt = 1/2 Q w with w in root axes. Only the direction of Q counts, so it need not be unit.
     const Eigen::Quaterniond &turn = state.roots[tree].orientation,
@@ -105,26 +129,31 @@ VectorXd derivative(const Constrained& system, const State& state, const Inputs&
     root.orientation.coeffs() = 0.5 * (turn * w).coeffs();
   }
   rate.q = state.v.tail(state.q.size());
-  rate.v = system.acceleration(state, inputs);
+  rate.v = Constrained(mechanism, state.q).acceleration(state, inputs);
   return packed(rate);
 }
 
 }  // namespace
 
 VectorXd acceleration(const Mechanism& mechanism, const State& state, const Inputs& inputs) {
-  return Constrained(mechanism).acceleration(state, inputs);
+  return Constrained(mechanism, state.q).acceleration(state, inputs);
 }
 
 Motion integrate(const Mechanism& mechanism, const State& start, const InputsOverTime& inputs, double interval,
                  int intervals, int steps) {
-  const Constrained system(mechanism);
+  const Constrained system(mechanism, start.q);
   State state = start;
   const VectorXd error = system.couplings.error(state.q);
   for (int i = 0; i < system.couplings.count(); ++i)
     if (is_hard(system.couplings.softness[i]) && std::abs(error[i]) > 1e-9)
       throw SettingsError("start", "violates a hard coupling", "start where C = 0");
-  const MatrixXd &n = system.allowed, m = system.mass(state);
-  state.v = n * (n.transpose() * m * n).llt().solve(n.transpose() * m * state.v);
+  const VectorXd gaps = loop_rows(mechanism, state).error;
+  if (gaps.size() > 0 && gaps.cwiseAbs().maxCoeff() > 1e-9)
+    throw SettingsError("start", "has an open loop", "start where C = 0");
+  const std::vector<bool> is_curved = curved(mechanism.model());
+  if (!mechanism.model().loops.empty() && std::find(is_curved.begin(), is_curved.end(), true) != is_curved.end())
+    throw SettingsError("truth", "does not close loops beside functions of joints", "leave out one of them");
+  state.v = system.fitting(state);
 
   Motion motion;
   motion.times = VectorXd::LinSpaced(intervals + 1, 0.0, interval * intervals);
@@ -133,7 +162,7 @@ Motion integrate(const Mechanism& mechanism, const State& start, const InputsOve
   Inputs acting = mechanism.initial_inputs();
   const auto slope = [&](double t, const VectorXd& y) {
     inputs(t, acting);
-    return derivative(system, unpacked(y, start), acting);
+    return derivative(mechanism, unpacked(y, start), acting);
   };
   const double h = interval / steps;
   for (int i = 0; i < intervals; ++i) {
@@ -146,6 +175,10 @@ Motion integrate(const Mechanism& mechanism, const State& start, const InputsOve
       const VectorXd k4 = slope(t + h, y + h * k3);
       state = unpacked(y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), start);
       for (RootPose& root : state.roots) root.orientation.normalize();
+      if (system.has_loops()) {
+        state = closed(mechanism, state);
+        state.v = system.fitting(state);
+      }
     }
     motion.positions.row(i + 1) = state.q;
   }

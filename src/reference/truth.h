@@ -21,13 +21,13 @@ struct Motion {
   double error = 0.0;         ///< largest error of the positions, by Richardson's estimate; 0 if not estimated
 };
 
-/// dv/dt of the motion that satisfies all hard couplings exactly, found in the null space of their J. Soft couplings
-/// act as springs with kp and kd, (26) and (27). Throws SettingsError for an ErpCfm, which means nothing without a
-/// step.
+/// dv/dt of the motion that satisfies all hard couplings and all loops exactly, found in the null space of the
+/// couplings' J. Loops are hard and have no limits here. Soft couplings act as springs with kp and kd, (26) and (27).
+/// Throws SettingsError for an ErpCfm, which means nothing without a step.
 Eigen::VectorXd acceleration(const Mechanism& mechanism, const State& state, const Inputs& inputs);
 
-/// Runge-Kutta 4 with `steps` steps per interval. Throws SettingsError if the start violates a hard coupling. Impulses
-/// of the couplings make its velocity satisfy them.
+/// Runge-Kutta 4 with `steps` steps per interval, after each of which the loops are closed. Throws SettingsError if the
+/// start violates a hard coupling or a loop. Impulses of both make its velocity satisfy them.
 Motion integrate(const Mechanism& mechanism, const State& start, const InputsOverTime& inputs, double interval,
                  int intervals, int steps);
 
