@@ -23,7 +23,8 @@ foreach(folder simd kernels)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lockstep/kernel
           FILES_MATCHING PATTERN "*.h")
 endforeach()
-foreach(header plan/tables.h plan/tables/bodies.h plan/tables/contacts.h plan/tables/reduction.h plan/tables/rounds.h plan/tables/rows.h
+foreach(header plan/tables.h plan/tables/bodies.h plan/tables/columns.h plan/tables/contacts.h plan/tables/functions.h
+               plan/tables/loops.h plan/tables/reduction.h plan/tables/rounds.h plan/tables/rows.h
                plan/tables/spans.h
                model/softness_kind.h targets/called_stages.h targets/generated.h targets/generated_kernel.h
                targets/registers.h)

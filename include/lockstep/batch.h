@@ -93,9 +93,10 @@ struct RandomReset {
 /// switches of this environment leave no position for all of them.
 struct UnmetCoupling {
   int environment;
-  int coupling;
+  int coupling;           ///< -1: a loop is not met
   double error;           ///< C that is left, rad or m of its first joint; NaN if the state is
   double velocity_error;  ///< dC/dt, rad/s or m/s
+  int loop = -1;          ///< a loop that does not close; its errors are over all its rows, m and rad
 };
 
 /// Where and when an environment failed.
@@ -307,6 +308,7 @@ class LOCKSTEP_API Batch {
   void read(std::span<const Query> queries, const StridedRows<S>& out) const;
 
   // These allocate their result.
+  Array loop_errors() const;      ///< [2 x loops][environments] see Quantity::loop_error
   Array coupling_errors() const;  ///< [couplings][environments] C of (M2), rad or m
   /// [couplings][environments] impulse of the last step, N m s or N s along the coupling's first joint.
   /// Throws UsageError unless StepSettings::record_impulses.

@@ -231,7 +231,9 @@ enum {
   LOCKSTEP_READ_CONTACT_SLIP = 14,
   LOCKSTEP_READ_CONTACT_POINT = 15, /* 11 rows by slot: point, normal, force, gap, speed along the surface */
   LOCKSTEP_READ_UNFINISHED_CONTACTS = 16,
-  LOCKSTEP_READ_SOLVE_COUNTS = 17 /* 11 rows: what the last step has spent on contacts, see query.h */
+  LOCKSTEP_READ_SOLVE_COUNTS = 17, /* 11 rows: what the last step has spent on contacts, see query.h */
+  LOCKSTEP_READ_LOOP_ERROR = 18,   /* 2 rows by loop: distance, angle */
+  LOCKSTEP_READ_LOOP_FORCE = 19    /* 6 rows by loop: force, torque on the second link, world axes */
 };
 typedef struct {
   uint32_t size;

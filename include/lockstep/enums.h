@@ -59,8 +59,12 @@ enum class Parameter : unsigned {
   inertia,  ///< six rows per link of the model: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass, kg m^2, in
             ///< the link's axes. They do not scale with the mass then
   contact_friction,  ///< one row per contact, as in Plan::contacts(): Coulomb's coefficient of the pair
+  loop_switch,       ///< one row per loop: 0 is off, anything else is on; 1 at the start
+  loop_frame,        ///< seven rows per loop: Loop::first_pose as x, y, z in m and a quaternion w, x, y, z
+  function,  ///< by coupling that has a Function: the coefficients of a Polynomial, CamTable::follower, or mean,
+             ///< cosine and sine of a Harmonic
 };
-inline constexpr int parameter_count = 18;
+inline constexpr int parameter_count = 21;
 
 /// Why an environment was frozen. It stays until the environment is reset. Batch::explain_fault() says it in words.
 enum class Fault : std::uint32_t {
@@ -89,11 +93,21 @@ enum class FaultStage : std::uint32_t {
 };
 inline constexpr unsigned fault_stage_count = 6;
 
+/// What a loop holds together: two frames, one on each link.
+enum class LoopKind {
+  point,   ///< the origins: a ball joint, 3 rows
+  hinge,   ///< the origins, and the axis of one along the axis of the other, 5 rows
+  slider,  ///< all but the motion along the axis, 5 rows
+  weld,    ///< the whole frames, 6 rows
+};
+inline constexpr LoopKind all_loop_kinds[] = {LoopKind::point, LoopKind::hinge, LoopKind::slider, LoopKind::weld};
+
 /// The enumerator's name: "reduced", "leapfrog", "gear_ratio", "not_finite" ... The string lives forever.
 LOCKSTEP_API const char* to_string(Method method) noexcept;
 LOCKSTEP_API const char* to_string(Integrator integrator) noexcept;
 LOCKSTEP_API const char* to_string(Parameter parameter) noexcept;
 LOCKSTEP_API const char* to_string(Fault fault) noexcept;
 LOCKSTEP_API const char* to_string(FaultStage stage) noexcept;
+LOCKSTEP_API const char* to_string(LoopKind kind) noexcept;
 
 }  // namespace lockstep

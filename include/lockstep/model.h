@@ -8,8 +8,10 @@
 #include <limits>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
+#include "lockstep/enums.h"
 #include "lockstep/export.h"
 #include "lockstep/softness.h"
 
@@ -99,6 +101,26 @@ struct Joint {
   bool moves() const { return kind != JointKind::fixed; }
 };
 
+/// A function of a leader's position x, rad or m, that a follower's position is: q = f(x). A polynomial,
+/// q = c_0 + c_1 x + c_2 x^2 + ...
+struct Polynomial {
+  std::vector<double> coefficients;  ///< c_0, c_1 ...: at least 2, at most 16
+};
+
+/// A cam: the cubic spline through points, straight beyond its ends.
+struct CamTable {
+  std::vector<double> leader;    ///< rad or m, ascending, at least 3
+  std::vector<double> follower;  ///< rad or m, as many
+};
+
+/// A crank: q = mean + cosine cos(rate x) + sine sin(rate x).
+struct Harmonic {
+  double mean = 0.0, cosine = 0.0, sine = 0.0;  ///< rad or m
+  double rate = 1.0;                            ///< rad per rad or m of the leader, not 0
+};
+
+using Function = std::variant<Polynomial, CamTable, Harmonic>;
+
 struct CouplingTerm {
   std::string joint;
   double ratio = 1.0;  ///< G of (3) and (17) of the note (PhysX, Mimic Joints); finite, not 0
@@ -117,12 +139,34 @@ struct Coupling {
   double offset = 0.0;              ///< gamma
   Softness softness;
   double force_limit = infinity;  ///< > 0, of the force along the first joint, N m or N; beyond it the coupling slips
+  /// Where it is given, C = q_joint - f(q_1) = 0: the only leader has the ratio 1, and there is no offset.
+  std::optional<Function> function = {};
 
   /// `follower` + ratio * `leader` + offset = 0.
   static Coupling mimic(std::string follower, std::string leader, double ratio, double offset = 0.0,
                         Softness softness = {}) {
-    return {std::move(follower), {{std::move(leader), ratio}}, offset, softness, infinity};
+    return {std::move(follower), {{std::move(leader), ratio}}, offset, softness, infinity, {}};
   }
+
+  /// `follower` = f(`leader`).
+  static Coupling cam(std::string follower, std::string leader, Function f) {
+    return {std::move(follower), {{std::move(leader), 1.0}}, 0.0, {}, infinity, std::move(f)};
+  }
+};
+
+/// A joint that closes a loop, section 30 of docs/mathematics.md: it holds a frame on one link to a frame on another,
+/// or in the world. A tree has all other joints; what a loop holds follows from theirs. compile() closes the loops of
+/// a model: from its joints' positions, it takes the closest pose in which the frames meet.
+struct Loop {
+  std::string name;
+  LoopKind kind = LoopKind::point;
+  std::string first, second;            ///< links; empty: the world, for one of the two
+  Pose first_pose = Pose::Identity();   ///< the frame in the first link, or in the world
+  Pose second_pose = Pose::Identity();  ///< the frame in the second link, or in the world
+  Eigen::Vector3d axis{0.0, 0.0, 1.0};  ///< of a hinge or a slider, in both frames; any length > 0
+  Softness softness = Hard{1.0};        ///< of all rows
+  double force_limit = infinity;        ///< of each row that holds the origins, N, > 0
+  double torque_limit = infinity;       ///< of each row that holds the directions, N m, > 0
 };
 
 /// A named frame on a link: a fingertip, a sensor.
@@ -198,6 +242,7 @@ struct Model {
   std::vector<Link> links;
   std::vector<Joint> joints;
   std::vector<Coupling> couplings;
+  std::vector<Loop> loops;
   std::vector<Site> sites;
   std::vector<Collider> colliders;
   std::vector<Contact> contacts;

@@ -22,6 +22,9 @@ struct Following {
   };
   std::vector<Leader> leaders;  ///< empty for independent and for locked joints
   double offset = 0.0;          ///< rad or m
+  /// Whether it follows a function (Coupling::function), or what does. Then q is that of the sum where the model
+  /// starts, and ratios are the slopes there.
+  bool curved = false;
 };
 
 /// Joints that hard couplings leave one position.
@@ -35,6 +38,13 @@ struct PlanTree {
   std::string root;       ///< its root link
   int floating_root;      ///< n: rows 7n to 7n + 6 of root_poses() and 6n to 6n + 5 of root_velocities(); -1 if bolted
   std::vector<int> dofs;  ///< ascending
+};
+
+/// A loop, and what its rows hold where the model starts.
+struct PlanLoop {
+  std::string name;
+  int rows;       ///< 3 to 6
+  int redundant;  ///< of them, those that follow from couplings and from rows before: a planar loop has some
 };
 
 /// Two colliders that may touch, and the slots in which their contact points stand.
@@ -80,12 +90,17 @@ class LOCKSTEP_API Plan {
   const std::vector<std::string>& root_names() const;  ///< links that float, in the order of Batch::root_poses()
   const std::vector<PlanTree>& trees() const;          ///< in the order of Model::roots
   const std::vector<PlanContact>& contacts() const;    ///< pairs of colliders, groups resolved
-  const std::vector<std::string>& dof_names() const;   ///< joint names, by dof
-  int dof(const std::string& joint) const;             ///< throws UsageError for unknown or fixed joints
-  int link(const std::string& name) const;             ///< index of the link; throws UsageError for an unknown one
-  int site(const std::string& name) const;             ///< index of the site; throws UsageError for an unknown one
-  int contact(const std::string& name) const;          ///< index of a pair; throws UsageError for an unknown one
-  int parameter_rows(Parameter parameter) const;       ///< rows of that field, declared or not; throws UsageError
+  const std::vector<PlanLoop>& loops() const;          ///< in the model's order
+  /// Dofs that the loops leave no motion of their own where the model starts, in ascending order: one for each row that
+  /// is not redundant, or fewer if trees float. Joints without a drive come first, the last ones of a tree before those
+  /// that carry them. They are among independent_dofs(): no coupling says where they are.
+  const std::vector<int>& loop_dependent_dofs() const;
+  const std::vector<std::string>& dof_names() const;  ///< joint names, by dof
+  int dof(const std::string& joint) const;            ///< throws UsageError for unknown or fixed joints
+  int link(const std::string& name) const;            ///< index of the link; throws UsageError for an unknown one
+  int site(const std::string& name) const;            ///< index of the site; throws UsageError for an unknown one
+  int contact(const std::string& name) const;         ///< index of a pair; throws UsageError for an unknown one
+  int parameter_rows(Parameter parameter) const;      ///< rows of that field, declared or not; throws UsageError
   /// What the rows of a field are about, declared or not, for instance "driver" or "driver upper". Ratios are
   /// "follower: leader". A component comes last: "kp" and "kd"; "lower" and "upper"; "x", "y", "z"; "ixx" ... "iyz";
   /// "torque x" ... "force z"; of a softness "erp" and "cfm", "kp" and "kd", or "frequency" and "damping ratio". Throws
@@ -97,8 +112,8 @@ class LOCKSTEP_API Plan {
   int query_rows(const Query& query) const;
 
   /// Everything that a step holds or bounds, in the order of Batch::row_residuals() and row_states(): "coupling NAME"
-  /// for each coupling, then by dof what it has of "position limit NAME", "velocity limit NAME", "friction NAME",
-  /// "kinematic drive NAME", "effort limit NAME".
+  /// for each coupling, "loop NAME" for each loop, then by dof what it has of "position limit NAME", "velocity limit
+  /// NAME", "friction NAME", "kinematic drive NAME", "effort limit NAME".
   const std::vector<std::string>& row_names() const;
 
   /// Couplings (indices) that follow from others, found by rank. They take no impulse.

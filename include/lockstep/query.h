@@ -7,7 +7,7 @@
 
 namespace lockstep {
 
-/// Elements are dofs, links, sites, couplings, floating roots or contacts, in the order of the Plan.
+/// Elements are dofs, links, sites, couplings, loops, floating roots or contacts, in the order of the Plan.
 enum class Quantity {
   position,          ///< by dof, rad or m
   velocity,          ///< by dof, rad/s or m/s
@@ -20,6 +20,9 @@ enum class Quantity {
   site_position,     ///< 3 rows by site, m
   site_velocity,     ///< 6 rows by site, as link_velocity, of the site's origin
   coupling_error,    ///< by coupling, rad or m
+  loop_error,        ///< 2 rows by loop: distance of the frames that it holds (m), angle between their directions (rad)
+  loop_force,        ///< 6 rows by loop: force (N) and torque (N m) of the last step on its second link, or on what
+                     ///< carries that, about the second frame's origin, world axes
   root_pose,         ///< 7 rows by floating root, as Batch::root_poses()
   root_velocity,     ///< 6 rows by floating root, as Batch::root_velocities()
   kinetic_energy,    ///< one row, J

@@ -30,6 +30,7 @@ from ._lockstep import (
 from ._lockstep import _require_main_interpreter
 from .errors import Error, ImportFileError, ModelError, SettingsError, UsageError
 from .model import (
+    CamTable,
     Collider,
     Contact,
     Coupling,
@@ -38,10 +39,13 @@ from .model import (
     Export,
     Frequency,
     Hard,
+    Harmonic,
     Inertia,
     Joint,
     Link,
+    Loop,
     Model,
+    Polynomial,
     Root,
     Shape,
     Site,
@@ -56,6 +60,7 @@ _require_main_interpreter()
 
 __all__ = [
     "Batch",
+    "CamTable",
     "Collider",
     "Contact",
     "Coupling",
@@ -65,13 +70,16 @@ __all__ = [
     "Export",
     "Frequency",
     "Hard",
+    "Harmonic",
     "ImportFileError",
     "Inertia",
     "Joint",
     "Link",
+    "Loop",
     "Model",
     "ModelError",
     "Plan",
+    "Polynomial",
     "Query",
     "Root",
     "Rows",

@@ -131,19 +131,67 @@ class Joint:
 
 
 @dataclass
+class Polynomial:
+    """c_0 + c_1 x + c_2 x^2 + ..., at least 2 coefficients and at most 16."""
+
+    coefficients: Sequence[float]
+
+
+@dataclass
+class CamTable:
+    """The cubic spline through points, straight beyond its ends. `leader` ascends."""
+
+    leader: Sequence[float]
+    follower: Sequence[float]
+
+
+@dataclass
+class Harmonic:
+    """mean + cosine cos(rate x) + sine sin(rate x)."""
+
+    mean: float = 0.0
+    cosine: float = 0.0
+    sine: float = 0.0
+    rate: float = 1.0
+
+
+Function = Union[Polynomial, CamTable, Harmonic]
+
+
+@dataclass
 class Coupling:
     """joint + ratio_1 leader_1 + ... + offset = 0. `terms` are pairs of a leader's name and its ratio. URDF's
-    multiplier is -ratio, its offset -offset. Beyond `force_limit` the coupling slips."""
+    multiplier is -ratio, its offset -offset. Beyond `force_limit` the coupling slips. With a function, joint = f(leader)
+    for the one leader, whose ratio is 1."""
 
     joint: str
     terms: Sequence[tuple[str, float]]
     offset: float = 0.0
     softness: Softness = field(default_factory=Hard)
     force_limit: float = infinity
+    function: Optional[Function] = None
 
     @property
     def name(self) -> str:
         return self.joint
+
+
+@dataclass
+class Loop:
+    """Holds a frame on link `second` to a frame on link `first`; "" is the world, for one of the two. kind: "point"
+    (3 rows), "hinge" (5, about `axis` of both frames), "slider" (5, along it) or "weld" (6). force_limit: N, of each
+    row that holds the origins; torque_limit: N m, of each that holds the directions."""
+
+    name: str
+    kind: str
+    first: str
+    second: str
+    first_pose: Matrix = IDENTITY
+    second_pose: Matrix = IDENTITY
+    axis: Vector = (0.0, 0.0, 1.0)
+    softness: Softness = field(default_factory=lambda: Hard(1.0))
+    force_limit: float = infinity
+    torque_limit: float = infinity
 
 
 @dataclass
@@ -254,13 +302,14 @@ class Named(List[Element]):
 
 @dataclass
 class Model:
-    """Links and joints form one tree or several. Links, joints, couplings and sites are lists that take names as
+    """Links and joints form one tree or several. Links, joints, couplings, loops and sites are lists that take names as
     well as numbers: model.joints["knuckle"]. gravity: m/s^2, world axes."""
 
     name: str = "model"
     links: Named[Link] = field(default_factory=Named)
     joints: Named[Joint] = field(default_factory=Named)
     couplings: Named[Coupling] = field(default_factory=Named)
+    loops: Named[Loop] = field(default_factory=Named)
     sites: Named[Site] = field(default_factory=Named)
     colliders: Named[Collider] = field(default_factory=Named)
     contacts: Named[Contact] = field(default_factory=Named)
@@ -270,7 +319,7 @@ class Model:
     warnings: list[str] = field(default_factory=list, compare=False)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        lists = ("links", "joints", "couplings", "sites", "colliders", "contacts", "roots")
+        lists = ("links", "joints", "couplings", "loops", "sites", "colliders", "contacts", "roots")
         if name in lists and not isinstance(value, Named):
             value = Named(value)
         super().__setattr__(name, value)

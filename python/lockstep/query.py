@@ -15,6 +15,8 @@ class Query:
     site_position                        sites   3
     link_velocity, site_velocity         links, sites  6: angular, then linear, world axes
     coupling_error                       couplings  1
+    loop_error                           loops   2: distance, m; angle, rad
+    loop_force                           loops   6: force, N, and torque, N m, on the second link, world axes
     root_pose, root_twist                -       7, 6 for each floating root
     kinetic_energy, potential_energy     -       1
     contact_force                        pairs   3: on the second collider, N, world axes

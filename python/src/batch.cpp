@@ -299,8 +299,8 @@ void bind_steps(Class& batch) {
             "(environment, coupling, error, velocity error).");
   batch.def(
       "project", &project, "which"_a = py::none(), py::kw_only(), "soft"_a = false,
-      "Puts followers where the other joints and this environment's ratios and offsets put them. Returns couplings "
-      "that cannot be met.");
+      "Puts followers where the other joints and this environment's ratios and offsets put them, and closes loops. "
+      "Returns couplings and loops that cannot be met.");
   batch.def(
       "explain_fault",
       [](AnyBatch& b, int environment) { return b.use([&](auto& own) { return own.explain_fault(environment); }); },
@@ -315,6 +315,8 @@ void bind_steps(Class& batch) {
 void bind_readbacks(Class& batch) {
   batch.def("coupling_error", &read_back<[](auto& b) { return b.coupling_errors(); }>,
             "[num_envs, couplings] C, rad or m");
+  batch.def("loop_error", &read_back<[](auto& b) { return b.loop_errors(); }>,
+            "[num_envs, 2 loops] distance of the frames, m, and angle between them, rad");
   batch.def("coupling_impulse", &read_back<[](auto& b) { return b.coupling_impulses(); }>,
             "[num_envs, couplings] of the last step, N m s or N s; needs compile(record_impulses=True)");
   batch.def("row_residuals", &read_back<[](auto& b) { return b.row_residuals(); }>,
@@ -345,7 +347,10 @@ py::list unmet_to_python(const Plan& plan, const std::vector<UnmetCoupling>& unm
   const std::vector<std::string> names = coupling_names(plan.model());
   py::list list;
   for (const UnmetCoupling& u : unmet)
-    list.append(py::make_tuple(u.environment, names[static_cast<std::size_t>(u.coupling)], u.error, u.velocity_error));
+    list.append(py::make_tuple(u.environment,
+                               u.coupling < 0 ? plan.loops()[static_cast<std::size_t>(u.loop)].name
+                                              : names[static_cast<std::size_t>(u.coupling)],
+                               u.error, u.velocity_error));
   return list;
 }
 

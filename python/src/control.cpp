@@ -86,6 +86,8 @@ const Names<Quantity> quantities = {{"q", Quantity::position},
                                     {"site_position", Quantity::site_position},
                                     {"site_velocity", Quantity::site_velocity},
                                     {"coupling_error", Quantity::coupling_error},
+                                    {"loop_error", Quantity::loop_error},
+                                    {"loop_force", Quantity::loop_force},
                                     {"root_pose", Quantity::root_pose},
                                     {"root_twist", Quantity::root_velocity},
                                     {"kinetic_energy", Quantity::kinetic_energy},
@@ -108,6 +110,11 @@ int row_of(const Plan& plan, const std::string& quantity, const std::string& nam
   if (quantity.starts_with("link")) return plan.link(name);
   if (quantity.starts_with("site")) return plan.site(name);
   if (quantity.starts_with("coupling")) return place_in(coupling_names(plan.model()), name, "coupling");
+  if (quantity.starts_with("loop")) {
+    std::vector<std::string> names;
+    for (const PlanLoop& loop : plan.loops()) names.push_back(loop.name);
+    return place_in(names, name, "loop");
+  }
   if (quantity.starts_with("root")) return place_in(plan.root_names(), name, "floating root");
   if (quantity == "contact_point" || quantity == "unfinished_contacts" || quantity == "solve_counts")
     throw UsageError("query of " + quantity, "has rows, which have no names", "leave them out");

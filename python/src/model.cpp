@@ -142,6 +142,35 @@ py::object joint_to_python(Joint joint) {
   return to;
 }
 
+std::optional<Function> function_of(const py::handle& coupling) {
+  const py::object function = coupling.attr("function");
+  if (function.is_none()) return std::nullopt;
+  const auto is = [&](const char* name) { return py::isinstance(function, python_class(name)); };
+  if (is("Polynomial")) {
+    Polynomial polynomial;
+    read(function, "coefficients", polynomial.coefficients);
+    return polynomial;
+  }
+  if (is("CamTable")) {
+    CamTable table;
+    read(function, "leader", table.leader), read(function, "follower", table.follower);
+    return table;
+  }
+  if (is("Harmonic")) {
+    Harmonic harmonic;
+    read(function, "mean", harmonic.mean), read(function, "cosine", harmonic.cosine);
+    read(function, "sine", harmonic.sine), read(function, "rate", harmonic.rate);
+    return harmonic;
+  }
+  refuse(coupling, "function");
+}
+
+struct FunctionToPython {
+  py::object operator()(const Polynomial& p) const { return python_class("Polynomial")(p.coefficients); }
+  py::object operator()(const CamTable& t) const { return python_class("CamTable")(t.leader, t.follower); }
+  py::object operator()(const Harmonic& h) const { return python_class("Harmonic")(h.mean, h.cosine, h.sine, h.rate); }
+};
+
 Coupling coupling_of(const py::handle& from) {
   Coupling coupling;
   read(from, "joint", coupling.joint);
@@ -150,14 +179,40 @@ Coupling coupling_of(const py::handle& from) {
   for (auto& [joint, ratio] : terms) coupling.terms.push_back({joint, ratio});
   read(from, "offset", coupling.offset), read(from, "force_limit", coupling.force_limit);
   coupling.softness = softness_of(from, "softness");
+  coupling.function = function_of(from);
   return coupling;
 }
 
 py::object coupling_to_python(const Coupling& coupling) {
   py::list terms;
   for (const CouplingTerm& term : coupling.terms) terms.append(py::make_tuple(term.joint, term.ratio));
+  const py::object function = coupling.function ? std::visit(FunctionToPython{}, *coupling.function) : py::none();
   return python_class("Coupling")(coupling.joint, terms, coupling.offset,
-                                  std::visit(SoftnessToPython{}, coupling.softness), coupling.force_limit);
+                                  std::visit(SoftnessToPython{}, coupling.softness), coupling.force_limit, function);
+}
+
+Loop loop_of(const py::handle& from) {
+  Loop loop;
+  std::string kind;
+  read(from, "name", loop.name), read(from, "first", loop.first), read(from, "second", loop.second);
+  read(from, "kind", kind);
+  const auto found = std::find_if(std::begin(all_loop_kinds), std::end(all_loop_kinds),
+                                  [&](LoopKind k) { return to_string(k) == kind; });
+  if (found == std::end(all_loop_kinds))
+    throw ModelError("loop '" + loop.name + "'", "is of the unknown kind '" + kind + "'",
+                     "give point, hinge, slider or weld");
+  loop.kind = *found;
+  loop.first_pose = pose_of(from, "first_pose"), loop.second_pose = pose_of(from, "second_pose");
+  loop.axis = matrix_of<Eigen::Vector3d>(from, "axis");
+  loop.softness = softness_of(from, "softness");
+  read(from, "force_limit", loop.force_limit), read(from, "torque_limit", loop.torque_limit);
+  return loop;
+}
+
+py::object loop_to_python(const Loop& l) {
+  return python_class("Loop")(l.name, to_string(l.kind), l.first, l.second, tuple_of(l.first_pose.matrix()),
+                              tuple_of(l.second_pose.matrix()), tuple_of(l.axis),
+                              std::visit(SoftnessToPython{}, l.softness), l.force_limit, l.torque_limit);
 }
 
 Collider collider_of(const py::handle& from) {
@@ -215,6 +270,7 @@ Model model_of(const py::handle& from) {
   }
   for (const py::handle& joint : from.attr("joints")) model.joints.push_back(joint_of(joint));
   for (const py::handle& coupling : from.attr("couplings")) model.couplings.push_back(coupling_of(coupling));
+  for (const py::handle& loop : from.attr("loops")) model.loops.push_back(loop_of(loop));
   for (const py::handle& site : from.attr("sites")) {
     model.sites.emplace_back();
     read(site, "name", model.sites.back().name), read(site, "link", model.sites.back().link);
@@ -233,7 +289,7 @@ Model model_of(const py::handle& from) {
 }
 
 py::object to_python(const Model& model) {
-  py::list links, joints, couplings, sites, colliders, contacts, roots;
+  py::list links, joints, couplings, loops, sites, colliders, contacts, roots;
   for (const Link& link : model.links)
     links.append(python_class("Link")(
         link.name,
@@ -241,13 +297,14 @@ py::object to_python(const Model& model) {
         link.gravity));
   for (const Joint& joint : model.joints) joints.append(joint_to_python(joint));
   for (const Coupling& coupling : model.couplings) couplings.append(coupling_to_python(coupling));
+  for (const Loop& loop : model.loops) loops.append(loop_to_python(loop));
   for (const Site& site : model.sites)
     sites.append(python_class("Site")(site.name, site.link, tuple_of(site.pose.matrix())));
   for (const Collider& collider : model.colliders) colliders.append(collider_to_python(collider));
   for (const Contact& contact : model.contacts) contacts.append(contact_to_python(contact));
   for (const Root& root : model.roots)
     roots.append(python_class("Root")(root.link, root.floating, tuple_of(root.pose.matrix()), tuple_of(root.velocity)));
-  return python_class("Model")(model.name, links, joints, couplings, sites, colliders, contacts, roots,
+  return python_class("Model")(model.name, links, joints, couplings, loops, sites, colliders, contacts, roots,
                                tuple_of(model.gravity));
 }
 

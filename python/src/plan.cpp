@@ -154,6 +154,17 @@ void bind_plan(py::module_& module) {
       .def_property_readonly("nv", &Plan::dofs, "number of moving joints")
       .def_property_readonly("dof_names", &Plan::dof_names, "names of the moving joints, in the order of q")
       .def_property_readonly(
+          "loops",
+          [](const Plan& plan) {
+            py::list all;
+            for (const PlanLoop& loop : plan.loops()) all.append(py::make_tuple(loop.name, loop.rows, loop.redundant));
+            return all;
+          },
+          "(name, rows, rows that follow from others where the model starts) of each loop")
+      .def_property_readonly(
+          "loop_dependent", [](const Plan& plan) { return names_of(plan, plan.loop_dependent_dofs()); },
+          "names of the joints that loops leave no motion of their own")
+      .def_property_readonly(
           "contact_names",
           [](const Plan& plan) {
             std::vector<std::string> names;

@@ -136,9 +136,9 @@ def test_mjcf_files(tmp_path):
         ls.from_urdf(tmp_path / "arm.xml")
     loop = text.replace("<keyframe>", '<equality><connect body1="arm" anchor="0 0 0"/></equality><keyframe>')
     assert ls.from_mjcf_text(loop, loops="leave_out", soft="as_in_file").warnings
-    with pytest.raises(ls.ImportFileError, match="closes a loop"):
-        ls.from_mjcf_text(loop)
-    with pytest.raises(ls.SettingsError, match="refuse, leave_out"):
+    with pytest.raises(ls.ImportFileError, match="neither an anchor nor sites"):
+        ls.from_mjcf_text(loop.replace('anchor="0 0 0"', ""))
+    with pytest.raises(ls.SettingsError, match="keep, leave_out"):
         ls.from_mjcf_text(loop, loops="cut")
     with pytest.raises(ls.SettingsError, match="density"):
         ls.from_mjcf_text(text, density=1000)

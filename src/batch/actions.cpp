@@ -8,21 +8,21 @@ namespace {
 
 constexpr double default_change = 0.05;  // of the range
 
-struct Range {
+struct ActionRange {
   double low, high;
 };
 
 // The model's; of a tendon, what the ranges of its joints leave of it.
-Range position_range(const Program& program, const Fields& model, int dof) {
-  Range range = {model.value(Parameter::position_limits, 2 * dof),
-                 model.value(Parameter::position_limits, 2 * dof + 1)};
+ActionRange position_range(const Program& program, const Fields& model, int dof) {
+  ActionRange range = {model.value(Parameter::position_limits, 2 * dof),
+                       model.value(Parameter::position_limits, 2 * dof + 1)};
   const Tables<double>& t = program.f64;
   for (int i = 0; i < t.tendons.count; ++i) {
     const int c = t.tendons[i], first = t.term_start[c];
     if (t.dof[t.term_joint[first]] != dof) continue;
-    Range sum = {-t.offset[c], -t.offset[c]};
+    ActionRange sum = {-t.offset[c], -t.offset[c]};
     for (int k = first + 1; k < t.term_start[c + 1]; ++k) {
-      const Range joint = position_range(program, model, t.dof[t.term_joint[k]]);
+      const ActionRange joint = position_range(program, model, t.dof[t.term_joint[k]]);
       const auto [low, high] = std::minmax({-t.term_value[k] * joint.low, -t.term_value[k] * joint.high});
       sum.low += low, sum.high += high;
     }
@@ -31,7 +31,7 @@ Range position_range(const Program& program, const Fields& model, int dof) {
   return range;
 }
 
-Range default_range(ActionKind kind, const Program& program, const Fields& model, int dof) {
+ActionRange default_range(ActionKind kind, const Program& program, const Fields& model, int dof) {
   const auto [lower, upper] = position_range(program, model, dof);
   switch (kind) {
     case ActionKind::position: return {lower, upper};
@@ -57,17 +57,17 @@ const char* limit_of(ActionKind kind) {
 }
 
 // The range of action i, which moves this dof.
-Range range_of(const ActionMap& map, const Plan& plan, const Fields& model, std::size_t i, int dof) {
+ActionRange range_of(const ActionMap& map, const Plan& plan, const Fields& model, std::size_t i, int dof) {
   const std::string& joint = plan.dof_names()[static_cast<std::size_t>(dof)];
   if (map.low.empty()) {
-    const Range range = default_range(map.kind, program_of(plan), model, dof);
+    const ActionRange range = default_range(map.kind, program_of(plan), model, dof);
     if (!std::isfinite(range.high - range.low))
       throw UsageError("actions of joint '" + joint + "'",
                        fmt::format("have no range, as the model gives it no {}", limit_of(map.kind)),
                        "give ActionMap::low and high, or the model a limit");
     return range;
   }
-  const Range range = {map.low[i], map.high[i]};
+  const ActionRange range = {map.low[i], map.high[i]};
   if (!std::isfinite(range.low) || !std::isfinite(range.high) || range.low > range.high)
     throw UsageError("actions of joint '" + joint + "'", fmt::format("have the range {} to {}", range.low, range.high),
                      "give finite numbers, low <= high");
@@ -112,9 +112,9 @@ void Batch<S>::set_actions(const StridedRows<const S>& actions, const ActionMap&
                                                                : batch.rows.position_target;
   const simd::StepMode mode;
   for (std::size_t i = 0; i < dofs.size(); ++i) {
-    const Range range = range_of(map, plan, model, i, dofs[i]);
+    const ActionRange range = range_of(map, plan, model, i, dofs[i]);
     const double middle = 0.5 * range.low + 0.5 * range.high, reach = 0.5 * range.high - 0.5 * range.low;
-    const Range positions = position_range(program_of(plan), model, dofs[i]);
+    const ActionRange positions = position_range(program_of(plan), model, dofs[i]);
     const S lower = static_cast<S>(positions.low), upper = static_cast<S>(positions.high);
     for (int time = 0; time < batch.tables.input_times; ++time) {
       S* const row = inputs.data() + (time * batch.tables.joints + dofs[i]) * batch.stride;

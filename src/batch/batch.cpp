@@ -186,6 +186,11 @@ auto Batch<S>::coupling_errors() const -> Array {
 }
 
 template <class S>
+auto Batch<S>::loop_errors() const -> Array {
+  return impl().read(kernels::Quantity::loop_errors, 2 * impl().tables.loops.loops.count);
+}
+
+template <class S>
 auto Batch<S>::coupling_impulses() const -> Array {
   if (!impl().tables.record_impulses)
     throw UsageError("coupling impulses", "are not kept by this plan", "set StepSettings::record_impulses");

@@ -58,6 +58,10 @@ void Batch<S>::Impl::check_values(std::ptrdiff_t first, std::ptrdiff_t last) {
     const S* const lower = rows.field(Parameter::position_limits).data() + pair.row * stride;
     flag_unless([&](std::ptrdiff_t e) { return lower[e] <= lower[stride + e]; });
   }
+  for (const TurnRows& turn : rules.turns) {
+    const S* const frames = rows.field(Parameter::loop_frame).data();
+    flag_unless([&](std::ptrdiff_t e) { return turn.hold([&](int row) { return frames[row * stride + e]; }); });
+  }
   for (const InertiaRule<S>& rule : rules.inertias) flag_unless([&](std::ptrdiff_t e) { return is_possible(rule, e); });
   for (const BodyLinks& body : rules.bodies) {
     const S* const one = rows.field(Parameter::mass).data() + body.links[0] * stride;

@@ -83,7 +83,8 @@ struct Batch<S>::Impl {
   std::size_t frames_at() const { return (step_bytes() + cache_line - 1) / cache_line * cache_line; }
 
   std::size_t scratch_bytes() const {
-    const std::size_t numbers = kernels::frame_numbers * frames.size() + static_cast<std::size_t>(tables.couplings) + 1;
+    const std::size_t numbers = kernels::frame_numbers * frames.size() + static_cast<std::size_t>(tables.couplings) +
+                                2 * static_cast<std::size_t>(tables.loops.loops.count) + 1;
     const std::size_t contacts = kernels::contact_numbers * static_cast<std::size_t>(tables.contacts.slots) + 1;
     return frames_at() + (numbers + contacts) * static_cast<std::size_t>(kernels.lanes) * sizeof(S);
   }

@@ -31,7 +31,7 @@ class Batch<S>::Impl::ProblemFinder {
                   [&](int row) { return "velocity target" + joint(row); });
     find_infinite(batch_.rows.effort, "efforts", [&](int row) { return "effort" + joint(row); });
     for (const Parameter field : {Parameter::offset, Parameter::gravity, Parameter::link_wrench,
-                                  Parameter::coupling_switch})  // the others have rules
+                                  Parameter::coupling_switch, Parameter::loop_switch})  // the others have rules
       find_infinite(batch_.rows.field(field), to_string(field), [&](int row) {
         return to_string(field) + (" '" + batch_.plan.parameter_row_names(field)[static_cast<std::size_t>(row)] + "'");
       });
@@ -66,6 +66,11 @@ class Batch<S>::Impl::ProblemFinder {
       if (const S lower = number(limits, pair.row), upper = number(limits, pair.row + 1); !(lower <= upper))
         add("position_limits", pair.row, lower, "lower limit of " + pair.element,
             fmt::format("must be at most the upper limit, which is {}", upper));
+    const AlignedBlock<S>& frames = batch_.rows.field(Parameter::loop_frame);
+    for (const TurnRows& turn : batch_.rules.turns)
+      if (!turn.hold([&](int row) { return number(frames, row); }))
+        add("loop_frame", turn.row, number(frames, turn.row), "the quaternion of the " + turn.element,
+            "must have a length of 0.001 to 1000");
     for (const InertiaRule<S>& rule : batch_.rules.inertias) {
       if (batch_.is_possible(rule, environment_)) continue;
       Parameter field = Parameter::inertia;

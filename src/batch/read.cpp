@@ -57,9 +57,11 @@ class Batch<S>::Impl::TileReader {
       case Quantity::root_pose: return copy(query, elements, tile_.root_pose, 7);
       case Quantity::root_velocity: return copy(query, elements, tile_.root_velocity, 6);
       case Quantity::solve_counts: return copy(query, elements, tile_.solve_counts, solve_count_rows);
-      case Quantity::coupling_error: return compute(query, elements, kernels::Quantity::coupling_errors);
-      case Quantity::kinetic_energy: return compute(query, elements, kernels::Quantity::kinetic_energy);
-      case Quantity::potential_energy: return compute(query, elements, kernels::Quantity::potential_energy);
+      case Quantity::loop_force: return copy(query, elements, tile_.loop_force, 6);
+      case Quantity::coupling_error: return compute(query, elements, kernels::Quantity::coupling_errors, 1);
+      case Quantity::loop_error: return compute(query, elements, kernels::Quantity::loop_errors, 2);
+      case Quantity::kinetic_energy: return compute(query, elements, kernels::Quantity::kinetic_energy, 1);
+      case Quantity::potential_energy: return compute(query, elements, kernels::Quantity::potential_energy, 1);
       default: break;
     }
     if (is_of_contacts(query.quantity)) return answer_contacts(query, elements);
@@ -165,9 +167,9 @@ class Batch<S>::Impl::TileReader {
     return pair;
   }
 
-  void compute(const Query& query, int elements, kernels::Quantity quantity) {
+  void compute(const Query& query, int elements, kernels::Quantity quantity, int rows_of_each) {
     batch_.kernels.read(batch_.tables, tile_, 0, lanes_, {quantity}, numbers_, lanes_, scratch_);
-    for_each_element(query, elements, [&](int i) { put(numbers_ + i * lanes_, 1, lanes_); });
+    for_each_element(query, elements, [&](int i) { put(numbers_ + rows_of_each * i * lanes_, rows_of_each, lanes_); });
   }
 
   // The quaternion of a rotation, row-major, and of a pose on it.

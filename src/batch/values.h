@@ -31,6 +31,20 @@ struct ValueRule {
   bool holds(S value) const { return checked(value) >= least && checked(value) <= most; }
 };
 
+/// Rows of Parameter::loop_frame that are a quaternion: this one and the next three.
+struct TurnRows {
+  int row;
+  std::string element;
+
+  /// number(row) is the environment's. The quaternion need not be a unit one.
+  template <class Number>
+  bool hold(const Number& number) const {
+    double squared = 0.0;
+    for (int k = 0; k < 4; ++k) squared += static_cast<double>(number(row + k)) * static_cast<double>(number(row + k));
+    return squared >= 1e-6 && squared <= 1e6;
+  }
+};
+
 /// Links of one moving body. The sum of their masses must be above 0.
 struct BodyLinks {
   std::vector<int> links;
@@ -92,6 +106,7 @@ template <class S>
 struct ValueRules {
   std::vector<ValueRule<S>> rows;
   std::vector<LimitPair> pairs;
+  std::vector<TurnRows> turns;
   std::vector<InertiaRule<S>> inertias;
   std::vector<BodyLinks> bodies;  ///< of several links, where masses differ and the model's are not all 0
 };
@@ -193,6 +208,14 @@ ValueRules<S> value_rules(const Program& program) {
       fixed(Parameter::softness, 2 * static_cast<int>(c) + 1, 0.0, "cfm of ");
       continue;
     }
+    if (coupling.function) {
+      const auto fixed = [&](Parameter field, int row, S value, const char* what) {
+        if (declares(field))
+          rules.rows.push_back({field, row, value, value, what + element, "that of the model, as the function has it"});
+      };
+      fixed(Parameter::gear_ratio, gear - 1, S(1), "ratio of ");
+      fixed(Parameter::offset, static_cast<int>(c), S(0), "offset of ");
+    }
     if (!declares(Parameter::softness)) continue;
     const int row = 2 * static_cast<int>(c);
     switch (kind_of(coupling.softness)) {
@@ -231,6 +254,23 @@ ValueRules<S> value_rules(const Program& program) {
   for (std::size_t c = 0; declares(Parameter::contact_friction) && c < program.plan_contacts.size(); ++c)
     add(Parameter::contact_friction, static_cast<int>(c), largest,
         "friction of contact '" + program.plan_contacts[c].name + "'", "0 or more");
+
+  // Numbers of functions.
+  for (int i = 0; declares(Parameter::function) && i < program.f64.functions.number.count; ++i)
+    rules.rows.push_back(
+        {Parameter::function, i, -largest, largest,
+         "number of function '" +
+             fields_of(program).names[static_cast<unsigned>(Parameter::function)][static_cast<std::size_t>(i)] + "'",
+         "a number"});
+
+  // Frames of loops.
+  for (std::size_t l = 0; declares(Parameter::loop_frame) && l < model.loops.size(); ++l) {
+    const int row = 7 * static_cast<int>(l);
+    const std::string element = "frame of loop '" + model.loops[l].name + "'";
+    for (int k = 0; k < 7; ++k)
+      rules.rows.push_back({Parameter::loop_frame, row + k, -largest, largest, element, "a number"});
+    rules.turns.push_back({row + 3, element});
+  }
 
   // Limits. Centres of mass and inertias may be any number, as long as the body as a whole is possible.
   add_limit_rules(program, rules);

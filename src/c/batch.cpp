@@ -98,7 +98,9 @@ constexpr Quantity quantities[] = {Quantity::position,
                                    Quantity::contact_slip,
                                    Quantity::contact_point,
                                    Quantity::unfinished_contacts,
-                                   Quantity::solve_counts};
+                                   Quantity::solve_counts,
+                                   Quantity::loop_error,
+                                   Quantity::loop_force};
 
 void initialise(lockstep_query* query) { *query = {sizeof(lockstep_query), 0, -1, 0, 1.0}; }
 

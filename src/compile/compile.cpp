@@ -7,6 +7,7 @@
 #include "lockstep/error.h"
 #include "lockstep/plan.h"
 #include "measure/inertia_at_start.h"
+#include "model/functions.h"
 #include "model/tendons.h"
 #include "plan/layout.h"
 
@@ -92,11 +93,14 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   lay_out_bodies(*program, Trees(program->model));
   program->contacts = contact_pairs(program->model, Trees(program->model));
   lay_out_couplings(*program);
-  place_tendons(program->model);
   choose_followers(*program);
+  close_start(*program);
+  place_curved(program->model);
+  place_tendons(program->model);
   lay_out_joint_terms(*program);
   find_redundant_couplings(*program);
   choose_method(*program);
+  check_bounds_of_functions(*program);
 
   // What a step solves: plan/matrix, and plan/rows over its velocities. Two choices need the tables that they replace.
   lay_out_solver(*program);
@@ -106,6 +110,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   lay_out_factoring(*program);
 
   // What acts only at times, what a step reports, and which joints turn: plan/rows and plan/couplings.
+  lay_out_loops(*program);
   lay_out_rounds(*program);
   lay_out_contacts(*program);
   lay_out_report(*program);

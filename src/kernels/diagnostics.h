@@ -58,6 +58,35 @@ void look_at_coupling(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Repo
   residual = select(present, T(t.dt) * larger(speed, -speed), T(0));
 }
 
+/// J z of row i of a loop.
+template <class T>
+LOCKSTEP_INLINE T loop_speed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const HeldLoop<ScalarOf<T>>& loop, int i,
+                             const T* z) {
+  T speed = T(0);
+  for (int k = 0; k < loop.columns; ++k)
+    speed = fma(x.loops.value[loop.value + i * loop.columns + k], z[t.loops.columns[loop.column + k].velocity], speed);
+  return speed;
+}
+
+/// (M64) of the row that misses most, and whether some row is at its limit.
+template <class T>
+void look_at_loop(const Tables<ScalarOf<T>>& t, Tile<T>& x, const Reported& reported, T& residual, T& row_state) {
+  residual = row_state = T(0);
+  each_loop(t, x, [&](const auto& loop, int l, const ActingRow<T>* rows) {
+    if (l != reported.index) return;
+    for (int i = 0; i < loop.rows(); ++i) {
+      const T impulse = x.loops.impulse[loop.row + i], force = T(i < loop.translations ? loop.force : loop.torque);
+      const auto on = less(rows[i].cfm, infinite_compliance<T>()),
+                 limited = ~less(absolute(impulse), force * T(ScalarOf<T>(1 - 1e-5)));
+      const T goal = fma(T(t.dt * ScalarOf<T>(0.5)), x.loops.bias[loop.row + i],
+                         closing_speed(t, loop, x.loops.gap[loop.row + i]));
+      const T speed = fma(rows[i].cfm, impulse, goal + loop_speed(t, x, loop, i, x.dynamics.solution));
+      residual = larger(residual, select(on & ~limited, T(t.dt) * absolute(speed), T(0)));
+      row_state = larger(row_state, select(on, select(limited, T(2), T(1)), T(0)));
+    }
+  });
+}
+
 template <class T>
 void look_at_bound(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x,
                    const Reported& row, T& residual, T& row_state) {
@@ -125,7 +154,7 @@ void look_at_bound(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
 /// (M65) without the change of energy. `work` gets that of drives, springs, soft rows and bounces; `dissipated` gets
 /// what damping and friction take.
 template <class T>
-void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x, T& work,
+void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, T& work,
               T& dissipated) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
   const Phase phase = t.solve_twice ? velocity_phase : position_phase;
@@ -172,6 +201,14 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     work = fma(soft, moved(t.impulse_coupling[e]), work);
   }
 
+  // Soft loops.
+  if (t.loops.used())
+    each_loop(t, x, [&](const auto& loop, int, const ActingRow<T>*) {
+      for (int i = 0; i < loop.rows() && loop.soft; ++i)
+        work = fma(x.loops.impulse[phase * t.loops.rows + loop.row + i],
+                   loop_speed(t, x, loop, i, t.solve_twice ? x.dynamics.velocity_solution : x.dynamics.solution), work);
+    });
+
   // Bounded rows: soft ones and drives do work, friction takes, bounces give.
   for (int i = 0; i < x.bounds.active_count; ++i) {
     const int r = x.bounds.active_rows[i], m = b.member_start[r];
@@ -211,6 +248,8 @@ void diagnose(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     T residual, row_state;
     if (row.kind == Reported::coupling)
       look_at_coupling(t, x, row, residual, row_state);
+    else if (row.kind == Reported::loop)
+      look_at_loop(t, x, row, residual, row_state);
     else
       look_at_bound(t, batch, x, row, residual, row_state);
     x.diagnostics.residual[i] = residual;
@@ -226,6 +265,7 @@ void diagnose(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     expand(t, x, x.dynamics.velocity_solution, false, x.diagnostics.uncorrected.v);
     for (int j = 0; j < t.joints; ++j)
       x.diagnostics.uncorrected.q[j] = fma(T(t.dt), x.diagnostics.uncorrected.v[t.velocity_of(j)], x.state.q[j]);
+    if (t.functions.used()) place_curved_positions(t, x, x.diagnostics.uncorrected.q);
     move_roots(t, x, t.dt, x.diagnostics.uncorrected.v, x.state.pose, x.diagnostics.uncorrected.pose);
     corrected = energy_at(t, batch, x, x.next, false) - energy_at(t, batch, x, x.diagnostics.uncorrected, false);
   }

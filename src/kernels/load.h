@@ -3,7 +3,7 @@
 
 #include "kernels/contacts/memory.h"
 #include "kernels/couplings/consistent.h"
-#include "kernels/couplings/gear_ratios.h"
+#include "kernels/couplings/functions.h"
 #include "kernels/couplings/tendons.h"
 #include "kernels/couplings/turns.h"
 #include "kernels/dynamics/frame.h"
@@ -129,6 +129,8 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
     own_inertias(t, batch, x);
     move_masses_inwards(t, x);
   }
+  if (own(Parameter::function)) own_functions(t, batch, x);
+  if (t.functions.used()) place_loaded(t, x);
   if (t.tendons.count > 0) keep_tendons(t, x), place_tendons(t, x);
   set_consistent(t, x, all_consistent(t, x, shape));
   if (t.contacts.used()) load_contacts(t, batch, x);

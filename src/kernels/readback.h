@@ -6,12 +6,14 @@
 #include "kernels/contacts/readback.h"
 #include "kernels/couplings/coupling_error.h"
 #include "kernels/dynamics/energies.h"
+#include "kernels/loops/find_loops.h"
 #include "load.h"
 
 namespace lockstep::kernels {
 
 enum class Quantity {
   coupling_errors,
+  loop_errors,
   frame,
   frame_velocity,
   frame_position,
@@ -149,6 +151,19 @@ void read(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
       case Quantity::frame_velocity: put_velocity(t, m, request, out); break;
       case Quantity::frame_position: out.put(0, place_of(t, m, request).position); break;
       case Quantity::frame_jacobian: put_jacobian(t, m, request, out); break;
+      case Quantity::loop_errors:
+        loop_gaps(t, own, m, x);
+        for (int l = 0; l < t.loops.loops.count; ++l) {
+          const auto length = [&](int first, int count) LOCKSTEP_INLINED {
+            T squared = T(0);
+            for (int r = first; r < first + count; ++r) squared = fma(x.loops.gap[r], x.loops.gap[r], squared);
+            return sqrt(squared);
+          };
+          const HeldLoop<ScalarOf<T>>& loop = t.loops.loops[l];
+          out.put(2 * l, length(loop.row, loop.translations));
+          out.put(2 * l + 1, length(loop.row + loop.translations, loop.rotations));
+        }
+        break;
       case Quantity::kinetic_energy: out.put(0, kinetic_energy(t, own, x, m)); break;
       case Quantity::potential_energy: out.put(0, potential_energy(t, own, x, m)); break;
       default: put_momentum(t, x, m, out); break;

@@ -28,6 +28,7 @@ void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
     case Integrator::runge_kutta: runge_kutta_step(t, batch, x); break;
     default: euler(t, batch, x); break;
   }
+  if (t.functions.used()) place_curved(t, x, x.next.q, x.next.v);
   if (t.record_diagnostics) diagnose(t, batch, x);
   if (t.audited) audit_if(t, batch, x);
   check(t, batch, x);

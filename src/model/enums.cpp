@@ -31,7 +31,8 @@ const char* to_string(Parameter parameter) noexcept {
   constexpr const char* names[parameter_count] = {
       "gear_ratio",      "offset",         "softness",        "drive_gains",    "damping",   "mass",
       "gravity",         "link_wrench",    "coupling_switch", "armature",       "stiffness", "friction",
-      "position_limits", "velocity_limit", "effort_limit",    "center_of_mass", "inertia",   "contact_friction"};
+      "position_limits", "velocity_limit", "effort_limit",    "center_of_mass", "inertia",   "contact_friction",
+      "loop_switch",     "loop_frame",     "function"};
   const auto index = static_cast<unsigned>(parameter);
   return index < parameter_count ? names[index] : "unknown";
 }
@@ -44,6 +45,16 @@ const char* to_string(ShapeKind kind) noexcept {
     case ShapeKind::sphere: break;
   }
   return "sphere";
+}
+
+const char* to_string(LoopKind kind) noexcept {
+  switch (kind) {
+    case LoopKind::point: return "point";
+    case LoopKind::hinge: return "hinge";
+    case LoopKind::slider: return "slider";
+    case LoopKind::weld: break;
+  }
+  return "weld";
 }
 
 const char* to_string(FaultStage stage) noexcept {

@@ -5,8 +5,10 @@
 #include <unordered_map>
 
 #include "contact_pairs.h"
+#include "functions.h"
 #include "inertia.h"
 #include "lockstep/error.h"
+#include "loops.h"
 #include "moved_inertia.h"
 #include "rules.h"
 #include "trees.h"
@@ -211,6 +213,7 @@ void proper_coupling(const JointsByName& joints, const Coupling& coupling, const
     require(seen.insert(joint).second, element, "names joint '" + joint + "' twice", "add up the ratios");
   };
   moving(coupling.joint);
+  if (coupling.function) proper_function(coupling, element);
   require(joints.at(coupling.joint)->kind != JointKind::tendon ||
               (is_hard(coupling.softness) && coupling.force_limit == infinity),
           element, "says what the position of a tendon is, and yet is soft or has a force limit",
@@ -219,6 +222,7 @@ void proper_coupling(const JointsByName& joints, const Coupling& coupling, const
     moving(term.joint);
     require(joints.at(term.joint)->kind != JointKind::tendon, element,
             "has tendon '" + term.joint + "' among its leaders", "name the joints of the tendon in its place");
+    if (coupling.function) continue;
     finite(term.ratio, element, "gear ratio of joint '" + term.joint + "'");
     require(term.ratio != 0.0, element, "gear ratio of joint '" + term.joint + "' is 0",
             "remove the term; a joint that stands still is a fixed joint");
@@ -246,6 +250,7 @@ void Model::validate() const {
   unique_names(links, "link");
   unique_names(joints, "joint");
   unique_names(sites, "site");
+  unique_names(loops, "loop");
   for (const Link& link : links) proper_numbers(link);
   for (const Joint& joint : joints) proper_joint(joint);
 
@@ -259,6 +264,8 @@ void Model::validate() const {
   const std::vector<string> names = coupling_names(*this);
   for (std::size_t c = 0; c < couplings.size(); ++c) proper_coupling(joints_by_name, couplings[c], names[c]);
   one_coupling_each(*this);
+  curved_couplings(*this);
+  for (const Loop& loop : loops) proper_loop(*this, trees, loop);
   for (const Site& site : sites) {
     link_index(site.link);
     rigid(site.pose, quoted("site", site.name), "pose");

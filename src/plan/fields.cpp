@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "fields.h"
 
+#include "model/functions.h"
 #include "model/softness_numbers.h"
 
 namespace lockstep {
@@ -34,6 +35,10 @@ Fields make_fields(const Program& program) {
   const std::vector<std::string> couplings = coupling_names(model);
   for (std::size_t c = 0; c < couplings.size(); ++c) {
     const Coupling& coupling = model.couplings[c];
+    for (std::size_t k = 0; coupling.function && k < numbers_of(*coupling.function).size(); ++k)
+      add(Parameter::function,
+          couplings[c] + ": " + coupling.terms[0].joint + " " + number_names(*coupling.function)[k],
+          numbers_of(*coupling.function)[k]);
     for (const CouplingTerm& term : coupling.terms)
       add(Parameter::gear_ratio, couplings[c] + ": " + term.joint, term.ratio);
     add(Parameter::offset, couplings[c], coupling.offset);
@@ -67,6 +72,16 @@ Fields make_fields(const Program& program) {
     for (int k = 0; k < 6; ++k)
       add(Parameter::inertia, link.name + " i" + axes[tensor_rows[k]] + axes[tensor_columns[k]],
           link.inertia.about_center(tensor_rows[k], tensor_columns[k]));
+  }
+
+  // By loop.
+  for (const Loop& loop : model.loops) {
+    add(Parameter::loop_switch, loop.name, 1.0);
+    const Eigen::Vector3d place = loop.first_pose.translation();
+    const Eigen::Quaterniond turn(loop.first_pose.linear());
+    for (int k = 0; k < 3; ++k) add(Parameter::loop_frame, loop.name + " " + axes[k], place[k]);
+    add(Parameter::loop_frame, loop.name + " qw", turn.w());
+    for (int k = 0; k < 3; ++k) add(Parameter::loop_frame, loop.name + " q" + axes[k], turn.vec()[k]);
   }
 
   // By contact, and for the whole environment.

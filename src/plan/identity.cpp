@@ -72,8 +72,29 @@ class ModelHash {
     all(joint, ratio);
   }
   void put(const Coupling& coupling) {
-    const auto& [joint, terms, offset, softness, force_limit] = coupling;
-    all(joint, terms, offset, softness, force_limit);
+    const auto& [joint, terms, offset, softness, force_limit, function] = coupling;
+    all(joint, terms, offset, softness, force_limit, function);
+  }
+  void put(const Polynomial& polynomial) {
+    const auto& [coefficients] = polynomial;
+    put(coefficients);
+  }
+  void put(const CamTable& table) {
+    const auto& [leader, follower] = table;
+    all(leader, follower);
+  }
+  void put(const Harmonic& harmonic) {
+    const auto& [mean, cosine, sine, rate] = harmonic;
+    all(mean, cosine, sine, rate);
+  }
+  void put(const Function& function) {
+    put(static_cast<std::uint64_t>(function.index()));
+    std::visit([&](const auto& kind) { put(kind); }, function);
+  }
+  void put(const Loop& loop) {
+    const auto& [name, kind, first, second, first_pose, second_pose, axis, softness, force_limit, torque_limit] = loop;
+    all(name, static_cast<std::uint64_t>(kind), first, second, first_pose, second_pose, axis, softness, force_limit,
+        torque_limit);
   }
   void put(const Site& site) {
     const auto& [name, link, pose] = site;
@@ -101,8 +122,8 @@ class ModelHash {
     all(link, floating, pose, velocity);
   }
   void put(const Model& model) {
-    const auto& [name, links, joints, couplings, sites, colliders, contacts, roots, gravity] = model;
-    all(name, links, joints, couplings, sites, colliders, contacts, roots, gravity);
+    const auto& [name, links, joints, couplings, loops, sites, colliders, contacts, roots, gravity] = model;
+    all(name, links, joints, couplings, loops, sites, colliders, contacts, roots, gravity);
   }
 
   Hash hash_;

@@ -55,6 +55,23 @@ bool declared(const Program& program, Parameter parameter);
 /// Whether masses, centres of mass or inertias differ per environment.
 bool has_own_inertias(const Program& program);
 
+/// The functions that followers are of a joint, and the couplings that place curved followers
+/// (couplings/functions.cpp).
+void lay_out_functions(Program& program);
+/// Which of the eliminated followers are curved (couplings/functions.cpp).
+void find_curved_followers(Program& program);
+/// Throws ModelError where a bound of a curved follower is none of its leader, because the function rises and falls
+/// (couplings/functions.cpp).
+void check_bounds_of_functions(const Program& program);
+/// What users see of curved followers: the tangents at the model's start (couplings/functions.cpp).
+void take_tangents(Program& program);
+/// Whether the coupling has a function, or follows hard a follower that has one (couplings/functions.cpp).
+bool is_curved(const Program& program, int coupling);
+/// Whether S differs between environments, or between steps (couplings/functions.cpp).
+bool shares_differ(const Program& program);
+/// The slope of a coupling's function at the model's start, or 1 where that is 0 (couplings/functions.cpp).
+double slope_at_start(const Model& model, const Coupling& coupling);
+
 /// A coupling's first joint is its follower, unless another joint's coefficient is this many times larger and the first
 /// is no tendon.
 inline constexpr double follower_preference = 1000.0;
@@ -197,6 +214,28 @@ BoundForms lay_out_bounds(Program& program);
 void lay_out_rounds(Program& program);
 /// Whether the joint moves with one velocity of the solver (rows/rounds.cpp).
 bool acts_on_one_velocity(const Tables<double>& t, int joint);
+
+/// A frame in a body, or in the world.
+struct BodyPlace {
+  int body;  ///< -1: the world
+  Eigen::Isometry3d pose;
+};
+/// Of a frame in a link; an empty name is the world (rows/moving.cpp).
+BodyPlace place_of(const Program& program, const std::string& link, const Eigen::Isometry3d& pose);
+void put_pose(const Eigen::Isometry3d& pose, double (&rotation)[9], double (&offset)[3]);
+
+/// By solver velocity: what it turns or moves of two bodies against each other (rows/moving.cpp).
+using MovingColumns = std::map<int, std::vector<ColumnPart>>;
+MovingColumns columns_between(const Program& program, int first_body, int second_body);
+
+/// Moves the model's start to the closest pose that closes its loops, and finds which rows are redundant. Throws
+/// ModelError for loops that do not close (rows/closing.cpp).
+void close_start(Program& program);
+/// The tables of loops, before the rounds (rows/loops.cpp).
+bool has_loops(const Program& program);
+void lay_out_loops(Program& program);
+/// Their softness for the length of the program's solves (rows/loops.cpp).
+void lay_out_loop_softness(Program& program);
 
 /// By pair of colliders: the solver's velocities that move them against each other (rows/contacts.cpp).
 std::vector<std::vector<int>> contact_velocities(const Program& program);

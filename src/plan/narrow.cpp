@@ -24,7 +24,10 @@ static_assert(names_all<Body<double>, BodyStructure> && names_all<LinkPlace<doub
               names_all<Rows<double>, RowStructure> && names_all<Bounds<double>, BoundStructure> &&
               names_all<Fill<double>, FillStructure> && names_all<Reduction<double>, ReductionStructure> &&
               names_all<ColliderPlace<double>, ColliderStructure> &&
-              names_all<TouchingPair<double>, TouchingStructure> && names_all<ContactTables<double>, ContactStructure>);
+              names_all<TouchingPair<double>, TouchingStructure> &&
+              names_all<ContactTables<double>, ContactStructure> && names_all<HeldLoop<double>, LoopStructure> &&
+              names_all<LoopTables<double>, LoopTableStructure> &&
+              names_all<FunctionTables<double>, FunctionStructure>);
 static_assert(sizeof(Tables<double>) ==
               (sizeof(TableStructure) + 7) / 8 * 8 + 2 * sizeof(void*) + bytes_of_numbers<Tables<double>>());
 
@@ -63,6 +66,9 @@ struct Narrowing {
   void operator()(const Reduction<double>& from, Reduction<float>& to) { table<ReductionStructure>(from, to); }
   void operator()(const ColliderPlace<double>& from, ColliderPlace<float>& to) { table<ColliderStructure>(from, to); }
   void operator()(const TouchingPair<double>& from, TouchingPair<float>& to) { table<TouchingStructure>(from, to); }
+  void operator()(const HeldLoop<double>& from, HeldLoop<float>& to) { table<LoopStructure>(from, to); }
+  void operator()(const LoopTables<double>& from, LoopTables<float>& to) { table<LoopTableStructure>(from, to); }
+  void operator()(const FunctionTables<double>& from, FunctionTables<float>& to) { table<FunctionStructure>(from, to); }
   void operator()(const ContactTables<double>& from, ContactTables<float>& to) { table<ContactStructure>(from, to); }
 };
 

@@ -28,7 +28,7 @@ void note(Program& program, Axis axis, const char* applies_to, const char* featu
 void find_method_obstacles(Program& program) {
   const StepSettings& s = program.settings;
   const Model& model = program.model;
-  const bool has_tendons = program.f64.tendons.count > 0;
+  const bool has_tendons = program.f64.tendons.count > 0, has_functions = program.f64.functions.used();
 
   // Which couplings are redundant is known for the model's ratios alone.
   if (declared(program, Parameter::gear_ratio) && !program.redundant.empty()) {
@@ -37,6 +37,10 @@ void find_method_obstacles(Program& program) {
     if (has_tendons)
       note(program, Axis::per_environment, "per_environment", feature,
            "does not fit tendons, which take eliminated couplings: " + reason, "leave it out, or remove the tendons");
+    if (has_functions)
+      note(program, Axis::per_environment, "per_environment", feature,
+           "does not fit functions of joints, which take eliminated couplings: " + reason,
+           "leave it out, or remove the redundant couplings");
     note(program, Axis::method, to_string(Method::reduced), feature, reason, "use direct");
   }
 
@@ -45,6 +49,19 @@ void find_method_obstacles(Program& program) {
     for (const Method method : {Method::direct, Method::pgs, Method::tgs})
       note(program, Axis::method, to_string(method), "tendons", "tendons have no inertia of their own, which it needs",
            "use reduced, or automatic");
+
+  // Functions of joints, whose followers only elimination places.
+  if (has_functions) {
+    for (const Method method : {Method::direct, Method::pgs, Method::tgs})
+      note(program, Axis::method, to_string(method), "functions of joints",
+           "followers that are functions of a joint are eliminated, which it does not do", "use reduced, or automatic");
+    for (const Parameter varied : {Parameter::softness, Parameter::coupling_switch})
+      if (declared(program, varied))
+        note(program, Axis::per_environment, "per_environment", "functions of joints",
+             fmt::format("has the {}, but some followers are functions of a joint, which always hold",
+                         to_string(varied)),
+             "leave it out, or make these couplings linear");
+  }
 
   // Sub-steps, whose rate (M36) an erp above 1 does not have.
   const auto divide = [&](const Softness& softness, const char* kind, const std::string& name) {
@@ -79,6 +96,13 @@ void find_method_obstacles(Program& program) {
          "does not apply to a model with contacts: tgs renews couplings and bounds in its sub-steps, and contacts not "
          "yet",
          "use pgs, or automatic");
+  for (const Method method : {Method::pgs, Method::tgs})
+    if (!model.loops.empty())
+      note(
+          program, Axis::method, to_string(method), "loops",
+          "sweeps leave too much of a loop open: the rows of a loop are redundant, and each is coupled with all joints "
+          "around it",
+          "use reduced or direct, or automatic");
 }
 
 // ---------------------------------------------------------------- parts of a step
@@ -116,6 +140,7 @@ std::optional<PlanObstacle> obstacle_to_single_velocities(const Program& program
   const auto stands = [](const char* feature, const std::string& reason) {
     return PlanObstacle{{feature, "stages", reason, ""}, Axis::stages};
   };
+  if (t.loops.used()) return stands("loops", "loops are rows over several velocities");
   if (t.rows.count > 0) return stands("kept couplings", "couplings that are not eliminated compete with the bounds");
   std::vector<std::string> several;
   const auto add_joint_name = [&](int joint) {
@@ -147,15 +172,21 @@ void find_audit_obstacles(Program& program) {
   if (program.integrator == Integrator::euler && program.f64.contacts.used())
     stands("contacts", "velocities of euler are half a step late, which beside contacts looks like energy",
            "use leapfrog");
+  if (program.f64.loops.used())
+    stands("loops", "a step over a pose in which a loop is folded flat may gain or lose some");
+  if (declared(program, Parameter::loop_frame))
+    stands("frames of loops per environment", "moved frames may do any work");
   const Bounds<double>& b = program.f64.bounds;
   bool drives = false, soft = false;
   for (int r = 0; r < b.rows.count; ++r)
     drives |= b.kinematic[r] || b.kind[r] == BoundKind::soft_drive || b.kind[r] == BoundKind::drive;
   for (const Coupling& coupling : program.model.couplings) soft |= !is_hard(coupling.softness);
+  for (const Loop& loop : program.model.loops) soft |= !is_hard(loop.softness);
   if (drives) stands("kinematic drives", "kinematic drives may do any work");
-  if (soft) stands("soft couplings", "soft couplings keep energy");
-  if (declared(program, Parameter::softness) || declared(program, Parameter::coupling_switch))
-    stands("softness or switches per environment", "couplings are soft or switched per environment");
+  if (soft) stands("soft couplings", "soft couplings and loops keep energy");
+  if (declared(program, Parameter::softness) || declared(program, Parameter::coupling_switch) ||
+      declared(program, Parameter::loop_switch))
+    stands("softness or switches per environment", "couplings or loops are soft or switched per environment");
   if (declared(program, Parameter::link_wrench)) stands("wrenches per environment", "wrenches may do any work");
 }
 
@@ -184,12 +215,21 @@ void find_integrator_obstacles(Program& program) {
              "velocity_iterations is 0, so corrections of positions would stay in the velocities", "give 1");
     };
 
+    // Loops.
+    if (!program.model.loops.empty() && !leapfrog)
+      stands("loops", "loops are held by rows, which its stages do not have", "use leapfrog or euler");
+    if (!program.model.loops.empty() && leapfrog && declared(program, Parameter::loop_frame))
+      stands(
+          "frames of loops per environment",
+          "loop_frame is declared, and a leapfrog does not know the speed of frames that are moved between its steps",
+          "use euler");
+
     // Contacts and bounds.
     if (touches && !leapfrog) stands("contacts", "contacts may begin and end within a step", "use leapfrog or euler");
     if (bounded && !leapfrog)
       stands("bounds", "the scene has bounds, which may become active within a step",
              "use leapfrog or euler, or leave out the bounds by StepSettings::ignore");
-    const bool holds = leapfrog && (bounded || touches);
+    const bool holds = leapfrog && (bounded || touches || !program.model.loops.empty());
     if (holds && s.velocity_iterations == 0) corrections_stay();
 
     // Records of a single solve.

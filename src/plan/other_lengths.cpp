@@ -21,6 +21,7 @@ void keep_springs(Program& program) {
   for (Joint& joint : program.model.joints)
     keep_spring(joint.limit_softness, dt), keep_spring(joint.drive.softness, dt);
   for (Softness& softness : program.bound_softness) keep_spring(softness, dt);
+  for (Loop& loop : program.model.loops) keep_spring(loop.softness, dt);
 }
 
 Span<RowSoftness<double>> softness_of(Program& program, const Rows<double>& rows) {
@@ -67,6 +68,7 @@ void lay_out_lengths(Program& program, Integrator integrator) {
   }
   t.bounds.rows.softness = program.storage.keep(std::move(bounds));
   t.bounds.soft_rate = program.storage.keep(std::move(soft_rate));
+  lay_out_loop_softness(program);
 }
 
 }  // namespace

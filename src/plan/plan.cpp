@@ -22,6 +22,8 @@ int Plan::couplings() const { return program_->f64.couplings; }
 const std::vector<std::string>& Plan::root_names() const { return program_->root_names; }
 const std::vector<PlanTree>& Plan::trees() const { return program_->trees; }
 const std::vector<PlanContact>& Plan::contacts() const { return program_->plan_contacts; }
+const std::vector<PlanLoop>& Plan::loops() const { return program_->plan_loops; }
+const std::vector<int>& Plan::loop_dependent_dofs() const { return program_->loop_dependent_dofs; }
 const std::vector<std::string>& Plan::dof_names() const { return program_->dof_names; }
 const std::vector<std::string>& Plan::row_names() const { return program_->row_names; }
 const std::vector<int>& Plan::redundant_couplings() const { return program_->redundant; }

@@ -91,6 +91,8 @@ struct Program {
   Placing placing_all, placing_hard;  ///< by all couplings, by those that may be hard
   ContactPairs contacts;
   std::vector<PlanContact> plan_contacts;
+  std::vector<PlanLoop> plan_loops;
+  std::vector<int> loop_dependent_dofs;
   std::vector<std::string> row_names;
   std::vector<Reported> reported;  ///< by row name
   int merged_links = 0;

@@ -8,28 +8,12 @@
 namespace lockstep {
 
 const char* to_string(Quantity quantity) noexcept {
-  static const char* const names[] = {"position",
-                                      "velocity",
-                                      "position_target",
-                                      "velocity_target",
-                                      "effort",
-                                      "link_pose",
-                                      "link_velocity",
-                                      "site_pose",
-                                      "site_position",
-                                      "site_velocity",
-                                      "coupling_error",
-                                      "root_pose",
-                                      "root_velocity",
-                                      "kinetic_energy",
-                                      "potential_energy",
-                                      "contact_force",
-                                      "contact_normal_force",
-                                      "contact_gap",
-                                      "contact_slip",
-                                      "contact_point",
-                                      "unfinished_contacts",
-                                      "solve_counts"};
+  static const char* const names[] = {"position",         "velocity",      "position_target",      "velocity_target",
+                                      "effort",           "link_pose",     "link_velocity",        "site_pose",
+                                      "site_position",    "site_velocity", "coupling_error",       "loop_error",
+                                      "loop_force",       "root_pose",     "root_velocity",        "kinetic_energy",
+                                      "potential_energy", "contact_force", "contact_normal_force", "contact_gap",
+                                      "contact_slip",     "contact_point", "unfinished_contacts",  "solve_counts"};
   const auto index = static_cast<unsigned>(quantity);
   return index < std::size(names) ? names[index] : "unknown";
 }
@@ -49,6 +33,8 @@ QueryShape shape_of(const Program& program, Quantity quantity) {
     case Quantity::site_position: return {sites, 3};
     case Quantity::site_velocity: return {sites, 6};
     case Quantity::coupling_error: return {t.couplings, 1};
+    case Quantity::loop_error: return {t.loops.loops.count, 2};
+    case Quantity::loop_force: return {t.loops.loops.count, 6};
     case Quantity::root_pose: return {t.roots.count, 7};
     case Quantity::root_velocity: return {t.roots.count, 6};
     case Quantity::kinetic_energy:

@@ -16,6 +16,8 @@
 #include "lockstep/enums.h"
 #include "tables/bodies.h"
 #include "tables/contacts.h"
+#include "tables/functions.h"
+#include "tables/loops.h"
 #include "tables/reduction.h"
 #include "tables/rounds.h"
 
@@ -111,11 +113,21 @@ struct Tables : TableStructure {
   Bounds<S> bounds;
   Reduction<S> reduction;
   ContactTables<S> contacts;
+  LoopTables<S> loops;
+  FunctionTables<S> functions;
   Span<S> hard_rate;  ///< erp / dt by coupling, 0 for soft ones
   Rows<S> undamped;   ///< rows whose softness refers to the undamped inertia, if A differs from that
   Rows<S> folded;  ///< soft couplings that are part of A_r (M95); their numbers in a tile stand behind those of `rows`
   /// Whether a batch keeps what its solves have cost.
   inline __attribute__((always_inline)) bool counts_solves() const { return contacts.used() || rounds.slots.count > 0; }
+  /// Whether S differs between environments, or between steps.
+  inline __attribute__((always_inline)) bool shares_differ() const {
+    return declares(Parameter::gear_ratio) || functions.used();
+  }
+  /// Whether rounds find the first solution of a step of euler.
+  inline __attribute__((always_inline)) bool solves_first() const {
+    return limited_servos.count > 0 || row_servos.count > 0 || loops.used();
+  }
   inline __attribute__((always_inline)) const TreeStructure& tree_of_joint(int joint) const {
     return tree[body[joint_body[joint]].tree];
   }
@@ -134,7 +146,8 @@ struct Tables : TableStructure {
     visit(from.stiffness, to.stiffness), visit(from.rest, to.rest);
     visit(from.effort_limit, to.effort_limit), visit(from.term_value, to.term_value), visit(from.offset, to.offset);
     visit(from.rows, to.rows), visit(from.bounds, to.bounds), visit(from.reduction, to.reduction);
-    visit(from.contacts, to.contacts);
+    visit(from.contacts, to.contacts), visit(from.loops, to.loops);
+    visit(from.functions, to.functions);
     visit(from.hard_rate, to.hard_rate), visit(from.undamped, to.undamped), visit(from.folded, to.folded);
   }
 };
@@ -158,6 +171,9 @@ inline __attribute__((always_inline)) int rows_of(const Tables<S>& t, Parameter 
     case Parameter::mass: return t.links;
     case Parameter::gravity: return 3;
     case Parameter::contact_friction: return t.contacts.pairs.count;
+    case Parameter::loop_switch: return t.loops.loops.count;
+    case Parameter::loop_frame: return 7 * t.loops.loops.count;
+    case Parameter::function: return t.functions.number.count;
     case Parameter::center_of_mass: return 3 * t.links;
     case Parameter::link_wrench:
     case Parameter::inertia: return 6 * t.links;

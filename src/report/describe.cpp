@@ -57,7 +57,19 @@ const char* evaluations_of(Integrator integrator) {
   }
 }
 
+std::string words_of(const Function& function) {
+  if (const auto* polynomial = std::get_if<Polynomial>(&function))
+    return fmt::format("a polynomial of degree {}", polynomial->coefficients.size() - 1);
+  if (const auto* table = std::get_if<CamTable>(&function))
+    return fmt::format("a table of {} points", table->leader.size());
+  const Harmonic& h = std::get<Harmonic>(function);
+  return fmt::format("{:g} + {:g} cos(x) + {:g} sin(x), x = {:g} times the position", h.mean, h.cosine, h.sine, h.rate);
+}
+
 std::string words_of(const Coupling& coupling, const std::string& name) {
+  if (coupling.function)
+    return fmt::format("{}: {} follows {} as {}", name, coupling.joint, coupling.terms[0].joint,
+                       words_of(*coupling.function));
   std::string form = coupling.joint;
   for (const CouplingTerm& term : coupling.terms)
     form += fmt::format(" {} {:g} {}", term.ratio < 0 ? '-' : '+', std::abs(term.ratio), term.joint);
@@ -200,6 +212,7 @@ std::string stage_lines(const Program& program) {
                   {"responses", "row terms", to_string(t.rows.columns.n > 0 ? Method::direct : program.method)});
   if (t.bounds.rows.count > 0) stages.push_back("bounds");
   if (t.limited_servos.count + t.row_servos.count > 0) stages.push_back("limited servos");
+  if (t.loops.used()) stages.push_back("loops");
   if (t.contacts.used()) stages.push_back("contacts");
   stages.insert(stages.end(), {"integration", "check"});
   std::string text = fmt::format("Stages{}: {}.\n", evaluations_of(program.integrator), fmt::join(stages, ", "));
@@ -279,6 +292,24 @@ std::string bounds_lines(const Program& program) {
   return text;
 }
 
+std::string loop_lines(const Program& program) {
+  if (program.plan_loops.empty()) return "";
+  int rows = 0, redundant = 0;
+  std::vector<std::string> names, dependent;
+  for (std::size_t l = 0; l < program.plan_loops.size(); ++l) {
+    const PlanLoop& loop = program.plan_loops[l];
+    rows += loop.rows, redundant += loop.redundant;
+    names.push_back(fmt::format("{} ({}, {})", loop.name, to_string(program.model.loops[l].kind),
+                                words_of(program.model.loops[l].softness)));
+  }
+  for (const int dof : program.loop_dependent_dofs)
+    dependent.push_back(program.dof_names[static_cast<std::size_t>(dof)]);
+  std::string text = fmt::format("Loops: {}; {}", joined(names), count_of(rows, "row", "rows"));
+  if (redundant > 0) text += fmt::format(", of which {} follow from others where the model starts", redundant);
+  if (!dependent.empty()) text += fmt::format("; by them {} depend on the other joints", joined(dependent));
+  return text + ".\n";
+}
+
 std::string contact_lines(const Program& program) {
   const ContactPairs& contacts = program.contacts;
   if (contacts.pairs.empty() && contacts.left_out.empty()) return "";
@@ -325,6 +356,7 @@ std::string kernel_obstacle(const Plan& plan) {
 std::string engine_line(const Plan& plan) {
   const Program& program = program_of(plan);
   if (program.f64.contacts.used()) return "Engine: tables, which alone solve contacts.\n";
+  if (program.f64.loops.used()) return "Engine: tables, which alone hold loops.\n";
   // Without generated code.
   std::string engine = to_string(Engine::tables), reason;
   if (const char* obstacle = interpret::speed_obstacle(program))
@@ -356,7 +388,7 @@ std::string Plan::describe() const {
   const Program& p = *program_;
   const long flops = flops_per_step();
   return mechanism_line(p) + coupling_lines(p) + locked_lines(p) + method_lines(p) + input_line(p) + stage_lines(p) +
-         bounds_lines(p) + contact_lines(p) + watch_line(p) + engine_line(*this) +
+         bounds_lines(p) + loop_lines(p) + contact_lines(p) + watch_line(p) + engine_line(*this) +
          fmt::format("Cost of a step of one environment: {} flops; {} bytes read and written in f32, {} in f64.\n",
                      flops, bytes_per_step(4), bytes_per_step(8)) +
          fmt::format("Memory of one environment: {} bytes in f32, {} in f64.\n", bytes_per_environment(4),

@@ -47,6 +47,11 @@ LOCKSTEP_INLINE Vec3<T> fma(const Vec3<T>& a, T s, const Vec3<T>& b) {
 }
 
 template <class T>
+LOCKSTEP_INLINE Vec3<T> scaled(const Vec3<T>& a, T s) {
+  return {a.x * s, a.y * s, a.z * s};
+}
+
+template <class T>
 LOCKSTEP_INLINE T dot(const Vec3<T>& a, const Vec3<T>& b) {
   return fma(a[0], b[0], fma(a[1], b[1], a[2] * b[2]));
 }

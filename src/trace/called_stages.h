@@ -15,10 +15,16 @@ void keep_state(Tile<Traced>& x);
 /// Refuses: the tables alone solve contacts.
 bool find_contacts(const Tables<double>& t, Tile<Traced>& x);
 inline void touch(const Tables<double>&, const StatePointers<double>&, bool, Tile<Traced>&) {}
+inline void subtract_loops(const Tables<double>&, const Tile<Traced>&, Traced*) {}
+inline void loop_forces(const Tables<double>&, double, Tile<Traced>&) {}
 inline void subtract_contacts(const Tables<double>&, const Tile<Traced>&, Traced*) {}
 inline void add_contact_work(const Tables<double>&, const Traced*, Tile<Traced>&, Traced&, Traced&) {}
-void find_contacts_at_midpoint(const Tables<double>& t, Tile<Traced>& x);
+/// Refuses: the tables alone have functions of joints.
+void curved_shares(const Tables<double>& t, Tile<Traced>& x);
+void find_loops(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
+void find_at_midpoint(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 inline void step_from_midpoint(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&, int) {}
+inline void close_loops(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}
 inline void remember_midpoint(const Tables<double>&, Tile<Traced>&) {}
 inline void copy_contacts(const Tables<double>&, Tile<Traced>&, Traced*) {}
 void first_saturation_pass(Tile<Traced>& x);

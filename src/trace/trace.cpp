@@ -92,11 +92,21 @@ bool find_contacts(const Tables<double>&, Tile<Traced>&) {
                         "use Engine::tables or automatic");
   return false;
 }
-void find_contacts_at_midpoint(const Tables<double>& t, Tile<Traced>&) {
+void find_loops(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {
+  if (!counting)
+    throw SettingsError("loops", "are held by the tables, not by generated code or the interpreter",
+                        "use Engine::tables or automatic");
+}
+void curved_shares(const Tables<double>& t, Tile<Traced>& x) {
+  if (counting) return curved_shares<Traced>(t, x);
+  throw SettingsError("functions of joints", "are computed by the tables, not by generated code or the interpreter",
+                      "use Engine::tables or automatic");
+}
+void find_at_midpoint(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>&) {
   if (!counting && t.rounds.at_midpoint)
     throw SettingsError(
         "integrator",
-        "leapfrog with contacts, or with bounds over several velocities, is solved by the tables, not by "
+        "leapfrog with contacts, with loops, or with bounds over several velocities, is solved by the tables, not by "
         "generated code or the interpreter",
         "use Engine::tables or automatic");
 }

@@ -6,6 +6,7 @@
 #include "allocation_counter.h"
 #include "bounded_scenes.h"
 #include "contact_scenes.h"
+#include "reference/loop_models.h"
 
 namespace lockstep {
 namespace {
@@ -66,6 +67,23 @@ TEST(AllocationWithContacts, does_not_happen_in_a_step_and_a_readback) {
     EXPECT_EQ(allocated_by([&] { batch.step(2); }), 0u) << model.name;
     EXPECT_GT(batch.faulted(), 0);
   }
+}
+
+TEST(AllocationWithLoops, does_not_happen_in_a_step_and_a_readback) {
+  for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog})
+    for (const Model& model : {loop_models::gripper(), loop_models::stewart()}) {
+      const Plan plan = compile(model, {.integrator = integrator});
+      Batch<float> batch(plan, 19, {.threads = 1});
+      const Query queries[] = {{Quantity::loop_error}, {Quantity::loop_force}};
+      int rows = 0;
+      for (const Query& query : queries) rows += plan.query_rows(query);
+      Batch<float>::Array numbers(rows, batch.environments());
+      EXPECT_EQ(allocated_by([&] {
+                  batch.step(20);
+                  batch.read(queries, {numbers.data(), batch.environments(), 1});
+                }),
+                0u);
+    }
 }
 
 TEST_P(Allocation, does_not_happen_in_a_step_with_one_thread) {

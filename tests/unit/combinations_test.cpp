@@ -91,6 +91,33 @@ const Feature contact{"contact", [](Model& m, StepSettings&) {
                         m.contacts = {{"floor", "ball"}};
                       }};
 
+// Two rods from the base to the first body, whose end a loop holds.
+Loop& add_loop(Model& model) {
+  constexpr double length = 2.5;
+  const auto add_rod = [&](const char* name, const std::string& parent, double along, double angle) {
+    model.links.push_back({name, Inertia::box(0.2, {length, 0.05, 0.05}, {0.5 * length, 0.0, 0.0})});
+    Joint& joint = model.joints.emplace_back();
+    joint.name = std::string(name) + " turn", joint.kind = JointKind::revolute;
+    joint.parent = parent, joint.child = name, joint.axis = Eigen::Vector3d::UnitY();
+    joint.origin.translation().x() = along, joint.position = angle;
+  };
+  add_rod("first rod", "base", -length, -1.0);
+  add_rod("second rod", "first rod", length, 2.0);
+  Loop& loop = model.loops.emplace_back();
+  loop.name = "loop", loop.first = "second rod", loop.second = "l0";
+  loop.first_pose.translation().x() = length;
+  return loop;
+}
+const Feature cam{"function of a joint", [](Model& m, StepSettings&) {
+                    m.couplings.push_back(Coupling::cam("q2", "q0", Polynomial{{0.0, 1.5, 0.2}}));
+                  }};
+const Feature functions{"functions per environment", vary<Parameter::function>};
+const Feature loop{"loop", [](Model& m, StepSettings&) { add_loop(m); }};
+const Feature soft_loop{"soft loop", [](Model& m, StepSettings&) { add_loop(m).softness = Spring{200.0, 5.0}; }};
+const Feature limited_loop{"loop with a force limit", [](Model& m, StepSettings&) { add_loop(m).force_limit = 2.0; }};
+const Feature loop_switches{"loop switches per environment", vary<Parameter::loop_switch>};
+const Feature loop_frames{"frames of loops per environment", vary<Parameter::loop_frame>};
+
 const std::vector<std::vector<Feature>> scenes{
     {},
     {hard},
@@ -156,6 +183,67 @@ const std::vector<std::vector<Feature>> scenes{
     {contact, hard, switches},
     {contact, hard, impulses},
     {contact, hard, balances},
+    {loop},
+    {soft_loop},
+    {limited_loop},
+    {loop, hard},
+    {loop, soft},
+    {loop, stiff},
+    {loop, hard, limits},
+    {loop, hard, speed},
+    {loop, hard, friction},
+    {loop, hard, drive},
+    {loop, hard, limits, servos},
+    {soft_loop, hard, limits, servos},
+    {loop, hard, soft_limit},
+    {loop, hard, soft_drive},
+    {loop, force_limit},
+    {loop, sum, sum_limits},
+    {loop, tendon_servo},
+    {loop, tendon_range},
+    {loop, tendon_limited},
+    {loop, hard, ratios},
+    {loop, hard, masses},
+    {loop, soft, softness},
+    {loop, hard, switches},
+    {loop, loop_switches},
+    {loop, hard, limits, loop_switches},
+    {loop, loop_frames},
+    {loop, hard, impulses},
+    {loop, hard, balances},
+    {contact, loop},
+    {contact, soft_loop},
+    {contact, limited_loop},
+    {contact, loop, hard},
+    {contact, loop, hard, limits, servos},
+    {contact, loop, hard, drive},
+    {contact, loop, soft, softness, limits},
+    {contact, loop, tendon_range},
+    {contact, loop, hard, masses},
+    {contact, loop, loop_switches},
+    {contact, loop, hard, impulses},
+    {contact, loop, hard, balances},
+    {cam},
+    {cam, limits},
+    {cam, limits, sum_limits},
+    {cam, speed},
+    {cam, friction},
+    {cam, drive},
+    {cam, servos},
+    {cam, soft_limit},
+    {cam, tendon_servo},
+    {cam, masses},
+    {cam, functions},
+    {cam, limits, functions},
+    {cam, impulses},
+    {cam, balances},
+    {contact, cam},
+    {contact, cam, limits, servos},
+    {contact, cam, functions},
+    {loop, cam},
+    {loop, cam, limits, servos},
+    {loop, cam, functions},
+    {contact, loop, cam, limits},
 };
 
 Model arm() {
@@ -268,7 +356,8 @@ void act_differently(Batch<float>& batch, std::mt19937& random) {
 }
 
 // Whatever is accepted moves without a fault under random efforts and targets that differ, for two seconds. Where the
-// coupling is hard it holds, and ranges hold, but by sweeps. Contacts press in many of the steps.
+// coupling is hard it holds, ranges hold, but by sweeps, and hard loops stay closed. Contacts press in many of the
+// steps.
 TEST(Combinations, of_all_features_move_soundly_with_actions_that_differ) {
   constexpr int environments = 40, controls = 40, steps = 12;
   const std::pair<Method, Integrator> ways[] = {{Method::automatic, Integrator::automatic},
@@ -285,7 +374,7 @@ TEST(Combinations, of_all_features_move_soundly_with_actions_that_differ) {
       const std::string words = scene.name + " by " + to_string(plan.method()) + ", " + to_string(plan.integrator());
       Batch<float> batch(plan, environments, {.threads = 1});
       std::mt19937 random(11);
-      float coupling = 0.0f, range = 0.0f;
+      float coupling = 0.0f, range = 0.0f, gap = 0.0f;
       double pressed = 0.0;
       const int first = plan.dof("q0"), second = plan.dof("q1");
       for (int control = 0; control < controls; ++control) {
@@ -293,6 +382,7 @@ TEST(Combinations, of_all_features_move_soundly_with_actions_that_differ) {
         batch.step(steps);
         if (scene.has("contact")) pressed += contact_scenes::counts_of(batch).row(3).sum();
         coupling = std::max(coupling, batch.coupling_errors().size() ? batch.coupling_errors().abs().maxCoeff() : 0.0f);
+        if (!plan.loops().empty()) gap = std::max(gap, batch.loop_errors().maxCoeff());
         range = std::max(
             {range, batch.positions().row(first).abs().maxCoeff(), batch.positions().row(second).abs().maxCoeff()});
       }
@@ -304,12 +394,15 @@ TEST(Combinations, of_all_features_move_soundly_with_actions_that_differ) {
       if (scene.has("hard coupling") && !scene.has("per environment")) {
         EXPECT_LT(coupling, 1e-5f) << words;
       }
+      if (!plan.loops().empty() && !scene.has("soft loop") && !scene.has("loop with a force limit")) {
+        EXPECT_LT(gap, 1e-3f) << words;
+      }
       if (scene.has("position limits")) {
         EXPECT_LT(range, 1.0f + 1e-4f) << words;
       }
       ++runs;
     }
-  EXPECT_GT(runs, 170);
+  EXPECT_GT(runs, 280);
 }
 
 // What compile() refuses of a scene by its method or integrator, the plan by default lists, in the same words; and

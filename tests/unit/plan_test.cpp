@@ -213,7 +213,8 @@ TEST(ToString, names_methods_and_parameters) {
   const char* parameters[parameter_count] = {
       "gear_ratio",      "offset",         "softness",        "drive_gains",    "damping",   "mass",
       "gravity",         "link_wrench",    "coupling_switch", "armature",       "stiffness", "friction",
-      "position_limits", "velocity_limit", "effort_limit",    "center_of_mass", "inertia",   "contact_friction"};
+      "position_limits", "velocity_limit", "effort_limit",    "center_of_mass", "inertia",   "contact_friction",
+      "loop_switch",     "loop_frame",     "function"};
   for (unsigned p = 0; p < parameter_count; ++p) EXPECT_STREQ(to_string(static_cast<Parameter>(p)), parameters[p]);
 }
 

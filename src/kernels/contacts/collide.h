@@ -12,6 +12,7 @@
 #include "half_space_capsule.h"
 #include "half_space_sphere.h"
 #include "kernels/dynamics/motion.h"
+#include "kernels/dynamics/relative_columns.h"
 #include "sphere_sphere.h"
 
 namespace lockstep::kernels {
@@ -67,23 +68,16 @@ void find_columns(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>&
     Vec3<T> turning = Vec3<T>::zero(), moving = turning, parted = turning;
     for (int p = column.first; p < column.last; ++p) {
       const ColumnPart& part = t.contacts.parts[p];
-
-      // The axis that this part turns about or slides along, times its share of the solver's velocity.
-      const Body<ScalarOf<T>>& body = t.body[part.body];
-      const bool slides = part.component < 0 ? body.prismatic : part.component >= 3;
-      const int axis = part.component < 0 ? body.axis : part.component % 3;
-      T share = T(part.component < 0 ? body.sign * ScalarOf<T>(part.sign) : ScalarOf<T>(part.sign));
-      if (part.share >= 0) share *= x.couplings.share[part.share];
-      const Vec3<T> e = scaled(column_of(m.world[part.body], axis), share);
-      if (slides) {
-        moving = moving + e;
+      const PartAxis<T> own = axis_of_part(t, part, m, x);
+      if (own.slides) {
+        moving = moving + own.axis;
         continue;
       }
 
       // A rotation moves the reference point, and the two ends of the gap against each other.
-      turning = turning + e;
-      moving = cross_add(e, patch.point - m.place[part.body], moving);
-      parted = fma(cross(e, to_end), T(ScalarOf<T>(part.sign)), parted);
+      turning = turning + own.axis;
+      moving = cross_add(own.axis, patch.point - m.place[part.body], moving);
+      parted = fma(cross(own.axis, to_end), T(ScalarOf<T>(part.sign)), parted);
     }
     moving = moving + parted;
     for (int i = 0; i < 3; ++i) {
@@ -165,10 +159,10 @@ void count_live(const LiveSlots<T>& slots, SolveCounts<T>& counts) {
   counts.tile_live += T(slots.patch.live_count);
 }
 
-/// Of all pairs. Returns the lanes in which a contact goes on that has pressed in the step before.
+/// Of all pairs. Returns the lanes in which a contact goes on that has pressed in the step before. Needs kinematics().
 template <class T>
 typename T::Mask collide(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  motions(t, x, x.contacts.motion);
+  move_bodies(t, x, x.contacts.motion);
   for (int c = 0; c < t.contacts.colliders.count; ++c)
     place_collider(t.contacts.colliders[c], x.contacts.motion, x.contacts.collider[c]);
   typename T::Mask held = T::none();

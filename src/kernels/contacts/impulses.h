@@ -2,29 +2,10 @@
 // Apache-2.0
 #pragma once
 
+#include "kernels/dynamics/wrench.h"
 #include "shapes.h"
 
 namespace lockstep::kernels {
-
-/// Subtracts from `sum`, over all velocities, what an impulse at a point of a body gives them.
-template <class T>
-void subtract_impulse(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int body, const Vec3<T>& point,
-                      const Vec3<T>& impulse, T* sum) {
-  const Motion<T>& m = x.contacts.motion;
-  for (; body >= 0; body = t.body[body].parent) {
-    const Body<ScalarOf<T>>& own = t.body[body];
-    const Vec3<T> moment = cross(point - m.place[body], impulse);
-    const auto along = [&](const Vec3<T>& v, int axis)
-                           LOCKSTEP_INLINED { return dot(column_of(m.world[body], axis), v); };
-    if (own.root)
-      for (int k = 0; k < 3; ++k) {
-        sum[own.velocity + k] -= along(moment, k);
-        sum[own.velocity + 3 + k] -= along(impulse, k);
-      }
-    else
-      sum[own.velocity] = fnma(T(own.sign), along(own.prismatic ? impulse : moment, own.axis), sum[own.velocity]);
-  }
-}
 
 /// Subtracts J^T of the last solve's impulses from `sum`, over all velocities. Each body takes them at its own surface
 /// where find_columns() does.
@@ -47,8 +28,9 @@ void subtract_contacts(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* sum) {
           select<T>(acts, in_world({slot.pressed, slot.memory[0], slot.memory[1]}), Vec3<T>::zero());
       const Vec3<T> point = select<T>(acts, patch.point + in_world(slot.arm), Vec3<T>::zero());
       const Vec3<T> to_end = scaled(patch.axes[0], select(acts, T(S(parts ? 0.5 : 0.0)) * slot.gap, T(0)));
-      subtract_impulse(t, x, second, point + to_end, impulse, sum);
-      subtract_impulse(t, x, first, point - to_end, impulse - scaled(impulse, T(S(2))), sum);
+      const Vec3<T> none = Vec3<T>::zero();
+      subtract_impulse(t, x.contacts.motion, second, point + to_end, impulse, none, sum);
+      subtract_impulse(t, x.contacts.motion, first, point - to_end, impulse - scaled(impulse, T(S(2))), none, sum);
     }
   }
 }

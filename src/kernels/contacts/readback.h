@@ -21,6 +21,7 @@ void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& 
 
   // Contacts of the present state, in all lanes.
   x.frozen = T::none();
+  kinematics(t, x);
   collide(t.midpoint ? *t.midpoint : t, x);
   for (int p = 0; p < t.contacts.pairs.count; ++p) {
     const TouchingPair<S>& pair = t.contacts.pairs[p];

@@ -26,11 +26,6 @@ LOCKSTEP_INLINE T sign_of(T a) {
 }
 
 template <class T>
-LOCKSTEP_INLINE Vec3<T> scaled(const Vec3<T>& a, T s) {
-  return {a.x * s, a.y * s, a.z * s};
-}
-
-template <class T>
 LOCKSTEP_INLINE Vec3<T> select(typename T::Mask m, const Vec3<T>& yes, const Vec3<T>& no) {
   return {select(m, yes.x, no.x), select(m, yes.y, no.y), select(m, yes.z, no.z)};
 }

@@ -1,7 +1,7 @@
 // C = J q + gamma of every coupling: (M2), (3) and (17) of the note. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "kernels/tile/tile.h"
+#include "function_values.h"
 
 namespace lockstep::kernels {
 
@@ -15,6 +15,9 @@ LOCKSTEP_INLINE T add_product(T a, T b, T sum) {
 /// C of coupling c without its first joint.
 template <class T>
 LOCKSTEP_INLINE T others_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int c, const T* q) {
+  if (t.functions.used())
+    if (const int f = t.functions.of_coupling[c]; f >= 0)
+      return -curve_at(t, x, f, q[t.functions.places[f].leader]).value;
   T sum = x.couplings.offset[c];
   for (int k = t.term_start[c + 1] - 1, first = t.term_start[c]; k > first; --k)
     sum = add_product(x.couplings.coefficient[k], q[t.term_joint[k]], sum);
@@ -29,7 +32,9 @@ LOCKSTEP_INLINE T coupling_error(const Tables<ScalarOf<T>>& t, const Tile<T>& x,
 
 template <class T>
 void coupling_errors(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  for (int c = 0; c < t.couplings; ++c) x.couplings.error[c] = coupling_error(t, x, c, x.state.q);
+  for (int c = 0; c < t.couplings; ++c)
+    x.couplings.error[c] =
+        t.functions.used() && t.functions.curved[c] ? T(0) : coupling_error(t, x, c, x.state.q);  // (M138)
 }
 
 }  // namespace lockstep::kernels

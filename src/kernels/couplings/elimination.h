@@ -25,7 +25,7 @@ LOCKSTEP_INLINE void sum_products(const Reduction<ScalarOf<T>>& r, const Product
 template <class T>
 void reduce_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
-  if (!t.declares(Parameter::gear_ratio)) {
+  if (!t.shares_differ()) {
     for (int g = 0; g < r.product_groups.count; ++g) {
       const ProductGroup& group = r.product_groups[g];
       switch (group.count) {
@@ -139,7 +139,7 @@ void follow(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   drop_rounding(t, x);
   const bool all_by_matrix = r.composite.places == 0;
   for (int f = 0; f < r.followers; ++f) {
-    const bool consistent = x.consistent && r.placed[f];
+    const bool consistent = (x.consistent && r.placed[f]) || (t.functions.used() && t.functions.follower[f]);
     x.couplings.correction[f] = x.corrects_positions && !consistent ? correcting_velocity(t, x, f) : T(0);
     x.couplings.velocity_error[f] =
         consistent ? T(0) : x.state.v[t.velocity_of(r.follower[f])] - followed(t, x, f, x.dynamics.start);

@@ -1,11 +1,11 @@
 // What follows from the gear ratios: coefficients of couplings, S of the elimination, values of rows.
 // SPDX-License-Identifier: Apache-2.0
 //
-// They are the same for all environments, or for all steps of a call if the field is declared. So a step never computes
-// them.
+// They are the same for all environments, or for all steps of a call if the field is declared. So a step computes them
+// only where a follower is a function of a joint (functions.h).
 #pragma once
 
-#include "kernels/tile/tile.h"
+#include "function_values.h"
 
 namespace lockstep::kernels {
 
@@ -66,25 +66,21 @@ void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   spread(t.reduction.value, x.couplings.share);
   composite_factors(t, x);
   spread(t.reduction.inverse_value, x.couplings.follower_inverse);
+  if (t.functions.used()) uniform_functions(t, x);
   for (int c = 0; c < t.couplings && !t.declares(Parameter::offset); ++c)
     if (t.turning.count == 0 || !t.coupling_turns[c]) x.couplings.offset[c] = T(t.offset[c]);
   spread(t.rows.term_value, x.rows.value);
   spread(t.folded.term_value, x.rows.value + t.rows.term_value.count);
 }
 
-/// Ratios of this tile, by the elimination (M43) that the plan lists.
+/// What follows from the couplings' coefficients of this tile, by the elimination (M43) that the plan lists.
 template <class T>
-void own_ratios(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  // The coefficients of the couplings, J.
-  const ScalarOf<T>* gears = batch.field(Parameter::gear_ratio);
-  for (int k = 0; k < t.term_gear.count; ++k)
-    if (t.term_gear[k] >= 0) x.couplings.coefficient[k] = T::load(gears + t.term_gear[k] * batch.stride);
-
+void eliminate_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   // (M43), then S and J_F^-1 from what it leaves.
   const Reduction<ScalarOf<T>>& r = t.reduction;
   for (int i = 0; i < r.fills.count; ++i)
     x.couplings.elimination[r.fills[i].entry] =
-        r.fills[i].gear < 0 ? T(r.fills[i].value) : T::load(gears + r.fills[i].gear * batch.stride);
+        r.fills[i].term < 0 ? T(r.fills[i].value) : x.couplings.coefficient[r.fills[i].term];
   for (int e = 0; e < r.eliminations.count; ++e) {
     const auto& step = r.eliminations[e];
     const T factor = x.couplings.elimination[step.factor] / x.couplings.elimination[step.pivot];
@@ -112,7 +108,19 @@ void own_ratios(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& 
     if (bounds.member[m].share < 0) continue;
     x.bounds.member_share[m] = x.couplings.share[bounds.member[m].share];
     x.bounds.member_inverse[m] = T(1) / x.bounds.member_share[m];
+    if (t.functions.used())  // a function may stand still
+      x.bounds.member_inverse[m] =
+          select(beyond(x.bounds.member_share[m], T(ScalarOf<T>(1e-30))), x.bounds.member_inverse[m], T(0));
   }
+}
+
+/// Gear ratios of this tile.
+template <class T>
+void own_ratios(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  const ScalarOf<T>* gears = batch.field(Parameter::gear_ratio);
+  for (int k = 0; k < t.term_gear.count; ++k)
+    if (t.term_gear[k] >= 0) x.couplings.coefficient[k] = T::load(gears + t.term_gear[k] * batch.stride);
+  eliminate_ratios(t, x);
 }
 
 }  // namespace lockstep::kernels

@@ -5,6 +5,7 @@
 // inertial axes, so its origin has no acceleration here.
 #pragma once
 
+#include "curved_motion.h"
 #include "frame.h"
 #include "link_wrenches.h"
 #include "orientation.h"
@@ -131,6 +132,9 @@ LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile
   if (t.reduction.removes_by_force)
     if (const int f = t.reduction.follower_of[body.joint]; f >= 0)
       (J::prismatic ? a : alpha)[J::k] += x.couplings.acceleration[f] * T(body.sign);
+  if (t.functions.used())
+    if (const int f = t.reduction.follower_of[body.joint]; f >= 0)
+      (J::prismatic ? a : alpha)[J::k] += x.functions.acceleration[f] * T(body.sign);
   Mat3<T> tensor = acceleration_tensor(w, alpha);
   if (!body.leaf) {
     x.bodies.angular[b] = w;
@@ -158,6 +162,7 @@ LOCKSTEP_INLINE void pass_force(J joint, const Tables<ScalarOf<T>>& t, const Til
 
 template <class T>
 void bias_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  if (t.functions.used()) curved_accelerations(t, x);
   for (int i = 0; i < t.tree.count; ++i) {
     const TreePlace<ScalarOf<T>>& tree = t.tree[i];
     // Gravity acts like an acceleration of the root in the opposite direction.
@@ -181,6 +186,7 @@ void bias_forces(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     T* const bias = x.dynamics.bias + t.body[b].velocity;
     for (int k = 0; k < 3; ++k) bias[k] = x.bodies.moment[b][k], bias[3 + k] = x.bodies.force[b][k];
   }
+  if (t.functions.used()) add_curved_armatures(t, batch, x);
 }
 
 }  // namespace lockstep::kernels

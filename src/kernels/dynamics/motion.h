@@ -8,9 +8,9 @@
 
 namespace lockstep::kernels {
 
+/// At x.state. Needs kinematics().
 template <class T>
-void motions(const Tables<ScalarOf<T>>& t, Tile<T>& x, Motion<T>& m) {
-  kinematics(t, x);
+void move_bodies(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Motion<T>& m) {
   orientations(t, x, m.world);
   for (int b = 0; b < t.bodies; ++b) {
     const Body<ScalarOf<T>>& body = t.body[b];
@@ -36,6 +36,12 @@ void motions(const Tables<ScalarOf<T>>& t, Tile<T>& x, Motion<T>& m) {
       (J::prismatic ? m.linear : m.angular)[b][J::k] += speed;
     });
   }
+}
+
+template <class T>
+void motions(const Tables<ScalarOf<T>>& t, Tile<T>& x, Motion<T>& m) {
+  kinematics(t, x);
+  move_bodies(t, x, m);
 }
 
 /// Momentum of body b in its own axes, about its origin (M51).

@@ -119,7 +119,7 @@ void keep_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   T *const z = x.rounds.z, *const ended = x.rounds.ended;
   for (int k = 0; k < n; ++k) ended[k] = z[k], z[k] = x.held.start[k];
   set_contacts_aside(x);
-  open_row_slots(t, velocity_phase, x);
+  open_row_slots(t, batch, velocity_phase, x);
   exchange_phases(t, x);
   begin_newton(t, batch, lanes, x);
   newton(t, batch, lanes, 1, x);

@@ -3,6 +3,7 @@
 
 #include "kernels/contacts/impulses.h"
 #include "kernels/couplings/folding.h"
+#include "kernels/loops/impulses.h"
 #include "solve_bounds.h"
 
 namespace lockstep::kernels {
@@ -87,6 +88,7 @@ void coupling_impulses(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
     change[t.velocity_of(r.follower[f])] += x.couplings.velocity_error[f];
   if (bounds > 0) subtract_bounds(t, batch, x, x.dynamics.product);
   if (t.contacts.used()) subtract_contacts(t, x, x.dynamics.product);
+  if (t.loops.used()) subtract_loops(t, x, x.dynamics.product);
   for (int i = 0; i < t.impulse_coupling.count; ++i) {
     const int c = t.impulse_coupling[i];
     for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) {

@@ -5,10 +5,13 @@
 #include "integrate.h"
 #include "kernels/couplings/coupling_error.h"
 #include "kernels/couplings/folding.h"
+#include "kernels/couplings/functions.h"
 #include "kernels/couplings/joint_terms.h"
 #include "kernels/couplings/solve_couplings.h"
 #include "kernels/dynamics/bias_forces.h"
 #include "kernels/dynamics/kinematics.h"
+#include "kernels/loops/find_loops.h"
+#include "kernels/loops/impulses.h"
 #include "limited_servos.h"
 #include "solve_bounds.h"
 #include "solve_contacts.h"
@@ -19,14 +22,16 @@ template <class T>
 void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   // Where everything is.
   kinematics(t, x);
+  if (t.functions.used()) curved_shares(t, x);
   if (t.couplings > 0) coupling_errors(t, x);
   if (t.reduction.eliminates())
     follow(t, x);
   else if (t.reduction.used())
     start_velocities(t, x);
   const bool touching = t.contacts.used() && find_contacts(t, x);  // in all lanes, so nothing asks for a free step
-  // Rounds that decide about servos find the first solution.
-  const bool searches = t.rounds.used() && t.limited_servos.count + t.row_servos.count > 0;
+  if (t.loops.used()) find_loops(t, batch, x);
+  // Rounds that decide about servos, or hold loops, find the first solution.
+  const bool searches = t.rounds.used() && t.solves_first();
   if (t.guesses_servos()) first_saturation_pass(x);
   do {  // again only if a guess about limited servos was wrong
     // A and the momentum to gain.
@@ -64,6 +69,7 @@ void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     if (!touching && (t.bounds.rows.count > 0 || searches) && bounds_active(t, batch, x)) solve_bounds(t, batch, x);
   } while (t.guesses_servos() && saturation_differs(t, batch, x));
   if (t.contacts.used()) touch(t, batch, !touching, x);
+  if (t.loops.used()) loop_forces(t, t.dt, x);
   if (t.record_impulses) coupling_impulses(t, batch, x);  // before the roots' axes turn
   turn_root_twists(t, x, x.next.v);
 }

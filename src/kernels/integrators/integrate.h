@@ -2,6 +2,7 @@
 #pragma once
 
 #include "kernels/bounds/bounded_rows.h"
+#include "kernels/couplings/functions.h"
 #include "simd/sincos.h"
 
 namespace lockstep::kernels {
@@ -209,6 +210,7 @@ void integrate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   expand(t, x, x.dynamics.solution, true, x.next.v);
   for (int j = 0; j < t.joints; ++j) x.next.q[j] = fma(T(t.dt), x.next.v[t.velocity_of(j)], x.state.q[j]);
   place_followers(t, x);
+  if (t.functions.used()) place_curved_positions(t, x, x.next.q);
   move_roots(t, x, t.dt, x.next.v, x.state.pose, x.next.pose);
   for (int i = 0; t.record_diagnostics && i < t.velocities; ++i) x.diagnostics.moved_velocity[i] = x.next.v[i];
   if (!x.solves_twice) return;

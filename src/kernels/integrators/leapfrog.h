@@ -5,7 +5,9 @@
 // couplings take the three stages of Alexander's (1977) diagonally implicit method, which share one factorisation.
 #pragma once
 
+#include "close_loops.h"
 #include "guard.h"
+#include "kernels/couplings/functions.h"
 #include "kernels/dynamics/bias_forces.h"
 #include "kernels/dynamics/kinematics.h"
 #include "leapfrog_bounds.h"
@@ -13,33 +15,14 @@
 
 namespace lockstep::kernels {
 
-/// A step from x.stages.begin to x.next. x.stages.mean_velocity is the velocity that moved the positions, and
-/// x.stages.gained_velocity is what the velocities gained, along the midpoint's axes. x.state is overwritten.
+/// The prediction (M67), the stages (M68), and the mean and last velocity of these (M70).
 template <class T>
-void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
+void take_stages(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
   using S = ScalarOf<T>;
   using A = Alexander<S>;
   const int n = t.velocities;
-  const S half = t.step * S(0.5);
 
-  // To the midpoint (M66). From here on velocities are along the axes that roots have there.
-  for (int j = 0; j < t.joints; ++j)
-    x.state.q[j] = x.stages.midpoint.q[j] = fma(T(half), x.stages.begin.v[t.velocity_of(j)], x.stages.begin.q[j]);
-  for (int k = 0; k < n; ++k) x.state.v[k] = x.stages.begin.v[k];
-  move_roots(t, x, half, x.stages.begin.v, x.stages.begin.pose, x.state.pose);
-  turn_root_twists(t, x, x.state.v);
-  for (int k = 0; k < n; ++k) x.stages.midpoint.v[k] = x.state.v[k];
-
-  // The one matrix of the step, and its factors.
-  kinematics(t, x);
-  find_contacts_at_midpoint(t, x);
-  joint_inertias(t, batch, x);
-  inertia_matrix(t, batch, x);
-  factorise(t, batch, x);
-
-  // The prediction (M67), with bounds in lanes where they act on it. The guard and the midpoint need it later.
-  bias_forces(t, batch, x);
-  for (int k = 0; t.rounds.at_midpoint && k < n; ++k) x.midpoint.first_bias[k] = x.dynamics.bias[k];
+  // With bounds in lanes where they act on it. The guard and the midpoint need it later.
   stage(t, batch, x, 0, time);
   if (t.rounds.in_stages) bound_prediction(t, batch, x, time);
   for (int k = 0; t.rounds.at_midpoint && k < n; ++k) x.midpoint.change[k] = x.stages.change[k];
@@ -52,7 +35,6 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   if (!all_bounded(t, x))
     for (int i = 0; i < leapfrog_stages; ++i) stage(t, batch, x, i, time);
 
-  // Mean and last velocity of the stages (M70).
   for (int k = 0; k < n; ++k) {
     T mean = T(0), change = T(0);
     for (int i = 0; i < leapfrog_stages; ++i) {
@@ -63,11 +45,59 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     x.stages.gained_velocity[k] = change;
     x.next.v[k] = changed_by(x.stages.midpoint.v[k], change);
   }
+}
+
+/// Every lane takes what the midpoint makes.
+template <class T>
+void leave_out_stages(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int k = 0; k < t.velocities; ++k) {
+    x.stages.change[k] = x.stages.gained_velocity[k] = T(0);
+    x.stages.mean_velocity[k] = x.next.v[k] = x.stages.midpoint.v[k];
+  }
+  if (t.guarded) keep_prediction(t, x);
+}
+
+/// A step from x.stages.begin to x.next. x.stages.mean_velocity is the velocity that moved the positions, and
+/// x.stages.gained_velocity is what the velocities gained, along the midpoint's axes. x.state is overwritten.
+template <class T>
+void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
+  using S = ScalarOf<T>;
+  const int n = t.velocities;
+  const S half = t.step * S(0.5);
+
+  // To the midpoint (M66). From here on velocities are along the axes that roots have there.
+  for (int j = 0; j < t.joints; ++j)
+    x.state.q[j] = x.stages.midpoint.q[j] = fma(T(half), x.stages.begin.v[t.velocity_of(j)], x.stages.begin.q[j]);
+  for (int k = 0; k < n; ++k) x.state.v[k] = x.stages.begin.v[k];
+  move_roots(t, x, half, x.stages.begin.v, x.stages.begin.pose, x.state.pose);
+  turn_root_twists(t, x, x.state.v);
+  if (t.functions.used()) {
+    place_curved(t, x, x.state.q, x.state.v);
+    for (int j = 0; j < t.joints; ++j) x.stages.midpoint.q[j] = x.state.q[j];
+    curved_shares(t, x);
+  }
+  for (int k = 0; k < n; ++k) x.stages.midpoint.v[k] = x.state.v[k];
+
+  // The one matrix of the step, and its factors.
+  kinematics(t, x);
+  find_at_midpoint(t, batch, x);
+  joint_inertias(t, batch, x);
+  inertia_matrix(t, batch, x);
+  factorise(t, batch, x);
+
+  // The prediction and the stages. Loops are held at the midpoint, where nothing of the stages would stay.
+  bias_forces(t, batch, x);
+  for (int k = 0; t.rounds.at_midpoint && k < n; ++k) x.midpoint.first_bias[k] = x.dynamics.bias[k];
+  if (t.loops.used())
+    leave_out_stages(t, x);
+  else
+    take_stages(t, batch, x, time);
 
   // Bounds within the stages (section 19), contacts and bounds at the midpoint (section 28), the guard (section 20).
   if (t.rounds.in_stages) bound_stages(t, batch, x, time);
   step_from_midpoint(t, batch, x, time);
   if (t.guarded) judge(t, batch, x);
+  if (t.loops.used()) close_loops(t, batch, x);
 
   // Positions, and roots along the second half of their way (M70).
   for (int j = 0; j < t.joints; ++j)
@@ -78,6 +108,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   move_roots(t, x, half, x.state.v, x.state.pose, x.next.pose);
   turn_root_twists(t, x, x.next.v);
   if (t.rounds.in_stages) settle(t, batch, x);
+  if (t.functions.used()) place_curved(t, x, x.next.q, x.next.v);
   remember_midpoint(t, x);
 }
 

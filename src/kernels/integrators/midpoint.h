@@ -6,6 +6,7 @@
 // which nothing acts keeps the step that the stages have made, to the last bit.
 #pragma once
 
+#include "kernels/loops/find_loops.h"
 #include "leapfrog_bounds.h"
 #include "solve_contacts.h"
 
@@ -102,6 +103,10 @@ void predict_bias(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
       x.guard.change[k] = select(lanes, twice_gamma * (x.state.v[k] - x.stages.midpoint.v[k]), x.guard.change[k]);
   }
   bias_forces(t, batch, x);
+  if (t.loops.used()) {
+    move_bodies(t, x, x.loops.motion);
+    loop_bias(t, x.loops.motion, lanes, x);
+  }
   for (int k = 0; k < t.velocities; ++k) x.dynamics.bias[k] = select(lanes, x.dynamics.bias[k], before[k]);
   x.midpoint.predicted = x.midpoint.predicted | lanes;
 }
@@ -235,7 +240,8 @@ typename T::Mask solve_rows_at_midpoint(const Tables<ScalarOf<T>>& t, const Stat
   exchange_softness(t, x);
   x.singular = x.singular | (x.rounds.weak & open);
   auto acts = list_active_rows_of(solve, open, x) | (violated & open);
-  if (t.row_servos.count > 0) acts = acts | open;  // the stages have them without limits
+  // The stages have servos without limits, and no loops.
+  if (t.row_servos.count > 0 || t.loops.used()) acts = acts | open;
   for (int i = 0; i < t.limited_servos.count; ++i) acts = acts | (beyond(x.servos.saturation[i], T(0)) & open);
   close_midpoint(t, batch, acts, never<T>(), x);
   mark_invalid(t, x);
@@ -311,9 +317,10 @@ typename T::Mask solve_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, const 
   return presses;
 }
 
-/// After the kinematics of the midpoint: finds contacts there.
+/// After the kinematics of the midpoint: finds contacts and loops there.
 template <class T>
-void find_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+void find_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  if (t.loops.used()) find_loops(t, batch, x);
   if (!t.contacts.used()) return;
   if (t.guarded) scale_memory(t, x);
   turn_start(t, x);
@@ -329,7 +336,9 @@ void step_from_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   if (!t.rounds.in_stages) x.stage_bounds.opened = false;
   if (!x.stage_bounds.opened) x.bounds.invalid = T::none();
   auto rows = T::none(), violated = T::none(), acts = T::none();
-  if (!t.rounds.in_stages && t.bounds.rows.count + t.limited_servos.count > 0) {
+  if (t.loops.used()) {
+    rows = ~x.frozen;
+  } else if (!t.rounds.in_stages && t.bounds.rows.count + t.limited_servos.count > 0) {
     violated = violated_by_stages(t, batch, x, time) & ~x.frozen;
     rows = (t.bounds.always ? ~T::none() : violated | bounds_act_on_prediction(t, batch, x, time)) & ~x.frozen;
   }
@@ -337,7 +346,7 @@ void step_from_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   x.midpoint.predicted = T::none();
   if (any(rows) || near) {
     for (int k = 0; k < t.velocities; ++k) x.midpoint.bias[k] = x.dynamics.bias[k];
-    if (near) predict_with_contacts(t, batch, x);
+    if (near && !t.loops.used()) predict_with_contacts(t, batch, x);
     // What the stages let go where bounds hold it says nothing of bias forces.
     if (const auto unknown = rows & ~x.midpoint.predicted; any(unknown))
       for (int k = 0; k < t.velocities; ++k)

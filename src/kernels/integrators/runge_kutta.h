@@ -3,7 +3,7 @@
 // (M72) to (M74). Every coupling is hard and eliminated here, and no term is implicit.
 #pragma once
 
-#include "kernels/couplings/coupling_error.h"
+#include "kernels/couplings/functions.h"
 #include "kernels/couplings/joint_terms.h"
 #include "kernels/dynamics/bias_forces.h"
 #include "kernels/dynamics/kinematics.h"
@@ -39,6 +39,7 @@ void move_stage_poses(const Tables<ScalarOf<T>>& t, Tile<T>& x, T time) {
 template <class T>
 void slope(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time, T* change) {
   kinematics(t, x);
+  if (t.functions.used()) curved_shares(t, x);
   if (t.reduction.followers > 0) follow(t, x);
   bias_forces(t, batch, x);
   joint_inertias(t, batch, x);  // the armature alone
@@ -77,6 +78,7 @@ void runge_kutta_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
         x.state.q[j] = fma(T(h * share[i]), x.state.v[t.velocity_of(j)], x.stages.begin.q[j]);
       for (int k = 0; k < t.velocities; ++k) x.state.v[k] = fma(T(share[i]), x.stages.change[k], x.stages.begin.v[k]);
       move_stage_poses(t, x, T(h * share[i]));
+      if (t.functions.used()) place_curved(t, x, x.state.q, x.state.v);
     }
 
     // Its change, with its weight (M73).

@@ -21,7 +21,7 @@ constexpr double most_let_through = 1.01;  ///< (M109): of what the compliance l
 template <class T>
 void solve_contact_phase(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase,
                          typename T::Mask open, Tile<T>& x) {
-  open_row_slots(t, phase, x);
+  open_row_slots(t, batch, phase, x);
   if (phase == velocity_phase) exchange_phases(t, x);
   begin_newton(t, batch, open, x);
   typename T::Mask unfinished = T::none();

@@ -66,6 +66,7 @@ typename T::Mask rows_with_two_phases(const Tables<ScalarOf<T>>& t, Tile<T>& x) 
   const int count = t.bounds.rows.count;
   auto differ = T::none();
   each_row(t, x, [&](const RowSlot& slot, ActingRow<T>&, const int*, const T*) LOCKSTEP_INLINED {
+    if (slot.loop >= 0) return;
     if (slot.coupling >= 0) {
       const int e = slot.coupling;
       differ = differ | beyond(position_phase_bias(t, x, e) - velocity_phase_bias(t, x, e), T(0));
@@ -77,7 +78,7 @@ typename T::Mask rows_with_two_phases(const Tables<ScalarOf<T>>& t, Tile<T>& x) 
     if (t.bounds.kind[r] != BoundKind::joint)
       differ = differ | beyond(x.bounds.centre[r] - x.bounds.centre[count + r], T(0));
   });
-  return differ;
+  return t.loops.used() ? differ | loops_with_two_phases(t, x) : differ;
 }
 
 /// What is not finished may be beyond its interval.
@@ -97,6 +98,7 @@ void keep_impulses(const Tables<ScalarOf<T>>& t, Phase phase, typename T::Mask l
   for (int r = 0; r < t.bounds.single; ++r) keep(x.bounds.impulse[phase * count + r], x.rounds.single_impulse[r]);
   each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int*, const T*) LOCKSTEP_INLINED {
     if (slot.bounded >= 0) return keep(x.bounds.impulse[phase * count + slot.bounded], row.law.impulse);
+    if (slot.loop >= 0) return keep(x.loops.impulse[phase * t.loops.rows + slot.loop], row.law.impulse);
     keep(phase == position_phase ? x.rows.position_impulse[slot.coupling] : x.rows.velocity_impulse[slot.coupling],
          row.law.impulse);
     keep(phase == position_phase ? x.rows.speed[slot.coupling] : x.rows.velocity_phase_speed[slot.coupling], row.speed);
@@ -123,6 +125,8 @@ typename T::Mask list_active_rows_of(const Tables<ScalarOf<T>>& t, typename T::M
           x.bounds.invalid | (beyond(x.bounds.impulse[p * count + r], T(largest_number<ScalarOf<T>>)) & lanes);
     }
     some = some | active;
+    if (t.loops.used() && r < t.bounds.single)
+      x.loops.stays[r] = (held(x.search.branch[r]) & lanes) | (x.loops.stays[r] & ~lanes);
     x.bounds.active[r] = x.bounds.active[r] | active;
     if (any(x.bounds.active[r])) x.bounds.active_rows[x.bounds.active_count++] = r;
   }
@@ -151,7 +155,7 @@ void solve_rows(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& 
       t.solve_twice ? (rows_with_two_phases(t, x) | lanes_with_two_phases(t, batch, x)) & open : T::none();
   for (int k = 0; k < n; ++k) x.rounds.z[k] = x.held.start[k];
   const auto solve = [&](Phase phase, typename T::Mask lanes) {
-    open_row_slots(t, phase, x);
+    open_row_slots(t, batch, phase, x);
     x.servos.corrected = phase == position_phase;
     if (phase == velocity_phase) exchange_phases(t, x);
     begin_newton(t, batch, lanes, x);
@@ -184,7 +188,7 @@ void solve_rows(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& 
 template <class T>
 void solve_rounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask open,
                   Tile<T>& x) {
-  const bool first = t.limited_servos.count > 0 || t.row_servos.count > 0;  // nothing has been solved yet
+  const bool first = t.solves_first();  // nothing has been solved yet
   matrix_of_bodies(t, x);
   begin_rounds(t, batch, x);
   open = open & ~x.bounds.invalid;

@@ -6,6 +6,7 @@
 #pragma once
 
 #include "kernels/bounds/held_velocities.h"
+#include "kernels/loops/loop_rows.h"
 
 namespace lockstep::kernels {
 
@@ -26,7 +27,10 @@ LOCKSTEP_INLINE void each_row(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Ac
   const Rounds& rounds = t.rounds;
   for (int s = 0; s < rounds.slots.count; ++s) {
     const RowSlot& slot = rounds.slots[s];
-    const T* const values = (slot.bounded >= 0 ? x.bounds.value : x.rows.value) + slot.value;
+    const T* const values = (slot.bounded >= 0 ? x.bounds.value
+                             : slot.loop >= 0  ? x.loops.value
+                                               : x.rows.value) +
+                            slot.value;
     act(slot, x.rounds.row[s], rounds.term.data + slot.first, values);
   }
 }
@@ -73,7 +77,7 @@ void exact_responses(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   factor_masked(t, x);
   T* const y = x.rounds.step;
   each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int* velocity, const T* value) {
-    if (slot.bounded < 0) return;
+    if (slot.bounded < 0 && slot.loop < 0) return;
     for (int k = 0; k < n; ++k) y[k] = T(0);
     for (int k = 0; k < slot.last - slot.first; ++k) y[velocity[k]] = value[k];
     T sum = T(0);
@@ -104,11 +108,12 @@ LOCKSTEP_INLINE T position_phase_bias(const Tables<ScalarOf<T>>& t, const Tile<T
 
 /// Compliance, interval and box of the rows in one phase, without multipliers.
 template <class T>
-void open_row_slots(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
+void open_row_slots(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase, Tile<T>& x) {
   using S = ScalarOf<T>;
   const Bounds<S>& b = t.bounds;
   const T far = T(S(unlimited)), zero = T(0);
-  each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int* velocity, const T* value) {
+  each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int*, const T*) {
+    if (slot.loop >= 0) return;
     if (slot.coupling >= 0) {  // an equality
       const int e = slot.coupling;
       row.lo = -far, row.hi = far, row.force = far;
@@ -129,8 +134,10 @@ void open_row_slots(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
         x.bounds.cfm[r] = row.cfm;
       }
     }
+  });
 
-    // Response by the diagonal of A (M118), speeds that meet in the row (M119), compliance to add (M117).
+  // Response by the diagonal of A (M118), and speeds that meet in the row (M119).
+  each_row(t, x, [&](const RowSlot& slot, ActingRow<T>& row, const int* velocity, const T* value) {
     T response = zero;
     row.rounding = zero;
     for (int k = 0; k < slot.last - slot.first; ++k) {
@@ -140,8 +147,12 @@ void open_row_slots(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
       row.rounding = fma(absolute(value[k]), pushed, row.rounding);
     }
     row.response = response;
-    row.added = larger(fma(T(added_share<S>), response, -row.cfm), zero);
-    // A row that moves nothing takes no impulse.
+  });
+  if (t.loops.used()) open_loop_rows(t, batch, phase, x);
+
+  // Compliance to add (M117). A row that moves nothing takes no impulse.
+  each_row(t, x, [&](const RowSlot&, ActingRow<T>& row, const int*, const T*) {
+    row.added = larger(fma(T(added_share<S>), row.response, -row.cfm), zero);
     row.cfm = select(less(zero, row.added + row.cfm), row.cfm, infinite_compliance<T>());
     row.multiplier = zero;
     row.yields = T::none();

@@ -14,7 +14,7 @@ struct Couplings {
   T* turns;              // [joints] whole turns, only if a joint turns for ever
   T* share;              // entries of S
   T* follower_inverse;   // entries of J_F^-1
-  T* elimination;        // [entries] (M43), where gear ratios differ per environment
+  T* elimination;        // [entries] (M43), where S differs
   T* correction;         // [followers] w of (M39): the velocity that corrects their errors
   T* velocity_error;     // [followers] velocity less that of S z
   T* removed_this_step;  // [followers] the part of it that this step removes by force
@@ -34,7 +34,7 @@ struct Couplings {
     take("couplings.turns", turns, turn ? t.joints : 0, Lifetime::turn);
     take("couplings.share", share, r.value.count, Lifetime::call);
     take("couplings.follower_inverse", follower_inverse, r.inverse_value.count, Lifetime::call);
-    take("couplings.elimination", elimination, t.declares(Parameter::gear_ratio) ? r.entries : 0, Lifetime::call);
+    take("couplings.elimination", elimination, r.entries, Lifetime::call);
   }
   template <class Take>
   void followers(const Tables<ScalarOf<T>>& t, Take& take) {

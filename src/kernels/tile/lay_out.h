@@ -25,6 +25,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   if (t.articulated.used()) x.articulated.factors(t, x.state.q, take);
   x.dynamics.vectors(t, take);
   x.couplings.ratios(t, take);
+  if (t.functions.used()) x.functions.arrays(t, take);
   x.rows.values(t, take);
   x.couplings.followers(t, take);
   x.rows.arrays(t, take);
@@ -37,12 +38,13 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   if (t.rounds.used()) {
     x.held.arrays(t, take);
     if (!t.rounds.renumbered) x.held.start = x.dynamics.start;
-    if (t.contacts.used() || t.rounds.at_midpoint) x.rounds.arrays(t, take);
+    if (t.contacts.used() || t.loops.used() || t.rounds.at_midpoint) x.rounds.arrays(t, take);
     if (t.integrator != Integrator::euler) x.stage_bounds.arrays(t, take);
     if (t.rounds.at_midpoint) x.midpoint.arrays(t, take);
   }
   x.servos.arrays(t, take);
   if (t.contacts.used()) x.contacts.arrays(t, take);
+  if (t.loops.used()) x.loops.arrays(t, take);
   if (t.record_diagnostics) x.diagnostics.arrays(t, take);
   if (t.audited) x.audit.motion.arrays(t, take);
 }
@@ -51,8 +53,8 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
 /// nor rows to solve, both phases have the same solution.
 template <class T>
 LOCKSTEP_INLINE void set_consistent(const Tables<ScalarOf<T>>& t, Tile<T>& x, bool consistent) {
-  const bool one_motion =
-      consistent && t.reduction.all_placed && t.rows.count == 0 && t.bounds.rows.count == 0 && !t.contacts.used();
+  const bool one_motion = consistent && t.reduction.all_placed && t.rows.count == 0 && t.bounds.rows.count == 0 &&
+                          !t.contacts.used() && !t.loops.used();
   x.consistent = consistent;
   x.solves_twice = t.solve_twice && !one_motion;
 }

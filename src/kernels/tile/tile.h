@@ -6,6 +6,8 @@
 #include "coupling_arrays.h"
 #include "diagnostic_arrays.h"
 #include "dynamics_arrays.h"
+#include "function_arrays.h"
+#include "loop_arrays.h"
 #include "state_pointers.h"
 
 namespace lockstep::kernels {
@@ -29,6 +31,7 @@ struct Tile {
   ArticulatedBodies<T> articulated;
   Dynamics<T> dynamics;
   Couplings<T> couplings;
+  FunctionArrays<T> functions;
   CouplingRows<T> rows;
   Undamped<T> undamped;
   BoundRows<T> bounds;
@@ -39,6 +42,7 @@ struct Tile {
   MidpointArrays<T> midpoint;
   LimitedServos<T> servos;
   Contacts<T> contacts;
+  LoopArrays<T> loops;
   SolveCounts<T> counts;
   Diagnostics<T> diagnostics;
   Audit<T> audit;

@@ -62,7 +62,7 @@ void lay_out_couplings(Program& program) {
     for (const CouplingTerm& term : coupling.terms) {
       joint.push_back(program.solver_joint[model.joint_index(term.joint)]);
       gear.push_back(gear_row++);
-      value.push_back(term.ratio);
+      value.push_back(coupling.function ? -slope_at_start(model, coupling) : term.ratio);
     }
     start.push_back(static_cast<int>(joint.size()));
     offset.push_back(coupling.offset);
@@ -77,6 +77,7 @@ void lay_out_couplings(Program& program) {
   t.term_value = program.storage.keep(std::move(value));
   t.offset = program.storage.keep(std::move(offset));
   t.tendons = program.storage.keep(std::move(tendons));
+  lay_out_functions(program);
 }
 
 // Gaussian elimination of the hard rows in the model's order. Each row keeps a record of the rows that it came from.
@@ -90,7 +91,8 @@ void find_redundant_couplings(Program& program) {
   };
   std::vector<Reduced> basis;
   for (int c = 0; c < t.couplings; ++c) {
-    if (!always_hard(program, c) || places_tendon(t, c)) continue;  // nothing else places a tendon
+    // Nothing else places a tendon or a curved follower.
+    if (!always_hard(program, c) || places_tendon(t, c) || is_curved(program, c)) continue;
 
     // The row less what earlier rows say already.
     Reduced r{Eigen::VectorXd::Zero(t.joints), Eigen::VectorXd::Unit(t.couplings, c), t.offset[c], 0};

@@ -61,12 +61,15 @@ void substitute(Form& form, int known, const Form& by) {
   form.offset += times * by.offset;
 }
 
-// Gauss-Jordan elimination of the rows of `couplings`, in the model's order.
+// Gauss-Jordan elimination of the rows of the couplings, in the model's order. Those of curved followers come first.
 template <class Takes>
 Choice choose(const Program& program, const Takes& takes) {
   const Tables<double>& t = program.f64;
   Choice choice;
-  for (int c = 0; c < t.couplings; ++c) {
+  std::vector<int> order(t.functions.placing.data, t.functions.placing.data + t.functions.placing.count);
+  for (int c = 0; c < t.couplings; ++c)
+    if (!is_curved(program, c)) order.push_back(c);
+  for (const int c : order) {
     if (!takes(c)) continue;
 
     // The row in independent joints: forms stand for the followers that are known.
@@ -94,7 +97,7 @@ Choice choose(const Program& program, const Takes& takes) {
     for (auto other = left.begin(); other != left.end(); ++other)
       if (std::abs(other->second) > std::abs(pivot->second)) pivot = other;
     const auto first = left.find(t.term_joint[t.term_start[c]]);
-    if (places_tendon(t, c) ||
+    if (places_tendon(t, c) || (first != left.end() && is_curved(program, c)) ||
         (first != left.end() && std::abs(first->second) * follower_preference >= std::abs(pivot->second)))
       pivot = first;
 
@@ -116,8 +119,14 @@ Choice choose(const Program& program, const Takes& takes) {
 Placing placing_of(const Program& program, const Choice& choice) {
   const Tables<double>& t = program.f64;
   Placing placing;
-  std::vector<char> waits(t.joints, 0);
+  std::vector<char> waits(t.joints, 0), is_curved_joint(t.joints, 0);
   for (const auto& [joint, form] : choice.forms) waits[joint] = 1;
+  for (int i = 0; i < t.functions.placing.count; ++i)
+    is_curved_joint[t.term_joint[t.term_start[t.functions.placing[i]]]] = 1;
+  // A function places its own follower, and nothing else does.
+  const auto may_place = [&](int c, int term) {
+    return is_curved(program, c) ? term == t.term_start[c] : !is_curved_joint[t.term_joint[term]];
+  };
   std::vector<int> remaining = choice.couplings;
   for (bool found = true; found;) {
     found = false;
@@ -126,7 +135,7 @@ Placing placing_of(const Program& program, const Choice& choice) {
       int waiting = 0, term = -1;
       for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
         if (waits[t.term_joint[k]]) ++waiting, term = k;
-      if (waiting != 1) {
+      if (waiting != 1 || !may_place(c, term)) {
         later.push_back(c);
         continue;
       }
@@ -192,6 +201,7 @@ void choose_followers(Program& program) {
   };
   for (const Placing::Turn& turn : program.placing_all.turns) follows(t.term_joint[turn.term]);
   for (const int joint : program.placing_all.ring_followers) follows(joint);
+  take_tangents(program);
   std::vector<char> is_follower(t.joints, 0);
   for (const int dof : program.follower_dofs) is_follower[dof] = 1;
   for (int dof = 0; dof < t.joints; ++dof)

@@ -8,13 +8,16 @@ void lay_out_turns(Program& program) {
   std::vector<int> turns(t.joints, 0), turning, coupling_turns(t.couplings, 0), couplings, placed;
   std::vector<SupportRun> turning_runs, other_runs;
 
-  // Joints that turn: revolute ones without a range. As a list, and as runs beside those of the others.
+  // Joints that turn: revolute ones without a range, but not those that a function has at an end. As a list, and as
+  // runs beside those of the others.
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const Joint& joint = program.model.joints[j];
     if (program.solver_joint[j] < 0) continue;
     turns[program.solver_joint[j]] = joint.kind != JointKind::prismatic && joint.kind != JointKind::tendon &&
                                      joint.lower == -infinity && joint.upper == infinity;
   }
+  for (int i = 0; i < t.functions.places.count; ++i) turns[t.functions.places[i].leader] = 0;
+  for (int i = 0; i < t.functions.placing.count; ++i) turns[t.term_joint[t.term_start[t.functions.placing[i]]]] = 0;
   for (int j = 0; j < t.joints; ++j) {
     if (turns[j]) turning.push_back(j);
     std::vector<SupportRun>& own = turns[j] ? turning_runs : other_runs;

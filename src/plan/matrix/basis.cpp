@@ -51,7 +51,7 @@ void lay_out_products(Program& program, const std::vector<std::vector<Share>>& s
   // By entry of A_r: its products. Unless ratios differ, those with the same entry of A are one product.
   std::vector<std::vector<Product>> products(t.solver.entries);
   std::unordered_map<long, std::size_t> known;  // by entry of A_r and entry of A: the place of their product
-  const bool merges = !declared(program, Parameter::gear_ratio);
+  const bool merges = !shares_differ(program);
   for (int i = 0; i < t.velocities; ++i)
     for (int j = 0; j < t.velocities; ++j) {
       const int source = entry_of(t.matrix, i, j);

@@ -1,6 +1,6 @@
 // The followers of always-hard couplings, eliminated: v = S z + w (M39). SPDX-License-Identifier: Apache-2.0
 //
-// J is constant, so S is constant too. With gear ratios per environment only its pattern is.
+// Where J is constant, S is constant too. With gear ratios per environment, or functions, only its pattern is.
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -37,7 +37,8 @@ HardRows gauss_jordan(const Program& program) {
     int pivot = 0;
     const double largest = row.maxCoeff(&pivot);
     const int first = t.term_joint[t.term_start[rows.coupling[p]]];
-    if (places_tendon(t, rows.coupling[p]) || (!is_pivot(rows, first) && row[first] * follower_preference >= largest))
+    if (places_tendon(t, rows.coupling[p]) || is_curved(program, rows.coupling[p]) ||
+        (!is_pivot(rows, first) && row[first] * follower_preference >= largest))
       pivot = first;
     rows.pivot.push_back(pivot);
     for (int r = 0; r < count; ++r) {
@@ -61,16 +62,15 @@ Eigen::MatrixXi record_elimination(Program& program, const HardRows& rows) {
   std::vector<Reduction<double>::Update> updates;
   std::vector<int> pivots;
   int entries = 0;
-  const auto fill = [&](int r, int column, int gear, double value) {
+  const auto fill = [&](int r, int column, int term, double value) {
     entry(r, column) = entries;
-    fills.push_back({{entries++, gear}, value});
+    fills.push_back({{entries++, term}, value});
   };
 
   // The entries of [J_h, 1] to begin with.
   for (int r = 0; r < count; ++r) {
     const int c = rows.coupling[r];
-    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k)
-      fill(r, t.term_joint[k], t.term_gear[k], t.term_value[k]);
+    for (int k = t.term_start[c]; k < t.term_start[c + 1]; ++k) fill(r, t.term_joint[k], k, t.term_value[k]);
     fill(r, t.joints + r, -1, 1.0);
   }
 
@@ -130,7 +130,7 @@ void place(Program& program, const HardRows& rows) {
   std::vector<bool> possible(t.tree.count, true);
   for (std::size_t p = 0; p < rows.pivot.size(); ++p) {
     const int c = rows.coupling[p], first = t.term_joint[t.term_start[c]];
-    if (places_tendon(t, c)) continue;
+    if (places_tendon(t, c) || is_curved(program, c)) continue;
     couplings[component_of(first)].push_back(c);
     if (rows.pivot[p] != first) possible[component_of(first)] = false;
   }
@@ -169,10 +169,9 @@ void prepare_consistent_steps(Program& program, const HardRows& rows) {
   r.placed = program.storage.keep(std::vector<int>(rows.pivot.size(), 0));
   if (program.integrator != Integrator::euler) return;
   place(program, rows);
-  r.consistent_is_shorter = r.placing.count > 0 && !program.settings.record_diagnostics;
+  r.consistent_is_shorter = r.placing.count > 0 && !program.settings.record_diagnostics && !t.functions.used();
   r.pairs = program.storage.keep(find_pairs(t));
-  if (!r.consistent_is_shorter || declared(program, Parameter::gear_ratio) || declared(program, Parameter::offset))
-    return;
+  if (!r.consistent_is_shorter || shares_differ(program) || declared(program, Parameter::offset)) return;
   std::vector<Mirror> mirrors;
   for (int j = 0; j < t.joints; ++j) {
     const int f = r.follower_of[j], b = t.joint_body[j];
@@ -193,16 +192,16 @@ void eliminate_followers(Program& program) {
   Tables<double>& t = program.f64;
   Reduction<double>& reduction = t.reduction;
   TableStorage& storage = program.storage;
-  const bool gears_differ = declared(program, Parameter::gear_ratio);
+  const bool differ = shares_differ(program);
 
-  // [J_h, 1] after elimination: in numbers, and as operations where ratios differ per environment.
+  // [J_h, 1] after elimination: in numbers, and as operations where S differs.
   const HardRows rows = gauss_jordan(program);
   const int count = static_cast<int>(rows.coupling.size());
   if (count == 0) return;
   Eigen::MatrixXi entry;
-  if (gears_differ) entry = record_elimination(program, rows);
+  if (differ) entry = record_elimination(program, rows);
   const auto present = [&](int f, int column) {
-    return gears_differ ? entry(f, column) >= 0 : rows.matrix(f, column) != 0.0;
+    return differ ? entry(f, column) >= 0 : rows.matrix(f, column) != 0.0;
   };
 
   // S, and the inverse of J's follower columns.
@@ -215,14 +214,14 @@ void eliminate_followers(Program& program) {
     for (int j = 0; j < t.joints; ++j) {
       if (j == rows.pivot[f] || !present(f, j)) continue;
       follower.shares.push_back({j, -rows.matrix(f, j) / pivot});
-      if (gears_differ) value_entry.push_back(entry(f, j));
+      if (differ) value_entry.push_back(entry(f, j));
     }
     followers.push_back(std::move(follower));
     for (int r = 0; r < count; ++r) {
       if (!present(f, t.joints + r)) continue;
       inverse_coupling.push_back(rows.coupling[r]);
       inverse_value.push_back(rows.matrix(f, t.joints + r) / pivot);
-      if (gears_differ) inverse_entry.push_back(entry(f, t.joints + r));
+      if (differ) inverse_entry.push_back(entry(f, t.joints + r));
     }
     inverse_start.push_back(static_cast<int>(inverse_coupling.size()));
   }
@@ -249,6 +248,7 @@ void eliminate_followers(Program& program) {
   reduction.rate = storage.keep(std::move(rate));
   reduction.value_entry = storage.keep(std::move(value_entry));
   reduction.inverse_entry = storage.keep(std::move(inverse_entry));
+  find_curved_followers(program);
   prepare_consistent_steps(program, rows);
 }
 

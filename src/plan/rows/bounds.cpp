@@ -106,7 +106,7 @@ double value_of(const Tables<double>& t, const Contribution& share) {
 
 // Whether the coupling is redundant beside the eliminated ones: its form is zero up to rounding.
 bool follows_from_eliminated(const Program& program, const RowForm& form) {
-  if (!program.f64.reduction.eliminates() || declared(program, Parameter::gear_ratio)) return false;
+  if (!program.f64.reduction.eliminates() || shares_differ(program)) return false;
   for (const auto& [index, shares] : form.terms) {
     double sum = 0.0, size = 0.0;
     for (const Contribution& share : shares) {
@@ -155,7 +155,7 @@ void split_servos(Program& program, bool rounds) {
 // Whether some bound is a row over several velocities, or stands beside couplings that are rows.
 bool rows_compete(const Program& program) {
   const Tables<double>& t = program.f64;
-  if (t.rows.count > 0 || t.row_servos.count > 0) return true;
+  if (t.rows.count > 0 || t.row_servos.count > 0 || has_loops(program)) return true;
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const Joint& joint = program.model.joints[j];
     const int i = program.solver_joint[j];
@@ -221,7 +221,8 @@ BoundForms lay_out_bounds(Program& program) {
   };
 
   // Rounds have rows over several velocities as slots.
-  const bool rounds = !program.contacts.pairs.empty() || program.integrator == Integrator::leapfrog;
+  const bool rounds =
+      !program.contacts.pairs.empty() || has_loops(program) || program.integrator == Integrator::leapfrog;
   split_servos(program, rounds);
   const bool compete = rounds && rows_compete(program);
 

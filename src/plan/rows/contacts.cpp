@@ -1,87 +1,11 @@
 // Pairs of colliders: which velocities move them against each other, and how far they yield. SPDX-License-Identifier:
 // Apache-2.0
-#include <algorithm>
-#include <map>
-#include <set>
-
 #include "plan/layout.h"
 
 namespace lockstep {
 namespace {
 
 constexpr double hard_compliance = 1e-3;  // (M104), of the response
-
-// A joint's velocity, or one of a floating root's six, that moves one collider of a pair and not the other.
-struct MovingVelocity {
-  int velocity, body, component;  // component: -1 for a joint
-  int sign;
-};
-
-// The collider's frame in its body's, or in the world.
-struct PlacedCollider {
-  int body;
-  Eigen::Isometry3d pose;
-};
-
-PlacedCollider place_of(const Program& program, const Collider& collider) {
-  const Tables<double>& t = program.f64;
-  const Eigen::Isometry3d own(collider.pose);
-  if (collider.link.empty()) return {-1, own};
-  const auto pose_of = [](const double(&rotation)[9], const double(&offset)[3]) {
-    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-    for (int k = 0; k < 9; ++k) pose.matrix()(k / 3, k % 3) = rotation[k];
-    for (int k = 0; k < 3; ++k) pose.matrix()(k, 3) = offset[k];
-    return pose;
-  };
-  const LinkPlace<double>& link = t.link[program.model.link_index(collider.link)];
-  const Eigen::Isometry3d in_body = pose_of(link.rotation, link.offset) * own;
-  if (link.body >= 0) return {link.body, in_body};
-  const TreePlace<double>& tree = t.tree[link.tree];
-  return {-1, pose_of(tree.rotation, tree.offset) * in_body};
-}
-
-std::vector<MovingVelocity> chain_of(const Tables<double>& t, int body, int sign) {
-  std::vector<MovingVelocity> chain;
-  for (; body >= 0; body = t.body[body].parent) {
-    const int first = t.body[body].velocity;
-    for (int c = 0; t.body[body].root && c < 6; ++c) chain.push_back({first + c, body, c, sign});
-    if (!t.body[body].root) chain.push_back({first, body, -1, sign});
-  }
-  return chain;
-}
-
-// What moves one of two bodies and not the other.
-std::vector<MovingVelocity> moving(const Tables<double>& t, int first, int second) {
-  std::map<int, MovingVelocity> all;
-  for (const MovingVelocity& m : chain_of(t, second, 1)) all.emplace(m.velocity, m);
-  for (const MovingVelocity& m : chain_of(t, first, -1))
-    if (!all.emplace(m.velocity, m).second) all.erase(m.velocity);
-  std::vector<MovingVelocity> list;
-  for (const auto& [velocity, m] : all) list.push_back(m);
-  return list;
-}
-
-int body_of(const Program& program, int collider) {
-  return place_of(program, program.model.colliders[static_cast<std::size_t>(collider)]).body;
-}
-
-// By solver velocity: what it turns or moves of a pair.
-std::map<int, std::vector<ColumnPart>> columns_of(const Program& program, const ColliderPair& pair) {
-  const Tables<double>& t = program.f64;
-  std::map<int, std::vector<ColumnPart>> columns;
-  for (const MovingVelocity& m : moving(t, body_of(program, pair.first), body_of(program, pair.second))) {
-    if (m.component >= 0) {
-      for (int z = 0; z < t.solver.n; ++z)
-        if (t.reduction.velocity_of(z) == m.velocity) columns[z].push_back({m.body, m.component, -1, m.sign});
-      continue;
-    }
-    RowForm form{-1, Hard{}};
-    add_joint(t, t.reduction, t.body[m.body].joint, -1, form);
-    for (const auto& [z, contributions] : form.terms)
-      for (const Contribution& c : contributions) columns[z].push_back({m.body, -1, c.value, m.sign});
-  }
-  return columns;
-}
 
 PairKind kind_of_pair(ShapeKind first, ShapeKind second) {
   if (first == ShapeKind::half_space)
@@ -97,12 +21,15 @@ PairKind kind_of_pair(ShapeKind first, ShapeKind second) {
   return PairKind::sphere_sphere;
 }
 
+BodyPlace place_of(const Program& program, const Collider& collider) {
+  return place_of(program, collider.link, Eigen::Isometry3d(collider.pose));
+}
+
 ColliderPlace<double> placed(const Program& program, const Collider& collider) {
-  const PlacedCollider place = place_of(program, collider);
+  const BodyPlace place = place_of(program, collider);
   ColliderPlace<double> result{};
   result.body = place.body;
-  for (int k = 0; k < 9; ++k) result.rotation[k] = place.pose.linear()(k / 3, k % 3);
-  for (int k = 0; k < 3; ++k) result.offset[k] = place.pose.translation()[k];
+  put_pose(place.pose, result.rotation, result.offset);
   const Eigen::Vector3d& size = collider.shape.size;
   switch (collider.shape.kind) {
     case ShapeKind::half_space: result.unlimited = true; break;
@@ -117,6 +44,13 @@ ColliderPlace<double> placed(const Program& program, const Collider& collider) {
     case ShapeKind::sphere: result.size[0] = result.reach = size[0]; break;
   }
   return result;
+}
+
+MovingColumns columns_of(const Program& program, const ColliderPair& pair) {
+  const auto body = [&](int collider) {
+    return place_of(program, program.model.colliders[static_cast<std::size_t>(collider)]).body;
+  };
+  return columns_between(program, body(pair.first), body(pair.second));
 }
 
 }  // namespace

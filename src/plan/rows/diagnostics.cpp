@@ -40,6 +40,10 @@ void lay_out_report(Program& program) {
         "coupling " + couplings[c]);
   }
 
+  // Loops, in the model's order.
+  for (std::size_t l = 0; l < program.model.loops.size(); ++l)
+    add({Reported::loop, static_cast<int>(l), -1, -1, -1}, "loop " + program.model.loops[l].name);
+
   // What bounds each joint has.
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const int i = program.solver_joint[j];

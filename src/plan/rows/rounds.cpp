@@ -25,7 +25,7 @@ bool acts_on_one_velocity(const Tables<double>& t, int joint) { return velocity_
 
 namespace {
 
-// A row of Bounds::rows or of Tables::rows that is a slot, over the solver's velocities.
+// A row of Bounds::rows, of Tables::rows or of a loop that is a slot, over the solver's velocities.
 struct Slot {
   RowSlot row;
   std::vector<int> velocities;
@@ -37,12 +37,19 @@ std::vector<Slot> slots_of(const Tables<double>& t) {
     slot.value = rows.term_start[r];
     slots.push_back({slot, {rows.term_index.data + rows.term_start[r], rows.term_index.data + rows.term_start[r + 1]}});
   };
-  for (int e = 0; e < t.rows.count; ++e) add(t.rows, e, {-1, e, 0, 0, 0, 0, Rank::coupling});
+  for (int e = 0; e < t.rows.count; ++e) add(t.rows, e, {-1, e, -1, 0, 0, 0, 0, Rank::coupling});
   const Bounds<double>& b = t.bounds;
   for (int r = b.single; r < b.rows.count; ++r) {
     const bool drives = b.kind[r] == BoundKind::drive || b.kind[r] == BoundKind::soft_drive;
     const Rank rank = b.kind[r] == BoundKind::coupling ? Rank::coupling : drives ? Rank::drive : Rank::limit;
-    add(b.rows, r, {r, -1, 0, 0, 0, 0, rank});
+    add(b.rows, r, {r, -1, -1, 0, 0, 0, 0, rank});
+  }
+  for (int l = 0; l < t.loops.loops.count; ++l) {
+    const HeldLoop<double>& loop = t.loops.loops[l];
+    std::vector<int> velocities;
+    for (int k = loop.column; k < loop.column + loop.columns; ++k) velocities.push_back(t.loops.columns[k].velocity);
+    for (int row = 0; row < loop.rows(); ++row)
+      slots.push_back({{-1, -1, loop.row + row, 0, 0, loop.value + row * loop.columns, 0, Rank::loop}, velocities});
   }
   return slots;
 }
@@ -109,6 +116,9 @@ void lay_out_slots(Program& program, std::vector<Slot> slots) {
     if (row.bounded >= 0 && t.bounds.kind[row.bounded] != BoundKind::servo)
       rounds.needs_responses = rounds.needs_responses || (t.bounds.rows.softness[row.bounded].cfm_per_response > 0.0 &&
                                                           t.bounds.undamped_row[row.bounded] < 0);
+    if (row.loop >= 0)
+      for (int l = 0; l < t.loops.loops.count; ++l)
+        rounds.needs_responses = rounds.needs_responses || t.loops.loops[l].cfm_per_response > 0.0;
     rows.push_back(row);
   }
   rounds.slots = program.storage.keep(std::move(rows));
@@ -159,9 +169,10 @@ void lay_out_rounds(Program& program) {
   const bool stages = program.integrator == Integrator::leapfrog;
   if (program.integrator != Integrator::euler && !stages) return;
   const bool limited = t.limited_servos.count + t.row_servos.count > 0;
-  if (b.rows.count == 0 && !limited && program.contacts.pairs.empty()) return;
+  const bool held = t.loops.used();
+  if (b.rows.count == 0 && !limited && !held && program.contacts.pairs.empty()) return;
   const std::optional<PlanObstacle> obstacle = obstacle_to_single_velocities(program);
-  if (obstacle && program.contacts.pairs.empty() && !stages) return;
+  if (obstacle && program.contacts.pairs.empty() && !held && !stages) return;
 
   // Their matrix has A_r, and what slots and contacts fill in.
   std::vector<Slot> slots = slots_of(t);
@@ -186,10 +197,10 @@ void lay_out_rounds(Program& program) {
 
   // In a leapfrog: whether its stages hold the bounds, and whether something is left for its midpoint.
   rounds.in_stages = stages && !obstacle;
-  if (stages && obstacle && (b.rows.count > 0 || limited)) program.obstacles.push_back(*obstacle);
+  if (stages && obstacle && (b.rows.count > 0 || limited || held)) program.obstacles.push_back(*obstacle);
   rounds.at_midpoint = stages && (!rounds.in_stages || !program.contacts.pairs.empty());
   if (rounds.at_midpoint) lay_out_implicit(program);
-  b.always |= limited && !rounds.in_stages;
+  b.always |= (limited && !rounds.in_stages) || held;
 
   rounds.velocity = program.storage.keep(std::move(velocity));
   rounds.row_of = program.storage.keep(std::move(row_of));

@@ -369,8 +369,8 @@ void lay_out_rows(Program& program) {
   t.free_share = t.renewed ? (settings.iterations + 1.0) / (2.0 * settings.iterations) : 1.0;
   const bool has_velocity_phase = settings.velocity_iterations > 0;
   const bool differs = factored ? any_hard || t.reduction.eliminates() : t.rows.count > 0;
-  t.solve_twice =
-      t.renewed || (has_velocity_phase && (differs || t.bounds.rows.count > 0 || !program.contacts.pairs.empty()));
+  t.solve_twice = t.renewed || (has_velocity_phase && (differs || t.bounds.rows.count > 0 ||
+                                                       !program.contacts.pairs.empty() || has_loops(program)));
   // Without rows both phases have the same solution.
   program.second_phase_anyway = t.renewed || !has_velocity_phase || differs || t.rows.count == 0;
 }

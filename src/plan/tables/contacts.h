@@ -1,7 +1,7 @@
 // Colliders, the pairs of them that may touch, and what a pair's contacts move. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "spans.h"
+#include "columns.h"
 
 namespace lockstep {
 
@@ -69,18 +69,6 @@ struct TouchingPair : TouchingStructure {
     visit(from.friction, to.friction), visit(from.restitution, to.restitution);
     visit(from.rate, to.rate), visit(from.cfm, to.cfm), visit(from.cfm_per_response, to.cfm_per_response);
   }
-};
-
-/// A velocity of the solver that moves a pair's colliders against each other, and the bodies that it turns or moves.
-struct PairColumn {
-  int velocity;
-  int first, last;  ///< in ContactStructure::parts; the last is one past the end
-};
-struct ColumnPart {
-  int body;
-  int component;  ///< of a floating root's twist; -1 for a joint
-  int share;      ///< entry of S; -1 stands for 1
-  int sign;       ///< 1 if it moves the second collider, -1 if it moves the first
 };
 
 struct ContactStructure {

@@ -139,7 +139,7 @@ struct ReductionStructure {
   Span<int> product_start;                ///< in the same order
   Span<int> product_source;               ///< entry of A
   Span<int> product_left, product_right;  ///< the two entries of S that it is multiplied by; -1 stands for 1
-  // With gear ratios per environment, this Gauss-Jordan elimination computes S for each lane.
+  // With gear ratios per environment, or functions, this Gauss-Jordan elimination computes S for each lane.
   struct Elimination {
     int factor, pivot, first, last;
   };  ///< one row minus factor/pivot times the pivot's row
@@ -154,9 +154,9 @@ struct ReductionStructure {
   Span<int> inverse_entry;
 };
 
-/// An initial entry of the elimination: a row of the gear_ratio field, or `value` if `gear` is -1.
+/// An initial entry of the elimination: the coefficient of a coupling's term, or `value` if `term` is -1.
 struct FillStructure {
-  int entry, gear;
+  int entry, term;
 };
 template <class S>
 struct Fill : FillStructure {

@@ -13,13 +13,14 @@ struct LimitedServo {
 };
 
 /// Which rows yield where not all can hold: the last of these first (section 27).
-enum class Rank : int { coupling, limit, drive };
-constexpr int ranks = 3;
+enum class Rank : int { coupling, limit, loop, drive };
+constexpr int ranks = 4;
 
-/// A row over several velocities: a coupling that is kept, or a bound.
+/// A row over several velocities: a coupling that is kept, a bound, or a row of a loop.
 struct RowSlot {
-  int bounded;      ///< row of Bounds::rows, -1 for a coupling
-  int coupling;     ///< row of Tables::rows, -1 for a bound
+  int bounded;      ///< row of Bounds::rows, -1 for others
+  int coupling;     ///< row of Tables::rows, -1 for others
+  int loop;         ///< row of LoopTables, -1 for others
   int first, last;  ///< in Rounds::term; the last is one past the end
   int value;        ///< place of the first term's value among those of its rows
   int entry;        ///< in Rounds::term_entry: by term, and term up to that one

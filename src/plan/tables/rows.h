@@ -61,7 +61,7 @@ struct RowStructure {
   Span<int> term_start;             ///< by row, count + 1
   Span<int> term_index;             ///< solver velocity
   Span<int> contribution_start;     ///< by term, terms + 1
-  Span<Contribution> contribution;  ///< summands of term_value, for gear ratios that differ per environment
+  Span<Contribution> contribution;  ///< summands of term_value, where S differs
   Span<int> support_start;          ///< by row, count + 1
   Span<SupportRange> support;       ///< ascending
   Span<int> run_start;              ///< by row, count + 1
@@ -155,9 +155,9 @@ struct Bounds : BoundStructure {
 
 /// A row of the diagnostics, as users know it.
 struct Reported {
-  enum Kind : int { coupling, position_limit, velocity_limit, friction, kinematic_drive, effort_limit };
+  enum Kind : int { coupling, loop, position_limit, velocity_limit, friction, kinematic_drive, effort_limit };
   int kind;
-  int index;    ///< coupling, or joint
+  int index;    ///< coupling, loop or joint
   int row;      ///< row of Tables::rows, -1 if none
   int bounded;  ///< row of Bounds, -1 if none
   int member;   ///< of a coupling: 1 if it is hard; of an effort limit: the place among the limited servos; else -1
