@@ -1,5 +1,8 @@
 // Followers that are functions of one joint: against closed forms, the reference, and what they are said to hold.
 // SPDX-License-Identifier: Apache-2.0
+//
+// One file: nearly all tests move one of two mechanisms, a slider-crank with a closed form and a hand, which stand
+// here.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,4 +1,6 @@
 // Closed loops of the reference against theory, differences and equal trees. SPDX-License-Identifier: Apache-2.0
+//
+// One file: rows, exact motion and steps are tested on the same mechanisms, by the same helpers.
 #include "reference/loops.h"
 
 #include <gtest/gtest.h>

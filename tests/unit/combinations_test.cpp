@@ -1,4 +1,6 @@
 // Which features stand beside which: the page that says it. SPDX-License-Identifier: Apache-2.0
+//
+// One file: every test goes through the one list of features and scenes.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
