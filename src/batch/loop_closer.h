@@ -8,16 +8,9 @@
 #include <vector>
 
 #include "lockstep/batch.h"
-#include "model/loops.h"
-#include "plan/program.h"
+#include "loop_state.h"
 
 namespace lockstep {
-
-/// Positions and velocities of one environment, by joint of the model and by tree.
-struct LoopState {
-  Configuration at;
-  Eigen::VectorXd velocity;  ///< of the joints, then an angular velocity and a velocity in the world by tree
-};
 
 class LoopCloser {
  public:
@@ -28,18 +21,18 @@ class LoopCloser {
   bool used() const { return !loops_.empty(); }
   const Trees& trees() const { return trees_; }
 
-  /// Closes the loops that are `on`, beside the relations. `rows` are 7 numbers of Parameter::loop_frame for each loop,
-  /// empty if the model's frames hold. Adds what does not close.
-  template <class Number, class On>
-  void close(int environment, double rounding, const Number* frames, const On& on, const Relations& relations,
-             LoopState& state, std::vector<UnmetCoupling>& unmet) const {
+  /// Closes the loops that are `on`, beside the relations. `frames` are 7 numbers of Parameter::loop_frame for each
+  /// loop, or none if the model's frames hold. Adds what does not close.
+  template <class On>
+  void close(int environment, double rounding, const std::vector<double>& frames, const On& on,
+             const Relations& relations, LoopState& state, std::vector<UnmetCoupling>& unmet) const {
     std::vector<PlacedLoop> taken;
     std::vector<int> number;
     for (std::size_t l = 0; l < loops_.size(); ++l) {
       if (!on(static_cast<int>(l))) continue;
       taken.push_back(loops_[l]);
       number.push_back(static_cast<int>(l));
-      if (frames) taken.back().first_pose = frame(frames + 7 * l, l);
+      if (!frames.empty()) taken.back().first_pose = frame(frames.data() + 7 * l, l);
     }
     if (taken.empty()) return;
 
@@ -72,8 +65,7 @@ class LoopCloser {
   }
 
  private:
-  template <class Number>
-  Eigen::Isometry3d frame(const Number* rows, std::size_t l) const {
+  Eigen::Isometry3d frame(const double* rows, std::size_t l) const {
     Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
     const Eigen::Quaterniond turn(rows[3], rows[4], rows[5], rows[6]);
     pose.translation() = Eigen::Vector3d(rows[0], rows[1], rows[2]);

@@ -153,6 +153,7 @@ std::string caption(const Model& model, const Truth& truth, int environments, in
       {"target", to_string(Batch<float>(compile(model), 1, {.threads = 1}).target())},
       {"joints", std::count_if(model.joints.begin(), model.joints.end(), [](const Joint& j) { return j.moves(); })},
       {"couplings", model.couplings.size()},
+      {"loops", model.loops.size()},
       {"base", base_of(model)},
       {"environments", environments},
       {"seconds", static_cast<double>(samples) / samples_per_second},

@@ -213,7 +213,7 @@ def main(table, picture, caption):
     rows = read(table)
     failed = [row for row in rows if row["faulted"] or not row["rms_error"] <= caption["largest_error"]]
     good = [row for row in rows if row not in failed]
-    unit, coupled = caption["unit"], caption["couplings"] > 0
+    unit, coupled = caption["unit"], caption["couplings"] + caption["loops"] > 0
 
     swept = any(row["iterations"] for row in good)
     notes = [("Small numbers: sweeps, one line per step size. " if swept else "")
@@ -237,14 +237,16 @@ def main(table, picture, caption):
     figure.text(left, down(0.42), f"{caption['model']}: error against cost", fontsize=17, fontweight="bold", color=INK)
     seconds = f"{caption['seconds']:g} s simulated"
     machine = f"{caption['cpu']} ({caption['target']}), {caption['environments']} environments at once"
-    mechanism = f"{caption['joints']} joints, {caption['couplings']} couplings, {caption['base']} base"
+    loops = f"{caption['loops']} loop{'s' * (caption['loops'] > 1)}, " if caption["loops"] else ""
+    mechanism = f"{caption['joints']} joints, {caption['couplings']} couplings, {loops}{caption['base']} base"
     separator = "  \u00b7  " if coupled else "\n"
     figure.text(left, down(0.52), f"{mechanism}, {seconds}{separator}{machine}", fontsize=10, color=GREY, va="top")
     figure.text(left, 0.12 / height, "\n".join(notes), fontsize=8.8, color=GREY, va="bottom", linespacing=1.3)
 
     columns = [("rms_error", f"Error of the joint positions, RMS ({unit})")]
     if coupled:
-        columns.append(("coupling_error_max", f"Largest coupling error |C| ({unit})"))
+        held = "error of couplings and loops |C| (rad, m)" if caption["loops"] else f"coupling error |C| ({unit})"
+        columns.append(("coupling_error_max", f"Largest {held}"))
     for axes, (column, title) in zip(panels[0], columns):
         axes.set_title(title, loc="left", fontsize=11.5, color=INK, pad=9)
         if not good:

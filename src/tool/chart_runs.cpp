@@ -50,7 +50,8 @@ Trajectory trajectory(const Plan& plan, int samples, const std::function<void(do
   Batch<S> batch(plan, 1, {.threads = 1});
   const double dt = plan.settings().dt;
   const int substeps = static_cast<int>(std::lround(1.0 / (samples_per_second * dt)));
-  const bool has_targets = targets.f32 || targets.f64, watched = watch_couplings && plan.couplings() > 0;
+  const bool has_targets = targets.f32 || targets.f64,
+             watched = watch_couplings && (plan.couplings() > 0 || !plan.loops().empty());
   Trajectory result;
   result.positions.resize(plan.dofs(), samples);
   for (int sample = 0; sample < samples; ++sample) {
@@ -58,8 +59,9 @@ Trajectory trajectory(const Plan& plan, int samples, const std::function<void(do
       set_targets(targets, static_cast<long>(sample) * substeps + step, dt, batch);
       batch.step();
       if (!watched) continue;
-      const double error = static_cast<double>(batch.coupling_errors().abs().maxCoeff());
-      result.coupling_error_max = std::max(result.coupling_error_max, error);
+      for (const auto& errors : {batch.coupling_errors(), batch.loop_errors()})
+        if (errors.rows() > 0)
+          result.coupling_error_max = std::max(result.coupling_error_max, static_cast<double>(errors.abs().maxCoeff()));
     }
     if (!has_targets && !watched) batch.step(substeps);
     result.positions.col(sample) = batch.positions().col(0).template cast<double>();

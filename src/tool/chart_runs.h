@@ -27,7 +27,7 @@ std::string described(const ChartSetting& setting);
 struct ChartPoint {
   ChartSetting setting;
   double rms_error = 0.0;           ///< of all joint positions over the samples, rad or m; infinite if faulted
-  double coupling_error_max = 0.0;  ///< over all steps; infinite if faulted
+  double coupling_error_max = 0.0;  ///< of couplings and loops over all steps; infinite if faulted
   double cost = 0.0;                ///< CPU seconds on one thread per environment and simulated second
   bool faulted = false;
 };

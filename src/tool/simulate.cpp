@@ -34,26 +34,29 @@ struct Outcome {
   double stepping_seconds = 0.0;  ///< wall clock, in Batch::step alone
   Target target = Target::automatic;
   Engine engine = Engine::automatic;
-  double coupling_error_max = 0.0, coupling_error_rms = 0.0;  ///< NaN where every environment faulted
+  double coupling_error_max = 0.0, coupling_error_rms = 0.0;  ///< with loops; NaN where every environment faulted
   int faulted = 0, first_faulted = -1;
   FaultReport first_fault = {};
   std::string first_joint = {};
   std::string explanation = {};  ///< Batch::explain_fault() of the first
 };
 
-// Largest and root mean square error over the environments that have not faulted.
+// Largest and root mean square error of couplings and loops over the environments that have not faulted.
 template <class S>
-void sample(const Batch<S>& batch, const typename Batch<S>::Array& errors, Outcome& outcome) {
+void sample(const Batch<S>& batch, const typename Batch<S>::Array& coupling_errors, Outcome& outcome) {
+  const typename Batch<S>::Array loop_errors = batch.loop_errors();
   double sum = 0.0;
   long count = 0;
   for (int e = 0; e < batch.environments(); ++e) {
     if (batch.faults()[e] != Fault::none) continue;
-    for (Eigen::Index c = 0; c < errors.rows(); ++c) {
-      const double error = std::abs(static_cast<double>(errors(c, e)));
-      outcome.coupling_error_max = std::max(outcome.coupling_error_max, error);
-      sum += error * error;
+    for (const typename Batch<S>::Array* const errors : {&coupling_errors, &loop_errors}) {
+      for (Eigen::Index c = 0; c < errors->rows(); ++c) {
+        const double error = std::abs(static_cast<double>((*errors)(c, e)));
+        outcome.coupling_error_max = std::max(outcome.coupling_error_max, error);
+        sum += error * error;
+      }
+      count += errors->rows();
     }
-    count += errors.rows();
   }
   outcome.coupling_error_rms = count > 0 ? std::sqrt(sum / static_cast<double>(count)) : 0.0;
 }
@@ -134,8 +137,9 @@ double speed(const SimulateOptions& options, const Outcome& outcome) {
 void print(const SimulateOptions& options, const Plan& plan, const Outcome& outcome) {
   const double simulated = static_cast<double>(outcome.steps) * plan.settings().dt;
   const bool sweeps = plan.method() == Method::pgs || plan.method() == Method::tgs;
-  fmt::print("model    {}: {} joints, {} couplings, {} base\n", plan.model().name, plan.dofs(), plan.couplings(),
-             base_of(plan.model()));
+  const std::size_t loops = plan.loops().size();
+  fmt::print("model    {}: {} joints, {} couplings, {}{} base\n", plan.model().name, plan.dofs(), plan.couplings(),
+             loops == 0 ? "" : fmt::format("{} loop{}, ", loops, loops == 1 ? "" : "s"), base_of(plan.model()));
   fmt::print("method   {}{}, {}, {}, step {} s, {} thread{}, {}, {}\n", to_string(plan.method()),
              sweeps ? fmt::format(" {}+{}", plan.settings().iterations, plan.settings().velocity_iterations) : "",
              to_string(plan.integrator()), options.run.f64 ? "f64" : "f32", fraction(plan.settings().dt),

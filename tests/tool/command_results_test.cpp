@@ -57,6 +57,21 @@ TEST_F(Command, json_has_the_documented_keys) {
   EXPECT_EQ(json.at("steps"), 240);
 }
 
+TEST_F(Command, tells_how_far_loops_are_open) {
+  const std::string four_bar = write("four_bar.xml", R"(<mujoco><worldbody>
+    <body><joint axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0.1 0 0" size="0.01" contype="0" conaffinity="0"/>
+      <body name="coupler" pos="0.1 0 0"><joint axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 0.3 0 0" size="0.01" contype="0" conaffinity="0"/></body></body>
+    <body name="rocker" pos="0.35 0 0"><joint axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 0.2" size="0.01" contype="0" conaffinity="0"/></body></worldbody>
+    <equality><connect body1="coupler" body2="rocker" anchor="0.3 0 0"/></equality></mujoco>)");
+  const Ran ran = run({"simulate", four_bar, "--envs", "3", "--integrator", "euler", "--json", path("r.json")});
+  EXPECT_NE(ran.out.find("3 joints, 0 couplings, 1 loop, fixed base"), std::string::npos) << ran.out << ran.err;
+  const double open = nlohmann::json::parse(contents(path("r.json"))).at("coupling_error_max").get<double>();
+  EXPECT_GT(open, 1e-7);
+  EXPECT_LT(open, 1e-3);
+}
+
 TEST_F(Command, runs_the_engine_that_is_named) {
   const Arguments common = {"--precision", "f64", "--seconds", "0.2", "--json", path("r.json")};
   std::vector<Table> tables;

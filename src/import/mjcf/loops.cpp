@@ -8,14 +8,13 @@
 #include "couple.h"
 #include "model/trees.h"
 #include "names.h"
+#include "pose.h"
 
 namespace lockstep::importer::mjcf {
 namespace {
 
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
-
-Isometry3d shift(const Vector3d& by) { return Isometry3d(Eigen::Translation3d(by)); }
 
 // A frame on a body.
 struct End {
