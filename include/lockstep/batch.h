@@ -168,8 +168,8 @@ class LOCKSTEP_API Batch {
   std::string kernel_name() const;  ///< of the generated kernel in use; empty for other engines
 
   // --- state, to read and to write -------------------------------------------------------------
-  // An environment whose positions, velocities or poses are written to other numbers forgets its contacts: what they
-  // held by friction starts anew in the next step, as after a reset.
+  // Contacts go on where positions, velocities or poses are written: what touches before and after keeps what it holds
+  // by friction, and what does not touch any more has nothing. See forget_contacts().
   /// [dofs][environments] rad or m. A joint that turns for ever shows its whole angle, rounded: see angles(). A number
   /// that is written is taken as it is. A step puts tendons where their joints are, whatever is written.
   View positions();
@@ -228,6 +228,10 @@ class LOCKSTEP_API Batch {
   /// Returns the couplings that cannot be met, by environment; allocates only where there are some.
   std::vector<UnmetCoupling> project(const EnvironmentSet& which = EnvironmentSet::all(),
                                      Couplings couplings = Couplings::hard);
+
+  /// Contacts begin anew in the next step, as after a reset: for bodies that were put elsewhere by hand. Contact forces
+  /// read 0 until then.
+  void forget_contacts(const EnvironmentSet& which = EnvironmentSet::all());
 
   // --- random numbers, see random.h ------------------------------------------------------------
   /// One per environment, to read and to write. Environments of the same id and seed draw the same numbers in the same

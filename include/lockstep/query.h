@@ -27,8 +27,8 @@ enum class Quantity {
   root_velocity,     ///< 6 rows by floating root, as Batch::root_velocities()
   kinetic_energy,    ///< one row, J
   potential_energy,  ///< one row, J
-  // Of contacts, by pair of Plan::contacts() or by its slots. Forces are those of the last step, and 0 where a state
-  // was written or reset since; the rest is that of the present state. A gap is infinite where the colliders are not
+  // Of contacts, by pair of Plan::contacts() or by its slots. Forces are those of the last step, whatever was written
+  // since, and 0 after a reset; the rest is that of the present state. A gap is infinite where the colliders are not
   // near.
   contact_force,         ///< 3 rows by pair: on its second collider, N, world axes
   contact_normal_force,  ///< by pair, the sum over its points, N, >= 0

@@ -292,6 +292,14 @@ py::dict report_of(AnyBatch& batch, int environment) {
 void bind_steps(Class& batch) {
   batch.def("step", &step, "substeps"_a = 1,
             "Takes `substeps` steps of dt. Other Python threads run meanwhile, but must not use this batch.");
+  batch.def(
+      "forget_contacts",
+      [](AnyBatch& batch, const py::object& which) {
+        batch.use([&](auto& own) { own.forget_contacts(environments_of(which, own.environments())); });
+      },
+      "which"_a = py::none(),
+      "Contacts begin anew in the next step, as after a reset: for bodies that were put elsewhere by hand. Where state "
+      "is written otherwise, contacts that still touch keep what they hold by friction.");
   batch.def("reset", &reset, "which"_a = py::none(), "q"_a = py::none(), "qd"_a = py::none(), py::kw_only(),
             "keep_inputs"_a = false, "project"_a = true,
             "To the model's state, or to q and qd, [k, nv] or [nv]. which: None (all), a mask of bool or ids. Clears "

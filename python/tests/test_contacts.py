@@ -36,6 +36,14 @@ def test_forces_balance_the_weight():
     assert np.allclose(force, [-20 * np.sin(0.3), 0, 20 * np.cos(0.3)], atol=1e-6)
     assert np.allclose(batch.read(ls.Query("contact_normal_force", ["floor-block"])), 20 * np.cos(0.3), atol=1e-6)
     assert -1e-5 < batch.read("contact_gap").min() < 0 and batch.read("contact_slip").max() < 1e-9
+    batch.root_twist[1, 5] += 1e-3  # a push
+    batch.forget_contacts([2])
+    batch.reset([3])
+    bears = [True, True, False, False, True]
+    assert np.array_equal(batch.read("contact_normal_force")[:, 0] > 1, bears)
+    with pytest.raises(ls.UsageError):
+        batch.forget_contacts([5])
+    batch.step(200)
     points = batch.read("contact_point").reshape(5, 4, 11)
     assert np.allclose(points[..., 3:6], [0, 0, 1])  # from the floor to the block
     assert np.allclose(points[..., 6:9].sum(axis=1), force)

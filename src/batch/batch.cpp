@@ -146,6 +146,23 @@ std::vector<UnmetCoupling> Batch<S>::project(const EnvironmentSet& which, Coupli
 }
 
 template <class S>
+void Batch<S>::forget_contacts(const EnvironmentSet& which) {
+  Impl& batch = impl();
+  const Alone alone(batch.in_use);
+  if (!batch.tables.contacts.used()) {
+    which.check(batch.environments);
+    return;
+  }
+  const int first = batch.tables.contacts.remembered_state(batch.tables),
+            last = batch.tables.contacts.remembered(batch.tables) - 1;
+  which.for_each(batch.environments, [&](int e) {
+    for (int row = first; row < last; ++row)
+      batch.rows.contact_memory.data()[row * batch.stride + e] =
+          batch.start.contact_memory[static_cast<std::size_t>(row)];
+  });
+}
+
+template <class S>
 std::span<const Fault> Batch<S>::faults() const {
   return {impl().rows.fault.data(), static_cast<std::size_t>(impl().environments)};
 }

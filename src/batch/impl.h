@@ -132,7 +132,7 @@ struct Batch<S>::Impl {
         start.fields[f][row] = static_cast<S>(model.values[f][row]);
     constexpr S none = std::numeric_limits<S>::quiet_NaN();
     std::fill(start.angle.begin(), start.angle.end(), none);  // none is kept: see simd::turned()
-    if (!start.contact_memory.empty())                        // no state is NaN, so the memory belongs to none
+    if (!start.contact_memory.empty())                        // no state is NaN, so nothing is remembered
       std::fill(start.contact_memory.begin() + tables.contacts.remembered_state(tables), start.contact_memory.end() - 1,
                 none);
   }

@@ -12,7 +12,7 @@ namespace lockstep::kernels {
 /// contact, which moved with the bodies, or turned to the present ones if it is another point or face. What slots had
 /// that have ended is shared by those that go on. Returns the lanes in which some slot goes on.
 template <class T>
-typename T::Mask carry_memory(int count, typename T::Mask known, const ContactPatch<T>& patch, ContactSlot<T>* slots) {
+typename T::Mask carry_memory(int count, typename T::Mask kept, const ContactPatch<T>& patch, ContactSlot<T>* slots) {
   const T zero = T(0), one = T(1);
   const Vec3<T> other = cross(patch.kept_normal, patch.kept_tangent);
   T turn[2][2];
@@ -22,7 +22,7 @@ typename T::Mask carry_memory(int count, typename T::Mask known, const ContactPa
   T lost[2] = {zero, zero}, going_on = zero;
   for (int s = 0; s < count; ++s) {
     ContactSlot<T>& slot = slots[s];
-    const auto pressed = known & less(zero, slot.pressed),
+    const auto pressed = kept & less(zero, slot.pressed),
                turned = less(slot.face, slot.kept_face) | less(slot.kept_face, slot.face);
     slot.goes_on = pressed & slot.live;
     held = held | slot.goes_on;

@@ -142,8 +142,8 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
   }
 
   // What goes on from the step before, and what moves the pair.
-  const auto held = carry_memory(pair.slots, x.contacts.known, touch, slots);
-  find_drift(held, T(t.dt) * sqrt(dot(turns, turns)), touch);
+  const auto held = carry_memory(pair.slots, x.contacts.kept, touch, slots);
+  find_drift(held & x.contacts.known, T(t.dt) * sqrt(dot(turns, turns)), touch);
   find_columns(t, pair, touch, parts ? patch.gap[0] : T(0), x);
   return held;
 }

@@ -13,7 +13,8 @@ namespace lockstep::kernels {
 
 constexpr double most_turn = 0.05;  // (M111), rad: pairs that turn further in a step have no drift
 
-/// The drift of the pair since the step before, in the frame of the contact, in lanes where the pair has been `held`.
+/// The drift of the pair since the step before, in the frame of the contact, in lanes where the pair has been `held`
+/// and nobody else has moved it.
 /// What may be rounding stays for later and fades, or a resting pair would tremble. `angle` is the turn of the pair
 /// in a step: what turns by more than most_turn rolls and is no longer held, and a line says nothing of its way.
 template <class T>

@@ -4,8 +4,9 @@
 // Rows of an environment: for each slot its face, the tangential and the normal impulse; for each pair where its second
 // collider is expected, and the axes of its impulses; the velocities at the start of the last step; the pieces that
 // bounds and servos ended it on; its length, if the guard may take steps in halves; the state that all this belongs to;
-// the count of steps that ended at a cap. An environment whose state is another one, because an application wrote to it
-// or reset it, begins without memory.
+// the count of steps that ended at a cap. An environment that was reset begins without memory: a state that is NaN says
+// so. Where an application has written another state, impulses go on in contacts that still touch; nothing is expected
+// of places, and nothing is guessed of velocities.
 #pragma once
 
 #include "kernels/tile/tile.h"
@@ -57,9 +58,14 @@ void load_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   const auto number = [&](int row) LOCKSTEP_INLINED { return T::load(rows + row * batch.stride); };
   int row = 0;
   each_remembered(t, x, [&](T& kept) LOCKSTEP_INLINED { kept = number(row++); });
-  typename T::Mask other = T::none();
-  each_state_row(t, x, row, [&](T now, int at) { other = other | beyond(now - number(at), T(0)); });
-  x.contacts.known = ~other;
+  typename T::Mask other = T::none(), forgotten = T::none();
+  each_state_row(t, x, row, [&](T now, int at) {
+    const T before = number(at);
+    other = other | beyond(now - before, T(0));
+    forgotten = forgotten | beyond(before, T(largest_number<ScalarOf<T>>));
+  });
+  x.contacts.kept = ~forgotten;
+  x.contacts.known = ~(other | forgotten);
   x.contacts.unfinished = number(t.contacts.remembered(t) - 1);
 }
 
@@ -85,7 +91,7 @@ void store_counts(const StatePointers<ScalarOf<T>>& batch, SolveCounts<T> counts
 /// (M125): impulses of a step of another length become those of this one.
 template <class T>
 void scale_memory(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  const auto lanes = x.contacts.known & ~x.frozen;
+  const auto lanes = x.contacts.kept & ~x.frozen;
   const T scale = select(lanes, T(t.step) / select(lanes, x.contacts.length, T(1)), T(1));
   for (int s = 0; s < t.contacts.slots; ++s) {
     ContactSlot<T>& slot = x.contacts.slot[s];

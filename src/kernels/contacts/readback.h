@@ -40,7 +40,7 @@ void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& 
         for (int k = 0; k < 3; ++k) put(select(slot.live, v[k], zero));
       };
       // What the step has found, along its own axes: the contact may have other ones by now, or be over.
-      const auto pressed = x.contacts.known & less(zero, slot.pressed);
+      const auto pressed = x.contacts.kept & less(zero, slot.pressed);
       const Vec3<T> other = cross(patch.kept_normal, patch.kept_tangent);
       const Vec3<T> impulse =
           fma(patch.kept_normal, slot.pressed, fma(patch.kept_tangent, slot.memory[0], scaled(other, slot.memory[1])));

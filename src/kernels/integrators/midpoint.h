@@ -378,9 +378,13 @@ void remember_midpoint(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 template <class T, class Act>
 void each_of_contacts(const Tables<ScalarOf<T>>& t, Tile<T>& x, Act&& act) {
   each_remembered(t, x, act);
-  T known = select(x.contacts.known, T(1), T(0));
-  act(known), act(x.contacts.unfinished), act(x.contacts.work);
-  x.contacts.known = less(T(0), known);
+  const auto act_on_lanes = [&](typename T::Mask& lanes) LOCKSTEP_INLINED {
+    T number = select(lanes, T(1), T(0));
+    act(number);
+    lanes = less(T(0), number);
+  };
+  act_on_lanes(x.contacts.kept), act_on_lanes(x.contacts.known);
+  act(x.contacts.unfinished), act(x.contacts.work);
 }
 template <class T>
 void copy_contacts(const Tables<ScalarOf<T>>& t, Tile<T>& x, T* to) {

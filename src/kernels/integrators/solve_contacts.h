@@ -216,7 +216,7 @@ template <class T>
 void remember_start(const Tables<ScalarOf<T>>& t, const T* start, Tile<T>& x) {
   for (int k = 0; k < t.rounds.columns.n; ++k)
     x.contacts.previous[k] = select(x.frozen, x.contacts.previous[k], start[k]);
-  x.contacts.known = ~T::none();
+  x.contacts.kept = x.contacts.known = ~T::none();
 }
 
 /// Turns them to the axes that the roots have now.

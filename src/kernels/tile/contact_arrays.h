@@ -138,7 +138,8 @@ struct Contacts {
   T* saturation;             // [limited servos] the same (state)
   T length;                  // of the step that the memory is of, where steps may be taken in halves (state)
   T unfinished;              // steps at the cap since the last reset (state)
-  typename T::Mask known;    // lanes whose memory belongs to their state
+  typename T::Mask kept;     // lanes that remember their contacts
+  typename T::Mask known;    // of these, lanes that begin where the last step has ended
   typename T::Mask held;     // lanes that are solved with contacts at once (solve_contacts.h)
   typename T::Mask goes_on;  // lanes in which a contact that has pressed goes on
   T work;                    // that push-outs have done in the step, for the audit (M126)

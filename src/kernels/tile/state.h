@@ -113,7 +113,7 @@ struct Guard {
     for (int d = 0; d < guard_depth; ++d) {
       begin[d].arrays(t, "guard.begin.q", "guard.begin.v", "guard.begin.pose", take, Lifetime::stage);
       end[d].arrays(t, "guard.end.q", "guard.end.v", "guard.end.pose", take, Lifetime::stage);
-      const int contacts = t.contacts.used() ? t.contacts.remembered_state(t) + 3 : 0;
+      const int contacts = t.contacts.used() ? t.contacts.remembered_state(t) + 4 : 0;  // each_of_contacts()
       take("guard.remembered", remembered[d], contacts, Lifetime::stage);
       take("guard.found", found[d], contacts, Lifetime::stage);
     }

@@ -100,7 +100,7 @@ inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const 
   act(BatchBlock{"audit", memory, t.audited ? 2 : 0, 0}, all.audit...);  // read where the motion is fast
   act(BatchBlock{"contacts", memory, remembered, 2 * remembered}, all.contact_memory...);
   act(BatchBlock{"impulse", result, impulses, impulses}, all.impulse...);
-  act(BatchBlock{"loop force", result, 6 * t.loops.loops.count, 6 * t.loops.loops.count}, all.loop_force...);
+  act(BatchBlock{"loop force", memory, 6 * t.loops.loops.count, 6 * t.loops.loops.count}, all.loop_force...);
   act(BatchBlock{"residual", result, reported, reported}, all.residual...);
   act(BatchBlock{"row state", result, reported, reported}, all.row_state...);
   act(BatchBlock{"solve counts", result, counts, counts}, all.solve_counts...);
