@@ -60,7 +60,8 @@ enum class Parameter : unsigned {
             ///< the link's axes. They do not scale with the mass then
   contact_friction,  ///< one row per contact, as in Plan::contacts(): Coulomb's coefficient of the pair
   loop_switch,       ///< one row per loop: 0 is off, anything else is on; 1 at the start
-  loop_frame,        ///< seven rows per loop: Loop::first_pose as x, y, z in m and a quaternion w, x, y, z
+  loop_frame,        ///< seven rows per loop: Loop::first_pose as x, y, z in m and a quaternion w, x, y, z of any
+                     ///< length from 0.001 to 1000; not by leapfrog
   function,  ///< by coupling that has a Function: the coefficients of a Polynomial, CamTable::follower, or mean,
              ///< cosine and sine of a Harmonic
 };

@@ -109,7 +109,7 @@ struct Polynomial {
 
 /// A cam: the cubic spline through points, straight beyond its ends.
 struct CamTable {
-  std::vector<double> leader;    ///< rad or m, ascending, at least 3
+  std::vector<double> leader;    ///< rad or m, ascending, 3 to 1000, 1e-5 of their length apart or more
   std::vector<double> follower;  ///< rad or m, as many
 };
 
@@ -139,7 +139,8 @@ struct Coupling {
   double offset = 0.0;              ///< gamma
   Softness softness;
   double force_limit = infinity;  ///< > 0, of the force along the first joint, N m or N; beyond it the coupling slips
-  /// Where it is given, C = q_joint - f(q_1) = 0: the only leader has the ratio 1, and there is no offset.
+  /// Where it is given, C = q_joint - f(q_1) = 0. The coupling has one leader, of ratio 1, no offset and no force
+  /// limit, and it is hard. It needs the method reduced.
   std::optional<Function> function = {};
 
   /// `follower` + ratio * `leader` + offset = 0.

@@ -303,8 +303,8 @@ void bind_steps(Class& batch) {
   batch.def("reset", &reset, "which"_a = py::none(), "q"_a = py::none(), "qd"_a = py::none(), py::kw_only(),
             "keep_inputs"_a = false, "project"_a = true,
             "To the model's state, or to q and qd, [k, nv] or [nv]. which: None (all), a mask of bool or ids. Clears "
-            "faults. project: place the followers of given states. Returns couplings that could not be met, as "
-            "(environment, coupling, error, velocity error).");
+            "faults. project: place the followers of given states. Returns couplings and loops that could not be met, "
+            "as (environment, name, error, velocity error); of a loop the name is \"loop NAME\".");
   batch.def(
       "project", &project, "which"_a = py::none(), py::kw_only(), "soft"_a = false,
       "Puts followers where the other joints and this environment's ratios and offsets put them, and closes loops. "
@@ -356,7 +356,7 @@ py::list unmet_to_python(const Plan& plan, const std::vector<UnmetCoupling>& unm
   py::list list;
   for (const UnmetCoupling& u : unmet)
     list.append(py::make_tuple(u.environment,
-                               u.coupling < 0 ? plan.loops()[static_cast<std::size_t>(u.loop)].name
+                               u.coupling < 0 ? "loop " + plan.loops()[static_cast<std::size_t>(u.loop)].name
                                               : names[static_cast<std::size_t>(u.coupling)],
                                u.error, u.velocity_error));
   return list;

@@ -191,17 +191,22 @@ py::object coupling_to_python(const Coupling& coupling) {
                                   std::visit(SoftnessToPython{}, coupling.softness), coupling.force_limit, function);
 }
 
+// The kind of that name. Throws ModelError, as the element has none.
+template <class Kind, std::size_t n>
+Kind kind_of(const std::string& name, const Kind (&all)[n], const std::string& element, const char* rule,
+             const char* remedy) {
+  const auto found = std::find_if(all, all + n, [&](Kind kind) { return to_string(kind) == name; });
+  if (found == all + n) throw ModelError(element, rule + (" '" + name + "'"), remedy);
+  return *found;
+}
+
 Loop loop_of(const py::handle& from) {
   Loop loop;
   std::string kind;
   read(from, "name", loop.name), read(from, "first", loop.first), read(from, "second", loop.second);
   read(from, "kind", kind);
-  const auto found = std::find_if(std::begin(all_loop_kinds), std::end(all_loop_kinds),
-                                  [&](LoopKind k) { return to_string(k) == kind; });
-  if (found == std::end(all_loop_kinds))
-    throw ModelError("loop '" + loop.name + "'", "is of the unknown kind '" + kind + "'",
-                     "give point, hinge, slider or weld");
-  loop.kind = *found;
+  loop.kind = kind_of(kind, all_loop_kinds, "loop '" + loop.name + "'", "is of the unknown kind",
+                      "give point, hinge, slider or weld");
   loop.first_pose = pose_of(from, "first_pose"), loop.second_pose = pose_of(from, "second_pose");
   loop.axis = matrix_of<Eigen::Vector3d>(from, "axis");
   loop.softness = softness_of(from, "softness");
@@ -224,12 +229,9 @@ Collider collider_of(const py::handle& from) {
   const py::object shape = from.attr("shape");
   std::string kind;
   read(shape, "kind", kind);
-  const auto found = std::find_if(std::begin(all_shape_kinds), std::end(all_shape_kinds),
-                                  [&](ShapeKind k) { return to_string(k) == kind; });
-  if (found == std::end(all_shape_kinds))
-    throw ModelError("collider '" + collider.name + "'", "has a shape of the unknown kind '" + kind + "'",
-                     "give half_space, box, capsule or sphere");
-  collider.shape = {*found, matrix_of<Eigen::Vector3d>(shape, "size")};
+  collider.shape = {kind_of(kind, all_shape_kinds, "collider '" + collider.name + "'",
+                            "has a shape of the unknown kind", "give half_space, box, capsule or sphere"),
+                    matrix_of<Eigen::Vector3d>(shape, "size")};
   return collider;
 }
 

@@ -13,6 +13,8 @@
 namespace lockstep {
 
 class LoopCloser {
+  static constexpr double nearly_the_same = 1e-5;  // the least singular value of rows, as a share of the largest
+
  public:
   explicit LoopCloser(const Model& model) : model_(model), trees_(model) {
     for (const Loop& loop : model.loops) loops_.push_back(placed(model, loop));
@@ -48,18 +50,20 @@ class LoopCloser {
     Eigen::VectorXd missing = jacobian * state.velocity;
     if (!(missing.cwiseAbs().maxCoeff() <= rounding)) {
       Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> factored;
-      factored.setThreshold(1e-9);
+      factored.setThreshold(nearly_the_same);
       state.velocity -= factored.compute(jacobian).solve(missing);
       missing = jacobian * state.velocity;
     }
 
-    // What is left.
+    // What is left. Bars that nearly say the same twice leave a motion that they nearly allow.
+    const double conflict =
+        nearly_the_same * jacobian.colwise().norm().maxCoeff() * state.velocity.cwiseAbs().maxCoeff();
     Eigen::Index row = 0;
     for (std::size_t l = 0; l < taken.size(); ++l) {
       const int rows = rows_of(taken[l].kind);
       const double error = gaps.segment(row, rows).norm(), speed = missing.segment(row, rows).norm();
       row += rows;
-      if (!(error <= 10.0 * rounding) || !(speed <= 10.0 * rounding))
+      if (!(error <= 10.0 * rounding) || !(speed <= std::max(10.0 * rounding, conflict)))
         unmet.push_back({environment, -1, error, speed, number[l]});
     }
   }

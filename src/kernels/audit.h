@@ -43,7 +43,9 @@ void energies_of(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
 template <class T>
 T largest_error(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x, const T* q) {
   T largest = T(0);
-  for (int c = 0; c < t.couplings; ++c) largest = larger(largest, absolute(coupling_error(t, x, c, q)));
+  const bool some_curved = t.functions.used();  // these have no errors
+  for (int c = 0; c < t.couplings; ++c)
+    if (!some_curved || !t.functions.curved[c]) largest = larger(largest, absolute(coupling_error(t, x, c, q)));
   for (int i = 0; i < t.bounds.watched.count; ++i) {
     const int j = t.bounds.watched[i].joint;
     if (!t.bounds.watched[i].ranged) continue;

@@ -79,11 +79,11 @@ double root_bound(Coefficients c) {
 // Points of the range among which f' has its smallest and largest magnitude, or its values of both signs.
 std::vector<double> extremes(const Polynomial& polynomial, const Range& range) {
   const Coefficients slope = derivative(polynomial.coefficients);
-  const double far = std::max(root_bound(slope), root_bound(derivative(slope)));
-  const double lower = std::max(range.lower, -far), upper = std::min(range.upper, far);
+  const double far = std::max(root_bound(slope), root_bound(derivative(slope)));  // for ends that are infinite
+  const double lower = std::isfinite(range.lower) ? range.lower : std::min(-far, range.upper);
+  const double upper = std::isfinite(range.upper) ? range.upper : std::max(far, range.lower);
   std::vector<double> points{lower, upper};
-  if (lower < upper)
-    for (const double root : roots_of(derivative(slope), lower, upper)) points.push_back(root);
+  for (const double root : roots_of(derivative(slope), lower, upper)) points.push_back(root);
   return points;
 }
 

@@ -11,7 +11,8 @@ namespace lockstep {
 namespace {
 
 constexpr int most_steps = 200;
-constexpr double closed = 1e-13;  // m and rad, of the reach of the model
+constexpr double closed = 1e-13;  // m and rad
+constexpr double noise = 1e-6;    // what a step must gain at least, as a share of what its motion could
 
 Eigen::Isometry3d pose_of_joint(const Joint& joint, double q) {
   Eigen::Isometry3d pose(joint.origin);
@@ -85,6 +86,11 @@ void move(const Trees& trees, const Eigen::VectorXd& step, Configuration& at) {
   }
 }
 
+// The link that carries this one by fixed joints; -1 for the world.
+int carrier_of(const Model& model, const Trees& trees, const std::string& link) {
+  return link.empty() ? -1 : trees.carrier[model.link_index(link)];
+}
+
 }  // namespace
 
 int translations_of(LoopKind kind) { return kind == LoopKind::slider ? 2 : 3; }
@@ -114,8 +120,10 @@ void proper_loop(const Model& model, const Trees& trees, const Loop& loop) {
           "name a link; the world is for one of the two");
   rigid(loop.first_pose, element, "first pose");
   rigid(loop.second_pose, element, "second pose");
-  finite(loop.axis, element, "axis");
-  require(loop.axis.norm() > 1e-9, element, "axis has no length", "give a direction such as 0 0 1");
+  if (loop.kind == LoopKind::hinge || loop.kind == LoopKind::slider) {
+    finite(loop.axis, element, "axis");
+    require(loop.axis.norm() > 1e-9, element, "axis has no length", "give a direction such as 0 0 1");
+  }
   proper_softness(loop.softness, element, "loop");
   require(!is_absent(loop.softness), element,
           "has a softness with neither stiffness nor damping: it would hold nothing",
@@ -126,15 +134,19 @@ void proper_loop(const Model& model, const Trees& trees, const Loop& loop) {
   require(loop.torque_limit > 0.0, element, "torque limit is not above 0", "give more than 0, infinity for no limit");
 
   // Two bodies that can move against each other.
-  const auto carrier = [&](const std::string& link) {
-    return link.empty() ? -1 : trees.carrier[model.link_index(link)];
-  };
-  const int first = carrier(loop.first), second = carrier(loop.second);
-  require(first != second, element, "holds two links of one rigid body, '" + loop.first + "' and '" + loop.second + "'",
+  require(carrier_of(model, trees, loop.first) != carrier_of(model, trees, loop.second), element,
+          "holds two links of one rigid body, '" + loop.first + "' and '" + loop.second + "'",
           "name links that a moving joint parts");
-  const auto stands = [&](int link) { return link < 0 || trees.is_bolted(link); };
-  require(!stands(first) || !stands(second), element, "holds two links that both stand still in the world",
-          "name a link that moves");
+  require(can_move(model, trees, loop.first, loop.second), element,
+          "holds two links that both stand still in the world", "name a link that moves");
+}
+
+bool can_move(const Model& model, const Trees& trees, const std::string& first, const std::string& second) {
+  const auto body = [&](const std::string& link) {
+    const int own = carrier_of(model, trees, link);
+    return own < 0 || trees.is_bolted(own) ? -1 : own;
+  };
+  return body(first) != body(second);
 }
 
 Configuration start_of(const Model& model, const Trees& trees) {
@@ -239,7 +251,9 @@ Eigen::VectorXd close_loops(const Model& model, const Trees& trees, const std::v
     Configuration next = at;
     move(trees, change, next);
     const Eigen::VectorXd reached = misses(next);
-    if (reached.norm() < error.norm()) {
+    // Bars that nearly say the same twice miss each other by what files round off: a step along that is noise.
+    const double least_gain = noise * jacobian.colwise().norm().maxCoeff() * change.norm();
+    if (error.norm() - reached.norm() > least_gain) {
       at = std::move(next), error = reached;
       damping = damping < 1e-12 ? 0.0 : 0.1 * damping;
     } else {

@@ -22,6 +22,10 @@ Eigen::Matrix3d turn_to_axis(const Loop& loop);
 /// Throws ModelError for the first rule that the loop breaks.
 void proper_loop(const Model& model, const Trees& trees, const Loop& loop);
 
+/// Whether the bodies of two links, or of a link and the world, can move against each other. An empty name is the
+/// world.
+bool can_move(const Model& model, const Trees& trees, const std::string& first, const std::string& second);
+
 /// A pose of the model, of its joints and its trees.
 struct Configuration {
   std::vector<double> position;         ///< by joint of the model, rad or m

@@ -4,6 +4,7 @@
 #include "followers.h"
 #include "functions.h"
 #include "lockstep/error.h"
+#include "loop_step.h"
 #include "loops.h"
 #include "nearest.h"
 
@@ -206,6 +207,8 @@ State integrated(const Mechanism& mechanism, const StepSettings& settings, const
                  int chords) {
   if (!mechanism.model().loops.empty() && settings.integrator != Integrator::leapfrog)
     throw SettingsError("integrator", "has no closed loops", "name leapfrog");
+  if (has_yielding_loops(mechanism.model()))
+    throw SettingsError("softness", "is of a loop that yields or has a limit", "make loops hard, without limits");
   const auto acting = [&](double share) {
     Inputs inputs = mechanism.initial_inputs();
     set(share, inputs);

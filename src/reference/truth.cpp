@@ -4,6 +4,7 @@
 #include "couplings.h"
 #include "functions.h"
 #include "lockstep/error.h"
+#include "loop_step.h"
 #include "loops.h"
 #include "nearest.h"
 
@@ -38,6 +39,8 @@ struct Constrained {
         throw SettingsError("softness", "is given by erp and cfm, which make no spring without a step",
                             "give kp and kd or a frequency");
     }
+    if (has_yielding_loops(m.model()))
+      throw SettingsError("softness", "is of a loop that yields or has a limit", "make loops hard, without limits");
   }
 
   MatrixXd mass(const State& state) const {

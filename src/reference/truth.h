@@ -22,8 +22,8 @@ struct Motion {
 };
 
 /// dv/dt of the motion that satisfies all hard couplings and all loops exactly, found in the null space of the
-/// couplings' J. Loops are hard and have no limits here. Soft couplings act as springs with kp and kd, (26) and (27).
-/// Throws SettingsError for an ErpCfm, which means nothing without a step.
+/// couplings' J. Soft couplings act as springs with kp and kd, (26) and (27). Throws SettingsError for an ErpCfm, which
+/// means nothing without a step, and for loops that yield or have a limit.
 Eigen::VectorXd acceleration(const Mechanism& mechanism, const State& state, const Inputs& inputs);
 
 /// Runge-Kutta 4 with `steps` steps per interval, after each of which the loops are closed. Throws SettingsError if the

@@ -22,7 +22,7 @@ inline void add_contact_work(const Tables<double>&, const Traced*, Tile<Traced>&
 /// Refuses: the tables alone have functions of joints.
 void curved_shares(const Tables<double>& t, Tile<Traced>& x);
 void find_loops(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
-void find_at_midpoint(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
+void find_contacts_at_midpoint(const Tables<double>& t, Tile<Traced>& x);
 inline void step_from_midpoint(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&, int) {}
 inline void close_loops(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}
 inline void remember_midpoint(const Tables<double>&, Tile<Traced>&) {}

@@ -102,7 +102,7 @@ void curved_shares(const Tables<double>& t, Tile<Traced>& x) {
   throw SettingsError("functions of joints", "are computed by the tables, not by generated code or the interpreter",
                       "use Engine::tables or automatic");
 }
-void find_at_midpoint(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>&) {
+void find_contacts_at_midpoint(const Tables<double>& t, Tile<Traced>&) {
   if (!counting && t.rounds.at_midpoint)
     throw SettingsError(
         "integrator",

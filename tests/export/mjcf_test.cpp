@@ -286,6 +286,16 @@ TEST(MjcfExport, says_what_loops_lose) {
   EXPECT_TRUE(reports(made, "shares of an error that a step corrects (erp), left out (1): point in the world"));
 }
 
+// MuJoCo has one set of names for all equalities.
+TEST(MjcfExport, renames_loops_that_have_the_name_of_a_coupling) {
+  Model model = with_loops();
+  model.couplings = {Coupling::mimic("j2", "j0", -1.0)};
+  model.loops[0].name = "j2";
+  const Export made = export_mjcf(model);
+  EXPECT_TRUE(reports(made, "loops with the name of a coupling, renamed (1): j2 to j2#2")) << report_of(made);
+  EXPECT_NE(made.text.find("<connect name=\"j2#2\""), string::npos);
+}
+
 // Loops may hold a link without mass: it is no part of the next body then.
 TEST(MjcfExport, keeps_links_that_loops_hold) {
   Model model = wrist();

@@ -33,7 +33,7 @@ TEST(LoopRules, name_the_loop_the_rule_and_the_remedy) {
   refused([](Loop& l) { l.second = l.first; }, "one rigid body");
   refused([](Loop& l) { l.first = "", l.second = "ground"; }, "both stand still");
   refused([](Loop& l) { l.first_pose.linear() *= 2.0; }, "first pose is not a rigid transform");
-  refused([](Loop& l) { l.axis.setZero(); }, "axis has no length");
+  refused([](Loop& l) { l.kind = LoopKind::hinge, l.axis.setZero(); }, "axis has no length");
   refused([](Loop& l) { l.softness = Spring{}; }, "it would hold nothing");
   refused([](Loop& l) { l.softness = Hard{0.0}; }, "outside (0, 1]");
   refused([](Loop& l) { l.softness = Hard{1.5}; }, "outside (0, 1]");
@@ -113,7 +113,41 @@ TEST(LoopStart, is_closed_by_the_least_motion) {
   Eigen::Vector3d moved;
   for (int j = 0; j < 3; ++j) moved[j] = closed.joints[j].position - model.joints[j].position;
   EXPECT_GT(moved.norm(), 1e-3);
-  EXPECT_LT(std::abs(svd.matrixV().col(2).dot(moved)), 0.05 * moved.norm());
+  EXPECT_LT(std::abs(svd.matrixV().col(2).dot(moved)), 0.015 * moved.norm());
+}
+
+// A head on a bar, held by a plate on two rods, all parallel. Both rods are too long by the same vector, one forth and
+// one back, and what files round off: taken to the last digit the mechanism is locked, and closes at another pose. It
+// is closed where it stands, and moves.
+TEST(LoopStart, of_bars_that_nearly_say_the_same_twice_stays) {
+  const auto rounded = [](const Vector3d& v) { return Vector3d((v * 1e7).array().round() * 1e-7); };
+  const Vector3d head(0.0, 0.0, 0.02), bar(-0.03123456789, 0.0, 0.03987654321), pin(0.00812345678, 0.0, 0.00187654321),
+      longer(8.1234e-6, 0.0, -3.0876e-5);
+  Model model = loop_models::on_ground("neck");
+  const auto link = [&](const std::string& name, const std::string& parent, const Vector3d& place) {
+    loop_models::add(model, name, Inertia::box(0.05, {0.02, 0.02, 0.02}, Vector3d(0.0, 0.0, 0.01)),
+                     JointKind::continuous, parent, loop_models::at(rounded(place)), Vector3d::UnitY(), 0.0, 0.0);
+  };
+  link("head", "ground", head);
+  link("plate", "head", bar);
+  for (const double side : {1.0, -1.0}) {
+    const std::string rod = side > 0.0 ? "front" : "back";
+    link(rod, "plate", side * pin);
+    Loop loop;
+    loop.name = loop.first = rod, loop.second = "ground";
+    loop.first_pose.translation() = rounded(side * longer - bar);
+    loop.second_pose.translation() = rounded(head + side * (pin + longer));
+    model.loops.push_back(loop);
+  }
+  const Plan plan = compile(model);
+  EXPECT_EQ(plan.loop_dependent_dofs().size(), 3u);
+  Batch<double> batch(plan, 1, {.threads = 1});
+  EXPECT_LT(batch.positions().abs().maxCoeff(), 1e-4);
+  EXPECT_LT(batch.loop_errors().maxCoeff(), 3e-7);
+  const double speeds[] = {1.0, -1.0, 1.0, 1.0};
+  for (int j = 0; j < 4; ++j) batch.velocities()(j, 0) = speeds[j];
+  EXPECT_TRUE(batch.project().empty());
+  for (int j = 0; j < 4; ++j) EXPECT_NEAR(batch.velocities()(j, 0), speeds[j], 0.01);
 }
 
 TEST(LoopStart, keeps_mimics_and_moves_floating_roots) {

@@ -14,7 +14,7 @@ struct File {
   const char* key = "";
   const char* mujoco_step = "1e-4";  // s; Runge-Kutta diverges with stiff servos on light links
   double step = 5e-5;                // s; Euler needs smaller ones
-  bool loops = false;                // held for a second, else left out for half of one
+  const char* loops = "";            // s that they are held for, else they are left out for half a second
 };
 
 void PrintTo(const File& file, std::ostream* stream) { *stream << file.path; }
@@ -26,16 +26,17 @@ class MjcfMotion : public MujocoTest, public testing::WithParamInterface<File> {
     const std::filesystem::path file = folder / given.path;
     if (folder.empty() || !std::filesystem::exists(file)) GTEST_SKIP() << "no " << file;
     std::filesystem::copy(file.parent_path(), work, std::filesystem::copy_options::recursive);
-    const std::string motion =
-        run(LOCKSTEP_MJCF "/motion.mjs", {work / file.filename(), given.loops ? "1" : "0.5", given.mujoco_step,
-                                          given.loops ? "held" : "left out", given.key});
-    const Model model = import_mjcf_file(work / "motion.xml",
-                                         {.keyframe = "motion", .loops = given.loops ? Loops::keep : Loops::leave_out})
-                            .model;
+    const bool held = *given.loops != '\0';
+    const std::string motion = run(
+        LOCKSTEP_MJCF "/motion.mjs",
+        {work / file.filename(), held ? given.loops : "0.5", given.mujoco_step, held ? "held" : "left out", given.key});
+    const Model model =
+        import_mjcf_file(work / "motion.xml", {.keyframe = "motion", .loops = held ? Loops::keep : Loops::leave_out})
+            .model;
     const Ignored ignore = {.position_limits = true, .velocity_limits = true, .friction = true};
     Batch<double> batch(compile(model, {.dt = given.step, .ignore = ignore, .guard = infinity}), 1);
     const Deviation result = follow(batch, motion);
-    EXPECT_LT(result.difference, given.loops ? 1e-3 : 1e-4 * std::min(1.0, result.travel));
+    EXPECT_LT(result.difference, (held ? 1e-3 : 1e-4) * std::min(1.0, result.travel));
     EXPECT_GT(result.travel, 0.01);
     std::printf("%s: %.2g of %.2g\n", given.path, result.difference, result.travel);
   }
@@ -71,9 +72,11 @@ INSTANTIATE_TEST_SUITE_P(
                     File{"mjcf/toddlerbot/toddlerbot_2xc_mjx.xml", "home"},
                     File{"robots/mjcf_armature_equivalence.xml"}, File{"robots/mjcf_xarm_gripper.xml"}),
     name_of_file);
+// The neck of the toddlerbot leaves its range after 0.2 s, and jams where MuJoCo's own results differ by radians.
 INSTANTIATE_TEST_SUITE_P(loops, MjcfRobotMotion,
-                         testing::Values(File{"mjcf/robotiq_2f85_v4/2f85.xml", "", "1e-4", 1e-4, true},
-                                         File{"robots/mjcf_xarm_gripper.xml", "", "1e-4", 1e-4, true}),
+                         testing::Values(File{"mjcf/robotiq_2f85_v4/2f85.xml", "", "1e-4", 1e-4, "1"},
+                                         File{"robots/mjcf_xarm_gripper.xml", "", "1e-4", 1e-4, "1"},
+                                         File{"mjcf/toddlerbot/toddlerbot_2xc_mjx.xml", "home", "1e-4", 1e-4, "0.2"}),
                          name_of_file);
 
 }  // namespace

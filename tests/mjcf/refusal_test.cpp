@@ -45,10 +45,10 @@ TEST(MjcfRefusal, is_of_what_would_be_another_mechanism) {
   expect_refused(world(pair, "<equality><weld name='w' site1='s' site2='t'/></equality>"), "1: weld 'w'",
                  "names site 's', which does not exist");
   const string lengths = "<tendon><fixed name='s'><joint joint='x' coef='1'/></fixed></tendon>";
-  expect_refused(world(pair, lengths + "<equality><tendon tendon1='s' polycoef='0 1 0.1'/></equality>"),
+  expect_refused(world(pair, lengths + "<equality><tendon tendon1='s' tendon2='s' polycoef='0 1 0.1'/></equality>"),
                  "1:", "not linear");
   expect_refused(world(pair, "<equality><joint joint1='x'/><joint joint1='x' joint2='y' polycoef='0 1 1'/></equality>"),
-                 "1:", "holds a joint by what stands still and is a function of it");
+                 "1:", "makes joint 'x', which stands still, a function of joint 'y'");
   expect_refused(world(pair, "<equality><joint joint1='x' joint2='z'/></equality>"), "1:", "does not exist");
   expect_refused(world(pair, "<equality><joint joint1='x' joint2='x'/></equality>"), "1:", "itself");
   expect_refused(world(pair, "<equality><flex flex='f'/></equality>"), "1:", "lacks");

@@ -66,6 +66,10 @@ const std::vector<Line> lines = {
      world(pair, "<equality><weld body1='one'/></equality>"),
      "loops soft as in MuJoCo, without its virtual mass: 1 of solref 0.02 1, solimp 0.9 0.95 0.001 0.5 2",
      {.soft = Soft::as_in_file}},
+    {false,
+     world(pair, "<equality><joint joint1='x' joint2='y' polycoef='0 1 0.5 0 0'/></equality>"),
+     "followers by a function made hard, soft in MuJoCo: 1 of solref 0.02 1, solimp 0.9 0.95 0.001 0.5 2",
+     {.soft = Soft::as_in_file}},
     {true, world(pair, "<equality><weld name='w' body1='one' body2='two' torquescale='0.5'/></equality>"),
      "torque scales of welds, left out (1): 0.5 of weld 'w'"},
     {true,
@@ -428,6 +432,23 @@ TEST(MjcfMocap, is_the_first_pose_of_its_loops) {
   EXPECT_TRUE((hand.linear() * turn).isApprox(drawn.first_pose.linear(), 1e-14));
   EXPECT_TRUE(
       (hand * Eigen::Vector3d(0.1, 0.2, 0.3)).isApprox(drawn.first_pose * Eigen::Vector3d(0.4, 0.0, 0.1), 1e-14));
+}
+
+// A body that stands still beside a floating one is part of the world, so it comes first. The file's own names stay.
+TEST(MjcfLoops, have_the_world_first_and_the_names_of_the_file) {
+  const Model model =
+      import_mjcf(world(body("<freejoint/>", "free") + "<body name='still' pos='1 2 3'><geom size='0.1'/></body>",
+                        "<equality><connect body1='free' body2='still' anchor='0 0 0'/>"
+                        "<connect name='connect' body1='free' body2='still' anchor='0.1 0 0'/></equality>"))
+          .model;
+  ASSERT_EQ(model.loops.size(), 2u);
+  for (const Loop& loop : model.loops) {
+    EXPECT_EQ(loop.first, "");
+    EXPECT_EQ(loop.second, "free");
+  }
+  EXPECT_EQ(model.loops[0].name, "connect#2");
+  EXPECT_EQ(model.loops[1].name, "connect");
+  EXPECT_EQ(model.loops[1].second_pose.translation().x(), 0.1);
 }
 
 TEST(MjcfMocap, has_geoms_in_the_world) {

@@ -178,7 +178,8 @@ TEST(LoopJoints, have_frames_in_both_links) {
   EXPECT_EQ(loop("revolute").axis, Eigen::Vector3d::UnitX());
   EXPECT_EQ(Eigen::Vector3d(own.first_pose.translation()), Eigen::Vector3d(1.0, 2.0, 3.0));
   EXPECT_EQ(Eigen::Vector3d(own.second_pose.translation()), Eigen::Vector3d(4.0, 5.0, 6.0));
-  EXPECT_NEAR(own.first_pose.linear()(1, 0), std::sin(0.5), 1e-15);  // rpy 0 0 0.5 turns x towards y
+  EXPECT_EQ(loop("fixed", "<axis xyz='0 0 0'/>").kind, LoopKind::weld);  // which has no axis
+  EXPECT_NEAR(own.first_pose.linear()(1, 0), std::sin(0.5), 1e-15);      // rpy 0 0 0.5 turns x towards y
   EXPECT_TRUE(own.second_pose.linear().isIdentity(0.0));
 }
 

@@ -62,10 +62,7 @@ class Couplings {
     if (coupling.force_limit < infinity) report_.warn("force limits of couplings, left out", name);
     if (coupling.function && !is_held_[c])
       return report_.warn("followers by a function that is no polynomial of at most degree 4, left out", name);
-    if (coupling.function && !is_hard(softness))
-      report_.warn("softness of followers by a function, left out: they are hard", name);
-    else if (!is_hard(softness))
-      return;
+    if (!is_hard(softness)) return;
     report_.remark(fmt::format("hard couplings, which MuJoCo holds by springs of {:g} s: larger steps do not hold them",
                                time_constant(writing_.options)),
                    name);

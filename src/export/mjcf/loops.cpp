@@ -58,10 +58,15 @@ void write_weld(const Loop& loop, const Writing& writing) {
 
 }  // namespace
 
-std::vector<HeldPoint> add_sites_of_loops(Model& model) {
-  Names sites, loops;
+std::vector<HeldPoint> add_sites_of_loops(Model& model, Report& report) {
+  Names sites, equalities;
   for (const Site& site : model.sites) sites.take(site.name);
-  for (const Loop& loop : model.loops) loops.take(loop.name);
+  for (const std::string& coupling : coupling_names(model)) equalities.take(coupling);
+  for (Loop& loop : model.loops) {
+    const std::string name = equalities.take(loop.name);
+    if (name != loop.name) report.remark("loops with the name of a coupling, renamed", loop.name + " to " + name);
+    loop.name = name;
+  }
   std::string world;  // the link that is the world, if there is one
   for (const Root& root : model.roots)
     if (stands_for_world(root, model)) world = root.link;
@@ -74,7 +79,7 @@ std::vector<HeldPoint> add_sites_of_loops(Model& model) {
     };
     if (loop.kind != LoopKind::point && loop.kind != LoopKind::hinge) continue;
     hold(loop.name, Vector3d::Zero());
-    if (loop.kind == LoopKind::hinge) hold(loops.take(loop.name + "_axis"), along_axis * loop.axis.normalized());
+    if (loop.kind == LoopKind::hinge) hold(equalities.take(loop.name + "_axis"), along_axis * loop.axis.normalized());
   }
   return held;
 }

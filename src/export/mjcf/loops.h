@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "export/export.h"
 #include "lockstep/model.h"
 
 namespace lockstep::exporter::mjcf {
@@ -14,7 +15,7 @@ struct HeldPoint {
 };
 
 /// The points that the points and hinges among the loops hold. Adds the sites that the model lacks; the link of those
-/// in the world is empty.
-std::vector<HeldPoint> add_sites_of_loops(Model& model);
+/// in the world is empty. Renames loops that have the name of a coupling: MuJoCo has one set of names for both.
+std::vector<HeldPoint> add_sites_of_loops(Model& model, Report& report);
 
 }  // namespace lockstep::exporter::mjcf

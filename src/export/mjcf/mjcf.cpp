@@ -29,8 +29,8 @@ Export export_mjcf(const Model& original, const MjcfOptions& options) {
     throw SettingsError("MjcfOptions::timestep", "is not above 0, or not finite", "give a step in s, such as 0.001");
   original.validate();
   Model model = original;
-  std::vector<mjcf::HeldPoint> held = mjcf::add_sites_of_loops(model);
   Report report;
+  std::vector<mjcf::HeldPoint> held = mjcf::add_sites_of_loops(model, report);
   Xml xml;
   const Trees trees(model);
   const mjcf::Writing writing{model, options, trees, mjcf::lay_out(model, trees, report), std::move(held), report, xml};

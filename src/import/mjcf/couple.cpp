@@ -7,20 +7,10 @@
 #include <cmath>
 
 #include "lockstep/error.h"
+#include "model/functions.h"
 
 namespace lockstep::importer::mjcf {
 namespace {
-
-struct Value {
-  double value, slope;
-};
-
-Value value_of(const Polynomial& polynomial, double x) {
-  Value result{0.0, 0.0};
-  for (auto c = polynomial.coefficients.rbegin(); c != polynomial.coefficients.rend(); ++c)
-    result = {result.value * x + *c, result.slope * x + result.value};
-  return result;
-}
 
 class Coupler {
  public:
@@ -82,7 +72,7 @@ class Coupler {
     if (curve == curves_.end()) return false;
     Equality row{curve->place, curve->place, {}, curve->yielding};
     row.form.add(curve->follower, 1.0);
-    row.form.constant = -value_of(curve->polynomial, still_.at(curve->leader)).value;
+    row.form.constant = -curve_at(curve->polynomial, still_.at(curve->leader)).value;
     rows_.push_back(row);
     curves_.erase(curve);
     return true;
@@ -133,12 +123,13 @@ class Coupler {
 
   void add(const Curve& curve) {
     if (still_.contains(curve.follower))
-      throw ImportError(curve.place, "holds a joint by what stands still and is a function of it",
-                        "hold the leader, and let the function hold the follower");
-    Coupling coupling =
-        Coupling::cam(scene_.joint(curve.follower).name, scene_.joint(curve.leader).name, curve.polynomial);
-    coupling.softness = softness_for(curve.yielding);
-    add(std::move(coupling), curve.place);
+      throw ImportError(curve.place,
+                        fmt::format("makes joint '{}', which stands still, a function of joint '{}'",
+                                    scene_.joint(curve.follower).name, scene_.joint(curve.leader).name),
+                        "hold the leader instead: the function then holds the follower");
+    scene_.report().tally("followers by a function made hard, soft in MuJoCo", words_of(curve.yielding));
+    add(Coupling::cam(scene_.joint(curve.follower).name, scene_.joint(curve.leader).name, curve.polynomial),
+        curve.place);
   }
 
   // Leaders of the one kind may be followers of the other.
@@ -168,10 +159,9 @@ class Coupler {
   }
 
   void place_on(const Curve& curve, std::map<int, double>& before) {
-    if (scene_.options.soft == Soft::as_in_file && !is_hard(softness_of(curve.yielding))) return;
     const Joint& leader = joint(curve.leader);
-    const auto [value, slope] = value_of(curve.polynomial, leader.position);
-    place(curve.follower, value, slope * leader.velocity, before);
+    const simd::Curve<double> at = curve_at(curve.polynomial, leader.position);
+    place(curve.follower, at.value, at.slope * leader.velocity, before);
   }
 
   void place(int index, double position, double velocity, std::map<int, double>& before) {

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "couple.h"
+#include "model/loops.h"
 #include "model/trees.h"
 #include "names.h"
 #include "pose.h"
@@ -25,7 +26,10 @@ struct End {
 class Closer {
  public:
   Closer(const Scene& scene, const Start& start, const std::vector<Place>& places, Draft& draft)
-      : scene_(scene), start_(start), places_(places), draft_(draft), trees_(draft.model) {}
+      : scene_(scene), start_(start), places_(places), draft_(draft), trees_(draft.model) {
+    for (const Element& element : scene.closures)
+      if (element.has("name")) names_.take(element.name("name"));
+  }
 
   void close(const Element& element) {
     if (scene_.options.loops == Loops::leave_out) {
@@ -36,16 +40,16 @@ class Closer {
     auto [first, second] = ends(element, holds_frames);
     if (is_left_out(first.body) || is_left_out(second.body))
       return report().warn("loops of bodies left out, left out", element.place());
-    if (is_in_world(second.body)) std::swap(first, second);
+    if (place_of(second).link.empty()) std::swap(first, second);
     // A weld to a mocap body holds what the user moves: the body's own frame.
     if (holds_frames && scene_.bodies.all[first.body].is_mocap)
       second.frame = second.frame * first.frame.inverse(), first.frame.setIdentity();
     const Place one = place_of(first), other = place_of(second);
-    if (!can_move(one.link, other.link))
+    if (!can_move(draft_.model, trees_, one.link, other.link))
       return report().remark("loops of bodies that do not move against each other, without effect", element.place());
 
     Loop loop;
-    loop.name = names_.unused(element.name("name", element.tag()));
+    loop.name = element.has("name") ? element.name("name") : names_.unused(element.tag());
     loop.kind = holds_frames ? LoopKind::weld : LoopKind::point;
     loop.first = one.link, loop.second = other.link;
     loop.first_pose = one.pose, loop.second_pose = other.pose;
@@ -108,21 +112,12 @@ class Closer {
   }
 
   bool is_left_out(std::size_t body) const { return scene_.bodies.moves[body] && !scene_.is_read[body]; }
-  bool is_in_world(std::size_t body) const { return body == 0 || scene_.bodies.all[body].is_mocap; }
 
   Place place_of(const End& end) const {
     const auto b = static_cast<int>(end.body);
     if (scene_.bodies.all[end.body].is_mocap) return {"", start_.pose.at(b) * end.frame};
-    if (is_in_world(end.body) || !scene_.is_read[end.body]) return {"", drawn(end.body) * end.frame};
+    if (b == 0 || !scene_.is_read[end.body]) return {"", drawn(end.body) * end.frame};
     return {places_[end.body].link, places_[end.body].pose * end.frame};
-  }
-
-  bool can_move(const std::string& one, const std::string& other) const {
-    const auto carrier = [&](const std::string& link) {
-      const int own = link.empty() ? -1 : trees_.carrier[static_cast<std::size_t>(draft_.model.link_index(link))];
-      return own < 0 || trees_.is_bolted(own) ? -1 : own;
-    };
-    return carrier(one) != carrier(other);
   }
 
   void soften(const Yielding& yielding, Loop& loop) const {

@@ -35,11 +35,15 @@ Loop read_loop(Element& element) {
   loop.kind = kind->second;
   loop.first = read_end(element.only_child("link1"), loop.first_pose);
   loop.second = read_end(element.only_child("link2"), loop.second_pose);
-  loop.axis = Eigen::Vector3d::UnitX();  // as in joints
-  if (std::optional<Element> axis = element.child("axis")) {
-    loop.axis = axis->triple("xyz");
-    axis->tally_rest();
+  if (loop.kind == LoopKind::hinge || loop.kind == LoopKind::slider) {
+    loop.axis = Eigen::Vector3d::UnitX();  // as in joints
+    if (std::optional<Element> axis = element.child("axis")) {
+      loop.axis = axis->triple("xyz");
+      axis->tally_rest();
+    }
   }
+  for (const char* const lacking : {"limit", "dynamics"})
+    if (element.child(lacking)) element.report().warn("limits and dynamics of loop joints, left out", element.title());
   element.tally_rest(" of loop joints");
   return loop;
 }

@@ -1,7 +1,7 @@
 // C = J q + gamma of every coupling: (M2), (3) and (17) of the note. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "function_values.h"
+#include "kernels/tile/tile.h"
 
 namespace lockstep::kernels {
 
@@ -12,12 +12,9 @@ LOCKSTEP_INLINE T add_product(T a, T b, T sum) {
   return fma(a, b, sum);
 }
 
-/// C of coupling c without its first joint.
+/// C of the linear coupling c without its first joint.
 template <class T>
 LOCKSTEP_INLINE T others_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int c, const T* q) {
-  if (t.functions.used())
-    if (const int f = t.functions.of_coupling[c]; f >= 0)
-      return -curve_at(t, x, f, q[t.functions.places[f].leader]).value;
   T sum = x.couplings.offset[c];
   for (int k = t.term_start[c + 1] - 1, first = t.term_start[c]; k > first; --k)
     sum = add_product(x.couplings.coefficient[k], q[t.term_joint[k]], sum);
@@ -32,9 +29,9 @@ LOCKSTEP_INLINE T coupling_error(const Tables<ScalarOf<T>>& t, const Tile<T>& x,
 
 template <class T>
 void coupling_errors(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  for (int c = 0; c < t.couplings; ++c)
-    x.couplings.error[c] =
-        t.functions.used() && t.functions.curved[c] ? T(0) : coupling_error(t, x, c, x.state.q);  // (M138)
+  for (int c = 0; c < t.couplings; ++c) x.couplings.error[c] = coupling_error(t, x, c, x.state.q);
+  if (!t.functions.used()) return;
+  for (int i = 0; i < t.functions.placing.count; ++i) x.couplings.error[t.functions.placing[i]] = T(0);  // (M138)
 }
 
 }  // namespace lockstep::kernels

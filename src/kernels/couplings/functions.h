@@ -6,6 +6,7 @@
 #pragma once
 
 #include "coupling_error.h"
+#include "function_values.h"
 #include "gear_ratios.h"
 
 namespace lockstep::kernels {
@@ -34,8 +35,9 @@ void place_curved(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* q, T* v) {
 template <class T>
 void place_curved_positions(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* q) {
   for (int i = 0; i < t.functions.placing.count; ++i) {
-    const int c = t.functions.placing[i];
-    q[t.term_joint[t.term_start[c]]] = -others_of(t, x, c, q);
+    const int c = t.functions.placing[i], f = t.functions.of_coupling[c];
+    q[t.term_joint[t.term_start[c]]] =
+        f >= 0 ? curve_at(t, x, f, q[t.functions.places[f].leader]).value : -others_of(t, x, c, q);
   }
 }
 

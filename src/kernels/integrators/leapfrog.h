@@ -17,7 +17,8 @@ namespace lockstep::kernels {
 
 /// The prediction (M67), the stages (M68), and the mean and last velocity of these (M70).
 template <class T>
-void take_stages(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
+LOCKSTEP_INLINE void take_stages(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
+                                 int time) {
   using S = ScalarOf<T>;
   using A = Alexander<S>;
   const int n = t.velocities;
@@ -80,7 +81,8 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
 
   // The one matrix of the step, and its factors.
   kinematics(t, x);
-  find_at_midpoint(t, batch, x);
+  if (t.loops.used()) find_loops(t, batch, x);
+  find_contacts_at_midpoint(t, x);
   joint_inertias(t, batch, x);
   inertia_matrix(t, batch, x);
   factorise(t, batch, x);

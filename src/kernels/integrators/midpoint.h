@@ -317,10 +317,9 @@ typename T::Mask solve_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, const 
   return presses;
 }
 
-/// After the kinematics of the midpoint: finds contacts and loops there.
+/// After the kinematics of the midpoint: finds contacts there.
 template <class T>
-void find_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  if (t.loops.used()) find_loops(t, batch, x);
+void find_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   if (!t.contacts.used()) return;
   if (t.guarded) scale_memory(t, x);
   turn_start(t, x);

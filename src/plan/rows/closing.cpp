@@ -14,7 +14,7 @@ namespace {
 constexpr int most_tangents = 30;
 constexpr double closes = 1e-6;          // m and rad, what files round off included
 constexpr double closed = 1e-11;         // where tangents need no other turn
-constexpr double same_direction = 1e-7;  // what is left of a row of J, as a share of the longest
+constexpr double same_direction = 1e-5;  // what is left of a row of J, as a share of the longest
 
 std::string end_of(const std::string& link) { return link.empty() ? "the world" : "link '" + link + "'"; }
 
