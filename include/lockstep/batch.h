@@ -80,10 +80,32 @@ struct RestoreOptions {
   bool other_settings = false;
 };
 
+/// What Batch::reset_to() changes at random of a floating root. Numbers are the largest change to either side, >= 0.
+struct RootNoise {
+  std::string link = {};                               ///< root link; empty: all floating roots that no other names
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< along x, y and z of the world, m
+  double yaw = 0.0;                                    ///< about the world's z, rad, at most pi
+  bool any_rotation = false;      ///< in place of yaw and of the pose's own rotation: uniform over all
+  double angular_velocity = 0.0;  ///< about each of the world's axes, rad/s
+  double linear_velocity = 0.0;   ///< along each, m/s
+};
+
+/// What Batch::reset_to() changes at random of a pose, and how it resets. All draws are uniform, (M141) and (M142) of
+/// docs/mathematics.md. Numbers are >= 0.
+struct PoseNoise {
+  double position = 0.0;               ///< the largest change of the joints' positions to either side, rad or m
+  double spread = 0.0;                 ///< beside it, this share of the way to each end of the joint's range, 0 to 1
+  double velocity = 0.0;               ///< the largest change of the joints' velocities, rad/s or m/s
+  std::vector<RootNoise> roots = {};   ///< floating roots that none is about are where the pose has them
+  unsigned stream = 0;                 ///< below stream_count
+  bool keep_inputs = false;            ///< see ResetOptions
+  Couplings project = Couplings::all;  ///< by which followers are placed; soft ones are at rest then
+};
+
 /// Where Batch::reset_random() puts environments.
 struct RandomReset {
-  double spread = 1.0;                 ///< share of the joints' ranges, 0 to 1, about their middle
-  double speed = 0.0;                  ///< the largest one, rad/s or m/s, >= 0
+  double spread = 1.0;                 ///< share of the way from the model's start to each end of the range, 0 to 1
+  double speed = 0.0;                  ///< the largest change of a velocity, rad/s or m/s, >= 0
   unsigned stream = 0;                 ///< below stream_count
   bool keep_inputs = false;            ///< see ResetOptions
   Couplings project = Couplings::all;  ///< by which followers are placed; soft ones are at rest then
@@ -138,7 +160,7 @@ struct StridedRows {
 /// A batch that was moved from throws UsageError, except that step() does nothing; it may be assigned to.
 ///
 /// Thread-safety: the functions of one Batch, const ones too, must not run at the same time. Different batches are
-/// independent. While one runs, step() does nothing and returns false, and reset(), project(), save(), restore()
+/// independent. While one runs, step() does nothing and returns false, and resets, project(), copy(), save(), restore()
 /// and readbacks that compute throw UsageError.
 ///
 /// The same bits result for any number of threads, batch size and place in the batch.
@@ -255,11 +277,17 @@ class LOCKSTEP_API Batch {
   /// have: it names element, bound and remedy. What low and high allow is judged; normal draws, and rules about several
   /// rows, are judged by the values that would be written.
   void randomize(Parameter parameter, const Randomization& how, const EnvironmentSet& which = EnvironmentSet::all());
-  /// Resets, then draws the state of the Plan::independent_dofs(): positions uniform within `spread` times the joint's
-  /// range about its middle, velocities uniform up to `speed`. The range is the environment's, where position_limits
-  /// are declared. Joints without two finite limits, and floating roots, keep the model's position. Followers are
-  /// placed as project() does it, beyond their own ranges if need be, and the couplings that it cannot meet are
-  /// returned. Throws UsageError for numbers outside the ranges of RandomReset.
+  /// Resets to one of Model::poses, by name or by number, with noise; "" and -1 are the model's own start. Noise acts on
+  /// the Plan::independent_dofs() and on floating roots. It carries no joint out of its range, or farther out than the
+  /// pose is; the range is the environment's, where position_limits are declared. `spread` needs two finite limits.
+  /// Followers are then placed as project() does it, beyond their own ranges if need be, and loops are closed; what
+  /// cannot be met is returned. The episode counts on before it draws, as in reset(). Allocates only where something is
+  /// not met. Throws UsageError for an unknown pose or root, and for numbers outside the ranges of PoseNoise and
+  /// RootNoise.
+  std::vector<UnmetCoupling> reset_to(const EnvironmentSet& which, int pose, const PoseNoise& noise = {});
+  std::vector<UnmetCoupling> reset_to(const EnvironmentSet& which, const std::string& pose,
+                                      const PoseNoise& noise = {});
+  /// reset_to() the model's own start, with this spread and speed. A spread of 0 is the start, one of 1 the whole range.
   std::vector<UnmetCoupling> reset_random(const EnvironmentSet& which = EnvironmentSet::all(),
                                           const RandomReset& how = {});
 
@@ -279,6 +307,11 @@ class LOCKSTEP_API Batch {
   void restore(std::span<const std::byte> blob, const RestoreOptions& options = {});
   void restore(std::span<const std::byte> blob, std::span<const int> into, std::span<const int> from = {},
                const RestoreOptions& options = {});
+
+  /// Makes environments equal to `from`: state, inputs, declared parameters, faults, counts, what the library keeps
+  /// between steps, and what it has read of the last one. They keep their ids, seeds and resets(), so they draw other
+  /// numbers. Allocates nothing. Throws UsageError for an environment outside the batch, and changes nothing then.
+  void copy(int from, const EnvironmentSet& to = EnvironmentSet::all());
 
   // --- faults ----------------------------------------------------------------------------------
   std::span<const Fault> faults() const;  ///< one per environment

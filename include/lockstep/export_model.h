@@ -1,6 +1,7 @@
 // Writing a mechanism as a robot file. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,13 +21,13 @@ struct Export {
 
 struct MjcfOptions {
   /// s, > 0. The step that the file asks MuJoCo to take. Couplings that are hard here are springs there, as stiff as
-  /// this step can hold: their error shrinks with it.
-  double timestep = 0.001;
+  /// this step can hold: their error shrinks with it. Absent: Model::time_step, or 0.001 where that is 0.
+  std::optional<double> timestep = {};
 };
 
 /// Writes MJCF, MuJoCo's XML, for MuJoCo 3 (docs/importing.md has the details). Reading it back with the keyframe
-/// "start" and with ImportOptions::colliders gives the Model, but for what the report names. Throws ModelError where
-/// the Model is not valid, SettingsError where the step is not above 0. Thread-safe, as are the functions below.
+/// "start" and with ImportOptions::colliders gives the Model, but for what the report names, and with the file's step and
+/// the pose "start" more. Throws ModelError where the Model is not valid, SettingsError where the step is not above 0. Thread-safe, as are the functions below.
 LOCKSTEP_API Export export_mjcf(const Model& model, const MjcfOptions& options = {});
 
 /// Writes URDF, which has no drives, no gravity, no start, and couplings of two joints alone: the report names what is

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <variant>
@@ -237,6 +238,20 @@ struct Root {
   Twist velocity = Twist::Zero();
 };
 
+/// A pose to start in, beside the model's own: a stand, a grasp. Batch::reset_to() goes there. MJCF calls it a keyframe.
+/// What it does not name is as the model starts.
+struct NamedPose {
+  std::string name = {};
+  std::map<std::string, double> positions = {};  ///< by joint, rad or m; followers are placed by their couplings
+  std::map<std::string, double> velocities = {};  ///< by joint, rad/s or m/s
+  /// By joint, rad or m. A drive that is not named holds the joint where `positions` has it.
+  std::map<std::string, double> position_targets = {};
+  std::map<std::string, double> velocity_targets = {};  ///< by joint, rad/s or m/s
+  std::map<std::string, double> efforts = {};           ///< by joint, N m or N
+  std::map<std::string, Pose> root_poses = {};          ///< by the link of a floating root
+  std::map<std::string, Twist> root_velocities = {};    ///< the same, as Root::velocity
+};
+
 /// Links and joints form one tree or several. A tree stands or floats in the world, which is no link.
 struct Model {
   std::string name = "model";
@@ -251,10 +266,13 @@ struct Model {
   /// bolted to the world's origin then.
   std::vector<Root> roots;
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< m/s^2, world axes
+  std::vector<NamedPose> poses = {};         ///< to start in, beside the state of the joints and roots above
+  /// s, >= 0: the step that the file asks for; 0 if it asks for none. A Plan takes the step of its StepSettings.
+  double time_step = 0.0;
 
   /// Throws ModelError for the first rule that is broken: names unique and known, trees with a root each, finite
   /// numbers in their ranges, inertias that a body can have, couplings between moving joints, contacts of colliders
-  /// that can meet.
+  /// that can meet, poses of joints that move and roots that float.
   /// A tensor is judged as part of the body that its link forms with all links fixed to it. Links
   /// may be without mass where the mass matrix is positive definite at the model's start.
   /// compile() calls it.

@@ -99,6 +99,7 @@ class LOCKSTEP_API Plan {
   int dof(const std::string& joint) const;            ///< throws UsageError for unknown or fixed joints
   int link(const std::string& name) const;            ///< index of the link; throws UsageError for an unknown one
   int site(const std::string& name) const;            ///< index of the site; throws UsageError for an unknown one
+  int pose(const std::string& name) const;            ///< index in Model::poses; throws UsageError for an unknown one
   int contact(const std::string& name) const;         ///< index of a pair; throws UsageError for an unknown one
   int parameter_rows(Parameter parameter) const;      ///< rows of that field, declared or not; throws UsageError
   /// What the rows of a field are about, declared or not, for instance "driver" or "driver upper". Ratios are

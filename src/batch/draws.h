@@ -14,7 +14,7 @@
 namespace lockstep {
 
 /// What numbers are drawn for. Fields follow `fields`, by Parameter.
-enum class Purpose : std::uint32_t { uniform, normal, position, velocity, fields = 16 };
+enum class Purpose : std::uint32_t { uniform, normal, position, velocity, root_pose, root_velocity, fields = 16 };
 
 inline Purpose purpose_of(Parameter parameter) {
   return static_cast<Purpose>(static_cast<std::uint32_t>(Purpose::fields) + static_cast<std::uint32_t>(parameter));

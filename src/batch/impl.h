@@ -14,6 +14,7 @@
 #include "in_use.h"
 #include "lockstep/batch.h"
 #include "lockstep/error.h"
+#include "model/poses.h"
 #include "placer.h"
 #include "plan/fields.h"
 #include "plan/program.h"
@@ -44,6 +45,19 @@ Eigen::Matrix<S, 4, 1> quaternion_of(const Eigen::Matrix<S, 3, 3>& rotation) {
 
 template <class S>
 struct Batch<S>::Impl {
+  struct Blocks {
+    template <class E>
+    using Rows = AlignedBlock<E>;
+    template <class E>
+    using Inputs = AlignedBlock<E>;
+  };
+  struct Numbers {
+    template <class E>
+    using Rows = std::vector<E>;
+    template <class E>
+    using Inputs = std::vector<E>;
+  };
+
   Impl(const Plan& p, int count, const BatchOptions& options)
       : plan(p),
         environments(checked_environments(count)),
@@ -67,7 +81,13 @@ struct Batch<S>::Impl {
         },
         rows, start);
     find_start();
-    require_representable();
+    require_representable(start);
+    const Model& model = program_of(plan).model;
+    for (const NamedPose& pose : model.poses) {
+      poses.push_back(start);
+      find_state(started_in(pose, model), poses.back());
+      require_representable(poses.back());
+    }
     each_block(
         tables,  // the padding as well: it is stepped, so it must be sound
         [&]<class E>(const BatchBlock&, const AlignedBlock<E>& own, const std::vector<E>& first) {
@@ -101,31 +121,36 @@ struct Batch<S>::Impl {
     return AlignedBlock<E>(static_cast<std::size_t>(count * stride));
   }
 
-  // Zero but for these.
-  void find_start() {
-    const Program& program = program_of(plan);
+  // State and inputs as the model starts.
+  void find_state(const Model& model, BatchRows<S, Numbers>& to) const {
     const auto by_dof = [&](const auto& number_of, int times = 1) {
       std::vector<S> numbers;
       for (int time = 0; time < times; ++time)
-        for (const Joint& joint : program.model.joints)
+        for (const Joint& joint : model.joints)
           if (joint.moves()) numbers.push_back(static_cast<S>(number_of(joint)));
       return numbers;
     };
     const int times = tables.input_times;
-    start.position = by_dof([](const Joint& j) { return j.position; });
-    start.velocity = by_dof([](const Joint& j) { return j.velocity; });
-    start.position_target = by_dof([](const Joint& j) { return j.drive.position_target; }, times);
-    start.velocity_target = by_dof([](const Joint& j) { return j.drive.velocity_target; }, times);
-    start.effort = by_dof([](const Joint& j) { return j.effort; }, times);
-    start.root_pose.clear(), start.root_velocity.clear();
-    for (const Root& root : program.model.roots) {
+    to.position = by_dof([](const Joint& j) { return j.position; });
+    to.velocity = by_dof([](const Joint& j) { return j.velocity; });
+    to.position_target = by_dof([](const Joint& j) { return j.drive.position_target; }, times);
+    to.velocity_target = by_dof([](const Joint& j) { return j.drive.velocity_target; }, times);
+    to.effort = by_dof([](const Joint& j) { return j.effort; }, times);
+    to.root_pose.clear(), to.root_velocity.clear();
+    for (const Root& root : model.roots) {
       if (!root.floating) continue;
       const Eigen::Vector3d at = root.pose.translation();
       const Eigen::Quaterniond turn(root.pose.linear());
       for (double number : {at.x(), at.y(), at.z(), turn.w(), turn.x(), turn.y(), turn.z()})
-        start.root_pose.push_back(static_cast<S>(number));
-      for (int i = 0; i < 6; ++i) start.root_velocity.push_back(static_cast<S>(root.velocity[i]));
+        to.root_pose.push_back(static_cast<S>(number));
+      for (int i = 0; i < 6; ++i) to.root_velocity.push_back(static_cast<S>(root.velocity[i]));
     }
+  }
+
+  // Zero but for these.
+  void find_start() {
+    const Program& program = program_of(plan);
+    find_state(program.model, start);
     const Fields& model = fields_of(program);
     for (int f = 0; f < parameter_count; ++f)
       for (std::size_t row = 0; row < std::min(start.fields[f].size(), model.values[f].size()); ++row)
@@ -138,7 +163,7 @@ struct Batch<S>::Impl {
   }
 
   // The model's numbers are finite, so what is infinite was too large for S.
-  void require_representable() const {
+  void require_representable(const BatchRows<S, Numbers>& numbers) const {
     bool all = sizeof(S) > 4 || program_of(plan).fits_single;
     each_block(
         tables,
@@ -147,28 +172,30 @@ struct Batch<S>::Impl {
           if constexpr (std::is_same_v<E, S>)
             all = all && std::none_of(first.begin(), first.end(), [](S number) { return std::isinf(number); });
         },
-        start);
+        numbers);
     if (!all)
       throw UsageError("model '" + plan.model().name + "'", "has numbers beyond single precision", "use Batch<double>");
   }
 
   // Rows of the kinds that are wanted begin anew.
   template <class Wanted>
-  void begin(int e, const Wanted& wanted) {
+  void begin(int e, const Wanted& wanted, const BatchRows<S, Numbers>& with) {
     each_block(
         tables,
         [&]<class E>(const BatchBlock& block, const AlignedBlock<E>& own, const std::vector<E>& first) {
           for (std::size_t row = 0; wanted(block.kind) && row < first.size(); ++row)
             own.data()[static_cast<std::ptrdiff_t>(row) * stride + e] = first[row];
         },
-        rows, start);
+        rows, with);
   }
 
-  // To the model's state.
-  void reset(int e, bool keep_inputs) {
-    begin(e, [&](RowKind kind) {
+  // To the state of the model's start or of a pose.
+  void reset(int e, bool keep_inputs) { reset(e, keep_inputs, start); }
+  void reset(int e, bool keep_inputs, const BatchRows<S, Numbers>& to) {
+    const auto wanted = [&](RowKind kind) {
       return kind == RowKind::state || kind == RowKind::memory || (kind == RowKind::input && !keep_inputs);
-    });
+    };
+    begin(e, wanted, to);
     ++rows.resets.data()[e];
   }
 
@@ -210,6 +237,12 @@ struct Batch<S>::Impl {
     }
     for (const int id : ids) project(id, options.project, unmet);
   }
+
+  // To a pose, -1 for the model's start, with noise (starts.cpp).
+  std::vector<UnmetCoupling> reset_to(const EnvironmentSet& which, int pose, const PoseNoise& noise);
+  void check_noise(const PoseNoise& noise) const;
+  void disturb_joints(int e, const PoseNoise& noise);
+  void disturb_roots(int e, const PoseNoise& noise);
 
   void project(int e, Couplings couplings, std::vector<UnmetCoupling>& unmet) {
     const simd::StepMode mode;
@@ -353,20 +386,9 @@ struct Batch<S>::Impl {
   Workers workers;
   ValueRules<S> rules;
   Placer<S> placer;
-  struct Blocks {
-    template <class E>
-    using Rows = AlignedBlock<E>;
-    template <class E>
-    using Inputs = AlignedBlock<E>;
-  };
-  struct Numbers {
-    template <class E>
-    using Rows = std::vector<E>;
-    template <class E>
-    using Inputs = std::vector<E>;
-  };
   BatchRows<S, Blocks> rows;
-  BatchRows<S, Numbers> start;  // one number for each row: what an environment begins with
+  BatchRows<S, Numbers> start;               // one number for each row: what an environment begins with
+  std::vector<BatchRows<S, Numbers>> poses;  // the same in each of Model::poses
 };
 
 }  // namespace lockstep

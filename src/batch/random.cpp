@@ -1,4 +1,4 @@
-// Batch: ids, seeds, draws, and resets to random states. SPDX-License-Identifier: Apache-2.0
+// Batch: ids, seeds, draws. SPDX-License-Identifier: Apache-2.0
 #include "impl.h"
 
 namespace lockstep {
@@ -25,12 +25,6 @@ void fill(const StridedRows<S>& out, int rows, unsigned stream, const Environmen
       for (int row = 0; row < rows; ++row) column[row * out.row_stride] = static_cast<S>(drawn(row));
     });
   });
-}
-
-void check_share(double number, double most, const char* name, const char* range) {
-  if (!(number >= 0.0 && number <= most))
-    throw UsageError(std::string(name) + " of the random reset", "is " + std::to_string(number),
-                     std::string("give ") + range);
 }
 
 }  // namespace
@@ -72,41 +66,6 @@ void Batch<S>::draw_normal(const StridedRows<S>& out, int rows, unsigned stream,
   });
 }
 
-template <class S>
-std::vector<UnmetCoupling> Batch<S>::reset_random(const EnvironmentSet& which, const RandomReset& how) {
-  Impl& batch = impl();
-  const Alone alone(impl().in_use);
-  check_stream(how.stream);
-  check_share(how.spread, 1.0, "spread", "0 to 1");
-  check_share(how.speed, std::numeric_limits<S>::max(), "speed", "a finite number of 0 or more");
-  check_couplings(how.project);
-  which.for_each(batch.environments, [&](int e) { batch.reset(e, how.keep_inputs); });
-  const Fields& model = fields_of(program_of(batch.plan));
-  const AlignedBlock<S>& own = batch.rows.field(Parameter::position_limits);
-  const auto limit = [&](int row, int e) {
-    return own.size() > 0 ? static_cast<double>(own.data()[row * batch.stride + e])
-                          : model.value(Parameter::position_limits, row);
-  };
-  {
-    const simd::StepMode mode;
-    which.for_each(batch.environments, [&](int e) {
-      Draws positions = batch.draws(e, how.stream, Purpose::position),
-            velocities = batch.draws(e, how.stream, Purpose::velocity);
-      for (const int dof : batch.plan.independent_dofs()) {
-        const double lower = limit(2 * dof, e), upper = limit(2 * dof + 1, e), range = upper - lower;
-        if (std::isfinite(range))
-          batch.rows.position.data()[dof * batch.stride + e] =
-              static_cast<S>(lower + range * (0.5 + how.spread * (positions.uniform(dof) - 0.5)));
-        batch.rows.velocity.data()[dof * batch.stride + e] =
-            static_cast<S>(how.speed * (2.0 * velocities.uniform(dof) - 1.0));
-      }
-    });
-  }
-  std::vector<UnmetCoupling> unmet;
-  which.for_each(batch.environments, [&](int e) { batch.project(e, how.project, unmet); });
-  return unmet;
-}
-
 template std::span<std::uint32_t> Batch<float>::ids();
 template std::span<std::uint32_t> Batch<double>::ids();
 template std::span<std::uint64_t> Batch<float>::seeds();
@@ -119,7 +78,5 @@ template void Batch<float>::draw(const StridedRows<float>&, int, unsigned, const
 template void Batch<double>::draw(const StridedRows<double>&, int, unsigned, const EnvironmentSet&) const;
 template void Batch<float>::draw_normal(const StridedRows<float>&, int, unsigned, const EnvironmentSet&) const;
 template void Batch<double>::draw_normal(const StridedRows<double>&, int, unsigned, const EnvironmentSet&) const;
-template std::vector<UnmetCoupling> Batch<float>::reset_random(const EnvironmentSet&, const RandomReset&);
-template std::vector<UnmetCoupling> Batch<double>::reset_random(const EnvironmentSet&, const RandomReset&);
 
 }  // namespace lockstep

@@ -193,7 +193,7 @@ void Batch<S>::Impl::restore(const Blob& blob, std::span<const int> into, std::s
                targets[i]->data + static_cast<std::size_t>(row * stride) * bytes, into);
   }
   if (!same_settings)
-    for (const int id : into) begin(id, [](RowKind kind) { return kind == RowKind::memory; });
+    for (const int id : into) begin(id, [](RowKind kind) { return kind == RowKind::memory; }, start);
 }
 
 template <class S>
@@ -210,6 +210,24 @@ void Batch<S>::restore(std::span<const std::byte> bytes, std::span<const int> in
   impl().restore(blob, into, first_ids(blob.head.environments), options.other_settings);
 }
 
+template <class S>
+void Batch<S>::copy(int from, const EnvironmentSet& to) {
+  Impl& batch = impl();
+  const Alone alone(batch.in_use);
+  batch.check_id(from);
+  to.check(batch.environments);
+  each_block(
+      batch.tables,
+      [&]<class E>(const BatchBlock& block, const AlignedBlock<E>& own) {
+        if (block.kind == RowKind::label) return;
+        for (int row = 0; row < block.rows; ++row) {
+          E* const numbers = own.data() + row * batch.stride;
+          to.for_each(batch.environments, [&](int e) { numbers[e] = numbers[from]; });
+        }
+      },
+      batch.rows);
+}
+
 template std::vector<std::byte> Batch<float>::save() const;
 template std::vector<std::byte> Batch<double>::save() const;
 template std::vector<std::byte> Batch<float>::save(std::span<const int>) const;
@@ -220,5 +238,7 @@ template void Batch<float>::restore(std::span<const std::byte>, std::span<const 
                                     const RestoreOptions&);
 template void Batch<double>::restore(std::span<const std::byte>, std::span<const int>, std::span<const int>,
                                      const RestoreOptions&);
+template void Batch<float>::copy(int, const EnvironmentSet&);
+template void Batch<double>::copy(int, const EnvironmentSet&);
 
 }  // namespace lockstep

@@ -10,6 +10,7 @@
 #include "lockstep/error.h"
 #include "loops.h"
 #include "moved_inertia.h"
+#include "poses.h"
 #include "rules.h"
 #include "trees.h"
 
@@ -251,6 +252,7 @@ void Model::validate() const {
   unique_names(joints, "joint");
   unique_names(sites, "site");
   unique_names(loops, "loop");
+  unique_names(poses, "pose");
   for (const Link& link : links) proper_numbers(link);
   for (const Joint& joint : joints) proper_joint(joint);
 
@@ -278,7 +280,9 @@ void Model::validate() const {
     require(root.floating || root.velocity.isZero(0.0), element, "is bolted, but has a velocity",
             "let it float, or set its velocity to 0");
   }
+  for (const NamedPose& pose : poses) proper_pose(*this, pose);
   finite(gravity, quoted("model", name), "gravity");
+  not_negative(time_step, quoted("model", name), "time step");
 }
 
 }  // namespace lockstep

@@ -121,9 +121,20 @@ class ModelHash {
     const auto& [link, floating, pose, velocity] = root;
     all(link, floating, pose, velocity);
   }
+  template <class E>
+  void put(const std::map<std::string, E>& by_name) {
+    put(std::uint64_t{by_name.size()});
+    for (const auto& [name, value] : by_name) all(name, value);
+  }
+  void put(const NamedPose& pose) {
+    const auto& [name, positions, velocities, position_targets, velocity_targets, efforts, root_poses,
+                 root_velocities] = pose;
+    all(name, positions, velocities, position_targets, velocity_targets, efforts, root_poses, root_velocities);
+  }
   void put(const Model& model) {
-    const auto& [name, links, joints, couplings, loops, sites, colliders, contacts, roots, gravity] = model;
-    all(name, links, joints, couplings, loops, sites, colliders, contacts, roots, gravity);
+    const auto& [name, links, joints, couplings, loops, sites, colliders, contacts, roots, gravity, poses, time_step] =
+        model;
+    all(name, links, joints, couplings, loops, sites, colliders, contacts, roots, gravity, poses, time_step);
   }
 
   Hash hash_;

@@ -71,6 +71,11 @@ int Plan::site(const std::string& wanted) const {
       program_->model.sites, wanted, [](const Site& s) { return s.name; }, "site", "see Model::sites");
 }
 
+int Plan::pose(const std::string& wanted) const {
+  return find(
+      program_->model.poses, wanted, [](const NamedPose& p) { return p.name; }, "pose", "see Model::poses");
+}
+
 int Plan::contact(const std::string& wanted) const {
   return find(
       program_->plan_contacts, wanted, [](const PlanContact& c) { return c.name; }, "contact", "see Plan::contacts()");
