@@ -72,12 +72,12 @@ void bind_export(py::module_& module) {
   };
   module.def(
       "export_mjcf",
-      [exported](const py::object& model, double timestep) {
+      [exported](const py::object& model, std::optional<double> timestep) {
         return exported(export_mjcf(model_of(model), {.timestep = timestep}));
       },
-      "model"_a, py::kw_only(), "timestep"_a = MjcfOptions().timestep,
+      "model"_a, py::kw_only(), "timestep"_a = py::none(),
       "The model as MJCF, MuJoCo's XML: an Export with text, report and warnings. The report names what the format "
-      "cannot say. The file asks MuJoCo for steps of `timestep` s.");
+      "cannot say. The file asks MuJoCo for steps of `timestep` s, by default those of model.time_step, or 0.001.");
   module.def(
       "export_urdf", [exported](const py::object& model) { return exported(export_urdf(model_of(model))); }, "model"_a,
       "The model as URDF, which has no drives, gravity or start: an Export with text, report and warnings.");

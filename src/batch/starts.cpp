@@ -6,7 +6,7 @@ namespace {
 
 constexpr int rows_of_root = 6;  // of draws: x, y, z and three of a rotation; velocities angular, then linear
 
-void check(double number, double most, const std::string& name, const char* range) {
+void require_share(double number, double most, const std::string& name, const char* range) {
   if (!(number >= 0.0 && number <= most))
     throw UsageError(name + " of the reset", "is " + std::to_string(number), std::string("give ") + range);
 }
@@ -46,9 +46,9 @@ void Batch<S>::Impl::check_noise(const PoseNoise& noise) const {
   constexpr const char* finite = "a finite number of 0 or more";
   check_stream(noise.stream);
   check_couplings(noise.project);
-  check(noise.position, most, "noise of positions", finite);
-  check(noise.spread, 1.0, "spread", "0 to 1");
-  check(noise.velocity, most, "speed", finite);
+  require_share(noise.position, most, "noise of positions", finite);
+  require_share(noise.spread, 1.0, "spread", "0 to 1");
+  require_share(noise.velocity, most, "speed", finite);
   const std::vector<std::string>& roots = plan.root_names();
   for (const RootNoise& own : noise.roots) {
     const std::string name = own.link.empty() ? "noise of floating roots" : "noise of root '" + own.link + "'";
@@ -57,10 +57,10 @@ void Batch<S>::Impl::check_noise(const PoseNoise& noise) const {
     if (std::count_if(noise.roots.begin(), noise.roots.end(),
                       [&](const RootNoise& other) { return other.link == own.link; }) > 1)
       throw UsageError(name, "is given twice", "give it once");
-    for (const double number : own.position) check(number, most, "position of the " + name, finite);
-    check(own.yaw, std::numbers::pi, "yaw of the " + name, "0 to pi");
-    check(own.angular_velocity, most, "angular velocity of the " + name, finite);
-    check(own.linear_velocity, most, "linear velocity of the " + name, finite);
+    for (const double number : own.position) require_share(number, most, "position of the " + name, finite);
+    require_share(own.yaw, std::numbers::pi, "yaw of the " + name, "0 to pi");
+    require_share(own.angular_velocity, most, "angular velocity of the " + name, finite);
+    require_share(own.linear_velocity, most, "linear velocity of the " + name, finite);
   }
 }
 
@@ -103,11 +103,14 @@ void Batch<S>::Impl::disturb_roots(int e, const PoseNoise& noise) {
       add(row(rows.root_pose, 7 * root + k), own->position[k] * either_side(poses_drawn, first + k));
     const auto number = [&](int k) { return static_cast<double>(row(rows.root_pose, 7 * root + k)); };
     Eigen::Quaterniond turn(number(3), number(4), number(5), number(6));
-    if (own->any_rotation || own->yaw > 0.0) {
+    if (own->any_rotation) {
+      turn = uniform_rotation(poses_drawn.uniform(first + 3), poses_drawn.uniform(first + 4),
+                              poses_drawn.uniform(first + 5));
+    } else if (own->yaw > 0.0) {
       const Angle half(0.5 * own->yaw * either_side(poses_drawn, first + 3));
-      turn = own->any_rotation ? uniform_rotation(poses_drawn.uniform(first + 3), poses_drawn.uniform(first + 4),
-                                                  poses_drawn.uniform(first + 5))
-                               : Eigen::Quaterniond(half.cosine, 0.0, 0.0, half.sine) * turn;
+      turn = Eigen::Quaterniond(half.cosine, 0.0, 0.0, half.sine) * turn;
+    }
+    if (own->any_rotation || own->yaw > 0.0) {
       const double numbers[] = {turn.w(), turn.x(), turn.y(), turn.z()};
       for (int k = 0; k < 4; ++k) row(rows.root_pose, 7 * root + 3 + k) = static_cast<S>(numbers[k]);
     }

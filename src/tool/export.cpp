@@ -55,7 +55,7 @@ void add_export(CLI::App& app, int& exit_code) {
       [](const std::string& text) { return seconds_of(text, "--timestep"); },
       "MJCF: the step in s that MuJoCo shall take; it holds couplings as well as this step can")
       ->type_name("H")
-      ->default_str("0.001");
+      ->default_str("the model's, or 0.001");
   command->callback([options, &exit_code] {
     run(*options);
     exit_code = fine;

@@ -1,4 +1,4 @@
-// <actuator>, and <keyframe> with their controls. SPDX-License-Identifier: Apache-2.0
+// <actuator>, and <keyframe>s with their controls. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -6,6 +6,7 @@
 #include <unordered_set>
 
 #include "export/names.h"
+#include "model/poses.h"
 #include "sections.h"
 
 namespace lockstep::exporter::mjcf {
@@ -27,8 +28,8 @@ class Actuators {
   void write() {
     for (const Joint& joint : model_.joints)
       if (joint.moves()) add(joint);
-    if (!control_.empty()) xml_.close();
-    write_start();
+    if (!controls_.empty()) xml_.close();
+    write_keys();
   }
 
  private:
@@ -43,65 +44,109 @@ class Actuators {
     const Drive& drive = joint.drive;
     if (drive.kinematic) report_.warn("kinematic drives, left out", joint.name);
     // A velocity target that is not 0 has a control of its own.
-    const bool is_apart = drive.kp > 0.0 && drive.kd > 0.0 && drive.velocity_target != 0.0;
-    if (drive.kp > 0.0)
-      write(joint, "position", drive.kp, {0.0, -drive.kp, is_apart ? 0.0 : -drive.kd},
-            drive.position_target + (is_tendon(joint) ? offsets_.at(joint.name) : 0.0));
-    if (drive.kd > 0.0 && (is_apart || drive.kp == 0.0))
-      write(joint, "velocity", drive.kd, {0.0, 0.0, -drive.kd}, drive.velocity_target);
+    const bool is_apart = drive.kp > 0.0 && drive.kd > 0.0 &&
+                          (drive.velocity_target != 0.0 || is_in_a_pose(joint, &NamedPose::velocity_targets));
+    if (drive.kp > 0.0) write(joint, Aim::position, drive.kp, {0.0, -drive.kp, is_apart ? 0.0 : -drive.kd});
+    if (drive.kd > 0.0 && (is_apart || drive.kp == 0.0)) write(joint, Aim::velocity, drive.kd, {0.0, 0.0, -drive.kd});
     const bool has_no_drive = drive.kp == 0.0 && drive.kd == 0.0 && !drive.kinematic;
     const bool is_limited = joint.effort_limit < infinity && (is_tendon(joint) || !followers_.contains(joint.name));
     const bool is_motor = has_no_drive && (is_limited || (is_tendon(joint) && has_spring_alone(joint)));
-    if (joint.effort != 0.0 || is_motor) write(joint, "effort", 1.0, {}, joint.effort);
+    if (joint.effort != 0.0 || is_in_a_pose(joint, &NamedPose::efforts) || is_motor) write(joint, Aim::effort, 1.0, {});
   }
 
-  void write(const Joint& joint, const char* what, double gain, std::initializer_list<double> bias, double control) {
-    if (control_.empty()) xml_.open("actuator");
+  enum class Aim { position, velocity, effort };
+
+  // Whether a pose has a number that is not 0 of it.
+  bool is_in_a_pose(const Joint& joint, std::map<std::string, double> NamedPose::*numbers) const {
+    return std::any_of(model_.poses.begin(), model_.poses.end(), [&](const NamedPose& pose) {
+      const auto found = (pose.*numbers).find(joint.name);
+      return found != (pose.*numbers).end() && found->second != 0.0;
+    });
+  }
+
+  void write(const Joint& joint, Aim aim, double gain, std::initializer_list<double> bias) {
+    if (controls_.empty()) xml_.open("actuator");
+    const char* const what = aim == Aim::position ? "position" : aim == Aim::velocity ? "velocity" : "effort";
     const bool is_motor = bias.size() == 0;
     xml_.open(is_motor ? "motor" : "general").set("name", names_.take(joint.name + "_" + what));
     xml_.set(is_tendon(joint) ? "tendon" : "joint", joint.name);
     if (!is_motor) xml_.set("biastype", "affine").set("gainprm", numbers(gain)).set("biasprm", numbers(bias));
     xml_.close();
-    control_.push_back(control);
+    controls_.push_back({&joint - model_.joints.data(), aim});
     report_.remark(controls_line, fmt::format("{} of {}", what, joint.name));
   }
 
-  // MuJoCo's free joints move linearly in world axes, then turn in the body's.
-  void write_start() {
-    std::vector<double> q, v;
-    std::vector<std::string> order;
+  struct Key {
+    std::vector<double> q, v, u;
+    bool operator==(const Key& other) const = default;
+  };
+
+  // Where a model of these joints and roots starts. MuJoCo's free joints move linearly in world axes, then turn in the
+  // body's.
+  Key key_of(const Model& model) const {
+    Key key;
+    auto& [q, v, u] = key;
     const auto append = [](std::vector<double>& to, std::initializer_list<double> values) {
       to.insert(to.end(), values);
     };
     for (const Body& body : layout_.bodies) {
       if (body.floats) {
-        const Root& root = root_of(body);
+        const Root& root = root_of(model, body);
         const Eigen::Vector3d at = root.pose.translation(), linear = root.pose.linear() * root.velocity.tail<3>();
         const Eigen::Quaterniond turn = Eigen::Quaterniond(root.pose.linear()).normalized();
         append(q, {at[0], at[1], at[2], turn.w(), turn.x(), turn.y(), turn.z()});
         append(v, {linear[0], linear[1], linear[2], root.velocity[0], root.velocity[1], root.velocity[2]});
       }
       for (const JointPlace& place : body.joints) {
-        const Joint& joint = model_.joints[static_cast<std::size_t>(place.joint)];
+        const Joint& joint = model.joints[static_cast<std::size_t>(place.joint)];
         q.push_back(joint.position), v.push_back(joint.velocity);
-        order.push_back(joint.name);
       }
     }
-    if (q.empty()) return;
-    xml_.open("keyframe").open("key").set("name", "start").set("qpos", numbers(q)).set("qvel", numbers(v));
-    if (!control_.empty()) xml_.set("ctrl", numbers(control_));
-    xml_.close().close();
+    for (const auto& [number, aim] : controls_) {
+      const Joint& joint = model.joints[static_cast<std::size_t>(number)];
+      if (aim == Aim::position)
+        u.push_back(joint.drive.position_target + (is_tendon(joint) ? offsets_.at(joint.name) : 0.0));
+      else
+        u.push_back(aim == Aim::velocity ? joint.drive.velocity_target : joint.effort);
+    }
+    return key;
+  }
+
+  void write_key(const std::string& name, const Key& key) {
+    xml_.open("key").set("name", name).set("qpos", numbers(key.q)).set("qvel", numbers(key.v));
+    if (!key.u.empty()) xml_.set("ctrl", numbers(key.u));
+    xml_.close();
+  }
+
+  void write_keys() {
+    const Key start = key_of(model_);
+    if (start.q.empty()) return;
+    xml_.open("keyframe");
+    Names names;
+    write_key(names.take("start"), start);
     report_.remark("state and targets of the start, in a keyframe", "start");
-    std::vector<std::string> own;
+    for (const NamedPose& pose : model_.poses) {
+      const Key key = key_of(started_in(pose, model_));
+      if (pose.name == "start" && key == start) continue;
+      const std::string name = names.take(pose.name);
+      write_key(name, key);
+      report_.remark("poses, in keyframes", name == pose.name ? name : pose.name + " as " + name);
+    }
+    xml_.close();
+
+    std::vector<std::string> own, order;
+    for (const Body& body : layout_.bodies)
+      for (const JointPlace& place : body.joints)
+        order.push_back(model_.joints[static_cast<std::size_t>(place.joint)].name);
     for (const Joint& joint : model_.joints)
       if (joint.moves() && !is_tendon(joint)) own.push_back(joint.name);
     if (own != order)
       for (const std::string& joint : order) report_.remark("joints in MuJoCo's order, depth first", joint);
   }
 
-  const Root& root_of(const Body& body) const {
-    const std::string& link = model_.links[static_cast<std::size_t>(body.link)].name;
-    return *std::find_if(model_.roots.begin(), model_.roots.end(), [&](const Root& root) { return root.link == link; });
+  static const Root& root_of(const Model& model, const Body& body) {
+    const std::string& link = model.links[static_cast<std::size_t>(body.link)].name;
+    return *std::find_if(model.roots.begin(), model.roots.end(), [&](const Root& root) { return root.link == link; });
   }
 
   const Model& model_;
@@ -111,7 +156,11 @@ class Actuators {
   Names names_;
   std::unordered_set<std::string> followers_;
   std::unordered_map<std::string, double> offsets_;  // of the first coupling that a joint follows
-  std::vector<double> control_;
+  struct Control {
+    std::ptrdiff_t joint;
+    Aim aim;
+  };
+  std::vector<Control> controls_;  // in the file's order
 };
 
 }  // namespace

@@ -8,7 +8,7 @@
 namespace lockstep::exporter::mjcf {
 
 void write_contacts(const Writing& writing) {
-  const auto& [model, options, trees, layout, held, report, xml] = writing;
+  const auto& [model, timestep, trees, layout, held, report, xml] = writing;
   const ContactPairs contacts = contact_pairs(model, trees);
   std::set<int> touching;
   if (!contacts.pairs.empty()) xml.open("contact");

@@ -64,7 +64,7 @@ class Couplings {
       return report_.warn("followers by a function that is no polynomial of at most degree 4, left out", name);
     if (!is_hard(softness)) return;
     report_.remark(fmt::format("hard couplings, which MuJoCo holds by springs of {:g} s: larger steps do not hold them",
-                               time_constant(writing_.options)),
+                               time_constant(writing_.timestep)),
                    name);
     if (erp_of(softness) != Hard().erp) report_.remark("shares of an error that a step corrects (erp), left out", name);
   }
@@ -81,7 +81,7 @@ class Couplings {
     if (const auto* spring = std::get_if<Spring>(&softness)) return *spring;
     if (const auto* mixed = std::get_if<ErpCfm>(&softness); mixed && mixed->cfm > 0.0) {
       report_.warn("couplings soft by erp and cfm, as they are at the file's step", name);
-      const double h = writing_.options.timestep;  // (M29)
+      const double h = writing_.timestep;  // (M29)
       return Spring{mixed->erp / (h * h * mixed->cfm), (1.0 - mixed->erp) / (h * mixed->cfm)};
     }
     if (const auto* frequency = std::get_if<Frequency>(&softness)) {
@@ -125,7 +125,7 @@ class Couplings {
     if (coupling.function) coefficients = polynomial_of(coupling)->coefficients;
     coefficients.resize(most_coefficients);
     xml_.set("polycoef", numbers(coefficients));
-    write_hardness(writing_.options, xml_);
+    write_hardness(writing_.timestep, xml_);
     xml_.close();
   }
 
@@ -140,10 +140,10 @@ class Couplings {
 
 }  // namespace
 
-double time_constant(const MjcfOptions& options) { return steps * options.timestep; }
+double time_constant(double timestep) { return steps * timestep; }
 
-void write_hardness(const MjcfOptions& options, Xml& xml) {
-  xml.set("solref", numbers({time_constant(options), 1.0})).set("solimp", impedance);
+void write_hardness(double timestep, Xml& xml) {
+  xml.set("solref", numbers({time_constant(timestep), 1.0})).set("solimp", impedance);
 }
 
 void write_couplings(const Writing& writing) { Couplings(writing).write(); }

@@ -52,7 +52,7 @@ void write_weld(const Loop& loop, const Writing& writing) {
   writing.xml.set("body1", body(loop.first)).set("body2", body(loop.second));
   writing.xml.set("relpose", numbers({at[0], at[1], at[2], turn.w(), turn.x(), turn.y(), turn.z()}));
   writing.xml.set("anchor", numbers(anchor));
-  write_hardness(writing.options, writing.xml);
+  write_hardness(writing.timestep, writing.xml);
   writing.xml.close();
 }
 
@@ -85,7 +85,7 @@ std::vector<HeldPoint> add_sites_of_loops(Model& model, Report& report) {
 }
 
 void write_loops(const Writing& writing) {
-  const auto& [model, options, trees, layout, held, report, xml] = writing;
+  const auto& [model, timestep, trees, layout, held, report, xml] = writing;
   const auto is_written = [](const Loop& loop) { return loop.kind != LoopKind::slider; };
   for (const Loop& loop : model.loops) {
     if (!is_written(loop)) {
@@ -99,7 +99,7 @@ void write_loops(const Writing& writing) {
   xml.open("equality");
   for (const HeldPoint& point : held) {
     xml.open("connect").set("name", point.name).set("site1", point.first).set("site2", point.second);
-    write_hardness(options, xml);
+    write_hardness(timestep, xml);
     xml.close();
     report.remark("points of loops, held by sites", point.name);
   }

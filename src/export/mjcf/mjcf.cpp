@@ -14,7 +14,7 @@ void write_settings(const Writing& writing) {
   xml.open("compiler").set("angle", "radian").set("autolimits", "false").set("inertiafromgeom", "false").close();
   // Servos and damping are implicit in this integrator as they are in lockstep.
   xml.open("option")
-      .set("timestep", numbers(writing.options.timestep))
+      .set("timestep", numbers(writing.timestep))
       .set("gravity", numbers(writing.model.gravity))
       .set("integrator", "implicitfast")
       .close();
@@ -25,15 +25,16 @@ void write_settings(const Writing& writing) {
 
 Export export_mjcf(const Model& original, const MjcfOptions& options) {
   using namespace exporter;
-  if (!(options.timestep > 0.0) || !std::isfinite(options.timestep))
+  if (options.timestep && (!(*options.timestep > 0.0) || !std::isfinite(*options.timestep)))
     throw SettingsError("MjcfOptions::timestep", "is not above 0, or not finite", "give a step in s, such as 0.001");
   original.validate();
   Model model = original;
+  const double timestep = options.timestep.value_or(model.time_step > 0.0 ? model.time_step : 0.001);
   Report report;
   std::vector<mjcf::HeldPoint> held = mjcf::add_sites_of_loops(model, report);
   Xml xml;
   const Trees trees(model);
-  const mjcf::Writing writing{model, options, trees, mjcf::lay_out(model, trees, report), std::move(held), report, xml};
+  const mjcf::Writing writing{model, timestep, trees, mjcf::lay_out(model, trees, report), std::move(held), report, xml};
   xml.open("mujoco").set("model", model.name);
   mjcf::write_settings(writing);
   mjcf::write_world(writing);

@@ -9,7 +9,7 @@ namespace lockstep::exporter::mjcf {
 
 struct Writing {
   const Model& model;
-  const MjcfOptions& options;
+  const double timestep;  ///< of the file, s
   const Trees trees;
   const Layout layout;
   const std::vector<HeldPoint> held;
@@ -22,9 +22,9 @@ struct Writing {
 void write_resistance(const Joint& joint, double shift, Xml& xml, Report& report);
 
 /// The time constant of the springs that hold what is hard here, s.
-double time_constant(const MjcfOptions& options);
+double time_constant(double timestep);
 /// These springs. Into the element that is open.
-void write_hardness(const MjcfOptions& options, Xml& xml);
+void write_hardness(double timestep, Xml& xml);
 
 // Each writes its sections, in this order, and reports what they lack.
 void write_world(const Writing& writing);

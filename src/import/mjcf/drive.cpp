@@ -31,9 +31,10 @@ class Driver {
          const Start& start, Draft& draft)
       : scene_(scene), ties_(ties), transmissions_(transmissions), start_(start), model_(draft.model) {}
 
-  void drive() {
+  std::vector<Control> drive() {
     for (std::size_t a = 0; a < scene_.actuators.size(); ++a) add(scene_.actuators[a], a);
     for (const auto& [index, sum] : sums_) apply(model_.joints[static_cast<std::size_t>(index)], sum);
+    return std::move(controls_);
   }
 
  private:
@@ -89,13 +90,6 @@ class Driver {
     return kv;
   }
 
-  double control(const Actuator& actuator, std::size_t number) const {
-    double u = start_.control[number];
-    if (actuator.control && scene_.settings.clamps_controls)
-      u = std::clamp(u, actuator.control->lower, actuator.control->upper);
-    return u;
-  }
-
   // Force before the gear, along the actuator.
   double force_limit(const Actuator& actuator, bool is_motor) const {
     double limit = infinity;
@@ -121,10 +115,12 @@ class Driver {
     const double kp = -actuator.bias[1] * gear * gear, kd = damping(actuator) * gear * gear;
     const bool is_motor = kp == 0.0 && kd == 0.0;
     const bool has_control = !start_.control.empty();
-    const double force = offset + (has_control ? actuator.gain * control(actuator, number) : 0.0);
+    const double force = offset + (has_control ? actuator.gain * control_at(scene_, start_, number) : 0.0);
     Sum& sum = sums_[index];
     sum.kp += kp, sum.kd += kd;
     ++sum.count;
+    const Control::Aim aim = is_motor ? Control::Aim::effort : kp > 0.0 ? Control::Aim::position : Control::Aim::velocity;
+    controls_.push_back({index, aim, gear * actuator.gain, gear * offset, number});
     if (is_motor) {
       sum.effort += gear * force;
       report().remark("efforts by the file's controls u", fmt::format("{} of {}: {}", actuator.name, name,
@@ -174,14 +170,22 @@ class Driver {
   const Start& start_;
   Model& model_;
   std::map<int, Sum> sums_;  // by joint of the model
+  std::vector<Control> controls_;
   std::vector<double> inertia_;
 };
 
 }  // namespace
 
-void drive_joints(const Scene& scene, const Ties& ties, const std::vector<std::optional<Transmission>>& transmissions,
-                  const Start& start, Draft& draft) {
-  Driver(scene, ties, transmissions, start, draft).drive();
+std::vector<Control> drive_joints(const Scene& scene, const Ties& ties,
+                                  const std::vector<std::optional<Transmission>>& transmissions, const Start& start,
+                                  Draft& draft) {
+  return Driver(scene, ties, transmissions, start, draft).drive();
+}
+
+double control_at(const Scene& scene, const Start& start, std::size_t actuator) {
+  const double u = start.control[actuator];
+  const std::optional<Range>& range = scene.actuators[actuator].control;
+  return range && scene.settings.clamps_controls ? std::clamp(u, range->lower, range->upper) : u;
 }
 
 }  // namespace lockstep::importer::mjcf

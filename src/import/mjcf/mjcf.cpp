@@ -11,6 +11,7 @@
 #include "import/xml.h"
 #include "lockstep/import.h"
 #include "loops.h"
+#include "poses.h"
 #include "resist.h"
 #include "trees.h"
 
@@ -26,9 +27,11 @@ Import read(const std::string& text, const std::string& source, const std::strin
   const Settings settings = read_settings(document);
   const Classes classes(document);
   const Scene scene = read_scene(document, settings, classes, options);
-  const Start start = read_start(scene);
+  const std::vector<Key> keys = read_keys(scene);
+  const Start start = start_of(scene, keys);
   Draft draft;
   draft.model.name = Element(document, document.root()).name("model", "model");
+  draft.model.time_step = settings.time_step;
   return finished(draft, options, report, source, [&] {
     const std::vector<Place> places = grow_trees(scene, start, draft);
     resist_by_time_constants(scene, draft);
@@ -36,7 +39,7 @@ Import read(const std::string& text, const std::string& source, const std::strin
     close_loops(scene, start, places, draft);
     const std::vector<std::optional<Transmission>> transmissions = transmissions_of_tendons(scene, ties, draft);
     resist_tendons(scene, ties, transmissions, draft);
-    drive_joints(scene, ties, transmissions, start, draft);
+    add_poses(scene, start, keys, drive_joints(scene, ties, transmissions, start, draft), draft);
     if (options.colliders)
       collide(scene, places, draft);
     else

@@ -72,8 +72,9 @@ void read_option(const Element& option, Settings& settings) {
   lost("density", {option.number("density", 0.0), 0.0, 0.0});
   lost("viscosity", {option.number("viscosity", 0.0), 0.0, 0.0});
   lost("wind", option.triple("wind", Eigen::Vector3d::Zero()));
-  if (option.has("timestep"))
-    option.report().remark("step size of the file, not used", fmt::format("{:g} s", option.number("timestep")));
+  if (!option.has("timestep")) return;
+  settings.time_step = option.number("timestep");
+  option.report().remark("step size of the file, kept as Model::time_step", fmt::format("{:g} s", settings.time_step));
 }
 
 }  // namespace

@@ -22,6 +22,7 @@ struct Settings {
   bool aligns_free = false;  ///< free joints that do not say so themselves move principal axes
 
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};
+  double time_step = 0.0;  ///< s; 0 if the file has none
   bool has_equalities = true, has_limits = true, has_friction = true, has_actuation = true, has_contacts = true;
   bool has_springs = true, has_damping = true, clamps_controls = true, filters_parents = true;
 

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "lockstep/error.h"
+#include "names.h"
 
 namespace lockstep::importer::mjcf {
 namespace {
@@ -93,34 +94,7 @@ void apply(const Element& key, const Scene& scene, Start& start) {
   }
 }
 
-// The key of the options, if there is one.
-std::optional<Element> chosen_key(const Scene& scene) {
-  std::vector<Element> keys;
-  std::vector<std::string> names;
-  const std::string& wanted = scene.options.keyframe;
-  for (const Element::Xml* xml : scene.document.section("keyframe")) {
-    if (std::string_view(xml->Name()) != "key") continue;
-    const char* name = xml->Attribute("name");
-    names.push_back(name ? name : std::to_string(names.size()));
-    if (wanted.empty()) continue;  // unread keys are counted
-    keys.emplace_back(scene.document, *xml);
-    keys.back().rename("key '" + shortened(names.back()) + "'");
-  }
-  if (wanted.empty()) {
-    if (!names.empty()) scene.report().remark("keyframes, not used as none is asked for", listed(names));
-    return std::nullopt;
-  }
-  for (std::size_t k = 0; k < keys.size(); ++k)
-    if (names[k] == wanted) return keys[k];
-  for (std::size_t k = 0; k < keys.size(); ++k)
-    if (std::to_string(k) == wanted) return keys[k];
-  throw SettingsError("ImportOptions::keyframe", "names '" + shortened(wanted) + "', which is no key of the file",
-                      keys.empty() ? "leave it out, the file has none" : "give one of " + listed(names));
-}
-
-}  // namespace
-
-Start read_start(const Scene& scene) {
+Start drawn(const Scene& scene) {
   Start start;
   for (std::size_t j = 0; j < scene.joints.size(); ++j) {
     const Body& body = scene.bodies.all[static_cast<std::size_t>(scene.joints[j].body)];
@@ -130,8 +104,54 @@ Start read_start(const Scene& scene) {
   for (std::size_t b = 0; b < scene.bodies.all.size(); ++b)
     if (scene.bodies.all[b].is_mocap) start.pose[static_cast<int>(b)] = scene.bodies.all[b].in_world;
   start.velocity.resize(scene.joints.size());
-  if (const std::optional<Element> key = chosen_key(scene)) apply(*key, scene, start);
   return start;
+}
+
+// The number of the key of the options; that of none without the option.
+std::size_t chosen_key(const std::string& wanted, const std::vector<std::string>& names) {
+  if (wanted.empty()) return names.size();
+  for (std::size_t k = 0; k < names.size(); ++k)
+    if (names[k] == wanted) return k;
+  for (std::size_t k = 0; k < names.size(); ++k)
+    if (std::to_string(k) == wanted) return k;
+  throw SettingsError("ImportOptions::keyframe", "names '" + shortened(wanted) + "', which is no key of the file",
+                      names.empty() ? "leave it out, the file has none" : "give one of " + listed(names));
+}
+
+}  // namespace
+
+std::vector<Key> read_keys(const Scene& scene) {
+  std::vector<Element> elements;
+  std::vector<std::string> names;
+  for (const Element::Xml* xml : scene.document.section("keyframe")) {
+    if (std::string_view(xml->Name()) != "key") continue;
+    const char* name = xml->Attribute("name");
+    names.push_back(name ? name : std::to_string(names.size()));
+    elements.emplace_back(scene.document, *xml);
+    elements.back().rename("key '" + shortened(names.back()) + "'");
+  }
+  const std::size_t chosen = chosen_key(scene.options.keyframe, names);
+  Names taken;
+  std::vector<Key> keys;
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    Key key{taken.unused(names[k]), drawn(scene), k == chosen};
+    try {
+      apply(elements[k], scene, key.start);
+    } catch (const ImportError& error) {
+      if (key.is_chosen) throw;
+      scene.report().warn("keyframes that do not fit, left out", key.name + " " + error.rule());
+      continue;
+    }
+    scene.report().remark("keyframes, kept as poses", key.name);
+    keys.push_back(std::move(key));
+  }
+  return keys;
+}
+
+Start start_of(const Scene& scene, const std::vector<Key>& keys) {
+  for (const Key& key : keys)
+    if (key.is_chosen) return key.start;
+  return drawn(scene);
 }
 
 }  // namespace lockstep::importer::mjcf

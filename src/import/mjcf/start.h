@@ -3,7 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <map>
-#include <optional>
+#include <string>
 #include <vector>
 
 #include "scene.h"
@@ -17,8 +17,18 @@ struct Start {
   std::map<int, Twist> twist;              ///< by body with a free joint, in the body's axes, angular first
 };
 
-/// The drawn pose, or the keyframe of the options. Throws SettingsError where there is none, ImportError where its
-/// numbers do not fit the model.
-Start read_start(const Scene& scene);
+/// A keyframe.
+struct Key {
+  std::string name;  ///< its number from 0 if it has none
+  Start start;
+  bool is_chosen = false;  ///< by ImportOptions::keyframe
+};
+
+/// The keyframes, in order. Those that do not fit the model are warnings. Throws SettingsError where that of the options
+/// does not exist, ImportError where it does not fit.
+std::vector<Key> read_keys(const Scene& scene);
+
+/// The drawn pose, or the keyframe that is chosen.
+Start start_of(const Scene& scene, const std::vector<Key>& keys);
 
 }  // namespace lockstep::importer::mjcf
