@@ -62,7 +62,7 @@ LOCKSTEP_C_API int lockstep_model_from_file(const char* path, const char* keyfra
  * lives as long as the model. */
 LOCKSTEP_C_API int lockstep_model_report(const lockstep_model* model, const char** out);
 /* Writes a file: URDF where its name ends with .urdf, MJCF where it ends with .xml or .mjcf, for a step of MuJoCo of
- * `timestep` s, > 0, or 0 for 0.001. The report names what the format cannot say; it is valid until this thread's next
+ * `timestep` s, > 0, or 0 for that of the file that was read, 0.001 if it had none. The report names what the format cannot say; it is valid until this thread's next
  * export, and may be null. */
 LOCKSTEP_C_API int lockstep_model_export(const lockstep_model* model, const char* path, double timestep,
                                          const char** report);
@@ -124,7 +124,8 @@ enum {
   LOCKSTEP_COUPLINGS = 3,
   LOCKSTEP_LINKS = 4,
   LOCKSTEP_SITES = 5,
-  LOCKSTEP_ROOTS = 6 /* floating ones */
+  LOCKSTEP_ROOTS = 6, /* floating ones */
+  LOCKSTEP_POSES = 7  /* to start in: keyframes of MJCF */
 };
 LOCKSTEP_C_API int lockstep_plan_count(const lockstep_plan* plan, int list, int64_t* out);
 /* The name lives as long as the plan. */
@@ -189,9 +190,35 @@ enum { LOCKSTEP_KEEP_INPUTS = 1 };
  * LOCKSTEP_KEEP_INPUTS. */
 LOCKSTEP_C_API int lockstep_reset_mask(lockstep_batch* batch, const uint8_t* mask, int64_t n, uint32_t flags);
 LOCKSTEP_C_API int lockstep_reset_ids(lockstep_batch* batch, const int32_t* ids, int64_t n, uint32_t flags);
-/* The same to random states: see Batch::reset_random(). */
+/* What is random of a floating root, as RootNoise of lockstep/batch.h. link: null for all that no other names. */
+typedef struct {
+  uint32_t size;
+  int32_t any_rotation; /* 0 or 1 */
+  const char* link;
+  double position[3];
+  double yaw;
+  double angular_velocity, linear_velocity;
+} lockstep_root_noise;
+LOCKSTEP_C_API void lockstep_root_noise_init(lockstep_root_noise* noise);
+/* What is random of a start, as PoseNoise. */
+typedef struct {
+  uint32_t size;
+  uint32_t stream;
+  double position, spread, velocity;
+  const lockstep_root_noise* roots; /* as many, or null */
+  int64_t root_count;
+  uint32_t flags; /* LOCKSTEP_KEEP_INPUTS */
+  int32_t reserved; /* 0 */
+} lockstep_pose_noise;
+LOCKSTEP_C_API void lockstep_pose_noise_init(lockstep_pose_noise* noise);
+/* To a pose, a name of LOCKSTEP_POSES, or null for the model's own start. noise: null for none. */
+LOCKSTEP_C_API int lockstep_reset_to(lockstep_batch* batch, const char* pose, const lockstep_pose_noise* noise,
+                                     const uint8_t* mask, int64_t n);
+/* From the model's own start: see Batch::reset_random(). */
 LOCKSTEP_C_API int lockstep_reset_random(lockstep_batch* batch, const uint8_t* mask, int64_t n, double spread,
                                          double speed);
+/* Makes environments equal to `from`, but for their ids, seeds and episodes: see Batch::copy(). */
+LOCKSTEP_C_API int lockstep_copy(lockstep_batch* batch, int64_t from, const uint8_t* mask, int64_t n);
 /* Puts followers where the other joints put them. */
 LOCKSTEP_C_API int lockstep_project(lockstep_batch* batch, const uint8_t* mask, int64_t n);
 

@@ -45,6 +45,7 @@ from .model import (
     Link,
     Loop,
     Model,
+    NamedPose,
     Polynomial,
     Root,
     Shape,
@@ -55,6 +56,7 @@ from .model import (
     pose,
 )
 from .query import Query
+from .start import RootNoise, Start
 
 _require_main_interpreter()
 
@@ -78,16 +80,19 @@ __all__ = [
     "Loop",
     "Model",
     "ModelError",
+    "NamedPose",
     "Plan",
     "Polynomial",
     "Query",
     "Root",
+    "RootNoise",
     "Rows",
     "SettingsError",
     "Shape",
     "Site",
     "Softness",
     "Spring",
+    "Start",
     "UsageError",
     "__version__",
     "compile",

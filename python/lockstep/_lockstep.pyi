@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from .model import Export, Model
 from .query import Query
+from .start import Start
 
 __version__: str
 
@@ -106,6 +107,8 @@ class Plan:
     @property
     def root_names(self) -> list[str]: ...
     @property
+    def poses(self) -> list[str]: ...
+    @property
     def row_names(self) -> list[str]: ...
     @property
     def independent(self) -> list[str]: ...
@@ -196,6 +199,16 @@ class Batch:
         project: Union[bool, str] = ...,
     ) -> _Unmet: ...
     def reset_random(self, which: _Which = ..., spread: float = ..., speed: float = ..., *, stream: int = ...) -> _Unmet: ...
+    def reset_to(
+        self,
+        start: Union[str, int, Start] = ...,
+        which: _Which = ...,
+        *,
+        stream: int = ...,
+        keep_inputs: bool = ...,
+        project: Union[bool, str] = ...,
+    ) -> _Unmet: ...
+    def copy_state(self, source: int, to: _Which = ...) -> None: ...
     def randomize(
         self,
         name: str,

@@ -6,7 +6,7 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass, field
-from typing import Any, List, Optional, Sequence, SupportsIndex, TypeVar, Union, overload
+from typing import Any, Dict, List, Optional, Sequence, SupportsIndex, TypeVar, Union, overload
 
 infinity = math.inf
 
@@ -273,7 +273,24 @@ class Root:
         return self.link
 
 
-Element = TypeVar("Element", Link, Joint, Coupling, Site, Collider, Contact, Root)
+@dataclass
+class NamedPose:
+    """A pose to start in, beside the model's own: Batch.reset_to() goes there. What it does not name is as the model
+    starts; followers are placed by their couplings. By joint: positions (rad or m), velocities, targets, efforts; a drive
+    whose position target is not named holds the joint where `positions` has it. By the link of a floating root: root_poses
+    (4 x 4, see pose()) and root_velocities (angular, then linear, in the root's axes)."""
+
+    name: str
+    positions: Dict[str, float] = field(default_factory=dict)
+    velocities: Dict[str, float] = field(default_factory=dict)
+    position_targets: Dict[str, float] = field(default_factory=dict)
+    velocity_targets: Dict[str, float] = field(default_factory=dict)
+    efforts: Dict[str, float] = field(default_factory=dict)
+    root_poses: Dict[str, Matrix] = field(default_factory=dict)
+    root_velocities: Dict[str, Vector] = field(default_factory=dict)
+
+
+Element = TypeVar("Element", Link, Joint, Coupling, Site, Collider, Contact, Root, NamedPose)
 
 
 class Named(List[Element]):
@@ -303,7 +320,8 @@ class Named(List[Element]):
 @dataclass
 class Model:
     """Links and joints form one tree or several. Links, joints, couplings, loops and sites are lists that take names as
-    well as numbers: model.joints["knuckle"]. gravity: m/s^2, world axes."""
+    well as numbers: model.joints["knuckle"]. gravity: m/s^2, world axes. poses: to start in, by name too. time_step: s,
+    what the file asks for, 0 if nothing; compile() takes the step as dt."""
 
     name: str = "model"
     links: Named[Link] = field(default_factory=Named)
@@ -315,11 +333,13 @@ class Model:
     contacts: Named[Contact] = field(default_factory=Named)
     roots: Named[Root] = field(default_factory=Named)
     gravity: Vector = (0.0, 0.0, -9.81)
+    poses: Named[NamedPose] = field(default_factory=Named)
+    time_step: float = 0.0
     report: list[str] = field(default_factory=list, compare=False)
     warnings: list[str] = field(default_factory=list, compare=False)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        lists = ("links", "joints", "couplings", "loops", "sites", "colliders", "contacts", "roots")
+        lists = ("links", "joints", "couplings", "loops", "sites", "colliders", "contacts", "roots", "poses")
         if name in lists and not isinstance(value, Named):
             value = Named(value)
         super().__setattr__(name, value)

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ._lockstep import Batch, Plan
 from .query import Query
+from .start import Start
 
 try:
     from gymnasium.spaces import Box
@@ -36,11 +37,13 @@ class VectorEnv(Base):  # type: ignore[misc]
         observe    queries (see Batch.read()), or a function that returns [num_envs, k]; default: q and qd
         reward     [num_envs] float; default: 0
         terminate  [num_envs] bool; default: never. A fault terminates an episode in any case
-        randomize  called with the mask of the environments that are being reset, before they get a random state
+        randomize  called with the mask of the environments that are being reset, before they get their start
+        after_reset  the same, when they have it: it may change the state, the inputs and what rules know
         advance    takes the actions of a control step; default: Batch.act() and Batch.step()
     limit: control steps after which an episode is truncated. decimation: steps of dt in a control step. Actions lie in
-    [-1, 1] and act on Plan.driven by `action_kind`, see Batch.act(). spread: of the random start, see
-    Batch.reset_random(). copy=False returns the same observation array in every step.
+    [-1, 1] and act on Plan.driven by `action_kind`, see Batch.act(). start: a pose of the model by name or number, or a
+    Start, which has noise. spread: short for start=Start(spread=spread), from the model's own start; without both it is 1,
+    the whole range of each joint. copy=False returns the same observation array in every step.
 
     Observations of an environment depend on its seed, its id and its actions, not on num_envs, its place, the number of
     threads or the autoreset mode.
@@ -58,11 +61,13 @@ class VectorEnv(Base):  # type: ignore[misc]
         reward: Optional[Rule] = None,
         terminate: Optional[Rule] = None,
         randomize: Optional[Callable[["VectorEnv", Mask], None]] = None,
+        after_reset: Optional[Callable[["VectorEnv", Mask], None]] = None,
         limit: Optional[int] = None,
         decimation: int = 4,
         action_kind: str = "position",
         autoreset_mode: Any = "NextStep",
-        spread: float = 1.0,
+        start: Union[None, str, int, Start] = None,
+        spread: Optional[float] = None,
         seed: int = 0,
         first_id: int = 0,
         threads: int = 0,
@@ -71,8 +76,12 @@ class VectorEnv(Base):  # type: ignore[misc]
     ) -> None:
         if action_kind not in ACTION_KINDS:
             raise ValueError(f"action_kind {action_kind!r} is none of {', '.join(ACTION_KINDS)}")
-        if not 0.0 <= spread <= 1.0:
-            raise ValueError(f"spread is {spread}, not 0 to 1")
+        if start is not None and spread is not None:
+            raise ValueError("start and spread are both given: give start=Start(pose, spread=...)")
+        if start is None:
+            start = Start(spread=1.0 if spread is None else spread)
+        if isinstance(start, Start) and not 0.0 <= start.spread <= 1.0:
+            raise ValueError(f"spread is {start.spread}, not 0 to 1")
         if decimation < 1 or (limit is not None and limit < 1):
             raise ValueError(f"limit and decimation must be 1 or more, not {limit} and {decimation}")
         self.plan = plan
@@ -81,7 +90,7 @@ class VectorEnv(Base):  # type: ignore[misc]
         self.limit = limit
         self.decimation = decimation
         self.action_kind = action_kind
-        self.spread = spread
+        self.start = start
         self.copy = copy
         self.closed = False
         self.autoreset_mode = AutoresetMode(getattr(autoreset_mode, "value", autoreset_mode))
@@ -90,6 +99,7 @@ class VectorEnv(Base):  # type: ignore[misc]
         self._reward = reward
         self._terminate = terminate
         self._randomize = randomize
+        self._after_reset = after_reset
         self.elapsed = np.zeros(num_envs, np.int64)  # control steps of the episode
         self._ended = np.ones(num_envs, np.bool_)  # the next step resets these, or refuses
         self._started = False
@@ -125,6 +135,10 @@ class VectorEnv(Base):  # type: ignore[misc]
     def randomize(self, which: Mask) -> None:
         if self._randomize:
             self._randomize(self, which)
+
+    def after_reset(self, which: Mask) -> None:
+        if self._after_reset:
+            self._after_reset(self, which)
 
     def advance(self, actions: Array) -> None:
         """A control step of all environments."""
@@ -220,9 +234,10 @@ class VectorEnv(Base):  # type: ignore[misc]
 
     def _start(self, which: Mask) -> None:
         self.randomize(which)
-        self.batch.reset_random(which, spread=self.spread)
+        self.batch.reset_to(self.start, which)
         self.elapsed[which] = 0
         self._ended[which] = False
+        self.after_reset(which)
         self._started = True
 
     def _one_each(self, given: Any, dtype: Any, rule: str) -> Array:

@@ -124,15 +124,6 @@ typename Batch<S>::Array model_states(const Plan& plan, Eigen::Index environment
   return states;
 }
 
-Couplings couplings_of(const py::object& project) {
-  if (is_bool(project)) return truth_of(project) ? Couplings::hard : Couplings::none;
-  const std::string name = py::str(project);
-  if (name == "none") return Couplings::none;
-  if (name == "hard") return Couplings::hard;
-  if (name == "all") return Couplings::all;
-  throw UsageError("project '" + name + "'", "is unknown", "give True, False, 'none', 'hard' or 'all'");
-}
-
 py::list reset(AnyBatch& batch, const py::object& which, const py::object& q, const py::object& qd, bool keep_inputs,
                const py::object& project) {
   return batch.use([&]<class S>(Batch<S>& own) {
@@ -350,6 +341,15 @@ void bind_readbacks(Class& batch) {
 }
 
 }  // namespace
+
+Couplings couplings_of(const py::object& project) {
+  if (is_bool(project)) return truth_of(project) ? Couplings::hard : Couplings::none;
+  const std::string name = py::str(project);
+  if (name == "none") return Couplings::none;
+  if (name == "hard") return Couplings::hard;
+  if (name == "all") return Couplings::all;
+  throw UsageError("project '" + name + "'", "is unknown", "give True, False, 'none', 'hard' or 'all'");
+}
 
 py::list unmet_to_python(const Plan& plan, const std::vector<UnmetCoupling>& unmet) {
   const std::vector<std::string> names = coupling_names(plan.model());

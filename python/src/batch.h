@@ -31,6 +31,9 @@ std::vector<int> environments_of(const py::object& which, int environments);
 /// Whether an array lies in the memory of the batch's fields.
 bool overlaps(AnyBatch& batch, const py::array& array);
 
+/// From True (hard), False (none) or a name; throws UsageError for another one.
+Couplings couplings_of(const py::object& project);
+
 /// (environment, coupling, error, velocity error) of each.
 py::list unmet_to_python(const Plan& plan, const std::vector<UnmetCoupling>& unmet);
 

@@ -171,6 +171,48 @@ py::array read(const Batch<S>& batch, const py::args& given, const py::object& o
   return to;
 }
 
+// --- starts --------------------------------------------------------------------------------------
+
+RootNoise root_noise_of(const std::string& link, const py::handle& given) {
+  RootNoise noise;
+  noise.link = link;
+  const auto position = value_of<std::vector<double>>(given.attr("position"), "position of a RootNoise");
+  if (position.size() != 3) throw py::type_error("position of a RootNoise has three numbers: x, y, z");
+  noise.position = Eigen::Vector3d(position[0], position[1], position[2]);
+  noise.yaw = value_of<double>(given.attr("yaw"), "yaw of a RootNoise");
+  noise.any_rotation = value_of<bool>(given.attr("any_rotation"), "any_rotation of a RootNoise");
+  noise.angular_velocity = value_of<double>(given.attr("angular_velocity"), "angular_velocity of a RootNoise");
+  noise.linear_velocity = value_of<double>(given.attr("linear_velocity"), "linear_velocity of a RootNoise");
+  return noise;
+}
+
+// A lockstep.Start, or its pose alone.
+py::list reset_to(AnyBatch& b, const py::object& start, const py::object& which, unsigned stream, bool keep_inputs,
+                  const py::object& project) {
+  const py::module_ module = py::module_::import("lockstep.start");
+  PoseNoise noise;
+  noise.stream = stream, noise.keep_inputs = keep_inputs, noise.project = couplings_of(project);
+  py::object pose = start;
+  if (py::isinstance(start, module.attr("Start"))) {
+    pose = start.attr("pose");
+    noise.position = value_of<double>(start.attr("position"), "position of a Start");
+    noise.spread = value_of<double>(start.attr("spread"), "spread of a Start");
+    noise.velocity = value_of<double>(start.attr("velocity"), "velocity of a Start");
+    const py::object roots = start.attr("roots");
+    if (py::isinstance(roots, module.attr("RootNoise")))
+      noise.roots.push_back(root_noise_of("", roots));
+    else
+      for (const auto& [link, own] : value_of<std::map<std::string, py::object>>(roots, "roots of a Start"))
+        noise.roots.push_back(root_noise_of(link, own));
+  }
+  return b.use([&](auto& own) {
+    const std::vector<int> ids = environments_of(which, own.environments());
+    return unmet_to_python(own.plan(), py::isinstance<py::str>(pose)
+                                           ? own.reset_to(ids, pose.cast<std::string>(), noise)
+                                           : own.reset_to(ids, value_of<int>(pose, "the pose of a start"), noise));
+  });
+}
+
 // Ids only: how many environments a blob has is not known here.
 std::vector<int> places_in_blob(const py::object& rows) {
   for (const py::handle& row : rows)
@@ -225,8 +267,13 @@ void bind_control(py::class_<AnyBatch>& batch) {
         });
       },
       "which"_a = py::none(), "spread"_a = 1.0, "speed"_a = 0.0, py::kw_only(), "stream"_a = 0,
-      "reset() to random states: independent joints uniform within spread times their range about its middle (joints "
-      "without a range start as the model says), velocities within -speed to speed, followers where they belong.");
+      "reset_to(Start(spread=spread, velocity=speed)): from the model's own start. spread=0 is that start, spread=1 the "
+      "whole range of each independent joint.");
+  batch.def("reset_to", &reset_to, "start"_a = "", "which"_a = py::none(), py::kw_only(), "stream"_a = 0,
+            "keep_inputs"_a = false, "project"_a = "all",
+            "Resets to one of plan.poses, by name or number, or to a lockstep.Start: a pose with noise. '' is the model's "
+            "own start. Followers are placed by their couplings and loops are closed, as project() does it; returns what "
+            "cannot be met, as (environment, coupling or loop, error, velocity error).");
   batch.def(
       "act",
       [](AnyBatch& b, const py::object& actions, const std::string& kind, const py::object& which,
@@ -271,6 +318,14 @@ void bind_control(py::class_<AnyBatch>& batch) {
         return py::bytes(reinterpret_cast<const char*>(blob.data()), blob.size());
       },
       "which"_a = py::none(), "everything that the next steps depend on, of these environments, as bytes");
+  batch.def(
+      "copy_state",
+      [](AnyBatch& b, int source, const py::object& to) {
+        b.use([&](auto& own) { own.copy(source, environments_of(to, own.environments())); });
+      },
+      "source"_a, "to"_a = py::none(),
+      "Makes environments equal to environment `source`: state, inputs, declared fields, faults, and what contacts "
+      "remember. They keep their env_id, seed and episode.");
   batch.def(
       "restore",
       [](AnyBatch& b, const std::string_view& blob, const py::object& into, const py::object& rows,

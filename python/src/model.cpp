@@ -27,24 +27,29 @@ void read(const py::handle& element, const char* attribute, Value& to) {
   }
 }
 
-// A vector or matrix of this size, from nested sequences or an array.
-template <class Matrix>
-Matrix matrix_of(const py::handle& element, const char* attribute) {
+// A vector or matrix of this size, from nested sequences or an array; `refuse` throws where it is none.
+template <class Matrix, class Refuse>
+Matrix matrix_from(const py::handle& given, const Refuse& refuse) {
   using Numbers = py::array_t<double, py::array::c_style | py::array::forcecast>;
   constexpr int rows = Matrix::RowsAtCompileTime, columns = Matrix::ColsAtCompileTime;
   Numbers numbers;
   try {
-    numbers = Numbers(element.attr(attribute));
+    numbers = Numbers(py::reinterpret_borrow<py::object>(given));
   } catch (py::error_already_set&) {
-    refuse(element, attribute);
+    refuse();
   }
   const bool fits = columns == 1 ? numbers.ndim() == 1 && numbers.shape(0) == rows
                                  : numbers.ndim() == 2 && numbers.shape(0) == rows && numbers.shape(1) == columns;
-  if (!fits) refuse(element, attribute);
+  if (!fits) refuse();
   Matrix matrix;
   for (int i = 0; i < rows; ++i)
     for (int k = 0; k < columns; ++k) matrix(i, k) = numbers.data()[i * columns + k];
   return matrix;
+}
+
+template <class Matrix>
+Matrix matrix_of(const py::handle& element, const char* attribute) {
+  return matrix_from<Matrix>(element.attr(attribute), [&] { refuse(element, attribute); });
 }
 
 template <class Matrix>
@@ -254,6 +259,29 @@ py::object contact_to_python(const Contact& c) {
   return python_class("Contact")(c.first, c.second, c.friction, c.restitution, softness);
 }
 
+NamedPose named_pose_of(const py::handle& from) {
+  NamedPose pose;
+  read(from, "name", pose.name), read(from, "positions", pose.positions), read(from, "velocities", pose.velocities);
+  read(from, "position_targets", pose.position_targets), read(from, "velocity_targets", pose.velocity_targets);
+  read(from, "efforts", pose.efforts);
+  std::map<std::string, py::object> poses, velocities;
+  read(from, "root_poses", poses), read(from, "root_velocities", velocities);
+  for (const auto& [link, matrix] : poses)
+    pose.root_poses[link].matrix() = matrix_from<Eigen::Matrix4d>(matrix, [&] { refuse(from, "root_poses"); });
+  for (const auto& [link, twist] : velocities)
+    pose.root_velocities[link] =
+        matrix_from<Eigen::Matrix<double, 6, 1>>(twist, [&] { refuse(from, "root_velocities"); });
+  return pose;
+}
+
+py::object named_pose_to_python(const NamedPose& p) {
+  py::dict poses, velocities;
+  for (const auto& [link, pose] : p.root_poses) poses[py::str(link)] = tuple_of(pose.matrix());
+  for (const auto& [link, twist] : p.root_velocities) velocities[py::str(link)] = tuple_of(twist);
+  return python_class("NamedPose")(p.name, p.positions, p.velocities, p.position_targets, p.velocity_targets, p.efforts,
+                                   poses, velocities);
+}
+
 }  // namespace
 
 Model model_of(const py::handle& from) {
@@ -287,11 +315,13 @@ Model model_of(const py::handle& from) {
     model.roots.back().velocity = matrix_of<Eigen::Matrix<double, 6, 1>>(root, "velocity");
   }
   model.gravity = matrix_of<Eigen::Vector3d>(from, "gravity");
+  for (const py::handle& pose : from.attr("poses")) model.poses.push_back(named_pose_of(pose));
+  read(from, "time_step", model.time_step);
   return model;
 }
 
 py::object to_python(const Model& model) {
-  py::list links, joints, couplings, loops, sites, colliders, contacts, roots;
+  py::list links, joints, couplings, loops, sites, colliders, contacts, roots, poses;
   for (const Link& link : model.links)
     links.append(python_class("Link")(
         link.name,
@@ -306,8 +336,9 @@ py::object to_python(const Model& model) {
   for (const Contact& contact : model.contacts) contacts.append(contact_to_python(contact));
   for (const Root& root : model.roots)
     roots.append(python_class("Root")(root.link, root.floating, tuple_of(root.pose.matrix()), tuple_of(root.velocity)));
+  for (const NamedPose& pose : model.poses) poses.append(named_pose_to_python(pose));
   return python_class("Model")(model.name, links, joints, couplings, loops, sites, colliders, contacts, roots,
-                               tuple_of(model.gravity));
+                               tuple_of(model.gravity), poses, model.time_step);
 }
 
 }  // namespace lockstep::python

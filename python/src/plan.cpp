@@ -181,6 +181,14 @@ void bind_plan(py::module_& module) {
           "driven", [](const Plan& plan) { return names_of(plan, plan.driven_dofs()); },
           "those of them that have a drive: the columns of Batch.act()")
       .def_property_readonly("followers", &followers_of, "{follower: (((leader, ratio), ...), offset)}")
+      .def_property_readonly(
+          "poses",
+          [](const Plan& plan) {
+            std::vector<std::string> names;
+            for (const NamedPose& pose : plan.model().poses) names.push_back(pose.name);
+            return names;
+          },
+          "names of the model's poses, for Batch.reset_to()")
       .def_property_readonly("vary", &varied, "the fields that differ from environment to environment")
       .def_property_readonly("limits", &limits_of, "[nv, 2] lower and upper position limits, rad or m")
       .def_property_readonly("hash", &Plan::hash, "64 bits, of model and settings")

@@ -15,6 +15,23 @@ EnvironmentSet environments(const uint8_t* mask, int64_t n) {
   return EnvironmentSet(std::span<const uint8_t>(given(mask, "mask"), static_cast<std::size_t>(n)));
 }
 
+std::vector<RootNoise> roots_of(const lockstep_root_noise* roots, int64_t count) {
+  if (count < 0) throw UsageError("root_count", "is negative", "give the number of roots");
+  std::vector<RootNoise> all;
+  const std::byte* at = reinterpret_cast<const std::byte*>(count > 0 ? given(roots, "roots") : nullptr);
+  for (int64_t i = 0; i < count; ++i) {
+    const auto* from = reinterpret_cast<const lockstep_root_noise*>(at);
+    const lockstep_root_noise noise = known(from, lockstep_root_noise_init, "root noise");
+    RootNoise to;
+    to.link = noise.link ? noise.link : "", to.any_rotation = truth(noise.any_rotation, "any_rotation");
+    to.position = Eigen::Vector3d(noise.position[0], noise.position[1], noise.position[2]);
+    to.yaw = noise.yaw, to.angular_velocity = noise.angular_velocity, to.linear_velocity = noise.linear_velocity;
+    all.push_back(std::move(to));
+    at += from->size;
+  }
+  return all;
+}
+
 template <class S>
 constexpr int32_t type_of = sizeof(S) == 4 ? LOCKSTEP_F32 : LOCKSTEP_F64;
 
@@ -179,6 +196,30 @@ int lockstep_reset_ids(lockstep_batch* batch, const int32_t* ids, int64_t n, uin
     given(batch, "batch")->use([&](auto& own) {
       own.reset(!ids && n == 0 ? EnvironmentSet::all() : EnvironmentSet(chosen), options);
     });
+  });
+}
+void lockstep_root_noise_init(lockstep_root_noise* noise) {
+  *noise = {sizeof(lockstep_root_noise), 0, nullptr, {0.0, 0.0, 0.0}, 0.0, 0.0, 0.0};
+}
+void lockstep_pose_noise_init(lockstep_pose_noise* noise) {
+  *noise = {sizeof(lockstep_pose_noise), 0, 0.0, 0.0, 0.0, nullptr, 0, 0, 0};
+}
+int lockstep_reset_to(lockstep_batch* batch, const char* pose, const lockstep_pose_noise* noise, const uint8_t* mask,
+                      int64_t n) {
+  return guarded([&] {
+    const lockstep_pose_noise from = known(noise, lockstep_pose_noise_init, "noise");
+    require_zero(from.reserved, "reserved member of the noise");
+    PoseNoise to;
+    to.position = from.position, to.spread = from.spread, to.velocity = from.velocity, to.stream = from.stream;
+    to.keep_inputs = reset_options(from.flags).keep_inputs;
+    to.roots = roots_of(from.roots, from.root_count);
+    given(batch, "batch")->use([&](auto& own) { own.reset_to(environments(mask, n), pose ? pose : "", to); });
+  });
+}
+int lockstep_copy(lockstep_batch* batch, int64_t from, const uint8_t* mask, int64_t n) {
+  return guarded([&] {
+    const int place = from >= 0 && from <= INT32_MAX ? static_cast<int>(from) : -1;
+    given(batch, "batch")->use([&](auto& own) { own.copy(place, environments(mask, n)); });
   });
 }
 int lockstep_reset_random(lockstep_batch* batch, const uint8_t* mask, int64_t n, double spread, double speed) {

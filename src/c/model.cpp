@@ -31,6 +31,7 @@ std::vector<const std::string*> names_of(const lockstep_plan& plan, int list) {
     case LOCKSTEP_ROOTS:
       for (const std::string& name : plan.plan.root_names()) names.push_back(&name);
       break;
+    case LOCKSTEP_POSES: all(model.poses, &NamedPose::name); break;
     default: throw UsageError("list " + std::to_string(list), "is none of the enumerators", "see lockstep/c.h");
   }
   return names;

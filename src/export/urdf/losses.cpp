@@ -13,6 +13,8 @@ void report_losses(const Model& model, Report& report) {
   if (model.gravity != Model().gravity)
     report.warn("gravity, left out",
                 fmt::format("{:g} {:g} {:g}", model.gravity[0], model.gravity[1], model.gravity[2]));
+  for (const NamedPose& pose : model.poses) report.warn("poses to start in, left out", pose.name);
+  if (model.time_step > 0.0) report.warn("time step, left out", fmt::format("{:g} s", model.time_step));
   for (const Link& link : model.links)
     if (link.gravity != 1.0 && link.inertia.mass > 0.0) report.warn("shares of gravity, left out", link.name);
   for (const Root& root : model.roots)
