@@ -242,7 +242,8 @@ TEST(RandomReset, spreads_independent_joints_over_their_ranges_and_places_follow
     EXPECT_EQ(batch.resets()[7], 1u);
     EXPECT_LE(batch.coupling_errors().abs().maxCoeff(), 1e-6);
     for (int j : {0, 2, 3}) {
-      const double middle = 0.2 + 0.05 * j, reach = 0.25 * (1.2 + 0.1 * j);
+      const double lower = -0.4, upper = 0.8 + 0.1 * j, reach = 0.25 * (upper - lower);
+      const double middle = 0.25 * (lower + upper);  // half of the way from the start, 0, to each end
       const auto q = batch.positions().row(j);
       EXPECT_GE(q.minCoeff(), middle - reach);
       EXPECT_LE(q.maxCoeff(), middle + reach);
@@ -259,9 +260,9 @@ TEST(RandomReset, spreads_independent_joints_over_their_ranges_and_places_follow
     batch.reset_random({3}, {.spread = 0.5, .speed = 2.0});
     EXPECT_NE(batch.positions()(0, 3), before(0, 3));
     EXPECT_EQ(batch.positions()(0, 4), before(0, 4));
-    // The middle, at rest.
+    // The start, at rest.
     batch.reset_random(EnvironmentSet::all(), {.spread = 0.0});
-    EXPECT_TRUE(batch.positions().row(0).isConstant(0.2, 1e-12));
+    EXPECT_TRUE((batch.positions().row(0) == 0.0).all());
     EXPECT_TRUE((batch.velocities() == 0.0).all());
   }
 }

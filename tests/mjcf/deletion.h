@@ -55,7 +55,16 @@ inline std::string text_of(const Model& model) {
   for (const Contact& c : model.contacts) out << c.first << ' ' << c.second << ' ' << c.friction.value_or(-1.0) << '\n';
   for (const Root& root : model.roots)
     out << root.link << ' ' << root.floating << ' ' << root.pose.matrix() << ' ' << root.velocity.transpose() << '\n';
-  out << model.name << ' ' << model.gravity.transpose();
+  for (const NamedPose& pose : model.poses) {
+    out << pose.name;
+    for (const auto* numbers : {&pose.positions, &pose.velocities, &pose.position_targets, &pose.velocity_targets,
+                                &pose.efforts})
+      for (const auto& [name, number] : *numbers) out << ' ' << name << ' ' << number;
+    for (const auto& [link, at] : pose.root_poses) out << ' ' << link << ' ' << at.matrix();
+    for (const auto& [link, twist] : pose.root_velocities) out << ' ' << link << ' ' << twist.transpose();
+    out << '\n';
+  }
+  out << model.name << ' ' << model.gravity.transpose() << ' ' << model.time_step;
   return out.str();
 }
 

@@ -28,7 +28,7 @@ struct Line {
 
 // One line each, in the report or among the warnings, too.
 const std::vector<Line> lines = {
-    {false, world(pair, "<option timestep='0.003'/>"), "step size of the file, not used (1): 0.003 s"},
+    {false, world(pair, "<option timestep='0.003'/>"), "step size of the file, kept as Model::time_step (1): 0.003 s"},
     {true, world(pair, "<option viscosity='0.1' density='2'/>"), "forces of a fluid, left out (2): density, viscosity"},
     {true, world(pair, "<option wind='1 0 0'/>"), "forces of a fluid, left out (1): wind"},
     {true,
@@ -238,7 +238,9 @@ const std::vector<Line> lines = {
      "actuators left out (1): m acts on what no joint moves (1 u)"},
     {true, world(pair, "<actuator><motor name='m' joint='x' forcerange='-1 3'/></actuator>"),
      "effort limits whose ends differ, taken as the smaller one (1): forcerange of actuator 'm' is -1 to 3"},
-    {false, world(pair, "<keyframe><key name='k'/></keyframe>"), "keyframes, not used as none is asked for (1): k"},
+    {false, world(pair, "<keyframe><key name='k'/></keyframe>"), "keyframes, kept as poses (1): k"},
+    {true, world(pair, "<keyframe><key name='k' qpos='1'/></keyframe>"),
+     "keyframes that do not fit, left out (1): k qpos has 1 number, not 2"},
     {true,
      world(pair, "<keyframe><key name='k' act='1'/></keyframe>"),
      "parts of the keyframe, left out (1): act",
@@ -315,6 +317,36 @@ TEST(MjcfOptions, start_in_a_keyframe) {
   EXPECT_EQ(joint(named, "y").velocity, 4.0);
   EXPECT_EQ(joint(named, "x").drive.position_target, 0.7);
   EXPECT_EQ(joint(named, "y").effort, 2.0);  // MuJoCo clamps the control
+}
+
+// A model that starts in a key, and one that goes there, are the same.
+TEST(MjcfOptions, keep_all_keyframes_as_poses) {
+  const string text =
+      world(pair + floating,
+            "<option timestep='0.005'/><actuator><position joint='x' kp='4'/><motor joint='y' gear='2'/>"
+            "<velocity joint='y' kv='3'/></actuator>"
+            "<keyframe><key qpos='1 2 0 0 1 1 0 0 0'/>"
+            "<key name='k' qpos='0.1 0.2 1 2 3 0 1 0 0' qvel='3 4 1 0 0 0 2 0' ctrl='0.7 0.5 0.25'/></keyframe>");
+  const Model drawn = import_mjcf(text).model;
+  EXPECT_EQ(drawn.time_step, 0.005);
+  ASSERT_EQ(drawn.poses.size(), 2u);
+  EXPECT_EQ(drawn.poses[0].name, "0");
+  EXPECT_EQ(drawn.poses[1].name, "k");
+  Batch<double> there(compile(drawn), 1);
+  for (const NamedPose& pose : drawn.poses) {
+    const Model model = import_mjcf(text, "", {.keyframe = pose.name}).model;
+    EXPECT_EQ(model.poses.size(), 2u);
+    const Batch<double> starts(compile(model), 1);
+    there.reset_to({0}, pose.name);
+    EXPECT_TRUE((there.positions() == starts.positions()).all());
+    EXPECT_TRUE((there.velocities() == starts.velocities()).all());
+    EXPECT_TRUE((there.root_poses() == starts.root_poses()).all());
+    EXPECT_TRUE((there.root_velocities() == starts.root_velocities()).all());
+    EXPECT_TRUE((there.position_targets() == Batch<double>(starts.plan(), 1).position_targets()).all());
+    EXPECT_TRUE((there.velocity_targets() == Batch<double>(starts.plan(), 1).velocity_targets()).all());
+    EXPECT_TRUE((there.efforts() == Batch<double>(starts.plan(), 1).efforts()).all());
+  }
+  EXPECT_EQ(import_mjcf(text, "", {.body = "one"}).model.poses.at(1).positions.count("y"), 0u);
 }
 
 TEST(MjcfOptions, read_one_body_where_the_file_draws_it) {
