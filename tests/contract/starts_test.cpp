@@ -195,7 +195,7 @@ TEST(Starts, have_the_same_bits_for_any_batch_place_threads_and_list) {
   EXPECT_TRUE((before == one.positions().col(0)).all());
 }
 
-TEST(Starts, use_the_limits_and_the_ratio_of_the_environment_and_close_loops) {
+TEST(Starts, use_the_limits_and_the_offset_of_the_environment) {
   Model model = scene();
   const Plan varied = compile(model, {.per_environment = {Parameter::position_limits, Parameter::offset}});
   Batch<double> batch(varied, 100, {.threads = 1});

@@ -1,6 +1,7 @@
 // What is lost, changed or not used is named; options do what they say. SPDX-License-Identifier: Apache-2.0
 #include <cmath>
 
+#include "lockstep/batch.h"
 #include "lockstep/error.h"
 #include "lockstep/plan.h"
 #include "unit/import_helpers.h"
@@ -336,15 +337,15 @@ TEST(MjcfOptions, keep_all_keyframes_as_poses) {
   for (const NamedPose& pose : drawn.poses) {
     const Model model = import_mjcf(text, "", {.keyframe = pose.name}).model;
     EXPECT_EQ(model.poses.size(), 2u);
-    const Batch<double> starts(compile(model), 1);
+    Batch<double> starts(compile(model), 1);
     there.reset_to({0}, pose.name);
     EXPECT_TRUE((there.positions() == starts.positions()).all());
     EXPECT_TRUE((there.velocities() == starts.velocities()).all());
     EXPECT_TRUE((there.root_poses() == starts.root_poses()).all());
     EXPECT_TRUE((there.root_velocities() == starts.root_velocities()).all());
-    EXPECT_TRUE((there.position_targets() == Batch<double>(starts.plan(), 1).position_targets()).all());
-    EXPECT_TRUE((there.velocity_targets() == Batch<double>(starts.plan(), 1).velocity_targets()).all());
-    EXPECT_TRUE((there.efforts() == Batch<double>(starts.plan(), 1).efforts()).all());
+    EXPECT_TRUE((there.position_targets() == starts.position_targets()).all());
+    EXPECT_TRUE((there.velocity_targets() == starts.velocity_targets()).all());
+    EXPECT_TRUE((there.efforts() == starts.efforts()).all());
   }
   EXPECT_EQ(import_mjcf(text, "", {.body = "one"}).model.poses.at(1).positions.count("y"), 0u);
 }
