@@ -69,9 +69,10 @@ def test_random_resets_stay_in_their_ranges(plan):
     assert batch.reset_random(spread=0.5, speed=0.3) == []
     driven = [plan.dof(name) for name in plan.driven]
     low, high = plan.limits[driven].T
-    middle, half = (low + high) / 2, (high - low) / 2
-    share = (batch.q[:, driven] - middle) / half
-    assert 0.49 < np.abs(share).max() <= 0.5 + 1e-6
+    start = np.array([plan.model.joints[name].position for name in plan.driven])
+    least, most = start + 0.5 * (low - start), start + 0.5 * (high - start)  # half of the way to each end
+    share = (batch.q[:, driven] - least) / (most - least)
+    assert -1e-6 <= share.min() < 0.02 and 0.98 < share.max() <= 1 + 1e-6
     assert 0.29 < np.abs(batch.qd[:, driven]).max() <= 0.3
     assert np.abs(batch.coupling_error()).max() < 1e-6
 

@@ -25,6 +25,8 @@ int main(int count, char** arguments) {
   lockstep_batch* other = NULL;
   lockstep_settings settings;
   lockstep_options options;
+  lockstep_pose_noise noise;
+  lockstep_root_noise of_root;
   lockstep_randomization randomization;
   lockstep_query query;
   lockstep_array positions, targets, faults, steps, errors;
@@ -90,6 +92,17 @@ int main(int count, char** arguments) {
   randomization.low = -1.0;
   expect(lockstep_randomize(batch, &randomization, NULL, 0) == LOCKSTEP_USAGE_ERROR, "a ratio of 0 is impossible");
   expect(lockstep_reset_random(batch, NULL, 0, 0.5, 0.0) == LOCKSTEP_OK, "states must be randomised");
+  lockstep_pose_noise_init(&noise);
+  noise.position = 0.1;
+  expect(lockstep_reset_to(batch, NULL, &noise, NULL, 0) == LOCKSTEP_OK, "states must lie about the start");
+  expect(lockstep_copy(batch, 3, NULL, 0) == LOCKSTEP_OK, "a state must be copied to all");
+  expect(lockstep_reset_to(batch, "home", NULL, NULL, 0) == LOCKSTEP_USAGE_ERROR, "the gripper has no poses");
+  expect(lockstep_copy(batch, 64, NULL, 0) == LOCKSTEP_USAGE_ERROR, "environments are those of the batch");
+  lockstep_root_noise_init(&of_root);
+  of_root.link = "palm";
+  noise.roots = &of_root;
+  noise.root_count = 1;
+  expect(lockstep_reset_to(batch, NULL, &noise, NULL, 0) == LOCKSTEP_USAGE_ERROR, "no root of the gripper floats");
 
   expect(lockstep_field(batch, LOCKSTEP_POSITIONS, &positions) == LOCKSTEP_OK && positions.shape[0] == 9 &&
              positions.shape[1] == 64 && positions.type == LOCKSTEP_F32,

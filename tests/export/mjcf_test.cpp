@@ -323,5 +323,32 @@ TEST(MjcfExport, writes_functions_up_to_the_fourth_power) {
   }
 }
 
+TEST(MjcfExport, keeps_poses_and_the_time_step) {
+  const Model model =
+      import_mjcf("<mujoco><option timestep='0.004'/><worldbody><body name='trunk'><freejoint/><geom size='0.1'/>"
+                  "<body name='leg'><joint name='hip'/><geom size='0.1'/></body></body></worldbody><actuator>"
+                  "<position joint='hip' kp='7'/></actuator><keyframe><key name='start' qpos='0 0 1 1 0 0 0 0.5'/>"
+                  "<key name='low' qpos='1 2 3 0 0 1 0 -0.25' qvel='1 2 3 4 5 6 7' ctrl='0.125'/></keyframe></mujoco>")
+          .model;
+  const Export made = export_mjcf(model);
+  EXPECT_TRUE(made.warnings.empty()) << report_of(made);
+  const Model again = read(made);
+  EXPECT_EQ(again.time_step, 0.004);
+  ASSERT_EQ(again.poses.size(), 3u);
+  EXPECT_EQ(again.poses[0].name, "start") << "as drawn";
+  EXPECT_EQ(again.poses[1].name, "start#2") << "the file's own key of that name";
+  for (const std::size_t k : {0u, 1u}) {
+    const NamedPose &own = model.poses[k], &other = again.poses[k + 1];
+    EXPECT_EQ(other.positions, own.positions);
+    EXPECT_EQ(other.velocities, own.velocities);
+    EXPECT_EQ(other.position_targets, own.position_targets);
+    EXPECT_TRUE(other.root_poses.at("trunk").isApprox(own.root_poses.at("trunk"), 1e-15));
+    EXPECT_TRUE(other.root_velocities.at("trunk").isApprox(own.root_velocities.at("trunk"), 1e-14) || k == 0);
+  }
+  EXPECT_EQ(read(export_mjcf(again)).poses.size(), 3u) << "the start is written once";
+  EXPECT_TRUE(warns(export_urdf(model), "poses to start in, left out (2): start, low"));
+  EXPECT_EQ(read(export_mjcf(model, {.timestep = 0.001})).time_step, 0.001);
+}
+
 }  // namespace
 }  // namespace lockstep

@@ -126,7 +126,46 @@ INSTANTIATE_TEST_SUITE_P(
              },
              "coupling 'elbow'", "cfm"},
         Rule{"site", [](Model& m) { m.sites[0].link = "hand"; }, "link 'hand'", "no such link"},
-        Rule{"gravity", [](Model& m) { m.gravity[1] = nan; }, "model 'model'", "gravity"}),
+        Rule{"gravity", [](Model& m) { m.gravity[1] = nan; }, "model 'model'", "gravity"},
+        Rule{"time_step", [](Model& m) { m.time_step = -0.001; }, "model 'model'", "time step"},
+        Rule{"time_step_nan", [](Model& m) { m.time_step = nan; }, "model 'model'", "time step"},
+        Rule{"pose_without_name", [](Model& m) { m.poses = {{}}; }, "a pose", "no name"},
+        Rule{"pose_twice", [](Model& m) { m.poses = {{"home"}, {"home"}}; }, "pose 'home'", "twice"},
+        Rule{"pose_of_no_joint", [](Model& m) { m.poses = {{"home", {{"wrist", 0.1}}}}; }, "pose 'home'",
+             "position of joint 'wrist'"},
+        Rule{"pose_of_fixed",
+             [](Model& m) {
+               m.joints[1].kind = JointKind::fixed, m.couplings.clear();
+               m.poses = {{"home", {{"elbow", 0.1}}}};
+             },
+             "pose 'home'", "fixed"},
+        Rule{"pose_nan", [](Model& m) { m.poses = {{"home", {{"elbow", nan}}}}; }, "pose 'home'", "joint 'elbow'"},
+        Rule{"pose_velocity", [](Model& m) { m.poses = {{"home", {}, {{"elbow", infinity}}}}; }, "pose 'home'",
+             "velocity of joint 'elbow'"},
+        Rule{"pose_target", [](Model& m) { m.poses = {{"home", {}, {}, {{"wrist", 1.0}}}}; }, "pose 'home'",
+             "position target of joint 'wrist'"},
+        Rule{"pose_of_bolted_root",
+             [](Model& m) {
+               m.roots = {{"base"}};
+               m.poses = {{"home"}};
+               m.poses[0].root_poses["base"] = Pose::Identity();
+             },
+             "pose 'home'", "bolted"},
+        Rule{"pose_of_no_root",
+             [](Model& m) {
+               m.poses = {{"home"}};
+               m.poses[0].root_velocities["lower"] = Twist::Zero();
+             },
+             "pose 'home'", "no root"},
+        Rule{"pose_without_rotation",
+             [](Model& m) {
+               m.links[0].inertia = m.links[1].inertia;
+               m.roots = {{"base", true}};
+               m.poses = {{"home"}};
+               m.poses[0].root_poses["base"] = Pose::Identity();
+               m.poses[0].root_poses["base"].linear().setZero();
+             },
+             "pose 'home'", "root 'base'"}),
     [](const auto& rule) { return std::string(rule.param.name); });
 
 // A moving link without mass is valid if a link that is fixed to it has mass.
