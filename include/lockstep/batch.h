@@ -277,9 +277,9 @@ class LOCKSTEP_API Batch {
   /// have: it names element, bound and remedy. What low and high allow is judged; normal draws, and rules about several
   /// rows, are judged by the values that would be written.
   void randomize(Parameter parameter, const Randomization& how, const EnvironmentSet& which = EnvironmentSet::all());
-  /// Resets to one of Model::poses, by name or by number, with noise; "" and -1 are the model's own start. Noise acts on
-  /// the Plan::independent_dofs() and on floating roots. It carries no joint out of its range, or farther out than the
-  /// pose is; the range is the environment's, where position_limits are declared. `spread` needs two finite limits.
+  /// Resets to one of Model::poses, by name or by number, with noise; "" and -1 are the model's own start. Noise acts
+  /// on the Plan::independent_dofs() and on floating roots. It carries no joint out of its range, or farther out than
+  /// the pose is; the range is the environment's, where position_limits are declared. `spread` needs two finite limits.
   /// Followers are then placed as project() does it, beyond their own ranges if need be, and loops are closed; what
   /// cannot be met is returned. The episode counts on before it draws, as in reset(). Allocates only where something is
   /// not met. Throws UsageError for an unknown pose or root, and for numbers outside the ranges of PoseNoise and
@@ -287,7 +287,8 @@ class LOCKSTEP_API Batch {
   std::vector<UnmetCoupling> reset_to(const EnvironmentSet& which, int pose, const PoseNoise& noise = {});
   std::vector<UnmetCoupling> reset_to(const EnvironmentSet& which, const std::string& pose,
                                       const PoseNoise& noise = {});
-  /// reset_to() the model's own start, with this spread and speed. A spread of 0 is the start, one of 1 the whole range.
+  /// reset_to() the model's own start, with this spread and speed. A spread of 0 is the start, one of 1 the whole
+  /// range.
   std::vector<UnmetCoupling> reset_random(const EnvironmentSet& which = EnvironmentSet::all(),
                                           const RandomReset& how = {});
 

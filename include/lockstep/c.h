@@ -62,8 +62,8 @@ LOCKSTEP_C_API int lockstep_model_from_file(const char* path, const char* keyfra
  * lives as long as the model. */
 LOCKSTEP_C_API int lockstep_model_report(const lockstep_model* model, const char** out);
 /* Writes a file: URDF where its name ends with .urdf, MJCF where it ends with .xml or .mjcf, for a step of MuJoCo of
- * `timestep` s, > 0, or 0 for that of the file that was read, 0.001 if it had none. The report names what the format cannot say; it is valid until this thread's next
- * export, and may be null. */
+ * `timestep` s, > 0, or 0 for that of the file that was read, 0.001 if it had none. The report names what the format
+ * cannot say; it is valid until this thread's next export, and may be null. */
 LOCKSTEP_C_API int lockstep_model_export(const lockstep_model* model, const char* path, double timestep,
                                          const char** report);
 /* What moves a joint: kp in N m/rad or N/m, kd in N m s/rad or N s/m, both >= 0. */
@@ -207,7 +207,7 @@ typedef struct {
   double position, spread, velocity;
   const lockstep_root_noise* roots; /* as many, or null */
   int64_t root_count;
-  uint32_t flags; /* LOCKSTEP_KEEP_INPUTS */
+  uint32_t flags;   /* LOCKSTEP_KEEP_INPUTS */
   int32_t reserved; /* 0 */
 } lockstep_pose_noise;
 LOCKSTEP_C_API void lockstep_pose_noise_init(lockstep_pose_noise* noise);

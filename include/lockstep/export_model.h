@@ -26,8 +26,9 @@ struct MjcfOptions {
 };
 
 /// Writes MJCF, MuJoCo's XML, for MuJoCo 3 (docs/importing.md has the details). Reading it back with the keyframe
-/// "start" and with ImportOptions::colliders gives the Model, but for what the report names, and with the file's step and
-/// the pose "start" more. Throws ModelError where the Model is not valid, SettingsError where the step is not above 0. Thread-safe, as are the functions below.
+/// "start" and with ImportOptions::colliders gives the Model, but for what the report names, and with the file's step
+/// and the pose "start" more. Throws ModelError where the Model is not valid, SettingsError where the step is not above
+/// 0. Thread-safe, as are the functions below.
 LOCKSTEP_API Export export_mjcf(const Model& model, const MjcfOptions& options = {});
 
 /// Writes URDF, which has no drives, no gravity, no start, and couplings of two joints alone: the report names what is

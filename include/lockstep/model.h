@@ -238,11 +238,11 @@ struct Root {
   Twist velocity = Twist::Zero();
 };
 
-/// A pose to start in, beside the model's own: a stand, a grasp. Batch::reset_to() goes there. MJCF calls it a keyframe.
-/// What it does not name is as the model starts.
+/// A pose to start in, beside the model's own: a stand, a grasp. Batch::reset_to() goes there. MJCF calls it a
+/// keyframe. What it does not name is as the model starts.
 struct NamedPose {
   std::string name = {};
-  std::map<std::string, double> positions = {};  ///< by joint, rad or m; followers are placed by their couplings
+  std::map<std::string, double> positions = {};   ///< by joint, rad or m; followers are placed by their couplings
   std::map<std::string, double> velocities = {};  ///< by joint, rad/s or m/s
   /// By joint, rad or m. A drive that is not named holds the joint where `positions` has it.
   std::map<std::string, double> position_targets = {};

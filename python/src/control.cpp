@@ -267,13 +267,15 @@ void bind_control(py::class_<AnyBatch>& batch) {
         });
       },
       "which"_a = py::none(), "spread"_a = 1.0, "speed"_a = 0.0, py::kw_only(), "stream"_a = 0,
-      "reset_to(Start(spread=spread, velocity=speed)): from the model's own start. spread=0 is that start, spread=1 the "
+      "reset_to(Start(spread=spread, velocity=speed)): from the model's own start. spread=0 is that start, spread=1 "
+      "the "
       "whole range of each independent joint.");
-  batch.def("reset_to", &reset_to, "start"_a = "", "which"_a = py::none(), py::kw_only(), "stream"_a = 0,
-            "keep_inputs"_a = false, "project"_a = "all",
-            "Resets to one of plan.poses, by name or number, or to a lockstep.Start: a pose with noise. '' is the model's "
-            "own start. Followers are placed by their couplings and loops are closed, as project() does it; returns what "
-            "cannot be met, as (environment, coupling or loop, error, velocity error).");
+  batch.def(
+      "reset_to", &reset_to, "start"_a = "", "which"_a = py::none(), py::kw_only(), "stream"_a = 0,
+      "keep_inputs"_a = false, "project"_a = "all",
+      "Resets to one of plan.poses, by name or number, or to a lockstep.Start: a pose with noise. '' is the model's "
+      "own start. Followers are placed by their couplings and loops are closed, as project() does it; returns what "
+      "cannot be met, as (environment, coupling or loop, error, velocity error).");
   batch.def(
       "act",
       [](AnyBatch& b, const py::object& actions, const std::string& kind, const py::object& which,

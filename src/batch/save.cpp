@@ -193,7 +193,9 @@ void Batch<S>::Impl::restore(const Blob& blob, std::span<const int> into, std::s
                targets[i]->data + static_cast<std::size_t>(row * stride) * bytes, into);
   }
   if (!same_settings)
-    for (const int id : into) begin(id, [](RowKind kind) { return kind == RowKind::memory; }, start);
+    for (const int id : into)
+      begin(
+          id, [](RowKind kind) { return kind == RowKind::memory; }, start);
 }
 
 template <class S>

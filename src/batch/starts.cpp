@@ -6,9 +6,15 @@ namespace {
 
 constexpr int rows_of_root = 6;  // of draws: x, y, z and three of a rotation; velocities angular, then linear
 
-void require_share(double number, double most, const std::string& name, const char* range) {
+std::string name_of(const RootNoise& noise) {
+  return noise.link.empty() ? "noise of floating roots" : "noise of root '" + noise.link + "'";
+}
+
+// `what` of all joints, or of a root.
+void require_within(double number, double most, const char* what, const RootNoise* root, const char* range) {
   if (!(number >= 0.0 && number <= most))
-    throw UsageError(name + " of the reset", "is " + std::to_string(number), std::string("give ") + range);
+    throw UsageError(root ? std::string(what) + " in the " + name_of(*root) : std::string(what) + " of the reset",
+                     "is " + std::to_string(number), std::string("give ") + range);
 }
 
 struct Angle {
@@ -46,21 +52,20 @@ void Batch<S>::Impl::check_noise(const PoseNoise& noise) const {
   constexpr const char* finite = "a finite number of 0 or more";
   check_stream(noise.stream);
   check_couplings(noise.project);
-  require_share(noise.position, most, "noise of positions", finite);
-  require_share(noise.spread, 1.0, "spread", "0 to 1");
-  require_share(noise.velocity, most, "speed", finite);
+  require_within(noise.position, most, "noise of positions", nullptr, finite);
+  require_within(noise.spread, 1.0, "spread", nullptr, "0 to 1");
+  require_within(noise.velocity, most, "speed", nullptr, finite);
   const std::vector<std::string>& roots = plan.root_names();
   for (const RootNoise& own : noise.roots) {
-    const std::string name = own.link.empty() ? "noise of floating roots" : "noise of root '" + own.link + "'";
     if (!own.link.empty() && std::find(roots.begin(), roots.end(), own.link) == roots.end())
-      throw UsageError(name, "is about no link that floats", "give one of Plan::root_names()");
+      throw UsageError(name_of(own), "is about no link that floats", "give one of Plan::root_names()");
     if (std::count_if(noise.roots.begin(), noise.roots.end(),
                       [&](const RootNoise& other) { return other.link == own.link; }) > 1)
-      throw UsageError(name, "is given twice", "give it once");
-    for (const double number : own.position) require_share(number, most, "position of the " + name, finite);
-    require_share(own.yaw, std::numbers::pi, "yaw of the " + name, "0 to pi");
-    require_share(own.angular_velocity, most, "angular velocity of the " + name, finite);
-    require_share(own.linear_velocity, most, "linear velocity of the " + name, finite);
+      throw UsageError(name_of(own), "is given twice", "give it once");
+    for (const double number : own.position) require_within(number, most, "position", &own, finite);
+    require_within(own.yaw, std::numbers::pi, "yaw", &own, "0 to pi");
+    require_within(own.angular_velocity, most, "angular velocity", &own, finite);
+    require_within(own.linear_velocity, most, "linear velocity", &own, finite);
   }
 }
 

@@ -57,8 +57,8 @@ inline std::string text_of(const Model& model) {
     out << root.link << ' ' << root.floating << ' ' << root.pose.matrix() << ' ' << root.velocity.transpose() << '\n';
   for (const NamedPose& pose : model.poses) {
     out << pose.name;
-    for (const auto* numbers : {&pose.positions, &pose.velocities, &pose.position_targets, &pose.velocity_targets,
-                                &pose.efforts})
+    for (const auto* numbers :
+         {&pose.positions, &pose.velocities, &pose.position_targets, &pose.velocity_targets, &pose.efforts})
       for (const auto& [name, number] : *numbers) out << ' ' << name << ' ' << number;
     for (const auto& [link, at] : pose.root_poses) out << ' ' << link << ' ' << at.matrix();
     for (const auto& [link, twist] : pose.root_velocities) out << ' ' << link << ' ' << twist.transpose();

@@ -34,7 +34,8 @@ Export export_mjcf(const Model& original, const MjcfOptions& options) {
   std::vector<mjcf::HeldPoint> held = mjcf::add_sites_of_loops(model, report);
   Xml xml;
   const Trees trees(model);
-  const mjcf::Writing writing{model, timestep, trees, mjcf::lay_out(model, trees, report), std::move(held), report, xml};
+  const mjcf::Writing writing{model,           timestep, trees, mjcf::lay_out(model, trees, report),
+                              std::move(held), report,   xml};
   xml.open("mujoco").set("model", model.name);
   mjcf::write_settings(writing);
   mjcf::write_world(writing);

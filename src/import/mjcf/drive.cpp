@@ -119,7 +119,9 @@ class Driver {
     Sum& sum = sums_[index];
     sum.kp += kp, sum.kd += kd;
     ++sum.count;
-    const Control::Aim aim = is_motor ? Control::Aim::effort : kp > 0.0 ? Control::Aim::position : Control::Aim::velocity;
+    const Control::Aim aim = is_motor   ? Control::Aim::effort
+                             : kp > 0.0 ? Control::Aim::position
+                                        : Control::Aim::velocity;
     controls_.push_back({index, aim, gear * actuator.gain, gear * offset, number});
     if (is_motor) {
       sum.effort += gear * force;

@@ -24,8 +24,8 @@ struct Key {
   bool is_chosen = false;  ///< by ImportOptions::keyframe
 };
 
-/// The keyframes, in order. Those that do not fit the model are warnings. Throws SettingsError where that of the options
-/// does not exist, ImportError where it does not fit.
+/// The keyframes, in order. Those that do not fit the model are warnings. Throws SettingsError where that of the
+/// options does not exist, ImportError where it does not fit.
 std::vector<Key> read_keys(const Scene& scene);
 
 /// The drawn pose, or the keyframe that is chosen.
