@@ -158,12 +158,16 @@ TEST_P(Allocation, does_not_happen_in_draws_actions_and_queries_with_one_thread)
   const std::vector<double> low(plan.driven_dofs().size(), -1.0), high(plan.driven_dofs().size(), 1.0);
   const ActionMap map{ActionKind::position, low, high};
   const std::vector<int> places = {3, 5};
+  PoseNoise noise;
+  noise.position = 0.1, noise.roots = {{.yaw = 1.0, .linear_velocity = 1.0}};
   EXPECT_EQ(allocated_by([&] {
               batch.draw(out, 40);
               batch.draw_normal(out, 40, 1, places);
               batch.set_actions({memory.data(), 1, rows}, map);
               batch.set_actions({memory.data(), 1, rows}, map, places);
               batch.reset_random(places, {.spread = 0.5, .speed = 0.1});
+              batch.reset_to(places, -1, noise);
+              batch.copy(3, places);
               batch.read(queries, out);
               batch.ids()[3] = 7;
             }),
