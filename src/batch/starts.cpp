@@ -85,7 +85,7 @@ void Batch<S>::Impl::disturb_joints(int e, const PoseNoise& noise) {
     const double share = std::isfinite(upper - lower) ? noise.spread : 0.0;
     const double down = noise.position + (share > 0.0 ? share * (at - lower) : 0.0),
                  up = noise.position + (share > 0.0 ? share * (upper - at) : 0.0);
-    const double least = std::min(at, std::max(lower, at - down)), most = std::max(at, std::min(upper, at + up));
+    const double least = std::max(std::min(lower, at), at - down), most = std::min(std::max(upper, at), at + up);
     position = static_cast<S>(least + (most - least) * positions.uniform(dof));
     velocity = static_cast<S>(static_cast<double>(velocity) + noise.velocity * (2.0 * velocities.uniform(dof) - 1.0));
   }

@@ -135,6 +135,8 @@ TEST(Starts, leave_a_pose_outside_its_range_there_and_take_it_no_farther) {
   batch.reset_to(EnvironmentSet::all(), "stand", {.position = 1.0});
   EXPECT_LE(batch.positions().row(0).maxCoeff(), 2.0);
   EXPECT_LT(batch.positions().row(0).minCoeff(), 1.1);
+  batch.reset_to(EnvironmentSet::all(), "stand", {.spread = 1.0});
+  EXPECT_LE(batch.positions().row(0).maxCoeff(), 1.5) << "the whole range";
 }
 
 TEST(Starts, draw_roots_in_the_worlds_axes_and_free_bodies_by_themselves) {
