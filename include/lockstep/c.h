@@ -258,9 +258,15 @@ enum {
   LOCKSTEP_READ_CONTACT_SLIP = 14,
   LOCKSTEP_READ_CONTACT_POINT = 15, /* 11 rows by slot: point, normal, force, gap, speed along the surface */
   LOCKSTEP_READ_UNFINISHED_CONTACTS = 16,
-  LOCKSTEP_READ_SOLVE_COUNTS = 17, /* 11 rows: what the last step has spent on contacts, see query.h */
-  LOCKSTEP_READ_LOOP_ERROR = 18,   /* 2 rows by loop: distance, angle */
-  LOCKSTEP_READ_LOOP_FORCE = 19    /* 6 rows by loop: force, torque on the second link, world axes */
+  LOCKSTEP_READ_SOLVE_COUNTS = 17,       /* 11 rows: what the last step has spent on contacts, see query.h */
+  LOCKSTEP_READ_LOOP_ERROR = 18,         /* 2 rows by loop: distance, angle */
+  LOCKSTEP_READ_LOOP_FORCE = 19,         /* 6 rows by loop: force, torque on the second link, world axes */
+  LOCKSTEP_READ_LINK_TWIST = 20,         /* 6 rows: the velocity in the link's axes */
+  LOCKSTEP_READ_SITE_TWIST = 21,         /* 6 rows: the same in the site's axes */
+  LOCKSTEP_READ_LINK_GRAVITY = 22,       /* 3 rows: unit vector along gravity in the link's axes */
+  LOCKSTEP_READ_SITE_GRAVITY = 23,       /* 3 rows: the same in the site's axes */
+  LOCKSTEP_READ_LINK_CONTACT_FORCE = 24, /* 3 rows: the sum of the contact forces on the link, world axes */
+  LOCKSTEP_READ_LINK_CONTACTS = 25       /* how many pairs with the link bear a force */
 };
 typedef struct {
   uint32_t size;

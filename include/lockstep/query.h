@@ -37,10 +37,16 @@ enum class Quantity {
   contact_point,  ///< 11 rows by slot: point (m), normal from first to second, force on the second (N), all in the
                   ///< world, gap (m), speed along the surface (m/s)
   unfinished_contacts,  ///< one row: solves of contacts since the last reset that ended at their cap of rounds
-  solve_counts  ///< 11 rows: what the last call of step() has spent on contacts and rows over several velocities,
-                ///< summed over its steps. Steps with contacts to look for; pairs near; contact points that could act,
-                ///< and those that pressed; solves, passes, rounds and search trials of the environment; points, rounds
-                ///< and trials of its tile. No rows in a plan without contacts and such rows
+  solve_counts,  ///< 11 rows: what the last call of step() has spent on contacts and rows over several velocities,
+                 ///< summed over its steps. Steps with contacts to look for; pairs near; contact points that could act,
+                 ///< and those that pressed; solves, passes, rounds and search trials of the environment; points,
+                 ///< rounds and trials of its tile. No rows in a plan without contacts and such rows
+  link_twist,    ///< 6 rows by link: as link_velocity, but in the link's axes
+  site_twist,    ///< 6 rows by site: as site_velocity, but in the site's axes
+  link_gravity,  ///< 3 rows by link: the unit vector along gravity in the link's axes; 0 where the world has no gravity
+  site_gravity,  ///< 3 rows by site: the same in the site's axes
+  link_contact_force,  ///< 3 rows by link: the sum of contact_force on it over its colliders' pairs, N, world axes
+  link_contacts        ///< by link: how many of these pairs bear a force
 };
 
 /// The enumerator's name: "link_pose" ... The string lives forever.

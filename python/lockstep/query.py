@@ -14,6 +14,10 @@ class Query:
     link_pose, site_pose                 links, sites  7: x, y, z, quaternion w, x, y, z
     site_position                        sites   3
     link_velocity, site_velocity         links, sites  6: angular, then linear, world axes
+    link_twist, site_twist               links, sites  6: the same in the axes of the link or site
+    link_gravity, site_gravity           links, sites  3: unit vector along gravity in these axes; 0 without gravity
+    link_contact_force                   links   3: the sum of contact_force on it, N, world axes
+    link_contacts                        links   1: how many pairs with it bear a force
     coupling_error                       couplings  1
     loop_error                           loops   2: distance, m; angle, rad
     loop_force                           loops   6: force, N, and torque, N m, on the second link, world axes

@@ -98,7 +98,13 @@ const Names<Quantity> quantities = {{"q", Quantity::position},
                                     {"contact_slip", Quantity::contact_slip},
                                     {"contact_point", Quantity::contact_point},
                                     {"unfinished_contacts", Quantity::unfinished_contacts},
-                                    {"solve_counts", Quantity::solve_counts}};
+                                    {"solve_counts", Quantity::solve_counts},
+                                    {"link_twist", Quantity::link_twist},
+                                    {"site_twist", Quantity::site_twist},
+                                    {"link_gravity", Quantity::link_gravity},
+                                    {"site_gravity", Quantity::site_gravity},
+                                    {"link_contact_force", Quantity::link_contact_force},
+                                    {"link_contacts", Quantity::link_contacts}};
 
 int place_in(const std::vector<std::string>& names, const std::string& name, const char* kind) {
   const auto found = std::find(names.begin(), names.end(), name);

@@ -71,7 +71,8 @@ struct Batch<S>::Impl {
         frames(frames_of(p.model())),
         workers(options.threads, scratch_bytes()),
         rules(value_rules<S>(program_of(p))),
-        placer(program_of(p)) {
+        placer(program_of(p)),
+        pairs_of_link(pairs_of_links(p)) {
     wanted.reserve(frames.size()), slot.resize(frames.size());
     each_block(
         tables,
@@ -358,6 +359,24 @@ struct Batch<S>::Impl {
     return frames;
   }
 
+  // Of a link: a pair of one of its colliders, and the sign of contact_force on it.
+  struct PairOfLink {
+    int pair, sign;
+  };
+  static std::vector<std::vector<PairOfLink>> pairs_of_links(const Plan& plan) {
+    const Model& model = plan.model();
+    std::vector<std::vector<PairOfLink>> pairs(model.links.size());
+    const auto add = [&](int collider, PairOfLink pair) {
+      const std::string& link = model.colliders[static_cast<std::size_t>(collider)].link;
+      if (!link.empty()) pairs[static_cast<std::size_t>(model.link_index(link))].push_back(pair);
+    };
+    for (int pair = 0; pair < static_cast<int>(plan.contacts().size()); ++pair) {
+      const PlanContact& contact = plan.contacts()[static_cast<std::size_t>(pair)];
+      add(contact.first, {pair, -1}), add(contact.second, {pair, 1});
+    }
+    return pairs;
+  }
+
   class TileReader;     // read.cpp
   class ProblemFinder;  // problems.cpp
   std::vector<Problem> bad_values(int environment) const;
@@ -389,6 +408,7 @@ struct Batch<S>::Impl {
   BatchRows<S, Blocks> rows;
   BatchRows<S, Numbers> start;               // one number for each row: what an environment begins with
   std::vector<BatchRows<S, Numbers>> poses;  // the same in each of Model::poses
+  std::vector<std::vector<PairOfLink>> pairs_of_link;  // in the order of the plan's contacts
 };
 
 }  // namespace lockstep

@@ -5,11 +5,30 @@
 namespace lockstep {
 namespace {
 
-bool is_of_links(Quantity quantity) { return quantity == Quantity::link_pose || quantity == Quantity::link_velocity; }
-bool is_of_frames(Quantity quantity) { return quantity >= Quantity::link_pose && quantity <= Quantity::site_velocity; }
+bool is_of_sites(Quantity quantity) {
+  switch (quantity) {
+    case Quantity::site_pose:
+    case Quantity::site_position:
+    case Quantity::site_velocity:
+    case Quantity::site_twist:
+    case Quantity::site_gravity: return true;
+    default: return false;
+  }
+}
+
+bool is_of_frames(Quantity quantity) {
+  switch (quantity) {
+    case Quantity::link_pose:
+    case Quantity::link_velocity:
+    case Quantity::link_twist:
+    case Quantity::link_gravity: return true;
+    default: return is_of_sites(quantity);
+  }
+}
 
 bool is_of_contacts(Quantity quantity) {
-  return quantity >= Quantity::contact_force && quantity <= Quantity::unfinished_contacts;
+  return (quantity >= Quantity::contact_force && quantity <= Quantity::unfinished_contacts) ||
+         quantity == Quantity::link_contact_force || quantity == Quantity::link_contacts;
 }
 
 template <class Act>
@@ -66,20 +85,35 @@ class Batch<S>::Impl::TileReader {
     }
     if (is_of_contacts(query.quantity)) return answer_contacts(query, elements);
     for_each_element(query, elements, [&](int i) {
-      const int frame = is_of_links(query.quantity) ? i : batch_.tables.links + i;
+      const bool of_site = is_of_sites(query.quantity);
+      const Pose* const pose = of_site ? &batch_.plan.model().sites[i].pose : nullptr;
+      const int frame = of_site ? batch_.tables.links + i : i;
       const S* const numbers = frames_ + kernels::frame_numbers * lanes_ * batch_.slot[frame];
+      const S* const turn = numbers + 3 * lanes_;
+      const S* const velocity = numbers + 12 * lanes_;
       switch (query.quantity) {
         case Quantity::link_velocity:
-        case Quantity::site_velocity: return put(numbers + 12 * lanes_, 6, lanes_);
+        case Quantity::site_velocity: return put(velocity, 6, lanes_);
+        case Quantity::link_twist:
+        case Quantity::site_twist:
+          for (int part = 0; part < 2; ++part)
+            put_in_frame(turn, pose,
+                         [&](int k, std::ptrdiff_t lane) { return velocity[(3 * part + k) * lanes_ + lane]; });
+          return;
+        case Quantity::link_gravity:
+        case Quantity::site_gravity:
+          return put_in_frame(turn, pose, [&](int k, std::ptrdiff_t lane) { return down(lane)[k]; });
         case Quantity::site_position: return put(numbers, 3, lanes_);
         default: break;
       }
       put(numbers, 3, lanes_);
-      put_turn(numbers + 3 * lanes_, is_of_links(query.quantity) ? nullptr : &batch_.plan.model().sites[i].pose);
+      put_turn(turn, pose);
     });
   }
 
  private:
+  using Vector = Eigen::Matrix<S, 3, 1>;
+
   void put(const S* numbers, int rows, std::ptrdiff_t stride) {
     for (int k = 0; k < rows; ++k, ++row_)
       for (std::ptrdiff_t lane = 0; lane < count_; ++lane) at(row_, lane) = scale_ * numbers[k * stride + lane];
@@ -100,7 +134,6 @@ class Batch<S>::Impl::TileReader {
   }
 
   void answer_contacts(const Query& query, int elements) {
-    const Program& program = program_of(batch_.plan);
     const auto put_row = [&](const auto& number_in) {
       for (std::ptrdiff_t lane = 0; lane < count_; ++lane) at(row_, lane) = scale_ * number_in(lane);
       ++row_;
@@ -112,52 +145,87 @@ class Batch<S>::Impl::TileReader {
         const int row = batch_.tables.contacts.slots * kernels::contact_numbers;
         return batch_.tables.contacts.used() ? contacts_[row * lanes_ + lane] : S(0);
       });
+
+    // Sums over the pairs of a link.
+    if (query.quantity == Quantity::link_contacts)
+      return for_each_element(query, elements, [&](int link) {
+        put_row([&](std::ptrdiff_t lane) {
+          S bearing = 0;
+          for (const auto& [pair, sign] : batch_.pairs_of_link[static_cast<std::size_t>(link)])
+            bearing += normal_force(pair, lane) > S(0) ? S(1) : S(0);
+          return bearing;
+        });
+      });
+    if (query.quantity == Quantity::link_contact_force)
+      return for_each_element(query, elements, [&](int link) {
+        for (int k = 0; k < 3; ++k)
+          put_row([&](std::ptrdiff_t lane) {
+            S sum = 0;
+            for (const auto& [pair, sign] : batch_.pairs_of_link[static_cast<std::size_t>(link)])
+              sum += static_cast<S>(sign) * force(pair, k, lane);
+            return sum;
+          });
+      });
+
     for_each_element(query, elements, [&](int i) {
       const bool by_slot = query.quantity == Quantity::contact_point;
       const int pair = by_slot ? pair_of_slot(i) : i;
-      const S sign = program.contacts.pairs[static_cast<std::size_t>(pair)].swapped ? S(-1) : S(1);
 
       // All numbers of a slot. Normal and force are seen from the collider that users name first.
       if (by_slot) {
+        const S sign = sign_of(pair);
         for (int k = 0; k < kernels::contact_numbers; ++k)
           put_row([&](std::ptrdiff_t lane) { return (k >= 3 && k < 9 ? sign : S(1)) * contact(i, k, lane); });
         return;
       }
 
-      // Sums and extremes over the slots of a pair.
-      const PlanContact& own = program.plan_contacts[static_cast<std::size_t>(pair)];
-      const auto over_slots = [&](S first, const auto& take) {
-        return [&, first](std::ptrdiff_t lane) {
-          S result = first;
-          for (int slot = own.first_slot; slot < own.first_slot + own.slots; ++slot) result = take(result, slot, lane);
-          return result;
-        };
-      };
-      const auto normal_force = [&](int slot, std::ptrdiff_t lane) {
-        S sum = 0;
-        for (int k = 0; k < 3; ++k) sum += contact(slot, 3 + k, lane) * contact(slot, 6 + k, lane);
-        return sum;
-      };
       switch (query.quantity) {
         case Quantity::contact_normal_force:
-          return put_row(
-              over_slots(S(0), [&](S sum, int slot, std::ptrdiff_t lane) { return sum + normal_force(slot, lane); }));
+          return put_row([&](std::ptrdiff_t lane) { return normal_force(pair, lane); });
         case Quantity::contact_gap:
-          return put_row(over_slots(std::numeric_limits<S>::infinity(), [&](S least, int slot, std::ptrdiff_t lane) {
-            return std::min(least, contact(slot, 9, lane));
-          }));
+          return put_row([&](std::ptrdiff_t lane) {
+            return over_slots(pair, std::numeric_limits<S>::infinity(),
+                              [&](S least, int slot) { return std::min(least, contact(slot, 9, lane)); });
+          });
         case Quantity::contact_slip:
-          return put_row(over_slots(S(0), [&](S most, int slot, std::ptrdiff_t lane) {
-            return normal_force(slot, lane) > S(0) ? std::max(most, contact(slot, 10, lane)) : most;
-          }));
+          return put_row([&](std::ptrdiff_t lane) {
+            return over_slots(pair, S(0), [&](S most, int slot) {
+              return normal_force_at(slot, lane) > S(0) ? std::max(most, contact(slot, 10, lane)) : most;
+            });
+          });
         default: break;
       }
 
       // The force, as a vector.
-      for (int k = 0; k < 3; ++k)
-        put_row(over_slots(
-            S(0), [&](S sum, int slot, std::ptrdiff_t lane) { return sum + sign * contact(slot, 6 + k, lane); }));
+      for (int k = 0; k < 3; ++k) put_row([&](std::ptrdiff_t lane) { return force(pair, k, lane); });
     });
+  }
+
+  // A sum or an extreme over the slots of a pair.
+  S over_slots(int pair, S result, const auto& take) const {
+    const PlanContact& own = program_of(batch_.plan).plan_contacts[static_cast<std::size_t>(pair)];
+    for (int slot = own.first_slot; slot < own.first_slot + own.slots; ++slot) result = take(result, slot);
+    return result;
+  }
+
+  S normal_force_at(int slot, std::ptrdiff_t lane) const {
+    S sum = 0;
+    for (int k = 0; k < 3; ++k) sum += contact(slot, 3 + k, lane) * contact(slot, 6 + k, lane);
+    return sum;
+  }
+
+  S normal_force(int pair, std::ptrdiff_t lane) const {
+    return over_slots(pair, S(0), [&](S sum, int slot) { return sum + normal_force_at(slot, lane); });
+  }
+
+  // Component k of the force on the collider that users name second.
+  S force(int pair, int k, std::ptrdiff_t lane) const {
+    const S sign = sign_of(pair);
+    return over_slots(pair, S(0), [&](S sum, int slot) { return sum + sign * contact(slot, 6 + k, lane); });
+  }
+
+  S sign_of(int pair) const {
+    return program_of(batch_.plan).contacts.pairs[static_cast<std::size_t>(pair)].swapped ? S(-1) : S(1);
   }
 
   int pair_of_slot(int slot) const {
@@ -172,16 +240,38 @@ class Batch<S>::Impl::TileReader {
     for_each_element(query, elements, [&](int i) { put(numbers_ + rows_of_each * i * lanes_, rows_of_each, lanes_); });
   }
 
-  // The quaternion of a rotation, row-major, and of a pose on it.
+  // A rotation, row-major, and that of a pose on it.
+  Eigen::Matrix<S, 3, 3> rotation_of(const S* numbers, const Pose* pose, std::ptrdiff_t lane) const {
+    Eigen::Matrix<S, 3, 3> rotation;
+    for (int k = 0; k < 9; ++k) rotation(k / 3, k % 3) = numbers[k * lanes_ + lane];
+    return pose ? (rotation * pose->linear().template cast<S>()).eval() : rotation;
+  }
+
+  // Its quaternion.
   void put_turn(const S* numbers, const Pose* pose) {
     for (std::ptrdiff_t lane = 0; lane < count_; ++lane) {
-      Eigen::Matrix<S, 3, 3> rotation;
-      for (int k = 0; k < 9; ++k) rotation(k / 3, k % 3) = numbers[k * lanes_ + lane];
-      if (pose) rotation = (rotation * pose->linear().template cast<S>()).eval();
-      const Eigen::Matrix<S, 4, 1> turn = quaternion_of(rotation);
+      const Eigen::Matrix<S, 4, 1> turn = quaternion_of(rotation_of(numbers, pose, lane));
       for (int k = 0; k < 4; ++k) at(row_ + k, lane) = scale_ * turn[k];
     }
     row_ += 4;
+  }
+
+  // A vector of the world, along the axes of such a frame.
+  void put_in_frame(const S* numbers, const Pose* pose, const auto& component) {
+    for (std::ptrdiff_t lane = 0; lane < count_; ++lane) {
+      const Vector vector = {component(0, lane), component(1, lane), component(2, lane)};
+      const Vector turned = rotation_of(numbers, pose, lane).transpose() * vector;
+      for (int k = 0; k < 3; ++k) at(row_ + k, lane) = scale_ * turned[k];
+    }
+    row_ += 3;
+  }
+
+  // The unit vector along gravity in the world; 0 without gravity.
+  Vector down(std::ptrdiff_t lane) const {
+    Vector gravity;
+    const S* const own = tile_.field(Parameter::gravity);
+    for (int k = 0; k < 3; ++k) gravity[k] = own ? own[k * batch_.stride + lane] : batch_.tables.gravity[k];
+    return gravity.stableNormalized();
   }
 
   Impl& batch_;
@@ -209,7 +299,7 @@ void Batch<S>::read(std::span<const Query> queries, const StridedRows<S>& out) c
   for (const Query& query : queries)
     if (is_of_frames(query.quantity))
       for_each_element(query, shape_of(program_of(batch.plan), query.quantity).elements, [&](int i) {
-        const int frame = is_of_links(query.quantity) ? i : batch.tables.links + i;
+        const int frame = is_of_sites(query.quantity) ? batch.tables.links + i : i;
         if (batch.slot[frame] >= 0) return;
         batch.slot[frame] = static_cast<int>(batch.wanted.size());
         batch.wanted.push_back(batch.frames[frame]);

@@ -117,7 +117,13 @@ constexpr Quantity quantities[] = {Quantity::position,
                                    Quantity::unfinished_contacts,
                                    Quantity::solve_counts,
                                    Quantity::loop_error,
-                                   Quantity::loop_force};
+                                   Quantity::loop_force,
+                                   Quantity::link_twist,
+                                   Quantity::site_twist,
+                                   Quantity::link_gravity,
+                                   Quantity::site_gravity,
+                                   Quantity::link_contact_force,
+                                   Quantity::link_contacts};
 
 void initialise(lockstep_query* query) { *query = {sizeof(lockstep_query), 0, -1, 0, 1.0}; }
 

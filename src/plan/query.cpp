@@ -8,12 +8,36 @@
 namespace lockstep {
 
 const char* to_string(Quantity quantity) noexcept {
-  static const char* const names[] = {"position",         "velocity",      "position_target",      "velocity_target",
-                                      "effort",           "link_pose",     "link_velocity",        "site_pose",
-                                      "site_position",    "site_velocity", "coupling_error",       "loop_error",
-                                      "loop_force",       "root_pose",     "root_velocity",        "kinetic_energy",
-                                      "potential_energy", "contact_force", "contact_normal_force", "contact_gap",
-                                      "contact_slip",     "contact_point", "unfinished_contacts",  "solve_counts"};
+  static const char* const names[] = {"position",
+                                      "velocity",
+                                      "position_target",
+                                      "velocity_target",
+                                      "effort",
+                                      "link_pose",
+                                      "link_velocity",
+                                      "site_pose",
+                                      "site_position",
+                                      "site_velocity",
+                                      "coupling_error",
+                                      "loop_error",
+                                      "loop_force",
+                                      "root_pose",
+                                      "root_velocity",
+                                      "kinetic_energy",
+                                      "potential_energy",
+                                      "contact_force",
+                                      "contact_normal_force",
+                                      "contact_gap",
+                                      "contact_slip",
+                                      "contact_point",
+                                      "unfinished_contacts",
+                                      "solve_counts",
+                                      "link_twist",
+                                      "site_twist",
+                                      "link_gravity",
+                                      "site_gravity",
+                                      "link_contact_force",
+                                      "link_contacts"};
   const auto index = static_cast<unsigned>(quantity);
   return index < std::size(names) ? names[index] : "unknown";
 }
@@ -46,6 +70,12 @@ QueryShape shape_of(const Program& program, Quantity quantity) {
     case Quantity::contact_slip: return {t.contacts.pairs.count, 1};
     case Quantity::solve_counts: return {t.counts_solves() ? 1 : 0, solve_count_rows};
     case Quantity::contact_point: return {t.contacts.slots, 11};
+    case Quantity::link_twist: return {t.links, 6};
+    case Quantity::site_twist: return {sites, 6};
+    case Quantity::link_gravity:
+    case Quantity::link_contact_force: return {t.links, 3};
+    case Quantity::site_gravity: return {sites, 3};
+    case Quantity::link_contacts: return {t.links, 1};
   }
   throw UsageError("quantity " + std::to_string(static_cast<int>(quantity)), "is none of the enumerators",
                    "give one of Quantity");
