@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -215,11 +216,10 @@ class LOCKSTEP_API Batch {
   /// written. Throws UsageError for a field that was not declared in StepSettings::per_environment.
   View parameter(Parameter parameter);
 
-  /// Actions [actions][environments] of an agent, mapped to targets or efforts, of all stage times alike. Followers are
-  /// never commanded: one with a drive of its own keeps its targets. An environment with a NaN among its actions gets
-  /// Fault::bad_input at once. Environments with a fault keep their inputs. Allocates nothing. Throws UsageError, and
-  /// changes nothing, for ranges that do not fit, and for a joint without the limit that is to be its range. Actions
-  /// must not lie in memory of this batch.
+  /// Actions [actions][environments] of an agent, mapped to targets or efforts, of all stage times alike. An
+  /// environment with a NaN among its actions gets Fault::bad_input at once. Environments with a fault keep their
+  /// inputs. Allocates nothing. Throws UsageError, and changes nothing, for a map that does not fit, and for a joint
+  /// without the limit that is to be its range. Actions must not lie in memory of this batch.
   void set_actions(const StridedRows<const S>& actions, const ActionMap& map = {},
                    const EnvironmentSet& which = EnvironmentSet::all());
 
@@ -231,6 +231,12 @@ class LOCKSTEP_API Batch {
   /// impossible value get Fault::bad_value. The host's rounding mode and floating-point traps do not matter.
   /// Returns false, and does nothing, where another function of this batch runs.
   bool step(int substeps = 1) noexcept;
+  /// The same, and calls `before` with 0, 1 ... before each step of dt: for motor models, controllers and forces of
+  /// your own. It may call any function of this batch and write to its views. It is called in the caller's thread,
+  /// once for all environments, frozen ones too. The steps have the bits of step() called as often.
+  /// What is said of the last call of step() is then said of the last step alone. Costs what as many calls of step(1)
+  /// do. What `before` throws passes through, and the steps before it stay. Throws UsageError where `before` is empty.
+  bool step(int substeps, const std::function<void(int substep)>& before);
 
   /// Back to the model's state and inputs. Parameters stay. Clears the faults of these environments and of no others;
   /// nothing else clears a fault, not even writing to a faulted environment. Throws UsageError for environments that do

@@ -126,10 +126,11 @@ class LOCKSTEP_API Plan {
   // couplings, nor on the method. A coupling's first joint is its follower, unless an earlier coupling has it already
   // or another joint's ratio is more than 1000 times larger. Then it is the joint with the largest ratio that is left.
 
-  /// The dofs that an agent may command, in ascending order.
+  /// The dofs that place all others, in ascending order.
   const std::vector<int>& independent_dofs() const;
-  /// Those of them that follow their targets: joints with a drive in the model, or all where drive_gains are declared.
-  /// And tendons with a drive in the model. In ascending order.
+  /// Those that follow targets: joints, followers and tendons with a drive in the model, and all independent ones where
+  /// drive_gains are declared. A follower's target is its own position; its drive moves it through its leaders. Locked
+  /// joints are left out. In ascending order.
   const std::vector<int>& driven_dofs() const;
   /// All others than independent ones, in an order in which each can be computed from the ones before; those of
   /// couplings in a ring come last and are computed together.

@@ -1,6 +1,6 @@
 # Types of the extension module. SPDX-License-Identifier: Apache-2.0
 import os
-from typing import Any, Mapping, Optional, Sequence, Union, final
+from typing import Any, Callable, Mapping, Optional, Sequence, Union, final
 
 import numpy as np
 import numpy.typing as npt
@@ -187,8 +187,8 @@ class Batch:
     def target(self) -> str: ...
     @property
     def kernel(self) -> str: ...
-    def step(self, substeps: int = ...) -> None: ...
     def forget_contacts(self, which: _Which = ...) -> None: ...
+    def step(self, substeps: int = ..., *, before: Optional[Callable[[int], object]] = ...) -> None: ...
     def reset(
         self,
         which: _Which = ...,
@@ -232,6 +232,10 @@ class Batch:
         *,
         low: Optional[Sequence[float]] = ...,
         high: Optional[Sequence[float]] = ...,
+        joints: Optional[Sequence[str]] = ...,
+        scale: Union[None, float, Sequence[float]] = ...,
+        center: Union[None, float, Sequence[float]] = ...,
+        alpha: float = ...,
     ) -> None: ...
     def project(self, which: _Which = ..., *, soft: bool = ...) -> _Unmet: ...
     def check(self, which: _Which = ...) -> list[tuple[int, str, int, float, str]]: ...

@@ -259,11 +259,16 @@ void bind_views(py::class_<Rows>& rows, Class& batch) {
       "name of the generated kernel in use; empty for other engines");
 }
 
-void step(AnyBatch& batch, int substeps) {
+void step(AnyBatch& batch, int substeps, const py::object& before) {
   if (substeps < 1) throw py::value_error("substeps must be 1 or more, not " + std::to_string(substeps));
+  if (!before.is_none() && !PyCallable_Check(before.ptr())) throw py::type_error("before must be a function, or None");
   const bool alone = batch.use([&](auto& own) {
     const py::gil_scoped_release release;
-    return own.step(substeps);
+    if (before.is_none()) return own.step(substeps);
+    return own.step(substeps, [&](int substep) {
+      const py::gil_scoped_acquire acquire;
+      before(substep);
+    });
   });
   if (!alone)
     throw UsageError("batch", "is in use by another thread: the functions of one Batch must not run at the same time",
@@ -281,8 +286,6 @@ py::dict report_of(AnyBatch& batch, int environment) {
 }
 
 void bind_steps(Class& batch) {
-  batch.def("step", &step, "substeps"_a = 1,
-            "Takes `substeps` steps of dt. Other Python threads run meanwhile, but must not use this batch.");
   batch.def(
       "forget_contacts",
       [](AnyBatch& batch, const py::object& which) {
@@ -291,6 +294,11 @@ void bind_steps(Class& batch) {
       "which"_a = py::none(),
       "Contacts begin anew in the next step, as after a reset: for bodies that were put elsewhere by hand. Where state "
       "is written otherwise, contacts that still touch keep what they hold by friction.");
+  batch.def("step", &step, "substeps"_a = 1, py::kw_only(), "before"_a = py::none(),
+            "Takes `substeps` steps of dt. Other Python threads run meanwhile, but must not use this batch. "
+            "before(i), if given, is called before step i = 0, 1 ... of them, once for all environments: write "
+            "batch.effort or other inputs there. It costs what as many calls of step() do, and what it raises passes "
+            "through.");
   batch.def("reset", &reset, "which"_a = py::none(), "q"_a = py::none(), "qd"_a = py::none(), py::kw_only(),
             "keep_inputs"_a = false, "project"_a = true,
             "To the model's state, or to q and qd, [k, nv] or [nv]. which: None (all), a mask of bool or ids. Clears "

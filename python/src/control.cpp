@@ -48,19 +48,36 @@ Randomization randomization_of(const Plan& plan, Parameter field, const std::str
 
 // --- actions and readings ------------------------------------------------------------------------
 
+// One number for each of `count` actions.
+std::vector<double> numbers_of(const py::object& given, std::size_t count, const char* name) {
+  if (given.is_none()) return {};
+  if (py::isinstance<py::float_>(given) || py::isinstance<py::int_>(given))
+    return std::vector<double>(count, given.cast<double>());
+  return value_of<std::vector<double>>(given, name);
+}
+
 template <class S>
 void act(Batch<S>& batch, const py::object& actions, const std::string& kind, const py::object& which,
-         const py::object& low, const py::object& high) {
+         const py::object& low, const py::object& high, const py::object& joints, const py::object& scale,
+         const py::object& center, double alpha) {
   ActionMap map;
   map.kind = one_of<UsageError, ActionKind>("kind", kind,
                                             {{"position", ActionKind::position},
                                              {"position_change", ActionKind::position_change},
                                              {"velocity", ActionKind::velocity},
                                              {"effort", ActionKind::effort}});
+  if (!joints.is_none()) {
+    if (py::isinstance<py::str>(joints)) throw py::type_error("joints is a sequence of names, not one");
+    for (const py::handle& joint : joints) map.dofs.push_back(batch.plan().dof(value_of<std::string>(joint, "joints")));
+    if (map.dofs.empty()) return;
+  }
+  const std::vector<int>& commanded = !map.dofs.empty()                ? map.dofs
+                                      : map.kind == ActionKind::effort ? batch.plan().independent_dofs()
+                                                                       : batch.plan().driven_dofs();
+  map.alpha = alpha;
   if (!low.is_none()) map.low = value_of<std::vector<double>>(low, "low");
   if (!high.is_none()) map.high = value_of<std::vector<double>>(high, "high");
-  const std::vector<int>& commanded =
-      map.kind == ActionKind::effort ? batch.plan().independent_dofs() : batch.plan().driven_dofs();
+  map.scale = numbers_of(scale, commanded.size(), "scale"), map.center = numbers_of(center, commanded.size(), "center");
   // A copy: actions may lie in memory of the batch, or not be aligned.
   const py::array_t<S> given = py::module_::import("numpy").attr("array")(actions, "dtype"_a = py::dtype::of<S>());
   const py::ssize_t columns = static_cast<py::ssize_t>(commanded.size());
@@ -285,15 +302,19 @@ void bind_control(py::class_<AnyBatch>& batch) {
   batch.def(
       "act",
       [](AnyBatch& b, const py::object& actions, const std::string& kind, const py::object& which,
-         const py::object& low,
-         const py::object& high) { b.use([&](auto& own) { act(own, actions, kind, which, low, high); }); },
+         const py::object& low, const py::object& high, const py::object& joints, const py::object& scale,
+         const py::object& center, double alpha) {
+        b.use([&](auto& own) { act(own, actions, kind, which, low, high, joints, scale, center, alpha); });
+      },
       "actions"_a, "kind"_a = "position", "which"_a = py::none(), py::kw_only(), "low"_a = py::none(),
-      "high"_a = py::none(),
-      "Actions in [-1, 1], [num_envs, len(plan.driven)], become targets of the driven joints ('position', "
-      "'position_change', 'velocity') or efforts of the independent ones ('effort'), between low and high: by default "
-      "the joint's range, 5 % of it, its velocity or effort limit. Followers are never commanded. An environment with "
-      "a "
-      "NaN gets the fault bad_input and keeps its targets.");
+      "high"_a = py::none(), "joints"_a = py::none(), "scale"_a = py::none(), "center"_a = py::none(), "alpha"_a = 1.0,
+      "Actions in [-1, 1], [num_envs, k], become targets of driven joints ('position', 'position_change', 'velocity') "
+      "or efforts ('effort'). joints: names of the k columns; by default Plan.driven, or Plan.independent for "
+      "'effort'. -1 and 1 are low and high; or an action is center + scale * action, about the pose in which the model "
+      "starts. Default: the joint's range, or 0.5 rad or 0.05 m about that pose where it has none; 5 % of that for "
+      "'position_change'; its velocity or effort limit. alpha: share of the new target in a moving average. An "
+      "environment with a NaN gets the fault bad_input and keeps its targets. Raises UsageError, and changes nothing, "
+      "for numbers that do not fit.");
   batch.def(
       "check",
       [](AnyBatch& b, const py::object& which) {

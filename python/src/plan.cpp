@@ -176,10 +176,10 @@ void bind_plan(py::module_& module) {
       .def_property_readonly("row_names", &Plan::row_names, "what a step holds or bounds; see Batch.row_states()")
       .def_property_readonly(
           "independent", [](const Plan& plan) { return names_of(plan, plan.independent_dofs()); },
-          "names of the joints that an agent may command")
+          "names of the joints that place all others")
       .def_property_readonly(
           "driven", [](const Plan& plan) { return names_of(plan, plan.driven_dofs()); },
-          "those of them that have a drive: the columns of Batch.act()")
+          "names of the joints, followers and tendons that have a drive: the columns of Batch.act()")
       .def_property_readonly("followers", &followers_of, "{follower: (((leader, ratio), ...), offset)}")
       .def_property_readonly(
           "poses",

@@ -6,73 +6,151 @@
 namespace lockstep {
 namespace {
 
-constexpr double default_change = 0.05;  // of the range
+constexpr double default_change = 0.05;                     // of the range
+constexpr double default_turn = 0.5, default_slide = 0.05;  // rad, m: about the start of a joint without a range
 
 struct ActionRange {
   double low, high;
+
+  // Grows by `times` another range.
+  void add(double times, const ActionRange& other) {
+    const auto [least, most] = std::minmax({times * other.low, times * other.high});
+    low += least, high += most;
+  }
 };
 
-// The model's; of a tendon, what the ranges of its joints leave of it.
-ActionRange position_range(const Program& program, const Fields& model, int dof) {
-  ActionRange range = {model.value(Parameter::position_limits, 2 * dof),
-                       model.value(Parameter::position_limits, 2 * dof + 1)};
-  const Tables<double>& t = program.f64;
-  for (int i = 0; i < t.tendons.count; ++i) {
-    const int c = t.tendons[i], first = t.term_start[c];
-    if (t.dof[t.term_joint[first]] != dof) continue;
-    ActionRange sum = {-t.offset[c], -t.offset[c]};
-    for (int k = first + 1; k < t.term_start[c + 1]; ++k) {
-      const ActionRange joint = position_range(program, model, t.dof[t.term_joint[k]]);
-      const auto [low, high] = std::minmax({-t.term_value[k] * joint.low, -t.term_value[k] * joint.high});
-      sum.low += low, sum.high += high;
+// A map whose numbers fit the plan.
+class CheckedMap {
+ public:
+  CheckedMap(const ActionMap& map, const Plan& plan)
+      : map_(map), plan_(plan), model_(fields_of(program_of(plan))), dofs_(dofs_of(map, plan)) {
+    for (std::size_t i = 0; i < map.dofs.size(); ++i) check_dof(i);
+    check_counts();
+    if (!(map.alpha > 0.0 && map.alpha <= 1.0))
+      throw UsageError("alpha of actions", fmt::format("is {}", map.alpha), "give a number above 0, up to 1");
+    if (map.alpha < 1.0 && map.kind == ActionKind::position_change)
+      throw UsageError("alpha of actions", "is no part of changes of position", "leave it at 1, or give positions");
+    for (std::size_t i = 0; i < dofs_.size(); ++i) range(i);
+  }
+
+  const std::vector<int>& dofs() const { return dofs_; }
+
+  // The position range of the model; of a follower, what those of its leaders leave of it.
+  ActionRange positions(int dof) const {
+    const ActionRange own = {model_.value(Parameter::position_limits, 2 * dof),
+                             model_.value(Parameter::position_limits, 2 * dof + 1)};
+    const Following& following = plan_.following(dof);
+    if (following.leaders.empty() || following.curved) return own;
+    ActionRange led = {following.offset, following.offset};
+    for (const Following::Leader& leader : following.leaders) led.add(leader.ratio, positions(leader.dof));
+    const ActionRange both = {std::max(own.low, led.low), std::min(own.high, led.high)};
+    return both.low <= both.high ? both : own;
+  }
+
+  // Of action i: what -1 and 1 stand for.
+  ActionRange range(std::size_t i) const {
+    const int dof = dofs_[i];
+    if (map_.low.empty() && map_.scale.empty()) return default_range(dof);
+    if (!map_.scale.empty()) {
+      const double center = map_.center.empty() ? default_center(dof) : map_.center[i], scale = map_.scale[i];
+      const ActionRange range = {center - scale, center + scale};
+      if (!std::isfinite(range.low) || !std::isfinite(range.high))
+        refuse(dof, fmt::format("have the center {} and the scale {}", center, scale), "give finite numbers");
+      return range;
     }
-    range = {std::max(range.low, sum.low), std::min(range.high, sum.high)};
-  }
-  return range;
-}
-
-ActionRange default_range(ActionKind kind, const Program& program, const Fields& model, int dof) {
-  const auto [lower, upper] = position_range(program, model, dof);
-  switch (kind) {
-    case ActionKind::position: return {lower, upper};
-    case ActionKind::position_change: return {-default_change * (upper - lower), default_change * (upper - lower)};
-    case ActionKind::velocity: {
-      const double limit = model.value(Parameter::velocity_limit, dof);
-      return {-limit, limit};
-    }
-    case ActionKind::effort: break;
-  }
-  const double limit = model.value(Parameter::effort_limit, dof);
-  return {-limit, limit};
-}
-
-const char* limit_of(ActionKind kind) {
-  switch (kind) {
-    case ActionKind::position:
-    case ActionKind::position_change: return "position range";
-    case ActionKind::velocity: return "velocity limit";
-    case ActionKind::effort: break;
-  }
-  return "effort limit";
-}
-
-// The range of action i, which moves this dof.
-ActionRange range_of(const ActionMap& map, const Plan& plan, const Fields& model, std::size_t i, int dof) {
-  const std::string& joint = plan.dof_names()[static_cast<std::size_t>(dof)];
-  if (map.low.empty()) {
-    const ActionRange range = default_range(map.kind, program_of(plan), model, dof);
-    if (!std::isfinite(range.high - range.low))
-      throw UsageError("actions of joint '" + joint + "'",
-                       fmt::format("have no range, as the model gives it no {}", limit_of(map.kind)),
-                       "give ActionMap::low and high, or the model a limit");
+    const ActionRange range = {map_.low[i], map_.high[i]};
+    if (!std::isfinite(range.low) || !std::isfinite(range.high) || range.low > range.high)
+      refuse(dof, fmt::format("have the range {} to {}", range.low, range.high), "give finite numbers, low <= high");
     return range;
   }
-  const ActionRange range = {map.low[i], map.high[i]};
-  if (!std::isfinite(range.low) || !std::isfinite(range.high) || range.low > range.high)
-    throw UsageError("actions of joint '" + joint + "'", fmt::format("have the range {} to {}", range.low, range.high),
-                     "give finite numbers, low <= high");
-  return range;
-}
+
+ private:
+  static const std::vector<int>& dofs_of(const ActionMap& map, const Plan& plan) {
+    if (map.kind < ActionKind::position || map.kind > ActionKind::effort)
+      throw UsageError("kind of actions", "is none of the enumerators", "give one of ActionKind");
+    if (!map.dofs.empty()) return map.dofs;
+    return map.kind == ActionKind::effort ? plan.independent_dofs() : plan.driven_dofs();
+  }
+
+  [[noreturn]] void refuse(int dof, const std::string& rule, const std::string& remedy) const {
+    throw UsageError("actions of joint '" + plan_.dof_names()[static_cast<std::size_t>(dof)] + "'", rule, remedy);
+  }
+
+  void check_dof(std::size_t i) const {
+    const int dof = map_.dofs[i];
+    if (dof < 0 || dof >= plan_.dofs())
+      throw UsageError("dof " + std::to_string(dof), "is not part of the plan", "see Plan::dof()");
+    if (std::find(map_.dofs.begin(), map_.dofs.begin() + static_cast<std::ptrdiff_t>(i), dof) !=
+        map_.dofs.begin() + static_cast<std::ptrdiff_t>(i))
+      refuse(dof, "are two", "give each dof once");
+    const std::vector<int>& driven = plan_.driven_dofs();
+    if (map_.kind != ActionKind::effort && std::find(driven.begin(), driven.end(), dof) == driven.end())
+      refuse(dof, "have no drive to command", "give the joint a Drive, or see Plan::driven_dofs()");
+  }
+
+  void check_counts() const {
+    const std::size_t count = dofs_.size();
+    if (!map_.scale.empty() && !map_.low.empty())
+      throw UsageError("range of actions", "is given twice", "give low and high, or scale");
+    if (!map_.center.empty() && map_.scale.empty())
+      throw UsageError("center of actions", "has no scale", "give ActionMap::scale, too");
+    if (map_.low.size() != map_.high.size() || (!map_.low.empty() && map_.low.size() != count))
+      throw UsageError("range of actions",
+                       fmt::format("has {} lower and {} upper ends", map_.low.size(), map_.high.size()),
+                       fmt::format("give {} of each, or none", count));
+    for (const auto& [name, numbers] : {std::pair("scale", &map_.scale), std::pair("center", &map_.center)})
+      if (!numbers->empty() && numbers->size() != count)
+        throw UsageError(std::string(name) + " of actions", fmt::format("has {} numbers", numbers->size()),
+                         fmt::format("give {}, or none", count));
+  }
+
+  const Joint& joint(int dof) const {
+    const Model& model = plan_.model();
+    return model.joints[static_cast<std::size_t>(model.joint_index(plan_.dof_names()[static_cast<std::size_t>(dof)]))];
+  }
+
+  // Where the model starts. A tendon is where its joints are.
+  double start(int dof) const {
+    const Following& following = plan_.following(dof);
+    if (joint(dof).kind != JointKind::tendon) return joint(dof).position;
+    double sum = following.offset;
+    for (const Following::Leader& leader : following.leaders) sum += leader.ratio * start(leader.dof);
+    return sum;
+  }
+
+  double default_reach(int dof) const {
+    if (joint(dof).kind != JointKind::tendon)
+      return joint(dof).kind == JointKind::prismatic ? default_slide : default_turn;
+    double sum = 0.0;
+    for (const Following::Leader& leader : plan_.following(dof).leaders)
+      sum += std::abs(leader.ratio) * default_reach(leader.dof);
+    return sum;
+  }
+
+  double default_center(int dof) const { return map_.kind == ActionKind::position ? start(dof) : 0.0; }
+
+  ActionRange default_range(int dof) const {
+    const auto limit = [&](Parameter parameter, const char* name) {
+      const double most = model_.value(parameter, dof);
+      if (!std::isfinite(most))
+        refuse(dof, fmt::format("have no range, as the model gives it no {}", name),
+               "give ActionMap::low and high, or the model a limit");
+      return ActionRange{-most, most};
+    };
+    if (map_.kind == ActionKind::velocity) return limit(Parameter::velocity_limit, "velocity limit");
+    if (map_.kind == ActionKind::effort) return limit(Parameter::effort_limit, "effort limit");
+    ActionRange range = positions(dof);
+    if (!std::isfinite(range.low)) range.low = std::min(start(dof), range.high) - default_reach(dof);
+    if (!std::isfinite(range.high)) range.high = std::max(start(dof), range.low) + default_reach(dof);
+    if (map_.kind == ActionKind::position) return range;
+    return {-default_change * (range.high - range.low), default_change * (range.high - range.low)};
+  }
+
+  const ActionMap& map_;
+  const Plan& plan_;
+  const Fields& model_;
+  const std::vector<int>& dofs_;
+};
 
 }  // namespace
 
@@ -83,16 +161,8 @@ void Batch<S>::set_actions(const StridedRows<const S>& actions, const ActionMap&
   const Plan& plan = batch.plan;
 
   // The map, the rows and the environments, before anything is written.
-  if (map.kind < ActionKind::position || map.kind > ActionKind::effort)
-    throw UsageError("kind of actions", "is none of the enumerators", "give one of ActionKind");
-  const std::vector<int>& dofs = map.kind == ActionKind::effort ? plan.independent_dofs() : plan.driven_dofs();
-  for (const std::vector<double>* bounds : {&map.low, &map.high})
-    if (bounds->size() != (map.low.empty() && map.high.empty() ? 0 : dofs.size()))
-      throw UsageError("range of actions",
-                       fmt::format("has {} lower and {} upper ends", map.low.size(), map.high.size()),
-                       fmt::format("give {} of each, or none", dofs.size()));
-  const Fields& model = fields_of(program_of(plan));
-  for (std::size_t i = 0; i < dofs.size(); ++i) range_of(map, plan, model, i, dofs[i]);
+  const CheckedMap checked(map, plan);
+  const std::vector<int>& dofs = checked.dofs();
   if (!actions.data && !dofs.empty()) throw UsageError("actions", "are null", "give one row for each");
   which.check(batch.environments);
 
@@ -112,16 +182,18 @@ void Batch<S>::set_actions(const StridedRows<const S>& actions, const ActionMap&
                                                                : batch.rows.position_target;
   const simd::StepMode mode;
   for (std::size_t i = 0; i < dofs.size(); ++i) {
-    const ActionRange range = range_of(map, plan, model, i, dofs[i]);
+    const ActionRange range = checked.range(i), positions = checked.positions(dofs[i]);
     const double middle = 0.5 * range.low + 0.5 * range.high, reach = 0.5 * range.high - 0.5 * range.low;
-    const ActionRange positions = position_range(program_of(plan), model, dofs[i]);
     const S lower = static_cast<S>(positions.low), upper = static_cast<S>(positions.high);
     for (int time = 0; time < batch.tables.input_times; ++time) {
       S* const row = inputs.data() + (time * batch.tables.joints + dofs[i]) * batch.stride;
       which.for_each(batch.environments, [&](int e) {
         if (batch.rows.fault.data()[e] != Fault::none) return;
         const S value = static_cast<S>(middle + reach * static_cast<double>(std::clamp(action(i, e), S(-1), S(1))));
-        row[e] = map.kind == ActionKind::position_change ? std::clamp(row[e] + value, lower, upper) : value;
+        if (map.kind == ActionKind::position_change)
+          row[e] = std::clamp(row[e] + value, lower, upper);
+        else
+          row[e] = map.alpha < 1.0 ? row[e] + static_cast<S>(map.alpha) * (value - row[e]) : value;
       });
     }
   }

@@ -107,6 +107,16 @@ bool Batch<S>::step(int substeps) noexcept {
 }
 
 template <class S>
+bool Batch<S>::step(int substeps, const std::function<void(int)>& before) {
+  if (!before) throw UsageError("function before each step", "is empty", "give one, or call step() without it");
+  for (int i = 0; i < substeps; ++i) {
+    before(i);
+    if (!step()) return false;
+  }
+  return true;
+}
+
+template <class S>
 void Batch<S>::reset(const EnvironmentSet& which, const ResetOptions& options) {
   Impl& batch = impl();
   const Alone alone(batch.in_use);

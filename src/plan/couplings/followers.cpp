@@ -207,14 +207,15 @@ void choose_followers(Program& program) {
   for (int dof = 0; dof < t.joints; ++dof)
     if (!is_follower[dof]) program.independent_dofs.push_back(dof);
 
-  // Dofs that actions drive: independent joints and tendons with a drive, or with gains per environment.
+  // Dofs that actions drive: all with a drive that can move, and independent joints where gains differ per environment.
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
-    const Drive& drive = program.model.joints[j].drive;
     const int dof = program.dof_of_joint[j];
+    if (dof < 0) continue;
+    const Drive& drive = program.model.joints[j].drive;
     const bool has_drive = drive.kinematic || drive.kp > 0.0 || drive.kd > 0.0;
-    const bool is_tendon = program.model.joints[j].kind == JointKind::tendon;
-    const bool driven = has_drive || (declared(program, Parameter::drive_gains) && !is_tendon);
-    if (dof >= 0 && (!is_follower[dof] || is_tendon) && driven) program.driven_dofs.push_back(dof);
+    const bool moves = !is_follower[dof] || !program.following[dof].leaders.empty();
+    if (moves && (has_drive || (declared(program, Parameter::drive_gains) && !is_follower[dof])))
+      program.driven_dofs.push_back(dof);
   }
 }
 
