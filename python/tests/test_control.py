@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from conftest import VARIED
+from conftest import VARIED, gripper_model
 
 import lockstep as ls
 
@@ -101,6 +101,71 @@ def test_actions_are_shares_of_ranges(plan, batch):
     assert np.allclose(batch.q_target[:, driven], 0.3)
     batch.act(np.full((9, 4), 0.5), "effort", low=[-2] * 4, high=[2] * 4)
     assert np.allclose(batch.effort[:, driven], 1.0)
+
+
+def test_actions_scale_about_the_pose_average_and_take_some_joints(plan, batch):
+    driven = [plan.dof(name) for name in plan.driven]
+    start = np.array([plan.model.joints[name].position for name in plan.driven])
+    batch.act(np.full((9, 4), 0.5), scale=0.2)
+    assert np.allclose(batch.q_target[:, driven], start + 0.1, atol=1e-6)
+    batch.act(np.ones((9, 4)), scale=[0.2] * 4, center=1.0, alpha=0.25)
+    assert np.allclose(batch.q_target[:, driven], 0.75 * (start + 0.1) + 0.25 * 1.2, atol=1e-6)
+    before = batch.q_target.copy()
+    batch.act(np.ones((9, 2)), joints=["elbow", "shoulder_yaw"], low=[0, 0], high=[0.3, 0.4])
+    assert np.allclose(batch.q_target[:, plan.dof("elbow")], 0.3)
+    assert np.allclose(batch.q_target[:, plan.dof("shoulder_yaw")], 0.4)
+    rest = [plan.dof(name) for name in ("shoulder_pitch", "knuckle")]
+    assert np.array_equal(batch.q_target[:, rest], before[:, rest])
+    follower = next(iter(plan.followers))
+    for wrong, kind in (
+        ({"joints": [follower]}, ls.UsageError),
+        ({"joints": ["elbow", "elbow"]}, ls.UsageError),
+        ({"joints": "elbow"}, TypeError),
+        ({"alpha": 0.0}, ls.UsageError),
+        ({"center": 1.0}, ls.UsageError),
+        ({"scale": [1.0]}, ls.UsageError),
+    ):
+        count = len(wrong["joints"]) if isinstance(wrong.get("joints"), list) else 4
+        with pytest.raises(kind):
+            batch.act(np.zeros((9, count)), **wrong)
+
+
+def test_the_drive_of_a_follower_is_an_action():
+    model = gripper_model()
+    follower = next(iter(ls.compile(model).followers))
+    model.joints["knuckle"].drive = ls.Drive()
+    model.joints[follower].drive = ls.Drive(kp=8, kd=0.3)
+    plan = ls.compile(model)
+    assert follower in plan.driven and "knuckle" not in plan.driven
+    batch = plan.batch(2)
+    batch.act(np.array([[0, 0, 0, -0.5], [0, 0, 0, 0.5]]) if plan.driven[3] == follower else np.zeros((2, 4)))
+    batch.step(2000)
+    at = plan.dof(follower)
+    assert np.allclose(batch.q[:, at], batch.q_target[:, at], atol=0.02) and np.ptp(batch.q[:, at]) > 0.1
+
+
+def test_a_function_is_called_before_each_step(plan, batch):
+    other, calls = plan.batch(9, threads=1, seed=7), []
+
+    def push(i):
+        calls.append(i)
+        batch.effort[:, 0] = 0.1 * i - batch.qd[:, 0]
+
+    batch.step(4, before=push)
+    for i in range(4):
+        other.effort[:, 0] = 0.1 * i - other.qd[:, 0]
+        other.step()
+    assert calls == [0, 1, 2, 3] and np.array_equal(batch.q, other.q) and np.array_equal(batch.qd, other.qd)
+
+    def fail(i):
+        raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        batch.step(4, before=fail)
+    batch.step()
+    assert np.all(batch.steps == 5)
+    with pytest.raises(TypeError):
+        batch.step(1, before=3)
 
 
 def test_read_packs_quantities_side_by_side(plan, batch):
