@@ -60,7 +60,7 @@ def loop(plan, num_envs, threads=1):
     env.reset(seed=1)
     env.elapsed[:] = np.arange(num_envs) % 100  # resets spread over the steps
     random = np.random.default_rng(0)
-    actions = random.uniform(-1, 1, (16, num_envs, len(plan.driven))).astype(np.float32)
+    actions = random.uniform(-1, 1, (16, num_envs, len(plan.driven_dofs))).astype(np.float32)
     step = iter(range(1 << 30))
     return lambda: env.step(actions[next(step) % 16])
 
@@ -69,7 +69,7 @@ def bare(plan, num_envs, acting):
     batch = plan.batch(num_envs, threads=1, seed=1)
     batch.reset_random()
     random = np.random.default_rng(0)
-    actions = random.uniform(-1, 1, (16, num_envs, len(plan.driven))).astype(np.float32)
+    actions = random.uniform(-1, 1, (16, num_envs, len(plan.driven_dofs))).astype(np.float32)
     step = iter(range(1 << 30))
 
     def once():
@@ -110,7 +110,7 @@ def scaling(plan, picture):
 
 
 def mujoco(module, model, plan, integrator):
-    driven = plan.driven
+    driven = plan.driven_dofs
     low, high = plan.limits[[plan.dof(name) for name in driven]].T
     targets = np.random.default_rng(0).uniform(low, high, (64, len(driven)))
     with tempfile.TemporaryDirectory() as folder:

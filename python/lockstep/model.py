@@ -362,6 +362,15 @@ def recompiled(model: Model, settings: dict[str, Any]) -> Any:
     return compile(model, **settings)
 
 
+def restored(
+    plan: Any, num_envs: int, threads: int, dtype: Any, target: str, engine: str, blob: bytes
+) -> Any:
+    """What a pickled or copied Batch is made again by."""
+    batch = plan.batch(num_envs, threads=threads, dtype=dtype, target=target, engine=engine)
+    batch.restore(blob)
+    return batch
+
+
 @dataclass
 class Export:
     """The text of a robot file, and how far it says what the model says. `warnings` are the lines of the report about

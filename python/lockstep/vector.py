@@ -41,7 +41,7 @@ class VectorEnv(Base):  # type: ignore[misc]
         after_reset  the same, when they have it: it may change the state, the inputs and what rules know
         advance    takes the actions of a control step; default: Batch.act() and Batch.step()
     limit: control steps after which an episode is truncated. decimation: steps of dt in a control step. Actions lie in
-    [-1, 1] and act on Plan.driven by `action_kind`, see Batch.act(). start: a pose of the model by name or number, or a
+    [-1, 1] and act on Plan.driven_dofs by `action_kind`, see Batch.act(). start: a pose of the model by name or number, or a
     Start, which has noise. spread: short for start=Start(spread=spread), from the model's own start; without both it is 1,
     the whole range of each joint. copy=False returns the same observation array in every step.
 
@@ -105,7 +105,7 @@ class VectorEnv(Base):  # type: ignore[misc]
         self._started = False
 
         self.batch.episode[:] = -1  # so that the first reset begins episode 0
-        actions = len(plan.independent if action_kind == "effort" else plan.driven)
+        actions = len(plan.independent_dofs if action_kind == "effort" else plan.driven_dofs)
         self.single_action_space = Box(-1.0, 1.0, (actions,), np.float32)
         self.action_space = Box(-1.0, 1.0, (num_envs, actions), np.float32)
         seen = np.asarray(self.observe())
@@ -283,7 +283,7 @@ class RslRlEnv:
         self._torch = torch
         self.env = env
         self.num_envs = env.num_envs
-        self.num_actions = len(env.plan.driven)
+        self.num_actions = len(env.plan.driven_dofs)
         self.max_episode_length = env.limit
         self.device = "cpu"
         self.cfg: dict[str, Any] = {}

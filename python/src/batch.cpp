@@ -315,6 +315,12 @@ void bind_steps(Class& batch) {
   batch.def(
       "describe", [](AnyBatch& b) { return b.use([](auto& own) { return own.describe(); }); },
       "in words: what the last call of step() has spent on contacts, in the mean of an environment and step");
+  batch.def("__reduce__", [](const py::object& self) {
+    const py::tuple of_batch = py::make_tuple(self.attr("num_envs"), self.cast<AnyBatch&>().threads, self.attr("dtype"),
+                                              self.attr("target"), self.attr("engine"), self.attr("save")());
+    return py::make_tuple(py::module_::import("lockstep.model").attr("restored"),
+                          py::make_tuple(self.attr("plan"), *of_batch));
+  });
   batch.def("fault_report", &report_of, "environment"_a,
             "fault, code, stage, joint, step and time of the fault, as a dict");
 }
@@ -420,6 +426,7 @@ std::unique_ptr<AnyBatch> make_batch(const Plan& plan, int environments, int thr
   const BatchOptions options{threads, target_of(target), engine_of(engine), seed, first_id};
   const py::dtype wanted = py::dtype::from_args(dtype);
   auto batch = std::make_unique<AnyBatch>();
+  batch->threads = threads;
   if (wanted.is(py::dtype::of<float>()) || wanted.equal(py::dtype::of<float>()))
     batch->batch = std::make_unique<Batch<float>>(plan, environments, options);
   else if (wanted.equal(py::dtype::of<double>()))

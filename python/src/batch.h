@@ -13,6 +13,7 @@ namespace lockstep::python {
 /// Views point into the Batch, so it is never moved.
 struct AnyBatch {
   std::variant<std::unique_ptr<Batch<float>>, std::unique_ptr<Batch<double>>> batch;
+  int threads;  // as given
 
   template <class Use>
   decltype(auto) use(Use&& use) {

@@ -23,8 +23,8 @@ py::array_t<S> drawn(const Batch<S>& batch, int count, const py::object& which, 
 Randomization randomization_of(const Plan& plan, Parameter field, const std::string& operation, double low, double high,
                                const std::string& distribution, const py::object& rows, bool shared, unsigned stream) {
   Randomization r;
-  r.change = one_of<UsageError, Change>("operation", operation,
-                                        {{"scale", Change::scale}, {"add", Change::add}, {"abs", Change::absolute}});
+  r.change = one_of<UsageError, Change>(
+      "operation", operation, {{"scale", Change::scale}, {"add", Change::add}, {"absolute", Change::absolute}});
   r.distribution = one_of<UsageError, Distribution>("distribution", distribution,
                                                     {{"uniform", Distribution::uniform},
                                                      {"log_uniform", Distribution::log_uniform},
@@ -275,7 +275,8 @@ void bind_control(py::class_<AnyBatch>& batch) {
       },
       "name"_a, "operation"_a, "low"_a, "high"_a, py::kw_only(), "distribution"_a = "uniform", "which"_a = py::none(),
       "rows"_a = py::none(), "shared"_a = false, "stream"_a = 0,
-      "Sets a field to random values: the compiled ones times, plus, or replaced by ('scale', 'add', 'abs') numbers "
+      "Sets a field to random values: the compiled ones times, plus, or replaced by ('scale', 'add', 'absolute') "
+      "numbers "
       "between low and high, 'uniform' or 'log_uniform', or 'normal' with the mean low and the standard deviation "
       "high. "
       "rows: numbers or names of columns. shared: one number for all of them. Raises UsageError, and changes nothing, "
@@ -309,7 +310,7 @@ void bind_control(py::class_<AnyBatch>& batch) {
       "actions"_a, "kind"_a = "position", "which"_a = py::none(), py::kw_only(), "low"_a = py::none(),
       "high"_a = py::none(), "joints"_a = py::none(), "scale"_a = py::none(), "center"_a = py::none(), "alpha"_a = 1.0,
       "Actions in [-1, 1], [num_envs, k], become targets of driven joints ('position', 'position_change', 'velocity') "
-      "or efforts ('effort'). joints: names of the k columns; by default Plan.driven, or Plan.independent for "
+      "or efforts ('effort'). joints: names of the k columns; by default Plan.driven_dofs, or Plan.independent_dofs for "
       "'effort'. -1 and 1 are low and high; or an action is center + scale * action, about the pose in which the model "
       "starts. Default: the joint's range, or 0.5 rad or 0.05 m about that pose where it has none; 5 % of that for "
       "'position_change'; its velocity or effort limit. alpha: share of the new target in a moving average. An "

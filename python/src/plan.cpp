@@ -175,10 +175,10 @@ void bind_plan(py::module_& module) {
       .def_property_readonly("root_names", &Plan::root_names, "links that float, in the order of root_pose")
       .def_property_readonly("row_names", &Plan::row_names, "what a step holds or bounds; see Batch.row_states()")
       .def_property_readonly(
-          "independent", [](const Plan& plan) { return names_of(plan, plan.independent_dofs()); },
+          "independent_dofs", [](const Plan& plan) { return names_of(plan, plan.independent_dofs()); },
           "names of the joints that place all others")
       .def_property_readonly(
-          "driven", [](const Plan& plan) { return names_of(plan, plan.driven_dofs()); },
+          "driven_dofs", [](const Plan& plan) { return names_of(plan, plan.driven_dofs()); },
           "names of the joints, followers and tendons that have a drive: the columns of Batch.act()")
       .def_property_readonly("followers", &followers_of, "{follower: (((leader, ratio), ...), offset)}")
       .def_property_readonly(
@@ -222,6 +222,12 @@ void bind_plan(py::module_& module) {
              const Plan& plan = self.cast<const Plan&>();
              return py::make_tuple(py::module_::import("lockstep.model").attr("recompiled"),
                                    py::make_tuple(to_python(plan.model()), settings_of(plan)));
+           })
+      .def("__deepcopy__", [](const py::object& self, const py::dict&) { return self; })
+      .def("__getattr__",
+           [](const Plan&, const std::string& name) -> py::object {
+             const bool old = name == "driven" || name == "independent";
+             throw py::attribute_error("a Plan has no '" + name + "'" + (old ? "; give '" + name + "_dofs'" : ""));
            })
       .def("__repr__", [](const Plan& plan) {
         return "<lockstep.Plan of '" + plan.model().name + "': " + std::to_string(plan.dofs()) + " dofs, " +

@@ -49,7 +49,7 @@ def test_impossible_values_are_refused_before_anything_changes(batch):
     compiled = batch.parameter("mass").copy()
     for wrong in (
         lambda: batch.randomize("mass", "scale", -1.0, 1.0),
-        lambda: batch.randomize("gear_ratio", "abs", 0.0, 0.0),
+        lambda: batch.randomize("gear_ratio", "absolute", 0.0, 0.0),
         lambda: batch.randomize("mass", "scale", 2.0, 1.0),
         lambda: batch.randomize("mass", "scale", np.nan, 1.0),
         lambda: batch.randomize("mass", "times", 1.0, 2.0),
@@ -67,7 +67,7 @@ def test_impossible_values_are_refused_before_anything_changes(batch):
 def test_random_resets_stay_in_their_ranges(plan):
     batch = plan.batch(500, seed=2)
     assert batch.reset_random(spread=0.5, speed=0.3) == []
-    driven = [plan.dof(name) for name in plan.driven]
+    driven = [plan.dof(name) for name in plan.driven_dofs]
     low, high = plan.limits[driven].T
     start = np.array([plan.model.joints[name].position for name in plan.driven])
     least, most = start + 0.5 * (low - start), start + 0.5 * (high - start)  # half of the way to each end
@@ -78,7 +78,7 @@ def test_random_resets_stay_in_their_ranges(plan):
 
 
 def test_actions_are_shares_of_ranges(plan, batch):
-    driven = [plan.dof(name) for name in plan.driven]
+    driven = [plan.dof(name) for name in plan.driven_dofs]
     actions = np.zeros((9, 4))
     actions[0], actions[1], actions[2] = 1, -1, 5  # clipped
     actions[3, 1] = np.nan

@@ -56,7 +56,7 @@ def test_a_servo_on_a_tendon_drives_a_differential():
         model.joints.append(ls.Joint(name, "tendon", drive=ls.Drive(kp=40.0, kd=4.0)))
         model.couplings.append(ls.Coupling(name, [("elbow", -1.0), ("knuckle", -sign)]))
     plan = ls.compile(model, dt=1e-3, ignore={"position_limits": True})
-    assert {"sum", "difference"} <= set(plan.driven) and plan.model.joints["sum"].kind == "tendon"
+    assert {"sum", "difference"} <= set(plan.driven_dofs) and plan.model.joints["sum"].kind == "tendon"
     batch = plan.batch(2, dtype="f8")
     total, difference, elbow, knuckle = (plan.dof(name) for name in ("sum", "difference", "elbow", "knuckle"))
     batch.q_target[:, total], batch.q_target[:, difference] = 0.5, -0.3
@@ -147,7 +147,7 @@ def test_mjcf_files(tmp_path):
 
 
 def test_plans_say_what_follows(plan):
-    assert plan.independent == ["shoulder_yaw", "shoulder_pitch", "elbow", "knuckle"] == plan.driven
+    assert plan.independent_dofs == ["shoulder_yaw", "shoulder_pitch", "elbow", "knuckle"] == plan.driven_dofs
     leaders, offset = plan.followers["left_tip_joint"]
     assert leaders == (("knuckle", -1.0),) and offset == 0
     assert plan.limits[plan.dof("elbow")] == pytest.approx([-2.2, 1.2])

@@ -307,7 +307,8 @@ void StepOptions::add_to(CLI::App& app) {
 
 void add_ignore(CLI::App& app, Ignored& ignore) {
   add_parsed(app, "--ignore", ignore, ignored_of,
-             "Leaves out bounds of the model: position, velocity, effort, friction, separated by commas; of one joint "
+             "Leaves out bounds of the model: position_limits, velocity_limits, effort_limits, friction, separated by "
+             "commas; of one joint "
              "with :JOINT behind, of followers with :followers")
       ->type_name("LIST");
 }
@@ -326,9 +327,9 @@ ContactSettings contact_settings_of(const std::string& text) {
 
 Ignored ignored_of(const std::string& list) {
   Ignored ignored;
-  const std::pair<const char*, JointSet*> kinds[] = {{"position", &ignored.position_limits},
-                                                     {"velocity", &ignored.velocity_limits},
-                                                     {"effort", &ignored.effort_limits},
+  const std::pair<const char*, JointSet*> kinds[] = {{"position_limits", &ignored.position_limits},
+                                                     {"velocity_limits", &ignored.velocity_limits},
+                                                     {"effort_limits", &ignored.effort_limits},
                                                      {"friction", &ignored.friction}};
   for (const std::string& part : split(list, ',')) {
     const std::size_t colon = part.find(':');
@@ -336,10 +337,11 @@ Ignored ignored_of(const std::string& list) {
     const auto found = std::find_if(std::begin(kinds), std::end(kinds), [&](const auto& k) { return k.first == kind; });
     const std::string joint = colon == std::string::npos ? "" : part.substr(colon + 1);
     if (found == std::end(kinds) || (colon != std::string::npos && joint.empty()))
-      throw InputError(fmt::format(
-          "--ignore: there is no '{}'; give some of position,velocity,effort,friction, each alone or with :JOINT or "
-          ":followers behind",
-          part));
+      throw InputError(
+          fmt::format("--ignore: there is no '{}'; give some of "
+                      "position_limits,velocity_limits,effort_limits,friction, each alone or with :JOINT or "
+                      ":followers behind",
+                      part));
     if (colon == std::string::npos)
       found->second->all = true;
     else if (joint == "followers")

@@ -87,18 +87,19 @@ constexpr const char* moving = "shoulder,shoulder.v,elbow,elbow.v,slide\n0.6,2,-
 TEST_F(Chart, gives_advice_that_holds_when_it_is_followed) {
   const std::string state = write("start.csv", moving);
   const auto simulated = [&](Arguments more) {
-    Arguments arguments = {"simulate", model,          "--state", state,      "--seconds",
-                           "0.5",      "--envs",       "1",       "--ignore", "position,velocity,effort,friction",
-                           "--record", path("run.csv")};
+    Arguments arguments = {
+        "simulate", model,          "--state", state,      "--seconds",
+        "0.5",      "--envs",       "1",       "--ignore", "position_limits,velocity_limits,effort_limits,friction",
+        "--record", path("run.csv")};
     arguments.insert(arguments.end(), more.begin(), more.end());
     const Ran ran = run(arguments);
     EXPECT_EQ(ran.status, 0) << ran.err;
     return trajectory(contents(path("run.csv")));
   };
   const auto exact = simulated({"--integrator", "runge_kutta", "--dt", "1/7680", "--precision", "f64"});
-  const Ran ran =
-      run({"chart", model, "--budget", "0.5", "--seconds", "0.5", "--envs", "8", "--state", state, "--ignore",
-           "position,velocity,effort,friction", "--out", picture(), "--python", "/no/such/python"});
+  const Ran ran = run({"chart", model, "--budget", "0.5", "--seconds", "0.5", "--envs", "8", "--state", state,
+                       "--ignore", "position_limits,velocity_limits,effort_limits,friction", "--out", picture(),
+                       "--python", "/no/such/python"});
   ASSERT_EQ(ran.status, 0) << ran.err;
   const std::regex pattern(
       R"(advice +for (\S+) rad.* over .* s: (\w+)(?: \((\w+)( \d+)?\))? at (\S+) s in (f32|f64),)");
@@ -118,8 +119,9 @@ TEST_F(Chart, gives_advice_that_holds_when_it_is_followed) {
 
 TEST_F(Chart, runs_let_simulate_choose_a_step_for_a_tolerance) {
   const std::string state = write("start.csv", moving);
-  const Arguments common = {"simulate", model,    "--state", state,      "--seconds",
-                            "0.5",      "--envs", "1",       "--ignore", "position,velocity,effort,friction"};
+  const Arguments common = {
+      "simulate", model,    "--state", state,      "--seconds",
+      "0.5",      "--envs", "1",       "--ignore", "position_limits,velocity_limits,effort_limits,friction"};
   const auto with = [&](Arguments more) {
     more.insert(more.begin(), common.begin(), common.end());
     return run(more);

@@ -86,8 +86,8 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
       {{"simulate", model, "--kinematic", "wrist", "--drive", "wrist=1,1"}, "--kinematic"},
       {{"simulate", model, "--force-limit", "wrist=1"}, "the couplings are: elbow, slide"},
       {{"simulate", model, "--force-limit", "slide=0"}, "force limit is 0"},
-      {{"info", model, "--ignore", "gravity"}, "position,velocity,effort,friction"},
-      {{"chart", model, "--ignore", "gravity"}, "position,velocity,effort,friction"},
+      {{"info", model, "--ignore", "gravity"}, "position_limits,velocity_limits,effort_limits,friction"},
+      {{"chart", model, "--ignore", "gravity"}, "position_limits,velocity_limits,effort_limits,friction"},
       {{"simulate", model, "--perturb", "-1"}, "--perturb"},
       {{"simulate", model, "--record-env", "1024"}, "--record-env"},
       {{"simulate", model, "--record", "/no/such/folder/r.csv"}, "/no/such/folder/r.csv"},
@@ -95,7 +95,7 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
       {{"simulate", model, "--state", "/no/such.csv"}, "/no/such.csv"},
       {{"simulate", model, "--state", "/dev/zero"}, "/dev/zero: is larger than 256 MB"},
       {{"simulate", model, "--targets", "/dev/zero", "--drive", "wrist=1,1"}, "/dev/zero: is larger than 256 MB"},
-      {{"simulate", model, "--ignore", "position:knee"}, "names 'knee', which is no moving joint"},
+      {{"simulate", model, "--ignore", "position_limits:knee"}, "names 'knee', which is no moving joint"},
       {{"simulate", model, "--armature", "knee=1"}, "--armature: model 'linkage' has no joint 'knee'"},
       {{"simulate", model, "--site", "tip=nowhere"}, "nowhere"},
       {{"simulate", model, "--state", unknown_column}, "unknown.csv:1:2"},
@@ -242,15 +242,16 @@ TEST_F(Command, ignores_bounds_by_joint_and_names_what_followers_leave) {
     return read_csv(path("r.csv")).rows.back()[1];
   };
   EXPECT_NEAR(reached({}), 0.0, 1e-5);
-  EXPECT_NEAR(reached({"--ignore", "position:followers"}), 0.03, 1e-4);
-  EXPECT_NEAR(reached({"--ignore", "velocity,position:fb"}), 0.03, 1e-4);
-  EXPECT_NEAR(reached({"--ignore", "position:fa"}), 0.0, 1e-5);
+  EXPECT_NEAR(reached({"--ignore", "position_limits:followers"}), 0.03, 1e-4);
+  EXPECT_NEAR(reached({"--ignore", "velocity_limits,position_limits:fb"}), 0.03, 1e-4);
+  EXPECT_NEAR(reached({"--ignore", "position_limits:fa"}), 0.0, 1e-5);
   const std::string info = run({"info", jaws, "--drive", "fa=500,10"}).out;
   EXPECT_NE(info.find("fa: prismatic, 0 to 0.04 m, 0.5 m/s, 50 N, servo kp 500 kd 10; followers leave 0 m alone (fb)"),
             std::string::npos)
       << info;
   EXPECT_NE(info.find("fb: prismatic, 0 to 0.04 m, 0.5 m/s, 50 N; follows -1 fa"), std::string::npos) << info;
-  EXPECT_NE(run({"info", jaws, "--ignore", "position:followers"}).out.find("0 to 0.04 m (ignored)"), std::string::npos);
+  EXPECT_NE(run({"info", jaws, "--ignore", "position_limits:followers"}).out.find("0 to 0.04 m (ignored)"),
+            std::string::npos);
 }
 
 // A leader whose follower leaves it no room, and a link whose inertia is missing.
@@ -286,7 +287,7 @@ TEST_F(Command, prints_warnings_of_the_import_in_every_command) {
     EXPECT_NE(ran.err.find(locked), std::string::npos) << command[0] << "\n" << ran.err;
     EXPECT_NE(ran.err.find(filled), std::string::npos) << command[0] << "\n" << ran.err;
   }
-  const Ran ignored = run({"info", file, "--density", "1000", "--ignore", "position:followers"});
+  const Ran ignored = run({"info", file, "--density", "1000", "--ignore", "position_limits:followers"});
   EXPECT_EQ(ignored.err.find("no room"), std::string::npos) << ignored.err;
   EXPECT_EQ(run({"info", file, "--armature", "0.1"}).status, 0);
 }

@@ -167,15 +167,19 @@ TEST(Options, ignore_bounds_by_name) {
     const Ignored i = ignored_of(list);
     return std::array{i.position_limits.all, i.velocity_limits.all, i.effort_limits.all, i.friction.all};
   };
-  EXPECT_EQ(ignored("position"), (std::array{true, false, false, false}));
-  EXPECT_EQ(ignored("effort,velocity"), (std::array{false, true, true, false}));
-  EXPECT_EQ(ignored("position,velocity,effort,friction"), (std::array{true, true, true, true}));
-  for (const auto& wrong :
-       {std::pair("speed", "speed"), {"position,", ""}, {"", ""}, {"friction;effort", "friction;effort"}})
+  EXPECT_EQ(ignored("position_limits"), (std::array{true, false, false, false}));
+  EXPECT_EQ(ignored("effort_limits,velocity_limits"), (std::array{false, true, true, false}));
+  EXPECT_EQ(ignored("position_limits,velocity_limits,effort_limits,friction"), (std::array{true, true, true, true}));
+  for (const auto& wrong : {std::pair("speed", "speed"),
+                            {"position", "position"},
+                            {"position_limits,", ""},
+                            {"", ""},
+                            {"friction;effort", "friction;effort"}})
     EXPECT_EQ(complaint([&] { ignored_of(wrong.first); }),
               std::string("--ignore: there is no '") + wrong.second +
-                  "'; give some of position,velocity,effort,friction, each alone or with :JOINT or :followers behind");
-  const Ignored some = ignored_of("position:a,friction:followers,position:c d");
+                  "'; give some of position_limits,velocity_limits,effort_limits,friction, each alone or with :JOINT "
+                  "or :followers behind");
+  const Ignored some = ignored_of("position_limits:a,friction:followers,position_limits:c d");
   EXPECT_EQ(some.position_limits.names, (std::vector<std::string>{"a", "c d"}));
   EXPECT_TRUE(some.friction.followers && !some.friction.all && !some.position_limits.followers);
   EXPECT_TRUE(some.effort_limits.empty());

@@ -33,9 +33,9 @@ class Reach(VectorEnv):
     def __init__(self, num_envs, **options):
         compiled = plan()
         self.queries = [
-            ls.Query("q", compiled.driven),
-            ls.Query("qd", compiled.driven, 0.2),
-            ls.Query("q_target", compiled.driven),
+            ls.Query("q", compiled.driven_dofs),
+            ls.Query("qd", compiled.driven_dofs, 0.2),
+            ls.Query("q_target", compiled.driven_dofs),
             ls.Query("site_position", ["tip"]),
         ]
         self.seen = np.zeros((num_envs, OBSERVATIONS), np.float32)
