@@ -16,7 +16,7 @@ class AutoresetMode(enum.Enum):
 class Box:
     """Arrays of one shape, between low and high."""
 
-    def __init__(self, low: float, high: float, shape: tuple[int, ...], dtype: Any = np.float32) -> None:
+    def __init__(self, low: Any, high: Any, shape: tuple[int, ...], dtype: Any = np.float32) -> None:
         self.shape = tuple(shape)
         self.dtype = np.dtype(dtype)
         self.low = np.full(self.shape, low, self.dtype)
@@ -56,3 +56,38 @@ class Box:
     def __repr__(self) -> str:
         low, high = (bound.flat[0] if bound.size else "-" for bound in (self.low, self.high))
         return f"Box({low}, {high}, {self.shape}, {self.dtype})"
+
+
+class Dict:
+    """Spaces by name."""
+
+    def __init__(self, spaces: dict[str, Box]) -> None:
+        self.spaces = dict(spaces)
+
+    def __getitem__(self, name: str) -> Box:
+        return self.spaces[name]
+
+    def __iter__(self) -> Any:
+        return iter(self.spaces)
+
+    def __len__(self) -> int:
+        return len(self.spaces)
+
+    def keys(self) -> Any:
+        return self.spaces.keys()
+
+    def items(self) -> Any:
+        return self.spaces.items()
+
+    def sample(self) -> dict[str, Any]:
+        return {name: space.sample() for name, space in self.spaces.items()}
+
+    def contains(self, x: Any) -> bool:
+        return isinstance(x, dict) and x.keys() == self.spaces.keys() and all(
+            space.contains(x[name]) for name, space in self.spaces.items())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Dict) and self.spaces == other.spaces
+
+    def __repr__(self) -> str:
+        return f"Dict({self.spaces})"

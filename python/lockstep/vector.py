@@ -11,15 +11,19 @@ import numpy as np
 import numpy.typing as npt
 
 from ._lockstep import Batch, Plan
+from .errors import UsageError
+from .events import Event, Events
+from .observations import Observations
+from .rewards import EpisodeLog, Rewards, Terminations, each
 from .query import Query
 from .start import Start
 
 try:
-    from gymnasium.spaces import Box
+    from gymnasium.spaces import Box, Dict
     from gymnasium.vector import AutoresetMode
     from gymnasium.vector import VectorEnv as Base
 except ImportError:
-    from .spaces import AutoresetMode, Box
+    from .spaces import AutoresetMode, Box, Dict
 
     Base = object
 
@@ -34,9 +38,13 @@ class VectorEnv(Base):  # type: ignore[misc]
 
     Give rules as functions of the environment, or override the methods of the same names; advance can only be overridden.
     A class sets what its rules need before it calls __init__(), which observes once:
-        observe    queries (see Batch.read()), or a function that returns [num_envs, k]; default: q and qd
-        reward     [num_envs] float; default: 0
-        terminate  [num_envs] bool; default: never. A fault terminates an episode in any case
+        observe    queries (see Batch.read()), a function that returns [num_envs, k] or {group: [num_envs, k]}, or
+                   groups of terms (see Observations); default: q and qd. With one group observations are an array,
+                   with several a dict
+        reward     [num_envs] float, or {name: (weight, function)} (see Rewards); default: 0
+        terminate  [num_envs] bool, or {name: function} (see Terminations); default: never. A fault terminates an
+                   episode in any case
+        events     {name: Event}
         randomize  called with the mask of the environments that are being reset, before they get their start
         after_reset  the same, when they have it: it may change the state, the inputs and what rules know
         advance    takes the actions of a control step; default: Batch.act() and Batch.step()
@@ -57,11 +65,12 @@ class VectorEnv(Base):  # type: ignore[misc]
         plan: Plan,
         num_envs: int,
         *,
-        observe: Union[None, Sequence[Union[str, Query]], Rule] = None,
-        reward: Optional[Rule] = None,
-        terminate: Optional[Rule] = None,
+        observe: Union[None, Sequence[Union[str, Query]], Mapping[str, Any], Callable[["VectorEnv"], Any]] = None,
+        reward: Union[None, Mapping[str, Any], Callable[["VectorEnv"], Any]] = None,
+        terminate: Union[None, Mapping[str, Any], Callable[["VectorEnv"], Any]] = None,
         randomize: Optional[Callable[["VectorEnv", Mask], None]] = None,
         after_reset: Optional[Callable[["VectorEnv", Mask], None]] = None,
+        events: Optional[Mapping[str, Event]] = None,
         limit: Optional[int] = None,
         decimation: int = 4,
         action_kind: str = "position",
@@ -95,9 +104,12 @@ class VectorEnv(Base):  # type: ignore[misc]
         self.closed = False
         self.autoreset_mode = AutoresetMode(getattr(autoreset_mode, "value", autoreset_mode))
         self.metadata: dict[str, Any] = {"autoreset_mode": self.autoreset_mode}
-        self._observe = observe if observe is not None else ("q", "qd")
-        self._reward = reward
-        self._terminate = terminate
+        self._observe: Any = Observations(observe) if isinstance(observe, Mapping) else observe or ("q", "qd")
+        self._reward: Any = Rewards(reward) if isinstance(reward, Mapping) else reward
+        self._terminate: Any = Terminations(terminate) if isinstance(terminate, Mapping) else terminate
+        self._events = Events(events or {}, num_envs, decimation * plan.dt)
+        self._log = EpisodeLog(num_envs)
+        self.ends: dict[str, Mask] = {}  # which rules ended episodes in the latest step
         self._randomize = randomize
         self._after_reset = after_reset
         self.elapsed = np.zeros(num_envs, np.int64)  # control steps of the episode
@@ -108,28 +120,36 @@ class VectorEnv(Base):  # type: ignore[misc]
         actions = len(plan.independent_dofs if action_kind == "effort" else plan.driven_dofs)
         self.single_action_space = Box(-1.0, 1.0, (actions,), np.float32)
         self.action_space = Box(-1.0, 1.0, (num_envs, actions), np.float32)
-        seen = np.asarray(self.observe())
-        if seen.ndim != 2 or len(seen) != num_envs:
-            raise ValueError(f"observations have the shape {seen.shape}, not ({num_envs}, k)")
-        size = seen.shape[1]
-        self.single_observation_space = Box(-np.inf, np.inf, (size,), np.float32)
-        self.observation_space = Box(-np.inf, np.inf, (num_envs, size), np.float32)
-        self._observations = np.zeros((num_envs, size), np.float32)
+        seen = self.observe()
+        self.group_names = tuple(seen) if isinstance(seen, Mapping) else ("policy",)
+        bounds = self._observe.bounds() if isinstance(self._observe, Observations) else {}
+        single, batched, self._buffers = {}, {}, {}
+        for name, values in self._grouped(seen).items():
+            if values.ndim != 2 or len(values) != num_envs:
+                raise UsageError(f"observations '{name}'", f"have the shape {values.shape}", f"give ({num_envs}, k)",
+                                 "usage.query")
+            size = values.shape[1]
+            low, high = bounds.get(name, (np.full(size, -np.inf, np.float32), np.full(size, np.inf, np.float32)))
+            single[name] = Box(low, high, (size,), np.float32)
+            batched[name] = Box(np.tile(low, (num_envs, 1)), np.tile(high, (num_envs, 1)), (num_envs, size), np.float32)
+            self._buffers[name] = np.zeros((num_envs, size), np.float32)
+        self.single_observation_space = Dict(single) if len(single) > 1 else single[self.group_names[0]]
+        self.observation_space = Dict(batched) if len(batched) > 1 else batched[self.group_names[0]]
 
     # --- rules, to override ------------------------------------------------------------------
 
-    def observe(self) -> Array:
-        """[num_envs, k]"""
+    def observe(self) -> Any:
+        """[num_envs, k], or a dict of them by group"""
         if callable(self._observe):
             return self._observe(self)
         return self.batch.read(*self._observe)
 
-    def reward(self) -> Array:
-        """[num_envs]"""
+    def reward(self) -> Any:
+        """[num_envs], or a dict of terms, which are added up"""
         return self._reward(self) if self._reward else np.zeros(self.num_envs, np.float32)
 
-    def terminate(self) -> Array:
-        """[num_envs] bool"""
+    def terminate(self) -> Any:
+        """[num_envs] bool, or a dict of them by reason"""
         return self._terminate(self) if self._terminate else np.zeros(self.num_envs, np.bool_)
 
     def randomize(self, which: Mask) -> None:
@@ -163,7 +183,14 @@ class VectorEnv(Base):  # type: ignore[misc]
             raise RuntimeError("step() comes after reset() and before close()")
         given = np.asarray(actions)
         if given.shape != self.action_space.shape:
-            raise ValueError(f"actions have the shape {given.shape}, not {self.action_space.shape}")
+            raise UsageError("actions", f"have the shape {given.shape}", f"give {self.action_space.shape}",
+                             "usage.actions")
+        if given.dtype.kind not in "fiu":
+            raise UsageError("actions", f"have the type {given.dtype}", "give float32", "usage.actions")
+        if not np.isfinite(given).all():
+            place, column = np.argwhere(~np.isfinite(given))[0]
+            raise UsageError(f"action {column} of environment {place}", f"is {given[place, column]}",
+                             "give finite numbers", "usage.actions")
         disabled = self.autoreset_mode.value == "Disabled"
         if disabled and self._ended.any():
             place = int(np.argmax(self._ended))
@@ -175,16 +202,32 @@ class VectorEnv(Base):  # type: ignore[misc]
         if restarted.any():
             self._start(restarted)
         fault = self.batch.fault != 0
-        terminated = (self._one_each(self.terminate(), np.bool_, "terminate") | fault) & ~restarted
+        running = ~restarted
+        self.ends = {"fault": fault & running}
+        for name, holds in self._named(self.terminate(), "terminated").items():
+            self.ends[name] = each(holds, self.num_envs, np.bool_, f"terminate '{name}'") & running
+        terminated = np.logical_or.reduce(list(self.ends.values()))
         truncated = np.zeros(self.num_envs, np.bool_)
         if self.limit is not None:
-            truncated = (self.elapsed >= self.limit) & ~restarted
-        rewards = np.where(restarted, 0, self._one_each(self.reward(), np.float32, "reward")).astype(np.float32)
+            truncated = (self.elapsed >= self.limit) & running
+        self.ends["time_out"] = truncated
+        terms = {name: each(values, self.num_envs, np.float32, f"reward '{name}'")
+                 for name, values in self._named(self.reward(), "reward").items()}
+        rewards = self._log.add(terms, running)
         self._ended = terminated | truncated
+        self._events.step(self, running & ~self._ended)
 
         info: dict[str, Any] = {}
         if fault.any():
             info = {"fault": self.batch.fault.astype(np.uint8), "_fault": fault}
+        if self._ended.any():
+            reason = np.full(self.num_envs, None, object)
+            for name, holds in reversed(self.ends.items()):
+                if name != "time_out":
+                    reason[holds] = name
+            reason[truncated & ~terminated] = "time_out"
+            info["reason"], info["_reason"] = reason, self._ended.copy()
+            info["log"] = self._log.ended(self._ended, self.elapsed, self.ends)
         observations = self._observed()
         if self._ended.any() and self.autoreset_mode.value == "SameStep":
             observations = self._restart_ended(observations, info)
@@ -233,84 +276,55 @@ class VectorEnv(Base):  # type: ignore[misc]
                 self.batch.episode[place] = -1  # the reset makes it 0
 
     def _start(self, which: Mask) -> None:
+        self._events.happen("start", self, which & (self.batch.episode == -1))
         self.randomize(which)
+        self._events.happen("randomize", self, which)
         self.batch.reset_to(self.start, which)
         self.elapsed[which] = 0
+        self._log.restart(which)
+        self._events.restart(self, which)
+        self._events.happen("reset", self, which)
         self._ended[which] = False
         self.after_reset(which)
         self._started = True
 
-    def _one_each(self, given: Any, dtype: Any, rule: str) -> Array:
-        numbers = np.asarray(given, dtype)
-        if numbers.shape != (self.num_envs,):
-            raise ValueError(f"{rule} gives the shape {numbers.shape}, not ({self.num_envs},)")
-        return numbers
+    def _named(self, given: Any, name: str) -> Mapping[str, Any]:
+        return given if isinstance(given, Mapping) else {name: given}
 
-    def _observed(self) -> Array:
-        seen = np.asarray(self.observe())
-        if seen.shape != self.observation_space.shape:
-            raise ValueError(f"observations have the shape {seen.shape}, not {self.observation_space.shape}")
+    def _grouped(self, seen: Any) -> dict[str, Array]:
+        groups = seen if isinstance(seen, Mapping) else {self.group_names[0]: seen}
+        return {name: np.asarray(values) for name, values in groups.items()}
+
+    def _plain(self, groups: dict[str, Any]) -> Any:
+        return groups if len(groups) > 1 else groups[self.group_names[0]]
+
+    def _observed(self) -> Any:
+        seen = self._grouped(self.observe())
+        if tuple(seen) != self.group_names:
+            raise UsageError("observation groups", f"are {tuple(seen)}", f"give {self.group_names}", "usage.query")
+        for name, values in seen.items():
+            if values.shape != self._buffers[name].shape:
+                raise UsageError(f"observations '{name}'", f"have the shape {values.shape}",
+                                 f"give {self._buffers[name].shape}", "usage.query")
         if self.copy:
-            return np.array(seen, np.float32, order="C")
-        self._observations[...] = seen
-        return self._observations
+            return self._plain({name: np.array(values, np.float32, order="C") for name, values in seen.items()})
+        for name, values in seen.items():
+            self._buffers[name][...] = values
+        return self._plain(self._buffers)
 
-    def _restart_ended(self, observations: Array, info: dict[str, Any]) -> Array:
+    def _restart_ended(self, observations: Any, info: dict[str, Any]) -> Any:
         ended = self._ended.copy()
-        final = observations.copy()
+        groups = {name: values.copy() for name, values in self._grouped(observations).items()}
+        final = self._plain(groups)
         info["final_obs"] = np.full(self.num_envs, None, object)
         for place in np.flatnonzero(ended):
-            info["final_obs"][place] = final[place]
+            info["final_obs"][place] = self._plain({name: values[place] for name, values in groups.items()})
         info["_final_obs"] = ended
         info["final_obs_batch"] = final
-        info["final_info"] = {key: info.pop(key) for key in ("fault", "_fault") if key in info}
+        info["final_info"] = {key: info.pop(key) for key in ("fault", "_fault", "reason", "_reason") if key in info}
         info["_final_info"] = ended
         self._start(ended)
         return self._observed()
 
 
-class RslRlEnv:
-    """A VectorEnv in the form that rsl_rl and Isaac Lab use: torch tensors, dones, extras["time_outs"]. The
-    environment's autoreset mode must be SameStep. Observations are a TensorDict where tensordict can be imported."""
-
-    def __init__(self, env: VectorEnv) -> None:
-        import torch
-
-        if env.autoreset_mode.value != "SameStep":
-            raise ValueError("the environment needs autoreset_mode='SameStep'")
-        if env.limit is None:
-            raise ValueError("the environment needs a limit: it is the maximal length of an episode")
-        self._torch = torch
-        self.env = env
-        self.num_envs = env.num_envs
-        self.num_actions = len(env.plan.driven_dofs)
-        self.max_episode_length = env.limit
-        self.device = "cpu"
-        self.cfg: dict[str, Any] = {}
-        self._latest = env.reset()[0]
-
-    @property
-    def episode_length_buf(self) -> Any:
-        return self._torch.from_numpy(self.env.elapsed)
-
-    @episode_length_buf.setter
-    def episode_length_buf(self, lengths: Any) -> None:
-        self.env.elapsed[...] = lengths.cpu().numpy()
-
-    def get_observations(self) -> Any:
-        seen = self._torch.from_numpy(self._latest)
-        try:
-            from tensordict import TensorDict
-        except ImportError:
-            return seen
-        return TensorDict({"policy": seen}, batch_size=[self.num_envs])
-
-    def reset(self) -> tuple[Any, dict[str, Any]]:
-        self._latest = self.env.reset()[0]
-        return self.get_observations(), {}
-
-    def step(self, actions: Any) -> tuple[Any, Any, Any, dict[str, Any]]:
-        self._latest, rewards, terminated, truncated, _ = self.env.step(actions.detach().cpu().numpy())
-        tensor = self._torch.from_numpy
-        extras = {"time_outs": tensor(truncated & ~terminated), "log": {}}
-        return self.get_observations(), tensor(rewards), tensor(terminated | truncated).long(), extras
+from .rsl_rl import RslRlEnv  # noqa: E402,F401  its old place
