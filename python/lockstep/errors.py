@@ -2,10 +2,29 @@
 """Every error names the element, the rule that it breaks and the remedy. docs/errors.md lists the codes."""
 
 
+import re
+
+_IN_PYTHON = {"Plan::contacts()": "Plan.contact_names", "StepSettings::per_environment": "compile(vary=...)",
+              "StepSettings::record_diagnostics": "compile(diagnostics=...)"}
+_CALLS = {"StepSettings": "compile({}=...)", "BatchOptions": "Plan.batch({}=...)", "ImportOptions": "from_file({}=...)",
+          "Parameter": "'{}'"}
+
+
+def _in_python(text: str) -> str:
+    """The words of C++ as those of Python."""
+
+    def word(found: "re.Match[str]") -> str:
+        kind, name = found.group(1), found.group(2)
+        return _IN_PYTHON.get(found.group(0)) or _CALLS.get(kind, kind + ".{}").format(name)
+
+    return re.sub(r"\b(Plan|Batch|Model|StepSettings|BatchOptions|ImportOptions|Parameter)::(\w+(?:\(\))?)", word, text)
+
+
 class Error(ValueError):
     """str(error) is "element: rule; remedy". Codes, such as "model.joint", stay the same when the words change."""
 
     def __init__(self, element: str, rule: str, remedy: str, code: str) -> None:
+        element, rule, remedy = _in_python(element), _in_python(rule), _in_python(remedy)
         super().__init__(f"{element}: {rule}; {remedy}")
         self.code = code
         self.element = element

@@ -316,10 +316,10 @@ void bind_steps(Class& batch) {
       "describe", [](AnyBatch& b) { return b.use([](auto& own) { return own.describe(); }); },
       "in words: what the last call of step() has spent on contacts, in the mean of an environment and step");
   batch.def("__reduce__", [](const py::object& self) {
-    const py::tuple of_batch = py::make_tuple(self.attr("num_envs"), self.cast<AnyBatch&>().threads, self.attr("dtype"),
-                                              self.attr("target"), self.attr("engine"), self.attr("save")());
-    return py::make_tuple(py::module_::import("lockstep.model").attr("restored"),
-                          py::make_tuple(self.attr("plan"), *of_batch));
+    return py::make_tuple(
+        py::module_::import("lockstep.model").attr("restored"),
+        py::make_tuple(self.attr("plan"), self.attr("num_envs"), self.cast<AnyBatch&>().threads, self.attr("dtype"),
+                       self.attr("target"), self.attr("engine"), self.attr("save")()));
   });
   batch.def("fault_report", &report_of, "environment"_a,
             "fault, code, stage, joint, step and time of the fault, as a dict");

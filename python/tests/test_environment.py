@@ -1,0 +1,161 @@
+# Observations in groups, rewards, ends, events, and the forms of trainers. SPDX-License-Identifier: Apache-2.0
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from conftest import gripper_model
+
+import lockstep as ls
+from lockstep.events import Event
+from lockstep.observations import Group, Normal, Observations, Term, Uniform
+from lockstep.stable_baselines3 import Sb3VecEnv
+from lockstep.vector import RslRlEnv, VectorEnv
+
+plan = ls.compile(gripper_model(), vary=["mass"])
+GROUPS = {
+    "policy": Group({"q": Term("q", noise=Uniform(-0.01, 0.01)), "qd": Term(ls.Query("qd", scale=0.1), clip=(-1, 1)),
+                     "height": lambda env: env.batch.q[:, 0], "one": 1.0}, history=3),
+    "critic": {"q": "q", "noisy": Term("q", noise=Normal(0.02))},
+}
+
+
+def first(env):
+    return env.batch.q[:, 0]
+
+
+def low(env):
+    return env.batch.q[:, 1] < -0.9
+
+
+def touch(env, which):
+    env.touched += which
+
+
+class Task(VectorEnv):
+    def __init__(self, num_envs=5, **options):
+        self.touched = np.zeros(num_envs, int)
+        given = dict(observe=GROUPS, reward={"a": (2.0, first), "b": (-1.0, first)}, terminate={"low": low}, limit=9,
+                     seed=3, threads=1, autoreset_mode="SameStep",
+                     events={"push": Event(touch, "interval", every=(0.05, 0.2))})
+        super().__init__(plan, num_envs, **{**given, **options})
+
+
+def roll(env, steps=20):
+    env.reset()
+    actions = np.random.default_rng(0).uniform(-1, 1, (steps, 64, 4)).astype(np.float32)[:, : env.num_envs]
+    return [env.step(a) for a in actions]
+
+
+def test_groups_do_not_depend_on_the_size_of_the_batch():
+    for a, b in zip(roll(Task(3)), roll(Task(7))):
+        for name in GROUPS:
+            assert np.array_equal(a[0][name], b[0][name][:3])
+
+
+def test_noise_history_clip_and_constants():
+    env = Task(limit=None, terminate=None)
+    seen = env.reset()[0]
+    k = seen["policy"].shape[1] // 3
+    n = len(plan.dof_names)
+    frames = seen["policy"].reshape(5, 3, k)
+    assert np.array_equal(frames[:, 0], frames[:, 2]) and np.all(frames[:, :, -1] == 1)
+    difference = frames[:, 2, :n] - env.batch.q
+    assert 0 < np.abs(difference).max() <= 0.0101 and np.unique(difference).size > n
+    assert np.array_equal(seen["critic"][:, :n], env.batch.q)
+    later = env.step(np.zeros((5, 4), np.float32))[0]["policy"].reshape(5, 3, k)
+    assert np.array_equal(later[:, 1], frames[:, 2]) and not np.array_equal(later[:, 2], frames[:, 2])
+    assert np.abs(frames[:, :, n : 2 * n]).max() <= 1
+    many = Observations({"x": {"z": Term(np.zeros(50), noise=Normal(2.0))}})(plan_batch())["x"]
+    assert abs(many.mean()) < 0.05 and abs(many.std() - 2) < 0.05
+
+
+class plan_batch:
+    def __init__(self):
+        self.batch = plan.batch(400, threads=1)
+
+
+def test_terms_add_up_and_the_log_is_their_mean():
+    env, total = Task(limit=4, terminate=None), np.zeros(5)
+    results = roll(env, 4)
+    for result in results:
+        total += result[1]
+    info = results[-1][4]
+    assert info["log"]["reward/total"] == pytest.approx(total.mean(), rel=1e-5)
+    assert info["log"]["reward/a"] == pytest.approx(-2 * info["log"]["reward/b"], rel=1e-5)
+    assert info["log"]["episode/length"] == 4 and info["log"]["end/time_out"] == 1
+    assert info["final_info"]["reason"].tolist() == ["time_out"] * 5
+
+
+def test_intervals_differ_and_repeat():
+    a, b = Task(40, limit=None, terminate=None), Task(8, limit=None, terminate=None)
+    roll(a, 60), roll(b, 60)
+    assert np.array_equal(a.touched[:8], b.touched) and len(set(a.touched)) > 1 and a.touched.min() > 0
+
+
+def test_a_copy_goes_on_with_the_same_bits():
+    env = Task()
+    roll(env, 6)
+    other, third = copy.deepcopy(env), pickle.loads(pickle.dumps(Task(observe=("q",))))
+    actions = np.full((5, 4), 0.3, np.float32)
+    for _ in range(12):
+        a, b = env.step(actions), other.step(actions)
+        assert all(np.array_equal(a[0][name], b[0][name]) for name in GROUPS) and np.array_equal(a[1], b[1])
+    assert third.reset()[0].shape == (5, len(plan.dof_names))
+
+
+def test_the_form_of_stable_baselines3():
+    with pytest.raises(ls.SettingsError, match="NextStep.*SameStep"):
+        Sb3VecEnv(Task(autoreset_mode="NextStep"))
+    env = Sb3VecEnv(Task(limit=3, terminate=None))
+    assert env.seed(4) == [4] * 5 and set(env.reset()) == set(GROUPS)
+    for _ in range(3):
+        seen, rewards, dones, infos = env.step(np.zeros((5, 4), np.float32))
+    assert dones.all() and all(i["TimeLimit.truncated"] and i["terminal_observation"]["critic"].ndim == 1 for i in infos)
+    assert env.get_attr("limit", [1, 2]) == [3, 3]
+    with pytest.raises(ls.UsageError, match="twice"):
+        env.get_attr("limit", [1, 1])
+
+
+def test_the_form_of_rsl_rl_for_efforts():
+    torch = pytest.importorskip("torch")
+    env = RslRlEnv(Task(action_kind="effort"))
+    assert env.num_actions == len(plan.independent_dofs)
+    env.step(torch.zeros(5, env.num_actions))
+
+
+@pytest.mark.parametrize("wrong, words", [
+    ({"observe": {"policy": {}}}, "policy.*no terms"), ({"observe": {"policy": Group({"q": "q"}, 0)}}, "history"),
+    ({"observe": {"policy": {"x": lambda env: np.zeros(3)}}}, "policy.x.*shape"),
+    ({"observe": {"policy": {"x": Term("q", noise=Uniform(1, 0))}}}, "policy.x.*noise"),
+    ({"reward": {"a": first}}, "'a'.*weight"), ({"reward": {"a": (np.nan, first)}}, "'a'.*nan"),
+    ({"terminate": {"a": 3}}, "'a'.*function"), ({"events": {"e": Event(touch, "never")}}, "'e'.*never"),
+    ({"events": {"e": Event(touch, "interval")}}, "'e'.*every"),
+])
+def test_bad_terms_are_named(wrong, words):
+    with pytest.raises(ls.UsageError, match=words):
+        Task(**wrong)
+
+
+def test_bad_actions_and_old_names():
+    env = Task()
+    env.reset()
+    actions = np.zeros((5, 4), np.float32)
+    actions[2, 1] = np.nan
+    with pytest.raises(ls.UsageError, match="action 1 of environment 2"):
+        env.step(actions)
+    with pytest.raises(ls.UsageError, match="type"):
+        env.step(np.full((5, 4), "a"))
+    with pytest.raises(AttributeError, match="driven_dofs"):
+        plan.driven
+    with pytest.raises(ls.UsageError, match="absolute"):
+        env.batch.randomize("mass", "abs", 1, 2)
+
+
+def test_errors_have_the_words_of_python():
+    with pytest.raises(ls.UsageError, match=r"Plan\.contact_names") as caught:
+        plan.contact("none")
+    assert "::" not in str(caught.value)
+    with pytest.raises(ls.UsageError) as caught:
+        plan.batch(1).parameter("gear_ratio")
+    assert "compile(vary=...)" in str(caught.value)
