@@ -1,8 +1,8 @@
 # Errors. SPDX-License-Identifier: Apache-2.0
 """Every error names the element, the rule that it breaks and the remedy. docs/errors.md lists the codes."""
 
-
 import re
+
 
 _IN_PYTHON = {"Plan::contacts()": "Plan.contact_names", "StepSettings::per_environment": "compile(vary=...)",
               "StepSettings::record_diagnostics": "compile(diagnostics=...)"}
