@@ -1,5 +1,5 @@
 # Random numbers for each step of an environment. SPDX-License-Identifier: Apache-2.0
-"""Batch.draw() gives the same numbers all through an episode. These depend on the step as well: (M141)."""
+"""Batch.draw() gives the same numbers all through an episode. These depend on the step as well: (M143)."""
 
 from __future__ import annotations
 

@@ -290,7 +290,7 @@ class NamedPose:
     root_velocities: Dict[str, Vector] = field(default_factory=dict)
 
 
-Element = TypeVar("Element", Link, Joint, Coupling, Site, Collider, Contact, Root, NamedPose)
+Element = TypeVar("Element", Link, Joint, Coupling, Site, Collider, Contact, Loop, Root, NamedPose)
 
 
 class Named(List[Element]):

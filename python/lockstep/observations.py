@@ -126,7 +126,7 @@ def _values(term: Term, env: Any, name: str, columns: Optional[int] = None) -> A
     """[num_envs, k]"""
     num_envs = env.batch.num_envs
     if _is_query(term.what):
-        return env.batch.read(term.what)
+        return np.asarray(env.batch.read(term.what))
     if callable(term.what):
         values = np.asarray(term.what(env))
         if values.ndim == 1:
@@ -201,8 +201,8 @@ class Observations:
             self._columns.append(_Columns(name, group, env, stream))
             stream += len(group.terms)
         queries: dict[Any, Any] = {}
-        for group in self._columns:
-            for _, term, _, _ in group.terms:
+        for seen in self._columns:
+            for _, term, _, _ in seen.terms:
                 if _is_query(term.what):
                     queries.setdefault(_key(term.what), term.what)
         self._queries = list(queries.values())

@@ -48,7 +48,7 @@ class RslRlEnv:
 
     def get_observations(self) -> Any:
         names = self.env.group_names
-        seen = self._latest if len(names) > 1 else {names[0]: self._latest}
+        seen: Any = self._latest if len(names) > 1 else {names[0]: self._latest}
         tensors = {name: self._torch.from_numpy(values) for name, values in seen.items()}
         try:
             from tensordict import TensorDict
