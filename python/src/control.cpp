@@ -310,7 +310,8 @@ void bind_control(py::class_<AnyBatch>& batch) {
       "actions"_a, "kind"_a = "position", "which"_a = py::none(), py::kw_only(), "low"_a = py::none(),
       "high"_a = py::none(), "joints"_a = py::none(), "scale"_a = py::none(), "center"_a = py::none(), "alpha"_a = 1.0,
       "Actions in [-1, 1], [num_envs, k], become targets of driven joints ('position', 'position_change', 'velocity') "
-      "or efforts ('effort'). joints: names of the k columns; by default Plan.driven_dofs, or Plan.independent_dofs for "
+      "or efforts ('effort'). joints: names of the k columns; by default Plan.driven_dofs, or Plan.independent_dofs "
+      "for "
       "'effort'. -1 and 1 are low and high; or an action is center + scale * action, about the pose in which the model "
       "starts. Default: the joint's range, or 0.5 rad or 0.05 m about that pose where it has none; 5 % of that for "
       "'position_change'; its velocity or effort limit. alpha: share of the new target in a moving average. An "

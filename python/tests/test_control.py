@@ -69,7 +69,7 @@ def test_random_resets_stay_in_their_ranges(plan):
     assert batch.reset_random(spread=0.5, speed=0.3) == []
     driven = [plan.dof(name) for name in plan.driven_dofs]
     low, high = plan.limits[driven].T
-    start = np.array([plan.model.joints[name].position for name in plan.driven])
+    start = np.array([plan.model.joints[name].position for name in plan.driven_dofs])
     least, most = start + 0.5 * (low - start), start + 0.5 * (high - start)  # half of the way to each end
     share = (batch.q[:, driven] - least) / (most - least)
     assert -1e-6 <= share.min() < 0.02 and 0.98 < share.max() <= 1 + 1e-6
@@ -104,8 +104,8 @@ def test_actions_are_shares_of_ranges(plan, batch):
 
 
 def test_actions_scale_about_the_pose_average_and_take_some_joints(plan, batch):
-    driven = [plan.dof(name) for name in plan.driven]
-    start = np.array([plan.model.joints[name].position for name in plan.driven])
+    driven = [plan.dof(name) for name in plan.driven_dofs]
+    start = np.array([plan.model.joints[name].position for name in plan.driven_dofs])
     batch.act(np.full((9, 4), 0.5), scale=0.2)
     assert np.allclose(batch.q_target[:, driven], start + 0.1, atol=1e-6)
     batch.act(np.ones((9, 4)), scale=[0.2] * 4, center=1.0, alpha=0.25)
@@ -136,9 +136,9 @@ def test_the_drive_of_a_follower_is_an_action():
     model.joints["knuckle"].drive = ls.Drive()
     model.joints[follower].drive = ls.Drive(kp=8, kd=0.3)
     plan = ls.compile(model)
-    assert follower in plan.driven and "knuckle" not in plan.driven
+    assert follower in plan.driven_dofs and "knuckle" not in plan.driven_dofs
     batch = plan.batch(2)
-    batch.act(np.array([[0, 0, 0, -0.5], [0, 0, 0, 0.5]]) if plan.driven[3] == follower else np.zeros((2, 4)))
+    batch.act(np.array([[0, 0, 0, -0.5], [0, 0, 0, 0.5]]) if plan.driven_dofs[3] == follower else np.zeros((2, 4)))
     batch.step(2000)
     at = plan.dof(follower)
     assert np.allclose(batch.q[:, at], batch.q_target[:, at], atol=0.02) and np.ptp(batch.q[:, at]) > 0.1

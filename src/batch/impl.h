@@ -406,8 +406,8 @@ struct Batch<S>::Impl {
   ValueRules<S> rules;
   Placer<S> placer;
   BatchRows<S, Blocks> rows;
-  BatchRows<S, Numbers> start;               // one number for each row: what an environment begins with
-  std::vector<BatchRows<S, Numbers>> poses;  // the same in each of Model::poses
+  BatchRows<S, Numbers> start;                         // one number for each row: what an environment begins with
+  std::vector<BatchRows<S, Numbers>> poses;            // the same in each of Model::poses
   std::vector<std::vector<PairOfLink>> pairs_of_link;  // in the order of the plan's contacts
 };
 
