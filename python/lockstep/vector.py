@@ -30,6 +30,7 @@ except ImportError:
 Array = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]
 ACTION_KINDS = ("position", "position_change", "velocity", "effort")
+ACTION_OPTIONS = {"joints", "low", "high", "scale", "center", "alpha"}
 Rule = Callable[["VectorEnv"], Array]
 
 
@@ -49,8 +50,8 @@ class VectorEnv(Base):  # type: ignore[misc]
         after_reset  the same, when they have it: it may change the state, the inputs and what rules know
         advance    takes the actions of a control step; default: Batch.act() and Batch.step()
     limit: control steps after which an episode is truncated. decimation: steps of dt in a control step. Actions lie in
-    [-1, 1] and act on Plan.driven_dofs by `action_kind`, see Batch.act(). start: a pose of the model by name or number, or a
-    Start, which has noise. spread: short for start=Start(spread=spread), from the model's own start; without both it is 1,
+    [-1, 1] and act on Plan.driven_dofs by `action_kind`; `actions` has other options of Batch.act(), such as joints and
+    scale. start: a pose of the model by name or number, or a Start, which has noise. spread: short for start=Start(spread=spread), from the model's own start; without both it is 1,
     the whole range of each joint. copy=False returns the same observation array in every step.
 
     Observations of an environment depend on its seed, its id and its actions, not on num_envs, its place, the number of
@@ -74,6 +75,7 @@ class VectorEnv(Base):  # type: ignore[misc]
         limit: Optional[int] = None,
         decimation: int = 4,
         action_kind: str = "position",
+        actions: Optional[Mapping[str, Any]] = None,
         autoreset_mode: Any = "NextStep",
         start: Union[None, str, int, Start] = None,
         spread: Optional[float] = None,
@@ -85,6 +87,8 @@ class VectorEnv(Base):  # type: ignore[misc]
     ) -> None:
         if action_kind not in ACTION_KINDS:
             raise ValueError(f"action_kind {action_kind!r} is none of {', '.join(ACTION_KINDS)}")
+        if unknown := set(actions or {}) - ACTION_OPTIONS:
+            raise ValueError(f"actions have the unknown options {sorted(unknown)}: give {sorted(ACTION_OPTIONS)}")
         if start is not None and spread is not None:
             raise ValueError("start and spread are both given: give start=Start(pose, spread=...)")
         if start is None:
@@ -99,6 +103,7 @@ class VectorEnv(Base):  # type: ignore[misc]
         self.limit = limit
         self.decimation = decimation
         self.action_kind = action_kind
+        self.action_options = dict(actions or {})
         self.start = start
         self.copy = copy
         self.closed = False
@@ -117,9 +122,10 @@ class VectorEnv(Base):  # type: ignore[misc]
         self._started = False
 
         self.batch.episode[:] = -1  # so that the first reset begins episode 0
-        actions = len(plan.independent_dofs if action_kind == "effort" else plan.driven_dofs)
-        self.single_action_space = Box(-1.0, 1.0, (actions,), np.float32)
-        self.action_space = Box(-1.0, 1.0, (num_envs, actions), np.float32)
+        commanded = plan.independent_dofs if action_kind == "effort" else plan.driven_dofs
+        columns = len(self.action_options.get("joints") or commanded)
+        self.single_action_space = Box(-1.0, 1.0, (columns,), np.float32)
+        self.action_space = Box(-1.0, 1.0, (num_envs, columns), np.float32)
         seen = self.observe()
         self.group_names = tuple(seen) if isinstance(seen, Mapping) else ("policy",)
         bounds = self._observe.bounds() if isinstance(self._observe, Observations) else {}
@@ -162,7 +168,7 @@ class VectorEnv(Base):  # type: ignore[misc]
 
     def advance(self, actions: Array) -> None:
         """A control step of all environments."""
-        self.batch.act(actions, self.action_kind)
+        self.batch.act(actions, self.action_kind, **self.action_options)
         self.batch.step(self.decimation)
 
     # --- Gymnasium's interface ---------------------------------------------------------------

@@ -137,6 +137,17 @@ def test_bad_terms_are_named(wrong, words):
         Task(**wrong)
 
 
+def test_actions_take_the_options_of_act():
+    joint = plan.driven_dofs[-1]
+    env = VectorEnv(plan, 3, actions={"joints": [joint], "scale": 0.1, "center": 0.2}, spread=0.0)
+    assert env.action_space.shape == (3, 1)
+    env.reset()
+    env.step(np.array([[-1], [0], [1]], np.float32))
+    assert np.allclose(env.batch.q_target[:, plan.dof(joint)], [0.1, 0.2, 0.3])
+    with pytest.raises(ValueError, match="unknown options.*'joint'"):
+        VectorEnv(plan, 3, actions={"joint": [joint]})
+
+
 def test_bad_actions_and_old_names():
     env = Task()
     env.reset()
