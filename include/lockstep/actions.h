@@ -34,6 +34,9 @@ struct ActionMap {
   /// Share of the new value in a moving average of targets or efforts, in (0, 1]: target += alpha (new - target).
   /// Below 1 it is not for `position_change`.
   double alpha = 1.0;
+  /// Actions are rad, m, rad/s, m/s, N m or N themselves: neither mapped nor clipped. low, high and scale are empty
+  /// then.
+  bool raw = false;
 };
 
 }  // namespace lockstep

@@ -13,8 +13,11 @@
 
 #include "lockstep/actions.h"
 #include "lockstep/environment_set.h"
+#include "lockstep/inverse_kinematics.h"
+#include "lockstep/linearize.h"
 #include "lockstep/plan.h"
 #include "lockstep/random.h"
+#include "lockstep/rollout.h"
 
 namespace lockstep {
 
@@ -319,6 +322,46 @@ class LOCKSTEP_API Batch {
   /// between steps, and what it has read of the last one. They keep their ids, seeds and resets(), so they draw other
   /// numbers. Allocates nothing. Throws UsageError for an environment outside the batch, and changes nothing then.
   void copy(int from, const EnvironmentSet& to = EnvironmentSet::all());
+  // --- planning --------------------------------------------------------------------------------
+  /// Rollouts from saved states. The batch is the workspace: its environments are overwritten, and those that were used
+  /// end where their last rollouts end.
+  ///
+  /// `start` is a blob of save(): of one environment, from which all rollouts start, or of one for each rollout. Empty:
+  /// rollout i starts from environment i as it stands, and there are as many rollouts as environments. A blob holds the
+  /// parameters, too. In each control step controls become inputs as set_actions() does it, `substeps` steps are taken,
+  /// and the rows of the queries are written to `out`, as read() does it. Rollouts that are more than the environments
+  /// are taken in turns. A rollout that fails keeps its last good state, and its fault is returned.
+  ///
+  /// Controls and `out` must not lie in memory of this batch. Allocates nothing per step with one thread. Throws
+  /// UsageError, and changes nothing, for numbers of rollouts, steps and substeps below 1, controls that are NaN or
+  /// infinite, rows without memory, a blob as restore() does and an ActionMap as set_actions() does.
+  std::vector<Fault> rollout(std::span<const std::byte> start, const StridedSteps<const S>& controls,
+                             std::span<const Query> record, const StridedSteps<S>& out, const RolloutOptions& options);
+
+  /// Derivatives of the next step of each environment by state, input and parameter, (M150): centred differences of
+  /// copies, which are placed as project() does it and keep what the environment remembers of contacts. The batch stays
+  /// as it is. Takes a batch of its own for as long as it runs.
+  ///
+  /// Throws UsageError for a Batch<float>, whose differences would be rounding; for ContactSettings::tolerance above
+  /// 1e-8, as differences of 1e-6 would drown in what solves leave; for fields that are not declared; and where an
+  /// environment has a coupling or loop that is off, or a hard coupling that is soft there.
+  std::vector<Linearization> linearize(const EnvironmentSet& which = EnvironmentSet::all(),
+                                       const LinearizeOptions& options = {}) const;
+
+  /// Moves the joints of environments so that the site comes as near to its target as it can within the ranges, (M151):
+  /// least squares of m and rad, from where the joints are. The nearest is a local one. `targets` are
+  /// [3][environments] of the batch, positions in the world, m, or [7][environments], poses as root_poses(). Floating
+  /// roots stay, followers, of soft couplings too, and loops are placed as project() does it with the environment's own
+  /// ratios and functions.
+  /// A joint that starts beyond its range is first put to its end, or, if it follows, goes no further out. Velocities
+  /// stay, those of followers are placed.
+  ///
+  /// Returns what is left, [2][environments]: distance, m, and angle, rad, which is 0 for positions; 0 for others.
+  /// Throws UsageError, and changes nothing, for targets that do not fit or are not finite, a site that is none, and
+  /// where loops hold floating roots.
+  Array inverse_kinematics(int site, const Eigen::Ref<const Array>& targets,
+                           const EnvironmentSet& which = EnvironmentSet::all(),
+                           const InverseKinematicsOptions& options = {});
 
   // --- faults ----------------------------------------------------------------------------------
   std::span<const Fault> faults() const;  ///< one per environment

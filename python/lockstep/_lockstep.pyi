@@ -115,6 +115,8 @@ class Plan:
     @property
     def driven_dofs(self) -> list[str]: ...
     @property
+    def coordinates(self) -> list[str]: ...
+    @property
     def followers(self) -> dict[str, tuple[tuple[tuple[str, float], ...], float]]: ...
     @property
     def vary(self) -> list[str]: ...
@@ -240,6 +242,38 @@ class Batch:
     def project(self, which: _Which = ..., *, soft: bool = ...) -> _Unmet: ...
     def check(self, which: _Which = ...) -> list[tuple[int, str, int, float, str]]: ...
     def read(self, *queries: Union[str, Query], out: Optional[_Floats] = ...) -> _Floats: ...
+    def rollout(
+        self,
+        start: Union[bytes, _Which],
+        controls: npt.ArrayLike,
+        *,
+        record: Union[str, Query, Sequence[Union[str, Query]]] = ...,
+        substeps: int = ...,
+        kind: str = ...,
+        raw: bool = ...,
+        low: Optional[Sequence[float]] = ...,
+        high: Optional[Sequence[float]] = ...,
+        out: Optional[_Floats] = ...,
+    ) -> tuple[_Floats, _Counts]: ...
+    def linearize(
+        self,
+        which: _Which = ...,
+        *,
+        inputs: str = ...,
+        substeps: int = ...,
+        parameters: Sequence[tuple[str, str]] = ...,
+        record: Union[str, Query, Sequence[Union[str, Query]]] = ...,
+        step: float = ...,
+    ) -> dict[str, npt.NDArray[Any]]: ...
+    def inverse_kinematics(
+        self,
+        site: str,
+        targets: npt.ArrayLike,
+        which: _Which = ...,
+        *,
+        iterations: int = ...,
+        tolerance: float = ...,
+    ) -> _Floats: ...
     def save(self, which: _Which = ...) -> bytes: ...
     def restore(self, blob: bytes, into: _Which = ..., rows: Optional[Sequence[int]] = ..., *, other_settings: bool = ...) -> None: ...
     def describe(self) -> str: ...

@@ -447,6 +447,7 @@ void bind_batch(py::module_& module) {
   bind_steps(batch);
   bind_readbacks(batch);
   bind_control(batch);
+  bind_planning(batch);
 }
 
 }  // namespace lockstep::python

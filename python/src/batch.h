@@ -38,7 +38,14 @@ Couplings couplings_of(const py::object& project);
 /// (environment, coupling, error, velocity error) of each.
 py::list unmet_to_python(const Plan& plan, const std::vector<UnmetCoupling>& unmet);
 
+/// What actions mean: see Batch.act(). Throws UsageError for an unknown kind.
+ActionMap action_map_of(const std::string& kind, const py::object& low, const py::object& high, bool raw);
+
+/// From names and lockstep.Query objects; those that ask for nothing are left out.
+std::vector<Query> queries_of(const Plan& plan, const py::object& given);
+
 void bind_control(py::class_<AnyBatch>& batch);
+void bind_planning(py::class_<AnyBatch>& batch);
 void bind_plan(py::module_& module);
 void bind_import(py::module_& module);
 

@@ -60,12 +60,7 @@ template <class S>
 void act(Batch<S>& batch, const py::object& actions, const std::string& kind, const py::object& which,
          const py::object& low, const py::object& high, const py::object& joints, const py::object& scale,
          const py::object& center, double alpha) {
-  ActionMap map;
-  map.kind = one_of<UsageError, ActionKind>("kind", kind,
-                                            {{"position", ActionKind::position},
-                                             {"position_change", ActionKind::position_change},
-                                             {"velocity", ActionKind::velocity},
-                                             {"effort", ActionKind::effort}});
+  ActionMap map = action_map_of(kind, low, high, false);
   if (!joints.is_none()) {
     if (py::isinstance<py::str>(joints)) throw py::type_error("joints is a sequence of names, not one");
     for (const py::handle& joint : joints) map.dofs.push_back(batch.plan().dof(value_of<std::string>(joint, "joints")));
@@ -75,8 +70,6 @@ void act(Batch<S>& batch, const py::object& actions, const std::string& kind, co
                                       : map.kind == ActionKind::effort ? batch.plan().independent_dofs()
                                                                        : batch.plan().driven_dofs();
   map.alpha = alpha;
-  if (!low.is_none()) map.low = value_of<std::vector<double>>(low, "low");
-  if (!high.is_none()) map.high = value_of<std::vector<double>>(high, "high");
   map.scale = numbers_of(scale, commanded.size(), "scale"), map.center = numbers_of(center, commanded.size(), "center");
   // A copy: actions may lie in memory of the batch, or not be aligned.
   const py::array_t<S> given = py::module_::import("numpy").attr("array")(actions, "dtype"_a = py::dtype::of<S>());
@@ -168,16 +161,10 @@ Query query_of(const Plan& plan, const py::handle& given) {
 }
 
 template <class S>
-py::array read(const Batch<S>& batch, const py::args& given, const py::object& out, const py::object& query_class) {
-  std::vector<Query> queries;
+py::array read(const Batch<S>& batch, const py::args& given, const py::object& out) {
+  const std::vector<Query> queries = queries_of(batch.plan(), given);
   py::ssize_t columns = 0;
-  for (const py::handle& query : given) {
-    if (!py::isinstance<py::str>(query) && !py::isinstance(query, query_class))
-      throw py::type_error("a query is a name or a lockstep.Query, not " + text_of(py::repr(query)));
-    if (asks_for_nothing(query)) continue;
-    queries.push_back(query_of(batch.plan(), query));
-    columns += batch.plan().query_rows(queries.back());
-  }
+  for (const Query& query : queries) columns += batch.plan().query_rows(query);
   py::array_t<S> to;
   if (out.is_none())
     to = py::array_t<S>({static_cast<py::ssize_t>(batch.environments()), columns});
@@ -244,6 +231,32 @@ std::vector<int> places_in_blob(const py::object& rows) {
 }
 
 }  // namespace
+
+ActionMap action_map_of(const std::string& kind, const py::object& low, const py::object& high, bool raw) {
+  ActionMap map;
+  map.kind = one_of<UsageError, ActionKind>("kind", kind,
+                                            {{"position", ActionKind::position},
+                                             {"position_change", ActionKind::position_change},
+                                             {"velocity", ActionKind::velocity},
+                                             {"effort", ActionKind::effort}});
+  if (!low.is_none()) map.low = value_of<std::vector<double>>(low, "low");
+  if (!high.is_none()) map.high = value_of<std::vector<double>>(high, "high");
+  map.raw = raw;
+  return map;
+}
+
+std::vector<Query> queries_of(const Plan& plan, const py::object& given) {
+  const py::object query_class = py::module_::import("lockstep.query").attr("Query");
+  if (py::isinstance<py::str>(given) || py::isinstance(given, query_class))
+    return queries_of(plan, py::make_tuple(given));
+  std::vector<Query> queries;
+  for (const py::handle& query : given) {
+    if (!py::isinstance<py::str>(query) && !py::isinstance(query, query_class))
+      throw py::type_error("a query is a name or a lockstep.Query, not " + text_of(py::repr(query)));
+    if (!asks_for_nothing(query)) queries.push_back(query_of(plan, query));
+  }
+  return queries;
+}
 
 void bind_control(py::class_<AnyBatch>& batch) {
   batch.def(
@@ -333,8 +346,7 @@ void bind_control(py::class_<AnyBatch>& batch) {
       [](AnyBatch& b, const py::args& queries, const py::object& out) {
         if (!out.is_none() && py::isinstance<py::array>(out) && overlaps(b, out))
           throw UsageError("out", "lies in memory of the batch", "give an array of its own");
-        const py::object query_class = py::module_::import("lockstep.query").attr("Query");
-        return b.use([&](auto& own) { return read(own, queries, out, query_class); });
+        return b.use([&](auto& own) { return read(own, queries, out); });
       },
       "out"_a = py::none(),
       "[num_envs, k] the quantities of names or lockstep.Query objects, side by side, in one pass. out: an array of "

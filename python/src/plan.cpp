@@ -180,6 +180,9 @@ void bind_plan(py::module_& module) {
       .def_property_readonly(
           "driven_dofs", [](const Plan& plan) { return names_of(plan, plan.driven_dofs()); },
           "names of the joints, followers and tendons that have a drive: the columns of Batch.act()")
+      .def_property_readonly(
+          "coordinates", [](const Plan& plan) { return names_of(plan, coordinate_dofs(plan)); },
+          "names of the joints that Batch.linearize() takes for the state: no hard coupling or loop places them")
       .def_property_readonly("followers", &followers_of, "{follower: (((leader, ratio), ...), offset)}")
       .def_property_readonly(
           "poses",

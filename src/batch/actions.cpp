@@ -50,6 +50,7 @@ class CheckedMap {
   // Of action i: what -1 and 1 stand for.
   ActionRange range(std::size_t i) const {
     const int dof = dofs_[i];
+    if (map_.raw) return {-1.0, 1.0};
     if (map_.low.empty() && map_.scale.empty()) return default_range(dof);
     if (!map_.scale.empty()) {
       const double center = map_.center.empty() ? default_center(dof) : map_.center[i], scale = map_.scale[i];
@@ -90,6 +91,8 @@ class CheckedMap {
 
   void check_counts() const {
     const std::size_t count = dofs_.size();
+    if (map_.raw && !(map_.low.empty() && map_.high.empty() && map_.scale.empty()))
+      throw UsageError("range of actions", "is given beside ActionMap::raw, which has none", "give one of the two");
     if (!map_.scale.empty() && !map_.low.empty())
       throw UsageError("range of actions", "is given twice", "give low and high, or scale");
     if (!map_.center.empty() && map_.scale.empty())
@@ -154,42 +157,46 @@ class CheckedMap {
 
 }  // namespace
 
+// The dofs that the actions are about. Throws where the map does not fit.
 template <class S>
-void Batch<S>::set_actions(const StridedRows<const S>& actions, const ActionMap& map, const EnvironmentSet& which) {
-  Impl& batch = impl();
-  const Alone alone(batch.in_use);
-  const Plan& plan = batch.plan;
+const std::vector<int>& Batch<S>::Impl::commanded(const ActionMap& map) const {
+  return CheckedMap(map, plan).dofs();
+}
 
+template <class S>
+void Batch<S>::Impl::set_actions(const StridedRows<const S>& actions, const ActionMap& map,
+                                 const EnvironmentSet& which) {
   // The map, the rows and the environments, before anything is written.
   const CheckedMap checked(map, plan);
   const std::vector<int>& dofs = checked.dofs();
   if (!actions.data && !dofs.empty()) throw UsageError("actions", "are null", "give one row for each");
-  which.check(batch.environments);
+  which.check(environments);
 
   // An action that is NaN is a fault.
   const auto action = [&](std::size_t i, int e) {
     return actions.data[static_cast<std::ptrdiff_t>(i) * actions.row_stride + e * actions.environment_stride];
   };
-  which.for_each(batch.environments, [&](int e) {
-    for (std::size_t i = 0; i < dofs.size() && batch.rows.fault.data()[e] == Fault::none; ++i)
+  which.for_each(environments, [&](int e) {
+    for (std::size_t i = 0; i < dofs.size() && rows.fault.data()[e] == Fault::none; ++i)
       if (std::isnan(action(i, e)))
-        batch.rows.fault.data()[e] = Fault::bad_input, batch.rows.place.data()[e] = {FaultStage::values, dofs[i]};
+        rows.fault.data()[e] = Fault::bad_input, rows.place.data()[e] = {FaultStage::values, dofs[i]};
   });
 
   // From -1 to 1 onto the range, for all times of a step.
-  AlignedBlock<S>& inputs = map.kind == ActionKind::effort     ? batch.rows.effort
-                            : map.kind == ActionKind::velocity ? batch.rows.velocity_target
-                                                               : batch.rows.position_target;
+  AlignedBlock<S>& inputs = map.kind == ActionKind::effort     ? rows.effort
+                            : map.kind == ActionKind::velocity ? rows.velocity_target
+                                                               : rows.position_target;
   const simd::StepMode mode;
   for (std::size_t i = 0; i < dofs.size(); ++i) {
     const ActionRange range = checked.range(i), positions = checked.positions(dofs[i]);
     const double middle = 0.5 * range.low + 0.5 * range.high, reach = 0.5 * range.high - 0.5 * range.low;
     const S lower = static_cast<S>(positions.low), upper = static_cast<S>(positions.high);
-    for (int time = 0; time < batch.tables.input_times; ++time) {
-      S* const row = inputs.data() + (time * batch.tables.joints + dofs[i]) * batch.stride;
-      which.for_each(batch.environments, [&](int e) {
-        if (batch.rows.fault.data()[e] != Fault::none) return;
-        const S value = static_cast<S>(middle + reach * static_cast<double>(std::clamp(action(i, e), S(-1), S(1))));
+    for (int time = 0; time < tables.input_times; ++time) {
+      S* const row = inputs.data() + (time * tables.joints + dofs[i]) * stride;
+      which.for_each(environments, [&](int e) {
+        if (rows.fault.data()[e] != Fault::none) return;
+        const S given = map.raw ? action(i, e) : std::clamp(action(i, e), S(-1), S(1));
+        const S value = static_cast<S>(middle + reach * static_cast<double>(given));
         if (map.kind == ActionKind::position_change)
           row[e] = std::clamp(row[e] + value, lower, upper);
         else
@@ -199,7 +206,18 @@ void Batch<S>::set_actions(const StridedRows<const S>& actions, const ActionMap&
   }
 }
 
+template <class S>
+void Batch<S>::set_actions(const StridedRows<const S>& actions, const ActionMap& map, const EnvironmentSet& which) {
+  const Alone alone(impl().in_use);
+  impl().set_actions(actions, map, which);
+}
+
 template void Batch<float>::set_actions(const StridedRows<const float>&, const ActionMap&, const EnvironmentSet&);
 template void Batch<double>::set_actions(const StridedRows<const double>&, const ActionMap&, const EnvironmentSet&);
+template const std::vector<int>& Batch<float>::Impl::commanded(const ActionMap&) const;
+template const std::vector<int>& Batch<double>::Impl::commanded(const ActionMap&) const;
+template void Batch<float>::Impl::set_actions(const StridedRows<const float>&, const ActionMap&, const EnvironmentSet&);
+template void Batch<double>::Impl::set_actions(const StridedRows<const double>&, const ActionMap&,
+                                               const EnvironmentSet&);
 
 }  // namespace lockstep

@@ -282,18 +282,22 @@ struct Batch<S>::Impl {
     return pointers;
   }
 
-  /// Environments in whole tiles.
-  std::ptrdiff_t stepped() const {
-    return static_cast<std::ptrdiff_t>((environments + kernels.lanes - 1) / kernels.lanes) * kernels.lanes;
+  /// The first environments, or all, in whole tiles.
+  std::ptrdiff_t stepped(int count) const {
+    return static_cast<std::ptrdiff_t>((count + kernels.lanes - 1) / kernels.lanes) * kernels.lanes;
   }
+  std::ptrdiff_t stepped() const { return stepped(environments); }
 
-  void step(int substeps) {
+  void step(int substeps) { step(substeps, environments); }
+
+  /// The first `count` environments.
+  void step(int substeps, int count) {
     const StatePointers<S> l = state_pointers();
     const OperationList* const operations = chosen.operations;
     const std::ptrdiff_t together = operations ? kernels.lanes * OperationList::tiles_at_once : kernels.lanes;
     const Advance<S> advance = chosen.kernel ? advance_of<S>(*chosen.kernel) : kernels.advance;
     const auto step_part = [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
-      check_values(first, std::min<std::ptrdiff_t>(last, environments));
+      check_values(first, std::min<std::ptrdiff_t>(last, count));
       if (operations)
         kernels.interpret(tables, l, first, last, substeps, scratch, *operations);
       else
@@ -301,8 +305,8 @@ struct Batch<S>::Impl {
       count_steps(first, last, static_cast<std::uint32_t>(substeps));
     };
     // Parts whose values are still in the cache when they are stepped.
-    const std::ptrdiff_t most = rules.rows.empty() && tables.roots.count == 0 ? stepped() : 2048;
-    workers.for_environments(stepped(), step_nanoseconds * substeps, together,
+    const std::ptrdiff_t most = rules.rows.empty() && tables.roots.count == 0 ? stepped(count) : 2048;
+    workers.for_environments(stepped(count), step_nanoseconds * substeps, together,
                              [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
                                for (; first < last; first += most)
                                  step_part(first, std::min(first + most, last), scratch);
@@ -376,6 +380,9 @@ struct Batch<S>::Impl {
     }
     return pairs;
   }
+  const std::vector<int>& commanded(const ActionMap& map) const;  // actions.cpp, as the next
+  void set_actions(const StridedRows<const S>& actions, const ActionMap& map, const EnvironmentSet& which);
+  void read(std::span<const Query> queries, const StridedRows<S>& out, int count);  // read.cpp
 
   class TileReader;     // read.cpp
   class ProblemFinder;  // problems.cpp

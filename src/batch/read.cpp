@@ -45,13 +45,13 @@ void for_each_element(const Query& query, int elements, const Act& act) {
 template <class S>
 class Batch<S>::Impl::TileReader {
  public:
-  TileReader(Impl& batch, const StridedRows<S>& out, std::ptrdiff_t first, bool reads_contacts, S* numbers,
+  TileReader(Impl& batch, const StridedRows<S>& out, std::ptrdiff_t first, int count, bool reads_contacts, S* numbers,
              void* scratch)
       : batch_(batch),
         out_(out),
         first_(first),
         lanes_(batch.kernels.lanes),
-        count_(std::min<std::ptrdiff_t>(lanes_, batch.environments - first)),
+        count_(std::min<std::ptrdiff_t>(lanes_, count - first)),
         tile_(kernels::at(batch.tables, batch.state_pointers(), first)),
         frames_(numbers),
         contacts_(numbers + kernels::frame_numbers * lanes_ * static_cast<std::ptrdiff_t>(batch.wanted.size())),
@@ -286,8 +286,14 @@ class Batch<S>::Impl::TileReader {
 
 template <class S>
 void Batch<S>::read(std::span<const Query> queries, const StridedRows<S>& out) const {
-  Impl& batch = impl();
-  const Alone alone(batch.in_use);
+  const Alone alone(impl().in_use);
+  impl().read(queries, out, environments());
+}
+
+// Of the first `count` environments.
+template <class S>
+void Batch<S>::Impl::read(std::span<const Query> queries, const StridedRows<S>& out, int count) {
+  Impl& batch = *this;
   int rows = 0;
   for (const Query& query : queries) rows += batch.plan.query_rows(query);
   if (rows == 0) return;
@@ -309,11 +315,12 @@ void Batch<S>::read(std::span<const Query> queries, const StridedRows<S>& out) c
       std::any_of(queries.begin(), queries.end(), [](const Query& query) { return is_of_contacts(query.quantity); });
   const int lanes = batch.kernels.lanes;
   batch.workers.for_environments(
-      batch.stepped(), batch.step_nanoseconds, lanes, [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
-        batch.normalise_roots(first, std::min<std::ptrdiff_t>(last, batch.environments));
+      batch.stepped(count), batch.step_nanoseconds, lanes,
+      [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
+        batch.normalise_roots(first, std::min<std::ptrdiff_t>(last, count));
         S* const numbers = reinterpret_cast<S*>(static_cast<std::byte*>(scratch) + batch.frames_at());
         for (; first < last; first += lanes) {
-          typename Impl::TileReader tile(batch, out, first, reads_contacts, numbers, scratch);
+          typename Impl::TileReader tile(batch, out, first, count, reads_contacts, numbers, scratch);
           for (const Query& query : queries) tile.answer(query);
         }
       });
@@ -321,5 +328,7 @@ void Batch<S>::read(std::span<const Query> queries, const StridedRows<S>& out) c
 
 template void Batch<float>::read(std::span<const Query>, const StridedRows<float>&) const;
 template void Batch<double>::read(std::span<const Query>, const StridedRows<double>&) const;
+template void Batch<float>::Impl::read(std::span<const Query>, const StridedRows<float>&, int);
+template void Batch<double>::Impl::read(std::span<const Query>, const StridedRows<double>&, int);
 
 }  // namespace lockstep

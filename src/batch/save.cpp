@@ -230,6 +230,8 @@ void Batch<S>::copy(int from, const EnvironmentSet& to) {
       batch.rows);
 }
 
+template void Batch<float>::Impl::restore(const Blob&, std::span<const int>, std::span<const int>, bool);
+template void Batch<double>::Impl::restore(const Blob&, std::span<const int>, std::span<const int>, bool);
 template std::vector<std::byte> Batch<float>::save() const;
 template std::vector<std::byte> Batch<double>::save() const;
 template std::vector<std::byte> Batch<float>::save(std::span<const int>) const;

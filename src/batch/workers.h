@@ -36,6 +36,9 @@ class Workers {
     for (Scratch& scratch : scratch_) scratch.block = AlignedBlock<std::byte>(scratch_bytes);
   }
 
+  /// As in BatchOptions.
+  int threads() const { return serial_ ? 1 : arena_ ? static_cast<int>(scratch_.size()) : 0; }
+
   /// Calls act(first, last, scratch) for ranges of environments that cover [0, count), in the floating-point mode of a
   /// step. Ranges begin at cache lines, so no two threads write to the same line. One environment takes about
   /// `nanoseconds`. Groups of `group` environments, a power of two, are faster: they are not split if there is one for

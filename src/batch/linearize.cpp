@@ -1,0 +1,314 @@
+// Batch::linearize(): centred differences of a step (M150). SPDX-License-Identifier: Apache-2.0
+//
+// Each environment is copied twice for each coordinate, input and parameter, once moved a little forwards and once
+// backwards. Placing followers and closing loops may move other coordinates too, so it is measured where the copies
+// start, and the derivatives are solved for.
+#include <fmt/format.h>
+
+#include <Eigen/LU>
+
+#include "impl.h"
+#include "rotations.h"
+
+namespace lockstep {
+namespace {
+
+constexpr double coarsest_tolerance = 1e-8;
+constexpr int most_copies = 512;  // at once
+
+void check_options(const Plan& plan, const LinearizeOptions& options) {
+  if (options.substeps < 1)
+    throw UsageError("number of substeps", fmt::format("is {}", options.substeps), "give 1 or more");
+  if (!(options.step > 0.0 && options.step <= 0.1))
+    throw UsageError("step of differences", fmt::format("is {}, outside (0, 0.1]", options.step), "give 1e-6");
+  if (options.inputs != ActionKind::position && options.inputs != ActionKind::velocity &&
+      options.inputs != ActionKind::effort)
+    throw UsageError("kind of actions", "is no input of its own", "give position, velocity or effort");
+  for (const ParameterRow& row : options.parameters) {
+    if (!plan.settings().per_environment.contains(row.parameter))
+      throw UsageError(std::string("field ") + to_string(row.parameter), "was not declared",
+                       "add it to StepSettings::per_environment");
+    if (row.row < 0 || row.row >= plan.parameter_rows(row.parameter))
+      throw UsageError(std::string("field ") + to_string(row.parameter),
+                       fmt::format("has {} rows, so no row {}", plan.parameter_rows(row.parameter), row.row),
+                       "see Plan::parameter_row_names()");
+  }
+  const double tolerance = plan.settings().contacts.tolerance;
+  if (program_of(plan).f64.counts_solves() && tolerance > coarsest_tolerance)
+    throw UsageError("tolerance of contacts",
+                     fmt::format("is {}, and differences need {} or less", tolerance, coarsest_tolerance),
+                     "compile with ContactSettings::tolerance = 1e-10 and 100 rounds");
+}
+
+// An environment whose followers are free has a state that the coordinates do not tell.
+template <class S>
+void check_couplings_hold(const Plan& plan, const StatePointers<S>& rows, int e) {
+  const auto number = [&](Parameter field, int row, double model) {
+    const S* const own = rows.field(field);
+    return own ? static_cast<double>(own[row * rows.stride + e]) : model;
+  };
+  const std::vector<std::string> names = coupling_names(plan.model());
+  const std::string environment = fmt::format("environment {}", e);
+  for (int c = 0; c < plan.couplings(); ++c) {
+    const std::string coupling = "has the coupling '" + names[static_cast<std::size_t>(c)] + "' ";
+    if (number(Parameter::coupling_switch, c, 1.0) == 0.0)
+      throw UsageError(environment, coupling + "off, so its follower is no function of the coordinates",
+                       "switch it on, or compile a model without it");
+    const SoftnessKind kind = kind_of(plan.model().couplings[static_cast<std::size_t>(c)].softness);
+    if (rows.field(Parameter::softness) && (kind == SoftnessKind::hard || kind == SoftnessKind::erp_cfm) &&
+        number(Parameter::softness, 2 * c + 1, 0.0) != 0.0)
+      throw UsageError(environment, coupling + "soft, so its follower is no function of the coordinates",
+                       "make its cfm 0, or compile a model in which it is a Spring");
+  }
+  for (std::size_t l = 0; l < plan.loops().size(); ++l)
+    if (number(Parameter::loop_switch, static_cast<int>(l), 1.0) == 0.0)
+      throw UsageError(environment, "has the loop '" + plan.loops()[l].name + "' off, so its joints are free",
+                       "switch it on, or compile a model without it");
+}
+
+// What copies are moved by: a coordinate of the state, an input or a parameter.
+class Differences {
+ public:
+  Differences(const Plan& plan, const LinearizeOptions& options)
+      : plan_(plan),
+        options_(options),
+        dofs_(coordinate_dofs(plan)),
+        inputs_(options.inputs == ActionKind::effort ? plan.independent_dofs() : plan.driven_dofs()),
+        roots_(static_cast<int>(plan.root_names().size())) {
+    for (const Query& query : options.record) rows_ += plan.query_rows(query);
+  }
+
+  int half() const { return static_cast<int>(dofs_.size()) + 6 * roots_; }  // of the state: positions or velocities
+  int states() const { return 2 * half(); }
+  int inputs() const { return static_cast<int>(inputs_.size()); }
+  int parameters() const { return static_cast<int>(options_.parameters.size()); }
+  int columns() const { return states() + inputs() + parameters(); }
+  int rows() const { return rows_; }
+
+  /// Moves environment e along a column, forwards or backwards. Returns the number moved, as it stands then, if it is
+  /// an input or a parameter.
+  double move(Batch<double>& batch, int e, int column, double sign) const {
+    const int dofs = static_cast<int>(dofs_.size());
+    const double step = sign * options_.step;
+    if (column < states()) {
+      const bool of_positions = column < half();
+      const int k = of_positions ? column : column - half();
+      if (k < dofs)
+        (of_positions ? batch.positions() : batch.velocities())(dofs_[static_cast<std::size_t>(k)], e) += step;
+      else if (of_positions)
+        move_root(batch, e, (k - dofs) / 6, (k - dofs) % 6, step);
+      else
+        batch.root_velocities()(k - dofs, e) += step;
+      return 0.0;
+    }
+    if (const int k = column - states(); k < inputs()) {
+      auto all = options_.inputs == ActionKind::effort     ? batch.efforts()
+                 : options_.inputs == ActionKind::velocity ? batch.velocity_targets()
+                                                           : batch.position_targets();
+      const int dof = inputs_[static_cast<std::size_t>(k)];
+      for (Eigen::Index row = dof; row < all.rows(); row += plan_.dofs()) all(row, e) += step;
+      return all(dof, e);
+    }
+    const ParameterRow& row = options_.parameters[static_cast<std::size_t>(column - states() - inputs())];
+    double& number = batch.parameter(row.parameter)(row.row, e);
+    return number += number == 0.0 ? step : step * std::abs(number);
+  }
+
+  /// State of one batch, from which differences are taken: copies of the arrays.
+  struct States {
+    Batch<double>::Array angles, turns, velocities, root_poses, root_velocities, record;
+  };
+  States states_of(const Batch<double>& batch, bool with_record) const {
+    States all{batch.angles(),     batch.turns(),           batch.velocities(),
+               batch.root_poses(), batch.root_velocities(), Batch<double>::Array(rows_, batch.environments())};
+    if (with_record && rows_ > 0) batch.read(options_.record, {all.record.data(), all.record.outerStride(), 1});
+    return all;
+  }
+
+  /// (M150): of environment `forwards` less environment `backwards`, in coordinates of the state.
+  Eigen::VectorXd state_difference(const States& all, int forwards, int backwards) const {
+    const auto dofs = static_cast<Eigen::Index>(dofs_.size());
+    Eigen::VectorXd difference(states());
+    for (Eigen::Index k = 0; k < dofs; ++k) {
+      const int dof = dofs_[static_cast<std::size_t>(k)];
+      difference[k] = all.angles(dof, forwards) - all.angles(dof, backwards) +
+                      2.0 * std::numbers::pi * (all.turns(dof, forwards) - all.turns(dof, backwards));
+      difference[half() + k] = all.velocities(dof, forwards) - all.velocities(dof, backwards);
+    }
+    for (int r = 0; r < roots_; ++r) {
+      const auto place = [&](int e) -> Eigen::Vector3d { return all.root_poses.col(e).segment<3>(7 * r).matrix(); };
+      const Eigen::Quaterniond turn = quaternion(all.root_poses, 7 * r + 3, backwards);
+      const Eigen::Vector3d angle = rotation_vector(turn.conjugate() * quaternion(all.root_poses, 7 * r + 3, forwards));
+      const Eigen::Quaterniond middle = turn * turned_by(0.5 * angle);
+      difference.segment<3>(dofs + 6 * r) = angle;
+      difference.segment<3>(dofs + 6 * r + 3) = middle.conjugate() * (place(forwards) - place(backwards));
+    }
+    difference.tail(6 * roots_) = (all.root_velocities.col(forwards) - all.root_velocities.col(backwards)).matrix();
+    return difference;
+  }
+
+  /// Of the rows of the queries. A quaternion and its opposite are the same turn.
+  Eigen::VectorXd record_difference(const States& all, int forwards, int backwards) const {
+    Eigen::VectorXd difference = (all.record.col(forwards) - all.record.col(backwards)).matrix();
+    int row = 0;
+    for (const Query& query : options_.record) {
+      const int end = row + plan_.query_rows(query);
+      const bool of_poses = query.quantity == Quantity::link_pose || query.quantity == Quantity::site_pose ||
+                            query.quantity == Quantity::root_pose;
+      for (int k = row + 3; of_poses && k < end; k += 7) {
+        const Eigen::Vector4d a = all.record.col(forwards).segment<4>(k).matrix(),
+                              b = all.record.col(backwards).segment<4>(k).matrix();
+        if (a.dot(b) < 0.0) difference.segment<4>(k) = a + b;
+      }
+      row = end;
+    }
+    return difference;
+  }
+
+ private:
+  static Eigen::Quaterniond quaternion(const Batch<double>::Array& rows, int first, int e) {
+    return Eigen::Quaterniond(rows(first, e), rows(first + 1, e), rows(first + 2, e), rows(first + 3, e)).normalized();
+  }
+
+  // Along or about an axis of its own.
+  static void move_root(Batch<double>& batch, int e, int root, int axis, double step) {
+    auto pose = batch.root_poses().col(e).segment<7>(7 * root);
+    const Eigen::Quaterniond turn = Eigen::Quaterniond(pose[3], pose[4], pose[5], pose[6]).normalized();
+    const Eigen::Vector3d by = step * Eigen::Vector3d::Unit(axis % 3);
+    if (axis >= 3) {
+      pose.head<3>() += (turn * by).array();
+      return;
+    }
+    const Eigen::Quaterniond now = turn * turned_by(by);
+    pose[3] = now.w(), pose[4] = now.x(), pose[5] = now.y(), pose[6] = now.z();
+  }
+
+  const Plan& plan_;
+  const LinearizeOptions& options_;
+  std::vector<int> dofs_, inputs_;
+  int roots_, rows_ = 0;
+};
+
+// Of one environment, by column.
+struct Measured {
+  Fault fault = Fault::none;
+  Eigen::MatrixXd start, end, record;
+  Eigen::VectorXd number;  // how far an input or a parameter was moved
+};
+
+Linearization solved(const Measured& measured, const Differences& of, int environment) {
+  const int states = of.states(), inputs = of.inputs(), parameters = of.parameters();
+  Linearization result;
+  result.fault = measured.fault;
+  const auto part = [&](const Eigen::MatrixXd& end, Eigen::MatrixXd& by_state, Eigen::MatrixXd& by_input,
+                        Eigen::MatrixXd& by_parameter) {
+    if (measured.fault != Fault::none) {
+      constexpr double none = std::numeric_limits<double>::quiet_NaN();
+      by_state.setConstant(end.rows(), states, none), by_input.setConstant(end.rows(), inputs, none);
+      by_parameter.setConstant(end.rows(), parameters, none);
+      return;
+    }
+    // by_state * start = end, with the coordinates that each column moves.
+    Eigen::FullPivLU<Eigen::MatrixXd> start(measured.start.leftCols(states).transpose());
+    start.setThreshold(1e-6);
+    if (!start.isInvertible())
+      throw UsageError(fmt::format("environment {}", environment),
+                       "stands where its loops leave coordinates of the state no motion of their own",
+                       "move it away from there");
+    by_state = start.solve(end.leftCols(states).transpose()).transpose();
+    by_input = end.middleCols(states, inputs);
+    by_parameter = end.rightCols(parameters) - by_state * measured.start.rightCols(parameters);
+    for (int k = 0; k < inputs; ++k) by_input.col(k) /= measured.number[states + k];
+    for (int k = 0; k < parameters; ++k) by_parameter.col(k) /= measured.number[states + inputs + k];
+  };
+  part(measured.end, result.state_by_state, result.state_by_input, result.state_by_parameter);
+  part(measured.record, result.record_by_state, result.record_by_input, result.record_by_parameter);
+  return result;
+}
+
+}  // namespace
+
+std::vector<int> coordinate_dofs(const Plan& plan) {
+  const Program& program = program_of(plan);
+  int rows = 0;
+  for (const PlanLoop& loop : plan.loops()) rows += loop.rows - loop.redundant;
+  if (rows > static_cast<int>(plan.loop_dependent_dofs().size()))
+    throw UsageError("plan", "has loops that hold floating roots, so roots are no coordinates of their own",
+                     "bolt the roots, or leave these loops out");
+  std::vector<char> placed(static_cast<std::size_t>(plan.dofs()), 0);
+  const auto place = [&](int joint) { placed[static_cast<std::size_t>(program.f64.dof[joint])] = 1; };
+  for (const Placing::Turn& turn : program.placing_hard.turns) place(program.f64.term_joint[turn.term]);
+  for (const int joint : program.placing_hard.ring_followers) place(joint);
+  for (const int dof : plan.loop_dependent_dofs()) placed[static_cast<std::size_t>(dof)] = 1;
+  std::vector<int> dofs;
+  for (int dof = 0; dof < plan.dofs(); ++dof)
+    if (!placed[static_cast<std::size_t>(dof)]) dofs.push_back(dof);
+  return dofs;
+}
+
+template <class S>
+std::vector<Linearization> Batch<S>::linearize(const EnvironmentSet& which, const LinearizeOptions& options) const {
+  if constexpr (std::is_same_v<S, float>) {
+    throw UsageError("batch", "is of single precision, whose differences would be rounding", "use Batch<double>");
+  } else {
+    Impl& own = impl();
+    check_options(own.plan, options);
+    std::vector<int> ids;
+    which.for_each(own.environments, [&](int e) { ids.push_back(e); });
+    for (const int e : ids) check_couplings_hold(own.plan, own.state_pointers(), e);
+    const Differences differences(own.plan, options);
+    const std::vector<std::byte> bytes = save(ids);
+    const Blob blob = read_blob(bytes);
+
+    const int columns = differences.columns(), jobs = static_cast<int>(ids.size()) * columns;
+    std::vector<Measured> measured(ids.size());
+    for (Measured& m : measured) {
+      m.start.resize(differences.states(), columns), m.end.resize(differences.states(), columns);
+      m.record.resize(differences.rows(), columns), m.number.resize(columns);
+    }
+    if (jobs == 0) return std::vector<Linearization>(ids.size());
+    const int copies = std::min(2 * jobs, most_copies);
+    Batch<S> workspace(own.plan, copies, {own.workers.threads(), own.target, own.chosen.engine, 0, 0});
+    std::vector<int> places(static_cast<std::size_t>(copies)), from(places.size());
+    std::iota(places.begin(), places.end(), 0);
+
+    // Copies that are left over from the jobs before are stepped along.
+    for (int first = 0; first < jobs; first += copies / 2) {
+      const int count = std::min(copies / 2, jobs - first);
+      const std::span<const int> used(places.data(), static_cast<std::size_t>(2 * count));
+      for (int i = 0; i < 2 * count; ++i) from[static_cast<std::size_t>(i)] = (first + i / 2) / columns;
+      workspace.impl().restore(blob, used, std::span(from).first(used.size()), false);
+      for (int i = 0; i < count; ++i) {
+        const int column = (first + i) % columns;
+        const double forwards = differences.move(workspace, 2 * i, column, 1.0);
+        const double backwards = differences.move(workspace, 2 * i + 1, column, -1.0);
+        measured[static_cast<std::size_t>((first + i) / columns)].number[column] = forwards - backwards;
+      }
+      if (const auto unmet = workspace.project(used); !unmet.empty())
+        throw UsageError(
+            fmt::format("environment {}", ids[static_cast<std::size_t>((first + unmet[0].environment / 2) / columns)]),
+            "has a coupling or loop that cannot be met", "see Batch::project()");
+      const auto start = differences.states_of(workspace, false);
+      workspace.step(options.substeps);
+      const auto end = differences.states_of(workspace, true);
+      for (int i = 0; i < count; ++i) {
+        const int column = (first + i) % columns;
+        Measured& m = measured[static_cast<std::size_t>((first + i) / columns)];
+        m.start.col(column) = differences.state_difference(start, 2 * i, 2 * i + 1);
+        m.end.col(column) = differences.state_difference(end, 2 * i, 2 * i + 1);
+        m.record.col(column) = differences.record_difference(end, 2 * i, 2 * i + 1);
+        for (const int copy : {2 * i, 2 * i + 1})
+          if (m.fault == Fault::none) m.fault = workspace.faults()[static_cast<std::size_t>(copy)];
+      }
+    }
+
+    std::vector<Linearization> result;
+    for (std::size_t i = 0; i < ids.size(); ++i) result.push_back(solved(measured[i], differences, ids[i]));
+    return result;
+  }
+}
+
+template std::vector<Linearization> Batch<float>::linearize(const EnvironmentSet&, const LinearizeOptions&) const;
+template std::vector<Linearization> Batch<double>::linearize(const EnvironmentSet&, const LinearizeOptions&) const;
+
+}  // namespace lockstep

@@ -1,0 +1,85 @@
+// Batch::rollout(): sequences of controls from saved states. SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include "impl.h"
+
+namespace lockstep {
+namespace {
+
+template <class S>
+StridedRows<S> step_rows(const StridedSteps<S>& numbers, std::ptrdiff_t rollout, std::ptrdiff_t step) {
+  return {numbers.data + rollout * numbers.rollout_stride + step * numbers.step_stride, numbers.row_stride,
+          numbers.rollout_stride};
+}
+
+template <class S>
+void require_finite(const StridedSteps<const S>& controls, int rollouts, int steps, int columns) {
+  for (int i = 0; i < rollouts; ++i)
+    for (int t = 0; t < steps; ++t)
+      for (int k = 0; k < columns; ++k)
+        if (const S number = *(step_rows(controls, i, t).data + k * controls.row_stride); !std::isfinite(number))
+          throw UsageError("actions", fmt::format("are {} in column {} of step {} of rollout {}", number, k, t, i),
+                           "give finite numbers");
+}
+
+void require_positive(int number, const char* element) {
+  if (number < 1) throw UsageError(element, fmt::format("is {}", number), "give 1 or more");
+}
+
+}  // namespace
+
+template <class S>
+std::vector<Fault> Batch<S>::rollout(std::span<const std::byte> start, const StridedSteps<const S>& controls,
+                                     std::span<const Query> record, const StridedSteps<S>& out,
+                                     const RolloutOptions& options) {
+  Impl& batch = impl();
+  const Alone alone(batch.in_use);
+  const int all = options.rollouts;
+
+  // Everything is looked at before anything is written.
+  require_positive(all, "number of rollouts");
+  require_positive(options.steps, "number of steps");
+  require_positive(options.substeps, "number of substeps");
+  const int columns = static_cast<int>(batch.commanded(options.map).size());
+  int rows = 0;
+  for (const Query& query : record) rows += batch.plan.query_rows(query);
+  if (rows > 0 && !out.data)
+    throw UsageError("memory of the queries", "is null", fmt::format("give {} rows of each step", rows));
+  if (columns > 0 && !controls.data)
+    throw UsageError("actions", "are null", fmt::format("give {} of each step", columns));
+  require_finite(controls, all, options.steps, columns);
+  const Blob blob = start.empty() ? Blob{} : read_blob(start);
+  const int saved = start.empty() ? batch.environments : static_cast<int>(blob.head.environments);
+  if (saved != all && (start.empty() || saved != 1))
+    throw UsageError(start.empty() ? "batch" : "blob", fmt::format("has {} environments for {} rollouts", saved, all),
+                     start.empty() ? "give a blob to start from, or as many rollouts"
+                                   : "save one environment, or one for each rollout");
+
+  std::vector<Fault> faults(static_cast<std::size_t>(all));
+  std::vector<int> places(static_cast<std::size_t>(std::min(all, batch.environments))), from(places.size());
+  std::iota(places.begin(), places.end(), 0);
+  for (int first = 0; first < all; first += batch.environments) {
+    const int count = std::min(batch.environments, all - first);
+    const std::span<const int> taken(places.data(), static_cast<std::size_t>(count));
+    if (!start.empty()) {
+      for (const int place : taken) from[static_cast<std::size_t>(place)] = saved == 1 ? 0 : first + place;
+      batch.restore(blob, taken, std::span(from).first(taken.size()), false);
+    }
+    for (int t = 0; t < options.steps; ++t) {
+      batch.set_actions(step_rows(controls, first, t), options.map, taken);
+      batch.step(options.substeps, count);
+      batch.read(record, step_rows(out, first, t), count);
+    }
+    std::copy_n(batch.rows.fault.data(), count, faults.begin() + first);
+  }
+  return faults;
+}
+
+template std::vector<Fault> Batch<float>::rollout(std::span<const std::byte>, const StridedSteps<const float>&,
+                                                  std::span<const Query>, const StridedSteps<float>&,
+                                                  const RolloutOptions&);
+template std::vector<Fault> Batch<double>::rollout(std::span<const std::byte>, const StridedSteps<const double>&,
+                                                   std::span<const Query>, const StridedSteps<double>&,
+                                                   const RolloutOptions&);
+
+}  // namespace lockstep
