@@ -130,9 +130,10 @@ TEST(Linearize, agrees_with_a_block_that_slides_and_sticks) {
     const Linearization own = batch.linearize()[0];
     ASSERT_EQ(own.fault, Fault::none);
     // Columns 6 ... 11 are the twist: x is 9.
-    EXPECT_NEAR(own.state_by_state(9, 9), slides ? 1.0 : 0.0, slides ? 1e-6 : 2e-3);
+    // Contacts yield by 1e-3 of the response, so what sticks keeps 2e-3 of a change.
+    EXPECT_NEAR(own.state_by_state(9, 9), slides ? 1.0 : 2e-3, 1e-5);
     EXPECT_NEAR(own.state_by_state(3, 9), slides ? plan.settings().dt : 0.0, 2e-5);
-    EXPECT_NEAR(own.state_by_state(3, 3), 1.0, 2e-3);
+    EXPECT_NEAR(own.state_by_state(3, 3), 1.0, 1e-6);
   }
 }
 
