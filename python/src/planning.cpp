@@ -177,7 +177,8 @@ void bind_planning(py::class_<AnyBatch>& batch) {
             "[k, s, s], B [k, s, u] and P [k, s, parameters] of the state, record_A, record_B and record_P of the "
             "queries after the steps, and fault [k], where numbers are NaN. The state: positions of "
             "Plan.coordinates, the motion of each floating root in its axes, angular then linear; then their "
-            "velocities. inputs: 'position' or 'velocity' (targets of Plan.driven_dofs) or 'effort' (of Plan.independent_dofs). "
+            "velocities. inputs: 'position' or 'velocity' (targets of Plan.driven_dofs) or 'effort' (of "
+            "Plan.independent_dofs). "
             "parameters: pairs of a field and the name of a row. The batch stays as it is. Needs dtype 'f8', and with "
             "contacts compile(contact_tolerance=1e-10, contact_rounds=100).");
   batch.def("inverse_kinematics", &inverse_kinematics, "site"_a, "targets"_a, "which"_a = py::none(), py::kw_only(),
