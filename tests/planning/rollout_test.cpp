@@ -143,7 +143,9 @@ TEST(RolloutStarts, are_one_environment_one_for_each_or_the_batch_itself) {
   for (int e = 0; e < 3; ++e) {
     const std::vector<double> one = rolled(other, batch.save(std::vector<int>{e}), 1);
     EXPECT_TRUE(std::equal(one.begin(), one.end(), own.begin() + e * 4 * rows));
-    if (e > 0) EXPECT_FALSE(std::equal(one.begin(), one.end(), own.begin()));
+    if (e > 0) {
+      EXPECT_FALSE(std::equal(one.begin(), one.end(), own.begin()));
+    }
   }
 }
 
