@@ -338,7 +338,7 @@ class LOCKSTEP_API Batch {
   std::vector<Fault> rollout(std::span<const std::byte> start, const StridedSteps<const S>& controls,
                              std::span<const Query> record, const StridedSteps<S>& out, const RolloutOptions& options);
 
-  /// Derivatives of the next step of each environment by state, input and parameter, (M150): centred differences of
+  /// Derivatives of the next step of each environment by state, input and parameter, (M144): centred differences of
   /// copies, which are placed as project() does it and keep what the environment remembers of contacts. The batch stays
   /// as it is. Takes a batch of its own for as long as it runs.
   ///
@@ -348,7 +348,7 @@ class LOCKSTEP_API Batch {
   std::vector<Linearization> linearize(const EnvironmentSet& which = EnvironmentSet::all(),
                                        const LinearizeOptions& options = {}) const;
 
-  /// Moves the joints of environments so that the site comes as near to its target as it can within the ranges, (M151):
+  /// Moves the joints of environments so that the site comes as near to its target as it can within the ranges, (M145):
   /// least squares of m and rad, from where the joints are. The nearest is a local one. `targets` are
   /// [3][environments] of the batch, positions in the world, m, or [7][environments], poses as root_poses(). Floating
   /// roots stay, followers, of soft couplings too, and loops are placed as project() does it with the environment's own

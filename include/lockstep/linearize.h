@@ -27,7 +27,7 @@ struct LinearizeOptions {
   double step = 1e-6;  ///< of a difference, in (0, 0.1]: rad, m and their rates; of a parameter, relative to its size
 };
 
-/// Derivatives of one step of one environment, (M150). A state has the coordinates: positions of coordinate_dofs();
+/// Derivatives of one step of one environment, (M144). A state has the coordinates: positions of coordinate_dofs();
 /// for each floating root its motion in its own axes, angular (rad), then linear (m); velocities of these dofs; for
 /// each floating root its velocity.
 struct Linearization {

@@ -31,4 +31,4 @@ class Start:
     position: float = 0.0
     spread: float = 0.0
     velocity: float = 0.0
-    roots: Union[RootNoise, Mapping[str, RootNoise]] = field(default_factory=dict)
+    roots: Union[RootNoise, Mapping[str, RootNoise]] = field(default_factory=lambda: dict[str, RootNoise]())

@@ -44,7 +44,7 @@ class VectorEnv(Base):  # type: ignore[misc]
                    with several a dict
         reward     [num_envs] float, or {name: (weight, function)} (see Rewards); default: 0
         terminate  [num_envs] bool, or {name: function} (see Terminations); default: never. A fault terminates an
-                   episode in any case
+                   episode in any case, and pays nothing
         events     {name: Event}
         randomize  called with the mask of the environments that are being reset, before they get their start
         after_reset  the same, when they have it: it may change the state, the inputs and what rules know
@@ -219,7 +219,7 @@ class VectorEnv(Base):  # type: ignore[misc]
         self.ends["time_out"] = truncated
         terms = {name: each(values, self.num_envs, np.float32, f"reward '{name}'")
                  for name, values in self._named(self.reward(), "reward").items()}
-        rewards = self._log.add(terms, running)
+        rewards = self._log.add(terms, running & ~fault)  # what is frozen may be no number
         self._ended = terminated | truncated
         self._events.step(self, running & ~self._ended)
 

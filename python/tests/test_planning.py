@@ -87,6 +87,6 @@ def test_inverse_kinematics_reaches_what_can_be_reached():
     left = batch.inverse_kinematics("tip", targets)
     assert left.shape == (8, 2) and left[:, 0].max() < 1e-5
     assert np.abs(batch.read(ls.Query("site_position", ["tip"])) - targets).max() < 1e-5
-    assert np.abs(batch.coupling_errors()).max() < 1e-9
+    assert np.abs(batch.read("coupling_error")).max() < 1e-9
     with pytest.raises(ls.UsageError):
         batch.inverse_kinematics("tip", targets[:, :2])

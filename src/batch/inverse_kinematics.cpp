@@ -1,4 +1,4 @@
-// Batch::inverse_kinematics(): damped least squares in independent coordinates (M151). SPDX-License-Identifier:
+// Batch::inverse_kinematics(): damped least squares in independent coordinates (M145). SPDX-License-Identifier:
 // Apache-2.0
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-// Batch::linearize(): centred differences of a step (M150). SPDX-License-Identifier: Apache-2.0
+// Batch::linearize(): centred differences of a step (M144). SPDX-License-Identifier: Apache-2.0
 //
 // Each environment is copied twice for each coordinate, input and parameter, once moved a little forwards and once
 // backwards. Placing followers and closing loops may move other coordinates too, so it is measured where the copies
@@ -125,7 +125,7 @@ class Differences {
     return all;
   }
 
-  /// (M150): of environment `forwards` less environment `backwards`, in coordinates of the state.
+  /// (M144): of environment `forwards` less environment `backwards`, in coordinates of the state.
   Eigen::VectorXd state_difference(const States& all, int forwards, int backwards) const {
     const auto dofs = static_cast<Eigen::Index>(dofs_.size());
     Eigen::VectorXd difference(states());

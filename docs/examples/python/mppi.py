@@ -15,7 +15,7 @@ import lockstep as ls
 
 URDF = pathlib.Path(__file__).parents[3] / "tests" / "models" / "gripper.urdf"
 GAINS = {"shoulder_yaw": (60, 6), "shoulder_pitch": (120, 12), "elbow": (60, 6), "knuckle": (8, 0.3)}
-ROLLOUTS, HORIZON, SUBSTEPS, NOISE, TEMPERATURE = 256, 20, 8, 0.25, 0.02
+ROLLOUTS, HORIZON, SUBSTEPS, NOISE, TEMPERATURE = 256, 20, 8, 0.1, 0.005
 
 
 def plan():
