@@ -1,0 +1,138 @@
+// What trees, joints, couplings, loops and mocap bodies of a file become. SPDX-License-Identifier: Apache-2.0
+#include <cmath>
+
+#include "lockstep/batch.h"
+#include "lockstep/plan.h"
+#include "mjcf/worlds.h"
+#include "unit/import_helpers.h"
+
+namespace lockstep {
+namespace {
+
+// Trees that float and trees that stand, in the file's order.
+TEST(MjcfTrees, may_be_several) {
+  const Model model = import_mjcf(world(floating + pair + body("<freejoint/>", "ball"))).model;
+  ASSERT_EQ(model.roots.size(), 3u);
+  EXPECT_EQ(model.links[0].name, "world");
+  EXPECT_EQ(model.roots[0].link, "world");
+  EXPECT_EQ(model.roots[1].link, "car");
+  EXPECT_EQ(model.roots[2].link, "ball");
+  EXPECT_EQ(import_mjcf(world(floating)).model.links[0].name, "car");
+  EXPECT_NO_THROW(compile(model, {}));
+}
+
+// Sections hold wherever they stand; angles are degrees unless the file says otherwise.
+TEST(MjcfSections, may_stand_anywhere) {
+  const string bodies = "<worldbody>" + body("<joint name='x' range='-1 90'/>", "a") + "</worldbody>";
+  const auto upper = [&](const string& behind) {
+    return joint(import_mjcf("<mujoco>" + bodies + behind + "</mujoco>").model, "x").upper;
+  };
+  EXPECT_DOUBLE_EQ(upper(""), 3.14159265358979323846 / 2.0);
+  EXPECT_EQ(upper("<compiler angle='radian'/>"), 90.0);
+  EXPECT_EQ(upper("<compiler angle='radian'/><compiler autolimits='true'/>"), 90.0);
+  EXPECT_DOUBLE_EQ(upper("<compiler angle='radian'/><compiler angle='degree'/>"), 3.14159265358979323846 / 2.0);
+  const Model model = import_mjcf("<mujoco>" + bodies + "<default><joint damping='2'/></default></mujoco>").model;
+  EXPECT_EQ(joint(model, "x").damping, 2.0);
+}
+
+// The drawn pose is q = ref; ranges and springs are in the joint's own coordinate.
+TEST(MjcfJoints, keep_their_coordinate_with_a_ref) {
+  const Model model = import_mjcf(world(body("<joint name='x' type='slide' axis='0 0 2' ref='0.3' range='0.1 0.4' "
+                                             "stiffness='5' springref='0.2' pos='7 7 7'/>",
+                                             "a")))
+                          .model;
+  const Joint& own = joint(model, "x");
+  EXPECT_EQ(own.position, 0.3);
+  EXPECT_EQ(own.lower, 0.1);
+  EXPECT_EQ(own.upper, 0.4);
+  EXPECT_EQ(own.rest, 0.2);
+  EXPECT_LT((own.origin.translation() - Eigen::Vector3d(0, 0, -0.3)).norm(), 1e-15);
+}
+
+// Joints come by body, even those that stand behind child bodies.
+TEST(MjcfJoints, come_in_the_order_of_mujoco) {
+  const Model model = import_mjcf(world("<body name='a'>" + ball + body("<joint name='last'/>", "b") +
+                                        "<joint name='first'/><joint name='second' axis='1 0 0'/></body>"))
+                          .model;
+  std::vector<string> names;
+  for (const Joint& own : model.joints) names.push_back(own.name);
+  EXPECT_EQ(names, (std::vector<string>{"first", "second", "last"}));
+}
+
+// Equalities hold in any place of a chain, and with more than two joints.
+TEST(MjcfCouplings, may_have_many_joints) {
+  const Model model =
+      import_mjcf(
+          world(pair + body("<joint name='z'/>", "three"),
+                "<tendon><fixed name='t'><joint joint='x' coef='2'/><joint joint='y' coef='4'/><joint joint='z' "
+                "coef='-6'/><joint joint='y' coef='2'/></fixed></tendon><equality><tendon tendon1='t' "
+                "polycoef='1'/></equality>"))
+          .model;
+  ASSERT_EQ(model.couplings.size(), 1u);
+  const Coupling& coupling = model.couplings[0];
+  EXPECT_EQ(coupling.joint, "x");
+  ASSERT_EQ(coupling.terms.size(), 2u);
+  EXPECT_EQ(coupling.terms[0].ratio, 3.0);
+  EXPECT_EQ(coupling.terms[1].ratio, -3.0);
+  EXPECT_EQ(coupling.offset, -0.5);
+  EXPECT_EQ(joint(model, "x").position, 0.5);
+}
+
+// The first pose of a weld is that of the mocap body, whatever its relpose, and a keyframe moves it alone.
+TEST(MjcfMocap, is_the_first_pose_of_its_loops) {
+  const string text =
+      world(body("<freejoint/>", "hand") + "<body name='m' mocap='true' pos='1 2 3' quat='0.6 0 0.8 0'/>",
+            "<keyframe><key name='k' mpos='4 5 6' mquat='0 0 2 0'/></keyframe><equality>"
+            "<weld body1='hand' body2='m' relpose='0.1 0.2 0.3 0.5 0.5 0.5 0.5' anchor='0.4 0 0.1'/></equality>");
+  const Loop drawn = import_mjcf(text).model.loops.at(0);
+  const Loop moved = import_mjcf(text, "file", {.keyframe = "k"}).model.loops.at(0);
+  EXPECT_EQ(drawn.first, "");
+  EXPECT_EQ(drawn.second, "hand");
+  Pose mocap = Pose::Identity();
+  mocap.translation() = Eigen::Vector3d(1.0, 2.0, 3.0);
+  mocap.linear() = Eigen::Quaterniond(0.6, 0.0, 0.8, 0.0).toRotationMatrix();
+  EXPECT_TRUE(drawn.first_pose.isApprox(mocap, 1e-15));
+  mocap.translation() = Eigen::Vector3d(4.0, 5.0, 6.0);
+  mocap.linear() = Eigen::Vector3d(-1.0, 1.0, -1.0).asDiagonal();  // half a turn about y
+  EXPECT_TRUE(moved.first_pose.isApprox(mocap, 1e-15));
+  EXPECT_TRUE(moved.second_pose.isApprox(drawn.second_pose, 0.0));
+  // The hand is where the mocap body's axes are those of relpose in the hand, and the points meet.
+  const Pose hand = drawn.first_pose * drawn.second_pose.inverse();
+  const Eigen::Matrix3d turn = Eigen::Quaterniond(0.5, 0.5, 0.5, 0.5).toRotationMatrix();
+  EXPECT_TRUE((hand.linear() * turn).isApprox(drawn.first_pose.linear(), 1e-14));
+  EXPECT_TRUE(
+      (hand * Eigen::Vector3d(0.1, 0.2, 0.3)).isApprox(drawn.first_pose * Eigen::Vector3d(0.4, 0.0, 0.1), 1e-14));
+}
+
+// A body that stands still beside a floating one is part of the world, so it comes first. The file's own names stay.
+TEST(MjcfLoops, have_the_world_first_and_the_names_of_the_file) {
+  const Model model =
+      import_mjcf(world(body("<freejoint/>", "free") + "<body name='still' pos='1 2 3'><geom size='0.1'/></body>",
+                        "<equality><connect body1='free' body2='still' anchor='0 0 0'/>"
+                        "<connect name='connect' body1='free' body2='still' anchor='0.1 0 0'/></equality>"))
+          .model;
+  ASSERT_EQ(model.loops.size(), 2u);
+  for (const Loop& loop : model.loops) {
+    EXPECT_EQ(loop.first, "");
+    EXPECT_EQ(loop.second, "free");
+  }
+  EXPECT_EQ(model.loops[0].name, "connect#2");
+  EXPECT_EQ(model.loops[1].name, "connect");
+  EXPECT_EQ(model.loops[1].second_pose.translation().x(), 0.1);
+}
+
+TEST(MjcfMocap, has_geoms_in_the_world) {
+  const Model model = import_mjcf(world(body("<freejoint/>", "hand") + "<body name='m' mocap='true' pos='0 0 3'>" +
+                                        "<geom name='g' size='0.1' pos='0 0 1'/></body>"),
+                                  "file", {.colliders = true})
+                          .model;
+  ASSERT_EQ(model.colliders.size(), 2u);
+  EXPECT_EQ(model.colliders[1].link, "");
+  EXPECT_EQ(model.colliders[1].group, "");
+  EXPECT_EQ(model.colliders[1].pose.translation().z(), 4.0);
+  EXPECT_EQ(model.contacts.size(), 1u);
+  EXPECT_EQ(model.links.size(), 1u);
+}
+
+}  // namespace
+}  // namespace lockstep
