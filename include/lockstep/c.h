@@ -107,7 +107,9 @@ typedef struct {
   int32_t stage_inputs; /* 0 or 1, as the next two */
   int32_t record_impulses;
   int32_t record_diagnostics;
-  int32_t reserved; /* 0 */
+  int32_t reserved;       /* 0 */
+  int32_t record_efforts; /* 0 or 1, as the next one */
+  int32_t record_contacts;
 } lockstep_settings;
 
 LOCKSTEP_C_API void lockstep_settings_init(lockstep_settings* settings);
@@ -266,7 +268,17 @@ enum {
   LOCKSTEP_READ_LINK_GRAVITY = 22,       /* 3 rows: unit vector along gravity in the link's axes */
   LOCKSTEP_READ_SITE_GRAVITY = 23,       /* 3 rows: the same in the site's axes */
   LOCKSTEP_READ_LINK_CONTACT_FORCE = 24, /* 3 rows: the sum of the contact forces on the link, world axes */
-  LOCKSTEP_READ_LINK_CONTACTS = 25       /* how many pairs with the link bear a force */
+  LOCKSTEP_READ_LINK_CONTACTS = 25,      /* how many pairs with the link bear a force */
+  LOCKSTEP_READ_DRIVE_EFFORT = 26,       /* this and the next two need lockstep_settings.record_efforts */
+  LOCKSTEP_READ_DRIVE_EFFORT_PEAK = 27,
+  LOCKSTEP_READ_DRIVE_EFFORT_MEAN = 28,
+  LOCKSTEP_READ_CONTACT_PEAK_FORCE = 29, /* this and the next ones need lockstep_settings.record_contacts */
+  LOCKSTEP_READ_CONTACT_MEAN_FORCE = 30, /* 3 rows */
+  LOCKSTEP_READ_CONTACT_TIME = 31,
+  LOCKSTEP_READ_CONTACT_AIR_TIME = 32,
+  LOCKSTEP_READ_CONTACT_LAST_TIME = 33,
+  LOCKSTEP_READ_CONTACT_LAST_AIR_TIME = 34,
+  LOCKSTEP_READ_CONTACT_FIRST_TOUCH = 35
 };
 typedef struct {
   uint32_t size;

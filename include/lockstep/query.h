@@ -46,7 +46,22 @@ enum class Quantity {
   link_gravity,  ///< 3 rows by link: the unit vector along gravity in the link's axes; 0 where the world has no gravity
   site_gravity,  ///< 3 rows by site: the same in the site's axes
   link_contact_force,  ///< 3 rows by link: the sum of contact_force on it over its colliders' pairs, N, world axes
-  link_contacts        ///< by link: how many of these pairs bear a force
+  link_contacts,       ///< by link: how many of these pairs bear a force
+  // With StepSettings::record_efforts: what drives have really applied, servo and feed-forward effort together, at most
+  // the effort limit; without friction, springs and damping. 0 after a reset and in environments with a fault.
+  drive_effort,       ///< by dof, mean over the last step, N m or N
+  drive_effort_peak,  ///< by dof, the largest size in a step of the last call of step(), >= 0
+  drive_effort_mean,  ///< by dof, mean over the last call of step()
+  // With StepSettings::record_contacts, by pair of Plan::contacts(). A pair touches in a step in which it presses.
+  // Times are those of whole steps, run on over calls of step(), and begin at 0 with a reset; a written state leaves
+  // them.
+  contact_peak_force,     ///< the largest size of contact_force in a step of the last call, N
+  contact_mean_force,     ///< 3 rows: mean of contact_force over the last call, N, world axes
+  contact_time,           ///< s that the pair has touched until now, 0 in the air
+  contact_air_time,       ///< s that it has been in the air until now, 0 while it touches
+  contact_last_time,      ///< s that the contact before the last flight took, 0 if there was none
+  contact_last_air_time,  ///< s that the flight before the last touch took, 0 if there was none
+  contact_first_touch     ///< 1 if a flight has ended in the last call, else 0
 };
 
 /// The enumerator's name: "link_pose" ... The string lives forever.

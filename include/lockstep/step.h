@@ -92,6 +92,11 @@ struct StepSettings {
   bool record_impulses = false;
   /// Keep what Batch::row_residuals(), row_states(), energy_balances() and conflicts() show. The same holds.
   bool record_diagnostics = false;
+  /// Keep the efforts of drives for Quantity::drive_effort and its peak and mean. Steps are made by the tables then, by
+  /// leapfrog or euler. No joint may have a kinematic drive.
+  bool record_efforts = false;
+  /// Keep what each pair of Plan::contacts() has done for Quantity::contact_peak_force to contact_first_touch.
+  bool record_contacts = false;
   /// The largest eta of a step, > 0; infinity switches the guard off. eta is the part of the momentum that a step
   /// misses because velocities change within it: (M91) in docs/mathematics.md. Environments above it take the step in
   /// halves, quarters ... down to 1/32, if the integrator is leapfrog. What is too coarse even then is frozen with

@@ -30,6 +30,8 @@ def compile(
     stage_inputs: bool = ...,
     record_impulses: bool = ...,
     diagnostics: bool = ...,
+    record_efforts: bool = ...,
+    record_contacts: bool = ...,
     guard: float = ...,
     position_bound: float = ...,
     velocity_bound: float = ...,

@@ -30,6 +30,17 @@ class Query:
     unfinished_contacts                  -       1
     solve_counts                         -       11: of the last step: steps, pairs near, points live, points pressing,
                                                  solves, passes, rounds, trials; points, rounds, trials of the tile
+
+    With compile(record_efforts=True):
+    drive_effort                         joints  1: mean over the last step, after the limit, N m or N
+    drive_effort_peak, drive_effort_mean joints  1: of the last call of step()
+
+    With compile(record_contacts=True):
+    contact_peak_force                   pairs   1: largest size in a step of the last call, N
+    contact_mean_force                   pairs   3: over the last call, N, world axes
+    contact_time, contact_air_time       pairs   1: of the present contact or flight, s
+    contact_last_time, contact_last_air_time  pairs   1: of those before, s
+    contact_first_touch                  pairs   1: 1 if a flight has ended in the last call
     """
 
     quantity: str

@@ -114,7 +114,17 @@ const Names<Quantity> quantities = {{"q", Quantity::position},
                                     {"link_gravity", Quantity::link_gravity},
                                     {"site_gravity", Quantity::site_gravity},
                                     {"link_contact_force", Quantity::link_contact_force},
-                                    {"link_contacts", Quantity::link_contacts}};
+                                    {"link_contacts", Quantity::link_contacts},
+                                    {"drive_effort", Quantity::drive_effort},
+                                    {"drive_effort_peak", Quantity::drive_effort_peak},
+                                    {"drive_effort_mean", Quantity::drive_effort_mean},
+                                    {"contact_peak_force", Quantity::contact_peak_force},
+                                    {"contact_mean_force", Quantity::contact_mean_force},
+                                    {"contact_time", Quantity::contact_time},
+                                    {"contact_air_time", Quantity::contact_air_time},
+                                    {"contact_last_time", Quantity::contact_last_time},
+                                    {"contact_last_air_time", Quantity::contact_last_air_time},
+                                    {"contact_first_touch", Quantity::contact_first_touch}};
 
 int place_in(const std::vector<std::string>& names, const std::string& name, const char* kind) {
   const auto found = std::find(names.begin(), names.end(), name);

@@ -77,6 +77,16 @@ class Batch<S>::Impl::TileReader {
       case Quantity::root_velocity: return copy(query, elements, tile_.root_velocity, 6);
       case Quantity::solve_counts: return copy(query, elements, tile_.solve_counts, solve_count_rows);
       case Quantity::loop_force: return copy(query, elements, tile_.loop_force, 6);
+      case Quantity::drive_effort: return copy_part(query, elements, tile_.drive_effort, drive_effort_rows, 0);
+      case Quantity::drive_effort_peak: return copy_part(query, elements, tile_.drive_effort, drive_effort_rows, 1);
+      case Quantity::drive_effort_mean: return copy_part(query, elements, tile_.drive_effort, drive_effort_rows, 2);
+      case Quantity::contact_time: return copy_times(query, elements, 0);
+      case Quantity::contact_air_time: return copy_times(query, elements, 1);
+      case Quantity::contact_last_time: return copy_times(query, elements, 2);
+      case Quantity::contact_last_air_time: return copy_times(query, elements, 3);
+      case Quantity::contact_first_touch: return copy_history(query, elements, 4);
+      case Quantity::contact_peak_force: return copy_history(query, elements, 5);
+      case Quantity::contact_mean_force: return copy_mean_forces(query, elements);
       case Quantity::coupling_error: return compute(query, elements, kernels::Quantity::coupling_errors, 1);
       case Quantity::loop_error: return compute(query, elements, kernels::Quantity::loop_errors, 2);
       case Quantity::kinetic_energy: return compute(query, elements, kernels::Quantity::kinetic_energy, 1);
@@ -126,6 +136,31 @@ class Batch<S>::Impl::TileReader {
   void copy(const Query& query, int elements, const S* rows, int rows_of_each) {
     for_each_element(query, elements,
                      [&](int i) { put(rows + rows_of_each * i * batch_.stride, rows_of_each, batch_.stride); });
+  }
+
+  // Row `part` of each element's.
+  void copy_part(const Query& query, int elements, const S* rows, int rows_of_each, int part) {
+    for_each_element(query, elements,
+                     [&](int i) { put(rows + (rows_of_each * i + part) * batch_.stride, 1, batch_.stride); });
+  }
+
+  void copy_history(const Query& query, int elements, int part) {
+    copy_part(query, elements, tile_.contact_history, contact_history_rows, part);
+  }
+
+  // Steps become seconds.
+  void copy_times(const Query& query, int elements, int part) {
+    scale_ = static_cast<S>(query.scale * batch_.plan.settings().dt);
+    copy_history(query, elements, part);
+  }
+
+  // On the collider that users name second.
+  void copy_mean_forces(const Query& query, int elements) {
+    const S scale = scale_;
+    for_each_element(query, elements, [&](int i) {
+      scale_ = program_of(batch_.plan).contacts.pairs[static_cast<std::size_t>(i)].swapped ? -scale : scale;
+      put(tile_.contact_history + (contact_history_rows * i + 6) * batch_.stride, 3, batch_.stride);
+    });
   }
 
   // Number k of a slot. Normals are from the pair's first collider as users name it.

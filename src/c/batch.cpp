@@ -123,7 +123,17 @@ constexpr Quantity quantities[] = {Quantity::position,
                                    Quantity::link_gravity,
                                    Quantity::site_gravity,
                                    Quantity::link_contact_force,
-                                   Quantity::link_contacts};
+                                   Quantity::link_contacts,
+                                   Quantity::drive_effort,
+                                   Quantity::drive_effort_peak,
+                                   Quantity::drive_effort_mean,
+                                   Quantity::contact_peak_force,
+                                   Quantity::contact_mean_force,
+                                   Quantity::contact_time,
+                                   Quantity::contact_air_time,
+                                   Quantity::contact_last_time,
+                                   Quantity::contact_last_air_time,
+                                   Quantity::contact_first_touch};
 
 void initialise(lockstep_query* query) { *query = {sizeof(lockstep_query), 0, -1, 0, 1.0}; }
 

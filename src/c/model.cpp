@@ -143,6 +143,8 @@ void lockstep_settings_init(lockstep_settings* settings) {
                0,
                0,
                0,
+               0,
+               0,
                0};
 }
 int lockstep_compile(const lockstep_model* model, const lockstep_settings* settings, lockstep_plan** out) {
@@ -159,6 +161,8 @@ int lockstep_compile(const lockstep_model* model, const lockstep_settings* setti
     to.stage_inputs = truth(from.stage_inputs, "stage_inputs");
     to.record_impulses = truth(from.record_impulses, "record_impulses");
     to.record_diagnostics = truth(from.record_diagnostics, "record_diagnostics");
+    to.record_efforts = truth(from.record_efforts, "record_efforts");
+    to.record_contacts = truth(from.record_contacts, "record_contacts");
     require_zero(from.reserved, "reserved member of the settings");
     const Model& own = given(model, "model")->model;
     *out = new lockstep_plan{compile(own, to), coupling_names(own)};

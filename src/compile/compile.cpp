@@ -58,6 +58,17 @@ void check_ignored(const Ignored& ignore, const Model& model) {
               "name moving joints");
 }
 
+// The force of a kinematic drive is that of a bound, which it shares with limits and friction.
+void check_records(const StepSettings& settings, const Model& model) {
+  for (const Joint& joint : model.joints)
+    require(
+        !settings.record_efforts || !joint.drive.kinematic, "record_efforts",
+        fmt::format("is set, and joint '{}' has a kinematic drive, whose effort is not known apart from that of its "
+                    "limits and its friction",
+                    joint.name),
+        "give the joint a servo, or record nothing");
+}
+
 // A link's inertia scales with its mass.
 void check_masses(const StepSettings& settings, const Model& model) {
   if (!settings.per_environment.contains(Parameter::mass) || settings.per_environment.contains(Parameter::inertia))
@@ -131,6 +142,8 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   t.most_gain = most_gain;
   t.record_impulses = settings.record_impulses;
   t.record_diagnostics = settings.record_diagnostics;
+  t.record_efforts = settings.record_efforts;
+  t.record_contacts = settings.record_contacts;
   for (unsigned p = 0; p < parameter_count; ++p)
     if (settings.per_environment.contains(static_cast<Parameter>(p))) t.per_environment |= 1u << p;
 
@@ -170,6 +183,7 @@ Plan compile(const Model& model, const StepSettings& settings) {
   model.validate();
   check_ignored(settings.ignore, model);
   check_masses(settings, model);
+  check_records(settings, model);
   const bool automatic = settings.integrator == Integrator::automatic;
   std::shared_ptr<Program> program = compiled(model, settings, automatic ? Integrator::leapfrog : settings.integrator);
   program->integrator_reason = automatic ? "its errors are of second order" : "as asked for";

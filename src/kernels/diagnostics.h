@@ -3,6 +3,7 @@
 // (M64), (M65). Runs between the solve and check(), while everything that the solve used is still there.
 #pragma once
 
+#include "kernels/couplings/drive_efforts.h"
 #include "kernels/dynamics/energies.h"
 #include "kernels/integrators/solve_bounds.h"
 
@@ -160,20 +161,15 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   const Phase phase = t.solve_twice ? velocity_phase : position_phase;
   const T h = T(t.dt), zero = T(0);
   const Field<T> damping = field<T>(batch, Parameter::damping, t.damping.data);
-  const auto force = [&](int j) { return servo<T>(t, batch, x, j).force(h, x.state.q[j], x.next.v[t.velocity_of(j)]); };
 
   // Damping, efforts and servos.
   for (int j = 0; j < t.joints; ++j) {
-    const T v = x.next.v[t.velocity_of(j)], displacement = h * v, most = effort_limit<T>(t, batch, j);
-    dissipated = fma(damping.at(j, t.dof[j]) * v, displacement, dissipated);
-    T effort = feed_forward<T>(t, batch, j);
-    bool has_servo = false;
-    for (int i = 0; i < t.servos.count; ++i) has_servo |= t.servos[i] == j;
-    for (int i = 0; i < t.limited_servos.count; ++i) has_servo |= t.limited_servos[i] == j;
-    for (int i = 0; i < t.row_servos.count; ++i) has_servo |= t.row_servos[i] == j;
-    if (has_servo) effort += force(j);
-    work = fma(clamp(effort, -most, most), displacement, work);
+    const T v = x.next.v[t.velocity_of(j)];
+    dissipated = fma(damping.at(j, t.dof[j]) * v, h * v, dissipated);
   }
+  each_drive_effort(t, batch, x, 0, x.next.v, [&](int j, T effort) LOCKSTEP_INLINED {
+    work = fma(effort, h * x.next.v[t.velocity_of(j)], work);
+  });
 
   // Springs.
   for (int i = 0; i < t.springs.count; ++i) {

@@ -8,6 +8,7 @@
 #include "kernels/couplings/turns.h"
 #include "kernels/dynamics/frame.h"
 #include "kernels/tile/lay_out.h"
+#include "records.h"
 
 namespace lockstep::kernels {
 
@@ -134,6 +135,7 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
   if (t.tendons.count > 0) keep_tendons(t, x), place_tendons(t, x);
   set_consistent(t, x, all_consistent(t, x, shape));
   if (t.contacts.used()) load_contacts(t, batch, x);
+  if (t.records_calls()) load_records(t, batch, x);
   if (t.counts_solves()) x.counts.each([](T& number) LOCKSTEP_INLINED { number = T(0); });
 }
 

@@ -14,6 +14,7 @@
 #include "kernels/integrators/runge_kutta.h"
 #include "kernels/tile/lay_out.h"
 #include "load.h"
+#include "records.h"
 #include "simd/floating_point_mode.h"
 #include "store.h"
 
@@ -30,9 +31,11 @@ void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
   }
   if (t.functions.used()) place_curved(t, x, x.next.q, x.next.v);
   if (t.record_diagnostics) diagnose(t, batch, x);
+  if (t.record_efforts && t.integrator == Integrator::euler) euler_efforts(t, batch, x);
   if (t.audited) audit_if(t, batch, x);
   check(t, batch, x);
   if (t.record_diagnostics) add_energies(x);
+  if (t.records_calls()) add_records(t, x);
 }
 
 /// A step by the tables. Generated code for one plan has a struct of its own in place of this one.

@@ -4,6 +4,7 @@
 #include "kernels/contacts/memory.h"
 #include "kernels/couplings/turns.h"
 #include "kernels/tile/tile_shape.h"
+#include "records.h"
 
 namespace lockstep::kernels {
 
@@ -26,6 +27,7 @@ LOCKSTEP_INLINE void store(const Tables<ScalarOf<T>>& t, const StatePointers<Sca
   for (int r = 0; r < shape.roots; ++r)
     for (int i = 0; i < 6; ++i) store(batch.root_velocity + (6 * r + i) * stride, v[shape.root[r].velocity + i]);
   if (t.contacts.used()) store_contacts(t, batch, x);
+  if (t.records_calls()) store_records(t, batch, x);
   if (t.counts_solves()) store_counts(batch, x.counts);
   for (int k = 0; k < 6 * t.loops.loops.count; ++k) store(batch.loop_force + k * batch.stride, x.loops.force[k]);
   for (int c = 0; shape.record_impulses && c < t.couplings; ++c)

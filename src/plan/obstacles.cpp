@@ -237,6 +237,10 @@ void find_integrator_obstacles(Program& program) {
       stands("recorded impulses or diagnostics", "a step of several stages has no single impulse or balance to record",
              "use euler, or record nothing");
 
+    if (s.record_efforts && !leapfrog)
+      stands("recorded efforts", "its weights of stages make no mean force of a drive",
+             "use leapfrog or euler, or record no efforts");
+
     // Couplings: corrections that stay or grow, and softness that depends on the length of a stage.
     if (integrator == Integrator::extrapolated)
       for (const Coupling& coupling : program.model.couplings)

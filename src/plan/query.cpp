@@ -37,7 +37,17 @@ const char* to_string(Quantity quantity) noexcept {
                                       "link_gravity",
                                       "site_gravity",
                                       "link_contact_force",
-                                      "link_contacts"};
+                                      "link_contacts",
+                                      "drive_effort",
+                                      "drive_effort_peak",
+                                      "drive_effort_mean",
+                                      "contact_peak_force",
+                                      "contact_mean_force",
+                                      "contact_time",
+                                      "contact_air_time",
+                                      "contact_last_time",
+                                      "contact_last_air_time",
+                                      "contact_first_touch"};
   const auto index = static_cast<unsigned>(quantity);
   return index < std::size(names) ? names[index] : "unknown";
 }
@@ -76,13 +86,36 @@ QueryShape shape_of(const Program& program, Quantity quantity) {
     case Quantity::link_contact_force: return {t.links, 3};
     case Quantity::site_gravity: return {sites, 3};
     case Quantity::link_contacts: return {t.links, 1};
+    case Quantity::drive_effort:
+    case Quantity::drive_effort_peak:
+    case Quantity::drive_effort_mean: return {t.joints, 1};
+    case Quantity::contact_peak_force:
+    case Quantity::contact_time:
+    case Quantity::contact_air_time:
+    case Quantity::contact_last_time:
+    case Quantity::contact_last_air_time:
+    case Quantity::contact_first_touch: return {t.contacts.pairs.count, 1};
+    case Quantity::contact_mean_force: return {t.contacts.pairs.count, 3};
   }
   throw UsageError("quantity " + std::to_string(static_cast<int>(quantity)), "is none of the enumerators",
                    "give one of Quantity");
 }
 
+namespace {
+
+void require_recorded(const Tables<double>& t, Quantity quantity) {
+  const bool of_drives = quantity >= Quantity::drive_effort && quantity <= Quantity::drive_effort_mean;
+  const bool of_calls = quantity >= Quantity::contact_peak_force && quantity <= Quantity::contact_first_touch;
+  if ((of_drives && !t.record_efforts) || (of_calls && !t.record_contacts))
+    throw UsageError(std::string("query ") + to_string(quantity), "is not kept by this plan",
+                     of_drives ? "set StepSettings::record_efforts" : "set StepSettings::record_contacts");
+}
+
+}  // namespace
+
 int Plan::query_rows(const Query& query) const {
   const QueryShape shape = shape_of(*program_, query.quantity);
+  require_recorded(program_->f64, query.quantity);
   for (const int element : query.elements)
     if (element < 0 || element >= shape.elements)
       throw UsageError("element " + std::to_string(element) + " of query " + to_string(query.quantity),

@@ -68,6 +68,8 @@ struct TableStructure {
   unsigned per_environment = 0;  ///< declared fields, bit by Parameter
   bool record_impulses = false;
   bool record_diagnostics = false;
+  bool record_efforts = false;
+  bool record_contacts = false;
 
   inline __attribute__((always_inline)) bool declares(Parameter parameter) const {
     return (per_environment >> static_cast<unsigned>(parameter)) & 1u;
@@ -76,6 +78,8 @@ struct TableStructure {
   inline __attribute__((always_inline)) bool has_own_inertias() const {
     return declares(Parameter::mass) || declares(Parameter::center_of_mass) || declares(Parameter::inertia);
   }
+  /// Whether a batch keeps what its steps have done over a call.
+  inline __attribute__((always_inline)) bool records_calls() const { return record_efforts || record_contacts; }
   /// Whether forces act along the world's axes.
   inline __attribute__((always_inline)) bool has_orientations() const {
     return declares(Parameter::link_wrench) || own_weights.count > 0;

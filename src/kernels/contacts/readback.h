@@ -11,13 +11,26 @@ namespace lockstep::kernels {
 /// The normal is that of the force where there is one.
 constexpr int contact_numbers = 11;
 
+/// Impulses times this are forces of the last step.
+template <class T>
+LOCKSTEP_INLINE T per_second(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
+  return T(ScalarOf<T>(1)) / (t.guarded ? x.contacts.length : T(t.step));
+}
+
+/// What the last step has found, along its own axes in the world: the contact may have other ones by now, or be over.
+template <class T>
+LOCKSTEP_INLINE Vec3<T> impulse_of_slot(const ContactPatch<T>& patch, const ContactSlot<T>& slot) {
+  const Vec3<T> other = cross(patch.kept_normal, patch.kept_tangent);
+  return fma(patch.kept_normal, slot.pressed, fma(patch.kept_tangent, slot.memory[0], scaled(other, slot.memory[1])));
+}
+
 /// Of all slots of a tile that has been loaded; `numbers` has contact_numbers rows of T::lanes for each, and one row
 /// behind them for the solves that ended at their cap. Normals are from the first collider to the second in the order
 /// of PairKind.
 template <class T>
 void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& x) {
   using S = ScalarOf<T>;
-  const T none = T(S(__builtin_inf())), zero = T(0), per_second = T(S(1)) / (t.guarded ? x.contacts.length : T(t.step));
+  const T none = T(S(__builtin_inf())), zero = T(0), share = per_second(t, x);
 
   // Contacts of the present state, in all lanes.
   x.frozen = T::none();
@@ -39,13 +52,10 @@ void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& 
       const auto put_vector = [&](const Vec3<T>& v) LOCKSTEP_INLINED {
         for (int k = 0; k < 3; ++k) put(select(slot.live, v[k], zero));
       };
-      // What the step has found, along its own axes: the contact may have other ones by now, or be over.
       const auto pressed = x.contacts.kept & less(zero, slot.pressed);
-      const Vec3<T> other = cross(patch.kept_normal, patch.kept_tangent);
-      const Vec3<T> impulse =
-          fma(patch.kept_normal, slot.pressed, fma(patch.kept_tangent, slot.memory[0], scaled(other, slot.memory[1])));
+      const Vec3<T> impulse = impulse_of_slot(patch, slot);
       const auto put_force = [&] {
-        const Vec3<T> force = select<T>(pressed, scaled(impulse, per_second), Vec3<T>::zero());
+        const Vec3<T> force = select<T>(pressed, scaled(impulse, share), Vec3<T>::zero());
         for (int k = 0; k < 3; ++k) put(force[k]);
       };
       const auto put_normal = [&](const Vec3<T>& now) {

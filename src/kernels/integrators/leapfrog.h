@@ -11,6 +11,7 @@
 #include "kernels/dynamics/bias_forces.h"
 #include "kernels/dynamics/kinematics.h"
 #include "leapfrog_bounds.h"
+#include "leapfrog_efforts.h"
 #include "midpoint.h"
 
 namespace lockstep::kernels {
@@ -112,6 +113,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   if (t.rounds.in_stages) settle(t, batch, x);
   if (t.functions.used()) place_curved(t, x, x.next.q, x.next.v);
   remember_midpoint(t, x);
+  if (t.record_efforts) leapfrog_efforts(t, batch, x, time);
 }
 
 /// Takes the step from x.stages.begin again in these lanes, by two steps of half the length. Lanes of x.too_fast are
@@ -135,6 +137,7 @@ void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     if (half.half) copy_contacts(t, x, x.guard.remembered[depth + 1]);
     leapfrog(half, batch, x, 0);
     const auto coarse = x.guard.coarse & lanes;
+    if (t.record_efforts) add_efforts(t, half.half ? lanes & ~coarse : lanes, ScalarOf<T>(0.5) / (1 << depth), x);
     if (any(coarse) && half.half)
       take_halves(half, batch, coarse, depth + 1, x);
     else if (any(coarse))
@@ -168,6 +171,10 @@ void leapfrog_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   x.contacts.work = T(0);
   if (t.guarded) copy_contacts(t, x, x.guard.remembered[0]);
   leapfrog(t, batch, x, 0);
+  if (t.record_efforts) {
+    for (int j = 0; j < t.joints; ++j) x.records.effort[j] = T(0);
+    add_efforts(t, t.guarded ? ~x.guard.coarse : ~T::none(), ScalarOf<T>(1), x);
+  }
   if (t.guarded || t.rounds.used()) step_again_if(t, batch, x);
   copy_state(t, x.stages.begin, x.state);  // lanes that fail keep it
 }

@@ -278,7 +278,10 @@ void stages_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     if (t.reduction.followers > 0) read_row(t, batch, r, x.stages.begin.q, correction, x);
     set_mean_interval(t, r, x.search.branch[r], end[t.rounds.velocity[r]], x);
   }
-  for (int i = 0; i < t.limited_servos.count; ++i) x.servos.bounded[i] = T::none();
+  for (int i = 0; i < t.limited_servos.count; ++i) {
+    if (t.record_efforts) x.records.searched[i] = x.servos.bounded[i];
+    x.servos.bounded[i] = T::none();
+  }
   for (int z = 0; z < n; ++z) {
     x.held.start[z] = mean[z];
     x.held.momentum[z] = weight * x.stage_bounds.correction[z];
@@ -318,6 +321,7 @@ template <class T>
 LOCKSTEP_INLINE void bound_stages(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
                                   int time) {
   x.bounds.candidate = (x.bounds.candidate | bounds_act_on_stages(t, batch, x, time)) & ~x.frozen;
+  for (int i = 0; t.record_efforts && i < t.limited_servos.count; ++i) x.records.searched[i] = T::none();
   if (!any(x.bounds.candidate)) return;
   if (!x.stage_bounds.opened) open_stage_bounds(t, batch, x);
   x.stage_bounds.opened = true;

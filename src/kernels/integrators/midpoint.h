@@ -357,6 +357,7 @@ void step_from_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
     if (near) acts = acts | solve_contacts_at_midpoint(t, batch, x);
     return_to_stages(t, ~acts, x);
   }
+  x.midpoint.acts = acts;
   if (t.contacts.used() && !near) remember(*t.midpoint, T::none(), x);
 }
 

@@ -211,6 +211,7 @@ struct MidpointArrays {
   T* before;                   // [velocities] bias forces of lanes that are not predicted
   T* change;                   // [velocities] of the stages' prediction
   T* end;                      // [velocities of the rounds] from the midpoint to the step's end over the step
+  typename T::Mask acts;       // lanes whose step is made at the midpoint
   typename T::Mask predicted;  // lanes whose bias forces are not those of that prediction
 
   template <class Take>

@@ -8,6 +8,7 @@
 #include "dynamics_arrays.h"
 #include "function_arrays.h"
 #include "loop_arrays.h"
+#include "record_arrays.h"
 #include "state_pointers.h"
 
 namespace lockstep::kernels {
@@ -45,6 +46,7 @@ struct Tile {
   LoopArrays<T> loops;
   SolveCounts<T> counts;
   Diagnostics<T> diagnostics;
+  Records<T> records;
   Audit<T> audit;
 
   std::uint32_t step;         // steps that this call has taken

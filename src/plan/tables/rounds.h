@@ -42,7 +42,10 @@ struct ImplicitTerm {
   int share;  ///< entry of S, -1 for 1
 };
 
-constexpr int solve_count_rows = 11;  ///< numbers of an environment's solves that a batch keeps
+constexpr int drive_effort_rows = 3;     ///< numbers of a dof that a batch records of its drive
+constexpr int contact_history_rows = 9;  ///< numbers of a pair that a batch records over calls
+constexpr int kept_contact_rows = 4;     ///< those of them that go on from call to call
+constexpr int solve_count_rows = 11;     ///< numbers of an environment's solves that a batch keeps
 
 /// The matrix of a round is A_r with what slots and contacts fill in, so its velocities are numbered by a tree of their
 /// own. Bounds alone fill in nothing and keep the numbers of the solver.

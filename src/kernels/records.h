@@ -1,0 +1,100 @@
+// What plans record over the steps of a call: efforts of drives, history of contacts. SPDX-License-Identifier:
+// Apache-2.0
+//
+// Rows of a batch: by dof the effort of the last step, the largest and the mean of the call; by pair of colliders a
+// ContactHistory, in which the sum of the forces has become their mean.
+#pragma once
+
+#include "kernels/contacts/readback.h"
+#include "kernels/couplings/drive_efforts.h"
+
+namespace lockstep::kernels {
+
+/// (M146) for a step of euler, before check().
+template <class T>
+void euler_efforts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  each_drive_effort(t, batch, x, 0, x.next.v, [&](int j, T effort) LOCKSTEP_INLINED { x.records.effort[j] = effort; });
+}
+
+/// The force of the step between the colliders of a pair, on its second one in the order of PairKind.
+template <class T>
+Vec3<T> force_of_pair(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int p) {
+  const TouchingPair<ScalarOf<T>>& pair = t.contacts.pairs[p];
+  Vec3<T> impulse = Vec3<T>::zero();
+  for (int s = pair.slot; s < pair.slot + pair.slots; ++s)
+    impulse = impulse + impulse_of_slot(x.contacts.patch[p], x.contacts.slot[s]);
+  return scaled(impulse, per_second(t, x));
+}
+
+/// (M148): what a step adds to the history of a pair, in the lanes `good`.
+template <class T>
+void add_contact(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int p, typename T::Mask good,
+                 ContactHistory<T>& history) {
+  const T zero = T(0), one = T(1);
+  const TouchingPair<ScalarOf<T>>& pair = t.contacts.pairs[p];
+  auto presses = T::none();
+  for (int s = pair.slot; s < pair.slot + pair.slots; ++s) presses = presses | less(zero, x.contacts.slot[s].pressed);
+  const auto touches = good & presses, flies = good & ~presses;
+  const auto lands = touches & less(zero, history.flying), leaves = flies & less(zero, history.touching);
+  history.last_flying = select(lands, history.flying, history.last_flying);
+  history.last_touching = select(leaves, history.touching, history.last_touching);
+  history.first_touch = select(lands, one, history.first_touch);
+  history.touching = select(touches, history.touching + one, select(flies, zero, history.touching));
+  history.flying = select(flies, history.flying + one, select(touches, zero, history.flying));
+  const Vec3<T> force = select<T>(touches, force_of_pair(t, x, p), Vec3<T>::zero());
+  history.peak = larger(history.peak, sqrt(dot(force, force)));
+  history.sum = history.sum + force;
+}
+
+/// After check(): a step that failed does not count.
+template <class T>
+void add_records(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const auto good = ~x.frozen;
+  x.records.steps += select(good, T(1), T(0));
+  for (int j = 0; t.record_efforts && j < t.joints; ++j) {
+    const T effort = select(good, x.records.effort[j], T(0));
+    x.records.effort[j] = effort;
+    x.records.peak_effort[j] = larger(x.records.peak_effort[j], absolute(effort));
+    x.records.effort_sum[j] += effort;
+  }
+  for (int p = 0; t.record_contacts && p < t.contacts.pairs.count; ++p)
+    add_contact(t, x, p, good, x.records.contact[p]);
+}
+
+/// At the start of a call.
+template <class T>
+void load_records(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  x.records.steps = T(0);
+  for (int j = 0; t.record_efforts && j < t.joints; ++j)
+    x.records.effort[j] = x.records.peak_effort[j] = x.records.effort_sum[j] = T(0);
+  const ScalarOf<T>* row = batch.contact_history;
+  for (int p = 0; t.record_contacts && p < t.contacts.pairs.count; ++p) {
+    int k = 0;
+    x.records.contact[p].each([&](T& number) LOCKSTEP_INLINED {
+      number = k++ < kept_contact_rows ? T::load(row) : T(0);
+      row += batch.stride;
+    });
+  }
+}
+
+template <class T>
+void store_records(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x) {
+  const T share = T(1) / larger(x.records.steps, T(1));
+  for (int j = 0; t.record_efforts && j < t.joints; ++j) {
+    const T numbers[drive_effort_rows] = {x.records.effort[j], x.records.peak_effort[j],
+                                          share * x.records.effort_sum[j]};
+    for (int k = 0; k < drive_effort_rows; ++k)
+      store(batch.drive_effort + (drive_effort_rows * t.dof[j] + k) * batch.stride, numbers[k]);
+  }
+  ScalarOf<T>* row = batch.contact_history;
+  for (int p = 0; t.record_contacts && p < t.contacts.pairs.count; ++p) {
+    ContactHistory<T> history = x.records.contact[p];
+    history.sum = scaled(history.sum, share);
+    history.each([&](const T& number) LOCKSTEP_INLINED {
+      store(row, number);
+      row += batch.stride;
+    });
+  }
+}
+
+}  // namespace lockstep::kernels
