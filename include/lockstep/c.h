@@ -104,12 +104,12 @@ typedef struct {
   const char* integrator;   /* "automatic", "euler", "leapfrog", "extrapolated", "runge_kutta" */
   int32_t iterations;
   int32_t velocity_iterations;
-  int32_t stage_inputs; /* 0 or 1, as the next two */
+  int32_t stage_inputs; /* 0 or 1, as the next five */
   int32_t record_impulses;
   int32_t record_diagnostics;
-  int32_t reserved;       /* 0 */
-  int32_t record_efforts; /* 0 or 1, as the next one */
+  int32_t record_efforts;
   int32_t record_contacts;
+  int32_t record_accelerations;
 } lockstep_settings;
 
 LOCKSTEP_C_API void lockstep_settings_init(lockstep_settings* settings);
@@ -278,7 +278,11 @@ enum {
   LOCKSTEP_READ_CONTACT_AIR_TIME = 32,
   LOCKSTEP_READ_CONTACT_LAST_TIME = 33,
   LOCKSTEP_READ_CONTACT_LAST_AIR_TIME = 34,
-  LOCKSTEP_READ_CONTACT_FIRST_TOUCH = 35
+  LOCKSTEP_READ_CONTACT_FIRST_TOUCH = 35,
+  LOCKSTEP_READ_JOINT_ACCELERATION = 36, /* this and the next ones need lockstep_settings.record_accelerations */
+  LOCKSTEP_READ_LINK_ACCELERATION = 37,  /* 6 rows */
+  LOCKSTEP_READ_SITE_ACCELERATION = 38,  /* 6 rows */
+  LOCKSTEP_READ_JOINT_WRENCH = 39        /* 6 rows */
 };
 typedef struct {
   uint32_t size;

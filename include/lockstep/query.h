@@ -61,7 +61,17 @@ enum class Quantity {
   contact_air_time,       ///< s that it has been in the air until now, 0 while it touches
   contact_last_time,      ///< s that the contact before the last flight took, 0 if there was none
   contact_last_air_time,  ///< s that the flight before the last touch took, 0 if there was none
-  contact_first_touch     ///< 1 if a flight has ended in the last call, else 0
+  contact_first_touch,    ///< 1 if a flight has ended in the last call, else 0
+  // With StepSettings::record_accelerations: means over the last step, also where it has an impact, at the velocities
+  // of the present state. After a reset and in environments with a fault velocities count as constant and contacts as
+  // gone.
+  joint_acceleration,  ///< by dof, rad/s^2 or m/s^2
+  link_acceleration,  ///< 6 rows by link, in its axes: angular acceleration (rad/s^2), and what an accelerometer at its
+                      ///< origin measures (m/s^2), which is its acceleration minus gravity
+  site_acceleration,  ///< 6 rows by site, in its axes: the same at its origin
+  joint_wrench        ///< 6 rows by dof: force (N) and torque (N m) through the joint on its child link, about the
+                      ///< link's origin and in its axes. What drives, limits, couplings and friction of the joint do
+                      ///< is part of it; loops hold apart from it. 0 of tendons
 };
 
 /// The enumerator's name: "link_pose" ... The string lives forever.

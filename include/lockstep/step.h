@@ -97,6 +97,8 @@ struct StepSettings {
   bool record_efforts = false;
   /// Keep what each pair of Plan::contacts() has done for Quantity::contact_peak_force to contact_first_touch.
   bool record_contacts = false;
+  /// Keep the accelerations of the last step for Quantity::joint_acceleration to joint_wrench.
+  bool record_accelerations = false;
   /// The largest eta of a step, > 0; infinity switches the guard off. eta is the part of the momentum that a step
   /// misses because velocities change within it: (M91) in docs/mathematics.md. Environments above it take the step in
   /// halves, quarters ... down to 1/32, if the integrator is leapfrog. What is too coarse even then is frozen with

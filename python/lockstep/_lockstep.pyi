@@ -32,6 +32,7 @@ def compile(
     diagnostics: bool = ...,
     record_efforts: bool = ...,
     record_contacts: bool = ...,
+    record_accelerations: bool = ...,
     guard: float = ...,
     position_bound: float = ...,
     velocity_bound: float = ...,

@@ -41,6 +41,11 @@ class Query:
     contact_time, contact_air_time       pairs   1: of the present contact or flight, s
     contact_last_time, contact_last_air_time  pairs   1: of those before, s
     contact_first_touch                  pairs   1: 1 if a flight has ended in the last call
+
+    With compile(record_accelerations=True), means over the last step:
+    joint_acceleration                   joints  1: rad/s^2 or m/s^2
+    link_acceleration, site_acceleration links, sites  6: angular acceleration, what an accelerometer measures; own axes
+    joint_wrench                         joints  6: force, torque through the joint on its child link, in its axes
     """
 
     quantity: str

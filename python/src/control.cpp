@@ -124,7 +124,11 @@ const Names<Quantity> quantities = {{"q", Quantity::position},
                                     {"contact_air_time", Quantity::contact_air_time},
                                     {"contact_last_time", Quantity::contact_last_time},
                                     {"contact_last_air_time", Quantity::contact_last_air_time},
-                                    {"contact_first_touch", Quantity::contact_first_touch}};
+                                    {"contact_first_touch", Quantity::contact_first_touch},
+                                    {"joint_acceleration", Quantity::joint_acceleration},
+                                    {"link_acceleration", Quantity::link_acceleration},
+                                    {"site_acceleration", Quantity::site_acceleration},
+                                    {"joint_wrench", Quantity::joint_wrench}};
 
 int place_in(const std::vector<std::string>& names, const std::string& name, const char* kind) {
   const auto found = std::find(names.begin(), names.end(), name);

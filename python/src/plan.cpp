@@ -64,8 +64,8 @@ py::dict ignored_to_python(const Ignored& ignored) {
 Plan compiled(const py::object& model, double dt, const py::object& vary, const std::string& method,
               const std::string& integrator, int iterations, int velocity_iterations, const py::object& ignore,
               bool stage_inputs, bool record_impulses, bool diagnostics, bool record_efforts, bool record_contacts,
-              double guard, double position_bound, double velocity_bound, const std::string& contact_settings,
-              std::optional<int> contact_passes, std::optional<int> contact_rounds,
+              bool record_accelerations, double guard, double position_bound, double velocity_bound,
+              const std::string& contact_settings, std::optional<int> contact_passes, std::optional<int> contact_rounds,
               std::optional<double> contact_tolerance) {
   StepSettings settings;
   const ContactSettings named = contact_settings_of(contact_settings);
@@ -83,6 +83,7 @@ Plan compiled(const py::object& model, double dt, const py::object& vary, const 
   settings.stage_inputs = stage_inputs, settings.record_impulses = record_impulses;
   settings.record_diagnostics = diagnostics;
   settings.record_efforts = record_efforts, settings.record_contacts = record_contacts;
+  settings.record_accelerations = record_accelerations;
   settings.guard = guard, settings.position_bound = position_bound, settings.velocity_bound = velocity_bound;
   return compile(model_of(model), settings);
 }
@@ -102,9 +103,10 @@ py::dict settings_of(const Plan& plan) {
                   "velocity_iterations"_a = s.velocity_iterations, "ignore"_a = ignored_to_python(s.ignore),
                   "stage_inputs"_a = s.stage_inputs, "record_impulses"_a = s.record_impulses,
                   "diagnostics"_a = s.record_diagnostics, "record_efforts"_a = s.record_efforts,
-                  "record_contacts"_a = s.record_contacts, "guard"_a = s.guard, "position_bound"_a = s.position_bound,
-                  "velocity_bound"_a = s.velocity_bound, "contact_passes"_a = s.contacts.passes,
-                  "contact_rounds"_a = s.contacts.rounds, "contact_tolerance"_a = s.contacts.tolerance);
+                  "record_contacts"_a = s.record_contacts, "record_accelerations"_a = s.record_accelerations,
+                  "guard"_a = s.guard, "position_bound"_a = s.position_bound, "velocity_bound"_a = s.velocity_bound,
+                  "contact_passes"_a = s.contacts.passes, "contact_rounds"_a = s.contacts.rounds,
+                  "contact_tolerance"_a = s.contacts.tolerance);
 }
 
 std::vector<std::string> names_of(const Plan& plan, const std::vector<int>& dofs) {
@@ -245,15 +247,17 @@ void bind_plan(py::module_& module) {
              "method"_a = "automatic", "integrator"_a = "automatic", "iterations"_a = defaults.iterations,
              "velocity_iterations"_a = defaults.velocity_iterations, "ignore"_a = py::none(), "stage_inputs"_a = false,
              "record_impulses"_a = false, "diagnostics"_a = false, "record_efforts"_a = false,
-             "record_contacts"_a = false, "guard"_a = defaults.guard, "position_bound"_a = defaults.position_bound,
-             "velocity_bound"_a = defaults.velocity_bound, "contact_settings"_a = "default",
-             "contact_passes"_a = py::none(), "contact_rounds"_a = py::none(), "contact_tolerance"_a = py::none(),
+             "record_contacts"_a = false, "record_accelerations"_a = false, "guard"_a = defaults.guard,
+             "position_bound"_a = defaults.position_bound, "velocity_bound"_a = defaults.velocity_bound,
+             "contact_settings"_a = "default", "contact_passes"_a = py::none(), "contact_rounds"_a = py::none(),
+             "contact_tolerance"_a = py::none(),
              "Validates and compiles a Model. dt: s. vary: fields that differ from environment to environment. ignore: "
              "bounds that are left out, as names or {name: True | joints | 'followers'}. contact_settings: 'learning' "
              "is faster, 'default' for grasps and legs, 'accurate' near the exact law; contact_passes (1 to 100), "
              "contact_rounds (1 to 1000) and contact_tolerance (above 0, up to 0.1) override its numbers. "
              "record_efforts: keep the drives' efforts for read('drive_effort'). record_contacts: keep "
-             "what pairs did for read('contact_time') and its like. Raises "
+             "what pairs did for read('contact_time') and its like. record_accelerations: keep those of the last step "
+             "for read('joint_acceleration') and its like. Raises "
              "ModelError, SettingsError.");
 }
 

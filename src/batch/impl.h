@@ -72,7 +72,8 @@ struct Batch<S>::Impl {
         workers(options.threads, scratch_bytes()),
         rules(value_rules<S>(program_of(p))),
         placer(program_of(p)),
-        pairs_of_link(pairs_of_links(p)) {
+        pairs_of_link(pairs_of_links(p)),
+        moved_link(moved_links(p.model())) {
     wanted.reserve(frames.size()), slot.resize(frames.size());
     each_block(
         tables,
@@ -104,7 +105,9 @@ struct Batch<S>::Impl {
   std::size_t frames_at() const { return (step_bytes() + cache_line - 1) / cache_line * cache_line; }
 
   std::size_t scratch_bytes() const {
-    const std::size_t numbers = kernels::frame_numbers * frames.size() + static_cast<std::size_t>(tables.couplings) +
+    const std::size_t frame =
+        kernels::frame_numbers + (tables.record_accelerations ? kernels::acceleration_numbers : 0);
+    const std::size_t numbers = frame * frames.size() + static_cast<std::size_t>(tables.couplings) +
                                 2 * static_cast<std::size_t>(tables.loops.loops.count) + 1;
     const std::size_t contacts = kernels::contact_numbers * static_cast<std::size_t>(tables.contacts.slots) + 1;
     return frames_at() + (numbers + contacts) * static_cast<std::size_t>(kernels.lanes) * sizeof(S);
@@ -351,6 +354,8 @@ struct Batch<S>::Impl {
     return read(request, row_count);
   }
 
+  int frame_of(lockstep::Quantity quantity, int i) const;
+
   // The model's links, then its sites.
   static std::vector<kernels::Request<S>> frames_of(const Model& model) {
     std::vector<kernels::Request<S>> frames;
@@ -364,6 +369,13 @@ struct Batch<S>::Impl {
   }
 
   // Of a link: a pair of one of its colliders, and the sign of contact_force on it.
+  static std::vector<int> moved_links(const Model& model) {
+    std::vector<int> links;
+    for (const Joint& joint : model.joints)
+      if (joint.moves()) links.push_back(joint.child.empty() ? -1 : model.link_index(joint.child));
+    return links;
+  }
+
   struct PairOfLink {
     int pair, sign;
   };
@@ -416,6 +428,7 @@ struct Batch<S>::Impl {
   BatchRows<S, Numbers> start;                         // one number for each row: what an environment begins with
   std::vector<BatchRows<S, Numbers>> poses;            // the same in each of Model::poses
   std::vector<std::vector<PairOfLink>> pairs_of_link;  // in the order of the plan's contacts
+  std::vector<int> moved_link;                         // by dof: the child of its joint; -1 of a tendon
 };
 
 }  // namespace lockstep

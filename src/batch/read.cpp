@@ -11,7 +11,8 @@ bool is_of_sites(Quantity quantity) {
     case Quantity::site_position:
     case Quantity::site_velocity:
     case Quantity::site_twist:
-    case Quantity::site_gravity: return true;
+    case Quantity::site_gravity:
+    case Quantity::site_acceleration: return true;
     default: return false;
   }
 }
@@ -21,9 +22,16 @@ bool is_of_frames(Quantity quantity) {
     case Quantity::link_pose:
     case Quantity::link_velocity:
     case Quantity::link_twist:
-    case Quantity::link_gravity: return true;
+    case Quantity::link_gravity:
+    case Quantity::link_acceleration:
+    case Quantity::joint_wrench: return true;
     default: return is_of_sites(quantity);
   }
+}
+
+bool is_of_accelerations(Quantity quantity) {
+  return quantity == Quantity::link_acceleration || quantity == Quantity::site_acceleration ||
+         quantity == Quantity::joint_wrench;
 }
 
 bool is_of_contacts(Quantity quantity) {
@@ -45,8 +53,8 @@ void for_each_element(const Query& query, int elements, const Act& act) {
 template <class S>
 class Batch<S>::Impl::TileReader {
  public:
-  TileReader(Impl& batch, const StridedRows<S>& out, std::ptrdiff_t first, int count, bool reads_contacts, S* numbers,
-             void* scratch)
+  TileReader(Impl& batch, const StridedRows<S>& out, std::ptrdiff_t first, int count, bool reads_contacts,
+             bool reads_accelerations, S* numbers, void* scratch)
       : batch_(batch),
         out_(out),
         first_(first),
@@ -54,12 +62,17 @@ class Batch<S>::Impl::TileReader {
         count_(std::min<std::ptrdiff_t>(lanes_, count - first)),
         tile_(kernels::at(batch.tables, batch.state_pointers(), first)),
         frames_(numbers),
-        contacts_(numbers + kernels::frame_numbers * lanes_ * static_cast<std::ptrdiff_t>(batch.wanted.size())),
+        accelerations_(numbers + kernels::frame_numbers * lanes_ * static_cast<std::ptrdiff_t>(batch.wanted.size())),
+        contacts_(accelerations_ + (reads_accelerations ? kernels::acceleration_numbers : 0) * lanes_ *
+                                       static_cast<std::ptrdiff_t>(batch.wanted.size())),
         numbers_(contacts_ + (kernels::contact_numbers * batch.tables.contacts.slots + 1) * lanes_),
         scratch_(scratch) {
     if (!batch.wanted.empty())
       batch.kernels.read_frames(batch.tables, tile_, 0, batch.wanted.data(), static_cast<int>(batch.wanted.size()),
                                 numbers, scratch);
+    if (reads_accelerations && !batch.wanted.empty())
+      batch.kernels.read_accelerations(batch.tables, tile_, 0, batch.wanted.data(),
+                                       static_cast<int>(batch.wanted.size()), accelerations_, scratch);
     if (reads_contacts && batch.tables.contacts.used())
       batch.kernels.read_contacts(batch.tables, tile_, 0, contacts_, scratch);
   }
@@ -87,6 +100,7 @@ class Batch<S>::Impl::TileReader {
       case Quantity::contact_first_touch: return copy_history(query, elements, 4);
       case Quantity::contact_peak_force: return copy_history(query, elements, 5);
       case Quantity::contact_mean_force: return copy_mean_forces(query, elements);
+      case Quantity::joint_acceleration: return copy(query, elements, tile_.acceleration, 1);
       case Quantity::coupling_error: return compute(query, elements, kernels::Quantity::coupling_errors, 1);
       case Quantity::loop_error: return compute(query, elements, kernels::Quantity::loop_errors, 2);
       case Quantity::kinetic_energy: return compute(query, elements, kernels::Quantity::kinetic_energy, 1);
@@ -97,7 +111,8 @@ class Batch<S>::Impl::TileReader {
     for_each_element(query, elements, [&](int i) {
       const bool of_site = is_of_sites(query.quantity);
       const Pose* const pose = of_site ? &batch_.plan.model().sites[i].pose : nullptr;
-      const int frame = of_site ? batch_.tables.links + i : i;
+      const int frame = batch_.frame_of(query.quantity, i);
+      if (frame < 0) return put_zeros(6);
       const S* const numbers = frames_ + kernels::frame_numbers * lanes_ * batch_.slot[frame];
       const S* const turn = numbers + 3 * lanes_;
       const S* const velocity = numbers + 12 * lanes_;
@@ -105,11 +120,10 @@ class Batch<S>::Impl::TileReader {
         case Quantity::link_velocity:
         case Quantity::site_velocity: return put(velocity, 6, lanes_);
         case Quantity::link_twist:
-        case Quantity::site_twist:
-          for (int part = 0; part < 2; ++part)
-            put_in_frame(turn, pose,
-                         [&](int k, std::ptrdiff_t lane) { return velocity[(3 * part + k) * lanes_ + lane]; });
-          return;
+        case Quantity::site_twist: return put_pair_in_frame(turn, pose, velocity);
+        case Quantity::link_acceleration:
+        case Quantity::site_acceleration: return put_pair_in_frame(turn, pose, acceleration(frame));
+        case Quantity::joint_wrench: return put_pair_in_frame(turn, pose, acceleration(frame) + 6 * lanes_);
         case Quantity::link_gravity:
         case Quantity::site_gravity:
           return put_in_frame(turn, pose, [&](int k, std::ptrdiff_t lane) { return down(lane)[k]; });
@@ -291,7 +305,22 @@ class Batch<S>::Impl::TileReader {
     row_ += 4;
   }
 
-  // A vector of the world, along the axes of such a frame.
+  const S* acceleration(int frame) const {
+    return accelerations_ + kernels::acceleration_numbers * lanes_ * batch_.slot[frame];
+  }
+
+  void put_zeros(int rows) {
+    for (const int end = row_ + rows; row_ < end; ++row_)
+      for (std::ptrdiff_t lane = 0; lane < count_; ++lane) at(row_, lane) = S(0);
+  }
+
+  // Two vectors of the world, along the axes of such a frame.
+  void put_pair_in_frame(const S* turn, const Pose* pose, const S* vectors) {
+    for (int part = 0; part < 2; ++part)
+      put_in_frame(turn, pose, [&](int k, std::ptrdiff_t lane) { return vectors[(3 * part + k) * lanes_ + lane]; });
+  }
+
+  // The same of one vector.
   void put_in_frame(const S* numbers, const Pose* pose, const auto& component) {
     for (std::ptrdiff_t lane = 0; lane < count_; ++lane) {
       const Vector vector = {component(0, lane), component(1, lane), component(2, lane)};
@@ -313,11 +342,18 @@ class Batch<S>::Impl::TileReader {
   const StridedRows<S>& out_;
   std::ptrdiff_t first_, lanes_, count_;
   StatePointers<S> tile_;
-  S *frames_, *contacts_, *numbers_;
+  S *frames_, *accelerations_, *contacts_, *numbers_;
   void* scratch_;
   S scale_ = S(1);
   int row_ = 0;
 };
+
+// Of element i: its place in `frames`, or -1 if it has none.
+template <class S>
+int Batch<S>::Impl::frame_of(Quantity quantity, int i) const {
+  if (quantity == Quantity::joint_wrench) return moved_link[static_cast<std::size_t>(i)];
+  return is_of_sites(quantity) ? tables.links + i : i;
+}
 
 template <class S>
 void Batch<S>::read(std::span<const Query> queries, const StridedRows<S>& out) const {
@@ -340,25 +376,28 @@ void Batch<S>::Impl::read(std::span<const Query> queries, const StridedRows<S>& 
   for (const Query& query : queries)
     if (is_of_frames(query.quantity))
       for_each_element(query, shape_of(program_of(batch.plan), query.quantity).elements, [&](int i) {
-        const int frame = is_of_sites(query.quantity) ? batch.tables.links + i : i;
-        if (batch.slot[frame] >= 0) return;
+        const int frame = batch.frame_of(query.quantity, i);
+        if (frame < 0 || batch.slot[frame] >= 0) return;
         batch.slot[frame] = static_cast<int>(batch.wanted.size());
         batch.wanted.push_back(batch.frames[frame]);
       });
 
   const bool reads_contacts =
       std::any_of(queries.begin(), queries.end(), [](const Query& query) { return is_of_contacts(query.quantity); });
+  const bool reads_accelerations = std::any_of(queries.begin(), queries.end(),
+                                               [](const Query& query) { return is_of_accelerations(query.quantity); });
   const int lanes = batch.kernels.lanes;
-  batch.workers.for_environments(
-      batch.stepped(count), batch.step_nanoseconds, lanes,
-      [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
-        batch.normalise_roots(first, std::min<std::ptrdiff_t>(last, count));
-        S* const numbers = reinterpret_cast<S*>(static_cast<std::byte*>(scratch) + batch.frames_at());
-        for (; first < last; first += lanes) {
-          typename Impl::TileReader tile(batch, out, first, count, reads_contacts, numbers, scratch);
-          for (const Query& query : queries) tile.answer(query);
-        }
-      });
+  batch.workers.for_environments(batch.stepped(count), batch.step_nanoseconds, lanes,
+                                 [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
+                                   batch.normalise_roots(first, std::min<std::ptrdiff_t>(last, count));
+                                   S* const numbers =
+                                       reinterpret_cast<S*>(static_cast<std::byte*>(scratch) + batch.frames_at());
+                                   for (; first < last; first += lanes) {
+                                     typename Impl::TileReader tile(batch, out, first, count, reads_contacts,
+                                                                    reads_accelerations, numbers, scratch);
+                                     for (const Query& query : queries) tile.answer(query);
+                                   }
+                                 });
 }
 
 template void Batch<float>::read(std::span<const Query>, const StridedRows<float>&) const;

@@ -133,7 +133,11 @@ constexpr Quantity quantities[] = {Quantity::position,
                                    Quantity::contact_air_time,
                                    Quantity::contact_last_time,
                                    Quantity::contact_last_air_time,
-                                   Quantity::contact_first_touch};
+                                   Quantity::contact_first_touch,
+                                   Quantity::joint_acceleration,
+                                   Quantity::link_acceleration,
+                                   Quantity::site_acceleration,
+                                   Quantity::joint_wrench};
 
 void initialise(lockstep_query* query) { *query = {sizeof(lockstep_query), 0, -1, 0, 1.0}; }
 

@@ -163,7 +163,7 @@ int lockstep_compile(const lockstep_model* model, const lockstep_settings* setti
     to.record_diagnostics = truth(from.record_diagnostics, "record_diagnostics");
     to.record_efforts = truth(from.record_efforts, "record_efforts");
     to.record_contacts = truth(from.record_contacts, "record_contacts");
-    require_zero(from.reserved, "reserved member of the settings");
+    to.record_accelerations = truth(from.record_accelerations, "record_accelerations");
     const Model& own = given(model, "model")->model;
     *out = new lockstep_plan{compile(own, to), coupling_names(own)};
   });

@@ -144,6 +144,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   t.record_diagnostics = settings.record_diagnostics;
   t.record_efforts = settings.record_efforts;
   t.record_contacts = settings.record_contacts;
+  t.record_accelerations = settings.record_accelerations;
   for (unsigned p = 0; p < parameter_count; ++p)
     if (settings.per_environment.contains(static_cast<Parameter>(p))) t.per_environment |= 1u << p;
 

@@ -6,7 +6,7 @@
 #include "kernels/contacts/readback.h"
 #include "kernels/couplings/coupling_error.h"
 #include "kernels/dynamics/energies.h"
-#include "kernels/loops/find_loops.h"
+#include "kernels/dynamics/inverse_dynamics.h"
 #include "load.h"
 
 namespace lockstep::kernels {
@@ -191,6 +191,40 @@ void read_frames(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     out.put(0, place.position);
     for (int k = 0; k < 9; ++k) out.put(3 + k, place.rotation(k / 3, k % 3));
     put_velocity(t, m, requests[i], Output<T>{out.rows + 12 * T::lanes, T::lanes});
+  }
+}
+
+/// The same of a plan that records accelerations: angular acceleration, acceleration of the origin minus gravity, force
+/// and torque about the origin through the joint that carries the link, all in world axes.
+constexpr int acceleration_numbers = 12;
+
+template <class T>
+void read_accelerations(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, std::ptrdiff_t first,
+                        const Request<ScalarOf<T>>* requests, int count, ScalarOf<T>* numbers, void* scratch) {
+  Tile<T> x;
+  Motion<T> m;
+  const StatePointers<ScalarOf<T>> own = at(t, batch, first);
+  InverseDynamics<T> found;
+  Carver carver(static_cast<char*>(scratch) + lay_out(t, scratch, x, m));
+  found.arrays(t, carver);
+  uniform_ratios(t, x);
+  load(t, own, x);
+  motions(t, x, m);
+  found.accelerate(t, m, x);
+  found.find_wrenches(t, own, m, x);
+  const Vec3<T> g = world_gravity<T>(t, own), none = Vec3<T>::zero();
+  for (int i = 0; i < count; ++i) {
+    const Output<T> out{numbers + i * acceleration_numbers * T::lanes, T::lanes};
+    const int b = t.link[requests[i].link].body;
+    Vec3<T> turning = none, moving = none, force = none, torque = none;
+    if (b >= 0) {
+      const Vec3<T> arm = place_of(t, m, requests[i]).position - m.place[b],
+                    angular = multiply(m.world[b], m.angular[b]);
+      turning = found.turning[b], force = found.force[b];
+      moving = cross_add(turning, arm, cross_add(angular, cross(angular, arm), found.moving[b]));
+      torque = found.moment[b] - cross(arm, force);
+    }
+    out.put(0, turning), out.put(3, moving - g), out.put(6, force), out.put(9, torque);
   }
 }
 

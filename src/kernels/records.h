@@ -1,8 +1,9 @@
-// What plans record over the steps of a call: efforts of drives, history of contacts. SPDX-License-Identifier:
-// Apache-2.0
+// What plans record over the steps of a call: efforts of drives, accelerations, history of contacts.
+// SPDX-License-Identifier: Apache-2.0
 //
 // Rows of a batch: by dof the effort of the last step, the largest and the mean of the call; by pair of colliders a
-// ContactHistory, in which the sum of the forces has become their mean.
+// ContactHistory, in which the sum of the forces has become their mean; by dof, then by floating root, accelerations,
+// and by pair the wrench about the world's origin, of the last step.
 #pragma once
 
 #include "kernels/contacts/readback.h"
@@ -46,6 +47,33 @@ void add_contact(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int p, typename
   history.sum = history.sum + force;
 }
 
+/// Where the step begins.
+template <class T>
+void keep_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  for (int k = 0; k < t.velocities; ++k) x.records.before[k] = x.state.v[k];
+}
+
+/// (M149), and the wrenches of the contacts that acted, in the lanes `good`.
+template <class T>
+void add_accelerations(const Tables<ScalarOf<T>>& t, typename T::Mask good, Tile<T>& x) {
+  const T rate = T(ScalarOf<T>(1) / t.step), zero = T(0);
+  for (int k = 0; k < t.velocities; ++k)
+    x.records.acceleration[k] = select(good, (x.next.v[k] - x.records.before[k]) * rate, zero);
+  for (int p = 0; p < t.contacts.pairs.count; ++p) {
+    const TouchingPair<ScalarOf<T>>& pair = t.contacts.pairs[p];
+    const ContactPatch<T>& patch = x.contacts.patch[p];
+    Vec3<T> force = Vec3<T>::zero(), moment = force;
+    for (int s = pair.slot; s < pair.slot + pair.slots; ++s) {
+      const ContactSlot<T>& slot = x.contacts.slot[s];
+      const Vec3<T> own = select<T>(good & less(zero, slot.pressed),
+                                    scaled(impulse_of_slot(patch, slot), per_second(t, x)), Vec3<T>::zero());
+      moment = cross_add(point_of_slot(patch, slot), own, moment);
+      force = force + own;
+    }
+    x.records.pair_force[p] = force, x.records.pair_moment[p] = moment;
+  }
+}
+
 /// After check(): a step that failed does not count.
 template <class T>
 void add_records(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
@@ -59,6 +87,25 @@ void add_records(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   }
   for (int p = 0; t.record_contacts && p < t.contacts.pairs.count; ++p)
     add_contact(t, x, p, good, x.records.contact[p]);
+  if (t.record_accelerations) add_accelerations(t, good, x);
+}
+
+/// act(number, row) for what is recorded of accelerations.
+template <class T, class Act>
+LOCKSTEP_INLINE void each_acceleration(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                       const Tile<T>& x, Act&& act) {
+  if (!t.record_accelerations) return;
+  const std::ptrdiff_t stride = batch.stride;
+  for (int j = 0; j < t.joints; ++j)
+    act(x.records.acceleration[t.velocity_of(j)], batch.acceleration + t.dof[j] * stride);
+  for (int r = 0; r < t.roots.count; ++r)
+    for (int i = 0; i < 6; ++i)
+      act(x.records.acceleration[t.roots[r].velocity + i], batch.acceleration + (t.joints + 6 * r + i) * stride);
+  for (int p = 0; p < t.contacts.pairs.count; ++p)
+    for (int i = 0; i < 3; ++i) {
+      act(x.records.pair_force[p][i], batch.pair_wrench + (6 * p + i) * stride);
+      act(x.records.pair_moment[p][i], batch.pair_wrench + (6 * p + 3 + i) * stride);
+    }
 }
 
 /// At the start of a call.
@@ -75,6 +122,7 @@ void load_records(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
       row += batch.stride;
     });
   }
+  each_acceleration(t, batch, x, [&](T& number, const ScalarOf<T>* from) LOCKSTEP_INLINED { number = T::load(from); });
 }
 
 template <class T>
@@ -95,6 +143,7 @@ void store_records(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
       row += batch.stride;
     });
   }
+  each_acceleration(t, batch, x, [&](T number, ScalarOf<T>* to) LOCKSTEP_INLINED { store(to, number); });
 }
 
 }  // namespace lockstep::kernels

@@ -23,6 +23,7 @@ namespace lockstep::kernels {
 template <class T>
 void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   if (t.tendons.count > 0) place_tendons(t, x);
+  if (t.record_accelerations) keep_velocities(t, x);
   switch (t.integrator) {
     case Integrator::leapfrog: leapfrog_step(t, batch, x); break;
     case Integrator::extrapolated: extrapolated_step(t, batch, x); break;

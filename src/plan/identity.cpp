@@ -156,8 +156,8 @@ std::string words_of(const ParameterSet& set) {
 
 std::string lines_of(const StepSettings& settings) {
   const auto& [dt, method, integrator, iterations, velocity_iterations, per_environment, ignore, stage_inputs,
-               record_impulses, record_diagnostics, record_efforts, record_contacts, guard, contacts, position_bound,
-               velocity_bound] = settings;
+               record_impulses, record_diagnostics, record_efforts, record_contacts, record_accelerations, guard,
+               contacts, position_bound, velocity_bound] = settings;
   const auto& [passes, rounds, tolerance] = contacts;
   const auto& [position_limits, velocity_limits, effort_limits, friction] = ignore;
   return fmt::format("dt {}\nmethod {}\nintegrator {}\niterations {}\nvelocity_iterations {}\nper_environment{}\n", dt,
@@ -168,7 +168,8 @@ std::string lines_of(const StepSettings& settings) {
                      words_of(friction)) +
          fmt::format("stage_inputs {}\nrecord_impulses {}\nrecord_diagnostics {}\n", stage_inputs, record_impulses,
                      record_diagnostics) +
-         fmt::format("record_efforts {}\nrecord_contacts {}\n", record_efforts, record_contacts) +
+         fmt::format("record_efforts {}\nrecord_contacts {}\nrecord_accelerations {}\n", record_efforts,
+                     record_contacts, record_accelerations) +
          fmt::format("guard {}\nposition_bound {}\nvelocity_bound {}\n", guard, position_bound, velocity_bound) +
          fmt::format("contacts.passes {}\ncontacts.rounds {}\ncontacts.tolerance {}\n", passes, rounds, tolerance);
 }

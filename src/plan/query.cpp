@@ -47,7 +47,11 @@ const char* to_string(Quantity quantity) noexcept {
                                       "contact_air_time",
                                       "contact_last_time",
                                       "contact_last_air_time",
-                                      "contact_first_touch"};
+                                      "contact_first_touch",
+                                      "joint_acceleration",
+                                      "link_acceleration",
+                                      "site_acceleration",
+                                      "joint_wrench"};
   const auto index = static_cast<unsigned>(quantity);
   return index < std::size(names) ? names[index] : "unknown";
 }
@@ -96,6 +100,10 @@ QueryShape shape_of(const Program& program, Quantity quantity) {
     case Quantity::contact_last_air_time:
     case Quantity::contact_first_touch: return {t.contacts.pairs.count, 1};
     case Quantity::contact_mean_force: return {t.contacts.pairs.count, 3};
+    case Quantity::joint_acceleration: return {t.joints, 1};
+    case Quantity::link_acceleration: return {t.links, 6};
+    case Quantity::site_acceleration: return {sites, 6};
+    case Quantity::joint_wrench: return {t.joints, 6};
   }
   throw UsageError("quantity " + std::to_string(static_cast<int>(quantity)), "is none of the enumerators",
                    "give one of Quantity");
@@ -104,11 +112,14 @@ QueryShape shape_of(const Program& program, Quantity quantity) {
 namespace {
 
 void require_recorded(const Tables<double>& t, Quantity quantity) {
-  const bool of_drives = quantity >= Quantity::drive_effort && quantity <= Quantity::drive_effort_mean;
-  const bool of_calls = quantity >= Quantity::contact_peak_force && quantity <= Quantity::contact_first_touch;
-  if ((of_drives && !t.record_efforts) || (of_calls && !t.record_contacts))
-    throw UsageError(std::string("query ") + to_string(quantity), "is not kept by this plan",
-                     of_drives ? "set StepSettings::record_efforts" : "set StepSettings::record_contacts");
+  const auto require = [&](bool recorded, Quantity first, Quantity last, const char* setting) {
+    if (!recorded && quantity >= first && quantity <= last)
+      throw UsageError(std::string("query ") + to_string(quantity), "is not kept by this plan",
+                       std::string("set StepSettings::") + setting);
+  };
+  require(t.record_efforts, Quantity::drive_effort, Quantity::drive_effort_mean, "record_efforts");
+  require(t.record_contacts, Quantity::contact_peak_force, Quantity::contact_first_touch, "record_contacts");
+  require(t.record_accelerations, Quantity::joint_acceleration, Quantity::joint_wrench, "record_accelerations");
 }
 
 }  // namespace

@@ -70,6 +70,7 @@ struct TableStructure {
   bool record_diagnostics = false;
   bool record_efforts = false;
   bool record_contacts = false;
+  bool record_accelerations = false;
 
   inline __attribute__((always_inline)) bool declares(Parameter parameter) const {
     return (per_environment >> static_cast<unsigned>(parameter)) & 1u;
@@ -79,7 +80,9 @@ struct TableStructure {
     return declares(Parameter::mass) || declares(Parameter::center_of_mass) || declares(Parameter::inertia);
   }
   /// Whether a batch keeps what its steps have done over a call.
-  inline __attribute__((always_inline)) bool records_calls() const { return record_efforts || record_contacts; }
+  inline __attribute__((always_inline)) bool records_calls() const {
+    return record_efforts || record_contacts || record_accelerations;
+  }
   /// Whether forces act along the world's axes.
   inline __attribute__((always_inline)) bool has_orientations() const {
     return declares(Parameter::link_wrench) || own_weights.count > 0;

@@ -12,7 +12,10 @@ template <class T>
 std::size_t scratch_bytes(const Tables<typename T::Scalar>& t) {
   kernels::Tile<T> x;
   kernels::Motion<T> m;
-  return kernels::lay_out(t, nullptr, x, m);
+  kernels::InverseDynamics<T> found;
+  kernels::Carver behind(nullptr);
+  found.arrays(t, behind);
+  return kernels::lay_out(t, nullptr, x, m) + behind.used();
 }
 
 template <class T>
@@ -24,6 +27,7 @@ constexpr KernelSet<typename T::Scalar> kernel_set() {
           kernels::interpret<T>,
           kernels::read<T>,
           kernels::read_frames<T>,
+          kernels::read_accelerations<T>,
           kernels::read_contacts<T>};
 }
 

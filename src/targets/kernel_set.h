@@ -25,6 +25,9 @@ struct KernelSet {
   /// Frames of one tile: kernels::frame_numbers rows of `lanes` numbers for each request.
   void (*read_frames)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, const kernels::Request<S>*,
                       int count, S* numbers, void* scratch);
+  /// The same of a plan that records accelerations: kernels::acceleration_numbers rows.
+  void (*read_accelerations)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first,
+                             const kernels::Request<S>*, int count, S* numbers, void* scratch);
   /// Contacts of one tile: kernels::contact_numbers rows of `lanes` numbers for each slot, and one more row.
   void (*read_contacts)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, S* numbers, void* scratch);
 };

@@ -85,6 +85,7 @@ TEST(PlanHash, differs_where_anything_does_and_nowhere_else) {
       [](StepSettings& s) { s.record_diagnostics = true; },
       [](StepSettings& s) { s.record_efforts = true; },
       [](StepSettings& s) { s.record_contacts = true; },
+      [](StepSettings& s) { s.record_accelerations = true; },
       [](StepSettings& s) { s.guard = 0.02; },
       [](StepSettings& s) { s.position_bound += 1.0; },
       [](StepSettings& s) { s.velocity_bound += 1.0; }};

@@ -24,6 +24,13 @@ LOCKSTEP_INLINE Vec3<T> impulse_of_slot(const ContactPatch<T>& patch, const Cont
   return fma(patch.kept_normal, slot.pressed, fma(patch.kept_tangent, slot.memory[0], scaled(other, slot.memory[1])));
 }
 
+/// Where it acts, in the world, while the patch is as collide() has found it.
+template <class T>
+LOCKSTEP_INLINE Vec3<T> point_of_slot(const ContactPatch<T>& patch, const ContactSlot<T>& slot) {
+  const Vec3<T>& v = slot.arm;
+  return fma(patch.axes[0], v.x, fma(patch.axes[1], v.y, scaled(patch.axes[2], v.z))) + patch.point;
+}
+
 /// Of all slots of a tile that has been loaded; `numbers` has contact_numbers rows of T::lanes for each, and one row
 /// behind them for the solves that ended at their cap. Normals are from the first collider to the second in the order
 /// of PairKind.
@@ -73,10 +80,7 @@ void read_contacts(const Tables<ScalarOf<T>>& t, ScalarOf<T>* numbers, Tile<T>& 
       }
 
       // The point, and the motion along the surface there. Two moving bodies with one slot have a point each (M102).
-      const auto in_world = [&](const Vec3<T>& v) LOCKSTEP_INLINED {
-        return fma(patch.axes[0], v.x, fma(patch.axes[1], v.y, scaled(patch.axes[2], v.z)));
-      };
-      const Vec3<T> point = in_world(slot.arm) + patch.point;
+      const Vec3<T> point = point_of_slot(patch, slot);
       const Vec3<T> to_end = scaled(patch.axes[0], T(S(parts ? 0.5 : 0.0)) * slot.gap);
       const Vec3<T> moves = x.contacts.collider[pair.second].velocity_at(point + to_end) -
                             x.contacts.collider[pair.first].velocity_at(point - to_end),

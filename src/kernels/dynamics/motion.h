@@ -44,6 +44,29 @@ void motions(const Tables<ScalarOf<T>>& t, Tile<T>& x, Motion<T>& m) {
   move_bodies(t, x, m);
 }
 
+/// How body b, on a joint, accelerates in the world, from how its parent does. `own` is what the joint's acceleration
+/// adds, along its axis.
+template <class T>
+LOCKSTEP_INLINE void accelerate_body(const Tables<ScalarOf<T>>& t, const Motion<T>& m, const Tile<T>& x, int b,
+                                     const Vec3<T>& own, Vec3<T>* turning_of, Vec3<T>* moving_of) {
+  const Body<ScalarOf<T>>& body = t.body[b];
+  Vec3<T>&turning = turning_of[b], &moving = moving_of[b];
+  const int p = body.parent;
+  turning = moving = Vec3<T>::zero();
+  (body.prismatic ? moving : turning) = own;
+  if (p < 0) return;
+  const Vec3<T> along = column_of(m.world[b], body.axis), angular = multiply(m.world[p], m.angular[p]),
+                arm = m.place[b] - m.place[p];
+  const T speed = x.state.v[body.velocity] * T(body.sign);
+  const Vec3<T> turned = cross(angular, scaled(along, speed));
+  turning = turning + turning_of[p];
+  moving = cross_add(turning_of[p], arm, cross_add(angular, cross(angular, arm), moving + moving_of[p]));
+  if (body.prismatic)
+    moving = fma(turned, T(2), moving);
+  else
+    turning = turning + turned;
+}
+
 /// Momentum of body b in its own axes, about its origin (M51).
 template <class T>
 LOCKSTEP_INLINE void body_momentum(const Tables<ScalarOf<T>>& t, const Tile<T>& x, const Motion<T>& m, int b,

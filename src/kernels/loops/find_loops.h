@@ -130,22 +130,13 @@ void accelerations(const Tables<ScalarOf<T>>& t, const Motion<T>& m, Tile<T>& x)
   for (int i = 0; i < t.loops.bodies.count; ++i) {
     const int b = t.loops.bodies[i];
     const Body<ScalarOf<T>>& body = t.body[b];
-    Vec3<T>&turning = x.loops.turning[b], &moving = x.loops.moving[b];
-    const int p = body.parent;
-    turning = moving = zero;
-    if (body.root) continue;  // its twist is constant in the world
-    const Vec3<T> along = column_of(m.world[b], body.axis);
-    if (t.functions.used()) (body.prismatic ? moving : turning) = scaled(along, own_acceleration(t, x, body.joint));
-    if (p < 0) continue;
-    const Vec3<T> angular = multiply(m.world[p], m.angular[p]), arm = m.place[b] - m.place[p];
-    const T speed = x.state.v[body.velocity] * T(body.sign);
-    const Vec3<T> turned = cross(angular, scaled(along, speed));
-    turning = turning + x.loops.turning[p];
-    moving = cross_add(x.loops.turning[p], arm, cross_add(angular, cross(angular, arm), moving + x.loops.moving[p]));
-    if (body.prismatic)
-      moving = fma(turned, T(2), moving);
+    if (body.root)  // its twist is constant in the world
+      x.loops.turning[b] = x.loops.moving[b] = zero;
+    else if (t.functions.used())
+      accelerate_body(t, m, x, b, scaled(column_of(m.world[b], body.axis), own_acceleration(t, x, body.joint)),
+                      x.loops.turning, x.loops.moving);
     else
-      turning = turning + turned;
+      accelerate_body(t, m, x, b, zero, x.loops.turning, x.loops.moving);
   }
 }
 

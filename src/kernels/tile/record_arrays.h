@@ -1,4 +1,4 @@
-// Arrays of what a plan records of the steps of a call: efforts of drives, history of contacts.
+// Arrays of what a plan records of the steps of a call: efforts of drives, accelerations, history of contacts.
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
@@ -32,6 +32,10 @@ struct Records {
   T* peak_effort;              // [joints] largest size in this call
   T* effort_sum;               // [joints] over the steps of this call
   ContactHistory<T>* contact;  // [pairs]
+  T* before;                   // [velocities] at the start of the step
+  T* acceleration;             // [velocities] mean over the step
+  Vec3<T>* pair_force;         // [pairs] of contact, over the step, in the world
+  Vec3<T>* pair_moment;        // the same about the world's origin
   T steps;                     // good ones of this call
 
   template <class Take>
@@ -43,6 +47,12 @@ struct Records {
     take("records.peak_effort", peak_effort, joints, Lifetime::state);
     take("records.effort_sum", effort_sum, joints, Lifetime::state);
     take("records.contact", contact, t.record_contacts ? t.contacts.pairs.count : 0, Lifetime::state);
+    const int velocities = t.record_accelerations ? t.velocities : 0;
+    const int pairs = t.record_accelerations ? t.contacts.pairs.count : 0;
+    take("records.before", before, velocities);
+    take("records.acceleration", acceleration, velocities, Lifetime::state);
+    take("records.pair_force", pair_force, pairs, Lifetime::state);
+    take("records.pair_moment", pair_moment, pairs, Lifetime::state);
   }
 };
 

@@ -62,6 +62,8 @@ struct BatchRows {
   Rows<S> audit{};                         ///< 2 rows if audited: energy from nowhere, largest kinetic energy
   Rows<S> drive_effort{};                  ///< drive_effort_rows by dof, if recorded: see kernels/records.h
   Rows<S> contact_history{};               ///< contact_history_rows by pair, the same
+  Rows<S> acceleration{};                  ///< by dof, then 6 by floating root, the same
+  Rows<S> pair_wrench{};                   ///< 6 by pair: force, moment about the world's origin, the same
   Rows<S> contact_memory{};                ///< see ContactTables::remembered()
   Rows<S> solve_counts{};                  ///< see SolveCounts, of the last call of step()
   Rows<Fault> fault{};
@@ -87,6 +89,8 @@ inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const 
   const int remembered = t.contacts.remembered(t), counts = t.counts_solves() ? solve_count_rows : 0;
   const int efforts = t.record_efforts ? drive_effort_rows * n : 0;
   const int history = t.record_contacts ? contact_history_rows * t.contacts.pairs.count : 0;
+  const int accelerations = t.record_accelerations ? n + 6 * roots : 0;
+  const int wrenches = t.record_accelerations ? 6 * t.contacts.pairs.count : 0;
   act(BatchBlock{"fault", state, 1, 1}, all.fault...);
   act(BatchBlock{"fault place", state, 1, 0}, all.place...);
   act(BatchBlock{"steps", state, 1, 2}, all.steps...);
@@ -105,6 +109,8 @@ inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const 
   act(BatchBlock{"contacts", memory, remembered, 2 * remembered}, all.contact_memory...);
   act(BatchBlock{"drive effort", memory, efforts, efforts}, all.drive_effort...);
   act(BatchBlock{"contact history", memory, history, 2 * history}, all.contact_history...);
+  act(BatchBlock{"acceleration", memory, accelerations, accelerations}, all.acceleration...);
+  act(BatchBlock{"wrenches of pairs", memory, wrenches, wrenches}, all.pair_wrench...);
   act(BatchBlock{"impulse", result, impulses, impulses}, all.impulse...);
   act(BatchBlock{"loop force", memory, 6 * t.loops.loops.count, 6 * t.loops.loops.count}, all.loop_force...);
   act(BatchBlock{"residual", result, reported, reported}, all.residual...);
