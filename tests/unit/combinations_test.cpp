@@ -83,6 +83,8 @@ const Feature softness{"softness per environment", vary<Parameter::softness>};
 const Feature switches{"switches per environment", vary<Parameter::coupling_switch>};
 const Feature impulses{"recorded impulses", [](Model&, StepSettings& s) { s.record_impulses = true; }};
 const Feature balances{"recorded diagnostics", [](Model&, StepSettings& s) { s.record_diagnostics = true; }};
+const Feature records{
+    "records", [](Model&, StepSettings& s) { s.record_efforts = s.record_contacts = s.record_accelerations = true; }};
 const Feature contact{"contact", [](Model& m, StepSettings&) {
                         m.colliders.push_back({.name = "ball", .link = "l2", .shape = Shape::sphere(0.05)});
                         contact_scenes::add_floor(m, 0.5);  // as a wall in the way of the joints
@@ -246,6 +248,10 @@ const std::vector<std::vector<Feature>> scenes{
     {loop, cam, limits, servos},
     {loop, cam, functions},
     {contact, loop, cam, limits},
+    {hard, limits, servos, records},
+    {hard, drive, records},
+    {contact, loop, hard, limits, servos, records},
+    {contact, cam, functions, records},
 };
 
 Model arm() {
@@ -405,6 +411,84 @@ TEST(Combinations, of_all_features_move_soundly_with_actions_that_differ) {
       ++runs;
     }
   EXPECT_GT(runs, 280);
+}
+
+template <class S>
+Eigen::ArrayXXd read(const Batch<S>& batch, Quantity quantity) {
+  const Query query{quantity};
+  typename Batch<S>::Array numbers(batch.plan().query_rows(query), batch.environments());
+  batch.read(std::span(&query, 1), {numbers.data(), batch.environments(), 1});
+  return numbers.template cast<double>();
+}
+
+// What is recorded changes no bit. Efforts keep their limits, accelerations are the changes of velocities, and all
+// momentum comes from gravity, contacts and the joints at the base.
+TEST(Combinations, are_recorded_as_they_move) {
+  constexpr int environments = 9;
+  const std::pair<Method, Integrator> ways[] = {{Method::automatic, Integrator::automatic},
+                                                {Method::reduced, Integrator::euler},
+                                                {Method::pgs, Integrator::euler}};
+  int runs = 0;
+  for (const std::vector<Feature>& features : scenes)
+    for (const auto& [method, integrator] : ways) {
+      Scene scene(features);
+      scene.settings.method = method, scene.settings.integrator = integrator;
+      StepSettings kept = scene.settings;
+      kept.record_efforts = !scene.has("kinematic drive");
+      kept.record_contacts = kept.record_accelerations = true;
+      if (cell(scene.model, kept, method, integrator).text == "-") continue;
+      const Plan plan = compile(scene.model, kept);
+      const std::string words = scene.name + " by " + to_string(plan.method()) + ", " + to_string(plan.integrator());
+      Batch<float> plain(compile(scene.model, scene.settings), environments, {.threads = 1}),
+          recorded(plan, environments, {.threads = 1});
+      std::mt19937 random(3), again(3);
+      Eigen::ArrayXXf before;
+      Eigen::ArrayXXd momentum;
+      for (int control = 0; control < 10; ++control) {
+        act_differently(plain, random), act_differently(recorded, again);
+        plain.step(8), recorded.step(7);
+        before = recorded.velocities(), momentum = recorded.momenta().template cast<double>();
+        recorded.step();
+      }
+      EXPECT_TRUE((plain.positions() == recorded.positions()).all()) << words;
+      EXPECT_TRUE((plain.velocities() == recorded.velocities()).all()) << words;
+
+      const double dt = kept.dt;
+      const Eigen::ArrayXXd change = (recorded.velocities() - before).cast<double>() / dt;
+      EXPECT_LT((read(recorded, Quantity::joint_acceleration) - change).abs().maxCoeff(),
+                1e-5 * change.abs().maxCoeff() + 1e-9)
+          << words;
+      if (kept.record_efforts && scene.has("limited servos")) {
+        EXPECT_LE(read(recorded, Quantity::drive_effort).topRows(2).abs().maxCoeff(), 3.0 + 1e-6) << words;
+      }
+
+      const Eigen::ArrayXXd wrench = read(recorded, Quantity::joint_wrench),
+                            touch = read(recorded, Quantity::link_contact_force),
+                            gain = (recorded.momenta().template cast<double>() - momentum) / dt;
+      if (scene.has("masses per environment")) continue;  // weights are not the model's
+      for (int e = 0; e < environments; ++e) {
+        Eigen::Vector3d force = Eigen::Vector3d::Zero();
+        for (std::size_t l = 0; l < scene.model.links.size(); ++l)
+          force += touch.col(e).segment<3>(3 * static_cast<int>(l)).matrix();
+        double mass = 0.0;
+        for (const Joint& joint : scene.model.joints) {
+          if (joint.child.empty()) continue;
+          const int link = scene.model.link_index(joint.child);
+          mass += scene.model.links[static_cast<std::size_t>(link)].inertia.mass;
+          if (std::any_of(scene.model.joints.begin(), scene.model.joints.end(),
+                          [&](const Joint& other) { return other.child == joint.parent; }))
+            continue;  // not at the base
+          const auto pose = recorded.link_poses(link).col(e).template cast<double>();
+          const Eigen::Quaterniond turn(pose(3), pose(4), pose(5), pose(6));
+          force += turn * wrench.col(e).segment<3>(6 * plan.dof(joint.name)).matrix();
+        }
+        force += mass * scene.model.gravity;
+        const double size = 1.0 + gain.col(e).abs().maxCoeff() + mass * scene.model.gravity.norm();
+        EXPECT_LT((force - gain.col(e).tail<3>().matrix()).norm(), 0.02 * size) << words << ", environment " << e;
+      }
+      ++runs;
+    }
+  EXPECT_GT(runs, 230);
 }
 
 // What compile() refuses of a scene by its method or integrator, the plan by default lists, in the same words; and
