@@ -8,7 +8,7 @@
 namespace lockstep {
 namespace {
 
-constexpr std::size_t most_kinds = 4;
+constexpr std::size_t most_kinds = 5;
 
 // A code, what it stands for, and what kinds of elements it has: the words by which an element begins, in errors of the
 // model those before its name in quotes. The first that fits counts, and the class alone comes last of its class.
