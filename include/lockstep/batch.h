@@ -1,4 +1,6 @@
 // Batch: many environments of one Plan, stepped together. SPDX-License-Identifier: Apache-2.0
+//
+// One file: it is one class and what its functions take.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,6 +14,7 @@
 #include <vector>
 
 #include "lockstep/actions.h"
+#include "lockstep/coordinates.h"
 #include "lockstep/environment_set.h"
 #include "lockstep/inverse_kinematics.h"
 #include "lockstep/linearize.h"
@@ -418,6 +421,23 @@ class LOCKSTEP_API Batch {
   Array momenta() const;             ///< [6][environments] angular about the world's origin, then linear
   Array limit_violations() const;    ///< [1][environments] how far the worst joint is beyond its range, rad or m
   Array speeds() const;              ///< [1][environments] of the fastest joint, rad/s or m/s
+
+  // --- in independent coordinates, computed when asked for, (M146) --------------------------------
+  // Coordinates are the six velocities of each floating root, as root_velocities(), then the open_coordinate_dofs().
+  // Hard couplings and functions, with the environment's own numbers, place all other dofs; those with a force limit
+  // count as holding. Loops are open: they are constraints on these matrices. Everything is of the state as it stands,
+  // in double,
+  // [...][listed environments]. Throws UsageError where a hard coupling is off or soft, and for a link or site that is
+  // none. What a root's rates are: those of the components of its twist.
+  /// [n x n]: row n i + j, kg m^2, kg m or kg. With armatures, also of followers and tendons.
+  Array mass_matrices(const EnvironmentSet& which = EnvironmentSet::all()) const;
+  /// [n] N m or N: the forces on the coordinates that keep their rates 0. Gravity, Coriolis and centrifugal forces,
+  /// and what followers that are functions need as their slope changes. Without springs, servos, damping, friction,
+  /// efforts, wrenches, contacts and loops.
+  Array bias_forces(const EnvironmentSet& which = EnvironmentSet::all()) const;
+  /// [6 x n] as site_jacobians(), by coordinate: of a link's frame, and of a site.
+  Array reduced_link_jacobians(int link, const EnvironmentSet& which = EnvironmentSet::all()) const;
+  Array reduced_site_jacobians(int site, const EnvironmentSet& which = EnvironmentSet::all()) const;
 
   // --- diagnostics of the last step: UsageError unless StepSettings::record_diagnostics ----------
   /// [Plan::row_names()][environments] what the step left of each row's condition (M64): the error, in rad or m, that

@@ -126,8 +126,9 @@ enum {
   LOCKSTEP_COUPLINGS = 3,
   LOCKSTEP_LINKS = 4,
   LOCKSTEP_SITES = 5,
-  LOCKSTEP_ROOTS = 6, /* floating ones */
-  LOCKSTEP_POSES = 7  /* to start in: keyframes of MJCF */
+  LOCKSTEP_ROOTS = 6,      /* floating ones */
+  LOCKSTEP_POSES = 7,      /* to start in: keyframes of MJCF */
+  LOCKSTEP_COORDINATES = 8 /* dofs that no hard coupling places: rows of mass matrices behind the roots' six */
 };
 LOCKSTEP_C_API int lockstep_plan_count(const lockstep_plan* plan, int list, int64_t* out);
 /* The name lives as long as the plan. */
@@ -243,6 +244,32 @@ LOCKSTEP_C_API int lockstep_randomize(lockstep_batch* batch, const lockstep_rand
 LOCKSTEP_C_API int lockstep_act(lockstep_batch* batch, const lockstep_array* actions);
 
 enum {
+  LOCKSTEP_ACT_POSITION = 0,
+  LOCKSTEP_ACT_POSITION_CHANGE = 1,
+  LOCKSTEP_ACT_VELOCITY = 2,
+  LOCKSTEP_ACT_EFFORT = 3
+};
+/* What actions mean, as ActionMap of lockstep/actions.h. Lists have `count` numbers, one by action; null: absent. */
+typedef struct {
+  uint32_t size;
+  int32_t kind;        /* LOCKSTEP_ACT_POSITION ... */
+  const int32_t* dofs; /* numbers of LOCKSTEP_DOFS; null: all of LOCKSTEP_DRIVEN, of LOCKSTEP_INDEPENDENT for efforts */
+  const double* low;   /* -1 is low and 1 is high */
+  const double* high;
+  const double* scale; /* or center + scale times the action */
+  const double* center;
+  int64_t count;    /* actions of an environment; 0 where all lists are null */
+  double alpha;     /* share of the new value in a moving average, in (0, 1] */
+  int32_t raw;      /* 1: actions are rad, m, rad/s, N m ... themselves */
+  int32_t reserved; /* 0 */
+} lockstep_action_map;
+LOCKSTEP_C_API void lockstep_action_map_init(lockstep_action_map* map);
+/* Actions [count][environments] of the environments of the mask become targets or efforts; others' are not read. An
+ * environment with a NaN among its actions gets a fault. map: null for the default, as in lockstep_act(). */
+LOCKSTEP_C_API int lockstep_act_as(lockstep_batch* batch, const lockstep_action_map* map, const lockstep_array* actions,
+                                   const uint8_t* mask, int64_t n);
+
+enum {
   LOCKSTEP_READ_POSITION = 0,
   LOCKSTEP_READ_VELOCITY = 1,
   LOCKSTEP_READ_POSITION_TARGET = 2,
@@ -295,11 +322,47 @@ typedef struct {
 LOCKSTEP_C_API int lockstep_read(lockstep_batch* batch, const lockstep_query* queries, int64_t count,
                                  const lockstep_array* out);
 
+/* In independent coordinates: the six velocities of each floating root, then LOCKSTEP_COORDINATES; n in all. Columns of
+ * `out` are the environments of the mask, in their order. Loops are open. See Batch::mass_matrices(). */
+LOCKSTEP_C_API int lockstep_mass_matrix(lockstep_batch* batch, const uint8_t* mask, int64_t length,
+                                        const lockstep_array* out); /* [n n] row n i + k */
+/* Gravity, Coriolis and centrifugal forces. */
+LOCKSTEP_C_API int lockstep_bias_forces(lockstep_batch* batch, const uint8_t* mask, int64_t length,
+                                        const lockstep_array* out); /* [n] */
+/* Angular, then linear velocity of a link or a site in world axes, by coordinate. list: LOCKSTEP_LINKS, LOCKSTEP_SITES.
+ */
+LOCKSTEP_C_API int lockstep_jacobian(lockstep_batch* batch, int list, int64_t index, const uint8_t* mask,
+                                     int64_t length, const lockstep_array* out); /* [6 n] row 6 k + component */
+
 /* Everything that the next steps depend on. `to` null: only *bytes is set. *bytes: in, what there is room for; out,
  * what it takes. */
 LOCKSTEP_C_API int lockstep_save(const lockstep_batch* batch, void* to, uint64_t* bytes);
 /* Into all environments of a batch of the same size and plan; they go on with the same bits. */
 LOCKSTEP_C_API int lockstep_restore(lockstep_batch* batch, const void* from, uint64_t bytes);
+
+/* Numbers of rollouts: number [i][t][k] of rollout i and control step t is at data + i * stride[0] + t * stride[1] +
+ * k * stride[2]; strides in bytes, the batch's precision. */
+typedef struct {
+  uint32_t size;
+  int32_t type; /* LOCKSTEP_F32 or LOCKSTEP_F64 */
+  void* data;
+  int64_t shape[3];
+  int64_t stride[3];
+} lockstep_records;
+typedef struct {
+  uint32_t size;
+  int32_t substeps;               /* steps of dt in a control step, >= 1 */
+  const lockstep_action_map* map; /* null for the default */
+} lockstep_rollout_options;
+LOCKSTEP_C_API void lockstep_rollout_options_init(lockstep_rollout_options* options);
+/* Rollouts of controls [rollouts][steps][actions], from a blob of lockstep_save() of a batch of the same plan with one
+ * environment or one for each rollout; null with 0 bytes: each from its environment as it stands. Writes the rows of
+ * the queries to out, [rollouts][steps][rows], null without queries, and the fault of each rollout to `faults`, which
+ * may be null. The batch is the workspace: its environments are overwritten. See Batch::rollout(). */
+LOCKSTEP_C_API int lockstep_rollout(lockstep_batch* batch, const void* from, uint64_t bytes,
+                                    const lockstep_rollout_options* options, const lockstep_records* controls,
+                                    const lockstep_query* queries, int64_t count, const lockstep_records* out,
+                                    uint32_t* faults);
 
 /* The fault of an environment in words, into text of that size, cut off if it does not fit. */
 LOCKSTEP_C_API int lockstep_explain_fault(const lockstep_batch* batch, int64_t environment, char* text, uint64_t size);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "lockstep/actions.h"
+#include "lockstep/coordinates.h"
 #include "lockstep/enums.h"
 #include "lockstep/plan.h"
 #include "lockstep/query.h"
@@ -35,9 +36,5 @@ struct Linearization {
   Eigen::MatrixXd state_by_state, state_by_input, state_by_parameter;
   Eigen::MatrixXd record_by_state, record_by_input, record_by_parameter;  ///< by rows of the queries
 };
-
-/// Dofs that are coordinates of a state, in ascending order: no coupling that is hard places them, and no loop.
-/// Followers of soft couplings are among them. Thread-safe. Throws UsageError where loops hold floating roots.
-LOCKSTEP_API std::vector<int> coordinate_dofs(const Plan& plan);
 
 }  // namespace lockstep

@@ -188,6 +188,9 @@ void bind_plan(py::module_& module) {
       .def_property_readonly(
           "coordinates", [](const Plan& plan) { return names_of(plan, coordinate_dofs(plan)); },
           "names of the joints that Batch.linearize() takes for the state: no hard coupling or loop places them")
+      .def_property_readonly(
+          "open_coordinates", [](const Plan& plan) { return names_of(plan, open_coordinate_dofs(plan)); },
+          "names of the joints of Batch.mass_matrix(): the coordinates with all loops open")
       .def_property_readonly("followers", &followers_of, "{follower: (((leader, ratio), ...), offset)}")
       .def_property_readonly(
           "poses",

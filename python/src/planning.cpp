@@ -1,5 +1,8 @@
-// Rollouts, linearisation and inverse kinematics for Python. SPDX-License-Identifier: Apache-2.0
+// Rollouts, linearisation, inverse kinematics and matrices in independent coordinates for Python.
+// SPDX-License-Identifier: Apache-2.0
 #include <pybind11/stl.h>
+
+#include <optional>
 
 #include "batch.h"
 
@@ -157,6 +160,63 @@ py::array inverse_kinematics(AnyBatch& any, const std::string& site, const py::o
   });
 }
 
+// [rows][environments] as [environments, ...].
+template <class S>
+py::array_t<S> by_environment(const typename Batch<S>::Array& rows, std::vector<py::ssize_t> shape) {
+  shape.insert(shape.begin(), static_cast<py::ssize_t>(rows.cols()));
+  py::array_t<S> array(shape);
+  S* to = array.mutable_data();
+  for (Eigen::Index e = 0; e < rows.cols(); ++e)
+    for (Eigen::Index k = 0; k < rows.rows(); ++k) *to++ = rows(k, e);
+  return array;
+}
+
+py::ssize_t coordinates_of(const Plan& plan) {
+  return static_cast<py::ssize_t>(6 * plan.root_names().size() + open_coordinate_dofs(plan).size());
+}
+
+py::array mass_matrix(AnyBatch& any, const py::object& which) {
+  return any.use([&]<class S>(Batch<S>& batch) -> py::array {
+    const std::vector<int> ids = environments_of(which, batch.environments());
+    typename Batch<S>::Array rows;
+    {
+      const py::gil_scoped_release release;
+      rows = batch.mass_matrices(ids);
+    }
+    const py::ssize_t n = coordinates_of(batch.plan());
+    return by_environment<S>(rows, {n, n});
+  });
+}
+
+py::array bias_forces(AnyBatch& any, const py::object& which) {
+  return any.use([&]<class S>(Batch<S>& batch) -> py::array {
+    const std::vector<int> ids = environments_of(which, batch.environments());
+    typename Batch<S>::Array rows;
+    {
+      const py::gil_scoped_release release;
+      rows = batch.bias_forces(ids);
+    }
+    return by_environment<S>(rows, {coordinates_of(batch.plan())});
+  });
+}
+
+py::array jacobian(AnyBatch& any, const py::object& which, const std::optional<std::string>& link,
+                   const std::optional<std::string>& site) {
+  return any.use([&]<class S>(Batch<S>& batch) -> py::array {
+    if (link.has_value() == site.has_value())
+      throw UsageError("frame", link ? "is a link and a site" : "is missing", "give link= or site=");
+    const std::vector<int> ids = environments_of(which, batch.environments());
+    const int index = link ? batch.plan().link(*link) : batch.plan().site(*site);
+    typename Batch<S>::Array rows;
+    {
+      const py::gil_scoped_release release;
+      rows = link ? batch.reduced_link_jacobians(index, ids) : batch.reduced_site_jacobians(index, ids);
+    }
+    const py::object by_column = by_environment<S>(rows, {coordinates_of(batch.plan()), 6});
+    return by_column.attr("transpose")(0, 2, 1);
+  });
+}
+
 }  // namespace
 
 void bind_planning(py::class_<AnyBatch>& batch) {
@@ -186,6 +246,17 @@ void bind_planning(py::class_<AnyBatch>& batch) {
             "Writes q so that the site comes as near to its target as it can from where it is, within the ranges; "
             "followers are placed. targets: [num_envs, 3] positions, m, or [num_envs, 7] poses. Returns what is left, "
             "[num_envs, 2]: distance, m, and angle, rad.");
+  batch.def("mass_matrix", &mass_matrix, "which"_a = py::none(),
+            "[k, n, n] of each of k environments in independent coordinates: the six velocities of each floating root, "
+            "as root_twist, then the joints Plan.open_coordinates. Followers, functions and tendons are in it with "
+            "the environment's own numbers, armatures too. Loops are open: they are constraints on it. Other Python "
+            "threads run meanwhile. Raises UsageError where a hard coupling is off or soft.");
+  batch.def("bias_forces", &bias_forces, "which"_a = py::none(),
+            "[k, n] N m or N, what keeps the rates of these coordinates 0: gravity, Coriolis and centrifugal forces. "
+            "Without springs, drives, damping, friction, efforts, wrenches, contacts and loops.");
+  batch.def(
+      "jacobian", &jacobian, "which"_a = py::none(), py::kw_only(), "link"_a = py::none(), "site"_a = py::none(),
+      "[k, 6, n] angular, then linear velocity of a link's frame or a site, in world axes, by these coordinates.");
 }
 
 }  // namespace lockstep::python

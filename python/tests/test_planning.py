@@ -90,3 +90,37 @@ def test_inverse_kinematics_reaches_what_can_be_reached():
     assert np.abs(batch.read("coupling_error")).max() < 1e-9
     with pytest.raises(ls.UsageError):
         batch.inverse_kinematics("tip", targets[:, :2])
+
+
+def test_matrices_of_the_coordinates():
+    plan = arm(vary=["gear_ratio", "mass"])
+    batch = plan.batch(6, dtype="f8", threads=1)
+    batch.randomize("gear_ratio", "scale", 0.9, 1.1)
+    batch.randomize("mass", "scale", 0.8, 1.2)
+    batch.reset_random(spread=0.4, speed=1.0)
+    n, columns = len(plan.open_coordinates), [plan.dof(name) for name in plan.open_coordinates]
+    z = batch.qd[:, columns]
+    mass, forces = batch.mass_matrix(), batch.bias_forces()
+    assert mass.shape == (6, n, n) and forces.shape == (6, n) and plan.open_coordinates == plan.coordinates
+    assert np.allclose(0.5 * np.einsum("ni,nij,nj->n", z, mass, z), batch.read("kinetic_energy")[:, 0], rtol=1e-10)
+    for frame, query in (("tip", "site_velocity"), ("left_tip", "link_velocity")):
+        which = {"site" if query == "site_velocity" else "link": frame}
+        jacobian = batch.jacobian(**which)
+        assert jacobian.shape == (6, 6, n)
+        assert np.allclose(np.einsum("nij,nj->ni", jacobian, z), batch.read(ls.Query(query, [frame])), atol=1e-10)
+    some = batch.mass_matrix([4, 1])
+    assert np.array_equal(some, mass[[4, 1]])
+    mask = np.arange(6) == 2
+    assert np.array_equal(batch.bias_forces(mask), forces[2:3])
+    batch.qd[:] = 0  # at rest they are the slope of the potential energy
+    still, step = batch.bias_forces(), 1e-6
+    for k, column in enumerate(columns):
+        energies = []
+        for side in (step, -2 * step, step):
+            batch.q[:, column] += side
+            batch.project()
+            energies.append(batch.read("potential_energy")[:, 0])
+        assert np.allclose((energies[0] - energies[1]) / (2 * step), still[:, k], atol=1e-6)
+    for wrong in ({}, {"site": "tip", "link": "left_tip"}, {"site": "nothing"}, {"link": "nothing"}):
+        with pytest.raises(ls.UsageError):
+            batch.jacobian(**wrong)

@@ -7,6 +7,7 @@
 
 #include "model/functions.h"
 #include "plan/program.h"
+#include "targets/kernel_set.h"
 #include "turned.h"
 
 namespace lockstep {

@@ -346,6 +346,8 @@ struct Batch<S>::Impl {
     return result;
   }
 
+  Array reduced_jacobians(int link, const Eigen::Vector3d& origin, const EnvironmentSet& which);
+
   Array read(kernels::Quantity quantity, int row_count) { return read(kernels::Request<S>{quantity}, row_count); }
 
   Array read_frame(kernels::Quantity quantity, int link, const Eigen::Vector3d& offset, int row_count) {
@@ -396,6 +398,7 @@ struct Batch<S>::Impl {
   void set_actions(const StridedRows<const S>& actions, const ActionMap& map, const EnvironmentSet& which);
   void read(std::span<const Query> queries, const StridedRows<S>& out, int count);  // read.cpp
 
+  class Links;          // links.h
   class TileReader;     // read.cpp
   class ProblemFinder;  // problems.cpp
   std::vector<Problem> bad_values(int environment) const;

@@ -7,6 +7,7 @@
 
 #include <Eigen/LU>
 
+#include "coordinates.h"
 #include "impl.h"
 #include "rotations.h"
 
@@ -40,30 +41,16 @@ void check_options(const Plan& plan, const LinearizeOptions& options) {
                      "compile with ContactSettings::tolerance = 1e-10 and 100 rounds");
 }
 
-// An environment whose followers are free has a state that the coordinates do not tell.
 template <class S>
-void check_couplings_hold(const Plan& plan, const StatePointers<S>& rows, int e) {
-  const auto number = [&](Parameter field, int row, double model) {
-    const S* const own = rows.field(field);
-    return own ? static_cast<double>(own[row * rows.stride + e]) : model;
-  };
-  const std::vector<std::string> names = coupling_names(plan.model());
-  const std::string environment = fmt::format("environment {}", e);
-  for (int c = 0; c < plan.couplings(); ++c) {
-    const std::string coupling = "has the coupling '" + names[static_cast<std::size_t>(c)] + "' ";
-    if (number(Parameter::coupling_switch, c, 1.0) == 0.0)
-      throw UsageError(environment, coupling + "off, so its follower is no function of the coordinates",
-                       "switch it on, or compile a model without it");
-    const SoftnessKind kind = kind_of(plan.model().couplings[static_cast<std::size_t>(c)].softness);
-    if (rows.field(Parameter::softness) && (kind == SoftnessKind::hard || kind == SoftnessKind::erp_cfm) &&
-        number(Parameter::softness, 2 * c + 1, 0.0) != 0.0)
-      throw UsageError(environment, coupling + "soft, so its follower is no function of the coordinates",
-                       "make its cfm 0, or compile a model in which it is a Spring");
-  }
+void check_loops_hold(const Plan& plan, const StatePointers<S>& rows, std::span<const int> ids) {
+  const S* const on = rows.field(Parameter::loop_switch);
+  if (!on) return;
   for (std::size_t l = 0; l < plan.loops().size(); ++l)
-    if (number(Parameter::loop_switch, static_cast<int>(l), 1.0) == 0.0)
-      throw UsageError(environment, "has the loop '" + plan.loops()[l].name + "' off, so its joints are free",
-                       "switch it on, or compile a model without it");
+    for (const int e : ids)
+      if (on[static_cast<std::ptrdiff_t>(l) * rows.stride + e] == S(0))
+        throw UsageError(fmt::format("environment {}", e),
+                         "has the loop '" + plan.loops()[l].name + "' off, so its joints are free",
+                         "switch it on, or compile a model without it");
 }
 
 // What copies are moved by: a coordinate of the state, an input or a parameter.
@@ -228,24 +215,6 @@ Linearization solved(const Measured& measured, const Differences& of, int enviro
 
 }  // namespace
 
-std::vector<int> coordinate_dofs(const Plan& plan) {
-  const Program& program = program_of(plan);
-  int rows = 0;
-  for (const PlanLoop& loop : plan.loops()) rows += loop.rows - loop.redundant;
-  if (rows > static_cast<int>(plan.loop_dependent_dofs().size()))
-    throw UsageError("plan", "has loops that hold floating roots, so roots are no coordinates of their own",
-                     "bolt the roots, or leave these loops out");
-  std::vector<char> placed(static_cast<std::size_t>(plan.dofs()), 0);
-  const auto place = [&](int joint) { placed[static_cast<std::size_t>(program.f64.dof[joint])] = 1; };
-  for (const Placing::Turn& turn : program.placing_hard.turns) place(program.f64.term_joint[turn.term]);
-  for (const int joint : program.placing_hard.ring_followers) place(joint);
-  for (const int dof : plan.loop_dependent_dofs()) placed[static_cast<std::size_t>(dof)] = 1;
-  std::vector<int> dofs;
-  for (int dof = 0; dof < plan.dofs(); ++dof)
-    if (!placed[static_cast<std::size_t>(dof)]) dofs.push_back(dof);
-  return dofs;
-}
-
 template <class S>
 std::vector<Linearization> Batch<S>::linearize(const EnvironmentSet& which, const LinearizeOptions& options) const {
   if constexpr (std::is_same_v<S, float>) {
@@ -255,7 +224,8 @@ std::vector<Linearization> Batch<S>::linearize(const EnvironmentSet& which, cons
     check_options(own.plan, options);
     std::vector<int> ids;
     which.for_each(own.environments, [&](int e) { ids.push_back(e); });
-    for (const int e : ids) check_couplings_hold(own.plan, own.state_pointers(), e);
+    check_couplings_hold(own.plan, own.state_pointers(), ids);
+    check_loops_hold(own.plan, own.state_pointers(), ids);
     const Differences differences(own.plan, options);
     const std::vector<std::byte> bytes = save(ids);
     const Blob blob = read_blob(bytes);

@@ -9,12 +9,6 @@ ResetOptions reset_options(uint32_t flags) {
   return {.keep_inputs = flags != 0};
 }
 
-EnvironmentSet environments(const uint8_t* mask, int64_t n) {
-  require_count(n);
-  if (!mask && n == 0) return EnvironmentSet::all();
-  return EnvironmentSet(std::span<const uint8_t>(given(mask, "mask"), static_cast<std::size_t>(n)));
-}
-
 std::vector<RootNoise> roots_of(const lockstep_root_noise* roots, int64_t count) {
   if (count < 0) throw UsageError("root_count", "is negative", "give the number of roots");
   std::vector<RootNoise> all;
@@ -31,9 +25,6 @@ std::vector<RootNoise> roots_of(const lockstep_root_noise* roots, int64_t count)
   }
   return all;
 }
-
-template <class S>
-constexpr int32_t type_of = sizeof(S) == 4 ? LOCKSTEP_F32 : LOCKSTEP_F64;
 
 template <class View>
 lockstep_array array_of(View view) {
@@ -80,24 +71,6 @@ lockstep_array field_of(Batch<S>& batch, int field) {
   return array_of(batch.parameter(static_cast<Parameter>(field - LOCKSTEP_PARAMETER)));
 }
 
-// An array of a caller as rows: [rows][environments].
-template <class S>
-StridedRows<S> rows_of(const lockstep_array* array, int64_t rows, int64_t environments, const char* name) {
-  given(array, name);
-  constexpr int64_t item = sizeof(S);
-  if (array->type != type_of<std::remove_const_t<S>> || array->rank != 2)
-    throw UsageError(name, "has another type or rank than the batch", "give two dimensions of the batch's precision");
-  if (array->shape[0] != rows || array->shape[1] != environments)
-    throw UsageError(name, "has the shape " + std::to_string(array->shape[0]) + " x " + std::to_string(array->shape[1]),
-                     "give " + std::to_string(rows) + " rows x " + std::to_string(environments) + " environments");
-  if (array->stride[0] % item != 0 || array->stride[1] % item != 0 ||
-      reinterpret_cast<std::uintptr_t>(array->data) % item != 0)
-    throw UsageError(name, "has data or strides that are no multiples of its numbers", "align the numbers");
-  if (!std::is_const_v<S> && (array->flags & LOCKSTEP_READ_ONLY) != 0)
-    throw UsageError(name, "is read-only", "give memory to write to");
-  return {static_cast<S*>(given(array->data, name)), array->stride[0] / item, array->stride[1] / item};
-}
-
 constexpr Quantity quantities[] = {Quantity::position,
                                    Quantity::velocity,
                                    Quantity::position_target,
@@ -141,6 +114,8 @@ constexpr Quantity quantities[] = {Quantity::position,
 
 void initialise(lockstep_query* query) { *query = {sizeof(lockstep_query), 0, -1, 0, 1.0}; }
 
+}  // namespace
+
 std::vector<Query> queries_of(const lockstep_query* queries, int64_t count) {
   if (count < 0) throw UsageError("count", "is negative", "give the number of queries");
   std::vector<Query> all;
@@ -159,7 +134,6 @@ std::vector<Query> queries_of(const lockstep_query* queries, int64_t count) {
   return all;
 }
 
-}  // namespace
 }  // namespace lockstep::c
 
 using namespace lockstep;

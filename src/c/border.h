@@ -109,4 +109,35 @@ inline bool truth(int32_t value, const char* name) {
   return value != 0;
 }
 
+/// A mask, or all environments.
+inline EnvironmentSet environments(const uint8_t* mask, int64_t n) {
+  require_count(n);
+  if (!mask && n == 0) return EnvironmentSet::all();
+  return EnvironmentSet(std::span<const uint8_t>(given(mask, "mask"), static_cast<std::size_t>(n)));
+}
+
+template <class S>
+constexpr int32_t type_of = sizeof(S) == 4 ? LOCKSTEP_F32 : LOCKSTEP_F64;
+
+/// An array of a caller as rows: [rows][environments].
+template <class S>
+StridedRows<S> rows_of(const lockstep_array* array, int64_t rows, int64_t environments, const char* name) {
+  given(array, name);
+  constexpr int64_t item = sizeof(S);
+  if (array->type != type_of<std::remove_const_t<S>> || array->rank != 2)
+    throw UsageError(name, "has another type or rank than the batch", "give two dimensions of the batch's precision");
+  if (array->shape[0] != rows || array->shape[1] != environments)
+    throw UsageError(name, "has the shape " + std::to_string(array->shape[0]) + " x " + std::to_string(array->shape[1]),
+                     "give " + std::to_string(rows) + " rows x " + std::to_string(environments) + " environments");
+  if (array->stride[0] % item != 0 || array->stride[1] % item != 0 ||
+      reinterpret_cast<std::uintptr_t>(array->data) % item != 0)
+    throw UsageError(name, "has data or strides that are no multiples of its numbers", "align the numbers");
+  if (!std::is_const_v<S> && (array->flags & LOCKSTEP_READ_ONLY) != 0)
+    throw UsageError(name, "is read-only", "give memory to write to");
+  return {static_cast<S*>(given(array->data, name)), array->stride[0] / item, array->stride[1] / item};
+}
+
+/// Of queries one after the other, each as large as it says (batch.cpp).
+std::vector<Query> queries_of(const lockstep_query* queries, int64_t count);
+
 }  // namespace lockstep::c

@@ -23,6 +23,7 @@ std::vector<const std::string*> names_of(const lockstep_plan& plan, int list) {
       break;
     case LOCKSTEP_INDEPENDENT: dofs(plan.plan.independent_dofs()); break;
     case LOCKSTEP_DRIVEN: dofs(plan.plan.driven_dofs()); break;
+    case LOCKSTEP_COORDINATES: dofs(open_coordinate_dofs(plan.plan)); break;
     case LOCKSTEP_COUPLINGS:
       for (const std::string& name : plan.couplings) names.push_back(&name);
       break;

@@ -11,7 +11,7 @@
 
 namespace lockstep::kernels {
 
-/// (M146) for a step of euler, before check().
+/// (M147) for a step of euler, before check().
 template <class T>
 void euler_efforts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   each_drive_effort(t, batch, x, 0, x.next.v, [&](int j, T effort) LOCKSTEP_INLINED { x.records.effort[j] = effort; });
@@ -27,7 +27,7 @@ Vec3<T> force_of_pair(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int p) {
   return scaled(impulse, per_second(t, x));
 }
 
-/// (M148): what a step adds to the history of a pair, in the lanes `good`.
+/// (M149): what a step adds to the history of a pair, in the lanes `good`.
 template <class T>
 void add_contact(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int p, typename T::Mask good,
                  ContactHistory<T>& history) {
@@ -53,7 +53,7 @@ void keep_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int k = 0; k < t.velocities; ++k) x.records.before[k] = x.state.v[k];
 }
 
-/// (M149), and the wrenches of the contacts that acted, in the lanes `good`.
+/// (M150), and the wrenches of the contacts that acted, in the lanes `good`.
 template <class T>
 void add_accelerations(const Tables<ScalarOf<T>>& t, typename T::Mask good, Tile<T>& x) {
   const T rate = T(ScalarOf<T>(1) / t.step), zero = T(0);

@@ -17,6 +17,179 @@ static float* at(const lockstep_array* array, long row, long environment) {
   return (float*)((char*)array->data + row * array->stride[0] + environment * array->stride[1]);
 }
 
+static lockstep_array rows_of(float* data, long rows, long environments) {
+  lockstep_array array;
+  memset(&array, 0, sizeof array);
+  array.size = sizeof array;
+  array.data = data;
+  array.type = LOCKSTEP_F32;
+  array.rank = 2;
+  array.shape[0] = rows;
+  array.shape[1] = environments;
+  array.stride[0] = environments * (int64_t)sizeof(float);
+  array.stride[1] = (int64_t)sizeof(float);
+  return array;
+}
+
+static lockstep_records records_of(float* data, long rollouts, long steps, long rows) {
+  lockstep_records records;
+  memset(&records, 0, sizeof records);
+  records.size = sizeof records;
+  records.data = data;
+  records.type = LOCKSTEP_F32;
+  records.shape[0] = rollouts;
+  records.shape[1] = steps;
+  records.shape[2] = rows;
+  records.stride[0] = steps * rows * (int64_t)sizeof(float);
+  records.stride[1] = rows * (int64_t)sizeof(float);
+  records.stride[2] = (int64_t)sizeof(float);
+  return records;
+}
+
+/* Actions of any kind, for one environment of two. */
+static void act(lockstep_batch* batch, int32_t knuckle) {
+  lockstep_action_map map;
+  lockstep_array actions, efforts;
+  float numbers[64];
+  unsigned char mask[64];
+  double scale = 2.0;
+  int i;
+  for (i = 0; i < 64; ++i) numbers[i] = 0.25f, mask[i] = i % 2;
+  actions = rows_of(numbers, 1, 64);
+  lockstep_action_map_init(&map);
+  map.kind = LOCKSTEP_ACT_EFFORT;
+  map.dofs = &knuckle;
+  map.scale = &scale;
+  expect(lockstep_act_as(batch, &map, &actions, mask, 64) == LOCKSTEP_USAGE_ERROR, "lists need a count");
+  map.count = 1;
+  expect(lockstep_act_as(batch, &map, &actions, mask, 64) == LOCKSTEP_OK, "efforts must be taken");
+  expect(lockstep_field(batch, LOCKSTEP_EFFORTS, &efforts) == LOCKSTEP_OK, "there are efforts");
+  for (i = 0; i < 64; ++i)
+    expect(*at(&efforts, knuckle, i) == (i % 2 ? 0.5f : 0.0f), "an effort is the scale times its action");
+  map.alpha = 0.5;
+  expect(lockstep_act_as(batch, &map, &actions, mask, 64) == LOCKSTEP_OK && *at(&efforts, knuckle, 1) == 0.5f,
+         "means must be taken");
+  map.raw = 1;
+  expect(lockstep_act_as(batch, &map, &actions, NULL, 0) == LOCKSTEP_USAGE_ERROR, "raw actions have no scale");
+  map.raw = 0;
+  map.kind = 7;
+  expect(lockstep_act_as(batch, &map, &actions, NULL, 0) == LOCKSTEP_USAGE_ERROR, "kinds must be known");
+  expect(lockstep_act_as(batch, NULL, &actions, NULL, 0) == LOCKSTEP_OK, "without a map it is as lockstep_act()");
+  actions.shape[0] = 2;
+  expect(lockstep_act_as(batch, NULL, &actions, NULL, 0) == LOCKSTEP_USAGE_ERROR, "a wrong shape must be refused");
+}
+
+/* Three rollouts of four control steps from environment 0, against the same steps. */
+static void roll_out(const lockstep_plan* plan, int32_t knuckle) {
+  lockstep_options options;
+  lockstep_rollout_options rollout;
+  lockstep_batch* one = NULL;
+  lockstep_batch* two = NULL;
+  lockstep_query query;
+  lockstep_records controls, out;
+  lockstep_array actions, positions;
+  float inputs[3 * 4], results[3 * 4];
+  uint32_t faults[3];
+  uint64_t bytes = 0;
+  void* start;
+  int i, t;
+  lockstep_options_init(&options);
+  options.threads = 1;
+  lockstep_batch_new(plan, &options, &one);
+  options.environments = 2;
+  lockstep_batch_new(plan, &options, &two);
+  lockstep_save(one, NULL, &bytes);
+  start = malloc((size_t)bytes);
+  lockstep_save(one, start, &bytes);
+  for (i = 0; i < 12; ++i) inputs[i] = 0.1f * (float)(i % 7) - 0.2f;
+  controls = records_of(inputs, 3, 4, 1);
+  out = records_of(results, 3, 4, 1);
+  memset(&query, 0, sizeof query);
+  query.size = sizeof query;
+  query.quantity = LOCKSTEP_READ_POSITION;
+  query.row = knuckle;
+  query.scale = 1.0;
+  lockstep_rollout_options_init(&rollout);
+  rollout.substeps = 3;
+  faults[2] = 9;
+  expect(lockstep_rollout(two, start, bytes, &rollout, &controls, &query, 1, &out, faults) == LOCKSTEP_OK,
+         "rollouts must run");
+  expect(faults[0] == 0 && faults[2] == 0, "without faults");
+  lockstep_field(one, LOCKSTEP_POSITIONS, &positions);
+  for (i = 0; i < 3; ++i) {
+    lockstep_restore(one, start, bytes);
+    for (t = 0; t < 4; ++t) {
+      actions = rows_of(inputs + 4 * i + t, 1, 1);
+      lockstep_act(one, &actions);
+      lockstep_step(one, 3);
+      expect(*at(&positions, knuckle, 0) == results[4 * i + t], "a rollout takes the steps of lockstep_step()");
+    }
+  }
+  expect(lockstep_rollout(two, NULL, 0, &rollout, &controls, &query, 1, &out, NULL) == LOCKSTEP_USAGE_ERROR,
+         "without a start there is a rollout for each environment");
+  out.shape[1] = 5;
+  expect(lockstep_rollout(two, start, bytes, &rollout, &controls, &query, 1, &out, NULL) == LOCKSTEP_USAGE_ERROR,
+         "shapes must fit");
+  expect(lockstep_rollout(two, start, bytes, &rollout, NULL, NULL, 0, NULL, NULL) == LOCKSTEP_USAGE_ERROR,
+         "controls must be given");
+  free(start);
+  lockstep_batch_free(one);
+  lockstep_batch_free(two);
+}
+
+/* v = J z and 2 T = z M z, of one environment that moves. */
+static void read_matrices(const lockstep_plan* plan, lockstep_batch* batch) {
+  lockstep_array out, velocities, read;
+  lockstep_query query;
+  float matrix[16], jacobian[24], forces[4], twist[64 * 6], energy[64];
+  double z[4], twice = 0.0, sum;
+  unsigned char mask[64];
+  const char* name;
+  int64_t n = 0, links = 0, dof = 0;
+  int i, k;
+  expect(lockstep_plan_count(plan, LOCKSTEP_COORDINATES, &n) == LOCKSTEP_OK && n == 4, "four joints are coordinates");
+  expect(lockstep_plan_count(plan, LOCKSTEP_LINKS, &links) == LOCKSTEP_OK, "there are links");
+  memset(mask, 0, sizeof mask);
+  mask[5] = 1;
+  lockstep_field(batch, LOCKSTEP_VELOCITIES, &velocities);
+  for (i = 0; i < 4; ++i) {
+    lockstep_plan_name(plan, LOCKSTEP_COORDINATES, i, &name);
+    lockstep_plan_index(plan, LOCKSTEP_DOFS, name, &dof);
+    z[i] = 0.3 * (i + 1);
+    *at(&velocities, (long)dof, 5) = (float)z[i];
+  }
+  lockstep_project(batch, NULL, 0);
+  out = rows_of(matrix, 16, 1);
+  expect(lockstep_mass_matrix(batch, mask, 64, &out) == LOCKSTEP_OK, "a mass matrix must be read");
+  out = rows_of(forces, 4, 1);
+  expect(lockstep_bias_forces(batch, mask, 64, &out) == LOCKSTEP_OK, "bias forces must be read");
+  expect(lockstep_bias_forces(batch, NULL, 0, &out) == LOCKSTEP_USAGE_ERROR, "of all there are more");
+  out = rows_of(jacobian, 24, 1);
+  expect(lockstep_jacobian(batch, LOCKSTEP_LINKS, links - 1, mask, 64, &out) == LOCKSTEP_OK, "a Jacobian must be read");
+  expect(lockstep_jacobian(batch, LOCKSTEP_LINKS, links, mask, 64, &out) == LOCKSTEP_USAGE_ERROR,
+         "links must be known");
+  expect(lockstep_jacobian(batch, LOCKSTEP_ROOTS, 0, mask, 64, &out) == LOCKSTEP_USAGE_ERROR, "roots have none");
+  memset(&query, 0, sizeof query);
+  query.size = sizeof query;
+  query.quantity = LOCKSTEP_READ_LINK_VELOCITY;
+  query.row = (int32_t)links - 1;
+  query.scale = 1.0;
+  read = rows_of(twist, 6, 64);
+  lockstep_read(batch, &query, 1, &read);
+  query.quantity = LOCKSTEP_READ_KINETIC_ENERGY;
+  query.row = -1;
+  read = rows_of(energy, 1, 64);
+  lockstep_read(batch, &query, 1, &read);
+  for (i = 0; i < 6; ++i) {
+    sum = 0.0;
+    for (k = 0; k < 4; ++k) sum += (double)jacobian[6 * k + i] * z[k];
+    expect(fabs(sum - (double)twist[64 * i + 5]) < 1e-5, "the Jacobian gives the velocity of the link");
+  }
+  for (i = 0; i < 4; ++i)
+    for (k = 0; k < 4; ++k) twice += z[i] * (double)matrix[4 * i + k] * z[k];
+  expect(twice > 0.0 && fabs(twice / 2.0 / (double)energy[5] - 1.0) < 1e-4, "the mass matrix gives the energy");
+}
+
 int main(int count, char** arguments) {
   lockstep_model* model = NULL;
   lockstep_model* copy = NULL;
@@ -51,7 +224,8 @@ int main(int count, char** arguments) {
   lockstep_model_free(model);
   expect(lockstep_model_from_urdf(arguments[1], &model) == LOCKSTEP_OK, "the gripper must be read");
   expect(lockstep_model_set_drive(model, "knuckle", 8.0, 0.3) == LOCKSTEP_OK, "the knuckle must take a drive");
-  expect(lockstep_model_report(model, &text) == LOCKSTEP_OK && strstr(text, "5 couplings") != NULL, "there is a report");
+  expect(lockstep_model_report(model, &text) == LOCKSTEP_OK && strstr(text, "5 couplings") != NULL,
+         "there is a report");
   expect(lockstep_model_export(model, "gripper.xml", 0.0, &text) == LOCKSTEP_OK &&
              strstr(text, "warning: velocity limits, left out") != NULL,
          "the gripper must be written, and what MJCF lacks be named");
@@ -173,6 +347,10 @@ int main(int count, char** arguments) {
   query.row = -7;
   expect(lockstep_read(batch, &query, 1, &errors) == LOCKSTEP_USAGE_ERROR, "rows are -1 or more");
   expect(lockstep_step(NULL, 1) == LOCKSTEP_USAGE_ERROR, "null is refused");
+
+  act(batch, (int32_t)knuckle);
+  read_matrices(plan, batch);
+  roll_out(plan, (int32_t)knuckle);
 
   lockstep_batch_free(batch);
   lockstep_plan_free(plan);

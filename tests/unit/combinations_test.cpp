@@ -352,7 +352,8 @@ Table table() {
 }
 
 // Random efforts and targets, of each environment its own.
-void act_differently(Batch<float>& batch, std::mt19937& random) {
+template <class S>
+void act_differently(Batch<S>& batch, std::mt19937& random) {
   std::uniform_real_distribution<float> within(-1.0f, 1.0f);
   for (int e = 0; e < batch.environments(); ++e)
     for (const Joint& joint : batch.plan().model().joints) {
@@ -562,6 +563,95 @@ TEST(Combinations, with_contacts_need_no_more_rounds_for_learning_than_by_defaul
   }
   EXPECT_GT(by_default, 0.0);
   EXPECT_LT(for_learning, by_default);
+}
+
+// Environments that differ, after a moment of random efforts and targets.
+Batch<double> disturbed(const Plan& plan, int environments, int steps) {
+  Batch<double> batch(plan, environments, {.threads = 1});
+  std::mt19937 random(7);
+  act_differently(batch, random);
+  batch.step(steps);
+  return batch;
+}
+
+// The derivatives of two steps are the product of those of each, but for what is held by friction or a bound, where a
+// difference may lie on both sides of an edge.
+TEST(Combinations, have_derivatives_of_two_steps_that_are_a_product) {
+  constexpr int environments = 3;
+  int smooth = 0;
+  for (const std::vector<Feature>& features : scenes) {
+    Scene scene(features);
+    SCOPED_TRACE(scene.name);
+    scene.settings.contacts = {10, 200, 1e-11};
+    Batch<double> batch = disturbed(compile(scene.model, scene.settings), environments, 20);
+    if (scene.has("loop with a force limit")) continue;  // it may be open, and then it has no coordinates
+    const auto both = batch.linearize(EnvironmentSet::all(), {.substeps = 2}), first = batch.linearize();
+    batch.step();
+    const auto second = batch.linearize();
+    bool has_edges = false;
+    for (const char* edge : {"contact", "limit", "friction", "range"}) has_edges |= scene.has(edge);
+    for (std::size_t e = 0; e < environments; ++e) {
+      EXPECT_EQ(both[e].fault, Fault::none);
+      EXPECT_TRUE(both[e].state_by_state.allFinite() && both[e].state_by_input.allFinite());
+      if (has_edges) continue;
+      const Eigen::MatrixXd product = second[e].state_by_state * first[e].state_by_state;
+      const double tolerance = scene.has("loop") ? 1e-3 : 1e-6;  // loops are closed before each of the derivatives
+      EXPECT_LT((both[e].state_by_state - product).cwiseAbs().maxCoeff(), tolerance * product.cwiseAbs().maxCoeff());
+      ++smooth;
+    }
+  }
+  EXPECT_GT(smooth, 90);
+}
+
+// A site that random joints carry somewhere is carried there from the start.
+TEST(Combinations, reach_by_inverse_kinematics_where_random_joints_were) {
+  constexpr int environments = 20;
+  for (const std::vector<Feature>& features : scenes) {
+    Scene scene(features);
+    SCOPED_TRACE(scene.name);
+    scene.model.add_site("tip", scene.has("loop") ? "second rod" : "l2").pose.translation().x() = 0.7;
+    const Plan plan = compile(scene.model, scene.settings);
+    Batch<double> batch(plan, environments, {.threads = 1});
+    EXPECT_TRUE(batch.reset_random(EnvironmentSet::all(), {.spread = 0.5}).empty());
+    const Batch<double>::Array targets = batch.site_positions(0);
+    batch.reset();
+    const Batch<double>::Array left = batch.inverse_kinematics(0, targets);
+    EXPECT_LT(left.maxCoeff(), 1e-6);
+    if (plan.couplings() > 0) {
+      EXPECT_LT(batch.coupling_errors().abs().maxCoeff(), 1e-7);
+    }
+    if (!plan.loops().empty()) {
+      EXPECT_LT(batch.loop_errors().maxCoeff(), 1e-6);
+    }
+    for (int dof = 0; dof < plan.dofs(); ++dof) {
+      const Joint& joint = joint_of(scene.model, plan.dof_names()[static_cast<std::size_t>(dof)].c_str());
+      EXPECT_GE(batch.positions().row(dof).minCoeff(), joint.lower - 1e-7) << joint.name;
+      EXPECT_LE(batch.positions().row(dof).maxCoeff(), joint.upper + 1e-7) << joint.name;
+    }
+  }
+}
+
+// z M z / 2 is the kinetic energy.
+TEST(Combinations, have_mass_matrices_of_their_energies) {
+  constexpr int environments = 5;
+  for (const std::vector<Feature>& features : scenes) {
+    Scene scene(features);
+    SCOPED_TRACE(scene.name);
+    const Plan plan = compile(scene.model, scene.settings);
+    Batch<double> batch = disturbed(plan, environments, 20);
+    batch.project();
+    const std::vector<int> dofs = open_coordinate_dofs(plan);
+    const auto n = static_cast<Eigen::Index>(dofs.size());
+    const auto masses = batch.mass_matrices(), energies = batch.kinetic_energies();
+    for (int e = 0; e < environments; ++e) {
+      Eigen::VectorXd z(n), momentum = Eigen::VectorXd::Zero(n);
+      for (Eigen::Index k = 0; k < n; ++k) z[k] = batch.velocities()(dofs[static_cast<std::size_t>(k)], e);
+      for (Eigen::Index k = 0; k < n * n; ++k) momentum[k / n] += masses(k, e) * z[k % n];
+      const double energy = 0.5 * z.dot(momentum);
+      EXPECT_NEAR(energy, energies(0, e), 1e-10 * (1.0 + energies(0, e)));
+      EXPECT_GT(energy, 0.0);
+    }
+  }
 }
 
 TEST(CombinationsPage, is_what_compile_says) {

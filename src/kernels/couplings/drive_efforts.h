@@ -6,7 +6,7 @@
 
 namespace lockstep::kernels {
 
-/// (M146): act(joint, effort) for all joints, where a solve that began at x.state ends with the velocities v.
+/// (M147): act(joint, effort) for all joints, where a solve that began at x.state ends with the velocities v.
 template <class T, class Act>
 LOCKSTEP_INLINE void each_drive_effort(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
                                        const Tile<T>& x, int time, const T* v, Act&& act) {

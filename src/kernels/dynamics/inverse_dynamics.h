@@ -1,7 +1,7 @@
 // Accelerations of the bodies by those of the velocities, and what acts through their joints then.
 // SPDX-License-Identifier: Apache-2.0
 //
-// (M150) and (M151), in world axes. Not part of a step: for plans that record accelerations.
+// (M151) and (M152), in world axes. Not part of a step: for plans that record accelerations.
 #pragma once
 
 #include "bias_forces.h"

@@ -1,6 +1,6 @@
 // Efforts of drives in a leapfrog, for plans that record them. SPDX-License-Identifier: Apache-2.0
 //
-// (M146), (M147). The mean over the step, by what made the lane's step: the stages, a search in the stages, or a solve
+// (M147), (M148). The mean over the step, by what made the lane's step: the stages, a search in the stages, or a solve
 // at the midpoint.
 #pragma once
 
