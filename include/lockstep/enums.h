@@ -62,10 +62,14 @@ enum class Parameter : unsigned {
   loop_switch,       ///< one row per loop: 0 is off, anything else is on; 1 at the start
   loop_frame,        ///< seven rows per loop: Loop::first_pose as x, y, z in m and a quaternion w, x, y, z of any
                      ///< length from 0.001 to 1000; not by leapfrog
-  function,  ///< by coupling that has a Function: the coefficients of a Polynomial, CamTable::follower, or mean,
-             ///< cosine and sine of a Harmonic
+  function,     ///< by coupling that has a Function: the coefficients of a Polynomial, CamTable::follower, or mean,
+                ///< cosine and sine of a Harmonic
+  drive_delay,  ///< one row per dof: Drive::delay, a whole number of steps, at most the model's; randomize() rounds to
+                ///< one. This and the next two are for drives to which the model gives one; rows of others stay
+  drive_lag,    ///< one row per dof: Drive::lag, s
+  motor_curve,  ///< two rows per dof: Drive::stall_effort and no_load_speed
 };
-inline constexpr int parameter_count = 21;
+inline constexpr int parameter_count = 24;
 
 /// Why an environment was frozen. It stays until the environment is reset. Batch::explain_fault() says it in words.
 enum class Fault : std::uint32_t {

@@ -62,6 +62,10 @@ enum class JointKind {
 /// A kinematic drive prescribes the motion instead, with whatever force that takes, (M58). Hard{1} puts the joint on
 /// its target at the end of each step. Hard{erp} corrects that share of the error per step and adds the target
 /// velocity. Soft ones pull as a soft coupling does. The joint's effort limit does not apply.
+///
+/// Both may be late: `delay` and `lag` are between the targets and feed-forward effort that a Batch shows and those
+/// that the drive applies, (M153) and (M154). A reset fills both with what the Batch shows then. A motor's effort limit
+/// may fall with its speed, (M155).
 struct Drive {
   double kp = 0.0;                ///< N m/rad or N/m, >= 0
   double kd = 0.0;                ///< N m s/rad or N s/m, >= 0
@@ -69,6 +73,12 @@ struct Drive {
   double velocity_target = 0.0;   ///< rad/s or m/s
   bool kinematic = false;         ///< the position is prescribed; kp and kd are 0 then
   Softness softness = Hard{1.0};  ///< of a kinematic drive
+  int delay = 0;                  ///< steps of dt that targets and efforts take to the drive, 0 to 1000
+  double lag = 0.0;               ///< s, >= 0: time constant with which the drive then follows them
+  /// Of a DC motor, both finite and > 0, or both infinite: its effort at rest, N m or N, and the speed, rad/s or m/s,
+  /// at which none is left. The joint's effort limit, which has to be finite, bounds it further, and alone bounds
+  /// braking.
+  double stall_effort = infinity, no_load_speed = infinity;
 };
 
 struct Joint {

@@ -92,7 +92,11 @@ class Link:
 class Drive:
     """A servo: effort = kp (position_target - q) + kd (velocity_target - v), within the joint's effort limit.
 
-    A kinematic drive prescribes the motion instead; `softness` is its own, kp and kd are 0 then."""
+    A kinematic drive prescribes the motion instead; `softness` is its own, kp and kd are 0 then.
+
+    Targets and efforts take `delay` steps to the drive, 0 to 1000, which then follows them with the time constant `lag`,
+    s. A reset fills both with what `batch.q_target`, `qd_target` and `effort` hold then. Of a DC motor: its effort
+    at rest, `stall_effort`, and the speed at which none is left, `no_load_speed`; the joint needs an effort limit."""
 
     kp: float = 0.0
     kd: float = 0.0
@@ -100,6 +104,10 @@ class Drive:
     velocity_target: float = 0.0
     kinematic: bool = False
     softness: Softness = field(default_factory=lambda: Hard(1.0))
+    delay: int = 0
+    lag: float = 0.0
+    stall_effort: float = infinity
+    no_load_speed: float = infinity
 
 
 @dataclass

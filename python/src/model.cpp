@@ -118,7 +118,8 @@ void each_number(Joint& j, Visit&& visit) {
 template <class Visit>
 void each_number(Drive& d, Visit&& visit) {
   visit("kp", d.kp), visit("kd", d.kd), visit("position_target", d.position_target);
-  visit("velocity_target", d.velocity_target), visit("kinematic", d.kinematic);
+  visit("velocity_target", d.velocity_target), visit("kinematic", d.kinematic), visit("delay", d.delay);
+  visit("lag", d.lag), visit("stall_effort", d.stall_effort), visit("no_load_speed", d.no_load_speed);
 }
 
 Joint joint_of(const py::handle& from) {

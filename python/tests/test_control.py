@@ -251,3 +251,24 @@ def test_the_example_of_the_readme(monkeypatch):
     batch = names["batch"]
     assert batch.num_envs == 4096 and not batch.fault.any() and batch.episode.min() >= 5
     assert np.abs(batch.coupling_error()).max() < 1e-6
+
+
+def test_late_drives_and_motors_differ_between_environments():
+    model = gripper_model()
+    drive = ls.Drive(kp=8.0, kd=0.3, delay=3, lag=0.01, stall_effort=4.0, no_load_speed=9.0)
+    model.joints["knuckle"].drive, model.joints["knuckle"].effort_limit = drive, 3.0
+    plan = ls.compile(model, vary=["drive_delay", "drive_lag", "motor_curve"])
+    assert plan.model.joints["knuckle"].drive == drive
+    batch, held, row = plan.batch(4), plan.batch(4), plan.dof("knuckle")
+    batch.parameter("drive_delay")[:, row] = [0, 1, 2, 3]
+    batch.q_target[:, row] = 0.3
+    for step in range(4):
+        batch.step(), held.step()
+        moved = batch.qd[:, row] != held.qd[:, row]
+        assert moved.tolist() == [step >= delay for delay in range(4)]
+    batch.parameter("drive_delay")[1, row] = 0.5
+    batch.step()
+    assert batch.fault[1] != 0 and "whole number of steps" in batch.explain_fault(1)
+    model.joints["knuckle"].drive.delay = -1
+    with pytest.raises(ls.Error, match="delay"):
+        ls.compile(model)

@@ -49,8 +49,8 @@ void Batch<S>::Impl::check_values(std::ptrdiff_t first, std::ptrdiff_t last) {
   for (const ValueRule<S>& rule : rules.rows) {
     const S* const values = rows.field(rule.field).data() + rule.row * stride;
     const bool hold =
-        rule.field == Parameter::gear_ratio
-            ? all_within(first, last, rule.least, rule.most, [&](std::ptrdiff_t e) { return std::abs(values[e]); })
+        rule.field == Parameter::gear_ratio || rule.field == Parameter::drive_delay
+            ? all_within(first, last, rule.least, rule.most, [&](std::ptrdiff_t e) { return rule.checked(values[e]); })
             : all_within(first, last, rule.least, rule.most, [&](std::ptrdiff_t e) { return values[e]; });
     if (!hold) flag_unless([&](std::ptrdiff_t e) { return rule.holds(values[e]); });
   }

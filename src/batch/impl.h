@@ -97,6 +97,7 @@ struct Batch<S>::Impl {
             std::fill_n(own.data() + static_cast<std::ptrdiff_t>(row) * stride, stride, first[row]);
         },
         rows, start);
+    for (int e = 0; e < stride; ++e) settle_drives(e);
     std::iota(rows.id.data(), rows.id.data() + stride, options.first_id);
     std::fill_n(rows.seed.data(), stride, options.seed);
   }
@@ -200,6 +201,7 @@ struct Batch<S>::Impl {
       return kind == RowKind::state || kind == RowKind::memory || (kind == RowKind::input && !keep_inputs);
     };
     begin(e, wanted, to);
+    settle_drives(e);
     ++rows.resets.data()[e];
   }
 
@@ -285,6 +287,12 @@ struct Batch<S>::Impl {
     return pointers;
   }
 
+  // Drives that are late (actuators.cpp): as if what the batch shows had always stood there, what a step reads in its
+  // place, and the numbers of lags that have changed.
+  void settle_drives(int e);
+  StatePointers<S> pointers_of_step() const;
+  void find_lags(std::ptrdiff_t first, std::ptrdiff_t last);
+
   /// The first environments, or all, in whole tiles.
   std::ptrdiff_t stepped(int count) const {
     return static_cast<std::ptrdiff_t>((count + kernels.lanes - 1) / kernels.lanes) * kernels.lanes;
@@ -295,12 +303,13 @@ struct Batch<S>::Impl {
 
   /// The first `count` environments.
   void step(int substeps, int count) {
-    const StatePointers<S> l = state_pointers();
+    const StatePointers<S> l = pointers_of_step();
     const OperationList* const operations = chosen.operations;
     const std::ptrdiff_t together = operations ? kernels.lanes * OperationList::tiles_at_once : kernels.lanes;
     const Advance<S> advance = chosen.kernel ? advance_of<S>(*chosen.kernel) : kernels.advance;
     const auto step_part = [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
       check_values(first, std::min<std::ptrdiff_t>(last, count));
+      if (tables.actuators.lagged.count > 0) find_lags(first, last);
       if (operations)
         kernels.interpret(tables, l, first, last, substeps, scratch, *operations);
       else

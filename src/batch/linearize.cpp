@@ -34,6 +34,9 @@ void check_options(const Plan& plan, const LinearizeOptions& options) {
                        fmt::format("has {} rows, so no row {}", plan.parameter_rows(row.parameter), row.row),
                        "see Plan::parameter_row_names()");
   }
+  if (program_of(plan).f64.actuators.is_late())
+    throw UsageError("plan", "has drives with a delay or a lag, whose memory is no part of the state",
+                     "compile the model with Drive::delay and Drive::lag 0");
   const double tolerance = plan.settings().contacts.tolerance;
   if (program_of(plan).f64.counts_solves() && tolerance > coarsest_tolerance)
     throw UsageError("tolerance of contacts",

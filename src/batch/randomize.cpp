@@ -61,7 +61,7 @@ class Randomizer {
     if (how_.distribution == Distribution::normal) return;
     for (const Row& row : rows_) {
       const double least = result_of(how_, row.compiled, how_.low), most = result_of(how_, row.compiled, how_.high);
-      for (const double end : {least, most}) check(row, static_cast<S>(end), -1);
+      for (const double end : {least, most}) check(row, written(end), -1);
       // A magnitude is smallest between its ends.
       if (row.rule && row.rule->field == Parameter::gear_ratio && (least < 0.0) != (most < 0.0)) check(row, S(0), -1);
     }
@@ -91,7 +91,7 @@ class Randomizer {
   void write(int e) {
     Draws draws = batch_.draws(e, how_.stream, purpose_of(parameter_));
     for (const Row& row : rows_)
-      number(row, e) = static_cast<S>(result_of(how_, row.compiled, number_of(draws, how_.shared ? 0 : row.index)));
+      number(row, e) = written(result_of(how_, row.compiled, number_of(draws, how_.shared ? 0 : row.index)));
   }
 
  private:
@@ -108,6 +108,11 @@ class Randomizer {
       case Distribution::log_uniform: break;
     }
     return how_.low * exponential(draws.uniform(row) * log_ratio_);
+  }
+
+  // Delays are whole steps.
+  S written(double result) const {
+    return static_cast<S>(parameter_ == Parameter::drive_delay ? std::round(result) : result);
   }
 
   static constexpr const char* remedy = "narrow the range of the randomization";

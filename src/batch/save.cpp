@@ -192,10 +192,12 @@ void Batch<S>::Impl::restore(const Blob& blob, std::span<const int> into, std::s
       copy_row(bytes, section.data + static_cast<std::size_t>(row) * static_cast<std::size_t>(saved) * bytes, from,
                targets[i]->data + static_cast<std::size_t>(row * stride) * bytes, into);
   }
-  if (!same_settings)
-    for (const int id : into)
-      begin(
-          id, [](RowKind kind) { return kind == RowKind::memory; }, start);
+  if (same_settings) return;
+  for (const int id : into) {
+    begin(
+        id, [](RowKind kind) { return kind == RowKind::memory; }, start);
+    settle_drives(id);
+  }
 }
 
 template <class S>

@@ -27,7 +27,10 @@ struct ValueRule {
   S least, most;               ///< of the magnitude, for gear ratios
   std::string element, range;  ///< in words
 
-  S checked(S value) const { return field == Parameter::gear_ratio ? std::abs(value) : value; }
+  S checked(S value) const {
+    if (field == Parameter::drive_delay && value != std::floor(value)) return std::numeric_limits<S>::quiet_NaN();
+    return field == Parameter::gear_ratio ? std::abs(value) : value;
+  }
   bool holds(S value) const { return checked(value) >= least && checked(value) <= most; }
 };
 
@@ -99,7 +102,8 @@ struct LimitPair {
 
 /// Fields that are infinite where the model has no limit.
 inline bool is_limit(Parameter field) {
-  return field == Parameter::position_limits || field == Parameter::velocity_limit || field == Parameter::effort_limit;
+  return field == Parameter::position_limits || field == Parameter::velocity_limit ||
+         field == Parameter::effort_limit || field == Parameter::motor_curve;
 }
 
 template <class S>
@@ -150,6 +154,12 @@ void add_limit_rules(const Program& program, ValueRules<S>& rules) {
         infinite, "velocity limit" + of, "above 0");
     add(Parameter::effort_limit, dof, joint.effort_limit < infinity, S(0), infinite, infinite, "effort limit" + of,
         "0 or more");
+    const bool is_motor = joint.drive.stall_effort < infinity;
+    const auto add_curve = [&](int row, const std::string& element) {
+      add(Parameter::motor_curve, row, is_motor, std::numeric_limits<S>::min(), largest, infinite, element + of,
+          "a number above 0");
+    };
+    add_curve(2 * dof, "stall effort"), add_curve(2 * dof + 1, "no-load speed");
   }
 }
 
@@ -250,6 +260,21 @@ ValueRules<S> value_rules(const Program& program) {
     if (declares(Parameter::armature)) add(Parameter::armature, row, largest, "armature" + joint, "0 or more");
     if (declares(Parameter::stiffness)) add(Parameter::stiffness, row, largest, "stiffness" + joint, "0 or more");
     if (declares(Parameter::friction)) add(Parameter::friction, row, largest, "friction" + joint, "0 or more");
+  }
+  for (std::size_t j = 0; j < model.joints.size(); ++j) {
+    const Joint& joint = model.joints[j];
+    const int dof = program.dof_of_joint[j];
+    if (dof < 0) continue;
+    if (declares(Parameter::drive_lag)) {
+      const bool lags = joint.drive.lag > 0.0;
+      add(Parameter::drive_lag, dof, lags ? largest : S(0), "lag of the drive of joint '" + joint.name + "'",
+          lags ? "0 or more" : "0, as the model gives its drive none");
+    }
+    if (declares(Parameter::drive_delay))
+      rules.rows.push_back(
+          {Parameter::drive_delay, dof, S(0), static_cast<S>(joint.drive.delay),
+           "delay of the drive of joint '" + joint.name + "'",
+           "a whole number of steps from 0 to the model's Drive::delay, " + std::to_string(joint.drive.delay)});
   }
   for (std::size_t c = 0; declares(Parameter::contact_friction) && c < program.plan_contacts.size(); ++c)
     add(Parameter::contact_friction, static_cast<int>(c), largest,

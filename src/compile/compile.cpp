@@ -69,6 +69,15 @@ void check_records(const StepSettings& settings, const Model& model) {
         "give the joint a servo, or record nothing");
 }
 
+// A drive that is late has one input for each step.
+void check_stage_inputs(const StepSettings& settings, const Model& model) {
+  if (!settings.stage_inputs) return;
+  for (const Joint& joint : model.joints)
+    require(joint.drive.delay == 0 && joint.drive.lag == 0.0, "stage_inputs",
+            fmt::format("is set, but the drive of joint '{}' is late, and has one input for each step", joint.name),
+            "hold the inputs over the step, or compile a model without delays and lags");
+}
+
 // A link's inertia scales with its mass.
 void check_masses(const StepSettings& settings, const Model& model) {
   if (!settings.per_environment.contains(Parameter::mass) || settings.per_environment.contains(Parameter::inertia))
@@ -109,6 +118,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   place_curved(program->model);
   place_tendons(program->model);
   lay_out_joint_terms(*program);
+  lay_out_actuators(*program);
   find_redundant_couplings(*program);
   choose_method(*program);
   check_bounds_of_functions(*program);
@@ -183,6 +193,7 @@ Plan compile(const Model& model, const StepSettings& settings) {
   check(settings);
   model.validate();
   check_ignored(settings.ignore, model);
+  check_stage_inputs(settings, model);
   check_masses(settings, model);
   check_records(settings, model);
   const bool automatic = settings.integrator == Integrator::automatic;

@@ -9,6 +9,7 @@
 #include "audit.h"
 #include "check.h"
 #include "diagnostics.h"
+#include "kernels/couplings/actuators.h"
 #include "kernels/integrators/euler.h"
 #include "kernels/integrators/leapfrog.h"
 #include "kernels/integrators/runge_kutta.h"
@@ -23,6 +24,7 @@ namespace lockstep::kernels {
 template <class T>
 void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   if (t.tendons.count > 0) place_tendons(t, x);
+  if (t.actuators.used()) actuate(t, batch, x);
   if (t.record_accelerations) keep_velocities(t, x);
   switch (t.integrator) {
     case Integrator::leapfrog: leapfrog_step(t, batch, x); break;

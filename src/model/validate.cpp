@@ -22,6 +22,8 @@ using std::string;
 // Beyond this gear ratio, rounding in double leaves no digits of the smaller side.
 constexpr double largest_ratio = 1e9;
 
+constexpr int most_delay = 1000;  // steps, each of which moves as many numbers
+
 void proper_numbers(const Link& link) {
   const string element = quoted("link", link.name);
   not_negative(link.inertia.mass, element, "mass");
@@ -112,6 +114,25 @@ void proper_bounds(const Joint& joint, const string& element) {
   not_negative(joint.friction, element, "friction");
 }
 
+// How late a drive is, and how a motor's effort falls with speed.
+void proper_actuator(const Joint& joint, const string& element) {
+  const Drive& drive = joint.drive;
+  require(drive.delay >= 0 && drive.delay <= most_delay, element,
+          "delay of the drive is " + std::to_string(drive.delay) + " steps, outside 0 to " + std::to_string(most_delay),
+          "give fewer steps of dt");
+  not_negative(drive.lag, element, "lag of the drive");
+  const bool falls = drive.stall_effort < infinity;
+  require(drive.stall_effort > 0.0 && drive.no_load_speed > 0.0 && falls == (drive.no_load_speed < infinity), element,
+          "stall effort and no-load speed are " + std::to_string(drive.stall_effort) + " and " +
+              std::to_string(drive.no_load_speed),
+          "give both, finite and above 0, or leave both infinite");
+  require(!falls || !drive.kinematic, element,
+          "has a motor's curve, but its drive is kinematic, which no effort bounds",
+          "make the drive a servo (kinematic = false), or leave stall_effort and no_load_speed infinite");
+  require(!falls || joint.effort_limit < infinity, element, "has a motor's curve, but no effort limit",
+          "give Joint::effort_limit, for instance the stall effort");
+}
+
 // A setting that this kind of drive would silently ignore is an error.
 void proper_drive(const Drive& drive, const string& element) {
   not_negative(drive.kp, element, "drive kp");
@@ -158,6 +179,7 @@ void proper_joint(const Joint& joint) {
   not_negative(joint.stiffness, element, "stiffness");
   finite(joint.rest, element, "rest position");
   proper_drive(joint.drive, element);
+  proper_actuator(joint, element);
   finite(joint.effort, element, "effort");
   finite(joint.position, element, "position");
   finite(joint.velocity, element, "velocity");

@@ -61,6 +61,10 @@ Fields make_fields(const Program& program) {
     add(Parameter::position_limits, joint.name + " upper", joint.upper);
     add(Parameter::velocity_limit, joint.name, joint.velocity_limit);
     add(Parameter::effort_limit, joint.name, joint.effort_limit);
+    add(Parameter::drive_delay, joint.name, joint.drive.delay);
+    add(Parameter::drive_lag, joint.name, joint.drive.lag);
+    add(Parameter::motor_curve, joint.name + " stall effort", joint.drive.stall_effort);
+    add(Parameter::motor_curve, joint.name + " no-load speed", joint.drive.no_load_speed);
   }
 
   // By link; wrenches are 0.

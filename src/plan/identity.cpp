@@ -57,8 +57,10 @@ class ModelHash {
     all(name, inertia, gravity);
   }
   void put(const Drive& drive) {
-    const auto& [kp, kd, position_target, velocity_target, kinematic, softness] = drive;
-    all(kp, kd, position_target, velocity_target, kinematic, softness);
+    const auto& [kp, kd, position_target, velocity_target, kinematic, softness, delay, lag, stall_effort,
+                 no_load_speed] = drive;
+    all(kp, kd, position_target, velocity_target, kinematic, softness, static_cast<std::uint64_t>(delay), lag,
+        stall_effort, no_load_speed);
   }
   void put(const Joint& joint) {
     const auto& [name, kind, parent, child, origin, axis, damping, armature, stiffness, rest, drive, effort, lower,

@@ -41,6 +41,8 @@ void lay_out_bodies(Program& program, const Trees& trees);
 
 /// Damping, drives, armature, and their part of the matrix, when followers are known (bodies/joint_terms.cpp).
 void lay_out_joint_terms(Program& program);
+/// Delays, lags and motors of the drives (bodies/actuators.cpp).
+void lay_out_actuators(Program& program);
 
 // ---------------------------------------------------------------- couplings
 

@@ -69,6 +69,7 @@ struct Narrowing {
   void operator()(const HeldLoop<double>& from, HeldLoop<float>& to) { table<LoopStructure>(from, to); }
   void operator()(const LoopTables<double>& from, LoopTables<float>& to) { table<LoopTableStructure>(from, to); }
   void operator()(const FunctionTables<double>& from, FunctionTables<float>& to) { table<FunctionStructure>(from, to); }
+  void operator()(const ActuatorTables<double>& from, ActuatorTables<float>& to) { table<ActuatorStructure>(from, to); }
   void operator()(const ContactTables<double>& from, ContactTables<float>& to) { table<ContactStructure>(from, to); }
 };
 

@@ -14,6 +14,7 @@
 #include <cstdint>
 
 #include "lockstep/enums.h"
+#include "tables/actuators.h"
 #include "tables/bodies.h"
 #include "tables/contacts.h"
 #include "tables/functions.h"
@@ -122,6 +123,7 @@ struct Tables : TableStructure {
   ContactTables<S> contacts;
   LoopTables<S> loops;
   FunctionTables<S> functions;
+  ActuatorTables<S> actuators;
   Span<S> hard_rate;  ///< erp / dt by coupling, 0 for soft ones
   Rows<S> undamped;   ///< rows whose softness refers to the undamped inertia, if A differs from that
   Rows<S> folded;  ///< soft couplings that are part of A_r (M95); their numbers in a tile stand behind those of `rows`
@@ -154,7 +156,7 @@ struct Tables : TableStructure {
     visit(from.effort_limit, to.effort_limit), visit(from.term_value, to.term_value), visit(from.offset, to.offset);
     visit(from.rows, to.rows), visit(from.bounds, to.bounds), visit(from.reduction, to.reduction);
     visit(from.contacts, to.contacts), visit(from.loops, to.loops);
-    visit(from.functions, to.functions);
+    visit(from.functions, to.functions), visit(from.actuators, to.actuators);
     visit(from.hard_rate, to.hard_rate), visit(from.undamped, to.undamped), visit(from.folded, to.folded);
   }
 };
@@ -168,12 +170,15 @@ inline __attribute__((always_inline)) int rows_of(const Tables<S>& t, Parameter 
     case Parameter::coupling_switch: return t.couplings;
     case Parameter::softness: return 2 * t.couplings;
     case Parameter::drive_gains:
+    case Parameter::motor_curve:
     case Parameter::position_limits: return 2 * t.joints;
     case Parameter::damping:
     case Parameter::armature:
     case Parameter::stiffness:
     case Parameter::friction:
     case Parameter::velocity_limit:
+    case Parameter::drive_delay:
+    case Parameter::drive_lag:
     case Parameter::effort_limit: return t.joints;
     case Parameter::mass: return t.links;
     case Parameter::gravity: return 3;

@@ -292,6 +292,22 @@ std::string bounds_lines(const Program& program) {
   return text;
 }
 
+std::string actuator_line(const Program& program) {
+  const ActuatorStructure& a = program.f64.actuators;
+  if (!a.used()) return "";
+  std::vector<std::string> parts;
+  int most = 0;
+  for (int i = 0; i < a.delayed.count; ++i) most = std::max(most, a.delayed[i].most);
+  if (a.delayed.count > 0)
+    parts.push_back(
+        fmt::format("{} of up to {}", count_of(a.delayed.count, "delay", "delays"), count_of(most, "step", "steps")));
+  if (a.lagged.count > 0) parts.push_back(count_of(a.lagged.count, "lag", "lags"));
+  if (a.motors.count > 0)
+    parts.push_back(
+        count_of(a.motors.count, "motor whose effort falls with speed", "motors whose effort falls with speed"));
+  return fmt::format("Drives: {}.\n", fmt::join(parts, ", "));
+}
+
 std::string loop_lines(const Program& program) {
   if (program.plan_loops.empty()) return "";
   int rows = 0, redundant = 0;
@@ -388,7 +404,7 @@ std::string Plan::describe() const {
   const Program& p = *program_;
   const long flops = flops_per_step();
   return mechanism_line(p) + coupling_lines(p) + locked_lines(p) + method_lines(p) + input_line(p) + stage_lines(p) +
-         bounds_lines(p) + loop_lines(p) + contact_lines(p) + watch_line(p) + engine_line(*this) +
+         bounds_lines(p) + actuator_line(p) + loop_lines(p) + contact_lines(p) + watch_line(p) + engine_line(*this) +
          fmt::format("Cost of a step of one environment: {} flops; {} bytes read and written in f32, {} in f64.\n",
                      flops, bytes_per_step(4), bytes_per_step(8)) +
          fmt::format("Memory of one environment: {} bytes in f32, {} in f64.\n", bytes_per_environment(4),

@@ -43,6 +43,8 @@ void settle(const Tables<double>& t, const StatePointers<double>& batch, Tile<Tr
 void coupling_impulses(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void diagnose(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void check(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
+/// Refuses: the tables alone have actuators.
+void actuate(const Tables<double>& t, const StatePointers<double>& batch, const Tile<Traced>& x);
 /// Refuses: the tables alone record calls.
 void add_records(const Tables<double>& t, Tile<Traced>& x);
 void hold_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, Traced::Mask held,

@@ -102,6 +102,12 @@ void curved_shares(const Tables<double>& t, Tile<Traced>& x) {
   throw SettingsError("functions of joints", "are computed by the tables, not by generated code or the interpreter",
                       "use Engine::tables or automatic");
 }
+void actuate(const Tables<double>&, const StatePointers<double>&, const Tile<Traced>&) {
+  if (!counting)
+    throw SettingsError("delays, lags and motors of drives",
+                        "are computed by the tables, not by generated code or the interpreter",
+                        "use Engine::tables or automatic");
+}
 void add_records(const Tables<double>&, Tile<Traced>&) {
   if (!counting)
     throw SettingsError("recorded efforts and contacts",

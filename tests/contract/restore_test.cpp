@@ -55,7 +55,7 @@ TEST(Restore, refuses_an_older_format_and_names_both_versions) {
   old[12] = std::byte(1);                                                       // the format
   old[56] = std::byte('0'), old[57] = std::byte('\n'), old[58] = std::byte(0);  // the version
   expect_words(refusal([&] { small.batch.restore(old); }),
-               {"format 1 of lockstep 0\\x0a,", std::string("lockstep ") + version() + " reads format 6"});
+               {"format 1 of lockstep 0\\x0a,", std::string("lockstep ") + version() + " reads format 7"});
 }
 
 TEST(Restore, shows_text_of_the_blob_on_one_line) {

@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "lockstep/batch.h"
+#include "lockstep/export_model.h"
 #include "lockstep/plan.h"
 #include "mjcf/worlds.h"
 #include "unit/import_helpers.h"
@@ -132,6 +133,33 @@ TEST(MjcfMocap, has_geoms_in_the_world) {
   EXPECT_EQ(model.colliders[1].pose.translation().z(), 4.0);
   EXPECT_EQ(model.contacts.size(), 1u);
   EXPECT_EQ(model.links.size(), 1u);
+}
+
+// Positions every 0.1 s by MuJoCo 3.14, extrapolated from steps of 0.1 and 0.05 ms to steps of 0. The control is 1, and
+// -0.5 from 0.3 s on.
+TEST(MjcfActuators, lag_and_delay_as_in_mujoco_and_are_written_again) {
+  constexpr double expected[] = {0.21160315, 0.91732712, 1.17911890, 0.82111773, -0.22673183, -0.78252378};
+  const string file =
+      "<mujoco><option timestep='0.0001' gravity='0 0 0'/><worldbody><body name='b'>"
+      "<joint name='j' axis='0 0 1' damping='0.1' armature='0.01'/>"
+      "<inertial pos='0 0 0' mass='1' diaginertia='0.02 0.02 0.03'/></body></worldbody><actuator>"
+      "<position joint='j' kp='10' kv='0.4' timeconst='0.05' delay='0.02' nsample='200' forcerange='-4 4'/>"
+      "</actuator></mujoco>";
+  const Model read = import_mjcf(file).model;
+  EXPECT_EQ(joint(read, "j").drive.lag, 0.05);
+  EXPECT_EQ(joint(read, "j").drive.delay, 200);
+  const Export written = export_mjcf(read);
+  const Model again = import_mjcf(written.text, "text", {.keyframe = "start"}).model;
+  EXPECT_EQ(joint(again, "j").drive.lag, 0.05);
+  EXPECT_EQ(joint(again, "j").drive.delay, 200);
+  for (const Model& model : {read, again}) {
+    Batch<double> batch(compile(model, {.dt = 1e-4}), 1, {.threads = 1});
+    for (int tenth = 0; tenth < 6; ++tenth) {
+      batch.position_targets().setConstant(tenth < 3 ? 1.0 : -0.5);
+      batch.step(1000);
+      EXPECT_NEAR(batch.positions()(0, 0), expected[tenth], 2e-4) << tenth;
+    }
+  }
 }
 
 }  // namespace

@@ -214,7 +214,7 @@ TEST(ToString, names_methods_and_parameters) {
       "gear_ratio",      "offset",         "softness",        "drive_gains",    "damping",   "mass",
       "gravity",         "link_wrench",    "coupling_switch", "armature",       "stiffness", "friction",
       "position_limits", "velocity_limit", "effort_limit",    "center_of_mass", "inertia",   "contact_friction",
-      "loop_switch",     "loop_frame",     "function"};
+      "loop_switch",     "loop_frame",     "function",        "drive_delay",    "drive_lag", "motor_curve"};
   for (unsigned p = 0; p < parameter_count; ++p) EXPECT_STREQ(to_string(static_cast<Parameter>(p)), parameters[p]);
 }
 

@@ -17,7 +17,11 @@ const char* const controls_line = "controls of the file, in its order";
 class Actuators {
  public:
   explicit Actuators(const Writing& writing)
-      : model_(writing.model), layout_(writing.layout), report_(writing.report), xml_(writing.xml) {
+      : model_(writing.model),
+        layout_(writing.layout),
+        timestep_(writing.timestep),
+        report_(writing.report),
+        xml_(writing.xml) {
     for (const Coupling& coupling : model_.couplings) {
       offsets_.emplace(coupling.joint, coupling.offset);
       if (is_hard(coupling.softness)) followers_.insert(coupling.joint);
@@ -43,6 +47,8 @@ class Actuators {
   void add(const Joint& joint) {
     const Drive& drive = joint.drive;
     if (drive.kinematic) report_.warn("kinematic drives, left out", joint.name);
+    if (drive.stall_effort < infinity)
+      report_.warn("efforts of motors that fall with speed, kept as effort limits alone", joint.name);
     // A velocity target that is not 0 has a control of its own.
     const bool is_apart = drive.kp > 0.0 && drive.kd > 0.0 &&
                           (drive.velocity_target != 0.0 || is_in_a_pose(joint, &NamedPose::velocity_targets));
@@ -68,9 +74,13 @@ class Actuators {
     if (controls_.empty()) xml_.open("actuator");
     const char* const what = aim == Aim::position ? "position" : aim == Aim::velocity ? "velocity" : "effort";
     const bool is_motor = bias.size() == 0;
-    xml_.open(is_motor ? "motor" : "general").set("name", names_.take(joint.name + "_" + what));
+    const double lag = joint.drive.lag;
+    const int delay = joint.drive.delay;
+    xml_.open(is_motor && lag == 0.0 ? "motor" : "general").set("name", names_.take(joint.name + "_" + what));
     xml_.set(is_tendon(joint) ? "tendon" : "joint", joint.name);
     if (!is_motor) xml_.set("biastype", "affine").set("gainprm", numbers(gain)).set("biasprm", numbers(bias));
+    if (lag > 0.0) xml_.set("dyntype", "filterexact").set("dynprm", numbers(lag));
+    if (delay > 0) xml_.set("delay", numbers(delay * timestep_)).set("nsample", std::to_string(delay));
     xml_.close();
     controls_.push_back({&joint - model_.joints.data(), aim});
     report_.remark(controls_line, fmt::format("{} of {}", what, joint.name));
@@ -78,6 +88,7 @@ class Actuators {
 
   struct Key {
     std::vector<double> q, v, u;
+    std::vector<double> lagged;  // controls as they arrive
     bool operator==(const Key& other) const = default;
   };
 
@@ -85,7 +96,7 @@ class Actuators {
   // body's.
   Key key_of(const Model& model) const {
     Key key;
-    auto& [q, v, u] = key;
+    auto& [q, v, u, lagged] = key;
     const auto append = [](std::vector<double>& to, std::initializer_list<double> values) {
       to.insert(to.end(), values);
     };
@@ -108,6 +119,7 @@ class Actuators {
         u.push_back(joint.drive.position_target + (is_tendon(joint) ? offsets_.at(joint.name) : 0.0));
       else
         u.push_back(aim == Aim::velocity ? joint.drive.velocity_target : joint.effort);
+      if (joint.drive.lag > 0.0) lagged.push_back(u.back());
     }
     return key;
   }
@@ -115,6 +127,7 @@ class Actuators {
   void write_key(const std::string& name, const Key& key) {
     xml_.open("key").set("name", name).set("qpos", numbers(key.q)).set("qvel", numbers(key.v));
     if (!key.u.empty()) xml_.set("ctrl", numbers(key.u));
+    if (!key.lagged.empty()) xml_.set("act", numbers(key.lagged));
     xml_.close();
   }
 
@@ -151,6 +164,7 @@ class Actuators {
 
   const Model& model_;
   const Layout& layout_;
+  const double timestep_;
   Report& report_;
   Xml& xml_;
   Names names_;

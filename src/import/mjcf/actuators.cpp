@@ -14,16 +14,17 @@ namespace {
 const std::vector<std::string_view> tags = {"general", "motor",    "position", "velocity", "intvelocity",
                                             "damper",  "cylinder", "muscle",   "adhesion"};
 
-enum class Dynamics { none, integrator, filter, filterexact, muscle, user };
-enum class Gain { fixed, affine, muscle, user };
-enum class Bias { none, affine, muscle, user };
+// In the order of the words below. What follows a filter is not linear.
+enum class Dynamics { none, integrator, filter, filterexact, muscle, dcmotor, pid, user };
+enum class Gain { fixed, affine, muscle, dcmotor, so3, pid, user };
+enum class Bias { none, affine, muscle, dcmotor, so3, user };
 
 // What all tags of a class write into, one after the other, as in MuJoCo.
 struct Numbers {
   Dynamics dynamics = Dynamics::none;
   Gain gain_type = Gain::fixed;
   Bias bias_type = Bias::none;
-  double gain[10] = {1.0}, bias[10] = {};
+  double gain[10] = {1.0}, bias[10] = {}, dynamic[10] = {1.0};
 
   void servo() { gain_type = Gain::fixed, bias_type = Bias::affine; }
 };
@@ -32,15 +33,17 @@ struct Numbers {
 void write(const Element& element, Numbers& numbers) {
   const std::string tag = element.tag();
   if (tag == "general") {
-    numbers.dynamics =
-        static_cast<Dynamics>(element.word("dyntype", {"none", "integrator", "filter", "filterexact", "muscle", "user"},
-                                           static_cast<int>(numbers.dynamics)));
-    numbers.gain_type = static_cast<Gain>(
-        element.word("gaintype", {"fixed", "affine", "muscle", "user"}, static_cast<int>(numbers.gain_type)));
-    numbers.bias_type = static_cast<Bias>(
-        element.word("biastype", {"none", "affine", "muscle", "user"}, static_cast<int>(numbers.bias_type)));
+    numbers.dynamics = static_cast<Dynamics>(
+        element.word("dyntype", {"none", "integrator", "filter", "filterexact", "muscle", "dcmotor", "pid", "user"},
+                     static_cast<int>(numbers.dynamics)));
+    numbers.gain_type =
+        static_cast<Gain>(element.word("gaintype", {"fixed", "affine", "muscle", "dcmotor", "so3", "pid", "user"},
+                                       static_cast<int>(numbers.gain_type)));
+    numbers.bias_type = static_cast<Bias>(element.word(
+        "biastype", {"none", "affine", "muscle", "dcmotor", "so3", "user"}, static_cast<int>(numbers.bias_type)));
     element.numbers("gainprm", numbers.gain, 1, 10);
     element.numbers("biasprm", numbers.bias, 1, 10);
+    element.numbers("dynprm", numbers.dynamic, 1, 10);
   } else if (tag == "motor") {
     numbers.gain[0] = 1.0;
     numbers.dynamics = Dynamics::none, numbers.gain_type = Gain::fixed, numbers.bias_type = Bias::none;
@@ -52,8 +55,10 @@ void write(const Element& element, Numbers& numbers) {
     const double damping = element.number(has_kv ? "kv" : "dampratio", 0.0);
     if (damping < 0.0) element.fail("has a negative kv or dampratio", "give 0 or more");
     if (has_kv || has_ratio) numbers.bias[2] = has_kv ? -damping : damping;
-    if (element.has("timeconst"))
-      numbers.dynamics = element.number("timeconst") == 0.0 ? Dynamics::none : Dynamics::filterexact;
+    if (element.has("timeconst")) {
+      numbers.dynamic[0] = element.number("timeconst");
+      numbers.dynamics = numbers.dynamic[0] == 0.0 ? Dynamics::none : Dynamics::filterexact;
+    }
     if (tag == "intvelocity") numbers.dynamics = Dynamics::integrator;
     numbers.servo();
   } else if (tag == "velocity") {
@@ -72,20 +77,13 @@ void write(const Element& element, Numbers& numbers) {
   }
 }
 
-const char* name_of(Dynamics dynamics) {
-  constexpr const char* names[] = {"", "integrator", "filter", "filterexact", "muscle", "user"};
-  return names[static_cast<std::size_t>(dynamics)];
-}
-
 // Why a linear force along a joint cannot stand for it; empty if it can.
 std::string obstacle(const std::string& tag, const Numbers& numbers) {
-  if (tag == "damper" || tag == "cylinder" || tag == "muscle" || tag == "adhesion" || tag == "plugin" ||
-      tag == "dcmotor")
+  if (tag == "damper" || tag == "cylinder" || tag == "muscle" || tag == "adhesion")
     return (tag == "adhesion" ? "is an " : "is a ") + tag;
   if (numbers.gain_type != Gain::fixed) return "has a gain that is not fixed";
-  if (numbers.bias_type == Bias::muscle || numbers.bias_type == Bias::user) return "has a bias that is not affine";
-  if (numbers.dynamics == Dynamics::muscle || numbers.dynamics == Dynamics::user)
-    return "has dynamics that are not linear";
+  if (numbers.bias_type > Bias::affine) return "has a bias that is not affine";
+  if (numbers.dynamics > Dynamics::filterexact) return "has dynamics that are not linear";
   return "";
 }
 
@@ -155,8 +153,11 @@ void read_actuator(const Element::Xml& xml, Scene& scene) {
     actuator.lost += fmt::format(" along {:g}", fmt::join(gear, " "));
     actuator.gear = 1.0;
   }
-  actuator.filter = name_of(numbers.dynamics);
-  if (element.number("delay", 0.0) > 0.0) actuator.filter += actuator.filter.empty() ? "delay" : " and delay";
+  actuator.integrates = numbers.dynamics == Dynamics::integrator;
+  if (numbers.dynamics == Dynamics::filter || numbers.dynamics == Dynamics::filterexact)
+    actuator.lag = std::max(numbers.dynamic[0], 0.0);
+  actuator.delay = std::max(element.number("delay", 0.0), 0.0);
+  actuator.samples = element.number("nsample", infinity);
   actuator.gain = numbers.gain[0];
   if (numbers.bias_type == Bias::affine) std::copy_n(numbers.bias, 3, actuator.bias);
   if (actuator.bias[2] > 0.0 && actuator.bias[1] == -actuator.gain) {
@@ -178,7 +179,7 @@ void read_actuators(Scene& scene) {
     const std::string_view tag = xml->Name();
     if (std::find(tags.begin(), tags.end(), tag) != tags.end()) {
       read_actuator(*xml, scene);
-    } else if (tag == "plugin" || tag == "dcmotor") {
+    } else if (tag == "plugin" || tag == "dcmotor" || tag == "pid") {
       const Element lost(scene.document, *xml);
       Actuator actuator;
       actuator.name = lost.name("name", fmt::format("#{}", scene.actuators.size()));

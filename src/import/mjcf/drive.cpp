@@ -16,7 +16,10 @@ struct Sum {
   double kp = 0.0, kd = 0.0, effort = 0.0;
   double pull = 0.0, drag = 0.0;  // kp times the target, kd times the velocity target
   double limit = 0.0;
+  double lag = 0.0;  // of the first one
+  int delay = 0;     // the same, steps
   int count = 0, limited = 0;
+  bool differs = false;  // in lag or delay
 };
 
 // "2 u - 0.1"
@@ -100,6 +103,22 @@ class Driver {
     return limit;
   }
 
+  // In steps of the file, rounded up, and no more than its memory holds, as MuJoCo has it.
+  int delay_in_steps(const Actuator& actuator) const {
+    constexpr double default_step = 0.002, most = 1000.0, rounding = 1e-6;
+    const double step = scene_.settings.time_step > 0.0 ? scene_.settings.time_step : default_step;
+    const double steps = std::min(std::ceil(actuator.delay / step - rounding), actuator.samples);
+    if (steps > most) {
+      report().warn("delays of actuators above 1000 steps, left out",
+                    fmt::format("{:g} s of {}", actuator.delay, actuator.name));
+      return 0;
+    }
+    if (actuator.delay > 0.0)
+      report().remark("delays of actuators, in steps of the file",
+                      fmt::format("{} of {}: {:g} s", steps, actuator.name, actuator.delay));
+    return static_cast<int>(steps);
+  }
+
   void add(const Actuator& actuator, std::size_t number) {
     if (!actuator.lost.empty()) return lose(actuator, actuator.lost);
     if (!scene_.settings.has_actuation) return;
@@ -118,6 +137,9 @@ class Driver {
     const double force = offset + (has_control ? actuator.gain * control_at(scene_, start_, number) : 0.0);
     Sum& sum = sums_[index];
     sum.kp += kp, sum.kd += kd;
+    const int delay = delay_in_steps(actuator);
+    if (sum.count == 0) sum.lag = actuator.lag, sum.delay = delay;
+    sum.differs |= sum.lag != actuator.lag || sum.delay != delay;
     ++sum.count;
     const Control::Aim aim = is_motor   ? Control::Aim::effort
                              : kp > 0.0 ? Control::Aim::position
@@ -145,8 +167,7 @@ class Driver {
          {"efforts by the file's controls u", "servos, with position targets by the file's controls u",
           "servos, with velocity targets by the file's controls u"})
       report().show_all(line);
-    if (!actuator.filter.empty())
-      report().warn("dynamics of actuators, left out", fmt::format("{} of {}", actuator.filter, actuator.name));
+    if (actuator.integrates) report().warn("dynamics of actuators, left out", "integrator of " + actuator.name);
     double limit = std::abs(gear) * force_limit(actuator, is_motor);
     if (actuator.tendon >= 0)
       limit =
@@ -161,6 +182,11 @@ class Driver {
     own.drive.velocity_target = sum.kd > 0.0 ? sum.drag / sum.kd : 0.0;
     own.effort = sum.effort;
     own.effort_limit = std::min(own.effort_limit, sum.limit);
+    if (sum.differs)
+      report().warn("lags and delays of actuators that share a joint and differ, left out", own.name);
+    else
+      own.drive.lag = sum.lag, own.drive.delay = sum.delay;
+    if (own.drive.lag > 0.0) report().remark("lags of actuators", fmt::format("{:g} s at {}", own.drive.lag, own.name));
     if (sum.count == 1) return;
     report().remark("joints with several actuators, whose gains are added", own.name);
     if (sum.limited > 0) report().warn("limits of single actuators that share a joint, taken for their sum", own.name);

@@ -34,7 +34,7 @@ constexpr std::string_view known[] = {
     "njmax", "nkey", "noise", "noslip_iterations", "noslip_tolerance", "nsample", "nstack", "numeric",
     "nuser_actuator", "nuser_body", "nuser_cam", "nuser_geom", "nuser_jnt", "nuser_sensor", "nuser_site",
     "nuser_tendon", "nuserdata", "o_friction", "o_margin", "o_solimp", "o_solref", "objtype", "offset", "option",
-    "override", "pair", "passive", "pixel", "plugin", "polycoef", "pos", "position", "priority", "pulley", "qpos",
+    "override", "pair", "passive", "pid", "pixel", "plugin", "polycoef", "pos", "position", "priority", "pulley", "qpos",
     "quality", "quat", "qvel", "range", "ref", "refpos", "refquat", "refsafe", "refsite", "relpose", "replicate",
     "resolution", "rgba", "saveinertial", "scale", "sdf_initpoints", "sdf_iterations", "sensor", "sensorsize",
     "sep", "settotalmass", "shellinertia", "sidesite", "site", "site1", "site2", "size", "skin", "sleep",

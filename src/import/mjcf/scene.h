@@ -53,7 +53,9 @@ struct Actuator {
   std::string name;
   int joint = -1, tendon = -1;  ///< one of these, or else `lost` says why it is left out
   std::string lost;
-  std::string filter;  ///< its dynamics, which are left out
+  bool integrates = false;        ///< its control, which is left out
+  double lag = 0.0, delay = 0.0;  ///< of its control, s
+  double samples = infinity;      ///< that the delay has memory for
   double gear = 1.0, gain = 1.0, bias[3] = {0.0, 0.0, 0.0};
   bool has_damping_ratio = false;  ///< in place of bias[2]
   double damping_ratio = 0.0;

@@ -72,11 +72,15 @@ LOCKSTEP_INLINE Servo<T> servo_of_solve(const Tables<ScalarOf<T>>& t, const Stat
   return own;
 }
 
+/// `own` are the rows of the field.
+template <class T>
+LOCKSTEP_INLINE T effort_limit(const Tables<ScalarOf<T>>& t, const ScalarOf<T>* own, std::ptrdiff_t stride, int j) {
+  if (!own || !(t.effort_limit[j] < ScalarOf<T>(unlimited))) return T(t.effort_limit[j]);
+  return smaller(T::load(own + t.dof[j] * stride), T(ScalarOf<T>(unlimited)));
+}
 template <class T>
 LOCKSTEP_INLINE T effort_limit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int j) {
-  const ScalarOf<T>* const own = batch.field(Parameter::effort_limit);
-  if (!own || !(t.effort_limit[j] < ScalarOf<T>(unlimited))) return T(t.effort_limit[j]);
-  return smaller(T::load(own + t.dof[j] * batch.stride), T(ScalarOf<T>(unlimited)));
+  return effort_limit<T>(t, batch.field(Parameter::effort_limit), batch.stride, j);
 }
 
 template <class T>

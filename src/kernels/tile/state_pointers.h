@@ -54,6 +54,11 @@ struct BatchRows {
   Inputs<S> velocity_target{};
   Inputs<S> effort{};
   Inputs<S> fields[parameter_count] = {};  ///< by Parameter, if declared
+  Rows<S> applied_input{};                 ///< by input and dof, what drives apply where some are late
+  Rows<S> applied_limit{};                 ///< by dof, the effort limits of motors in this step, and the others
+  Rows<S> waiting_input{};                 ///< see DelayedDrive
+  Rows<S> lagged_input{};                  ///< by lagged drive and input
+  Rows<S> lag{};                           ///< lag_rows by lagged drive
   Rows<S> impulse{};                       ///< by coupling, if recorded
   Rows<S> loop_force{};                    ///< 6 rows by loop, see Quantity::loop_force
   Rows<S> residual{};                      ///< by reported row, if diagnostics are recorded
@@ -105,6 +110,14 @@ inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const 
   act(BatchBlock{"position target", input, inputs, 0}, all.position_target...);
   act(BatchBlock{"velocity target", input, inputs, 0}, all.velocity_target...);
   act(BatchBlock{"effort", input, inputs, 0}, all.effort...);
+  const auto& late = t.actuators;
+  const int applied = late.is_late() ? drive_inputs * n : 0, limits = late.motors.count > 0 ? n : 0;
+  act(BatchBlock{"applied input", result, applied, 2 * applied}, all.applied_input...);
+  act(BatchBlock{"applied limit", result, limits, limits}, all.applied_limit...);
+  act(BatchBlock{"waiting input", memory, late.waiting, 2 * late.waiting}, all.waiting_input...);
+  act(BatchBlock{"lagged input", memory, drive_inputs * late.lagged.count, 2 * drive_inputs * late.lagged.count},
+      all.lagged_input...);
+  act(BatchBlock{"lag", result, lag_rows * late.lagged.count, (lag_rows - 1) * late.lagged.count}, all.lag...);
   act(BatchBlock{"audit", memory, t.audited ? 2 : 0, 0}, all.audit...);  // read where the motion is fast
   act(BatchBlock{"contacts", memory, remembered, 2 * remembered}, all.contact_memory...);
   act(BatchBlock{"drive effort", memory, efforts, efforts}, all.drive_effort...);
@@ -117,7 +130,8 @@ inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const 
   act(BatchBlock{"row state", result, reported, reported}, all.row_state...);
   act(BatchBlock{"solve counts", result, counts, counts}, all.solve_counts...);
   act(BatchBlock{"energy", result, energies, energies}, all.energy...);
-  for (int f = 0; t.per_environment != 0 && f < parameter_count; ++f)
+  // Motors have effort limits of their own, declared or not: see StatePointers.
+  for (int f = 0; (t.per_environment != 0 || limits > 0) && f < parameter_count; ++f)
     act(BatchBlock{nullptr, field, t.declares(Parameter(f)) ? rows_of(t, Parameter(f)) : 0, 0, f}, all.fields[f]...);
 }
 
@@ -128,8 +142,12 @@ struct PlainPointers {
   using Inputs = const E*;
 };
 
-/// What kernels know of a batch.
+/// What kernels know of a batch. Where actuators are late or limited, targets, efforts and effort limits are those that
+/// drives apply, and these are what the batch shows.
 template <class S>
-using StatePointers = BatchRows<S, PlainPointers>;
+struct StatePointers : BatchRows<S, PlainPointers> {
+  const S* shown_input[drive_inputs] = {};
+  const S* shown_limit = nullptr;
+};
 
 }  // namespace lockstep

@@ -43,6 +43,10 @@ LOCKSTEP_INLINE void move(const Tables<S>& t, StatePointers<S>& batch, std::ptrd
         if (rows) rows += by;
       },
       batch);
+  if (!t.actuators.used()) return;
+  for (const S*& rows : batch.shown_input)
+    if (rows) rows += by;
+  if (batch.shown_limit) batch.shown_limit += by;
 }
 
 /// The same pointers for the tile that begins at environment `first`.
