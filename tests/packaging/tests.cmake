@@ -28,3 +28,10 @@ if(avx2)
 endif()
 lockstep_packaging_test(shared slow -DSHARED=${PROJECT_SOURCE_DIR} "-DFLAGS=${flags}")
 lockstep_packaging_test(subdirectory slow -DSOURCE=${PROJECT_SOURCE_DIR} "-DFLAGS=${flags}")
+if(TARGET lockstep_python)
+  add_test(NAME packaging.wheel
+           COMMAND ${CMAKE_COMMAND} -DSOURCE=${PROJECT_SOURCE_DIR} -DPYTHON=${LOCKSTEP_PYTHON}
+                   -DWORK=${CMAKE_CURRENT_BINARY_DIR}/packaging/wheel -DMODEL=${PROJECT_SOURCE_DIR}/tests/models/gripper.urdf
+                   -P ${CMAKE_CURRENT_LIST_DIR}/wheel.cmake)
+  set_tests_properties(packaging.wheel PROPERTIES LABELS "packaging;slow" TIMEOUT 3600 SKIP_REGULAR_EXPRESSION "skipped:")
+endif()
