@@ -113,7 +113,10 @@ class Drive:
 @dataclass
 class Joint:
     """kind: "fixed", "revolute", "continuous", "prismatic" or "tendon". origin: the child's frame in the parent's at
-    q = 0, 4 x 4. axis: in the child's frame. The other fields are those of lockstep/model.h."""
+    q = 0, 4 x 4. axis: in the child's frame. damping: N m s/rad or N s/m. armature: a rotor's inertia, kg m^2 or kg. stiffness and
+    rest: a spring beside the drive, N m/rad or N/m. effort: feed-forward, N m or N. lower, upper, velocity_limit,
+    effort_limit: hard bounds; the last is of servo and feed-forward effort together. restitution: share of the speed
+    that an end of the range gives back. friction: dry, N m or N. position, velocity: the state after reset()."""
 
     name: str
     kind: str = "fixed"
@@ -181,6 +184,7 @@ class Coupling:
 
     @property
     def name(self) -> str:
+        """That of `joint`."""
         return self.joint
 
 
@@ -221,18 +225,22 @@ class Shape:
 
     @staticmethod
     def half_space() -> Shape:
+        """All below the plane z = 0 of its frame."""
         return Shape("half_space")
 
     @staticmethod
     def box(x: float, y: float, z: float) -> Shape:
+        """Edges along the axes of its frame, m."""
         return Shape("box", (x, y, z))
 
     @staticmethod
     def capsule(radius: float, length: float) -> Shape:
+        """Points at most `radius`, m, from a segment of `length`, m, along z."""
         return Shape("capsule", (radius, length, 0.0))
 
     @staticmethod
     def sphere(radius: float) -> Shape:
+        """Radius in m."""
         return Shape("sphere", (radius, 0.0, 0.0))
 
 
@@ -263,6 +271,7 @@ class Contact:
 
     @property
     def name(self) -> str:
+        """"FIRST-SECOND"."""
         return f"{self.first}-{self.second}"
 
 
@@ -278,6 +287,7 @@ class Root:
 
     @property
     def name(self) -> str:
+        """That of `link`."""
         return self.link
 
 
@@ -353,6 +363,7 @@ class Model:
         super().__setattr__(name, value)
 
     def copy(self) -> Model:
+        """Another Model with the same numbers."""
         return copy.deepcopy(self)
 
     def end_colliders(self) -> list[str]:

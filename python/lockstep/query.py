@@ -46,6 +46,10 @@ class Query:
     joint_acceleration                   joints  1: rad/s^2 or m/s^2
     link_acceleration, site_acceleration links, sites  6: angular acceleration, what an accelerometer measures; own axes
     joint_wrench                         joints  6: force, torque through the joint on its child link, in its axes
+
+    Forces are those of the last step, whatever was written since, and 0 after a reset; the rest is that of the present
+    state. A gap is infinite where colliders are not near. What a plan does not have gives no columns. Raises UsageError
+    for unknown quantities and rows, for a scale that is not finite, and for what compile() was not told to record.
     """
 
     quantity: str

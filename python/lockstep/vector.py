@@ -159,10 +159,12 @@ class VectorEnv(Base):  # type: ignore[misc]
         return self._terminate(self) if self._terminate else np.zeros(self.num_envs, np.bool_)
 
     def randomize(self, which: Mask) -> None:
+        """Called before the environments of the mask get their start."""
         if self._randomize:
             self._randomize(self, which)
 
     def after_reset(self, which: Mask) -> None:
+        """Called when they have it."""
         if self._after_reset:
             self._after_reset(self, which)
 
@@ -240,13 +242,16 @@ class VectorEnv(Base):  # type: ignore[misc]
         return observations, rewards, terminated, truncated, info
 
     def close(self, **kwargs: Any) -> None:
+        """No step follows."""
         self.closed = True
 
     def render(self) -> None:
+        """Nothing; `lockstep view` shows motions."""
         return None
 
     @property
     def unwrapped(self) -> "VectorEnv":
+        """This environment."""
         return self
 
     def __repr__(self) -> str:

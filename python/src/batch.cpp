@@ -244,11 +244,14 @@ void bind_views(py::class_<Rows>& rows, Class& batch) {
   counts(
       "seed", [](auto& b, const py::object& owner) { return live<std::uint64_t>(b.seeds(), owner); },
       "uint64 [num_envs], live: seeds of the random numbers");
-  batch.def_property_readonly("num_envs",
-                              [](AnyBatch& b) { return b.use([](auto& own) { return own.environments(); }); });
-  batch.def_property_readonly("plan", [](AnyBatch& b) { return b.use([](auto& own) { return own.plan(); }); });
-  batch.def_property_readonly("dtype",
-                              [](AnyBatch& b) { return b.use([]<class S>(Batch<S>&) { return py::dtype::of<S>(); }); });
+  batch.def_property_readonly(
+      "num_envs", [](AnyBatch& b) { return b.use([](auto& own) { return own.environments(); }); },
+      "number of environments");
+  batch.def_property_readonly(
+      "plan", [](AnyBatch& b) { return b.use([](auto& own) { return own.plan(); }); }, "what it was made from");
+  batch.def_property_readonly(
+      "dtype", [](AnyBatch& b) { return b.use([]<class S>(Batch<S>&) { return py::dtype::of<S>(); }); },
+      "that of its arrays, float32 or float64");
   batch.def_property_readonly(
       "engine", [](AnyBatch& b) { return b.use([](auto& o) { return to_string(o.engine()); }); }, "the one in use");
   batch.def_property_readonly(

@@ -88,7 +88,13 @@ void bind_export(py::module_& module) {
 void bind_import(py::module_& module) {
   add_file(module, "from_file",
            "Reads a Model from a URDF or MJCF file. model.report says what became of everything in it, model.warnings "
-           "what its owner should act on. The options are those of ImportOptions; one that the format cannot use is a "
+           "what its owner should act on. least_mass, kg, and least_inertia, kg m^2, raise those of lighter bodies. "
+           "repair_inertias: impossible inertias become the nearest possible ones. colliders: boxes, spheres and "
+           "capsules become colliders. ignore: bounds that are not judged, as in compile(). URDF alone: density, "
+           "kg/m^3, gives bodies without mass that of their collision shapes; leave_out_foreign leaves out what other "
+           "tools add. MJCF alone: keyframe, by name or number, is where the model starts; body is read with what it "
+           "carries, and all else is left out; loops is 'keep' or 'leave_out'; soft is 'harden' or 'as_in_file'; "
+           "leave_out_meshes: geoms with meshes give no inertia. An option that the format cannot use is a "
            "SettingsError. Raises ImportFileError, ModelError, FileNotFoundError, too.",
            import_file);
   add_file(module, "from_urdf", "from_file() for URDF alone.", import_urdf_file);

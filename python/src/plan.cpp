@@ -209,9 +209,9 @@ void bind_plan(py::module_& module) {
           [](const Plan& plan, const std::string& name) { return plan.parameter_row_names(parameter_of(name)); },
           "name"_a, "names of the columns of Batch.parameter(name)")
       .def("dof", &Plan::dof, "joint"_a, "the joint's column in q")
-      .def("link", &Plan::link, "name"_a)
-      .def("site", &Plan::site, "name"_a)
-      .def("contact", &Plan::contact, "name"_a)
+      .def("link", &Plan::link, "name"_a, "the link's number")
+      .def("site", &Plan::site, "name"_a, "the site's number")
+      .def("contact", &Plan::contact, "name"_a, "the pair's number, by a name of Plan.contact_names")
       .def(
           "obstacles",
           [](const Plan& plan) {
@@ -254,8 +254,15 @@ void bind_plan(py::module_& module) {
              "position_bound"_a = defaults.position_bound, "velocity_bound"_a = defaults.velocity_bound,
              "contact_settings"_a = "default", "contact_passes"_a = py::none(), "contact_rounds"_a = py::none(),
              "contact_tolerance"_a = py::none(),
-             "Validates and compiles a Model. dt: s. vary: fields that differ from environment to environment. ignore: "
-             "bounds that are left out, as names or {name: True | joints | 'followers'}. contact_settings: 'learning' "
+             "Validates and compiles a Model. dt: s. vary: fields that differ from environment to environment. "
+             "method: 'automatic', 'reduced', 'direct', 'pgs' or 'tgs'; iterations (1 to 1000) and "
+             "velocity_iterations (0 to 1000) are theirs. integrator: 'automatic', 'euler', 'leapfrog', "
+             "'extrapolated' or 'runge_kutta'. ignore: bounds that are left out, as names or {name: True | joints | "
+             "'followers'}. stage_inputs: targets and efforts for each of Plan.stage_times. guard: the largest error "
+             "of momentum in a step, above 0; beyond it the step is halved, and what is too coarse even then gets the "
+             "fault too_fast. Positions and velocities beyond position_bound and velocity_bound get the fault "
+             "diverged. record_impulses: keep what Batch.coupling_impulse() reads. diagnostics: keep what "
+             "Batch.row_states(), row_residuals(), conflicts() and energy_balance() read. contact_settings: 'learning' "
              "is faster, 'default' for grasps and legs, 'accurate' near the exact law; contact_passes (1 to 100), "
              "contact_rounds (1 to 1000) and contact_tolerance (above 0, up to 0.1) override its numbers. "
              "record_efforts: keep the drives' efforts for read('drive_effort'). record_contacts: keep "

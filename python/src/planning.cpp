@@ -16,8 +16,8 @@ template <class S>
 py::array_t<S> given_array(const py::object& given, const char* name, bool writable) {
   if (!py::array_t<S>::check_(given) || !py::cast<bool>(given.attr("flags").attr("aligned")) ||
       (writable && !py::cast<py::array>(given).writeable()))
-    throw py::type_error(std::string(name) + " must be " + (writable ? "a writable" : "an") + ", aligned array of " +
-                         text_of(py::dtype::of<S>()));
+    throw py::type_error(std::string(name) + " must be " + (writable ? "a writable, aligned" : "an aligned") +
+                         " array of " + text_of(py::dtype::of<S>()));
   return py::reinterpret_borrow<py::array_t<S>>(given);
 }
 
