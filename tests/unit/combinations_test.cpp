@@ -58,6 +58,21 @@ const Feature speed{"velocity limits", [](Model& m, StepSettings&) { joint_of(m,
 const Feature friction{"dry friction", [](Model& m, StepSettings&) { joint_of(m, "q1").friction = 0.1; }};
 const Feature servos{"limited servos",
                      [](Model& m, StepSettings&) { servo(joint_of(m, "q0")), servo(joint_of(m, "q1")); }};
+void make_late(Drive& drive) { drive.delay = 4, drive.lag = 0.02; }
+const Feature late{"late servos", [](Model& m, StepSettings& s) {
+                     servos.add(m, s);
+                     make_late(joint_of(m, "q0").drive), make_late(joint_of(m, "q1").drive);
+                   }};
+const Feature lags{"delays and lags per environment", [](Model&, StepSettings& s) {
+                     for (const Parameter own : {Parameter::drive_delay, Parameter::drive_lag})
+                       s.per_environment.insert(own);
+                   }};
+const Feature motors{"motors", [](Model& m, StepSettings& s) {
+                       servos.add(m, s);
+                       for (const char* name : {"q0", "q1"})
+                         joint_of(m, name).drive.stall_effort = 4.0, joint_of(m, name).drive.no_load_speed = 6.0;
+                     }};
+const Feature curves{"motors' curves per environment", vary<Parameter::motor_curve>};
 const Feature drive{"kinematic drive", [](Model& m, StepSettings&) { joint_of(m, "q1").drive.kinematic = true; }};
 const Feature soft_limit{"soft limit", [](Model& m, StepSettings&) { range(joint_of(m, "q1"), Spring{30.0, 1.0}); }};
 const Feature soft_drive{
@@ -248,7 +263,22 @@ const std::vector<std::vector<Feature>> scenes{
     {loop, cam, limits, servos},
     {loop, cam, functions},
     {contact, loop, cam, limits},
+    {late},
+    {late, hard, limits},
+    {late, hard, lags},
+    {late, stiff, friction},
+    {late, drive},
+    {late, tendon_servo},
+    {motors},
+    {motors, hard, limits},
+    {motors, late, hard, curves, lags},
+    {contact, late, hard},
+    {contact, motors, hard, limits, curves},
+    {contact, loop, motors, late, hard, limits, lags},
+    {loop, late, hard},
+    {loop, cam, motors, late},
     {hard, limits, servos, records},
+    {contact, late, motors, hard, limits, records},
     {contact, loop, hard, limits, servos, records},
     {contact, cam, functions, records},
 };
@@ -351,6 +381,21 @@ Table table() {
   return result;
 }
 
+// Delays, lags and motors' curves, where they are parameters, of each environment its own.
+void make_different(Batch<float>& batch) {
+  const ParameterSet& own = batch.plan().settings().per_environment;
+  for (int e = 0; e < batch.environments(); ++e)
+    for (const char* name : {"q0", "q1"}) {
+      const int dof = batch.plan().dof(name);
+      if (own.contains(Parameter::drive_delay))
+        batch.parameter(Parameter::drive_delay)(dof, e) = static_cast<float>(e % 5);
+      if (own.contains(Parameter::drive_lag))
+        batch.parameter(Parameter::drive_lag)(dof, e) = 0.004f * static_cast<float>(e % 7);
+      if (own.contains(Parameter::motor_curve))
+        batch.parameter(Parameter::motor_curve)(2 * dof, e) = 3.0f + 0.1f * static_cast<float>(e);
+    }
+}
+
 // Random efforts and targets, of each environment its own.
 template <class S>
 void act_differently(Batch<S>& batch, std::mt19937& random) {
@@ -381,6 +426,7 @@ TEST(Combinations, of_all_features_move_soundly_with_actions_that_differ) {
       const Plan plan = compile(scene.model, scene.settings);
       const std::string words = scene.name + " by " + to_string(plan.method()) + ", " + to_string(plan.integrator());
       Batch<float> batch(plan, environments, {.threads = 1});
+      make_different(batch);
       std::mt19937 random(11);
       float coupling = 0.0f, range = 0.0f, gap = 0.0f;
       double pressed = 0.0;
@@ -441,6 +487,7 @@ TEST(Combinations, are_recorded_as_they_move) {
       const std::string words = scene.name + " by " + to_string(plan.method()) + ", " + to_string(plan.integrator());
       Batch<float> plain(compile(scene.model, scene.settings), environments, {.threads = 1, .engine = Engine::tables}),
           recorded(plan, environments, {.threads = 1});
+      make_different(plain), make_different(recorded);
       std::mt19937 random(3), again(3);
       Eigen::ArrayXXf before;
       Eigen::ArrayXXd momentum;
@@ -585,11 +632,15 @@ TEST(Combinations, have_derivatives_of_two_steps_that_are_a_product) {
     scene.settings.contacts = {10, 200, 1e-11};
     Batch<double> batch = disturbed(compile(scene.model, scene.settings), environments, 20);
     if (scene.has("loop with a force limit")) continue;  // it may be open, and then it has no coordinates
+    if (scene.has("late")) {
+      EXPECT_THROW(batch.linearize(), UsageError);
+      continue;
+    }
     const auto both = batch.linearize(EnvironmentSet::all(), {.substeps = 2}), first = batch.linearize();
     batch.step();
     const auto second = batch.linearize();
     bool has_edges = false;
-    for (const char* edge : {"contact", "limit", "friction", "range"}) has_edges |= scene.has(edge);
+    for (const char* edge : {"contact", "limit", "friction", "range", "motors"}) has_edges |= scene.has(edge);
     for (std::size_t e = 0; e < environments; ++e) {
       EXPECT_EQ(both[e].fault, Fault::none);
       EXPECT_TRUE(both[e].state_by_state.allFinite() && both[e].state_by_input.allFinite());
