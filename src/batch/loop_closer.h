@@ -4,7 +4,6 @@
 // whatever the state's precision is.
 #pragma once
 
-#include <Eigen/QR>
 #include <vector>
 
 #include "lockstep/batch.h"
@@ -49,9 +48,7 @@ class LoopCloser {
         Eigen::MatrixXd::Zero(relations.rows.rows(), all - joints);
     Eigen::VectorXd missing = jacobian * state.velocity;
     if (!(missing.cwiseAbs().maxCoeff() <= rounding)) {
-      Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> factored;
-      factored.setThreshold(nearly_the_same);
-      state.velocity -= factored.compute(jacobian).solve(missing);
+      state.velocity -= least_norm(jacobian, missing, nearly_the_same);
       missing = jacobian * state.velocity;
     }
 

@@ -222,6 +222,12 @@ Eigen::MatrixXd loop_jacobian(const Model& model, const Trees& trees, const Conf
   return jacobian;
 }
 
+Eigen::VectorXd least_norm(const Eigen::MatrixXd& jacobian, const Eigen::VectorXd& missing, double threshold) {
+  Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> factored;
+  factored.setThreshold(threshold);
+  return factored.compute(jacobian).solve(missing);
+}
+
 Eigen::VectorXd close_loops(const Model& model, const Trees& trees, const std::vector<PlacedLoop>& loops,
                             const Relations& relations, Configuration& at) {
   const auto joints = static_cast<Eigen::Index>(model.joints.size()), rows = Eigen::Index{count_rows(loops)};
@@ -240,9 +246,7 @@ Eigen::VectorXd close_loops(const Model& model, const Trees& trees, const std::v
         Eigen::MatrixXd::Zero(relations.rows.rows(), 6 * trees.count());
     Eigen::VectorXd change;
     if (damping == 0.0) {
-      Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> factored;
-      factored.setThreshold(1e-9);
-      change = -factored.compute(jacobian).solve(error);
+      change = -least_norm(jacobian, error, 1e-9);
     } else {
       const Eigen::MatrixXd damped =
           jacobian * jacobian.transpose() + damping * Eigen::MatrixXd::Identity(error.size(), error.size());

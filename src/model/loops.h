@@ -56,6 +56,10 @@ struct Relations {
   Eigen::VectorXd offset;
 };
 
+/// The least x of those that come as near to jacobian x = missing as any can. Singular values below `threshold`, as
+/// shares of the largest, count as zero. A function of its own because the decomposition takes long to compile.
+Eigen::VectorXd least_norm(const Eigen::MatrixXd& jacobian, const Eigen::VectorXd& missing, double threshold);
+
 /// (M134): moves to the closest pose that closes the loops and keeps the relations, by damped least-norm steps.
 /// Returns what the rows miss there, in the order of loop_gaps().
 Eigen::VectorXd close_loops(const Model& model, const Trees& trees, const std::vector<PlacedLoop>& loops,
