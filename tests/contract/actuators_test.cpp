@@ -134,7 +134,7 @@ TEST_P(Actuators, limit_a_motor_by_the_way_in_which_it_pushes) {
 TEST_P(Actuators, keep_a_motor_stable_for_any_step) {
   constexpr double stall = 6.0, no_load = 4.0;
   StepSettings settings = with(GetParam(), {});
-  settings.dt = 3.0 * inertia * no_load / stall;
+  settings.dt = 3.0 * inertia * no_load / stall, settings.guard = infinity;
   Batch<double> batch(compile(wheel({.stall_effort = stall, .no_load_speed = no_load}, 100.0), settings), 1, serial);
   batch.efforts().setConstant(50.0);
   for (int step = 0; step < 50; ++step) {
