@@ -332,7 +332,7 @@ TEST(LateDrives, are_saved_restored_and_copied_with_what_is_on_its_way) {
   batch.step(1);
   other.restore(batch.save());
   const int from = 4;
-  batch.copy(from, EnvironmentSet{});
+  batch.copy(from, EnvironmentSet::all());
   batch.step(20), other.step(20);
   for (int e = 0; e < 6; ++e) expect_same_bits(batch, e, other, from);
 }
@@ -424,7 +424,7 @@ TEST(LateDrives, are_refused_by_name_where_they_cannot_be) {
   settings.stage_inputs = true;
   EXPECT_THROW(compile(wheel({.kp = 1.0, .delay = 2}), settings), SettingsError);
   Batch<double> batch(compile(wheel({.kp = 1.0, .lag = 0.1}), with(Integrator::euler, {})), 1, serial);
-  EXPECT_THROW(batch.linearize({}, {}), UsageError);
+  EXPECT_THROW(batch.linearize(EnvironmentSet::all(), {}), UsageError);
 }
 
 }  // namespace
