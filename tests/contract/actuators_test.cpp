@@ -277,7 +277,7 @@ TEST_P(Actuators, lag_and_limit_drives_beside_contacts_couplings_tendons_and_lim
   expect_as_told(late(contact_scenes::finger(), true), GetParam(), 1e-7, 60);
 }
 
-TEST_P(Actuators, act_on_random_bounded_mechanisms_as_told) {
+TEST(LateDrives, act_on_random_bounded_mechanisms_as_told) {
   physics::RandomBounds bounds(11);
   scenes::RandomOptions options = scenes::forests();
   options.redundant = options.coupling_error = false, options.max_tendons = 1;
