@@ -110,7 +110,9 @@ TEST_P(Actuators, bring_a_motor_to_its_no_load_speed_at_first_order) {
       const double rate = stall / (inertia * no_load[e]);
       const double error = batch.velocities()(0, e) - no_load[e] * -std::expm1(-rate * end);
       EXPECT_LT(std::abs(error), rate * settings.dt * no_load[e]);
-      if (halvings > 0) EXPECT_NEAR(last[e] / error, 2.0, 0.15) << "no-load speed " << no_load[e];
+      if (halvings > 0) {
+        EXPECT_NEAR(last[e] / error, 2.0, 0.15) << "no-load speed " << no_load[e];
+      }
       last[e] = error;
     }
     batch.step(static_cast<int>(20.0 / settings.dt));
@@ -262,8 +264,9 @@ void expect_as_told(const Model& model, Integrator integrator, double tolerance,
     const double scale = std::max(1.0, other.velocities().abs().maxCoeff());
     ASSERT_LE((batch.positions() - other.positions()).abs().maxCoeff(), tolerance * scale) << "step " << step;
     ASSERT_LE((batch.velocities() - other.velocities()).abs().maxCoeff(), tolerance * scale) << "step " << step;
-    if (batch.root_poses().rows() > 0)
+    if (batch.root_poses().rows() > 0) {
       ASSERT_LE((batch.root_poses() - other.root_poses()).abs().maxCoeff(), tolerance * scale);
+    }
   }
 }
 
