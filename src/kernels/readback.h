@@ -3,10 +3,10 @@
 // Not part of a step; computed anew on request, by the same templates: (M49) to (M53).
 #pragma once
 
+#include "inverse_dynamics.h"
 #include "kernels/contacts/readback.h"
 #include "kernels/couplings/coupling_error.h"
 #include "kernels/dynamics/energies.h"
-#include "kernels/dynamics/inverse_dynamics.h"
 #include "load.h"
 
 namespace lockstep::kernels {

@@ -33,6 +33,8 @@ TEST(PlanHash, differs_where_anything_does_and_nowhere_else) {
       [](Model& m) { m.joints[7].effort += 1e-9; },
       [](Model& m) { m.joints[0].drive.kp += 1e-9; },
       [](Model& m) { m.joints[0].drive.position_target += 1e-9; },
+      [](Model& m) { m.joints[0].drive.delay = 1; },
+      [](Model& m) { m.joints[0].drive.lag = 0.01; },
       [](Model& m) { m.joints[0].lower -= 1e-9; },
       [](Model& m) { m.joints[0].restitution = 0.25; },
       [](Model& m) {
@@ -83,7 +85,6 @@ TEST(PlanHash, differs_where_anything_does_and_nowhere_else) {
       [](StepSettings& s) { s.stage_inputs = true; },
       [](StepSettings& s) { s.record_impulses = false; },
       [](StepSettings& s) { s.record_diagnostics = true; },
-      [](StepSettings& s) { s.record_efforts = true; },
       [](StepSettings& s) { s.record_contacts = true; },
       [](StepSettings& s) { s.record_accelerations = true; },
       [](StepSettings& s) { s.guard = 0.02; },
@@ -96,6 +97,11 @@ TEST(PlanHash, differs_where_anything_does_and_nowhere_else) {
     EXPECT_EQ(changed.model_hash(), plan.model_hash()) << i;
     EXPECT_TRUE(plans.insert(changed.hash()).second) << i;
   }
+  Model servos = model;  // efforts of kinematic drives are not recorded
+  for (Joint& joint : servos.joints) joint.drive = {};
+  StepSettings recorded = settings;
+  recorded.record_efforts = true;
+  EXPECT_NE(compile(servos, recorded).hash(), compile(servos, settings).hash());
 }
 
 // The vectors that the authors of FNV publish.

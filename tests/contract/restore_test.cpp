@@ -114,8 +114,8 @@ TEST(Restore, refuses_another_byte_order_format_and_scalar) {
   std::reverse(other.begin() + 8, other.begin() + 12);
   expect_words(refusal([&] { small.batch.restore(other); }), {"other byte order"});
   other = small.blob;
-  other[12] = std::byte(7);
-  expect_words(refusal([&] { small.batch.restore(other); }), {"format 7", "format 6"});
+  other[12] = std::byte(8);
+  expect_words(refusal([&] { small.batch.restore(other); }), {"format 8", "format 7"});
   Batch<double> wide(small.plan, 3, {.threads = 1});
   expect_words(refusal([&] { wide.restore(small.blob); }), {"4 bytes", "8", "Batch<float>"});
   expect_words(refusal([&] { small.batch.restore(wide.save()); }), {"8 bytes", "4", "Batch<double>"});

@@ -60,9 +60,13 @@ const Feature servos{"limited servos",
                      [](Model& m, StepSettings&) { servo(joint_of(m, "q0")), servo(joint_of(m, "q1")); }};
 void make_late(Drive& drive) { drive.delay = 4, drive.lag = 0.02; }
 const Feature late{"late servos", [](Model& m, StepSettings& s) {
-                     servos.add(m, s);
+                     if (joint_of(m, "q0").drive.kp == 0.0) servos.add(m, s);
                      make_late(joint_of(m, "q0").drive), make_late(joint_of(m, "q1").drive);
                    }};
+const Feature late_drive{"late kinematic drive", [](Model& m, StepSettings&) {
+                           joint_of(m, "q1").drive.kinematic = true;
+                           make_late(joint_of(m, "q1").drive);
+                         }};
 const Feature lags{"delays and lags per environment", [](Model&, StepSettings& s) {
                      for (const Parameter own : {Parameter::drive_delay, Parameter::drive_lag})
                        s.per_environment.insert(own);
@@ -267,7 +271,7 @@ const std::vector<std::vector<Feature>> scenes{
     {late, hard, limits},
     {late, hard, lags},
     {late, stiff, friction},
-    {late, drive},
+    {hard, late_drive},
     {late, tendon_servo},
     {motors},
     {motors, hard, limits},

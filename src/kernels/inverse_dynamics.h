@@ -4,9 +4,8 @@
 // (M151) and (M152), in world axes. Not part of a step: for plans that record accelerations.
 #pragma once
 
-#include "bias_forces.h"
+#include "kernels/dynamics/bias_forces.h"
 #include "kernels/loops/find_loops.h"
-#include "motion.h"
 
 namespace lockstep::kernels {
 
