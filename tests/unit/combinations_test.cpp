@@ -72,7 +72,7 @@ const Feature lags{"delays and lags per environment", [](Model&, StepSettings& s
                        s.per_environment.insert(own);
                    }};
 const Feature motors{"motors", [](Model& m, StepSettings& s) {
-                       servos.add(m, s);
+                       if (joint_of(m, "q0").drive.kp == 0.0) servos.add(m, s);
                        for (const char* name : {"q0", "q1"})
                          joint_of(m, name).drive.stall_effort = 4.0, joint_of(m, name).drive.no_load_speed = 6.0;
                      }};
