@@ -110,7 +110,7 @@ void actuate(const Tables<double>&, const StatePointers<double>&, const Tile<Tra
 }
 void add_records(const Tables<double>&, Tile<Traced>&) {
   if (!counting)
-    throw SettingsError("recorded efforts and contacts",
+    throw SettingsError("recorded efforts, contacts or accelerations",
                         "are kept by the tables, not by generated code or the interpreter",
                         "use Engine::tables or automatic");
 }
