@@ -24,13 +24,19 @@ inline Pose at(const Vector3d& place) {
   return pose;
 }
 
-/// Quantity::solve_counts of the last call of step(), [rows][environments].
+/// All numbers of a quantity, [rows][environments].
 template <class S>
-Eigen::ArrayXXd counts_of(const Batch<S>& batch) {
-  const Query query{Quantity::solve_counts};
+Eigen::ArrayXXd read(const Batch<S>& batch, Quantity quantity) {
+  const Query query{quantity};
   typename Batch<S>::Array numbers(batch.plan().query_rows(query), batch.environments());
   batch.read(std::span(&query, 1), {numbers.data(), batch.environments(), 1});
   return numbers.template cast<double>();
+}
+
+/// Those of the last call of step().
+template <class S>
+Eigen::ArrayXXd counts_of(const Batch<S>& batch) {
+  return read(batch, Quantity::solve_counts);
 }
 
 /// Adds a free body with one collider of the same name.

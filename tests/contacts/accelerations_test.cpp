@@ -12,14 +12,6 @@ using namespace contact_scenes;
 
 constexpr double g = 9.81;
 
-template <class S>
-Eigen::ArrayXXd read(const Batch<S>& batch, Quantity quantity) {
-  const Query query{quantity};
-  typename Batch<S>::Array numbers(batch.plan().query_rows(query), batch.environments());
-  batch.read(std::span(&query, 1), {numbers.data(), numbers.cols(), 1});
-  return numbers.template cast<double>();
-}
-
 /// From a link's axes to the world's.
 template <class S>
 Eigen::Matrix3d turn(const Batch<S>& batch, const std::string& link, int e) {

@@ -28,14 +28,6 @@ Model slider(double kp, double kd, double effort_limit) {
   return model;
 }
 
-template <class S>
-Eigen::ArrayXXd read(const Batch<S>& batch, Quantity quantity) {
-  const Query query{quantity};
-  typename Batch<S>::Array numbers(batch.plan().query_rows(query), batch.environments());
-  batch.read(std::span(&query, 1), {numbers.data(), numbers.cols(), 1});
-  return numbers.template cast<double>();
-}
-
 StepSettings recorded(Integrator integrator) {
   StepSettings settings;
   settings.dt = dt, settings.integrator = integrator;

@@ -463,17 +463,10 @@ TEST(Combinations, of_all_features_move_soundly_with_actions_that_differ) {
   EXPECT_GT(runs, 280);
 }
 
-template <class S>
-Eigen::ArrayXXd read(const Batch<S>& batch, Quantity quantity) {
-  const Query query{quantity};
-  typename Batch<S>::Array numbers(batch.plan().query_rows(query), batch.environments());
-  batch.read(std::span(&query, 1), {numbers.data(), batch.environments(), 1});
-  return numbers.template cast<double>();
-}
-
 // What is recorded changes no bit. Efforts keep their limits, accelerations are the changes of velocities, and all
 // momentum comes from gravity, contacts and the joints at the base.
 TEST(Combinations, are_recorded_as_they_move) {
+  using contact_scenes::read;
   constexpr int environments = 9;
   const std::pair<Method, Integrator> ways[] = {{Method::automatic, Integrator::automatic},
                                                 {Method::reduced, Integrator::euler},
