@@ -23,9 +23,9 @@ foreach(folder simd kernels)
   install(DIRECTORY ${PROJECT_SOURCE_DIR}/src/${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/lockstep/kernel
           FILES_MATCHING PATTERN "*.h")
 endforeach()
-foreach(header plan/tables.h plan/tables/bodies.h plan/tables/columns.h plan/tables/contacts.h plan/tables/functions.h
-               plan/tables/loops.h plan/tables/reduction.h plan/tables/rounds.h plan/tables/rows.h
-               plan/tables/spans.h
+foreach(header plan/tables.h plan/tables/actuators.h plan/tables/bodies.h plan/tables/columns.h plan/tables/contacts.h
+               plan/tables/functions.h plan/tables/loops.h plan/tables/reduction.h plan/tables/rounds.h
+               plan/tables/rows.h plan/tables/spans.h
                model/softness_kind.h targets/called_stages.h targets/generated.h targets/generated_kernel.h
                targets/registers.h)
   get_filename_component(folder ${header} DIRECTORY)
