@@ -47,7 +47,8 @@ class Turn(VectorEnv):
         near = ls.RootNoise(position=(0.003, 0.003, 0.0), yaw=0.3)
         super().__init__(compiled, num_envs, observe={"policy": see}, limit=CONTROL_STEPS, decimation=DECIMATION,
                          action_kind="position_change", start=ls.Start("open", position=0.03, roots=near),
-                         reward={"turn": (1.0, lambda env: env.turned), "act": (-1e-5, lambda env: env.effort)},
+                         reward={"turn": (1.0, lambda env: env.turned), "act": (-1e-5, lambda env: env.effort),
+                                 "drop": (-1.0, Turn.dropped)},
                          terminate={"dropped": Turn.dropped}, **options)
 
     def randomize(self, which):
@@ -163,9 +164,9 @@ holds a cube of 50 mm in its palm. Twelve servos move sixteen joints: one spread
 pulls the tendon that bends the two outer joints. The cube weighs 50 to 200 g and has a friction of 0.5 to 1.0. An
 episode lasts 10 s, or ends when the cube tilts by more than 37° or leaves the palm.
 
-PPO ([ppo.py](ppo.py)) is paid for the angle by which the cube turns about the vertical. Seeds: {seeds}; each had
-{minutes:g} minutes of processor time on one thread, with {envs} environments. In {each} new environments the policy's
-mean acts. There the cube turns at {median:.3f} rad/s, the median of the seeds:
+PPO ([ppo.py](ppo.py)) is paid for the angle by which the cube turns about the vertical, and a drop costs as much as a
+radian. Seeds: {seeds}; each had {minutes:g} minutes of processor time on one thread, with {envs} environments. In {each}
+new environments the policy's mean acts. There the cube turns at {median:.3f} rad/s, the median of the seeds:
 
 | dropped | speed | turned in 10 s: 5 %, median, 95 % | largest tilt, median |
 |---|---|---|---|
