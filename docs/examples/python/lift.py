@@ -13,7 +13,7 @@ import pathlib
 import numpy as np
 
 import torch
-from outcome import arguments, draw_curves, in_mujoco, random_rate, save_policy
+from outcome import arguments, draw_curves, in_mujoco, learn_and_tell, random_rate
 from ppo import Agent, learn
 
 import lockstep as ls
@@ -228,20 +228,13 @@ def write_page(out, minutes, envs, curves, results, compared=""):
         held=", ".join(f"{100 * share:.1f} %" for share in held), rows="\n".join(rows)) + compared)
 
 
+def told(result):
+    return ", ".join(f"{name} {100 * held.mean():.1f} %" for name, (held, _, _) in zip(NAMES, result))
+
+
 def main():
     options = arguments(__doc__, 1.0, 64, 1024, "environments of each size")
-    curves, results = [], []
-    for seed in options.seeds:
-        print(f"seed {seed}", flush=True)
-        agent, curve = train(seed, options.minutes, options.envs, iterations=options.iterations)
-        curves.append(curve)
-        results.append(test(agent, seed, options.test))
-        print("new environments: " + ", ".join(f"{name} {100 * held.mean():.1f} %"
-                                               for name, (held, _, _) in zip(NAMES, results[-1])), flush=True)
-        save_policy(agent, options.out / f"lift-{seed}.json")
-    policies = [options.out / f"lift-{seed}.json" for seed in options.seeds]
-    compared = compare(options.mujoco, policies) if options.mujoco else ""
-    write_page(options.out, options.minutes, options.envs, curves, results, compared)
+    learn_and_tell("lift", options, train, test, told, compare, write_page)
 
 
 PAGE = """# An arm lifts cubes

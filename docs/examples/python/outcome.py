@@ -25,6 +25,21 @@ def arguments(text, minutes, envs, test, what):
     return options
 
 
+def learn_and_tell(name, options, train, test, told, compare, write_page):
+    """Teaches an agent by each seed, tests it, keeps its policy, and writes the page. told(result) is a line of it."""
+    curves, results, policies = [], [], []
+    for seed in options.seeds:
+        print(f"seed {seed}", flush=True)
+        agent, curve = train(seed, options.minutes, options.envs, iterations=options.iterations)
+        curves.append(curve)
+        results.append(test(agent, seed, options.test))
+        print(f"new environments: {told(results[-1])}", flush=True)
+        policies.append(options.out / f"{name}-{seed}.json")
+        save_policy(agent, policies[-1])
+    compared = compare(options.mujoco, policies) if options.mujoco else ""
+    write_page(options.out, options.minutes, options.envs, curves, results, compared)
+
+
 def save_policy(agent, path):
     """For mujoco_policy.mjs: weights and biases of the policy's mean, layer by layer."""
     layers = [layer for layer in agent.actor if isinstance(layer, torch.nn.Linear)]

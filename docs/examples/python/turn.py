@@ -12,7 +12,7 @@ import pathlib
 import numpy as np
 
 import torch
-from outcome import arguments, draw_curves, in_mujoco, random_rate, save_policy
+from outcome import arguments, draw_curves, in_mujoco, learn_and_tell, random_rate
 from ppo import Agent, learn
 
 import lockstep as ls
@@ -140,21 +140,14 @@ def write_page(out, minutes, envs, curves, results, compared=""):
                                              median=np.median(speeds), rows="\n".join(rows)) + compared)
 
 
+def told(result):
+    turned, _, dropped = result
+    return f"turned by {np.degrees(turned.mean()):.0f} degrees, dropped {100 * dropped.mean():.1f} %"
+
+
 def main():
     options = arguments(__doc__, 3.0, 256, 1024, "environments")
-    curves, results = [], []
-    for seed in options.seeds:
-        print(f"seed {seed}", flush=True)
-        agent, curve = train(seed, options.minutes, options.envs, iterations=options.iterations)
-        curves.append(curve)
-        results.append(test(agent, seed, options.test))
-        turned, _, dropped = results[-1]
-        print(f"new environments: turned by {np.degrees(turned.mean()):.0f} degrees, "
-              f"dropped {100 * dropped.mean():.1f} %", flush=True)
-        save_policy(agent, options.out / f"turn-{seed}.json")
-    policies = [options.out / f"turn-{seed}.json" for seed in options.seeds]
-    compared = compare(options.mujoco, policies) if options.mujoco else ""
-    write_page(options.out, options.minutes, options.envs, curves, results, compared)
+    learn_and_tell("turn", options, train, test, told, compare, write_page)
 
 
 PAGE = """# A hand turns a cube
