@@ -325,7 +325,9 @@ class VectorEnv(Base):  # type: ignore[misc]
 
     def _restart_ended(self, observations: Any, info: dict[str, Any]) -> Any:
         ended = self._ended.copy()
-        groups = {name: values.copy() for name, values in self._grouped(observations).items()}
+        groups = self._grouped(observations)
+        if not self.copy:  # the arrays are written again below
+            groups = {name: values.copy() for name, values in groups.items()}
         final = self._plain(groups)
         info["final_obs"] = np.full(self.num_envs, None, object)
         for place in np.flatnonzero(ended):

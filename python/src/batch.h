@@ -47,6 +47,7 @@ std::vector<Query> queries_of(const Plan& plan, const py::object& given);
 void bind_control(py::class_<AnyBatch>& batch);
 void bind_planning(py::class_<AnyBatch>& batch);
 void bind_plan(py::module_& module);
+void bind_step_draws(py::module_& module);
 void bind_import(py::module_& module);
 
 /// From {"position_limits": True | ["joint", ...] | "followers", ...}, or the names of bounds that all joints leave

@@ -7,6 +7,7 @@ import pytest
 from conftest import gripper_model
 
 import lockstep as ls
+from lockstep.draws import OWN, uniform
 from lockstep.events import Event
 from lockstep.observations import Group, Normal, Observations, Term, Uniform
 from lockstep.stable_baselines3 import Sb3VecEnv
@@ -85,6 +86,33 @@ def test_terms_add_up_and_the_log_is_their_mean():
     assert info["log"]["reward/a"] == pytest.approx(-2 * info["log"]["reward/b"], rel=1e-5)
     assert info["log"]["episode/length"] == 4 and info["log"]["end/time_out"] == 1
     assert info["final_info"]["reason"].tolist() == ["time_out"] * 5
+
+
+def test_draws_follow_their_formula():
+    """(M143), in Python's integers"""
+    word, golden = (1 << 64) - 1, 0x9E3779B97F4A7C15
+
+    def mix(x):
+        for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB), (31, 1)):
+            x = (x ^ x >> shift) * factor & word
+        return x
+
+    batch = plan.batch(3, seed=2**63 + 5, first_id=7)
+    batch.episode[1] = 9
+    batch.step(2)
+    drawn = uniform(batch, np.empty((5, 3)))
+    for e in range(3):
+        x = mix(int(batch.seed[e]) + golden & word)
+        for part in (batch.env_id[e], batch.episode[e], batch.steps[e], OWN):
+            x = mix(x + golden + int(part) & word)
+        for row in range(5):
+            numbers = mix(x + golden * (row % 3 + 1) & word)
+            assert drawn[row, e] == (numbers >> (8 if row < 3 else 40) & 0xFFFFFF) / 2**24
+    assert np.array_equal(uniform(batch, np.empty((2, 3), np.float32)), uniform(batch, np.empty((2, 3))))
+    with pytest.raises(ls.UsageError, match="has 4 columns"):
+        uniform(batch, np.empty((2, 4)))
+    with pytest.raises(TypeError):
+        uniform(batch, np.empty((2, 3), int))
 
 
 def test_intervals_differ_and_repeat():

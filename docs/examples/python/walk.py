@@ -12,7 +12,7 @@ import pathlib
 import numpy as np
 
 import lockstep as ls
-from lockstep.draws import uniform
+from lockstep.draws import OWN, uniform
 from lockstep.events import Event
 from lockstep.observations import Group, Term, Uniform
 from lockstep.vector import VectorEnv
@@ -25,7 +25,6 @@ EPISODE = 1000  # control steps
 SCALE = 0.5  # rad of an action of 1
 PERIOD, LIFT = 0.5, 0.06  # of the gait, s; of a foot in the air, m
 FASTEST = 0.8  # m/s
-DRAWS = 1 << 21  # the first stream of random numbers that no other part uses
 
 
 def scene(path):
@@ -149,12 +148,12 @@ def bodies(env, which):
 
 def command(env, which):
     low, high = env.commands
-    env.command[which] = (low + (high - low) * uniform(env.batch, np.empty((1, env.num_envs)), DRAWS)[0])[which]
+    env.command[which] = (low + (high - low) * uniform(env.batch, np.empty((1, env.num_envs)), OWN)[0])[which]
 
 
 def push(env, which):
     """Up to 0.5 m/s along the trunk's axes."""
-    kick = uniform(env.batch, np.empty((2, env.num_envs)), DRAWS + 1) - 0.5
+    kick = uniform(env.batch, np.empty((2, env.num_envs)), OWN + 1) - 0.5
     env.batch.rows.root_twist[3:5, which] += kick[:, which]
 
 
