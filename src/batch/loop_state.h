@@ -55,7 +55,7 @@ LoopState loop_state(const Program& program, const Trees& trees, const StatePoin
   return state;
 }
 
-/// Writes what differs from `before`. Returns whether a position does.
+/// Writes what differs from `before`. Returns whether anything does.
 template <class S>
 bool put_loop_state(const Program& program, const Trees& trees, const LoopState& before, const LoopState& state,
                     const StatePointers<S>& rows, int e) {
@@ -64,7 +64,7 @@ bool put_loop_state(const Program& program, const Trees& trees, const LoopState&
   bool moved = false;
   each_loop_joint(program, [&](std::size_t j, Eigen::Index column, int joint) {
     if (state.at.position[j] != before.at.position[j]) positions.put(joint, state.at.position[j]), moved = true;
-    if (state.velocity[column] != before.velocity[column]) velocities.put(joint, state.velocity[column]);
+    if (state.velocity[column] != before.velocity[column]) velocities.put(joint, state.velocity[column]), moved = true;
   });
   each_loop_root(program, trees, [&](int tree, Eigen::Index column, int row) {
     const auto put = [&](S* to, int k, double number) { to[k * rows.stride + e] = static_cast<S>(number); };
@@ -78,6 +78,7 @@ bool put_loop_state(const Program& program, const Trees& trees, const LoopState&
       for (int k = 0; k < 3; ++k) put(place, 4 + k, turn.vec()[k]);
     }
     if (state.velocity.segment<6>(column) == before.velocity.segment<6>(column)) return;
+    moved = true;
     for (int half = 0; half < 2; ++half) {
       const Eigen::Vector3d own = pose.linear().transpose() * state.velocity.segment<3>(column + 3 * half);
       for (int k = 0; k < 3; ++k) put(rows.root_velocity + (6 * row + 3 * half) * rows.stride, k, own[k]);

@@ -159,6 +159,27 @@ TEST(LoopBatch, is_closed_by_project) {
   }
 }
 
+// Velocities alone are wrong: the tendon follows what the loop makes of them.
+TEST(LoopBatch, takes_tendons_along_when_velocities_are_projected) {
+  Model model = four_bar();
+  Joint& tendon = model.joints.emplace_back();
+  tendon.name = "tendon", tendon.kind = JointKind::tendon;
+  model.couplings.push_back({"tendon", {{"crank", -1.0}, {"rocker", -0.5}}, 0.0, Hard{}});
+  for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
+    Batch<double> batch(compile(model, settings(integrator)), 3, {.threads = 1});
+    batch.project();
+    const Batch<double>::Array positions = batch.positions();
+    for (int e = 0; e < 3; ++e) batch.velocities()(0, e) += 2.0 + e;
+    EXPECT_TRUE(batch.project().empty());
+    EXPECT_TRUE((batch.positions() == positions).all());
+    const auto speed = batch.velocities();
+    for (int e = 0; e < 3; ++e) {
+      EXPECT_GT(std::abs(speed(0, e) - 15.0), 0.1);
+      EXPECT_NEAR(speed(3, e), speed(0, e) + 0.5 * speed(2, e), 1e-12);
+    }
+  }
+}
+
 TEST(LoopBatch, of_a_linkage_is_closed_by_a_reset_and_tells_what_cannot_be) {
   Batch<double> batch(compile(gripper(), settings(Integrator::leapfrog)), 3, {.threads = 1});
   Batch<double>::Array q = batch.positions(), v = batch.velocities();

@@ -626,8 +626,6 @@ TEST(Combinations, have_derivatives_of_two_steps_that_are_a_product) {
   for (const std::vector<Feature>& features : scenes) {
     Scene scene(features);
     SCOPED_TRACE(scene.name);
-    // Loops are closed before each of the derivatives, and what has slipped at its force limit is put back.
-    if (scene.has("loop") || scene.has("force limit")) continue;
     scene.settings.contacts = {10, 200, 1e-11};
     Batch<double> batch = disturbed(compile(scene.model, scene.settings), environments, 20);
     if (scene.has("late")) {
@@ -639,12 +637,13 @@ TEST(Combinations, have_derivatives_of_two_steps_that_are_a_product) {
     const auto second = batch.linearize();
     bool has_edges = false;
     for (const char* edge : {"contact", "limit", "friction", "range", "motors"}) has_edges |= scene.has(edge);
+    const double bound = scene.has("loop") ? 8e-4 : 1e-6;  // they are closed before each of the derivatives
     for (std::size_t e = 0; e < environments; ++e) {
       EXPECT_EQ(both[e].fault, Fault::none);
       EXPECT_TRUE(both[e].state_by_state.allFinite() && both[e].state_by_input.allFinite());
       if (has_edges) continue;
       const Eigen::MatrixXd product = second[e].state_by_state * first[e].state_by_state;
-      EXPECT_LT((both[e].state_by_state - product).cwiseAbs().maxCoeff(), 1e-6 * product.cwiseAbs().maxCoeff());
+      EXPECT_LT((both[e].state_by_state - product).cwiseAbs().maxCoeff(), bound * product.cwiseAbs().maxCoeff());
       ++smooth;
     }
   }
