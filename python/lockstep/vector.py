@@ -51,7 +51,7 @@ class VectorEnv(Base):  # type: ignore[misc]
         advance    takes the actions of a control step; default: Batch.act() and Batch.step()
     limit: control steps after which an episode is truncated. decimation: steps of dt in a control step. Actions lie in
     [-1, 1] and act on Plan.driven_dofs by `action_kind`; `actions` has other options of Batch.act(), such as joints and
-    scale. start: a pose of the model by name or number, or a Start, which has noise. spread: short for start=Start(spread=spread), from the model's own start; without both it is 1,
+    scale, which is about the pose of `start`. start: a pose of the model by name or number, or a Start, which has noise. spread: short for start=Start(spread=spread), from the model's own start; without both it is 1,
     the whole range of each joint. copy=False returns the same observation array in every step.
 
     Observations of an environment depend on its seed, its id and its actions, not on num_envs, its place, the number of
@@ -104,6 +104,8 @@ class VectorEnv(Base):  # type: ignore[misc]
         self.decimation = decimation
         self.action_kind = action_kind
         self.action_options = dict(actions or {})
+        if action_kind == "position" and "scale" in self.action_options:
+            self.action_options.setdefault("center", self._start_pose(start))
         self.start = start
         self.copy = copy
         self.closed = False
@@ -258,6 +260,13 @@ class VectorEnv(Base):  # type: ignore[misc]
         return f"VectorEnv({self.plan!r}, num_envs={self.num_envs}, {self.autoreset_mode.value})"
 
     # --- parts -------------------------------------------------------------------------------
+
+    def _start_pose(self, start: Union[str, int, Start]) -> list[float]:
+        """Positions of the joints that actions command."""
+        one = self.plan.batch(1, threads=1, dtype="f8")
+        one.reset_to(start.pose if isinstance(start, Start) else start)
+        joints = self.action_options.get("joints") or self.plan.driven_dofs
+        return [float(one.q[0, self.plan.dof(joint)]) for joint in joints]
 
     def _mask(self, options: Optional[Mapping[str, Any]]) -> Mask:
         mask = (options or {}).get("reset_mask")

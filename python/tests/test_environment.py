@@ -176,6 +176,20 @@ def test_actions_take_the_options_of_act():
         VectorEnv(plan, 3, actions={"joint": [joint]})
 
 
+def test_actions_with_a_scale_are_about_the_start():
+    model = gripper_model()
+    joint = plan.driven_dofs[-1]
+    model.poses.append(ls.NamedPose("bent", {joint: 0.15}))
+    there = ls.compile(model)
+    for start, center in (("bent", 0.15), (ls.Start("bent", position=0.02), 0.15), ("", 0.0)):
+        env = VectorEnv(there, 3, actions={"joints": [joint], "scale": 0.1}, start=start)
+        env.reset()
+        env.step(np.full((3, 1), 0.5, np.float32))
+        assert np.allclose(env.batch.q_target[:, there.dof(joint)], center + 0.05, atol=1e-6)
+    with pytest.raises(ls.UsageError, match="wing"):
+        VectorEnv(there, 3, actions={"joints": ["wing"], "scale": 0.1})
+
+
 def test_bad_actions_and_old_names():
     env = Task()
     env.reset()
