@@ -51,8 +51,9 @@ class VectorEnv(Base):  # type: ignore[misc]
         advance    takes the actions of a control step; default: Batch.act() and Batch.step()
     limit: control steps after which an episode is truncated. decimation: steps of dt in a control step. Actions lie in
     [-1, 1] and act on Plan.driven_dofs by `action_kind`; `actions` has other options of Batch.act(), such as joints and
-    scale, which is about the pose of `start`. start: a pose of the model by name or number, or a Start, which has noise. spread: short for start=Start(spread=spread), from the model's own start; without both it is 1,
-    the whole range of each joint. copy=False returns the same observation array in every step.
+    scale, which is about the pose of `start`. start: a pose of the model by name or number, or a Start, which has noise.
+    spread: short for start=Start(spread=spread), from the model's own start; without both it is 1, the whole range of
+    each joint. copy=False returns the same observation array in every step.
 
     Observations of an environment depend on its seed, its id and its actions, not on num_envs, its place, the number of
     threads or the autoreset mode.
