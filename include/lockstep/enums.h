@@ -115,4 +115,6 @@ LOCKSTEP_API const char* to_string(Fault fault) noexcept;
 LOCKSTEP_API const char* to_string(FaultStage stage) noexcept;
 LOCKSTEP_API const char* to_string(LoopKind kind) noexcept;
 
+enum class ShapeKind { half_space, box, hull, cylinder, capsule, ellipsoid, sphere };
+
 }  // namespace lockstep

@@ -46,13 +46,13 @@ struct ImportOptions {
   double least_mass = 0.0;
   /// kg m^2, >= 0. Raises smaller principal moments of bodies with mass; MuJoCo's boundinertia.
   double least_inertia = 0.0;
-  /// URDF only. kg/m^3, >= 0. Above 0, bodies without mass and inertia get those of their collision boxes, spheres,
-  /// cylinders and capsules, and an <inertial> without <inertia> or <mass> gets what it lacks from them. Shapes that
+  /// URDF only. kg/m^3, >= 0. Above 0, bodies without mass and inertia get those of their collision shapes
+  /// but meshes, and an <inertial> without <inertia> or <mass> gets what it lacks from them. Shapes that
   /// overlap count twice. Meshes are not used.
   double density = 0.0;
-  /// Collision boxes, spheres and capsules become colliders of the group "robot", named after their links. Those of
-  /// URDF touch nothing until Model::contacts says so. MJCF's geoms touch what the file lets them. Meshes, cylinders
-  /// and ellipsoids are named in the report and left out.
+  /// Collision boxes, spheres, cylinders, capsules and ellipsoids become colliders of the group "robot", named after
+  /// their links. Those of URDF touch nothing until Model::contacts says so. MJCF's geoms touch what the file lets
+  /// them. Meshes are named in the report and left out.
   bool colliders = false;
   /// An inertia that no body can have becomes the nearest that one can have, in the (Frobenius) norm of the tensor.
   bool repair_inertias = false;

@@ -188,8 +188,8 @@ struct Site {
   Pose pose = Pose::Identity();  ///< in the link frame
 };
 
-enum class ShapeKind { half_space, box, capsule, sphere };
-inline constexpr ShapeKind all_shape_kinds[] = {ShapeKind::half_space, ShapeKind::box, ShapeKind::capsule,
+inline constexpr ShapeKind all_shape_kinds[] = {ShapeKind::half_space, ShapeKind::box,     ShapeKind::hull,
+                                                ShapeKind::cylinder,   ShapeKind::capsule, ShapeKind::ellipsoid,
                                                 ShapeKind::sphere};
 
 /// The enumerator's name: "half_space", "box" ... The string lives forever.
@@ -198,14 +198,23 @@ LOCKSTEP_API const char* to_string(ShapeKind kind) noexcept;
 /// A solid.
 struct Shape {
   ShapeKind kind = ShapeKind::sphere;
-  /// Box: its edges along x, y and z. Capsule: radius, and length of the cylinder between its half spheres, which lies
-  /// along z. Sphere: radius. m, > 0. Numbers that a kind does not have are 0.
+  /// Box: its edges along x, y and z. Hull: radius, >= 0. Cylinder: radius, and length along z. Capsule: radius, and
+  /// length of the cylinder between its half spheres, which lies along z. Ellipsoid: semi-axes along x, y and z.
+  /// Sphere: radius. m, > 0. Numbers that a kind does not have are 0.
   Eigen::Vector3d size = Eigen::Vector3d::Zero();
+  /// Of a hull: 3 x n, m. Their convex hull has 4 to 64 corners. The other kinds have none.
+  Eigen::Matrix3Xd points = {};
 
   /// Everything below the plane z = 0 of the collider's frame. It never moves.
   static Shape half_space() { return {ShapeKind::half_space, Eigen::Vector3d::Zero()}; }
   static Shape box(const Eigen::Vector3d& edges) { return {ShapeKind::box, edges}; }
+  /// All within `radius` of the convex hull of `points`, which is 3 x n.
+  static Shape hull(Eigen::Matrix3Xd points, double radius = 0.0) {
+    return {ShapeKind::hull, {radius, 0.0, 0.0}, std::move(points)};
+  }
+  static Shape cylinder(double radius, double length) { return {ShapeKind::cylinder, {radius, length, 0.0}}; }
   static Shape capsule(double radius, double length) { return {ShapeKind::capsule, {radius, length, 0.0}}; }
+  static Shape ellipsoid(const Eigen::Vector3d& semi_axes) { return {ShapeKind::ellipsoid, semi_axes}; }
   static Shape sphere(double radius) { return {ShapeKind::sphere, {radius, 0.0, 0.0}}; }
 };
 

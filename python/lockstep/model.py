@@ -217,11 +217,13 @@ class Site:
 
 @dataclass
 class Shape:
-    """A solid. size: a box's edges; a capsule's radius and the length of its cylinder, along z; a sphere's radius. A
+    """A solid. size: a box's edges; a hull's radius; a cylinder's radius and length along z; a capsule's radius and the
+    length of its cylinder, along z; an ellipsoid's semi-axes; a sphere's radius. points: a hull's, one a row, m. A
     half_space is everything below the plane z = 0 of its frame."""
 
     kind: str
     size: Vector = (0.0, 0.0, 0.0)
+    points: Sequence[Vector] = ()
 
     @staticmethod
     def half_space() -> Shape:
@@ -232,6 +234,21 @@ class Shape:
     def box(x: float, y: float, z: float) -> Shape:
         """Edges along the axes of its frame, m."""
         return Shape("box", (x, y, z))
+
+    @staticmethod
+    def hull(points: Sequence[Vector], radius: float = 0.0) -> Shape:
+        """All within `radius`, m, of the convex hull of the points, one a row. It has 4 to 64 corners."""
+        return Shape("hull", (radius, 0.0, 0.0), points)
+
+    @staticmethod
+    def cylinder(radius: float, length: float) -> Shape:
+        """Along z of its frame, m."""
+        return Shape("cylinder", (radius, length, 0.0))
+
+    @staticmethod
+    def ellipsoid(x: float, y: float, z: float) -> Shape:
+        """Semi-axes along the axes of its frame, m."""
+        return Shape("ellipsoid", (x, y, z))
 
     @staticmethod
     def capsule(radius: float, length: float) -> Shape:

@@ -89,8 +89,8 @@ void bind_import(py::module_& module) {
   add_file(module, "from_file",
            "Reads a Model from a URDF or MJCF file. model.report says what became of everything in it, model.warnings "
            "what its owner should act on. least_mass, kg, and least_inertia, kg m^2, raise those of lighter bodies. "
-           "repair_inertias: impossible inertias become the nearest possible ones. colliders: boxes, spheres and "
-           "capsules become colliders. ignore: bounds that are not judged, as in compile(). URDF alone: density, "
+           "repair_inertias: impossible inertias become the nearest possible ones. colliders: collision shapes but "
+           "meshes become colliders. ignore: bounds that are not judged, as in compile(). URDF alone: density, "
            "kg/m^3, gives bodies without mass that of their collision shapes; leave_out_foreign leaves out what other "
            "tools add. MJCF alone: keyframe, by name or number, is where the model starts; body is read with what it "
            "carries, and all else is left out; loops is 'keep' or 'leave_out'; soft is 'harden' or 'as_in_file'; "

@@ -27,22 +27,28 @@ void read(const py::handle& element, const char* attribute, Value& to) {
   }
 }
 
-// A vector or matrix of this size, from nested sequences or an array; `refuse` throws where it is none.
+// A vector or matrix of this size, or with any number of rows, from nested sequences or an array; `refuse` throws where
+// it is none.
 template <class Matrix, class Refuse>
 Matrix matrix_from(const py::handle& given, const Refuse& refuse) {
   using Numbers = py::array_t<double, py::array::c_style | py::array::forcecast>;
-  constexpr int rows = Matrix::RowsAtCompileTime, columns = Matrix::ColsAtCompileTime;
+  constexpr int columns = Matrix::ColsAtCompileTime;
   Numbers numbers;
   try {
     numbers = Numbers(py::reinterpret_borrow<py::object>(given));
   } catch (py::error_already_set&) {
     refuse();
   }
-  const bool fits = columns == 1 ? numbers.ndim() == 1 && numbers.shape(0) == rows
-                                 : numbers.ndim() == 2 && numbers.shape(0) == rows && numbers.shape(1) == columns;
+  constexpr bool any_rows = Matrix::RowsAtCompileTime == Eigen::Dynamic;
+  py::ssize_t rows = Matrix::RowsAtCompileTime;
+  if (any_rows) rows = numbers.ndim() > 0 ? numbers.shape(0) : 0;
+  const bool none = any_rows && numbers.ndim() == 1 && rows == 0;  // an empty sequence has no columns
+  const bool fits =
+      none || (columns == 1 ? numbers.ndim() == 1 && numbers.shape(0) == rows
+                            : numbers.ndim() == 2 && numbers.shape(0) == rows && numbers.shape(1) == columns);
   if (!fits) refuse();
-  Matrix matrix;
-  for (int i = 0; i < rows; ++i)
+  Matrix matrix(rows, columns);
+  for (py::ssize_t i = 0; i < rows; ++i)
     for (int k = 0; k < columns; ++k) matrix(i, k) = numbers.data()[i * columns + k];
   return matrix;
 }
@@ -235,16 +241,20 @@ Collider collider_of(const py::handle& from) {
   const py::object shape = from.attr("shape");
   std::string kind;
   read(shape, "kind", kind);
-  collider.shape = {kind_of(kind, all_shape_kinds, "collider '" + collider.name + "'",
-                            "has a shape of the unknown kind", "give half_space, box, capsule or sphere"),
-                    matrix_of<Eigen::Vector3d>(shape, "size")};
+  collider.shape = {
+      kind_of(kind, all_shape_kinds, "collider '" + collider.name + "'", "has a shape of the unknown kind",
+              "give half_space, box, hull, cylinder, capsule, ellipsoid or sphere"),
+      matrix_of<Eigen::Vector3d>(shape, "size"),
+      matrix_of<Eigen::Matrix<double, Eigen::Dynamic, 3>>(shape, "points").transpose()};
   return collider;
 }
 
 py::object collider_to_python(const Collider& c) {
   return python_class("Collider")(
-      c.name, c.link, python_class("Shape")(to_string(c.shape.kind), tuple_of(c.shape.size)), tuple_of(c.pose.matrix()),
-      c.friction, c.restitution, std::visit(SoftnessToPython{}, c.softness), c.group);
+      c.name, c.link,
+      python_class("Shape")(to_string(c.shape.kind), tuple_of(c.shape.size),
+                            tuple_of(Eigen::Matrix<double, Eigen::Dynamic, 3>(c.shape.points.transpose()))),
+      tuple_of(c.pose.matrix()), c.friction, c.restitution, std::visit(SoftnessToPython{}, c.softness), c.group);
 }
 
 Contact contact_of(const py::handle& from) {

@@ -50,6 +50,22 @@ def test_forces_balance_the_weight():
     assert np.allclose(np.abs(points[..., :2]), 0.05, atol=1e-3) and batch.read("unfinished_contacts").max() == 0
 
 
+def test_hulls_cylinders_and_ellipsoids_rest():
+    corners = [(x, y, z) for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (-0.05, 0.05)]
+    for shape in (ls.Shape.hull(np.array(corners)), ls.Shape.hull(corners), ls.Shape.cylinder(0.03, 0.1),
+                  ls.Shape.ellipsoid(0.06, 0.06, 0.05)):
+        model = block()
+        model.colliders["block"].shape = shape
+        plan = ls.compile(model)
+        assert np.allclose(plan.model.colliders["block"].shape.points, shape.points)
+        batch = plan.batch(3, dtype="f8", threads=1)
+        batch.step(200)
+        assert np.allclose(batch.read("contact_force"), [0, 0, 20], atol=1e-5)
+    with pytest.raises(TypeError, match="points"):
+        model.colliders["block"].shape = ls.Shape.hull([(0, 0), (1, 0)])
+        ls.compile(model)
+
+
 def test_a_batch_says_what_its_solves_cost():
     batch = ls.compile(block()).batch(3, threads=1)
     batch.step(100)
@@ -113,6 +129,8 @@ def test_ends_of_chains_may_touch_the_ground():
     (lambda m: setattr(m.colliders["block"], "restitution", 1.5), "block", "restitution"),
     (lambda m: setattr(m.colliders["block"], "shape", ls.Shape.sphere(0.0)), "block", "not above 0"),
     (lambda m: setattr(m.colliders["block"], "shape", ls.Shape("cone")), "block", "unknown kind"),
+    (lambda m: setattr(m.colliders["block"], "shape", ls.Shape.hull([(0, 0, 0), (1, 0, 0), (0, 1, 0)])), "block",
+     "fewer than 4"),
     (lambda m: setattr(m.colliders["block"], "shape", ls.Shape.half_space()), "block", "half-space"),
     (lambda m: setattr(m.colliders["block"], "link", "blok"), "blok", ""),
     (lambda m: setattr(m.colliders["block"], "name", "floor"), "floor", "twice"),

@@ -11,10 +11,9 @@ namespace lockstep::importer {
 
 /// What the <collision> elements of one link come to.
 struct Shapes {
-  Inertia solid;       ///< of all boxes, spheres, cylinders and capsules, of density 1 kg/m^3; its mass is their volume
+  Inertia solid;       ///< of all but meshes, of density 1 kg/m^3; its mass is their volume
   int collisions = 0;  ///< elements, of which
   int meshes = 0;      ///< have a mesh, which is never opened
-  int cylinders = 0;   ///< have a cylinder, which is no collider
   std::vector<Collider> colliders;
 };
 

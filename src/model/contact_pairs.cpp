@@ -4,10 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <stdexcept>
 #include <utility>
 
+#include "hull.h"
 #include "lockstep/error.h"
 #include "rules.h"
+#include "shapes.h"
 
 namespace lockstep {
 namespace {
@@ -29,20 +32,33 @@ void proper_contact_softness(const Softness& softness, const string& element) {
           "erp of a hard contact is " + std::to_string(erp_of(softness)) + ", above 1", "give 0.2");
 }
 
+void proper_points(const Eigen::Matrix3Xd& points, const string& element) {
+  try {
+    const Eigen::Index corners = hull_of(points).corners.cols();
+    require(
+        corners <= most_hull_corners, element,
+        string("has a hull of ") + std::to_string(corners) + " corners, more than " + std::to_string(most_hull_corners),
+        "leave out points that matter least");
+  } catch (const std::invalid_argument& problem) {
+    throw ModelError(element, problem.what(), "give points of a solid; make a flat one a thin box");
+  }
+}
+
 void proper_shape(const Shape& shape, const string& element) {
-  const int numbers = shape.kind == ShapeKind::box       ? 3
-                      : shape.kind == ShapeKind::capsule ? 2
-                      : shape.kind == ShapeKind::sphere  ? 1
-                                                         : 0;
-  require(shape.kind >= ShapeKind::half_space && shape.kind <= ShapeKind::sphere, element,
-          "has a shape that is none of the enumerators", "give one of ShapeKind");
+  require(std::find(std::begin(all_shape_kinds), std::end(all_shape_kinds), shape.kind) != std::end(all_shape_kinds),
+          element, "has a shape that is none of the enumerators", "give one of ShapeKind");
+  const int numbers = rule_of(shape.kind).sizes;
   for (int k = 0; k < 3; ++k) {
     const double size = shape.size[k];
     require(k < numbers || size == 0.0, element, "has a size that its kind of shape does not have",
             "set it to 0; make shapes by Shape::box() and its like");
-    require(k >= numbers || (std::isfinite(size) && size > 0.0), element,
+    const bool fits = shape.kind == ShapeKind::hull ? size >= 0.0 : size > 0.0;
+    require(k >= numbers || (std::isfinite(size) && fits), element,
             "has a size of " + std::to_string(size) + " m, which is not above 0", "give its edges, radius and length");
   }
+  require(shape.kind == ShapeKind::hull || shape.points.cols() == 0, element,
+          "has points, and its kind of shape has none", "make shapes by Shape::box() and its like");
+  if (shape.kind == ShapeKind::hull) proper_points(shape.points, element);
 }
 
 class Resolver {

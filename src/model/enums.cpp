@@ -37,16 +37,6 @@ const char* to_string(Parameter parameter) noexcept {
   return index < parameter_count ? names[index] : "unknown";
 }
 
-const char* to_string(ShapeKind kind) noexcept {
-  switch (kind) {
-    case ShapeKind::half_space: return "half_space";
-    case ShapeKind::box: return "box";
-    case ShapeKind::capsule: return "capsule";
-    case ShapeKind::sphere: break;
-  }
-  return "sphere";
-}
-
 const char* to_string(LoopKind kind) noexcept {
   switch (kind) {
     case LoopKind::point: return "point";

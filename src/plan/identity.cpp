@@ -103,8 +103,8 @@ class ModelHash {
     all(name, link, pose);
   }
   void put(const Shape& shape) {
-    const auto& [kind, size] = shape;
-    all(static_cast<std::uint64_t>(kind), size);
+    const auto& [kind, size, points] = shape;
+    all(static_cast<std::uint64_t>(kind), size, static_cast<std::uint64_t>(points.cols()), points);
   }
   void put(const Collider& collider) {
     const auto& [name, link, shape, pose, friction, restitution, softness, group] = collider;

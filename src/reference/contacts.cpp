@@ -4,6 +4,7 @@
 #include "bounds.h"
 #include "integrators.h"
 #include "servos.h"
+#include "touches.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,67 +18,6 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 namespace {
-
-struct Solid {
-  const Collider* collider;
-  int link;  // -1: in the world
-  Isometry3d pose;
-};
-
-struct Touch {
-  Vector3d point, normal;
-  double gap;
-};
-
-std::vector<Touch> on_plane(const Solid& plane, const Solid& body) {
-  const Vector3d n = plane.pose.linear().col(2), size = body.collider->shape.size;
-  std::vector<std::pair<Vector3d, double>> balls;  // centre, radius
-  switch (body.collider->shape.kind) {
-    case ShapeKind::sphere: balls = {{body.pose.translation(), size[0]}}; break;
-    case ShapeKind::capsule:
-      for (const double side : {-0.5, 0.5}) balls.push_back({body.pose * Vector3d(0, 0, side * size[1]), size[0]});
-      break;
-    case ShapeKind::box: {  // the lower face along the axis that is nearest to the normal
-      Vector3d along = body.pose.linear().transpose() * n;
-      int k = 0;
-      along.cwiseAbs().maxCoeff(&k);
-      for (const int i : {-1, 1})
-        for (const int j : {-1, 1}) {
-          Vector3d corner;
-          corner[k] = along[k] > 0 ? -0.5 : 0.5, corner[(k + 1) % 3] = 0.5 * i, corner[(k + 2) % 3] = 0.5 * j;
-          balls.push_back({body.pose * corner.cwiseProduct(size).eval(), 0.0});
-        }
-      break;
-    }
-    default: throw std::logic_error("two half-spaces");
-  }
-  std::vector<Touch> touches;
-  for (const auto& [center, radius] : balls) {
-    const double gap = n.dot(center - plane.pose.translation()) - radius;
-    touches.push_back({center - n * (radius + 0.5 * gap), n, gap});
-  }
-  return touches;
-}
-
-std::vector<Touch> touches_of(const Solid& a, const Solid& b) {
-  const ShapeKind first = a.collider->shape.kind, second = b.collider->shape.kind;
-  if (first == ShapeKind::half_space) return on_plane(a, b);
-  if (second != ShapeKind::sphere) throw std::logic_error("this pair of shapes has no reference");
-  const Vector3d center = b.pose.translation();
-  Vector3d nearest = a.pose.translation();
-  double radius = 0.0;
-  if (first == ShapeKind::sphere) {
-    radius = a.collider->shape.size[0];
-  } else if (first == ShapeKind::box) {
-    const Vector3d half = 0.5 * a.collider->shape.size;
-    nearest = a.pose * (a.pose.inverse() * center).cwiseMax(-half).cwiseMin(half).eval();
-  } else {
-    throw std::logic_error("this pair of shapes has no reference");
-  }
-  const Vector3d n = (center - nearest).normalized();
-  const double gap = (center - nearest).norm() - radius - b.collider->shape.size[0];
-  return {{nearest + n * (radius + 0.5 * gap), n, gap}};
-}
 
 // Velocities that hard couplings without a force limit leave: v = S z, each follower being the coupling's first joint.
 MatrixXd shares_of(const Stage& stage, const Mechanism& mechanism) {

@@ -153,6 +153,17 @@ struct Wide {
   }
   LOCKSTEP_INLINE static Mask none() { return {Bits{}}; }
 
+  // Towards 0, for numbers that fit into Integer.
+  LOCKSTEP_INLINE friend Bits integers(Wide a) { return __builtin_convertvector(a.v, Bits); }
+  LOCKSTEP_INLINE friend Wide truncated(Wide a) { return __builtin_convertvector(integers(a), Vector); }
+  // table[index], by lane.
+  LOCKSTEP_INLINE friend Wide gather(const S* table, Wide index) {
+    const Bits at = integers(index);
+    Wide result;
+    for (int i = 0; i < W; ++i) result.v[i] = table[at[i]];
+    return result;
+  }
+
   /// One unit in the last place of 1, or a little more.
   LOCKSTEP_INLINE static Wide rounding() { return S(sizeof(S) == 4 ? 1.2e-7 : 2.3e-16); }
 

@@ -228,8 +228,7 @@ void ModelOptions::add_to(CLI::App& app) {
                  "Gives the joint a servo with these gains, N m/rad and N m s/rad, or N/m and N s/m. Repeatable")
       ->type_name("JOINT=KP,KD")
       ->allow_extra_args(false);
-  app.add_flag("--colliders", import.colliders,
-               "Collision boxes, spheres and capsules become colliders of the group 'robot'");
+  app.add_flag("--colliders", import.colliders, "Collision shapes but meshes become colliders of the group 'robot'");
   app.add_option("--ground", ground, "The robot's colliders may touch the ground z = 0, with this friction of both")
       ->type_name("MU")
       ->check(CLI::NonNegativeNumber);

@@ -24,9 +24,10 @@ Json json_of(const Pose& pose) {
 Json json_of(const std::vector<Solid>& solids) {
   Json list = Json::array();
   for (const Solid& solid : solids) {
-    Json entry = {{"kind", solid.kind},
-                  {"size", {solid.size.x(), solid.size.y(), solid.size.z()}},
-                  {"pose", json_of(solid.pose)}};
+    const auto& [kind, size, points] = solid.shape;
+    Json entry = {{"kind", to_string(kind)}, {"size", {size.x(), size.y(), size.z()}}, {"pose", json_of(solid.pose)}};
+    for (Eigen::Index i = 0; i < points.cols(); ++i)
+      entry["points"].push_back({points(0, i), points(1, i), points(2, i)});
     if (solid.from_inertia) entry["inertia"] = true;
     list.push_back(std::move(entry));
   }

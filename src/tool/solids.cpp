@@ -16,7 +16,7 @@ constexpr double same_moment = 1e-3;
 std::vector<Solid> colliders_of(const Model& model, const std::string& link) {
   std::vector<Solid> solids;
   for (const Collider& collider : model.colliders)
-    if (collider.link == link) solids.push_back({to_string(collider.shape.kind), collider.shape.size, collider.pose});
+    if (collider.link == link) solids.push_back({collider.shape, collider.pose});
   return solids;
 }
 
@@ -59,25 +59,23 @@ std::optional<Solid> solid_of(const Inertia& inertia) {
   const Eigen::Vector3d moments = solver.eigenvalues().cwiseMax(0.0) / inertia.mass;  // m^2
   Eigen::Matrix3d axes = solver.eigenvectors();
   if (axes.determinant() < 0.0) axes.col(0) = -axes.col(0);
-  Solid solid{.kind = "box", .size = {}, .pose = Pose::Identity(), .from_inertia = true};
+  Solid solid{.shape = {}, .pose = Pose::Identity(), .from_inertia = true};
   solid.pose.translation() = inertia.center;
   if (moments.maxCoeff() == 0.0) {
-    solid.kind = "sphere";
-    solid.size = {std::cbrt(0.75 * inertia.mass / (std::numbers::pi * water)), 0.0, 0.0};
+    solid.shape = Shape::sphere(std::cbrt(0.75 * inertia.mass / (std::numbers::pi * water)));
     return solid;
   }
   if (const int axis = axis_of_symmetry(moments); axis >= 0) {
     const double radius = std::sqrt(2.0 * moments[axis]);
     const double length = std::sqrt(std::max(0.0, 12.0 * moments[(axis + 1) % 3] - 3.0 * radius * radius));
     const double least = least_share * std::max(radius, length);
-    solid.kind = "cylinder";
-    solid.size = {std::max(radius, least), std::max(length, least), 0.0};
+    solid.shape = Shape::cylinder(std::max(radius, least), std::max(length, least));
     solid.pose.linear() << axes.col((axis + 1) % 3), axes.col((axis + 2) % 3), axes.col(axis);
     return solid;
   }
   const Eigen::Vector3d squares = 6.0 * (Eigen::Vector3d::Constant(moments.sum()) - 2.0 * moments);
-  solid.size = squares.cwiseMax(0.0).cwiseSqrt();
-  solid.size = solid.size.cwiseMax(least_share * solid.size.maxCoeff()).eval();
+  const Eigen::Vector3d edges = squares.cwiseMax(0.0).cwiseSqrt();
+  solid.shape = Shape::box(edges.cwiseMax(least_share * edges.maxCoeff()));
   solid.pose.linear() = axes;
   return solid;
 }

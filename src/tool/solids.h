@@ -11,8 +11,7 @@ namespace lockstep::tool {
 
 /// A solid to draw, in a link's frame or in the world's.
 struct Solid {
-  std::string kind;      ///< half_space, box, capsule, sphere (sizes as in Shape) or cylinder: radius, length along z
-  Eigen::Vector3d size;  ///< m
+  Shape shape;
   Pose pose;
   bool from_inertia = false;
 };

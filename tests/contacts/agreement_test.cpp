@@ -58,6 +58,13 @@ TEST(ContactAgreement, of_the_positions_solve_of_random_heaps) {
   EXPECT_GE(seen.pressing, 50);
 }
 
+// The search for nearest points ends where the separation is right to 1e-11, so the normal is right to its root.
+TEST(ContactAgreement, of_cylinders_ellipsoids_and_hulls) {
+  Seen seen;
+  for (unsigned seed = 0; seed < 60; ++seed) EXPECT_LT(difference(solid_heap(seed), 0, seen), 2e-5) << seed;
+  EXPECT_GE(seen.pressing, 50);
+}
+
 TEST(ContactAgreement, of_soft_bouncing_and_overlapping_heaps) {
   Seen seen;
   for (unsigned seed = 0; seed < 60; ++seed) {

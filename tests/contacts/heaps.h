@@ -57,4 +57,53 @@ inline Model lively_heap(unsigned seed) {
   return model;
 }
 
+/// A cylinder that stands, one that lies, an egg and a stone on a floor, a ball at each of them.
+inline Model solid_heap(unsigned seed) {
+  std::mt19937 generator(seed);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(generator);
+  };
+  Model model;
+  model.name = "solid heap";
+  Eigen::Matrix3Xd stone(3, 20);
+  for (int i = 0; i < 20; ++i) {
+    const double x = uniform(-1, 1), y = uniform(-1, 1), z = uniform(-1, 1);
+    stone.col(i) = 0.04 * Vector3d(x, y, z).normalized();
+  }
+  const double lowest = -stone.row(2).minCoeff();
+  const struct {
+    const char* name;
+    Shape shape;
+    double height, reach;  // of the centre, and to the side
+  } solids[] = {{"can", Shape::cylinder(0.04, 0.1), 0.05, 0.04},
+                {"roll", Shape::cylinder(0.03, 0.08), 0.03, 0.03},
+                {"egg", Shape::ellipsoid({0.05, 0.04, 0.03}), 0.03, 0.05},
+                {"stone", Shape::hull(stone, 0.005), lowest + 0.005, 0.045}};
+  double x = 0.0;
+  for (const auto& solid : solids) {
+    const double m = std::pow(10.0, uniform(-1.0, 1.0));
+    add_free(model, solid.name, {m, Vector3d::Zero(), m * Vector3d(8e-4, 9e-4, 7e-4).asDiagonal().toDenseMatrix()},
+             solid.shape, {x, 0, solid.height + uniform(-1e-3, 1e-3)}, uniform(0.2, 1.0));
+    Pose& pose = model.roots.back().pose;
+    if (solid.name == std::string("roll"))
+      pose.linear() = Eigen::AngleAxisd(std::acos(0.0), Vector3d(1, uniform(-1, 1), 0).normalized()).toRotationMatrix();
+    const double tilt = solid.name == std::string("stone") ? 0.0 : 0.01;
+    pose.linear() =
+        Eigen::AngleAxisd(uniform(-tilt, tilt), Vector3d(uniform(-1, 1), 1, 0).normalized()).toRotationMatrix() *
+        pose.linear();
+    const std::string ball = std::string("ball_at_") + solid.name;
+    add_free(model, ball, {0.2, Vector3d::Zero(), 3.2e-5 * Eigen::Matrix3d::Identity()}, Shape::sphere(0.02),
+             {x + solid.reach + 0.02 + uniform(-1e-3, 2e-3), 0, solid.height + uniform(0.0, 0.01)}, uniform(0.2, 1.0));
+    x += 0.3;
+  }
+  add_floor(model, uniform(0.2, 1.0));
+  for (const auto& solid : solids) {
+    model.contacts.push_back({"floor", solid.name});
+    model.contacts.push_back({solid.name, std::string("ball_at_") + solid.name});
+  }
+  for (Root& root : model.roots)
+    for (int k = 0; k < 6; ++k) root.velocity[k] = uniform(-0.3, 0.3);
+  return model;
+}
+
 }  // namespace lockstep::contact_scenes

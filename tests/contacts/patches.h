@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <random>
+#include <stdexcept>
 #include <vector>
 
 #include "kernels/contacts/box_box.h"
@@ -84,6 +85,7 @@ struct Touch {
   }
 };
 
+/// Those that have a form of their own.
 constexpr std::array all_kinds = {PairKind::half_space_box,  PairKind::half_space_capsule, PairKind::half_space_sphere,
                                   PairKind::box_box,         PairKind::box_capsule,        PairKind::box_sphere,
                                   PairKind::capsule_capsule, PairKind::capsule_sphere,     PairKind::sphere_sphere};
@@ -123,6 +125,7 @@ void touch_wide(PairKind kind, const kernels::PlacedShape<T>& a, const kernels::
     case PairKind::capsule_capsule: return kernels::capsule_capsule(a, b, margin, patch);
     case PairKind::capsule_sphere: return kernels::capsule_sphere(a, b, margin, patch);
     case PairKind::sphere_sphere: return kernels::sphere_sphere(a, b, margin, patch);
+    default: throw std::logic_error("solids.h has the pairs that are convex");
   }
 }
 

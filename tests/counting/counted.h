@@ -50,6 +50,8 @@ struct Counted {
   friend Mask beyond(Counted a, Counted b) { return beyond(a.v, b.v); }
   friend Counted farther(Counted a, Counted b) { return farther(a.v, b.v); }
   friend Counted select(Mask m, Counted yes, Counted no) { return select(m, yes.v, no.v); }
+  friend Counted truncated(Counted a) { return truncated(a.v); }
+  friend Counted gather(const float* table, Counted index) { return gather(table, index.v); }
   static Mask none() { return Plain::none(); }
   static Counted rounding() { return Plain::rounding(); }
   float lane(int i) const { return v.lane(i); }

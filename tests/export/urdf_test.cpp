@@ -88,14 +88,15 @@ TEST(UrdfExport, writes_sites_as_links_and_shapes_as_collisions) {
   Model model = fingers();
   model.add_site("tip", "l1").pose.translation() = Vector3d(0.0, 0.0, 0.1);
   model.colliders = {{.name = "box", .link = "l1", .shape = Shape::box({0.1, 0.2, 0.3}), .group = "robot"},
-                     {.name = "rod", .link = "l1", .shape = Shape::capsule(0.1, 0.2), .group = "robot"}};
+                     {.name = "rod", .link = "l1", .shape = Shape::capsule(0.1, 0.2), .group = "robot"},
+                     {.name = "can", .link = "l1", .shape = Shape::cylinder(0.1, 0.3), .group = "robot"}};
   const Model again = import_urdf(export_urdf(model).text, "exported", {.colliders = true}).model;
   const Joint& fixed = again.joints.back();
   EXPECT_EQ(fixed.child, "tip");
   EXPECT_EQ(fixed.parent, "l1");
   EXPECT_EQ(fixed.origin.matrix(), model.sites[0].pose.matrix());
-  ASSERT_EQ(again.colliders.size(), 2u);
-  for (std::size_t c = 0; c < 2; ++c) {
+  ASSERT_EQ(again.colliders.size(), 3u);
+  for (std::size_t c = 0; c < 3; ++c) {
     EXPECT_EQ(again.colliders[c].shape.kind, model.colliders[c].shape.kind);
     EXPECT_EQ(again.colliders[c].shape.size, model.colliders[c].shape.size);
   }

@@ -56,11 +56,11 @@ std::vector<unsigned char> decoded(const std::string& text) {
 // A solid of uniform density about its centre, from the textbook.
 Eigen::Matrix3d tensor_of(const Solid& solid, double mass) {
   Eigen::Vector3d moments;
-  if (solid.kind == "cylinder") {
-    const double r = solid.size[0], l = solid.size[1], across = mass * (3 * r * r + l * l) / 12;
+  if (solid.shape.kind == ShapeKind::cylinder) {
+    const double r = solid.shape.size[0], l = solid.shape.size[1], across = mass * (3 * r * r + l * l) / 12;
     moments = {across, across, mass * r * r / 2};
   } else {
-    const Eigen::Vector3d s = solid.size.cwiseAbs2();
+    const Eigen::Vector3d s = solid.shape.size.cwiseAbs2();
     moments = mass / 12 * Eigen::Vector3d(s[1] + s[2], s[2] + s[0], s[0] + s[1]);
   }
   const Eigen::Matrix3d turn = solid.pose.linear();
@@ -72,7 +72,8 @@ TEST(Solids, have_the_inertia_that_they_stand_for) {
   std::uniform_real_distribution<double> uniform(0.01, 0.2);
   for (int trial = 0; trial < 200; ++trial) {
     const bool round = trial % 2 == 1;
-    Solid given{round ? "cylinder" : "box", {uniform(random), uniform(random), uniform(random)}, Pose::Identity()};
+    const Eigen::Vector3d size(uniform(random), uniform(random), uniform(random));
+    Solid given{round ? Shape::cylinder(size[0], size[1]) : Shape::box(size), Pose::Identity()};
     given.pose.linear() = Eigen::Quaterniond::UnitRandom().toRotationMatrix();
     const double mass = 10 * uniform(random);
     const Eigen::Vector3d center(uniform(random), uniform(random), uniform(random));
@@ -84,7 +85,7 @@ TEST(Solids, have_the_inertia_that_they_stand_for) {
     EXPECT_EQ(solid->pose.translation(), center);
     EXPECT_NEAR(solid->pose.linear().determinant(), 1.0, 1e-12);
     if (round) {
-      EXPECT_NEAR(solid->size[0], given.size[0], 1e-9) << trial;
+      EXPECT_NEAR(solid->shape.size[0], given.shape.size[0], 1e-9) << trial;
     }
   }
 }
@@ -93,11 +94,11 @@ TEST(Solids, exist_for_every_mass_and_for_nothing_else) {
   EXPECT_FALSE(solid_of({}));
   const std::optional<Solid> point = solid_of({.mass = 1.0});
   ASSERT_TRUE(point);
-  EXPECT_EQ(point->kind, "sphere");
-  EXPECT_NEAR(4.0 / 3.0 * std::numbers::pi * std::pow(point->size[0], 3) * 1000.0, 1.0, 1e-12);
+  EXPECT_EQ(point->shape.kind, ShapeKind::sphere);
+  EXPECT_NEAR(4.0 / 3.0 * std::numbers::pi * std::pow(point->shape.size[0], 3) * 1000.0, 1.0, 1e-12);
   Inertia rod{.mass = 1.0};
   rod.about_center.diagonal() << 0.01, 0.01, 0.0;
-  EXPECT_GT(solid_of(rod)->size[0], 0.0);
+  EXPECT_GT(solid_of(rod)->shape.size[0], 0.0);
 }
 
 TEST(Solids, have_the_role_of_what_moves_them) {

@@ -113,6 +113,22 @@ const Feature contact{"contact", [](Model& m, StepSettings&) {
                         m.gravity.x() = -1.0;
                         m.contacts = {{"floor", "ball"}};
                       }};
+// The same wall as a box too: a hull on the box, a cylinder on the half-space, and an ellipsoid on both.
+const Feature solids{"contact of solids", [](Model& m, StepSettings& s) {
+                       contact.add(m, s);
+                       Eigen::Matrix3Xd corners(3, 8);
+                       for (int i = 0; i < 8; ++i)
+                         corners.col(i) << (i & 1 ? 0.04 : -0.04), (i & 2 ? 0.05 : -0.05), (i & 4 ? 0.03 : -0.03);
+                       m.colliders[0] = {.name = "hull", .link = "l2", .shape = Shape::hull(corners, 0.01)};
+                       Collider can{.name = "can", .link = "l2", .shape = Shape::cylinder(0.05, 0.1)};
+                       can.pose.translation().y() = 0.2;
+                       Collider egg{.name = "egg", .link = "l2", .shape = Shape::ellipsoid({0.05, 0.06, 0.04})};
+                       egg.pose.translation().y() = -0.2;
+                       Collider box{.name = "box", .shape = Shape::box({1.0, 1.0, 0.2}), .pose = m.colliders[1].pose};
+                       box.pose.translation() -= 0.1 * box.pose.linear().col(2);
+                       for (const Collider& collider : {can, egg, box}) m.colliders.push_back(collider);
+                       m.contacts = {{"box", "hull"}, {"floor", "can"}, {"floor", "egg"}, {"box", "egg"}};
+                     }};
 
 // Two rods from the base to the first body, whose end a loop holds.
 Loop& add_loop(Model& model) {
@@ -285,6 +301,13 @@ const std::vector<std::vector<Feature>> scenes{
     {contact, late, motors, hard, limits, records},
     {contact, loop, hard, limits, servos, records},
     {contact, cam, functions, records},
+    {solids},
+    {solids, hard, limits, servos},
+    {solids, soft, softness, limits},
+    {solids, hard, masses, balances},
+    {solids, loop, hard, drive},
+    {solids, cam, functions},
+    {solids, late, motors, hard, limits, records},
 };
 
 Model arm() {

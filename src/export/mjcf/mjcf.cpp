@@ -1,4 +1,5 @@
 // Model to MJCF text: export_mjcf is the main path. SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -20,6 +21,23 @@ void write_settings(const Writing& writing) {
       .close();
 }
 
+void write_meshes(const Writing& writing) {
+  const auto write = [&](const Collider& collider) {
+    writing.xml.open("mesh").set("name", collider.name);
+    writing.xml
+        .set("vertex", numbers(std::vector<double>(collider.shape.points.reshaped().begin(),
+                                                   collider.shape.points.reshaped().end())))
+        .close();
+  };
+  const std::vector<Collider>& all = writing.model.colliders;
+  const auto is_hull = [](const Collider& collider) { return collider.shape.kind == ShapeKind::hull; };
+  if (std::none_of(all.begin(), all.end(), is_hull)) return;
+  writing.xml.open("asset");
+  for (const Collider& collider : all)
+    if (is_hull(collider)) write(collider);
+  writing.xml.close();
+}
+
 }  // namespace
 }  // namespace exporter::mjcf
 
@@ -38,6 +56,7 @@ Export export_mjcf(const Model& original, const MjcfOptions& options) {
                               std::move(held), report,   xml};
   xml.open("mujoco").set("model", model.name);
   mjcf::write_settings(writing);
+  mjcf::write_meshes(writing);
   mjcf::write_world(writing);
   mjcf::write_contacts(writing);
   mjcf::write_couplings(writing);

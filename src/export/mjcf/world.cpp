@@ -89,6 +89,12 @@ class World {
     switch (collider.shape.kind) {
       case ShapeKind::half_space: xml_.set("type", "plane").set("size", "0 0 1"); break;
       case ShapeKind::box: xml_.set("type", "box").set("size", numbers(Vector3d(0.5 * size))); break;
+      case ShapeKind::hull:
+        xml_.set("type", "mesh").set("mesh", collider.name);
+        if (size[0] > 0.0) report_.warn("radius of a hull", collider.name);
+        break;
+      case ShapeKind::cylinder: xml_.set("type", "cylinder").set("size", numbers({size[0], 0.5 * size[1]})); break;
+      case ShapeKind::ellipsoid: xml_.set("type", "ellipsoid").set("size", numbers(size)); break;
       case ShapeKind::capsule: xml_.set("type", "capsule").set("size", numbers({size[0], 0.5 * size[1]})); break;
       case ShapeKind::sphere: xml_.set("type", "sphere").set("size", numbers(size[0])); break;
     }

@@ -9,6 +9,10 @@
 
 namespace lockstep::exporter::urdf {
 
+bool is_written(ShapeKind kind) {
+  return kind != ShapeKind::half_space && kind != ShapeKind::ellipsoid && kind != ShapeKind::hull;
+}
+
 void report_losses(const Model& model, Report& report) {
   if (model.gravity != Model().gravity)
     report.warn("gravity, left out",
@@ -22,8 +26,8 @@ void report_losses(const Model& model, Report& report) {
   for (const Collider& collider : model.colliders) {
     if (collider.link.empty())
       report.warn("colliders of the world, left out", collider.name);
-    else if (collider.shape.kind == ShapeKind::half_space)
-      report.warn("half-spaces, left out", collider.name);
+    else if (!is_written(collider.shape.kind))
+      report.warn("half-spaces, ellipsoids and hulls, left out", collider.name);
     else
       report.remark("colliders, without their friction and group", collider.name);
   }

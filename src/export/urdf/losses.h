@@ -5,6 +5,9 @@
 
 namespace lockstep::exporter::urdf {
 
+/// Whether URDF has the shape.
+bool is_written(ShapeKind kind);
+
 void report_losses(const Model& model, Report& report);
 
 void report_losses(const Loop& loop, Report& report);

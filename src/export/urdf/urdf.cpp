@@ -88,13 +88,19 @@ class Writer {
 
   void write_collision(const Collider& collider) {
     const Vector3d& size = collider.shape.size;
-    if (collider.shape.kind == ShapeKind::half_space) return;
+    const ShapeKind kind = collider.shape.kind;
+    if (!is_written(kind)) return;
     xml_.open("collision").set("name", collider.name);
     write_origin(collider.pose);
     xml_.open("geometry");
-    switch (collider.shape.kind) {
-      case ShapeKind::half_space: break;
+    switch (kind) {
+      case ShapeKind::half_space:
+      case ShapeKind::hull:
+      case ShapeKind::ellipsoid: break;
       case ShapeKind::box: xml_.open("box").set("size", numbers(size)); break;
+      case ShapeKind::cylinder:
+        xml_.open("cylinder").set("radius", numbers(size[0])).set("length", numbers(size[1]));
+        break;
       case ShapeKind::sphere: xml_.open("sphere").set("radius", numbers(size[0])); break;
       case ShapeKind::capsule:
         xml_.open("capsule").set("radius", numbers(size[0])).set("length", numbers(size[1]));

@@ -35,6 +35,9 @@ struct GeomPart {
   Element element;                                 ///< for what only colliders need
 };
 
+/// Nothing for the types that lockstep has no shape of.
+std::optional<Shape> shape_of(const GeomPart& geom);
+
 struct SitePart {
   std::string name, place;
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();

@@ -6,8 +6,8 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 
-#include "import/solids.h"
 #include "lockstep/error.h"
+#include "model/shapes.h"
 #include "model/trees.h"
 #include "pose.h"
 
@@ -19,15 +19,8 @@ using Eigen::Vector3d;
 
 // Of density 1; without mass where the type has no volume.
 Inertia solid(const GeomPart& geom) {
-  const Vector3d& size = geom.size;
-  switch (geom.type) {
-    case GeomType::sphere: return solid_capsule(size[0], 0.0);
-    case GeomType::capsule: return solid_capsule(size[0], 2.0 * size[1]);
-    case GeomType::cylinder: return solid_cylinder(size[0], 2.0 * size[1]);
-    case GeomType::ellipsoid: return solid_ellipsoid(size);
-    case GeomType::box: return Inertia::box(8.0 * size.prod(), 2.0 * size, Vector3d::Zero());
-    default: return {};
-  }
+  const std::optional<Shape> shape = shape_of(geom);
+  return shape ? solid_of(*shape) : Inertia();
 }
 
 bool has_mesh(const GeomPart& geom) { return geom.type == GeomType::mesh || geom.type == GeomType::sdf; }

@@ -155,4 +155,17 @@ SitePart read_site(const Element& element, const Eigen::Isometry3d& frame, const
   return part;
 }
 
+std::optional<Shape> shape_of(const GeomPart& geom) {
+  const Eigen::Vector3d& size = geom.size;
+  switch (geom.type) {
+    case GeomType::plane: return Shape::half_space();
+    case GeomType::sphere: return Shape::sphere(size[0]);
+    case GeomType::capsule: return Shape::capsule(size[0], 2.0 * size[1]);
+    case GeomType::cylinder: return Shape::cylinder(size[0], 2.0 * size[1]);
+    case GeomType::ellipsoid: return Shape::ellipsoid(size);
+    case GeomType::box: return Shape::box(2.0 * size);
+    default: return std::nullopt;
+  }
+}
+
 }  // namespace lockstep::importer::mjcf

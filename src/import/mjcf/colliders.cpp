@@ -33,16 +33,6 @@ const char* name_of(GeomType type) {
   return names[static_cast<std::size_t>(type)];
 }
 
-std::optional<Shape> shape_of(const GeomPart& geom) {
-  switch (geom.type) {
-    case GeomType::plane: return Shape::half_space();
-    case GeomType::sphere: return Shape::sphere(geom.size[0]);
-    case GeomType::capsule: return Shape::capsule(geom.size[0], 2.0 * geom.size[1]);
-    case GeomType::box: return Shape::box(2.0 * geom.size);
-    default: return std::nullopt;
-  }
-}
-
 class Collision {
  public:
   Collision(const Scene& scene, const std::vector<Place>& places, Draft& draft)

@@ -1,7 +1,7 @@
 // <collision>, shape by shape. SPDX-License-Identifier: Apache-2.0
 #include "collisions.h"
 
-#include "import/solids.h"
+#include "model/shapes.h"
 #include "model/trees.h"
 #include "origin.h"
 
@@ -23,8 +23,8 @@ Shapes read_shapes(Element& link, const std::string& name) {
     collision.rename("collision of " + link.title());
     ++shapes.collisions;
     const Eigen::Isometry3d pose = read_origin(collision);
-    const auto add = [&](const Inertia& solid) { shapes.solid = shapes.solid + transformed(solid, pose); };
-    const auto collide = [&](const Shape& shape) {
+    const auto add = [&](const Shape& shape) {
+      shapes.solid = shapes.solid + transformed(solid_of(shape), pose);
       const std::size_t number = shapes.colliders.size() + 1;
       shapes.colliders.push_back({.name = number == 1 ? name : name + "#" + std::to_string(number),
                                   .link = name,
@@ -38,24 +38,17 @@ Shapes read_shapes(Element& link, const std::string& name) {
     geometry->each_child("box", [&](Element box) {
       const Eigen::Vector3d size = box.triple("size");
       if (!(size.minCoeff() > 0.0)) box.fail("size is not above 0, so the shape has no volume", "give it in metres");
-      add(Inertia::box(size.prod(), size, Eigen::Vector3d::Zero()));
-      collide(Shape::box(size));
+      add(Shape::box(size));
     });
-    geometry->each_child("sphere", [&](Element sphere) {
-      const double radius = length(sphere, "radius");
-      add(solid_capsule(radius, 0.0));
-      collide(Shape::sphere(radius));
-    });
+    geometry->each_child("sphere", [&](Element sphere) { add(Shape::sphere(length(sphere, "radius"))); });
     geometry->each_child("cylinder", [&](Element shape) {
       const double radius = length(shape, "radius");
-      add(solid_cylinder(radius, length(shape, "length")));
-      ++shapes.cylinders;
+      add(Shape::cylinder(radius, length(shape, "length")));
     });
     geometry->each_child("capsule", [&](Element shape) {
       const double radius = length(shape, "radius");
       const double height = length(shape, "length", true);
-      add(solid_capsule(radius, height));
-      collide(height > 0.0 ? Shape::capsule(radius, height) : Shape::sphere(radius));
+      add(height > 0.0 ? Shape::capsule(radius, height) : Shape::sphere(radius));
     });
     geometry->tally_rest();
   });

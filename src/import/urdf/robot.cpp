@@ -67,7 +67,6 @@ void take_colliders(const std::string& link, const Shapes& shapes, Report& repor
     model.colliders.push_back(collider);
   }
   if (shapes.meshes > 0) report.warn("collision meshes, left out of the colliders", link);
-  if (shapes.cylinders > 0) report.warn("collision cylinders, left out of the colliders", link);
 }
 
 void read_link(Element element, const ImportOptions& options, Robot& robot) {

@@ -7,9 +7,13 @@
 #include "capsule_capsule.h"
 #include "capsule_sphere.h"
 #include "carry.h"
+#include "convex.h"
 #include "drift.h"
 #include "half_space_box.h"
 #include "half_space_capsule.h"
+#include "half_space_cylinder.h"
+#include "half_space_ellipsoid.h"
+#include "half_space_hull.h"
 #include "half_space_sphere.h"
 #include "kernels/dynamics/motion.h"
 #include "kernels/dynamics/relative_columns.h"
@@ -41,10 +45,27 @@ void place_collider(const ColliderPlace<ScalarOf<T>>& own, const Motion<T>& m, M
   moving.linear = multiply(world, m.linear[own.body]);
 }
 
+/// Of the lanes `near`. `memory` is that of a convex pair, where `kept` are the lanes that have one.
 template <class T>
-void touch_shapes(PairKind kind, const PlacedShape<T>& a, const PlacedShape<T>& b, T margin, Patch<T>& patch) {
-  switch (kind) {
+void touch_shapes(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, const PlacedShape<T>& a,
+                  const PlacedShape<T>& b, T margin, typename T::Mask near, typename T::Mask kept,
+                  ConvexMemory<T>* memory, Patch<T>& patch) {
+  using S = ScalarOf<T>;
+  const auto hull_at = [&](int collider) LOCKSTEP_INLINED {
+    const int hull = t.contacts.colliders[collider].hull;
+    return hull < 0 ? HullTable<S>{} : hull_of(t.contacts, hull);
+  };
+  const auto core = [&](int collider, const PlacedShape<T>& shape, const HullTable<S>& hull) LOCKSTEP_INLINED {
+    return Core<T>{t.contacts.colliders[collider].kind, {shape.size[0], shape.size[1], shape.size[2]}, &hull};
+  };
+  switch (pair.kind) {
     case PairKind::half_space_box: return half_space_box(a, b, margin, patch);
+    case PairKind::half_space_hull: {
+      const HullTable<S> hull = hull_at(pair.second);
+      return half_space_hull(a, core(pair.second, b, hull), b, T(pair.slack), patch);
+    }
+    case PairKind::half_space_cylinder: return half_space_cylinder(a, b, margin, patch);
+    case PairKind::half_space_ellipsoid: return half_space_ellipsoid(a, b, margin, patch);
     case PairKind::half_space_capsule: return half_space_capsule(a, b, margin, patch);
     case PairKind::half_space_sphere: return half_space_sphere(a, b, margin, patch);
     case PairKind::box_box: return box_box(a, b, margin, patch);
@@ -53,6 +74,13 @@ void touch_shapes(PairKind kind, const PlacedShape<T>& a, const PlacedShape<T>& 
     case PairKind::capsule_capsule: return capsule_capsule(a, b, margin, patch);
     case PairKind::capsule_sphere: return capsule_sphere(a, b, margin, patch);
     case PairKind::sphere_sphere: return sphere_sphere(a, b, margin, patch);
+    case PairKind::convex_faces:
+    case PairKind::convex_line:
+    case PairKind::convex_point: {
+      const HullTable<S> hull = hull_at(pair.first), other_hull = hull_at(pair.second);
+      return touch_convex(core(pair.first, a, hull), core(pair.second, b, other_hull), a, b, pair, margin, near, kept,
+                          *memory, patch);
+    }
   }
 }
 
@@ -103,17 +131,22 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
                 moves = after.velocity_at(b.center) - before.velocity_at(b.center);
   const T speed = fma(sqrt(dot(turns, turns)), T(second.reach), sqrt(dot(moves, moves)));
   const T margin = fma(T(2 * t.dt), speed, T(S(least_margin)));
-  const T distance = first.unlimited ? dot(a.axis(2), between) - T(second.reach)
-                                     : sqrt(dot(between, between)) - T(first.reach + second.reach);
+  const T distance = first.kind == ShapeKind::half_space ? dot(a.axis(2), between) - T(second.reach)
+                                                         : sqrt(dot(between, between)) - T(first.reach + second.reach);
   touch.near = less(distance, margin) & ~x.frozen;
   ContactSlot<T>* const slots = x.contacts.slot + pair.slot;
   for (int s = 0; s < pair.slots; ++s) slots[s].live = T::none();
   touch.live_count = 0;
-  if (!any(touch.near)) return T::none();
+  ConvexMemory<T>* const memory = pair.memory < 0 ? nullptr : x.contacts.convex + pair.memory;
+  if (!any(touch.near)) {
+    if (memory) memory->normal = memory->corners = Vec3<T>::zero();
+    return T::none();
+  }
 
   // Points, gaps and the frame of the contact, by the pair of shapes.
   Patch<T> patch;
-  touch_shapes(pair.kind, a, b, margin, patch);
+  const auto kept = memory ? x.contacts.kept & less(T(S(0.25)), dot(memory->normal, memory->normal)) : T::none();
+  touch_shapes(t, pair, a, b, margin, touch.near, kept, memory, patch);
   touch.axes[0] = patch.normal, touch.axes[1] = patch.tangent, touch.axes[2] = patch.other_tangent;
 
   // Friction acts on the surfaces: where one body stands still, the point is the other's end of the gap. Two moving

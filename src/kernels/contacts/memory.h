@@ -2,11 +2,11 @@
 // Apache-2.0
 //
 // Rows of an environment: for each slot its face, the tangential and the normal impulse; for each pair where its second
-// collider is expected, and the axes of its impulses; the velocities at the start of the last step; the pieces that
-// bounds and servos ended it on; its length, if the guard may take steps in halves; the state that all this belongs to;
-// the count of steps that ended at a cap. An environment that was reset begins without memory: a state that is NaN says
-// so. Where an application has written another state, impulses go on in contacts that still touch; nothing is expected
-// of places, and nothing is guessed of velocities.
+// collider is expected, and the axes of its impulses; for convex pairs how they were apart; the velocities at the start
+// of the last step; the pieces that bounds and servos ended it on; its length, if the guard may take steps in halves;
+// the state that all this belongs to; the count of steps that ended at a cap. An environment that was reset begins
+// without memory: a state that is NaN says so. Where an application has written another state, impulses go on in
+// contacts that still touch; nothing is expected of places, and nothing is guessed of velocities.
 #pragma once
 
 #include "kernels/tile/tile.h"
@@ -46,6 +46,10 @@ template <class S, class AnyTile, class Act>
 LOCKSTEP_INLINE void each_remembered(const Tables<S>& t, AnyTile& x, Act&& act) {
   for (int s = 0; s < t.contacts.slots; ++s) each_kept(t.contacts, x.contacts.slot[s], act);
   for (int p = 0; p < t.contacts.pairs.count; ++p) each_expected(t.contacts, x.contacts.patch[p], act);
+  for (int c = 0; c < t.contacts.convex; ++c) {
+    for (int k = 0; k < 3; ++k) act(x.contacts.convex[c].normal[k]);
+    for (int k = 0; k < 3; ++k) act(x.contacts.convex[c].corners[k]);
+  }
   for (int k = 0; k < t.rounds.columns.n; ++k) act(x.contacts.previous[k]);
   for (int r = 0; r < t.bounds.single; ++r) act(x.contacts.piece[r]);
   for (int i = 0; i < t.limited_servos.count; ++i) act(x.contacts.saturation[i]);

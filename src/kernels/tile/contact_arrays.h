@@ -19,7 +19,8 @@ template <class T>
 struct PlacedShape {
   Mat3<T> rotation;
   Vec3<T> center;
-  T size[3];  // half the edges of a box; radius and half the length of a capsule; radius of a sphere
+  T size[3];  // half the edges of a box; radius and half the length of a cylinder or capsule; radius of a sphere or
+              // hull
 
   LOCKSTEP_INLINE Vec3<T> axis(int k) const { return column_of(rotation, k); }
 };
@@ -70,6 +71,14 @@ struct ContactSlot {
   typename T::Mask relaxes;  // lanes that have had a second solve
   T visit[2];                // of a sweep: impulse along the normal and along a tangent for a speed that is missing
   T across[2];               // speeds along the tangents that answer a unit normal impulse
+};
+
+/// What a convex pair remembers: its normal in the first shape's frame, and corners, see contacts/gjk.h. All 0 where
+/// the colliders were not near (state).
+template <class T>
+struct ConvexMemory {
+  Vec3<T> normal;
+  Vec3<T> corners;
 };
 
 /// What two colliders of a pair have in common.
@@ -130,6 +139,7 @@ struct Contacts {
   int* listed_pairs;              // [pairs] those with a slot that is live in some listed lane
   int listed_count = 0;
   ContactSlot<T>* slot;      // [slots]
+  ConvexMemory<T>* convex;   // [convex pairs] (state)
   Vec3<T>* turning;          // [columns] relative angular velocity, by velocity of the solver
   Vec3<T>* moving;           // [columns] relative velocity of the reference point
   Vec3<T>* parted;           // [columns] what of it is due to the gap between the points of two moving bodies
@@ -154,6 +164,7 @@ struct Contacts {
     take("contacts.near_pairs", near_pairs, c.pairs.count);
     take("contacts.listed_pairs", listed_pairs, c.pairs.count);
     take("contacts.slot", slot, c.slots);
+    take("contacts.convex", convex, c.convex);
     take("contacts.turning", turning, c.columns.count);
     take("contacts.moving", moving, c.columns.count);
     take("contacts.parted", parted, c.columns.count);

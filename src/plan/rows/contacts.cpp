@@ -1,24 +1,106 @@
 // Pairs of colliders: which velocities move them against each other, and how far they yield. SPDX-License-Identifier:
 // Apache-2.0
+#include <algorithm>
+#include <cmath>
+
+#include "model/hull.h"
 #include "plan/layout.h"
 
 namespace lockstep {
 namespace {
 
 constexpr double hard_compliance = 1e-3;  // (M104), of the response
+constexpr double most_apart = 1e-3;       // m, (M156)
+constexpr double slack_share = 2e-4;      // of the smaller one's reach: section 23
 
 PairKind kind_of_pair(ShapeKind first, ShapeKind second) {
-  if (first == ShapeKind::half_space)
-    return second == ShapeKind::box       ? PairKind::half_space_box
-           : second == ShapeKind::capsule ? PairKind::half_space_capsule
-                                          : PairKind::half_space_sphere;
-  if (first == ShapeKind::box)
-    return second == ShapeKind::box       ? PairKind::box_box
-           : second == ShapeKind::capsule ? PairKind::box_capsule
-                                          : PairKind::box_sphere;
-  if (first == ShapeKind::capsule)
-    return second == ShapeKind::capsule ? PairKind::capsule_capsule : PairKind::capsule_sphere;
-  return PairKind::sphere_sphere;
+  using enum ShapeKind;
+  struct Own {
+    ShapeKind first, second;
+    PairKind kind;
+  };
+  constexpr Own own[] = {{half_space, box, PairKind::half_space_box},
+                         {half_space, hull, PairKind::half_space_hull},
+                         {half_space, cylinder, PairKind::half_space_cylinder},
+                         {half_space, capsule, PairKind::half_space_capsule},
+                         {half_space, ellipsoid, PairKind::half_space_ellipsoid},
+                         {half_space, sphere, PairKind::half_space_sphere},
+                         {box, box, PairKind::box_box},
+                         {box, capsule, PairKind::box_capsule},
+                         {box, sphere, PairKind::box_sphere},
+                         {capsule, capsule, PairKind::capsule_capsule},
+                         {capsule, sphere, PairKind::capsule_sphere},
+                         {sphere, sphere, PairKind::sphere_sphere}};
+  for (const Own& pair : own)
+    if (pair.first == first && pair.second == second) return pair.kind;
+  if (first == ellipsoid || second >= ellipsoid) return PairKind::convex_point;
+  return second == capsule ? PairKind::convex_line : PairKind::convex_faces;
+}
+
+// Of a ball about the origin that the collider holds.
+double inner_radius(const ColliderPlace<double>& collider, const ContactTables<double>& t) {
+  switch (collider.kind) {
+    case ShapeKind::hull: {
+      const HullTable<double> hull = hull_of(t, collider.hull);
+      double least = infinity;
+      for (int face = 0; face < hull.faces; ++face) {
+        const int corner = static_cast<int>(hull.face_corner[0][face]);
+        double distance = 0.0;
+        for (int k = 0; k < 3; ++k) distance += hull.normal[k][face] * hull.corner[k][corner];
+        least = std::min(least, distance);
+      }
+      return collider.size[0] + least;
+    }
+    case ShapeKind::box:
+    case ShapeKind::ellipsoid: return std::min({collider.size[0], collider.size[1], collider.size[2]});
+    case ShapeKind::cylinder: return std::min(collider.size[0], collider.size[1]);
+    default: return collider.size[0];
+  }
+}
+
+// Leaves out the corners that take the least from the face's area: the support still knows them.
+std::vector<int> most_corners(const Hull& hull, const HullFace& face) {
+  std::vector<int> corners = face.corners;
+  const auto at = [&](std::size_t i) { return hull.corners.col(corners[i % corners.size()]); };
+  while (corners.size() > most_face_corners) {
+    std::size_t least = 0;
+    double area = infinity;
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      const Eigen::Vector3d before = at(i + corners.size() - 1), own = at(i), after = at(i + 1);
+      const double taken = (own - before).cross(after - before).norm();
+      if (taken < area) area = taken, least = i;
+    }
+    corners.erase(corners.begin() + static_cast<std::ptrdiff_t>(least));
+  }
+  return corners;
+}
+
+// The collider's frame goes to the middle of the hull: GJK needs the origin inside.
+void put_hull(const Shape& shape, ColliderPlace<double>& collider, std::vector<HullStructure>& hulls,
+              std::vector<double>& numbers) {
+  const Hull hull = hull_of(shape.points);
+  const Eigen::Vector3d middle = solid_of(hull).center;
+  const Eigen::Matrix3Xd corners = hull.corners.colwise() - middle;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) collider.offset[i] += collider.rotation[3 * i + j] * middle[j];
+  collider.size[0] = shape.size[0];
+  collider.reach = corners.colwise().norm().maxCoeff() + shape.size[0];
+  collider.hull = static_cast<int>(hulls.size());
+
+  std::vector<std::vector<int>> faces;
+  std::size_t most = 0;
+  for (const HullFace& face : hull.faces) {
+    faces.push_back(most_corners(hull, face));
+    most = std::max(most, faces.back().size());
+  }
+  hulls.push_back({static_cast<int>(corners.cols()), static_cast<int>(faces.size()), static_cast<int>(most),
+                   static_cast<int>(numbers.size())});
+  for (int k = 0; k < 3; ++k)
+    for (Eigen::Index c = 0; c < corners.cols(); ++c) numbers.push_back(corners(k, c));
+  for (int k = 0; k < 3; ++k)
+    for (const HullFace& face : hull.faces) numbers.push_back(face.normal[k]);
+  for (std::size_t c = 0; c < most; ++c)
+    for (const std::vector<int>& face : faces) numbers.push_back(face[std::min(c, face.size() - 1)]);
 }
 
 BodyPlace place_of(const Program& program, const Collider& collider) {
@@ -29,14 +111,24 @@ ColliderPlace<double> placed(const Program& program, const Collider& collider) {
   const BodyPlace place = place_of(program, collider);
   ColliderPlace<double> result{};
   result.body = place.body;
+  result.kind = collider.shape.kind;
   put_pose(place.pose, result.rotation, result.offset);
   const Eigen::Vector3d& size = collider.shape.size;
   switch (collider.shape.kind) {
-    case ShapeKind::half_space: result.unlimited = true; break;
+    case ShapeKind::half_space: break;
     case ShapeKind::box:
       for (int k = 0; k < 3; ++k) result.size[k] = 0.5 * size[k];
       result.reach = 0.5 * size.norm();
       break;
+    case ShapeKind::ellipsoid:
+      for (int k = 0; k < 3; ++k) result.size[k] = size[k];
+      result.reach = size.maxCoeff();
+      break;
+    case ShapeKind::cylinder:
+      result.size[0] = size[0], result.size[1] = 0.5 * size[1];
+      result.reach = std::hypot(size[0], 0.5 * size[1]);
+      break;
+    case ShapeKind::hull: break;  // by put_hull()
     case ShapeKind::capsule:
       result.size[0] = size[0], result.size[1] = 0.5 * size[1];
       result.reach = size[0] + 0.5 * size[1];
@@ -68,7 +160,14 @@ void lay_out_contacts(Program& program) {
   Tables<double>& t = program.f64;
   if (program.contacts.pairs.empty() || !t.rounds.used()) return;  // smooth integrators refuse them later
   std::vector<ColliderPlace<double>> colliders;
-  for (const Collider& collider : program.model.colliders) colliders.push_back(placed(program, collider));
+  std::vector<HullStructure> hulls;
+  std::vector<double> hull_numbers;
+  for (const Collider& collider : program.model.colliders) {
+    colliders.push_back(placed(program, collider));
+    if (collider.shape.kind == ShapeKind::hull) put_hull(collider.shape, colliders.back(), hulls, hull_numbers);
+  }
+  t.contacts.hulls = program.storage.keep(std::move(hulls));
+  t.contacts.hull_numbers = program.storage.keep(std::move(hull_numbers));
   std::vector<TouchingPair<double>> pairs;
   std::vector<PairColumn> columns;
   std::vector<ColumnPart> parts;
@@ -82,6 +181,16 @@ void lay_out_contacts(Program& program) {
                              program.model.colliders[static_cast<std::size_t>(from.second)].shape.kind);
     pair.slot = slots, pair.slots = slots_of(pair.kind);
     slots += pair.slots;
+    const ColliderPlace<double>&one = colliders[static_cast<std::size_t>(pair.first)],
+          &other = colliders[static_cast<std::size_t>(pair.second)];
+    pair.slack = slack_share * (one.kind == ShapeKind::half_space ? other.reach : std::min(one.reach, other.reach));
+    if (is_convex(pair.kind)) {
+      pair.memory = t.contacts.convex++;
+      pair.size = one.reach + other.reach;
+      pair.apart = std::min({most_apart, 0.1 * inner_radius(one, t.contacts), 0.1 * inner_radius(other, t.contacts)});
+    } else {
+      pair.memory = -1;
+    }
 
     // The columns of its velocities (M108), and the entries of the matrix between them.
     pair.column = static_cast<int>(columns.size()), pair.entry = static_cast<int>(entries.size());

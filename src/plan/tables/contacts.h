@@ -2,39 +2,71 @@
 #pragma once
 
 #include "columns.h"
+#include "lockstep/enums.h"
 
 namespace lockstep {
 
 /// Which function finds the contacts of a pair, by the kinds of its colliders in this order.
 enum class PairKind : int {
   half_space_box,
+  half_space_hull,
+  half_space_cylinder,
   half_space_capsule,
+  half_space_ellipsoid,
   half_space_sphere,
   box_box,
   box_capsule,
   box_sphere,
   capsule_capsule,
   capsule_sphere,
-  sphere_sphere
+  sphere_sphere,
+  convex_faces,  ///< of any kinds that may touch in a face
+  convex_line,   ///< the second is a capsule
+  convex_point   ///< one of them is round
 };
 
 /// The slots that a pair of this kind has: no pair can have more contacts.
 constexpr int slots_of(PairKind kind) {
   switch (kind) {
     case PairKind::half_space_box:
-    case PairKind::box_box: return 4;
+    case PairKind::half_space_hull:
+    case PairKind::half_space_cylinder:
+    case PairKind::box_box:
+    case PairKind::convex_faces: return 4;
     case PairKind::half_space_capsule:
     case PairKind::box_capsule:
-    case PairKind::capsule_capsule: return 2;
+    case PairKind::capsule_capsule:
+    case PairKind::convex_line: return 2;
     default: return 1;
   }
 }
 
+/// Whether the pair remembers how its shapes were apart: kernels/contacts/gjk.h.
+constexpr bool is_convex(PairKind kind) { return kind >= PairKind::convex_faces; }
+
 constexpr int most_slots = 4;  ///< of a pair
 
+constexpr int most_face_corners = 8;  ///< of a hull's face: compile() leaves out the others
+
+/// A convex polytope about an origin inside it. Corners of faces are in order around it, and padded with the last one.
+template <class S>
+struct HullTable {
+  int corners = 0, faces = 0, face_corners = 0;  ///< the latter: of the face that has most
+  const S* corner[3] = {};                       ///< x, y, z
+  const S* normal[3] = {};                       ///< of each face, outwards
+  const S* face_corner[most_face_corners] = {};  ///< the number of a corner, of each face
+};
+
+/// Where its numbers are in ContactTables::hull_numbers: corners x, y, z, normals x, y, z, then corners of faces.
+struct HullStructure {
+  int corners, faces, face_corners;
+  int first;
+};
+
 struct ColliderStructure {
-  int body;        ///< -1: it stands in the world
-  bool unlimited;  ///< a half-space
+  int body;  ///< -1: it stands in the world
+  ShapeKind kind;
+  int hull = -1;  ///< in ContactStructure::hulls
 };
 template <class S>
 struct ColliderPlace : ColliderStructure {
@@ -57,17 +89,21 @@ struct TouchingStructure {
   int slot, slots;
   int column, columns;  ///< in ContactStructure::columns
   int entry;            ///< in ContactStructure::entries: of A_r, by column and column up to that one
+  int memory = -1;      ///< in Contacts::convex
   bool soft;            ///< its compliance is stated, so an overlap has a force of its own
 };
 template <class S>
 struct TouchingPair : TouchingStructure {
   S friction, restitution;
   S rate, cfm, cfm_per_response;  ///< as those of RowSoftness
+  S apart, size;                  ///< of a convex pair: see (M156), and the reach of both, m
+  S slack;                        ///< m: slots keep their corners until another one is deeper by this
 
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
     visit(from.friction, to.friction), visit(from.restitution, to.restitution);
     visit(from.rate, to.rate), visit(from.cfm, to.cfm), visit(from.cfm_per_response, to.cfm_per_response);
+    visit(from.apart, to.apart), visit(from.size, to.size), visit(from.slack, to.slack);
   }
 };
 
@@ -75,7 +111,9 @@ struct ContactStructure {
   Span<PairColumn> columns;
   Span<ColumnPart> parts;
   Span<int> entries;
+  Span<HullStructure> hulls;
   int slots = 0;
+  int convex = 0;  ///< pairs that are convex
   int passes = 0, rounds = 0;
   bool bounces = false;  ///< some pair has a restitution
 };
@@ -83,12 +121,13 @@ template <class S>
 struct ContactTables : ContactStructure {
   Span<ColliderPlace<S>> colliders;
   Span<TouchingPair<S>> pairs;
+  Span<S> hull_numbers;
   S tolerance = 0;  ///< of a solve
   inline __attribute__((always_inline)) bool used() const { return pairs.count > 0; }
   /// Rows of a batch that remember contacts (kernels/contacts/memory.h): of slots, of pairs, the solver's velocities,
   /// the pieces of bounds and servos, the length of the step if that may differ, the state that they belong to, and a
   /// count.
-  static constexpr int rows_of_slot = 4, rows_of_pair = 15;
+  static constexpr int rows_of_slot = 4, rows_of_pair = 15, rows_of_convex = 6;
   template <class Structure>
   inline __attribute__((always_inline)) int remembered(const Structure& t) const {
     return used() ? remembered_state(t) + t.joints + t.velocities + 7 * t.roots.count + 1 : 0;
@@ -96,14 +135,26 @@ struct ContactTables : ContactStructure {
   /// The first row of the state.
   template <class Structure>
   inline __attribute__((always_inline)) int remembered_state(const Structure& t) const {
-    return rows_of_slot * slots + rows_of_pair * pairs.count + t.solver.n + t.bounds.single + t.limited_servos.count +
-           (t.guarded ? 1 : 0);
+    return rows_of_slot * slots + rows_of_pair * pairs.count + rows_of_convex * convex + t.solver.n + t.bounds.single +
+           t.limited_servos.count + (t.guarded ? 1 : 0);
   }
 
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
     visit(from.colliders, to.colliders), visit(from.pairs, to.pairs), visit(from.tolerance, to.tolerance);
+    visit(from.hull_numbers, to.hull_numbers);
   }
 };
+
+template <class S>
+inline __attribute__((always_inline)) HullTable<S> hull_of(const ContactTables<S>& t, int hull) {
+  const HullStructure& at = t.hulls[hull];
+  HullTable<S> table{at.corners, at.faces, at.face_corners};
+  const S* next = &t.hull_numbers[at.first];
+  for (int k = 0; k < 3; ++k, next += at.corners) table.corner[k] = next;
+  for (int k = 0; k < 3; ++k, next += at.faces) table.normal[k] = next;
+  for (int c = 0; c < at.face_corners; ++c, next += at.faces) table.face_corner[c] = next;
+  return table;
+}
 
 }  // namespace lockstep

@@ -1,5 +1,6 @@
 // The mechanisms in space: one scene, drawn once for each environment. SPDX-License-Identifier: Apache-2.0
 import * as THREE from 'three';
+import { ConvexGeometry } from 'three/addons/geometries/ConvexGeometry.js';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
 import { sample_at } from './motion.js';
 import { Arrows } from './arrows.js';
@@ -15,9 +16,11 @@ export const roles = {
 
 const style = (variable) => new THREE.Color(colour_now(variable));
 
-function geometry_of({ kind, size: [x, y, z] }) {
+function geometry_of({ kind, size: [x, y, z], points }) {
+  if (kind === 'hull') return new ConvexGeometry(points.map((point) => new THREE.Vector3(...point)));
   if (kind === 'box') return new THREE.BoxGeometry(x, y, z);
   if (kind === 'sphere') return new THREE.SphereGeometry(x, 32, 20);
+  if (kind === 'ellipsoid') return new THREE.SphereGeometry(1, 32, 20).scale(x, y, z);
   // Those of three lie along y, those of lockstep along z.
   const round = kind === 'capsule' ? new THREE.CapsuleGeometry(x, y, 12, 32) : new THREE.CylinderGeometry(x, x, y, 40);
   return round.rotateX(Math.PI / 2);
