@@ -115,6 +115,7 @@ LOCKSTEP_API const char* to_string(Fault fault) noexcept;
 LOCKSTEP_API const char* to_string(FaultStage stage) noexcept;
 LOCKSTEP_API const char* to_string(LoopKind kind) noexcept;
 
+/// Kinds of Shape, whose sizes model.h has. In a pair of colliders the kind that stands first here is the first.
 enum class ShapeKind { half_space, box, hull, cylinder, capsule, ellipsoid, sphere };
 
 }  // namespace lockstep
