@@ -52,7 +52,7 @@ typedef struct lockstep_batch lockstep_batch;
 
 LOCKSTEP_C_API int lockstep_model_from_urdf(const char* path, lockstep_model** out);
 LOCKSTEP_C_API int lockstep_model_from_urdf_text(const char* text, lockstep_model** out);
-/* What becomes of an MJCF file: bits of `flags`, as Loops, ImportOptions::leave_out_meshes and Soft in import.h. */
+/* What becomes of a file: bits of `flags`, as Loops, ImportOptions::leave_out_meshes and Soft in import.h. */
 enum { LOCKSTEP_LEAVE_OUT_LOOPS = 1, LOCKSTEP_LEAVE_OUT_MESHES = 2, LOCKSTEP_SOFT_AS_IN_FILE = 4 };
 /* Reads URDF or MJCF, whichever the root element says it is. For MJCF, `keyframe` is the key to start in and `body` the
  * one to read with what it carries; null or "" takes the drawn pose and all bodies. */

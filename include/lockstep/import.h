@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -33,8 +34,17 @@ enum class Soft {
   as_in_file,  ///< a Frequency that sags as MuJoCo's does. It rings faster: MuJoCo's yields by a virtual mass, too
 };
 
+/// What touches in place of a mesh.
+enum class Fit {
+  hull,     ///< its convex hull, of at most ImportOptions::hull_vertices corners
+  box,      ///< around the hull, along its principal axes
+  capsule,  ///< likewise; a sphere where that is as good
+  none,     ///< nothing: the mesh is not opened, and the report names it
+};
+
 LOCKSTEP_API const char* to_string(Loops loops);
 LOCKSTEP_API const char* to_string(Soft soft);
+LOCKSTEP_API const char* to_string(Fit fit);
 
 /// What to do where a file leaves out inertias, has impossible ones, or holds what lockstep does not have. By default
 /// nothing is repaired or left out: a body whose joint has no inertia to move, or whose inertia no body can have, is an
@@ -46,14 +56,24 @@ struct ImportOptions {
   double least_mass = 0.0;
   /// kg m^2, >= 0. Raises smaller principal moments of bodies with mass; MuJoCo's boundinertia.
   double least_inertia = 0.0;
-  /// URDF only. kg/m^3, >= 0. Above 0, bodies without mass and inertia get those of their collision shapes
-  /// but meshes, and an <inertial> without <inertia> or <mass> gets what it lacks from them. Shapes that
-  /// overlap count twice. Meshes are not used.
+  /// URDF only. kg/m^3, >= 0. Above 0, bodies without mass and inertia get those of their collision shapes, and an
+  /// <inertial> without <inertia> or <mass> gets what it lacks from them. Shapes that overlap count twice. A mesh that
+  /// is not closed counts as its hull.
   double density = 0.0;
-  /// Collision boxes, spheres, cylinders, capsules and ellipsoids become colliders of the group "robot", named after
-  /// their links. Those of URDF touch nothing until Model::contacts says so. MJCF's geoms touch what the file lets
-  /// them. Meshes are named in the report and left out.
+  /// Collision shapes become colliders of the group "robot", named after their links. Those of URDF touch nothing until
+  /// Model::contacts says so. MJCF's geoms touch what the file lets them. Of a mesh its hull touches, or what `fit`
+  /// says; the report names corners that are lost, and hollows that are filled.
   bool colliders = false;
+  /// Corners that the hull of a mesh may have, 8 to 64. More cost time: one of 64 about 1.4 times one of 32.
+  int hull_vertices = 64;
+  Fit fit = Fit::hull;
+  std::map<std::string, Fit> fit_of_links = {};  ///< in place of `fit`, by name; MJCF calls links bodies
+  /// Folders of packages by name, for package://name/path of URDF. By default it is the nearest folder of that name
+  /// among those around the robot file and beside them.
+  std::map<std::string, std::string> packages = {};
+  /// Folders that mesh files may lie in, beside that of the robot file and those of packages. Files elsewhere are not
+  /// opened, whatever leads there.
+  std::vector<std::string> mesh_roots = {};
   /// An inertia that no body can have becomes the nearest that one can have, in the (Frobenius) norm of the tensor.
   bool repair_inertias = false;
   /// Bounds that are not judged. They stay in the Model if they are possible, so give StepSettings::ignore the same.
@@ -69,7 +89,8 @@ struct ImportOptions {
   std::string body = {};
   Loops loops = Loops::keep;  ///< MJCF only
   Soft soft = Soft::harden;   ///< MJCF only
-  /// MJCF only. Geoms with meshes give their moving bodies no inertia, with a warning. By default they are errors.
+  /// No mesh file is opened: meshes neither touch nor give inertia, and warnings name them. By default a mesh that is
+  /// needed and cannot be had is an error.
   bool leave_out_meshes = false;
   /// Called once with what was read, before inertias are repaired and the Model is validated: armatures, a floating
   /// root. May be empty.
@@ -80,10 +101,11 @@ struct ImportOptions {
 /// here and in the functions below. Thread-safe, as they are.
 LOCKSTEP_API Import import_file(const std::string& path, const ImportOptions& options = {});
 
-/// Reads URDF (docs/importing.md has the details). Meshes are never opened. Throws ImportError where the text is no
-/// URDF, ModelError where it describes an impossible mechanism: a moving body without inertia, a mimic multiplier of 0,
-/// mimics in a circle, ... Both name file and line. SettingsError where a number of the options is negative, infinite
-/// or NaN, or a name is unknown. The Model is validated. Thread-safe.
+/// Reads URDF (docs/importing.md has the details). Mesh files, STL or OBJ, are opened where colliders or density ask
+/// for them. Throws ImportError where the text is no URDF or a mesh cannot be had, ModelError where it describes an
+/// impossible mechanism: a moving body without inertia, a mimic multiplier of 0, mimics in a circle, ... Both name file
+/// and line. SettingsError where a number of the options is negative, infinite or NaN, or a name is unknown. The Model
+/// is validated. Thread-safe.
 LOCKSTEP_API Import import_urdf_file(const std::string& path, const ImportOptions& options = {});
 
 /// The same from text; `source` names it in errors.
@@ -91,11 +113,11 @@ LOCKSTEP_API Import import_urdf(const std::string& text, const std::string& sour
                                 const ImportOptions& options = {});
 
 /// Reads MJCF, MuJoCo's XML, as MuJoCo 3.3 does (docs/importing.md has the details). Files that it includes must lie in
-/// its folder. Meshes are never opened. Throws ImportError where the text is no MJCF, or where its mechanism would be
-/// another one without what lockstep lacks: ball joints, sums of joints that are not linear, inertia from meshes.
-/// Throws ModelError where the mechanism is impossible. Both name file and line. SettingsError as above, and where the
-/// keyframe or the body does not exist. What only drives or resists the mechanism and cannot be had is a warning. The
-/// Model is validated. Thread-safe.
+/// its folder. Mesh files, STL, OBJ or MSH, are opened where colliders or the inertia of a moving body ask for them.
+/// Throws ImportError where the text is no MJCF, a mesh cannot be had, or where its mechanism would be another one
+/// without what lockstep lacks: ball joints, sums of joints that are not linear. Throws ModelError where the mechanism
+/// is impossible. Both name file and line. SettingsError as above, and where the keyframe or the body does not exist.
+/// What only drives or resists the mechanism and cannot be had is a warning. The Model is validated. Thread-safe.
 LOCKSTEP_API Import import_mjcf_file(const std::string& path, const ImportOptions& options = {});
 
 /// The same from text, which cannot include files; `source` names it in errors.

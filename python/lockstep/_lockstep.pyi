@@ -55,6 +55,11 @@ def from_file(
     loops: str = ...,
     soft: str = ...,
     leave_out_meshes: bool = ...,
+    hull_vertices: int = ...,
+    fit: str = ...,
+    fit_of_links: Mapping[str, str] = ...,
+    packages: Mapping[str, Union[str, os.PathLike[str]]] = ...,
+    mesh_roots: Sequence[Union[str, os.PathLike[str]]] = ...,
     ignore: _Ignore = ...,
 ) -> Model: ...
 def from_urdf_text(
@@ -72,6 +77,11 @@ def from_urdf_text(
     loops: str = ...,
     soft: str = ...,
     leave_out_meshes: bool = ...,
+    hull_vertices: int = ...,
+    fit: str = ...,
+    fit_of_links: Mapping[str, str] = ...,
+    packages: Mapping[str, Union[str, os.PathLike[str]]] = ...,
+    mesh_roots: Sequence[Union[str, os.PathLike[str]]] = ...,
     ignore: _Ignore = ...,
 ) -> Model: ...
 

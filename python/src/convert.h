@@ -53,6 +53,7 @@ Integrator integrator_of(const std::string& name);
 Target target_of(const std::string& name);
 Engine engine_of(const std::string& name);
 Loops loops_of(const std::string& name);
+Fit fit_of(const std::string& name);
 Soft soft_of(const std::string& name);
 Parameter parameter_of(const std::string& name);
 ContactSettings contact_settings_of(const std::string& name);

@@ -30,21 +30,30 @@ void add(py::module_& module, const char* name, const char* help, Read read, con
       name,
       [read](First... first, double least_mass, double least_inertia, double density, bool repair_inertias,
              bool leave_out_foreign, bool colliders, const std::string& keyframe, const std::string& body,
-             const std::string& loops, const std::string& soft, bool leave_out_meshes, const py::object& ignore) {
+             const std::string& loops, const std::string& soft, bool leave_out_meshes, int hull_vertices,
+             const std::string& fit, const std::map<std::string, std::string>& fit_of_links,
+             const std::map<std::string, std::filesystem::path>& packages,
+             const std::vector<std::filesystem::path>& mesh_roots, const py::object& ignore) {
         ImportOptions options;
         options.least_mass = least_mass, options.least_inertia = least_inertia, options.density = density;
         options.repair_inertias = repair_inertias, options.leave_out_foreign = leave_out_foreign;
         options.colliders = colliders, options.keyframe = keyframe, options.body = body;
         options.loops = loops_of(loops);
         options.soft = soft_of(soft);
-        options.leave_out_meshes = leave_out_meshes;
+        options.leave_out_meshes = leave_out_meshes, options.hull_vertices = hull_vertices;
+        options.fit = fit_of(fit);
+        for (const auto& [link, own] : fit_of_links) options.fit_of_links[link] = fit_of(own);
+        for (const auto& [package, folder] : packages) options.packages[package] = folder.string();
+        for (const std::filesystem::path& root : mesh_roots) options.mesh_roots.push_back(root.string());
         options.ignore = ignored_of(ignore);
         return imported(read(first..., options));
       },
       arguments..., py::kw_only(), "least_mass"_a = o.least_mass, "least_inertia"_a = o.least_inertia,
       "density"_a = o.density, "repair_inertias"_a = o.repair_inertias, "leave_out_foreign"_a = o.leave_out_foreign,
       "colliders"_a = o.colliders, "keyframe"_a = o.keyframe, "body"_a = o.body, "loops"_a = to_string(o.loops),
-      "soft"_a = to_string(o.soft), "leave_out_meshes"_a = o.leave_out_meshes, "ignore"_a = py::none(), help);
+      "soft"_a = to_string(o.soft), "leave_out_meshes"_a = o.leave_out_meshes, "hull_vertices"_a = o.hull_vertices,
+      "fit"_a = to_string(o.fit), "fit_of_links"_a = py::dict(), "packages"_a = py::dict(),
+      "mesh_roots"_a = py::tuple(), "ignore"_a = py::none(), help);
 }
 
 void add_file(py::module_& module, const char* name, const char* help, FromFile read) {
@@ -86,17 +95,21 @@ void bind_export(py::module_& module) {
 }  // namespace
 
 void bind_import(py::module_& module) {
-  add_file(module, "from_file",
-           "Reads a Model from a URDF or MJCF file. model.report says what became of everything in it, model.warnings "
-           "what its owner should act on. least_mass, kg, and least_inertia, kg m^2, raise those of lighter bodies. "
-           "repair_inertias: impossible inertias become the nearest possible ones. colliders: collision shapes but "
-           "meshes become colliders. ignore: bounds that are not judged, as in compile(). URDF alone: density, "
-           "kg/m^3, gives bodies without mass that of their collision shapes; leave_out_foreign leaves out what other "
-           "tools add. MJCF alone: keyframe, by name or number, is where the model starts; body is read with what it "
-           "carries, and all else is left out; loops is 'keep' or 'leave_out'; soft is 'harden' or 'as_in_file'; "
-           "leave_out_meshes: geoms with meshes give no inertia. An option that the format cannot use is a "
-           "SettingsError. Raises ImportFileError, ModelError, FileNotFoundError, too.",
-           import_file);
+  add_file(
+      module, "from_file",
+      "Reads a Model from a URDF or MJCF file. model.report says what became of everything in it, model.warnings "
+      "what its owner should act on. least_mass, kg, and least_inertia, kg m^2, raise those of lighter bodies. "
+      "repair_inertias: impossible inertias become the nearest possible ones. colliders: collision shapes "
+      "become colliders, meshes their hulls of at most hull_vertices corners, or what fit, 'hull', 'box', 'capsule' "
+      "or 'none', and fit_of_links, by name, say. Mesh files lie in the folder of the file, in packages, folders by "
+      "name, or in mesh_roots. leave_out_meshes: none is opened. ignore: bounds that are not judged, as in "
+      "compile(). URDF alone: density, "
+      "kg/m^3, gives bodies without mass that of their collision shapes; leave_out_foreign leaves out what other "
+      "tools add. MJCF alone: keyframe, by name or number, is where the model starts; body is read with what it "
+      "carries, and all else is left out; loops is 'keep' or 'leave_out'; soft is 'harden' or 'as_in_file'. "
+      "An option that the format cannot use is a "
+      "SettingsError. Raises ImportFileError, ModelError, FileNotFoundError, too.",
+      import_file);
   add_file(module, "from_urdf", "from_file() for URDF alone.", import_urdf_file);
   add_text(module, "from_urdf_text", "URDF text", import_urdf);
   add_file(module, "from_mjcf", "from_file() for MJCF, MuJoCo's XML, alone.", import_mjcf_file);

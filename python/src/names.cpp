@@ -26,7 +26,7 @@ Target target_of(const std::string& name) {
   return enumerator_of<Target>("target", name, static_cast<int>(Target::neon) + 1);
 }
 Loops loops_of(const std::string& name) { return enumerator_of<Loops>("loops", name, 2); }
-
+Fit fit_of(const std::string& name) { return enumerator_of<Fit>("fit", name, 4); }
 Soft soft_of(const std::string& name) { return enumerator_of<Soft>("soft", name, 2); }
 
 Engine engine_of(const std::string& name) {

@@ -44,7 +44,7 @@ std::string name_in(const char* attribute, std::string_view text, const Fail& fa
 }
 
 int numbers_in(const char* attribute, std::string_view text, double* values, int least, int most, const Fail& fail) {
-  const std::string shown = fmt::format("{}=\"{}\"", attribute, shortened(text));
+  const auto shown = [&] { return fmt::format("{}=\"{}\"", attribute, shortened(text)); };
   const char* const remedy = text.find("${") == std::string_view::npos
                                  ? "write plain decimal numbers such as 0.5 or 1e-3, blanks between them"
                                  : "expand it first: xacro robot.urdf.xacro > robot.urdf";
@@ -56,14 +56,15 @@ int numbers_in(const char* attribute, std::string_view text, double* values, int
     double value = 0.0;
     const Parsed parsed = parse(word, value);
     if (parsed == Parsed::out_of_range)
-      fail(fmt::format("{}: '{}' is beyond the range of numbers", shown, shortened(word)), remedy);
-    if (parsed == Parsed::nothing) fail(fmt::format("{}: '{}' is not a finite number", shown, shortened(word)), remedy);
+      fail(fmt::format("{}: '{}' is beyond the range of numbers", shown(), shortened(word)), remedy);
+    if (parsed == Parsed::nothing)
+      fail(fmt::format("{}: '{}' is not a finite number", shown(), shortened(word)), remedy);
     if (found < most) values[found] = value;
     ++found;
     at = text.find_first_not_of(blanks, stop);
   }
   if (found < least || found > most)
-    fail(fmt::format("{} has {}, not {}", shown, counted(static_cast<std::size_t>(found), "number"),
+    fail(fmt::format("{} has {}, not {}", shown(), counted(static_cast<std::size_t>(found), "number"),
                      least == most ? fmt::format("{}", least) : fmt::format("{} to {}", least, most)),
          remedy);
   return found;

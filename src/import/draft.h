@@ -1,6 +1,7 @@
 // What a reader has read, before it is judged. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -11,9 +12,10 @@ namespace lockstep::importer {
 
 /// What the <collision> elements of one link come to.
 struct Shapes {
-  Inertia solid;       ///< of all but meshes, of density 1 kg/m^3; its mass is their volume
-  int collisions = 0;  ///< elements, of which
-  int meshes = 0;      ///< have a mesh, which is never opened
+  Inertia solid;  ///< of all but meshes, of density 1 kg/m^3; its mass is their volume
+  std::vector<std::function<Inertia()>> mesh_solids;  ///< likewise, each opens its mesh
+  int collisions = 0;                                 ///< elements, of which
+  int meshes = 0;                                     ///< have a mesh that is left out
   std::vector<Collider> colliders;
 };
 

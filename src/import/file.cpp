@@ -3,6 +3,8 @@
 
 #include "lockstep/import.h"
 #include "mjcf/mjcf.h"
+#include "paths.h"
+#include "urdf/urdf.h"
 #include "xml.h"
 
 namespace lockstep {
@@ -16,7 +18,8 @@ Import import_file(const std::string& path, const ImportOptions& options) {
         importer::parsed(text, path, "a URDF or MJCF file, <robot name=\"...\"> or <mujoco>", document).Name();
     is_mjcf = root == "mujoco" || root == "mujocoinclude";
   }
-  return is_mjcf ? importer::mjcf::read_file(text, path, options) : import_urdf(text, path, options);
+  return is_mjcf ? importer::mjcf::read(text, path, importer::folder_of(path), options)
+                 : importer::urdf::read(text, path, importer::folder_of(path), options);
 }
 
 }  // namespace lockstep

@@ -79,8 +79,13 @@ void report_colliders(const Model& model, Report& report) {
         pair_name(model, pair));
 }
 
-// A misspelt name would ignore nothing.
-void check_names(const Ignored& ignore, const Model& model) {
+// A misspelt name would say nothing.
+void check_names(const ImportOptions& options, const Model& model) {
+  for (const auto& [name, fit] : options.fit_of_links)
+    if (std::none_of(model.links.begin(), model.links.end(), [&](const Link& link) { return link.name == name; }))
+      throw SettingsError("ImportOptions::fit_of_links", "names '" + shortened(name) + "', which is no link",
+                          "check the spelling");
+  const Ignored& ignore = options.ignore;
   for (const JointSet* set :
        {&ignore.position_limits, &ignore.velocity_limits, &ignore.effort_limits, &ignore.friction})
     for (const std::string& name : set->names) {
@@ -103,7 +108,7 @@ Import finished(Draft& draft, const ImportOptions& options, Report& report, cons
   Model& model = draft.model;
   try {
     assemble();
-    check_names(options.ignore, model);
+    check_names(options, model);
     if (options.change) options.change(model);
     repair_inertias(options, draft, report);
     model.validate();

@@ -6,6 +6,10 @@
 namespace lockstep {
 
 const char* to_string(Loops loops) { return loops == Loops::keep ? "keep" : "leave_out"; }
+const char* to_string(Fit fit) {
+  constexpr const char* names[] = {"hull", "box", "capsule", "none"};
+  return names[static_cast<int>(fit)];
+}
 const char* to_string(Soft soft) { return soft == Soft::harden ? "harden" : "as_in_file"; }
 
 }  // namespace lockstep
@@ -25,8 +29,8 @@ void refuse_others(const ImportOptions& options, Format format) {
   refuse(!options.body.empty(), Format::mjcf, "body", mjcf_only);
   refuse(options.loops != Loops::keep, Format::mjcf, "loops", "use leave_out_foreign, loops are no URDF");
   refuse(options.soft != Soft::harden, Format::mjcf, "soft", mjcf_only);
-  refuse(options.leave_out_meshes, Format::mjcf, "leave_out_meshes", "leave it out, URDF's meshes give no inertia");
   refuse(options.density != 0.0, Format::urdf, "density", "leave it out, MJCF's geoms have densities of their own");
+  refuse(!options.packages.empty(), Format::urdf, "packages", "leave it out, MJCF has no packages");
   refuse(options.leave_out_foreign, Format::urdf, "leave_out_foreign", "use loops, MJCF's own elements are no others'");
 }
 

@@ -85,8 +85,9 @@ void Bodies::fill_from_shapes(double density, const std::unordered_map<std::stri
         continue;
       }
       if (shapes.meshes > 0) report_.warn(unused_meshes, link.name);
-      if (!(shapes.solid.mass > 0.0)) continue;
       Inertia made = shapes.solid;
+      for (const auto& mesh_solid : shapes.mesh_solids) made = made + mesh_solid();
+      if (!(made.mass > 0.0)) continue;
       made.mass *= density;
       made.about_center *= density;
       if (is_missing)

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace lockstep::importer {
 namespace {
 
@@ -28,10 +30,10 @@ std::string line_of_unknown(const std::map<std::string, int>& unknown) {
 
 }  // namespace
 
-void Report::remark(const std::string& what, const std::string& item) {
-  std::vector<std::string>& items = remarks_[what];
+void Report::remark(const std::string& what, const std::string& item, double size) {
+  auto& items = remarks_[what];
   if (items.empty()) order_.push_back(what);
-  items.push_back(item);
+  items.emplace_back(size, item);
 }
 
 void Report::warn(const std::string& what, const std::string& item) {
@@ -49,8 +51,11 @@ std::string Report::line(const std::string& what) const {
     return fmt::format("{}: {}", what, tallied(tally->second));
   const auto found = remarks_.find(what);
   if (found == remarks_.end()) return "";
-  const std::size_t shown = whole_.contains(what) ? found->second.size() : 8;
-  return fmt::format("{} ({}): {}", what, found->second.size(), listed(found->second, ", ", shown));
+  auto sorted = found->second;
+  std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<std::string> items;
+  for (const auto& [size, item] : sorted) items.push_back(item);
+  return fmt::format("{} ({}): {}", what, items.size(), listed(items, ", ", whole_.contains(what) ? items.size() : 8));
 }
 
 std::vector<std::string> Report::lines() const {

@@ -4,6 +4,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "lockstep/model.h"
@@ -14,7 +15,9 @@ namespace lockstep::importer {
 class Report {
  public:
   /// "what (2): item, item". Lines are in the order of their first remarks.
-  void remark(const std::string& what, const std::string& item);
+  void remark(const std::string& what, const std::string& item) { remark(what, item, 0.0); }
+  /// The largest items first.
+  void remark(const std::string& what, const std::string& item, double size);
   /// The same, of what the owner of the file should look at.
   void warn(const std::string& what, const std::string& item);
   void show_all(const std::string& what) { whole_.insert(what); }  ///< this line is not shortened
@@ -33,7 +36,7 @@ class Report {
 
  private:
   std::vector<std::string> order_;
-  std::map<std::string, std::vector<std::string>> remarks_;
+  std::map<std::string, std::vector<std::pair<double, std::string>>> remarks_;  // items after their sizes
   std::map<std::string, std::map<std::string, int>> tallies_;
   std::set<std::string> warned_, whole_;  // of order_
   std::map<std::string, int> kept_, not_used_, unknown_;

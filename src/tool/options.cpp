@@ -24,6 +24,7 @@ constexpr Method all_methods[] = {Method::automatic, Method::pgs, Method::tgs, M
 constexpr Engine all_engines[] = {Engine::automatic, Engine::tables, Engine::interpreter, Engine::generated};
 
 constexpr Loops all_loops[] = {Loops::keep, Loops::leave_out};
+constexpr Fit all_fits[] = {Fit::hull, Fit::box, Fit::capsule, Fit::none};
 constexpr Soft all_soft[] = {Soft::harden, Soft::as_in_file};
 
 using NamedContactSettings = std::pair<const char*, ContactSettings>;
@@ -155,6 +156,46 @@ void add_contact(const std::string& text, Model& model) {
   model.contacts.push_back({names[0], names[1]});
 }
 
+Fit fit_named(const std::string& text) { return named(all_fits, text, "--fit", "fits"); }
+
+// From "NAME=TEXT".
+std::pair<std::string, std::string> in_two(const std::string& text, const char* option) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos || equals == 0)
+    throw InputError(fmt::format("{}: '{}' should be NAME=...", option, text));
+  return {text.substr(0, equals), text.substr(equals + 1)};
+}
+
+void add_meshes(CLI::App& app, ImportOptions& import) {
+  app.add_flag("--leave-out-meshes", import.leave_out_meshes, "Opens no mesh: they neither touch nor give inertia");
+  app.add_option("--hull-vertices", import.hull_vertices, "Corners of the hull of a mesh, 8 to 64")->type_name("N");
+  add_parsed(app, "--fit", import.fit, fit_named, "What touches in place of a mesh: hull, box, capsule or none")
+      ->type_name("FIT")
+      ->default_str("hull");
+  app.add_option_function<std::vector<std::string>>(
+         "--fit-of-links",
+         [&import](const std::vector<std::string>& texts) {
+           for (const std::string& text : texts) {
+             const auto [link, fit] = in_two(text, "--fit-of-links");
+             import.fit_of_links[link] = fit_named(fit);
+           }
+         },
+         "The same for the meshes of one link. Repeatable")
+      ->type_name("LINK=FIT")
+      ->allow_extra_args(false);
+  app.add_option_function<std::vector<std::string>>(
+         "--packages",
+         [&import](const std::vector<std::string>& texts) {
+           for (const std::string& text : texts) import.packages.insert(in_two(text, "--packages"));
+         },
+         "Where the package of package://NAME/... lies. Repeatable")
+      ->type_name("NAME=FOLDER")
+      ->allow_extra_args(false);
+  app.add_option("--mesh-roots", import.mesh_roots, "Another folder that mesh files may lie in. Repeatable")
+      ->type_name("FOLDER")
+      ->allow_extra_args(false);
+}
+
 }  // namespace
 
 void ModelOptions::add_to(CLI::App& app) {
@@ -163,7 +204,7 @@ void ModelOptions::add_to(CLI::App& app) {
     app.add_option(name, value, help)->type_name(unit)->check(CLI::NonNegativeNumber);
   };
   bound("--density", import.density, "KG_M3",
-        "Bodies without inertia get that of their collision shapes (not meshes), of this density");
+        "Bodies without inertia get that of their collision shapes, of this density");
   app.add_flag("--repair-inertias", import.repair_inertias,
                "An inertia that no body can have becomes the nearest possible one");
   bound("--least-mass", import.least_mass, "KG", "Raises the mass of lighter bodies to this; repairs inertias, too");
@@ -186,7 +227,7 @@ void ModelOptions::add_to(CLI::App& app) {
       "MJCF: as_in_file leaves couplings as soft as the file says")
       ->type_name("CHOICE")
       ->default_str("harden");
-  app.add_flag("--leave-out-meshes", import.leave_out_meshes, "MJCF: meshes give no inertia, instead of being refused");
+  add_meshes(app, import);
   CLI::Option* floats = app.add_flag_callback(
       "--floating-base", [this] { floating = true; }, "Lets root links float in the world (default: as in the file)");
   app.add_flag_callback(
@@ -228,7 +269,8 @@ void ModelOptions::add_to(CLI::App& app) {
                  "Gives the joint a servo with these gains, N m/rad and N m s/rad, or N/m and N s/m. Repeatable")
       ->type_name("JOINT=KP,KD")
       ->allow_extra_args(false);
-  app.add_flag("--colliders", import.colliders, "Collision shapes but meshes become colliders of the group 'robot'");
+  app.add_flag("--colliders", import.colliders,
+               "Collision shapes become colliders of the group 'robot', meshes their hulls");
   app.add_option("--ground", ground, "The robot's colliders may touch the ground z = 0, with this friction of both")
       ->type_name("MU")
       ->check(CLI::NonNegativeNumber);

@@ -32,7 +32,7 @@ std::map<string, Model> models() {
     for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder)) {
       const string path = entry.path().string();
       if (!path.ends_with(".urdf") && !path.ends_with(".xml")) continue;
-      ImportOptions options{.least_mass = 1e-3, .least_inertia = 1e-7, .colliders = true};
+      ImportOptions options{.least_mass = 1e-3, .least_inertia = 1e-7, .colliders = true, .leave_out_meshes = true};
       if (path.ends_with(".xml")) options.loops = Loops::leave_out;
       try {
         found[entry.path().stem().string()] = import_file(path, options).model;

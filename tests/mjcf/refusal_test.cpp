@@ -58,7 +58,8 @@ TEST(MjcfRefusal, is_of_what_would_be_another_mechanism) {
                  "1:", "contradicts");
   expect_refused(world(pair, "<tendon><spatial name='s'/></tendon><equality><tendon tendon1='s'/></equality>"),
                  "1:", "spatial");
-  expect_refused(world(body("<joint/><geom type='mesh' mesh='m'/>")), "2: <geom>", "inertia of its mesh");
+  expect_refused(world(body("<joint/><geom type='mesh' mesh='m'/>")), "2: <geom>",
+                 "names mesh 'm', which does not exist");
   expect_refused(world(body("<joint/><geom size='0.1' shellinertia='true'/>")), "2: <geom>", "shell");
   expect_refused(world(body("<joint damping='1 2 0'/>")), "2: <joint>", "higher order");
   expect_refused(world("<composite type='cable'/>"), "2: <composite>", "only MuJoCo");
@@ -126,13 +127,13 @@ TEST(MjcfRefusal, names_options_that_do_not_fit) {
   };
   expect({.density = 1.0}, "density");
   expect({.leave_out_foreign = true}, "leave_out_foreign");
+  expect({.packages = {{"p", "."}}}, "packages");
   expect({.keyframe = "home"}, "keyframe");
   expect({.body = "three"}, "body");
   for (const auto& [options, name] : {std::pair<ImportOptions, string>{{.keyframe = "k"}, "keyframe"},
                                       {{.body = "b"}, "body"},
                                       {{.loops = Loops::leave_out}, "loops"},
-                                      {{.soft = Soft::as_in_file}, "soft"},
-                                      {{.leave_out_meshes = true}, "leave_out_meshes"}})
+                                      {{.soft = Soft::as_in_file}, "soft"}})
     try {
       import_urdf("<robot name='r'><link name='a'/></robot>", "file", options);
       ADD_FAILURE() << name;

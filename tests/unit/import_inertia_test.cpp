@@ -260,16 +260,16 @@ TEST(Shapes, of_bodies_with_inertia_are_not_used) {
   expect_reports(import, "not used: 2 collision");
 }
 
-TEST(Shapes, that_are_meshes_are_named_and_not_used) {
+TEST(Shapes, that_are_meshes_are_named_where_they_are_left_out) {
   const string mesh = "<collision><geometry><mesh filename='none.stl'/></geometry></collision>";
   const string ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
   try {
-    import_urdf(turning(mesh), "", {.density = 1000.0});
+    import_urdf(turning(mesh), "", {.density = 1000.0, .leave_out_meshes = true});
     FAIL();
   } catch (const ModelError& error) {
     EXPECT_NE(error.rule().find("collision meshes, not used for inertia (1): body"), string::npos) << error.what();
   }
-  EXPECT_TRUE(warns(import_urdf(turning(mesh + ball), "", {.density = 1000.0}),
+  EXPECT_TRUE(warns(import_urdf(turning(mesh + ball), "", {.density = 1000.0, .leave_out_meshes = true}),
                     "collision meshes, not used for inertia (1): body"));
   EXPECT_THROW(
       import_urdf(turning("<collision><geometry><sphere radius='0'/></geometry></collision>"), "", {.density = 1000.0}),

@@ -38,22 +38,16 @@ class MjcfRobots : public testing::TestWithParam<File> {
   json expected;
 };
 
-// What once had to be refused is read, but for inertia from meshes.
-TEST_P(MjcfRobots, are_read_with_their_loops_or_refused_for_their_meshes) {
+// What once had to be refused is read.
+TEST_P(MjcfRobots, are_read_with_their_loops) {
   const std::vector<string> obstacles = expected["refused_because"];
   const auto has = [&](const string& start) {
     return std::any_of(obstacles.begin(), obstacles.end(), [&](const string& one) { return one.starts_with(start); });
   };
-  try {
-    const Import import = import_mjcf_file(path);
-    EXPECT_FALSE(has("inertia from mesh"));
-    EXPECT_EQ(!import.model.loops.empty(), has("closed loop"));
-    EXPECT_FALSE(warns(import, "endons")) << report_of(import);
-    EXPECT_FALSE(warns(import, "actuators left out")) << report_of(import);
-  } catch (const ImportError& error) {
-    EXPECT_TRUE(has("inertia from mesh")) << error.what();
-    EXPECT_TRUE(error.element().starts_with(path + ":")) << error.what();
-  }
+  const Import import = import_mjcf_file(path);
+  EXPECT_EQ(!import.model.loops.empty(), has("closed loop"));
+  EXPECT_FALSE(warns(import, "endons")) << report_of(import);
+  EXPECT_FALSE(warns(import, "actuators left out")) << report_of(import);
 }
 
 // Of numbers that may be infinite.
@@ -62,7 +56,7 @@ void expect_near(double own, double wanted) {
   EXPECT_NEAR(own, wanted, 1e-9);
 }
 
-// The rest holds for trees without loops, and without meshes that would give inertia.
+// The rest holds for trees without loops.
 class MjcfModels : public MjcfRobots {
  protected:
   void SetUp() override {
@@ -191,14 +185,14 @@ const auto readable = testing::Values(
     File{"mjcf/openarm/openarm.xml", "mjcf/openarm/expected.json"},
     File{"mjcf/toddlerbot/toddlerbot_2xc_mjx.xml", "mjcf/toddlerbot/expected.json"},
     File{"robots/mjcf_armature_equivalence.xml", "mjcf/of_shared_robots/mjcf_armature_equivalence.expected.json"},
-    File{"robots/mjcf_xarm_gripper.xml", "mjcf/of_shared_robots/mjcf_xarm_gripper.expected.json"});
-// Inertia of a mesh, and a coupling that is not linear.
-const auto refused = testing::Values(
     File{"robots/mjcf_car.xml", "mjcf/of_shared_robots/mjcf_car.expected.json"},
+    File{"robots/mjcf_xarm_gripper.xml", "mjcf/of_shared_robots/mjcf_xarm_gripper.expected.json"});
+// A coupling that is not linear.
+const auto curved = testing::Values(
     File{"robots/mjcf_newton_constraints.xml", "mjcf/of_shared_robots/mjcf_newton_constraints.expected.json"});
 
 INSTANTIATE_TEST_SUITE_P(readable, MjcfRobots, readable, name_of_file);
-INSTANTIATE_TEST_SUITE_P(refused, MjcfRobots, refused, name_of_file);
+INSTANTIATE_TEST_SUITE_P(curved, MjcfRobots, curved, name_of_file);
 INSTANTIATE_TEST_SUITE_P(readable, MjcfModels, readable, name_of_file);
 
 }  // namespace

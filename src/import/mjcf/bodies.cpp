@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <string_view>
-#include <unordered_set>
 #include <utility>
 
 #include "body_inertia.h"
@@ -49,7 +48,6 @@ class Reader {
     name_unnamed();
     share_gravity();
     Bodies result{std::move(bodies_), {}};
-    weigh(result.all, settings_, document_);
     for (Body& body : result.all) {
       if (body.parent < 0) {
         result.moves.push_back(false);
@@ -96,7 +94,7 @@ class Reader {
       const Element inertial(document_, xml);
       if (around.body == 0) inertial.fail("is in the world, which has no mass", "remove it");
       body.inertia = read_inertial(inertial, settings_);
-      has_inertial_.insert(around.body);
+      body.has_inertial = true;
     } else if (tag == "geom") {
       body.geoms.push_back(read_geom(element(), around.frame, around.suffix, settings_));
     } else if (tag == "site") {
@@ -147,7 +145,8 @@ class Reader {
     Body& own = bodies_[index];
     if (own.is_mocap && (own.parent != 0 || !own.joints.empty()))
       element.fail("is a mocap body with joints, or not a child of worldbody", "remove mocap, or the joints");
-    add_geoms(own, element, has_inertial_.contains(index), settings_);
+    if (settings_.inertia_from_geoms == FromGeoms::never && !own.has_inertial && !own.joints.empty())
+      element.fail("has no <inertial>, which inertiafromgeom=\"false\" asks for", "add one");
   }
 
   void read_frame(const Element::Xml& xml, const Around& around) {
@@ -197,7 +196,6 @@ class Reader {
   const Classes& classes_;
   std::vector<Body> bodies_;
   Names names_;
-  std::unordered_set<std::size_t> has_inertial_;
   std::size_t copies_ = 0;
 };
 

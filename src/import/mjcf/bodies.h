@@ -32,11 +32,15 @@ struct GeomPart {
   std::string name = {}, place = {};
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< as in the file, with the half length of a fromto
+  std::string mesh = {};                           ///< its name; a primitive that has one lies around it
   Element element;                                 ///< for what only colliders need
 };
 
-/// Nothing for the types that lockstep has no shape of.
-std::optional<Shape> shape_of(const GeomPart& geom);
+/// Its mass is that of its mesh.
+inline bool has_mesh(const GeomPart& geom) { return geom.type == GeomType::mesh || geom.type == GeomType::sdf; }
+
+/// By the geom's own size. Nothing for the types that lockstep has no shape of.
+std::optional<Shape> primitive_of(const GeomPart& geom);
 
 struct SitePart {
   std::string name, place;
@@ -54,7 +58,8 @@ struct Body {
   std::vector<GeomPart> geoms = {};
   std::vector<SitePart> sites = {};
   Inertia inertia = {};
-  std::vector<std::string> mesh_masses = {};  ///< places of geoms whose meshes would give it inertia
+  bool has_inertial = false;
+  std::vector<std::string> mesh_masses = {};  ///< places of geoms whose meshes would give it inertia and are not opened
 
   bool floats() const { return !joints.empty() && joints[0].type == JointType::free; }
 };
@@ -69,8 +74,8 @@ struct Bodies {
   std::vector<bool> moves;  ///< by body: it or one that carries it has joints
 };
 
-/// Reads all bodies with their inertias. Throws ImportError for what is no MJCF, and for elements that make bodies by
-/// themselves.
+/// Reads all bodies, with inertias where the file states them: weigh() does the others. Throws ImportError for what is
+/// no MJCF, and for elements that make bodies by themselves.
 Bodies read_bodies(Document& document, const Settings& settings, const Classes& classes);
 
 }  // namespace lockstep::importer::mjcf

@@ -17,34 +17,46 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// Of density 1; without mass where the type has no volume.
-Inertia solid(const GeomPart& geom) {
-  const std::optional<Shape> shape = shape_of(geom);
-  return shape ? solid_of(*shape) : Inertia();
-}
-
-bool has_mesh(const GeomPart& geom) { return geom.type == GeomType::mesh || geom.type == GeomType::sdf; }
-
 // With the geom's mass, or else its density.
-Inertia weighed(const GeomPart& geom) {
+Inertia weighed(const GeomPart& geom, Meshes& meshes) {
   const Element& element = geom.element;
   const double density = element.number("density", 1000.0);
   const bool has_mass = element.has("mass");
   const double mass = element.number("mass", 0.0);
   if (mass < 0.0 || density < 0.0) element.fail("has a negative mass or density", "give 0 or more");
-  Inertia inertia = solid(geom);
+  if (mass == 0.0 && (has_mass || density == 0.0)) return {};
+  Inertia inertia = meshes.inertia_of(geom);
   if (!(inertia.mass > 0.0)) return {};
   const double factor = has_mass ? mass / inertia.mass : density;
-  if (element.truth("shellinertia", false) && factor > 0.0)
-    element.fail("has the inertia of a shell, which lockstep lacks", "add an <inertial>, or make it solid");
+  if (element.truth("shellinertia", false))
+    element.fail("has the inertia of a shell, which lockstep has for meshes alone",
+                 has_mesh(geom) ? "write inertia=\"shell\" for its <mesh>" : "add an <inertial>, or make it solid");
   inertia.mass *= factor;
   inertia.about_center *= factor;
-  return transformed(inertia, geom.pose);
+  return inertia;
 }
 
 bool counts(const GeomPart& geom, const Settings& settings) {
   const int group = geom.element.whole("group", 0);
   return group >= settings.first_group && group <= settings.last_group;
+}
+
+// `opens`: the meshes of its geoms.
+void add_geoms(Body& body, bool opens, const Settings& settings, Meshes& meshes, Report& report) {
+  if (settings.inertia_from_geoms == FromGeoms::never ||
+      (settings.inertia_from_geoms == FromGeoms::where_missing && body.has_inertial))
+    return;
+  Inertia sum;
+  for (const GeomPart& geom : body.geoms) {
+    if (!counts(geom, settings)) continue;
+    if (opens || geom.mesh.empty())
+      sum = sum + weighed(geom, meshes);
+    else if (geom.element.number(geom.element.has("mass") ? "mass" : "density", 1000.0) != 0.0)
+      body.mesh_masses.push_back(geom.place);
+  }
+  if (!(sum.mass > 0.0)) return;
+  if (body.has_inertial) report.remark("inertials that geoms override", body.name);
+  body.inertia = sum;
 }
 
 template <class Change>
@@ -77,30 +89,13 @@ Inertia read_inertial(const Element& element, const Settings& settings) {
   return inertia;
 }
 
-void add_geoms(Body& body, const Element& element, bool has_inertial, const Settings& settings) {
-  if (settings.inertia_from_geoms == FromGeoms::never && !has_inertial && !body.joints.empty())
-    element.fail("has no <inertial>, which inertiafromgeom=\"false\" asks for", "add one");
-  if (settings.inertia_from_geoms == FromGeoms::never ||
-      (settings.inertia_from_geoms == FromGeoms::where_missing && has_inertial))
-    return;
-  Inertia sum;
-  for (const GeomPart& geom : body.geoms) {
-    if (!counts(geom, settings)) continue;
-    if (!has_mesh(geom)) {
-      sum = sum + weighed(geom);
-    } else if (geom.element.number(geom.element.has("mass") ? "mass" : "density", 1000.0) != 0.0) {
-      body.mesh_masses.push_back(geom.place);
-    }
-  }
-  if (!(sum.mass > 0.0)) return;
-  if (has_inertial) element.report().remark("inertials that geoms override", body.name);
-  body.inertia = sum;
-}
-
-void weigh(std::vector<Body>& bodies, const Settings& settings, Document& document) {
+void weigh(Bodies& bodies, const std::vector<bool>& is_read, const Settings& settings, bool leaves_out_meshes,
+           Meshes& meshes, Report& report) {
   double total = 0.0;
-  for (std::size_t i = 1; i < bodies.size(); ++i) {
-    Inertia& inertia = bodies[i].inertia;
+  for (std::size_t i = 1; i < bodies.all.size(); ++i) {
+    const bool matters = settings.total_mass > 0.0 || (is_read[i] && bodies.moves[i]);
+    add_geoms(bodies.all[i], matters && !leaves_out_meshes, settings, meshes, report);
+    Inertia& inertia = bodies.all[i].inertia;
     inertia.mass = std::max(inertia.mass, settings.least_mass);
     if (settings.least_inertia > 0.0)
       change_moments(inertia.about_center,
@@ -110,14 +105,14 @@ void weigh(std::vector<Body>& bodies, const Settings& settings, Document& docume
         return moments[0] + moments[1] < moments[2] ? Vector3d::Constant(moments.mean()) : moments;
       });
     total += inertia.mass;
-    if (settings.total_mass > 0.0 && !bodies[i].mesh_masses.empty())
-      throw ImportError(bodies[i].mesh_masses.front(),
-                        "would count for settotalmass by the volume of its mesh, which is not opened",
-                        "add an <inertial> to its body, or let MuJoCo save the model, and read that");
+    if (settings.total_mass > 0.0 && !bodies.all[i].mesh_masses.empty())
+      throw ImportError(bodies.all[i].mesh_masses.front(),
+                        "would count for settotalmass by the volume of its mesh, which is left out on request",
+                        "add an <inertial> to its body, or do not leave meshes out");
   }
   if (!(settings.total_mass > 0.0) || !(total > 0.0)) return;
-  document.report().remark("masses scaled to the file's total mass", fmt::format("{:g} kg", settings.total_mass));
-  for (Body& body : bodies) {
+  report.remark("masses scaled to the file's total mass", fmt::format("{:g} kg", settings.total_mass));
+  for (Body& body : bodies.all) {
     body.inertia.mass *= settings.total_mass / total;
     body.inertia.about_center *= settings.total_mass / total;
   }

@@ -2,16 +2,17 @@
 #pragma once
 
 #include "bodies.h"
+#include "meshes.h"
 
 namespace lockstep::importer::mjcf {
 
 /// <inertial>, in the body's frame.
 Inertia read_inertial(const Element& element, const Settings& settings);
 
-/// Gives the body the inertia of its geoms where the file asks for that. Geoms whose meshes would add to it are noted.
-void add_geoms(Body& body, const Element& element, bool has_inertial, const Settings& settings);
-
-/// Applies the bounds on masses and inertias, their balance and the total mass that the file asks for.
-void weigh(std::vector<Body>& bodies, const Settings& settings, Document& document);
+/// Gives bodies the inertia of their geoms where the file asks for that, and applies the bounds on masses and inertias,
+/// their balance and the total mass that it asks for. Opens the meshes of moving bodies that are read; of all bodies
+/// where the total mass is given.
+void weigh(Bodies& bodies, const std::vector<bool>& is_read, const Settings& settings, bool leaves_out_meshes,
+           Meshes& meshes, Report& report);
 
 }  // namespace lockstep::importer::mjcf

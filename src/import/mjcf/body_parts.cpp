@@ -128,13 +128,13 @@ GeomPart read_geom(Element element, const Eigen::Isometry3d& frame, const std::s
   part.place = element.place();
   part.type = static_cast<GeomType>(
       element.word("type", {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf"}, 2));
-  if (element.has("mesh")) part.type = part.type == GeomType::sdf ? part.type : GeomType::mesh;
+  part.mesh = element.name("mesh", "");
   element.numbers("size", part.size.data(), 1, 3);
-  if (element.has("fromto") && part.type != GeomType::mesh)
+  if (element.has("fromto") && part.mesh.empty())
     place_between(element, part);
   else
     part.pose = read_pose(element, settings);
-  for (int i = 0; i < sizes_of(part.type); ++i)
+  for (int i = 0; part.mesh.empty() && i < sizes_of(part.type); ++i)
     if (!(part.size[i] > 0.0)) element.fail("has a size that is not above 0", "give its radius or half lengths in m");
   part.pose = frame * part.pose;
   return part;
@@ -155,7 +155,7 @@ SitePart read_site(const Element& element, const Eigen::Isometry3d& frame, const
   return part;
 }
 
-std::optional<Shape> shape_of(const GeomPart& geom) {
+std::optional<Shape> primitive_of(const GeomPart& geom) {
   const Eigen::Vector3d& size = geom.size;
   switch (geom.type) {
     case GeomType::plane: return Shape::half_space();

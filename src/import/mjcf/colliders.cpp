@@ -72,12 +72,20 @@ class Collision {
     const int type = element.whole("contype", 1), affinity = element.whole("conaffinity", 1);
     if (type == 0 && affinity == 0 && !paired_.contains(geom.name)) return;
     const Body& body = scene_.bodies.all[b];
-    const std::optional<Shape> shape = shape_of(geom);
-    if (!shape) {
-      report().warn("geoms of types that no collider has, left out of the colliders",
-                    fmt::format("{} of {}", name_of(geom.type), geom.name.empty() ? body.name : geom.name));
-      return;
+    const std::string& item = geom.name.empty() ? body.name : geom.name;
+    if (!geom.mesh.empty() && geom.type != GeomType::sdf) {
+      if (scene_.options.leave_out_meshes)
+        return report().warn("geoms with meshes, left out of the colliders on request", item);
+      if (const std::string reason = scene_.meshes.unreadable(geom); !reason.empty())
+        return report().warn("geoms with meshes, left out of the colliders",
+                             fmt::format("that of {} {}", item, reason));
     }
+    const std::optional<PlacedShape> placed = scene_.meshes.shape_of(geom, body.name, item);
+    if (!placed && geom.type == GeomType::mesh)
+      return report().remark("geoms with meshes that touch nothing: of fit none", item);
+    if (!placed)
+      return report().warn("geoms of types that no collider has, left out of the colliders",
+                           fmt::format("{} of {}", name_of(geom.type), item));
     double friction[3] = {1.0, 0.005, 0.0001};
     element.numbers("friction", friction, 1, 3);
     const std::string name = names_.unused(geom.name.empty() ? body.name : geom.name);
@@ -88,8 +96,8 @@ class Collision {
     touch_of_.emplace(geom.name, touches_.size() - 1);
     model_.colliders.push_back({.name = name,
                                 .link = places_[b].link,
-                                .shape = *shape,
-                                .pose = places_[b].pose * geom.pose,
+                                .shape = placed->shape,
+                                .pose = places_[b].pose * placed->pose,
                                 .friction = friction[0],
                                 .group = b == 0 || body.is_mocap ? "" : "robot"});
     draft_.places["collider '" + name + "'"] = geom.place;

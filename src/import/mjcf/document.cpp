@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "import/attributes.h"
+#include "import/paths.h"
 #include "import/text.h"
 #include "import/xml.h"
 #include "known.h"
@@ -20,17 +21,6 @@ namespace {
 
 constexpr int deepest_include = 20;
 const char* const wanted = "an MJCF file, <mujoco> ... </mujoco>";
-
-// Where the path leads, through all links. Never throws: what does not exist stays as it is.
-fs::path real_path(const fs::path& path) {
-  std::error_code ignored;
-  fs::path real = fs::weakly_canonical(path, ignored);
-  return ignored ? path : real;
-}
-
-bool is_within(const fs::path& path, const fs::path& folder) {
-  return std::mismatch(folder.begin(), folder.end(), path.begin(), path.end()).first == folder.end();
-}
 
 [[noreturn]] void fail(const std::string& place, const std::string& rule, const std::string& remedy) {
   throw ImportError(place, rule, remedy);

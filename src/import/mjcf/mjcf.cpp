@@ -1,13 +1,12 @@
 // MJCF text to Model: read() is the main path. SPDX-License-Identifier: Apache-2.0
 #include "mjcf.h"
 
-#include <filesystem>
-
 #include "colliders.h"
 #include "couple.h"
 #include "drive.h"
 #include "import/finish.h"
 #include "import/options.h"
+#include "import/paths.h"
 #include "import/xml.h"
 #include "lockstep/import.h"
 #include "loops.h"
@@ -17,7 +16,6 @@
 
 namespace lockstep {
 namespace importer::mjcf {
-namespace {
 
 Import read(const std::string& text, const std::string& source, const std::string& folder,
             const ImportOptions& options) {
@@ -26,7 +24,9 @@ Import read(const std::string& text, const std::string& source, const std::strin
   Document document(text, source, folder, report);
   const Settings settings = read_settings(document);
   const Classes classes(document);
-  const Scene scene = read_scene(document, settings, classes, options);
+  MeshFiles files(options, folder, report);
+  Meshes meshes(document, settings, classes, files);
+  const Scene scene = read_scene(document, settings, classes, options, meshes);
   const std::vector<Key> keys = read_keys(scene);
   const Start start = start_of(scene, keys);
   Draft draft;
@@ -48,13 +48,6 @@ Import read(const std::string& text, const std::string& source, const std::strin
   });
 }
 
-}  // namespace
-
-Import read_file(const std::string& text, const std::string& path, const ImportOptions& options) {
-  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  return read(text, path, folder.empty() ? "." : folder.string(), options);
-}
-
 }  // namespace importer::mjcf
 
 Import import_mjcf(const std::string& text, const std::string& source, const ImportOptions& options) {
@@ -62,7 +55,7 @@ Import import_mjcf(const std::string& text, const std::string& source, const Imp
 }
 
 Import import_mjcf_file(const std::string& path, const ImportOptions& options) {
-  return importer::mjcf::read_file(importer::text_of(path), path, options);
+  return importer::mjcf::read(importer::text_of(path), path, importer::folder_of(path), options);
 }
 
 }  // namespace lockstep

@@ -1,4 +1,4 @@
-// MJCF text of a file. SPDX-License-Identifier: Apache-2.0
+// MJCF from text that is already loaded. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <string>
@@ -7,7 +7,8 @@
 
 namespace lockstep::importer::mjcf {
 
-/// import_mjcf_file() with the content of the file.
-Import read_file(const std::string& text, const std::string& path, const ImportOptions& options);
+/// `folder` is that of the file, where those that it includes and its meshes are; empty for text.
+Import read(const std::string& text, const std::string& source, const std::string& folder,
+            const ImportOptions& options);
 
 }  // namespace lockstep::importer::mjcf

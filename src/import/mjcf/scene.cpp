@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <string_view>
 
+#include "body_inertia.h"
 #include "lockstep/error.h"
 
 namespace lockstep::importer::mjcf {
@@ -70,9 +71,14 @@ int Scene::scalar_joint(const std::string& name, const Element& element) const {
   return is_joint_read(found->second) ? found->second : -1;
 }
 
-Scene read_scene(Document& document, const Settings& settings, const Classes& classes, const ImportOptions& options) {
-  Scene scene{document, settings, classes, options, read_bodies(document, settings, classes), {}, {}, {}, {}, {},
-              {},       {},       {},      {}};
+Scene read_scene(Document& document, const Settings& settings, const Classes& classes, const ImportOptions& options,
+                 Meshes& meshes) {
+  Scene scene{.document = document,
+              .settings = settings,
+              .classes = classes,
+              .options = options,
+              .meshes = meshes,
+              .bodies = read_bodies(document, settings, classes)};
   for (std::size_t b = 0; b < scene.bodies.all.size(); ++b) {
     const Body& body = scene.bodies.all[b];
     scene.body_of.emplace(body.name, static_cast<int>(b));
@@ -82,6 +88,7 @@ Scene read_scene(Document& document, const Settings& settings, const Classes& cl
     }
   }
   choose_bodies(scene);
+  weigh(scene.bodies, scene.is_read, settings, options.leave_out_meshes, meshes, document.report());
   suspect_angles(scene);
   name_flexes(scene);
   read_tendons(scene);

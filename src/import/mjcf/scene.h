@@ -10,6 +10,7 @@
 #include "bodies.h"
 #include "limited.h"
 #include "lockstep/import.h"
+#include "meshes.h"
 
 namespace lockstep::importer::mjcf {
 
@@ -67,15 +68,16 @@ struct Scene {
   const Settings& settings;
   const Classes& classes;
   const ImportOptions& options;
+  Meshes& meshes;
   Bodies bodies;
-  std::vector<JointId> joints;  ///< in MuJoCo's order
-  std::unordered_map<std::string, int> joint_of, body_of;
-  std::vector<bool> is_read;  ///< by body: options.body or what it carries; all without that option
-  std::vector<Tendon> tendons;
-  std::vector<Equality> equalities;
-  std::vector<Curve> curves;
-  std::vector<Element> closures;  ///< <connect> and <weld>
-  std::vector<Actuator> actuators;
+  std::vector<JointId> joints = {};  ///< in MuJoCo's order
+  std::unordered_map<std::string, int> joint_of = {}, body_of = {};
+  std::vector<bool> is_read = {};  ///< by body: options.body or what it carries; all without that option
+  std::vector<Tendon> tendons = {};
+  std::vector<Equality> equalities = {};
+  std::vector<Curve> curves = {};
+  std::vector<Element> closures = {};  ///< <connect> and <weld>
+  std::vector<Actuator> actuators = {};
 
   Report& report() const { return document.report(); }
   const JointPart& joint(int index) const {
@@ -92,7 +94,8 @@ struct Scene {
 
 /// Reads the whole file. Throws ImportError where it is no MJCF or cannot be a Model, SettingsError where options.body
 /// is no body.
-Scene read_scene(Document& document, const Settings& settings, const Classes& classes, const ImportOptions& options);
+Scene read_scene(Document& document, const Settings& settings, const Classes& classes, const ImportOptions& options,
+                 Meshes& meshes);
 
 // Parts of it, in this order.
 void read_tendons(Scene& scene);

@@ -42,6 +42,10 @@ void read_compiler(const Element& compiler, Settings& settings) {
   settings.least_inertia = compiler.number("boundinertia", 0.0);
   settings.balances = compiler.truth("balanceinertia", false);
   settings.total_mass = compiler.number("settotalmass", -1.0);
+  settings.mesh_folder = compiler.name("meshdir", compiler.name("assetdir", ""));
+  settings.strips_paths = compiler.truth("strippath", false);
+  settings.fits_extents = compiler.truth("fitaabb", false);
+  if (compiler.truth("exactmeshinertia", false)) settings.mesh_rule = MeshRule::exact;  // up to MuJoCo 3.2
   settings.aligns_free = compiler.truth("alignfree", false);
 }
 

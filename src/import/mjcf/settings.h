@@ -5,6 +5,7 @@
 #include <string>
 
 #include "element.h"
+#include "import/meshes/inertia.h"
 
 namespace lockstep::importer::mjcf {
 
@@ -19,7 +20,11 @@ struct Settings {
   int first_group = 0, last_group = 5;  ///< geoms that count for inertia
   double least_mass = 0.0, least_inertia = 0.0, total_mass = -1.0;
   bool balances = false;
-  bool aligns_free = false;  ///< free joints that do not say so themselves move principal axes
+  std::string mesh_folder = {};  ///< below the main file's
+  bool strips_paths = false;     ///< of the names of mesh files
+  MeshRule mesh_rule = MeshRule::legacy;
+  bool fits_extents = false;  ///< primitives around meshes: by the extents of these in place of their moments
+  bool aligns_free = false;   ///< free joints that do not say so themselves move principal axes
 
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};
   double time_step = 0.0;  ///< s; 0 if the file has none

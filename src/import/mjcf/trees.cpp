@@ -96,16 +96,11 @@ class Grower {
       if (joint.type == JointType::ball)
         throw ImportError(joint.place, "is a ball joint, which lockstep lacks",
                           "build it from three hinges if their gimbal lock does not matter");
-    for (const std::string& place : own.mesh_masses) {
-      if (!scene_.bodies.moves[b])
-        report().remark("meshes that give bodies that stand still no mass, as they are not opened", place);
-      else if (scene_.options.leave_out_meshes)
+    for (const std::string& place : own.mesh_masses)
+      if (scene_.bodies.moves[b])
         report().warn("meshes that give moving bodies no inertia, left out on request", place);
       else
-        throw ImportError(place, "would give body '" + own.name + "' the inertia of its mesh, which is not opened",
-                          "add an <inertial> to the body, let MuJoCo save the model, or leave such meshes out: "
-                          "ImportOptions::leave_out_meshes");
-    }
+        report().remark("meshes that give bodies that stand still no mass, as they are not opened", place);
   }
 
   void add_link(const std::string& name, const Inertia& inertia, double gravity, const std::string& place) {

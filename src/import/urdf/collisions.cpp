@@ -1,6 +1,10 @@
 // <collision>, shape by shape. SPDX-License-Identifier: Apache-2.0
 #include "collisions.h"
 
+#include <fmt/format.h>
+
+#include <stdexcept>
+
 #include "model/shapes.h"
 #include "model/trees.h"
 #include "origin.h"
@@ -15,44 +19,114 @@ double length(Element& shape, const char* attribute, bool may_be_zero = false) {
   return value;
 }
 
-}  // namespace
+Fail fail_at(const Element& element) {
+  return [&element](const std::string& rule, const std::string& remedy) { element.fail(rule, remedy); };
+}
 
-Shapes read_shapes(Element& link, const std::string& name) {
-  Shapes shapes;
-  link.each_child("collision", [&](Element collision) {
-    collision.rename("collision of " + link.title());
+// Of density 1, in the frame of the mesh.
+Inertia weighed(const Solid& solid, const Element& mesh, const std::string& link) {
+  const bool is_closed = solid.is_closed();
+  if (!is_closed) mesh.report().warn("collision meshes that are not closed, whose hulls give inertia", link);
+  try {
+    return solid.inertia(is_closed ? MeshRule::exact : MeshRule::convex);
+  } catch (const std::invalid_argument& error) {
+    mesh.fail(error.what(), "correct the mesh, or give the link an <inertial>");
+  }
+}
+
+// Reads the <collision> elements of one link.
+class Reader {
+ public:
+  Reader(const std::string& link, const ImportOptions& options, bool weighs, MeshFiles& meshes)
+      : link_(link), options_(options), weighs_(weighs), meshes_(meshes) {}
+
+  void read(Element collision) {
     ++shapes.collisions;
     const Eigen::Isometry3d pose = read_origin(collision);
-    const auto add = [&](const Shape& shape) {
-      shapes.solid = shapes.solid + transformed(solid_of(shape), pose);
-      const std::size_t number = shapes.colliders.size() + 1;
-      shapes.colliders.push_back({.name = number == 1 ? name : name + "#" + std::to_string(number),
-                                  .link = name,
-                                  .shape = shape,
-                                  .pose = pose,
-                                  .group = "robot"});
-    };
     std::optional<Element> geometry = collision.child("geometry");
     if (!geometry) return;
-    geometry->each_child("mesh", [&](const Element&) { ++shapes.meshes; });
+    geometry->each_child("mesh", [&](Element mesh) { read_mesh(mesh, pose); });
     geometry->each_child("box", [&](Element box) {
       const Eigen::Vector3d size = box.triple("size");
       if (!(size.minCoeff() > 0.0)) box.fail("size is not above 0, so the shape has no volume", "give it in metres");
-      add(Shape::box(size));
+      add(Shape::box(size), pose);
     });
-    geometry->each_child("sphere", [&](Element sphere) { add(Shape::sphere(length(sphere, "radius"))); });
+    geometry->each_child("sphere", [&](Element sphere) { add(Shape::sphere(length(sphere, "radius")), pose); });
     geometry->each_child("cylinder", [&](Element shape) {
       const double radius = length(shape, "radius");
-      add(Shape::cylinder(radius, length(shape, "length")));
+      add(Shape::cylinder(radius, length(shape, "length")), pose);
     });
     geometry->each_child("capsule", [&](Element shape) {
       const double radius = length(shape, "radius");
       const double height = length(shape, "length", true);
-      add(height > 0.0 ? Shape::capsule(radius, height) : Shape::sphere(radius));
+      add(height > 0.0 ? Shape::capsule(radius, height) : Shape::sphere(radius), pose);
     });
     geometry->tally_rest();
+  }
+
+  Shapes shapes = {};
+
+ private:
+  std::string next_name() const {
+    const std::size_t number = shapes.colliders.size() + 1;
+    return number == 1 ? link_ : link_ + "#" + std::to_string(number);
+  }
+
+  void collide(const Shape& shape, const Eigen::Isometry3d& pose) {
+    shapes.colliders.push_back({.name = next_name(), .link = link_, .shape = shape, .pose = pose, .group = "robot"});
+  }
+
+  void add(const Shape& shape, const Eigen::Isometry3d& pose) {
+    shapes.solid = shapes.solid + transformed(solid_of(shape), pose);
+    collide(shape, pose);
+  }
+
+  void read_mesh(Element& mesh, const Eigen::Isometry3d& pose) {
+    if (options_.leave_out_meshes) return leave_out(mesh, "collision meshes, left out on request", link_);
+    const std::string name = mesh.name("filename");
+    if (const std::string reason = MeshFiles::unreadable(name); !reason.empty())
+      return leave_out(mesh, "collision meshes, left out", fmt::format("that of {} {}", link_, reason));
+    mesh.rename(mesh.title() + " of link '" + link_ + "'");
+    // When inertia is asked for, the mesh may turn out not to be needed.
+    const auto solid = [&meshes = meshes_, mesh, name,
+                        scale = mesh.triple("scale", Eigen::Vector3d::Ones())]() -> const Solid& {
+      return meshes.solid(name, "", Eigen::Affine3d(Eigen::Scaling(scale)), fail_at(mesh));
+    };
+    if (weighs_)
+      shapes.mesh_solids.push_back(
+          [solid, mesh, pose, link = link_] { return transformed(weighed(solid(), mesh, link), pose); });
+    if (options_.colliders) collide(solid, mesh, pose);
+  }
+
+  template <class GetSolid>
+  void collide(const GetSolid& solid, const Element& mesh, const Eigen::Isometry3d& pose) {
+    if (meshes_.fit_of(link_) == Fit::none)
+      return mesh.report().remark("collision meshes that touch nothing: of fit none", link_);
+    const Fitted& fitted = meshes_.shape_of(solid(), link_, next_name(), most_hull_corners, fail_at(mesh));
+    collide(fitted.shape, pose * fitted.pose);
+  }
+
+  void leave_out(const Element& mesh, const char* what, const std::string& item) {
+    ++shapes.meshes;
+    mesh.report().warn(what, item);
+  }
+
+  const std::string& link_;
+  const ImportOptions& options_;
+  const bool weighs_;
+  MeshFiles& meshes_;
+};
+
+}  // namespace
+
+Shapes read_shapes(Element& link, const std::string& name, const ImportOptions& options, bool weighs,
+                   MeshFiles& meshes) {
+  Reader reader(name, options, weighs, meshes);
+  link.each_child("collision", [&](Element collision) {
+    collision.rename("collision of " + link.title());
+    reader.read(std::move(collision));
   });
-  return shapes;
+  return std::move(reader.shapes);
 }
 
 }  // namespace lockstep::importer::urdf

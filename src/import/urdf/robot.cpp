@@ -61,15 +61,14 @@ Inertia read_inertial(Element inertial, LinkExtras& extras) {
   return inertia;
 }
 
-void take_colliders(const std::string& link, const Shapes& shapes, Report& report, Model& model) {
+void take_colliders(const Shapes& shapes, Report& report, Model& model) {
   for (const Collider& collider : shapes.colliders) {
     report.remark("colliders of the group 'robot'", collider.name);
     model.colliders.push_back(collider);
   }
-  if (shapes.meshes > 0) report.warn("collision meshes, left out of the colliders", link);
 }
 
-void read_link(Element element, const ImportOptions& options, Robot& robot) {
+void read_link(Element element, const ImportOptions& options, MeshFiles& meshes, Robot& robot) {
   Link link;
   link.name = element.name("name");
   element.rename("link '" + link.name + "'");
@@ -77,9 +76,10 @@ void read_link(Element element, const ImportOptions& options, Robot& robot) {
   LinkExtras extras;
   if (std::optional<Element> inertial = element.child("inertial")) link.inertia = read_inertial(*inertial, extras);
   const bool is_complete = link.inertia.mass != 0.0 && !extras.lacks_tensor;
-  if ((options.density > 0.0 && !is_complete) || options.colliders) {
-    extras.shapes = read_shapes(element, link.name);
-    if (options.colliders) take_colliders(link.name, extras.shapes, element.report(), robot.model);
+  const bool weighs = options.density > 0.0 && !is_complete;
+  if (weighs || options.colliders) {
+    extras.shapes = read_shapes(element, link.name, options, weighs, meshes);
+    if (options.colliders) take_colliders(extras.shapes, element.report(), robot.model);
     if (is_complete) extras.shapes = {};
   }
   element.tally_rest();
@@ -225,7 +225,7 @@ void read_joint(Element element, const ImportOptions& options, std::unordered_ma
 
 }  // namespace
 
-Robot read_robot(Element element, const ImportOptions& options) {
+Robot read_robot(Element element, const ImportOptions& options, MeshFiles& meshes) {
   Robot robot;
   if (element.has("name"))
     robot.model.name = element.name("name");
@@ -233,7 +233,7 @@ Robot read_robot(Element element, const ImportOptions& options) {
     element.report().remark("a robot without a name, called", robot.model.name);
   element.rename("robot '" + robot.model.name + "'");
   robot.places[element.title()] = element.place();
-  element.each_child("link", [&](Element link) { read_link(std::move(link), options, robot); });
+  element.each_child("link", [&](Element link) { read_link(std::move(link), options, meshes, robot); });
   std::unordered_map<std::string, std::string> carrier;
   element.each_child("joint", [&](Element joint) { read_joint(std::move(joint), options, carrier, robot); });
   read_loop_joints(element, options, robot);

@@ -8,6 +8,7 @@
 
 #include "element.h"
 #include "import/draft.h"
+#include "import/meshes/files.h"
 #include "lockstep/import.h"
 #include "mimics.h"
 
@@ -27,6 +28,6 @@ struct Robot : Draft {
 
 /// Reads all links, joints and loops. Bounds that are ignored are kept where they are possible. Throws ImportError if
 /// an element is not URDF. Does not check the names that they refer to.
-Robot read_robot(Element element, const ImportOptions& options);
+Robot read_robot(Element element, const ImportOptions& options, MeshFiles& meshes);
 
 }  // namespace lockstep::importer::urdf

@@ -6,10 +6,12 @@
 
 #include "import/finish.h"
 #include "import/options.h"
+#include "import/paths.h"
 #include "import/xml.h"
 #include "lockstep/error.h"
 #include "lockstep/import.h"
 #include "robot.h"
+#include "urdf.h"
 
 namespace lockstep {
 namespace importer::urdf {
@@ -105,20 +107,26 @@ void assemble(Robot& robot, Report& report) {
 }
 
 }  // namespace
+
+Import read(const std::string& text, const std::string& source, const std::string& folder,
+            const ImportOptions& options) {
+  refuse_others(options, Format::urdf);
+  File file{source, {}};
+  tinyxml2::XMLDocument document(/*processEntities=*/false);
+  const tinyxml2::XMLElement& root = parsed(text, source, "a URDF file, <robot name=\"...\"> ... </robot>", document);
+  MeshFiles meshes(options, folder, file.report);
+  Robot robot = read_robot(robot_of(root, file), options, meshes);
+  return finished(robot, options, file.report, source, [&] { assemble(robot, file.report); });
+}
+
 }  // namespace importer::urdf
 
 Import import_urdf(const std::string& text, const std::string& source, const ImportOptions& options) {
-  importer::refuse_others(options, importer::Format::urdf);
-  importer::urdf::File file{source, {}};
-  tinyxml2::XMLDocument document(/*processEntities=*/false);
-  const tinyxml2::XMLElement& root =
-      importer::parsed(text, source, "a URDF file, <robot name=\"...\"> ... </robot>", document);
-  importer::urdf::Robot robot = importer::urdf::read_robot(importer::urdf::robot_of(root, file), options);
-  return importer::finished(robot, options, file.report, source, [&] { importer::urdf::assemble(robot, file.report); });
+  return importer::urdf::read(text, source, "", options);
 }
 
 Import import_urdf_file(const std::string& path, const ImportOptions& options) {
-  return import_urdf(importer::text_of(path), path, options);
+  return importer::urdf::read(importer::text_of(path), path, importer::folder_of(path), options);
 }
 
 }  // namespace lockstep

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "solid.h"
+
+#include <cmath>
+#include <stdexcept>
+
+namespace lockstep::importer {
+
+const Hull& Solid::hull() const {
+  if (!hull_) hull_ = hull_of(mesh_.vertices);
+  return *hull_;
+}
+
+const Fitted& Solid::fitted(Fit fit, int most_corners) const {
+  const auto key = std::make_pair(fit, most_corners);
+  const auto found = fits_.find(key);
+  return found != fits_.end() ? found->second
+                              : fits_.emplace(key, importer::fitted(hull(), fit, most_corners)).first->second;
+}
+
+Inertia Solid::inertia(MeshRule rule) const {
+  const auto known = inertias_.find(rule);
+  return known != inertias_.end() ? known->second : inertias_.emplace(rule, made(rule)).first->second;
+}
+
+Inertia Solid::made(MeshRule rule) const {
+  constexpr double least = 1e-15;  // m^3 or m^2, as in MuJoCo
+  const bool has_triangles = mesh_.triangles.cols() > 0;
+  if (rule == MeshRule::convex || (!has_triangles && rule != MeshRule::shell)) return solid_of(hull());
+  if (!has_triangles) throw std::invalid_argument("has no triangles, which a shell needs");
+  if (rule == MeshRule::exact && !is_closed())
+    throw std::invalid_argument("is not closed, so it has no exact inertia: an edge has not one triangle on each side");
+  const Inertia inertia = inertia_of(mesh_, rule);
+  if (inertia.mass < -least) throw std::invalid_argument("is inside out: its triangles turn the wrong way");
+  if (!(inertia.mass > least)) throw std::invalid_argument("has no volume");
+  return inertia;
+}
+
+bool Solid::is_closed() const {
+  if (!is_closed_) is_closed_ = importer::is_closed(mesh_);
+  return *is_closed_;
+}
+
+double Solid::share_of_hull() const {
+  if (!share_) share_ = mesh_.triangles.cols() > 0 ? std::abs(signed_volume(mesh_)) / solid_of(hull()).mass : 1.0;
+  return *share_;
+}
+
+double Solid::size() const {
+  return (hull().corners.rowwise().maxCoeff() - hull().corners.rowwise().minCoeff()).maxCoeff();
+}
+
+}  // namespace lockstep::importer
