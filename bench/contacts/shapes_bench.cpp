@@ -13,6 +13,7 @@
 
 #include "contacts/solids.h"
 #include "cpu_seconds.h"
+#include "kernels/contacts/broad_phase.h"
 #include "kernels/contacts/half_space_cylinder.h"
 #include "kernels/contacts/half_space_ellipsoid.h"
 #include "kernels/contacts/half_space_hull.h"
@@ -122,6 +123,34 @@ Case on_half_space(const std::string& name, const Solid& solid) {
           }};
 }
 
+// 21 balls of 2 cm on a line, 200 of their pairs; none meets another one.
+Case spheres_of_200_pairs() {
+  const auto balls = std::make_shared<std::vector<kernels::MovingCollider<T>>>(21);
+  for (std::size_t i = 0; i < balls->size(); ++i) {
+    kernels::MovingCollider<T>& ball = (*balls)[i];
+    ball.shape.center = {T(0.1f * static_cast<float>(i)), T(0), T(0)};
+    ball.stretch = T(1.02f), ball.span = T(0.03f), ball.other_span = T(0.025f);
+  }
+  return {"spheres about 200 pairs, all apart", [balls](std::size_t) {
+            int met = 0, pairs = 0;
+            for (std::size_t i = 0; i < balls->size(); ++i)
+              for (std::size_t j = i + 1; j < balls->size() && pairs < 200; ++j, ++pairs)
+                met += any(kernels::spheres_meet(ShapeKind::box, (*balls)[i], (*balls)[j]));
+            sink = static_cast<float>(met);
+          }};
+}
+
+Case boxes_about(const Solid& box) {
+  const auto poses = std::make_shared<Poses>(box, box, Lie::any, Motion::turns);
+  ColliderPlace<float> place{};
+  for (int k = 0; k < 3; ++k) place.half[k] = static_cast<float>(box.size[k]);
+  place.reach = static_cast<float>(box.size.norm());
+  return {"boxes about a pair", [poses, place](std::size_t step) {
+            sink = any(kernels::boxes_meet(place, place, poses->first[step], poses->second[step], T(margin))) ? 1.0f
+                                                                                                              : 0.0f;
+          }};
+}
+
 // Of a ball of 5 cm.
 Solid hull_with(int corners, Random& random) {
   Solid solid{ShapeKind::hull, {0.05, 0.05, 0.05}, Eigen::Matrix3Xd(3, corners)};
@@ -150,6 +179,8 @@ std::vector<Case> cases() {
     all.push_back(convex("box and ellipsoid" + how, box, ellipsoid, Lie::any, motion));
     all.push_back(convex("two ellipsoids" + how, ellipsoid, ellipsoid, Lie::any, motion));
   }
+  all.push_back(spheres_of_200_pairs());
+  all.push_back(boxes_about(box));
   all.push_back(on_half_space("half-space and cylinder", cylinder));
   all.push_back(on_half_space("half-space and ellipsoid", ellipsoid));
   all.push_back(on_half_space("half-space and hull of 32", hull32));

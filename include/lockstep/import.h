@@ -64,12 +64,15 @@ struct ImportOptions {
   /// Model::contacts says so. MJCF's geoms touch what the file lets them. Of a mesh its hull touches, or what `fit`
   /// says; the report names corners that are lost, and hollows that are filled.
   bool colliders = false;
+  /// MJCF only. What one child of the world carries may touch itself, where the file lets it. Hulls of links that are
+  /// neighbours but one often overlap for good.
+  bool self_collisions = true;
   /// Corners that the hull of a mesh may have, 8 to 64. More cost time: one of 64 about 1.4 times one of 32.
   int hull_vertices = 64;
   Fit fit = Fit::hull;
   std::map<std::string, Fit> fit_of_links = {};  ///< in place of `fit`, by name; MJCF calls links bodies
-  /// Folders of packages by name, for package://name/path of URDF. By default it is the nearest folder of that name
-  /// among those around the robot file and beside them.
+  /// Folders of packages by name, for package://name/path. By default it is the nearest folder of that name among those
+  /// around the robot file and beside them.
   std::map<std::string, std::string> packages = {};
   /// Folders that mesh files may lie in, beside that of the robot file and those of packages. Files elsewhere are not
   /// opened, whatever leads there.

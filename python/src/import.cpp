@@ -30,8 +30,8 @@ void add(py::module_& module, const char* name, const char* help, Read read, con
       name,
       [read](First... first, double least_mass, double least_inertia, double density, bool repair_inertias,
              bool leave_out_foreign, bool colliders, const std::string& keyframe, const std::string& body,
-             const std::string& loops, const std::string& soft, bool leave_out_meshes, int hull_vertices,
-             const std::string& fit, const std::map<std::string, std::string>& fit_of_links,
+             const std::string& loops, const std::string& soft, bool leave_out_meshes, bool self_collisions,
+             int hull_vertices, const std::string& fit, const std::map<std::string, std::string>& fit_of_links,
              const std::map<std::string, std::filesystem::path>& packages,
              const std::vector<std::filesystem::path>& mesh_roots, const py::object& ignore) {
         ImportOptions options;
@@ -40,6 +40,7 @@ void add(py::module_& module, const char* name, const char* help, Read read, con
         options.colliders = colliders, options.keyframe = keyframe, options.body = body;
         options.loops = loops_of(loops);
         options.soft = soft_of(soft);
+        options.self_collisions = self_collisions;
         options.leave_out_meshes = leave_out_meshes, options.hull_vertices = hull_vertices;
         options.fit = fit_of(fit);
         for (const auto& [link, own] : fit_of_links) options.fit_of_links[link] = fit_of(own);
@@ -51,9 +52,9 @@ void add(py::module_& module, const char* name, const char* help, Read read, con
       arguments..., py::kw_only(), "least_mass"_a = o.least_mass, "least_inertia"_a = o.least_inertia,
       "density"_a = o.density, "repair_inertias"_a = o.repair_inertias, "leave_out_foreign"_a = o.leave_out_foreign,
       "colliders"_a = o.colliders, "keyframe"_a = o.keyframe, "body"_a = o.body, "loops"_a = to_string(o.loops),
-      "soft"_a = to_string(o.soft), "leave_out_meshes"_a = o.leave_out_meshes, "hull_vertices"_a = o.hull_vertices,
-      "fit"_a = to_string(o.fit), "fit_of_links"_a = py::dict(), "packages"_a = py::dict(),
-      "mesh_roots"_a = py::tuple(), "ignore"_a = py::none(), help);
+      "soft"_a = to_string(o.soft), "leave_out_meshes"_a = o.leave_out_meshes, "self_collisions"_a = o.self_collisions,
+      "hull_vertices"_a = o.hull_vertices, "fit"_a = to_string(o.fit), "fit_of_links"_a = py::dict(),
+      "packages"_a = py::dict(), "mesh_roots"_a = py::tuple(), "ignore"_a = py::none(), help);
 }
 
 void add_file(py::module_& module, const char* name, const char* help, FromFile read) {
@@ -106,7 +107,8 @@ void bind_import(py::module_& module) {
       "compile(). URDF alone: density, "
       "kg/m^3, gives bodies without mass that of their collision shapes; leave_out_foreign leaves out what other "
       "tools add. MJCF alone: keyframe, by name or number, is where the model starts; body is read with what it "
-      "carries, and all else is left out; loops is 'keep' or 'leave_out'; soft is 'harden' or 'as_in_file'. "
+      "carries, and all else is left out; loops is 'keep' or 'leave_out'; soft is 'harden' or 'as_in_file'; "
+      "self_collisions=False leaves out pairs of a robot with itself. "
       "An option that the format cannot use is a "
       "SettingsError. Raises ImportFileError, ModelError, FileNotFoundError, too.",
       import_file);

@@ -80,9 +80,10 @@ void report_colliders(const Model& model, Report& report) {
 }
 
 // A misspelt name would say nothing.
-void check_names(const ImportOptions& options, const Model& model) {
+void check_names(const ImportOptions& options, const Draft& draft) {
+  const Model& model = draft.model;
   for (const auto& [name, fit] : options.fit_of_links)
-    if (std::none_of(model.links.begin(), model.links.end(), [&](const Link& link) { return link.name == name; }))
+    if (!draft.places.contains("link '" + name + "'"))  // a link that stands for the world is no longer in the model
       throw SettingsError("ImportOptions::fit_of_links", "names '" + shortened(name) + "', which is no link",
                           "check the spelling");
   const Ignored& ignore = options.ignore;
@@ -108,7 +109,7 @@ Import finished(Draft& draft, const ImportOptions& options, Report& report, cons
   Model& model = draft.model;
   try {
     assemble();
-    check_names(options, model);
+    check_names(options, draft);
     if (options.change) options.change(model);
     repair_inertias(options, draft, report);
     model.validate();
@@ -118,9 +119,12 @@ Import finished(Draft& draft, const ImportOptions& options, Report& report, cons
     report_colliders(model, report);
   } catch (const ModelError& error) {
     const auto place = draft.places.find(error.element());
-    const std::string meshes = error.element().starts_with("link") ? report.line(unused_meshes) : "";
-    throw ModelError(place != draft.places.end() ? place->second : source + ": " + error.element(),
-                     error.rule() + (meshes.empty() ? "" : "; " + meshes), error.remedy());
+    std::string rule = error.rule();
+    for (const char* what : {unused_meshes, left_out_meshes})
+      if (const std::string line = report.line(what); error.element().starts_with("link") && !line.empty())
+        rule += "; " + line;
+    throw ModelError(place != draft.places.end() ? place->second : source + ": " + error.element(), rule,
+                     error.remedy());
   }
   Import result{std::move(model), report.lines(), report.warnings()};
   result.report.insert(result.report.begin(), "read " + contents_of(result.model));

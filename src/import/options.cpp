@@ -28,9 +28,9 @@ void refuse_others(const ImportOptions& options, Format format) {
   refuse(!options.keyframe.empty(), Format::mjcf, "keyframe", mjcf_only);
   refuse(!options.body.empty(), Format::mjcf, "body", mjcf_only);
   refuse(options.loops != Loops::keep, Format::mjcf, "loops", "use leave_out_foreign, loops are no URDF");
+  refuse(!options.self_collisions, Format::mjcf, "self_collisions", "leave it out, URDF declares no pairs");
   refuse(options.soft != Soft::harden, Format::mjcf, "soft", mjcf_only);
   refuse(options.density != 0.0, Format::urdf, "density", "leave it out, MJCF's geoms have densities of their own");
-  refuse(!options.packages.empty(), Format::urdf, "packages", "leave it out, MJCF has no packages");
   refuse(options.leave_out_foreign, Format::urdf, "leave_out_foreign", "use loops, MJCF's own elements are no others'");
 }
 

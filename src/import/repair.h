@@ -7,6 +7,8 @@
 
 namespace lockstep::importer {
 
+/// The kind of remark on collision meshes of formats that are not read.
+inline const char* const left_out_meshes = "collision meshes, left out";
 /// The kind of remark on links with collision meshes that could have filled in an inertia.
 inline const char* const unused_meshes = "collision meshes, not used for inertia";
 

@@ -199,7 +199,7 @@ void moves_some_inertia(const Model& model, const Trees& trees, const std::vecto
                      "moves, but its joint has no mass or no inertia to move: its inertia is missing or 0" +
                          (others.empty() ? "" : "; the same holds for " + listed(others)),
                      "give an <inertial> to each, or to a link that is fixed to it; or fill them in on reading: "
-                     "ImportOptions::density makes them from collision shapes, but not from meshes; "
+                     "ImportOptions::density makes them from collision shapes; "
                      "ImportOptions::least_mass and ImportOptions::least_inertia take bounds");
   }
   const Unmoved why = unmoved.front().why;

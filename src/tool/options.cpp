@@ -156,20 +156,22 @@ void add_contact(const std::string& text, Model& model) {
   model.contacts.push_back({names[0], names[1]});
 }
 
-Fit fit_named(const std::string& text) { return named(all_fits, text, "--fit", "fits"); }
+Fit fit_named(const std::string& text, const char* option) { return named(all_fits, text, option, "fits"); }
 
 // From "NAME=TEXT".
 std::pair<std::string, std::string> in_two(const std::string& text, const char* option) {
   const std::size_t equals = text.find('=');
   if (equals == std::string::npos || equals == 0)
-    throw InputError(fmt::format("{}: '{}' should be NAME=...", option, text));
+    throw InputError(fmt::format("{}: '{}' should have a name before an equals sign", option, text));
   return {text.substr(0, equals), text.substr(equals + 1)};
 }
 
 void add_meshes(CLI::App& app, ImportOptions& import) {
   app.add_flag("--leave-out-meshes", import.leave_out_meshes, "Opens no mesh: they neither touch nor give inertia");
   app.add_option("--hull-vertices", import.hull_vertices, "Corners of the hull of a mesh, 8 to 64")->type_name("N");
-  add_parsed(app, "--fit", import.fit, fit_named, "What touches in place of a mesh: hull, box, capsule or none")
+  add_parsed(
+      app, "--fit", import.fit, [](const std::string& text) { return fit_named(text, "--fit"); },
+      "What touches in place of a mesh: hull, box, capsule or none")
       ->type_name("FIT")
       ->default_str("hull");
   app.add_option_function<std::vector<std::string>>(
@@ -177,7 +179,7 @@ void add_meshes(CLI::App& app, ImportOptions& import) {
          [&import](const std::vector<std::string>& texts) {
            for (const std::string& text : texts) {
              const auto [link, fit] = in_two(text, "--fit-of-links");
-             import.fit_of_links[link] = fit_named(fit);
+             import.fit_of_links[link] = fit_named(fit, "--fit-of-links");
            }
          },
          "The same for the meshes of one link. Repeatable")
@@ -186,7 +188,10 @@ void add_meshes(CLI::App& app, ImportOptions& import) {
   app.add_option_function<std::vector<std::string>>(
          "--packages",
          [&import](const std::vector<std::string>& texts) {
-           for (const std::string& text : texts) import.packages.insert(in_two(text, "--packages"));
+           for (const std::string& text : texts) {
+             const auto [name, folder] = in_two(text, "--packages");
+             import.packages[name] = folder;
+           }
          },
          "Where the package of package://NAME/... lies. Repeatable")
       ->type_name("NAME=FOLDER")
@@ -227,6 +232,7 @@ void ModelOptions::add_to(CLI::App& app) {
       "MJCF: as_in_file leaves couplings as soft as the file says")
       ->type_name("CHOICE")
       ->default_str("harden");
+  app.add_flag("!--no-self-collisions", import.self_collisions, "MJCF: leaves out pairs of a robot with itself");
   add_meshes(app, import);
   CLI::Option* floats = app.add_flag_callback(
       "--floating-base", [this] { floating = true; }, "Lets root links float in the world (default: as in the file)");

@@ -51,7 +51,8 @@ TEST(Formats, read_the_same_mesh) {
 
 TEST(Formats, of_obj_may_have_faces_of_many_vertices_and_vertices_with_colours) {
   const Mesh mesh = importer::read_obj(
-      "v 0 0 0 1 0 0\nv 1 0 0 1 0 0\nv 1 1 0 .5 .5 .5\n v\t0 1 0 1\nf 1 2 3 4\nv 0 0 1\nf -1 -4 -5\n", refuse);
+      "\xef\xbb\xbfv 0 0 0 1 0 0\nv 1 0 0 nan nan nan\nv 1 1 0 .5 .5 .5\n v\t0 1 0 1\nf 1 2 3 4\nv 0 0 1\nf -1 -4 -5\n",
+      refuse);
   ASSERT_EQ(mesh.triangles.cols(), 3);
   EXPECT_EQ(corners(mesh).rightCols(3), (Eigen::Matrix3d() << 0, 1, 0, 0, 0, 0, 1, 0, 0).finished());
   EXPECT_EQ(corners(mesh).middleCols(3, 3), (Eigen::Matrix3d() << 0, 1, 0, 0, 1, 1, 0, 0, 0).finished());
@@ -70,7 +71,8 @@ TEST(Formats, refuse_what_is_damaged) {
     string content, place, rule;
   };
   const Case cases[] = {
-      {importer::read_stl, "", "byte 80", "neither text nor the size"},
+      {importer::read_stl, "", "byte 0", "is empty"},
+      {importer::read_stl, "abc", "byte 0", "has 3 bytes, which is neither text"},
       {importer::read_stl, stl.substr(0, 683), "byte 80",
        "has 683 bytes, which is neither text nor the size of its 12"},
       {importer::read_stl, stl + "x", "byte 80", "neither text"},
@@ -83,7 +85,9 @@ TEST(Formats, refuse_what_is_damaged) {
       {importer::read_stl, "solid\nvertex 0 0 0\nendloop\n", "line 3", "not three vertices"},
       {importer::read_stl, "solid\nvertex 0 0 0\n", "line 2", "ends within a face"},
       {importer::read_stl, "solid\nvertices 0 0 0\n", "line 2", "'vertices'"},
-      {importer::read_stl, text.substr(0, 60) + "\xff\xfe\n", "line", ""},
+      {importer::read_stl, "solid\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nvertex 1 1 0\nendloop\n", "line 6",
+       "not three"},
+      {importer::read_stl, text.substr(0, 60) + "\xff\xfe\n", "line 4", "begins with '\\xff\\xfe'"},
       {importer::read_obj, "", "its end", "no faces"},
       {importer::read_obj, "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "its end", "no faces"},
       {importer::read_obj, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", "line 4", "index 4 of 3"},
@@ -94,6 +98,8 @@ TEST(Formats, refuse_what_is_damaged) {
       {importer::read_obj, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3x\n", "line 4", "no index"},
       {importer::read_obj, "v 0 0 0\nv 1 0 0\nf 1 2\n", "line 3", "fewer than three"},
       {importer::read_obj, "v 0 0\nf 1 1 1\n", "line 1", "has 2 numbers"},
+      {importer::read_obj, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf\n", "line 4", "has no index"},
+      {importer::read_obj, "v\nf 1 1 1\n", "line 1", "has 0 numbers"},
       {importer::read_obj, "v 0 0 nan\n", "line 1", "not a finite number"},
       {importer::read_obj, "v 0 0 1e7\nf 1 1 1\n", "line 1", "beyond a million"},
       {importer::read_obj, string("v 0 0 0\0\n", 9), "line 1", "not a finite number"},
@@ -146,8 +152,10 @@ TEST(Formats, survive_random_damage) {
       }
       try {
         const Mesh damaged = reader(content, refuse);
-        ASSERT_GE(damaged.triangles.minCoeff(), 0);
-        ASSERT_LT(damaged.triangles.maxCoeff(), damaged.vertices.cols());
+        for (const int corner : damaged.triangles.reshaped()) {
+          ASSERT_GE(corner, 0);
+          ASSERT_LT(corner, damaged.vertices.cols());
+        }
         ASSERT_TRUE(damaged.vertices.allFinite());
         ++read;
       } catch (const Refused&) {

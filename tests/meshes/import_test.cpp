@@ -99,6 +99,11 @@ TEST(UrdfMeshes, are_found_where_they_may_lie) {
   refused("file://" + (folder / "elsewhere/e.stl"), "outside of the folders", "mesh_roots");
   refused("package://nowhere/e.stl", "in package 'nowhere'", "ImportOptions::packages");
   refused("package://../e.stl", "in package '..'", "ImportOptions::packages");
+  fs::create_directories(folder / "ws/out");
+  fs::create_symlink(folder / "elsewhere", folder / "ws/linked");
+  refused("package://linked/e.stl", "in package 'linked'", "ImportOptions::packages");
+  refused("package://" + fs::temp_directory_path().filename().string() + "/e.stl", "in package '",
+          "ImportOptions::packages");
   refused("package://etc/passwd.stl", "in package 'etc'", "ImportOptions::packages");
   refused("https://example.org/e.stl", "no file here", "package://");
   refused("none.stl", "does not exist", "leave_out_meshes");
@@ -183,6 +188,14 @@ TEST(HostileMeshes, are_refused_by_name) {
   folder.write("line.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nf 1 2 3\n");
   folder.write("three.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
   folder.write("nan.obj", "v 0 0 0\nv nan 0 0\n");
+  string many;
+  for (int i = 0; i < 500001; ++i) many += "v 0 0 " + std::to_string(i) + "\n";
+  folder.write("many.obj", many + "v 1 0 0\nv 0 1 0\nf 1 2 -1\nf 1 2 -2\n");
+  string face = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf";
+  for (int i = 0; i < 2000000; ++i) face += " 1 2 3";
+  folder.write("face.obj", face + " 1\n");
+  refused("many.obj", "<mesh> of link 'arm'", "has 500003 vertices");
+  refused("face.obj", "face.obj: line 4", "more than 2000000 triangles");
   refused("folder.stl", "<mesh> of link 'arm'", "no regular file");
   refused("pipe.stl", "<mesh> of link 'arm'", "no regular file");
   refused("huge.stl", "<mesh> of link 'arm'", "larger than 64 MB");
@@ -206,6 +219,25 @@ TEST(HostileMeshes, are_refused_by_name) {
       "<mesh> of link 'arm'", "scale of 0");
 }
 
+// A link to a file of another name is of the format that its own name says.
+TEST(UrdfMeshes, have_the_format_of_their_names) {
+  const Folder folder;
+  folder.write("blob/abc123", as_binary_stl(block(1, 1, 1)));
+  fs::create_symlink(folder / "blob/abc123", folder / "a.stl");
+  EXPECT_EQ(import_urdf_file(folder.write("r.urdf", urdf(mesh("a.stl"))), {.colliders = true}).model.colliders.size(),
+            1u);
+}
+
+TEST(HostileMeshes, of_many_scales_are_bounded) {
+  const Folder folder;
+  folder.write("torus.stl", as_binary_stl(torus(.2, .05, 200, 100)));
+  string collisions;
+  for (int i = 1; i < 200; ++i) collisions += mesh("torus.stl", "scale='1 1 " + std::to_string(i) + "'");
+  const ImportOptions coarse{.colliders = true, .hull_vertices = 8};
+  expect_refused([&] { return import_urdf_file(folder.write("r.urdf", urdf(collisions)), coarse); }, "<mesh>",
+                 "more than 2000000 vertices");
+}
+
 // One file at ten thousand places is read and made a hull once.
 TEST(HostileMeshes, that_are_named_often_are_read_once) {
   const Folder folder;
@@ -223,7 +255,7 @@ TEST(MjcfMeshes, are_found_by_meshdir_and_moved_turned_and_scaled) {
   folder.write("assets/u.stl", as_binary_stl(u_mount()));
   folder.write("assets/u.msh", as_msh(u_mount()));
   for (const string compiler : {"meshdir='assets'", "assetdir='assets'", "assetdir='none' meshdir='assets'",
-                                "meshdir='assets' strippath='true'"})
+                                "meshdir='assets' strippath='true'", "assetdir='assets' strippath='true'"})
     for (const string file : {"u.stl", "u.msh"}) {
       const string name = compiler.find("strippath") != string::npos ? "x/y/" + file : file;
       const string path = folder.write(
@@ -358,6 +390,13 @@ TEST(MjcfMeshes, are_opened_only_where_they_are_used) {
   EXPECT_TRUE(import_mjcf(mjcf(asset, inertial + drawn), "t", {.colliders = true}).model.colliders.empty());
   EXPECT_NO_THROW(import_mjcf(mjcf(asset, inertial + "<geom type='mesh' mesh='v'/>")));
   EXPECT_NO_THROW(import_mjcf(mjcf(asset, "<geom size='1'/><geom type='mesh' mesh='v' mass='0'/>")));
+  EXPECT_NO_THROW(import_mjcf("<mujoco><asset>" + asset +
+                                  "</asset><worldbody><body><joint/><geom type='mesh' mesh='v'/>"
+                                  "</body><body name='b'><joint/><geom size='1'/></body></worldbody></mujoco>",
+                              "t", {.colliders = true, .body = "b"}));
+  EXPECT_TRUE(
+      import_mjcf(mjcf(asset, inertial + "<geom type='box' mesh='v'/>"), "t", {.colliders = true, .fit = Fit::none})
+          .model.colliders.empty());
   const string touches = inertial + "<geom type='mesh' mesh='v'/>";
   const Import left_out = import_mjcf(mjcf(asset, touches), "t", {.colliders = true, .leave_out_meshes = true});
   EXPECT_TRUE(warns(left_out, "geoms with meshes, left out of the colliders on request (1): a"));
@@ -365,6 +404,34 @@ TEST(MjcfMeshes, are_opened_only_where_they_are_used) {
                  "geoms with meshes that touch nothing: of fit none (1): a");
   const Import made = import_mjcf(mjcf("<mesh name='v' builtin='cone'/>", touches), "t", {.colliders = true});
   EXPECT_TRUE(warns(made, "that of a is one that MuJoCo makes: let MuJoCo save the model"));
+}
+
+// As in MuJoCo 3.14, which gives these masses.
+TEST(MjcfMeshes, take_defaults_and_turn_inside_out) {
+  const string points = " vertex='0 0 0 1 0 0 0 1 0 0 0 1'", geom = "<geom type='mesh' mesh='u'/>";
+  const auto mass = [&](const string& defaults, const string& mesh) {
+    const string text = mjcf(mesh, geom);
+    return link(import_mjcf("<mujoco><default>" + defaults + "</default>" + text.substr(8)).model, "a").inertia.mass;
+  };
+  EXPECT_NEAR(mass("<mesh scale='.1 .1 .1'/>", "<mesh name='u'" + points + "/>"), 1.0 / 6.0, 1e-12);
+  EXPECT_NEAR(mass("<default class='c'><mesh scale='.1 .1 .2'/></default>", "<mesh name='u' class='c'" + points + "/>"),
+              2.0 / 6.0, 1e-12);
+  EXPECT_NEAR(mass("", "<mesh name='u' face='0 1 2 0 3 1 0 2 3 1 3 2'" + points + "/>"), 1000.0 / 6.0, 1e-9);
+  EXPECT_NEAR(mass("", "<mesh name='u' inertia='shell'" + points + "/>"), 1000.0 * (1.5 + std::sqrt(3.0) / 2.0), 1e-9);
+}
+
+TEST(MjcfMeshes, that_weigh_too_much_are_named_once_and_where_that_counts) {
+  const string asset = "<mesh name='u' " + u_vertices + u_faces + "/>", geom = "<geom type='mesh' mesh='u'/>";
+  const auto is_told = [&](const string& geoms) {
+    return report_of(import_mjcf(mjcf(asset, geoms), "t", {.colliders = true})).find("too high as in MuJoCo") !=
+           string::npos;
+  };
+  expect_reports(
+      import_mjcf(mjcf(asset, geom + geom)),
+      "masses of concave meshes, too high as in MuJoCo: inertia=\"exact\" would mend them (1): u 1.13 times");
+  EXPECT_FALSE(is_told("<geom type='mesh' mesh='u' mass='3'/>"));
+  EXPECT_FALSE(is_told("<geom type='box' mesh='u'/>"));
+  EXPECT_FALSE(is_told("<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>" + geom));
 }
 
 TEST(MjcfMeshes, that_cannot_be_are_refused_by_name) {
@@ -387,6 +454,14 @@ TEST(MjcfMeshes, that_cannot_be_are_refused_by_name) {
   refused("<mesh name='u' vertex='0 0 0 1 0 0 0 1 0 1 1 0'/>", geom, "mesh 'u'", "in a plane");
   refused("<mesh name='u'" + points + "/>", "<geom type='mesh' mesh='u' shellinertia='true'/>", "<geom>", "a shell");
   refused("<mesh name='u'" + points + "/>", "<geom type='box' mesh='u' fitscale='0'/>", "<geom>", "fitscale");
+  refused("<mesh name='u' maxhullvert='3'" + points + "/>", geom, "mesh 'u'", "maxhullvert below 4");
+  refused("<mesh name='u'" + points + "/><mesh name='u'" + points + "/>", geom, "<mesh>", "which is taken");
+  refused("<mesh name='u'" + points + "/>", "<geom type='box' mesh='u' fromto='0 0 0 1 1 1'/>", "<geom>",
+          "a fromto and a mesh");
+  const string flat = "<mesh name='u' inertia='shell' vertex='0 0 0 1 0 0 0 1 0 1 1 0' face='0 1 2 1 3 2'/>";
+  refused(flat, "<geom type='box' mesh='u'/>", "<geom>", "a mesh that is flat");
+  expect_refused([&] { return import_mjcf(mjcf(flat, "<geom type='box' mesh='u'/>", "fitaabb='true'")); }, "<geom>",
+                 "a mesh that is flat");
 }
 
 TEST(MjcfMeshes, may_bound_the_corners_of_their_hulls) {

@@ -127,13 +127,13 @@ TEST(MjcfRefusal, names_options_that_do_not_fit) {
   };
   expect({.density = 1.0}, "density");
   expect({.leave_out_foreign = true}, "leave_out_foreign");
-  expect({.packages = {{"p", "."}}}, "packages");
   expect({.keyframe = "home"}, "keyframe");
   expect({.body = "three"}, "body");
   for (const auto& [options, name] : {std::pair<ImportOptions, string>{{.keyframe = "k"}, "keyframe"},
                                       {{.body = "b"}, "body"},
                                       {{.loops = Loops::leave_out}, "loops"},
-                                      {{.soft = Soft::as_in_file}, "soft"}})
+                                      {{.soft = Soft::as_in_file}, "soft"},
+                                      {{.self_collisions = false}, "self_collisions"}})
     try {
       import_urdf("<robot name='r'><link name='a'/></robot>", "file", options);
       ADD_FAILURE() << name;

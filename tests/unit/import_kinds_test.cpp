@@ -360,13 +360,21 @@ TEST(Import, names_colliders_at_the_ends_of_chains_where_others_are_amid_them) {
 }
 
 // Arms of `links` links with a ball each, all of which touch all.
-Import arms(int count, int links) {
+Import arms(int count, int links, bool self_collisions = true) {
   string bodies;
   for (int arm = 0; arm < count; ++arm) {
     for (int link = 0; link < links; ++link) bodies += "<body pos='1 0 0'><joint/><geom size='0.1'/>";
     for (int link = 0; link < links; ++link) bodies += "</body>";
   }
-  return import_mjcf("<mujoco><worldbody>" + bodies + "</worldbody></mujoco>", "arms", {.colliders = true});
+  return import_mjcf("<mujoco><worldbody>" + bodies + "</worldbody></mujoco>", "arms",
+                     {.colliders = true, .self_collisions = self_collisions});
+}
+
+TEST(Import, leaves_out_pairs_of_a_robot_with_itself_on_request) {
+  EXPECT_EQ(arms(2, 4).model.contacts.size(), 22u);  // of 28, 6 are joined
+  const Import apart = arms(2, 4, false);
+  EXPECT_EQ(apart.model.contacts.size(), 16u);
+  expect_reports(apart, "pairs of a robot with itself, left out on request (1): 6");
 }
 
 TEST(Import, warns_of_many_pairs_where_those_of_ends_are_fewer) {

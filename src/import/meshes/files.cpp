@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <stdexcept>
 #include <string_view>
+#include <tuple>
 
 #include "formats.h"
 #include "import/paths.h"
@@ -20,9 +21,10 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::uintmax_t largest_mesh = std::uintmax_t{64} << 20;
-constexpr std::size_t most_bytes = std::size_t{1} << 30;  // of all meshes in memory
-constexpr double least_share = 0.7;                       // of its hull that a mesh fills
-constexpr double unlikely_size = 10.0;                    // m
+constexpr Eigen::Index most_vertices = 500'000;  // of a mesh: half a minute for qhull at worst
+constexpr Eigen::Index most_vertices_of_all = 2'000'000;
+constexpr double least_share = 0.7;     // of its hull that a mesh fills
+constexpr double unlikely_size = 10.0;  // m
 
 const char* const or_leave_out = "; or leave meshes out: ImportOptions::leave_out_meshes";
 
@@ -41,9 +43,10 @@ fs::path folder_in(const std::string& option, const std::string& path) {
   return real_path(path);
 }
 
-std::size_t bytes_of(const Mesh& mesh) {
-  return static_cast<std::size_t>(mesh.vertices.size()) * sizeof(double) +
-         static_cast<std::size_t>(mesh.triangles.size()) * sizeof(int);
+// In messages.
+std::string shown(const fs::path& path) {
+  const std::string text = path.string();
+  return text.size() < 500 && is_plain(text) ? text : shortened(text);
 }
 
 }  // namespace
@@ -61,19 +64,21 @@ MeshFiles::MeshFiles(const ImportOptions& options, const std::string& folder, Re
 std::string MeshFiles::unreadable(const std::string& name) {
   const std::string extension = extension_of(name);
   if (extension == ".stl" || extension == ".obj" || extension == ".msh") return "";
+  if (extension.empty()) return "has no extension, which would tell its format: convert it to STL";
   if (extension == ".dae") return "is COLLADA, which is not read: convert it to STL";
   return fmt::format("is '{}', which is not read: convert it to STL", shortened(extension));
 }
 
-// A folder of that name around the robot file, or beside a folder around it. What lies at the top of the disk is none.
+// A folder of that name around the robot file, or beside a folder around it. What lies at the top of the disk is none,
+// and no link leads to one.
 fs::path MeshFiles::find_package(const std::string& name, const Fail& fail) const {
   if (const auto given = options_.packages.find(name); given != options_.packages.end())
     return real_path(given->second);
   std::error_code ignored;
   const bool is_name = !name.empty() && name != "." && name != "..";
   for (fs::path around = folder_; is_name && around.has_relative_path(); around = around.parent_path()) {
-    if (around.filename() == name) return around;
-    if (fs::is_directory(around / name, ignored)) return real_path(around / name);
+    if (around.filename() == name && around.parent_path().has_relative_path()) return around;
+    if (fs::is_directory(around / name, ignored) && real_path(around / name) == around / name) return around / name;
   }
   fail(fmt::format("is in package '{}', which is neither given nor around the file", shortened(name)),
        fmt::format("give its folder: ImportOptions::packages{}", or_leave_out));
@@ -104,42 +109,45 @@ fs::path MeshFiles::find(const std::string& name, const std::string& subfolder, 
   const bool is_allowed =
       std::any_of(roots.begin(), roots.end(), [&](const fs::path& root) { return is_within(path, root); });
   if (!is_allowed)
-    fail(fmt::format("leads to '{}', outside of the folders that meshes may lie in", path.string()),
+    fail(fmt::format("leads to '{}', outside of the folders that meshes may lie in", shown(path)),
          "give a folder around it: ImportOptions::mesh_roots");
   return path;
 }
 
-const Mesh& MeshFiles::read(const fs::path& path, const Fail& fail) {
-  if (const auto known = meshes_.find(path); known != meshes_.end()) return known->second;
+const Mesh& MeshFiles::read(const fs::path& path, const std::string& extension, const Fail& fail) {
+  const auto key = std::make_pair(path, extension);
+  if (const auto known = meshes_.find(key); known != meshes_.end()) return known->second;
   const auto named = [&](const std::string& rule) {
-    return fmt::format("names the mesh '{}', which {}", path.string(), rule);
+    return fmt::format("names the mesh '{}', which {}", shown(path), rule);
   };
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
-  if (!fs::exists(status))
-    fail(named("does not exist"), fmt::format("correct the path, or give ImportOptions::packages{}", or_leave_out));
+  if (!fs::exists(status)) fail(named("does not exist"), std::string("correct the path") + or_leave_out);
   if (!fs::is_regular_file(status)) fail(named("is no regular file"), "name a mesh file");
   const std::uintmax_t size = fs::file_size(path, error);
   if (error || size > largest_mesh)
     fail(named(fmt::format("is larger than {} MB", largest_mesh >> 20)), "simplify the mesh");
   const std::string content = text_of(path.string());
   const FailAt fail_at = [&](const std::string& place, const std::string& rule, const std::string& remedy) {
-    throw ImportError(fmt::format("{}: {}", path.string(), place), rule, remedy);
+    throw ImportError(fmt::format("{}: {}", shown(path), place), rule, remedy);
   };
-  const std::string extension = extension_of(path.string());
   const auto reader = extension == ".stl" ? read_stl : extension == ".obj" ? read_obj : read_msh;
-  return meshes_.emplace(path, reader(content, fail_at)).first->second;
+  Mesh mesh = reader(content, fail_at);
+  if (mesh.vertices.cols() > most_vertices)
+    fail(named(fmt::format("has {} vertices, more than {}", mesh.vertices.cols(), most_vertices)), "simplify the mesh");
+  return meshes_.emplace(key, std::move(mesh)).first->second;
 }
 
 const Solid& MeshFiles::solid(const std::string& name, const std::string& subfolder, const Eigen::Affine3d& placed,
                               const Fail& fail) {
   const fs::path path = find(name, subfolder, fail);
   const auto numbers = placed.matrix().topRows<3>().reshaped();
-  const auto key = std::make_pair(path, std::vector<double>(numbers.begin(), numbers.end()));
+  const auto key = std::make_tuple(path, extension_of(name), std::vector<double>(numbers.begin(), numbers.end()));
   if (const auto known = solids_.find(key); known != solids_.end()) return known->second;
-  Mesh mesh = read(path, fail);
-  bytes_ += 2 * bytes_of(mesh);
-  if (bytes_ > most_bytes) fail(fmt::format("makes all meshes larger than {} MB", most_bytes >> 20), "simplify them");
+  Mesh mesh = read(path, extension_of(name), fail);
+  vertices_ += mesh.vertices.cols();
+  if (vertices_ > most_vertices_of_all)
+    fail(fmt::format("makes all meshes have more than {} vertices", most_vertices_of_all), "simplify them");
   const double stretched = placed.linear().determinant();
   if (!(std::abs(stretched) > 0.0) || !placed.matrix().allFinite())
     fail("has a scale of 0, so that it is flat", "give the three factors of the scale");
@@ -167,9 +175,11 @@ const Fitted& MeshFiles::shape_of(const Solid& solid, const std::string& link, c
                    fmt::format("{}: {} for {}, {:.2g} mm inside", item, made->corners, solid.hull().corners.cols(),
                                1e3 * made->inside),
                    made->inside);
-  if (const double share = solid.share_of_hull(); fit == Fit::hull && share < least_share)
+  if (fit == Fit::hull && solid.is_closed() && solid.share_of_hull() < least_share)
     report_.warn("concave meshes, whose hulls fill their hollows: split them where that matters",
-                 fmt::format("{} fills {:.2g} of its hull", item, share));
+                 fmt::format("{} fills {:.2g} of its hull", item, solid.share_of_hull()));
+  if (fit == Fit::hull && !solid.is_closed())
+    report_.remark("meshes that are not closed, so what their hulls fill is not known", item);
   if (solid.size() > unlikely_size)
     report_.warn("meshes of more than 10 m, perhaps in millimetres", fmt::format("{}: {:.3g} m", item, solid.size()));
   return *made;

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "import/attributes.h"
@@ -41,15 +42,15 @@ class MeshFiles {
 
   Path find(const std::string& name, const std::string& subfolder, const Fail& fail);
   Path find_package(const std::string& name, const Fail& fail) const;
-  const Mesh& read(const Path& path, const Fail& fail);
+  const Mesh& read(const Path& path, const std::string& extension, const Fail& fail);
 
   const ImportOptions& options_;
   Report& report_;
-  Path folder_;              // real; empty for text
-  std::vector<Path> roots_;  // real: where files may lie
-  std::map<Path, Mesh> meshes_;
-  std::map<std::pair<Path, std::vector<double>>, Solid> solids_;  // by the file and how it is placed
-  std::size_t bytes_ = 0;
+  Path folder_;                                          // real; empty for text
+  std::vector<Path> roots_;                              // real: where files may lie
+  std::map<std::pair<Path, std::string>, Mesh> meshes_;  // by extension, too: a link may have another one
+  std::map<std::tuple<Path, std::string, std::vector<double>>, Solid> solids_;  // by the file and how it is placed
+  Eigen::Index vertices_ = 0;                                                   // of solids_
 };
 
 }  // namespace lockstep::importer

@@ -38,10 +38,23 @@ struct Builder {
     }
     for (std::size_t i = 2; i < around.size(); ++i)
       corners.insert(corners.end(), {around[0], around[i - 1], around[i]});
-    if (corners.size() > 3 * static_cast<std::size_t>(most_triangles))
-      fail(place, fmt::format("makes the mesh have more than {} triangles", most_triangles), "simplify the mesh");
   }
 };
+
+// A weight or a colour may follow.
+std::string_view first_three(std::string_view text) {
+  std::size_t end = 0;
+  for (int word = 0; word < 3; ++word)
+    end = std::min(text.find_first_of(" \t", std::min(text.find_first_not_of(" \t", end), text.size())), text.size());
+  return text.substr(0, end);
+}
+
+std::size_t words_in(std::string_view text) {
+  std::size_t words = 0;
+  for (std::size_t i = 0; i < text.size(); ++i)
+    words += text[i] != ' ' && text[i] != '\t' && (i == 0 || text[i - 1] == ' ' || text[i - 1] == '\t');
+  return words;
+}
 
 // Digits, slashes and minus signs, and no number of more than nine digits.
 bool has_indices(std::string_view face) {
@@ -58,21 +71,29 @@ bool has_indices(std::string_view face) {
 std::string lines_for_library(std::string_view content, Builder& builder) {
   std::string kept;
   int line = 0;
+  std::size_t indices = 0;
+  if (content.starts_with("\xef\xbb\xbf")) content.remove_prefix(3);  // the mark of UTF-8
   for (std::size_t begin = 0; begin < content.size();) {
     const std::size_t end = std::min(content.find_first_of("\r\n", begin), content.size());
     const std::string_view text = trimmed(content.substr(begin, end - begin));
     const bool is_pair = end + 1 < content.size() && content[end] == '\r' && content[end + 1] == '\n';
     begin = end + (is_pair ? 2 : 1), ++line;
-    const bool has_blank = text.size() > 1 && (text[1] == ' ' || text[1] == '\t');
-    if (!has_blank || (text[0] != 'v' && text[0] != 'f')) continue;
+    const bool ends = text.size() == 1 || (text.size() > 1 && (text[1] == ' ' || text[1] == '\t'));
+    if (!ends || (text[0] != 'v' && text[0] != 'f')) continue;
     const Fail fail = [&](const std::string& rule, const std::string& remedy) {
       builder.fail(fmt::format("line {}", line), rule, remedy);
     };
-    double numbers[7];  // with a weight or a colour
+    double numbers[3];
     if (text[0] == 'v')
-      numbers_in("v", text.substr(1), numbers, 3, 7, fail);
+      numbers_in("v", first_three(trimmed(text.substr(1))), numbers, 3, 3, fail);
     else if (!has_indices(text.substr(1)))
-      fail("has a word that is no index: '" + shortened(text) + "'", "save the mesh anew");
+      fail("has a word that is no index, among '" + shortened(text) + "'", "save the mesh anew");
+    else if (const std::size_t words = words_in(text); words > 1)
+      indices += words - 1;
+    else
+      fail("is a face that has no index", "save the mesh anew");
+    if (indices > 3 * static_cast<std::size_t>(most_triangles))
+      fail(fmt::format("makes the mesh have more than {} triangles", most_triangles), "simplify the mesh");
     (text[0] == 'v' ? builder.lines_of_vertices : builder.lines_of_faces).push_back(line);
     kept.append(text).push_back('\n');
   }

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <stdexcept>
+#include <vector>
 
 namespace lockstep::importer {
 
@@ -23,28 +24,38 @@ Inertia Solid::inertia(MeshRule rule) const {
   return known != inertias_.end() ? known->second : inertias_.emplace(rule, made(rule)).first->second;
 }
 
+Mesh Solid::surface() const {
+  if (mesh_.triangles.cols() > 0) return mesh_;
+  std::vector<int> corners;
+  for (const HullFace& face : hull().faces)
+    for (std::size_t i = 1; i + 1 < face.corners.size(); ++i)
+      corners.insert(corners.end(), {face.corners[0], face.corners[i], face.corners[i + 1]});
+  return {hull().corners,
+          Eigen::Map<const Eigen::Matrix3Xi>(corners.data(), 3, static_cast<Eigen::Index>(corners.size() / 3))};
+}
+
 Inertia Solid::made(MeshRule rule) const {
   constexpr double least = 1e-15;  // m^3 or m^2, as in MuJoCo
-  const bool has_triangles = mesh_.triangles.cols() > 0;
-  if (rule == MeshRule::convex || (!has_triangles && rule != MeshRule::shell)) return solid_of(hull());
-  if (!has_triangles) throw std::invalid_argument("has no triangles, which a shell needs");
+  if (rule == MeshRule::convex) return solid_of(hull());
   if (rule == MeshRule::exact && !is_closed())
     throw std::invalid_argument("is not closed, so it has no exact inertia: an edge has not one triangle on each side");
-  const Inertia inertia = inertia_of(mesh_, rule);
+  const Inertia inertia = inertia_of(surface(), rule);
   if (inertia.mass < -least) throw std::invalid_argument("is inside out: its triangles turn the wrong way");
   if (!(inertia.mass > least)) throw std::invalid_argument("has no volume");
   return inertia;
 }
 
 bool Solid::is_closed() const {
-  if (!is_closed_) is_closed_ = importer::is_closed(mesh_);
+  if (!is_closed_) is_closed_ = mesh_.triangles.cols() == 0 || importer::is_closed(mesh_);
   return *is_closed_;
 }
 
-double Solid::share_of_hull() const {
-  if (!share_) share_ = mesh_.triangles.cols() > 0 ? std::abs(signed_volume(mesh_)) / solid_of(hull()).mass : 1.0;
-  return *share_;
+double Solid::volume() const {
+  if (!volume_) volume_ = std::abs(signed_volume(surface()));
+  return *volume_;
 }
+
+double Solid::share_of_hull() const { return volume() / solid_of(hull()).mass; }
 
 double Solid::size() const {
   return (hull().corners.rowwise().maxCoeff() - hull().corners.rowwise().minCoeff()).maxCoeff();

@@ -26,11 +26,13 @@ class Solid {
   Inertia inertia(MeshRule rule) const;
 
   bool is_closed() const;
-  /// The volume of a mesh over that of its hull.
-  double share_of_hull() const;
+  double volume() const;         ///< of a closed mesh, inside out or not
+  double share_of_hull() const;  ///< that volume over the hull's; throws as hull()
+  const Eigen::Matrix3Xd& vertices() const { return mesh_.vertices; }
   double size() const;  ///< m, along the longest of its axes
 
  private:
+  Mesh surface() const;  // the mesh, or its hull where it has no triangles
   Inertia made(MeshRule rule) const;
 
   Mesh mesh_;
@@ -38,7 +40,7 @@ class Solid {
   mutable std::map<std::pair<Fit, int>, Fitted> fits_;
   mutable std::map<MeshRule, Inertia> inertias_;
   mutable std::optional<bool> is_closed_;
-  mutable std::optional<double> share_;
+  mutable std::optional<double> volume_;
 };
 
 }  // namespace lockstep::importer

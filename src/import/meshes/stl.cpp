@@ -34,8 +34,8 @@ Mesh read_binary(std::string_view content, std::size_t count, const FailAt& fail
 
 Mesh read_text(std::string_view content, const FailAt& fail) {
   std::vector<Eigen::Vector3d> vertices;
-  std::vector<int> lines;  // by vertex
-  int line = 0;
+  std::vector<int> lines;     // by vertex
+  int line = 0, of_face = 0;  // vertices since the face began
   const auto at = [&] { return fmt::format("line {}", line); };
   for (std::size_t begin = 0; begin < content.size();) {
     const std::size_t end = std::min(content.find('\n', begin), content.size());
@@ -46,17 +46,17 @@ Mesh read_text(std::string_view content, const FailAt& fail) {
     if (word == "vertex") {
       const Fail fail_here = [&](const std::string& rule, const std::string& remedy) { fail(at(), rule, remedy); };
       vertices.emplace_back();
-      lines.push_back(line);
-      numbers_in("vertex", text.substr(blank), vertices.back().data(), 3, 3, fail_here);
+      lines.push_back(line), ++of_face;
+      numbers_in("vertex", trimmed(text.substr(blank)), vertices.back().data(), 3, 3, fail_here);
     } else if (word == "endloop") {
-      if (vertices.empty() || vertices.size() % 3 != 0)
-        fail(at(), "ends a face that has not three vertices", "save the mesh as triangles");
+      if (of_face != 3) fail(at(), "ends a face that has not three vertices", "save the mesh as triangles");
+      of_face = 0;
     } else if (!word.empty() && word != "solid" && word != "facet" && word != "outer" && word != "endfacet" &&
                word != "endsolid") {
       fail(at(), fmt::format("begins with '{}', which STL does not have", shortened(word)), "save the mesh anew");
     }
   }
-  if (vertices.size() % 3 != 0) fail(at(), "ends within a face", "save the mesh anew");
+  if (of_face != 0) fail(at(), "ends within a face", "save the mesh anew");
   const Eigen::Matrix3Xd table = Eigen::Map<const Eigen::Matrix3Xd>(vertices.empty() ? nullptr : vertices[0].data(), 3,
                                                                     static_cast<Eigen::Index>(vertices.size()));
   require_near(table, fail,
@@ -67,13 +67,14 @@ Mesh read_text(std::string_view content, const FailAt& fail) {
 }  // namespace
 
 Mesh read_stl(std::string_view content, const FailAt& fail) {
+  if (content.empty()) fail("byte 0", "is empty", "save the mesh anew");
   std::uint32_t count = 0;
   if (content.size() >= header) std::memcpy(&count, content.data() + 80, sizeof(count));
   // Some programs begin binary files with the word of text files, too, so the size decides.
   const bool is_binary = content.size() >= header && content.size() == header + record * std::size_t{count};
   const bool is_text = !is_binary && trimmed(content.substr(0, 100)).starts_with("solid");
   if (!is_binary && !is_text)
-    fail("byte 80",
+    fail(content.size() < header ? "byte 0" : "byte 80",
          fmt::format("has {} bytes, which is neither text nor the size of its {} triangles", content.size(), count),
          "save the mesh anew");
   if (count > most_triangles && is_binary)

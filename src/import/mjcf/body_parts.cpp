@@ -130,7 +130,8 @@ GeomPart read_geom(Element element, const Eigen::Isometry3d& frame, const std::s
       element.word("type", {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf"}, 2));
   part.mesh = element.name("mesh", "");
   element.numbers("size", part.size.data(), 1, 3);
-  if (element.has("fromto") && part.mesh.empty())
+  if (element.has("fromto") && !part.mesh.empty()) element.fail("has a fromto and a mesh", "keep one of them");
+  if (element.has("fromto"))
     place_between(element, part);
   else
     part.pose = read_pose(element, settings);

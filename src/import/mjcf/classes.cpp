@@ -11,9 +11,9 @@ namespace lockstep::importer::mjcf {
 namespace {
 
 // What a Model takes from defaults.
-constexpr std::string_view used[] = {"joint",   "geom",     "site",     "equality", "tendon",
-                                     "general", "motor",    "position", "velocity", "intvelocity",
-                                     "damper",  "cylinder", "muscle",   "adhesion", "pair"};
+constexpr std::string_view used[] = {"joint",  "geom",     "site",     "equality",    "tendon", "general",
+                                     "motor",  "position", "velocity", "intvelocity", "damper", "cylinder",
+                                     "muscle", "adhesion", "pair",     "mesh"};
 
 }  // namespace
 

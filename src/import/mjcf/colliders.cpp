@@ -48,6 +48,8 @@ class Collision {
     for (const Element::Xml* xml : pairs_) add_pair(scene_.classes.element(*xml, ""));
     for (std::size_t i = 0; i < touches_.size(); ++i)
       for (std::size_t j = i + 1; j < touches_.size(); ++j) add_by_masks(touches_[i], touches_[j]);
+    if (own_pairs_ > 0)
+      report().remark("pairs of a robot with itself, left out on request", std::to_string(own_pairs_));
   }
 
  private:
@@ -81,7 +83,7 @@ class Collision {
                              fmt::format("that of {} {}", item, reason));
     }
     const std::optional<PlacedShape> placed = scene_.meshes.shape_of(geom, body.name, item);
-    if (!placed && geom.type == GeomType::mesh)
+    if (!placed && !geom.mesh.empty() && geom.type != GeomType::sdf)
       return report().remark("geoms with meshes that touch nothing: of fit none", item);
     if (!placed)
       return report().warn("geoms of types that no collider has, left out of the colliders",
@@ -107,12 +109,13 @@ class Collision {
       if (element.number(number, 0.0) != 0.0) report().warn("margins and gaps of contacts, left out", name);
   }
 
-  // By body: the body that carries all that is fixed to it, and the one that carries that.
+  // By body: the body that carries all that is fixed to it, the one that carries that, and the one that the world does.
   void find_welds() {
     for (std::size_t b = 0; b < scene_.bodies.all.size(); ++b) {
       const Body& body = scene_.bodies.all[b];
       const auto parent = static_cast<std::size_t>(std::max(0, body.parent));
       weld_.push_back(b > 0 && body.joints.empty() ? weld_[parent] : b);
+      top_.push_back(body.parent > 0 ? top_[parent] : b);
       weld_parent_.push_back(b == 0 ? 0 : body.joints.empty() ? weld_parent_[parent] : weld_[parent]);
     }
   }
@@ -128,6 +131,10 @@ class Collision {
     const bool are_joined = one != 0 && other != 0 && (weld_parent_[a.body] == other || weld_parent_[b.body] == one);
     if (are_joined && scene_.settings.filters_parents) return;
     if (excluded_.contains(std::minmax({scene_.bodies.all[a.body].name, scene_.bodies.all[b.body].name}))) return;
+    if (!scene_.options.self_collisions && top_[a.body] == top_[b.body]) {
+      ++own_pairs_;
+      return;
+    }
     const auto [friction, dimension] = combined(a, b);
     add(a, b, friction, dimension);
   }
@@ -171,7 +178,8 @@ class Collision {
   std::unordered_set<std::string> paired_;
   std::set<std::pair<std::string, std::string>> excluded_, seen_;
   Names names_;
-  std::vector<std::size_t> weld_, weld_parent_;
+  std::vector<std::size_t> weld_, weld_parent_, top_;
+  int own_pairs_ = 0;
 };
 
 }  // namespace

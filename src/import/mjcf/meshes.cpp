@@ -95,7 +95,10 @@ Meshes::Asset& Meshes::asset_of(const GeomPart& geom) {
   if (!elements_) {
     elements_.emplace();
     for (const Element::Xml* xml : document_.section("asset"))
-      if (std::string_view(xml->Name()) == "mesh") elements_->try_emplace(name_of(*xml), xml);
+      if (std::string_view(xml->Name()) == "mesh" && !elements_->try_emplace(name_of(*xml), xml).second)
+        Element(document_, *xml)
+            .fail(fmt::format("has the name '{}', which is taken", shortened(name_of(*xml))),
+                  "give each mesh its own name");
   }
   const auto found = elements_->find(geom.mesh);
   if (geom.mesh.empty() || found == elements_->end())
@@ -107,7 +110,8 @@ Meshes::Asset& Meshes::asset_of(const GeomPart& geom) {
       element.word("inertia", {"legacy", "convex", "exact", "shell"}, static_cast<int>(settings_.mesh_rule)));
   const int most = element.whole("maxhullvert", -1);
   std::string file = element.name("file", "");
-  if (settings_.strips_paths) file = std::filesystem::path(file).filename().string();
+  if (settings_.strips_paths) file = file.substr(file.find_last_of("/\\") + 1);
+  if (most < 4 && most != -1) element.fail("has a maxhullvert below 4", "give -1, or 4 and more");
   std::string unreadable;
   if (element.has("builtin") || element.has("plugin"))
     unreadable = "is one that MuJoCo makes: let MuJoCo save the model, and read that";
@@ -116,7 +120,7 @@ Meshes::Asset& Meshes::asset_of(const GeomPart& geom) {
   else if (!element.has("vertex"))
     element.fail("has neither a file nor vertices", "give one of them");
   return assets_
-      .emplace(geom.mesh, Asset{element, file, unreadable, rule, most < 4 ? most_hull_corners : most, nullptr})
+      .emplace(geom.mesh, Asset{element, file, unreadable, rule, most == -1 ? most_hull_corners : most, nullptr})
       .first->second;
 }
 
@@ -153,20 +157,21 @@ Inertia Meshes::inertia_of(const GeomPart& geom, Asset& asset) {
   if (!asset.unreadable.empty())
     geom.element.fail(fmt::format("has mesh '{}', which {}", geom.mesh, asset.unreadable),
                       "or add an <inertial> to the body, or leave such meshes out: ImportOptions::leave_out_meshes");
-  const Solid& solid = read(asset);
   try {
-    const Inertia inertia = solid.inertia(asset.rule);
-    if (asset.rule == MeshRule::legacy && solid.is_closed()) {
-      const double excess = inertia.mass / solid.inertia(MeshRule::exact).mass;
-      if (excess > 1.01)
-        document_.report().remark("masses of concave meshes, too high as in MuJoCo: inertia=\"exact\" would mend them",
-                                  fmt::format("{} {:.3g} times", geom.mesh, excess));
-    }
-    return inertia;
+    return read(asset).inertia(asset.rule);
   } catch (const std::invalid_argument& error) {
     asset.element.fail(error.what(),
                        "correct the mesh, choose another inertia for it, or add an <inertial> to the body");
   }
+}
+
+void Meshes::tell_excess(const GeomPart& geom, Asset& asset) {
+  if (asset.rule != MeshRule::legacy || !asset.solid->is_closed() || asset.is_told) return;
+  asset.is_told = true;
+  const double exact = asset.solid->volume(), legacy = asset.solid->inertia(MeshRule::legacy).mass;
+  if (legacy > 1.01 * exact && exact > 0.0)
+    document_.report().remark("masses of concave meshes, too high as in MuJoCo: inertia=\"exact\" would mend them",
+                              fmt::format("{} {:.3g} times", geom.mesh, legacy / exact));
 }
 
 PlacedShape Meshes::around_mesh(const GeomPart& geom) {
@@ -177,24 +182,28 @@ PlacedShape Meshes::around_mesh(const GeomPart& geom) {
   PlacedShape placed{{}, geom.pose * box.pose};
   Vector3d sizes = sizes_of_box(geom.type, box.half_edges);
   if (settings_.fits_extents) {
-    const Eigen::Matrix3Xd points = box.pose.inverse() * asset.solid->hull().corners;
+    const Eigen::Matrix3Xd points = box.pose.inverse() * asset.solid->vertices();
     const Vector3d lowest = points.rowwise().minCoeff(), highest = points.rowwise().maxCoeff();
     placed.pose = placed.pose * Eigen::Translation3d(0.5 * (lowest + highest));
     sizes = sizes_of_extents(geom.type, 0.5 * (highest - lowest));
   }
+  for (int i = 0; i < 3; ++i)
+    if (!(sizes[i] > 0.0) && (i == 0 || geom.type == GeomType::box || geom.type == GeomType::ellipsoid))
+      geom.element.fail("lies around a mesh that is flat", "give the geom a size in place of the mesh");
   GeomPart around = geom;
   around.size = scale * sizes;
   if (around.type == GeomType::capsule && !(around.size[1] > 0.0)) around.type = GeomType::sphere;
   const std::optional<Shape> shape = primitive_of(around);
   if (!shape || shape->kind == ShapeKind::half_space)
-    geom.element.fail("is of a type that cannot lie around a mesh", "make it a box, capsule, cylinder or sphere");
+    geom.element.fail("is of a type that cannot lie around a mesh",
+                      "make it a box, capsule, cylinder, ellipsoid or sphere");
   placed.shape = *shape;
   return placed;
 }
 
 std::optional<PlacedShape> Meshes::shape_of(const GeomPart& geom, const std::string& link, const std::string& item) {
+  if (!geom.mesh.empty() && files_.fit_of(link) == Fit::none) return std::nullopt;
   if (geom.type == GeomType::mesh) {
-    if (files_.fit_of(link) == Fit::none) return std::nullopt;
     Asset& asset = asset_of(geom);
     const Fitted& fitted =
         files_.shape_of(read(asset), link, item, std::max(4, asset.most_corners), fail_at(asset.element));
@@ -206,9 +215,18 @@ std::optional<PlacedShape> Meshes::shape_of(const GeomPart& geom, const std::str
 }
 
 Inertia Meshes::inertia_of(const GeomPart& geom) {
-  if (has_mesh(geom)) return transformed(inertia_of(geom, asset_of(geom)), geom.pose);
-  const std::optional<PlacedShape> placed = shape_of(geom, "", "");
-  return placed ? transformed(solid_of(placed->shape), placed->pose) : Inertia();
+  if (has_mesh(geom)) {
+    Asset& asset = asset_of(geom);
+    const Inertia inertia = inertia_of(geom, asset);
+    if (!geom.element.has("mass")) tell_excess(geom, asset);
+    return transformed(inertia, geom.pose);
+  }
+  if (!geom.mesh.empty()) {
+    const PlacedShape placed = around_mesh(geom);
+    return transformed(solid_of(placed.shape), placed.pose);
+  }
+  const std::optional<Shape> shape = primitive_of(geom);
+  return shape ? transformed(solid_of(*shape), geom.pose) : Inertia();
 }
 
 }  // namespace lockstep::importer::mjcf

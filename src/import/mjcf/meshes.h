@@ -25,7 +25,7 @@ class Meshes {
   /// Why the geom's mesh cannot be read, a rule that it breaks; empty where it can.
   std::string unreadable(const GeomPart& geom);
   /// What the geom touches with: its primitive, that around its mesh, or what the fit of `link` makes of its mesh.
-  /// Nothing for types that lockstep has no shape of, and of fit none. `item` names the geom in the report.
+  /// Nothing for types that lockstep has no shape of, and for meshes of fit none. `item` names the geom in the report.
   std::optional<PlacedShape> shape_of(const GeomPart& geom, const std::string& link, const std::string& item);
   /// Of density 1, in the body's frame. Without mass where the type has no volume.
   Inertia inertia_of(const GeomPart& geom);
@@ -38,12 +38,14 @@ class Meshes {
     MeshRule rule;
     int most_corners;
     const Solid* solid = nullptr;  // once it is read
+    bool is_told = false;          // that it weighs too much
   };
 
   Asset& asset_of(const GeomPart& geom);
   const Solid& read(Asset& asset);
   Solid from_vertices(const Element& element, const Eigen::Affine3d& placed) const;
   Inertia inertia_of(const GeomPart& geom, Asset& asset);
+  void tell_excess(const GeomPart& geom, Asset& asset);
   PlacedShape around_mesh(const GeomPart& geom);
 
   Document& document_;

@@ -42,7 +42,6 @@ void read_compiler(const Element& compiler, Settings& settings) {
   settings.least_inertia = compiler.number("boundinertia", 0.0);
   settings.balances = compiler.truth("balanceinertia", false);
   settings.total_mass = compiler.number("settotalmass", -1.0);
-  settings.mesh_folder = compiler.name("meshdir", compiler.name("assetdir", ""));
   settings.strips_paths = compiler.truth("strippath", false);
   settings.fits_extents = compiler.truth("fitaabb", false);
   if (compiler.truth("exactmeshinertia", false)) settings.mesh_rule = MeshRule::exact;  // up to MuJoCo 3.2
@@ -81,10 +80,21 @@ void read_option(const Element& option, Settings& settings) {
   option.report().remark("step size of the file, kept as Model::time_step", fmt::format("{:g} s", settings.time_step));
 }
 
+// In each section assetdir stands for meshdir, too; the last section that has one of them counts.
+void read_mesh_folder(Document& document, Settings& settings) {
+  for (const Element::Xml* xml : document.children(document.root())) {
+    if (std::string_view(xml->Name()) != "compiler") continue;
+    const Element compiler(document, *xml);
+    for (const char* attribute : {"assetdir", "meshdir"})
+      settings.mesh_folder = compiler.name(attribute, settings.mesh_folder);
+  }
+}
+
 }  // namespace
 
 Settings read_settings(Document& document) {
   Settings settings;
+  read_mesh_folder(document, settings);
   const std::vector<const Element::Xml*> root = {&document.root()};
   if (const auto compiler = merged(document, root, "compiler")) read_compiler(*compiler, settings);
   if (const auto option = merged(document, root, "option")) read_option(*option, settings);

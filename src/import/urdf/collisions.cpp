@@ -5,6 +5,7 @@
 
 #include <stdexcept>
 
+#include "import/repair.h"
 #include "model/shapes.h"
 #include "model/trees.h"
 #include "origin.h"
@@ -83,9 +84,12 @@ class Reader {
 
   void read_mesh(Element& mesh, const Eigen::Isometry3d& pose) {
     if (options_.leave_out_meshes) return leave_out(mesh, "collision meshes, left out on request", link_);
+    const bool touches = options_.colliders && meshes_.fit_of(link_) != Fit::none;
+    if (options_.colliders && !touches) mesh.report().remark("collision meshes that touch nothing: of fit none", link_);
+    if (!touches && !weighs_) return;
     const std::string name = mesh.name("filename");
     if (const std::string reason = MeshFiles::unreadable(name); !reason.empty())
-      return leave_out(mesh, "collision meshes, left out", fmt::format("that of {} {}", link_, reason));
+      return leave_out(mesh, left_out_meshes, fmt::format("that of {} {}", link_, reason));
     mesh.rename(mesh.title() + " of link '" + link_ + "'");
     // When inertia is asked for, the mesh may turn out not to be needed.
     const auto solid = [&meshes = meshes_, mesh, name,
@@ -95,13 +99,7 @@ class Reader {
     if (weighs_)
       shapes.mesh_solids.push_back(
           [solid, mesh, pose, link = link_] { return transformed(weighed(solid(), mesh, link), pose); });
-    if (options_.colliders) collide(solid, mesh, pose);
-  }
-
-  template <class GetSolid>
-  void collide(const GetSolid& solid, const Element& mesh, const Eigen::Isometry3d& pose) {
-    if (meshes_.fit_of(link_) == Fit::none)
-      return mesh.report().remark("collision meshes that touch nothing: of fit none", link_);
+    if (!touches) return;
     const Fitted& fitted = meshes_.shape_of(solid(), link_, next_name(), most_hull_corners, fail_at(mesh));
     collide(fitted.shape, pose * fitted.pose);
   }

@@ -4,6 +4,7 @@
 #include "box_box.h"
 #include "box_capsule.h"
 #include "box_sphere.h"
+#include "broad_phase.h"
 #include "capsule_capsule.h"
 #include "capsule_sphere.h"
 #include "carry.h"
@@ -21,18 +22,17 @@
 
 namespace lockstep::kernels {
 
-constexpr double least_margin = 0.005;  // (M103), m
-
 /// Colliders that stand in the world have the body -1.
 template <class T>
-void place_collider(const ColliderPlace<ScalarOf<T>>& own, const Motion<T>& m, MovingCollider<T>& moving) {
+void place_collider(const Tables<ScalarOf<T>>& t, const ColliderPlace<ScalarOf<T>>& own, const Motion<T>& m,
+                    MovingCollider<T>& moving) {
   for (int k = 0; k < 3; ++k) moving.shape.size[k] = T(own.size[k]);
   const Mat3<T> rotation = Mat3<T>::constant(own.rotation);
   const Vec3<T> offset = Vec3<T>::constant(own.offset);
   if (own.body < 0) {
     moving.shape.rotation = rotation, moving.shape.center = offset;
     moving.place = moving.angular = moving.linear = Vec3<T>::zero();
-    return;
+    return bound_pairs(t, own.reach, moving);
   }
   const Mat3<T>& world = m.world[own.body];
   moving.place = m.place[own.body];
@@ -43,6 +43,7 @@ void place_collider(const ColliderPlace<ScalarOf<T>>& own, const Motion<T>& m, M
   }
   moving.angular = multiply(world, m.angular[own.body]);
   moving.linear = multiply(world, m.linear[own.body]);
+  bound_pairs(t, own.reach, moving);
 }
 
 /// Of the lanes `near`. `memory` is that of a convex pair, where `kept` are the lanes that have one.
@@ -119,9 +120,10 @@ void find_columns(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>&
 /// Finds the slots of one pair. Those beyond the margin (M103) are off. Returns the lanes in which a contact goes on
 /// that has pressed in the step before.
 template <class T>
-typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair,
-                              ContactPatch<T>& touch, Tile<T>& x) {
+typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, int p, Tile<T>& x) {
   using S = ScalarOf<T>;
+  const TouchingPair<S>& pair = t.contacts.pairs[p];
+  ContactPatch<T>& touch = x.contacts.patch[p];
   const ColliderPlace<S>&first = t.contacts.colliders[pair.first], &second = t.contacts.colliders[pair.second];
   const MovingCollider<T>&before = x.contacts.collider[pair.first], &after = x.contacts.collider[pair.second];
   const PlacedShape<T>&a = before.shape, &b = after.shape;
@@ -134,14 +136,14 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
   const T distance = first.kind == ShapeKind::half_space ? dot(a.axis(2), between) - T(second.reach)
                                                          : sqrt(dot(between, between)) - T(first.reach + second.reach);
   touch.near = less(distance, margin) & ~x.frozen;
-  ContactSlot<T>* const slots = x.contacts.slot + pair.slot;
-  for (int s = 0; s < pair.slots; ++s) slots[s].live = T::none();
-  touch.live_count = 0;
-  ConvexMemory<T>* const memory = pair.memory < 0 ? nullptr : x.contacts.convex + pair.memory;
+  if (pair.by_boxes && any(touch.near)) touch.near = touch.near & boxes_meet(first, second, a, b, margin);
   if (!any(touch.near)) {
-    if (memory) memory->normal = memory->corners = Vec3<T>::zero();
+    clear_pair(pair, p, x.contacts);
     return T::none();
   }
+  ContactSlot<T>* const slots = x.contacts.slot + pair.slot;
+  ConvexMemory<T>* const memory = pair.memory < 0 ? nullptr : x.contacts.convex + pair.memory;
+  touch.live_count = 0;
 
   // Points, gaps and the frame of the contact, by the pair of shapes.
   Patch<T> patch;
@@ -163,7 +165,8 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < 3; ++j) touch.turn(i, j) = dot(a.axis(i), b.axis(j));
 
-  // Slots within the margin are live.
+  // Slots within the margin are live. Memory without one would depend on how a pair was found to be far.
+  auto touches = T::none();
   for (int s = 0; s < pair.slots; ++s) {
     ContactSlot<T>& slot = slots[s];
     slot.live = touch.near & patch.valid[s] & less(patch.gap[s], margin);
@@ -171,7 +174,12 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, const TouchingPair<S
     for (int i = 0; i < 3; ++i) slot.arm[i] = select(slot.live, dot(touch.axes[i], arm), T(0));
     slot.gap = patch.gap[s];
     slot.face = patch.face[s];
+    touches = touches | slot.live;
     if (any(slot.live)) touch.live[touch.live_count++] = s;
+  }
+  if (memory) {
+    memory->normal = select<T>(touches, memory->normal, Vec3<T>::zero());
+    memory->corners = select<T>(touches, memory->corners, Vec3<T>::zero());
   }
 
   // What goes on from the step before, and what moves the pair.
@@ -197,12 +205,14 @@ template <class T>
 typename T::Mask collide(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   move_bodies(t, x, x.contacts.motion);
   for (int c = 0; c < t.contacts.colliders.count; ++c)
-    place_collider(t.contacts.colliders[c], x.contacts.motion, x.contacts.collider[c]);
+    place_collider(t, t.contacts.colliders[c], x.contacts.motion, x.contacts.collider[c]);
   typename T::Mask held = T::none();
   x.contacts.near_count = 0;
   x.counts.steps += select(x.frozen, T(0), T(1));
-  for (int p = 0; p < t.contacts.pairs.count; ++p) {
-    held = held | collide_pair(t, t.contacts.pairs[p], x.contacts.patch[p], x);
+  const int listed = list_pairs(t, x);
+  for (int i = 0; i < listed; ++i) {
+    const int p = x.contacts.near_pairs[i];  // those that are near stay, at most as far back
+    held = held | collide_pair(t, p, x);
     const ContactPatch<T>& patch = x.contacts.patch[p];
     if (patch.live_count == 0) continue;
     x.contacts.listed_pairs[x.contacts.near_count] = x.contacts.near_pairs[x.contacts.near_count] = p;

@@ -31,6 +31,7 @@ struct MovingCollider {
   PlacedShape<T> shape;
   Vec3<T> place;  // of its body, whose origin has the velocity `linear`
   Vec3<T> angular, linear;
+  T stretch, span, other_span;  // (M161)
 
   LOCKSTEP_INLINE Vec3<T> velocity_at(const Vec3<T>& point) const { return cross_add(angular, point - place, linear); }
 };

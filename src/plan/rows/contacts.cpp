@@ -85,6 +85,7 @@ void put_hull(const Shape& shape, ColliderPlace<double>& collider, std::vector<H
     for (int j = 0; j < 3; ++j) collider.offset[i] += collider.rotation[3 * i + j] * middle[j];
   collider.size[0] = shape.size[0];
   collider.reach = corners.colwise().norm().maxCoeff() + shape.size[0];
+  for (int k = 0; k < 3; ++k) collider.half[k] = corners.row(k).cwiseAbs().maxCoeff() + shape.size[0];
   collider.hull = static_cast<int>(hulls.size());
 
   std::vector<std::vector<int>> faces;
@@ -107,6 +108,11 @@ BodyPlace place_of(const Program& program, const Collider& collider) {
   return place_of(program, collider.link, Eigen::Isometry3d(collider.pose));
 }
 
+// Of a box around a shape that is round about z.
+void put_half(double radius, double half_length, ColliderPlace<double>& collider) {
+  collider.half[0] = collider.half[1] = radius, collider.half[2] = half_length;
+}
+
 ColliderPlace<double> placed(const Program& program, const Collider& collider) {
   const BodyPlace place = place_of(program, collider);
   ColliderPlace<double> result{};
@@ -117,23 +123,28 @@ ColliderPlace<double> placed(const Program& program, const Collider& collider) {
   switch (collider.shape.kind) {
     case ShapeKind::half_space: break;
     case ShapeKind::box:
-      for (int k = 0; k < 3; ++k) result.size[k] = 0.5 * size[k];
+      for (int k = 0; k < 3; ++k) result.size[k] = result.half[k] = 0.5 * size[k];
       result.reach = 0.5 * size.norm();
       break;
     case ShapeKind::ellipsoid:
-      for (int k = 0; k < 3; ++k) result.size[k] = size[k];
+      for (int k = 0; k < 3; ++k) result.size[k] = result.half[k] = size[k];
       result.reach = size.maxCoeff();
       break;
     case ShapeKind::cylinder:
       result.size[0] = size[0], result.size[1] = 0.5 * size[1];
       result.reach = std::hypot(size[0], 0.5 * size[1]);
+      put_half(size[0], 0.5 * size[1], result);
       break;
     case ShapeKind::hull: break;  // by put_hull()
     case ShapeKind::capsule:
       result.size[0] = size[0], result.size[1] = 0.5 * size[1];
       result.reach = size[0] + 0.5 * size[1];
+      put_half(size[0], result.reach, result);
       break;
-    case ShapeKind::sphere: result.size[0] = result.reach = size[0]; break;
+    case ShapeKind::sphere:
+      result.size[0] = result.reach = size[0];
+      put_half(size[0], size[0], result);
+      break;
   }
   return result;
 }
@@ -184,6 +195,7 @@ void lay_out_contacts(Program& program) {
     const ColliderPlace<double>&one = colliders[static_cast<std::size_t>(pair.first)],
           &other = colliders[static_cast<std::size_t>(pair.second)];
     pair.slack = slack_share * (one.kind == ShapeKind::half_space ? other.reach : std::min(one.reach, other.reach));
+    pair.by_boxes = is_convex(pair.kind) || pair.kind == PairKind::box_box || pair.kind == PairKind::box_capsule;
     if (is_convex(pair.kind)) {
       pair.memory = t.contacts.convex++;
       pair.size = one.reach + other.reach;

@@ -74,11 +74,12 @@ struct ColliderPlace : ColliderStructure {
   S offset[3];
   S size[3];  ///< as in kernels/contacts/shapes.h
   S reach;    ///< radius of a sphere about its centre that holds it; 0 for a half-space
+  S half[3];  ///< half the edges of a box about its centre, along its axes, that holds it; 0 for a half-space
 
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
     visit(from.rotation, to.rotation), visit(from.offset, to.offset), visit(from.size, to.size);
-    visit(from.reach, to.reach);
+    visit(from.reach, to.reach), visit(from.half, to.half);
   }
 };
 
@@ -91,6 +92,7 @@ struct TouchingStructure {
   int entry;            ///< in ContactStructure::entries: of A_r, by column and column up to that one
   int memory = -1;      ///< in Contacts::convex
   bool soft;            ///< its compliance is stated, so an overlap has a force of its own
+  bool by_boxes;        ///< costs enough for boxes about its colliders to be looked at first
 };
 template <class S>
 struct TouchingPair : TouchingStructure {
