@@ -2,6 +2,7 @@
 #include "called_stages.h"
 #include "instantiate.h"
 #include "reduced_matrix.h"
+#include "start_gaps.h"
 
 namespace lockstep {
 
@@ -28,6 +29,26 @@ void reduced_matrix(const Tables<float>& t, const float* q, const float* joint_i
   kernels::inertia_matrix(t, StatePointers<float>(), x);
   if (t.reduction.by_entries()) kernels::reduce_matrix(t, x);
   for (int e = 0; e < t.solver.entries; ++e) packed[e] = x.dynamics.reduced[e].lane(0);
+}
+
+void start_gaps(const Tables<float>& t, const float* q, const float* root_poses, float* gaps, void* scratch) {
+  using T = registers::baseline::f32;
+  kernels::Tile<T> x;
+  kernels::lay_out(t, scratch, x);
+  kernels::uniform_masses(t, x);
+  kernels::uniform_ratios(t, x);
+  for (int j = 0; j < t.joints; ++j) x.state.q[j] = T(q[j]);
+  for (int i = 0; i < 7 * t.roots.count; ++i) x.state.pose[i] = T(root_poses[i]);
+  for (int i = 0; i < t.velocities; ++i) x.state.v[i] = T(0);
+  x.frozen = x.contacts.kept = x.contacts.known = T::none();
+  kernels::kinematics(t, x);
+  kernels::collide(t.midpoint ? *t.midpoint : t, x);
+  for (int p = 0; p < t.contacts.pairs.count; ++p) {
+    const TouchingPair<float>& pair = t.contacts.pairs[p];
+    gaps[p] = static_cast<float>(unlimited);
+    for (int s = pair.slot; s < pair.slot + pair.slots; ++s)
+      if (any(x.contacts.slot[s].live)) gaps[p] = kernels::smaller(T(gaps[p]), x.contacts.slot[s].gap).lane(0);
+  }
 }
 
 }  // namespace lockstep

@@ -89,6 +89,41 @@ TEST(Convex, shapes_that_are_apart_have_their_known_separation) {
   expect_known_separations<f32>(4000, 1e-5, 7e-8);
 }
 
+// A jump turns a pair around, so the memory is that of another side. It may not make an overlap of what is apart.
+template <class T>
+void expect_lost_normals_are_given_up() {
+  Random random(6);
+  for (const ShapeKind first : kinds)
+    for (const ShapeKind second : kinds) {
+      const bool are_round =
+          first >= ShapeKind::capsule && first != ShapeKind::ellipsoid;  // and have a form of their own
+      if (second < first || are_round) continue;
+      SCOPED_TRACE(std::string(to_string(first)) + " and " + to_string(second));
+      double worst = 0.0;
+      int deep = 0;
+      for (int n = 0; n < 1000; ++n) {
+        const Solid a = draw_solid(first, random), b = draw_solid(second, random);
+        const Matrix3d turn = random.rotation();
+        const Vector3d normal = random.direction();
+        const double wanted = std::array{2e-3, 1e-2, 5e-2}[static_cast<std::size_t>(n % 3)];
+        const Vector3d place = a.support(normal) + wanted * normal - turn * b.support(-(turn.transpose() * normal));
+        Separating<T> pair(a, b);
+        pair.remember(random.direction());
+        Found found = pair.separate(turn, place, true);
+        deep += found.separation < 0.0;
+        for (int step = 0; step < 3; ++step) found = pair.separate(turn, place, true);
+        worst = std::max(worst, std::abs(found.separation - wanted));
+      }
+      EXPECT_EQ(deep, 0);
+      EXPECT_LT(worst, 1e-4);
+    }
+}
+
+TEST(Convex, a_normal_of_another_side_is_given_up) {
+  expect_lost_normals_are_given_up<f64>();
+  expect_lost_normals_are_given_up<f32>();
+}
+
 constexpr double slack = 1e-5;
 
 // Two solids as the kernels place them.

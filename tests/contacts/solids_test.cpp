@@ -4,6 +4,7 @@
 
 #include "contact_scenes.h"
 #include "physics.h"
+#include "plan/program.h"
 
 namespace lockstep {
 namespace {
@@ -280,7 +281,7 @@ TYPED_TEST(Solids, a_prism_of_many_sides_stands_as_a_cylinder_does) {
 
 // Every environment on its own: a heap of all shapes, each environment with other velocities, in any order of lanes,
 // batch and threads.
-TYPED_TEST(Solids, a_heap_of_all_shapes_has_the_same_bits_anywhere) {
+Model heap_of_all_shapes() {
   Model model = pile(3);
   const Inertia own{0.3, Vector3d::Zero(), 2e-4 * Eigen::Matrix3d::Identity()};
   add_free(model, "cylinder", own, Shape::cylinder(0.03, 0.08), {0.02, 0.01, 0.8}, 0.5);
@@ -289,7 +290,11 @@ TYPED_TEST(Solids, a_heap_of_all_shapes_has_the_same_bits_anywhere) {
   model.colliders.back().group = "bodies";
   add_free(model, "hull", own, Shape::hull(corners_of({0.06, 0.08, 0.05}), 0.004), {0.01, -0.03, 1.1}, 0.5);
   model.colliders.back().group = "bodies";
-  const Plan plan = compile(model, StepSettings{.dt = 1.0 / rate});
+  return model;
+}
+
+TYPED_TEST(Solids, a_heap_of_all_shapes_has_the_same_bits_anywhere) {
+  const Plan plan = compile(heap_of_all_shapes(), StepSettings{.dt = 1.0 / rate});
   const auto run = [&](int environments, int threads, int shift) {
     Batch<TypeParam> batch(plan, environments, {.threads = threads});
     for (int e = 0; e < environments; ++e)
@@ -303,6 +308,29 @@ TYPED_TEST(Solids, a_heap_of_all_shapes_has_the_same_bits_anywhere) {
   for (int e = 0; e < 37; ++e) EXPECT_TRUE((shifted.col(e) == all.col((e + 5) % 37)).all()) << e;
   EXPECT_TRUE((run(1, 1, 11).col(0) == all.col(11)).all());
   EXPECT_TRUE(all.isFinite().all());
+}
+
+// What boxes about two colliders part has no slot, and such a pair remembers nothing.
+TYPED_TEST(Solids, boxes_about_colliders_change_no_bit) {
+  const auto run = [](bool by_boxes) {
+    const Plan plan = compile(heap_of_all_shapes(), StepSettings{.dt = 1.0 / rate});
+    const Tables<TypeParam>& t = tables<TypeParam>(program_of(plan));
+    int looked_at = 0;
+    for (const Tables<TypeParam>* own : {&t, t.midpoint})
+      for (int p = 0; own && p < own->contacts.pairs.count; ++p) {
+        auto& pair = const_cast<TouchingPair<TypeParam>&>(own->contacts.pairs[p]);
+        looked_at += pair.by_boxes, pair.by_boxes = pair.by_boxes && by_boxes;
+      }
+    EXPECT_GT(looked_at, 10);
+    Batch<TypeParam> batch(plan, 21, {.threads = 1});
+    for (int e = 0; e < 21; ++e)
+      for (int row = 0; row < batch.root_velocities().rows(); ++row)
+        batch.root_velocities()(row, e) = static_cast<TypeParam>(0.5 * std::sin(1.3 * row + 0.7 * e));
+    batch.step(360);
+    Eigen::Array<TypeParam, Eigen::Dynamic, Eigen::Dynamic> poses = batch.root_poses();
+    return poses;
+  };
+  EXPECT_TRUE((run(true) == run(false)).all());
 }
 
 TEST(Hulls, that_are_none_are_refused_with_a_remedy) {

@@ -134,6 +134,36 @@ TEST(Description, names_contacts_among_the_stages) {
   EXPECT_NE(stages.substr(0, stages.find('\n')).find("contacts"), std::string::npos) << text;
 }
 
+// A block in the floor by 4 mm, and one on a slider in that by 30 mm, whichever integrator collides them.
+TEST(Description, names_pairs_that_overlap_at_the_start) {
+  Model model;
+  const auto block = [&](const std::string& name, const Eigen::Vector3d& place) {
+    model.links.push_back({name, Inertia::box(1.0, {0.1, 0.1, 0.1}, Eigen::Vector3d::Zero())});
+    model.colliders.push_back({.name = name, .link = name, .shape = Shape::box({0.1, 0.1, 0.1}), .group = "blocks"});
+    Root root{name, true};
+    root.pose.translation() = place;
+    return root;
+  };
+  model.roots = {block("low", {0.0, 0.0, 0.046}), block("far", {1.0, 0.0, 0.0505})};
+  block("slid", Eigen::Vector3d::Zero());
+  Joint slider;
+  slider.name = "slider", slider.kind = JointKind::prismatic, slider.parent = "far", slider.child = "slid";
+  slider.axis = Eigen::Vector3d::UnitX(), slider.position = -0.93;
+  model.joints = {slider};
+  model.colliders.push_back({.name = "floor", .shape = Shape::half_space()});
+  model.contacts = {{"floor", "blocks"}, {"low", "slid"}, {"low", "far"}};
+  for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
+    const std::string words = compile(model, {.integrator = integrator}).describe();
+    EXPECT_NE(
+        words.find(
+            "Overlap at the model's start, and push until they are apart: low-slid by 30 mm, floor-low by 4 mm. "),
+        std::string::npos)
+        << words;
+  }
+  model.roots[0].pose.translation().z() = 0.05, model.joints[0].position = -0.9;
+  EXPECT_EQ(compile(model, {}).describe().find("Overlap at the model's start"), std::string::npos);
+}
+
 TEST(Description, lists_bounds_and_those_to_be_ignored) {
   Model model = scenes::chain8();
   expect_omits(compile(model), {"Bounds", "Ignored"});

@@ -178,18 +178,30 @@ void nearest_apart(const CorePair<T>& pair, T most, typename T::Mask open, Neare
 template <class T>
 void separate(const CorePair<T>& pair, T apart, T most, typename T::Mask lanes, typename T::Mask kept,
               Nearest<T>& found) {
-  constexpr int cold_passes = 8;
+  using S = ScalarOf<T>;
+  constexpr int most_passes = 8;
+  constexpr S deep = 10, turned = S(0.8);  // of `apart`; the cosine of a turn that one step does not make
   const T length = sqrt(dot(pair.place, pair.place));
   const auto has_length = less(T(0), length);
   const Vec3<T> between =
       select<T>(has_length, scaled(pair.place, T(1) / select(has_length, length, T(1))), Vec3<T>{T(0), T(0), T(1)});
   found.normal = select<T>(kept, found.normal, between);
+  T along = dot(found.normal, least_difference(pair, found.normal).at);
+
+  // After a jump, the normal of the step before may be that of another side.
+  const auto may_be_lost = lanes & kept & less(along, T(-deep) * apart);
+  if (any(may_be_lost)) {
+    const T other = dot(between, least_difference(pair, between).at);
+    const auto is_lost = may_be_lost & less(along, other);
+    kept = kept & ~is_lost;
+    found.normal = select<T>(is_lost, between, found.normal);
+    along = select(is_lost, other, along);
+  }
   for (int i = 0; i < 3; ++i) found.corners[i] = select(kept, found.corners[i], T(0));
 
   auto open = lanes;
-  for (int pass = 0; pass < cold_passes && any(open); ++pass) {
+  for (int pass = 0; pass < most_passes && any(open); ++pass) {
     const Vec3<T> out = found.normal;
-    const T along = dot(out, least_difference(pair, out).at);
     const T way = larger(T(0), apart - along);
     CorePair<T> moved = pair;
     moved.place = fma(out, way, pair.place);
@@ -200,7 +212,8 @@ void separate(const CorePair<T>& pair, T apart, T most, typename T::Mask lanes, 
     found.separation = select(open, now.separation, found.separation);
     found.on_first = select<T>(open, now.on_first, found.on_first);
     for (int i = 0; i < 3; ++i) found.corners[i] = select(open, now.corners[i], found.corners[i]);
-    open = open & ~kept & less(T(0), way);
+    open = open & less(T(0), way) & ~(kept & less(T(turned), dot(out, now.normal)));
+    if (any(open)) along = dot(found.normal, least_difference(pair, found.normal).at);
   }
 }
 
