@@ -12,6 +12,21 @@ const KernelSet<double> baseline_f64 = kernel_set<registers::baseline::f64>();
 LOCKSTEP_CALLED_STAGES(, registers::baseline::f32);
 LOCKSTEP_CALLED_STAGES(, registers::baseline::f64);
 
+namespace {
+
+// A tile in `scratch` with the model's masses and ratios, at positions q by joint.
+kernels::Tile<registers::baseline::f32> tile_at(const Tables<float>& t, const float* q, void* scratch) {
+  using T = registers::baseline::f32;
+  kernels::Tile<T> x;
+  kernels::lay_out(t, scratch, x);
+  kernels::uniform_masses(t, x);
+  kernels::uniform_ratios(t, x);
+  for (int j = 0; j < t.joints; ++j) x.state.q[j] = T(q[j]);
+  return x;
+}
+
+}  // namespace
+
 std::size_t reduced_matrix_bytes(const Tables<float>& t) {
   kernels::Tile<registers::baseline::f32> x;
   return kernels::lay_out(t, nullptr, x);
@@ -19,11 +34,7 @@ std::size_t reduced_matrix_bytes(const Tables<float>& t) {
 
 void reduced_matrix(const Tables<float>& t, const float* q, const float* joint_inertia, float* packed, void* scratch) {
   using T = registers::baseline::f32;
-  kernels::Tile<T> x;
-  kernels::lay_out(t, scratch, x);
-  kernels::uniform_masses(t, x);
-  kernels::uniform_ratios(t, x);
-  for (int j = 0; j < t.joints; ++j) x.state.q[j] = T(q[j]);
+  kernels::Tile<T> x = tile_at(t, q, scratch);
   kernels::kinematics(t, x);
   for (int j = 0; j < t.joints; ++j) x.dynamics.joint_inertia[j] = T(joint_inertia[j]);
   kernels::inertia_matrix(t, StatePointers<float>(), x);
@@ -33,11 +44,7 @@ void reduced_matrix(const Tables<float>& t, const float* q, const float* joint_i
 
 void start_gaps(const Tables<float>& t, const float* q, const float* root_poses, float* gaps, void* scratch) {
   using T = registers::baseline::f32;
-  kernels::Tile<T> x;
-  kernels::lay_out(t, scratch, x);
-  kernels::uniform_masses(t, x);
-  kernels::uniform_ratios(t, x);
-  for (int j = 0; j < t.joints; ++j) x.state.q[j] = T(q[j]);
+  kernels::Tile<T> x = tile_at(t, q, scratch);
   for (int i = 0; i < 7 * t.roots.count; ++i) x.state.pose[i] = T(root_poses[i]);
   for (int i = 0; i < t.velocities; ++i) x.state.v[i] = T(0);
   x.frozen = x.contacts.kept = x.contacts.known = T::none();
