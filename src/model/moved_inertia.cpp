@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "inertia.h"
+#include "joint_motion.h"
 
 namespace lockstep {
 namespace {
@@ -37,16 +38,6 @@ Matrix6 spatial(const Inertia& body) {
 Vector6 direction(const Joint& joint) {
   Vector6 motion = Vector6::Zero();
   (joint.kind == JointKind::prismatic ? motion.tail<3>() : motion.head<3>()) = joint.axis.normalized();
-  return motion;
-}
-
-Isometry3d moved(const Joint& joint) {
-  const Vector3d axis = joint.axis.normalized();
-  Isometry3d motion = Isometry3d::Identity();
-  if (joint.kind == JointKind::prismatic)
-    motion.translation() = joint.position * axis;
-  else
-    motion.linear() = Eigen::AngleAxisd(joint.position, axis).toRotationMatrix();
   return motion;
 }
 
@@ -113,7 +104,7 @@ std::vector<UnmovedLink> unmoved_links(const Model& model, const Trees& trees, c
     if (!is_moved) unmoved.push_back({link, reason(own, bodies[link], joint)});
     Carried& base = carried[trees.carrier[parent]];
     if (base.is_whole) continue;  // no motion of it is free, whatever it carries
-    const Matrix6 to_child = motion_transform(trees.in_carrier[parent] * Isometry3d(joint.origin) * moved(joint));
+    const Matrix6 to_child = motion_transform(trees.in_carrier[parent] * Isometry3d(joint.origin) * motion_of(joint));
     if (is_moved) {
       const Vector6 force = own.free * direction(joint);
       own.free -= force * force.transpose() / own.pivot_for(joint);

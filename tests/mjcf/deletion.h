@@ -49,10 +49,17 @@ inline std::string text_of(const Model& model) {
     out << '\n';
   }
   for (const Site& site : model.sites) out << site.name << ' ' << site.link << ' ' << site.pose.matrix() << '\n';
-  for (const Collider& c : model.colliders)
+  for (const Collider& c : model.colliders) {
     out << c.name << ' ' << c.link << ' ' << static_cast<int>(c.shape.kind) << ' ' << c.shape.size.transpose() << ' '
-        << c.pose.matrix() << ' ' << c.friction << '\n';
-  for (const Contact& c : model.contacts) out << c.first << ' ' << c.second << ' ' << c.friction.value_or(-1.0) << '\n';
+        << c.pose.matrix() << ' ' << c.friction << ' ';
+    softness(c.softness);
+    out << '\n';
+  }
+  for (const Contact& c : model.contacts) {
+    out << c.first << ' ' << c.second << ' ' << c.friction.value_or(-1.0) << ' ';
+    if (c.softness) softness(*c.softness);
+    out << '\n';
+  }
   for (const Root& root : model.roots)
     out << root.link << ' ' << root.floating << ' ' << root.pose.matrix() << ' ' << root.velocity.transpose() << '\n';
   for (const NamedPose& pose : model.poses) {

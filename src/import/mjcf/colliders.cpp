@@ -10,8 +10,12 @@
 #include <unordered_map>
 #include <unordered_set>
 
+#include "contact_softness.h"
+#include "model/softness_numbers.h"
 #include "model/trees.h"
 #include "names.h"
+#include "standing.h"
+#include "start_inertia.h"
 
 namespace lockstep::importer::mjcf {
 namespace {
@@ -20,11 +24,21 @@ constexpr std::size_t most_contacts = 200000;
 
 // How a geom touches.
 struct Touch {
-  std::size_t body;
-  int carrier;  // the link that carries its body in the model, where equalities may hold joints; -1 in the world
-  std::string collider, geom;  // names
-  int type, affinity, dimension, priority;
+  std::size_t body = 0;
+  int carrier = -1;  // the link that carries its body in the model, where equalities may hold joints; -1 in the world
+  std::size_t collider = 0;  // its number
+  std::string geom = {};     // its name
+  int type = 0, affinity = 0, dimension = 3;
+  double friction = 1.0;
+  GeomYielding yielding = {};
+};
+
+// What holds for all points of a pair.
+struct Law {
   double friction;
+  int dimension;
+  Yielding yielding;
+  double margin;
 };
 
 const char* name_of(GeomType type) {
@@ -45,6 +59,7 @@ class Collision {
       if (b == 0 || scene_.is_read[b])
         for (const GeomPart& geom : scene_.bodies.all[b].geoms) add_geom(b, geom);
     find_welds();
+    soften_colliders();
     for (const Element::Xml* xml : pairs_) add_pair(scene_.classes.element(*xml, ""));
     for (std::size_t i = 0; i < touches_.size(); ++i)
       for (std::size_t j = i + 1; j < touches_.size(); ++j) add_by_masks(touches_[i], touches_[j]);
@@ -93,8 +108,8 @@ class Collision {
     const std::string name = names_.unused(geom.name.empty() ? body.name : geom.name);
     const std::string& link = places_[b].link;
     const int carrier = link.empty() ? -1 : trees_.carrier[static_cast<std::size_t>(model_.link_index(link))];
-    touches_.push_back({b, carrier, name, geom.name, type, affinity, element.whole("condim", 3),
-                        element.whole("priority", 0), friction[0]});
+    touches_.push_back({b, carrier, touches_.size(), geom.name, type, affinity, element.whole("condim", 3), friction[0],
+                        geom_yielding_of(element)});
     touch_of_.emplace(geom.name, touches_.size() - 1);
     model_.colliders.push_back({.name = name,
                                 .link = places_[b].link,
@@ -103,8 +118,6 @@ class Collision {
                                 .friction = friction[0],
                                 .group = b == 0 || body.is_mocap ? "" : "robot"});
     draft_.places["collider '" + name + "'"] = geom.place;
-    report().tally("contacts take lockstep's own softness, in MuJoCo",
-                   words_of(yielding_of(element, "solref", "solimp")));
     for (const char* number : {"margin", "gap"})
       if (element.number(number, 0.0) != 0.0) report().warn("margins and gaps of contacts, left out", name);
   }
@@ -135,14 +148,19 @@ class Collision {
       ++own_pairs_;
       return;
     }
-    const auto [friction, dimension] = combined(a, b);
-    add(a, b, friction, dimension);
+    add(a, b, combined(a, b));
   }
 
-  static std::pair<double, int> combined(const Touch& a, const Touch& b) {
-    if (a.priority > b.priority) return {a.friction, a.dimension};
-    if (b.priority > a.priority) return {b.friction, b.dimension};
-    return {std::max(a.friction, b.friction), std::max(a.dimension, b.dimension)};
+  // Also of a geom with one of MuJoCo's own numbers in the world, which a caller's ground is.
+  static Law combined(const Touch& a, const Touch& b) {
+    const int first = a.yielding.priority, second = b.yielding.priority;
+    Law law{std::max(a.friction, b.friction), std::max(a.dimension, b.dimension), mixed(a.yielding, b.yielding),
+            a.yielding.margin + b.yielding.margin};
+    if (first != second) {
+      const Touch& ruling = first > second ? a : b;
+      law.friction = ruling.friction, law.dimension = ruling.dimension;
+    }
+    return law;
   }
 
   void add_pair(const Element& element) {
@@ -154,17 +172,57 @@ class Collision {
       return report().warn("contact pairs that cannot move against each other, left out", element.place());
     double friction[5] = {1.0};
     element.numbers("friction", friction, 1, 5);
-    add(a, b, friction[0], element.whole("condim", 3));
+    add(a, b,
+        {friction[0], element.whole("condim", 3), yielding_of(element, "solref", "solimp"),
+         element.number("margin", 0.0)});
   }
 
-  void add(const Touch& a, const Touch& b, double friction, int dimension) {
+  void add(const Touch& a, const Touch& b, const Law& law) {
     if (!seen_.insert(std::minmax({a.collider, b.collider})).second) return;
     if (seen_.size() > most_contacts)
       scene_.bodies.all[a.body].geoms.front().element.fail(
           fmt::format("belongs to more than {} pairs that may touch", most_contacts), "give contype and conaffinity");
-    if (dimension > 3)
-      report().tally("friction against turning and rolling, left out", fmt::format("pairs of condim {}", dimension));
-    model_.contacts.push_back({.first = a.collider, .second = b.collider, .friction = dimension == 1 ? 0.0 : friction});
+    if (law.dimension > 3)
+      report().tally("friction against turning and rolling, left out",
+                     fmt::format("pairs of condim {}", law.dimension));
+    const Collider &one = model_.colliders[a.collider], &other = model_.colliders[b.collider];
+    Contact contact{.first = one.name, .second = other.name, .friction = law.dimension == 1 ? 0.0 : law.friction};
+    const Softness softness = softness_between(a, b, law);
+    if (!is_hard(softness))
+      report().tally("contacts soft as in MuJoCo, without its virtual mass", words_of(law.yielding));
+    if (!is_hard(softness) || !is_hard(one.softness) || !is_hard(other.softness)) contact.softness = softness;
+    model_.contacts.push_back(contact);
+  }
+
+  // What is found once something is soft.
+  struct Rest {
+    SolverSettings solver;
+    std::vector<double> responses;  // by body
+    std::vector<double> loads;      // by collider
+  };
+
+  Softness softness_between(const Touch& a, const Touch& b, const Law& law) {
+    if (is_default(law.yielding)) return Hard{};
+    if (!rest_)
+      rest_ = {read_solver(scene_.document, scene_.settings), body_responses(scene_), loads_at_rest(model_, trees_)};
+    return softness_of(law.yielding,
+                       {rest_->responses[a.body] + rest_->responses[b.body], law.friction, law.dimension, law.margin,
+                        std::min(rest_->loads[a.collider], rest_->loads[b.collider])},
+                       rest_->solver);
+  }
+
+  // By what they are against a geom of MuJoCo's own numbers in the world, such as a ground that is added later.
+  void soften_colliders() {
+    for (const Touch& touch : touches_) {
+      const Touch ground{.collider = touch.collider};
+      Collider& collider = model_.colliders[touch.collider];
+      if (scene_.bodies.moves[touch.body]) collider.softness = softness_between(touch, ground, combined(touch, ground));
+      if (const auto* spring = std::get_if<Spring>(&collider.softness))
+        report().remark("geoms whose contacts are soft",
+                        fmt::format("{} by {:.3g} N/m and {:.3g} N s/m", collider.name, spring->kp, spring->kd));
+      else
+        report().tally("contacts take lockstep's own softness, in MuJoCo", words_of(touch.yielding.yielding));
+    }
   }
 
   const Scene& scene_;
@@ -176,10 +234,12 @@ class Collision {
   std::unordered_map<std::string, std::size_t> touch_of_;  // by the geom's name
   std::vector<const Element::Xml*> pairs_;
   std::unordered_set<std::string> paired_;
-  std::set<std::pair<std::string, std::string>> excluded_, seen_;
+  std::set<std::pair<std::string, std::string>> excluded_;
+  std::set<std::pair<std::size_t, std::size_t>> seen_;  // colliders
   Names names_;
   std::vector<std::size_t> weld_, weld_parent_, top_;
   int own_pairs_ = 0;
+  std::optional<Rest> rest_;
 };
 
 }  // namespace

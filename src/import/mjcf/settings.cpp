@@ -24,6 +24,13 @@ std::optional<Element> merged(Document& document, const std::vector<const Elemen
   return Element(document, last, sections);
 }
 
+std::optional<Element> flags(Document& document) {
+  std::vector<const Element::Xml*> options;
+  for (const Element::Xml* section : document.children(document.root()))
+    if (std::string_view(section->Name()) == "option") options.push_back(section);
+  return merged(document, options, "flag");
+}
+
 void read_compiler(const Element& compiler, Settings& settings) {
   settings.angle_is_given = compiler.has("angle");
   settings.degrees = compiler.word("angle", {"radian", "degree"}, 1) == 1;
@@ -98,11 +105,19 @@ Settings read_settings(Document& document) {
   const std::vector<const Element::Xml*> root = {&document.root()};
   if (const auto compiler = merged(document, root, "compiler")) read_compiler(*compiler, settings);
   if (const auto option = merged(document, root, "option")) read_option(*option, settings);
-  std::vector<const Element::Xml*> options;
-  for (const Element::Xml* section : document.children(document.root()))
-    if (std::string_view(section->Name()) == "option") options.push_back(section);
-  if (const auto flag = merged(document, options, "flag")) read_flag(*flag, settings);
+  if (const auto flag = flags(document)) read_flag(*flag, settings);
   return settings;
+}
+
+SolverSettings read_solver(Document& document, const Settings& settings) {
+  SolverSettings solver;
+  if (settings.time_step > 0.0) solver.time_step = settings.time_step;
+  if (const auto option = merged(document, {&document.root()}, "option")) {
+    solver.is_elliptic = option->word("cone", {"pyramidal", "elliptic"}, 0) == 1;
+    solver.friction_ratio = std::max(option->number("impratio", 1.0), 1e-15);
+  }
+  if (const auto flag = flags(document)) solver.is_safe = flag->word("refsafe", {"disable", "enable"}, 1) == 1;
+  return solver;
 }
 
 }  // namespace lockstep::importer::mjcf

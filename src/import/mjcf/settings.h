@@ -36,4 +36,13 @@ struct Settings {
 
 Settings read_settings(Document& document);
 
+/// What tells how soft MuJoCo's contacts are.
+struct SolverSettings {
+  bool is_elliptic = false;     ///< friction cones, else pyramids
+  double friction_ratio = 1.0;  ///< impratio
+  bool is_safe = true;          ///< time constants are at least two steps
+  double time_step = 0.002;     ///< s
+};
+SolverSettings read_solver(Document& document, const Settings& settings);
+
 }  // namespace lockstep::importer::mjcf

@@ -1,7 +1,8 @@
-// The mass matrix of the drawn pose, dense and in world axes. SPDX-License-Identifier: Apache-2.0
+// The mass matrix of the drawn pose, in world axes. SPDX-License-Identifier: Apache-2.0
 #include "start_inertia.h"
 
 #include <Eigen/Dense>
+#include <Eigen/Sparse>
 #include <limits>
 
 namespace lockstep::importer::mjcf {
@@ -69,6 +70,19 @@ void each_share(const Scene& scene, const Directions& directions, bool is_diagon
   }
 }
 
+Eigen::SparseMatrix<double> mass_matrix(const Scene& scene, const Directions& directions) {
+  const auto size = static_cast<Eigen::Index>(directions.all.size());
+  std::vector<Eigen::Triplet<double>> elements;
+  for (int i = 0; i < size; ++i) elements.emplace_back(i, i, directions.all[static_cast<std::size_t>(i)].armature);
+  each_share(scene, directions, false, [&](int i, int j, double share) {
+    elements.emplace_back(i, j, share);
+    if (i != j) elements.emplace_back(j, i, share);
+  });
+  Eigen::SparseMatrix<double> matrix(size, size);
+  matrix.setFromTriplets(elements.begin(), elements.end());
+  return matrix;
+}
+
 std::vector<double> by_joint(const Directions& directions, const Eigen::VectorXd& values) {
   std::vector<double> result;
   for (const int direction : directions.of_joint)
@@ -88,15 +102,28 @@ std::vector<double> locked_inertia(const Scene& scene) {
 
 std::vector<double> free_inertia(const Scene& scene) {
   const Directions motion = directions(scene);
-  const auto size = static_cast<Eigen::Index>(motion.all.size());
-  Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(size, size);
-  for (Eigen::Index i = 0; i < size; ++i) matrix(i, i) = motion.all[static_cast<std::size_t>(i)].armature;
-  each_share(scene, motion, false, [&](int i, int j, double share) {
-    matrix(i, j) += share;
-    if (i != j) matrix(j, i) += share;
-  });
-  const Eigen::MatrixXd inverse = matrix.ldlt().solve(Eigen::MatrixXd::Identity(size, size));
+  const Eigen::MatrixXd matrix(mass_matrix(scene, motion));
+  const Eigen::MatrixXd inverse = matrix.ldlt().solve(Eigen::MatrixXd::Identity(matrix.rows(), matrix.cols()));
   return by_joint(motion, inverse.diagonal().cwiseInverse());
+}
+
+std::vector<double> body_responses(const Scene& scene) {
+  const Directions motion = directions(scene);
+  const Eigen::SparseMatrix<double> matrix = mass_matrix(scene, motion);
+  const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factors(matrix);
+  std::vector<double> responses;
+  for (std::size_t b = 0; b < scene.bodies.all.size(); ++b) {
+    const Body& body = scene.bodies.all[b];
+    const Vector3d center = body.in_world * body.inertia.center;
+    Eigen::MatrixX3d speeds = Eigen::MatrixX3d::Zero(matrix.rows(), 3);
+    for (const int i : motion.of_body[b]) {
+      const Direction& direction = motion.all[static_cast<std::size_t>(i)];
+      speeds.row(i) = direction.linear + direction.angular.cross(center);
+    }
+    const Eigen::MatrixX3d answers = factors.solve(speeds);
+    responses.push_back(speeds.cwiseProduct(answers).sum() / 3.0);
+  }
+  return responses;
 }
 
 }  // namespace lockstep::importer::mjcf
