@@ -1,9 +1,14 @@
 // MuJoCo for the scripts of tests. SPDX-License-Identifier: Apache-2.0
-//   npm install mujoco-js@0.0.7   (MuJoCo 3.3.8)
+//   npm install mujoco-js@0.0.7   (MuJoCo 3.3.8), or @mujoco/mujoco   (3.14)
 import fs from 'fs';
 import path from 'path';
 
-export const open = async library => (await import(path.resolve(library, 'dist/mujoco_wasm.js'))).default();
+export async function open(library) {
+  const file = ['dist/mujoco_wasm.js', 'mujoco.js'].map(name => path.resolve(library, name)).find(fs.existsSync);
+  return (await import(file)).default();
+}
+
+export const load = (mj, file) => (mj.MjModel.loadFromXML ?? mj.MjModel.from_xml_path)(file);
 
 // Shapes and pictures that need not be there: all are a tetrahedron and a dot. No inertia may come from a mesh.
 function without_assets(text) {
@@ -16,12 +21,12 @@ function without_assets(text) {
 }
 
 // A folder with all that it holds, for MuJoCo to read.
-export function copy(mj, from, to) {
+export function copy(mj, from, to, keeps_assets = false) {
   mj.FS.mkdir(to);
   for (const entry of fs.readdirSync(from, {withFileTypes: true})) {
     const [source, target] = [`${from}/${entry.name}`, `${to}/${entry.name}`];
-    if (entry.isDirectory()) copy(mj, source, target);
-    else mj.FS.writeFile(target, without_assets(fs.readFileSync(source, 'utf8')));
+    if (entry.isDirectory()) copy(mj, source, target, keeps_assets);
+    else mj.FS.writeFile(target, keeps_assets ? fs.readFileSync(source) : without_assets(fs.readFileSync(source, 'utf8')));
   }
 }
 
@@ -32,7 +37,7 @@ export function name_of(mj, m, kind, i) {
 }
 
 // What each position belongs to, by the names that lockstep gives: joints, and free bodies seven times.
-function owners(mj, m) {
+export function owners(mj, m) {
   const found = Array(m.nq);
   for (let j = 0; j < m.njnt; ++j) {
     const body = name_of(mj, m, 1, m.jnt_bodyid[j]) || 'body', at = m.jnt_qposadr[j];
