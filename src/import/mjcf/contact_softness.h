@@ -30,8 +30,8 @@ struct YieldingPoint {
   double load;            ///< that rests on it, N; infinite where it is not known
 };
 
-/// (M164): the spring that sinks as far under the load as MuJoCo's, with the same damper, without its virtual mass.
-/// Hard where nothing would sink.
+/// (M164), (M165): the spring that sinks as far under the load as MuJoCo's, with the same damper, without its virtual
+/// mass. Hard where nothing would sink.
 Softness softness_of(const Yielding& yielding, const YieldingPoint& point, const SolverSettings& solver);
 
 }  // namespace lockstep::importer::mjcf

@@ -125,7 +125,7 @@ class Stand {
     return points;
   }
 
-  // (M165), or equal ones where springs would have to pull.
+  // (M166), or equal ones where springs would have to pull.
   std::vector<double> shares_of(const Vector3d& center, const std::vector<StandingPoint>& points) const {
     double all = 0.0;
     Vector3d middle = Vector3d::Zero();
