@@ -28,7 +28,7 @@ TEST(MjcfExport, says_what_it_cannot_say) {
   model.couplings[0].force_limit = 3.0;
   model.couplings[0].softness = Hard{0.1};
   model.colliders = {{.name = "floor", .shape = Shape::half_space(), .restitution = 0.3},
-                     {.name = "ball", .link = "l1", .shape = Shape::sphere(0.1), .softness = Spring{1e4, 10.0}},
+                     {.name = "ball", .link = "l1", .shape = Shape::sphere(0.1), .softness = Frequency{30.0, 1.0}},
                      {.name = "idle", .link = "l1", .shape = Shape::sphere(0.1)}};
   model.contacts = {{"floor", "ball"}};
   const Export made = export_mjcf(model);

@@ -1,5 +1,6 @@
 // Models written and read again: they mean the same. SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <set>
@@ -121,6 +122,17 @@ TEST(RoundTripOfRobots, gives_the_same_mechanism) {
     ++read;
   }
   EXPECT_GT(read, 15);
+}
+
+// The file is drawn with all joints at 0, and the springs are those of another pose.
+TEST(RoundTripOfSoftContacts, gives_the_same_springs) {
+  Model model = import_file(LOCKSTEP_EXAMPLES "/quadruped.xml", {.colliders = true, .keyframe = "stand"}).model;
+  for (std::size_t i = 0; i < model.contacts.size(); ++i)
+    model.contacts[i].softness = Spring{200.0 * std::pow(10.0, static_cast<double>(i)), 3.0 * static_cast<double>(i)};
+  ASSERT_GT(model.contacts.size(), 4u);
+  const Export made = export_mjcf(model);
+  for (const string& line : made.warnings) EXPECT_EQ(line.find("softness"), string::npos) << line;
+  expect_same(mechanism_of(again_by_mjcf(model)), mechanism_of(model));
 }
 
 TEST(RoundTripOfScenes, gives_the_same_mechanism) {

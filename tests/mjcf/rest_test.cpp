@@ -58,7 +58,7 @@ class MjcfRest : public MujocoTest {
 
 TEST_F(MjcfRest, of_a_quadruped_is_that_of_mujoco) {
   std::ostringstream text;
-  text << std::ifstream(LOCKSTEP_MJCF "/../../docs/examples/python/models/quadruped.xml").rdbuf();
+  text << std::ifstream(LOCKSTEP_EXAMPLES "/quadruped.xml").rdbuf();
   std::string soft = text.str();
   const std::string foot = "<geom type=\"sphere\" size=\"0.02\"";
   ASSERT_NE(soft.find(foot), std::string::npos);

@@ -17,8 +17,9 @@ void write_settings(const Writing& writing) {
   xml.open("option")
       .set("timestep", numbers(writing.timestep))
       .set("gravity", numbers(writing.model.gravity))
-      .set("integrator", "implicitfast")
-      .close();
+      .set("integrator", "implicitfast");
+  if (!writing.model.contacts.empty()) xml.set("cone", "elliptic");
+  xml.close();
 }
 
 void write_meshes(const Writing& writing) {
