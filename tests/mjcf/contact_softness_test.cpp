@@ -72,6 +72,27 @@ TEST(MjcfContactSoftness, is_less_in_a_pyramid_of_friction) {
   EXPECT_NEAR(kp("impratio='7'", "friction='0.7' condim='1'") / elliptic, 1.0, 1e-9);
 }
 
+// MuJoCo's contact acts from the margin on, lockstep's from the surface.
+TEST(MjcfContactSoftness, overlaps_less_by_the_margin) {
+  const string geom = sphere + "priority='1' solref='0.1 0.5' solimp='0.8 0.8 0.01' ";
+  const double load = 2.0 * 9.81, sunk = load / spring_of(read(on_ground(geom))).kp;
+  const auto kp = [&](const string& margin, const string& ground) {
+    return spring_of(read(on_ground(geom + margin, "cone='elliptic'", ground))).kp;
+  };
+  ASSERT_GT(sunk, 0.001);
+  EXPECT_NEAR(load / kp("margin='0.0003'", "margin='0.0002'"), sunk - 0.0005, 1e-12);
+  const Import stands_off = read(on_ground(geom + "margin='0.01'"));
+  EXPECT_FALSE(stands_off.model.contacts.at(0).softness);
+}
+
+// Numbers of both kinds in one solref are MuJoCo's own.
+TEST(MjcfContactSoftness, has_times_or_direct_numbers) {
+  const auto kp = [](const string& solref) {
+    return spring_of(read(on_ground(sphere + "priority='1' solimp='0.8 0.8 0.01' solref='" + solref + "'"))).kp;
+  };
+  for (const char* solref : {"0 1", "-100 1", "0.1 -1"}) EXPECT_EQ(kp(solref), kp("0.02 1")) << solref;
+}
+
 TEST(MjcfContactSoftness, of_mujocos_own_numbers_is_that_of_lockstep) {
   const Import import = read(on_ground(sphere + "solref='0.02 1' solimp='0.9 0.95' condim='3'"));
   EXPECT_FALSE(import.model.contacts.at(0).softness);

@@ -69,7 +69,7 @@ bool is_default(const Yielding& yielding) {
 }
 
 Softness softness_of(const Yielding& yielding, const YieldingPoint& point, const SolverSettings& solver) {
-  if (!(point.response > 0.0)) return Hard{};
+  if (!(point.response > 0.0 && point.response < infinity)) return Hard{};
   const auto [stiffness, damping] = reference_of(yielding, solver);
   const double response = response_of_cone(point, solver);
   const auto force = [&](double depth) {
@@ -78,9 +78,10 @@ Softness softness_of(const Yielding& yielding, const YieldingPoint& point, const
   };
   double sunk = std::max(yielding.solimp[2], 1.0), overlap = sunk;  // where the impedance has reached its end
   if (point.load < infinity) {
-    double low = 0.0, high = 1e-9;
+    double high = 1e-12;
     while (force(high) < point.load && high < 1e9) high *= 2.0;
-    for (int i = 0; i < 100; ++i) (force(0.5 * (low + high)) < point.load ? low : high) = 0.5 * (low + high);
+    double low = 0.5 * high;
+    for (int i = 0; i < 55; ++i) (force(0.5 * (low + high)) < point.load ? low : high) = 0.5 * (low + high);
     sunk = high, overlap = sunk - point.margin;
   }
   if (!(stiffness > 0.0) || !(overlap > 0.0)) return Hard{};

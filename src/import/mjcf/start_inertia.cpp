@@ -112,6 +112,8 @@ std::vector<double> body_responses(const Scene& scene) {
   const Eigen::SparseMatrix<double> matrix = mass_matrix(scene, motion);
   const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factors(matrix);
   std::vector<double> responses;
+  if (factors.info() != Eigen::Success)
+    return std::vector<double>(scene.bodies.all.size(), std::numeric_limits<double>::quiet_NaN());
   for (std::size_t b = 0; b < scene.bodies.all.size(); ++b) {
     const Body& body = scene.bodies.all[b];
     const Vector3d center = body.in_world * body.inertia.center;
