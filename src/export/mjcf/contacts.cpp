@@ -28,11 +28,11 @@ void write_contacts(const Writing& writing) {
   std::set<int> touching;
   std::optional<std::vector<double>> responses;  // by link
   const auto response_of = [&](const ColliderPair& pair) {
-    if (!responses) responses = body_responses(model, layout);
+    if (!responses) responses = body_responses(writing.model, writing.layout);
     double sum = 0.0;
     for (const int c : {pair.first, pair.second})
-      if (const std::string& link = model.colliders[static_cast<std::size_t>(c)].link; !link.empty())
-        sum += (*responses)[static_cast<std::size_t>(model.link_index(link))];
+      if (const std::string& link = writing.model.colliders[static_cast<std::size_t>(c)].link; !link.empty())
+        sum += (*responses)[static_cast<std::size_t>(writing.model.link_index(link))];
     return sum;
   };
   if (!contacts.pairs.empty()) xml.open("contact");

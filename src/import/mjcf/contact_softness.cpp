@@ -70,11 +70,11 @@ bool is_default(const Yielding& yielding) {
 
 Softness softness_of(const Yielding& yielding, const YieldingPoint& point, const SolverSettings& solver) {
   if (!(point.response > 0.0 && point.response < infinity)) return Hard{};
-  const auto [stiffness, damping] = reference_of(yielding, solver);
+  const Reference reference = reference_of(yielding, solver);
   const double response = response_of_cone(point, solver);
   const auto force = [&](double depth) {
     const double d = impedance(yielding, depth);
-    return stiffness * d * d * depth / (response * (1.0 - d));
+    return reference.stiffness * d * d * depth / (response * (1.0 - d));
   };
   double sunk = std::max(yielding.solimp[2], 1.0), overlap = sunk;  // where the impedance has reached its end
   if (point.load < infinity) {
@@ -84,9 +84,9 @@ Softness softness_of(const Yielding& yielding, const YieldingPoint& point, const
     for (int i = 0; i < 55; ++i) (force(0.5 * (low + high)) < point.load ? low : high) = 0.5 * (low + high);
     sunk = high, overlap = sunk - point.margin;
   }
-  if (!(stiffness > 0.0) || !(overlap > 0.0)) return Hard{};
+  if (!(reference.stiffness > 0.0) || !(overlap > 0.0)) return Hard{};
   const double kp = force(sunk) / overlap;
-  return Spring{kp, kp * damping / (stiffness * impedance(yielding, sunk))};
+  return Spring{kp, kp * reference.damping / (reference.stiffness * impedance(yielding, sunk))};
 }
 
 }  // namespace lockstep::importer::mjcf
