@@ -10,6 +10,7 @@
 #include "options.h"
 #include "ranges.h"
 #include "tool.h"
+#include "view/unit.h"
 
 namespace lockstep::tool {
 namespace {
@@ -44,7 +45,7 @@ std::string words_of(const Following& follows, const Plan& plan) {
 
 // A joint: its bounds and drive, what it follows, and what its followers leave of its range.
 std::string line_of(const Joint& joint, const Plan& plan, const Range& held, const Range& usable) {
-  const std::string unit = unit_of(plan.model(), joint.name);
+  const std::string unit = view::unit_of(plan.model(), joint.name);
   std::string line = fmt::format("  {}: {}", joint.name, name_of(joint.kind));
   if (joint.lower > -infinity || joint.upper < infinity) {
     const auto* slack = joint.kind == JointKind::tendon ? std::get_if<Spring>(&joint.limit_softness) : nullptr;

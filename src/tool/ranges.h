@@ -22,7 +22,4 @@ std::vector<Range> held_ranges(const Plan& plan);
 /// where these leave nothing.
 std::vector<Range> usable_ranges(const Plan& plan);
 
-/// Of a joint's position: "m" or "rad". A tendon has the unit of its first joint.
-std::string unit_of(const Model& model, const std::string& joint);
-
 }  // namespace lockstep::tool

@@ -12,6 +12,8 @@
 namespace lockstep::tool {
 namespace {
 
+using namespace view;
+
 // Where the column stands in the table; an error where it does not.
 std::size_t column_of(const Table& table, const std::string& name) {
   const auto found = std::find(table.columns.begin(), table.columns.end(), name);
@@ -92,7 +94,8 @@ Motion replay(const std::vector<Recording>& recordings, const Plan& plan, double
   std::vector<std::string> labels;
   for (const Recording& recording : recordings) labels.push_back(recording.states.file);
 
-  Motion motion(plan, false, std::move(labels), static_cast<long>(kept.size()));
+  Motion motion(plan, false, std::move(labels));
+  motion.require_room(kept.size());
   Batch<double> states(plan, static_cast<int>(kept.size()), {.threads = threads});  // an environment for each sample
   for (std::size_t i = 0; i < recordings.size(); ++i) {
     Table table{recordings[i].states.file, recordings[i].states.columns, {}, {}};

@@ -6,15 +6,15 @@
 
 #include "csv.h"
 #include "lockstep/batch.h"
-#include "motion.h"
+#include "view/motion.h"
 
 namespace lockstep::tool {
 
 /// The states of one environment over time.
 struct Recording {
-  std::vector<double> times;            ///< s, ascending
-  Table states;                         ///< by time: columns as in a file of start states
-  std::optional<Track::Frozen> frozen;  ///< since when
+  std::vector<double> times;                  ///< s, ascending
+  Table states;                               ///< by time: columns as in a file of start states
+  std::optional<view::Track::Frozen> frozen;  ///< since when
 };
 
 /// From the columns of Recorder. The errors of couplings and the places of sites follow from the state and are not
@@ -24,6 +24,6 @@ Recording recording_of(Table table, const Plan& plan);
 
 /// The motion of one recording or of several, which must have the same times, at about `rate` samples a second. Poses,
 /// coupling errors and energies are computed from the recorded states by the library.
-Motion replay(const std::vector<Recording>& recordings, const Plan& plan, double rate, int threads);
+view::Motion replay(const std::vector<Recording>& recordings, const Plan& plan, double rate, int threads);
 
 }  // namespace lockstep::tool

@@ -8,14 +8,16 @@
 #include <memory>
 
 #include "lockstep/error.h"
-#include "page.h"
 #include "replay.h"
 #include "run.h"
 #include "text.h"
 #include "tool.h"
+#include "view/page.h"
 
 namespace lockstep::tool {
 namespace {
+
+using namespace view;
 
 struct ViewOptions {
   RunOptions run;
@@ -41,7 +43,8 @@ Motion simulated(const ViewOptions& options, const Inputs& inputs, const Run& ru
   const long interval = sampling_interval(options.rate, dt);
   std::vector<std::string> labels;
   for (const int environment : options.environments) labels.push_back(fmt::format("environment {}", environment));
-  Motion motion(run.plan, true, std::move(labels), run.steps / interval + 2);
+  Motion motion(run.plan, true, std::move(labels));
+  motion.require_room(static_cast<std::size_t>(run.steps / interval + 2));
   Batch<S> batch(run.plan, options.run.environments, {.threads = options.run.threads, .engine = options.run.engine});
   put_to_start(options.run, inputs, batch);
   motion.add(0.0, batch, options.environments);
@@ -87,25 +90,6 @@ Shown replayed(const ViewOptions& options) {
   std::vector<Recording> recordings;
   for (const std::string& file : options.recordings) recordings.push_back(recording_of(read_csv(file), plan));
   return {replay(recordings, plan, options.rate, options.run.threads), "recorded"};
-}
-
-constexpr std::size_t most_named = 3;  // links in a line of the page
-
-// What the page does not show, and why.
-std::vector<std::string> notes_on(const Motion& motion) {
-  std::vector<std::string> notes, without;
-  std::vector<bool> drawn(motion.plan.model().links.size(), false);
-  for (const DrawnLink& link : motion.links) drawn[static_cast<std::size_t>(link.link)] = true;
-  for (std::size_t i = 0; i < drawn.size(); ++i)
-    if (!drawn[i]) without.push_back(motion.plan.model().links[i].name);
-  if (!without.empty()) {
-    const std::size_t named = std::min(without.size(), most_named);
-    notes.push_back(
-        fmt::format("neither collider nor mass: {}", fmt::join(without.begin(), without.begin() + named, ", ")));
-    if (without.size() > named) notes.back() += fmt::format(" and {} more links", without.size() - named);
-  }
-  if (!motion.has_forces && !motion.plan.contacts().empty()) notes.push_back("recordings hold no contact forces");
-  return notes;
 }
 
 int run(const ViewOptions& options) {

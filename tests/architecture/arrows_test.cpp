@@ -101,9 +101,10 @@ const std::vector<Area> areas = {
     {"src/report/",
      {"include/lockstep/", "src/plan/", "src/interpret/lower.h", "src/targets/registry.h",
       "src/targets/reduced_matrix.h", "src/targets/start_gaps.h", "src/targets/baseline.cpp", "std", "Eigen/", "fmt/"}},
+    {"src/view/", {"include/lockstep/", "std", "Eigen/", "fmt/", "nlohmann/"}},
     {"src/tool/",
-     {"include/lockstep/", "std", "Eigen/", "fmt/", "CLI/", "nlohmann/", "fcntl.h", "spawn.h", "sys/", "time.h",
-      "unistd.h"}},
+     {"include/lockstep/", "src/view/", "std", "Eigen/", "fmt/", "CLI/", "nlohmann/", "fcntl.h", "spawn.h", "sys/",
+      "time.h", "unistd.h"}},
 };
 
 const Area* area_of(const std::string& file) {

@@ -9,13 +9,15 @@
 
 #include "command.h"
 #include "tool/options.h"
-#include "tool/page.h"
 #include "tool/replay.h"
 #include "tool/state.h"
 #include "tool/tool.h"
+#include "view/page.h"
 
 namespace lockstep::tool {
 namespace {
+
+using namespace view;
 
 Plan plan_of(const std::string& file, const char* ground = nullptr) {
   ModelOptions options;
@@ -101,6 +103,26 @@ TEST(Solids, exist_for_every_mass_and_for_nothing_else) {
   EXPECT_GT(solid_of(rod)->shape.size[0], 0.0);
 }
 
+// 8 kg of water are a cube of 0.2 m.
+TEST(Solids, of_inertias_are_made_small) {
+  const auto longest = [](const Solid& given, double mass) {
+    const Solid solid = made_small(given, mass);
+    EXPECT_EQ(solid.pose.translation(), given.pose.translation());
+    EXPECT_NEAR(solid.shape.size[1] / solid.shape.size[0], given.shape.size[1] / given.shape.size[0], 1e-12);
+    return solid.shape.kind == ShapeKind::cylinder ? std::max(2 * solid.shape.size[0], solid.shape.size[1])
+                                                   : solid.shape.size.maxCoeff();
+  };
+  const Pose pose(Eigen::Translation3d(1, 2, 3));
+  EXPECT_NEAR(longest({Shape::box({1.0, 0.5, 0.01}), pose}, 8.0), 0.4, 1e-12);
+  EXPECT_NEAR(longest({Shape::cylinder(0.5, 0.1), pose}, 8.0), 0.4, 1e-12);
+  EXPECT_NEAR(longest({Shape::cylinder(0.1, 0.3), pose}, 8.0), 0.3, 1e-12);  // small as it is
+  for (const DrawnLink& drawn : drawn_links(plan_of(std::string(LOCKSTEP_MODELS) + "/gripper.urdf")))
+    for (const Solid& solid : drawn.solids)
+      if (solid.from_inertia) {
+        EXPECT_LT(solid.shape.size.maxCoeff(), 0.25);
+      }
+}
+
 TEST(Solids, have_the_role_of_what_moves_them) {
   const Plan plan = plan_of(arm_gripper);
   std::map<std::string, Role> roles;
@@ -118,7 +140,7 @@ TEST(Motion, holds_the_readbacks_of_the_batch) {
   const Plan plan = plan_of(arm_gripper, "0.9");
   Batch<float> batch(plan, 3, {.threads = 1});
   perturb(0.05, 1, batch);
-  Motion motion(plan, true, {"a", "b"}, 4);
+  Motion motion(plan, true, {"a", "b"});
   const std::size_t links = motion.links.size(), pairs = plan.contacts().size();
   for (int sample = 0; sample < 4; ++sample) {
     motion.add(0.1 * sample, batch, {2, 0});
@@ -227,7 +249,7 @@ TEST_F(View, json_describes_its_numbers) {
   named.name = "</script><!-- \xff";
   const Plan plan = compile(named);
   Batch<float> batch(plan, 1, {.threads = 1});
-  Motion motion(plan, true, {"<b>"}, 2);
+  Motion motion(plan, true, {"<b>"});
   motion.add(0.0, batch, {0});
   batch.step(4);
   motion.add(4.0 / 240, batch, {0});

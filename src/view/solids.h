@@ -7,7 +7,7 @@
 
 #include "lockstep/plan.h"
 
-namespace lockstep::tool {
+namespace lockstep::view {
 
 /// A solid to draw, in a link's frame or in the world's.
 struct Solid {
@@ -21,6 +21,10 @@ struct Solid {
 /// hundredth of the longest are drawn that thick. Empty without mass.
 std::optional<Solid> solid_of(const Inertia& inertia);
 
+/// No longer than twice the edge of a cube of water of this mass: inertias of robot files are often those of solids
+/// that would hide the robot.
+Solid made_small(Solid solid, double mass);
+
 /// What moves a link, for its colour.
 enum class Role { base, driver, follower, free };
 
@@ -30,7 +34,7 @@ const char* to_string(Role role) noexcept;
 struct DrawnLink {
   int link;  ///< in Model::links
   Role role;
-  std::vector<Solid> solids;  ///< its colliders, else that of its inertia; never empty
+  std::vector<Solid> solids;  ///< its colliders, else that of its inertia, made small; never empty
 };
 
 /// The links that have something to draw, in the model's order.
@@ -39,4 +43,4 @@ std::vector<DrawnLink> drawn_links(const Plan& plan);
 /// Colliders that stand in the world.
 std::vector<Solid> world_solids(const Model& model);
 
-}  // namespace lockstep::tool
+}  // namespace lockstep::view

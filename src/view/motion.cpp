@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tool.h"
+#include "lockstep/error.h"
 
-namespace lockstep::tool {
+namespace lockstep::view {
 namespace {
 
 constexpr double most_numbers = 5e7;       // 270 MB of text, which browsers still read
@@ -32,7 +32,7 @@ Eigen::Matrix<float, 6, 1> push_of(const float* points, int slots) {
 
 }  // namespace
 
-Motion::Motion(const Plan& the_plan, bool with_forces, std::vector<std::string> labels, long samples)
+Motion::Motion(const Plan& the_plan, bool with_forces, std::vector<std::string> labels)
     : plan(the_plan), has_forces(with_forces && !the_plan.contacts().empty()), links(drawn_links(the_plan)) {
   const auto ask = [this](Query query) {
     queries_.push_back(std::move(query));
@@ -47,19 +47,20 @@ Motion::Motion(const Plan& the_plan, bool with_forces, std::vector<std::string> 
   curves_ = ask({Quantity::position}) + ask({Quantity::coupling_error});
   if (has_forces) curves_ += ask({Quantity::contact_normal_force});
   curves_ += ask({Quantity::kinetic_energy}) + ask({Quantity::potential_energy});
-
-  const std::size_t pushes = has_forces ? 6 * plan.contacts().size() : 0;
-  const double numbers = static_cast<double>(pose_rows_ + pushes + curves_) * static_cast<double>(samples) *
-                         static_cast<double>(labels.size());
-  if (numbers > most_numbers)
-    throw InputError(
-        fmt::format("a page of {:.3g} numbers is too large for a browser, which takes {:.3g}; give a lower "
-                    "--rate, fewer --environments or a shorter motion",
-                    numbers, most_numbers));
   for (std::string& label : labels) {
     tracks.emplace_back().label = std::move(label);
     tracks.back().curves.resize(curves_);
   }
+}
+
+void Motion::require_room(std::size_t samples) const {
+  const std::size_t pushes = has_forces ? 6 * plan.contacts().size() : 0;
+  const double numbers =
+      static_cast<double>(pose_rows_ + pushes + curves_) * static_cast<double>(samples * tracks.size());
+  if (numbers > most_numbers)
+    throw UsageError(
+        "page", fmt::format("of {:.3g} numbers is too large for a browser, which takes {:.3g}", numbers, most_numbers),
+        "show fewer samples a second, fewer environments or a shorter motion");
 }
 
 template <class S>
@@ -105,4 +106,4 @@ long sampling_interval(double rate, double dt) { return std::max(1L, std::lround
 template void Motion::add(double, const Batch<float>&, const std::vector<int>&);
 template void Motion::add(double, const Batch<double>&, const std::vector<int>&);
 
-}  // namespace lockstep::tool
+}  // namespace lockstep::view

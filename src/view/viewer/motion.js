@@ -1,9 +1,16 @@
-// The motion that the command wrote into the page. SPDX-License-Identifier: Apache-2.0
+// The motion that was written into the page. SPDX-License-Identifier: Apache-2.0
 
-// From the JSON of the page: what src/tool/page.h describes. Numbers become views into one array, without copies.
+// From the JSON of the page: what src/view/page.h describes.
 export function decode(json) {
   const motion = JSON.parse(json);
-  const bytes = Uint8Array.from(atob(motion.numbers), (c) => c.charCodeAt(0));
+  fill(motion, motion.numbers);
+  delete motion.numbers;
+  return motion;
+}
+
+// Gives the motion these numbers, in base64, as views into one array, without copies.
+export function fill(motion, text) {
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const numbers = new Float32Array(bytes.buffer);
   let at = 0;
   const take = (count) => numbers.subarray(at, (at += count));
@@ -19,8 +26,6 @@ export function decode(json) {
     environment.energies = series(['kinetic', 'potential']);
   }
   if (at !== numbers.length) throw new Error(`the page holds ${numbers.length} numbers, its description ${at}`);
-  delete motion.numbers;
-  return motion;
 }
 
 // The sample before the time and how far on the way to the next one it is, in [0, 1); and the nearest sample.

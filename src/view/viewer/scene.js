@@ -62,6 +62,7 @@ export class Scene {
     this.scene.add(this.world);
     this.links = motion.links.map((link) => this.add_link(link));
     this.add_world();
+    this.home = new Map(motion.environments.map((environment) => [environment, this.middle(environment, 0)]));
     this.frame();
     this.arrows = new Arrows(this.world, motion, 0.3 * this.radius);
     this.dress();
@@ -71,7 +72,7 @@ export class Scene {
     // What stands for an inertia is paler than a collider.
     const material = new THREE.MeshStandardMaterial({ roughness: 0.62, metalness: 0.05 });
     material.color.set(colour);
-    if (solid.inertia) material.color.lerp(new THREE.Color('#ffffff'), 0.3);
+    if (solid.inertia) material.color.lerp(new THREE.Color('#ffffff'), 0.6);
     const mesh = new THREE.Mesh(geometry_of(solid), material);
     mesh.castShadow = mesh.receiveShadow = true;
     place(mesh, solid.pose);
@@ -242,7 +243,7 @@ export class Scene {
     this.arrows.pose(environment, nearest);
     if (this.follows)
       this.world.position.lerpVectors(this.middle(environment, row), this.middle(environment, next), share).negate()
-        .add(this.middle(environment, 0));
+        .add(this.home.get(environment));
     this.links.forEach((link, i) => {
       const a = (row * count + i) * 7, b = (next * count + i) * 7, p = environment.poses;
       place(link, p.subarray(a, a + 7));

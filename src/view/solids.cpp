@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace lockstep::tool {
+namespace lockstep::view {
 namespace {
 
 constexpr double water = 1000.0;      // kg/m^3
@@ -80,6 +80,14 @@ std::optional<Solid> solid_of(const Inertia& inertia) {
   return solid;
 }
 
+Solid made_small(Solid solid, double mass) {
+  Eigen::Vector3d& size = solid.shape.size;
+  const bool is_cylinder = solid.shape.kind == ShapeKind::cylinder;  // its radius, then its length
+  const double longest = is_cylinder ? std::max(2.0 * size[0], size[1]) : size.maxCoeff();
+  size *= std::min(1.0, 2.0 * std::cbrt(mass / water) / longest);
+  return solid;
+}
+
 const char* to_string(Role role) noexcept {
   switch (role) {
     case Role::base: return "base";
@@ -96,7 +104,8 @@ std::vector<DrawnLink> drawn_links(const Plan& plan) {
   for (std::size_t i = 0; i < model.links.size(); ++i) {
     std::vector<Solid> solids = colliders_of(model, model.links[i].name);
     if (solids.empty())
-      if (std::optional<Solid> solid = solid_of(model.links[i].inertia)) solids.push_back(*std::move(solid));
+      if (std::optional<Solid> solid = solid_of(model.links[i].inertia))
+        solids.push_back(made_small(*std::move(solid), model.links[i].inertia.mass));
     if (!solids.empty()) links.push_back({static_cast<int>(i), role_of(plan, model.links[i].name), std::move(solids)});
   }
   return links;
@@ -104,4 +113,4 @@ std::vector<DrawnLink> drawn_links(const Plan& plan) {
 
 std::vector<Solid> world_solids(const Model& model) { return colliders_of(model, ""); }
 
-}  // namespace lockstep::tool
+}  // namespace lockstep::view

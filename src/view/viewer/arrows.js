@@ -4,13 +4,11 @@ import * as THREE from 'three';
 export const arrow_colour = '#d6296b';
 
 export class Arrows {
-  // The largest force of the motion gets an arrow of length `longest`.
+  // The largest force gets an arrow of length `longest`.
   constructor(scene, motion, longest) {
     this.count = motion.contacts.length;
     this.largest = 0;
-    for (const { pushes } of motion.environments)
-      for (let at = 0; at < pushes.length; at += 6)
-        this.largest = Math.max(this.largest, Math.hypot(pushes[at + 3], pushes[at + 4], pushes[at + 5]));
+    this.measure(motion);
     this.longest = longest;
     // Seen through bodies: a contact lies between two of them.
     const material = new THREE.MeshBasicMaterial({ color: arrow_colour, depthTest: false, transparent: true,
@@ -27,6 +25,13 @@ export class Arrows {
       scene.add(arrow);
       return arrow;
     });
+  }
+
+  // Looks for larger forces than those so far.
+  measure(motion) {
+    for (const { pushes } of motion.environments)
+      for (let at = 0; at < pushes.length; at += 6)
+        this.largest = Math.max(this.largest, Math.hypot(pushes[at + 3], pushes[at + 4], pushes[at + 5]));
   }
 
   pose({ pushes }, row) {

@@ -1,8 +1,8 @@
 // Stands for the page in a command without the viewer. SPDX-License-Identifier: Apache-2.0
 #include "page.h"
 
-namespace lockstep::tool {
+namespace lockstep::view {
 
 const std::string_view page_template;
 
-}  // namespace lockstep::tool
+}  // namespace lockstep::view

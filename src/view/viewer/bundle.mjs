@@ -31,12 +31,12 @@ const page = text(here, 'page.html').replace('/*STYLE*/', () => css).replace('/*
 // C++ compilers take literals of 64 kB at least; neighbours become one.
 const pieces = page.match(/[^]{1,16000}/gu).map((piece) => `R"page(${piece})page"`);
 writeFileSync(output, `// Made by bundle.mjs. SPDX-License-Identifier: Apache-2.0
-#include "tool/page.h"
+#include "view/page.h"
 
-namespace lockstep::tool {
+namespace lockstep::view {
 
 const std::string_view page_template =
 ${pieces.join('\n')};
 
-}  // namespace lockstep::tool
+}  // namespace lockstep::view
 `);

@@ -2,6 +2,7 @@
 import { decode, sample_at } from './motion.js';
 import { Charts } from './charts.js';
 import { arrow_colour } from './arrows.js';
+import { Pictures } from './pictures.js';
 import { Scene, roles } from './scene.js';
 
 const get = (id) => document.getElementById(id);
@@ -73,6 +74,10 @@ function frame(now) {
     page.script_ms = performance.now() - before;
   }
   requestAnimationFrame(frame);
+}
+
+function pictures(width, height) {
+  return new Pictures(scene, motion, width, height);
 }
 
 function resize() {
@@ -147,7 +152,7 @@ matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => {
 });
 
 // For scripts that steer the page, such as its test. `script_ms` is what drawing the last frame took.
-const page = { seek, play, select, draw, script_ms: 0, get time() { return time; }, get playing() { return playing; } };
+const page = { seek, play, select, draw, pictures, script_ms: 0, get time() { return time; }, get playing() { return playing; } };
 window.lockstep = page;
 select(0);
 resize();

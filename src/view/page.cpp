@@ -1,17 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "page.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
 #include <bit>
 #include <nlohmann/json.hpp>
 
-#include "ranges.h"
-#include "tool.h"
+#include "lockstep/error.h"
+#include "unit.h"
 
-namespace lockstep::tool {
+namespace lockstep::view {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
+constexpr std::size_t most_named = 3;  // links in a line of the page
 constexpr std::string_view place_of_motion = "/*MOTION*/";
 
 // In a Pose's order: x, y, z, then the quaternion w, x, y, z.
@@ -51,7 +56,15 @@ Json couplings_of(const Model& model) {
   return list;
 }
 
-std::string numbers_of(const Motion& motion) {
+}  // namespace
+
+void require_viewer() {
+  if (page_template.empty())
+    throw UsageError("viewer", "is not part of this build",
+                     "install nodejs and npm (Debian's names), and build it again with -DLOCKSTEP_VIEWER=ON");
+}
+
+std::string motion_numbers(const Motion& motion) {
   static_assert(std::endian::native == std::endian::little && sizeof(float) == 4, "the page is read as it is written");
   std::vector<float> numbers = motion.times;
   for (const Track& track : motion.tracks) {
@@ -60,15 +73,6 @@ std::string numbers_of(const Motion& motion) {
     for (const std::vector<float>& curve : track.curves) numbers.insert(numbers.end(), curve.begin(), curve.end());
   }
   return base64({reinterpret_cast<const unsigned char*>(numbers.data()), numbers.size() * sizeof(float)});
-}
-
-}  // namespace
-
-void require_viewer() {
-  if (page_template.empty())
-    throw InputError(
-        "view: this command was built without the viewer; install nodejs and npm (Debian's names), and build it again "
-        "with -DLOCKSTEP_VIEWER=ON");
 }
 
 std::string motion_json(const Motion& motion, const std::string& about, const std::vector<std::string>& notes) {
@@ -92,12 +96,28 @@ std::string motion_json(const Motion& motion, const std::string& about, const st
     if (track.frozen) entry["fault"] = {{"time", track.frozen->time}, {"name", to_string(track.frozen->fault)}};
     json["environments"].push_back(std::move(entry));
   }
-  json["numbers"] = numbers_of(motion);
+  json["numbers"] = motion_numbers(motion);
   std::string text = json.dump(-1, ' ', false, Json::error_handler_t::replace);
   // Only texts can hold this character, which could end the script element.
   for (std::size_t at = text.find('<'); at != std::string::npos; at = text.find('<', at))
     text.replace(at, 1, "\\u003c");
   return text;
+}
+
+std::vector<std::string> notes_on(const Motion& motion) {
+  std::vector<std::string> notes, without;
+  std::vector<bool> drawn(motion.plan.model().links.size(), false);
+  for (const DrawnLink& link : motion.links) drawn[static_cast<std::size_t>(link.link)] = true;
+  for (std::size_t i = 0; i < drawn.size(); ++i)
+    if (!drawn[i]) without.push_back(motion.plan.model().links[i].name);
+  if (!without.empty()) {
+    const std::size_t named = std::min(without.size(), most_named);
+    notes.push_back(
+        fmt::format("neither collider nor mass: {}", fmt::join(without.begin(), without.begin() + named, ", ")));
+    if (without.size() > named) notes.back() += fmt::format(" and {} more links", without.size() - named);
+  }
+  if (!motion.has_forces && !motion.plan.contacts().empty()) notes.push_back("recordings hold no contact forces");
+  return notes;
 }
 
 std::string page_of(const Motion& motion, const std::string& about, const std::vector<std::string>& notes) {
@@ -118,4 +138,4 @@ std::string base64(std::span<const unsigned char> bytes) {
   return text;
 }
 
-}  // namespace lockstep::tool
+}  // namespace lockstep::view

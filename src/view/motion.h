@@ -1,15 +1,14 @@
-// Samples of a motion: what the page of `view` shows. SPDX-License-Identifier: Apache-2.0
+// Samples of a motion: what the page shows. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "csv.h"
 #include "lockstep/batch.h"
 #include "solids.h"
 
-namespace lockstep::tool {
+namespace lockstep::view {
 
 /// The readbacks of one environment, sample after sample.
 struct Track {
@@ -27,14 +26,17 @@ struct Track {
 };
 
 struct Motion {
-  /// Without samples yet. Throws InputError where `samples` of so many environments would be too much for a page.
-  Motion(const Plan& plan, bool has_forces, std::vector<std::string> labels, long samples);
+  /// Without samples yet.
+  Motion(const Plan& plan, bool has_forces, std::vector<std::string> labels);
 
   Plan plan;
   bool has_forces;  ///< false: nothing is read of contacts
   std::vector<DrawnLink> links;
   std::vector<float> times;  ///< s
   std::vector<Track> tracks;
+
+  /// Throws UsageError where so many samples would be too much for a page.
+  void require_room(std::size_t samples) const;
 
   /// Adds a sample: track i is environment `environments[i]` of the batch, whose plan is this one.
   template <class S>
@@ -55,4 +57,4 @@ struct Motion {
 /// Steps from one sample to the next, so that there are about `rate` samples a second.
 long sampling_interval(double rate, double dt);
 
-}  // namespace lockstep::tool
+}  // namespace lockstep::view

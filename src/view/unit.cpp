@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "unit.h"
+
+#include <algorithm>
+
+namespace lockstep::view {
+
+std::string unit_of(const Model& model, const std::string& joint) {
+  const JointKind kind = model.joints[static_cast<std::size_t>(model.joint_index(joint))].kind;
+  if (kind != JointKind::tendon) return kind == JointKind::prismatic ? "m" : "rad";
+  const auto coupling = std::find_if(model.couplings.begin(), model.couplings.end(),
+                                     [&](const Coupling& candidate) { return candidate.joint == joint; });
+  return unit_of(model, coupling->terms.front().joint);
+}
+
+}  // namespace lockstep::view
