@@ -30,6 +30,8 @@ SECTIONS = [
     ("Batch", "", "Batch Rows"),
     ("Queries", "", "Query"),
     ("Starts", "", "Start RootNoise"),
+    ("Recordings and pictures", "", "Recording"),
+    ("", "rendering", "Renderer"),
     ("Errors", "", "Error ModelError ImportFileError SettingsError UsageError"),
     ("Environments", "vector", "VectorEnv"),
     ("Observations", "observations", "Observations Group Term Uniform Normal"),

@@ -56,6 +56,7 @@ from .model import (
     pose,
 )
 from .query import Query
+from .recording import Recording
 from .start import RootNoise, Start
 
 _require_main_interpreter()
@@ -84,6 +85,7 @@ __all__ = [
     "Plan",
     "Polynomial",
     "Query",
+    "Recording",
     "Root",
     "RootNoise",
     "Rows",

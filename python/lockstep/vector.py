@@ -5,7 +5,8 @@ imported, spaces and the autoreset mode are its own types. check() tests any vec
 from __future__ import annotations
 
 import operator
-from typing import Any, Callable, Mapping, Optional, Sequence, Union
+from contextlib import contextmanager
+from typing import Any, Callable, Iterator, Mapping, Optional, Sequence, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,8 @@ from ._lockstep import Batch, Plan
 from .errors import UsageError
 from .events import Event, Events
 from .observations import Observations
+from .recording import Recording, checked
+from .rendering import Renderer
 from .rewards import EpisodeLog, Rewards, Terminations, each
 from .query import Query
 from .start import Start
@@ -31,6 +34,7 @@ Array = npt.NDArray[Any]
 Mask = npt.NDArray[np.bool_]
 ACTION_KINDS = ("position", "position_change", "velocity", "effort")
 ACTION_OPTIONS = {"joints", "low", "high", "scale", "center", "alpha"}
+MOST_PICTURES = 64  # at once
 Rule = Callable[["VectorEnv"], Array]
 
 
@@ -53,13 +57,13 @@ class VectorEnv(Base):  # type: ignore[misc]
     [-1, 1] and act on Plan.driven_dofs by `action_kind`; `actions` has other options of Batch.act(), such as joints and
     scale, which is about the pose of `start`. start: a pose of the model by name or number, or a Start, which has noise.
     spread: short for start=Start(spread=spread), from the model's own start; without both it is 1, the whole range of
-    each joint. copy=False returns the same observation array in every step.
+    each joint. copy=False returns the same observation array in every step. render_mode="rgb_array" makes render()
+    give pictures of `render_environments`, by default all, of `render_size`, width and height in pixels (see Renderer).
 
     Observations of an environment depend on its seed, its id and its actions, not on num_envs, its place, the number of
     threads or the autoreset mode.
     """
 
-    render_mode = None
     spec = None
 
     def __init__(
@@ -85,6 +89,9 @@ class VectorEnv(Base):  # type: ignore[misc]
         threads: int = 0,
         dtype: str = "f4",
         copy: bool = True,
+        render_mode: Optional[str] = None,
+        render_environments: Optional[Sequence[int]] = None,
+        render_size: tuple[int, int] = (640, 480),
     ) -> None:
         if action_kind not in ACTION_KINDS:
             raise ValueError(f"action_kind {action_kind!r} is none of {', '.join(ACTION_KINDS)}")
@@ -98,6 +105,8 @@ class VectorEnv(Base):  # type: ignore[misc]
             raise ValueError(f"spread is {start.spread}, not 0 to 1")
         if decimation < 1 or (limit is not None and limit < 1):
             raise ValueError(f"limit and decimation must be 1 or more, not {limit} and {decimation}")
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode {render_mode!r} is neither None nor 'rgb_array'")
         self.plan = plan
         self.num_envs = num_envs
         self.batch: Batch = plan.batch(num_envs, threads=threads, seed=seed, first_id=first_id, dtype=dtype)
@@ -111,7 +120,17 @@ class VectorEnv(Base):  # type: ignore[misc]
         self.copy = copy
         self.closed = False
         self.autoreset_mode = AutoresetMode(getattr(autoreset_mode, "value", autoreset_mode))
-        self.metadata: dict[str, Any] = {"autoreset_mode": self.autoreset_mode}
+        self.metadata: dict[str, Any] = {"autoreset_mode": self.autoreset_mode, "render_modes": ["rgb_array"],
+                                         "render_fps": 1.0 / (decimation * plan.dt)}
+        self.render_mode = render_mode
+        self.render_size = render_size
+        self.render_environments = checked(self.batch, range(num_envs) if render_environments is None else
+                                           render_environments)
+        if render_mode and len(self.render_environments) > MOST_PICTURES:
+            raise UsageError("render_environments", f"are {len(self.render_environments)}",
+                             f"give the numbers of at most {MOST_PICTURES}, as in [0, 1]", "usage.environment")
+        self._renderer: Optional[Renderer] = None
+        self._recordings: list[Recording] = []
         self._observe: Any = Observations(observe) if isinstance(observe, Mapping) else observe or ("q", "qd")
         self._reward: Any = Rewards(reward) if isinstance(reward, Mapping) else reward
         self._terminate: Any = Terminations(terminate) if isinstance(terminate, Mapping) else terminate
@@ -207,11 +226,15 @@ class VectorEnv(Base):  # type: ignore[misc]
             place = int(np.argmax(self._ended))
             raise RuntimeError(f"environment {place} has ended: reset it with options={{'reset_mask': mask}}")
 
+        for recording in self._recordings:
+            recording.require_room()
         self.advance(given)
         self.elapsed += 1
         restarted = self._ended.copy()
         if restarted.any():
             self._start(restarted)
+        for recording in self._recordings:
+            recording.add()
         fault = self.batch.fault != 0
         running = ~restarted
         self.ends = {"fault": fault & running}
@@ -247,15 +270,38 @@ class VectorEnv(Base):  # type: ignore[misc]
     def close(self, **kwargs: Any) -> None:
         """No step follows."""
         self.closed = True
+        if self._renderer:
+            self._renderer.close()
+            self._renderer = None
 
-    def render(self) -> None:
-        """Nothing; `lockstep view` shows motions."""
-        return None
+    def render(self) -> Optional[tuple[npt.NDArray[np.uint8], ...]]:
+        """With render_mode "rgb_array" a picture, uint8 [height, width, 3], of each of `render_environments`, else None.
+        The first call starts Chromium. Raises UsageError where there is none."""
+        if self.render_mode is None:
+            return None
+        if self._renderer is None:
+            self._renderer = Renderer(self.batch, self.render_environments, self.render_size)
+        return self._renderer.frames()
+
+    @contextmanager
+    def record(self, environments: Sequence[int] = (0,)) -> Iterator[Recording]:
+        """`with env.record([0, 3]) as recording:` takes frames of these environments, one in each control step within.
+        Then recording.save("page.html") writes the page that plays them. A step raises UsageError, before it does
+        anything, where the page would be too large for a browser."""
+        recording = Recording(self.batch, environments)
+        self._recordings.append(recording)
+        try:
+            yield recording
+        finally:
+            self._recordings.remove(recording)
 
     @property
     def unwrapped(self) -> "VectorEnv":
         """This environment."""
         return self
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_renderer": None, "_recordings": []}  # a copy has none of them
 
     def __repr__(self) -> str:
         return f"VectorEnv({self.plan!r}, num_envs={self.num_envs}, {self.autoreset_mode.value})"

@@ -49,6 +49,7 @@ void bind_planning(py::class_<AnyBatch>& batch);
 void bind_plan(py::module_& module);
 void bind_step_draws(py::module_& module);
 void bind_import(py::module_& module);
+void bind_view(py::module_& module);
 
 /// From {"position_limits": True | ["joint", ...] | "followers", ...}, or the names of bounds that all joints leave
 /// out.

@@ -32,6 +32,7 @@ PYBIND11_MODULE(_lockstep, module) {
   bind_plan(module);
   bind_import(module);
   bind_step_draws(module);
+  bind_view(module);
   module.attr("_require_main_interpreter") = py::reinterpret_steal<py::object>(PyCFunction_New(&requirement, nullptr));
   module.def("load_kernel", &load_kernel, py::arg("path"),
              "Loads generated kernels from a shared library. Batches that are made later use those of their plan.");

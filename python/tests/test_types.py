@@ -20,7 +20,7 @@ def run(*arguments, tmp_path):
 def test_the_stubs_describe_the_module(tmp_path):
     pytest.importorskip("mypy")
     own_to_pybind = tmp_path / "allowed"
-    own_to_pybind.write_text("lockstep._lockstep.(Batch|Plan|Rows)(.__init__)?\n")
+    own_to_pybind.write_text("lockstep._lockstep.(Batch|Plan|Rows|_Motion)(.__init__)?\n")
     run("mypy.stubtest", "lockstep._lockstep", "--ignore-missing-stub", "--allowlist", str(own_to_pybind),
         tmp_path=tmp_path)
 
