@@ -1,4 +1,5 @@
-# What `pip install .` calls (PEP 517): the library and the module, built by cmake, as a wheel. It downloads nothing.
+# What `pip install .` calls (PEP 517): the library and the module, built by cmake, as a wheel. It downloads nothing;
+# only npm, where it is, fetches the libraries of the page that plays recordings.
 # SPDX-License-Identifier: Apache-2.0
 from __future__ import annotations
 

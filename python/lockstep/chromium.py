@@ -15,8 +15,8 @@ from .errors import UsageError
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # It shows nothing but pages of lockstep, so it needs no sandbox, which root and many containers lack. Pictures are
 # computed: the same pixels on machines with and without a graphics card.
-OPTIONS = ("--headless", "--no-sandbox", "--no-first-run", "--disable-background-networking", "--disable-component-update",
-           "--window-size=400,300", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-pipe")
+OPTIONS = ("--headless", "--no-sandbox", "--no-first-run", "--disable-background-networking",
+           "--disable-component-update", "--window-size=400,300", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-pipe")
 PATIENCE = 120.0  # s, for an answer
 
 
@@ -32,8 +32,8 @@ def find_chromium() -> str:
 
 
 class Chromium:
-    """A process that lives until close() or the end of this object. It speaks the DevTools protocol over a pipe, so that
-    nobody else can steer it: messages end with a zero byte."""
+    """A process that lives until close() or the end of this object. It speaks the DevTools protocol over a pipe, so
+    that nobody else can steer it: messages end with a zero byte."""
 
     def __init__(self) -> None:
         program = find_chromium()

@@ -14,7 +14,7 @@ def checked(batch: Batch, environments: Sequence[int]) -> list[int]:
     """The environments, which must be some of the batch, each once."""
     chosen = [operator.index(environment) for environment in environments]
     if not chosen or len(set(chosen)) < len(chosen) or not all(0 <= one < batch.num_envs for one in chosen):
-        raise UsageError("environments", f"are {chosen}", f"give different ones from 0 to {batch.num_envs - 1}, in a list",
+        raise UsageError("environments", f"are {chosen}", f"give different ones from 0 to {batch.num_envs - 1}",
                          "usage.environment")
     return chosen
 

@@ -43,8 +43,9 @@ class Renderer:
     def frames(self) -> tuple[npt.NDArray[np.uint8], ...]:
         """uint8 [height, width, 3] of each of the environments, red, green, blue, from the left upper corner."""
         taken = self._chromium.run(f"pictures.take('{self._present().numbers()}')")
-        pixels = np.frombuffer(zlib.decompress(base64.b64decode(taken)), np.uint8).reshape(len(self._environments), self._height, self._width, 4)
-        return tuple(np.ascontiguousarray(picture[::-1, :, :3]) for picture in pixels)
+        pixels = np.frombuffer(zlib.decompress(base64.b64decode(taken)), np.uint8)
+        pictures = pixels.reshape(len(self._environments), self._height, self._width, 4)
+        return tuple(np.ascontiguousarray(picture[::-1, :, :3]) for picture in pictures)
 
     def close(self) -> None:
         """Ends Chromium."""

@@ -20,7 +20,7 @@ def plan():
 
 
 def motion_of(recording, path):
-    """The motion in the page that the recording saves: its JSON, times and, by environment, [samples, links, 7] poses."""
+    """The motion in the page that is saved: its JSON, times and, by environment, [samples, links, 7] poses."""
     try:
         recording.save(path)
     except ls.UsageError as error:
