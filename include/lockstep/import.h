@@ -11,6 +11,13 @@
 
 namespace lockstep {
 
+/// What a link looks like, for pages alone.
+struct VisualMesh {
+  std::string link;
+  Eigen::Matrix3Xf vertices;   ///< m, in the link's frame
+  Eigen::Matrix3Xi triangles;  ///< numbers of three vertices, to the left as seen from outside
+};
+
 /// A Model and what became of everything else in the file.
 struct Import {
   Model model;
@@ -20,6 +27,7 @@ struct Import {
   /// The lines of the report that the file's owner should act on: followers whose limits leave their leader no room,
   /// joints that start outside of their limits, changed inertias, unknown elements, what was left out on request.
   std::vector<std::string> warnings;
+  std::vector<VisualMesh> visual_meshes;  ///< where ImportOptions::visual_meshes asks for them
 };
 
 /// What becomes of closed loops of an MJCF file: connect and weld.
@@ -95,6 +103,10 @@ struct ImportOptions {
   /// No mesh file is opened: meshes neither touch nor give inertia, and warnings name them. By default a mesh that is
   /// needed and cannot be had is an error.
   bool leave_out_meshes = false;
+  /// Reads what links look like, as far as it is meshes: those of <visual> in URDF; in MJCF those of geoms that touch
+  /// nothing, of a body without such geoms all of its own. Ones of more than 20 000 triangles are simplified. Nothing
+  /// of it moves or touches.
+  bool visual_meshes = false;
   /// Called once with what was read, before inertias are repaired and the Model is validated: armatures, a floating
   /// root. May be empty.
   std::function<void(Model&)> change = {};

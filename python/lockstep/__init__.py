@@ -52,6 +52,7 @@ from .model import (
     Site,
     Softness,
     Spring,
+    VisualMesh,
     infinity,
     pose,
 )
@@ -96,6 +97,7 @@ __all__ = [
     "Spring",
     "Start",
     "UsageError",
+    "VisualMesh",
     "__version__",
     "compile",
     "export_mjcf",

@@ -5,7 +5,7 @@ from typing import Any, Callable, Mapping, Optional, Sequence, Union, final
 import numpy as np
 import numpy.typing as npt
 
-from .model import Export, Model
+from .model import Export, Model, VisualMesh
 from .query import Query
 from .start import Start
 
@@ -61,6 +61,7 @@ def from_file(
     fit_of_links: Mapping[str, str] = ...,
     packages: Mapping[str, Union[str, os.PathLike[str]]] = ...,
     mesh_roots: Sequence[Union[str, os.PathLike[str]]] = ...,
+    visual_meshes: bool = ...,
     ignore: _Ignore = ...,
 ) -> Model: ...
 def from_urdf_text(
@@ -84,6 +85,7 @@ def from_urdf_text(
     fit_of_links: Mapping[str, str] = ...,
     packages: Mapping[str, Union[str, os.PathLike[str]]] = ...,
     mesh_roots: Sequence[Union[str, os.PathLike[str]]] = ...,
+    visual_meshes: bool = ...,
     ignore: _Ignore = ...,
 ) -> Model: ...
 
@@ -165,10 +167,11 @@ class Plan:
 
 @final
 class _Motion:
-    def __init__(self, plan: Plan, environments: Sequence[int]) -> None: ...
+    def __init__(self, plan: Plan, environments: Sequence[int], visual_meshes: Sequence[VisualMesh] = ...) -> None: ...
     @property
     def samples(self) -> int: ...
     def require_room(self, samples: int) -> None: ...
+    def clear(self) -> None: ...
     def add(self, time: float, batch: Batch, environments: Sequence[int]) -> None: ...
     def page(self, about: str) -> bytes: ...
     def numbers(self) -> str: ...

@@ -16,7 +16,8 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"
 # It shows nothing but pages of lockstep, so it needs no sandbox, which root and many containers lack. Pictures are
 # computed: the same pixels on machines with and without a graphics card.
 OPTIONS = ("--headless", "--no-sandbox", "--no-first-run", "--disable-background-networking",
-           "--disable-component-update", "--window-size=400,300", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--remote-debugging-pipe")
+           "--disable-component-update", "--window-size=400,300", "--use-angle=swiftshader",
+           "--enable-unsafe-swiftshader", "--remote-debugging-pipe")
 PATIENCE = 120.0  # s, for an answer
 
 

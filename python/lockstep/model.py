@@ -8,6 +8,9 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Dict, List, Optional, Sequence, SupportsIndex, TypeVar, Union, overload
 
+import numpy as np
+import numpy.typing as npt
+
 infinity = math.inf
 
 Vector = Sequence[float]
@@ -352,6 +355,16 @@ class Named(List[Element]):
         return key in self.names if isinstance(key, str) else super().__contains__(key)
 
 
+@dataclass(eq=False)
+class VisualMesh:
+    """What a link looks like, for recordings and pictures alone. vertices: float32 [n, 3], m, in the link's frame.
+    triangles: int32 [m, 3], numbers of vertices, to the left as seen from outside."""
+
+    link: str
+    vertices: npt.NDArray[np.float32]
+    triangles: npt.NDArray[np.int32]
+
+
 @dataclass
 class Model:
     """Links and joints form one tree or several. Links, joints, couplings, loops and sites are lists that take names as
@@ -372,6 +385,7 @@ class Model:
     time_step: float = 0.0
     report: list[str] = field(default_factory=list, compare=False)
     warnings: list[str] = field(default_factory=list, compare=False)
+    visual_meshes: list[VisualMesh] = field(default_factory=list, compare=False)
 
     def __setattr__(self, name: str, value: Any) -> None:
         lists = ("links", "joints", "couplings", "loops", "sites", "colliders", "contacts", "roots", "poses")

@@ -8,6 +8,7 @@ from typing import Sequence, Union
 
 from ._lockstep import Batch, _Motion
 from .errors import UsageError
+from .model import VisualMesh
 
 
 def checked(batch: Batch, environments: Sequence[int]) -> list[int]:
@@ -29,13 +30,13 @@ class Recording:
         recording.save("page.html")
 
     The first frame is taken when it is made. A frame holds poses, forces of contacts, joint positions, coupling errors
-    and energies as they are then, whatever was written to the batch. Raises UsageError for environments that the batch
-    does not have. It is not thread-safe, as the batch is not."""
+    and energies as they are then, whatever was written to the batch. visual_meshes: what links are drawn as, such as
+    those of from_file(visual_meshes=True). Raises UsageError for environments that the batch does not have. It is not thread-safe, as the batch is not."""
 
-    def __init__(self, batch: Batch, environments: Sequence[int] = (0,)) -> None:
+    def __init__(self, batch: Batch, environments: Sequence[int] = (0,), visual_meshes: Sequence[VisualMesh] = ()) -> None:
         self._batch = batch
         self._environments = checked(batch, environments)
-        self._motion = _Motion(batch.plan, self._environments)
+        self._motion = _Motion(batch.plan, self._environments, visual_meshes)
         self._time = 0.0  # s
         self._interval = 1  # steps of dt between the latest two frames
         self._take()

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from ._lockstep import Batch, _Motion
 from .chromium import Chromium
 from .errors import UsageError
+from .model import VisualMesh
 from .recording import checked
 
 LARGEST = 4096  # pixels along a side, which all WebGL has
@@ -24,17 +25,19 @@ class Renderer:
         with lockstep.rendering.Renderer(batch, [0, 3]) as renderer:
             first, second = renderer.frames()
 
-    size: width and height in pixels, 16 to 4096. The view is set by where the environments are when this is made. It
+    size: width and height in pixels, 16 to 4096. visual_meshes: as in a Recording. The view is set by where the environments are when this is made. It
     follows where all roots float. Chromium is the file that the environment variable CHROME names, else chromium,
     chromium-browser or google-chrome on the PATH. Raises UsageError without one, without the viewer in this build, and
     for environments that the batch does not have. It is not thread-safe, as the batch is not."""
 
-    def __init__(self, batch: Batch, environments: Sequence[int] = (0,), size: tuple[int, int] = (640, 480)) -> None:
+    def __init__(self, batch: Batch, environments: Sequence[int] = (0,), size: tuple[int, int] = (640, 480),
+                 visual_meshes: Sequence[VisualMesh] = ()) -> None:
         self._batch = batch
         self._environments = checked(batch, environments)
         self._width, self._height = size
         if not all(16 <= side <= LARGEST for side in size):
             raise UsageError("size", f"is {size}", f"give a width and a height of 16 to {LARGEST} pixels", "usage")
+        self._motion = _Motion(batch.plan, self._environments, visual_meshes)
         page = self._present().page("").decode()
         self._chromium = Chromium()
         self._chromium.run(f"document.open(), document.write({json.dumps(page)}), document.close()")
@@ -58,6 +61,6 @@ class Renderer:
         self.close()
 
     def _present(self) -> _Motion:
-        motion = _Motion(self._batch.plan, self._environments)
-        motion.add(0.0, self._batch, self._environments)
-        return motion
+        self._motion.clear()
+        self._motion.add(0.0, self._batch, self._environments)
+        return self._motion

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ._lockstep import Batch, Plan
 from .errors import UsageError
 from .events import Event, Events
+from .model import VisualMesh
 from .observations import Observations
 from .recording import Recording, checked
 from .rendering import Renderer
@@ -59,6 +60,7 @@ class VectorEnv(Base):  # type: ignore[misc]
     spread: short for start=Start(spread=spread), from the model's own start; without both it is 1, the whole range of
     each joint. copy=False returns the same observation array in every step. render_mode="rgb_array" makes render()
     give pictures of `render_environments`, by default all, of `render_size`, width and height in pixels (see Renderer).
+    visual_meshes: what links are drawn as in pictures and recordings, such as those of from_file(visual_meshes=True).
 
     Observations of an environment depend on its seed, its id and its actions, not on num_envs, its place, the number of
     threads or the autoreset mode.
@@ -92,6 +94,7 @@ class VectorEnv(Base):  # type: ignore[misc]
         render_mode: Optional[str] = None,
         render_environments: Optional[Sequence[int]] = None,
         render_size: tuple[int, int] = (640, 480),
+        visual_meshes: Sequence[VisualMesh] = (),
     ) -> None:
         if action_kind not in ACTION_KINDS:
             raise ValueError(f"action_kind {action_kind!r} is none of {', '.join(ACTION_KINDS)}")
@@ -124,6 +127,7 @@ class VectorEnv(Base):  # type: ignore[misc]
                                          "render_fps": 1.0 / (decimation * plan.dt)}
         self.render_mode = render_mode
         self.render_size = render_size
+        self.visual_meshes = visual_meshes
         self.render_environments = checked(self.batch, range(num_envs) if render_environments is None else
                                            render_environments)
         if render_mode and len(self.render_environments) > MOST_PICTURES:
@@ -280,7 +284,7 @@ class VectorEnv(Base):  # type: ignore[misc]
         if self.render_mode is None:
             return None
         if self._renderer is None:
-            self._renderer = Renderer(self.batch, self.render_environments, self.render_size)
+            self._renderer = Renderer(self.batch, self.render_environments, self.render_size, self.visual_meshes)
         return self._renderer.frames()
 
     @contextmanager
@@ -288,7 +292,7 @@ class VectorEnv(Base):  # type: ignore[misc]
         """`with env.record([0, 3]) as recording:` takes frames of these environments, one in each control step within.
         Then recording.save("page.html") writes the page that plays them. A step raises UsageError, before it does
         anything, where the page would be too large for a browser."""
-        recording = Recording(self.batch, environments)
+        recording = Recording(self.batch, environments, self.visual_meshes)
         self._recordings.append(recording)
         try:
             yield recording

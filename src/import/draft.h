@@ -6,7 +6,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "lockstep/model.h"
+#include "lockstep/import.h"
 
 namespace lockstep::importer {
 
@@ -27,6 +27,7 @@ struct LinkExtras {
 
 struct Draft {
   Model model;
+  std::vector<VisualMesh> visual_meshes;
   std::unordered_map<std::string, LinkExtras> extras;  ///< by link
   std::unordered_map<std::string, std::string>
       places;  ///< "file:line: element" by "link 'a'", "joint 'j'", "coupling 'j'"

@@ -126,7 +126,7 @@ Import finished(Draft& draft, const ImportOptions& options, Report& report, cons
     throw ModelError(place != draft.places.end() ? place->second : source + ": " + error.element(), rule,
                      error.remedy());
   }
-  Import result{std::move(model), report.lines(), report.warnings()};
+  Import result{std::move(model), report.lines(), report.warnings(), std::move(draft.visual_meshes)};
   result.report.insert(result.report.begin(), "read " + contents_of(result.model));
   return result;
 }

@@ -78,7 +78,8 @@ Recording recording_of(Table table, const Plan& plan) {
   return recording;
 }
 
-Motion replay(const std::vector<Recording>& recordings, const Plan& plan, double rate, int threads) {
+Motion replay(const std::vector<Recording>& recordings, const Plan& plan, const std::vector<VisualMesh>& meshes,
+              double rate, int threads) {
   const std::vector<double>& times = recordings.front().times;
   for (const Recording& recording : recordings)
     if (recording.times != times)
@@ -94,7 +95,7 @@ Motion replay(const std::vector<Recording>& recordings, const Plan& plan, double
   std::vector<std::string> labels;
   for (const Recording& recording : recordings) labels.push_back(recording.states.file);
 
-  Motion motion(plan, false, std::move(labels));
+  Motion motion(plan, false, std::move(labels), meshes);
   motion.require_room(kept.size());
   Batch<double> states(plan, static_cast<int>(kept.size()), {.threads = threads});  // an environment for each sample
   for (std::size_t i = 0; i < recordings.size(); ++i) {

@@ -23,7 +23,9 @@ struct Recording {
 Recording recording_of(Table table, const Plan& plan);
 
 /// The motion of one recording or of several, which must have the same times, at about `rate` samples a second. Poses,
-/// coupling errors and energies are computed from the recorded states by the library.
-view::Motion replay(const std::vector<Recording>& recordings, const Plan& plan, double rate, int threads);
+/// coupling errors and energies are computed from the recorded states by the library. Links that have `meshes` are
+/// drawn as these.
+view::Motion replay(const std::vector<Recording>& recordings, const Plan& plan, const std::vector<VisualMesh>& meshes,
+                    double rate, int threads);
 
 }  // namespace lockstep::tool

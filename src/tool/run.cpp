@@ -106,10 +106,10 @@ StepSettings settings_of(const RunOptions& options, const std::optional<Chosen>&
 }  // namespace
 
 Run prepare(const RunOptions& options, const Inputs& inputs) {
-  const Model model = options.model.load(options.step.settings.ignore).model;
-  const std::optional<Chosen> chosen = chosen_step(options, inputs, model);
-  const Plan plan = compile(model, settings_of(options, chosen));
-  return {plan, step_count(options.seconds, plan.settings().dt)};
+  Import import = options.model.load(options.step.settings.ignore);
+  const std::optional<Chosen> chosen = chosen_step(options, inputs, import.model);
+  const Plan plan = compile(import.model, settings_of(options, chosen));
+  return {plan, step_count(options.seconds, plan.settings().dt), std::move(import.visual_meshes)};
 }
 
 template <class S>

@@ -39,6 +39,7 @@ struct Inputs {
 struct Run {
   Plan plan;
   long steps;
+  std::vector<VisualMesh> visual_meshes;
 };
 
 /// Loads the model, chooses the step if --tolerance asks for it (a line says which), and compiles. Throws InputError

@@ -43,7 +43,7 @@ Motion simulated(const ViewOptions& options, const Inputs& inputs, const Run& ru
   const long interval = sampling_interval(options.rate, dt);
   std::vector<std::string> labels;
   for (const int environment : options.environments) labels.push_back(fmt::format("environment {}", environment));
-  Motion motion(run.plan, true, std::move(labels));
+  Motion motion(run.plan, true, std::move(labels), run.visual_meshes);
   motion.require_room(static_cast<std::size_t>(run.steps / interval + 2));
   Batch<S> batch(run.plan, options.run.environments, {.threads = options.run.threads, .engine = options.run.engine});
   put_to_start(options.run, inputs, batch);
@@ -86,10 +86,11 @@ Shown simulated(ViewOptions options) {
 
 Shown replayed(const ViewOptions& options) {
   const StepSettings& settings = options.run.step.settings;
-  const Plan plan = compile(options.run.model.load(settings.ignore).model, settings);
+  const Import import = options.run.model.load(settings.ignore);
+  const Plan plan = compile(import.model, settings);
   std::vector<Recording> recordings;
   for (const std::string& file : options.recordings) recordings.push_back(recording_of(read_csv(file), plan));
-  return {replay(recordings, plan, options.rate, options.run.threads), "recorded"};
+  return {replay(recordings, plan, import.visual_meshes, options.rate, options.run.threads), "recorded"};
 }
 
 int run(const ViewOptions& options) {
@@ -141,6 +142,8 @@ void add_view(CLI::App& app, int& exit_code) {
       ->type_name("HZ")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
+  command->add_flag("--visual-meshes", options->run.model.import.visual_meshes,
+                    "Draws links as the meshes that the file shows them as, STL, OBJ or MSH");
   CLI::Option* recordings = command->add_option("--record", options->recordings,
                                                 "Plays what `simulate --record` wrote instead of a simulation. "
                                                 "Repeatable: recordings are shown side by side");

@@ -32,8 +32,9 @@ Eigen::Matrix<float, 6, 1> push_of(const float* points, int slots) {
 
 }  // namespace
 
-Motion::Motion(const Plan& the_plan, bool with_forces, std::vector<std::string> labels)
-    : plan(the_plan), has_forces(with_forces && !the_plan.contacts().empty()), links(drawn_links(the_plan)) {
+Motion::Motion(const Plan& the_plan, bool with_forces, std::vector<std::string> labels,
+               const std::vector<VisualMesh>& meshes)
+    : plan(the_plan), has_forces(with_forces && !the_plan.contacts().empty()), links(drawn_links(the_plan, meshes)) {
   const auto ask = [this](Query query) {
     queries_.push_back(std::move(query));
     return static_cast<std::size_t>(plan.query_rows(queries_.back()));
@@ -99,6 +100,16 @@ void Motion::add(const std::vector<double>& at, const Batch<double>& states, int
   const Batch<double>::Array numbers = read(states);
   times.assign(at.begin(), at.end());
   for (Eigen::Index sample = 0; sample < numbers.cols(); ++sample) append(numbers.col(sample), tracks[track]);
+}
+
+void Motion::clear() {
+  times.clear();
+  for (Track& track : tracks) {
+    track.frozen.reset();
+    track.poses.clear();
+    track.pushes.clear();
+    for (std::vector<float>& curve : track.curves) curve.clear();
+  }
 }
 
 long sampling_interval(double rate, double dt) { return std::max(1L, std::lround(1.0 / (rate * dt))); }

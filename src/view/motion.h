@@ -26,8 +26,9 @@ struct Track {
 };
 
 struct Motion {
-  /// Without samples yet.
-  Motion(const Plan& plan, bool has_forces, std::vector<std::string> labels);
+  /// Without samples yet. Links that have `meshes` are drawn as these.
+  Motion(const Plan& plan, bool has_forces, std::vector<std::string> labels,
+         const std::vector<VisualMesh>& meshes = {});
 
   Plan plan;
   bool has_forces;  ///< false: nothing is read of contacts
@@ -41,6 +42,9 @@ struct Motion {
   /// Adds a sample: track i is environment `environments[i]` of the batch, whose plan is this one.
   template <class S>
   void add(double time, const Batch<S>& batch, const std::vector<int>& environments);
+
+  /// Takes all samples away.
+  void clear();
 
   /// Adds all the states of a recording, which are the environments of a batch, to one track.
   void add(const std::vector<double>& times, const Batch<double>& states, int track);

@@ -39,6 +39,21 @@ Json json_of(const std::vector<Solid>& solids) {
   return list;
 }
 
+template <class Numbers>
+std::string bytes_of(const Numbers& numbers) {
+  static_assert(std::endian::native == std::endian::little, "the page is read as it is written");
+  static_assert(sizeof(typename Numbers::value_type) == 4);
+  return base64({reinterpret_cast<const unsigned char*>(numbers.data()), static_cast<std::size_t>(numbers.size()) * 4});
+}
+
+Json json_of(const std::vector<VisualMesh>& meshes) {
+  Json list = Json::array();
+  for (const VisualMesh& mesh : meshes)
+    list.push_back({{"vertices", bytes_of(mesh.vertices.reshaped().eval())},
+                    {"triangles", bytes_of(mesh.triangles.reshaped().eval())}});
+  return list;
+}
+
 // A follower has `leader`, the joint that it follows; -1 where that is not one joint.
 Json joints_of(const Plan& plan) {
   Json list = Json::array();
@@ -65,14 +80,13 @@ void require_viewer() {
 }
 
 std::string motion_numbers(const Motion& motion) {
-  static_assert(std::endian::native == std::endian::little && sizeof(float) == 4, "the page is read as it is written");
   std::vector<float> numbers = motion.times;
   for (const Track& track : motion.tracks) {
     numbers.insert(numbers.end(), track.poses.begin(), track.poses.end());
     numbers.insert(numbers.end(), track.pushes.begin(), track.pushes.end());
     for (const std::vector<float>& curve : track.curves) numbers.insert(numbers.end(), curve.begin(), curve.end());
   }
-  return base64({reinterpret_cast<const unsigned char*>(numbers.data()), numbers.size() * sizeof(float)});
+  return bytes_of(numbers);
 }
 
 std::string motion_json(const Motion& motion, const std::string& about, const std::vector<std::string>& notes) {
@@ -83,6 +97,7 @@ std::string motion_json(const Motion& motion, const std::string& about, const st
   for (const DrawnLink& drawn : motion.links)
     json["links"].push_back({{"name", model.links[static_cast<std::size_t>(drawn.link)].name},
                              {"role", to_string(drawn.role)},
+                             {"meshes", json_of(drawn.meshes)},
                              {"solids", json_of(drawn.solids)}});
   json["world"] = json_of(world_solids(model));
   json["joints"] = joints_of(motion.plan);

@@ -20,8 +20,9 @@ void require_viewer();
 /// pushes of its Track, and [samples] for each of its curves.
 std::string motion_numbers(const Motion& motion);
 
-/// The motion as JSON: names, units, roles, solids, and its motion_numbers() as `numbers`. No text in it ends a script
-/// element. `about` and `notes` are shown as they are.
+/// The motion as JSON: names, units, roles, solids, meshes, and its motion_numbers() as `numbers`. The 32-bit floats
+/// and integers of meshes are written likewise. No text in it ends a script element. `about` and `notes` are shown as
+/// they are.
 std::string motion_json(const Motion& motion, const std::string& about, const std::vector<std::string>& notes);
 
 /// What the page does not show of the motion, and why.

@@ -98,15 +98,19 @@ const char* to_string(Role role) noexcept {
   return "free";
 }
 
-std::vector<DrawnLink> drawn_links(const Plan& plan) {
+std::vector<DrawnLink> drawn_links(const Plan& plan, const std::vector<VisualMesh>& meshes) {
   const Model& model = plan.model();
   std::vector<DrawnLink> links;
   for (std::size_t i = 0; i < model.links.size(); ++i) {
-    std::vector<Solid> solids = colliders_of(model, model.links[i].name);
-    if (solids.empty())
-      if (std::optional<Solid> solid = solid_of(model.links[i].inertia))
-        solids.push_back(made_small(*std::move(solid), model.links[i].inertia.mass));
-    if (!solids.empty()) links.push_back({static_cast<int>(i), role_of(plan, model.links[i].name), std::move(solids)});
+    const Link& link = model.links[i];
+    DrawnLink drawn{.link = static_cast<int>(i), .role = role_of(plan, link.name), .meshes = {}, .solids = {}};
+    for (const VisualMesh& mesh : meshes)
+      if (mesh.link == link.name) drawn.meshes.push_back(mesh);
+    if (drawn.meshes.empty()) drawn.solids = colliders_of(model, link.name);
+    if (drawn.meshes.empty() && drawn.solids.empty())
+      if (std::optional<Solid> solid = solid_of(link.inertia))
+        drawn.solids.push_back(made_small(*std::move(solid), link.inertia.mass));
+    if (!drawn.meshes.empty() || !drawn.solids.empty()) links.push_back(std::move(drawn));
   }
   return links;
 }

@@ -1,10 +1,11 @@
-// What links look like: their colliders, or a solid of the same inertia. SPDX-License-Identifier: Apache-2.0
+// What links look like: visual meshes, colliders, or a solid of the same inertia. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "lockstep/import.h"
 #include "lockstep/plan.h"
 
 namespace lockstep::view {
@@ -34,11 +35,13 @@ const char* to_string(Role role) noexcept;
 struct DrawnLink {
   int link;  ///< in Model::links
   Role role;
-  std::vector<Solid> solids;  ///< its colliders, else that of its inertia, made small; never empty
+  std::vector<VisualMesh> meshes;  ///< where there are some, it has no solids
+  std::vector<Solid> solids;       ///< else its colliders, else that of its inertia, made small; then never empty
 };
 
-/// The links that have something to draw, in the model's order.
-std::vector<DrawnLink> drawn_links(const Plan& plan);
+/// The links that have something to draw, in the model's order. Meshes of links that the plan does not have are left
+/// out.
+std::vector<DrawnLink> drawn_links(const Plan& plan, const std::vector<VisualMesh>& meshes = {});
 
 /// Colliders that stand in the world.
 std::vector<Solid> world_solids(const Model& model);

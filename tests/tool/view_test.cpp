@@ -195,7 +195,7 @@ class View : public Command {
 TEST_F(View, replays_the_poses_of_the_recorded_states) {
   const Plan plan = plan_of(arm_gripper);
   const Table table = record(arm_gripper, {});
-  const Motion motion = replay({recording_of(table, plan)}, plan, 30.0, 1);
+  const Motion motion = replay({recording_of(table, plan)}, plan, {}, 30.0, 1);
   ASSERT_EQ(motion.times.size(), 16u);  // every eighth of 120 steps, and the start
   Batch<double> batch(plan, 1, {.threads = 1});
   const std::vector<StateColumn> columns = state_columns(plan);
@@ -231,7 +231,7 @@ TEST_F(View, refuses_what_is_no_recording_of_the_model) {
   const Plan plan = plan_of(model);
   Recording one = recording_of(read_csv(write("one.csv", head + "0" + row)), plan);
   Recording two = recording_of(read_csv(write("two.csv", head + "0.1" + row)), plan);
-  EXPECT_THROW(replay({one, two}, plan, 60.0, 1), InputError);
+  EXPECT_THROW(replay({one, two}, plan, {}, 60.0, 1), InputError);
 }
 
 TEST_F(View, marks_where_a_recording_froze) {

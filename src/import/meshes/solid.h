@@ -25,6 +25,7 @@ class Solid {
   /// convex as hull_of().
   Inertia inertia(MeshRule rule) const;
 
+  Mesh surface() const;  ///< the mesh, or its hull where it has no triangles
   bool is_closed() const;
   double volume() const;         ///< of a closed mesh, inside out or not
   double share_of_hull() const;  ///< that volume over the hull's; throws as hull()
@@ -32,7 +33,6 @@ class Solid {
   double size() const;  ///< m, along the longest of its axes
 
  private:
-  Mesh surface() const;  // the mesh, or its hull where it has no triangles
   Inertia made(MeshRule rule) const;
 
   Mesh mesh_;

@@ -27,6 +27,8 @@ class Meshes {
   /// What the geom touches with: its primitive, that around its mesh, or what the fit of `link` makes of its mesh.
   /// Nothing for types that lockstep has no shape of, and for meshes of fit none. `item` names the geom in the report.
   std::optional<PlacedShape> shape_of(const GeomPart& geom, const std::string& link, const std::string& item);
+  /// The mesh of a geom, in the geom's frame.
+  const Solid& mesh_of(const GeomPart& geom) { return read(asset_of(geom)); }
   /// Of density 1, in the body's frame. Without mass where the type has no volume.
   Inertia inertia_of(const GeomPart& geom);
 

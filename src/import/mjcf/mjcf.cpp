@@ -13,6 +13,7 @@
 #include "poses.h"
 #include "resist.h"
 #include "trees.h"
+#include "visuals.h"
 
 namespace lockstep {
 namespace importer::mjcf {
@@ -44,6 +45,7 @@ Import read(const std::string& text, const std::string& source, const std::strin
       collide(scene, places, draft);
     else
       list_contacts(document);
+    if (options.visual_meshes) look(scene, places, draft);
     document.account();
   });
 }

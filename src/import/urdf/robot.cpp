@@ -11,6 +11,7 @@
 #include "import/finish.h"
 #include "loop_joints.h"
 #include "origin.h"
+#include "visuals.h"
 
 namespace lockstep::importer::urdf {
 
@@ -82,6 +83,9 @@ void read_link(Element element, const ImportOptions& options, MeshFiles& meshes,
     if (options.colliders) take_colliders(extras.shapes, element.report(), robot.model);
     if (is_complete) extras.shapes = {};
   }
+  if (options.visual_meshes)
+    for (VisualMesh& visual : read_visuals(element, link.name, options, meshes))
+      robot.visual_meshes.push_back(std::move(visual));
   element.tally_rest();
   if (extras.lacks_mass || extras.lacks_tensor || extras.shapes.collisions > 0)
     robot.extras[link.name] = std::move(extras);

@@ -96,7 +96,7 @@ function resize() {
 document.title = `${motion.model}: lockstep view`;
 document.querySelector('h1').textContent = motion.model;
 if (scene) get('about').textContent = [motion.about, `grid ${+scene.spacing.toPrecision(1)} m`].join(' · ');
-const used = new Set(motion.links.flatMap((link) => link.solids.map(() => link.role)));
+const used = new Set(motion.links.map((link) => link.role));
 function legend(colour, words) {
   const entry = document.createElement('li'), patch = document.createElement('i');
   patch.style.background = colour;

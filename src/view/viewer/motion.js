@@ -8,10 +8,12 @@ export function decode(json) {
   return motion;
 }
 
+// What base64 stands for.
+export const buffer_of = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+
 // Gives the motion these numbers, in base64, as views into one array, without copies.
 export function fill(motion, text) {
-  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  const numbers = new Float32Array(bytes.buffer);
+  const numbers = new Float32Array(buffer_of(text));
   let at = 0;
   const take = (count) => numbers.subarray(at, (at += count));
   const rows = motion.samples;

@@ -2,7 +2,8 @@
 import * as THREE from 'three';
 import { ConvexGeometry } from 'three/addons/geometries/ConvexGeometry.js';
 import { OrbitControls } from 'three/addons/controls/OrbitControls.js';
-import { sample_at } from './motion.js';
+import { toCreasedNormals } from 'three/addons/utils/BufferGeometryUtils.js';
+import { buffer_of, sample_at } from './motion.js';
 import { Arrows } from './arrows.js';
 import { colour_now } from './style.js';
 
@@ -24,6 +25,14 @@ function geometry_of({ kind, size: [x, y, z], points }) {
   // Those of three lie along y, those of lockstep along z.
   const round = kind === 'capsule' ? new THREE.CapsuleGeometry(x, y, 12, 32) : new THREE.CylinderGeometry(x, x, y, 40);
   return round.rotateX(Math.PI / 2);
+}
+
+// Edges of more than 40 degrees stay sharp.
+function geometry_of_mesh({ vertices, triangles }) {
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(buffer_of(vertices)), 3));
+  geometry.setIndex(new THREE.BufferAttribute(new Uint32Array(buffer_of(triangles)), 1));
+  return toCreasedNormals(geometry, (40 * Math.PI) / 180);
 }
 
 function place(object, pose) {
@@ -68,22 +77,28 @@ export class Scene {
     this.dress();
   }
 
-  add_solid(parent, solid, colour) {
-    // What stands for an inertia is paler than a collider.
+  // `white`, in [0, 1], is mixed into the colour.
+  add_mesh(parent, geometry, colour, white) {
     const material = new THREE.MeshStandardMaterial({ roughness: 0.62, metalness: 0.05 });
-    material.color.set(colour);
-    if (solid.inertia) material.color.lerp(new THREE.Color('#ffffff'), 0.6);
-    const mesh = new THREE.Mesh(geometry_of(solid), material);
+    material.color.set(colour).lerp(new THREE.Color('#ffffff'), white);
+    const mesh = new THREE.Mesh(geometry, material);
     mesh.castShadow = mesh.receiveShadow = true;
+    parent.add(mesh);
+    return mesh;
+  }
+
+  // What stands for an inertia is paler than a collider.
+  add_solid(parent, solid, colour) {
+    const mesh = this.add_mesh(parent, geometry_of(solid), colour, solid.inertia ? 0.6 : 0);
     place(mesh, solid.pose);
     const edges = new THREE.LineSegments(new THREE.EdgesGeometry(mesh.geometry, 30),
       new THREE.LineBasicMaterial({ color: '#10161c', transparent: true, opacity: 0.35 }));
     mesh.add(edges);
-    parent.add(mesh);
   }
 
   add_link(link) {
     const group = new THREE.Group();
+    for (const mesh of link.meshes) this.add_mesh(group, geometry_of_mesh(mesh), roles[link.role].colour, 0.3);
     for (const solid of link.solids) this.add_solid(group, solid, roles[link.role].colour);
     this.world.add(group);
     return group;
