@@ -80,6 +80,7 @@ def test_an_environment_renders(plan, chromium):
     assert copy.deepcopy(env)._renderer is None
     env.close()
     assert VectorEnv(plan, 2, threads=1).render() is None
+    assert VectorEnv(plan, 2, threads=1, render_mode="rgb_array").render_environments == [0, 1]  # as RecordVideo wants
 
 
 def test_gymnasium_records_videos(plan, chromium, tmp_path):
