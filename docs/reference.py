@@ -38,6 +38,7 @@ SECTIONS = [
     ("Rewards and ends", "rewards", "Rewards Terminations"),
     ("Events", "events", "Event"),
     ("Random numbers", "draws", "uniform normal"),
+    ("Ground", "terrain", "Patch Terrain curriculum"),
     ("Trainers", "rsl_rl", "RslRlEnv"),
     ("", "stable_baselines3", "Sb3VecEnv"),
     ("", "rl_games", "RlGamesEnv"),

@@ -17,6 +17,7 @@
 #include "kernels/contacts/half_space_cylinder.h"
 #include "kernels/contacts/half_space_ellipsoid.h"
 #include "kernels/contacts/half_space_hull.h"
+#include "kernels/contacts/height_field.h"
 
 namespace lockstep::contacts_test {
 namespace {
@@ -123,6 +124,37 @@ Case on_half_space(const std::string& name, const Solid& solid) {
           }};
 }
 
+// All points of the solid, on 41 x 41 heights within 2 cm that are 5 cm apart.
+Case on_field(const std::string& name, const Solid& solid) {
+  struct Ground {
+    Poses poses;
+    CoreOf<T> core;
+    std::vector<float> heights = std::vector<float>(41 * 41);
+
+    explicit Ground(const Solid& solid) : poses(solid, solid, Lie::any, Motion::turns), core(solid) {
+      Random random(4);
+      for (float& height : heights) height = static_cast<float>(random.between(-0.01, 0.01));
+    }
+  };
+  const auto ground = std::make_shared<Ground>(solid);
+  const bool is_round = solid.kind == ShapeKind::sphere;
+  return {name, [ground, is_round](std::size_t step) {
+            const HeightTable<float> field{41, 41, ground->heights.data(), ground->heights.data()};
+            Placed placed = ground->poses.first[step];
+            placed.size[0] = placed.size[1] = T(20.0f);
+            Placed seen = ground->poses.second[step];
+            seen.center = {T(0.1f), T(0.07f), T(0.05f)};
+            kernels::GroundPoints<T> points;
+            kernels::find_ground_points(field, placed, ground->core.core, seen, T(0.08f), T(slack), points);
+            kernels::Patch<T> patch;
+            patch.point[1] = simd::Vec3<T>::zero();
+            for (int point = 0; point < (is_round ? 2 : 4); ++point) {
+              kernels::touch_height_field(field, placed, ground->core.core, point, points, patch);
+              keep(patch);
+            }
+          }};
+}
+
 // 21 balls of 2 cm on a line, 200 of their pairs; none meets another one.
 Case spheres_of_200_pairs() {
   const auto balls = std::make_shared<std::vector<kernels::MovingCollider<T>>>(21);
@@ -142,12 +174,14 @@ Case spheres_of_200_pairs() {
 
 Case boxes_about(const Solid& box) {
   const auto poses = std::make_shared<Poses>(box, box, Lie::any, Motion::turns);
-  ColliderPlace<float> place{};
-  for (int k = 0; k < 3; ++k) place.half[k] = static_cast<float>(box.size[k]);
-  place.reach = static_cast<float>(box.size.norm());
-  return {"boxes about a pair", [poses, place](std::size_t step) {
-            sink = any(kernels::boxes_meet(place, place, poses->first[step], poses->second[step], T(margin))) ? 1.0f
-                                                                                                              : 0.0f;
+  const auto pair = std::make_shared<std::array<kernels::MovingCollider<T>, 2>>();
+  for (kernels::MovingCollider<T>& own : *pair) {
+    for (int k = 0; k < 3; ++k) own.half[k] = T(static_cast<float>(box.size[k]));
+    own.reach = T(static_cast<float>(box.size.norm()));
+  }
+  return {"boxes about a pair", [poses, pair](std::size_t step) {
+            (*pair)[0].shape = poses->first[step], (*pair)[1].shape = poses->second[step];
+            sink = any(kernels::boxes_meet((*pair)[0], (*pair)[1], T(margin))) ? 1.0f : 0.0f;
           }};
 }
 
@@ -179,6 +213,8 @@ std::vector<Case> cases() {
     all.push_back(convex("box and ellipsoid" + how, box, ellipsoid, Lie::any, motion));
     all.push_back(convex("two ellipsoids" + how, ellipsoid, ellipsoid, Lie::any, motion));
   }
+  all.push_back(on_field("height field and sphere", {ShapeKind::sphere, {0.05, 0, 0}}));
+  all.push_back(on_field("height field and box", box));
   all.push_back(spheres_of_200_pairs());
   all.push_back(boxes_about(box));
   all.push_back(on_half_space("half-space and cylinder", cylinder));

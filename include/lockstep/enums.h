@@ -68,8 +68,14 @@ enum class Parameter : unsigned {
                 ///< one. This and the next two are for drives to which the model gives one; rows of others stay
   drive_lag,    ///< one row per dof: Drive::lag, s
   motor_curve,  ///< two rows per dof: Drive::stall_effort and no_load_speed
+  collider_place,       ///< four rows per collider of the model: x, y, z in m and a turn about z in rad. It moves the
+                        ///< collider in the axes of its link, or of the world, before Collider::pose; 0 at the start
+  collider_size,        ///< three rows per collider of the model: Shape::size, 0.1 to 10 times the model's; of a hull,
+                        ///< factors along its axes about the centre of its volume. Masses and inertias stay. Rows of
+                        ///< half-spaces and height fields stay
+  contact_restitution,  ///< one row per contact, as in Plan::contacts(): 0 to 1
 };
-inline constexpr int parameter_count = 24;
+inline constexpr int parameter_count = 27;
 
 /// Why an environment was frozen. It stays until the environment is reset. Batch::explain_fault() says it in words.
 enum class Fault : std::uint32_t {
@@ -116,6 +122,9 @@ LOCKSTEP_API const char* to_string(FaultStage stage) noexcept;
 LOCKSTEP_API const char* to_string(LoopKind kind) noexcept;
 
 /// Kinds of Shape, whose sizes model.h has. In a pair of colliders the kind that stands first here is the first.
-enum class ShapeKind { half_space, box, hull, cylinder, capsule, ellipsoid, sphere };
+enum class ShapeKind { half_space, height_field, box, hull, cylinder, capsule, ellipsoid, sphere };
+
+/// Whether a shape is solid below a surface, and never moves.
+constexpr bool is_ground(ShapeKind kind) { return kind <= ShapeKind::height_field; }
 
 }  // namespace lockstep

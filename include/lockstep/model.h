@@ -188,9 +188,9 @@ struct Site {
   Pose pose = Pose::Identity();  ///< in the link frame
 };
 
-inline constexpr ShapeKind all_shape_kinds[] = {ShapeKind::half_space, ShapeKind::box,     ShapeKind::hull,
-                                                ShapeKind::cylinder,   ShapeKind::capsule, ShapeKind::ellipsoid,
-                                                ShapeKind::sphere};
+inline constexpr ShapeKind all_shape_kinds[] = {ShapeKind::half_space, ShapeKind::height_field, ShapeKind::box,
+                                                ShapeKind::hull,       ShapeKind::cylinder,     ShapeKind::capsule,
+                                                ShapeKind::ellipsoid,  ShapeKind::sphere};
 
 /// The enumerator's name: "half_space", "box" ... The string lives forever.
 LOCKSTEP_API const char* to_string(ShapeKind kind) noexcept;
@@ -198,15 +198,24 @@ LOCKSTEP_API const char* to_string(ShapeKind kind) noexcept;
 /// A solid.
 struct Shape {
   ShapeKind kind = ShapeKind::sphere;
-  /// Box: its edges along x, y and z. Hull: radius, >= 0. Cylinder: radius, and length along z. Capsule: radius, and
-  /// length of the cylinder between its half spheres, which lies along z. Ellipsoid: semi-axes along x, y and z.
-  /// Sphere: radius. m, > 0. Numbers that a kind does not have are 0.
+  /// Height field: its edges along x and y. Box: its edges along x, y and z. Hull: radius, >= 0. Cylinder: radius, and
+  /// length along z. Capsule: radius, and length of the cylinder between its half spheres, which lies along z.
+  /// Ellipsoid: semi-axes along x, y and z. Sphere: radius. m, > 0. Numbers that a kind does not have are 0.
   Eigen::Vector3d size = Eigen::Vector3d::Zero();
   /// Of a hull: 3 x n, m. Their convex hull has 4 to 64 corners. The other kinds have none.
   Eigen::Matrix3Xd points = {};
+  /// Of a height field: m, 2 x 2 or more, at most 2.7 million. A column has the heights along y, from -size[1] / 2 to
+  /// size[1] / 2, and columns go along x in the same way. The other kinds have none.
+  Eigen::MatrixXd heights = {};
 
   /// Everything below the plane z = 0 of the collider's frame. It never moves.
   static Shape half_space() { return {ShapeKind::half_space, Eigen::Vector3d::Zero()}; }
+  /// Everything below a surface through heights on a grid, about the collider's origin. Each cell is two triangles, cut
+  /// from its corner of least x and y. Beyond its edges there is nothing. It never moves. What touches it does so by
+  /// points: docs/contacts.md says which.
+  static Shape height_field(Eigen::MatrixXd heights, double edge_x, double edge_y) {
+    return {ShapeKind::height_field, {edge_x, edge_y, 0.0}, {}, std::move(heights)};
+  }
   static Shape box(const Eigen::Vector3d& edges) { return {ShapeKind::box, edges}; }
   /// All within `radius` of the convex hull of `points`, which is 3 x n.
   static Shape hull(Eigen::Matrix3Xd points, double radius = 0.0) {

@@ -1,6 +1,7 @@
 // Query: what Batch::read() writes. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "lockstep/export.h"
@@ -69,9 +70,12 @@ enum class Quantity {
   link_acceleration,  ///< 6 rows by link, in its axes: angular acceleration (rad/s^2), and what an accelerometer at its
                       ///< origin measures (m/s^2), which is its acceleration minus gravity
   site_acceleration,  ///< 6 rows by site, in its axes: the same at its origin
-  joint_wrench        ///< 6 rows by dof: force (N) and torque (N m) through the joint on its child link, about the
+  joint_wrench,       ///< 6 rows by dof: force (N) and torque (N m) through the joint on its child link, about the
                       ///< link's origin and in its axes. What drives, limits, couplings and friction of the joint do
                       ///< is part of it; loops hold apart from it. 0 of tendons
+  height_scan  ///< by link, a row for each of Query::points: how high the link's origin is above the ground there, m.
+               ///< The ground is what stands in the world: half-spaces, upright height fields, boxes. Infinite where
+               ///< there is none. For plans with contacts
 };
 
 /// The enumerator's name: "link_pose" ... The string lives forever.
@@ -82,6 +86,8 @@ struct Query {
   Quantity quantity;
   std::vector<int> elements = {};  ///< empty: all
   double scale = 1.0;              ///< finite; all numbers are multiplied by it
+  /// Of height_scan: x and y from the link's origin, m, along where its x axis looks seen from above, and to the left.
+  std::vector<std::array<double, 2>> points = {};
 };
 
 }  // namespace lockstep

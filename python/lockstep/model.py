@@ -6,7 +6,7 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass, field
-from typing import Any, Dict, List, Optional, Sequence, SupportsIndex, TypeVar, Union, overload
+from typing import Any, Dict, Iterable, List, Optional, Sequence, SupportsFloat, SupportsIndex, TypeVar, Union, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -220,18 +220,27 @@ class Site:
 
 @dataclass
 class Shape:
-    """A solid. size: a box's edges; a hull's radius; a cylinder's radius and length along z; a capsule's radius and the
-    length of its cylinder, along z; an ellipsoid's semi-axes; a sphere's radius. points: a hull's, one a row, m. A
-    half_space is everything below the plane z = 0 of its frame."""
+    """A solid. size: a height field's edges along x and y; a box's edges; a hull's radius; a cylinder's radius and length
+    along z; a capsule's radius and the length of its cylinder, along z; an ellipsoid's semi-axes; a sphere's radius.
+    points: a hull's, one a row, m. heights: a height field's, m, rows along y. A half_space is everything below the plane
+    z = 0 of its frame."""
 
     kind: str
     size: Vector = (0.0, 0.0, 0.0)
     points: Sequence[Vector] = ()
+    heights: Sequence[Vector] = ()
 
     @staticmethod
     def half_space() -> Shape:
         """All below the plane z = 0 of its frame."""
         return Shape("half_space")
+
+    @staticmethod
+    def height_field(heights: Iterable[Iterable[SupportsFloat]], x: float, y: float) -> Shape:
+        """All below a surface through heights[rows, columns], m, about its frame's origin. Columns go from -x / 2 to x / 2,
+        m, rows from -y / 2 to y / 2. 2 x 2 to 2.7 million heights; each cell is two triangles, cut from its corner of least
+        x and y. Beyond its edges there is nothing. What touches it does so by points: docs/contacts.md says which."""
+        return Shape("height_field", (x, y, 0.0), heights=tuple(tuple(map(float, row)) for row in heights))
 
     @staticmethod
     def box(x: float, y: float, z: float) -> Shape:

@@ -118,7 +118,8 @@ def _is_query(what: Any) -> bool:
 
 def _key(what: Any) -> Any:
     if isinstance(what, Query):
-        return (what.quantity, None if what.rows is None else tuple(what.rows), what.scale)
+        points = None if what.points is None else tuple(map(tuple, what.points))
+        return (what.quantity, None if what.rows is None else tuple(what.rows), what.scale, points)
     return what if isinstance(what, str) else None
 
 

@@ -7,7 +7,8 @@ from typing import Optional, Sequence
 
 @dataclass(frozen=True)
 class Query:
-    """A quantity of some joints, links or sites, times `scale`. rows: their names; None is all of them.
+    """A quantity of some joints, links or sites, times `scale`. rows: their names; None is all of them. points: of a
+    height_scan, x and y of each from the link's origin, m, along where its x axis looks seen from above, and to the left.
 
     quantity                             rows    columns for each
     q, qd, q_target, qd_target, effort   joints  1
@@ -18,6 +19,9 @@ class Query:
     link_gravity, site_gravity           links, sites  3: unit vector along gravity in these axes; 0 without gravity
     link_contact_force                   links   3: the sum of contact_force on it, N, world axes
     link_contacts                        links   1: how many pairs with it bear a force
+    height_scan                          links   1 for each point: m that the link's origin is above the ground there,
+                                                 inf where there is none. Half-spaces, upright height fields and boxes
+                                                 that stand in the world are ground
     coupling_error                       couplings  1
     loop_error                           loops   2: distance, m; angle, rad
     loop_force                           loops   6: force, N, and torque, N m, on the second link, world axes
@@ -55,3 +59,4 @@ class Query:
     quantity: str
     rows: Optional[Sequence[str]] = None
     scale: float = 1.0
+    points: Optional[Sequence[Sequence[float]]] = None

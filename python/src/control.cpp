@@ -128,7 +128,8 @@ const Names<Quantity> quantities = {{"q", Quantity::position},
                                     {"joint_acceleration", Quantity::joint_acceleration},
                                     {"link_acceleration", Quantity::link_acceleration},
                                     {"site_acceleration", Quantity::site_acceleration},
-                                    {"joint_wrench", Quantity::joint_wrench}};
+                                    {"joint_wrench", Quantity::joint_wrench},
+                                    {"height_scan", Quantity::height_scan}};
 
 int place_in(const std::vector<std::string>& names, const std::string& name, const char* kind) {
   const auto found = std::find(names.begin(), names.end(), name);
@@ -137,7 +138,7 @@ int place_in(const std::vector<std::string>& names, const std::string& name, con
 }
 
 int row_of(const Plan& plan, const std::string& quantity, const std::string& name) {
-  if (quantity.starts_with("link")) return plan.link(name);
+  if (quantity.starts_with("link") || quantity == "height_scan") return plan.link(name);
   if (quantity.starts_with("site")) return plan.site(name);
   if (quantity.starts_with("coupling")) return place_in(coupling_names(plan.model()), name, "coupling");
   if (quantity.starts_with("loop")) {
@@ -171,6 +172,11 @@ Query query_of(const Plan& plan, const py::handle& given) {
   if (const py::object rows = given.attr("rows"); !rows.is_none())
     for (const py::handle& row : rows)
       query.elements.push_back(row_of(plan, name, value_of<std::string>(row, "rows of a Query")));
+  if (const py::object points = given.attr("points"); !points.is_none())
+    for (const py::handle& point : points) {
+      if (py::len(point) != 2) throw UsageError("points of a Query", "are not pairs", "give x and y of each");
+      query.points.push_back({py::float_(point[py::int_(0)]), py::float_(point[py::int_(1)])});
+    }
   return query;
 }
 

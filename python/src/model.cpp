@@ -232,6 +232,17 @@ py::object loop_to_python(const Loop& l) {
                               std::visit(SoftnessToPython{}, l.softness), l.force_limit, l.torque_limit);
 }
 
+// Rows in Python are rows here.
+Eigen::MatrixXd heights_of(const py::handle& shape) {
+  const auto numbers = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(shape.attr("heights"));
+  if (!numbers) throw py::error_already_set();
+  if (numbers.size() == 0) return {};
+  if (numbers.ndim() != 2)
+    throw UsageError("heights", "have the shape " + text_of(numbers.attr("shape")), "give [rows, columns]");
+  return Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+      numbers.data(), numbers.shape(0), numbers.shape(1));
+}
+
 Collider collider_of(const py::handle& from) {
   Collider collider;
   read(from, "name", collider.name), read(from, "link", collider.link), read(from, "group", collider.group);
@@ -243,9 +254,9 @@ Collider collider_of(const py::handle& from) {
   read(shape, "kind", kind);
   collider.shape = {
       kind_of(kind, all_shape_kinds, "collider '" + collider.name + "'", "has a shape of the unknown kind",
-              "give half_space, box, hull, cylinder, capsule, ellipsoid or sphere"),
+              "give half_space, height_field, box, hull, cylinder, capsule, ellipsoid or sphere"),
       matrix_of<Eigen::Vector3d>(shape, "size"),
-      matrix_of<Eigen::Matrix<double, Eigen::Dynamic, 3>>(shape, "points").transpose()};
+      matrix_of<Eigen::Matrix<double, Eigen::Dynamic, 3>>(shape, "points").transpose(), heights_of(shape)};
   return collider;
 }
 
@@ -253,7 +264,8 @@ py::object collider_to_python(const Collider& c) {
   return python_class("Collider")(
       c.name, c.link,
       python_class("Shape")(to_string(c.shape.kind), tuple_of(c.shape.size),
-                            tuple_of(Eigen::Matrix<double, Eigen::Dynamic, 3>(c.shape.points.transpose()))),
+                            tuple_of(Eigen::Matrix<double, Eigen::Dynamic, 3>(c.shape.points.transpose())),
+                            tuple_of(c.shape.heights)),
       tuple_of(c.pose.matrix()), c.friction, c.restitution, std::visit(SoftnessToPython{}, c.softness), c.group);
 }
 

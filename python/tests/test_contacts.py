@@ -184,3 +184,18 @@ def test_the_example_holds_its_boxes():
     assert done.returncode == 0, done.stderr
     slips = [float(slip) for slip in re.findall(r"held, slip +([0-9.]+) um", done.stdout)]
     assert len(slips) == 4 and max(slips) < 150, done.stdout
+
+
+def test_cubes_of_different_sizes_rest_at_half_their_edges():
+    plan = ls.compile(block(), dt=0.004, vary=["collider_size", "contact_restitution"])
+    batch = plan.batch(16)
+    rows = [f"block {axis}" for axis in "xyz"]
+    batch.randomize("collider_size", "scale", 0.5, 1.5, rows=rows, shared=True)
+    batch.randomize("contact_restitution", "absolute", 0.0, 0.5)
+    at = plan.parameter_rows("collider_size").index(rows[0])
+    edges = batch.parameter("collider_size")[:, at : at + 3]
+    assert np.ptp(edges[:, 0]) > 0.02 and np.all(edges == edges[:, :1])
+    batch.root_pose[:, 2] = edges[:, 0]
+    batch.step(1500)
+    np.testing.assert_allclose(batch.root_pose[:, 2], edges[:, 0] / 2, atol=1e-4)
+    assert not batch.fault.any()

@@ -24,7 +24,8 @@ bool is_of_frames(Quantity quantity) {
     case Quantity::link_twist:
     case Quantity::link_gravity:
     case Quantity::link_acceleration:
-    case Quantity::joint_wrench: return true;
+    case Quantity::joint_wrench:
+    case Quantity::height_scan: return true;
     default: return is_of_sites(quantity);
   }
 }
@@ -124,6 +125,7 @@ class Batch<S>::Impl::TileReader {
         case Quantity::link_acceleration:
         case Quantity::site_acceleration: return put_pair_in_frame(turn, pose, acceleration(frame));
         case Quantity::joint_wrench: return put_pair_in_frame(turn, pose, acceleration(frame) + 6 * lanes_);
+        case Quantity::height_scan: return scan_heights(query, numbers);
         case Quantity::link_gravity:
         case Quantity::site_gravity:
           return put_in_frame(turn, pose, [&](int k, std::ptrdiff_t lane) { return down(lane)[k]; });
@@ -287,6 +289,19 @@ class Batch<S>::Impl::TileReader {
   void compute(const Query& query, int elements, kernels::Quantity quantity, int rows_of_each) {
     batch_.kernels.read(batch_.tables, tile_, 0, lanes_, {quantity}, numbers_, lanes_, scratch_);
     for_each_element(query, elements, [&](int i) { put(numbers_ + rows_of_each * i * lanes_, rows_of_each, lanes_); });
+  }
+
+  void scan_heights(const Query& query, const S* frame) {
+    constexpr std::size_t at_once = 32;
+    constexpr std::ptrdiff_t most_lanes = 16;
+    S points[2 * at_once];
+    alignas(most_lanes * sizeof(double)) S numbers[at_once * most_lanes];  // kernels store whole registers
+    for (std::size_t i = 0; i < query.points.size(); i += at_once) {
+      const std::size_t count = std::min(at_once, query.points.size() - i);
+      for (std::size_t k = 0; k < 2 * count; ++k) points[k] = static_cast<S>(query.points[i + k / 2][k % 2]);
+      batch_.kernels.scan_heights(batch_.tables, tile_, frame, points, static_cast<int>(count), numbers, scratch_);
+      put(numbers, static_cast<int>(count), lanes_);
+    }
   }
 
   // A rotation, row-major, and that of a pose on it.

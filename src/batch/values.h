@@ -279,6 +279,25 @@ ValueRules<S> value_rules(const Program& program) {
   for (std::size_t c = 0; declares(Parameter::contact_friction) && c < program.plan_contacts.size(); ++c)
     add(Parameter::contact_friction, static_cast<int>(c), largest,
         "friction of contact '" + program.plan_contacts[c].name + "'", "0 or more");
+  for (std::size_t c = 0; declares(Parameter::contact_restitution) && c < program.plan_contacts.size(); ++c)
+    add(Parameter::contact_restitution, static_cast<int>(c), S(1),
+        "restitution of contact '" + program.plan_contacts[c].name + "'", "0 to 1");
+
+  // Places and sizes of colliders.
+  for (std::size_t c = 0; program.f64.contacts.used() && c < model.colliders.size(); ++c) {
+    const std::string element = " of collider '" + model.colliders[c].name + "'";
+    for (int k = 0; k < 4 && declares(Parameter::collider_place); ++k)
+      rules.rows.push_back(
+          {Parameter::collider_place, 4 * static_cast<int>(c) + k, -largest, largest, "place" + element, "a number"});
+    for (int k = 0; k < 3 && declares(Parameter::collider_size); ++k) {
+      const int row = 3 * static_cast<int>(c) + k;
+      const auto size = static_cast<S>(fields_of(program).value(Parameter::collider_size, row));
+      const bool grows = !is_ground(model.colliders[c].shape.kind);
+      rules.rows.push_back({Parameter::collider_size, row, grows ? size / S(most_growth) : size,
+                            grows ? size * S(most_growth) : size, "size" + element,
+                            grows ? "0.1 to 10 times the model's" : "the model's"});
+    }
+  }
 
   // Numbers of functions.
   for (int i = 0; declares(Parameter::function) && i < program.f64.functions.number.count; ++i)

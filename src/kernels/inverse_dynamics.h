@@ -76,9 +76,9 @@ struct InverseDynamics {
       act(m, b, multiply_add(m.world[b], center_of_link<T>(t, batch, l), m.place[b]),
           scaled(g, own_weight<T>(t, batch, l)), none);
     }
-    for (int p = 0; p < t.contacts.pairs.count; ++p) {
-      const TouchingPair<ScalarOf<T>>& pair = t.contacts.pairs[p];
-      const Vec3<T>&outer = x.records.pair_force[p], &torque = x.records.pair_moment[p];
+    for (int c = 0; c < t.contacts.contacts.count; ++c) {
+      const TouchingPair<ScalarOf<T>>& pair = t.contacts.pairs[t.contacts.contacts[c].first];
+      const Vec3<T>&outer = x.records.pair_force[c], &torque = x.records.pair_moment[c];
       act(m, t.contacts.colliders[pair.second].body, none, outer, torque);
       act(m, t.contacts.colliders[pair.first].body, none, none - outer, none - torque);
     }

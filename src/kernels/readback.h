@@ -5,6 +5,7 @@
 
 #include "inverse_dynamics.h"
 #include "kernels/contacts/readback.h"
+#include "kernels/contacts/scan.h"
 #include "kernels/couplings/coupling_error.h"
 #include "kernels/dynamics/energies.h"
 #include "load.h"

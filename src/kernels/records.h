@@ -17,24 +17,28 @@ void euler_efforts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   each_drive_effort(t, batch, x, 0, x.next.v, [&](int j, T effort) LOCKSTEP_INLINED { x.records.effort[j] = effort; });
 }
 
-/// The force of the step between the colliders of a pair, on its second one in the order of PairKind.
-template <class T>
-Vec3<T> force_of_pair(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int p) {
-  const TouchingPair<ScalarOf<T>>& pair = t.contacts.pairs[p];
-  Vec3<T> impulse = Vec3<T>::zero();
-  for (int s = pair.slot; s < pair.slot + pair.slots; ++s)
-    impulse = impulse + impulse_of_slot(x.contacts.patch[p], x.contacts.slot[s]);
-  return scaled(impulse, per_second(t, x));
+/// act(patch, slot) for all slots of a contact.
+template <class T, class Act>
+LOCKSTEP_INLINE void each_slot_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int contact, Act&& act) {
+  const PairRange& pairs = t.contacts.contacts[contact];
+  for (int p = pairs.first; p < pairs.last; ++p) {
+    const TouchingPair<ScalarOf<T>>& pair = t.contacts.pairs[p];
+    for (int s = pair.slot; s < pair.slot + pair.slots; ++s) act(x.contacts.patch[p], x.contacts.slot[s]);
+  }
 }
 
-/// (M149): what a step adds to the history of a pair, in the lanes `good`.
+/// (M149): what a step adds to the history of a contact, in the lanes `good`. Forces are on its second collider in the
+/// order of PairKind.
 template <class T>
-void add_contact(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int p, typename T::Mask good,
+void add_contact(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int contact, typename T::Mask good,
                  ContactHistory<T>& history) {
   const T zero = T(0), one = T(1);
-  const TouchingPair<ScalarOf<T>>& pair = t.contacts.pairs[p];
   auto presses = T::none();
-  for (int s = pair.slot; s < pair.slot + pair.slots; ++s) presses = presses | less(zero, x.contacts.slot[s].pressed);
+  Vec3<T> impulse = Vec3<T>::zero();
+  each_slot_of(t, x, contact, [&](const ContactPatch<T>& patch, const ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    presses = presses | less(zero, slot.pressed);
+    impulse = impulse + impulse_of_slot(patch, slot);
+  });
   const auto touches = good & presses, flies = good & ~presses;
   const auto lands = touches & less(zero, history.flying), leaves = flies & less(zero, history.touching);
   history.last_flying = select(lands, history.flying, history.last_flying);
@@ -42,7 +46,7 @@ void add_contact(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int p, typename
   history.first_touch = select(lands, one, history.first_touch);
   history.touching = select(touches, history.touching + one, select(flies, zero, history.touching));
   history.flying = select(flies, history.flying + one, select(touches, zero, history.flying));
-  const Vec3<T> force = select<T>(touches, force_of_pair(t, x, p), Vec3<T>::zero());
+  const Vec3<T> force = select<T>(touches, scaled(impulse, per_second(t, x)), Vec3<T>::zero());
   history.peak = larger(history.peak, sqrt(dot(force, force)));
   history.sum = history.sum + force;
 }
@@ -59,18 +63,15 @@ void add_accelerations(const Tables<ScalarOf<T>>& t, typename T::Mask good, Tile
   const T rate = T(ScalarOf<T>(1) / t.step), zero = T(0);
   for (int k = 0; k < t.velocities; ++k)
     x.records.acceleration[k] = select(good, (x.next.v[k] - x.records.before[k]) * rate, zero);
-  for (int p = 0; p < t.contacts.pairs.count; ++p) {
-    const TouchingPair<ScalarOf<T>>& pair = t.contacts.pairs[p];
-    const ContactPatch<T>& patch = x.contacts.patch[p];
+  for (int c = 0; c < t.contacts.contacts.count; ++c) {
     Vec3<T> force = Vec3<T>::zero(), moment = force;
-    for (int s = pair.slot; s < pair.slot + pair.slots; ++s) {
-      const ContactSlot<T>& slot = x.contacts.slot[s];
+    each_slot_of(t, x, c, [&](const ContactPatch<T>& patch, const ContactSlot<T>& slot) LOCKSTEP_INLINED {
       const Vec3<T> own = select<T>(good & less(zero, slot.pressed),
                                     scaled(impulse_of_slot(patch, slot), per_second(t, x)), Vec3<T>::zero());
       moment = cross_add(point_of_slot(patch, slot), own, moment);
       force = force + own;
-    }
-    x.records.pair_force[p] = force, x.records.pair_moment[p] = moment;
+    });
+    x.records.pair_force[c] = force, x.records.pair_moment[c] = moment;
   }
 }
 
@@ -85,8 +86,8 @@ void add_records(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     x.records.peak_effort[j] = larger(x.records.peak_effort[j], absolute(effort));
     x.records.effort_sum[j] += effort;
   }
-  for (int p = 0; t.record_contacts && p < t.contacts.pairs.count; ++p)
-    add_contact(t, x, p, good, x.records.contact[p]);
+  for (int c = 0; t.record_contacts && c < t.contacts.contacts.count; ++c)
+    add_contact(t, x, c, good, x.records.contact[c]);
   if (t.record_accelerations) add_accelerations(t, good, x);
 }
 
@@ -101,7 +102,7 @@ LOCKSTEP_INLINE void each_acceleration(const Tables<ScalarOf<T>>& t, const State
   for (int r = 0; r < t.roots.count; ++r)
     for (int i = 0; i < 6; ++i)
       act(x.records.acceleration[t.roots[r].velocity + i], batch.acceleration + (t.joints + 6 * r + i) * stride);
-  for (int p = 0; p < t.contacts.pairs.count; ++p)
+  for (int p = 0; p < t.contacts.contacts.count; ++p)
     for (int i = 0; i < 3; ++i) {
       act(x.records.pair_force[p][i], batch.pair_wrench + (6 * p + i) * stride);
       act(x.records.pair_moment[p][i], batch.pair_wrench + (6 * p + 3 + i) * stride);
@@ -115,7 +116,7 @@ void load_records(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   for (int j = 0; t.record_efforts && j < t.joints; ++j)
     x.records.effort[j] = x.records.peak_effort[j] = x.records.effort_sum[j] = T(0);
   const ScalarOf<T>* row = batch.contact_history;
-  for (int p = 0; t.record_contacts && p < t.contacts.pairs.count; ++p) {
+  for (int p = 0; t.record_contacts && p < t.contacts.contacts.count; ++p) {
     int k = 0;
     x.records.contact[p].each([&](T& number) LOCKSTEP_INLINED {
       number = k++ < kept_contact_rows ? T::load(row) : T(0);
@@ -135,7 +136,7 @@ void store_records(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
       store(batch.drive_effort + (drive_effort_rows * t.dof[j] + k) * batch.stride, numbers[k]);
   }
   ScalarOf<T>* row = batch.contact_history;
-  for (int p = 0; t.record_contacts && p < t.contacts.pairs.count; ++p) {
+  for (int p = 0; t.record_contacts && p < t.contacts.contacts.count; ++p) {
     ContactHistory<T> history = x.records.contact[p];
     history.sum = scaled(history.sum, share);
     history.each([&](const T& number) LOCKSTEP_INLINED {

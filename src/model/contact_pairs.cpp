@@ -44,6 +44,15 @@ void proper_points(const Eigen::Matrix3Xd& points, const string& element) {
   }
 }
 
+void proper_heights(const Shape& shape, const string& element) {
+  const Eigen::MatrixXd& heights = shape.heights;
+  require(heights.rows() >= 2 && heights.cols() >= 2 && heights.size() <= most_heights, element,
+          "has " + std::to_string(heights.rows()) + " x " + std::to_string(heights.cols()) + " heights",
+          "give 2 x 2 to " + std::to_string(most_heights) + " of them");
+  require(heights.allFinite() && heights.cwiseAbs().maxCoeff() <= most_height, element,
+          "has a height that is not finite or beyond " + std::to_string(most_height) + " m", "give heights in m");
+}
+
 void proper_shape(const Shape& shape, const string& element) {
   require(std::find(std::begin(all_shape_kinds), std::end(all_shape_kinds), shape.kind) != std::end(all_shape_kinds),
           element, "has a shape that is none of the enumerators", "give one of ShapeKind");
@@ -58,6 +67,9 @@ void proper_shape(const Shape& shape, const string& element) {
   }
   require(shape.kind == ShapeKind::hull || shape.points.cols() == 0, element,
           "has points, and its kind of shape has none", "make shapes by Shape::box() and its like");
+  require(shape.kind == ShapeKind::height_field || shape.heights.size() == 0, element,
+          "has heights, and its kind of shape has none", "make shapes by Shape::box() and its like");
+  if (shape.kind == ShapeKind::height_field) proper_heights(shape, element);
   if (shape.kind == ShapeKind::hull) proper_points(shape.points, element);
 }
 
@@ -83,8 +95,10 @@ class Resolver {
       proper_restitution(collider.restitution, element);
       proper_contact_softness(collider.softness, element);
       carrier_.push_back(link < 0 ? -1 : trees_.carrier[link]);
-      require(collider.shape.kind != ShapeKind::half_space || stands_still(carrier_.back()), element,
-              "is a half-space on a link that moves", "put it in the world or on a bolted link, or make it a box");
+      require(!is_ground(collider.shape.kind) || stands_still(carrier_.back()), element,
+              string("is a ") + (collider.shape.kind == ShapeKind::half_space ? "half-space" : "height field") +
+                  " on a link that moves",
+              "put it in the world or on a bolted link, or make it a box");
     }
     for (const Collider& collider : model_.colliders)
       require(index_of(collider.group) < 0, quoted("collider", collider.name),

@@ -8,6 +8,9 @@
 
 namespace lockstep {
 
+constexpr long most_heights = 2'700'000;  ///< of a height field: six numbers a cell are exact in single precision
+constexpr double most_height = 1e4;       ///< m
+
 struct ColliderPair {
   int first, second;  ///< colliders of the model, the kinds in the order of ShapeKind
   bool swapped;       ///< the model names the second one first

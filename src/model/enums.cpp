@@ -29,10 +29,11 @@ const char* to_string(Integrator integrator) noexcept {
 
 const char* to_string(Parameter parameter) noexcept {
   constexpr const char* names[parameter_count] = {
-      "gear_ratio",      "offset",         "softness",        "drive_gains",    "damping",   "mass",
-      "gravity",         "link_wrench",    "coupling_switch", "armature",       "stiffness", "friction",
-      "position_limits", "velocity_limit", "effort_limit",    "center_of_mass", "inertia",   "contact_friction",
-      "loop_switch",     "loop_frame",     "function",        "drive_delay",    "drive_lag", "motor_curve"};
+      "gear_ratio",      "offset",         "softness",           "drive_gains",    "damping",   "mass",
+      "gravity",         "link_wrench",    "coupling_switch",    "armature",       "stiffness", "friction",
+      "position_limits", "velocity_limit", "effort_limit",       "center_of_mass", "inertia",   "contact_friction",
+      "loop_switch",     "loop_frame",     "function",           "drive_delay",    "drive_lag", "motor_curve",
+      "collider_place",  "collider_size",  "contact_restitution"};
   const auto index = static_cast<unsigned>(parameter);
   return index < parameter_count ? names[index] : "unknown";
 }

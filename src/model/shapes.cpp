@@ -40,6 +40,7 @@ Inertia solid_box(const Eigen::Vector3d& edges) { return Inertia::box(edges.prod
 
 constexpr ShapeRule rules[] = {
     {ShapeKind::half_space, "half_space", 0, [](const Shape&) { return Inertia(); }},
+    {ShapeKind::height_field, "height_field", 2, [](const Shape&) { return Inertia(); }},
     {ShapeKind::box, "box", 3, [](const Shape& s) { return solid_box(s.size); }},
     {ShapeKind::hull, "hull", 1, [](const Shape& s) { return solid_of(hull_of(s.points)); }},
     {ShapeKind::cylinder, "cylinder", 2, [](const Shape& s) { return solid_cylinder(s.size[0], s.size[1]); }},

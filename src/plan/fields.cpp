@@ -91,6 +91,15 @@ Fields make_fields(const Program& program) {
   // By contact, and for the whole environment.
   for (const PlanContact& contact : program.plan_contacts)
     add(Parameter::contact_friction, contact.name, contact.friction);
+  for (const PlanContact& contact : program.plan_contacts)
+    add(Parameter::contact_restitution, contact.name, contact.restitution);
+  for (const Collider& collider : model.colliders) {
+    if (!program.f64.contacts.used()) break;  // then there are no such rows
+    const Shape& shape = collider.shape;
+    for (const char* number : {" x", " y", " z", " yaw"}) add(Parameter::collider_place, collider.name + number, 0.0);
+    for (int k = 0; k < 3; ++k)
+      add(Parameter::collider_size, collider.name + " " + axes[k], shape.kind == ShapeKind::hull ? 1.0 : shape.size[k]);
+  }
   for (int k = 0; k < 3; ++k) add(Parameter::gravity, axes[k], model.gravity[k]);
   return fields;
 }

@@ -103,8 +103,9 @@ class ModelHash {
     all(name, link, pose);
   }
   void put(const Shape& shape) {
-    const auto& [kind, size, points] = shape;
-    all(static_cast<std::uint64_t>(kind), size, static_cast<std::uint64_t>(points.cols()), points);
+    const auto& [kind, size, points, heights] = shape;
+    all(static_cast<std::uint64_t>(kind), size, static_cast<std::uint64_t>(points.cols()), points,
+        static_cast<std::uint64_t>(heights.cols()), heights);
   }
   void put(const Collider& collider) {
     const auto& [name, link, shape, pose, friction, restitution, softness, group] = collider;

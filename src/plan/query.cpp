@@ -51,7 +51,8 @@ const char* to_string(Quantity quantity) noexcept {
                                       "joint_acceleration",
                                       "link_acceleration",
                                       "site_acceleration",
-                                      "joint_wrench"};
+                                      "joint_wrench",
+                                      "height_scan"};
   const auto index = static_cast<unsigned>(quantity);
   return index < std::size(names) ? names[index] : "unknown";
 }
@@ -78,10 +79,10 @@ QueryShape shape_of(const Program& program, Quantity quantity) {
     case Quantity::kinetic_energy:
     case Quantity::potential_energy:
     case Quantity::unfinished_contacts: return {1, 1};
-    case Quantity::contact_force: return {t.contacts.pairs.count, 3};
+    case Quantity::contact_force: return {t.contacts.contacts.count, 3};
     case Quantity::contact_normal_force:
     case Quantity::contact_gap:
-    case Quantity::contact_slip: return {t.contacts.pairs.count, 1};
+    case Quantity::contact_slip: return {t.contacts.contacts.count, 1};
     case Quantity::solve_counts: return {t.counts_solves() ? 1 : 0, solve_count_rows};
     case Quantity::contact_point: return {t.contacts.slots, 11};
     case Quantity::link_twist: return {t.links, 6};
@@ -98,12 +99,13 @@ QueryShape shape_of(const Program& program, Quantity quantity) {
     case Quantity::contact_air_time:
     case Quantity::contact_last_time:
     case Quantity::contact_last_air_time:
-    case Quantity::contact_first_touch: return {t.contacts.pairs.count, 1};
-    case Quantity::contact_mean_force: return {t.contacts.pairs.count, 3};
+    case Quantity::contact_first_touch: return {t.contacts.contacts.count, 1};
+    case Quantity::contact_mean_force: return {t.contacts.contacts.count, 3};
     case Quantity::joint_acceleration: return {t.joints, 1};
     case Quantity::link_acceleration: return {t.links, 6};
     case Quantity::site_acceleration: return {sites, 6};
     case Quantity::joint_wrench: return {t.joints, 6};
+    case Quantity::height_scan: return {t.links, 0};  // by points
   }
   throw UsageError("quantity " + std::to_string(static_cast<int>(quantity)), "is none of the enumerators",
                    "give one of Quantity");
@@ -122,11 +124,32 @@ void require_recorded(const Tables<double>& t, Quantity quantity) {
   require(t.record_accelerations, Quantity::joint_acceleration, Quantity::joint_wrench, "record_accelerations");
 }
 
+void require_points(const Program& program, const Query& query) {
+  const bool scans = query.quantity == Quantity::height_scan;
+  const std::string element = std::string("query ") + to_string(query.quantity);
+  if (!scans && !query.points.empty())
+    throw UsageError(element, "has points, which it does not take", "leave them out");
+  if (!scans) return;
+  if (query.points.empty()) throw UsageError(element, "has no points", "give x and y of each in Query::points");
+  for (const auto& [x, y] : query.points)
+    if (!std::isfinite(x) || !std::isfinite(y))
+      throw UsageError(element, "has a point that is not finite", "give x and y in m");
+  const ContactTables<double>& contacts = program.f64.contacts;
+  if (!contacts.used()) throw UsageError(element, "needs a plan with contacts", "let something touch the ground");
+  for (int c = 0; c < contacts.colliders.count; ++c)
+    if (contacts.colliders[c].kind == ShapeKind::height_field && contacts.colliders[c].rotation[8] < 1.0 - 1e-9)
+      throw UsageError(
+          element,
+          "cannot see height field '" + program.model.colliders[static_cast<std::size_t>(c)].name + "', which leans",
+          "put the slope into its heights");
+}
+
 }  // namespace
 
 int Plan::query_rows(const Query& query) const {
   const QueryShape shape = shape_of(*program_, query.quantity);
   require_recorded(program_->f64, query.quantity);
+  require_points(*program_, query);
   for (const int element : query.elements)
     if (element < 0 || element >= shape.elements)
       throw UsageError("element " + std::to_string(element) + " of query " + to_string(query.quantity),
@@ -134,7 +157,8 @@ int Plan::query_rows(const Query& query) const {
   if (!std::isfinite(query.scale))
     throw UsageError(std::string("scale of query ") + to_string(query.quantity), "is " + std::to_string(query.scale),
                      "give a finite number");
-  return shape.rows * (query.elements.empty() ? shape.elements : static_cast<int>(query.elements.size()));
+  const int rows = query.points.empty() ? shape.rows : static_cast<int>(query.points.size());
+  return rows * (query.elements.empty() ? shape.elements : static_cast<int>(query.elements.size()));
 }
 
 }  // namespace lockstep

@@ -182,7 +182,10 @@ inline __attribute__((always_inline)) int rows_of(const Tables<S>& t, Parameter 
     case Parameter::effort_limit: return t.joints;
     case Parameter::mass: return t.links;
     case Parameter::gravity: return 3;
-    case Parameter::contact_friction: return t.contacts.pairs.count;
+    case Parameter::contact_friction:
+    case Parameter::contact_restitution: return t.contacts.contacts.count;
+    case Parameter::collider_place: return 4 * t.contacts.colliders.count;
+    case Parameter::collider_size: return 3 * t.contacts.colliders.count;
     case Parameter::loop_switch: return t.loops.loops.count;
     case Parameter::loop_frame: return 7 * t.loops.loops.count;
     case Parameter::function: return t.functions.number.count;

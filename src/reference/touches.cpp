@@ -54,12 +54,18 @@ Points lower_corners(const Eigen::Matrix3Xd& points, const Vector3d& normal, con
   return found;
 }
 
-std::vector<Touch> on_plane(const Solid& plane, const Solid& body) {
-  const Eigen::Matrix3d frame = plane.pose.linear();
-  const Vector3d n = frame.col(2), size = body.collider->shape.size;
-  const auto seen = [&](const Vector3d& v) { return Vector3d(body.pose.linear().transpose() * v); };
+// Centres of balls on a plane through the origin of `frame`, in the body's own frame.
+struct Standing {
   Points centers;
   double radius = 0.0;
+};
+
+Standing standing_on(const Eigen::Matrix3d& frame, const Solid& body) {
+  const Vector3d n = frame.col(2), size = body.collider->shape.size;
+  const auto seen = [&](const Vector3d& v) { return Vector3d(body.pose.linear().transpose() * v); };
+  Standing standing;
+  Points& centers = standing.centers;
+  double& radius = standing.radius;
   switch (body.collider->shape.kind) {
     case ShapeKind::sphere: centers = {Vector3d::Zero()}, radius = size[0]; break;
     case ShapeKind::capsule:
@@ -76,13 +82,102 @@ std::vector<Touch> on_plane(const Solid& plane, const Solid& body) {
       centers = lower_corners(body.collider->shape.points, seen(n), seen(frame.col(0)), seen(frame.col(1)));
       radius = size[0];
       break;
-    case ShapeKind::half_space: throw std::logic_error("two half-spaces");
+    case ShapeKind::half_space:
+    case ShapeKind::height_field: throw std::logic_error("two grounds");
   }
+  return standing;
+}
+
+// Of the volume, in the shape's frame.
+Vector3d middle_of(const Shape& shape) {
+  return shape.kind == ShapeKind::hull ? Vector3d(solid_of(hull_of(shape.points)).center) : Vector3d::Zero();
+}
+
+// Of a ball about its middle that holds it.
+double reach_of(const Shape& shape) {
+  const Vector3d& size = shape.size;
+  switch (shape.kind) {
+    case ShapeKind::box: return 0.5 * size.norm();
+    case ShapeKind::ellipsoid: return size.maxCoeff();
+    case ShapeKind::cylinder: return std::hypot(size[0], 0.5 * size[1]);
+    case ShapeKind::capsule: return size[0] + 0.5 * size[1];
+    case ShapeKind::hull: return (shape.points.colwise() - middle_of(shape)).colwise().norm().maxCoeff() + size[0];
+    default: return size[0];
+  }
+}
+
+std::vector<Touch> on_plane(const Solid& plane, const Solid& body) {
+  const Vector3d n = plane.pose.linear().col(2);
+  const auto [centers, radius] = standing_on(plane.pose.linear(), body);
   std::vector<Touch> touches;
   for (const Vector3d& own : centers) {
     const Vector3d center = body.pose * own;
     const double gap = n.dot(center - plane.pose.translation()) - radius;
     touches.push_back({center - n * (radius + 0.5 * gap), n, gap});
+  }
+  return touches;
+}
+
+// A triangle of a height field, to the left as seen from above.
+struct Triangle {
+  Vector3d a, b, c;
+  Vector3d normal() const { return (b - a).cross(c - a).normalized(); }
+};
+
+std::vector<Triangle> triangles_of(const Shape& field) {
+  const Eigen::MatrixXd& heights = field.heights;
+  const auto at = [&](Eigen::Index row, Eigen::Index column) {
+    const auto share = [](Eigen::Index i, Eigen::Index count) { return double(i) / double(count - 1) - 0.5; };
+    return Vector3d(field.size[0] * share(column, heights.cols()), field.size[1] * share(row, heights.rows()),
+                    heights(row, column));
+  };
+  std::vector<Triangle> all;
+  for (Eigen::Index j = 0; j + 1 < heights.rows(); ++j)
+    for (Eigen::Index i = 0; i + 1 < heights.cols(); ++i) {
+      all.push_back({at(j, i), at(j, i + 1), at(j + 1, i + 1)});
+      all.push_back({at(j, i), at(j + 1, i + 1), at(j + 1, i)});
+    }
+  return all;
+}
+
+// Whether the vertical line through p meets it.
+bool is_below(const Triangle& t, const Vector3d& p) {
+  Eigen::Matrix3d barycentric;
+  barycentric << t.a.head<2>(), t.b.head<2>(), t.c.head<2>(), 1.0, 1.0, 1.0;
+  return barycentric.fullPivLu().solve(Vector3d(p.x(), p.y(), 1.0)).minCoeff() >= -1e-12;
+}
+
+// Each point by the plane of the triangle below it. A body of one lasting slope touches it so.
+std::vector<Touch> on_field(const Solid& ground, const Solid& body) {
+  const std::vector<Triangle> triangles = triangles_of(ground.collider->shape);
+  const auto below = [&](const Vector3d& p) {
+    const auto found =
+        std::find_if(triangles.begin(), triangles.end(), [&](const Triangle& t) { return is_below(t, p); });
+    if (found == triangles.end()) throw std::logic_error("a point beyond the edges has no reference");
+    return *found;
+  };
+  // The slopes between heights at 0.7 of the reach on all four sides.
+  const Vector3d center = ground.pose.inverse() * (body.pose * middle_of(body.collider->shape));
+  const auto height = [&](double x, double y) {
+    const Vector3d p = center + Vector3d(x, y, 0.0);
+    const Triangle triangle = below(p);
+    const Vector3d n = triangle.normal();
+    return triangle.a.z() - n.head<2>().dot((p - triangle.a).head<2>()) / n.z();
+  };
+  const double way = 0.7 * reach_of(body.collider->shape);
+  const Vector3d along(2 * way, 0, height(way, 0) - height(-way, 0)),
+      across(0, 2 * way, height(0, way) - height(0, -way));
+  Eigen::Matrix3d frame;
+  frame.col(2) = along.cross(across).normalized(), frame.col(0) = along.normalized();
+  frame.col(1) = frame.col(2).cross(frame.col(0));
+  const auto [centers, radius] = standing_on(ground.pose.linear() * frame, body);
+  std::vector<Touch> touches;
+  for (const Vector3d& own : centers) {
+    const Vector3d p = ground.pose.inverse() * (body.pose * own);
+    const Triangle triangle = below(p);
+    const Vector3d n = triangle.normal();
+    const double gap = n.dot(p - triangle.a) - radius;
+    touches.push_back({ground.pose * Vector3d(p - n * (radius + 0.5 * gap)), ground.pose.linear() * n, gap});
   }
   return touches;
 }
@@ -139,7 +234,8 @@ Vector3d nearest_on(const Shape& shape, const Vector3d& p) {
     }
     case ShapeKind::ellipsoid: return nearest_on_ellipsoid(p, size);
     case ShapeKind::hull: return nearest_on_hull(p, shape.points);
-    case ShapeKind::half_space: break;
+    case ShapeKind::half_space:
+    case ShapeKind::height_field: break;
   }
   throw std::logic_error("a half-space has no nearest point here");
 }
@@ -154,6 +250,7 @@ double radius_of(const Shape& shape) {
 std::vector<Touch> touches_of(const Solid& a, const Solid& b) {
   const Shape &first = a.collider->shape, &second = b.collider->shape;
   if (first.kind == ShapeKind::half_space) return on_plane(a, b);
+  if (first.kind == ShapeKind::height_field) return on_field(a, b);
   if (second.kind != ShapeKind::sphere) throw std::logic_error("this pair of shapes has no reference");
   const Vector3d center = b.pose.translation(), nearest = a.pose * nearest_on(first, a.pose.inverse() * center);
   const Vector3d n = (center - nearest).normalized();

@@ -6,27 +6,17 @@
 #include <cstddef>
 #include <numbers>
 
+#include "describe_contacts.h"
 #include "interpret/lower.h"
 #include "lockstep/generate.h"
 #include "lockstep/plan.h"
 #include "plan/layout.h"
 #include "targets/reduced_matrix.h"
 #include "targets/registry.h"
-#include "targets/start_gaps.h"
+#include "words.h"
 
 namespace lockstep {
 namespace {
-
-std::string count_of(int count, const char* one, const char* many) {
-  return fmt::format("{} {}", count, count == 1 ? one : many);
-}
-
-std::string joined(const std::vector<std::string>& names, std::size_t most = 8) {
-  const std::size_t shown = std::min(names.size(), most);
-  std::string text =
-      fmt::format("{}", fmt::join(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(shown), ", "));
-  return names.size() > most ? fmt::format("{} and {} more", text, names.size() - most) : text;
-}
 
 std::string words_of(const Softness& softness) {
   struct Words {
@@ -327,61 +317,6 @@ std::string loop_lines(const Program& program) {
   if (redundant > 0) text += fmt::format(", of which {} follow from others where the model starts", redundant);
   if (!dependent.empty()) text += fmt::format("; by them {} depend on the other joints", joined(dependent));
   return text + ".\n";
-}
-
-// Pairs that overlap where the model starts, the deepest first.
-std::string overlap_line(const Program& program) {
-  constexpr float least = 1e-3f;  // m
-  const Tables<float>& t = program.f32;
-  if (!t.contacts.used()) return "";
-  std::vector<float> q(static_cast<std::size_t>(t.joints)), poses,
-      gaps(static_cast<std::size_t>(t.contacts.pairs.count));
-  for (std::size_t j = 0; j < program.model.joints.size(); ++j)
-    if (const int i = program.solver_joint[j]; i >= 0) q[i] = static_cast<float>(program.model.joints[j].position);
-  for (const Root& root : program.model.roots) {
-    if (!root.floating) continue;
-    const Eigen::Quaterniond turn(root.pose.linear());
-    for (const double number : {root.pose.translation().x(), root.pose.translation().y(), root.pose.translation().z(),
-                                turn.w(), turn.x(), turn.y(), turn.z()})
-      poses.push_back(static_cast<float>(number));
-  }
-  std::vector<std::max_align_t> scratch(reduced_matrix_bytes(t) / sizeof(std::max_align_t) + 1);
-  start_gaps(t, q.data(), poses.data(), gaps.data(), scratch.data());
-  std::vector<std::pair<float, std::string>> overlaps;
-  for (std::size_t p = 0; p < gaps.size(); ++p)
-    if (gaps[p] < -least)
-      overlaps.emplace_back(gaps[p], fmt::format("{} by {:.3g} mm", program.plan_contacts[p].name, -1e3f * gaps[p]));
-  if (overlaps.empty()) return "";
-  std::stable_sort(overlaps.begin(), overlaps.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-  std::vector<std::string> items;
-  for (const auto& [gap, item] : overlaps) items.push_back(item);
-  return fmt::format(
-      "  Overlap at the model's start, and push until they are apart: {}. Leave out pairs that cannot part.\n",
-      joined(items));
-}
-
-std::string contact_lines(const Program& program) {
-  const ContactPairs& contacts = program.contacts;
-  if (contacts.pairs.empty() && contacts.left_out.empty()) return "";
-  const Tables<double>& t = program.f64;
-  std::vector<std::string> names;
-  for (const PlanContact& contact : program.plan_contacts) names.push_back(contact.name);
-  std::string text = fmt::format("Contacts: {}, {}: {}.\n", count_of(static_cast<int>(names.size()), "pair", "pairs"),
-                                 count_of(t.contacts.slots, "slot", "slots"), joined(names));
-  if (!names.empty() && program.method == Method::pgs)
-    text += fmt::format(
-        "  Found in each step; where one acts, {} sweeps visit contacts, bounds and couplings, and {} more for the "
-        "velocity that stays. What they leave is left.\n",
-        program.settings.iterations, program.settings.velocity_iterations);
-  else if (!names.empty())
-    text += fmt::format(
-        "  Found in each step; where one acts, solved by Newton on the reduced velocities together with the bounds: at "
-        "most {} passes of {} rounds, tolerance {:g}.\n",
-        t.contacts.passes, t.contacts.rounds, program.settings.contacts.tolerance);
-  text += overlap_line(program);
-  if (!contacts.left_out.empty())
-    text += fmt::format("  Left out of groups: {}.\n", fmt::join(contacts.left_out, "; "));
-  return text;
 }
 
 // What finds motion that cannot be right.

@@ -48,13 +48,15 @@ void start_gaps(const Tables<float>& t, const float* q, const float* root_poses,
   for (int i = 0; i < 7 * t.roots.count; ++i) x.state.pose[i] = T(root_poses[i]);
   for (int i = 0; i < t.velocities; ++i) x.state.v[i] = T(0);
   x.frozen = x.contacts.kept = x.contacts.known = T::none();
+  kernels::load_colliders(t, StatePointers<float>(), x);
   kernels::kinematics(t, x);
   kernels::collide(t.midpoint ? *t.midpoint : t, x);
+  for (int c = 0; c < t.contacts.contacts.count; ++c) gaps[c] = static_cast<float>(unlimited);
   for (int p = 0; p < t.contacts.pairs.count; ++p) {
     const TouchingPair<float>& pair = t.contacts.pairs[p];
-    gaps[p] = static_cast<float>(unlimited);
+    float& gap = gaps[pair.contact];
     for (int s = pair.slot; s < pair.slot + pair.slots; ++s)
-      if (any(x.contacts.slot[s].live)) gaps[p] = kernels::smaller(T(gaps[p]), x.contacts.slot[s].gap).lane(0);
+      if (any(x.contacts.slot[s].live)) gap = kernels::smaller(T(gap), x.contacts.slot[s].gap).lane(0);
   }
 }
 

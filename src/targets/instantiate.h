@@ -28,7 +28,8 @@ constexpr KernelSet<typename T::Scalar> kernel_set() {
           kernels::read<T>,
           kernels::read_frames<T>,
           kernels::read_accelerations<T>,
-          kernels::read_contacts<T>};
+          kernels::read_contacts<T>,
+          kernels::scan_heights<T>};
 }
 
 }  // namespace lockstep

@@ -30,6 +30,9 @@ struct KernelSet {
                              const kernels::Request<S>*, int count, S* numbers, void* scratch);
   /// Contacts of one tile: kernels::contact_numbers rows of `lanes` numbers for each slot, and one more row.
   void (*read_contacts)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, S* numbers, void* scratch);
+  /// Heights of one tile above the ground, about a frame of read_frames(): `lanes` numbers for each point x, y.
+  void (*scan_heights)(const Tables<S>&, const StatePointers<S>&, const S* frame, const S* points, int count,
+                       S* numbers, void* scratch);
 };
 
 // Each is compiled for its instruction set: avx2 and avx512 on x86-64, neon on AArch64.

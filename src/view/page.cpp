@@ -29,10 +29,14 @@ Json json_of(const Pose& pose) {
 Json json_of(const std::vector<Solid>& solids) {
   Json list = Json::array();
   for (const Solid& solid : solids) {
-    const auto& [kind, size, points] = solid.shape;
+    const auto& [kind, size, points, heights] = solid.shape;
     Json entry = {{"kind", to_string(kind)}, {"size", {size.x(), size.y(), size.z()}}, {"pose", json_of(solid.pose)}};
     for (Eigen::Index i = 0; i < points.cols(); ++i)
       entry["points"].push_back({points(0, i), points(1, i), points(2, i)});
+    for (Eigen::Index row = 0; row < heights.rows(); ++row) {
+      const Eigen::RowVectorXd numbers = heights.row(row);
+      entry["heights"].push_back(std::vector<double>(numbers.begin(), numbers.end()));
+    }
     if (solid.from_inertia) entry["inertia"] = true;
     list.push_back(std::move(entry));
   }

@@ -44,7 +44,7 @@ const std::vector<Area> areas = {
     {"src/import/meshes/",
      {"include/lockstep/import.h", "include/lockstep/error.h", "src/model/", "src/import/attributes.h",
       "src/import/paths.h", "src/import/report.h", "src/import/text.h", "src/import/xml.h", "std", "Eigen/", "fmt/",
-      "tiny_obj_loader.h"}},
+      "tiny_obj_loader.h", "png.h"}},
     {"src/import/file",
      {"include/lockstep/", "src/import/paths.h", "src/import/xml.h", "src/import/mjcf/mjcf.h", "src/import/urdf/urdf.h",
       "std", "tinyxml2.h"}},

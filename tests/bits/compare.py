@@ -24,7 +24,7 @@ def lines_of(source, build, folder):
     libraries += [path for path in (build / "tests/twins/liblockstep_twins.a", build / "src/liblockstep.a") if path.exists()]
     subprocess.run(["g++", "-std=c++20", "-O1", "-I/usr/include/eigen3", *(f"-I{source / d}" for d in ("include", "src", "tests")),
                     str(HERE / "bits.cpp"), "-o", str(program), *map(str, objects), "-Wl,--start-group", *map(str, libraries),
-                    "-Wl,--end-group", "-lgtest", "-lfmt", "-ltbb", "-ltinyxml2", "-lqhull_r", "-lz"], check=True)
+                    "-Wl,--end-group", "-lgtest", "-lfmt", "-ltbb", "-ltinyxml2", "-lqhull_r", "-lpng", "-lz"], check=True)
     output = subprocess.run([program], check=True, capture_output=True, text=True).stdout
     return dict(line.rsplit(" ", 1) for line in output.splitlines())
 

@@ -65,6 +65,25 @@ TEST(ContactAgreement, of_cylinders_ellipsoids_and_hulls) {
   EXPECT_GE(seen.pressing, 50);
 }
 
+// The same on uneven ground: each point has the normal of its own triangle.
+TEST(ContactAgreement, of_solids_on_a_height_field) {
+  Seen seen;
+  for (unsigned seed = 0; seed < 60; ++seed) {
+    Model model = solid_heap(seed);
+    std::mt19937 generator(seed);
+    std::uniform_real_distribution<double> height(-5e-4, 5e-4);
+    Eigen::MatrixXd heights(61, 81);
+    for (double& number : heights.reshaped()) number = height(generator);
+    for (Collider& collider : model.colliders) {
+      if (collider.name == "floor") collider.shape = Shape::height_field(heights, 4.0, 3.0);
+      if (collider.name == "floor")
+        collider.pose.linear() = Eigen::AngleAxisd(0.3, Vector3d::UnitZ()).toRotationMatrix();
+    }
+    EXPECT_LT(difference(model, 0, seen), 2e-5) << seed;
+  }
+  EXPECT_GE(seen.pressing, 50);
+}
+
 TEST(ContactAgreement, of_soft_bouncing_and_overlapping_heaps) {
   Seen seen;
   for (unsigned seed = 0; seed < 60; ++seed) {

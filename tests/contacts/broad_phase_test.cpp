@@ -12,15 +12,16 @@ constexpr ShapeKind kinds[] = {ShapeKind::box,     ShapeKind::hull,      ShapeKi
                                ShapeKind::capsule, ShapeKind::ellipsoid, ShapeKind::sphere};
 
 // Half the edges of the box about it, by its supports; and how far from its centre it reaches.
-template <class S>
-ColliderPlace<S> bounded(const Solid& solid) {
-  ColliderPlace<S> place{};
-  place.kind = solid.kind;
+template <class T>
+kernels::MovingCollider<T> bounded(const Solid& solid, const kernels::PlacedShape<T>& shape) {
+  using S = simd::ScalarOf<T>;
+  kernels::MovingCollider<T> place{};
+  place.shape = shape;
   Vector3d half;
   for (int k = 0; k < 3; ++k)
     half[k] = solid.radius() + std::max(solid.support(Vector3d::Unit(k))[k], -solid.support(-Vector3d::Unit(k))[k]);
-  for (int k = 0; k < 3; ++k) place.half[k] = static_cast<S>(half[k]);
-  place.reach = static_cast<S>(half.norm());
+  for (int k = 0; k < 3; ++k) place.half[k] = T(static_cast<S>(half[k]));
+  place.reach = T(static_cast<S>(half.norm()));
   return place;
 }
 
@@ -58,7 +59,7 @@ void expect_boxes_keep_what_is_near() {
         kernels::PlacedShape<T> one, other;
         put(world, origin, one), put(Matrix3d(world * turn), Vector3d(origin + world * place), other);
         const auto meet = [&](double margin) {
-          return any(kernels::boxes_meet(bounded<S>(a), bounded<S>(b), one, other, T(static_cast<S>(margin))));
+          return any(kernels::boxes_meet(bounded(a, one), bounded(b, other), T(static_cast<S>(margin))));
         };
         ASSERT_TRUE(meet(std::max(0.005, distance))) << to_string(first) << " and " << to_string(second);
         if (n % 4 != 3) continue;
@@ -96,7 +97,8 @@ void expect_spheres_keep_what_is_near() {
         bodies[i].linear[k] = T(static_cast<S>(velocity[i][k]));
         bodies[i].angular[k] = T(static_cast<S>(angular[i][k]));
       }
-      kernels::bound_pairs(tables, static_cast<S>(reach[i]), bodies[i]);
+      bodies[i].reach = T(static_cast<S>(reach[i]));
+      kernels::bound_pairs(tables, bodies[i]);
     }
     const auto speed_at = [&](int i, const Vector3d& p) -> Vector3d {
       return velocity[i] + angular[i].cross(p - origin[i]);

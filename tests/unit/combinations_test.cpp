@@ -130,6 +130,24 @@ const Feature solids{"contact of solids", [](Model& m, StepSettings& s) {
                        m.contacts = {{"box", "hull"}, {"floor", "can"}, {"floor", "egg"}, {"box", "egg"}};
                      }};
 
+// The wall of the solids with waves on it.
+const Feature field{"contact with a height field", [](Model& m, StepSettings& s) {
+                      solids.add(m, s);
+                      Eigen::MatrixXd heights(21, 25);
+                      for (int j = 0; j < heights.rows(); ++j)
+                        for (int i = 0; i < heights.cols(); ++i) heights(j, i) = 0.02 * std::sin(i) * std::cos(2.0 * j);
+                      m.colliders[1].shape = Shape::height_field(heights, 5.0, 4.0);
+                      Collider pill{.name = "pill", .link = "l2", .shape = Shape::capsule(0.03, 0.1)};
+                      pill.pose.translation().y() = 0.4;
+                      m.colliders.push_back(pill);
+                      m.contacts = {{"floor", "hull"}, {"floor", "can"}, {"floor", "egg"}, {"floor", "pill"}};
+                    }};
+const Feature colliders{
+    "places, sizes and restitution of colliders per environment", [](Model&, StepSettings& s) {
+      for (const Parameter own : {Parameter::collider_place, Parameter::collider_size, Parameter::contact_restitution})
+        s.per_environment.insert(own);
+    }};
+
 // Two rods from the base to the first body, whose end a loop holds.
 Loop& add_loop(Model& model) {
   constexpr double length = 2.5;
@@ -308,6 +326,13 @@ const std::vector<std::vector<Feature>> scenes{
     {solids, loop, hard, drive},
     {solids, cam, functions},
     {solids, late, motors, hard, limits, records},
+    {contact, colliders},
+    {solids, colliders, hard, limits, servos},
+    {field},
+    {field, hard, limits, servos},
+    {field, loop, hard, drive},
+    {field, cam, functions, balances},
+    {field, colliders, late, motors, hard, limits, records},
 };
 
 Model arm() {
@@ -408,7 +433,7 @@ Table table() {
   return result;
 }
 
-// Delays, lags and motors' curves, where they are parameters, of each environment its own.
+// Delays, lags, motors' curves and colliders, where they are parameters, of each environment its own.
 void make_different(Batch<float>& batch) {
   const ParameterSet& own = batch.plan().settings().per_environment;
   for (int e = 0; e < batch.environments(); ++e)
@@ -421,6 +446,19 @@ void make_different(Batch<float>& batch) {
       if (own.contains(Parameter::motor_curve))
         batch.parameter(Parameter::motor_curve)(2 * dof, e) = 3.0f + 0.1f * static_cast<float>(e);
     }
+  if (!own.contains(Parameter::collider_size)) return;
+  for (int e = 0; e < batch.environments(); ++e) {
+    const auto share = static_cast<float>(e) / static_cast<float>(batch.environments());
+    batch.parameter(Parameter::contact_restitution).col(e) = 0.5f * share;
+    for (int c = 0; c < batch.parameter(Parameter::collider_place).rows() / 4; ++c) {
+      auto place = batch.parameter(Parameter::collider_place).col(e);
+      place[4 * c] += 0.02f * share, place[4 * c + 3] += 0.3f * share;
+    }
+    const auto& all = batch.plan().model().colliders;
+    for (std::size_t c = 0; c < all.size(); ++c)
+      if (!is_ground(all[c].shape.kind))
+        batch.parameter(Parameter::collider_size).col(e).segment(3 * static_cast<int>(c), 3) *= 0.8f + 0.4f * share;
+  }
 }
 
 // Random efforts and targets, of each environment its own.

@@ -1,8 +1,8 @@
 # An arm with a mimic gripper learns to lift cubes of three sizes. SPDX-License-Identifier: Apache-2.0
 """Needs torch, and matplotlib for the curve. The hand points down; inverse kinematics makes joint targets of its place.
 A reach brings it around the cube. The policy learns what to add to the reach's steps, and how to move the gripper's one
-driven joint, which three joints follow. What cubes weigh, how they slip and where they lie is different in every
-environment and every episode.
+driven joint, which three joints follow. Cubes have a size of their own in each environment; what they weigh, how they
+slip and where they lie is different in every episode.
 
     python3 lift.py                    # three seeds; writes lift.md, lift.svg and the policies to build/
     python3 lift.py --seeds 1 --minutes 1 --out /tmp
@@ -29,31 +29,20 @@ HEIGHT, HOLD = 0.1, 25  # m above the floor, for the last second
 LOW, HIGH = np.array([0.28, -0.18, 0.03], np.float32), np.array([0.5, 0.18, 0.25], np.float32)  # of the hand, m
 
 
-def scene(size):
-    """The file's model with a cube of this size."""
-    model = ls.from_mjcf(MODEL, colliders=True)
-    model.colliders["cube"].shape = ls.Shape.box(size, size, size)
-    model.links["cube"].inertia = ls.Inertia.box(0.1, (size, size, size))
-    model.poses["ready"].root_poses["cube"] = ls.pose((0.4, 0.0, size / 2))
-    return model
-
-
-def plan(size):
-    return ls.compile(scene(size), dt=DT, integrator="euler", contact_settings="learning",
-                      vary=["mass", "contact_friction"])
-
-
 class Lift(VectorEnv):
     """Actions: what is added to the reach's steps of the hand, up to 2 cm along x, y and z and 0.2 rad about z; and how
     far the gripper is closed. Reward: to be near, to grip with both pads, to lift, to move little. `success` is 1 in
-    the last step of an episode in which the cube was held for its last second."""
+    the last step of an episode in which the cube was held for its last second. sizes: [num_envs] of the cubes, m."""
 
-    def __init__(self, size, num_envs, **options):
-        self.size = size
+    def __init__(self, sizes, **options):
+        self.size, num_envs = np.asarray(sizes, np.float32), len(sizes)
+        self.won = np.full(num_envs, -1)  # whether the episode was a success, once it has ended
+        self.outcomes = []  # of episodes: sizes, and whether they were a success
         self.hand = np.zeros((num_envs, 4), np.float32)  # where it shall be: x, y, z and the angle about z
         self.pose = np.zeros((num_envs, 7), np.float32)
         self.held = np.zeros(num_envs, np.int64)  # control steps
-        compiled = plan(size)
+        compiled = ls.compile(ls.from_mjcf(MODEL, colliders=True), dt=DT, integrator="euler",
+                              contact_settings="learning", vary=["mass", "inertia", "contact_friction", "collider_size"])
         self.arm = [compiled.dof(name) for name in ARM]
         self.kinematics = compiled.batch(num_envs, threads=1)
         self.queries = [ls.Query("site_position", ["grip"]), ls.Query("root_pose"), ls.Query("root_twist"),
@@ -69,8 +58,20 @@ class Lift(VectorEnv):
         pairs = [name for name in self.plan.contact_names if name.endswith("cube")]
         self.batch.randomize("mass", "absolute", 0.03, 0.3, distribution="log_uniform", which=which, rows=["cube"])
         self.batch.randomize("contact_friction", "absolute", 0.5, 1.0, which=which, rows=pairs, shared=True)
+        mass = self.cube_rows("mass", "", 1)
+        self.cube_rows("collider_size", " x", 3)[which] = self.size[which, None]
+        self.cube_rows("inertia", " ixx", 3)[which] = (mass[:, 0] * self.size ** 2 / 6)[which, None]
+
+    def cube_rows(self, field, first, count):
+        """[num_envs, count] of a parameter"""
+        at = self.plan.parameter_rows(field).index("cube" + first)
+        return self.batch.parameter(field)[:, at : at + count]
 
     def after_reset(self, which):
+        ended = which & (self.won >= 0)
+        self.outcomes.append((self.size[ended], self.won[ended]))
+        self.won[which] = -1
+        self.batch.root_pose[which, 2] = self.size[which] / 2
         self.look()
         self.hand[which, :3] = self.at[which]
         self.hand[which, 3] = self.angle()[which]
@@ -120,64 +121,48 @@ class Lift(VectorEnv):
         return np.column_stack([
             10 * (self.cube - self.at), 20 * (self.hand[:, :3] - self.at), np.cos(turn), np.sin(turn),
             5 * self.at[:, 2], 5 * self.bottom, self.twist, 2 * self.knuckle, np.minimum(self.force / 20, 1),
-            np.full(self.num_envs, 20 * self.size)])
+            20 * self.size])
 
     def reward(self):
         near = 1 - np.tanh(8 * np.linalg.norm(self.cube - self.at, axis=1))
         grip = np.clip(self.force / 10, 0, 1).min(axis=1)
+        self.won = ((self.held >= HOLD) & (self.elapsed >= self.limit)).astype(int)
         return {"near": 0.1 * near, "grip": 0.1 * grip, "lift": np.clip(self.bottom / 0.15, 0, 1) * (grip > 0),
-                "effort": -0.005 * self.effort, "success": 1.0 * ((self.held >= HOLD) & (self.elapsed >= self.limit))}
+                "effort": -0.005 * self.effort, "success": 1.0 * self.won}
 
     def terminate(self):
         out = np.abs(self.cube[:, :2] - [0.4, 0.0]) > [0.25, 0.3]
         return {"lost": out.any(axis=1)}
 
 
-class Joined:
-    """Environments of several plans, one below the other."""
+class Staggered(Lift):
+    """Episodes begin at different times, so that updates see all of one. `num_envs` cubes of each size."""
 
-    group_names = ("policy",)
+    def __init__(self, num_envs, **options):
+        super().__init__(np.repeat(SIZES, num_envs), threads=1, autoreset_mode="SameStep", **options)
 
-    def __init__(self, parts):
-        self.parts = parts
-        self.ends = np.cumsum([part.num_envs for part in parts])[:-1]
-        self.single_observation_space = parts[0].single_observation_space
-        self.single_action_space = parts[0].single_action_space
-
-    def reset(self):
-        seen = np.concatenate([part.reset()[0] for part in self.parts])
-        for part in self.parts:
-            part.elapsed[:] = np.arange(part.num_envs) * part.limit // part.num_envs  # updates see all of an episode
-        return seen, {}
-
-    def step(self, actions):
-        done = [part.step(own) for part, own in zip(self.parts, np.split(actions, self.ends))]
-        seen, rewards, terminated, truncated = (np.concatenate(column) for column in list(zip(*done))[:4])
-        final = np.concatenate([own[4].get("final_obs_batch", own[0]) for own in done])
-        logs = {name: own[4]["log"] for name, own in zip(NAMES, done) if "log" in own[4]}
-        return seen, rewards, terminated, truncated, {"final_obs_batch": final, "logs": logs}
-
-
-def environments(num_envs, seed):
-    """`num_envs` of each size"""
-    return Joined([Lift(size, num_envs, seed=seed, threads=1, autoreset_mode="SameStep") for size in SIZES])
+    def reset(self, **options):
+        seen = super().reset(**options)
+        self.elapsed[:] = np.arange(self.num_envs) * self.limit // self.num_envs
+        return seen
 
 
 def train(seed, minutes, envs=64, length=25, iterations=None, report=print):
     """An agent after so many minutes of processor time, and its curve: minutes, then the success of each size."""
     torch.manual_seed(seed)
-    env, now, curve, recent = environments(envs, seed), 0.0, [], []
+    env, now, curve, rewards = Staggered(envs, seed=seed), 0.0, [], []
     agent = Agent(env, (64, 64))
     for iteration, (infos, seconds) in enumerate(learn(env, agent, length, 0.97, goes_on=True)):
         now += sum(seconds.values()) / 60
-        recent += [info["logs"] for info in infos]
+        rewards += [info["log"]["reward/total"] for info in infos if "log" in info]
         ends = now >= minutes or iteration + 1 == iterations
         if iteration % 4 == 3 or ends:
-            success = [np.mean([log[name]["reward/success"] for log in recent if name in log] or [0.0])
-                       for name in NAMES]
-            reward = np.mean([part["reward/total"] for log in recent for part in log.values()] or [0.0])
+            sizes, won = (np.concatenate(column) for column in zip(*env.outcomes))
+            success = [won[np.isclose(sizes, size)].mean() if np.isclose(sizes, size).any() else 0.0 for size in SIZES]
+            reward = np.mean(rewards or [0.0])
             curve.append((now, *success))
-            recent = []
+            rewards = []
+            env.outcomes.clear()
             report(f"{now:5.2f} min   reward {reward:6.2f}   success: " +
                    ", ".join(f"{name} {100 * share:3.0f} %" for name, share in zip(NAMES, success)))
         if ends:
@@ -189,7 +174,7 @@ def test(agent, seed, envs=1024):
     slipped in the hand in the last second, m, and the force of the pads then, N."""
     results = []
     for size in SIZES:
-        env = Lift(size, envs, seed=seed, first_id=1 << 24, threads=1)
+        env = Lift(np.full(envs, size), seed=seed, first_id=1 << 24, threads=1)
         seen, lost = env.reset()[0], np.zeros(envs, bool)
         for step in range(CONTROL_STEPS):
             with torch.no_grad():
@@ -205,7 +190,7 @@ def test(agent, seed, envs=1024):
 def compare(module, policies):
     """The paragraph about MuJoCo: held cubes by size and policy, and rates with random actions."""
     fares = [in_mujoco("lift_mujoco.mjs", module, policy) for policy in policies]
-    rates = [random_rate(Lift(size, 256, threads=1, autoreset_mode="SameStep")) for size in SIZES]
+    rates = [random_rate(Lift(np.full(256, size), threads=1, autoreset_mode="SameStep")) for size in SIZES]
     rows = []
     for i, name in enumerate(NAMES):
         held = ", ".join(f"{100 * fare[i]['held']:.0f} %" for fare in fares)

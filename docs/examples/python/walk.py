@@ -27,12 +27,13 @@ PERIOD, LIFT = 0.5, 0.06  # of the gait, s; of a foot in the air, m
 FASTEST = 0.8  # m/s
 
 
-def scene(path):
-    """The model, its trunk and its feet, on a floor that these may touch, with a site in each foot."""
+def scene(path, floor):
+    """The model, its trunk and its feet, on a floor of this shape that these may touch, with a site in each foot."""
     model = ls.from_file(path, colliders=True)
     model = ls.from_file(path, colliders=True, keyframe=model.poses[0].name)
     if not any(collider.name == "floor" for collider in model.colliders):
-        model.colliders.append(ls.Collider("floor", "", ls.Shape.half_space(), friction=0.7))
+        model.colliders.append(ls.Collider("floor", "", floor, friction=0.7))
+    model.colliders["floor"].shape = floor
     trunk = next(root.link for root in model.roots if root.floating)
     ends = [model.colliders[name] for name in model.end_colliders()]
     feet = list({end.link: end for end in ends if end.shape.kind == "sphere"}.values())
@@ -43,9 +44,12 @@ def scene(path):
 
 
 class Walk(VectorEnv):
-    def __init__(self, num_envs, path=MODEL, commands=(0.0, FASTEST), **options):
-        model, trunk, feet = scene(path)
-        plan = ls.compile(model, dt=DT, integrator="euler", vary=["mass", "contact_friction"])
+    """floor: a shape. scan: points of the ground around the trunk that are seen. events, vary: beside its own."""
+
+    def __init__(self, num_envs, path=MODEL, commands=(0.0, FASTEST), floor=ls.Shape.half_space(), scan=(), events={},
+                 vary=(), **options):
+        model, trunk, feet = scene(path, floor)
+        plan = ls.compile(model, dt=DT, integrator="euler", vary=["mass", "contact_friction", *vary])
         start = plan.batch(1)
         self.soles = [f"sole {foot.name}" for foot in feet]
         x, y, _ = start.read(ls.Query("site_position", self.soles)).reshape(-1, 3).T - start.root_pose[0, :3, None]
@@ -63,6 +67,8 @@ class Walk(VectorEnv):
         terms = {"gravity": (gravity, 0.05, 1), "twist": ("root_twist", 0.1, 1), "q": (joints, 0.02, 1),
                  "qd": ("qd", 1.0, 0.1), "actions": (lambda env: env.actions, 0, 1),
                  "command": (lambda env: env.command, 0, 1), "clock": (clock, 0, 1)}  # what, noise, scale
+        if scan:
+            terms["scan"] = (ls.Query("height_scan", [trunk], points=scan), 0.02, 1)
         noisy = {name: Term(what, scale, noise=Uniform(-noise, noise)) for name, (what, noise, scale) in terms.items()}
         clean = {name: Term(what, scale) for name, (what, _, scale) in terms.items()}
         super().__init__(
@@ -80,7 +86,7 @@ class Walk(VectorEnv):
             terminate={"trunk": lambda env: env.trunk_touches, "tilt": lambda env: env.gravity[:, 2] > -0.5},
             events={"bodies": Event(bodies, "randomize"), "command": Event(command, "reset"),
                     "commands": Event(command, "interval", every=(4.0, 8.0)),
-                    "push": Event(push, "interval", every=(5.0, 10.0))},
+                    "push": Event(push, "interval", every=(5.0, 10.0)), **events},
             **options)
 
     def advance(self, actions):

@@ -22,7 +22,25 @@ void write_settings(const Writing& writing) {
   xml.close();
 }
 
-void write_meshes(const Writing& writing) {
+constexpr double flat_range = 1e-3, base_of_field = 0.1;  // m, of what MuJoCo wants above 0
+
+// Heights from the row of largest y to that of the least, from 0 to 1 of the largest.
+void write_height_field(const Collider& collider, Xml& xml) {
+  const Shape& shape = collider.shape;
+  const double least = shape.heights.minCoeff(), rise = shape.heights.maxCoeff() - least;
+  const double range = rise > 0.0 ? rise : flat_range;
+  std::vector<double> numbers_of_rows;
+  for (Eigen::Index row = shape.heights.rows() - 1; row >= 0; --row)
+    for (Eigen::Index column = 0; column < shape.heights.cols(); ++column)
+      numbers_of_rows.push_back((shape.heights(row, column) - least) / range);
+  xml.open("hfield").set("name", collider.name);
+  xml.set("nrow", std::to_string(shape.heights.rows())).set("ncol", std::to_string(shape.heights.cols()));
+  xml.set("size", numbers({0.5 * shape.size[0], 0.5 * shape.size[1], range, base_of_field}));
+  xml.set("elevation", numbers(numbers_of_rows)).close();
+}
+
+// Meshes of hulls, and height fields.
+void write_assets(const Writing& writing) {
   const auto write = [&](const Collider& collider) {
     writing.xml.open("mesh").set("name", collider.name);
     writing.xml
@@ -31,11 +49,14 @@ void write_meshes(const Writing& writing) {
         .close();
   };
   const std::vector<Collider>& all = writing.model.colliders;
-  const auto is_hull = [](const Collider& collider) { return collider.shape.kind == ShapeKind::hull; };
-  if (std::none_of(all.begin(), all.end(), is_hull)) return;
+  const auto is = [](const Collider& collider, ShapeKind kind) { return collider.shape.kind == kind; };
+  const auto is_asset = [&](const Collider& c) { return is(c, ShapeKind::hull) || is(c, ShapeKind::height_field); };
+  if (std::none_of(all.begin(), all.end(), is_asset)) return;
   writing.xml.open("asset");
-  for (const Collider& collider : all)
-    if (is_hull(collider)) write(collider);
+  for (const Collider& collider : all) {
+    if (is(collider, ShapeKind::hull)) write(collider);
+    if (is(collider, ShapeKind::height_field)) write_height_field(collider, writing.xml);
+  }
   writing.xml.close();
 }
 
@@ -57,7 +78,7 @@ Export export_mjcf(const Model& original, const MjcfOptions& options) {
                               std::move(held), report,   xml};
   xml.open("mujoco").set("model", model.name);
   mjcf::write_settings(writing);
-  mjcf::write_meshes(writing);
+  mjcf::write_assets(writing);
   mjcf::write_world(writing);
   mjcf::write_contacts(writing);
   mjcf::write_couplings(writing);

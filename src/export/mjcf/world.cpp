@@ -88,6 +88,7 @@ class World {
     xml_.open("geom").set("name", collider.name);
     switch (collider.shape.kind) {
       case ShapeKind::half_space: xml_.set("type", "plane").set("size", "0 0 1"); break;
+      case ShapeKind::height_field: xml_.set("type", "hfield").set("hfield", collider.name); break;
       case ShapeKind::box: xml_.set("type", "box").set("size", numbers(Vector3d(0.5 * size))); break;
       case ShapeKind::hull:
         xml_.set("type", "mesh").set("mesh", collider.name);
@@ -98,7 +99,11 @@ class World {
       case ShapeKind::capsule: xml_.set("type", "capsule").set("size", numbers({size[0], 0.5 * size[1]})); break;
       case ShapeKind::sphere: xml_.set("type", "sphere").set("size", numbers(size[0])); break;
     }
-    place(xml_, collider.pose);
+    // The lowest height of an <hfield> is that of its geom.
+    Pose pose = collider.pose;
+    if (collider.shape.kind == ShapeKind::height_field)
+      pose = pose * Eigen::Translation3d(0.0, 0.0, collider.shape.heights.minCoeff());
+    place(xml_, pose);
     xml_.set("friction", numbers({collider.friction, 0.005, 0.0001}));
     xml_.set("group", "3").set("contype", "0").set("conaffinity", "0").close();
   }

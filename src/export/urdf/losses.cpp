@@ -9,9 +9,7 @@
 
 namespace lockstep::exporter::urdf {
 
-bool is_written(ShapeKind kind) {
-  return kind != ShapeKind::half_space && kind != ShapeKind::ellipsoid && kind != ShapeKind::hull;
-}
+bool is_written(ShapeKind kind) { return !is_ground(kind) && kind != ShapeKind::ellipsoid && kind != ShapeKind::hull; }
 
 void report_losses(const Model& model, Report& report) {
   if (model.gravity != Model().gravity)
@@ -27,7 +25,7 @@ void report_losses(const Model& model, Report& report) {
     if (collider.link.empty())
       report.warn("colliders of the world, left out", collider.name);
     else if (!is_written(collider.shape.kind))
-      report.warn("half-spaces, ellipsoids and hulls, left out", collider.name);
+      report.warn("half-spaces, height fields, ellipsoids and hulls, left out", collider.name);
     else
       report.remark("colliders, without their friction and group", collider.name);
   }

@@ -95,6 +95,7 @@ class Writer {
     xml_.open("geometry");
     switch (kind) {
       case ShapeKind::half_space:
+      case ShapeKind::height_field:
       case ShapeKind::hull:
       case ShapeKind::ellipsoid: break;
       case ShapeKind::box: xml_.open("box").set("size", numbers(size)); break;

@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::uintmax_t largest_mesh = std::uintmax_t{64} << 20;
+constexpr std::uintmax_t largest_content = std::uintmax_t{64} << 20;
 constexpr Eigen::Index most_vertices = 500'000;  // of a mesh: half a minute for qhull at worst
 constexpr Eigen::Index most_vertices_of_all = 2'000'000;
 constexpr double least_share = 0.7;     // of its hull that a mesh fills
@@ -114,27 +114,33 @@ fs::path MeshFiles::find(const std::string& name, const std::string& subfolder, 
   return path;
 }
 
-const Mesh& MeshFiles::read(const fs::path& path, const std::string& extension, const Fail& fail) {
-  const auto key = std::make_pair(path, extension);
-  if (const auto known = meshes_.find(key); known != meshes_.end()) return known->second;
+std::string MeshFiles::content_of(const fs::path& path, const std::string& what, const Fail& fail) {
   const auto named = [&](const std::string& rule) {
-    return fmt::format("names the mesh '{}', which {}", shown(path), rule);
+    return fmt::format("names the {} '{}', which {}", what, shown(path), rule);
   };
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
   if (!fs::exists(status)) fail(named("does not exist"), std::string("correct the path") + or_leave_out);
-  if (!fs::is_regular_file(status)) fail(named("is no regular file"), "name a mesh file");
+  if (!fs::is_regular_file(status)) fail(named("is no regular file"), fmt::format("name a {} file", what));
   const std::uintmax_t size = fs::file_size(path, error);
-  if (error || size > largest_mesh)
-    fail(named(fmt::format("is larger than {} MB", largest_mesh >> 20)), "simplify the mesh");
-  const std::string content = text_of(path.string());
+  if (error || size > largest_content)
+    fail(named(fmt::format("is larger than {} MB", largest_content >> 20)), fmt::format("simplify the {}", what));
+  return text_of(path.string());
+}
+
+const Mesh& MeshFiles::read(const fs::path& path, const std::string& extension, const Fail& fail) {
+  const auto key = std::make_pair(path, extension);
+  if (const auto known = meshes_.find(key); known != meshes_.end()) return known->second;
+  const std::string content = content_of(path, "mesh", fail);
   const FailAt fail_at = [&](const std::string& place, const std::string& rule, const std::string& remedy) {
     throw ImportError(fmt::format("{}: {}", shown(path), place), rule, remedy);
   };
   const auto reader = extension == ".stl" ? read_stl : extension == ".obj" ? read_obj : read_msh;
   Mesh mesh = reader(content, fail_at);
   if (mesh.vertices.cols() > most_vertices)
-    fail(named(fmt::format("has {} vertices, more than {}", mesh.vertices.cols(), most_vertices)), "simplify the mesh");
+    fail(fmt::format("names the mesh '{}', which has {} vertices, more than {}", shown(path), mesh.vertices.cols(),
+                     most_vertices),
+         "simplify the mesh");
   return meshes_.emplace(key, std::move(mesh)).first->second;
 }
 

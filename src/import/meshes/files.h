@@ -15,7 +15,7 @@
 
 namespace lockstep::importer {
 
-/// Finds mesh files and reads them, each once, and only those that are asked for.
+/// Finds mesh files and reads them, each once, and only those that are asked for. Height fields are files, too.
 class MeshFiles {
  public:
   /// `folder` is that of the robot file; empty for text. Throws SettingsError for options that cannot be.
@@ -30,6 +30,12 @@ class MeshFiles {
   const Solid& solid(const std::string& name, const std::string& subfolder, const Eigen::Affine3d& placed,
                      const Fail& fail);
 
+  /// Where such a file is. Calls `fail` for one that cannot be found, or that lies outside of the folders that it may
+  /// be in.
+  std::filesystem::path find(const std::string& name, const std::string& subfolder, const Fail& fail);
+  /// What it has, at most 64 MB. `what` names it in messages, as "mesh".
+  static std::string content_of(const std::filesystem::path& path, const std::string& what, const Fail& fail);
+
   /// What a collider of the mesh is. Tells the report what is lost: `item` names the collider. `most_corners` bounds
   /// those of a hull, beside the options.
   const Fitted& shape_of(const Solid& solid, const std::string& link, const std::string& item, int most_corners,
@@ -40,7 +46,6 @@ class MeshFiles {
  private:
   using Path = std::filesystem::path;
 
-  Path find(const std::string& name, const std::string& subfolder, const Fail& fail);
   Path find_package(const std::string& name, const Fail& fail) const;
   const Mesh& read(const Path& path, const std::string& extension, const Fail& fail);
 

@@ -33,6 +33,7 @@ struct GeomPart {
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< as in the file, with the half length of a fromto
   std::string mesh = {};                           ///< its name; a primitive that has one lies around it
+  std::string height_field = {};                   ///< its name
   Element element;                                 ///< for what only colliders need
 };
 

@@ -129,6 +129,7 @@ GeomPart read_geom(Element element, const Eigen::Isometry3d& frame, const std::s
   part.type = static_cast<GeomType>(
       element.word("type", {"plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf"}, 2));
   part.mesh = element.name("mesh", "");
+  part.height_field = element.name("hfield", "");
   element.numbers("size", part.size.data(), 1, 3);
   if (element.has("fromto") && !part.mesh.empty()) element.fail("has a fromto and a mesh", "keep one of them");
   if (element.has("fromto"))

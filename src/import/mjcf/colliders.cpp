@@ -174,7 +174,7 @@ class Collision {
     element.numbers("friction", friction, 1, 5);
     add(a, b,
         {friction[0], element.whole("condim", 3), yielding_of(element, "solref", "solimp"),
-         element.number("margin", 0.0)});
+         std::max(0.0, element.number("margin", 0.0) - element.number("gap", 0.0))});
   }
 
   void add(const Touch& a, const Touch& b, const Law& law) {

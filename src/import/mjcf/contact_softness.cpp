@@ -8,6 +8,7 @@ namespace lockstep::importer::mjcf {
 namespace {
 
 constexpr double least_impedance = 1e-4, least_share = 1e-15, least_friction = 1e-5;  // MuJoCo's
+constexpr double own_compliance = 1e-3;                                               // (M104)
 
 // MuJoCo's acceleration of the depth r at the impedance d is (1 - d) a_free - damping r' - stiffness d r.
 struct Reference {
@@ -44,14 +45,14 @@ double response_of_cone(const YieldingPoint& point, const SolverSettings& solver
 
 GeomYielding geom_yielding_of(const Element& geom) {
   return {yielding_of(geom, "solref", "solimp"), geom.number("solmix", 1.0), geom.whole("priority", 0),
-          geom.number("margin", 0.0)};
+          std::max(0.0, geom.number("margin", 0.0) - geom.number("gap", 0.0))};
 }
 
 Yielding mixed(const GeomYielding& a, const GeomYielding& b) {
   if (a.priority != b.priority) return a.priority > b.priority ? a.yielding : b.yielding;
   const bool counts = a.mix >= least_share, other_counts = b.mix >= least_share;
   const double share = counts && other_counts ? a.mix / (a.mix + b.mix) : counts == other_counts ? 0.5 : counts;
-  const auto between = [&](double one, double other) { return share * one + (1.0 - share) * other; };
+  const auto between = [&](double one, double other) { return std::lerp(other, one, share); };
   const bool are_times = a.yielding.solref[0] > 0.0 && b.yielding.solref[0] > 0.0;
   Yielding result;
   for (int i = 0; i < 2; ++i) {
@@ -85,8 +86,11 @@ Softness softness_of(const Yielding& yielding, const YieldingPoint& point, const
     sunk = high, overlap = sunk - point.margin;
   }
   if (!(reference.stiffness > 0.0) || !(overlap > 0.0)) return Hard{};
-  const double kp = force(sunk) / overlap;
-  return Spring{kp, kp * reference.damping / (reference.stiffness * impedance(yielding, sunk))};
+  const double kp = force(sunk) / overlap, h = solver.time_step;
+  const double kd = kp * reference.damping / (reference.stiffness * impedance(yielding, sunk));
+  // lockstep's own contact yields by more (M104).
+  if (1.0 / (h * (h * kp + kd)) < own_compliance * point.response) return Hard{};
+  return Spring{kp, kd};
 }
 
 }  // namespace lockstep::importer::mjcf

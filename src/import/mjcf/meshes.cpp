@@ -23,13 +23,6 @@ Fail fail_at(const Element& element) {
   return [&element](const std::string& rule, const std::string& remedy) { element.fail(rule, remedy); };
 }
 
-// A mesh without a name has that of its file.
-std::string name_of(const Element::Xml& xml) {
-  if (const char* name = xml.Attribute("name")) return name;
-  const char* file = xml.Attribute("file");
-  return file ? std::filesystem::path(file).stem().string() : "";
-}
-
 // The vertices v of a file stand at S R^T (v - p). That MuJoCo scales last is measured.
 Eigen::Affine3d placed_by(const Element& element) {
   const Vector3d scale = element.triple("scale", Vector3d::Ones());
@@ -92,20 +85,7 @@ Vector3d sizes_of_extents(GeomType type, const Vector3d& half) {
 
 Meshes::Asset& Meshes::asset_of(const GeomPart& geom) {
   if (const auto known = assets_.find(geom.mesh); known != assets_.end()) return known->second;
-  if (!elements_) {
-    elements_.emplace();
-    for (const Element::Xml* xml : document_.section("asset"))
-      if (std::string_view(xml->Name()) == "mesh" && !elements_->try_emplace(name_of(*xml), xml).second)
-        Element(document_, *xml)
-            .fail(fmt::format("has the name '{}', which is taken", shortened(name_of(*xml))),
-                  "give each mesh its own name");
-  }
-  const auto found = elements_->find(geom.mesh);
-  if (geom.mesh.empty() || found == elements_->end())
-    geom.element.fail(fmt::format("names mesh '{}', which does not exist", shortened(geom.mesh)),
-                      "correct the name, or add the <mesh> to <asset>");
-  Element element = classes_.element(*found->second, "");
-  element.rename("mesh '" + geom.mesh + "'");
+  Element element = elements_.find(geom, geom.mesh);
   const MeshRule rule = static_cast<MeshRule>(
       element.word("inertia", {"legacy", "convex", "exact", "shell"}, static_cast<int>(settings_.mesh_rule)));
   const int most = element.whole("maxhullvert", -1);
@@ -208,6 +188,10 @@ std::optional<PlacedShape> Meshes::shape_of(const GeomPart& geom, const std::str
     const Fitted& fitted =
         files_.shape_of(read(asset), link, item, std::max(4, asset.most_corners), fail_at(asset.element));
     return PlacedShape{fitted.shape, geom.pose * fitted.pose};
+  }
+  if (geom.type == GeomType::hfield) {
+    const std::optional<Shape> field = height_fields_.shape_of(geom);
+    return field ? std::optional(PlacedShape{*field, geom.pose}) : std::nullopt;
   }
   if (geom.type != GeomType::sdf && !geom.mesh.empty()) return around_mesh(geom);
   const std::optional<Shape> shape = primitive_of(geom);

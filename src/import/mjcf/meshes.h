@@ -5,7 +5,9 @@
 #include <optional>
 #include <string>
 
+#include "assets.h"
 #include "bodies.h"
+#include "height_fields.h"
 #include "import/meshes/files.h"
 
 namespace lockstep::importer::mjcf {
@@ -20,7 +22,11 @@ struct PlacedShape {
 class Meshes {
  public:
   Meshes(Document& document, const Settings& settings, const Classes& classes, MeshFiles& files)
-      : document_(document), settings_(settings), classes_(classes), files_(files) {}
+      : document_(document),
+        settings_(settings),
+        files_(files),
+        elements_(document, classes, "mesh", "mesh"),
+        height_fields_(document, settings, classes, files) {}
 
   /// Why the geom's mesh cannot be read, a rule that it breaks; empty where it can.
   std::string unreadable(const GeomPart& geom);
@@ -52,9 +58,9 @@ class Meshes {
 
   Document& document_;
   const Settings& settings_;
-  const Classes& classes_;
   MeshFiles& files_;
-  std::optional<std::map<std::string, const Element::Xml*>> elements_;  // by name
+  Assets elements_;
+  HeightFields height_fields_;
   std::map<std::string, Asset> assets_;
   std::map<std::string, Solid> solids_;  // of vertices that stand in elements
 };

@@ -23,7 +23,8 @@ std::vector<Vector3d> lowest_points(const Shape& shape, const Vector3d& down) {
   const Vector3d end(0.0, 0.0, 0.5 * size[1]);  // of a cylinder or capsule
   std::vector<Vector3d> points;
   switch (shape.kind) {
-    case ShapeKind::half_space: break;
+    case ShapeKind::half_space:
+    case ShapeKind::height_field: break;
     case ShapeKind::box:
       for (int corner = 0; corner < 8; ++corner)
         points.emplace_back(0.5 *

@@ -12,14 +12,14 @@ constexpr double least_margin = 0.005;  // (M103), m
 
 /// (M161): how far the collider's pairs reach, whatever the other one is.
 template <class T>
-void bound_pairs(const Tables<ScalarOf<T>>& t, ScalarOf<T> reach, MovingCollider<T>& moving) {
+void bound_pairs(const Tables<ScalarOf<T>>& t, MovingCollider<T>& moving) {
   using S = ScalarOf<T>;
   const Vec3<T> velocity = moving.velocity_at(moving.shape.center);
   const T turn = T(2 * t.dt) * sqrt(dot(moving.angular, moving.angular)),
           way = T(2 * t.dt) * sqrt(dot(velocity, velocity));
   moving.stretch = select(less(turn, T(S(0.5))), (T(1) + turn) / (T(1) - turn), T(S(1e6)));
-  moving.span = T(S(reach + least_margin)) + way;
-  moving.other_span = fma(T(reach), T(1) + turn, way);
+  moving.span = moving.reach + (T(S(least_margin)) + way);
+  moving.other_span = fma(moving.reach, T(1) + turn, way);
 }
 
 /// Lanes in which the spheres about the two are within any margin that the pair can have (M161).
@@ -29,6 +29,9 @@ LOCKSTEP_INLINE typename T::Mask spheres_meet(ShapeKind kind, const MovingCollid
   using S = ScalarOf<T>;
   constexpr S rounding = S(1.001);
   const Vec3<T> between = second.shape.center - first.shape.center;
+  if (kind == ShapeKind::height_field)
+    return less(dot(first.shape.axis(2), between) - first.shape.size[2],
+                fma(T(rounding), second.other_span, T(S(2 * least_margin))));
   if (kind == ShapeKind::half_space)
     return less(dot(first.shape.axis(2), between), fma(T(rounding), second.other_span, T(S(2 * least_margin))));
   const T most = T(rounding) * first.stretch * (first.span + second.other_span);
@@ -37,24 +40,24 @@ LOCKSTEP_INLINE typename T::Mask spheres_meet(ShapeKind kind, const MovingCollid
 
 /// Lanes in which no axis of one of the boxes about the two has a gap beyond the margin (M162).
 template <class T>
-typename T::Mask boxes_meet(const ColliderPlace<ScalarOf<T>>& first, const ColliderPlace<ScalarOf<T>>& second,
-                            const PlacedShape<T>& a, const PlacedShape<T>& b, T margin) {
+typename T::Mask boxes_meet(const MovingCollider<T>& first, const MovingCollider<T>& second, T margin) {
   using S = ScalarOf<T>;
+  const PlacedShape<T>&a = first.shape, &b = second.shape;
   const Vec3<T> between = b.center - a.center;
   // A gap is smaller along a normal that leans by 2 mrad to that of a face; the rest is for rounding.
-  const T most = fma(T(S(1.01)), margin, T(S(2.1e-3) * (first.reach + second.reach)));
+  const T most = fma(T(S(1.01)), margin, T(S(2.1e-3)) * (first.reach + second.reach));
   T turn[3][3], place[3], across[3];
-  for (int j = 0; j < 3; ++j) across[j] = T(second.half[j]);
+  for (int j = 0; j < 3; ++j) across[j] = second.half[j];
   auto meet = ~T::none();
   for (int i = 0; i < 3; ++i) {
     const Vec3<T> axis = a.axis(i);
     place[i] = dot(axis, between);
-    T extent = T(first.half[i]);
+    T extent = first.half[i];
     for (int j = 0; j < 3; ++j) {
       turn[i][j] = dot(axis, b.axis(j));
       const T size = absolute(turn[i][j]);
-      extent = fma(size, T(second.half[j]), extent);
-      across[j] = fma(size, T(first.half[i]), across[j]);
+      extent = fma(size, second.half[j], extent);
+      across[j] = fma(size, first.half[i], across[j]);
     }
     meet = meet & less(absolute(place[i]) - extent, most);
   }

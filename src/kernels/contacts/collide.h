@@ -16,59 +16,52 @@
 #include "half_space_ellipsoid.h"
 #include "half_space_hull.h"
 #include "half_space_sphere.h"
+#include "height_field.h"
 #include "kernels/dynamics/motion.h"
 #include "kernels/dynamics/relative_columns.h"
+#include "place_collider.h"
 #include "sphere_sphere.h"
 
 namespace lockstep::kernels {
 
-/// Colliders that stand in the world have the body -1.
 template <class T>
-void place_collider(const Tables<ScalarOf<T>>& t, const ColliderPlace<ScalarOf<T>>& own, const Motion<T>& m,
-                    MovingCollider<T>& moving) {
-  for (int k = 0; k < 3; ++k) moving.shape.size[k] = T(own.size[k]);
-  const Mat3<T> rotation = Mat3<T>::constant(own.rotation);
-  const Vec3<T> offset = Vec3<T>::constant(own.offset);
-  if (own.body < 0) {
-    moving.shape.rotation = rotation, moving.shape.center = offset;
-    moving.place = moving.angular = moving.linear = Vec3<T>::zero();
-    return bound_pairs(t, own.reach, moving);
-  }
-  const Mat3<T>& world = m.world[own.body];
-  moving.place = m.place[own.body];
-  moving.shape.center = multiply_add(world, offset, moving.place);
-  for (int c = 0; c < 3; ++c) {
-    const Vec3<T> column = multiply(world, column_of(rotation, c));
-    for (int r = 0; r < 3; ++r) moving.shape.rotation(r, c) = column[r];
-  }
-  moving.angular = multiply(world, m.angular[own.body]);
-  moving.linear = multiply(world, m.linear[own.body]);
-  bound_pairs(t, own.reach, moving);
+LOCKSTEP_INLINE HullTable<ScalarOf<T>> hull_at(const Tables<ScalarOf<T>>& t, int collider) {
+  const ColliderStructure& own = t.contacts.colliders[collider];
+  return own.kind == ShapeKind::hull ? hull_of(t.contacts, own.table) : HullTable<ScalarOf<T>>{};
+}
+
+template <class T>
+LOCKSTEP_INLINE Core<T> core_of(const Tables<ScalarOf<T>>& t, int collider, const MovingCollider<T>& moving,
+                                const HullTable<ScalarOf<T>>& hull) {
+  const T(&size)[3] = moving.shape.size;
+  return {t.contacts.colliders[collider].kind,
+          {size[0], size[1], size[2]},
+          &hull,
+          t.declares(Parameter::collider_size) ? moving.scale : nullptr};
 }
 
 /// Of the lanes `near`. `memory` is that of a convex pair, where `kept` are the lanes that have one.
 template <class T>
-void touch_shapes(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, const PlacedShape<T>& a,
-                  const PlacedShape<T>& b, T margin, typename T::Mask near, typename T::Mask kept,
-                  ConvexMemory<T>* memory, Patch<T>& patch) {
+void touch_shapes(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, const MovingCollider<T>& before,
+                  const MovingCollider<T>& after, T margin, typename T::Mask near, typename T::Mask kept,
+                  ConvexMemory<T>* memory, GroundPoints<T>& ground, Patch<T>& patch) {
   using S = ScalarOf<T>;
-  const auto hull_at = [&](int collider) LOCKSTEP_INLINED {
-    const int hull = t.contacts.colliders[collider].hull;
-    return hull < 0 ? HullTable<S>{} : hull_of(t.contacts, hull);
-  };
-  const auto core = [&](int collider, const PlacedShape<T>& shape, const HullTable<S>& hull) LOCKSTEP_INLINED {
-    return Core<T>{t.contacts.colliders[collider].kind, {shape.size[0], shape.size[1], shape.size[2]}, &hull};
-  };
+  const PlacedShape<T>&a = before.shape, &b = after.shape;
   switch (pair.kind) {
     case PairKind::half_space_box: return half_space_box(a, b, margin, patch);
     case PairKind::half_space_hull: {
-      const HullTable<S> hull = hull_at(pair.second);
-      return half_space_hull(a, core(pair.second, b, hull), b, T(pair.slack), patch);
+      const HullTable<S> hull = hull_at<T>(t, pair.second);
+      return half_space_hull(a, core_of(t, pair.second, after, hull), b, T(pair.slack), patch);
     }
     case PairKind::half_space_cylinder: return half_space_cylinder(a, b, margin, patch);
     case PairKind::half_space_ellipsoid: return half_space_ellipsoid(a, b, margin, patch);
     case PairKind::half_space_capsule: return half_space_capsule(a, b, margin, patch);
     case PairKind::half_space_sphere: return half_space_sphere(a, b, margin, patch);
+    case PairKind::height_field: {
+      const HullTable<S> hull = hull_at<T>(t, pair.second);
+      const HeightTable<S> field = height_field_of(t.contacts, t.contacts.colliders[pair.first].table);
+      return touch_height_field(field, a, core_of(t, pair.second, after, hull), pair.point, ground, patch);
+    }
     case PairKind::box_box: return box_box(a, b, margin, patch);
     case PairKind::box_capsule: return box_capsule(a, b, margin, patch);
     case PairKind::box_sphere: return box_sphere(a, b, margin, patch);
@@ -78,9 +71,9 @@ void touch_shapes(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>&
     case PairKind::convex_faces:
     case PairKind::convex_line:
     case PairKind::convex_point: {
-      const HullTable<S> hull = hull_at(pair.first), other_hull = hull_at(pair.second);
-      return touch_convex(core(pair.first, a, hull), core(pair.second, b, other_hull), a, b, pair, margin, near, kept,
-                          *memory, patch);
+      const HullTable<S> hull = hull_at<T>(t, pair.first), other_hull = hull_at<T>(t, pair.second);
+      return touch_convex(core_of(t, pair.first, before, hull), core_of(t, pair.second, after, other_hull), a, b, pair,
+                          margin, near, kept, *memory, patch);
     }
   }
 }
@@ -117,10 +110,31 @@ void find_columns(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>&
   }
 }
 
-/// Finds the slots of one pair. Those beyond the margin (M103) are off. Returns the lanes in which a contact goes on
-/// that has pressed in the step before.
+/// What lies between a collider and the heights that it can reach.
 template <class T>
-typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, int p, Tile<T>& x) {
+T distance_above(const Tables<ScalarOf<T>>& t, int field, const MovingCollider<T>& before,
+                 const MovingCollider<T>& after) {
+  const Vec3<T> seen = multiply_transposed(before.shape.rotation, after.shape.center - before.shape.center);
+  const HeightTable<ScalarOf<T>> table = height_field_of(t.contacts, t.contacts.colliders[field].table);
+  return seen.z - after.reach - nearest_number(table, table.most, FieldCell<T>(table, before.shape, seen));
+}
+
+template <class T>
+void find_ground_points(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair,
+                        const MovingCollider<T>& before, const MovingCollider<T>& after, const ContactPatch<T>& touch,
+                        GroundPoints<T>& ground) {
+  const HullTable<ScalarOf<T>> hull = hull_at<T>(t, pair.second);
+  const HeightTable<ScalarOf<T>> field = height_field_of(t.contacts, t.contacts.colliders[pair.first].table);
+  PlacedShape<T> seen = after.shape;
+  seen.rotation = touch.turn, seen.center = touch.place;
+  find_ground_points(field, before.shape, core_of(t, pair.second, after, hull), seen, after.reach, T(pair.slack),
+                     ground);
+}
+
+/// Finds the slots of one pair. Those beyond the margin (M103) are off. Returns the lanes in which a contact goes on
+/// that has pressed in the step before. Pairs of one contact follow each other and share `ground`.
+template <class T>
+typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, int p, GroundPoints<T>& ground, Tile<T>& x) {
   using S = ScalarOf<T>;
   const TouchingPair<S>& pair = t.contacts.pairs[p];
   ContactPatch<T>& touch = x.contacts.patch[p];
@@ -131,12 +145,14 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, int p, Tile<T>& x) {
   // The margin (M103), and the lanes in which the colliders can be within it.
   const Vec3<T> turns = after.angular - before.angular, between = b.center - a.center,
                 moves = after.velocity_at(b.center) - before.velocity_at(b.center);
-  const T speed = fma(sqrt(dot(turns, turns)), T(second.reach), sqrt(dot(moves, moves)));
+  const T speed = fma(sqrt(dot(turns, turns)), after.reach, sqrt(dot(moves, moves)));
   const T margin = fma(T(2 * t.dt), speed, T(S(least_margin)));
-  const T distance = first.kind == ShapeKind::half_space ? dot(a.axis(2), between) - T(second.reach)
-                                                         : sqrt(dot(between, between)) - T(first.reach + second.reach);
+  const T distance = first.kind == ShapeKind::half_space ? dot(a.axis(2), between) - after.reach
+                     : first.kind == ShapeKind::height_field
+                         ? distance_above(t, pair.first, before, after)
+                         : sqrt(dot(between, between)) - (before.reach + after.reach);
   touch.near = less(distance, margin) & ~x.frozen;
-  if (pair.by_boxes && any(touch.near)) touch.near = touch.near & boxes_meet(first, second, a, b, margin);
+  if (pair.by_boxes && any(touch.near)) touch.near = touch.near & boxes_meet(before, after, margin);
   if (!any(touch.near)) {
     clear_pair(pair, p, x.contacts);
     return T::none();
@@ -145,10 +161,18 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, int p, Tile<T>& x) {
   ConvexMemory<T>* const memory = pair.memory < 0 ? nullptr : x.contacts.convex + pair.memory;
   touch.live_count = 0;
 
+  // The second collider as the first sees it, for drift.
+  touch.center = b.center;
+  touch.frame = a.rotation;
+  touch.place = multiply_transposed(a.rotation, between);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) touch.turn(i, j) = dot(a.axis(i), b.axis(j));
+
   // Points, gaps and the frame of the contact, by the pair of shapes.
   Patch<T> patch;
+  if (pair.kind == PairKind::height_field && pair.point == 0) find_ground_points(t, pair, before, after, touch, ground);
   const auto kept = memory ? x.contacts.kept & less(T(S(0.25)), dot(memory->normal, memory->normal)) : T::none();
-  touch_shapes(t, pair, a, b, margin, touch.near, kept, memory, patch);
+  touch_shapes(t, pair, before, after, margin, touch.near, kept, memory, ground, patch);
   touch.axes[0] = patch.normal, touch.axes[1] = patch.tangent, touch.axes[2] = patch.other_tangent;
 
   // Friction acts on the surfaces: where one body stands still, the point is the other's end of the gap. Two moving
@@ -157,13 +181,7 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, int p, Tile<T>& x) {
   for (int s = 0; s < pair.slots; ++s) patch.point[s] = fma(patch.normal, T(end) * patch.gap[s], patch.point[s]);
   const bool parts = pair.slots == 1 && first.body >= 0 && second.body >= 0;
 
-  // The reference point (M108), and the second collider as the first sees it, for drift.
-  touch.point = pair.slots == 1 ? patch.point[0] : b.center;
-  touch.center = b.center;
-  touch.frame = a.rotation;
-  touch.place = multiply_transposed(a.rotation, between);
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) touch.turn(i, j) = dot(a.axis(i), b.axis(j));
+  touch.point = pair.slots == 1 ? patch.point[0] : b.center;  // the reference point (M108)
 
   // Slots within the margin are live. Memory without one would depend on how a pair was found to be far.
   auto touches = T::none();
@@ -204,15 +222,15 @@ void count_live(const LiveSlots<T>& slots, SolveCounts<T>& counts) {
 template <class T>
 typename T::Mask collide(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   move_bodies(t, x, x.contacts.motion);
-  for (int c = 0; c < t.contacts.colliders.count; ++c)
-    place_collider(t, t.contacts.colliders[c], x.contacts.motion, x.contacts.collider[c]);
+  for (int c = 0; c < t.contacts.colliders.count; ++c) place_collider(t, c, x.contacts);
   typename T::Mask held = T::none();
   x.contacts.near_count = 0;
   x.counts.steps += select(x.frozen, T(0), T(1));
   const int listed = list_pairs(t, x);
+  GroundPoints<T> ground;
   for (int i = 0; i < listed; ++i) {
     const int p = x.contacts.near_pairs[i];  // those that are near stay, at most as far back
-    held = held | collide_pair(t, p, x);
+    held = held | collide_pair(t, p, ground, x);
     const ContactPatch<T>& patch = x.contacts.patch[p];
     if (patch.live_count == 0) continue;
     x.contacts.listed_pairs[x.contacts.near_count] = x.contacts.near_pairs[x.contacts.near_count] = p;

@@ -46,12 +46,40 @@ void face_of_box(const Core<T>& core, const Vec3<T>& d, Face<T>& face) {
   face.number = fma(T(S(2)), chosen, negative);
 }
 
+/// Of normals (M170).
+template <class T>
+LOCKSTEP_INLINE Vec3<T> unscaled_by(const Core<T>& core, const Vec3<T>& v) {
+  return {v.x / core.scale[0], v.y / core.scale[1], v.z / core.scale[2]};
+}
+
+/// The face whose normal is most along d.
+template <class T>
+T farthest_scaled(const Core<T>& core, const Vec3<T>& d) {
+  using S = ScalarOf<T>;
+  const HullTable<S>& hull = *core.hull;
+  const T one = T(1);
+  const Vec3<T> inverse = unscaled_by(core, {one, one, one});
+  T best = T(S(-1e30)), number = T(0);
+  for (int f = 0; f < hull.faces; ++f) {
+    const Vec3<T> n{inverse.x * T(hull.normal[0][f]), inverse.y * T(hull.normal[1][f]),
+                    inverse.z * T(hull.normal[2][f])};
+    const T along = dot(n, d) / sqrt(dot(n, n));
+    const auto farther = less(best, along);
+    best = select(farther, along, best), number = select(farther, T(S(f)), number);
+  }
+  return number;
+}
+
 template <class T>
 void face_of_hull(const Core<T>& core, const Vec3<T>& d, Face<T>& face) {
   const HullTable<ScalarOf<T>>& hull = *core.hull;
-  face.number = farthest(hull.normal, hull.faces, d);
+  face.number = core.scale ? farthest_scaled(core, d) : farthest(hull.normal, hull.faces, d);
   face.normal = {gather(hull.normal[0], face.number), gather(hull.normal[1], face.number),
                  gather(hull.normal[2], face.number)};
+  if (core.scale) {
+    const Vec3<T> turned = unscaled_by(core, face.normal);
+    face.normal = scaled(turned, T(1) / sqrt(dot(turned, turned)));
+  }
   face.corners = hull.face_corners;
   for (int c = 0; c < hull.face_corners; ++c)
     face.corner[c] = corner_of(core, gather(hull.face_corner[c], face.number));

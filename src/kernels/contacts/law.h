@@ -84,10 +84,10 @@ LOCKSTEP_INLINE T sliding_speed(const ContactSlot<T>& slot, const T (&u)[3]) {
 /// those of the middle of their step. `u` is the normal speed at the start of the step, slot.free that of the step
 /// without contacts.
 template <class T>
-LOCKSTEP_INLINE void begin_bounce(ScalarOf<T> restitution, ScalarOf<T> dt, T u, ContactSlot<T>& slot) {
+LOCKSTEP_INLINE void begin_bounce(T e, ScalarOf<T> dt, T u, ContactSlot<T>& slot) {
   using S = ScalarOf<T>;
-  const T zero = T(0), half = T(S(0.5)), h = T(dt), e = T(restitution), arrives = slot.free[0];
-  slot.bounces = slot.live & less(fma(h, arrives, slot.gap), zero) & less(u, T(S(-least_bounce)));
+  const T zero = T(0), half = T(S(0.5)), h = T(dt), arrives = slot.free[0];
+  slot.bounces = slot.live & less(fma(h, arrives, slot.gap), zero) & less(u, T(S(-least_bounce))) & less(zero, e);
   const T gain = arrives - u, middle = fma(half, gain, u);
   const T at_surface = sqrt(larger(fnma(T(S(2) / dt) * gain, slot.gap, middle * middle), zero));
   const T leaves = fma(e, at_surface, -half * gain);
@@ -100,12 +100,12 @@ LOCKSTEP_INLINE void begin_bounce(ScalarOf<T> restitution, ScalarOf<T> dt, T u, 
 /// the step's end, over the step. `slot.bias` becomes minus the speed that brings it to where it flies after its
 /// landing.
 template <class T>
-LOCKSTEP_INLINE void begin_bounce_in_step(ScalarOf<T> restitution, ScalarOf<T> dt, T u, ContactSlot<T>& slot) {
+LOCKSTEP_INLINE void begin_bounce_in_step(T e, ScalarOf<T> dt, T u, ContactSlot<T>& slot) {
   using S = ScalarOf<T>;
-  const T zero = T(0), one = T(1), half = T(S(0.5)), h = T(dt), e = T(restitution), free = slot.free[0];
+  const T zero = T(0), one = T(1), half = T(S(0.5)), h = T(dt), free = slot.free[0];
   const T gain = free - u, start = larger(fnma(half * h, u, slot.gap), zero);
   const T arrives = sqrt(larger(fnma(T(S(2) / dt) * gain, start, u * u), zero)), back = e * arrives;
-  const auto approaches = slot.live & less(u, T(S(-least_bounce))) & less(-gain, back);
+  const auto approaches = slot.live & less(u, T(S(-least_bounce))) & less(-gain, back) & less(zero, e);
   slot.bounces = approaches & less(fma(half * h, free, slot.gap), zero);
   slot.live = slot.live & (slot.bounces | ~approaches | less(fma(h, slot.speed[0], slot.gap), zero));
   slot.landing = smaller(start * T(S(2) / dt) / larger(arrives - u, T(S(1e-6))), one);
@@ -128,9 +128,9 @@ void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& p
   slot_speed(slot, start, u);
   slot.bounces = slot.given = slot.relaxes = T::none();
   slot.restored = slot.stopping = slot.normal = slot.push = zero;
-  if (pair.restitution > S(0))
-    t.solves_midpoint ? begin_bounce_in_step(pair.restitution, t.dt, u[0], slot)
-                      : begin_bounce(pair.restitution, t.dt, u[0], slot);
+  if (pair.bounces)
+    t.solves_midpoint ? begin_bounce_in_step(patch.restitution, t.dt, u[0], slot)
+                      : begin_bounce(patch.restitution, t.dt, u[0], slot);
 
   // What answers in no row at all cannot be pushed: such a slot is off.
   const T all_rows = response.of_all_rows(slot.arm), normal = response.of_normal(slot.arm);

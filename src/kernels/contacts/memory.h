@@ -9,16 +9,17 @@
 // contacts that still touch; nothing is expected of places, and nothing is guessed of velocities.
 #pragma once
 
-#include "kernels/tile/tile.h"
+#include "place_collider.h"
 
 namespace lockstep::kernels {
 
-/// act(number, row) for the state's numbers.
+/// act(number, row) for the state's numbers, and places of colliders where these may differ.
 template <class T, class Act>
 LOCKSTEP_INLINE void each_state_row(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int row, Act&& act) {
   for (int j = 0; j < t.joints; ++j) act(x.state.q[j], row++);
   for (int k = 0; k < t.velocities; ++k) act(x.state.v[k], row++);
   for (int i = 0; i < 7 * t.roots.count; ++i) act(x.state.pose[i], row++);
+  for (int i = 0; i < t.contacts.places(t); ++i) act(x.contacts.own_place[i], row++);
 }
 
 /// act(number) for what a slot remembers.
@@ -60,6 +61,7 @@ template <class T>
 void load_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const ScalarOf<T>* const rows = batch.contact_memory;
   const auto number = [&](int row) LOCKSTEP_INLINED { return T::load(rows + row * batch.stride); };
+  load_colliders(t, batch, x);
   int row = 0;
   each_remembered(t, x, [&](T& kept) LOCKSTEP_INLINED { kept = number(row++); });
   typename T::Mask other = T::none(), forgotten = T::none();

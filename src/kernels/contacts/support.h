@@ -14,6 +14,7 @@ struct Core {
   ShapeKind kind;
   T size[3];                                // of the shape, as in PlacedShape
   const HullTable<ScalarOf<T>>* hull = {};  // of a hull
+  const T* scale = {};                      // of a hull, along its axes, where sizes differ
 };
 
 /// `number` is that of the corner; 0 where the core has none.
@@ -29,6 +30,12 @@ LOCKSTEP_INLINE typename T::Mask equal(T a, T b) {
   return ~(less(a, b) | less(b, a));
 }
 
+/// (M170).
+template <class T>
+LOCKSTEP_INLINE Vec3<T> scaled_by(const Core<T>& core, const Vec3<T>& v) {
+  return {core.scale[0] * v.x, core.scale[1] * v.y, core.scale[2] * v.z};
+}
+
 /// A corner by its number, the first one for numbers that there are not. Bits of a box's numbers are the signs of x, y
 /// and z.
 template <class T>
@@ -36,9 +43,11 @@ LOCKSTEP_INLINE Vec3<T> corner_of(const Core<T>& core, T number) {
   using S = ScalarOf<T>;
   const T count = T(S(core.kind == ShapeKind::hull ? core.hull->corners : 8));
   number = select(~less(number, T(0)) & less(number, count), number, T(0));
-  if (core.kind == ShapeKind::hull)
-    return {gather(core.hull->corner[0], number), gather(core.hull->corner[1], number),
-            gather(core.hull->corner[2], number)};
+  if (core.kind == ShapeKind::hull) {
+    const Vec3<T> at{gather(core.hull->corner[0], number), gather(core.hull->corner[1], number),
+                     gather(core.hull->corner[2], number)};
+    return core.scale ? scaled_by(core, at) : at;
+  }
   Vec3<T> at;
   for (int k = 2; k >= 0; --k) {
     const T bit = T(S(1 << k));
@@ -94,7 +103,7 @@ LOCKSTEP_INLINE SupportPoint<T> support(const Core<T>& core, const Vec3<T>& d) {
   switch (core.kind) {
     case ShapeKind::box: return support_of_box(core, d);
     case ShapeKind::hull: {
-      const T number = farthest(core.hull->corner, core.hull->corners, d);
+      const T number = farthest(core.hull->corner, core.hull->corners, core.scale ? scaled_by(core, d) : d);
       return {corner_of(core, number), number};
     }
     case ShapeKind::cylinder: {

@@ -81,14 +81,14 @@ typename T::Mask begin_restoring(const Tables<ScalarOf<T>>& t, typename T::Mask 
   const T zero = T(0);
   typename T::Mask lanes = T::none();
   each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    if (pair.restitution == S(0)) return;
+    if (!pair.bounces) return;
     lanes = lanes | (slot.bounces & less(zero, slot.restored) & less(zero, slot.pressed));
   });
   lanes = lanes & open;
   if (!any(lanes)) return lanes;
   slot_speeds(t, x.rounds.z, &ContactSlot<T>::speed, x);
   each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    if (pair.restitution == S(0)) return;
+    if (!pair.bounces) return;
     const T arrives = larger(absolute(slot.free[0]), T(S(1e-6)));
     const T stopped = larger(arrives + smaller(slot.speed[0], zero), arrives * T(S(1 / most_let_through)));
     slot.given = lanes & slot.bounces;
@@ -192,16 +192,17 @@ typename T::Mask open_contacts(const Tables<ScalarOf<T>>& t, const StatePointers
                                bool known, Tile<T>& x) {
   typename T::Mask acting = T::none();
   const ScalarOf<T>* const frictions = batch.field(Parameter::contact_friction);
+  const ScalarOf<T>* const restitutions = batch.field(Parameter::contact_restitution);
   each_near(t, x, [&](const auto& pair, ContactPatch<T>& patch, const LiveSlots<T>& slots) LOCKSTEP_INLINED {
-    const std::ptrdiff_t row = (&pair - t.contacts.pairs.data) * batch.stride;
+    const std::ptrdiff_t row = pair.contact * batch.stride;
     patch.friction = frictions ? T::load(frictions + row) : T(pair.friction);
+    patch.restitution = restitutions ? T::load(restitutions + row) : T(pair.restitution);
     const RelativeTwist<T> start = twist_of(t, pair, x, x.held.start);
     const RelativeTwist<T> without = known ? twist_of(t, pair, x, free) : start;
     const PairResponse<T> response(t, pair, x);
     for (ContactSlot<T>& slot : slots) {
       slot_speed(slot, without, slot.free);
-      if (t.solves_midpoint && pair.restitution > ScalarOf<T>(0))
-        slot_speed(slot, twist_of(t, pair, x, x.midpoint.end), slot.speed);
+      if (t.solves_midpoint && pair.bounces) slot_speed(slot, twist_of(t, pair, x, x.midpoint.end), slot.speed);
       begin_slot(t, pair, patch, start, response, slot);
       if (!known) continue;
       contact_force(slot, patch.friction, slot.free, slot.force);

@@ -14,7 +14,8 @@ struct ContactForce {
   typename T::Mask sticks, slides;  // lanes; elsewhere the slot is off
 };
 
-/// A collider in the world. Half-spaces are solid below the plane z = 0 of their own frame; capsules lie along z.
+/// A collider in the world. Half-spaces are solid below the plane z = 0 of their own frame; capsules lie along z. A
+/// height field has cells per metre along x and y, and its largest height, in place of sizes.
 template <class T>
 struct PlacedShape {
   Mat3<T> rotation;
@@ -31,6 +32,9 @@ struct MovingCollider {
   PlacedShape<T> shape;
   Vec3<T> place;  // of its body, whose origin has the velocity `linear`
   Vec3<T> angular, linear;
+  T reach;                      // radius of a sphere about its centre that holds it
+  T half[3];                    // half the edges of a box about its centre, along its axes, that holds it
+  T scale[3];                   // of a hull, where sizes differ
   T stretch, span, other_span;  // (M161)
 
   LOCKSTEP_INLINE Vec3<T> velocity_at(const Vec3<T>& point) const { return cross_add(angular, point - place, linear); }
@@ -99,7 +103,7 @@ struct ContactPatch {
   Vec3<T> kept_normal, kept_tangent;  // axes of the memory in the world (state)
   // By how much it is elsewhere, in the frame of the contact, about its centre (M111); what of it may be rounding.
   Vec3<T> drift_turning, drift_moving, kept_turning, kept_moving;
-  T friction;
+  T friction, restitution;
 };
 
 /// What the rounds of a call of step() have done, summed over its steps: what Quantity::solve_counts shows.
@@ -131,6 +135,8 @@ template <class T>
 struct Contacts {
   Motion<T> motion;
   MovingCollider<T>* collider;  // [colliders]
+  T* own_place;                 // [4 * colliders] where places differ: Parameter::collider_place
+  T* own_size;                  // [3 * colliders] where sizes differ: as PlacedShape::size; of a hull, its scale
   ContactPatch<T>* patch;       // [pairs]
   int* near_pairs;              // [pairs] those with a slot that is live in some lane, in the plan's order
   int near_count = 0;
@@ -161,6 +167,8 @@ struct Contacts {
     const int n = t.rounds.columns.n;
     motion.arrays(t, take);
     take("contacts.collider", collider, c.colliders.count);
+    take("contacts.own_place", own_place, c.places(t));
+    take("contacts.own_size", own_size, t.declares(Parameter::collider_size) ? 3 * c.colliders.count : 0);
     take("contacts.patch", patch, c.pairs.count);
     take("contacts.near_pairs", near_pairs, c.pairs.count);
     take("contacts.listed_pairs", listed_pairs, c.pairs.count);

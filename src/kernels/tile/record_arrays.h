@@ -31,10 +31,10 @@ struct Records {
   typename T::Mask* searched;  // [limited servos] lanes in which its stages have left the servo to the search
   T* peak_effort;              // [joints] largest size in this call
   T* effort_sum;               // [joints] over the steps of this call
-  ContactHistory<T>* contact;  // [pairs]
+  ContactHistory<T>* contact;  // [contacts]
   T* before;                   // [velocities] at the start of the step
   T* acceleration;             // [velocities] mean over the step
-  Vec3<T>* pair_force;         // [pairs] of contact, over the step, in the world
+  Vec3<T>* pair_force;         // [contacts] of contact, over the step, in the world
   Vec3<T>* pair_moment;        // the same about the world's origin
   T steps;                     // good ones of this call
 
@@ -46,13 +46,13 @@ struct Records {
     take("records.searched", searched, solved > 0 ? t.limited_servos.count : 0);
     take("records.peak_effort", peak_effort, joints, Lifetime::state);
     take("records.effort_sum", effort_sum, joints, Lifetime::state);
-    take("records.contact", contact, t.record_contacts ? t.contacts.pairs.count : 0, Lifetime::state);
+    take("records.contact", contact, t.record_contacts ? t.contacts.contacts.count : 0, Lifetime::state);
     const int velocities = t.record_accelerations ? t.velocities : 0;
-    const int pairs = t.record_accelerations ? t.contacts.pairs.count : 0;
+    const int contacts = t.record_accelerations ? t.contacts.contacts.count : 0;
     take("records.before", before, velocities);
     take("records.acceleration", acceleration, velocities, Lifetime::state);
-    take("records.pair_force", pair_force, pairs, Lifetime::state);
-    take("records.pair_moment", pair_moment, pairs, Lifetime::state);
+    take("records.pair_force", pair_force, contacts, Lifetime::state);
+    take("records.pair_moment", pair_moment, contacts, Lifetime::state);
   }
 };
 

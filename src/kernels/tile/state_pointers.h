@@ -93,9 +93,9 @@ inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const 
   const int reported = t.record_diagnostics ? t.reported.count : 0, energies = t.record_diagnostics ? 4 : 0;
   const int remembered = t.contacts.remembered(t), counts = t.counts_solves() ? solve_count_rows : 0;
   const int efforts = t.record_efforts ? drive_effort_rows * n : 0;
-  const int history = t.record_contacts ? contact_history_rows * t.contacts.pairs.count : 0;
+  const int history = t.record_contacts ? contact_history_rows * t.contacts.contacts.count : 0;
   const int accelerations = t.record_accelerations ? n + 6 * roots : 0;
-  const int wrenches = t.record_accelerations ? 6 * t.contacts.pairs.count : 0;
+  const int wrenches = t.record_accelerations ? 6 * t.contacts.contacts.count : 0;
   act(BatchBlock{"fault", state, 1, 1}, all.fault...);
   act(BatchBlock{"fault place", state, 1, 0}, all.place...);
   act(BatchBlock{"steps", state, 1, 2}, all.steps...);

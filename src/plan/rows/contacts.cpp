@@ -15,6 +15,7 @@ constexpr double slack_share = 2e-4;      // of the smaller one's reach: section
 
 PairKind kind_of_pair(ShapeKind first, ShapeKind second) {
   using enum ShapeKind;
+  if (first == height_field) return PairKind::height_field;
   struct Own {
     ShapeKind first, second;
     PairKind kind;
@@ -41,7 +42,7 @@ PairKind kind_of_pair(ShapeKind first, ShapeKind second) {
 double inner_radius(const ColliderPlace<double>& collider, const ContactTables<double>& t) {
   switch (collider.kind) {
     case ShapeKind::hull: {
-      const HullTable<double> hull = hull_of(t, collider.hull);
+      const HullTable<double> hull = hull_of(t, collider.table);
       double least = infinity;
       for (int face = 0; face < hull.faces; ++face) {
         const int corner = static_cast<int>(hull.face_corner[0][face]);
@@ -86,7 +87,7 @@ void put_hull(const Shape& shape, ColliderPlace<double>& collider, std::vector<H
   collider.size[0] = shape.size[0];
   collider.reach = corners.colwise().norm().maxCoeff() + shape.size[0];
   for (int k = 0; k < 3; ++k) collider.half[k] = corners.row(k).cwiseAbs().maxCoeff() + shape.size[0];
-  collider.hull = static_cast<int>(hulls.size());
+  collider.table = static_cast<int>(hulls.size());
 
   std::vector<std::vector<int>> faces;
   std::size_t most = 0;
@@ -104,6 +105,46 @@ void put_hull(const Shape& shape, ColliderPlace<double>& collider, std::vector<H
     for (const std::vector<int>& face : faces) numbers.push_back(face[std::min(c, face.size() - 1)]);
 }
 
+// The largest number within `reach` columns and rows of each.
+Eigen::MatrixXd largest_within(const Eigen::MatrixXd& numbers, const int (&reach)[2]) {
+  Eigen::MatrixXd largest = numbers;
+  for (int axis = 0; axis < 2; ++axis) {
+    const Eigen::MatrixXd before = largest;
+    const Eigen::Index count = axis == 0 ? before.cols() : before.rows();
+    const auto line = [&](auto& matrix, Eigen::Index i) {
+      return axis == 0 ? Eigen::MatrixXd(matrix.col(i)) : Eigen::MatrixXd(matrix.row(i));
+    };
+    for (Eigen::Index i = 0; i < count; ++i) {
+      Eigen::MatrixXd most = line(before, i);
+      for (Eigen::Index j = std::max<Eigen::Index>(0, i - reach[axis]); j < std::min(count, i + reach[axis] + 1); ++j)
+        most = most.cwiseMax(line(before, j));
+      if (axis == 0) largest.col(i) = most;
+      if (axis == 1) largest.row(i) = most;
+    }
+  }
+  return largest;
+}
+
+// `reach`: of the largest collider that may touch it.
+void put_heights(const Shape& shape, double reach, ColliderPlace<double>& collider,
+                 std::vector<HeightStructure>& fields, std::vector<double>& numbers) {
+  const Eigen::MatrixXd& heights = shape.heights;
+  const Eigen::Index cells[2] = {heights.cols() - 1, heights.rows() - 1};
+  int around[2];
+  for (int k = 0; k < 2; ++k) {
+    collider.size[k] = static_cast<double>(cells[k]) / shape.size[k];
+    around[k] = static_cast<int>(std::min(std::ceil(reach * collider.size[k]) + 2.0, static_cast<double>(cells[k])));
+  }
+  collider.size[2] = heights.maxCoeff();
+  collider.table = static_cast<int>(fields.size());
+  fields.push_back(
+      {static_cast<int>(heights.cols()), static_cast<int>(heights.rows()), static_cast<int>(numbers.size())});
+  const Eigen::MatrixXd most = largest_within(heights, around);
+  for (const Eigen::MatrixXd* matrix : {&heights, &most})
+    for (Eigen::Index row = 0; row < matrix->rows(); ++row)
+      for (Eigen::Index column = 0; column < matrix->cols(); ++column) numbers.push_back((*matrix)(row, column));
+}
+
 BodyPlace place_of(const Program& program, const Collider& collider) {
   return place_of(program, collider.link, Eigen::Isometry3d(collider.pose));
 }
@@ -118,10 +159,12 @@ ColliderPlace<double> placed(const Program& program, const Collider& collider) {
   ColliderPlace<double> result{};
   result.body = place.body;
   result.kind = collider.shape.kind;
+  result.scanned = result.body < 0 && (is_ground(result.kind) || result.kind == ShapeKind::box);
   put_pose(place.pose, result.rotation, result.offset);
   const Eigen::Vector3d& size = collider.shape.size;
   switch (collider.shape.kind) {
-    case ShapeKind::half_space: break;
+    case ShapeKind::half_space:
+    case ShapeKind::height_field: break;  // by put_heights()
     case ShapeKind::box:
       for (int k = 0; k < 3; ++k) result.size[k] = result.half[k] = 0.5 * size[k];
       result.reach = 0.5 * size.norm();
@@ -172,17 +215,29 @@ void lay_out_contacts(Program& program) {
   if (program.contacts.pairs.empty() || !t.rounds.used()) return;  // smooth integrators refuse them later
   std::vector<ColliderPlace<double>> colliders;
   std::vector<HullStructure> hulls;
-  std::vector<double> hull_numbers;
+  std::vector<HeightStructure> fields;
+  std::vector<double> numbers;
   for (const Collider& collider : program.model.colliders) {
     colliders.push_back(placed(program, collider));
-    if (collider.shape.kind == ShapeKind::hull) put_hull(collider.shape, colliders.back(), hulls, hull_numbers);
+    if (collider.shape.kind == ShapeKind::hull) put_hull(collider.shape, colliders.back(), hulls, numbers);
+  }
+  for (std::size_t c = 0; c < colliders.size(); ++c) {
+    if (colliders[c].kind != ShapeKind::height_field) continue;
+    double reach = 0.0;
+    for (const ColliderPair& pair : program.contacts.pairs)
+      if (pair.first == static_cast<int>(c))
+        reach = std::max(reach, colliders[static_cast<std::size_t>(pair.second)].reach);
+    if (t.declares(Parameter::collider_size)) reach *= most_growth;
+    put_heights(program.model.colliders[c].shape, reach, colliders[c], fields, numbers);
   }
   t.contacts.hulls = program.storage.keep(std::move(hulls));
-  t.contacts.hull_numbers = program.storage.keep(std::move(hull_numbers));
+  t.contacts.height_fields = program.storage.keep(std::move(fields));
+  t.contacts.shape_numbers = program.storage.keep(std::move(numbers));
   std::vector<TouchingPair<double>> pairs;
   std::vector<PairColumn> columns;
   std::vector<ColumnPart> parts;
   std::vector<int> entries;
+  std::vector<PairRange> contacts;
   int slots = 0;
   for (const ColliderPair& from : program.contacts.pairs) {
     // Shapes, and the slots that they need.
@@ -191,10 +246,9 @@ void lay_out_contacts(Program& program) {
     pair.kind = kind_of_pair(program.model.colliders[static_cast<std::size_t>(from.first)].shape.kind,
                              program.model.colliders[static_cast<std::size_t>(from.second)].shape.kind);
     pair.slot = slots, pair.slots = slots_of(pair.kind);
-    slots += pair.slots;
     const ColliderPlace<double>&one = colliders[static_cast<std::size_t>(pair.first)],
           &other = colliders[static_cast<std::size_t>(pair.second)];
-    pair.slack = slack_share * (one.kind == ShapeKind::half_space ? other.reach : std::min(one.reach, other.reach));
+    pair.slack = slack_share * (is_ground(one.kind) ? other.reach : std::min(one.reach, other.reach));
     pair.by_boxes = is_convex(pair.kind) || pair.kind == PairKind::box_box || pair.kind == PairKind::box_capsule;
     if (is_convex(pair.kind)) {
       pair.memory = t.contacts.convex++;
@@ -218,20 +272,33 @@ void lay_out_contacts(Program& program) {
 
     // Friction, bounce, rate and compliance (M104).
     pair.friction = from.friction, pair.restitution = from.restitution;
-    t.contacts.bounces = t.contacts.bounces || from.restitution > 0.0;
+    pair.bounces = from.restitution > 0.0 || t.declares(Parameter::contact_restitution);
+    t.contacts.bounces = t.contacts.bounces || pair.bounces;
     const RowSoftness<double> softness = row_softness(program, from.softness, program.settings.dt, 1);
     pair.rate = softness.rate, pair.cfm = softness.cfm, pair.soft = !is_hard(from.softness);
     pair.cfm_per_response = is_hard(from.softness) ? hard_compliance : softness.cfm_per_response;
-    pairs.push_back(pair);
 
-    // The pair as users named it.
+    // A pair for each of its points, with columns of its own: each has another frame.
+    const int points = points_of(pair.kind, other.kind), first_slot = pair.slot;
+    pair.contact = static_cast<int>(contacts.size());
+    contacts.push_back({static_cast<int>(pairs.size()), static_cast<int>(pairs.size()) + points});
+    for (pair.point = 0; pair.point < points; ++pair.point) {
+      pair.slot = slots, slots += pair.slots;
+      pairs.push_back(pair);
+      pair.column = static_cast<int>(columns.size());
+      for (int k = 0; k < pair.columns && pair.point + 1 < points; ++k)
+        columns.push_back(columns[static_cast<std::size_t>(pairs.back().column + k)]);
+    }
+
+    // The contact as users named it.
     const int named_first = from.swapped ? from.second : from.first,
               named_second = from.swapped ? from.first : from.second;
-    program.plan_contacts.push_back({pair_name(program.model, from), named_first, named_second, pair.slot, pair.slots,
-                                     from.friction, from.restitution});
+    program.plan_contacts.push_back({pair_name(program.model, from), named_first, named_second, first_slot,
+                                     slots - first_slot, from.friction, from.restitution});
   }
 
   t.contacts.slots = slots;
+  t.contacts.contacts = program.storage.keep(std::move(contacts));
   t.contacts.colliders = program.storage.keep(std::move(colliders));
   t.contacts.pairs = program.storage.keep(std::move(pairs));
   t.contacts.columns = program.storage.keep(std::move(columns));

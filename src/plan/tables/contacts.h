@@ -14,6 +14,7 @@ enum class PairKind : int {
   half_space_capsule,
   half_space_ellipsoid,
   half_space_sphere,
+  height_field,  ///< of any kind: one point of it
   box_box,
   box_capsule,
   box_sphere,
@@ -41,10 +42,23 @@ constexpr int slots_of(PairKind kind) {
   }
 }
 
+/// The pairs of one contact: a height field touches points, each with a normal of its own.
+constexpr int points_of(PairKind kind, ShapeKind second) {
+  if (kind != PairKind::height_field) return 1;
+  switch (second) {
+    case ShapeKind::sphere: return 2;
+    case ShapeKind::ellipsoid: return 1;
+    case ShapeKind::cylinder: return 6;
+    default: return 4;
+  }
+}
+
 /// Whether the pair remembers how its shapes were apart: kernels/contacts/gjk.h.
 constexpr bool is_convex(PairKind kind) { return kind >= PairKind::convex_faces; }
 
 constexpr int most_slots = 4;  ///< of a pair
+
+constexpr double most_growth = 10.0;  ///< of a collider's size
 
 constexpr int most_face_corners = 8;  ///< of a hull's face: compile() leaves out the others
 
@@ -57,22 +71,36 @@ struct HullTable {
   const S* face_corner[most_face_corners] = {};  ///< the number of a corner, of each face
 };
 
-/// Where its numbers are in ContactTables::hull_numbers: corners x, y, z, normals x, y, z, then corners of faces.
+/// Where its numbers are in ContactTables::shape_numbers: corners x, y, z, normals x, y, z, then corners of faces.
 struct HullStructure {
   int corners, faces, face_corners;
+  int first;
+};
+
+/// Heights on a grid, and over each point of it the largest one that a collider above it can reach.
+template <class S>
+struct HeightTable {
+  int columns = 0, rows = 0;          ///< along x, along y
+  const S *heights = {}, *most = {};  ///< [rows * columns], a row with all columns first
+};
+
+/// Where its numbers are in ContactTables::shape_numbers: heights, then the largest ones.
+struct HeightStructure {
+  int columns, rows;
   int first;
 };
 
 struct ColliderStructure {
   int body;  ///< -1: it stands in the world
   ShapeKind kind;
-  int hull = -1;  ///< in ContactStructure::hulls
+  int table = -1;        ///< in ContactStructure::hulls, or in height_fields
+  bool scanned = false;  ///< stands still, and Quantity::height_scan sees it
 };
 template <class S>
 struct ColliderPlace : ColliderStructure {
   S rotation[9];  ///< collider coordinates to body coordinates, or to the world's, row-major
   S offset[3];
-  S size[3];  ///< as in kernels/contacts/shapes.h
+  S size[3];  ///< as in kernels/tile/contact_arrays.h
   S reach;    ///< radius of a sphere about its centre that holds it; 0 for a half-space
   S half[3];  ///< half the edges of a box about its centre, along its axes, that holds it; 0 for a half-space
 
@@ -83,15 +111,18 @@ struct ColliderPlace : ColliderStructure {
   }
 };
 
-/// Two colliders that may touch, in the order of PairKind.
+/// Two colliders that may touch, in the order of PairKind. Contacts with a height field are a pair for each point.
 struct TouchingStructure {
   PairKind kind;
   int first, second;  ///< colliders
+  int contact;        ///< in Plan::contacts()
+  int point = 0;      ///< of those that touch a height field
   int slot, slots;
   int column, columns;  ///< in ContactStructure::columns
   int entry;            ///< in ContactStructure::entries: of A_r, by column and column up to that one
   int memory = -1;      ///< in Contacts::convex
   bool soft;            ///< its compliance is stated, so an overlap has a force of its own
+  bool bounces;         ///< may have a restitution
   bool by_boxes;        ///< costs enough for boxes about its colliders to be looked at first
 };
 template <class S>
@@ -109,11 +140,18 @@ struct TouchingPair : TouchingStructure {
   }
 };
 
+/// Of a contact, as in Plan::contacts(): its pairs, which all have the same colliders.
+struct PairRange {
+  int first, last;
+};
+
 struct ContactStructure {
+  Span<PairRange> contacts;
   Span<PairColumn> columns;
   Span<ColumnPart> parts;
   Span<int> entries;
   Span<HullStructure> hulls;
+  Span<HeightStructure> height_fields;
   int slots = 0;
   int convex = 0;  ///< pairs that are convex
   int passes = 0, rounds = 0;
@@ -123,7 +161,7 @@ template <class S>
 struct ContactTables : ContactStructure {
   Span<ColliderPlace<S>> colliders;
   Span<TouchingPair<S>> pairs;
-  Span<S> hull_numbers;
+  Span<S> shape_numbers;
   S tolerance = 0;  ///< of a solve
   inline __attribute__((always_inline)) bool used() const { return pairs.count > 0; }
   /// Rows of a batch that remember contacts (kernels/contacts/memory.h): of slots, of pairs, the solver's velocities,
@@ -132,7 +170,7 @@ struct ContactTables : ContactStructure {
   static constexpr int rows_of_slot = 4, rows_of_pair = 15, rows_of_convex = 6;
   template <class Structure>
   inline __attribute__((always_inline)) int remembered(const Structure& t) const {
-    return used() ? remembered_state(t) + t.joints + t.velocities + 7 * t.roots.count + 1 : 0;
+    return used() ? remembered_state(t) + t.joints + t.velocities + 7 * t.roots.count + places(t) + 1 : 0;
   }
   /// The first row of the state.
   template <class Structure>
@@ -141,10 +179,16 @@ struct ContactTables : ContactStructure {
            t.limited_servos.count + (t.guarded ? 1 : 0);
   }
 
+  /// Rows of where colliders stand, if that may differ.
+  template <class Structure>
+  inline __attribute__((always_inline)) int places(const Structure& t) const {
+    return t.declares(Parameter::collider_place) ? 4 * colliders.count : 0;
+  }
+
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
     visit(from.colliders, to.colliders), visit(from.pairs, to.pairs), visit(from.tolerance, to.tolerance);
-    visit(from.hull_numbers, to.hull_numbers);
+    visit(from.shape_numbers, to.shape_numbers);
   }
 };
 
@@ -152,11 +196,18 @@ template <class S>
 inline __attribute__((always_inline)) HullTable<S> hull_of(const ContactTables<S>& t, int hull) {
   const HullStructure& at = t.hulls[hull];
   HullTable<S> table{at.corners, at.faces, at.face_corners};
-  const S* next = &t.hull_numbers[at.first];
+  const S* next = &t.shape_numbers[at.first];
   for (int k = 0; k < 3; ++k, next += at.corners) table.corner[k] = next;
   for (int k = 0; k < 3; ++k, next += at.faces) table.normal[k] = next;
   for (int c = 0; c < at.face_corners; ++c, next += at.faces) table.face_corner[c] = next;
   return table;
+}
+
+template <class S>
+inline __attribute__((always_inline)) HeightTable<S> height_field_of(const ContactTables<S>& t, int field) {
+  const HeightStructure& at = t.height_fields[field];
+  const S* const heights = &t.shape_numbers[at.first];
+  return {at.columns, at.rows, heights, heights + at.columns * at.rows};
 }
 
 }  // namespace lockstep

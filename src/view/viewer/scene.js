@@ -17,7 +17,26 @@ export const roles = {
 
 const style = (variable) => new THREE.Color(colour_now(variable));
 
-function geometry_of({ kind, size: [x, y, z], points }) {
+// Two triangles a cell, cut from its corner of least x and y.
+function terrain_of(heights, x, y) {
+  const rows = heights.length, columns = heights[0].length, points = [], corners = [];
+  heights.forEach((row, j) => row.forEach((height, i) =>
+    points.push(x * (i / (columns - 1) - 0.5), y * (j / (rows - 1) - 0.5), height)));
+  for (let j = 0; j < rows - 1; ++j)
+    for (let i = 0; i < columns - 1; ++i) {
+      const at = j * columns + i, across = at + columns + 1;
+      corners.push(at, at + 1, across, at, across, at + columns);
+    }
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute('position', new THREE.Float32BufferAttribute(points, 3));
+  geometry.setIndex(corners);
+  const flat = geometry.toNonIndexed();
+  flat.computeVertexNormals();
+  return flat;
+}
+
+function geometry_of({ kind, size: [x, y, z], points, heights }) {
+  if (kind === 'height_field') return terrain_of(heights, x, y);
   if (kind === 'hull') return new ConvexGeometry(points.map((point) => new THREE.Vector3(...point)));
   if (kind === 'box') return new THREE.BoxGeometry(x, y, z);
   if (kind === 'sphere') return new THREE.SphereGeometry(x, 32, 20);
