@@ -6,10 +6,12 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass, field
-from typing import Any, Dict, Iterable, List, Optional, Sequence, SupportsFloat, SupportsIndex, TypeVar, Union, overload
+from typing import (TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence, SupportsFloat, SupportsIndex, TypeVar,
+                    Union, overload)
 
-import numpy as np
-import numpy.typing as npt
+if TYPE_CHECKING:  # numpy cannot come before what refuses a second interpreter
+    import numpy as np
+    import numpy.typing as npt
 
 infinity = math.inf
 

@@ -33,7 +33,7 @@ def test_it_learns_and_writes_its_page(name, tmp_path):
 def test_the_reach_alone_brings_the_open_hand_around_the_cube_and_does_not_lift_it():
     import lift
 
-    env = lift.Lift(0.04, 8, seed=1, threads=1)
+    env = lift.Lift(np.full(8, 0.04), seed=1, threads=1)
     env.reset()
     for _ in range(50):
         env.step(np.tile(np.float32([0, 0, 0, 0, -1]), (8, 1)))
@@ -45,7 +45,7 @@ def test_a_hand_that_closes_and_rises_holds_the_cube_of_each_size():
     import lift
 
     for size in lift.SIZES:
-        env = lift.Lift(size, 8, seed=1, threads=1)
+        env = lift.Lift(np.full(8, size), seed=1, threads=1)
         env.reset()
         for step in range(lift.CONTROL_STEPS - 1):
             shut, up = step > 20, step > 30

@@ -126,22 +126,20 @@ void require_recorded(const Tables<double>& t, Quantity quantity) {
 
 void require_points(const Program& program, const Query& query) {
   const bool scans = query.quantity == Quantity::height_scan;
-  const std::string element = std::string("query ") + to_string(query.quantity);
-  if (!scans && !query.points.empty())
-    throw UsageError(element, "has points, which it does not take", "leave them out");
+  const auto refuse = [&](const std::string& rule, const char* remedy) {
+    throw UsageError(std::string("query ") + to_string(query.quantity), rule, remedy);
+  };
+  if (!scans && !query.points.empty()) refuse("has points, which it does not take", "leave them out");
   if (!scans) return;
-  if (query.points.empty()) throw UsageError(element, "has no points", "give x and y of each in Query::points");
+  if (query.points.empty()) refuse("has no points", "give x and y of each in Query::points");
   for (const auto& [x, y] : query.points)
-    if (!std::isfinite(x) || !std::isfinite(y))
-      throw UsageError(element, "has a point that is not finite", "give x and y in m");
+    if (!std::isfinite(x) || !std::isfinite(y)) refuse("has a point that is not finite", "give x and y in m");
   const ContactTables<double>& contacts = program.f64.contacts;
-  if (!contacts.used()) throw UsageError(element, "needs a plan with contacts", "let something touch the ground");
+  if (!contacts.used()) refuse("needs a plan with contacts", "let something touch the ground");
   for (int c = 0; c < contacts.colliders.count; ++c)
     if (contacts.colliders[c].kind == ShapeKind::height_field && contacts.colliders[c].rotation[8] < 1.0 - 1e-9)
-      throw UsageError(
-          element,
-          "cannot see height field '" + program.model.colliders[static_cast<std::size_t>(c)].name + "', which leans",
-          "put the slope into its heights");
+      refuse("cannot see height field '" + program.model.colliders[static_cast<std::size_t>(c)].name + "', which leans",
+             "put the slope into its heights");
 }
 
 }  // namespace

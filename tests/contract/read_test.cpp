@@ -197,7 +197,7 @@ TEST(Read, refuses_elements_scales_and_memory_that_are_none_and_writes_nothing) 
   refused({Quantity::site_position, {0, 3}}, "element 3 of query site_position");
   refused({Quantity::root_velocity, {1}}, "give 0 to 0");
   refused({Quantity::kinetic_energy, {1}}, "element 1");
-  refused({Quantity(static_cast<int>(Quantity::joint_wrench) + 1)}, "none of the enumerators");
+  refused({Quantity(static_cast<int>(Quantity::height_scan) + 1)}, "none of the enumerators");
   refused({Quantity(-1)}, "none of the enumerators");
   refused({Quantity::position, {}, std::nan("")}, "give a finite number");
   const Query positions[] = {{Quantity::position}};

@@ -67,10 +67,12 @@ class Walk(VectorEnv):
         terms = {"gravity": (gravity, 0.05, 1), "twist": ("root_twist", 0.1, 1), "q": (joints, 0.02, 1),
                  "qd": ("qd", 1.0, 0.1), "actions": (lambda env: env.actions, 0, 1),
                  "command": (lambda env: env.command, 0, 1), "clock": (clock, 0, 1)}  # what, noise, scale
-        if scan:
-            terms["scan"] = (ls.Query("height_scan", [trunk], points=scan), 0.02, 1)
         noisy = {name: Term(what, scale, noise=Uniform(-noise, noise)) for name, (what, noise, scale) in terms.items()}
         clean = {name: Term(what, scale) for name, (what, _, scale) in terms.items()}
+        if scan:  # infinite beyond the edge of the ground
+            around = ls.Query("height_scan", [trunk], points=scan)
+            noisy["scan"] = Term(around, clip=(-1, 1), noise=Uniform(-0.02, 0.02))
+            clean["scan"] = Term(around, clip=(-1, 1))
         super().__init__(
             plan, num_envs, decimation=SUBSTEPS, actions={"scale": SCALE},
             start=ls.Start(model.poses[0].name, position=0.1, velocity=0.5,
