@@ -78,7 +78,7 @@ struct InverseDynamics {
     }
     for (int c = 0; c < t.contacts.contacts.count; ++c) {
       const TouchingPair<ScalarOf<T>>& pair = t.contacts.pairs[t.contacts.contacts[c].first];
-      const Vec3<T>&outer = x.records.pair_force[c], &torque = x.records.pair_moment[c];
+      const Vec3<T>&outer = x.records.contact_force[c], &torque = x.records.contact_moment[c];
       act(m, t.contacts.colliders[pair.second].body, none, outer, torque);
       act(m, t.contacts.colliders[pair.first].body, none, none - outer, none - torque);
     }

@@ -1,9 +1,9 @@
 // What plans record over the steps of a call: efforts of drives, accelerations, history of contacts.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows of a batch: by dof the effort of the last step, the largest and the mean of the call; by pair of colliders a
+// Rows of a batch: by dof the effort of the last step, the largest and the mean of the call; by contact a
 // ContactHistory, in which the sum of the forces has become their mean; by dof, then by floating root, accelerations,
-// and by pair the wrench about the world's origin, of the last step.
+// and by contact the wrench about the world's origin, of the last step.
 #pragma once
 
 #include "kernels/contacts/readback.h"
@@ -71,7 +71,7 @@ void add_accelerations(const Tables<ScalarOf<T>>& t, typename T::Mask good, Tile
       moment = cross_add(point_of_slot(patch, slot), own, moment);
       force = force + own;
     });
-    x.records.pair_force[c] = force, x.records.pair_moment[c] = moment;
+    x.records.contact_force[c] = force, x.records.contact_moment[c] = moment;
   }
 }
 
@@ -104,8 +104,8 @@ LOCKSTEP_INLINE void each_acceleration(const Tables<ScalarOf<T>>& t, const State
       act(x.records.acceleration[t.roots[r].velocity + i], batch.acceleration + (t.joints + 6 * r + i) * stride);
   for (int p = 0; p < t.contacts.contacts.count; ++p)
     for (int i = 0; i < 3; ++i) {
-      act(x.records.pair_force[p][i], batch.pair_wrench + (6 * p + i) * stride);
-      act(x.records.pair_moment[p][i], batch.pair_wrench + (6 * p + 3 + i) * stride);
+      act(x.records.contact_force[p][i], batch.contact_wrench + (6 * p + i) * stride);
+      act(x.records.contact_moment[p][i], batch.contact_wrench + (6 * p + 3 + i) * stride);
     }
 }
 

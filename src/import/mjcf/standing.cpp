@@ -111,18 +111,18 @@ class Stand {
       const Collider& collider = model_.colliders[c];
       const Isometry3d pose = pose_[link_[c]] * collider.pose;
       const Vector3d down = pose.linear().transpose() * down_;
-      for (const Vector3d& point : lowest_points(collider.shape, down))
+      for (const Vector3d& point : lowest_points(collider.shape, down)) {
         points.push_back({c, pose * point, down_.dot(pose * point)});
+        lowest = std::max(lowest, points.back().depth);
+      }
       for (const Vector3d& point : lowest_points(collider.shape, -down))
         highest = std::min(highest, down_.dot(pose * point));
-      for (const StandingPoint& point : points) lowest = std::max(lowest, point.depth);
     }
     std::erase_if(points, [&](const StandingPoint& p) { return p.depth < lowest - level * (lowest - highest); });
-    for (StandingPoint& point : points) {
-      const auto of_collider = std::count_if(
-          points.begin(), points.end(), [&](const StandingPoint& other) { return other.collider == point.collider; });
-      point.weight = std::min(1.0, points_of_collider / static_cast<double>(of_collider));
-    }
+    std::vector<int> count(model_.colliders.size(), 0);
+    for (const StandingPoint& point : points) ++count[point.collider];
+    for (StandingPoint& point : points)
+      point.weight = std::min(1.0, points_of_collider / static_cast<double>(count[point.collider]));
     return points;
   }
 

@@ -34,8 +34,8 @@ struct Records {
   ContactHistory<T>* contact;  // [contacts]
   T* before;                   // [velocities] at the start of the step
   T* acceleration;             // [velocities] mean over the step
-  Vec3<T>* pair_force;         // [contacts] of contact, over the step, in the world
-  Vec3<T>* pair_moment;        // the same about the world's origin
+  Vec3<T>* contact_force;      // [contacts] of contact, over the step, in the world
+  Vec3<T>* contact_moment;     // the same about the world's origin
   T steps;                     // good ones of this call
 
   template <class Take>
@@ -51,8 +51,8 @@ struct Records {
     const int contacts = t.record_accelerations ? t.contacts.contacts.count : 0;
     take("records.before", before, velocities);
     take("records.acceleration", acceleration, velocities, Lifetime::state);
-    take("records.pair_force", pair_force, contacts, Lifetime::state);
-    take("records.pair_moment", pair_moment, contacts, Lifetime::state);
+    take("records.contact_force", contact_force, contacts, Lifetime::state);
+    take("records.contact_moment", contact_moment, contacts, Lifetime::state);
   }
 };
 

@@ -68,7 +68,7 @@ struct BatchRows {
   Rows<S> drive_effort{};                  ///< drive_effort_rows by dof, if recorded: see kernels/records.h
   Rows<S> contact_history{};               ///< contact_history_rows by pair, the same
   Rows<S> acceleration{};                  ///< by dof, then 6 by floating root, the same
-  Rows<S> pair_wrench{};                   ///< 6 by pair: force, moment about the world's origin, the same
+  Rows<S> contact_wrench{};                ///< 6 by contact: force, moment about the world's origin, the same
   Rows<S> contact_memory{};                ///< see ContactTables::remembered()
   Rows<S> solve_counts{};                  ///< see SolveCounts, of the last call of step()
   Rows<Fault> fault{};
@@ -123,7 +123,7 @@ inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const 
   act(BatchBlock{"drive effort", memory, efforts, efforts}, all.drive_effort...);
   act(BatchBlock{"contact history", memory, history, 2 * history}, all.contact_history...);
   act(BatchBlock{"acceleration", memory, accelerations, accelerations}, all.acceleration...);
-  act(BatchBlock{"wrenches of pairs", memory, wrenches, wrenches}, all.pair_wrench...);
+  act(BatchBlock{"wrenches of pairs", memory, wrenches, wrenches}, all.contact_wrench...);
   act(BatchBlock{"impulse", result, impulses, impulses}, all.impulse...);
   act(BatchBlock{"loop force", memory, 6 * t.loops.loops.count, 6 * t.loops.loops.count}, all.loop_force...);
   act(BatchBlock{"residual", result, reported, reported}, all.residual...);
