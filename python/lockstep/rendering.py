@@ -25,8 +25,8 @@ class Renderer:
         with lockstep.rendering.Renderer(batch, [0, 3]) as renderer:
             first, second = renderer.frames()
 
-    size: width and height in pixels, 16 to 4096. visual_meshes: as in a Recording. The view is set by where the environments are when this is made. It
-    follows where all roots float. Chromium is the file that the environment variable CHROME names, else chromium,
+    size: width and height in pixels, 16 to 4096. visual_meshes: as in a Recording. The view is set by where the
+    environments are when this is made. It follows where all roots float. Chromium is the file that the environment variable CHROME names, else chromium,
     chromium-browser or google-chrome on the PATH. Raises UsageError without one, without the viewer in this build, and
     for environments that the batch does not have. It is not thread-safe, as the batch is not."""
 
