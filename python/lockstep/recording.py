@@ -31,7 +31,8 @@ class Recording:
 
     The first frame is taken when it is made. A frame holds poses, forces of contacts, joint positions, coupling errors
     and energies as they are then, whatever was written to the batch. visual_meshes: what links are drawn as, such as
-    those of from_file(visual_meshes=True). Raises UsageError for environments that the batch does not have. It is not thread-safe, as the batch is not."""
+    those of from_file(visual_meshes=True). Raises UsageError for environments that the batch does not have. It is not
+    thread-safe, as the batch is not."""
 
     def __init__(self, batch: Batch, environments: Sequence[int] = (0,), visual_meshes: Sequence[VisualMesh] = ()) -> None:
         self._batch = batch

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <map>
 #include <vector>
@@ -13,15 +14,17 @@ namespace {
 constexpr Eigen::Index most_drawn = 20'000;  // triangles
 constexpr double first_cells = 256.0;        // along the longest side of a mesh
 constexpr double growth = 1.3;               // of cells, from try to try
+constexpr double least_size = 1e-9;          // m, of what has no extent
 
 // All vertices within a cell of a grid become their mean. Triangles of fewer than three cells vanish.
 Mesh clustered(const Mesh& mesh, double cell) {
   std::map<std::array<int, 3>, int> number_of;
   std::vector<int> cluster_of, members;
+  const Eigen::Vector3d corner = mesh.vertices.rowwise().minCoeff();
   Mesh result;
   result.vertices = Eigen::Matrix3Xd::Zero(3, mesh.vertices.cols());
   for (const auto& vertex : mesh.vertices.colwise()) {
-    const Eigen::Vector3i at = (vertex / cell).array().floor().cast<int>();
+    const Eigen::Vector3i at = ((vertex - corner) / cell).array().floor().cast<int>();
     const int next = static_cast<int>(members.size());
     const auto [found, is_new] = number_of.try_emplace({at[0], at[1], at[2]}, next);
     if (is_new) members.push_back(0);
@@ -42,7 +45,8 @@ Mesh clustered(const Mesh& mesh, double cell) {
 VisualMesh visual_of(const Solid& solid, const std::string& link, const Eigen::Isometry3d& pose, Report& report) {
   const Mesh whole = solid.surface();
   Mesh shown = whole;
-  for (double cell = solid.size() / first_cells; shown.triangles.cols() > most_drawn; cell *= growth)
+  for (double cell = std::max(solid.size(), least_size) / first_cells; shown.triangles.cols() > most_drawn;
+       cell *= growth)
     shown = clustered(whole, cell);
   report.remark("visual meshes, for pages alone", link);
   if (shown.triangles.cols() < whole.triangles.cols())
