@@ -239,6 +239,10 @@ struct Collider {
   /// they move would, and lose the share `erp` of an overlap per step.
   Softness softness = Hard{};
   std::string group = {};  ///< empty: in none
+  /// The largest moments about the normal and about the tangents over the normal force, m, >= 0. A pair has the larger
+  /// ones, and needs a `friction`, with which they share one cone: (M171) of docs/mathematics.md. A disc of radius r
+  /// that presses evenly has a torsional friction of two thirds of r times its `friction`.
+  double torsional_friction = 0.0, rolling_friction = 0.0;
 };
 
 /// Colliders that may touch: two of them, or all of a group with one or with all of another group, or with each other.
@@ -250,6 +254,7 @@ struct Contact {
   // have to agree.
   std::optional<double> friction = {}, restitution = {};
   std::optional<Softness> softness = {};
+  std::optional<double> torsional_friction = {}, rolling_friction = {};
 };
 
 /// Where a tree of links begins: at a link that no joint carries, bolted to the world or floating in it.

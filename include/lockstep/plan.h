@@ -53,6 +53,7 @@ struct PlanContact {
   int first, second;      ///< in Model::colliders
   int first_slot, slots;  ///< of Quantity::contact_point
   double friction, restitution;
+  double torsional_friction, rolling_friction;  ///< m
 };
 
 /// Something of the scene or its settings that keeps a method, an integrator or a part of a step from applying.

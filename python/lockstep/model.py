@@ -278,7 +278,9 @@ class Shape:
 @dataclass
 class Collider:
     """A solid on a link, or in the world if link is "". It touches what Model.contacts says. pose: in the link's
-    frame. friction: a pair has the geometric mean. restitution: 0 to 1, a pair has the larger. group: "" is none."""
+    frame. friction: a pair has the geometric mean. restitution: 0 to 1, a pair has the larger. group: "" is none.
+    torsional_friction, rolling_friction: the largest moments about normal and tangents over the normal force, m; a pair
+    has the larger ones, in one cone with its friction, which must not be 0 then."""
 
     name: str
     link: str
@@ -288,6 +290,8 @@ class Collider:
     restitution: float = 0.0
     softness: Softness = field(default_factory=Hard)
     group: str = ""
+    torsional_friction: float = 0.0
+    rolling_friction: float = 0.0
 
 
 @dataclass
@@ -299,6 +303,8 @@ class Contact:
     friction: Optional[float] = None
     restitution: Optional[float] = None
     softness: Optional[Softness] = None
+    torsional_friction: Optional[float] = None
+    rolling_friction: Optional[float] = None
 
     @property
     def name(self) -> str:

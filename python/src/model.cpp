@@ -247,6 +247,8 @@ Collider collider_of(const py::handle& from) {
   Collider collider;
   read(from, "name", collider.name), read(from, "link", collider.link), read(from, "group", collider.group);
   read(from, "friction", collider.friction), read(from, "restitution", collider.restitution);
+  read(from, "torsional_friction", collider.torsional_friction);
+  read(from, "rolling_friction", collider.rolling_friction);
   collider.pose = pose_of(from, "pose");
   collider.softness = softness_of(from, "softness");
   const py::object shape = from.attr("shape");
@@ -266,20 +268,24 @@ py::object collider_to_python(const Collider& c) {
       python_class("Shape")(to_string(c.shape.kind), tuple_of(c.shape.size),
                             tuple_of(Eigen::Matrix<double, Eigen::Dynamic, 3>(c.shape.points.transpose())),
                             tuple_of(c.shape.heights)),
-      tuple_of(c.pose.matrix()), c.friction, c.restitution, std::visit(SoftnessToPython{}, c.softness), c.group);
+      tuple_of(c.pose.matrix()), c.friction, c.restitution, std::visit(SoftnessToPython{}, c.softness), c.group,
+      c.torsional_friction, c.rolling_friction);
 }
 
 Contact contact_of(const py::handle& from) {
   Contact contact;
   read(from, "first", contact.first), read(from, "second", contact.second);
   read(from, "friction", contact.friction), read(from, "restitution", contact.restitution);
+  read(from, "torsional_friction", contact.torsional_friction);
+  read(from, "rolling_friction", contact.rolling_friction);
   if (!from.attr("softness").is_none()) contact.softness = softness_of(from, "softness");
   return contact;
 }
 
 py::object contact_to_python(const Contact& c) {
   const py::object softness = c.softness ? std::visit(SoftnessToPython{}, *c.softness) : py::none();
-  return python_class("Contact")(c.first, c.second, c.friction, c.restitution, softness);
+  return python_class("Contact")(c.first, c.second, c.friction, c.restitution, softness, c.torsional_friction,
+                                 c.rolling_friction);
 }
 
 NamedPose named_pose_of(const py::handle& from) {

@@ -100,6 +100,16 @@ def test_models_keep_their_colliders():
     assert plan.hash == ls.compile(model).hash != ls.compile(block(friction=0.7)).hash
 
 
+def test_friction_against_turning_is_part_of_the_plan():
+    model = block()
+    plain = ls.compile(model).hash
+    model.colliders["block"].torsional_friction = 0.01
+    torsional = ls.compile(model).hash
+    model.contacts[0].rolling_friction = 0.001
+    assert len({plain, torsional, ls.compile(model).hash}) == 3
+    assert ls.from_mjcf_text(ls.export_mjcf(model).text, colliders=True).contacts[0].rolling_friction == 0.001
+
+
 def test_shapes_of_a_file_become_colliders():
     model = ls.from_urdf(MODELS / "arm_gripper.urdf", colliders=True)
     assert model.colliders.names == ["palm", "left_tip", "right_tip", "box"]
@@ -127,6 +137,8 @@ def test_ends_of_chains_may_touch_the_ground():
     (lambda m: m.contacts.append(ls.Contact("floor", "block")), "floor-block", "twice"),
     (lambda m: setattr(m.colliders["block"], "friction", -1.0), "block", "friction"),
     (lambda m: setattr(m.colliders["block"], "restitution", 1.5), "block", "restitution"),
+    (lambda m: setattr(m.colliders["block"], "torsional_friction", -1.0), "block", "torsional friction"),
+    (lambda m: setattr(m.contacts[0], "rolling_friction", -1.0), "floor-block", "rolling friction"),
     (lambda m: setattr(m.colliders["block"], "shape", ls.Shape.sphere(0.0)), "block", "not above 0"),
     (lambda m: setattr(m.colliders["block"], "shape", ls.Shape("cone")), "block", "unknown kind"),
     (lambda m: setattr(m.colliders["block"], "shape", ls.Shape.hull([(0, 0, 0), (1, 0, 0), (0, 1, 0)])), "block",

@@ -17,13 +17,13 @@ void euler_efforts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   each_drive_effort(t, batch, x, 0, x.next.v, [&](int j, T effort) LOCKSTEP_INLINED { x.records.effort[j] = effort; });
 }
 
-/// act(patch, slot) for all slots of a contact.
+/// act(pair, patch, slot) for all slots of a contact.
 template <class T, class Act>
 LOCKSTEP_INLINE void each_slot_of(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int contact, Act&& act) {
   const PairRange& pairs = t.contacts.contacts[contact];
   for (int p = pairs.first; p < pairs.last; ++p) {
     const TouchingPair<ScalarOf<T>>& pair = t.contacts.pairs[p];
-    for (int s = pair.slot; s < pair.slot + pair.slots; ++s) act(x.contacts.patch[p], x.contacts.slot[s]);
+    for (int s = pair.slot; s < pair.slot + pair.slots; ++s) act(pair, x.contacts.patch[p], x.contacts.slot[s]);
   }
 }
 
@@ -35,10 +35,11 @@ void add_contact(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int contact, ty
   const T zero = T(0), one = T(1);
   auto presses = T::none();
   Vec3<T> impulse = Vec3<T>::zero();
-  each_slot_of(t, x, contact, [&](const ContactPatch<T>& patch, const ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    presses = presses | less(zero, slot.pressed);
-    impulse = impulse + impulse_of_slot(patch, slot);
-  });
+  each_slot_of(t, x, contact,
+               [&](const auto&, const ContactPatch<T>& patch, const ContactSlot<T>& slot) LOCKSTEP_INLINED {
+                 presses = presses | less(zero, slot.pressed);
+                 impulse = impulse + impulse_of_slot(patch, slot);
+               });
   const auto touches = good & presses, flies = good & ~presses;
   const auto lands = touches & less(zero, history.flying), leaves = flies & less(zero, history.touching);
   history.last_flying = select(lands, history.flying, history.last_flying);
@@ -65,12 +66,15 @@ void add_accelerations(const Tables<ScalarOf<T>>& t, typename T::Mask good, Tile
     x.records.acceleration[k] = select(good, (x.next.v[k] - x.records.before[k]) * rate, zero);
   for (int c = 0; c < t.contacts.contacts.count; ++c) {
     Vec3<T> force = Vec3<T>::zero(), moment = force;
-    each_slot_of(t, x, c, [&](const ContactPatch<T>& patch, const ContactSlot<T>& slot) LOCKSTEP_INLINED {
-      const Vec3<T> own = select<T>(good & less(zero, slot.pressed),
-                                    scaled(impulse_of_slot(patch, slot), per_second(t, x)), Vec3<T>::zero());
-      moment = cross_add(point_of_slot(patch, slot), own, moment);
-      force = force + own;
-    });
+    each_slot_of(
+        t, x, c, [&](const auto& pair, const ContactPatch<T>& patch, const ContactSlot<T>& slot) LOCKSTEP_INLINED {
+          const auto force_of = [&](const Vec3<T>& impulse) LOCKSTEP_INLINED {
+            return select<T>(good & less(zero, slot.pressed), scaled(impulse, per_second(t, x)), Vec3<T>::zero());
+          };
+          const Vec3<T> own = force_of(impulse_of_slot(patch, slot));
+          moment = cross_add(point_of_slot(patch, slot), own, moment + force_of(moment_of_slot(pair, patch, slot, x)));
+          force = force + own;
+        });
     x.records.contact_force[c] = force, x.records.contact_moment[c] = moment;
   }
 }

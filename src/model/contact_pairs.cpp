@@ -19,6 +19,11 @@ using std::string;
 
 void proper_friction(double friction, const string& element) { not_negative(friction, element, "friction"); }
 
+void proper_turning_friction(double torsional, double rolling, const string& element) {
+  not_negative(torsional, element, "torsional friction");
+  not_negative(rolling, element, "rolling friction");
+}
+
 void proper_restitution(double restitution, const string& element) {
   require(restitution >= 0.0 && restitution <= 1.0, element,
           "restitution is " + std::to_string(restitution) + ", outside [0, 1]", "give a share between 0 and 1");
@@ -92,6 +97,7 @@ class Resolver {
       rigid(collider.pose, element, "pose");
       proper_shape(collider.shape, element);
       proper_friction(collider.friction, element);
+      proper_turning_friction(collider.torsional_friction, collider.rolling_friction, element);
       proper_restitution(collider.restitution, element);
       proper_contact_softness(collider.softness, element);
       carrier_.push_back(link < 0 ? -1 : trees_.carrier[link]);
@@ -143,6 +149,7 @@ class Resolver {
   void add(const Contact& contact) {
     const string element = quoted("contact", contact.first + "-" + contact.second);
     if (contact.friction) proper_friction(*contact.friction, element);
+    proper_turning_friction(contact.torsional_friction.value_or(0.0), contact.rolling_friction.value_or(0.0), element);
     if (contact.restitution) proper_restitution(*contact.restitution, element);
     if (contact.softness) proper_contact_softness(*contact.softness, element);
     const std::vector<int> firsts = members(contact.first, element), seconds = members(contact.second, element);
@@ -167,7 +174,7 @@ class Resolver {
 
   void add(const Contact& contact, int a, int b, const string& element) {
     const Collider &one = model_.colliders[a], &other = model_.colliders[b];
-    ColliderPair pair{a, b, other.shape.kind < one.shape.kind, 0.0, 0.0, {}};
+    ColliderPair pair{a, b, other.shape.kind < one.shape.kind, 0.0, 0.0, {}, 0.0, 0.0};
     if (pair.swapped) std::swap(pair.first, pair.second);
     pair.friction = contact.friction.value_or(std::sqrt(one.friction * other.friction));
     pair.restitution = contact.restitution.value_or(std::max(one.restitution, other.restitution));
@@ -176,6 +183,12 @@ class Resolver {
             "joins colliders '" + one.name + "' and '" + other.name + "', which differ in softness",
             "give the contact a softness of its own");
     pair.softness = contact.softness.value_or(own ? one.softness : other.softness);
+    pair.torsional_friction =
+        contact.torsional_friction.value_or(std::max(one.torsional_friction, other.torsional_friction));
+    pair.rolling_friction = contact.rolling_friction.value_or(std::max(one.rolling_friction, other.rolling_friction));
+    require(pair.friction > 0.0 || (pair.torsional_friction == 0.0 && pair.rolling_friction == 0.0), element,
+            "resists turning of colliders '" + one.name + "' and '" + other.name + "' without friction between them",
+            "give the contact a friction above 0, or a torsional and a rolling friction of 0");
     found_.pairs.push_back(pair);
   }
 

@@ -16,6 +16,7 @@ struct ColliderPair {
   bool swapped;       ///< the model names the second one first
   double friction, restitution;
   Softness softness;
+  double torsional_friction, rolling_friction;  ///< m
 };
 
 struct ContactPairs {

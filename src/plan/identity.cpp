@@ -108,8 +108,8 @@ class ModelHash {
         static_cast<std::uint64_t>(heights.cols()), heights);
   }
   void put(const Collider& collider) {
-    const auto& [name, link, shape, pose, friction, restitution, softness, group] = collider;
-    all(name, link, shape, pose, friction, restitution, softness, group);
+    const auto& [name, link, shape, pose, friction, restitution, softness, group, torsional, rolling] = collider;
+    all(name, link, shape, pose, friction, restitution, softness, group, torsional, rolling);
   }
   template <class E>
   void put(const std::optional<E>& value) {
@@ -117,8 +117,8 @@ class ModelHash {
     if (value) put(*value);
   }
   void put(const Contact& contact) {
-    const auto& [first, second, friction, restitution, softness] = contact;
-    all(first, second, friction, restitution, softness);
+    const auto& [first, second, friction, restitution, softness, torsional, rolling] = contact;
+    all(first, second, friction, restitution, softness, torsional, rolling);
   }
   void put(const Root& root) {
     const auto& [link, floating, pose, velocity] = root;

@@ -38,22 +38,31 @@ MatrixXd shares_of(const Stage& stage, const Mechanism& mechanism) {
   return shares;
 }
 
-Vector3d projected(const Vector3d& y, double friction) {
-  const double length = y.tail(2).norm();
+VectorXd projected(const VectorXd& y, double friction) {
+  const Eigen::Index others = y.size() - 1;
+  const double length = y.tail(others).norm();
   if (length <= friction * y[0]) return y;
   const double normal = (y[0] + friction * length) / (1.0 + friction * friction);
-  if (normal <= 0.0) return Vector3d::Zero();
-  Vector3d slides;
-  slides << normal, friction * normal / length * y.tail(2);
+  if (normal <= 0.0) return VectorXd::Zero(y.size());
+  VectorXd slides(y.size());
+  slides << normal, friction * normal / length * y.tail(others);
   return slides;
 }
 
 // With the normal impulse given, friction is in a disc.
-Vector3d in_disc(const Vector3d& y, double normal, double friction) {
-  const double length = y.tail(2).norm(), most = friction * normal;
-  Vector3d found;
-  found << normal, (length > most ? most / length : 1.0) * y.tail(2);
+VectorXd in_disc(const VectorXd& y, double normal, double friction) {
+  const Eigen::Index others = y.size() - 1;
+  const double length = y.tail(others).norm(), most = friction * normal;
+  VectorXd found(y.size());
+  found << normal, (length > most ? most / length : 1.0) * y.tail(others);
   return found;
+}
+
+// Where the rows of each point begin, and where those of all end.
+std::vector<Eigen::Index> first_rows(const std::vector<ContactPoint>& points) {
+  std::vector<Eigen::Index> first = {0};
+  for (const ContactPoint& point : points) first.push_back(first.back() + point.jacobian.rows());
+  return first;
 }
 
 // An impulse along a direction within an interval, and the speed that it answers to: a side of an interval of speeds,
@@ -95,6 +104,7 @@ std::vector<Pull> pulls_of(const Mechanism& mechanism, const Stage& stage, const
 VectorXd cone_minimum(const MatrixXd& hessian, const VectorXd& linear, const std::vector<ContactPoint>& points,
                       const VectorXd& normal, const std::vector<Pull>& pulls) {
   const double step = 1.0 / hessian.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff();
+  const std::vector<Eigen::Index> first = first_rows(points);
   VectorXd x = VectorXd::Zero(linear.size()), ahead = x;
   double t = 1.0;
   for (int i = 0; i < 2000000; ++i) {
@@ -102,12 +112,12 @@ VectorXd cone_minimum(const MatrixXd& hessian, const VectorXd& linear, const std
     VectorXd next(x.size());
     for (std::size_t p = 0; p < points.size(); ++p) {
       const auto c = static_cast<Eigen::Index>(p);
-      const Vector3d own = y.segment<3>(3 * c);
-      next.segment<3>(3 * c) =
+      const VectorXd own = y.segment(first[p], first[p + 1] - first[p]);
+      next.segment(first[p], own.size()) =
           normal[c] < 0.0 ? projected(own, points[p].friction) : in_disc(own, normal[c], points[p].friction);
     }
     for (std::size_t p = 0; p < pulls.size(); ++p) {
-      const Eigen::Index i = 3 * static_cast<Eigen::Index>(points.size()) + static_cast<Eigen::Index>(p);
+      const Eigen::Index i = first.back() + static_cast<Eigen::Index>(p);
       next[i] = std::clamp(y[i], pulls[p].least, pulls[p].most);
     }
     const double moved = (next - ahead).norm();
@@ -202,22 +212,29 @@ ContactStep solved(const Mechanism& mechanism, const Stage& stage, const std::ve
       point.frame.row(0) = touch.normal;
       point.frame.row(1) = touch.normal.unitOrthogonal();
       point.frame.row(2) = touch.normal.cross(touch.normal.unitOrthogonal());
-      MatrixXd jacobian = MatrixXd::Zero(3, mechanism.velocities());
+      MatrixXd jacobian = MatrixXd::Zero(6, mechanism.velocities());
       for (const auto& [side, sign] : {std::pair(&a, -1.0), std::pair(&b, 1.0)})
         if (side->link >= 0)
-          jacobian += sign * mechanism
-                                 .jacobian(stage.state, side->link,
-                                           links[side->link].inverse() *
-                                               (touch.point + 0.5 * sign * touch.gap * touch.normal).eval())
-                                 .bottomRows(3);
-      point.jacobian = point.frame * jacobian;
-      const MatrixXd own = point.jacobian * shares;
+          jacobian += sign * mechanism.jacobian(stage.state, side->link,
+                                                links[side->link].inverse() *
+                                                    (touch.point + 0.5 * sign * touch.gap * touch.normal).eval());
+      point.friction = contact.friction.value_or(std::sqrt(a.collider->friction * b.collider->friction));
+      const double torsion = contact.torsional_friction.value_or(
+                       std::max(a.collider->torsional_friction, b.collider->torsional_friction)),
+                   rolling = contact.rolling_friction.value_or(
+                       std::max(a.collider->rolling_friction, b.collider->rolling_friction));
+      const bool resists_turning = torsion > 0.0 || rolling > 0.0;
+      point.jacobian.resize(resists_turning ? 6 : 3, mechanism.velocities());
+      point.jacobian.topRows(3) = point.frame * jacobian.bottomRows(3);
+      if (resists_turning)
+        point.jacobian.bottomRows(3) =
+            Vector3d(torsion, rolling, rolling).asDiagonal() * (point.frame * jacobian.topRows(3)) / point.friction;
+      const MatrixXd own = point.jacobian.topRows(3) * shares;
       Vector3d response = Vector3d::Zero();  // of the three rows
       for (Eigen::Index z = 0; z < own.cols(); ++z) response += own.col(z).cwiseAbs2() / reduced(z, z);
       const double mean = response.sum() / 3.0;
       point.soft = yields.soft, point.gap = touch.gap;
       point.compliance = yields.compliance + yields.share * (yields.soft ? std::max(response[0], 0.01 * mean) : mean);
-      point.friction = contact.friction.value_or(std::sqrt(a.collider->friction * b.collider->friction));
       const double start = point.jacobian.row(0).dot(stage.state.v), arrives = point.jacobian.row(0).dot(expected);
       Rebound rebound;
       if (in_middle) {
@@ -230,6 +247,7 @@ ContactStep solved(const Mechanism& mechanism, const Stage& stage, const std::ve
         point.restored = point.bounces ? restored_share(restitution, stage.h, touch.gap, start, arrives) : 0.0;
         if (point.bounces) point.compliance = std::min(point.compliance, 1e-3 * mean);
       }
+      point.along_surface = resists_turning ? std::min(point.compliance, 1e-3 * mean) : point.compliance;
       const double most = 3.0 * std::min(1.0, 3.0 * std::sqrt(response[0] / response.sum()));
       const double pushed = yields.rate * touch.gap;
       point.target = touch.gap > 0                   ? touch.gap / stage.h
@@ -242,37 +260,44 @@ ContactStep solved(const Mechanism& mechanism, const Stage& stage, const std::ve
   }
   const auto count = static_cast<Eigen::Index>(result.points.size());
   const auto pulling = static_cast<Eigen::Index>(pulls.size());
-  MatrixXd rows(3 * count + pulling, mechanism.velocities());
+  const std::vector<Eigen::Index> first = first_rows(result.points);
+  const Eigen::Index contact_rows = first.back();
+  const auto begin = [&](Eigen::Index c) { return first[static_cast<std::size_t>(c)]; };
+  const auto size = [&](Eigen::Index c) { return begin(c + 1) - begin(c); };
+  MatrixXd rows(contact_rows + pulling, mechanism.velocities());
   for (Eigen::Index c = 0; c < count; ++c)
-    rows.middleRows(3 * c, 3) = result.points[static_cast<std::size_t>(c)].jacobian;
+    rows.middleRows(begin(c), size(c)) = result.points[static_cast<std::size_t>(c)].jacobian;
   for (Eigen::Index p = 0; p < pulling; ++p)
-    rows.row(3 * count + p) = pulls[static_cast<std::size_t>(p)].direction.transpose();
+    rows.row(contact_rows + p) = pulls[static_cast<std::size_t>(p)].direction.transpose();
   MatrixXd hessian = rows * inverse * rows.transpose();
   for (Eigen::Index p = 0; p < pulling; ++p)
-    hessian(3 * count + p, 3 * count + p) += pulls[static_cast<std::size_t>(p)].compliance;
-  for (Eigen::Index c = 0; c < count; ++c)
-    hessian.diagonal().segment<3>(3 * c).array() += result.points[static_cast<std::size_t>(c)].compliance;
+    hessian(contact_rows + p, contact_rows + p) += pulls[static_cast<std::size_t>(p)].compliance;
+  for (Eigen::Index c = 0; c < count; ++c) {
+    const ContactPoint& point = result.points[static_cast<std::size_t>(c)];
+    hessian(begin(c), begin(c)) += point.compliance;
+    hessian.diagonal().segment(begin(c) + 1, size(c) - 1).array() += point.along_surface;
+  }
   const VectorXd seen = rows * stage.state.v, free_speed = rows * free;
   // The impulses that answer to targets, with some normal impulses given.
   const auto impulses_for = [&](const VectorXd& targets, const VectorXd& normal) {
     VectorXd linear = free_speed;
     for (Eigen::Index c = 0; c < count; ++c)
-      linear[3 * c] +=
-          targets[c] + result.points[static_cast<std::size_t>(c)].friction * seen.segment<2>(3 * c + 1).norm();
-    for (Eigen::Index p = 0; p < pulling; ++p) linear[3 * count + p] -= pulls[static_cast<std::size_t>(p)].speed;
+      linear[begin(c)] += targets[c] + result.points[static_cast<std::size_t>(c)].friction *
+                                           seen.segment(begin(c) + 1, size(c) - 1).norm();
+    for (Eigen::Index p = 0; p < pulling; ++p) linear[contact_rows + p] -= pulls[static_cast<std::size_t>(p)].speed;
     return cone_minimum(hessian, linear, result.points, normal, pulls);
   };
   VectorXd targets(count), normal = VectorXd::Constant(count, -1.0);
   for (Eigen::Index c = 0; c < count; ++c) targets[c] = result.points[static_cast<std::size_t>(c)].target;
   VectorXd impulses = impulses_for(targets, normal);
-  for (Eigen::Index c = 0; c < count; ++c) result.impulses.push_back(impulses.segment<3>(3 * c));
+  for (Eigen::Index c = 0; c < count; ++c) result.impulses.push_back(impulses.segment(begin(c), size(c)));
   result.velocity = result.stays = free + inverse * rows.transpose() * impulses;
 
   // No speed of a push-out stays, and what bounces is stopped.
   bool again = false, restores = false;
   for (Eigen::Index c = 0; c < count; ++c) {
     const ContactPoint& point = result.points[static_cast<std::size_t>(c)];
-    again = again || point.bounces || (!point.soft && targets[c] < -0.01 && impulses[3 * c] > 0.0);
+    again = again || point.bounces || (!point.soft && targets[c] < -0.01 && impulses[begin(c)] > 0.0);
   }
   result.last = result.impulses;
   if (!again || pulling > 0) return result;
@@ -283,7 +308,8 @@ ContactStep solved(const Mechanism& mechanism, const Stage& stage, const std::ve
   impulses = impulses_for(targets, normal);
   result.stays = free + inverse * rows.transpose() * impulses;
   const auto keep = [&] {
-    for (Eigen::Index c = 0; c < count; ++c) result.last[static_cast<std::size_t>(c)] = impulses.segment<3>(3 * c);
+    for (Eigen::Index c = 0; c < count; ++c)
+      result.last[static_cast<std::size_t>(c)] = impulses.segment(begin(c), size(c));
   };
   keep();
 
@@ -292,9 +318,9 @@ ContactStep solved(const Mechanism& mechanism, const Stage& stage, const std::ve
   for (Eigen::Index c = 0; c < count; ++c) {
     const ContactPoint& point = result.points[static_cast<std::size_t>(c)];
     if (!point.bounces) continue;
-    const double arrives = std::abs(point.jacobian.row(0).dot(expected)), left = std::min(stopped[3 * c], 0.0);
-    normal[c] = (1.0 + point.restored) * impulses[3 * c] * std::min(1.01, arrives / (arrives + left));
-    restores = restores || (point.restored > 0.0 && impulses[3 * c] > 0.0);
+    const double arrives = std::abs(point.jacobian.row(0).dot(expected)), left = std::min(stopped[begin(c)], 0.0);
+    normal[c] = (1.0 + point.restored) * impulses[begin(c)] * std::min(1.01, arrives / (arrives + left));
+    restores = restores || (point.restored > 0.0 && impulses[begin(c)] > 0.0);
   }
   if (!restores) return result;
   impulses = impulses_for(targets, normal);
@@ -350,7 +376,7 @@ MiddleStep middle_step(const Mechanism& mechanism, const StepSettings& settings,
   MiddleStep step{middle, solved(mechanism, stage, {}, &expected.v, true)};
   const ContactStep& contacts = step.contacts;
   step.presses = std::any_of(contacts.impulses.begin(), contacts.impulses.end(),
-                             [](const Vector3d& impulse) { return impulse[0] > 0.0; });
+                             [](const VectorXd& impulse) { return impulse[0] > 0.0; });
   // Where all that presses bounces, the way before the first landing and the way after it.
   double landing = 2.0;
   bool others = false;

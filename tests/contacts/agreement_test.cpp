@@ -95,6 +95,17 @@ TEST(ContactAgreement, of_soft_bouncing_and_overlapping_heaps) {
   EXPECT_GE(seen.pushed, 30);
 }
 
+// Cones of six dimensions, also of soft pairs, of rebounds and of several slots a pair.
+TEST(ContactAgreement, of_heaps_that_resist_turning) {
+  Seen seen;
+  for (unsigned seed = 0; seed < 60; ++seed) {
+    EXPECT_LT(difference(turning_heap(seed), 0, seen), 1e-7) << seed;
+    EXPECT_LT(difference(turning_heap(seed), 1, seen), 1e-7) << seed;
+  }
+  EXPECT_GE(seen.pressing, 100);
+  EXPECT_GE(seen.bouncing, 50);
+}
+
 TEST(ContactAgreement, a_quadruped_with_coupled_knees_lands) {
   Seen seen;
   for (unsigned seed = 0; seed < 20; ++seed) {

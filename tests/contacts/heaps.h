@@ -57,6 +57,19 @@ inline Model lively_heap(unsigned seed) {
   return model;
 }
 
+/// The lively heap turns faster, and most of its contacts resist that.
+inline Model turning_heap(unsigned seed) {
+  Model model = lively_heap(seed);
+  std::mt19937 generator(seed + 2000);
+  std::uniform_real_distribution<double> exponent(-4.0, -1.5), share(0.0, 1.0);
+  for (Contact& contact : model.contacts) {
+    if (share(generator) < 0.7) contact.torsional_friction = std::pow(10.0, exponent(generator));
+    if (share(generator) < 0.7) contact.rolling_friction = std::pow(10.0, exponent(generator));
+  }
+  for (Root& root : model.roots) root.velocity.head(3) *= 10.0;
+  return model;
+}
+
 /// A cylinder that stands, one that lies, an egg and a stone on a floor, a ball at each of them.
 inline Model solid_heap(unsigned seed) {
   std::mt19937 generator(seed);

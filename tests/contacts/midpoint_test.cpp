@@ -45,8 +45,9 @@ TEST(MidpointAgreement, of_heaps_that_are_soft_bounce_and_overlap) {
   for (unsigned seed = 0; seed < 60; ++seed) {
     pressing += agrees(heap(seed), seed, 1e-8);
     pressing += agrees(lively_heap(seed), seed, 1e-7);
+    pressing += agrees(turning_heap(seed), seed, 1e-7);
   }
-  EXPECT_GE(pressing, 100);
+  EXPECT_GE(pressing, 150);
 }
 
 TEST(MidpointAgreement, of_a_quadruped_with_coupled_knees_springs_and_servos_from_soft_to_stiff) {

@@ -74,8 +74,12 @@ TEST(Sweeps, find_what_rounds_find_where_nothing_rubs) {
 TEST(Sweeps, find_what_rounds_find_within_their_slip_where_something_rubs) {
   Model slides = block();
   slides.roots[0].velocity << 0, 0, 0, 3, 0, 0;
+  Model rolls = ball({0, 0, 0.1});
+  rolls.colliders[0].torsional_friction = 0.02, rolls.colliders[0].rolling_friction = 0.01;
+  rolls.roots[0].velocity << 2, 10, 5, 1, 0, 0;
   for (const Model& model : {block(), slides, slope(0.99), slope(1.01)})
     EXPECT_LT(difference(model, 250, 0.0).largest, 1e-3) << model.name;
+  EXPECT_LT(difference(rolls, 250, 0.0).largest, 2.4e-3);
   EXPECT_LT(difference(quadruped(), 1000, 0.3).mean, 2e-3);
   EXPECT_LT(difference(limited_quadruped(false), 1000, 0.5).mean, 2e-3);
 }

@@ -165,7 +165,7 @@ class Reading {
         add(name, collider.shape.size);
         add(name, ((link < 0 ? Isometry3d::Identity() : in_world_[at(link)]) * Isometry3d(collider.pose)).matrix());
       }
-      append("pair " + pair_name(model_, pair), {pair.friction});
+      append("pair " + pair_name(model_, pair), {pair.friction, pair.torsional_friction, pair.rolling_friction});
       if (const auto* spring = std::get_if<Spring>(&pair.softness))
         append("softness of " + pair_name(model_, pair), {spring->kp, spring->kd});
     }

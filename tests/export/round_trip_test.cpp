@@ -129,6 +129,7 @@ TEST(RoundTripOfSoftContacts, gives_the_same_springs) {
   Model model = import_file(LOCKSTEP_EXAMPLES "/quadruped.xml", {.colliders = true, .keyframe = "stand"}).model;
   for (std::size_t i = 0; i < model.contacts.size(); ++i)
     model.contacts[i].softness = Spring{200.0 * std::pow(10.0, static_cast<double>(i)), 3.0 * static_cast<double>(i)};
+  model.contacts[0].torsional_friction = 0.01, model.contacts[1].rolling_friction = 0.002;
   ASSERT_GT(model.contacts.size(), 4u);
   const Export made = export_mjcf(model);
   for (const string& line : made.warnings) EXPECT_EQ(line.find("softness"), string::npos) << line;

@@ -15,11 +15,13 @@ const types = ['free', 'ball', 'slide', 'hinge'];
 function pairs(m, name) {
   const found = [], seen = new Set();
   const key = (i, j) => Math.min(i, j) * m.ngeom + Math.max(i, j);
-  const words = (i, j, friction) => [name(5, i) || `#${i}`, name(5, j) || `#${j}`, friction];
+  // With sliding, torsional and rolling friction.
+  const words = (i, j, dimension, frictions) =>
+    [name(5, i) || `#${i}`, name(5, j) || `#${j}`, ...frictions.map((f, k) => dimension > [1, 3, 4][k] ? f : 0)];
   for (let p = 0; p < m.npair; ++p) {
     const [i, j] = [m.pair_geom1[p], m.pair_geom2[p]];
     seen.add(key(i, j));
-    found.push(words(i, j, m.pair_dim[p] == 1 ? 0 : m.pair_friction[5 * p]));
+    found.push(words(i, j, m.pair_dim[p], [0, 2, 3].map(k => m.pair_friction[5 * p + k])));
   }
   const excluded = new Set(m.exclude_signature);
   const weld = g => m.body_weldid[m.geom_bodyid[g]];
@@ -34,7 +36,8 @@ function pairs(m, name) {
       const [p, q] = [m.geom_priority[i], m.geom_priority[j]];
       const chosen = p == q ? [i, j] : [p > q ? i : j];
       const dimension = Math.max(...chosen.map(g => m.geom_condim[g]));
-      found.push(words(i, j, dimension == 1 ? 0 : Math.max(...chosen.map(g => m.geom_friction[3 * g]))));
+      const larger = k => Math.max(...chosen.map(g => m.geom_friction[3 * g + k]));
+      found.push(words(i, j, dimension, [0, 1, 2].map(larger)));
     }
   return found;
 }

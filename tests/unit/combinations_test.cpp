@@ -142,6 +142,13 @@ const Feature field{"contact with a height field", [](Model& m, StepSettings& s)
                       m.colliders.push_back(pill);
                       m.contacts = {{"floor", "hull"}, {"floor", "can"}, {"floor", "egg"}, {"floor", "pill"}};
                     }};
+const Feature turning{"torsional and rolling friction", [](Model& m, StepSettings&) {
+                        for (Collider& collider : m.colliders)
+                          collider.torsional_friction = 0.01, collider.rolling_friction = 0.002;
+                      }};
+const Feature soft_contact{"soft contacts", [](Model& m, StepSettings&) {
+                             for (Contact& contact : m.contacts) contact.softness = Spring{2e4, 50.0};
+                           }};
 const Feature colliders{
     "places, sizes and restitution of colliders per environment", [](Model&, StepSettings& s) {
       for (const Parameter own : {Parameter::collider_place, Parameter::collider_size, Parameter::contact_restitution})
@@ -333,6 +340,13 @@ const std::vector<std::vector<Feature>> scenes{
     {field, loop, hard, drive},
     {field, cam, functions, balances},
     {field, colliders, late, motors, hard, limits, records},
+    {contact, turning},
+    {contact, turning, hard, limits, servos},
+    {contact, turning, soft_contact, soft, softness, limits},
+    {contact, turning, loop, tendon_range},
+    {solids, turning, hard, masses, balances},
+    {solids, turning, colliders, cam, functions},
+    {field, turning, colliders, late, motors, hard, limits, records},
 };
 
 Model arm() {

@@ -43,7 +43,11 @@ void write_contacts(const Writing& writing) {
         .set("geom1", model.colliders[static_cast<std::size_t>(first)].name)
         .set("geom2", model.colliders[static_cast<std::size_t>(second)].name);
     if (pair.friction > 0.0)
-      xml.set("condim", "3").set("friction", numbers({pair.friction, pair.friction, 0.005, 0.0001, 0.0001}));
+      xml.set("condim", pair.rolling_friction > 0.0     ? "6"
+                        : pair.torsional_friction > 0.0 ? "4"
+                                                        : "3")
+          .set("friction", numbers({pair.friction, pair.friction, pair.torsional_friction, pair.rolling_friction,
+                                    pair.rolling_friction}));
     else
       xml.set("condim", "1");
     const std::string name = pair_name(model, pair);

@@ -22,6 +22,10 @@ namespace {
 
 constexpr std::size_t most_contacts = 200000;
 
+struct Friction {
+  double sliding, torsional, rolling;  // the latter two in m
+};
+
 // How a geom touches.
 struct Touch {
   std::size_t body = 0;
@@ -29,13 +33,13 @@ struct Touch {
   std::size_t collider = 0;  // its number
   std::string geom = {};     // its name
   int type = 0, affinity = 0, dimension = 3;
-  double friction = 1.0;
+  Friction friction = {1.0, 0.005, 0.0001};
   GeomYielding yielding = {};
 };
 
 // What holds for all points of a pair.
 struct Law {
-  double friction;
+  Friction friction;
   int dimension;
   Yielding yielding;
   double margin;
@@ -108,7 +112,15 @@ class Collision {
     const std::string name = names_.unused(geom.name.empty() ? body.name : geom.name);
     const std::string& link = places_[b].link;
     const int carrier = link.empty() ? -1 : trees_.carrier[static_cast<std::size_t>(model_.link_index(link))];
-    touches_.push_back({b, carrier, touches_.size(), geom.name, type, affinity, element.whole("condim", 3), friction[0],
+    const int dimension = element.whole("condim", 3);
+    touches_.push_back({b,
+                        carrier,
+                        touches_.size(),
+                        geom.name,
+                        type,
+                        affinity,
+                        dimension,
+                        {friction[0], friction[1], friction[2]},
                         geom_yielding_of(element)});
     touch_of_.emplace(geom.name, touches_.size() - 1);
     model_.colliders.push_back({.name = name,
@@ -116,7 +128,9 @@ class Collision {
                                 .shape = placed->shape,
                                 .pose = places_[b].pose * placed->pose,
                                 .friction = friction[0],
-                                .group = b == 0 || body.is_mocap ? "" : "robot"});
+                                .group = b == 0 || body.is_mocap ? "" : "robot",
+                                .torsional_friction = dimension > 3 && friction[0] > 0.0 ? friction[1] : 0.0,
+                                .rolling_friction = dimension > 4 && friction[0] > 0.0 ? friction[2] : 0.0});
     draft_.places["collider '" + name + "'"] = geom.place;
     for (const char* number : {"margin", "gap"})
       if (element.number(number, 0.0) != 0.0) report().warn("margins and gaps of contacts, left out", name);
@@ -154,7 +168,10 @@ class Collision {
   // Also of a geom with one of MuJoCo's own numbers in the world, which a caller's ground is.
   static Law combined(const Touch& a, const Touch& b) {
     const int first = a.yielding.priority, second = b.yielding.priority;
-    Law law{std::max(a.friction, b.friction), std::max(a.dimension, b.dimension), mixed(a.yielding, b.yielding),
+    const auto larger = [&](double Friction::*number) { return std::max(a.friction.*number, b.friction.*number); };
+    Law law{{larger(&Friction::sliding), larger(&Friction::torsional), larger(&Friction::rolling)},
+            std::max(a.dimension, b.dimension),
+            mixed(a.yielding, b.yielding),
             a.yielding.margin + b.yielding.margin};
     if (first != second) {
       const Touch& ruling = first > second ? a : b;
@@ -170,10 +187,12 @@ class Collision {
     const Touch &a = touches_[first->second], &b = touches_[second->second];
     if (!can_touch(a, b))
       return report().warn("contact pairs that cannot move against each other, left out", element.place());
-    double friction[5] = {1.0};
+    double friction[5] = {1.0, 1.0, 0.005, 0.0001, 0.0001};
     element.numbers("friction", friction, 1, 5);
     add(a, b,
-        {friction[0], element.whole("condim", 3), yielding_of(element, "solref", "solimp"),
+        {{friction[0], friction[2], friction[3]},
+         element.whole("condim", 3),
+         yielding_of(element, "solref", "solimp"),
          std::max(0.0, element.number("margin", 0.0) - element.number("gap", 0.0))});
   }
 
@@ -182,11 +201,15 @@ class Collision {
     if (seen_.size() > most_contacts)
       scene_.bodies.all[a.body].geoms.front().element.fail(
           fmt::format("belongs to more than {} pairs that may touch", most_contacts), "give contype and conaffinity");
-    if (law.dimension > 3)
-      report().tally("friction against turning and rolling, left out",
-                     fmt::format("pairs of condim {}", law.dimension));
     const Collider &one = model_.colliders[a.collider], &other = model_.colliders[b.collider];
-    Contact contact{.first = one.name, .second = other.name, .friction = law.dimension == 1 ? 0.0 : law.friction};
+    Contact contact{
+        .first = one.name, .second = other.name, .friction = law.dimension == 1 ? 0.0 : law.friction.sliding};
+    const bool slides = *contact.friction > 0.0;
+    const double torsional = slides && law.dimension > 3 ? law.friction.torsional : 0.0,
+                 rolling = slides && law.dimension > 4 ? law.friction.rolling : 0.0;
+    if (torsional > 0.0 || one.torsional_friction > 0.0 || other.torsional_friction > 0.0)
+      contact.torsional_friction = torsional;
+    if (rolling > 0.0 || one.rolling_friction > 0.0 || other.rolling_friction > 0.0) contact.rolling_friction = rolling;
     const Softness softness = softness_between(a, b, law);
     if (!is_hard(softness))
       report().tally("contacts soft as in MuJoCo, without its virtual mass", words_of(law.yielding));
@@ -206,8 +229,8 @@ class Collision {
     if (!rest_)
       rest_ = {read_solver(scene_.document, scene_.settings), body_responses(scene_), loads_at_rest(model_, trees_)};
     return softness_of(law.yielding,
-                       {rest_->responses[a.body] + rest_->responses[b.body], law.friction, law.dimension, law.margin,
-                        std::min(rest_->loads[a.collider], rest_->loads[b.collider])},
+                       {rest_->responses[a.body] + rest_->responses[b.body], law.friction.sliding, law.dimension,
+                        law.margin, std::min(rest_->loads[a.collider], rest_->loads[b.collider])},
                        rest_->solver);
   }
 

@@ -68,7 +68,27 @@ LOCKSTEP_INLINE void each_slot(const Tables<ScalarOf<T>>& t, Tile<T>& x, Act&& a
   });
 }
 
-/// Of the velocities z. A pair with one slot has its point as the reference, and `whole` alone asks for its turning.
+/// Torsional and rolling friction of a slot; null where its pair has none.
+template <class T>
+LOCKSTEP_INLINE TurningFriction<T>* turning_of(const TouchingPair<ScalarOf<T>>& pair, const ContactSlot<T>& slot,
+                                               const Tile<T>& x) {
+  if (pair.turning_friction < 0) return nullptr;
+  return x.contacts.turning_friction + pair.turning_friction + (&slot - (x.contacts.slot + pair.slot));
+}
+
+/// act(slot, its friction) for all slots that resist turning.
+template <class T, class Act>
+LOCKSTEP_INLINE void each_turning(const Tables<ScalarOf<T>>& t, Tile<T>& x, Act&& act) {
+  if (t.contacts.turning_frictions == 0) return;
+  for (int p = 0; p < t.contacts.pairs.count; ++p) {
+    const auto& pair = t.contacts.pairs[p];
+    for (int s = 0; pair.turning_friction >= 0 && s < pair.slots; ++s)
+      act(x.contacts.slot[pair.slot + s], x.contacts.turning_friction[pair.turning_friction + s]);
+  }
+}
+
+/// Of the velocities z. A pair with one slot has its point as the reference: `whole` alone asks for its turning, and
+/// friction that resists it.
 template <class T>
 LOCKSTEP_INLINE RelativeTwist<T> twist_of(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair,
                                           const Tile<T>& x, const T* z, bool whole = false) {
@@ -76,7 +96,7 @@ LOCKSTEP_INLINE RelativeTwist<T> twist_of(const Tables<ScalarOf<T>>& t, const To
   for (int k = pair.column; k < pair.column + pair.columns; ++k) {
     const T speed = z[t.contacts.columns[k].velocity];
     twist.moving = fma(x.contacts.moving[k], speed, twist.moving);
-    if (whole || pair.slots > 1) twist.turning = fma(x.contacts.turning[k], speed, twist.turning);
+    if (whole || pair.turns) twist.turning = fma(x.contacts.turning[k], speed, twist.turning);
   }
   return twist;
 }
@@ -88,12 +108,22 @@ LOCKSTEP_INLINE void slot_speed(const ContactSlot<T>& slot, const RelativeTwist<
   for (int i = 0; i < 3; ++i) u[i] = v[i];
 }
 
-/// J z of all slots, into the member `to` of each.
+/// Of the rows that resist turning: by how much a rotation moves the rim of a disc of their radius.
+template <class T>
+LOCKSTEP_INLINE Vec3<T> by_radii(const TouchingPair<ScalarOf<T>>& pair, const Vec3<T>& v) {
+  return {T(pair.torsion_radius) * v.x, T(pair.rolling_radius) * v.y, T(pair.rolling_radius) * v.z};
+}
+
+/// J z of all slots, into the member `to` of each: `speed` or `change`.
 template <class T>
 void slot_speeds(const Tables<ScalarOf<T>>& t, const T* z, T (ContactSlot<T>::*to)[3], Tile<T>& x) {
   each_near(t, x, [&](const auto& pair, const ContactPatch<T>&, const LiveSlots<T>& slots) LOCKSTEP_INLINED {
     const RelativeTwist<T> twist = twist_of(t, pair, x, z);
-    for (ContactSlot<T>& slot : slots) slot_speed(slot, twist, slot.*to);
+    for (ContactSlot<T>& slot : slots) {
+      slot_speed(slot, twist, slot.*to);
+      if (TurningFriction<T>* const turning = turning_of(pair, slot, x))
+        (to == &ContactSlot<T>::change ? turning->change : turning->speed) = by_radii(pair, twist.turning);
+    }
   });
 }
 
@@ -111,12 +141,14 @@ void momentum_of_contacts(const Tables<ScalarOf<T>>& t, T* momentum, Tile<T>& x)
       const Vec3<T> f{impulse[0], impulse[1], impulse[2]};
       force = force + f;
       moment = cross_add(slot.arm, f, moment);
+      if (const TurningFriction<T>* const turning = turning_of(pair, slot, x))
+        moment = moment + by_radii(pair, turning->force.impulse);
     }
     if (!acts) return;
     for (int k = pair.column; k < pair.column + pair.columns; ++k) {
       T& sum = momentum[t.contacts.columns[k].velocity];
       sum += dot(x.contacts.moving[k], force);
-      if (pair.slots > 1) sum += dot(x.contacts.turning[k], moment);
+      if (pair.turns) sum += dot(x.contacts.turning[k], moment);
     }
   });
 }
@@ -144,6 +176,21 @@ struct PairGain {
       for (int i = 0; i < 3; ++i) turning(i, j) += column[i];
     }
   }
+  /// The rows that resist turning, and their products with the others (M171).
+  LOCKSTEP_INLINE void add(const TouchingPair<ScalarOf<T>>& pair, const Vec3<T>& arm, const TurningForce<T>& force) {
+    const Vec3<T> asked = by_radii(pair, force.asked);
+    const Vec3<T> others{force.across, force.along * force.asked_along[0], force.along * force.asked_along[1]};
+    const Vec3<T> about = cross_add(arm, others, scaled(asked, force.along));
+    const Vec3<T> by_arm = cross(arm, others);
+    const Vec3<T> squared = by_radii(pair, by_radii(pair, Vec3<T>{force.alone, force.alone, force.alone}));
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) {
+        across(i, j) = fma(others[i], asked[j], across(i, j));
+        turning(i, j) = fma(about[i], asked[j], fma(asked[i], by_arm[j], turning(i, j)));
+      }
+      turning(i, i) += squared[i];
+    }
+  }
   LOCKSTEP_INLINE static PairGain zero() {
     const Vec3<T> none = Vec3<T>::zero();
     return {{none, none, none}, {none, none, none}, {none, none, none}};
@@ -160,9 +207,10 @@ void add_gains(const Tables<ScalarOf<T>>& t, T* matrix, Tile<T>& x) {
       if (!any((slot.force.sticks | slot.force.slides) & x.contacts.listed_lanes)) continue;
       acts = true;
       gain.add(slot);
+      if (const TurningFriction<T>* const turning = turning_of(pair, slot, x)) gain.add(pair, slot.arm, turning->force);
     }
     if (!acts) return;
-    const bool turns = pair.slots > 1;
+    const bool turns = pair.turns;
     const int* entry = t.contacts.entries.data + pair.entry;
     const Vec3<T>*const turning = x.contacts.turning + pair.column, *const moving = x.contacts.moving + pair.column;
     for (int k = 0; k < pair.columns; ++k) {

@@ -201,7 +201,9 @@ typename T::Mask collide_pair(const Tables<ScalarOf<T>>& t, int p, GroundPoints<
   }
 
   // What goes on from the step before, and what moves the pair.
-  const auto held = carry_memory(pair.slots, x.contacts.kept, touch, slots);
+  TurningFriction<T>* const turning =
+      pair.turning_friction < 0 ? nullptr : x.contacts.turning_friction + pair.turning_friction;
+  const auto held = carry_memory(pair.slots, x.contacts.kept, touch, slots, turning);
   find_drift(held & x.contacts.known, T(t.dt) * sqrt(dot(turns, turns)), touch);
   find_columns(t, pair, touch, parts ? patch.gap[0] : T(0), x);
   return held;

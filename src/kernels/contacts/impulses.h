@@ -2,8 +2,8 @@
 // Apache-2.0
 #pragma once
 
+#include "assembly.h"
 #include "kernels/dynamics/wrench.h"
-#include "shapes.h"
 
 namespace lockstep::kernels {
 
@@ -28,9 +28,14 @@ void subtract_contacts(const Tables<ScalarOf<T>>& t, const Tile<T>& x, T* sum) {
           select<T>(acts, in_world({slot.pressed, slot.memory[0], slot.memory[1]}), Vec3<T>::zero());
       const Vec3<T> point = select<T>(acts, patch.point + in_world(slot.arm), Vec3<T>::zero());
       const Vec3<T> to_end = scaled(patch.axes[0], select(acts, T(S(parts ? 0.5 : 0.0)) * slot.gap, T(0)));
-      const Vec3<T> none = Vec3<T>::zero();
-      subtract_impulse(t, x.contacts.motion, second, point + to_end, impulse, none, sum);
-      subtract_impulse(t, x.contacts.motion, first, point - to_end, impulse - scaled(impulse, T(S(2))), none, sum);
+      Vec3<T> moment = Vec3<T>::zero();
+      if (pair.turning_friction >= 0) {
+        const Vec3<T>& rows = x.contacts.turning_friction[pair.turning_friction + s - pair.slot].memory;
+        moment = select<T>(acts, in_world(by_radii(pair, rows)), moment);
+      }
+      subtract_impulse(t, x.contacts.motion, second, point + to_end, impulse, moment, sum);
+      subtract_impulse(t, x.contacts.motion, first, point - to_end, impulse - scaled(impulse, T(S(2))),
+                       moment - scaled(moment, T(S(2))), sum);
     }
   }
 }
@@ -42,8 +47,10 @@ void add_contact_work(const Tables<ScalarOf<T>>& t, const T* z, Tile<T>& x, T& w
   const T zero = T(0);
   slot_speeds(t, z, &ContactSlot<T>::change, x);
   each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    const T normal = slot.pressed * slot.change[0],
-            along = fma(slot.memory[0], slot.change[1], slot.memory[1] * slot.change[2]);
+    const T normal = slot.pressed * slot.change[0];
+    T along = fma(slot.memory[0], slot.change[1], slot.memory[1] * slot.change[2]);
+    if (const TurningFriction<T>* const turning = turning_of(pair, slot, x))
+      along += dot(turning->memory, turning->change);
     work += select(slot.live, pair.soft ? normal : larger(normal, zero), zero);
     dissipated -= select(slot.live, along, zero);
   });

@@ -12,6 +12,7 @@ constexpr double least_bounce = 0.05;               // (M109), m/s: slower impac
 constexpr double bounce_compliance = 1e-3;          // (M109), of the response: what bounces yields no more than this
 constexpr double bounce_compliance_in_step = 1e-5;  // (M124)
 constexpr double most_restored = 1.5;               // (M109)
+constexpr double turning_compliance = 1e-3;         // (M171), of the response: of what resists turning, at most
 constexpr double relaxed_above = 0.01;  // (M109), m/s: overlaps that are removed faster leave no speed behind
 constexpr double carried_above = 0.01;  // (M116): of that speed, what carried impulses may leave
 
@@ -42,7 +43,7 @@ struct PairResponse {
       const T scaled_m = mobility * m.x;
       constant = fma(mobility, dot(m, m), constant);
       normal_constant = fma(scaled_m, m.x, normal_constant);
-      if (pair.slots == 1) continue;
+      if (!pair.turns) continue;
       const Vec3<T>&w = x.contacts.turning[k], scaled_w = scaled(w, mobility);
       linear = cross_add(m, scaled_w, linear);
       normal_linear[0] = fnma(scaled_m, w.z, normal_linear[0]);
@@ -73,11 +74,20 @@ struct PairResponse {
   }
 };
 
-/// The speed along the surface that friction works against: with the drift that it takes back (M111).
+/// The speed along the surface that friction works against: with the drift that it takes back (M111), and with `turns`
+/// where it resists turning (M171).
 template <class T>
-LOCKSTEP_INLINE T sliding_speed(const ContactSlot<T>& slot, const T (&u)[3]) {
+LOCKSTEP_INLINE T sliding_speed(const ContactSlot<T>& slot, const TurningFriction<T>* turning, const T (&u)[3],
+                                const Vec3<T>& turns) {
   const T a = u[1] + slot.drift[0], b = u[2] + slot.drift[1];
-  return sqrt(fma(a, a, b * b));
+  T squared = fma(a, a, b * b);
+  if (turning) squared += dot(turns + turning->drift, turns + turning->drift);
+  return sqrt(squared);
+}
+/// At slot.speed.
+template <class T>
+LOCKSTEP_INLINE T sliding_speed(const ContactSlot<T>& slot, const TurningFriction<T>* turning) {
+  return sliding_speed(slot, turning, slot.speed, turning ? turning->speed : Vec3<T>::zero());
 }
 
 /// (M109): whether a slot bounces, and the share of the impulse that comes back. Velocities of semi-implicit Euler are
@@ -119,7 +129,8 @@ LOCKSTEP_INLINE void begin_bounce_in_step(T e, ScalarOf<T> dt, T u, ContactSlot<
 /// twist at the start of the step; slot.free has the speeds without contacts, if the pair bounces.
 template <class T>
 void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& pair, const ContactPatch<T>& patch,
-                const RelativeTwist<T>& start, const PairResponse<T>& response, ContactSlot<T>& slot) {
+                const RelativeTwist<T>& start, const PairResponse<T>& response, ContactSlot<T>& slot,
+                TurningFriction<T>* turning) {
   using S = ScalarOf<T>;
   const T zero = T(0), one = T(1);
 
@@ -142,6 +153,10 @@ void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& p
   slot.live = slot.live & less(zero, compliance);
   slot.bounces = slot.bounces & slot.live;
   slot.stiffness = select(slot.live, one / select(slot.live, compliance, one), zero);
+  if (turning) {
+    const T hard = T(S(turning_compliance)) * mean;
+    turning->stiffness = larger(slot.stiffness, select(slot.live, one / select(slot.live, hard, one), zero));
+  }
 
   // b of (M104), with the cap on the speed that removes an overlap.
   const T share = smaller(T(3) * sqrt(normal / larger(all_rows, T(S(1e-30)))), one);
@@ -154,38 +169,57 @@ void begin_slot(const Tables<ScalarOf<T>>& t, const TouchingPair<ScalarOf<T>>& p
   // A soft contact's memory is a spring along the surface. It holds no more than the normal spring allows.
   if (pair.soft) {
     const T most = patch.friction * larger(-slot.bias, zero) * slot.stiffness;
-    const T length = sqrt(fma(slot.carried[0], slot.carried[0], slot.carried[1] * slot.carried[1]));
-    const T part = smaller(most / larger(length, T(S(1e-30))), one);
+    T squared = fma(slot.carried[0], slot.carried[0], slot.carried[1] * slot.carried[1]);
+    if (turning) squared += dot(turning->carried, turning->carried);
+    const T part = smaller(most / larger(sqrt(squared), T(S(1e-30))), one);
     for (int i = 0; i < 2; ++i) slot.carried[i] = part * slot.carried[i];
+    if (turning) turning->carried = scaled(turning->carried, part);
   }
 
   // What goes on from the step before: load and drift (M111). The slip of (M105) begins with the speed `u`.
   slot.load = select(slot.goes_on, slot.pressed, zero);
   const Vec3<T> drift = cross_add(patch.drift_turning, from_center(patch, slot), patch.drift_moving);
-  for (int i = 0; i < 2; ++i)
-    slot.drift[i] =
-        select(slot.goes_on & ~slot.bounces, within(drift[i + 1] * T(S(1) / t.dt), T(S(fastest_return))), zero);
-  slot.slip = slot.slip_before = slot.found_before = patch.friction * sliding_speed(slot, u);
+  const auto taken_back = [&](T way) LOCKSTEP_INLINED {
+    return select(slot.goes_on & ~slot.bounces, within(way * T(S(1) / t.dt), T(S(fastest_return))), zero);
+  };
+  for (int i = 0; i < 2; ++i) slot.drift[i] = taken_back(drift[i + 1]);
+  Vec3<T> turns = Vec3<T>::zero();
+  if (turning) {
+    const Vec3<T> way = by_radii(pair, patch.drift_turning);
+    turning->drift = {taken_back(way.x), taken_back(way.y), taken_back(way.z)};
+    turns = by_radii(pair, start.turning);
+  }
+  slot.slip = slot.slip_before = slot.found_before = patch.friction * sliding_speed(slot, turning, u, turns);
   slot.target = slot.bias + slot.slip;
 }
 
 /// (M105), (M106): impulse and its derivative at the speed u. The projection on the friction cone of the impulse that
 /// the compliance asks for: it sticks, slides or is off. Where the normal impulse is given (M115), friction is the
-/// projection on a disc.
+/// projection on a disc. Where the slot resists turning, `turning` has the rest of it, and the cone is (M171): `turns`
+/// are the speeds of those rows.
 template <class T>
-LOCKSTEP_INLINE void contact_force(const ContactSlot<T>& slot, T friction, const T (&u)[3], ContactForce<T>& force) {
+LOCKSTEP_INLINE void contact_force(const ContactSlot<T>& slot, const TurningFriction<T>* turning, T friction,
+                                   const T (&u)[3], const Vec3<T>& turns, ContactForce<T>& force,
+                                   TurningForce<T>* turning_force) {
   using S = ScalarOf<T>;
-  const T zero = T(0), one = T(1), k = slot.stiffness;
+  const T zero = T(0), one = T(1), k_n = slot.stiffness;
+  T k = k_n, pull = friction;  // of the tangents; the friction times R_T / R
 
   // y of (M105), and how long its tangential part is.
   const T asked = fnma(u[0] + slot.target, k, slot.push);
+  if (turning) k = turning->stiffness, pull = select(slot.live, friction * k_n / select(slot.live, k, one), zero);
   const T t1 = fnma(u[1] + slot.drift[0], k, slot.carried[0]), t2 = fnma(u[2] + slot.drift[1], k, slot.carried[1]);
-  const T length = sqrt(fma(t1, t1, t2 * t2)), inverse = one / larger(length, T(S(1e-30)));
+  T squared = fma(t1, t1, t2 * t2);
+  if (turning) {
+    turning_force->asked = turning->carried - scaled(turns + turning->drift, k);
+    squared += dot(turning_force->asked, turning_force->asked);
+  }
+  const T length = sqrt(squared), inverse = one / larger(length, T(S(1e-30)));
 
   // Which part of the cone, and the impulse there.
-  const T share = select(slot.given, zero, one / fma(friction, friction, one));
+  const T share = select(slot.given, zero, one / fma(pull, friction, one));
   const T normal = select(slot.given, slot.normal, asked);
-  const T reached = fma(friction, length, normal);
+  const T reached = fma(pull, length, normal);
   const T sliding = select(slot.given, slot.normal, reached * share);
   force.sticks = less(length, friction * normal) & slot.live;
   force.slides = less(zero, select(slot.given, slot.normal, reached)) & ~force.sticks & slot.live;
@@ -194,13 +228,23 @@ LOCKSTEP_INLINE void contact_force(const ContactSlot<T>& slot, T friction, const
   force.impulse[1] = f * t1, force.impulse[2] = f * t2;
 
   // (M106), as nn, n1, n2, 11, 12, 22.
-  const T across = select(force.slides, k * friction * share * inverse, zero);
-  const T along = select(force.slides, k * (fma(friction, friction * share, -f)) * inverse * inverse, zero);
-  force.gain[0] = k * select(force.sticks & ~slot.given, one, select(force.slides, share, zero));
+  const T across = select(force.slides, k_n * friction * share * inverse, zero);
+  const T along = select(force.slides, k * (fma(pull, friction * share, -f)) * inverse * inverse, zero);
+  force.gain[0] = k_n * select(force.sticks & ~slot.given, one, select(force.slides, share, zero));
   force.gain[1] = across * t1, force.gain[2] = across * t2;
   force.gain[3] = fma(along * t1, t1, k * f);
   force.gain[4] = along * t1 * t2;
   force.gain[5] = fma(along * t2, t2, k * f);
+  if (!turning) return;
+  turning_force->impulse = scaled(turning_force->asked, f);
+  turning_force->asked_along[0] = t1, turning_force->asked_along[1] = t2;
+  turning_force->across = across, turning_force->along = along, turning_force->alone = k * f;
+}
+/// At slot.speed, into slot.force.
+template <class T>
+LOCKSTEP_INLINE void contact_force(T friction, ContactSlot<T>& slot, TurningFriction<T>* turning) {
+  contact_force(slot, turning, friction, slot.speed, turning ? turning->speed : Vec3<T>::zero(), slot.force,
+                turning ? &turning->force : nullptr);
 }
 
 /// G u
@@ -210,6 +254,17 @@ LOCKSTEP_INLINE void times_gain(const ContactForce<T>& force, const T (&u)[3], T
   product[0] = fma(g[0], u[0], fma(g[1], u[1], g[2] * u[2]));
   product[1] = fma(g[1], u[0], fma(g[3], u[1], g[4] * u[2]));
   product[2] = fma(g[2], u[0], fma(g[4], u[1], g[5] * u[2]));
+}
+
+/// Adds what rows have that resist turning, with their speeds `turns`. Returns their own part.
+template <class T>
+LOCKSTEP_INLINE Vec3<T> add_turning_gain(const TurningForce<T>& force, const T (&u)[3], const Vec3<T>& turns,
+                                         T (&product)[3]) {
+  const T* const asked = force.asked_along;
+  const T own = dot(force.asked, turns), along = fma(asked[0], u[1], fma(asked[1], u[2], own));
+  product[0] = fma(force.across, own, product[0]);
+  for (int i = 0; i < 2; ++i) product[1 + i] = fma(force.along * asked[i], own, product[1 + i]);
+  return fma(force.asked, fma(force.across, u[0], force.along * along), scaled(turns, force.alone));
 }
 
 }  // namespace lockstep::kernels

@@ -1,12 +1,13 @@
 // What a step remembers of contacts: views of a batch do not show it, save points hold it. SPDX-License-Identifier:
 // Apache-2.0
 //
-// Rows of an environment: for each slot its face, the tangential and the normal impulse; for each pair where its second
-// collider is expected, and the axes of its impulses; for convex pairs how they were apart; the velocities at the start
-// of the last step; the pieces that bounds and servos ended it on; its length, if the guard may take steps in halves;
-// the state that all this belongs to; the count of steps that ended at a cap. An environment that was reset begins
-// without memory: a state that is NaN says so. Where an application has written another state, impulses go on in
-// contacts that still touch; nothing is expected of places, and nothing is guessed of velocities.
+// Rows of an environment: for each slot its face, the tangential and the normal impulse; for those that resist turning
+// the impulses of that; for each pair where its second collider is expected, and the axes of its impulses; for convex
+// pairs how they were apart; the velocities at the start of the last step; the pieces that bounds and servos ended it
+// on; its length, if the guard may take steps in halves; the state that all this belongs to; the count of steps that
+// ended at a cap. An environment that was reset begins without memory: a state that is NaN says so. Where an
+// application has written another state, impulses go on in contacts that still touch; nothing is expected of places,
+// and nothing is guessed of velocities.
 #pragma once
 
 #include "place_collider.h"
@@ -46,6 +47,8 @@ LOCKSTEP_INLINE void each_expected(const ContactTables<S>&, Patch& patch, Act&& 
 template <class S, class AnyTile, class Act>
 LOCKSTEP_INLINE void each_remembered(const Tables<S>& t, AnyTile& x, Act&& act) {
   for (int s = 0; s < t.contacts.slots; ++s) each_kept(t.contacts, x.contacts.slot[s], act);
+  for (int i = 0; i < t.contacts.turning_frictions; ++i)
+    for (int k = 0; k < 3; ++k) act(x.contacts.turning_friction[i].memory[k]);
   for (int p = 0; p < t.contacts.pairs.count; ++p) each_expected(t.contacts, x.contacts.patch[p], act);
   for (int c = 0; c < t.contacts.convex; ++c) {
     for (int k = 0; k < 3; ++k) act(x.contacts.convex[c].normal[k]);
@@ -102,6 +105,10 @@ void scale_memory(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int s = 0; s < t.contacts.slots; ++s) {
     ContactSlot<T>& slot = x.contacts.slot[s];
     slot.pressed *= scale, slot.memory[0] *= scale, slot.memory[1] *= scale;
+  }
+  for (int i = 0; i < t.contacts.turning_frictions; ++i) {
+    TurningFriction<T>& turning = x.contacts.turning_friction[i];
+    turning.memory = scaled(turning.memory, scale);
   }
 }
 

@@ -17,11 +17,25 @@ LOCKSTEP_INLINE T per_second(const Tables<ScalarOf<T>>& t, const Tile<T>& x) {
   return T(ScalarOf<T>(1)) / (t.guarded ? x.contacts.length : T(t.step));
 }
 
-/// What the last step has found, along its own axes in the world: the contact may have other ones by now, or be over.
+/// v along the axes of the last step, in the world: the contact may have other ones by now, or be over.
+template <class T>
+LOCKSTEP_INLINE Vec3<T> along_kept_axes(const ContactPatch<T>& patch, const Vec3<T>& v) {
+  const Vec3<T> other = cross(patch.kept_normal, patch.kept_tangent);
+  return fma(patch.kept_normal, v.x, fma(patch.kept_tangent, v.y, scaled(other, v.z)));
+}
+
+/// What the last step has found.
 template <class T>
 LOCKSTEP_INLINE Vec3<T> impulse_of_slot(const ContactPatch<T>& patch, const ContactSlot<T>& slot) {
-  const Vec3<T> other = cross(patch.kept_normal, patch.kept_tangent);
-  return fma(patch.kept_normal, slot.pressed, fma(patch.kept_tangent, slot.memory[0], scaled(other, slot.memory[1])));
+  return along_kept_axes(patch, {slot.pressed, slot.memory[0], slot.memory[1]});
+}
+
+/// Of friction that resists turning, about the slot.
+template <class T>
+LOCKSTEP_INLINE Vec3<T> moment_of_slot(const TouchingPair<ScalarOf<T>>& pair, const ContactPatch<T>& patch,
+                                       const ContactSlot<T>& slot, const Tile<T>& x) {
+  const TurningFriction<T>* const turning = turning_of(pair, slot, x);
+  return turning ? along_kept_axes(patch, by_radii(pair, turning->memory)) : Vec3<T>::zero();
 }
 
 /// Where it acts, in the world, while the patch is as collide() has found it.

@@ -16,8 +16,8 @@ constexpr double most_slip_slope = 0.9;
 template <class T>
 void begin_slips(const Tables<ScalarOf<T>>& t, const T* z, Tile<T>& x) {
   slot_speeds(t, z, &ContactSlot<T>::speed, x);
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    slot.slip = patch.friction * sliding_speed(slot, slot.speed);
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    slot.slip = patch.friction * sliding_speed(slot, turning_of(pair, slot, x));
     slot.target = slot.bias + slot.slip;
   });
 }
@@ -31,8 +31,8 @@ typename T::Mask renew_slips(const Tables<ScalarOf<T>>& t, typename T::Mask open
   const double tolerance = slip_tolerance / static_cast<double>(t.dt);
   const T allowed = T(S(t.solves_midpoint && tolerance > most_slip_error ? most_slip_error : tolerance));
   typename T::Mask differs = T::none();
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    const T found = patch.friction * sliding_speed(slot, slot.speed);
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    const T found = patch.friction * sliding_speed(slot, turning_of(pair, slot, x));
     // A slip that is too large lets a slot through that ought to press.
     auto acts = less(zero, slot.force.impulse[0]);
     if (t.solves_midpoint) acts = acts | (less(slot.speed[0] + slot.bias, -allowed) & slot.live);
@@ -40,8 +40,9 @@ typename T::Mask renew_slips(const Tables<ScalarOf<T>>& t, typename T::Mask open
   });
   differs = differs & open;
   if (!any(differs)) return differs;
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    const T found = patch.friction * sliding_speed(slot, slot.speed), assumed = slot.slip, step = found - assumed;
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    TurningFriction<T>* const turning = turning_of(pair, slot, x);
+    const T found = patch.friction * sliding_speed(slot, turning), assumed = slot.slip, step = found - assumed;
     const T moved = assumed - slot.slip_before;
     const auto comparable = before & less(zero, absolute(moved));
     const T slope = (found - slot.found_before) / select(comparable, moved, one);
@@ -51,7 +52,7 @@ typename T::Mask renew_slips(const Tables<ScalarOf<T>>& t, typename T::Mask open
     slot.found_before = select(differs, found, slot.found_before);
     slot.slip = select(differs, larger(fma(gain, step, assumed), zero), assumed);
     slot.target = slot.bias + slot.slip;
-    contact_force(slot, patch.friction, slot.speed, slot.force);
+    contact_force(patch.friction, slot, turning);
   });
   return differs;
 }

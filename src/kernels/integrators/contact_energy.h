@@ -20,7 +20,9 @@ typename T::Mask push_ahead(const Tables<ScalarOf<T>>& t, typename T::Mask open,
   each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
     if (pair.soft) return;
     const T *const impulse = slot.force.impulse, *const u = slot.speed;
-    const T slow = fma(impulse[0], fnma(T(ScalarOf<T>(part)), slot.slow, u[0]), work);
+    T slow = fma(impulse[0], fnma(T(ScalarOf<T>(part)), slot.slow, u[0]), work);
+    if (const TurningFriction<T>* const turning = turning_of(pair, slot, x))
+      slow += dot(turning->force.impulse, turning->speed);
     work = select(slot.live, fma(impulse[1], u[1], fma(impulse[2], u[2], slow)), work);
   });
   return open & less(T(0), work);
@@ -30,8 +32,12 @@ typename T::Mask push_ahead(const Tables<ScalarOf<T>>& t, typename T::Mask open,
 /// it. Such lanes solve once more without.
 template <class T>
 void forget_impulses(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Tile<T>& x) {
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
     slot.push = select(lanes, T(0), slot.push);
+    if (TurningFriction<T>* const turning = turning_of(pair, slot, x)) {
+      turning->carried = select<T>(lanes, Vec3<T>::zero(), turning->carried);
+      turning->drift = select<T>(lanes, Vec3<T>::zero(), turning->drift);
+    }
     for (int i = 0; i < 2; ++i) {
       slot.carried[i] = select(lanes, T(0), slot.carried[i]);
       slot.drift[i] = select(lanes, T(0), slot.drift[i]);
@@ -45,9 +51,11 @@ template <class T>
 typename T::Mask gains_energy(const Tables<ScalarOf<T>>& t, typename T::Mask open, Tile<T>& x) {
   const T zero = T(0), one = T(1);
   T gain = zero, allowed = zero;
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
     for (int i = 0; i < 3; ++i)
       gain = select(slot.live, fma(slot.force.impulse[i], slot.speed[i] + slot.free[i], gain), gain);
+    if (const TurningFriction<T>* const turning = turning_of(pair, slot, x))
+      gain = select(slot.live, gain + dot(turning->force.impulse, turning->speed + turning->free), gain);
     const T share = larger(slot.restored, one) - T(ScalarOf<T>(1 - energy_tolerance));
     allowed = select(slot.given, fma(slot.normal * absolute(slot.free[0]), share, allowed), allowed);
   });
@@ -92,11 +100,12 @@ typename T::Mask pushes_along(const Tables<ScalarOf<T>>& t, typename T::Mask ope
   slot_speeds(t, x.rounds.z, &ContactSlot<T>::speed, x);
   each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
     if (pair.soft) return;
-    const T parts[] = {slot.pressed * slot.speed[0], slot.memory[0] * slot.speed[1], slot.memory[1] * slot.speed[2]};
-    for (const T part : parts) {
+    const auto add = [&](T part) LOCKSTEP_INLINED {
       work = select(slot.live, work + part, work);
       size = select(slot.live, size + absolute(part), size);
-    }
+    };
+    add(slot.pressed * slot.speed[0]), add(slot.memory[0] * slot.speed[1]), add(slot.memory[1] * slot.speed[2]);
+    if (const TurningFriction<T>* const turning = turning_of(pair, slot, x)) add(dot(turning->memory, turning->speed));
     slow = select(slot.live, fma(slot.pressed, slot.slow, slow), slow);
   });
   const auto pushes = open & less(slow, work), unclear = open & ~pushes & less(-T(S(rounding_of_work)) * size, work);
@@ -137,6 +146,9 @@ void keep_energy(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     ContactSlot<T>& slot = x.contacts.slot[s];
     slot.pressed *= share, slot.memory[0] *= share, slot.memory[1] *= share;
   }
+  each_turning(t, x, [&](const ContactSlot<T>&, TurningFriction<T>& turning) LOCKSTEP_INLINED {
+    turning.memory = scaled(turning.memory, share);
+  });
   x.contacts.unfinished += select(gains, T(1), T(0));
 }
 
@@ -149,7 +161,9 @@ T work_of_push_outs(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<
     const auto pushes = slot.live & ~slot.bounces & less(slot.bias, T(0));
     work = select(pushes, fma(impulse[0], larger(u[0], T(0)), work), work);
     if (!pair.soft) return;  // the memory of a soft pair is a spring along the surface
-    const T along = fma(impulse[1], u[1], impulse[2] * u[2]);
+    T along = fma(impulse[1], u[1], impulse[2] * u[2]);
+    if (const TurningFriction<T>* const turning = turning_of(pair, slot, x))
+      along += dot(turning->force.impulse, turning->speed);
     work = select(slot.live, work + larger(along, T(0)), work);
   });
   return select(acting, work, T(0));

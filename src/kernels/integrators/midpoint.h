@@ -117,10 +117,12 @@ void predict_with_contacts(const Tables<ScalarOf<T>>& t, const StatePointers<Sca
   using S = ScalarOf<T>;
   const auto lanes = x.contacts.goes_on & ~x.frozen;
   if (!any(lanes)) return;
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
     const T impulse[3] = {slot.pressed, slot.carried[0], slot.carried[1]};
     for (int i = 0; i < 3; ++i) slot.force.impulse[i] = select(slot.goes_on, impulse[i], T(0));
     slot.force.sticks = slot.goes_on;
+    if (TurningFriction<T>* const turning = turning_of(pair, slot, x))
+      turning->force.impulse = select<T>(slot.goes_on, turning->carried, Vec3<T>::zero());
   });
   momentum_of_contacts(t, x.rounds.momentum, x);
   x.dynamics.half_solved_velocity = x.dynamics.half_solved_position;
@@ -258,7 +260,10 @@ typename T::Mask acts_on_way(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
       const RelativeTwist<T> twist = twist_of(t, pair, x, z);
       for (ContactSlot<T>& slot : slots) {
         slot_speed(slot, twist, slot.speed);
-        contact_force(slot, patch.friction, slot.speed, slot.trial);
+        TurningFriction<T>* const turning = turning_of(pair, slot, x);
+        const Vec3<T> turns = turning ? by_radii(pair, twist.turning) : Vec3<T>::zero();
+        contact_force(slot, turning, patch.friction, slot.speed, turns, slot.trial,
+                      turning ? &turning->trial : nullptr);
         acting = acting | ((slot.trial.sticks | slot.trial.slides) & ~slot.bounces);
       }
     }

@@ -68,6 +68,10 @@ typename T::Mask begin_relaxing(const Tables<ScalarOf<T>>& t, typename T::Mask o
       const T begins = pair.soft ? slot.carried[i] : slot.force.impulse[1 + i];
       slot.carried[i] = select(lanes, select(goes_on, begins, zero), slot.carried[i]);
     }
+    if (TurningFriction<T>* const turning = turning_of(pair, slot, x)) {
+      const Vec3<T>& begins = pair.soft ? turning->carried : turning->force.impulse;
+      turning->carried = select<T>(lanes, select<T>(goes_on, begins, Vec3<T>::zero()), turning->carried);
+    }
   });
   return lanes;
 }
@@ -119,6 +123,10 @@ void remember(const Tables<ScalarOf<T>>& t, typename T::Mask acting, Tile<T>& x)
     keep(slot.memory[0], slot.force.impulse[1]), keep(slot.memory[1], slot.force.impulse[2]);
     keep(slot.kept_face, slot.face);
   }
+  each_turning(t, x, [&](const ContactSlot<T>& slot, TurningFriction<T>& turning) LOCKSTEP_INLINED {
+    const Vec3<T> now = select<T>(slot.live & acting, turning.force.impulse, Vec3<T>::zero());
+    turning.memory = select<T>(x.frozen, turning.memory, now);
+  });
 }
 
 /// The impulses of a later solve in its lanes alone: the others have been evaluated beside them, and differ by
@@ -131,6 +139,9 @@ void remember_impulses(const Tables<ScalarOf<T>>& t, typename T::Mask lanes, Til
     slot.pressed = select(acts, slot.force.impulse[0], slot.pressed);
     for (int i = 0; i < 2; ++i) slot.memory[i] = select(acts, slot.force.impulse[1 + i], slot.memory[i]);
   }
+  each_turning(t, x, [&](const ContactSlot<T>& slot, TurningFriction<T>& turning) LOCKSTEP_INLINED {
+    turning.memory = select<T>(slot.live & lanes, turning.force.impulse, turning.memory);
+  });
 }
 
 /// The third solve, in lanes of `again` in which an impact gives something back (M109).
@@ -203,9 +214,12 @@ typename T::Mask open_contacts(const Tables<ScalarOf<T>>& t, const StatePointers
     for (ContactSlot<T>& slot : slots) {
       slot_speed(slot, without, slot.free);
       if (t.solves_midpoint && pair.bounces) slot_speed(slot, twist_of(t, pair, x, x.midpoint.end), slot.speed);
-      begin_slot(t, pair, patch, start, response, slot);
+      TurningFriction<T>* const turning = turning_of(pair, slot, x);
+      begin_slot(t, pair, patch, start, response, slot, turning);
       if (!known) continue;
-      contact_force(slot, patch.friction, slot.free, slot.force);
+      if (turning) turning->free = by_radii(pair, without.turning);
+      contact_force(slot, turning, patch.friction, slot.free, turning ? turning->free : Vec3<T>::zero(), slot.force,
+                    turning ? &turning->force : nullptr);
       acting = acting | slot.force.sticks | slot.force.slides;
     }
   });

@@ -41,9 +41,15 @@ struct AlongStep {
     force = fma(row.change, law.impulse, force);
     gain = fma(row.change * row.change, row_gain(row, law), gain);
   }
-  LOCKSTEP_INLINE void add(const ContactSlot<T>& slot, const ContactForce<T>& law) {
+  LOCKSTEP_INLINE void add(const ContactSlot<T>& slot, const ContactForce<T>& law, const TurningFriction<T>* turning,
+                           const TurningForce<T>* turning_law) {
     T product[3];
     times_gain(law, slot.change, product);
+    if (turning) {
+      const Vec3<T> own = add_turning_gain(*turning_law, slot.change, turning->change, product);
+      force += dot(turning->change, turning_law->impulse);
+      gain += dot(turning->change, own);
+    }
     for (int i = 0; i < 3; ++i) {
       force = fma(slot.change[i], law.impulse[i], force);
       gain = fma(slot.change[i], product[i], gain);
@@ -53,23 +59,25 @@ struct AlongStep {
 
 /// With the laws `of` and `law`, which are known.
 template <class T>
-AlongStep<T> along_step(const Tables<ScalarOf<T>>& t, ContactForce<T> ContactSlot<T>::*of, Branch<T> ActingRow<T>::*law,
-                        Tile<T>& x) {
+AlongStep<T> along_step(const Tables<ScalarOf<T>>& t, ContactForce<T> ContactSlot<T>::*of,
+                        TurningForce<T> TurningFriction<T>::*turning_of_it, Branch<T> ActingRow<T>::*law, Tile<T>& x) {
   AlongStep<T> sum;
   each_row(t, x,
            [&](const RowSlot&, ActingRow<T>& row, const int*, const T*) LOCKSTEP_INLINED { sum.add(row, row.*law); });
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    sum.add(slot, slot.*of);
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    TurningFriction<T>* const turning = turning_of(pair, slot, x);
+    sum.add(slot, slot.*of, turning, turning ? &(turning->*turning_of_it) : nullptr);
   });
   return sum;
 }
 
 /// The law of a slot at the share a of the step, into its `trial`.
 template <class T>
-LOCKSTEP_INLINE void try_slot(const ContactPatch<T>& patch, T a, ContactSlot<T>& slot) {
+LOCKSTEP_INLINE void try_slot(const ContactPatch<T>& patch, T a, ContactSlot<T>& slot, TurningFriction<T>* turning) {
   T u[3];
   for (int i = 0; i < 3; ++i) u[i] = fma(a, slot.change[i], slot.speed[i]);
-  contact_force(slot, patch.friction, u, slot.trial);
+  const Vec3<T> turns = turning ? fma(turning->change, a, turning->speed) : Vec3<T>::zero();
+  contact_force(slot, turning, patch.friction, u, turns, slot.trial, turning ? &turning->trial : nullptr);
 }
 
 /// All laws at the share a of the step, into `trial`.
@@ -80,9 +88,10 @@ AlongStep<T> try_share(const Tables<ScalarOf<T>>& t, T a, Tile<T>& x) {
     row.trial = row_law(row, fma(a, row.change, row.speed));
     sum.add(row, row.trial);
   });
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    try_slot(patch, a, slot);
-    sum.add(slot, slot.trial);
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    TurningFriction<T>* const turning = turning_of(pair, slot, x);
+    try_slot(patch, a, slot, turning);
+    sum.add(slot, slot.trial, turning, turning ? &turning->trial : nullptr);
   });
   return sum;
 }
@@ -102,9 +111,15 @@ T try_step(const Tables<ScalarOf<T>>& t, const T* step, Tile<T>& x) {
     const RelativeTwist<T> twist = twist_of(t, pair, x, step);
     for (ContactSlot<T>& slot : slots) {
       slot_speed(slot, twist, slot.change);
-      try_slot(patch, T(1), slot);
+      TurningFriction<T>* const turning = turning_of(pair, slot, x);
+      if (turning) turning->change = by_radii(pair, twist.turning);
+      try_slot(patch, T(1), slot, turning);
       T linear[3];
       times_gain(slot.force, slot.change, linear);
+      if (turning) {
+        const Vec3<T> own = add_turning_gain(turning->force, slot.change, turning->change, linear);
+        slope += dot(turning->change, (turning->force.impulse - own) - turning->trial.impulse);
+      }
       for (int i = 0; i < 3; ++i)
         slope = fma(slot.change[i], (slot.force.impulse[i] - linear[i]) - slot.trial.impulse[i], slope);
     }
@@ -118,11 +133,11 @@ template <class T>
 T search_along(const Tables<ScalarOf<T>>& t, typename T::Mask open, T first_slope, T last_slope, Tile<T>& x) {
   using S = ScalarOf<T>;
   const T zero = T(0), one = T(1), half = T(S(0.5));
-  const AlongStep<T> start = along_step(t, &ContactSlot<T>::force, &ActingRow<T>::law, x);
+  const AlongStep<T> start = along_step(t, &ContactSlot<T>::force, &TurningFriction<T>::force, &ActingRow<T>::law, x);
   const T stiff = -first_slope - start.gain;  // d A d
   const T enough = T(S(enough_descent)) * absolute(first_slope);
   T low = zero, high = one, a = one, slope = last_slope,
-    curvature = stiff + along_step(t, &ContactSlot<T>::trial, &ActingRow<T>::trial, x).gain;
+    curvature = stiff + along_step(t, &ContactSlot<T>::trial, &TurningFriction<T>::trial, &ActingRow<T>::trial, x).gain;
   for (int trial = 1; trial <= most_trials; ++trial) {
     const auto past = less(zero, slope);
     high = select(open & past, a, high), low = select(open & ~past, a, low);
@@ -161,13 +176,17 @@ struct Regions {
 template <class T>
 Regions<T> move_slots(const Tables<ScalarOf<T>>& t, T share, Tile<T>& x) {
   Regions<T> found{T::none(), T::none()};
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>&, ContactSlot<T>& slot) LOCKSTEP_INLINED {
     const ContactForce<T>&from = slot.force, &to = slot.trial;
     found.changed = found.changed | (from.sticks & ~to.sticks) | (to.sticks & ~from.sticks) |
                     (from.slides & ~to.slides) | (to.slides & ~from.slides);
     found.slides = found.slides | from.slides | to.slides;
     for (int i = 0; i < 3; ++i) slot.speed[i] = fma(share, slot.change[i], slot.speed[i]);
     slot.force = slot.trial;
+    if (TurningFriction<T>* const turning = turning_of(pair, slot, x)) {
+      turning->speed = fma(turning->change, share, turning->speed);
+      turning->force = turning->trial;
+    }
   });
   return found;
 }
@@ -270,8 +289,8 @@ void begin_newton(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>
   const int n = t.rounds.columns.n;
   x.counts.solves += select(open, T(1), T(0));
   slot_speeds(t, x.rounds.z, &ContactSlot<T>::speed, x);
-  each_slot(t, x, [&](const auto&, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
-    contact_force(slot, patch.friction, slot.speed, slot.force);
+  each_slot(t, x, [&](const auto& pair, const ContactPatch<T>& patch, ContactSlot<T>& slot) LOCKSTEP_INLINED {
+    contact_force(patch.friction, slot, turning_of(pair, slot, x));
   });
   evaluate_rows(t, x.rounds.z, x);
   momentum_of_impulses(t, x.rounds.momentum, x);

@@ -175,7 +175,7 @@ struct RoundArrays {
   T* ended;               // velocities of a solve that may gain energy
   ActingRow<T>* row;      // [slots]
   T* single_impulse;      // [bounds of one velocity] of the last round in which the lane was open
-  T* answer;              // [(3 contact slots + single bounds + slots) velocities] to a unit impulse, in sweeps
+  T* answer;              // [(rows of contacts + single bounds + slots) velocities] to a unit impulse, in sweeps
   T* unbounded_result;    // of the step in which none of them acts (integrators/solve_rounds.h)
   typename T::Mask weak;  // lanes with a pivot that is too small
 
@@ -190,7 +190,8 @@ struct RoundArrays {
     take("rounds.ended", ended, n);
     take("rounds.row", row, t.rounds.slots.count);
     take("rounds.single_impulse", single_impulse, t.bounds.single);
-    const int answers = t.method == Method::pgs ? 3 * t.contacts.slots + t.bounds.single + t.rounds.slots.count : 0;
+    const int contact_rows = 3 * (t.contacts.slots + t.contacts.turning_frictions);
+    const int answers = t.method == Method::pgs ? contact_rows + t.bounds.single + t.rounds.slots.count : 0;
     take("rounds.answer", answer, answers * n);
     const int results = (t.solve_twice ? 2 : 1) * (2 * t.rows.count + t.solver.n) + t.joints +
                         (t.record_diagnostics ? 2 : 1) * t.velocities + (7 + 4) * t.roots.count;

@@ -14,6 +14,16 @@ struct ContactForce {
   typename T::Mask sticks, slides;  // lanes; elsewhere the slot is off
 };
 
+/// The rest of the law (M171) where a slot resists turning: impulses about the normal and the tangents, over the radii
+/// of their rows, and what -d impulse / d u has more.
+template <class T>
+struct TurningForce {
+  Vec3<T> impulse;
+  Vec3<T> asked;           // y_T of these rows
+  T asked_along[2];        // y_T along the tangents
+  T across, along, alone;  // of y_T with the normal; of y_T y_T^T; of 1
+};
+
 /// A collider in the world. Half-spaces are solid below the plane z = 0 of their own frame; capsules lie along z. A
 /// height field has cells per metre along x and y, and its largest height, in place of sizes.
 template <class T>
@@ -76,6 +86,17 @@ struct ContactSlot {
   typename T::Mask relaxes;  // lanes that have had a second solve
   T visit[2];                // of a sweep: impulse along the normal and along a tangent for a speed that is missing
   T across[2];               // speeds along the tangents that answer a unit normal impulse
+};
+
+/// Torsional and rolling friction of a slot (M171): what ContactSlot has for tangents, for rotations about the normal
+/// and the tangents, times the radii of their rows.
+template <class T>
+struct TurningFriction {
+  T stiffness;  // of all rows but the normal, 1 / R_T
+  Vec3<T> carried, drift, speed, change, free;
+  Vec3<T> across;  // as ContactSlot::across
+  TurningForce<T> force, trial;
+  Vec3<T> memory;  // impulses of the step before (state)
 };
 
 /// What a convex pair remembers: its normal in the first shape's frame, and corners, see contacts/gjk.h. All 0 where
@@ -145,10 +166,11 @@ struct Contacts {
   bool lists_all = true;          // lanes are listed
   int* listed_pairs;              // [pairs] those with a slot that is live in some listed lane
   int listed_count = 0;
-  ContactSlot<T>* slot;      // [slots]
-  ConvexMemory<T>* convex;   // [convex pairs] (state)
-  Vec3<T>* turning;          // [columns] relative angular velocity, by velocity of the solver
-  Vec3<T>* moving;           // [columns] relative velocity of the reference point
+  ContactSlot<T>* slot;                  // [slots]
+  TurningFriction<T>* turning_friction;  // [slots of pairs that resist turning]
+  ConvexMemory<T>* convex;               // [convex pairs] (state)
+  Vec3<T>* turning;                      // [columns] relative angular velocity, by velocity of the solver
+  Vec3<T>* moving;                       // [columns] relative velocity of the reference point
   Vec3<T>* parted;           // [columns] what of it is due to the gap between the points of two moving bodies
   T* previous;               // [solver] velocities at the start of the step before (state)
   T* piece;                  // [bounds of one velocity] contacts/pieces.h (state)
@@ -173,6 +195,7 @@ struct Contacts {
     take("contacts.near_pairs", near_pairs, c.pairs.count);
     take("contacts.listed_pairs", listed_pairs, c.pairs.count);
     take("contacts.slot", slot, c.slots);
+    take("contacts.turning_friction", turning_friction, c.turning_frictions);
     take("contacts.convex", convex, c.convex);
     take("contacts.turning", turning, c.columns.count);
     take("contacts.moving", moving, c.columns.count);

@@ -272,6 +272,10 @@ void lay_out_contacts(Program& program) {
 
     // Friction, bounce, rate and compliance (M104).
     pair.friction = from.friction, pair.restitution = from.restitution;
+    const double friction = from.friction > 0.0 ? from.friction : 1.0;
+    pair.torsion_radius = from.torsional_friction / friction, pair.rolling_radius = from.rolling_friction / friction;
+    const bool resists_turning = from.torsional_friction > 0.0 || from.rolling_friction > 0.0;
+    pair.turns = pair.slots > 1 || resists_turning;
     pair.bounces = from.restitution > 0.0 || t.declares(Parameter::contact_restitution);
     t.contacts.bounces = t.contacts.bounces || pair.bounces;
     const RowSoftness<double> softness = row_softness(program, from.softness, program.settings.dt, 1);
@@ -284,6 +288,8 @@ void lay_out_contacts(Program& program) {
     contacts.push_back({static_cast<int>(pairs.size()), static_cast<int>(pairs.size()) + points});
     for (pair.point = 0; pair.point < points; ++pair.point) {
       pair.slot = slots, slots += pair.slots;
+      pair.turning_friction = resists_turning ? t.contacts.turning_frictions : -1;
+      t.contacts.turning_frictions += resists_turning ? pair.slots : 0;
       pairs.push_back(pair);
       pair.column = static_cast<int>(columns.size());
       for (int k = 0; k < pair.columns && pair.point + 1 < points; ++k)
@@ -294,7 +300,8 @@ void lay_out_contacts(Program& program) {
     const int named_first = from.swapped ? from.second : from.first,
               named_second = from.swapped ? from.first : from.second;
     program.plan_contacts.push_back({pair_name(program.model, from), named_first, named_second, first_slot,
-                                     slots - first_slot, from.friction, from.restitution});
+                                     slots - first_slot, from.friction, from.restitution, from.torsional_friction,
+                                     from.rolling_friction});
   }
 
   t.contacts.slots = slots;

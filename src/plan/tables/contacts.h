@@ -118,23 +118,27 @@ struct TouchingStructure {
   int contact;        ///< in Plan::contacts()
   int point = 0;      ///< of those that touch a height field
   int slot, slots;
-  int column, columns;  ///< in ContactStructure::columns
-  int entry;            ///< in ContactStructure::entries: of A_r, by column and column up to that one
-  int memory = -1;      ///< in Contacts::convex
-  bool soft;            ///< its compliance is stated, so an overlap has a force of its own
-  bool bounces;         ///< may have a restitution
-  bool by_boxes;        ///< costs enough for boxes about its colliders to be looked at first
+  int column, columns;   ///< in ContactStructure::columns
+  int entry;             ///< in ContactStructure::entries: of A_r, by column and column up to that one
+  int memory = -1;       ///< in Contacts::convex
+  bool soft;             ///< its compliance is stated, so an overlap has a force of its own
+  bool bounces;          ///< may have a restitution
+  bool turns;            ///< its solve sees how it turns: with several slots, or with friction that resists it
+  int turning_friction;  ///< of its first slot that resists turning, -1 if none does
+  bool by_boxes;         ///< costs enough for boxes about its colliders to be looked at first
 };
 template <class S>
 struct TouchingPair : TouchingStructure {
   S friction, restitution;
-  S rate, cfm, cfm_per_response;  ///< as those of RowSoftness
-  S apart, size;                  ///< of a convex pair: see (M156), and the reach of both, m
-  S slack;                        ///< m: slots keep their corners until another one is deeper by this
+  S torsion_radius, rolling_radius;  ///< (M171): of friction about the normal and the tangents, m
+  S rate, cfm, cfm_per_response;     ///< as those of RowSoftness
+  S apart, size;                     ///< of a convex pair: see (M156), and the reach of both, m
+  S slack;                           ///< m: slots keep their corners until another one is deeper by this
 
   template <class From, class To, class Visit>
   static constexpr void numbers(From& from, To& to, Visit&& visit) {
     visit(from.friction, to.friction), visit(from.restitution, to.restitution);
+    visit(from.torsion_radius, to.torsion_radius), visit(from.rolling_radius, to.rolling_radius);
     visit(from.rate, to.rate), visit(from.cfm, to.cfm), visit(from.cfm_per_response, to.cfm_per_response);
     visit(from.apart, to.apart), visit(from.size, to.size), visit(from.slack, to.slack);
   }
@@ -153,7 +157,8 @@ struct ContactStructure {
   Span<HullStructure> hulls;
   Span<HeightStructure> height_fields;
   int slots = 0;
-  int convex = 0;  ///< pairs that are convex
+  int convex = 0;             ///< pairs that are convex
+  int turning_frictions = 0;  ///< slots of pairs that resist turning
   int passes = 0, rounds = 0;
   bool bounces = false;  ///< some pair has a restitution
 };
@@ -167,7 +172,7 @@ struct ContactTables : ContactStructure {
   /// Rows of a batch that remember contacts (kernels/contacts/memory.h): of slots, of pairs, the solver's velocities,
   /// the pieces of bounds and servos, the length of the step if that may differ, the state that they belong to, and a
   /// count.
-  static constexpr int rows_of_slot = 4, rows_of_pair = 15, rows_of_convex = 6;
+  static constexpr int rows_of_slot = 4, rows_of_turning = 3, rows_of_pair = 15, rows_of_convex = 6;
   template <class Structure>
   inline __attribute__((always_inline)) int remembered(const Structure& t) const {
     return used() ? remembered_state(t) + t.joints + t.velocities + 7 * t.roots.count + places(t) + 1 : 0;
@@ -175,8 +180,8 @@ struct ContactTables : ContactStructure {
   /// The first row of the state.
   template <class Structure>
   inline __attribute__((always_inline)) int remembered_state(const Structure& t) const {
-    return rows_of_slot * slots + rows_of_pair * pairs.count + rows_of_convex * convex + t.solver.n + t.bounds.single +
-           t.limited_servos.count + (t.guarded ? 1 : 0);
+    return rows_of_slot * slots + rows_of_turning * turning_frictions + rows_of_pair * pairs.count +
+           rows_of_convex * convex + t.solver.n + t.bounds.single + t.limited_servos.count + (t.guarded ? 1 : 0);
   }
 
   /// Rows of where colliders stand, if that may differ.
