@@ -12,7 +12,7 @@ constexpr double least_bounce = 0.05;               // (M109), m/s: slower impac
 constexpr double bounce_compliance = 1e-3;          // (M109), of the response: what bounces yields no more than this
 constexpr double bounce_compliance_in_step = 1e-5;  // (M124)
 constexpr double most_restored = 1.5;               // (M109)
-constexpr double turning_compliance = 1e-3;         // (M171), of the response: of what resists turning, at most
+constexpr double turning_compliance = 1e-3;         // (M172), of the response: of what resists turning, at most
 constexpr double relaxed_above = 0.01;  // (M109), m/s: overlaps that are removed faster leave no speed behind
 constexpr double carried_above = 0.01;  // (M116): of that speed, what carried impulses may leave
 
