@@ -36,7 +36,8 @@ enum {
 LOCKSTEP_C_API int lockstep_abi(void);
 /* "major.minor.patch" */
 LOCKSTEP_C_API const char* lockstep_version(void);
-/* "element: rule; remedy" of this thread's last failure; "" before there was one. Valid until the next failure. */
+/* "element: rule; remedy" of this thread's last failure, of a file a line for each reason; "" before there was
+   one. Valid until the next failure. */
 LOCKSTEP_C_API const char* lockstep_message(void);
 /* Its code, such as "model.joint" or "memory", "" before there was a failure: docs/errors.md. It stays the same when
  * the words change. The string lives forever. */

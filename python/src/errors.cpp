@@ -5,8 +5,12 @@ namespace lockstep::python {
 namespace {
 
 void raise(const char* type, const Error& error) {
-  const py::object exception =
-      py::module_::import("lockstep.errors").attr(type)(error.element(), error.rule(), error.remedy(), error.code());
+  py::list others;
+  for (const Reason& reason : error.reasons())
+    others.append(py::make_tuple(reason.element, reason.rule, reason.remedy));
+  others.attr("pop")(0);
+  const py::object exception = py::module_::import("lockstep.errors")
+                                   .attr(type)(error.element(), error.rule(), error.remedy(), error.code(), others);
   PyErr_SetObject(reinterpret_cast<PyObject*>(Py_TYPE(exception.ptr())), exception.ptr());
 }
 

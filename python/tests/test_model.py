@@ -79,6 +79,18 @@ def test_errors_name_element_rule_and_remedy():
     assert str(again) == str(error) and again.code == error.code == "model.joint"
 
 
+def test_a_file_is_refused_for_all_reasons_at_once():
+    link = "<link name='{}'><inertial><mass value='{}'/></inertial></link>"
+    with pytest.raises(ls.ImportFileError) as caught:
+        ls.from_urdf_text(f"<robot name='r'>{link.format('a', 'x')}{link.format('b', 'y')}</robot>")
+    error = caught.value
+    assert [element.rsplit("link ")[-1] for element, _, _ in error.reasons] == ["'a'", "'b'"]
+    assert str(error) == "\n".join(f"{element}: {rule}; {remedy}" for element, rule, remedy in error.reasons)
+    assert (error.element, error.rule, error.remedy) == error.reasons[0]
+    again = pickle.loads(pickle.dumps(error))
+    assert str(again) == str(error) and again.reasons == error.reasons and again.code == "import"
+
+
 @pytest.mark.parametrize(
     "change, kind, words",
     [

@@ -33,6 +33,15 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(0, text.find_last_not_of(blanks) + 1);
 }
 
+void refuse_unexpanded(const char* attribute, std::string_view text, const Fail& fail) {
+  const std::size_t at = std::min(text.find("${"), text.find("$("));
+  if (at == std::string_view::npos) return;
+  const std::size_t end = text.find(text[at + 1] == '{' ? '}' : ')', at);
+  const std::string_view unexpanded = text.substr(at, end == std::string_view::npos ? end : end + 1 - at);
+  fail(fmt::format("{}=\"{}\" holds {}, which nothing has expanded", attribute, shortened(text), shortened(unexpanded)),
+       "expand it first: xacro robot.urdf.xacro > robot.urdf, with NAME:=VALUE for each $(arg NAME)");
+}
+
 std::string name_in(const char* attribute, std::string_view text, const Fail& fail) {
   if (text.find_first_not_of(blanks) == std::string_view::npos)
     fail(fmt::format("{}=\"\" is empty", attribute), "give a name");
@@ -45,9 +54,8 @@ std::string name_in(const char* attribute, std::string_view text, const Fail& fa
 
 int numbers_in(const char* attribute, std::string_view text, double* values, int least, int most, const Fail& fail) {
   const auto shown = [&] { return fmt::format("{}=\"{}\"", attribute, shortened(text)); };
-  const char* const remedy = text.find("${") == std::string_view::npos
-                                 ? "write plain decimal numbers such as 0.5 or 1e-3, blanks between them"
-                                 : "expand it first: xacro robot.urdf.xacro > robot.urdf";
+  const char* const remedy = "write plain decimal numbers such as 0.5 or 1e-3, blanks between them";
+  refuse_unexpanded(attribute, text, fail);
   int found = 0;
   std::size_t at = text.find_first_not_of(blanks);
   while (at != std::string_view::npos) {

@@ -14,6 +14,9 @@ using Fail = std::function<void(const std::string& rule, const std::string& reme
 /// Without blanks around it.
 std::string_view trimmed(std::string_view text);
 
+/// Fails where the text holds what xacro or roslaunch would have expanded: ${...}, $(arg ...), $(find ...).
+void refuse_unexpanded(const char* attribute, std::string_view text, const Fail& fail);
+
 /// The attribute as a name. Fails where it is empty or holds characters that cannot be shown as they stand.
 std::string name_in(const char* attribute, std::string_view text, const Fail& fail);
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "lockstep/import.h"
+#include "options.h"
 
 namespace lockstep::importer {
 
@@ -26,6 +27,7 @@ struct LinkExtras {
 };
 
 struct Draft {
+  Format format = Format::urdf;
   Model model;
   std::vector<VisualMesh> visual_meshes;
   std::unordered_map<std::string, LinkExtras> extras;  ///< by link

@@ -14,8 +14,9 @@ Import import_file(const std::string& path, const ImportOptions& options) {
   bool is_mjcf = false;
   {
     tinyxml2::XMLDocument document(/*processEntities=*/false);
+    importer::Report ignored;  // the reader of the format warns of the same
     const std::string_view root =
-        importer::parsed(text, path, "a URDF or MJCF file, <robot name=\"...\"> or <mujoco>", document).Name();
+        importer::parsed(text, path, "a URDF or MJCF file, <robot name=\"...\"> or <mujoco>", document, ignored).Name();
     is_mjcf = root == "mujoco" || root == "mujocoinclude";
   }
   return is_mjcf ? importer::mjcf::read(text, path, importer::folder_of(path), options)

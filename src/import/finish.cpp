@@ -8,6 +8,7 @@
 
 #include "lockstep/error.h"
 #include "model/contact_pairs.h"
+#include "model/judge.h"
 #include "model/tendons.h"
 #include "model/trees.h"
 #include "ranges.h"
@@ -52,10 +53,9 @@ void report_joints(const Model& model, Report& report) {
   }
 }
 
-void report_colliders(const Model& model, Report& report) {
-  if (model.contacts.empty())
-    for (const Collider& collider : model.colliders)
-      report.warn("colliders that touch nothing, as Model::contacts declares no pair", collider.name);
+void report_colliders(const Model& model, const ImportOptions& options, Report& report) {
+  if (options.colliders && model.colliders.empty())
+    report.warn("colliders are asked for, and the file has no shape that could be one", model.name);
   const std::vector<std::string> ends = model.end_colliders();
   if (ends.size() < model.colliders.size())
     for (const std::string& name : ends)
@@ -63,6 +63,9 @@ void report_colliders(const Model& model, Report& report) {
 
   const Trees trees(model);
   const std::vector<ColliderPair> pairs = contact_pairs(model, trees).pairs;
+  if (pairs.empty())
+    for (const Collider& collider : model.colliders)
+      report.warn("colliders that touch nothing, as Model::contacts declares no pair", collider.name);
   if (pairs.size() <= many_pairs || ends.empty()) return;
   std::vector<bool> is_amid_a_chain;  // by collider
   for (const Collider& collider : model.colliders)
@@ -97,6 +100,28 @@ void check_names(const ImportOptions& options, const Draft& draft) {
     }
 }
 
+// Where it is in the file, and what of the file's could have helped.
+ModelError placed(const ModelError& error, const Draft& draft, const Report& report, const std::string& source) {
+  const auto place = draft.places.find(error.element());
+  std::string rule = error.rule(), remedy = error.remedy();
+  for (const char* what : {unused_meshes, left_out_meshes})
+    if (const std::string line = report.line(what); error.element().starts_with("link") && !line.empty())
+      rule += "; " + line;
+  if (draft.format == Format::urdf && remedy.find("ImportOptions::least_inertia") != std::string::npos)
+    remedy += ", ImportOptions::density takes collision shapes";
+  return {place != draft.places.end() ? place->second : source + ": " + error.element(), rule, remedy};
+}
+
+// What is left of a refused file need not have what the caller counts on.
+void change(const ImportOptions& options, const Report& report, Model& model) {
+  try {
+    options.change(model);
+  } catch (...) {
+    report.stop_if_refused();
+    throw;
+  }
+}
+
 }  // namespace
 
 bool holds(const JointSet& set, const std::string& joint, bool follows) {
@@ -107,25 +132,34 @@ bool holds(const JointSet& set, const std::string& joint, bool follows) {
 Import finished(Draft& draft, const ImportOptions& options, Report& report, const std::string& source,
                 const std::function<void()>& assemble) {
   Model& model = draft.model;
+  const Attempt attempt = [&](const std::function<void()>& part) {
+    return report.attempt([&] {
+      try {
+        part();
+      } catch (const ModelError& error) {
+        if (report.is_full()) throw;
+        throw placed(error, draft, report, source);
+      }
+    });
+  };
   try {
-    assemble();
-    check_names(options, draft);
-    if (options.change) options.change(model);
-    repair_inertias(options, draft, report);
-    model.validate();
-    const Model as_stepped = judged(model, options.ignore);
-    report_followers_ranges(as_stepped, report);
-    report_joints(as_stepped, report);
-    report_colliders(model, report);
-  } catch (const ModelError& error) {
-    const auto place = draft.places.find(error.element());
-    std::string rule = error.rule();
-    for (const char* what : {unused_meshes, left_out_meshes})
-      if (const std::string line = report.line(what); error.element().starts_with("link") && !line.empty())
-        rule += "; " + line;
-    throw ModelError(place != draft.places.end() ? place->second : source + ": " + error.element(), rule,
-                     error.remedy());
+    bool is_weighed = true;
+    const bool is_whole = attempt([&] {
+      assemble();
+      check_names(options, draft);
+      if (options.change) change(options, report, model);
+      is_weighed = repair_inertias(options, draft, report);
+    });
+    if (is_whole && is_weighed) judge(model, attempt);
+  } catch (...) {  // a name of the options
+    report.stop_if_refused();
+    throw;
   }
+  report.stop_if_refused();
+  const Model as_stepped = judged(model, options.ignore);
+  report_followers_ranges(as_stepped, report);
+  report_joints(as_stepped, report);
+  report_colliders(model, options, report);
   Import result{std::move(model), report.lines(), report.warnings(), std::move(draft.visual_meshes)};
   result.report.insert(result.report.begin(), "read " + contents_of(result.model));
   return result;

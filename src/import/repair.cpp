@@ -49,7 +49,7 @@ class Bodies {
     model_.links[link].inertia.about_center += turn.transpose() * tensor * turn;
   }
 
-  void fill_from_shapes(double density, const std::unordered_map<std::string, LinkExtras>& extras);
+  bool fill_from_shapes(double density, const std::unordered_map<std::string, LinkExtras>& extras);
   void balance();
   void raise_masses(double least);
   void raise_inertias(double least);
@@ -72,7 +72,8 @@ class Bodies {
   Trees trees_;
 };
 
-void Bodies::fill_from_shapes(double density, const std::unordered_map<std::string, LinkExtras>& extras) {
+bool Bodies::fill_from_shapes(double density, const std::unordered_map<std::string, LinkExtras>& extras) {
+  bool are_read = true;
   each([&](std::size_t, const Inertia& body, const std::vector<std::size_t>& links) {
     const bool is_missing = body.mass == 0.0 && body.about_center.isZero(0.0);
     for (const std::size_t i : links) {
@@ -86,7 +87,8 @@ void Bodies::fill_from_shapes(double density, const std::unordered_map<std::stri
       }
       if (shapes.meshes > 0) report_.warn(unused_meshes, link.name);
       Inertia made = shapes.solid;
-      for (const auto& mesh_solid : shapes.mesh_solids) made = made + mesh_solid();
+      for (const auto& mesh_solid : shapes.mesh_solids)
+        are_read &= report_.attempt([&] { made = made + mesh_solid(); });
       if (!(made.mass > 0.0)) continue;
       made.mass *= density;
       made.about_center *= density;
@@ -99,6 +101,7 @@ void Bodies::fill_from_shapes(double density, const std::unordered_map<std::stri
       changed(fmt::format("inertia from collision shapes of {:.6g} kg/m^3", density), i);
     }
   });
+  return are_read;
 }
 
 void Bodies::balance() {
@@ -148,20 +151,21 @@ void report_oddities(const Draft& draft, Report& report) {
 
 }  // namespace
 
-void repair_inertias(const ImportOptions& options, Draft& draft, Report& report) {
+bool repair_inertias(const ImportOptions& options, Draft& draft, Report& report) {
   proper(options.density, "density");
   proper(options.least_mass, "least_mass");
   proper(options.least_inertia, "least_inertia");
   for (const Link& link : draft.model.links) {
     const bool is_finite = link.inertia.about_center.allFinite() && link.inertia.center.allFinite();
-    if (!(link.inertia.mass >= 0.0) || !is_finite) return;  // nothing repairs that; Model::validate() reports it
+    if (!(link.inertia.mass >= 0.0) || !is_finite) return true;  // nothing repairs that; Model::validate() reports it
   }
   Bodies bodies(draft.model, report);
-  if (options.density > 0.0) bodies.fill_from_shapes(options.density, draft.extras);
+  const bool are_read = !(options.density > 0.0) || bodies.fill_from_shapes(options.density, draft.extras);
   if (options.repair_inertias || options.least_mass > 0.0 || options.least_inertia > 0.0) bodies.balance();
   if (options.least_mass > 0.0) bodies.raise_masses(options.least_mass);
   if (options.least_inertia > 0.0) bodies.raise_inertias(options.least_inertia);
   report_oddities(draft, report);
+  return are_read;
 }
 
 }  // namespace lockstep::importer

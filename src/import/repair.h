@@ -13,7 +13,8 @@ inline const char* const left_out_meshes = "collision meshes, left out";
 inline const char* const unused_meshes = "collision meshes, not used for inertia";
 
 /// Makes the changes that ImportOptions asks for, with a warning for each kind, and reports odd inertias that stay.
-/// Throws SettingsError if a number of the options is out of its range, ModelError if links form no tree.
-void repair_inertias(const ImportOptions& options, Draft& draft, Report& report);
+/// False where the report has refused a mesh: what has no inertia for that reason is not refused for another. Throws
+/// SettingsError if a number of the options is out of its range, ModelError if links form no tree.
+bool repair_inertias(const ImportOptions& options, Draft& draft, Report& report);
 
 }  // namespace lockstep::importer

@@ -10,6 +10,7 @@ namespace {
 
 // Real files have few kinds of things.
 constexpr std::size_t most_kinds = 40;
+constexpr int most_refused = 20;  // what is refused may have taken long
 
 std::string tallied(const std::map<std::string, int>& tally) {
   std::vector<std::string> items;
@@ -44,6 +45,26 @@ void Report::warn(const std::string& what, const std::string& item) {
 void Report::tally(const std::string& what, const std::string& kind) {
   if (!tallies_.contains(what)) order_.push_back(what);
   ++tallies_[what][kind];
+}
+
+void Report::refuse(const Error& error, bool is_of_model) {
+  if (refusals_.empty()) is_model_refused_ = is_of_model;
+  for (const Reason& reason : error.reasons()) {
+    const bool is_known = std::any_of(refusals_.begin(), refusals_.end(), [&](const Reason& known) {
+      return known.element == reason.element && known.rule == reason.rule;
+    });
+    if (!is_known) refusals_.push_back(reason);
+  }
+  is_full_ = ++refused_ == most_refused;
+  if (is_full_) stop_if_refused();
+}
+
+void Report::stop_if_refused() const {
+  if (refusals_.empty()) return;
+  std::vector<Reason> reasons = refusals_;
+  if (is_full_) reasons.push_back({"the file", "may be refused for more reasons", "correct those before first"});
+  if (is_model_refused_) throw ModelError(reasons);
+  throw ImportError(reasons);
 }
 
 std::string Report::line(const std::string& what) const {

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "lockstep/error.h"
 #include "lockstep/model.h"
 
 namespace lockstep::importer {
@@ -27,6 +28,15 @@ class Report {
   void not_used(const std::string& kind, int times = 1) { not_used_[kind] += times; }  ///< part of URDF, not of a step
   void unknown(const std::string& kind) { ++unknown_[kind]; }  ///< not part of URDF: perhaps a misspelling
 
+  /// Reads or judges a part of the file. Where it is refused, the reason is kept and the result is false, so that what
+  /// else is refused can be found. Throws an error with all reasons at the twentieth part.
+  template <class Part>
+  bool attempt(Part part);
+  void refuse(const ImportError& error) { refuse(error, false); }
+  bool is_full() const { return is_full_; }
+  /// Throws one error with all reasons that were kept, if there are some.
+  void stop_if_refused() const;
+
   /// The line of one kind of remark; empty if there is none.
   std::string line(const std::string& what) const;
   /// The remarks, then one line each for what was kept, not used and unknown.
@@ -35,12 +45,33 @@ class Report {
   std::vector<std::string> warnings() const;
 
  private:
+  void refuse(const Error& error, bool is_of_model);
+
   std::vector<std::string> order_;
   std::map<std::string, std::vector<std::pair<double, std::string>>> remarks_;  // items after their sizes
   std::map<std::string, std::map<std::string, int>> tallies_;
   std::set<std::string> warned_, whole_;  // of order_
   std::map<std::string, int> kept_, not_used_, unknown_;
+  std::vector<Reason> refusals_;  // each once
+  int refused_ = 0;               // parts
+  bool is_full_ = false;
+  bool is_model_refused_ = false;  // by the first of refusals_
 };
+
+template <class Part>
+bool Report::attempt(Part part) {
+  try {
+    part();
+    return true;
+  } catch (const ModelError& error) {
+    if (is_full_) throw;
+    refuse(error, true);
+  } catch (const ImportError& error) {
+    if (is_full_) throw;
+    refuse(error, false);
+  }
+  return false;
+}
 
 /// The items with `between` them. Of a long list the middle is left out and counted.
 std::string listed(const std::vector<std::string>& items, const char* between = ", ", std::size_t longest = 8);

@@ -11,7 +11,9 @@
 #include <system_error>
 #include <vector>
 
+#include "attributes.h"
 #include "lockstep/error.h"
+#include "text.h"
 
 namespace lockstep::importer {
 
@@ -34,12 +36,43 @@ std::string text_of(const std::string& path) {
   return text;
 }
 
+namespace {
+
+void refuse_usd(std::string_view text, const std::string& source) {
+  const bool is_package = source.ends_with(".usdz") && text.starts_with("PK");
+  if (text.starts_with("#usda ") || text.starts_with("PXR-USDC") || is_package)
+    throw ImportError(source, "is USD, which lockstep does not read",
+                      "read the URDF or MJCF that it was made from, or export one of them from Isaac Sim");
+}
+
+void refuse_sdf(const tinyxml2::XMLElement& root, const std::string& source) {
+  if (std::string_view(root.Name()) == "sdf")
+    throw ImportError(fmt::format("{}:{}: <sdf>", source, root.GetLineNum()), "is SDF, which lockstep does not read",
+                      "read the robot's URDF, or convert it: sdf2mjcf of the package sdformat-mjcf writes MJCF");
+}
+
+// Up to its last tag. What is behind that, such as the zero byte of a C string, is a warning.
+std::string_view without_tail(std::string_view text, const std::string& source, Report& report) {
+  const auto place_of = [&](std::size_t at) {
+    return fmt::format("{}:{}", source, 1 + std::ranges::count(text.substr(0, at), '\n'));
+  };
+  const std::size_t end = text.rfind('>') + 1;  // 0 without any
+  if (const std::size_t zero = text.find('\0'); zero != std::string_view::npos && (zero < end || end == 0))
+    throw ImportError(place_of(zero), "is not UTF-8 text: it holds a zero byte", "save it as UTF-8");
+  const std::string_view tail = trimmed(text.substr(end));
+  if (end == 0 || tail.empty() || tail.find('<') != std::string_view::npos) return text;
+  report.warn("bytes behind the root element, not used",
+              fmt::format("{}: '{}'", place_of(static_cast<std::size_t>(tail.data() - text.data())), shortened(tail)));
+  return text.substr(0, end);
+}
+
+}  // namespace
+
 const tinyxml2::XMLElement& parsed(const std::string& text, const std::string& source, const std::string& wanted,
-                                   tinyxml2::XMLDocument& document) {
-  if (const std::size_t zero = text.find('\0'); zero != std::string::npos)
-    throw ImportError(fmt::format("{}:{}", source, std::count(text.begin(), text.begin() + zero, '\n') + 1),
-                      "is not UTF-8 text: it holds a zero byte", "save it as UTF-8");
-  if (document.Parse(text.data(), text.size()) != tinyxml2::XML_SUCCESS) {
+                                   tinyxml2::XMLDocument& document, Report& report) {
+  refuse_usd(text, source);
+  const std::string_view content = without_tail(text, source, report);
+  if (document.Parse(content.data(), content.size()) != tinyxml2::XML_SUCCESS) {
     const std::string place = fmt::format("{}:{}", source, document.ErrorLineNum());
     if (document.ErrorID() == tinyxml2::XML_ERROR_EMPTY_DOCUMENT)
       throw ImportError(source, "is empty", "give " + wanted);
@@ -58,6 +91,7 @@ const tinyxml2::XMLElement& parsed(const std::string& text, const std::string& s
       throw ImportError(place, "declares entities, which are not expanded", "replace them by their text");
   }
   if (!root) throw ImportError(source, "has no XML element", "give " + wanted);
+  refuse_sdf(*root, source);
   return *root;
 }
 

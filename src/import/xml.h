@@ -5,6 +5,8 @@
 
 #include <string>
 
+#include "report.h"
+
 namespace lockstep::importer {
 
 /// No robot needs more text. The limit keeps a path such as /dev/zero from filling the memory.
@@ -14,8 +16,9 @@ inline constexpr std::size_t largest_file = std::size_t{256} << 20;
 std::string text_of(const std::string& path);
 
 /// The root element. `source` names the text in errors, `wanted` says what it should be. Throws ImportError where it is
-/// no well-formed XML, or has anything beside its root element.
+/// no well-formed XML, has anything beside its root element, or is of another format that has a name. Text and zero
+/// bytes behind the last tag are a warning.
 const tinyxml2::XMLElement& parsed(const std::string& text, const std::string& source, const std::string& wanted,
-                                   tinyxml2::XMLDocument& document);
+                                   tinyxml2::XMLDocument& document, Report& report);
 
 }  // namespace lockstep::importer

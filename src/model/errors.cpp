@@ -111,14 +111,20 @@ const char* code_of_error(std::string_view group, std::string_view element) {
   return "internal";
 }
 
+// A line for each.
+std::string message_of(const std::vector<Reason>& reasons) {
+  std::string message;
+  for (const Reason& reason : reasons)
+    message += (message.empty() ? "" : "\n") + reason.element + ": " + reason.rule + "; " + reason.remedy;
+  return message;
+}
+
 }  // namespace
 
-Error::Error(const char* group, const std::string& element, const std::string& rule, const std::string& remedy)
-    : std::runtime_error(element + ": " + rule + "; " + remedy),
-      element_(element),
-      rule_(rule),
-      remedy_(remedy),
-      code_(code_of_error(group, element)) {}
+Error::Error(const char* group, std::vector<Reason> reasons)
+    : std::runtime_error(message_of(reasons)),
+      reasons_(std::move(reasons)),
+      code_(code_of_error(group, reasons_.front().element)) {}
 
 std::span<const ErrorCode> error_codes() noexcept { return codes; }
 

@@ -1,12 +1,15 @@
 // The rules for a Model, one function for each. SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <optional>
 #include <set>
 #include <unordered_map>
 
 #include "contact_pairs.h"
 #include "functions.h"
 #include "inertia.h"
+#include "judge.h"
 #include "lockstep/error.h"
 #include "loops.h"
 #include "moved_inertia.h"
@@ -89,7 +92,9 @@ void possible_inertias(const Model& model, const Trees& trees, const std::vector
 void proper_range(const Joint& joint, const string& element) {
   require(!std::isnan(joint.lower) && !std::isnan(joint.upper), element, "position limit is NaN",
           "give a number, or an infinity where there is no limit");
-  require(joint.lower <= joint.upper, element, "position range is empty (lower > upper)", "swap the limits");
+  require(joint.lower <= joint.upper, element, "position range is empty (lower > upper)",
+          "swap the limits; or, if the joint should be free, as PyBullet reads such limits, leave them out: "
+          "ImportOptions::ignore");
   require(joint.lower < infinity && joint.upper > -infinity, element, "position range lies at infinity",
           "give lower = -infinity and upper = infinity where there is no limit");
   require(joint.kind != JointKind::continuous || (joint.lower == -infinity && joint.upper == infinity), element,
@@ -167,13 +172,17 @@ void proper_tendon(const Joint& joint, const string& element) {
           "give the softness as a spring");
 }
 
-void proper_joint(const Joint& joint) {
+void proper_place(const Joint& joint) {
   const string element = quoted("joint", joint.name);
   rigid(joint.origin, element, "origin");
   if (!joint.moves()) return;
-  if (joint.kind == JointKind::tendon) proper_tendon(joint, element);
   finite(joint.axis, element, "axis");
   require(joint.axis.norm() > 1e-9, element, "axis has no length", "give a direction such as 0 0 1");
+}
+
+void proper_motion(const Joint& joint) {
+  const string element = quoted("joint", joint.name);
+  if (joint.kind == JointKind::tendon) proper_tendon(joint, element);
   not_negative(joint.damping, element, "damping");
   not_negative(joint.armature, element, "armature");
   not_negative(joint.stiffness, element, "stiffness");
@@ -191,6 +200,8 @@ void moves_some_inertia(const Model& model, const Trees& trees, const std::vecto
   const std::vector<UnmovedLink> unmoved = unmoved_links(model, trees, bodies);
   if (unmoved.empty()) return;
   const string element = quoted("link", model.links[unmoved.front().link].name);
+  const string on_reading =
+      "; or fill it in on reading: ImportOptions::least_mass and ImportOptions::least_inertia take bounds";
   const auto is_missing = [](const UnmovedLink& link) { return link.why == Unmoved::nothing; };
   if (unmoved.size() > 1 || is_missing(unmoved.front())) {
     std::vector<string> others = names_of(model, unmoved);
@@ -198,23 +209,23 @@ void moves_some_inertia(const Model& model, const Trees& trees, const std::vecto
     throw ModelError(element,
                      "moves, but its joint has no mass or no inertia to move: its inertia is missing or 0" +
                          (others.empty() ? "" : "; the same holds for " + listed(others)),
-                     "give an <inertial> to each, or to a link that is fixed to it; or fill them in on reading: "
-                     "ImportOptions::density makes them from collision shapes; "
-                     "ImportOptions::least_mass and ImportOptions::least_inertia take bounds");
+                     "give an <inertial> to each, or to a link that is fixed to it" + on_reading);
   }
   const Unmoved why = unmoved.front().why;
   require(why != Unmoved::root, element, "floats but has no mass or no inertia",
-          "give it an inertia, or bolt the root");
+          "give it an inertia, or bolt the root" + on_reading);
   const Joint& joint = model.joints[trees.parent_joint[unmoved.front().link]];
   const bool slides = joint.kind == JointKind::prismatic;
   require(why != Unmoved::axis, element,
           (slides ? "slides (joint '" : "turns (joint '") + joint.name + "') but has no " +
               (slides ? "mass" : "inertia about the axis"),
-          "give it an <inertial> with both, or the joint an armature");
-  throw ModelError(element,
-                   "has no mass, and its joint '" + joint.name +
-                       "' moves the bodies behind it only as the joints between do, where the model starts",
-                   "give it an <inertial>, or the joint an armature, or let the model start elsewhere");
+          "give it an <inertial> with both, or the joint an armature: Joint::armature" + on_reading);
+  throw ModelError(
+      element,
+      "has no mass, and its joint '" + joint.name +
+          "' moves the bodies behind it only as the joints between do, where the model starts",
+      "give it an <inertial>, or the joint an armature: Joint::armature; or let the model start elsewhere" +
+          on_reading);
 }
 
 using JointsByName = std::unordered_map<string, const Joint*>;
@@ -267,44 +278,69 @@ void one_coupling_each(const Model& model) {
   }
 }
 
+void proper_site(const Model& model, const Site& site) {
+  model.link_index(site.link);
+  rigid(site.pose, quoted("site", site.name), "pose");
+}
+
+void proper_root(const Root& root) {
+  const string element = quoted("root", root.link);
+  rigid(root.pose, element, "pose");
+  finite(root.velocity, element, "velocity");
+  require(root.floating || root.velocity.isZero(0.0), element, "is bolted, but has a velocity",
+          "let it float, or set its velocity to 0");
+}
+
 }  // namespace
 
-void Model::validate() const {
-  unique_names(links, "link");
-  unique_names(joints, "joint");
-  unique_names(sites, "site");
-  unique_names(loops, "loop");
-  unique_names(poses, "pose");
-  for (const Link& link : links) proper_numbers(link);
-  for (const Joint& joint : joints) proper_joint(joint);
-
-  const Trees trees(*this);
-  const std::vector<Inertia> bodies = rigid_bodies(*this, trees);
-  possible_inertias(*this, trees, bodies);
-  moves_some_inertia(*this, trees, bodies);
+void judge(const Model& model, const Attempt& attempt) {
+  const bool has_names = attempt([&] {
+    unique_names(model.links, "link");
+    unique_names(model.joints, "joint");
+    unique_names(model.sites, "site");
+    unique_names(model.loops, "loop");
+    unique_names(model.poses, "pose");
+  });
+  if (!has_names) return;
+  bool is_placed = true;
+  for (const Link& link : model.links) is_placed &= attempt([&] { proper_numbers(link); });
+  for (const Joint& joint : model.joints) {
+    is_placed &= attempt([&] { proper_place(joint); });
+    if (joint.moves()) attempt([&] { proper_motion(joint); });
+  }
+  std::optional<Trees> trees;
+  if (!is_placed || !attempt([&] { trees.emplace(model); })) return;
+  attempt([&] {
+    const std::vector<Inertia> bodies = rigid_bodies(model, *trees);
+    possible_inertias(model, *trees, bodies);
+    moves_some_inertia(model, *trees, bodies);
+  });
 
   JointsByName joints_by_name;
-  for (const Joint& joint : joints) joints_by_name.emplace(joint.name, &joint);
-  const std::vector<string> names = coupling_names(*this);
-  for (std::size_t c = 0; c < couplings.size(); ++c) proper_coupling(joints_by_name, couplings[c], names[c]);
-  one_coupling_each(*this);
-  curved_couplings(*this);
-  for (const Loop& loop : loops) proper_loop(*this, trees, loop);
-  for (const Site& site : sites) {
-    link_index(site.link);
-    rigid(site.pose, quoted("site", site.name), "pose");
-  }
-  contact_pairs(*this, trees);
-  for (const Root& root : roots) {
-    const string element = quoted("root", root.link);
-    rigid(root.pose, element, "pose");
-    finite(root.velocity, element, "velocity");
-    require(root.floating || root.velocity.isZero(0.0), element, "is bolted, but has a velocity",
-            "let it float, or set its velocity to 0");
-  }
-  for (const NamedPose& pose : poses) proper_pose(*this, pose);
-  finite(gravity, quoted("model", name), "gravity");
-  not_negative(time_step, quoted("model", name), "time step");
+  for (const Joint& joint : model.joints) joints_by_name.emplace(joint.name, &joint);
+  const std::vector<string> names = coupling_names(model);
+  bool are_coupled = true;
+  for (std::size_t c = 0; c < model.couplings.size(); ++c)
+    are_coupled &= attempt([&] { proper_coupling(joints_by_name, model.couplings[c], names[c]); });
+  are_coupled &= attempt([&] { one_coupling_each(model); });
+  if (!are_coupled) return;
+  attempt([&] { curved_couplings(model); });
+  for (const Loop& loop : model.loops) attempt([&] { proper_loop(model, *trees, loop); });
+  for (const Site& site : model.sites) attempt([&] { proper_site(model, site); });
+  attempt([&] { contact_pairs(model, *trees); });
+  for (const Root& root : model.roots) attempt([&] { proper_root(root); });
+  for (const NamedPose& pose : model.poses) attempt([&] { proper_pose(model, pose); });
+  attempt([&] {
+    finite(model.gravity, quoted("model", model.name), "gravity");
+    not_negative(model.time_step, quoted("model", model.name), "time step");
+  });
+}
+
+void Model::validate() const {
+  judge(*this, [](const std::function<void()>& judge_part) {
+    judge_part();
+    return true;
+  });
 }
 
 }  // namespace lockstep

@@ -144,7 +144,7 @@ TEST(MjcfRefusal, names_options_that_do_not_fit) {
 
 TEST(MjcfRefusal, sends_each_format_to_its_reader) {
   expect_refused("<robot name='r'/>", "1: <robot>", "URDF");
-  expect_refused("<sdf/>", "1: <sdf>", "no MJCF");
+  expect_refused("<sdf/>", "1: <sdf>", "is SDF");
   try {
     import_urdf(world(""), "file");
     FAIL() << "accepted";

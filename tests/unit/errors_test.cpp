@@ -16,7 +16,8 @@ std::string page() {
   std::ostringstream text;
   text
       << "# Errors\n\n"
-         "Every error is \"element: rule; remedy\" and has a code. Words may change from version to version, codes do\n"
+         "Every error is \"element: rule; remedy\" and has a code. A file that is refused has a line for each reason,\n"
+         "and the code of the first. Words may change from version to version, codes do\n"
          "not. The first part is the class: `ModelError`, `ImportError` (`ImportFileError` in Python), "
          "`SettingsError`,\n"
          "`UsageError`. The second, if there is one, is the kind of element that is named.\n\n"

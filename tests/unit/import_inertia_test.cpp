@@ -273,7 +273,7 @@ TEST(Shapes, that_are_meshes_are_named_where_they_are_left_out) {
                     "collision meshes, not used for inertia (1): body"));
   EXPECT_THROW(
       import_urdf(turning("<collision><geometry><sphere radius='0'/></geometry></collision>"), "", {.density = 1000.0}),
-      ImportError);
+      ModelError);
 }
 
 TEST(Inertias, that_are_missing_are_named_all_at_once) {

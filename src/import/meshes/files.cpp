@@ -89,8 +89,8 @@ fs::path MeshFiles::find(const std::string& name, const std::string& subfolder, 
   const std::string_view text = name;
   std::vector<fs::path> roots = roots_;
   fs::path path;
-  if (text.starts_with("package://")) {
-    const std::string_view rest = text.substr(10);
+  if (text.starts_with("package://") || text.starts_with("model://")) {  // model:// is Gazebo's
+    const std::string_view rest = text.substr(text.find("//") + 2);
     const std::size_t slash = std::min(rest.find('/'), rest.size());
     const fs::path package = find_package(std::string(rest.substr(0, slash)), fail);
     roots.push_back(package);
@@ -98,7 +98,8 @@ fs::path MeshFiles::find(const std::string& name, const std::string& subfolder, 
   } else if (text.starts_with("file://")) {
     path = fs::path(text.substr(7));
   } else if (text.find("://") != std::string_view::npos) {
-    fail(fmt::format("names '{}', which is no file here", shortened(name)), "give a path, package:// or file://");
+    fail(fmt::format("names '{}', which is no file here", shortened(name)),
+         "give a path, package://, model:// or file://");
   } else {
     path = fs::path(subfolder) / name;  // `name` alone where it is absolute
   }
@@ -110,7 +111,7 @@ fs::path MeshFiles::find(const std::string& name, const std::string& subfolder, 
       std::any_of(roots.begin(), roots.end(), [&](const fs::path& root) { return is_within(path, root); });
   if (!is_allowed)
     fail(fmt::format("leads to '{}', outside of the folders that meshes may lie in", shown(path)),
-         "give a folder around it: ImportOptions::mesh_roots");
+         fmt::format("give a folder around it: ImportOptions::mesh_roots{}", or_leave_out));
   return path;
 }
 
@@ -121,10 +122,12 @@ std::string MeshFiles::content_of(const fs::path& path, const std::string& what,
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
   if (!fs::exists(status)) fail(named("does not exist"), std::string("correct the path") + or_leave_out);
-  if (!fs::is_regular_file(status)) fail(named("is no regular file"), fmt::format("name a {} file", what));
+  if (!fs::is_regular_file(status))
+    fail(named("is no regular file"), fmt::format("name a {} file{}", what, or_leave_out));
   const std::uintmax_t size = fs::file_size(path, error);
   if (error || size > largest_content)
-    fail(named(fmt::format("is larger than {} MB", largest_content >> 20)), fmt::format("simplify the {}", what));
+    fail(named(fmt::format("is larger than {} MB", largest_content >> 20)),
+         fmt::format("simplify the {}{}", what, or_leave_out));
   return text_of(path.string());
 }
 
@@ -133,14 +136,14 @@ const Mesh& MeshFiles::read(const fs::path& path, const std::string& extension, 
   if (const auto known = meshes_.find(key); known != meshes_.end()) return known->second;
   const std::string content = content_of(path, "mesh", fail);
   const FailAt fail_at = [&](const std::string& place, const std::string& rule, const std::string& remedy) {
-    throw ImportError(fmt::format("{}: {}", shown(path), place), rule, remedy);
+    throw ImportError(fmt::format("{}: {}", shown(path), place), rule, remedy + or_leave_out);
   };
   const auto reader = extension == ".stl" ? read_stl : extension == ".obj" ? read_obj : read_msh;
   Mesh mesh = reader(content, fail_at);
   if (mesh.vertices.cols() > most_vertices)
     fail(fmt::format("names the mesh '{}', which has {} vertices, more than {}", shown(path), mesh.vertices.cols(),
                      most_vertices),
-         "simplify the mesh");
+         std::string("simplify the mesh") + or_leave_out);
   return meshes_.emplace(key, std::move(mesh)).first->second;
 }
 
@@ -153,7 +156,8 @@ const Solid& MeshFiles::solid(const std::string& name, const std::string& subfol
   Mesh mesh = read(path, extension_of(name), fail);
   vertices_ += mesh.vertices.cols();
   if (vertices_ > most_vertices_of_all)
-    fail(fmt::format("makes all meshes have more than {} vertices", most_vertices_of_all), "simplify them");
+    fail(fmt::format("makes all meshes have more than {} vertices", most_vertices_of_all),
+         std::string("simplify them") + or_leave_out);
   const double stretched = placed.linear().determinant();
   if (!(std::abs(stretched) > 0.0) || !placed.matrix().allFinite())
     fail("has a scale of 0, so that it is flat", "give the three factors of the scale");

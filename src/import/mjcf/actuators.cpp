@@ -178,7 +178,7 @@ void read_actuators(Scene& scene) {
   for (const Element::Xml* xml : scene.document.section("actuator")) {
     const std::string_view tag = xml->Name();
     if (std::find(tags.begin(), tags.end(), tag) != tags.end()) {
-      read_actuator(*xml, scene);
+      scene.report().attempt([&] { read_actuator(*xml, scene); });
     } else if (tag == "plugin" || tag == "dcmotor" || tag == "pid") {
       const Element lost(scene.document, *xml);
       Actuator actuator;

@@ -71,17 +71,19 @@ class Reader {
 
   void read_children(const Element& owner, const Around& around) {
     // In the order of the file: the joints of a frame move what the body's joints behind it carry.
-    for (const Element::Xml* xml : owner.children()) {
-      const std::string_view tag = xml->Name();
-      if (tag == "body")
-        read_body(*xml, around);
-      else if (tag == "frame")
-        read_frame(*xml, around);
-      else if (tag == "replicate")
-        read_replicate(*xml, around);
-      else
-        read_part(*xml, around);
-    }
+    for (const Element::Xml* xml : owner.children()) document_.report().attempt([&] { read_child(*xml, around); });
+  }
+
+  void read_child(const Element::Xml& xml, const Around& around) {
+    const std::string_view tag = xml.Name();
+    if (tag == "body")
+      read_body(xml, around);
+    else if (tag == "frame")
+      read_frame(xml, around);
+    else if (tag == "replicate")
+      read_replicate(xml, around);
+    else
+      read_part(xml, around);
   }
 
   void read_part(const Element::Xml& xml, const Around& around) {

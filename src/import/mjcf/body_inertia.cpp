@@ -94,7 +94,7 @@ void weigh(Bodies& bodies, const std::vector<bool>& is_read, const Settings& set
   double total = 0.0;
   for (std::size_t i = 1; i < bodies.all.size(); ++i) {
     const bool matters = settings.total_mass > 0.0 || (is_read[i] && bodies.moves[i]);
-    add_geoms(bodies.all[i], matters && !leaves_out_meshes, settings, meshes, report);
+    report.attempt([&] { add_geoms(bodies.all[i], matters && !leaves_out_meshes, settings, meshes, report); });
     Inertia& inertia = bodies.all[i].inertia;
     inertia.mass = std::max(inertia.mass, settings.least_mass);
     if (settings.least_inertia > 0.0)

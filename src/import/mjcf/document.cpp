@@ -52,7 +52,7 @@ const Document::Source& Document::load(const std::string& text, const std::strin
   const auto source = std::make_shared<Source>();
   source->name = name;
   source->path = path;
-  source->root = &parsed(text, name, wanted, source->xml);
+  source->root = &parsed(text, name, wanted, source->xml, report_);
   source->xml.SetUserData(source.get());
   sources_.push_back(source);
   return *source;

@@ -103,7 +103,8 @@ class Reader {
 }  // namespace
 
 void read_equalities(Scene& scene) {
-  for (const Element::Xml* xml : scene.document.section("equality")) Reader(scene).read(*xml);
+  for (const Element::Xml* xml : scene.document.section("equality"))
+    scene.report().attempt([&] { Reader(scene).read(*xml); });
 }
 
 }  // namespace lockstep::importer::mjcf

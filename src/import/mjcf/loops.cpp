@@ -140,7 +140,7 @@ class Closer {
 void close_loops(const Scene& scene, const Start& start, const std::vector<Place>& places, Draft& draft) {
   if (scene.closures.empty()) return;
   Closer closer(scene, start, places, draft);
-  for (const Element& element : scene.closures) closer.close(element);
+  for (const Element& element : scene.closures) scene.report().attempt([&] { closer.close(element); });
 }
 
 }  // namespace lockstep::importer::mjcf

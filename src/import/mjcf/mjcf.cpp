@@ -31,6 +31,7 @@ Import read(const std::string& text, const std::string& source, const std::strin
   const std::vector<Key> keys = read_keys(scene);
   const Start start = start_of(scene, keys);
   Draft draft;
+  draft.format = Format::mjcf;
   draft.model.name = Element(document, document.root()).name("model", "model");
   draft.model.time_step = settings.time_step;
   return finished(draft, options, report, source, [&] {

@@ -79,6 +79,7 @@ Scene read_scene(Document& document, const Settings& settings, const Classes& cl
               .options = options,
               .meshes = meshes,
               .bodies = read_bodies(document, settings, classes)};
+  scene.report().stop_if_refused();  // what refers to the parts of bodies would be refused, too
   for (std::size_t b = 0; b < scene.bodies.all.size(); ++b) {
     const Body& body = scene.bodies.all[b];
     scene.body_of.emplace(body.name, static_cast<int>(b));
@@ -94,6 +95,7 @@ Scene read_scene(Document& document, const Settings& settings, const Classes& cl
   read_tendons(scene);
   read_equalities(scene);
   read_actuators(scene);
+  scene.report().stop_if_refused();
   return scene;
 }
 

@@ -66,7 +66,7 @@ void read_tendon(const Element::Xml& xml, Scene& scene) {
 void read_tendons(Scene& scene) {
   for (const Element::Xml* xml : scene.document.section("tendon")) {
     const std::string_view tag = xml->Name();
-    if (tag == "fixed" || tag == "spatial") read_tendon(*xml, scene);
+    if (tag == "fixed" || tag == "spatial") scene.report().attempt([&] { read_tendon(*xml, scene); });
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "import/repair.h"
@@ -13,10 +14,9 @@
 namespace lockstep::importer::urdf {
 namespace {
 
-double length(Element& shape, const char* attribute, bool may_be_zero = false) {
+double length(Element& shape, const char* attribute) {
   const double value = shape.number(attribute);
-  if (value < 0.0 || (value == 0.0 && !may_be_zero))
-    shape.fail(std::string(attribute) + " is not above 0, so the shape has no volume", "give its size in metres");
+  if (value < 0.0) shape.fail(std::string(attribute) + " is below 0", "give its size in metres");
   return value;
 }
 
@@ -49,18 +49,20 @@ class Reader {
     geometry->each_child("mesh", [&](Element mesh) { read_mesh(mesh, pose); });
     geometry->each_child("box", [&](Element box) {
       const Eigen::Vector3d size = box.triple("size");
-      if (!(size.minCoeff() > 0.0)) box.fail("size is not above 0, so the shape has no volume", "give it in metres");
-      add(Shape::box(size), pose);
+      if (size.minCoeff() < 0.0) box.fail("size is below 0", "give it in metres");
+      if (has_volume(box, size.minCoeff())) add(Shape::box(size), pose);
     });
-    geometry->each_child("sphere", [&](Element sphere) { add(Shape::sphere(length(sphere, "radius")), pose); });
+    geometry->each_child("sphere", [&](Element sphere) {
+      const double radius = length(sphere, "radius");
+      if (has_volume(sphere, radius)) add(Shape::sphere(radius), pose);
+    });
     geometry->each_child("cylinder", [&](Element shape) {
-      const double radius = length(shape, "radius");
-      add(Shape::cylinder(radius, length(shape, "length")), pose);
+      const double radius = length(shape, "radius"), height = length(shape, "length");
+      if (has_volume(shape, std::min(radius, height))) add(Shape::cylinder(radius, height), pose);
     });
     geometry->each_child("capsule", [&](Element shape) {
-      const double radius = length(shape, "radius");
-      const double height = length(shape, "length", true);
-      add(height > 0.0 ? Shape::capsule(radius, height) : Shape::sphere(radius), pose);
+      const double radius = length(shape, "radius"), height = length(shape, "length");
+      if (has_volume(shape, radius)) add(height > 0.0 ? Shape::capsule(radius, height) : Shape::sphere(radius), pose);
     });
     geometry->tally_rest();
   }
@@ -68,6 +70,12 @@ class Reader {
   Shapes shapes = {};
 
  private:
+  bool has_volume(const Element& shape, double least_length) const {
+    if (!(least_length > 0.0))
+      shape.report().warn("collision shapes of size 0, left out", fmt::format("{} of {}", shape.title(), link_));
+    return least_length > 0.0;
+  }
+
   std::string next_name() const {
     const std::size_t number = shapes.colliders.size() + 1;
     return number == 1 ? link_ : link_ + "#" + std::to_string(number);
@@ -84,6 +92,10 @@ class Reader {
 
   void read_mesh(Element& mesh, const Eigen::Isometry3d& pose) {
     if (options_.leave_out_meshes) return leave_out(mesh, "collision meshes, left out on request", link_);
+    if (!mesh.report().attempt([&] { open_mesh(mesh, pose); })) ++shapes.meshes;
+  }
+
+  void open_mesh(Element& mesh, const Eigen::Isometry3d& pose) {
     const bool touches = options_.colliders && meshes_.fit_of(link_) != Fit::none;
     if (options_.colliders && !touches) mesh.report().remark("collision meshes that touch nothing: of fit none", link_);
     if (!touches && !weighs_) return;

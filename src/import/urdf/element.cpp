@@ -62,6 +62,10 @@ void Element::fail(const std::string& rule, const std::string& remedy) const {
   throw ImportError(place(), rule, remedy);
 }
 
+void Element::refuse_later(const std::string& rule, const std::string& remedy) const {
+  report().refuse(ImportError(place(), rule, remedy));
+}
+
 std::string_view Element::required(const char* attribute) {
   asked_attributes_.push_back(attribute);
   const char* text = xml_->Attribute(attribute);
@@ -69,7 +73,11 @@ std::string_view Element::required(const char* attribute) {
   return text;
 }
 
-std::string Element::name(const char* attribute) { return name_in(attribute, required(attribute), failing()); }
+std::string Element::name(const char* attribute) {
+  const std::string_view text = required(attribute);
+  refuse_unexpanded(attribute, text, failing());
+  return name_in(attribute, text, failing());
+}
 
 void Element::numbers(const char* attribute, std::string_view text, double* values, int count) const {
   numbers_in(attribute, text, values, count, count, failing());
@@ -108,14 +116,22 @@ std::optional<Element> Element::child(const char* name) {
   const tinyxml2::XMLElement* xml = xml_->FirstChildElement(name);
   if (!xml) return std::nullopt;
   Element found(*xml, *file_, std::string(name) + " of " + title_);
-  if (const auto* second = xml->NextSiblingElement(name))
-    Element(*second, *file_, found.title_)
-        .fail(fmt::format("is there already, in line {}", xml->GetLineNum()), "keep one of them");
+  for (auto* other = xml->NextSiblingElement(name); other; other = other->NextSiblingElement(name))
+    report().warn("elements that are there already, not used: the first counts",
+                  Element(*other, *file_, found.title_).place());
   return found;
 }
 
+std::optional<Element> Element::one_child(const char* name) {
+  const tinyxml2::XMLElement* xml = xml_->FirstChildElement(name);
+  if (const auto* second = xml ? xml->NextSiblingElement(name) : nullptr)
+    Element(*second, *file_, std::string(name) + " of " + title_)
+        .fail(fmt::format("is there already, in line {}", xml->GetLineNum()), "keep one of them");
+  return child(name);
+}
+
 Element Element::only_child(const char* name) {
-  std::optional<Element> found = child(name);
+  std::optional<Element> found = one_child(name);
   if (!found) fail(fmt::format("has no <{}>", name), fmt::format("add <{} .../>", name));
   return *found;
 }
@@ -149,7 +165,15 @@ void Element::tally_child(std::string_view tag, const std::string& owner) {
   is_known(tag) ? report().not_used(shortened(tag) + owner) : report().unknown(shortened(tag) + owner);
 }
 
+void Element::refuse_xacro() const {
+  for (auto* xml = xml_->FirstChildElement(); xml; xml = xml->NextSiblingElement())
+    if (std::string_view(xml->Name()).starts_with("xacro:"))
+      Element(*xml, *file_, fmt::format("<{}>", shortened(xml->Name())))
+          .fail("is xacro, which lockstep does not read", "expand it first: xacro robot.urdf.xacro > robot.urdf");
+}
+
 void Element::tally_rest(const std::string& owner) {
+  refuse_xacro();
   for (auto* attribute = xml_->FirstAttribute(); attribute; attribute = attribute->Next())
     tally_attribute(attribute->Name(), owner);
   for (auto* node = xml_->FirstChild(); node; node = node->NextSibling()) {
@@ -159,11 +183,7 @@ void Element::tally_rest(const std::string& owner) {
       report().unknown(fmt::format("text '{}' in {}{}", shortened(trimmed(node->Value())), xml_->Name(), owner));
       continue;
     }
-    const std::string_view tag = xml->Name();
-    if (tag.starts_with("xacro:"))
-      Element(*xml, *file_, fmt::format("<{}>", shortened(tag)))
-          .fail("is xacro, which lockstep does not read", "expand it first: xacro robot.urdf.xacro > robot.urdf");
-    tally_child(tag, owner);
+    tally_child(xml->Name(), owner);
   }
 }
 

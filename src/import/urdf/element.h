@@ -35,6 +35,7 @@ class Element {
 
   // --- attributes: those without a fallback are required ----------------------------------------
   bool has(const char* attribute) const { return xml_->Attribute(attribute) != nullptr; }
+  bool has_blank(const char* attribute) const { return has(attribute) && trimmed(xml_->Attribute(attribute)).empty(); }
   std::string name(const char* attribute);
   double number(const char* attribute);
   double number(const char* attribute, double fallback);
@@ -44,8 +45,9 @@ class Element {
   std::optional<double> number_if_any(const char* attribute, double fallback);
 
   // --- children ---------------------------------------------------------------------------------
-  std::optional<Element> child(const char* name);  ///< at most one
-  Element only_child(const char* name);            ///< exactly one
+  std::optional<Element> child(const char* name);      ///< the first; others are a warning
+  std::optional<Element> one_child(const char* name);  ///< at most one
+  Element only_child(const char* name);                ///< exactly one
   /// All children of that name, in order. Their titles are their tags.
   template <class Use>
   void each_child(const char* name, Use use);
@@ -54,6 +56,8 @@ class Element {
   /// Reports every attribute, child and text that was not read. `owner` ends each line ("... of fixed joints").
   /// Call it last. Throws if xacro is left in the file, and where the name of what was not read speaks of a mimic.
   void tally_rest(const std::string& owner = "");
+  /// Throws if a child is left of xacro.
+  void refuse_xacro() const;
   /// Throws if there is an attribute, child or text that was not read. `remedy` says what the element may hold.
   void refuse_rest(const std::string& remedy) const;
 
@@ -61,6 +65,8 @@ class Element {
   /// "file:line: title". fail() throws an error there.
   std::string place() const;
   [[noreturn]] void fail(const std::string& rule, const std::string& remedy) const;
+  /// Keeps the error for Report::stop_if_refused() instead of throwing it.
+  void refuse_later(const std::string& rule, const std::string& remedy) const;
 
  private:
   Fail failing() const {

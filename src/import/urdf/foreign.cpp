@@ -32,9 +32,9 @@ class Judge {
 
   void operator()(const Element& element, const std::string& name, const std::string& what) const {
     if (!leave_out_)
-      element.fail(name + what + ", which is no URDF and changes the mechanism",
-                   "build it from URDF's own joints and <mimic>, or leave all such elements out: "
-                   "ImportOptions::leave_out_foreign");
+      return element.refuse_later(name + what + ", which is no URDF and changes the mechanism",
+                                  "build it from URDF's own joints and <mimic>, or leave all such elements out: "
+                                  "ImportOptions::leave_out_foreign");
     element.report().warn("left out on request", element.title() + " " + name + what);
   }
 

@@ -56,8 +56,10 @@ void read_loop_joints(Element& element, const ImportOptions& options, Robot& rob
       return element.report().warn("left out on request",
                                    fmt::format("{} {}closes a loop", loop.title(),
                                                loop.has("name") ? fmt::format("'{}' ", loop.name("name")) : ""));
-    robot.model.loops.push_back(read_loop(loop));
-    robot.places["loop '" + robot.model.loops.back().name + "'"] = loop.place();
+    element.report().attempt([&] {
+      robot.model.loops.push_back(read_loop(loop));
+      robot.places["loop '" + robot.model.loops.back().name + "'"] = loop.place();
+    });
   });
 }
 

@@ -92,6 +92,8 @@ void read_link(Element element, const ImportOptions& options, MeshFiles& meshes,
   robot.model.links.push_back(std::move(link));
 }
 
+constexpr const char* world = "world";
+
 // Which bounds of one joint are not judged.
 struct NotJudged {
   bool position, velocity, effort;
@@ -158,15 +160,17 @@ void read_dynamics(Element& owner, bool has_friction, Joint& joint) {
   dynamics->tally_rest();
 }
 
-void read_mimic(Element mimic, const Joint& joint, Robot& robot) {
-  robot.mimics.push_back(
-      {robot.model.joints.size(), mimic.name("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)});
+// Of the joint that is the next one of the robot.
+Mimic read_mimic(Element mimic, const Joint& joint, Robot& robot) {
+  Mimic read{robot.model.joints.size(), mimic.name("joint"), mimic.number("multiplier", 1.0),
+             mimic.number("offset", 0.0)};
   mimic.refuse_rest("write joint, multiplier and offset as attributes of <mimic>, and nothing else");
   robot.places["coupling '" + joint.name + "'"] = fmt::format("{}: coupling '{}'", mimic.line(), joint.name);
+  return read;
 }
 
 // The parts that only moving joints have.
-void read_motion(Element& element, const Ignored& ignore, Joint& joint, Robot& robot) {
+std::optional<Mimic> read_motion(Element& element, const Ignored& ignore, Joint& joint, Robot& robot) {
   if (std::optional<Element> axis = element.child("axis")) {
     joint.axis = axis->triple("xyz");
     axis->tally_rest();
@@ -174,12 +178,13 @@ void read_motion(Element& element, const Ignored& ignore, Joint& joint, Robot& r
   const double length = joint.axis.norm();
   if (length > 0.0 && std::abs(length - 1.0) > 1e-3)
     element.report().remark("axes not of length 1, taken as directions", joint.name);
-  std::optional<Element> mimic = element.child("mimic");
+  std::optional<Element> mimic = element.one_child("mimic");
   const auto ignored = [&](const JointSet& set) { return holds(set, joint.name, mimic.has_value()); };
   read_dynamics(element, !ignored(ignore.friction), joint);
   read_limit(element, {ignored(ignore.position_limits), ignored(ignore.velocity_limits), ignored(ignore.effort_limits)},
              joint);
-  if (mimic) read_mimic(std::move(*mimic), joint, robot);
+  if (!mimic) return std::nullopt;
+  return read_mimic(std::move(*mimic), joint, robot);
 }
 
 // `carrier` holds the links that joints carry so far, with the joint.
@@ -201,17 +206,18 @@ void read_joint(Element element, const ImportOptions& options, std::unordered_ma
   const auto [carried, is_first] = carrier.emplace(joint.child, joint.name);
   if (!is_first) {
     if (!options.leave_out_foreign)
-      element.fail(fmt::format("carries link '{}', as joint '{}' does already: that closes a loop", joint.child,
-                               carried->second),
-                   "remove one of them, lockstep models trees; or leave the later ones out: "
-                   "ImportOptions::leave_out_foreign");
+      return element.refuse_later(fmt::format("carries link '{}', as joint '{}' does already: that closes a loop",
+                                              joint.child, carried->second),
+                                  "remove one of them, lockstep models trees; or leave the later ones out: "
+                                  "ImportOptions::leave_out_foreign");
     return element.report().warn("left out on request",
                                  element.title() + ", closes a loop at link '" + joint.child + "'");
   }
   const auto kind = kinds.find(type);
   if (kind != kinds.end()) joint.kind = kind->second;
 
-  if (joint.moves()) read_motion(element, options.ignore, joint, robot);
+  std::optional<Mimic> mimic;
+  if (joint.moves()) mimic = read_motion(element, options.ignore, joint, robot);
   element.tally_rest(type == "fixed" ? " of fixed joints" : "");
   robot.places[element.title()] = element.place();
   if (type == "floating") {
@@ -221,31 +227,67 @@ void read_joint(Element element, const ImportOptions& options, std::unordered_ma
   if (type == "planar")
     element.fail("is of type " + type + ", which lockstep does not have",
                  "build it from single joints: prismatic, then revolute, with light links between them");
+  if (type == "spherical" || type == "ball")
+    element.fail("is of type " + type + ", a ball joint, which lockstep does not have",
+                 "build it from three revolute joints about different axes, with light links between them");
   if (kind == kinds.end())
     element.fail("is of type '" + shortened(type) + "', which URDF does not have",
                  "write revolute, continuous, prismatic or fixed");
+  if (mimic) robot.mimics.push_back(std::move(*mimic));
   robot.model.joints.push_back(std::move(joint));
+}
+
+void name_robot(Element& element, Model& model) {
+  if (!element.has("name"))
+    element.report().remark("a robot without a name, called", model.name);
+  else if (element.has_blank("name"))
+    element.report().warn("a robot with an empty name, called", model.name);
+  else
+    model.name = element.name("name");
+}
+
+// Drake's files have joints on its world without a link for it.
+void add_world(const Element& element, Robot& robot) {
+  const auto is_world = [](const Link& link) { return link.name == world; };
+  const auto is_on_world = [](const Joint& joint) { return joint.parent == world; };
+  const auto floats_in_world = [&](const FloatingJoint& floating) { return is_on_world(floating.joint); };
+  std::vector<Link>& links = robot.model.links;
+  if (std::any_of(links.begin(), links.end(), is_world) ||
+      (std::none_of(robot.model.joints.begin(), robot.model.joints.end(), is_on_world) &&
+       std::none_of(robot.floating.begin(), robot.floating.end(), floats_in_world)))
+    return;
+  links.emplace_back().name = world;
+  robot.places[fmt::format("link '{}'", world)] = element.place();
+  element.report().warn("links that the file does not have, taken for the world, as Drake does", world);
 }
 
 }  // namespace
 
 Robot read_robot(Element element, const ImportOptions& options, MeshFiles& meshes) {
+  Report& report = element.report();
   Robot robot;
-  if (element.has("name"))
-    robot.model.name = element.name("name");
-  else
-    element.report().remark("a robot without a name, called", robot.model.name);
+  element.refuse_xacro();
+  name_robot(element, robot.model);
   element.rename("robot '" + robot.model.name + "'");
   robot.places[element.title()] = element.place();
-  element.each_child("link", [&](Element link) { read_link(std::move(link), options, meshes, robot); });
+  bool is_whole = true;
+  element.each_child("link", [&](Element link) {
+    is_whole &= report.attempt([&] { read_link(std::move(link), options, meshes, robot); });
+  });
   std::unordered_map<std::string, std::string> carrier;
-  element.each_child("joint", [&](Element joint) { read_joint(std::move(joint), options, carrier, robot); });
+  element.each_child("joint", [&](Element joint) {
+    is_whole &= report.attempt([&] { read_joint(std::move(joint), options, carrier, robot); });
+  });
   read_loop_joints(element, options, robot);
   std::vector<std::string> followers;
   for (const Mimic& mimic : robot.mimics) followers.push_back(robot.model.joints[mimic.follower].name);
   judge_foreign(element, followers, options);
-  element.tally_rest();
-  if (robot.model.links.empty()) element.fail("has no links", "add at least <link name=\"base\"/>");
+  is_whole &= report.attempt([&] {
+    element.tally_rest();
+    if (robot.model.links.empty()) element.fail("has no links", "add at least <link name=\"base\"/>");
+  });
+  if (!is_whole) report.stop_if_refused();
+  add_world(element, robot);
   return robot;
 }
 

@@ -17,15 +17,13 @@ namespace lockstep {
 namespace importer::urdf {
 namespace {
 
-const char* const convert_remedy = "convert it to URDF, or fill a Model in code";
-
 Element robot_of(const tinyxml2::XMLElement& root, File& file) {
   Element element(root, file, fmt::format("<{}>", shortened(root.Name())));
   const std::string_view tag = root.Name();
-  if (tag == "sdf") element.fail("is SDF, not URDF", convert_remedy);
   if (tag == "mujoco")
     element.fail("is MJCF (MuJoCo), not URDF", "read it by import_mjcf_file(), or by import_file(), which reads both");
-  if (tag != "robot") element.fail("is no URDF: the root element is not <robot>", convert_remedy);
+  if (tag != "robot")
+    element.fail("is no URDF: the root element is not <robot>", "convert it to URDF, or fill a Model in code");
   return element;
 }
 
@@ -113,7 +111,8 @@ Import read(const std::string& text, const std::string& source, const std::strin
   refuse_others(options, Format::urdf);
   File file{source, {}};
   tinyxml2::XMLDocument document(/*processEntities=*/false);
-  const tinyxml2::XMLElement& root = parsed(text, source, "a URDF file, <robot name=\"...\"> ... </robot>", document);
+  const tinyxml2::XMLElement& root =
+      parsed(text, source, "a URDF file, <robot name=\"...\"> ... </robot>", document, file.report);
   MeshFiles meshes(options, folder, file.report);
   Robot robot = read_robot(robot_of(root, file), options, meshes);
   return finished(robot, options, file.report, source, [&] { assemble(robot, file.report); });
