@@ -82,9 +82,9 @@ struct ImportOptions {
   /// Folders of packages by name, for package://name/path. By default it is the nearest folder of that name among those
   /// around the robot file and beside them.
   std::map<std::string, std::string> packages = {};
-  /// Folders that mesh files may lie in, beside that of the robot file and those of packages. Files elsewhere are not
-  /// opened, whatever leads there.
-  std::vector<std::string> mesh_roots = {};
+  /// Folders that meshes and included files may lie in, beside that of the robot file and those of packages. Files
+  /// elsewhere are not opened, whatever leads there.
+  std::vector<std::string> file_roots = {};
   /// An inertia that no body can have becomes the nearest that one can have, in the (Frobenius) norm of the tensor.
   bool repair_inertias = false;
   /// Bounds that are not judged. They stay in the Model if they are possible, so give StepSettings::ignore the same.
@@ -127,12 +127,13 @@ LOCKSTEP_API Import import_urdf_file(const std::string& path, const ImportOption
 LOCKSTEP_API Import import_urdf(const std::string& text, const std::string& source = "URDF text",
                                 const ImportOptions& options = {});
 
-/// Reads MJCF, MuJoCo's XML, as MuJoCo 3.3 does (docs/importing.md has the details). Files that it includes must lie in
-/// its folder. Mesh files, STL, OBJ or MSH, are opened where colliders or the inertia of a moving body ask for them.
-/// Throws ImportError where the text is no MJCF, a mesh cannot be had, or where its mechanism would be another one
-/// without what lockstep lacks: ball joints, sums of joints that are not linear. Throws ModelError where the mechanism
-/// is impossible. Both name file and line. SettingsError as above, and where the keyframe or the body does not exist.
-/// What only drives or resists the mechanism and cannot be had is a warning. The Model is validated. Thread-safe.
+/// Reads MJCF, MuJoCo's XML, as MuJoCo 3.3 does (docs/importing.md has the details). Files that it includes
+/// or attaches must lie in its folder or in ImportOptions::file_roots. Mesh files, STL, OBJ or MSH, are opened where
+/// colliders or the inertia of a moving body ask for them. Throws ImportError where the text is no MJCF, a mesh cannot
+/// be had, or where its mechanism would be another one without what lockstep lacks: ball joints, sums of joints that
+/// are not linear. Throws ModelError where the mechanism is impossible. Both name file and line. SettingsError as
+/// above, and where the keyframe or the body does not exist. What only drives or resists the mechanism and cannot be
+/// had is a warning. The Model is validated. Thread-safe.
 LOCKSTEP_API Import import_mjcf_file(const std::string& path, const ImportOptions& options = {});
 
 /// The same from text, which cannot include files; `source` names it in errors.

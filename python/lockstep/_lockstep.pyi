@@ -60,7 +60,7 @@ def from_file(
     fit: str = ...,
     fit_of_links: Mapping[str, str] = ...,
     packages: Mapping[str, Union[str, os.PathLike[str]]] = ...,
-    mesh_roots: Sequence[Union[str, os.PathLike[str]]] = ...,
+    file_roots: Sequence[Union[str, os.PathLike[str]]] = ...,
     visual_meshes: bool = ...,
     ignore: _Ignore = ...,
 ) -> Model: ...
@@ -84,7 +84,7 @@ def from_urdf_text(
     fit: str = ...,
     fit_of_links: Mapping[str, str] = ...,
     packages: Mapping[str, Union[str, os.PathLike[str]]] = ...,
-    mesh_roots: Sequence[Union[str, os.PathLike[str]]] = ...,
+    file_roots: Sequence[Union[str, os.PathLike[str]]] = ...,
     visual_meshes: bool = ...,
     ignore: _Ignore = ...,
 ) -> Model: ...

@@ -39,7 +39,7 @@ void add(py::module_& module, const char* name, const char* help, Read read, con
              const std::string& loops, const std::string& soft, bool leave_out_meshes, bool self_collisions,
              int hull_vertices, const std::string& fit, const std::map<std::string, std::string>& fit_of_links,
              const std::map<std::string, std::filesystem::path>& packages,
-             const std::vector<std::filesystem::path>& mesh_roots, bool visual_meshes, const py::object& ignore) {
+             const std::vector<std::filesystem::path>& file_roots, bool visual_meshes, const py::object& ignore) {
         ImportOptions options;
         options.least_mass = least_mass, options.least_inertia = least_inertia, options.density = density;
         options.repair_inertias = repair_inertias, options.leave_out_foreign = leave_out_foreign;
@@ -51,7 +51,7 @@ void add(py::module_& module, const char* name, const char* help, Read read, con
         options.fit = fit_of(fit);
         for (const auto& [link, own] : fit_of_links) options.fit_of_links[link] = fit_of(own);
         for (const auto& [package, folder] : packages) options.packages[package] = folder.string();
-        for (const std::filesystem::path& root : mesh_roots) options.mesh_roots.push_back(root.string());
+        for (const std::filesystem::path& root : file_roots) options.file_roots.push_back(root.string());
         options.visual_meshes = visual_meshes;
         options.ignore = ignored_of(ignore);
         return imported(read(first..., options));
@@ -61,7 +61,7 @@ void add(py::module_& module, const char* name, const char* help, Read read, con
       "colliders"_a = o.colliders, "keyframe"_a = o.keyframe, "body"_a = o.body, "loops"_a = to_string(o.loops),
       "soft"_a = to_string(o.soft), "leave_out_meshes"_a = o.leave_out_meshes, "self_collisions"_a = o.self_collisions,
       "hull_vertices"_a = o.hull_vertices, "fit"_a = to_string(o.fit), "fit_of_links"_a = py::dict(),
-      "packages"_a = py::dict(), "mesh_roots"_a = py::tuple(), "visual_meshes"_a = false, "ignore"_a = py::none(),
+      "packages"_a = py::dict(), "file_roots"_a = py::tuple(), "visual_meshes"_a = false, "ignore"_a = py::none(),
       help);
 }
 
@@ -111,7 +111,7 @@ void bind_import(py::module_& module) {
       "repair_inertias: impossible inertias become the nearest possible ones. colliders: collision shapes "
       "become colliders, meshes their hulls of at most hull_vertices corners, or what fit, 'hull', 'box', 'capsule' "
       "or 'none', and fit_of_links, by name, say. Mesh files lie in the folder of the file, in packages, folders by "
-      "name, or in mesh_roots. leave_out_meshes: none is opened. visual_meshes: model.visual_meshes are what links "
+      "name, or in file_roots. leave_out_meshes: none is opened. visual_meshes: model.visual_meshes are what links "
       "look like, as far as "
       "it is meshes, for recordings and pictures. ignore: bounds that are not judged, as in "
       "compile(). URDF alone: density, "

@@ -45,9 +45,9 @@ void refuse_unexpanded(const char* attribute, std::string_view text, const Fail&
 std::string name_in(const char* attribute, std::string_view text, const Fail& fail) {
   if (text.find_first_not_of(blanks) == std::string_view::npos)
     fail(fmt::format("{}=\"\" is empty", attribute), "give a name");
-  if (text.find('&') != std::string_view::npos || !is_plain(text))
-    fail(fmt::format("{}=\"{}\" holds an entity, invalid UTF-8, or a character that controls or cannot be seen",
-                     attribute, shortened(text)),
+  if (!is_plain(text))
+    fail(fmt::format("{}=\"{}\" holds invalid UTF-8, or a character that controls or cannot be seen", attribute,
+                     shortened(text)),
          "use plain characters in names, in UTF-8");
   return std::string(text);
 }

@@ -4,9 +4,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <string_view>
 #include <unordered_set>
 
 #include "lockstep/error.h"
+#include "model/by_name.h"
 #include "model/contact_pairs.h"
 #include "model/judge.h"
 #include "model/tendons.h"
@@ -67,10 +69,12 @@ void report_colliders(const Model& model, const ImportOptions& options, Report& 
     for (const Collider& collider : model.colliders)
       report.warn("colliders that touch nothing, as Model::contacts declares no pair", collider.name);
   if (pairs.size() <= many_pairs || ends.empty()) return;
+  const std::unordered_set<std::string> at_ends(ends.begin(), ends.end());
+  const ByName links(model.links);
   std::vector<bool> is_amid_a_chain;  // by collider
   for (const Collider& collider : model.colliders)
-    is_amid_a_chain.push_back(!collider.link.empty() && !trees.is_bolted(model.link_index(collider.link)) &&
-                              std::find(ends.begin(), ends.end(), collider.name) == ends.end());
+    is_amid_a_chain.push_back(!collider.link.empty() && !trees.is_bolted(links.find(collider.link)) &&
+                              !at_ends.contains(collider.name));
   if (std::none_of(pairs.begin(), pairs.end(), [&](const ColliderPair& pair) {
         return is_amid_a_chain[pair.first] || is_amid_a_chain[pair.second];
       }))

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <numeric>
+#include <utility>
 
 namespace lockstep::importer {
 namespace {
@@ -40,6 +42,22 @@ bool is_shown(char32_t c) {
            within(0x2028, 0x202e) || within(0x2060, 0x206f) || c == 0xfeff || within(0xfff9, 0xfffb));
 }
 
+// Letters to insert, remove, replace or swap with the next one.
+std::size_t steps_between(std::string_view from, std::string_view to) {
+  std::vector<std::size_t> before, row(to.size() + 1), next(to.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    next[0] = i + 1;
+    for (std::size_t j = 0; j < to.size(); ++j) {
+      next[j + 1] = std::min({next[j] + 1, row[j + 1] + 1, row[j] + (from[i] != to[j])});
+      if (i > 0 && j > 0 && from[i] == to[j - 1] && from[i - 1] == to[j])
+        next[j + 1] = std::min(next[j + 1], before[j - 1] + 1);
+    }
+    before = std::exchange(row, next);
+  }
+  return row.back();
+}
+
 }  // namespace
 
 std::string shortened(std::string_view text) {
@@ -57,6 +75,20 @@ std::string shortened(std::string_view text) {
     text.remove_prefix(c.bytes);
   }
   return result;
+}
+
+std::string nearest(std::string_view name, const std::vector<std::string>& names) {
+  constexpr std::size_t longest_compared = 100, most_compared = 20000;
+  std::string best;
+  std::size_t least = name.size() / 3 + 1;  // what the best must fall below
+  if (name.size() > longest_compared) return best;
+  for (std::size_t i = 0; i < std::min(names.size(), most_compared); ++i) {
+    const std::size_t longer = std::max(name.size(), names[i].size());
+    if (longer - std::min(name.size(), names[i].size()) >= least) continue;
+    const std::size_t distance = steps_between(name, names[i]);
+    if (distance < least) least = distance, best = names[i];
+  }
+  return best;
 }
 
 bool is_plain(std::string_view text) {

@@ -3,6 +3,7 @@
 
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace lockstep::importer {
 
@@ -13,5 +14,8 @@ std::string shortened(std::string_view text);
 
 /// All of its characters can be shown as they stand.
 bool is_plain(std::string_view text);
+
+/// Of these names the one that a misspelling may mean: at most a third of its letters differ. Empty if there is none.
+std::string nearest(std::string_view name, const std::vector<std::string>& names);
 
 }  // namespace lockstep::importer

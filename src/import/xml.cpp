@@ -7,11 +7,13 @@
 #include <cerrno>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <string_view>
 #include <system_error>
 #include <vector>
 
 #include "attributes.h"
+#include "entities.h"
 #include "lockstep/error.h"
 #include "text.h"
 
@@ -19,7 +21,10 @@ namespace lockstep::importer {
 
 std::string text_of(const std::string& path) {
   std::error_code ignored;
-  if (std::filesystem::is_directory(path, ignored)) throw ImportError(path, "is a folder", "name a file in it");
+  const std::filesystem::file_status status = std::filesystem::status(path, ignored);
+  if (std::filesystem::is_directory(status)) throw ImportError(path, "is a folder", "name a file in it");
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
+    throw ImportError(path, "is no regular file", "name a file on a disk; write what a pipe gives into one first");
   errno = 0;
   std::ifstream stream(path, std::ios::binary);
   if (!stream)
@@ -66,10 +71,30 @@ std::string_view without_tail(std::string_view text, const std::string& source, 
   return text.substr(0, end);
 }
 
+// In place, in all attributes. tinyxml2 would keep unknown entities as they stand, and cut a text off at a zero.
+void expand_entities(tinyxml2::XMLElement& root, const std::string& source) {
+  std::vector<tinyxml2::XMLElement*> todo = {&root};
+  while (!todo.empty()) {
+    tinyxml2::XMLElement& at = *todo.back();
+    todo.pop_back();
+    for (auto* attribute = at.FirstAttribute(); attribute; attribute = attribute->Next()) {
+      if (std::string_view(attribute->Value()).find('&') == std::string_view::npos) continue;
+      const std::optional<std::string> text = expanded(attribute->Value());
+      if (!text)
+        throw ImportError(fmt::format("{}:{}: <{}>", source, at.GetLineNum(), shortened(at.Name())),
+                          fmt::format("{}=\"{}\" holds an entity that XML does not define",
+                                      shortened(attribute->Name()), shortened(attribute->Value())),
+                          "write the character itself, or &amp; for an ampersand");
+      at.SetAttribute(attribute->Name(), text->c_str());
+    }
+    for (auto* child = at.FirstChildElement(); child; child = child->NextSiblingElement()) todo.push_back(child);
+  }
+}
+
 }  // namespace
 
-const tinyxml2::XMLElement& parsed(const std::string& text, const std::string& source, const std::string& wanted,
-                                   tinyxml2::XMLDocument& document, Report& report) {
+tinyxml2::XMLElement& parsed(const std::string& text, const std::string& source, const std::string& wanted,
+                             tinyxml2::XMLDocument& document, Report& report) {
   refuse_usd(text, source);
   const std::string_view content = without_tail(text, source, report);
   if (document.Parse(content.data(), content.size()) != tinyxml2::XML_SUCCESS) {
@@ -82,7 +107,7 @@ const tinyxml2::XMLElement& parsed(const std::string& text, const std::string& s
     throw ImportError(place, fmt::format("is not well-formed XML ({})", document.ErrorName()),
                       "check the tags and quotes there");
   }
-  const tinyxml2::XMLElement* root = document.RootElement();
+  tinyxml2::XMLElement* root = document.RootElement();
   for (auto* node = document.FirstChild(); node; node = node->NextSibling()) {
     const std::string place = fmt::format("{}:{}", source, node->GetLineNum());
     if (node->ToText() || (node->ToElement() && node != root))
@@ -92,6 +117,7 @@ const tinyxml2::XMLElement& parsed(const std::string& text, const std::string& s
   }
   if (!root) throw ImportError(source, "has no XML element", "give " + wanted);
   refuse_sdf(*root, source);
+  if (text.find('&') != std::string::npos) expand_entities(*root, source);
   return *root;
 }
 

@@ -17,8 +17,8 @@ std::string text_of(const std::string& path);
 
 /// The root element. `source` names the text in errors, `wanted` says what it should be. Throws ImportError where it is
 /// no well-formed XML, has anything beside its root element, or is of another format that has a name. Text and zero
-/// bytes behind the last tag are a warning.
-const tinyxml2::XMLElement& parsed(const std::string& text, const std::string& source, const std::string& wanted,
-                                   tinyxml2::XMLDocument& document, Report& report);
+/// bytes behind the last tag are a warning. Entities in attributes are expanded.
+tinyxml2::XMLElement& parsed(const std::string& text, const std::string& source, const std::string& wanted,
+                             tinyxml2::XMLDocument& document, Report& report);
 
 }  // namespace lockstep::importer

@@ -5,8 +5,10 @@
 #include <cmath>
 #include <set>
 #include <stdexcept>
+#include <unordered_map>
 #include <utility>
 
+#include "by_name.h"
 #include "hull.h"
 #include "lockstep/error.h"
 #include "rules.h"
@@ -80,7 +82,10 @@ void proper_shape(const Shape& shape, const string& element) {
 
 class Resolver {
  public:
-  Resolver(const Model& model, const Trees& trees) : model_(model), trees_(trees) {}
+  Resolver(const Model& model, const Trees& trees) : model_(model), trees_(trees), colliders_(model.colliders) {
+    for (std::size_t i = 0; i < model.colliders.size(); ++i)
+      if (const string& group = model.colliders[i].group; !group.empty()) groups_[group].push_back(static_cast<int>(i));
+  }
 
   ContactPairs resolve() {
     proper_colliders();
@@ -91,9 +96,11 @@ class Resolver {
  private:
   void proper_colliders() {
     unique_names(model_.colliders, "collider");
+    const ByName links(model_.links);
     for (const Collider& collider : model_.colliders) {
       const string element = quoted("collider", collider.name);
-      const int link = collider.link.empty() ? -1 : model_.link_index(collider.link);
+      int link = collider.link.empty() ? -1 : links.find(collider.link);
+      if (link < 0 && !collider.link.empty()) link = model_.link_index(collider.link);  // which throws
       rigid(collider.pose, element, "pose");
       proper_shape(collider.shape, element);
       proper_friction(collider.friction, element);
@@ -107,24 +114,16 @@ class Resolver {
               "put it in the world or on a bolted link, or make it a box");
     }
     for (const Collider& collider : model_.colliders)
-      require(index_of(collider.group) < 0, quoted("collider", collider.name),
+      require(colliders_.find(collider.group) < 0, quoted("collider", collider.name),
               "is in group '" + collider.group + "', which is also the name of a collider", "rename one of them");
   }
 
-  int index_of(const string& name) const {
-    const auto found = std::find_if(model_.colliders.begin(), model_.colliders.end(),
-                                    [&](const Collider& c) { return c.name == name; });
-    return found == model_.colliders.end() ? -1 : static_cast<int>(found - model_.colliders.begin());
-  }
-
   std::vector<int> members(const string& name, const string& element) const {
-    if (const int collider = index_of(name); collider >= 0) return {collider};
-    std::vector<int> all;
-    for (std::size_t i = 0; i < model_.colliders.size(); ++i)
-      if (!name.empty() && model_.colliders[i].group == name) all.push_back(static_cast<int>(i));
-    require(!all.empty(), element, "names '" + name + "', which is neither a collider nor a group",
+    if (const int collider = colliders_.find(name); collider >= 0) return {collider};
+    const auto group = groups_.find(name);
+    require(group != groups_.end(), element, "names '" + name + "', which is neither a collider nor a group",
             "correct the name, or give colliders that group");
-    return all;
+    return group->second;
   }
 
   bool stands_still(int carrier) const { return carrier < 0 || trees_.is_bolted(carrier); }
@@ -153,7 +152,7 @@ class Resolver {
     if (contact.restitution) proper_restitution(*contact.restitution, element);
     if (contact.softness) proper_contact_softness(*contact.softness, element);
     const std::vector<int> firsts = members(contact.first, element), seconds = members(contact.second, element);
-    const bool named = index_of(contact.first) >= 0 && index_of(contact.second) >= 0;
+    const bool named = colliders_.find(contact.first) >= 0 && colliders_.find(contact.second) >= 0;
     for (const int a : firsts)
       for (const int b : seconds) {
         const string why = obstacle(a, b);
@@ -199,7 +198,9 @@ class Resolver {
 
   const Model& model_;
   const Trees& trees_;
-  std::vector<int> carrier_;  // by collider: the link that carries its body, -1 in the world
+  const ByName colliders_;
+  std::unordered_map<string, std::vector<int>> groups_;  // colliders
+  std::vector<int> carrier_;                             // by collider: the link that carries its body, -1 in the world
   std::set<std::pair<int, int>> seen_;
   ContactPairs found_;
 };

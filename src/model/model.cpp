@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 
+#include "by_name.h"
 #include "lockstep/error.h"
 #include "trees.h"
 
@@ -44,9 +45,11 @@ std::vector<std::string> Model::end_colliders() const {
   for (std::size_t j = 0; j < joints.size(); ++j)
     if (joints[j].moves() && trees.joint_parent[j] >= 0) carries[trees.carrier[trees.joint_parent[j]]] = true;
   std::vector<std::string> names;
+  const ByName by_name(links);
   for (const Collider& collider : colliders) {
     if (collider.link.empty()) continue;
-    const int link = link_index(collider.link);
+    int link = by_name.find(collider.link);
+    if (link < 0) link = link_index(collider.link);  // which throws
     if (!trees.is_bolted(link) && !carries[trees.carrier[link]]) names.push_back(collider.name);
   }
   return names;

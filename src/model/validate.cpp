@@ -25,11 +25,15 @@ using std::string;
 // Beyond this gear ratio, rounding in double leaves no digits of the smaller side.
 constexpr double largest_ratio = 1e9;
 
+constexpr double largest_mass = 1e100;  // kg: products of two masses are numbers
+
 constexpr int most_delay = 1000;  // steps, each of which moves as many numbers
 
 void proper_numbers(const Link& link) {
   const string element = quoted("link", link.name);
   not_negative(link.inertia.mass, element, "mass");
+  require(link.inertia.mass <= largest_mass, element, "mass is beyond 1e100 kg, so that its products overflow",
+          "give it in kg");
   finite(link.inertia.center, element, "centre of mass");
   finite(link.inertia.about_center, element, "inertia");
   finite(link.gravity, element, "share of gravity");

@@ -196,7 +196,8 @@ void add_meshes(CLI::App& app, ImportOptions& import) {
          "Where the package of package://NAME/... lies. Repeatable")
       ->type_name("NAME=FOLDER")
       ->allow_extra_args(false);
-  app.add_option("--mesh-roots", import.mesh_roots, "Another folder that mesh files may lie in. Repeatable")
+  app.add_option("--file-roots", import.file_roots,
+                 "Another folder that meshes and included files may lie in. Repeatable")
       ->type_name("FOLDER")
       ->allow_extra_args(false);
 }

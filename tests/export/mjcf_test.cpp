@@ -178,6 +178,7 @@ TEST(MjcfExport, keeps_names_and_the_bits_of_numbers) {
   const Export made = export_mjcf(model);
   EXPECT_NE(made.text.find("damping=\"0.30000000000000004\""), string::npos);
   EXPECT_NE(made.text.find("model=\"a &lt;b&gt; &amp; &quot;c&quot;\""), string::npos) << made.text;
+  EXPECT_EQ(read(made).name, model.name);
 }
 
 TEST(MjcfExport, warns_where_bodies_nest_deeper_than_xml_is_read) {

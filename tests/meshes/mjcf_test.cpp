@@ -46,7 +46,7 @@ TEST(MjcfMeshes, are_found_by_meshdir_and_moved_turned_and_scaled) {
                                                           "meshdir='../assets'")),
                            {.colliders = true});
       },
-      "mesh 'u'", "outside of the folders", "mesh_roots");
+      "mesh 'u'", "outside of the folders", "file_roots");
 }
 
 const string u_vertices = [] {

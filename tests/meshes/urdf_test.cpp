@@ -62,20 +62,20 @@ TEST(UrdfMeshes, are_found_where_they_may_lie) {
   EXPECT_EQ(read("package://arm_description/meshes/a.stl").model.colliders.size(), 1u);
   EXPECT_EQ(read("package://hand_description/meshes/h.STL").model.colliders.size(), 1u);
   EXPECT_EQ(read("package://given/e.stl", {.packages = {{"given", folder / "elsewhere"}}}).model.colliders.size(), 1u);
-  EXPECT_EQ(read("../meshes/a.stl", {.mesh_roots = {folder / "ws"}}).model.colliders.size(), 1u);
+  EXPECT_EQ(read("../meshes/a.stl", {.file_roots = {folder / "ws"}}).model.colliders.size(), 1u);
   EXPECT_EQ(
-      read("file://" + (folder / "elsewhere/e.stl"), {.mesh_roots = {folder / "elsewhere"}}).model.colliders.size(),
+      read("file://" + (folder / "elsewhere/e.stl"), {.file_roots = {folder / "elsewhere"}}).model.colliders.size(),
       1u);
-  EXPECT_EQ(read("package://arm_description/link.stl", {.mesh_roots = {folder / "elsewhere"}}).model.colliders.size(),
+  EXPECT_EQ(read("package://arm_description/link.stl", {.file_roots = {folder / "elsewhere"}}).model.colliders.size(),
             1u);
   const auto refused = [&](const string& name, const string& rule, const string& remedy) {
     expect_refused([&] { return read(name); }, "r.urdf:1: <mesh> of link 'arm'", rule, remedy);
   };
-  refused("../meshes/a.stl", "outside of the folders", "mesh_roots");
-  refused("package://arm_description/../../elsewhere/e.stl", "outside of the folders", "mesh_roots");
-  refused("package://arm_description/link.stl", "outside of the folders", "mesh_roots");
-  refused(folder / "elsewhere/e.stl", "outside of the folders", "mesh_roots");
-  refused("file://" + (folder / "elsewhere/e.stl"), "outside of the folders", "mesh_roots");
+  refused("../meshes/a.stl", "outside of the folders", "file_roots");
+  refused("package://arm_description/../../elsewhere/e.stl", "outside of the folders", "file_roots");
+  refused("package://arm_description/link.stl", "outside of the folders", "file_roots");
+  refused(folder / "elsewhere/e.stl", "outside of the folders", "file_roots");
+  refused("file://" + (folder / "elsewhere/e.stl"), "outside of the folders", "file_roots");
   refused("package://nowhere/e.stl", "in package 'nowhere'", "ImportOptions::packages");
   refused("package://../e.stl", "in package '..'", "ImportOptions::packages");
   fs::create_directories(folder / "ws/out");
@@ -92,7 +92,7 @@ TEST(UrdfMeshes, are_found_where_they_may_lie) {
     expect_refused<SettingsError>([&] { return read("package://arm_description/meshes/a.stl", options); }, element, "");
   };
   setting({.packages = {{"p", folder / "none"}}}, "ImportOptions::packages");
-  setting({.mesh_roots = {folder / "none"}}, "ImportOptions::mesh_roots");
+  setting({.file_roots = {folder / "none"}}, "ImportOptions::file_roots");
   setting({.hull_vertices = 7}, "ImportOptions::hull_vertices");
   setting({.hull_vertices = 65}, "ImportOptions::hull_vertices");
   setting({.fit_of_links = {{"amr", Fit::box}}}, "ImportOptions::fit_of_links");
@@ -187,7 +187,7 @@ TEST(HostileMeshes, are_refused_by_name) {
         [&] {
           fs::create_symlink("/dev/zero", folder / "zero.stl");
           return import_urdf_file(folder.write("r.urdf", urdf(mesh("zero.stl"))),
-                                  {.colliders = true, .mesh_roots = {"/dev"}});
+                                  {.colliders = true, .file_roots = {"/dev"}});
         },
         "<mesh>", "no regular file");
   folder.write("b.stl", as_binary_stl(block(1, 1, 1)));

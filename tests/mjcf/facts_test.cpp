@@ -345,18 +345,21 @@ std::vector<string> models() {
 INSTANTIATE_TEST_SUITE_P(models, MjcfFacts, testing::ValuesIn(models()), [](const auto& name) { return name.param; });
 
 TEST(MjcfContacts, are_the_pairs_of_mujoco) {
-  std::set<std::tuple<string, string, double, double, double>> wanted, own;
-  const json facts = facts_of("contacts");
-  for (const json& pair : facts["pairs"]) {
-    const auto [first, second] = std::minmax({pair[0].get<string>(), pair[1].get<string>()});
-    wanted.emplace(first, second, pair[2], pair[3], pair[4]);
+  for (const string model : {"attached", "contacts"}) {
+    SCOPED_TRACE(model);
+    std::set<std::tuple<string, string, double, double, double>> wanted, own;
+    const json facts = facts_of(model);
+    for (const json& pair : facts["pairs"]) {
+      const auto [first, second] = std::minmax({pair[0].get<string>(), pair[1].get<string>()});
+      wanted.emplace(first, second, pair[2], pair[3], pair[4]);
+    }
+    const Import import = import_mjcf_file(folder / "models" / (model + ".xml"), {.colliders = true});
+    for (const Contact& contact : import.model.contacts)
+      own.emplace(std::min(contact.first, contact.second), std::max(contact.first, contact.second), *contact.friction,
+                  contact.torsional_friction.value_or(0.0), contact.rolling_friction.value_or(0.0));
+    EXPECT_EQ(own, wanted);
+    EXPECT_EQ(import.model.contacts.size(), wanted.size());
   }
-  const Import import = import_mjcf_file(folder / "models/contacts.xml", {.colliders = true});
-  for (const Contact& contact : import.model.contacts)
-    own.emplace(std::min(contact.first, contact.second), std::max(contact.first, contact.second), *contact.friction,
-                contact.torsional_friction.value_or(0.0), contact.rolling_friction.value_or(0.0));
-  EXPECT_EQ(own, wanted);
-  EXPECT_EQ(import.model.contacts.size(), wanted.size());
 }
 
 }  // namespace

@@ -116,6 +116,80 @@ TEST(MjcfRefusal, is_of_what_mujoco_refuses) {
     EXPECT_NO_THROW(import_mjcf(world(alike, key), "file", {.keyframe = "k"}));
 }
 
+// As MuJoCo 3.14 does.
+TEST(MjcfRefusal, is_of_names_that_two_have) {
+  const string twice = "has a name that is taken";
+  expect_refused(world(body("<joint/><geom name='g' size='1'/><geom name='g' size='1'/>")), "2: geom 'g'", twice);
+  expect_refused(world(body("<joint/><site name='s'/><site name='s'/>")), "2: <site>", "is taken");
+  const string motor = "<motor name='m' joint='x'/>", length = "<fixed name='t'><joint joint='x' coef='1'/></fixed>";
+  expect_refused(world(pair, "<actuator>" + motor + "</actuator><actuator>" + motor + "</actuator>"), "1: actuator 'm'",
+                 twice);
+  expect_refused(world(pair, "<tendon>" + length + length + "</tendon>"), "1: tendon 't'", twice);
+  expect_refused(
+      world(pair, "<equality><joint name='e' joint1='x'/><connect name='e' body1='one' anchor='0 0 0'/></equality>"),
+      "1: connect 'e'", twice);
+  expect_refused(world(pair, "<keyframe><key name='k'/><key name='k'/></keyframe>"), "1: key 'k'", twice);
+  const string sensor = "<jointpos name='s' joint='x'/>";
+  expect_refused(world(pair, "<sensor>" + sensor + sensor + "</sensor>"), "1: jointpos 's'", twice);
+  const string exclude = "<exclude name='e' body1='one' body2='two'/>";
+  expect_refused(world(pair, "<contact>" + exclude + exclude + "</contact>"), "1: exclude 'e'", twice,
+                 {.colliders = true});
+  const string nameless = "<exclude body1='one' body2='two'/>";
+  EXPECT_NO_THROW(import_mjcf(world(pair, "<contact>" + nameless + nameless + "</contact>"), "", {.colliders = true}));
+}
+
+TEST(MjcfRefusal, is_of_names_that_nothing_has) {
+  const auto expect = [](const string& text, const string& place, const string& rule, const string& meant) {
+    expect_refused(text, place, rule + ", which does not exist", {.colliders = true});
+    try {
+      import_mjcf(text, "file", {.colliders = true});
+    } catch (const ImportError& error) {
+      EXPECT_NE(error.remedy().find(meant), string::npos) << error.what();
+    }
+  };
+  const string arm = body("<joint name='elbow'/><geom name='forearm' size='1'/><site name='wrist'/>", "hand") + pair;
+  expect(world(arm, "<contact><exclude body1='one' body2='hnad'/></contact>"), "1: <exclude>", "names body 'hnad'",
+         "'hand' exists");
+  expect(world(arm, "<contact><pair name='p' geom1='forarm' geom2='forearm'/></contact>"), "1: pair 'p'",
+         "names geom 'forarm'", "'forearm' exists");
+  expect(world(arm, "<actuator><motor name='m' joint='elbwo'/></actuator>"), "1: actuator 'm'", "names joint 'elbwo'",
+         "'elbow' exists");
+  expect(world(arm, "<actuator><motor site='wrists'/></actuator>"), "1: <motor>", "names site 'wrists'",
+         "'wrist' exists");
+  expect(world(arm, "<tendon><spatial name='t'><site site='risst'/></spatial></tendon>"), "1: <site>",
+         "names site 'risst'", "'wrist' exists");
+  expect(world(arm, "<equality><joint joint1='completely'/></equality>"), "1: equality <joint>",
+         "names joint 'completely'", "read the file that includes this one");
+}
+
+TEST(MjcfRefusal, is_of_actuators_that_could_mean_two_things) {
+  const string length = "<tendon><fixed name='t'><joint joint='x' coef='1'/></fixed></tendon>";
+  const auto actuator = [&](const string& attributes, const string& joint = "<joint name='x' range='-90 90'/>") {
+    return world(body(joint, "one"), length + "<actuator><position " + attributes + "/></actuator>");
+  };
+  expect_refused(actuator("joint='x' tendon='t'"), "1: actuator '#0'", "acts on a joint and on a tendon");
+  expect_refused(actuator("joint='x' ctrllimited='true'"), "1: actuator '#0'",
+                 "has ctrllimited=\"true\", but no ctrlrange");
+  expect_refused(actuator("joint='x' inheritrange='1' ctrlrange='-1 1'"), "1:", "has ctrlrange and inheritrange");
+  expect_refused(actuator("joint='x' inheritrange='1'", "<joint name='x'/>"), "1:", "inherits a range");
+  for (const string group : {"31", "-1", "0.5"})
+    expect_refused("<mujoco><option actuatorgroupdisable='" + group + "'/><worldbody/></mujoco>", "1: <option>",
+                   "which is no group");
+}
+
+TEST(MjcfRefusal, names_remedies_of_mjcf_alone) {
+  const string mesh = "<asset><mesh name='m' file='part.stl'/></asset>";
+  try {
+    import_mjcf("<mujoco>" + mesh + "<worldbody><body><joint/><geom type='mesh' mesh='m'/></body></worldbody></mujoco>",
+                "file", {.leave_out_meshes = true});
+    FAIL() << "accepted";
+  } catch (const ModelError& error) {
+    EXPECT_EQ(error.remedy().find("density"), string::npos) << error.what();
+    EXPECT_NE(error.remedy().find("ImportOptions::least_mass"), string::npos) << error.what();
+  }
+  expect_refused(world(body("<joint/><geom size='0.1' pos='1 0 0' mass='1e300'/>")), "2: body 'b'", "1e100 kg");
+}
+
 TEST(MjcfRefusal, names_options_that_do_not_fit) {
   const auto expect = [](const ImportOptions& options, const string& name) {
     try {
@@ -178,11 +252,11 @@ TEST_F(MjcfFiles, are_included_from_their_folder_alone) {
   write("outside.xml", world(""));
   std::filesystem::create_symlink(folder / "outside.xml", folder / "robot/link.xml");
   const auto including = [](const string& name) { return world("", "\n<include file='" + name + "'/>"); };
-  for (const auto& [name, rule] : {std::pair<string, string>{"/etc/passwd", "no path below"},
-                                   {"../outside.xml", "leads out"},
-                                   {"link.xml", "leads out"},
-                                   {"parts/../../outside.xml", "leads out"},
-                                   {"https://example.org/a.xml", "no path below"},
+  for (const auto& [name, rule] : {std::pair<string, string>{"/etc/passwd", "outside of the folders"},
+                                   {"../outside.xml", "outside of the folders"},
+                                   {"link.xml", "outside of the folders"},
+                                   {"parts/../../outside.xml", "outside of the folders"},
+                                   {"https://example.org/a.xml", "names no path"},
                                    {"none.xml", "does not exist"},
                                    {"", "is empty"},
                                    {"main.xml", "twice"}}) {

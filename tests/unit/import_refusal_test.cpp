@@ -214,7 +214,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"point_on_its_axis", Kind::model, moving_body("<mass value='1'/>"), "bad.urdf:2: link 'b'",
                 "no inertia about the axis"},
         Refusal{"overflow", Kind::model,
-                robot("<link name='a'/><link name='b'><inertial><origin xyz='0 1e200 0'/><mass value='1e200'/>" +
+                robot("<link name='a'/><link name='b'><inertial><origin xyz='0 1e200 0'/><mass value='1e90'/>" +
                       moments("1", "1", "1") + "</inertial></link>" + joint_text("j", "continuous", "a", "b")),
                 "link 'b'", "not a finite number"},
         Refusal{"mimic_of_nothing", Kind::model, mimic("joint='ghost'"), "joint 'j'", "'ghost', which does not exist"},

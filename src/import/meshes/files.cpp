@@ -9,6 +9,7 @@
 #include <tuple>
 
 #include "formats.h"
+#include "import/folders.h"
 #include "import/paths.h"
 #include "import/text.h"
 #include "import/xml.h"
@@ -35,30 +36,16 @@ std::string extension_of(const std::string& name) {
   return extension;
 }
 
-fs::path folder_in(const std::string& option, const std::string& path) {
-  std::error_code ignored;
-  if (!fs::is_directory(path, ignored))
-    throw SettingsError("ImportOptions::" + option, "names '" + shortened(path) + "', which is no folder",
-                        "give the path of a folder");
-  return real_path(path);
-}
-
-// In messages.
-std::string shown(const fs::path& path) {
-  const std::string text = path.string();
-  return text.size() < 500 && is_plain(text) ? text : shortened(text);
-}
-
 }  // namespace
 
 MeshFiles::MeshFiles(const ImportOptions& options, const std::string& folder, Report& report)
-    : options_(options), report_(report), folder_(folder.empty() ? fs::path() : real_path(folder)) {
+    : options_(options),
+      report_(report),
+      folder_(folder.empty() ? fs::path() : real_path(folder)),
+      roots_(roots_of(options, folder)) {
   if (options.hull_vertices < 8 || options.hull_vertices > most_hull_corners)
     throw SettingsError("ImportOptions::hull_vertices", fmt::format("is {}", options.hull_vertices),
                         fmt::format("give 8 to {}", most_hull_corners));
-  if (!folder.empty()) roots_.push_back(folder_);
-  for (const std::string& root : options.mesh_roots) roots_.push_back(folder_in("mesh_roots", root));
-  for (const auto& [name, path] : options.packages) roots_.push_back(folder_in("packages", path));
 }
 
 std::string MeshFiles::unreadable(const std::string& name) {
@@ -107,11 +94,9 @@ fs::path MeshFiles::find(const std::string& name, const std::string& subfolder, 
     fail("names a mesh file, which text without a folder cannot",
          fmt::format("read the robot from a file{}", or_leave_out));
   path = real_path(folder_ / path);
-  const bool is_allowed =
-      std::any_of(roots.begin(), roots.end(), [&](const fs::path& root) { return is_within(path, root); });
-  if (!is_allowed)
+  if (!is_within_any(path, roots))
     fail(fmt::format("leads to '{}', outside of the folders that meshes may lie in", shown(path)),
-         fmt::format("give a folder around it: ImportOptions::mesh_roots{}", or_leave_out));
+         fmt::format("give a folder around it: ImportOptions::file_roots{}", or_leave_out));
   return path;
 }
 

@@ -87,7 +87,18 @@ std::string obstacle(const std::string& tag, const Numbers& numbers) {
   return "";
 }
 
+// MuJoCo takes one of several targets without a word.
+void check_target(const Element& element) {
+  const char* target = nullptr;
+  for (const char* attribute : {"joint", "jointinparent", "tendon", "cranksite", "site", "body"}) {
+    if (!element.has(attribute)) continue;
+    if (target) element.fail(fmt::format("acts on a {} and on a {}", target, attribute), "keep one of them");
+    target = attribute;
+  }
+}
+
 void read_target(const Element& element, Scene& scene, Actuator& actuator) {
+  check_target(element);
   for (const char* other : {"site", "body", "cranksite", "slidersite"})
     if (actuator.lost.empty() && element.has(other)) actuator.lost = fmt::format("acts on a {}", other);
   if (!actuator.lost.empty()) return;
@@ -95,9 +106,7 @@ void read_target(const Element& element, Scene& scene, Actuator& actuator) {
   if (element.has(joint)) {
     const std::string name = element.name(joint);
     const auto found = scene.joint_of.find(name);
-    if (found == scene.joint_of.end())
-      element.fail(fmt::format("names joint '{}', which does not exist", shortened(name)),
-                   "correct the name, or read the file that includes this one");
+    if (found == scene.joint_of.end()) scene.fail_to_find(element, "joint", name);
     const JointType type = scene.joint(found->second).type;
     if (type == JointType::ball || type == JointType::free)
       actuator.lost = "acts on a ball or free joint";
@@ -109,22 +118,27 @@ void read_target(const Element& element, Scene& scene, Actuator& actuator) {
   }
   const std::string name = element.name("tendon", "");
   if (name.empty()) element.fail("acts on nothing", "write joint=\"...\" or tendon=\"...\"");
-  const auto tendon = std::find_if(scene.tendons.begin(), scene.tendons.end(),
-                                   [&](const Tendon& candidate) { return candidate.name == name; });
-  if (tendon == scene.tendons.end())
-    element.fail(fmt::format("names tendon '{}', which does not exist", shortened(name)), "correct the name");
-  if (tendon->is_spatial)
+  const Tendon& tendon = scene.tendon(name, element);
+  if (tendon.is_spatial)
     actuator.lost = "acts on a spatial tendon";
-  else if (!tendon->is_whole)
+  else if (!tendon.is_whole)
     actuator.lost = "acts on a body that is left out";
   else
-    actuator.tendon = static_cast<int>(tendon - scene.tendons.begin());
+    actuator.tendon = static_cast<int>(&tendon - scene.tendons.data());
 }
 
-// A share of the range of what it acts on, about its middle.
-void inherit_range(const Element& element, const Scene& scene, Actuator& actuator) {
-  const double share = element.number("inheritrange", 0.0);
-  if (!(share > 0.0) || !actuator.lost.empty()) return;
+// The range of its control: its own, or a share of that of what it acts on, about the middle.
+std::optional<Range> control_of(const Element& element, const Scene& scene, const Actuator& actuator) {
+  const bool autolimits = scene.settings.of(element).autolimits;
+  const double share = element.tag() == "position" ? element.number("inheritrange", 0.0) : 0.0;
+  if (!(share > 0.0)) return limited_range(element, "ctrlrange", "ctrllimited", autolimits);
+  if (element.has("ctrlrange")) element.fail("has ctrlrange and inheritrange", "keep one of them");
+  enum { no, yes, automatic };
+  const int mode = element.word("ctrllimited", {"false", "true", "auto"}, automatic);
+  if (mode == automatic && !autolimits)
+    element.fail("has inheritrange, but not ctrllimited, with autolimits=\"false\"",
+                 "write ctrllimited=\"true\" or \"false\"");
+  if (!actuator.lost.empty()) return std::nullopt;
   std::optional<Range> range;
   if (actuator.tendon >= 0)
     range = scene.tendons[static_cast<std::size_t>(actuator.tendon)].range;
@@ -132,7 +146,8 @@ void inherit_range(const Element& element, const Scene& scene, Actuator& actuato
     range = Range{joint.lower, joint.upper};
   if (!range) element.fail("inherits a range, but what it acts on has none", "give ctrlrange");
   const double middle = 0.5 * (range->lower + range->upper), half = 0.5 * share * (range->upper - range->lower);
-  actuator.control = Range{middle - half, middle + half};
+  if (mode == no) return std::nullopt;
+  return Range{middle - half, middle + half};
 }
 
 void read_actuator(const Element::Xml& xml, Scene& scene) {
@@ -164,18 +179,19 @@ void read_actuator(const Element::Xml& xml, Scene& scene) {
     actuator.has_damping_ratio = true;
     actuator.damping_ratio = std::exchange(actuator.bias[2], 0.0);
   }
-  const bool autolimits = scene.settings.autolimits;
-  actuator.force = limited_range(element, "forcerange", "forcelimited", autolimits);
-  actuator.control = limited_range(element, "ctrlrange", "ctrllimited", autolimits);
-  inherit_range(element, scene, actuator);
+  actuator.force = limited_range(element, "forcerange", "forcelimited", scene.settings.of(element).autolimits);
+  actuator.control = control_of(element, scene, actuator);
   if (actuator.gear == 0.0 && actuator.lost.empty()) actuator.lost = "has a gear of 0";
+  const int group = element.whole("group", 0);
+  if (actuator.lost.empty() && group >= 0 && group < 31 && (scene.settings.disabled_groups >> group & 1u))
+    actuator.lost = fmt::format("is of group {}, which actuatorgroupdisable switches off", group);
   scene.actuators.push_back(std::move(actuator));
 }
 
 }  // namespace
 
 void read_actuators(Scene& scene) {
-  for (const Element::Xml* xml : scene.document.section("actuator")) {
+  for (const Element::Xml* xml : scene.section("actuator")) {
     const std::string_view tag = xml->Name();
     if (std::find(tags.begin(), tags.end(), tag) != tags.end()) {
       scene.report().attempt([&] { read_actuator(*xml, scene); });

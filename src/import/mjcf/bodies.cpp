@@ -82,6 +82,8 @@ class Reader {
       read_frame(xml, around);
     else if (tag == "replicate")
       read_replicate(xml, around);
+    else if (tag == "attach")
+      read_attached(xml, around);
     else
       read_part(xml, around);
   }
@@ -95,16 +97,22 @@ class Reader {
     } else if (tag == "inertial") {
       const Element inertial(document_, xml);
       if (around.body == 0) inertial.fail("is in the world, which has no mass", "remove it");
-      body.inertia = read_inertial(inertial, settings_);
+      body.inertia = read_inertial(inertial, settings_of(xml));
       body.has_inertial = true;
     } else if (tag == "geom") {
-      body.geoms.push_back(read_geom(element(), around.frame, around.suffix, settings_));
+      GeomPart part = read_geom(element(), around.frame, around.suffix, settings_of(xml));
+      if (!part.name.empty() && !geoms_.take(part.name))
+        part.element.fail("has a name that is taken", "give each geom its own name");
+      body.geoms.push_back(std::move(part));
     } else if (tag == "site") {
       const Element site = element();
-      SitePart part = read_site(site, around.frame, settings_);
+      SitePart part = read_site(site, around.frame, settings_of(xml));
       if (site.has("name")) part.name = site.name("name") + around.suffix;
+      if (!part.name.empty() && !sites_.take(part.name))
+        site.fail(fmt::format("has the name '{}', which is taken", shortened(part.name)),
+                  "give each site its own name");
       body.sites.push_back(std::move(part));
-    } else if (tag == "composite" || tag == "flexcomp" || tag == "attach") {
+    } else if (tag == "composite" || tag == "flexcomp") {
       Element(document_, xml)
           .fail("makes bodies that only MuJoCo can make", "let MuJoCo save the model, and read that");
     } else if (tag == "plugin") {
@@ -115,7 +123,7 @@ class Reader {
   void read_joint(const Element& element, const Around& around) {
     Body& body = bodies_[around.body];
     if (around.body == 0) element.fail("is in the world, which does not move", "put it into a body");
-    JointPart part = read_joint_part(element, around.frame, settings_);
+    JointPart part = read_joint_part(element, around.frame, settings_.of(element));
     if (element.has("name")) part.name = element.name("name") + around.suffix;
     const bool frees = part.type == JointType::free;
     if (frees && body.parent != 0)
@@ -135,7 +143,8 @@ class Reader {
     }
     body.place = element.place();
     body.parent = static_cast<int>(around.body);
-    body.pose = around.frame * read_pose(element, settings_);
+    body.part = document_.part_of(xml);
+    body.pose = around.frame * read_pose(element, settings_.of(body.part));
     body.is_mocap = element.truth("mocap", false);
     const double compensated = element.number("gravcomp", 0.0);
     if (settings_.has_springs || settings_.has_damping) body.gravity = 1.0 - compensated;
@@ -147,16 +156,29 @@ class Reader {
     Body& own = bodies_[index];
     if (own.is_mocap && (own.parent != 0 || !own.joints.empty()))
       element.fail("is a mocap body with joints, or not a child of worldbody", "remove mocap, or the joints");
-    if (settings_.inertia_from_geoms == FromGeoms::never && !own.has_inertial && !own.joints.empty())
+    if (settings_.of(own.part).inertia_from_geoms == FromGeoms::never && !own.has_inertial && !own.joints.empty())
       element.fail("has no <inertial>, which inertiafromgeom=\"false\" asks for", "add one");
   }
 
   void read_frame(const Element::Xml& xml, const Around& around) {
     const Element frame(document_, xml);
     Around inside = around;
-    inside.frame = around.frame * read_pose(frame, settings_);
+    inside.frame = around.frame * read_pose(frame, settings_of(xml));
     inside.childclass = classes_.childclass(frame, around.childclass);
     read_children(frame, inside);
+  }
+
+  // A body of another model, or all of its world. What stands around the body there does not count.
+  void read_attached(const Element::Xml& xml, const Around& around) {
+    const Element attach(document_, xml);
+    for (const char* attribute : {"model", "body", "prefix"}) attach.has(attribute);
+    const Part& part = document_.attached_by(xml);
+    if (part.body) return read_body(*part.body, {around.body, around.frame, part.childclass, around.suffix});
+    for (const Element::Xml* section : document_.children(*part.root)) {
+      if (std::string_view(section->Name()) != "worldbody") continue;
+      const Element world(document_, *section);
+      read_children(world, {around.body, around.frame, classes_.childclass(world, ""), around.suffix});
+    }
   }
 
   void read_replicate(const Element::Xml& xml, const Around& around) {
@@ -165,7 +187,7 @@ class Reader {
     if (!replicate.has("count") || count < 0) replicate.fail("has no count of 0 or more", "write count=\"...\"");
     const std::string separator = replicate.name("sep", "");
     const std::size_t digits = std::to_string(count).size();
-    Eigen::Isometry3d step = read_pose(replicate, settings_), frame = Eigen::Isometry3d::Identity();
+    Eigen::Isometry3d step = read_pose(replicate, settings_of(xml)), frame = Eigen::Isometry3d::Identity();
     step.translation() = replicate.triple("offset", Eigen::Vector3d::Zero());
     const std::string childclass = classes_.childclass(replicate, around.childclass);
     for (int i = 0; i < count; ++i, frame = frame * step) {
@@ -191,13 +213,15 @@ class Reader {
     }
   }
 
+  const Settings& settings_of(const Element::Xml& xml) const { return settings_.of(document_.part_of(xml)); }
+
   [[noreturn]] static void throw_taken(const JointPart& joint);
 
   Document& document_;
   const Settings& settings_;
   const Classes& classes_;
   std::vector<Body> bodies_;
-  Names names_;
+  Names names_, geoms_, sites_;
   std::size_t copies_ = 0;
 };
 

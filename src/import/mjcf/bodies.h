@@ -50,6 +50,7 @@ struct SitePart {
 
 struct Body {
   std::string name, place;
+  std::size_t part = 0;                                        ///< of the document
   int parent = -1;                                             ///< -1: the world is body 0
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();      ///< in the parent's frame, where joints are at `ref`
   Eigen::Isometry3d in_world = Eigen::Isometry3d::Identity();  ///< likewise

@@ -94,13 +94,14 @@ void weigh(Bodies& bodies, const std::vector<bool>& is_read, const Settings& set
   double total = 0.0;
   for (std::size_t i = 1; i < bodies.all.size(); ++i) {
     const bool matters = settings.total_mass > 0.0 || (is_read[i] && bodies.moves[i]);
-    report.attempt([&] { add_geoms(bodies.all[i], matters && !leaves_out_meshes, settings, meshes, report); });
+    const Settings& own = settings.of(bodies.all[i].part);
+    report.attempt([&] { add_geoms(bodies.all[i], matters && !leaves_out_meshes, own, meshes, report); });
     Inertia& inertia = bodies.all[i].inertia;
-    inertia.mass = std::max(inertia.mass, settings.least_mass);
-    if (settings.least_inertia > 0.0)
+    inertia.mass = std::max(inertia.mass, own.least_mass);
+    if (own.least_inertia > 0.0)
       change_moments(inertia.about_center,
-                     [&](const Vector3d& moments) -> Vector3d { return moments.cwiseMax(settings.least_inertia); });
-    if (settings.balances)
+                     [&](const Vector3d& moments) -> Vector3d { return moments.cwiseMax(own.least_inertia); });
+    if (own.balances)
       change_moments(inertia.about_center, [](const Vector3d& moments) -> Vector3d {
         return moments[0] + moments[1] < moments[2] ? Vector3d::Constant(moments.mean()) : moments;
       });

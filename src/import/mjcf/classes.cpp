@@ -18,17 +18,20 @@ constexpr std::string_view used[] = {"joint",  "geom",     "site",     "equality
 }  // namespace
 
 Classes::Classes(Document& document) : document_(document) {
-  Class& outermost = classes_["main"];
-  for (const Element::Xml* xml : document.children(document.root())) {
-    if (std::string_view(xml->Name()) != "default") continue;
-    const Element section(document, *xml);
-    if (section.name("class", "main") != "main")
-      section.fail("has a class other than 'main' at the top", "leave the class of the outermost default out");
-    read(section, outermost);
+  for (const Part& part : document.parts()) {
+    Named& classes = classes_.emplace_back();
+    Class& outermost = classes["main"];
+    for (const Element::Xml* xml : document.children(*part.root)) {
+      if (std::string_view(xml->Name()) != "default") continue;
+      const Element section(document, *xml);
+      if (section.name("class", "main") != "main")
+        section.fail("has a class other than 'main' at the top", "leave the class of the outermost default out");
+      read(section, outermost, classes);
+    }
   }
 }
 
-void Classes::read(const Element& section, Class& own) {
+void Classes::read(const Element& section, Class& own, Named& classes) {
   const std::vector<const Element::Xml*> children = section.children();
   for (const Element::Xml* xml : children) {
     if (std::find(std::begin(used), std::end(used), xml->Name()) == std::end(used)) continue;
@@ -39,21 +42,28 @@ void Classes::read(const Element& section, Class& own) {
     if (std::string_view(xml->Name()) != "default") continue;
     const Element nested(document_, *xml);
     const std::string name = nested.name("class");
-    const auto [place, is_new] = classes_.try_emplace(name, Class{&own, own.elements.size(), {}});
+    const auto [place, is_new] = classes.try_emplace(name, Class{&own, own.elements.size(), {}});
     if (!is_new) nested.fail(fmt::format("defines class '{}' once more", shortened(name)), "define each class once");
-    read(nested, place->second);
+    read(nested, place->second, classes);
   }
+}
+
+const Classes::Class& Classes::find(const Element& element, const char* attribute, const std::string& name) const {
+  const Named& classes = classes_[document_.part_of(element.xml())];
+  if (const auto found = classes.find(name); found != classes.end()) return found->second;
+  std::vector<std::string> names;
+  for (const auto& known : classes) names.push_back(known.first);
+  const std::string meant = nearest(name, names);
+  element.fail(fmt::format("has {} '{}', which no <default> defines", attribute, shortened(name)),
+               meant.empty() ? "correct the name" : fmt::format("correct the name: '{}' is defined", shortened(meant)));
 }
 
 std::vector<const Element::Xml*> Classes::defaults(const Element::Xml& xml, const std::string& childclass,
                                                    const std::vector<std::string_view>& tags) const {
   const Element element(document_, xml);
   const std::string name = element.name("class", childclass.empty() ? "main" : childclass);
-  const auto found = classes_.find(name);
-  if (found == classes_.end())
-    element.fail(fmt::format("has class '{}', which no <default> defines", shortened(name)), "correct the name");
   std::vector<const Element::Xml*> layers;  // the innermost first
-  const Class* own = &found->second;
+  const Class* own = &find(element, "class", name);
   for (std::size_t count = own->elements.size(); own; count = own->taken, own = own->parent)
     for (std::size_t i = count; i-- > 0;)
       if (std::find(tags.begin(), tags.end(), own->elements[i]->Name()) != tags.end())
@@ -68,8 +78,7 @@ Element Classes::element(const Element::Xml& xml, const std::string& childclass,
 
 std::string Classes::childclass(const Element& element, const std::string& around) const {
   const std::string name = element.name("childclass", around);
-  if (!name.empty() && !classes_.contains(name))
-    element.fail(fmt::format("has childclass '{}', which no <default> defines", shortened(name)), "correct the name");
+  if (!name.empty()) find(element, "childclass", name);
   return name;
 }
 

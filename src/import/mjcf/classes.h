@@ -10,8 +10,8 @@
 
 namespace lockstep::importer::mjcf {
 
-/// All <default> sections. A class takes its parent's attributes wherever the parent states them in the section around
-/// the class or before it. Later sections do not reach it.
+/// All <default> sections. Each part of a document has classes of its own. A class takes its parent's attributes
+/// wherever the parent states them in the section around the class or before it. Later sections do not reach it.
 class Classes {
  public:
   /// Throws ImportError for a nested class without a name, and for a name that appears twice.
@@ -32,10 +32,13 @@ class Classes {
     std::size_t taken = 0;  // the first elements of the parent
     std::vector<const Element::Xml*> elements;
   };
-  void read(const Element& section, Class& own);
+  using Named = std::unordered_map<std::string, Class>;  // which keeps them in their places
+
+  void read(const Element& section, Class& own, Named& classes);
+  const Class& find(const Element& element, const char* attribute, const std::string& name) const;
 
   Document& document_;
-  std::unordered_map<std::string, Class> classes_;  // which keeps them in their places
+  std::vector<Named> classes_;  // by part
 };
 
 }  // namespace lockstep::importer::mjcf

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <optional>
 #include <set>
 #include <string_view>
@@ -11,6 +12,7 @@
 #include <unordered_set>
 
 #include "contact_softness.h"
+#include "model/by_name.h"
 #include "model/softness_numbers.h"
 #include "model/trees.h"
 #include "names.h"
@@ -54,7 +56,7 @@ const char* name_of(GeomType type) {
 class Collision {
  public:
   Collision(const Scene& scene, const std::vector<Place>& places, Draft& draft)
-      : scene_(scene), places_(places), model_(draft.model), draft_(draft), trees_(draft.model) {}
+      : scene_(scene), places_(places), model_(draft.model), draft_(draft), trees_(draft.model), links_(model_.links) {}
 
   void collide() {
     names_.take("robot");  // the group
@@ -65,8 +67,7 @@ class Collision {
     find_welds();
     soften_colliders();
     for (const Element::Xml* xml : pairs_) add_pair(scene_.classes.element(*xml, ""));
-    for (std::size_t i = 0; i < touches_.size(); ++i)
-      for (std::size_t j = i + 1; j < touches_.size(); ++j) add_by_masks(touches_[i], touches_[j]);
+    add_all_by_masks();
     if (own_pairs_ > 0)
       report().remark("pairs of a robot with itself, left out on request", std::to_string(own_pairs_));
   }
@@ -75,7 +76,7 @@ class Collision {
   Report& report() const { return scene_.report(); }
 
   void read_section() {
-    for (const Element::Xml* xml : scene_.document.section("contact")) {
+    for (const Element::Xml* xml : scene_.section("contact")) {
       const std::string_view tag = xml->Name();
       if (tag == "pair") {
         const Element pair = scene_.classes.element(*xml, "");
@@ -111,7 +112,7 @@ class Collision {
     element.numbers("friction", friction, 1, 3);
     const std::string name = names_.unused(geom.name.empty() ? body.name : geom.name);
     const std::string& link = places_[b].link;
-    const int carrier = link.empty() ? -1 : trees_.carrier[static_cast<std::size_t>(model_.link_index(link))];
+    const int carrier = link.empty() ? -1 : trees_.carrier[static_cast<std::size_t>(links_.find(link))];
     const int dimension = element.whole("condim", 3);
     touches_.push_back({b,
                         carrier,
@@ -147,13 +148,40 @@ class Collision {
     }
   }
 
+  bool stands(const Touch& touch) const { return touch.carrier < 0 || trees_.is_bolted(touch.carrier); }
+
   bool can_touch(const Touch& a, const Touch& b) const {
-    const auto stands = [&](const Touch& touch) { return touch.carrier < 0 || trees_.is_bolted(touch.carrier); };
     return weld_[a.body] != weld_[b.body] && a.carrier != b.carrier && !(stands(a) && stands(b));
   }
 
+  static bool masks_meet(int type, int affinity, int other_type, int other_affinity) {
+    return (type & other_affinity) || (other_type & affinity);
+  }
+
+  // In blocks of equal masks that move as one, so that time is that of the pairs that are found: nothing within a block
+  // touches, and blocks whose masks do not meet are passed over.
+  void add_all_by_masks() {
+    std::map<std::pair<int, int>, std::map<int, std::vector<std::size_t>>> blocks;  // by masks and carrier, in order
+    const auto carrier_of = [&](const Touch& touch) { return stands(touch) ? -1 : touch.carrier; };
+    for (std::size_t i = 0; i < touches_.size(); ++i)
+      blocks[{touches_[i].type, touches_[i].affinity}][carrier_of(touches_[i])].push_back(i);
+    std::vector<std::size_t> others;
+    for (std::size_t i = 0; i < touches_.size(); ++i) {
+      const Touch& touch = touches_[i];
+      others.clear();
+      for (const auto& [masks, carriers] : blocks) {
+        if (!masks_meet(touch.type, touch.affinity, masks.first, masks.second)) continue;
+        for (const auto& [carrier, block] : carriers)
+          if (carrier != carrier_of(touch))
+            others.insert(others.end(), std::upper_bound(block.begin(), block.end(), i), block.end());
+      }
+      std::sort(others.begin(), others.end());
+      for (const std::size_t other : others) add_by_masks(touch, touches_[other]);
+    }
+  }
+
   void add_by_masks(const Touch& a, const Touch& b) {
-    if (!((a.type & b.affinity) || (b.type & a.affinity)) || !can_touch(a, b)) return;
+    if (!can_touch(a, b)) return;
     const std::size_t one = weld_[a.body], other = weld_[b.body];
     const bool are_joined = one != 0 && other != 0 && (weld_parent_[a.body] == other || weld_parent_[b.body] == one);
     if (are_joined && scene_.settings.filters_parents) return;
@@ -180,6 +208,11 @@ class Collision {
     return law;
   }
 
+  static std::string pair_name_of(const Element& element) {
+    return fmt::format("{} of {} and {}", element.name("name", element.place()), element.name("geom1"),
+                       element.name("geom2"));
+  }
+
   void add_pair(const Element& element) {
     const auto first = touch_of_.find(element.name("geom1")), second = touch_of_.find(element.name("geom2"));
     if (first == touch_of_.end() || second == touch_of_.end())
@@ -189,9 +222,13 @@ class Collision {
       return report().warn("contact pairs that cannot move against each other, left out", element.place());
     double friction[5] = {1.0, 1.0, 0.005, 0.0001, 0.0001};
     element.numbers("friction", friction, 1, 5);
+    const int dimension = element.whole("condim", 3);
+    if (dimension > 1 && friction[0] != friction[1])
+      report().warn("contact pairs whose two tangential frictions differ, taken as the first",
+                    fmt::format("{} has {:g} and {:g}", pair_name_of(element), friction[0], friction[1]));
     add(a, b,
         {{friction[0], friction[2], friction[3]},
-         element.whole("condim", 3),
+         dimension,
          yielding_of(element, "solref", "solimp"),
          std::max(0.0, element.number("margin", 0.0) - element.number("gap", 0.0))});
   }
@@ -253,6 +290,7 @@ class Collision {
   Model& model_;
   Draft& draft_;
   const Trees trees_;
+  const ByName links_;
   std::vector<Touch> touches_;
   std::unordered_map<std::string, std::size_t> touch_of_;  // by the geom's name
   std::vector<const Element::Xml*> pairs_;

@@ -3,10 +3,9 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <string_view>
 
-#include "import/attributes.h"
+#include "import/folders.h"
 #include "import/paths.h"
 #include "import/text.h"
 #include "import/xml.h"
@@ -28,34 +27,36 @@ const char* const wanted = "an MJCF file, <mujoco> ... </mujoco>";
 
 }  // namespace
 
-struct Document::Source {
-  std::string name;
-  fs::path path;  // canonical; empty for text
-  tinyxml2::XMLDocument xml{/*processEntities=*/false};
-  const Xml* root = nullptr;
-};
-
-Document::Document(const std::string& text, const std::string& source, const std::string& folder, Report& report)
-    : folder_(folder.empty() ? fs::path() : real_path(folder)), report_(report) {
-  const Source& main = load(text, source, folder.empty() ? fs::path() : real_path(source));
-  root_ = main.root;
-  const std::string_view tag = root_->Name();
-  const std::string place = line(*root_) + ": <" + shortened(tag) + ">";
+Document::Document(const std::string& text, const std::string& source, const std::string& folder,
+                   std::vector<fs::path> roots, Report& report)
+    : roots_(std::move(roots)), report_(report) {
+  parts_.push_back({.folder = folder.empty() ? fs::path() : real_path(folder)});
+  const Source& main = load(text, source, folder.empty() ? fs::path() : real_path(source), 0);
+  parts_[0].root = main.root;
+  const std::string_view tag = root().Name();
+  const std::string place = line(root()) + ": <" + shortened(tag) + ">";
   if (tag == "robot") fail(place, "is URDF, not MJCF", "read it by import_urdf_file(), or by import_file()");
   if (tag != "mujoco")
     fail(place, "is no MJCF: the root element is not <mujoco>",
          tag == "mujocoinclude" ? "read the file that includes it" : "convert it to MJCF, or fill a Model in code");
   include_all(main, 0);
+  attach_all(0, 0);
 }
 
-const Document::Source& Document::load(const std::string& text, const std::string& name, const fs::path& path) {
+const Document::Source& Document::load(const std::string& text, const std::string& name, const fs::path& path,
+                                       std::size_t part) {
   const auto source = std::make_shared<Source>();
   source->name = name;
   source->path = path;
+  source->part = part;
   source->root = &parsed(text, name, wanted, source->xml, report_);
   source->xml.SetUserData(source.get());
   sources_.push_back(source);
   return *source;
+}
+
+std::size_t Document::part_of(const Xml& xml) const {
+  return static_cast<const Source*>(xml.GetDocument()->GetUserData())->part;
 }
 
 std::string Document::line(const Xml& xml) const {
@@ -72,33 +73,53 @@ void Document::include_all(const Source& from, int depth) {
   }
 }
 
-void Document::include(const Xml& element, const Source& from, int depth) {
-  const std::string place = line(element) + ": <include>";
-  const Fail refuse = [&](const std::string& rule, const std::string& remedy) { fail(place, rule, remedy); };
-  const char* given = element.Attribute("file");
-  if (!given) refuse("has no attribute 'file'", "name the file to include");
-  const fs::path name = name_in("file", given, refuse);
-  if (folder_.empty()) refuse("includes a file, which text without a folder cannot", "use import_mjcf_file()");
-  const char* const inside = "put the file into the folder of the main one, and give its path from there";
-  if (name.is_absolute() || name.string().find("://") != std::string::npos)
-    refuse("names no path below the main file's folder", inside);
-  if (depth == deepest_include)
-    refuse(fmt::format("includes files deeper than {}", deepest_include), "include them nearer to the main file");
-  std::error_code ignored;
-  fs::path path = folder_ / name;
-  if (!fs::exists(path, ignored)) path = from.path.parent_path() / name;
-  if (!fs::exists(path, ignored))
-    refuse(fmt::format("names '{}', which does not exist", shortened(name.string())), inside);
-  path = real_path(path);
-  if (!is_within(path, folder_)) refuse("leads out of the main file's folder", inside);
-  for (const auto& source : sources_)
-    if (source->path == path) refuse(fmt::format("includes '{}' twice", shortened(name.string())), "include it once");
+fs::path Document::find(const std::string& given, const Xml& element, const Fail& refuse) const {
+  const Source& from = *static_cast<const Source*>(element.GetDocument()->GetUserData());
+  const fs::path &folder = parts_[from.part].folder, name = given;
+  if (folder.empty()) refuse("names a file, which text without a folder cannot", "use import_mjcf_file()");
+  if (given.find("://") != std::string::npos) refuse("names no path", "give the path of a file");
+  bool leads_out = false;
+  for (const fs::path& start : {folder, from.path.parent_path()}) {
+    const fs::path path = real_path(start / name);
+    std::error_code ignored;
+    if (!is_within_any(path, roots_))
+      leads_out = true;
+    else if (fs::exists(path, ignored))
+      return path;
+  }
+  if (leads_out)
+    refuse(fmt::format("leads to '{}', outside of the folders that may be read", shown(real_path(folder / name))),
+           "give a folder around it: ImportOptions::file_roots");
+  refuse(fmt::format("names '{}', which does not exist", shortened(given)),
+         "correct the path, which begins in the folder of the main file");
+  return {};
+}
+
+const Document::Source& Document::read(const fs::path& path, std::size_t part, const Fail& refuse) {
   const std::string text = text_of(path.string());
   bytes_ += text.size();
   if (bytes_ > largest_file)
     refuse(fmt::format("makes the files larger than {} MB", largest_file >> 20), "give a robot description");
-  const Source& included =
-      load(text, (fs::path(sources_[0]->name).parent_path() / fs::relative(path, folder_)).string(), path);
+  const fs::path shown = fs::path(sources_[0]->name).parent_path() / fs::relative(path, parts_[0].folder);
+  return load(text, shown.string(), path, part);
+}
+
+void Document::include(const Xml& element, const Source& from, int depth) {
+  const Fail refuse = [&](const std::string& rule, const std::string& remedy) {
+    fail(line(element) + ": <include>", rule, remedy);
+  };
+  const char* given = element.Attribute("file");
+  if (!given) refuse("has no attribute 'file'", "name the file to include");
+  const std::string name = name_in("file", given, refuse);
+  if (element.Attribute("prefix"))
+    refuse("has a prefix, which an include has not", "use <attach>, which gives one to all names of another model");
+  if (depth == deepest_include)
+    refuse(fmt::format("includes files deeper than {}", deepest_include), "include them nearer to the main file");
+  const fs::path path = find(name, element, refuse);
+  for (const auto& source : sources_)
+    if (source->path == path && source->part == from.part)
+      refuse(fmt::format("includes '{}' twice", shortened(name)), "include it once");
+  const Source& included = read(path, from.part, refuse);
   const std::string_view tag = included.root->Name();
   if (tag != "mujoco" && tag != "mujocoinclude")
     fail(line(*included.root), "is no MJCF: the root element is not <mujoco> or <mujocoinclude>", "include MJCF");
@@ -120,15 +141,22 @@ std::vector<const Document::Xml*> Document::children(const Xml& owner) const {
   return found;
 }
 
+std::vector<const Document::Xml*> Document::inside(std::string_view tag) const {
+  std::vector<const Xml*> found;
+  for (const Part& part : parts_)
+    for (const Xml* xml : children(*part.root)) {
+      if (xml->Name() != tag) continue;
+      const std::vector<const Xml*> own = children(*xml);
+      found.insert(found.end(), own.begin(), own.end());
+    }
+  return found;
+}
+
 std::vector<const Document::Xml*> Document::section(std::string_view tag) {
-  std::vector<const Xml*> inside;
-  for (const Xml* xml : children(*root_)) {
-    if (xml->Name() != tag) continue;
-    visit(*xml);
-    const std::vector<const Xml*> own = children(*xml);
-    inside.insert(inside.end(), own.begin(), own.end());
-  }
-  return inside;
+  for (const Part& part : parts_)
+    for (const Xml* xml : children(*part.root))
+      if (xml->Name() == tag) visit(*xml);
+  return inside(tag);
 }
 
 void Document::account(const Xml& element) {
@@ -151,9 +179,8 @@ void Document::account(const Xml& element) {
 }
 
 void Document::account() {
-  visited_.insert(root_);
   for (const auto& source : sources_) {
-    if (source->root != root_) visited_.insert(source->root);
+    visited_.insert(source->root);
     account(*source->root);
   }
 }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "model/by_name.h"
 #include "start_inertia.h"
 
 namespace lockstep::importer::mjcf {
@@ -32,7 +33,12 @@ class Driver {
  public:
   Driver(const Scene& scene, const Ties& ties, const std::vector<std::optional<Transmission>>& transmissions,
          const Start& start, Draft& draft)
-      : scene_(scene), ties_(ties), transmissions_(transmissions), start_(start), model_(draft.model) {}
+      : scene_(scene),
+        ties_(ties),
+        transmissions_(transmissions),
+        start_(start),
+        model_(draft.model),
+        joints_(model_.joints) {}
 
   std::vector<Control> drive() {
     for (std::size_t a = 0; a < scene_.actuators.size(); ++a) add(scene_.actuators[a], a);
@@ -125,7 +131,7 @@ class Driver {
     const std::optional<Transmission> transmission = transmission_of(actuator);
     if (!transmission) return;
     const auto& [name, factor, constant] = *transmission;
-    const int index = model_.joint_index(name);
+    const int index = joints_.find(name);
     if (actuator.force && !(actuator.force->lower < 0.0 && actuator.force->upper > 0.0))
       return lose(actuator, "pushes one way only");
     if (actuator.bias[1] > 0.0 || actuator.bias[2] > 0.0) return lose(actuator, "pushes away from its target");
@@ -197,6 +203,7 @@ class Driver {
   const std::vector<std::optional<Transmission>>& transmissions_;
   const Start& start_;
   Model& model_;
+  const ByName joints_;
   std::map<int, Sum> sums_;  // by joint of the model
   std::vector<Control> controls_;
   std::vector<double> inertia_;

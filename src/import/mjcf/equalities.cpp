@@ -78,18 +78,15 @@ class Reader {
                    "couple two joints by it, or linearise it");
     const auto add = [&](const char* attribute, double factor) {
       const std::string name = element.name(attribute);
-      const auto tendon = std::find_if(scene_.tendons.begin(), scene_.tendons.end(),
-                                       [&](const Tendon& candidate) { return candidate.name == name; });
-      if (tendon == scene_.tendons.end())
-        element.fail(fmt::format("names tendon '{}', which does not exist", shortened(name)), "correct the name");
-      if (tendon->is_spatial)
+      const Tendon& tendon = scene_.tendon(name, element);
+      if (tendon.is_spatial)
         element.fail(fmt::format("holds tendon '{}', which is spatial: that is not linear", shortened(name)),
                      "use fixed tendons, or set active=\"false\"");
-      for (const auto& [joint, coefficient] : tendon->length.terms) {
+      for (const auto& [joint, coefficient] : tendon.length.terms) {
         form.add(joint, factor * coefficient);
         form.constant -= factor * coefficient * scene_.joint(joint).ref;
       }
-      return tendon->is_whole;
+      return tendon.is_whole;
     };
     form.constant = -poly[0];
     bool is_whole = add("tendon1", 1.0);
@@ -103,8 +100,7 @@ class Reader {
 }  // namespace
 
 void read_equalities(Scene& scene) {
-  for (const Element::Xml* xml : scene.document.section("equality"))
-    scene.report().attempt([&] { Reader(scene).read(*xml); });
+  for (const Element::Xml* xml : scene.section("equality")) scene.report().attempt([&] { Reader(scene).read(*xml); });
 }
 
 }  // namespace lockstep::importer::mjcf

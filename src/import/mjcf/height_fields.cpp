@@ -29,10 +29,10 @@ std::optional<Shape> HeightFields::shape_of(const GeomPart& geom) {
 // Rows of the result go along y, from the least.
 Eigen::MatrixXd HeightFields::numbers_of(const Element& element) const {
   std::string file = element.name("file", "");
-  if (settings_.strips_paths) file = file.substr(file.find_last_of("/\\") + 1);
+  if (settings_.of(element).strips_paths) file = file.substr(file.find_last_of("/\\") + 1);
   if (!file.empty()) {
     const Fail fail = [&](const std::string& rule, const std::string& remedy) { element.fail(rule, remedy); };
-    const std::filesystem::path path = files_.find(file, settings_.mesh_folder, fail);
+    const std::filesystem::path path = files_.find(file, settings_.of(element).mesh_folder, fail);
     const FailAt fail_at = [&](const std::string& place, const std::string& rule, const std::string& remedy) {
       throw ImportError(path.string() + ": " + place, rule, remedy);
     };

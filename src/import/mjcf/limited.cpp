@@ -20,6 +20,9 @@ std::optional<Range> limited_range(const Element& element, const char* range, co
   if (mode == automatic && !autolimits)
     element.fail(fmt::format("has {}, but not {}, with autolimits=\"false\"", range, limited),
                  fmt::format("write {}=\"true\" or \"false\"", limited));
+  if (!is_given)
+    element.fail(fmt::format("has {}=\"true\", but no {}", limited, range),
+                 fmt::format("give a {}, or write {}=\"false\"", range, limited));
   if (!(ends[0] < ends[1])) {
     if (mode == yes) element.fail(fmt::format("{} is empty", range), "give the lower end first");
     element.report().warn("ranges that are empty, so that they limit nothing",

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <unordered_map>
 #include <utility>
 
 #include "couple.h"
@@ -27,6 +28,8 @@ class Closer {
  public:
   Closer(const Scene& scene, const Start& start, const std::vector<Place>& places, Draft& draft)
       : scene_(scene), start_(start), places_(places), draft_(draft), trees_(draft.model) {
+    for (std::size_t b = 0; b < scene.bodies.all.size(); ++b)
+      for (const SitePart& part : scene.bodies.all[b].sites) sites_.emplace(part.name, End{b, part.pose});
     for (const Element& element : scene.closures)
       if (element.has("name")) names_.take(element.name("name"));
   }
@@ -97,18 +100,14 @@ class Closer {
 
   std::size_t body(const Element& element, const std::string& name) const {
     const auto found = scene_.body_of.find(name);
-    if (found == scene_.body_of.end())
-      element.fail(fmt::format("names body '{}', which does not exist", shortened(name)),
-                   "correct the name, or read the file that includes this one");
+    if (found == scene_.body_of.end()) scene_.fail_to_find(element, "body", name);
     return static_cast<std::size_t>(found->second);
   }
 
   End site(const Element& element, const std::string& name) const {
-    for (std::size_t b = 0; b < scene_.bodies.all.size(); ++b)
-      for (const SitePart& part : scene_.bodies.all[b].sites)
-        if (part.name == name) return {b, part.pose};
-    element.fail(fmt::format("names site '{}', which does not exist", shortened(name)),
-                 "correct the name, or read the file that includes this one");
+    const auto found = sites_.find(name);
+    if (found == sites_.end()) scene_.fail_to_find(element, "site", name);
+    return found->second;
   }
 
   bool is_left_out(std::size_t body) const { return scene_.bodies.moves[body] && !scene_.is_read[body]; }
@@ -132,6 +131,7 @@ class Closer {
   const std::vector<Place>& places_;
   Draft& draft_;
   const Trees trees_;
+  std::unordered_map<std::string, End> sites_;  // by name
   Names names_;
 };
 

@@ -86,11 +86,11 @@ Vector3d sizes_of_extents(GeomType type, const Vector3d& half) {
 Meshes::Asset& Meshes::asset_of(const GeomPart& geom) {
   if (const auto known = assets_.find(geom.mesh); known != assets_.end()) return known->second;
   Element element = elements_.find(geom, geom.mesh);
-  const MeshRule rule = static_cast<MeshRule>(
-      element.word("inertia", {"legacy", "convex", "exact", "shell"}, static_cast<int>(settings_.mesh_rule)));
+  const MeshRule rule = static_cast<MeshRule>(element.word("inertia", {"legacy", "convex", "exact", "shell"},
+                                                           static_cast<int>(settings_.of(element).mesh_rule)));
   const int most = element.whole("maxhullvert", -1);
   std::string file = element.name("file", "");
-  if (settings_.strips_paths) file = file.substr(file.find_last_of("/\\") + 1);
+  if (settings_.of(element).strips_paths) file = file.substr(file.find_last_of("/\\") + 1);
   if (most < 4 && most != -1) element.fail("has a maxhullvert below 4", "give -1, or 4 and more");
   std::string unreadable;
   if (element.has("builtin") || element.has("plugin"))
@@ -111,9 +111,10 @@ const Solid& Meshes::read(Asset& asset) {
   const Eigen::Affine3d placed = placed_by(asset.element);
   if (!asset.file.empty() && asset.element.has("vertex"))
     asset.element.fail("has a file and vertices", "keep one of them");
-  asset.solid = asset.file.empty()
-                    ? &solids_.emplace(asset.element.title(), from_vertices(asset.element, placed)).first->second
-                    : &files_.solid(asset.file, settings_.mesh_folder, placed, fail_at(asset.element));
+  asset.solid =
+      asset.file.empty()
+          ? &solids_.emplace(asset.element.title(), from_vertices(asset.element, placed)).first->second
+          : &files_.solid(asset.file, settings_.of(asset.element).mesh_folder, placed, fail_at(asset.element));
   return *asset.solid;
 }
 
@@ -161,7 +162,7 @@ PlacedShape Meshes::around_mesh(const GeomPart& geom) {
   if (!(scale > 0.0)) geom.element.fail("has a fitscale that is not above 0", "give a factor such as 1");
   PlacedShape placed{{}, geom.pose * box.pose};
   Vector3d sizes = sizes_of_box(geom.type, box.half_edges);
-  if (settings_.fits_extents) {
+  if (settings_.of(geom.element).fits_extents) {
     const Eigen::Matrix3Xd points = box.pose.inverse() * asset.solid->vertices();
     const Vector3d lowest = points.rowwise().minCoeff(), highest = points.rowwise().maxCoeff();
     placed.pose = placed.pose * Eigen::Translation3d(0.5 * (lowest + highest));

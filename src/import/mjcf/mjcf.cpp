@@ -5,6 +5,7 @@
 #include "couple.h"
 #include "drive.h"
 #include "import/finish.h"
+#include "import/folders.h"
 #include "import/options.h"
 #include "import/paths.h"
 #include "import/xml.h"
@@ -22,7 +23,7 @@ Import read(const std::string& text, const std::string& source, const std::strin
             const ImportOptions& options) {
   refuse_others(options, Format::mjcf);
   Report report;
-  Document document(text, source, folder, report);
+  Document document(text, source, folder, roots_of(options, folder), report);
   const Settings settings = read_settings(document);
   const Classes classes(document);
   MeshFiles files(options, folder, report);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "model/by_name.h"
 #include "model/poses.h"
 #include "model/tendons.h"
 
@@ -38,13 +39,15 @@ void aim_drives(const Scene& scene, const Key& key, const std::vector<Control>& 
 void add_poses(const Scene& scene, const Start& start, const std::vector<Key>& keys,
                const std::vector<Control>& controls, Draft& draft) {
   Model& model = draft.model;
+  const ByName joints(model.joints);
   for (const Key& key : keys) {
     NamedPose pose{key.name};
     for (std::size_t j = 0; j < scene.joints.size(); ++j) {
       const std::string& name = scene.joint(static_cast<int>(j)).name;
-      const auto joint =
-          std::find_if(model.joints.begin(), model.joints.end(), [&](const Joint& own) { return own.name == name; });
-      if (!scene.is_joint_read(static_cast<int>(j)) || joint == model.joints.end() || !joint->moves()) continue;
+      const int joint = joints.find(name);
+      if (!scene.is_joint_read(static_cast<int>(j)) || joint < 0 ||
+          !model.joints[static_cast<std::size_t>(joint)].moves())
+        continue;
       pose.positions[name] = key.start.position[j], pose.velocities[name] = key.start.velocity[j];
     }
     for (const auto& [body, at] : key.start.pose) {

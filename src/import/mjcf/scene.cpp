@@ -34,6 +34,7 @@ void suspect_angles(const Scene& scene) {
   double widest = 0.0;
   for (std::size_t j = 0; j < scene.joints.size(); ++j) {
     const JointPart& joint = scene.joint(static_cast<int>(j));
+    if (scene.bodies.all[static_cast<std::size_t>(scene.joints[j].body)].part > 0) continue;
     if (joint.type == JointType::hinge && joint.lower > -infinity)
       widest = std::max({widest, std::abs(joint.lower), std::abs(joint.upper)});
   }
@@ -60,11 +61,22 @@ void Form::add(int joint, double coefficient) {
     same->second += coefficient;
 }
 
+void Scene::fail_to_find(const Element& element, std::string_view kind, const std::string& name) const {
+  const auto there = known.find(kind);
+  std::vector<std::string> names(there->second.begin(), there->second.end());
+  std::sort(names.begin(), names.end());
+  mjcf::fail_to_find(element, kind, name, names);
+}
+
+const Tendon& Scene::tendon(const std::string& name, const Element& element) const {
+  const auto found = tendon_of.find(name);
+  if (found == tendon_of.end()) fail_to_find(element, "tendon", name);
+  return tendons[static_cast<std::size_t>(found->second)];
+}
+
 int Scene::scalar_joint(const std::string& name, const Element& element) const {
   const auto found = joint_of.find(name);
-  if (found == joint_of.end())
-    element.fail(fmt::format("names joint '{}', which does not exist", shortened(name)),
-                 "correct the name, or read the file that includes this one");
+  if (found == joint_of.end()) fail_to_find(element, "joint", name);
   const JointType type = joint(found->second).type;
   if (type != JointType::hinge && type != JointType::slide)
     element.fail(fmt::format("names joint '{}', which is no hinge or slide", shortened(name)), "name one of these");
@@ -92,6 +104,7 @@ Scene read_scene(Document& document, const Settings& settings, const Classes& cl
   weigh(scene.bodies, scene.is_read, settings, options.leave_out_meshes, meshes, document.report());
   suspect_angles(scene);
   name_flexes(scene);
+  resolve(scene);
   read_tendons(scene);
   read_equalities(scene);
   read_actuators(scene);

@@ -1,8 +1,11 @@
 // What a file says, before it becomes a Model. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
+#include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <unordered_map>
 #include <utility>
 #include <vector>
@@ -11,6 +14,7 @@
 #include "limited.h"
 #include "lockstep/import.h"
 #include "meshes.h"
+#include "references.h"
 
 namespace lockstep::importer::mjcf {
 
@@ -71,7 +75,9 @@ struct Scene {
   Meshes& meshes;
   Bodies bodies;
   std::vector<JointId> joints = {};  ///< in MuJoCo's order
-  std::unordered_map<std::string, int> joint_of = {}, body_of = {};
+  std::unordered_map<std::string, int> joint_of = {}, body_of = {}, tendon_of = {};
+  Known known = {};  ///< names of bodies, joints, geoms, sites and tendons
+  std::map<std::string, std::vector<const Element::Xml*>, std::less<>> sections = {};  ///< that were resolved
   std::vector<bool> is_read = {};  ///< by body: options.body or what it carries; all without that option
   std::vector<Tendon> tendons = {};
   std::vector<Equality> equalities = {};
@@ -84,6 +90,11 @@ struct Scene {
     const JointId id = joints[static_cast<std::size_t>(index)];
     return bodies.all[static_cast<std::size_t>(id.body)].joints[static_cast<std::size_t>(id.joint)];
   }
+  /// The elements of the sections of that tag, which name nothing that does not exist.
+  const std::vector<const Element::Xml*>& section(std::string_view tag) const { return sections.find(tag)->second; }
+  [[noreturn]] void fail_to_find(const Element& element, std::string_view kind, const std::string& name) const;
+  /// The tendon of that name. Throws ImportError at the element if there is none.
+  const Tendon& tendon(const std::string& name, const Element& element) const;
   /// The hinge or slide of that name; -1 for one that options.body leaves out. Throws ImportError at the element if
   /// there is none.
   int scalar_joint(const std::string& name, const Element& element) const;
@@ -98,6 +109,9 @@ Scene read_scene(Document& document, const Settings& settings, const Classes& cl
                  Meshes& meshes);
 
 // Parts of it, in this order.
+/// Fills Scene::known and sections. Throws ImportError for names that nothing has or that two have. Of a model of which
+/// one body is attached, elements that name others are left out.
+void resolve(Scene& scene);
 void read_tendons(Scene& scene);
 void read_equalities(Scene& scene);
 void read_actuators(Scene& scene);

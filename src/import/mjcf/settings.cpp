@@ -4,12 +4,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace lockstep::importer::mjcf {
 namespace {
+
+constexpr std::size_t most_groups = 31;
 
 // All elements of one tag below these, as layers of one element.
 std::optional<Element> merged(Document& document, const std::vector<const Element::Xml*>& owners,
@@ -72,6 +76,8 @@ void read_flag(const Element& flag, Settings& settings) {
   settings.clamps_controls = is_on("clampctrl", false);
   settings.filters_parents = is_on("filterparent", false);
   if (!is_on("gravity")) settings.gravity.setZero();
+  if (flag.word("override", {"disable", "enable"}, 0) == 1)
+    flag.report().warn("contact parameters of <option> that override all others, left out", "override");
 }
 
 void read_option(const Element& option, Settings& settings) {
@@ -82,14 +88,19 @@ void read_option(const Element& option, Settings& settings) {
   lost("density", {option.number("density", 0.0), 0.0, 0.0});
   lost("viscosity", {option.number("viscosity", 0.0), 0.0, 0.0});
   lost("wind", option.triple("wind", Eigen::Vector3d::Zero()));
+  for (const double group : option.all_numbers("actuatorgroupdisable", most_groups)) {
+    if (group != std::floor(group) || group < 0.0 || group > 30.0)
+      option.fail(fmt::format("actuatorgroupdisable has {:g}, which is no group", group), "give numbers from 0 to 30");
+    settings.disabled_groups |= std::uint32_t{1} << static_cast<int>(group);
+  }
   if (!option.has("timestep")) return;
   settings.time_step = option.number("timestep");
   option.report().remark("step size of the file, kept as Model::time_step", fmt::format("{:g} s", settings.time_step));
 }
 
 // In each section assetdir stands for meshdir, too; the last section that has one of them counts.
-void read_mesh_folder(Document& document, Settings& settings) {
-  for (const Element::Xml* xml : document.children(document.root())) {
+void read_mesh_folder(Document& document, const Part& part, Settings& settings) {
+  for (const Element::Xml* xml : document.children(*part.root)) {
     if (std::string_view(xml->Name()) != "compiler") continue;
     const Element compiler(document, *xml);
     for (const char* attribute : {"assetdir", "meshdir"})
@@ -101,12 +112,19 @@ void read_mesh_folder(Document& document, Settings& settings) {
 
 Settings read_settings(Document& document) {
   Settings settings;
-  read_mesh_folder(document, settings);
-  const std::vector<const Element::Xml*> root = {&document.root()};
-  if (const auto compiler = merged(document, root, "compiler")) read_compiler(*compiler, settings);
-  if (const auto option = merged(document, root, "option")) read_option(*option, settings);
+  if (const auto option = merged(document, {&document.root()}, "option")) read_option(*option, settings);
   if (const auto flag = flags(document)) read_flag(*flag, settings);
-  return settings;
+  std::vector<Settings> parts;
+  for (const Part& part : document.parts()) {
+    Settings& own = parts.emplace_back(settings);
+    read_mesh_folder(document, part, own);
+    if (const auto compiler = merged(document, {part.root}, "compiler")) read_compiler(*compiler, own);
+    if (parts.size() > 1) own.mesh_folder = (part.folder / own.mesh_folder).string();
+  }
+  Settings main = std::move(parts.front());
+  parts.erase(parts.begin());
+  main.attached = std::move(parts);
+  return main;
 }
 
 SolverSettings read_solver(Document& document, const Settings& settings) {

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <string>
+#include <vector>
 
 #include "element.h"
 #include "import/meshes/inertia.h"
@@ -11,7 +13,8 @@ namespace lockstep::importer::mjcf {
 
 enum class FromGeoms { never, always, where_missing };
 
-/// What holds for a whole file. Sections that stand there several times are one: the last attribute counts.
+/// What holds for a whole file. Sections that stand there several times are one: the last attribute counts. What is
+/// attached has a <compiler> of its own, and the <option> of the main file.
 struct Settings {
   bool degrees = true, angle_is_given = false;
   std::string euler = "xyz";
@@ -20,7 +23,7 @@ struct Settings {
   int first_group = 0, last_group = 5;  ///< geoms that count for inertia
   double least_mass = 0.0, least_inertia = 0.0, total_mass = -1.0;
   bool balances = false;
-  std::string mesh_folder = {};  ///< below the main file's
+  std::string mesh_folder = {};  ///< below the main file's, or absolute
   bool strips_paths = false;     ///< of the names of mesh files
   MeshRule mesh_rule = MeshRule::legacy;
   bool fits_extents = false;  ///< primitives around meshes: by the extents of these in place of their moments
@@ -30,6 +33,12 @@ struct Settings {
   double time_step = 0.0;  ///< s; 0 if the file has none
   bool has_equalities = true, has_limits = true, has_friction = true, has_actuation = true, has_contacts = true;
   bool has_springs = true, has_damping = true, clamps_controls = true, filters_parents = true;
+
+  std::uint32_t disabled_groups = 0;  ///< of actuators, a bit for each
+  std::vector<Settings> attached;     ///< of what is attached, by part, from part 1
+
+  const Settings& of(std::size_t part) const { return part == 0 ? *this : attached[part - 1]; }
+  const Settings& of(const Element& element) const { return of(element.document().part_of(element.xml())); }
 
   double radians(double angle) const { return degrees ? angle * (3.14159265358979323846 / 180.0) : angle; }
 };

@@ -125,6 +125,10 @@ std::vector<Key> read_keys(const Scene& scene) {
   std::vector<std::string> names;
   for (const Element::Xml* xml : scene.document.section("keyframe")) {
     if (std::string_view(xml->Name()) != "key") continue;
+    if (scene.document.part_of(*xml) > 0) {
+      scene.report().warn("keyframes of attached models, left out", Element(scene.document, *xml).place());
+      continue;
+    }
     const char* name = xml->Attribute("name");
     names.push_back(name ? name : std::to_string(names.size()));
     elements.emplace_back(scene.document, *xml);

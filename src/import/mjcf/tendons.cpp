@@ -27,7 +27,7 @@ void read_fixed(const Element& element, Tendon& tendon, const Scene& scene) {
 
 void read_tendon(const Element::Xml& xml, Scene& scene) {
   Element element(scene.classes.element(xml, "", "tendon"));
-  const Settings& settings = scene.settings;
+  const Settings& settings = scene.settings.of(element);
   Tendon tendon;
   tendon.name = element.name("name", "");
   if (!tendon.name.empty()) element.rename("tendon '" + tendon.name + "'");
@@ -58,13 +58,14 @@ void read_tendon(const Element::Xml& xml, Scene& scene) {
   tendon.armature = element.number("armature", 0.0);
   if (const auto range = limited_range(element, "actuatorfrcrange", "actuatorfrclimited", settings.autolimits))
     tendon.effort_limit = symmetric(*range, "actuatorfrcrange of " + element.title(), element.report());
+  if (!tendon.name.empty()) scene.tendon_of.emplace(tendon.name, static_cast<int>(scene.tendons.size()));
   scene.tendons.push_back(std::move(tendon));
 }
 
 }  // namespace
 
 void read_tendons(Scene& scene) {
-  for (const Element::Xml* xml : scene.document.section("tendon")) {
+  for (const Element::Xml* xml : scene.section("tendon")) {
     const std::string_view tag = xml->Name();
     if (tag == "fixed" || tag == "spatial") scene.report().attempt([&] { read_tendon(*xml, scene); });
   }
