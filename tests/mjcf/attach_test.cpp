@@ -96,7 +96,7 @@ TEST_F(MjcfAttach, brings_a_whole_world_and_the_same_model_again) {
   const Import import =
       read(attaching("<attach model='kid' prefix='l_'/><frame pos='0 2 0'>"
                      "<attach model='kid' body='b' prefix='r_'/></frame>"));
-  EXPECT_EQ(joints_of(import.model), (std::vector<string>{"l_j", "l_k", "l_o", "r_k"}));
+  EXPECT_EQ(joints_of(import.model), (std::vector<string>{"l_j", "l_k", "l_o", "r_k", "l_t"}));
   EXPECT_EQ(joint(import.model, "r_k").origin.translation(), Eigen::Vector3d(0.5, 2, 0));
   expect_refused(attaching("<attach model='kid' body='a' prefix='p'/><attach model='kid' body='b' prefix='p'/>"),
                  "kid.xml", "taken");

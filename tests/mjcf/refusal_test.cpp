@@ -156,8 +156,8 @@ TEST(MjcfRefusal, is_of_names_that_nothing_has) {
          "'elbow' exists");
   expect(world(arm, "<actuator><motor site='wrists'/></actuator>"), "1: <motor>", "names site 'wrists'",
          "'wrist' exists");
-  expect(world(arm, "<tendon><spatial name='t'><site site='risst'/></spatial></tendon>"), "1: <site>",
-         "names site 'risst'", "'wrist' exists");
+  expect(world(arm, "<tendon><spatial name='t'><site site='wirst'/></spatial></tendon>"), "1: <site>",
+         "names site 'wirst'", "'wrist' exists");
   expect(world(arm, "<equality><joint joint1='completely'/></equality>"), "1: equality <joint>",
          "names joint 'completely'", "read the file that includes this one");
 }
