@@ -6,6 +6,7 @@
 #include <memory>
 #include <set>
 
+#include "fix.h"
 #include "lockstep/plan.h"
 #include "options.h"
 #include "ranges.h"
@@ -18,6 +19,7 @@ namespace {
 struct InfoOptions {
   ModelOptions model;
   StepOptions step;
+  bool fixes = false;
 };
 
 const char* name_of(JointKind kind) {
@@ -86,7 +88,24 @@ std::string joint_lines(const Plan& plan) {
   return text;
 }
 
-void run(const InfoOptions& options) {
+// Takes the options that read the file where it is refused, and says which and why.
+void fix(InfoOptions& options) {
+  Ignored& ignore = options.step.settings.ignore;
+  try {
+    options.model.read(ignore);
+    fmt::print("Nothing to fix\n\n");
+  } catch (const Error& error) {
+    const Arguments assumed = fixing_arguments(options.model, ignore, error);
+    if (assumed.empty()) throw;
+    fmt::print("Refused as it is:\n");
+    for (const Reason& reason : error.reasons()) fmt::print("  {}: {}\n", reason.element, reason.rule);
+    fmt::print("Assumed by --fix: {}\n\n", shell_words(assumed));
+    take(assumed, options.model, ignore);
+  }
+}
+
+void run(InfoOptions options) {
+  if (options.fixes) fix(options);
   const Import import = options.model.load(options.step.settings.ignore);
   const Plan plan = compile(import.model, options.step.settings);
   fmt::print("{}\n", options.model.file);
@@ -103,6 +122,8 @@ void add_info(CLI::App& app, int& exit_code) {
   const auto options = std::make_shared<InfoOptions>();
   options->model.add_to(*command);
   options->step.add_to(*command);
+  command->add_flag("--fix", options->fixes,
+                    "Takes the fewest options that read a file which is refused, and says which");
   command->callback([options, &exit_code] {
     run(*options);
     exit_code = fine;

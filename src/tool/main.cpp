@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <new>
 
+#include "fix.h"
 #include "lockstep/version.h"
 #include "text.h"
 #include "tool.h"
@@ -17,6 +18,17 @@ int complain(std::string message) {
   std::replace(message.begin(), message.end(), '\n', ' ');
   fmt::print(stderr, "lockstep: {}\n", message);
   return lockstep::tool::bad_input;
+}
+
+// A line for each reason, and one for the command that reads the file.
+int complain(const lockstep::Error& error, const lockstep::tool::Arguments& command) {
+  using namespace lockstep::tool;
+  for (const lockstep::Reason& reason : error.reasons())
+    complain(with_own_options(fmt::format("{}: {}; {}", reason.element, reason.rule, reason.remedy)));
+  const auto* fix = dynamic_cast<const Fix*>(&error);
+  if (fix && !fix->arguments.empty())
+    complain(fmt::format("it is read by: {} {}", shell_words(command), shell_words(fix->arguments)));
+  return bad_input;
 }
 
 }  // namespace
@@ -49,7 +61,9 @@ int main(int argc, char** argv) {
     return complain(error.what());
   } catch (const std::bad_alloc&) {
     return complain("not enough memory; ask for fewer environments");
-  } catch (const std::exception& error) {  // lockstep::Error, InputError
-    return complain(with_own_options(error.what()));
+  } catch (const lockstep::Error& error) {
+    return complain(error, Arguments(argv, argv + argc));
+  } catch (const std::exception& error) {  // InputError
+    return complain(error.what());
   }
 }

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "fix.h"
 #include "text.h"
 #include "tool.h"
 
@@ -207,7 +208,7 @@ void add_meshes(CLI::App& app, ImportOptions& import) {
 void ModelOptions::add_to(CLI::App& app) {
   app.add_option("MODEL", file, "The mechanism, a URDF or MJCF file")->required();
   const auto bound = [&](const char* name, double& value, const char* unit, const char* help) {
-    app.add_option(name, value, help)->type_name(unit)->check(CLI::NonNegativeNumber);
+    app.add_option(name, value, help)->type_name(unit)->check(CLI::NonNegativeNumber)->take_last();
   };
   bound("--density", import.density, "KG_M3",
         "Bodies without inertia get that of their collision shapes, of this density");
@@ -310,12 +311,24 @@ void apply(const ModelOptions& options, Model& model) {
   if (options.leave_out_contacts) model.contacts.clear();
 }
 
-Import ModelOptions::load(const Ignored& ignore) const {
+Import ModelOptions::read(const Ignored& ignore) const {
   ImportOptions options = import;
   options.ignore = ignore;
   options.colliders = import.colliders || ground || !contacts.empty();
   options.change = [this](Model& model) { apply(*this, model); };
-  const Import read = import_file(file, options);
+  return import_file(file, options);
+}
+
+Import ModelOptions::load(const Ignored& ignore) const {
+  const auto fix = [&](const auto& error) { return Fixable(error, fixing_arguments(*this, ignore, error)); };
+  Import read;
+  try {
+    read = this->read(ignore);
+  } catch (const ModelError& error) {
+    throw fix(error);
+  } catch (const ImportError& error) {
+    throw fix(error);
+  }
   for (const std::string& line : read.warnings) fmt::print(stderr, "lockstep: warning: {}\n", line);
   return read;
 }
@@ -354,11 +367,15 @@ void StepOptions::add_to(CLI::App& app) {
 }
 
 void add_ignore(CLI::App& app, Ignored& ignore) {
-  add_parsed(app, "--ignore", ignore, ignored_of,
-             "Leaves out bounds of the model: position_limits, velocity_limits, effort_limits, friction, separated by "
-             "commas; of one joint "
-             "with :JOINT behind, of followers with :followers")
-      ->type_name("LIST");
+  app.add_option_function<std::vector<std::string>>(
+         "--ignore",
+         [&ignore](const std::vector<std::string>& lists) {
+           for (const std::string& list : lists) ignore_also(list, ignore);
+         },
+         "Leaves out bounds of the model: position_limits, velocity_limits, effort_limits, friction, separated by "
+         "commas; of one joint with :JOINT behind, of followers with :followers. Repeatable")
+      ->type_name("LIST")
+      ->allow_extra_args(false);
 }
 
 Method method_of(const std::string& text) { return named(all_methods, text, "--method", "methods"); }
@@ -373,8 +390,7 @@ ContactSettings contact_settings_of(const std::string& text) {
   return named(all_contact_settings, text, "--contact-settings", "contact settings").second;
 }
 
-Ignored ignored_of(const std::string& list) {
-  Ignored ignored;
+void ignore_also(const std::string& list, Ignored& ignored) {
   const std::pair<const char*, JointSet*> kinds[] = {{"position_limits", &ignored.position_limits},
                                                      {"velocity_limits", &ignored.velocity_limits},
                                                      {"effort_limits", &ignored.effort_limits},
@@ -397,7 +413,6 @@ Ignored ignored_of(const std::string& list) {
     else
       found->second->names.push_back(joint);
   }
-  return ignored;
 }
 
 double seconds_of(const std::string& text, const std::string& what) {

@@ -35,8 +35,10 @@ struct ModelOptions {
   bool leave_out_contacts = false;         ///< all, those of the file too
 
   void add_to(CLI::App& app);
-  /// Reads the file, prints the import's warnings on standard error and applies the other options. What is ignored is
-  /// not judged. Throws InputError and lockstep::Error.
+  /// Reads the file and applies the other options. What is ignored is not judged. Throws InputError and
+  /// lockstep::Error.
+  Import read(const Ignored& ignore) const;
+  /// The same, with the import's warnings on standard error. An error of the file is a Fixable.
   Import load(const Ignored& ignore) const;
 };
 
@@ -58,9 +60,9 @@ Integrator integrator_of(const std::string& name);
 Engine engine_of(const std::string& name);
 ContactSettings contact_settings_of(const std::string& name);
 
-/// From a list such as "position:left,position:right,friction:followers,effort". Throws InputError, which lists the
-/// known names.
-Ignored ignored_of(const std::string& list);
+/// Adds those of a list such as "position_limits:left,friction:followers,effort_limits". Throws InputError, which lists
+/// the known names.
+void ignore_also(const std::string& list, Ignored& ignored);
 
 /// Adds an option. `parse` turns its text into `value`, or throws InputError.
 template <class App, class Value, class Parse>

@@ -85,6 +85,9 @@ std::string with_own_options(std::string message) {
            at < message.size() && (std::isalpha(static_cast<unsigned char>(message[at])) || message[at] == '_'); ++at)
         if (message[at] == '_') message[at] = '-';
     }
+  constexpr std::string_view armature = "Joint::armature";
+  for (std::size_t at; (at = message.find(armature)) != std::string::npos;)
+    message.replace(at, armature.size(), "--armature");
   return message;
 }
 

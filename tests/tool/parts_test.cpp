@@ -162,6 +162,12 @@ TEST(Options, change_the_model) {
   EXPECT_NO_THROW(model.validate());
 }
 
+Ignored ignored_of(const char* list) {
+  Ignored ignored;
+  ignore_also(list, ignored);
+  return ignored;
+}
+
 TEST(Options, ignore_bounds_by_name) {
   const auto ignored = [](const char* list) {
     const Ignored i = ignored_of(list);
