@@ -1,7 +1,6 @@
 // The trees of links and joints, and sums of inertias. SPDX-License-Identifier: Apache-2.0
 #include "trees.h"
 
-#include <algorithm>
 #include <map>
 
 #include "lockstep/error.h"
@@ -94,19 +93,21 @@ void Trees::find_roots(const Model& model, const std::map<std::string, int>& lin
     throw ModelError("model '" + model.name + "'", "has several links that no joint carries: " + names,
                      "connect them with joints, or name each in Model::roots if it is a tree of its own");
   }
+  std::vector<bool> is_root(model.links.size());
   for (const Root& root : roots) {
     const std::string element = "root '" + root.link + "'";
     const auto found = link_of.find(root.link);
     if (found == link_of.end()) throw ModelError(element, "is no link of the model", "correct the name");
-    if (std::find(root_link.begin(), root_link.end(), found->second) != root_link.end())
+    if (is_root[static_cast<std::size_t>(found->second)])
       throw ModelError(element, "appears twice in Model::roots", "remove one of them");
     if (const int j = parent_joint[found->second]; j >= 0)
       throw ModelError(element, "is carried by joint '" + model.joints[j].name + "'",
                        "remove it from Model::roots, or remove the joint");
     root_link.push_back(found->second);
+    is_root[static_cast<std::size_t>(found->second)] = true;
   }
   for (const int link : free)
-    if (std::find(root_link.begin(), root_link.end(), link) == root_link.end())
+    if (!is_root[static_cast<std::size_t>(link)])
       throw ModelError("link '" + model.links[link].name + "'", "is carried by no joint and is no root",
                        "connect it with a joint, or add it to Model::roots if it is a tree of its own");
 }

@@ -51,12 +51,13 @@ inline std::string text_of(const Model& model) {
   for (const Site& site : model.sites) out << site.name << ' ' << site.link << ' ' << site.pose.matrix() << '\n';
   for (const Collider& c : model.colliders) {
     out << c.name << ' ' << c.link << ' ' << static_cast<int>(c.shape.kind) << ' ' << c.shape.size.transpose() << ' '
-        << c.pose.matrix() << ' ' << c.friction << ' ';
+        << c.pose.matrix() << ' ' << c.friction << ' ' << c.torsional_friction << ' ' << c.rolling_friction << ' ';
     softness(c.softness);
     out << '\n';
   }
   for (const Contact& c : model.contacts) {
-    out << c.first << ' ' << c.second << ' ' << c.friction.value_or(-1.0) << ' ';
+    out << c.first << ' ' << c.second << ' ' << c.friction.value_or(-1.0) << ' ' << c.torsional_friction.value_or(-1.0)
+        << ' ' << c.rolling_friction.value_or(-1.0) << ' ';
     if (c.softness) softness(*c.softness);
     out << '\n';
   }
