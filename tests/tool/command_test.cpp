@@ -77,7 +77,6 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
       {{"simulate", model, "--engine", "fast"}, "the engines are automatic, tables, interpreter, generated"},
       {{"simulate", model, "--engine", "generated"}, "add one by lockstep_add_kernel()"},
       {{"simulate", model, "--gravity", "0,0"}, "--gravity"},
-      {{"simulate", model, "--erp", "2"}, "erp"},
       {{"simulate", model, "--fixed-base", "--floating-base"}, "base"},
       {{"simulate", model, "--softness", "knee=1,2"}, "knee"},
       {{"simulate", model, "--drive", "knee=1,2"}, "knee"},
@@ -115,6 +114,10 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
     expect_one_complaint(ran.err, said);
     EXPECT_TRUE(ran.out.empty()) << ran.out;
   }
+  const Ran both = run({"simulate", model, "--erp", "2"});  // a line for each of the couplings
+  EXPECT_EQ(both.status, 2);
+  ASSERT_EQ(lines(both.err).size(), 2u) << both.err;
+  for (const std::string& line : lines(both.err)) EXPECT_NE(line.find("erp"), std::string::npos) << line;
 }
 
 TEST_F(Command, record_has_the_documented_columns_and_a_row_per_step) {

@@ -41,7 +41,9 @@ class Resolver {
   void take(const char* tag) {
     auto& taken = scene_.sections[tag];
     for (const Element::Xml* xml : scene_.document.section(tag))
-      if (is_resolved(*xml, tag)) taken.push_back(xml);
+      scene_.report().attempt([&] {
+        if (is_resolved(*xml, tag)) taken.push_back(xml);
+      });
     check_names(tag, taken);
   }
 

@@ -284,7 +284,7 @@ Robot read_robot(Element element, const ImportOptions& options, MeshFiles& meshe
   judge_foreign(element, followers, options);
   is_whole &= report.attempt([&] {
     element.tally_rest();
-    if (robot.model.links.empty()) element.fail("has no links", "add at least <link name=\"base\"/>");
+    if (is_whole && robot.model.links.empty()) element.fail("has no links", "add at least <link name=\"base\"/>");
   });
   if (!is_whole) report.stop_if_refused();
   add_world(element, robot);
