@@ -226,6 +226,9 @@ class Collision {
     if (dimension > 1 && friction[0] != friction[1])
       report().warn("contact pairs whose two tangential frictions differ, taken as the first",
                     fmt::format("{} has {:g} and {:g}", pair_name_of(element), friction[0], friction[1]));
+    if (dimension > 4 && friction[3] != friction[4])
+      report().warn("contact pairs whose two rolling frictions differ, taken as the first",
+                    fmt::format("{} has {:g} and {:g}", pair_name_of(element), friction[3], friction[4]));
     add(a, b,
         {{friction[0], friction[2], friction[3]},
          dimension,
