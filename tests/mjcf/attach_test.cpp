@@ -37,7 +37,7 @@ class MjcfAttach : public testing::Test {
   void SetUp() override {
     folder = fs::temp_directory_path() / ("lockstep_attach_" + std::to_string(getpid()));
     fs::create_directories(folder / "robot/parts");
-    fs::create_directories(folder / "shared");
+    fs::create_directories(folder / "common");
     write("robot/kid.xml", kid);
   }
   void TearDown() override { fs::remove_all(folder); }
@@ -136,17 +136,17 @@ TEST_F(MjcfAttach, names_what_it_cannot_find) {
 }
 
 TEST_F(MjcfAttach, reads_further_folders_where_an_option_says_so) {
-  write("shared/arm.xml", "<mujocoinclude><body><joint name='arm'/><geom size='0.1'/></body></mujocoinclude>");
-  write("shared/kid.xml", kid);
-  const string including = "<mujoco><worldbody><include file='../shared/arm.xml'/></worldbody></mujoco>";
-  const string model = attaching("<attach model='kid' body='a' prefix=''/>", "", "<model file='../shared/kid.xml'/>");
+  write("common/arm.xml", "<mujocoinclude><body><joint name='arm'/><geom size='0.1'/></body></mujocoinclude>");
+  write("common/kid.xml", kid);
+  const string including = "<mujoco><worldbody><include file='../common/arm.xml'/></worldbody></mujoco>";
+  const string model = attaching("<attach model='kid' body='a' prefix=''/>", "", "<model file='../common/kid.xml'/>");
   expect_refused(including, "main.xml:1: <include>", "outside of the folders that may be read", "file_roots");
   expect_refused(model, "main.xml:2: <model>", "outside of the folders that may be read", "file_roots");
-  EXPECT_EQ(joints_of(read(including, {.file_roots = {folder / "shared"}}).model), std::vector<string>{"arm"});
-  EXPECT_EQ(read(model, {.file_roots = {folder / "shared"}}).model.joints.size(), 2u);
-  fs::create_symlink("/etc", folder / "shared/link");
-  expect_refused("<mujoco><include file='../shared/link/passwd'/></mujoco>", "main.xml:1", "outside of the folders",
-                 "file_roots", {.file_roots = {folder / "shared"}});
+  EXPECT_EQ(joints_of(read(including, {.file_roots = {folder / "common"}}).model), std::vector<string>{"arm"});
+  EXPECT_EQ(read(model, {.file_roots = {folder / "common"}}).model.joints.size(), 2u);
+  fs::create_symlink("/etc", folder / "common/link");
+  expect_refused("<mujoco><include file='../common/link/passwd'/></mujoco>", "main.xml:1", "outside of the folders",
+                 "file_roots", {.file_roots = {folder / "common"}});
 }
 
 TEST_F(MjcfAttach, takes_no_file_that_is_not_regular) {
