@@ -52,6 +52,12 @@ enum class JointKind {
   /// A range, a spring, a servo, friction or an armature of such a sum: fixed tendons, differential drives. See
   /// Coupling.
   tendon,
+  /// One of the three parts of a ball joint, which Model::add_ball() makes: the last part's child turns about a point
+  /// in any way. The parts are the child's axes x, y and z. Their velocities are the components along these axes of the
+  /// child's angular velocity against the parent, rad/s. Their positions are those of the rotation vector: the child
+  /// has turned by its length about its direction, rad, section 42 of docs/mathematics.md. That stays within pi, and
+  /// jumps to the opposite vector there.
+  ball,
 };
 
 /// What moves a joint towards its targets.
@@ -99,7 +105,9 @@ struct Joint {
   double effort = 0.0;  ///< feed-forward effort, N m or N
 
   // Bounds, section 12 of docs/mathematics.md; StepSettings::ignore leaves them out of a step.
-  double lower = -infinity, upper = infinity;  ///< position range, rad or m; lower <= upper
+  /// Position range, rad or m; lower <= upper. That of a ball's first part is for the angle: lower is -infinity, and
+  /// upper more than 0. The other two parts have none.
+  double lower = -infinity, upper = infinity;
   Softness limit_softness = Hard{};            ///< of both ends of the range
   double restitution = 0.0;                    ///< share of the speed that a hard end gives back, 0 to 1
   double velocity_limit = infinity;            ///< rad/s or m/s, > 0; hard
@@ -314,6 +322,13 @@ struct Model {
   /// Adds a site at a pose in the link's frame. Throws ModelError for an unknown link and for a name that is empty or
   /// taken. The reference holds until the next site is added.
   LOCKSTEP_API Site& add_site(const std::string& name, const std::string& link, const Pose& pose = Pose::Identity());
+
+  /// Adds a ball joint between two links: the joints `name`.x, `name`.y and `name`.z of kind ball, and the links without
+  /// mass between them, which are called as the joints. `origin` is the child's frame in the parent's at rest. Throws
+  /// ModelError where the name is empty or one of these is taken. Returns the number of the first joint; the others
+  /// follow it.
+  LOCKSTEP_API int add_ball(const std::string& name, const std::string& parent, const std::string& child,
+                            const Pose& origin = Pose::Identity());
 
   /// Index of the element of that name; throws ModelError where there is none.
   LOCKSTEP_API int link_index(const std::string& link) const;

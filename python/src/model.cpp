@@ -79,15 +79,15 @@ Pose pose_of(const py::handle& element, const char* attribute) {
   return pose;
 }
 
-constexpr const char* joint_kinds[] = {"fixed", "revolute", "continuous", "prismatic", "tendon"};
+constexpr const char* joint_kinds[] = {"fixed", "revolute", "continuous", "prismatic", "tendon", "ball"};
 
 JointKind kind_of(const py::handle& joint) {
   std::string kind;
   read(joint, "kind", kind);
-  for (int k = 0; k < 5; ++k)
+  for (int k = 0; k < 6; ++k)
     if (kind == joint_kinds[k]) return static_cast<JointKind>(k);
   throw ModelError("joint '" + text_of(joint.attr("name")) + "'", "is of the unknown kind '" + kind + "'",
-                   "give fixed, revolute, continuous, prismatic or tendon");
+                   "give fixed, revolute, continuous, prismatic, tendon or ball");
 }
 
 Softness softness_of(const py::handle& element, const char* attribute) {

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include "impl.h"
+#include "model/joint_motion.h"
 
 namespace lockstep {
 namespace {
@@ -39,6 +40,10 @@ class CheckedMap {
   ActionRange positions(int dof) const {
     const ActionRange own = {model_.value(Parameter::position_limits, 2 * dof),
                              model_.value(Parameter::position_limits, 2 * dof + 1)};
+    if (joint(dof).kind == JointKind::ball) {  // the first part has the range of the angle
+      const double most = model_.value(Parameter::position_limits, 2 * (dof - part_of_ball(joint(dof))) + 1);
+      return {-most, most};
+    }
     const Following& following = plan_.following(dof);
     if (following.leaders.empty() || following.curved) return own;
     ActionRange led = {following.offset, following.offset};

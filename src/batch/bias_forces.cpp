@@ -1,6 +1,7 @@
 // Batch::bias_forces(): S^T ((M + armatures) dS/dt z + c) of (M146), by the equations of Newton and Euler in world axes
 // (M5) to (M9). SPDX-License-Identifier: Apache-2.0
 #include "links.h"
+#include "model/joint_motion.h"
 
 namespace lockstep {
 namespace {
@@ -74,7 +75,10 @@ class BiasForces {
     own = {at(motions_, parent).angular, at(motions_, parent).linear + tensor(parent) * links_.arm(j)};
     if (!links_.joint(j).moves()) return;
     const Eigen::Vector3d axis = links_.axis(j);
-    const Eigen::Vector3d turning = links_[parent].angular.cross(axis * links_.speed(j, e)),
+    // All parts of a ball turn with what carries the first.
+    const Joint& joint = links_.joint(j);
+    const int carrier = joint.kind == JointKind::ball ? links_.parent(j - part_of_ball(joint)) : parent;
+    const Eigen::Vector3d turning = links_[carrier].angular.cross(axis * links_.speed(j, e)),
                           added = axis * coordinates_.acceleration()[links_.velocity(j)];
     if (links_.slides(j))
       own.linear += 2.0 * turning + added;

@@ -5,7 +5,7 @@
 #include <Eigen/QR>
 
 #include "impl.h"
-#include "rotations.h"
+#include "model/rotations.h"
 
 namespace lockstep {
 namespace {
@@ -75,6 +75,26 @@ auto Batch<S>::inverse_kinematics(int site, const Eigen::Ref<const Array>& targe
   const auto clamped = [&](int dof, double number, int e) {
     return std::min(std::max(number, end_of_range(dof, 0, e)), end_of_range(dof, 1, e));
   };
+
+  // Balls turn, and their ranges are of the angle.
+  const Tables<double>& tables = program_of(plan).f64;
+  std::vector<char> is_of_ball(static_cast<std::size_t>(dofs), 0);
+  for (const BallJoint& ball : std::span(tables.balls.data, static_cast<std::size_t>(tables.balls.count)))
+    for (int k = 0; k < 3; ++k) is_of_ball[static_cast<std::size_t>(tables.dof[ball.joint + k])] = 1;
+  const auto within = [&](Eigen::VectorXd position, const Eigen::VectorXd& way, int e) {
+    for (const int dof : free) {
+      if (is_of_ball[static_cast<std::size_t>(dof)]) continue;
+      position[dof] = clamped(dof, position[dof] + way[dof], e);
+    }
+    for (const BallJoint& ball : std::span(tables.balls.data, static_cast<std::size_t>(tables.balls.count))) {
+      const int dof = tables.dof[ball.joint];
+      Eigen::Vector3d turn = position.segment<3>(dof);
+      turn = rotation_vector(turned_by(turn) * turned_by(way.segment<3>(dof)));
+      const double most = end_of_range(dof, 1, e);
+      position.segment<3>(dof) = turn * std::min(1.0, most / std::max(turn.norm(), 1e-300));
+    }
+    return position;
+  };
   const auto position = [&](int e) -> Eigen::VectorXd {
     return batch.view(batch.rows.position).col(e).matrix().template cast<double>();
   };
@@ -126,9 +146,7 @@ auto Batch<S>::inverse_kinematics(int site, const Eigen::Ref<const Array>& targe
   // From where the joints are, within their ranges.
   std::vector<Search> searches(ids.size());
   for (const int e : ids) {
-    Eigen::VectorXd start = position(e);
-    for (const int dof : free) start[dof] = clamped(dof, start[dof], e);
-    put(e, start);
+    put(e, within(position(e), Eigen::VectorXd::Zero(dofs), e));
   }
   read_sites();
   for (std::size_t i = 0; i < ids.size(); ++i) {
@@ -161,6 +179,7 @@ auto Batch<S>::inverse_kinematics(int site, const Eigen::Ref<const Array>& targe
         found = false;
         step = damped_step(jacobian, search.error, held, search.damping), way = moves * step;
         for (int dof = 0; dof < dofs; ++dof) {
+          if (is_of_ball[static_cast<std::size_t>(dof)]) continue;
           const double q = search.position[dof];
           const bool outwards = (way[dof] < 0.0 && q <= end_of_range(dof, 0, e) + at_end) ||
                                 (way[dof] > 0.0 && q >= end_of_range(dof, 1, e) - at_end);
@@ -174,13 +193,12 @@ auto Batch<S>::inverse_kinematics(int site, const Eigen::Ref<const Array>& targe
       // As far as the first end of a range.
       double share = 1.0;
       for (int dof = 0; dof < dofs; ++dof) {
-        if (is_held[static_cast<std::size_t>(dof)] || way[dof] == 0.0) continue;
+        if (is_held[static_cast<std::size_t>(dof)] || way[dof] == 0.0 || is_of_ball[static_cast<std::size_t>(dof)])
+          continue;
         const double room = (way[dof] > 0.0 ? end_of_range(dof, 1, e) : end_of_range(dof, 0, e)) - search.position[dof];
         share = std::min(share, std::max(0.0, room / way[dof]));
       }
-      Eigen::VectorXd next = search.position;
-      for (const int dof : free) next[dof] = clamped(dof, next[dof] + share * way[dof], e);
-      put(e, next);
+      put(e, within(search.position, share * way, e));
     }
 
     read_sites();
@@ -191,6 +209,7 @@ auto Batch<S>::inverse_kinematics(int site, const Eigen::Ref<const Array>& targe
       bool kept = error.norm() < search.error.norm();
       for (int dof = 0; dof < dofs && kept; ++dof)  // followers of functions and in loops may pass an end
         for (const int end : {0, 1}) {
+          if (is_of_ball[static_cast<std::size_t>(dof)]) break;
           const double sign = end == 1 ? 1.0 : -1.0, limit = end_of_range(dof, end, ids[i]);
           kept = kept && sign * (now[dof] - limit) <=
                              std::max(at_end, sign * (search.position[dof] - limit)) + rounding<S> * std::abs(limit);

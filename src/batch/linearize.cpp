@@ -9,7 +9,7 @@
 
 #include "coordinates.h"
 #include "impl.h"
-#include "rotations.h"
+#include "model/rotations.h"
 
 namespace lockstep {
 namespace {

@@ -214,8 +214,12 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
       work = fma(impulse, moved(b.rows.coupling[r]), work);
       continue;
     }
-    const T done = impulse * x.next.v[t.velocity_of(b.member[m].joint)] * x.bounds.member_inverse[m];
-    if (b.kind[r] != BoundKind::joint || b.kinematic[r])
+    T done = impulse * x.next.v[t.velocity_of(b.member[m].joint)] * x.bounds.member_inverse[m];
+    if (b.kind[r] == BoundKind::ball_range) {
+      done = impulse * bound_speed(t, x, r, t.solve_twice ? x.dynamics.velocity_solution : x.dynamics.solution);
+      if (b.rows.softness[r].soft) work += done;
+      else if (b.restitution[b.member[m].joint] > 0) work += larger(done, zero);
+    } else if (b.kind[r] != BoundKind::joint || b.kinematic[r])
       work += done;
     else {
       dissipated -= select(less(zero, x.bounds.force[r]), smaller(done, zero), zero);
@@ -261,6 +265,7 @@ void diagnose(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     expand(t, x, x.dynamics.velocity_solution, false, x.diagnostics.uncorrected.v);
     for (int j = 0; j < t.joints; ++j)
       x.diagnostics.uncorrected.q[j] = fma(T(t.dt), x.diagnostics.uncorrected.v[t.velocity_of(j)], x.state.q[j]);
+    if (t.balls.count > 0) move_balls(t, t.dt, x.diagnostics.uncorrected.v, x.state.q, x.diagnostics.uncorrected.q);
     if (t.functions.used()) place_curved_positions(t, x, x.diagnostics.uncorrected.q);
     move_roots(t, x, t.dt, x.diagnostics.uncorrected.v, x.state.pose, x.diagnostics.uncorrected.pose);
     corrected = energy_at(t, batch, x, x.next, false) - energy_at(t, batch, x, x.diagnostics.uncorrected, false);

@@ -6,7 +6,7 @@
 #include "kernels/couplings/functions.h"
 #include "kernels/couplings/tendons.h"
 #include "kernels/couplings/turns.h"
-#include "kernels/dynamics/frame.h"
+#include "kernels/dynamics/balls.h"
 #include "kernels/tile/lay_out.h"
 #include "records.h"
 
@@ -80,8 +80,13 @@ void move_masses_inwards(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     if (body.root || body.prismatic) continue;
     PseudoInertia<T>& own = x.bodies.base_inertia[b];
     const int k = body.axis;
-    const T mass = own.mass, h = own.moment[k], z = own.second[k];
-    own.mass = own.moment[k] = own.second[k] = T(0);
+    const T mass = own.mass;
+    T h = own.moment[k], z = own.second[k];
+    own.mass = T(0);
+    if (body.ball >= 0)
+      h = z = T(0);  // it turns about a point alone
+    else
+      own.moment[k] = own.second[k] = T(0);
     if (body.parent < 0) continue;
     PseudoInertia<T>& parent = x.bodies.base_inertia[body.parent];
     const Vec3<T> r = Vec3<T>::constant(body.offset), e = Vec3<T>::constant(body.rotation + 3 * k);
@@ -133,6 +138,7 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
   if (own(Parameter::function)) own_functions(t, batch, x);
   if (t.functions.used()) place_loaded(t, x);
   if (t.tendons.count > 0) keep_tendons(t, x), place_tendons(t, x);
+  if (t.balls.count > 0) wrap_balls(t, x.state.q);
   set_consistent(t, x, all_consistent(t, x, shape));
   if (t.contacts.used()) load_contacts(t, batch, x);
   if (t.records_calls()) load_records(t, batch, x);

@@ -36,6 +36,7 @@ void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
   if (t.record_diagnostics) diagnose(t, batch, x);
   if (t.record_efforts && t.integrator == Integrator::euler) euler_efforts(t, batch, x);
   if (t.audited) audit_if(t, batch, x);
+  if (t.balls.count > 0) wrap_balls(t, x.next.q);
   check(t, batch, x);
   if (t.record_diagnostics) add_energies(x);
   if (t.records_calls()) add_records(t, x);

@@ -10,6 +10,7 @@
 
 #include "by_name.h"
 #include "hull.h"
+#include "joint_motion.h"
 #include "lockstep/error.h"
 #include "rules.h"
 #include "shapes.h"
@@ -131,8 +132,10 @@ class Resolver {
   // A joint connects the links' bodies, in either order.
   bool joined(int a, int b) const {
     const auto carried_by = [&](int child, int parent) {
-      return child >= 0 && trees_.parent_joint[child] >= 0 &&
-             trees_.carrier[trees_.joint_parent[trees_.parent_joint[child]]] == parent;
+      int joint = child < 0 ? -1 : trees_.parent_joint[child];
+      while (joint >= 0 && is_inner_part(model_.joints[static_cast<std::size_t>(joint)]))
+        joint = trees_.parent_joint[trees_.joint_parent[joint]];
+      return joint >= 0 && trees_.carrier[trees_.joint_parent[joint]] == parent;
     };
     return carried_by(a, b) || carried_by(b, a);
   }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "joint_motion.h"
 #include "rules.h"
 
 namespace lockstep {
@@ -14,22 +15,14 @@ constexpr int most_steps = 200;
 constexpr double closed = 1e-13;  // m and rad
 constexpr double noise = 1e-6;    // what a step must gain at least, as a share of what its motion could
 
-Eigen::Isometry3d pose_of_joint(const Joint& joint, double q) {
-  Eigen::Isometry3d pose(joint.origin);
-  const Eigen::Vector3d axis = joint.axis.normalized();
-  if (joint.kind == JointKind::prismatic)
-    pose.translate(q * axis);
-  else if (joint.moves())
-    pose.rotate(Eigen::AngleAxisd(q, axis));
-  return pose;
-}
-
 // By link.
 std::vector<Eigen::Isometry3d> link_poses(const Model& model, const Trees& trees, const Configuration& at) {
   std::vector<Eigen::Isometry3d> poses(model.links.size());
   for (int tree = 0; tree < trees.count(); ++tree) poses[trees.root_link[tree]] = at.root[tree];
   for (const int j : trees.joints_depth_first)
-    poses[trees.joint_child[j]] = poses[trees.joint_parent[j]] * pose_of_joint(model.joints[j], at.position[j]);
+    poses[trees.joint_child[j]] =
+        poses[trees.joint_parent[j]] * Eigen::Isometry3d(model.joints[j].origin) *
+        motion_of(model, j, [&](int of) { return at.position[static_cast<std::size_t>(of)]; });
   return poses;
 }
 
@@ -68,15 +61,18 @@ int count_rows(const std::vector<PlacedLoop>& loops) {
   return rows;
 }
 
-Eigen::Quaterniond turned_by(const Eigen::Vector3d& turn) {
-  const double angle = turn.norm();
-  return Eigen::Quaterniond(angle > 0.0 ? Eigen::AngleAxisd(angle, turn / angle)
-                                        : Eigen::AngleAxisd(0.0, Eigen::Vector3d::UnitX()));
-}
-
-void move(const Trees& trees, const Eigen::VectorXd& step, Configuration& at) {
+void move(const Model& model, const Trees& trees, const Eigen::VectorXd& step, Configuration& at) {
   const auto joints = static_cast<Eigen::Index>(at.position.size());
-  for (Eigen::Index j = 0; j < joints; ++j) at.position[static_cast<std::size_t>(j)] += step[j];
+  for (Eigen::Index j = 0; j < joints; ++j) {
+    double* const position = &at.position[static_cast<std::size_t>(j)];
+    if (model.joints[static_cast<std::size_t>(j)].kind != JointKind::ball) {
+      *position += step[j];
+      continue;
+    }
+    Eigen::Map<Eigen::Vector3d> turn(position);  // the step is along the child's axes
+    turn = rotation_vector(turned_by(turn) * turned_by(step.segment<3>(j)));
+    j += 2;
+  }
   for (int tree = 0; tree < trees.count(); ++tree) {
     if (!trees.roots[tree].floating) continue;
     Eigen::Isometry3d& pose = at.root[tree];
@@ -253,7 +249,7 @@ Eigen::VectorXd close_loops(const Model& model, const Trees& trees, const std::v
       change = -jacobian.transpose() * damped.ldlt().solve(error);
     }
     Configuration next = at;
-    move(trees, change, next);
+    move(model, trees, change, next);
     const Eigen::VectorXd reached = misses(next);
     // Bars that nearly say the same twice miss each other by what files round off: a step along that is noise.
     const double least_gain = noise * jacobian.colwise().norm().maxCoeff() * change.norm();

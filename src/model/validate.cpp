@@ -9,6 +9,7 @@
 #include "contact_pairs.h"
 #include "functions.h"
 #include "inertia.h"
+#include "joint_motion.h"
 #include "judge.h"
 #include "lockstep/error.h"
 #include "loops.h"
@@ -176,6 +177,59 @@ void proper_tendon(const Joint& joint, const string& element) {
           "give the softness as a spring");
 }
 
+// The three parts of a ball joint follow each other, in the model and in the tree.
+void proper_ball(const Model& model, std::size_t j) {
+  const Joint& joint = model.joints[j];
+  const string element = quoted("joint", joint.name);
+  const int part = part_of_ball(joint);
+  require(joint.axis == Eigen::Vector3d::Unit(part), element, "is a part of a ball joint, and its axis is not x, y or z",
+          "make ball joints by Model::add_ball()");
+  const std::size_t first = j - std::min(j, static_cast<std::size_t>(part));
+  for (std::size_t k = first; k < first + 3; ++k) {
+    const auto expected = static_cast<int>(k - first);
+    const bool follows = k < model.joints.size() && model.joints[k].kind == JointKind::ball &&
+                         part_of_ball(model.joints[k]) == expected &&
+                         (k == first || (model.joints[k].parent == model.joints[k - 1].child &&
+                                         model.joints[k].origin.isApprox(Pose::Identity(), 0.0)));
+    require(follows, element, "is a part of a ball joint whose parts x, y and z do not follow each other in one place",
+            "make ball joints by Model::add_ball()");
+  }
+  require(!joint.drive.kinematic, element, "is a part of a ball joint, and its drive is kinematic",
+          "make the drive a servo (kinematic = false)");
+  require(joint.rest == 0.0, element, "is a part of a ball joint, and its spring has a rest position",
+          "set it to 0, or use a servo, whose target may be any");
+  if (part == 0)
+    require(joint.lower == -infinity && joint.upper > 0.0, element, "has a range of angle that does not begin at 0",
+            "give lower = -infinity and upper, the largest angle");
+  else
+    require(joint.lower == -infinity && joint.upper == infinity, element, "has a range, which the first part has for all",
+            "give the largest angle as upper of the first part");
+  require(!std::holds_alternative<Frequency>(joint.limit_softness), element,
+          "has a range with a softness by frequency, and no inertia about a fixed axis", "give the softness as a spring");
+}
+
+// Nothing else hangs on the links between the parts, which have no mass of their own.
+void proper_links_of_balls(const Model& model, const Trees& trees) {
+  for (std::size_t l = 0; l < model.links.size(); ++l) {
+    const int own = trees.parent_joint[l];
+    if (own < 0 || model.joints[static_cast<std::size_t>(own)].kind != JointKind::ball ||
+        part_of_ball(model.joints[static_cast<std::size_t>(own)]) == 2)
+      continue;
+    const string element = quoted("link", model.links[l].name);
+    require(trees.child_joints[l].size() == 1, element, "is within a ball joint, and other joints hang on it",
+            "hang them on the ball's child");
+    require(model.links[l].inertia.mass == 0.0 && model.links[l].inertia.about_center.isZero(0.0), element,
+            "is within a ball joint, and has a mass or an inertia", "give them to the ball's child");
+    const auto bears = [&](const string& link) { return link == model.links[l].name; };
+    require(std::none_of(model.sites.begin(), model.sites.end(), [&](const Site& site) { return bears(site.link); }) &&
+                std::none_of(model.colliders.begin(), model.colliders.end(),
+                             [&](const Collider& collider) { return bears(collider.link); }) &&
+                std::none_of(model.loops.begin(), model.loops.end(),
+                             [&](const Loop& loop) { return bears(loop.first) || bears(loop.second); }),
+            element, "is within a ball joint, and bears a site, a collider or a loop", "let the ball's child bear it");
+  }
+}
+
 void proper_place(const Joint& joint) {
   const string element = quoted("joint", joint.name);
   rigid(joint.origin, element, "origin");
@@ -248,6 +302,8 @@ void proper_coupling(const JointsByName& joints, const Coupling& coupling, const
     const auto found = joints.find(joint);
     require(found != joints.end(), element, "couples joint '" + joint + "', which does not exist", "correct the name");
     require(found->second->moves(), element, "couples joint '" + joint + "', which is fixed", "couple moving joints");
+    require(found->second->kind != JointKind::ball, element, "couples joint '" + joint + "', a part of a ball joint",
+            "couple joints with one axis; positions of a ball are no sums of turns");
     require(seen.insert(joint).second, element, "names joint '" + joint + "' twice", "add up the ratios");
   };
   moving(coupling.joint);
@@ -308,12 +364,15 @@ void judge(const Model& model, const Attempt& attempt) {
   if (!has_names) return;
   bool is_placed = true;
   for (const Link& link : model.links) is_placed &= attempt([&] { proper_numbers(link); });
-  for (const Joint& joint : model.joints) {
+  for (std::size_t j = 0; j < model.joints.size(); ++j) {
+    const Joint& joint = model.joints[j];
     is_placed &= attempt([&] { proper_place(joint); });
     if (joint.moves()) attempt([&] { proper_motion(joint); });
+    if (joint.kind == JointKind::ball) is_placed &= attempt([&] { proper_ball(model, j); });
   }
   std::optional<Trees> trees;
   if (!is_placed || !attempt([&] { trees.emplace(model); })) return;
+  if (!attempt([&] { proper_links_of_balls(model, *trees); })) return;
   attempt([&] {
     const std::vector<Inertia> bodies = rigid_bodies(model, *trees);
     possible_inertias(model, *trees, bodies);

@@ -33,6 +33,7 @@ struct TableStructure {
   int iterations = 0, velocity_iterations = 0;
   int bodies = 0, joints = 0, velocities = 0, couplings = 0, links = 0;
   Span<FloatingRoot> roots;                     ///< in the order of the views
+  Span<BallJoint> balls;                        ///< in the order of their bodies
   Span<int> own_weights;                        ///< moving links whose share of gravity is not their tree's
   bool makes_matrix = true;                     ///< A is computed, if only for some trees or for undamped rows
   Span<int> dof, joint_velocity, joint_body;    ///< by joint

@@ -12,7 +12,10 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-bool has_range(const Joint& joint) { return joint.lower > -infinity || joint.upper < infinity; }
+bool has_range(const Joint& joint) {
+  return joint.kind != JointKind::ball && (joint.lower > -infinity || joint.upper < infinity);
+}
+bool has_angle_range(const Joint& joint) { return joint.kind == JointKind::ball && joint.upper < infinity; }
 bool hard_range(const Joint& joint) { return has_range(joint) && is_hard(joint.limit_softness); }
 bool hard_drive(const Joint& joint) { return joint.drive.kinematic && is_hard(joint.drive.softness); }
 
@@ -22,7 +25,7 @@ bool has_hard_row(const Joint& joint) {
 
 bool is_bounded(const Joint& joint) {
   return joint.moves() &&
-         (has_hard_row(joint) || has_range(joint) || joint.drive.kinematic || joint.effort_limit < infinity);
+         (has_hard_row(joint) || has_range(joint) || has_angle_range(joint) || joint.drive.kinematic || joint.effort_limit < infinity);
 }
 
 // (M56): the speed that goes to an end of the range in h, or beyond the end a share of the way back. `beyond` is the
@@ -47,6 +50,8 @@ class Maker {
     const int dofs = mechanism_.dofs();
     for (int dof = 0; dof < dofs; ++dof)
       if (has_hard_row(mechanism_.joint(dof))) rows.push_back(hard_row(dof));
+    for (int dof = 0; dof < dofs; ++dof)
+      if (has_angle_range(mechanism_.joint(dof))) rows.push_back(angle_range(dof));
     for (int dof = 0; dof < dofs; ++dof) {
       const Joint& joint = mechanism_.joint(dof);
       if (has_range(joint) && !hard_range(joint) && terms(joint.limit_softness, inertia_[dof]).active)
@@ -99,6 +104,25 @@ class Maker {
       row.lo = row.hi = std::clamp(k, row.lo, row.hi);
     }
     row.box = (moment_.elapsed + h_) * joint.friction;  // one impulse for all sub-steps so far
+    return row;
+  }
+
+  // The length of a ball's rotation vector grows by the velocity along it.
+  BoundedRow angle_range(int dof) const {
+    const Joint& joint = mechanism_.joint(dof);
+    const Eigen::Vector3d vector = stage_.state.q.segment<3>(dof), way = moment_.q.segment<3>(dof) - vector;
+    const Eigen::Vector3d along = vector.norm() > 0.0 ? vector.normalized().eval() : Eigen::Vector3d::UnitX().eval();
+    const Row softness = terms(joint.limit_softness, 0.0);
+    const bool velocity_phase = moment_.phase == Phase::velocity, hard = is_hard(joint.limit_softness);
+    BoundedRow row;
+    row.direction = VectorXd::Zero(mechanism_.velocities());
+    row.direction.segment<3>(mechanism_.root_velocities() + dof) = along;
+    row.dof = dof;
+    row.hi = end_speed(joint.upper - vector.norm() - along.dot(way), -1.0, hard && velocity_phase ? 0.0 : softness.erp, h_);
+    const double speed = row.direction.dot(stage_.state.v);
+    if (hard && velocity_phase && joint.restitution > 0.0 && speed > row.hi)
+      row.hi = std::min(row.hi, -joint.restitution * speed);
+    row.cfm = softness.cfm;
     return row;
   }
 

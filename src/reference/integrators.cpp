@@ -125,11 +125,13 @@ State leapfrog(const Task& task, const State& start, double from, double length,
   if (predicted) *predicted = c;
   MatrixXd velocities(v.size(), 3), changes(v.size(), 3);
   for (int i = 0; i < 3; ++i) {
-    at.q = start.q, at.v = v;
+    VectorXd way = VectorXd::Zero(mechanism.dofs());
+    at.v = v;
     for (int k = 0; k < i; ++k) {
-      at.q += h * stages[i][k] * velocities.col(k).tail(mechanism.dofs());
+      way += h * stages[i][k] * velocities.col(k).tail(mechanism.dofs());
       at.v += stages[i][k] / gamma * changes.col(k);
     }
+    at.q = mechanism.moved(start.q, way);
     changes.col(i) = stage(i, c, at, zero);
     velocities.col(i) = at.v + changes.col(i);
   }
@@ -177,7 +179,7 @@ State runge_kutta(const Task& task, const State& start) {
                             system.soft_forces(at) - mechanism.bias(at) -
                             system.mass * curved_acceleration(mechanism, at);
     change.v = system.change(system.mass, h * forces, -system.rows * at.v, VectorXd());
-    change.q = h * at.v.tail(mechanism.dofs());
+    change.q = h * mechanism.rates(at.q, at.v);
     for (std::size_t tree = 0; tree < at.roots.size(); ++tree) {
       const int first = mechanism.root_velocity(static_cast<int>(tree));
       if (first < 0) continue;

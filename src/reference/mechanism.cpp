@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <complex>
+#include <map>
 
 #include "model/tendons.h"
 
@@ -57,8 +58,33 @@ std::vector<Pose<double>> root_poses(const State& state) {
   return poses;
 }
 
+// The turns of ball joints, by joint.
 template <class T>
-std::vector<Pose<T>> forward(const Mechanism& mechanism, const std::vector<Pose<T>>& roots, const VecX<T>& q) {
+using BallTurns = std::map<int, Mat3<T>>;
+
+bool is_ball(const Mechanism& mechanism, int joint) {
+  return mechanism.model().joints[joint].kind == JointKind::ball;
+}
+bool begins_ball(const Mechanism& mechanism, int joint) {
+  return is_ball(mechanism, joint) && mechanism.model().joints[joint].axis.x() != 0.0;
+}
+
+Matrix3d turn_of_vector(const Vector3d& vector) {
+  const double angle = vector.norm();
+  return angle == 0.0 ? Matrix3d::Identity() : turn<double>(vector / angle, angle);
+}
+
+BallTurns<double> ball_turns(const Mechanism& mechanism, const VectorXd& q) {
+  BallTurns<double> turns;
+  for (std::size_t j = 0; j < mechanism.model().joints.size(); ++j)
+    if (begins_ball(mechanism, static_cast<int>(j)))
+      turns[static_cast<int>(j)] = turn_of_vector(q.segment<3>(mechanism.dof_of_joint(static_cast<int>(j))));
+  return turns;
+}
+
+template <class T>
+std::vector<Pose<T>> forward(const Mechanism& mechanism, const std::vector<Pose<T>>& roots, const VecX<T>& q,
+                             const BallTurns<T>& balls) {
   std::vector<Pose<T>> poses(mechanism.links());
   for (std::size_t tree = 0; tree < roots.size(); ++tree) poses[mechanism.trees().root_link[tree]] = roots[tree];
   for (const int j : mechanism.trees().joints_depth_first) {
@@ -70,14 +96,20 @@ std::vector<Pose<T>> forward(const Mechanism& mechanism, const std::vector<Pose<
     if (joint.moves()) {
       const Vector3d axis = joint.axis.normalized();
       const T value = q[mechanism.dof_of_joint(j)];
-      if (joint.kind == JointKind::prismatic)
+      if (begins_ball(mechanism, j))
+        child.rotation = (child.rotation * balls.at(j)).eval();  // the other parts follow it
+      else if (joint.kind == JointKind::prismatic)
         child.position += child.rotation * (axis.cast<T>() * value);
-      else
+      else if (!is_ball(mechanism, j))
         child.rotation = (child.rotation * turn<T>(axis, value)).eval();
     }
     poses[mechanism.trees().joint_child[j]] = child;
   }
   return poses;
+}
+
+std::vector<Pose<double>> poses_of(const Mechanism& mechanism, const State& state) {
+  return forward<double>(mechanism, root_poses(state), state.q, ball_turns(mechanism, state.q));
 }
 
 // Each column has the link's angular velocity, and the velocity of a point of the link, for a unit of one generalised
@@ -122,7 +154,20 @@ std::vector<Pose<Complex>> moving_poses(const Mechanism& mechanism, const State&
     moved_roots.push_back(moved);
   }
   const VecX<Complex> moved_q = state.q.cast<Complex>() + step * state.v.tail(mechanism.dofs()).cast<Complex>();
-  return forward<Complex>(mechanism, moved_roots, moved_q);
+  BallTurns<Complex> moved_balls;
+  for (const auto& [joint, turned] : ball_turns(mechanism, state.q)) {
+    const Vector3d w = state.v.segment<3>(mechanism.root_velocities() + mechanism.dof_of_joint(joint));
+    moved_balls[joint] = turned.cast<Complex>() + step * (turned * skew<double>(w)).cast<Complex>();
+  }
+  return forward<Complex>(mechanism, moved_roots, moved_q, moved_balls);
+}
+
+// The rotation vector after a further turn in the child's axes; beyond pi it goes on.
+Vector3d ball_advanced(const Vector3d& vector, const Vector3d& turn) {
+  Eigen::AngleAxisd whole(Matrix3d(turn_of_vector(vector) * turn_of_vector(turn)));
+  const Vector3d near = whole.angle() * whole.axis();
+  const Vector3d opposite = (whole.angle() - 2.0 * M_PI) * whole.axis();
+  return (near - vector).norm() <= (opposite - vector).norm() ? near : opposite;
 }
 
 template <class T>
@@ -194,7 +239,7 @@ Inputs Mechanism::initial_inputs() const {
 
 std::vector<Isometry3d> Mechanism::link_poses(const State& state) const {
   std::vector<Isometry3d> result;
-  for (const Pose<double>& pose : forward<double>(*this, root_poses(state), state.q)) {
+  for (const Pose<double>& pose : poses_of(*this, state)) {
     Isometry3d isometry = Isometry3d::Identity();
     isometry.linear() = pose.rotation;
     isometry.translation() = pose.position;
@@ -204,7 +249,7 @@ std::vector<Isometry3d> Mechanism::link_poses(const State& state) const {
 }
 
 MatrixXd Mechanism::jacobian(const State& state, int link, const Vector3d& point) const {
-  const auto poses = forward<double>(*this, root_poses(state), state.q);
+  const auto poses = poses_of(*this, state);
   return point_jacobian<double>(*this, poses, link, poses[link].rotation * point + poses[link].position);
 }
 
@@ -221,7 +266,7 @@ MatrixXd Mechanism::site_jacobian(const State& state, int site) const {
 }
 
 MatrixXd Mechanism::mass_matrix(const State& state) const {
-  const auto poses = forward<double>(*this, root_poses(state), state.q);
+  const auto poses = poses_of(*this, state);
   MatrixXd mass = MatrixXd::Zero(velocities(), velocities());
   for (int l = 0; l < links(); ++l) {
     const Inertia& inertia = model_.links[l].inertia;
@@ -285,7 +330,7 @@ double Mechanism::kinetic_energy(const State& state) const {
 }
 
 double Mechanism::potential_energy(const State& state) const {
-  const auto poses = forward<double>(*this, root_poses(state), state.q);
+  const auto poses = poses_of(*this, state);
   double energy = 0.0;
   for (int l = 0; l < links(); ++l) {
     const Inertia& inertia = model_.links[l].inertia;
@@ -295,7 +340,7 @@ double Mechanism::potential_energy(const State& state) const {
 }
 
 Vector6d Mechanism::momentum(const State& state) const {
-  const auto poses = forward<double>(*this, root_poses(state), state.q);
+  const auto poses = poses_of(*this, state);
   Vector6d momentum = Vector6d::Zero();
   for (int l = 0; l < links(); ++l) {
     const Inertia& inertia = model_.links[l].inertia;
@@ -326,9 +371,39 @@ void Mechanism::turn_axes(const State& before, State& next) const {
   }
 }
 
+VectorXd Mechanism::moved(const VectorXd& q, const VectorXd& way) const {
+  VectorXd next = q + way;
+  for (std::size_t j = 0; j < model_.joints.size(); ++j)
+    if (begins_ball(*this, static_cast<int>(j))) {
+      const int dof = dof_of_joint_[j];
+      next.segment<3>(dof) = ball_advanced(q.segment<3>(dof), way.segment<3>(dof));
+    }
+  return next;
+}
+
+VectorXd Mechanism::rates(const VectorXd& q, const VectorXd& v) const {
+  VectorXd rates = v.tail(dofs());
+  for (std::size_t j = 0; j < model_.joints.size(); ++j) {
+    if (!begins_ball(*this, static_cast<int>(j))) continue;
+    const int dof = dof_of_joint_[j];
+    const Vector3d vector = q.segment<3>(dof), w = rates.segment<3>(dof);
+    const double angle = vector.norm();
+    if (angle < 1e-4) {
+      rates.segment<3>(dof) = w + 0.5 * vector.cross(w) + vector.cross(vector.cross(w)) / 12.0;
+      continue;
+    }
+    // w is what the rate turns by: the right Jacobian of the exponential map.
+    const Matrix3d k = skew<double>(vector / angle);
+    const Matrix3d turned = Matrix3d::Identity() - (1.0 - std::cos(angle)) / angle * k +
+                            (1.0 - std::sin(angle) / angle) * k * k;
+    rates.segment<3>(dof) = turned.lu().solve(w);
+  }
+  return rates;
+}
+
 State Mechanism::advanced(const State& state, const VectorXd& v, double h) const {
   State next = state;
-  next.q += h * v.tail(dofs());
+  next.q = moved(state.q, h * v.tail(dofs()));
   for (std::size_t tree = 0; tree < state.roots.size(); ++tree) {
     const int first = root_velocity_[tree];
     if (first < 0) continue;

@@ -93,6 +93,11 @@ class Mechanism {
   /// (M48): turns the twists of `next` from the axes that roots have in `before` to those in `next`.
   void turn_axes(const State& before, State& next) const;
 
+  /// Positions after a way in the velocities' axes: a ball turns once, by its three ways. Beyond pi it goes on.
+  Eigen::VectorXd moved(const Eigen::VectorXd& q, const Eigen::VectorXd& way) const;
+  /// The rates of the positions at these generalised velocities.
+  Eigen::VectorXd rates(const Eigen::VectorXd& q, const Eigen::VectorXd& v) const;
+
   /// The state moved for a time h with constant generalised velocities v. Joints and rotations of roots are exact; a
   /// root's translation keeps the direction R v of the start. Velocities do not change.
   State advanced(const State& state, const Eigen::VectorXd& v, double h) const;

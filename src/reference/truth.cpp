@@ -131,7 +131,7 @@ VectorXd derivative(const Mechanism& mechanism, const State& state, const Inputs
     root.position = turn.normalized() * Eigen::Vector3d(state.v.segment<3>(first + 3));
     root.orientation.coeffs() = 0.5 * (turn * w).coeffs();
   }
-  rate.q = state.v.tail(state.q.size());
+  rate.q = mechanism.rates(state.q, state.v);
   rate.v = Constrained(mechanism, state.q).acceleration(state, inputs);
   return packed(rate);
 }

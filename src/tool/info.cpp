@@ -27,6 +27,7 @@ const char* name_of(JointKind kind) {
     case JointKind::revolute: return "revolute";
     case JointKind::continuous: return "continuous";
     case JointKind::prismatic: return "prismatic";
+    case JointKind::ball: return "ball";
     case JointKind::tendon: return "tendon";
     case JointKind::fixed: break;
   }

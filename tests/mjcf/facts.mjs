@@ -5,7 +5,7 @@
 // Off the drawn pose, also by how much connects, welds and joints that are polynomials of others miss each other, in
 // world axes, and as the vector part of the quaternion between welded frames. Where bodies compensate gravity, also the forces that hold all joints at rest.
 import fs from 'fs';
-import {copy, name_of, open} from './mujoco.mjs';
+import {copy, name_of, open, turn_by, vector_of} from './mujoco.mjs';
 
 const [library, models, facts] = process.argv.slice(2);
 const mj = await open(library);
@@ -45,6 +45,7 @@ function pairs(m, name) {
 function leave_the_drawn_pose(m, d) {
   mj.mj_resetData(m, d);
   for (let j = 0; j < m.njnt; ++j) {
+    if (m.jnt_type[j] == 1) d.qpos.set(turn_by([1, 2, 3].map(k => 0.4 * Math.sin(j + k))), m.jnt_qposadr[j]);
     if (m.jnt_type[j] < 2) continue;
     d.qpos[m.jnt_qposadr[j]] += 0.3 * Math.sin(j + 1);
     d.qvel[m.jnt_dofadr[j]] = 0.5 * Math.cos(j + 1);
@@ -93,16 +94,21 @@ function facts_of(file) {
   for (let b = 1; b < m.nbody; ++b) result.mass += m.body_mass[b];
   for (let j = 0; j < m.njnt; ++j) {
     const dof = m.jnt_dofadr[j], type = types[m.jnt_type[j]];
-    const joint = {name: name(3, j), type, body: name(1, m.jnt_bodyid[j]), dof};
-    result.joints.push(joint);
-    if (type == 'free' || type == 'ball') continue;
-    Object.assign(joint, {
-      position: d.qpos[m.jnt_qposadr[j]], velocity: d.qvel[dof],
-      range: m.jnt_limited[j] ? [m.jnt_range[2 * j], m.jnt_range[2 * j + 1]] : null,
+    const add = (own, dof, position, range, rest) => result.joints.push({
+      name: own, type, body: name(1, m.jnt_bodyid[j]), dof, position, velocity: d.qvel[dof], range,
       damping: m.dof_damping[dof], armature: m.dof_armature[dof], friction: m.dof_frictionloss[dof],
-      stiffness: m.jnt_stiffness[j], rest: m.qpos_spring[m.jnt_qposadr[j]],
+      stiffness: m.jnt_stiffness[j], rest,
       effort: d.qfrc_passive[dof] - d.qfrc_gravcomp[dof] + d.qfrc_actuator[dof],
     });
+    const at = m.jnt_qposadr[j], range = m.jnt_limited[j] ? [m.jnt_range[2 * j], m.jnt_range[2 * j + 1]] : null;
+    if (type == 'free')
+      result.joints.push({name: name(3, j), type, body: name(1, m.jnt_bodyid[j]), dof});
+    else if (type == 'ball')  // the first part has the range, which begins at 0
+      vector_of([...d.qpos.slice(at, at + 4)]).forEach((position, k) =>
+        add(`${name(3, j) || name(1, m.jnt_bodyid[j])}.${'xyz'[k]}`, dof + k, position,
+            range && k == 0 ? [null, range[1]] : null, 0));
+    else
+      add(name(3, j), dof, d.qpos[at], range, m.qpos_spring[at]);
   }
   if (m.ngravcomp) {
     d.qvel.fill(0);

@@ -58,9 +58,12 @@ TEST_P(MjcfFacts, hold_for_each_joint) {
     EXPECT_NEAR(own.armature, fact["armature"].get<double>(), takes_tendons ? infinity : 1e-12);
     EXPECT_NEAR(own.friction, fact["friction"].get<double>(), takes_tendons ? infinity : 1e-12);
     if (fact["range"].is_null()) {
-      EXPECT_TRUE(own.lower == -infinity || takes_tendons);
+      EXPECT_TRUE((own.lower == -infinity && own.upper == infinity) || takes_tendons);
     } else {
-      EXPECT_NEAR(own.lower, fact["range"][0].get<double>(), 1e-12);
+      if (fact["range"][0].is_null())
+        EXPECT_EQ(own.lower, -infinity);
+      else
+        EXPECT_NEAR(own.lower, fact["range"][0].get<double>(), 1e-12);
       EXPECT_NEAR(own.upper, fact["range"][1].get<double>(), 1e-12);
     }
   }

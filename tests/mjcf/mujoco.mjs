@@ -36,23 +36,45 @@ export function name_of(mj, m, kind, i) {
   return m.names[starts[i]] ? mj.mj_id2name(m, kind, i) : '';
 }
 
-// What each position belongs to, by the names that lockstep gives: joints, and free bodies seven times.
+// The rotation vector of a quaternion, and back.
+export function vector_of([w, ...v]) {
+  const sine = Math.hypot(...v), angle = 2 * Math.atan2(sine, Math.abs(w));
+  return v.map(part => sine ? (w < 0 ? -1 : 1) * angle / sine * part : 0);
+}
+export function turn_by(vector) {
+  const angle = Math.hypot(...vector);
+  return [Math.cos(angle / 2), ...vector.map(part => angle ? Math.sin(angle / 2) / angle * part : 0)];
+}
+
+// What each position belongs to, by the names that lockstep gives: joints, free bodies seven times, balls by axis.
 export function owners(mj, m) {
-  const found = Array(m.nq);
+  const found = [];
   for (let j = 0; j < m.njnt; ++j) {
-    const body = name_of(mj, m, 1, m.jnt_bodyid[j]) || 'body', at = m.jnt_qposadr[j];
-    if (m.jnt_type[j] == mj.mjtJoint.mjJNT_FREE.value) found.fill(body, at, at + 7);
-    else found[at] = name_of(mj, m, 3, j) || body;
+    const body = name_of(mj, m, 1, m.jnt_bodyid[j]) || 'body', own = name_of(mj, m, 3, j) || body;
+    if (m.jnt_type[j] == mj.mjtJoint.mjJNT_FREE.value) found.push(...Array(7).fill(body));
+    else if (m.jnt_type[j] == mj.mjtJoint.mjJNT_BALL.value) found.push(...['x', 'y', 'z'].map(axis => `${own}.${axis}`));
+    else found.push(own);
+  }
+  return found;
+}
+
+// The positions of all of these.
+export function positions(mj, m, d) {
+  const found = [];
+  for (let j = 0; j < m.njnt; ++j) {
+    const numbers = {[mj.mjtJoint.mjJNT_FREE.value]: 7, [mj.mjtJoint.mjJNT_BALL.value]: 4}[m.jnt_type[j]] ?? 1;
+    const own = [...d.qpos.slice(m.jnt_qposadr[j], m.jnt_qposadr[j] + numbers)];
+    found.push(...(numbers == 4 ? vector_of(own) : own));
   }
   return found;
 }
 
 // Prints these, and the positions at the start and every 10 ms, as JSON.
 export function play(mj, m, d, seconds) {
-  const rows = [[...d.qpos]], between = Math.round(0.01 / m.opt.timestep);
+  const rows = [positions(mj, m, d)], between = Math.round(0.01 / m.opt.timestep);
   while (rows.length <= Math.round(seconds / 0.01)) {
     for (let k = 0; k < between; ++k) mj.mj_step(m, d);
-    rows.push([...d.qpos]);
+    rows.push(positions(mj, m, d));
   }
   console.log(JSON.stringify({owners: owners(mj, m), rows}));
 }

@@ -6,6 +6,7 @@
 #include <unordered_set>
 
 #include "export/names.h"
+#include "model/joint_motion.h"
 #include "model/poses.h"
 #include "sections.h"
 
@@ -77,13 +78,25 @@ class Actuators {
     const double lag = joint.drive.lag;
     const int delay = joint.drive.delay;
     xml_.open(is_motor && lag == 0.0 ? "motor" : "general").set("name", names_.take(joint.name + "_" + what));
-    xml_.set(is_tendon(joint) ? "tendon" : "joint", joint.name);
+    if (joint.kind == JointKind::ball)
+      write_ball_target(joint);
+    else
+      xml_.set(is_tendon(joint) ? "tendon" : "joint", joint.name);
     if (!is_motor) xml_.set("biastype", "affine").set("gainprm", numbers(gain)).set("biasprm", numbers(bias));
     if (lag > 0.0) xml_.set("dyntype", "filterexact").set("dynprm", numbers(lag));
     if (delay > 0) xml_.set("delay", numbers(delay * timestep_)).set("nsample", std::to_string(delay));
     xml_.close();
     controls_.push_back({&joint - model_.joints.data(), aim});
     report_.remark(controls_line, fmt::format("{} of {}", what, joint.name));
+  }
+
+  void write_ball_target(const Joint& joint) {
+    const Joint* const parts = &joint - part_of_ball(joint);
+    xml_.set("joint", ball_name(*parts)).set("gear", numbers(joint.axis));
+    if (joint.effort_limit < infinity) {
+      const double limit = std::max(joint.effort_limit, 1e-300);
+      xml_.set("forcelimited", "true").set("forcerange", numbers({-limit, limit}));
+    }
   }
 
   struct Key {
@@ -109,8 +122,14 @@ class Actuators {
         append(v, {linear[0], linear[1], linear[2], root.velocity[0], root.velocity[1], root.velocity[2]});
       }
       for (const JointPlace& place : body.joints) {
-        const Joint& joint = model.joints[static_cast<std::size_t>(place.joint)];
-        q.push_back(joint.position), v.push_back(joint.velocity);
+        const Joint* const joint = &model.joints[static_cast<std::size_t>(place.joint)];
+        v.push_back(joint->velocity);
+        if (joint->kind != JointKind::ball) {
+          q.push_back(joint->position);
+        } else if (!is_inner_part(*joint)) {
+          const Eigen::Quaterniond turn = turned_by({joint[0].position, joint[1].position, joint[2].position});
+          append(q, {turn.w(), turn.x(), turn.y(), turn.z()});
+        }
       }
     }
     for (const auto& [number, aim] : controls_) {

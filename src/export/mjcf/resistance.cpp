@@ -25,7 +25,11 @@ std::string range_of(const Joint& joint, double shift, Report& report) {
 }
 
 void write_range(const Joint& joint, double shift, Xml& xml, Report& report) {
-  xml.set("limited", "true").set("range", range_of(joint, shift, report));
+  xml.set("limited", "true");
+  if (joint.kind == JointKind::ball)
+    xml.set("range", numbers({0.0, joint.upper}));
+  else
+    xml.set("range", range_of(joint, shift, report));
   report.remark("position limits, soft in MuJoCo", joint.name);
   if (!is_hard(joint.limit_softness))
     report.warn("softness of position limits, left out: they are MuJoCo's", joint.name);
@@ -56,7 +60,8 @@ void write_resistance(const Joint& joint, double shift, Xml& xml, Report& report
       .set_unless(0.0, "frictionloss", joint.friction);
   if (joint.stiffness > 0.0) write_spring(joint, shift, xml);
   if (is_slack) xml.set("stiffness", numbers(spring->kp)).set("springlength", range_of(joint, shift, report));
-  if (joint.effort_limit < infinity) {
+  if (joint.effort_limit < infinity && joint.kind != JointKind::ball) {  // those of balls are their actuators'
+
     const double limit = std::max(joint.effort_limit, least_width);
     xml.set("actuatorfrclimited", "true").set("actuatorfrcrange", numbers({-limit, limit}));
   }

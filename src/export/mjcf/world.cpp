@@ -1,4 +1,5 @@
 // <worldbody>: bodies, joints, sites and geoms. SPDX-License-Identifier: Apache-2.0
+#include "model/joint_motion.h"
 #include "sections.h"
 
 namespace lockstep::exporter::mjcf {
@@ -62,11 +63,27 @@ class World {
 
   void write_joint(const JointPlace& where) {
     const Joint& joint = model_.joints[static_cast<std::size_t>(where.joint)];
+    if (joint.kind == JointKind::ball) return write_ball(where);
     const bool slides = joint.kind == JointKind::prismatic;
     xml_.open("joint").set("name", joint.name).set("type", slides ? "slide" : "hinge");
     if (!slides && !where.pose.translation().isZero(0.0)) xml_.set("pos", numbers(where.pose.translation()));
     xml_.set("axis", numbers(Vector3d(where.pose.linear() * joint.axis.normalized())));
     write_resistance(joint, 0.0, xml_, report_);
+    xml_.close();
+  }
+
+  // MuJoCo's balls have the same numbers along all axes.
+  void write_ball(const JointPlace& where) {
+    const Joint* const parts = &model_.joints[static_cast<std::size_t>(where.joint)];
+    if (is_inner_part(*parts)) return;
+    xml_.open("joint").set("name", ball_name(*parts)).set("type", "ball");
+    if (!where.pose.translation().isZero(0.0)) xml_.set("pos", numbers(where.pose.translation()));
+    const auto differs = [&](double Joint::*number) {
+      return parts[0].*number != parts[1].*number || parts[0].*number != parts[2].*number;
+    };
+    for (double Joint::*number : {&Joint::damping, &Joint::armature, &Joint::friction, &Joint::stiffness})
+      if (differs(number)) report_.warn("resistance of balls that differs by axis, written as along x", parts->name);
+    write_resistance(*parts, 0.0, xml_, report_);
     xml_.close();
   }
 

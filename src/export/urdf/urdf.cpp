@@ -112,6 +112,9 @@ class Writer {
   }
 
   void write_joint(const Joint& joint) {
+    if (joint.kind == JointKind::ball)
+      throw ModelError("joint '" + joint.name + "'", "is a part of a ball joint, which URDF does not have",
+                       "write MJCF, or build it from three revolute joints");
     const bool has_range = joint.lower > -infinity || joint.upper < infinity;
     const char* type = !joint.moves()                        ? "fixed"
                        : joint.kind == JointKind::prismatic  ? "prismatic"

@@ -108,8 +108,8 @@ void read_target(const Element& element, Scene& scene, Actuator& actuator) {
     const auto found = scene.joint_of.find(name);
     if (found == scene.joint_of.end()) scene.fail_to_find(element, "joint", name);
     const JointType type = scene.joint(found->second).type;
-    if (type == JointType::ball || type == JointType::free)
-      actuator.lost = "acts on a ball or free joint";
+    if (type == JointType::free || (type == JointType::ball && !element.has("joint")))
+      actuator.lost = type == JointType::free ? "acts on a free joint" : "acts on a ball joint along its parent's axes";
     else if (!scene.is_joint_read(found->second))
       actuator.lost = "acts on a body that is left out";
     else
@@ -125,6 +125,14 @@ void read_target(const Element& element, Scene& scene, Actuator& actuator) {
     actuator.lost = "acts on a body that is left out";
   else
     actuator.tendon = static_cast<int>(&tendon - scene.tendons.data());
+}
+
+// On a ball joint, the gear is an axis of the child.
+void along_one_axis(const double (&gear)[6], Actuator& actuator) {
+  const auto used = std::count_if(gear, gear + 3, [](double part) { return part != 0.0; });
+  if (used > 1) actuator.lost = "acts on a ball joint along none of its child's axes";
+  for (int k = 0; used == 1 && k < 3; ++k)
+    if (gear[k] != 0.0) actuator.joint += k, actuator.gear = gear[k];
 }
 
 // The range of its control: its own, or a share of that of what it acts on, about the middle.
@@ -164,6 +172,8 @@ void read_actuator(const Element::Xml& xml, Scene& scene) {
   double gear[6] = {1.0};
   element.numbers("gear", gear, 1, 6);
   actuator.gear = gear[0];
+  if (actuator.lost.empty() && actuator.joint >= 0 && scene.joint(actuator.joint).type == JointType::ball)
+    along_one_axis(gear, actuator);
   if (!actuator.lost.empty() && std::any_of(gear + 1, gear + 6, [](double part) { return part != 0.0; })) {
     actuator.lost += fmt::format(" along {:g}", fmt::join(gear, " "));
     actuator.gear = 1.0;

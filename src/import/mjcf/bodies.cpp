@@ -130,8 +130,22 @@ class Reader {
       element.fail("frees a body that another one carries", "let the body be a child of worldbody");
     if (!body.joints.empty() && (frees || body.floats()))
       element.fail("stands beside a free joint", "a free body has no other joints");
-    body.joints.push_back(std::move(part));
+    if (part.type == JointType::ball)
+      for (int k = 0; k < 3; ++k) body.joints.push_back(part_of(part, k));
+    else
+      body.joints.push_back(std::move(part));
   }
+
+  // The first has the range of the angle.
+  static JointPart part_of(const JointPart& ball, int k) {
+    JointPart part = ball;
+    part.ball = ball.name;
+    part.axis = Eigen::Vector3d::Unit(k);
+    if (!ball.name.empty()) part.name = name_of_part(ball.name, k);
+    if (k > 0) part.upper = infinity;
+    return part;
+  }
+  static std::string name_of_part(const std::string& ball, int k) { return ball + "." + "xyz"[k]; }
 
   void read_body(const Element::Xml& xml, const Around& around) {
     Element element(document_, xml);
@@ -208,8 +222,16 @@ class Reader {
         if (!joint.name.empty() && !joints.take(joint.name)) throw_taken(joint);
     for (Body& body : bodies_) {
       if (body.name.empty()) body.name = names_.unused("body");
-      for (JointPart& joint : body.joints)
-        if (joint.name.empty()) joint.name = joints.unused(body.name);
+      for (std::size_t j = 0; j < body.joints.size(); ++j) {
+        JointPart& joint = body.joints[j];
+        if (!joint.name.empty()) continue;
+        if (joint.type != JointType::ball) {
+          joint.name = joints.unused(body.name);
+          continue;
+        }
+        joint.ball = joint.part() == 0 ? joints.unused(body.name) : body.joints[j - 1].ball;
+        joint.name = joints.unused(name_of_part(joint.ball, joint.part()));
+      }
     }
   }
 

@@ -14,15 +14,19 @@ namespace lockstep::importer::mjcf {
 
 enum class JointType { hinge, slide, ball, free };
 
-/// Angles in rad; positions and axes in the body's frame, where its joints are at `ref`.
+/// Angles in rad; positions and axes in the body's frame, where its joints are at `ref`. A ball joint is three of them,
+/// whose axes are those of the body.
 struct JointPart {
   JointType type = JointType::hinge;
   std::string name, place;
+  std::string ball = {};  ///< name of the ball joint that it is a part of
   Eigen::Vector3d anchor = Eigen::Vector3d::Zero(), axis = Eigen::Vector3d::UnitZ();
   double ref = 0.0, lower = -infinity, upper = infinity;
   double stiffness = 0.0, rest = 0.0, damping = 0.0, armature = 0.0, friction = 0.0, effort_limit = infinity;
   double time_constant = 0.0, damping_ratio = 0.0;  ///< springdamper: both above 0 in place of stiffness and damping
   bool is_aligned = false;  ///< a free joint whose coordinates are those of the body's principal axes
+
+  int part() const { return axis.y() != 0.0 ? 1 : axis.z() != 0.0 ? 2 : 0; }  ///< of a ball
 };
 
 enum class GeomType { plane, hfield, sphere, capsule, ellipsoid, cylinder, box, mesh, sdf };

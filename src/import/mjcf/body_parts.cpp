@@ -25,8 +25,10 @@ double linear(const Element& element, const char* attribute) {
 void read_range(const Element& element, const Settings& settings, JointPart& part) {
   const std::optional<Range> range = limited_range(element, "range", "limited", settings.autolimits);
   if (!range || !settings.has_limits) return;
-  const bool turns = part.type == JointType::hinge;
-  part.lower = turns ? settings.radians(range->lower) : range->lower;
+  const bool turns = part.type != JointType::slide, is_ball = part.type == JointType::ball;
+  if (is_ball && range->lower != 0.0)
+    element.fail("is a ball joint with a range that does not begin at 0", "give 0 and the largest angle");
+  part.lower = is_ball ? -infinity : turns ? settings.radians(range->lower) : range->lower;
   part.upper = turns ? settings.radians(range->upper) : range->upper;
   element.report().tally("position limits made hard, soft in MuJoCo",
                          words_of(yielding_of(element, "solreflimit", "solimplimit")));
@@ -36,7 +38,8 @@ void read_range(const Element& element, const Settings& settings, JointPart& par
 
 void read_passive(const Element& element, const Settings& settings, JointPart& part) {
   if (settings.has_springs) part.stiffness = linear(element, "stiffness");
-  part.rest = element.number("springref", 0.0);
+  const double rest = element.number("springref", 0.0);
+  if (part.type != JointType::ball) part.rest = rest;  // MuJoCo's has no force in the drawn pose
   if (part.type == JointType::hinge) part.rest = settings.radians(part.rest);
   if (settings.has_damping) part.damping = linear(element, "damping");
   part.armature = element.number("armature", 0.0);
@@ -99,10 +102,16 @@ JointPart read_joint_part(Element element, const Eigen::Isometry3d& frame, const
     part.is_aligned = align == 2 ? settings.aligns_free : align == 1;
   }
   if (element.tag() == "freejoint") return part;
-  if (part.type == JointType::free || part.type == JointType::ball) {
+  if (part.type == JointType::ball) {
+    part.anchor = frame * element.triple("pos", Eigen::Vector3d::Zero());
+    part.axis = Eigen::Vector3d::UnitX();
+    read_range(element, settings, part);
     read_passive(element, settings, part);
-    if (part.type == JointType::free &&
-        (part.stiffness != 0.0 || part.damping != 0.0 || part.armature != 0.0 || part.friction != 0.0))
+    return part;
+  }
+  if (part.type == JointType::free) {
+    read_passive(element, settings, part);
+    if ((part.stiffness != 0.0 || part.damping != 0.0 || part.armature != 0.0 || part.friction != 0.0))
       element.report().warn("springs, damping, armature and friction of free joints, left out",
                             fmt::format("{}: {:g} {:g} {:g} {:g}", element.title(), part.stiffness, part.damping,
                                         part.armature, part.friction));

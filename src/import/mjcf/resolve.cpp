@@ -31,7 +31,7 @@ class Resolver {
     auto &bodies = known["body"], &joints = known["joint"], &geoms = known["geom"], &sites = known["site"];
     for (const Body& body : scene_.bodies.all) {
       bodies.insert(body.name);
-      for (const JointPart& part : body.joints) joints.insert(part.name);
+      for (const JointPart& part : body.joints) joints.insert(part.ball.empty() ? part.name : part.ball);
       for (const GeomPart& part : body.geoms) geoms.insert(part.name);
       for (const SitePart& part : body.sites) sites.insert(part.name);
     }

@@ -63,8 +63,8 @@ class Stand {
       link_.push_back(collider.link.empty() ? -1 : model.link_index(collider.link));
     for (int t = 0; t < trees.count(); ++t) pose_[trees.root_link[t]] = trees.roots[t].pose;
     for (const int j : trees.joints_depth_first) {
-      const Joint& joint = model.joints[static_cast<std::size_t>(j)];
-      pose_[trees.joint_child[j]] = pose_[trees.joint_parent[j]] * joint.origin * motion_of(joint);
+      const Isometry3d origin(model.joints[static_cast<std::size_t>(j)].origin);
+      pose_[trees.joint_child[j]] = pose_[trees.joint_parent[j]] * origin * motion_of(model, j);
     }
   }
 

@@ -8,13 +8,18 @@
 #include <string_view>
 
 #include "lockstep/error.h"
+#include "model/rotations.h"
 #include "names.h"
 
 namespace lockstep::importer::mjcf {
 namespace {
 
-std::size_t positions_of(JointType type) { return type == JointType::free ? 7 : type == JointType::ball ? 4 : 1; }
-std::size_t velocities_of(JointType type) { return type == JointType::free ? 6 : type == JointType::ball ? 3 : 1; }
+// The first part of a ball has its quaternion.
+std::size_t positions_of(const JointPart& joint) {
+  if (joint.type == JointType::ball) return joint.part() == 0 ? 4 : 0;
+  return joint.type == JointType::free ? 7 : 1;
+}
+std::size_t velocities_of(const JointPart& joint) { return joint.type == JointType::free ? 6 : 1; }
 
 // All numbers of an attribute; empty if it is not there.
 std::vector<double> exactly(const Element& key, const char* attribute, std::size_t count) {
@@ -57,8 +62,8 @@ void place_mocaps(const Element& key, const Scene& scene, Start& start) {
 void apply(const Element& key, const Scene& scene, Start& start) {
   std::size_t positions = 0, velocities = 0;
   for (std::size_t j = 0; j < scene.joints.size(); ++j) {
-    positions += positions_of(scene.joint(static_cast<int>(j)).type);
-    velocities += velocities_of(scene.joint(static_cast<int>(j)).type);
+    positions += positions_of(scene.joint(static_cast<int>(j)));
+    velocities += velocities_of(scene.joint(static_cast<int>(j)));
   }
   const std::vector<double> q = exactly(key, "qpos", positions), v = exactly(key, "qvel", velocities);
   start.control = exactly(key, "ctrl", scene.actuators.size());
@@ -67,7 +72,8 @@ void apply(const Element& key, const Scene& scene, Start& start) {
   key.has("time");
   const double *position = q.data(), *velocity = v.data();
   for (std::size_t j = 0; j < scene.joints.size(); ++j) {
-    const JointType type = scene.joint(static_cast<int>(j)).type;
+    const JointPart& joint = scene.joint(static_cast<int>(j));
+    const JointType type = joint.type;
     const int body = scene.joints[j].body;
     if (moves_principal_axes(scene, static_cast<int>(j)) && !(q.empty() && v.empty()))
       key.fail(fmt::format("moves body '{}' by its principal axes, as align or alignfree say",
@@ -78,6 +84,9 @@ void apply(const Element& key, const Scene& scene, Start& start) {
       pose.translation() = Eigen::Vector3d(position[0], position[1], position[2]);
       pose.linear() = turn_of(position + 3, "qpos", key);
       start.pose[body] = pose;
+    } else if (type == JointType::ball && joint.part() == 0 && !q.empty()) {
+      const Eigen::Vector3d turn = rotation_vector(Eigen::Quaterniond(turn_of(position, "qpos", key)));
+      std::copy_n(turn.data(), 3, &start.position[j]);
     } else if (type != JointType::ball && !q.empty()) {
       start.position[j] = *position;
     }
@@ -86,11 +95,11 @@ void apply(const Element& key, const Scene& scene, Start& start) {
       twist << velocity[3], velocity[4], velocity[5],
           start.pose[body].linear().transpose() * Eigen::Vector3d(velocity[0], velocity[1], velocity[2]);
       start.twist[body] = twist;
-    } else if (type != JointType::ball && type != JointType::free && !v.empty()) {
+    } else if (type != JointType::free && !v.empty()) {
       start.velocity[j] = *velocity;
     }
-    if (!q.empty()) position += positions_of(type);
-    if (!v.empty()) velocity += velocities_of(type);
+    if (!q.empty()) position += positions_of(joint);
+    if (!v.empty()) velocity += velocities_of(joint);
   }
 }
 

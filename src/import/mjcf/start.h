@@ -11,7 +11,7 @@
 namespace lockstep::importer::mjcf {
 
 struct Start {
-  std::vector<double> position, velocity;  ///< by joint of the scene; 0 for free and ball joints
+  std::vector<double> position, velocity;  ///< by joint of the scene; 0 for free joints
   std::vector<double> control;             ///< by actuator; empty without controls: servos hold the start
   std::map<int, Eigen::Isometry3d> pose;   ///< by body with a free joint, and by mocap body
   std::map<int, Twist> twist;              ///< by body with a free joint, in the body's axes, angular first

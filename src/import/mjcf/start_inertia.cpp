@@ -19,7 +19,7 @@ struct Direction {
 struct Directions {
   std::vector<Direction> all;
   std::vector<std::vector<int>> of_body;  // those of the bodies that carry it, too
-  std::vector<int> of_joint;              // by joint of the scene: its direction, -1 for free and ball joints
+  std::vector<int> of_joint;              // by joint of the scene: its direction, -1 for free joints
 };
 
 Directions directions(const Scene& scene) {
@@ -37,10 +37,10 @@ Directions directions(const Scene& scene) {
       add({axis, anchor.cross(axis), armature});
     };
     for (const JointPart& joint : bodies[b].joints) {
-      const bool is_single = joint.type == JointType::hinge || joint.type == JointType::slide;
+      const bool is_single = joint.type != JointType::free;
       result.of_joint.push_back(is_single ? static_cast<int>(result.all.size()) : -1);
       const Vector3d axis = pose.linear() * joint.axis, anchor = pose * joint.anchor;
-      if (joint.type == JointType::hinge) turn(axis, anchor, joint.armature);
+      if (joint.type == JointType::hinge || joint.type == JointType::ball) turn(axis, anchor, joint.armature);
       if (joint.type == JointType::slide) add({Vector3d::Zero(), axis, joint.armature});
       for (int i = 0; i < 3 && joint.type == JointType::free; ++i)
         add({Vector3d::Zero(), Vector3d::Unit(i), joint.armature});

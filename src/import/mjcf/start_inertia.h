@@ -7,7 +7,7 @@
 
 namespace lockstep::importer::mjcf {
 
-// By joint of the scene, with armatures and without couplings, kg m^2 or kg; NaN for free and ball joints.
+// By joint of the scene, with armatures and without couplings, kg m^2 or kg; NaN for free joints.
 
 /// All other joints are locked: the diagonal of the mass matrix.
 std::vector<double> locked_inertia(const Scene& scene);

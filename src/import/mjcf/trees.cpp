@@ -92,10 +92,6 @@ class Grower {
 
   void judge(std::size_t b) const {
     const Body& own = body(b);
-    for (const JointPart& joint : own.joints)
-      if (joint.type == JointType::ball)
-        throw ImportError(joint.place, "is a ball joint, which lockstep lacks",
-                          "build it from three hinges if their gimbal lock does not matter");
     for (const std::string& place : own.mesh_masses)
       if (scene_.bodies.moves[b])
         report().warn("meshes that give moving bodies no inertia, left out on request", place);
@@ -128,7 +124,7 @@ class Grower {
     for (std::size_t j = 0; j < own.joints.size(); ++j) {
       const JointPart& part = own.joints[j];
       const bool is_last = j + 1 == own.joints.size();
-      const bool turns = part.type == JointType::hinge;
+      const bool turns = part.type != JointType::slide;
       const Vector3d next = turns ? part.anchor : anchor;
       origin = origin * shift(next - anchor);
       anchor = next;
@@ -137,7 +133,8 @@ class Grower {
       const std::string child = is_last ? own.name : links_.unused(part.name);
       if (!is_last) {
         add_link(child, {}, own.gravity, part.place);
-        report().remark("links without mass between the joints of one body", child);
+        if (part.type != JointType::ball || part.part() == 2)
+          report().remark("links without mass between the joints of one body", child);
       }
       add_joint(part, parent, child, origin);
       origin = Isometry3d::Identity();
@@ -160,7 +157,8 @@ class Grower {
     joint.parent = parent, joint.child = child;
     joint.origin = origin;
     joint.axis = part.axis;
-    joint.kind = part.type == JointType::slide ? JointKind::prismatic
+    joint.kind = part.type == JointType::slide  ? JointKind::prismatic
+                 : part.type == JointType::ball ? JointKind::ball
                  : part.lower > -infinity      ? JointKind::revolute
                                                : JointKind::continuous;
     joint.lower = part.lower, joint.upper = part.upper;

@@ -16,8 +16,7 @@ struct Place {
 };
 
 /// Fills links, joints, roots and sites of the draft's model. A link's frame stands at the anchor of its joint; bodies
-/// with several joints get links without mass between these. By body of the scene, unread ones too: its place. Throws
-/// ImportError for ball joints.
+/// with several joints get links without mass between these. By body of the scene, unread ones too: its place.
 std::vector<Place> grow_trees(const Scene& scene, const Start& start, Draft& draft);
 
 }  // namespace lockstep::importer::mjcf

@@ -135,7 +135,7 @@ void read_range(Element& limit, bool is_judged, Joint& joint) {
 }
 
 void read_limit(Element& owner, const NotJudged& ignored, Joint& joint) {
-  const bool has_range = joint.kind != JointKind::continuous;
+  const bool has_range = joint.kind != JointKind::continuous && joint.kind != JointKind::ball;
   std::optional<Element> limit = owner.child("limit");
   if (!limit) {
     if (has_range) owner.report().remark("no <limit>, taken as unlimited", joint.name);
@@ -187,13 +187,26 @@ std::optional<Mimic> read_motion(Element& element, const Ignored& ignore, Joint&
   return read_mimic(std::move(*mimic), joint, robot);
 }
 
+// With the numbers of the file along all axes.
+void add_ball(const Joint& read, const std::string& place, Robot& robot) {
+  const int first = robot.model.add_ball(read.name, read.parent, read.child, read.origin);
+  for (int k = 0; k < 3; ++k) {
+    Joint& part = robot.model.joints[static_cast<std::size_t>(first + k)];
+    part.damping = read.damping, part.friction = read.friction;
+    part.velocity_limit = read.velocity_limit, part.effort_limit = read.effort_limit;
+    robot.places["joint '" + part.name + "'"] = place;
+  }
+}
+
 // `carrier` holds the links that joints carry so far, with the joint.
 void read_joint(Element element, const ImportOptions& options, std::unordered_map<std::string, std::string>& carrier,
                 Robot& robot) {
   static const std::unordered_map<std::string, JointKind> kinds = {{"fixed", JointKind::fixed},
                                                                    {"revolute", JointKind::revolute},
                                                                    {"continuous", JointKind::continuous},
-                                                                   {"prismatic", JointKind::prismatic}};
+                                                                   {"prismatic", JointKind::prismatic},
+                                                                   {"spherical", JointKind::ball},
+                                                                   {"ball", JointKind::ball}};
   Joint joint;
   joint.name = element.name("name");
   element.rename("joint '" + joint.name + "'");
@@ -227,12 +240,13 @@ void read_joint(Element element, const ImportOptions& options, std::unordered_ma
   if (type == "planar")
     element.fail("is of type " + type + ", which lockstep does not have",
                  "build it from single joints: prismatic, then revolute, with light links between them");
-  if (type == "spherical" || type == "ball")
-    element.fail("is of type " + type + ", a ball joint, which lockstep does not have",
-                 "build it from three revolute joints about different axes, with light links between them");
   if (kind == kinds.end())
     element.fail("is of type '" + shortened(type) + "', which URDF does not have",
                  "write revolute, continuous, prismatic or fixed");
+  if (joint.kind == JointKind::ball) {
+    if (mimic) element.fail("is a ball joint that follows another joint", "let joints with one axis follow");
+    return add_ball(joint, element.place(), robot);
+  }
   if (mimic) robot.mimics.push_back(std::move(*mimic));
   robot.model.joints.push_back(std::move(joint));
 }

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <unordered_set>
 
 #include "import/finish.h"
@@ -81,14 +82,21 @@ void float_roots(Robot& robot, Report& report) {
   } else {
     model.roots = {{world.name}};
   }
+  std::map<std::string, const Joint*> carried;
+  for (const Joint& joint : model.joints) carried.emplace(joint.child, &joint);
+  for (const FloatingJoint& floating : robot.floating) carried.emplace(floating.joint.child, &floating.joint);
   for (const auto& [joint, place] : robot.floating) {
+    // Where it stands when all joints are at 0: it moves with nothing.
+    Eigen::Isometry3d pose(joint.origin);
+    for (auto at = carried.find(joint.parent); at != carried.end(); at = carried.find(at->second->parent))
+      pose = Eigen::Isometry3d(at->second->origin) * pose;
+    model.roots.push_back({joint.child, true, Pose(pose)});
     if (joint.parent != world.name)
-      throw ImportError(place, "floats below link '" + joint.parent + "', which is not the root of the file",
-                        "a link floats in the world, not on another link: let the root link '" + world.name +
-                            "' be its parent, or use single joints");
-    model.roots.push_back({joint.child, true, joint.origin});
-    report.remark("floating roots instead of floating joints",
-                  joint.name + (stands_for_world ? ", without its parent " + world.name : ""));
+      report.warn("floating joints below links, as roots that float in the world: their poses are those in the world",
+                  joint.name);
+    else
+      report.remark("floating roots instead of floating joints",
+                    joint.name + (stands_for_world ? ", without its parent " + world.name : ""));
   }
   const auto first = model.links.begin() + model.link_index(model.roots.front().link);
   std::rotate(model.links.begin(), first, first + 1);

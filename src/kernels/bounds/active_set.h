@@ -38,7 +38,7 @@ LOCKSTEP_INLINE T conflict_compliance(const Tables<ScalarOf<T>>& t, const Tile<T
                                       const Branch<T>& own) {
   const Bounds<ScalarOf<T>>& b = t.bounds;
   using S = ScalarOf<T>;
-  if (b.kind[r] != BoundKind::joint || !b.may_depend) return T(0);
+  if (!is_hard_limit(b, r) || !b.may_depend) return T(0);
   const T compliance =
       T(b.kinematic[r] ? drive_compliance<S> : limit_compliance<S>) * x.bounds.delassus[r * b.rows.count + r];
   return select(x.search.compliant[phase] & (own.low | own.high), compliance, T(0));

@@ -18,6 +18,12 @@ LOCKSTEP_INLINE T bound_speed(const Tables<ScalarOf<T>>& t, const Tile<T>& x, in
   return sum;
 }
 
+/// Whether the row holds hard limits, which push one way.
+template <class S>
+LOCKSTEP_INLINE bool is_hard_limit(const Bounds<S>& b, int r) {
+  return b.kind[r] == BoundKind::joint || (b.kind[r] == BoundKind::ball_range && !b.rows.softness[r].soft);
+}
+
 template <class T>
 LOCKSTEP_INLINE int phases(const Tables<ScalarOf<T>>& t) {
   return t.solve_twice ? 2 : 1;

@@ -32,7 +32,7 @@ void sweep_with_bounds(const Tables<ScalarOf<T>>& t, Phase phase, T due, T share
   for (int i = 0; i < x.bounds.active_count; ++i) {
     const int r = x.bounds.active_rows[i];
     const T response = x.bounds.delassus[r * count + r];
-    const bool joint = t.bounds.kind[r] == BoundKind::joint;
+    const bool joint = is_hard_limit(t.bounds, r);
     Bound<T> row = bound(t, x, r, t.renewed && !is_hard<T>(t.bounds, r) ? position_phase : phase);
     row.force *= joint ? due : share;
     const T speed = fnma(response, x.search.impulse[r], x.bounds.speed[r]);
@@ -87,7 +87,7 @@ void tgs_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<
   const int count = t.bounds.rows.count;
   const T share = T(S(1) / S(t.iterations)), h = T(t.dt) * share;
   const StepTime<T> whole_step{false, S(1) / t.dt};
-  const auto is_joint = [&](int r) { return t.bounds.kind[r] == BoundKind::joint; };
+  const auto is_joint = [&](int r) { return is_hard_limit(t.bounds, r); };
 
   // The part of the free motion that each sub-step adds (M35), and the speeds at the start.
   begin_sweeps(t, x);

@@ -52,30 +52,34 @@ struct StepTime {
   const T* start = nullptr;  ///< [joints] positions at the start of the step, if x.state has those of its midpoint
 };
 
-/// (M56), (M57): the interval that the range of joint j gives its velocity. `moved` is its displacement since the start
-/// of the step.
+/// (M56), (M57): the interval that a range gives the velocity v of what is at q now and was at `began` at the start of
+/// the step, with the bounds of joint j.
 template <class T>
-LOCKSTEP_INLINE Interval<T> range_interval(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
-                                           const Tile<T>& x, int j, const StepTime<T>& at, T moved) {
-  const Bounds<ScalarOf<T>>& b = t.bounds;
-  const Interval<T> range = position_limits<T>(t, batch, j);
-  const T zero = T(0), q = x.state.q[j] + moved, below = up_to_rounding(range.lo - q, range.lo),
-          above = up_to_rounding(range.hi - q, range.hi);
+LOCKSTEP_INLINE Interval<T> range_interval(const Bounds<ScalarOf<T>>& b, int j, const Interval<T>& range, T q, T began,
+                                           T v, const StepTime<T>& at) {
+  const T zero = T(0), below = up_to_rounding(range.lo - q, range.lo), above = up_to_rounding(range.hi - q, range.hi);
   const T inside = T(at.inverse),
           beyond = at.in_velocity_phase ? zero : T(at.sub_step ? b.sub_step_rate[j] : b.limit_rate[j]);
   T back[2] = {beyond, beyond};
   if (at.start && !at.in_velocity_phase) {  // what has left its range on the way to the midpoint comes back at once
-    const T began = at.start[j];
     back[0] = select(less(began, range.lo), beyond, inside), back[1] = select(less(range.hi, began), beyond, inside);
   }
   Interval<T> i{below * select(less(zero, below), back[0], inside), above * select(less(above, zero), back[1], inside)};
-  if (at.in_velocity_phase && (b.has[j] & has_restitution)) {
-    const T v = x.state.v[t.velocity_of(j)], back = -(T(b.restitution[j]) * v);
+  if (at.in_velocity_phase && b.restitution[j] > 0) {
+    const T back = -(T(b.restitution[j]) * v);
     const auto hits_lower = less(v, i.lo), hits_upper = less(i.hi, v);
     i.lo = select(hits_lower, larger(i.lo, back), i.lo);
     i.hi = select(hits_upper, smaller(i.hi, back), i.hi);
   }
   return i;
+}
+
+/// Of joint j. `moved` is its displacement since the start of the step.
+template <class T>
+LOCKSTEP_INLINE Interval<T> range_interval(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                                           const Tile<T>& x, int j, const StepTime<T>& at, T moved) {
+  return range_interval(t.bounds, j, position_limits<T>(t, batch, j), x.state.q[j] + moved,
+                        at.start ? at.start[j] : T(0), x.state.v[t.velocity_of(j)], at);
 }
 
 /// The same, clamped to the velocity limit.
@@ -243,6 +247,38 @@ void soft_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   }
 }
 
+/// (M177): the range of a ball, along its rotation vector. Sets the row's values.
+template <class T>
+void ball_range_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int r, Phase phase,
+                    const StepTime<T>& at, T moved, Tile<T>& x) {
+  using S = ScalarOf<T>;
+  const Bounds<S>& b = t.bounds;
+  const int i = phase * b.rows.count + r, j = b.member[b.member_start[r]].joint;
+  const T zero = T(0), one = T(1), far = T(S(unlimited));
+  const auto length = [](const T* q) LOCKSTEP_INLINED { return sqrt(fma(q[0], q[0], fma(q[1], q[1], q[2] * q[2]))); };
+  const T *const q = x.state.q + j, *const v = x.state.v + t.velocity_of(j);
+  const T angle = length(q);
+  const auto turned = less(zero, angle);
+  const T inverse = one / select(turned, angle, one);
+  T speed = zero;
+  for (int n = 0; n < t.balls.count; ++n)
+    for (int k = 0; k < 3 && t.balls[n].row == r; ++k) {
+      const T share = select(turned, q[k] * inverse, T(S(k == 0)));
+      x.bounds.value[t.balls[n].value[k]] = share;
+      speed = fma(share, v[k], speed);
+    }
+  const Interval<T> range{-far, position_limits<T>(t, batch, j).hi};
+  x.bounds.centre[i] = x.bounds.force[r] = zero;
+  x.bounds.lo[i] = -far;
+  if (b.rows.softness[r].soft) {
+    const T above = range.hi - (angle + moved);
+    x.bounds.hi[i] = above * select(less(above, zero), T(at.sub_step ? b.rows.softness[r].rate : b.soft_rate[r]),
+                                    T(at.inverse));
+  } else {
+    x.bounds.hi[i] = range_interval(b, j, range, angle + moved, at.start ? length(at.start + j) : zero, speed, at).hi;
+  }
+}
+
 /// The interval and box of row r in one phase.
 template <class T>
 void bounded_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int r, Phase phase,
@@ -253,6 +289,8 @@ void bounded_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     drive_row(t, batch, r, phase, at, moved, x);
   else if (t.bounds.kind[r] == BoundKind::servo)
     servo_row(t, batch, r, phase, at, moved, x);
+  else if (t.bounds.kind[r] == BoundKind::ball_range)
+    ball_range_row(t, batch, r, phase, at, moved, x);
   else
     soft_row(t, batch, r, phase, at, moved, x);
 }

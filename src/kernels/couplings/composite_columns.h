@@ -110,15 +110,15 @@ LOCKSTEP_INLINE void composite_rows_of_body(J joint, const Tables<ScalarOf<T>>& 
 
   // Composite (M10) and columns (M9) go on to the parent.
   const int parent = body.parent;
-  const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
+  const Turn<T> turn = turn_of(joint, body, x, b);
   const Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[j] : T(0));
-  add_to_parent(joint, body, s, c, r, composite,
+  add_to_parent(joint, body, turn, r, composite,
                 body.first ? x.bodies.base_inertia[parent] : x.bodies.composite[parent], x.bodies.composite[parent]);
   const int* const places = m.passed.data;
   for (int i = m.passed_start[b], last = m.passed_start[b + 1]; i < last; ++i) {
     const int place = places[i];
-    Vec3<T> passed = to_parent(joint, body, s, c, force[place]);
-    moment[place] = cross_origin_add(joint, r, passed, to_parent(joint, body, s, c, moment[place]));
+    Vec3<T> passed = to_parent(joint, body, turn, force[place]);
+    moment[place] = cross_origin_add(joint, r, passed, to_parent(joint, body, turn, moment[place]));
     force[place] = passed;
   }
 }

@@ -52,17 +52,17 @@ LOCKSTEP_INLINE void release(const Vec3<T>& moment, const Vec3<T>& force, const 
 
 /// Moves an inertia to the parent's axes and origin (M23).
 template <class J, class T>
-LOCKSTEP_INLINE void move_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, T c, const Vec3<T>& r,
+LOCKSTEP_INLINE void move_to_parent(J joint, const Body<ScalarOf<T>>& body, const Turn<T>& turn, const Vec3<T>& r,
                                     ArticulatedInertia<T>& a) {
   ArticulatedInertia<T> turned;
-  turn_symmetric(joint, body, s, c, a.angular, turned.angular);
-  turn_symmetric(joint, body, s, c, a.linear, turned.linear);
+  turn_symmetric(joint, body, turn, a.angular, turned.angular);
+  turn_symmetric(joint, body, turn, a.linear, turned.linear);
   Vec3<T> columns[3], before[3], after[3];
   each_axis([&](int l) LOCKSTEP_INLINED {
-    columns[l] = to_parent(joint, body, s, c, {a.across(0, l), a.across(1, l), a.across(2, l)});
+    columns[l] = to_parent(joint, body, turn, {a.across(0, l), a.across(1, l), a.across(2, l)});
   });
   each_axis([&](int k) LOCKSTEP_INLINED {
-    before[k] = to_parent(joint, body, s, c, {columns[0][k], columns[1][k], columns[2][k]});
+    before[k] = to_parent(joint, body, turn, {columns[0][k], columns[1][k], columns[2][k]});
   });
   // H + [r]x M, by columns, and J + [r]x H^T + ([r]x (H + [r]x M)^T)^T
   each_axis([&](int l) LOCKSTEP_INLINED {
@@ -109,7 +109,7 @@ LOCKSTEP_INLINE typename T::Mask articulate(J joint, const Tables<ScalarOf<T>>& 
   if (body.parent < 0) return weak;
   release(moment, force, u_moment, u_force, own);
   Vec3<T> r = origin(joint, body, J::prismatic ? x.articulated.factored_q[body.joint] : T(0));
-  move_to_parent(joint, body, x.bodies.sine[b], x.bodies.cosine[b], r, own);
+  move_to_parent(joint, body, turn_of(joint, body, x, b), r, own);
   each_entry(x.articulated.inertia[place], own, [](T& passed, const T& entry) LOCKSTEP_INLINED { passed = entry; });
   return weak;
 }
@@ -167,12 +167,12 @@ LOCKSTEP_INLINE void pass_inwards(J joint, const Tables<ScalarOf<T>>& t, const T
   const Carried* const carried = t.articulated.carried.data;
   T* const own = vector + t.articulated.velocity[b];
   const Vec3<T>&u_force = x.articulated.hinge_force[b], &u_moment = x.articulated.hinge_moment[b];
-  const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
+  const Turn<T> turn = turn_of(joint, body, x, b);
   const bool reversed = body.sign < 0;
   const Vec3<T> r = origin(joint, body, J::prismatic && body.parent >= 0 ? x.articulated.factored_q[body.joint] : T(0));
   const auto pass_on = [&](Vec3<T>& force, Vec3<T>& moment, Vec3<T> f, Vec3<T> m) LOCKSTEP_INLINED {
-    f = to_parent(joint, body, s, c, f);
-    m = to_parent(joint, body, s, c, m);
+    f = to_parent(joint, body, turn, f);
+    m = to_parent(joint, body, turn, m);
     each_axis([&](int k) LOCKSTEP_INLINED {
       force[k] = f[k];
       moment[k] = cross_component(joint, r, f, k, m[k]);
@@ -244,12 +244,12 @@ LOCKSTEP_INLINE void pass_outwards(J joint, const Tables<ScalarOf<T>>& t, const 
   const Body<ScalarOf<T>>& body = t.body[b];
   Vec3<T> w = Vec3<T>::zero(), v = Vec3<T>::zero();
   if (body.parent >= 0) {
-    const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
+    const Turn<T> turn = turn_of(joint, body, x, b);
     const Vec3<T> r = origin(joint, body, J::prismatic ? x.articulated.factored_q[body.joint] : T(0)),
                   turning = angular[body.parent];
     const Vec3<T> back = {-r[0], -r[1], -r[2]};  // w x r = -r x w
-    w = to_body(joint, body, s, c, turning);
-    v = to_body(joint, body, s, c, cross_origin_add(joint, back, turning, linear[body.parent]));
+    w = to_body(joint, body, turn, turning);
+    v = to_body(joint, body, turn, cross_origin_add(joint, back, turning, linear[body.parent]));
     own = own - dot(x.articulated.hinge_moment[b], w) - dot(x.articulated.hinge_force[b], v);
   }
   if (body.leaf) return;

@@ -57,7 +57,7 @@ LOCKSTEP_INLINE void inertial_forces(const PseudoInertia<T>& body, bool diagonal
 template <class J, class T>
 LOCKSTEP_INLINE void inertial_forces(J, const PseudoInertia<T>& body, bool diagonal, const Mat3<T>& tensor,
                                      const Vec3<T>& a, Vec3<T>& force, Vec3<T>& moment) {
-  if constexpr (J::prismatic) {
+  if constexpr (J::prismatic || (J::ball && J::rotated)) {
     inertial_forces(body, diagonal, tensor, a, force, moment);
   } else {
     constexpr int i = J::i, j = J::j, k = J::k;
@@ -101,28 +101,44 @@ LOCKSTEP_INLINE void move_root_body(const Tables<ScalarOf<T>>& t, const Tile<T>&
   inertial_forces(x.bodies.base_inertia[b], t.body[b].diagonal, tensor, upwards, x.bodies.force[b], x.bodies.moment[b]);
 }
 
+/// The relative angular velocity of a ball, along its child's axes.
+template <class T>
+LOCKSTEP_INLINE Vec3<T> spin_of_ball(const Body<ScalarOf<T>>& first, const T* v) {
+  return {v[first.velocity], v[first.velocity + 1], v[first.velocity + 2]};
+}
+
 /// (M6) A body's motion from its parent's, and the force and moment that it requires.
 template <class J, class T>
 LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b, const Vec3<T>& upwards) {
   const Body<ScalarOf<T>>& body = t.body[b];
-  const T s = x.bodies.sine[b], c = x.bodies.cosine[b], speed = x.state.v[body.velocity] * T(body.sign);
+  const Turn<T> turn = turn_of(joint, body, x, b);
+  const T speed = x.state.v[body.velocity] * T(body.sign);
   Vec3<T> w, alpha, a;
   if (body.parent < 0) {
     w = alpha = Vec3<T>::zero();
-    a = to_body(joint, body, s, c, upwards);
-    if constexpr (!J::prismatic) w[J::k] = speed;
+    a = to_body(joint, body, turn, upwards);
+    if constexpr (J::ball)
+      w = spin_of_ball(body, x.state.v);
+    else if constexpr (!J::prismatic)
+      w[J::k] = speed;
+  } else if constexpr (J::ball && !J::rotated) {  // the first part has all of the motion, (M175)
+    w = x.bodies.angular[body.parent], alpha = x.bodies.alpha[body.parent], a = x.bodies.linear[body.parent];
   } else {
     const int p = body.parent;
     Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[body.joint] : T(0));
-    w = to_body(joint, body, s, c, x.bodies.angular[p]);
-    alpha = to_body(joint, body, s, c, x.bodies.alpha[p]);
+    w = to_body(joint, body, turn, x.bodies.angular[p]);
+    alpha = to_body(joint, body, turn, x.bodies.alpha[p]);
     // The parent's tensor again: to compute its few entries here costs less than to load them.
-    a = to_body(joint, body, s, c,
+    a = to_body(joint, body, turn,
                 move_origin(joint, acceleration_tensor(x.bodies.angular[p], x.bodies.alpha[p]), r, x.bodies.linear[p]));
     if constexpr (J::prismatic) {  // Coriolis: 2 w x e v
       const T twice = speed + speed;
       a[J::i] = fma(w[J::j], twice, a[J::i]);
       a[J::j] = fnma(w[J::i], twice, a[J::j]);
+    } else if constexpr (J::ball) {
+      const Vec3<T> spin = spin_of_ball(body, x.state.v);
+      alpha = cross_add(w, spin, alpha);
+      w = w + spin;
     } else {  // w x e v
       alpha[J::i] = fma(w[J::j], speed, alpha[J::i]);
       alpha[J::j] = fnma(w[J::i], speed, alpha[J::j]);
@@ -151,12 +167,12 @@ LOCKSTEP_INLINE void pass_force(J joint, const Tables<ScalarOf<T>>& t, const Til
   Vec3<T> force = x.bodies.force[b], moment = x.bodies.moment[b];
   x.dynamics.bias[body.velocity] = (J::prismatic ? force[J::k] : moment[J::k]) * T(body.sign);
   if (body.parent < 0) return;
-  const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
+  const Turn<T> turn = turn_of(joint, body, x, b);
   Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[body.joint] : T(0));
-  Vec3<T> passed = to_parent(joint, body, s, c, force);
+  Vec3<T> passed = to_parent(joint, body, turn, force);
   Vec3<T>& parent_force = x.bodies.force[body.parent];
   Vec3<T>& parent_moment = x.bodies.moment[body.parent];
-  parent_moment = parent_moment + cross_origin_add(joint, r, passed, to_parent(joint, body, s, c, moment));
+  parent_moment = parent_moment + cross_origin_add(joint, r, passed, to_parent(joint, body, turn, moment));
   parent_force = parent_force + passed;
 }
 

@@ -10,9 +10,17 @@ namespace lockstep::kernels {
 template <int Axis, bool Prismatic, bool Rotated, bool First = true, bool Second = true>
 struct JointType {
   static constexpr int k = Axis, i = (Axis + 1) % 3, j = (Axis + 2) % 3;
-  static constexpr bool prismatic = Prismatic, rotated = Rotated;
+  static constexpr bool prismatic = Prismatic, rotated = Rotated, ball = false;
   /// Whether component a of the origin in the parent's frame may be nonzero.
   static constexpr bool off(int a) { return Prismatic || Rotated || (a == i && First) || (a == j && Second); }
+};
+
+/// A part of a ball joint: its first body makes all of the turn.
+template <int Axis>
+struct BallPart {
+  static constexpr int k = Axis, i = (Axis + 1) % 3, j = (Axis + 2) % 3;
+  static constexpr bool prismatic = false, rotated = Axis == 0, ball = true;
+  static constexpr bool off(int) { return rotated; }
 };
 
 /// Calls act(JointType) for the body's joint. On the main path `act` is inlined, to stay in registers.
@@ -32,13 +40,35 @@ LOCKSTEP_INLINE void with_joint(const Body<S>& body, Act&& act) {
     case sliding_joint + 0: return act(JointType<0, true, false>{});
     case sliding_joint + 1: return act(JointType<1, true, false>{});
     case sliding_joint + 2: return act(JointType<2, true, false>{});
+    case ball_joint + 0: return act(BallPart<0>{});
+    case ball_joint + 1: return act(BallPart<1>{});
+    case ball_joint + 2: return act(BallPart<2>{});
     default: return act(JointType<2, true, true>{});
   }
 }
 
+/// How a body is turned in its parent's frame.
+template <class T>
+struct Turn {
+  T s, c;               // of the joint's angle
+  const Mat3<T>* ball;  // body to parent coordinates, of a ball
+};
+
+template <class J, class T>
+LOCKSTEP_INLINE Turn<T> turn_of(J, const Body<ScalarOf<T>>& body, const Tile<T>& x, int b) {
+  if constexpr (J::ball)
+    return {T(0), T(1), J::rotated ? x.bodies.ball_turn + body.ball : nullptr};
+  else
+    return {x.bodies.sine[b], x.bodies.cosine[b], nullptr};
+}
+
 /// Parent coordinates to body coordinates: E p of (M3).
 template <class J, class T>
-LOCKSTEP_INLINE Vec3<T> to_body(J, const Body<ScalarOf<T>>& body, T s, T c, Vec3<T> p) {
+LOCKSTEP_INLINE Vec3<T> to_body(J, const Body<ScalarOf<T>>& body, const Turn<T>& turn, Vec3<T> p) {
+  if constexpr (J::ball) {
+    if constexpr (J::rotated) return multiply_transposed(*turn.ball, p);
+    return p;
+  }
   if constexpr (J::rotated) {
     const ScalarOf<T>* r = body.rotation;
     const auto row = [&](int a) { return fma(T(r[3 * a]), p.x, fma(T(r[3 * a + 1]), p.y, T(r[3 * a + 2]) * p.z)); };
@@ -46,19 +76,23 @@ LOCKSTEP_INLINE Vec3<T> to_body(J, const Body<ScalarOf<T>>& body, T s, T c, Vec3
   }
   if constexpr (!J::prismatic) {
     const T pi = p[J::i], pj = p[J::j];
-    p[J::i] = fma(c, pi, s * pj);
-    p[J::j] = fnma(s, pi, c * pj);
+    p[J::i] = fma(turn.c, pi, turn.s * pj);
+    p[J::j] = fnma(turn.s, pi, turn.c * pj);
   }
   return p;
 }
 
 /// Body coordinates to parent coordinates: E^T p.
 template <class J, class T>
-LOCKSTEP_INLINE Vec3<T> to_parent(J, const Body<ScalarOf<T>>& body, T s, T c, Vec3<T> p) {
+LOCKSTEP_INLINE Vec3<T> to_parent(J, const Body<ScalarOf<T>>& body, const Turn<T>& turn, Vec3<T> p) {
+  if constexpr (J::ball) {
+    if constexpr (J::rotated) return multiply(*turn.ball, p);
+    return p;
+  }
   if constexpr (!J::prismatic) {
     const T pi = p[J::i], pj = p[J::j];
-    p[J::i] = fnma(s, pj, c * pi);
-    p[J::j] = fma(s, pi, c * pj);
+    p[J::i] = fnma(turn.s, pj, turn.c * pi);
+    p[J::j] = fma(turn.s, pi, turn.c * pj);
   }
   if constexpr (J::rotated) {
     const ScalarOf<T>* r = body.rotation;

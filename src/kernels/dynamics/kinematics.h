@@ -1,8 +1,7 @@
-// Sines and cosines of the joints. SPDX-License-Identifier: Apache-2.0
+// How the joints turn their bodies. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "frame.h"
-#include "simd/sincos.h"
+#include "balls.h"
 
 namespace lockstep::kernels {
 
@@ -18,7 +17,7 @@ void kinematics(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
       ++next;
       continue;
     }
-    if (body.prismatic || body.root) continue;
+    if (body.prismatic || body.root || body.kind >= ball_joint) continue;
     sincos(x.state.q[body.joint] * T(body.sign), x.bodies.sine[b], x.bodies.cosine[b]);
   }
   for (const Mirror* mirror = mirrors.data; mirror != last; ++mirror) {
@@ -26,6 +25,7 @@ void kinematics(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     x.bodies.sine[mirror->body] = mirror->opposed ? -sine : sine;
     x.bodies.cosine[mirror->body] = x.bodies.cosine[mirror->leader];
   }
+  if (t.balls.count > 0) turn_balls(t, x.state.q, x);
 }
 
 }  // namespace lockstep::kernels

@@ -10,25 +10,25 @@ namespace lockstep::kernels {
 
 /// E^T A E of a symmetric A.
 template <class J, class T>
-LOCKSTEP_INLINE void turn_symmetric(J joint, const Body<ScalarOf<T>>& body, T s, T c, const T* from, T* turned) {
+LOCKSTEP_INLINE void turn_symmetric(J joint, const Body<ScalarOf<T>>& body, const Turn<T>& turn, const T* from, T* turned) {
   if constexpr (J::rotated) {  // columns, then rows
     Vec3<T> columns[3];
     each_axis([&](int k) LOCKSTEP_INLINED {
       columns[k] =
-          to_parent(joint, body, s, c, {simd::pair(from, 0, k), simd::pair(from, 1, k), simd::pair(from, 2, k)});
+          to_parent(joint, body, turn, {simd::pair(from, 0, k), simd::pair(from, 1, k), simd::pair(from, 2, k)});
     });
     each_axis([&](int k) LOCKSTEP_INLINED {
-      const Vec3<T> row = to_parent(joint, body, s, c, {columns[0][k], columns[1][k], columns[2][k]});
+      const Vec3<T> row = to_parent(joint, body, turn, {columns[0][k], columns[1][k], columns[2][k]});
       turned[k] = row[k];
       if (k == 0) turned[5] = row[1], turned[4] = row[2];
       if (k == 1) turned[3] = row[2];
     });
-  } else if constexpr (J::prismatic) {
+  } else if constexpr (J::prismatic || J::ball) {
     for (int k = 0; k < 6; ++k) turned[k] = from[k];
   } else {
     const T ii = from[J::i], jj = from[J::j], ij = from[3 + J::k];
     const T ik = from[3 + J::j], jk = from[3 + J::i];
-    const T cross = c * ij, across = fma(s, ii - jj, cross);
+    const T s = turn.s, c = turn.c, cross = c * ij, across = fma(s, ii - jj, cross);
     const T shift = s * (across + cross);  // s^2 (ii - jj) + 2 s c ij
     turned[J::i] = ii - shift;
     turned[J::j] = jj + shift;
@@ -41,11 +41,11 @@ LOCKSTEP_INLINE void turn_symmetric(J joint, const Body<ScalarOf<T>>& body, T s,
 
 /// Adds a body's composite, in its own frame, to `before`, which its parent has so far (M10).
 template <class J, class T>
-LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, T s, T c, const Vec3<T>& r,
+LOCKSTEP_INLINE void add_to_parent(J joint, const Body<ScalarOf<T>>& body, const Turn<T>& turn, const Vec3<T>& r,
                                    const PseudoInertia<T>& from, const PseudoInertia<T>& before, PseudoInertia<T>& to) {
   T turned[6];
-  turn_symmetric(joint, body, s, c, from.second, turned);
-  Vec3<T> u = to_parent(joint, body, s, c, from.moment);  // + m r / 2: then the shift adds r u^T + u r^T
+  turn_symmetric(joint, body, turn, from.second, turned);
+  Vec3<T> u = to_parent(joint, body, turn, from.moment);  // + m r / 2: then the shift adds r u^T + u r^T
   Vec3<T> moved = u;
   if (body.heavy)
     each_axis([&](int k) LOCKSTEP_INLINED {
@@ -105,14 +105,14 @@ LOCKSTEP_INLINE void rows_of_body(J joint, const Tables<ScalarOf<T>>& t, const T
   if (parent < 0) {
     for (int k = 0; k < carried; ++k) row[k] = J::prismatic ? force[k][J::k] : moment[k][J::k];
   } else {
-    const T s = x.bodies.sine[b], c = x.bodies.cosine[b];
+    const Turn<T> turn = turn_of(joint, body, x, b);
     Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[body.joint] : T(0));
-    add_to_parent(joint, body, s, c, r, composite,
+    add_to_parent(joint, body, turn, r, composite,
                   body.first ? x.bodies.base_inertia[parent] : x.bodies.composite[parent], x.bodies.composite[parent]);
     for (int k = 0; k < carried; ++k) {
       row[k] = J::prismatic ? force[k][J::k] : moment[k][J::k];
-      Vec3<T> passed = to_parent(joint, body, s, c, force[k]);
-      moment[k] = cross_origin_add(joint, r, passed, to_parent(joint, body, s, c, moment[k]));
+      Vec3<T> passed = to_parent(joint, body, turn, force[k]);
+      moment[k] = cross_origin_add(joint, r, passed, to_parent(joint, body, turn, moment[k]));
       force[k] = passed;
     }
   }

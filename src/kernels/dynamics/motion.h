@@ -28,11 +28,12 @@ void move_bodies(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Motion<T>& m) {
     const Vec3<T> zero = Vec3<T>::zero();
     with_joint(body, [&](auto joint) {
       using J = decltype(joint);
-      const T s = x.bodies.sine[b], c = x.bodies.cosine[b], speed = x.state.v[body.velocity] * T(body.sign);
+      const Turn<T> turn = turn_of(joint, body, x, b);
+  const T speed = x.state.v[body.velocity] * T(body.sign);
       const Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[body.joint] : T(0));
       m.place[b] = multiply_add(parent_world, r, parent_place);
-      m.angular[b] = to_body(joint, body, s, c, p < 0 ? zero : m.angular[p]);
-      m.linear[b] = to_body(joint, body, s, c, p < 0 ? zero : cross_add(m.angular[p], r, m.linear[p]));
+      m.angular[b] = to_body(joint, body, turn, p < 0 ? zero : m.angular[p]);
+      m.linear[b] = to_body(joint, body, turn, p < 0 ? zero : cross_add(m.angular[p], r, m.linear[p]));
       (J::prismatic ? m.linear : m.angular)[b][J::k] += speed;
     });
   }
@@ -57,8 +58,11 @@ LOCKSTEP_INLINE void accelerate_body(const Tables<ScalarOf<T>>& t, const Motion<
   if (p < 0) return;
   const Vec3<T> along = column_of(m.world[b], body.axis), angular = multiply(m.world[p], m.angular[p]),
                 arm = m.place[b] - m.place[p];
-  const T speed = x.state.v[body.velocity] * T(body.sign);
-  const Vec3<T> turned = cross(angular, scaled(along, speed));
+  Vec3<T> turned = cross(angular, scaled(along, x.state.v[body.velocity] * T(body.sign)));
+  if (body.ball >= 0)
+    turned = cross(angular, multiply(m.world[b], spin_of_ball(body, x.state.v)));
+  else if (body.kind >= ball_joint)
+    turned = Vec3<T>::zero();  // the first part has all of it, (M175)
   turning = turning + turning_of[p];
   moving = cross_add(turning_of[p], arm, cross_add(angular, cross(angular, arm), moving + moving_of[p]));
   if (body.prismatic)

@@ -18,7 +18,7 @@ void orientations(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Mat3<T>* world
     with_joint(body, [&](auto joint) {  // each world axis, first in the axes of the parent, then of the body
       for (int r = 0; r < 3; ++r) {
         const Vec3<T> axis =
-            to_body(joint, body, x.bodies.sine[b], x.bodies.cosine[b], {parent(r, 0), parent(r, 1), parent(r, 2)});
+            to_body(joint, body, turn_of(joint, body, x, b), {parent(r, 0), parent(r, 1), parent(r, 2)});
         for (int c = 0; c < 3; ++c) world[b](r, c) = axis[c];
       }
     });

@@ -12,6 +12,17 @@
 
 namespace lockstep::kernels {
 
+/// (M70): the velocities with which roots and balls go on from the midpoint, into x.state.v.
+template <class T>
+LOCKSTEP_INLINE void second_half_velocities(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const auto set = [&](int first, int count) LOCKSTEP_INLINED {
+    for (int k = first; k < first + count; ++k)
+      x.state.v[k] = fma(T(ScalarOf<T>(2)), x.stages.mean_velocity[k], -x.stages.midpoint.v[k]);
+  };
+  for (int r = 0; r < t.roots.count; ++r) set(t.roots[r].velocity, 6);
+  for (int i = 0; i < t.balls.count; ++i) set(t.balls[i].velocity, 3);
+}
+
 /// Changes x.stages.mean_velocity, which is about to move the positions of x.stages.begin. x.state.pose is where roots
 /// are at the midpoint, and stays.
 template <class T>
@@ -26,10 +37,9 @@ void close_loops(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   // The gaps where the step would end.
   for (int j = 0; j < t.joints; ++j)
     x.state.q[j] = fma(T(t.step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.begin.q[j]);
+  second_half_velocities(t, x);
+  if (t.balls.count > 0) move_balls(t, t.step * S(0.5), x.state.v, x.stages.midpoint.q, x.state.q);
   if (t.functions.used()) place_curved_positions(t, x, x.state.q);
-  for (int r = 0; r < t.roots.count; ++r)
-    for (int k = t.roots[r].velocity, last = k + 6; k < last; ++k)
-      x.state.v[k] = fma(T(S(2)), x.stages.mean_velocity[k], -x.stages.midpoint.v[k]);
   for (int k = 0; k < 7 * t.roots.count; ++k) x.loops.pose[k] = x.state.pose[k];
   move_roots(t, x, t.step * S(0.5), x.state.v, x.loops.pose, x.state.pose);
   kinematics(t, x);

@@ -3,6 +3,7 @@
 
 #include "kernels/bounds/bounded_rows.h"
 #include "kernels/couplings/functions.h"
+#include "kernels/dynamics/balls.h"
 #include "simd/sincos.h"
 
 namespace lockstep::kernels {
@@ -209,6 +210,7 @@ template <class T>
 void integrate(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   expand(t, x, x.dynamics.solution, true, x.next.v);
   for (int j = 0; j < t.joints; ++j) x.next.q[j] = fma(T(t.dt), x.next.v[t.velocity_of(j)], x.state.q[j]);
+  if (t.balls.count > 0) move_balls(t, t.dt, x.next.v, x.state.q, x.next.q);
   place_followers(t, x);
   if (t.functions.used()) place_curved_positions(t, x, x.next.q);
   move_roots(t, x, t.dt, x.next.v, x.state.pose, x.next.pose);

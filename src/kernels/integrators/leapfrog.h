@@ -71,6 +71,10 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   for (int j = 0; j < t.joints; ++j)
     x.state.q[j] = x.stages.midpoint.q[j] = fma(T(half), x.stages.begin.v[t.velocity_of(j)], x.stages.begin.q[j]);
   for (int k = 0; k < n; ++k) x.state.v[k] = x.stages.begin.v[k];
+  if (t.balls.count > 0) {
+    move_balls(t, half, x.stages.begin.v, x.stages.begin.q, x.state.q);
+    for (int j = 0; j < t.joints; ++j) x.stages.midpoint.q[j] = x.state.q[j];
+  }
   move_roots(t, x, half, x.stages.begin.v, x.stages.begin.pose, x.state.pose);
   turn_root_twists(t, x, x.state.v);
   if (t.functions.used()) {
@@ -105,9 +109,8 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   // Positions, and roots along the second half of their way (M70).
   for (int j = 0; j < t.joints; ++j)
     x.next.q[j] = fma(T(t.step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.begin.q[j]);
-  for (int r = 0; r < t.roots.count; ++r)
-    for (int k = t.roots[r].velocity, last = k + 6; k < last; ++k)
-      x.state.v[k] = fma(T(S(2)), x.stages.mean_velocity[k], -x.stages.midpoint.v[k]);
+  second_half_velocities(t, x);
+  if (t.balls.count > 0) move_balls(t, half, x.state.v, x.stages.midpoint.q, x.next.q);
   move_roots(t, x, half, x.state.v, x.state.pose, x.next.pose);
   turn_root_twists(t, x, x.next.v);
   if (t.rounds.in_stages) settle(t, batch, x);
@@ -199,6 +202,12 @@ void add_change(const Tables<ScalarOf<T>>& t, Tile<T>& x, ScalarOf<T> step, Scal
   const auto add = [&](int k, T gained) LOCKSTEP_INLINED {
     x.stages.total_change.v[k] = fma(T(share), gained, x.stages.total_change.v[k]);
   };
+  for (int i = 0; i < t.balls.count; ++i)  // what moved their numbers
+    for (int k = 0; k < 3; ++k) {
+      const int j = t.balls[i].joint + k;
+      x.stages.mean_velocity[t.balls[i].velocity + k] =
+          T(ScalarOf<T>(1) / step) * (x.next.q[j] - x.stages.begin.q[j]);
+    }
   for (int j = 0; j < t.joints; ++j) {
     const int k = t.velocity_of(j);
     x.stages.total_change.q[j] = fma(T(share * step), x.stages.mean_velocity[k], x.stages.total_change.q[j]);

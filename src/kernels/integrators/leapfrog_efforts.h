@@ -28,6 +28,7 @@ void leapfrog_efforts(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
         x.state.q[j] = fma(duration, x.stages.velocity[earlier * n + t.velocity_of(j)], x.state.q[j]);
       for (int k = 0; k < n; ++k) x.state.v[k] = fma(share, x.stages.change[earlier * n + k], x.state.v[k]);
     }
+    if (t.balls.count > 0) turn_along_ways(t, x.stages.begin.q, x.state.q);
     each_drive_effort(t, batch, x, time + i, x.state.v,
                       [&](int j, T effort) LOCKSTEP_INLINED { mean[j] = fma(T(A::weight[i]), effort, mean[j]); });
   }

@@ -74,8 +74,7 @@ void runge_kutta_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
   for (int i = 0; i < 4; ++i) {
     // The state of the stage (M72).
     if (i > 0) {
-      for (int j = 0; j < t.joints; ++j)
-        x.state.q[j] = fma(T(h * share[i]), x.state.v[t.velocity_of(j)], x.stages.begin.q[j]);
+      for (int j = 0; j < t.joints; ++j) x.state.q[j] = fma(T(h * share[i]), x.stages.rate[j], x.stages.begin.q[j]);
       for (int k = 0; k < t.velocities; ++k) x.state.v[k] = fma(T(share[i]), x.stages.change[k], x.stages.begin.v[k]);
       move_stage_poses(t, x, T(h * share[i]));
       if (t.functions.used()) place_curved(t, x, x.state.q, x.state.v);
@@ -84,8 +83,13 @@ void runge_kutta_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
     // Its change, with its weight (M73).
     slope(t, batch, x, time[i], x.stages.change);
     singular = singular | x.singular;
+    for (int j = 0; j < t.joints; ++j) x.stages.rate[j] = x.state.v[t.velocity_of(j)];
+    for (int b = 0; b < t.balls.count; ++b) {
+      const Vec3<T> rate = rate_of_ball(t.balls[b], x.state.q, x.state.v);
+      for (int k = 0; k < 3; ++k) x.stages.rate[t.balls[b].joint + k] = rate[k];
+    }
     for (int j = 0; j < t.joints; ++j)
-      x.stages.total_change.q[j] = fma(T(h * weight[i]), x.state.v[t.velocity_of(j)], x.stages.total_change.q[j]);
+      x.stages.total_change.q[j] = fma(T(h * weight[i]), x.stages.rate[j], x.stages.total_change.q[j]);
     for (int k = 0; k < t.velocities; ++k)
       x.stages.total_change.v[k] = fma(T(weight[i]), x.stages.change[k], x.stages.total_change.v[k]);
     for (int r = 0; r < t.roots.count; ++r) root_rate(t, x, r);

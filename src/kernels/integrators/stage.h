@@ -35,6 +35,7 @@ void begin_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
       x.state.q[j] = fma(duration, x.stages.velocity[earlier * n + t.velocity_of(j)], x.state.q[j]);
     for (int k = 0; k < n; ++k) x.state.v[k] = fma(share, x.stages.change[earlier * n + k], x.state.v[k]);
   }
+  if (t.balls.count > 0) turn_along_ways(t, x.stages.begin.q, x.state.q);
   const bool last = i == leapfrog_stages - 1;
   x.corrects_positions = last;
   x.solves_twice = last && t.solve_twice;

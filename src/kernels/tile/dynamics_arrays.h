@@ -15,6 +15,7 @@ template <class T>
 struct Bodies {
   T* sine;
   T* cosine;
+  Mat3<T>* ball_turn;              // [balls] child to parent coordinates
   PseudoInertia<T>* inertia;       // per-environment masses
   PseudoInertia<T>* base_inertia;  // with the mass on joints' axes moved inwards (M10)
   Vec3<T>* angular;                // angular velocity
@@ -33,6 +34,7 @@ struct Bodies {
   void kinematics(const Tables<ScalarOf<T>>& t, Take& take) {
     take("bodies.sine", sine, t.bodies);
     take("bodies.cosine", cosine, t.bodies);
+    take("bodies.ball_turn", ball_turn, t.balls.count);
     take("bodies.inertia", inertia, t.has_own_inertias() ? t.bodies : 0, Lifetime::call);
     take("bodies.base_inertia", base_inertia, t.bodies, Lifetime::call);
   }

@@ -66,6 +66,7 @@ struct Stages {
   T* change;              // [stages][velocities]
   T* mean_velocity;       // [velocities] that moves the positions
   T* gained_velocity;     // [velocities] what a leapfrog adds to the velocities, along the midpoint's axes
+  T* rate;                // [joints] of the positions, in a stage of Runge-Kutta
   T* pose;                // [7] by floating root, of a stage: its quaternion is not normalised
   T* pose_rate;           // [7] by floating root
 
@@ -81,6 +82,7 @@ struct Stages {
     take("stages.change", change, classical ? t.velocities : leapfrog_stages * velocities);
     take("stages.mean_velocity", mean_velocity, velocities);
     take("stages.gained_velocity", gained_velocity, velocities);
+    take("stages.rate", rate, classical ? t.joints : 0);
     take("stages.pose", pose, root_pose);
     take("stages.pose_rate", pose_rate, root_pose);
     first.arrays(t, "stages.first.q", "stages.first.v", "stages.first.pose", take, Lifetime::step, twice);

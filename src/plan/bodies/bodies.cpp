@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 
+#include "model/joint_motion.h"
 #include "plan/layout.h"
 
 namespace lockstep {
@@ -14,6 +15,7 @@ using Eigen::Matrix;
 using Eigen::Matrix3d;
 using Eigen::Matrix4d;
 using Eigen::Vector3d;
+using Eigen::Vector4d;
 
 // An axis this close to a coordinate axis is taken as one. No step can tell them apart.
 constexpr double axis_tolerance = 1e-12;
@@ -85,6 +87,17 @@ int kind_of(const Body<double>& body) {
   return 3 * body.axis + (next && last ? both_axes : last ? last_axis : next_axis);
 }
 
+// A part of a ball joint. The rotation of the first is constant and comes before its turn.
+void place_ball(int part, const Isometry3d& placement, Body<double>& body) {
+  body.axis = part;
+  body.sign = 1.0;
+  body.kind = ball_joint + part;
+  body.ball = part == 0 ? 0 : -1;
+  body.rotated = part == 0;
+  copy(placement.linear().transpose(), body.rotation);
+  copy(placement.translation(), body.offset);
+}
+
 // Base inertia, (M10): mass on a revolute joint's axis moves with the parent, so it is added to the parent. For a body
 // that rotates about a coordinate axis, this removes the mass, one first and one second moment from every step.
 void move_masses_inwards(std::vector<Body<double>>& bodies, bool masses_differ) {
@@ -97,7 +110,14 @@ void move_masses_inwards(std::vector<Body<double>>& bodies, bool masses_differ) 
   for (int b = static_cast<int>(bodies.size()) - 1; b >= 0; --b) {
     Body<double>& body = bodies[b];
     Matrix4d& own = inertia[b];
-    if (!body.root && !body.prismatic) {
+    if (body.ball >= 0) {  // turns about a point alone
+      if (body.parent >= 0) {
+        Vector4d place;
+        place << Vector3d(body.offset), 1.0;
+        inertia[body.parent] += own(3, 3) * place * place.transpose();
+      }
+      own(3, 3) = 0.0;
+    } else if (!body.root && !body.prismatic) {
       const std::array<int, 2> on_axis = {body.axis, 3};
       Matrix<double, 4, 2> line = Matrix<double, 4, 2>::Zero();  // axis and origin in the parent's frame
       line.col(0).head<3>() = Vector3d(body.rotation + 3 * body.axis);
@@ -169,6 +189,7 @@ void lay_out_bodies(Program& program, const Trees& trees) {
   std::vector<Body<double>> bodies;
   std::vector<TreePlace<double>> places_of_trees;
   std::vector<FloatingRoot> roots;
+  std::vector<BallJoint> balls;
   std::vector<int> parents;  // by velocity: the parent's in the mass matrix
   std::vector<int> joint_row, joint_velocity, joint_body;
   auto next_joint = trees.joints_depth_first.begin();
@@ -193,6 +214,7 @@ void lay_out_bodies(Program& program, const Trees& trees) {
       body.velocity = static_cast<int>(parents.size());
       body.joint = place.root = static_cast<int>(roots.size());
       body.root = true;
+      body.ball = -1;
       body.sign = 1.0;
       copy(Matrix3d::Identity(), body.rotation);
       roots.push_back({static_cast<int>(bodies.size()), body.velocity, body.velocity});
@@ -217,13 +239,25 @@ void lay_out_bodies(Program& program, const Trees& trees) {
       body.velocity = static_cast<int>(parents.size());
       body.joint = static_cast<int>(joint_row.size());
       body.prismatic = joint.kind == JointKind::prismatic;
-      const Matrix3d axes = choose_frame((placement.linear() * joint.axis).normalized(), body);
-      copy(axes.transpose(), body.rotation);
-      const double along = choose_origin(placement.translation(), body);
-      body.kind = kind_of(body);
-      frames.link_in_body[child].linear() = axes.transpose() * placement.linear();
-      frames.link_in_body[child].translation()[body.axis] = along;
-      frames.body_of_link[child] = static_cast<int>(bodies.size());
+      body.ball = -1;
+      if (joint.kind == JointKind::ball) {
+        if (is_inner_part(joint)) body.parent = static_cast<int>(bodies.size()) - 1;
+        place_ball(part_of_ball(joint), placement, body);
+        if (body.ball == 0) {
+          body.ball = static_cast<int>(balls.size());
+          balls.push_back({static_cast<int>(bodies.size()), body.joint, body.velocity, -1, {}});
+        }
+        // All of its links move as the last one does.
+        frames.body_of_link[child] = static_cast<int>(bodies.size()) + 2 - part_of_ball(joint);
+      } else {
+        const Matrix3d axes = choose_frame((placement.linear() * joint.axis).normalized(), body);
+        copy(axes.transpose(), body.rotation);
+        const double along = choose_origin(placement.translation(), body);
+        body.kind = kind_of(body);
+        frames.link_in_body[child].linear() = axes.transpose() * placement.linear();
+        frames.link_in_body[child].translation()[body.axis] = along;
+        frames.body_of_link[child] = static_cast<int>(bodies.size());
+      }
 
       // Joints and velocities in the solver's order.
       program.solver_joint[j] = body.joint;
@@ -259,6 +293,7 @@ void lay_out_bodies(Program& program, const Trees& trees) {
     body.velocity = static_cast<int>(parents.size());
     body.joint = place.first_joint;
     body.prismatic = true;
+    body.ball = -1;
     body.sign = 1.0;
     copy(Matrix3d::Identity(), body.rotation);
     body.kind = kind_of(body);
@@ -319,6 +354,7 @@ void lay_out_bodies(Program& program, const Trees& trees) {
   t.body = program.storage.keep(std::move(bodies));
   t.tree = program.storage.keep(std::move(places_of_trees));
   t.roots = program.storage.keep(std::move(roots));
+  t.balls = program.storage.keep(std::move(balls));
   t.link = program.storage.keep(std::move(places));
   t.link_mass = program.storage.keep(std::move(masses));
   t.dof = program.storage.keep(std::move(joint_row));

@@ -26,7 +26,7 @@ struct Row {
 int hard_bounds(const Program& program, const Joint& joint) {
   const Ignored& ignore = program.settings.ignore;
   int has = 0;
-  if (has_range_of(program, joint) && is_hard(joint.limit_softness)) has |= has_range;
+  if (has_range_of(program, joint) && is_hard(joint.limit_softness) && joint.kind != JointKind::ball) has |= has_range;
   if (has & has_range && joint.restitution > 0.0) has |= has_restitution;
   if (joint.velocity_limit < infinity && !leaves_out(program, ignore.velocity_limits, joint)) has |= has_speed_limit;
   const bool may_have_friction = declared(program, Parameter::friction) && joint.kind != JointKind::tendon;
@@ -69,7 +69,7 @@ void lay_out_joint_bounds(Program& program) {
     has[i] = hard_bounds(program, joint);
     lower[i] = std::max(joint.lower, -unlimited);
     upper[i] = std::min(joint.upper, unlimited);
-    if (has[i] & has_range) {
+    if (has_range_of(program, joint) && is_hard(joint.limit_softness)) {
       const double erp = erp_of(joint.limit_softness);
       limit_rate[i] = erp / s.dt;
       if (program.method == Method::tgs) sub_step_rate[i] = hard_rate(s, erp);
@@ -160,7 +160,8 @@ bool rows_compete(const Program& program) {
     const Joint& joint = program.model.joints[j];
     const int i = program.solver_joint[j];
     if (i < 0) continue;
-    const bool soft = (has_range_of(program, joint) && !is_hard(joint.limit_softness)) ||
+    const bool soft = (has_range_of(program, joint) &&
+                       (!is_hard(joint.limit_softness) || joint.kind == JointKind::ball)) ||
                       (joint.drive.kinematic && !is_hard(joint.drive.softness));
     if (soft || (t.bounds.has[i] != 0 && !acts_on_one_velocity(t, i))) return true;
   }
@@ -191,6 +192,25 @@ void put_single_first(std::vector<Row>& rows, BoundForms& bounds, int& single) {
     forms.joint.push_back(bounds.joint[r]);
   }
   rows = std::move(sorted), bounds = std::move(forms);
+}
+
+// Where the terms of their rows stand, which a step fills in.
+void place_ball_ranges(Program& program, const std::vector<Row>& rows) {
+  Tables<double>& t = program.f64;
+  const Rows<double>& places = t.bounds.rows;
+  std::vector<BallJoint> balls(t.balls.data, t.balls.data + t.balls.count);
+  for (BallJoint& ball : balls) {
+    ball.row = -1;
+    for (std::size_t r = 0; r < rows.size(); ++r)
+      if (rows[r].kind == BoundKind::ball_range && rows[r].members[0].joint == ball.joint) ball.row = static_cast<int>(r);
+    for (int axis = 0; axis < 3 && ball.row >= 0; ++axis) {
+      RowForm form{-1, {}, {}};
+      add_joint(t, t.reduction, ball.joint + axis, -1, form);
+      for (int k = places.term_start[ball.row]; k < places.term_start[ball.row + 1]; ++k)
+        if (places.term_index[k] == velocity_of(form)) ball.value[axis] = k;
+    }
+  }
+  t.balls = program.storage.keep(std::move(balls));
 }
 
 }  // namespace
@@ -251,6 +271,14 @@ BoundForms lay_out_bounds(Program& program) {
     add({kind, -1, {member}}, std::move(form));
   };
   each_joint([&](const Joint& joint, int i) {
+    if (joint.kind != JointKind::ball || !has_range_of(program, joint)) return;
+    RowForm form = joint_form(i);
+    for (int k = 1; k < 3; ++k) add_joint(t, t.reduction, i + k, -1, form);
+    form.softness = joint.limit_softness;
+    add({BoundKind::ball_range, -1, {member_of(t, i)}}, std::move(form));
+  });
+  each_joint([&](const Joint& joint, int i) {
+    if (joint.kind == JointKind::ball) return;
     if (has_range_of(program, joint) && !is_hard(joint.limit_softness) && !is_absent(joint.limit_softness))
       add_soft(BoundKind::soft_limit, joint.limit_softness, i);
   });
@@ -274,11 +302,13 @@ BoundForms lay_out_bounds(Program& program) {
   if (t.rows.count == 0 && (rounds || all_single(rows, result))) put_single_first(rows, result, b.single);
   b.rows = lay_out_forms(program, result.forms, t.solver, false);
   b.may_depend = depend(program, rows, result.forms);
+  place_ball_ranges(program, rows);
 
   // When some row may be active: joints to look at in each step, or always.
   std::vector<Watched> watched;
   each_joint([&](const Joint& joint, int i) {
-    const bool has_speed = b.has[i] & has_speed_limit, ranged = has_range_of(program, joint);
+    const bool has_speed = b.has[i] & has_speed_limit,
+               ranged = has_range_of(program, joint) && joint.kind != JointKind::ball;
     b.always |= (b.has[i] & (has_friction | has_kinematic_drive)) != 0;
     if (has_speed || ranged) watched.push_back({i, (b.has[i] & has_restitution) != 0, ranged, has_speed});
   });

@@ -55,7 +55,8 @@ void lay_out_report(Program& program) {
     const int has = b.has[i];
     const auto kind = [](bool hard) { return hard ? BoundKind::joint : BoundKind::soft_limit; };
     if (has_range_of(program, joint))
-      joint_row(Reported::position_limit, "position limit", kind(is_hard(joint.limit_softness)));
+      joint_row(Reported::position_limit, "position limit",
+                joint.kind == JointKind::ball ? BoundKind::ball_range : kind(is_hard(joint.limit_softness)));
     if (has & has_speed_limit) joint_row(Reported::velocity_limit, "velocity limit", BoundKind::joint);
     if (has & has_friction) joint_row(Reported::friction, "friction", BoundKind::joint);
     if (joint.drive.kinematic)

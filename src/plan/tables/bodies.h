@@ -15,6 +15,7 @@ struct BodyStructure {
   bool prismatic;
   bool rotated;   ///< a constant rotation comes before the joint's own
   bool root;      ///< a floating root, which has no joint
+  int ball;       ///< of the first body of a ball joint: its number among these; -1 for others
   int kind;       ///< BodyKind: what kernels::with_joint() switches over
   bool first;     ///< the first of its parent's children in the order from the leaves to the root
   bool leaf;      ///< it carries no other body
@@ -40,14 +41,16 @@ struct Body : BodyStructure {
 
 /// A joint and the direction of its body's offset. A revolute joint without a constant rotation has 3 * axis plus one
 /// of the first three: its offset lies along the next axis, the last one, or both. A prismatic joint without a constant
-/// rotation has sliding_joint + axis.
+/// rotation has sliding_joint + axis. The bodies of a ball joint have ball_joint + axis: the first makes all of its
+/// turn, the other two stay in its frame.
 enum BodyKind : int {
   next_axis,
   last_axis,
   both_axes,
   turned_joint = 9,
   sliding_joint = 10,
-  turned_sliding_joint = 13
+  turned_sliding_joint = 13,
+  ball_joint = 14
 };
 
 /// A link of the model in its body: where it is, and the inertia of one kilogram of it.
@@ -74,6 +77,13 @@ struct LinkPlace : LinkStructure {
 /// A floating root: its body, the first of its six velocities, and its number among the solver's velocities.
 struct FloatingRoot {
   int body, velocity, solver;
+};
+
+/// A ball joint: the first of its three bodies, joints and velocities, which follow each other.
+struct BallJoint {
+  int body, joint, velocity;
+  int row;       ///< of Bounds::rows, for its range; -1 without one
+  int value[3];  ///< by axis: the place of the row's term
 };
 
 /// How the inertia of a tree enters a step: as its part of A, from which A_r follows (M40); as A_r at once, by

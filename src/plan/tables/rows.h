@@ -94,9 +94,9 @@ struct Rows : RowStructure {
 };
 
 /// What a bounded row holds: the hard bounds of a joint (or of all joints that move with one velocity), a soft limit, a
-/// soft kinematic drive, a coupling with a force limit, a hard kinematic drive beside other rows, or a servo with an
-/// effort limit.
-enum class BoundKind : int { joint, soft_limit, soft_drive, coupling, drive, servo };
+/// soft kinematic drive, a coupling with a force limit, a hard kinematic drive beside other rows, a servo with an
+/// effort limit, or the range of a ball joint.
+enum class BoundKind : int { joint, soft_limit, soft_drive, coupling, drive, servo, ball_range };
 
 /// The hard bounds of a joint, as bits.
 enum JointBound : int {
