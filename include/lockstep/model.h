@@ -108,11 +108,11 @@ struct Joint {
   /// Position range, rad or m; lower <= upper. That of a ball's first part is for the angle: lower is -infinity, and
   /// upper more than 0. The other two parts have none.
   double lower = -infinity, upper = infinity;
-  Softness limit_softness = Hard{};            ///< of both ends of the range
-  double restitution = 0.0;                    ///< share of the speed that a hard end gives back, 0 to 1
-  double velocity_limit = infinity;            ///< rad/s or m/s, > 0; hard
-  double effort_limit = infinity;              ///< N m or N, >= 0: of servo and feed-forward effort together
-  double friction = 0.0;                       ///< dry friction, N m or N, >= 0
+  Softness limit_softness = Hard{};  ///< of both ends of the range
+  double restitution = 0.0;          ///< share of the speed that a hard end gives back, 0 to 1
+  double velocity_limit = infinity;  ///< rad/s or m/s, > 0; hard
+  double effort_limit = infinity;    ///< N m or N, >= 0: of servo and feed-forward effort together
+  double friction = 0.0;             ///< dry friction, N m or N, >= 0
 
   double position = 0.0;  ///< state after reset(), rad or m; a tendon's is that of its joints, whatever stands here
   double velocity = 0.0;  ///< rad/s or m/s; the same
@@ -323,10 +323,10 @@ struct Model {
   /// taken. The reference holds until the next site is added.
   LOCKSTEP_API Site& add_site(const std::string& name, const std::string& link, const Pose& pose = Pose::Identity());
 
-  /// Adds a ball joint between two links: the joints `name`.x, `name`.y and `name`.z of kind ball, and the links without
-  /// mass between them, which are called as the joints. `origin` is the child's frame in the parent's at rest. Throws
-  /// ModelError where the name is empty or one of these is taken. Returns the number of the first joint; the others
-  /// follow it.
+  /// Adds a ball joint between two links: the joints `name`.x, `name`.y and `name`.z of kind ball, and the links
+  /// without mass between them, which are called as the joints. `origin` is the child's frame in the parent's at rest.
+  /// Throws ModelError where the name is empty or one of these is taken. Returns the number of the first joint; the
+  /// others follow it.
   LOCKSTEP_API int add_ball(const std::string& name, const std::string& parent, const std::string& child,
                             const Pose& origin = Pose::Identity());
 

@@ -117,8 +117,8 @@ class Drive:
 
 @dataclass
 class Joint:
-    """kind: "fixed", "revolute", "continuous", "prismatic" or "tendon". origin: the child's frame in the parent's at
-    q = 0, 4 x 4. axis: in the child's frame. damping: N m s/rad or N s/m. armature: a rotor's inertia, kg m^2 or kg. stiffness and
+    """kind: "fixed", "revolute", "continuous", "prismatic", "tendon", or "ball" for the three parts that
+    `Model.add_ball()` makes. origin: the child's frame in the parent's at q = 0, 4 x 4. axis: in the child's frame. damping: N m s/rad or N s/m. armature: a rotor's inertia, kg m^2 or kg. stiffness and
     rest: a spring beside the drive, N m/rad or N/m. effort: feed-forward, N m or N. lower, upper, velocity_limit,
     effort_limit: hard bounds; the last is of servo and feed-forward effort together. restitution: share of the speed
     that an end of the range gives back. friction: dry, N m or N. position, velocity: the state after reset()."""
@@ -413,6 +413,24 @@ class Model:
     def copy(self) -> Model:
         """Another Model with the same numbers."""
         return copy.deepcopy(self)
+
+    def add_ball(self, name: str, parent: str, child: str, origin: Matrix = IDENTITY) -> list[Joint]:
+        """Adds a ball joint between two links: the joints `name`.x, .y and .z, and links without mass between them.
+        Their velocities are the child's angular velocity along its own axes, their positions the rotation vector.
+        `upper` of the first bounds the angle. Raises ModelError where one of the names is taken."""
+        added, carrier = [], parent
+        for part, axis in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))):
+            own = f"{name}.{'xyz'[part]}"
+            if any(element.name == own for element in (*self.links, *self.joints)):
+                raise ModelError(f"ball joint '{name}'", f"needs the name '{own}', which is taken",
+                                 "give it its own name", "model.joint")
+            to = child if part == 2 else own
+            if part < 2:
+                self.links.append(Link(own))
+            added.append(Joint(own, "ball", carrier, to, origin if part == 0 else IDENTITY, axis))
+            self.joints.append(added[-1])
+            carrier = to
+        return added
 
     def end_colliders(self) -> list[str]:
         """Names of the colliders on bodies that move and carry no other moving body: feet, fingertips, free objects.

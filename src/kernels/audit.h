@@ -15,7 +15,7 @@ T most_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batc
   const int k = t.velocity_of(j);
   const T zero = T(0), limit = effort_limit<T>(t, batch, j);
   T moved = x.next.q[j] - x.state.q[j];
-  if (t.body[t.joint_body[j]].kind >= ball_joint) moved = T(t.dt * ScalarOf<T>(0.5)) * (x.state.v[k] + x.next.v[k]);
+  if (t.body[t.joint_body[j]].kind >= ball_joint) moved = T(t.step * ScalarOf<T>(0.5)) * (x.state.v[k] + x.next.v[k]);
   T best = zero;
   for (int time = 0; time < t.input_times; ++time) {
     const Servo<T> own = servo<T>(t, batch, x, j, time);

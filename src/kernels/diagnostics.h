@@ -217,8 +217,10 @@ void add_work(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     T done = impulse * x.next.v[t.velocity_of(b.member[m].joint)] * x.bounds.member_inverse[m];
     if (b.kind[r] == BoundKind::ball_range) {
       done = impulse * bound_speed(t, x, r, t.solve_twice ? x.dynamics.velocity_solution : x.dynamics.solution);
-      if (b.rows.softness[r].soft) work += done;
-      else if (b.restitution[b.member[m].joint] > 0) work += larger(done, zero);
+      if (b.rows.softness[r].soft)
+        work += done;
+      else if (b.restitution[b.member[m].joint] > 0)
+        work += larger(done, zero);
     } else if (b.kind[r] != BoundKind::joint || b.kinematic[r])
       work += done;
     else {

@@ -47,7 +47,8 @@ int Model::add_ball(const std::string& name, const std::string& parent, const st
     const auto is_own = [&](const auto& element) { return element.name == own; };
     if (name.empty() || std::any_of(joints.begin(), joints.end(), is_own) ||
         std::any_of(links.begin(), links.end(), is_own))
-      throw ModelError("ball joint '" + name + "'", name.empty() ? "has no name" : "needs the name '" + own + "', which is taken",
+      throw ModelError("ball joint '" + name + "'",
+                       name.empty() ? "has no name" : "needs the name '" + own + "', which is taken",
                        "give it its own name");
     Joint joint;
     joint.name = own;

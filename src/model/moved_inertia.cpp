@@ -104,7 +104,8 @@ std::vector<UnmovedLink> unmoved_links(const Model& model, const Trees& trees, c
     if (!is_moved) unmoved.push_back({link, reason(own, bodies[link], joint)});
     Carried& base = carried[trees.carrier[parent]];
     if (base.is_whole) continue;  // no motion of it is free, whatever it carries
-    const Matrix6 to_child = motion_transform(trees.in_carrier[parent] * Isometry3d(joint.origin) * motion_of(model, *at));
+    const Matrix6 to_child =
+        motion_transform(trees.in_carrier[parent] * Isometry3d(joint.origin) * motion_of(model, *at));
     if (is_moved) {
       const Vector6 force = own.free * direction(joint);
       own.free -= force * force.transpose() / own.pivot_for(joint);

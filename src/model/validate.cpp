@@ -182,8 +182,8 @@ void proper_ball(const Model& model, std::size_t j) {
   const Joint& joint = model.joints[j];
   const string element = quoted("joint", joint.name);
   const int part = part_of_ball(joint);
-  require(joint.axis == Eigen::Vector3d::Unit(part), element, "is a part of a ball joint, and its axis is not x, y or z",
-          "make ball joints by Model::add_ball()");
+  require(joint.axis == Eigen::Vector3d::Unit(part), element,
+          "is a part of a ball joint, and its axis is not x, y or z", "make ball joints by Model::add_ball()");
   const std::size_t first = j - std::min(j, static_cast<std::size_t>(part));
   for (std::size_t k = first; k < first + 3; ++k) {
     const auto expected = static_cast<int>(k - first);
@@ -202,10 +202,11 @@ void proper_ball(const Model& model, std::size_t j) {
     require(joint.lower == -infinity && joint.upper > 0.0, element, "has a range of angle that does not begin at 0",
             "give lower = -infinity and upper, the largest angle");
   else
-    require(joint.lower == -infinity && joint.upper == infinity, element, "has a range, which the first part has for all",
-            "give the largest angle as upper of the first part");
+    require(joint.lower == -infinity && joint.upper == infinity, element,
+            "has a range, which the first part has for all", "give the largest angle as upper of the first part");
   require(!std::holds_alternative<Frequency>(joint.limit_softness), element,
-          "has a range with a softness by frequency, and no inertia about a fixed axis", "give the softness as a spring");
+          "has a range with a softness by frequency, and no inertia about a fixed axis",
+          "give the softness as a spring");
 }
 
 // Nothing else hangs on the links between the parts, which have no mass of their own.

@@ -24,8 +24,8 @@ bool has_hard_row(const Joint& joint) {
 }
 
 bool is_bounded(const Joint& joint) {
-  return joint.moves() &&
-         (has_hard_row(joint) || has_range(joint) || has_angle_range(joint) || joint.drive.kinematic || joint.effort_limit < infinity);
+  return joint.moves() && (has_hard_row(joint) || has_range(joint) || has_angle_range(joint) || joint.drive.kinematic ||
+                           joint.effort_limit < infinity);
 }
 
 // (M56): the speed that goes to an end of the range in h, or beyond the end a share of the way back. `beyond` is the
@@ -118,7 +118,12 @@ class Maker {
     row.direction = VectorXd::Zero(mechanism_.velocities());
     row.direction.segment<3>(mechanism_.root_velocities() + dof) = along;
     row.dof = dof;
-    row.hi = end_speed(joint.upper - vector.norm() - along.dot(way), -1.0, hard && velocity_phase ? 0.0 : softness.erp, h_);
+    const Eigen::Vector3d w = stage_.state.v.segment<3>(mechanism_.root_velocities() + dof);
+    const Eigen::Vector3d across = stage_.h * (w - along.dot(w) * along);
+    // The turns are about axes at right angles.
+    const double angle =
+        2.0 * std::acos(std::cos(0.5 * vector.norm()) * std::cos(0.5 * across.norm())) + along.dot(way);
+    row.hi = end_speed(joint.upper - angle, -1.0, hard && velocity_phase ? 0.0 : softness.erp, h_);
     const double speed = row.direction.dot(stage_.state.v);
     if (hard && velocity_phase && joint.restitution > 0.0 && speed > row.hi)
       row.hi = std::min(row.hi, -joint.restitution * speed);

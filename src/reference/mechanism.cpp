@@ -62,9 +62,7 @@ std::vector<Pose<double>> root_poses(const State& state) {
 template <class T>
 using BallTurns = std::map<int, Mat3<T>>;
 
-bool is_ball(const Mechanism& mechanism, int joint) {
-  return mechanism.model().joints[joint].kind == JointKind::ball;
-}
+bool is_ball(const Mechanism& mechanism, int joint) { return mechanism.model().joints[joint].kind == JointKind::ball; }
 bool begins_ball(const Mechanism& mechanism, int joint) {
   return is_ball(mechanism, joint) && mechanism.model().joints[joint].axis.x() != 0.0;
 }
@@ -394,8 +392,8 @@ VectorXd Mechanism::rates(const VectorXd& q, const VectorXd& v) const {
     }
     // w is what the rate turns by: the right Jacobian of the exponential map.
     const Matrix3d k = skew<double>(vector / angle);
-    const Matrix3d turned = Matrix3d::Identity() - (1.0 - std::cos(angle)) / angle * k +
-                            (1.0 - std::sin(angle) / angle) * k * k;
+    const Matrix3d turned =
+        Matrix3d::Identity() - (1.0 - std::cos(angle)) / angle * k + (1.0 - std::sin(angle) / angle) * k * k;
     rates.segment<3>(dof) = turned.lu().solve(w);
   }
   return rates;

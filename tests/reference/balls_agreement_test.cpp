@@ -3,8 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <iostream>
-#include <cstdlib>
 #include <optional>
 #include <set>
 #include <stdexcept>
@@ -70,8 +68,10 @@ Model with_balls(Model model, std::uint64_t seed, bool bounded, bool stiff) {
     if (bounded && chance(0.6)) {
       const double wrapped = std::min(angle, 2.0 * M_PI - angle);
       part.upper = std::max(0.01, wrapped + uniform(-0.01, 0.02));
-      if (chance(0.3)) part.limit_softness = Spring{uniform(10.0, 200.0), uniform(0.1, 2.0)};
-      else if (chance(0.4)) part.restitution = uniform(0.0, 1.0);
+      if (chance(0.3))
+        part.limit_softness = Spring{uniform(10.0, 200.0), uniform(0.1, 2.0)};
+      else if (chance(0.4))
+        part.restitution = uniform(0.0, 1.0);
     }
   }
   return model;
@@ -101,8 +101,7 @@ void expect_same(const reference::Mechanism& mechanism, const Batch<double>& bat
   const reference::State ours = physics::state_of(batch);
   const double moving = std::max({1.0, size(mechanism.initial_state().v), size(exact.v)});
   EXPECT_LE(distance(ours.v, exact.v), tolerance * moving) << "v";
-  EXPECT_LE(distance(wrapped(mechanism, ours.q), wrapped(mechanism, exact.q)),
-            tolerance * std::max(1.0, size(exact.q)))
+  EXPECT_LE(distance(wrapped(mechanism, ours.q), wrapped(mechanism, exact.q)), tolerance * std::max(1.0, size(exact.q)))
       << "q";
   physics::expect_same_poses(ours, exact, tolerance);
   for (int dof = 0; dof < mechanism.dofs(); ++dof)
@@ -133,11 +132,6 @@ TEST_P(BallsByMethod, agree_after_one_step_beside_couplings_and_bounds) {
     const Plan plan = compile(model, settings);
     Batch<double> batch(plan, 1, physics::by_turns(plan, seed));
     batch.step();
-    if (getenv("DUMP")&&seed==atoi(getenv("DUMP"))) {
-      for (const Joint& j : model.joints) if (j.moves()) printf("%s kind %d q %g v %g lo %g up %g soft %d e %g fr %g vl %g el %g kp %g\n", j.name.c_str(), (int)j.kind, j.position, j.velocity, j.lower, j.upper, !is_hard(j.limit_softness), j.restitution, j.friction, j.velocity_limit, j.effort_limit, j.drive.kp);
-      std::cout << "ours " << physics::state_of(batch).v.transpose() << "\nref " << theirs->state.v.transpose() << "\n" << plan.describe();
-      std::cout << "oq " << physics::state_of(batch).q.transpose() << "\nrq " << theirs->state.q.transpose() << "\n";
-    }
     expect_same(mechanism, batch, theirs->state, 1e-8);
     balls += balls_of(model), ++compared;
   }

@@ -182,6 +182,31 @@ const Feature limited_loop{"loop with a force limit", [](Model& m, StepSettings&
 const Feature loop_switches{"loop switches per environment", vary<Parameter::loop_switch>};
 const Feature loop_frames{"frames of loops per environment", vary<Parameter::loop_frame>};
 
+// A bob turns on the last body about its centre of mass, and touches the wall where that does.
+const Feature ball{"ball joint", [](Model& m, StepSettings&) {
+                     m.links.push_back({"bob", Inertia::box(1.0, {0.3, 0.2, 0.4}, Eigen::Vector3d::Zero())});
+                     const int first = m.add_ball("ball", "l2", "bob");
+                     for (int k = 0; k < 3; ++k) {
+                       Joint& part = m.joints[static_cast<std::size_t>(first + k)];
+                       part.damping = 0.05, part.position = 0.2 * k - 0.1, part.velocity = 1.0 - k;
+                     }
+                     if (m.contacts.empty()) return;
+                     Collider tip{.name = "tip", .link = "bob", .shape = Shape::sphere(0.05)};
+                     tip.pose.translation().z() = -0.45;
+                     m.colliders.push_back(tip);
+                     m.contacts.push_back({"floor", "tip"});
+                   }};
+const Feature ball_range{"its range", [](Model& m, StepSettings&) { joint_of(m, "ball.x").upper = 0.6; }};
+const Feature soft_ball_range{"its soft range", [](Model& m, StepSettings&) {
+                                Joint& first = joint_of(m, "ball.x");
+                                first.upper = 0.6, first.limit_softness = Spring{30.0, 1.0};
+                              }};
+const Feature ball_drives{"its friction, spring and limited servos", [](Model& m, StepSettings&) {
+                            for (const char* name : {"ball.x", "ball.y", "ball.z"})
+                              servo(joint_of(m, name)), joint_of(m, name).stiffness = 2.0;
+                            joint_of(m, "ball.y").friction = 0.05, joint_of(m, "ball.z").velocity_limit = 3.0;
+                          }};
+
 const std::vector<std::vector<Feature>> scenes{
     {},
     {hard},
@@ -347,6 +372,24 @@ const std::vector<std::vector<Feature>> scenes{
     {solids, turning, hard, masses, balances},
     {solids, turning, colliders, cam, functions},
     {field, turning, colliders, late, motors, hard, limits, records},
+    {ball},
+    {ball, ball_range},
+    {ball, soft_ball_range},
+    {ball, ball_drives},
+    {ball, ball_range, hard, limits, servos},
+    {ball, ball_range, ball_drives, soft, softness, limits},
+    {ball, ball_drives, hard, masses, balances},
+    {ball, ball_range, tendon_range, switches},
+    {ball, ball_range, ball_drives, cam, functions},
+    {ball, ball_range, ball_drives, late, motors, hard, limits, records},
+    {loop, ball, ball_range, ball_drives},
+    {loop, ball, cam, limits, servos},
+    {contact, ball},
+    {contact, ball, ball_range, hard, limits, servos},
+    {contact, turning, ball, ball_drives, soft, softness, limits},
+    {contact, loop, ball, ball_range, tendon_range},
+    {solids, colliders, ball, ball_range, ball_drives, cam, functions},
+    {field, turning, colliders, ball, soft_ball_range, ball_drives, late, motors, hard, limits, records},
 };
 
 Model arm() {

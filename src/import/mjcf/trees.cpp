@@ -159,8 +159,8 @@ class Grower {
     joint.axis = part.axis;
     joint.kind = part.type == JointType::slide  ? JointKind::prismatic
                  : part.type == JointType::ball ? JointKind::ball
-                 : part.lower > -infinity      ? JointKind::revolute
-                                               : JointKind::continuous;
+                 : part.lower > -infinity       ? JointKind::revolute
+                                                : JointKind::continuous;
     joint.lower = part.lower, joint.upper = part.upper;
     joint.damping = part.damping, joint.armature = part.armature, joint.friction = part.friction;
     joint.stiffness = part.stiffness, joint.rest = part.rest;

@@ -201,12 +201,9 @@ void add_ball(const Joint& read, const std::string& place, Robot& robot) {
 // `carrier` holds the links that joints carry so far, with the joint.
 void read_joint(Element element, const ImportOptions& options, std::unordered_map<std::string, std::string>& carrier,
                 Robot& robot) {
-  static const std::unordered_map<std::string, JointKind> kinds = {{"fixed", JointKind::fixed},
-                                                                   {"revolute", JointKind::revolute},
-                                                                   {"continuous", JointKind::continuous},
-                                                                   {"prismatic", JointKind::prismatic},
-                                                                   {"spherical", JointKind::ball},
-                                                                   {"ball", JointKind::ball}};
+  static const std::unordered_map<std::string, JointKind> kinds = {
+      {"fixed", JointKind::fixed},         {"revolute", JointKind::revolute}, {"continuous", JointKind::continuous},
+      {"prismatic", JointKind::prismatic}, {"spherical", JointKind::ball},    {"ball", JointKind::ball}};
   Joint joint;
   joint.name = element.name("name");
   element.rename("joint '" + joint.name + "'");

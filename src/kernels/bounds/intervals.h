@@ -3,6 +3,7 @@
 
 #include "kernels/couplings/joint_terms.h"
 #include "kernels/couplings/row_terms.h"
+#include "kernels/dynamics/balls.h"
 
 namespace lockstep::kernels {
 
@@ -247,35 +248,43 @@ void soft_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   }
 }
 
-/// (M177): the range of a ball, along its rotation vector. Sets the row's values.
+/// (M177): the range of a ball, along its rotation vector at the start of the step. Sets the row's values.
 template <class T>
 void ball_range_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int r, Phase phase,
                     const StepTime<T>& at, T moved, Tile<T>& x) {
   using S = ScalarOf<T>;
   const Bounds<S>& b = t.bounds;
-  const int i = phase * b.rows.count + r, j = b.member[b.member_start[r]].joint;
+  int n = 0;
+  while (t.balls[n].row != r) ++n;
+  const BallJoint& ball = t.balls[n];
+  const int i = phase * b.rows.count + r, j = ball.joint;
   const T zero = T(0), one = T(1), far = T(S(unlimited));
-  const auto length = [](const T* q) LOCKSTEP_INLINED { return sqrt(fma(q[0], q[0], fma(q[1], q[1], q[2] * q[2]))); };
-  const T *const q = x.state.q + j, *const v = x.state.v + t.velocity_of(j);
-  const T angle = length(q);
-  const auto turned = less(zero, angle);
-  const T inverse = one / select(turned, angle, one);
-  T speed = zero;
-  for (int n = 0; n < t.balls.count; ++n)
-    for (int k = 0; k < 3 && t.balls[n].row == r; ++k) {
-      const T share = select(turned, q[k] * inverse, T(S(k == 0)));
-      x.bounds.value[t.balls[n].value[k]] = share;
-      speed = fma(share, v[k], speed);
-    }
+  const auto length = [](const Vec3<T>& vector) LOCKSTEP_INLINED { return sqrt(dot(vector, vector)); };
+
+  // The direction, and the speed along it.
+  const Vec3<T> vector = at_ball(ball, x.state.q), velocity = spin_of_ball(ball.velocity, x.state.v);
+  const T start = length(vector);
+  const auto turned = less(zero, start);
+  const T inverse = one / select(turned, start, one);
+  const Vec3<T> along = {select(turned, vector[0] * inverse, one), vector[1] * inverse, vector[2] * inverse};
+  const T speed = dot(along, velocity);
+  for (int k = 0; k < 3; ++k) x.bounds.value[ball.value[k]] = along[k];
+
+  // What the velocity across it adds to the angle on the way to the end of the step.
+  const T left = T(t.solves_midpoint ? t.step * S(0.5) : t.step);
+  const Vec3<T> across = scaled(fma(along, -speed, velocity), left);
+  const T angle = length(vector_of(product(turn_by(vector), turn_by(across)))) + moved;
+
   const Interval<T> range{-far, position_limits<T>(t, batch, j).hi};
   x.bounds.centre[i] = x.bounds.force[r] = zero;
   x.bounds.lo[i] = -far;
   if (b.rows.softness[r].soft) {
-    const T above = range.hi - (angle + moved);
-    x.bounds.hi[i] = above * select(less(above, zero), T(at.sub_step ? b.rows.softness[r].rate : b.soft_rate[r]),
-                                    T(at.inverse));
+    const T above = range.hi - angle;
+    x.bounds.hi[i] =
+        above * select(less(above, zero), T(at.sub_step ? b.rows.softness[r].rate : b.soft_rate[r]), T(at.inverse));
   } else {
-    x.bounds.hi[i] = range_interval(b, j, range, angle + moved, at.start ? length(at.start + j) : zero, speed, at).hi;
+    const T began = at.start ? length(at_ball(ball, at.start)) : zero;
+    x.bounds.hi[i] = range_interval(b, j, range, angle, began, speed, at).hi;
   }
 }
 

@@ -5,7 +5,7 @@
 #pragma once
 
 #include "frame.h"
-#include "simd/sincos.h"
+#include "simd/turns.h"
 
 namespace lockstep::kernels {
 
@@ -39,8 +39,8 @@ LOCKSTEP_INLINE T angle_over_tangent(T x) {
   const T z = x * x;
   const auto c = [](double number) LOCKSTEP_INLINED { return T(S(number)); };
   if constexpr (sizeof(S) == 4) {
-    const T sum = fma(fma(fma(c(8.05374449538e-2), z, c(-1.38776856032e-1)), z, c(1.99777106478e-1)), z,
-                      c(-3.33329491539e-1));
+    const T sum =
+        fma(fma(fma(c(8.05374449538e-2), z, c(-1.38776856032e-1)), z, c(1.99777106478e-1)), z, c(-3.33329491539e-1));
     return fma(sum, z, T(1));
   } else {
     const T above = fma(fma(fma(fma(c(-8.750608600031904122785e-1), z, c(-1.615753718733365076637e1)), z,
@@ -74,6 +74,12 @@ LOCKSTEP_INLINE Vec3<T> at_ball(const BallJoint& ball, const T* q) {
   return {q[ball.joint], q[ball.joint + 1], q[ball.joint + 2]};
 }
 
+/// The relative angular velocity of a ball, along its child's axes; `first` is the velocity of its first part.
+template <class T>
+LOCKSTEP_INLINE Vec3<T> spin_of_ball(int first, const T* v) {
+  return {v[first], v[first + 1], v[first + 2]};
+}
+
 template <class T>
 LOCKSTEP_INLINE void put_at_ball(const BallJoint& ball, const Vec3<T>& vector, T* q) {
   for (int k = 0; k < 3; ++k) q[ball.joint + k] = vector[k];
@@ -98,8 +104,7 @@ void turn_balls(const Tables<ScalarOf<T>>& t, const T* q, Tile<T>& x) {
 template <class T>
 void move_balls(const Tables<ScalarOf<T>>& t, ScalarOf<T> time, const T* v, const T* q, T* next) {
   for (int i = 0; i < t.balls.count; ++i) {
-    const T* const w = v + t.balls[i].velocity;
-    const Vec3<T> way = {w[0] * T(time), w[1] * T(time), w[2] * T(time)};
+    const Vec3<T> way = scaled(spin_of_ball(t.balls[i].velocity, v), T(time));
     put_at_ball(t.balls[i], vector_of(product(turn_by(at_ball(t.balls[i], q)), turn_by(way))), next);
   }
 }
@@ -118,7 +123,7 @@ template <class T>
 LOCKSTEP_INLINE Vec3<T> rate_of_ball(const BallJoint& ball, const T* q, const T* v) {
   using S = ScalarOf<T>;
   const T half = T(S(0.5)), one = T(1);
-  const Vec3<T> vector = at_ball(ball, q), w = {v[ball.velocity], v[ball.velocity + 1], v[ball.velocity + 2]};
+  const Vec3<T> vector = at_ball(ball, q), w = spin_of_ball(ball.velocity, v);
   const T squared = dot(vector, vector), angle = sqrt(squared);
   T sine, cosine;
   sincos(angle * half, sine, cosine);
@@ -131,15 +136,15 @@ LOCKSTEP_INLINE Vec3<T> rate_of_ball(const BallJoint& ball, const T* q, const T*
   return fma(cross(vector, turning), share, fma(turning, half, w));
 }
 
-/// Positions beyond pi become the opposite vectors.
+/// Positions beyond pi become the opposite vectors, which are so far within that they stay.
 template <class T>
 void wrap_balls(const Tables<ScalarOf<T>>& t, T* q) {
   using S = ScalarOf<T>;
-  const T pi = T(S(3.14159265358979323846)), whole = T(S(6.28318530717958647693));
+  const T whole = T(S(6.28318530717958647693));
   for (int i = 0; i < t.balls.count; ++i) {
     const Vec3<T> vector = at_ball(t.balls[i], q);
     const T angle = sqrt(dot(vector, vector));
-    const auto beyond_pi = less(pi, angle);
+    const auto beyond_pi = less(T(S(simd::most_angle)), angle);
     const T share = select(beyond_pi, T(1) - whole / select(beyond_pi, angle, T(1)), T(1));
     put_at_ball(t.balls[i], scaled(vector, share), q);
   }

@@ -5,6 +5,7 @@
 // inertial axes, so its origin has no acceleration here.
 #pragma once
 
+#include "balls.h"
 #include "curved_motion.h"
 #include "frame.h"
 #include "link_wrenches.h"
@@ -101,12 +102,6 @@ LOCKSTEP_INLINE void move_root_body(const Tables<ScalarOf<T>>& t, const Tile<T>&
   inertial_forces(x.bodies.base_inertia[b], t.body[b].diagonal, tensor, upwards, x.bodies.force[b], x.bodies.moment[b]);
 }
 
-/// The relative angular velocity of a ball, along its child's axes.
-template <class T>
-LOCKSTEP_INLINE Vec3<T> spin_of_ball(const Body<ScalarOf<T>>& first, const T* v) {
-  return {v[first.velocity], v[first.velocity + 1], v[first.velocity + 2]};
-}
-
 /// (M6) A body's motion from its parent's, and the force and moment that it requires.
 template <class J, class T>
 LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile<T>& x, int b, const Vec3<T>& upwards) {
@@ -118,7 +113,7 @@ LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile
     w = alpha = Vec3<T>::zero();
     a = to_body(joint, body, turn, upwards);
     if constexpr (J::ball)
-      w = spin_of_ball(body, x.state.v);
+      w = spin_of_ball(body.velocity, x.state.v);
     else if constexpr (!J::prismatic)
       w[J::k] = speed;
   } else if constexpr (J::ball && !J::rotated) {  // the first part has all of the motion, (M175)
@@ -136,7 +131,7 @@ LOCKSTEP_INLINE void move_body(J joint, const Tables<ScalarOf<T>>& t, const Tile
       a[J::i] = fma(w[J::j], twice, a[J::i]);
       a[J::j] = fnma(w[J::i], twice, a[J::j]);
     } else if constexpr (J::ball) {
-      const Vec3<T> spin = spin_of_ball(body, x.state.v);
+      const Vec3<T> spin = spin_of_ball(body.velocity, x.state.v);
       alpha = cross_add(w, spin, alpha);
       w = w + spin;
     } else {  // w x e v

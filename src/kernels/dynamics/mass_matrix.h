@@ -10,7 +10,8 @@ namespace lockstep::kernels {
 
 /// E^T A E of a symmetric A.
 template <class J, class T>
-LOCKSTEP_INLINE void turn_symmetric(J joint, const Body<ScalarOf<T>>& body, const Turn<T>& turn, const T* from, T* turned) {
+LOCKSTEP_INLINE void turn_symmetric(J joint, const Body<ScalarOf<T>>& body, const Turn<T>& turn, const T* from,
+                                    T* turned) {
   if constexpr (J::rotated) {  // columns, then rows
     Vec3<T> columns[3];
     each_axis([&](int k) LOCKSTEP_INLINED {

@@ -29,7 +29,7 @@ void move_bodies(const Tables<ScalarOf<T>>& t, const Tile<T>& x, Motion<T>& m) {
     with_joint(body, [&](auto joint) {
       using J = decltype(joint);
       const Turn<T> turn = turn_of(joint, body, x, b);
-  const T speed = x.state.v[body.velocity] * T(body.sign);
+      const T speed = x.state.v[body.velocity] * T(body.sign);
       const Vec3<T> r = origin(joint, body, J::prismatic ? x.state.q[body.joint] : T(0));
       m.place[b] = multiply_add(parent_world, r, parent_place);
       m.angular[b] = to_body(joint, body, turn, p < 0 ? zero : m.angular[p]);
@@ -60,7 +60,7 @@ LOCKSTEP_INLINE void accelerate_body(const Tables<ScalarOf<T>>& t, const Motion<
                 arm = m.place[b] - m.place[p];
   Vec3<T> turned = cross(angular, scaled(along, x.state.v[body.velocity] * T(body.sign)));
   if (body.ball >= 0)
-    turned = cross(angular, multiply(m.world[b], spin_of_ball(body, x.state.v)));
+    turned = cross(angular, multiply(m.world[b], spin_of_ball(body.velocity, x.state.v)));
   else if (body.kind >= ball_joint)
     turned = Vec3<T>::zero();  // the first part has all of it, (M175)
   turning = turning + turning_of[p];

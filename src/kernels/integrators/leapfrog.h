@@ -205,8 +205,7 @@ void add_change(const Tables<ScalarOf<T>>& t, Tile<T>& x, ScalarOf<T> step, Scal
   for (int i = 0; i < t.balls.count; ++i)  // what moved their numbers
     for (int k = 0; k < 3; ++k) {
       const int j = t.balls[i].joint + k;
-      x.stages.mean_velocity[t.balls[i].velocity + k] =
-          T(ScalarOf<T>(1) / step) * (x.next.q[j] - x.stages.begin.q[j]);
+      x.stages.mean_velocity[t.balls[i].velocity + k] = T(ScalarOf<T>(1) / step) * (x.next.q[j] - x.stages.begin.q[j]);
     }
   for (int j = 0; j < t.joints; ++j) {
     const int k = t.velocity_of(j);

@@ -14,7 +14,8 @@ void lay_out_turns(Program& program) {
     const Joint& joint = program.model.joints[j];
     if (program.solver_joint[j] < 0) continue;
     turns[program.solver_joint[j]] = joint.kind != JointKind::prismatic && joint.kind != JointKind::tendon &&
-                                     joint.kind != JointKind::ball && joint.lower == -infinity && joint.upper == infinity;
+                                     joint.kind != JointKind::ball && joint.lower == -infinity &&
+                                     joint.upper == infinity;
   }
   for (int i = 0; i < t.functions.places.count; ++i) turns[t.functions.places[i].leader] = 0;
   for (int i = 0; i < t.functions.placing.count; ++i) turns[t.term_joint[t.term_start[t.functions.placing[i]]]] = 0;

@@ -160,9 +160,9 @@ bool rows_compete(const Program& program) {
     const Joint& joint = program.model.joints[j];
     const int i = program.solver_joint[j];
     if (i < 0) continue;
-    const bool soft = (has_range_of(program, joint) &&
-                       (!is_hard(joint.limit_softness) || joint.kind == JointKind::ball)) ||
-                      (joint.drive.kinematic && !is_hard(joint.drive.softness));
+    const bool soft =
+        (has_range_of(program, joint) && (!is_hard(joint.limit_softness) || joint.kind == JointKind::ball)) ||
+        (joint.drive.kinematic && !is_hard(joint.drive.softness));
     if (soft || (t.bounds.has[i] != 0 && !acts_on_one_velocity(t, i))) return true;
   }
   for (int c = 0; c < t.couplings; ++c)
@@ -202,7 +202,8 @@ void place_ball_ranges(Program& program, const std::vector<Row>& rows) {
   for (BallJoint& ball : balls) {
     ball.row = -1;
     for (std::size_t r = 0; r < rows.size(); ++r)
-      if (rows[r].kind == BoundKind::ball_range && rows[r].members[0].joint == ball.joint) ball.row = static_cast<int>(r);
+      if (rows[r].kind == BoundKind::ball_range && rows[r].members[0].joint == ball.joint)
+        ball.row = static_cast<int>(r);
     for (int axis = 0; axis < 3 && ball.row >= 0; ++axis) {
       RowForm form{-1, {}, {}};
       add_joint(t, t.reduction, ball.joint + axis, -1, form);
