@@ -124,6 +124,7 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
   for (int i = 0; i < T::lanes; ++i) faults |= static_cast<std::uint32_t>(batch.fault[i]);
   for (int i = 0; faults != 0 && i < T::lanes; ++i) x.frozen.set_lane(i, batch.fault[i] != Fault{});
 
+  if (t.contacts.used()) load_contacts(t, batch, x);  // looks at the state before tendons and others are placed
   for (int k = 0; shape.record_diagnostics && k < 4; ++k) x.diagnostics.energy[k] = T(0);
   const auto own = [&](Parameter parameter) {
     return ((shape.per_environment >> static_cast<unsigned>(parameter)) & 1u) != 0;
@@ -140,7 +141,6 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
   if (t.tendons.count > 0) keep_tendons(t, x), place_tendons(t, x);
   if (t.balls.count > 0) wrap_balls(t, x.state.q);
   set_consistent(t, x, all_consistent(t, x, shape));
-  if (t.contacts.used()) load_contacts(t, batch, x);
   if (t.records_calls()) load_records(t, batch, x);
   if (t.counts_solves()) x.counts.each([](T& number) LOCKSTEP_INLINED { number = T(0); });
 }
