@@ -42,8 +42,7 @@ Frames frames_of(const PlacedLoop& loop, const std::vector<Eigen::Isometry3d>& p
 Eigen::Vector3d turn_between(LoopKind kind, const Frames& frames) {
   const Eigen::Matrix3d turn = frames.first.linear().transpose() * frames.second.linear();
   Eigen::Quaterniond q(turn);
-  if (kind == LoopKind::hinge)
-    q = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), Eigen::Vector3d(turn.col(2)));
+  if (kind == LoopKind::hinge) q = shortest_turn(Eigen::Vector3d::UnitZ(), turn.col(2));
   return (q.w() < 0.0 ? -2.0 : 2.0) * q.vec();
 }
 
@@ -101,7 +100,7 @@ int rotations_of(LoopKind kind) {
 
 Eigen::Matrix3d turn_to_axis(const Loop& loop) {
   if (loop.kind != LoopKind::hinge && loop.kind != LoopKind::slider) return Eigen::Matrix3d::Identity();
-  return Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), loop.axis).toRotationMatrix();
+  return shortest_turn(Eigen::Vector3d::UnitZ(), loop.axis).toRotationMatrix();
 }
 
 void proper_loop(const Model& model, const Trees& trees, const Loop& loop) {

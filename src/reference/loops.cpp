@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "couplings.h"
+#include "nearest.h"
 
 namespace lockstep::reference {
 namespace {
@@ -147,9 +148,7 @@ State closed(const Mechanism& mechanism, const State& state) {
     const double now = error.norm();
     if (now == 0.0 || (now < 1e-12 && now >= 0.5 * before)) return at;
     before = now;
-    Eigen::CompleteOrthogonalDecomposition<MatrixXd> factored;
-    factored.setThreshold(1e-9);
-    at = mechanism.advanced(at, -factored.compute(jacobian).solve(error), 1.0);
+    at = mechanism.advanced(at, -least_norm(jacobian, error, 1e-9), 1.0);
   }
   throw std::logic_error("no pose near the start closes the loops");
 }

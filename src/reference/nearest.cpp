@@ -32,11 +32,15 @@ Nearest nearest(const MatrixXd& a, const VectorXd& momentum, const std::vector<H
   }
   Nearest result{factor.matrixU().solve(y), VectorXd::Zero(all.rows())};
   if (all.rows() > 0) {
-    Eigen::CompleteOrthogonalDecomposition<MatrixXd> dependent;
-    dependent.setThreshold(dependence);
-    result.impulses = dependent.compute(all.transpose()).solve(y - free);
+    result.impulses = least_norm(all.transpose(), y - free, dependence);
   }
   return result;
+}
+
+VectorXd least_norm(const MatrixXd& a, const VectorXd& b, double threshold) {
+  Eigen::CompleteOrthogonalDecomposition<MatrixXd> factored;
+  if (threshold > 0.0) factored.setThreshold(threshold);
+  return factored.compute(a).solve(b);
 }
 
 }  // namespace lockstep::reference

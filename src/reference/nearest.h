@@ -21,4 +21,8 @@ struct Nearest {
 /// other an earlier one holds, and the rows of one class share the misses by least squares.
 Nearest nearest(const Eigen::MatrixXd& a, const Eigen::VectorXd& momentum, const std::vector<Held>& classes);
 
+/// The x of least norm among those of least |A x - b|. What a pivot below the threshold, as a share of the largest,
+/// would say is rounding; 0 for Eigen's own.
+Eigen::VectorXd least_norm(const Eigen::MatrixXd& a, const Eigen::VectorXd& b, double threshold = 0.0);
+
 }  // namespace lockstep::reference

@@ -1,4 +1,5 @@
 // Hard couplings as exact constraints, with a basis of their null space. SPDX-License-Identifier: Apache-2.0
+#include "nearest.h"
 #include "step.h"
 
 namespace lockstep::reference {
@@ -35,7 +36,7 @@ VectorXd constrained_minimum(const Stage& stage, const Split& s, const VectorXd&
   VectorXd w = VectorXd::Zero(a.rows());
   MatrixXd null_space = MatrixXd::Identity(a.rows(), a.rows());
   if (hard_b.size() > 0) {
-    w = -s.hard.completeOrthogonalDecomposition().solve(hard_b);
+    w = -least_norm(s.hard, hard_b);
     // The last columns of Q in J^T P = Q R are orthogonal to all rows of J.
     const MatrixXd q = s.hard.transpose().colPivHouseholderQr().householderQ();
     null_space = q.rightCols(a.rows() - hard_b.size());

@@ -7,6 +7,7 @@
 #include "kernels/contacts/half_space_cylinder.h"
 #include "kernels/contacts/half_space_ellipsoid.h"
 #include "kernels/contacts/half_space_hull.h"
+#include "model/rotations.h"
 #include "solids.h"
 
 namespace lockstep::contacts_test {
@@ -210,9 +211,9 @@ Laid lay(const Solid& a, const Solid& b, int draw, Random& random) {
   if (draw % 3 && has_corners(a)) normal = hull_of(a.corners).faces[0].normal;
   if (draw % 3 && a.kind == ShapeKind::cylinder) normal = Vector3d::UnitZ();
   if (draw % 3 == 2 && has_corners(b))
-    laid.turn = Eigen::Quaterniond::FromTwoVectors(hull_of(b.corners).faces[1].normal, -normal).toRotationMatrix();
+    laid.turn = shortest_turn(hull_of(b.corners).faces[1].normal, -normal).toRotationMatrix();
   if (draw % 3 == 2 && b.kind == ShapeKind::cylinder)
-    laid.turn = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), normal).toRotationMatrix();
+    laid.turn = shortest_turn(Vector3d::UnitZ(), normal).toRotationMatrix();
   const double gap = a.radius() + b.radius() + gaps[draw % 4];
   laid.place = a.support(normal) + gap * normal - laid.turn * b.support(-(laid.turn.transpose() * normal));
   laid.first.rotation = random.rotation(), laid.first.center = random.within(-1, 1);

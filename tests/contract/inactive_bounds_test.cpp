@@ -78,7 +78,7 @@ TEST_P(InactiveBounds, change_no_bit_where_they_are_never_reached) {
   std::vector<Model> models = {scenes::chain8(), scenes::gripper13(), scenes::chain32(), scenes::redundant()};
   scenes::RandomOptions options;
   options.efforts = false;
-  for (std::uint64_t seed = 0; seed < static_cast<std::uint64_t>(seeds_of(40, 20)); ++seed)
+  for (std::uint64_t seed = 0; seed < static_cast<std::uint64_t>(seeds_of(40, 12)); ++seed)
     models.push_back(scenes::random_model(seed, options));
   Model soft = scenes::chain8();
   for (Coupling& coupling : soft.couplings) coupling.softness = Spring{40.0, 1.0};
@@ -107,7 +107,7 @@ TEST_P(InactiveBounds, change_no_bit_where_they_are_never_reached) {
 TEST_P(InactiveBounds, change_no_bit_of_an_interpreted_step) {
   const Softness all_kinds[] = {Hard{}, Spring{60.0, 1.0}, ErpCfm{0.3, 0.5}, Hard{0.0}, Frequency{20.0, 0.7}};
   const std::span<const Softness> kinds(all_kinds, GetParam() == Method::reduced ? 4 : 5);
-  for (std::uint64_t seed = 0; seed < static_cast<std::uint64_t>(seeds_of(30, 16)); ++seed) {
+  for (std::uint64_t seed = 0; seed < static_cast<std::uint64_t>(seeds_of(30, 10)); ++seed) {
     Model model = scenes::random_model(seed, {.efforts = false});
     for (Coupling& coupling : model.couplings) coupling.softness = Hard{};
     if (seed % 5 == 4) model.couplings.clear();

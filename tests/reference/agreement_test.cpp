@@ -29,7 +29,7 @@ using physics::distance;
 using physics::size;
 using Scalar = simd::Wide<double, 1, simd::Unfused>;
 
-const int seeds = seeds_of(1000, 500), forest_seeds = seeds_of(300, 150);
+const int seeds = seeds_of(1000, 250), forest_seeds = seeds_of(300, 80);
 constexpr double close = 1e-12, solved_close = 1e-11;
 
 double solved(double condition, int n) { return std::max(solved_close, n * physics::epsilon * condition); }

@@ -29,7 +29,7 @@ using Eigen::VectorXd;
 using physics::distance;
 using physics::size;
 
-const int seeds = seeds_of(800, 480);
+const int seeds = seeds_of(800, 240);
 constexpr double close = 1e-8;
 
 StepSettings settings_of(Method method, int seed) {

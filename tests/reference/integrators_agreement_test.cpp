@@ -9,6 +9,7 @@
 #include "reference/integrators.h"
 #include "reference/step.h"
 #include "scenes/scenes.h"
+#include "seeds.h"
 
 namespace lockstep {
 namespace {
@@ -16,7 +17,7 @@ namespace {
 using Eigen::VectorXd;
 using physics::size;
 
-constexpr int seeds = 300;
+const int seeds = seeds_of(300, 120);
 
 StepSettings settings_of(Integrator integrator, int seed) {
   StepSettings settings;

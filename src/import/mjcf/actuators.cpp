@@ -130,7 +130,7 @@ void read_target(const Element& element, Scene& scene, Actuator& actuator) {
 // On a ball joint, the gear is an axis of the child.
 void along_one_axis(const double (&gear)[6], Actuator& actuator) {
   const auto used = std::count_if(gear, gear + 3, [](double part) { return part != 0.0; });
-  if (used > 1) actuator.lost = "acts on a ball joint along none of its child's axes";
+  if (used > 1) actuator.lost = "acts on a ball joint";  // the gear follows
   for (int k = 0; used == 1 && k < 3; ++k)
     if (gear[k] != 0.0) actuator.joint += k, actuator.gear = gear[k];
 }

@@ -138,7 +138,7 @@ class Stand {
     Matrix3d spread = Matrix3d::Zero();
     for (const StandingPoint& point : points)
       spread += point.weight * level_arm(point.place) * level_arm(point.place).transpose();
-    const Vector3d lean = spread.completeOrthogonalDecomposition().solve(level_arm(center));
+    const Vector3d lean = spread.ldlt().solve(level_arm(center));
     std::vector<double> shares;
     for (const StandingPoint& point : points)
       shares.push_back(point.weight * (1.0 / all + lean.dot(level_arm(point.place))));

@@ -86,10 +86,13 @@ void float_roots(Robot& robot, Report& report) {
   for (const Joint& joint : model.joints) carried.emplace(joint.child, &joint);
   for (const FloatingJoint& floating : robot.floating) carried.emplace(floating.joint.child, &floating.joint);
   for (const auto& [joint, place] : robot.floating) {
-    // Where it stands when all joints are at 0: it moves with nothing.
+    // Where it stands when all joints are at 0: it moves with nothing. A circle of joints is refused later.
     Eigen::Isometry3d pose(joint.origin);
-    for (auto at = carried.find(joint.parent); at != carried.end(); at = carried.find(at->second->parent))
+    auto at = carried.find(joint.parent);
+    for (std::size_t steps = 0; at != carried.end() && steps < carried.size(); ++steps) {
       pose = Eigen::Isometry3d(at->second->origin) * pose;
+      at = carried.find(at->second->parent);
+    }
     model.roots.push_back({joint.child, true, Pose(pose)});
     if (joint.parent != world.name)
       report.warn("floating joints below links, as roots that float in the world: their poses are those in the world",
