@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from typing import (TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence, SupportsFloat, SupportsIndex, TypeVar,
                     Union, overload)
 
+from .errors import ModelError
+
 if TYPE_CHECKING:  # numpy cannot come before what refuses a second interpreter
     import numpy as np
     import numpy.typing as npt

@@ -49,6 +49,21 @@ def test_a_model_in_code_moves_as_theory_says():
     assert batch.q[0, 0] == pytest.approx(0.01 * np.cos(np.sqrt(9.81 / 0.5) * 0.7), abs=1e-6)
 
 
+def test_a_ball_turns_by_its_rotation_vector():
+    model = ls.Model("top", gravity=(0, 0, 0))
+    model.links = [ls.Link("base"), ls.Link("top", ls.Inertia.box(1.0, (0.2, 0.2, 0.2)))]
+    parts = model.add_ball("ball", "base", "top")
+    spin = np.array([1.0, -2.0, 0.5])
+    for part, speed in zip(parts, spin):
+        part.velocity = speed
+    batch = ls.compile(model, integrator="leapfrog").batch(2)
+    assert ls.compile(model).model == model
+    batch.step(240)
+    np.testing.assert_allclose(batch.q[1], spin, atol=1e-4)  # for a second
+    with pytest.raises(ls.ModelError, match="is taken"):
+        model.add_ball("ball", "base", "top")
+
+
 def test_a_servo_on_a_tendon_drives_a_differential():
     model = gripper_model()
     model.couplings, model.contacts, model.colliders = [], [], []

@@ -46,6 +46,39 @@ TEST(MjcfExport, says_what_it_cannot_say) {
   EXPECT_EQ(made.warnings.size(), 7u) << report_of(made);
 }
 
+// A ball is one joint of the file, with its quaternion in the keyframe, and its actuators act along its axes.
+TEST(MjcfExport, of_balls_is_read_again) {
+  Model model = wrist();
+  const int first = model.add_ball("grip", "hand", "tool", Pose(Eigen::Translation3d(0.1, 0.0, 0.05)));
+  model.links.push_back({"tool", Inertia::box(0.3, {0.05, 0.1, 0.2}, {0.0, 0.02, 0.1})});
+  const double position[] = {0.4, -0.9, 1.1};
+  for (int k = 0; k < 3; ++k) {
+    Joint& part = model.joints[static_cast<std::size_t>(first + k)];
+    part.position = position[k], part.velocity = 0.3 * k;
+    part.damping = 0.1, part.armature = 0.02, part.stiffness = 0.5, part.friction = 0.03;
+  }
+  Joint& along_y = model.joints[static_cast<std::size_t>(first + 1)];
+  along_y.drive = {.kp = 2.0, .kd = 0.1, .position_target = -0.5}, along_y.effort_limit = 1.5;
+  model.joints[static_cast<std::size_t>(first)].upper = 2.0;
+  const Export made = export_mjcf(model);
+  EXPECT_TRUE(made.warnings.empty()) << report_of(made);
+  const Model again = read(made);
+  ASSERT_EQ(again.joints.size(), model.joints.size() - 1);  // the fixed one has no name in MJCF
+  for (int k = 0; k < 3; ++k) {
+    const Joint& own = model.joints[static_cast<std::size_t>(first + k)];
+    const Joint& theirs = again.joints[static_cast<std::size_t>(again.joint_index(own.name))];
+    SCOPED_TRACE(own.name);
+    EXPECT_EQ(theirs.kind, JointKind::ball);
+    for (double Joint::*number : {&Joint::position, &Joint::velocity, &Joint::damping, &Joint::armature,
+                                  &Joint::stiffness, &Joint::friction, &Joint::effort_limit, &Joint::upper})
+      EXPECT_TRUE(own.*number == theirs.*number || std::abs(own.*number - theirs.*number) < 1e-9);
+    EXPECT_NEAR(own.drive.kp, theirs.drive.kp, 1e-12);
+    EXPECT_NEAR(own.drive.position_target, theirs.drive.position_target, 1e-12);
+  }
+  expect_same(mechanism_of(again), mechanism_of(model));
+  EXPECT_THROW(export_urdf(model), ModelError);
+}
+
 TEST(MjcfExport, warns_of_nothing_that_it_says) {
   Model model = fingers();
   model.joints[0].drive = {.kp = 3.0, .kd = 0.2, .position_target = 0.1, .velocity_target = 0.5};

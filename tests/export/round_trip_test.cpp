@@ -70,6 +70,9 @@ void expect_round_trips(const Model& model) {
     SCOPED_TRACE("MJCF");
     expect_same(mechanism_of(again_by_mjcf(model)), mechanism_of(model));
   }
+  if (std::any_of(model.joints.begin(), model.joints.end(),
+                  [](const Joint& joint) { return joint.kind == JointKind::ball; }))
+    return;  // which URDF does not have
   SCOPED_TRACE("URDF");
   const Except except = {.softness = true, .colliders = true, .sites = true};
   const Model wanted = within_urdf(model);

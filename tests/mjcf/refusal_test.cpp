@@ -34,7 +34,7 @@ void expect_refused(const string& text, const string& line, const string& rule, 
 }
 
 TEST(MjcfRefusal, is_of_what_would_be_another_mechanism) {
-  expect_refused(world(body("<joint type='ball'/>")), "2: <joint>", "ball joint");
+  expect_refused(world(body("<joint type='ball' range='10 20'/>")), "2: <joint>", "does not begin at 0");
   expect_refused(world(body("<joint/>" + body("<freejoint/>", "c"))), "2: <freejoint>", "frees a body");
   expect_refused(world(body("<freejoint/><joint/>")), "2: <joint>", "beside a free joint");
   expect_refused(world("<joint/>"), "2: <joint>", "world");

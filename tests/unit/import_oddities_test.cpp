@@ -131,12 +131,9 @@ TEST(Oddities, colliders_without_any_pair_are_warned_of) {
 
 // --- refused in words that fit -----------------------------------------------------------------------
 
-TEST(Oddities, ball_joints_are_named) {
-  for (const char* type : {"spherical", "ball"}) {
-    const ImportError error = refusal_of(arm("", "", type));
-    EXPECT_NE(error.rule().find("a ball joint"), string::npos) << error.what();
-    EXPECT_NE(error.remedy().find("three revolute joints"), string::npos) << error.what();
-  }
+TEST(Oddities, balls_follow_no_other_joint) {
+  const ImportError error = refusal_of(arm("<mimic joint='k'/>", "", "spherical"));
+  EXPECT_NE(error.rule().find("a ball joint that follows"), string::npos) << error.what();
 }
 
 TEST(Oddities, what_was_not_expanded_is_named) {
@@ -191,7 +188,7 @@ std::vector<string> elements_of(const string& text, const ImportOptions& options
 TEST(Reasons, of_all_elements_are_listed) {
   const string text = robot(link_text("a", "<inertial><mass value='x'/></inertial>") + joint_text("j", "a") +
                             link_text("b", "<inertial><mass value='y'/></inertial>") +
-                            joint_text("k", "b", "", "spherical") + "<drake:ball_constraint/>\n");
+                            joint_text("k", "b", "", "planar") + "<drake:ball_constraint/>\n");
   EXPECT_EQ(elements_of(text),
             (std::vector<string>{"odd.urdf:3: mass of inertial of link 'a'", "odd.urdf:5: mass of inertial of link 'b'",
                                  "odd.urdf:6: joint 'k'", "odd.urdf:7: <drake:ball_constraint>"}));

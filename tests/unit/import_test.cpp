@@ -261,6 +261,45 @@ TEST(Import, makes_trees_of_links_that_float_below_the_root) {
   EXPECT_EQ(compile(import.model).root_names(), (std::vector<std::string>{"cup", "ball"}));
 }
 
+// What floats below a moving link stands where the joints put it at 0.
+TEST(Import, makes_trees_of_links_that_float_below_others) {
+  const auto link = [](const std::string& name) { return "<link name='" + name + "'>" + unit_body + "</link>"; };
+  const auto joint = [](const std::string& type, const std::string& parent, const std::string& child) {
+    return "<joint name='to " + child + "' type='" + type + "'><parent link='" + parent + "'/><child link='" + child +
+           "'/><origin xyz='0 0.2 1' rpy='0 0 1.5707963267948966'/><axis xyz='0 0 1'/></joint>";
+  };
+  const Import import = import_urdf("<robot name='r'><link name='table'/>" + link("arm") + link("cup") + link("lid") +
+                                    joint("continuous", "table", "arm") + joint("floating", "arm", "cup") +
+                                    joint("floating", "cup", "lid") + "</robot>");
+  ASSERT_EQ(import.model.roots.size(), 3u);
+  EXPECT_LT((import.model.roots[1].pose.translation() - Eigen::Vector3d(-0.2, 0.2, 2.0)).norm(), 1e-12);
+  EXPECT_LT((import.model.roots[2].pose.translation() - Eigen::Vector3d(-0.2, 0.0, 3.0)).norm(), 1e-12);
+  EXPECT_TRUE(import.model.roots[1].floating && import.model.roots[2].floating);
+  ASSERT_EQ(import.warnings.size(), 1u);
+  EXPECT_NE(import.warnings[0].find("below links"), std::string::npos);
+  EXPECT_THROW(import_urdf("<robot name='r'><link name='table'/>" + link("a") + link("b") + link("c") +
+                           joint("continuous", "a", "b") + joint("continuous", "b", "a") + joint("floating", "a", "c") +
+                           "</robot>"),
+               Error);
+}
+
+TEST(Import, makes_balls_of_spherical_joints) {
+  for (const std::string type : {"spherical", "ball"}) {
+    const Model model = import_urdf("<robot name='r'><link name='base'/><link name='arm'>" + unit_body +
+                                    "</link><joint name='shoulder' type='" + type +
+                                    "'><parent link='base'/><child link='arm'/><origin xyz='0 0 1'/>"
+                                    "<dynamics damping='0.3' friction='0.1'/></joint></robot>")
+                            .model;
+    ASSERT_EQ(model.joints.size(), 3u);
+    for (const Joint& part : model.joints) {
+      EXPECT_EQ(part.kind, JointKind::ball);
+      EXPECT_EQ(part.damping, 0.3);
+      EXPECT_EQ(part.friction, 0.1);
+    }
+    EXPECT_EQ(compile(model).dof_names(), (std::vector<std::string>{"shoulder.x", "shoulder.y", "shoulder.z"}));
+  }
+}
+
 TEST(Import, makes_the_root_float_for_a_floating_joint_below_an_empty_root) {
   const Import import = model_file("floating_root");
   const Model& model = import.model;
