@@ -124,7 +124,6 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
   for (int i = 0; i < T::lanes; ++i) faults |= static_cast<std::uint32_t>(batch.fault[i]);
   for (int i = 0; faults != 0 && i < T::lanes; ++i) x.frozen.set_lane(i, batch.fault[i] != Fault{});
 
-  if (t.contacts.used()) load_contacts(t, batch, x);  // looks at the state before tendons and others are placed
   for (int k = 0; shape.record_diagnostics && k < 4; ++k) x.diagnostics.energy[k] = T(0);
   const auto own = [&](Parameter parameter) {
     return ((shape.per_environment >> static_cast<unsigned>(parameter)) & 1u) != 0;
@@ -132,6 +131,7 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
   if (own(Parameter::gear_ratio)) own_ratios(t, batch, x);
   if (own(Parameter::offset)) own_offsets(t, batch, x);
   if (t.turning.count > 0) load_turns(t, batch, x);
+  if (t.contacts.used()) load_contacts(t, batch, x);  // compares what was stored, so before tendons are placed
   if (own(Parameter::mass) || own(Parameter::center_of_mass) || own(Parameter::inertia)) {
     own_inertias(t, batch, x);
     move_masses_inwards(t, x);
