@@ -119,9 +119,16 @@ class Differences {
   Eigen::VectorXd state_difference(const States& all, int forwards, int backwards) const {
     const auto dofs = static_cast<Eigen::Index>(dofs_.size());
     Eigen::VectorXd difference(states());
+    Eigen::VectorXd ahead = all.angles.col(forwards).matrix();
+    const TableStructure& t = program_of(plan_).f64;
+    for (int b = 0; b < t.balls.count; ++b) {  // both vectors of a turn on one side of pi
+      auto own = ahead.segment<3>(t.dof[t.balls[b].joint]);
+      if ((own - all.angles.col(backwards).segment<3>(t.dof[t.balls[b].joint]).matrix()).norm() > std::numbers::pi)
+        own *= 1.0 - 2.0 * std::numbers::pi / own.norm();
+    }
     for (Eigen::Index k = 0; k < dofs; ++k) {
       const int dof = dofs_[static_cast<std::size_t>(k)];
-      difference[k] = all.angles(dof, forwards) - all.angles(dof, backwards) +
+      difference[k] = ahead[dof] - all.angles(dof, backwards) +
                       2.0 * std::numbers::pi * (all.turns(dof, forwards) - all.turns(dof, backwards));
       difference[half() + k] = all.velocities(dof, forwards) - all.velocities(dof, backwards);
     }

@@ -89,6 +89,17 @@ void Batch<S>::Impl::disturb_joints(int e, const PoseNoise& noise) {
     position = static_cast<S>(least + (most - least) * positions.uniform(dof));
     velocity = static_cast<S>(static_cast<double>(velocity) + noise.velocity * (2.0 * velocities.uniform(dof) - 1.0));
   }
+  // A ball comes back into its range. (Its components have none of their own that could be spread over.)
+  const TableStructure& t = tables;
+  for (int b = 0; b < t.balls.count && noise.position > 0.0; ++b) {
+    const int first = t.dof[t.balls[b].joint];
+    S* const part[] = {rows.position.data() + first * stride + e, rows.position.data() + (first + 1) * stride + e,
+                       rows.position.data() + (first + 2) * stride + e};
+    const double angle =
+        std::hypot(static_cast<double>(*part[0]), static_cast<double>(*part[1]), static_cast<double>(*part[2]));
+    const double share = angle > limit(2 * first + 1) ? limit(2 * first + 1) / angle : 1.0;
+    for (S* const component : part) *component = static_cast<S>(share * static_cast<double>(*component));
+  }
 }
 
 template <class S>

@@ -54,6 +54,11 @@ T largest_error(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& 
     const Interval<T> range = position_limits<T>(t, batch, j);
     largest = larger(largest, larger(range.lo - q[j], q[j] - range.hi));
   }
+  for (int b = 0; b < t.balls.count; ++b) {
+    if (t.balls[b].row < 0) continue;
+    const Vec3<T> turn = at_ball(t.balls[b], q);
+    largest = larger(largest, sqrt(dot(turn, turn)) - position_limits<T>(t, batch, t.balls[b].joint).hi);
+  }
   return largest;
 }
 

@@ -39,24 +39,28 @@ Site& Model::add_site(const std::string& site, const std::string& link, const Po
   return sites.emplace_back(Site{site, link, pose});
 }
 
-int Model::add_ball(const std::string& name, const std::string& parent, const std::string& child, const Pose& origin) {
-  const auto first = static_cast<int>(joints.size());
+int Model::add_ball(const std::string& given, const std::string& parent, const std::string& child, const Pose& origin) {
+  const std::string name = given, last = child;  // these may be names of elements, which move as the lists grow
   std::string carrier = parent;
-  for (int part = 0; part < 3; ++part) {
-    const std::string own = name + "." + "xyz"[part];
+  for (const char part : {'x', 'y', 'z'}) {
+    const std::string own = name + "." + part;
     const auto is_own = [&](const auto& element) { return element.name == own; };
     if (name.empty() || std::any_of(joints.begin(), joints.end(), is_own) ||
         std::any_of(links.begin(), links.end(), is_own))
       throw ModelError("ball joint '" + name + "'",
                        name.empty() ? "has no name" : "needs the name '" + own + "', which is taken",
                        "give it its own name");
+  }
+  const auto first = static_cast<int>(joints.size());
+  const Pose place = origin;
+  for (int part = 0; part < 3; ++part) {
     Joint joint;
-    joint.name = own;
+    joint.name = name + "." + "xyz"[part];
     joint.kind = JointKind::ball;
-    joint.parent = carrier, joint.child = carrier = part == 2 ? child : own;
-    if (part == 0) joint.origin = origin;
+    joint.parent = carrier, joint.child = carrier = part == 2 ? last : joint.name;
+    if (part == 0) joint.origin = place;
     joint.axis = Eigen::Vector3d::Unit(part);
-    if (part < 2) links.push_back({own, {}});
+    if (part < 2) links.push_back({joint.name, {}});
     joints.push_back(std::move(joint));
   }
   return first;

@@ -15,7 +15,8 @@ using Eigen::VectorXd;
 bool has_range(const Joint& joint) {
   return joint.kind != JointKind::ball && (joint.lower > -infinity || joint.upper < infinity);
 }
-bool has_angle_range(const Joint& joint) { return joint.kind == JointKind::ball && joint.upper < infinity; }
+// No angle passes pi.
+bool has_angle_range(const Joint& joint) { return joint.kind == JointKind::ball && joint.upper < 3.14159; }
 bool hard_range(const Joint& joint) { return has_range(joint) && is_hard(joint.limit_softness); }
 bool hard_drive(const Joint& joint) { return joint.drive.kinematic && is_hard(joint.drive.softness); }
 

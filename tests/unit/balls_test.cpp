@@ -8,6 +8,7 @@
 #include "lockstep/batch.h"
 #include "lockstep/error.h"
 #include "lockstep/inverse_kinematics.h"
+#include "lockstep/linearize.h"
 #include "lockstep/plan.h"
 #include "model/rotations.h"
 #include "physics.h"
@@ -382,6 +383,61 @@ TEST(BallModel, refuses_what_is_no_ball) {
   Model model = top_of({0.02, 0.02, 0.03}, Vector3d::Zero(), Vector3d::Zero());
   EXPECT_THROW(model.add_ball("ball", "base", "top"), ModelError);
   EXPECT_THROW(model.add_ball("", "base", "top"), ModelError);
+}
+
+TEST(BallRange, of_half_a_turn_or_more_holds_nothing) {
+  const Vector3d moments(0.02, 0.02, 0.02), spin(0.0, 20.0, 0.0);
+  for (const double upper : {M_PI, 3.5})
+    for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
+      Model model = top_of(moments, Vector3d::Zero(), spin);
+      model.joints[0].upper = upper;
+      Batch<double> batch(compile(model, settings_of(integrator, 1.0 / 240)), 1);
+      batch.step(100);
+      EXPECT_LT((velocity_of(batch) - spin).norm(), 1e-9) << upper;
+    }
+}
+
+TEST(BallRange, beside_a_bound_along_it_leaves_no_singular_matrix) {
+  Model model = top_of(Vector3d(0.02, 0.02, 0.02), Vector3d(0.4, 0.0, 0.0), Vector3d(3.0, 0.0, 0.0));
+  model.joints[0].upper = 0.4, model.joints[0].velocity_limit = 0.01;
+  for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
+    Batch<double> batch(compile(model, settings_of(integrator, 1.0 / 240)), 1);
+    batch.step(50);
+    EXPECT_EQ(batch.faults()[0], Fault::none);
+    EXPECT_LT(position_of(batch).norm(), 0.42);
+  }
+}
+
+TEST(BallRange, is_that_of_the_angle_in_readings_and_starts) {
+  Model model = top_of(Vector3d(0.02, 0.02, 0.02), Vector3d::Zero(), Vector3d::Zero());
+  model.joints[0].upper = 0.5;
+  model.poses = {{"rest"}};
+  Batch<double> batch(compile(model, settings_of(Integrator::euler, 1.0 / 240)), 64);
+  batch.positions().row(1) = -2.0;
+  EXPECT_NEAR(batch.limit_violations()(0, 3), 1.5, 1e-12);
+  batch.reset_to(EnvironmentSet::all(), "rest", {.position = 0.5});
+  EXPECT_LE(batch.limit_violations().maxCoeff(), 1e-12);
+  EXPECT_GT(batch.positions().abs().maxCoeff(), 0.3);
+}
+
+// A step that ends beyond pi gives the opposite vector.
+TEST(BallDerivatives, are_finite_where_a_step_passes_half_a_turn) {
+  const double h = 1.0 / 240;
+  const Model model = top_of(Vector3d(0.02, 0.02, 0.02), Vector3d(3.1416 - h, 0.0, 0.0), Vector3d(1.0, 0.0, 0.0));
+  Batch<double> batch(compile(model, settings_of(Integrator::euler, h)), 1);
+  EXPECT_LT(batch.linearize()[0].state_by_state.cwiseAbs().maxCoeff(), 10.0);
+}
+
+TEST(BallJoints, are_added_whole_or_not_at_all_and_by_names_of_the_models_own_elements) {
+  Model model = top_of(Vector3d(0.02, 0.02, 0.02), Vector3d::Zero(), Vector3d::Zero());
+  model.links.push_back({"foot", {1.0, Vector3d::Zero(), 0.02 * Eigen::Matrix3d::Identity()}});
+  model.links.shrink_to_fit();
+  model.add_ball("ankle", model.links[1].name, model.links.back().name);
+  EXPECT_EQ(model.joints[3].parent, "top");
+  EXPECT_EQ(model.joints[5].child, "foot");
+  model.joints[2].name = "knee.z";
+  EXPECT_THROW(model.add_ball("knee", "foot", "shank"), ModelError);
+  EXPECT_EQ(model.joints.size(), 6u);
 }
 
 }  // namespace

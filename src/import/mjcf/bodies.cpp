@@ -217,9 +217,14 @@ class Reader {
   // An unnamed joint is called after its body.
   void name_unnamed() {
     Names joints;
+    const auto is_inner = [](const JointPart& joint) { return joint.type == JointType::ball && joint.part() > 0; };
     for (const Body& body : bodies_)
       for (const JointPart& joint : body.joints)
-        if (!joint.name.empty() && !joints.take(joint.name)) throw_taken(joint);
+        if (!joint.name.empty() && !is_inner(joint) && !joints.take(joint.ball.empty() ? joint.name : joint.ball))
+          throw_taken(joint);
+    for (const Body& body : bodies_)
+      for (const JointPart& joint : body.joints)
+        if (!joint.name.empty() && !joint.ball.empty() && !joints.take(joint.name)) throw_taken(joint);
     for (Body& body : bodies_) {
       if (body.name.empty()) body.name = names_.unused("body");
       for (std::size_t j = 0; j < body.joints.size(); ++j) {

@@ -96,9 +96,8 @@ Scene read_scene(Document& document, const Settings& settings, const Classes& cl
     const Body& body = scene.bodies.all[b];
     scene.body_of.emplace(body.name, static_cast<int>(b));
     for (std::size_t j = 0; j < body.joints.size(); ++j) {
-      scene.joint_of.emplace(body.joints[j].name, static_cast<int>(scene.joints.size()));
-      if (const std::string& ball = body.joints[j].ball; !ball.empty())  // stands for its first part
-        scene.joint_of.emplace(ball, static_cast<int>(scene.joints.size()));
+      const JointPart& joint = body.joints[j];  // a ball stands for its first part
+      scene.joint_of.emplace(joint.ball.empty() ? joint.name : joint.ball, static_cast<int>(scene.joints.size()));
       scene.joints.push_back({static_cast<int>(b), static_cast<int>(j)});
     }
   }

@@ -165,7 +165,9 @@ class Grower {
     joint.damping = part.damping, joint.armature = part.armature, joint.friction = part.friction;
     joint.stiffness = part.stiffness, joint.rest = part.rest;
     joint.effort_limit = part.effort_limit;
-    const auto index = static_cast<std::size_t>(scene_.joint_of.at(part.name));
+    const bool is_of_ball = !part.ball.empty();
+    const auto index = static_cast<std::size_t>(scene_.joint_of.at(is_of_ball ? part.ball : part.name) +
+                                                (is_of_ball ? part.part() : 0));
     joint.position = start_.position[index], joint.velocity = start_.velocity[index];
     draft_.places["joint '" + joint.name + "'"] = part.place;
     draft_.model.joints.push_back(joint);

@@ -275,7 +275,9 @@ void ball_range_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
   const Vec3<T> across = scaled(fma(along, -speed, velocity), left);
   const T angle = length(vector_of(product(turn_by(vector), turn_by(across)))) + moved;
 
-  const Interval<T> range{-far, position_limits<T>(t, batch, j).hi};
+  // An angle never passes pi, so an end there or beyond holds nothing.
+  const T end = position_limits<T>(t, batch, j).hi;
+  const Interval<T> range{-far, select(less(end, T(S(half_turn))), end, far)};
   x.bounds.centre[i] = x.bounds.force[r] = zero;
   x.bounds.lo[i] = -far;
   if (b.rows.softness[r].soft) {

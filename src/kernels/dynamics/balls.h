@@ -9,6 +9,8 @@
 
 namespace lockstep::kernels {
 
+constexpr double half_turn = 3.14159;  ///< rad: a range of an angle that ends here or beyond holds nothing
+
 template <class T>
 struct Quaternion {
   T w;
