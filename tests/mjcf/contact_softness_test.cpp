@@ -43,6 +43,23 @@ TEST(MjcfContactSoftness, has_time_constants_of_at_least_two_steps_unless_the_fi
   EXPECT_NEAR(spring_of(read(unsafe)).kp, K / (0.001 * 0.001), 1e-2 * K);
 }
 
+TEST(MjcfContactSoftness, and_friction_of_option_are_those_of_all_contacts_where_its_flag_says_so) {
+  const Import wanted = read(on_ground(sphere + "priority='1' friction='0.3' solref='0.1 0.5' solimp='0.8 0.8 0.01'"));
+  const auto with = [](const string& flag) {
+    return read(world("<geom name='ground' type='plane' size='0 0 1'/>" +
+                          of_2_kg(sphere + "priority='1' friction='0.9' solref='0.3 1'"),
+                      "<option cone='elliptic' o_friction='0.3 0.3' o_solref='0.1 0.5' o_solimp='0.8 0.8 0.01'>"
+                      "<flag override='" +
+                          flag + "'/></option>"));
+  };
+  const Import all = with("enable"), own = with("disable");
+  EXPECT_EQ(spring_of(all).kp, spring_of(wanted).kp);
+  EXPECT_EQ(spring_of(all).kd, spring_of(wanted).kd);
+  EXPECT_EQ(*all.model.contacts[0].friction, 0.3);
+  EXPECT_NE(spring_of(own).kp, spring_of(wanted).kp);
+  EXPECT_EQ(*own.model.contacts[0].friction, 0.9);
+}
+
 TEST(MjcfContactSoftness, is_mixed_by_priority_and_shares) {
   const auto kp = [](const string& one, const string& other) {
     const string constant = " solimp='0.8 0.8 0.01' ";

@@ -236,7 +236,9 @@ class Collision {
          std::max(0.0, element.number("margin", 0.0) - element.number("gap", 0.0))});
   }
 
-  void add(const Touch& a, const Touch& b, const Law& law) {
+  void add(const Touch& a, const Touch& b, Law law) {
+    if (const auto& all = scene_.settings.all_contacts)
+      law = {{all->friction[0], all->friction[2], all->friction[3]}, law.dimension, all->yielding, all->margin};
     if (!seen_.insert(std::minmax({a.collider, b.collider})).second) return;
     if (seen_.size() > most_contacts)
       scene_.bodies.all[a.body].geoms.front().element.fail(

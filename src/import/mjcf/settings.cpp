@@ -76,8 +76,16 @@ void read_flag(const Element& flag, Settings& settings) {
   settings.clamps_controls = is_on("clampctrl", false);
   settings.filters_parents = is_on("filterparent", false);
   if (!is_on("gravity")) settings.gravity.setZero();
-  if (flag.word("override", {"disable", "enable"}, 0) == 1)
-    flag.report().warn("contact parameters of <option> that override all others, left out", "override");
+  if (flag.word("override", {"disable", "enable"}, 0) == 1) settings.all_contacts.emplace();
+}
+
+void read_contact_numbers(const Element& option, ContactNumbers& all) {
+  option.numbers("o_friction", all.friction, 1, 5);
+  if (all.friction[0] != all.friction[1] || all.friction[3] != all.friction[4])
+    option.report().warn("o_friction whose two tangential or two rolling frictions differ, taken as the first",
+                         "option");
+  all.yielding = yielding_of(option, "o_solref", "o_solimp");
+  all.margin = std::max(0.0, option.number("o_margin", 0.0));
 }
 
 void read_option(const Element& option, Settings& settings) {
@@ -112,8 +120,10 @@ void read_mesh_folder(Document& document, const Part& part, Settings& settings) 
 
 Settings read_settings(Document& document) {
   Settings settings;
-  if (const auto option = merged(document, {&document.root()}, "option")) read_option(*option, settings);
+  const auto option = merged(document, {&document.root()}, "option");
+  if (option) read_option(*option, settings);
   if (const auto flag = flags(document)) read_flag(*flag, settings);
+  if (option && settings.all_contacts) read_contact_numbers(*option, *settings.all_contacts);
   std::vector<Settings> parts;
   for (const Part& part : document.parts()) {
     Settings& own = parts.emplace_back(settings);

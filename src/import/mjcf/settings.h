@@ -3,11 +3,13 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "element.h"
 #include "import/meshes/inertia.h"
+#include "limited.h"
 
 namespace lockstep::importer::mjcf {
 
@@ -15,6 +17,13 @@ enum class FromGeoms { never, always, where_missing };
 
 /// What holds for a whole file. Sections that stand there several times are one: the last attribute counts. What is
 /// attached has a <compiler> of its own, and the <option> of the main file.
+/// What <option> has in place of the numbers of all contacts, where its flag `override` is on.
+struct ContactNumbers {
+  double friction[5] = {1.0, 1.0, 0.005, 0.0001, 0.0001};
+  Yielding yielding = {};
+  double margin = 0.0;
+};
+
 struct Settings {
   bool degrees = true, angle_is_given = false;
   std::string euler = "xyz";
@@ -34,8 +43,9 @@ struct Settings {
   bool has_equalities = true, has_limits = true, has_friction = true, has_actuation = true, has_contacts = true;
   bool has_springs = true, has_damping = true, clamps_controls = true, filters_parents = true;
 
-  std::uint32_t disabled_groups = 0;  ///< of actuators, a bit for each
-  std::vector<Settings> attached;     ///< of what is attached, by part, from part 1
+  std::optional<ContactNumbers> all_contacts = {};  ///< in place of their own numbers
+  std::uint32_t disabled_groups = 0;                ///< of actuators, a bit for each
+  std::vector<Settings> attached;                   ///< of what is attached, by part, from part 1
 
   const Settings& of(std::size_t part) const { return part == 0 ? *this : attached[part - 1]; }
   const Settings& of(const Element& element) const { return of(element.document().part_of(element.xml())); }
