@@ -24,7 +24,7 @@ environments, k of these; nv moving joints. Units are m, kg, s, rad, N and N m."
 SECTIONS = [
     ("Files and plans", "", "from_file from_urdf from_mjcf from_urdf_text from_mjcf_text export_mjcf export_urdf "
                             "Export compile load_kernel"),
-    ("Models", "", "Model Link Inertia Joint Drive Coupling Polynomial CamTable Harmonic Loop Site Root NamedPose "
+    ("Models", "", "Model Link Inertia Joint TendonSegment Drive Coupling Polynomial CamTable Harmonic Loop Site Root NamedPose "
                    "Collider Shape Contact VisualMesh Hard ErpCfm Spring Frequency pose"),
     ("Plan", "", "Plan"),
     ("Batch", "", "Batch Rows"),

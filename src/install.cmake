@@ -25,7 +25,7 @@ foreach(folder simd kernels)
 endforeach()
 foreach(header plan/tables.h plan/tables/actuators.h plan/tables/bodies.h plan/tables/columns.h plan/tables/contacts.h
                plan/tables/functions.h plan/tables/loops.h plan/tables/reduction.h plan/tables/rounds.h
-               plan/tables/rows.h plan/tables/spans.h
+               plan/tables/rows.h plan/tables/spans.h plan/tables/spatial_tendons.h
                model/softness_kind.h targets/called_stages.h targets/generated.h targets/generated_kernel.h
                targets/registers.h)
   get_filename_component(folder ${header} DIRECTORY)

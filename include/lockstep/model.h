@@ -50,7 +50,7 @@ enum class JointKind {
   prismatic,   ///< slides along the axis, m
   /// Moves no link: its position is a sum of other joints' positions, each times a ratio, and its forces act on them.
   /// A range, a spring, a servo, friction or an armature of such a sum: fixed tendons, differential drives. See
-  /// Coupling.
+  /// Coupling. With a Joint::path, its position is the length of that instead: muscles, cables, ropes.
   tendon,
   /// One of the three parts of a ball joint, which Model::add_ball() makes: the last part's child turns about a point
   /// in any way. The parts are the child's axes x, y and z. Their velocities are the components along these axes of the
@@ -87,6 +87,13 @@ struct Drive {
   double stall_effort = infinity, no_load_speed = infinity;
 };
 
+/// A straight line from a point of one link to a point of another.
+struct TendonSegment {
+  std::string first, second;  ///< links; empty: the world
+  Eigen::Vector3d first_point = Eigen::Vector3d::Zero(), second_point = Eigen::Vector3d::Zero();  ///< in the link, m
+  double share = 1.0;  ///< > 0: how much of its length counts; 1 / n where n strands run side by side
+};
+
 struct Joint {
   std::string name;
   JointKind kind = JointKind::fixed;
@@ -116,6 +123,9 @@ struct Joint {
 
   double position = 0.0;  ///< state after reset(), rad or m; a tendon's is that of its joints, whatever stands here
   double velocity = 0.0;  ///< rad/s or m/s; the same
+  /// Of a spatial tendon: its position is the sum of these lengths, each times its share, m. No coupling says it then.
+  /// A segment without length has no direction, and pulls at nothing. Section 43 of docs/mathematics.md.
+  std::vector<TendonSegment> path = {};
 
   bool moves() const { return kind != JointKind::fixed; }
 };
@@ -150,8 +160,8 @@ struct CouplingTerm {
 /// With one term it is the mimic joint (3). The joints may lie anywhere in the tree.
 /// URDF's q_joint = multiplier * q_leader + offset is ratio = -multiplier, offset = -offset.
 ///
-/// A tendon is the follower of one coupling, hard and without a force limit, which says what its position is, and leads
-/// no other. q_tendon = q_1 + q_2 is the ratios -1 and -1.
+/// A tendon without a path is the follower of one coupling, hard and without a force limit, which says what its
+/// position is. No tendon leads a coupling. q_tendon = q_1 + q_2 is the ratios -1 and -1.
 struct Coupling {
   std::string joint;                ///< the follower
   std::vector<CouplingTerm> terms;  ///< its leaders

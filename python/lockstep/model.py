@@ -118,12 +118,27 @@ class Drive:
 
 
 @dataclass
+class TendonSegment:
+    """A straight line from a point of one link to a point of another. first, second: links, empty for the world.
+    first_point, second_point: in the link's frame, m. share: how much of its length counts, 1 / n where n strands run
+    side by side."""
+
+    first: str
+    second: str
+    first_point: Vector = (0.0, 0.0, 0.0)
+    second_point: Vector = (0.0, 0.0, 0.0)
+    share: float = 1.0
+
+
+@dataclass
 class Joint:
     """kind: "fixed", "revolute", "continuous", "prismatic", "tendon", or "ball" for the three parts that
-    `Model.add_ball()` makes. origin: the child's frame in the parent's at q = 0, 4 x 4. axis: in the child's frame. damping: N m s/rad or N s/m. armature: a rotor's inertia, kg m^2 or kg. stiffness and
-    rest: a spring beside the drive, N m/rad or N/m. effort: feed-forward, N m or N. lower, upper, velocity_limit,
-    effort_limit: hard bounds; the last is of servo and feed-forward effort together. restitution: share of the speed
-    that an end of the range gives back. friction: dry, N m or N. position, velocity: the state after reset()."""
+    `Model.add_ball()` makes. origin: the child's frame in the parent's at q = 0, 4 x 4. axis: in the child's frame.
+    damping: N m s/rad or N s/m. armature: a rotor's inertia, kg m^2 or kg. stiffness and rest: a spring beside the
+    drive, N m/rad or N/m. effort: feed-forward, N m or N. lower, upper, velocity_limit, effort_limit: hard bounds; the
+    last is of servo and feed-forward effort together. restitution: share of the speed that an end of the range gives
+    back. friction: dry, N m or N. position, velocity: the state after reset(). path: of a spatial tendon, whose
+    position is the sum of these lengths, m; no coupling says it then."""
 
     name: str
     kind: str = "fixed"
@@ -146,6 +161,7 @@ class Joint:
     friction: float = 0.0
     position: float = 0.0
     velocity: float = 0.0
+    path: list[TendonSegment] = field(default_factory=list)
 
 
 @dataclass
@@ -420,12 +436,14 @@ class Model:
         """Adds a ball joint between two links: the joints `name`.x, .y and .z, and links without mass between them.
         Their velocities are the child's angular velocity along its own axes, their positions the rotation vector.
         `upper` of the first bounds the angle. Raises ModelError where one of the names is taken."""
+        taken = {element.name for element in (*self.links, *self.joints)}
+        for own in (f"{name}.{part}" for part in "xyz"):
+            if not name or own in taken:
+                rule = f"needs the name '{own}', which is taken" if name else "has no name"
+                raise ModelError(f"ball joint '{name}'", rule, "give it its own name", "model.joint")
         added, carrier = [], parent
         for part, axis in enumerate(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))):
             own = f"{name}.{'xyz'[part]}"
-            if any(element.name == own for element in (*self.links, *self.joints)):
-                raise ModelError(f"ball joint '{name}'", f"needs the name '{own}', which is taken",
-                                 "give it its own name", "model.joint")
             to = child if part == 2 else own
             if part < 2:
                 self.links.append(Link(own))

@@ -128,6 +128,15 @@ void each_number(Drive& d, Visit&& visit) {
   visit("lag", d.lag), visit("stall_effort", d.stall_effort), visit("no_load_speed", d.no_load_speed);
 }
 
+TendonSegment segment_of(const py::handle& from) {
+  TendonSegment segment;
+  read(from, "first", segment.first), read(from, "second", segment.second);
+  segment.first_point = matrix_of<Eigen::Vector3d>(from, "first_point");
+  segment.second_point = matrix_of<Eigen::Vector3d>(from, "second_point");
+  read(from, "share", segment.share);
+  return segment;
+}
+
 Joint joint_of(const py::handle& from) {
   Joint joint;
   read(from, "name", joint.name), read(from, "parent", joint.parent), read(from, "child", joint.child);
@@ -139,6 +148,7 @@ Joint joint_of(const py::handle& from) {
   each_number(joint.drive, [&](const char* name, auto& number) { read(drive, name, number); });
   joint.drive.softness = softness_of(drive, "softness");
   joint.limit_softness = softness_of(from, "limit_softness");
+  for (const py::handle& segment : from.attr("path")) joint.path.push_back(segment_of(segment));
   return joint;
 }
 
@@ -151,6 +161,11 @@ py::object joint_to_python(Joint joint) {
   each_number(joint, [&](const char* name, double number) { to.attr(name) = number; });
   to.attr("drive") = drive;
   to.attr("limit_softness") = std::visit(SoftnessToPython{}, joint.limit_softness);
+  py::list path;
+  for (const TendonSegment& s : joint.path)
+    path.append(
+        python_class("TendonSegment")(s.first, s.second, tuple_of(s.first_point), tuple_of(s.second_point), s.share));
+  to.attr("path") = path;
   return to;
 }
 

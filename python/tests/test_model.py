@@ -64,6 +64,21 @@ def test_a_ball_turns_by_its_rotation_vector():
         model.add_ball("ball", "base", "top")
 
 
+def test_a_rope_holds_what_hangs_on_it():
+    model = ls.Model("rope")
+    model.links = [ls.Link("weight", ls.Inertia.box(1.0, (0.1, 0.1, 0.1)))]
+    model.roots = [ls.Root("weight", floating=True, pose=ls.pose((0.0, 0.0, -0.3)))]
+    model.joints = [ls.Joint("rope", "tendon", upper=0.5, path=[ls.TendonSegment("", "weight")])]
+    batch = ls.compile(model, dt=1e-3).batch(2, dtype="f8")
+    assert batch.plan.model.joints[0].path == model.joints[0].path
+    batch.step(1000)
+    assert batch.q[1, 0] == pytest.approx(0.5, abs=1e-5)
+    assert batch.root_pose[1, 2] == pytest.approx(-0.5, abs=1e-5)
+    model.joints[0].path[0].share = 0.0
+    with pytest.raises(ls.ModelError, match="share of a segment"):
+        ls.compile(model)
+
+
 def test_a_servo_on_a_tendon_drives_a_differential():
     model = gripper_model()
     model.couplings, model.contacts, model.colliders = [], [], []

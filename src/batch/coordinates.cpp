@@ -5,6 +5,7 @@
 
 #include "lockstep/error.h"
 #include "model/softness_numbers.h"
+#include "spatial_tendons.h"
 
 namespace lockstep {
 
@@ -14,6 +15,8 @@ std::vector<int> open_coordinate_dofs(const Plan& plan) {
   const auto place = [&](int joint) { placed[static_cast<std::size_t>(program.f64.dof[joint])] = 1; };
   for (const Placing::Turn& turn : program.placing_hard.turns) place(program.f64.term_joint[turn.term]);
   for (const int joint : program.placing_hard.ring_followers) place(joint);
+  const SpatialTendonStructure& spatial = program.f64.spatial;
+  for (int i = 0; i < spatial.tendons.count; ++i) place(spatial.tendons[i].joint);
   std::vector<int> dofs;
   for (int dof = 0; dof < plan.dofs(); ++dof)
     if (!placed[static_cast<std::size_t>(dof)]) dofs.push_back(dof);
@@ -59,6 +62,7 @@ Coordinates<S>::Coordinates(const Plan& plan)
     : program_(program_of(plan)),
       first_dof_(6 * static_cast<int>(plan.root_names().size())),
       free_(open_coordinate_dofs(plan)),
+      trees_(program_.model),
       columns_(Eigen::MatrixXd::Zero(first_dof_ + plan.dofs(), first_dof_ + static_cast<int>(free_.size()) + 1)) {
   columns_.topLeftCorner(first_dof_, first_dof_).setIdentity();
   for (std::size_t k = 0; k < free_.size(); ++k)
@@ -95,7 +99,7 @@ void Coordinates<S>::find(const StatePointers<S>& rows, int e) {
   // Those of a ring together.
   const std::vector<int>& ring = program_.placing_hard.ring;
   const std::vector<int>& followers = program_.placing_hard.ring_followers;
-  if (ring.empty()) return;
+  if (ring.empty()) return find_spatial_tendons(rows, e);
   of_ring_.setZero(), right_.setZero();
   for (Eigen::Index r = 0; r < of_ring_.rows(); ++r) {
     const int c = ring[static_cast<std::size_t>(r)];
@@ -111,6 +115,25 @@ void Coordinates<S>::find(const StatePointers<S>& rows, int e) {
   const Eigen::MatrixXd solved = of_ring_.colPivHouseholderQr().solve(right_);
   for (std::size_t f = 0; f < followers.size(); ++f)
     columns_.row(velocity_of(followers[f])) = solved.row(static_cast<Eigen::Index>(f));
+  find_spatial_tendons(rows, e);
+}
+
+// From the rows of all other joints. They have no inertia, so nothing needs their dS/dt z.
+template <class S>
+void Coordinates<S>::find_spatial_tendons(const StatePointers<S>& rows, int e) {
+  each_spatial_tendon(
+      program_, trees_, rows, e, [&](int tendon, double, const Eigen::RowVectorXd& jacobian, const LoopState& state) {
+        auto row = columns_.row(velocity_of(tendon));
+        row.setZero();
+        each_loop_joint(program_, [&](std::size_t, Eigen::Index column, int joint) {
+          row += jacobian[column] * columns_.row(velocity_of(joint));
+        });
+        each_loop_root(program_, trees_, [&](int tree, Eigen::Index column, int root) {
+          for (int half = 0; half < 2; ++half)
+            row.segment(6 * root + 3 * half, 3) +=
+                jacobian.segment<3>(column + 3 * half) * state.at.root[static_cast<std::size_t>(tree)].linear();
+        });
+      });
 }
 
 template void check_couplings_hold(const Plan&, const StatePointers<float>&, std::span<const int>);

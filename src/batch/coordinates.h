@@ -7,6 +7,7 @@
 
 #include "environment.h"
 #include "lockstep/coordinates.h"
+#include "model/trees.h"
 
 namespace lockstep {
 
@@ -32,9 +33,12 @@ class Coordinates {
   auto acceleration() const { return columns_.col(columns_.cols() - 1); }  ///< dS/dt z, [velocities]
 
  private:
+  void find_spatial_tendons(const StatePointers<S>& rows, int e);
+
   const Program& program_;
   int first_dof_;
-  std::vector<int> free_;            // coordinates that are dofs
+  std::vector<int> free_;  // coordinates that are dofs
+  Trees trees_;
   Eigen::MatrixXd columns_;          // S, and beside it dS/dt z
   Eigen::MatrixXd of_ring_, right_;  // J_F and -J_I S of couplings that place their followers together
 };

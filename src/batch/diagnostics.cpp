@@ -3,6 +3,7 @@
 
 #include "impl.h"
 #include "model/tendons.h"
+#include "spatial_tendons.h"
 
 namespace lockstep {
 
@@ -37,6 +38,15 @@ auto with_tendons(const Impl& impl, const View& rows, bool of_positions) {
         tendon -= impl.tables.term_value[k] * other;
     }
   }
+  const Program& program = program_of(impl.plan);
+  if (!impl.tables.spatial.used()) return placed;
+  const Trees trees(program.model);
+  for (Eigen::Index e = 0; e < placed.cols(); ++e)
+    each_spatial_tendon(program, trees, impl.state_pointers(), static_cast<int>(e),
+                        [&](int joint, double length, const Eigen::RowVectorXd& jacobian, const LoopState& state) {
+                          placed(t.dof[joint], e) =
+                              static_cast<S>(of_positions ? length : jacobian.dot(state.velocity));
+                        });
   return placed;
 }
 
@@ -48,6 +58,7 @@ auto Batch<S>::limit_violations() const -> Array {
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
     const int dof = program_of(impl().plan).dof_of_joint[j];
     if (dof < 0 || has_slack_spring(model.joints[j])) continue;
+    if (model.joints[j].kind == JointKind::ball) continue;  // below
     if (const AlignedBlock<S>& limits = impl().rows.field(Parameter::position_limits); limits.size() > 0) {
       const ConstView own = impl().const_view(limits);
       worst = worst.max((own.row(2 * dof) - q.row(dof)).max(q.row(dof) - own.row(2 * dof + 1)));
@@ -55,6 +66,16 @@ auto Batch<S>::limit_violations() const -> Array {
     }
     const S lower = static_cast<S>(model.joints[j].lower), upper = static_cast<S>(model.joints[j].upper);
     worst = worst.max((lower - q.row(dof)).max(q.row(dof) - upper));
+  }
+  // The range of a ball is that of its angle.
+  const TableStructure& t = impl().tables;
+  for (int b = 0; b < t.balls.count; ++b) {
+    const int dof = t.dof[t.balls[b].joint];
+    const Array angle = q.middleRows(dof, 3).square().colwise().sum().sqrt();
+    if (const AlignedBlock<S>& limits = impl().rows.field(Parameter::position_limits); limits.size() > 0)
+      worst = worst.max(angle - impl().const_view(limits).row(2 * dof + 1));
+    else
+      worst = worst.max(angle - static_cast<S>(model.joints[model.joint_index(impl().plan.dof_names()[dof])].upper));
   }
   return worst;
 }

@@ -15,6 +15,7 @@
 #include "model/softness_numbers.h"
 #include "plan/program.h"
 #include "plan/relations.h"
+#include "spatial_tendons.h"
 
 namespace lockstep {
 
@@ -51,6 +52,7 @@ class Placer {
       if (!moved || time + 1 == most_tangents) break;
       if (program_.f64.functions.used()) unmet.resize(before);
     }
+    place_spatial(e, rows);
     for (int c = 0; c < program_.f64.couplings; ++c) {
       if (!takes({program_.f64, rows, e, true, program_.model}, c, all)) continue;
       const CouplingError position = error_of({program_.f64, rows, e, true, program_.model}, c),
@@ -77,6 +79,16 @@ class Placer {
       for (int time = 0; time < 2 && !placing.ring.empty() && solve(at, placing, all); ++time) {
       }
     }
+  }
+
+  void place_spatial(int e, const StatePointers<S>& rows) const {
+    const auto put = [&](bool of_positions, int joint, double number) {
+      Environment<S>{program_.f64, rows, e, of_positions, program_.model}.put(joint, number);
+    };
+    each_spatial_tendon(program_, closer_.trees(), rows, e,
+                        [&](int joint, double length, const Eigen::RowVectorXd& jacobian, const LoopState& state) {
+                          put(true, joint, length), put(false, joint, jacobian.dot(state.velocity));
+                        });
   }
 
   // Returns whether something has moved.

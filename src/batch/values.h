@@ -12,6 +12,7 @@
 #include "lockstep/batch.h"
 #include "model/inertia.h"
 #include "model/softness_numbers.h"
+#include "model/tendons.h"
 #include "model/trees.h"
 #include "plan/fields.h"
 #include "plan/program.h"
@@ -143,12 +144,12 @@ void add_limit_rules(const Program& program, ValueRules<S>& rules) {
     const int dof = program.dof_of_joint[j];
     if (dof < 0) continue;
     const std::string of = " of joint '" + joint.name + "'";
-    const bool ranged = joint.lower > -infinity || joint.upper < infinity;
-    add(Parameter::position_limits, 2 * dof, ranged, -infinite, largest, -infinite, "lower limit" + of,
+    const bool ranged = joint.lower > -infinity || joint.upper < infinity, ball = joint.kind == JointKind::ball;
+    add(Parameter::position_limits, 2 * dof, ranged && !ball, -infinite, largest, -infinite, "lower limit" + of,
         "a number or -infinity");
-    add(Parameter::position_limits, 2 * dof + 1, ranged, -largest, infinite, infinite, "upper limit" + of,
-        "a number or infinity");
-    if (ranged && program.settings.per_environment.contains(Parameter::position_limits))
+    add(Parameter::position_limits, 2 * dof + 1, ranged, ball ? std::numeric_limits<S>::min() : -largest, infinite,
+        infinite, "upper limit" + of, ball ? "above 0" : "a number or infinity");
+    if (ranged && !ball && program.settings.per_environment.contains(Parameter::position_limits))
       rules.pairs.push_back({2 * dof, "joint '" + joint.name + "'"});
     add(Parameter::velocity_limit, dof, joint.velocity_limit < infinity, std::numeric_limits<S>::min(), infinite,
         infinite, "velocity limit" + of, "above 0");
@@ -265,6 +266,8 @@ ValueRules<S> value_rules(const Program& program) {
     const Joint& joint = model.joints[j];
     const int dof = program.dof_of_joint[j];
     if (dof < 0) continue;
+    if (declares(Parameter::armature) && is_spatial(joint))
+      add(Parameter::armature, dof, S(0), "armature of joint '" + joint.name + "'", "0, as it is a spatial tendon");
     if (declares(Parameter::drive_lag)) {
       const bool lags = joint.drive.lag > 0.0;
       add(Parameter::drive_lag, dof, lags ? largest : S(0), "lag of the drive of joint '" + joint.name + "'",

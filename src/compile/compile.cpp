@@ -113,6 +113,7 @@ std::shared_ptr<Program> compiled(const Model& model, const StepSettings& settin
   lay_out_bodies(*program, Trees(program->model));
   program->contacts = contact_pairs(program->model, Trees(program->model));
   lay_out_couplings(*program);
+  lay_out_spatial_tendons(*program);
   choose_followers(*program);
   close_start(*program);
   place_curved(program->model);

@@ -109,11 +109,14 @@ std::string counted(std::size_t number, const char* noun) {
 }
 
 std::string contents_of(const Model& model) {
-  std::size_t moving = 0, tendons = 0;
-  for (const Joint& joint : model.joints) joint.kind == JointKind::tendon ? ++tendons : moving += joint.moves();
+  std::size_t moving = 0, tendons = 0, coupled = 0;  // tendons with a coupling
+  for (const Joint& joint : model.joints) {
+    joint.kind == JointKind::tendon ? ++tendons : moving += joint.moves();
+    coupled += joint.kind == JointKind::tendon && joint.path.empty();
+  }
   std::string text = fmt::format("{}, {}, ", counted(model.links.size(), "link"), counted(moving, "moving joint"));
   if (tendons > 0) text += counted(tendons, "tendon") + ", ";
-  text += counted(model.couplings.size() - tendons, "coupling");
+  text += counted(model.couplings.size() - coupled, "coupling");
   return model.loops.empty() ? text : text + ", " + counted(model.loops.size(), "loop");
 }
 

@@ -140,6 +140,7 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
   if (t.functions.used()) place_loaded(t, x);
   if (t.tendons.count > 0) keep_tendons(t, x), place_tendons(t, x);
   if (t.balls.count > 0) wrap_balls(t, x.state.q);
+  if (t.spatial.used()) place_spatial_tendons(t, x, x.state);
   set_consistent(t, x, all_consistent(t, x, shape));
   if (t.records_calls()) load_records(t, batch, x);
   if (t.counts_solves()) x.counts.each([](T& number) LOCKSTEP_INLINED { number = T(0); });

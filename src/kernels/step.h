@@ -33,11 +33,14 @@ void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
     default: euler(t, batch, x); break;
   }
   if (t.functions.used()) place_curved(t, x, x.next.q, x.next.v);
+  if (t.spatial.used()) place_spatial_tendons(t, x, x.next);
   if (t.record_diagnostics) diagnose(t, batch, x);
   if (t.record_efforts && t.integrator == Integrator::euler) euler_efforts(t, batch, x);
   if (t.audited) audit_if(t, batch, x);
   if (t.balls.count > 0) wrap_balls(t, x.next.q);
   check(t, batch, x);
+  if (t.spatial.used() && (t.turning.count > 0 || t.balls.count > 0))  // to the last bit of angles without whole turns
+    place_spatial_tendons(t, x, x.state);
   if (t.record_diagnostics) add_energies(x);
   if (t.records_calls()) add_records(t, x);
 }

@@ -15,17 +15,6 @@ constexpr int most_steps = 200;
 constexpr double closed = 1e-13;  // m and rad
 constexpr double noise = 1e-6;    // what a step must gain at least, as a share of what its motion could
 
-// By link.
-std::vector<Eigen::Isometry3d> link_poses(const Model& model, const Trees& trees, const Configuration& at) {
-  std::vector<Eigen::Isometry3d> poses(model.links.size());
-  for (int tree = 0; tree < trees.count(); ++tree) poses[trees.root_link[tree]] = at.root[tree];
-  for (const int j : trees.joints_depth_first)
-    poses[trees.joint_child[j]] =
-        poses[trees.joint_parent[j]] * Eigen::Isometry3d(model.joints[j].origin) *
-        motion_of(model, j, [&](int of) { return at.position[static_cast<std::size_t>(of)]; });
-  return poses;
-}
-
 struct Frames {
   Eigen::Isometry3d first, second;  // in the world
 };
@@ -144,13 +133,6 @@ bool can_move(const Model& model, const Trees& trees, const std::string& first, 
   return body(first) != body(second);
 }
 
-Configuration start_of(const Model& model, const Trees& trees) {
-  Configuration at;
-  for (const Joint& joint : model.joints) at.position.push_back(joint.moves() ? joint.position : 0.0);
-  for (const Root& root : trees.roots) at.root.emplace_back(root.pose);
-  return at;
-}
-
 PlacedLoop placed(const Model& model, const Loop& loop) {
   const auto index = [&](const std::string& link) { return link.empty() ? -1 : model.link_index(link); };
   PlacedLoop result{loop.kind, index(loop.first), index(loop.second), Eigen::Isometry3d(loop.first_pose),
@@ -187,30 +169,11 @@ Eigen::MatrixXd loop_jacobian(const Model& model, const Trees& trees, const Conf
     const Eigen::Vector3d point = frames.second.translation();
     for (const auto& [end, sign] : {std::pair{loop.second, 1.0}, std::pair{loop.first, -1.0}}) {
       if (end < 0) continue;
-      const auto add = [&](Eigen::Index column, const Eigen::Vector3d& turning, const Eigen::Vector3d& moving) {
-        add_motion(loop.kind, frames, sign * turning, sign * moving, jacobian.col(column).segment(row, rows));
-      };
-      // The joints that carry the link, then its root.
-      for (int link = end;;) {
-        const int j = trees.parent_joint[link];
-        if (j < 0) break;
-        const Joint& joint = model.joints[j];
-        const Eigen::Isometry3d& pose = poses[link];
-        const Eigen::Vector3d axis = pose.linear() * joint.axis.normalized();
-        if (joint.kind == JointKind::prismatic)
-          add(j, Eigen::Vector3d::Zero(), axis);
-        else if (joint.moves())
-          add(j, axis, axis.cross(point - pose.translation()));
-        link = trees.joint_parent[j];
-      }
-      const int tree = trees.tree_of[end];
-      if (!trees.roots[tree].floating) continue;
-      const Eigen::Vector3d arm = point - poses[trees.root_link[tree]].translation();
-      for (int k = 0; k < 3; ++k) {
-        const Eigen::Vector3d axis = Eigen::Vector3d::Unit(k);
-        add(joints + 6 * tree + k, axis, axis.cross(arm));
-        add(joints + 6 * tree + 3 + k, Eigen::Vector3d::Zero(), axis);
-      }
+      each_motion(model, trees, poses, end, point,
+                  [&](Eigen::Index column, const Eigen::Vector3d& turning, const Eigen::Vector3d& moving) {
+                    add_motion(loop.kind, frames, sign * turning, sign * moving,
+                               jacobian.col(column).segment(row, rows));
+                  });
     }
     row += rows;
   }

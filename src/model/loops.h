@@ -5,8 +5,8 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "configuration.h"
 #include "lockstep/model.h"
-#include "trees.h"
 
 namespace lockstep {
 
@@ -25,13 +25,6 @@ void proper_loop(const Model& model, const Trees& trees, const Loop& loop);
 /// Whether the bodies of two links, or of a link and the world, can move against each other. An empty name is the
 /// world.
 bool can_move(const Model& model, const Trees& trees, const std::string& first, const std::string& second);
-
-/// A pose of the model, of its joints and its trees.
-struct Configuration {
-  std::vector<double> position;         ///< by joint of the model, rad or m
-  std::vector<Eigen::Isometry3d> root;  ///< by tree
-};
-Configuration start_of(const Model& model, const Trees& trees);
 
 /// A loop in one environment.
 struct PlacedLoop {

@@ -16,6 +16,7 @@
 #include "moved_inertia.h"
 #include "poses.h"
 #include "rules.h"
+#include "tendons.h"
 #include "trees.h"
 
 namespace lockstep {
@@ -170,7 +171,7 @@ void proper_drive(const Drive& drive, const string& element) {
 // A tendon has no place and no inertia of its own.
 void proper_tendon(const Joint& joint, const string& element) {
   require(joint.parent.empty() && joint.child.empty(), element, "is a tendon, and yet has a parent or a child link",
-          "leave both empty: a tendon connects joints, by the coupling that it follows");
+          "leave both empty: a tendon connects joints, by the coupling that it follows, or links, by its path");
   const auto by_frequency = [](const Softness& softness) { return std::holds_alternative<Frequency>(softness); };
   require(!by_frequency(joint.limit_softness) && !by_frequency(joint.drive.softness), element,
           "is a tendon, and yet has a softness by frequency, which refers to an inertia of its own",
@@ -333,9 +334,11 @@ void one_coupling_each(const Model& model) {
     if (joint.kind != JointKind::tendon) continue;
     const auto followed = std::count_if(model.couplings.begin(), model.couplings.end(),
                                         [&](const Coupling& coupling) { return coupling.joint == joint.name; });
-    require(followed == 1, quoted("joint", joint.name),
+    require(!is_spatial(joint) || followed == 0, quoted("joint", joint.name),
+            "is a tendon with a path, and yet follows a coupling", "leave the path empty, or remove the coupling");
+    require(is_spatial(joint) || followed == 1, quoted("joint", joint.name),
             "is a tendon that follows " + std::to_string(followed) + " couplings",
-            "add the one coupling that says what its position is");
+            "add the one coupling that says what its position is, or give it a path");
   }
 }
 
@@ -389,6 +392,8 @@ void judge(const Model& model, const Attempt& attempt) {
   are_coupled &= attempt([&] { one_coupling_each(model); });
   if (!are_coupled) return;
   attempt([&] { curved_couplings(model); });
+  for (const Joint& joint : model.joints)
+    if (is_spatial(joint)) attempt([&] { proper_path(model, *trees, joint); });
   for (const Loop& loop : model.loops) attempt([&] { proper_loop(model, *trees, loop); });
   for (const Site& site : model.sites) attempt([&] { proper_site(model, site); });
   attempt([&] { contact_pairs(model, *trees); });

@@ -64,10 +64,15 @@ class ModelHash {
   }
   void put(const Joint& joint) {
     const auto& [name, kind, parent, child, origin, axis, damping, armature, stiffness, rest, drive, effort, lower,
-                 upper, limit_softness, restitution, velocity_limit, effort_limit, friction, position, velocity] =
+                 upper, limit_softness, restitution, velocity_limit, effort_limit, friction, position, velocity, path] =
         joint;
     all(name, kind, parent, child, origin, axis, damping, armature, stiffness, rest, drive, effort, lower, upper,
         limit_softness, restitution, velocity_limit, effort_limit, friction, position, velocity);
+    if (!path.empty()) put(path);
+  }
+  void put(const TendonSegment& segment) {
+    const auto& [first, second, first_point, second_point, share] = segment;
+    all(first, second, first_point, second_point, share);
   }
   void put(const CouplingTerm& term) {
     const auto& [joint, ratio] = term;

@@ -60,8 +60,8 @@ bool has_own_inertias(const Program& program);
 /// The functions that followers are of a joint, and the couplings that place curved followers
 /// (couplings/functions.cpp).
 void lay_out_functions(Program& program);
-/// Which of the eliminated followers are curved (couplings/functions.cpp).
-void find_curved_followers(Program& program);
+/// Which of the eliminated followers are curved or spatial tendons (couplings/functions.cpp).
+void find_exact_followers(Program& program);
 /// Throws ModelError where a bound of a curved follower is none of its leader, because the function rises and falls
 /// (couplings/functions.cpp).
 void check_bounds_of_functions(const Program& program);
@@ -121,11 +121,25 @@ std::vector<int> trees_of_velocities(const Tables<double>& t);
 /// The followers of `reduced`, and its elimination per environment (matrix/elimination.cpp).
 void eliminate_followers(Program& program);
 
-/// A joint whose velocity is a weighted sum of other joints' velocities, plus its constraint velocity if it has one.
+/// Segments between bodies of the spatial tendons (couplings/spatial_tendons.cpp).
+void lay_out_spatial_tendons(Program& program);
+/// How the lengths change with the independent joints at the model's start: what users see
+/// (couplings/spatial_tendons.cpp).
+void take_spatial_tangents(Program& program);
+
+/// A joint whose velocity is a weighted sum of other velocities, plus its constraint velocity if it has one.
 struct Follower {
   int joint;
-  std::vector<std::pair<int, double>> shares;  ///< other joints, and their weights
+  std::vector<std::pair<int, double>> shares;  ///< other velocities, and their weights
 };
+/// Spatial tendons as followers of velocities, at the model's start. Those that couplings eliminate are known
+/// (couplings/spatial_tendons.cpp).
+std::vector<Follower> spatial_followers(const Program& program, const std::vector<Follower>& of_couplings);
+/// What fills their rows of S, which are laid out (couplings/spatial_tendons.cpp).
+void lay_out_spatial_columns(Program& program);
+/// Whether the joint is a spatial tendon, whose bounds act on all of its velocities (couplings/spatial_tendons.cpp).
+bool is_spatial(const Tables<double>& t, int joint);
+
 /// S of v = S z, and the products of A_r. The solver either eliminates the followers' velocities or replaces them by
 /// constraint velocities (matrix/basis.cpp).
 void lay_out_basis(Program& program, const std::vector<Follower>& followers, bool has_constraint_velocities);
@@ -225,6 +239,10 @@ struct BodyPlace {
 /// Of a frame in a link; an empty name is the world (rows/moving.cpp).
 BodyPlace place_of(const Program& program, const std::string& link, const Eigen::Isometry3d& pose);
 void put_pose(const Eigen::Isometry3d& pose, double (&rotation)[9], double (&offset)[3]);
+
+/// Joints, as numbers of velocities, and velocities of floating roots that move two bodies against each other
+/// (rows/moving.cpp).
+std::vector<int> velocities_between(const Tables<double>& t, int first_body, int second_body);
 
 /// By solver velocity: what it turns or moves of two bodies against each other (rows/moving.cpp).
 using MovingColumns = std::map<int, std::vector<ColumnPart>>;

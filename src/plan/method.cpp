@@ -13,7 +13,7 @@ void choose_method(Program& program) {
       refuse(obstacle);
   const PlanObstacle* const to_reduced = find_obstacle(program, Axis::method, to_string(Method::reduced));
   const bool varies = declared(program, Parameter::softness) || declared(program, Parameter::coupling_switch);
-  int hard = 0;
+  int hard = program.f64.spatial.tendons.count;  // followers of which no coupling tells
   for (int c = 0; c < program.f64.couplings; ++c) hard += always_hard(program, c);
   if (program.method != Method::automatic) {
     program.method_reason = "as asked for";

@@ -27,7 +27,8 @@ static_assert(names_all<Body<double>, BodyStructure> && names_all<LinkPlace<doub
               names_all<TouchingPair<double>, TouchingStructure> &&
               names_all<ContactTables<double>, ContactStructure> && names_all<HeldLoop<double>, LoopStructure> &&
               names_all<LoopTables<double>, LoopTableStructure> &&
-              names_all<FunctionTables<double>, FunctionStructure>);
+              names_all<FunctionTables<double>, FunctionStructure> && names_all<Segment<double>, SegmentStructure> &&
+              names_all<SpatialTendonTables<double>, SpatialTendonStructure>);
 static_assert(sizeof(Tables<double>) ==
               (sizeof(TableStructure) + 7) / 8 * 8 + 2 * sizeof(void*) + bytes_of_numbers<Tables<double>>());
 
@@ -69,6 +70,10 @@ struct Narrowing {
   void operator()(const HeldLoop<double>& from, HeldLoop<float>& to) { table<LoopStructure>(from, to); }
   void operator()(const LoopTables<double>& from, LoopTables<float>& to) { table<LoopTableStructure>(from, to); }
   void operator()(const FunctionTables<double>& from, FunctionTables<float>& to) { table<FunctionStructure>(from, to); }
+  void operator()(const Segment<double>& from, Segment<float>& to) { table<SegmentStructure>(from, to); }
+  void operator()(const SpatialTendonTables<double>& from, SpatialTendonTables<float>& to) {
+    table<SpatialTendonStructure>(from, to);
+  }
   void operator()(const ActuatorTables<double>& from, ActuatorTables<float>& to) { table<ActuatorStructure>(from, to); }
   void operator()(const ContactTables<double>& from, ContactTables<float>& to) { table<ContactStructure>(from, to); }
 };

@@ -28,7 +28,8 @@ void note(Program& program, Axis axis, const char* applies_to, const char* featu
 void find_method_obstacles(Program& program) {
   const StepSettings& s = program.settings;
   const Model& model = program.model;
-  const bool has_tendons = program.f64.tendons.count > 0, has_functions = program.f64.functions.used();
+  const bool has_tendons = program.f64.tendons.count > 0 || program.f64.spatial.used(),
+             has_functions = program.f64.functions.used();
 
   // Which couplings are redundant is known for the model's ratios alone.
   if (declared(program, Parameter::gear_ratio) && !program.redundant.empty()) {
@@ -150,15 +151,17 @@ std::optional<PlanObstacle> obstacle_to_single_velocities(const Program& program
     if (!acts_on_one_velocity(t, t.limited_servos[i])) add_joint_name(t.limited_servos[i]);
   for (int r = t.bounds.single; r < t.bounds.rows.count; ++r) {
     const BoundKind kind = t.bounds.kind[r];
-    if (kind == BoundKind::joint && t.bounds.rows.term_start[r + 1] - t.bounds.rows.term_start[r] == 1) continue;
+    if (kind == BoundKind::joint && t.bounds.rows.term_start[r + 1] - t.bounds.rows.term_start[r] == 1 &&
+        !is_spatial(t, t.bounds.member[t.bounds.member_start[r]].joint))
+      continue;
     if (kind != BoundKind::joint && kind != BoundKind::servo && kind != BoundKind::drive)
       return stands("soft bounds", "a limit, a kinematic drive or a coupling's force limit is soft");
     add_joint_name(t.bounds.member[t.bounds.member_start[r]].joint);
   }
   if (!several.empty())
-    return stands(
-        "bounds of followers of several joints",
-        fmt::format("what has bounds or a limited servo follows several joints: {}", fmt::join(several, ", ")));
+    return stands("bounds of followers of several joints",
+                  fmt::format("what has bounds or a limited servo follows several joints, or a path: {}",
+                              fmt::join(several, ", ")));
   if (t.articulated.used())
     return stands("articulated bodies", "the bounds act on trees that are solved by articulated bodies");
   return std::nullopt;

@@ -21,6 +21,7 @@
 #include "tables/loops.h"
 #include "tables/reduction.h"
 #include "tables/rounds.h"
+#include "tables/spatial_tendons.h"
 
 namespace lockstep {
 
@@ -124,6 +125,7 @@ struct Tables : TableStructure {
   ContactTables<S> contacts;
   LoopTables<S> loops;
   FunctionTables<S> functions;
+  SpatialTendonTables<S> spatial;
   ActuatorTables<S> actuators;
   Span<S> hard_rate;  ///< erp / dt by coupling, 0 for soft ones
   Rows<S> undamped;   ///< rows whose softness refers to the undamped inertia, if A differs from that
@@ -132,8 +134,10 @@ struct Tables : TableStructure {
   inline __attribute__((always_inline)) bool counts_solves() const { return contacts.used() || rounds.slots.count > 0; }
   /// Whether S differs between environments, or between steps.
   inline __attribute__((always_inline)) bool shares_differ() const {
-    return declares(Parameter::gear_ratio) || functions.used();
+    return declares(Parameter::gear_ratio) || shares_change();
   }
+  /// Whether S differs between steps.
+  inline __attribute__((always_inline)) bool shares_change() const { return functions.used() || spatial.used(); }
   /// Whether rounds find the first solution of a step of euler.
   inline __attribute__((always_inline)) bool solves_first() const {
     return limited_servos.count > 0 || row_servos.count > 0 || loops.used();
@@ -157,7 +161,8 @@ struct Tables : TableStructure {
     visit(from.effort_limit, to.effort_limit), visit(from.term_value, to.term_value), visit(from.offset, to.offset);
     visit(from.rows, to.rows), visit(from.bounds, to.bounds), visit(from.reduction, to.reduction);
     visit(from.contacts, to.contacts), visit(from.loops, to.loops);
-    visit(from.functions, to.functions), visit(from.actuators, to.actuators);
+    visit(from.functions, to.functions), visit(from.spatial, to.spatial);
+    visit(from.actuators, to.actuators);
     visit(from.hard_rate, to.hard_rate), visit(from.undamped, to.undamped), visit(from.folded, to.folded);
   }
 };

@@ -5,6 +5,7 @@
 #include <complex>
 #include <map>
 
+#include "lockstep/error.h"
 #include "model/tendons.h"
 
 namespace lockstep::reference {
@@ -181,6 +182,10 @@ Matrix3d world_inertia(const Matrix3d& rotation, const Inertia& inertia) {
 
 Mechanism::Mechanism(const Model& model) : model_((model.validate(), model)), trees_(model) {
   model_.roots = trees_.roots;
+  for (const Joint& joint : model_.joints)
+    if (is_spatial(joint))
+      throw ModelError("joint '" + joint.name + "'", "is a spatial tendon, which the reference does not know",
+                       "leave it out, and give its tension as efforts and wrenches");
   place_tendons(model_);
   for (const Root& root : model_.roots) {
     root_velocity_.push_back(root.floating ? root_velocities_ : -1);

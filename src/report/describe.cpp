@@ -78,12 +78,15 @@ std::string mechanism_line(const Program& program) {
     base = fmt::format(
         "{} trees, {}", program.trees.size(),
         t.roots.count == 0 ? "all bolted" : joined(program.root_names) + (t.roots.count == 1 ? " floats" : " float"));
-  std::string text = fmt::format("{}: {}, {}, {}", program.model.name, base,
-                                 count_of(t.joints - t.tendons.count, "moving joint", "moving joints"),
-                                 count_of(t.couplings, "coupling", "couplings"));
+  std::string text =
+      fmt::format("{}: {}, {}, {}", program.model.name, base,
+                  count_of(t.joints - t.tendons.count - t.spatial.tendons.count, "moving joint", "moving joints"),
+                  count_of(t.couplings, "coupling", "couplings"));
   if (t.tendons.count > 0)
     text += fmt::format("; {} of the couplings {} what the position of a tendon is", t.tendons.count,
                         t.tendons.count == 1 ? "says" : "say");
+  if (t.spatial.used())
+    text += fmt::format("; {}", count_of(t.spatial.tendons.count, "spatial tendon", "spatial tendons"));
   if (program.merged_links > 0)
     text += fmt::format("; {} fixed to others and merged", count_of(program.merged_links, "link is", "links are"));
   const auto sharing = std::count_if(program.model.links.begin(), program.model.links.end(),

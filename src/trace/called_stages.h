@@ -19,8 +19,8 @@ inline void subtract_loops(const Tables<double>&, const Tile<Traced>&, Traced*) 
 inline void loop_forces(const Tables<double>&, double, Tile<Traced>&) {}
 inline void subtract_contacts(const Tables<double>&, const Tile<Traced>&, Traced*) {}
 inline void add_contact_work(const Tables<double>&, const Traced*, Tile<Traced>&, Traced&, Traced&) {}
-/// Refuses: the tables alone have functions of joints.
-void curved_shares(const Tables<double>& t, Tile<Traced>& x);
+/// Refuses: the tables alone have functions of joints and spatial tendons.
+void changing_shares(const Tables<double>& t, Tile<Traced>& x);
 void find_loops(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void find_contacts_at_midpoint(const Tables<double>& t, Tile<Traced>& x);
 inline void step_from_midpoint(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&, int) {}

@@ -97,9 +97,10 @@ void find_loops(const Tables<double>&, const StatePointers<double>&, Tile<Traced
     throw SettingsError("loops", "are held by the tables, not by generated code or the interpreter",
                         "use Engine::tables or automatic");
 }
-void curved_shares(const Tables<double>& t, Tile<Traced>& x) {
-  if (counting) return curved_shares<Traced>(t, x);
-  throw SettingsError("functions of joints", "are computed by the tables, not by generated code or the interpreter",
+void changing_shares(const Tables<double>& t, Tile<Traced>& x) {
+  if (counting) return changing_shares<Traced>(t, x);
+  throw SettingsError("functions of joints and spatial tendons",
+                      "are computed by the tables, not by generated code or the interpreter",
                       "use Engine::tables or automatic");
 }
 void actuate(const Tables<double>&, const StatePointers<double>&, const Tile<Traced>&) {

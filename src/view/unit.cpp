@@ -6,8 +6,9 @@
 namespace lockstep::view {
 
 std::string unit_of(const Model& model, const std::string& joint) {
-  const JointKind kind = model.joints[static_cast<std::size_t>(model.joint_index(joint))].kind;
-  if (kind != JointKind::tendon) return kind == JointKind::prismatic ? "m" : "rad";
+  const Joint& own = model.joints[static_cast<std::size_t>(model.joint_index(joint))];
+  if (!own.path.empty()) return "m";
+  if (own.kind != JointKind::tendon) return own.kind == JointKind::prismatic ? "m" : "rad";
   const auto coupling = std::find_if(model.couplings.begin(), model.couplings.end(),
                                      [&](const Coupling& candidate) { return candidate.joint == joint; });
   return unit_of(model, coupling->terms.front().joint);

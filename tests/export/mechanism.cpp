@@ -74,6 +74,7 @@ class Reading {
       found_[name + " is a tendon"];
     else
       add_axis(index, name);
+    for (const TendonSegment& segment : joint.path) add_segment(segment, name + " over ");
     const Drive& drive = joint.drive;
     append(name,
            {joint.damping, joint.armature, joint.friction, joint.stiffness, joint.stiffness * joint.rest, drive.kp,
@@ -83,6 +84,17 @@ class Reading {
     if (is_tendon)
       append(name + " slack",
              {std::get_if<Spring>(&joint.limit_softness) ? std::get<Spring>(joint.limit_softness).kp : infinity});
+  }
+
+  // The bodies of its ends and where these are in the drawn pose.
+  void add_segment(const TendonSegment& segment, const string& name) {
+    const auto end = [&](const string& link, const Vector3d& at) {
+      const int index = link.empty() ? -1 : model_.link_index(link);
+      const Vector3d place = index < 0 ? at : in_world_[static_cast<std::size_t>(index)] * at;
+      add(name + (index < 0 ? "world" : carrier(index)), place);
+    };
+    end(segment.first, segment.first_point), end(segment.second, segment.second_point);
+    append(name + "shares", {segment.share});
   }
 
   void add_axis(int index, const string& name) {

@@ -46,6 +46,34 @@ TEST(MjcfExport, says_what_it_cannot_say) {
   EXPECT_EQ(made.warnings.size(), 7u) << report_of(made);
 }
 
+// Over sites of the model's own and new ones, with a pulley before each branch.
+TEST(MjcfExport, of_spatial_tendons_is_read_again) {
+  Model model = wrist();
+  model.add_site("tip", "hand").pose.translation() = Eigen::Vector3d(0.1, 0.0, 0.02);
+  Joint tendon;
+  tendon.name = "cable", tendon.kind = JointKind::tendon;
+  tendon.path = {{"", "hand", Eigen::Vector3d(0.2, 0.1, 1.0), Eigen::Vector3d(0.1, 0.0, 0.02)},
+                 {"hand", model.links.front().name, Eigen::Vector3d(0.1, 0.0, 0.02), Eigen::Vector3d(0.0, 0.3, 0.0)},
+                 {"", "hand", Eigen::Vector3d(0.2, -0.1, 1.0), Eigen::Vector3d(0.0, 0.0, 0.1), 0.5}};
+  tendon.stiffness = 30.0, tendon.rest = 0.7, tendon.damping = 0.4, tendon.friction = 0.1, tendon.upper = 2.5;
+  tendon.drive = {.kp = 10.0, .kd = 1.0, .position_target = 0.9}, tendon.effort_limit = 20.0;
+  model.joints.push_back(tendon);
+  const Export made = export_mjcf(model);
+  EXPECT_TRUE(made.warnings.empty()) << report_of(made);
+  EXPECT_NE(made.text.find("<site site=\"tip\"/>"), std::string::npos);
+  const Model again = read(made);
+  const Joint& theirs = again.joints[static_cast<std::size_t>(again.joint_index("cable"))];
+  ASSERT_EQ(theirs.path.size(), tendon.path.size());
+  for (std::size_t s = 0; s < tendon.path.size(); ++s) EXPECT_NEAR(theirs.path[s].share, tendon.path[s].share, 1e-15);
+  for (double Joint::*number :
+       {&Joint::stiffness, &Joint::rest, &Joint::damping, &Joint::friction, &Joint::upper, &Joint::effort_limit})
+    EXPECT_NEAR(theirs.*number, tendon.*number, 1e-12);
+  Batch<double> ours(compile(model), 1), read_again(compile(again), 1);
+  const auto length = [](const Batch<double>& batch) { return batch.positions()(batch.plan().dof("cable"), 0); };
+  EXPECT_NEAR(length(ours), length(read_again), 1e-12);
+  EXPECT_NE(length(ours), 0.0);
+}
+
 // A ball is one joint of the file, with its quaternion in the keyframe, and its actuators act along its axes.
 TEST(MjcfExport, of_balls_is_read_again) {
   Model model = wrist();

@@ -31,6 +31,9 @@ inline std::string text_of(const Model& model) {
                                 j.drive.position_target, j.drive.velocity_target, j.effort, j.lower, j.upper,
                                 j.restitution, j.velocity_limit, j.effort_limit, j.friction, j.position, j.velocity})
       out << number << ' ';
+    for (const TendonSegment& s : j.path)
+      out << s.first << ' ' << s.second << ' ' << s.first_point.transpose() << ' ' << s.second_point.transpose() << ' '
+          << s.share << ' ';
     softness(j.limit_softness);
     out << '\n';
   }

@@ -110,6 +110,9 @@ function facts_of(file) {
     else
       add(name(3, j), dof, d.qpos[at], range, m.qpos_spring[at]);
   }
+  const spatial = [...Array(m.ntendon).keys()].filter(t => m.wrap_type[m.tendon_adr[t]] == 3);  // begins at a site
+  if (spatial.length)
+    result.tendons = spatial.map(t => ({name: name(18, t), length: d.ten_length[t], rate: d.ten_velocity[t]}));
   if (m.ngravcomp) {
     d.qvel.fill(0);
     mj.mj_forward(m, d);

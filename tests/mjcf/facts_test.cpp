@@ -8,6 +8,7 @@
 
 #include "lockstep/batch.h"
 #include "lockstep/plan.h"
+#include "model/tendons.h"
 #include "model/trees.h"
 #include "unit/import_helpers.h"
 
@@ -69,8 +70,38 @@ TEST_P(MjcfFacts, hold_for_each_joint) {
   }
 }
 
-// Tendons have the numbers that their couplings give them.
+struct Path {
+  double length, rate_of_roots;
+  Efforts ratios;  // how the length changes with each joint
+};
+
+Path path_of(const Model& model, const Joint& tendon, const Efforts& q) {
+  const Trees trees(model);
+  Configuration at = start_of(model, trees);
+  for (std::size_t j = 0; j < model.joints.size(); ++j)
+    if (const auto found = q.find(model.joints[j].name); found != q.end()) at.position[j] = found->second;
+  const Eigen::RowVectorXd jacobian = length_jacobian(model, trees, at, tendon);
+  Path path{length_of(model, trees, at, tendon), 0.0, {}};
+  const auto joints = static_cast<Eigen::Index>(model.joints.size());
+  for (Eigen::Index j = 0; j < joints; ++j)
+    if (jacobian[j] != 0.0) path.ratios[model.joints[static_cast<std::size_t>(j)].name] = jacobian[j];
+  for (int tree = 0; tree < trees.count(); ++tree)
+    for (int half = 0; half < 2; ++half)
+      path.rate_of_roots += jacobian.segment<3>(joints + 6 * tree + 3 * half) *
+                            (trees.roots[static_cast<std::size_t>(tree)].pose.linear() *
+                             trees.roots[static_cast<std::size_t>(tree)].velocity.segment<3>(3 * half));
+  return path;
+}
+
+// Tendons have the numbers that their couplings and paths give them.
 void place_tendons(const Model& model, Efforts& q, Efforts& v) {
+  for (const Joint& tendon : model.joints) {
+    if (!is_spatial(tendon)) continue;
+    const Path path = path_of(model, tendon, q);
+    double& rate = v[tendon.name] = path.rate_of_roots;
+    for (const auto& [name, ratio] : path.ratios) rate += ratio * v.at(name);
+    q[tendon.name] = path.length;
+  }
   for (const Coupling& coupling : model.couplings) {
     if (joint(model, coupling.joint).kind != JointKind::tendon) continue;
     double &length = q[coupling.joint] = -coupling.offset, &rate = v[coupling.joint] = 0.0;
@@ -123,6 +154,11 @@ Efforts efforts(const Model& model, const Efforts& q, const Efforts& v) {
 
 // Of the leaders: what followers of hard couplings pass on to them.
 Efforts passed_on(Efforts sums, const Model& model, const Efforts& q) {
+  for (const Joint& tendon : model.joints) {
+    if (!is_spatial(tendon)) continue;
+    const double effort = std::exchange(sums[tendon.name], 0.0);
+    for (const auto& [name, ratio] : path_of(model, tendon, q).ratios) sums[name] += ratio * effort;
+  }
   for (std::size_t pass = 0; pass < model.couplings.size(); ++pass)
     for (const Coupling& coupling : model.couplings) {
       if (!is_hard(coupling.softness)) continue;
@@ -146,6 +182,13 @@ TEST_P(MjcfFacts, hold_for_inertia_energy_and_efforts) {
     theirs[name] = fact["effort"];
   }
   place_tendons(model(), q, v);
+  for (const json& fact : facts.value("tendons", json::array())) {
+    const string name = fact["name"];
+    if (std::none_of(model().joints.begin(), model().joints.end(), [&](const Joint& j) { return j.name == name; }))
+      continue;  // it has nothing to act by
+    EXPECT_NEAR(q.at(name), fact["length"].get<double>(), 1e-12) << name;
+    EXPECT_NEAR(v.at(name), fact["rate"].get<double>(), 1e-12) << name;
+  }
   for (const auto& [name, position] : q) theirs.try_emplace(name, 0.0);
   const Efforts own = passed_on(efforts(model(), q, v), model(), q), wanted = passed_on(theirs, model(), q);
   for (const auto& [name, effort] : own) EXPECT_NEAR(effort, wanted.at(name), 1e-9 * (1.0 + std::abs(effort))) << name;

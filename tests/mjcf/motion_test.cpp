@@ -51,7 +51,8 @@ const auto name_of_file = [](const auto& file) { return std::filesystem::path(fi
 INSTANTIATE_TEST_SUITE_P(models, MjcfModelMotion,
                          testing::Values(File{"hand.xml", "held", "1e-4", 1e-5}, File{"drives.xml", "0"},
                                          File{"several.xml", "moving"}, File{"frames.xml"}, File{"masses.xml", "0"},
-                                         File{"pulled.xml", "0", "1e-4", 1e-5}, File{"balls.xml", "moving"}),
+                                         File{"pulled.xml", "0", "1e-4", 1e-5}, File{"balls.xml", "moving"},
+                                         File{"spatial.xml", "moving", "1e-4", 1e-5}),
                          name_of_file);
 
 class MjcfRobotMotion : public MjcfMotion {};

@@ -30,9 +30,9 @@ export function copy(mj, from, to, keeps_assets = false) {
   }
 }
 
-// Of a body (1), joint (3), geom (5) or equality (17); empty where it has none.
+// Of a body (1), joint (3), geom (5), equality (17) or tendon (18); empty where it has none.
 export function name_of(mj, m, kind, i) {
-  const starts = {1: m.name_bodyadr, 3: m.name_jntadr, 5: m.name_geomadr, 17: m.name_eqadr}[kind];
+  const starts = {1: m.name_bodyadr, 3: m.name_jntadr, 5: m.name_geomadr, 17: m.name_eqadr, 18: m.name_tendonadr}[kind];
   return m.names[starts[i]] ? mj.mj_id2name(m, kind, i) : '';
 }
 

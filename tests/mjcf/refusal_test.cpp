@@ -56,7 +56,9 @@ TEST(MjcfRefusal, is_of_what_would_be_another_mechanism) {
                        "<equality><joint joint1='x' joint2='y'/><joint joint1='x' joint2='y' "
                        "polycoef='0.1 1'/></equality>"),
                  "1:", "contradicts");
-  expect_refused(world(pair, "<tendon><spatial name='s'/></tendon><equality><tendon tendon1='s'/></equality>"),
+  expect_refused(world("<site name='p'/><site name='q'/>" + pair,
+                       "<tendon><spatial name='s'><site site='p'/><site site='q'/></spatial></tendon>"
+                       "<equality><tendon tendon1='s'/></equality>"),
                  "1:", "spatial");
   expect_refused(world(body("<joint/><geom type='mesh' mesh='m'/>")), "2: <geom>",
                  "names mesh 'm', which does not exist");
@@ -160,6 +162,34 @@ TEST(MjcfRefusal, is_of_names_that_nothing_has) {
          "names site 'wirst'", "'wrist' exists");
   expect(world(arm, "<equality><joint joint1='completely'/></equality>"), "1: equality <joint>",
          "names joint 'completely'", "read the file that includes this one");
+}
+
+// Parts of a ball have names here, and none in a file.
+TEST(MjcfRefusal, is_of_parts_of_balls_and_of_names_that_balls_have) {
+  const string hip = body("<joint name='hip' type='ball'/>", "one");
+  expect_refused(world(hip, "<actuator><motor joint='hip.z' gear='0 0 1'/></actuator>"), "1:", "hip.z");
+  expect_refused(world(hip + body("<joint name='hip'/>", "two")), "2:", "has a name that is taken");
+  const Import import = import_mjcf(
+      world(body("<joint/>", "hip") + hip, "<actuator><motor joint='hip' gear='0 1 0'/></actuator>"), "test");
+  EXPECT_EQ(joint(import.model, "hip.y").kind, JointKind::ball);
+  EXPECT_NE(report_of(import).find("of hip.y: 1 u"), string::npos) << report_of(import);
+}
+
+// Only where a step would need its length.
+TEST(MjcfRefusal, is_of_tendons_that_wrap_around_geoms) {
+  const auto file = [](const string& attributes) {
+    return world("<site name='a'/>" + body("<joint name='j'/><geom name='drum' size='0.1'/><site name='b'/>", "one"),
+                 "<tendon><spatial name='t' " + attributes +
+                     "><site site='a'/><geom geom='drum'/><site site='b'/></spatial></tendon>");
+  };
+  expect_refused(file("stiffness='3'"), "1: tendon 't'", "wraps around geom 'drum'");
+  expect_refused(file("range='0 1' limited='true'"), "1: tendon 't'", "wraps around geom");
+  EXPECT_TRUE(import_mjcf(file(""), "test").model.couplings.empty());
+  expect_refused(world("<site name='a'/>" + pair, "<tendon><spatial name='t'><site site='a'/></spatial></tendon>"),
+                 "1: tendon 't'", "joins no two sites");
+  expect_refused(world("<site name='a'/>" + pair,
+                       "<tendon><spatial name='t'><site site='a'/><pulley divisor='0'/></spatial></tendon>"),
+                 "1: <pulley>", "divisor is not above 0");
 }
 
 TEST(MjcfRefusal, is_of_actuators_that_could_mean_two_things) {

@@ -207,6 +207,27 @@ const Feature ball_drives{"its friction, spring and limited servos", [](Model& m
                             joint_of(m, "ball.y").friction = 0.05, joint_of(m, "ball.z").velocity_limit = 3.0;
                           }};
 
+// From a hook beside the first body over it to the second one, or to the bob where there is one.
+const Feature cable{"spatial tendon", [](Model& m, StepSettings&) {
+                      Joint joint;
+                      joint.name = "cable", joint.kind = JointKind::tendon;
+                      const bool has_bob = m.links.back().name == "bob";
+                      const Eigen::Vector3d hook(0.3, 0.4, 0.1), first(0.0, 0.1, 0.0), last(0.0, -0.2, 0.1);
+                      joint.path = {{"", "l0", hook, first}, {"l0", has_bob ? "bob" : "l1", first, last, 0.5}};
+                      joint.stiffness = 5.0, joint.rest = 0.8, joint.damping = 0.3;
+                      m.joints.push_back(joint);
+                    }};
+const Feature cable_range{"its range", [](Model& m, StepSettings&) { joint_of(m, "cable").upper = 1.3; }};
+const Feature soft_cable_range{"its soft range", [](Model& m, StepSettings&) {
+                                 joint_of(m, "cable").upper = 1.2;
+                                 joint_of(m, "cable").limit_softness = Spring{60.0, 1.0};
+                               }};
+const Feature cable_drives{"its friction and limited servo", [](Model& m, StepSettings&) {
+                             Joint& joint = joint_of(m, "cable");
+                             servo(joint);
+                             joint.drive.position_target = 0.9, joint.friction = 0.1, joint.velocity_limit = 3.0;
+                           }};
+
 const std::vector<std::vector<Feature>> scenes{
     {},
     {hard},
@@ -390,6 +411,26 @@ const std::vector<std::vector<Feature>> scenes{
     {contact, loop, ball, ball_range, tendon_range},
     {solids, colliders, ball, ball_range, ball_drives, cam, functions},
     {field, turning, colliders, ball, soft_ball_range, ball_drives, late, motors, hard, limits, records},
+    {cable},
+    {cable, cable_range},
+    {cable, soft_cable_range},
+    {cable, cable_drives},
+    {cable, cable_range, hard, limits, servos},
+    {cable, cable_range, cable_drives, soft, softness, limits},
+    {cable, cable_drives, hard, masses, balances},
+    {cable, cable_range, tendon_range, switches},
+    {cable, cable_range, cable_drives, cam, functions},
+    {cable, cable_range, cable_drives, late, motors, hard, limits, records},
+    {cable, cable_range, sum, sum_limits, ratios},
+    {ball, ball_range, cable, cable_range, cable_drives},
+    {loop, cable, cable_range, cable_drives},
+    {loop, ball, cable, soft_cable_range, cam, limits, servos},
+    {contact, cable},
+    {contact, cable, cable_range, hard, limits, servos},
+    {contact, turning, cable, cable_drives, soft, softness, limits},
+    {contact, loop, ball, ball_range, cable, cable_range, tendon_range},
+    {solids, colliders, cable, cable_range, cable_drives, cam, functions},
+    {field, turning, colliders, ball, cable, soft_cable_range, cable_drives, late, motors, hard, limits, records},
 };
 
 Model arm() {

@@ -8,6 +8,7 @@
 #include "export/names.h"
 #include "model/joint_motion.h"
 #include "model/poses.h"
+#include "model/tendons.h"
 #include "sections.h"
 
 namespace lockstep::exporter::mjcf {
@@ -27,6 +28,7 @@ class Actuators {
       offsets_.emplace(coupling.joint, coupling.offset);
       if (is_hard(coupling.softness)) followers_.insert(coupling.joint);
     }
+    for (const Joint& joint : model_.joints) offsets_.emplace(joint.name, 0.0);
     report_.show_all(controls_line);
   }
 
@@ -57,7 +59,8 @@ class Actuators {
     if (drive.kd > 0.0 && (is_apart || drive.kp == 0.0)) write(joint, Aim::velocity, drive.kd, {0.0, 0.0, -drive.kd});
     const bool has_no_drive = drive.kp == 0.0 && drive.kd == 0.0 && !drive.kinematic;
     const bool is_limited = joint.effort_limit < infinity && (is_tendon(joint) || !followers_.contains(joint.name));
-    const bool is_motor = has_no_drive && (is_limited || (is_tendon(joint) && has_spring_alone(joint)));
+    const bool is_motor =
+        has_no_drive && (is_limited || (is_tendon(joint) && !is_spatial(joint) && has_spring_alone(joint)));
     if (joint.effort != 0.0 || is_in_a_pose(joint, &NamedPose::efforts) || is_motor) write(joint, Aim::effort, 1.0, {});
   }
 
@@ -188,7 +191,7 @@ class Actuators {
   Xml& xml_;
   Names names_;
   std::unordered_set<std::string> followers_;
-  std::unordered_map<std::string, double> offsets_;  // of the first coupling that a joint follows
+  std::unordered_map<std::string, double> offsets_;  // of the first coupling that a joint follows, or 0
   struct Control {
     std::ptrdiff_t joint;
     Aim aim;

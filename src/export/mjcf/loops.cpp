@@ -6,6 +6,7 @@
 #include "export/names.h"
 #include "model/softness_numbers.h"
 #include "sections.h"
+#include "sites.h"
 
 namespace lockstep::exporter::mjcf {
 namespace {
@@ -13,19 +14,6 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double along_axis = 0.1;  // m, from the first point of a hinge to the second
-
-// The name of a site there.
-std::string site_at(const std::string& link, const Vector3d& at, const std::string& wanted, Model& model,
-                    Names& names) {
-  const auto found = std::find_if(model.sites.begin(), model.sites.end(), [&](const Site& site) {
-    return site.link == link && Vector3d(site.pose.translation()) == at;
-  });
-  if (found != model.sites.end()) return found->name;
-  Site site{names.take(wanted), link};
-  site.pose.translation() = at;
-  model.sites.push_back(site);
-  return site.name;
-}
 
 void report_losses(const Loop& loop, Report& report) {
   if (loop.force_limit < infinity || loop.torque_limit < infinity)
@@ -59,23 +47,18 @@ void write_weld(const Loop& loop, const Writing& writing) {
 }  // namespace
 
 std::vector<HeldPoint> add_sites_of_loops(Model& model, Report& report) {
-  Names sites, equalities;
-  for (const Site& site : model.sites) sites.take(site.name);
+  Names equalities;
   for (const std::string& coupling : coupling_names(model)) equalities.take(coupling);
   for (Loop& loop : model.loops) {
     const std::string name = equalities.take(loop.name);
     if (name != loop.name) report.remark("loops with the name of a coupling, renamed", loop.name + " to " + name);
     loop.name = name;
   }
-  std::string world;  // the link that is the world, if there is one
-  for (const Root& root : model.roots)
-    if (stands_for_world(root, model)) world = root.link;
-  const auto link_of = [&](const std::string& end) { return end.empty() ? world : end; };
   std::vector<HeldPoint> held;
   for (const Loop& loop : model.loops) {
     const auto hold = [&](const std::string& name, const Vector3d& at) {
-      held.push_back({name, site_at(link_of(loop.first), loop.first_pose * at, name + "_first", model, sites),
-                      site_at(link_of(loop.second), loop.second_pose * at, name + "_second", model, sites)});
+      held.push_back({name, site_at(loop.first, loop.first_pose * at, name + "_first", model),
+                      site_at(loop.second, loop.second_pose * at, name + "_second", model)});
     };
     if (loop.kind != LoopKind::point && loop.kind != LoopKind::hinge) continue;
     hold(loop.name, Vector3d::Zero());

@@ -72,6 +72,7 @@ Export export_mjcf(const Model& original, const MjcfOptions& options) {
   const double timestep = options.timestep.value_or(model.time_step > 0.0 ? model.time_step : 0.001);
   Report report;
   std::vector<mjcf::HeldPoint> held = mjcf::add_sites_of_loops(model, report);
+  mjcf::add_sites_of_tendons(model);
   Xml xml;
   const Trees trees(model);
   const mjcf::Writing writing{model,           timestep, trees, mjcf::lay_out(model, trees, report),
@@ -82,6 +83,7 @@ Export export_mjcf(const Model& original, const MjcfOptions& options) {
   mjcf::write_world(writing);
   mjcf::write_contacts(writing);
   mjcf::write_couplings(writing);
+  mjcf::write_spatial_tendons(writing);
   mjcf::write_loops(writing);
   mjcf::write_actuators_and_start(writing);
   xml.close();

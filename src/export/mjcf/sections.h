@@ -26,10 +26,14 @@ double time_constant(double timestep);
 /// These springs. Into the element that is open.
 void write_hardness(double timestep, Xml& xml);
 
+/// Adds the sites that spatial tendons need and the model lacks.
+void add_sites_of_tendons(Model& model);
+
 // Each writes its sections, in this order, and reports what they lack.
 void write_world(const Writing& writing);
 void write_contacts(const Writing& writing);
 void write_couplings(const Writing& writing);
+void write_spatial_tendons(const Writing& writing);
 void write_loops(const Writing& writing);
 void write_actuators_and_start(const Writing& writing);
 

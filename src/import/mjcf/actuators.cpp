@@ -119,9 +119,7 @@ void read_target(const Element& element, Scene& scene, Actuator& actuator) {
   const std::string name = element.name("tendon", "");
   if (name.empty()) element.fail("acts on nothing", "write joint=\"...\" or tendon=\"...\"");
   const Tendon& tendon = scene.tendon(name, element);
-  if (tendon.is_spatial)
-    actuator.lost = "acts on a spatial tendon";
-  else if (!tendon.is_whole)
+  if (!tendon.is_whole)
     actuator.lost = "acts on a body that is left out";
   else
     actuator.tendon = static_cast<int>(&tendon - scene.tendons.data());

@@ -65,6 +65,12 @@ class Driver {
   // The length along which it acts. Nothing if it has no effect.
   std::optional<Transmission> transmission_of(const Actuator& actuator) const {
     Form length;
+    if (actuator.tendon >= 0 && scene_.tendons[static_cast<std::size_t>(actuator.tendon)].is_spatial) {
+      const std::optional<Transmission>& own = transmissions_[static_cast<std::size_t>(actuator.tendon)];
+      if (!own) lose(actuator, "acts on what no joint moves");
+      if (!own || !actuator.has_damping_ratio) return own;
+      return lose(actuator, "takes its damping by a ratio on a spatial tendon"), std::nullopt;
+    }
     if (actuator.tendon >= 0)
       length = scene_.tendons[static_cast<std::size_t>(actuator.tendon)].length;
     else
@@ -130,7 +136,7 @@ class Driver {
     if (!scene_.settings.has_actuation) return;
     const std::optional<Transmission> transmission = transmission_of(actuator);
     if (!transmission) return;
-    const auto& [name, factor, constant] = *transmission;
+    const auto& [name, factor, constant, rest] = *transmission;
     const int index = joints_.find(name);
     if (actuator.force && !(actuator.force->lower < 0.0 && actuator.force->upper > 0.0))
       return lose(actuator, "pushes one way only");

@@ -18,18 +18,10 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 
-// A frame on a body.
-struct End {
-  std::size_t body;
-  Isometry3d frame = Isometry3d::Identity();
-};
-
 class Closer {
  public:
   Closer(const Scene& scene, const Start& start, const std::vector<Place>& places, Draft& draft)
-      : scene_(scene), start_(start), places_(places), draft_(draft), trees_(draft.model) {
-    for (std::size_t b = 0; b < scene.bodies.all.size(); ++b)
-      for (const SitePart& part : scene.bodies.all[b].sites) sites_.emplace(part.name, End{b, part.pose});
+      : scene_(scene), ends_(scene, start, places), draft_(draft), trees_(draft.model) {
     for (const Element& element : scene.closures)
       if (element.has("name")) names_.take(element.name("name"));
   }
@@ -41,13 +33,13 @@ class Closer {
     }
     bool holds_frames = element.tag() == "weld";
     auto [first, second] = ends(element, holds_frames);
-    if (is_left_out(first.body) || is_left_out(second.body))
+    if (ends_.is_left_out(first.body) || ends_.is_left_out(second.body))
       return report().warn("loops of bodies left out, left out", element.place());
-    if (place_of(second).link.empty()) std::swap(first, second);
+    if (ends_.place_of(second).link.empty()) std::swap(first, second);
     // A weld to a mocap body holds what the user moves: the body's own frame.
     if (holds_frames && scene_.bodies.all[first.body].is_mocap)
       second.frame = second.frame * first.frame.inverse(), first.frame.setIdentity();
-    const Place one = place_of(first), other = place_of(second);
+    const Place one = ends_.place_of(first), other = ends_.place_of(second);
     if (!can_move(draft_.model, trees_, one.link, other.link))
       return report().remark("loops of bodies that do not move against each other, without effect", element.place());
 
@@ -105,18 +97,9 @@ class Closer {
   }
 
   End site(const Element& element, const std::string& name) const {
-    const auto found = sites_.find(name);
-    if (found == sites_.end()) scene_.fail_to_find(element, "site", name);
-    return found->second;
-  }
-
-  bool is_left_out(std::size_t body) const { return scene_.bodies.moves[body] && !scene_.is_read[body]; }
-
-  Place place_of(const End& end) const {
-    const auto b = static_cast<int>(end.body);
-    if (scene_.bodies.all[end.body].is_mocap) return {"", start_.pose.at(b) * end.frame};
-    if (b == 0 || !scene_.is_read[end.body]) return {"", drawn(end.body) * end.frame};
-    return {places_[end.body].link, places_[end.body].pose * end.frame};
+    const End* const found = ends_.find_site(name);
+    if (!found) scene_.fail_to_find(element, "site", name);
+    return *found;
   }
 
   void soften(const Yielding& yielding, Loop& loop) const {
@@ -127,11 +110,9 @@ class Closer {
   }
 
   const Scene& scene_;
-  const Start& start_;
-  const std::vector<Place>& places_;
+  const Ends ends_;
   Draft& draft_;
   const Trees trees_;
-  std::unordered_map<std::string, End> sites_;  // by name
   Names names_;
 };
 

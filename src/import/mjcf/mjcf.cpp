@@ -40,7 +40,8 @@ Import read(const std::string& text, const std::string& source, const std::strin
     resist_by_time_constants(scene, draft);
     const Ties ties = couple(scene, draft);
     close_loops(scene, start, places, draft);
-    const std::vector<std::optional<Transmission>> transmissions = transmissions_of_tendons(scene, ties, draft);
+    const Ends ends(scene, start, places);
+    const std::vector<std::optional<Transmission>> transmissions = transmissions_of_tendons(scene, ties, ends, draft);
     resist_tendons(scene, ties, transmissions, draft);
     add_poses(scene, start, keys, drive_joints(scene, ties, transmissions, start, draft), draft);
     if (options.colliders)

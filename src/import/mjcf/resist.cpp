@@ -20,7 +20,7 @@ void add_spring(Joint& joint, double stiffness, double rest) {
   joint.stiffness = sum;
 }
 
-// One fixed tendon.
+// One tendon.
 class Resistance {
  public:
   Resistance(const Tendon& tendon, const Scene& scene, const Ties& ties,
@@ -35,15 +35,16 @@ class Resistance {
   // `what` names all of it.
   void add(const std::string& what) {
     const Form free = ties_.reduced(tendon_.length);
-    if (free.terms.empty()) return report().remark("tendons whose length no joint changes, without effect", what);
+    if (tendon_.is_spatial ? !transmission_ : free.terms.empty())
+      return report().remark("tendons whose length no joint changes, without effect", what);
     if (!transmission_) return add_coupling(free);
     Joint& own = draft_.model.joints[static_cast<std::size_t>(draft_.model.joint_index(transmission_->joint))];
-    const auto& [joint, factor, constant] = *transmission_;
+    const auto& [joint, factor, constant, rest_of_path] = *transmission_;
     if (tendon_.range) limit(own);
     if (!tendon_.has_slack()) add_spring(own, tendon_.stiffness * factor * factor, (rest() - constant) / factor);
     own.damping += tendon_.damping * factor * factor;
     own.friction += tendon_.friction * std::abs(factor);
-    own.armature += tendon_.armature * factor * factor;
+    if (!tendon_.is_spatial) own.armature += tendon_.armature * factor * factor;
     if (own.kind == JointKind::tendon) return;
     if (tendon_.range)
       report().remark("limits of tendons, on the joint that moves them", fmt::format("{} on {}", name_, joint));
@@ -65,6 +66,7 @@ class Resistance {
   // The length at which the spring has no force.
   double rest() const {
     if (tendon_.shortest != -1.0 || tendon_.longest != -1.0) return tendon_.shortest;
+    if (tendon_.is_spatial) return transmission_->rest;
     double length = 0.0;
     for (const auto& [index, coefficient] : tendon_.length.terms) length += coefficient * scene_.joint(index).rest;
     return length;
@@ -104,9 +106,7 @@ void resist_tendons(const Scene& scene, const Ties& ties, const std::vector<std:
       numbers += fmt::format("{}{:g} to {:g}", numbers.empty() ? "" : ", ", tendon.range->lower, tendon.range->upper);
     if (numbers.empty()) continue;
     const std::string what = fmt::format("{} ({})", title_of(tendon), numbers);
-    if (tendon.is_spatial)
-      scene.report().warn("spatial tendons that limit, pull or resist, left out", what);
-    else if (!tendon.is_whole)
+    if (!tendon.is_whole)
       scene.report().warn("tendons over bodies left out, left out", what);
     else
       Resistance(tendon, scene, ties, transmissions[t], draft).add(what);

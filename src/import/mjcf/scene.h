@@ -26,11 +26,19 @@ struct Form {
   void add(int joint, double coefficient);  ///< terms of one joint are added up
 };
 
+/// A straight part of a spatial tendon between two sites.
+struct Strand {
+  std::string first, second;
+  double share;  ///< of its length in the tendon's
+};
+
 struct Tendon {
   std::string name, place;
   bool is_spatial = false;
-  bool is_whole = true;  ///< all of its joints are read
-  Form length;           ///< of a fixed tendon
+  bool is_whole = true;         ///< all of its joints are read
+  Form length;                  ///< of a fixed tendon
+  std::vector<Strand> strands;  ///< of a spatial one
+  std::string wrapped;          ///< a geom that it wraps around, in words; empty if it wraps around none
   std::optional<Range> range;
   double stiffness = 0.0, damping = 0.0, friction = 0.0, armature = 0.0, effort_limit = infinity;
   double shortest = -1.0, longest = -1.0;  ///< between these the spring has no force; -1: at the joints' springref

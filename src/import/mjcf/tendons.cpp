@@ -25,6 +25,30 @@ void read_fixed(const Element& element, Tendon& tendon, const Scene& scene) {
     element.fail("has no joints", "add <joint joint=\"...\" coef=\"...\"/>");
 }
 
+// From site to site. A pulley begins a branch of its own, of which a share counts.
+void read_spatial(const Element& element, Tendon& tendon, const Scene& scene) {
+  std::string last;
+  double share = 1.0;
+  for (const Element::Xml* xml : element.children()) {
+    const std::string_view tag = xml->Name();
+    const Element part(scene.document, *xml);
+    if (tag == "site") {
+      const std::string site = part.name("site");
+      if (!last.empty()) tendon.strands.push_back({last, site, share});
+      last = site;
+    } else if (tag == "geom") {
+      tendon.wrapped = fmt::format("geom '{}'", part.name("geom"));
+      part.name("sidesite", "");
+    } else if (tag == "pulley") {
+      const double divisor = part.number("divisor");
+      if (!(divisor > 0.0)) part.fail("divisor is not above 0", "give the number of strands, such as 2");
+      last.clear(), share = 1.0 / divisor;
+    }
+  }
+  if (tendon.strands.empty() && tendon.wrapped.empty())
+    element.fail("joins no two sites", "add <site site=\"...\"/> for each end");
+}
+
 void read_tendon(const Element::Xml& xml, Scene& scene) {
   Element element(scene.classes.element(xml, "", "tendon"));
   const Settings& settings = scene.settings.of(element);
@@ -33,7 +57,7 @@ void read_tendon(const Element::Xml& xml, Scene& scene) {
   if (!tendon.name.empty()) element.rename("tendon '" + tendon.name + "'");
   tendon.place = element.place();
   tendon.is_spatial = element.tag() == "spatial";
-  if (!tendon.is_spatial) read_fixed(element, tendon, scene);
+  tendon.is_spatial ? read_spatial(element, tendon, scene) : read_fixed(element, tendon, scene);
   if (settings.has_limits) tendon.range = limited_range(element, "range", "limited", settings.autolimits);
   if (tendon.range)
     element.report().tally("position limits made hard, soft in MuJoCo",

@@ -6,6 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "lockstep/error.h"
+#include "model/by_name.h"
+#include "model/loops.h"
 #include "model/tendons.h"
 #include "names.h"
 
@@ -16,13 +19,15 @@ constexpr double least_share = 1e-6;  // of a tendon's largest coefficient
 
 class Finder {
  public:
-  Finder(const Scene& scene, const Ties& ties, Draft& draft) : scene_(scene), ties_(ties), draft_(draft) {
+  Finder(const Scene& scene, const Ties& ties, const Ends& ends, Draft& draft)
+      : scene_(scene), ties_(ties), ends_(ends), draft_(draft) {
     for (const Joint& joint : draft.model.joints) names_.take(joint.name);
   }
 
   std::optional<Transmission> transmission(std::size_t index) {
     const Tendon& tendon = scene_.tendons[index];
-    if (tendon.is_spatial || !tendon.is_whole) return std::nullopt;
+    if (tendon.is_spatial) return spatial(index);
+    if (!tendon.is_whole) return std::nullopt;
     const Form free = ties_.reduced(tendon.length);
     if (free.terms.empty()) return std::nullopt;
     if (free.terms.size() == 1) {
@@ -47,6 +52,51 @@ class Finder {
   }
 
  private:
+  // A joint of its own, whose position is the length.
+  std::optional<Transmission> spatial(std::size_t index) {
+    const Tendon& tendon = scene_.tendons[index];
+    if (!has_more_than_a_spring(index) && tendon.stiffness == 0.0 && tendon.damping == 0.0) return std::nullopt;
+    if (!tendon.wrapped.empty())
+      throw ImportError(tendon.place, "wraps around " + tendon.wrapped + ", which lockstep lacks",
+                        "lead it over sites alone, or remove its range, springs, friction and actuators");
+    const Trees trees(draft_.model);
+    Joint joint;
+    joint.kind = JointKind::tendon;
+    bool moves = false;
+    for (const Strand& strand : tendon.strands) {
+      const auto site = [&](const std::string& name) {
+        const End* const found = ends_.find_site(name);
+        if (!found)
+          throw ImportError(tendon.place, fmt::format("names site '{}', which does not exist", name),
+                            "correct the name");
+        return *found;
+      };
+      const End first = site(strand.first), second = site(strand.second);
+      if (ends_.is_left_out(first.body) || ends_.is_left_out(second.body)) {
+        scene_.report().warn("tendons over bodies left out, left out", title_of(tendon));
+        return std::nullopt;
+      }
+      const Place one = ends_.place_of(first), other = ends_.place_of(second);
+      moves |= can_move(draft_.model, trees, one.link, other.link);
+      joint.path.push_back({one.link, other.link, one.pose.translation(), other.pose.translation(), strand.share});
+    }
+    if (!moves) return std::nullopt;
+    joint.name = names_.unused(tendon.name.empty() ? "tendon" : tendon.name);
+    draft_.places["joint '" + joint.name + "'"] = tendon.place;
+    if (tendon.armature != 0.0)
+      scene_.report().warn("armature of spatial tendons, left out",
+                           fmt::format("{:g} of {}", tendon.armature, joint.name));
+    scene_.report().remark("tendons as joints of their own, whose position is the tendon's length", joint.name);
+    Configuration at = start_of(draft_.model, trees);
+    const ByName joints(draft_.model.joints);
+    for (std::size_t j = 0; j < scene_.joints.size(); ++j)
+      if (const int own = joints.find(scene_.joint(static_cast<int>(j)).name); own >= 0)
+        at.position[static_cast<std::size_t>(own)] = scene_.joint(static_cast<int>(j)).rest;
+    const double rest = length_of(draft_.model, trees, at, joint);
+    draft_.model.joints.push_back(joint);
+    return Transmission{joint.name, 1.0, 0.0, rest};
+  }
+
   bool is_above(int body, int other) const {
     while (other > body) other = scene_.bodies.all[static_cast<std::size_t>(other)].parent;
     return other == body;
@@ -101,16 +151,20 @@ class Finder {
 
   const Scene& scene_;
   const Ties& ties_;
+  const Ends& ends_;
   Draft& draft_;
   Names names_;
 };
 
 }  // namespace
 
-std::vector<std::optional<Transmission>> transmissions_of_tendons(const Scene& scene, const Ties& ties, Draft& draft) {
-  Finder finder(scene, ties, draft);
-  std::vector<std::optional<Transmission>> transmissions;
-  for (std::size_t t = 0; t < scene.tendons.size(); ++t) transmissions.push_back(finder.transmission(t));
+std::vector<std::optional<Transmission>> transmissions_of_tendons(const Scene& scene, const Ties& ties,
+                                                                  const Ends& ends, Draft& draft) {
+  if (scene.tendons.empty()) return {};
+  Finder finder(scene, ties, ends, draft);
+  std::vector<std::optional<Transmission>> transmissions(scene.tendons.size());
+  for (std::size_t t = 0; t < scene.tendons.size(); ++t)
+    scene.report().attempt([&] { transmissions[t] = finder.transmission(t); });
   for (std::size_t t = 0; t < transmissions.size(); ++t) finder.slacken(scene.tendons[t], transmissions[t]);
   place_tendons(draft.model);
   return transmissions;

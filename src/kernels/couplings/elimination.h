@@ -137,9 +137,9 @@ void follow(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   const Reduction<ScalarOf<T>>& r = t.reduction;
   for (int z = 0; z < t.solver.n; ++z) x.dynamics.start[z] = x.state.v[r.independent[z]];
   drop_rounding(t, x);
-  const bool all_by_matrix = r.composite.places == 0, some_curved = t.functions.used();
+  const bool all_by_matrix = r.composite.places == 0, some_exact = r.exact.count > 0;
   for (int f = 0; f < r.followers; ++f) {
-    const bool consistent = (x.consistent && r.placed[f]) || (some_curved && t.functions.follower[f]);
+    const bool consistent = (x.consistent && r.placed[f]) || (some_exact && r.exact[f]);
     x.couplings.correction[f] = x.corrects_positions && !consistent ? correcting_velocity(t, x, f) : T(0);
     x.couplings.velocity_error[f] =
         consistent ? T(0) : x.state.v[t.velocity_of(r.follower[f])] - followed(t, x, f, x.dynamics.start);

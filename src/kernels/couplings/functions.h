@@ -8,6 +8,7 @@
 #include "coupling_error.h"
 #include "function_values.h"
 #include "gear_ratios.h"
+#include "spatial_tendons.h"
 
 namespace lockstep::kernels {
 
@@ -55,16 +56,18 @@ void place_loaded(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   keep([&](T& now, const T& before) LOCKSTEP_INLINED { now = select(x.frozen, before, now); });
 }
 
-/// S at x.state, and f'' for the bias forces.
+/// S at x.state, and f'' for the bias forces. Puts spatial tendons where they are there. Needs kinematics().
 template <class T>
-void curved_shares(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+void changing_shares(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   for (int i = 0; i < t.functions.places.count; ++i) {
     const FunctionPlace& f = t.functions.places[i];
     const simd::Curve<T> curve = curve_at(t, x, i, x.state.q[f.leader]);
     x.couplings.coefficient[f.term] = -curve.slope;
     x.functions.bend[i] = curve.bend;
   }
-  eliminate_ratios(t, x);
+  if (t.functions.used()) eliminate_ratios(t, x);
+  if (t.spatial.used()) spatial_shares(t, x);
+  use_shares(t, x);
 }
 
 }  // namespace lockstep::kernels

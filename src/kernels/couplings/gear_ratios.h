@@ -73,7 +73,8 @@ void uniform_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   spread(t.folded.term_value, x.rows.value + t.rows.term_value.count);
 }
 
-/// What follows from the couplings' coefficients of this tile, by the elimination (M43) that the plan lists.
+/// The followers' rows of S from the couplings' coefficients of this tile, by the elimination (M43) that the plan
+/// lists.
 template <class T>
 void eliminate_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   // (M43), then S and J_F^-1 from what it leaves.
@@ -88,16 +89,19 @@ void eliminate_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
       x.couplings.elimination[r.updates[u].target] =
           fnma(factor, x.couplings.elimination[r.updates[u].source], x.couplings.elimination[r.updates[u].target]);
   }
-  for (int f = 0; f < r.followers; ++f) {
+  for (int f = 0; f < r.pivot.count; ++f) {
     const T inverse = T(1) / x.couplings.elimination[r.pivot[f]];
     for (int s = r.start[f]; s < r.start[f + 1]; ++s)
       x.couplings.share[s] = -(x.couplings.elimination[r.value_entry[s]] * inverse);
     for (int s = r.inverse_start[f]; s < r.inverse_start[f + 1]; ++s)
       x.couplings.follower_inverse[s] = x.couplings.elimination[r.inverse_entry[s]] * inverse;
   }
-  composite_factors(t, x);
+}
 
-  // J S: values of rows, and shares of joints in the rows of their bounds.
+/// What follows from S: J S, and shares of joints in the rows of their bounds.
+template <class T>
+void use_shares(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  composite_factors(t, x);
   combine(t.rows, x, x.rows.value);
   combine(t.folded, x, x.rows.value + t.rows.term_value.count);
 
@@ -108,7 +112,7 @@ void eliminate_ratios(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     if (bounds.member[m].share < 0) continue;
     x.bounds.member_share[m] = x.couplings.share[bounds.member[m].share];
     x.bounds.member_inverse[m] = T(1) / x.bounds.member_share[m];
-    if (t.functions.used())  // a function may stand still
+    if (t.shares_change())  // a function may stand still
       x.bounds.member_inverse[m] =
           select(beyond(x.bounds.member_share[m], T(ScalarOf<T>(1e-30))), x.bounds.member_inverse[m], T(0));
   }
@@ -121,6 +125,7 @@ void own_ratios(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& 
   for (int k = 0; k < t.term_gear.count; ++k)
     if (t.term_gear[k] >= 0) x.couplings.coefficient[k] = T::load(gears + t.term_gear[k] * batch.stride);
   eliminate_ratios(t, x);
+  use_shares(t, x);
 }
 
 }  // namespace lockstep::kernels

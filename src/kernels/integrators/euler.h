@@ -22,7 +22,7 @@ template <class T>
 void euler(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   // Where everything is.
   kinematics(t, x);
-  if (t.functions.used()) curved_shares(t, x);
+  if (t.shares_change()) changing_shares(t, x);
   if (t.couplings > 0) coupling_errors(t, x);
   if (t.reduction.eliminates())
     follow(t, x);

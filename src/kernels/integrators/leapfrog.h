@@ -80,12 +80,14 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   if (t.functions.used()) {
     place_curved(t, x, x.state.q, x.state.v);
     for (int j = 0; j < t.joints; ++j) x.stages.midpoint.q[j] = x.state.q[j];
-    curved_shares(t, x);
   }
+  kinematics(t, x);
+  if (t.shares_change()) changing_shares(t, x);
+  for (int i = 0; i < t.spatial.tendons.count; ++i)
+    x.stages.midpoint.q[t.spatial.tendons[i].joint] = x.state.q[t.spatial.tendons[i].joint];
   for (int k = 0; k < n; ++k) x.stages.midpoint.v[k] = x.state.v[k];
 
   // The one matrix of the step, and its factors.
-  kinematics(t, x);
   if (t.loops.used()) find_loops(t, batch, x);
   find_contacts_at_midpoint(t, x);
   joint_inertias(t, batch, x);

@@ -39,7 +39,7 @@ void move_stage_poses(const Tables<ScalarOf<T>>& t, Tile<T>& x, T time) {
 template <class T>
 void slope(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time, T* change) {
   kinematics(t, x);
-  if (t.functions.used()) curved_shares(t, x);
+  if (t.shares_change()) changing_shares(t, x);
   if (t.reduction.followers > 0) follow(t, x);
   bias_forces(t, batch, x);
   joint_inertias(t, batch, x);  // the armature alone

@@ -45,6 +45,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   x.servos.arrays(t, take);
   if (t.contacts.used()) x.contacts.arrays(t, take);
   if (t.loops.used()) x.loops.arrays(t, take);
+  if (t.spatial.used()) x.spatial.arrays(t, take);
   if (t.record_diagnostics) x.diagnostics.arrays(t, take);
   if (t.records_calls()) x.records.arrays(t, take);
   if (t.audited) x.audit.motion.arrays(t, take);

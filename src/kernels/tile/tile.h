@@ -9,6 +9,7 @@
 #include "function_arrays.h"
 #include "loop_arrays.h"
 #include "record_arrays.h"
+#include "spatial_arrays.h"
 #include "state_pointers.h"
 
 namespace lockstep::kernels {
@@ -44,6 +45,7 @@ struct Tile {
   LimitedServos<T> servos;
   Contacts<T> contacts;
   LoopArrays<T> loops;
+  SpatialArrays<T> spatial;
   SolveCounts<T> counts;
   Diagnostics<T> diagnostics;
   Records<T> records;

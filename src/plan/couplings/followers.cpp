@@ -202,6 +202,7 @@ void choose_followers(Program& program) {
   for (const Placing::Turn& turn : program.placing_all.turns) follows(t.term_joint[turn.term]);
   for (const int joint : program.placing_all.ring_followers) follows(joint);
   take_tangents(program);
+  take_spatial_tangents(program);
   std::vector<char> is_follower(t.joints, 0);
   for (const int dof : program.follower_dofs) is_follower[dof] = 1;
   for (int dof = 0; dof < t.joints; ++dof)
@@ -213,7 +214,8 @@ void choose_followers(Program& program) {
     if (dof < 0) continue;
     const Drive& drive = program.model.joints[j].drive;
     const bool has_drive = drive.kinematic || drive.kp > 0.0 || drive.kd > 0.0;
-    const bool moves = !is_follower[dof] || !program.following[dof].leaders.empty();
+    const bool moves =
+        !is_follower[dof] || !program.following[dof].leaders.empty() || is_spatial(t, program.solver_joint[j]);
     if (moves && (has_drive || (declared(program, Parameter::drive_gains) && !is_follower[dof])))
       program.driven_dofs.push_back(dof);
   }

@@ -27,7 +27,7 @@ bool is_curved(const Program& program, int coupling) {
 }
 
 bool shares_differ(const Program& program) {
-  return declared(program, Parameter::gear_ratio) || program.f64.functions.used();
+  return declared(program, Parameter::gear_ratio) || program.f64.shares_change();
 }
 
 void lay_out_functions(Program& program) {
@@ -69,13 +69,14 @@ void lay_out_functions(Program& program) {
   t.functions.piece = program.storage.keep(std::move(piece));
 }
 
-void find_curved_followers(Program& program) {
+void find_exact_followers(Program& program) {
   Tables<double>& t = program.f64;
-  if (!t.functions.used()) return;
-  std::vector<int> follower(static_cast<std::size_t>(t.reduction.followers), 0);
-  for (int i = 0; i < t.functions.placing.count; ++i)
-    follower[static_cast<std::size_t>(t.reduction.follower_of[t.term_joint[t.term_start[t.functions.placing[i]]]])] = 1;
-  t.functions.follower = program.storage.keep(std::move(follower));
+  if (!t.shares_change()) return;
+  std::vector<int> exact(static_cast<std::size_t>(t.reduction.followers), 0);
+  const auto mark = [&](int joint) { exact[static_cast<std::size_t>(t.reduction.follower_of[joint])] = 1; };
+  for (int i = 0; i < t.functions.placing.count; ++i) mark(t.term_joint[t.term_start[t.functions.placing[i]]]);
+  for (int i = 0; i < t.spatial.tendons.count; ++i) mark(t.spatial.tendons[i].joint);
+  t.reduction.exact = program.storage.keep(std::move(exact));
 }
 
 void take_tangents(Program& program) {

@@ -115,8 +115,8 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
   std::vector<std::vector<int>> parts(t.velocities);
   for (int i : order) parts[i] = {place[i]};
   for (const Follower& follower : followers)
-    for (const auto& [joint, value] : follower.shares)
-      parts[t.velocity_of(follower.joint)].push_back(place[t.velocity_of(joint)]);
+    for (const auto& [velocity, value] : follower.shares)
+      parts[t.velocity_of(follower.joint)].push_back(place[velocity]);
 
   // The pattern of A_r with its fill, and the depth-first numbering of its elimination.
   Pattern pattern = pattern_of(t, parts, n);
@@ -140,17 +140,19 @@ void lay_out_basis(Program& program, const std::vector<Follower>& followers, boo
   std::vector<int> follower_joint, follower_of(t.joints, -1), start{0}, column, leader, constraint_velocity;
   std::vector<double> value;
   std::vector<std::vector<Collected>> by_solver(n);
+  std::vector<int> joint_of(t.velocities, -1);
+  for (int j = 0; j < t.joints; ++j) joint_of[t.velocity_of(j)] = j;
   for (const Follower& follower : followers) {
     const int velocity = t.velocity_of(follower.joint);
     follower_of[follower.joint] = static_cast<int>(follower_joint.size());
     follower_joint.push_back(follower.joint);
     if (has_constraint_velocities) constraint_velocity.push_back(solver[velocity]);
-    for (const auto& [joint, share] : follower.shares) {
-      const int z = solver[t.velocity_of(joint)], index = static_cast<int>(value.size());
+    for (const auto& [other, share] : follower.shares) {
+      const int z = solver[other], index = static_cast<int>(value.size());
       shares[velocity].push_back({z, share, index});
       by_solver[z].push_back({velocity, index});
       column.push_back(z);
-      leader.push_back(joint);
+      leader.push_back(joint_of[other]);
       value.push_back(share);
     }
     start.push_back(static_cast<int>(value.size()));

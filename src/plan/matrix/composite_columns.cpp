@@ -228,14 +228,16 @@ void take_composite_columns(Program& program) {
   Tables<double>& t = program.f64;
   if (!t.reduction.removes_by_force || program.settings.record_impulses) return;
 
-  // Components that may: they have followers, and no row needs the undamped inertia.
+  // Components that may: they have followers, but no spatial tendons, and no row needs the undamped inertia.
   const std::vector<int> component = components(t), tree = trees_of_velocities(t);
-  std::vector<char> follows(t.tree.count, 0), undamped(t.tree.count, 0);  // by component
+  std::vector<char> follows(t.tree.count, 0), needs_entries(t.tree.count, 0);  // by component
   for (int f = 0; f < t.reduction.followers; ++f) follows[component[tree[t.velocity_of(t.reduction.follower[f])]]] = 1;
-  for (int i = 0; i < t.undamped.support.count; ++i) undamped[component[tree[t.undamped.support[i].index]]] = 1;
+  for (int i = 0; i < t.undamped.support.count; ++i) needs_entries[component[tree[t.undamped.support[i].index]]] = 1;
+  for (int i = 0; i < t.spatial.tendons.count; ++i)  // their rows of S have velocities of roots
+    needs_entries[component[tree[t.velocity_of(t.spatial.tendons[i].joint)]]] = 1;
   std::vector<bool> trees(t.tree.count);
   std::vector<long> saved(t.tree.count, 0);  // by component
-  for (int i = 0; i < t.tree.count; ++i) trees[i] = follows[component[i]] && !undamped[component[i]];
+  for (int i = 0; i < t.tree.count; ++i) trees[i] = follows[component[i]] && !needs_entries[component[i]];
 
   // Components where it is less work, and where some column passes a body at all.
   const std::vector<long> by_entries = work_by_entries(t);

@@ -20,18 +20,18 @@ std::vector<Candidate> find_candidates(const Tables<double>& t, const std::vecto
   std::vector<int> couplings(t.rows.coupling.data, t.rows.coupling.data + t.rows.count);
   std::sort(couplings.begin(), couplings.end());
   std::vector<Candidate> candidates;
-  std::vector<char> follows(t.joints, 0), leads(t.joints, 0);
+  std::vector<char> follows(t.joints, 0), leads(t.velocities, 0);
   for (int c : couplings) {
     if (t.tree_of_joint(t.term_joint[t.term_start[c]]).inertia == InertiaKind::articulated_bodies) continue;
     Follower first{t.term_joint[t.term_start[c]], {}};
-    bool independent = shares[c] >= least_share && !follows[first.joint] && !leads[first.joint];
+    bool independent = shares[c] >= least_share && !follows[first.joint] && !leads[t.velocity_of(first.joint)];
     for (int k = t.term_start[c] + 1; k < t.term_start[c + 1]; ++k) {
       independent = independent && !follows[t.term_joint[k]];
-      first.shares.push_back({t.term_joint[k], -t.term_value[k]});
+      first.shares.push_back({t.velocity_of(t.term_joint[k]), -t.term_value[k]});
     }
     if (!independent) continue;
     follows[first.joint] = 1;
-    for (const auto& [joint, share] : first.shares) leads[joint] = 1;
+    for (const auto& [velocity, share] : first.shares) leads[velocity] = 1;
     candidates.push_back({c, std::move(first)});
   }
   return candidates;

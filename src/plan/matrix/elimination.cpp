@@ -144,6 +144,7 @@ void place(Program& program, const HardRows& rows) {
     if (places_tendon(t, rows.coupling[p])) placing.push_back(rows.coupling[p]);
     placed.push_back(possible[component_of(rows.pivot[p])]);  // a tendon moves as consistently as its joints do
   }
+  placed.resize(static_cast<std::size_t>(t.reduction.followers), false);  // not spatial tendons
   t.reduction.all_placed = std::all_of(placed.begin(), placed.end(), [](int is_placed) { return is_placed; });
   t.reduction.placing = program.storage.keep(std::move(placing));
   t.reduction.placed = program.storage.keep(std::move(placed));
@@ -166,10 +167,10 @@ std::vector<Pair> find_pairs(const Tables<double>& t) {
 void prepare_consistent_steps(Program& program, const HardRows& rows) {
   Tables<double>& t = program.f64;
   Reduction<double>& r = t.reduction;
-  r.placed = program.storage.keep(std::vector<int>(rows.pivot.size(), 0));
+  r.placed = program.storage.keep(std::vector<int>(static_cast<std::size_t>(r.followers), 0));
   if (program.integrator != Integrator::euler) return;
   place(program, rows);
-  r.consistent_is_shorter = r.placing.count > 0 && !program.settings.record_diagnostics && !t.functions.used();
+  r.consistent_is_shorter = r.placing.count > 0 && !program.settings.record_diagnostics && !t.shares_change();
   r.pairs = program.storage.keep(find_pairs(t));
   if (!r.consistent_is_shorter || shares_differ(program) || declared(program, Parameter::offset)) return;
   std::vector<Mirror> mirrors;
@@ -197,7 +198,7 @@ void eliminate_followers(Program& program) {
   // [J_h, 1] after elimination: in numbers, and as operations where S differs.
   const HardRows rows = gauss_jordan(program);
   const int count = static_cast<int>(rows.coupling.size());
-  if (count == 0) return;
+  if (count == 0 && !t.spatial.used()) return;
   Eigen::MatrixXi entry;
   if (differ) entry = record_elimination(program, rows);
   const auto present = [&](int f, int column) {
@@ -213,7 +214,7 @@ void eliminate_followers(Program& program) {
     Follower follower{rows.pivot[f], {}};
     for (int j = 0; j < t.joints; ++j) {
       if (j == rows.pivot[f] || !present(f, j)) continue;
-      follower.shares.push_back({j, -rows.matrix(f, j) / pivot});
+      follower.shares.push_back({t.velocity_of(j), -rows.matrix(f, j) / pivot});
       if (differ) value_entry.push_back(entry(f, j));
     }
     followers.push_back(std::move(follower));
@@ -225,7 +226,12 @@ void eliminate_followers(Program& program) {
     }
     inverse_start.push_back(static_cast<int>(inverse_coupling.size()));
   }
+  for (Follower& tendon : spatial_followers(program, followers)) {
+    followers.push_back(std::move(tendon));
+    inverse_start.push_back(inverse_start.back());
+  }
   lay_out_basis(program, followers, false);
+  lay_out_spatial_columns(program);
   reduction.removes_by_force = program.integrator == Integrator::euler || program.integrator == Integrator::runge_kutta;
 
   // By velocity: the followers with which it shares entries of A, for products of A with corrections (M40).
@@ -240,7 +246,7 @@ void eliminate_followers(Program& program) {
   std::vector<double> rate(t.couplings, 0.0);
   for (int c : rows.coupling) rate[c] = erp_of(program.model.couplings[c].softness) / program.length;
   program.eliminated.clear();
-  for (int joint : rows.pivot) program.eliminated.push_back(t.dof[joint]);
+  for (const Follower& follower : followers) program.eliminated.push_back(t.dof[follower.joint]);
 
   reduction.inverse_start = storage.keep(std::move(inverse_start));
   reduction.inverse_coupling = storage.keep(std::move(inverse_coupling));
@@ -248,7 +254,7 @@ void eliminate_followers(Program& program) {
   reduction.rate = storage.keep(std::move(rate));
   reduction.value_entry = storage.keep(std::move(value_entry));
   reduction.inverse_entry = storage.keep(std::move(inverse_entry));
-  find_curved_followers(program);
+  find_exact_followers(program);
   prepare_consistent_steps(program, rows);
 }
 

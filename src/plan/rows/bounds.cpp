@@ -38,12 +38,16 @@ int hard_bounds(const Program& program, const Joint& joint) {
 Member member_of(const Tables<double>& t, int joint) {
   const Reduction<double>& r = t.reduction;
   const int follower = r.eliminates() ? r.follower_of[joint] : -1;
-  const bool simple = follower >= 0 && r.start[follower + 1] - r.start[follower] == 1;
+  const bool simple = follower >= 0 && r.start[follower + 1] - r.start[follower] == 1 && !is_spatial(t, joint);
   return {joint, follower, simple ? r.start[follower] : -1};
 }
 
 // The solver velocity that the form consists of, or -1 if it has several.
 int velocity_of(const RowForm& form) { return form.terms.size() == 1 ? form.terms.begin()->first : -1; }
+// The same of a joint's form. A spatial tendon may stand still while it moves, so it is no bound of that velocity.
+int velocity_of(const Tables<double>& t, int joint, const RowForm& form) {
+  return is_spatial(t, joint) ? -1 : velocity_of(form);
+}
 
 // The rate at which a hard row corrects its error in each of N sub-steps, so that together they correct `erp` (M36).
 double hard_rate(const StepSettings& s, double erp) {
@@ -125,6 +129,13 @@ bool depend(const Program& program, const std::vector<Row>& rows, const std::vec
   for (std::size_t r = 0; r < rows.size(); ++r)
     if (rows[r].kind == BoundKind::joint || is_hard(forms[r].softness)) hard.push_back(&forms[r]);
   if (hard.empty()) return false;
+  // The direction of a ball's range turns with the ball, and that of a spatial tendon with its segments, into those of
+  // other rows.
+  for (const Row& row : rows) {
+    const bool turns =
+        row.kind == BoundKind::ball_range || (row.kind == BoundKind::joint && is_spatial(t, row.members[0].joint));
+    if (turns && hard.size() > 1) return true;
+  }
   std::vector<RowForm> couplings;
   for (int r = 0; r < t.rows.count; ++r)
     if (const int c = t.rows.coupling[r];
@@ -170,19 +181,22 @@ bool rows_compete(const Program& program) {
   return false;
 }
 
-bool all_single(const std::vector<Row>& rows, const BoundForms& bounds) {
+bool is_single(const Tables<double>& t, const Row& row, const RowForm& form) {
+  return row.kind == BoundKind::joint && velocity_of(t, row.members[0].joint, form) >= 0;
+}
+
+bool all_single(const Tables<double>& t, const std::vector<Row>& rows, const BoundForms& bounds) {
   for (std::size_t r = 0; r < rows.size(); ++r)
-    if (rows[r].kind != BoundKind::joint || velocity_of(bounds.forms[r]) < 0) return false;
+    if (!is_single(t, rows[r], bounds.forms[r])) return false;
   return true;
 }
 
 // Rows that bound one velocity come first, and their number becomes `single`.
-void put_single_first(std::vector<Row>& rows, BoundForms& bounds, int& single) {
+void put_single_first(const Tables<double>& t, std::vector<Row>& rows, BoundForms& bounds, int& single) {
   std::vector<std::size_t> order(rows.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
-  const auto end = std::stable_partition(order.begin(), order.end(), [&](std::size_t r) {
-    return rows[r].kind == BoundKind::joint && velocity_of(bounds.forms[r]) >= 0;
-  });
+  const auto end = std::stable_partition(order.begin(), order.end(),
+                                         [&](std::size_t r) { return is_single(t, rows[r], bounds.forms[r]); });
   single = static_cast<int>(end - order.begin());
   std::vector<Row> sorted;
   BoundForms forms;
@@ -254,7 +268,7 @@ BoundForms lay_out_bounds(Program& program) {
     if ((compete ? b.has[i] & ~has_kinematic_drive : b.has[i]) == 0) return;
     RowForm form = joint_form(i);
     const Member member = member_of(t, i);
-    const int z = velocity_of(form);
+    const int z = velocity_of(t, i, form);
     if (z >= 0 && row_of_velocity[z] >= 0) return rows[row_of_velocity[z]].members.push_back(member);
     if (z >= 0) {
       row_of_velocity[z] = static_cast<int>(rows.size());
@@ -300,7 +314,7 @@ BoundForms lay_out_bounds(Program& program) {
 
   // As rows over the solver's velocities; those of one velocity first, if they may be held there (M83).
   b.single = 0;
-  if (t.rows.count == 0 && (rounds || all_single(rows, result))) put_single_first(rows, result, b.single);
+  if (t.rows.count == 0 && (rounds || all_single(t, rows, result))) put_single_first(t, rows, result, b.single);
   b.rows = lay_out_forms(program, result.forms, t.solver, false);
   b.may_depend = depend(program, rows, result.forms);
   place_ball_ranges(program, rows);

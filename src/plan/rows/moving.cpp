@@ -54,6 +54,12 @@ void put_pose(const Eigen::Isometry3d& pose, double (&rotation)[9], double (&off
   for (int k = 0; k < 3; ++k) offset[k] = pose.translation()[k];
 }
 
+std::vector<int> velocities_between(const Tables<double>& t, int first, int second) {
+  std::vector<int> velocities;
+  for (const MovingVelocity& m : moving(t, first, second)) velocities.push_back(m.velocity);
+  return velocities;
+}
+
 MovingColumns columns_between(const Program& program, int first, int second) {
   const Tables<double>& t = program.f64;
   MovingColumns columns;

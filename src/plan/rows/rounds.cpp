@@ -12,8 +12,9 @@ LimitedServo velocity_of(const Tables<double>& t, int joint) {
   const Reduction<double>& r = t.reduction;
   if (!r.used()) return {t.velocity_of(joint), -1, -1};
   if (const int f = r.follower_of[joint]; f >= 0)
-    return r.eliminates() && r.start[f + 1] - r.start[f] == 1 ? LimitedServo{r.column[r.start[f]], r.start[f], f}
-                                                              : LimitedServo{-1, -1, -1};
+    return r.eliminates() && r.start[f + 1] - r.start[f] == 1 && !is_spatial(t, joint)
+               ? LimitedServo{r.column[r.start[f]], r.start[f], f}
+               : LimitedServo{-1, -1, -1};
   for (int z = 0; z < t.solver.n; ++z)
     if (r.independent[z] == t.velocity_of(joint)) return {z, -1, -1};
   return {-1, -1, -1};

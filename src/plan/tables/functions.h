@@ -23,7 +23,6 @@ struct FunctionStructure {
   Span<int> of_coupling;  ///< by coupling: in `places`, -1 if it is linear
   Span<int> placing;      ///< couplings that place a curved follower, in an order in which each can (M138)
   Span<int> curved;       ///< by coupling: whether it is one of these
-  Span<int> follower;     ///< by follower of the elimination: whether it is placed by one of these
   inline __attribute__((always_inline)) bool used() const { return places.count > 0; }
 };
 template <class S>

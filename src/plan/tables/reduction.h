@@ -122,7 +122,8 @@ struct ReductionStructure {
   Span<int> follower;               ///< joint, by follower
   Span<int> follower_of;            ///< by joint: its number among the followers, -1 if independent
   Span<int> independent;            ///< velocity, by solver velocity
-  Span<int> start, column, leader;  ///< the followers' rows of S, sparse: solver velocity, and its joint
+  Span<int> exact;                  ///< by follower: whether it always is where it belongs (M138), (M178)
+  Span<int> start, column, leader;  ///< the followers' rows of S, sparse: solver velocity, and its joint, -1 for none
   Span<int> placing;                ///< couplings in an order in which each can place its follower (M76)
   Span<int> placed;                 ///< by follower: whether one of these places it
   bool all_placed = false;
@@ -139,7 +140,8 @@ struct ReductionStructure {
   Span<int> product_start;                ///< in the same order
   Span<int> product_source;               ///< entry of A
   Span<int> product_left, product_right;  ///< the two entries of S that it is multiplied by; -1 stands for 1
-  // With gear ratios per environment, or functions, this Gauss-Jordan elimination computes S for each lane.
+  // With gear ratios per environment, or functions, this Gauss-Jordan elimination computes S for each lane: the rows of
+  // followers of couplings, which stand before those of spatial tendons.
   struct Elimination {
     int factor, pivot, first, last;
   };  ///< one row minus factor/pivot times the pivot's row

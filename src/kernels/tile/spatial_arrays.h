@@ -1,0 +1,18 @@
+// Arrays of the spatial tendons. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "diagnostic_arrays.h"
+
+namespace lockstep::kernels {
+
+template <class T>
+struct SpatialArrays {
+  Motion<T> motion;  // where S is
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    motion.arrays(t, take);
+  }
+};
+
+}  // namespace lockstep::kernels
