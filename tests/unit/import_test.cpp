@@ -1,4 +1,6 @@
 // Models read from URDF against calculations by hand. SPDX-License-Identifier: Apache-2.0
+//
+// One file: element by element of the format, by the same short texts.
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>

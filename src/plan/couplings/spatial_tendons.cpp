@@ -51,7 +51,6 @@ void lay_out_spatial_tendons(Program& program) {
   Tables<double>& t = program.f64;
   std::vector<SpatialTendon> tendons;
   std::vector<Segment<double>> segments;
-  std::set<int> bodies;
   for (std::size_t j = 0; j < program.model.joints.size(); ++j) {
     const Joint& joint = program.model.joints[j];
     if (!is_spatial(joint)) continue;
@@ -67,15 +66,12 @@ void lay_out_spatial_tendons(Program& program) {
         segment.first_point[k] = first.pose.translation()[k], segment.second_point[k] = second.pose.translation()[k];
       segment.share = from.share;
       segments.push_back(segment);
-      for (const int end : {first.body, second.body})
-        for (int body = end; body >= 0; body = t.body[body].parent) bodies.insert(body);
     }
     tendon.last = static_cast<int>(segments.size());
     tendons.push_back(tendon);
   }
   t.spatial.tendons = program.storage.keep(std::move(tendons));
   t.spatial.segments = program.storage.keep(std::move(segments));
-  t.spatial.bodies = program.storage.keep(std::vector<int>(bodies.begin(), bodies.end()));
 }
 
 std::vector<Follower> spatial_followers(const Program& program, const std::vector<Follower>& of_couplings) {

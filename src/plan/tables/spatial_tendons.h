@@ -37,7 +37,6 @@ struct SpatialTendonStructure {
   Span<SpatialTendon> tendons;
   Span<SegmentColumn> columns;
   Span<ColumnPart> parts;
-  Span<int> bodies;  ///< that carry a segment's ends, parents before children
   inline __attribute__((always_inline)) bool used() const { return tendons.count > 0; }
 };
 template <class S>
