@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include "interpret/lower.h"
+#include "jit/compile.h"
 #include "scenes/scenes.h"
 
 namespace lockstep::bench {
@@ -11,8 +11,7 @@ namespace lockstep::bench {
 Engine engine_of(const Plan& plan, Engine wanted) {
   if (wanted != Engine::automatic) return wanted;
   const Program& program = program_of(plan);
-  const bool interpreted = interpret::interpreter_pays(program) && interpret::interpreted_step(program);
-  return interpreted ? Engine::interpreter : Engine::tables;
+  return !jit::speed_obstacle(program) && jit::plan_obstacle(program).empty() ? Engine::compiled : Engine::tables;
 }
 
 Load scene(const std::string& name, Method method, int iterations) {

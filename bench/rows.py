@@ -6,8 +6,8 @@ from typing import NamedTuple
 SCENES = ["chain8", "gripper13", "chain32"]
 
 # Words of older tables, and the words that replace them.
-RENAMED = [(r"/(?:kernel|engine):", "/engine:"), (r"/engine:(?:listed|operations)\b", "/engine:interpreter"),
-           (r"/astray\b", "/inconsistent"), (r"-idle\b", "-inactive"), (r"-acting\b", "-active")]
+RENAMED = [(r"/(?:kernel|engine):", "/engine:"), (r"/astray\b", "/inconsistent"), (r"-idle\b", "-inactive"),
+           (r"-acting\b", "-active")]
 
 
 class Rate(NamedTuple):

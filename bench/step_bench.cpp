@@ -275,7 +275,7 @@ void add_bounds() {
       rung("none", scene, method, [](Joint&) {});
       const std::string inactive = fmt::format("{}/{}/1/f32/bounds:limits-inactive", scene, to_string(method));
       add(inactive, bench::scene_with_ranges(scene, method), true);
-      add_engine(Engine::interpreter, inactive, bench::scene_with_ranges(scene, method));
+      add_engine(Engine::compiled, inactive, bench::scene_with_ranges(scene, method));
 #ifdef LOCKSTEP_BENCH_KERNELS
       add_engine(Engine::generated, inactive, bench::scene_with_ranges(scene, method));
 #endif
@@ -315,7 +315,7 @@ int main(int argc, char** argv) {
 #ifdef LOCKSTEP_BENCH_KERNELS
   lockstep::add_generated();
 #endif
-  for (const auto engine : {lockstep::Engine::tables, lockstep::Engine::interpreter})
+  for (const auto engine : {lockstep::Engine::tables, lockstep::Engine::compiled})
     lockstep::add_engines(engine, {4, 8, 16, 20, 24, 32, 64});
   lockstep::add_scaling();
   lockstep::add_sizes();

@@ -15,7 +15,7 @@ MACHINE = "epyc-genoa"  # the machine whose figures the documents state
 PAGE = BENCH.parent / "docs" / "results" / "performance.md"
 NONE = "–"  # not measured
 
-ENGINES = ["tables", "interpreter", "generated"]
+ENGINES = ["tables", "compiled", "generated"]
 METHODS = [("reduced", 1), ("direct", 1), ("pgs", 1), ("pgs", 4), ("pgs", 16), ("tgs", 1), ("tgs", 4), ("tgs", 16)]
 INTEGRATORS = ["leapfrog", "extrapolated", "runge_kutta"]
 CHAINS = [4, 8, 16, 20, 24, 32, 64]
@@ -76,10 +76,10 @@ WORDS = {
     "Joints and couplings":
         "f32, AVX2, automatic engine. Chains by `reduced`:",
     "Features":
-        "A chain of eight joints with one feature more at a time, f32, AVX2, automatic engine: the interpreter, and "
-        "the tables where all couplings are soft.",
+        "A chain of eight joints with one feature more at a time, f32, AVX2, automatic engine: compiled code, "
+        "and the tables where all couplings are soft.",
     "Bounds":
-        "f32, AVX2, automatic engine: the interpreter, and the tables where there is friction or a servo with a "
+        "f32, AVX2, automatic engine: compiled code, and the tables where there is friction or a servo with a "
         "limited effort. Every joint has the bound. In brackets: how many times the time of a step without bounds. "
         "Timed are the first hundred steps of the motion, again and again.",
     "Robots from files":
@@ -101,6 +101,7 @@ class Results:
         self.kernels = {row["kernel"]: row for row in read(folder / "kernels.csv")}
         self.stages = read(folder / "stage_bench.csv")
         self.peers = read(folder / "peers.csv")
+        self.engines = [engine for engine in ENGINES if any(f"/engine:{engine}" in name for name in self.avx2)]
 
     def targets(self):
         return [("AVX2", self.avx2)] + ([("AVX-512", self.avx512)] if self.avx512 else [])
@@ -162,11 +163,11 @@ def models():
 
 def engines(results):
     targets = results.targets()
-    head = ["model"] + [f"{isa}, {engine}" for isa, _ in targets for engine in ENGINES]
+    head = ["model"] + [f"{isa}, {engine}" for isa, _ in targets for engine in results.engines]
     tables = []
     for words, substeps in (("4 steps per call:", ""), ("1 step per call:", "/substeps:1")):
         rows = [[model] + [number(speed(found, f"{name}{substeps}/engine:{engine}")) for _, found in targets
-                           for engine in ENGINES] for model, name, _ in models()]
+                           for engine in results.engines] for model, name, _ in models()]
         tables.append(table(head, rows, title=words))
     return section("Engines", *tables)
 
@@ -343,7 +344,7 @@ def bounds(results):
     by_bound = [[words] + [bound_cell(found, bound, *column) for column in columns] for bound, words in BOUNDS]
     ranges = (("none", ""), ("never reached", "/bounds:limits-inactive"))
     inactive = [[engine, words] + [number(speed(found, f"step/{scene}/{method}/1/f32{part}/engine:{engine}"))
-                                   for scene, method in columns] for engine in ENGINES[1:] for words, part in ranges]
+                                   for scene, method in columns] for engine in results.engines[1:] for words, part in ranges]
     return section("Bounds", table(["bounds"] + head, by_bound),
                    table(["engine", "position ranges"] + head, inactive, 2,
                          "By engine, with position ranges that are never reached:"))
@@ -383,6 +384,8 @@ def page(results):
         for isa in ("AVX2", "AVX-512") for precision in ("f32", "f64")) if name in results.avx2]
     machine = results.folder / "machine.txt"
     machine = machine.read_text().strip() if machine.exists() else "this one"
+    before = "" if "compiled" in results.engines else (
+        "These figures are older than the engine `compiled`. The automatic engine was an interpreter then.\n\n")
     head = f"""# Results: speed
 
 `bench/tables.py` writes this page from the CSV files in
@@ -392,7 +395,7 @@ def page(results):
 Machine: {machine}. Peak of fused multiply-adds on one core, Gflop/s:
 {"; ".join(peaks)}.
 
-Where nothing else is said a figure is in million environment-steps per second of CPU time, on one core, with 4,096
+{before}Where nothing else is said a figure is in million environment-steps per second of CPU time, on one core, with 4,096
 environments and 4 steps per call, the median of the repeats. "–": not measured.
 
 """

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cstdlib>
 
-#include "interpret/lower.h"
+#include "batch/engine.h"
+#include "scenes/scenes.h"
+#include "targets/dispatch.h"
 
 namespace lockstep::physics {
 
@@ -38,9 +40,15 @@ StepSettings settings(Method method, int iterations, int velocity_iterations, do
   return result;
 }
 
+std::vector<Engine> engines(const Plan& plan) {
+  std::vector<Engine> all = {Engine::tables};
+  if (code_obstacle<double>(plan, resolve(Target::automatic)).empty()) all.push_back(Engine::compiled);
+  return all;
+}
+std::vector<Engine> engines() { return engines(compile(scenes::chain8())); }
+
 BatchOptions by_turns(const Plan& plan, int seed) {
-  const bool interpreted = seed % 4 == 0 && interpret::interpreted_step(program_of(plan));
-  return {.threads = 1, .engine = interpreted ? Engine::interpreter : Engine::tables};
+  return {.threads = 1, .engine = seed % 4 == 0 ? engines(plan).back() : Engine::tables};
 }
 
 Model sliders(const std::vector<double>& masses) {

@@ -54,8 +54,12 @@ double condition(const Eigen::MatrixXd& h);
 
 StepSettings settings(Method method, int iterations = 4, int velocity_iterations = 1, double dt = 1.0 / 240);
 
-/// Options with one thread. A test of many plans runs every fourth seed on the interpreter, if it can take the plan,
-/// and the others on the tables, which cost nothing to prepare.
+/// The tables, and compiled where this build makes machine code for this machine; of those, what takes the plan.
+std::vector<Engine> engines();
+std::vector<Engine> engines(const Plan& plan);
+
+/// Options with one thread. A test of many plans runs every fourth seed by machine code, if the plan has any, and the
+/// others by the tables, which cost nothing to prepare.
 BatchOptions by_turns(const Plan& plan, int seed);
 
 inline std::string numbered(const char* word, std::size_t number) {

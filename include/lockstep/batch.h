@@ -44,15 +44,15 @@ LOCKSTEP_API bool supported(Target target) noexcept;
 /// What runs the step. All engines give the same results to rounding; each gives the same bits for any number of
 /// threads, batch size and place in the batch. docs/choose.md has their costs.
 enum class Engine {
-  automatic,  ///< generated where the program holds a kernel for the plan, else the interpreter where it is known to be
-              ///< faster than the tables, else the tables. Plan::describe() tells
+  automatic,  ///< generated where the program holds a kernel for the plan, else compiled where it applies and is known
+              ///< to be faster than the tables, else the tables. Plan::describe() tells
   tables,     ///< the solver's stages as loops over tables. Takes every plan
-  interpreter,  ///< the plan as a list of operations, each done for many environments before the next. Made in
-                ///< milliseconds, once for a plan. Not for every plan: Plan::describe() tells
-  generated,    ///< straight-line code that was written for the plan and compiled into the program (generate.h)
+  compiled,   ///< machine code of the plan for the target, made in milliseconds when the first Batch of the plan is
+              ///< made. For AVX2 and AVX-512. Not for every plan: Plan::describe() tells
+  generated,  ///< straight-line code that was written for the plan and compiled into the program (generate.h)
 };
 
-/// The enumerator's name: "avx2", "interpreter" ... The string lives forever.
+/// The enumerator's name: "avx2", "compiled" ... The string lives forever.
 LOCKSTEP_API const char* to_string(Target target) noexcept;
 LOCKSTEP_API const char* to_string(Engine engine) noexcept;
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "lockstep/plan.h"
+#include "lockstep/batch.h"
 
 namespace lockstep {
 
@@ -31,5 +31,10 @@ LOCKSTEP_API KernelSource generate_kernel(const Plan& plan, const KernelOptions&
 /// The hash that generate_kernel() would give, 0 where it would throw. Two plans with the same hash share the same
 /// code; they may differ in the numbers of their bounds, which the code reads from the plan. Thread-safe.
 LOCKSTEP_API std::uint64_t kernel_hash(const Plan& plan);
+
+/// The machine code that Engine::compiled runs for the plan: an instruction a line, with the name of the number that it
+/// makes. For people. `scalar_bytes` is 4 for Batch<float>, 8 for Batch<double>. Throws SettingsError for plans and
+/// targets that have none. Thread-safe.
+LOCKSTEP_API std::string machine_code(const Plan& plan, Target target = Target::automatic, int scalar_bytes = 4);
 
 }  // namespace lockstep

@@ -263,7 +263,7 @@ def test_precisions_and_engines(plan):
     double = plan.batch(3, dtype=np.float64, threads=1)
     assert double.q.dtype == np.float64 == double.dtype
     ends = []
-    for engine in ("tables", "interpreter"):
+    for engine in ("tables", "compiled"):
         b = plan.batch(3, dtype="f8", threads=1, engine=engine)
         assert b.engine == engine
         b.q_target[:, :4] = 0.3

@@ -188,7 +188,7 @@ def test_only_the_tables_take_contacts():
     plan = ls.compile(block())
     assert plan.batch(1).engine == "tables"
     with pytest.raises(ls.SettingsError, match="contacts"):
-        plan.batch(1, engine="interpreter")
+        plan.batch(1, engine="compiled")
 
 
 def test_the_example_holds_its_boxes():

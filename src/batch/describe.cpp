@@ -5,12 +5,27 @@
 
 namespace lockstep {
 
+namespace {
+
+std::string code_line(const jit::CompiledStep& step) {
+  const auto function = [](const jit::CodeSize& size) {
+    return fmt::format("{} operations in {} bytes and {} part{}", size.operations, size.bytes, size.parts,
+                       size.parts == 1 ? "" : "s");
+  };
+  return fmt::format("Its machine code: {}{}; {} numbers of a tile in memory beside its arrays.\n", function(step.any),
+                     step.code.consistent ? ", where followers are consistent " + function(step.consistent) : "",
+                     step.code.slots);
+}
+
+}  // namespace
+
 template <class S>
 std::string Batch<S>::describe() const {
   const Impl& batch = impl();
   const Plan& plan = batch.plan;
   std::string text = fmt::format("{} environments of '{}', {}, {}, {}.\n", batch.environments, plan.model().name,
                                  sizeof(S) == 4 ? "f32" : "f64", to_string(batch.target), to_string(engine()));
+  if (batch.chosen.compiled) text += code_line(*batch.chosen.compiled);
   if (!batch.tables.counts_solves()) return text + "Nothing in its steps is solved by rounds.\n";
   const auto sum_of = [&](int row) {
     const S* const numbers = batch.rows.solve_counts.data() + row * batch.stride;

@@ -1,7 +1,9 @@
 // Which engine steps a batch. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "interpret/operations.h"
+#include <string>
+
+#include "jit/compile.h"
 #include "lockstep/batch.h"
 #include "targets/generated_kernel.h"
 
@@ -9,9 +11,13 @@ namespace lockstep {
 
 struct ChosenEngine {
   Engine engine;
-  const GeneratedKernel* kernel = nullptr;    ///< of Engine::generated
-  const OperationList* operations = nullptr;  ///< of Engine::interpreter
+  const GeneratedKernel* kernel = nullptr;      ///< of Engine::generated
+  const jit::CompiledStep* compiled = nullptr;  ///< of Engine::compiled
 };
+
+/// Why the plan has no machine code for the target in precision S; empty if it has.
+template <class S>
+const std::string& code_obstacle(const Plan& plan, Target target);
 
 /// Throws SettingsError for an engine that does not take the plan.
 template <class S>

@@ -117,7 +117,7 @@ struct Batch<S>::Impl {
   std::size_t step_bytes() const {
     const std::size_t tile = kernels.scratch_bytes(tables),
                       number = static_cast<std::size_t>(kernels.lanes) * sizeof(S);
-    if (chosen.operations) return std::max(tile, kernels.interpreter_bytes(tables, *chosen.operations));
+    if (chosen.compiled) return chosen.compiled->code.tiles * (tile + chosen.compiled->code.slots * number);
     return chosen.kernel ? chosen.kernel->tiles_per_call * (tile + chosen.kernel->carried_values * number) : tile;
   }
 
@@ -304,21 +304,19 @@ struct Batch<S>::Impl {
   /// The first `count` environments.
   void step(int substeps, int count) {
     const StatePointers<S> l = pointers_of_step();
-    const OperationList* const operations = chosen.operations;
-    const std::ptrdiff_t together = operations ? kernels.lanes * OperationList::tiles_at_once : kernels.lanes;
     const Advance<S> advance = chosen.kernel ? advance_of<S>(*chosen.kernel) : kernels.advance;
     const auto step_part = [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
       check_values(first, std::min<std::ptrdiff_t>(last, count));
       if (tables.actuators.lagged.count > 0) find_lags(first, last);
-      if (operations)
-        kernels.interpret(tables, l, first, last, substeps, scratch, *operations);
+      if (chosen.compiled)
+        kernels.advance_by_code(tables, l, first, last, substeps, scratch, chosen.compiled->code);
       else
         advance(tables, l, first, last, substeps, scratch);
       count_steps(first, last, static_cast<std::uint32_t>(substeps));
     };
     // Parts whose values are still in the cache when they are stepped.
     const std::ptrdiff_t most = rules.rows.empty() && tables.roots.count == 0 ? stepped(count) : 2048;
-    workers.for_environments(stepped(count), step_nanoseconds * substeps, together,
+    workers.for_environments(stepped(count), step_nanoseconds * substeps, kernels.lanes,
                              [&](std::ptrdiff_t first, std::ptrdiff_t last, void* scratch) {
                                for (; first < last; first += most)
                                  step_part(first, std::min(first + most, last), scratch);

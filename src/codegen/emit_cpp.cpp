@@ -55,7 +55,7 @@ class Writer {
       for (Id o : node.operand) depth[id] = std::max(depth[id], o >= 0 && nested_[o] ? depth[o] + 1 : 0);
       const bool named =
           node.op == Op::input || node.op == Op::variable || node.op == Op::sine || node.op == Op::cosine;
-      const bool nameless = node.op == Op::constant || node.op == Op::none || node.op == Op::rounding;
+      const bool nameless = node.op == Op::constant || node.op == Op::none || node.op == Op::by_precision;
       nested_[id] =
           nameless || (!named && uses_[id] == 1 && depth[id] < deepest && (user[id] < 0 || user[id] == node.item));
     }
@@ -92,7 +92,7 @@ class Writer {
     switch (node.op) {
       case Op::constant: return number(node.value);
       case Op::input: return node.place.text;
-      case Op::rounding: return "T::rounding()";
+      case Op::by_precision: return fmt::format("T::by_precision({}, {})", node.single, node.value);
       case Op::none: return "T::none()";
       case Op::negate: return fmt::format("-{}", arg(0));
       case Op::add:

@@ -125,7 +125,7 @@ Steps steps_of(const Program& program) {
     throw SettingsError("kernel",
                         fmt::format("would have a step of {} flops, more than {}", flops, trace::most_traced_flops),
                         "use the tables, or fewer iterations");
-  const trace::TracedStep step = trace::trace_step(program);
+  const trace::TracedStep step = trace::trace_step(program, false);
   Steps steps{shape_of(program.f64), emit_cpp(step.any), {}};
   if (step.consistent) steps.consistent = emit_cpp(*step.consistent);
   return steps;

@@ -45,52 +45,65 @@ void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
   if (t.records_calls()) add_records(t, x);
 }
 
-/// A step by the tables. Generated code for one plan has a struct of its own in place of this one.
+/// A step by the tables. Compiled and generated code have types of their own in place of this one.
 struct ByTables {
-  static constexpr int tiles_per_call = 1;  ///< tiles that it steps in turn, part by part
-  static constexpr int carried_values = 0;  ///< numbers of each tile that go from part to part
+  static constexpr int tiles_per_call = 1;  ///< the most that it steps in turn, part by part
+  LOCKSTEP_INLINE int tiles() const { return 1; }
+  /// Numbers of each tile behind its arrays.
+  LOCKSTEP_INLINE int carried() const { return 0; }
   template <class S>
   LOCKSTEP_INLINE static TileShape shape(const Tables<S>& t) {
     return kernels::tile_shape(t);
   }
   template <class T>
-  LOCKSTEP_INLINE static void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>* batch, Tile<T>* x,
-                                   T* const*, int) {
+  LOCKSTEP_INLINE void begin(const Tables<ScalarOf<T>>&, const StatePointers<ScalarOf<T>>&, Tile<T>&, T*, int) {}
+  template <class T>
+  LOCKSTEP_INLINE void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>* batch, Tile<T>* x,
+                            T* const*, int) {
     kernels::step(t, *batch, *x);
   }
 };
 
 /// Takes `substeps` steps of environments [first, last), which are whole tiles. The scratch block has room for
-/// Way::tiles_per_call tiles and their carried values.
-template <class T, class Way = ByTables>
-void advance(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, std::ptrdiff_t first,
-             std::ptrdiff_t last, int substeps, void* scratch) {
+/// way.tiles() tiles and their carried numbers.
+template <class T, class Way>
+LOCKSTEP_INLINE void advance(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                             std::ptrdiff_t first, std::ptrdiff_t last, int substeps, void* scratch, Way way) {
   const simd::StepMode mode;
   Tile<T> x[Way::tiles_per_call];
   StatePointers<ScalarOf<T>> own[Way::tiles_per_call];
   T* carried[Way::tiles_per_call];
-  for (int k = 0; k < Way::tiles_per_call; ++k) {
+  for (int k = 0; k < way.tiles(); ++k) {
     void* const behind = static_cast<char*>(scratch) + lay_out(t, scratch, x[k]);
     carried[k] = static_cast<T*>(behind);
-    scratch = carried[k] + Way::carried_values;
+    scratch = carried[k] + way.carried();
     uniform_masses(t, x[k]);
     uniform_ratios(t, x[k]);
   }
   const TileShape shape = Way::shape(t);
-  for (int k = 0; k < Way::tiles_per_call; ++k) own[k] = at(t, batch, first + k * T::lanes);
+  for (int k = 0; k < way.tiles(); ++k) own[k] = at(t, batch, first + k * T::lanes);
   while (first < last) {
     int tiles = 0;
-    for (; tiles < Way::tiles_per_call && first < last; ++tiles, first += T::lanes)
+    for (; tiles < way.tiles() && first < last; ++tiles, first += T::lanes) {
       load(t, own[tiles], x[tiles], shape);
+      way.begin(t, own[tiles], x[tiles], carried[tiles], tiles);
+    }
     for (int i = 0; i < substeps; ++i) {
       for (int k = 0; k < tiles; ++k) x[k].step = static_cast<std::uint32_t>(i);
-      Way::step(t, own, x, carried, tiles);
+      way.step(t, own, x, carried, tiles);
     }
     for (int k = 0; k < tiles; ++k) {
       store(t, own[k], x[k], shape);
-      move(t, own[k], Way::tiles_per_call * T::lanes);
+      move(t, own[k], way.tiles() * T::lanes);
     }
   }
+}
+
+/// The same by the tables.
+template <class T>
+void advance_by_tables(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, std::ptrdiff_t first,
+                       std::ptrdiff_t last, int substeps, void* scratch) {
+  advance<T>(t, batch, first, last, substeps, scratch, ByTables{});
 }
 
 }  // namespace lockstep::kernels

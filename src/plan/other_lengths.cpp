@@ -41,7 +41,7 @@ Span<double> scaled(Program& program, const Span<double>& numbers, double scale)
 
 std::shared_ptr<Program> copy_of(const Program& whole) {
   auto copy = std::make_shared<Program>(whole);
-  copy->kernel_hash = {}, copy->interpreted = {}, copy->identity = {};
+  copy->kernel_hash = {}, copy->compiled = {}, copy->identity = {};
   copy->half = copy->midpoint = nullptr;
   copy->f64.half = copy->f64.midpoint = nullptr;
   copy->stage_times.clear();

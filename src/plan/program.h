@@ -57,9 +57,9 @@ struct Placing {
   std::vector<int> ring_followers;  ///< joints in the solver's order
 };
 
-struct Identity;         // identity.h
-struct InterpretedStep;  // src/interpret/lower.h
-struct Fields;           // fields.h
+struct Identity;       // identity.h
+struct CompiledSteps;  // src/jit/compile.h
+struct Fields;         // fields.h
 
 /// A compiled scene: the tables, what they were made from, and the reasons for each choice.
 struct Program {
@@ -100,7 +100,7 @@ struct Program {
   Tables<double> f64;
   Tables<float> f32;
   Lazy<std::uint64_t> kernel_hash;
-  Lazy<InterpretedStep> interpreted;
+  Lazy<CompiledSteps> compiled;
   Lazy<Identity> identity;
   Lazy<Fields> fields;
   std::vector<Softness> bound_softness;     ///< by row of Bounds

@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "describe_contacts.h"
-#include "interpret/lower.h"
+#include "jit/compile.h"
 #include "lockstep/generate.h"
 #include "lockstep/plan.h"
 #include "plan/layout.h"
@@ -348,12 +348,12 @@ std::string engine_line(const Plan& plan) {
   if (program.f64.loops.used()) return "Engine: tables, which alone hold loops.\n";
   // Without generated code.
   std::string engine = to_string(Engine::tables), reason;
-  if (const char* obstacle = interpret::speed_obstacle(program))
-    reason = fmt::format("the interpreter is not taken by itself: {}", obstacle);
-  else if (interpret::interpreted_step(program))
-    engine = to_string(Engine::interpreter);
+  if (const char* obstacle = jit::speed_obstacle(program))
+    reason = fmt::format("compiled is not taken by itself: {}", obstacle);
+  else if (const std::string& obstacle = jit::plan_obstacle(program); obstacle.empty())
+    engine = to_string(Engine::compiled);
   else
-    reason = fmt::format("the interpreter does not apply: {}", interpret::list_obstacle(program));
+    reason = fmt::format("compiled does not apply: {}", obstacle);
   const std::string because = reason.empty() ? "" : fmt::format("  {}.\n", reason);
 
   const std::uint64_t hash = kernel_hash(plan);

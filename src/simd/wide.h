@@ -63,6 +63,7 @@ struct Wide {
   using Scalar = S;
   using Integer = typename IntegerOf<S>::type;
   static constexpr int lanes = W;
+  static constexpr bool fused = Arithmetic::fused;
   using Vector = typename VectorOf<S, W>::type;
   using Bits = typename VectorOf<Integer, W>::type;
   struct Mask {
@@ -165,7 +166,9 @@ struct Wide {
   }
 
   /// One unit in the last place of 1, or a little more.
-  LOCKSTEP_INLINE static Wide rounding() { return S(sizeof(S) == 4 ? 1.2e-7 : 2.3e-16); }
+  LOCKSTEP_INLINE static Wide rounding() { return by_precision(1.2e-7, 2.3e-16); }
+  /// A number for f32 and one for f64.
+  LOCKSTEP_INLINE static Wide by_precision(double single, double twice) { return S(sizeof(S) == 4 ? single : twice); }
 
   LOCKSTEP_INLINE S lane(int i) const { return v[i]; }
   LOCKSTEP_INLINE void set_lane(int i, S value) { v[i] = value; }

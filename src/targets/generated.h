@@ -22,7 +22,22 @@ namespace lockstep {
 LOCKSTEP_CALLED_STAGES(extern, registers::LOCKSTEP_KERNEL_TARGET::f32);
 LOCKSTEP_CALLED_STAGES(extern, registers::LOCKSTEP_KERNEL_TARGET::f64);
 
-/// Step::step replaces the step by the tables.
+/// A step by generated code, in place of ByTables.
+template <class Step>
+struct ByKernel : Step {
+  LOCKSTEP_INLINE int tiles() const { return Step::tiles_per_call; }
+  LOCKSTEP_INLINE int carried() const { return Step::carried_values; }
+  template <class T>
+  LOCKSTEP_INLINE void begin(const Tables<typename T::Scalar>&, const StatePointers<typename T::Scalar>&,
+                             kernels::Tile<T>&, T*, int) {}
+};
+
+template <class T, class Step>
+void advance_by_kernel(const Tables<typename T::Scalar>& t, const StatePointers<typename T::Scalar>& batch,
+                       std::ptrdiff_t first, std::ptrdiff_t last, int substeps, void* scratch) {
+  kernels::advance<T>(t, batch, first, last, substeps, scratch, ByKernel<Step>{});
+}
+
 template <class Step, bool f32, bool f64>
 constexpr GeneratedKernel generated_kernel(const char* name, const char* version, std::uint64_t hash) {
   using Registers = registers::LOCKSTEP_KERNEL_TARGET;
@@ -34,8 +49,8 @@ constexpr GeneratedKernel generated_kernel(const char* name, const char* version
                          nullptr,
                          Step::tiles_per_call,
                          Step::carried_values};
-  if constexpr (f32) kernel.f32 = kernels::advance<typename Registers::f32, Step>;
-  if constexpr (f64) kernel.f64 = kernels::advance<typename Registers::f64, Step>;
+  if constexpr (f32) kernel.f32 = advance_by_kernel<typename Registers::f32, Step>;
+  if constexpr (f64) kernel.f64 = advance_by_kernel<typename Registers::f64, Step>;
   return kernel;
 }
 

@@ -1,7 +1,7 @@
 // The kernels of one wide type, as a KernelSet. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "interpret/run.h"
+#include "jit/run.h"
 #include "kernel_set.h"
 #include "kernels/step.h"
 #include "registers.h"
@@ -22,9 +22,9 @@ template <class T>
 constexpr KernelSet<typename T::Scalar> kernel_set() {
   return {T::lanes,
           scratch_bytes<T>,
-          kernels::advance<T>,
-          kernels::interpreter_bytes<T>,
-          kernels::interpret<T>,
+          kernels::advance_by_tables<T>,
+          kernels::advance_by_code<T>,
+          kernels::find_places<T>,
           kernels::read<T>,
           kernels::read_frames<T>,
           kernels::read_accelerations<T>,

@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-#include "interpret/operations.h"
+#include "jit/frame.h"
 #include "kernels/readback.h"
 
 namespace lockstep {
@@ -16,10 +16,11 @@ struct KernelSet {
   /// Steps environments [first, last), which are whole tiles.
   void (*advance)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, std::ptrdiff_t last, int substeps,
                   void* scratch);
-  /// The same by the interpreter, and the scratch memory that it needs.
-  std::size_t (*interpreter_bytes)(const Tables<S>&, const OperationList&);
-  void (*interpret)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, std::ptrdiff_t last, int substeps,
-                    void* scratch, const OperationList&);
+  /// The same by machine code, whose tiles need scratch memory for their slots too.
+  void (*advance_by_code)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, std::ptrdiff_t last,
+                          int substeps, void* scratch, const jit::StepCode&);
+  /// Where a tile's numbers stand, for machine code.
+  void (*find_places)(const Tables<S>&, jit::TilePlaces&);
   void (*read)(const Tables<S>&, const StatePointers<S>&, std::ptrdiff_t first, std::ptrdiff_t last,
                const kernels::Request<S>&, S* rows, std::ptrdiff_t stride, void* scratch);
   /// Frames of one tile: kernels::frame_numbers rows of `lanes` numbers for each request.

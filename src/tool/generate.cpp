@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <memory>
 #include <sstream>
 
@@ -18,6 +19,7 @@ struct GenerateOptions {
   StepOptions step;
   KernelOptions kernel;
   std::string precision = "both", out;
+  bool assembly = false;
 };
 
 // From a list such as "damping,mass". Throws InputError, which lists the known fields.
@@ -37,10 +39,21 @@ ParameterSet parameters_of(const std::string& list) {
   return set;
 }
 
+void write_assembly(const Plan& plan, const GenerateOptions& options) {
+  const std::string code = machine_code(plan, Target::automatic, options.kernel.f32 ? 4 : 8);
+  keep_apart({options.model.file}, {options.out});
+  OutputFile file(options.out);
+  file.write(code);
+  file.close();
+  fmt::print("{}: {} lines, {}\n", options.out, std::count(code.begin(), code.end(), '\n'),
+             options.kernel.f32 ? "f32" : "f64");
+}
+
 void run(GenerateOptions& options) {
   options.kernel.f32 = options.precision != "f64";
   options.kernel.f64 = options.precision != "f32";
   const Plan plan = compile(options.model.load(options.step.settings.ignore).model, options.step.settings);
+  if (options.assembly) return write_assembly(plan, options);
   const KernelSource source = generate_kernel(plan, options.kernel);
   keep_apart({options.model.file}, {options.out});
   OutputFile file(options.out);
@@ -69,6 +82,8 @@ void add_generate(CLI::App& app, int& exit_code) {
   command->add_option("--name", options->kernel.name, "Name of the kernel (default: the model's)");
   command->add_option("--precision", options->precision, "f32, f64 or both")
       ->check(CLI::IsMember({"f32", "f64", "both"}));
+  command->add_flag("--assembly", options->assembly,
+                    "Write the machine code that the engine `compiled` makes for this machine instead, as text");
   command->callback([options, &exit_code] {
     run(*options);
     exit_code = fine;

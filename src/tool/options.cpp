@@ -22,7 +22,7 @@ namespace {
 constexpr Integrator all_integrators[] = {Integrator::automatic, Integrator::euler, Integrator::leapfrog,
                                           Integrator::extrapolated, Integrator::runge_kutta};
 constexpr Method all_methods[] = {Method::automatic, Method::pgs, Method::tgs, Method::direct, Method::reduced};
-constexpr Engine all_engines[] = {Engine::automatic, Engine::tables, Engine::interpreter, Engine::generated};
+constexpr Engine all_engines[] = {Engine::automatic, Engine::tables, Engine::compiled, Engine::generated};
 
 constexpr Loops all_loops[] = {Loops::keep, Loops::leave_out};
 constexpr Fit all_fits[] = {Fit::hull, Fit::box, Fit::capsule, Fit::none};

@@ -38,7 +38,7 @@ void RunOptions::add_to(CLI::App& app) {
       ->type_name("P")
       ->default_str("f32");
   add_parsed(app, "--engine", engine, engine_of,
-             "What runs the step: automatic, tables, interpreter, generated. An engine that does not take the plan is "
+             "What runs the step: automatic, tables, compiled, generated. An engine that does not take the plan is "
              "an error")
       ->type_name("ENGINE")
       ->default_str("automatic");

@@ -3,8 +3,9 @@
 
 namespace lockstep {
 
-/// Stages whose work depends on the values in the lanes. A traced step calls them as they are.
-enum class Call : int { none, solve_bounds, coupling_impulses, diagnose, hold, step_again, audit };
+/// Stages whose work depends on the values in the lanes. A traced step calls them as they are. `bounds` looks for
+/// active bounds first.
+enum class Call : int { none, bounds, solve_bounds, coupling_impulses, diagnose, hold, step_again, audit };
 
 /// A read or write of a number in memory.
 struct Access {

@@ -1,10 +1,11 @@
 // The stages that a traced step calls instead of running them. SPDX-License-Identifier: Apache-2.0
 //
 // A stage whose work depends on the values in its lanes has no straight-line code. The kernels call it by its name with
-// a Tile<Traced>. Then the overloads below match better than the kernels' own templates. They record a call, which the
-// interpreter and generated code make on the tile in memory. Include this before kernels/step.h.
+// a Tile<Traced>. Then the overloads below match better than the kernels' own templates. They record a call, which
+// compiled and generated code make on the tile in memory. Include this before kernels/step.h.
 #pragma once
 
+#include "kernels/tile/control.h"
 #include "tracer.h"
 
 namespace lockstep::kernels {
@@ -49,6 +50,22 @@ void actuate(const Tables<double>& t, const StatePointers<double>& batch, const 
 void add_records(const Tables<double>& t, Tile<Traced>& x);
 void hold_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, Traced::Mask held,
              Traced::Mask failed);
+
+// Control as data: scopes of the graph. When operations are only counted, everything runs once.
+template <class Body>
+void when(Tile<Traced>&, Traced::Mask mask, Body&& body) {
+  trace::counting ? body() : trace::tracer->when(mask.id, false, body);
+}
+template <class Yes, class No>
+void either_way(Tile<Traced>&, Traced::Mask mask, Yes&& yes, No&& no) {
+  if (trace::counting) return yes();
+  trace::tracer->when(mask.id, false, yes);
+  trace::tracer->when(mask.id, true, no);
+}
+template <class Body>
+void repeat_while(Tile<Traced>&, Traced::Mask& mask, int most, Body&& body) {
+  trace::counting ? body() : trace::tracer->repeat_while(mask.id, most, body);
+}
 
 /// Records a loop of sweeps as a loop. `carried` are the arrays that each turn hands to the next.
 template <int N, class Turn>

@@ -2,6 +2,7 @@
 #include "ir.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <stdexcept>
 
@@ -11,6 +12,10 @@ Id Graph::put(Node node) {
   for (Id o : node.operand)
     if (o >= 0 && nodes_[o].item >= 0 && nodes_[o].item != open_loop_ && items_[nodes_[o].item].kind == Item::loop)
       throw std::logic_error("a kernel reads a number of a loop that the loop does not carry: see kernels::repeat");
+  for (Id o : node.operand)
+    for (const auto& [begin, end] : closed_)
+      if (o >= 0 && nodes_[o].item >= begin && nodes_[o].item < end)
+        throw std::logic_error("a kernel reads a number of a scope that has ended: see kernels::when");
   const bool inside = open_loop_ >= 0 && std::any_of(node.operand.begin(), node.operand.end(),
                                                      [&](Id o) { return o >= 0 && nodes_[o].item == open_loop_; });
   node.item = inside ? open_loop_ : item_of(node);
@@ -33,21 +38,39 @@ int Graph::item_of(const Node& node) {
     last = std::max(last, item);
   }
   if (node.op == Op::input) behind = static_cast<int>(items_.size()) - 1;  // memory as it is now
+  if (!scopes_.empty()) behind = std::max(behind, scopes_.back().begin);
+  for (const auto& [begin, end] : closed_)
+    if (behind >= begin && behind < end) behind = end;
   if (open_loop_ >= 0) behind = std::min(behind, open_loop_ - 1);
   int item = std::max(in, behind);
   if (item >= 0 && items_[item].kind == Item::straight) return item;
-  while (++item < static_cast<int>(items_.size()))
+  while (++item < static_cast<int>(items_.size())) {
+    if (items_[item].kind == Item::begin_scope && items_[item].other_end >= 0) item = items_[item].other_end;
     if (items_[item].kind == Item::straight) return item;
+  }
   items_.emplace_back();
   return static_cast<int>(items_.size()) - 1;
 }
 
 Id Graph::constant(double value) {
-  const auto [known, is_new] = constants_.try_emplace(value == 0.0 ? 0.0 : value, 0);
+  if (value == 0.0) value = 0.0;  // not -0
+  const auto [known, is_new] = constants_.try_emplace(std::bit_cast<std::uint64_t>(value), 0);
   if (is_new) {
     Node node;
     node.op = Op::constant;
-    node.value = known->first;
+    node.value = value;
+    known->second = static_cast<Id>(nodes_.size());
+    nodes_.push_back(node);
+  }
+  return known->second;
+}
+
+Id Graph::by_precision(double single, double twice) {
+  const auto [known, is_new] = by_precision_.try_emplace({single, twice}, 0);
+  if (is_new) {
+    Node node;
+    node.op = Op::by_precision;
+    node.value = twice, node.single = single;
     known->second = static_cast<Id>(nodes_.size());
     nodes_.push_back(node);
   }
@@ -271,7 +294,56 @@ std::vector<Id> Graph::end_loop(const std::vector<Id>& next) {
   return after;
 }
 
+std::vector<Id> Graph::begin_scope(Id condition, bool unless, const std::vector<Id>& start) {
+  const int begin = static_cast<int>(items_.size());
+  Item& item = items_.emplace_back();
+  item.kind = Item::begin_scope;
+  item.condition = condition;
+  item.unless = unless;
+  item.start = start;
+  for (Id id : start) {
+    const Id put = variable(begin);
+    nodes_[put].mask = nodes_[id].mask;
+    items_[begin].variable.push_back(put);
+  }
+  scopes_.push_back({begin, known_, inputs_});
+  return items_[begin].variable;
+}
+
+std::vector<Id> Graph::end_scope(const std::vector<Id>& more_starts, const std::vector<Id>& next, Id again, int times) {
+  const int begin = scopes_.back().begin, end = static_cast<int>(items_.size());
+  for (Id id : more_starts) {
+    const Id put = variable(begin);
+    nodes_[put].mask = nodes_[id].mask;
+    items_[begin].start.push_back(id);
+    items_[begin].variable.push_back(put);
+  }
+  items_[begin].next = next;
+  items_[begin].again = again;
+  items_[begin].times = times;
+  items_[begin].other_end = end;
+  Item& item = items_.emplace_back();
+  item.kind = Item::end_scope;
+  item.other_end = begin;
+  known_ = std::move(scopes_.back().known);
+  inputs_ = std::move(scopes_.back().inputs);
+  scopes_.pop_back();
+  closed_.push_back({begin, end});
+  std::vector<Id> after;
+  for (Id changed : items_[begin].variable) {
+    Node node;
+    node.op = Op::variable;
+    node.operand[0] = changed;
+    node.item = end;
+    node.mask = nodes_[changed].mask;
+    after.push_back(static_cast<Id>(nodes_.size()));
+    nodes_.push_back(node);
+  }
+  return after;
+}
+
 void Graph::effect(std::vector<Write> stores, const std::string& code, Call call) {
+  if (!scopes_.empty()) throw std::logic_error("a scope changes memory or calls a stage");
   Item& item = items_.emplace_back();
   item.kind = Item::effect;
   item.stores = std::move(stores);

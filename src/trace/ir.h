@@ -30,7 +30,7 @@ enum class Op {
   farther,  // the larger magnitude
   sine,
   cosine,
-  rounding,  // one unit in the last place of 1
+  by_precision,  // a number for f32, and one for f64
   // from here to invert: masks
   none,
   less,
@@ -55,9 +55,10 @@ struct Place {
 struct Node {
   Op op = Op::constant;
   std::array<Id, 3> operand{-1, -1, -1};
-  double value = 0.0;  ///< of a constant
-  Place place;         ///< of an input
-  int item = -1;       ///< its item in Graph::items, -1 for a constant
+  double value = 0.0;   ///< of a constant
+  double single = 0.0;  ///< by precision: in f32
+  Place place;          ///< of an input
+  int item = -1;        ///< its item in Graph::items, -1 for a constant
   bool mask = false;
 };
 
@@ -73,20 +74,25 @@ struct Addend {
   bool minus;
 };
 
-/// A part of a step: straight-line nodes, a loop, or an effect.
+/// A part of a step: straight-line nodes, a loop, an effect, or an end of a scope, whose items run where a lane needs
+/// them.
 struct Item {
-  enum Kind { straight, loop, effect };
+  enum Kind { straight, loop, effect, begin_scope, end_scope };
   Kind kind = straight;
   std::vector<Id> nodes;
-  // Numbers that a loop or an effect changes, and their values before it.
+  // Numbers that a loop, an effect or a scope changes, and their values before it.
   std::vector<Id> variable, start;
-  // A loop.
+  // A loop, or a scope, which runs at most so often.
   int times = 0;
   std::vector<Id> next;  ///< by variable: its value after a turn
+  // A scope: it runs if a lane of `condition` is true, and again while one of `again` is.
+  Id again = -1;
+  bool unless = false;  ///< it runs if no lane of `condition` is true
+  int other_end = -1;   ///< item
   // An effect: stores, then code. If it has a condition, the variables are stored too, and read again after the code.
   std::vector<Write> stores;
   std::string code;
-  Call call = Call::none;  ///< the same as `code`, for the interpreter
+  Call call = Call::none;  ///< the same as `code`, for machine code
   Id condition = -1;
   std::vector<Place> place;  ///< by variable
 };
@@ -94,6 +100,7 @@ struct Item {
 class Graph {
  public:
   Id constant(double value);
+  Id by_precision(double single, double twice);
   Id input(const Place& place, bool mask);
   Id operation(Op op, Id a = -1, Id b = -1, Id c = -1);
 
@@ -112,6 +119,15 @@ class Graph {
   /// Returns the variables' values after the last turn.
   std::vector<Id> end_loop(const std::vector<Id>& next);
 
+  /// Until end_scope(), nodes belong to a scope, which runs if a lane of `condition` is true, or, with `unless`,
+  /// if none is. Scopes nest. Returns
+  /// variables, one for each start: the numbers in a turn that the turn before has changed.
+  std::vector<Id> begin_scope(Id condition, bool unless = false, const std::vector<Id>& start = {});
+  /// Adds variables to those of the scope: numbers that it changes, and their values before it. Returns the values of
+  /// all of them behind the scope, which has run until no lane of `again` was true, at most so often.
+  std::vector<Id> end_scope(const std::vector<Id>& more_starts, const std::vector<Id>& next, Id again = -1,
+                            int times = 1);
+
   /// Stores and code, after all nodes so far and before all later ones.
   void effect(std::vector<Write> stores, const std::string& code, Call call = Call::none);
   /// Later nodes are not taken from those so far. Needed after code that changes memory or opens a scope.
@@ -123,6 +139,9 @@ class Graph {
                             const std::vector<Write>& changed);
 
   void name(Id id, const std::string& name);
+  /// Whether the mask is true in all lanes, whatever their values, or in none.
+  bool everywhere(Id mask) const;
+  bool nowhere(Id mask) const { return is(mask, Op::none); }
 
   const std::vector<Node>& nodes() const { return nodes_; }
   const std::vector<Item>& items() const { return items_; }
@@ -152,7 +171,6 @@ class Graph {
   Id of_masks(Op op, Id a, Id b);
   bool is_among(Op op, Id mask, Id all) const;
   Id inverted(Id mask);
-  bool everywhere(Id mask) const;
   Id selected(Id mask, Id yes, Id no);
   bool is(Id id, double value) const { return nodes_[id].op == Op::constant && nodes_[id].value == value; }
   bool is(Id id, Op op) const { return nodes_[id].op == op; }
@@ -161,9 +179,18 @@ class Graph {
   std::vector<Item> items_;
   std::unordered_map<Key, Id, Hash> known_;
   std::map<std::string, Id> inputs_;
-  std::map<double, Id> constants_;
+  std::map<std::uint64_t, Id> constants_;  ///< by bits, as NaN has no order
+  std::map<std::pair<double, double>, Id> by_precision_;
   std::map<Id, std::string> names_;
-  int open_loop_ = -1;  ///< item
+  /// A scope that is open, and what is known only within it.
+  struct Scope {
+    int begin;  ///< item
+    std::unordered_map<Key, Id, Hash> known;
+    std::map<std::string, Id> inputs;
+  };
+  std::vector<Scope> scopes_;
+  std::vector<std::pair<int, int>> closed_;  ///< items of scopes that have ended
+  int open_loop_ = -1;                       ///< item
 };
 
 }  // namespace lockstep::trace

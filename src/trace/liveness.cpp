@@ -11,7 +11,7 @@ class Counter {
   std::vector<int> count() {
     for (const Item& item : graph_.items()) {
       for (const Write& store : item.stores) use(store.value);
-      if (item.condition < 0) continue;
+      if (item.condition < 0 || item.kind != Item::effect) continue;
       use(item.condition);
       for (Id variable : item.variable) use(variable);
     }
@@ -32,7 +32,9 @@ class Counter {
       for (std::size_t i = 0; i < item.variable.size(); ++i) {
         if (item.variable[i] != id) continue;
         use(item.start[i]);
-        if (item.kind != Item::loop) continue;
+        if (item.kind == Item::effect) continue;
+        if (item.condition >= 0) use(item.condition);
+        if (item.again >= 0) use(item.again);
         use(item.next[i]);
         ++uses_[item.next[i]];  // so it gets a name, which is set before any variable changes
       }

@@ -29,7 +29,10 @@ bool saturation_differs(const Tables<double>&, const StatePointers<double>&, Til
 
 // bounds_active() records the calls of these two.
 void clear_bounds(Tile<Traced>&) {}
-void solve_bounds(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}
+void solve_bounds(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
+  if (counting || !tracer->scopes || tracer->learns()) return;
+  tracer->aside([&] { tracer->when(x.bounds.candidate.id, false, [&] { solve_by_velocity<Traced>(t, batch, x); }); });
+}
 
 namespace {
 
@@ -52,8 +55,12 @@ bool bounds_active(const Tables<double>& t, const StatePointers<double>& batch, 
     tracer->leave_out();
     return false;
   }
+  if (tracer->scopes && trace::traces_bounds(t)) {
+    tracer->aside([&] { x.bounds.candidate = t.bounds.always ? ~Traced::none() : candidates(t, batch, x); });
+    return true;
+  }
   if (t.bounds.always || t.record_diagnostics || t.record_impulses) {
-    tracer->run("clear_bounds(x);\nif (bounds_active(t, batch, x)) solve_bounds(t, batch, x);", Call::solve_bounds);
+    tracer->run("clear_bounds(x);\nif (bounds_active(t, batch, x)) solve_bounds(t, batch, x);", Call::bounds);
     return false;
   }
   Traced::Mask candidate;
@@ -88,39 +95,38 @@ void keep_state(Tile<Traced>&) {
 }
 bool find_contacts(const Tables<double>&, Tile<Traced>&) {
   if (!counting)
-    throw SettingsError("contacts", "are solved by the tables, not by generated code or the interpreter",
+    throw SettingsError("contacts", "are solved by the tables, not by compiled or generated code",
                         "use Engine::tables or automatic");
   return false;
 }
 void find_loops(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {
   if (!counting)
-    throw SettingsError("loops", "are held by the tables, not by generated code or the interpreter",
+    throw SettingsError("loops", "are held by the tables, not by compiled or generated code",
                         "use Engine::tables or automatic");
 }
 void changing_shares(const Tables<double>& t, Tile<Traced>& x) {
   if (counting) return changing_shares<Traced>(t, x);
   throw SettingsError("functions of joints and spatial tendons",
-                      "are computed by the tables, not by generated code or the interpreter",
+                      "are computed by the tables, not by compiled or generated code",
                       "use Engine::tables or automatic");
 }
 void actuate(const Tables<double>&, const StatePointers<double>&, const Tile<Traced>&) {
   if (!counting)
     throw SettingsError("delays, lags and motors of drives",
-                        "are computed by the tables, not by generated code or the interpreter",
+                        "are computed by the tables, not by compiled or generated code",
                         "use Engine::tables or automatic");
 }
 void add_records(const Tables<double>&, Tile<Traced>&) {
   if (!counting)
     throw SettingsError("recorded efforts, contacts or accelerations",
-                        "are kept by the tables, not by generated code or the interpreter",
-                        "use Engine::tables or automatic");
+                        "are kept by the tables, not by compiled or generated code", "use Engine::tables or automatic");
 }
 void find_contacts_at_midpoint(const Tables<double>& t, Tile<Traced>&) {
   if (!counting && t.rounds.at_midpoint)
     throw SettingsError(
         "integrator",
         "leapfrog with contacts, with loops, or with bounds over several velocities, is solved by the tables, not by "
-        "generated code or the interpreter",
+        "compiled or generated code",
         "use Engine::tables or automatic");
 }
 void settle(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}
@@ -237,10 +243,11 @@ class Memory {
 
 // Without `learned` this is the first tracing. It leaves out calls, so numbers that only bounds or diagnostics read are
 // unused. Therefore they do not influence how sums are added up, and steps round alike with and without them.
-Tracing trace_once(const Program& program, bool consistent, const Learned* learned) {
+Tracing trace_once(const Program& program, bool consistent, bool scopes, const Learned* learned) {
   const Tables<double>& t = program.f64;
   TracedTile x{};
   Tracer tracing(t, x);
+  tracing.scopes = scopes;
   Memory memory;
   const StatePointers<double> batch = inputs(t, [&](int count, const std::string& name, int array) {
     double* first = memory.take(count);
@@ -270,14 +277,23 @@ Tracing trace_once(const Program& program, bool consistent, const Learned* learn
 
 }  // namespace
 
-TracedStep trace_step(const Program& program) {
+bool traces_bounds(const Tables<double>& t) {
+  constexpr int most_velocities = 30;  // the rounds of more do not fit into the first cache: the tables are faster
+  return t.rounds.used() && t.rounds.columns.n <= most_velocities && t.method != Method::pgs &&
+         t.rounds.slots.count == 0 && t.rounds.from_bodies.count == 0 && t.integrator == Integrator::euler &&
+         !t.record_diagnostics && !t.record_impulses;
+}
+
+TracedStep trace_step(const Program& program, bool scopes) {
   const Reduction<double>& r = program.f64.reduction;
-  const Tracing any = trace_once(program, false, nullptr);
+  const auto once = [&](bool consistent, const Learned* learned) {
+    return trace_once(program, consistent, scopes, learned);
+  };
+  const Tracing any = once(false, nullptr);
   // Diagnostics rule out the shorter step, but may not change the result by a bit. So this does not depend on them.
-  const Learned learned =
-      r.placing.count > 0 ? learned_from(any, trace_once(program, true, nullptr)) : learned_from(any, any);
-  TracedStep step{trace_once(program, false, &learned).graph, {}};
-  if (r.consistent_is_shorter) step.consistent = trace_once(program, true, &learned).graph;
+  const Learned learned = r.placing.count > 0 ? learned_from(any, once(true, nullptr)) : learned_from(any, any);
+  TracedStep step{once(false, &learned).graph, {}};
+  if (r.consistent_is_shorter) step.consistent = once(true, &learned).graph;
   return step;
 }
 

@@ -13,7 +13,11 @@ struct TracedStep {
   std::optional<Graph> consistent;  ///< for a tile of consistent followers, if that is shorter (section 14)
 };
 
-/// Throws SettingsError for the few plans that straight-line code cannot run.
-TracedStep trace_step(const Program& program);
+/// With `scopes`, stages that decide by values are traced where they can be; else they are calls. Throws SettingsError
+/// for the plans that cannot be traced.
+TracedStep trace_step(const Program& program, bool scopes);
+
+/// Whether the solve with bounds is traced as scopes.
+bool traces_bounds(const Tables<double>& t);
 
 }  // namespace lockstep::trace

@@ -14,6 +14,7 @@ struct Cost;
 inline thread_local Cost* counting = nullptr;
 
 Id trace_constant(double value);
+Id trace_by_precision(double single, double twice);
 Id trace_operation(Op op, Id a = -1, Id b = -1, Id c = -1);
 /// A sum that is not reassociated: no other sum becomes part of it, and it becomes part of none.
 Id trace_as_it_stands(Op op, Id a, Id b, Id c = -1);
@@ -30,6 +31,8 @@ struct Traced {
     friend Mask operator|(Mask a, Mask b) { return {trace_operation(Op::either, a.id, b.id)}; }
     friend Mask operator&(Mask a, Mask b) { return {trace_operation(Op::both, a.id, b.id)}; }
     friend Mask operator~(Mask a) { return {trace_operation(Op::invert, a.id)}; }
+    /// Traced code always does the work that this test could save.
+    friend bool any(Mask) { return true; }
   };
 
   Id id;
@@ -74,7 +77,8 @@ struct Traced {
   friend Traced farther(Traced most, Traced a) { return of(trace_operation(Op::farther, most.id, a.id)); }
   friend Traced select(Mask m, Traced yes, Traced no) { return of(trace_operation(Op::select, m.id, yes.id, no.id)); }
   static Mask none() { return {trace_operation(Op::none)}; }
-  static Traced rounding() { return of(trace_operation(Op::rounding)); }
+  static Traced rounding() { return by_precision(1.2e-7, 2.3e-16); }
+  static Traced by_precision(double single, double twice) { return of(trace_by_precision(single, twice)); }
   static Traced load(const double* p) { return of(trace_load(p)); }
 
   // Code that treats lanes one by one has no straight-line form.
@@ -86,7 +90,7 @@ struct Traced {
   static void refuse() {
     if (counting) return;
     throw SettingsError("method tgs with a softness per environment",
-                        "is computed lane by lane, which generated code and the interpreter cannot do",
+                        "is computed lane by lane, which compiled and generated code cannot do",
                         "use Engine::tables, or another method");
   }
 };

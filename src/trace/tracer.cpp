@@ -33,6 +33,7 @@ Id count(Op op) {
 }  // namespace
 
 Id trace_constant(double value) { return counting ? 0 : tracer->graph.constant(value); }
+Id trace_by_precision(double single, double twice) { return counting ? 0 : tracer->graph.by_precision(single, twice); }
 Id trace_operation(Op op, Id a, Id b, Id c) {
   if (counting) return count(op);
   switch (op) {
@@ -55,9 +56,16 @@ void trace_name(const void* place, Id id) {
 
 namespace {
 
-using Part = std::pair<std::string, std::string>;  // a number in an array's element: suffix in C++ code, in a name
+struct Part {  // a number in an array's element: suffix in C++ code, in a name
+  std::string in_code, in_name;
+  bool mask = false;
+};
 
 std::vector<Part> parts(const Traced*) { return {{"", ""}}; }
+std::vector<Part> parts(const Traced::Mask*) { return {{"", "", true}}; }
+std::vector<Part> parts(const kernels::Branch<Traced>*) {
+  return {{".low", "_low", true}, {".high", "_high", true}, {".stuck", "_stuck", true}, {".impulse", "_impulse"}};
+}
 std::vector<Part> parts(const simd::Vec3<Traced>*) { return {{".x", "_x"}, {".y", "_y"}, {".z", "_z"}}; }
 std::vector<Part> parts(const simd::Mat3<Traced>*) {
   std::vector<Part> all;
@@ -79,8 +87,8 @@ std::vector<Part> parts(const simd::PseudoInertia<Traced>*) {
 std::vector<Part> parts(const simd::ArticulatedInertia<Traced>*) {
   std::vector<Part> all;
   add_symmetric("angular", "_angular", all);
-  for (const auto& [in_code, in_name] : parts(static_cast<const simd::Mat3<Traced>*>(nullptr)))
-    all.push_back({".across" + in_code, "_across" + in_name});
+  for (const Part& part : parts(static_cast<const simd::Mat3<Traced>*>(nullptr)))
+    all.push_back({".across" + part.in_code, "_across" + part.in_name});
   add_symmetric("linear", "_linear", all);
   return all;
 }
@@ -103,11 +111,11 @@ struct Take {
     Id* number = reinterpret_cast<Id*>(array);
     int in_array = 0;
     for (int i = 0; i < count; ++i)
-      for (const auto& [in_code, in_name] : all)
+      for (const Part& part : all)
         tracer->add_number(number++,
-                           {fmt::format("x.{}[{}]{}", name, i, in_code), tracer->arrays_, in_array++,
+                           {fmt::format("x.{}[{}]{}", name, i, part.in_code), tracer->arrays_, in_array++,
                             lasts == Lifetime::call || lasts == Lifetime::turn, lasts == Lifetime::turn},
-                           fmt::format("{}_{}{}", stem, i, in_name), lasts, array);
+                           fmt::format("{}_{}{}", stem, i, part.in_name), lasts, array, part.mask);
     ++tracer->arrays_;
   }
 };
@@ -135,21 +143,27 @@ Tracer::Tracer(const Tables<double>& tables, TracedTile& tile) : tile_(tile) {
   number_at_.assign(bytes / sizeof(Id) + 1, -1);
   Take take{this};
   kernels::arrays(tables, tile, take);
-  add_number(&tile.frozen.id, {"x.frozen", Access::frozen}, "frozen", Lifetime::state, nullptr);
-  add_number(&tile.singular.id, {"x.singular", Access::singular}, "singular", Lifetime::step, nullptr);
-  if (tables.guarded || tables.audited)
-    add_number(&tile.too_fast.id, {"x.too_fast", Access::too_fast}, "too_fast", Lifetime::step, nullptr);
+  const auto add_mask = [&](Traced::Mask& mask, const char* name, int place, Lifetime lasts) {
+    add_number(&mask.id, {fmt::format("x.{}", name), place}, name, lasts, nullptr, true);
+  };
+  add_mask(tile.frozen, "frozen", Access::frozen, Lifetime::state);
+  add_mask(tile.singular, "singular", Access::singular, Lifetime::step);
+  if (tables.guarded || tables.audited) add_mask(tile.too_fast, "too_fast", Access::too_fast, Lifetime::step);
+  add_mask(tile.bounds.candidate, "bounds.candidate", Access::candidate, Lifetime::stage);
+  add_mask(tile.bounds.invalid, "bounds.invalid", Access::nowhere, Lifetime::stage);
+  tile.servos.decided = Traced::none();
 }
 
-void Tracer::add_number(Id* now, const Place& place, const std::string& name, Lifetime lasts, const void* array) {
-  numbers_.push_back({now, -1, place, name, lasts, array});
+void Tracer::add_number(Id* now, const Place& place, const std::string& name, Lifetime lasts, const void* array,
+                        bool mask) {
+  numbers_.push_back({now, -1, place, name, lasts, array, mask});
   read(numbers_.back());
   const auto offset = reinterpret_cast<std::byte*>(now) - block_.get();
   if (array) number_at_[static_cast<std::size_t>(offset) / sizeof(Id)] = static_cast<int>(numbers_.size()) - 1;
 }
 
 void Tracer::read(TileNumber& number) {
-  number.stored = *number.now = graph.input(number.place, number.array == nullptr);
+  number.stored = *number.now = graph.input(number.place, number.mask);
   graph.name(number.stored, number.name);
 }
 
@@ -214,6 +228,67 @@ std::vector<Write> Tracer::changed(Wanted wanted) {
   return stores;
 }
 
+std::vector<Id> Tracer::numbers_now() const {
+  std::vector<Id> now;
+  for (const TileNumber& number : numbers_) now.push_back(*number.now);
+  return now;
+}
+
+std::vector<std::size_t> Tracer::changed_since(const std::vector<Id>& before) const {
+  std::vector<std::size_t> changed;
+  for (std::size_t i = 0; i < numbers_.size(); ++i)
+    if (*numbers_[i].now != before[i]) changed.push_back(i);
+  return changed;
+}
+
+void Tracer::when(Id mask, bool unless, const std::function<void()>& body) {
+  if (unless ? graph.everywhere(mask) : graph.nowhere(mask)) return;
+  if (unless ? graph.nowhere(mask) : graph.everywhere(mask)) return body();
+  graph.begin_scope(mask, unless);
+  const std::vector<Id> before = numbers_now();
+  body();
+  std::vector<Id> start, next;
+  const std::vector<std::size_t> changed = changed_since(before);
+  for (std::size_t i : changed) start.push_back(before[i]), next.push_back(*numbers_[i].now);
+  const std::vector<Id> after = graph.end_scope(start, next);
+  for (std::size_t k = 0; k < changed.size(); ++k) *numbers_[changed[k]].now = after[k];
+}
+
+// A turn reads what the turn before has changed. Which numbers these are shows only when the body is traced, so it is
+// traced until no further ones show.
+void Tracer::repeat_while(Id& mask, int most, const std::function<void()>& body) {
+  if (most <= 0 || graph.nowhere(mask)) return;
+  std::vector<std::size_t> changed;
+  for (;;) {
+    const Graph graph_before = graph;
+    const std::vector<Id> numbers_before = numbers_now();
+    const Id mask_before = mask;
+    std::vector<Id> start{mask};
+    for (std::size_t i : changed) start.push_back(*numbers_[i].now);
+    const std::vector<Id> variable = graph.begin_scope(mask, false, start);
+    mask = variable[0];
+    for (std::size_t k = 0; k < changed.size(); ++k) *numbers_[changed[k]].now = variable[k + 1];
+    const std::vector<Id> at_begin = numbers_now();
+    body();
+    std::vector<std::size_t> all = changed_since(at_begin);
+    all.insert(all.end(), changed.begin(), changed.end());
+    std::sort(all.begin(), all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
+    if (all == changed) {
+      std::vector<Id> next{mask};
+      for (std::size_t i : changed) next.push_back(*numbers_[i].now);
+      const std::vector<Id> after = graph.end_scope({}, next, mask, most);
+      mask = after[0];
+      for (std::size_t k = 0; k < changed.size(); ++k) *numbers_[changed[k]].now = after[k + 1];
+      return;
+    }
+    graph = graph_before;
+    for (std::size_t i = 0; i < numbers_.size(); ++i) *numbers_[i].now = numbers_before[i];
+    mask = mask_before;
+    changed = all;
+  }
+}
+
 void Tracer::run(const std::string& code, Call call) {
   if (learns_ && call != Call::none) return leave_out();
   graph.effect(changed(&Tracer::is_shared), code, call);
@@ -241,7 +316,7 @@ void Tracer::run_if(Id condition, std::vector<Write> stores, const std::string& 
 void Tracer::hold_if(Id condition, Id failed, bool turns) {
   std::vector<Write> flags;
   for (const TileNumber& number : numbers_)
-    if (!number.array) flags.push_back({number.place, *number.now});
+    if (!number.array && number.lasts != Lifetime::stage) flags.push_back({number.place, *number.now});
   flags.push_back({{"const typename T::Mask failed", Access::failed}, failed});
   std::set<const void*> ends = {tile_.next.q, tile_.next.v, tile_.next.pose};
   if (turns) ends.insert(&tile_.frozen.id);  // a lane may lose count

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <set>
+#include <utility>
 
 #include "kernels/tile/lay_out.h"
 #include "reassociate.h"
@@ -49,10 +50,15 @@ class Tracer {
   /// Runs `look` without recording its sums: they are not reassociated.
   template <class Look>
   void aside(Look look) {
-    aside_ = true;
+    const bool before = std::exchange(aside_, true);
     look();
-    aside_ = false;
+    aside_ = before;
   }
+  /// Records `body` as a scope: it runs if a lane of the mask is true, or, with `unless`, if none is. Numbers of the
+  /// tile that it changes have their values of before where it does not run.
+  void when(Id mask, bool unless, const std::function<void()>& body);
+  /// Records `body` as a scope that runs while a lane of the mask is true, at most so often.
+  void repeat_while(Id& mask, int most, const std::function<void()>& body);
   Id sum(Op op, Id a, Id b);
   /// A multiply-add. It is a sum if one factor is 1 or -1.
   Id product_and(Op op, Id a, Id b, Id c);
@@ -66,6 +72,7 @@ class Tracer {
 
   Graph graph;
   std::vector<Place> unused_inputs;  ///< inputs that no result depends on
+  bool scopes = false;               ///< stages that decide by values are traced where they can be
 
  private:
   /// A number of the tile.
@@ -75,7 +82,8 @@ class Tracer {
     Place place;
     std::string name;
     kernels::Lifetime lasts;
-    const void* array;  ///< the array that it is in; null for a mask
+    const void* array;  ///< the array that it is in; null for a mask of the tile itself
+    bool mask;
   };
   struct Rows {
     const double* first;
@@ -89,10 +97,13 @@ class Tracer {
   }
 
   friend struct Take;
-  void add_number(Id* now, const Place& place, const std::string& name, kernels::Lifetime lasts, const void* array);
+  void add_number(Id* now, const Place& place, const std::string& name, kernels::Lifetime lasts, const void* array,
+                  bool mask);
   template <class Wanted>
   std::vector<Write> changed(Wanted wanted);
   void read(TileNumber& number);
+  std::vector<Id> numbers_now() const;
+  std::vector<std::size_t> changed_since(const std::vector<Id>& before) const;
   Id sum(const Sum& traced, Op op, Id a, Id b, Id c);
   Addend addend(const Term& term) const;
   void run_if(Id condition, std::vector<Write> stores, const std::string& code, Call call,

@@ -17,27 +17,6 @@
 namespace lockstep {
 namespace {
 
-#if LOCKSTEP_VERSION_MINOR < 2  // before Engine
-enum class Engine { tables, interpreter, generated };
-BatchOptions options_of(Engine engine, Target target) {
-  return {.threads = 1,
-          .target = target,
-          .generated = engine == Engine::generated,
-          .listed = engine == Engine::interpreter};
-}
-template <class S>
-bool runs(const Batch<S>& batch, Engine engine) {
-  const std::string kernel = batch.kernel();
-  return engine == Engine::tables        ? kernel == "tables"
-         : engine == Engine::interpreter ? kernel == "operations"
-                                         : kernel.starts_with("generated");
-}
-template <class S, class Use>
-void with_batch(const Plan& plan, Engine engine, Target target, Use use) {
-  Batch<S> batch = contract::scattered<S>(plan, 21, options_of(engine, target));
-  if (runs(batch, engine)) use(batch);
-}
-#else
 template <class S, class Use>
 void with_batch(const Plan& plan, Engine engine, Target target, Use use) {
   try {
@@ -46,7 +25,6 @@ void with_batch(const Plan& plan, Engine engine, Target target, Use use) {
   } catch (const SettingsError&) {  // this plan has no such engine
   }
 }
-#endif
 
 // FNV-1a.
 struct Hash {
@@ -84,12 +62,14 @@ std::uint64_t outcome(Batch<S>& batch) {
   return hash.value;
 }
 
+constexpr Engine machine_code = static_cast<Engine>(2);  // in builds before `compiled` the interpreter
+
 void print(const std::string& name) {
   const Plan plan = generated::plan_of(name);
   const struct {
     Engine engine;
     const char* name;
-  } engines[] = {{Engine::tables, "tables"}, {Engine::interpreter, "interpreter"}, {Engine::generated, "generated"}};
+  } engines[] = {{Engine::tables, "tables"}, {machine_code, "machine_code"}, {Engine::generated, "generated"}};
   const struct {
     Target target;
     const char* name;

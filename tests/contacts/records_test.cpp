@@ -178,7 +178,7 @@ TEST(Records, are_refused_where_nothing_declares_or_keeps_them) {
   model.joints[0].drive.kinematic = true;
   expect_error<SettingsError>([&] { compile(model, recorded(Integrator::euler)); }, "lift");
   const Plan kept = compile(slider(9.0, 1.0, infinity), recorded(Integrator::euler));
-  EXPECT_THROW(Batch<double>(kept, 1, {.threads = 1, .engine = Engine::interpreter}), SettingsError);
+  EXPECT_THROW(Batch<double>(kept, 1, {.threads = 1, .engine = Engine::compiled}), SettingsError);
 }
 
 }  // namespace

@@ -237,24 +237,24 @@ TEST_F(TargetVariable, chooses_the_target_where_the_options_do_not) {
   EXPECT_NO_THROW(Batch<float>(plan, 1, {.target = Target::baseline}));
 }
 
-TEST(AutomaticEngine, is_the_interpreter_for_small_smooth_plans_and_the_tables_for_others) {
+TEST(AutomaticEngine, is_compiled_for_smooth_plans_and_the_tables_for_others) {
   if (contract::engine_preferred) GTEST_SKIP() << "LOCKSTEP_TEST_ENGINE is set";
   Model bounded = scenes::chain8();
   bounded.joints[0].friction = 0.1;
-  const Plan small = compile(scenes::chain8()), reduced = compile(scenes::chain32()),
-             large = compile(scenes::chain32(), {.method = Method::direct}), with_friction = compile(bounded);
-  EXPECT_EQ(Batch<float>(small, 1).engine(), Engine::interpreter);
-  EXPECT_EQ(Batch<float>(reduced, 1).engine(), Engine::interpreter);
-  EXPECT_EQ(Batch<float>(large, 1).engine(), Engine::tables);
+  const Plan small = compile(scenes::chain8()), large = compile(scenes::chain32(), {.method = Method::direct}),
+             with_friction = compile(bounded);
+  for (const Plan& plan : {small, large}) {
+    EXPECT_EQ(Batch<float>(plan, 1).engine(), physics::engines().back());
+    EXPECT_NE(plan.describe().find("Engine: compiled"), std::string::npos) << plan.describe();
+  }
+  EXPECT_EQ(Batch<float>(small, 1, {.target = Target::baseline}).engine(), Engine::tables);
   EXPECT_EQ(Batch<double>(with_friction, 1).engine(), Engine::tables);
-  EXPECT_NE(small.describe().find("Engine: interpreter;"), std::string::npos) << small.describe();
-  for (const Plan& plan : {large, with_friction})
-    EXPECT_NE(plan.describe().find("Engine: tables;"), std::string::npos) << plan.describe();
+  EXPECT_NE(with_friction.describe().find("Engine: tables;"), std::string::npos) << with_friction.describe();
 }
 
 TEST(RequestedEngine, runs_or_is_refused) {
   const Plan plan = compile(scenes::chain8()), large = compile(scenes::chain32(), {.method = Method::direct});
-  for (Engine engine : {Engine::tables, Engine::interpreter})
+  for (const Engine engine : physics::engines())
     for (const Plan& each : {plan, large}) {
       const Batch<float> batch(each, 1, {.engine = engine});
       EXPECT_EQ(batch.engine(), engine);
@@ -265,7 +265,7 @@ TEST(RequestedEngine, runs_or_is_refused) {
   Model limited = scenes::chain8();
   limited.joints[0].drive.kp = 1.0, limited.joints[0].effort_limit = 1.0;
   expect_refused<SettingsError>(
-      [&] { Batch<float>(compile(limited, {.method = Method::pgs}), 1, {.engine = Engine::interpreter}); }, "engine",
+      [&] { Batch<float>(compile(limited, {.method = Method::pgs}), 1, {.engine = Engine::compiled}); }, "engine",
       "tables");
 }
 
@@ -273,7 +273,7 @@ TEST(ToString, names_targets_and_engines) {
   for (Target target : all_targets) EXPECT_NE(std::string(to_string(target)), "unknown");
   EXPECT_STREQ(to_string(Engine::automatic), "automatic");
   EXPECT_STREQ(to_string(Engine::tables), "tables");
-  EXPECT_STREQ(to_string(Engine::interpreter), "interpreter");
+  EXPECT_STREQ(to_string(Engine::compiled), "compiled");
   EXPECT_STREQ(to_string(Engine::generated), "generated");
 }
 

@@ -1,7 +1,5 @@
-// Views, inputs, resets, moves and stack of a Batch. SPDX-License-Identifier: Apache-2.0
+// Views, inputs, resets and moves of a Batch. SPDX-License-Identifier: Apache-2.0
 #include "lockstep/batch.h"
-
-#include <pthread.h>
 
 #include <optional>
 
@@ -257,42 +255,6 @@ TEST(Batch, steps_each_of_262144_environments_independently) {
   for (int i = 0; i < 4; ++i) EXPECT_TRUE(same_bits(huge, places[i], small, i));
   EXPECT_EQ(huge.faulted(), 0);
   EXPECT_TRUE((huge.positions().row(3).segment(1, 131000) == huge.positions()(3, 1)).all());
-}
-
-// ---------------------------------------------------------------- stack
-
-template <class S>
-void step_with_little_stack(const Plan& plan, Target target) {
-  Batch<S> batch(plan, 9, {.threads = 1, .target = target, .engine = Engine::interpreter});
-  ASSERT_EQ(batch.engine(), Engine::interpreter);
-  pthread_attr_t small;
-  pthread_attr_init(&small);
-  ASSERT_EQ(pthread_attr_setstacksize(&small, 256 * 1024), 0);
-  const auto step = [](void* of) -> void* {
-    static_cast<Batch<S>*>(of)->step();
-    return nullptr;
-  };
-  pthread_t thread;
-  ASSERT_EQ(pthread_create(&thread, &small, step, &batch), 0);
-  pthread_join(thread, nullptr);
-  pthread_attr_destroy(&small);
-  EXPECT_EQ(batch.faulted(), 0);
-  EXPECT_TRUE((batch.velocities() != S(0)).any());
-}
-
-// Each of thousands of operations calls the next one. If such a call is not compiled to a jump, it takes a hundred
-// bytes of stack or more. With diagnostics, two thousand of the operations read and write memory.
-TEST(Interpreter, needs_little_stack_for_many_operations) {
-  for (const StepSettings& settings :
-       {StepSettings{.method = Method::pgs}, StepSettings{.method = Method::pgs, .record_diagnostics = true}}) {
-    const Plan plan = compile(scenes::chain32(), settings);
-    for (const Target target : all_targets) {
-      if (!supported(target)) continue;
-      SCOPED_TRACE(to_string(target));
-      step_with_little_stack<float>(plan, target);
-      step_with_little_stack<double>(plan, target);
-    }
-  }
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "batch/engine.h"
 #include "bounded_scenes.h"
 #include "plan/program.h"
 #include "reference/random_bounds.h"
@@ -75,11 +76,11 @@ TEST_P(Determinism, wide_kernels_and_their_scalar_twins_agree_to_the_last_bit) {
   for_every_plan(GetParam(), 30, contract::bounded_scenes(), [](const Plan& plan, auto scalar) {
     for (const auto& [twin, all_wide] : classes) {
       if (!supported(twin)) continue;
-      auto b = scattered<decltype(scalar)>(plan, 19, {.threads = 1, .target = twin});
+      auto b = scattered<decltype(scalar)>(plan, 19, {.threads = 1, .target = twin, .engine = Engine::tables});
       b.step(5);
       for (Target wide : all_wide) {
         if (!supported(wide)) continue;
-        auto a = scattered<decltype(scalar)>(plan, 19, {.threads = 1, .target = wide});
+        auto a = scattered<decltype(scalar)>(plan, 19, {.threads = 1, .target = wide, .engine = Engine::tables});
         a.step(5);
         EXPECT_TRUE(same_bits(a, b)) << to_string(wide);
         if (!plan.settings().record_impulses) continue;
@@ -87,6 +88,23 @@ TEST_P(Determinism, wide_kernels_and_their_scalar_twins_agree_to_the_last_bit) {
       }
     }
   });
+}
+
+TEST_P(Determinism, machine_code_for_avx2_and_avx512_agrees_to_the_last_bit) {
+  if (!supported(Target::avx2) || !supported(Target::avx512)) GTEST_SKIP();
+  int compared = 0;
+  for_every_plan(GetParam(), 30, contract::bounded_scenes(), [&](const Plan& plan, auto scalar) {
+    using S = decltype(scalar);
+    if (!code_obstacle<S>(plan, Target::avx2).empty()) return;
+    const auto stepped = [&](Target target) {
+      auto batch = scattered<S>(plan, 19, {.threads = 1, .target = target, .engine = Engine::compiled});
+      batch.step(5);
+      return batch;
+    };
+    EXPECT_TRUE(same_bits(stepped(Target::avx2), stepped(Target::avx512)));
+    ++compared;
+  });
+  EXPECT_GT(compared, 30);
 }
 
 TEST_P(Determinism, thread_count_does_not_change_a_bit) {

@@ -188,7 +188,7 @@ TEST(Fault, freezes_at_the_last_good_substep) {
   EXPECT_EQ(at_once.resets()[3], 0u);
 }
 
-// Every stage that finds faults says so, and names a dof where it can; by the tables and by the interpreter.
+// Every stage that finds faults says so, and names a dof where it can; by the tables and by machine code.
 TEST(Fault, reports_what_found_it) {
   struct Case {
     const char* name;
@@ -211,7 +211,7 @@ TEST(Fault, reports_what_found_it) {
   StepSettings settings;
   settings.per_environment = {Parameter::mass, Parameter::armature};
   const Plan plan = compile(model, settings);
-  for (Engine engine : {Engine::tables, Engine::interpreter})
+  for (const Engine engine : physics::engines())
     for (const Case& wrong : cases) {
       SCOPED_TRACE(std::string(wrong.name) + ", " + to_string(engine));
       Batch<double> batch(plan, 9, {.threads = 1, .engine = engine});
@@ -242,13 +242,13 @@ TEST(Fault, flags_a_follower_at_an_invalid_position) {
 }
 
 // The pivot of a slider is its mass, and no other number is affected by it.
-TEST(Fault, is_singular_for_an_impossible_pivot_by_tables_and_interpreter) {
+TEST(Fault, is_singular_for_an_impossible_pivot_by_tables_and_machine_code) {
   StepSettings settings = physics::settings(Method::direct);
   settings.per_environment.insert(Parameter::mass);
   const Plan plan = compile(physics::sliders({1.0, 2.0}), settings);
   const float infinite = std::numeric_limits<float>::infinity();
   for (const float mass : {infinite, -infinite, 0.0f, -1.0f, 1e-39f, 3e38f})
-    for (const Engine engine : {Engine::tables, Engine::interpreter}) {
+    for (const Engine engine : physics::engines()) {
       SCOPED_TRACE(testing::Message() << mass << ", " << to_string(engine));
       Batch<float> batch(plan, 9, {.threads = 1, .engine = engine});
       batch.velocities().setOnes();
@@ -264,7 +264,7 @@ TEST(Fault, is_none_for_an_infinite_effort_with_a_limit) {
   Model model = physics::sliders({1.0, 2.0});
   for (Joint& joint : model.joints) joint.effort_limit = 3.0;
   const Plan plan = compile(model, physics::settings(Method::direct));
-  for (const Engine engine : {Engine::tables, Engine::interpreter}) {
+  for (const Engine engine : physics::engines()) {
     Batch<float> batch(plan, 3, {.threads = 1, .engine = engine});
     batch.efforts()(0, 0) = std::numeric_limits<float>::infinity();
     batch.efforts()(0, 1) = 3.0f;
@@ -386,7 +386,7 @@ void expect_tendon_is_kept(Integrator integrator, Engine engine, double effort) 
 
 TEST(Fault, leaves_tendons_where_they_were) {
   for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog})
-    for (const Engine engine : {Engine::tables, Engine::interpreter})
+    for (const Engine engine : physics::engines())
       for (const double effort : {infinity, 20.0}) {
         SCOPED_TRACE(std::string(to_string(integrator)) + " " + to_string(engine) + " " + std::to_string(effort));
         expect_tendon_is_kept<float>(integrator, engine, effort);

@@ -104,7 +104,7 @@ TEST_P(InactiveBounds, change_no_bit_where_they_are_never_reached) {
 
 // The couplings are hard: with soft ones only, bounds add a velocity phase, which sums in another order. For a
 // Frequency softness of a limit, `reduced` may form its matrix in another way, so it gets none.
-TEST_P(InactiveBounds, change_no_bit_of_an_interpreted_step) {
+TEST_P(InactiveBounds, change_no_bit_of_a_compiled_step) {
   const Softness all_kinds[] = {Hard{}, Spring{60.0, 1.0}, ErpCfm{0.3, 0.5}, Hard{0.0}, Frequency{20.0, 0.7}};
   const std::span<const Softness> kinds(all_kinds, GetParam() == Method::reduced ? 4 : 5);
   for (std::uint64_t seed = 0; seed < static_cast<std::uint64_t>(seeds_of(30, 10)); ++seed) {
@@ -118,7 +118,7 @@ TEST_P(InactiveBounds, change_no_bit_of_an_interpreted_step) {
     for (const bool recorded : {true, false}) {
       settings.record_impulses = recorded;
       expect_same_steps<float>(compile(limited, settings), compile_without_bounds(limited, settings),
-                               {.threads = 1, .engine = Engine::interpreter});
+                               {.threads = 1, .engine = physics::engines().back()});
     }
   }
 }

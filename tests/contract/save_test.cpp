@@ -6,11 +6,7 @@ namespace {
 
 using namespace saves;
 
-std::vector<Engine> engines(const Plan& plan) {
-  std::vector<Engine> all = {Engine::tables};
-  if (interpret::interpreted_step(program_of(plan))) all.push_back(Engine::interpreter);
-  return all;
-}
+using physics::engines;
 
 std::vector<Model> models() {
   std::vector<Model> all = {scenes::chain8(), scenes::gripper13(), contract::small_bounded_scenes().front()};

@@ -11,7 +11,6 @@
 #include "batch/blob.h"
 #include "bounded_scenes.h"
 #include "contact_scenes.h"
-#include "interpret/lower.h"
 #include "lockstep/error.h"
 #include "lockstep/version.h"
 #include "plan/program.h"

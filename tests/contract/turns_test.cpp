@@ -3,7 +3,6 @@
 #include <numbers>
 
 #include "contract.h"
-#include "interpret/lower.h"
 #include "plan/program.h"
 
 namespace lockstep {
@@ -25,11 +24,7 @@ Model rotor(double ratio, double offset, double speed, Softness softness = {}) {
   return model;
 }
 
-std::vector<Engine> engines(const Plan& plan) {
-  std::vector<Engine> all = {Engine::tables};
-  if (interpret::interpreted_step(program_of(plan))) all.push_back(Engine::interpreter);
-  return all;
-}
+using physics::engines;
 
 // C in double, by the angles and the whole turns.
 template <class S>

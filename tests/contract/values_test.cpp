@@ -178,7 +178,7 @@ void expect_normalised(Engine engine) {
 }
 
 TEST(QuaternionOfARoot, is_normalised_before_it_is_used) {
-  for (const Engine engine : {Engine::tables, Engine::interpreter}) {
+  for (const Engine engine : physics::engines()) {
     expect_normalised<float>(engine);
     expect_normalised<double>(engine);
   }
@@ -212,7 +212,7 @@ TEST(ExplainedFault, names_the_joint_and_its_number) {
 template <class Act>
 void for_each_way(const Act& act) {
   for (const int threads : {1, 2})
-    for (const Engine engine : {Engine::tables, Engine::interpreter}) {
+    for (const Engine engine : physics::engines()) {
       SCOPED_TRACE(testing::Message() << threads << " threads, " << to_string(engine));
       act(BatchOptions{.threads = threads, .engine = engine});
     }

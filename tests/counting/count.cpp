@@ -34,10 +34,10 @@ Count count(const Plan& plan) {
   kernels::Tile<Counted> x;
   std::vector<std::max_align_t> scratch(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
   operation_count = {};
-  kernels::advance<Counted>(t, batch, 0, 0, 1, scratch.data());
+  kernels::advance_by_tables<Counted>(t, batch, 0, 0, 1, scratch.data());
   const long once = operation_count.flops;  // per call, for any number of environments
   operation_count = {};
-  kernels::advance<Counted>(t, batch, 0, 1, 1, scratch.data());
+  kernels::advance_by_tables<Counted>(t, batch, 0, 1, 1, scratch.data());
   result.flops = operation_count.flops - once;
   result.numbers = static_cast<long>(operation_count.loaded.size() + operation_count.stored.size());
   return result;

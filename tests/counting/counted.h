@@ -54,6 +54,7 @@ struct Counted {
   friend Counted gather(const float* table, Counted index) { return gather(table, index.v); }
   static Mask none() { return Plain::none(); }
   static Counted rounding() { return Plain::rounding(); }
+  static Counted by_precision(double single, double twice) { return Plain::by_precision(single, twice); }
   float lane(int i) const { return v.lane(i); }
   void set_lane(int i, float value) { v.set_lane(i, value); }
   static Counted load(const float* p) {

@@ -9,7 +9,7 @@ build=${1:-build}/tidy
 cmake -S . -B "$build" -DCMAKE_BUILD_TYPE=Release -DCMAKE_DISABLE_PRECOMPILE_HEADERS=ON -DLOCKSTEP_BUILD_TESTS=OFF \
   -DLOCKSTEP_BUILD_BENCH=OFF -DLOCKSTEP_VIEWER=OFF >"$build.log" 2>&1 || { cat "$build.log"; exit 1; }
 files=$(find src -name '*.cpp' ! -path '*/targets/neon.cpp' ! -path 'src/reference/*' | sort)
-[ "$quick" ] && files="src/model/validate.cpp src/interpret/schedule.cpp"
+[ "$quick" ] && files="src/model/validate.cpp src/jit/schedule.cpp"
 echo "$files" | tr ' ' '\n' | xargs -P "$(nproc)" -n 1 clang-tidy --quiet --extra-arg=-Qunused-arguments -p "$build" >"$build.out" 2>&1
 grep -E 'warning:|error:' "$build.out" | sort -u
 ! grep -qE 'warning:|error:' "$build.out"

@@ -353,17 +353,17 @@ TEST_P(Agreement, holds_for_free_velocity_responses_and_row_terms_of_forests) {
   }
 }
 
-// Runs all mechanisms on the tables, and every fourth one on the interpreter as well.
+// Runs all mechanisms on the tables, and every fourth one by machine code as well.
 void expect_same_states(int count, const scenes::RandomOptions& options, Method method) {
   for (int run = 0; run < count + count / 4; ++run) {
-    const bool interpreted = run >= count;
-    const int seed = interpreted ? 4 * (run - count) : run;
-    SCOPED_TRACE(testing::Message() << seed << (interpreted ? ", interpreted" : ""));
+    const bool by_code = run >= count;
+    const int seed = by_code ? 4 * (run - count) : run;
+    SCOPED_TRACE(testing::Message() << seed << (by_code ? ", compiled" : ""));
     const Model model = scenes::random_model(seed, options);
     const reference::Mechanism mechanism(model);
     const StepSettings settings = settings_of(method, seed);
-    Batch<double> batch(compile(model, settings), 1,
-                        {.threads = 1, .engine = interpreted ? Engine::interpreter : Engine::tables});
+    const Plan plan = compile(model, settings);
+    Batch<double> batch(plan, 1, {.threads = 1, .engine = by_code ? physics::engines(plan).back() : Engine::tables});
     reference::State state = mechanism.initial_state();
     double rounding = 0.0;
     for (int step = 0; step < 10; ++step) {

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "contract.h"
-#include "interpret/lower.h"
 #include "lockstep/import.h"
 #include "lockstep/plan.h"
 #include "physics.h"
@@ -152,7 +151,7 @@ TEST(FoldingSearch, holds_velocities_in_the_folded_matrix) {
 template <class S>
 void expect_same_bits_alone() {
   const Plan plan = compile(soft_gripper(), euler);
-  for (const Engine engine : {Engine::tables, Engine::interpreter}) {
+  for (const Engine engine : physics::engines()) {
     const BatchOptions options{.threads = 1, .engine = engine};
     Batch<S> together = contract::scattered<S>(plan, 37, options);
     for (int step = 0; step < 20; ++step) together.step();
@@ -173,7 +172,7 @@ TEST(FoldingSearch, has_the_same_bits_alone_and_beside_others) {
 // One step from the same state.
 TEST(FoldingSearch, differs_little_between_precisions_and_engines) {
   const Plan plan = compile(soft_gripper(), euler);
-  for (const Engine engine : {Engine::tables, Engine::interpreter}) {
+  for (const Engine engine : physics::engines()) {
     Batch<double> exact = contract::scattered<double>(plan, 64, {.threads = 1, .engine = Engine::tables});
     Batch<float> single(plan, 64, {.threads = 1, .engine = engine});
     Batch<double> other(plan, 64, {.threads = 1, .engine = engine});
@@ -249,7 +248,7 @@ TEST(FoldingRule, holds_for_each_component_by_itself) {
   const std::pair<Softness, int> cases[] = {{Spring{0.0, 1e4}, 0}, {Spring{0.0, 1e6}, 1}, {Hard{0.5}, 1}};
   for (const auto& [second, rows] : cases)
     for (const bool bounded : {false, true})
-      for (const Engine engine : {Engine::tables, Engine::interpreter}) {
+      for (const Engine engine : physics::engines()) {
         Model model = physics::sliders({0.2, 1.0, 0.3, 0.8});
         model.links.push_back({"other base", {}});
         model.roots = {{"base", false}, {"other base", false}};

@@ -145,7 +145,7 @@ TEST(LeapfrogBounds, change_no_bit_where_nothing_reaches_them) {
   const Plan bounded = compile(idle, settings);
   settings.ignore = {true, true, true, true};
   const Plan ignoring = compile(idle, settings);
-  for (const Engine engine : {Engine::tables, Engine::interpreter}) {
+  for (const Engine engine : physics::engines()) {
     Batch<float> a(bounded, 3, {.threads = 1, .engine = engine}), b(ignoring, 3, {.threads = 1, .engine = engine});
     a.position_targets() += 0.2f, b.position_targets() += 0.2f;
     a.step(200), b.step(200);
@@ -213,7 +213,7 @@ Model busy(bool floating) {
 
 TEST(LeapfrogBounds, give_the_same_bits_in_any_batch_place_and_call_by_every_engine) {
   for (const bool floating : {false, true})
-    for (const Engine engine : {Engine::tables, Engine::interpreter}) {
+    for (const Engine engine : physics::engines()) {
       StepSettings settings;
       settings.per_environment = {Parameter::gear_ratio, Parameter::position_limits, Parameter::effort_limit};
       const Plan plan = compile(busy(floating), settings);

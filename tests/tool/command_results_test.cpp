@@ -50,7 +50,7 @@ TEST_F(Command, json_has_the_documented_keys) {
   EXPECT_EQ(json.at("precision"), "f64");
   EXPECT_EQ(json.at("threads"), 2);
   EXPECT_TRUE(json.at("target").is_string());
-  EXPECT_TRUE(json.at("engine") == "tables" || json.at("engine") == "interpreter") << json.at("engine");
+  EXPECT_TRUE(json.at("engine") == "tables" || json.at("engine") == "compiled") << json.at("engine");
   EXPECT_EQ(json.at("integrator"), "euler");
   EXPECT_EQ(json.at("dt"), 1.0 / 240);
   EXPECT_EQ(json.at("envs"), 9);
@@ -75,7 +75,7 @@ TEST_F(Command, tells_how_far_loops_are_open) {
 TEST_F(Command, runs_the_engine_that_is_named) {
   const Arguments common = {"--precision", "f64", "--seconds", "0.2", "--json", path("r.json")};
   std::vector<Table> tables;
-  for (const std::string engine : {"tables", "interpreter"}) {
+  for (const std::string engine : {"tables", "compiled"}) {
     Arguments arguments = common;
     arguments.insert(arguments.end(), {"--engine", engine, "--record", path(engine + ".csv")});
     const Ran ran = simulate(arguments);
@@ -96,7 +96,7 @@ TEST_F(Command, runs_the_engine_that_is_named) {
 
 TEST_F(Command, refuses_an_engine_that_does_not_take_the_plan) {
   for (const Arguments& arguments :
-       {Arguments{"--engine", "generated"}, {"--engine", "interpreter", "--method", "pgs", "--drive", "wrist=5,0.1"}}) {
+       {Arguments{"--engine", "generated"}, {"--engine", "compiled", "--method", "pgs", "--drive", "wrist=5,0.1"}}) {
     Arguments all = {"simulate", model};
     all.insert(all.end(), arguments.begin(), arguments.end());
     const Ran ran = run(all);

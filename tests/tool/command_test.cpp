@@ -74,7 +74,7 @@ TEST_F(Command, refuses_bad_input_with_one_line_and_exit_code_2) {
       {{"simulate", model, "--method", "magic"}, "automatic, pgs, tgs, direct, reduced"},
       {{"simulate", model, "--contact-settings", "quick"}, "the contact settings are learning, default, accurate"},
       {{"simulate", model, "--precision", "f16"}, "f32 or f64"},
-      {{"simulate", model, "--engine", "fast"}, "the engines are automatic, tables, interpreter, generated"},
+      {{"simulate", model, "--engine", "fast"}, "the engines are automatic, tables, compiled, generated"},
       {{"simulate", model, "--engine", "generated"}, "add one by lockstep_add_kernel()"},
       {{"simulate", model, "--gravity", "0,0"}, "--gravity"},
       {{"simulate", model, "--fixed-base", "--floating-base"}, "base"},

@@ -257,8 +257,8 @@ TEST(Options, name_what_is_unknown) {
   EXPECT_EQ(complaint([] { method_of("fast"); }),
             "--method: there is no 'fast'; the methods are automatic, pgs, tgs, direct, reduced");
   EXPECT_EQ(complaint([] { engine_of("fast"); }),
-            "--engine: there is no 'fast'; the engines are automatic, tables, interpreter, generated");
-  for (const Engine engine : {Engine::automatic, Engine::tables, Engine::interpreter, Engine::generated})
+            "--engine: there is no 'fast'; the engines are automatic, tables, compiled, generated");
+  for (const Engine engine : {Engine::automatic, Engine::tables, Engine::compiled, Engine::generated})
     EXPECT_EQ(engine_of(to_string(engine)), engine);
 }
 

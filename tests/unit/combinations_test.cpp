@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "contact_scenes.h"
-#include "interpret/lower.h"
+#include "jit/compile.h"
 #include "lockstep/error.h"
 #include "lockstep/generate.h"
 #include "physics.h"
@@ -469,7 +469,7 @@ Cell cell(const Model& model, StepSettings settings, Method method, Integrator i
   try {
     const Plan plan = compile(model, settings);
     std::string engines = "T";
-    if (interpret::interpreted_step(program_of(plan))) engines += "I";
+    if (jit::plan_obstacle(program_of(plan)).empty()) engines += "C";
     if (kernel_hash(plan) != 0 && !program_of(plan).f64.contacts.used()) engines += "G";
     return {engines, ""};
   } catch (const Error& error) {
@@ -516,7 +516,7 @@ Table table() {
   }
   std::ostringstream page;
   page << "# Which features stand beside which\n\n"
-          "T: tables, I: interpreter, G: generated code, -: refused, for the numbered reason below. Of "
+          "T: tables, C: compiled, G: generated code, -: refused, for the numbered reason below. Of "
        << scenes.size() << " scenes, " << result.by_default << " run by default, " << result.by_reduced
        << " by `reduced` with `euler`, " << result.in_leapfrog
        << " by `reduced` with `leapfrog`.\n\n"

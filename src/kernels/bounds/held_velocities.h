@@ -7,6 +7,7 @@
 #pragma once
 
 #include "kernels/dynamics/ldlt.h"
+#include "kernels/tile/control.h"
 #include "projection.h"
 
 namespace lockstep::kernels {
@@ -83,14 +84,15 @@ LOCKSTEP_INLINE T servo_force(const Tables<ScalarOf<T>>& t, const Tile<T>& x, co
 /// -1 or 1 for the end of the limit that the force is beyond, 0 if it is within.
 template <class T>
 LOCKSTEP_INLINE T saturated(T force, T most) {
-  const T slack = T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 1 + 1e-6 : 1 + 1e-15)) * most;
+  const T slack = T::by_precision(1 + 1e-6, 1 + 1e-15) * most;
   return select(less(slack, force), T(1), select(less(force, -slack), T(-1), T(0)));
 }
 
-/// Diagonal and right side of a round: A and the momentum with the servos' parts and the known impulses. Returns
-/// whether the diagonal differs from that of the round before.
+/// Diagonal and right side of a round: A and the momentum with the servos' parts and the known impulses. Returns the
+/// lanes in which the diagonal differs from that of the round before.
 template <class T>
-bool round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase, Tile<T>& x) {
+typename T::Mask round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Phase phase,
+                             Tile<T>& x) {
   const int n = t.rounds.columns.n;
   const T zero = T(0), h = x.servos.duration;
   T* const rhs = x.held.rhs;
@@ -127,7 +129,7 @@ bool round_terms(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
 
   typename T::Mask differs = T::none();
   for (int z = 0; z < n; ++z) differs = differs | beyond(x.held.diagonal[z] - before[z], zero);
-  return any(differs);
+  return differs;
 }
 
 /// (M83): factors x.held.factor with the velocities `mask` held. A held velocity has the inverse 0, so it passes
@@ -191,10 +193,10 @@ LOCKSTEP_INLINE Bound<T> interval_of(const Tables<ScalarOf<T>>& t, const Tile<T>
 }
 
 /// (M85): what a search begins with, from the diagonal of A alone. Rows without friction go on where the search before
-/// has ended, in these lanes. Returns whether the diagonal differs from that of the round before.
+/// has ended, in these lanes. Returns the lanes in which the diagonal differs from that of the round before.
 template <class T>
-bool guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases, typename T::Mask open,
-           typename T::Mask going_on, Tile<T>& x) {
+typename T::Mask guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases,
+                       typename T::Mask open, typename T::Mask going_on, Tile<T>& x) {
   const int rows = t.bounds.rows.count, time = x.servos.time;
   const T zero = T(0), h = x.servos.duration;
   const Phase closing = Phase(phases - 1);
@@ -223,9 +225,9 @@ bool guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
     }
 
   // Rows by (M85), phase by phase.
-  bool differs = false;
+  typename T::Mask differs = T::none();
   for (int p = 0; p < phases; ++p) {
-    differs = round_terms(t, batch, Phase(p), x) || differs;
+    differs = differs | round_terms(t, batch, Phase(p), x);
     for (int r = 0; r < t.bounds.single; ++r) {
       const int z = t.rounds.velocity[r];
       const Bound<T> row = interval_of(t, x, r, Phase(p));
@@ -255,9 +257,9 @@ bool guess(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   return differs;
 }
 
-/// Sets the masks and goals of a phase. Returns whether a mask differs from the one before.
+/// Sets the masks and goals of a phase. Returns the lanes in which a mask differs from the one before.
 template <class T>
-bool set_goals(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
+typename T::Mask set_goals(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
   const int rows = t.bounds.rows.count, n = t.rounds.columns.n;
   typename T::Mask differs = T::none();
   for (int r = 0; r < t.bounds.single; ++r) {
@@ -268,7 +270,7 @@ bool set_goals(const Tables<ScalarOf<T>>& t, Phase phase, Tile<T>& x) {
     x.held.mask[z] = holds;
     x.held.goal[phase * n + z] = target(interval_of(t, x, r, phase), own);
   }
-  return any(differs);
+  return differs;
 }
 
 /// Moves the servos whose limit the solution of the closing phase contradicts, in the lanes that are open. In lanes of
@@ -341,7 +343,8 @@ void sweep_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
     x.held.rhs[t.rounds.velocity[r]] -= select(held(own), T(0), own.impulse);
   }
   for (int k = 0; k < n; ++k) change[k] = z[k] - x.held.start[k];
-  for (int s = 0; s < sweeps_for_the_rest; ++s)
+  auto swept = lanes;
+  repeat_while(x, swept, sweeps_for_the_rest, [&]() LOCKSTEP_INLINED {
     for (int k = 0; k < n; ++k) {
       // The speed that the other velocities leave it.
       T momentum = x.held.rhs[k];
@@ -363,6 +366,7 @@ void sweep_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf
       change[k] = select(lanes, (speed + impulse / inertia) - x.held.start[k], change[k]);
       z[k] = select(lanes, speed + impulse / inertia, z[k]);
     }
+  });
   for (int k = 0; k < n; ++k) x.held.rhs[k] = change[k];
 }
 
@@ -378,26 +382,32 @@ template <class T>
 void search_held_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases,
                             typename T::Mask open, bool same_matrix, typename T::Mask going_on, Tile<T>& x) {
   const int budget = all_move + rounds_for_each * (t.bounds.single + t.limited_servos.count);
-  const bool other_guess = guess(t, batch, phases, open, going_on, x);
+  const auto other_guess = guess(t, batch, phases, open, going_on, x);
   for (int r = 0; r < t.bounds.single; ++r)
     x.held.light[r] = T(1) / x.held.matrix[t.rounds.columns.offset[t.rounds.velocity[r]]];
   for (int z = 0; z < t.rounds.columns.n && !same_matrix; ++z) x.held.mask[z] = T::none();
-  bool factored = same_matrix && !other_guess;
-  for (int round = 0; round < budget; ++round) {
+  bool factored = same_matrix && !any(other_guess);
+  const auto round = [&](bool first, typename T::Mask one_by_one) {
     for (int p = 0; p < phases; ++p) {
-      const bool other_masks = set_goals(t, Phase(p), x), other_diagonal = round_terms(t, batch, Phase(p), x);
-      if (other_masks || other_diagonal || !factored) {
+      auto other = set_goals(t, Phase(p), x);
+      other = other | round_terms(t, batch, Phase(p), x);
+      const auto factor = [&] {
         copy_matrix(t, x);
         const auto weak = factor_masked(t, x);
-        if (round == 0 && p == 0) x.singular = weak;
-      }
+        if (first && p == 0) x.singular = weak;
+      };
+      factored ? when(x, other, factor) : factor();
       factored = true;
       solve_masked(t, Phase(p), x.held.start, x);
     }
-    open = move_pieces(t, batch, phases, round >= all_move ? ~T::none() : T::none(), open, x);
-    if (!any(open)) return;
-  }
-  for (int p = 0; p < phases; ++p) sweep_velocities(t, batch, Phase(p), open, x);
+    open = move_pieces(t, batch, phases, one_by_one, open, x);
+  };
+  round(true, T::none());
+  repeat_while(x, open, all_move - 1, [&] { round(false, T::none()); });
+  repeat_while(x, open, budget - all_move, [&] { round(false, ~T::none()); });
+  when(x, open, [&] {
+    for (int p = 0; p < phases; ++p) sweep_velocities(t, batch, Phase(p), open, x);
+  });
 }
 
 /// Lanes in which the phases may have different solutions: a joint bounces or is beyond its range, or a follower is
@@ -432,7 +442,7 @@ void open_intervals(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T
     bounded_row(t, batch, r, phase, at, T(0), x);
     T demand = x.bounds.lo[phase * rows + r] + x.bounds.hi[phase * rows + r] + x.bounds.force[r];
     if (t.bounds.kind[r] != BoundKind::joint) demand += x.bounds.centre[phase * rows + r];
-    x.bounds.invalid = x.bounds.invalid | beyond(demand, T(largest_number<ScalarOf<T>>));
+    x.bounds.invalid = x.bounds.invalid | beyond(demand, largest<T>());
   }
 }
 

@@ -192,7 +192,7 @@ void servo_row(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
   const int i = phase * t.bounds.rows.count + r, j = member.joint;
   const T far = T(S(unlimited)), h = at.sub_step ? T(S(1) / at.inverse) : T(t.dt);
   const Servo<T> own = servo_of_solve<T>(t, batch, x, j);
-  const T gain = larger(h * fma(h, own.kp, own.kd), T(S(sizeof(S) == 4 ? 1e-16 : 1e-20)));
+  const T gain = larger(h * fma(h, own.kp, own.kd), T::by_precision(1e-16, 1e-20));
   const T correction = phase == position_phase && member.follower >= 0 ? x.couplings.correction[member.follower] : T(0);
   // The force at the speed u is that at rest less gain u / h.
   const T at_rest = own.force(h, x.state.q[j] + moved, correction) + feed_forward<T>(t, batch, j);

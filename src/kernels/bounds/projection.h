@@ -8,7 +8,7 @@ namespace lockstep::kernels {
 /// Relative tolerance within which a row meets its condition.
 template <class T>
 LOCKSTEP_INLINE T rounding() {
-  return T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 4e-6 : 1e-14));
+  return T::by_precision(4e-6, 1e-14);
 }
 
 /// A row in one phase: its interval, its box of +-force around -centre, and its compliance.

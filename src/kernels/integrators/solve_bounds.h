@@ -21,7 +21,7 @@ LOCKSTEP_INLINE void clear_bounds(Tile<T>& x) {
 }
 
 /// Restores the unbounded result in lanes without an active bound. They have been solved again with the others, and by
-/// other code where the interpreter or a generated kernel made the step.
+/// other code where compiled or generated code made the step.
 template <class T>
 void restore_unbounded(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   typename T::Mask active = T::none();
@@ -92,7 +92,7 @@ void list_held_rows(const Tables<ScalarOf<T>>& t, typename T::Mask open, Tile<T>
       const T impulse = select(held(own), x.held.impulse[p * n + t.rounds.velocity[r]], own.impulse);
       x.bounds.impulse[p * count + r] = impulse;
       x.bounds.active[r] = x.bounds.active[r] | ((held(own) | beyond(impulse, T(0))) & open);
-      x.bounds.invalid = x.bounds.invalid | (beyond(impulse, T(largest_number<ScalarOf<T>>)) & open);
+      x.bounds.invalid = x.bounds.invalid | (beyond(impulse, largest<T>()) & open);
     }
     if (any(x.bounds.active[r])) x.bounds.active_rows[x.bounds.active_count++] = r;
   }
@@ -103,23 +103,32 @@ template <class T>
 void solve_by_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const int count = t.bounds.rows.count, n = t.solver.n;
   const bool first = t.limited_servos.count > 0, twice = phases<T>(t) == 2;
-  const bool differ = twice && any(lanes_with_two_phases(t, batch, x));
   x.servos.duration = T(t.dt), x.servos.from = x.state.q, x.servos.time = 0, x.servos.corrected = true;
   x.bounds.invalid = T::none();
-  open_intervals(t, batch, position_phase, x);
-  if (differ) open_intervals(t, batch, velocity_phase, x);
-  const auto open = x.bounds.candidate & ~x.bounds.invalid & ~x.frozen;
   const auto singular = x.singular;
-  search_held_velocities(t, batch, differ ? 2 : 1, open, false, T::none(), x);
+  const auto lanes = [&] { return x.bounds.candidate & ~x.bounds.invalid & ~x.frozen; };
+  const auto search = [&](int phases) {
+    for (int p = 0; p < phases; ++p) open_intervals(t, batch, Phase(p), x);
+    search_held_velocities(t, batch, phases, lanes(), false, T::none(), x);
+  };
+  const auto search_once = [&] {  // both phases have the same solution
+    search(1);
+    for (int z = 0; twice && z < n; ++z) {
+      x.held.velocity[n + z] = x.held.velocity[z];
+      x.held.impulse[n + z] = x.held.impulse[z];
+    }
+    for (int r = 0; twice && r < count; ++r) {
+      x.search.branch[count + r] = x.search.branch[r];
+      x.bounds.lo[count + r] = x.bounds.lo[r], x.bounds.hi[count + r] = x.bounds.hi[r];
+    }
+  };
+  if (twice)
+    either_way(
+        x, lanes_with_two_phases(t, batch, x), [&] { search(2); }, search_once);
+  else
+    search_once();
+  const auto open = lanes();
   if (!first) x.singular = singular;
-  for (int z = 0; twice && !differ && z < n; ++z) {
-    x.held.velocity[n + z] = x.held.velocity[z];
-    x.held.impulse[n + z] = x.held.impulse[z];
-  }
-  for (int r = 0; twice && !differ && r < count; ++r) {
-    x.search.branch[count + r] = x.search.branch[r];
-    x.bounds.lo[count + r] = x.bounds.lo[r], x.bounds.hi[count + r] = x.bounds.hi[r];
-  }
   list_held_rows(t, open, x);
   if (!first && x.bounds.active_count == 0) return mark_invalid(t, x);
   T* unbounded = x.bounds.unbounded_result;
@@ -133,7 +142,7 @@ void solve_by_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   T fastest = T(0);
   for (int z = 0; z < n; ++z) fastest = farther(fastest, x.dynamics.start[z]);
   T& last = x.next.v[t.velocities - 1];
-  last = select(beyond(fastest, T(t.velocity_bound)) & open, T(largest_number<ScalarOf<T>>), last);
+  last = select(beyond(fastest, T(t.velocity_bound)) & open, largest<T>(), last);
 }
 
 /// Activates violated rows and solves with them, until no further row is violated.

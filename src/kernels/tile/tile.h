@@ -20,6 +20,11 @@ using simd::each_axis;
 template <class S>
 constexpr S largest_number = S(sizeof(S) == 4 ? 3.4028234e38 : 1.7976931348623157e308);
 
+template <class T>
+LOCKSTEP_INLINE T largest() {
+  return T::by_precision(largest_number<float>, largest_number<double>);
+}
+
 /// Everything that one tile computes with: arrays of wide numbers in one block of scratch memory. An array that the
 /// scene does not need has length 0.
 template <class T>

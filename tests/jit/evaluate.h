@@ -1,0 +1,168 @@
+// A graph node by node on wide numbers: the oracle of machine code. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstring>
+#include <map>
+#include <stdexcept>
+#include <vector>
+
+#include "jit/frame.h"
+#include "simd/sincos.h"
+#include "trace/ir.h"
+#include "trace/liveness.h"
+
+namespace lockstep::jit {
+
+/// Reads and writes the tile of a frame as machine code does. `row` gives a row of the batch.
+template <class T, class Row>
+class Evaluation {
+ public:
+  Evaluation(const trace::Graph& graph, const TilePlaces& places, const Frame& frame, Row row)
+      : graph_(graph),
+        places_(places),
+        frame_(frame),
+        row_(row),
+        uses_(trace::use_counts(graph)),
+        value_(graph.nodes().size()) {}
+
+  void run() {
+    for (trace::Id id = 0; id < static_cast<trace::Id>(value_.size()); ++id)
+      if (node(id).op == trace::Op::constant)
+        value_[id] = T(static_cast<typename T::Scalar>(node(id).value));
+      else if (node(id).op == trace::Op::by_precision)
+        value_[id] = T::by_precision(node(id).single, node(id).value);
+    run(0, static_cast<int>(graph_.items().size()));
+  }
+
+ private:
+  using Mask = typename T::Mask;
+
+  const trace::Node& node(trace::Id id) const { return graph_.nodes()[static_cast<std::size_t>(id)]; }
+  T value(trace::Id id) const {
+    if (node(id).op == trace::Op::variable && node(id).operand[0] >= 0) id = node(id).operand[0];
+    return value_[static_cast<std::size_t>(id)];
+  }
+  static Mask mask(T number) { return {bits(number)}; }
+  static T number(Mask mask) { return T::from_bits(mask.bits); }
+
+  void compute(const trace::Item& item) {
+    for (trace::Id id : item.nodes)
+      if (uses_[static_cast<std::size_t>(id)] > 0) value_[static_cast<std::size_t>(id)] = result(id);
+  }
+
+  T result(trace::Id id) const {
+    const auto of = [&](int i) { return value(node(id).operand[static_cast<std::size_t>(i)]); };
+    switch (node(id).op) {
+      case trace::Op::input: return read(node(id).place);
+      case trace::Op::negate: return -of(0);
+      case trace::Op::add: return of(0) + of(1);
+      case trace::Op::subtract: return of(0) - of(1);
+      case trace::Op::multiply: return of(0) * of(1);
+      case trace::Op::divide: return of(0) / of(1);
+      case trace::Op::fma: return fma(of(0), of(1), of(2));
+      case trace::Op::fnma: return fnma(of(0), of(1), of(2));
+      case trace::Op::sqrt: return sqrt(of(0));
+      case trace::Op::farther: return farther(of(0), of(1));
+      case trace::Op::sine:
+      case trace::Op::cosine: {
+        T sine, cosine;
+        sincos(of(0), sine, cosine);
+        return node(id).op == trace::Op::sine ? sine : cosine;
+      }
+      case trace::Op::none: return number(T::none());
+      case trace::Op::less: return number(less(of(0), of(1)));
+      case trace::Op::beyond: return number(beyond(of(0), of(1)));
+      case trace::Op::either: return number(mask(of(0)) | mask(of(1)));
+      case trace::Op::both: return number(mask(of(0)) & mask(of(1)));
+      case trace::Op::invert: return number(~mask(of(0)));
+      case trace::Op::select: return select(mask(of(0)), of(1), of(2));
+      default: throw std::logic_error("an operation that the oracle does not know");
+    }
+  }
+
+  void run(int first, int last) {
+    for (int i = first; i < last; ++i) {
+      const trace::Item& item = graph_.items()[static_cast<std::size_t>(i)];
+      if (item.kind == trace::Item::straight) compute(item);
+      if (item.kind == trace::Item::loop) loop(item);
+      if (item.kind == trace::Item::effect) effect(item);
+      if (item.kind != trace::Item::begin_scope) continue;
+      scope(item, i + 1);
+      i = item.other_end;
+    }
+  }
+
+  void scope(const trace::Item& item, int first) {
+    const auto values_of = [&](const std::vector<trace::Id>& ids) {
+      std::vector<T> values;
+      for (trace::Id id : ids) values.push_back(value(id));
+      return values;
+    };
+    assign(item.variable, values_of(item.start));
+    if (any(mask(value(item.condition))) == item.unless) return;
+    for (int turn = 0; turn < item.times; ++turn) {
+      run(first, item.other_end);
+      const bool ends = item.again < 0 || !any(mask(value(item.again)));
+      assign(item.variable, values_of(item.next));
+      if (ends) return;
+    }
+  }
+
+  void loop(const trace::Item& item) {
+    std::vector<T> next;
+    for (trace::Id start : item.start) next.push_back(value(start));
+    for (int turn = 0; turn < item.times; ++turn) {
+      assign(item.variable, next);
+      compute(item);
+      next.clear();
+      for (trace::Id id : item.next) next.push_back(value(id));
+    }
+    assign(item.variable, next);
+  }
+  void assign(const std::vector<trace::Id>& variables, const std::vector<T>& numbers) {
+    for (std::size_t i = 0; i < variables.size(); ++i) value_[static_cast<std::size_t>(variables[i])] = numbers[i];
+  }
+
+  void effect(const trace::Item& item) {
+    for (std::size_t i = 0; i < item.variable.size(); ++i)
+      value_[static_cast<std::size_t>(item.variable[i])] = value(item.start[i]);
+    if (item.condition >= 0 && !any(mask(value(item.condition)))) return;
+    std::vector<std::pair<trace::Place, T>> writes;
+    for (std::size_t i = 0; i < item.variable.size(); ++i) writes.push_back({item.place[i], value(item.start[i])});
+    for (const trace::Write& store : item.stores) writes.push_back({store.place, value(store.value)});
+    for (const auto& [place, number] : writes) std::memcpy(address(place), &number, sizeof(T));
+    if (item.call != Call::none) places_.call(&frame_, static_cast<int>(item.call));
+    for (std::size_t i = 0; i < item.variable.size(); ++i)
+      value_[static_cast<std::size_t>(item.variable[i])] = read(item.place[i]);
+  }
+
+  std::byte* address(const trace::Place& place) const {
+    const auto in_tile = [&](std::ptrdiff_t offset) { return static_cast<std::byte*>(frame_.tile) + offset; };
+    switch (place.array) {
+      case Access::frozen: return in_tile(places_.frozen);
+      case Access::singular: return in_tile(places_.singular);
+      case Access::too_fast: return in_tile(places_.too_fast);
+      case Access::candidate: return in_tile(places_.candidate);
+      case Access::fast: return in_tile(places_.fast);
+      case Access::failed: return static_cast<std::byte*>(frame_.slots);
+      default:
+        return static_cast<std::byte*>(frame_.block) + places_.first[place.array] +
+               static_cast<std::size_t>(place.number) * sizeof(T);
+    }
+  }
+  T read(const trace::Place& place) const {
+    if (place.array >= Access::first_row) return row_(place.array, place.number);
+    T number;
+    std::memcpy(&number, address(place), sizeof(T));
+    return number;
+  }
+
+  const trace::Graph& graph_;
+  const TilePlaces& places_;
+  const Frame& frame_;
+  Row row_;
+  std::vector<int> uses_;
+  std::vector<T> value_;  // by node
+};
+
+}  // namespace lockstep::jit
