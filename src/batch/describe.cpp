@@ -1,4 +1,4 @@
-// What the solves of a batch cost, in words. SPDX-License-Identifier: Apache-2.0
+// What the steps of a batch cost, in words. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
 #include "impl.h"

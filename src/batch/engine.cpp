@@ -81,8 +81,6 @@ ChosenEngine choose_engine(const Plan& plan, Target target, Engine wanted) {
   return {Engine::tables};
 }
 
-template const std::string& code_obstacle<float>(const Plan&, Target);
-template const std::string& code_obstacle<double>(const Plan&, Target);
 std::string machine_code(const Plan& plan, Target target, int scalar_bytes) {
   target = resolve(target);
   if (scalar_bytes == 4) return machine_code_of<float>(plan, target);
@@ -90,6 +88,8 @@ std::string machine_code(const Plan& plan, Target target, int scalar_bytes) {
   throw SettingsError("scalar_bytes", "is neither 4 nor 8", "give the size of float or double");
 }
 
+template const std::string& code_obstacle<float>(const Plan&, Target);
+template const std::string& code_obstacle<double>(const Plan&, Target);
 template ChosenEngine choose_engine<float>(const Plan&, Target, Engine);
 template ChosenEngine choose_engine<double>(const Plan&, Target, Engine);
 

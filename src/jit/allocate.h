@@ -14,7 +14,7 @@ struct Instruction {
     load,     ///< `at` to `to`
     store,    ///< a to `at`
     move,     ///< a to `to`
-    compute,  ///< `op`, of a, b and c, or of `at` in place of the one that `memory` names
+    compute,  ///< `op`, of a, b and c; with `in_memory` the last of the first two stands at `at`
     fused,    ///< `op` is a multiply-add: `to` is overwritten, in the form `number`: 132, 213 or 231
     ternary,  ///< any function of the bits of `to`, a and b: `number` is its table
     begin_part,

@@ -1,4 +1,4 @@
-// The step of a plan as machine code. SPDX-License-Identifier: Apache-2.0
+// The step of a plan as machine code, kept with the plan. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
 #include <map>
@@ -6,29 +6,10 @@
 #include <optional>
 #include <string>
 
-#include "frame.h"
-#include "memory.h"
+#include "make.h"
 #include "plan/program.h"
-#include "trace/trace.h"
 
 namespace lockstep {
-
-namespace jit {
-
-/// What the code of one function is like.
-struct CodeSize {
-  int operations = 0, instructions = 0, bytes = 0, parts = 1, slots = 0, spills = 0, reloads = 0;
-};
-
-struct CompiledStep {
-  StepCode code;  ///< code.any is null if there is none
-  CodeSize any, consistent;
-  std::string obstacle;  ///< why there is no code
-  std::vector<Access> rows;
-  CodeMemory memory;
-};
-
-}  // namespace jit
 
 /// The machine code of a plan so far.
 struct CompiledSteps {
@@ -40,12 +21,12 @@ struct CompiledSteps {
 
 namespace jit {
 
-/// The step for the kernels that `places` describes. Made on the first call, which takes
-/// milliseconds; kept with the plan and its copies. Thread-safe. The environment variable LOCKSTEP_COMPILED=0 forbids
-/// it.
+/// The step for the kernels that `places` describes. Made on the first call, which takes milliseconds; kept with the
+/// plan and its copies. A step that cannot be made has the reason in place of code. Thread-safe. The environment
+/// variable LOCKSTEP_COMPILED=0 forbids it.
 const CompiledStep& compiled_step(const Program& program, int scalar_bytes, const TilePlaces& places);
 
-/// The instructions of the step of any tile, each beside the name of the number that it makes. Empty if there is none.
+/// Instructions for people, as print_step(). Empty if there are none.
 std::string assembly(const Program& program, int scalar_bytes, const TilePlaces& places);
 
 /// Why no target has code for the plan in this process; empty if some may.

@@ -29,6 +29,18 @@ struct TilePlaces {
   int bytes = 0;                                                                   ///< of a register
   bool fused = false;                                                              ///< fma() rounds once
   CallStage call = nullptr;
+
+  /// Of a mask of the tile, from Frame::tile, by its number in Access; -1 for what is none.
+  std::ptrdiff_t mask(int access) const {
+    switch (access) {
+      case Access::frozen: return frozen;
+      case Access::singular: return singular;
+      case Access::too_fast: return too_fast;
+      case Access::candidate: return candidate;
+      case Access::fast: return fast;
+      default: return -1;
+    }
+  }
 };
 
 /// The step of one plan as machine code for one instruction set and precision.

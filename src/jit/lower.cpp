@@ -34,6 +34,8 @@ class Lowering {
   }
 
   Listing run() {
+    if (places_.arrays > TilePlaces::most_arrays)
+      throw std::length_error("a tile has too many arrays for machine code");
     find_nested();
     for (const Item& item : graph_.items()) {
       if (item.kind == Item::straight) compute(item);
@@ -101,7 +103,9 @@ class Lowering {
 
   void end_scope(const Item& item) {
     if (used_variables(item).empty()) return;
-    const Value again = item.again < 0 ? -1 : value(item.again);
+    Value again = item.again < 0 ? -1 : value(item.again);
+    if (again >= 0 && nodes_[item.again].op == trace::Op::variable)
+      again = put(Op::copy, again);  // it may change first
     assign_variables(item);
     out_.operations.push_back({.op = Op::end_scope, .from = {again, -1, -1}});
   }
@@ -182,16 +186,8 @@ class Lowering {
       if (is_new) out_.rows.push_back({0, place.array, place.number});
       return {Memory::slots, (known->second + 1) * machine_.register_bytes};
     }
-    const auto in_tile = [](std::ptrdiff_t offset) { return Memory{Memory::tile, static_cast<int>(offset)}; };
-    switch (place.array) {
-      case Access::frozen: return in_tile(places_.frozen);
-      case Access::singular: return in_tile(places_.singular);
-      case Access::too_fast: return in_tile(places_.too_fast);
-      case Access::candidate: return in_tile(places_.candidate);
-      case Access::fast: return in_tile(places_.fast);
-      case Access::failed: return {Memory::slots, 0};
-      default: break;
-    }
+    if (place.array == Access::failed) return {Memory::slots, 0};
+    if (const std::ptrdiff_t mask = places_.mask(place.array); mask >= 0) return {Memory::tile, static_cast<int>(mask)};
     if (place.array < 0 || place.array >= places_.arrays) throw std::logic_error("a number of a step has no place");
     const std::ptrdiff_t offset =
         places_.first[place.array] + static_cast<std::ptrdiff_t>(place.number) * machine_.register_bytes;
@@ -205,7 +201,7 @@ class Lowering {
     const auto from = [&](int i) { return value(node.operand[i]); };
     switch (node.op) {
       case trace::Op::constant: return value_[id] = number(static_cast<S>(node.value));
-      case trace::Op::input: return value_[id] = new_value(memory(node.place), node.place.lasting);
+      case trace::Op::input: return value_[id] = new_value(memory(node.place), node.place.lasting && !node.place.turns);
       case trace::Op::variable: return value(node.operand[0]);  // of a loop, behind it
       case trace::Op::by_precision:
         return value_[id] = number(static_cast<S>(sizeof(S) == 4 ? node.single : node.value));

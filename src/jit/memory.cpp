@@ -6,7 +6,6 @@
 
 #include <cerrno>
 #include <cstring>
-#include <utility>
 
 namespace lockstep::jit {
 namespace {
@@ -30,6 +29,7 @@ void* mapped_from_file(const std::vector<std::uint8_t>& bytes) {
   std::size_t written = 0;
   while (written < bytes.size()) {
     const ssize_t more = write(file, bytes.data() + written, bytes.size() - written);
+    if (more < 0 && errno == EINTR) continue;
     if (more <= 0) break;
     written += static_cast<std::size_t>(more);
   }
@@ -51,16 +51,6 @@ CodeMemory::CodeMemory(const std::vector<std::uint8_t>& bytes) : size_(bytes.siz
 
 CodeMemory::~CodeMemory() {
   if (start_) munmap(start_, size_);
-}
-
-CodeMemory::CodeMemory(CodeMemory&& other) noexcept
-    : start_(std::exchange(other.start_, nullptr)),
-      size_(std::exchange(other.size_, 0)),
-      refusal_(std::move(other.refusal_)) {}
-
-CodeMemory& CodeMemory::operator=(CodeMemory&& other) noexcept {
-  std::swap(start_, other.start_), std::swap(size_, other.size_), std::swap(refusal_, other.refusal_);
-  return *this;
 }
 
 }  // namespace lockstep::jit

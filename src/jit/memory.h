@@ -11,12 +11,11 @@ namespace lockstep::jit {
 /// A mapping with code in it, never writable and executable at once. Freed with the object.
 class CodeMemory {
  public:
-  CodeMemory() = default;
   /// Maps the bytes. If the system refuses that, start() is null and refusal() says why.
   explicit CodeMemory(const std::vector<std::uint8_t>& bytes);
   ~CodeMemory();
-  CodeMemory(CodeMemory&& other) noexcept;
-  CodeMemory& operator=(CodeMemory&& other) noexcept;
+  CodeMemory(const CodeMemory&) = delete;
+  CodeMemory& operator=(const CodeMemory&) = delete;
 
   const void* start() const { return start_; }
   std::size_t size() const { return size_; }

@@ -19,7 +19,7 @@ enum class Op : std::uint8_t {
   // of one value
   copy,
   sqrt,
-  shift_left,   ///< by `bits`, of integers
+  shift_left,   ///< by `number` bits, of integers
   spread_sign,  ///< the top bit in all bits
   // of two
   add,
@@ -41,7 +41,7 @@ enum class Op : std::uint8_t {
   // on memory
   store,    ///< a to `at`
   assign,   ///< a to the variable `to` of a loop
-  call,     ///< Listing::calls[call]
+  call,     ///< Listing::calls[number]
   call_if,  ///< the same where a lane of a is true
   // of loops and scopes, which nest
   begin_loop,    ///< to be repeated `number` times

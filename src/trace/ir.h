@@ -119,9 +119,9 @@ class Graph {
   /// Returns the variables' values after the last turn.
   std::vector<Id> end_loop(const std::vector<Id>& next);
 
-  /// Until end_scope(), nodes belong to a scope, which runs if a lane of `condition` is true, or, with `unless`,
-  /// if none is. Scopes nest. Returns
-  /// variables, one for each start: the numbers in a turn that the turn before has changed.
+  /// Until end_scope(), nodes belong to a scope, which runs if a lane of `condition` is true, or, with `unless`, if
+  /// none is. Scopes nest. Returns variables, one for each start: the numbers in a turn that the turn before has
+  /// changed.
   std::vector<Id> begin_scope(Id condition, bool unless = false, const std::vector<Id>& start = {});
   /// Adds variables to those of the scope: numbers that it changes, and their values before it. Returns the values of
   /// all of them behind the scope, which has run until no lane of `again` was true, at most so often.

@@ -188,8 +188,8 @@ namespace lockstep::trace {
 namespace {
 
 // Consistent followers have the positions and velocities that their leaders give them (M76). Only placed ones may be
-// known to be so. Then errors of position
-// and velocity become zero, and mirrored joints share the sines of their leaders.
+// known to be so. Then errors of position and velocity become zero, and mirrored joints share the sines of their
+// leaders.
 void know_consistent_followers(const Tables<double>& t, TracedTile& x, Tracer& tracing) {
   const Reduction<double>& r = t.reduction;
   for (int i = 0; i < r.placing.count; ++i)

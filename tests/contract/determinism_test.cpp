@@ -156,6 +156,17 @@ TEST(ConsistentFollowers, keep_their_bits_beside_inconsistent_neighbours) {
   EXPECT_GT(shorter, 100);
 }
 
+// Machine code takes two tiles through the parts of a long step together.
+TEST(ConsistentFollowers, keep_their_bits_beside_an_inconsistent_tile_of_a_long_step) {
+  Model limited = scenes::chain32();
+  for (Joint& joint : limited.joints) joint.lower = -0.5, joint.upper = 0.5;
+  for (const Model& model : {scenes::chain32(), limited}) {
+    const Plan plan = compile(model, {.method = Method::reduced, .integrator = Integrator::euler});
+    contract::expect_the_same_bits_where_consistent<float>(plan, 40, serial);
+    contract::expect_the_same_bits_where_consistent<double>(plan, 40, serial);
+  }
+}
+
 TEST_P(Determinism, one_call_of_twelve_substeps_gives_the_bits_of_twelve_calls) {
   for_every_plan(GetParam(), 30, contract::bounded_scenes(), [](const Plan& plan, auto scalar) {
     auto once = scattered<decltype(scalar)>(plan, several), often = scattered<decltype(scalar)>(plan, several);

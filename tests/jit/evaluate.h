@@ -137,18 +137,11 @@ class Evaluation {
   }
 
   std::byte* address(const trace::Place& place) const {
-    const auto in_tile = [&](std::ptrdiff_t offset) { return static_cast<std::byte*>(frame_.tile) + offset; };
-    switch (place.array) {
-      case Access::frozen: return in_tile(places_.frozen);
-      case Access::singular: return in_tile(places_.singular);
-      case Access::too_fast: return in_tile(places_.too_fast);
-      case Access::candidate: return in_tile(places_.candidate);
-      case Access::fast: return in_tile(places_.fast);
-      case Access::failed: return static_cast<std::byte*>(frame_.slots);
-      default:
-        return static_cast<std::byte*>(frame_.block) + places_.first[place.array] +
-               static_cast<std::size_t>(place.number) * sizeof(T);
-    }
+    if (place.array == Access::failed) return static_cast<std::byte*>(frame_.slots);
+    if (const std::ptrdiff_t mask = places_.mask(place.array); mask >= 0)
+      return static_cast<std::byte*>(frame_.tile) + mask;
+    return static_cast<std::byte*>(frame_.block) + places_.first[place.array] +
+           static_cast<std::size_t>(place.number) * sizeof(T);
   }
   T read(const trace::Place& place) const {
     if (place.array >= Access::first_row) return row_(place.array, place.number);

@@ -139,19 +139,26 @@ class RandomGraph {
     const bool repeats = below(2) == 0;
     const trace::Id some = graph.operation(trace::Op::both, any_mask(), any_mask());
     std::vector<trace::Id> start;
-    if (repeats) start = {any_of(numbers_), any_of(numbers_)};
-    for (trace::Id id : graph.begin_scope(some, below(3) == 0, start)) numbers_.push_back(id);
+    if (repeats) start = {any_mask(), any_of(numbers_), any_of(numbers_)};
+    const std::vector<trace::Id> variables = graph.begin_scope(some, below(3) == 0, start);
+    if (repeats)
+      masks_.push_back(variables[0]), numbers_.insert(numbers_.end(), variables.begin() + 1, variables.end());
     for (int i = 4 + below(20); i > 0; --i) {
       operation(numbers_);
       if (below(8) == 0 && deepest > 0) scope(deepest - 1);
       if (below(12) == 0) loop();
     }
     std::vector<trace::Id> more = {outside[outside.size() - 1], outside[outside.size() - 2]}, next;
-    for (std::size_t i = 0; i < start.size() + more.size(); ++i)
+    if (repeats) next.push_back(any_mask());
+    while (next.size() < start.size() + more.size())
       next.push_back(graph.operation(trace::Op::fma, graph.constant(0.5), any_of(numbers_), graph.constant(0.125)));
-    const trace::Id again = repeats ? graph.operation(trace::Op::both, any_mask(), any_mask()) : -1;
+    trace::Id again = -1;  // a new mask, that of the next turn, or that of this turn
+    if (repeats && below(2)) again = graph.operation(trace::Op::both, any_mask(), any_mask());
+    if (repeats && again < 0) again = below(2) ? next[0] : variables[0];
     numbers_ = outside, masks_ = outer_masks;
-    for (trace::Id id : graph.end_scope(more, next, again, repeats ? 2 + below(4) : 1)) numbers_.push_back(id);
+    const std::vector<trace::Id> after = graph.end_scope(more, next, again, repeats ? 2 + below(4) : 1);
+    if (repeats) masks_.push_back(after[0]);
+    numbers_.insert(numbers_.end(), after.begin() + (repeats ? 1 : 0), after.end());
   }
 
   std::mt19937_64 random_;

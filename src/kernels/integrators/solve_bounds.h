@@ -20,12 +20,19 @@ LOCKSTEP_INLINE void clear_bounds(Tile<T>& x) {
   x.bounds.active_count = 0;
 }
 
+/// Lanes in which some row is active.
+template <class T>
+typename T::Mask lanes_with_active_rows(const Tile<T>& x) {
+  typename T::Mask active = T::none();
+  for (int i = 0; i < x.bounds.active_count; ++i) active = active | x.bounds.active[x.bounds.active_rows[i]];
+  return active;
+}
+
 /// Restores the unbounded result in lanes without an active bound. They have been solved again with the others, and by
 /// other code where compiled or generated code made the step.
 template <class T>
 void restore_unbounded(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  typename T::Mask active = T::none();
-  for (int i = 0; i < x.bounds.active_count; ++i) active = active | x.bounds.active[x.bounds.active_rows[i]];
+  const auto active = lanes_with_active_rows(x);
   const T* unbounded = x.bounds.unbounded_result;
   each_result(t, x, [&](T& number) { number = select(active, number, *unbounded++); });
 }
@@ -138,11 +145,12 @@ void solve_by_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   integrate(t, x);
   if (!first) restore_unbounded(t, x);
   mark_invalid(t, x);
-  // A start that is too fast is a fault, although limits of velocity may hold it.
+  // A start that is too fast is a fault, although limits of velocity may hold it. Lanes without an active row do as
+  // they would alone.
   T fastest = T(0);
   for (int z = 0; z < n; ++z) fastest = farther(fastest, x.dynamics.start[z]);
   T& last = x.next.v[t.velocities - 1];
-  last = select(beyond(fastest, T(t.velocity_bound)) & open, largest<T>(), last);
+  last = select(beyond(fastest, T(t.velocity_bound)) & (first ? open : lanes_with_active_rows(x)), largest<T>(), last);
 }
 
 /// Activates violated rows and solves with them, until no further row is violated.

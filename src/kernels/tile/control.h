@@ -1,9 +1,8 @@
-// Control as data: what depends on the values in the lanes, for wide and for traced numbers. SPDX-License-Identifier:
-// Apache-2.0
+// Control as data: what depends on the values in the lanes. SPDX-License-Identifier: Apache-2.0
 //
-// Traced code has no values, so it records these as scopes (trace/called_stages.h). A body changes numbers of the tile,
-// and the mask that it is given by reference; it leaves nothing else to later code. An `if (any(mask))` beside these
-// only saves work: traced code always does it.
+// Wide numbers run these as they are. Traced numbers have no values, so a trace records these as scopes
+// (trace/called_stages.h). A body changes numbers of the tile, and the mask that it is given by reference; it leaves
+// nothing else to later code. An `if (any(mask))` beside these only saves work: traced code always does it.
 #pragma once
 
 #include "tile.h"
