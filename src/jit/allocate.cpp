@@ -20,10 +20,13 @@ class Allocation {
       : listing_(listing), machine_(machine), uses_(listing), places_(listing, machine, uses_, out_) {}
 
   Allocated run() {
-    const bool in_parts = static_cast<int>(listing_.operations.size()) > machine_.longest;
+    const auto count = static_cast<int>(listing_.operations.size());
+    int own = 0;  // operations of the step without its subroutines
+    while (own < count && listing_.operations[static_cast<std::size_t>(own)].op != Op::begin_subroutine) ++own;
+    const bool in_parts = own > machine_.longest;
     emit({.kind = Instruction::begin_part});
     int depth = 0, begun = 0;  // of loops and scopes; of the part
-    for (int i = 0; i < static_cast<int>(listing_.operations.size()); ++i) {
+    for (int i = 0; i < own; ++i) {
       const Operation& operation = listing_.operations[static_cast<std::size_t>(i)];
       uses_.come_to(i);
       if (in_parts && depth == 0 && i - begun >= machine_.part) {
@@ -38,7 +41,13 @@ class Allocation {
       places_.unpin();
     }
     emit({.kind = Instruction::end_part});
+    for (int i = own; i < count; ++i) {
+      uses_.come_to(i);
+      take(listing_.operations[static_cast<std::size_t>(i)]);
+      places_.unpin();
+    }
     out_.slots = places_.slots();
+    out_.first_handed = places_.first_handed();
     return std::move(out_);
   }
 
@@ -60,6 +69,11 @@ class Allocation {
         places_.push_all_out();
         return emit({.kind = Instruction::call, .number = static_cast<int>(call(o).stage)});
       case Op::call_if: return call_if(o);
+      case Op::run: return run_subroutine(o);
+      case Op::begin_subroutine:
+        out_.subroutines.emplace_back();
+        return places_.begin_subroutine(out_.subroutines.back());
+      case Op::end_subroutine: return;
       case Op::copy: return copy(o);
       default: return compute(o);
     }
@@ -84,8 +98,26 @@ class Allocation {
     places_.used(from);
   }
 
+  void run_subroutine(const Operation& o) {
+    const SubroutineRun& run = listing_.runs[static_cast<std::size_t>(o.number)];
+    for (const Memory& at : run.changes) places_.leave(at, -1, o.time);
+    places_.push_all_out();
+    emit({.kind = Instruction::run, .number = run.subroutine});
+  }
+
+  bool runs_subroutines_in_scope() const {
+    int depth = 0;
+    for (auto i = static_cast<std::size_t>(uses_.now());; ++i) {
+      const Op op = listing_.operations[i].op;
+      if (op == Op::run) return true;
+      depth += begins(op) ? 1 : ends(op) ? -1 : 0;
+      if (depth == 0) return false;
+    }
+  }
+
   // All values that are needed in a scope or behind it are in memory where it begins and ends.
   void begin_scope(const Operation& o) {
+    if (runs_subroutines_in_scope()) places_.leave_handed(o.time);
     const int r = places_.load(o.from[0]);
     for (int other = 0; other < places_.registers(); ++other)
       if (other != r) places_.push_out(other);
@@ -187,7 +219,7 @@ class Allocation {
       if (i != memory) places_.load(o.from[i]);
     const bool overwrites = n == 3 && (o.op != Op::select || machine_.avx512());
     const int to = overwrites ? overwrite(o, memory) : keep(o, memory);
-    out_.instructions.back().value = o.to;
+    places_.last().value = o.to;
     places_.release(to);
     for (int i = 0; i < n; ++i) places_.used(o.from[i]);
     places_.give(to, o.to);

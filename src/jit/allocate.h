@@ -27,6 +27,7 @@ struct Instruction {
     if_any,     ///< if a lane of a is true: cold part `number`
     call,       ///< the stage `number`
     resume,     ///< of cold part `number`: back behind its if_any
+    run,        ///< subroutine `number`
   };
   Kind kind = compute;
   Op op = Op::copy;
@@ -39,8 +40,10 @@ struct Instruction {
 
 struct Allocated {
   std::vector<Instruction> instructions;
-  std::vector<std::vector<Instruction>> cold;  ///< rare parts, by number: they stand behind the others
-  int slots = 0;                               ///< of a tile
+  std::vector<std::vector<Instruction>> cold;         ///< rare parts, by number: they stand behind the others
+  std::vector<std::vector<Instruction>> subroutines;  ///< and these behind them
+  int slots = 0;                                      ///< of a tile
+  int first_handed = 0;                               ///< the slot from which on numbers are handed to subroutines
   int spills = 0, reloads = 0, parts = 1;
 };
 

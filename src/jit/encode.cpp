@@ -36,14 +36,22 @@ class Encoder {
     a_.mov(last_frame, Xbyak::util::rsi);
     a_.mov(frame, first_frame);
     load_constants_base();
-    for (const Instruction& instruction : code.instructions) put(instruction);
+    handed_ = code.first_handed * machine_.register_bytes;
+    subroutines_.resize(code.subroutines.size());
+    put_all(code.instructions);
     a_.vzeroupper();
     a_.ret();
     for (std::size_t i = 0; i < code.cold.size(); ++i) {
       a_.L(cold_[i].begin);
-      for (const Instruction& instruction : code.cold[i]) put(instruction);
+      put_all(code.cold[i]);
     }
-    while (a_.getSize() % 64 != 0) a_.db(0);
+    for (std::size_t i = 0; i < code.subroutines.size(); ++i) {
+      align();
+      a_.L(subroutines_[i]);
+      put_all(code.subroutines[i]);
+      a_.ret();
+    }
+    align();
     a_.L(constants_);
     const int times = machine_.constant_bytes() / machine_.scalar_bytes;
     for (const std::uint64_t bits : constants)
@@ -69,15 +77,24 @@ class Encoder {
   static const Reg64& base(Memory::Base base) {
     switch (base) {
       case Memory::block: return block;
-      case Memory::slots: return slots;
+      case Memory::slots:
+      case Memory::handed: return slots;
       case Memory::tile: return tile;
       default: return constants_base;
     }
   }
-  Xbyak::Address whole(const Memory& at) const { return a_.ptr[base(at.base) + at.offset]; }
+  int offset(const Memory& at) const { return at.base == Memory::handed ? handed_ + at.offset : at.offset; }
+  Xbyak::Address whole(const Memory& at) const { return a_.ptr[base(at.base) + offset(at)]; }
   // As an operand of arithmetic: a constant is read into all lanes.
   Xbyak::Address operand(const Memory& at) const {
     return at.base == Memory::constants && avx512() ? a_.ptr_b[base(at.base) + at.offset] : whole(at);
+  }
+
+  void align() {
+    while (a_.getSize() % 64 != 0) a_.db(0);
+  }
+  void put_all(const std::vector<Instruction>& code) {
+    for (const Instruction& instruction : code) put(instruction);
   }
 
   void put(const Instruction& i) {
@@ -110,6 +127,7 @@ class Encoder {
         a_.jnz(cold_[static_cast<std::size_t>(i.number)].begin, Generator::T_NEAR);
         return a_.L(cold_[static_cast<std::size_t>(i.number)].behind);
       case Instruction::call: return call(i);
+      case Instruction::run: return a_.call(subroutines_[static_cast<std::size_t>(i.number)]);
       case Instruction::resume: return a_.jmp(cold_[static_cast<std::size_t>(i.number)].behind, Generator::T_NEAR);
     }
   }
@@ -264,7 +282,8 @@ class Encoder {
   std::vector<std::uint8_t> bytes_;
   mutable Generator a_;
   Label constants_;
-  std::deque<Label> parts_, loops_;  // labels do not move
+  int handed_ = 0;                                 // bytes from slot 0
+  std::deque<Label> parts_, loops_, subroutines_;  // labels do not move
   std::deque<Ends> cold_, scopes_;
 };
 
@@ -273,7 +292,8 @@ class Encoder {
 std::vector<std::uint8_t> encode(const Allocated& code, const std::vector<std::uint64_t>& constants,
                                  const Machine& machine, CallStage call) {
   std::size_t instructions = code.instructions.size() + 8;
-  for (const std::vector<Instruction>& cold : code.cold) instructions += cold.size();
+  for (const auto* parts : {&code.cold, &code.subroutines})
+    for (const std::vector<Instruction>& part : *parts) instructions += part.size() + 2;
   const std::size_t room =
       instructions * most_bytes + constants.size() * static_cast<std::size_t>(machine.constant_bytes()) + 64;
   try {

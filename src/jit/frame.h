@@ -25,9 +25,9 @@ struct TilePlaces {
   static constexpr int most_arrays = 256;
   std::ptrdiff_t first[most_arrays];  ///< of each array in memory order, from Frame::block
   int arrays = 0;
-  std::ptrdiff_t frozen = 0, singular = 0, too_fast = 0, candidate = 0, fast = 0;  ///< masks, from Frame::tile
-  int bytes = 0;                                                                   ///< of a register
-  bool fused = false;                                                              ///< fma() rounds once
+  std::ptrdiff_t frozen = 0, singular = 0, too_fast = 0, candidate = 0;  ///< masks, from Frame::tile
+  int bytes = 0;                                                         ///< of a register
+  bool fused = false;                                                    ///< fma() rounds once
   CallStage call = nullptr;
 
   /// Of a mask of the tile, from Frame::tile, by its number in Access; -1 for what is none.
@@ -37,7 +37,6 @@ struct TilePlaces {
       case Access::singular: return singular;
       case Access::too_fast: return too_fast;
       case Access::candidate: return candidate;
-      case Access::fast: return fast;
       default: return -1;
     }
   }

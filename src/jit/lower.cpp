@@ -23,31 +23,23 @@ template <class S>
 class Lowering {
  public:
   Lowering(const Graph& graph, const TilePlaces& places, const Machine& machine, const std::vector<Access>& rows)
-      : graph_(graph),
-        nodes_(graph.nodes()),
-        places_(places),
-        machine_(machine),
-        uses_(trace::use_counts(graph)),
-        value_(nodes_.size(), -1) {
+      : places_(places), machine_(machine), subroutines_(graph.subroutines) {
     for (const Access& row : rows) row_.emplace(std::pair{row.array, row.number}, static_cast<int>(row_.size()));
     out_.rows = rows;
+    begin(graph);
   }
 
   Listing run() {
     if (places_.arrays > TilePlaces::most_arrays)
       throw std::length_error("a tile has too many arrays for machine code");
-    find_nested();
-    for (const Item& item : graph_.items()) {
-      if (item.kind == Item::straight) compute(item);
-      if (item.kind == Item::loop) loop(item);
-      if (item.kind == Item::effect) effect(item);
-      if (item.kind == Item::begin_scope) begin_scope(item);
-      if (item.kind == Item::end_scope) end_scope(graph_.items()[static_cast<std::size_t>(item.other_end)]);
+    put_all();
+    for (std::size_t s = 0; s < subroutines_.size(); ++s) {
+      begin(*subroutines_[s]);
+      out_.operations.push_back({.op = Op::begin_subroutine, .number = static_cast<int>(s)});
+      put_all();
+      out_.operations.push_back({.op = Op::end_subroutine});
     }
     remove_unused();
-    out_.names.resize(out_.home.size());
-    for (const auto& [id, name] : graph_.names())
-      if (value_[id] >= 0) out_.names[static_cast<std::size_t>(value_[id])] = name;
     return std::move(out_);
   }
 
@@ -55,25 +47,45 @@ class Lowering {
   using Bits = std::conditional_t<sizeof(S) == 4, std::uint32_t, std::uint64_t>;
   static constexpr Bits sign = Bits(1) << (8 * sizeof(S) - 1);
 
+  void begin(const Graph& graph) {
+    graph_ = &graph;
+    uses_ = trace::use_counts(graph);
+    value_.assign(nodes().size(), -1);
+  }
+
+  void put_all() {
+    find_nested();
+    for (const Item& item : graph_->items()) {
+      if (item.kind == Item::straight) compute(item);
+      if (item.kind == Item::loop) loop(item);
+      if (item.kind == Item::effect) item.subroutine >= 0 ? run_subroutine(item) : effect(item);
+      if (item.kind == Item::begin_scope) begin_scope(item);
+      if (item.kind == Item::end_scope) end_scope(graph_->items()[static_cast<std::size_t>(item.other_end)]);
+    }
+    out_.names.resize(out_.home.size());
+    for (const auto& [id, name] : graph_->names())
+      if (value_[id] >= 0) out_.names[static_cast<std::size_t>(value_[id])] = name;
+  }
+
   // A node with a single use, in the same item, is computed where it is used.
   void find_nested() {
-    std::vector<int> user(nodes_.size(), -1), depth(nodes_.size(), 0);
-    nested_.assign(nodes_.size(), false);
-    for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id)
-      for (Id o : nodes_[id].operand)
-        if (uses_[id] > 0 && o >= 0) user[o] = nodes_[id].item;
-    for (Id id = 0; id < static_cast<Id>(nodes_.size()); ++id) {
-      for (Id o : nodes_[id].operand)
+    std::vector<int> user(nodes().size(), -1), depth(nodes().size(), 0);
+    nested_.assign(nodes().size(), false);
+    for (Id id = 0; id < static_cast<Id>(nodes().size()); ++id)
+      for (Id o : nodes()[id].operand)
+        if (uses_[id] > 0 && o >= 0) user[o] = nodes()[id].item;
+    for (Id id = 0; id < static_cast<Id>(nodes().size()); ++id) {
+      for (Id o : nodes()[id].operand)
         if (o >= 0 && nested_[o]) depth[id] = std::max(depth[id], depth[o] + 1);
-      const bool angle = nodes_[id].op == trace::Op::sine || nodes_[id].op == trace::Op::cosine;
-      nested_[id] = uses_[id] == 1 && !angle && depth[id] < deepest && user[id] == nodes_[id].item;
+      const bool angle = nodes()[id].op == trace::Op::sine || nodes()[id].op == trace::Op::cosine;
+      nested_[id] = uses_[id] == 1 && !angle && depth[id] < deepest && user[id] == nodes()[id].item;
     }
   }
 
   // Inputs are numbers of the memory as it is here, even if they are used later.
   void compute(const Item& item) {
     for (Id id : item.nodes)
-      if (uses_[id] > 0 && (!nested_[id] || nodes_[id].op == trace::Op::input)) value(id);
+      if (uses_[id] > 0 && (!nested_[id] || nodes()[id].op == trace::Op::input)) value(id);
   }
 
   std::vector<std::size_t> used_variables(const Item& item) const {
@@ -96,17 +108,22 @@ class Lowering {
     if (used_variables(item).empty()) return;
     const Value condition = value(item.condition);
     begin_variables(item);
+    outer_turns_.push_back(turn_begins_);
+    if (item.again >= 0) turn_begins_ = ++time_;
     out_.operations.push_back({.op = item.unless ? Op::begin_unless : Op::begin_scope,
                                .from = {condition, -1, -1},
-                               .number = item.again < 0 ? 1 : item.times});
+                               .number = item.again < 0 ? 1 : item.times,
+                               .time = time_});
   }
 
   void end_scope(const Item& item) {
     if (used_variables(item).empty()) return;
     Value again = item.again < 0 ? -1 : value(item.again);
-    if (again >= 0 && nodes_[item.again].op == trace::Op::variable)
+    if (again >= 0 && nodes()[item.again].op == trace::Op::variable)
       again = put(Op::copy, again);  // it may change first
     assign_variables(item);
+    turn_begins_ = outer_turns_.back();
+    outer_turns_.pop_back();
     out_.operations.push_back({.op = Op::end_scope, .from = {again, -1, -1}});
   }
 
@@ -119,7 +136,7 @@ class Lowering {
     std::map<std::size_t, Value> next;
     for (std::size_t i : used) {
       next[i] = value(item.next[i]);
-      const bool another = nodes_[item.next[i]].op == trace::Op::variable && item.next[i] != item.variable[i];
+      const bool another = nodes()[item.next[i]].op == trace::Op::variable && item.next[i] != item.variable[i];
       if (another) next[i] = put(Op::copy, next[i]);  // it may change first
     }
     for (std::size_t i : used)
@@ -150,6 +167,30 @@ class Lowering {
     out_.operations.push_back(operation);
     out_.calls.push_back(std::move(call));
     ++time_;
+  }
+
+  // What a subroutine has left where it reads an argument need not be stored there again.
+  void run_subroutine(const Item& item) {
+    const std::vector<std::size_t> used = used_variables(item);
+    if (used.empty()) return;
+    std::vector<Operation> stores;
+    for (const trace::Write& argument : item.stores) {
+      const Memory at = memory(argument.place);
+      const Value v = value(argument.value);
+      if (out_.home[v] == at && out_.born[v] >= std::max(handed_[at.offset], turn_begins_)) continue;
+      stores.push_back({.op = Op::store, .from = {v, -1, -1}, .at = at, .time = time_});
+    }
+    out_.operations.insert(out_.operations.end(), stores.begin(), stores.end());
+    for (const Operation& store : stores) handed_[store.at.offset] = time_ + 1;
+    SubroutineRun run{item.subroutine, {}, {}};
+    out_.operations.push_back({.op = Op::run, .number = static_cast<int>(out_.runs.size()), .time = ++time_});
+    ++time_;
+    for (const trace::Write& result : subroutines_[item.subroutine]->items().back().stores) {
+      run.changes.push_back(memory(result.place));
+      handed_[run.changes.back().offset] = time_;
+    }
+    for (std::size_t i : used) run.results.push_back(value_[item.variable[i]] = new_value(memory(item.place[i])));
+    out_.runs.push_back(std::move(run));
   }
 
   Value new_value(Memory home, bool fixed = false) {
@@ -186,6 +227,11 @@ class Lowering {
       if (is_new) out_.rows.push_back({0, place.array, place.number});
       return {Memory::slots, (known->second + 1) * machine_.register_bytes};
     }
+    if (place.array == Access::handed) {
+      const auto [known, is_new] = handed_number_.try_emplace(place.number, out_.handed);
+      if (is_new) ++out_.handed;
+      return {Memory::handed, known->second * machine_.register_bytes};
+    }
     if (place.array == Access::failed) return {Memory::slots, 0};
     if (const std::ptrdiff_t mask = places_.mask(place.array); mask >= 0) return {Memory::tile, static_cast<int>(mask)};
     if (place.array < 0 || place.array >= places_.arrays) throw std::logic_error("a number of a step has no place");
@@ -197,7 +243,7 @@ class Lowering {
 
   Value value(Id id) {
     if (value_[id] >= 0) return value_[id];
-    const Node& node = nodes_[id];
+    const Node& node = nodes()[id];
     const auto from = [&](int i) { return value(node.operand[i]); };
     switch (node.op) {
       case trace::Op::constant: return value_[id] = number(static_cast<S>(node.value));
@@ -221,7 +267,7 @@ class Lowering {
         return value_[id] = put(Op::select, put(Op::greater, own, most), own, most);
       }
       case trace::Op::fma: {
-        const Node& added = nodes_[node.operand[2]];
+        const Node& added = nodes()[node.operand[2]];
         const bool subtracts = added.op == trace::Op::negate && value_[node.operand[2]] < 0;
         const Value a = from(0), b = from(1), c = subtracts ? value(added.operand[0]) : from(2);
         return value_[id] = put(subtracts ? Op::fms : Op::fma, a, b, c);
@@ -276,10 +322,10 @@ class Lowering {
     const Value swapped = put(Op::select, swap, s, c);
     const Value cosine = machine_.avx512() ? put(Op::differ3, swapped, odd, sine_sign)
                                            : put(Op::differ, put(Op::differ, swapped, odd), sine_sign);
-    for (Id id : graph_.items()[static_cast<std::size_t>(one.item)].nodes) {
-      if (nodes_[id].operand[0] != angle) continue;
-      if (nodes_[id].op == trace::Op::sine) value_[id] = sine;
-      if (nodes_[id].op == trace::Op::cosine) value_[id] = cosine;
+    for (Id id : graph_->items()[static_cast<std::size_t>(one.item)].nodes) {
+      if (nodes()[id].operand[0] != angle) continue;
+      if (nodes()[id].op == trace::Op::sine) value_[id] = sine;
+      if (nodes()[id].op == trace::Op::cosine) value_[id] = cosine;
     }
   }
 
@@ -301,16 +347,22 @@ class Lowering {
     out_.operations = std::move(kept);
   }
 
-  const Graph& graph_;
-  const std::vector<Node>& nodes_;
+  const std::vector<Node>& nodes() const { return graph_->nodes(); }
+
+  const Graph* graph_ = nullptr;  // of the step, or of a subroutine
   const TilePlaces& places_;
   const Machine& machine_;
+  const std::vector<std::shared_ptr<Graph>>& subroutines_;
   std::vector<int> uses_;
   std::vector<Value> value_;  // by node
   std::vector<char> nested_;
   std::map<Bits, Value> constant_;
   std::map<std::pair<int, int>, int> row_;
+  std::map<int, int> handed_number_;  // by number of the tile
+  std::map<int, int> handed_;         // by offset: the time of the last change
   int time_ = 0;
+  int turn_begins_ = 0;  // the time at which the turn of the innermost scope that is repeated has begun
+  std::vector<int> outer_turns_;
   Listing out_;
 };
 

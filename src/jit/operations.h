@@ -43,15 +43,19 @@ enum class Op : std::uint8_t {
   assign,   ///< a to the variable `to` of a loop
   call,     ///< Listing::calls[number]
   call_if,  ///< the same where a lane of a is true
+  run,      ///< Listing::runs[number]
   // of loops and scopes, which nest
   begin_loop,    ///< to be repeated `number` times
   begin_unless,  ///< to be left out if a lane of a is true
   begin_scope,   ///< to be left out if no lane of a is true, and repeated `number` times at most
   end_loop,
   end_scope,  ///< to be repeated while a lane of a is true; without a, to be left
+  // behind the step itself
+  begin_subroutine,  ///< `number`
+  end_subroutine,
 };
 constexpr bool begins(Op op) { return op >= Op::begin_loop && op <= Op::begin_scope; }
-constexpr bool ends(Op op) { return op >= Op::end_loop; }
+constexpr bool ends(Op op) { return op == Op::end_loop || op == Op::end_scope; }
 
 constexpr int operands(Op op) {
   if (op <= Op::spread_sign || op == Op::store || op == Op::assign || op == Op::call_if || op == Op::begin_scope ||
@@ -66,7 +70,7 @@ constexpr bool commutes(Op op) { return op == Op::add || op == Op::multiply || (
 
 /// A number in memory: an offset in bytes from a base.
 struct Memory {
-  enum Base : std::uint8_t { none, block, slots, tile, constants };
+  enum Base : std::uint8_t { none, block, slots, tile, constants, handed };
   Base base = none;
   int offset = 0;
   friend bool operator==(const Memory&, const Memory&) = default;
@@ -97,15 +101,24 @@ struct StageCall {
   std::vector<Variable> variables;
 };
 
-/// A step as a list of operations.
+/// A run of a subroutine, which works on numbers that are handed to it in slots.
+struct SubroutineRun {
+  int subroutine = 0;
+  std::vector<Memory> changes;
+  std::vector<Value> results;
+};
+
+/// A step as a list of operations, and behind them those of its subroutines.
 struct Listing {
   std::vector<Operation> operations;
   std::vector<StageCall> calls;
+  std::vector<SubroutineRun> runs;
   std::vector<Memory> home;  ///< by value: where inputs and constants can be read at any time; else Memory::none
   std::vector<char> fixed;   ///< by value: called stages do not change its home
   std::vector<int> born;     ///< by value: the time of the memory that its home has it from
   std::vector<std::uint64_t> constants;  ///< bits, by index
   std::vector<Access> rows;              ///< of the batch, by slot from 1 on
+  int handed = 0;                        ///< numbers that are handed to subroutines and back
   std::vector<std::string> names;        ///< by value: what the graph calls it, for people
 };
 

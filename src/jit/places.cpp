@@ -14,12 +14,14 @@ Places::Places(const Listing& listing, const Machine& machine, Uses& uses, Alloc
     : listing_(listing),
       uses_(uses),
       out_(out),
+      code_(&out.instructions),
       home_(listing.home),
       register_(home_.size(), -1),
       slot_(home_.size(), -1),
       holds_(static_cast<std::size_t>(machine.registers), -1),
       pinned_(holds_.size(), false),
       rows_(static_cast<int>(listing.rows.size())),
+      handed_(listing.handed),
       register_bytes_(machine.register_bytes) {
   for (Value v = 0; v < static_cast<Value>(home_.size()); ++v)
     if (has_home(v)) at_home_[{home_[v].base, home_[v].offset}].push_back(v);
@@ -129,7 +131,21 @@ void Places::leave(const Memory& at, Value written, int time) {
 
 void Places::leave_all(int time) {
   for (Value v = 0; v < static_cast<Value>(home_.size()); ++v)
-    if (has_home(v) && !listing_.fixed[v] && uses_.are_left(v) && listing_.born[v] <= time) leave_home(v);
+    if (has_home(v) && home_[v].base != Memory::handed && !listing_.fixed[v] && uses_.are_left(v) &&
+        listing_.born[v] <= time)
+      leave_home(v);
+}
+
+void Places::leave_handed(int time) {
+  for (auto at = at_home_.lower_bound({Memory::handed, 0}); at != at_home_.end(); ++at)
+    for (Value v : at->second)
+      if (has_home(v) && uses_.are_left(v) && listing_.born[v] <= time) leave_home(v);
+}
+
+void Places::begin_subroutine(std::vector<Instruction>& code) {
+  code_ = &code;
+  for (int r = 0; r < registers(); ++r) release(r);
+  free_slots_.clear();
 }
 
 }  // namespace lockstep::jit

@@ -16,7 +16,8 @@ class Places {
  public:
   Places(const Listing& listing, const Machine& machine, Uses& uses, Allocated& out);
 
-  void emit(const Instruction& instruction) { out_.instructions.push_back(instruction); }
+  void emit(const Instruction& instruction) { code_->push_back(instruction); }
+  Instruction& last() { return code_->back(); }
 
   // Registers.
 
@@ -60,16 +61,21 @@ class Places {
   int take_slot();
   Memory slot_number(int slot) const { return numbered(first_slot() + slot); }
   void free_slot(int slot) { free_slots_.push_back(slot); }
+  int first_handed() const { return 1 + rows_; }
   int slots() const { return first_slot() + slots_; }
 
   /// Memory at `at` is about to change, and to hold `written`. Other values that still have it as home leave it; those
   /// that are read at a later time do not count.
   void leave(const Memory& at, Value written, int time);
-  /// A stage may change any memory but that of fixed homes.
+  /// A stage may change any memory but that of fixed homes and of what is handed to subroutines.
   void leave_all(int time);
+  /// A scope that may not run changes what is handed to subroutines.
+  void leave_handed(int time);
+  /// A subroutine begins: it has slots of its own, and finds nothing in registers.
+  void begin_subroutine(std::vector<Instruction>& code);
 
  private:
-  int first_cold_slot() const { return 1 + rows_; }
+  int first_cold_slot() const { return first_handed() + handed_; }
   int first_slot() const { return first_cold_slot() + registers(); }
   Memory numbered(int number) const { return {Memory::slots, number * register_bytes_}; }
   void store_to_slot(Value v);
@@ -78,13 +84,14 @@ class Places {
   const Listing& listing_;
   Uses& uses_;
   Allocated& out_;
-  std::vector<Memory> home_;  // by value
+  std::vector<Instruction>* code_;  // that is being written
+  std::vector<Memory> home_;        // by value
   std::map<std::pair<int, int>, std::vector<Value>> at_home_;
   std::vector<int> register_, slot_;  // by value
   std::vector<Value> holds_;          // by register
   std::vector<char> pinned_;          // by register
   std::vector<int> free_slots_;
-  int slots_ = 0, rows_, register_bytes_;
+  int slots_ = 0, rows_, handed_, register_bytes_;
 };
 
 }  // namespace lockstep::jit

@@ -7,7 +7,7 @@ namespace lockstep::jit {
 namespace {
 
 std::string words(const Memory& at) {
-  constexpr const char* bases[] = {"?", "block", "slots", "tile", "constants"};
+  constexpr const char* bases[] = {"?", "block", "slots", "tile", "constants", "handed"};
   return fmt::format("[{} + {}]", bases[at.base], at.offset);
 }
 std::string r(int number) { return fmt::format("r{}", number); }
@@ -66,6 +66,7 @@ std::string line(const Instruction& i) {
     case Instruction::if_any: return fmt::format("if a lane of {}: rare part {}", r(i.a), i.number);
     case Instruction::call: return fmt::format("call stage {}", i.number);
     case Instruction::resume: return "back";
+    case Instruction::run: return fmt::format("run subroutine {}", i.number);
   }
   return "";
 }
@@ -85,6 +86,10 @@ std::string print(const Allocated& code, const Listing& listing) {
   for (std::size_t i = 0; i < code.cold.size(); ++i) {
     text += fmt::format("rare part {}:\n", i);
     append(code.cold[i], listing, text);
+  }
+  for (std::size_t i = 0; i < code.subroutines.size(); ++i) {
+    text += fmt::format("subroutine {}:\n", i);
+    append(code.subroutines[i], listing, text);
   }
   return text;
 }

@@ -37,10 +37,7 @@ void call_stage(const jit::Frame* frame, int stage) {
     case Call::diagnose: diagnose(t, batch, x); break;
     case Call::hold: hold(t, batch, x, *static_cast<const typename T::Mask*>(frame->slots)); break;
     case Call::step_again: step_again(t, batch, x); break;
-    case Call::audit:
-      x.audit.known = false;
-      audit(t, batch, x);
-      break;
+    case Call::halves: step_in_halves(t, batch, x); break;
     case Call::none: break;
   }
 }
@@ -57,7 +54,6 @@ void find_places(const Tables<ScalarOf<T>>& t, jit::TilePlaces& places) {
   places.singular = offset(x.singular);
   places.too_fast = offset(x.too_fast);
   places.candidate = offset(x.bounds.candidate);
-  places.fast = offset(x.audit.fast);
   places.bytes = static_cast<int>(sizeof(T));
   places.fused = T::fused;
   places.call = call_stage<T>;

@@ -42,6 +42,8 @@ Uses::Uses(const Listing& listing) : uses_(listing.home.size()), next_(listing.h
       }
       for (const StageCall::Write& write : call.writes) use(write.value, true);
     }
+    if (o.op == Op::run)
+      for (Value v : listing.runs[static_cast<std::size_t>(o.number)].results) defined[v] = i;
     if (begins(o.op)) loops.push_back({i, o.number > 1, {}});
     if (ends(o.op)) {
       const std::set<Value> through = std::move(loops.back().through);

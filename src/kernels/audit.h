@@ -6,6 +6,7 @@
 #include "kernels/bounds/intervals.h"
 #include "kernels/couplings/coupling_error.h"
 #include "kernels/dynamics/energies.h"
+#include "kernels/tile/control.h"
 
 namespace lockstep::kernels {
 
@@ -66,7 +67,7 @@ T largest_error(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& 
 template <class T>
 typename T::Mask corrects(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, const Tile<T>& x) {
   const T before = largest_error(t, batch, x, x.state.q), after = largest_error(t, batch, x, x.next.q);
-  return less(T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 1e-4 : 1e-6)), before) & less(after, before);
+  return less(T::by_precision(1e-4, 1e-6), before) & less(after, before);
 }
 
 /// (M94): adds up what the step has gained from nowhere, in lanes of x.audit.fast, and sets x.too_fast where it is too
@@ -74,22 +75,19 @@ typename T::Mask corrects(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
 template <class T>
 void audit(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   using S = ScalarOf<T>;
-  T kinetic[2] = {x.audit.kinetic, T(0)}, potential[2] = {x.audit.potential, T(0)};
-  if (!x.audit.known) energies_of(t, batch, x.state, x, kinetic[0], potential[0]);
-  energies_of(t, batch, x.next, x, kinetic[1], potential[1]);
-  x.audit.kinetic = kinetic[1], x.audit.potential = potential[1];
-  x.audit.known = true;
-  T gained = (kinetic[1] - kinetic[0]) + (potential[1] - potential[0]);
+  AuditState<T>& state = *x.audit.state;
+  when(x, ~state.known, [&] { energies_of(t, batch, x.state, x, state.kinetic, state.potential); });
+  T kinetic, potential;
+  energies_of(t, batch, x.next, x, kinetic, potential);
+  T gained = (kinetic - state.kinetic) + (potential - state.potential);
   for (int j = 0; j < t.joints; ++j) gained = gained - most_work(t, batch, x, j);
   if (t.contacts.used()) gained = gained - x.contacts.work;  // (M126)
-  const T rounding = farther(farther(farther(kinetic[0], kinetic[1]), potential[0]), potential[1]) * T::rounding();
+  const T rounding = farther(farther(farther(state.kinetic, kinetic), state.potential), potential) * T::rounding();
   gained = fnma(T(S(4)), absolute(rounding), gained);
-  S* const rows = batch.audit;
   const auto lanes = x.audit.fast & ~corrects(t, batch, x);
-  const T most = larger(T::load(rows + batch.stride), larger(kinetic[0], kinetic[1]));
-  const T total = larger(T::load(rows) + gained, T(S(-0.25)) * most);
-  store(rows, select(lanes, total, T::load(rows)));
-  store(rows + batch.stride, select(lanes, most, T::load(rows + batch.stride)));
+  const T most = larger(state.most, larger(state.kinetic, kinetic));
+  const T total = larger(state.gained + gained, T(S(-0.25)) * most);
+  state = {select(lanes, total, state.gained), select(lanes, most, state.most), kinetic, potential, ~T::none()};
   x.too_fast = x.too_fast | (less(T(t.most_gain) * most, total) & lanes);
 }
 
@@ -98,10 +96,8 @@ template <class T>
 LOCKSTEP_INLINE void audit_if(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   x.audit.fast =
       beyond(farthest(x.next.v, t.velocities, farthest(x.state.v, t.velocities, T(0))), T(t.fast_above)) & ~x.frozen;
-  if (any(x.audit.fast))
-    audit(t, batch, x);
-  else
-    x.audit.known = false;
+  either_way(
+      x, x.audit.fast, [&] { audit(t, batch, x); }, [&] { x.audit.state->known = T::none(); });
 }
 
 }  // namespace lockstep::kernels

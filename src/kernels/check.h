@@ -9,9 +9,9 @@
 namespace lockstep::kernels {
 
 /// Whether the audit (M94) has found too much energy from nowhere.
-template <class S>
-bool gains_energy(const Tables<S>& t, const StatePointers<S>& batch, int lane) {
-  return t.audited && batch.audit[lane] > t.most_gain * batch.audit[batch.stride + lane];
+template <class T>
+bool gains_energy(const Tables<ScalarOf<T>>& t, const Tile<T>& x, int lane) {
+  return t.audited && x.audit.state->gained.lane(lane) > t.most_gain * x.audit.state->most.lane(lane);
 }
 
 /// The farthest position of a joint that does not turn for ever, or number of a floating root's pose.
@@ -44,7 +44,7 @@ void flag(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
       set_fault(batch, x, i, Fault::not_finite, {FaultStage::state, dof_beyond(t, x.next, i)});
     else if (lane(x.too_fast, i) && lane(slow, i) && !lane(began_beyond, i))
       set_fault(batch, x, i, Fault::too_fast,
-                {gains_energy(t, batch, i) ? FaultStage::energy : FaultStage::guard, fastest_dof(t, x.state, i)});
+                {gains_energy(t, x, i) ? FaultStage::energy : FaultStage::guard, fastest_dof(t, x.state, i)});
     else
       set_fault(batch, x, i, Fault::diverged,
                 {FaultStage::state, dof_beyond(t, lane(began_beyond, i) ? x.state : x.next, i)});
@@ -70,7 +70,7 @@ template <class T>
 void hold(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, typename T::Mask failed) {
   if (!hold_frozen(t, batch, x, failed)) return;
   take_turns(t, batch, x, x.next);
-  x.audit.known = false;
+  if (t.audited) x.audit.state->known = T::none();
 }
 
 template <class T>

@@ -119,7 +119,7 @@ LOCKSTEP_INLINE void load(const Tables<ScalarOf<T>>& t, const StatePointers<Scal
     for (int i = 0; i < 6; ++i)
       v[shape.root[r].velocity + i] = T::load(batch.root_velocity + (6 * r + i) * batch.stride);
   x.frozen = x.too_fast = x.servos.decided = T::none();
-  x.audit.known = false;
+  if (t.audited) *x.audit.state = {T::load(batch.audit), T::load(batch.audit + batch.stride), T(0), T(0), T::none()};
   std::uint32_t faults = 0;
   for (int i = 0; i < T::lanes; ++i) faults |= static_cast<std::uint32_t>(batch.fault[i]);
   for (int i = 0; faults != 0 && i < T::lanes; ++i) x.frozen.set_lane(i, batch.fault[i] != Fault{});

@@ -26,6 +26,10 @@ LOCKSTEP_INLINE void store(const Tables<ScalarOf<T>>& t, const StatePointers<Sca
   for (int i = 0; i < 7 * shape.roots; ++i) store(batch.root_pose + i * stride, x.state.pose[i]);
   for (int r = 0; r < shape.roots; ++r)
     for (int i = 0; i < 6; ++i) store(batch.root_velocity + (6 * r + i) * stride, v[shape.root[r].velocity + i]);
+  if (t.audited) {
+    store(batch.audit, x.audit.state->gained);
+    store(batch.audit + stride, x.audit.state->most);
+  }
   if (t.contacts.used()) store_contacts(t, batch, x);
   if (t.records_calls()) store_records(t, batch, x);
   if (t.counts_solves()) store_counts(batch, x.counts);

@@ -5,7 +5,7 @@ namespace lockstep {
 
 /// Stages whose work depends on the values in the lanes. A traced step calls them as they are. `bounds` looks for
 /// active bounds first.
-enum class Call : int { none, bounds, solve_bounds, coupling_impulses, diagnose, hold, step_again, audit };
+enum class Call : int { none, bounds, solve_bounds, coupling_impulses, diagnose, hold, step_again, halves };
 
 /// A read or write of a number in memory.
 struct Access {
@@ -18,7 +18,7 @@ struct Access {
     candidate = -4,
     nowhere = -5,
     too_fast = -6,
-    fast = -7,
+    handed = -7,  ///< to a subroutine, and back
     first_row = 1000,
     position_target = first_row,
     velocity_target,

@@ -36,7 +36,7 @@ bool bounds_active(const Tables<double>& t, const StatePointers<double>& batch, 
 void solve_bounds(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void bound_prediction(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time);
 void bound_stages(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time);
-inline bool all_bounded(const Tables<double>&, const Tile<Traced>&) { return false; }
+bool all_bounded(const Tables<double>& t, const Tile<Traced>& x);
 void judge(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void step_again_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void audit_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
@@ -65,6 +65,10 @@ void either_way(Tile<Traced>&, Traced::Mask mask, Yes&& yes, No&& no) {
 template <class Body>
 void repeat_while(Tile<Traced>&, Traced::Mask& mask, int most, Body&& body) {
   trace::counting ? body() : trace::tracer->repeat_while(mask.id, most, body);
+}
+template <class Body>
+void subroutine(const Tables<double>& t, Tile<Traced>&, const char* name, Body&& body) {
+  trace::counting ? body() : trace::tracer->subroutine({&t, name}, body);
 }
 
 /// Records a loop of sweeps as a loop. `carried` are the arrays that each turn hands to the next.

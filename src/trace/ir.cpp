@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <functional>
 #include <stdexcept>
 
 namespace lockstep::trace {
@@ -65,8 +66,21 @@ Id Graph::constant(double value) {
   return known->second;
 }
 
+// The operation on two constants, rounded as each precision rounds it: a number that is a constant only for consistent
+// followers is computed by a step of other ones, to the same bits.
+template <class Operation>
+Id Graph::folded(Operation operation, Id a, Id b) {
+  const auto single = [&](Id id) {
+    return static_cast<float>(is(id, Op::constant) ? nodes_[id].value : nodes_[id].single);
+  };
+  return by_precision(operation(single(a), single(b)), operation(nodes_[a].value, nodes_[b].value));
+}
+
 Id Graph::by_precision(double single, double twice) {
-  const auto [known, is_new] = by_precision_.try_emplace({single, twice}, 0);
+  const auto bits = [](double number) { return std::bit_cast<std::uint64_t>(number); };
+  const double cast = static_cast<float>(twice);
+  if (bits(single) == bits(cast)) return constant(twice);
+  const auto [known, is_new] = by_precision_.try_emplace({bits(single), bits(twice)}, 0);
   if (is_new) {
     Node node;
     node.op = Op::by_precision;
@@ -110,6 +124,7 @@ Id Graph::negated(Id a) {
   const auto [of, from, none] = nodes_[a].operand;
   switch (nodes_[a].op) {
     case Op::constant: return constant(-nodes_[a].value);
+    case Op::by_precision: return by_precision(-nodes_[a].single, -nodes_[a].value);
     case Op::negate: return of;
     case Op::subtract: return difference(from, of);
     default: return find_or_put(Op::negate, a, -1, -1);
@@ -117,7 +132,7 @@ Id Graph::negated(Id a) {
 }
 
 Id Graph::sum(Id a, Id b) {
-  if (is(a, Op::constant) && is(b, Op::constant)) return constant(nodes_[a].value + nodes_[b].value);
+  if (is_constant(a) && is_constant(b)) return folded(std::plus(), a, b);
   if (is(a, 0.0)) return b;
   if (is(b, 0.0)) return a;
   if (is(b, Op::negate)) return difference(a, nodes_[b].operand[0]);
@@ -127,7 +142,7 @@ Id Graph::sum(Id a, Id b) {
 }
 
 Id Graph::difference(Id a, Id b) {
-  if (is(a, Op::constant) && is(b, Op::constant)) return constant(nodes_[a].value - nodes_[b].value);
+  if (is_constant(a) && is_constant(b)) return folded(std::minus(), a, b);
   if (is(b, 0.0)) return a;
   if (is(a, 0.0)) return negated(b);
   if (a == b) return constant(0.0);
@@ -137,7 +152,7 @@ Id Graph::difference(Id a, Id b) {
 }
 
 Id Graph::product(Id a, Id b) {
-  if (is(a, Op::constant) && is(b, Op::constant)) return constant(nodes_[a].value * nodes_[b].value);
+  if (is_constant(a) && is_constant(b)) return folded(std::multiplies(), a, b);
   if (is(b, Op::constant)) std::swap(a, b);
   if (is(a, 0.0)) return a;
   if (is(a, 1.0)) return b;
@@ -149,9 +164,9 @@ Id Graph::product(Id a, Id b) {
 }
 
 Id Graph::quotient(Id a, Id b) {
-  if (is(a, Op::constant) && is(b, Op::constant)) return constant(nodes_[a].value / nodes_[b].value);
+  if (is_constant(a) && is_constant(b)) return folded(std::divides(), a, b);
   if (is(b, 1.0) || is(a, 0.0)) return a;
-  if (is(b, Op::constant)) return product(a, constant(1.0 / nodes_[b].value));
+  if (is_constant(b)) return product(a, folded(std::divides(), constant(1.0), b));
   if (is(a, Op::negate)) return negated(quotient(nodes_[a].operand[0], b));
   if (is(b, Op::negate)) return negated(quotient(a, nodes_[b].operand[0]));
   return find_or_put(Op::divide, a, b, -1);
@@ -167,7 +182,7 @@ Id Graph::product_and(Op op, Id a, Id b, Id c) {
   const Op other = op == Op::fma ? Op::fnma : Op::fma;
   if (is(b, Op::constant)) std::swap(a, b);
   if (is(a, 0.0)) return c;
-  const bool needs_no_fma = is(c, 0.0) || is(a, 1.0) || is(a, -1.0) || (is(a, Op::constant) && is(b, Op::constant));
+  const bool needs_no_fma = is(c, 0.0) || is(a, 1.0) || is(a, -1.0);
   if (needs_no_fma) return op == Op::fma ? sum(c, product(a, b)) : difference(c, product(a, b));
   if (is(a, Op::negate)) return product_and(other, nodes_[a].operand[0], b, c);
   if (is(b, Op::negate)) return product_and(other, a, nodes_[b].operand[0], c);
@@ -253,7 +268,7 @@ Id Graph::operation(Op op, Id a, Id b, Id c) {
       a = operation(op, nodes_[a].operand[0]);
       return op == Op::sine ? negated(a) : a;
     case Op::sqrt:
-      if (is(a, Op::constant)) return constant(std::sqrt(nodes_[a].value));
+      if (is_constant(a)) return folded([](auto x, auto) { return std::sqrt(x); }, a, a);
       return find_or_put(op, a, b, c);
     default: return find_or_put(op, a, b, c);
   }
@@ -363,6 +378,22 @@ std::vector<Id> Graph::effect_if(Id condition, std::vector<Write> stores, const 
     item.place.push_back(store.place);
   }
   return item.variable;
+}
+
+std::vector<Id> Graph::run(int subroutine, std::vector<Write> arguments, const std::vector<Place>& results,
+                           const std::vector<bool>& masks) {
+  const int number = static_cast<int>(items_.size());
+  Item& item = items_.emplace_back();
+  item.kind = Item::effect;
+  item.subroutine = subroutine;
+  item.stores = std::move(arguments);
+  item.place = results;
+  for (std::size_t i = 0; i < results.size(); ++i) {
+    const Id put = variable(number);
+    nodes_[put].mask = masks[i];
+    items_[number].variable.push_back(put);
+  }
+  return items_[number].variable;
 }
 
 void Graph::forget() {

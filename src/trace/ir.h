@@ -7,6 +7,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <string>
 #include <unordered_map>
 #include <vector>
@@ -95,6 +96,8 @@ struct Item {
   Call call = Call::none;  ///< the same as `code`, for machine code
   Id condition = -1;
   std::vector<Place> place;  ///< by variable
+  // An effect that runs a subroutine: its stores are what that reads, its variables what that changes.
+  int subroutine = -1;
 };
 
 class Graph {
@@ -138,6 +141,11 @@ class Graph {
   std::vector<Id> effect_if(Id condition, std::vector<Write> stores, const std::string& code, Call call,
                             const std::vector<Write>& changed);
 
+  /// Stores the arguments and runs a subroutine, in a scope or outside. Returns the results: the numbers at these
+  /// places behind it. `masks` tells which of them are masks.
+  std::vector<Id> run(int subroutine, std::vector<Write> arguments, const std::vector<Place>& results,
+                      const std::vector<bool>& masks);
+
   void name(Id id, const std::string& name);
   /// Whether the mask is true in all lanes, whatever their values, or in none.
   bool everywhere(Id mask) const;
@@ -145,7 +153,12 @@ class Graph {
 
   const std::vector<Node>& nodes() const { return nodes_; }
   const std::vector<Item>& items() const { return items_; }
+  std::vector<Item>& items() { return items_; }
   const std::map<Id, std::string>& names() const { return names_; }
+
+  /// Graphs that this one runs, each from several places. They read and write numbers that are handed to them
+  /// (Access::handed), and run no others.
+  std::vector<std::shared_ptr<Graph>> subroutines;
 
  private:
   using Key = std::array<Id, 4>;
@@ -156,6 +169,10 @@ class Graph {
       return hash ^ (hash >> 32);
     }
   };
+
+  bool is_constant(Id id) const { return is(id, Op::constant) || is(id, Op::by_precision); }
+  template <class Operation>
+  Id folded(Operation operation, Id a, Id b);
 
   Id put(Node node);
   int item_of(const Node& node);
@@ -180,7 +197,7 @@ class Graph {
   std::unordered_map<Key, Id, Hash> known_;
   std::map<std::string, Id> inputs_;
   std::map<std::uint64_t, Id> constants_;  ///< by bits, as NaN has no order
-  std::map<std::pair<double, double>, Id> by_precision_;
+  std::map<std::pair<std::uint64_t, std::uint64_t>, Id> by_precision_;
   std::map<Id, std::string> names_;
   /// A scope that is open, and what is known only within it.
   struct Scope {

@@ -36,6 +36,12 @@ void solve_bounds(const Tables<double>& t, const StatePointers<double>& batch, T
 
 namespace {
 
+// Whether the bounds and the guard of a leapfrog step are traced as scopes.
+bool traces_stages(const Tables<double>& t) {
+  return !counting && tracer->scopes && t.integrator == Integrator::leapfrog &&
+         (!t.rounds.used() || trace::traces_bounds(t));
+}
+
 // Looks are not reassociated.
 template <class Look>
 void tracer_aside(Look look) {
@@ -81,14 +87,22 @@ bool bounds_active(const Tables<double>& t, const StatePointers<double>& batch, 
   return false;
 }
 
-// Straight-line code finds the lanes in which bounds act, and a called stage takes the step again in these.
+// Without scopes, straight-line code finds the lanes in which bounds act, and a called stage takes the step again in
+// these.
 void bound_prediction(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time) {
-  if (counting || !tracer->learns())
-    tracer_aside([&] { x.bounds.candidate = bounds_act_on_prediction(t, batch, x, time); });
+  if (!counting && tracer->learns()) return;
+  tracer_aside([&] {
+    if (traces_stages(t)) return bound_prediction<Traced>(t, batch, x, time);
+    x.bounds.candidate = bounds_act_on_prediction(t, batch, x, time);
+  });
 }
+bool all_bounded(const Tables<double>& t, const Tile<Traced>&) { return traces_stages(t) && t.bounds.always; }
 void bound_stages(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time) {
-  if (counting || !tracer->learns())
-    tracer_aside([&] { x.bounds.candidate = x.bounds.candidate | bounds_act_on_stages(t, batch, x, time); });
+  if (!counting && tracer->learns()) return;
+  tracer_aside([&] {
+    if (traces_stages(t)) return bound_stages<Traced>(t, batch, x, time);
+    x.bounds.candidate = x.bounds.candidate | bounds_act_on_stages(t, batch, x, time);
+  });
 }
 void keep_state(Tile<Traced>&) {
   if (!counting) tracer->keep_state();
@@ -129,14 +143,21 @@ void find_contacts_at_midpoint(const Tables<double>& t, Tile<Traced>&) {
         "compiled or generated code",
         "use Engine::tables or automatic");
 }
-void settle(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {}
-void judge(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>& x) {
-  if (counting || !tracer->learns())
-    tracer_aside([&] { x.guard.coarse = is_coarse(t, x, squared_coarseness(t, x)) | turns_far(t, x); });
+void settle(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
+  if (counting || tracer->learns() || !traces_stages(t)) return;
+  tracer->aside([&] { settle<Traced>(t, batch, x); });
 }
-void audit_if(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>& x) {
+void judge(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
+  if (!counting && tracer->learns()) return;
+  tracer_aside([&] {
+    if (traces_stages(t)) return judge<Traced>(t, batch, x);
+    x.guard.coarse = is_coarse(t, x, squared_coarseness(t, x)) | turns_far(t, x);
+  });
+}
+void audit_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
   if (counting) return;
   if (tracer->learns()) return tracer->leave_out();
+  if (tracer->scopes) return tracer->aside([&] { audit_if<Traced>(t, batch, x); });
   const Traced fastest = farthest(x.next.v, t.velocities, farthest(x.state.v, t.velocities, Traced(0.0)));
   tracer->audit_if((beyond(fastest, Traced(t.fast_above)) & ~x.frozen).id);
 }
@@ -144,6 +165,10 @@ void step_again_if(const Tables<double>& t, const StatePointers<double>&, Tile<T
   if (counting) return;
   if (tracer->learns()) return tracer->leave_out();
   x.too_fast = Traced::none();
+  if (traces_stages(t)) {
+    if (t.guarded) tracer->halves_if(x.guard.coarse.id);
+    return;
+  }
   Traced::Mask lanes = Traced::none();
   if (t.rounds.used()) lanes = lanes | x.bounds.candidate;
   if (t.guarded) lanes = lanes | x.guard.coarse;
@@ -178,7 +203,7 @@ void check(const Tables<double>& t, const StatePointers<double>& batch, Tile<Tra
 }
 void hold_if(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>&, Traced::Mask held,
              Traced::Mask failed) {
-  if (!counting) tracer->hold_if(held.id, failed.id, t.turning.count > 0);
+  if (!counting) tracer->hold_if(held.id, failed.id, t.turning.count > 0, t.audited);
 }
 
 }  // namespace lockstep::kernels
@@ -272,7 +297,7 @@ Tracing trace_once(const Program& program, bool consistent, bool scopes, const L
     tracing.learn();
   kernels::step(t, batch, x);
   tracing.keep_state();
-  return {std::move(tracing.graph), tracing.sums()};
+  return {tracing.take_graph(), tracing.sums()};
 }
 
 }  // namespace
@@ -280,8 +305,8 @@ Tracing trace_once(const Program& program, bool consistent, bool scopes, const L
 bool traces_bounds(const Tables<double>& t) {
   constexpr int most_velocities = 30;  // the rounds of more do not fit into the first cache: the tables are faster
   return t.rounds.used() && t.rounds.columns.n <= most_velocities && t.method != Method::pgs &&
-         t.rounds.slots.count == 0 && t.rounds.from_bodies.count == 0 && t.integrator == Integrator::euler &&
-         !t.record_diagnostics && !t.record_impulses;
+         t.rounds.slots.count == 0 && t.rounds.from_bodies.count == 0 && !t.record_diagnostics && !t.record_impulses &&
+         (t.integrator == Integrator::euler || (t.rounds.in_stages && !t.rounds.at_midpoint && t.input_times == 1));
 }
 
 TracedStep trace_step(const Program& program, bool scopes) {

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "cost.h"
+#include "liveness.h"
 #include "simd/sincos.h"
 
 namespace lockstep::trace {
@@ -65,6 +66,22 @@ std::vector<Part> parts(const Traced*) { return {{"", ""}}; }
 std::vector<Part> parts(const Traced::Mask*) { return {{"", "", true}}; }
 std::vector<Part> parts(const kernels::Branch<Traced>*) {
   return {{".low", "_low", true}, {".high", "_high", true}, {".stuck", "_stuck", true}, {".impulse", "_impulse"}};
+}
+std::vector<Part> parts(const kernels::AuditState<Traced>*) {
+  return {{".gained", "_gained"},
+          {".most", "_most"},
+          {".kinetic", "_kinetic"},
+          {".potential", "_potential"},
+          {".known", "_known", true}};
+}
+std::vector<Part> parts(const kernels::StageRow<Traced>*) {
+  std::vector<Part> all;
+  for (const char* end : {"low", "high"})
+    for (const char* number : {"gap", "rate", "restitution", "time", "arrival", "gained"})
+      all.push_back({fmt::format(".{}.{}", end, number), fmt::format("_{}_{}", end, number)});
+  for (const char* number : {"most", "prescribed", "force", "direction", "reversal", "inertia_share"})
+    all.push_back({fmt::format(".{}", number), fmt::format("_{}", number)});
+  return all;
 }
 std::vector<Part> parts(const simd::Vec3<Traced>*) { return {{".x", "_x"}, {".y", "_y"}, {".z", "_z"}}; }
 std::vector<Part> parts(const simd::Mat3<Traced>*) {
@@ -150,8 +167,25 @@ Tracer::Tracer(const Tables<double>& tables, TracedTile& tile) : tile_(tile) {
   add_mask(tile.singular, "singular", Access::singular, Lifetime::step);
   if (tables.guarded || tables.audited) add_mask(tile.too_fast, "too_fast", Access::too_fast, Lifetime::step);
   add_mask(tile.bounds.candidate, "bounds.candidate", Access::candidate, Lifetime::stage);
-  add_mask(tile.bounds.invalid, "bounds.invalid", Access::nowhere, Lifetime::stage);
-  tile.servos.decided = Traced::none();
+  // Numbers that code changes in scopes and in subroutines, but has not in the tile's memory.
+  const auto add_own = [&](Traced::Mask& mask, const char* name) {
+    add_mask(mask, name, Access::nowhere, Lifetime::stage);
+    mask = Traced::none();
+  };
+  add_own(tile.bounds.invalid, "bounds.invalid");
+  add_own(tile.servos.decided, "servos.decided");
+  add_own(tile.search.open, "search.open");
+  add_own(tile.search.going_on, "search.going_on");
+  add_own(tile.stage_bounds.opened, "stage_bounds.opened");
+  add_own(tile.stage_bounds.factored, "stage_bounds.factored");
+  add_own(tile.stage_bounds.searched, "stage_bounds.searched");
+  const auto add_scalar = [&](Traced& number, const char* name) {
+    add_number(&number.id, {fmt::format("x.{}", name), Access::nowhere}, name, Lifetime::stage, nullptr, false);
+    number = Traced(0.0);
+  };
+  add_scalar(tile.servos.duration, "servos.duration");
+  add_scalar(tile.guard.eta, "guard.eta");
+  add_scalar(tile.guard.size, "guard.size");
 }
 
 void Tracer::add_number(Id* now, const Place& place, const std::string& name, Lifetime lasts, const void* array,
@@ -289,6 +323,67 @@ void Tracer::repeat_while(Id& mask, int most, const std::function<void()>& body)
   }
 }
 
+namespace {
+
+Place handed(std::size_t number) {
+  return {fmt::format("handed[{}]", number), Access::handed, static_cast<int>(number)};
+}
+
+}  // namespace
+
+void Tracer::subroutine(const std::pair<const void*, std::string>& key, const std::function<void()>& body) {
+  auto known = subroutines_.find(key);
+  if (known == subroutines_.end()) known = subroutines_.emplace(key, trace_subroutine(body)).first;
+  const Subroutine& own = known->second;
+  std::vector<Write> arguments;
+  for (std::size_t i : own.read) arguments.push_back({handed(i), *numbers_[i].now});
+  std::vector<Place> results;
+  std::vector<bool> masks;
+  for (std::size_t i : own.changed) results.push_back(handed(i)), masks.push_back(numbers_[i].mask);
+  const std::vector<Id> after = graph.run(own.number, std::move(arguments), results, masks);
+  for (std::size_t k = 0; k < after.size(); ++k) {
+    *numbers_[own.changed[k]].now = after[k];
+    graph.name(after[k], numbers_[own.changed[k]].name);
+  }
+}
+
+// Each number of the tile is handed to it, but for what is the same in all steps of a call: that is a constant, or in
+// the tile's memory.
+Tracer::Subroutine Tracer::trace_subroutine(const std::function<void()>& body) {
+  const Graph around = std::exchange(graph, {});
+  const std::vector<Id> before = numbers_now();
+  for (std::size_t i = 0; i < numbers_.size(); ++i) {
+    TileNumber& number = numbers_[i];
+    const Node& node = around.nodes()[*number.now];
+    const bool lasts = number.lasts == Lifetime::call;
+    if (lasts && node.op == Op::constant)
+      *number.now = graph.constant(node.value);
+    else
+      *number.now = graph.input(lasts && *number.now == number.stored ? number.place : handed(i), number.mask);
+    graph.name(*number.now, number.name);
+  }
+  const std::vector<Id> inputs = numbers_now();
+  body();
+  Subroutine made{static_cast<int>(graphs_.size()), {}, changed_since(inputs)};
+  std::vector<Write> results;
+  for (std::size_t i : made.changed) results.push_back({handed(i), *numbers_[i].now});
+  graph.effect(std::move(results), "");
+  const std::vector<int> uses = use_counts(graph);
+  for (std::size_t i = 0; i < numbers_.size(); ++i) {
+    const Node& node = graph.nodes()[inputs[i]];
+    if (node.op == Op::input && node.place.array == Access::handed && uses[inputs[i]] > 0) made.read.push_back(i);
+    *numbers_[i].now = before[i];
+  }
+  graphs_.push_back(std::make_shared<Graph>(std::exchange(graph, around)));
+  return made;
+}
+
+Graph Tracer::take_graph() {
+  graph.subroutines = std::move(graphs_);
+  drop_unread_results(graph);
+  return std::move(graph);
+}
+
 void Tracer::run(const std::string& code, Call call) {
   if (learns_ && call != Call::none) return leave_out();
   graph.effect(changed(&Tracer::is_shared), code, call);
@@ -313,13 +408,14 @@ void Tracer::run_if(Id condition, std::vector<Write> stores, const std::string& 
   }
 }
 
-void Tracer::hold_if(Id condition, Id failed, bool turns) {
+void Tracer::hold_if(Id condition, Id failed, bool turns, bool audits) {
   std::vector<Write> flags;
   for (const TileNumber& number : numbers_)
     if (!number.array && number.lasts != Lifetime::stage) flags.push_back({number.place, *number.now});
   flags.push_back({{"const typename T::Mask failed", Access::failed}, failed});
   std::set<const void*> ends = {tile_.next.q, tile_.next.v, tile_.next.pose};
-  if (turns) ends.insert(&tile_.frozen.id);  // a lane may lose count
+  if (turns) ends.insert(&tile_.frozen.id);    // a lane may lose count
+  if (audits) ends.insert(tile_.audit.state);  // the reason of a fault, and what is known if a joint has turned
   run_if(condition, std::move(flags), "hold(t, batch, x, failed);", Call::hold, ends);
 }
 
@@ -337,9 +433,14 @@ void Tracer::step_again_if(Id candidate) {
          Call::step_again, {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.singular.id, &tile_.too_fast.id});
 }
 
+void Tracer::halves_if(Id coarse) {
+  run_if(coarse, {{{"x.bounds.candidate", Access::candidate}, coarse}}, "step_in_halves(t, batch, x);", Call::halves,
+         {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.singular.id, &tile_.too_fast.id});
+}
+
 void Tracer::audit_if(Id fast) {
-  run_if(fast, {{{"x.audit.fast", Access::fast}, fast}}, "x.audit.known = false;\naudit(t, batch, x);", Call::audit,
-         {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.too_fast.id});
+  run_if(fast, {{{"x.audit.fast"}, fast}}, "x.audit.state->known = T::none();\naudit(t, batch, x);", Call::none,
+         {tile_.next.q, tile_.next.v, tile_.next.pose, tile_.audit.state, &tile_.too_fast.id});
 }
 
 void Tracer::keep_state() {

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <functional>
+#include <map>
 #include <memory>
 #include <set>
 #include <utility>
@@ -29,13 +30,15 @@ class Tracer {
   /// Records code that works on the tile in memory. Changed numbers are stored before it and read again after it.
   void run(const std::string& code, Call call = Call::none);
   /// Records hold() under a condition. The new state and the masks are stored, and the state is read again.
-  void hold_if(Id condition, Id failed, bool turns);
+  void hold_if(Id condition, Id failed, bool turns, bool audits);
   /// Records solve_bounds() under a condition. Everything is stored except for `unread` arrays, and the new state is
   /// read again.
   void solve_bounds_if(Id candidate, const std::set<const void*>& unread);
   /// Records step_again() under a condition. The tile in memory has the state at the start of the step, and the new
   /// state is read again.
   void step_again_if(Id candidate);
+  /// Records step_in_halves() under a condition. The same holds for it.
+  void halves_if(Id coarse);
   /// Records audit() under a condition.
   void audit_if(Id fast);
   /// Writes the changed numbers of the state to the tile's memory: for called stages, and for the next step.
@@ -59,6 +62,11 @@ class Tracer {
   void when(Id mask, bool unless, const std::function<void()>& body);
   /// Records `body` as a scope that runs while a lane of the mask is true, at most so often.
   void repeat_while(Id& mask, int most, const std::function<void()>& body);
+  /// Runs `body` as a subroutine: it is traced once, and reads and changes numbers of the tile. The key tells which it
+  /// is.
+  void subroutine(const std::pair<const void*, std::string>& key, const std::function<void()>& body);
+  /// The graph of the whole step.
+  Graph take_graph();
   Id sum(Op op, Id a, Id b);
   /// A multiply-add. It is a sum if one factor is 1 or -1.
   Id product_and(Op op, Id a, Id b, Id c);
@@ -96,6 +104,12 @@ class Tracer {
     return number.lasts == kernels::Lifetime::step || number.lasts == kernels::Lifetime::state;
   }
 
+  struct Subroutine {
+    int number = -1;                         ///< in graphs_
+    std::vector<std::size_t> read, changed;  ///< numbers of the tile
+  };
+  Subroutine trace_subroutine(const std::function<void()>& body);
+
   friend struct Take;
   void add_number(Id* now, const Place& place, const std::string& name, kernels::Lifetime lasts, const void* array,
                   bool mask);
@@ -114,6 +128,8 @@ class Tracer {
   std::size_t used_ = 0;
   int arrays_ = 0;
   std::vector<TileNumber> numbers_;
+  std::vector<std::shared_ptr<Graph>> graphs_;  ///< of subroutines
+  std::map<std::pair<const void*, std::string>, Subroutine> subroutines_;
   std::vector<int> number_at_;  ///< by place in the block: index in numbers_, -1 if none
   std::vector<Rows> rows_;
   const std::vector<std::vector<Term>>* terms_ = nullptr;

@@ -17,11 +17,14 @@ namespace lockstep::jit {
 template <class T, class Row>
 class Evaluation {
  public:
-  Evaluation(const trace::Graph& graph, const TilePlaces& places, const Frame& frame, Row row)
+  /// `handed` are numbers that subroutines read and change, by number.
+  Evaluation(const trace::Graph& graph, const TilePlaces& places, const Frame& frame, Row row,
+             std::map<int, T>* handed = nullptr)
       : graph_(graph),
         places_(places),
         frame_(frame),
         row_(row),
+        handed_(handed ? *handed : own_handed_),
         uses_(trace::use_counts(graph)),
         value_(graph.nodes().size()) {}
 
@@ -85,7 +88,7 @@ class Evaluation {
       const trace::Item& item = graph_.items()[static_cast<std::size_t>(i)];
       if (item.kind == trace::Item::straight) compute(item);
       if (item.kind == trace::Item::loop) loop(item);
-      if (item.kind == trace::Item::effect) effect(item);
+      if (item.kind == trace::Item::effect) item.subroutine >= 0 ? run_subroutine(item) : effect(item);
       if (item.kind != trace::Item::begin_scope) continue;
       scope(item, i + 1);
       i = item.other_end;
@@ -123,6 +126,13 @@ class Evaluation {
     for (std::size_t i = 0; i < variables.size(); ++i) value_[static_cast<std::size_t>(variables[i])] = numbers[i];
   }
 
+  void run_subroutine(const trace::Item& item) {
+    for (const trace::Write& argument : item.stores) handed_[argument.place.number] = value(argument.value);
+    Evaluation(*graph_.subroutines[static_cast<std::size_t>(item.subroutine)], places_, frame_, row_, &handed_).run();
+    for (std::size_t i = 0; i < item.variable.size(); ++i)
+      value_[static_cast<std::size_t>(item.variable[i])] = handed_[item.place[i].number];
+  }
+
   void effect(const trace::Item& item) {
     for (std::size_t i = 0; i < item.variable.size(); ++i)
       value_[static_cast<std::size_t>(item.variable[i])] = value(item.start[i]);
@@ -130,7 +140,11 @@ class Evaluation {
     std::vector<std::pair<trace::Place, T>> writes;
     for (std::size_t i = 0; i < item.variable.size(); ++i) writes.push_back({item.place[i], value(item.start[i])});
     for (const trace::Write& store : item.stores) writes.push_back({store.place, value(store.value)});
-    for (const auto& [place, number] : writes) std::memcpy(address(place), &number, sizeof(T));
+    for (const auto& [place, number] : writes)
+      if (place.array == Access::handed)
+        handed_[place.number] = number;
+      else
+        std::memcpy(address(place), &number, sizeof(T));
     if (item.call != Call::none) places_.call(&frame_, static_cast<int>(item.call));
     for (std::size_t i = 0; i < item.variable.size(); ++i)
       value_[static_cast<std::size_t>(item.variable[i])] = read(item.place[i]);
@@ -145,6 +159,7 @@ class Evaluation {
   }
   T read(const trace::Place& place) const {
     if (place.array >= Access::first_row) return row_(place.array, place.number);
+    if (place.array == Access::handed) return handed_[place.number];
     T number;
     std::memcpy(&number, address(place), sizeof(T));
     return number;
@@ -154,6 +169,8 @@ class Evaluation {
   const TilePlaces& places_;
   const Frame& frame_;
   Row row_;
+  std::map<int, T> own_handed_;
+  std::map<int, T>& handed_;
   std::vector<int> uses_;
   std::vector<T> value_;  // by node
 };

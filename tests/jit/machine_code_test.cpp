@@ -21,7 +21,7 @@ namespace {
 template <class T>
 struct TileMemory {
   using S = typename T::Scalar;
-  static constexpr int masks = 5, rows = 7;
+  static constexpr int masks = 4, rows = 7;
   std::vector<T> block, tile, slots, row;
 
   explicit TileMemory(std::uint64_t seed, int slot_count = 64)
@@ -64,8 +64,7 @@ TilePlaces places_of() {
   const auto size = static_cast<std::ptrdiff_t>(sizeof(T));
   for (int i = 0; i < random_arrays; ++i) places.first[i] = i * random_numbers * size;
   places.arrays = random_arrays;
-  places.frozen = 0, places.singular = size, places.too_fast = 2 * size, places.candidate = 3 * size,
-  places.fast = 4 * size;
+  places.frozen = 0, places.singular = size, places.too_fast = 2 * size, places.candidate = 3 * size;
   places.bytes = static_cast<int>(size), places.fused = true, places.call = disturb<T>;
   return places;
 }

@@ -1,21 +1,27 @@
 // Random graphs with every kind of node and effect. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <memory>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "trace/ir.h"
+#include "trace/liveness.h"
 
 namespace lockstep::jit {
 
 /// The arrays of the tile of a random graph, each of `numbers` numbers.
 enum RandomArray : int { state_array, variable_array, out_array, lasting_array, random_arrays };
-constexpr int random_numbers = 12;
+constexpr int random_numbers = 12, random_handed = 9;
 
 class RandomGraph {
  public:
   RandomGraph(std::uint64_t seed, int operations) : random_(seed) {
+    for (int s = below(3); s > 0; --s) add_subroutine();
     for (int i = 0; i < random_numbers; ++i) add(input(state_array, i));
     while (made_ < operations) {
       const int kind = below(40);
@@ -27,12 +33,15 @@ class RandomGraph {
         always_call();
       else if (kind == 3)
         below(2) ? loop() : scope(2);
+      else if (kind == 4)
+        run_subroutine();
       else
         operation(numbers_);
     }
     std::vector<trace::Write> kept;  // some numbers of the state change places
     for (int i = 0; i < random_numbers; ++i) kept.push_back({place(state_array, i), any_of(numbers_)});
     graph.effect(kept, "");
+    trace::drop_unread_results(graph);
   }
 
   trace::Graph graph;
@@ -146,6 +155,7 @@ class RandomGraph {
     for (int i = 4 + below(20); i > 0; --i) {
       operation(numbers_);
       if (below(8) == 0 && deepest > 0) scope(deepest - 1);
+      if (below(8) == 0) run_subroutine();
       if (below(12) == 0) loop();
     }
     std::vector<trace::Id> more = {outside[outside.size() - 1], outside[outside.size() - 2]}, next;
@@ -161,8 +171,50 @@ class RandomGraph {
     numbers_.insert(numbers_.end(), after.begin() + (repeats ? 1 : 0), after.end());
   }
 
+  static trace::Place handed(int number) { return {"handed" + std::to_string(number), Access::handed, number}; }
+
+  // It changes some of the numbers that are handed to it, the first of which is a mask. Others go through it.
+  void add_subroutine() {
+    trace::Graph around = std::exchange(graph, {});
+    masks_ = {graph.input(handed(0), true)};
+    for (int i = 1; i < random_handed; ++i) numbers_.push_back(graph.input(handed(i), false));
+    for (int i = 10 + below(30); i > 0; --i) {
+      operation(numbers_);
+      if (below(10) == 0) scope(1);
+      if (below(12) == 0) loop();
+    }
+    std::vector<trace::Write> results{{handed(0), any_mask()}};
+    for (int i = 1; i < random_handed; ++i)
+      if (below(3) > 0)  // numbers stay small, whatever is run how often
+        results.push_back({handed(i), graph.operation(trace::Op::sine, any_of(numbers_))});
+    graph.effect(results, "");
+    around.subroutines.push_back(std::make_shared<trace::Graph>(std::exchange(graph, around)));
+    graph = around;
+    numbers_.clear(), masks_.clear(), made_ = 0;
+  }
+
+  // Often with the numbers that a run before has left.
+  void run_subroutine() {
+    if (graph.subroutines.empty()) return;
+    const int which = below(static_cast<int>(graph.subroutines.size()));
+    std::vector<trace::Write> arguments{{handed(0), any_mask()}};
+    for (int i = 1; i < random_handed; ++i)
+      arguments.push_back({handed(i), below(2) && left_[i] >= 0 && is_known(left_[i]) ? left_[i] : any_of(numbers_)});
+    std::vector<trace::Place> results;
+    std::vector<bool> masks;
+    for (const trace::Write& result : graph.subroutines[static_cast<std::size_t>(which)]->items().back().stores)
+      if (below(4) > 0) results.push_back(result.place), masks.push_back(result.place.number == 0);
+    const std::vector<trace::Id> after = graph.run(which, arguments, results, masks);
+    for (std::size_t i = 0; i < after.size(); ++i) {
+      (masks[i] ? masks_ : numbers_).push_back(after[i]);
+      left_[results[i].number] = after[i];
+    }
+  }
+  bool is_known(trace::Id id) const { return std::find(numbers_.begin(), numbers_.end(), id) != numbers_.end(); }
+
   std::mt19937_64 random_;
   std::vector<trace::Id> numbers_, masks_;
+  std::vector<trace::Id> left_ = std::vector<trace::Id>(random_handed, -1);  // by number that is handed
   int made_ = 0;
 };
 

@@ -376,28 +376,28 @@ LOCKSTEP_INLINE T found_change(const Tile<T>& x, int k) {
   return select(x.held.mask[k], x.held.raw[k], x.held.rhs[k]);
 }
 
-/// Rounds until all lanes have finished. `phases` is 1 where both have the same solution. A search with the matrix of
-/// the one before goes on with its factor, and in the lanes `going_on` with its branches.
+/// Rounds until all lanes of x.search.open have finished. `phases` is 1 where both have the same solution. A search
+/// with the matrix of the one before goes on with its factor unless `other_matrix`, which is all lanes or none, and in
+/// the lanes x.search.going_on with its branches.
 template <class T>
 void search_held_velocities(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int phases,
-                            typename T::Mask open, bool same_matrix, typename T::Mask going_on, Tile<T>& x) {
+                            typename T::Mask other_matrix, Tile<T>& x) {
   const int budget = all_move + rounds_for_each * (t.bounds.single + t.limited_servos.count);
-  const auto other_guess = guess(t, batch, phases, open, going_on, x);
+  auto& open = x.search.open;
+  const auto other_guess = guess(t, batch, phases, open, x.search.going_on, x);
   for (int r = 0; r < t.bounds.single; ++r)
     x.held.light[r] = T(1) / x.held.matrix[t.rounds.columns.offset[t.rounds.velocity[r]]];
-  for (int z = 0; z < t.rounds.columns.n && !same_matrix; ++z) x.held.mask[z] = T::none();
-  bool factored = same_matrix && !any(other_guess);
+  for (int z = 0; z < t.rounds.columns.n; ++z) x.held.mask[z] = x.held.mask[z] & ~other_matrix;
   const auto round = [&](bool first, typename T::Mask one_by_one) {
     for (int p = 0; p < phases; ++p) {
       auto other = set_goals(t, Phase(p), x);
       other = other | round_terms(t, batch, Phase(p), x);
-      const auto factor = [&] {
+      if (first && p == 0) other = other | other_guess | other_matrix;
+      when(x, other, [&] {
         copy_matrix(t, x);
         const auto weak = factor_masked(t, x);
         if (first && p == 0) x.singular = weak;
-      };
-      factored ? when(x, other, factor) : factor();
-      factored = true;
+      });
       solve_masked(t, Phase(p), x.held.start, x);
     }
     open = move_pieces(t, batch, phases, one_by_one, open, x);

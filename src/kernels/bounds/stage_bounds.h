@@ -18,7 +18,7 @@ LOCKSTEP_INLINE T never() {
 /// Distances and speeds below this are zero: a row is at its end, and does not slip.
 template <class T>
 LOCKSTEP_INLINE T at_rest() {
-  return T(ScalarOf<T>(sizeof(ScalarOf<T>) == 4 ? 1e-6 : 1e-13));
+  return T::by_precision(1e-6, 1e-13);
 }
 
 /// A range has this gap at an end, by joint j.
@@ -128,7 +128,7 @@ void open_rows(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& b
     row.reversal = absolute(row.direction);
     row.inertia_share = share_of_inertia(t, batch, x, r);
     const T demand = row.low.gap + row.high.gap + row.most + row.force + row.prescribed;
-    x.bounds.invalid = x.bounds.invalid | beyond(demand, T(largest_number<ScalarOf<T>>));
+    x.bounds.invalid = x.bounds.invalid | beyond(demand, largest<T>());
   }
 }
 

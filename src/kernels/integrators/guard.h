@@ -70,18 +70,16 @@ T squared_change_of_bias(const Tables<ScalarOf<T>>& t, Tile<T>& x, T time) {
   return select(beyond(square, T(0)), time * time * square / x.guard.size, T(0));
 }
 
-/// (M92): eta with the bias forces after a landing, which the stages do not have.
+/// (M92): eta with the bias forces after a landing, which the stages do not have, by the share of the step after which
+/// the first row has landed.
 template <class T>
-T squared_coarseness_of_landings(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  const T first = first_landing(t, x);
-  const auto landed = less(first, T(1)) & x.bounds.candidate;
-  if (!any(landed)) return T(0);
+T squared_coarseness_of_landings(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, T first,
+                                 Tile<T>& x) {
   for (int k = 0; k < t.velocities; ++k) x.guard.bias[k] = x.dynamics.bias[k];
   for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];
   for (int k = 0; k < t.velocities; ++k) x.state.v[k] = x.next.v[k];
   bias_forces(t, batch, x);
-  const T eta = squared_change_of_bias(t, x, T(t.step) * (T(1) - first));
-  return select(landed, eta, T(0));
+  return squared_change_of_bias(t, x, T(t.step) * (T(1) - first));
 }
 
 /// Lanes in which a joint turns so far in the step that bias forces may depend on where in the step they are taken.
@@ -116,10 +114,16 @@ void judge(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   x.guard.eta = squared_coarseness(t, x);
   if (t.rounds.at_midpoint && any(x.midpoint.predicted))
     x.guard.eta = select(x.midpoint.predicted, squared_change_of_bias(t, x, T(t.step)), x.guard.eta);
-  if (t.rounds.used() && x.stage_bounds.opened)
-    x.guard.eta = farther(x.guard.eta, squared_coarseness_of_landings(t, batch, x));
-  if (const auto far = turns_far(t, x) & ~x.frozen; any(far))
-    x.guard.eta = farther(x.guard.eta, select(far, squared_coarseness_of_turns(t, batch, x), T(0)));
+  const auto take_larger = [&](typename T::Mask lanes, T eta)
+                               LOCKSTEP_INLINED { x.guard.eta = farther(x.guard.eta, select(lanes, eta, T(0))); };
+  if (t.rounds.in_stages)
+    when(x, x.stage_bounds.opened, [&] {
+      const T first = first_landing(t, x);
+      const auto landed = less(first, T(1)) & x.bounds.candidate;
+      when(x, landed, [&] { take_larger(landed, squared_coarseness_of_landings(t, batch, first, x)); });
+    });
+  const auto far = turns_far(t, x) & ~x.frozen;
+  when(x, far, [&] { take_larger(far, squared_coarseness_of_turns(t, batch, x)); });
   x.guard.coarse = is_coarse(t, x, x.guard.eta);
 }
 

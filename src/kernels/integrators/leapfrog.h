@@ -161,8 +161,7 @@ void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   x.singular = singular;
 }
 
-/// Takes the step in halves in lanes where it was too coarse. (Straight-line code takes it again from its start, also
-/// where bounds act.)
+/// Takes the step in halves in lanes where it was too coarse.
 template <class T>
 LOCKSTEP_INLINE void step_again_if(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   if (!t.guarded) return;
@@ -182,6 +181,15 @@ void leapfrog_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   }
   if (t.guarded || t.rounds.used()) step_again_if(t, batch, x);
   copy_state(t, x.stages.begin, x.state);  // lanes that fail keep it
+}
+
+/// The same where compiled code has made the step from x.state, and found the lanes of x.bounds.candidate too coarse.
+template <class T>
+void step_in_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  copy_state(t, x.state, x.stages.begin);
+  x.contacts.work = T(0);
+  take_halves(t, batch, x.bounds.candidate, 0, x);
+  copy_state(t, x.stages.begin, x.state);
 }
 
 /// Takes the step again in lanes in which straight-line code found that bounds act.

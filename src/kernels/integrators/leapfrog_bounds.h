@@ -121,9 +121,10 @@ template <class T>
 void go_on_searching(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes,
                      Tile<T>& x) {
   const auto singular = x.singular;
-  search_held_velocities(t, batch, 1, lanes, x.stage_bounds.factored, x.stage_bounds.searched & lanes, x);
+  x.search.open = lanes, x.search.going_on = x.stage_bounds.searched & lanes;
+  subroutine(t, x, "search", [&] { search_held_velocities(t, batch, 1, ~x.stage_bounds.factored, x); });
   x.singular = singular;
-  x.stage_bounds.factored = true;
+  x.stage_bounds.factored = ~T::none();
   x.stage_bounds.searched = x.stage_bounds.searched | lanes;
 }
 
@@ -176,7 +177,7 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     const Branch<T>& branch = x.search.branch[r];
     const T impulse = select(held(branch), x.held.impulse[z], branch.impulse);
     own[z] += impulse;
-    x.bounds.invalid = x.bounds.invalid | (beyond(impulse, T(largest_number<ScalarOf<T>>)) & lanes);
+    x.bounds.invalid = x.bounds.invalid | (beyond(impulse, largest<T>()) & lanes);
   }
   for (int s = 0; s < t.limited_servos.count; ++s) {
     if (!any(x.servos.bounded[s])) continue;
@@ -205,7 +206,8 @@ void open_stage_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   for (int z = 0; z < t.solver.n; ++z)
     x.stage_bounds.start[t.rounds.place[z]] = x.stages.midpoint.v[independent ? independent[z] : z];
   open_rows(t, batch, x);
-  x.stage_bounds.factored = false;
+  x.stage_bounds.opened = ~T::none();
+  x.stage_bounds.factored = T::none();
   x.stage_bounds.searched = T::none();
   for (int i = 0; i < t.limited_servos.count; ++i) x.servos.bounded[i] = T::none();
 }
@@ -227,13 +229,14 @@ void predict_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<Scala
     row.reversal = select(own, time_of_stop(speed, reached), row.reversal);
     stops = stops | own;
   }
-  if (any(stops)) bounded_stage(t, batch, lanes, 0, time, x);
+  when(x, stops, [&] { bounded_stage(t, batch, lanes, 0, time, x); });
 }
 
-/// What becomes different when the stages are taken again: rows that stop or land, servos that reach their limit.
+/// What becomes different when the stages are taken again: rows that stop or land, servos that reach their limit. Each
+/// does so once. Returns the lanes.
 template <class T>
-bool stages_differ(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes,
-                   int time, Tile<T>& x) {
+typename T::Mask stages_differ(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
+                               typename T::Mask lanes, int time, Tile<T>& x) {
   typename T::Mask differ = T::none();
   for (int i = 0; i < t.limited_servos.count; ++i) {
     const auto reaches = beyond_effort(t, batch, x, i, 0, leapfrog_stages, time) & lanes & ~x.servos.bounded[i];
@@ -248,7 +251,7 @@ bool stages_differ(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
     row.reversal = select(stops, time_of_stop(speed, reached), row.reversal);
     differ = differ | stops;
   }
-  return any(differ | (find_landings(t, x) & lanes));
+  return differ | (find_landings(t, x) & lanes);
 }
 
 /// The stages and the positions with bounds. Sets the velocities that move the positions and the final ones.
@@ -260,14 +263,16 @@ void stages_with_bounds(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   T *const mean = x.stage_bounds.mean, *const end = x.stage_bounds.end;
 
   // The stages, until nothing more lands, stops or reaches its limit.
-  do {
+  auto differ = lanes;
+  repeat_while(x, differ, 1 + 3 * rows + t.limited_servos.count, [&] {
     for (int z = 0; z < n; ++z) mean[z] = T(0);
     for (int i = 0; i < leapfrog_stages; ++i) {
       bounded_stage(t, batch, lanes, i, time, x);
       for (int z = 0; z < n; ++z) mean[z] = fma(T(A::weight[i]), x.held.velocity[z], mean[z]);
     }
     for (int z = 0; z < n; ++z) end[z] = x.held.velocity[z];
-  } while (stages_differ(t, batch, lanes, time, x));
+    differ = stages_differ(t, batch, lanes, time, x);
+  });
 
   // Positions: followers' corrections move the masses, and rows that hold have to be at their ends.
   const T h = T(t.step), weight = T(A::gamma);
@@ -304,10 +309,11 @@ template <class T>
 LOCKSTEP_INLINE void bound_prediction(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
                                       int time) {
   x.bounds.candidate = bounds_act_on_prediction(t, batch, x, time) & ~x.frozen;
-  x.stage_bounds.opened = any(x.bounds.candidate);
-  if (!x.stage_bounds.opened) return;
-  open_stage_bounds(t, batch, x);
-  predict_with_bounds(t, batch, x, time);
+  x.stage_bounds.opened = T::none();
+  when(x, x.bounds.candidate, [&] {
+    open_stage_bounds(t, batch, x);
+    predict_with_bounds(t, batch, x, time);
+  });
 }
 
 /// Whether all lanes take the stages with bounds, so that nobody needs them without.
@@ -322,16 +328,15 @@ LOCKSTEP_INLINE void bound_stages(const Tables<ScalarOf<T>>& t, const StatePoint
                                   int time) {
   x.bounds.candidate = (x.bounds.candidate | bounds_act_on_stages(t, batch, x, time)) & ~x.frozen;
   for (int i = 0; t.record_efforts && i < t.limited_servos.count; ++i) x.records.searched[i] = T::none();
-  if (!any(x.bounds.candidate)) return;
-  if (!x.stage_bounds.opened) open_stage_bounds(t, batch, x);
-  x.stage_bounds.opened = true;
-  stages_with_bounds(t, batch, x, time);
+  when(x, x.bounds.candidate, [&] {
+    when(x, ~x.stage_bounds.opened, [&] { open_stage_bounds(t, batch, x); });
+    stages_with_bounds(t, batch, x, time);
+  });
 }
 
-/// After the positions: joints that are at an end but for rounding are put there, and lanes with a fault show it.
+/// Joints that are at an end but for rounding are put there, and lanes with a fault show it.
 template <class T>
-void settle(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  if (!x.stage_bounds.opened) return;
+void settle_candidates(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   for (int i = 0; i < t.bounds.watched.count; ++i) {
     const int j = t.bounds.watched[i].joint;
     if (!t.bounds.watched[i].ranged || (t.reduction.followers > 0 && t.reduction.follower_of[j] >= 0)) continue;
@@ -348,7 +353,13 @@ void settle(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batc
   T fastest = T(0);
   for (int z = 0; z < t.solver.n; ++z) fastest = farther(fastest, x.stage_bounds.start[z]);
   T& last = x.next.v[t.velocities - 1];
-  last = select(beyond(fastest, T(t.velocity_bound)) & x.bounds.candidate, T(largest_number<ScalarOf<T>>), last);
+  last = select(beyond(fastest, T(t.velocity_bound)) & x.bounds.candidate, farther(largest<T>(), fastest), last);
+}
+
+/// After the positions, in lanes where bounds have acted.
+template <class T>
+LOCKSTEP_INLINE void settle(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  when(x, x.stage_bounds.opened, [&] { settle_candidates(t, batch, x); });
 }
 
 }  // namespace lockstep::kernels

@@ -337,8 +337,8 @@ void find_contacts_at_midpoint(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 template <class T>
 void step_from_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
   if (!t.rounds.at_midpoint) return;
-  if (!t.rounds.in_stages) x.stage_bounds.opened = false;
-  if (!x.stage_bounds.opened) x.bounds.invalid = T::none();
+  if (!t.rounds.in_stages) x.stage_bounds.opened = T::none();
+  x.bounds.invalid = x.bounds.invalid & x.stage_bounds.opened;
   auto rows = T::none(), violated = T::none(), acts = T::none();
   if (t.loops.used()) {
     rows = ~x.frozen;

@@ -116,7 +116,9 @@ void solve_by_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   const auto lanes = [&] { return x.bounds.candidate & ~x.bounds.invalid & ~x.frozen; };
   const auto search = [&](int phases) {
     for (int p = 0; p < phases; ++p) open_intervals(t, batch, Phase(p), x);
-    search_held_velocities(t, batch, phases, lanes(), false, T::none(), x);
+    x.search.open = lanes(), x.search.going_on = T::none();
+    subroutine(t, x, phases == 1 ? "search" : "search of two phases",
+               [&] { search_held_velocities(t, batch, phases, ~T::none(), x); });
   };
   const auto search_once = [&] {  // both phases have the same solution
     search(1);
@@ -150,7 +152,8 @@ void solve_by_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   T fastest = T(0);
   for (int z = 0; z < n; ++z) fastest = farther(fastest, x.dynamics.start[z]);
   T& last = x.next.v[t.velocities - 1];
-  last = select(beyond(fastest, T(t.velocity_bound)) & (first ? open : lanes_with_active_rows(x)), largest<T>(), last);
+  const auto lanes_to_check = first ? open : lanes_with_active_rows(x);
+  last = select(beyond(fastest, T(t.velocity_bound)) & lanes_to_check, farther(largest<T>(), fastest), last);
 }
 
 /// Activates violated rows and solves with them, until no further row is violated.

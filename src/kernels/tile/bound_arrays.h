@@ -95,6 +95,8 @@ struct ActiveSetSearch {
   typename T::Mask* known;        // 2 [rows] lanes whose search begins with this branch
   T retries[2];                   // by phase: how often a lane has searched again without compliance
   typename T::Mask compliant[2];  // by phase: lanes whose rows depend on each other and have compliance
+  typename T::Mask open;          // lanes that are still searching
+  typename T::Mask going_on;      // and lanes that begin where the search before has ended
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
@@ -277,9 +279,10 @@ struct StageRow {
 /// By velocity of the rounds, but for `row`.
 template <class T>
 struct StageBounds {
-  StageRow<T>* row;           // [rows]
-  bool opened;                // bounds have acted in this step
-  bool factored;              // and the matrix of the step has been factored with velocities held
+  StageRow<T>* row;  // [rows]
+  // All lanes or none, as control is data (control.h):
+  typename T::Mask opened;    // bounds have acted in this step
+  typename T::Mask factored;  // and the matrix of the step has been factored with velocities held
   typename T::Mask searched;  // lanes in which they have acted
   T* start;                   // velocity at the start of the step
   T* end;                     // velocity at its end

@@ -27,4 +27,11 @@ LOCKSTEP_INLINE void repeat_while(Tile<T>&, typename T::Mask& mask, int most, Bo
   for (int i = 0; i < most && any(mask); ++i) body();
 }
 
+/// Runs `body`, of which traced code has one copy for all places that run it by this name with these tables. The body
+/// does the same at all of them: what differs is in numbers and masks of the tile.
+template <class T, class Body>
+LOCKSTEP_INLINE void subroutine(const Tables<ScalarOf<T>>&, Tile<T>&, const char*, Body&& body) {
+  body();
+}
+
 }  // namespace lockstep::kernels

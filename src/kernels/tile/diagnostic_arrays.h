@@ -22,13 +22,26 @@ struct Motion {
   }
 };
 
-/// What the audit of energy keeps (audit.h).
+/// What the audit of energy knows (audit.h).
+template <class T>
+struct AuditState {
+  T gained;                // energy from nowhere, in all steps
+  T most;                  // the largest kinetic energy
+  T kinetic, potential;    // of the state
+  typename T::Mask known;  // these two are: all lanes or none, as control is data (control.h)
+};
+
 template <class T>
 struct Audit {
   Motion<T> motion;
+  AuditState<T>* state;   // [1]
   typename T::Mask fast;  // lanes that it is for
-  T kinetic, potential;   // of the state
-  bool known;             // these two are
+
+  template <class Take>
+  void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
+    motion.arrays(t, take);
+    take("audit.state", state, 1, Lifetime::state);
+  }
 };
 
 template <class T>

@@ -48,7 +48,7 @@ inline void arrays(const Tables<ScalarOf<T>>& t, Tile<T>& x, Take& take) {
   if (t.spatial.used()) x.spatial.arrays(t, take);
   if (t.record_diagnostics) x.diagnostics.arrays(t, take);
   if (t.records_calls()) x.records.arrays(t, take);
-  if (t.audited) x.audit.motion.arrays(t, take);
+  if (t.audited) x.audit.arrays(t, take);
 }
 
 /// Tells the step whether all placed followers are consistent (M76). If they are, and there are neither other followers
