@@ -99,25 +99,31 @@ class Allocation {
   }
 
   void run_subroutine(const Operation& o) {
-    const SubroutineRun& run = listing_.runs[static_cast<std::size_t>(o.number)];
+    const SubroutineRun& run = run_of(o);
+    if (run.calls) places_.leave_all(o.time);
     for (const Memory& at : run.changes) places_.leave(at, -1, o.time);
     places_.push_all_out();
     emit({.kind = Instruction::run, .number = run.subroutine});
   }
 
-  bool runs_subroutines_in_scope() const {
+  const SubroutineRun& run_of(const Operation& o) const { return listing_.runs[static_cast<std::size_t>(o.number)]; }
+
+  // Memory that a scope may change holds no values behind its begin.
+  void leave_what_changes_in_scope(const Operation& begin) {
+    bool runs = false, calls = false;
     int depth = 0;
-    for (auto i = static_cast<std::size_t>(uses_.now());; ++i) {
-      const Op op = listing_.operations[i].op;
-      if (op == Op::run) return true;
-      depth += begins(op) ? 1 : ends(op) ? -1 : 0;
-      if (depth == 0) return false;
+    for (auto i = static_cast<std::size_t>(uses_.now()); i == static_cast<std::size_t>(uses_.now()) || depth > 0; ++i) {
+      const Operation& o = listing_.operations[i];
+      if (o.op == Op::run) runs = true, calls = calls || run_of(o).calls;
+      depth += begins(o.op) ? 1 : ends(o.op) ? -1 : 0;
     }
+    if (runs) places_.leave_handed(begin.time);
+    if (calls) places_.leave_all(begin.time);
   }
 
   // All values that are needed in a scope or behind it are in memory where it begins and ends.
   void begin_scope(const Operation& o) {
-    if (runs_subroutines_in_scope()) places_.leave_handed(o.time);
+    leave_what_changes_in_scope(o);
     const int r = places_.load(o.from[0]);
     for (int other = 0; other < places_.registers(); ++other)
       if (other != r) places_.push_out(other);

@@ -48,7 +48,9 @@ class Encoder {
     for (std::size_t i = 0; i < code.subroutines.size(); ++i) {
       align();
       a_.L(subroutines_[i]);
+      a_.sub(Xbyak::util::rsp, 8);  // as aligned as the step itself
       put_all(code.subroutines[i]);
+      a_.add(Xbyak::util::rsp, 8);
       a_.ret();
     }
     align();

@@ -182,15 +182,26 @@ class Lowering {
     }
     out_.operations.insert(out_.operations.end(), stores.begin(), stores.end());
     for (const Operation& store : stores) handed_[store.at.offset] = time_ + 1;
-    SubroutineRun run{item.subroutine, {}, {}};
+    SubroutineRun run;
+    run.subroutine = item.subroutine;
     out_.operations.push_back({.op = Op::run, .number = static_cast<int>(out_.runs.size()), .time = ++time_});
     ++time_;
-    for (const trace::Write& result : subroutines_[item.subroutine]->items().back().stores) {
-      run.changes.push_back(memory(result.place));
-      handed_[run.changes.back().offset] = time_;
-    }
+    add_changes(item.subroutine, run);
+    for (const Memory& at : run.changes) handed_[at.offset] = time_;
     for (std::size_t i : used) run.results.push_back(value_[item.variable[i]] = new_value(memory(item.place[i])));
     out_.runs.push_back(std::move(run));
+  }
+
+  // What a subroutine hands back, and what it hands to others.
+  void add_changes(int subroutine, SubroutineRun& run) {
+    const auto add = [&](const std::vector<trace::Write>& writes) {
+      for (const trace::Write& write : writes) run.changes.push_back(memory(write.place));
+    };
+    add(subroutines_[subroutine]->items().back().stores);
+    for (const Item& item : subroutines_[subroutine]->items()) {
+      run.calls = run.calls || item.call != Call::none;
+      if (item.subroutine >= 0) add(item.stores), add_changes(item.subroutine, run);
+    }
   }
 
   Value new_value(Memory home, bool fixed = false) {

@@ -104,6 +104,7 @@ struct StageCall {
 /// A run of a subroutine, which works on numbers that are handed to it in slots.
 struct SubroutineRun {
   int subroutine = 0;
+  bool calls = false;  ///< it calls stages
   std::vector<Memory> changes;
   std::vector<Value> results;
 };

@@ -37,7 +37,8 @@ void call_stage(const jit::Frame* frame, int stage) {
     case Call::diagnose: diagnose(t, batch, x); break;
     case Call::hold: hold(t, batch, x, *static_cast<const typename T::Mask*>(frame->slots)); break;
     case Call::step_again: step_again(t, batch, x); break;
-    case Call::halves: step_in_halves(t, batch, x); break;
+    case Call::halves: halve_again(t, batch, 0, x); break;
+    case Call::quarters: halve_again(t, batch, 1, x); break;
     case Call::none: break;
   }
 }

@@ -5,7 +5,7 @@ namespace lockstep {
 
 /// Stages whose work depends on the values in the lanes. A traced step calls them as they are. `bounds` looks for
 /// active bounds first.
-enum class Call : int { none, bounds, solve_bounds, coupling_impulses, diagnose, hold, step_again, halves };
+enum class Call : int { none, bounds, solve_bounds, coupling_impulses, diagnose, hold, step_again, halves, quarters };
 
 /// A read or write of a number in memory.
 struct Access {

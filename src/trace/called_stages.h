@@ -37,6 +37,10 @@ void solve_bounds(const Tables<double>& t, const StatePointers<double>& batch, T
 void bound_prediction(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time);
 void bound_stages(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x, int time);
 bool all_bounded(const Tables<double>& t, const Tile<Traced>& x);
+/// Halves of halves are a call.
+void take_halves(const Tables<double>& t, const StatePointers<double>& batch, Traced::Mask lanes, int depth,
+                 Tile<Traced>& x);
+inline void restore_contacts(const Tables<double>&, Traced::Mask, const Traced*, Tile<Traced>&) {}
 void judge(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void step_again_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);
 void audit_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x);

@@ -156,8 +156,8 @@ class Graph {
   std::vector<Item>& items() { return items_; }
   const std::map<Id, std::string>& names() const { return names_; }
 
-  /// Graphs that this one runs, each from several places. They read and write numbers that are handed to them
-  /// (Access::handed), and run no others.
+  /// Graphs that this one runs, each from several places, or that those before them run. They read and write numbers
+  /// that are handed to them (Access::handed).
   std::vector<std::shared_ptr<Graph>> subroutines;
 
  private:

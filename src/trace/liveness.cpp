@@ -59,10 +59,16 @@ void drop_unread_results(Graph& graph) {
   const std::size_t count = graph.subroutines.size();
   for (bool changed = true; changed;) {
     std::vector<std::set<int>> wanted(count), read(count);
-    const std::vector<int> uses = use_counts(graph);
-    for (const Item& item : graph.items())
-      for (std::size_t i = 0; item.subroutine >= 0 && i < item.variable.size(); ++i)
-        if (uses[item.variable[i]] > 0) wanted[item.subroutine].insert(item.place[i].number);
+    const auto each_graph = [&](auto act) {
+      act(graph);
+      for (const auto& subroutine : graph.subroutines) act(*subroutine);
+    };
+    each_graph([&](const Graph& own) {
+      const std::vector<int> uses = use_counts(own);
+      for (const Item& item : own.items())
+        for (std::size_t i = 0; item.subroutine >= 0 && i < item.variable.size(); ++i)
+          if (uses[item.variable[i]] > 0) wanted[item.subroutine].insert(item.place[i].number);
+    });
     const auto keep = [&](std::vector<Write>& writes, const std::set<int>& those) {
       if (std::erase_if(writes, [&](const Write& write) { return !those.contains(write.place.number); }) > 0)
         changed = true;
@@ -76,8 +82,10 @@ void drop_unread_results(Graph& graph) {
             own_uses[id] > 0 && place.array == Access::handed)
           read[s].insert(place.number);
     }
-    for (Item& item : graph.items())
-      if (item.subroutine >= 0) keep(item.stores, read[item.subroutine]);
+    each_graph([&](Graph& own) {
+      for (Item& item : own.items())
+        if (item.subroutine >= 0) keep(item.stores, read[item.subroutine]);
+    });
   }
 }
 

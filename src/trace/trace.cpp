@@ -161,13 +161,20 @@ void audit_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<
   const Traced fastest = farthest(x.next.v, t.velocities, farthest(x.state.v, t.velocities, Traced(0.0)));
   tracer->audit_if((beyond(fastest, Traced(t.fast_above)) & ~x.frozen).id);
 }
-void step_again_if(const Tables<double>& t, const StatePointers<double>&, Tile<Traced>& x) {
+void take_halves(const Tables<double>&, const StatePointers<double>&, Traced::Mask lanes, int depth, Tile<Traced>&) {
+  tracer->halves_if(lanes.id, depth);
+}
+void step_again_if(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
   if (counting) return;
   if (tracer->learns()) return tracer->leave_out();
   x.too_fast = Traced::none();
   if (traces_stages(t)) {
-    if (t.guarded) tracer->halves_if(x.guard.coarse.id);
-    return;
+    if (!t.guarded) return;
+    // Beside bounds the code of a half is too long to be fetched for one tile: the tables are as fast.
+    if (t.rounds.used() || t.velocities > trace::most_velocities_of_scopes)
+      return tracer->halves_if(x.guard.coarse.id, 0);
+    return tracer->aside(
+        [&] { when(x, x.guard.coarse, [&] { take_halves<Traced>(t, batch, x.guard.coarse, 0, x); }); });
   }
   Traced::Mask lanes = Traced::none();
   if (t.rounds.used()) lanes = lanes | x.bounds.candidate;
@@ -303,8 +310,7 @@ Tracing trace_once(const Program& program, bool consistent, bool scopes, const L
 }  // namespace
 
 bool traces_bounds(const Tables<double>& t) {
-  constexpr int most_velocities = 30;  // the rounds of more do not fit into the first cache: the tables are faster
-  return t.rounds.used() && t.rounds.columns.n <= most_velocities && t.method != Method::pgs &&
+  return t.rounds.used() && t.rounds.columns.n <= most_velocities_of_scopes && t.method != Method::pgs &&
          t.rounds.slots.count == 0 && t.rounds.from_bodies.count == 0 && !t.record_diagnostics && !t.record_impulses &&
          (t.integrator == Integrator::euler || (t.rounds.in_stages && !t.rounds.at_midpoint && t.input_times == 1));
 }

@@ -20,4 +20,7 @@ TracedStep trace_step(const Program& program, bool scopes);
 /// Whether the solve with bounds is traced as scopes.
 bool traces_bounds(const Tables<double>& t);
 
+/// Searches of more do not fit into the first cache: the tables are faster.
+constexpr int most_velocities_of_scopes = 30;
+
 }  // namespace lockstep::trace

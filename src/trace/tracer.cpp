@@ -179,6 +179,8 @@ Tracer::Tracer(const Tables<double>& tables, TracedTile& tile) : tile_(tile) {
   add_own(tile.stage_bounds.opened, "stage_bounds.opened");
   add_own(tile.stage_bounds.factored, "stage_bounds.factored");
   add_own(tile.stage_bounds.searched, "stage_bounds.searched");
+  add_own(tile.guard.coarse, "guard.coarse");
+  add_own(tile.guard.halved, "guard.halved");
   const auto add_scalar = [&](Traced& number, const char* name) {
     add_number(&number.id, {fmt::format("x.{}", name), Access::nowhere}, name, Lifetime::stage, nullptr, false);
     number = Traced(0.0);
@@ -433,8 +435,13 @@ void Tracer::step_again_if(Id candidate) {
          Call::step_again, {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.singular.id, &tile_.too_fast.id});
 }
 
-void Tracer::halves_if(Id coarse) {
-  run_if(coarse, {{{"x.bounds.candidate", Access::candidate}, coarse}}, "step_in_halves(t, batch, x);", Call::halves,
+void Tracer::halves_if(Id coarse, int depth) {
+  std::vector<Write> stores{{{"x.bounds.candidate", Access::candidate}, coarse}};
+  const std::set<const void*> begin = {tile_.stages.begin.q, tile_.stages.begin.v, tile_.stages.begin.pose};
+  for (const TileNumber& number : numbers_)
+    if (number.array && begin.contains(number.array)) stores.push_back({number.place, *number.now});
+  run_if(coarse, std::move(stores), fmt::format("halve_again(t, batch, {}, x);", depth),
+         depth == 0 ? Call::halves : Call::quarters,
          {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.singular.id, &tile_.too_fast.id});
 }
 

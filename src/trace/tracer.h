@@ -37,8 +37,8 @@ class Tracer {
   /// Records step_again() under a condition. The tile in memory has the state at the start of the step, and the new
   /// state is read again.
   void step_again_if(Id candidate);
-  /// Records step_in_halves() under a condition. The same holds for it.
-  void halves_if(Id coarse);
+  /// Records halve_again() under a condition.
+  void halves_if(Id coarse, int depth);
   /// Records audit() under a condition.
   void audit_if(Id fast);
   /// Writes the changed numbers of the state to the tile's memory: for called stages, and for the next step.

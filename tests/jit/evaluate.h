@@ -1,8 +1,10 @@
 // A graph node by node on wide numbers: the oracle of machine code. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <cstring>
 #include <map>
+#include <memory>
 #include <stdexcept>
 #include <vector>
 
@@ -19,12 +21,14 @@ class Evaluation {
  public:
   /// `handed` are numbers that subroutines read and change, by number.
   Evaluation(const trace::Graph& graph, const TilePlaces& places, const Frame& frame, Row row,
-             std::map<int, T>* handed = nullptr)
+             std::map<int, T>* handed = nullptr,
+             const std::vector<std::shared_ptr<trace::Graph>>* subroutines = nullptr)
       : graph_(graph),
         places_(places),
         frame_(frame),
         row_(row),
         handed_(handed ? *handed : own_handed_),
+        subroutines_(subroutines ? *subroutines : graph.subroutines),
         uses_(trace::use_counts(graph)),
         value_(graph.nodes().size()) {}
 
@@ -126,9 +130,13 @@ class Evaluation {
     for (std::size_t i = 0; i < variables.size(); ++i) value_[static_cast<std::size_t>(variables[i])] = numbers[i];
   }
 
+  // One of whose results nothing is used does not run, although it may call stages.
   void run_subroutine(const trace::Item& item) {
+    const auto is_used = [&](trace::Id id) { return uses_[static_cast<std::size_t>(id)] > 0; };
+    if (std::none_of(item.variable.begin(), item.variable.end(), is_used)) return;
     for (const trace::Write& argument : item.stores) handed_[argument.place.number] = value(argument.value);
-    Evaluation(*graph_.subroutines[static_cast<std::size_t>(item.subroutine)], places_, frame_, row_, &handed_).run();
+    Evaluation(*subroutines_[static_cast<std::size_t>(item.subroutine)], places_, frame_, row_, &handed_, &subroutines_)
+        .run();
     for (std::size_t i = 0; i < item.variable.size(); ++i)
       value_[static_cast<std::size_t>(item.variable[i])] = handed_[item.place[i].number];
   }
@@ -171,6 +179,7 @@ class Evaluation {
   Row row_;
   std::map<int, T> own_handed_;
   std::map<int, T>& handed_;
+  const std::vector<std::shared_ptr<trace::Graph>>& subroutines_;
   std::vector<int> uses_;
   std::vector<T> value_;  // by node
 };

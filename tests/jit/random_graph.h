@@ -21,7 +21,7 @@ constexpr int random_numbers = 12, random_handed = 9;
 class RandomGraph {
  public:
   RandomGraph(std::uint64_t seed, int operations) : random_(seed) {
-    for (int s = below(3); s > 0; --s) add_subroutine();
+    for (int s = below(4); s > 0; --s) add_subroutine();
     for (int i = 0; i < random_numbers; ++i) add(input(state_array, i));
     while (made_ < operations) {
       const int kind = below(40);
@@ -176,21 +176,26 @@ class RandomGraph {
   // It changes some of the numbers that are handed to it, the first of which is a mask. Others go through it.
   void add_subroutine() {
     trace::Graph around = std::exchange(graph, {});
+    graph.subroutines = around.subroutines;  // it may run those before it
     masks_ = {graph.input(handed(0), true)};
     for (int i = 1; i < random_handed; ++i) numbers_.push_back(graph.input(handed(i), false));
     for (int i = 10 + below(30); i > 0; --i) {
       operation(numbers_);
       if (below(10) == 0) scope(1);
       if (below(12) == 0) loop();
+      if (below(10) == 0) run_subroutine();
+      if (below(12) == 0) call_if();
     }
     std::vector<trace::Write> results{{handed(0), any_mask()}};
     for (int i = 1; i < random_handed; ++i)
       if (below(3) > 0)  // numbers stay small, whatever is run how often
         results.push_back({handed(i), graph.operation(trace::Op::sine, any_of(numbers_))});
     graph.effect(results, "");
-    around.subroutines.push_back(std::make_shared<trace::Graph>(std::exchange(graph, around)));
+    graph.subroutines.clear();
+    around.subroutines.push_back(std::make_shared<trace::Graph>(std::exchange(graph, {})));
     graph = around;
     numbers_.clear(), masks_.clear(), made_ = 0;
+    left_.assign(random_handed, -1);
   }
 
   // Often with the numbers that a run before has left.

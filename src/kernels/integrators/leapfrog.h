@@ -121,12 +121,31 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   if (t.record_efforts) leapfrog_efforts(t, batch, x, time);
 }
 
+template <class T>
+void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes,
+                 int depth, Tile<T>& x);
+
+/// One of the halves, for the lanes of x.guard.halved. It may be too coarse again.
+template <class T>
+void take_half(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int depth, Tile<T>& x) {
+  const Tables<ScalarOf<T>>& half = *t.half;
+  const auto lanes = x.guard.halved;
+  if (half.half) copy_contacts(t, x, x.guard.remembered[depth + 1]);
+  leapfrog(half, batch, x, 0);
+  const auto coarse = x.guard.coarse & lanes;
+  if (t.record_efforts) add_efforts(t, half.half ? lanes & ~coarse : lanes, ScalarOf<T>(0.5) / (1 << depth), x);
+  if (!half.half)
+    x.too_fast = x.too_fast | (~less(x.guard.eta, T(t.too_fast_above)) & coarse);
+  else if (any(coarse))
+    take_halves(half, batch, coarse, depth + 1, x);
+  copy_state(t, x.next, x.stages.begin);
+}
+
 /// Takes the step from x.stages.begin again in these lanes, by two steps of half the length. Lanes of x.too_fast are
 /// too coarse even for the shortest.
 template <class T>
 void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes,
                  int depth, Tile<T>& x) {
-  const Tables<ScalarOf<T>>& half = *t.half;
   const State<T>&begin = x.guard.begin[depth], &end = x.guard.end[depth];
   auto singular = x.singular;
   const SolveCounts<T> counts = x.counts;
@@ -137,18 +156,10 @@ void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
   copy_contacts(t, x, x.guard.found[depth]);
   restore_contacts(t, ~T::none(), x.guard.remembered[depth], x);
 
-  // Each half may be too coarse again.
   for (int part = 0; part < 2; ++part) {
-    if (half.half) copy_contacts(t, x, x.guard.remembered[depth + 1]);
-    leapfrog(half, batch, x, 0);
-    const auto coarse = x.guard.coarse & lanes;
-    if (t.record_efforts) add_efforts(t, half.half ? lanes & ~coarse : lanes, ScalarOf<T>(0.5) / (1 << depth), x);
-    if (any(coarse) && half.half)
-      take_halves(half, batch, coarse, depth + 1, x);
-    else if (any(coarse))
-      x.too_fast = x.too_fast | (~less(x.guard.eta, T(t.too_fast_above)) & coarse);
+    x.guard.halved = lanes;
+    subroutine(t, x, "half", [&] { take_half(t, batch, depth, x); });
     singular = singular | (x.singular & lanes);
-    copy_state(t, x.next, x.stages.begin);
   }
 
   // Other lanes keep the step that they had.
@@ -156,7 +167,7 @@ void take_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>&
     for (int i = 0; i < count; ++i) (x.next.*part)[i] = select(lanes, (x.next.*part)[i], (end.*part)[i]);
   });
   restore_contacts(t, ~lanes, x.guard.found[depth], x);
-  x.counts.restore(~lanes, counts);
+  if (t.counts_solves()) x.counts.restore(~lanes, counts);
   copy_state(t, begin, x.stages.begin);
   x.singular = singular;
 }
@@ -183,13 +194,12 @@ void leapfrog_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   copy_state(t, x.stages.begin, x.state);  // lanes that fail keep it
 }
 
-/// The same where compiled code has made the step from x.state, and found the lanes of x.bounds.candidate too coarse.
+/// The same where compiled code has made a step of this depth, and found the lanes of x.bounds.candidate too coarse.
 template <class T>
-void step_in_halves(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
-  copy_state(t, x.state, x.stages.begin);
-  x.contacts.work = T(0);
-  take_halves(t, batch, x.bounds.candidate, 0, x);
-  copy_state(t, x.stages.begin, x.state);
+void halve_again(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int depth, Tile<T>& x) {
+  copy_state(t, x.state, x.stages.kept);  // where the step of depth 0 began
+  take_halves(depth == 0 ? t : *t.half, batch, x.bounds.candidate, depth, x);
+  copy_state(t, x.stages.kept, x.state);
 }
 
 /// Takes the step again in lanes in which straight-line code found that bounds act.

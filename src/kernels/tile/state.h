@@ -105,6 +105,7 @@ struct Guard {
   T eta;                                            // squared, of the last step
   T size;                                           // v^T A v, which eta is relative to
   typename T::Mask coarse;                          // lanes in which it was too large
+  typename T::Mask halved;                          // lanes for which a half is taken
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {
