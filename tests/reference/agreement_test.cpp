@@ -67,7 +67,7 @@ struct Kernel {
     batch.position = q.data(), batch.velocity = v.data();
     batch.root_pose = root_poses.data(), batch.root_velocity = root_velocities.data();
     batch.position_target = position_targets.data(), batch.velocity_target = velocity_targets.data();
-    batch.effort = efforts.data(), batch.fault = &fault;
+    batch.effort = efforts.data(), batch.audit = audit.data(), batch.fault = &fault;
     scratch.resize(kernels::lay_out(t, nullptr, x) / sizeof(std::max_align_t) + 1);
     kernels::lay_out(t, scratch.data(), x);
     kernels::uniform_masses(t, x);
@@ -138,7 +138,7 @@ struct Kernel {
   Plan plan;
   const Program program;
   const Tables<double>& t;
-  VectorXd q, v, root_poses, root_velocities, position_targets, velocity_targets, efforts;
+  VectorXd q, v, root_poses, root_velocities, position_targets, velocity_targets, efforts, audit = VectorXd::Zero(2);
   Fault fault = Fault::none;
   StatePointers<double> batch;
   kernels::Tile<Scalar> x;
