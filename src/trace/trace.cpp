@@ -310,8 +310,9 @@ Tracing trace_once(const Program& program, bool consistent, bool scopes, const L
 }  // namespace
 
 bool traces_bounds(const Tables<double>& t) {
-  return t.rounds.used() && t.rounds.columns.n <= most_velocities_of_scopes && t.method != Method::pgs &&
-         t.rounds.slots.count == 0 && t.rounds.from_bodies.count == 0 && !t.record_diagnostics && !t.record_impulses &&
+  const int most = t.integrator == Integrator::euler ? most_velocities_of_scopes : most_velocities_of_stages;
+  return t.rounds.used() && t.rounds.columns.n <= most && t.method != Method::pgs && t.rounds.slots.count == 0 &&
+         t.rounds.from_bodies.count == 0 && !t.record_diagnostics && !t.record_impulses &&
          (t.integrator == Integrator::euler || (t.rounds.in_stages && !t.rounds.at_midpoint && t.input_times == 1));
 }
 

@@ -20,7 +20,7 @@ TracedStep trace_step(const Program& program, bool scopes);
 /// Whether the solve with bounds is traced as scopes.
 bool traces_bounds(const Tables<double>& t);
 
-/// Searches of more do not fit into the first cache: the tables are faster.
-constexpr int most_velocities_of_scopes = 30;
+/// Scopes of more do not fit into the first cache: the tables are faster. Stages of leapfrog with bounds are longer.
+constexpr int most_velocities_of_scopes = 30, most_velocities_of_stages = 16;
 
 }  // namespace lockstep::trace

@@ -117,8 +117,7 @@ void solve_by_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarO
   const auto search = [&](int phases) {
     for (int p = 0; p < phases; ++p) open_intervals(t, batch, Phase(p), x);
     x.search.open = lanes(), x.search.going_on = T::none();
-    subroutine(t, x, phases == 1 ? "search" : "search of two phases",
-               [&] { search_held_velocities(t, batch, phases, ~T::none(), x); });
+    search_held_velocities(t, batch, phases, ~T::none(), x);
   };
   const auto search_once = [&] {  // both phases have the same solution
     search(1);
