@@ -61,9 +61,11 @@ class Writer {
     }
   }
 
-  static std::string number(double value) {
-    return std::isinf(value) ? fmt::format("n({}__builtin_inf())", value < 0 ? "-" : "") : fmt::format("n({})", value);
+  static std::string literal(double value) {
+    if (std::isnan(value)) return "__builtin_nan(\"\")";
+    return std::isinf(value) ? fmt::format("{}__builtin_inf()", value < 0 ? "-" : "") : fmt::format("{}", value);
   }
+  static std::string number(double value) { return fmt::format("n({})", literal(value)); }
 
   std::string name(Id id) {
     if (nodes_[id].op == Op::variable && nodes_[id].operand[0] >= 0) id = nodes_[id].operand[0];
@@ -92,7 +94,7 @@ class Writer {
     switch (node.op) {
       case Op::constant: return number(node.value);
       case Op::input: return node.place.text;
-      case Op::by_precision: return fmt::format("T::by_precision({}, {})", node.single, node.value);
+      case Op::by_precision: return fmt::format("T::by_precision({}, {})", literal(node.single), literal(node.value));
       case Op::none: return "T::none()";
       case Op::negate: return fmt::format("-{}", arg(0));
       case Op::add:

@@ -28,7 +28,9 @@ bool has_code(const TilePlaces& places) { return places.fused && (places.bytes =
 // A loop around code that works on the tile in memory has no machine code yet.
 bool has_loop_of_stages(const trace::Graph& graph) {
   return std::any_of(graph.items().begin(), graph.items().end(),
-                     [](const trace::Item& item) { return !item.code.empty() && item.call == Call::none; });
+                     [](const trace::Item& item) { return !item.code.empty() && item.call == Call::none; }) ||
+         std::any_of(graph.subroutines.begin(), graph.subroutines.end(),
+                     [](const auto& subroutine) { return has_loop_of_stages(*subroutine); });
 }
 
 // Calls use(). Returns why that failed, empty if it has not: then the tables run, which need nothing of it.

@@ -118,7 +118,7 @@ class Lowering {
 
   void end_scope(const Item& item) {
     if (used_variables(item).empty()) return;
-    Value again = item.again < 0 ? -1 : value(item.again);
+    Value again = item.again < 0 || item.times < 2 ? -1 : value(item.again);
     if (again >= 0 && nodes()[item.again].op == trace::Op::variable)
       again = put(Op::copy, again);  // it may change first
     assign_variables(item);

@@ -37,7 +37,10 @@ void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch,
   if (t.record_diagnostics) diagnose(t, batch, x);
   if (t.record_efforts && t.integrator == Integrator::euler) euler_efforts(t, batch, x);
   if (t.audited) audit_if(t, batch, x);
-  if (t.balls.count > 0) wrap_balls(t, x.next.q);
+  if (t.balls.count > 0) {
+    wrap_balls(t, x.next.q);
+    if (t.audited) x.audit.state->known = T::none();  // energies of the numbers that the next step begins with
+  }
   check(t, batch, x);
   if (t.spatial.used() && (t.turning.count > 0 || t.balls.count > 0))  // to the last bit of angles without whole turns
     place_spatial_tendons(t, x, x.state);

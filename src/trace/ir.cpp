@@ -66,13 +66,15 @@ Id Graph::constant(double value) {
   return known->second;
 }
 
+// What a constant is in f32.
+float Graph::single(Id id) const {
+  return static_cast<float>(is(id, Op::constant) ? nodes_[id].value : nodes_[id].single);
+}
+
 // The operation on two constants, rounded as each precision rounds it: a number that is a constant only for consistent
-// followers is computed by a step of other ones, to the same bits.
+// followers is computed by a step of other ones.
 template <class Operation>
 Id Graph::folded(Operation operation, Id a, Id b) {
-  const auto single = [&](Id id) {
-    return static_cast<float>(is(id, Op::constant) ? nodes_[id].value : nodes_[id].single);
-  };
   return by_precision(operation(single(a), single(b)), operation(nodes_[a].value, nodes_[b].value));
 }
 
@@ -232,9 +234,11 @@ bool Graph::is_among(Op op, Id mask, Id all) const {
 }
 
 Id Graph::compared(Id a, Id b) {
-  if (!is(a, Op::constant) || !is(b, Op::constant)) return find_or_put(Op::less, a, b, -1);
+  const bool both = is_constant(a) && is_constant(b);
+  const bool is_less = both && nodes_[a].value < nodes_[b].value;
+  if (!both || is_less != (single(a) < single(b))) return find_or_put(Op::less, a, b, -1);
   const Id nowhere = operation(Op::none);
-  return nodes_[a].value < nodes_[b].value ? inverted(nowhere) : nowhere;
+  return is_less ? inverted(nowhere) : nowhere;
 }
 
 Id Graph::selected(Id mask, Id yes, Id no) {

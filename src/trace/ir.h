@@ -141,8 +141,8 @@ class Graph {
   std::vector<Id> effect_if(Id condition, std::vector<Write> stores, const std::string& code, Call call,
                             const std::vector<Write>& changed);
 
-  /// Stores the arguments and runs a subroutine, in a scope or outside. Returns the results: the numbers at these
-  /// places behind it. `masks` tells which of them are masks.
+  /// Stores the arguments and runs a subroutine, in a scope or outside, even one that calls stages. Returns the
+  /// results: the numbers at these places behind it. `masks` tells which of them are masks.
   std::vector<Id> run(int subroutine, std::vector<Write> arguments, const std::vector<Place>& results,
                       const std::vector<bool>& masks);
 
@@ -171,6 +171,7 @@ class Graph {
   };
 
   bool is_constant(Id id) const { return is(id, Op::constant) || is(id, Op::by_precision); }
+  float single(Id constant) const;
   template <class Operation>
   Id folded(Operation operation, Id a, Id b);
 

@@ -352,7 +352,7 @@ void Tracer::subroutine(const std::pair<const void*, std::string>& key, const st
 // Each number of the tile is handed to it, but for what is the same in all steps of a call: that is a constant, or in
 // the tile's memory.
 Tracer::Subroutine Tracer::trace_subroutine(const std::function<void()>& body) {
-  const Graph around = std::exchange(graph, {});
+  Graph around = std::exchange(graph, {});
   const std::vector<Id> before = numbers_now();
   for (std::size_t i = 0; i < numbers_.size(); ++i) {
     TileNumber& number = numbers_[i];
@@ -360,6 +360,8 @@ Tracer::Subroutine Tracer::trace_subroutine(const std::function<void()>& body) {
     const bool lasts = number.lasts == Lifetime::call;
     if (lasts && node.op == Op::constant)
       *number.now = graph.constant(node.value);
+    else if (lasts && node.op == Op::by_precision)
+      *number.now = graph.by_precision(node.single, node.value);
     else
       *number.now = graph.input(lasts && *number.now == number.stored ? number.place : handed(i), number.mask);
     graph.name(*number.now, number.name);
@@ -376,7 +378,7 @@ Tracer::Subroutine Tracer::trace_subroutine(const std::function<void()>& body) {
     if (node.op == Op::input && node.place.array == Access::handed && uses[inputs[i]] > 0) made.read.push_back(i);
     *numbers_[i].now = before[i];
   }
-  graphs_.push_back(std::make_shared<Graph>(std::exchange(graph, around)));
+  graphs_.push_back(std::make_shared<Graph>(std::exchange(graph, std::move(around))));
   return made;
 }
 

@@ -194,7 +194,8 @@ void leapfrog_step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
   copy_state(t, x.stages.begin, x.state);  // lanes that fail keep it
 }
 
-/// The same where compiled code has made a step of this depth, and found the lanes of x.bounds.candidate too coarse.
+/// Takes the halves where compiled code has made a step of this depth, and found it too coarse in the lanes of
+/// x.bounds.candidate.
 template <class T>
 void halve_again(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, int depth, Tile<T>& x) {
   copy_state(t, x.state, x.stages.kept);  // where the step of depth 0 began

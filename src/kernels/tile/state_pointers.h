@@ -118,7 +118,7 @@ inline __attribute__((always_inline)) void each_block(const Tables<S>& t, const 
   act(BatchBlock{"lagged input", memory, drive_inputs * late.lagged.count, 2 * drive_inputs * late.lagged.count},
       all.lagged_input...);
   act(BatchBlock{"lag", result, lag_rows * late.lagged.count, (lag_rows - 1) * late.lagged.count}, all.lag...);
-  act(BatchBlock{"audit", memory, t.audited ? 2 : 0, 0}, all.audit...);  // read where the motion is fast
+  act(BatchBlock{"audit", memory, t.audited ? 2 : 0, t.audited ? 4 : 0}, all.audit...);
   act(BatchBlock{"contacts", memory, remembered, 2 * remembered}, all.contact_memory...);
   act(BatchBlock{"drive effort", memory, efforts, efforts}, all.drive_effort...);
   act(BatchBlock{"contact history", memory, history, 2 * history}, all.contact_history...);
