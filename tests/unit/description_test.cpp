@@ -263,7 +263,7 @@ TEST(Flops, grow_linearly_with_sweeps) {
 
 // A step reads positions, velocities, efforts and two targets per drive. It writes positions and velocities.
 TEST(Bytes, count_the_state_the_inputs_and_the_fault) {
-  const long numbers = 2 * 13 + 13 + 2 * 8 + 2 * 13 + 13;  // the last: angles
+  const long numbers = 2 * 13 + 13 + 2 * 8 + 2 * 13 + 13 + 4;  // the last two: angles, the audit
   const Plan plan = compile(scenes::gripper13());
   EXPECT_EQ(plan.bytes_per_step(4), 4 * numbers + static_cast<long>(sizeof(Fault) + 2 * sizeof(std::uint32_t)));
   EXPECT_EQ(plan.bytes_per_step(8), 8 * numbers + static_cast<long>(sizeof(Fault) + 2 * sizeof(std::uint32_t)));
