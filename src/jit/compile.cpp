@@ -103,7 +103,8 @@ const std::string& plan_obstacle(const Program& program) { return steps_of(progr
 const char* speed_obstacle(const Program& program) {
   const Tables<double>& t = program.f64;
   if (trace::traces_bounds(t)) return nullptr;
-  if (t.bounds.always) return "friction, kinematic drives or force limits call the tables in every step";
+  if (t.bounds.always && t.velocities > trace::most_velocities_of_scopes)
+    return "friction, kinematic drives or force limits call the tables in every step, and it has many velocities";
   if (!program.second_phase_anyway) return "where no bound acts, the tables leave out the velocity phase";
   if (t.rounds.used() && t.integrator == Integrator::leapfrog)  // limits act often
     return "leapfrog takes each step in which a bound acts again by the tables";

@@ -11,8 +11,10 @@ namespace lockstep::jit {
 /// The bases of a tile's numbers in memory. Machine code adds constant offsets to them.
 struct Frame {
   void* block;  ///< the arrays of the tile
-  void* slots;  ///< slot 0: lanes that failed; then the rows of the batch that the code reads; then the code's own
-  void* tile;   ///< kernels::Tile<T>
+  /// Slot 0: lanes that failed; then the rows of the batch that the code reads; then what is handed to subroutines;
+  /// then the code's own.
+  void* slots;
+  void* tile;  ///< kernels::Tile<T>
   const void* tables;
   const void* batch;  ///< StatePointers<S>, at the tile
 };

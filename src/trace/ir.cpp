@@ -94,7 +94,9 @@ Id Graph::by_precision(double single, double twice) {
 }
 
 Id Graph::input(const Place& place, bool mask) {
-  const auto [known, is_new] = inputs_.try_emplace(place.text, 0);
+  // Places that only text tells apart are those of no array.
+  const bool named = place.array == Access::nowhere;
+  const auto [known, is_new] = inputs_.try_emplace({place.array, place.number, named ? place.text : std::string()}, 0);
   if (is_new) {
     Node node;
     node.op = Op::input;

@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <tuple>
 #include <unordered_map>
 #include <vector>
 
@@ -162,6 +163,7 @@ class Graph {
 
  private:
   using Key = std::array<Id, 4>;
+  using InputKey = std::tuple<int, int, std::string>;  // array, number, and text where there is no array
   struct Hash {
     std::size_t operator()(const Key& key) const {
       std::uint64_t hash = 0;
@@ -196,7 +198,7 @@ class Graph {
   std::vector<Node> nodes_;
   std::vector<Item> items_;
   std::unordered_map<Key, Id, Hash> known_;
-  std::map<std::string, Id> inputs_;
+  std::map<InputKey, Id> inputs_;
   std::map<std::uint64_t, Id> constants_;  ///< by bits, as NaN has no order
   std::map<std::pair<std::uint64_t, std::uint64_t>, Id> by_precision_;
   std::map<Id, std::string> names_;
@@ -204,7 +206,7 @@ class Graph {
   struct Scope {
     int begin;  ///< item
     std::unordered_map<Key, Id, Hash> known;
-    std::map<std::string, Id> inputs;
+    std::map<InputKey, Id> inputs;
   };
   std::vector<Scope> scopes_;
   std::vector<std::pair<int, int>> closed_;  ///< items of scopes that have ended

@@ -106,6 +106,9 @@ TEST(Description, says_why_an_engine_is_not_taken) {
   expect_contains(compile(model, {.integrator = Integrator::leapfrog, .stage_inputs = true}),
                   {"Engine: tables;", "taken by itself: leapfrog takes each step in which a bound"});
   model.joints[1].friction = 0.1;
+  expect_omits(compile(model, {.record_diagnostics = true}), {"is not taken by itself"});
+  model = scenes::chain32();
+  model.joints[1].friction = 0.1;
   expect_contains(compile(model, {.record_diagnostics = true}),
                   {"taken by itself: friction, kinematic drives or force limits"});
   expect_contains(compile(scenes::chain8(), {.method = Method::tgs, .per_environment = {Parameter::softness}}),

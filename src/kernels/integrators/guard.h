@@ -114,8 +114,9 @@ void judge(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch
   x.guard.eta = squared_coarseness(t, x);
   if (t.rounds.at_midpoint && any(x.midpoint.predicted))
     x.guard.eta = select(x.midpoint.predicted, squared_change_of_bias(t, x, T(t.step)), x.guard.eta);
-  const auto take_larger = [&](typename T::Mask lanes, T eta)
-                               LOCKSTEP_INLINED { x.guard.eta = farther(x.guard.eta, select(lanes, eta, T(0))); };
+  const auto take_larger = [&](typename T::Mask lanes, T eta) {
+    x.guard.eta = farther(x.guard.eta, select(lanes, eta, T(0)));
+  };
   if (t.rounds.in_stages)
     when(x, x.stage_bounds.opened, [&] {
       const T first = first_landing(t, x);

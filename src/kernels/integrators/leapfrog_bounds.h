@@ -116,7 +116,8 @@ LOCKSTEP_INLINE T effort_since_start(const Tables<ScalarOf<T>>& t, const StatePo
   return select(x.servos.bounded[i], share * fnma(T(t.dt), linear + effort, duration * effort), T(0));
 }
 
-/// Searches from where the last search of this step has ended.
+/// Searches from where the last search of this step has ended. (The subroutine reads the servos' inputs of the time at
+/// which it is traced: it is for plans with one time of inputs.)
 template <class T>
 void go_on_searching(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, typename T::Mask lanes,
                      Tile<T>& x) {
