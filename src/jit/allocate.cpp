@@ -112,11 +112,12 @@ class Allocation {
   void leave_what_changes_in_scope(const Operation& begin) {
     bool runs = false, calls = false;
     int depth = 0;
-    for (auto i = static_cast<std::size_t>(uses_.now()); i == static_cast<std::size_t>(uses_.now()) || depth > 0; ++i) {
-      const Operation& o = listing_.operations[i];
+    auto i = static_cast<std::size_t>(uses_.now());
+    do {
+      const Operation& o = listing_.operations[i++];
       if (o.op == Op::run) runs = true, calls = calls || run_of(o).calls;
       depth += begins(o.op) ? 1 : ends(o.op) ? -1 : 0;
-    }
+    } while (depth > 0);
     if (runs) places_.leave_handed(begin.time);
     if (calls) places_.leave_all(begin.time);
   }

@@ -177,17 +177,17 @@ class Lowering {
     for (const trace::Write& argument : item.stores) {
       const Memory at = memory(argument.place);
       const Value v = value(argument.value);
-      if (out_.home[v] == at && out_.born[v] >= std::max(handed_[at.offset], turn_begins_)) continue;
+      if (out_.home[v] == at && out_.born[v] >= std::max(handed_changed_[at.offset], turn_begins_)) continue;
       stores.push_back({.op = Op::store, .from = {v, -1, -1}, .at = at, .time = time_});
     }
     out_.operations.insert(out_.operations.end(), stores.begin(), stores.end());
-    for (const Operation& store : stores) handed_[store.at.offset] = time_ + 1;
+    for (const Operation& store : stores) handed_changed_[store.at.offset] = time_ + 1;
     SubroutineRun run;
     run.subroutine = item.subroutine;
     out_.operations.push_back({.op = Op::run, .number = static_cast<int>(out_.runs.size()), .time = ++time_});
     ++time_;
     add_changes(item.subroutine, run);
-    for (const Memory& at : run.changes) handed_[at.offset] = time_;
+    for (const Memory& at : run.changes) handed_changed_[at.offset] = time_;
     for (std::size_t i : used) run.results.push_back(value_[item.variable[i]] = new_value(memory(item.place[i])));
     out_.runs.push_back(std::move(run));
   }
@@ -369,8 +369,8 @@ class Lowering {
   std::vector<char> nested_;
   std::map<Bits, Value> constant_;
   std::map<std::pair<int, int>, int> row_;
-  std::map<int, int> handed_number_;  // by number of the tile
-  std::map<int, int> handed_;         // by offset: the time of the last change
+  std::map<int, int> handed_number_;   // by number of the tile
+  std::map<int, int> handed_changed_;  // by offset: the time of the last change
   int time_ = 0;
   int turn_begins_ = 0;  // the time at which the turn of the innermost scope that is repeated has begun
   std::vector<int> outer_turns_;
