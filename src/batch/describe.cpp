@@ -1,5 +1,6 @@
 // What the steps of a batch cost, in words. SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "impl.h"
 
@@ -12,6 +13,13 @@ std::string code_line(const jit::CompiledStep& step) {
     return fmt::format("{} operations in {} bytes and {} part{}", size.operations, size.bytes, size.parts,
                        size.parts == 1 ? "" : "s");
   };
+  std::vector<std::string> routines;
+  for (int i = 0; i < kernels::routine_count; ++i)
+    if (step.code.routine[i])
+      routines.push_back(fmt::format("{} {}", kernels::routine_names[i], step.routine_bytes[i]));
+  if (!routines.empty())
+    return fmt::format("Its machine code, in bytes: {}; {} numbers of a tile in memory beside its arrays.\n",
+                       fmt::join(routines, ", "), step.code.slots);
   return fmt::format("Its machine code: {}{}; {} numbers of a tile in memory beside its arrays.\n", function(step.any),
                      step.code.consistent ? ", where followers are consistent " + function(step.consistent) : "",
                      step.code.slots);

@@ -74,7 +74,7 @@ ChosenEngine choose_engine(const Plan& plan, Target target, Engine wanted) {
   const bool pays = preferred == Engine::automatic ? !jit::speed_obstacle(program) : preferred == Engine::compiled;
   if (wanted == Engine::compiled || (automatic && pays)) {
     const jit::CompiledStep& step = compiled_for<S>(plan, target);
-    if (step.code.any) return {Engine::compiled, nullptr, &step};
+    if (step.memory) return {Engine::compiled, nullptr, &step};
     if (!automatic)
       throw SettingsError("engine", "compiled does not apply: " + step.obstacle, "use the tables or automatic");
   }

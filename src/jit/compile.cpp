@@ -54,9 +54,12 @@ const CompiledSteps& steps_of(const Program& program) {
     steps->obstacle = process_obstacle();
     if (steps->obstacle.empty() && trace::cost_of(program).flops > trace::most_traced_flops)
       steps->obstacle = "a step takes more operations than machine code is made for";
-    if (steps->obstacle.empty())
+    if (!steps->obstacle.empty()) return std::shared_ptr<const CompiledSteps>(steps);
+    if (trace::takes_routines(program.f64))
+      steps->obstacle = failure_of([&] { steps->routines = trace::trace_routines(program); });
+    else
       steps->obstacle = failure_of([&] { steps->traced = trace::trace_step(program, true); });
-    if (steps->obstacle.empty() && has_loop_of_stages(steps->traced->any))
+    if (steps->traced && has_loop_of_stages(steps->traced->any))
       steps->obstacle = "limited servos are repeated in a loop of the tables";
     return std::shared_ptr<const CompiledSteps>(steps);
   });
@@ -73,6 +76,8 @@ void name_functions(const Program& program, const CompiledStep& step) {
                            program.model.name, kind);
   };
   add(step.code.any, step.any.bytes, "any tile");
+  for (int i = 0; i < kernels::routine_count; ++i)
+    add(step.code.routine[i], step.routine_bytes[i], kernels::routine_names[i]);
   add(step.code.consistent, step.consistent.bytes, "consistent followers");
   std::ofstream(fmt::format("{}/perf-{}.map", folder, getpid()), std::ios::app) << lines << std::flush;
 }
@@ -86,23 +91,29 @@ const CompiledStep& compiled_step(const Program& program, int scalar_bytes, cons
   CompiledStep step;
   std::string obstacle = steps.obstacle;
   if (obstacle.empty() && !has_code(places)) obstacle = "machine code is made for AVX2 and AVX-512 only";
-  if (obstacle.empty()) obstacle = failure_of([&] { step = make(*steps.traced, scalar_bytes, places); });
+  if (obstacle.empty())
+    obstacle = failure_of([&] {
+      step = steps.routines ? make(*steps.routines, scalar_bytes, places) : make(*steps.traced, scalar_bytes, places);
+    });
   if (!obstacle.empty()) step.obstacle = obstacle;
-  if (step.code.any) name_functions(program, step);
+  if (step.memory) name_functions(program, step);
   return steps.by_target.emplace(places.call, std::move(step)).first->second;
 }
 
 std::string assembly(const Program& program, int scalar_bytes, const TilePlaces& places) {
   const CompiledSteps& steps = steps_of(program);
   if (!steps.obstacle.empty() || !has_code(places)) return "";
-  return print_step(*steps.traced, scalar_bytes, places);
+  return steps.routines ? print_routines(*steps.routines, scalar_bytes, places)
+                        : print_step(*steps.traced, scalar_bytes, places);
 }
 
 const std::string& plan_obstacle(const Program& program) { return steps_of(program).obstacle; }
 
+bool has_routines(const Program& program) { return steps_of(program).routines.has_value(); }
+
 const char* speed_obstacle(const Program& program) {
   const Tables<double>& t = program.f64;
-  if (trace::traces_bounds(t)) return nullptr;
+  if (trace::takes_routines(t) || trace::traces_bounds(t)) return nullptr;
   if (t.bounds.always && t.velocities > trace::most_velocities_of_scopes)
     return "friction, kinematic drives or force limits call the tables in every step, and it has many velocities";
   if (!program.second_phase_anyway) return "where no bound acts, the tables leave out the velocity phase";

@@ -14,7 +14,8 @@ namespace lockstep {
 /// The machine code of a plan so far.
 struct CompiledSteps {
   std::optional<trace::TracedStep> traced;
-  std::string obstacle;  ///< why there is no trace
+  std::optional<trace::TracedRoutines> routines;  ///< where the step as a whole cannot be traced
+  std::string obstacle;                           ///< why there is neither
   mutable std::mutex mutex;
   mutable std::map<jit::CallStage, jit::CompiledStep> by_target;
 };
@@ -31,6 +32,9 @@ std::string assembly(const Program& program, int scalar_bytes, const TilePlaces&
 
 /// Why no target has code for the plan in this process; empty if some may.
 const std::string& plan_obstacle(const Program& program);
+
+/// Whether the tables take the steps of the plan, with routines in machine code.
+bool has_routines(const Program& program);
 
 /// Why the tables are faster, null if the code is. This does not depend on inactive bounds, which may not change the
 /// result by a bit.

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 
+#include "kernels/tile/routine_code.h"
 #include "plan/tables.h"
 #include "trace/access.h"
 
@@ -25,23 +26,13 @@ using CallStage = void (*)(const Frame*, int);
 /// Where a tile's numbers stand, in bytes from the bases.
 struct TilePlaces {
   static constexpr int most_arrays = 256;
+  static constexpr int most_own = 32;
   std::ptrdiff_t first[most_arrays];  ///< of each array in memory order, from Frame::block
   int arrays = 0;
-  std::ptrdiff_t frozen = 0, singular = 0, too_fast = 0, candidate = 0;  ///< masks, from Frame::tile
-  int bytes = 0;                                                         ///< of a register
-  bool fused = false;                                                    ///< fma() rounds once
+  std::ptrdiff_t own[most_own];  ///< of what stands outside arrays (Access::own), from Frame::tile
+  int bytes = 0;                 ///< of a register
+  bool fused = false;            ///< fma() rounds once
   CallStage call = nullptr;
-
-  /// Of a mask of the tile, from Frame::tile, by its number in Access; -1 for what is none.
-  std::ptrdiff_t mask(int access) const {
-    switch (access) {
-      case Access::frozen: return frozen;
-      case Access::singular: return singular;
-      case Access::too_fast: return too_fast;
-      case Access::candidate: return candidate;
-      default: return -1;
-    }
-  }
 };
 
 /// The step of one plan as machine code for one instruction set and precision.
@@ -50,9 +41,11 @@ struct StepCode {
   using Function = void (*)(const Frame* first, const Frame* last);
   Function any = nullptr;
   Function consistent = nullptr;  ///< the shorter step of tiles of consistent followers, null if there is none
-  int tiles = 1;                  ///< that go through the parts of a long step together
-  int slots = 0;                  ///< of each tile
-  Span<Access> rows;              ///< of the batch, in the order of their slots
+  /// Without code of the step: that of its routines. They take one tile at a time.
+  kernels::RoutineCode routine[kernels::routine_count] = {};
+  int tiles = 1;      ///< that go through the parts of a long step together
+  int slots = 0;      ///< of each tile
+  Span<Access> rows;  ///< of the batch, in the order of their slots
 };
 
 }  // namespace lockstep::jit

@@ -244,7 +244,7 @@ class Lowering {
       return {Memory::handed, known->second * machine_.register_bytes};
     }
     if (place.array == Access::failed) return {Memory::slots, 0};
-    if (const std::ptrdiff_t mask = places_.mask(place.array); mask >= 0) return {Memory::tile, static_cast<int>(mask)};
+    if (place.array == Access::own) return {Memory::tile, static_cast<int>(places_.own[place.number])};
     if (place.array < 0 || place.array >= places_.arrays) throw std::logic_error("a number of a step has no place");
     const std::ptrdiff_t offset =
         places_.first[place.array] + static_cast<std::ptrdiff_t>(place.number) * machine_.register_bytes;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 
 #include "allocate.h"
 #include "encode.h"
@@ -15,6 +16,13 @@ namespace lockstep::jit {
 namespace {
 
 Machine machine_of(int scalar_bytes, const TilePlaces& places) { return machine_for(places.bytes == 64, scalar_bytes); }
+
+// One tile at a time gains nothing from parts.
+Machine machine_of_routines(int scalar_bytes, const TilePlaces& places) {
+  Machine machine = machine_of(scalar_bytes, places);
+  machine.longest = std::numeric_limits<int>::max();
+  return machine;
+}
 
 // Appends the code of a listing to the bytes, and returns where it begins.
 std::size_t append(Listing& listing, const TilePlaces& places, const Machine& machine, CodeSize& size, StepCode& code,
@@ -29,6 +37,23 @@ std::size_t append(Listing& listing, const TilePlaces& places, const Machine& ma
   const std::size_t begin = bytes.size();
   bytes.insert(bytes.end(), encoded.begin(), encoded.end());
   return begin;
+}
+
+// Puts the code where it can run. Returns where it begins, or 0 and why not in the step.
+std::uintptr_t keep(const std::vector<std::uint8_t>& bytes, CompiledStep& step) {
+  const auto memory = std::make_shared<const CodeMemory>(bytes);
+  if (memory->start())
+    step.memory = memory;
+  else
+    step.obstacle = memory->refusal();
+  step.code.rows = {step.rows.data(), static_cast<int>(step.rows.size())};
+  return reinterpret_cast<std::uintptr_t>(memory->start());
+}
+
+std::string print_graph(const trace::Graph& graph, const TilePlaces& places, const Machine& machine) {
+  Listing listing = lower(graph, places, machine);
+  schedule(listing, machine.window);
+  return print(allocate(listing, machine), listing);
 }
 
 }  // namespace
@@ -46,26 +71,56 @@ CompiledStep make(const trace::TracedStep& traced, int scalar_bytes, const TileP
   const std::size_t begin_any = append(any, places, machine, step.any, step.code, bytes);
   std::size_t begin_consistent = 0;
   if (traced.consistent) begin_consistent = append(consistent, places, machine, step.consistent, step.code, bytes);
-  const auto memory = std::make_shared<const CodeMemory>(bytes);
-  if (!memory->start()) {
-    step.obstacle = memory->refusal();
-    return step;
+  const std::uintptr_t start = keep(bytes, step);
+  if (start == 0) return step;
+  step.code.any = reinterpret_cast<StepCode::Function>(start + begin_any);
+  if (traced.consistent) step.code.consistent = reinterpret_cast<StepCode::Function>(start + begin_consistent);
+  return step;
+}
+
+CompiledStep make(const trace::TracedRoutines& traced, int scalar_bytes, const TilePlaces& places) {
+  const Machine machine = machine_of_routines(scalar_bytes, places);
+  CompiledStep step;
+  std::vector<Listing> listings;
+  for (const std::optional<trace::Graph>& routine : traced)
+    if (routine) {
+      listings.push_back(lower(*routine, places, machine, step.rows));
+      step.rows = listings.back().rows;
+    }
+  std::vector<std::uint8_t> bytes;
+  std::vector<std::size_t> begins;
+  std::vector<CodeSize> sizes;
+  for (Listing& listing : listings) {
+    listing.rows = step.rows;  // all read the same slots
+    CodeSize size;
+    begins.push_back(append(listing, places, machine, size, step.code, bytes));
+    sizes.push_back(size);
+    step.any.operations += size.operations;
   }
-  step.memory = memory;
-  const auto function = [&](std::size_t begin) {
-    return reinterpret_cast<StepCode::Function>(reinterpret_cast<std::uintptr_t>(memory->start()) + begin);
-  };
-  step.code.any = function(begin_any);
-  if (traced.consistent) step.code.consistent = function(begin_consistent);
-  step.code.rows = {step.rows.data(), static_cast<int>(step.rows.size())};
+  step.any.bytes = static_cast<int>(bytes.size());
+  step.any.parts = static_cast<int>(listings.size());
+  step.code.tiles = 1;
+  const std::uintptr_t start = keep(bytes, step);
+  if (start == 0) return step;
+  for (std::size_t i = 0, made = 0; i < traced.size(); ++i) {
+    if (!traced[i]) continue;
+    step.code.routine[i] = reinterpret_cast<kernels::RoutineCode>(start + begins[made]);
+    step.routine_bytes[i] = sizes[made++].bytes;
+  }
   return step;
 }
 
 std::string print_step(const trace::TracedStep& traced, int scalar_bytes, const TilePlaces& places) {
-  const Machine machine = machine_of(scalar_bytes, places);
-  Listing listing = lower(traced.any, places, machine);
-  schedule(listing, machine.window);
-  return print(allocate(listing, machine), listing);
+  return print_graph(traced.any, places, machine_of(scalar_bytes, places));
+}
+
+std::string print_routines(const trace::TracedRoutines& traced, int scalar_bytes, const TilePlaces& places) {
+  std::string all;
+  for (std::size_t i = 0; i < traced.size(); ++i)
+    if (traced[i])
+      all += std::string(kernels::routine_names[i]) + ":\n" +
+             print_graph(*traced[i], places, machine_of_routines(scalar_bytes, places));
+  return all;
 }
 
 }  // namespace lockstep::jit

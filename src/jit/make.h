@@ -16,8 +16,9 @@ struct CodeSize {
 };
 
 struct CompiledStep {
-  StepCode code;  ///< code.any is null if there is none
-  CodeSize any, consistent;
+  StepCode code;             ///< of the step or of its routines; none without `memory`
+  CodeSize any, consistent;  ///< with routines, `any` is all of them
+  int routine_bytes[kernels::routine_count] = {};
   std::string obstacle;  ///< why there is no code
   std::vector<Access> rows;
   std::shared_ptr<const void> memory;  ///< holds the code
@@ -31,7 +32,11 @@ std::string build_obstacle();
 /// reason in place of code. Throws an exception of the standard library, or Error, if the step cannot be compiled.
 CompiledStep make(const trace::TracedStep& traced, int scalar_bytes, const TilePlaces& places);
 
+/// The same for routines of a step that the tables take.
+CompiledStep make(const trace::TracedRoutines& traced, int scalar_bytes, const TilePlaces& places);
+
 /// The instructions of the step of any tile, each beside the name of the number that it makes.
 std::string print_step(const trace::TracedStep& traced, int scalar_bytes, const TilePlaces& places);
+std::string print_routines(const trace::TracedRoutines& traced, int scalar_bytes, const TilePlaces& places);
 
 }  // namespace lockstep::jit

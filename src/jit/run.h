@@ -3,6 +3,7 @@
 
 #include "frame.h"
 #include "kernels/step.h"
+#include "kernels/tile/own_numbers.h"
 
 namespace lockstep::kernels {
 
@@ -48,13 +49,10 @@ void find_places(const Tables<ScalarOf<T>>& t, jit::TilePlaces& places) {
   Tile<T> x;
   ArrayPlaces take(places);
   arrays(t, x, take);
-  const auto offset = [&](const typename T::Mask& mask) {
-    return reinterpret_cast<const char*>(&mask) - reinterpret_cast<const char*>(&x);
-  };
-  places.frozen = offset(x.frozen);
-  places.singular = offset(x.singular);
-  places.too_fast = offset(x.too_fast);
-  places.candidate = offset(x.bounds.candidate);
+  std::ptrdiff_t* own = places.own;
+  each_own(x, [&](const char*, const auto& number, Lifetime) {
+    *own++ = reinterpret_cast<const char*>(&number) - reinterpret_cast<const char*>(&x);
+  });
   places.bytes = static_cast<int>(sizeof(T));
   places.fused = T::fused;
   places.call = call_stage<T>;
@@ -87,7 +85,7 @@ struct ByCode {
     (consistent ? code.consistent : code.any)(frame, frame + tiles);
   }
 
- private:
+ protected:
   template <class S>
   LOCKSTEP_INLINE static const S* row_of(const StatePointers<S>& batch, const Access& access) {
     const std::ptrdiff_t row = access.number * batch.stride;
@@ -100,11 +98,32 @@ struct ByCode {
   }
 };
 
+/// A step by the tables, whose routines are machine code.
+struct ByRoutines : ByCode {
+  static constexpr int tiles_per_call = 1;
+
+  LOCKSTEP_INLINE int tiles() const { return 1; }
+  template <class T>
+  LOCKSTEP_INLINE void begin(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
+                             T* slots, int k) {
+    ByCode::begin(t, batch, x, slots, k);
+    x.routines = {code.routine, &t, t.midpoint, frame, frame + 1};
+  }
+  template <class T>
+  LOCKSTEP_INLINE void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>* batch, Tile<T>* x,
+                            T* const*, int) {
+    kernels::step(t, *batch, *x);
+  }
+};
+
 /// advance() of step.h, by machine code.
 template <class T>
 void advance_by_code(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, std::ptrdiff_t first,
                      std::ptrdiff_t last, int substeps, void* scratch, const jit::StepCode& code) {
-  advance<T>(t, batch, first, last, substeps, scratch, ByCode{code, {}});
+  if (code.any)
+    advance<T>(t, batch, first, last, substeps, scratch, ByCode{code, {}});
+  else
+    advance<T>(t, batch, first, last, substeps, scratch, ByRoutines{{code, {}}});
 }
 
 }  // namespace lockstep::kernels

@@ -344,8 +344,11 @@ std::string kernel_obstacle(const Plan& plan) {
 
 std::string engine_line(const Plan& plan) {
   const Program& program = program_of(plan);
-  if (program.f64.contacts.used()) return "Engine: tables, which alone solve contacts.\n";
-  if (program.f64.loops.used()) return "Engine: tables, which alone hold loops.\n";
+  if (program.f64.contacts.used() || program.f64.loops.used()) {
+    const char* const engine = jit::has_routines(program) ? "compiled: routines of the tables" : "tables";
+    return fmt::format("Engine: {}, which alone {}.\n", engine,
+                       program.f64.contacts.used() ? "solve contacts" : "hold loops");
+  }
   // Without generated code.
   std::string engine = to_string(Engine::tables), reason;
   if (const char* obstacle = jit::speed_obstacle(program))

@@ -12,13 +12,10 @@ struct Access {
   /// What `array` may be. From 0 on: arrays of the tile, in the order of kernels::arrays(). From first_row on: rows of
   /// the batch.
   enum : int {
-    frozen = -1,
-    singular = -2,
-    failed = -3,
-    candidate = -4,
-    nowhere = -5,
-    too_fast = -6,
-    handed = -7,  ///< to a subroutine, and back
+    nowhere = -1,
+    own = -2,     ///< numbers and masks outside arrays, in the order of kernels::each_own()
+    failed = -3,  ///< lanes, for hold()
+    handed = -4,  ///< to a subroutine, and back
     first_row = 1000,
     position_target = first_row,
     velocity_target,

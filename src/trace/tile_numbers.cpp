@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <type_traits>
 
+#include "kernels/tile/own_numbers.h"
 #include "tracer.h"
 
 namespace lockstep::trace {
@@ -66,6 +68,11 @@ std::vector<Part> parts(const simd::ArticulatedInertia<Traced>*) {
 }
 std::vector<Part> parts(const void*) { return {}; }  // elements that only called stages read
 
+// What only the tables read and write: contacts, and copies of what is remembered of them.
+bool for_tables_alone(const std::string& array) {
+  return array.starts_with("contacts.") || array == "guard.remembered" || array == "guard.found";
+}
+
 }  // namespace
 
 /// Stands in for kernels::Carver. Here no two arrays share memory.
@@ -75,10 +82,10 @@ struct Take {
   template <class E>
   void operator()(const char* name, E*& array, int count, Lifetime lasts = Lifetime::step) {
     const std::size_t first = tracer->used_;
-    array = count > 0 ? reinterpret_cast<E*>(tracer->block_.get() + first) : nullptr;
+    array = count > 0 ? reinterpret_cast<E*>(tracer->block_.data() + first) : nullptr;
     tracer->used_ += sizeof(E) * static_cast<std::size_t>(count);
-    const std::vector<Part> all = parts(array);
     std::string stem = name;
+    const std::vector<Part> all = for_tables_alone(stem) ? std::vector<Part>() : parts(array);
     std::replace(stem.begin(), stem.end(), '.', '_');
     Id* number = reinterpret_cast<Id*>(array);
     int in_array = 0;
@@ -106,50 +113,35 @@ struct Measure {
 
 }  // namespace
 
-Tracer::Tracer(const Tables<double>& tables, TracedTile& tile) : tile_(tile) {
+Tracer::Tracer(const Tables<double>& tables, TracedTile& tile, bool routine) : tile_(tile) {
   tracer = this;
   std::size_t bytes = 0;
   Measure measure{&bytes};
   kernels::arrays(tables, tile, measure);
-  block_ = std::make_unique<std::byte[]>(bytes + 1);
+  block_.assign(bytes + 1, std::byte(0xff));  // no node: what has no number may not be read
   number_at_.assign(bytes / sizeof(Id) + 1, -1);
   Take take{this};
   kernels::arrays(tables, tile, take);
-  const auto add_mask = [&](Traced::Mask& mask, const char* name, int place, Lifetime lasts) {
-    add_number(&mask.id, {fmt::format("x.{}", name), place}, name, lasts, nullptr, true);
-  };
-  add_mask(tile.frozen, "frozen", Access::frozen, Lifetime::state);
-  add_mask(tile.singular, "singular", Access::singular, Lifetime::step);
-  if (tables.guarded || tables.audited) add_mask(tile.too_fast, "too_fast", Access::too_fast, Lifetime::step);
-  add_mask(tile.bounds.candidate, "bounds.candidate", Access::candidate, Lifetime::stage);
-  // Numbers that code changes in scopes and in subroutines, but has not in the tile's memory.
-  const auto add_own = [&](Traced::Mask& mask, const char* name) {
-    add_mask(mask, name, Access::nowhere, Lifetime::stage);
-    mask = Traced::none();
-  };
-  add_own(tile.bounds.invalid, "bounds.invalid");
-  add_own(tile.servos.decided, "servos.decided");
-  add_own(tile.search.open, "search.open");
-  add_own(tile.search.going_on, "search.going_on");
-  add_own(tile.stage_bounds.opened, "stage_bounds.opened");
-  add_own(tile.stage_bounds.factored, "stage_bounds.factored");
-  add_own(tile.stage_bounds.searched, "stage_bounds.searched");
-  add_own(tile.guard.coarse, "guard.coarse");
-  add_own(tile.guard.halved, "guard.halved");
-  const auto add_scalar = [&](Traced& number, const char* name) {
-    add_number(&number.id, {fmt::format("x.{}", name), Access::nowhere}, name, Lifetime::stage, nullptr, false);
-    number = Traced(0.0);
-  };
-  add_scalar(tile.servos.duration, "servos.duration");
-  add_scalar(tile.guard.eta, "guard.eta");
-  add_scalar(tile.guard.size, "guard.size");
+  int place = 0;
+  kernels::each_own(tile, [&](const char* name, auto& number, Lifetime lasts) {
+    constexpr bool mask = std::is_same_v<std::decay_t<decltype(number)>, Traced::Mask>;
+    const Place own{fmt::format("x.{}", name), Access::own, place++};
+    if (static_cast<const void*>(&number) == &tile.too_fast && !tables.guarded && !tables.audited) return;
+    add_number(&number.id, own, name, lasts, nullptr, mask);
+    // What a step does not begin with.
+    if (lasts != Lifetime::stage || routine || static_cast<const void*>(&number) == &tile.bounds.candidate) return;
+    if constexpr (mask)
+      number = Traced::none();
+    else
+      number = Traced(0.0);
+  });
 }
 
 void Tracer::add_number(Id* now, const Place& place, const std::string& name, Lifetime lasts, const void* array,
                         bool mask) {
   numbers_.push_back({now, -1, place, name, lasts, array, mask});
   read(numbers_.back());
-  const auto offset = reinterpret_cast<std::byte*>(now) - block_.get();
+  const auto offset = reinterpret_cast<std::byte*>(now) - block_.data();
   if (array) number_at_[static_cast<std::size_t>(offset) / sizeof(Id)] = static_cast<int>(numbers_.size()) - 1;
 }
 

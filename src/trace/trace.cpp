@@ -273,6 +273,25 @@ class Memory {
   std::vector<std::vector<double>> blocks_;
 };
 
+StatePointers<double> traced_inputs(const Tables<double>& t, Tracer& tracing, Memory& memory) {
+  return inputs(t, [&](int count, const std::string& name, int array) {
+    double* first = memory.take(count);
+    tracing.add_rows(first, count, name, array);
+    return first;
+  });
+}
+
+// The tile at the begin of a step.
+void begin_tile(const Tables<double>& t, TracedTile& x) {
+  x.corrects_positions = x.turned = true;  // as lay_out() has it
+  x.consistent = false;
+  x.solves_twice = t.solve_twice;
+
+  // advance() computes these once per call. They are known unless each environment has its own.
+  if (!t.declares(Parameter::gear_ratio)) kernels::uniform_ratios(t, x);
+  if (!t.has_own_inertias()) kernels::uniform_masses(t, x);
+}
+
 // Without `learned` this is the first tracing. It leaves out calls, so numbers that only bounds or diagnostics read are
 // unused. Therefore they do not influence how sums are added up, and steps round alike with and without them.
 Tracing trace_once(const Program& program, bool consistent, bool scopes, const Learned* learned) {
@@ -281,19 +300,9 @@ Tracing trace_once(const Program& program, bool consistent, bool scopes, const L
   Tracer tracing(t, x);
   tracing.scopes = scopes;
   Memory memory;
-  const StatePointers<double> batch = inputs(t, [&](int count, const std::string& name, int array) {
-    double* first = memory.take(count);
-    tracing.add_rows(first, count, name, array);
-    return first;
-  });
+  const StatePointers<double> batch = traced_inputs(t, tracing, memory);
 
-  x.corrects_positions = x.turned = true;  // as lay_out() has it
-  x.consistent = false;
-  x.solves_twice = t.solve_twice;
-
-  // advance() computes these once per call. They are known unless each environment has its own.
-  if (!t.declares(Parameter::gear_ratio)) kernels::uniform_ratios(t, x);
-  if (!t.has_own_inertias()) kernels::uniform_masses(t, x);
+  begin_tile(t, x);
   if (consistent) {
     kernels::no_turns(t, batch, x);
     know_consistent_followers(t, x, tracing);
@@ -327,6 +336,73 @@ TracedStep trace_step(const Program& program, bool scopes) {
   TracedStep step{once(false, &learned).graph, {}};
   if (r.consistent_is_shorter) step.consistent = once(true, &learned).graph;
   return step;
+}
+
+namespace {
+
+using kernels::Routine;
+
+// Whether the routine takes no decision, and a step of the plan runs it.
+bool applies(const Tables<double>& t, Routine routine) {
+  if (routine == Routine::begin_round)
+    for (int i = 0; i < t.rounds.servos.count; ++i)
+      if (t.rounds.servos[i].follower >= 0) return false;  // its corrections are those of one phase
+  const bool euler = t.integrator == Integrator::euler;
+  switch (routine) {
+    case Routine::begin_round:
+    case Routine::solve_round: return t.rounds.used();
+    case Routine::midpoint:
+    case Routine::prediction:
+    case Routine::end: return !euler;
+    case Routine::bias:
+    case Routine::stages: return !euler && !t.loops.used();
+    case Routine::forces: return euler && !t.guesses_servos();
+    default: return euler;
+  }
+}
+
+void run_routine(const Tables<double>& t, const StatePointers<double>& batch, Routine routine, TracedTile& x) {
+  const Tables<double>& solve = t.midpoint ? *t.midpoint : t;
+  switch (routine) {
+    case Routine::kinematics: return kernels::kinematics(t, x);
+    case Routine::forces: return kernels::forces(t, batch, x);
+    case Routine::momenta: return kernels::momenta(t, x);
+    case Routine::free_step: return kernels::free_step(t, batch, x);
+    case Routine::midpoint: return kernels::move_to_midpoint(t, x);
+    case Routine::prediction: return kernels::predict(t, batch, x, 0);
+    case Routine::bias: return kernels::bias_of_stages(t, batch, x);
+    case Routine::stages: return kernels::take_stages(t, batch, x, 0);
+    case Routine::end: return kernels::move_to_end(t, x);
+    case Routine::begin_round: kernels::begin_servos(solve, x); return kernels::begin_round(solve, batch, x);
+    case Routine::solve_round: return kernels::solve_round(solve, x);
+    case Routine::count: return;
+  }
+}
+
+}  // namespace
+
+bool takes_routines(const Tables<double>& t) {
+  const bool renews = t.actuators.used() || t.shares_change();  // what is traced as the same in all steps of a call
+  return (t.contacts.used() || t.loops.used() || t.rounds.at_midpoint) && !renews &&
+         (t.integrator == Integrator::euler || t.midpoint);
+}
+
+TracedRoutines trace_routines(const Program& program) {
+  const Tables<double>& t = program.f64;
+  TracedRoutines all;
+  for (int i = 0; i < kernels::routine_count; ++i) {
+    const auto routine = static_cast<Routine>(i);
+    if (!applies(t, routine)) continue;
+    TracedTile x{};
+    Tracer tracing(t, x, true);
+    Memory memory;
+    const StatePointers<double> batch = traced_inputs(t, tracing, memory);
+    begin_tile(t, x);
+    tracing.aside([&] { run_routine(t, batch, routine, x); });
+    tracing.end_routine();
+    all[static_cast<std::size_t>(i)] = tracing.take_graph();
+  }
+  return all;
 }
 
 Cost cost_of(const Program& program) {

@@ -86,7 +86,7 @@ Addend Tracer::addend(const Term& term) const {
 }
 
 void Tracer::know(Traced& number, Traced is) {
-  const auto offset = reinterpret_cast<std::byte*>(&number) - block_.get();
+  const auto offset = reinterpret_cast<std::byte*>(&number) - block_.data();
   TileNumber& known = numbers_[static_cast<std::size_t>(number_at_[static_cast<std::size_t>(offset) / sizeof(Id)])];
   known.stored = number.id = is.id;
 }
@@ -103,7 +103,7 @@ Id Tracer::load(const double* p) {
 }
 
 void Tracer::name(const void* place, Id id) {
-  const auto offset = static_cast<const std::byte*>(place) - block_.get();
+  const auto offset = static_cast<const std::byte*>(place) - block_.data();
   if (offset < 0 || static_cast<std::size_t>(offset) >= used_) return;
   const int number = number_at_[static_cast<std::size_t>(offset) / sizeof(Id)];
   if (number >= 0) graph.name(id, numbers_[number].name);
@@ -265,6 +265,12 @@ void Tracer::run_if(Id condition, std::vector<Write> stores, const std::string& 
   }
 }
 
+Place Tracer::place_of_candidates() const {
+  for (const TileNumber& number : numbers_)
+    if (number.now == &tile_.bounds.candidate.id) return number.place;
+  throw std::logic_error("a traced tile has no mask of candidates");
+}
+
 void Tracer::hold_if(Id condition, Id failed, bool turns, bool audits) {
   std::vector<Write> flags;
   for (const TileNumber& number : numbers_)
@@ -281,17 +287,17 @@ void Tracer::solve_bounds_if(Id candidate, const std::set<const void*>& unread) 
   std::vector<Write> stores = changed([&](const TileNumber& number) {
     return is_shared(number) && !(number.array && (ends.contains(number.array) || unread.contains(number.array)));
   });
-  stores.push_back({{"x.bounds.candidate", Access::candidate}, candidate});
+  stores.push_back({place_of_candidates(), candidate});
   run_if(candidate, std::move(stores), "solve_bounds(t, batch, x);", Call::solve_bounds, ends);
 }
 
 void Tracer::step_again_if(Id candidate) {
-  run_if(candidate, {{{"x.bounds.candidate", Access::candidate}, candidate}}, "step_again(t, batch, x);",
-         Call::step_again, {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.singular.id, &tile_.too_fast.id});
+  run_if(candidate, {{place_of_candidates(), candidate}}, "step_again(t, batch, x);", Call::step_again,
+         {tile_.next.q, tile_.next.v, tile_.next.pose, &tile_.singular.id, &tile_.too_fast.id});
 }
 
 void Tracer::halves_if(Id coarse, int depth) {
-  std::vector<Write> stores{{{"x.bounds.candidate", Access::candidate}, coarse}};
+  std::vector<Write> stores{{place_of_candidates(), coarse}};
   const std::set<const void*> begin = {tile_.stages.begin.q, tile_.stages.begin.v, tile_.stages.begin.pose};
   for (const TileNumber& number : numbers_)
     if (number.array && begin.contains(number.array)) stores.push_back({number.place, *number.now});
@@ -303,6 +309,10 @@ void Tracer::halves_if(Id coarse, int depth) {
 void Tracer::audit_if(Id fast) {
   run_if(fast, {{{"x.audit.fast"}, fast}}, "x.audit.state->known = T::none();\naudit(t, batch, x);", Call::none,
          {tile_.next.q, tile_.next.v, tile_.next.pose, tile_.audit.state, &tile_.too_fast.id});
+}
+
+void Tracer::end_routine() {
+  graph.effect(changed([](const TileNumber& number) { return is_shared(number) || !number.array; }), "");
 }
 
 void Tracer::keep_state() {

@@ -19,8 +19,8 @@ using TracedTile = kernels::Tile<Traced>;
 class Tracer {
  public:
   /// Lays out the tile and becomes the thread's tracer. Each number of the tile is an input: its place in the kernel's
-  /// own tile.
-  Tracer(const Tables<double>& tables, TracedTile& tile);
+  /// own tile. Only a `routine` (kernels/tile/routines.h) finds there what stages leave outside arrays.
+  Tracer(const Tables<double>& tables, TracedTile& tile, bool routine = false);
   ~Tracer() { tracer = nullptr; }
   Tracer(const Tracer&) = delete;
 
@@ -39,6 +39,8 @@ class Tracer {
   void step_again_if(Id candidate);
   /// Records halve_again() under a condition.
   void halves_if(Id coarse, int depth);
+  /// Records the end of a routine: what it has changed goes to memory.
+  void end_routine();
   /// Records audit() under a condition.
   void audit_if(Id fast);
   /// Writes the changed numbers of the state to the tile's memory: for called stages, and for the next step.
@@ -116,6 +118,7 @@ class Tracer {
   template <class Wanted>
   std::vector<Write> changed(Wanted wanted);
   void read(TileNumber& number);
+  Place place_of_candidates() const;
   std::vector<Id> numbers_now() const;
   std::vector<std::size_t> changed_since(const std::vector<Id>& before) const;
   Id sum(const Sum& traced, Op op, Id a, Id b, Id c);
@@ -124,7 +127,7 @@ class Tracer {
               const std::set<const void*>& ends);
 
   const TracedTile& tile_;
-  std::unique_ptr<std::byte[]> block_;
+  std::vector<std::byte> block_;
   std::size_t used_ = 0;
   int arrays_ = 0;
   std::vector<TileNumber> numbers_;

@@ -160,8 +160,7 @@ class Evaluation {
 
   std::byte* address(const trace::Place& place) const {
     if (place.array == Access::failed) return static_cast<std::byte*>(frame_.slots);
-    if (const std::ptrdiff_t mask = places_.mask(place.array); mask >= 0)
-      return static_cast<std::byte*>(frame_.tile) + mask;
+    if (place.array == Access::own) return static_cast<std::byte*>(frame_.tile) + places_.own[place.number];
     return static_cast<std::byte*>(frame_.block) + places_.first[place.array] +
            static_cast<std::size_t>(place.number) * sizeof(T);
   }

@@ -64,7 +64,7 @@ TilePlaces places_of() {
   const auto size = static_cast<std::ptrdiff_t>(sizeof(T));
   for (int i = 0; i < random_arrays; ++i) places.first[i] = i * random_numbers * size;
   places.arrays = random_arrays;
-  places.frozen = 0, places.singular = size, places.too_fast = 2 * size, places.candidate = 3 * size;
+  for (int i = 0; i < 4; ++i) places.own[i] = i * size;
   places.bytes = static_cast<int>(size), places.fused = true, places.call = disturb<T>;
   return places;
 }

@@ -54,7 +54,7 @@ class RandomGraph {
   }
   trace::Id any_mask() {
     if (!masks_.empty() && below(3) > 0) return any_of(masks_);
-    masks_.push_back(below(4) == 0 ? graph.input({"frozen", Access::frozen}, true)
+    masks_.push_back(below(4) == 0 ? graph.input({"frozen", Access::own, 0}, true)
                                    : graph.operation(trace::Op::less, any_of(numbers_), any_of(numbers_)));
     return masks_.back();
   }
@@ -105,7 +105,7 @@ class RandomGraph {
   void store() { graph.effect({{place(out_array, below(random_numbers)), any_of(numbers_)}}, ""); }
 
   std::vector<trace::Write> some_writes() {
-    std::vector<trace::Write> writes = {{{"candidate", Access::candidate}, any_mask()}};
+    std::vector<trace::Write> writes = {{{"candidate", Access::own, 3}, any_mask()}};
     for (int i = below(4); i > 0; --i) writes.push_back({place(out_array, i), any_of(numbers_)});
     return writes;
   }

@@ -641,8 +641,9 @@ TEST(Combinations, are_recorded_as_they_move) {
       if (cell(scene.model, kept, method, integrator).text == "-") continue;
       const Plan plan = compile(scene.model, kept);
       const std::string words = scene.name + " by " + to_string(plan.method()) + ", " + to_string(plan.integrator());
-      Batch<float> plain(compile(scene.model, scene.settings), environments, {.threads = 1, .engine = Engine::tables}),
-          recorded(plan, environments, {.threads = 1});
+      Batch<float> recorded(plan, environments, {.threads = 1});
+      Batch<float> plain(compile(scene.model, scene.settings), environments,
+                         {.threads = 1, .engine = recorded.engine()});
       make_different(plain), make_different(recorded);
       std::mt19937 random(3), again(3);
       Eigen::ArrayXXf before;

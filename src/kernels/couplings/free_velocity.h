@@ -17,12 +17,17 @@ void factor_matrix(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
     x.singular = x.singular | less(x.dynamics.inverse[z], least_pivot<T>());
 }
 
+/// Both phases have the same momenta where no follower needs a correction. A traced step always keeps the two arrays
+/// apart.
+template <class T>
+LOCKSTEP_INLINE void share_momenta(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  x.dynamics.half_solved_velocity = x.consistent && t.reduction.all_placed ? x.dynamics.half_solved_position
+                                                                           : x.dynamics.half_solved_velocity_storage;
+}
+
 /// The momentum to gain, in x.dynamics.half_solved_position and x.dynamics.half_solved_velocity.
 template <class T>
 LOCKSTEP_INLINE void momenta_to_gain(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  // A traced step always keeps the two arrays apart.
-  x.dynamics.half_solved_velocity = x.consistent && t.reduction.all_placed ? x.dynamics.half_solved_position
-                                                                           : x.dynamics.half_solved_velocity_storage;
   if (!t.reduction.used())
     for (int z = 0; z < t.solver.n; ++z) {
       x.dynamics.start[z] = x.state.v[z];
@@ -55,6 +60,7 @@ LOCKSTEP_INLINE void half_solve(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
 
 template <class T>
 void free_velocity(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  share_momenta(t, x);
   momenta_to_gain(t, x);
   half_solve(t, x);
 }

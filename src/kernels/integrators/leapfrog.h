@@ -10,33 +10,33 @@
 #include "kernels/couplings/functions.h"
 #include "kernels/dynamics/bias_forces.h"
 #include "kernels/dynamics/kinematics.h"
+#include "kernels/tile/routines.h"
 #include "leapfrog_bounds.h"
 #include "leapfrog_efforts.h"
 #include "midpoint.h"
 
 namespace lockstep::kernels {
 
-/// The prediction (M67), the stages (M68), and the mean and last velocity of these (M70).
+/// The bias forces at the predicted velocities. The guard and the midpoint need the prediction later.
 template <class T>
-LOCKSTEP_INLINE void take_stages(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
-                                 int time) {
+void bias_of_stages(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   using S = ScalarOf<T>;
-  using A = Alexander<S>;
   const int n = t.velocities;
-
-  // With bounds in lanes where they act on it. The guard and the midpoint need it later.
-  stage(t, batch, x, 0, time);
-  if (t.rounds.in_stages) bound_prediction(t, batch, x, time);
   for (int k = 0; t.rounds.at_midpoint && k < n; ++k) x.midpoint.change[k] = x.stages.change[k];
   if (t.guarded) keep_prediction(t, x);
-
-  // The stages (M68), with the bias forces at the predicted velocities.
-  for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];  // (M67)
-  for (int k = 0; k < n; ++k) x.state.v[k] = fma(T(S(0.5) / A::gamma), x.stages.change[k], x.stages.midpoint.v[k]);
+  for (int j = 0; j < t.joints; ++j) x.state.q[j] = x.stages.midpoint.q[j];
+  for (int k = 0; k < n; ++k)
+    x.state.v[k] = fma(T(S(0.5) / Alexander<S>::gamma), x.stages.change[k], x.stages.midpoint.v[k]);
   bias_forces(t, batch, x);
+}
+
+/// The stages (M68), and the mean and last velocity of these (M70).
+template <class T>
+void take_stages(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
+  using A = Alexander<ScalarOf<T>>;
+  const int n = t.velocities;
   if (!all_bounded(t, x))
     for (int i = 0; i < leapfrog_stages; ++i) stage(t, batch, x, i, time);
-
   for (int k = 0; k < n; ++k) {
     T mean = T(0), change = T(0);
     for (int i = 0; i < leapfrog_stages; ++i) {
@@ -59,15 +59,11 @@ void leave_out_stages(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   if (t.guarded) keep_prediction(t, x);
 }
 
-/// A step from x.stages.begin to x.next. x.stages.mean_velocity is the velocity that moved the positions, and
-/// x.stages.gained_velocity is what the velocities gained, along the midpoint's axes. x.state is overwritten.
+/// To the midpoint (M66). From here on velocities are along the axes that roots have there.
 template <class T>
-void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
-  using S = ScalarOf<T>;
+void move_to_midpoint(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const ScalarOf<T> half = t.step * ScalarOf<T>(0.5);
   const int n = t.velocities;
-  const S half = t.step * S(0.5);
-
-  // To the midpoint (M66). From here on velocities are along the axes that roots have there.
   for (int j = 0; j < t.joints; ++j)
     x.state.q[j] = x.stages.midpoint.q[j] = fma(T(half), x.stages.begin.v[t.velocity_of(j)], x.stages.begin.q[j]);
   for (int k = 0; k < n; ++k) x.state.v[k] = x.stages.begin.v[k];
@@ -86,35 +82,58 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
   for (int i = 0; i < t.spatial.tendons.count; ++i)
     x.stages.midpoint.q[t.spatial.tendons[i].joint] = x.state.q[t.spatial.tendons[i].joint];
   for (int k = 0; k < n; ++k) x.stages.midpoint.v[k] = x.state.v[k];
+}
 
-  // The one matrix of the step, and its factors.
-  if (t.loops.used()) find_loops(t, batch, x);
-  find_contacts_at_midpoint(t, x);
+/// The one matrix of the step with its factors, and the prediction (M67) without bounds.
+template <class T>
+void predict(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
   joint_inertias(t, batch, x);
   inertia_matrix(t, batch, x);
   factorise(t, batch, x);
-
-  // The prediction and the stages. Loops are held at the midpoint, where nothing of the stages would stay.
   bias_forces(t, batch, x);
-  for (int k = 0; t.rounds.at_midpoint && k < n; ++k) x.midpoint.first_bias[k] = x.dynamics.bias[k];
-  if (t.loops.used())
-    leave_out_stages(t, x);
-  else
-    take_stages(t, batch, x, time);
+  for (int k = 0; t.rounds.at_midpoint && k < t.velocities; ++k) x.midpoint.first_bias[k] = x.dynamics.bias[k];
+  if (!t.loops.used()) stage(t, batch, x, 0, time);
+}
 
-  // Bounds within the stages (section 19), contacts and bounds at the midpoint (section 28), the guard (section 20).
-  if (t.rounds.in_stages) bound_stages(t, batch, x, time);
-  step_from_midpoint(t, batch, x, time);
-  if (t.guarded) judge(t, batch, x);
-  if (t.loops.used()) close_loops(t, batch, x);
-
-  // Positions, and roots along the second half of their way (M70).
+/// Positions, and roots along the second half of their way (M70).
+template <class T>
+void move_to_end(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const ScalarOf<T> half = t.step * ScalarOf<T>(0.5);
   for (int j = 0; j < t.joints; ++j)
     x.next.q[j] = fma(T(t.step), x.stages.mean_velocity[t.velocity_of(j)], x.stages.begin.q[j]);
   second_half_velocities(t, x);
   if (t.balls.count > 0) move_balls(t, half, x.state.v, x.stages.midpoint.q, x.next.q);
   move_roots(t, x, half, x.state.v, x.state.pose, x.next.pose);
   turn_root_twists(t, x, x.next.v);
+}
+
+/// A step from x.stages.begin to x.next. x.stages.mean_velocity is the velocity that moved the positions, and
+/// x.stages.gained_velocity is what the velocities gained, along the midpoint's axes. x.state is overwritten.
+template <class T>
+void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x, int time) {
+  routine(t, x, Routine::midpoint, [&]() LOCKSTEP_INLINED { move_to_midpoint(t, x); });
+  if (t.loops.used()) find_loops(t, batch, x);
+  find_contacts_at_midpoint(t, x);
+  routine(t, x, Routine::prediction, [&]() LOCKSTEP_INLINED { predict(t, batch, x, time); });
+
+  // The stages. Loops are held at the midpoint, where nothing of the stages would stay.
+  if (t.loops.used()) {
+    leave_out_stages(t, x);
+  } else {
+    if (t.rounds.in_stages) bound_prediction(t, batch, x, time);
+    routine(t, x, Routine::bias, [&]() LOCKSTEP_INLINED { bias_of_stages(t, batch, x); });
+    const auto stages = [&]() LOCKSTEP_INLINED { take_stages(t, batch, x, time); };
+    all_bounded(t, x) ? stages() : routine(t, x, Routine::stages, stages);
+  }
+  x.corrects_positions = true, x.solves_twice = t.solve_twice;  // as of the last stage
+  share_momenta(t, x);
+
+  // Bounds within the stages (section 19), contacts and bounds at the midpoint (section 28), the guard (section 20).
+  if (t.rounds.in_stages) bound_stages(t, batch, x, time);
+  step_from_midpoint(t, batch, x, time);
+  if (t.guarded) judge(t, batch, x);
+  if (t.loops.used()) close_loops(t, batch, x);
+  routine(t, x, Routine::end, [&]() LOCKSTEP_INLINED { move_to_end(t, x); });
   if (t.rounds.in_stages) settle(t, batch, x);
   if (t.functions.used()) place_curved(t, x, x.next.q, x.next.v);
   remember_midpoint(t, x);

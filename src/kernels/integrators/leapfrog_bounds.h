@@ -139,6 +139,7 @@ void bounded_stage(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>
 
   // Momenta of the stage without bounds (M68).
   begin_stage(t, batch, x, i, time);
+  share_momenta(t, x);
   momenta_to_gain(t, x);
   const bool twice = x.solves_twice && x.dynamics.half_solved_velocity != x.dynamics.half_solved_position;
   const T* const momentum = twice ? x.dynamics.half_solved_velocity : x.dynamics.half_solved_position;

@@ -160,6 +160,7 @@ void momenta_at_midpoint(const Tables<ScalarOf<T>>& t, const StatePointers<Scala
   if (t.couplings > 0) coupling_errors(t, x);
   if (t.reduction.followers > 0) follow(solve, x);
   joint_forces(solve, batch, x, time);
+  share_momenta(solve, x);
   momenta_to_gain(solve, x);
   keep_momentum(solve, x);
   for (int r = 0; r < t.rows.count; ++r) {

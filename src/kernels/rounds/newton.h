@@ -9,6 +9,7 @@
 #pragma once
 
 #include "kernels/contacts/slips.h"
+#include "kernels/tile/routines.h"
 #include "rows.h"
 
 namespace lockstep::kernels {
@@ -154,15 +155,35 @@ T search_along(const Tables<ScalarOf<T>>& t, typename T::Mask open, T first_slop
   return a;
 }
 
-/// The matrix of a round, factored. Returns the lanes with a pivot that is too small.
+/// The gradient, and the matrix of a round without what contacts and rows add to it.
 template <class T>
-typename T::Mask factor_round(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+void begin_round(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  const int n = t.rounds.columns.n;
+  T* const change = x.rounds.step;
+  set_goals(t, position_phase, x);
+  round_terms(t, batch, position_phase, x);
+  for (int k = 0; k < n; ++k) change[k] = x.rounds.z[k] - x.held.start[k];
+  momentum_left(t, change, x.held.rhs, x.rounds.gradient, x);
+  for (int k = 0; k < n; ++k) x.held.rhs[k] = x.rounds.gradient[k] = x.rounds.gradient[k] + x.rounds.momentum[k];
   for (int e = 0; e < t.rounds.columns.entries; ++e)
     x.held.factor[e] = x.held.matrix[e] + T(0);  // no -0: others add 0 to it
-  for (int z = 0; z < t.rounds.columns.n; ++z) x.held.factor[t.rounds.columns.offset[z]] = x.held.diagonal[z];
-  add_gains(t, x.held.factor, x);
-  add_row_gains(t, x.held.factor, x);
-  return factor_masked(t, x);
+  for (int k = 0; k < n; ++k) x.held.factor[t.rounds.columns.offset[k]] = x.held.diagonal[k];
+}
+
+/// A step of Newton's method with held velocities masked.
+template <class T>
+void solve_round(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  const T zero = T(0);
+  T *const z = x.rounds.z, *const step = x.rounds.step;
+  x.rounds.weak = x.rounds.weak | (factor_masked(t, x) & x.rounds.open);
+  solve_masked(t, position_phase, z, x);
+  T largest = zero, fastest = zero, slope = zero;
+  for (int k = 0; k < t.rounds.columns.n; ++k) {
+    step[k] = select(x.rounds.open, found_change(x, k), zero);
+    slope = fnma(step[k], x.rounds.gradient[k] + x.held.impulse[k], slope);
+    largest = farther(largest, step[k]), fastest = farther(fastest, z[k]);
+  }
+  x.rounds.largest = largest, x.rounds.fastest = fastest, x.rounds.slope = slope;
 }
 
 /// What the last step has done to the slots of a lane.
@@ -215,20 +236,12 @@ typename T::Mask newton(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   while (any(open)) {
     x.counts.rounds += select(open, one, zero), x.counts.tile_rounds += one;
 
-    // The gradient, and a step of Newton's method with held velocities masked.
-    set_goals(t, position_phase, x);
-    round_terms(t, batch, position_phase, x);
-    for (int k = 0; k < n; ++k) step[k] = z[k] - x.held.start[k];
-    momentum_left(t, step, x.held.rhs, x.rounds.gradient, x);
-    for (int k = 0; k < n; ++k) x.held.rhs[k] = x.rounds.gradient[k] = x.rounds.gradient[k] + x.rounds.momentum[k];
-    x.rounds.weak = x.rounds.weak | (factor_round(t, x) & open);
-    solve_masked(t, position_phase, z, x);
-    T largest = zero, fastest = zero, slope = zero;
-    for (int k = 0; k < n; ++k) {
-      step[k] = select(open, found_change(x, k), zero);
-      slope = fnma(step[k], x.rounds.gradient[k] + x.held.impulse[k], slope);
-      largest = farther(largest, step[k]), fastest = farther(fastest, z[k]);
-    }
+    x.rounds.open = open;
+    routine(t, x, Routine::begin_round, [&]() LOCKSTEP_INLINED { begin_round(t, batch, x); });
+    add_gains(t, x.held.factor, x);
+    add_row_gains(t, x.held.factor, x);
+    routine(t, x, Routine::solve_round, [&]() LOCKSTEP_INLINED { solve_round(t, x); });
+    const T largest = x.rounds.largest, fastest = x.rounds.fastest, slope = x.rounds.slope;
 
     // How the laws bend along the step, and a search where they bend too much.
     const T last = try_step(t, step, x);

@@ -136,17 +136,17 @@ struct HeldVelocities {
     take("held.matrix", matrix, entries);
     take("held.start", start, t.rounds.renumbered ? n : 0);
     take("held.momentum", momentum, phases * n);
-    take("held.factor", factor, entries, Lifetime::stage);
-    take("held.diagonal", diagonal, n, Lifetime::stage);
-    take("held.pivot", pivot, n, Lifetime::stage);
-    take("held.inverse", inverse, n, Lifetime::stage);
-    take("held.raw", raw, n, Lifetime::stage);
-    take("held.rhs", rhs, n, Lifetime::stage);
-    take("held.goal", goal, phases * n, Lifetime::stage);
-    take("held.velocity", velocity, phases * n, Lifetime::stage);
-    take("held.impulse", impulse, phases * n, Lifetime::stage);
-    take("held.light", light, t.bounds.single, Lifetime::stage);
-    take("held.mask", mask, n, Lifetime::stage);
+    take("held.factor", factor, entries);
+    take("held.diagonal", diagonal, n);
+    take("held.pivot", pivot, n);
+    take("held.inverse", inverse, n);
+    take("held.raw", raw, n);
+    take("held.rhs", rhs, n);
+    take("held.goal", goal, phases * n);
+    take("held.velocity", velocity, phases * n);
+    take("held.impulse", impulse, phases * n);
+    take("held.light", light, t.bounds.single);
+    take("held.mask", mask, n);
   }
 };
 
@@ -179,7 +179,10 @@ struct RoundArrays {
   T* single_impulse;      // [bounds of one velocity] of the last round in which the lane was open
   T* answer;              // [(rows of contacts + single bounds + slots) velocities] to a unit impulse, in sweeps
   T* unbounded_result;    // of the step in which none of them acts (integrators/solve_rounds.h)
+  typename T::Mask open;  // lanes that have not finished
   typename T::Mask weak;  // lanes with a pivot that is too small
+  T largest, fastest;     // of the step and of the velocities at its end
+  T slope;                // of the line function where the step begins
 
   template <class Take>
   void arrays(const Tables<ScalarOf<T>>& t, Take& take) {

@@ -9,6 +9,7 @@
 #include "function_arrays.h"
 #include "loop_arrays.h"
 #include "record_arrays.h"
+#include "routine_code.h"
 #include "spatial_arrays.h"
 #include "state_pointers.h"
 
@@ -55,6 +56,7 @@ struct Tile {
   Diagnostics<T> diagnostics;
   Records<T> records;
   Audit<T> audit;
+  Routines routines;
 
   std::uint32_t step;         // steps that this call has taken
   typename T::Mask frozen;    // lanes that failed and take no more steps

@@ -1,0 +1,44 @@
+// The machine code of a plan's routines, as a tile knows it. SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+namespace lockstep::jit {
+struct Frame;
+}
+
+namespace lockstep::kernels {
+
+enum class Routine : int {
+  kinematics,   ///< of euler: sines and cosines of the joints
+  forces,       ///< bias forces, forces of the joints, and the matrix
+  momenta,      ///< what the forces add in the step
+  free_step,    ///< the step without bounds and contacts
+  midpoint,     ///< of leapfrog: to there
+  prediction,   ///< with the matrix of the step
+  bias,         ///< forces at the prediction
+  stages,       ///< where no bound acts
+  end,          ///< from the midpoint
+  begin_round,  ///< of Newton's method: its terms and gradient
+  solve_round,  ///< its factor and its step
+  count
+};
+constexpr int routine_count = static_cast<int>(Routine::count);
+constexpr const char* routine_names[routine_count] = {"kinematics", "forces",      "momenta",    "free step",
+                                                      "midpoint",   "prediction",  "bias",       "stages",
+                                                      "end",        "begin round", "solve round"};
+
+using RoutineCode = void (*)(const jit::Frame* first, const jit::Frame* last);
+
+/// Of one tile.
+struct Routines {
+  const RoutineCode* code = nullptr;   ///< [routine_count], null where the tables run
+  const void* tables = nullptr;        ///< of the step that it was made for; those of a half have other numbers
+  const void* midpoint = nullptr;      ///< and of the solve at its midpoint
+  const jit::Frame* frame = nullptr;   ///< of the tile
+  const jit::Frame* behind = nullptr;  ///< and the one behind it
+
+  RoutineCode code_of(const void* t, Routine which) const {
+    return code && (t == tables || t == midpoint) ? code[static_cast<int>(which)] : nullptr;
+  }
+};
+
+}  // namespace lockstep::kernels

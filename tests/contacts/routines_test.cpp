@@ -1,0 +1,115 @@
+// Steps by the tables whose routines are machine code, against steps by the tables alone. SPDX-License-Identifier:
+// Apache-2.0
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "batch/engine.h"
+#include "divergence_scenes.h"
+#include "lockstep/lockstep.h"
+#include "reference/loop_models.h"
+#include "targets/dispatch.h"
+
+namespace lockstep {
+namespace {
+
+using namespace contact_scenes;
+
+constexpr int environments = 19;
+
+struct Case {
+  std::string name;
+  Model model;
+  StepSettings settings;
+};
+
+// Each in both integrators: without and with bounds, kept couplings, fields, friction that resists turning, impacts,
+// and loops.
+std::vector<Case> cases() {
+  std::vector<Case> all;
+  const auto add = [&](const std::string& name, const Model& model, StepSettings settings) {
+    settings.dt = 1.0 / 240;
+    for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
+      settings.integrator = integrator;
+      all.push_back({name + "_" + to_string(integrator), model, settings});
+    }
+  };
+  add("grasp", Grasp{}.model(), {});
+  add("grasp_with_kept_couplings", Grasp{}.model(), {.method = Method::direct});
+  add("quadruped", quadruped(), {});
+  add("limited_quadruped", limited_quadruped(false),
+      {.per_environment = {Parameter::mass, Parameter::contact_friction, Parameter::drive_gains}});
+  add("hand", hand_with_cube(), {.per_environment = {Parameter::mass}});
+  Model bouncing = limited_quadruped(false);
+  for (Collider& collider : bouncing.colliders)
+    collider.restitution = 0.5, collider.torsional_friction = 0.01, collider.rolling_friction = 0.001;
+  add("bouncing_quadruped", bouncing, {.record_efforts = true, .record_contacts = true});
+  add("five_bar", loop_models::five_bar(), {});
+  return all;
+}
+
+class Routines : public testing::TestWithParam<Case> {};
+
+template <class S>
+double largest_difference(const Batch<S>& a, const Batch<S>& b) {
+  double largest = 0.0;
+  const auto compare = [&](const auto& ours, const auto& other) {
+    if (ours.size() > 0)
+      largest = std::max(largest, static_cast<double>(((ours - other).abs() / (S(1) + other.abs())).maxCoeff()));
+  };
+  compare(a.positions(), b.positions()), compare(a.velocities(), b.velocities());
+  compare(a.root_poses(), b.root_poses()), compare(a.root_velocities(), b.root_velocities());
+  return largest;
+}
+
+// Along a motion of the tables with targets that differ and with resets; each step from the same state.
+template <class S>
+void expect_the_steps_of_the_tables(const Case& own, Target target, double tolerance) {
+  const Plan plan = compile(own.model, own.settings);
+  if (!code_obstacle<S>(plan, resolve(target)).empty()) GTEST_SKIP() << code_obstacle<S>(plan, resolve(target));
+  Batch<S> tables(plan, environments, {.threads = 1, .target = target, .engine = Engine::tables});
+  Batch<S> compiled(plan, environments, {.threads = 1, .target = target, .engine = Engine::compiled});
+  EXPECT_NE(compiled.describe().find("Its machine code, in bytes: "), std::string::npos);
+  std::mt19937 random(11);
+  const auto within = [&](double most) { return std::uniform_real_distribution<double>(-most, most)(random); };
+  for (const Parameter parameter : {Parameter::mass, Parameter::contact_friction, Parameter::drive_gains}) {
+    if (!own.settings.per_environment.contains(parameter)) continue;
+    auto rows = tables.parameter(parameter);
+    for (int e = 0; e < environments; ++e) rows.col(e) *= static_cast<S>(1.0 + within(0.3));
+    compiled.parameter(parameter) = rows;
+  }
+  double largest = 0.0;
+  int faults = 0;
+  for (int i = 0; i < 240; ++i) {
+    if (i % 12 == 0)
+      for (const Joint& joint : own.model.joints)
+        for (int e = 0; joint.drive.kp > 0.0 && e < environments; ++e)
+          tables.position_targets()(plan.dof(joint.name), e) =
+              static_cast<S>(joint.drive.position_target + within(0.5));
+    if (i % 40 == 39) tables.reset(std::vector<int>{i % environments});
+    compiled.restore(tables.save());
+    const int steps = 1 + i % 2;  // what a call loads once must serve all its steps
+    tables.step(steps), compiled.step(steps);
+    largest = std::max(largest, largest_difference(std::as_const(compiled), std::as_const(tables)));
+    for (int e = 0; e < environments; ++e) {
+      EXPECT_EQ(tables.faults()[e], compiled.faults()[e]);
+      faults += tables.faults()[e] != Fault::none;
+    }
+  }
+  EXPECT_EQ(faults, 0);
+  EXPECT_LT(largest, tolerance) << own.name;
+}
+
+TEST_P(Routines, make_the_steps_of_the_tables) {
+  for (const Target target : {Target::avx2, Target::avx512}) {
+    if (!supported(target)) continue;
+    // Coefficients of leapfrog's stages are rounded in another order.
+    expect_the_steps_of_the_tables<float>(GetParam(), target, GetParam().name.ends_with("euler") ? 1e-6 : 2e-4);
+    expect_the_steps_of_the_tables<double>(GetParam(), target, 1e-12);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Routines, testing::ValuesIn(cases()), [](const auto& info) { return info.param.name; });
+
+}  // namespace
+}  // namespace lockstep
