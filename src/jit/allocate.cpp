@@ -21,11 +21,15 @@ class Allocation {
 
   Allocated run() {
     const auto count = static_cast<int>(listing_.operations.size());
-    int own = 0;  // operations of the step without its subroutines
-    while (own < count && listing_.operations[static_cast<std::size_t>(own)].op != Op::begin_subroutine) ++own;
-    const bool in_parts = own > machine_.longest;
+    int own = 0;                           // operations of the step without its subroutines
+    int depth = 0, always = 0, begun = 0;  // of loops and scopes; of those outside them; of the part
+    for (; own < count && listing_.operations[static_cast<std::size_t>(own)].op != Op::begin_subroutine; ++own) {
+      const Op op = listing_.operations[static_cast<std::size_t>(own)].op;
+      depth += begins(op) ? 1 : ends(op) ? -1 : 0;
+      always += depth == 0;
+    }
+    const bool in_parts = always > machine_.longest;
     emit({.kind = Instruction::begin_part});
-    int depth = 0, begun = 0;  // of loops and scopes; of the part
     for (int i = 0; i < own; ++i) {
       const Operation& operation = listing_.operations[static_cast<std::size_t>(i)];
       uses_.come_to(i);

@@ -109,6 +109,35 @@ TEST_P(Routines, make_the_steps_of_the_tables) {
   }
 }
 
+// Which routines a tile runs depends on all its lanes, and which of them are bounded or touch something.
+TEST_P(Routines, do_not_know_the_neighbours) {
+  const Case& own = GetParam();
+  const Plan plan = compile(own.model, own.settings);
+  if (!code_obstacle<float>(plan, resolve(Target::automatic)).empty()) GTEST_SKIP();
+  Batch<float> all(plan, environments, {.threads = 1, .engine = Engine::compiled});
+  std::vector<Batch<float>> alone;
+  for (int e = 0; e < environments; e += 6) alone.emplace_back(plan, 1, BatchOptions{.threads = 1});
+  std::mt19937 random(5);
+  for (int i = 0; i < 40; ++i) {
+    for (const Joint& joint : own.model.joints)
+      for (int e = 0; joint.drive.kp > 0.0 && e < environments; ++e) {
+        const int dof = plan.dof(joint.name);
+        all.position_targets()(dof, e) = static_cast<float>(
+            joint.drive.position_target + std::uniform_real_distribution<double>(-0.5, 0.5)(random) * (e % 3));
+      }
+    all.step(6);
+    for (std::size_t k = 0; k < alone.size(); ++k) {
+      const int e = 6 * static_cast<int>(k);
+      ASSERT_EQ(alone[k].engine(), Engine::compiled);
+      alone[k].position_targets().col(0) = all.position_targets().col(e);
+      alone[k].step(6);
+      EXPECT_TRUE((alone[k].positions().col(0) == all.positions().col(e)).all()) << e;
+      EXPECT_TRUE((alone[k].velocities().col(0) == all.velocities().col(e)).all()) << e;
+      EXPECT_TRUE((alone[k].root_velocities().col(0) == all.root_velocities().col(e)).all()) << e;
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(All, Routines, testing::ValuesIn(cases()), [](const auto& info) { return info.param.name; });
 
 }  // namespace
