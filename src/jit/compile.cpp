@@ -41,7 +41,7 @@ std::string failure_of(Use use) {
     return "";
   } catch (const std::bad_alloc&) {
     throw;
-  } catch (const SettingsError& error) {  // contacts, or a step that solves lane by lane
+  } catch (const SettingsError& error) {  // a step that solves lane by lane, for instance
     return error.element() + " " + error.rule();
   } catch (const std::exception& error) {
     return error.what();

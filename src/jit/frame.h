@@ -25,7 +25,7 @@ using CallStage = void (*)(const Frame*, int);
 
 /// Where a tile's numbers stand, in bytes from the bases.
 struct TilePlaces {
-  static constexpr int most_arrays = 256;
+  static constexpr int most_arrays = 512;
   static constexpr int most_own = 32;
   std::ptrdiff_t first[most_arrays];  ///< of each array in memory order, from Frame::block
   int arrays = 0;
@@ -43,9 +43,10 @@ struct StepCode {
   Function consistent = nullptr;  ///< the shorter step of tiles of consistent followers, null if there is none
   /// Without code of the step: that of its routines. They take one tile at a time.
   kernels::RoutineCode routine[kernels::routine_count] = {};
-  int tiles = 1;      ///< that go through the parts of a long step together
-  int slots = 0;      ///< of each tile
-  Span<Access> rows;  ///< of the batch, in the order of their slots
+  int tiles = 1;        ///< that go through the parts of a long step together
+  int slots = 0;        ///< of each tile
+  Span<Access> rows;    ///< of the batch, in the order of their slots
+  Span<Access> unread;  ///< rows that only the tables' routines read: NaN in them is a fault all the same
 };
 
 }  // namespace lockstep::jit

@@ -244,6 +244,8 @@ class Lowering {
       return {Memory::handed, known->second * machine_.register_bytes};
     }
     if (place.array == Access::failed) return {Memory::slots, 0};
+    if (place.array == Access::own && place.number >= TilePlaces::most_own)
+      throw std::length_error("a tile has too many numbers outside its arrays for machine code");
     if (place.array == Access::own) return {Memory::tile, static_cast<int>(places_.own[place.number])};
     if (place.array < 0 || place.array >= places_.arrays) throw std::logic_error("a number of a step has no place");
     const std::ptrdiff_t offset =

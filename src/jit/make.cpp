@@ -82,7 +82,7 @@ CompiledStep make(const trace::TracedRoutines& traced, int scalar_bytes, const T
   const Machine machine = machine_of_routines(scalar_bytes, places);
   CompiledStep step;
   std::vector<Listing> listings;
-  for (const std::optional<trace::Graph>& routine : traced)
+  for (const std::optional<trace::Graph>& routine : traced.graph)
     if (routine) {
       listings.push_back(lower(*routine, places, machine, step.rows));
       step.rows = listings.back().rows;
@@ -95,15 +95,14 @@ CompiledStep make(const trace::TracedRoutines& traced, int scalar_bytes, const T
     CodeSize size;
     begins.push_back(append(listing, places, machine, size, step.code, bytes));
     sizes.push_back(size);
-    step.any.operations += size.operations;
   }
-  step.any.bytes = static_cast<int>(bytes.size());
-  step.any.parts = static_cast<int>(listings.size());
+  for (const trace::Place& place : traced.unread) step.unread.push_back({0, place.array, place.number});
+  step.code.unread = {step.unread.data(), static_cast<int>(step.unread.size())};
   step.code.tiles = 1;
   const std::uintptr_t start = keep(bytes, step);
   if (start == 0) return step;
-  for (std::size_t i = 0, made = 0; i < traced.size(); ++i) {
-    if (!traced[i]) continue;
+  for (std::size_t i = 0, made = 0; i < traced.graph.size(); ++i) {
+    if (!traced.graph[i]) continue;
     step.code.routine[i] = reinterpret_cast<kernels::RoutineCode>(start + begins[made]);
     step.routine_bytes[i] = sizes[made++].bytes;
   }
@@ -116,10 +115,10 @@ std::string print_step(const trace::TracedStep& traced, int scalar_bytes, const 
 
 std::string print_routines(const trace::TracedRoutines& traced, int scalar_bytes, const TilePlaces& places) {
   std::string all;
-  for (std::size_t i = 0; i < traced.size(); ++i)
-    if (traced[i])
+  for (std::size_t i = 0; i < traced.graph.size(); ++i)
+    if (traced.graph[i])
       all += std::string(kernels::routine_names[i]) + ":\n" +
-             print_graph(*traced[i], places, machine_of_routines(scalar_bytes, places));
+             print_graph(*traced.graph[i], places, machine_of_routines(scalar_bytes, places));
   return all;
 }
 

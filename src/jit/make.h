@@ -16,11 +16,11 @@ struct CodeSize {
 };
 
 struct CompiledStep {
-  StepCode code;             ///< of the step or of its routines; none without `memory`
-  CodeSize any, consistent;  ///< with routines, `any` is all of them
+  StepCode code;  ///< of the step or of its routines; none without `memory`
+  CodeSize any, consistent;
   int routine_bytes[kernels::routine_count] = {};
   std::string obstacle;  ///< why there is no code
-  std::vector<Access> rows;
+  std::vector<Access> rows, unread;
   std::shared_ptr<const void> memory;  ///< holds the code
 };
 

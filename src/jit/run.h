@@ -49,9 +49,10 @@ void find_places(const Tables<ScalarOf<T>>& t, jit::TilePlaces& places) {
   Tile<T> x;
   ArrayPlaces take(places);
   arrays(t, x, take);
-  std::ptrdiff_t* own = places.own;
+  int own = 0;
   each_own(x, [&](const char*, const auto& number, Lifetime) {
-    *own++ = reinterpret_cast<const char*>(&number) - reinterpret_cast<const char*>(&x);
+    if (own < jit::TilePlaces::most_own)
+      places.own[own++] = reinterpret_cast<const char*>(&number) - reinterpret_cast<const char*>(&x);
   });
   places.bytes = static_cast<int>(sizeof(T));
   places.fused = T::fused;
@@ -107,7 +108,10 @@ struct ByRoutines : ByCode {
   LOCKSTEP_INLINE void begin(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x,
                              T* slots, int k) {
     ByCode::begin(t, batch, x, slots, k);
-    x.routines = {code.routine, &t, t.midpoint, frame, frame + 1};
+    x.routines = {code.routine, &t, t.midpoint ? t.midpoint : &t, frame, frame + 1};
+    x.unread_inputs = T(0);
+    for (int i = 0; i < code.unread.count; ++i)
+      x.unread_inputs = farther(x.unread_inputs, T::load(row_of(batch, code.unread[i])));
   }
   template <class T>
   LOCKSTEP_INLINE void step(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>* batch, Tile<T>* x,

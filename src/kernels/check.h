@@ -82,6 +82,10 @@ LOCKSTEP_INLINE void hold_if(const Tables<ScalarOf<T>>& t, const StatePointers<S
 /// Freezes lanes that failed, and moves the others to their new state.
 template <class T>
 void check(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
+  if (x.routines.code && t.velocities > 0) {  // the tables multiply NaN by 0 and find NaN
+    T& last = x.next.v[t.velocities - 1];
+    last = select(beyond(x.unread_inputs, T(largest_number<float>)), x.unread_inputs, last);
+  }
   const auto far = beyond(farthest_position(t, x), T(t.position_bound));
   const auto fast = beyond(farthest(x.next.v, t.velocities, T(0)), T(t.velocity_bound));
   typename T::Mask failed = x.singular | far | fast;

@@ -344,11 +344,15 @@ std::string kernel_obstacle(const Plan& plan) {
 
 std::string engine_line(const Plan& plan) {
   const Program& program = program_of(plan);
-  if (program.f64.contacts.used() || program.f64.loops.used()) {
-    const char* const engine = jit::has_routines(program) ? "compiled: routines of the tables" : "tables";
-    return fmt::format("Engine: {}, which alone {}.\n", engine,
-                       program.f64.contacts.used() ? "solve contacts" : "hold loops");
-  }
+  const bool touches = program.f64.contacts.used(), loops = program.f64.loops.used();
+  if (jit::has_routines(program))
+    return fmt::format("Engine: compiled, in routines; the tables {}.\n",
+                       touches ? "solve contacts"
+                       : loops ? "hold loops"
+                               : "solve what the stages of leapfrog cannot hold");
+  if (touches || loops)
+    return fmt::format("Engine: tables, which alone {}; compiled does not apply: {}.\n",
+                       touches ? "solve contacts" : "hold loops", jit::plan_obstacle(program));
   // Without generated code.
   std::string engine = to_string(Engine::tables), reason;
   if (const char* obstacle = jit::speed_obstacle(program))

@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <set>
+#include <utility>
 
 #include "called_stages.h"
 #include "cost.h"
@@ -109,14 +111,13 @@ void keep_state(Tile<Traced>&) {
 }
 bool find_contacts(const Tables<double>&, Tile<Traced>&) {
   if (!counting)
-    throw SettingsError("contacts", "are solved by the tables, not by compiled or generated code",
+    throw SettingsError("contacts", "are solved by the tables, not by generated code",
                         "use Engine::tables or automatic");
   return false;
 }
 void find_loops(const Tables<double>&, const StatePointers<double>&, Tile<Traced>&) {
   if (!counting)
-    throw SettingsError("loops", "are held by the tables, not by compiled or generated code",
-                        "use Engine::tables or automatic");
+    throw SettingsError("loops", "are held by the tables, not by generated code", "use Engine::tables or automatic");
 }
 void changing_shares(const Tables<double>& t, Tile<Traced>& x) {
   if (counting) return changing_shares<Traced>(t, x);
@@ -140,7 +141,7 @@ void find_contacts_at_midpoint(const Tables<double>& t, Tile<Traced>&) {
     throw SettingsError(
         "integrator",
         "leapfrog with contacts, with loops, or with bounds over several velocities, is solved by the tables, not by "
-        "compiled or generated code",
+        "generated code",
         "use Engine::tables or automatic");
 }
 void settle(const Tables<double>& t, const StatePointers<double>& batch, Tile<Traced>& x) {
@@ -239,15 +240,26 @@ struct Learned {
   std::vector<Place> unused_inputs;
 };
 
-Learned learned_from(const Tracing& any, const Tracing& consistent) {
-  const std::vector<int> used = use_counts(any.graph);
-  std::vector<Place> unused_inputs;
-  for (Id id = 0; id < static_cast<Id>(used.size()); ++id) {
-    const Node& node = any.graph.nodes()[id];
-    if (node.op == Op::input && node.place.array >= Access::first_row && used[id] == 0)
-      unused_inputs.push_back(node.place);
+// Input rows of which the graphs have made nodes, but which no result depends on.
+std::vector<Place> unused_inputs_of(const std::vector<const Graph*>& graphs) {
+  std::map<std::pair<int, int>, std::pair<Place, bool>> known;
+  for (const Graph* graph : graphs) {
+    const std::vector<int> used = use_counts(*graph);
+    for (Id id = 0; id < static_cast<Id>(used.size()); ++id) {
+      const Node& node = graph->nodes()[id];
+      if (node.op != Op::input || node.place.array < Access::first_row) continue;
+      const auto at = known.try_emplace({node.place.array, node.place.number}, node.place, false).first;
+      at->second.second = at->second.second || used[id] > 0;
+    }
   }
-  return {terms_of(any, consistent), std::move(unused_inputs)};
+  std::vector<Place> unused;
+  for (const auto& [row, input] : known)
+    if (!input.second) unused.push_back(input.first);
+  return unused;
+}
+
+Learned learned_from(const Tracing& any, const Tracing& consistent) {
+  return {terms_of(any, consistent), unused_inputs_of({&any.graph})};
 }
 
 // The input rows of one environment. rows(count, name, array) makes each.
@@ -357,6 +369,8 @@ bool applies(const Tables<double>& t, Routine routine) {
     case Routine::bias:
     case Routine::stages: return !euler && !t.loops.used();
     case Routine::forces: return euler && !t.guesses_servos();
+    case Routine::momenta: return euler && t.rows.count == 0;
+    case Routine::free_step: return euler && (t.rows.count > 0 || !(t.rounds.used() && t.solves_first()));
     default: return euler;
   }
 }
@@ -390,6 +404,7 @@ bool takes_routines(const Tables<double>& t) {
 TracedRoutines trace_routines(const Program& program) {
   const Tables<double>& t = program.f64;
   TracedRoutines all;
+  std::vector<const Graph*> graphs;
   for (int i = 0; i < kernels::routine_count; ++i) {
     const auto routine = static_cast<Routine>(i);
     if (!applies(t, routine)) continue;
@@ -400,8 +415,9 @@ TracedRoutines trace_routines(const Program& program) {
     begin_tile(t, x);
     tracing.aside([&] { run_routine(t, batch, routine, x); });
     tracing.end_routine();
-    all[static_cast<std::size_t>(i)] = tracing.take_graph();
+    graphs.push_back(&all.graph[static_cast<std::size_t>(i)].emplace(tracing.take_graph()));
   }
+  all.unread = unused_inputs_of(graphs);
   return all;
 }
 

@@ -19,8 +19,11 @@ struct TracedStep {
 /// for the plans that cannot be traced.
 TracedStep trace_step(const Program& program, bool scopes);
 
-/// The routines of a step (kernels/tile/routine_code.h), by number.
-using TracedRoutines = std::array<std::optional<Graph>, kernels::routine_count>;
+/// The routines of a step (kernels/tile/routine_code.h).
+struct TracedRoutines {
+  std::array<std::optional<Graph>, kernels::routine_count> graph;  ///< by number
+  std::vector<Place> unread;                                       ///< inputs on which none of them depends
+};
 
 /// Whether the tables take the steps of a plan, with routines: contacts, loops, and what stages of leapfrog cannot hold
 /// are solved by values.

@@ -72,6 +72,12 @@ LOCKSTEP_INLINE Servo<T> servo_of_solve(const Tables<ScalarOf<T>>& t, const Stat
   return own;
 }
 
+/// Servos act for the whole step from where it starts.
+template <class T>
+LOCKSTEP_INLINE void begin_servos(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
+  x.servos.duration = T(t.dt), x.servos.from = x.state.q, x.servos.time = 0, x.servos.corrected = true;
+}
+
 /// `own` are the rows of the field.
 template <class T>
 LOCKSTEP_INLINE T effort_limit(const Tables<ScalarOf<T>>& t, const ScalarOf<T>* own, std::ptrdiff_t stride, int j) {

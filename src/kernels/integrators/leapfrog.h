@@ -125,7 +125,7 @@ void leapfrog(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& ba
     const auto stages = [&]() LOCKSTEP_INLINED { take_stages(t, batch, x, time); };
     all_bounded(t, x) ? stages() : routine(t, x, Routine::stages, stages);
   }
-  x.corrects_positions = true, x.solves_twice = t.solve_twice;  // as of the last stage
+  x.corrects_positions = true, x.solves_twice = t.solve_twice;  // code of the last stage does not say so
   share_momenta(t, x);
 
   // Bounds within the stages (section 19), contacts and bounds at the midpoint (section 28), the guard (section 20).

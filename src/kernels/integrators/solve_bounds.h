@@ -110,7 +110,7 @@ template <class T>
 void solve_by_velocity(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const int count = t.bounds.rows.count, n = t.solver.n;
   const bool first = t.limited_servos.count > 0, twice = phases<T>(t) == 2;
-  x.servos.duration = T(t.dt), x.servos.from = x.state.q, x.servos.time = 0, x.servos.corrected = true;
+  begin_servos(t, x);
   x.bounds.invalid = T::none();
   const auto singular = x.singular;
   const auto lanes = [&] { return x.bounds.candidate & ~x.bounds.invalid & ~x.frozen; };

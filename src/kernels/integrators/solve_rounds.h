@@ -36,12 +36,6 @@ void mark_invalid(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
   last = select(x.bounds.invalid, T(ScalarOf<T>(__builtin_nan(""))), last);
 }
 
-/// Servos act for the whole step from where it starts.
-template <class T>
-LOCKSTEP_INLINE void begin_servos(const Tables<ScalarOf<T>>& t, Tile<T>& x) {
-  x.servos.duration = T(t.dt), x.servos.from = x.state.q, x.servos.time = 0, x.servos.corrected = true;
-}
-
 /// What all solves of a step need: the matrix, and the intervals of both phases.
 template <class T>
 void begin_rounds(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {

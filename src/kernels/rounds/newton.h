@@ -155,18 +155,19 @@ T search_along(const Tables<ScalarOf<T>>& t, typename T::Mask open, T first_slop
   return a;
 }
 
-/// The gradient, and the matrix of a round without what contacts and rows add to it.
+/// The gradient, and the matrix of a round without what contacts and rows add to it. Servos are those of
+/// begin_servos().
 template <class T>
 void begin_round(const Tables<ScalarOf<T>>& t, const StatePointers<ScalarOf<T>>& batch, Tile<T>& x) {
   const int n = t.rounds.columns.n;
-  T* const change = x.rounds.step;
+  T* const change = x.held.raw;
   set_goals(t, position_phase, x);
   round_terms(t, batch, position_phase, x);
   for (int k = 0; k < n; ++k) change[k] = x.rounds.z[k] - x.held.start[k];
   momentum_left(t, change, x.held.rhs, x.rounds.gradient, x);
   for (int k = 0; k < n; ++k) x.held.rhs[k] = x.rounds.gradient[k] = x.rounds.gradient[k] + x.rounds.momentum[k];
-  for (int e = 0; e < t.rounds.columns.entries; ++e)
-    x.held.factor[e] = x.held.matrix[e] + T(0);  // no -0: others add 0 to it
+  for (int e = 0; e < t.rounds.columns.entries; ++e)  // no -0: beside a contact of another lane, 0 is added to it
+    x.held.factor[e] = select(beyond(x.held.matrix[e], T(0)), x.held.matrix[e], T(0));
   for (int k = 0; k < n; ++k) x.held.factor[t.rounds.columns.offset[k]] = x.held.diagonal[k];
 }
 

@@ -30,14 +30,14 @@ using RoutineCode = void (*)(const jit::Frame* first, const jit::Frame* last);
 
 /// Of one tile.
 struct Routines {
-  const RoutineCode* code = nullptr;   ///< [routine_count], null where the tables run
-  const void* tables = nullptr;        ///< of the step that it was made for; those of a half have other numbers
-  const void* midpoint = nullptr;      ///< and of the solve at its midpoint
-  const jit::Frame* frame = nullptr;   ///< of the tile
-  const jit::Frame* behind = nullptr;  ///< and the one behind it
+  const RoutineCode* code = nullptr;  ///< [routine_count], null where the tables run
+  const void* tables = nullptr;       ///< of the step that it was made for: a half, which has others, has no code
+  const void* solve = nullptr;        ///< and of its rounds
+  const jit::Frame* frame = nullptr;  ///< of the tile; `behind` ends the range
+  const jit::Frame* behind = nullptr;
 
   RoutineCode code_of(const void* t, Routine which) const {
-    return code && (t == tables || t == midpoint) ? code[static_cast<int>(which)] : nullptr;
+    return code && t == (which < Routine::begin_round ? tables : solve) ? code[static_cast<int>(which)] : nullptr;
   }
 };
 

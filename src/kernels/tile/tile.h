@@ -57,6 +57,7 @@ struct Tile {
   Records<T> records;
   Audit<T> audit;
   Routines routines;
+  T unread_inputs;  // the largest of those that the routines' code leaves out, because it multiplies them by 0
 
   std::uint32_t step;         // steps that this call has taken
   typename T::Mask frozen;    // lanes that failed and take no more steps
