@@ -118,7 +118,7 @@ Tracer::Tracer(const Tables<double>& tables, TracedTile& tile, bool routine) : t
   std::size_t bytes = 0;
   Measure measure{&bytes};
   kernels::arrays(tables, tile, measure);
-  block_.assign(bytes + 1, std::byte(0xff));  // no node: what has no number may not be read
+  block_.assign(bytes + 1, std::byte(0xfe));  // below -1, so that trace_operation() refuses what has no number
   number_at_.assign(bytes / sizeof(Id) + 1, -1);
   Take take{this};
   kernels::arrays(tables, tile, take);

@@ -38,6 +38,7 @@ Id trace_constant(double value) { return counting ? 0 : tracer->graph.constant(v
 Id trace_by_precision(double single, double twice) { return counting ? 0 : tracer->graph.by_precision(single, twice); }
 Id trace_operation(Op op, Id a, Id b, Id c) {
   if (counting) return count(op);
+  if (std::min({a, b, c}) < -1) throw std::logic_error("traced code reads what a tile has no number for");
   switch (op) {
     case Op::add:
     case Op::subtract: return tracer->sum(op, a, b);

@@ -642,8 +642,9 @@ TEST(Combinations, are_recorded_as_they_move) {
       const Plan plan = compile(scene.model, kept);
       const std::string words = scene.name + " by " + to_string(plan.method()) + ", " + to_string(plan.integrator());
       Batch<float> recorded(plan, environments, {.threads = 1});
-      if (supported(Target::avx2) && jit::has_routines(program_of(plan)))
+      if (supported(Target::avx2) && jit::has_routines(program_of(plan))) {
         EXPECT_EQ(recorded.engine(), Engine::compiled);
+      }
       Batch<float> plain(compile(scene.model, scene.settings), environments,
                          {.threads = 1, .engine = recorded.engine()});
       make_different(plain), make_different(recorded);
