@@ -46,7 +46,7 @@ struct StepCode {
   int tiles = 1;        ///< that go through the parts of a long step together
   int slots = 0;        ///< of each tile
   Span<Access> rows;    ///< of the batch, in the order of their slots
-  Span<Access> unread;  ///< rows that only the tables' routines read: NaN in them is a fault all the same
+  Span<Access> unread;  ///< input rows on which no routine depends: NaN in them is a fault all the same
 };
 
 }  // namespace lockstep::jit

@@ -12,11 +12,11 @@ enum class Routine : int {
   forces,       ///< bias forces, forces of the joints, and the matrix
   momenta,      ///< what the forces add in the step
   free_step,    ///< the step without bounds and contacts
-  midpoint,     ///< of leapfrog: to there
-  prediction,   ///< with the matrix of the step
-  bias,         ///< forces at the prediction
-  stages,       ///< where no bound acts
-  end,          ///< from the midpoint
+  midpoint,     ///< of leapfrog: the way to it
+  prediction,   ///< its first stage, with the matrix of the step
+  bias,         ///< forces at the predicted velocities
+  stages,       ///< without bounds, where they do not act in all lanes
+  end,          ///< the way there from the midpoint
   begin_round,  ///< of Newton's method: its terms and gradient
   solve_round,  ///< its factor and its step
   count
@@ -31,7 +31,7 @@ using RoutineCode = void (*)(const jit::Frame* first, const jit::Frame* last);
 /// Of one tile.
 struct Routines {
   const RoutineCode* code = nullptr;  ///< [routine_count], null where the tables run
-  const void* tables = nullptr;       ///< of the step that it was made for: a half, which has others, has no code
+  const void* tables = nullptr;       ///< of the step that it was made for; halves have others, and no code
   const void* solve = nullptr;        ///< and of its rounds
   const jit::Frame* frame = nullptr;  ///< of the tile; `behind` ends the range
   const jit::Frame* behind = nullptr;
