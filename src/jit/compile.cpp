@@ -2,15 +2,14 @@
 #include "compile.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdlib>
-#include <fstream>
 #include <new>
 #include <string_view>
 
 #include "lockstep/error.h"
+#include "names.h"
 #include "trace/cost.h"
 
 namespace lockstep::jit {
@@ -65,21 +64,18 @@ const CompiledSteps& steps_of(const Program& program) {
   });
 }
 
-// Tells profilers the names of the functions: in the folder that LOCKSTEP_PERF names, where perf looks for such files.
-void name_functions(const Program& program, const CompiledStep& step) {
-  const char* const folder = std::getenv("LOCKSTEP_PERF");
-  if (!folder) return;
-  std::string lines;
-  const auto add = [&](StepCode::Function function, int bytes, const char* kind) {
+std::vector<NamedCode> named_code(const Program& program, const CompiledStep& step) {
+  std::vector<NamedCode> code;
+  const auto add = [&](auto function, int bytes, const char* kind) {
     if (function)
-      lines += fmt::format("{:x} {:x} lockstep {} ({})\n", reinterpret_cast<std::uintptr_t>(function), bytes,
-                           program.model.name, kind);
+      code.push_back(
+          {fmt::format("lockstep {} ({})", program.model.name, kind), reinterpret_cast<const void*>(function), bytes});
   };
   add(step.code.any, step.any.bytes, "any tile");
+  add(step.code.consistent, step.consistent.bytes, "consistent followers");
   for (int i = 0; i < kernels::routine_count; ++i)
     add(step.code.routine[i], step.routine_bytes[i], kernels::routine_names[i]);
-  add(step.code.consistent, step.consistent.bytes, "consistent followers");
-  std::ofstream(fmt::format("{}/perf-{}.map", folder, getpid()), std::ios::app) << lines << std::flush;
+  return code;
 }
 
 }  // namespace
@@ -96,7 +92,7 @@ const CompiledStep& compiled_step(const Program& program, int scalar_bytes, cons
       step = steps.routines ? make(*steps.routines, scalar_bytes, places) : make(*steps.traced, scalar_bytes, places);
     });
   if (!obstacle.empty()) step.obstacle = obstacle;
-  if (step.memory) name_functions(program, step);
+  if (step.memory) step.names = name_code(named_code(program, step));
   return steps.by_target.emplace(places.call, std::move(step)).first->second;
 }
 

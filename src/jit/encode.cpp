@@ -16,7 +16,8 @@ using Xbyak::Label, Xbyak::Operand, Xbyak::Reg64, Xbyak::Xmm;
 using Three = void (Generator::*)(const Xmm&, const Xmm&, const Operand&);
 using ThreeAlike = void (Generator::*)(const Xmm&, const Operand&, const Operand&);
 
-// Which registers have what (System V): the arguments are the first and the last frame. A function may change all.
+// Which registers have what (System V): the arguments are the first and the last frame. A function may change all of
+// these.
 const Reg64 &block = Xbyak::util::rdi, &slots = Xbyak::util::rsi, &tile = Xbyak::util::rdx,
             &constants_base = Xbyak::util::rcx, &first_frame = Xbyak::util::r8, &frame = Xbyak::util::r9,
             &last_frame = Xbyak::util::r10;
@@ -32,6 +33,8 @@ class Encoder {
 
   std::vector<std::uint8_t> run(const Allocated& code, const std::vector<std::uint64_t>& constants) {
     cold_.resize(code.cold.size());
+    a_.push(Xbyak::util::rbp);  // with this, debuggers and profilers find who called
+    a_.mov(Xbyak::util::rbp, Xbyak::util::rsp);
     a_.mov(first_frame, Xbyak::util::rdi);
     a_.mov(last_frame, Xbyak::util::rsi);
     a_.mov(frame, first_frame);
@@ -40,6 +43,7 @@ class Encoder {
     subroutines_.resize(code.subroutines.size());
     put_all(code.instructions);
     a_.vzeroupper();
+    a_.pop(Xbyak::util::rbp);
     a_.ret();
     for (std::size_t i = 0; i < code.cold.size(); ++i) {
       a_.L(cold_[i].begin);
@@ -266,16 +270,17 @@ class Encoder {
   void call(const Instruction& i) {
     a_.push(frame);
     a_.push(first_frame);
-    a_.push(last_frame);  // three words and the return address: the stack is aligned to 16 bytes
+    a_.push(last_frame);
+    a_.push(constants_base);  // four words, rbp and the return address: the stack is aligned to 16 bytes
     a_.vzeroupper();
     a_.mov(Xbyak::util::rdi, frame);
     a_.mov(Xbyak::util::esi, i.number);
     a_.mov(Xbyak::util::rax, reinterpret_cast<std::uint64_t>(call_));
     a_.call(Xbyak::util::rax);
+    a_.pop(constants_base);
     a_.pop(last_frame);
     a_.pop(first_frame);
     a_.pop(frame);
-    load_constants_base();
     load_bases();
   }
 

@@ -22,6 +22,7 @@ struct CompiledStep {
   std::string obstacle;  ///< why there is no code
   std::vector<Access> rows, unread;
   std::shared_ptr<const void> memory;  ///< holds the code
+  std::shared_ptr<const void> names;   ///< tells a debugger what it is called, null if none asks
 };
 
 /// Why this library makes no machine code; empty if it does. One that was built without an assembler does not
