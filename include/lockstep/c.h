@@ -3,7 +3,8 @@
  * Functions return LOCKSTEP_OK or the kind of failure; lockstep_message() has the words. No exception leaves them.
  * Structs begin with their size. Those that have an _init function may have more members in later versions: call it
  * first. lockstep_array and lockstep_query stay as they are. Members and flags that are not listed are 0.
- * Objects belong to the caller, who frees them. Arrays belong to their batch.
+ * Objects belong to the caller, who frees them. Arrays belong to their batch. Pointers to objects are handles: one that
+ * was freed, one of another kind, or another pointer is a LOCKSTEP_USAGE_ERROR.
  *
  * Promise: a program that was compiled with a version of the library runs with all later ones of the same number
  * lockstep_abi(). Within it functions and members are added, not changed.
@@ -72,7 +73,7 @@ LOCKSTEP_C_API int lockstep_model_set_drive(lockstep_model* model, const char* j
 /* A frame on a link: x, y, z in m, quaternion w, x, y, z, in the link's axes. */
 LOCKSTEP_C_API int lockstep_model_add_site(lockstep_model* model, const char* name, const char* link,
                                            const double pose[7]);
-LOCKSTEP_C_API void lockstep_model_free(lockstep_model* model); /* null is fine here and in the other _free functions */
+LOCKSTEP_C_API void lockstep_model_free(lockstep_model* model); /* null is fine here, as in all _free and _init */
 
 /* Numbers of fields that may differ per environment, as in enums.h: bits of lockstep_settings.per_environment, and
  * LOCKSTEP_PARAMETER + number is a field of a batch. */
@@ -94,9 +95,16 @@ enum {
   LOCKSTEP_EFFORT_LIMIT = 14,
   LOCKSTEP_CENTER_OF_MASS = 15,
   LOCKSTEP_INERTIA = 16,
+  LOCKSTEP_CONTACT_FRICTION = 17,
+  LOCKSTEP_LOOP_SWITCH = 18,
+  LOCKSTEP_LOOP_FRAME = 19,
+  LOCKSTEP_FUNCTION = 20,
   LOCKSTEP_DRIVE_DELAY = 21,
   LOCKSTEP_DRIVE_LAG = 22,
-  LOCKSTEP_MOTOR_CURVE = 23
+  LOCKSTEP_MOTOR_CURVE = 23,
+  LOCKSTEP_COLLIDER_PLACE = 24,
+  LOCKSTEP_COLLIDER_SIZE = 25,
+  LOCKSTEP_CONTACT_RESTITUTION = 26
 };
 
 typedef struct {

@@ -5,7 +5,7 @@ namespace lockstep::c {
 namespace {
 
 ResetOptions reset_options(uint32_t flags) {
-  require_zero(flags & ~static_cast<uint32_t>(LOCKSTEP_KEEP_INPUTS), "flags");
+  require_bits(flags, LOCKSTEP_KEEP_INPUTS, "flags");
   return {.keep_inputs = flags != 0};
 }
 
@@ -71,6 +71,9 @@ lockstep_array field_of(Batch<S>& batch, int field) {
   return array_of(batch.parameter(static_cast<Parameter>(field - LOCKSTEP_PARAMETER)));
 }
 
+static_assert(LOCKSTEP_CONTACT_RESTITUTION == static_cast<int>(Parameter::contact_restitution));
+static_assert(LOCKSTEP_CONTACT_RESTITUTION + 1 == parameter_count, "c.h has a name for each field");
+
 constexpr Quantity quantities[] = {Quantity::position,
                                    Quantity::velocity,
                                    Quantity::position_target,
@@ -125,7 +128,7 @@ std::vector<Query> queries_of(const lockstep_query* queries, int64_t count) {
     const lockstep_query query = known(from, initialise, "query");
     if (query.quantity < 0 || query.quantity >= static_cast<int32_t>(std::size(quantities)))
       throw UsageError("quantity " + std::to_string(query.quantity), "is none of the enumerators", "see lockstep/c.h");
-    require_zero(query.reserved, "reserved member of a query");
+    require_bits(query.reserved, 0, "reserved member of a query");
     if (query.row < -1) throw UsageError("row " + std::to_string(query.row), "is negative", "give -1 for all rows");
     all.push_back({quantities[query.quantity], {}, query.scale});
     if (query.row >= 0) all.back().elements = {query.row};
@@ -139,13 +142,15 @@ std::vector<Query> queries_of(const lockstep_query* queries, int64_t count) {
 using namespace lockstep;
 using namespace lockstep::c;
 
-void lockstep_options_init(lockstep_options* options) { *options = {sizeof(lockstep_options), 0, 0, 1, 0, 32}; }
+void lockstep_options_init(lockstep_options* options) {
+  if (options) *options = {sizeof(lockstep_options), 0, 0, 1, 0, 32};
+}
 int lockstep_batch_new(const lockstep_plan* plan, const lockstep_options* options, lockstep_batch** out) {
   return guarded([&] {
     *given(out, "out") = nullptr;
     const lockstep_options from = known(options, lockstep_options_init, "options");
     const BatchOptions to{.threads = from.threads, .seed = from.seed, .first_id = from.first_id};
-    const Plan& own = given(plan, "plan")->plan;
+    const Plan& own = plans().at(plan, "plan").plan;
     if (from.environments < 1 || from.environments > INT32_MAX)
       throw SettingsError("environments", "is " + std::to_string(from.environments), "give 1 or more");
     const int count = static_cast<int>(from.environments);
@@ -156,22 +161,22 @@ int lockstep_batch_new(const lockstep_plan* plan, const lockstep_options* option
       batch->batch = std::make_unique<Batch<double>>(own, count, to);
     else
       throw SettingsError("precision", "is " + std::to_string(from.precision), "give 32 or 64");
-    *out = batch.release();
+    *out = batches().add(std::move(batch));
   });
 }
-void lockstep_batch_free(lockstep_batch* batch) { delete batch; }
+void lockstep_batch_free(lockstep_batch* batch) { end(batches(), batch, "batch"); }
 
 int lockstep_field(lockstep_batch* batch, int field, lockstep_array* out) {
   return guarded([&] {
     given(out, "out");
-    *out = given(batch, "batch")->use([&](auto& own) { return field_of(own, field); });
+    *out = batches().at(batch, "batch").use([&](auto& own) { return field_of(own, field); });
   });
 }
 
 int lockstep_step(lockstep_batch* batch, int32_t substeps) {
   return guarded([&] {
     if (substeps < 1) throw UsageError("substeps", "is " + std::to_string(substeps), "give 1 or more");
-    if (!given(batch, "batch")->use([&](auto& own) { return own.step(substeps); }))
+    if (!batches().at(batch, "batch").use([&](auto& own) { return own.step(substeps); }))
       throw UsageError("batch", "is in use by another thread", "call its functions one after the other");
   });
 }
@@ -179,7 +184,7 @@ int lockstep_step(lockstep_batch* batch, int32_t substeps) {
 int lockstep_reset_mask(lockstep_batch* batch, const uint8_t* mask, int64_t n, uint32_t flags) {
   return guarded([&] {
     const ResetOptions options = reset_options(flags);
-    given(batch, "batch")->use([&](auto& own) { own.reset(environments(mask, n), options); });
+    batches().at(batch, "batch").use([&](auto& own) { own.reset(environments(mask, n), options); });
   });
 }
 int lockstep_reset_ids(lockstep_batch* batch, const int32_t* ids, int64_t n, uint32_t flags) {
@@ -187,48 +192,49 @@ int lockstep_reset_ids(lockstep_batch* batch, const int32_t* ids, int64_t n, uin
     const ResetOptions options = reset_options(flags);
     require_count(n);
     const std::span<const int> chosen(n > 0 ? given(ids, "ids") : ids, static_cast<std::size_t>(n));
-    given(batch, "batch")->use([&](auto& own) {
+    batches().at(batch, "batch").use([&](auto& own) {
       own.reset(!ids && n == 0 ? EnvironmentSet::all() : EnvironmentSet(chosen), options);
     });
   });
 }
 void lockstep_root_noise_init(lockstep_root_noise* noise) {
-  *noise = {sizeof(lockstep_root_noise), 0, nullptr, {0.0, 0.0, 0.0}, 0.0, 0.0, 0.0};
+  if (noise) *noise = {sizeof(lockstep_root_noise), 0, nullptr, {0.0, 0.0, 0.0}, 0.0, 0.0, 0.0};
 }
 void lockstep_pose_noise_init(lockstep_pose_noise* noise) {
-  *noise = {sizeof(lockstep_pose_noise), 0, 0.0, 0.0, 0.0, nullptr, 0, 0, 0};
+  if (noise) *noise = {sizeof(lockstep_pose_noise), 0, 0.0, 0.0, 0.0, nullptr, 0, 0, 0};
 }
 int lockstep_reset_to(lockstep_batch* batch, const char* pose, const lockstep_pose_noise* noise, const uint8_t* mask,
                       int64_t n) {
   return guarded([&] {
     const lockstep_pose_noise from = known(noise, lockstep_pose_noise_init, "noise");
-    require_zero(from.reserved, "reserved member of the noise");
+    require_bits(from.reserved, 0, "reserved member of the noise");
     PoseNoise to;
     to.position = from.position, to.spread = from.spread, to.velocity = from.velocity, to.stream = from.stream;
     to.keep_inputs = reset_options(from.flags).keep_inputs;
     to.roots = roots_of(from.roots, from.root_count);
-    given(batch, "batch")->use([&](auto& own) { own.reset_to(environments(mask, n), pose ? pose : "", to); });
+    batches().at(batch, "batch").use([&](auto& own) { own.reset_to(environments(mask, n), pose ? pose : "", to); });
   });
 }
 int lockstep_copy(lockstep_batch* batch, int64_t from, const uint8_t* mask, int64_t n) {
   return guarded([&] {
     const int place = from >= 0 && from <= INT32_MAX ? static_cast<int>(from) : -1;
-    given(batch, "batch")->use([&](auto& own) { own.copy(place, environments(mask, n)); });
+    batches().at(batch, "batch").use([&](auto& own) { own.copy(place, environments(mask, n)); });
   });
 }
 int lockstep_reset_random(lockstep_batch* batch, const uint8_t* mask, int64_t n, double spread, double speed) {
   return guarded([&] {
     RandomReset random;
     random.spread = spread, random.speed = speed;
-    given(batch, "batch")->use([&](auto& own) { own.reset_random(environments(mask, n), random); });
+    batches().at(batch, "batch").use([&](auto& own) { own.reset_random(environments(mask, n), random); });
   });
 }
 int lockstep_project(lockstep_batch* batch, const uint8_t* mask, int64_t n) {
-  return guarded([&] { given(batch, "batch")->use([&](auto& own) { own.project(environments(mask, n)); }); });
+  return guarded([&] { batches().at(batch, "batch").use([&](auto& own) { own.project(environments(mask, n)); }); });
 }
 
 void lockstep_randomization_init(lockstep_randomization* randomization) {
-  *randomization = {sizeof(lockstep_randomization), LOCKSTEP_MASS, LOCKSTEP_SCALE, LOCKSTEP_UNIFORM, 1.0, 1.0, 0, 0};
+  if (randomization)
+    *randomization = {sizeof(lockstep_randomization), LOCKSTEP_MASS, LOCKSTEP_SCALE, LOCKSTEP_UNIFORM, 1.0, 1.0, 0, 0};
 }
 int lockstep_randomize(lockstep_batch* batch, const lockstep_randomization* randomization, const uint8_t* mask,
                        int64_t n) {
@@ -239,7 +245,7 @@ int lockstep_randomize(lockstep_batch* batch, const lockstep_randomization* rand
     to.change = numbered("operation", from.operation, Change::absolute);
     to.distribution = numbered("distribution", from.distribution, Distribution::normal);
     to.low = from.low, to.high = from.high, to.stream = from.stream, to.shared = truth(from.shared, "shared");
-    given(batch, "batch")->use([&](auto& own) {
+    batches().at(batch, "batch").use([&](auto& own) {
       own.randomize(static_cast<Parameter>(from.parameter), to, environments(mask, n));
     });
   });
@@ -247,7 +253,7 @@ int lockstep_randomize(lockstep_batch* batch, const lockstep_randomization* rand
 
 int lockstep_act(lockstep_batch* batch, const lockstep_array* actions) {
   return guarded([&] {
-    given(batch, "batch")->use([&]<class S>(Batch<S>& own) {
+    batches().at(batch, "batch").use([&]<class S>(Batch<S>& own) {
       const int64_t driven = static_cast<int64_t>(own.plan().driven_dofs().size());
       own.set_actions(rows_of<const S>(actions, driven, own.environments(), "actions"));
     });
@@ -257,7 +263,7 @@ int lockstep_act(lockstep_batch* batch, const lockstep_array* actions) {
 int lockstep_read(lockstep_batch* batch, const lockstep_query* queries, int64_t count, const lockstep_array* out) {
   return guarded([&] {
     const std::vector<Query> wanted = queries_of(queries, count);
-    given(batch, "batch")->use([&]<class S>(Batch<S>& own) {
+    batches().at(batch, "batch").use([&]<class S>(Batch<S>& own) {
       int64_t rows = 0;
       for (const Query& query : wanted) rows += own.plan().query_rows(query);
       own.read(wanted, rows_of<S>(out, rows, own.environments(), "out"));
@@ -267,7 +273,7 @@ int lockstep_read(lockstep_batch* batch, const lockstep_query* queries, int64_t 
 
 int lockstep_save(const lockstep_batch* batch, void* to, uint64_t* bytes) {
   return guarded([&] {
-    const std::vector<std::byte> blob = given(batch, "batch")->use([](auto& own) { return own.save(); });
+    const std::vector<std::byte> blob = batches().at(batch, "batch").use([](auto& own) { return own.save(); });
     const uint64_t room = *given(bytes, "bytes");
     *bytes = blob.size();
     if (!to) return;
@@ -279,7 +285,7 @@ int lockstep_save(const lockstep_batch* batch, void* to, uint64_t* bytes) {
 int lockstep_restore(lockstep_batch* batch, const void* from, uint64_t bytes) {
   return guarded([&] {
     const std::span<const std::byte> blob(static_cast<const std::byte*>(given(from, "from")), bytes);
-    given(batch, "batch")->use([&](auto& own) { own.restore(blob); });
+    batches().at(batch, "batch").use([&](auto& own) { own.restore(blob); });
   });
 }
 
@@ -287,7 +293,7 @@ int lockstep_explain_fault(const lockstep_batch* batch, int64_t environment, cha
   return guarded([&] {
     if (size == 0) throw UsageError("size", "is 0", "give room for the words");
     const int place = environment >= 0 && environment <= INT32_MAX ? static_cast<int>(environment) : -1;
-    const std::string words = given(batch, "batch")->use([&](auto& own) { return own.explain_fault(place); });
+    const std::string words = batches().at(batch, "batch").use([&](auto& own) { return own.explain_fault(place); });
     const std::size_t length = std::min<std::size_t>(words.size(), size - 1);
     std::memcpy(given(text, "text"), words.data(), length);
     text[length] = '\0';

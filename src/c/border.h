@@ -6,19 +6,23 @@
 #include <new>
 #include <variant>
 
+#include "handles.h"
 #include "lockstep/c.h"
 #include "lockstep/lockstep.h"
 
 struct lockstep_model {
+  lockstep_model(lockstep::Model own, std::string lines) : model(std::move(own)), report(std::move(lines)) {}
   lockstep::Model model;
   std::string report;  // of the importer, line by line
 };
 
 struct lockstep_plan {
+  lockstep_plan(lockstep::Plan compiled, std::vector<std::string> names)
+      : plan(std::move(compiled)), couplings(std::move(names)) {}
   lockstep::Plan plan;
   std::vector<std::string> couplings;
-  std::once_flag described = {};
-  std::string description = {};
+  std::once_flag described;
+  std::string description;
 };
 
 struct lockstep_batch {
@@ -57,6 +61,26 @@ int guarded(Function&& function) noexcept {
   } catch (...) {
     return failed(LOCKSTEP_INTERNAL_ERROR, "an unknown exception", "internal");
   }
+}
+
+/// What programs hold. These are never destroyed, so a program may free objects as it ends.
+inline Handles<lockstep_model>& models() {
+  static auto& all = *new Handles<lockstep_model>(0xa1, "model");
+  return all;
+}
+inline Handles<lockstep_plan>& plans() {
+  static auto& all = *new Handles<lockstep_plan>(0xa2, "plan");
+  return all;
+}
+inline Handles<lockstep_batch>& batches() {
+  static auto& all = *new Handles<lockstep_batch>(0xa3, "batch");
+  return all;
+}
+
+/// Frees an object. What is none is left alone; lockstep_message() then has the words.
+template <class Object>
+void end(Handles<Object>& all, const Object* handle, const char* name) noexcept {
+  if (handle) guarded([&] { all.free(handle, name); });
 }
 
 template <class Pointer>
@@ -100,12 +124,14 @@ inline void require_count(int64_t n) {
   if (n < 0) throw UsageError("n", "is " + std::to_string(n), "give the number of entries");
 }
 
-inline void require_zero(int64_t value, const char* name) {
-  if (value != 0) throw UsageError(name, "is " + std::to_string(value), "set it to 0, or to what lockstep/c.h lists");
+/// No other bits than those of `allowed`.
+inline void require_bits(int64_t value, int64_t allowed, const char* name) {
+  if ((value & ~allowed) != 0)
+    throw UsageError(name, "is " + std::to_string(value), "set it to 0, or to what lockstep/c.h lists");
 }
 
 inline bool truth(int32_t value, const char* name) {
-  require_zero(value & ~1, name);
+  require_bits(value, 1, name);
   return value != 0;
 }
 

@@ -49,7 +49,7 @@ std::string report_of(const Result& result) {
 
 lockstep_model* imported(Import&& import) {
   std::string report = report_of(import);
-  return new lockstep_model{std::move(import.model), std::move(report)};
+  return models().add(std::make_unique<lockstep_model>(std::move(import.model), std::move(report)));
 }
 
 }  // namespace
@@ -91,7 +91,7 @@ int lockstep_model_from_file(const char* path, const char* keyframe, const char*
                              lockstep_model** out) {
   return guarded([&] {
     *given(out, "out") = nullptr;
-    require_zero(flags & ~(LOCKSTEP_LEAVE_OUT_LOOPS | LOCKSTEP_LEAVE_OUT_MESHES | LOCKSTEP_SOFT_AS_IN_FILE), "a flag");
+    require_bits(flags, LOCKSTEP_LEAVE_OUT_LOOPS | LOCKSTEP_LEAVE_OUT_MESHES | LOCKSTEP_SOFT_AS_IN_FILE, "flags");
     ImportOptions options;
     options.keyframe = keyframe ? keyframe : "", options.body = body ? body : "";
     if (flags & LOCKSTEP_LEAVE_OUT_LOOPS) options.loops = Loops::leave_out;
@@ -101,19 +101,19 @@ int lockstep_model_from_file(const char* path, const char* keyframe, const char*
   });
 }
 int lockstep_model_report(const lockstep_model* model, const char** out) {
-  return guarded([&] { *given(out, "out") = given(model, "model")->report.c_str(); });
+  return guarded([&] { *given(out, "out") = models().at(model, "model").report.c_str(); });
 }
 int lockstep_model_export(const lockstep_model* model, const char* path, double timestep, const char** report) {
   return guarded([&] {
     MjcfOptions options;
     if (timestep != 0.0) options.timestep = timestep;
-    export_report = report_of(export_file(given(model, "model")->model, given(path, "path"), options));
+    export_report = report_of(export_file(models().at(model, "model").model, given(path, "path"), options));
     if (report) *report = export_report.c_str();
   });
 }
 int lockstep_model_set_drive(lockstep_model* model, const char* joint, double kp, double kd) {
   return guarded([&] {
-    Model& own = given(model, "model")->model;
+    Model& own = models().at(model, "model").model;
     Drive& drive = own.joints[static_cast<std::size_t>(own.joint_index(given(joint, "joint")))].drive;
     drive.kp = kp, drive.kd = kd;
   });
@@ -126,27 +126,28 @@ int lockstep_model_add_site(lockstep_model* model, const char* name, const char*
     const Eigen::Quaterniond turn(p[3], p[4], p[5], p[6]);
     if (!(turn.norm() > 0.0)) throw UsageError("pose", "has no rotation", "give a quaternion w, x, y, z");
     at.linear() = turn.normalized().toRotationMatrix();
-    given(model, "model")->model.sites.push_back({given(name, "name"), given(link, "link"), at});
+    models().at(model, "model").model.sites.push_back({given(name, "name"), given(link, "link"), at});
   });
 }
-void lockstep_model_free(lockstep_model* model) { delete model; }
+void lockstep_model_free(lockstep_model* model) { end(models(), model, "model"); }
 
 void lockstep_settings_init(lockstep_settings* settings) {
   const StepSettings defaults;
-  *settings = {sizeof(lockstep_settings),
-               0,
-               defaults.dt,
-               defaults.guard,
-               "automatic",
-               "automatic",
-               defaults.iterations,
-               defaults.velocity_iterations,
-               0,
-               0,
-               0,
-               0,
-               0,
-               0};
+  if (settings)
+    *settings = {sizeof(lockstep_settings),
+                 0,
+                 defaults.dt,
+                 defaults.guard,
+                 "automatic",
+                 "automatic",
+                 defaults.iterations,
+                 defaults.velocity_iterations,
+                 0,
+                 0,
+                 0,
+                 0,
+                 0,
+                 0};
 }
 int lockstep_compile(const lockstep_model* model, const lockstep_settings* settings, lockstep_plan** out) {
   return guarded([&] {
@@ -165,18 +166,18 @@ int lockstep_compile(const lockstep_model* model, const lockstep_settings* setti
     to.record_efforts = truth(from.record_efforts, "record_efforts");
     to.record_contacts = truth(from.record_contacts, "record_contacts");
     to.record_accelerations = truth(from.record_accelerations, "record_accelerations");
-    const Model& own = given(model, "model")->model;
-    *out = new lockstep_plan{compile(own, to), coupling_names(own)};
+    const Model& own = models().at(model, "model").model;
+    *out = plans().add(std::make_unique<lockstep_plan>(compile(own, to), coupling_names(own)));
   });
 }
-void lockstep_plan_free(lockstep_plan* plan) { delete plan; }
+void lockstep_plan_free(lockstep_plan* plan) { end(plans(), plan, "plan"); }
 
 int lockstep_plan_count(const lockstep_plan* plan, int list, int64_t* out) {
-  return guarded([&] { *given(out, "out") = static_cast<int64_t>(names_of(*given(plan, "plan"), list).size()); });
+  return guarded([&] { *given(out, "out") = static_cast<int64_t>(names_of(plans().at(plan, "plan"), list).size()); });
 }
 int lockstep_plan_name(const lockstep_plan* plan, int list, int64_t index, const char** out) {
   return guarded([&] {
-    const std::vector<const std::string*> names = names_of(*given(plan, "plan"), list);
+    const std::vector<const std::string*> names = names_of(plans().at(plan, "plan"), list);
     if (index < 0 || index >= static_cast<int64_t>(names.size()))
       throw UsageError("index " + std::to_string(index), "is outside the list of " + std::to_string(names.size()),
                        "see lockstep_plan_count()");
@@ -185,7 +186,7 @@ int lockstep_plan_name(const lockstep_plan* plan, int list, int64_t index, const
 }
 int lockstep_plan_index(const lockstep_plan* plan, int list, const char* name, int64_t* out) {
   return guarded([&] {
-    const std::vector<const std::string*> names = names_of(*given(plan, "plan"), list);
+    const std::vector<const std::string*> names = names_of(plans().at(plan, "plan"), list);
     given(name, "name");
     for (std::size_t i = 0; i < names.size(); ++i)
       if (*names[i] == name) {
@@ -197,7 +198,8 @@ int lockstep_plan_index(const lockstep_plan* plan, int list, const char* name, i
 }
 int lockstep_plan_describe(lockstep_plan* plan, const char** out) {
   return guarded([&] {
-    std::call_once(given(plan, "plan")->described, [&] { plan->description = plan->plan.describe(); });
-    *given(out, "out") = plan->description.c_str();
+    lockstep_plan& own = plans().at(plan, "plan");
+    std::call_once(own.described, [&] { own.description = own.plan.describe(); });
+    *given(out, "out") = own.description.c_str();
   });
 }

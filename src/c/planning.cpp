@@ -11,7 +11,7 @@ std::vector<double> list_of(const double* numbers, int64_t count) {
 
 ActionMap map_of(const lockstep_action_map* map) {
   const lockstep_action_map from = known(map, lockstep_action_map_init, "action map");
-  require_zero(from.reserved, "reserved member of the action map");
+  require_bits(from.reserved, 0, "reserved member of the action map");
   if (from.count < 0) throw UsageError("count", "is negative", "give the number of actions");
   if (from.count > 0 && !from.dofs && !from.low && !from.high && !from.scale && !from.center)
     throw UsageError("count", "is above 0 without a list", "give dofs, low and high or scale, or 0");
@@ -67,14 +67,15 @@ using namespace lockstep;
 using namespace lockstep::c;
 
 void lockstep_action_map_init(lockstep_action_map* map) {
-  *map = {
-      sizeof(lockstep_action_map), LOCKSTEP_ACT_POSITION, nullptr, nullptr, nullptr, nullptr, nullptr, 0, 1.0, 0, 0};
+  if (map)
+    *map = {
+        sizeof(lockstep_action_map), LOCKSTEP_ACT_POSITION, nullptr, nullptr, nullptr, nullptr, nullptr, 0, 1.0, 0, 0};
 }
 int lockstep_act_as(lockstep_batch* batch, const lockstep_action_map* map, const lockstep_array* actions,
                     const uint8_t* mask, int64_t n) {
   return guarded([&] {
     const ActionMap to = map_of(map);
-    given(batch, "batch")->use([&]<class S>(Batch<S>& own) {
+    batches().at(batch, "batch").use([&]<class S>(Batch<S>& own) {
       own.set_actions(rows_of<const S>(actions, actions_of(own, to), own.environments(), "actions"), to,
                       environments(mask, n));
     });
@@ -83,14 +84,14 @@ int lockstep_act_as(lockstep_batch* batch, const lockstep_action_map* map, const
 
 int lockstep_mass_matrix(lockstep_batch* batch, const uint8_t* mask, int64_t length, const lockstep_array* out) {
   return guarded([&] {
-    given(batch, "batch")->use([&]<class S>(Batch<S>& own) {
+    batches().at(batch, "batch").use([&]<class S>(Batch<S>& own) {
       put<S>(own.mass_matrices(environments(mask, length)), out);
     });
   });
 }
 int lockstep_bias_forces(lockstep_batch* batch, const uint8_t* mask, int64_t length, const lockstep_array* out) {
   return guarded([&] {
-    given(batch, "batch")->use([&]<class S>(Batch<S>& own) {
+    batches().at(batch, "batch").use([&]<class S>(Batch<S>& own) {
       put<S>(own.bias_forces(environments(mask, length)), out);
     });
   });
@@ -102,7 +103,7 @@ int lockstep_jacobian(lockstep_batch* batch, int list, int64_t index, const uint
       throw UsageError("list " + std::to_string(list), "is neither links nor sites",
                        "give LOCKSTEP_LINKS or LOCKSTEP_SITES");
     const int frame = index >= 0 && index <= INT32_MAX ? static_cast<int>(index) : -1;
-    given(batch, "batch")->use([&]<class S>(Batch<S>& own) {
+    batches().at(batch, "batch").use([&]<class S>(Batch<S>& own) {
       const EnvironmentSet which = environments(mask, length);
       put<S>(
           list == LOCKSTEP_LINKS ? own.reduced_link_jacobians(frame, which) : own.reduced_site_jacobians(frame, which),
@@ -112,7 +113,7 @@ int lockstep_jacobian(lockstep_batch* batch, int list, int64_t index, const uint
 }
 
 void lockstep_rollout_options_init(lockstep_rollout_options* options) {
-  *options = {sizeof(lockstep_rollout_options), 1, nullptr};
+  if (options) *options = {sizeof(lockstep_rollout_options), 1, nullptr};
 }
 int lockstep_rollout(lockstep_batch* batch, const void* from, uint64_t bytes, const lockstep_rollout_options* options,
                      const lockstep_records* controls, const lockstep_query* queries, int64_t count,
@@ -130,7 +131,7 @@ int lockstep_rollout(lockstep_batch* batch, const void* from, uint64_t bytes, co
     const std::vector<Query> record = queries_of(queries, count);
     const std::span<const std::byte> blob(static_cast<const std::byte*>(bytes > 0 ? given(from, "from") : nullptr),
                                           bytes);
-    given(batch, "batch")->use([&]<class S>(Batch<S>& own) {
+    batches().at(batch, "batch").use([&]<class S>(Batch<S>& own) {
       int64_t rows = 0;
       for (const Query& query : record) rows += own.plan().query_rows(query);
       const StridedSteps<const S> inputs =
