@@ -170,7 +170,8 @@ struct StridedRows {
 /// independent. While one runs, step() does nothing and returns false, and resets, project(), copy(), save(), restore()
 /// and readbacks that compute throw UsageError.
 ///
-/// The same bits result for any number of threads, batch size and place in the batch.
+/// The same bits result for any number of threads, batch size and place in the batch. step() and what draws random
+/// numbers round to nearest whatever the caller does; compile() and readbacks round as the caller.
 template <class S>
 class LOCKSTEP_API Batch {
   static_assert(std::is_same_v<S, float> || std::is_same_v<S, double>, "a Batch holds float or double");

@@ -20,8 +20,8 @@ struct Export {
 };
 
 struct MjcfOptions {
-  /// s, > 0. The step that the file asks MuJoCo to take. Couplings that are hard here are springs there, as stiff as
-  /// this step can hold: their error shrinks with it. Absent: Model::time_step, or 0.001 where that is 0.
+  /// s, 1e-9 to 1000. The step that the file asks MuJoCo to take. Couplings that are hard here are springs there, as
+  /// stiff as this step can hold: their error shrinks with it. Absent: Model::time_step, or 0.001 where that is 0.
   std::optional<double> timestep = {};
 };
 

@@ -32,6 +32,9 @@ LOCKSTEP_API KernelSource generate_kernel(const Plan& plan, const KernelOptions&
 /// code; they may differ in the numbers of their bounds, which the code reads from the plan. Thread-safe.
 LOCKSTEP_API std::uint64_t kernel_hash(const Plan& plan);
 
+/// How many generated kernels have registered themselves in this program, for whatever plans. Thread-safe.
+LOCKSTEP_API int registered_kernels();
+
 /// The machine code that Engine::compiled runs for the plan: an instruction a line, with the name of the number that it
 /// makes. For people. `scalar_bytes` is 4 for Batch<float>, 8 for Batch<double>. Throws SettingsError for plans and
 /// targets that have none. Thread-safe.

@@ -76,7 +76,7 @@ inline constexpr std::pair<const char*, ContactSettings> all_contact_settings[] 
 
 /// Everything that compile() must know beside the Model. The defaults are what most users want.
 struct StepSettings {
-  double dt = 1.0 / 240.0;  ///< s, > 0
+  double dt = 1.0 / 240.0;  ///< s, 1e-9 to 1000
   Method method = Method::automatic;
   Integrator integrator = Integrator::automatic;
   int iterations = 4;  ///< sweeps of pgs, sub-steps of tgs, 1 to 1000; direct and reduced do not use it

@@ -37,7 +37,7 @@ class Recording:
     def __init__(self, batch: Batch, environments: Sequence[int] = (0,), visual_meshes: Sequence[VisualMesh] = ()) -> None:
         self._batch = batch
         self._environments = checked(batch, environments)
-        self._motion = _Motion(batch.plan, self._environments, visual_meshes)
+        self._motion = _Motion.of(batch.plan, self._environments, visual_meshes)
         self._time = 0.0  # s
         self._interval = 1  # steps of dt between the latest two frames
         self._take()

@@ -37,7 +37,7 @@ class Renderer:
         self._width, self._height = size
         if not all(16 <= side <= LARGEST for side in size):
             raise UsageError("size", f"is {size}", f"give a width and a height of 16 to {LARGEST} pixels", "usage")
-        self._motion = _Motion(batch.plan, self._environments, visual_meshes)
+        self._motion = _Motion.of(batch.plan, self._environments, visual_meshes)
         page = self._present().page("").decode()
         self._chromium = Chromium()
         self._chromium.run(f"document.open(), document.write({json.dumps(page)}), document.close()")

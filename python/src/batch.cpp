@@ -68,9 +68,9 @@ constexpr NamedField fields[] = {
      "[num_envs, 6 per floating root] angular, then linear velocity in the root's axes; live"},
 };
 
-void assign(const py::array& view, const py::object& value) {
+void assign(const py::array& view, const py::object& value, const char* name) {
   if (value.ptr() == view.ptr()) return;
-  view[py::ellipsis()] = value;
+  view[py::ellipsis()] = plain_numbers(value, name);
 }
 
 /// The same arrays as those of a Batch, as [k, num_envs].
@@ -98,7 +98,7 @@ template <class S>
 typename Batch<S>::Array states_of(const py::object& given, const char* name, Eigen::Index environments,
                                    Eigen::Index dofs) {
   const py::module_ numpy = py::module_::import("numpy");
-  const py::object array = numpy.attr("asarray")(given, "dtype"_a = py::dtype::of<S>());
+  const py::object array = array_of<S>(given, name);
   const py::ssize_t dimensions = array.attr("ndim").cast<py::ssize_t>();
   const py::tuple shape = array.attr("shape");
   const bool fits = (dimensions == 1 || dimensions == 2) && shape[dimensions - 1].cast<Eigen::Index>() == dofs &&
@@ -175,15 +175,15 @@ void bind_views(py::class_<Rows>& rows, Class& batch) {
     const Field view = f.view;
     rows.def_property(
         f.name, [view](const Rows& self) { return view(self.batch.cast<AnyBatch&>(), Layout::rows, self.batch); },
-        [view](const Rows& self, const py::object& value) {
-          assign(view(self.batch.cast<AnyBatch&>(), Layout::rows, self.batch), value);
+        [f](const Rows& self, const py::object& value) {
+          assign(f.view(self.batch.cast<AnyBatch&>(), Layout::rows, self.batch), value, f.name);
         },
         f.help);
     batch.def_property(f.name, py::cpp_function([view](const py::object& self) {
                          return view(self.cast<AnyBatch&>(), Layout::items, self);
                        }),
-                       py::cpp_function([view](const py::object& self, const py::object& value) {
-                         assign(view(self.cast<AnyBatch&>(), Layout::items, self), value);
+                       py::cpp_function([f](const py::object& self, const py::object& value) {
+                         assign(f.view(self.cast<AnyBatch&>(), Layout::items, self), value, f.name);
                        }),
                        f.help);
   }
@@ -224,7 +224,8 @@ void bind_views(py::class_<Rows>& rows, Class& batch) {
   };
   const auto counts = [&](const char* name, const auto& numbers, const char* help) {
     const auto write = [numbers](const py::object& self, const py::object& value) {
-      assign(self.cast<AnyBatch&>().use([&](auto& own) { return numbers(own, self); }), value);
+      const py::array view = self.cast<AnyBatch&>().use([&](auto& own) { return numbers(own, self); });
+      if (value.ptr() != view.ptr()) view[py::ellipsis()] = value;
     };
     batch.def_property(name, read(numbers), py::cpp_function(write), help);
   };
@@ -446,6 +447,9 @@ void bind_batch(py::module_& module) {
   py::class_<AnyBatch> batch(module, "Batch", py::is_final(),
                              "Many environments of one Plan, made by Plan.batch(). Arrays are live views: writing to "
                              "them is writing to the environments, and edits need no announcement.");
+  forbid_new(rows), forbid_new(batch);
+  rows.def("__reduce__",
+           [](const Rows&) -> py::object { throw py::type_error("rows are those of their Batch: copy it"); });
   bind_views(rows, batch);
   bind_steps(batch);
   bind_readbacks(batch);

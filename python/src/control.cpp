@@ -72,7 +72,7 @@ void act(Batch<S>& batch, const py::object& actions, const std::string& kind, co
   map.alpha = alpha;
   map.scale = numbers_of(scale, commanded.size(), "scale"), map.center = numbers_of(center, commanded.size(), "center");
   // A copy: actions may lie in memory of the batch, or not be aligned.
-  const py::array_t<S> given = py::module_::import("numpy").attr("array")(actions, "dtype"_a = py::dtype::of<S>());
+  const py::array_t<S> given = array_of<S>(actions, "actions");
   const py::ssize_t columns = static_cast<py::ssize_t>(commanded.size());
   if (given.ndim() != 2 || given.shape(0) != batch.environments() || given.shape(1) != columns)
     throw UsageError("actions", "have the shape " + text_of(given.attr("shape")),

@@ -1,7 +1,7 @@
 // Models, settings and errors between C++ and Python. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <pybind11/pybind11.h>
+#include <pybind11/numpy.h>
 
 #include <lockstep/lockstep.h>
 
@@ -41,6 +41,32 @@ Value value_of(const py::handle& given, const char* argument) {
   } catch (const py::cast_error&) {
     throw py::type_error(std::string(argument) + " cannot be " + text_of(py::repr(given)));
   }
+}
+
+/// The array, or what NumPy makes of it. Throws TypeError for None and other objects, which NumPy would take for NaN.
+/// `argument` names it.
+inline py::array plain_numbers(const py::object& given, const char* argument) {
+  const py::array plain = py::module_::import("numpy").attr("asarray")(given);
+  if (std::string_view("biuf").find(plain.dtype().kind()) == std::string_view::npos && plain.size() > 0)
+    throw py::type_error(std::string(argument) + " holds what is no number: " + text_of(plain.dtype()));
+  return plain;
+}
+
+/// The same as a new array of this type.
+template <class S>
+py::array_t<S> array_of(const py::object& given, const char* argument) {
+  return py::module_::import("numpy").attr("array")(plain_numbers(given, argument),
+                                                    py::arg("dtype") = py::dtype::of<S>());
+}
+
+/// Makes `__new__` of a class raise TypeError: what it would make is no object of the library. Objects come from
+/// functions.
+template <class Class>
+void forbid_new(Class& own) {
+  reinterpret_cast<PyTypeObject*>(own.ptr())->tp_new = [](PyTypeObject* type, PyObject*, PyObject*) -> PyObject* {
+    PyErr_Format(PyExc_TypeError, "%s has no constructor", type->tp_name);
+    return nullptr;
+  };
 }
 
 /// A lockstep.Model from its Python class. Throws TypeError that names the attribute where a type does not fit.

@@ -146,9 +146,10 @@ void bind_plan(py::module_& module) {
   module.def(
       "_end_colliders", [](const py::object& model) { return model_of(model).end_colliders(); }, "model"_a,
       "What Model.end_colliders() returns.");
-  py::class_<Plan>(module, "Plan", py::is_final(), "A compiled model. Immutable, picklable; threads may share it.")
-      .def_property_readonly(
-          "model", [](const Plan& plan) { return to_python(plan.model()); }, "a copy of the Model")
+  py::class_<Plan> own(module, "Plan", py::is_final(), "A compiled model. Immutable, picklable; threads may share it.");
+  forbid_new(own);
+  own.def_property_readonly(
+         "model", [](const Plan& plan) { return to_python(plan.model()); }, "a copy of the Model")
       .def_property_readonly("settings", &settings_of, "what compile() was given, as a dict")
       .def_property_readonly(
           "dt", [](const Plan& plan) { return plan.settings().dt; }, "s")

@@ -49,10 +49,8 @@ py::tuple rollout(AnyBatch& any, const py::object& start, const py::object& cont
     const py::ssize_t columns =
         static_cast<py::ssize_t>(options.map.kind == ActionKind::effort ? batch.plan().independent_dofs().size()
                                                                         : batch.plan().driven_dofs().size());
-    const py::array_t<S> from =
-        py::isinstance<py::array>(controls)
-            ? given_array<S>(controls, "controls", false)
-            : py::array_t<S>(py::module_::import("numpy").attr("array")(controls, "dtype"_a = py::dtype::of<S>()));
+    const py::array_t<S> from = py::isinstance<py::array>(controls) ? given_array<S>(controls, "controls", false)
+                                                                    : array_of<S>(controls, "controls");
     if (from.ndim() != 3)
       throw UsageError("actions", "have the shape " + text_of(from.attr("shape")),
                        "give [rollouts, steps, " + std::to_string(columns) + "]");
@@ -139,7 +137,7 @@ py::dict linearize(AnyBatch& any, const py::object& which, const std::string& in
 py::array inverse_kinematics(AnyBatch& any, const std::string& site, const py::object& targets, const py::object& which,
                              int iterations, double tolerance) {
   return any.use([&]<class S>(Batch<S>& batch) -> py::array {
-    const py::array_t<S> given = py::module_::import("numpy").attr("array")(targets, "dtype"_a = py::dtype::of<S>());
+    const py::array_t<S> given = array_of<S>(targets, "targets");
     if (given.ndim() != 2 || given.shape(0) != batch.environments() || (given.shape(1) != 3 && given.shape(1) != 7))
       throw UsageError("targets", "have the shape " + text_of(given.attr("shape")),
                        "give [" + std::to_string(batch.environments()) + ", 3 or 7]");

@@ -48,8 +48,10 @@ py::bytes page_of(const view::Motion& motion, const std::string& about) {
 }  // namespace
 
 void bind_view(py::module_& module) {
-  py::class_<view::Motion>(module, "_Motion", py::is_final(), "Samples of environments, which a page plays.")
-      .def(py::init(&motion_of), "plan"_a, "environments"_a, "visual_meshes"_a = py::tuple())
+  py::class_<view::Motion> motion(module, "_Motion", py::is_final(), "Samples of environments, which a page plays.");
+  forbid_new(motion);
+  motion.def_static("of", &motion_of, "plan"_a, "environments"_a, "visual_meshes"_a = py::tuple())
+      .def("__reduce__", [](const view::Motion&) -> py::object { throw py::type_error("a motion cannot be copied"); })
       .def("require_room", &view::Motion::require_room, "samples"_a)
       .def("clear", &view::Motion::clear)
       .def("add", &add, "time"_a, "batch"_a, "environments"_a)

@@ -84,7 +84,7 @@ def test_environments_must_be_some_of_the_batch(plan, environments):
 
 
 def test_a_page_that_is_too_large_is_refused(plan):
-    motion = _Motion(plan, [0, 1])
+    motion = _Motion.of(plan, [0, 1])
     motion.require_room(10**4)
     with pytest.raises(ls.UsageError, match="too large for a browser"):
         motion.require_room(10**7)

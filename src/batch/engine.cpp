@@ -15,7 +15,7 @@ Engine preferred = Engine::automatic;
 // Null if this program holds none for the plan.
 template <class S>
 const GeneratedKernel* kernel_for(const Plan& plan, Target target) {
-  return any_kernel_registered() ? find_kernel<S>(kernel_hash(plan), target) : nullptr;
+  return registered_kernels() > 0 ? find_kernel<S>(kernel_hash(plan), target) : nullptr;
 }
 
 template <class S>

@@ -27,10 +27,10 @@ void register_kernel(const GeneratedKernel& kernel) {
   all.kernels.push_back(&kernel);
 }
 
-bool any_kernel_registered() {
+int registered_kernels() {
   Registry& all = registry();
   const std::lock_guard lock(all.mutex);
-  return !all.kernels.empty();
+  return static_cast<int>(all.kernels.size());
 }
 
 std::vector<const GeneratedKernel*> find_kernels(std::uint64_t hash) {

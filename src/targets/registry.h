@@ -6,11 +6,9 @@
 
 #include "generated_kernel.h"
 #include "lockstep/batch.h"
+#include "lockstep/generate.h"
 
 namespace lockstep {
-
-/// Whether there are any. If not, nobody needs a plan's hash.
-bool any_kernel_registered();
 
 /// All kernels for the plan with this hash that this version of the library wrote.
 std::vector<const GeneratedKernel*> find_kernels(std::uint64_t hash);
