@@ -22,7 +22,7 @@ void require(bool holds, const char* setting, const std::string& rule, const cha
 }
 
 void check(const StepSettings& s) {
-  require(std::isfinite(s.dt) && s.dt > 0.0, "dt", fmt::format("is {}, not a positive number of seconds", s.dt),
+  require(s.dt >= 1e-9 && s.dt <= 1e3, "dt", fmt::format("is {} s, outside 1e-9 to 1000", s.dt),
           "give for instance 1.0 / 240");
   require(s.iterations >= 1 && s.iterations <= 1000, "iterations",
           fmt::format("is {}, outside 1 to 1000", s.iterations), "give for instance 4");

@@ -4,11 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <filesystem>
-#include <fstream>
-#include <system_error>
+#include <string_view>
 
+#include "files/regular_file.h"
 #include "lockstep/error.h"
 
 namespace lockstep {
@@ -16,11 +15,15 @@ namespace exporter {
 namespace {
 
 Export written(Export result, const std::string& path) {
-  errno = 0;
-  std::ofstream stream(path, std::ios::binary);
-  stream << result.text << std::flush;
-  if (!stream)
-    throw UsageError("file '" + path + "'", "cannot be written: " + std::generic_category().message(errno),
+  std::string_view left = result.text;
+  const files::Descriptor file(files::open_to_write(path));
+  while (file >= 0 && !left.empty()) {
+    const ssize_t count = ::write(file, left.data(), left.size());
+    if (count > 0) left.remove_prefix(static_cast<std::size_t>(count));
+    if (count < 0 && errno != EINTR) break;
+  }
+  if (file < 0 || !left.empty())
+    throw UsageError("file '" + path + "'", "cannot be written: " + files::why_not_written(),
                      "check the path, its permissions and the disk");
   return result;
 }

@@ -4,41 +4,22 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <filesystem>
-#include <fstream>
 #include <optional>
 #include <string_view>
-#include <system_error>
 #include <vector>
 
 #include "attributes.h"
 #include "entities.h"
+#include "files/regular_file.h"
 #include "lockstep/error.h"
 #include "text.h"
 
 namespace lockstep::importer {
 
 std::string text_of(const std::string& path) {
-  std::error_code ignored;
-  const std::filesystem::file_status status = std::filesystem::status(path, ignored);
-  if (std::filesystem::is_directory(status)) throw ImportError(path, "is a folder", "name a file in it");
-  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
-    throw ImportError(path, "is no regular file", "name a file on a disk; write what a pipe gives into one first");
-  errno = 0;
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream)
-    throw ImportError(path, "cannot be opened: " + std::generic_category().message(errno),
-                      "check the path and its permissions");
-  std::string text;
-  std::vector<char> piece(std::size_t{1} << 16);
-  while (stream.read(piece.data(), static_cast<std::streamsize>(piece.size())) || stream.gcount() > 0) {
-    text.append(piece.data(), static_cast<std::size_t>(stream.gcount()));
-    if (text.size() > largest_file)
-      throw ImportError(path, fmt::format("is larger than {} MB", largest_file >> 20), "give a robot description");
-  }
-  if (stream.bad()) throw ImportError(path, "cannot be read to its end", "check the file and the disk");
-  return text;
+  return files::content_of(path, largest_file, [&](const std::string& rule, const std::string& remedy) {
+    throw ImportError(path, rule, remedy);
+  });
 }
 
 namespace {

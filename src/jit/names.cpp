@@ -2,13 +2,13 @@
 #include "names.h"
 
 #include <elf.h>
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
-#include <fstream>
 #include <mutex>
 #include <string_view>
 
@@ -143,7 +143,11 @@ std::shared_ptr<const void> name_code(const std::vector<NamedCode>& code) {
     std::string lines;
     for (const NamedCode& named : code)
       lines += fmt::format("{:x} {:x} {}\n", reinterpret_cast<std::uintptr_t>(named.start), named.bytes, named.name);
-    std::ofstream(fmt::format("{}/perf-{}.map", folder, getpid()), std::ios::app) << lines << std::flush;
+    const std::string path = fmt::format("{}/perf-{}.map", folder, getpid());
+    if (const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_NOFOLLOW | O_CLOEXEC, 0600); file >= 0) {
+      (void)!write(file, lines.data(), lines.size());
+      close(file);
+    }
   }
   const char* const gdb = std::getenv("LOCKSTEP_GDB");
   if (!gdb || std::string_view(gdb) != "1" || code.empty()) return nullptr;

@@ -16,6 +16,7 @@
 #include "chart_script.h"
 #include "lockstep/error.h"
 #include "options.h"
+#include "output.h"
 #include "progress.h"
 #include "python.h"
 #include "state.h"
@@ -177,7 +178,7 @@ void draw(const ChartOptions& options, const std::string& csv, const std::string
                who);
     return;
   }
-  const ProcessResult result = run_process({*python, "-c", chart_script, csv, out, caption});
+  const ProcessResult result = run_python(*python, chart_script, {csv, out, caption});
   if (result.status != 0)
     throw InputError(fmt::format("{}: {} could not draw it: {}", out, *python, last_line(result.errors)));
   fmt::print("picture  {}\n", out);
@@ -229,7 +230,9 @@ void run(const ChartOptions& options) {
   const std::string csv =
       options.csv.empty() ? std::filesystem::path(out).replace_extension(".csv").string() : options.csv;
   keep_apart({options.model.file, options.state}, {out, csv});
-  require_writable(csv);  // a bad name should not cost the measurement
+  require_writable(csv), require_writable(out);  // a bad name should not cost the measurement
+  if (!std::filesystem::path(out).has_extension() || std::filesystem::is_fifo(out))
+    throw InputError(fmt::format("{}: is no picture; give the name of a file that ends with .svg, .png or .pdf", out));
   if (options.seconds > longest_motion)
     throw InputError(
         fmt::format("--seconds: {} s is too long for a chart; give at most {}", options.seconds, longest_motion));
@@ -277,7 +280,7 @@ void add_chart(CLI::App& app, int& exit_code) {
   command->add_option("--budget", options->budget, "CPU time in s to spend on measuring cost")
       ->type_name("S")
       ->capture_default_str()
-      ->check(CLI::Range(0.01, 1e5));
+      ->check(number_from(0.01, 1e5));
   command->add_option("--state", options->state, "CSV of the start state, one row")->type_name("FILE");
   command->add_option("--python", options->python, "A Python that has matplotlib")->type_name("PATH");
   command->callback([options, &exit_code] {

@@ -2,15 +2,10 @@
 #include "csv.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
-#include <cerrno>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <set>
 #include <sstream>
 
+#include "files/regular_file.h"
 #include "text.h"
 #include "tool.h"
 
@@ -78,16 +73,9 @@ std::string Table::at(std::size_t row, std::size_t column) const {
 }
 
 Table read_csv(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::string text;
-  std::vector<char> part(1 << 20);
-  while (file && text.size() <= most_bytes) {
-    file.read(part.data(), static_cast<std::streamsize>(part.size()));
-    text.append(part.data(), static_cast<std::size_t>(file.gcount()));
-  }
-  if (text.size() > most_bytes)
-    throw InputError(fmt::format("{}: is larger than {} MB, too large for a table", path, most_bytes >> 20));
-  if (!file.eof()) throw InputError(fmt::format("{}: cannot be read: {}", path, std::strerror(errno)));
+  const std::string text = files::content_of(path, most_bytes, [&](const std::string& rule, const std::string& remedy) {
+    throw InputError(fmt::format("{}: {}; {}", path, rule, remedy));
+  });
   return parse_csv(text, path);
 }
 
@@ -114,48 +102,6 @@ std::string csv_field(const std::string& text) {
   std::string quoted = "\"";
   for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
   return quoted + '"';
-}
-
-void keep_apart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs) {
-  std::set<std::filesystem::path> used;
-  const auto resolved = [](const std::string& file) {
-    std::error_code ignored;  // a path that cannot be resolved is refused when it is opened
-    return std::filesystem::weakly_canonical(std::filesystem::absolute(file), ignored);
-  };
-  for (const std::string& file : inputs)
-    if (!file.empty()) used.insert(resolved(file));
-  for (const std::string& file : outputs)
-    if (!file.empty() && !used.insert(resolved(file)).second)
-      throw InputError(
-          fmt::format("{}: would be overwritten, but it is another input or output; give another name", file));
-}
-
-void require_writable(const std::string& path) {
-  if (path.empty()) return;
-  std::filesystem::path folder = std::filesystem::path(path).parent_path();
-  if (folder.empty()) folder = ".";
-  const bool exists = access(path.c_str(), F_OK) == 0;
-  const bool writable = exists ? access(path.c_str(), W_OK) == 0 : access(folder.c_str(), W_OK | X_OK) == 0;
-  if (writable && !std::filesystem::is_directory(path)) return;
-  throw InputError(
-      fmt::format("{}: cannot be written: {}", path, writable ? std::strerror(EISDIR) : std::strerror(errno)));
-}
-
-OutputFile::OutputFile(std::string path)
-    : path_(std::move(path)), file_(std::fopen(path_.c_str(), "w"), [](std::FILE* file) { return std::fclose(file); }) {
-  if (!file_) fail();
-}
-
-void OutputFile::write(const std::string& text) {
-  if (std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size()) fail();
-}
-
-void OutputFile::close() {
-  if (std::fclose(file_.release()) != 0) fail();
-}
-
-void OutputFile::fail() const {
-  throw InputError(fmt::format("{}: cannot be written: {}", path_, std::strerror(errno)));
 }
 
 }  // namespace lockstep::tool

@@ -1,8 +1,6 @@
 // Tables of numbers in CSV files. SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <cstdio>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -26,26 +24,5 @@ Table parse_csv(const std::string& text, const std::string& file);
 
 /// The text as a CSV field: in quotes where it holds a comma, a quote or a line end.
 std::string csv_field(const std::string& text);
-
-/// Throws InputError if an output is also an input or another output. Empty names do not count.
-void keep_apart(const std::vector<std::string>& inputs, const std::vector<std::string>& outputs);
-
-/// Throws InputError where a file of this name could not be written, without touching it. For outputs that are opened
-/// when there is something to write. An empty name is none.
-void require_writable(const std::string& path);
-
-/// A text file to write. Every failure to write, such as a full disk, throws InputError.
-class OutputFile {
- public:
-  /// Throws InputError where the file cannot be written.
-  explicit OutputFile(std::string path);
-  void write(const std::string& text);
-  void close();
-
- private:
-  [[noreturn]] void fail() const;
-  std::string path_;
-  std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
-};
 
 }  // namespace lockstep::tool

@@ -8,6 +8,7 @@
 #include "csv.h"
 #include "lockstep/export_model.h"
 #include "options.h"
+#include "output.h"
 #include "tool.h"
 
 namespace lockstep::tool {
@@ -36,7 +37,7 @@ void run(const Options& options) {
   OutputFile file(options.out);
   file.write(made.text);
   file.close();
-  for (const std::string& line : made.warnings) fmt::print(stderr, "lockstep: warning: {}\n", line);
+  for (const std::string& line : made.warnings) to_stderr("warning: " + line);
   fmt::print("{}\n", options.out);
   for (const std::string& line : made.report) fmt::print("  {}\n", line);
 }

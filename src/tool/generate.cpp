@@ -9,6 +9,7 @@
 #include "csv.h"
 #include "lockstep/generate.h"
 #include "options.h"
+#include "output.h"
 #include "tool.h"
 
 namespace lockstep::tool {

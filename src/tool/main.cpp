@@ -2,21 +2,18 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <algorithm>
-#include <cstdio>
 #include <new>
 
 #include "fix.h"
 #include "lockstep/version.h"
+#include "output.h"
 #include "text.h"
 #include "tool.h"
 
 namespace {
 
-// Prints the message as one line, which scripts can read.
 int complain(std::string message) {
-  std::replace(message.begin(), message.end(), '\n', ' ');
-  fmt::print(stderr, "lockstep: {}\n", message);
+  lockstep::tool::to_stderr(std::move(message));
   return lockstep::tool::bad_input;
 }
 
@@ -31,9 +28,7 @@ int complain(const lockstep::Error& error, const lockstep::tool::Arguments& comm
   return bad_input;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   using namespace lockstep::tool;
   CLI::App app("Steps thousands of identical mechanisms with mimic joints at once.", "lockstep");
   app.set_version_flag("--version", std::string("lockstep ") + lockstep::version());
@@ -66,4 +61,13 @@ int main(int argc, char** argv) {
   } catch (const std::exception& error) {  // InputError
     return complain(error.what());
   }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  lockstep::tool::open_standard_streams();
+  const int status = run(argc, argv);
+  if (lockstep::tool::is_output_written() || status == lockstep::tool::bad_input) return status;
+  return complain("standard output cannot be written; what was printed is lost");
 }

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "fix.h"
+#include "output.h"
 #include "text.h"
 #include "tool.h"
 
@@ -208,7 +209,7 @@ void add_meshes(CLI::App& app, ImportOptions& import) {
 void ModelOptions::add_to(CLI::App& app) {
   app.add_option("MODEL", file, "The mechanism, a URDF or MJCF file")->required();
   const auto bound = [&](const char* name, double& value, const char* unit, const char* help) {
-    app.add_option(name, value, help)->type_name(unit)->check(CLI::NonNegativeNumber)->take_last();
+    app.add_option(name, value, help)->type_name(unit)->check(number_from(0.0))->take_last();
   };
   bound("--density", import.density, "KG_M3",
         "Bodies without inertia get that of their collision shapes, of this density");
@@ -251,7 +252,7 @@ void ModelOptions::add_to(CLI::App& app) {
   app.add_option("--erp", erp, "Share of its error that every hard coupling corrects per step")
       ->type_name("E")
       ->default_str("0.2")
-      ->check(CLI::Number);
+      ->check(number_from(std::numeric_limits<double>::lowest()));
   app.add_option("--softness", softness,
                  "Makes the coupling whose first joint is JOINT a spring: natural frequency in rad/s, damping ratio. "
                  "JOINT#2 is its second coupling. Without JOINT: all couplings. Repeatable")
@@ -281,7 +282,7 @@ void ModelOptions::add_to(CLI::App& app) {
                "Collision shapes become colliders of the group 'robot', meshes their hulls");
   app.add_option("--ground", ground, "The robot's colliders may touch the ground z = 0, with this friction of both")
       ->type_name("MU")
-      ->check(CLI::NonNegativeNumber);
+      ->check(number_from(0.0));
   app.add_option("--contact", contacts,
                  "These colliders may touch; a group such as 'robot' stands for all of its colliders. Repeatable")
       ->type_name("A,B")
@@ -329,7 +330,7 @@ Import ModelOptions::load(const Ignored& ignore) const {
   } catch (const ImportError& error) {
     throw fix(error);
   }
-  for (const std::string& line : read.warnings) fmt::print(stderr, "lockstep: warning: {}\n", line);
+  for (const std::string& line : read.warnings) to_stderr("warning: " + line);
   return read;
 }
 
@@ -350,7 +351,8 @@ void StepOptions::add_to(CLI::App& app) {
       ->default_str("automatic");
   app.add_option("--guard", settings.guard, "Largest coarseness of a step; inf switches the guard off")
       ->type_name("E")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->check(CLI::Validator([](const std::string& text) { return text == "inf" ? "" : number_from(0.0)(text); }, ""));
   app.add_option("--iterations", settings.iterations, "Sweeps of pgs, sub-steps of tgs")
       ->type_name("K")
       ->capture_default_str()
@@ -413,6 +415,19 @@ void ignore_also(const std::string& list, Ignored& ignored) {
     else
       found->second->names.push_back(joint);
   }
+}
+
+CLI::Validator number_from(double low, double high) {
+  using Limits = std::numeric_limits<double>;
+  const std::string wanted = low == Limits::lowest() ? "finite number"
+                             : high == Limits::max() ? fmt::format("number of {:g} or more", low)
+                                                     : fmt::format("number from {:g} to {:g}", low, high);
+  return CLI::Validator(
+      [low, high, wanted](const std::string& text) {
+        const std::optional<double> number = to_number(text);
+        return number && *number >= low && *number <= high ? "" : fmt::format("'{}' is no {}", text, wanted);
+      },
+      "");
 }
 
 double seconds_of(const std::string& text, const std::string& what) {

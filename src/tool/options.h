@@ -10,6 +10,7 @@
 #include "lockstep/step.h"
 
 namespace CLI {
+class Validator;
 class App;
 class Option;
 }  // namespace CLI
@@ -70,6 +71,9 @@ CLI::Option* add_parsed(App& app, const std::string& names, Value& value, Parse 
   return app.template add_option_function<std::string>(
       names, [&value, parse](const std::string& text) { value = parse(text); }, help);
 }
+
+/// Checks that an option is a finite number from `low` to `high`.
+CLI::Validator number_from(double low, double high = std::numeric_limits<double>::max());
 
 /// A time in s above 0, written as a number or a fraction. Throws InputError, whose message starts with `what`.
 double seconds_of(const std::string& text, const std::string& what);

@@ -35,7 +35,7 @@ void Progress::update(double done) {
   if (now - drawn_ < std::chrono::milliseconds(100)) return;
   drawn_ = now;
   const double seconds = std::chrono::duration<double>(now - start_).count();
-  fmt::print(stderr, "\r{}\033[K", progress_line(done, total_, seconds, unit_));
+  std::fputs(("\r" + progress_line(done, total_, seconds, unit_) + "\033[K").c_str(), stderr);
   std::fflush(stderr);
 }
 

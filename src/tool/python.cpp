@@ -44,13 +44,20 @@ ProcessResult run_process(const std::vector<std::string>& arguments) {
   return result;
 }
 
+ProcessResult run_python(const std::string& python, const std::string& script,
+                         const std::vector<std::string>& arguments) {
+  std::vector<std::string> all = {python, "-I", "-c", script};
+  all.insert(all.end(), arguments.begin(), arguments.end());
+  return run_process(all);
+}
+
 std::optional<std::string> find_python(const std::string& named) {
   // A user who names an interpreter gets that one, or is told that it cannot draw.
   std::vector<std::string> candidates = {"python3", "/usr/bin/python3", "/usr/local/bin/python3", "python"};
   if (const char* chosen = std::getenv("LOCKSTEP_PYTHON"); chosen != nullptr && *chosen != '\0') candidates = {chosen};
   if (!named.empty()) candidates = {named};
   for (const std::string& python : candidates)
-    if (run_process({python, "-c", "import matplotlib"}).status == 0) return python;
+    if (run_python(python, "import matplotlib").status == 0) return python;
   return std::nullopt;
 }
 

@@ -16,6 +16,11 @@ struct ProcessResult {
 /// need no quotes. Its input is empty, and its output is dropped.
 ProcessResult run_process(const std::vector<std::string>& arguments);
 
+/// Runs a script in an interpreter that nothing in the current folder, PYTHONPATH or the user's own packages can
+/// change.
+ProcessResult run_python(const std::string& python, const std::string& script,
+                         const std::vector<std::string>& arguments = {});
+
 /// The Python that can import matplotlib: `named` if it is not empty, else the one that the environment variable
 /// LOCKSTEP_PYTHON names, else the first python3 on PATH or in the usual places. Empty if that one cannot.
 std::optional<std::string> find_python(const std::string& named);

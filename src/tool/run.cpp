@@ -2,6 +2,7 @@
 #include "run.h"
 
 #include <fmt/format.h>
+#include <charconv>
 
 #include <CLI/CLI.hpp>
 #include <chrono>
@@ -46,7 +47,7 @@ void RunOptions::add_to(CLI::App& app) {
          "--tolerance", tolerance,
          "Takes the cheapest integrator and step that keep the joints this close to the exact motion, RMS, rad or m")
       ->type_name("E")
-      ->check(CLI::PositiveNumber)
+      ->check(number_from(1e-15, 1e3))
       ->excludes("--dt");
   app.add_option("--threads", threads, "Number of threads; 0: all cores")
       ->type_name("N")
@@ -58,8 +59,18 @@ void RunOptions::add_to(CLI::App& app) {
   app.add_option("--perturb", sigma,
                  "Adds normal noise, rad or m, to the start of every joint that follows none, within position ranges")
       ->type_name("SIGMA")
-      ->check(CLI::Range(0.0, 1e3));
-  app.add_option("--seed", seed, "Seed of the noise")->type_name("S")->capture_default_str();
+      ->check(number_from(0.0, 1e3));
+  app.add_option("--seed", seed, "Seed of the noise, a whole number below 2^64")
+      ->type_name("S")
+      ->capture_default_str()
+      ->check(CLI::Validator(
+          [](const std::string& text) {
+            std::uint64_t number = 0;
+            const char* const end = text.data() + text.size();
+            const auto [behind, error] = std::from_chars(text.data(), end, number);
+            return error == std::errc() && behind == end ? "" : "'" + text + "' is no whole number from 0 to 2^64 - 1";
+          },
+          ""));
 }
 
 Inputs::Inputs(const RunOptions& options) {

@@ -11,6 +11,7 @@
 
 #include "diagnose.h"
 #include "lockstep/batch.h"
+#include "output.h"
 #include "record.h"
 #include "run.h"
 #include "state.h"
@@ -265,9 +266,10 @@ int run(const SimulateOptions& options) {
   }
   if (outcome.faulted == 0) return fine;
   std::fflush(stdout);
-  fmt::print(stderr, "lockstep: {} of {} environments faulted; the first is number {}: {}\n", outcome.faulted,
-             options.run.environments, outcome.first_faulted,
-             outcome.explanation.substr(outcome.explanation.find(": ") + 2));  // without the environment's number
+  to_stderr(
+      fmt::format("{} of {} environments faulted; the first is number {}: {}", outcome.faulted,
+                  options.run.environments, outcome.first_faulted,
+                  outcome.explanation.substr(outcome.explanation.find(": ") + 2)));  // without the environment's number
   return some_faulted;
 }
 

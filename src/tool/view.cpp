@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "lockstep/error.h"
+#include "output.h"
 #include "replay.h"
 #include "run.h"
 #include "text.h"
@@ -69,7 +70,7 @@ Run prepared(ViewOptions& options, const Inputs& inputs) {
   } catch (const SettingsError& error) {
     model.leave_out_contacts = true;
     Run run = prepare(options.run, inputs);
-    fmt::print(stderr, "lockstep: warning: contacts of the file are left out: {}\n", with_own_options(error.what()));
+    to_stderr(fmt::format("warning: contacts of the file are left out: {}", with_own_options(error.what())));
     return run;
   }
 }
@@ -116,8 +117,8 @@ int run(const ViewOptions& options) {
   int exit_code = fine;
   for (const Track& track : shown.motion.tracks) {
     if (!track.frozen) continue;
-    fmt::print(stderr, "lockstep: {} faulted at {:.4g} s and was frozen: {}\n", track.label, track.frozen->time,
-               to_string(track.frozen->fault));
+    to_stderr(fmt::format("{} faulted at {:.4g} s and was frozen: {}", track.label, track.frozen->time,
+                          to_string(track.frozen->fault)));
     exit_code = some_faulted;
   }
   return exit_code;
@@ -137,11 +138,11 @@ void add_view(CLI::App& app, int& exit_code) {
       ->delimiter(',')
       ->allow_extra_args(false)
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(number_from(0, (1 << 24) - 1));
   command->add_option("--rate", options->rate, "Samples per second that the page holds, of every step at most")
       ->type_name("HZ")
       ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+      ->check(number_from(1e-3, 1e6));
   command->add_flag("--visual-meshes", options->run.model.import.visual_meshes,
                     "Draws links as the meshes that the file shows them as, STL, OBJ or MSH");
   CLI::Option* recordings = command->add_option("--record", options->recordings,

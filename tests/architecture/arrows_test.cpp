@@ -30,6 +30,7 @@ const std::vector<Area> areas = {
     {"src/model/",
      {"include/lockstep/model.h", "include/lockstep/softness.h", "include/lockstep/enums.h", "include/lockstep/error.h",
       "src/simd/curves.h", "std", "Eigen/", "libqhull_r/"}},
+    {"src/files/", {"std", "fcntl.h", "sys/stat.h", "unistd.h"}},
     // The readers do not know each other.
     {"src/import/urdf/",
      {"include/lockstep/import.h", "include/lockstep/model.h", "include/lockstep/error.h", "src/model/",
@@ -44,15 +45,16 @@ const std::vector<Area> areas = {
     {"src/import/meshes/",
      {"include/lockstep/import.h", "include/lockstep/error.h", "src/model/", "src/import/attributes.h",
       "src/import/folders.h", "src/import/paths.h", "src/import/report.h", "src/import/text.h", "src/import/xml.h",
-      "std", "Eigen/", "fmt/", "tiny_obj_loader.h", "png.h"}},
+      "src/files/", "std", "Eigen/", "fmt/", "tiny_obj_loader.h", "png.h"}},
     {"src/import/file",
      {"include/lockstep/", "src/import/paths.h", "src/import/xml.h", "src/import/mjcf/mjcf.h", "src/import/urdf/urdf.h",
       "std", "tinyxml2.h"}},
     {"src/import/",
-     {"include/lockstep/import.h", "include/lockstep/model.h", "include/lockstep/error.h", "src/model/", "std",
-      "Eigen/", "fmt/", "tinyxml2.h"}},
+     {"include/lockstep/import.h", "include/lockstep/model.h", "include/lockstep/error.h", "src/model/", "src/files/",
+      "std", "Eigen/", "fmt/", "tinyxml2.h"}},
     // Of the importer it knows the report, and of the kernels what a Batch shows.
-    {"src/export/", {"include/lockstep/", "src/model/", "src/import/report.h", "std", "Eigen/", "fmt/", "tinyxml2.h"}},
+    {"src/export/",
+     {"include/lockstep/", "src/model/", "src/import/report.h", "src/files/", "std", "Eigen/", "fmt/", "tinyxml2.h"}},
     {"src/plan/tables", {"include/lockstep/enums.h", "src/model/softness_kind.h", "src/plan/tables/", "cstdint"}},
     {"src/plan/",
      {"include/lockstep/plan.h", "include/lockstep/step.h", "include/lockstep/model.h", "include/lockstep/error.h",
@@ -84,6 +86,7 @@ const std::vector<Area> areas = {
     {"src/jit/run.h", {"src/jit/frame.h", "src/kernels/step.h", "src/kernels/tile/own_numbers.h"}},
     {"src/jit/frame.h", {"src/kernels/tile/routine_code.h", "src/plan/tables.h", "src/trace/access.h", "cstddef"}},
     {"src/jit/encode.cpp", {"include/lockstep/error.h", "src/jit/", "xbyak/", "std"}},
+    {"src/jit/names.cpp", {"src/jit/names.h", "std", "fmt/", "elf.h", "fcntl.h", "unistd.h"}},
     {"src/jit/memory.cpp", {"src/jit/memory.h", "sys/mman.h", "unistd.h", "std"}},
     {"src/jit/",
      {"include/lockstep/error.h", "src/jit/", "src/trace/", "src/plan/", "src/simd/sincos.h", "std", "fmt/",
@@ -106,8 +109,8 @@ const std::vector<Area> areas = {
       "src/targets/start_gaps.h", "src/targets/baseline.cpp", "std", "Eigen/", "fmt/"}},
     {"src/view/", {"include/lockstep/", "std", "Eigen/", "fmt/", "nlohmann/"}},
     {"src/tool/",
-     {"include/lockstep/", "src/view/", "std", "Eigen/", "fmt/", "CLI/", "nlohmann/", "fcntl.h", "spawn.h", "sys/",
-      "time.h", "unistd.h"}},
+     {"include/lockstep/", "src/view/", "src/files/", "std", "Eigen/", "fmt/", "CLI/", "nlohmann/", "fcntl.h",
+      "spawn.h", "sys/", "time.h", "unistd.h"}},
 };
 
 const Area* area_of(const std::string& file) {

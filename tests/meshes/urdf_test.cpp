@@ -175,7 +175,7 @@ TEST(HostileMeshes, are_refused_by_name) {
   folder.write("face.obj", face + " 1\n");
   refused("many.obj", "<mesh> of link 'arm'", "has 500003 vertices");
   refused("face.obj", "face.obj: line 4", "more than 2000000 triangles");
-  refused("folder.stl", "<mesh> of link 'arm'", "no regular file");
+  refused("folder.stl", "<mesh> of link 'arm'", "is a folder");
   refused("pipe.stl", "<mesh> of link 'arm'", "no regular file");
   refused("huge.stl", "<mesh> of link 'arm'", "larger than 64 MB");
   refused("flat.obj", "<mesh> of link 'arm'", "in a plane");

@@ -8,6 +8,7 @@
 #include "tool/chart_runs.h"
 #include "tool/csv.h"
 #include "tool/options.h"
+#include "tool/output.h"
 #include "tool/progress.h"
 #include "tool/python.h"
 #include "tool/ranges.h"
@@ -107,8 +108,7 @@ TEST(Csv, names_file_line_and_column_of_what_it_refuses) {
   EXPECT_EQ(refused("a,,b\n1,2,3\n"), "t.csv:1:2: the column has no name");
   EXPECT_EQ(refused("a,\"b\n1,2\n"), "t.csv:1: a quote is opened and not closed");
   EXPECT_EQ(refused("a,b\n"), "t.csv: has no rows; the first line names the columns, numbers follow");
-  EXPECT_EQ(complaint([] { read_csv("/no/such/file.csv"); }),
-            "/no/such/file.csv: cannot be read: No such file or directory");
+  EXPECT_EQ(complaint([] { read_csv("/no/such/file.csv"); }), "/no/such/file.csv: does not exist; correct the path");
   EXPECT_EQ(complaint([] { OutputFile("/no/such/file.csv"); }),
             "/no/such/file.csv: cannot be written: No such file or directory");
 }

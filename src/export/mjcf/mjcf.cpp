@@ -65,8 +65,9 @@ void write_assets(const Writing& writing) {
 
 Export export_mjcf(const Model& original, const MjcfOptions& options) {
   using namespace exporter;
-  if (options.timestep && (!(*options.timestep > 0.0) || !std::isfinite(*options.timestep)))
-    throw SettingsError("MjcfOptions::timestep", "is not above 0, or not finite", "give a step in s, such as 0.001");
+  if (options.timestep && !(*options.timestep >= 1e-9 && *options.timestep <= 1e3))
+    throw SettingsError("MjcfOptions::timestep", fmt::format("is {} s, outside 1e-9 to 1000", *options.timestep),
+                        "give a step in s, such as 0.001");
   original.validate();
   Model model = original;
   const double timestep = options.timestep.value_or(model.time_step > 0.0 ? model.time_step : 0.001);

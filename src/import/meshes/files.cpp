@@ -8,6 +8,7 @@
 #include <string_view>
 #include <tuple>
 
+#include "files/regular_file.h"
 #include "formats.h"
 #include "import/folders.h"
 #include "import/paths.h"
@@ -21,7 +22,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::uintmax_t largest_content = std::uintmax_t{64} << 20;
+constexpr std::size_t largest_content = std::size_t{64} << 20;
 constexpr Eigen::Index most_vertices = 500'000;  // of a mesh: half a minute for qhull at worst
 constexpr Eigen::Index most_vertices_of_all = 2'000'000;
 constexpr double least_share = 0.7;     // of its hull that a mesh fills
@@ -101,19 +102,9 @@ fs::path MeshFiles::find(const std::string& name, const std::string& subfolder, 
 }
 
 std::string MeshFiles::content_of(const fs::path& path, const std::string& what, const Fail& fail) {
-  const auto named = [&](const std::string& rule) {
-    return fmt::format("names the {} '{}', which {}", what, shown(path), rule);
-  };
-  std::error_code error;
-  const fs::file_status status = fs::status(path, error);
-  if (!fs::exists(status)) fail(named("does not exist"), std::string("correct the path") + or_leave_out);
-  if (!fs::is_regular_file(status))
-    fail(named("is no regular file"), fmt::format("name a {} file{}", what, or_leave_out));
-  const std::uintmax_t size = fs::file_size(path, error);
-  if (error || size > largest_content)
-    fail(named(fmt::format("is larger than {} MB", largest_content >> 20)),
-         fmt::format("simplify the {}{}", what, or_leave_out));
-  return text_of(path.string());
+  return files::content_of(path, largest_content, [&](const std::string& rule, const std::string& remedy) {
+    fail(fmt::format("names the {} '{}', which {}", what, shown(path), rule), remedy + or_leave_out);
+  });
 }
 
 const Mesh& MeshFiles::read(const fs::path& path, const std::string& extension, const Fail& fail) {
