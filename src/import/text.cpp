@@ -91,6 +91,10 @@ std::string nearest(std::string_view name, const std::vector<std::string>& names
   return best;
 }
 
+std::string exists(const std::string& name) {
+  return name.empty() ? "" : fmt::format(": '{}' exists", shortened(name));
+}
+
 bool is_plain(std::string_view text) {
   while (!text.empty()) {
     const Character c = first(text);

@@ -18,4 +18,7 @@ bool is_plain(std::string_view text);
 /// Of these names the one that a misspelling may mean: at most a third of its letters differ. Empty if there is none.
 std::string nearest(std::string_view name, const std::vector<std::string>& names);
 
+/// For the end of a remedy: ": 'elbow' exists"; empty without a name.
+std::string exists(const std::string& name);
+
 }  // namespace lockstep::importer

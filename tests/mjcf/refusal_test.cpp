@@ -164,6 +164,62 @@ TEST(MjcfRefusal, is_of_names_that_nothing_has) {
          "names joint 'completely'", "read the file that includes this one");
 }
 
+// MuJoCo refuses them, too: whoever misspells a name has another model in mind.
+TEST(MjcfRefusal, is_of_misspelt_names_in_what_a_model_has_no_use_for) {
+  const auto expect = [](const string& text, const string& place, const string& rule, const string& meant) {
+    for (const bool colliders : {false, true}) {
+      expect_refused(text, place, rule + ", which does not exist", {.colliders = colliders});
+      try {
+        import_mjcf(text, "file", {.colliders = colliders});
+      } catch (const ImportError& error) {
+        EXPECT_NE(error.remedy().find("'" + meant + "' exists"), string::npos) << error.what();
+      }
+    }
+  };
+  const string arm = body(
+                         "<joint name='elbow'/><geom name='forearm' size='1'/><site name='wrist'/>"
+                         "<camera name='palm'/>",
+                         "hand") +
+                     pair;
+  const string motor = "<actuator><motor name='servo' joint='elbow'/></actuator>";
+  const auto sensor = [&](const string& element) { return world(arm, motor + "<sensor>" + element + "</sensor>"); };
+  expect(world(arm, "<contact><exclude body1='one' body2='hnad'/></contact>"), "1:", "names body 'hnad'", "hand");
+  expect(world(arm, "<contact><pair geom1='forarm' geom2='forearm'/></contact>"), "1:", "names geom 'forarm'",
+         "forearm");
+  expect(sensor("<jointpos name='s' joint='elbwo'/>"), "1: jointpos 's'", "names joint 'elbwo'", "elbow");
+  expect(sensor("<actuatorfrc actuator='sevro'/>"), "1:", "names actuator 'sevro'", "servo");
+  expect(sensor("<framepos objtype='site' objname='wirst'/>"), "1:", "names site 'wirst'", "wrist");
+  expect(sensor("<framepos objtype='xbody' objname='hand' reftype='camera' refname='plam'/>"),
+         "1:", "names camera 'plam'", "palm");
+  expect(sensor("<camprojection site='wrist' camera='plam'/>"), "1:", "names camera 'plam'", "palm");
+  expect(world(arm, "<custom><tuple name='t'><element objtype='geom' objname='foream'/></tuple></custom>"),
+         "1:", "names geom 'foream'", "forearm");
+  const string assets =
+      "<asset><texture name='wood' type='2d' builtin='flat' width='1' height='1'/>"
+      "<material name='steel' texture='wood'/></asset>";
+  expect(world(body("<joint/><geom size='1' material='stele'/>"), assets), "2:", "names material 'stele'", "steel");
+  expect(world(arm, "<asset><texture name='wood'/><material name='m' texture='wodo'/></asset>"), "1: material 'm'",
+         "names texture 'wodo'", "wood");
+  expect(world(arm + body("<camera mode='targetbody' target='hnad'/>")), "2:", "names body 'hnad'", "hand");
+  expect(world(arm + body("<light mode='targetbody' target='hnad'/>")), "2:", "names body 'hnad'", "hand");
+  const string right =
+      "<framepos objtype='site' objname='wrist' reftype='camera' refname='palm'/><jointpos "
+      "joint='elbow'/><actuatorfrc actuator='servo'/>";
+  EXPECT_NO_THROW(import_mjcf(sensor(right)));
+  EXPECT_NO_THROW(import_mjcf(world(body("<joint/><geom size='1' material='steel'/>"), assets)));
+}
+
+TEST(MjcfRefusal, is_of_names_that_two_have_in_what_a_model_has_no_use_for) {
+  const string twice = "has a name that is taken";
+  const string material = "<material name='m'/>", number = "<numeric name='n' data='1'/>";
+  expect_refused(world(pair, "<asset>" + material + material + "</asset>"), "1: material 'm'", twice);
+  expect_refused(world(pair, "<asset><mesh file='a.stl'/><mesh name='a' file='b.stl'/></asset>"), "1: mesh 'a'", twice);
+  expect_refused(world(pair, "<custom>" + number + number + "</custom>"), "1: numeric 'n'", twice);
+  expect_refused(world(pair + body("<camera name='c'/>", "b") + body("<camera name='c'/>", "d")), "2: camera 'c'",
+                 twice);
+  EXPECT_NO_THROW(import_mjcf(world(pair, "<asset>" + material + "<texture name='m'/></asset>")));
+}
+
 // Parts of a ball have names here, and none in a file.
 TEST(MjcfRefusal, is_of_parts_of_balls_and_of_names_that_balls_have) {
   const string hip = body("<joint name='hip' type='ball'/>", "one");

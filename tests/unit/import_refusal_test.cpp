@@ -252,5 +252,50 @@ TEST(Import, refuses_paths_that_are_no_files_by_name) {
   }
 }
 
+TEST(Import, names_what_a_misspelt_name_may_mean) {
+  const auto remedy_of = [](const string& text) -> string {
+    try {
+      import_urdf(text);
+    } catch (const Error& error) {
+      return error.remedy();
+    }
+    return "accepted";
+  };
+  EXPECT_NE(
+      remedy_of(robot("<link name='forearm'/><link name='hand'/>" + joint_text("j", "continuous", "foream", "hand")))
+          .find("'forearm' exists"),
+      string::npos);
+  EXPECT_NE(remedy_of(three_joints("<mimic joint='kk'/>", "", "")), "accepted");
+  EXPECT_NE(remedy_of(robot(moving_body("<mass value='1'/>" + moments("1", "1", "1")) + "<link name='c'/>" +
+                            joint_text("j", "floating", "b", "c"))),
+            "accepted");
+}
+
+// URDF's readers disagree about them, so they are warnings.
+TEST(Import, warns_of_names_that_nothing_has_in_elements_that_are_not_used) {
+  const string good =
+      "<transmission name='t'><joint name='elbow'/></transmission><gazebo reference='hand'/>"
+      "<gazebo reference='elbow'/><sensor name='s'><parent link='hand'/></sensor>"
+      "<ros2_control name='r'><joint name='elbow'/></ros2_control><gazebo/>";
+  string bad = good;
+  for (const string name : {"elbow", "hand"})
+    for (std::size_t at = 0; (at = bad.find("'" + name + "'", at)) != string::npos; at += name.size())
+      bad.replace(at + 1, name.size(), name + "s");
+  const auto warnings_of = [](const string& elements) {
+    string all;
+    for (const string& line :
+         import_urdf(robot("<link name='arm'/><link name='hand'><inertial><mass value='1'/>" + moments("1", "1", "1") +
+                           "</inertial></link>" + joint_text("elbow", "continuous", "arm", "hand") + elements))
+             .warnings)
+      all += line + "\n";
+    return all;
+  };
+  EXPECT_EQ(warnings_of(good).find("names that nothing has"), string::npos) << warnings_of(good);
+  const string warnings = warnings_of(bad);
+  EXPECT_NE(warnings.find("names that nothing has"), string::npos) << warnings;
+  EXPECT_NE(warnings.find("'elbows' in line 1: 'elbow' exists"), string::npos) << warnings;
+  EXPECT_NE(warnings.find("'hands' in line 1: 'hand' exists"), string::npos) << warnings;
+}
+
 }  // namespace
 }  // namespace lockstep

@@ -4,26 +4,23 @@
 #include <fmt/format.h>
 
 #include <filesystem>
+#include <string_view>
 
 namespace lockstep::importer::mjcf {
-namespace {
 
-// Without a name it has that of its file.
-std::string name_of(const Element::Xml& xml) {
+std::string name_of_asset(const Element::Xml& xml) {
   if (const char* name = xml.Attribute("name")) return name;
-  const char* file = xml.Attribute("file");
+  const char* file = xml.Name() == std::string_view("model") ? nullptr : xml.Attribute("file");
   return file ? std::filesystem::path(file).stem().string() : "";
 }
-
-}  // namespace
 
 Element Assets::find(const GeomPart& geom, const std::string& name) {
   if (!elements_) {
     elements_.emplace();
     for (const Element::Xml* xml : document_.section("asset"))
-      if (tag_ == xml->Name() && !elements_->try_emplace(name_of(*xml), xml).second)
+      if (tag_ == xml->Name() && !elements_->try_emplace(name_of_asset(*xml), xml).second)
         Element(document_, *xml)
-            .fail(fmt::format("has the name '{}', which is taken", shortened(name_of(*xml))),
+            .fail(fmt::format("has the name '{}', which is taken", shortened(name_of_asset(*xml))),
                   fmt::format("give each {} its own name", words_));
   }
   const auto found = elements_->find(name);

@@ -9,6 +9,9 @@
 
 namespace lockstep::importer::mjcf {
 
+/// The name of an asset: without one of its own it has that of its file.
+std::string name_of_asset(const Element::Xml& xml);
+
 class Assets {
  public:
   /// `tag` is that of the elements, `words` what messages call one: "hfield", "height field".

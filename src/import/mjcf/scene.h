@@ -84,7 +84,7 @@ struct Scene {
   Bodies bodies;
   std::vector<JointId> joints = {};  ///< in MuJoCo's order
   std::unordered_map<std::string, int> joint_of = {}, body_of = {}, tendon_of = {};
-  Known known = {};  ///< names of bodies, joints, geoms, sites and tendons
+  Known known = {};  ///< names of bodies, joints, geoms, sites, tendons, actuators, cameras and assets
   std::map<std::string, std::vector<const Element::Xml*>, std::less<>> sections = {};  ///< that were resolved
   std::vector<bool> is_read = {};  ///< by body: options.body or what it carries; all without that option
   std::vector<Tendon> tendons = {};

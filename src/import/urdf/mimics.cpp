@@ -7,6 +7,7 @@
 #include <cmath>
 #include <unordered_map>
 
+#include "import/text.h"
 #include "lockstep/error.h"
 
 namespace lockstep::importer::urdf {
@@ -31,13 +32,18 @@ Relation composed(const Relation& outer, const Relation& inner) {
 
 std::vector<Relation> direct_relations(const std::vector<Mimic>& mimics, const Model& model) {
   std::unordered_map<std::string, std::size_t> index_of;
-  for (std::size_t j = 0; j < model.joints.size(); ++j) index_of.emplace(model.joints[j].name, j);
+  std::vector<std::string> names;
+  for (std::size_t j = 0; j < model.joints.size(); ++j) {
+    index_of.emplace(model.joints[j].name, j);
+    names.push_back(model.joints[j].name);
+  }
   std::vector<Relation> direct(model.joints.size());
   for (const Mimic& mimic : mimics) {
     const Joint& follower = model.joints[mimic.follower];
     const auto leader = index_of.find(mimic.leader);
     if (leader == index_of.end())
-      refuse(follower, "mimics joint '" + mimic.leader + "', which does not exist", "correct the name");
+      refuse(follower, "mimics joint '" + mimic.leader + "', which does not exist",
+             "correct the name" + exists(nearest(mimic.leader, names)));
     if (leader->second == mimic.follower) refuse(follower, "mimics itself", "name another joint, or remove the mimic");
     if (!model.joints[leader->second].moves())
       refuse(follower, "mimics joint '" + mimic.leader + "', which is fixed",

@@ -8,10 +8,12 @@
 #include "import/finish.h"
 #include "import/options.h"
 #include "import/paths.h"
+#include "import/text.h"
 #include "import/xml.h"
 #include "lockstep/error.h"
 #include "lockstep/import.h"
 #include "robot.h"
+#include "unused_names.h"
 #include "urdf.h"
 
 namespace lockstep {
@@ -30,15 +32,21 @@ Element robot_of(const tinyxml2::XMLElement& root, File& file) {
 
 // The rules that finding the root depends on. Model::validate() checks all others.
 void check_names(const Robot& robot) {
-  std::unordered_set<std::string> links;
-  for (const Link& link : robot.model.links)
+  std::unordered_set<std::string> links, joints;
+  std::vector<std::string> names;
+  for (const Link& link : robot.model.links) {
+    names.push_back(link.name);
     if (!links.insert(link.name).second)
       throw ModelError("link '" + link.name + "'", "appears twice", "give each its own name");
+  }
   const auto check = [&](const Joint& joint) {
+    if (!joints.insert(joint.name).second)
+      throw ModelError("joint '" + joint.name + "'", "appears twice", "give each its own name");
     for (const std::string& end : {joint.parent, joint.child})
       if (!links.count(end))
         throw ImportError(robot.places.at("joint '" + joint.name + "'"),
-                          "refers to link '" + end + "', which does not exist", "add the link or correct the name");
+                          "refers to link '" + end + "', which does not exist",
+                          "add the link, or correct the name" + exists(nearest(end, names)));
   };
   for (const Joint& joint : robot.model.joints) check(joint);
   for (const FloatingJoint& floating : robot.floating) check(floating.joint);
@@ -126,6 +134,7 @@ Import read(const std::string& text, const std::string& source, const std::strin
       parsed(text, source, "a URDF file, <robot name=\"...\"> ... </robot>", document, file.report);
   MeshFiles meshes(options, folder, file.report);
   Robot robot = read_robot(robot_of(root, file), options, meshes);
+  judge_unused_names(root, robot, file.report);
   return finished(robot, options, file.report, source, [&] { assemble(robot, file.report); });
 }
 
