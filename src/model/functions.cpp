@@ -20,6 +20,8 @@ template <class... Case>
 struct Cases : Case... {
   using Case::operator()...;
 };
+template <class... Case>
+Cases(Case...) -> Cases<Case...>;
 
 // The knot that a point of a table stands behind, as simd::spline() has it.
 simd::Curve<double> spline_at(const CamTable& table, double x) {

@@ -167,7 +167,9 @@ Eigen::MatrixXd loop_jacobian(const Model& model, const Trees& trees, const Conf
     const Frames frames = frames_of(loop, poses);
     const int rows = rows_of(loop.kind);
     const Eigen::Vector3d point = frames.second.translation();
-    for (const auto& [end, sign] : {std::pair{loop.second, 1.0}, std::pair{loop.first, -1.0}}) {
+    for (const bool second : {true, false}) {
+      const int end = second ? loop.second : loop.first;
+      const double sign = second ? 1.0 : -1.0;
       if (end < 0) continue;
       each_motion(model, trees, poses, end, point,
                   [&](Eigen::Index column, const Eigen::Vector3d& turning, const Eigen::Vector3d& moving) {

@@ -15,7 +15,7 @@ void proper_joints(const Model& model, const std::map<string, Number>& by_joint,
                    const string& what, bool of_tendons_too) {
   for (const auto& [name, value] : by_joint) {
     const auto joint =
-        std::find_if(model.joints.begin(), model.joints.end(), [&](const Joint& j) { return j.name == name; });
+        std::find_if(model.joints.begin(), model.joints.end(), [&own = name](const Joint& j) { return j.name == own; });
     require(joint != model.joints.end(), element, "has a " + what + " of joint '" + name + "', which does not exist",
             "correct the name");
     require(joint->moves(), element, "has a " + what + " of joint '" + name + "', which is fixed",
@@ -31,7 +31,7 @@ void proper_roots(const Model& model, const std::map<string, Value>& by_link, co
                   const string& what) {
   for (const auto& [link, value] : by_link) {
     const auto root =
-        std::find_if(model.roots.begin(), model.roots.end(), [&](const Root& r) { return r.link == link; });
+        std::find_if(model.roots.begin(), model.roots.end(), [&own = link](const Root& r) { return r.link == own; });
     require(root != model.roots.end(), element, "has a " + what + " of '" + link + "', which is no root of the model",
             "name the root link of a tree in Model::roots");
     require(root->floating, element, "has a " + what + " of root '" + link + "', which is bolted",

@@ -25,9 +25,12 @@ MatrixXd shares_of(const Stage& stage, const Mechanism& mechanism) {
   std::vector<int> hard, followers, others;
   for (int c = 0; c < stage.couplings.count(); ++c) {
     if (!stage.rows[c].active || !stage.rows[c].hard || stage.rows[c].limited) continue;
+    const int follower =
+        mechanism.root_velocities() + mechanism.dof(mechanism.model().couplings[static_cast<std::size_t>(c)].joint);
+    if (std::find(followers.begin(), followers.end(), follower) != followers.end())
+      throw std::logic_error("two couplings have one first joint");
     hard.push_back(c);
-    followers.push_back(mechanism.root_velocities() +
-                        mechanism.dof(mechanism.model().couplings[static_cast<std::size_t>(c)].joint));
+    followers.push_back(follower);
   }
   for (int i = 0; i < n; ++i)
     if (std::find(followers.begin(), followers.end(), i) == followers.end()) others.push_back(i);

@@ -33,7 +33,7 @@ struct ContactStep {
 /// The first step from a state in which hard couplings hold. Bounds, soft couplings, force limits and limited servos
 /// take part; with any of these `stays` is the velocity that moves the positions. Normals allow for the slip of the
 /// start. Pairs: half-spaces with boxes, capsules and spheres, spheres with spheres and boxes. Half-spaces stand still.
-/// Throws std::logic_error for others.
+/// Throws std::logic_error for others, and for two hard couplings of one first joint.
 ContactStep contact_step(const Mechanism& mechanism, const StepSettings& settings, const State& state,
                          const Inputs& inputs);
 

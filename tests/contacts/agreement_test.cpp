@@ -8,6 +8,7 @@
 #include "heaps.h"
 #include "physics.h"
 #include "reference/contacts.h"
+#include "scenes/scenes.h"
 
 namespace lockstep {
 namespace {
@@ -114,6 +115,17 @@ TEST(ContactAgreement, a_quadruped_with_coupled_knees_lands) {
     EXPECT_LT(difference(model, 0, seen), 1e-8) << seed;
   }
   EXPECT_EQ(seen.pressing, 20);
+}
+
+// It takes each coupling's first joint for its follower, so it must not take one twice.
+TEST(ContactAgreement, is_refused_for_two_couplings_of_one_first_joint) {
+  Model model = scenes::chain8();
+  model.couplings.push_back({model.couplings[0].joint, {{"j1", 0.5}}});
+  const reference::Mechanism mechanism(model);
+  const auto step = [&] {
+    reference::contact_step(mechanism, tight(0), mechanism.initial_state(), mechanism.initial_inputs());
+  };
+  EXPECT_THROW(step(), std::logic_error);
 }
 
 }  // namespace
