@@ -12,10 +12,12 @@
 
 namespace lockstep {
 
-/// A code and what it stands for. Codes stay what they are from version to version; words of messages may change.
+/// A code, what it stands for, and what to do in general; the remedy of an error says it of its case. Codes stay what
+/// they are from version to version; words of messages may change.
 struct ErrorCode {
   const char* code;
   const char* meaning;
+  const char* remedy;
 };
 
 /// All codes of errors and faults: docs/errors.md is written from this.

@@ -206,7 +206,7 @@ void read_accelerations(const Tables<ScalarOf<T>>& t, const StatePointers<Scalar
   Motion<T> m;
   const StatePointers<ScalarOf<T>> own = at(t, batch, first);
   InverseDynamics<T> found;
-  Carver carver(static_cast<char*>(scratch) + lay_out(t, scratch, x, m));
+  Carver carver(scratch, lay_out(t, scratch, x, m));
   found.arrays(t, carver);
   uniform_ratios(t, x);
   load(t, own, x);

@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
+#include <regex>
 #include <set>
 #include <sstream>
 
@@ -28,9 +30,10 @@ std::string page() {
          "| C | `lockstep_code()` | `lockstep_fault_code()` |\n"
          "| command | `error.code` of `simulate --json` | `first_fault.code` |\n\n"
          "`LOCKSTEP_WRITE_PAGES=1 ctest -R ErrorPage` writes this page; `src/model/errors.cpp` has the table.\n\n"
-         "| code | what is wrong |\n"
-         "| --- | --- |\n";
-  for (const ErrorCode& known : error_codes()) text << "| `" << known.code << "` | " << known.meaning << " |\n";
+         "| code | what is wrong | what to do |\n"
+         "| --- | --- | --- |\n";
+  for (const ErrorCode& known : error_codes())
+    text << "| `" << known.code << "` | " << known.meaning << " | " << known.remedy << " |\n";
   return text.str();
 }
 
@@ -47,6 +50,7 @@ TEST(ErrorCodes, are_different_and_begin_with_a_class) {
   for (const ErrorCode& known : error_codes()) {
     EXPECT_TRUE(seen.insert(known.code).second) << known.code;
     EXPECT_STRNE(known.meaning, "") << known.code;
+    EXPECT_STRNE(known.remedy, "") << known.code;
   }
   for (const std::string& code : seen) {
     const std::string group = code.substr(0, code.find('.'));
@@ -59,6 +63,39 @@ TEST(ErrorCodes, has_every_fault) {
     EXPECT_EQ(code_of(Fault{fault}), std::string("fault.") + to_string(Fault{fault}));
   EXPECT_STREQ(code_of(Fault::none), "");
   EXPECT_STREQ(code_of(Fault{fault_count}), "");
+}
+
+// What the library throws has a code. Other exceptions are caught inside of it, and stand here.
+TEST(ErrorCodes, stand_behind_whatever_is_thrown) {
+  const std::set<std::string> with_codes = {"ModelError", "ImportError", "SettingsError", "UsageError", "Error"};
+  const std::set<std::pair<std::string, std::string>> inside = {
+      {"model/hull.cpp", "std::invalid_argument"},             // importers and Model::validate() say of what
+      {"import/meshes/solid.cpp", "std::invalid_argument"},    // the same
+      {"import/meshes/inertia.cpp", "std::invalid_argument"},  // the same
+      {"model/shapes.cpp", "std::out_of_range"},               // an enumerator that is none, which Model refuses
+      {"import/finish.cpp", "placed"},                         // a function that returns a ModelError
+      {"c/handles.h", "std::bad_alloc"},                       // memory
+      {"trace/ir.cpp", "std::logic_error"},                    // these are bugs: the tables take the step
+      {"trace/tracer.cpp", "std::logic_error"},
+      {"jit/places.cpp", "std::logic_error"},
+      {"jit/lower.cpp", "std::logic_error"},
+      {"jit/lower.cpp", "std::length_error"},
+      {"jit/encode.cpp", "std::logic_error"},
+      {"codegen/emit_cpp.cpp", "std::logic_error"},
+  };
+  const std::filesystem::path root = LOCKSTEP_MODELS "/../../src";
+  const std::regex thrown("throw ([A-Za-z_:]+)[({]");
+  int found = 0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(root)) {
+    const std::string file = std::filesystem::relative(entry.path(), root).generic_string();
+    if (!entry.is_regular_file() || file.starts_with("tool/") || file.starts_with("reference/")) continue;
+    std::ostringstream text;
+    text << std::ifstream(entry.path()).rdbuf();
+    const std::string all = text.str();
+    for (std::sregex_iterator at(all.begin(), all.end(), thrown), end; at != end; ++at, ++found)
+      EXPECT_TRUE(with_codes.contains((*at)[1]) || inside.contains({file, (*at)[1]})) << file << ": " << (*at)[0];
+  }
+  EXPECT_GT(found, 200);
 }
 
 template <class Kind>

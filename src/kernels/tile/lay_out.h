@@ -64,7 +64,8 @@ LOCKSTEP_INLINE void set_consistent(const Tables<ScalarOf<T>>& t, Tile<T>& x, bo
 /// Hands out consecutive pieces of the scratch block; with a null block it only measures.
 class Carver {
  public:
-  explicit Carver(void* block) : base_(static_cast<char*>(block)) {}
+  /// From `begin` bytes behind the start of the block.
+  explicit Carver(void* block, std::size_t begin = 0) : base_(reinterpret_cast<std::uintptr_t>(block) + begin) {}
   template <class E>
   void operator()(const char*, E*& array, int count, Lifetime = Lifetime::step) {
     array = reinterpret_cast<E*>(base_ + used_);
@@ -82,7 +83,7 @@ class Carver {
   std::size_t used() const { return used_; }
 
  private:
-  char* base_;
+  std::uintptr_t base_;  // a number: a null pointer has no address behind it
   std::size_t used_ = 0;
 };
 
@@ -102,7 +103,7 @@ inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x
 template <class T>
 inline std::size_t lay_out(const Tables<ScalarOf<T>>& t, void* block, Tile<T>& x, Motion<T>& motion) {
   const std::size_t used = lay_out(t, block, x);
-  Carver carver(static_cast<char*>(block) + used);
+  Carver carver(block, used);
   motion.arrays(t, carver);
   return used + carver.used();
 }
