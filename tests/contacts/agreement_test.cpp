@@ -120,7 +120,7 @@ TEST(ContactAgreement, a_quadruped_with_coupled_knees_lands) {
 // It takes each coupling's first joint for its follower, so it must not take one twice.
 TEST(ContactAgreement, is_refused_for_two_couplings_of_one_first_joint) {
   Model model = scenes::chain8();
-  model.couplings.push_back({model.couplings[0].joint, {{"j1", 0.5}}});
+  model.couplings.push_back({model.couplings[0].joint, {{"j1", 0.5}}, 0.0, Hard{}});
   const reference::Mechanism mechanism(model);
   const auto step = [&] {
     reference::contact_step(mechanism, tight(0), mechanism.initial_state(), mechanism.initial_inputs());
