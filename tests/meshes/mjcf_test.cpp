@@ -221,7 +221,7 @@ TEST(MjcfMeshes, that_cannot_be_are_refused_by_name) {
   refused("<mesh name='u'" + points + "/>", "<geom type='mesh' mesh='u' shellinertia='true'/>", "<geom>", "a shell");
   refused("<mesh name='u'" + points + "/>", "<geom type='box' mesh='u' fitscale='0'/>", "<geom>", "fitscale");
   refused("<mesh name='u' maxhullvert='3'" + points + "/>", geom, "mesh 'u'", "maxhullvert below 4");
-  refused("<mesh name='u'" + points + "/><mesh name='u'" + points + "/>", geom, "<mesh>", "which is taken");
+  refused("<mesh name='u'" + points + "/><mesh name='u'" + points + "/>", geom, "mesh 'u'", "has a name that is taken");
   refused("<mesh name='u'" + points + "/>", "<geom type='box' mesh='u' fromto='0 0 0 1 1 1'/>", "<geom>",
           "a fromto and a mesh");
   const string flat = "<mesh name='u' inertia='shell' vertex='0 0 0 1 0 0 0 1 0 1 1 0' face='0 1 2 1 3 2'/>";

@@ -18,10 +18,7 @@ Element Assets::find(const GeomPart& geom, const std::string& name) {
   if (!elements_) {
     elements_.emplace();
     for (const Element::Xml* xml : document_.section("asset"))
-      if (tag_ == xml->Name() && !elements_->try_emplace(name_of_asset(*xml), xml).second)
-        Element(document_, *xml)
-            .fail(fmt::format("has the name '{}', which is taken", shortened(name_of_asset(*xml))),
-                  fmt::format("give each {} its own name", words_));
+      if (tag_ == xml->Name()) elements_->emplace(name_of_asset(*xml), xml);
   }
   const auto found = elements_->find(name);
   if (name.empty() || found == elements_->end())

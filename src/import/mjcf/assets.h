@@ -18,7 +18,7 @@ class Assets {
   Assets(Document& document, const Classes& classes, std::string tag, std::string words)
       : document_(document), classes_(classes), tag_(std::move(tag)), words_(std::move(words)) {}
 
-  /// The element that the geom names. Throws ImportError where there is none, and where two have one name.
+  /// The element that the geom names. Throws ImportError where there is none.
   Element find(const GeomPart& geom, const std::string& name);
 
  private:

@@ -61,7 +61,7 @@ void fail_to_find(const Element& element, std::string_view kind, const std::stri
                   const std::vector<std::string>& there) {
   const std::string meant = nearest(name, there);
   element.fail(
-      fmt::format("names {} '{}', which does not exist", kind, shortened(name)),
+      fmt::format("names {} '{}', which does not exist", kind == "hfield" ? "height field" : kind, shortened(name)),
       meant.empty() ? "correct the name, or read the file that includes this one" : "correct the name" + exists(meant));
 }
 
