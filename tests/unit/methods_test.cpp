@@ -314,5 +314,27 @@ TEST(Springs, may_be_stiff) {
   EXPECT_NEAR(batch.positions()(0, 0), 0.3, 1e-9);
 }
 
+// A soak has found this: with no velocity left to solve for, a leapfrog has no midpoint for the soft row and the
+// servos.
+TEST(LockedMechanism, stands_still_beside_soft_rows_and_bounds_by_every_engine) {
+  Model model = physics::sliders({1.0, 2.0});
+  model.couplings = {Coupling::mimic("s0", "s1", -1.0), Coupling::mimic("s0", "s1", 1.0)};
+  model.couplings.push_back({"s0", {{"s1", 1.6}}, 0.1, Spring{10.0, 1.0}});
+  for (Joint& joint : model.joints) {
+    joint.position = joint.velocity = 0.0;
+    joint.lower = -0.5, joint.upper = 0.5, joint.effort_limit = 1.0, joint.friction = 0.1;
+    joint.drive.kp = 50.0, joint.drive.kd = 5.0, joint.drive.position_target = 0.3;
+  }
+  for (const Integrator integrator : {Integrator::euler, Integrator::leapfrog}) {
+    const Plan plan = compile(model, {.integrator = integrator});
+    for (const Engine engine : physics::engines(plan)) {
+      Batch<double> batch(plan, 3, {.threads = 1, .engine = engine});
+      batch.step(20);
+      EXPECT_EQ(batch.faulted(), 0);
+      EXPECT_EQ(batch.positions().abs().maxCoeff(), 0.0) << to_string(integrator) << ", " << to_string(engine);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace lockstep

@@ -164,8 +164,9 @@ void lay_out_rounds(Program& program) {
   Tables<double>& t = program.f64;
   Bounds<double>& b = t.bounds;
 
-  // There are none for tgs, for pgs without contacts, for smooth integrators, and where nothing is bounded. Without
-  // contacts, bounds that euler cannot hold as single velocities take (M62).
+  // There are none for tgs, for pgs without contacts, for smooth integrators, where couplings lock everything, and
+  // where nothing is bounded. Without contacts, bounds that euler cannot hold as single velocities take (M62).
+  if (t.solver.n == 0) return;
   if (program.method == Method::tgs || (program.method == Method::pgs && program.contacts.pairs.empty())) return;
   const bool stages = program.integrator == Integrator::leapfrog;
   if (program.integrator != Integrator::euler && !stages) return;

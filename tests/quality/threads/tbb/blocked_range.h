@@ -1,0 +1,1 @@
+#include "threads.h"  // SPDX-License-Identifier: Apache-2.0
